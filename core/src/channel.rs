@@ -1,0 +1,1 @@
+//! One bounded reference value: gate and ramp.

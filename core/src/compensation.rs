@@ -1,0 +1,1 @@
+//! From a wrench at the tool to bounded cart offsets.

@@ -1,0 +1,1 @@
+//! Bytes in, bytes and drive references out.

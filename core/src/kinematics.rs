@@ -1,0 +1,1 @@
+//! Nominal kinematics of the 3-DOF Gantry-Tau.

@@ -1,0 +1,1 @@
+//! The maths seam and small linear solves.

@@ -1,0 +1,320 @@
+//! Parameters of a machine, validated once at construction.
+//!
+//! Conventions `[T 3.1.1]`: link order 11, 21, 22, 31, 32, 33, the arm number being the number of links in its cluster.
+//! `A_ij = A0_ij + q_i v_i` is the joint on the cart, in world axes; `B_ij = T + R b_ij` the joint on the platform.
+//! `v_i` need be neither of unit length (its length is the scale of `q_i`) nor parallel to the others.
+
+use core::fmt;
+use nalgebra::Vector3;
+
+/// Number of arms (carts, guideways).
+pub const ARMS: usize = 3;
+/// Number of links, in the order 11, 21, 22, 31, 32, 33.
+pub const LINKS: usize = 6;
+/// Index of the arm each link belongs to.
+pub const ARM_OF_LINK: [usize; LINKS] = [0, 1, 1, 2, 2, 2];
+
+/// Largest magnitude of any length of a machine, in metres. Everything the kinematics squares stays far from overflow.
+pub const MAX_LENGTH_M: f64 = 1e3;
+/// Smallest and largest length of a guideway direction `v_i` (metres per unit of `q_i`).
+pub const SCALE_RANGE: (f64, f64) = (1e-6, 1e3);
+/// Largest compliance of a link or a cart, in m/N.
+pub const MAX_COMPLIANCE_M_PER_N: f64 = 1.0;
+
+/// A sign that chooses one of two solutions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Branch {
+    /// Sign +1.
+    Positive,
+    /// Sign -1.
+    Negative,
+}
+
+impl Branch {
+    /// The sign as a factor: +1.0 or -1.0.
+    #[inline]
+    #[must_use]
+    pub const fn sign(self) -> f64 {
+        match self {
+            Self::Positive => 1.0,
+            Self::Negative => -1.0,
+        }
+    }
+}
+
+/// The configuration `c` of `[T 3.1]`: which of the solutions of the kinematics the machine is built in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Configuration {
+    /// Inverse kinematics, per arm: sign of `s_i . v_i`, with `s_i` from platform to cart.
+    pub inverse: [Branch; ARMS],
+    /// Forward kinematics: sign of `n . (T - P_1)`, with `n = (P_2 - P_1) x (P_3 - P_1)` and `P_i` the nominal cart points.
+    pub forward: Branch,
+}
+
+/// Geometry of the 3-DOF machine as a human or a file states it; not yet checked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geometry {
+    /// `A0_ij`: cart joints at `q = 0`, world axes, metres, link order.
+    pub cart_joints_m: [Vector3<f64>; LINKS],
+    /// `v_i`: guideway directions, world axes, metres per unit of `q_i`.
+    pub guideways: [Vector3<f64>; ARMS],
+    /// `b_ij`: platform joints in platform axes, from the tool centre point, metres, link order.
+    pub platform_joints_m: [Vector3<f64>; LINKS],
+    /// `L_i`: link length of each arm, metres; the links of a cluster are equally long.
+    pub lengths_m: [f64; ARMS],
+    /// Which solution of the kinematics the machine is built in.
+    pub configuration: Configuration,
+    /// Range of each `q_i` in q-units, `(lower, upper)`; `None` leaves the range unchecked.
+    pub travel: Option<[(f64, f64); ARMS]>,
+}
+
+/// Names of what a [`RobotError`] can complain about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Parameter {
+    /// `A0`, a cart joint; the index is the link.
+    CartJoint,
+    /// `V`, a guideway direction; the index is the arm.
+    Guideway,
+    /// `b`, a platform joint; the index is the link.
+    PlatformJoint,
+    /// `L`, a link length; the index is the arm.
+    Length,
+    /// `travel`, a range of motion; the index is the arm.
+    Travel,
+    /// `c_link`, the compliance of a link; the index is the link.
+    LinkCompliance,
+    /// `c_cart`, the compliance of a cart; the index is the arm.
+    CartCompliance,
+}
+
+impl Parameter {
+    /// The key of this parameter in robot files and in `solve` requests.
+    #[must_use]
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::CartJoint => "A0",
+            Self::Guideway => "V",
+            Self::PlatformJoint => "b",
+            Self::Length => "L",
+            Self::Travel => "travel",
+            Self::LinkCompliance => "c_link",
+            Self::CartCompliance => "c_cart",
+        }
+    }
+}
+
+/// Why a set of parameters is not a machine. Each variant names the parameter and its index.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum RobotError {
+    /// A number is NaN or infinite.
+    NotFinite {
+        /// Which parameter.
+        parameter: Parameter,
+        /// Which link or arm.
+        index: usize,
+    },
+    /// A magnitude lies outside its range.
+    OutOfRange {
+        /// Which parameter.
+        parameter: Parameter,
+        /// Which link or arm.
+        index: usize,
+        /// Smallest magnitude accepted.
+        lower: f64,
+        /// Largest magnitude accepted.
+        upper: f64,
+    },
+    /// The lower end of a range is above its upper end.
+    Reversed {
+        /// Which parameter.
+        parameter: Parameter,
+        /// Which arm.
+        index: usize,
+    },
+}
+
+impl fmt::Display for RobotError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotFinite { parameter, index } => {
+                write!(f, "{}[{index}] is not finite", parameter.key())
+            }
+            Self::OutOfRange {
+                parameter,
+                index,
+                lower,
+                upper,
+            } => write!(
+                f,
+                "{}[{index}] must have a magnitude from {lower:e} to {upper:e}",
+                parameter.key()
+            ),
+            Self::Reversed { parameter, index } => {
+                write!(
+                    f,
+                    "{}[{index}] has its lower end above its upper end",
+                    parameter.key()
+                )
+            }
+        }
+    }
+}
+
+impl core::error::Error for RobotError {}
+
+/// A validated 3-DOF machine with six links. Its fields can be read, not changed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Robot {
+    geometry: Geometry,
+}
+
+impl Robot {
+    /// Checks every parameter.
+    ///
+    /// # Errors
+    /// The first parameter, in the order of [`Geometry`]'s fields, that is not finite, out of range or reversed.
+    pub fn new(geometry: Geometry) -> Result<Self, RobotError> {
+        use Parameter::{CartJoint, Guideway, Length, PlatformJoint, Travel};
+        for (index, joint) in geometry.cart_joints_m.iter().enumerate() {
+            check_vector(CartJoint, index, joint, 0.0, MAX_LENGTH_M)?;
+        }
+        for (index, direction) in geometry.guideways.iter().enumerate() {
+            check_vector(Guideway, index, direction, SCALE_RANGE.0, SCALE_RANGE.1)?;
+        }
+        for (index, joint) in geometry.platform_joints_m.iter().enumerate() {
+            check_vector(PlatformJoint, index, joint, 0.0, MAX_LENGTH_M)?;
+        }
+        for (index, length) in geometry.lengths_m.iter().enumerate() {
+            check_magnitude(Length, index, *length, 1e-6, MAX_LENGTH_M)?;
+        }
+        for (index, (lower, upper)) in geometry.travel.iter().flatten().enumerate() {
+            check_finite(Travel, index, *lower)?;
+            check_finite(Travel, index, *upper)?;
+            if lower > upper {
+                return Err(RobotError::Reversed {
+                    parameter: Travel,
+                    index,
+                });
+            }
+        }
+        Ok(Self { geometry })
+    }
+
+    /// The validated geometry.
+    #[inline]
+    #[must_use]
+    pub const fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+}
+
+/// Compliances of links and carts `[T 3.3]`: elongation per tension, cart displacement per load. Every one is positive.
+///
+/// The thesis lists negative link values (its Table 5.2); they are an artefact of an identification that forbids
+/// the platform to turn, and no model: they are refused here.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compliances {
+    link_m_per_n: [f64; LINKS],
+    cart_m_per_n: [f64; ARMS],
+}
+
+impl Compliances {
+    /// Checks every compliance: `0 < c <= 1 m/N`. Links in link order, carts in arm order.
+    ///
+    /// # Errors
+    /// The first compliance that is not finite, not positive, or too large.
+    pub fn new(link_m_per_n: [f64; LINKS], cart_m_per_n: [f64; ARMS]) -> Result<Self, RobotError> {
+        for (index, value) in link_m_per_n.iter().enumerate() {
+            check_magnitude(
+                Parameter::LinkCompliance,
+                index,
+                *value,
+                f64::MIN_POSITIVE,
+                MAX_COMPLIANCE_M_PER_N,
+            )?;
+        }
+        for (index, value) in cart_m_per_n.iter().enumerate() {
+            check_magnitude(
+                Parameter::CartCompliance,
+                index,
+                *value,
+                f64::MIN_POSITIVE,
+                MAX_COMPLIANCE_M_PER_N,
+            )?;
+        }
+        Ok(Self {
+            link_m_per_n,
+            cart_m_per_n,
+        })
+    }
+
+    /// `c_ij`: elongation of each link per newton of tension, m/N, link order.
+    #[inline]
+    #[must_use]
+    pub const fn link_m_per_n(&self) -> &[f64; LINKS] {
+        &self.link_m_per_n
+    }
+
+    /// `c_i`: displacement of each cart along its guideway per newton of load, in q-units per newton of generalised load, arm order.
+    #[inline]
+    #[must_use]
+    pub const fn cart_m_per_n(&self) -> &[f64; ARMS] {
+        &self.cart_m_per_n
+    }
+}
+
+fn check_finite(parameter: Parameter, index: usize, value: f64) -> Result<(), RobotError> {
+    if value.is_finite() {
+        Ok(())
+    } else {
+        Err(RobotError::NotFinite { parameter, index })
+    }
+}
+
+/// `lower <= value <= upper`; for quantities that must be positive.
+fn check_magnitude(
+    parameter: Parameter,
+    index: usize,
+    value: f64,
+    lower: f64,
+    upper: f64,
+) -> Result<(), RobotError> {
+    check_finite(parameter, index, value)?;
+    if value < lower || value > upper {
+        return Err(RobotError::OutOfRange {
+            parameter,
+            index,
+            lower,
+            upper,
+        });
+    }
+    Ok(())
+}
+
+/// Length of a vector between `lower` and `upper`, compared squared so that no root is needed.
+fn check_vector(
+    parameter: Parameter,
+    index: usize,
+    value: &Vector3<f64>,
+    lower: f64,
+    upper: f64,
+) -> Result<(), RobotError> {
+    for component in value.iter() {
+        check_finite(parameter, index, *component)?;
+    }
+    let squared = value.dot(value);
+    // The square of a huge finite component may be infinite: then it is out of range, as it should be.
+    if squared < lower * lower || squared > upper * upper {
+        return Err(RobotError::OutOfRange {
+            parameter,
+            index,
+            lower,
+            upper,
+        });
+    }
+    Ok(())
+}

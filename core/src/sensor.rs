@@ -1,0 +1,1 @@
+//! Force sensor: tare, frame, low-pass.

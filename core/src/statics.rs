@@ -1,0 +1,1 @@
+//! Line matrix, link forces, cart loads.

@@ -1,0 +1,1 @@
+//! From compliances to displacement.

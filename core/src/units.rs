@@ -1,0 +1,217 @@
+//! Units of the two number worlds, and the one crossing between them.
+//!
+//! The *reference path* (anything that can reach a drive) is integer: nanometres, µm/s, per mille of rated torque, ticks.
+//! The *float path* (kinematics, statics, compensation) is `f64` in SI units.
+//! [`PositionNm::from_metres`] and [`PositionNm::to_metres`] are the only ways across; every other conversion is built on them.
+
+use core::fmt;
+
+/// Absolute position of an axis, in nanometres (1 nm steps, ± 9.2e9 m).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct PositionNm(pub i64);
+
+/// Offset added to a position reference, in nanometres (1 nm steps, ± 2.1 m).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct OffsetNm(pub i32);
+
+/// Velocity, in micrometres per second (as object 60B1h of CiA 402 with that unit configured).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct VelocityUmS(pub i32);
+
+/// Torque, in per mille of the drive's rated torque (as object 60B2h of CiA 402).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct TorquePermille(pub i16);
+
+/// Number of a server cycle. It never wraps: 2^64 cycles of 1 ms are 584 million years.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Tick(pub u64);
+
+/// Number of a session. The host takes it from a counter that is persisted before use, so that no old frame can ever match.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Epoch(pub u64);
+
+/// Number of a command within its session, counted by the client from 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Sequence(pub u64);
+
+/// Length on the float path, in metres.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Metres(pub f64);
+
+/// Largest magnitude the crossing accepts, in nanometres: 2^53, about 9 007 km.
+/// Up to here every integer is an `f64`, so nothing but the product `metres * 1e9` is rounded.
+pub const CROSSING_LIMIT_NM: i64 = 9_007_199_254_740_992;
+
+/// [`CROSSING_LIMIT_NM`] as the float it is exactly.
+const CROSSING_LIMIT_NM_F64: f64 = 9_007_199_254_740_992.0;
+
+/// Nanometres per metre.
+const NM_PER_METRE: f64 = 1e9;
+
+/// Why a float could not become an integer of the reference path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum CrossingError {
+    /// The value is NaN or infinite.
+    NotFinite,
+    /// The value is finite but larger in magnitude than `limit_nm` nanometres.
+    OutOfRange {
+        /// Largest magnitude that would have been accepted, in nanometres.
+        limit_nm: i64,
+    },
+}
+
+impl fmt::Display for CrossingError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotFinite => f.write_str("value is not finite"),
+            Self::OutOfRange { limit_nm } => write!(f, "value is beyond {limit_nm} nm"),
+        }
+    }
+}
+
+impl core::error::Error for CrossingError {}
+
+impl PositionNm {
+    /// Float to integer: rounds to the nearest nanometre, halves away from zero.
+    ///
+    /// Exact to half a nanometre plus one ulp of the product `metres * 1e9`.
+    ///
+    /// # Errors
+    /// [`CrossingError::NotFinite`] for NaN and infinities; [`CrossingError::OutOfRange`] from [`CROSSING_LIMIT_NM`] on.
+    #[inline]
+    pub fn from_metres(value: Metres) -> Result<Self, CrossingError> {
+        if !value.0.is_finite() {
+            return Err(CrossingError::NotFinite);
+        }
+        let scaled_nm = value.0 * NM_PER_METRE;
+        // Written so that NaN would fail it as well; the product of a huge finite value may be infinite.
+        if !(scaled_nm > -CROSSING_LIMIT_NM_F64 && scaled_nm < CROSSING_LIMIT_NM_F64) {
+            return Err(CrossingError::OutOfRange {
+                limit_nm: CROSSING_LIMIT_NM,
+            });
+        }
+        #[expect(
+            clippy::as_conversions,
+            reason = "the one float-to-integer cast of core; the guard above keeps it inside i64"
+        )]
+        let truncated = scaled_nm as i64;
+        let rest = scaled_nm - Self(truncated).as_f64();
+        let carry = if rest >= 0.5 {
+            1
+        } else if rest <= -0.5 {
+            -1
+        } else {
+            0
+        };
+        Ok(Self(truncated.saturating_add(carry)))
+    }
+
+    /// Integer to float. Exact to half an ulp; total.
+    #[inline]
+    #[must_use]
+    pub fn to_metres(self) -> Metres {
+        Metres(self.as_f64() / NM_PER_METRE)
+    }
+
+    /// The count of nanometres as a float, rounded to nearest.
+    #[inline]
+    #[expect(
+        clippy::as_conversions,
+        reason = "i64 to f64 is total; the standard library has no `From` because it may round"
+    )]
+    fn as_f64(self) -> f64 {
+        self.0 as f64
+    }
+}
+
+impl OffsetNm {
+    /// Float to integer, as [`PositionNm::from_metres`], for offsets.
+    ///
+    /// # Errors
+    /// As [`PositionNm::from_metres`]; [`CrossingError::OutOfRange`] already from ± 2^31 nm on.
+    #[inline]
+    pub fn from_metres(value: Metres) -> Result<Self, CrossingError> {
+        let wide = PositionNm::from_metres(value)?;
+        i32::try_from(wide.0)
+            .map(Self)
+            .map_err(|_| CrossingError::OutOfRange {
+                limit_nm: i64::from(i32::MAX),
+            })
+    }
+
+    /// Integer to float; total.
+    #[inline]
+    #[must_use]
+    pub fn to_metres(self) -> Metres {
+        PositionNm(i64::from(self.0)).to_metres()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounds_to_the_nearest_nanometre() {
+        for (metres, nm) in [
+            (0.0, 0),
+            (-0.0, 0),
+            (0.4e-9, 0),
+            (0.6e-9, 1),
+            (-0.6e-9, -1),
+            (1e-7, 100),
+            (1.25, 1_250_000_000),
+            (-0.416_820_228_882_484_93, -416_820_229),
+        ] {
+            assert_eq!(PositionNm::from_metres(Metres(metres)), Ok(PositionNm(nm)));
+        }
+    }
+
+    #[test]
+    fn refuses_what_is_not_a_position() {
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert_eq!(
+                PositionNm::from_metres(Metres(bad)),
+                Err(CrossingError::NotFinite)
+            );
+        }
+        for far in [1e7, -1e7, f64::MAX, f64::MIN] {
+            assert_eq!(
+                PositionNm::from_metres(Metres(far)),
+                Err(CrossingError::OutOfRange {
+                    limit_nm: CROSSING_LIMIT_NM
+                })
+            );
+        }
+        assert_eq!(
+            OffsetNm::from_metres(Metres(2.2)),
+            Err(CrossingError::OutOfRange {
+                limit_nm: i64::from(i32::MAX)
+            })
+        );
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn every_offset_survives_the_round_trip(nm: i32) {
+            proptest::prop_assert_eq!(OffsetNm::from_metres(OffsetNm(nm).to_metres()), Ok(OffsetNm(nm)));
+        }
+
+        #[test]
+        fn within_half_a_nanometre(metres in -9e6..9e6f64) {
+            let nm = PositionNm::from_metres(Metres(metres)).unwrap();
+            let product = metres * NM_PER_METRE;
+            let ulp = (product.abs() * f64::EPSILON).max(f64::MIN_POSITIVE);
+            proptest::prop_assert!((nm.as_f64() - product).abs() <= 0.5 + ulp);
+        }
+    }
+}

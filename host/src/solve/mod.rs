@@ -1,0 +1,1 @@
+//! `solve`: JSON lines in, JSON lines out.
