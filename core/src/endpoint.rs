@@ -1,1 +1,397 @@
-//! Bytes in, bytes and drive references out.
+//! One server's end of all its connections: bytes in, bytes and drive references out.
+//!
+//! The endpoint owns the [`Session`], a deframer per connection, the inbox of the coming tick, the black box, and the map
+//! from axes to motors. It has no clock and no sockets: the host opens and closes connections, feeds what it read,
+//! calls [`Endpoint::tick`] once per cycle, writes what comes out, and closes what it is told to close.
+
+use core::fmt;
+
+use heapless::Vec;
+
+use crate::axis::{Actual, Reference};
+use crate::message::{Refusal, ServerMessage};
+use crate::session::decide::Connection;
+use crate::session::{BlackBox, Event, Events, Input, OWNER_FRAMES, Output, Session};
+use crate::units::{Epoch, PositionNm};
+use crate::wire::{
+    Deframer, Feed, Frame, FrameBytes, FrameError, PROTOCOL_VERSION, decode_client, encode_server,
+    encode_state,
+};
+
+/// Connections that can be open at once: the owner and strangers who are told why they cannot be.
+pub const CONNECTIONS: usize = 6;
+
+/// How bytes travel. A broken stream has lost its boundary and ends; a broken datagram is dropped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Transport {
+    /// TCP and the like.
+    Stream,
+    /// UDP and the like: each `feed` is one whole datagram.
+    Datagram,
+}
+
+/// Which axis drives each motor. Two motors on one cart (F1) have the same axis, so they always receive the same reference (T10).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MotorMap<const MOTORS: usize> {
+    axis_of_motor: [usize; MOTORS],
+}
+
+/// A motor is mapped to an axis that does not exist.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MotorMapError {
+    /// Which motor.
+    pub motor: usize,
+    /// The axis it was given.
+    pub axis: usize,
+    /// How many axes there are.
+    pub axes: usize,
+}
+
+impl fmt::Display for MotorMapError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { motor, axis, axes } = self;
+        write!(
+            f,
+            "motor {motor} is mapped to axis {axis}, there are {axes}"
+        )
+    }
+}
+
+impl core::error::Error for MotorMapError {}
+
+impl<const MOTORS: usize> MotorMap<MOTORS> {
+    /// A map onto `axes` axes.
+    ///
+    /// # Errors
+    /// The first motor whose axis does not exist.
+    pub fn new(axis_of_motor: [usize; MOTORS], axes: usize) -> Result<Self, MotorMapError> {
+        for (motor, axis) in axis_of_motor.into_iter().enumerate() {
+            if axis >= axes {
+                return Err(MotorMapError { motor, axis, axes });
+            }
+        }
+        Ok(Self { axis_of_motor })
+    }
+
+    /// Axis references to motor references.
+    #[must_use]
+    pub fn spread<const N: usize>(&self, axes: &[Reference; N]) -> [Reference; MOTORS] {
+        self.axis_of_motor
+            .map(|axis| axes.get(axis).copied().unwrap_or_default())
+    }
+}
+
+/// Everything the host gives to one cycle, beside the bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Cycle<const N: usize> {
+    /// Cycles since the last tick: 1 when on time.
+    pub elapsed: u32,
+    /// Nominal references of this cycle.
+    pub nominal: [PositionNm; N],
+    /// What the drives measure.
+    pub actual: [Actual; N],
+    /// The stop at the machine is asserted.
+    pub stop: bool,
+    /// Somebody at the machine re-arms.
+    pub rearm: bool,
+    /// Epoch for the next session, from a counter persisted before use.
+    pub next_epoch: Epoch,
+    /// When in the cycle the last command arrived, µs; evidence only.
+    pub arrival_us: u16,
+}
+
+/// What one cycle gives back to the host, beside the bytes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Turn<const N: usize, const MOTORS: usize> {
+    /// What every motor receives.
+    pub motors: [Reference; MOTORS],
+    /// What the session produced.
+    pub output: Output<N>,
+    /// Connections to close once their bytes are written.
+    pub close: Vec<Connection, CONNECTIONS>,
+}
+
+/// No room for another connection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Full;
+
+#[derive(Clone, Debug)]
+struct Slot {
+    connection: Connection,
+    transport: Transport,
+    deframer: Deframer,
+    /// Frames taken since the last tick.
+    frames: u8,
+    /// Nothing more is read; the host is told to close it.
+    finished: bool,
+    /// The peer speaks another version of the protocol and shall be told so.
+    foreign: bool,
+}
+
+/// The server side of the protocol for `N` axes and `MOTORS` motors, with a black box of `3 HALF` ticks.
+#[derive(Clone, Debug)]
+pub struct Endpoint<const N: usize, const MOTORS: usize, const HALF: usize> {
+    session: Session<N>,
+    motors: MotorMap<MOTORS>,
+    slots: Vec<Slot, CONNECTIONS>,
+    inbox: Events<N>,
+    /// Events of strangers in the inbox; they have a budget of their own, so that they cannot crowd out the owner's.
+    stranger_events: u8,
+    next_connection: u64,
+    black_box: BlackBox<N, HALF>,
+}
+
+impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS, HALF> {
+    /// An endpoint without connections.
+    #[must_use]
+    pub const fn new(session: Session<N>, motors: MotorMap<MOTORS>) -> Self {
+        Self {
+            session,
+            motors,
+            slots: Vec::new(),
+            inbox: Vec::new(),
+            stranger_events: 0,
+            next_connection: 0,
+            black_box: BlackBox::new(),
+        }
+    }
+
+    /// The session.
+    #[must_use]
+    pub const fn session(&self) -> &Session<N> {
+        &self.session
+    }
+
+    /// The black box.
+    #[must_use]
+    pub const fn black_box(&self) -> &BlackBox<N, HALF> {
+        &self.black_box
+    }
+
+    /// The black box, to release it.
+    pub const fn black_box_mut(&mut self) -> &mut BlackBox<N, HALF> {
+        &mut self.black_box
+    }
+
+    /// Registers a new connection.
+    ///
+    /// # Errors
+    /// [`Full`]: all [`CONNECTIONS`] are in use; [`Endpoint::full_refusal`] is what the peer should be told.
+    pub fn open(&mut self, transport: Transport) -> Result<Connection, Full> {
+        let connection = Connection(self.next_connection);
+        let slot = Slot {
+            connection,
+            transport,
+            deframer: Deframer::new(),
+            frames: 0,
+            finished: false,
+            foreign: false,
+        };
+        self.slots.push(slot).map_err(|_| Full)?;
+        self.next_connection = self.next_connection.saturating_add(1);
+        Ok(connection)
+    }
+
+    /// What a peer is told for whom there is no room.
+    #[must_use]
+    pub fn full_refusal() -> FrameBytes {
+        encode_server(&ServerMessage::<N>::Refusal(Refusal::Unavailable))
+    }
+
+    /// Says that a connection is gone: closed by its peer, reset, or by the host because a write failed.
+    pub fn close(&mut self, connection: Connection) {
+        self.slots.retain(|slot| slot.connection != connection);
+        if self.session.owner() == Some(connection) {
+            self.post(connection, Event::Closed);
+        }
+    }
+
+    /// Takes bytes that were read from a connection. Returns how many frames the coming tick has of it.
+    ///
+    /// Work is bounded by the length of `bytes`; what exceeds a connection's budget of frames is dropped:
+    /// for the owner that ends the session, a stranger is closed.
+    pub fn feed(&mut self, connection: Connection, bytes: &[u8]) -> u8 {
+        let is_owner = self.session.owner() == Some(connection);
+        let mut rest = bytes;
+        loop {
+            let Some(slot) = self
+                .slots
+                .iter_mut()
+                .find(|slot| slot.connection == connection)
+            else {
+                return 0;
+            };
+            if rest.is_empty() || slot.finished {
+                return slot.frames;
+            }
+            let Some((event, consumed)) = slot.take(rest, is_owner) else {
+                return slot.frames;
+            };
+            rest = rest.get(consumed..).unwrap_or_default();
+            if let Some(event) = event {
+                self.admit(connection, event, is_owner);
+            }
+        }
+    }
+
+    /// One cycle. `send` receives, in order, the bytes to write and to whom: refusals, the Welcome, the State.
+    pub fn tick(
+        &mut self,
+        cycle: &Cycle<N>,
+        send: &mut impl FnMut(Connection, &[u8]),
+    ) -> Turn<N, MOTORS> {
+        let input = self.input(cycle);
+        self.black_box.before_tick(&self.session);
+        let output = self.session.tick(&input);
+        self.black_box.after_tick(&input, &output);
+        self.send(&output, send);
+        let close = self.finished(&output);
+        Turn {
+            motors: self.motors.spread(&output.references),
+            output,
+            close,
+        }
+    }
+
+    /// Queues an event, a stranger's only within the strangers' common budget; beyond it the stranger is closed.
+    fn admit(&mut self, connection: Connection, event: Event<N>, is_owner: bool) {
+        if is_owner {
+            return self.post(connection, event);
+        }
+        if self.stranger_events < STRANGER_EVENTS {
+            self.stranger_events = self.stranger_events.saturating_add(1);
+            return self.post(connection, event);
+        }
+        if let Some(slot) = self
+            .slots
+            .iter_mut()
+            .find(|slot| slot.connection == connection)
+        {
+            slot.finished = true;
+        }
+    }
+
+    /// Queues an event. There is room: of 16 places the owner can need 10 (8 frames, one of flood and broken, closed), strangers 6.
+    fn post(&mut self, connection: Connection, event: Event<N>) {
+        self.inbox.push((connection, event)).unwrap_or(());
+    }
+
+    fn input(&mut self, cycle: &Cycle<N>) -> Input<N> {
+        for slot in &mut self.slots {
+            slot.frames = 0;
+        }
+        self.stranger_events = 0;
+        Input {
+            elapsed: cycle.elapsed,
+            events: core::mem::take(&mut self.inbox),
+            nominal: cycle.nominal,
+            actual: cycle.actual,
+            stop: cycle.stop,
+            rearm: cycle.rearm,
+            next_epoch: cycle.next_epoch,
+            arrival_us: cycle.arrival_us,
+        }
+    }
+
+    fn send(&mut self, output: &Output<N>, send: &mut impl FnMut(Connection, &[u8])) {
+        for slot in self.slots.iter_mut().filter(|slot| slot.foreign) {
+            slot.foreign = false;
+            let supported = PROTOCOL_VERSION;
+            let refusal = ServerMessage::<N>::Refusal(Refusal::Version { supported });
+            send(slot.connection, &encode_server(&refusal));
+        }
+        for (connection, reason) in &output.refusals {
+            send(
+                *connection,
+                &encode_server(&ServerMessage::<N>::Refusal(*reason)),
+            );
+        }
+        if let Some(connection) = output.welcome {
+            let welcome = self.session.welcome();
+            send(connection, &encode_server(&ServerMessage::Welcome(welcome)));
+        }
+        if let Some(owner) = output.owner {
+            send(owner, &encode_state(&output.state));
+        }
+    }
+
+    /// Forgets, and names, the connections that have no further use.
+    fn finished(&mut self, output: &Output<N>) -> Vec<Connection, CONNECTIONS> {
+        let mut close = Vec::new();
+        self.slots.retain(|slot| {
+            let refused = output
+                .refusals
+                .iter()
+                .any(|(connection, _)| *connection == slot.connection);
+            let keep = !(slot.finished || refused || output.close == Some(slot.connection));
+            if !keep {
+                // There is room: `close` is as long as `slots`.
+                close.push(slot.connection).unwrap_or(());
+            }
+            keep
+        });
+        close
+    }
+}
+
+impl Slot {
+    /// One frame's worth of bytes: the event it makes, if any, and how many bytes it took. `None` when the frame is not complete.
+    fn take<const N: usize>(
+        &mut self,
+        bytes: &[u8],
+        is_owner: bool,
+    ) -> Option<(Option<Event<N>>, usize)> {
+        if self.transport == Transport::Datagram {
+            let event = Frame::parse(bytes).ok().map(|frame| judge(&frame));
+            let within = self.within_budget(is_owner);
+            return Some((within.unwrap_or(event), bytes.len()));
+        }
+        match self.deframer.feed(bytes) {
+            Feed::Incomplete => None,
+            Feed::Frame { frame, consumed } => {
+                let event = judge(&frame);
+                let within = self.within_budget(is_owner);
+                Some((within.unwrap_or(Some(event)), consumed))
+            }
+            Feed::Broken(error) => {
+                self.finished = true;
+                self.foreign = matches!(error, FrameError::Version { .. });
+                Some((Some(Event::Broken(error)), bytes.len()))
+            }
+        }
+    }
+
+    /// `None` within the budget; beyond it, what to post instead of the frame: a flood, once, for the owner; nothing for a stranger.
+    fn within_budget<const N: usize>(&mut self, is_owner: bool) -> Option<Option<Event<N>>> {
+        let budget = if is_owner {
+            OWNER_FRAMES
+        } else {
+            STRANGER_FRAMES
+        };
+        if self.frames < budget {
+            self.frames = self.frames.saturating_add(1);
+            return None;
+        }
+        self.finished = true;
+        Some(is_owner.then_some(Event::Flood))
+    }
+}
+
+/// Frames that are read per tick of a connection that owns nothing.
+const STRANGER_FRAMES: u8 = 1;
+/// Events of all strangers together that reach a tick.
+const STRANGER_EVENTS: u8 = 6;
+
+/// The message of a frame, or what is wrong with it.
+fn judge<const N: usize>(frame: &Frame<'_>) -> Event<N> {
+    match decode_client(frame) {
+        Ok(message) => Event::Message(message),
+        Err(error) => Event::Malformed(error),
+    }
+}

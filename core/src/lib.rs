@@ -22,6 +22,14 @@
 //! | [`endpoint`] | session, deframers and motors: bytes in, bytes and drive references out |
 #![no_std]
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    test,
+    allow(
+        clippy::arithmetic_side_effects,
+        clippy::unreachable,
+        reason = "a test that overflows or arrives where it should not must panic"
+    )
+)]
 
 #[cfg(test)]
 extern crate std;

@@ -1,1 +1,327 @@
-//! What client and server say to each other, as types; no bytes.
+//! What client and server say to each other, as types; no bytes. The bytes are in [`crate::wire`].
+
+use crate::axis::{Actual, Offsets};
+use crate::channel::Limits;
+use crate::units::{Epoch, PositionNm, Sequence, Tick};
+
+/// Largest number of axes a frame can carry.
+pub const MAX_AXES: usize = 6;
+
+/// Abilities of a side, one bit each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Capabilities(pub u16);
+
+impl Capabilities {
+    /// Nothing beyond the protocol.
+    pub const NONE: Self = Self(0);
+    /// Lock-step: time is ticks, the server waits for its client instead of counting a miss at a deadline.
+    pub const LOCKSTEP: Self = Self(1);
+
+    /// Whether every bit of `other` is set here.
+    #[inline]
+    #[must_use]
+    pub const fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+}
+
+/// Limits of the three channels of an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AxisLimits {
+    /// Position offset, nm.
+    pub position: Limits,
+    /// Velocity offset, µm/s.
+    pub velocity: Limits,
+    /// Torque offset, per mille of rated torque.
+    pub torque: Limits,
+}
+
+impl AxisLimits {
+    /// Whether every one of the three targets lies within its `M`.
+    #[inline]
+    #[must_use]
+    pub fn admits(&self, target: &Offsets) -> bool {
+        self.position.admits(target.position.0)
+            && self.velocity.admits(target.velocity.0)
+            && self.torque.admits(i32::from(target.torque.0))
+    }
+}
+
+/// Client: asks for the session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Hello {
+    /// How many axes the client is built for.
+    pub axes: u8,
+    /// What the client can do.
+    pub capabilities: Capabilities,
+}
+
+/// What a command asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Mode {
+    /// Targets move a reported shadow, never a drive `[T 4.2.4]`.
+    Submit,
+    /// Targets move the drives' references `[T 4.2.4]`.
+    Obtain,
+}
+
+/// Client: the answer to one State.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Command<const N: usize> {
+    /// Epoch of the session, from Welcome.
+    pub epoch: Epoch,
+    /// Number of this command, from 1.
+    pub sequence: Sequence,
+    /// Tick of the State this answers.
+    pub echo: Tick,
+    /// Submit or Obtain.
+    pub mode: Mode,
+    /// Wanted offsets, axis order.
+    pub targets: [Offsets; N],
+}
+
+/// What a client can say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ClientMessage<const N: usize> {
+    /// Asks for the session.
+    Hello(Hello),
+    /// Wanted offsets.
+    Command(Command<N>),
+    /// Ends the session of this epoch.
+    Goodbye(Epoch),
+    /// Stops: takes every offset away and keeps it away until somebody at the machine re-arms.
+    Stop(Epoch),
+}
+
+/// Server: grants the session and says its terms.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Welcome<const N: usize> {
+    /// Epoch of the session; every frame of the client carries it from here on.
+    pub epoch: Epoch,
+    /// Tick in which the session was granted.
+    pub tick: Tick,
+    /// Length of a cycle in µs.
+    pub cycle_us: u32,
+    /// How many ticks a command's echo may be behind (`W`).
+    pub echo_window: u8,
+    /// What the server does.
+    pub capabilities: Capabilities,
+    /// Checksum of the kinematic parameters, to be compared with the client's own.
+    pub kinematics_checksum: u32,
+    /// Limits of the channels, axis order.
+    pub limits: [AxisLimits; N],
+}
+
+/// Phases of a session `[T Figure 5.4]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Phase {
+    /// No session. All offsets are zero.
+    #[default]
+    Listening,
+    /// A session is granted, its first command is awaited. All offsets are zero.
+    Handshake,
+    /// Commands move the shadow. All offsets are zero.
+    Submit,
+    /// Commands move the drives' references.
+    Obtain,
+    /// The session is over; every offset ramps to zero.
+    SafeDisconnect,
+    /// Stopped; every offset ramps to zero and only a local re-arm leads out.
+    Fault,
+}
+
+/// Why the last session ended, or why the server is not Listening.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Cause {
+    /// Nothing has ended yet.
+    #[default]
+    None,
+    /// Two deadlines in a row passed without any command.
+    ClientLate,
+    /// Two deadlines in a row passed, but commands for older ticks did arrive: delayed on their way, or by a slow client.
+    NetworkLate,
+    /// The server itself overran its cycle.
+    ServerLate,
+    /// A broken frame boundary or checksum on the owner's stream.
+    Malformed,
+    /// The owner's connection was closed or could not take a State.
+    Closed,
+    /// The owner said goodbye.
+    Goodbye,
+    /// More misses within the window than the budget allows.
+    Budget,
+    /// A stop, at the machine or by the owner.
+    Stop,
+    /// The nominal reference stepped further than its limit.
+    Nominal,
+    /// The owner sent more frames in one tick than are read.
+    Flood,
+    /// No command followed the Welcome in time.
+    HandshakeTimeout,
+    /// The server started with offsets still in force.
+    Restart,
+}
+
+/// Counts since the session was granted; they saturate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Counters {
+    /// Frames of the owner that could be decoded.
+    pub received: u32,
+    /// Deadlines that passed without a fresh valid command.
+    pub missed: u32,
+    /// Commands for a tick already past, or overtaken by a later one in the same tick.
+    pub late: u32,
+    /// Commands with a sequence already accepted.
+    pub duplicate: u32,
+    /// Frames of another epoch, out of sequence, or echoing a tick that was never sent.
+    pub stale: u32,
+    /// Well-framed commands with bad content, and frames that have no place in the phase.
+    pub malformed: u32,
+    /// Commands refused because a target lies beyond `M`.
+    pub out_of_range: u32,
+    /// Channel steps that `S` or `A` held back.
+    pub limited: u32,
+    /// References that the travel clamped.
+    pub clamped: u32,
+    /// Frames from connections that own nothing.
+    pub strangers: u32,
+    /// Longest run of consecutive misses.
+    pub longest_miss_run: u16,
+}
+
+/// Flags of an axis in one tick, one bit each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AxisFlags(pub u8);
+
+impl AxisFlags {
+    /// The position reference was clamped to the travel.
+    pub const TRAVEL: Self = Self(1);
+    /// The position offset could not reach its target within `S` and `A`.
+    pub const POSITION_LIMITED: Self = Self(2);
+    /// The same for the velocity offset.
+    pub const VELOCITY_LIMITED: Self = Self(4);
+    /// The same for the torque offset.
+    pub const TORQUE_LIMITED: Self = Self(8);
+    /// The nominal reference stepped further than its limit.
+    pub const NOMINAL_STEP: Self = Self(16);
+    /// All flags there are.
+    pub const ALL: Self = Self(31);
+
+    /// Adds `other` if `condition` holds.
+    #[inline]
+    #[must_use]
+    pub const fn with(self, other: Self, condition: bool) -> Self {
+        if condition {
+            Self(self.0 | other.0)
+        } else {
+            self
+        }
+    }
+
+    /// Whether every bit of `other` is set here.
+    #[inline]
+    #[must_use]
+    pub const fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+}
+
+/// One axis in a State.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AxisState {
+    /// Nominal reference, without offset.
+    pub nominal: PositionNm,
+    /// Offsets in force.
+    pub offsets: Offsets,
+    /// Where the offsets would be if Submit were Obtain; zero outside Submit.
+    pub shadow: Offsets,
+    /// What the drive measures.
+    pub actual: Actual,
+    /// What was clamped or limited in this tick.
+    pub flags: AxisFlags,
+}
+
+/// Server: one per tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct State<const N: usize> {
+    /// Tick at whose end this left.
+    pub tick: Tick,
+    /// Epoch of the current or last session.
+    pub epoch: Epoch,
+    /// Sequence of the last accepted command; 0 before the first.
+    pub accepted: Sequence,
+    /// Phase after this tick.
+    pub phase: Phase,
+    /// Why the last session ended.
+    pub cause: Cause,
+    /// On-time commands among the last 100 deadlines; deadlines before the session count as on time.
+    pub on_time_of_100: u8,
+    /// When in the cycle the last command arrived, µs after the previous State left; as the host measured it.
+    pub arrival_us: u16,
+    /// Ticks until every offset would be zero if the ramp began now.
+    pub ramp_ticks_left: u32,
+    /// Counts since the session was granted.
+    pub counters: Counters,
+    /// The axes, axis order.
+    pub axes: [AxisState; N],
+}
+
+/// Why a Hello is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Refusal {
+    /// Somebody else owns the session.
+    Busy,
+    /// Offsets are still on their way to zero.
+    Ramping {
+        /// Ticks until they are there.
+        ticks_left: u32,
+    },
+    /// The server is stopped; somebody at the machine must re-arm it.
+    Faulted {
+        /// Ticks until the offsets are zero.
+        ticks_left: u32,
+    },
+    /// The frame's protocol version is not the server's.
+    Version {
+        /// The server's version.
+        supported: u8,
+    },
+    /// The client is built for another number of axes.
+    Axes {
+        /// The server's number of axes.
+        expected: u8,
+    },
+    /// The client lacks an ability that the server needs.
+    Capability {
+        /// What it needs.
+        needed: Capabilities,
+    },
+    /// The server has no epoch to give, or no room for another connection.
+    Unavailable,
+}
+
+/// What a server can say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ServerMessage<const N: usize> {
+    /// Grants the session.
+    Welcome(Welcome<N>),
+    /// One per tick.
+    State(State<N>),
+    /// Refuses a Hello.
+    Refusal(Refusal),
+}

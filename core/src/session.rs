@@ -1,1 +1,0 @@
-//! The server's state machine on messages.

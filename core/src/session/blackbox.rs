@@ -1,0 +1,150 @@
+//! The black box: the last ticks' complete inputs and outputs, the state before the oldest, and the configuration within it.
+//!
+//! Three segments of `HALF` ticks take turns; each begins with the session as it was. So at least `2 HALF` ticks are at hand,
+//! and recording a tick costs one copy of its input, never a second run. When a session ends, recording goes on for
+//! `HALF` ticks and then freezes: at least `HALF` ticks before the cause and `HALF` after it remain, until [`BlackBox::release`].
+//! Replaying the inputs from the first segment's session gives every output again, bit for bit (T11).
+
+use heapless::Vec;
+
+use super::{Input, Output, Session};
+
+/// One recorded tick.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry<const N: usize> {
+    /// What the tick depended on.
+    pub input: Input<N>,
+    /// What it produced.
+    pub output: Output<N>,
+}
+
+/// `HALF` ticks, and the session before them.
+#[derive(Clone, Debug)]
+struct Segment<const N: usize, const HALF: usize> {
+    before: Option<Session<N>>,
+    entries: Vec<Entry<N>, HALF>,
+}
+
+impl<const N: usize, const HALF: usize> Segment<N, HALF> {
+    const fn new() -> Self {
+        Self {
+            before: None,
+            entries: Vec::new(),
+        }
+    }
+}
+
+/// A recorder for a session of `N` axes; it holds up to `3 HALF` ticks. `HALF` = 0 records nothing.
+#[derive(Clone, Debug)]
+pub struct BlackBox<const N: usize, const HALF: usize> {
+    segments: [Segment<N, HALF>; SEGMENTS],
+    /// Which segment is being filled; the next one in the circle is the oldest.
+    latest: usize,
+    /// Ticks still to record after a cause.
+    countdown: Option<usize>,
+}
+
+const SEGMENTS: usize = 3;
+
+impl<const N: usize, const HALF: usize> Default for BlackBox<N, HALF> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const N: usize, const HALF: usize> BlackBox<N, HALF> {
+    /// An empty recorder.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            segments: [const { Segment::new() }; SEGMENTS],
+            latest: 0,
+            countdown: None,
+        }
+    }
+
+    /// Before a tick: keeps the session where a new segment begins.
+    pub fn before_tick(&mut self, session: &Session<N>) {
+        if self.is_frozen() || HALF == 0 {
+            return;
+        }
+        if self
+            .segment()
+            .is_some_and(|latest| latest.entries.is_full())
+        {
+            self.latest = if self.latest.saturating_add(1) < SEGMENTS {
+                self.latest.saturating_add(1)
+            } else {
+                0
+            };
+            self.segment_mut().entries.clear();
+        }
+        let latest = self.segment_mut();
+        if latest.entries.is_empty() {
+            latest.before = Some(*session);
+        }
+    }
+
+    /// After a tick: keeps its input and output, and counts down to the freeze once a session has ended.
+    pub fn after_tick(&mut self, input: &Input<N>, output: &Output<N>) {
+        if self.is_frozen() || HALF == 0 {
+            return;
+        }
+        let entry = Entry {
+            input: input.clone(),
+            output: output.clone(),
+        };
+        // There is room: `before_tick` has just put a full segment aside.
+        self.segment_mut().entries.push(entry).unwrap_or(());
+        self.countdown = match self.countdown {
+            Some(left) => Some(left.saturating_sub(1)),
+            None => output.ended.map(|_| HALF),
+        };
+    }
+
+    /// Whether a cause has frozen the recording.
+    #[must_use]
+    pub fn is_frozen(&self) -> bool {
+        self.countdown == Some(0)
+    }
+
+    /// Forgets everything and records again.
+    pub fn release(&mut self) {
+        for segment in &mut self.segments {
+            segment.before = None;
+            segment.entries.clear();
+        }
+        self.countdown = None;
+    }
+
+    /// The session before the oldest entry.
+    #[must_use]
+    pub fn before(&self) -> Option<&Session<N>> {
+        self.oldest_first()
+            .find_map(|segment| segment.before.as_ref())
+    }
+
+    /// The recorded ticks, oldest first.
+    pub fn entries(&self) -> impl Iterator<Item = &Entry<N>> {
+        self.oldest_first()
+            .flat_map(|segment| segment.entries.iter())
+    }
+
+    fn oldest_first(&self) -> impl Iterator<Item = &Segment<N, HALF>> {
+        let oldest = self.latest.saturating_add(1);
+        self.segments.iter().cycle().skip(oldest).take(SEGMENTS)
+    }
+
+    fn segment(&self) -> Option<&Segment<N, HALF>> {
+        self.segments.get(self.latest)
+    }
+
+    /// The segment being filled; `latest` never leaves the circle, and if it did the first segment would serve.
+    fn segment_mut(&mut self) -> &mut Segment<N, HALF> {
+        let [first, rest @ ..] = &mut self.segments;
+        match self.latest.checked_sub(1).and_then(|at| rest.get_mut(at)) {
+            Some(segment) => segment,
+            None => first,
+        }
+    }
+}

@@ -1,0 +1,365 @@
+//! The first half of a tick: from the discrete state and what arrived to the next discrete state and one action.
+//!
+//! No channel, no target, no arithmetic to speak of. Precedence: stop, fault, framing (and flood), closed, goodbye,
+//! second consecutive miss, budget; each of them takes its first ramp step in the tick that sees it.
+
+use super::config::MissBudget;
+use crate::message::{Cause, Mode, Phase};
+use crate::units::{Epoch, Sequence, Tick};
+
+/// Names a connection; the endpoint never gives a number twice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Connection(pub u64);
+
+/// The part of the session's state that is not a reference.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Discrete {
+    /// Phase.
+    pub phase: Phase,
+    /// Whose session it is; after the session's end, who is still told about it.
+    pub owner: Option<Connection>,
+    /// Epoch of the current or last session.
+    pub epoch: Epoch,
+    /// Sequence of the last accepted command.
+    pub accepted: Sequence,
+    /// Tick of the last State.
+    pub tick: Tick,
+    /// Consecutive misses so far: 0 or 1.
+    pub misses: u8,
+    /// One bit per deadline, the latest lowest; set where it was missed.
+    pub history: u128,
+    /// Ticks waited for the first command.
+    pub waited: u32,
+}
+
+impl Discrete {
+    /// The invariant, clause by clause:
+    /// nobody owns a listening server; a running session has an owner;
+    /// misses are counted while commands are due, and never reach two;
+    /// waiting is counted in the handshake only, and never reaches its limit.
+    #[must_use]
+    pub fn is_valid(&self, handshake_ticks: u32) -> bool {
+        let owner = match self.phase {
+            Phase::Listening => self.owner.is_none(),
+            Phase::Handshake | Phase::Submit | Phase::Obtain => self.owner.is_some(),
+            Phase::SafeDisconnect | Phase::Fault => true,
+        };
+        let commands_due = matches!(self.phase, Phase::Submit | Phase::Obtain);
+        let misses = if commands_due {
+            self.misses <= 1
+        } else {
+            self.misses == 0
+        };
+        let waited = if self.phase == Phase::Handshake {
+            self.waited < handshake_ticks
+        } else {
+            self.waited == 0
+        };
+        owner && misses && waited
+    }
+
+    /// Whether a session is running: granted, and not over.
+    #[inline]
+    #[must_use]
+    pub const fn is_live(&self) -> bool {
+        matches!(self.phase, Phase::Handshake | Phase::Submit | Phase::Obtain)
+    }
+}
+
+/// What arrived since the last tick, reduced to what decides.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Arrivals {
+    /// A stop is asserted, at the machine or by the owner.
+    pub stop: bool,
+    /// Somebody at the machine re-arms.
+    pub rearm: bool,
+    /// The nominal reference stepped above its limit.
+    pub nominal_fault: bool,
+    /// The owner's stream is broken.
+    pub framing: bool,
+    /// The owner sent more frames than are read per tick.
+    pub flood: bool,
+    /// The owner's connection is gone.
+    pub closed: bool,
+    /// The owner said goodbye.
+    pub goodbye: bool,
+    /// The highest fresh valid command: its sequence and mode.
+    pub command: Option<(Sequence, Mode)>,
+    /// Who asked for a session first, acceptably, and the epoch to give.
+    pub hello: Option<(Connection, Epoch)>,
+    /// Cycles that the server skipped before this one.
+    pub skipped: u32,
+    /// Every channel is at zero.
+    pub all_zero: bool,
+}
+
+/// What every channel does in this tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Action {
+    /// Position channels keep their value; velocity and torque channels take a ramp step, for a held push is not a hold.
+    Hold,
+    /// Channels approach the command's targets.
+    Follow,
+    /// Channels approach zero at the speed of a follow: a fresh request for Submit in Obtain.
+    FollowZero,
+    /// Channels take one ramp step.
+    Ramp,
+}
+
+/// Why a session ends in this tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum End {
+    /// A cause that is known by itself.
+    Because(Cause),
+    /// The second consecutive miss; the evidence tells who was late.
+    Missed,
+}
+
+/// What one tick decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Decision {
+    /// The next discrete state.
+    pub next: Discrete,
+    /// What every channel does.
+    pub action: Action,
+    /// Why the session ends, where it does.
+    pub end: Option<End>,
+}
+
+/// Rules that come from the configuration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Rules {
+    /// Ticks a granted session may wait for its first command.
+    pub handshake_ticks: u32,
+    /// Budget of misses.
+    pub budget: Option<MissBudget>,
+}
+
+/// One tick's decision.
+#[must_use]
+pub fn decide(state: &Discrete, arrivals: &Arrivals, rules: &Rules) -> Decision {
+    let ticks = u64::from(arrivals.skipped).saturating_add(1);
+    let now = Discrete {
+        tick: Tick(state.tick.0.saturating_add(ticks)),
+        owner: if arrivals.closed || arrivals.framing || arrivals.flood {
+            None
+        } else {
+            state.owner
+        },
+        ..*state
+    };
+    if arrivals.stop || arrivals.nominal_fault || state.phase == Phase::Fault {
+        return decide_fault(now, arrivals);
+    }
+    match state.phase {
+        Phase::Listening => decide_listening(now, arrivals),
+        Phase::Handshake => decide_handshake(now, arrivals, rules),
+        Phase::Submit | Phase::Obtain => decide_running(now, arrivals, rules),
+        // Fault was handled above; it shares the arm that can only ramp.
+        Phase::SafeDisconnect | Phase::Fault => decide_ramping(now, arrivals),
+    }
+}
+
+/// Stopped, or a faulty nominal, or still in Fault.
+fn decide_fault(now: Discrete, arrivals: &Arrivals) -> Decision {
+    let asserted = arrivals.stop || arrivals.nominal_fault;
+    if now.phase == Phase::Fault && arrivals.rearm && arrivals.all_zero && !asserted {
+        return listen(now);
+    }
+    let cause = if arrivals.stop {
+        Cause::Stop
+    } else {
+        Cause::Nominal
+    };
+    let end = (now.phase != Phase::Fault).then_some(End::Because(cause));
+    Decision {
+        next: retire(now, Phase::Fault),
+        action: Action::Ramp,
+        end,
+    }
+}
+
+fn decide_listening(now: Discrete, arrivals: &Arrivals) -> Decision {
+    let next = match arrivals.hello {
+        Some((owner, epoch)) => Discrete {
+            phase: Phase::Handshake,
+            owner: Some(owner),
+            epoch,
+            accepted: Sequence(0),
+            misses: 0,
+            history: 0,
+            waited: 0,
+            ..now
+        },
+        None => now,
+    };
+    Decision {
+        next,
+        action: Action::Hold,
+        end: None,
+    }
+}
+
+fn decide_handshake(now: Discrete, arrivals: &Arrivals, rules: &Rules) -> Decision {
+    if let Some(cause) = ending(arrivals) {
+        return disconnect(now, End::Because(cause));
+    }
+    if let Some((sequence, _)) = arrivals.command {
+        return Decision {
+            next: Discrete {
+                phase: Phase::Submit,
+                accepted: sequence,
+                waited: 0,
+                ..now
+            },
+            action: Action::Hold,
+            end: None,
+        };
+    }
+    let waited = now
+        .waited
+        .saturating_add(arrivals.skipped)
+        .saturating_add(1);
+    if waited >= rules.handshake_ticks {
+        return disconnect(now, End::Because(Cause::HandshakeTimeout));
+    }
+    Decision {
+        next: Discrete { waited, ..now },
+        action: Action::Hold,
+        end: None,
+    }
+}
+
+/// Submit and Obtain: commands are due.
+fn decide_running(now: Discrete, arrivals: &Arrivals, rules: &Rules) -> Decision {
+    if let Some(cause) = ending(arrivals) {
+        return disconnect(now, End::Because(cause));
+    }
+    // Each skipped cycle was a deadline that nobody could meet.
+    let before = u32::from(now.misses).saturating_add(arrivals.skipped);
+    if before >= 2 {
+        return disconnect(now, End::Because(Cause::ServerLate));
+    }
+    let missed = arrivals.command.is_none();
+    if missed && before >= 1 {
+        let end = if arrivals.skipped > 0 {
+            End::Because(Cause::ServerLate)
+        } else {
+            End::Missed
+        };
+        return disconnect(now, end);
+    }
+    // At most one cycle was skipped: its bit goes in before this tick's.
+    let history =
+        (now.history << u32::from(arrivals.skipped > 0)) | u128::from(arrivals.skipped > 0);
+    let history = (history << 1) | u128::from(missed);
+    if over_budget(history, rules.budget) {
+        return disconnect(Discrete { history, ..now }, End::Because(Cause::Budget));
+    }
+    let now = Discrete { history, ..now };
+    match arrivals.command {
+        None => Decision {
+            next: Discrete { misses: 1, ..now },
+            action: Action::Hold,
+            end: None,
+        },
+        Some((accepted, mode)) => obey(
+            Discrete {
+                misses: 0,
+                accepted,
+                ..now
+            },
+            mode,
+            arrivals.all_zero,
+        ),
+    }
+}
+
+/// A fresh command in Submit or Obtain.
+fn obey(now: Discrete, mode: Mode, all_zero: bool) -> Decision {
+    let (phase, action) = match (now.phase, mode) {
+        (_, Mode::Obtain) => (Phase::Obtain, Action::Follow),
+        (Phase::Obtain, Mode::Submit) if !all_zero => (Phase::Obtain, Action::FollowZero),
+        (_, Mode::Submit) => (Phase::Submit, Action::Hold),
+    };
+    Decision {
+        next: Discrete { phase, ..now },
+        action,
+        end: None,
+    }
+}
+
+fn decide_ramping(now: Discrete, arrivals: &Arrivals) -> Decision {
+    if arrivals.all_zero {
+        listen(now)
+    } else {
+        Decision {
+            next: now,
+            action: Action::Ramp,
+            end: None,
+        }
+    }
+}
+
+/// Events that end a session whatever its commands say, in their order of precedence.
+const fn ending(arrivals: &Arrivals) -> Option<Cause> {
+    if arrivals.framing {
+        Some(Cause::Malformed)
+    } else if arrivals.flood {
+        Some(Cause::Flood)
+    } else if arrivals.closed {
+        Some(Cause::Closed)
+    } else if arrivals.goodbye {
+        Some(Cause::Goodbye)
+    } else {
+        None
+    }
+}
+
+fn over_budget(history: u128, budget: Option<MissBudget>) -> bool {
+    let Some(MissBudget { window, allowed }) = budget else {
+        return false;
+    };
+    let outside = 128_u32.saturating_sub(u32::from(window));
+    // The latest `window` deadlines are the lowest bits; a shift by 128 cannot occur, the window is at least 1.
+    let inside = history.checked_shl(outside).unwrap_or(0);
+    inside.count_ones() > u32::from(allowed)
+}
+
+/// Ends the session; the ramp begins in this tick.
+fn disconnect(now: Discrete, end: End) -> Decision {
+    Decision {
+        next: retire(now, Phase::SafeDisconnect),
+        action: Action::Ramp,
+        end: Some(end),
+    }
+}
+
+/// No session: nothing is due any more.
+const fn retire(now: Discrete, phase: Phase) -> Discrete {
+    Discrete {
+        phase,
+        misses: 0,
+        waited: 0,
+        ..now
+    }
+}
+
+/// Every channel is at zero: ready for the next session.
+const fn listen(now: Discrete) -> Decision {
+    Decision {
+        next: Discrete {
+            owner: None,
+            ..retire(now, Phase::Listening)
+        },
+        action: Action::Hold,
+        end: None,
+    }
+}

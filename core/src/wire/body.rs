@@ -1,0 +1,558 @@
+//! The inside of a frame: one body per message, one encoding per body.
+
+use core::fmt;
+
+use super::cursor::{Reader, Short, Writer};
+use super::frame::{Frame, FrameBytes, Kind, enclose};
+use crate::axis::{Actual, Offsets};
+use crate::channel::Limits;
+use crate::message::{
+    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello,
+    Mode, Phase, Refusal, ServerMessage, State, Welcome,
+};
+use crate::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+
+/// Why a well-framed body is no message. It costs that frame, nothing else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ContentError {
+    /// The kind byte is unknown, or this side does not receive that kind.
+    Kind {
+        /// The kind byte.
+        received: u8,
+    },
+    /// The body is longer or shorter than its kind and its number of axes ask for.
+    Length {
+        /// Length this side expects.
+        expected: usize,
+        /// Length of the body.
+        received: usize,
+    },
+    /// The number of axes differs.
+    Axes {
+        /// Axes of this side.
+        expected: usize,
+        /// Axes in the frame.
+        received: u8,
+    },
+    /// A mode, phase, cause or refusal code is unknown.
+    Code {
+        /// The code.
+        received: u8,
+    },
+    /// Reserved bits are set.
+    Reserved,
+    /// The limits in a Welcome are no limits.
+    Limits,
+}
+
+impl fmt::Display for ContentError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Kind { received } => write!(f, "kind {received} is not received here"),
+            Self::Length { expected, received } => {
+                write!(f, "a body of {received} bytes where {expected} belong")
+            }
+            Self::Axes { expected, received } => {
+                write!(f, "{received} axes where {expected} belong")
+            }
+            Self::Code { received } => write!(f, "unknown code {received}"),
+            Self::Reserved => f.write_str("reserved bits are set"),
+            Self::Limits => f.write_str("limits that contradict each other"),
+        }
+    }
+}
+
+impl core::error::Error for ContentError {}
+
+/// Lengths of bodies and of their repeated parts, in bytes.
+mod length {
+    pub(super) const HELLO: usize = 4;
+    pub(super) const EPOCH: usize = 8;
+    pub(super) const REFUSAL: usize = 8;
+    const OFFSETS: usize = 4 + 4 + 2;
+    const LIMITS: usize = 4 * 4;
+
+    pub(super) const fn command(axes: usize) -> usize {
+        28_usize.saturating_add(axes.saturating_mul(OFFSETS))
+    }
+
+    pub(super) const fn welcome(axes: usize) -> usize {
+        28_usize.saturating_add(axes.saturating_mul(3 * LIMITS))
+    }
+
+    pub(super) const fn state(axes: usize) -> usize {
+        76_usize.saturating_add(axes.saturating_mul(8 + 2 * OFFSETS + 14 + 2))
+    }
+}
+
+/// A field after the length was checked: running short is a bug of this module, and reads as a length error.
+impl From<Short> for ContentError {
+    fn from(_: Short) -> Self {
+        Self::Length {
+            expected: 0,
+            received: 0,
+        }
+    }
+}
+
+fn check_length(frame: &Frame<'_>, expected: usize) -> Result<(), ContentError> {
+    let received = frame.body().len();
+    if received == expected {
+        Ok(())
+    } else {
+        Err(ContentError::Length { expected, received })
+    }
+}
+
+fn check_axes<const N: usize>(received: u8) -> Result<(), ContentError> {
+    if usize::from(received) == N {
+        Ok(())
+    } else {
+        Err(ContentError::Axes {
+            expected: N,
+            received,
+        })
+    }
+}
+
+const fn check_reserved(value: u16) -> Result<(), ContentError> {
+    if value == 0 {
+        Ok(())
+    } else {
+        Err(ContentError::Reserved)
+    }
+}
+
+/// Number of axes as its byte. `N` beyond 255 has no frame; sessions refuse more than `MAX_AXES`.
+fn axes_byte<const N: usize>() -> u8 {
+    u8::try_from(N).unwrap_or(u8::MAX)
+}
+
+/// What a client said.
+///
+/// # Errors
+/// [`ContentError`]: what is wrong with the body.
+pub fn decode_client<const N: usize>(frame: &Frame<'_>) -> Result<ClientMessage<N>, ContentError> {
+    let received = frame.kind_code();
+    let mut r = Reader::new(frame.body());
+    match Kind::from_code(received) {
+        Some(Kind::Hello) => {
+            check_length(frame, length::HELLO)?;
+            let axes = r.u8()?;
+            check_reserved(u16::from(r.u8()?))?;
+            let capabilities = Capabilities(r.u16()?);
+            Ok(ClientMessage::Hello(Hello { axes, capabilities }))
+        }
+        Some(Kind::Command) => read_command(frame).map(ClientMessage::Command),
+        Some(Kind::Goodbye) => {
+            check_length(frame, length::EPOCH)?;
+            Ok(ClientMessage::Goodbye(Epoch(r.u64()?)))
+        }
+        Some(Kind::Stop) => {
+            check_length(frame, length::EPOCH)?;
+            Ok(ClientMessage::Stop(Epoch(r.u64()?)))
+        }
+        _ => Err(ContentError::Kind { received }),
+    }
+}
+
+/// What a server said.
+///
+/// # Errors
+/// [`ContentError`]: what is wrong with the body.
+pub fn decode_server<const N: usize>(frame: &Frame<'_>) -> Result<ServerMessage<N>, ContentError> {
+    let received = frame.kind_code();
+    match Kind::from_code(received) {
+        Some(Kind::Welcome) => read_welcome(frame).map(ServerMessage::Welcome),
+        Some(Kind::State) => read_state(frame).map(ServerMessage::State),
+        Some(Kind::Refusal) => read_refusal(frame).map(ServerMessage::Refusal),
+        _ => Err(ContentError::Kind { received }),
+    }
+}
+
+/// The one frame that says this message.
+#[must_use]
+pub fn encode_client<const N: usize>(message: &ClientMessage<N>) -> FrameBytes {
+    match message {
+        ClientMessage::Hello(hello) => enclose(Kind::Hello, length::HELLO, |body| {
+            let mut w = Writer::new(body);
+            w.u8(hello.axes)?;
+            w.u8(0)?;
+            w.u16(hello.capabilities.0)
+        }),
+        ClientMessage::Command(command) => enclose(Kind::Command, length::command(N), |body| {
+            write_command(&mut Writer::new(body), command)
+        }),
+        ClientMessage::Goodbye(epoch) => enclose(Kind::Goodbye, length::EPOCH, |body| {
+            Writer::new(body).u64(epoch.0)
+        }),
+        ClientMessage::Stop(epoch) => enclose(Kind::Stop, length::EPOCH, |body| {
+            Writer::new(body).u64(epoch.0)
+        }),
+    }
+}
+
+/// The one frame that says this message.
+#[must_use]
+pub fn encode_server<const N: usize>(message: &ServerMessage<N>) -> FrameBytes {
+    match message {
+        ServerMessage::Welcome(welcome) => enclose(Kind::Welcome, length::welcome(N), |body| {
+            write_welcome(&mut Writer::new(body), welcome)
+        }),
+        ServerMessage::State(state) => encode_state(state),
+        ServerMessage::Refusal(refusal) => enclose(Kind::Refusal, length::REFUSAL, |body| {
+            write_refusal(&mut Writer::new(body), *refusal)
+        }),
+    }
+}
+
+/// As [`encode_server`], without the detour over the enum: the one message of every tick.
+#[must_use]
+pub fn encode_state<const N: usize>(state: &State<N>) -> FrameBytes {
+    enclose(Kind::State, length::state(N), |body| {
+        write_state(&mut Writer::new(body), state)
+    })
+}
+
+fn read_offsets(r: &mut Reader<'_>) -> Result<Offsets, Short> {
+    Ok(Offsets {
+        position: OffsetNm(r.i32()?),
+        velocity: VelocityUmS(r.i32()?),
+        torque: TorquePermille(r.i16()?),
+    })
+}
+
+fn write_offsets(w: &mut Writer<'_>, offsets: &Offsets) -> Result<(), Short> {
+    w.i32(offsets.position.0)?;
+    w.i32(offsets.velocity.0)?;
+    w.i16(offsets.torque.0)
+}
+
+fn read_command<const N: usize>(frame: &Frame<'_>) -> Result<Command<N>, ContentError> {
+    check_length(frame, length::command(N))?;
+    let mut r = Reader::new(frame.body());
+    let epoch = Epoch(r.u64()?);
+    let sequence = Sequence(r.u64()?);
+    let echo = Tick(r.u64()?);
+    let mode = read_mode(r.u8()?)?;
+    check_axes::<N>(r.u8()?)?;
+    check_reserved(r.u16()?)?;
+    let mut targets = [Offsets::default(); N];
+    for target in &mut targets {
+        *target = read_offsets(&mut r)?;
+    }
+    Ok(Command {
+        epoch,
+        sequence,
+        echo,
+        mode,
+        targets,
+    })
+}
+
+fn write_command<const N: usize>(w: &mut Writer<'_>, command: &Command<N>) -> Result<(), Short> {
+    w.u64(command.epoch.0)?;
+    w.u64(command.sequence.0)?;
+    w.u64(command.echo.0)?;
+    w.u8(mode_code(command.mode))?;
+    w.u8(axes_byte::<N>())?;
+    w.u16(0)?;
+    command
+        .targets
+        .iter()
+        .try_for_each(|target| write_offsets(w, target))
+}
+
+const fn mode_code(mode: Mode) -> u8 {
+    match mode {
+        Mode::Submit => 1,
+        Mode::Obtain => 2,
+    }
+}
+
+const fn read_mode(code: u8) -> Result<Mode, ContentError> {
+    match code {
+        1 => Ok(Mode::Submit),
+        2 => Ok(Mode::Obtain),
+        received => Err(ContentError::Code { received }),
+    }
+}
+
+fn read_limits(r: &mut Reader<'_>) -> Result<Limits, ContentError> {
+    let (max, step, accel, ramp) = (r.i32()?, r.i32()?, r.i32()?, r.i32()?);
+    Limits::new(max, step, accel, ramp).map_err(|_| ContentError::Limits)
+}
+
+fn write_limits(w: &mut Writer<'_>, limits: &Limits) -> Result<(), Short> {
+    w.i32(limits.max())?;
+    w.i32(limits.step())?;
+    w.i32(limits.accel())?;
+    w.u32(limits.ramp())
+}
+
+fn read_welcome<const N: usize>(frame: &Frame<'_>) -> Result<Welcome<N>, ContentError> {
+    check_length(frame, length::welcome(N))?;
+    let mut r = Reader::new(frame.body());
+    let epoch = Epoch(r.u64()?);
+    let tick = Tick(r.u64()?);
+    let cycle_us = r.u32()?;
+    let echo_window = r.u8()?;
+    check_axes::<N>(r.u8()?)?;
+    let capabilities = Capabilities(r.u16()?);
+    let kinematics_checksum = r.u32()?;
+    // Filled below; the loop replaces every element or returns.
+    let mut limits = [AxisLimits {
+        position: Limits::DISABLED,
+        velocity: Limits::DISABLED,
+        torque: Limits::DISABLED,
+    }; N];
+    for axis in &mut limits {
+        axis.position = read_limits(&mut r)?;
+        axis.velocity = read_limits(&mut r)?;
+        axis.torque = read_limits(&mut r)?;
+    }
+    Ok(Welcome {
+        epoch,
+        tick,
+        cycle_us,
+        echo_window,
+        capabilities,
+        kinematics_checksum,
+        limits,
+    })
+}
+
+fn write_welcome<const N: usize>(w: &mut Writer<'_>, welcome: &Welcome<N>) -> Result<(), Short> {
+    w.u64(welcome.epoch.0)?;
+    w.u64(welcome.tick.0)?;
+    w.u32(welcome.cycle_us)?;
+    w.u8(welcome.echo_window)?;
+    w.u8(axes_byte::<N>())?;
+    w.u16(welcome.capabilities.0)?;
+    w.u32(welcome.kinematics_checksum)?;
+    welcome.limits.iter().try_for_each(|axis| {
+        write_limits(w, &axis.position)?;
+        write_limits(w, &axis.velocity)?;
+        write_limits(w, &axis.torque)
+    })
+}
+
+fn read_refusal(frame: &Frame<'_>) -> Result<Refusal, ContentError> {
+    check_length(frame, length::REFUSAL)?;
+    let mut r = Reader::new(frame.body());
+    let code = r.u8()?;
+    let detail = r.u8()?;
+    let bits = r.u16()?;
+    let ticks_left = r.u32()?;
+    let refusal = match code {
+        1 => Refusal::Busy,
+        2 => Refusal::Ramping { ticks_left },
+        3 => Refusal::Faulted { ticks_left },
+        4 => Refusal::Version { supported: detail },
+        5 => Refusal::Axes { expected: detail },
+        6 => Refusal::Capability {
+            needed: Capabilities(bits),
+        },
+        7 => Refusal::Unavailable,
+        received => return Err(ContentError::Code { received }),
+    };
+    // One encoding per message: what this reason does not use must be zero.
+    if refusal_fields(refusal) == (code, detail, bits, ticks_left) {
+        Ok(refusal)
+    } else {
+        Err(ContentError::Reserved)
+    }
+}
+
+/// Code, detail, bits and ticks of a refusal, in the order of the wire.
+const fn refusal_fields(refusal: Refusal) -> (u8, u8, u16, u32) {
+    match refusal {
+        Refusal::Busy => (1, 0, 0, 0),
+        Refusal::Ramping { ticks_left } => (2, 0, 0, ticks_left),
+        Refusal::Faulted { ticks_left } => (3, 0, 0, ticks_left),
+        Refusal::Version { supported } => (4, supported, 0, 0),
+        Refusal::Axes { expected } => (5, expected, 0, 0),
+        Refusal::Capability { needed } => (6, 0, needed.0, 0),
+        Refusal::Unavailable => (7, 0, 0, 0),
+    }
+}
+
+fn write_refusal(w: &mut Writer<'_>, refusal: Refusal) -> Result<(), Short> {
+    let (code, detail, bits, ticks_left) = refusal_fields(refusal);
+    w.u8(code)?;
+    w.u8(detail)?;
+    w.u16(bits)?;
+    w.u32(ticks_left)
+}
+
+const PHASES: [Phase; 6] = [
+    Phase::Listening,
+    Phase::Handshake,
+    Phase::Submit,
+    Phase::Obtain,
+    Phase::SafeDisconnect,
+    Phase::Fault,
+];
+
+const CAUSES: [Cause; 13] = [
+    Cause::None,
+    Cause::ClientLate,
+    Cause::NetworkLate,
+    Cause::ServerLate,
+    Cause::Malformed,
+    Cause::Closed,
+    Cause::Goodbye,
+    Cause::Budget,
+    Cause::Stop,
+    Cause::Nominal,
+    Cause::Flood,
+    Cause::HandshakeTimeout,
+    Cause::Restart,
+];
+
+const fn phase_code(phase: Phase) -> u8 {
+    match phase {
+        Phase::Listening => 0,
+        Phase::Handshake => 1,
+        Phase::Submit => 2,
+        Phase::Obtain => 3,
+        Phase::SafeDisconnect => 4,
+        Phase::Fault => 5,
+    }
+}
+
+const fn cause_code(cause: Cause) -> u8 {
+    match cause {
+        Cause::None => 0,
+        Cause::ClientLate => 1,
+        Cause::NetworkLate => 2,
+        Cause::ServerLate => 3,
+        Cause::Malformed => 4,
+        Cause::Closed => 5,
+        Cause::Goodbye => 6,
+        Cause::Budget => 7,
+        Cause::Stop => 8,
+        Cause::Nominal => 9,
+        Cause::Flood => 10,
+        Cause::HandshakeTimeout => 11,
+        Cause::Restart => 12,
+    }
+}
+
+/// The entry of a table that a code points at.
+fn look_up<T: Copy>(table: &[T], code: u8) -> Result<T, ContentError> {
+    table
+        .get(usize::from(code))
+        .copied()
+        .ok_or(ContentError::Code { received: code })
+}
+
+fn read_counters(r: &mut Reader<'_>) -> Result<Counters, Short> {
+    Ok(Counters {
+        received: r.u32()?,
+        missed: r.u32()?,
+        late: r.u32()?,
+        duplicate: r.u32()?,
+        stale: r.u32()?,
+        malformed: r.u32()?,
+        out_of_range: r.u32()?,
+        limited: r.u32()?,
+        clamped: r.u32()?,
+        strangers: r.u32()?,
+        longest_miss_run: r.u16()?,
+    })
+}
+
+fn write_counters(w: &mut Writer<'_>, counters: &Counters) -> Result<(), Short> {
+    w.u32(counters.received)?;
+    w.u32(counters.missed)?;
+    w.u32(counters.late)?;
+    w.u32(counters.duplicate)?;
+    w.u32(counters.stale)?;
+    w.u32(counters.malformed)?;
+    w.u32(counters.out_of_range)?;
+    w.u32(counters.limited)?;
+    w.u32(counters.clamped)?;
+    w.u32(counters.strangers)?;
+    w.u16(counters.longest_miss_run)
+}
+
+fn read_axis(r: &mut Reader<'_>) -> Result<AxisState, ContentError> {
+    let nominal = PositionNm(r.i64()?);
+    let offsets = read_offsets(r)?;
+    let shadow = read_offsets(r)?;
+    let actual = Actual {
+        position: PositionNm(r.i64()?),
+        velocity: VelocityUmS(r.i32()?),
+        torque: TorquePermille(r.i16()?),
+    };
+    let flags = AxisFlags(r.u8()?);
+    check_reserved(u16::from(r.u8()?))?;
+    if !AxisFlags::ALL.contains(flags) {
+        return Err(ContentError::Reserved);
+    }
+    Ok(AxisState {
+        nominal,
+        offsets,
+        shadow,
+        actual,
+        flags,
+    })
+}
+
+fn write_axis(w: &mut Writer<'_>, axis: &AxisState) -> Result<(), Short> {
+    w.i64(axis.nominal.0)?;
+    write_offsets(w, &axis.offsets)?;
+    write_offsets(w, &axis.shadow)?;
+    w.i64(axis.actual.position.0)?;
+    w.i32(axis.actual.velocity.0)?;
+    w.i16(axis.actual.torque.0)?;
+    w.u8(axis.flags.0)?;
+    w.u8(0)
+}
+
+fn read_state<const N: usize>(frame: &Frame<'_>) -> Result<State<N>, ContentError> {
+    check_length(frame, length::state(N))?;
+    let mut r = Reader::new(frame.body());
+    let tick = Tick(r.u64()?);
+    let epoch = Epoch(r.u64()?);
+    let accepted = Sequence(r.u64()?);
+    let phase = look_up(&PHASES, r.u8()?)?;
+    let cause = look_up(&CAUSES, r.u8()?)?;
+    check_axes::<N>(r.u8()?)?;
+    let on_time_of_100 = r.u8()?;
+    let ramp_ticks_left = r.u32()?;
+    let arrival_us = r.u16()?;
+    let counters = read_counters(&mut r)?;
+    let mut axes = [AxisState::default(); N];
+    for axis in &mut axes {
+        *axis = read_axis(&mut r)?;
+    }
+    Ok(State {
+        tick,
+        epoch,
+        accepted,
+        phase,
+        cause,
+        on_time_of_100,
+        arrival_us,
+        ramp_ticks_left,
+        counters,
+        axes,
+    })
+}
+
+fn write_state<const N: usize>(w: &mut Writer<'_>, state: &State<N>) -> Result<(), Short> {
+    w.u64(state.tick.0)?;
+    w.u64(state.epoch.0)?;
+    w.u64(state.accepted.0)?;
+    w.u8(phase_code(state.phase))?;
+    w.u8(cause_code(state.cause))?;
+    w.u8(axes_byte::<N>())?;
+    w.u8(state.on_time_of_100)?;
+    w.u32(state.ramp_ticks_left)?;
+    w.u16(state.arrival_us)?;
+    write_counters(w, &state.counters)?;
+    state.axes.iter().try_for_each(|axis| write_axis(w, axis))
+}

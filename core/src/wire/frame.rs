@@ -1,0 +1,207 @@
+//! Header, length and checksum: the outside of a frame.
+
+use core::fmt;
+
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use heapless::Vec;
+
+/// First two bytes of every frame: "GT".
+const MAGIC: [u8; 2] = *b"GT";
+/// Version of this protocol; the third byte of every frame.
+pub const PROTOCOL_VERSION: u8 = 1;
+/// Bytes before the body: magic (2), version (1), kind (1), length of the body (2).
+pub const HEADER_LEN: usize = 6;
+/// Bytes after the body: CRC-32 of header and body.
+pub const TRAILER_LEN: usize = 4;
+/// Longest body of any frame, in bytes. Sized for the largest message at [`crate::message::MAX_AXES`], with room to spare.
+pub const MAX_BODY: usize = 384;
+/// Longest frame, in bytes.
+pub const MAX_FRAME: usize = HEADER_LEN + MAX_BODY + TRAILER_LEN;
+
+/// CRC-32/ISO-HDLC, as in Ethernet and zlib. The 16-lane table trades 16 KiB of constants for a fifth of the instructions.
+static CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
+
+/// An encoded frame.
+pub type FrameBytes = Vec<u8, MAX_FRAME>;
+
+/// What a frame's body is; the fourth byte of every frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Kind {
+    /// Client asks for the session.
+    Hello,
+    /// Server grants it.
+    Welcome,
+    /// Client's wanted offsets.
+    Command,
+    /// Server's state, one per tick.
+    State,
+    /// Client leaves.
+    Goodbye,
+    /// Client stops the machine's external offsets.
+    Stop,
+    /// Server refuses a Hello.
+    Refusal,
+}
+
+impl Kind {
+    /// The byte that stands for this kind.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        match self {
+            Self::Hello => 1,
+            Self::Welcome => 2,
+            Self::Command => 3,
+            Self::State => 4,
+            Self::Goodbye => 5,
+            Self::Stop => 6,
+            Self::Refusal => 7,
+        }
+    }
+
+    /// The kind of a byte.
+    #[must_use]
+    pub const fn from_code(code: u8) -> Option<Self> {
+        Some(match code {
+            1 => Self::Hello,
+            2 => Self::Welcome,
+            3 => Self::Command,
+            4 => Self::State,
+            5 => Self::Goodbye,
+            6 => Self::Stop,
+            7 => Self::Refusal,
+            _ => return None,
+        })
+    }
+}
+
+/// Why bytes are no frame. On a stream the boundary is lost with it; a datagram is simply dropped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum FrameError {
+    /// The first two bytes are not "GT".
+    Magic,
+    /// The third byte is not this version.
+    Version {
+        /// What it is.
+        received: u8,
+    },
+    /// The body would be longer than [`MAX_BODY`].
+    TooLong {
+        /// Stated length of the body.
+        length: u16,
+    },
+    /// A datagram is shorter or longer than its header states.
+    Length,
+    /// The checksum does not match.
+    Checksum,
+}
+
+impl fmt::Display for FrameError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Magic => f.write_str("a frame does not begin with \"GT\""),
+            Self::Version { received } => write!(
+                f,
+                "protocol version {received}, this side speaks {PROTOCOL_VERSION}"
+            ),
+            Self::TooLong { length } => {
+                write!(
+                    f,
+                    "a body of {length} bytes, at most {MAX_BODY} are allowed"
+                )
+            }
+            Self::Length => f.write_str("a datagram's length differs from its header's"),
+            Self::Checksum => f.write_str("the checksum does not match"),
+        }
+    }
+}
+
+impl core::error::Error for FrameError {}
+
+/// A frame whose boundary, version, length and checksum are right. Its kind and content are still to be judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Frame<'a> {
+    kind: u8,
+    body: &'a [u8],
+}
+
+impl<'a> Frame<'a> {
+    /// Checks bytes that should be exactly one frame.
+    ///
+    /// # Errors
+    /// The first thing found wrong, front to back, the checksum last.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self, FrameError> {
+        let (header, rest) = bytes
+            .split_first_chunk::<HEADER_LEN>()
+            .ok_or(FrameError::Length)?;
+        let (kind, length) = parse_header(*header)?;
+        let (body, trailer) = rest
+            .split_at_checked(usize::from(length))
+            .ok_or(FrameError::Length)?;
+        let trailer = <[u8; TRAILER_LEN]>::try_from(trailer).map_err(|_| FrameError::Length)?;
+        let mut digest = CRC.digest();
+        digest.update(header);
+        digest.update(body);
+        if digest.finalize() != u32::from_le_bytes(trailer) {
+            return Err(FrameError::Checksum);
+        }
+        Ok(Self { kind, body })
+    }
+
+    /// The kind byte.
+    #[must_use]
+    pub const fn kind_code(&self) -> u8 {
+        self.kind
+    }
+
+    /// The bytes between header and checksum.
+    #[must_use]
+    pub const fn body(&self) -> &'a [u8] {
+        self.body
+    }
+}
+
+/// Kind and body length of a header, once magic, version and length are right.
+pub(super) fn parse_header(header: [u8; HEADER_LEN]) -> Result<(u8, u16), FrameError> {
+    let [m0, m1, version, kind, l0, l1] = header;
+    if [m0, m1] != MAGIC {
+        return Err(FrameError::Magic);
+    }
+    if version != PROTOCOL_VERSION {
+        return Err(FrameError::Version { received: version });
+    }
+    let length = u16::from_le_bytes([l0, l1]);
+    if usize::from(length) > MAX_BODY {
+        return Err(FrameError::TooLong { length });
+    }
+    Ok((kind, length))
+}
+
+/// Puts header and checksum around a body of `length` bytes that `write` fills in.
+/// A body that does not fit gives an empty frame; [`MAX_BODY`] leaves room for every message, which a test checks.
+pub(super) fn enclose<E>(
+    kind: Kind,
+    length: usize,
+    write: impl FnOnce(&mut [u8]) -> Result<(), E>,
+) -> FrameBytes {
+    let mut frame = FrameBytes::new();
+    let written = || -> Option<()> {
+        let stated = u16::try_from(length).ok()?;
+        let [l0, l1] = stated.to_le_bytes();
+        let [m0, m1] = MAGIC;
+        frame
+            .extend_from_slice(&[m0, m1, PROTOCOL_VERSION, kind.code(), l0, l1])
+            .ok()?;
+        frame
+            .resize_default(HEADER_LEN.saturating_add(length))
+            .ok()?;
+        write(frame.get_mut(HEADER_LEN..)?).ok()?;
+        let checksum = CRC.checksum(&frame);
+        frame.extend_from_slice(&checksum.to_le_bytes()).ok()
+    }();
+    if written.is_none() {
+        frame.clear();
+    }
+    frame
+}

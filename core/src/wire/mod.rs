@@ -1,0 +1,22 @@
+//! Messages as frames of bytes; knows no session. `wire.md` in the repository specifies it for writers of other clients.
+//!
+//! A frame is header, body, checksum; little-endian; every message has exactly one encoding.
+//! Parsing has two steps: [`Frame`] is checked once (boundary, version, length, checksum) and its accessors are total;
+//! [`decode_client`] and [`decode_server`] turn its body into a message or say what is wrong with the content.
+
+mod body;
+mod cursor;
+mod deframer;
+mod frame;
+
+pub use body::{
+    ContentError, decode_client, decode_server, encode_client, encode_server, encode_state,
+};
+pub use deframer::{Deframer, Feed};
+pub use frame::{
+    Frame, FrameBytes, FrameError, HEADER_LEN, Kind, MAX_BODY, MAX_FRAME, PROTOCOL_VERSION,
+    TRAILER_LEN,
+};
+
+#[cfg(test)]
+mod tests;
