@@ -37,6 +37,7 @@ pub(crate) struct Case {
     pub(crate) w: [f64; 6],
     pub(crate) f: [f64; 6],
     pub(crate) tau: [f64; 3],
+    pub(crate) q_comp: [f64; 3],
     #[serde(rename = "C_total")]
     pub(crate) c_total: [[f64; 6]; 6],
 }

@@ -12,7 +12,8 @@ const NOISE_STREAM: u64 = 2;
 
 /// A sensor at `p` from the tool centre point with axes `R` (sensor to world): `F_s = R^T F`, `M_s = R^T (M - p x F)`.
 ///
-/// It shows the load on the tool with the sign of that load. The turn of the platform under load (well under a milliradian) is neglected.
+/// It shows the load on the tool with the sign of that load. Its axes stay where they are: the platform turns by about 2 mrad at 300 N,
+/// which would show as half a newton across the load.
 #[derive(Clone, Debug)]
 pub struct ForceSensor {
     rotation: Matrix3<f64>,

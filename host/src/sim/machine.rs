@@ -8,21 +8,19 @@
 //! up in it, but everything else does: springs, play, following errors, and the offsets of a compensation.
 
 use gantry_tau_core::axis::{Offsets, Reference};
-use gantry_tau_core::robot::{ARMS, Compliances, LINKS, Robot};
+use gantry_tau_core::robot::{ARMS, Compliances, Robot};
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
 use super::drive::Drive;
-use super::elastic::{ElasticMachine, Equilibrium, Pose};
+use super::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
 use super::force_sensor::ForceSensor;
 use super::gauge::Gauge;
 use super::hand::{Load, Tool};
 use super::interpolator::Interpolator;
 use super::inverse::carts_at;
 use super::parameters::{SimulationError, SimulationParameters, check};
-use super::play::Play;
+use super::springs::true_springs;
 use crate::plant::{Plant, PlantError, Reading, ToolReading};
 
 /// Most cycles one `read` simulates; time beyond that stands still for the machine.
@@ -139,7 +137,7 @@ impl SimulatedMachine {
     }
 
     /// Poses for the motors as they are and for the nominal they were told.
-    fn settle_platform(&mut self) -> Result<(), super::elastic::ElasticError> {
+    fn settle_platform(&mut self) -> Result<(), ElasticError> {
         let load = Vector6::from(self.load.wrench());
         let motors =
             std::array::from_fn(|axis| self.drives[axis].position_m() / self.metres_per_q[axis]);
@@ -247,47 +245,6 @@ fn positions_nm(positions_m: &[f64; ARMS]) -> Result<[PositionNm; ARMS], Simulat
             })?;
     }
     Ok(positions)
-}
-
-/// Deviates every spring by its own seeded share, and gives the joint of arm 3 its play.
-fn true_springs(
-    robot: &Robot,
-    nominal: &Compliances,
-    parameters: &SimulationParameters,
-) -> Result<ElasticMachine, SimulationError> {
-    let deviation = parameters.spring_deviation;
-    check("spring_deviation", deviation, 0.0, 0.99)?;
-    let mut random = ChaCha8Rng::seed_from_u64(parameters.seed);
-    let mut deviated =
-        |value: f64| value * (1.0 + deviation * (2.0 * random.random::<f64>() - 1.0));
-    let links: [f64; LINKS] = nominal.link_m_per_n().map(&mut deviated);
-    let carts: [f64; ARMS] = nominal.cart_m_per_n().map(&mut deviated);
-    let compliances = Compliances::new(links, carts).map_err(SimulationError::Compliances)?;
-    let rigid_joint = ElasticMachine::new(*robot, compliances, Play::NONE);
-    Ok(rigid_joint.with_play(play(&rigid_joint, parameters)?))
-}
-
-/// Play whose resting preload is what `jump_force_n` in x cancels at home.
-fn play(
-    rigid_joint: &ElasticMachine,
-    parameters: &SimulationParameters,
-) -> Result<Play, SimulationError> {
-    check("jump_gap_m", parameters.jump_gap_m, 0.0, 1e-2)?;
-    check("jump_force_n", parameters.jump_force_n, 0.0, 1e5)?;
-    if parameters.jump_gap_m <= 0.0 {
-        return Ok(Play::NONE);
-    }
-    let home = Vector3::from(parameters.home_m);
-    let carts = carts_at(rigid_joint.robot(), &home).map_err(SimulationError::Home)?;
-    let start = Equilibrium::unloaded(Pose {
-        translation_m: home,
-        rotation: UnitQuaternion::identity(),
-    });
-    let load = Vector6::new(parameters.jump_force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
-    let at_jump = rigid_joint
-        .equilibrium(&carts, &load, &start)
-        .map_err(SimulationError::Springs)?;
-    Play::new(parameters.jump_gap_m, -at_jump.cluster_3_n()).ok_or(SimulationError::NoJump)
 }
 
 #[cfg(test)]
@@ -430,26 +387,6 @@ mod tests {
         };
         assert_eq!(run(7), run(7));
         assert_ne!(run(7), run(8));
-    }
-
-    #[test]
-    fn springs_deviate_within_bounds_and_by_seed() {
-        let (one, _hand) = machine(&parameters());
-        let (other, _hand2) = machine(&SimulationParameters {
-            seed: 2,
-            ..parameters()
-        });
-        assert_ne!(one.true_compliances(), other.true_compliances());
-        let nominal = fixture::compliances();
-        let pairs = one.true_compliances().link_m_per_n().iter();
-        for (true_value, value) in pairs.zip(nominal.link_m_per_n()) {
-            assert!((true_value / value - 1.0).abs() <= 0.15);
-        }
-        let (exact, _hand3) = machine(&SimulationParameters {
-            spring_deviation: 0.0,
-            ..parameters()
-        });
-        assert_eq!(exact.true_compliances(), &nominal);
     }
 
     #[test]

@@ -9,6 +9,7 @@
 //! |---|---|
 //! | [`elastic`] | platform, links, carts as springs: pose under load `[T 3.3]` |
 //! | [`play`] | the jump near 360 N `[T 5.2.2, 6.1]` |
+//! | [`springs`] | the true compliances of one machine |
 //! | [`inverse`] | carts of the unloaded machine at a place, for the start |
 //! | [`drive`] | cascade of an axis `[T 4.1.7]` |
 //! | [`interpolator`] | nominal references, in place of the NC kernel `[T 4.1.1]` |
@@ -44,6 +45,7 @@ pub mod machine;
 pub mod parameters;
 pub mod play;
 mod rounding;
+pub mod springs;
 
 #[cfg(test)]
 mod fixture;
