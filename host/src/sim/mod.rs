@@ -1,1 +1,51 @@
-//! The simulated machine.
+//! The simulated L2 machine: the truth of the demo, and the first implementation of [`crate::plant::Plant`].
+//!
+//! It is deliberately *not* built from the compensator's model. The compensator linearises at the nominal pose
+//! ([`gantry_tau_core::stiffness`]); here springs, joints and motors find their own nonlinear equilibrium with their own code,
+//! their true compliances differ from the assumed ones, and a joint has play. What the two share is the description of the
+//! machine ([`gantry_tau_core::robot`]) and the units.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`elastic`] | platform, links, carts as springs: pose under load `[T 3.3]` |
+//! | [`play`] | the jump near 360 N `[T 5.2.2, 6.1]` |
+//! | [`springs`] | the true compliances of one machine |
+//! | [`inverse`] | carts of the unloaded machine at a place, for the start |
+//! | [`drive`] | cascade of an axis `[T 4.1.7]` |
+//! | [`interpolator`] | nominal references, in place of the NC kernel `[T 4.1.1]` |
+//! | [`hand`] | the load on the tool, set from another thread `[T 4.2.9]` |
+//! | [`gauge`] | length gauges `[T 4.2.6]` |
+//! | [`force_sensor`] | six-axis force sensor `[T 4.2.5]` |
+//! | [`parameters`] | what a simulation is told, and why it may be refused |
+//! | [`machine`] | all of it behind [`crate::plant::Plant`] |
+//!
+//! Everything is deterministic: equal parameters and equal calls give bit-equal readings.
+#![expect(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    reason = "simulation, off the reference path: floats cannot panic, arrays have fixed lengths, release keeps overflow checks"
+)]
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::needless_range_loop,
+        reason = "the tests compare floats that must be bit-equal, and walk several arrays by one axis number"
+    )
+)]
+
+pub mod drive;
+pub mod elastic;
+pub mod force_sensor;
+pub mod gauge;
+pub mod hand;
+pub mod interpolator;
+pub mod inverse;
+pub mod machine;
+pub mod parameters;
+pub mod play;
+mod rounding;
+pub mod springs;
+
+#[cfg(test)]
+mod fixture;

@@ -1,0 +1,232 @@
+//! One axis: an AX5000-like cascade, its motor and its cart `[T 4.1.7, Fig. 4.6]`.
+//!
+//! ```text
+//! position reference --(-)-- P --(+)--(-)-- PI --(+)-- current loop -- motor + cart -- position
+//!        |                       |             |            |
+//!        '--- derivative --------'        torque offset   load of the machine
+//!                velocity offset
+//! ```
+//!
+//! The reference is interpolated linearly over the cycle, as the drive's fine interpolation does. PI current control against
+//! the winding is a closed first-order loop here: far above everything the cycle can see. Lengths are metres along the guideway;
+//! forces are newtons there; "torque" is force over rated force.
+
+use gantry_tau_core::axis::{Actual, Reference};
+use gantry_tau_core::units::{CrossingError, Metres, PositionNm, TorquePermille, VelocityUmS};
+
+use super::rounding;
+
+/// Length of a cycle, s.
+pub const CYCLE_S: f64 = 1e-3;
+/// Integration steps per cycle.
+pub const SUBSTEPS: u32 = 16;
+/// Length of an integration step, s.
+const SUBSTEP_S: f64 = CYCLE_S / 16.0;
+
+/// Mass of cart and motor, the motor's inertia reflected to the guideway, kg.
+const MASS_KG: f64 = 40.0;
+/// Force at rated torque, N.
+pub const RATED_FORCE_N: f64 = 1000.0;
+/// Torque limit, in rated torques.
+pub const TORQUE_LIMIT: f64 = 3.0;
+/// Position loop: velocity per position error, 1/s.
+const POSITION_GAIN: f64 = 150.0;
+/// Velocity loop: acceleration per velocity error, 1/s.
+const VELOCITY_GAIN: f64 = 900.0;
+/// Velocity loop: time of its integral, s.
+const VELOCITY_INTEGRAL_S: f64 = 4.5e-3;
+/// Share of the way the current loop goes in one step: `1 - exp(-62.5 µs / 160 µs)`.
+const CURRENT_SHARE: f64 = 0.323_4;
+/// Viscous friction, N s/m.
+const FRICTION: f64 = 200.0;
+
+/// State of one axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drive {
+    /// End of the reference in force, m.
+    reference_m: f64,
+    velocity_offset: VelocityUmS,
+    torque_offset: TorquePermille,
+    /// Where the fine interpolation stands, m.
+    interpolated_m: f64,
+    position_m: f64,
+    velocity_m_per_s: f64,
+    force_n: f64,
+    /// Integral part of the velocity loop, N.
+    integral_n: f64,
+}
+
+impl Drive {
+    /// At rest where `reference` says.
+    #[must_use]
+    pub fn at_rest(reference: &Reference) -> Self {
+        let position_m = reference.position.to_metres().0;
+        Self {
+            reference_m: position_m,
+            velocity_offset: reference.velocity_offset,
+            torque_offset: reference.torque_offset,
+            interpolated_m: position_m,
+            position_m,
+            velocity_m_per_s: 0.0,
+            force_n: 0.0,
+            integral_n: 0.0,
+        }
+    }
+
+    /// Takes what is to be followed in the next cycle.
+    pub fn command(&mut self, reference: &Reference) {
+        self.reference_m = reference.position.to_metres().0;
+        self.velocity_offset = reference.velocity_offset;
+        self.torque_offset = reference.torque_offset;
+    }
+
+    /// One cycle, under `load_n` newtons that push the cart along its guideway.
+    pub fn advance(&mut self, load_n: f64) {
+        let start_m = self.interpolated_m;
+        let way_m = self.reference_m - start_m;
+        let feed_forward = way_m / CYCLE_S + f64::from(self.velocity_offset.0) * 1e-6;
+        for substep in 0..SUBSTEPS {
+            // Reference and position at the start of the step: at constant speed the error is then zero.
+            let share = f64::from(substep) / f64::from(SUBSTEPS);
+            self.interpolated_m = start_m + way_m * share;
+            self.substep(feed_forward, load_n);
+        }
+        self.interpolated_m = self.reference_m;
+    }
+
+    /// Controllers, then motor and cart.
+    fn substep(&mut self, feed_forward_m_per_s: f64, load_n: f64) {
+        let position_error_m = self.interpolated_m - self.position_m;
+        let velocity_reference = POSITION_GAIN * position_error_m + feed_forward_m_per_s;
+        let velocity_error = velocity_reference - self.velocity_m_per_s;
+        let proportional_n = MASS_KG * VELOCITY_GAIN * velocity_error;
+        let offset_n = f64::from(self.torque_offset.0) * 1e-3 * RATED_FORCE_N;
+        let limit_n = TORQUE_LIMIT * RATED_FORCE_N;
+        // The integral stops at the limit, so that it does not wind up.
+        let grown_n = self.integral_n + proportional_n * (SUBSTEP_S / VELOCITY_INTEGRAL_S);
+        self.integral_n = grown_n.clamp(-limit_n, limit_n);
+        let wanted_n = (proportional_n + self.integral_n + offset_n).clamp(-limit_n, limit_n);
+
+        self.force_n += (wanted_n - self.force_n) * CURRENT_SHARE;
+        let sum_n = self.force_n + load_n - FRICTION * self.velocity_m_per_s;
+        self.velocity_m_per_s += sum_n / MASS_KG * SUBSTEP_S;
+        self.position_m += self.velocity_m_per_s * SUBSTEP_S;
+    }
+
+    /// Motor side of the axis, m.
+    #[must_use]
+    pub const fn position_m(&self) -> f64 {
+        self.position_m
+    }
+
+    /// What the drive reports.
+    ///
+    /// # Errors
+    /// [`CrossingError`] when the axis has run out of the range of positions.
+    pub fn actual(&self) -> Result<Actual, CrossingError> {
+        Ok(Actual {
+            position: PositionNm::from_metres(Metres(self.position_m))?,
+            velocity: rounding::velocity(self.velocity_m_per_s)?,
+            torque: rounding::torque(self.force_n / RATED_FORCE_N)?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reference(nm: i64) -> Reference {
+        Reference {
+            position: PositionNm(nm),
+            ..Reference::default()
+        }
+    }
+
+    fn error_nm(drive: &Drive, nm: i64) -> i64 {
+        (drive.actual().unwrap().position.0 - nm).abs()
+    }
+
+    #[test]
+    fn settles_after_a_step_of_the_reference() {
+        let mut drive = Drive::at_rest(&reference(0));
+        drive.command(&reference(20_000));
+        let mut highest = 0;
+        for _ in 0..60 {
+            drive.advance(0.0);
+            highest = highest.max(drive.actual().unwrap().position.0);
+        }
+        assert!(error_nm(&drive, 20_000) < 100, "{drive:?}");
+        assert!(highest < 40_000, "{highest}");
+    }
+
+    #[test]
+    fn settles_after_a_step_of_the_load() {
+        let mut drive = Drive::at_rest(&reference(0));
+        for _ in 0..80 {
+            drive.advance(300.0);
+        }
+        assert!(error_nm(&drive, 0) < 100, "{drive:?}");
+        assert_eq!(drive.actual().unwrap().torque, TorquePermille(-300));
+    }
+
+    #[test]
+    fn follows_motion_closely() {
+        let mut drive = Drive::at_rest(&reference(0));
+        let mut worst = 0;
+        for cycle in 1..1000_i64 {
+            // Up to 0.5 m/s, at 2 m/s^2.
+            let nm = if cycle < 250 {
+                cycle * cycle * 1000
+            } else {
+                250 * 250 * 1000 + (cycle - 250) * 500_000
+            };
+            drive.command(&reference(nm));
+            drive.advance(0.0);
+            worst = worst.max(error_nm(&drive, nm));
+        }
+        assert!(worst < 100_000, "{worst} nm");
+        assert!(error_nm(&drive, 250 * 250 * 1000 + 749 * 500_000) < 1000);
+    }
+
+    #[test]
+    fn the_position_loop_absorbs_a_torque_offset() {
+        let mut drive = Drive::at_rest(&reference(0));
+        let pushed = Reference {
+            torque_offset: TorquePermille(200),
+            ..reference(0)
+        };
+        drive.command(&pushed);
+        for _ in 0..100 {
+            drive.advance(0.0);
+        }
+        assert!(error_nm(&drive, 0) < 100);
+        assert_eq!(drive.actual().unwrap().torque, TorquePermille(0));
+    }
+
+    #[test]
+    fn a_velocity_offset_shifts_by_one_over_the_gain() {
+        let mut drive = Drive::at_rest(&reference(0));
+        drive.command(&Reference {
+            velocity_offset: VelocityUmS(150),
+            ..reference(0)
+        });
+        for _ in 0..200 {
+            drive.advance(0.0);
+        }
+        assert!(error_nm(&drive, 1000) < 10, "{drive:?}");
+    }
+
+    #[test]
+    fn overload_is_limited_and_recovered_from() {
+        let mut drive = Drive::at_rest(&reference(0));
+        for _ in 0..20 {
+            drive.advance(1.2 * TORQUE_LIMIT * RATED_FORCE_N);
+            assert!(drive.actual().unwrap().torque.0 >= -3000);
+        }
+        for _ in 0..400 {
+            drive.advance(0.0);
+        }
+        assert!(error_nm(&drive, 0) < 100, "{drive:?}");
+    }
+}

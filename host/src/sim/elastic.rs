@@ -1,0 +1,488 @@
+//! Where the platform stands under load: nonlinear, quasi-static equilibrium of links and carts as springs `[T 3.3]`.
+//!
+//! World axes; moments about the tool centre point (TCP). `s_ij` points from platform to cart, `l_ij = R b_ij`.
+//! `w = (F, M)` is what the environment applies to the platform, `f` are link tensions:
+//!
+//! - balance `W f + w = 0` with `W = [s; l x s]` `[T 3.24]`, so the tensions follow from the pose alone `[T 3.25]`;
+//! - each link is as long as its spring makes it: `L_i + c_ij f_ij`, plus the play in cluster 3 ([`Play`]);
+//! - each cart is where its spring lets it: `q_i + c_i tau_i`, with `tau = -D^T f` `[T 3.26]`.
+//!
+//! All three are evaluated at the *deflected* pose, which is found by stepping on the six length errors. No mass, no damping:
+//! the platform is in equilibrium in every cycle (its first resonance is far above what 1 kHz drives excite).
+
+use std::fmt;
+
+use gantry_tau_core::robot::{ARM_OF_LINK, ARMS, Compliances, Robot};
+use nalgebra::{Matrix6, Matrix6x3, UnitQuaternion, Vector3, Vector6};
+
+use super::play::Play;
+
+/// The search ends when no step is larger than this, in metres and in radians.
+pub const STEP_TOLERANCE: f64 = 1e-13;
+/// Largest length error of a result, in metres. Rounding leaves about 1e-16 per metre of link.
+pub const RESIDUAL_TOLERANCE_M: f64 = 1e-12;
+/// At rest none is needed, after a step of the load up to 6, from a cold start under 10.
+pub const MAX_ITERATIONS: u32 = 30;
+/// First link of cluster 3 in link order.
+const CLUSTER_3: usize = 3;
+
+/// Position of the TCP (metres) and orientation of the platform, world axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// TCP, metres.
+    pub translation_m: Vector3<f64>,
+    /// Platform axes to world axes. A unit quaternion: it cannot drift away from a rotation over millions of warm starts.
+    pub rotation: UnitQuaternion<f64>,
+}
+
+/// Pose under load, and what it took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Equilibrium {
+    /// Where the platform stands.
+    pub pose: Pose,
+    /// Tension of each link, newtons, link order; without the constant part that the weight causes.
+    pub tensions_n: Vector6<f64>,
+    /// Generalised load on each actuator, positive along `+q`: newtons times metres per unit of `q`, arm order.
+    pub cart_loads: Vector3<f64>,
+    /// Steps taken.
+    pub iterations: u32,
+    /// Largest remaining length error, metres.
+    pub residual_m: f64,
+}
+
+/// Why there is no equilibrium to report.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ElasticError {
+    /// Carts, load or start are not finite.
+    NotFinite,
+    /// The links cannot take the load in this pose: their lines do not span all forces and moments.
+    Singular,
+    /// No equilibrium within [`MAX_ITERATIONS`].
+    NotConverged {
+        /// Steps taken.
+        iterations: u32,
+        /// Largest remaining length error, metres.
+        residual_m: f64,
+    },
+}
+
+impl fmt::Display for ElasticError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotFinite => f.write_str("carts, load or start pose are not finite"),
+            Self::Singular => f.write_str("the links cannot carry a load in this pose"),
+            Self::NotConverged {
+                iterations,
+                residual_m,
+            } => write!(
+                f,
+                "no equilibrium after {iterations} steps, length error {residual_m:e} m"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for ElasticError {}
+
+/// Links, carts and joint play of one machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ElasticMachine {
+    robot: Robot,
+    compliances: Compliances,
+    play: Play,
+}
+
+impl Equilibrium {
+    /// A start for the search: at `pose`, with nothing loaded.
+    #[must_use]
+    pub fn unloaded(pose: Pose) -> Self {
+        Self {
+            pose,
+            tensions_n: Vector6::zeros(),
+            cart_loads: Vector3::zeros(),
+            iterations: 0,
+            residual_m: 0.0,
+        }
+    }
+
+    /// Sum of the tensions of links 31, 32, 33, newtons.
+    #[must_use]
+    pub fn cluster_3_n(&self) -> f64 {
+        self.tensions_n.fixed_rows::<3>(CLUSTER_3).sum()
+    }
+}
+
+impl ElasticMachine {
+    /// A machine with its *true* compliances.
+    #[must_use]
+    pub const fn new(robot: Robot, compliances: Compliances, play: Play) -> Self {
+        Self {
+            robot,
+            compliances,
+            play,
+        }
+    }
+
+    /// The same machine with another play in the joint of arm 3.
+    #[must_use]
+    pub const fn with_play(self, play: Play) -> Self {
+        Self { play, ..self }
+    }
+
+    /// The geometry.
+    #[must_use]
+    pub const fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// The true compliances.
+    #[must_use]
+    pub const fn compliances(&self) -> &Compliances {
+        &self.compliances
+    }
+
+    /// Where the platform stands with the motors at `carts` (q-units) under `load` (force N, moment N m about the TCP, world axes).
+    /// The search begins at `start`, which also chooses the assembly mode; the last cycle's result is the best start.
+    ///
+    /// With zero load this is the forward kinematics of the rigid machine.
+    ///
+    /// # Errors
+    /// [`ElasticError`]. A result is finite and balanced, and fits every length to [`RESIDUAL_TOLERANCE_M`].
+    pub fn equilibrium(
+        &self,
+        carts: &[f64; ARMS],
+        load: &Vector6<f64>,
+        start: &Equilibrium,
+    ) -> Result<Equilibrium, ElasticError> {
+        let motors = Vector3::from(*carts);
+        let mut now = *start;
+        let given = motors.iter().chain(load.iter());
+        if !given.chain(now.cart_loads.iter()).all(|x| x.is_finite()) || !is_finite(&now.pose) {
+            return Err(ElasticError::NotFinite);
+        }
+        for iterations in 0..=MAX_ITERATIONS {
+            let lines = self.lines(&self.displaced(&motors, &now.cart_loads), &now.pose);
+            let inverse = lines.matrix.try_inverse().ok_or(ElasticError::Singular)?;
+            let tensions_n = -(inverse * load);
+            let cart_loads = -(lines.guideways.transpose() * tensions_n);
+            let errors = self.length_errors(&motors, &now.pose, &tensions_n, &cart_loads);
+            // Moving the platform by `step` shortens the links by W^T step.
+            let step = inverse.transpose() * errors;
+            let cart_step =
+                self.displaced(&motors, &cart_loads) - self.displaced(&motors, &now.cart_loads);
+            now = Equilibrium {
+                tensions_n,
+                cart_loads,
+                iterations,
+                residual_m: errors.amax(),
+                ..now
+            };
+            // `amax` overlooks NaN.
+            if !step.iter().chain(cart_loads.iter()).all(|x| x.is_finite()) {
+                return Err(ElasticError::Singular);
+            }
+            if step.amax().max(cart_step.amax()) < STEP_TOLERANCE
+                && now.residual_m < RESIDUAL_TOLERANCE_M
+            {
+                return Ok(now);
+            }
+            now.pose = moved(&now.pose, &step);
+        }
+        Err(ElasticError::NotConverged {
+            iterations: MAX_ITERATIONS,
+            residual_m: now.residual_m,
+        })
+    }
+
+    /// Where the springs of the carts let them go: `q_i + c_i tau_i`, q-units.
+    fn displaced(&self, motors: &Vector3<f64>, cart_loads: &Vector3<f64>) -> Vector3<f64> {
+        motors + Vector3::from(*self.compliances.cart_m_per_n()).component_mul(cart_loads)
+    }
+
+    /// From platform joint to cart joint of one link, metres.
+    fn link(&self, link: usize, carts: &Vector3<f64>, pose: &Pose) -> Vector3<f64> {
+        let geometry = self.robot.geometry();
+        let arm = ARM_OF_LINK[link];
+        let on_cart = geometry.cart_joints_m[link] + geometry.guideways[arm] * carts[arm];
+        let on_platform = pose.translation_m + pose.rotation * geometry.platform_joints_m[link];
+        on_cart - on_platform
+    }
+
+    /// `W` and `D` with the carts (not the motors) at `carts`.
+    fn lines(&self, carts: &Vector3<f64>, pose: &Pose) -> Lines {
+        let geometry = self.robot.geometry();
+        let mut lines = Lines {
+            matrix: Matrix6::zeros(),
+            guideways: Matrix6x3::zeros(),
+        };
+        for (link, &arm) in ARM_OF_LINK.iter().enumerate() {
+            let direction = self.link(link, carts, pose).normalize();
+            let lever = pose.rotation * geometry.platform_joints_m[link];
+            let moment = lever.cross(&direction);
+            lines
+                .matrix
+                .fixed_view_mut::<3, 1>(0, link)
+                .copy_from(&direction);
+            lines
+                .matrix
+                .fixed_view_mut::<3, 1>(3, link)
+                .copy_from(&moment);
+            lines.guideways[(link, arm)] = direction.dot(&geometry.guideways[arm]);
+        }
+        lines
+    }
+
+    /// How much farther apart the joints of each link are than the loaded link is long, metres.
+    fn length_errors(
+        &self,
+        motors: &Vector3<f64>,
+        pose: &Pose,
+        tensions_n: &Vector6<f64>,
+        cart_loads: &Vector3<f64>,
+    ) -> Vector6<f64> {
+        let carts = self.displaced(motors, cart_loads);
+        let play_m = self
+            .play
+            .elongation_m(tensions_n.fixed_rows::<3>(CLUSTER_3).sum());
+        Vector6::from_fn(|link, _| {
+            let spring_m = self.compliances.link_m_per_n()[link] * tensions_n[link];
+            let joint_m = if link >= CLUSTER_3 { play_m } else { 0.0 };
+            let length_m = self.robot.geometry().lengths_m[ARM_OF_LINK[link]];
+            self.link(link, &carts, pose).norm() - (length_m + spring_m + joint_m)
+        })
+    }
+}
+
+/// Line matrix `W` (6 x 6) and guideway projections `D_(ij),k = s_ij . v_k` (6 x 3).
+struct Lines {
+    matrix: Matrix6<f64>,
+    guideways: Matrix6x3<f64>,
+}
+
+/// `T + dT`, `exp(dtheta) R`.
+fn moved(pose: &Pose, step: &Vector6<f64>) -> Pose {
+    let translation = Vector3::new(step[0], step[1], step[2]);
+    let turn = Vector3::new(step[3], step[4], step[5]);
+    let rotation = UnitQuaternion::from_scaled_axis(turn) * pose.rotation;
+    Pose {
+        translation_m: pose.translation_m + translation,
+        rotation: UnitQuaternion::new_normalize(rotation.into_inner()),
+    }
+}
+
+fn is_finite(pose: &Pose) -> bool {
+    let rotation = pose.rotation.coords.iter();
+    pose.translation_m
+        .iter()
+        .chain(rotation)
+        .all(|x| x.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::fixture;
+    use gantry_tau_core::robot::LINKS;
+
+    fn pose_of(case: &fixture::Case) -> Pose {
+        Pose {
+            translation_m: Vector3::from(case.t),
+            rotation: UnitQuaternion::identity(),
+        }
+    }
+
+    /// Rigid joints, nominal compliances.
+    fn machine() -> ElasticMachine {
+        ElasticMachine::new(fixture::robot(), fixture::compliances(), Play::NONE)
+    }
+
+    #[test]
+    fn unloaded_it_is_the_forward_kinematics() {
+        for case in fixture::cases() {
+            let mut away = pose_of(&case);
+            away.translation_m += Vector3::new(0.02, -0.01, 0.015);
+            let found = machine()
+                .equilibrium(&case.q, &Vector6::zeros(), &Equilibrium::unloaded(away))
+                .unwrap();
+            assert!((found.pose.translation_m - Vector3::from(case.t)).amax() < 1e-12);
+            assert!(found.pose.rotation.angle() < 1e-12);
+            assert!(found.iterations <= 8, "{} steps", found.iterations);
+        }
+    }
+
+    #[test]
+    fn small_loads_follow_the_first_order_map() {
+        for case in fixture::cases() {
+            let start = Equilibrium::unloaded(pose_of(&case));
+            // Both signs, so that the second order cancels; small, so that the third vanishes.
+            let scale = 1e-3;
+            let load = Vector6::from(case.w) * scale;
+            let ahead = machine().equilibrium(&case.q, &load, &start).unwrap().pose;
+            let back = machine().equilibrium(&case.q, &-load, &start).unwrap().pose;
+            let shift = (ahead.translation_m - back.translation_m) / (2.0 * scale);
+            let turn = (ahead.rotation * back.rotation.inverse()).scaled_axis() / (2.0 * scale);
+            let expected = fixture::matrix6(&case.c_total) * Vector6::from(case.w);
+            let found = Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z);
+            assert!(
+                (found - expected).amax() < 1e-6 * expected.amax(),
+                "{found} {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn tensions_and_cart_loads_agree_with_the_vectors_to_first_order() {
+        for case in fixture::cases() {
+            let start = Equilibrium::unloaded(pose_of(&case));
+            let load = Vector6::from(case.w) * 1e-3;
+            let ahead = machine().equilibrium(&case.q, &load, &start).unwrap();
+            let back = machine().equilibrium(&case.q, &-load, &start).unwrap();
+            let tensions = (ahead.tensions_n - back.tensions_n) * 500.0 - Vector6::from(case.f);
+            let loads = (ahead.cart_loads - back.cart_loads) * 500.0 - Vector3::from(case.tau);
+            assert!(tensions.amax() < 1e-6 * Vector6::from(case.f).amax());
+            assert!(loads.amax() < 1e-6 * Vector3::from(case.tau).amax());
+        }
+    }
+
+    /// Energy of links and carts less the work of the load, with the platform moved and the carts shifted.
+    fn potential(
+        machine: &ElasticMachine,
+        motors: &[f64; 3],
+        carts: &Vector3<f64>,
+        pose: &Pose,
+        load: &Vector6<f64>,
+        moved_by: &Vector6<f64>,
+    ) -> f64 {
+        let compliances = machine.compliances();
+        let mut energy = -load.dot(moved_by);
+        for link in 0..LINKS {
+            let length = machine.robot().geometry().lengths_m[ARM_OF_LINK[link]];
+            let elongation = machine.link(link, carts, pose).norm() - length;
+            energy += elongation * elongation / (2.0 * compliances.link_m_per_n()[link]);
+        }
+        for arm in 0..ARMS {
+            let shift = carts[arm] - motors[arm];
+            energy += shift * shift / (2.0 * compliances.cart_m_per_n()[arm]);
+        }
+        energy
+    }
+
+    #[test]
+    fn the_potential_is_stationary() {
+        for case in fixture::cases() {
+            let machine = machine();
+            let load = Vector6::from(case.w);
+            let start = Equilibrium::unloaded(pose_of(&case));
+            let found = machine.equilibrium(&case.q, &load, &start).unwrap();
+            let carts = machine.displaced(&Vector3::from(case.q), &found.cart_loads);
+            let h = 1e-7;
+            for direction in 0..LINKS + ARMS {
+                let at = |sign: f64| {
+                    let mut step = Vector6::zeros();
+                    let mut carts = carts;
+                    if direction < LINKS {
+                        step[direction] = sign * h;
+                    } else {
+                        carts[direction - LINKS] += sign * h;
+                    }
+                    let pose = moved(&found.pose, &step);
+                    potential(&machine, &case.q, &carts, &pose, &load, &step)
+                };
+                let slope = (at(1.0) - at(-1.0)) / (2.0 * h);
+                // A force or moment left over, against loads of hundreds of newtons.
+                assert!(slope.abs() < 1e-4, "direction {direction}: {slope:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_work_of_a_slow_load_is_stored_in_the_springs() {
+        let case = &fixture::cases()[0];
+        let machine = machine();
+        let load = Vector6::from(case.w);
+        let mut last = Equilibrium::unloaded(pose_of(case));
+        let steps = 200;
+        let mut work = 0.0;
+        for step in 1..=steps {
+            let middle = load * ((f64::from(step) - 0.5) / f64::from(steps));
+            let full = load * (f64::from(step) / f64::from(steps));
+            let now = machine.equilibrium(&case.q, &full, &last).unwrap();
+            let shift = now.pose.translation_m - last.pose.translation_m;
+            let turn = (now.pose.rotation * last.pose.rotation.inverse()).scaled_axis();
+            work += middle.fixed_rows::<3>(0).dot(&shift) + middle.fixed_rows::<3>(3).dot(&turn);
+            last = now;
+        }
+        let carts = machine.displaced(&Vector3::from(case.q), &last.cart_loads);
+        let stored = potential(
+            &machine,
+            &case.q,
+            &carts,
+            &last.pose,
+            &load,
+            &Vector6::zeros(),
+        );
+        assert!((work - stored).abs() < 1e-5 * stored, "{work} {stored}");
+    }
+
+    #[test]
+    fn forces_balance_at_the_deflected_pose() {
+        for case in fixture::cases() {
+            let machine = machine();
+            let load = Vector6::from(case.w);
+            let start = Equilibrium::unloaded(pose_of(&case));
+            let found = machine.equilibrium(&case.q, &load, &start).unwrap();
+            let carts = machine.displaced(&Vector3::from(case.q), &found.cart_loads);
+            let lines = machine.lines(&carts, &found.pose);
+            let left = (lines.matrix * found.tensions_n + load).amax();
+            assert!(left < 1e-9, "{left:e} N");
+            assert!(found.residual_m < RESIDUAL_TOLERANCE_M);
+            assert!(found.iterations <= 10, "{} steps", found.iterations);
+        }
+    }
+
+    /// The sign test between this model and the compensation: the vectors' `q_comp` must bring the tool back.
+    #[test]
+    fn the_compensation_of_the_vectors_brings_the_tool_back() {
+        for case in fixture::cases() {
+            let start = Equilibrium::unloaded(pose_of(&case));
+            let at = |carts: &[f64; 3], scale: f64| {
+                let load = Vector6::from(case.w) * scale;
+                let found = machine().equilibrium(carts, &load, &start).unwrap();
+                (found.pose.translation_m - Vector3::from(case.t)).norm()
+            };
+            // First order, so a hundredth of load and correction leaves a hundredth of the share.
+            let scale = 0.01;
+            let correction = |arm: usize| scale * (case.q_comp[arm] - case.q[arm]);
+            let compensated = std::array::from_fn(|arm| case.q[arm] + correction(arm));
+            let (before, after) = (at(&case.q, scale), at(&compensated, scale));
+            assert!(after < 0.01 * before, "{before:e} m, then {after:e} m");
+        }
+    }
+
+    #[test]
+    fn a_warm_start_changes_nothing_but_the_effort() {
+        let case = &fixture::cases()[0];
+        let load = Vector6::from(case.w);
+        let cold = Equilibrium::unloaded(pose_of(case));
+        let first = machine().equilibrium(&case.q, &load, &cold).unwrap();
+        let again = machine().equilibrium(&case.q, &load, &first).unwrap();
+        assert_eq!(again.iterations, 0);
+        assert_eq!(again.pose, first.pose);
+    }
+
+    #[test]
+    fn says_why_there_is_no_result() {
+        let case = &fixture::cases()[0];
+        let start = Equilibrium::unloaded(pose_of(case));
+        let solve =
+            |carts: &[f64; 3], load: &Vector6<f64>| machine().equilibrium(carts, load, &start);
+        let mut bad = Vector6::zeros();
+        bad[4] = f64::NAN;
+        assert_eq!(solve(&case.q, &bad), Err(ElasticError::NotFinite));
+        // Carts too far apart for the links.
+        let apart = [case.q[0] + 5.0, case.q[1] - 5.0, case.q[2]];
+        assert!(solve(&apart, &Vector6::zeros()).is_err());
+        let huge = Vector6::repeat(1e300);
+        assert!(solve(&case.q, &huge).is_err());
+    }
+}

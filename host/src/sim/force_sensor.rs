@@ -1,0 +1,151 @@
+//! Six-axis force sensor at the tool: ATI Mini85 `[T 4.2.5]`.
+
+use nalgebra::{Matrix3, Vector3, Vector6};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::parameters::{SimulationError, SimulationParameters, check};
+
+/// Stream of the seeded generator, apart from the springs' stream.
+const NOISE_STREAM: u64 = 2;
+
+/// A sensor at `p` from the tool centre point with axes `R` (sensor to world): `F_s = R^T F`, `M_s = R^T (M - p x F)`.
+///
+/// It shows the load on the tool with the sign of that load. Its axes stay where they are: the platform turns by about 2 mrad at 300 N,
+/// which would show as half a newton across the load.
+#[derive(Clone, Debug)]
+pub struct ForceSensor {
+    rotation: Matrix3<f64>,
+    lever_m: Vector3<f64>,
+    bias: Vector6<f64>,
+    noise: Vector6<f64>,
+    random: ChaCha8Rng,
+}
+
+impl ForceSensor {
+    /// The sensor that `parameters` describe.
+    ///
+    /// # Errors
+    /// [`SimulationError`] when its rotation is none, or a number is not finite, negative noise, or absurdly large.
+    pub fn new(parameters: &SimulationParameters) -> Result<Self, SimulationError> {
+        check("force_noise_n", parameters.force_noise_n, 0.0, 1e6)?;
+        check("moment_noise_nm", parameters.moment_noise_nm, 0.0, 1e6)?;
+        for component in &parameters.sensor_bias {
+            check("sensor_bias", *component, -1e6, 1e6)?;
+        }
+        for component in parameters.sensor_lever_m.iter() {
+            check("sensor_lever_m", *component, -1e3, 1e3)?;
+        }
+        let rotation = parameters.sensor_rotation;
+        let product = rotation * rotation.transpose() - Matrix3::identity();
+        let orthonormal = product.iter().all(|x| x.abs() < 1e-9);
+        if !(orthonormal && rotation.determinant() > 0.0) {
+            return Err(SimulationError::NotARotation {
+                parameter: "sensor_rotation",
+            });
+        }
+        let mut random = ChaCha8Rng::seed_from_u64(parameters.seed);
+        random.set_stream(NOISE_STREAM);
+        let (force, moment) = (parameters.force_noise_n, parameters.moment_noise_nm);
+        Ok(Self {
+            rotation,
+            lever_m: parameters.sensor_lever_m,
+            bias: Vector6::from(parameters.sensor_bias),
+            noise: Vector6::new(force, force, force, moment, moment, moment),
+            random,
+        })
+    }
+
+    /// One raw sample under `load` (force N, moment N m about the tool centre point, world axes), in sensor axes.
+    pub fn sample(&mut self, load: &Vector6<f64>) -> Vector6<f64> {
+        let random = &mut self.random;
+        let unit = Vector6::from_fn(|_, _| StandardNormal.sample(random));
+        self.seen(load) + self.bias + self.noise.component_mul(&unit)
+    }
+
+    /// The load in the sensor's axes, about its origin.
+    fn seen(&self, load: &Vector6<f64>) -> Vector6<f64> {
+        let force = load.fixed_rows::<3>(0).into_owned();
+        let moment = load.fixed_rows::<3>(3).into_owned();
+        let force_seen = self.rotation.transpose() * force;
+        let moment_seen = self.rotation.transpose() * (moment - self.lever_m.cross(&force));
+        let mut seen = Vector6::zeros();
+        seen.fixed_rows_mut::<3>(0).copy_from(&force_seen);
+        seen.fixed_rows_mut::<3>(3).copy_from(&moment_seen);
+        seen
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Rotation3;
+
+    fn parameters() -> SimulationParameters {
+        SimulationParameters {
+            sensor_rotation: Rotation3::from_euler_angles(0.3, -1.1, 2.0).into_inner(),
+            sensor_lever_m: Vector3::new(0.02, -0.05, 0.11),
+            sensor_bias: [3.0, -2.0, 12.0, 0.1, 0.2, -0.3],
+            ..SimulationParameters::at_home([0.0; 3])
+        }
+    }
+
+    #[test]
+    fn the_load_can_be_got_back() {
+        let parameters = parameters();
+        let sensor = ForceSensor::new(&parameters).unwrap();
+        let load = Vector6::new(100.0, -50.0, 20.0, 3.0, 4.0, -5.0);
+        let seen = sensor.seen(&load);
+        let turn = parameters.sensor_rotation;
+        let force = turn * seen.fixed_rows::<3>(0);
+        let moment = turn * seen.fixed_rows::<3>(3) + parameters.sensor_lever_m.cross(&force);
+        assert!((force - load.fixed_rows::<3>(0)).amax() < 1e-12);
+        assert!((moment - load.fixed_rows::<3>(3)).amax() < 1e-12);
+    }
+
+    #[test]
+    fn a_force_at_the_sensor_gives_it_no_moment() {
+        let sensor = ForceSensor::new(&parameters()).unwrap();
+        let force = Vector3::new(10.0, 20.0, -30.0);
+        let moment = parameters().sensor_lever_m.cross(&force);
+        let load = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
+        assert!(sensor.seen(&load).fixed_rows::<3>(3).amax() < 1e-12);
+    }
+
+    #[test]
+    fn noise_has_the_stated_spread_about_the_bias() {
+        let parameters = parameters();
+        let mut sensor = ForceSensor::new(&parameters).unwrap();
+        let count = 20_000;
+        let (mut sum, mut squares) = (Vector6::zeros(), Vector6::zeros());
+        for _ in 0..count {
+            let off = sensor.sample(&Vector6::zeros()) - Vector6::from(parameters.sensor_bias);
+            sum += off;
+            squares += off.component_mul(&off);
+        }
+        let (mean, variance) = (sum / f64::from(count), squares / f64::from(count));
+        for axis in 0..6 {
+            let expected = if axis < 3 { 0.5 } else { 0.02 };
+            assert!(mean[axis].abs() < 0.03 * expected);
+            assert!((variance[axis].sqrt() / expected - 1.0).abs() < 0.03);
+        }
+    }
+
+    #[test]
+    fn refuses_what_is_no_sensor() {
+        let mirrored = SimulationParameters {
+            sensor_rotation: -Matrix3::identity(),
+            ..parameters()
+        };
+        let reason = SimulationError::NotARotation {
+            parameter: "sensor_rotation",
+        };
+        assert_eq!(ForceSensor::new(&mirrored).err(), Some(reason));
+        let noisy = SimulationParameters {
+            force_noise_n: -1.0,
+            ..parameters()
+        };
+        assert!(ForceSensor::new(&noisy).is_err());
+    }
+}

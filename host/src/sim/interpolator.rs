@@ -1,0 +1,234 @@
+//! Nominal references in place of the NC kernel `[T 4.1.1]`: rest, or a walk along waypoints and back.
+
+use gantry_tau_core::robot::ARMS;
+
+use super::parameters::{MAX_WAYPOINTS, Motion, SimulationError, check};
+use super::rounding::nearest;
+
+/// Cycles per second.
+const CYCLES_PER_SECOND: f64 = 1000.0;
+/// Peak speed of the quintic, times distance over time.
+const PEAK_SPEED: f64 = 1.875;
+/// Peak acceleration of the quintic, times distance over time squared: `10 / sqrt(3)`.
+const PEAK_ACCELERATION: f64 = 5.773_502_691_896_258;
+/// Longest leg, cycles: a day.
+const MAX_LEG_CYCLES: f64 = 86_400_000.0;
+
+/// One sample of the nominal axis positions per cycle, in metres. Positions, speeds and accelerations are continuous.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Interpolator {
+    /// Home, then the waypoints.
+    stops_m: Vec<[f64; ARMS]>,
+    /// Cycles of each leg, from a stop to the next one.
+    legs: Vec<u32>,
+    dwell: u32,
+    /// Leg being walked.
+    leg: usize,
+    backwards: bool,
+    /// Cycles since the leg began, its dwell first.
+    cycle: u32,
+}
+
+impl Interpolator {
+    /// Starts at `home_m` (axis positions, metres).
+    ///
+    /// # Errors
+    /// [`SimulationError::OutOfRange`] naming the waypoints, the speed or the acceleration.
+    pub fn new(home_m: [f64; ARMS], motion: &Motion) -> Result<Self, SimulationError> {
+        let mut this = Self {
+            stops_m: vec![home_m],
+            legs: Vec::new(),
+            dwell: 0,
+            leg: 0,
+            backwards: false,
+            cycle: 0,
+        };
+        if let Motion::BackAndForth {
+            waypoints_m,
+            speed_m_per_s,
+            acceleration_m_per_s2,
+            dwell_cycles,
+        } = motion
+        {
+            check("speed_m_per_s", *speed_m_per_s, 1e-6, 10.0)?;
+            check("acceleration_m_per_s2", *acceleration_m_per_s2, 1e-6, 1e3)?;
+            // A day's dwell is long enough; sums of cycles stay far inside u32.
+            check(
+                "dwell_cycles",
+                f64::from(*dwell_cycles),
+                0.0,
+                MAX_LEG_CYCLES,
+            )?;
+            if waypoints_m.len() > MAX_WAYPOINTS {
+                return Err(too_many());
+            }
+            this.dwell = *dwell_cycles;
+            let mut from = home_m;
+            for to in waypoints_m {
+                this.legs.push(leg_cycles(
+                    &from,
+                    to,
+                    *speed_m_per_s,
+                    *acceleration_m_per_s2,
+                )?);
+                this.stops_m.push(*to);
+                from = *to;
+            }
+        }
+        Ok(this)
+    }
+
+    /// Axis positions now, metres.
+    #[must_use]
+    pub fn position_m(&self) -> [f64; ARMS] {
+        let (Some(cycles), Some(near), Some(far)) = (
+            self.legs.get(self.leg),
+            self.stops_m.get(self.leg),
+            self.stops_m.get(self.leg + 1),
+        ) else {
+            // No leg: it holds.
+            return self.stops_m.first().copied().unwrap_or_default();
+        };
+        let walked = f64::from(self.cycle.saturating_sub(self.dwell)) / f64::from(*cycles);
+        let share = quintic(if self.backwards { 1.0 - walked } else { walked });
+        std::array::from_fn(|axis| near[axis] + (far[axis] - near[axis]) * share)
+    }
+
+    /// One cycle further.
+    pub fn advance(&mut self) {
+        let Some(cycles) = self.legs.get(self.leg) else {
+            return;
+        };
+        self.cycle += 1;
+        if self.cycle < self.dwell + cycles {
+            return;
+        }
+        self.cycle = 0;
+        let last = self.legs.len() - 1;
+        match (self.backwards, self.leg) {
+            (false, leg) if leg == last => self.backwards = true,
+            (false, leg) => self.leg = leg + 1,
+            (true, 0) => self.backwards = false,
+            (true, leg) => self.leg = leg - 1,
+        }
+    }
+}
+
+fn too_many() -> SimulationError {
+    SimulationError::OutOfRange {
+        parameter: "number of waypoints_m",
+        lower: 0.0,
+        upper: 1e5,
+    }
+}
+
+/// Cycles that keep every axis below the speed and the acceleration, at least one.
+fn leg_cycles(
+    from: &[f64; ARMS],
+    to: &[f64; ARMS],
+    speed_m_per_s: f64,
+    acceleration_m_per_s2: f64,
+) -> Result<u32, SimulationError> {
+    let mut longest_m = 0.0_f64;
+    for (start, end) in from.iter().zip(to) {
+        check("waypoints_m", *end, -1e3, 1e3)?;
+        longest_m = longest_m.max((end - start).abs());
+    }
+    let by_speed_s = PEAK_SPEED * longest_m / speed_m_per_s;
+    let by_acceleration_s = (PEAK_ACCELERATION * longest_m / acceleration_m_per_s2).sqrt();
+    let cycles = (by_speed_s.max(by_acceleration_s) * CYCLES_PER_SECOND)
+        .ceil()
+        .max(1.0);
+    check("cycles between waypoints_m", cycles, 1.0, MAX_LEG_CYCLES)?;
+    let whole = nearest(cycles).unwrap_or(i64::MAX);
+    Ok(u32::try_from(whole).unwrap_or(u32::MAX / 2))
+}
+
+/// From 0 to 1 with speed and acceleration zero at both ends.
+fn quintic(x: f64) -> f64 {
+    x * x * x * (10.0 + x * (6.0 * x - 15.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn walk() -> Interpolator {
+        let motion = Motion::BackAndForth {
+            waypoints_m: vec![[0.1, 0.0, -0.05], [0.1, 0.2, 0.0]],
+            speed_m_per_s: 0.5,
+            acceleration_m_per_s2: 2.0,
+            dwell_cycles: 20,
+        };
+        Interpolator::new([0.0; 3], &motion).unwrap()
+    }
+
+    #[test]
+    fn stays_below_speed_and_acceleration_and_visits_every_stop() {
+        let mut walk = walk();
+        let mut trace = vec![walk.position_m()];
+        for _ in 0..5000 {
+            walk.advance();
+            trace.push(walk.position_m());
+        }
+        for pair in trace.windows(3) {
+            for axis in 0..ARMS {
+                let first = pair[1][axis] - pair[0][axis];
+                let second = pair[2][axis] - pair[1][axis];
+                assert!(first.abs() <= 0.5e-3 * (1.0 + 1e-9));
+                assert!((second - first).abs() <= 2e-6 * 1.05);
+            }
+        }
+        for stop in [[0.0; 3], [0.1, 0.0, -0.05], [0.1, 0.2, 0.0]] {
+            let visits = trace.iter().filter(|position| {
+                let off = (0..ARMS).map(|axis| (position[axis] - stop[axis]).abs());
+                off.fold(0.0, f64::max) < 1e-12
+            });
+            assert!(visits.count() > 20);
+        }
+    }
+
+    #[test]
+    fn holding_is_no_motion() {
+        let home = [0.3, -0.2, 1.0];
+        let mut hold = Interpolator::new(home, &Motion::Hold).unwrap();
+        for _ in 0..100 {
+            hold.advance();
+            assert_eq!(hold.position_m(), home);
+        }
+    }
+
+    #[test]
+    fn waypoints_that_do_not_move_are_no_trouble() {
+        let motion = Motion::BackAndForth {
+            waypoints_m: vec![[0.0; 3]; 2],
+            speed_m_per_s: 0.5,
+            acceleration_m_per_s2: 2.0,
+            dwell_cycles: 0,
+        };
+        let mut walk = Interpolator::new([0.0; 3], &motion).unwrap();
+        for _ in 0..10 {
+            walk.advance();
+            assert_eq!(walk.position_m(), [0.0; 3]);
+        }
+    }
+
+    #[test]
+    fn refuses_by_name() {
+        let bad = |waypoint: f64, speed: f64, acceleration: f64| {
+            let motion = Motion::BackAndForth {
+                waypoints_m: vec![[waypoint; 3]],
+                speed_m_per_s: speed,
+                acceleration_m_per_s2: acceleration,
+                dwell_cycles: 0,
+            };
+            match Interpolator::new([0.0; 3], &motion) {
+                Err(SimulationError::OutOfRange { parameter, .. }) => parameter,
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(bad(f64::NAN, 1.0, 1.0), "waypoints_m");
+        assert_eq!(bad(0.1, 0.0, 1.0), "speed_m_per_s");
+        assert_eq!(bad(0.1, 1.0, f64::INFINITY), "acceleration_m_per_s2");
+    }
+}

@@ -1,0 +1,537 @@
+//! The whole machine behind [`Plant`]: interpolator, drives, springs, instruments.
+//!
+//! Order of a cycle: the references of the last `write` act; drives advance under the load that the last pose puts on them;
+//! the platform takes its new pose with the motors where they are; the instruments look; the interpolator moves on.
+//!
+//! *Displacement* is the tool's place less its place on the unloaded rigid machine with the carts at the nominal of the last `write`:
+//! the nominal that the drives were told, without the offsets. So neither the interpolator's motion nor the delay of a cycle shows
+//! up in it, but everything else does: springs, play, following errors, and the offsets of a compensation.
+
+use gantry_tau_core::axis::{Offsets, Reference};
+use gantry_tau_core::robot::{ARMS, Compliances, Robot};
+use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
+use nalgebra::{UnitQuaternion, Vector3, Vector6};
+
+use super::drive::Drive;
+use super::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
+use super::force_sensor::ForceSensor;
+use super::gauge::Gauge;
+use super::hand::{Load, Tool};
+use super::interpolator::Interpolator;
+use super::inverse::carts_at;
+use super::parameters::{SimulationError, SimulationParameters, check};
+use super::springs::true_springs;
+use crate::plant::{Plant, PlantError, Reading, ToolReading};
+
+/// Most cycles one `read` simulates; time beyond that stands still for the machine.
+pub const MAX_CYCLES_PER_READ: u64 = 100;
+
+/// A simulated L2 `[T 4.2]`.
+#[derive(Debug)]
+pub struct SimulatedMachine {
+    springs: ElasticMachine,
+    drives: [Drive; ARMS],
+    interpolator: Interpolator,
+    sensor: ForceSensor,
+    gauge: Gauge,
+    tool: Tool,
+    metres_per_q: [f64; ARMS],
+    offsets_readable: bool,
+    /// Nominal of the last reading.
+    nominal: [PositionNm; ARMS],
+    /// Nominal to which the references in force belong.
+    nominal_in_force: [PositionNm; ARMS],
+    references: [Reference; ARMS],
+    /// The tool under load, and on the rigid machine at `nominal_in_force`.
+    loaded: Equilibrium,
+    rigid: Equilibrium,
+    load: Load,
+    sample: Vector6<f64>,
+}
+
+impl SimulatedMachine {
+    /// A machine of geometry `robot` whose springs are near `nominal` compliances, at rest at home, felt by `tool`.
+    ///
+    /// # Errors
+    /// [`SimulationError`] naming the parameter.
+    pub fn new(
+        robot: &Robot,
+        nominal: &Compliances,
+        parameters: &SimulationParameters,
+        tool: Tool,
+    ) -> Result<Self, SimulationError> {
+        for scale in &parameters.metres_per_q {
+            check("metres_per_q", *scale, 1e-6, 1e3)?;
+        }
+        let home_m = home(robot, parameters)?;
+        let springs = true_springs(robot, nominal, parameters)?;
+        let at_home = positions_nm(&home_m)?;
+        let references = std::array::from_fn(|axis| {
+            let offsets = &parameters.initial_offsets[axis];
+            Reference {
+                position: PositionNm(at_home[axis].0 + i64::from(offsets.position.0)),
+                velocity_offset: offsets.velocity,
+                torque_offset: offsets.torque,
+            }
+        });
+        let start = Equilibrium::unloaded(Pose {
+            translation_m: Vector3::from(parameters.home_m),
+            rotation: UnitQuaternion::identity(),
+        });
+        let mut machine = Self {
+            springs,
+            drives: references.each_ref().map(Drive::at_rest),
+            interpolator: Interpolator::new(home_m, &parameters.motion)?,
+            sensor: ForceSensor::new(parameters)?,
+            gauge: Gauge::new(parameters.gauge_resolution_m)?,
+            tool,
+            metres_per_q: parameters.metres_per_q,
+            offsets_readable: parameters.offsets_readable,
+            nominal: at_home,
+            nominal_in_force: at_home,
+            references,
+            loaded: start,
+            rigid: start,
+            load: Load::default(),
+            sample: Vector6::zeros(),
+        };
+        machine
+            .settle_platform()
+            .map_err(SimulationError::Springs)?;
+        machine.sample = machine.sensor.sample(&Vector6::zeros());
+        Ok(machine)
+    }
+
+    /// The compliances the machine really has: what an identification should find.
+    #[must_use]
+    pub const fn true_compliances(&self) -> &Compliances {
+        self.springs.compliances()
+    }
+
+    /// Nominal axis positions of the last reading; before the first one, home.
+    #[must_use]
+    pub const fn nominal(&self) -> &[PositionNm; ARMS] {
+        &self.nominal
+    }
+
+    /// The tool under load as the last reading left it.
+    #[must_use]
+    pub const fn equilibrium(&self) -> &Equilibrium {
+        &self.loaded
+    }
+
+    /// One cycle of 1 ms.
+    fn advance(&mut self) -> Result<(), &'static str> {
+        self.load = self.tool.load();
+        for (axis, drive) in self.drives.iter_mut().enumerate() {
+            // Power is the same in both units: tau dq = F dx.
+            drive.advance(self.loaded.cart_loads[axis] / self.metres_per_q[axis]);
+        }
+        self.settle_platform()
+            .map_err(|_| "the springs find no equilibrium under this load")?;
+        self.sample = self.sensor.sample(&Vector6::from(self.load.wrench()));
+        self.interpolator.advance();
+        self.nominal = positions_nm(&self.interpolator.position_m())
+            .map_err(|_| "a nominal position is out of range")?;
+        Ok(())
+    }
+
+    /// Poses for the motors as they are and for the nominal they were told.
+    fn settle_platform(&mut self) -> Result<(), ElasticError> {
+        let load = Vector6::from(self.load.wrench());
+        let motors =
+            std::array::from_fn(|axis| self.drives[axis].position_m() / self.metres_per_q[axis]);
+        self.loaded = self.springs.equilibrium(&motors, &load, &self.loaded)?;
+        let told = std::array::from_fn(|axis| {
+            self.nominal_in_force[axis].to_metres().0 / self.metres_per_q[axis]
+        });
+        self.rigid = self
+            .springs
+            .equilibrium(&told, &Vector6::zeros(), &self.rigid)?;
+        Ok(())
+    }
+
+    fn tool_reading(&self) -> ToolReading {
+        let displacement: [f64; 3] =
+            (self.loaded.pose.translation_m - self.rigid.pose.translation_m).into();
+        ToolReading {
+            step: self.load.step,
+            load: self.load.wrench(),
+            sensor: self.sample.into(),
+            displacement_m: displacement,
+            gauges_m: displacement.map(|length| self.gauge.show(length)),
+        }
+    }
+}
+
+impl Plant<ARMS, ARMS> for SimulatedMachine {
+    fn offsets_in_force(&mut self) -> Result<[Offsets; ARMS], PlantError> {
+        let failed = |reason| PlantError {
+            operation: "read the offsets in force",
+            reason,
+        };
+        if !self.offsets_readable {
+            return Err(failed("this drive interface does not tell them"));
+        }
+        let mut offsets = [Offsets::default(); ARMS];
+        for (axis, offset) in offsets.iter_mut().enumerate() {
+            let reference = &self.references[axis];
+            let away = reference
+                .position
+                .0
+                .checked_sub(self.nominal_in_force[axis].0);
+            let position = away.and_then(|nm| i32::try_from(nm).ok()).map(OffsetNm);
+            *offset = Offsets {
+                position: position.ok_or(failed("a position offset is beyond its range"))?,
+                velocity: reference.velocity_offset,
+                torque: reference.torque_offset,
+            };
+        }
+        Ok(offsets)
+    }
+
+    fn read(&mut self, elapsed: u64) -> Result<Reading<ARMS>, PlantError> {
+        let failed = |reason| PlantError {
+            operation: "advance the simulation",
+            reason,
+        };
+        for _ in 0..elapsed.min(MAX_CYCLES_PER_READ) {
+            self.advance().map_err(failed)?;
+        }
+        let mut actual = [Default::default(); ARMS];
+        for (report, drive) in actual.iter_mut().zip(&self.drives) {
+            *report = drive
+                .actual()
+                .map_err(|_| failed("an axis has left the range of positions"))?;
+        }
+        Ok(Reading {
+            nominal: self.nominal,
+            actual,
+            tool: Some(self.tool_reading()),
+        })
+    }
+
+    fn write(&mut self, references: &[Reference; ARMS]) -> Result<(), PlantError> {
+        for (drive, reference) in self.drives.iter_mut().zip(references) {
+            drive.command(reference);
+        }
+        self.references = *references;
+        self.nominal_in_force = self.nominal;
+        Ok(())
+    }
+}
+
+/// Axis positions at home, metres.
+fn home(robot: &Robot, parameters: &SimulationParameters) -> Result<[f64; ARMS], SimulationError> {
+    for component in &parameters.home_m {
+        check("home_m", *component, -1e3, 1e3)?;
+    }
+    let carts =
+        carts_at(robot, &Vector3::from(parameters.home_m)).map_err(SimulationError::Home)?;
+    Ok(std::array::from_fn(|axis| {
+        carts[axis] * parameters.metres_per_q[axis]
+    }))
+}
+
+/// Metres to the reference path.
+fn positions_nm(positions_m: &[f64; ARMS]) -> Result<[PositionNm; ARMS], SimulationError> {
+    let mut positions = [PositionNm(0); ARMS];
+    for (nm, metres) in positions.iter_mut().zip(positions_m) {
+        *nm =
+            PositionNm::from_metres(Metres(*metres)).map_err(|_| SimulationError::OutOfRange {
+                parameter: "axis position (q times metres_per_q)",
+                lower: -9e6,
+                upper: 9e6,
+            })?;
+    }
+    Ok(positions)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::fixture;
+    use crate::sim::hand::{Hand, hand_and_tool};
+    use crate::sim::parameters::Motion;
+
+    fn parameters() -> SimulationParameters {
+        SimulationParameters::at_home(fixture::home_m())
+    }
+
+    fn machine(parameters: &SimulationParameters) -> (SimulatedMachine, Hand) {
+        let (hand, tool) = hand_and_tool();
+        let (robot, nominal) = (fixture::robot(), fixture::compliances());
+        (
+            SimulatedMachine::new(&robot, &nominal, parameters, tool).unwrap(),
+            hand,
+        )
+    }
+
+    /// One cycle of a server without offsets.
+    fn cycle(machine: &mut SimulatedMachine) -> Reading<ARMS> {
+        let reading = machine.read(1).unwrap();
+        let references = reading.nominal.map(|position| Reference {
+            position,
+            ..Reference::default()
+        });
+        machine.write(&references).unwrap();
+        reading
+    }
+
+    fn pull(force_n: [f64; 3]) -> Load {
+        Load {
+            step: 1,
+            force_n,
+            moment_nm: [0.0; 3],
+        }
+    }
+
+    /// Displacement in x after settling under a force in x, metres.
+    fn settled_x(machine: &mut SimulatedMachine, hand: &mut Hand, newtons: f64) -> f64 {
+        hand.set(&pull([newtons, 0.0, 0.0])).unwrap();
+        let mut x = 0.0;
+        for _ in 0..200 {
+            x = cycle(machine).tool.unwrap().displacement_m[0];
+        }
+        x
+    }
+
+    #[test]
+    fn unloaded_it_stands_at_home() {
+        let (mut machine, _hand) = machine(&parameters());
+        for _ in 0..100 {
+            let reading = cycle(&mut machine);
+            let tool = reading.tool.unwrap();
+            assert!(tool.displacement_m.iter().all(|x| x.abs() < 1e-12));
+            assert_eq!(tool.gauges_m.map(f64::abs), [0.0; 3]);
+            for axis in 0..ARMS {
+                let off = reading.actual[axis].position.0 - reading.nominal[axis].0;
+                assert_eq!(off, 0);
+            }
+        }
+        let home = Vector3::from(fixture::home_m());
+        let off = machine.equilibrium().pose.translation_m - home;
+        assert!(off.amax() < 2e-9);
+    }
+
+    #[test]
+    fn below_the_jump_it_is_a_spring_and_at_the_jump_it_steps() {
+        let (mut machine, mut hand) = machine(&parameters());
+        let mut x = |newtons: f64| settled_x(&mut machine, &mut hand, newtons);
+        let slope = x(340.0) / 340.0;
+        for newtons in [-240.0, -60.0, 60.0, 120.0, 240.0, 350.0] {
+            let off = x(newtons) - slope * newtons;
+            assert!(
+                off.abs() < 0.01 * slope * newtons.abs(),
+                "{newtons} N: {off:e}"
+            );
+        }
+        let step = x(370.0) - x(350.0) - 20.0 * slope;
+        // By virtual work: the gap times the share of a force in x that cluster 3 takes.
+        let half = x(360.0) - 360.0 * slope;
+        let share = machine.equilibrium().cluster_3_n().abs() / 360.0;
+        let expected = 40e-6 * share;
+        assert!(expected > 5e-6, "{expected:e}");
+        assert!(
+            (step / expected - 1.0).abs() < 0.02,
+            "{step:e} {expected:e}"
+        );
+        assert!(
+            (half / expected - 0.5).abs() < 0.02,
+            "{half:e} {expected:e}"
+        );
+    }
+
+    #[test]
+    fn without_a_gap_there_is_no_jump() {
+        let smooth = SimulationParameters {
+            jump_gap_m: 0.0,
+            ..parameters()
+        };
+        let (mut machine, mut hand) = machine(&smooth);
+        let slope = settled_x(&mut machine, &mut hand, 100.0) / 100.0;
+        let x = settled_x(&mut machine, &mut hand, 600.0);
+        assert!((x / (600.0 * slope) - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn the_same_calls_give_the_same_bits() {
+        let run = |seed: u64| {
+            let walking = SimulationParameters {
+                seed,
+                motion: Motion::BackAndForth {
+                    waypoints_m: vec![[0.8, -0.3, 1.0]],
+                    speed_m_per_s: 0.5,
+                    acceleration_m_per_s2: 5.0,
+                    dwell_cycles: 10,
+                },
+                ..parameters()
+            };
+            let (mut machine, mut hand) = machine(&walking);
+            let mut bits = Vec::new();
+            for tick in 0..400 {
+                if tick == 100 {
+                    hand.set(&pull([200.0, 50.0, -300.0])).unwrap();
+                }
+                let reading = cycle(&mut machine);
+                let tool = reading.tool.unwrap();
+                bits.extend(tool.sensor.map(f64::to_bits));
+                bits.extend(tool.displacement_m.map(f64::to_bits));
+                bits.extend(
+                    reading
+                        .actual
+                        .map(|axis| u64::from_ne_bytes(axis.position.0.to_ne_bytes())),
+                );
+            }
+            bits
+        };
+        assert_eq!(run(7), run(7));
+        assert_ne!(run(7), run(8));
+    }
+
+    #[test]
+    fn motion_is_no_displacement() {
+        let walking = SimulationParameters {
+            motion: Motion::BackAndForth {
+                waypoints_m: vec![[0.8, -0.3, 1.0]],
+                speed_m_per_s: 0.2,
+                acceleration_m_per_s2: 1.0,
+                dwell_cycles: 100,
+            },
+            ..parameters()
+        };
+        let (mut machine, _hand) = machine(&walking);
+        let mut last = *machine.nominal();
+        for _ in 0..3000 {
+            let reading = cycle(&mut machine);
+            let tool = reading.tool.unwrap();
+            // What remains is the drives' following error while they accelerate.
+            assert!(
+                tool.displacement_m.iter().all(|x| x.abs() < 50e-6),
+                "{tool:?}"
+            );
+            for axis in 0..ARMS {
+                // 0.2 m/s is 200 µm a cycle; two roundings.
+                let step = reading.nominal[axis].0 - last[axis].0;
+                assert!(step.abs() <= 200_002);
+            }
+            last = reading.nominal;
+        }
+    }
+
+    #[test]
+    fn offsets_move_the_tool_and_are_read_back() {
+        let left_behind = Offsets {
+            position: OffsetNm(20_000),
+            ..Offsets::default()
+        };
+        let restarted = SimulationParameters {
+            initial_offsets: [left_behind; ARMS],
+            ..parameters()
+        };
+        let (mut machine, _hand) = machine(&restarted);
+        assert_eq!(machine.offsets_in_force(), Ok([left_behind; ARMS]));
+        let reading = machine.read(1).unwrap();
+        for axis in 0..ARMS {
+            let away = reading.actual[axis].position.0 - reading.nominal[axis].0;
+            assert_eq!(away, 20_000);
+        }
+        assert!(reading.tool.unwrap().displacement_m[0] > 10e-6);
+        cycle(&mut machine);
+        assert_eq!(machine.offsets_in_force(), Ok([Offsets::default(); ARMS]));
+    }
+
+    #[test]
+    fn offsets_that_cannot_be_read_are_an_error() {
+        let (mut machine, _hand) = machine(&SimulationParameters {
+            offsets_readable: false,
+            ..parameters()
+        });
+        assert!(machine.offsets_in_force().is_err());
+    }
+
+    #[test]
+    fn a_late_cycle_is_simulated_and_bounded() {
+        let (mut once, mut hand) = machine(&parameters());
+        let (mut twice, mut other_hand) = machine(&parameters());
+        hand.set(&pull([100.0, 0.0, 0.0])).unwrap();
+        other_hand.set(&pull([100.0, 0.0, 0.0])).unwrap();
+        once.read(5).unwrap();
+        let late = once.read(u64::MAX).unwrap();
+        for _ in 0..104 {
+            twice.read(1).unwrap();
+        }
+        assert_eq!(late, twice.read(1).unwrap());
+        assert_eq!(late, twice.read(0).unwrap());
+    }
+
+    #[test]
+    fn a_load_beyond_the_machine_is_an_error_not_a_nan() {
+        let (mut machine, mut hand) = machine(&parameters());
+        hand.set(&Load {
+            step: 1,
+            force_n: [1e5; 3],
+            moment_nm: [1e5; 3],
+        })
+        .unwrap();
+        for _ in 0..300 {
+            let Ok(reading) = machine.read(1) else { break };
+            assert!(
+                reading
+                    .tool
+                    .unwrap()
+                    .displacement_m
+                    .iter()
+                    .all(|x| x.is_finite())
+            );
+        }
+        hand.release();
+        for _ in 0..2000 {
+            if let Ok(reading) = machine.read(1) {
+                assert!(
+                    reading
+                        .tool
+                        .unwrap()
+                        .displacement_m
+                        .iter()
+                        .all(|x| x.is_finite())
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn another_scale_of_q_is_the_same_machine() {
+        let scaled = SimulationParameters {
+            metres_per_q: [2.0, 0.5, 1.0],
+            ..parameters()
+        };
+        let (mut machine, mut hand) = machine(&scaled);
+        settled_x(&mut machine, &mut hand, 100.0);
+        let reading = cycle(&mut machine);
+        for axis in 0..ARMS {
+            let off = reading.actual[axis].position.0 - reading.nominal[axis].0;
+            assert!(off.abs() < 100);
+        }
+    }
+
+    #[test]
+    fn refuses_by_name() {
+        let refused = |change: fn(&mut SimulationParameters)| {
+            let mut bad = parameters();
+            change(&mut bad);
+            let (_hand, tool) = hand_and_tool();
+            SimulatedMachine::new(&fixture::robot(), &fixture::compliances(), &bad, tool)
+                .err()
+                .unwrap()
+                .to_string()
+        };
+        assert!(refused(|p| p.spring_deviation = 1.0).contains("spring_deviation"));
+        assert!(refused(|p| p.jump_gap_m = f64::NAN).contains("jump_gap_m"));
+        assert!(refused(|p| p.jump_force_n = -1.0).contains("jump_force_n"));
+        assert!(refused(|p| p.jump_force_n = 0.0).contains("jump_force_n"));
+        assert!(refused(|p| p.metres_per_q[1] = 0.0).contains("metres_per_q"));
+        assert!(refused(|p| p.home_m[2] = 9.0).contains("arm 1 does not reach"));
+        assert!(refused(|p| p.gauge_resolution_m = 0.0).contains("gauge_resolution_m"));
+    }
+}

@@ -1,0 +1,155 @@
+//! What a simulation is told, and why it may be refused.
+
+use std::fmt;
+
+use gantry_tau_core::axis::Offsets;
+use gantry_tau_core::robot::{ARMS, RobotError};
+use nalgebra::{Matrix3, Vector3};
+
+use super::elastic::ElasticError;
+use super::inverse::InverseError;
+
+/// Longest list of waypoints.
+pub const MAX_WAYPOINTS: usize = 100_000;
+
+/// Parameters of [`super::machine::SimulatedMachine`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimulationParameters {
+    /// Seed of the spring deviations and of the sensor's noise.
+    pub seed: u64,
+    /// Largest relative deviation of a true compliance from its nominal value, `0 <= deviation < 1`; each is drawn uniformly.
+    pub spring_deviation: f64,
+    /// Standard deviation of the sensor's forces, N.
+    pub force_noise_n: f64,
+    /// Standard deviation of the sensor's moments, N m.
+    pub moment_noise_nm: f64,
+    /// What the sensor shows unloaded: force (N) then moment (N m), sensor axes. Weight and zero error; a client tares it.
+    pub sensor_bias: [f64; 6],
+    /// One step of the length gauges, m.
+    pub gauge_resolution_m: f64,
+    /// Force in x on the tool at the home pose at which the force of cluster 3 changes sign, N.
+    pub jump_force_n: f64,
+    /// Play of the joint of arm 3, m; 0 for a machine without the jump.
+    pub jump_gap_m: f64,
+    /// Where the tool stands at the start, world axes, m.
+    pub home_m: [f64; 3],
+    /// Sensor axes to world axes; the columns are the sensor's axes.
+    pub sensor_rotation: Matrix3<f64>,
+    /// From the tool centre point to the sensor's origin, world axes, m.
+    pub sensor_lever_m: Vector3<f64>,
+    /// Length of each axis per unit of `q`, m.
+    pub metres_per_q: [f64; ARMS],
+    /// Offsets that the drives have in force at the start: those a killed server left behind.
+    pub initial_offsets: [Offsets; ARMS],
+    /// Whether the drive interface tells its offsets; if not, a server has to refuse to start.
+    pub offsets_readable: bool,
+    /// What the nominal references do.
+    pub motion: Motion,
+}
+
+/// What the nominal references do.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Motion {
+    /// They stay at home.
+    Hold,
+    /// From home through the waypoints and the same way back, for ever.
+    BackAndForth {
+        /// Axis positions in metres, home not included.
+        waypoints_m: Vec<[f64; ARMS]>,
+        /// No axis is faster, m/s.
+        speed_m_per_s: f64,
+        /// No axis accelerates faster, m/s^2.
+        acceleration_m_per_s2: f64,
+        /// Rest at home and at every waypoint, cycles.
+        dwell_cycles: u32,
+    },
+}
+
+impl SimulationParameters {
+    /// An L2 like the thesis' `[T 4.2, 5.2]` with its tool at `home_m` (world axes, metres): true springs within 15 % of the
+    /// nominal ones, the jump at 360 N, gauges of 0.5 µm, a sensor along the world axes, one metre per unit of `q`.
+    #[must_use]
+    pub fn at_home(home_m: [f64; 3]) -> Self {
+        Self {
+            seed: 1,
+            spring_deviation: 0.15,
+            force_noise_n: 0.5,
+            moment_noise_nm: 0.02,
+            sensor_bias: [0.0; 6],
+            gauge_resolution_m: 0.5e-6,
+            jump_force_n: 360.0,
+            jump_gap_m: 40e-6,
+            home_m,
+            sensor_rotation: Matrix3::identity(),
+            sensor_lever_m: Vector3::zeros(),
+            metres_per_q: [1.0; ARMS],
+            initial_offsets: [Offsets::default(); ARMS],
+            offsets_readable: true,
+            motion: Motion::Hold,
+        }
+    }
+}
+
+/// Why there is no such machine. Numbers are named by their field in [`SimulationParameters`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SimulationError {
+    /// A number is NaN, infinite, or outside its range.
+    OutOfRange {
+        /// Which parameter.
+        parameter: &'static str,
+        /// Smallest value accepted.
+        lower: f64,
+        /// Largest value accepted.
+        upper: f64,
+    },
+    /// A matrix is no rotation.
+    NotARotation {
+        /// Which parameter.
+        parameter: &'static str,
+    },
+    /// The carts cannot hold the tool at `home_m`.
+    Home(InverseError),
+    /// The deviated compliances are no compliances.
+    Compliances(RobotError),
+    /// The springs find no equilibrium at home.
+    Springs(ElasticError),
+    /// A force in x of `jump_force_n` hardly loads arm 3 at home: the jump cannot be there.
+    NoJump,
+}
+
+impl fmt::Display for SimulationError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OutOfRange {
+                parameter,
+                lower,
+                upper,
+            } => write!(f, "{parameter} must be from {lower:e} to {upper:e}"),
+            Self::NotARotation { parameter } => write!(f, "{parameter} is not a rotation"),
+            Self::Home(reason) => write!(f, "home_m: {reason}"),
+            Self::Compliances(reason) => write!(f, "spring_deviation: {reason}"),
+            Self::Springs(reason) => write!(f, "home_m: {reason}"),
+            Self::NoJump => f.write_str("jump_force_n hardly loads arm 3 at home_m"),
+        }
+    }
+}
+
+impl std::error::Error for SimulationError {}
+
+/// `lower <= value <= upper`, or the error that names it; NaN is refused.
+pub(super) fn check(
+    parameter: &'static str,
+    value: f64,
+    lower: f64,
+    upper: f64,
+) -> Result<(), SimulationError> {
+    if (lower..=upper).contains(&value) {
+        Ok(())
+    } else {
+        Err(SimulationError::OutOfRange {
+            parameter,
+            lower,
+            upper,
+        })
+    }
+}

@@ -1,0 +1,89 @@
+//! The true springs of one machine: what an identification should find and a compensation does not know.
+
+use gantry_tau_core::robot::{ARMS, Compliances, LINKS, Robot};
+use nalgebra::{UnitQuaternion, Vector3, Vector6};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::elastic::{ElasticMachine, Equilibrium, Pose};
+use super::inverse::carts_at;
+use super::parameters::{SimulationError, SimulationParameters, check};
+use super::play::Play;
+
+/// Deviates every nominal spring by its own seeded share, and gives the joint of arm 3 its play.
+///
+/// # Errors
+/// [`SimulationError`] naming the parameter.
+pub fn true_springs(
+    robot: &Robot,
+    nominal: &Compliances,
+    parameters: &SimulationParameters,
+) -> Result<ElasticMachine, SimulationError> {
+    let deviation = parameters.spring_deviation;
+    check("spring_deviation", deviation, 0.0, 0.99)?;
+    let mut random = ChaCha8Rng::seed_from_u64(parameters.seed);
+    let mut deviated =
+        |value: f64| value * (1.0 + deviation * (2.0 * random.random::<f64>() - 1.0));
+    let links: [f64; LINKS] = nominal.link_m_per_n().map(&mut deviated);
+    let carts: [f64; ARMS] = nominal.cart_m_per_n().map(&mut deviated);
+    let compliances = Compliances::new(links, carts).map_err(SimulationError::Compliances)?;
+    let rigid_joint = ElasticMachine::new(*robot, compliances, Play::NONE);
+    Ok(rigid_joint.with_play(play(&rigid_joint, parameters)?))
+}
+
+/// Play whose resting preload is what `jump_force_n` in x cancels at home.
+fn play(
+    rigid_joint: &ElasticMachine,
+    parameters: &SimulationParameters,
+) -> Result<Play, SimulationError> {
+    check("jump_gap_m", parameters.jump_gap_m, 0.0, 1e-2)?;
+    check("jump_force_n", parameters.jump_force_n, 0.0, 1e5)?;
+    if parameters.jump_gap_m <= 0.0 {
+        return Ok(Play::NONE);
+    }
+    let home = Vector3::from(parameters.home_m);
+    let carts = carts_at(rigid_joint.robot(), &home).map_err(SimulationError::Home)?;
+    let start = Equilibrium::unloaded(Pose {
+        translation_m: home,
+        rotation: UnitQuaternion::identity(),
+    });
+    let load = Vector6::new(parameters.jump_force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let at_jump = rigid_joint
+        .equilibrium(&carts, &load, &start)
+        .map_err(SimulationError::Springs)?;
+    Play::new(parameters.jump_gap_m, -at_jump.cluster_3_n()).ok_or(SimulationError::NoJump)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::fixture;
+
+    fn springs(seed: u64, spring_deviation: f64) -> Compliances {
+        let parameters = SimulationParameters {
+            seed,
+            spring_deviation,
+            ..SimulationParameters::at_home(fixture::home_m())
+        };
+        let (robot, nominal) = (fixture::robot(), fixture::compliances());
+        *true_springs(&robot, &nominal, &parameters)
+            .unwrap()
+            .compliances()
+    }
+
+    #[test]
+    fn they_deviate_within_bounds_and_by_seed() {
+        let nominal = fixture::compliances();
+        assert_eq!(springs(1, 0.15), springs(1, 0.15));
+        assert_ne!(springs(1, 0.15), springs(2, 0.15));
+        assert_eq!(springs(1, 0.0), nominal);
+        for seed in 0..200 {
+            let found = springs(seed, 0.15);
+            let links = found.link_m_per_n().iter().zip(nominal.link_m_per_n());
+            let carts = found.cart_m_per_n().iter().zip(nominal.cart_m_per_n());
+            for (true_value, value) in links.chain(carts) {
+                assert!((true_value / value - 1.0).abs() <= 0.15 + 1e-12);
+            }
+        }
+    }
+}
