@@ -166,17 +166,15 @@ proptest! {
     fn decoding_is_canonical(message in client::<2>(), answer in server::<2>(), at in 0..200usize, bit in 0..8u32) {
         let mut damaged = encode_client(&message);
         repair(&mut damaged, at, bit);
-        if let Ok(read) = Frame::parse(&damaged).map(|f| decode_client::<2>(&f)) {
-            if let Ok(read) = read {
-                prop_assert_eq!(encode_client(&read), damaged);
-            }
+        let frame = Frame::parse(&damaged);
+        if let Some(Ok(read)) = frame.ok().map(|frame| decode_client::<2>(&frame)) {
+            prop_assert_eq!(encode_client(&read), damaged);
         }
         let mut damaged = encode_server(&answer);
         repair(&mut damaged, at, bit);
-        if let Ok(read) = Frame::parse(&damaged).map(|f| decode_server::<2>(&f)) {
-            if let Ok(read) = read {
-                prop_assert_eq!(encode_server(&read), damaged);
-            }
+        let frame = Frame::parse(&damaged);
+        if let Some(Ok(read)) = frame.ok().map(|frame| decode_server::<2>(&frame)) {
+            prop_assert_eq!(encode_server(&read), damaged);
         }
     }
 
