@@ -210,6 +210,29 @@ impl Robot {
     pub const fn geometry(&self) -> &Geometry {
         &self.geometry
     }
+
+    /// CRC-32 over what decides the kinematics (`A0`, `V`, `b`, `L`, `c`, `cf`, as little-endian `f64` bits, in that order;
+    /// zeros without their sign). Two machines that compute the same positions agree on it; travel is not part of it.
+    #[must_use]
+    pub fn kinematics_checksum(&self) -> u32 {
+        const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+        let geometry = &self.geometry;
+        let vectors = (geometry.cart_joints_m.iter())
+            .chain(&geometry.guideways)
+            .chain(&geometry.platform_joints_m);
+        let branches = (geometry.configuration.inverse.iter())
+            .chain([&geometry.configuration.forward])
+            .map(|branch| branch.sign());
+        let numbers = (vectors.flat_map(|vector| vector.iter().copied()))
+            .chain(geometry.lengths_m)
+            .chain(branches);
+        let mut digest = CRC.digest();
+        for number in numbers {
+            // -0.0 + 0.0 is +0.0.
+            digest.update(&(number + 0.0).to_bits().to_le_bytes());
+        }
+        digest.finalize()
+    }
 }
 
 /// Compliances of links and carts `[T 3.3]`: elongation per tension, cart displacement per load. Every one is positive.

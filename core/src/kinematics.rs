@@ -1,1 +1,0 @@
-//! Nominal kinematics of the 3-DOF Gantry-Tau.

@@ -1,0 +1,209 @@
+//! Nominal kinematics of the 3-DOF Gantry-Tau `[T 3.1.1]`: closed forms both ways, and the Jacobian.
+//!
+//! [`Nominal`] is built once from a [`Robot`] and an orientation; its methods are the cyclic path.
+//! Positions `q` are in q-units (metres for a guideway of unit length), `T` is the tool centre point in world axes, metres.
+
+mod jacobian;
+mod nominal;
+
+pub use jacobian::LinkFrame;
+pub use nominal::{Nominal, NominalError};
+
+use core::fmt;
+use nalgebra::{Matrix3, Vector3};
+
+use crate::linalg::{LinearError, norm};
+use crate::robot::{ARMS, Branch, Geometry, Robot};
+
+/// Smallest measure of regularity a pose may have, both of the carts' (`|s_i . v_i| / |v_i|`) and of the links' (`|det(s_1, s_2, s_3)|`).
+/// Beyond it a micrometre at one end would be a centimetre at the other.
+pub const SINGULAR_MEASURE: f64 = 1e-4;
+
+/// Where the tool is and how it is turned: `x_world = T + R x_platform`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// `T`: tool centre point, world axes, metres.
+    pub position_m: Vector3<f64>,
+    /// `R`: world axes from platform axes.
+    pub rotation: Matrix3<f64>,
+}
+
+impl Pose {
+    /// A pose whose axes are those of the world.
+    #[must_use]
+    pub fn at(position_m: Vector3<f64>) -> Self {
+        Self {
+            position_m,
+            rotation: Matrix3::identity(),
+        }
+    }
+}
+
+/// Why the kinematics has no answer. Arms and axes count from 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum KinematicsError {
+    /// A number given, or one computed from it, is NaN or infinite.
+    NotFinite,
+    /// The links of this arm are too short to reach the pose from anywhere on its guideway.
+    Unreachable {
+        /// Which arm.
+        arm: usize,
+    },
+    /// The carts stand so that their links cannot meet.
+    NoAssembly,
+    /// The pose exists only in another configuration than the machine is built in: it lies beyond a singularity.
+    OtherBranch {
+        /// Which arm would be on its other side; `None` when the tool would be on the other side of the carts' plane.
+        arm: Option<usize>,
+    },
+    /// The pose is singular, or too close to it.
+    Singular {
+        /// The relative measure, 0 at the singularity; see [`SINGULAR_MEASURE`] and [`crate::linalg::SINGULAR_PIVOT_RATIO`].
+        measure: f64,
+    },
+    /// An axis would leave its travel.
+    OutOfRange {
+        /// Which axis.
+        axis: usize,
+        /// Where it would be, in q-units.
+        q: f64,
+        /// Lower end of its travel, in q-units.
+        lower: f64,
+        /// Upper end of its travel, in q-units.
+        upper: f64,
+    },
+    /// A pose and positions that were given together do not fit the length of this arm's links.
+    Inconsistent {
+        /// Which arm.
+        arm: usize,
+    },
+}
+
+impl KinematicsError {
+    /// The error's class, as `solve` names it.
+    #[must_use]
+    pub const fn kind(&self) -> &'static str {
+        match self {
+            Self::NotFinite => "not_finite",
+            Self::Unreachable { .. }
+            | Self::NoAssembly
+            | Self::OtherBranch { .. }
+            | Self::Inconsistent { .. } => "unreachable",
+            Self::Singular { .. } => "singular",
+            Self::OutOfRange { .. } => "out_of_range",
+        }
+    }
+}
+
+impl fmt::Display for KinematicsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotFinite => f.write_str("a number is not finite"),
+            Self::Unreachable { arm } => {
+                write!(f, "arm[{arm}] cannot reach the pose from its guideway")
+            }
+            Self::NoAssembly => f.write_str("the links cannot meet from these cart positions"),
+            Self::OtherBranch { arm: Some(arm) } => {
+                write!(
+                    f,
+                    "the pose needs arm[{arm}] on the other side of its guideway"
+                )
+            }
+            Self::OtherBranch { arm: None } => {
+                f.write_str("the pose lies on the other side of the carts' plane")
+            }
+            Self::Singular { measure } => write!(f, "the pose is singular: measure {measure:e}"),
+            Self::OutOfRange {
+                axis,
+                q,
+                lower,
+                upper,
+            } => write!(f, "axis[{axis}] at {q} is outside {lower} to {upper}"),
+            Self::Inconsistent { arm } => {
+                write!(
+                    f,
+                    "pose and positions do not fit the link length of arm[{arm}]"
+                )
+            }
+        }
+    }
+}
+
+impl core::error::Error for KinematicsError {}
+
+impl From<LinearError> for KinematicsError {
+    fn from(error: LinearError) -> Self {
+        match error {
+            LinearError::NotFinite => Self::NotFinite,
+            LinearError::Singular { ratio } => Self::Singular { measure: ratio },
+        }
+    }
+}
+
+/// One link of the machine in a pose, in world axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Link {
+    /// Which arm it belongs to.
+    pub(crate) arm: usize,
+    /// `A_ij - B_ij`: from its platform joint to its cart joint, metres.
+    pub(crate) vector_m: Vector3<f64>,
+    /// `l_ij = R b_ij`: from the tool centre point to its platform joint, metres.
+    pub(crate) lever_m: Vector3<f64>,
+    /// `v_i`: direction of its guideway, metres per q-unit.
+    pub(crate) guideway: Vector3<f64>,
+    /// `L_i`: its nominal length, metres.
+    pub(crate) length_m: f64,
+}
+
+/// The six links in link order `[T 3.3, 3.5, 3.6]`.
+pub(crate) fn links<'a>(
+    geometry: &'a Geometry,
+    pose: &'a Pose,
+    q: &[f64; ARMS],
+) -> impl Iterator<Item = Link> + 'a {
+    let [q1, q2, q3] = *q;
+    let [v1, v2, v3] = geometry.guideways;
+    let [l1, l2, l3] = geometry.lengths_m;
+    let (one, two, three) = ((0, q1, v1, l1), (1, q2, v2, l2), (2, q3, v3, l3));
+    [one, two, two, three, three, three]
+        .into_iter()
+        .zip(&geometry.cart_joints_m)
+        .zip(&geometry.platform_joints_m)
+        .map(|(((arm, q, guideway, length_m), cart), joint)| {
+            let lever_m = pose.rotation * joint;
+            Link {
+                arm,
+                vector_m: cart + guideway * q - pose.position_m - lever_m,
+                lever_m,
+                guideway,
+                length_m,
+            }
+        })
+}
+
+/// Largest error of the six link lengths in this pose with these positions, in metres `[T 3.4]`; NaN when a number given is.
+#[must_use]
+pub fn residual_m(robot: &Robot, pose: &Pose, q: &[f64; ARMS]) -> f64 {
+    let mut largest = 0.0_f64;
+    for link in links(robot.geometry(), pose, q) {
+        let error = (norm(&link.vector_m) - link.length_m).abs();
+        // `max` would drop a NaN.
+        if error > largest || error.is_nan() {
+            largest = error;
+        }
+        if largest.is_nan() {
+            break;
+        }
+    }
+    largest
+}
+
+/// `value`'s sign against a branch: positive when they agree.
+#[inline]
+fn signed(branch: Branch, value: f64) -> f64 {
+    branch.sign() * value
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

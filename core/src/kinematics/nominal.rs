@@ -1,0 +1,452 @@
+//! Each cluster as one link `[T 3.7-3.9]`, solved in closed form both ways.
+
+use core::fmt;
+use nalgebra::{Matrix3, Vector3};
+
+use super::{KinematicsError, SINGULAR_MEASURE, signed};
+use crate::linalg::{norm, rotation_deviation, sqrt};
+use crate::robot::{ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Robot};
+
+/// Largest deviation of `R^T R` from the identity.
+const ROTATION_TOLERANCE: f64 = 1e-9;
+/// Largest mismatch within a cluster, over the link length: a nanometre per metre.
+const TAU_TOLERANCE: f64 = 1e-9;
+/// Farthest the tool centre point is looked at, in metres; cart, link and platform together do not reach it.
+const MAX_POSITION_M: f64 = 10.0 * MAX_LENGTH_M;
+
+/// Why a machine has no nominal model in an orientation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum NominalError {
+    /// The matrix given is no rotation.
+    NotRotation {
+        /// Largest deviation of `R^T R` from the identity; infinite for a mirror or for numbers that are not finite.
+        deviation: f64,
+    },
+    /// The Tau property is violated: within a cluster, `A0_ij - R b_ij` must be the same for every link.
+    NotTau {
+        /// Which link differs from the first of its cluster, counted from 0 in link order.
+        link: usize,
+        /// By how much, in metres.
+        mismatch_m: f64,
+    },
+}
+
+impl fmt::Display for NominalError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotRotation { deviation } => {
+                write!(f, "R is no rotation: it deviates by {deviation:e}")
+            }
+            Self::NotTau { link, mismatch_m } => write!(
+                f,
+                "A0 - R b of link[{link}] differs by {mismatch_m:e} m within its cluster (Tau property)"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for NominalError {}
+
+/// One cluster as one link, with everything that does not change from pose to pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Arm {
+    /// `A_s`: the cart's point at `q = 0` `[T 3.7]`, metres.
+    pub(super) origin_m: Vector3<f64>,
+    /// `v`: metres per q-unit.
+    pub(super) guideway: Vector3<f64>,
+    /// `v / (v . v)`: takes a vector to its q-coordinate along the guideway.
+    projector: Vector3<f64>,
+    /// `c v / |v|`: the side of the guideway the link points to.
+    side: Vector3<f64>,
+    /// `c / |v|`: takes metres along that side to q-units.
+    per_metre: f64,
+    /// `L^2`.
+    pub(super) length_squared: f64,
+    /// Largest square of the distance from the guideway that is not singular.
+    distance_squared_max: f64,
+    /// Smallest length of the link along its side that is not singular.
+    along_min: f64,
+    /// Travel, q-units.
+    lower: f64,
+    upper: f64,
+}
+
+/// The nominal model of a machine in a constant orientation `R`.
+///
+/// [`inverse`](Self::inverse) and [`forward`](Self::forward) are closed forms, and inverses of each other:
+/// whatever one returns, the other takes back, within rounding.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nominal {
+    pub(super) arms: [Arm; ARMS],
+    /// Sign of `-n . (T - P_1) = det(w_1, w_2, w_3)` in this configuration.
+    pub(super) side: f64,
+    /// Smallest `|det(w_1, w_2, w_3)|` that is not singular, and its square.
+    pub(super) determinant_min: f64,
+    determinant_squared_min: f64,
+    rotation: Matrix3<f64>,
+    levers_m: [Vector3<f64>; LINKS],
+}
+
+impl Nominal {
+    /// Checks the Tau property of the machine in orientation `R` (world axes from platform axes) and precomputes the rest.
+    ///
+    /// Travel that is absent, or wider than [`MAX_LENGTH_M`] to either side, is taken as that.
+    ///
+    /// # Errors
+    /// [`NominalError`]: the nominal model holds only for a rotation that keeps `A0_ij - R b_ij` equal within each cluster.
+    pub fn new(robot: &Robot, rotation: &Matrix3<f64>) -> Result<Self, NominalError> {
+        let deviation = rotation_deviation(rotation);
+        if deviation > ROTATION_TOLERANCE {
+            return Err(NominalError::NotRotation { deviation });
+        }
+        let geometry = robot.geometry();
+        let levers_m = geometry.platform_joints_m.map(|joint| rotation * joint);
+        let origins = cluster_origins(&geometry.cart_joints_m, &levers_m, &geometry.lengths_m)?;
+        let [o1, o2, o3] = origins;
+        let [v1, v2, v3] = geometry.guideways;
+        let [l1, l2, l3] = geometry.lengths_m;
+        let [c1, c2, c3] = geometry.configuration.inverse;
+        let [t1, t2, t3] = match geometry.travel {
+            Some([t1, t2, t3]) => [Some(t1), Some(t2), Some(t3)],
+            None => [None; ARMS],
+        };
+        let determinant_min = SINGULAR_MEASURE * l1 * l2 * l3;
+        Ok(Self {
+            arms: [
+                Arm::new(o1, v1, l1, c1, t1),
+                Arm::new(o2, v2, l2, c2, t2),
+                Arm::new(o3, v3, l3, c3, t3),
+            ],
+            side: -geometry.configuration.forward.sign(),
+            determinant_min,
+            determinant_squared_min: determinant_min * determinant_min,
+            rotation: *rotation,
+            levers_m,
+        })
+    }
+
+    /// The same model with travel unchecked (up to [`MAX_LENGTH_M`]): for corrections, which may leave the nominal
+    /// travel and are bounded elsewhere.
+    #[must_use]
+    pub fn without_travel(&self) -> Self {
+        Self {
+            arms: self.arms.map(Arm::without_travel),
+            ..*self
+        }
+    }
+
+    /// `R`: the constant orientation, world axes from platform axes.
+    #[must_use]
+    pub const fn rotation(&self) -> &Matrix3<f64> {
+        &self.rotation
+    }
+
+    /// `l_ij = R b_ij`: from the tool centre point to each platform joint, world axes, metres, link order.
+    #[must_use]
+    pub const fn levers_m(&self) -> &[Vector3<f64>; LINKS] {
+        &self.levers_m
+    }
+
+    /// `A_s`: each cart's nominal point at `q = 0` `[T 3.7]`, world axes, metres.
+    #[must_use]
+    pub fn origins_m(&self) -> [Vector3<f64>; ARMS] {
+        self.arms.map(|arm| arm.origin_m)
+    }
+
+    /// Inverse kinematics `[T 3.2, 3.9]`: positions `q` (q-units) that put the tool centre point at `tcp_m` (world axes, metres).
+    ///
+    /// Of the two solutions of each arm, the one with `sign(s_i . v_i) = c_i`.
+    /// A tool on the other side of the carts' plane is refused: [`forward`](Self::forward) would not lead back to it.
+    ///
+    /// # Errors
+    /// Every variant of [`KinematicsError`] but `NoAssembly` and `Inconsistent`.
+    #[inline]
+    pub fn inverse(&self, tcp_m: &Vector3<f64>) -> Result<[f64; ARMS], KinematicsError> {
+        let [a1, a2, a3] = &self.arms;
+        let (r1, r2, r3) = (a1.reach(tcp_m), a2.reach(tcp_m), a3.reach(tcp_m));
+        let determinant = r1.link_m.dot(&r2.link_m.cross(&r3.link_m));
+        // Every comparison fails for NaN, so that success means finite.
+        if a1.accepts(&r1)
+            && a2.accepts(&r2)
+            && a3.accepts(&r3)
+            && self.side * determinant > self.determinant_min
+        {
+            Ok([r1.q, r2.q, r3.q])
+        } else {
+            Err(self.why_not_inverse(tcp_m))
+        }
+    }
+
+    /// Forward kinematics `[T 3.1]`: the tool centre point (world axes, metres) for positions `q` (q-units), by trilateration.
+    ///
+    /// Of the two solutions, the one with `sign(n . (T - P_1)) = c_f`, `n = (P_2 - P_1) x (P_3 - P_1)`; it must agree with every `c_i` too.
+    ///
+    /// # Errors
+    /// Every variant of [`KinematicsError`] but `Unreachable` and `Inconsistent`.
+    #[inline]
+    pub fn forward(&self, q: &[f64; ARMS]) -> Result<Vector3<f64>, KinematicsError> {
+        let [a1, a2, a3] = &self.arms;
+        let [q1, q2, q3] = *q;
+        let meeting = self.meet(q);
+        let (to_1, to_2, to_3) = meeting.links();
+        if a1.travels(q1)
+            && a2.travels(q2)
+            && a3.travels(q3)
+            && meeting.determinant_squared > self.determinant_squared_min
+            && a1.side.dot(&to_1) > a1.along_min
+            && a2.side.dot(&to_2) > a2.along_min
+            && a3.side.dot(&to_3) > a3.along_min
+        {
+            Ok(meeting.from_1 + meeting.tcp)
+        } else {
+            Err(self.why_not_forward(q))
+        }
+    }
+
+    /// Where the three nominal links meet, on the side of the carts' plane that `c_f` names.
+    ///
+    /// With `x = T - P_1` in the plane as `x = a e_1 + b e_2`, two differences of `[T 3.9]` give `x . e_1 = k_1`, `x . e_2 = k_2`.
+    #[inline]
+    fn meet(&self, q: &[f64; ARMS]) -> Meeting {
+        let [a1, a2, a3] = &self.arms;
+        let [q1, q2, q3] = *q;
+        let from_1 = a1.cart(q1);
+        let e1 = a2.cart(q2) - from_1;
+        let e2 = a3.cart(q3) - from_1;
+        let normal = e1.cross(&e2);
+        let (e11, e12, e22) = (e1.dot(&e1), e1.dot(&e2), e2.dot(&e2));
+        let k1 = 0.5 * (e11 + (a1.length_squared - a2.length_squared));
+        let k2 = 0.5 * (e22 + (a1.length_squared - a3.length_squared));
+        let normal_squared = normal.dot(&normal);
+        let per_normal = 1.0 / normal_squared;
+        let a = (k1 * e22 - k2 * e12) * per_normal;
+        let b = (k2 * e11 - k1 * e12) * per_normal;
+        let height_squared = a1.length_squared - (a * k1 + b * k2);
+        // `side` is the sign of the determinant, which is opposite to that of `n . (T - P_1)`.
+        let height = -self.side * sqrt(height_squared * per_normal);
+        Meeting {
+            from_1,
+            e1,
+            e2,
+            tcp: e1 * a + e2 * b + normal * height,
+            normal_squared,
+            determinant_squared: height_squared * normal_squared,
+        }
+    }
+
+    /// Names the reason after [`inverse`](Self::inverse) failed, in the order in which it could have been noticed.
+    #[cold]
+    #[inline(never)]
+    fn why_not_inverse(&self, tcp_m: &Vector3<f64>) -> KinematicsError {
+        if !tcp_m.iter().all(|value| value.is_finite()) {
+            return KinematicsError::NotFinite;
+        }
+        if tcp_m.amax() > MAX_POSITION_M {
+            return KinematicsError::Unreachable { arm: 0 };
+        }
+        let [r1, r2, r3] = self.arms.map(|arm| arm.reach(tcp_m));
+        for (arm, (model, reach)) in self.arms.iter().zip([&r1, &r2, &r3]).enumerate() {
+            if reach.distance_squared > model.length_squared {
+                return KinematicsError::Unreachable { arm };
+            }
+            if reach.distance_squared >= model.distance_squared_max {
+                let cosine = (model.length_squared - reach.distance_squared) / model.length_squared;
+                return KinematicsError::Singular {
+                    measure: sqrt(cosine),
+                };
+            }
+        }
+        for (axis, (model, reach)) in self.arms.iter().zip([&r1, &r2, &r3]).enumerate() {
+            if !model.travels(reach.q) {
+                return model.out_of_range(axis, reach.q);
+            }
+        }
+        let determinant = r1.link_m.dot(&r2.link_m.cross(&r3.link_m));
+        if self.side * determinant < -self.determinant_min {
+            return KinematicsError::OtherBranch { arm: None };
+        }
+        KinematicsError::Singular {
+            measure: determinant.abs() * SINGULAR_MEASURE / self.determinant_min,
+        }
+    }
+
+    /// Names the reason after [`forward`](Self::forward) failed.
+    #[cold]
+    #[inline(never)]
+    fn why_not_forward(&self, q: &[f64; ARMS]) -> KinematicsError {
+        if !q.iter().all(|value| value.is_finite()) {
+            return KinematicsError::NotFinite;
+        }
+        for (axis, (model, q)) in self.arms.iter().zip(q).enumerate() {
+            if !model.travels(*q) {
+                return model.out_of_range(axis, *q);
+            }
+        }
+        let meeting = self.meet(q);
+        let scale = SINGULAR_MEASURE / self.determinant_min;
+        let regular = meeting.determinant_squared > self.determinant_squared_min;
+        if !regular {
+            // Carts in one line leave a circle of solutions; links that cannot meet leave none.
+            let [_, a2, a3] = &self.arms;
+            let in_line = SINGULAR_MEASURE * SINGULAR_MEASURE * a2.length_squared;
+            let carts_in_line = meeting.normal_squared <= in_line * a3.length_squared;
+            if !carts_in_line && meeting.determinant_squared < -self.determinant_squared_min {
+                return KinematicsError::NoAssembly;
+            }
+            let squared = meeting.determinant_squared;
+            let measure = if squared > 0.0 { sqrt(squared) } else { 0.0 };
+            return KinematicsError::Singular {
+                measure: if carts_in_line { 0.0 } else { measure * scale },
+            };
+        }
+        let (to_1, to_2, to_3) = meeting.links();
+        for (arm, (model, link)) in self.arms.iter().zip([to_1, to_2, to_3]).enumerate() {
+            let along = model.side.dot(&link);
+            if along < -model.along_min {
+                return KinematicsError::OtherBranch { arm: Some(arm) };
+            }
+            if along <= model.along_min {
+                return KinematicsError::Singular {
+                    measure: along.abs() * SINGULAR_MEASURE / model.along_min,
+                };
+            }
+        }
+        KinematicsError::NotFinite
+    }
+}
+
+/// What one arm does to reach a point.
+struct Reach {
+    q: f64,
+    /// Square of the point's distance from the guideway, metres squared.
+    distance_squared: f64,
+    /// `w = L s`: from the tool centre point to the cart's nominal point, metres.
+    link_m: Vector3<f64>,
+}
+
+/// Where the links meet, relative to the first cart.
+struct Meeting {
+    from_1: Vector3<f64>,
+    e1: Vector3<f64>,
+    e2: Vector3<f64>,
+    tcp: Vector3<f64>,
+    normal_squared: f64,
+    /// Square of `det(w_1, w_2, w_3)`; negative when the links do not meet.
+    determinant_squared: f64,
+}
+
+impl Meeting {
+    /// `w_i`: from the tool centre point to the carts' nominal points.
+    #[inline]
+    fn links(&self) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
+        (-self.tcp, self.e1 - self.tcp, self.e2 - self.tcp)
+    }
+}
+
+impl Arm {
+    fn new(
+        origin_m: Vector3<f64>,
+        guideway: Vector3<f64>,
+        length: f64,
+        branch: Branch,
+        travel: Option<(f64, f64)>,
+    ) -> Self {
+        let scale = norm(&guideway);
+        let widest = MAX_LENGTH_M / scale;
+        let (lower, upper) = travel.unwrap_or((-widest, widest));
+        let length_squared = length * length;
+        Self {
+            origin_m,
+            guideway,
+            projector: guideway / (scale * scale),
+            side: guideway * signed(branch, 1.0 / scale),
+            per_metre: signed(branch, 1.0 / scale),
+            length_squared,
+            distance_squared_max: length_squared * (1.0 - SINGULAR_MEASURE * SINGULAR_MEASURE),
+            along_min: SINGULAR_MEASURE * length,
+            lower: lower.max(-widest),
+            upper: upper.min(widest),
+        }
+    }
+
+    fn without_travel(self) -> Self {
+        let widest = MAX_LENGTH_M * self.per_metre.abs();
+        Self {
+            lower: -widest,
+            upper: widest,
+            ..self
+        }
+    }
+
+    /// `P = A_s + q v` `[T 3.7]`.
+    #[inline]
+    pub(super) fn cart(&self, q: f64) -> Vector3<f64> {
+        self.origin_m + self.guideway * q
+    }
+
+    /// Foot of the perpendicular on the guideway, then along it to where the link ends `[T 3.9]`.
+    /// The perpendicular is squared as it is: `d . d - (d . v)^2 / (v . v)` would cancel far out on a long guideway.
+    #[inline]
+    fn reach(&self, tcp_m: &Vector3<f64>) -> Reach {
+        let from_origin = tcp_m - self.origin_m;
+        let foot = from_origin.dot(&self.projector);
+        let perpendicular = from_origin - self.guideway * foot;
+        let distance_squared = perpendicular.dot(&perpendicular);
+        let along = sqrt(self.length_squared - distance_squared);
+        Reach {
+            q: foot + along * self.per_metre,
+            distance_squared,
+            link_m: self.side * along - perpendicular,
+        }
+    }
+
+    /// Whether the point is reached, regularly and inside the travel; false for NaN.
+    #[inline]
+    fn accepts(&self, reach: &Reach) -> bool {
+        reach.distance_squared < self.distance_squared_max && self.travels(reach.q)
+    }
+
+    /// Whether `q` is inside the travel; false for NaN.
+    #[inline]
+    fn travels(&self, q: f64) -> bool {
+        q >= self.lower && q <= self.upper
+    }
+
+    fn out_of_range(&self, axis: usize, q: f64) -> KinematicsError {
+        KinematicsError::OutOfRange {
+            axis,
+            q,
+            lower: self.lower,
+            upper: self.upper,
+        }
+    }
+}
+
+/// `A_s_i = A0_ij - R b_ij` `[T 3.7]`, the same for every link of a cluster: the mean, once that is checked.
+fn cluster_origins(
+    cart_joints_m: &[Vector3<f64>; LINKS],
+    levers_m: &[Vector3<f64>; LINKS],
+    lengths_m: &[f64; ARMS],
+) -> Result<[Vector3<f64>; ARMS], NominalError> {
+    let [a11, a21, a22, a31, a32, a33] = cart_joints_m;
+    let [l11, l21, l22, l31, l32, l33] = levers_m;
+    let first = [a11 - l11, a21 - l21, a31 - l31];
+    for (link, ((cart, lever), arm)) in
+        (cart_joints_m.iter().zip(levers_m).zip(ARM_OF_LINK)).enumerate()
+    {
+        let (Some(origin), Some(length)) = (first.get(arm), lengths_m.get(arm)) else {
+            continue;
+        };
+        let mismatch_m = norm(&(cart - lever - origin));
+        if mismatch_m > TAU_TOLERANCE * length {
+            return Err(NominalError::NotTau { link, mismatch_m });
+        }
+    }
+    let [one, _, _] = first;
+    Ok([
+        one,
+        (a21 - l21 + a22 - l22) / 2.0,
+        (a31 - l31 + a32 - l32 + a33 - l33) / 3.0,
+    ])
+}

@@ -1,0 +1,251 @@
+//! What a robot file may say: one check per section.
+
+use gantry_tau_core::kinematics::Nominal;
+use gantry_tau_core::linalg::rotation_deviation;
+use gantry_tau_core::robot::{ARMS, Robot};
+use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
+use nalgebra::{Matrix3, Vector3};
+
+use super::{Axes, AxisLimits, ChannelLimits, Motors, Problem, Sensor, Simulation, matrix};
+
+/// Largest deviation of `metres_per_q` from `|v_i|`, relative.
+const SCALE_TOLERANCE: f64 = 1e-9;
+/// Farthest a micrometre value may be from a whole nanometre, in nanometres: rounding of the decimal, no more.
+const WHOLE_NM_TOLERANCE: f64 = 1e-3;
+/// Largest number of motors.
+const MAX_MOTORS: usize = 32;
+
+/// Looks at `model` before anything else: another machine's keys would only be called unknown.
+pub(super) fn model(text: &str) -> Result<(), Problem> {
+    let table: toml::Table = toml::from_str(text).map_err(|error| syntax(text, &error))?;
+    match table.get("model").map(|model| model.as_str()) {
+        Some(Some("l2")) => Ok(()),
+        Some(Some("f1")) => Err(Problem::new("model", "\"f1\" is not supported yet")),
+        Some(_) => Err(Problem::new("model", "must be \"l2\"")),
+        None => Err(Problem::new("model", "is missing")),
+    }
+}
+
+/// What the TOML reader says, with the key it says it about.
+pub(super) fn syntax(text: &str, error: &toml::de::Error) -> Problem {
+    let reason = error.message();
+    let before = (error.span()).map_or("", |span| text.get(..span.start).unwrap_or(""));
+    let line_start = before.rfind('\n').map_or(0, |end| end.saturating_add(1));
+    let line = text.get(line_start..).and_then(|rest| rest.lines().next());
+    let section = (before.lines().chain(line))
+        .filter_map(|line| line.trim().strip_prefix('[')?.strip_suffix(']'))
+        .rfind(|name| {
+            name.chars()
+                .all(|c| c.is_alphanumeric() || "._".contains(c))
+        });
+    // A missing key has no line of its own, the others have.
+    let quoted = reason.split('`').nth(1);
+    let key = if reason.starts_with("missing field") || reason.starts_with("unknown field") {
+        quoted
+    } else {
+        (before.lines().chain(line).rev())
+            .find_map(|line| line.split_once('=').map(|(key, _)| key.trim()))
+    };
+    let key = match (section, key) {
+        (Some(section), Some(key)) if key != section => format!("{section}.{key}"),
+        (None, Some(key)) => key.to_owned(),
+        (Some(section), _) => section.to_owned(),
+        (None, None) => String::new(),
+    };
+    let number = before.matches('\n').count().saturating_add(1);
+    Problem::new(key, format!("{reason} (line {number})"))
+}
+
+/// `lower <= value <= upper`; NaN is refused.
+pub(super) fn range(key: &str, value: f64, lower: f64, upper: f64) -> Result<(), Problem> {
+    if (lower..=upper).contains(&value) {
+        Ok(())
+    } else {
+        let reason = format!("is {value}, it must be from {lower} to {upper}");
+        Err(Problem::new(key, reason))
+    }
+}
+
+/// The nominal travel in q-units, once the scale is checked.
+pub(super) fn travel_in_q(
+    axes: &Axes,
+    guideways: &[[f64; 3]; ARMS],
+) -> Result<[(f64, f64); ARMS], Problem> {
+    let mut travel = [(0.0, 0.0); ARMS];
+    for (index, ((entry, guideway), (metres, [lower, upper]))) in travel
+        .iter_mut()
+        .zip(guideways)
+        .zip(axes.metres_per_q.iter().zip(&axes.nominal_travel_m))
+        .enumerate()
+    {
+        let key = format!("axes.metres_per_q[{index}]");
+        range(&key, *metres, 1e-6, 1e3)?;
+        let scale = Vector3::from(*guideway).norm();
+        let deviation = (metres - scale).abs();
+        // Not `deviation > ..`: a guideway that is NaN is named by the robot's own check.
+        if deviation > SCALE_TOLERANCE * scale {
+            let reason = format!("is {metres}, but V[{index}] is {scale} m long");
+            return Err(Problem::new(key, reason));
+        }
+        *entry = (lower / metres, upper / metres);
+    }
+    Ok(travel)
+}
+
+/// Every axis in the units of the reference path.
+pub(super) fn limits(axes: &Axes) -> Result<[AxisLimits; ARMS], Problem> {
+    let [zero, one, two] = [0, 1, 2].map(|index| axis(axes, index));
+    Ok([zero?, one?, two?])
+}
+
+fn axis(axes: &Axes, index: usize) -> Result<AxisLimits, Problem> {
+    let keyed = |key: &str| format!("axes.{key}[{index}]");
+    let (p, v, t) = (&axes.position, &axes.velocity, &axes.torque);
+    let um = |key: &str, values: &[f64; ARMS]| whole_nm(&keyed(key), pick(values, index, f64::NAN));
+    let position = ChannelLimits {
+        max: um("position.max_um", &p.max_um)?,
+        step: um("position.step_um", &p.step_um)?,
+        accel: um("position.accel_um", &p.accel_um)?,
+        ramp: um("position.ramp_um", &p.ramp_um)?,
+    };
+    let velocity = ChannelLimits {
+        max: pick(&v.max_um_s, index, -1),
+        step: pick(&v.step_um_s, index, 0),
+        accel: pick(&v.accel_um_s, index, 0),
+        ramp: pick(&v.ramp_um_s, index, 0),
+    };
+    let torque = ChannelLimits {
+        max: pick(&t.max_permille, index, -1).into(),
+        step: pick(&t.step_permille, index, 0).into(),
+        accel: pick(&t.accel_permille, index, 0).into(),
+        ramp: pick(&t.ramp_permille, index, 0).into(),
+    };
+    channel("position", "um", index, &position)?;
+    channel("velocity", "um_s", index, &velocity)?;
+    channel("torque", "permille", index, &torque)?;
+    let machine_travel = travel(&keyed("machine_travel_m"), &axes.machine_travel_m, index)?;
+    let nominal_travel = travel(&keyed("nominal_travel_m"), &axes.nominal_travel_m, index)?;
+    let margin = i64::from(position.max);
+    let below = nominal_travel.0.0.saturating_sub(margin) < machine_travel.0.0;
+    if below || nominal_travel.1.0.saturating_add(margin) > machine_travel.1.0 {
+        let reason = "must lie inside machine_travel_m by position.max_um on either side";
+        return Err(Problem::new(keyed("nominal_travel_m"), reason));
+    }
+    let nominal_step_nm = um("nominal_step_um", &axes.nominal_step_um)?;
+    if nominal_step_nm <= 0 {
+        return Err(Problem::new(keyed("nominal_step_um"), "must be positive"));
+    }
+    Ok(AxisLimits {
+        nominal_travel,
+        machine_travel,
+        nominal_step_nm: i64::from(nominal_step_nm),
+        position,
+        velocity,
+        torque,
+    })
+}
+
+/// `0 <= max`, `0 < ramp <= step`, `step + ramp <= accel`.
+fn channel(section: &str, unit: &str, index: usize, c: &ChannelLimits) -> Result<(), Problem> {
+    let refuse = |name: &str, reason: &str| {
+        let key = format!("axes.{section}.{name}_{unit}[{index}]");
+        Err(Problem::new(key, reason))
+    };
+    if c.max < 0 {
+        refuse("max", "must not be negative; 0 disables the channel")
+    } else if c.ramp <= 0 {
+        refuse("ramp", "must be positive")
+    } else if c.ramp > c.step {
+        refuse("ramp", "must not be above step")
+    } else if i64::from(c.step).saturating_add(i64::from(c.ramp)) > i64::from(c.accel) {
+        refuse("accel", "must be at least step + ramp")
+    } else {
+        Ok(())
+    }
+}
+
+/// Entry `index`, or a value that its check refuses.
+fn pick<T: Copy>(values: &[T; ARMS], index: usize, refused: T) -> T {
+    values.get(index).copied().unwrap_or(refused)
+}
+
+fn travel(
+    key: &str,
+    ends_m: &[[f64; 2]; ARMS],
+    index: usize,
+) -> Result<(PositionNm, PositionNm), Problem> {
+    let [lower, upper] = pick(ends_m, index, [f64::NAN; 2]);
+    let cross = |value| {
+        PositionNm::from_metres(Metres(value)).map_err(|error| Problem::new(key, error.to_string()))
+    };
+    let (lower, upper) = (cross(lower)?, cross(upper)?);
+    if lower > upper {
+        return Err(Problem::new(key, "has its lower end above its upper end"));
+    }
+    Ok((lower, upper))
+}
+
+/// Micrometres that are a whole number of nanometres.
+fn whole_nm(key: &str, value_um: f64) -> Result<i32, Problem> {
+    let crossed = OffsetNm::from_metres(Metres(value_um * 1e-6))
+        .map_err(|error| Problem::new(key, error.to_string()))?;
+    if (f64::from(crossed.0) - value_um * 1e3).abs() > WHOLE_NM_TOLERANCE {
+        return Err(Problem::new(key, "must be a whole number of nanometres"));
+    }
+    Ok(crossed.0)
+}
+
+pub(super) fn motors(motors: &Motors) -> Result<(), Problem> {
+    let key = "motors.axis_of_motor";
+    if motors.axis_of_motor.len() > MAX_MOTORS {
+        return Err(Problem::new(
+            key,
+            format!("has more than {MAX_MOTORS} motors"),
+        ));
+    }
+    if let Some(axis) = motors.axis_of_motor.iter().find(|axis| **axis >= ARMS) {
+        return Err(Problem::new(
+            key,
+            format!("names axis {axis} of {ARMS}, counted from 0"),
+        ));
+    }
+    match (0..ARMS).find(|axis| !motors.axis_of_motor.contains(axis)) {
+        Some(axis) => Err(Problem::new(
+            key,
+            format!("leaves axis {axis} without a motor"),
+        )),
+        None => Ok(()),
+    }
+}
+
+pub(super) fn sensor(sensor: &Sensor) -> Result<(), Problem> {
+    if rotation_deviation(&matrix(&sensor.rotation)) > 1e-9 {
+        return Err(Problem::new("sensor.rotation", "is no rotation matrix"));
+    }
+    for (index, value) in sensor.lever_m.iter().enumerate() {
+        range(&format!("sensor.lever_m[{index}]"), *value, -10.0, 10.0)?;
+    }
+    range("sensor.cutoff_hz", sensor.cutoff_hz, 1e-3, 1e5)?;
+    range("sensor.tare_samples", sensor.tare_samples.into(), 1.0, 1e6)
+}
+
+pub(super) fn simulation(simulation: &Simulation, robot: &Robot) -> Result<(), Problem> {
+    let s = simulation;
+    range("simulation.spring_deviation", s.spring_deviation, 0.0, 0.9)?;
+    range("simulation.force_noise_n", s.force_noise_n, 0.0, 1e3)?;
+    range("simulation.moment_noise_nm", s.moment_noise_nm, 0.0, 1e3)?;
+    range(
+        "simulation.gauge_resolution_m",
+        s.gauge_resolution_m,
+        1e-9,
+        1e-3,
+    )?;
+    range("simulation.jump_force_n", s.jump_force_n, 1.0, 1e5)?;
+    range("simulation.jump_gap_m", s.jump_gap_m, 0.0, 1e-2)?;
+    let nominal = Nominal::new(robot, &Matrix3::identity())
+        .map_err(|error| Problem::new("A0", error.to_string()))?;
+    nominal
+        .inverse(&Vector3::from(s.home_m))
+        .map(|_| ())
+        .map_err(|error| Problem::new("simulation.home_m", error.to_string()))
+}
