@@ -154,6 +154,11 @@ impl Nominal {
         self.arms.map(|arm| arm.origin_m)
     }
 
+    /// `L_i^2`, metres squared.
+    pub(crate) fn lengths_squared(&self) -> [f64; ARMS] {
+        self.arms.map(|arm| arm.length_squared)
+    }
+
     /// Inverse kinematics `[T 3.2, 3.9]`: positions `q` (q-units) that put the tool centre point at `tcp_m` (world axes, metres).
     ///
     /// Of the two solutions of each arm, the one with `sign(s_i . v_i) = c_i`.
