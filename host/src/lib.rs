@@ -2,8 +2,20 @@
 //!
 //! Everything that can reach a drive goes through [`gantry_tau_core`]; this crate brings clock, sockets and files.
 #![forbid(unsafe_code)]
+#![allow(
+    clippy::arithmetic_side_effects,
+    reason = "off the reference path; release builds keep their overflow checks"
+)]
 
+pub mod client;
+pub mod demo;
+pub mod epoch;
+pub mod machine;
 pub mod plant;
+pub mod realtime;
+pub mod record;
 pub mod robot_file;
+pub mod sensor_link;
+pub mod server;
 pub mod sim;
 pub mod solve;

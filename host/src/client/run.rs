@@ -1,0 +1,221 @@
+//! A client's session from Hello to Goodbye.
+
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use gantry_tau_core::axis::Offsets;
+use gantry_tau_core::message::{
+    Capabilities, Cause, ClientMessage, Command, Hello, Mode, Phase, ServerMessage, State, Welcome,
+};
+use gantry_tau_core::robot::ARMS;
+use gantry_tau_core::units::{OffsetNm, Sequence};
+
+use super::compensate::Compensation;
+use super::connection::Link;
+use super::{ClientControls, ClientError, ClientOptions, ClientReport};
+use crate::machine::CYCLE_US;
+use crate::record::{ClientRow, Recorder};
+use crate::sensor_link::{Sample, SensorReader};
+
+/// A server that says nothing for so long has vanished.
+const SILENCE: Duration = Duration::from_secs(3);
+/// Ticks that a force sample may be old.
+const SAMPLE_AGE_TICKS: u64 = 100;
+/// States to wait for the first sample.
+const FIRST_SAMPLE_TICKS: u64 = 1_000;
+
+struct Session<'a> {
+    link: Link<ARMS>,
+    sensor: SensorReader,
+    sample: Option<Sample>,
+    compensation: Compensation,
+    welcome: Welcome<ARMS>,
+    sequence: u64,
+    targets: [OffsetNm; ARMS],
+    controls: &'a ClientControls,
+    recorder: Option<Recorder<ClientRow<ARMS>>>,
+    states: u64,
+    held: u64,
+}
+
+/// Connects, submits, obtains, and leaves when told to.
+///
+/// # Errors
+/// [`ClientError`] for every other way it can end. In each of them the server ramps the offsets to zero by itself.
+pub fn run(options: &ClientOptions, controls: &ClientControls) -> Result<ClientReport, ClientError> {
+    let recorder = match &options.record {
+        Some(path) => Some(Recorder::start(path).map_err(|e| ClientError::Setup(e.to_string()))?),
+        None => None,
+    };
+    let mut link = Link::connect(options.server, SILENCE)?;
+    let sensor = SensorReader::connect(options.sensor).map_err(|error| ClientError::Unreachable {
+        what: "force sensor",
+        address: options.sensor,
+        error,
+    })?;
+    let welcome = greet(&mut link)?;
+    check_terms(options, &welcome)?;
+    if let Err(denied) = crate::realtime::raise_priority() {
+        tracing::warn!("client: no {}: {}", denied.privilege, denied.reason);
+    }
+    tracing::info!("session {} granted; submitting while the force sensor is tared", welcome.epoch.0);
+    controls.obtain.fetch_or(options.obtain, Ordering::Relaxed);
+    let mut session = Session {
+        link,
+        sensor,
+        sample: None,
+        compensation: Compensation::new(&options.robot, &welcome).map_err(ClientError::Setup)?,
+        welcome,
+        sequence: 0,
+        targets: [OffsetNm(0); ARMS],
+        controls,
+        recorder,
+        states: 0,
+        held: 0,
+    };
+    let result = session.answer_until_done();
+    let recorded = session.recorder.take().and_then(Recorder::finish);
+    if let (Err(_), Some(recorded)) = (&result, &recorded) {
+        tracing::info!("{recorded}");
+    }
+    result.map(|()| ClientReport {
+        states: session.states,
+        held: session.held,
+        recorded,
+    })
+}
+
+/// Hello, and what it brings.
+fn greet(link: &mut Link<ARMS>) -> Result<Welcome<ARMS>, ClientError> {
+    let axes = u8::try_from(ARMS).unwrap_or(u8::MAX);
+    link.send(&ClientMessage::Hello(Hello {
+        axes,
+        capabilities: Capabilities::LOCKSTEP,
+    }))?;
+    match link.receive()? {
+        ServerMessage::Welcome(welcome) => Ok(welcome),
+        ServerMessage::Refusal(refusal) => Err(ClientError::Refused(refusal)),
+        ServerMessage::State(_) => Err(ClientError::Incompatible("a State before the Welcome".to_owned())),
+    }
+}
+
+/// The server must run the same cycle and hold the same machine.
+fn check_terms(options: &ClientOptions, welcome: &Welcome<ARMS>) -> Result<(), ClientError> {
+    if welcome.cycle_us != CYCLE_US {
+        return Err(ClientError::Incompatible(format!(
+            "its cycle is {} us, this client's {CYCLE_US} us",
+            welcome.cycle_us
+        )));
+    }
+    let own = options.robot.kinematics_checksum();
+    if welcome.kinematics_checksum != own {
+        return Err(ClientError::Incompatible(format!(
+            "its machine has checksum {:08x}, {} has {own:08x}",
+            welcome.kinematics_checksum, options.robot.name
+        )));
+    }
+    Ok(())
+}
+
+impl Session<'_> {
+    fn answer_until_done(&mut self) -> Result<(), ClientError> {
+        let mut leaving = false;
+        loop {
+            let ServerMessage::State(state) = self.link.receive()? else {
+                return Err(ClientError::Incompatible("a second Welcome or Refusal".to_owned()));
+            };
+            self.states += 1;
+            match state.phase {
+                Phase::Handshake | Phase::Submit | Phase::Obtain => {}
+                // The ramp that follows a Goodbye is the server's; it needs no witness.
+                _ if leaving => return Ok(()),
+                _ => return Err(ended(&state)),
+            }
+            if self.controls.wants_to_quit() {
+                leaving = true;
+                self.link.send(&ClientMessage::Goodbye(self.welcome.epoch))?;
+                continue;
+            }
+            if self.link.has_unread_bytes() {
+                // A newer State is waiting: answering this one would only be late.
+                continue;
+            }
+            self.answer(&state)?;
+        }
+    }
+
+    fn answer(&mut self, state: &State<ARMS>) -> Result<(), ClientError> {
+        let sample = self.latest_sample(state.tick.0);
+        if let Err(silent) = sample {
+            // Leave in good order rather than compensate a force that nobody measures.
+            self.link.send(&ClientMessage::Goodbye(self.welcome.epoch))?;
+            return Err(silent);
+        }
+        if let Ok(Some(sample)) = sample {
+            let nominal = state.axes.map(|axis| axis.nominal);
+            match self.compensation.cycle(&sample.wrench, &nominal) {
+                Ok(targets) => self.targets = targets,
+                Err(error) => self.hold(&error),
+            }
+        }
+        let tared = self.compensation.is_tared();
+        self.controls.tared.store(tared, Ordering::Relaxed);
+        let obtain = tared && self.controls.obtain.load(Ordering::Relaxed) && state.phase != Phase::Handshake;
+        self.sequence += 1;
+        let command = Command {
+            epoch: self.welcome.epoch,
+            sequence: Sequence(self.sequence),
+            echo: state.tick,
+            mode: if obtain { Mode::Obtain } else { Mode::Submit },
+            targets: self.targets.map(|position| Offsets {
+                position,
+                ..Offsets::default()
+            }),
+        };
+        self.link.send(&ClientMessage::Command(command))?;
+        self.controls.commands.fetch_add(1, Ordering::Relaxed);
+        self.record(state);
+        Ok(())
+    }
+
+    /// The latest sample; `None` only in the first second.
+    fn latest_sample(&mut self, tick: u64) -> Result<Option<Sample>, ClientError> {
+        let silent = |reason: &str| Err(ClientError::SensorSilent(reason.to_owned()));
+        match self.sensor.latest() {
+            Ok(sample) => self.sample = sample,
+            Err(error) => return silent(&error.to_string()),
+        }
+        match self.sample {
+            None if self.states > FIRST_SAMPLE_TICKS => silent("none has come for a second"),
+            Some(sample) if sample.tick.saturating_add(SAMPLE_AGE_TICKS) < tick => {
+                silent("the last one is more than 100 ms old")
+            }
+            sample => Ok(sample),
+        }
+    }
+
+    /// Sends the last targets again; said once, counted always.
+    fn hold(&mut self, error: &dyn std::fmt::Display) {
+        if self.held == 0 {
+            tracing::warn!("a correction cannot be computed, the last one is held: {error}");
+        }
+        self.held += 1;
+    }
+
+    fn record(&mut self, state: &State<ARMS>) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.push(ClientRow {
+                state: *state,
+                targets: self.targets,
+                load: self.compensation.load(),
+            });
+        }
+    }
+}
+
+fn ended(state: &State<ARMS>) -> ClientError {
+    match state.cause {
+        Cause::None => ClientError::Vanished("it forgot the session".to_owned()),
+        cause => ClientError::Ended(cause),
+    }
+}

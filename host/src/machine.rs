@@ -1,0 +1,114 @@
+//! From a robot file to what the core and the simulation are configured with.
+
+use gantry_tau_core::channel::Limits;
+use gantry_tau_core::endpoint::MotorMap;
+use gantry_tau_core::message::{AxisLimits, Capabilities};
+use gantry_tau_core::robot::ARMS;
+use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
+
+use crate::robot_file::{self, ChannelLimits, RobotFile, RobotFileError};
+use crate::sim::hand::Tool;
+use crate::sim::machine::SimulatedMachine;
+use crate::sim::parameters::{Motion, SimulationParameters};
+
+/// Motors of the L2: one per axis.
+pub const MOTORS: usize = 3;
+/// Length of a cycle, µs.
+pub const CYCLE_US: u32 = 1_000;
+/// Ticks a granted session may wait for its first command.
+const HANDSHAKE_TICKS: u32 = 1_000;
+/// What the simulated sensor shows unloaded, N and N m, sensor axes: weight of the tool and zero error. ASSUMED; the client tares it.
+const SENSOR_BIAS: [f64; 6] = [1.5, -0.8, -18.0, 0.05, -0.1, 0.02];
+
+impl RobotFile {
+    fn refuse(&self, key: &str, reason: impl std::fmt::Display) -> RobotFileError {
+        RobotFileError {
+            file: self.name.clone(),
+            key: key.to_owned(),
+            reason: reason.to_string(),
+        }
+    }
+
+    /// The session's configuration in the thesis profile: no echo window, no miss budget.
+    ///
+    /// # Errors
+    /// [`RobotFileError`] for limits the core refuses.
+    pub fn session_config(&self, capabilities: Capabilities) -> Result<Config<ARMS>, RobotFileError> {
+        let [a, b, c] = &self.limits;
+        let axes = [self.axis(a)?, self.axis(b)?, self.axis(c)?];
+        Config::new(Parameters {
+            cycle_us: CYCLE_US,
+            echo_window: 0,
+            handshake_ticks: HANDSHAKE_TICKS,
+            budget: None,
+            capabilities,
+            kinematics_checksum: self.kinematics_checksum(),
+            axes,
+        })
+        .map_err(|error| self.refuse("axes", error))
+    }
+
+    fn axis(&self, limits: &robot_file::AxisLimits) -> Result<AxisConfig, RobotFileError> {
+        let channel = |key: &str, c: &ChannelLimits| {
+            Limits::new(c.max, c.step, c.accel, c.ramp).map_err(|error| self.refuse(key, error))
+        };
+        let travel = |(lower, upper)| Travel { lower, upper };
+        Ok(AxisConfig {
+            limits: AxisLimits {
+                position: channel("axes.position", &limits.position)?,
+                velocity: channel("axes.velocity", &limits.velocity)?,
+                torque: channel("axes.torque", &limits.torque)?,
+            },
+            nominal_travel: travel(limits.nominal_travel),
+            machine_travel: travel(limits.machine_travel),
+            nominal_step_nm: u32::try_from(limits.nominal_step_nm)
+                .map_err(|error| self.refuse("axes.nominal_step_um", error))?,
+        })
+    }
+
+    /// Which axis drives each motor.
+    ///
+    /// # Errors
+    /// [`RobotFileError`] unless there are [`MOTORS`] motors, each on an axis.
+    pub fn motor_map(&self) -> Result<MotorMap<MOTORS>, RobotFileError> {
+        let key = "motors.axis_of_motor";
+        let motors = &self.motors.axis_of_motor;
+        let motors = <[usize; MOTORS]>::try_from(motors.as_slice()).map_err(|_| {
+            self.refuse(key, format!("lists {} motors, the L2 has {MOTORS}", motors.len()))
+        })?;
+        MotorMap::new(motors, ARMS).map_err(|error| self.refuse(key, error))
+    }
+
+    /// The simulated machine of this file, with `tool` to pull at.
+    ///
+    /// # Errors
+    /// [`RobotFileError`] without compliances, or for a simulation that cannot be.
+    pub fn simulated_machine(
+        &self,
+        tool: Tool,
+        motion: Motion,
+    ) -> Result<SimulatedMachine, RobotFileError> {
+        let compliances = self
+            .compliances
+            .as_ref()
+            .ok_or_else(|| self.refuse("c_link", "is missing; the simulation needs compliances"))?;
+        let s = &self.simulation;
+        let parameters = SimulationParameters {
+            seed: s.seed,
+            spring_deviation: s.spring_deviation,
+            force_noise_n: s.force_noise_n,
+            moment_noise_nm: s.moment_noise_nm,
+            sensor_bias: SENSOR_BIAS,
+            gauge_resolution_m: s.gauge_resolution_m,
+            jump_force_n: s.jump_force_n,
+            jump_gap_m: s.jump_gap_m,
+            sensor_rotation: self.sensor.rotation_matrix(),
+            sensor_lever_m: self.sensor.lever_m.into(),
+            metres_per_q: self.axes.metres_per_q,
+            motion,
+            ..SimulationParameters::at_home(s.home_m)
+        };
+        SimulatedMachine::new(&self.robot, compliances, &parameters, tool)
+            .map_err(|error| self.refuse("simulation", error))
+    }
+}

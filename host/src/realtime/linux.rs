@@ -1,0 +1,58 @@
+//! Linux: `clock_nanosleep` with absolute time, `ppoll`, `mlockall`.
+
+use std::net::TcpStream;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::mm::{MlockAllFlags, mlockall};
+use rustix::thread::{ClockId, clock_nanosleep_absolute};
+use rustix::time::clock_gettime;
+
+use super::Denied;
+
+const NS_PER_S: u64 = 1_000_000_000;
+
+/// Monotonic time in ns.
+#[must_use]
+pub fn now_ns() -> u64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    let seconds = u64::try_from(now.tv_sec).unwrap_or(0);
+    let rest = u64::try_from(now.tv_nsec).unwrap_or(0);
+    seconds.saturating_mul(NS_PER_S).saturating_add(rest)
+}
+
+fn timespec(ns: u64) -> Timespec {
+    Timespec {
+        tv_sec: i64::try_from(ns / NS_PER_S).unwrap_or(i64::MAX),
+        tv_nsec: i64::try_from(ns % NS_PER_S).unwrap_or(0),
+    }
+}
+
+/// Sleeps until [`now_ns`] would return at least `deadline`.
+pub fn sleep_until_ns(deadline: u64) {
+    while now_ns() < deadline {
+        // A signal may wake it early; the loop sleeps on.
+        let _interrupted = clock_nanosleep_absolute(ClockId::Monotonic, &timespec(deadline));
+    }
+}
+
+/// Waits until `stream` has bytes (or is closed) or the deadline has come. Returns whether there is something to read.
+#[must_use]
+pub fn wait_readable_until_ns(stream: &TcpStream, deadline: u64) -> bool {
+    let left = deadline.saturating_sub(now_ns());
+    if left == 0 {
+        return false;
+    }
+    let mut fds = [PollFd::new(stream, PollFlags::IN)];
+    matches!(poll(&mut fds, Some(&timespec(left))), Ok(ready) if ready > 0)
+}
+
+/// Keeps all memory of the process resident, so that the cycle never waits for a page.
+///
+/// # Errors
+/// [`Denied`] without the privilege or above the limit on locked memory.
+pub fn lock_memory() -> Result<(), Denied> {
+    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|error| Denied {
+        privilege: "locked memory (mlockall)",
+        reason: error.to_string(),
+    })
+}

@@ -1,0 +1,92 @@
+//! Everything that only an operating system can give: an absolute timer, real-time priority, locked memory, waiting for bytes.
+//!
+//! One file per system behind one interface, so that client, server and `solve` build on Linux, Windows and macOS.
+
+#[cfg(target_os = "linux")]
+#[path = "linux.rs"]
+mod system;
+#[cfg(not(target_os = "linux"))]
+#[path = "portable.rs"]
+mod system;
+
+pub use system::{lock_memory, now_ns, sleep_until_ns, wait_readable_until_ns};
+
+/// Priority under SCHED_FIFO: above ordinary threads, below the kernel's own.
+const PRIORITY: u8 = 80;
+
+/// A privilege that was not granted. The program runs on without it, with more jitter.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Denied {
+    /// What was asked for.
+    pub privilege: &'static str,
+    /// What the system said.
+    pub reason: String,
+}
+
+/// Asks for real-time priority for the calling thread.
+///
+/// # Errors
+/// [`Denied`] when the system refuses, as it does for ordinary users.
+pub fn raise_priority() -> Result<(), Denied> {
+    use thread_priority::{ThreadPriority, ThreadPriorityValue};
+    let denied = |reason: String| Denied {
+        privilege: "real-time priority (SCHED_FIFO)",
+        reason,
+    };
+    let value = ThreadPriorityValue::try_from(PRIORITY).map_err(|error| denied(error.to_owned()))?;
+    let priority = ThreadPriority::Crossplatform(value);
+    set_realtime(priority).map_err(|error| denied(format!("{error:?}")))
+}
+
+#[cfg(unix)]
+fn set_realtime(priority: thread_priority::ThreadPriority) -> Result<(), thread_priority::Error> {
+    use thread_priority::unix::{
+        RealtimeThreadSchedulePolicy, ThreadSchedulePolicy, set_thread_priority_and_policy,
+        thread_native_id,
+    };
+    let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    set_thread_priority_and_policy(thread_native_id(), priority, fifo)
+}
+
+#[cfg(not(unix))]
+fn set_realtime(priority: thread_priority::ThreadPriority) -> Result<(), thread_priority::Error> {
+    thread_priority::set_current_thread_priority(priority)
+}
+
+/// An absolute cycle timer: each cycle's deadline is a whole number of periods after the start.
+#[derive(Clone, Copy, Debug)]
+pub struct CycleTimer {
+    period_ns: u64,
+    deadline_ns: u64,
+}
+
+impl CycleTimer {
+    /// A timer whose first deadline is one period from now.
+    #[must_use]
+    pub fn starting_now(period_ns: u64) -> Self {
+        let period_ns = period_ns.max(1);
+        let deadline_ns = now_ns().saturating_add(period_ns);
+        Self {
+            period_ns,
+            deadline_ns,
+        }
+    }
+
+    /// The coming deadline.
+    #[must_use]
+    pub const fn deadline_ns(&self) -> u64 {
+        self.deadline_ns
+    }
+
+    /// Sleeps until the deadline. Returns how many cycles have elapsed: 1 when on time, more after an overrun.
+    /// The next deadline stays on the grid; nothing is caught up.
+    pub fn wait(&mut self) -> u32 {
+        sleep_until_ns(self.deadline_ns);
+        let late_ns = now_ns().saturating_sub(self.deadline_ns);
+        let elapsed = late_ns / self.period_ns + 1;
+        self.deadline_ns = self
+            .deadline_ns
+            .saturating_add(elapsed.saturating_mul(self.period_ns));
+        u32::try_from(elapsed).unwrap_or(u32::MAX)
+    }
+}

@@ -1,0 +1,60 @@
+//! Any other system: the standard library's clock, sleep and sockets. Good enough for a client, `solve` and lock-step.
+
+use std::net::TcpStream;
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use super::Denied;
+
+/// How coarse the standard sleep may be, ns; the rest of a wait is spun away.
+const COARSE_NS: u64 = 200_000;
+
+/// Monotonic time in ns since the first call.
+#[must_use]
+pub fn now_ns() -> u64 {
+    static START: OnceLock<Instant> = OnceLock::new();
+    let elapsed = START.get_or_init(Instant::now).elapsed();
+    u64::try_from(elapsed.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// Sleeps until [`now_ns`] would return at least `deadline`.
+pub fn sleep_until_ns(deadline: u64) {
+    loop {
+        let left = deadline.saturating_sub(now_ns());
+        if left == 0 {
+            return;
+        }
+        if left > COARSE_NS {
+            std::thread::sleep(Duration::from_nanos(left - COARSE_NS));
+        } else {
+            std::hint::spin_loop();
+        }
+    }
+}
+
+/// Waits until `stream` (non-blocking) has bytes (or is closed) or the deadline has come. Returns whether there is something to read.
+#[must_use]
+pub fn wait_readable_until_ns(stream: &TcpStream, deadline: u64) -> bool {
+    loop {
+        match stream.peek(&mut [0]) {
+            Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {}
+            _ => return true,
+        }
+        let now = now_ns();
+        if now >= deadline {
+            return false;
+        }
+        sleep_until_ns(deadline.min(now.saturating_add(COARSE_NS)));
+    }
+}
+
+/// Not available here.
+///
+/// # Errors
+/// [`Denied`], always.
+pub fn lock_memory() -> Result<(), Denied> {
+    Err(Denied {
+        privilege: "locked memory (mlockall)",
+        reason: "not available on this system".to_owned(),
+    })
+}

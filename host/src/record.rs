@@ -1,0 +1,322 @@
+//! Recordings: one CSV row per tick, units in the header, written by another thread than the one that makes the rows `[T 5.1.2]`.
+
+use std::fmt;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use gantry_tau_core::message::State;
+use gantry_tau_core::units::OffsetNm;
+
+use crate::server::cycle::Row;
+
+/// How long a writing thread rests when there is nothing to write.
+const REST: Duration = Duration::from_millis(5);
+/// Rows that may wait for a slow disk, about eight seconds.
+const QUEUE: usize = 8_192;
+
+/// Something that is one row of a recording.
+pub trait Record: Copy + Send + 'static {
+    /// Names of the columns, with units.
+    fn header() -> Vec<String>;
+    /// The values, in the order of the header.
+    fn fields(&self) -> Vec<String>;
+}
+
+/// Why a recording cannot be made.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordError {
+    path: PathBuf,
+    reason: String,
+}
+
+impl fmt::Display for RecordError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "recording {}: {}", self.path.display(), self.reason)
+    }
+}
+
+impl std::error::Error for RecordError {}
+
+/// A CSV file. After its first failure (a full disk, say) it only counts what is lost.
+#[derive(Debug)]
+pub struct CsvFile {
+    path: PathBuf,
+    writer: csv::Writer<File>,
+    failure: Option<RecordError>,
+    written: u64,
+    lost: u64,
+}
+
+/// What became of a recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recorded {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Rows written.
+    pub written: u64,
+    /// Rows lost, because the queue was full or the file failed.
+    pub lost: u64,
+    /// The first failure of the file.
+    pub failure: Option<RecordError>,
+}
+
+impl fmt::Display for Recorded {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let path = self.path.display();
+        write!(f, "recorded {} rows to {path}, {} dropped", self.written, self.lost)?;
+        match &self.failure {
+            Some(failure) => write!(f, " ({})", failure.reason),
+            None => Ok(()),
+        }
+    }
+}
+
+impl CsvFile {
+    /// Creates the file and writes the header of `T`.
+    ///
+    /// # Errors
+    /// [`RecordError`] naming the path and the reason.
+    pub fn create<T: Record>(path: &Path) -> Result<Self, RecordError> {
+        let fail = |reason: String| RecordError {
+            path: path.to_owned(),
+            reason,
+        };
+        let file = File::create(path).map_err(|error| fail(error.to_string()))?;
+        let mut writer = csv::Writer::from_writer(file);
+        writer
+            .write_record(T::header())
+            .map_err(|error| fail(error.to_string()))?;
+        Ok(Self {
+            path: path.to_owned(),
+            writer,
+            failure: None,
+            written: 0,
+            lost: 0,
+        })
+    }
+
+    /// Writes a row.
+    pub fn write<T: Record>(&mut self, row: &T) {
+        if self.failure.is_none() {
+            match self.writer.write_record(row.fields()) {
+                Ok(()) => {
+                    self.written += 1;
+                    return;
+                }
+                Err(error) => self.fail(error.to_string()),
+            }
+        }
+        self.lost += 1;
+    }
+
+    /// Flushes, and adds what the queue before the file had to drop.
+    #[must_use]
+    pub fn finish(mut self, dropped: u64) -> Recorded {
+        if let Err(error) = self.writer.flush() {
+            self.fail(error.to_string());
+        }
+        Recorded {
+            path: self.path,
+            written: self.written,
+            lost: self.lost + dropped,
+            failure: self.failure,
+        }
+    }
+
+    fn fail(&mut self, reason: String) {
+        let path = self.path.clone();
+        self.failure.get_or_insert(RecordError { path, reason });
+    }
+}
+
+/// The cycle's end of a recording: pushing never blocks and never allocates.
+#[derive(Debug)]
+pub struct Recorder<T> {
+    queue: rtrb::Producer<T>,
+    thread: JoinHandle<CsvFile>,
+    dropped: u64,
+}
+
+impl<T: Record> Recorder<T> {
+    /// Creates the file and starts the thread that writes it.
+    ///
+    /// # Errors
+    /// [`RecordError`].
+    pub fn start(path: &Path) -> Result<Self, RecordError> {
+        let mut file = CsvFile::create::<T>(path)?;
+        let (queue, mut rows) = rtrb::RingBuffer::new(QUEUE);
+        let thread = std::thread::Builder::new()
+            .name("recorder".to_owned())
+            .spawn(move || {
+                drain(&mut rows, |row| file.write::<T>(row));
+                file
+            })
+            .map_err(|error| RecordError {
+                path: path.to_owned(),
+                reason: error.to_string(),
+            })?;
+        Ok(Self {
+            queue,
+            thread,
+            dropped: 0,
+        })
+    }
+
+    /// Adds a row, or counts it as dropped.
+    pub fn push(&mut self, row: T) {
+        self.dropped += u64::from(self.queue.push(row).is_err());
+    }
+
+    /// Ends the recording. `None` if the writing thread panicked, which it has said on stderr.
+    #[must_use]
+    pub fn finish(self) -> Option<Recorded> {
+        let Self {
+            queue,
+            thread,
+            dropped,
+        } = self;
+        drop(queue);
+        thread.join().ok().map(|file| file.finish(dropped))
+    }
+}
+
+/// Hands every row to `each` until the other end of the queue is gone and nothing is left.
+pub fn drain<T: Copy>(rows: &mut rtrb::Consumer<T>, mut each: impl FnMut(&T)) {
+    loop {
+        let gone = rows.is_abandoned();
+        while let Ok(row) = rows.pop() {
+            each(&row);
+        }
+        if gone {
+            return;
+        }
+        std::thread::sleep(REST);
+    }
+}
+
+const LOAD: [&str; 6] = [
+    "force_x_n",
+    "force_y_n",
+    "force_z_n",
+    "moment_x_nm",
+    "moment_y_nm",
+    "moment_z_nm",
+];
+
+/// Columns that a State gives to every recording.
+fn state_header(axes: usize) -> Vec<String> {
+    let mut header: Vec<String> = ["tick", "state", "cause", "missed", "ramp_ticks_left"]
+        .map(str::to_owned)
+        .into();
+    for axis in 1..=axes {
+        header.extend(
+            [
+                "nominal_{}_nm",
+                "offset_{}_nm",
+                "velocity_offset_{}_um_s",
+                "torque_offset_{}_permille",
+                "shadow_{}_nm",
+                "actual_{}_nm",
+                "actual_velocity_{}_um_s",
+                "actual_torque_{}_permille",
+                "flags_{}",
+            ]
+            .map(|name| name.replace("{}", &axis.to_string())),
+        );
+    }
+    header
+}
+
+fn state_fields<const N: usize>(state: &State<N>) -> Vec<String> {
+    let mut fields = vec![
+        state.tick.0.to_string(),
+        format!("{:?}", state.phase),
+        format!("{:?}", state.cause),
+        state.counters.missed.to_string(),
+        state.ramp_ticks_left.to_string(),
+    ];
+    for axis in &state.axes {
+        fields.extend([
+            axis.nominal.0.to_string(),
+            axis.offsets.position.0.to_string(),
+            axis.offsets.velocity.0.to_string(),
+            axis.offsets.torque.0.to_string(),
+            axis.shadow.position.0.to_string(),
+            axis.actual.position.0.to_string(),
+            axis.actual.velocity.0.to_string(),
+            axis.actual.torque.0.to_string(),
+            axis.flags.0.to_string(),
+        ]);
+    }
+    fields
+}
+
+/// An optional number; empty where there is none.
+fn optional(value: Option<impl ToString>) -> String {
+    value.map_or_else(String::new, |value| value.to_string())
+}
+
+/// The server's recording.
+impl<const N: usize> Record for Row<N> {
+    fn header() -> Vec<String> {
+        let mut header = state_header(N);
+        header.extend((1..=N).map(|axis| format!("reference_{axis}_nm")));
+        header.extend(LOAD.map(str::to_owned));
+        header.extend(["x", "y", "z"].map(|axis| format!("displacement_{axis}_um")));
+        header.extend(["x", "y", "z"].map(|axis| format!("gauge_{axis}_um")));
+        header.extend(["elapsed_ticks", "round_trip_us"].map(str::to_owned));
+        header
+    }
+
+    fn fields(&self) -> Vec<String> {
+        let mut fields = state_fields(&self.state);
+        fields.extend(self.references.iter().map(|r| r.position.0.to_string()));
+        let tool = self.tool;
+        let load = tool.map_or([None; 6], |tool| tool.load.map(Some));
+        fields.extend(load.map(optional));
+        let micrometres = |metres: [f64; 3]| metres.map(|value| Some(value * 1e6));
+        let displacement = tool.map_or([None; 3], |tool| micrometres(tool.displacement_m));
+        fields.extend(displacement.map(optional));
+        let gauges = tool.map_or([None; 3], |tool| micrometres(tool.gauges_m));
+        fields.extend(gauges.map(optional));
+        fields.push(self.elapsed.to_string());
+        fields.push(optional(self.round_trip_us));
+        fields
+    }
+}
+
+/// One tick as the client saw it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClientRow<const N: usize> {
+    /// The State it answered.
+    pub state: State<N>,
+    /// Position offsets it asked for.
+    pub targets: [OffsetNm; N],
+    /// Load on the tool as it computed with, tared and filtered: force (N) and moment (N m), world axes.
+    pub load: [f64; 6],
+}
+
+/// The client's recording: references and actual values as the server reported them `[T 5.1.2]`, and what was asked for.
+impl<const N: usize> Record for ClientRow<N> {
+    fn header() -> Vec<String> {
+        let mut header = state_header(N);
+        header.extend((1..=N).map(|axis| format!("reference_{axis}_nm")));
+        header.extend((1..=N).map(|axis| format!("target_{axis}_nm")));
+        header.extend(LOAD.map(str::to_owned));
+        header
+    }
+
+    fn fields(&self) -> Vec<String> {
+        let mut fields = state_fields(&self.state);
+        let reference = |axis: &gantry_tau_core::message::AxisState| {
+            let offset = i64::from(axis.offsets.position.0);
+            axis.nominal.0.saturating_add(offset).to_string()
+        };
+        fields.extend(self.state.axes.iter().map(reference));
+        fields.extend(self.targets.iter().map(|target| target.0.to_string()));
+        fields.extend(self.load.map(|value| value.to_string()));
+        fields
+    }
+}

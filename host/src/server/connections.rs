@@ -1,0 +1,153 @@
+//! The server's sockets: non-blocking, a fixed number, no allocation after start.
+
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+
+use gantry_tau_core::endpoint::{CONNECTIONS, Endpoint, Transport};
+use gantry_tau_core::session::decide::Connection;
+
+/// Bytes taken from one connection at a time.
+const CHUNK: usize = 4_096;
+/// Reads from one connection per visit: more than the owner's frames of a tick, and a bound on the work a flood can cause.
+const READS: usize = 2;
+/// New connections per tick.
+const ACCEPTS: usize = 2;
+
+#[derive(Debug)]
+struct Peer {
+    connection: Connection,
+    stream: TcpStream,
+    /// A write failed or the peer closed; told to the endpoint in the next visit.
+    gone: bool,
+}
+
+/// Listener and peers.
+#[derive(Debug)]
+pub(super) struct Connections {
+    listener: TcpListener,
+    peers: [Option<Peer>; CONNECTIONS],
+}
+
+impl Connections {
+    pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
+        let listener = TcpListener::bind(address)?;
+        listener.set_nonblocking(true)?;
+        Ok(Self {
+            listener,
+            peers: [const { None }; CONNECTIONS],
+        })
+    }
+
+    pub(super) fn address(&self) -> io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+
+    /// Takes in new peers; tells those for whom there is no room.
+    pub(super) fn accept<const N: usize, const M: usize, const H: usize>(
+        &mut self,
+        endpoint: &mut Endpoint<N, M, H>,
+    ) {
+        for _ in 0..ACCEPTS {
+            let Ok((mut stream, _)) = self.listener.accept() else {
+                return;
+            };
+            if stream.set_nonblocking(true).is_err() || stream.set_nodelay(true).is_err() {
+                continue;
+            }
+            let free = self.peers.iter_mut().find(|peer| peer.is_none());
+            match (free, endpoint.open(Transport::Stream)) {
+                (Some(free), Ok(connection)) => {
+                    *free = Some(Peer {
+                        connection,
+                        stream,
+                        gone: false,
+                    });
+                }
+                (None, Ok(connection)) => endpoint.close(connection),
+                (_, Err(_)) => {
+                    // Best effort: the peer is about to be closed anyway.
+                    let _ = stream.write(&Endpoint::<N, M, H>::full_refusal());
+                }
+            }
+        }
+    }
+
+    /// Reads what has arrived from everybody, or from `only`; returns how many frames the coming tick has of the owner.
+    pub(super) fn receive<const N: usize, const M: usize, const H: usize>(
+        &mut self,
+        endpoint: &mut Endpoint<N, M, H>,
+        only: Option<Connection>,
+    ) -> u8 {
+        let owner = endpoint.session().owner();
+        let mut owner_frames = 0;
+        for place in &mut self.peers {
+            let Some(peer) = place else { continue };
+            if only.is_some_and(|only| only != peer.connection) {
+                continue;
+            }
+            let frames = peer.read(endpoint);
+            if owner == Some(peer.connection) {
+                owner_frames = frames;
+            }
+            if peer.gone {
+                endpoint.close(peer.connection);
+                *place = None;
+            }
+        }
+        owner_frames
+    }
+
+    /// Writes a whole frame or gives the peer up: a slow reader is a loss, never waited for.
+    pub(super) fn send(&mut self, connection: Connection, bytes: &[u8]) {
+        if let Some(peer) = self.find(connection) {
+            let whole = matches!(peer.stream.write(bytes), Ok(count) if count == bytes.len());
+            peer.gone |= !whole;
+        }
+    }
+
+    /// Closes what the endpoint has no further use for. Its last bytes are already with the system.
+    pub(super) fn close(&mut self, connection: Connection) {
+        for place in &mut self.peers {
+            if place.as_ref().is_some_and(|peer| peer.connection == connection) {
+                *place = None;
+            }
+        }
+    }
+
+    /// The stream of a connection, to wait on.
+    pub(super) fn stream(&mut self, connection: Connection) -> Option<&TcpStream> {
+        self.find(connection).map(|peer| &peer.stream)
+    }
+
+    fn find(&mut self, connection: Connection) -> Option<&mut Peer> {
+        self.peers
+            .iter_mut()
+            .flatten()
+            .find(|peer| peer.connection == connection)
+    }
+}
+
+impl Peer {
+    fn read<const N: usize, const M: usize, const H: usize>(
+        &mut self,
+        endpoint: &mut Endpoint<N, M, H>,
+    ) -> u8 {
+        let mut buffer = [0; CHUNK];
+        let mut frames = endpoint.feed(self.connection, &[]);
+        for _ in 0..READS {
+            match self.stream.read(&mut buffer) {
+                Ok(0) => self.gone = true,
+                Ok(count) => {
+                    let bytes = buffer.get(..count).unwrap_or_default();
+                    frames = endpoint.feed(self.connection, bytes);
+                    continue;
+                }
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                Err(_) => self.gone = true,
+            }
+            break;
+        }
+        frames
+    }
+}

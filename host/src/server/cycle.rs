@@ -1,0 +1,201 @@
+//! One cycle of the server: read sockets and machine, tick the core, write machine and sockets. No clock: tests step it by hand.
+
+use std::io;
+use std::net::{SocketAddr, TcpStream};
+
+use gantry_tau_core::axis::Reference;
+use gantry_tau_core::endpoint::{Cycle as CoreCycle, Endpoint, MotorMap};
+use gantry_tau_core::message::{Cause, Phase, State};
+use gantry_tau_core::session::Session;
+use gantry_tau_core::session::config::Config;
+use gantry_tau_core::units::Tick;
+
+use super::connections::Connections;
+use super::{HALF, ServerError};
+use crate::epoch::Epochs;
+use crate::plant::{Plant, Reading, ToolReading};
+use crate::sensor_link::{Sample, SensorPublisher};
+
+/// What one cycle did; the whole of what observers see.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row<const N: usize> {
+    /// The State of the tick: nominal references, offsets, actual values, counters.
+    pub state: State<N>,
+    /// What the drives received.
+    pub references: [Reference; N],
+    /// What the instruments at the tool saw.
+    pub tool: Option<ToolReading>,
+    /// Why a session ended in this tick, if one did.
+    pub ended: Option<Cause>,
+    /// A session was granted in this tick.
+    pub welcomed: bool,
+    /// Hellos refused in this tick.
+    pub refused: u8,
+    /// Cycles since the last tick.
+    pub elapsed: u32,
+    /// From the State's departure to the arrival of its answer, µs; absent without an answer or without a clock.
+    pub round_trip_us: Option<u32>,
+    /// The machine did not answer.
+    pub plant_failed: bool,
+}
+
+/// What is asked of one step, beside the time that has passed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Demands {
+    /// The stop at the machine is asserted.
+    pub stop: bool,
+    /// Somebody at the machine re-arms.
+    pub rearm: bool,
+}
+
+/// A server without a clock.
+pub struct Cycle<const N: usize, const M: usize, P> {
+    endpoint: Box<Endpoint<N, M, HALF>>,
+    connections: Connections,
+    sensor: Option<SensorPublisher>,
+    plant: P,
+    epochs: Epochs,
+    last_reading: Reading<N>,
+    round_trip_us: Option<u32>,
+}
+
+impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
+    /// Reads the offsets in force, starts the session from them, and listens.
+    ///
+    /// # Errors
+    /// [`ServerError`]: the address cannot be bound, or the machine's offsets are unreadable or beyond their limits.
+    pub fn new(
+        config: Config<N>,
+        motors: MotorMap<M>,
+        mut plant: P,
+        epochs: Epochs,
+        listen: SocketAddr,
+    ) -> Result<Self, ServerError> {
+        let connections = Connections::bind(listen).map_err(|error| ServerError::listen(listen, &error))?;
+        let in_force = plant.offsets_in_force().map_err(ServerError::Plant)?;
+        let last_reading = plant.read(1).map_err(ServerError::Plant)?;
+        let nominal = last_reading.nominal;
+        let session = Session::new(config, &in_force, nominal, Tick(0), epochs.last())
+            .map_err(|error| ServerError::Start(error.to_string()))?;
+        Ok(Self {
+            endpoint: Box::new(Endpoint::new(session, motors)),
+            connections,
+            sensor: None,
+            plant,
+            epochs,
+            last_reading,
+            round_trip_us: None,
+        })
+    }
+
+    /// Publishes the sensor's samples.
+    #[must_use]
+    pub fn with_sensor(mut self, sensor: SensorPublisher) -> Self {
+        self.sensor = Some(sensor);
+        self
+    }
+
+    /// Where clients connect.
+    ///
+    /// # Errors
+    /// When the system does not tell.
+    pub fn address(&self) -> io::Result<SocketAddr> {
+        self.connections.address()
+    }
+
+    /// The core's endpoint, to look at.
+    #[must_use]
+    pub const fn endpoint(&self) -> &Endpoint<N, M, HALF> {
+        &self.endpoint
+    }
+
+    /// Lets the black box record again.
+    pub fn release_black_box(&mut self) {
+        self.endpoint.black_box_mut().release();
+    }
+
+    /// The phase after the last step.
+    #[must_use]
+    pub fn phase(&self) -> Phase {
+        self.endpoint.session().phase()
+    }
+
+    /// Takes in new connections and everything that has arrived on all of them.
+    /// Returns how many frames the coming tick has of the owner.
+    pub fn receive(&mut self) -> u8 {
+        self.connections.accept(&mut self.endpoint);
+        self.connections.receive(&mut self.endpoint, None)
+    }
+
+    /// Takes in what has arrived from the owner only.
+    pub fn receive_owner(&mut self) -> u8 {
+        let owner = self.endpoint.session().owner();
+        match owner {
+            Some(_) => self.connections.receive(&mut self.endpoint, owner),
+            None => 0,
+        }
+    }
+
+    /// The owner's stream, to wait on.
+    pub fn owner_stream(&mut self) -> Option<&TcpStream> {
+        let owner = self.endpoint.session().owner()?;
+        self.connections.stream(owner)
+    }
+
+    /// The answer to the last State arrived this long after it left.
+    pub const fn note_round_trip(&mut self, microseconds: u32) {
+        self.round_trip_us = Some(microseconds);
+    }
+
+    /// One tick, `elapsed` cycles after the last, on what was received since.
+    pub fn step(&mut self, elapsed: u32, demands: Demands) -> Row<N> {
+        let reading = self.plant.read(u64::from(elapsed));
+        let read_failed = reading.is_err();
+        // A machine that does not answer is stopped; its last nominal reference stands.
+        let reading = reading.unwrap_or(self.last_reading);
+        self.last_reading = reading;
+        self.publish(&reading);
+        let round_trip_us = self.round_trip_us.take();
+        let cycle = CoreCycle {
+            elapsed,
+            nominal: reading.nominal,
+            actual: reading.actual,
+            stop: demands.stop || read_failed,
+            rearm: demands.rearm,
+            next_epoch: self.epochs.next(),
+            arrival_us: u16::try_from(round_trip_us.unwrap_or(0)).unwrap_or(u16::MAX),
+        };
+        let connections = &mut self.connections;
+        let turn = self
+            .endpoint
+            .tick(&cycle, &mut |to, bytes| connections.send(to, bytes));
+        let write_failed = self.plant.write(&turn.motors).is_err();
+        for connection in &turn.close {
+            self.connections.close(*connection);
+        }
+        let output = &turn.output;
+        if output.welcome.is_some() {
+            self.epochs.taken(output.state.epoch);
+        }
+        Row {
+            state: output.state,
+            references: output.references,
+            tool: reading.tool,
+            ended: output.ended,
+            welcomed: output.welcome.is_some(),
+            refused: u8::try_from(output.refusals.len()).unwrap_or(u8::MAX),
+            elapsed,
+            round_trip_us,
+            plant_failed: read_failed || write_failed,
+        }
+    }
+
+    /// The sample leaves before the State of the same tick, so that a client has it when it answers.
+    fn publish(&mut self, reading: &Reading<N>) {
+        if let (Some(sensor), Some(tool)) = (&mut self.sensor, &reading.tool) {
+            let tick = self.endpoint.session().parts().discrete.tick.0.saturating_add(1);
+            let wrench = tool.sensor;
+            sensor.publish(&Sample { tick, wrench });
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! What makes ticks: the clock, or the client's answers.
+
+use std::sync::atomic::Ordering;
+
+use gantry_tau_core::message::Phase;
+
+use super::Controls;
+use super::cycle::{Cycle, Demands, Row};
+use crate::plant::Plant;
+use crate::realtime::{CycleTimer, now_ns, sleep_until_ns, wait_readable_until_ns};
+
+/// Length of a cycle, ns.
+const PERIOD_NS: u64 = 1_000_000;
+/// Lock-step: silence that counts as a miss, ns.
+const SILENCE_NS: u64 = 1_000_000_000;
+/// Lock-step: how long one look at the sockets may wait, ns.
+const LOOK_NS: u64 = 500_000;
+/// Frames of the owner after which waiting for more has no use.
+const ENOUGH_FRAMES: u8 = 4;
+
+/// What makes ticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// A tick per millisecond of the machine's clock; an answer is due before the next.
+    RealTime,
+    /// A tick per answer: time is ticks, and the server waits for its client. Without a session, a tick per millisecond or so.
+    Lockstep,
+}
+
+/// Runs cycles until told to quit and every offset is zero.
+pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
+    mut cycle: Cycle<N, M, P>,
+    pace: Pace,
+    controls: &Controls,
+    mut rows: rtrb::Producer<Row<N>>,
+) {
+    if pace == Pace::RealTime {
+        if let Err(denied) = crate::realtime::raise_priority() {
+            tracing::warn!("cycle thread: no {}: {}", denied.privilege, denied.reason);
+        }
+    }
+    let mut timer = CycleTimer::starting_now(PERIOD_NS);
+    let mut state_left_ns = now_ns();
+    loop {
+        let elapsed = match pace {
+            Pace::RealTime => {
+                watch_owner(&mut cycle, timer.deadline_ns(), state_left_ns);
+                timer.wait()
+            }
+            Pace::Lockstep => {
+                wait_for_answer(&mut cycle, controls, state_left_ns);
+                1
+            }
+        };
+        cycle.receive();
+        let quit = controls.quit.load(Ordering::Relaxed);
+        let demands = Demands {
+            stop: quit || controls.stop.load(Ordering::Relaxed),
+            rearm: controls.rearm.load(Ordering::Relaxed),
+        };
+        let row = cycle.step(elapsed, demands);
+        state_left_ns = now_ns();
+        if row.state.phase == Phase::Listening {
+            controls.rearm.store(false, Ordering::Relaxed);
+        }
+        if rows.push(row).is_err() {
+            controls.dropped_rows.fetch_add(1, Ordering::Relaxed);
+        }
+        if quit && row.state.ramp_ticks_left == 0 {
+            return;
+        }
+    }
+}
+
+/// Takes the owner's frames as they arrive, to know when they did; the tick itself waits for the clock.
+fn watch_owner<const N: usize, const M: usize, P: Plant<N, M>>(
+    cycle: &mut Cycle<N, M, P>,
+    deadline_ns: u64,
+    state_left_ns: u64,
+) {
+    let mut frames = 0;
+    while frames < ENOUGH_FRAMES {
+        let Some(stream) = cycle.owner_stream() else {
+            return;
+        };
+        if !wait_readable_until_ns(stream, deadline_ns) {
+            return;
+        }
+        let seen = cycle.receive_owner();
+        if seen <= frames {
+            // A part of a frame, or a closed stream: look again at the deadline.
+            return;
+        }
+        frames = seen;
+        note_round_trip(cycle, state_left_ns);
+    }
+}
+
+/// Waits until the owner of a running session has answered, its link is known to be silent, or a second has passed.
+fn wait_for_answer<const N: usize, const M: usize, P: Plant<N, M>>(
+    cycle: &mut Cycle<N, M, P>,
+    controls: &Controls,
+    state_left_ns: u64,
+) {
+    let due = |phase| matches!(phase, Phase::Handshake | Phase::Submit | Phase::Obtain);
+    if !due(cycle.phase()) {
+        return sleep_until_ns(state_left_ns.saturating_add(PERIOD_NS));
+    }
+    let give_up_ns = state_left_ns.saturating_add(SILENCE_NS);
+    loop {
+        if cycle.receive() > 0 {
+            return note_round_trip(cycle, state_left_ns);
+        }
+        let waived = [&controls.link_silent, &controls.quit, &controls.stop]
+            .iter()
+            .any(|switch| switch.load(Ordering::Relaxed));
+        let now = now_ns();
+        if waived || now >= give_up_ns {
+            return;
+        }
+        let look = give_up_ns.min(now.saturating_add(LOOK_NS));
+        match cycle.owner_stream() {
+            Some(stream) => {
+                let _readable = wait_readable_until_ns(stream, look);
+            }
+            None => return,
+        }
+    }
+}
+
+fn note_round_trip<const N: usize, const M: usize, P: Plant<N, M>>(
+    cycle: &mut Cycle<N, M, P>,
+    state_left_ns: u64,
+) {
+    let passed_us = now_ns().saturating_sub(state_left_ns) / 1_000;
+    cycle.note_round_trip(u32::try_from(passed_us).unwrap_or(u32::MAX));
+}
