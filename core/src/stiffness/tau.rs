@@ -31,6 +31,8 @@ pub struct TauDeflection {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TauModel {
     nominal: Nominal,
+    /// The same without travel, for corrections.
+    corrections: Nominal,
     /// `l_11`, `l_22`, `l_31`: levers of the links that are expressed by their cluster's sum, m.
     levers_m: [Vector3<f64>; ARMS],
     /// `l_21 - l_22`, `l_32 - l_31`, `l_33 - l_31`, m.
@@ -56,6 +58,7 @@ impl TauModel {
         let scale = d1 * d2 * d3 * a3 * crate::linalg::sqrt(a2);
         Self {
             nominal: *nominal,
+            corrections: nominal.without_travel(),
             levers_m: [l11, l22, l31],
             spreads_m,
             links: [c11 * a1, c21 * a2, c22 * a2, c31 * a3, c32 * a3, c33 * a3],
@@ -69,6 +72,12 @@ impl TauModel {
     #[must_use]
     pub const fn nominal(&self) -> &Nominal {
         &self.nominal
+    }
+
+    /// The rigid model with travel unchecked: a correction may leave the nominal travel.
+    #[inline]
+    pub(crate) const fn corrections(&self) -> &Nominal {
+        &self.corrections
     }
 
     /// What `load` does at `tcp_m` (world axes, metres) with the carts at `q` (q-units).
@@ -154,7 +163,7 @@ impl TauModel {
 }
 
 impl TauDeflection {
-    /// Any infinity or NaN among the numbers makes their sum, or its difference from itself, NaN.
+    /// An infinity or NaN among the numbers makes their sum infinite or NaN.
     #[inline]
     fn checked(self) -> Result<Self, KinematicsError> {
         let [r1, r2, r3] = self.carts;

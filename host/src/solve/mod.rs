@@ -1,1 +1,208 @@
-//! `solve`: JSON lines in, JSON lines out.
+//! `solve`: JSON lines in, JSON lines out, for scripts in any language.
+//!
+//! Request: `{"id": any, "robot": <inline object or path of a robots/*.toml>, "op": "...", ...}`.
+//! Answer: `{"id": any, "ok": {...}}` or `{"id": any, "error": {"kind": "...", "message": "..."}}`.
+//! Every line gets one answer, in order, flushed; what cannot be read is answered with an error, and the next line is served.
+//!
+//! | op | request | answer |
+//! |---|---|---|
+//! | `ik` | `T`, `R`? | `q`, `iterations`, `residual` |
+//! | `fk` | `q`, `R`? | `T`, `R`, `iterations`, `residual` |
+//! | `jacobian` | `T`, `R`? | `J` |
+//! | `statics` | `T`, `R`?, `w` | `f`, `tau` |
+//! | `compliance` | `T`, `R`? | `C` |
+//! | `deflection` | `T`, `R`?, `w` | `r`, `dx_links`, `dx_total` |
+//! | `compensate` | `T`, `R`?, `w` | `q` |
+//!
+//! SI units, q-units for `q` and `r`; matrices by rows. `R` is the identity by default; a `seed` is read and not needed,
+//! as these are closed forms (for `fk`, its `R` is the orientation when there is no other).
+
+mod ops;
+mod request;
+
+use std::collections::HashMap;
+use std::io::{self, BufRead, Write};
+
+use serde_json::{Value, json};
+
+use crate::robot_file::RobotFile;
+use request::Machine;
+
+/// Longest line that is read, in bytes, without its end.
+pub const MAX_LINE: usize = 1 << 20;
+/// How many robot files are kept.
+const MAX_CACHED: usize = 64;
+
+/// Classes of errors, as an answer names them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    BadRequest,
+    BadRobot,
+    /// What core says: see [`gantry_tau_core::kinematics::KinematicsError::kind`].
+    Core(&'static str),
+}
+
+/// Why a request has no result.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Failure {
+    kind: Kind,
+    message: String,
+}
+
+impl Failure {
+    fn request(message: impl Into<String>) -> Self {
+        Self {
+            kind: Kind::BadRequest,
+            message: message.into(),
+        }
+    }
+
+    fn robot(message: impl Into<String>) -> Self {
+        Self {
+            kind: Kind::BadRobot,
+            message: message.into(),
+        }
+    }
+
+    fn answer(&self, id: Value) -> String {
+        let kind = match self.kind {
+            Kind::BadRequest => "bad_request",
+            Kind::BadRobot => "bad_robot",
+            Kind::Core(kind) => kind,
+        };
+        json!({"id": id, "error": {"kind": kind, "message": self.message}}).to_string()
+    }
+}
+
+/// Reads requests until the input ends, and answers each.
+///
+/// # Errors
+/// What input or output say. Nothing in a line is an error here.
+pub fn run(mut input: impl BufRead, mut output: impl Write) -> io::Result<()> {
+    let mut solver = Solver::default();
+    let mut line = Vec::new();
+    loop {
+        let answer = match read_line(&mut input, &mut line)? {
+            Line::End => return Ok(()),
+            Line::TooLong => Failure::request(format!("line is longer than {MAX_LINE} bytes"))
+                .answer(Value::Null),
+            Line::Complete => match std::str::from_utf8(&line) {
+                Ok(text) => solver.answer(text),
+                Err(_) => Failure::request("line is not UTF-8").answer(Value::Null),
+            },
+        };
+        output.write_all(answer.as_bytes())?;
+        output.write_all(b"\n")?;
+        output.flush()?;
+    }
+}
+
+/// Answers one request.
+#[must_use]
+pub fn answer(line: &str) -> String {
+    Solver::default().answer(line)
+}
+
+/// What is kept from request to request: robots by their path.
+#[derive(Default)]
+struct Solver {
+    files: HashMap<String, Machine>,
+}
+
+impl Solver {
+    fn answer(&mut self, line: &str) -> String {
+        let request: Value = match serde_json::from_str(line) {
+            Ok(request) => request,
+            Err(error) => {
+                return Failure::request(format!("line is not JSON: {error}")).answer(Value::Null);
+            }
+        };
+        let id = request.get("id").cloned().unwrap_or(Value::Null);
+        match self.solve(&request) {
+            Ok(result) => json!({"id": id, "ok": result}).to_string(),
+            Err(failure) => failure.answer(id),
+        }
+    }
+
+    fn solve(&mut self, request: &Value) -> Result<Value, Failure> {
+        if !request.is_object() {
+            return Err(Failure::request("request is not an object"));
+        }
+        let op = match request.get("op") {
+            Some(Value::String(op)) => op.as_str(),
+            Some(_) => return Err(Failure::request("op is not a string")),
+            None => return Err(Failure::request("op is missing")),
+        };
+        if !ops::NAMES.contains(&op) {
+            let names = ops::NAMES.join(", ");
+            return Err(Failure::request(format!("op {op:?} is none of {names}")));
+        }
+        let machine = match request.get("robot") {
+            Some(Value::String(path)) => self.file(path)?,
+            Some(robot @ Value::Object(_)) => request::inline(robot)?,
+            Some(_) => return Err(Failure::request("robot is neither an object nor a path")),
+            None => return Err(Failure::request("robot is missing")),
+        };
+        ops::solve(op, &machine, request)
+    }
+
+    /// The robot of a file, read once. A file that was refused is read again next time.
+    fn file(&mut self, path: &str) -> Result<Machine, Failure> {
+        if let Some(machine) = self.files.get(path) {
+            return Ok(*machine);
+        }
+        let file = RobotFile::load(path).map_err(|error| Failure::robot(error.to_string()))?;
+        let machine = Machine {
+            robot: file.robot,
+            compliances: file.compliances,
+        };
+        if self.files.len() >= MAX_CACHED {
+            self.files.clear();
+        }
+        self.files.insert(path.to_owned(), machine);
+        Ok(machine)
+    }
+}
+
+/// What came of reading a line.
+enum Line {
+    Complete,
+    /// It was skipped to its end.
+    TooLong,
+    End,
+}
+
+/// Reads up to the next newline, without it; keeps at most [`MAX_LINE`] bytes.
+fn read_line(input: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<Line> {
+    line.clear();
+    let mut too_long = false;
+    let mut empty = true;
+    loop {
+        let chunk = match input.fill_buf() {
+            Ok(chunk) => chunk,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+            Err(error) => return Err(error),
+        };
+        let (part, ended) = match chunk.iter().position(|byte| *byte == b'\n') {
+            Some(end) => (chunk.get(..end).unwrap_or(chunk), true),
+            None => (chunk, chunk.is_empty()),
+        };
+        let at_end = chunk.is_empty();
+        too_long |= line.len().saturating_add(part.len()) > MAX_LINE;
+        if !too_long {
+            line.extend_from_slice(part);
+        }
+        let used = part.len().saturating_add(usize::from(ended && !at_end));
+        empty &= used == 0;
+        input.consume(used);
+        if ended {
+            return Ok(if empty {
+                Line::End
+            } else if too_long {
+                Line::TooLong
+            } else {
+                Line::Complete
+            });
+        }
+    }
+}
