@@ -33,7 +33,10 @@ impl RobotFile {
     ///
     /// # Errors
     /// [`RobotFileError`] for limits the core refuses.
-    pub fn session_config(&self, capabilities: Capabilities) -> Result<Config<ARMS>, RobotFileError> {
+    pub fn session_config(
+        &self,
+        capabilities: Capabilities,
+    ) -> Result<Config<ARMS>, RobotFileError> {
         let [a, b, c] = &self.limits;
         let axes = [self.axis(a)?, self.axis(b)?, self.axis(c)?];
         Config::new(Parameters {
@@ -74,7 +77,10 @@ impl RobotFile {
         let key = "motors.axis_of_motor";
         let motors = &self.motors.axis_of_motor;
         let motors = <[usize; MOTORS]>::try_from(motors.as_slice()).map_err(|_| {
-            self.refuse(key, format!("lists {} motors, the L2 has {MOTORS}", motors.len()))
+            self.refuse(
+                key,
+                format!("lists {} motors, the L2 has {MOTORS}", motors.len()),
+            )
         })?;
         MotorMap::new(motors, ARMS).map_err(|error| self.refuse(key, error))
     }

@@ -65,7 +65,11 @@ pub struct Recorded {
 impl fmt::Display for Recorded {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let path = self.path.display();
-        write!(f, "recorded {} rows to {path}, {} dropped", self.written, self.lost)?;
+        write!(
+            f,
+            "recorded {} rows to {path}, {} dropped",
+            self.written, self.lost
+        )?;
         match &self.failure {
             Some(failure) => write!(f, " ({})", failure.reason),
             None => Ok(()),

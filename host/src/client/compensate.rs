@@ -52,10 +52,9 @@ impl Compensation {
         let said = |error: &dyn fmt::Display| format!("{}: {error}", robot.name);
         let nominal =
             Nominal::new(&robot.robot, &Matrix3::identity()).map_err(|error| said(&error))?;
-        let compliances = robot
-            .compliances
-            .as_ref()
-            .ok_or_else(|| said(&"c_link and c_cart are missing; a compensating client needs them"))?;
+        let compliances = robot.compliances.as_ref().ok_or_else(|| {
+            said(&"c_link and c_cart are missing; a compensating client needs them")
+        })?;
         let config = CompensatorConfig {
             gain: robot.client.gain,
             limits: welcome.limits.map(|axis| OffsetNm(axis.position.max())),
@@ -67,7 +66,7 @@ impl Compensation {
             rotation: robot.sensor.rotation_matrix(),
             lever_m: robot.sensor.lever_m.into(),
             cutoff_hz: robot.sensor.cutoff_hz,
-            period_s: f64::from(welcome.cycle_us) * 1e-6,
+            cycle_s: f64::from(welcome.cycle_us) * 1e-6,
             tare_samples: robot.sensor.tare_samples,
         })
         .map_err(|error| said(&error))?;

@@ -132,7 +132,9 @@ pub fn refusal_text(refusal: Refusal) -> String {
     match refusal {
         Refusal::Busy => "another client owns the session".to_owned(),
         Refusal::Ramping { ticks_left } => {
-            format!("offsets are still on their way to zero, {ticks_left} ticks left; try again then")
+            format!(
+                "offsets are still on their way to zero, {ticks_left} ticks left; try again then"
+            )
         }
         Refusal::Faulted { ticks_left } => format!(
             "the server is stopped ({ticks_left} ticks of ramp left); somebody at the machine must re-arm it"

@@ -42,23 +42,30 @@ struct Session<'a> {
 ///
 /// # Errors
 /// [`ClientError`] for every other way it can end. In each of them the server ramps the offsets to zero by itself.
-pub fn run(options: &ClientOptions, controls: &ClientControls) -> Result<ClientReport, ClientError> {
+pub fn run(
+    options: &ClientOptions,
+    controls: &ClientControls,
+) -> Result<ClientReport, ClientError> {
     let recorder = match &options.record {
         Some(path) => Some(Recorder::start(path).map_err(|e| ClientError::Setup(e.to_string()))?),
         None => None,
     };
     let mut link = Link::connect(options.server, SILENCE)?;
-    let sensor = SensorReader::connect(options.sensor).map_err(|error| ClientError::Unreachable {
-        what: "force sensor",
-        address: options.sensor,
-        error,
-    })?;
+    let sensor =
+        SensorReader::connect(options.sensor).map_err(|error| ClientError::Unreachable {
+            what: "force sensor",
+            address: options.sensor,
+            error,
+        })?;
     let welcome = greet(&mut link)?;
     check_terms(options, &welcome)?;
     if let Err(denied) = crate::realtime::raise_priority() {
         tracing::warn!("client: no {}: {}", denied.privilege, denied.reason);
     }
-    tracing::info!("session {} granted; submitting while the force sensor is tared", welcome.epoch.0);
+    tracing::info!(
+        "session {} granted; submitting while the force sensor is tared",
+        welcome.epoch.0
+    );
     controls.obtain.fetch_or(options.obtain, Ordering::Relaxed);
     let mut session = Session {
         link,
@@ -95,7 +102,9 @@ fn greet(link: &mut Link<ARMS>) -> Result<Welcome<ARMS>, ClientError> {
     match link.receive()? {
         ServerMessage::Welcome(welcome) => Ok(welcome),
         ServerMessage::Refusal(refusal) => Err(ClientError::Refused(refusal)),
-        ServerMessage::State(_) => Err(ClientError::Incompatible("a State before the Welcome".to_owned())),
+        ServerMessage::State(_) => Err(ClientError::Incompatible(
+            "a State before the Welcome".to_owned(),
+        )),
     }
 }
 
@@ -122,7 +131,9 @@ impl Session<'_> {
         let mut leaving = false;
         loop {
             let ServerMessage::State(state) = self.link.receive()? else {
-                return Err(ClientError::Incompatible("a second Welcome or Refusal".to_owned()));
+                return Err(ClientError::Incompatible(
+                    "a second Welcome or Refusal".to_owned(),
+                ));
             };
             self.states += 1;
             match state.phase {
@@ -133,7 +144,8 @@ impl Session<'_> {
             }
             if self.controls.wants_to_quit() {
                 leaving = true;
-                self.link.send(&ClientMessage::Goodbye(self.welcome.epoch))?;
+                self.link
+                    .send(&ClientMessage::Goodbye(self.welcome.epoch))?;
                 continue;
             }
             if self.link.has_unread_bytes() {
@@ -148,7 +160,8 @@ impl Session<'_> {
         let sample = self.latest_sample(state.tick.0);
         if let Err(silent) = sample {
             // Leave in good order rather than compensate a force that nobody measures.
-            self.link.send(&ClientMessage::Goodbye(self.welcome.epoch))?;
+            self.link
+                .send(&ClientMessage::Goodbye(self.welcome.epoch))?;
             return Err(silent);
         }
         if let Ok(Some(sample)) = sample {
@@ -160,7 +173,9 @@ impl Session<'_> {
         }
         let tared = self.compensation.is_tared();
         self.controls.tared.store(tared, Ordering::Relaxed);
-        let obtain = tared && self.controls.obtain.load(Ordering::Relaxed) && state.phase != Phase::Handshake;
+        let obtain = tared
+            && self.controls.obtain.load(Ordering::Relaxed)
+            && state.phase != Phase::Handshake;
         self.sequence += 1;
         let command = Command {
             epoch: self.welcome.epoch,

@@ -33,7 +33,8 @@ pub fn raise_priority() -> Result<(), Denied> {
         privilege: "real-time priority (SCHED_FIFO)",
         reason,
     };
-    let value = ThreadPriorityValue::try_from(PRIORITY).map_err(|error| denied(error.to_owned()))?;
+    let value =
+        ThreadPriorityValue::try_from(PRIORITY).map_err(|error| denied(error.to_owned()))?;
     let priority = ThreadPriority::Crossplatform(value);
     set_realtime(priority).map_err(|error| denied(format!("{error:?}")))
 }

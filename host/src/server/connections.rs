@@ -108,7 +108,10 @@ impl Connections {
     /// Closes what the endpoint has no further use for. Its last bytes are already with the system.
     pub(super) fn close(&mut self, connection: Connection) {
         for place in &mut self.peers {
-            if place.as_ref().is_some_and(|peer| peer.connection == connection) {
+            if place
+                .as_ref()
+                .is_some_and(|peer| peer.connection == connection)
+            {
                 *place = None;
             }
         }

@@ -71,7 +71,8 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         epochs: Epochs,
         listen: SocketAddr,
     ) -> Result<Self, ServerError> {
-        let connections = Connections::bind(listen).map_err(|error| ServerError::listen(listen, &error))?;
+        let connections =
+            Connections::bind(listen).map_err(|error| ServerError::listen(listen, &error))?;
         let in_force = plant.offsets_in_force().map_err(ServerError::Plant)?;
         let last_reading = plant.read(1).map_err(ServerError::Plant)?;
         let nominal = last_reading.nominal;
@@ -193,7 +194,14 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     /// The sample leaves before the State of the same tick, so that a client has it when it answers.
     fn publish(&mut self, reading: &Reading<N>) {
         if let (Some(sensor), Some(tool)) = (&mut self.sensor, &reading.tool) {
-            let tick = self.endpoint.session().parts().discrete.tick.0.saturating_add(1);
+            let tick = self
+                .endpoint
+                .session()
+                .parts()
+                .discrete
+                .tick
+                .0
+                .saturating_add(1);
             let wrench = tool.sensor;
             sensor.publish(&Sample { tick, wrench });
         }

@@ -2,6 +2,7 @@
 
 mod connections;
 pub mod cycle;
+pub mod observe;
 pub mod pace;
 
 use std::fmt;

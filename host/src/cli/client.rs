@@ -1,0 +1,69 @@
+//! `gantry-tau client`.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use clap::Args;
+use gantry_tau::client::{ClientControls, ClientOptions};
+
+use super::{fail, robot};
+
+/// Connects, submits while the force sensor is tared (keep the tool unloaded), then obtains and compensates until Ctrl-C.
+///
+/// Exit codes: 0 left with Goodbye; 1 setup; 3 unreachable; 4 refused; 5 incompatible server; 6 session ended by the server;
+/// 7 server vanished; 8 force sensor silent.
+#[derive(Debug, Args)]
+pub(crate) struct Client {
+    /// The server
+    #[arg(default_value = "127.0.0.1:7000", value_name = "HOST:PORT")]
+    server: SocketAddr,
+    /// Where the force sensor's samples come from
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001")]
+    sensor: SocketAddr,
+    /// Robot file [default: the built-in L2, robots/l2.toml]
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// Stay in Submit: offsets are computed and reported, no drive sees them
+    #[arg(long)]
+    submit_only: bool,
+    /// Record references, actual values and force, one row per tick
+    #[arg(long, value_name = "FILE.csv")]
+    record: Option<PathBuf>,
+}
+
+impl Client {
+    pub(crate) fn run(self) -> ExitCode {
+        let robot = match robot(self.robot.as_ref()) {
+            Ok(robot) => robot,
+            Err(error) => return fail(1, error),
+        };
+        let controls = Arc::new(ClientControls::default());
+        let shared = Arc::clone(&controls);
+        if let Err(error) = ctrlc::set_handler(move || shared.quit.store(true, Ordering::Relaxed)) {
+            return fail(1, format!("cannot listen for Ctrl-C: {error}"));
+        }
+        let options = ClientOptions {
+            server: self.server,
+            sensor: self.sensor,
+            robot,
+            record: self.record,
+            obtain: !self.submit_only,
+        };
+        match gantry_tau::client::run(&options, &controls) {
+            Ok(report) => {
+                println!(
+                    "left with Goodbye after {} ticks, {} held",
+                    report.states, report.held
+                );
+                if let Some(recorded) = report.recorded {
+                    println!("{recorded}");
+                }
+                ExitCode::SUCCESS
+            }
+            Err(error) => fail(error.exit_code(), &error),
+        }
+    }
+}

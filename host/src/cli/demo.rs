@@ -1,0 +1,65 @@
+//! `gantry-tau demo`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use gantry_tau::demo::{DemoOptions, PaceChoice};
+
+use super::{Pace, fail, robot};
+
+/// One session over real loopback TCP: force steps in x without and with compensation, then the client's cable is pulled at
+/// full offset. Exits with 0 if everything turned out as it should.
+#[derive(Debug, Args)]
+pub(crate) struct Demo {
+    /// Robot file [default: the built-in L2, robots/l2.toml]
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// Largest force, N. Beyond 360 N the machine jumps, as the thesis' did
+    #[arg(long, value_name = "N", default_value_t = 300.0)]
+    force_max: f64,
+    /// Difference between two force steps, N
+    #[arg(long, value_name = "N", default_value_t = 60.0)]
+    force_step: f64,
+    /// Length of each force step, s
+    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    step_seconds: f64,
+    /// Force the pace [default: real time if this machine holds it, else lock-step]
+    #[arg(long)]
+    pace: Option<Pace>,
+    /// Where the report goes
+    #[arg(long, value_name = "FILE", default_value = "report.html")]
+    report: PathBuf,
+    /// Write the numbers as JSON as well
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write the client's recording as CSV as well
+    #[arg(long, value_name = "FILE.csv")]
+    record: Option<PathBuf>,
+}
+
+impl Demo {
+    pub(crate) fn run(self) -> ExitCode {
+        let robot = match robot(self.robot.as_ref()) {
+            Ok(robot) => robot,
+            Err(error) => return fail(1, error),
+        };
+        let options = DemoOptions {
+            robot,
+            pace: self
+                .pace
+                .map_or(PaceChoice::Auto, |pace| PaceChoice::Only(pace.into())),
+            force_max_n: self.force_max,
+            force_step_n: self.force_step,
+            step_seconds: self.step_seconds,
+            report: self.report,
+            json: self.json,
+            record: self.record,
+        };
+        match gantry_tau::demo::run(&options) {
+            Ok(results) if results.complaints.is_empty() => ExitCode::SUCCESS,
+            Ok(_) => ExitCode::from(2),
+            Err(error) => fail(1, error),
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! Commands, their options, and what they print.
+
+mod client;
+mod demo;
+mod serve;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use gantry_tau::robot_file::{RobotFile, RobotFileError};
+
+/// Stiffness compensation and external control of Gantry-Tau parallel robots.
+///
+/// A server owns the machine's reference; a client on the network measures the force on the tool, computes how far the
+/// machine's springs give way, and sends position offsets at 1 kHz. Whatever client or network do, the reference never jumps.
+/// Start with `gantry-tau demo`: it needs no hardware.
+#[derive(Debug, Parser)]
+#[command(name = "gantry-tau", version, max_term_width = 100)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Server, simulated machine and client in one: force steps, compensation, a pulled cable; ends with a table and report.html
+    Demo(demo::Demo),
+    /// Run the server with the simulated machine, for clients of this or any other program
+    Serve(serve::Serve),
+    /// Connect to a server, compensate the measured force, leave with Ctrl-C
+    Client(client::Client),
+    /// Kinematics, statics and compensation for scripts: one JSON request per line in, one JSON answer per line out
+    ///
+    /// Example: echo '{"id":1,"robot":"robots/l2.toml","op":"ik","T":[0.0,0.5,0.65]}' | gantry-tau solve
+    ///
+    /// Operations: ik, fk, jacobian, statics, compliance, deflection, compensate. Units: m, rad, N, N m.
+    Solve,
+}
+
+/// What makes ticks.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Pace {
+    /// A tick per millisecond of the clock
+    Real,
+    /// A tick per answer of the client: time is ticks, the server waits
+    Lockstep,
+}
+
+impl From<Pace> for gantry_tau::server::pace::Pace {
+    fn from(pace: Pace) -> Self {
+        match pace {
+            Pace::Real => Self::RealTime,
+            Pace::Lockstep => Self::Lockstep,
+        }
+    }
+}
+
+pub(crate) fn main() -> ExitCode {
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info"));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_target(false)
+        .compact()
+        .init();
+    match Arguments::parse().command {
+        Command::Demo(demo) => demo.run(),
+        Command::Serve(serve) => serve.run(),
+        Command::Client(client) => client.run(),
+        Command::Solve => solve(),
+    }
+}
+
+fn solve() -> ExitCode {
+    let stdin = std::io::stdin().lock();
+    match gantry_tau::solve::run(stdin, std::io::stdout().lock()) {
+        Ok(()) => ExitCode::SUCCESS,
+        // The reader of our answers has had enough: a script's `head`, say.
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(error) => fail(1, error),
+    }
+}
+
+/// One clear line on stderr, and the code.
+fn fail(code: u8, error: impl std::fmt::Display) -> ExitCode {
+    eprintln!("gantry-tau: {error}");
+    ExitCode::from(code)
+}
+
+/// The robot file, or the built-in L2.
+fn robot(path: Option<&PathBuf>) -> Result<RobotFile, RobotFileError> {
+    match path {
+        Some(path) => RobotFile::load(path),
+        None => RobotFile::builtin_l2(),
+    }
+}

@@ -1,0 +1,174 @@
+//! `gantry-tau serve`.
+
+use std::io::BufRead;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use clap::Args;
+use gantry_tau::epoch::{self, Epochs};
+use gantry_tau::machine::MOTORS;
+use gantry_tau::record::{CsvFile, Recorded, drain};
+use gantry_tau::sensor_link::SensorPublisher;
+use gantry_tau::server::cycle::{Cycle, Row};
+use gantry_tau::server::observe::Observer;
+use gantry_tau::server::{Controls, Server, ServerError};
+use gantry_tau::sim::hand::{Hand, hand_and_tool};
+use gantry_tau::sim::parameters::Motion;
+use gantry_tau_core::message::Capabilities;
+use gantry_tau_core::robot::ARMS;
+
+use super::{Pace, fail, robot};
+
+/// Runs the server with the simulated machine until Ctrl-C, which ramps every offset to zero first.
+///
+/// While a client is in Obtain, a simulated hand pulls at the tool in steps. Type `stop`, `rearm` or `quit` and Enter.
+#[derive(Debug, Args)]
+pub(crate) struct Serve {
+    /// Where clients connect. Only loopback unless you say otherwise: nothing is encrypted
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000")]
+    listen: SocketAddr,
+    /// Where clients find the simulated force sensor
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001")]
+    sensor: SocketAddr,
+    /// Robot file [default: the built-in L2, robots/l2.toml]
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// What makes ticks
+    #[arg(long, default_value = "real")]
+    pace: Pace,
+    /// Largest force of the simulated hand, N; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 300.0)]
+    force_max: f64,
+    /// Length of each of its steps, s
+    #[arg(long, value_name = "S", default_value_t = 2.0)]
+    step_seconds: f64,
+    /// Move the nominal path back and forth by this much on every axis, mm
+    #[arg(long, value_name = "MM", default_value_t = 0.0)]
+    motion: f64,
+    /// Where the epoch counter is kept, so that no old frame ever revives [default: the user's state folder]
+    #[arg(long, value_name = "FILE")]
+    epoch_file: Option<PathBuf>,
+    /// Record references, actual values and force, one row per tick
+    #[arg(long, value_name = "FILE.csv")]
+    record: Option<PathBuf>,
+}
+
+impl Serve {
+    pub(crate) fn run(self) -> ExitCode {
+        match self.serve() {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => fail(1, error),
+        }
+    }
+
+    fn serve(&self) -> Result<(), Box<dyn std::error::Error>> {
+        let file = match &self.record {
+            Some(path) => Some(CsvFile::create::<Row<ARMS>>(path)?),
+            None => None,
+        };
+        let (hand, tool) = hand_and_tool();
+        let cycle = self.cycle(tool)?;
+        if let Err(denied) = gantry_tau::realtime::lock_memory() {
+            tracing::warn!("no {}: {}", denied.privilege, denied.reason);
+        }
+        let (server, mut rows) = Server::spawn(cycle, self.pace.into())?;
+        println!(
+            "listening on {}, force sensor on {}; Ctrl-C ramps to zero and ends",
+            server.address, self.sensor
+        );
+        let controls = Arc::clone(&server.controls);
+        ctrlc::set_handler(move || controls.quit.store(true, Ordering::Relaxed))?;
+        listen_to_the_keyboard(Arc::clone(&server.controls));
+        let mut observer = Observer::new(self.programme(hand));
+        let mut file = file;
+        drain(&mut rows, |row| {
+            observer.see(row);
+            if let Some(file) = &mut file {
+                file.write(row);
+            }
+        });
+        let dropped = server.quit();
+        println!("all offsets are zero; ended");
+        if let Some(recorded) = file.map(|file| file.finish(dropped)) {
+            println!("{recorded}");
+            if let Recorded {
+                failure: Some(failure),
+                ..
+            } = recorded
+            {
+                return Err(failure.into());
+            }
+        }
+        Ok(())
+    }
+
+    fn cycle(
+        &self,
+        tool: gantry_tau::sim::hand::Tool,
+    ) -> Result<
+        Cycle<ARMS, MOTORS, gantry_tau::sim::machine::SimulatedMachine>,
+        Box<dyn std::error::Error>,
+    > {
+        let robot = robot(self.robot.as_ref())?;
+        let capabilities = match self.pace {
+            Pace::Real => Capabilities::NONE,
+            Pace::Lockstep => Capabilities::LOCKSTEP,
+        };
+        let config = robot.session_config(capabilities)?;
+        let machine = robot.simulated_machine(tool, self.motion(&robot)?)?;
+        let path = self.epoch_file.clone().unwrap_or_else(epoch::default_path);
+        let epochs = Epochs::reserve(&path)?;
+        let cycle = Cycle::new(config, robot.motor_map()?, machine, epochs, self.listen)?;
+        let sensor = SensorPublisher::bind(self.sensor)
+            .map_err(|error| ServerError::listen(self.sensor, &error))?;
+        Ok(cycle.with_sensor(sensor))
+    }
+
+    fn motion(
+        &self,
+        robot: &gantry_tau::robot_file::RobotFile,
+    ) -> Result<Motion, Box<dyn std::error::Error>> {
+        if self.motion == 0.0 {
+            return Ok(Motion::Hold);
+        }
+        let home = gantry_tau::sim::inverse::carts_at(&robot.robot, &robot.home_m())
+            .map_err(|error| format!("{}: simulation.home_m: {error}", robot.name))?;
+        let scales = robot.axes.metres_per_q;
+        let away = self.motion * 1e-3;
+        let mut waypoint = [0.0; ARMS];
+        for ((place, q), scale) in waypoint.iter_mut().zip(home).zip(scales) {
+            *place = q * scale + away;
+        }
+        Ok(Motion::BackAndForth {
+            waypoints_m: vec![waypoint],
+            speed_m_per_s: 0.02,
+            acceleration_m_per_s2: 0.5,
+            dwell_cycles: 500,
+        })
+    }
+
+    fn programme(&self, hand: Hand) -> gantry_tau::server::observe::Programme {
+        gantry_tau::server::observe::Programme::new(hand, self.force_max, self.step_seconds)
+    }
+}
+
+/// `stop`, `rearm` and `quit` from the keyboard. The thread ends with the process.
+fn listen_to_the_keyboard(controls: Arc<Controls>) {
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            match line.trim() {
+                "stop" => controls.stop.store(true, Ordering::Relaxed),
+                "rearm" => {
+                    controls.stop.store(false, Ordering::Relaxed);
+                    controls.rearm.store(true, Ordering::Relaxed);
+                }
+                "quit" => controls.quit.store(true, Ordering::Relaxed),
+                "" => {}
+                other => tracing::warn!("unknown word {other:?}: stop, rearm or quit"),
+            }
+        }
+    });
+}

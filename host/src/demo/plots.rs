@@ -1,0 +1,150 @@
+//! The plots of the report, as SVG. The browser draws the text, so no fonts are needed.
+
+use plotters::prelude::*;
+
+/// Size of a plot in the report, px.
+const SIZE: (u32, u32) = (900, 420);
+const COLOURS: [RGBColor; 4] = [
+    RGBColor(31, 119, 180),
+    RGBColor(214, 90, 30),
+    RGBColor(44, 140, 70),
+    RGBColor(120, 80, 170),
+];
+/// Colour behind a phase of the session.
+pub(super) const PHASE_COLOURS: [RGBColor; 6] = [
+    RGBColor(225, 225, 225),
+    RGBColor(250, 240, 190),
+    RGBColor(205, 225, 245),
+    RGBColor(205, 235, 205),
+    RGBColor(250, 215, 190),
+    RGBColor(240, 190, 190),
+];
+
+/// A curve.
+pub(super) struct Curve {
+    pub(super) name: String,
+    pub(super) points: Vec<(f64, f64)>,
+    /// Dots at the points.
+    pub(super) dots: bool,
+    /// No line between the points.
+    pub(super) no_line: bool,
+}
+
+/// A coloured stretch of the x axis.
+pub(super) struct Band {
+    pub(super) from: f64,
+    pub(super) to: f64,
+    pub(super) colour: RGBColor,
+}
+
+/// Axes, curves and bands of a plot.
+pub(super) struct Plot {
+    pub(super) x_axis: &'static str,
+    pub(super) y_axis: &'static str,
+    pub(super) curves: Vec<Curve>,
+    pub(super) bands: Vec<Band>,
+    /// Names for whole values of y, where y counts states.
+    pub(super) y_names: Option<&'static [&'static str]>,
+}
+
+impl Plot {
+    /// The plot as an `<svg>` element.
+    pub(super) fn svg(&self) -> String {
+        let mut svg = String::new();
+        if let Err(error) = self.draw(&mut svg) {
+            return format!("<p>This plot could not be drawn: {error}</p>");
+        }
+        svg
+    }
+
+    fn draw(&self, svg: &mut String) -> Result<(), Box<dyn std::error::Error>> {
+        let (x, y) = (
+            self.range(|point| point.0, 0.0),
+            self.range(|point| point.1, 0.06),
+        );
+        let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+        root.fill(&WHITE)?;
+        let label_width = if self.y_names.is_some() { 130 } else { 70 };
+        let mut chart = ChartBuilder::on(&root)
+            .margin(12)
+            .x_label_area_size(44)
+            .y_label_area_size(label_width)
+            .build_cartesian_2d(x.clone(), y.clone())?;
+        chart.draw_series(self.bands.iter().map(|band| {
+            let from = band.from.clamp(x.start, x.end);
+            let to = band.to.clamp(x.start, x.end);
+            Rectangle::new([(from, y.start), (to, y.end)], band.colour.filled())
+        }))?;
+        let name = |value: &f64| self.name_of(*value);
+        let mut mesh = chart.configure_mesh();
+        mesh.x_desc(self.x_axis)
+            .y_desc(self.y_axis)
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(BLACK.mix(0.12))
+            .label_style(("sans-serif", 14))
+            .axis_desc_style(("sans-serif", 15));
+        if let Some(names) = self.y_names {
+            mesh.y_labels(names.len() + 1).y_label_formatter(&name);
+        }
+        mesh.draw()?;
+        for (curve, colour) in self.curves.iter().zip(COLOURS.iter().cycle()) {
+            let style = colour.stroke_width(2);
+            if !curve.no_line {
+                let line = LineSeries::new(curve.points.iter().copied(), style);
+                chart
+                    .draw_series(line)?
+                    .label(&curve.name)
+                    .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+            }
+            if curve.dots {
+                let dot = |point: &(f64, f64)| Circle::new(*point, 4, colour.filled());
+                let series = chart.draw_series(curve.points.iter().map(dot))?;
+                if curve.no_line {
+                    let colour = *colour;
+                    series
+                        .label(&curve.name)
+                        .legend(move |(x, y)| Circle::new((x + 9, y), 4, colour.filled()));
+                }
+            }
+        }
+        if self.curves.len() > 1 {
+            chart
+                .configure_series_labels()
+                .position(SeriesLabelPosition::UpperLeft)
+                .background_style(WHITE.mix(0.85))
+                .border_style(BLACK.mix(0.3))
+                .label_font(("sans-serif", 14))
+                .draw()?;
+        }
+        root.present()?;
+        Ok(())
+    }
+
+    fn name_of(&self, value: f64) -> String {
+        let names = self.y_names.unwrap_or_default();
+        names
+            .iter()
+            .zip(0..)
+            .find(|(_, number)| (value - f64::from(*number)).abs() < 1e-6)
+            .map_or_else(String::new, |(name, _)| (*name).to_owned())
+    }
+
+    /// From the smallest to the largest value of a coordinate, `margin` of the span wider at both ends.
+    fn range(&self, coordinate: impl Fn(&(f64, f64)) -> f64, margin: f64) -> std::ops::Range<f64> {
+        let values = self
+            .curves
+            .iter()
+            .flat_map(|curve| &curve.points)
+            .map(coordinate);
+        let (low, high) = values
+            .filter(|value| value.is_finite())
+            .fold((f64::MAX, f64::MIN), |(low, high), value| {
+                (low.min(value), high.max(value))
+            });
+        if low > high {
+            return 0.0..1.0;
+        }
+        let span = (high - low).max(1e-9);
+        low - margin * span..high + margin * span
+    }
+}

@@ -1,0 +1,269 @@
+//! `report.html`: one self-contained page.
+
+use gantry_tau_core::message::Phase;
+
+use super::plots::{Band, Curve, PHASE_COLOURS, Plot};
+use super::results::Results;
+use super::stage::Recording;
+use super::watch::Sample;
+use super::{DemoOptions, table};
+
+/// Points that a curve over time may have; more would only make the page heavy.
+const CURVE_POINTS: usize = 1_500;
+/// Shown of the disconnect, ticks before it and after its end.
+const AROUND_TICKS: u64 = 500;
+const PHASES: [&str; 6] = [
+    "Listening",
+    "Handshake",
+    "Submit",
+    "Obtain",
+    "SafeDisconnect",
+    "Fault",
+];
+
+const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:940px;margin:2em auto;padding:0 1em;color:#222}\
+h1{font-size:1.6em}h2{font-size:1.2em;margin-top:2em}pre{background:#f6f6f4;padding:1em;overflow-x:auto;font-size:13px;line-height:1.35}\
+svg{max-width:100%;height:auto}.key span{display:inline-block;padding:0 .6em;margin-right:.4em;border-radius:3px}\
+.bad{color:#a00;font-weight:bold}.good{color:#060;font-weight:bold}";
+
+pub(super) fn render(options: &DemoOptions, results: &Results, recording: &Recording) -> String {
+    let verdict = if results.complaints.is_empty() {
+        "<p class=\"good\">All as it should be.</p>".to_owned()
+    } else {
+        let text = results.complaints.join("; ");
+        format!(
+            "<p class=\"bad\">Not as it should be: {}</p>",
+            escape(&text)
+        )
+    };
+    let pace = match results.pace {
+        "real" => "in real time at 1 kHz",
+        _ => "in lock-step (time is ticks; the link's times are no measurement)",
+    };
+    let springs = 100.0 * options.robot.simulation.spring_deviation;
+    let sections = [
+        (
+            "Displacement of the tool against force",
+            "Length of the mean displacement over the settled half of each step; the dots are what gauges of 0.5 µm show.",
+            against_force(results).svg(),
+        ),
+        (
+            "Displacement of the tool over time",
+            "The same steps as they happened, then the ramp after the pulled cable, under the last force.",
+            displacement(recording).svg(),
+        ),
+        (
+            "Offsets through the disconnect",
+            "The cable is pulled at full offset. One deadline is tolerated, the second begins the ramp of 0.1 µm per ms.",
+            offsets(recording).svg(),
+        ),
+        (
+            "State of the server over time",
+            "The newcomer's short visit is at the end.",
+            states(recording).svg(),
+        ),
+    ];
+    let mut page = format!(
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>gantry-tau demo</title><style>{STYLE}</style></head><body>\
+         <h1>A Gantry-Tau held still over the network</h1>\
+         <p>{}, simulated, {pace}. The true springs of the simulation differ from the client's by up to ±{springs:.0} % each (seed {}), \
+         the force sensor is noisy, the equilibrium is nonlinear.</p>{verdict}<pre>{}</pre>",
+        escape(&results.robot),
+        options.robot.simulation.seed,
+        escape(&table::render(results)),
+    );
+    for (title, text, svg) in sections {
+        page.push_str(&format!("<h2>{title}</h2><p>{text}</p>{}{svg}", key(title)));
+    }
+    page.push_str("</body></html>\n");
+    page
+}
+
+/// What the colours behind a plot over time mean.
+fn key(title: &str) -> String {
+    if title.contains("force") {
+        return String::new();
+    }
+    let spans = PHASES.iter().zip(PHASE_COLOURS).map(|(name, colour)| {
+        let (r, g, b) = (colour.0, colour.1, colour.2);
+        format!("<span style=\"background:rgb({r},{g},{b})\">{name}</span>")
+    });
+    format!("<p class=\"key\">{}</p>", spans.collect::<String>())
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+}
+
+fn curve(name: &str, points: Vec<(f64, f64)>) -> Curve {
+    Curve {
+        name: name.to_owned(),
+        points,
+        dots: false,
+        no_line: false,
+    }
+}
+
+fn against_force(results: &Results) -> Plot {
+    let line = |name: &str, value: fn(&super::Step) -> f64| Curve {
+        dots: false,
+        ..curve(
+            name,
+            std::iter::once((0.0, 0.0))
+                .chain(results.steps.iter().map(|step| (step.force_n, value(step))))
+                .collect(),
+        )
+    };
+    let dots = |name: &str, value: fn(&super::Step) -> f64| Curve {
+        dots: true,
+        no_line: true,
+        ..curve(
+            name,
+            results
+                .steps
+                .iter()
+                .map(|step| (step.force_n, value(step)))
+                .collect(),
+        )
+    };
+    Plot {
+        x_axis: "force in x, N",
+        y_axis: "displacement, µm",
+        curves: vec![
+            line("uncompensated", |step| step.uncompensated_norm_um),
+            line("compensated", |step| step.compensated_norm_um),
+            dots("gauges, uncompensated", |step| step.gauges_um[0]),
+            dots("gauges, compensated", |step| step.gauges_um[1]),
+        ],
+        bands: Vec::new(),
+        y_names: None,
+    }
+}
+
+fn displacement(recording: &Recording) -> Plot {
+    let samples: Vec<&Sample> = recording.samples.iter().collect();
+    let axis = |name: &str, index: usize| {
+        let value = move |s: &Sample| s.displacement_um.get(index).copied().unwrap_or(f64::NAN);
+        curve(name, thinned(&samples, value))
+    };
+    Plot {
+        x_axis: "time, s",
+        y_axis: "displacement, µm",
+        curves: vec![axis("x", 0), axis("y", 1), axis("z", 2)],
+        bands: bands(&samples),
+        y_names: None,
+    }
+}
+
+fn offsets(recording: &Recording) -> Plot {
+    let ended = recording.ended.tick;
+    let listening = recording
+        .samples
+        .iter()
+        .find(|s| s.tick > ended && s.phase == Phase::Listening)
+        .map_or(ended, |sample| sample.tick);
+    let window = ended.saturating_sub(AROUND_TICKS)..listening + AROUND_TICKS;
+    let samples: Vec<&Sample> = recording
+        .samples
+        .iter()
+        .filter(|sample| window.contains(&sample.tick))
+        .collect();
+    let axis = |name: &str, index: usize| {
+        let value = move |s: &Sample| {
+            s.offset_nm
+                .get(index)
+                .map_or(f64::NAN, |nm| f64::from(*nm) / 1e3)
+        };
+        curve(name, thinned(&samples, value))
+    };
+    Plot {
+        x_axis: "time, s",
+        y_axis: "position offset, µm",
+        curves: vec![axis("axis 1", 0), axis("axis 2", 1), axis("axis 3", 2)],
+        bands: bands(&samples),
+        y_names: None,
+    }
+}
+
+fn states(recording: &Recording) -> Plot {
+    let samples: Vec<&Sample> = recording.samples.iter().collect();
+    let bands = bands(&samples);
+    // Two points per stretch draw a step; no stretch is thinned away.
+    let points = stretches(&samples).flat_map(|(from, to, phase)| {
+        let level = f64::from(phase_number(phase));
+        [(seconds(from), level), (seconds(to), level)]
+    });
+    Plot {
+        x_axis: "time, s",
+        y_axis: "",
+        curves: vec![
+            curve("state", points.collect()),
+            // Keeps all six names in sight.
+            Curve {
+                no_line: true,
+                ..curve("", vec![(0.0, 0.0), (0.0, 5.0)])
+            },
+        ]
+        .into_iter()
+        .collect(),
+        bands,
+        y_names: Some(&PHASES),
+    }
+}
+
+/// At most [`CURVE_POINTS`] of the samples, evenly.
+fn thinned(samples: &[&Sample], value: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
+    let every = samples.len().div_ceil(CURVE_POINTS).max(1);
+    samples
+        .iter()
+        .step_by(every)
+        .map(|sample| (seconds(sample.tick), value(sample)))
+        .collect()
+}
+
+/// First and last tick of every stretch of one phase.
+fn stretches(samples: &[&Sample]) -> impl Iterator<Item = (u64, u64, Phase)> {
+    let mut stretches: Vec<(u64, u64, Phase)> = Vec::new();
+    for sample in samples {
+        match stretches.last_mut() {
+            Some((_, to, phase)) if *phase == sample.phase => *to = sample.tick,
+            Some((_, to, _)) => {
+                *to = sample.tick;
+                stretches.push((sample.tick, sample.tick, sample.phase));
+            }
+            None => stretches.push((sample.tick, sample.tick, sample.phase)),
+        }
+    }
+    stretches.into_iter()
+}
+
+fn bands(samples: &[&Sample]) -> Vec<Band> {
+    stretches(samples)
+        .map(|(from, to, phase)| Band {
+            from: seconds(from),
+            to: seconds(to),
+            colour: PHASE_COLOURS
+                .get(usize::from(phase_number(phase)))
+                .copied()
+                .unwrap_or_default(),
+        })
+        .collect()
+}
+
+const fn phase_number(phase: Phase) -> u8 {
+    match phase {
+        Phase::Listening => 0,
+        Phase::Handshake => 1,
+        Phase::Submit => 2,
+        Phase::Obtain => 3,
+        Phase::SafeDisconnect => 4,
+        Phase::Fault => 5,
+    }
+}
+
+/// Ticks of 1 ms.
+fn seconds(tick: u64) -> f64 {
+    f64::from(u32::try_from(tick).unwrap_or(u32::MAX)) / 1e3
+}

@@ -1,0 +1,313 @@
+//! Numbers from the recording of a demo.
+
+use gantry_tau_core::message::Phase;
+use gantry_tau_core::robot::ARMS;
+use serde::Serialize;
+
+use super::DemoOptions;
+use super::stage::{COMPENSATED, Recording};
+use super::watch::Sample;
+use crate::client::cause_text;
+use crate::server::pace::Pace;
+
+/// Largest share of the displacement that may remain at any step below the jump.
+pub const ALLOWED_SHARE: f64 = 0.05;
+
+/// Everything the table, the report and the JSON file show. The JSON layout is stable: fields are added, never renamed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Results {
+    /// Version of this layout.
+    pub layout: u32,
+    /// "real" or "lockstep".
+    pub pace: &'static str,
+    /// Robot file.
+    pub robot: String,
+    /// One per force step.
+    pub steps: Vec<Step>,
+    /// The ramp after the cable was pulled.
+    pub ramp: Ramp,
+    /// The link until the cable was pulled.
+    pub link: LinkQuality,
+    /// Largest change of any drive reference in one tick, nm, from the first tick to the last.
+    pub largest_reference_change_nm: u64,
+    /// Largest change the limits allow, nm per tick.
+    pub allowed_reference_change_nm: u32,
+    /// What did not turn out as it should; empty when all is well.
+    pub complaints: Vec<String>,
+}
+
+/// One force step; displacements are means over its settled half.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Step {
+    /// Force in x, N.
+    pub force_n: f64,
+    /// Mean displacement of the tool without compensation, µm, x y z.
+    pub uncompensated_um: [f64; 3],
+    /// The same with compensation.
+    pub compensated_um: [f64; 3],
+    /// Length of the first, µm.
+    pub uncompensated_norm_um: f64,
+    /// Length of the second, µm.
+    pub compensated_norm_um: f64,
+    /// Second over first.
+    pub remaining_share: f64,
+    /// Lengths as the quantised gauges show them, µm: without and with compensation.
+    pub gauges_um: [f64; 2],
+}
+
+/// The ramp.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Ramp {
+    /// Why the session ended.
+    pub cause: String,
+    /// Offsets in the last tick before the ramp, nm.
+    pub start_offset_nm: [i32; ARMS],
+    /// Ticks of the ramp.
+    pub ticks: u64,
+    /// Ticks it should take: the largest start offset over the ramp rate, rounded up.
+    pub expected_ticks: u64,
+    /// Largest change of any offset in one tick, nm.
+    pub largest_change_nm: u32,
+    /// Ticks left, as a newcomer was told during the ramp.
+    pub refusal: String,
+    /// What the cut-off client said in the end.
+    pub client: String,
+}
+
+/// Quality of the link.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LinkQuality {
+    /// Deadlines of the session.
+    pub deadlines: u64,
+    /// Deadlines missed.
+    pub missed: u32,
+    /// Share of deadlines met.
+    pub on_time_share: f64,
+    /// Longest run of misses.
+    pub longest_miss_run: u16,
+    /// From a State's departure to its answer's arrival, µs: median, 99th percentile, largest.
+    pub round_trip_us: [u32; 3],
+}
+
+impl Results {
+    pub(super) fn of(options: &DemoOptions, pace: Pace, recording: &Recording) -> Self {
+        let samples = &recording.samples;
+        let limits = options.robot.limits.map(|axis| axis.position);
+        let mut results = Self {
+            layout: 1,
+            pace: match pace {
+                Pace::RealTime => "real",
+                Pace::Lockstep => "lockstep",
+            },
+            robot: options.robot.name.clone(),
+            steps: steps(options, samples),
+            ramp: ramp(options, recording),
+            link: link(samples, recording.ended.tick),
+            largest_reference_change_nm: largest_change(samples),
+            allowed_reference_change_nm: limits
+                .map(|l| l.step.unsigned_abs())
+                .into_iter()
+                .max()
+                .unwrap_or(0),
+            complaints: Vec::new(),
+        };
+        results.complain(options, recording);
+        results
+    }
+
+    fn complain(&mut self, options: &DemoOptions, recording: &Recording) {
+        let mut complaints = Vec::new();
+        let jump = options.robot.simulation.jump_force_n;
+        for step in self.steps.iter().filter(|step| step.force_n < 0.95 * jump) {
+            // Written so that NaN complains.
+            if !(step.remaining_share <= ALLOWED_SHARE) {
+                complaints.push(format!(
+                    "at {:.0} N {:.1} % of the displacement remain, more than {:.0} %",
+                    step.force_n,
+                    100.0 * step.remaining_share,
+                    100.0 * ALLOWED_SHARE
+                ));
+            }
+        }
+        let ramp = &self.ramp;
+        if ramp.ticks != ramp.expected_ticks {
+            complaints.push(format!(
+                "the ramp took {} ticks, not {}",
+                ramp.ticks, ramp.expected_ticks
+            ));
+        }
+        let rate = options
+            .robot
+            .limits
+            .map(|axis| axis.position.ramp.unsigned_abs());
+        if ramp.largest_change_nm > rate.into_iter().max().unwrap_or(0) {
+            complaints.push(format!(
+                "the ramp changed by {} nm in a tick",
+                ramp.largest_change_nm
+            ));
+        }
+        if self.largest_reference_change_nm > u64::from(self.allowed_reference_change_nm) {
+            complaints.push(format!(
+                "a reference changed by {} nm in a tick",
+                self.largest_reference_change_nm
+            ));
+        }
+        if recording.dropped > 0 {
+            complaints.push(format!("{} ticks were not watched", recording.dropped));
+        }
+        self.complaints = complaints;
+    }
+}
+
+fn steps(options: &DemoOptions, samples: &[Sample]) -> Vec<Step> {
+    (1..)
+        .zip(options.forces_n())
+        .map(|(number, force_n)| {
+            let before = settled(options, samples, number);
+            let after = settled(options, samples, COMPENSATED + number);
+            let (u, c) = (
+                mean(&before, |s| s.displacement_um),
+                mean(&after, |s| s.displacement_um),
+            );
+            let gauges_um = [&before, &after].map(|half| norm(mean(half, |s| s.gauges_um)));
+            Step {
+                force_n,
+                uncompensated_um: u,
+                compensated_um: c,
+                uncompensated_norm_um: norm(u),
+                compensated_norm_um: norm(c),
+                remaining_share: norm(c) / norm(u),
+                gauges_um,
+            }
+        })
+        .collect()
+}
+
+/// The second half of a step, as long as the step was meant to last; the pulled cable comes after it.
+fn settled<'a>(options: &DemoOptions, samples: &'a [Sample], step: u32) -> Vec<&'a Sample> {
+    let Some(first) = samples.iter().find(|sample| sample.step == step) else {
+        return Vec::new();
+    };
+    let (from, to) = (
+        first.tick + options.step_ticks() / 2,
+        first.tick + options.step_ticks(),
+    );
+    samples
+        .iter()
+        .filter(|sample| sample.step == step && (from..=to).contains(&sample.tick))
+        .collect()
+}
+
+fn mean(samples: &[&Sample], value: impl Fn(&Sample) -> [f64; 3]) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    let mut count = 0.0;
+    for sample in samples {
+        for (total, part) in sum.iter_mut().zip(value(sample)) {
+            *total += part;
+        }
+        count += 1.0;
+    }
+    sum.map(|total| total / count)
+}
+
+fn norm(vector: [f64; 3]) -> f64 {
+    vector.iter().map(|value| value * value).sum::<f64>().sqrt()
+}
+
+fn ramp(options: &DemoOptions, recording: &Recording) -> Ramp {
+    let samples = &recording.samples;
+    let ended = recording.ended.tick;
+    let before = samples
+        .iter()
+        .take_while(|sample| sample.tick < ended)
+        .last();
+    let start_offset_nm = before.map_or([0; ARMS], |sample| sample.offset_nm);
+    let during = || {
+        samples
+            .iter()
+            .filter(|s| s.tick >= ended && s.phase == Phase::SafeDisconnect)
+    };
+    let at_zero = during().find(|sample| sample.offset_nm == [0; ARMS]);
+    let mut last = start_offset_nm;
+    let mut largest_change_nm = 0;
+    for sample in during() {
+        for (from, to) in last.into_iter().zip(sample.offset_nm) {
+            largest_change_nm = largest_change_nm.max(from.abs_diff(to));
+        }
+        last = sample.offset_nm;
+    }
+    let rates = options
+        .robot
+        .limits
+        .map(|axis| axis.position.ramp.unsigned_abs().max(1));
+    let expected = start_offset_nm.into_iter().zip(rates);
+    Ramp {
+        cause: recording.ended.ended.map_or("none", cause_text).to_owned(),
+        start_offset_nm,
+        ticks: at_zero.map_or(0, |sample| sample.tick - ended + 1),
+        expected_ticks: expected
+            .map(|(offset, rate)| u64::from(offset.unsigned_abs().div_ceil(rate)))
+            .max()
+            .unwrap_or(0),
+        largest_change_nm,
+        refusal: crate::client::refusal_text(recording.refusal),
+        client: recording.client.clone(),
+    }
+}
+
+fn link(samples: &[Sample], ended: u64) -> LinkQuality {
+    let session = || {
+        samples
+            .iter()
+            .filter(|s| s.tick < ended && matches!(s.phase, Phase::Submit | Phase::Obtain))
+    };
+    // The miss before the cable's second is the cable's too.
+    let last = session().rev().nth(1);
+    let missed = last.map_or(0, |sample| sample.missed);
+    let deadlines = match (session().next(), last) {
+        (Some(first), Some(last)) => last.tick - first.tick,
+        _ => 0,
+    };
+    let mut round_trips: Vec<u32> = session()
+        .filter_map(|sample| sample.round_trip_us)
+        .collect();
+    round_trips.sort_unstable();
+    let at = |share: f64| {
+        let last = round_trips.len().saturating_sub(1);
+        let index = (0..=last).find(|index| quantile(*index, last) >= share);
+        index
+            .and_then(|index| round_trips.get(index))
+            .copied()
+            .unwrap_or(0)
+    };
+    LinkQuality {
+        deadlines,
+        missed,
+        on_time_share: 1.0 - f64::from(missed) / ratio_base(deadlines),
+        longest_miss_run: last.map_or(0, |sample| sample.longest_miss_run),
+        round_trip_us: [at(0.5), at(0.99), at(1.0)],
+    }
+}
+
+fn quantile(index: usize, last: usize) -> f64 {
+    let float = |n: usize| f64::from(u32::try_from(n).unwrap_or(u32::MAX));
+    if last == 0 {
+        1.0
+    } else {
+        float(index) / float(last)
+    }
+}
+
+fn ratio_base(deadlines: u64) -> f64 {
+    f64::from(u32::try_from(deadlines).unwrap_or(u32::MAX)).max(1.0)
+}
+
+/// Largest change of any reference between two ticks that were both watched.
+fn largest_change(samples: &[Sample]) -> u64 {
+    let pairs = samples.iter().zip(samples.iter().skip(1));
+    pairs
+        .flat_map(|(a, b)| a.reference_nm.into_iter().zip(b.reference_nm))
+        .map(|(from, to)| from.abs_diff(to))
+        .max()
+        .unwrap_or(0)
+}

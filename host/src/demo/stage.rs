@@ -1,0 +1,309 @@
+//! The play: one session with force steps, without and with compensation, and a cable pulled at full offset.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use gantry_tau_core::message::{Capabilities, ClientMessage, Hello, Phase, Refusal, ServerMessage};
+use gantry_tau_core::robot::ARMS;
+use indicatif::ProgressBar;
+
+use super::relay::Relay;
+use super::watch::{Lost, Sample, Waiting, Watch};
+use super::{DemoError, DemoOptions};
+use crate::client::{self, ClientControls, ClientError, ClientOptions, Link};
+use crate::epoch::Epochs;
+use crate::machine::MOTORS;
+use crate::sensor_link::SensorPublisher;
+use crate::server::Server;
+use crate::server::cycle::Cycle;
+use crate::server::pace::Pace;
+use crate::sim::hand::{Hand, Load, hand_and_tool};
+use crate::sim::parameters::Motion;
+
+/// Number that tells compensated steps from uncompensated ones.
+pub(super) const COMPENSATED: u32 = 1_000;
+/// Ticks after a load is taken away before the next act.
+const REST_TICKS: u64 = 200;
+/// How long a newcomer waits for the server's word.
+const NEWCOMER_SILENCE: Duration = Duration::from_secs(2);
+/// Any free loopback port.
+const LOOPBACK: SocketAddr =
+    SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 0);
+
+/// What happened on stage.
+pub(super) struct Recording {
+    pub(super) samples: Vec<Sample>,
+    /// Tick of the first ramp step after the cable was pulled.
+    pub(super) ended: Sample,
+    /// What a newcomer was told during the ramp.
+    pub(super) refusal: Refusal,
+    /// What became of the client whose cable was pulled.
+    pub(super) client: String,
+    /// Rows that came too fast to be watched.
+    pub(super) dropped: u64,
+}
+
+/// How an attempt went wrong.
+pub(super) enum Failure {
+    /// The session ended by itself: this machine does not hold the pace.
+    Lost(Lost),
+    /// Something else.
+    Error(DemoError),
+}
+
+impl From<Waiting> for Failure {
+    fn from(waiting: Waiting) -> Self {
+        match waiting {
+            Waiting::Lost(lost) => Self::Lost(lost),
+            Waiting::Stuck => {
+                Self::Error(DemoError::Failed("the server stopped ticking".to_owned()))
+            }
+        }
+    }
+}
+
+impl<E: std::error::Error> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self::Error(DemoError::Failed(error.to_string()))
+    }
+}
+
+struct Stage<'a> {
+    options: &'a DemoOptions,
+    bar: &'a ProgressBar,
+    pace: Pace,
+    server: Server<ARMS>,
+    watch: Watch,
+    hand: Hand,
+    relay: Relay,
+    controls: Arc<ClientControls>,
+}
+
+/// Plays the whole session at one pace.
+pub(super) fn play(
+    options: &DemoOptions,
+    pace: Pace,
+    bar: &ProgressBar,
+) -> Result<Recording, Failure> {
+    let robot = &options.robot;
+    let capabilities = match pace {
+        Pace::RealTime => Capabilities::NONE,
+        Pace::Lockstep => Capabilities::LOCKSTEP,
+    };
+    let (hand, tool) = hand_and_tool();
+    let machine = robot.simulated_machine(tool, Motion::Hold)?;
+    let config = robot.session_config(capabilities)?;
+    let sensor = SensorPublisher::bind(LOOPBACK)?;
+    let sensor_address = sensor.address()?;
+    let cycle: Cycle<ARMS, MOTORS, _> = Cycle::new(
+        config,
+        robot.motor_map()?,
+        machine,
+        Epochs::volatile(),
+        LOOPBACK,
+    )?;
+    let (server, rows) = Server::spawn(cycle.with_sensor(sensor), pace)?;
+    let relay = Relay::spawn(server.address)?;
+    let controls = Arc::new(ClientControls::default());
+    let client_options = ClientOptions {
+        server: relay.address,
+        sensor: sensor_address,
+        robot: robot.clone(),
+        record: options.record.clone(),
+        obtain: false,
+    };
+    let shared = Arc::clone(&controls);
+    let client = std::thread::Builder::new()
+        .name("client".to_owned())
+        .spawn(move || client::run(&client_options, &shared))?;
+    let mut stage = Stage {
+        options,
+        bar,
+        pace,
+        server,
+        watch: Watch::new(rows),
+        hand,
+        relay,
+        controls,
+    };
+    let played = stage.acts();
+    stage.controls.quit.store(true, Ordering::Relaxed);
+    let Stage {
+        server,
+        watch,
+        relay,
+        ..
+    } = stage;
+    let dropped = server.quit();
+    drop(relay);
+    let client = match client.join() {
+        Ok(Ok(_)) => "left in good order".to_owned(),
+        Ok(Err(error @ ClientError::Setup(_))) => {
+            return Err(Failure::Error(DemoError::Failed(error.to_string())));
+        }
+        Ok(Err(error)) => error.to_string(),
+        Err(_) => "panicked".to_owned(),
+    };
+    let (ended, refusal) = played?;
+    Ok(Recording {
+        samples: watch.samples,
+        ended,
+        refusal,
+        client,
+        dropped,
+    })
+}
+
+impl Stage<'_> {
+    fn acts(&mut self) -> Result<(Sample, Refusal), Failure> {
+        self.tare()?;
+        self.say("force steps without compensation (Submit: offsets are reported, drives do not see them)");
+        self.steps(0)?;
+        self.release_and_rest()?;
+        self.controls.obtain.store(true, Ordering::Relaxed);
+        self.wait_for(Phase::Obtain)?;
+        self.say("force steps with compensation (Obtain: offsets act)");
+        self.steps(COMPENSATED)?;
+        let ended = self.pull_the_cable()?;
+        let refusal = self.newcomer_during_the_ramp()?;
+        self.wait_for(Phase::Listening)?;
+        self.release_and_rest()?;
+        self.newcomer_after_the_ramp()?;
+        Ok((ended, refusal))
+    }
+
+    /// The client tares its sensor in Submit for a second. In real time that second is the measurement of this machine.
+    fn tare(&mut self) -> Result<(), Failure> {
+        match self.pace {
+            Pace::RealTime => self.say("measuring for a second whether this machine holds 1 kHz; the client tares its sensor"),
+            Pace::Lockstep => self.say("the client tares its sensor"),
+        }
+        let controls = Arc::clone(&self.controls);
+        self.wait(|_| controls.tared.load(Ordering::Relaxed))?;
+        if self.pace == Pace::RealTime {
+            let missed = self.watch.samples.last().map_or(0, |sample| sample.missed);
+            self.say(&format!(
+                "it does: {missed} deadlines missed in the first second, never two in a row"
+            ));
+        }
+        Ok(())
+    }
+
+    fn steps(&mut self, base: u32) -> Result<(), Failure> {
+        for (number, force_x) in (1..).zip(self.options.forces_n()) {
+            let load = Load {
+                step: base + number,
+                force_n: [force_x, 0.0, 0.0],
+                moment_nm: [0.0; 3],
+            };
+            self.hand.set(&load)?;
+            let first = self.wait(|sample| sample.step == load.step)?;
+            let last = self.wait_ticks(first.tick, self.options.step_ticks())?;
+            let norm = last
+                .displacement_um
+                .iter()
+                .map(|d| d * d)
+                .sum::<f64>()
+                .sqrt();
+            self.say(&format!(
+                "  {force_x:5.0} N: the tool gives way by {norm:6.1} um"
+            ));
+        }
+        Ok(())
+    }
+
+    fn release_and_rest(&mut self) -> Result<(), Failure> {
+        self.hand.release();
+        let released = self.wait(|sample| sample.step == 0)?;
+        self.wait_ticks(released.tick, REST_TICKS)?;
+        Ok(())
+    }
+
+    /// Silence, not a close. The second missed deadline ends the session and takes the first ramp step.
+    fn pull_the_cable(&mut self) -> Result<Sample, Failure> {
+        self.say("pulling the client's cable, both sockets stay open");
+        self.relay.cut();
+        self.server
+            .controls
+            .link_silent
+            .store(true, Ordering::Relaxed);
+        let ended = self
+            .watch
+            .until(true, |_| {}, |sample| sample.ended.is_some())?;
+        let left = ended
+            .offset_nm
+            .iter()
+            .map(|nm| nm.unsigned_abs())
+            .max()
+            .unwrap_or(0);
+        self.say(&format!(
+            "second deadline missed: SafeDisconnect, {:.1} um of offset ramp to zero at 0.1 um/ms",
+            f64::from(left) / 1e3
+        ));
+        Ok(ended)
+    }
+
+    fn newcomer_during_the_ramp(&mut self) -> Result<Refusal, Failure> {
+        match self.newcomer()?.1 {
+            ServerMessage::Refusal(refusal) => {
+                self.say(&format!(
+                    "a newcomer is refused: {}",
+                    client::refusal_text(refusal)
+                ));
+                Ok(refusal)
+            }
+            _ => Err(Failure::Error(DemoError::Failed(
+                "a newcomer was let in during the ramp".to_owned(),
+            ))),
+        }
+    }
+
+    fn newcomer_after_the_ramp(&mut self) -> Result<(), Failure> {
+        let (mut link, answer) = self.newcomer()?;
+        let ServerMessage::Welcome(welcome) = answer else {
+            return Err(Failure::Error(DemoError::Failed(
+                "a newcomer was not let in after the ramp".to_owned(),
+            )));
+        };
+        self.say(&format!(
+            "all offsets are zero: a newcomer is welcome (session {})",
+            welcome.epoch.0
+        ));
+        link.send(&ClientMessage::Goodbye(welcome.epoch))?;
+        self.watch
+            .until(true, |_| {}, |sample| sample.phase == Phase::SafeDisconnect)?;
+        self.watch
+            .until(true, |_| {}, |sample| sample.phase == Phase::Listening)?;
+        Ok(())
+    }
+
+    /// Another client, on another cable, asks for the session.
+    fn newcomer(&mut self) -> Result<(Link<ARMS>, ServerMessage<ARMS>), Failure> {
+        let mut link = Link::connect(self.server.address, NEWCOMER_SILENCE)?;
+        link.send(&ClientMessage::Hello(Hello {
+            axes: u8::try_from(ARMS).unwrap_or(u8::MAX),
+            capabilities: Capabilities::LOCKSTEP,
+        }))?;
+        let answer = link.receive()?;
+        Ok((link, answer))
+    }
+
+    fn wait_for(&mut self, phase: Phase) -> Result<Sample, Failure> {
+        self.wait(|sample| sample.phase == phase)
+    }
+
+    fn wait_ticks(&mut self, from: u64, ticks: u64) -> Result<Sample, Failure> {
+        self.wait(|sample| sample.tick >= from + ticks)
+    }
+
+    fn wait(&mut self, found: impl FnMut(&Sample) -> bool) -> Result<Sample, Failure> {
+        let bar = self.bar;
+        Ok(self.watch.until(false, |_| bar.inc(1), found)?)
+    }
+
+    fn say(&self, line: &str) {
+        self.bar.suspend(|| println!("{line}"));
+    }
+}

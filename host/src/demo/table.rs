@@ -1,0 +1,81 @@
+//! The table at the end of the demo.
+
+use std::fmt::Write;
+
+use super::results::Results;
+
+/// Plain text, at most 100 columns.
+pub(super) fn render(results: &Results) -> String {
+    let mut text = String::new();
+    // Writing to a String cannot fail.
+    let _ = write_all(&mut text, results);
+    text
+}
+
+fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
+    let pace = match results.pace {
+        "real" => "real time, 1 kHz",
+        _ => "lock-step: time is ticks, link times are not a measurement",
+    };
+    writeln!(text, "{} ({pace})\n", results.robot)?;
+    writeln!(
+        text,
+        "  force x    displacement of the tool, um    remaining"
+    )?;
+    writeln!(
+        text,
+        "        N    uncompensated   compensated         share"
+    )?;
+    for step in &results.steps {
+        writeln!(
+            text,
+            "  {:7.0}    {:13.2}   {:11.2}      {:6.2} %",
+            step.force_n,
+            step.uncompensated_norm_um,
+            step.compensated_norm_um,
+            100.0 * step.remaining_share
+        )?;
+    }
+    let ramp = &results.ramp;
+    let offsets = ramp
+        .start_offset_nm
+        .map(|nm| format!("{:.1}", f64::from(nm) / 1e3))
+        .join(", ");
+    writeln!(text, "\n  ramp after the pulled cable ({})", ramp.cause)?;
+    writeln!(text, "    start offsets               {offsets} um")?;
+    writeln!(
+        text,
+        "    ticks to zero               {} (expected {})",
+        ramp.ticks, ramp.expected_ticks
+    )?;
+    writeln!(
+        text,
+        "    largest change per tick     {} nm",
+        ramp.largest_change_nm
+    )?;
+    writeln!(text, "    a newcomer meanwhile        {}", ramp.refusal)?;
+    let link = &results.link;
+    let [p50, p99, max] = link.round_trip_us;
+    writeln!(text, "\n  link until then")?;
+    writeln!(
+        text,
+        "    commands on time            {:.5} ({} of {} missed, longest run {})",
+        link.on_time_share, link.missed, link.deadlines, link.longest_miss_run
+    )?;
+    writeln!(
+        text,
+        "    round trip                  p50 {p50} us, p99 {p99} us, max {max} us"
+    )?;
+    writeln!(
+        text,
+        "\n  largest change of any drive reference in a tick: {} nm (limit {} nm)",
+        results.largest_reference_change_nm, results.allowed_reference_change_nm
+    )?;
+    if results.complaints.is_empty() {
+        writeln!(text, "\nAll as it should be.")?;
+    }
+    for complaint in &results.complaints {
+        writeln!(text, "\nNOT AS IT SHOULD BE: {complaint}")?;
+    }
+    Ok(())
+}

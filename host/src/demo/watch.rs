@@ -1,0 +1,120 @@
+//! Looks at the server's rows as they come and keeps what the results need.
+
+use std::time::Duration;
+
+use gantry_tau_core::message::{Cause, Phase};
+use gantry_tau_core::robot::ARMS;
+use gantry_tau_core::units::Tick;
+
+use crate::server::cycle::Row;
+
+/// How long to rest when no row is waiting.
+const REST: Duration = Duration::from_millis(1);
+/// Rows that do not come for so long never will.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// What is kept of one tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Sample {
+    pub(super) tick: u64,
+    pub(super) phase: Phase,
+    pub(super) step: u32,
+    pub(super) force_n: [f64; 3],
+    pub(super) offset_nm: [i32; ARMS],
+    pub(super) reference_nm: [i64; ARMS],
+    pub(super) displacement_um: [f64; 3],
+    pub(super) gauges_um: [f64; 3],
+    pub(super) missed: u32,
+    pub(super) longest_miss_run: u16,
+    pub(super) round_trip_us: Option<u32>,
+    pub(super) ended: Option<Cause>,
+    pub(super) refused: u8,
+    pub(super) welcomed: bool,
+}
+
+impl Sample {
+    fn of(row: &Row<ARMS>) -> Self {
+        let tool = row.tool;
+        let [fx, fy, fz, ..] = tool.map_or([f64::NAN; 6], |tool| tool.load);
+        let micrometres = |metres: [f64; 3]| metres.map(|value| value * 1e6);
+        Self {
+            tick: row.state.tick.0,
+            phase: row.state.phase,
+            step: tool.map_or(0, |tool| tool.step),
+            force_n: [fx, fy, fz],
+            offset_nm: row.state.axes.map(|axis| axis.offsets.position.0),
+            reference_nm: row.references.map(|reference| reference.position.0),
+            displacement_um: tool.map_or([f64::NAN; 3], |tool| micrometres(tool.displacement_m)),
+            gauges_um: tool.map_or([f64::NAN; 3], |tool| micrometres(tool.gauges_m)),
+            missed: row.state.counters.missed,
+            longest_miss_run: row.state.counters.longest_miss_run,
+            round_trip_us: row.round_trip_us,
+            ended: row.ended,
+            refused: row.refused,
+            welcomed: row.welcomed,
+        }
+    }
+}
+
+/// The session ended although nobody pulled a cable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Lost {
+    pub(super) tick: Tick,
+    pub(super) cause: Cause,
+}
+
+/// Why waiting for something came to nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Waiting {
+    /// The session ended by itself.
+    Lost(Lost),
+    /// The server makes no rows any more.
+    Stuck,
+}
+
+/// All rows so far.
+pub(super) struct Watch {
+    rows: rtrb::Consumer<Row<ARMS>>,
+    pub(super) samples: Vec<Sample>,
+}
+
+impl Watch {
+    pub(super) const fn new(rows: rtrb::Consumer<Row<ARMS>>) -> Self {
+        Self {
+            rows,
+            samples: Vec::new(),
+        }
+    }
+
+    /// Waits for the first coming row that satisfies `found`; every row is kept and shown to `each`.
+    /// `may_end` says whether the session may end meanwhile.
+    pub(super) fn until(
+        &mut self,
+        may_end: bool,
+        mut each: impl FnMut(&Sample),
+        mut found: impl FnMut(&Sample) -> bool,
+    ) -> Result<Sample, Waiting> {
+        let mut idle = Duration::ZERO;
+        loop {
+            let Ok(row) = self.rows.pop() else {
+                if idle >= PATIENCE || self.rows.is_abandoned() {
+                    return Err(Waiting::Stuck);
+                }
+                std::thread::sleep(REST);
+                idle += REST;
+                continue;
+            };
+            idle = Duration::ZERO;
+            let sample = Sample::of(&row);
+            self.samples.push(sample);
+            each(&sample);
+            if let (Some(cause), false) = (sample.ended, may_end) {
+                let tick = row.state.tick;
+                return Err(Waiting::Lost(Lost { tick, cause }));
+            }
+            if found(&sample) {
+                return Ok(sample);
+            }
+        }
+    }
+}
