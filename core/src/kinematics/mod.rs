@@ -13,7 +13,7 @@ use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::linalg::{LinearError, norm};
-use crate::robot::{ARMS, Branch, Geometry, Robot};
+use crate::robot::{ARMS, Geometry, Robot};
 
 /// Smallest measure of regularity a pose may have, both of the carts' (`|s_i . v_i| / |v_i|`) and of the links' (`|det(s_1, s_2, s_3)|`).
 /// Beyond it a micrometre at one end would be a centimetre at the other.
@@ -197,12 +197,6 @@ pub fn residual_m(robot: &Robot, pose: &Pose, q: &[f64; ARMS]) -> f64 {
         }
     }
     largest
-}
-
-/// `value`'s sign against a branch: positive when they agree.
-#[inline]
-fn signed(branch: Branch, value: f64) -> f64 {
-    branch.sign() * value
 }
 
 #[cfg(test)]
