@@ -3,7 +3,7 @@
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
-use super::{KinematicsError, SINGULAR_MEASURE};
+use super::{KinematicsError, LinkFrame, SINGULAR_MEASURE};
 use crate::linalg::{norm, rotation_deviation, sqrt};
 use crate::robot::{ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Robot};
 
@@ -201,22 +201,64 @@ impl Nominal {
     /// Every variant of [`KinematicsError`] but `Unreachable` and `Inconsistent`.
     #[inline]
     pub fn forward(&self, q: &[f64; ARMS]) -> Result<Vector3<f64>, KinematicsError> {
-        let [a1, a2, a3] = &self.arms;
-        let [q1, q2, q3] = *q;
         let meeting = self.meet(q);
-        let (to_1, to_2, to_3) = meeting.links();
-        if a1.travels(q1)
-            && a2.travels(q2)
-            && a3.travels(q3)
-            && meeting.determinant_squared > self.determinant_squared_min
-            && a1.along(&to_1) > a1.along_min
-            && a2.along(&to_2) > a2.along_min
-            && a3.along(&to_3) > a3.along_min
-        {
+        if self.assembles(q, &meeting, &meeting.links()) {
             Ok(meeting.from_1 + meeting.tcp)
         } else {
             Err(self.why_not_forward(q))
         }
+    }
+
+    /// [`forward`](Self::forward) and [`link_frame`](Self::link_frame) in one, for less than both.
+    ///
+    /// # Errors
+    /// As [`forward`](Self::forward).
+    #[inline]
+    pub fn forward_frame(
+        &self,
+        q: &[f64; ARMS],
+    ) -> Result<(Vector3<f64>, LinkFrame), KinematicsError> {
+        let meeting = self.meet(q);
+        let links_m = meeting.links();
+        if !self.assembles(q, &meeting, &links_m) {
+            return Err(self.why_not_forward(q));
+        }
+        let [w1, w2, w3] = &links_m;
+        // n = w_2 x w_3 + w_3 x w_1 + w_1 x w_2, and n . w_1 is the determinant.
+        let (c2, c3) = (w3.cross(w1), w1.cross(w2));
+        let c1 = meeting.normal - c2 - c3;
+        let scale = 1.0 / meeting.normal.dot(w1);
+        let [a1, a2, a3] = &self.arms;
+        let frame = LinkFrame {
+            links_m,
+            inverse_rows: [c1 * scale, c2 * scale, c3 * scale],
+            drives: [
+                w1.dot(&a1.guideway),
+                w2.dot(&a2.guideway),
+                w3.dot(&a3.guideway),
+            ],
+        };
+        Ok((meeting.from_1 + meeting.tcp, frame))
+    }
+
+    /// Whether the links meet as the machine is built, inside the travel; false for NaN.
+    #[inline]
+    fn assembles(
+        &self,
+        q: &[f64; ARMS],
+        meeting: &Meeting,
+        links_m: &[Vector3<f64>; ARMS],
+    ) -> bool {
+        let [a1, a2, a3] = &self.arms;
+        let [q1, q2, q3] = *q;
+        let [w1, w2, w3] = links_m;
+        a1.travels(q1)
+            && a2.travels(q2)
+            && a3.travels(q3)
+            && meeting.determinant_squared > self.determinant_squared_min
+            && a1.along(w1) > a1.along_min
+            && a2.along(w2) > a2.along_min
+            && a3.along(w3) > a3.along_min
     }
 
     /// Where the three nominal links meet, on the side of the carts' plane that `c_f` names.
@@ -245,6 +287,7 @@ impl Nominal {
             e1,
             e2,
             tcp: e1 * a + e2 * b + normal * height,
+            normal,
             normal_squared,
             determinant_squared: height_squared * normal_squared,
         }
@@ -309,8 +352,7 @@ impl Nominal {
                 measure: if carts_in_line { 0.0 } else { measure * scale },
             };
         }
-        let (to_1, to_2, to_3) = meeting.links();
-        for (arm, (model, link)) in self.arms.iter().zip([to_1, to_2, to_3]).enumerate() {
+        for (arm, (model, link)) in self.arms.iter().zip(meeting.links()).enumerate() {
             let along = model.along(&link);
             if along < -model.along_min {
                 return KinematicsError::OtherBranch { arm: Some(arm) };
@@ -338,6 +380,8 @@ struct Meeting {
     e1: Vector3<f64>,
     e2: Vector3<f64>,
     tcp: Vector3<f64>,
+    /// `n = e_1 x e_2`.
+    normal: Vector3<f64>,
     normal_squared: f64,
     /// Square of `det(w_1, w_2, w_3)`; negative when the links do not meet.
     determinant_squared: f64,
@@ -346,8 +390,8 @@ struct Meeting {
 impl Meeting {
     /// `w_i`: from the tool centre point to the carts' nominal points.
     #[inline]
-    fn links(&self) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
-        (-self.tcp, self.e1 - self.tcp, self.e2 - self.tcp)
+    fn links(&self) -> [Vector3<f64>; ARMS] {
+        [-self.tcp, self.e1 - self.tcp, self.e2 - self.tcp]
     }
 }
 
