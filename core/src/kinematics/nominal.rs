@@ -12,7 +12,7 @@ const ROTATION_TOLERANCE: f64 = 1e-9;
 /// Largest mismatch within a cluster, over the link length: a nanometre per metre.
 const TAU_TOLERANCE: f64 = 1e-9;
 /// Farthest the tool centre point is looked at, in metres; cart, link and platform together do not reach it.
-const MAX_POSITION_M: f64 = 10.0 * MAX_LENGTH_M;
+pub(super) const MAX_POSITION_M: f64 = 10.0 * MAX_LENGTH_M;
 
 /// Why a machine has no nominal model in an orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,16 +59,18 @@ pub(super) struct Arm {
     direction: Vector3<f64>,
     /// `c`: which way along the guideway the link points.
     branch: f64,
+    /// `c |v|`.
+    signed_scale: f64,
     /// `1 / |v|`: takes metres along the guideway to q-units.
     per_metre: f64,
     /// `L^2`.
     pub(super) length_squared: f64,
     /// Smallest length of the link along its guideway that is not singular, and its square.
-    along_min: f64,
-    along_squared_min: f64,
+    pub(super) along_min: f64,
+    pub(super) along_squared_min: f64,
     /// Travel, q-units.
-    lower: f64,
-    upper: f64,
+    pub(super) lower: f64,
+    pub(super) upper: f64,
 }
 
 /// The nominal model of a machine in a constant orientation `R`.
@@ -82,7 +84,7 @@ pub struct Nominal {
     pub(super) side: f64,
     /// Smallest `|det(w_1, w_2, w_3)|` that is not singular, and its square.
     pub(super) determinant_min: f64,
-    determinant_squared_min: f64,
+    pub(super) determinant_squared_min: f64,
     rotation: Matrix3<f64>,
     levers_m: [Vector3<f64>; LINKS],
 }
@@ -233,9 +235,9 @@ impl Nominal {
             links_m,
             inverse_rows: [c1 * scale, c2 * scale, c3 * scale],
             drives: [
-                w1.dot(&a1.guideway),
-                w2.dot(&a2.guideway),
-                w3.dot(&a3.guideway),
+                a1.along(w1) * a1.signed_scale,
+                a2.along(w2) * a2.signed_scale,
+                a3.along(w3) * a3.signed_scale,
             ],
         };
         Ok((meeting.from_1 + meeting.tcp, frame))
@@ -265,7 +267,7 @@ impl Nominal {
     ///
     /// With `x = T - P_1` in the plane as `x = a e_1 + b e_2`, two differences of `[T 3.9]` give `x . e_1 = k_1`, `x . e_2 = k_2`.
     #[inline]
-    fn meet(&self, q: &[f64; ARMS]) -> Meeting {
+    pub(super) fn meet(&self, q: &[f64; ARMS]) -> Meeting {
         let [a1, a2, a3] = &self.arms;
         let [q1, q2, q3] = *q;
         let from_1 = a1.cart(q1);
@@ -292,105 +294,32 @@ impl Nominal {
             determinant_squared: height_squared * normal_squared,
         }
     }
-
-    /// Names the reason after [`inverse`](Self::inverse) failed, in the order in which it could have been noticed.
-    #[cold]
-    #[inline(never)]
-    fn why_not_inverse(&self, tcp_m: &Vector3<f64>) -> KinematicsError {
-        if !tcp_m.iter().all(|value| value.is_finite()) {
-            return KinematicsError::NotFinite;
-        }
-        if tcp_m.amax() > MAX_POSITION_M {
-            return KinematicsError::Unreachable { arm: 0 };
-        }
-        let [r1, r2, r3] = self.arms.map(|arm| arm.reach(tcp_m));
-        for (arm, (model, reach)) in self.arms.iter().zip([&r1, &r2, &r3]).enumerate() {
-            if reach.along_squared < 0.0 {
-                return KinematicsError::Unreachable { arm };
-            }
-            if reach.along_squared <= model.along_squared_min {
-                let cosine_squared = reach.along_squared / model.length_squared;
-                return KinematicsError::Singular {
-                    measure: sqrt(cosine_squared),
-                };
-            }
-        }
-        for (axis, (model, reach)) in self.arms.iter().zip([&r1, &r2, &r3]).enumerate() {
-            if !model.travels(reach.q) {
-                return model.out_of_range(axis, reach.q);
-            }
-        }
-        KinematicsError::NotFinite
-    }
-
-    /// Names the reason after [`forward`](Self::forward) failed.
-    #[cold]
-    #[inline(never)]
-    fn why_not_forward(&self, q: &[f64; ARMS]) -> KinematicsError {
-        if !q.iter().all(|value| value.is_finite()) {
-            return KinematicsError::NotFinite;
-        }
-        for (axis, (model, q)) in self.arms.iter().zip(q).enumerate() {
-            if !model.travels(*q) {
-                return model.out_of_range(axis, *q);
-            }
-        }
-        let meeting = self.meet(q);
-        let scale = SINGULAR_MEASURE / self.determinant_min;
-        let regular = meeting.determinant_squared > self.determinant_squared_min;
-        if !regular {
-            // Carts in one line leave a circle of solutions; links that cannot meet leave none.
-            let [_, a2, a3] = &self.arms;
-            let in_line = SINGULAR_MEASURE * SINGULAR_MEASURE * a2.length_squared;
-            let carts_in_line = meeting.normal_squared <= in_line * a3.length_squared;
-            if !carts_in_line && meeting.determinant_squared < -self.determinant_squared_min {
-                return KinematicsError::NoAssembly;
-            }
-            let squared = meeting.determinant_squared;
-            let measure = if squared > 0.0 { sqrt(squared) } else { 0.0 };
-            return KinematicsError::Singular {
-                measure: if carts_in_line { 0.0 } else { measure * scale },
-            };
-        }
-        for (arm, (model, link)) in self.arms.iter().zip(meeting.links()).enumerate() {
-            let along = model.along(&link);
-            if along < -model.along_min {
-                return KinematicsError::OtherBranch { arm: Some(arm) };
-            }
-            if along <= model.along_min {
-                return KinematicsError::Singular {
-                    measure: along.abs() * SINGULAR_MEASURE / model.along_min,
-                };
-            }
-        }
-        KinematicsError::NotFinite
-    }
 }
 
 /// What one arm does to reach a point.
-struct Reach {
-    q: f64,
+pub(super) struct Reach {
+    pub(super) q: f64,
     /// Square of the link's length along the guideway, metres squared; negative when the link is too short.
-    along_squared: f64,
+    pub(super) along_squared: f64,
 }
 
 /// Where the links meet, relative to the first cart.
-struct Meeting {
+pub(super) struct Meeting {
     from_1: Vector3<f64>,
     e1: Vector3<f64>,
     e2: Vector3<f64>,
     tcp: Vector3<f64>,
     /// `n = e_1 x e_2`.
     normal: Vector3<f64>,
-    normal_squared: f64,
+    pub(super) normal_squared: f64,
     /// Square of `det(w_1, w_2, w_3)`; negative when the links do not meet.
-    determinant_squared: f64,
+    pub(super) determinant_squared: f64,
 }
 
 impl Meeting {
     /// `w_i`: from the tool centre point to the carts' nominal points.
     #[inline]
-    fn links(&self) -> [Vector3<f64>; ARMS] {
+    pub(super) fn links(&self) -> [Vector3<f64>; ARMS] {
         [-self.tcp, self.e1 - self.tcp, self.e2 - self.tcp]
     }
 }
@@ -412,6 +341,7 @@ impl Arm {
             guideway,
             direction: guideway / scale,
             branch: branch.sign(),
+            signed_scale: branch.sign() * scale,
             per_metre: 1.0 / scale,
             length_squared,
             along_min: SINGULAR_MEASURE * length,
@@ -439,7 +369,7 @@ impl Arm {
     /// Foot of the perpendicular on the guideway, then along it to where the link ends `[T 3.9]`.
     /// The difference of squares costs `foot^2` ulps: 1e-12 m at the end of a guideway of 100 m.
     #[inline]
-    fn reach(&self, tcp_m: &Vector3<f64>) -> Reach {
+    pub(super) fn reach(&self, tcp_m: &Vector3<f64>) -> Reach {
         let from_origin = tcp_m - self.origin_m;
         let foot = from_origin.dot(&self.direction);
         let along_squared = foot * foot + self.length_squared - from_origin.dot(&from_origin);
@@ -451,7 +381,7 @@ impl Arm {
 
     /// `c_i (w_i . v_i) / |v_i|`: how far the link points to its side, metres.
     #[inline]
-    fn along(&self, link_m: &Vector3<f64>) -> f64 {
+    pub(super) fn along(&self, link_m: &Vector3<f64>) -> f64 {
         self.branch * self.direction.dot(link_m)
     }
 
@@ -463,17 +393,8 @@ impl Arm {
 
     /// Whether `q` is inside the travel; false for NaN.
     #[inline]
-    fn travels(&self, q: f64) -> bool {
+    pub(super) fn travels(&self, q: f64) -> bool {
         q >= self.lower && q <= self.upper
-    }
-
-    fn out_of_range(&self, axis: usize, q: f64) -> KinematicsError {
-        KinematicsError::OutOfRange {
-            axis,
-            q,
-            lower: self.lower,
-            upper: self.upper,
-        }
     }
 }
 
