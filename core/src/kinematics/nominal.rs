@@ -3,7 +3,7 @@
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
-use super::{KinematicsError, SINGULAR_MEASURE, signed};
+use super::{KinematicsError, LinkFrame, SINGULAR_MEASURE};
 use crate::linalg::{norm, rotation_deviation, sqrt};
 use crate::robot::{ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Robot};
 
@@ -12,7 +12,7 @@ const ROTATION_TOLERANCE: f64 = 1e-9;
 /// Largest mismatch within a cluster, over the link length: a nanometre per metre.
 const TAU_TOLERANCE: f64 = 1e-9;
 /// Farthest the tool centre point is looked at, in metres; cart, link and platform together do not reach it.
-const MAX_POSITION_M: f64 = 10.0 * MAX_LENGTH_M;
+pub(super) const MAX_POSITION_M: f64 = 10.0 * MAX_LENGTH_M;
 
 /// Why a machine has no nominal model in an orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,27 +55,28 @@ pub(super) struct Arm {
     pub(super) origin_m: Vector3<f64>,
     /// `v`: metres per q-unit.
     pub(super) guideway: Vector3<f64>,
-    /// `v / (v . v)`: takes a vector to its q-coordinate along the guideway.
-    projector: Vector3<f64>,
-    /// `c v / |v|`: the side of the guideway the link points to.
-    side: Vector3<f64>,
-    /// `c / |v|`: takes metres along that side to q-units.
+    /// `v / |v|`.
+    direction: Vector3<f64>,
+    /// `c`: which way along the guideway the link points.
+    branch: f64,
+    /// `c |v|`.
+    signed_scale: f64,
+    /// `1 / |v|`: takes metres along the guideway to q-units.
     per_metre: f64,
     /// `L^2`.
     pub(super) length_squared: f64,
-    /// Largest square of the distance from the guideway that is not singular.
-    distance_squared_max: f64,
-    /// Smallest length of the link along its side that is not singular.
-    along_min: f64,
+    /// Smallest length of the link along its guideway that is not singular, and its square.
+    pub(super) along_min: f64,
+    pub(super) along_squared_min: f64,
     /// Travel, q-units.
-    lower: f64,
-    upper: f64,
+    pub(super) lower: f64,
+    pub(super) upper: f64,
 }
 
 /// The nominal model of a machine in a constant orientation `R`.
 ///
-/// [`inverse`](Self::inverse) and [`forward`](Self::forward) are closed forms, and inverses of each other:
-/// whatever one returns, the other takes back, within rounding.
+/// [`inverse`](Self::inverse) and [`forward`](Self::forward) are closed forms, and inverses of each other on the machine's side
+/// of the carts' plane: whatever one returns there, the other takes back, within rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nominal {
     pub(super) arms: [Arm; ARMS],
@@ -83,7 +84,7 @@ pub struct Nominal {
     pub(super) side: f64,
     /// Smallest `|det(w_1, w_2, w_3)|` that is not singular, and its square.
     pub(super) determinant_min: f64,
-    determinant_squared_min: f64,
+    pub(super) determinant_squared_min: f64,
     rotation: Matrix3<f64>,
     levers_m: [Vector3<f64>; LINKS],
 }
@@ -161,26 +162,37 @@ impl Nominal {
 
     /// Inverse kinematics `[T 3.2, 3.9]`: positions `q` (q-units) that put the tool centre point at `tcp_m` (world axes, metres).
     ///
-    /// Of the two solutions of each arm, the one with `sign(s_i . v_i) = c_i`.
-    /// A tool on the other side of the carts' plane is refused: [`forward`](Self::forward) would not lead back to it.
+    /// Of the two solutions of each arm, the one with `sign(s_i . v_i) = c_i`. A pose on the other side of the carts' plane
+    /// has the same positions as its mirror image on this side: where poses come from outside (a target, a file),
+    /// use [`inverse_in_assembly`](Self::inverse_in_assembly), which tells them apart.
     ///
     /// # Errors
-    /// Every variant of [`KinematicsError`] but `NoAssembly` and `Inconsistent`.
+    /// [`KinematicsError::Unreachable`], `Singular`, `OutOfRange`, `NotFinite`.
     #[inline]
     pub fn inverse(&self, tcp_m: &Vector3<f64>) -> Result<[f64; ARMS], KinematicsError> {
         let [a1, a2, a3] = &self.arms;
         let (r1, r2, r3) = (a1.reach(tcp_m), a2.reach(tcp_m), a3.reach(tcp_m));
-        let determinant = r1.link_m.dot(&r2.link_m.cross(&r3.link_m));
         // Every comparison fails for NaN, so that success means finite.
-        if a1.accepts(&r1)
-            && a2.accepts(&r2)
-            && a3.accepts(&r3)
-            && self.side * determinant > self.determinant_min
-        {
+        if a1.accepts(&r1) && a2.accepts(&r2) && a3.accepts(&r3) {
             Ok([r1.q, r2.q, r3.q])
         } else {
             Err(self.why_not_inverse(tcp_m))
         }
+    }
+
+    /// As [`inverse`](Self::inverse), for a tool on the machine's side of the carts' plane only:
+    /// [`forward`](Self::forward) leads back to it.
+    ///
+    /// # Errors
+    /// As [`inverse`](Self::inverse); [`KinematicsError::OtherBranch`] on the other side, `Singular` in the plane.
+    #[inline]
+    pub fn inverse_in_assembly(
+        &self,
+        tcp_m: &Vector3<f64>,
+    ) -> Result<[f64; ARMS], KinematicsError> {
+        let q = self.inverse(tcp_m)?;
+        self.link_frame(tcp_m, &q)?;
+        Ok(q)
     }
 
     /// Forward kinematics `[T 3.1]`: the tool centre point (world axes, metres) for positions `q` (q-units), by trilateration.
@@ -191,29 +203,71 @@ impl Nominal {
     /// Every variant of [`KinematicsError`] but `Unreachable` and `Inconsistent`.
     #[inline]
     pub fn forward(&self, q: &[f64; ARMS]) -> Result<Vector3<f64>, KinematicsError> {
-        let [a1, a2, a3] = &self.arms;
-        let [q1, q2, q3] = *q;
         let meeting = self.meet(q);
-        let (to_1, to_2, to_3) = meeting.links();
-        if a1.travels(q1)
-            && a2.travels(q2)
-            && a3.travels(q3)
-            && meeting.determinant_squared > self.determinant_squared_min
-            && a1.side.dot(&to_1) > a1.along_min
-            && a2.side.dot(&to_2) > a2.along_min
-            && a3.side.dot(&to_3) > a3.along_min
-        {
+        if self.assembles(q, &meeting, &meeting.links()) {
             Ok(meeting.from_1 + meeting.tcp)
         } else {
             Err(self.why_not_forward(q))
         }
     }
 
+    /// [`forward`](Self::forward) and [`link_frame`](Self::link_frame) in one, for less than both.
+    ///
+    /// # Errors
+    /// As [`forward`](Self::forward).
+    #[inline]
+    pub fn forward_frame(
+        &self,
+        q: &[f64; ARMS],
+    ) -> Result<(Vector3<f64>, LinkFrame), KinematicsError> {
+        let meeting = self.meet(q);
+        let links_m = meeting.links();
+        if !self.assembles(q, &meeting, &links_m) {
+            return Err(self.why_not_forward(q));
+        }
+        let [w1, w2, w3] = &links_m;
+        // n = w_2 x w_3 + w_3 x w_1 + w_1 x w_2, and n . w_1 is the determinant.
+        let (c2, c3) = (w3.cross(w1), w1.cross(w2));
+        let c1 = meeting.normal - c2 - c3;
+        let scale = 1.0 / meeting.normal.dot(w1);
+        let [a1, a2, a3] = &self.arms;
+        let frame = LinkFrame {
+            links_m,
+            inverse_rows: [c1 * scale, c2 * scale, c3 * scale],
+            drives: [
+                a1.along(w1) * a1.signed_scale,
+                a2.along(w2) * a2.signed_scale,
+                a3.along(w3) * a3.signed_scale,
+            ],
+        };
+        Ok((meeting.from_1 + meeting.tcp, frame))
+    }
+
+    /// Whether the links meet as the machine is built, inside the travel; false for NaN.
+    #[inline]
+    fn assembles(
+        &self,
+        q: &[f64; ARMS],
+        meeting: &Meeting,
+        links_m: &[Vector3<f64>; ARMS],
+    ) -> bool {
+        let [a1, a2, a3] = &self.arms;
+        let [q1, q2, q3] = *q;
+        let [w1, w2, w3] = links_m;
+        a1.travels(q1)
+            && a2.travels(q2)
+            && a3.travels(q3)
+            && meeting.determinant_squared > self.determinant_squared_min
+            && a1.along(w1) > a1.along_min
+            && a2.along(w2) > a2.along_min
+            && a3.along(w3) > a3.along_min
+    }
+
     /// Where the three nominal links meet, on the side of the carts' plane that `c_f` names.
     ///
     /// With `x = T - P_1` in the plane as `x = a e_1 + b e_2`, two differences of `[T 3.9]` give `x . e_1 = k_1`, `x . e_2 = k_2`.
     #[inline]
-    fn meet(&self, q: &[f64; ARMS]) -> Meeting {
+    pub(super) fn meet(&self, q: &[f64; ARMS]) -> Meeting {
         let [a1, a2, a3] = &self.arms;
         let [q1, q2, q3] = *q;
         let from_1 = a1.cart(q1);
@@ -235,117 +289,38 @@ impl Nominal {
             e1,
             e2,
             tcp: e1 * a + e2 * b + normal * height,
+            normal,
             normal_squared,
             determinant_squared: height_squared * normal_squared,
         }
     }
-
-    /// Names the reason after [`inverse`](Self::inverse) failed, in the order in which it could have been noticed.
-    #[cold]
-    #[inline(never)]
-    fn why_not_inverse(&self, tcp_m: &Vector3<f64>) -> KinematicsError {
-        if !tcp_m.iter().all(|value| value.is_finite()) {
-            return KinematicsError::NotFinite;
-        }
-        if tcp_m.amax() > MAX_POSITION_M {
-            return KinematicsError::Unreachable { arm: 0 };
-        }
-        let [r1, r2, r3] = self.arms.map(|arm| arm.reach(tcp_m));
-        for (arm, (model, reach)) in self.arms.iter().zip([&r1, &r2, &r3]).enumerate() {
-            if reach.distance_squared > model.length_squared {
-                return KinematicsError::Unreachable { arm };
-            }
-            if reach.distance_squared >= model.distance_squared_max {
-                let cosine = (model.length_squared - reach.distance_squared) / model.length_squared;
-                return KinematicsError::Singular {
-                    measure: sqrt(cosine),
-                };
-            }
-        }
-        for (axis, (model, reach)) in self.arms.iter().zip([&r1, &r2, &r3]).enumerate() {
-            if !model.travels(reach.q) {
-                return model.out_of_range(axis, reach.q);
-            }
-        }
-        let determinant = r1.link_m.dot(&r2.link_m.cross(&r3.link_m));
-        if self.side * determinant < -self.determinant_min {
-            return KinematicsError::OtherBranch { arm: None };
-        }
-        KinematicsError::Singular {
-            measure: determinant.abs() * SINGULAR_MEASURE / self.determinant_min,
-        }
-    }
-
-    /// Names the reason after [`forward`](Self::forward) failed.
-    #[cold]
-    #[inline(never)]
-    fn why_not_forward(&self, q: &[f64; ARMS]) -> KinematicsError {
-        if !q.iter().all(|value| value.is_finite()) {
-            return KinematicsError::NotFinite;
-        }
-        for (axis, (model, q)) in self.arms.iter().zip(q).enumerate() {
-            if !model.travels(*q) {
-                return model.out_of_range(axis, *q);
-            }
-        }
-        let meeting = self.meet(q);
-        let scale = SINGULAR_MEASURE / self.determinant_min;
-        let regular = meeting.determinant_squared > self.determinant_squared_min;
-        if !regular {
-            // Carts in one line leave a circle of solutions; links that cannot meet leave none.
-            let [_, a2, a3] = &self.arms;
-            let in_line = SINGULAR_MEASURE * SINGULAR_MEASURE * a2.length_squared;
-            let carts_in_line = meeting.normal_squared <= in_line * a3.length_squared;
-            if !carts_in_line && meeting.determinant_squared < -self.determinant_squared_min {
-                return KinematicsError::NoAssembly;
-            }
-            let squared = meeting.determinant_squared;
-            let measure = if squared > 0.0 { sqrt(squared) } else { 0.0 };
-            return KinematicsError::Singular {
-                measure: if carts_in_line { 0.0 } else { measure * scale },
-            };
-        }
-        let (to_1, to_2, to_3) = meeting.links();
-        for (arm, (model, link)) in self.arms.iter().zip([to_1, to_2, to_3]).enumerate() {
-            let along = model.side.dot(&link);
-            if along < -model.along_min {
-                return KinematicsError::OtherBranch { arm: Some(arm) };
-            }
-            if along <= model.along_min {
-                return KinematicsError::Singular {
-                    measure: along.abs() * SINGULAR_MEASURE / model.along_min,
-                };
-            }
-        }
-        KinematicsError::NotFinite
-    }
 }
 
 /// What one arm does to reach a point.
-struct Reach {
-    q: f64,
-    /// Square of the point's distance from the guideway, metres squared.
-    distance_squared: f64,
-    /// `w = L s`: from the tool centre point to the cart's nominal point, metres.
-    link_m: Vector3<f64>,
+pub(super) struct Reach {
+    pub(super) q: f64,
+    /// Square of the link's length along the guideway, metres squared; negative when the link is too short.
+    pub(super) along_squared: f64,
 }
 
 /// Where the links meet, relative to the first cart.
-struct Meeting {
+pub(super) struct Meeting {
     from_1: Vector3<f64>,
     e1: Vector3<f64>,
     e2: Vector3<f64>,
     tcp: Vector3<f64>,
-    normal_squared: f64,
+    /// `n = e_1 x e_2`.
+    normal: Vector3<f64>,
+    pub(super) normal_squared: f64,
     /// Square of `det(w_1, w_2, w_3)`; negative when the links do not meet.
-    determinant_squared: f64,
+    pub(super) determinant_squared: f64,
 }
 
 impl Meeting {
     /// `w_i`: from the tool centre point to the carts' nominal points.
     #[inline]
-    fn links(&self) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
-        (-self.tcp, self.e1 - self.tcp, self.e2 - self.tcp)
+    pub(super) fn links(&self) -> [Vector3<f64>; ARMS] {
+        [-self.tcp, self.e1 - self.tcp, self.e2 - self.tcp]
     }
 }
 
@@ -364,19 +339,20 @@ impl Arm {
         Self {
             origin_m,
             guideway,
-            projector: guideway / (scale * scale),
-            side: guideway * signed(branch, 1.0 / scale),
-            per_metre: signed(branch, 1.0 / scale),
+            direction: guideway / scale,
+            branch: branch.sign(),
+            signed_scale: branch.sign() * scale,
+            per_metre: 1.0 / scale,
             length_squared,
-            distance_squared_max: length_squared * (1.0 - SINGULAR_MEASURE * SINGULAR_MEASURE),
             along_min: SINGULAR_MEASURE * length,
+            along_squared_min: SINGULAR_MEASURE * SINGULAR_MEASURE * length_squared,
             lower: lower.max(-widest),
             upper: upper.min(widest),
         }
     }
 
     fn without_travel(self) -> Self {
-        let widest = MAX_LENGTH_M * self.per_metre.abs();
+        let widest = MAX_LENGTH_M * self.per_metre;
         Self {
             lower: -widest,
             upper: widest,
@@ -391,40 +367,34 @@ impl Arm {
     }
 
     /// Foot of the perpendicular on the guideway, then along it to where the link ends `[T 3.9]`.
-    /// The perpendicular is squared as it is: `d . d - (d . v)^2 / (v . v)` would cancel far out on a long guideway.
+    /// The difference of squares costs `foot^2` ulps: 1e-12 m at the end of a guideway of 100 m.
     #[inline]
-    fn reach(&self, tcp_m: &Vector3<f64>) -> Reach {
+    pub(super) fn reach(&self, tcp_m: &Vector3<f64>) -> Reach {
         let from_origin = tcp_m - self.origin_m;
-        let foot = from_origin.dot(&self.projector);
-        let perpendicular = from_origin - self.guideway * foot;
-        let distance_squared = perpendicular.dot(&perpendicular);
-        let along = sqrt(self.length_squared - distance_squared);
+        let foot = from_origin.dot(&self.direction);
+        let along_squared = foot * foot + self.length_squared - from_origin.dot(&from_origin);
         Reach {
-            q: foot + along * self.per_metre,
-            distance_squared,
-            link_m: self.side * along - perpendicular,
+            q: (foot + sqrt(along_squared) * self.branch) * self.per_metre,
+            along_squared,
         }
+    }
+
+    /// `c_i (w_i . v_i) / |v_i|`: how far the link points to its side, metres.
+    #[inline]
+    pub(super) fn along(&self, link_m: &Vector3<f64>) -> f64 {
+        self.branch * self.direction.dot(link_m)
     }
 
     /// Whether the point is reached, regularly and inside the travel; false for NaN.
     #[inline]
     fn accepts(&self, reach: &Reach) -> bool {
-        reach.distance_squared < self.distance_squared_max && self.travels(reach.q)
+        reach.along_squared > self.along_squared_min && self.travels(reach.q)
     }
 
     /// Whether `q` is inside the travel; false for NaN.
     #[inline]
-    fn travels(&self, q: f64) -> bool {
+    pub(super) fn travels(&self, q: f64) -> bool {
         q >= self.lower && q <= self.upper
-    }
-
-    fn out_of_range(&self, axis: usize, q: f64) -> KinematicsError {
-        KinematicsError::OutOfRange {
-            axis,
-            q,
-            lower: self.lower,
-            upper: self.upper,
-        }
     }
 }
 

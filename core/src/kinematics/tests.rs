@@ -1,5 +1,5 @@
 use super::*;
-use crate::robot::{Compliances, Configuration};
+use crate::robot::{Branch, Compliances, Configuration};
 use proptest::prelude::*;
 use std::vec::Vec;
 
@@ -145,7 +145,7 @@ proptest! {
         let (geometry, rotation) = if skew { skewed() } else { (geometry(), Matrix3::identity()) };
         let nominal = machine(geometry, &rotation);
         let tcp = rotation * Vector3::new(x, y, z);
-        if let Ok(q) = nominal.inverse(&tcp) {
+        if let Ok(q) = nominal.inverse_in_assembly(&tcp) {
             let residual = residual_m(&Robot::new(geometry).unwrap(), &Pose { position_m: tcp, rotation }, &q);
             prop_assert!(residual < 1e-13, "{residual}");
             match nominal.forward(&q) {
@@ -169,7 +169,7 @@ proptest! {
             (l2(), [q1, q2, q3])
         };
         if let Ok(tcp) = nominal.forward(&q) {
-            match nominal.inverse(&tcp) {
+            match nominal.inverse_in_assembly(&tcp) {
                 Ok(back) => for ((back, q), origin) in back.iter().zip(q).zip(&nominal.arms) {
                     prop_assert!((back - q).abs() * norm(&origin.guideway) < 1e-10, "{back} {q}");
                 },
@@ -236,7 +236,11 @@ fn the_jacobian_is_the_derivative_of_forward() {
 #[test]
 fn every_refusal_of_inverse_has_its_code() {
     let nominal = l2();
-    let why = |x, y, z| nominal.inverse(&Vector3::new(x, y, z)).unwrap_err();
+    let why = |x, y, z| {
+        nominal
+            .inverse_in_assembly(&Vector3::new(x, y, z))
+            .unwrap_err()
+    };
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         assert_eq!(why(bad, 0.5, 0.6), KinematicsError::NotFinite);
         assert_eq!(why(0.0, 0.5, bad), KinematicsError::NotFinite);

@@ -96,8 +96,12 @@ impl TauModel {
         self.deflection_in(&frame, load)
     }
 
+    /// What `load` does to the links of `frame`, which [`nominal`](Self::nominal) has made.
+    ///
+    /// # Errors
+    /// [`KinematicsError::Singular`] when the platform could turn without a link changing its length, `NotFinite`.
     #[inline]
-    fn deflection_in(
+    pub fn deflection_in(
         &self,
         frame: &LinkFrame,
         load: &Wrench,

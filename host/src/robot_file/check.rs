@@ -245,7 +245,7 @@ pub(super) fn simulation(simulation: &Simulation, robot: &Robot) -> Result<(), P
     let nominal = Nominal::new(robot, &Matrix3::identity())
         .map_err(|error| Problem::new("A0", error.to_string()))?;
     nominal
-        .inverse(&Vector3::from(s.home_m))
+        .inverse_in_assembly(&Vector3::from(s.home_m))
         .map(|_| ())
         .map_err(|error| Problem::new("simulation.home_m", error.to_string()))
 }

@@ -97,7 +97,7 @@ impl Task<'_> {
     /// The six links where `T` puts them, by the general path.
     fn lines(&self) -> Result<LineMatrix, Failure> {
         let tcp = self.tcp()?;
-        let q = self.nominal.inverse(&tcp)?;
+        let q = self.nominal.inverse_in_assembly(&tcp)?;
         Ok(LineMatrix::new(&self.machine.robot, &self.pose(tcp), &q)?)
     }
 
@@ -109,7 +109,7 @@ impl Task<'_> {
 
     fn ik(&self) -> Result<Value, Failure> {
         let tcp = self.tcp()?;
-        let q = self.nominal.inverse(&tcp)?;
+        let q = self.nominal.inverse_in_assembly(&tcp)?;
         let residual = self.residual(tcp, &q)?;
         Ok(json!({"q": q, "iterations": 0, "residual": residual}))
     }
@@ -161,7 +161,7 @@ impl Task<'_> {
         let model = TauModel::new(&self.nominal, self.machine.springs()?);
         let tcp = self.tcp()?;
         let load = self.load()?;
-        let q = self.nominal.inverse(&tcp)?;
+        let q = self.nominal.inverse_in_assembly(&tcp)?;
         let command = compensated(&model, &tcp, &q, &load, 1.0)?;
         finite(command)?;
         Ok(json!({"q": command}))
