@@ -119,8 +119,8 @@ impl Results {
         let mut complaints = Vec::new();
         let jump = options.robot.simulation.jump_force_n;
         for step in self.steps.iter().filter(|step| step.force_n < 0.95 * jump) {
-            // Written so that NaN complains.
-            if !(step.remaining_share <= ALLOWED_SHARE) {
+            // NaN is in no range, so it complains as well.
+            if !(0.0..=ALLOWED_SHARE).contains(&step.remaining_share) {
                 complaints.push(format!(
                     "at {:.0} N {:.1} % of the displacement remain, more than {:.0} %",
                     step.force_n,

@@ -9,6 +9,8 @@ use crate::sim::hand::{Hand, Load};
 
 /// Difference between two steps of the hand, N.
 const FORCE_STEP_N: f64 = 60.0;
+/// Steps at most.
+const MAX_STEPS: usize = 100;
 
 /// The simulated hand's programme: force steps in x while a client is in Obtain, nothing otherwise.
 #[derive(Debug)]
@@ -24,13 +26,11 @@ impl Programme {
     /// Steps of 60 N up to `force_max_n` and down to zero again, each `step_seconds` long.
     #[must_use]
     pub fn new(hand: Hand, force_max_n: f64, step_seconds: f64) -> Self {
-        let mut forces_n = vec![0.0];
-        while let Some(next) = forces_n.last().map(|force| force + FORCE_STEP_N) {
-            if !(next <= force_max_n) || forces_n.len() > 100 {
-                break;
-            }
-            forces_n.push(next);
-        }
+        let steps = std::iter::successors(Some(0.0), |force| Some(force + FORCE_STEP_N));
+        let forces_n = steps
+            .take(MAX_STEPS)
+            .take_while(|force| *force <= force_max_n.max(0.0))
+            .collect();
         let milliseconds = (step_seconds.clamp(0.1, 3_600.0) * 1e3).round();
         let step_ticks = (0_u32..)
             .find(|tick| f64::from(*tick) >= milliseconds)
