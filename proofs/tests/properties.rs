@@ -1,4 +1,9 @@
 //! The properties on stable Rust: over their whole domain, and over sequences.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::unwrap_used,
+    reason = "a strategy that makes what is not valid must panic"
+)]
 
 use gantry_tau_core::channel::{Channel, Limits};
 use gantry_tau_core::message::{ClientMessage, Hello};

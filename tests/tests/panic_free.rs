@@ -1,5 +1,9 @@
 //! T12, second leg: the linked core contains no panic path. A release staticlib whose panic handler calls a missing function
 //! is built with cargo; the missing symbol must not be in it. The control build links one panic and must be caught.
+#![allow(
+    clippy::unwrap_used,
+    reason = "a build that cannot run must fail the test"
+)]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
