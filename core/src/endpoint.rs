@@ -349,9 +349,12 @@ impl Slot {
         is_owner: bool,
     ) -> Option<(Option<Event<N>>, usize)> {
         if self.transport == Transport::Datagram {
-            let event = Frame::parse(bytes).ok().map(|frame| judge(&frame));
+            let event = match Frame::parse(bytes) {
+                Ok(frame) => judge(&frame),
+                Err(error) => Event::Dropped(error),
+            };
             let within = self.within_budget(is_owner);
-            return Some((within.unwrap_or(event), bytes.len()));
+            return Some((within.unwrap_or(Some(event)), bytes.len()));
         }
         match self.deframer.feed(bytes) {
             Feed::Incomplete => None,
@@ -396,3 +399,6 @@ fn judge<const N: usize>(frame: &Frame<'_>) -> Event<N> {
         Err(error) => Event::Malformed(error),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -41,6 +41,8 @@ pub enum Event<const N: usize> {
     Message(ClientMessage<N>),
     /// A well-framed frame with bad content. It costs that frame.
     Malformed(ContentError),
+    /// A datagram that is no frame. It costs that datagram.
+    Dropped(FrameError),
     /// The stream lost its frame boundary.
     Broken(FrameError),
     /// More frames than are read per tick.

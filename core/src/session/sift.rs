@@ -75,7 +75,7 @@ impl<'a, const N: usize> Sieve<'a, N> {
             Event::Broken(_) => arrivals.framing = true,
             Event::Flood => arrivals.flood = true,
             Event::Closed => arrivals.closed = true,
-            Event::Malformed(_) => {
+            Event::Malformed(_) | Event::Dropped(_) => {
                 count(&mut self.counters.received);
                 count(&mut self.counters.malformed);
             }
@@ -104,7 +104,11 @@ impl<'a, const N: usize> Sieve<'a, N> {
     fn stranger(&mut self, connection: Connection, event: &Event<N>) {
         match event {
             Event::Message(ClientMessage::Hello(hello)) => self.hello(connection, hello),
-            Event::Message(_) | Event::Malformed(_) | Event::Broken(_) | Event::Flood => {
+            Event::Message(_)
+            | Event::Malformed(_)
+            | Event::Dropped(_)
+            | Event::Broken(_)
+            | Event::Flood => {
                 count(&mut self.counters.strangers);
             }
             Event::Closed => {}

@@ -10,7 +10,10 @@ mod system;
 mod system;
 // On Linux the portable file is at least compiled and tested.
 #[cfg(all(test, target_os = "linux"))]
-#[allow(unreachable_pub, reason = "on the systems it is for, it is the public face")]
+#[allow(
+    unreachable_pub,
+    reason = "on the systems it is for, it is the public face"
+)]
 mod portable;
 
 pub use system::{lock_memory, now_ns, sleep_until_ns, wait_readable_until_ns};
