@@ -66,7 +66,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     /// [`ServerError`]: the address cannot be bound, or the machine's offsets are unreadable or beyond their limits.
     pub fn new(
         config: Config<N>,
-        motors: MotorMap<M>,
+        motors: MotorMap<N, M>,
         mut plant: P,
         epochs: Epochs,
         listen: SocketAddr,
