@@ -11,7 +11,7 @@ use heapless::Vec;
 use crate::axis::{Actual, Reference};
 use crate::message::{Refusal, ServerMessage};
 use crate::session::decide::Connection;
-use crate::session::{BlackBox, Event, Events, Input, OWNER_FRAMES, Output, Session};
+use crate::session::{BlackBox, Event, Input, OWNER_FRAMES, Output, Session};
 use crate::units::{Epoch, PositionNm};
 use crate::wire::{
     Deframer, Feed, Frame, FrameBytes, FrameError, PROTOCOL_VERSION, decode_client, encode_server,
@@ -140,7 +140,8 @@ pub struct Endpoint<const N: usize, const MOTORS: usize, const HALF: usize> {
     session: Session<N>,
     motors: MotorMap<MOTORS>,
     slots: Vec<Slot, CONNECTIONS>,
-    inbox: Events<N>,
+    /// What the coming tick depends on; its events are the inbox.
+    input: Input<N>,
     /// Events of strangers in the inbox; they have a budget of their own, so that they cannot crowd out the owner's.
     stranger_events: u8,
     next_connection: u64,
@@ -155,7 +156,7 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
             session,
             motors,
             slots: Vec::new(),
-            inbox: Vec::new(),
+            input: Input::nothing(),
             stranger_events: 0,
             next_connection: 0,
             black_box: BlackBox::new(),
@@ -246,10 +247,11 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
         cycle: &Cycle<N>,
         send: &mut impl FnMut(Connection, &[u8]),
     ) -> Turn<N, MOTORS> {
-        let input = self.input(cycle);
+        self.complete_input(cycle);
         self.black_box.before_tick(&self.session);
-        let output = self.session.tick(&input);
-        self.black_box.after_tick(&input, &output);
+        let output = self.session.tick(&self.input);
+        self.black_box.after_tick(&self.input, &output);
+        self.input.events.clear();
         self.send(&output, send);
         let close = self.finished(&output);
         Turn {
@@ -279,24 +281,23 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
 
     /// Queues an event. There is room: of 16 places the owner can need 10 (8 frames, one of flood and broken, closed), strangers 6.
     fn post(&mut self, connection: Connection, event: Event<N>) {
-        self.inbox.push((connection, event)).unwrap_or(());
+        self.input.events.push((connection, event)).unwrap_or(());
     }
 
-    fn input(&mut self, cycle: &Cycle<N>) -> Input<N> {
+    /// The events are in place already; everything else comes with the cycle.
+    fn complete_input(&mut self, cycle: &Cycle<N>) {
         for slot in &mut self.slots {
             slot.frames = 0;
         }
         self.stranger_events = 0;
-        Input {
-            elapsed: cycle.elapsed,
-            events: core::mem::take(&mut self.inbox),
-            nominal: cycle.nominal,
-            actual: cycle.actual,
-            stop: cycle.stop,
-            rearm: cycle.rearm,
-            next_epoch: cycle.next_epoch,
-            arrival_us: cycle.arrival_us,
-        }
+        let input = &mut self.input;
+        input.elapsed = cycle.elapsed;
+        input.nominal = cycle.nominal;
+        input.actual = cycle.actual;
+        input.stop = cycle.stop;
+        input.rearm = cycle.rearm;
+        input.next_epoch = cycle.next_epoch;
+        input.arrival_us = cycle.arrival_us;
     }
 
     fn send(&mut self, output: &Output<N>, send: &mut impl FnMut(Connection, &[u8])) {
@@ -354,9 +355,12 @@ impl Slot {
         is_owner: bool,
     ) -> Option<(Option<Event<N>>, usize)> {
         if self.transport == Transport::Datagram {
-            let event = Frame::parse(bytes).ok().map(|frame| judge(&frame));
+            let event = match Frame::parse(bytes) {
+                Ok(frame) => judge(&frame),
+                Err(error) => Event::Dropped(error),
+            };
             let within = self.within_budget(is_owner);
-            return Some((within.unwrap_or(event), bytes.len()));
+            return Some((within.unwrap_or(Some(event)), bytes.len()));
         }
         match self.deframer.feed(bytes) {
             Feed::Incomplete => None,
@@ -401,3 +405,6 @@ fn judge<const N: usize>(frame: &Frame<'_>) -> Event<N> {
         Err(error) => Event::Malformed(error),
     }
 }
+
+#[cfg(test)]
+mod tests;

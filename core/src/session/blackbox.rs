@@ -22,7 +22,9 @@ pub struct Entry<const N: usize> {
 #[derive(Clone, Debug)]
 struct Segment<const N: usize, const HALF: usize> {
     before: Option<Session<N>>,
+    /// Entries, the first `used` of them valid; the others are places to write the next ones into.
     entries: Vec<Entry<N>, HALF>,
+    used: usize,
 }
 
 impl<const N: usize, const HALF: usize> Segment<N, HALF> {
@@ -30,7 +32,37 @@ impl<const N: usize, const HALF: usize> Segment<N, HALF> {
         Self {
             before: None,
             entries: Vec::new(),
+            used: 0,
         }
+    }
+
+    const fn is_full(&self) -> bool {
+        self.used >= HALF
+    }
+
+    fn valid(&self) -> impl Iterator<Item = &Entry<N>> {
+        self.entries.iter().take(self.used)
+    }
+
+    /// Writes into the next place, so that an entry of some kilobytes is not moved about.
+    fn push(&mut self, input: &Input<N>, output: &Output<N>) {
+        if let Some(place) = self.entries.get_mut(self.used) {
+            place.input.copy_from(input);
+            place.output.clone_from(output);
+        } else {
+            let entry = Entry {
+                input: input.clone(),
+                output: output.clone(),
+            };
+            // There is room: `before_tick` has just put a full segment aside.
+            self.entries.push(entry).unwrap_or(());
+        }
+        self.used = self.used.saturating_add(1);
+    }
+
+    const fn clear(&mut self) {
+        self.before = None;
+        self.used = 0;
     }
 }
 
@@ -68,19 +100,16 @@ impl<const N: usize, const HALF: usize> BlackBox<N, HALF> {
         if self.is_frozen() || HALF == 0 {
             return;
         }
-        if self
-            .segment()
-            .is_some_and(|latest| latest.entries.is_full())
-        {
+        if self.segment_mut().is_full() {
             self.latest = if self.latest.saturating_add(1) < SEGMENTS {
                 self.latest.saturating_add(1)
             } else {
                 0
             };
-            self.segment_mut().entries.clear();
+            self.segment_mut().clear();
         }
         let latest = self.segment_mut();
-        if latest.entries.is_empty() {
+        if latest.used == 0 {
             latest.before = Some(*session);
         }
     }
@@ -90,12 +119,7 @@ impl<const N: usize, const HALF: usize> BlackBox<N, HALF> {
         if self.is_frozen() || HALF == 0 {
             return;
         }
-        let entry = Entry {
-            input: input.clone(),
-            output: output.clone(),
-        };
-        // There is room: `before_tick` has just put a full segment aside.
-        self.segment_mut().entries.push(entry).unwrap_or(());
+        self.segment_mut().push(input, output);
         self.countdown = match self.countdown {
             Some(left) => Some(left.saturating_sub(1)),
             None => output.ended.map(|_| HALF),
@@ -111,8 +135,7 @@ impl<const N: usize, const HALF: usize> BlackBox<N, HALF> {
     /// Forgets everything and records again.
     pub fn release(&mut self) {
         for segment in &mut self.segments {
-            segment.before = None;
-            segment.entries.clear();
+            segment.clear();
         }
         self.countdown = None;
     }
@@ -126,17 +149,12 @@ impl<const N: usize, const HALF: usize> BlackBox<N, HALF> {
 
     /// The recorded ticks, oldest first.
     pub fn entries(&self) -> impl Iterator<Item = &Entry<N>> {
-        self.oldest_first()
-            .flat_map(|segment| segment.entries.iter())
+        self.oldest_first().flat_map(Segment::valid)
     }
 
     fn oldest_first(&self) -> impl Iterator<Item = &Segment<N, HALF>> {
         let oldest = self.latest.saturating_add(1);
         self.segments.iter().cycle().skip(oldest).take(SEGMENTS)
-    }
-
-    fn segment(&self) -> Option<&Segment<N, HALF>> {
-        self.segments.get(self.latest)
     }
 
     /// The segment being filled; `latest` never leaves the circle, and if it did the first segment would serve.

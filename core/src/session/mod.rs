@@ -18,11 +18,11 @@ use crate::axis::{Actual, Offsets, Reference};
 use crate::message::{
     AxisFlags, AxisState, Cause, ClientMessage, Counters, Phase, Refusal, State, Welcome,
 };
-use crate::units::{Epoch, PositionNm, Sequence, Tick};
+use crate::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 use crate::wire::{ContentError, FrameError};
 
 use act::{AxisChannels, nominal_stepped, reference};
-use config::{AxisConfig, Config};
+use config::{AxisConfig, Config, Parameters};
 use decide::{Action, Connection, Decision, Discrete, End, Rules};
 use sift::{Sieve, Sifted};
 
@@ -41,6 +41,8 @@ pub enum Event<const N: usize> {
     Message(ClientMessage<N>),
     /// A well-framed frame with bad content. It costs that frame.
     Malformed(ContentError),
+    /// A datagram that is no frame. It costs that datagram.
+    Dropped(FrameError),
     /// The stream lost its frame boundary.
     Broken(FrameError),
     /// More frames than are read per tick.
@@ -74,6 +76,42 @@ pub struct Input<const N: usize> {
     pub next_epoch: Epoch,
     /// When in the cycle the last command arrived, µs; evidence only.
     pub arrival_us: u16,
+}
+
+impl<const N: usize> Input<N> {
+    /// No event, no demand, everything at zero.
+    #[must_use]
+    pub const fn nothing() -> Self {
+        let at_rest = Actual {
+            position: PositionNm(0),
+            velocity: VelocityUmS(0),
+            torque: TorquePermille(0),
+        };
+        Self {
+            elapsed: 1,
+            events: Vec::new(),
+            nominal: [PositionNm(0); N],
+            actual: [at_rest; N],
+            stop: false,
+            rearm: false,
+            next_epoch: Epoch(0),
+            arrival_us: 0,
+        }
+    }
+
+    /// Copies `other` into this place: only the events there are, not the room for more.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.events.clear();
+        // There is room: both have the same capacity.
+        self.events.extend_from_slice(&other.events).unwrap_or(());
+        self.elapsed = other.elapsed;
+        self.nominal = other.nominal;
+        self.actual = other.actual;
+        self.stop = other.stop;
+        self.rearm = other.rearm;
+        self.next_epoch = other.next_epoch;
+        self.arrival_us = other.arrival_us;
+    }
 }
 
 /// Everything that one tick produces.
@@ -319,14 +357,13 @@ impl<const N: usize> Session<N> {
     }
 
     fn sift(&mut self, input: &Input<N>, cycles: u32, nominal: &[AxisFlags; N]) -> Sifted<N> {
-        let ramp_ticks_left = self.ramp_ticks_left();
         let parts = &mut self.parts;
         let mut sifted = Sieve::new(
             &parts.discrete,
             self.config.parameters(),
+            &parts.channels,
             &mut parts.counters,
             input.next_epoch,
-            ramp_ticks_left,
         )
         .sift(&input.events);
         let arrivals = &mut sifted.arrivals;
@@ -438,7 +475,7 @@ impl<const N: usize> Session<N> {
                 cause: self.parts.cause,
                 on_time_of_100: on_time_of_100(next.history),
                 arrival_us: input.arrival_us,
-                ramp_ticks_left: self.ramp_ticks_left(),
+                ramp_ticks_left: ramp_ticks_left(self.config.parameters(), &self.parts.channels),
                 counters: self.parts.counters,
                 axes,
             },
@@ -453,24 +490,24 @@ impl<const N: usize> Session<N> {
             ended: decision.end.map(|_| self.parts.cause),
         }
     }
+}
 
-    /// Ticks until every channel would be zero.
-    fn ramp_ticks_left(&self) -> u32 {
-        let limits = self
-            .config
-            .parameters()
-            .axes
-            .iter()
-            .map(|axis| &axis.limits);
-        let channels = self.parts.channels.iter().zip(limits);
-        channels.fold(0, |most, (channel, limits)| {
+/// Ticks until every channel would be zero.
+fn ramp_ticks_left<const N: usize>(
+    parameters: &Parameters<N>,
+    channels: &[AxisChannels; N],
+) -> u32 {
+    let limits = parameters.axes.iter().map(|axis| &axis.limits);
+    channels
+        .iter()
+        .zip(limits)
+        .fold(0, |most, (channel, limits)| {
             if channel.is_zero() {
                 most
             } else {
                 most.max(channel.ramp_ticks_left(limits))
             }
         })
-    }
 }
 
 /// The shadow follows fresh commands in Submit and holds over a miss; elsewhere it rests at zero.

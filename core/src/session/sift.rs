@@ -4,8 +4,9 @@
 
 use heapless::Vec;
 
+use super::act::AxisChannels;
 use super::decide::{Arrivals, Connection, Discrete};
-use super::{EVENTS, Event, Events, Refusals};
+use super::{EVENTS, Event, Events, Refusals, ramp_ticks_left};
 use crate::axis::Offsets;
 use crate::message::{ClientMessage, Command, Counters, Hello, Mode, Phase, Refusal};
 use crate::session::config::Parameters;
@@ -28,9 +29,9 @@ pub(super) struct Sifted<const N: usize> {
 pub(super) struct Sieve<'a, const N: usize> {
     state: &'a Discrete,
     parameters: &'a Parameters<N>,
+    channels: &'a [AxisChannels; N],
     counters: &'a mut Counters,
     next_epoch: Epoch,
-    ramp_ticks_left: u32,
     sifted: Sifted<N>,
 }
 
@@ -38,16 +39,16 @@ impl<'a, const N: usize> Sieve<'a, N> {
     pub(super) fn new(
         state: &'a Discrete,
         parameters: &'a Parameters<N>,
+        channels: &'a [AxisChannels; N],
         counters: &'a mut Counters,
         next_epoch: Epoch,
-        ramp_ticks_left: u32,
     ) -> Self {
         Self {
             state,
             parameters,
+            channels,
             counters,
             next_epoch,
-            ramp_ticks_left,
             sifted: Sifted {
                 arrivals: Arrivals::default(),
                 targets: [Offsets::default(); N],
@@ -74,7 +75,7 @@ impl<'a, const N: usize> Sieve<'a, N> {
             Event::Broken(_) => arrivals.framing = true,
             Event::Flood => arrivals.flood = true,
             Event::Closed => arrivals.closed = true,
-            Event::Malformed(_) => {
+            Event::Malformed(_) | Event::Dropped(_) => {
                 count(&mut self.counters.received);
                 count(&mut self.counters.malformed);
             }
@@ -103,7 +104,11 @@ impl<'a, const N: usize> Sieve<'a, N> {
     fn stranger(&mut self, connection: Connection, event: &Event<N>) {
         match event {
             Event::Message(ClientMessage::Hello(hello)) => self.hello(connection, hello),
-            Event::Message(_) | Event::Malformed(_) | Event::Broken(_) | Event::Flood => {
+            Event::Message(_)
+            | Event::Malformed(_)
+            | Event::Dropped(_)
+            | Event::Broken(_)
+            | Event::Flood => {
                 count(&mut self.counters.strangers);
             }
             Event::Closed => {}
@@ -125,7 +130,7 @@ impl<'a, const N: usize> Sieve<'a, N> {
     }
 
     fn refusal(&self, hello: &Hello) -> Option<Refusal> {
-        let ticks_left = self.ramp_ticks_left;
+        let ticks_left = ramp_ticks_left(self.parameters, self.channels);
         match self.state.phase {
             Phase::Handshake | Phase::Submit | Phase::Obtain => return Some(Refusal::Busy),
             Phase::SafeDisconnect => return Some(Refusal::Ramping { ticks_left }),

@@ -67,6 +67,7 @@ impl Plot {
         let label_width = if self.y_names.is_some() { 130 } else { 70 };
         let mut chart = ChartBuilder::on(&root)
             .margin(12)
+            .margin_right(32)
             .x_label_area_size(44)
             .y_label_area_size(label_width)
             .build_cartesian_2d(x.clone(), y.clone())?;
@@ -76,8 +77,11 @@ impl Plot {
             Rectangle::new([(from, y.start), (to, y.end)], band.colour.filled())
         }))?;
         let name = |value: &f64| self.name_of(*value);
+        let (x_number, y_number) = (number(&x), number(&y));
         let mut mesh = chart.configure_mesh();
         mesh.x_desc(self.x_axis)
+            .x_label_formatter(&x_number)
+            .y_label_formatter(&y_number)
             .y_desc(self.y_axis)
             .light_line_style(TRANSPARENT)
             .bold_line_style(BLACK.mix(0.12))
@@ -147,4 +151,10 @@ impl Plot {
         let span = (high - low).max(1e-9);
         low - margin * span..high + margin * span
     }
+}
+
+/// Labels with as many digits as the span of an axis asks for.
+fn number(range: &std::ops::Range<f64>) -> impl Fn(&f64) -> String {
+    let digits = usize::from(range.end - range.start < 10.0);
+    move |value| format!("{value:.digits$}")
 }

@@ -250,6 +250,8 @@ impl Stage<'_> {
         let ended = self
             .watch
             .until(true, |_| {}, |sample| sample.ended.is_some())?;
+        let silent = &self.server.controls.link_silent;
+        silent.store(false, Ordering::Relaxed);
         let left = ended
             .offset_nm
             .iter()

@@ -29,11 +29,18 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
     for step in &results.steps {
         writeln!(
             text,
-            "  {:7.0}    {:13.2}   {:11.2}      {:6.2} %",
+            "  {:7.0}    {:13.2}   {:11.2}      {:6.2} %{}",
             step.force_n,
             step.uncompensated_norm_um,
             step.compensated_norm_um,
-            100.0 * step.remaining_share
+            100.0 * step.remaining_share,
+            if step.beyond_jump { "  *" } else { "" }
+        )?;
+    }
+    if results.steps.iter().any(|step| step.beyond_jump) {
+        writeln!(
+            text,
+            "  * in or beyond the jump, which is not compensated [thesis 5.2.2, 6.1]"
         )?;
     }
     let ramp = &results.ramp;

@@ -4,6 +4,7 @@ use std::net::TcpStream;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::mm::{MlockAllFlags, mlockall};
+use rustix::process::{Resource, geteuid, getrlimit};
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::clock_gettime;
 
@@ -49,10 +50,19 @@ pub fn wait_readable_until_ns(stream: &TcpStream, deadline: u64) -> bool {
 /// Keeps all memory of the process resident, so that the cycle never waits for a page.
 ///
 /// # Errors
-/// [`Denied`] without the privilege or above the limit on locked memory.
+/// [`Denied`] without the privilege or under a limit on locked memory: locking future memory under a limit
+/// would make a later allocation fail, which is worse than a page fault.
 pub fn lock_memory() -> Result<(), Denied> {
-    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|error| Denied {
+    let denied = |reason: String| Denied {
         privilege: "locked memory (mlockall)",
-        reason: error.to_string(),
-    })
+        reason,
+    };
+    if let (Some(limit), false) = (getrlimit(Resource::Memlock).current, geteuid().is_root()) {
+        return Err(denied(format!(
+            "it is limited to {} KiB (ulimit -l)",
+            limit / 1024
+        )));
+    }
+    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
+        .map_err(|error| denied(error.to_string()))
 }

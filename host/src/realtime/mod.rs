@@ -8,6 +8,13 @@ mod system;
 #[cfg(not(target_os = "linux"))]
 #[path = "portable.rs"]
 mod system;
+// On Linux the portable file is at least compiled and tested.
+#[cfg(all(test, target_os = "linux"))]
+#[allow(
+    unreachable_pub,
+    reason = "on the systems it is for, it is the public face"
+)]
+mod portable;
 
 pub use system::{lock_memory, now_ns, sleep_until_ns, wait_readable_until_ns};
 
@@ -89,5 +96,72 @@ impl CycleTimer {
             .deadline_ns
             .saturating_add(elapsed.saturating_mul(self.period_ns));
         u32::try_from(elapsed).unwrap_or(u32::MAX)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+    use std::net::{TcpListener, TcpStream};
+
+    use super::*;
+
+    /// Two ends of a connection, the second non-blocking.
+    fn pair() -> (TcpStream, TcpStream) {
+        let listener = TcpListener::bind(("127.0.0.1", 0)).unwrap();
+        let near = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let (far, _) = listener.accept().unwrap();
+        far.set_nonblocking(true).unwrap();
+        (near, far)
+    }
+
+    /// A clock that goes on, a sleep that is not too short, a wait that ends with a byte or with its deadline.
+    fn keeps_its_word(
+        now: fn() -> u64,
+        sleep_until: fn(u64),
+        wait_readable_until: fn(&TcpStream, u64) -> bool,
+    ) {
+        let deadline = now() + 2_000_000;
+        sleep_until(deadline);
+        assert!(now() >= deadline);
+        let (mut near, far) = pair();
+        let deadline = now() + 2_000_000;
+        assert!(!wait_readable_until(&far, deadline));
+        assert!(now() >= deadline);
+        near.write_all(b"x").unwrap();
+        assert!(wait_readable_until(&far, now() + 10_000_000_000));
+        let (near, far) = pair();
+        drop(near);
+        assert!(
+            wait_readable_until(&far, now() + 10_000_000_000),
+            "a closed stream is readable"
+        );
+    }
+
+    #[test]
+    fn this_system_keeps_its_word() {
+        keeps_its_word(now_ns, sleep_until_ns, wait_readable_until_ns);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn the_portable_file_keeps_its_word() {
+        use portable as p;
+        keeps_its_word(p::now_ns, p::sleep_until_ns, p::wait_readable_until_ns);
+        assert!(p::lock_memory().is_err());
+    }
+
+    #[test]
+    fn an_overrun_is_counted_and_not_caught_up() {
+        let mut timer = CycleTimer::starting_now(1_000_000);
+        let first = timer.deadline_ns();
+        sleep_until_ns(first + 2_500_000);
+        let elapsed = timer.wait();
+        assert!(elapsed >= 3, "{elapsed} cycles");
+        assert!(
+            timer.deadline_ns() > now_ns() - 1_000_000,
+            "the next deadline is ahead"
+        );
+        assert_eq!((timer.deadline_ns() - first) % 1_000_000, 0, "on the grid");
     }
 }

@@ -109,12 +109,15 @@ impl Observer {
             );
         }
         if let Some(cause) = row.ended {
-            tracing::warn!(
-                "tick {tick}: session {} ended: {}; {} ticks of ramp left",
-                state.epoch.0,
-                cause_text(cause),
-                state.ramp_ticks_left
-            );
+            let (text, left) = (cause_text(cause), state.ramp_ticks_left);
+            if matches!(self.phase, Phase::Listening | Phase::SafeDisconnect) {
+                tracing::warn!("tick {tick}: {text}; {left} ticks of ramp left");
+            } else {
+                let epoch = state.epoch.0;
+                tracing::warn!(
+                    "tick {tick}: session {epoch} ended: {text}; {left} ticks of ramp left"
+                );
+            }
         }
         if state.phase != self.phase {
             tracing::info!("tick {tick}: {:?} -> {:?}", self.phase, state.phase);

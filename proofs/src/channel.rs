@@ -1,0 +1,82 @@
+//! One bounded channel: T1, T2, T3, T5, as one-step induction: valid, and any input, one step, valid, and the bound.
+
+use gantry_tau_core::channel::{Channel, Limits};
+
+/// What a channel can be asked to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verb {
+    /// Keep the value.
+    Hold,
+    /// Approach a target, any target.
+    Follow(i32),
+    /// One step towards zero.
+    Ramp,
+}
+
+impl Verb {
+    /// The verb with this number; every number is one.
+    #[must_use]
+    pub const fn from_number(number: u8, target: i32) -> Self {
+        match number % 3 {
+            0 => Self::Hold,
+            1 => Self::Follow(target),
+            _ => Self::Ramp,
+        }
+    }
+}
+
+/// One step.
+#[must_use]
+pub fn step(channel: Channel, verb: Verb, limits: &Limits) -> Channel {
+    match verb {
+        Verb::Hold => channel.hold(),
+        Verb::Follow(target) => channel.follow(target, limits),
+        Verb::Ramp => channel.ramp(limits),
+    }
+}
+
+/// T1, T2, T3 and the invariant, for one step of a valid channel.
+///
+/// # Panics
+/// When one of them does not hold.
+pub fn step_is_bounded(before: Channel, verb: Verb, limits: &Limits) {
+    let after = step(before, verb, limits);
+    assert!(after.is_valid(limits), "the invariant is kept");
+    let change = i64::from(after.value()) - i64::from(before.value());
+    assert!(
+        change == i64::from(after.change()),
+        "the change is what changed"
+    );
+    assert!(
+        change.abs() <= i64::from(limits.step()),
+        "T1: |change| <= S"
+    );
+    let bend = change - i64::from(before.change());
+    assert!(
+        bend.abs() <= i64::from(limits.accel()),
+        "T2: |change of change| <= A"
+    );
+    assert!(limits.admits(after.value()), "T3: |value| <= M");
+}
+
+/// T5, for one step: `min(rho, |value|)` towards zero, and the number of ticks left falls by one until it is zero.
+///
+/// # Panics
+/// When it does not hold.
+pub fn ramp_is_exact(before: Channel, limits: &Limits) {
+    let after = before.ramp(limits);
+    let (from, to) = (before.value().unsigned_abs(), after.value().unsigned_abs());
+    assert!(
+        to == from - from.min(limits.ramp()),
+        "T5: exactly min(rho, |value|)"
+    );
+    let same_side = after.value() == 0 || (after.value() > 0) == (before.value() > 0);
+    assert!(same_side, "T5: never past zero");
+    let left = before.ramp_ticks_left(limits);
+    let left_after = after.ramp_ticks_left(limits);
+    assert!(
+        left_after == left.saturating_sub(1),
+        "T5: the measure decreases"
+    );
+    assert!((left == 0) == before.is_zero(), "T5: done exactly at zero");
+}

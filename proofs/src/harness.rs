@@ -1,0 +1,45 @@
+//! Kani harnesses: any valid channel, any limits that validation accepts, any target.
+
+use gantry_tau_core::channel::{Channel, Limits};
+
+use crate::channel::{Verb, ramp_is_exact, step_is_bounded};
+
+/// Any limits there are.
+fn any_limits() -> Limits {
+    let limits = Limits::new(kani::any(), kani::any(), kani::any(), kani::any());
+    kani::assume(limits.is_ok());
+    kani::cover!(true, "some limits are valid");
+    limits.unwrap_or(Limits::DISABLED)
+}
+
+/// Any channel that is valid under the limits.
+fn any_channel(limits: &Limits) -> Channel {
+    let channel = Channel::from_parts(kani::any(), kani::any(), limits);
+    kani::assume(channel.is_some());
+    kani::cover!(true, "some channels are valid");
+    channel.unwrap_or(Channel::ZERO)
+}
+
+#[kani::proof]
+fn channel_hold_is_bounded() {
+    let limits = any_limits();
+    step_is_bounded(any_channel(&limits), Verb::Hold, &limits);
+}
+
+#[kani::proof]
+fn channel_follow_is_bounded() {
+    let limits = any_limits();
+    step_is_bounded(any_channel(&limits), Verb::Follow(kani::any()), &limits);
+}
+
+#[kani::proof]
+fn channel_ramp_is_bounded() {
+    let limits = any_limits();
+    step_is_bounded(any_channel(&limits), Verb::Ramp, &limits);
+}
+
+#[kani::proof]
+fn channel_ramp_is_exact() {
+    let limits = any_limits();
+    ramp_is_exact(any_channel(&limits), &limits);
+}

@@ -1,0 +1,73 @@
+//! The properties on stable Rust: over their whole domain, and over sequences.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::unwrap_used,
+    reason = "a strategy that makes what is not valid must panic"
+)]
+
+use gantry_tau_core::channel::{Channel, Limits};
+use gantry_tau_core::message::{ClientMessage, Hello};
+use gantry_tau_core::units::Epoch;
+use gantry_tau_core::wire::encode_client;
+use gantry_tau_proofs::channel::{Verb, ramp_is_exact, step, step_is_bounded};
+use gantry_tau_proofs::wire::cutting_changes_nothing;
+use proptest::prelude::*;
+
+/// Any limits that validation accepts, small and huge ones alike.
+fn limits() -> impl Strategy<Value = Limits> {
+    let magnitude = || prop_oneof![0..1_000i32, any::<i32>().prop_map(|n| n.saturating_abs())];
+    (magnitude(), magnitude(), magnitude(), magnitude()).prop_map(|(max, a, b, c)| {
+        let ramp = (a / 4).max(1);
+        let step = ramp.saturating_add(b / 4);
+        let accel = step.saturating_add(ramp).saturating_add(c / 4);
+        Limits::new(max, step, accel, ramp).unwrap()
+    })
+}
+
+/// Limits and a channel that is valid under them.
+fn limits_and_channel() -> impl Strategy<Value = (Limits, Channel)> {
+    limits().prop_flat_map(|limits| {
+        let (max, step) = (limits.max(), limits.step());
+        (-max..=max, -step..=step).prop_map(move |(value, change)| {
+            (limits, Channel::from_parts(value, change, &limits).unwrap())
+        })
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4_000))]
+
+    #[test]
+    fn one_step_is_bounded((limits, channel) in limits_and_channel(), number: u8, target: i32) {
+        step_is_bounded(channel, Verb::from_number(number, target), &limits);
+    }
+
+    #[test]
+    fn one_ramp_step_is_exact((limits, channel) in limits_and_channel()) {
+        ramp_is_exact(channel, &limits);
+    }
+
+    #[test]
+    fn every_step_of_a_sequence_is_bounded(limits in limits(), verbs: Vec<(u8, i32)>) {
+        let mut channel = Channel::ZERO;
+        for (number, target) in verbs {
+            let verb = Verb::from_number(number, target);
+            step_is_bounded(channel, verb, &limits);
+            channel = step(channel, verb, &limits);
+        }
+    }
+
+    #[test]
+    fn a_stream_means_the_same_however_it_is_cut(noise: Vec<u8>, epoch: u64, lengths in proptest::collection::vec(any::<u8>(), 1..9)) {
+        let mut stream = Vec::new();
+        for message in [
+            ClientMessage::<3>::Hello(Hello { axes: 3, capabilities: Default::default() }),
+            ClientMessage::Stop(Epoch(epoch)),
+            ClientMessage::Goodbye(Epoch(epoch)),
+        ] {
+            stream.extend_from_slice(&encode_client(&message));
+        }
+        stream.extend_from_slice(&noise);
+        cutting_changes_nothing(&stream, &lengths);
+    }
+}

@@ -1,0 +1,122 @@
+//! Links core into an image whose panic handler calls a function that does not exist.
+//! If the symbol `gantry_tau_panic` is in the archive, some path of the functions below can panic (T12, second leg).
+#![no_std]
+
+use core::hint::black_box;
+
+use gantry_tau_core::axis::{Actual, Offsets};
+use gantry_tau_core::compensation::{Compensator, CompensatorConfig};
+use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::kinematics::Nominal;
+use gantry_tau_core::robot::{Compliances, Geometry, Robot};
+use gantry_tau_core::sensor::{ForceSensor, Reading, SensorConfig};
+use gantry_tau_core::session::Session;
+use gantry_tau_core::session::config::{Config, Parameters};
+use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::units::{Epoch, PositionNm, Tick};
+use nalgebra::{Matrix3, Vector3};
+
+unsafe extern "C" {
+    fn gantry_tau_panic() -> !;
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    // SAFETY: never linked into a program; the symbol only marks that a panic is reachable.
+    unsafe { gantry_tau_panic() }
+}
+
+/// Everything the server side does, on six axes: start, open, feed, tick, close.
+#[unsafe(no_mangle)]
+pub extern "C" fn server(
+    parameters: &Parameters<6>,
+    in_force: &[Offsets; 6],
+    bytes: &[u8; 64],
+    elapsed: u32,
+) -> i64 {
+    let Ok(config) = Config::new(*parameters) else {
+        return 0;
+    };
+    let nominal = [PositionNm(black_box(0)); 6];
+    let Ok(session) = Session::new(config, in_force, nominal, Tick(0), Epoch(0)) else {
+        return 0;
+    };
+    let Ok(motors) = MotorMap::<9>::new([0, 0, 1, 1, 2, 2, 3, 4, 5], 6) else {
+        return 0;
+    };
+    let mut endpoint = Endpoint::<6, 9, 4>::new(session, motors);
+    let (Ok(stream), Ok(datagrams)) = (endpoint.open(Transport::Stream), endpoint.open(Transport::Datagram)) else {
+        return 0;
+    };
+    endpoint.feed(stream, bytes);
+    endpoint.feed(datagrams, bytes);
+    endpoint.close(Connection(black_box(1)));
+    let cycle = Cycle {
+        elapsed,
+        nominal,
+        actual: [Actual::default(); 6],
+        stop: black_box(false),
+        rearm: black_box(false),
+        next_epoch: Epoch(black_box(1)),
+        arrival_us: 0,
+    };
+    let mut sum = 0_i64;
+    let turn = endpoint.tick(&cycle, &mut |_, bytes| {
+        sum = sum.wrapping_add(i64::from(bytes.first().copied().unwrap_or(0)));
+    });
+    for motor in &turn.motors {
+        sum = sum.wrapping_add(motor.position.0);
+    }
+    sum
+}
+
+/// Everything the client side does: validate, tare, filter, compensate.
+#[unsafe(no_mangle)]
+pub extern "C" fn client(
+    geometry: &Geometry,
+    compliances: &[f64; 9],
+    mounting: &SensorConfig,
+    gain: f64,
+    raw: &[f64; 6],
+    q: &[f64; 3],
+    tcp_m: &Vector3<f64>,
+) -> f64 {
+    let [a, b, c, d, e, f, x, y, z] = *compliances;
+    let Ok(robot) = Robot::new(*geometry) else {
+        return 0.0;
+    };
+    let Ok(compliances) = Compliances::new([a, b, c, d, e, f], [x, y, z]) else {
+        return 0.0;
+    };
+    let Ok(nominal) = Nominal::new(&robot, &Matrix3::identity()) else {
+        return 0.0;
+    };
+    let config = CompensatorConfig {
+        gain,
+        limits: [Default::default(); 3],
+        metres_per_q: [1.0; 3],
+    };
+    let Ok(compensator) = Compensator::new(&nominal, &compliances, config) else {
+        return 0.0;
+    };
+    let Ok(mut sensor) = ForceSensor::new(*mounting) else {
+        return 0.0;
+    };
+    let Ok(Reading::Load(load)) = sensor.update(&Wrench::from_array(*raw)) else {
+        return 0.0;
+    };
+    let inverse = nominal.inverse(tcp_m).map_or(0.0, |q| q.iter().sum());
+    let jacobian = nominal.jacobian(tcp_m).map_or(0.0, |j| j.sum());
+    let correction = compensator.correction(q, &load).map_or(0.0, |correction| {
+        correction.offsets.iter().map(|offset| offset.to_metres().0).sum()
+    });
+    inverse + jacobian + correction
+}
+
+/// The negative control: a panic that is linked.
+#[cfg(feature = "control")]
+#[unsafe(no_mangle)]
+pub extern "C" fn control(values: &[i64; 4], index: usize) -> i64 {
+    values[index]
+}
