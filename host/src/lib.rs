@@ -19,3 +19,4 @@ pub mod sensor_link;
 pub mod server;
 pub mod sim;
 pub mod solve;
+pub mod terminal;

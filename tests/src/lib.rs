@@ -1,1 +1,37 @@
-//! Helpers shared by the tests of this folder.
+//! Helpers shared by the tests of this folder: a server stepped by hand over a real loopback socket.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`plant`] | a machine that records every reference it is written |
+//! | [`bench`] | the server's cycle around it, with the bounds of DESIGN 4 asserted in every tick |
+//! | [`client`] | a client that speaks frames, and anything else |
+//! | [`duet`] | both together: one session, tick by tick |
+#![forbid(unsafe_code)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    clippy::missing_panics_doc,
+    reason = "helpers of tests fail by panicking"
+)]
+
+pub mod bench;
+pub mod client;
+pub mod duet;
+pub mod plant;
+
+use std::time::{Duration, Instant};
+
+/// How long anything may take before a test fails. Nothing depends on how fast it is.
+pub const DEADLINE: Duration = Duration::from_secs(20);
+
+/// Tries until `done`; fails after [`DEADLINE`].
+pub fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
+    let since = Instant::now();
+    while !done() {
+        assert!(since.elapsed() < DEADLINE, "waited in vain for {what}");
+        std::thread::sleep(Duration::from_micros(20));
+    }
+}

@@ -8,8 +8,9 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 use gantry_tau::client::{ClientControls, ClientOptions};
+use gantry_tau::terminal::say;
 
-use super::{fail, robot};
+use super::{address, fail, robot};
 
 /// Connects, submits while the force sensor is tared (keep the tool unloaded), then obtains and compensates until Ctrl-C.
 ///
@@ -18,10 +19,10 @@ use super::{fail, robot};
 #[derive(Debug, Args)]
 pub(crate) struct Client {
     /// The server
-    #[arg(default_value = "127.0.0.1:7000", value_name = "HOST:PORT")]
+    #[arg(default_value = "127.0.0.1:7000", value_name = "HOST:PORT", value_parser = address)]
     server: SocketAddr,
     /// Where the force sensor's samples come from
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001")]
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
     sensor: SocketAddr,
     /// Robot file [default: the built-in L2, robots/l2.toml]
     #[arg(long, value_name = "FILE")]
@@ -54,12 +55,12 @@ impl Client {
         };
         match gantry_tau::client::run(&options, &controls) {
             Ok(report) => {
-                println!(
+                say(format_args!(
                     "left with Goodbye after {} ticks, {} held",
                     report.states, report.held
-                );
+                ));
                 if let Some(recorded) = report.recorded {
-                    println!("{recorded}");
+                    say(recorded);
                 }
                 ExitCode::SUCCESS
             }

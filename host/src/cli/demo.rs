@@ -16,13 +16,28 @@ pub(crate) struct Demo {
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
     /// Largest force, N. Beyond 360 N the machine jumps, as the thesis' did
-    #[arg(long, value_name = "N", default_value_t = 300.0)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 300.0,
+        allow_negative_numbers = true
+    )]
     force_max: f64,
     /// Difference between two force steps, N
-    #[arg(long, value_name = "N", default_value_t = 60.0)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 60.0,
+        allow_negative_numbers = true
+    )]
     force_step: f64,
     /// Length of each force step, s
-    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 1.0,
+        allow_negative_numbers = true
+    )]
     step_seconds: f64,
     /// Force the pace [default: real time if this machine holds it, else lock-step]
     #[arg(long)]

@@ -4,6 +4,7 @@ mod client;
 mod demo;
 mod serve;
 
+use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -87,6 +88,16 @@ fn solve() -> ExitCode {
 fn fail(code: u8, error: impl std::fmt::Display) -> ExitCode {
     eprintln!("gantry-tau: {error}");
     ExitCode::from(code)
+}
+
+/// An address or a name, with a port. Of a name's addresses the first of version 4, which is what the server listens on by default.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let all: Vec<SocketAddr> = text
+        .to_socket_addrs()
+        .map_err(|error| error.to_string())?
+        .collect();
+    let first = all.iter().find(|address| address.is_ipv4()).or(all.first());
+    first.copied().ok_or_else(|| "no such host".to_owned())
 }
 
 /// The robot file, or the built-in L2.

@@ -17,10 +17,11 @@ use gantry_tau::server::observe::Observer;
 use gantry_tau::server::{Controls, Server, ServerError};
 use gantry_tau::sim::hand::{Hand, hand_and_tool};
 use gantry_tau::sim::parameters::Motion;
+use gantry_tau::terminal::say;
 use gantry_tau_core::message::Capabilities;
 use gantry_tau_core::robot::ARMS;
 
-use super::{Pace, fail, robot};
+use super::{Pace, address, fail, robot};
 
 /// Runs the server with the simulated machine until Ctrl-C, which ramps every offset to zero first.
 ///
@@ -28,10 +29,10 @@ use super::{Pace, fail, robot};
 #[derive(Debug, Args)]
 pub(crate) struct Serve {
     /// Where clients connect. Only loopback unless you say otherwise: nothing is encrypted
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000")]
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = address)]
     listen: SocketAddr,
     /// Where clients find the simulated force sensor
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001")]
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
     sensor: SocketAddr,
     /// Robot file [default: the built-in L2, robots/l2.toml]
     #[arg(long, value_name = "FILE")]
@@ -40,13 +41,28 @@ pub(crate) struct Serve {
     #[arg(long, default_value = "real")]
     pace: Pace,
     /// Largest force of the simulated hand, N; 0 for none
-    #[arg(long, value_name = "N", default_value_t = 300.0)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 300.0,
+        allow_negative_numbers = true
+    )]
     force_max: f64,
     /// Length of each of its steps, s
-    #[arg(long, value_name = "S", default_value_t = 2.0)]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 2.0,
+        allow_negative_numbers = true
+    )]
     step_seconds: f64,
     /// Move the nominal path back and forth by this much on every axis, mm
-    #[arg(long, value_name = "MM", default_value_t = 0.0)]
+    #[arg(
+        long,
+        value_name = "MM",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
     motion: f64,
     /// Where the epoch counter is kept, so that no old frame ever revives [default: the user's state folder]
     #[arg(long, value_name = "FILE")]
@@ -65,25 +81,29 @@ impl Serve {
     }
 
     fn serve(&self) -> Result<(), Box<dyn std::error::Error>> {
-        let file = match &self.record {
+        self.check()?;
+        let (hand, tool) = hand_and_tool();
+        let sensor = SensorPublisher::bind(self.sensor)
+            .map_err(|error| ServerError::listen(self.sensor, &error))?;
+        let sensor_address = sensor.address()?;
+        let cycle = self.cycle(tool)?.with_sensor(sensor);
+        // After binding, so that a second server by mistake does not empty the first one's recording.
+        let mut file = match &self.record {
             Some(path) => Some(CsvFile::create::<Row<ARMS>>(path)?),
             None => None,
         };
-        let (hand, tool) = hand_and_tool();
-        let cycle = self.cycle(tool)?;
         if let Err(denied) = gantry_tau::realtime::lock_memory() {
             tracing::warn!("no {}: {}", denied.privilege, denied.reason);
         }
         let (server, mut rows) = Server::spawn(cycle, self.pace.into())?;
-        println!(
-            "listening on {}, force sensor on {}; Ctrl-C ramps to zero and ends",
-            server.address, self.sensor
-        );
+        say(format_args!(
+            "listening on {}, force sensor on {sensor_address}; Ctrl-C ramps to zero and ends",
+            server.address
+        ));
         let controls = Arc::clone(&server.controls);
         ctrlc::set_handler(move || controls.quit.store(true, Ordering::Relaxed))?;
         listen_to_the_keyboard(Arc::clone(&server.controls));
         let mut observer = Observer::new(self.programme(hand));
-        let mut file = file;
         drain(&mut rows, |row| {
             observer.see(row);
             if let Some(file) = &mut file {
@@ -91,9 +111,9 @@ impl Serve {
             }
         });
         let dropped = server.quit();
-        println!("all offsets are zero; ended");
+        say("all offsets are zero; ended");
         if let Some(recorded) = file.map(|file| file.finish(dropped)) {
-            println!("{recorded}");
+            say(&recorded);
             if let Recorded {
                 failure: Some(failure),
                 ..
@@ -121,10 +141,26 @@ impl Serve {
         let machine = robot.simulated_machine(tool, self.motion(&robot)?)?;
         let path = self.epoch_file.clone().unwrap_or_else(epoch::default_path);
         let epochs = Epochs::reserve(&path)?;
-        let cycle = Cycle::new(config, robot.motor_map()?, machine, epochs, self.listen)?;
-        let sensor = SensorPublisher::bind(self.sensor)
-            .map_err(|error| ServerError::listen(self.sensor, &error))?;
-        Ok(cycle.with_sensor(sensor))
+        Ok(Cycle::new(
+            config,
+            robot.motor_map()?,
+            machine,
+            epochs,
+            self.listen,
+        )?)
+    }
+
+    fn check(&self) -> Result<(), &'static str> {
+        if !(0.0..=2_000.0).contains(&self.force_max) {
+            return Err("--force-max must be from 0 to 2000 N");
+        }
+        if !(0.1..=3_600.0).contains(&self.step_seconds) {
+            return Err("--step-seconds must be from 0.1 to 3600");
+        }
+        if !(-1_000.0..=1_000.0).contains(&self.motion) {
+            return Err("--motion must be from -1000 to 1000 mm");
+        }
+        Ok(())
     }
 
     fn motion(

@@ -46,10 +46,6 @@ pub fn run(
     options: &ClientOptions,
     controls: &ClientControls,
 ) -> Result<ClientReport, ClientError> {
-    let recorder = match &options.record {
-        Some(path) => Some(Recorder::start(path).map_err(|e| ClientError::Setup(e.to_string()))?),
-        None => None,
-    };
     let mut link = Link::connect(options.server, SILENCE)?;
     let sensor =
         SensorReader::connect(options.sensor).map_err(|error| ClientError::Unreachable {
@@ -57,6 +53,11 @@ pub fn run(
             address: options.sensor,
             error,
         })?;
+    // After connecting, so that a server that is not there costs no earlier recording; before Hello, so that nothing moves yet.
+    let recorder = match &options.record {
+        Some(path) => Some(Recorder::start(path).map_err(|e| ClientError::Setup(e.to_string()))?),
+        None => None,
+    };
     let welcome = greet(&mut link)?;
     check_terms(options, &welcome)?;
     if let Err(denied) = crate::realtime::raise_priority() {

@@ -16,6 +16,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::client::cause_text;
 use crate::robot_file::RobotFile;
 use crate::server::pace::Pace;
+use crate::terminal::say;
 use stage::{Failure, Recording};
 
 pub use relay::Relay;
@@ -124,21 +125,21 @@ pub fn run(options: &DemoOptions) -> Result<Results, DemoError> {
         PaceChoice::Auto => match play(options, Pace::RealTime) {
             Ok(recording) => (Pace::RealTime, recording),
             Err(DemoError::Lost(reason)) => {
-                println!(
+                say(format_args!(
                     "{reason}\nThat is the one-miss rule at work on a busy machine. Starting again in lock-step: time is ticks, the server waits for its client."
-                );
+                ));
                 (Pace::Lockstep, play(options, Pace::Lockstep)?)
             }
             Err(error) => return Err(error),
         },
     };
     let results = Results::of(options, pace, &recording);
-    println!("\n{}", table::render(&results));
+    say(format_args!("\n{}", table::render(&results)));
     write(
         &options.report,
         &report::render(options, &results, &recording),
     )?;
-    println!("report: {}", options.report.display());
+    say(format_args!("report: {}", options.report.display()));
     if let Some(path) = &options.json {
         let json = serde_json::to_string_pretty(&results)
             .map_err(|error| DemoError::Failed(error.to_string()))?;

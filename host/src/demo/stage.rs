@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use gantry_tau_core::message::{Capabilities, ClientMessage, Hello, Phase, Refusal, ServerMessage};
@@ -12,7 +13,7 @@ use indicatif::ProgressBar;
 use super::relay::Relay;
 use super::watch::{Lost, Sample, Waiting, Watch};
 use super::{DemoError, DemoOptions};
-use crate::client::{self, ClientControls, ClientError, ClientOptions, Link};
+use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientReport, Link};
 use crate::epoch::Epochs;
 use crate::machine::MOTORS;
 use crate::sensor_link::SensorPublisher;
@@ -21,6 +22,7 @@ use crate::server::cycle::Cycle;
 use crate::server::pace::Pace;
 use crate::sim::hand::{Hand, Load, hand_and_tool};
 use crate::sim::parameters::Motion;
+use crate::terminal::say;
 
 /// Number that tells compensated steps from uncompensated ones.
 pub(super) const COMPENSATED: u32 = 1_000;
@@ -79,6 +81,7 @@ struct Stage<'a> {
     hand: Hand,
     relay: Relay,
     controls: Arc<ClientControls>,
+    client: JoinHandle<Result<ClientReport, ClientError>>,
 }
 
 /// Plays the whole session at one pace.
@@ -127,6 +130,7 @@ pub(super) fn play(
         hand,
         relay,
         controls,
+        client,
     };
     let played = stage.acts();
     stage.controls.quit.store(true, Ordering::Relaxed);
@@ -134,6 +138,7 @@ pub(super) fn play(
         server,
         watch,
         relay,
+        client,
         ..
     } = stage;
     let dropped = server.quit();
@@ -180,8 +185,21 @@ impl Stage<'_> {
             Pace::RealTime => self.say("measuring for a second whether this machine holds 1 kHz; the client tares its sensor"),
             Pace::Lockstep => self.say("the client tares its sensor"),
         }
-        let controls = Arc::clone(&self.controls);
-        self.wait(|_| controls.tared.load(Ordering::Relaxed))?;
+        let Self {
+            watch,
+            bar,
+            controls,
+            client,
+            ..
+        } = self;
+        let tared = || controls.tared.load(Ordering::Relaxed);
+        // A client that ends before its first command has no session whose end the watch could see.
+        let stillborn = || client.is_finished() && controls.commands.load(Ordering::Relaxed) == 0;
+        watch.until(false, |_| bar.inc(1), |_| tared() || stillborn())?;
+        if stillborn() {
+            let reason = "the client ended before its first command".to_owned();
+            return Err(Failure::Error(DemoError::Failed(reason)));
+        }
         if self.pace == Pace::RealTime {
             let missed = self.watch.samples.last().map_or(0, |sample| sample.missed);
             self.say(&format!(
@@ -306,6 +324,6 @@ impl Stage<'_> {
     }
 
     fn say(&self, line: &str) {
-        self.bar.suspend(|| println!("{line}"));
+        self.bar.suspend(|| say(line));
     }
 }

@@ -56,6 +56,8 @@ pub struct Cycle<const N: usize, const M: usize, P> {
     plant: P,
     epochs: Epochs,
     last_reading: Reading<N>,
+    /// The machine did not take the last references; the coming tick stops.
+    write_failed: bool,
     round_trip_us: Option<u32>,
 }
 
@@ -85,6 +87,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             plant,
             epochs,
             last_reading,
+            write_failed: false,
             round_trip_us: None,
         })
     }
@@ -161,7 +164,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             elapsed,
             nominal: reading.nominal,
             actual: reading.actual,
-            stop: demands.stop || read_failed,
+            stop: demands.stop || read_failed || self.write_failed,
             rearm: demands.rearm,
             next_epoch: self.epochs.next(),
             arrival_us: u16::try_from(round_trip_us.unwrap_or(0)).unwrap_or(u16::MAX),
@@ -170,7 +173,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         let turn = self
             .endpoint
             .tick(&cycle, &mut |to, bytes| connections.send(to, bytes));
-        let write_failed = self.plant.write(&turn.motors).is_err();
+        self.write_failed = self.plant.write(&turn.motors).is_err();
         for connection in &turn.close {
             self.connections.close(*connection);
         }
@@ -187,7 +190,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             refused: u8::try_from(output.refusals.len()).unwrap_or(u8::MAX),
             elapsed,
             round_trip_us,
-            plant_failed: read_failed || write_failed,
+            plant_failed: read_failed || self.write_failed,
         }
     }
 

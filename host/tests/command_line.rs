@@ -1,0 +1,41 @@
+//! The built binary, as a user meets it: what it prints, what it writes, how it ends.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
+
+#[path = "command_line/demo.rs"]
+mod demo;
+#[path = "command_line/errors.rs"]
+mod errors;
+#[path = "command_line/process.rs"]
+mod process;
+#[cfg(unix)]
+#[path = "command_line/signals.rs"]
+mod signals;
+#[path = "command_line/solve.rs"]
+mod solve;
+
+use process::Folder;
+
+#[test]
+fn help_mentions_every_command_and_every_commands_help_works() {
+    let folder = Folder::new("help");
+    let all = folder.run(&["--help"]).success();
+    for command in ["demo", "serve", "client", "solve"] {
+        assert!(all.contains(&format!("\n  {command} ")), "{all}");
+        let help = folder.run(&[command, "--help"]).success();
+        assert!(help.contains(&format!("gantry-tau {command}")), "{help}");
+        let help = folder.run(&["help", command]).success();
+        assert!(help.contains("Usage:"), "{help}");
+    }
+    let version = folder.run(&["--version"]).success();
+    assert_eq!(
+        version.trim(),
+        concat!("gantry-tau ", env!("CARGO_PKG_VERSION"))
+    );
+}

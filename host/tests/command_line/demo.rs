@@ -1,0 +1,79 @@
+//! `demo`, in ticks instead of milliseconds.
+
+use serde_json::Value;
+
+use crate::process::Folder;
+
+#[test]
+fn the_demo_compensates_ramps_and_reports() {
+    let folder = Folder::new("demo");
+    let said = folder
+        .run(&[
+            "demo",
+            "--pace",
+            "lockstep",
+            "--step-seconds",
+            "0.2",
+            "--force-max",
+            "120",
+            "--json",
+            "demo.json",
+            "--report",
+            "demo.html",
+            "--record",
+            "demo.csv",
+        ])
+        .success();
+    assert!(said.contains("All as it should be."), "{said}");
+    assert!(said.contains("demo.html"), "{said}");
+    assert_numbers(&serde_json::from_str(&folder.read("demo.json")).unwrap());
+    let report = folder.read("demo.html");
+    assert_eq!(report.matches("<svg").count(), 4);
+    assert!(report.trim_end().ends_with("</html>"));
+    assert_rows(&folder.read("demo.csv"));
+}
+
+fn assert_numbers(results: &Value) {
+    assert_eq!(results["pace"], "lockstep");
+    let steps = results["steps"].as_array().unwrap();
+    assert_eq!(steps.len(), 2);
+    for (step, force) in steps.iter().zip([60.0, 120.0]) {
+        assert_eq!(step["force_n"], force);
+        let share = step["remaining_share"].as_f64().unwrap();
+        assert!((0.0..=0.05).contains(&share), "{share}");
+        assert!(step["uncompensated_norm_um"].as_f64().unwrap() > 0.5 * force);
+    }
+    let ramp = &results["ramp"];
+    let offsets = ramp["start_offset_nm"].as_array().unwrap();
+    let largest = offsets.iter().map(|nm| nm.as_i64().unwrap().unsigned_abs());
+    let expected = largest.max().unwrap().div_ceil(100);
+    assert!(expected > 100, "hardly an offset: {ramp}");
+    assert_eq!(ramp["ticks"], expected);
+    assert_eq!(ramp["expected_ticks"], expected);
+    assert_eq!(ramp["largest_change_nm"], 100);
+    let change = results["largest_reference_change_nm"].as_u64().unwrap();
+    assert!((100..=5_000).contains(&change), "{change}");
+    assert_eq!(results["complaints"], Value::Array(Vec::new()));
+}
+
+fn assert_rows(csv: &str) {
+    let mut lines = csv.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    for column in [
+        "tick",
+        "state",
+        "offset_1_nm",
+        "reference_3_nm",
+        "target_2_nm",
+        "force_x_n",
+        "velocity_offset_1_um_s",
+    ] {
+        assert!(header.contains(&column), "{column}: {header:?}");
+    }
+    let rows: Vec<&str> = lines.collect();
+    // Tare, two steps without and two with compensation.
+    assert!(rows.len() > 1_000 + 4 * 200, "{} rows", rows.len());
+    for row in rows {
+        assert_eq!(row.split(',').count(), header.len(), "{row}");
+    }
+}

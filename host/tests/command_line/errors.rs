@@ -1,0 +1,218 @@
+//! What goes wrong before anything moves: one clear line that says what, and where.
+
+use std::net::TcpListener;
+
+use crate::process::Folder;
+
+const L2: &str = include_str!("../../../robots/l2.toml");
+/// A server on free ports.
+const SERVE: [&str; 5] = [
+    "serve",
+    "--listen",
+    "127.0.0.1:0",
+    "--sensor",
+    "127.0.0.1:0",
+];
+
+#[track_caller]
+fn assert_says(line: &str, words: &[&str]) {
+    for word in words {
+        assert!(line.contains(word), "{word} is not in: {line}");
+    }
+}
+
+#[test]
+fn a_port_in_use_is_named_and_costs_no_recording() {
+    let folder = Folder::new("port");
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().to_string();
+    folder.write("old.csv", "kept\n");
+    for arguments in [
+        ["--listen", &port, "--sensor", "127.0.0.1:0"],
+        ["--listen", "127.0.0.1:0", "--sensor", &port],
+    ] {
+        let mut all = vec!["serve", "--record", "old.csv"];
+        all.extend(arguments);
+        let line = folder.run(&all).failure(1);
+        assert_says(&line, &[&port, "in use"]);
+    }
+    assert_eq!(
+        folder.read("old.csv"),
+        "kept\n",
+        "the last recording is gone"
+    );
+}
+
+#[test]
+fn a_server_that_is_not_there_is_named_and_costs_no_recording() {
+    let folder = Folder::new("unreachable");
+    folder.write("old.csv", "kept\n");
+    let gone = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = gone.local_addr().unwrap().to_string();
+    drop(gone);
+    let line = folder
+        .run(&["client", &address, "--record", "old.csv"])
+        .failure(3);
+    assert_says(&line, &["server", &address, "cannot be reached"]);
+    // A server without a sensor.
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let there = server.local_addr().unwrap().to_string();
+    let line = folder
+        .run(&[
+            "client", &there, "--sensor", &address, "--record", "old.csv",
+        ])
+        .failure(3);
+    assert_says(&line, &["force sensor", &address, "cannot be reached"]);
+    assert_eq!(
+        folder.read("old.csv"),
+        "kept\n",
+        "the last recording is gone"
+    );
+}
+
+#[test]
+fn an_address_that_is_none_is_refused() {
+    let folder = Folder::new("address");
+    for arguments in [
+        ["client", "127.0.0.1"],
+        ["client", "127.0.0.1:99999"],
+        ["client", "no.such.host.invalid:7000"],
+        ["serve", "--listen=:"],
+        ["serve", "--sensor=127.0.0.1:x"],
+    ] {
+        let line = folder.run(&arguments).failure(2);
+        let value = arguments[1].rsplit('=').next().unwrap();
+        assert_says(&line, &["invalid value", value]);
+    }
+}
+
+#[test]
+fn a_host_may_have_a_name() {
+    let folder = Folder::new("name");
+    let line = folder.run(&["client", "localhost:1"]).failure(3);
+    assert_says(&line, &["cannot be reached"]);
+}
+
+#[test]
+fn a_robot_file_is_refused_with_file_key_and_reason() {
+    let folder = Folder::new("robot");
+    for (from, to, words) in [
+        ("gain = 1.0", "gain = 2.0", ["client.gain", "1"]),
+        ("gain = 1.0", "gian = 1.0", ["gian", "unknown"]),
+        ("gain = 1.0", "gain = \"much\"", ["gain", "string"]),
+        ("gain = 1.0", "gain = ", ["gain", "line"]),
+        ("gain = 1.0", "", ["gain", "missing"]),
+        (
+            "ramp_um = [0.1",
+            "ramp_um = [0.0",
+            ["ramp", "axes.position"],
+        ),
+        (
+            "axis_of_motor = [0, 1, 2]",
+            "axis_of_motor = [0, 1]",
+            ["motors.axis_of_motor", "2"],
+        ),
+        ("c = [1, -1, 1]", "c = [1, -1, 3]", ["c[2]", "3"]),
+    ] {
+        assert!(L2.contains(from), "{from}");
+        folder.write("mine.toml", &L2.replacen(from, to, 1));
+        for command in ["demo", "serve", "client"] {
+            let line = folder.run(&[command, "--robot", "mine.toml"]).failure(1);
+            assert_says(&line, &["mine.toml"]);
+            assert_says(&line, &words);
+        }
+    }
+    for command in ["demo", "serve", "client"] {
+        let line = folder.run(&[command, "--robot", "none.toml"]).failure(1);
+        assert_says(&line, &["none.toml", "os error"]);
+    }
+}
+
+#[test]
+fn a_file_that_cannot_be_written_is_named() {
+    let folder = Folder::new("files");
+    folder.write("file", "");
+    let short = [
+        "demo",
+        "--pace",
+        "lockstep",
+        "--step-seconds",
+        "0.2",
+        "--force-max",
+        "60",
+    ];
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = server.local_addr().unwrap().to_string();
+    // A folder that does not exist, a folder that is a file, a file that is a folder.
+    for bad in ["no/such.x", "file/such.x", "."] {
+        for (command, option) in [
+            (&SERVE[..], "--record"),
+            (&SERVE[..], "--epoch-file"),
+            (&["client", &address, "--sensor", &address][..], "--record"),
+            (&short[..], "--record"),
+            (&short[..], "--report"),
+            (&short[..], "--json"),
+        ] {
+            if (bad, option) == ("no/such.x", "--epoch-file") {
+                // The folder of the epoch file is made.
+                continue;
+            }
+            let mut arguments = command.to_vec();
+            arguments.extend([option, bad]);
+            let line = folder.run(&arguments).failure(1);
+            assert_says(&line, &[bad, "os error"]);
+        }
+    }
+}
+
+#[test]
+fn an_epoch_file_that_is_no_counter_is_not_overwritten() {
+    let folder = Folder::new("epoch");
+    folder.write("epoch", "seven");
+    let mut arguments = SERVE.to_vec();
+    arguments.extend(["--epoch-file", "epoch"]);
+    let line = folder.run(&arguments).failure(1);
+    assert_says(&line, &["epoch", "no counter"]);
+    assert_eq!(folder.read("epoch"), "seven");
+}
+
+#[test]
+fn a_bad_option_is_named_with_its_range() {
+    let folder = Folder::new("options");
+    for (option, value) in [
+        ("--force-max", "-3"),
+        ("--force-max", "nan"),
+        ("--force-max", "1e9"),
+        ("--force-step", "0"),
+        ("--force-step", "49"),
+        ("--step-seconds", "0.1"),
+        ("--step-seconds", "inf"),
+    ] {
+        let line = folder.run(&["demo", option, value]).failure(1);
+        assert_says(&line, &[option]);
+    }
+    for (option, value) in [
+        ("--force-max", "nan"),
+        ("--force-max", "-1"),
+        ("--step-seconds", "-1"),
+        ("--step-seconds", "nan"),
+        ("--motion", "nan"),
+        ("--motion", "-1e9"),
+    ] {
+        let mut arguments = SERVE.to_vec();
+        arguments.extend([option, value]);
+        let line = folder.run(&arguments).failure(1);
+        assert_says(&line, &[option]);
+    }
+    for arguments in [
+        &["demo", "--force-max", "much"][..],
+        &["demo", "--pace", "fast"],
+        &["serve", "--pace"],
+        &["client", "--bogus"],
+        &["bogus"],
+        &["solve", "file.json"],
+    ] {
+        let line = folder.run(arguments).failure(2);
+        assert!(line.starts_with("error: "), "{line}");
+    }
+}

@@ -1,0 +1,190 @@
+//! Runs the binary in a folder of its own, with files as its standard streams, and never waits for ever.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// How long anything may take.
+const DEADLINE: Duration = Duration::from_secs(60);
+
+/// A folder that is gone when the test is.
+pub(crate) struct Folder(PathBuf);
+
+impl Folder {
+    pub(crate) fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("gantry-tau-{name}-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&path);
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
+    pub(crate) fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path(name)).unwrap()
+    }
+
+    pub(crate) fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.path(name), text).unwrap();
+    }
+
+    /// Starts the binary, with nothing to read.
+    pub(crate) fn start(&self, name: &str, arguments: &[&str]) -> Running {
+        self.start_with(name, arguments, Stdio::null())
+    }
+
+    /// Starts the binary; its words go to `name.out` and `name.err`.
+    pub(crate) fn start_with(&self, name: &str, arguments: &[&str], input: Stdio) -> Running {
+        let [out, err] = ["out", "err"].map(|end| self.path(&format!("{name}.{end}")));
+        let child = Command::new(env!("CARGO_BIN_EXE_gantry-tau"))
+            .args(arguments)
+            .current_dir(&self.0)
+            .env("XDG_STATE_HOME", &self.0)
+            .env("LOCALAPPDATA", &self.0)
+            .env("RUST_BACKTRACE", "1")
+            .env_remove("RUST_LOG")
+            .stdin(input)
+            .stdout(File::create(&out).unwrap())
+            .stderr(File::create(&err).unwrap())
+            .spawn()
+            .unwrap();
+        Running { child, out, err }
+    }
+
+    /// Runs the binary to its end.
+    pub(crate) fn run(&self, arguments: &[&str]) -> Ended {
+        self.start("run", arguments).end()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// A process; killed when the test ends before it.
+pub(crate) struct Running {
+    child: Child,
+    out: PathBuf,
+    err: PathBuf,
+}
+
+impl Running {
+    pub(crate) fn stdout(&self) -> String {
+        text(&self.out)
+    }
+
+    pub(crate) fn stderr(&self) -> String {
+        text(&self.err)
+    }
+
+    /// Waits until the process has said `words`, on either stream.
+    pub(crate) fn await_words(&mut self, words: &str) {
+        self.await_that(words, |process| {
+            process.stdout().contains(words) || process.stderr().contains(words)
+        });
+    }
+
+    /// Waits until `done`; the process must live until then.
+    pub(crate) fn await_that(&mut self, what: &str, mut done: impl FnMut(&Self) -> bool) {
+        let since = Instant::now();
+        while !done(self) {
+            let ended = self.child.try_wait().unwrap();
+            let said = || format!("{}\n{}", self.stdout(), self.stderr());
+            assert!(
+                ended.is_none() || done(self),
+                "{what}: {ended:?}\n{}",
+                said()
+            );
+            assert!(since.elapsed() < DEADLINE, "{what}\n{}", said());
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// As Ctrl-C does.
+    #[cfg(unix)]
+    pub(crate) fn interrupt(&self) {
+        let done = Command::new("kill")
+            .args(["-INT", &self.child.id().to_string()])
+            .status();
+        assert!(done.unwrap().success());
+    }
+
+    /// As a power failure does.
+    #[cfg(unix)]
+    pub(crate) fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
+    /// Waits for the end.
+    pub(crate) fn end(mut self) -> Ended {
+        let since = Instant::now();
+        let code = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status.code();
+            }
+            let said = || format!("{}\n{}", self.stdout(), self.stderr());
+            assert!(since.elapsed() < DEADLINE, "it does not end\n{}", said());
+            std::thread::sleep(Duration::from_millis(5));
+        };
+        Ended {
+            code,
+            stdout: self.stdout(),
+            stderr: self.stderr(),
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn text(path: &Path) -> String {
+    String::from_utf8_lossy(&std::fs::read(path).unwrap()).into_owned()
+}
+
+/// A process that has ended.
+pub(crate) struct Ended {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl Ended {
+    /// It went well; what it printed.
+    #[track_caller]
+    pub(crate) fn success(self) -> String {
+        assert_eq!(self.code, Some(0), "{}{}", self.stdout, self.stderr);
+        self.assert_no_panic();
+        self.stdout
+    }
+
+    /// It failed with `code` and ONE line about it; that line. Log lines may stand before it.
+    #[track_caller]
+    pub(crate) fn failure(self, code: i32) -> String {
+        assert_eq!(self.code, Some(code), "{}{}", self.stdout, self.stderr);
+        self.assert_no_panic();
+        let ours = |line: &&str| line.starts_with("gantry-tau: ") || line.starts_with("error: ");
+        let lines: Vec<&str> = self.stderr.lines().filter(ours).collect();
+        assert_eq!(lines.len(), 1, "{}", self.stderr);
+        if lines[0].starts_with("gantry-tau: ") {
+            assert_eq!(self.stderr.lines().last(), Some(lines[0]));
+        }
+        lines[0].to_owned()
+    }
+
+    #[track_caller]
+    fn assert_no_panic(&self) {
+        for word in ["panicked", "backtrace", "RUST_BACKTRACE"] {
+            assert!(!self.stderr.contains(word), "{}", self.stderr);
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! `serve` and `client` as two processes, ended by signals.
+
+use crate::process::{Folder, Running};
+
+/// A server in lock-step on free ports, and where its clients find it.
+fn serve(folder: &Folder, further: &[&str]) -> (Running, [String; 2]) {
+    let mut arguments = vec!["serve", "--pace", "lockstep", "--listen", "127.0.0.1:0"];
+    arguments.extend([
+        "--sensor",
+        "127.0.0.1:0",
+        "--force-max",
+        "60",
+        "--step-seconds",
+        "0.1",
+    ]);
+    arguments.extend(further);
+    let mut server = folder.start("serve", &arguments);
+    server.await_words("Ctrl-C");
+    let said = server.stdout();
+    let after = |words: &str| {
+        let rest = said.split_once(words).unwrap().1;
+        let end = rest.find([',', ';']).unwrap();
+        rest[..end].to_owned()
+    };
+    let addresses = [after("listening on "), after("force sensor on ")];
+    for address in &addresses {
+        assert!(
+            address.starts_with("127.0.0.1:") && !address.ends_with(":0"),
+            "{said}"
+        );
+    }
+    (server, addresses)
+}
+
+fn client(folder: &Folder, name: &str, [server, sensor]: &[String; 2]) -> Running {
+    folder.start(name, &["client", server, "--sensor", sensor])
+}
+
+/// Waits until the server has seen Obtain `times` times.
+fn await_obtain(server: &mut Running, times: usize) {
+    server.await_that("Obtain", |server| {
+        server.stderr().matches("Submit -> Obtain").count() == times
+    });
+}
+
+/// Position offsets of every row so far, and its state.
+fn rows(folder: &Folder) -> Vec<(String, [i64; 3])> {
+    let csv = folder.read("serve.csv");
+    let mut lines = csv.lines();
+    let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    let column = |name: &str| header.iter().position(|column| *column == name);
+    let (Some(state), Some(a), Some(b), Some(c)) = (
+        column("state"),
+        column("offset_1_nm"),
+        column("offset_2_nm"),
+        column("offset_3_nm"),
+    ) else {
+        return Vec::new();
+    };
+    let whole = lines.filter_map(|line| {
+        let fields: Vec<&str> = line.split(',').collect();
+        (fields.len() == header.len()).then(|| {
+            let offset = |index: usize| fields[index].parse().unwrap();
+            (fields[state].to_owned(), [offset(a), offset(b), offset(c)])
+        })
+    });
+    whole.collect()
+}
+
+/// Every change within S; every change in a ramp exactly rho, or the rest.
+fn assert_no_jump(rows: &[(String, [i64; 3])]) {
+    for pair in rows.windows(2) {
+        let ((_, from), (state, to)) = (&pair[0], &pair[1]);
+        for (from, to) in from.iter().zip(to) {
+            assert!((to - from).abs() <= 5_000, "{from} to {to}");
+            if ["Fault", "SafeDisconnect"].contains(&state.as_str()) {
+                assert_eq!(from - to, from.signum() * from.abs().min(100));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_session_of_two_processes_from_obtain_to_the_servers_end() {
+    let folder = Folder::new("processes");
+    let (mut server, addresses) = serve(&folder, &["--record", "serve.csv"]);
+
+    let owner = client(&folder, "owner", &addresses);
+    await_obtain(&mut server, 1);
+    let line = client(&folder, "second", &addresses).end().failure(4);
+    assert!(line.contains("another client owns the session"), "{line}");
+    owner.interrupt();
+    let said = owner.end().success();
+    assert!(said.starts_with("left with Goodbye after "), "{said}");
+    server.await_words("SafeDisconnect -> Listening");
+
+    let third = client(&folder, "third", &addresses);
+    await_obtain(&mut server, 2);
+    let before = rows(&folder).len();
+    server.await_that("an offset in force", |_| {
+        let offset = |row: &(String, [i64; 3])| row.0 == "Obtain" && row.1 != [0; 3];
+        rows(&folder)[before..].iter().any(offset)
+    });
+    server.interrupt();
+    let line = third.end().failure(6);
+    assert!(line.contains("stopped"), "{line}");
+    let said = server.end().success();
+    assert!(said.contains("all offsets are zero; ended"), "{said}");
+
+    let rows = rows(&folder);
+    let recorded = format!("recorded {} rows to serve.csv, ", rows.len());
+    assert!(
+        said.contains(&recorded) && said.contains(" dropped"),
+        "{said}"
+    );
+    if said.contains(", 0 dropped") {
+        assert_no_jump(&rows);
+    }
+    assert_eq!(rows.last().unwrap().1, [0; 3]);
+    assert!(
+        rows.iter()
+            .any(|(state, offsets)| state == "Fault" && *offsets != [0; 3])
+    );
+}
+
+#[test]
+fn a_client_whose_server_is_killed_says_so() {
+    let folder = Folder::new("killed");
+    let (mut server, addresses) = serve(&folder, &[]);
+    let owner = client(&folder, "owner", &addresses);
+    await_obtain(&mut server, 1);
+    server.kill();
+    let line = owner.end().failure(7);
+    assert!(line.contains("the server vanished"), "{line}");
+}
+
+#[test]
+fn a_server_whose_client_is_killed_ramps_and_takes_the_next() {
+    let folder = Folder::new("orphaned");
+    let (mut server, addresses) = serve(&folder, &[]);
+    let owner = client(&folder, "owner", &addresses);
+    await_obtain(&mut server, 1);
+    owner.kill();
+    server.await_words("SafeDisconnect -> Listening");
+    let next = client(&folder, "next", &addresses);
+    await_obtain(&mut server, 2);
+    next.interrupt();
+    next.end().success();
+    server.interrupt();
+    server.end().success();
+}
+
+#[test]
+fn a_server_without_clients_ends_at_once_and_loses_no_row() {
+    let folder = Folder::new("alone");
+    let (server, _) = serve(&folder, &["--record", "serve.csv"]);
+    server.interrupt();
+    let said = server.end().success();
+    let recorded = format!("recorded {} rows to serve.csv", rows(&folder).len());
+    assert!(said.contains(&recorded), "{said}");
+}
+
+#[test]
+fn a_reader_that_leaves_early_makes_no_panic() {
+    let folder = Folder::new("broken-pipe");
+    // The shell's `head` closes the pipe after the first line.
+    let script = format!(
+        "'{}' demo --pace lockstep --step-seconds 0.2 --force-max 60 --report r.html 2>err | head -n 1",
+        env!("CARGO_BIN_EXE_gantry-tau")
+    );
+    let done = std::process::Command::new("sh")
+        .args(["-c", &script])
+        .current_dir(folder.path("."))
+        .output()
+        .unwrap();
+    assert!(done.status.success());
+    let err = folder.read("err");
+    assert!(!err.contains("panicked"), "{err}");
+    assert!(
+        folder.path("r.html").exists(),
+        "the demo did not go on: {err}"
+    );
+}

@@ -1,0 +1,35 @@
+//! `solve` through its pipes.
+
+use std::fs::File;
+use std::process::Stdio;
+
+use serde_json::{Value, json};
+
+use crate::process::Folder;
+
+#[test]
+fn good_and_bad_lines_are_answered_in_order() {
+    let folder = Folder::new("solve");
+    let robot = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/l2.toml");
+    let good = json!({"id": 1, "robot": robot, "op": "ik", "T": [0.0, 0.5, 0.65]});
+    let far = json!({"id": "b", "robot": robot, "op": "ik", "T": [0.0, 9.0, 0.65]});
+    folder.write("in", &format!("{good}\nnonsense\n{far}\n\n{good}"));
+    let input = Stdio::from(File::open(folder.path("in")).unwrap());
+    let said = folder
+        .start_with("solve", &["solve"], input)
+        .end()
+        .success();
+    let answers: Vec<Value> = said
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(answers.len(), 5, "{said}");
+    let q = answers[0]["ok"]["q"][0].as_f64().unwrap();
+    assert!((q - 0.6245).abs() < 1e-4, "{q}");
+    assert_eq!(answers[1]["error"]["kind"], "bad_request");
+    assert_eq!(answers[2]["id"], "b");
+    assert_eq!(answers[2]["error"]["kind"], "unreachable");
+    assert_eq!(answers[3]["error"]["kind"], "bad_request");
+    assert_eq!(answers[4], answers[0]);
+    assert_eq!(folder.run(&["solve"]).success(), "");
+}

@@ -1,0 +1,281 @@
+//! The server's cycle, stepped by hand, listening on a real loopback socket.
+//!
+//! Every step of every test asserts what DESIGN 4 promises for any traffic: see [`Bench::step_with`].
+
+use std::io::ErrorKind;
+use std::net::{Ipv4Addr, SocketAddr};
+
+use gantry_tau::epoch::Epochs;
+use gantry_tau::server::ServerError;
+use gantry_tau::server::cycle::{Cycle, Demands, Row};
+use gantry_tau_core::axis::Offsets;
+use gantry_tau_core::channel::Limits;
+use gantry_tau_core::endpoint::MotorMap;
+use gantry_tau_core::message::{AxisLimits, Capabilities, Phase};
+use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
+use gantry_tau_core::units::PositionNm;
+
+use crate::plant::Bus;
+use crate::wait_for;
+
+/// `rho` of the position channels, nm per tick `[T 5.1.1]`.
+pub const RAMP_NM: i32 = 100;
+/// `S` of the position channels, nm per tick.
+pub const STEP_NM: i32 = 5_000;
+/// `M` of the position channels, nm.
+pub const MAX_NM: i32 = 2_000_000;
+/// Largest step of the nominal, nm per tick.
+pub const NOMINAL_STEP_NM: u32 = 100_000;
+/// Any free loopback port.
+pub const LOOPBACK: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
+
+/// The thesis profile: no echo window, no budget, 0.1 µm per tick.
+#[must_use]
+pub fn parameters<const N: usize>() -> Parameters<N> {
+    let travel = |reach: i64| Travel {
+        lower: PositionNm(-reach),
+        upper: PositionNm(reach),
+    };
+    let axis = AxisConfig {
+        limits: AxisLimits {
+            position: Limits::new(MAX_NM, STEP_NM, 10_000, RAMP_NM).unwrap(),
+            velocity: Limits::new(5_000, 200, 400, 50).unwrap(),
+            torque: Limits::new(50, 5, 10, 1).unwrap(),
+        },
+        nominal_travel: travel(1_000_000_000),
+        machine_travel: travel(1_010_000_000),
+        nominal_step_nm: NOMINAL_STEP_NM,
+    };
+    Parameters {
+        cycle_us: 1_000,
+        echo_window: 0,
+        handshake_ticks: 1_000,
+        budget: None,
+        capabilities: Capabilities::NONE,
+        kinematics_checksum: 0x1234_5678,
+        axes: [axis; N],
+    }
+}
+
+/// A server of `N` axes with one motor each.
+pub struct Bench<const N: usize> {
+    /// The machine.
+    pub bus: Bus<N>,
+    cycle: Cycle<N, N, Bus<N>>,
+    limits: AxisLimits,
+    offsets: [Offsets; N],
+    changes: [[i64; 3]; N],
+}
+
+impl<const N: usize> Default for Bench<N> {
+    fn default() -> Self {
+        Self::start(parameters(), Bus::default(), Epochs::volatile()).unwrap()
+    }
+}
+
+impl<const N: usize> Bench<N> {
+    /// Starts a server on `bus` and a free port.
+    ///
+    /// # Errors
+    /// Whatever [`Cycle::new`] says.
+    pub fn start(
+        parameters: Parameters<N>,
+        bus: Bus<N>,
+        epochs: Epochs,
+    ) -> Result<Self, ServerError> {
+        let motors = MotorMap::new(std::array::from_fn(|motor| motor), N).unwrap();
+        let config = Config::new(parameters).unwrap();
+        let cycle = Cycle::new(config, motors, bus.clone(), epochs, LOOPBACK)?;
+        Ok(Self {
+            offsets: bus.in_force(),
+            changes: [[0; 3]; N],
+            bus,
+            cycle,
+            limits: parameters.axes[0].limits,
+        })
+    }
+
+    /// Where clients connect.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.cycle.address().unwrap()
+    }
+
+    /// The phase.
+    #[must_use]
+    pub fn phase(&self) -> Phase {
+        self.cycle.phase()
+    }
+
+    /// Consecutive misses so far.
+    #[must_use]
+    pub const fn misses(&self) -> u8 {
+        self.cycle.endpoint().session().parts().discrete.misses
+    }
+
+    /// Sequence of the last accepted command.
+    #[must_use]
+    pub const fn accepted(&self) -> u64 {
+        self.cycle.endpoint().session().parts().discrete.accepted.0
+    }
+
+    /// Frames of strangers counted in this session.
+    #[must_use]
+    pub const fn strangers(&self) -> u32 {
+        self.cycle.endpoint().session().parts().counters.strangers
+    }
+
+    /// Takes in what has arrived; returns the owner's frames that the coming tick has.
+    pub fn receive(&mut self) -> u8 {
+        self.cycle.receive()
+    }
+
+    /// Waits until `count` bytes of the owner lie unread at the server's end.
+    pub fn await_bytes(&mut self, count: usize) {
+        let mut buffer = vec![0; count];
+        wait_for("the owner's bytes", || {
+            let stream = self.cycle.owner_stream().expect("the owner has no stream");
+            match stream.peek(&mut buffer) {
+                Ok(seen) => seen >= count,
+                Err(error) => {
+                    assert_eq!(error.kind(), ErrorKind::WouldBlock, "{error}");
+                    false
+                }
+            }
+        });
+    }
+
+    /// Whether the server still has the owner's connection.
+    #[must_use]
+    pub fn has_owner(&mut self) -> bool {
+        self.cycle.owner_stream().is_some()
+    }
+
+    /// Takes in what arrives until the owner's connection is known to be gone.
+    pub fn await_loss_of_owner(&mut self) {
+        wait_for("the loss of the owner's connection", || {
+            self.receive();
+            self.cycle.owner_stream().is_none()
+        });
+    }
+
+    /// One tick, on time.
+    pub fn step(&mut self) -> Row<N> {
+        self.step_with(1, Demands::default())
+    }
+
+    /// One tick with the stop at the machine asserted.
+    pub fn step_stopped(&mut self) -> Row<N> {
+        let stop = true;
+        self.step_with(
+            1,
+            Demands {
+                stop,
+                ..Demands::default()
+            },
+        )
+    }
+
+    /// One tick in which somebody at the machine re-arms.
+    pub fn step_rearmed(&mut self) -> Row<N> {
+        let rearm = true;
+        self.step_with(
+            1,
+            Demands {
+                rearm,
+                ..Demands::default()
+            },
+        )
+    }
+
+    /// One tick. Asserts, by what the machine was written: the State says what the drives got; every channel's change is
+    /// within S and its change within A; a ramping server moves by exactly rho towards zero; an idle one has all offsets
+    /// at zero; nobody is let in before they are.
+    pub fn step_with(&mut self, elapsed: u32, demands: Demands) -> Row<N> {
+        let writes = self.bus.writes();
+        let row = self.cycle.step(elapsed, demands);
+        let told = row.state.axes.map(|axis| axis.offsets);
+        if self.bus.record().write_fails {
+            assert!(row.plant_failed && self.bus.writes() == writes);
+        } else {
+            assert_eq!(self.bus.writes(), writes + 1, "one write per tick");
+            assert_eq!(self.bus.last_written(), row.references);
+            assert_eq!(self.bus.in_force(), told, "the State is not what was done");
+        }
+        let at_zero = |offsets: &[Offsets; N]| *offsets == [Offsets::default(); N];
+        if row.welcomed {
+            assert!(at_zero(&self.offsets), "let in during a ramp");
+        }
+        let phase = row.state.phase;
+        if matches!(phase, Phase::Listening | Phase::Handshake | Phase::Submit) {
+            assert!(at_zero(&told), "offsets in {phase:?}");
+        }
+        for (axis, offsets) in told.iter().enumerate() {
+            self.check_axis(axis, offsets, phase);
+        }
+        row
+    }
+
+    fn check_axis(&mut self, axis: usize, now: &Offsets, phase: Phase) {
+        let before = channels(&self.offsets[axis]);
+        let limits = [
+            self.limits.position,
+            self.limits.velocity,
+            self.limits.torque,
+        ];
+        for (channel, (now, limits)) in channels(now).into_iter().zip(limits).enumerate() {
+            let (old, last) = (before[channel], self.changes[axis][channel]);
+            let change = now - old;
+            assert!(now.abs() <= i64::from(limits.max()));
+            assert!(change.abs() <= i64::from(limits.step()), "{old} to {now}");
+            assert!((change - last).abs() <= i64::from(limits.accel()));
+            if matches!(phase, Phase::SafeDisconnect | Phase::Fault) {
+                let ramp = i64::from(limits.ramp()).min(old.abs());
+                assert_eq!(change, -old.signum() * ramp, "{phase:?}: {old} to {now}");
+            }
+            self.changes[axis][channel] = change;
+        }
+        self.offsets[axis] = *now;
+    }
+
+    /// The coming ticks, without a word from anybody: positions ramp from `from` to zero in `phase`, to the nanometre.
+    pub fn assert_ramp(&mut self, from: [i32; N], phase: Phase) -> Vec<Row<N>> {
+        let ticks = from.map(|nm| nm.unsigned_abs().div_ceil(100));
+        let ticks = ticks.into_iter().max().unwrap();
+        (1..=ticks)
+            .map(|tick| {
+                self.receive();
+                let row = self.step();
+                assert_eq!(self.bus.positions(), from.map(|nm| ramped(nm, tick)));
+                assert_eq!(row.state.phase, phase);
+                assert_eq!(row.state.ramp_ticks_left, ticks - tick);
+                row
+            })
+            .collect()
+    }
+
+    /// The coming ramp in SafeDisconnect, because of which `cause`; then the server listens again.
+    pub fn assert_disconnect(&mut self, from: [i32; N], cause: gantry_tau_core::message::Cause) {
+        let rows = self.assert_ramp(from, Phase::SafeDisconnect);
+        assert_eq!(rows[0].ended, Some(cause));
+        assert!(
+            rows.iter()
+                .all(|row| row.state.cause == cause && !row.welcomed)
+        );
+        assert_eq!(self.step().state.phase, Phase::Listening);
+    }
+}
+
+/// `offset` after `tick` steps of the ramp.
+fn ramped(offset: i32, tick: u32) -> i32 {
+    let way = i32::try_from(tick).unwrap() * RAMP_NM;
+    offset.signum() * (offset.abs() - way).max(0)
+}
+
+fn channels(offsets: &Offsets) -> [i64; 3] {
+    [
+        offsets.position.0.into(),
+        offsets.velocity.0.into(),
+        offsets.torque.0.into(),
+    ]
+}

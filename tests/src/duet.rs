@@ -1,0 +1,146 @@
+//! A server and the owner of its session, tick by tick. What the owner reads is always compared with what was done.
+
+use gantry_tau::server::cycle::Row;
+use gantry_tau_core::axis::Offsets;
+use gantry_tau_core::message::{Cause, ClientMessage, Mode, Phase};
+use gantry_tau_core::units::OffsetNm;
+use gantry_tau_core::wire::encode_client;
+
+use crate::bench::{Bench, STEP_NM};
+use crate::client::Client;
+use crate::wait_for;
+
+/// A session in progress.
+pub struct Duet<const N: usize> {
+    /// The server and the machine.
+    pub bench: Bench<N>,
+    /// The session's owner.
+    pub client: Client<N>,
+}
+
+impl<const N: usize> Duet<N> {
+    /// `client` says Hello, and is let in; everybody else keeps silent.
+    #[must_use]
+    pub fn greeted(mut bench: Bench<N>, mut client: Client<N>) -> Self {
+        client.say_hello();
+        let mut granted = None;
+        wait_for("the Welcome", || {
+            bench.receive();
+            let row = bench.step();
+            granted = row.welcomed.then_some(row);
+            row.welcomed
+        });
+        let row = granted.unwrap();
+        let welcome = client.welcome();
+        assert_eq!(welcome.epoch, row.state.epoch);
+        assert_eq!(client.state(), row.state);
+        assert_eq!(row.state.phase, Phase::Handshake);
+        Self { bench, client }
+    }
+
+    /// A new client on a running server, in Submit.
+    #[must_use]
+    pub fn submitted_on(bench: Bench<N>) -> Self {
+        let client = Client::connect(bench.address());
+        let mut duet = Self::greeted(bench, client);
+        let row = duet.answer(Mode::Submit, [0; N]);
+        assert_eq!(row.state.phase, Phase::Submit);
+        duet
+    }
+
+    /// A new server and a client, in Obtain, the offsets at `positions`.
+    #[must_use]
+    pub fn obtained(positions: [i32; N]) -> Self {
+        Self::submitted_on(Bench::default()).obtain(positions)
+    }
+
+    /// To Obtain, and on until the offsets are at `positions`.
+    #[must_use]
+    pub fn obtain(mut self, positions: [i32; N]) -> Self {
+        let farthest = positions.map(i32::abs).into_iter().max().unwrap();
+        for _ in 0..=farthest / STEP_NM {
+            let row = self.answer(Mode::Obtain, positions);
+            assert_eq!(row.state.phase, Phase::Obtain);
+        }
+        assert_eq!(self.bench.bus.positions(), positions);
+        self
+    }
+
+    /// The owner's bytes reach the server and are taken in; returns how many of its frames the coming tick has.
+    pub fn deliver(&mut self, bytes: &[u8]) -> u8 {
+        self.client.send_bytes(bytes);
+        self.bench.await_bytes(bytes.len());
+        self.bench.receive()
+    }
+
+    /// The owner says something, and it arrives.
+    pub fn say(&mut self, message: &ClientMessage<N>) -> u8 {
+        self.deliver(&encode_client(message))
+    }
+
+    /// One tick; the owner reads its State.
+    pub fn tick(&mut self) -> Row<N> {
+        let row = self.bench.step();
+        assert_eq!(self.client.state(), row.state);
+        row
+    }
+
+    /// The owner answers the last State; one tick.
+    pub fn answer(&mut self, mode: Mode, positions: [i32; N]) -> Row<N> {
+        let frame = self.client.frame(mode, positions);
+        assert_eq!(self.deliver(&frame), 1);
+        self.tick()
+    }
+
+    /// The owner answers behind `frames` others of this tick; one tick.
+    pub fn answer_after(&mut self, frames: u8, positions: [i32; N]) -> Row<N> {
+        let frame = self.client.frame(Mode::Obtain, positions);
+        assert_eq!(self.deliver(&frame), frames + 1);
+        let row = self.tick();
+        assert_eq!(row.state.phase, Phase::Obtain);
+        assert_eq!(self.bench.bus.positions(), positions);
+        row
+    }
+
+    /// The owner asks for the same offsets on every axis; one tick.
+    pub fn answer_all(&mut self, mode: Mode, target: Offsets) -> Row<N> {
+        let mut command = self.client.command(mode, [0; N]);
+        command.targets = [target; N];
+        assert_eq!(self.say(&ClientMessage::Command(command)), 1);
+        self.tick()
+    }
+
+    /// The coming ramp, of which the owner is told tick by tick; then its connection is closed and the server listens.
+    #[must_use]
+    pub fn assert_disconnect(mut self, from: [i32; N], cause: Cause) -> Bench<N> {
+        let rows = self.bench.assert_ramp(from, Phase::SafeDisconnect);
+        assert_eq!(rows[0].ended, Some(cause));
+        for row in rows {
+            assert_eq!(row.state.cause, cause);
+            assert_eq!(self.client.state(), row.state);
+        }
+        assert_eq!(self.bench.step().state.phase, Phase::Listening);
+        self.client.assert_closed();
+        self.bench
+    }
+
+    /// The miss that is forgiven: positions stay where they are.
+    pub fn assert_held(&mut self) -> Row<N> {
+        let before = self.bench.bus.positions();
+        let row = self.tick();
+        assert_eq!(row.state.phase, Phase::Obtain);
+        assert_eq!(row.ended, None);
+        assert_eq!(self.bench.bus.positions(), before);
+        row
+    }
+}
+
+/// Offsets of one axis.
+#[must_use]
+pub const fn offsets(position: i32, velocity: i32, torque: i16) -> Offsets {
+    Offsets {
+        position: OffsetNm(position),
+        velocity: gantry_tau_core::units::VelocityUmS(velocity),
+        torque: gantry_tau_core::units::TorquePermille(torque),
+    }
+}

@@ -1,0 +1,127 @@
+//! A machine that moves where it is told and records every reference, tick by tick.
+
+use std::sync::{Arc, Mutex, MutexGuard};
+
+use gantry_tau::plant::{Plant, PlantError, Reading};
+use gantry_tau_core::axis::{Actual, Offsets, Reference};
+use gantry_tau_core::units::{OffsetNm, PositionNm};
+
+/// What the machine is, and what it has been told.
+#[derive(Debug)]
+pub struct Record<const N: usize> {
+    /// Nominal references of the coming cycles.
+    pub nominal: [PositionNm; N],
+    /// Offsets in force: what the last `write` left, or what a test puts there.
+    pub in_force: [Offsets; N],
+    /// Every `write`.
+    pub written: Vec<[Reference; N]>,
+    /// The offsets in force cannot be read.
+    pub offsets_fail: bool,
+    /// `read` fails.
+    pub read_fails: bool,
+    /// `write` fails.
+    pub write_fails: bool,
+}
+
+/// A bus with the machine on it; a test keeps one end, the server has the other. It outlives the server, as drives do.
+#[derive(Clone, Debug)]
+pub struct Bus<const N: usize>(Arc<Mutex<Record<N>>>);
+
+impl<const N: usize> Default for Bus<N> {
+    fn default() -> Self {
+        Self(Arc::new(Mutex::new(Record {
+            nominal: std::array::from_fn(|axis| {
+                PositionNm(500_000_000 * (1 - 2 * i64::try_from(axis % 2).unwrap_or(0)))
+            }),
+            in_force: [Offsets::default(); N],
+            written: Vec::new(),
+            offsets_fail: false,
+            read_fails: false,
+            write_fails: false,
+        })))
+    }
+}
+
+impl<const N: usize> Bus<N> {
+    /// The record, to look at and to change.
+    pub fn record(&self) -> MutexGuard<'_, Record<N>> {
+        self.0.lock().unwrap()
+    }
+
+    /// Offsets in force.
+    #[must_use]
+    pub fn in_force(&self) -> [Offsets; N] {
+        self.record().in_force
+    }
+
+    /// Position offsets in force, nm.
+    #[must_use]
+    pub fn positions(&self) -> [i32; N] {
+        self.in_force().map(|offsets| offsets.position.0)
+    }
+
+    /// How many references have been written.
+    #[must_use]
+    pub fn writes(&self) -> usize {
+        self.record().written.len()
+    }
+
+    /// The last references written.
+    #[must_use]
+    pub fn last_written(&self) -> [Reference; N] {
+        *self.record().written.last().expect("nothing was written")
+    }
+}
+
+impl<const N: usize> Plant<N, N> for Bus<N> {
+    fn offsets_in_force(&mut self) -> Result<[Offsets; N], PlantError> {
+        let record = self.record();
+        if record.offsets_fail {
+            return Err(failed("read back the offsets in force"));
+        }
+        Ok(record.in_force)
+    }
+
+    fn read(&mut self, _elapsed: u64) -> Result<Reading<N>, PlantError> {
+        let record = self.record();
+        if record.read_fails {
+            return Err(failed("be read"));
+        }
+        let actual = record.nominal.map(|position| Actual {
+            position,
+            ..Actual::default()
+        });
+        Ok(Reading {
+            nominal: record.nominal,
+            actual,
+            tool: None,
+        })
+    }
+
+    fn write(&mut self, references: &[Reference; N]) -> Result<(), PlantError> {
+        let mut record = self.record();
+        if record.write_fails {
+            return Err(failed("be written"));
+        }
+        record.in_force = std::array::from_fn(|axis| offsets(&references[axis], &record, axis));
+        record.written.push(*references);
+        Ok(())
+    }
+}
+
+/// What a reference adds to the nominal.
+fn offsets<const N: usize>(reference: &Reference, record: &Record<N>, axis: usize) -> Offsets {
+    let position = reference.position.0 - record.nominal[axis].0;
+    Offsets {
+        position: OffsetNm(position.try_into().unwrap()),
+        velocity: reference.velocity_offset,
+        torque: reference.torque_offset,
+    }
+}
+
+const fn failed(operation: &'static str) -> PlantError {
+    PlantError {
+        operation,
+        reason: "the test says so",
+    }
+}

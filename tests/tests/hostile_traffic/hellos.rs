@@ -1,0 +1,153 @@
+//! From connecting to the first command: who is let in, and what the others are told.
+
+use gantry_tau::epoch::Epochs;
+use gantry_tau_core::message::{Capabilities, Cause, ClientMessage, Hello, Mode, Phase, Refusal};
+use gantry_tau_core::wire::encode_client;
+use gantry_tau_tests::bench::{Bench, parameters};
+use gantry_tau_tests::client::{Client, enclose, hello};
+use gantry_tau_tests::duet::Duet;
+use gantry_tau_tests::plant::Bus;
+use gantry_tau_tests::wait_for;
+
+/// Steps until the client has been told something, which must not be a Welcome.
+fn refusal(bench: &mut Bench<3>, bytes: &[u8]) -> Refusal {
+    let mut client = Client::<3>::connect(bench.address());
+    client.send_bytes(bytes);
+    wait_for("an answer", || {
+        bench.receive();
+        let row = bench.step();
+        assert!(!row.welcomed);
+        assert_eq!(row.state.phase, Phase::Listening);
+        !client.is_quiet()
+    });
+    client.refusal()
+}
+
+fn hello_with(axes: u8, capabilities: u16) -> Vec<u8> {
+    let capabilities = Capabilities(capabilities);
+    let hello = Hello { axes, capabilities };
+    encode_client(&ClientMessage::<3>::Hello(hello)).to_vec()
+}
+
+#[test]
+fn a_hello_is_refused_with_its_reason() {
+    let mut parameters = parameters();
+    parameters.capabilities = Capabilities::LOCKSTEP;
+    let mut bench = Bench::start(parameters, Bus::default(), Epochs::volatile()).unwrap();
+    for axes in [0, 2, 4, 6, 255] {
+        let said = refusal(&mut bench, &hello_with(axes, 1));
+        assert_eq!(said, Refusal::Axes { expected: 3 });
+    }
+    for capabilities in [0, 2] {
+        let needed = Capabilities::LOCKSTEP;
+        let said = refusal(&mut bench, &hello_with(3, capabilities));
+        assert_eq!(said, Refusal::Capability { needed });
+    }
+    for version in [0, 2, 255] {
+        let said = refusal(&mut bench, &enclose(version, 1, &[3, 0, 1, 0]));
+        assert_eq!(said, Refusal::Version { supported: 1 });
+    }
+    let mut client = Client::<3>::connect(bench.address());
+    client.send_bytes(&hello_with(3, 0xffff));
+    wait_for("the Welcome", || {
+        bench.receive();
+        bench.step().welcomed
+    });
+    client.welcome();
+}
+
+#[test]
+fn a_server_without_an_epoch_to_give_says_so() {
+    let folder = std::env::temp_dir().join(format!("gantry-tau-epochs-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let file = folder.join("epoch");
+    std::fs::write(&file, "7").unwrap();
+    let mut epochs = Epochs::reserve(&file).unwrap();
+    // The reserve is used up.
+    epochs.taken(gantry_tau_core::units::Epoch(7 + (1 << 20)));
+    let mut bench = Bench::start(parameters(), Bus::default(), epochs).unwrap();
+    let said = refusal(&mut bench, &hello_with(3, 0));
+    assert_eq!(said, Refusal::Unavailable);
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn the_welcome_says_the_terms() {
+    let mut bench = Bench::<3>::default();
+    let mut client = Client::<3>::connect(bench.address());
+    client.say_hello();
+    wait_for("the Welcome", || {
+        bench.receive();
+        bench.step().welcomed
+    });
+    let welcome = client.welcome();
+    let terms = parameters::<3>();
+    assert_eq!((welcome.cycle_us, welcome.echo_window), (1_000, 0));
+    assert_eq!(welcome.kinematics_checksum, terms.kinematics_checksum);
+    assert_eq!(welcome.limits, terms.axes.map(|axis| axis.limits));
+    assert_eq!(welcome.tick, client.state().tick);
+}
+
+#[test]
+fn obtain_straight_from_the_handshake_costs_the_frame() {
+    let bench = Bench::default();
+    let client = Client::connect(bench.address());
+    let mut duet = Duet::greeted(bench, client);
+    for count in 1..=3 {
+        let row = duet.answer(Mode::Obtain, [5_000; 3]);
+        assert_eq!(row.state.phase, Phase::Handshake);
+        assert_eq!(row.state.counters.malformed, count);
+        assert_eq!(duet.bench.bus.positions(), [0; 3]);
+    }
+    assert_eq!(duet.answer(Mode::Submit, [0; 3]).state.phase, Phase::Submit);
+    duet.answer(Mode::Obtain, [5_000; 3]);
+    assert_eq!(duet.bench.bus.positions(), [5_000; 3]);
+}
+
+#[test]
+fn a_silent_handshake_ends_after_its_thousand_ticks() {
+    let bench = Bench::default();
+    let client = Client::connect(bench.address());
+    let mut duet: Duet<3> = Duet::greeted(bench, client);
+    for _ in 1..1_000 {
+        assert_eq!(duet.tick().state.phase, Phase::Handshake);
+    }
+    let row = duet.tick();
+    assert_eq!(row.ended, Some(Cause::HandshakeTimeout));
+    assert_eq!(duet.bench.step().state.phase, Phase::Listening);
+    duet.client.assert_closed();
+}
+
+#[test]
+fn an_impatient_hello_does_not_keep_the_server_from_others() {
+    // A Hello, and more before the Welcome: let in and closed in one tick. The session must go with the connection.
+    let mut bench = Bench::<3>::default();
+    let mut client = Client::<3>::connect(bench.address());
+    let both = encode_client(&hello::<3>()).repeat(2);
+    client.send_bytes(&both);
+    wait_for("the Welcome", || {
+        bench.receive();
+        bench.step().welcomed
+    });
+    assert_soon_listening(&mut bench);
+    assert_eq!(Duet::submitted_on(bench).bench.phase(), Phase::Submit);
+}
+
+#[test]
+fn a_second_hello_in_the_handshake_does_not_keep_the_server_from_others() {
+    let bench = Bench::default();
+    let client = Client::connect(bench.address());
+    let mut duet: Duet<3> = Duet::greeted(bench, client);
+    duet.say(&hello());
+    assert_eq!(duet.bench.step().refused, 1);
+    assert_eq!(duet.client.refusal_among_states(), Refusal::Busy);
+    assert_soon_listening(&mut duet.bench);
+}
+
+/// The owner is gone: one tick to see it, one to listen.
+fn assert_soon_listening(bench: &mut Bench<3>) {
+    bench.receive();
+    let row = bench.step();
+    assert_eq!(row.ended, Some(Cause::Closed));
+    assert_eq!(bench.step().state.phase, Phase::Listening);
+}

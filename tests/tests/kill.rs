@@ -1,0 +1,267 @@
+//! Killing client or server at any moment leaves nothing half-done.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
+
+use std::path::PathBuf;
+
+use gantry_tau::epoch::Epochs;
+use gantry_tau::server::ServerError;
+use gantry_tau_core::axis::Offsets;
+use gantry_tau_core::message::{Cause, ClientMessage, Mode, Phase, Refusal};
+use gantry_tau_tests::bench::{Bench, MAX_NM, parameters};
+use gantry_tau_tests::client::Client;
+use gantry_tau_tests::duet::{Duet, offsets};
+use gantry_tau_tests::plant::Bus;
+use gantry_tau_tests::wait_for;
+
+/// Ticks of the scripted session: Submit, Obtain with all three channels moving, back to Submit, Obtain again, Goodbye.
+const SCRIPT: u32 = 60;
+
+/// Tick `tick` of the script.
+fn act(duet: &mut Duet<3>, tick: u32) {
+    let step = i32::try_from(tick).unwrap();
+    let velocity = 40 * step;
+    let torque = i16::try_from(-step / 2).unwrap();
+    let target = offsets(777 * step, velocity, torque);
+    match tick {
+        0..5 => duet.answer_all(Mode::Submit, target),
+        25 => duet.tick(),
+        30..45 => duet.answer_all(Mode::Submit, target),
+        5..55 => duet.answer_all(Mode::Obtain, target),
+        55 => {
+            duet.say(&ClientMessage::Goodbye(duet.client.epoch));
+            duet.tick()
+        }
+        _ => duet.tick(),
+    };
+}
+
+/// The script until tick `killed`.
+fn play(bench: Bench<3>, killed: u32) -> Duet<3> {
+    let client = Client::connect(bench.address());
+    let mut duet = Duet::greeted(bench, client);
+    for tick in 0..killed {
+        act(&mut duet, tick);
+    }
+    duet
+}
+
+/// An epoch file of this test's own, gone with it.
+struct EpochFile(PathBuf);
+
+impl EpochFile {
+    fn new(name: &str) -> Self {
+        let name = format!("gantry-tau-{name}-{}", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        let _ = std::fs::remove_file(&path);
+        Self(path)
+    }
+
+    fn reserve(&self) -> Epochs {
+        Epochs::reserve(&self.0).unwrap()
+    }
+}
+
+impl Drop for EpochFile {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+/// Ticks of ramp that offsets need.
+fn ramp_ticks(in_force: &[Offsets; 3]) -> u32 {
+    let one = |offsets: &Offsets| {
+        let position = offsets.position.0.unsigned_abs().div_ceil(100);
+        let velocity = offsets.velocity.0.unsigned_abs().div_ceil(50);
+        position
+            .max(velocity)
+            .max(offsets.torque.0.unsigned_abs().into())
+    };
+    in_force.iter().map(one).max().unwrap()
+}
+
+/// The server ramps what is in force in exactly the ticks it takes (the bench watches each step), lets nobody in, then listens.
+fn assert_ramps_down(bench: &mut Bench<3>) {
+    let ticks = ramp_ticks(&bench.bus.in_force());
+    for tick in 1..=ticks {
+        bench.receive();
+        let row = bench.step();
+        assert_eq!(row.state.phase, Phase::SafeDisconnect);
+        assert_eq!(row.state.ramp_ticks_left, ticks - tick);
+        assert!(!row.welcomed);
+    }
+    assert_eq!(bench.bus.in_force(), [Offsets::default(); 3]);
+}
+
+#[test]
+fn a_client_killed_at_any_tick_leaves_a_server_for_the_next() {
+    let mut bench = Bench::default();
+    for killed in 0..=SCRIPT {
+        let Duet {
+            bench: mut running,
+            client,
+        } = play(bench, killed);
+        let ramping = running.phase() == Phase::SafeDisconnect;
+        if killed % 2 == 0 {
+            client.reset();
+        } else {
+            drop(client);
+        }
+        running.await_loss_of_owner();
+        if ramp_ticks(&running.bus.in_force()) == 0 {
+            // No offset was in force: there is nothing to ramp, and a tick to say so.
+            let row = running.step();
+            assert_eq!(row.ended, (!ramping).then_some(Cause::Closed));
+        } else {
+            assert_ramps_down(&mut running);
+        }
+        running.step();
+        assert_eq!(running.phase(), Phase::Listening, "killed at {killed}");
+        bench = running;
+    }
+    assert_eq!(Duet::submitted_on(bench).bench.phase(), Phase::Submit);
+}
+
+#[test]
+fn a_client_killed_within_a_frame_leaves_a_server_for_the_next() {
+    let mut bench = Bench::default();
+    for cut in 1..68 {
+        let mut duet = Duet::submitted_on(bench).obtain([250, -50, 0]);
+        let frame = duet.client.frame(Mode::Obtain, [5_000; 3]);
+        duet.client.send_bytes(&frame[..cut]);
+        drop(duet.client);
+        duet.bench.await_loss_of_owner();
+        duet.bench.assert_disconnect([250, -50, 0], Cause::Closed);
+        bench = duet.bench;
+    }
+}
+
+#[test]
+fn a_server_killed_at_any_tick_is_followed_without_a_step() {
+    let file = EpochFile::new("killed");
+    let bus = Bus::default();
+    let mut last_epoch = None;
+    for killed in 0..=SCRIPT {
+        let first = Bench::start(parameters(), bus.clone(), file.reserve()).unwrap();
+        let dead = play(first, killed);
+        let epoch = dead.client.epoch;
+        assert!(last_epoch.replace(epoch) < Some(epoch), "an epoch revived");
+        let in_force = bus.in_force();
+        // No ramp, no goodbye: the drives keep what they were told last.
+        drop(dead);
+        let mut second = Bench::start(parameters(), bus.clone(), file.reserve()).unwrap();
+        if in_force == [Offsets::default(); 3] {
+            assert_eq!(second.phase(), Phase::Listening);
+            continue;
+        }
+        assert_eq!(second.phase(), Phase::SafeDisconnect, "killed at {killed}");
+        let row = second.step();
+        assert_eq!(row.state.cause, Cause::Restart);
+        assert_eq!(row.state.epoch.0 % (1 << 20), 0, "no session is claimed");
+        assert_ramps_down(&mut second);
+        assert_eq!(second.step().state.phase, Phase::Listening);
+    }
+}
+
+#[test]
+fn a_restarted_server_refuses_everybody_until_zero() {
+    let bus = Bus::default();
+    let from = [12_345, -7_050, 30];
+    bus.record().in_force = from.map(|nm| offsets(nm, 0, 0));
+    let mut bench = Bench::start(parameters(), bus, Epochs::volatile()).unwrap();
+    let mut newcomer = Client::<3>::connect(bench.address());
+    newcomer.say_hello();
+    wait_for("the refusal", || {
+        bench.receive();
+        let row = bench.step();
+        assert_eq!(row.state.phase, Phase::SafeDisconnect);
+        row.refused > 0
+    });
+    assert!(matches!(newcomer.refusal(), Refusal::Ramping { .. }));
+    let ticks = ramp_ticks(&bench.bus.in_force());
+    for _ in 0..ticks {
+        assert_eq!(bench.step().state.phase, Phase::SafeDisconnect);
+    }
+    assert_eq!(bench.bus.positions(), [0; 3]);
+    assert_eq!(bench.step().state.phase, Phase::Listening);
+    let duet = Duet::submitted_on(bench);
+    assert_eq!(duet.bench.phase(), Phase::Submit);
+}
+
+#[test]
+fn a_restarted_server_ramps_every_channel_from_what_it_found() {
+    let bus = Bus::<2>::default();
+    bus.record().in_force = [offsets(950, -120, 3), offsets(-MAX_NM, 0, 0)];
+    let mut bench = Bench::start(parameters(), bus, Epochs::volatile()).unwrap();
+    for expected in [
+        [offsets(850, -70, 2), offsets(100 - MAX_NM, 0, 0)],
+        [offsets(750, -20, 1), offsets(200 - MAX_NM, 0, 0)],
+        [offsets(650, 0, 0), offsets(300 - MAX_NM, 0, 0)],
+    ] {
+        bench.step();
+        assert_eq!(bench.bus.in_force(), expected);
+    }
+    for _ in 0..19_997 {
+        assert_eq!(bench.step().state.phase, Phase::SafeDisconnect);
+    }
+    assert_eq!(bench.bus.positions(), [0; 2]);
+    assert_eq!(bench.step().state.phase, Phase::Listening);
+}
+
+#[test]
+fn a_server_that_cannot_know_its_offsets_does_not_start() {
+    let refused = |edit: fn(&mut gantry_tau_tests::plant::Record<3>)| {
+        let bus = Bus::<3>::default();
+        edit(&mut bus.record());
+        let error = Bench::start(parameters(), bus.clone(), Epochs::volatile())
+            .err()
+            .expect("it started");
+        assert_eq!(bus.writes(), 0, "it has moved the machine");
+        assert_eq!(error.to_string().lines().count(), 1);
+        error
+    };
+    let unreadable = refused(|record| record.offsets_fail = true);
+    assert!(matches!(unreadable, ServerError::Plant(_)), "{unreadable}");
+    let dead = refused(|record| record.read_fails = true);
+    assert!(matches!(dead, ServerError::Plant(_)), "{dead}");
+    let edits: [fn(&mut gantry_tau_tests::plant::Record<3>); 5] = [
+        |record| record.in_force[1] = offsets(MAX_NM + 1, 0, 0),
+        |record| record.in_force[1] = offsets(i32::MIN, 0, 0),
+        |record| record.in_force[1] = offsets(0, -5_001, 0),
+        |record| record.in_force[1] = offsets(0, 0, 51),
+        |record| record.in_force[1] = offsets(0, 0, i16::MIN),
+    ];
+    for edit in edits {
+        let beyond = refused(edit);
+        assert!(matches!(beyond, ServerError::Start(_)), "{beyond}");
+        assert!(beyond.to_string().contains("axis 1"), "{beyond}");
+    }
+}
+
+#[test]
+fn the_frames_of_a_dead_servers_session_do_not_revive() {
+    let file = EpochFile::new("revive");
+    let bus = Bus::default();
+    let first = Bench::start(parameters(), bus.clone(), file.reserve()).unwrap();
+    let dead = Duet::submitted_on(first).obtain([150; 3]);
+    let (epoch, sequence) = (dead.client.epoch, dead.client.sequence);
+    drop(dead);
+    let mut second = Bench::start(parameters(), bus, file.reserve()).unwrap();
+    assert_ramps_down(&mut second);
+    assert_eq!(second.step().state.phase, Phase::Listening);
+    let mut duet = Duet::submitted_on(second).obtain([1_000; 3]);
+    let mut old = duet.client.command(Mode::Obtain, [0; 3]);
+    old.epoch = epoch;
+    old.sequence = gantry_tau_core::units::Sequence(sequence + 1);
+    duet.say(&ClientMessage::Command(old));
+    duet.say(&ClientMessage::Stop(epoch));
+    duet.say(&ClientMessage::Goodbye(epoch));
+    assert_eq!(duet.assert_held().state.counters.stale, 3);
+    duet.answer(Mode::Obtain, [1_000; 3]);
+}

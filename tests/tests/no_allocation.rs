@@ -1,0 +1,137 @@
+//! After start the cycle allocates nothing: simulated machine, live session, sensor samples, strangers, ramp, all of it.
+//!
+//! A binary of its own, for it has an allocator of its own, which counts per thread.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
+
+use allocation_counter::measure;
+use gantry_tau::epoch::Epochs;
+use gantry_tau::machine::MOTORS;
+use gantry_tau::robot_file::RobotFile;
+use gantry_tau::sensor_link::{SensorPublisher, SensorReader};
+use gantry_tau::server::cycle::{Cycle, Demands, Row};
+use gantry_tau::sim::hand::{Hand, Load, hand_and_tool};
+use gantry_tau::sim::machine::SimulatedMachine;
+use gantry_tau::sim::parameters::Motion;
+use gantry_tau_core::message::{Capabilities, Cause, Mode, Phase};
+use gantry_tau_tests::bench::LOOPBACK;
+use gantry_tau_tests::client::{Client, Noise};
+use gantry_tau_tests::wait_for;
+
+/// The server of `gantry-tau serve`, without its clock.
+struct Server {
+    cycle: Cycle<3, MOTORS, SimulatedMachine>,
+    hand: Hand,
+    sensor: SensorReader,
+}
+
+impl Server {
+    fn start() -> Self {
+        let robot = RobotFile::builtin_l2().unwrap();
+        let (hand, tool) = hand_and_tool();
+        let machine = robot.simulated_machine(tool, Motion::Hold).unwrap();
+        let config = robot.session_config(Capabilities::NONE).unwrap();
+        let motors = robot.motor_map().unwrap();
+        let publisher = SensorPublisher::bind(LOOPBACK).unwrap();
+        let sensor = SensorReader::connect(publisher.address().unwrap()).unwrap();
+        let cycle = Cycle::new(config, motors, machine, Epochs::volatile(), LOOPBACK).unwrap();
+        Self {
+            cycle: cycle.with_sensor(publisher),
+            hand,
+            sensor,
+        }
+    }
+
+    /// One look at the sockets and one tick; neither may allocate.
+    fn tick(&mut self, stop: bool) -> Row<3> {
+        let mut row = None;
+        let counted = measure(|| {
+            self.cycle.receive();
+            row = Some(self.cycle.step(1, Demands { stop, rearm: !stop }));
+        });
+        assert_eq!(
+            (counted.count_total, counted.bytes_total),
+            (0, 0),
+            "the cycle allocated"
+        );
+        row.unwrap()
+    }
+
+    /// One tick with the owner's answer in it.
+    fn answered(&mut self, client: &mut Client<3>, mode: Mode, nm: i32) -> Row<3> {
+        let frame = client.frame(mode, [nm, -nm, nm / 2]);
+        client.send_bytes(&frame);
+        let mut buffer = vec![0; frame.len()];
+        wait_for("the answer", || {
+            let stream = self.cycle.owner_stream().unwrap();
+            stream.peek(&mut buffer).is_ok_and(|n| n == buffer.len())
+        });
+        let row = self.tick(false);
+        assert_eq!(client.state(), row.state);
+        row
+    }
+}
+
+#[test]
+fn the_counter_counts() {
+    let counted = measure(|| drop(std::hint::black_box(vec![1, 2, 3])));
+    assert_eq!(counted.count_total, 1);
+}
+
+#[test]
+fn the_cycle_allocates_nothing() {
+    let mut server = Server::start();
+    for _ in 0..50 {
+        server.tick(false);
+    }
+    let mut client = Client::<3>::connect(server.cycle.address().unwrap());
+    client.say_hello();
+    wait_for("the Welcome", || server.tick(false).welcomed);
+    client.welcome();
+    client.state();
+    for _ in 0..10 {
+        server.answered(&mut client, Mode::Submit, 1_000);
+    }
+    let pull = Load {
+        step: 1,
+        force_n: [200.0, 0.0, 0.0],
+        moment_nm: [0.0; 3],
+    };
+    server.hand.set(&pull).unwrap();
+    let mut noise = Noise::new(5);
+    let mut crowd = Vec::new();
+    for tick in 0..300 {
+        if tick % 10 == 0 {
+            let mut stranger = Client::<3>::connect(server.cycle.address().unwrap());
+            if tick % 20 == 0 {
+                stranger.say_hello();
+            } else {
+                stranger.send_bytes(&noise.bytes(9_000));
+            }
+            crowd.push(stranger);
+        }
+        let row = server.answered(&mut client, Mode::Obtain, 100 * (tick % 50));
+        assert_eq!(row.state.phase, Phase::Obtain);
+    }
+    crowd.clear();
+    let tool = server.tick(false).tool.unwrap();
+    assert!(tool.displacement_m[0] > 1e-5, "nobody pulls: {tool:?}");
+    let sample = server.sensor.latest().unwrap().expect("no sample came");
+    assert!(sample.tick > 300);
+    drop(client);
+    let mut cause = None;
+    wait_for("the ramp", || {
+        let row = server.tick(false);
+        cause = cause.or(row.ended);
+        row.state.phase == Phase::Listening
+    });
+    assert!(matches!(cause, Some(Cause::Closed | Cause::ClientLate)));
+    assert_eq!(server.tick(true).ended, Some(Cause::Stop));
+    assert_eq!(server.tick(false).state.phase, Phase::Listening);
+}
