@@ -392,12 +392,6 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
             }
             keep
         });
-        if let Some(owner) = self.session.owner() {
-            if close.contains(&owner) {
-                // Its connection was closed for another reason than its session's end: the next tick sees that.
-                self.post(owner, Event::Closed);
-            }
-        }
         close
     }
 }

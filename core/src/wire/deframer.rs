@@ -68,6 +68,12 @@ impl Deframer {
         }
     }
 
+    /// Whether no byte of a frame is waiting for the rest.
+    #[must_use]
+    pub fn is_at_boundary(&self) -> bool {
+        self.handed_out || self.buffer.is_empty()
+    }
+
     /// Copies header, then body and checksum. `Some(consumed)` once the frame is complete.
     fn advance(&mut self, bytes: &[u8]) -> Result<Option<usize>, FrameError> {
         let taken = self.top_up(bytes, HEADER_LEN);
