@@ -109,6 +109,22 @@ pub struct Cycle<const N: usize> {
     pub arrival_us: u16,
 }
 
+impl<const N: usize> Cycle<N> {
+    /// A cycle in which nothing special happens.
+    #[must_use]
+    pub const fn on_time(nominal: [PositionNm; N], actual: [Actual; N], next_epoch: Epoch) -> Self {
+        Self {
+            elapsed: 1,
+            nominal,
+            actual,
+            stop: false,
+            rearm: false,
+            next_epoch,
+            arrival_us: 0,
+        }
+    }
+}
+
 /// What one cycle gives back to the host, beside the bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

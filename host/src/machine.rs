@@ -15,8 +15,6 @@ use crate::sim::parameters::{Motion, SimulationParameters};
 pub const MOTORS: usize = 3;
 /// Length of a cycle, µs.
 pub const CYCLE_US: u32 = 1_000;
-/// Ticks a granted session may wait for its first command.
-const HANDSHAKE_TICKS: u32 = 1_000;
 /// What the simulated sensor shows unloaded, N and N m, sensor axes: weight of the tool and zero error. ASSUMED; the client tares it.
 const SENSOR_BIAS: [f64; 6] = [1.5, -0.8, -18.0, 0.05, -0.1, 0.02];
 
@@ -40,13 +38,9 @@ impl RobotFile {
         let [a, b, c] = &self.limits;
         let axes = [self.axis(a)?, self.axis(b)?, self.axis(c)?];
         Config::new(Parameters {
-            cycle_us: CYCLE_US,
-            echo_window: 0,
-            handshake_ticks: HANDSHAKE_TICKS,
-            budget: None,
             capabilities,
             kinematics_checksum: self.kinematics_checksum(),
-            axes,
+            ..Parameters::thesis(axes)
         })
         .map_err(|error| self.refuse("axes", error))
     }

@@ -163,7 +163,11 @@ fn a_server_killed_at_any_tick_is_followed_without_a_step() {
         assert_eq!(second.phase(), Phase::SafeDisconnect, "killed at {killed}");
         let row = second.step();
         assert_eq!(row.state.cause, Cause::Restart);
-        assert_eq!(row.state.epoch.0 % (1 << 20), 0, "no session is claimed");
+        assert_eq!(
+            row.state.epoch.0 % gantry_tau::epoch::RESERVE,
+            0,
+            "no session is claimed"
+        );
         assert_ramps_down(&mut second);
         assert_eq!(second.step().state.phase, Phase::Listening);
     }

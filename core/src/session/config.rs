@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::channel::Limits;
 use crate::message::{AxisLimits, Capabilities, MAX_AXES};
 use crate::units::PositionNm;
 
@@ -18,6 +19,22 @@ pub struct Travel {
     pub upper: PositionNm,
 }
 
+impl Travel {
+    /// `reach_nm` to either side of zero.
+    #[must_use]
+    pub const fn around_zero(reach_nm: u32) -> Self {
+        #[expect(
+            clippy::as_conversions,
+            reason = "u32 to i64 is lossless; `From` is not const"
+        )]
+        let reach = reach_nm as i64;
+        Self {
+            lower: PositionNm(reach.saturating_neg()),
+            upper: PositionNm(reach),
+        }
+    }
+}
+
 /// How one axis may be moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -30,6 +47,35 @@ pub struct AxisConfig {
     pub machine_travel: Travel,
     /// Largest change of the nominal reference per tick, nm. Zero means that it must not move.
     pub nominal_step_nm: u32,
+}
+
+impl AxisConfig {
+    /// An axis with position offsets only, whose machine travel is just as much wider as its offsets need.
+    #[must_use]
+    pub const fn position_only(
+        position: Limits,
+        nominal_travel: Travel,
+        nominal_step_nm: u32,
+    ) -> Self {
+        #[expect(
+            clippy::as_conversions,
+            reason = "i32 to i64 is lossless; `From` is not const"
+        )]
+        let reach = position.max() as i64;
+        Self {
+            limits: AxisLimits {
+                position,
+                velocity: Limits::DISABLED,
+                torque: Limits::DISABLED,
+            },
+            nominal_travel,
+            machine_travel: Travel {
+                lower: PositionNm(nominal_travel.lower.0.saturating_sub(reach)),
+                upper: PositionNm(nominal_travel.upper.0.saturating_add(reach)),
+            },
+            nominal_step_nm,
+        }
+    }
 }
 
 /// A budget of misses beside the consecutive-miss rule.
@@ -60,6 +106,22 @@ pub struct Parameters<const N: usize> {
     pub kinematics_checksum: u32,
     /// The axes.
     pub axes: [AxisConfig; N],
+}
+
+impl<const N: usize> Parameters<N> {
+    /// The thesis profile `[T 5.1.1]`: 1 kHz, every command answers the last State, one lost command tolerated, no budget beside it.
+    #[must_use]
+    pub const fn thesis(axes: [AxisConfig; N]) -> Self {
+        Self {
+            cycle_us: 1_000,
+            echo_window: 0,
+            handshake_ticks: 1_000,
+            budget: None,
+            capabilities: Capabilities::NONE,
+            kinematics_checksum: 0,
+            axes,
+        }
+    }
 }
 
 /// Why parameters are no configuration.

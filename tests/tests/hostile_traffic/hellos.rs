@@ -1,6 +1,6 @@
 //! From connecting to the first command: who is let in, and what the others are told.
 
-use gantry_tau::epoch::Epochs;
+use gantry_tau::epoch::{Epochs, RESERVE};
 use gantry_tau_core::message::{Capabilities, Cause, ClientMessage, Hello, Mode, Phase, Refusal};
 use gantry_tau_core::wire::encode_client;
 use gantry_tau_tests::bench::{Bench, parameters};
@@ -64,7 +64,7 @@ fn a_server_without_an_epoch_to_give_says_so() {
     std::fs::write(&file, "7").unwrap();
     let mut epochs = Epochs::reserve(&file).unwrap();
     // The reserve is used up.
-    epochs.taken(gantry_tau_core::units::Epoch(7 + (1 << 20)));
+    epochs.taken(gantry_tau_core::units::Epoch(7 + RESERVE));
     let mut bench = Bench::start(parameters(), Bus::default(), epochs).unwrap();
     let said = refusal(&mut bench, &hello_with(3, 0));
     assert_eq!(said, Refusal::Unavailable);
