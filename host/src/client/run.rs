@@ -137,46 +137,51 @@ fn check_terms(options: &ClientOptions, welcome: &Welcome<ARMS>) -> Result<(), C
 
 impl Session<'_> {
     fn answer_until_done(&mut self) -> Result<(), ClientError> {
-        let mut goodbyes = 0;
         loop {
-            let ServerMessage::State(state) = self.link.receive()? else {
-                return Err(ClientError::Incompatible(
-                    "a second Welcome or Refusal".to_owned(),
-                ));
-            };
-            self.states += 1;
-            match state.phase {
-                Phase::Handshake | Phase::Submit | Phase::Obtain => {}
-                // The ramp that follows a Goodbye is the server's; it needs no witness.
-                _ if goodbyes > 0 => return Ok(()),
-                _ => return Err(ended(&state)),
+            let state = self.next_state()?;
+            if !is_live(state.phase) {
+                return Err(ended(&state));
             }
             if self.controls.wants_to_quit() {
-                goodbyes += 1;
-                if goodbyes > GOODBYE_STATES {
-                    return Err(ClientError::Vanished(
-                        "it does not hear the Goodbye".to_owned(),
-                    ));
-                }
-                self.link
-                    .send(&ClientMessage::Goodbye(self.welcome.epoch))?;
-                continue;
+                return self.leave();
             }
             if self.link.has_unread_bytes() {
                 // A newer State is waiting: answering this one would only be late.
                 continue;
             }
+            if let Err(silent) = self.compensate(&state) {
+                // Leave in good order rather than compensate a force that nobody measures.
+                self.leave()?;
+                return Err(silent);
+            }
             self.answer(&state)?;
         }
     }
 
-    fn answer(&mut self, state: &State<ARMS>) -> Result<(), ClientError> {
-        if let Err(silent) = self.compensate(state) {
-            // Leave in good order rather than compensate a force that nobody measures.
-            self.link
-                .send(&ClientMessage::Goodbye(self.welcome.epoch))?;
-            return Err(silent);
+    /// Goodbye, and wait until the server has heard it: a connection closed at once would be the cause instead.
+    /// The ramp that follows is the server's; it needs no witness.
+    fn leave(&mut self) -> Result<(), ClientError> {
+        self.link
+            .send(&ClientMessage::Goodbye(self.welcome.epoch))?;
+        for _ in 0..GOODBYE_STATES {
+            if !is_live(self.next_state()?.phase) {
+                return Ok(());
+            }
         }
+        let reason = "it does not hear the Goodbye".to_owned();
+        Err(ClientError::Vanished(reason))
+    }
+
+    fn next_state(&mut self) -> Result<State<ARMS>, ClientError> {
+        let ServerMessage::State(state) = self.link.receive()? else {
+            let reason = "a second Welcome or Refusal".to_owned();
+            return Err(ClientError::Incompatible(reason));
+        };
+        self.states += 1;
+        Ok(state)
+    }
+
+    fn answer(&mut self, state: &State<ARMS>) -> Result<(), ClientError> {
         let tared = self.compensation.is_tared();
         self.controls.tared.store(tared, Ordering::Relaxed);
         let obtain = tared
@@ -254,6 +259,10 @@ impl Session<'_> {
             });
         }
     }
+}
+
+const fn is_live(phase: Phase) -> bool {
+    matches!(phase, Phase::Handshake | Phase::Submit | Phase::Obtain)
 }
 
 fn ended(state: &State<ARMS>) -> ClientError {
