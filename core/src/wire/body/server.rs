@@ -1,161 +1,18 @@
-//! The inside of a frame: one body per message, one encoding per body.
+//! What a server says.
 
-use core::fmt;
-
-use super::cursor::{Reader, Short, Writer};
-use super::frame::{Frame, FrameBytes, Kind, enclose};
-use crate::axis::{Actual, Offsets};
+use super::super::cursor::{Reader, Short, Writer};
+use super::super::frame::{Frame, FrameBytes, Kind, enclose};
+use super::{
+    ContentError, axes_byte, check_axes, check_length, check_reserved, length, read_offsets,
+    write_offsets,
+};
+use crate::axis::Actual;
 use crate::channel::Limits;
 use crate::message::{
-    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello,
-    Mode, Phase, Refusal, ServerMessage, State, Welcome,
+    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, Counters, Phase, Refusal, ServerMessage,
+    State, Welcome,
 };
-use crate::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
-
-/// Why a well-framed body is no message. It costs that frame, nothing else.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum ContentError {
-    /// The kind byte is unknown, or this side does not receive that kind.
-    Kind {
-        /// The kind byte.
-        received: u8,
-    },
-    /// The body is longer or shorter than its kind and its number of axes ask for.
-    Length {
-        /// Length this side expects.
-        expected: usize,
-        /// Length of the body.
-        received: usize,
-    },
-    /// The number of axes differs.
-    Axes {
-        /// Axes of this side.
-        expected: usize,
-        /// Axes in the frame.
-        received: u8,
-    },
-    /// A mode, phase, cause or refusal code is unknown.
-    Code {
-        /// The code.
-        received: u8,
-    },
-    /// Reserved bits are set.
-    Reserved,
-    /// The limits in a Welcome are no limits.
-    Limits,
-}
-
-impl fmt::Display for ContentError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Kind { received } => write!(f, "kind {received} is not received here"),
-            Self::Length { expected, received } => {
-                write!(f, "a body of {received} bytes where {expected} belong")
-            }
-            Self::Axes { expected, received } => {
-                write!(f, "{received} axes where {expected} belong")
-            }
-            Self::Code { received } => write!(f, "unknown code {received}"),
-            Self::Reserved => f.write_str("reserved bits are set"),
-            Self::Limits => f.write_str("limits that contradict each other"),
-        }
-    }
-}
-
-impl core::error::Error for ContentError {}
-
-/// Lengths of bodies and of their repeated parts, in bytes.
-mod length {
-    pub(super) const HELLO: usize = 4;
-    pub(super) const EPOCH: usize = 8;
-    pub(super) const REFUSAL: usize = 8;
-    const OFFSETS: usize = 4 + 4 + 2;
-    const LIMITS: usize = 4 * 4;
-
-    pub(super) const fn command(axes: usize) -> usize {
-        28_usize.saturating_add(axes.saturating_mul(OFFSETS))
-    }
-
-    pub(super) const fn welcome(axes: usize) -> usize {
-        28_usize.saturating_add(axes.saturating_mul(3 * LIMITS))
-    }
-
-    pub(super) const fn state(axes: usize) -> usize {
-        76_usize.saturating_add(axes.saturating_mul(8 + 2 * OFFSETS + 14 + 2))
-    }
-}
-
-/// A field after the length was checked: running short is a bug of this module, and reads as a length error.
-impl From<Short> for ContentError {
-    fn from(_: Short) -> Self {
-        Self::Length {
-            expected: 0,
-            received: 0,
-        }
-    }
-}
-
-fn check_length(frame: &Frame<'_>, expected: usize) -> Result<(), ContentError> {
-    let received = frame.body().len();
-    if received == expected {
-        Ok(())
-    } else {
-        Err(ContentError::Length { expected, received })
-    }
-}
-
-fn check_axes<const N: usize>(received: u8) -> Result<(), ContentError> {
-    if usize::from(received) == N {
-        Ok(())
-    } else {
-        Err(ContentError::Axes {
-            expected: N,
-            received,
-        })
-    }
-}
-
-const fn check_reserved(value: u16) -> Result<(), ContentError> {
-    if value == 0 {
-        Ok(())
-    } else {
-        Err(ContentError::Reserved)
-    }
-}
-
-/// Number of axes as its byte. `N` beyond 255 has no frame; sessions refuse more than `MAX_AXES`.
-fn axes_byte<const N: usize>() -> u8 {
-    u8::try_from(N).unwrap_or(u8::MAX)
-}
-
-/// What a client said.
-///
-/// # Errors
-/// [`ContentError`]: what is wrong with the body.
-pub fn decode_client<const N: usize>(frame: &Frame<'_>) -> Result<ClientMessage<N>, ContentError> {
-    let received = frame.kind_code();
-    let mut r = Reader::new(frame.body());
-    match Kind::from_code(received) {
-        Some(Kind::Hello) => {
-            check_length(frame, length::HELLO)?;
-            let axes = r.u8()?;
-            check_reserved(u16::from(r.u8()?))?;
-            let capabilities = Capabilities(r.u16()?);
-            Ok(ClientMessage::Hello(Hello { axes, capabilities }))
-        }
-        Some(Kind::Command) => read_command(frame).map(ClientMessage::Command),
-        Some(Kind::Goodbye) => {
-            check_length(frame, length::EPOCH)?;
-            Ok(ClientMessage::Goodbye(Epoch(r.u64()?)))
-        }
-        Some(Kind::Stop) => {
-            check_length(frame, length::EPOCH)?;
-            Ok(ClientMessage::Stop(Epoch(r.u64()?)))
-        }
-        _ => Err(ContentError::Kind { received }),
-    }
-}
+use crate::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 
 /// What a server said.
 ///
@@ -168,28 +25,6 @@ pub fn decode_server<const N: usize>(frame: &Frame<'_>) -> Result<ServerMessage<
         Some(Kind::State) => read_state(frame).map(ServerMessage::State),
         Some(Kind::Refusal) => read_refusal(frame).map(ServerMessage::Refusal),
         _ => Err(ContentError::Kind { received }),
-    }
-}
-
-/// The one frame that says this message.
-#[must_use]
-pub fn encode_client<const N: usize>(message: &ClientMessage<N>) -> FrameBytes {
-    match message {
-        ClientMessage::Hello(hello) => enclose(Kind::Hello, length::HELLO, |body| {
-            let mut w = Writer::new(body);
-            w.u8(hello.axes)?;
-            w.u8(0)?;
-            w.u16(hello.capabilities.0)
-        }),
-        ClientMessage::Command(command) => enclose(Kind::Command, length::command(N), |body| {
-            write_command(&mut Writer::new(body), command)
-        }),
-        ClientMessage::Goodbye(epoch) => enclose(Kind::Goodbye, length::EPOCH, |body| {
-            Writer::new(body).u64(epoch.0)
-        }),
-        ClientMessage::Stop(epoch) => enclose(Kind::Stop, length::EPOCH, |body| {
-            Writer::new(body).u64(epoch.0)
-        }),
     }
 }
 
@@ -213,70 +48,6 @@ pub fn encode_state<const N: usize>(state: &State<N>) -> FrameBytes {
     enclose(Kind::State, length::state(N), |body| {
         write_state(&mut Writer::new(body), state)
     })
-}
-
-fn read_offsets(r: &mut Reader<'_>) -> Result<Offsets, Short> {
-    Ok(Offsets {
-        position: OffsetNm(r.i32()?),
-        velocity: VelocityUmS(r.i32()?),
-        torque: TorquePermille(r.i16()?),
-    })
-}
-
-fn write_offsets(w: &mut Writer<'_>, offsets: &Offsets) -> Result<(), Short> {
-    w.i32(offsets.position.0)?;
-    w.i32(offsets.velocity.0)?;
-    w.i16(offsets.torque.0)
-}
-
-fn read_command<const N: usize>(frame: &Frame<'_>) -> Result<Command<N>, ContentError> {
-    check_length(frame, length::command(N))?;
-    let mut r = Reader::new(frame.body());
-    let epoch = Epoch(r.u64()?);
-    let sequence = Sequence(r.u64()?);
-    let echo = Tick(r.u64()?);
-    let mode = read_mode(r.u8()?)?;
-    check_axes::<N>(r.u8()?)?;
-    check_reserved(r.u16()?)?;
-    let mut targets = [Offsets::default(); N];
-    for target in &mut targets {
-        *target = read_offsets(&mut r)?;
-    }
-    Ok(Command {
-        epoch,
-        sequence,
-        echo,
-        mode,
-        targets,
-    })
-}
-
-fn write_command<const N: usize>(w: &mut Writer<'_>, command: &Command<N>) -> Result<(), Short> {
-    w.u64(command.epoch.0)?;
-    w.u64(command.sequence.0)?;
-    w.u64(command.echo.0)?;
-    w.u8(mode_code(command.mode))?;
-    w.u8(axes_byte::<N>())?;
-    w.u16(0)?;
-    command
-        .targets
-        .iter()
-        .try_for_each(|target| write_offsets(w, target))
-}
-
-const fn mode_code(mode: Mode) -> u8 {
-    match mode {
-        Mode::Submit => 1,
-        Mode::Obtain => 2,
-    }
-}
-
-const fn read_mode(code: u8) -> Result<Mode, ContentError> {
-    match code {
-        1 => Ok(Mode::Submit),
-        2 => Ok(Mode::Obtain),
-        received => Err(ContentError::Code { received }),
-    }
 }
 
 fn read_limits(r: &mut Reader<'_>) -> Result<Limits, ContentError> {

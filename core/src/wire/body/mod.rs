@@ -1,0 +1,145 @@
+//! The inside of a frame: one body per message, one encoding per body.
+
+mod client;
+mod server;
+
+use core::fmt;
+
+use super::cursor::{Reader, Short, Writer};
+use super::frame::Frame;
+use crate::axis::Offsets;
+use crate::units::{OffsetNm, TorquePermille, VelocityUmS};
+
+pub use client::{decode_client, encode_client};
+pub use server::{decode_server, encode_server, encode_state};
+
+/// Why a well-framed body is no message. It costs that frame, nothing else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ContentError {
+    /// The kind byte is unknown, or this side does not receive that kind.
+    Kind {
+        /// The kind byte.
+        received: u8,
+    },
+    /// The body is longer or shorter than its kind and its number of axes ask for.
+    Length {
+        /// Length this side expects.
+        expected: usize,
+        /// Length of the body.
+        received: usize,
+    },
+    /// The number of axes differs.
+    Axes {
+        /// Axes of this side.
+        expected: usize,
+        /// Axes in the frame.
+        received: u8,
+    },
+    /// A mode, phase, cause or refusal code is unknown.
+    Code {
+        /// The code.
+        received: u8,
+    },
+    /// Reserved bits are set.
+    Reserved,
+    /// The limits in a Welcome are no limits.
+    Limits,
+}
+
+impl fmt::Display for ContentError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Kind { received } => write!(f, "kind {received} is not received here"),
+            Self::Length { expected, received } => {
+                write!(f, "a body of {received} bytes where {expected} belong")
+            }
+            Self::Axes { expected, received } => {
+                write!(f, "{received} axes where {expected} belong")
+            }
+            Self::Code { received } => write!(f, "unknown code {received}"),
+            Self::Reserved => f.write_str("reserved bits are set"),
+            Self::Limits => f.write_str("limits that contradict each other"),
+        }
+    }
+}
+
+impl core::error::Error for ContentError {}
+
+/// Lengths of bodies and of their repeated parts, in bytes.
+mod length {
+    pub(super) const HELLO: usize = 4;
+    pub(super) const EPOCH: usize = 8;
+    pub(super) const REFUSAL: usize = 8;
+    const OFFSETS: usize = 4 + 4 + 2;
+    const LIMITS: usize = 4 * 4;
+
+    pub(super) const fn command(axes: usize) -> usize {
+        28_usize.saturating_add(axes.saturating_mul(OFFSETS))
+    }
+
+    pub(super) const fn welcome(axes: usize) -> usize {
+        28_usize.saturating_add(axes.saturating_mul(3 * LIMITS))
+    }
+
+    pub(super) const fn state(axes: usize) -> usize {
+        76_usize.saturating_add(axes.saturating_mul(8 + 2 * OFFSETS + 14 + 2))
+    }
+}
+
+/// A field after the length was checked: running short is a bug of this module, and reads as a length error.
+impl From<Short> for ContentError {
+    fn from(_: Short) -> Self {
+        Self::Length {
+            expected: 0,
+            received: 0,
+        }
+    }
+}
+
+fn check_length(frame: &Frame<'_>, expected: usize) -> Result<(), ContentError> {
+    let received = frame.body().len();
+    if received == expected {
+        Ok(())
+    } else {
+        Err(ContentError::Length { expected, received })
+    }
+}
+
+fn check_axes<const N: usize>(received: u8) -> Result<(), ContentError> {
+    if usize::from(received) == N {
+        Ok(())
+    } else {
+        Err(ContentError::Axes {
+            expected: N,
+            received,
+        })
+    }
+}
+
+const fn check_reserved(value: u16) -> Result<(), ContentError> {
+    if value == 0 {
+        Ok(())
+    } else {
+        Err(ContentError::Reserved)
+    }
+}
+
+/// Number of axes as its byte. `N` beyond 255 has no frame; sessions refuse more than `MAX_AXES`.
+fn axes_byte<const N: usize>() -> u8 {
+    u8::try_from(N).unwrap_or(u8::MAX)
+}
+
+fn read_offsets(r: &mut Reader<'_>) -> Result<Offsets, Short> {
+    Ok(Offsets {
+        position: OffsetNm(r.i32()?),
+        velocity: VelocityUmS(r.i32()?),
+        torque: TorquePermille(r.i16()?),
+    })
+}
+
+fn write_offsets(w: &mut Writer<'_>, offsets: &Offsets) -> Result<(), Short> {
+    w.i32(offsets.position.0)?;
+    w.i32(offsets.velocity.0)?;
+    w.i16(offsets.torque.0)
+}
