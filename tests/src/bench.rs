@@ -145,6 +145,13 @@ impl<const N: usize> Bench<N> {
         });
     }
 
+    /// How many bytes of the owner lie unread at the server's end, up to `most`.
+    pub fn unread(&mut self, most: usize) -> usize {
+        let mut buffer = vec![0; most];
+        let stream = self.cycle.owner_stream().expect("the owner has no stream");
+        stream.peek(&mut buffer).unwrap_or(0)
+    }
+
     /// Whether the server still has the owner's connection.
     #[must_use]
     pub fn has_owner(&mut self) -> bool {

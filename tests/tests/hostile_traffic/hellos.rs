@@ -105,6 +105,21 @@ fn obtain_straight_from_the_handshake_costs_the_frame() {
 }
 
 #[test]
+fn the_first_commands_sequence_counts_and_two_misses_in_submit_end_the_session() {
+    let mut duet: Duet<3> = Duet::submitted_on(Bench::default());
+    for count in 1..=2 {
+        // A second answer with the first one's number.
+        duet.client.sequence = 0;
+        let frame = duet.client.frame(Mode::Obtain, [5_000; 3]);
+        duet.deliver(&frame);
+        let row = duet.tick();
+        assert_eq!(row.state.counters.duplicate, count);
+        assert_eq!(row.ended, (count == 2).then_some(Cause::ClientLate));
+    }
+    assert_eq!(duet.bench.step().state.phase, Phase::Listening);
+}
+
+#[test]
 fn a_silent_handshake_ends_after_its_thousand_ticks() {
     let bench = Bench::default();
     let client = Client::connect(bench.address());
