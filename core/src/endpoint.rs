@@ -9,7 +9,7 @@ use core::fmt;
 use heapless::Vec;
 
 use crate::axis::{Actual, Reference};
-use crate::message::{Refusal, ServerMessage};
+use crate::message::{ClientMessage, Refusal, ServerMessage};
 use crate::session::decide::Connection;
 use crate::session::{BlackBox, Event, Input, OWNER_FRAMES, Output, Session};
 use crate::units::{Epoch, PositionNm};
@@ -31,10 +31,10 @@ pub enum Transport {
     Datagram,
 }
 
-/// Which axis drives each motor. Two motors on one cart (F1) have the same axis, so they always receive the same reference (T10).
+/// Which of `N` axes drives each motor. Two motors on one cart (F1) have the same axis, so they always receive the same reference (T10).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct MotorMap<const MOTORS: usize> {
+pub struct MotorMap<const N: usize, const MOTORS: usize> {
     axis_of_motor: [usize; MOTORS],
 }
 
@@ -62,15 +62,19 @@ impl fmt::Display for MotorMapError {
 
 impl core::error::Error for MotorMapError {}
 
-impl<const MOTORS: usize> MotorMap<MOTORS> {
-    /// A map onto `axes` axes.
+impl<const N: usize, const MOTORS: usize> MotorMap<N, MOTORS> {
+    /// A map from motors to axes.
     ///
     /// # Errors
     /// The first motor whose axis does not exist.
-    pub fn new(axis_of_motor: [usize; MOTORS], axes: usize) -> Result<Self, MotorMapError> {
+    pub fn new(axis_of_motor: [usize; MOTORS]) -> Result<Self, MotorMapError> {
         for (motor, axis) in axis_of_motor.into_iter().enumerate() {
-            if axis >= axes {
-                return Err(MotorMapError { motor, axis, axes });
+            if axis >= N {
+                return Err(MotorMapError {
+                    motor,
+                    axis,
+                    axes: N,
+                });
             }
         }
         Ok(Self { axis_of_motor })
@@ -78,7 +82,8 @@ impl<const MOTORS: usize> MotorMap<MOTORS> {
 
     /// Axis references to motor references.
     #[must_use]
-    pub fn spread<const N: usize>(&self, axes: &[Reference; N]) -> [Reference; MOTORS] {
+    pub fn spread(&self, axes: &[Reference; N]) -> [Reference; MOTORS] {
+        // Every axis of a checked map exists; the default is never taken.
         self.axis_of_motor
             .map(|axis| axes.get(axis).copied().unwrap_or_default())
     }
@@ -128,17 +133,21 @@ struct Slot {
     deframer: Deframer,
     /// Frames taken since the last tick.
     frames: u8,
+    /// The owner has exceeded its frames; only a Stop still gets through.
+    flooded: bool,
     /// Nothing more is read; the host is told to close it.
     finished: bool,
     /// The peer speaks another version of the protocol and shall be told so.
     foreign: bool,
+    /// Ticks without owning the session.
+    idle_ticks: u32,
 }
 
 /// The server side of the protocol for `N` axes and `MOTORS` motors, with a black box of `3 HALF` ticks.
 #[derive(Clone, Debug)]
 pub struct Endpoint<const N: usize, const MOTORS: usize, const HALF: usize> {
     session: Session<N>,
-    motors: MotorMap<MOTORS>,
+    motors: MotorMap<N, MOTORS>,
     slots: Vec<Slot, CONNECTIONS>,
     /// What the coming tick depends on; its events are the inbox.
     input: Input<N>,
@@ -151,7 +160,7 @@ pub struct Endpoint<const N: usize, const MOTORS: usize, const HALF: usize> {
 impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS, HALF> {
     /// An endpoint without connections.
     #[must_use]
-    pub const fn new(session: Session<N>, motors: MotorMap<MOTORS>) -> Self {
+    pub const fn new(session: Session<N>, motors: MotorMap<N, MOTORS>) -> Self {
         Self {
             session,
             motors,
@@ -191,8 +200,10 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
             transport,
             deframer: Deframer::new(),
             frames: 0,
+            flooded: false,
             finished: false,
             foreign: false,
+            idle_ticks: 0,
         };
         self.slots.push(slot).map_err(|_| Full)?;
         self.next_connection = self.next_connection.saturating_add(1);
@@ -210,22 +221,20 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
         self.slots.retain(|slot| slot.connection != connection);
         if self.session.owner() == Some(connection) {
             self.post(connection, Event::Closed);
+        } else {
+            self.withdraw(connection);
         }
     }
 
     /// Takes bytes that were read from a connection. Returns how many frames the coming tick has of it.
     ///
     /// Work is bounded by the length of `bytes`; what exceeds a connection's budget of frames is dropped:
-    /// for the owner that ends the session, a stranger is closed.
+    /// for the owner that ends the session, and a Stop still counts; a stranger is closed.
     pub fn feed(&mut self, connection: Connection, bytes: &[u8]) -> u8 {
         let is_owner = self.session.owner() == Some(connection);
         let mut rest = bytes;
         loop {
-            let Some(slot) = self
-                .slots
-                .iter_mut()
-                .find(|slot| slot.connection == connection)
-            else {
+            let Some(slot) = find(&mut self.slots, connection) else {
                 return 0;
             };
             if rest.is_empty() || slot.finished {
@@ -234,11 +243,37 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
             let Some((event, consumed)) = slot.take(rest, is_owner) else {
                 return slot.frames;
             };
+            let expelled = slot.finished && !is_owner;
             rest = rest.get(consumed..).unwrap_or_default();
+            if expelled {
+                self.withdraw(connection);
+            }
             if let Some(event) = event {
                 self.admit(connection, event, is_owner);
             }
         }
+    }
+
+    /// Whether the coming tick has what a server in lock-step waits for: a Command that answers the last State,
+    /// or something of the owner's that ends the session.
+    #[must_use]
+    pub fn owner_has_answered(&self) -> bool {
+        let discrete = &self.session.parts().discrete;
+        self.input.events.iter().any(|(from, event)| {
+            discrete.owner == Some(*from)
+                && match event {
+                    Event::Message(ClientMessage::Command(command)) => {
+                        command.epoch == discrete.epoch && command.echo == discrete.tick
+                    }
+                    Event::Message(ClientMessage::Goodbye(_) | ClientMessage::Stop(_))
+                    | Event::Broken(_)
+                    | Event::Flood
+                    | Event::Closed => true,
+                    Event::Message(ClientMessage::Hello(_))
+                    | Event::Malformed(_)
+                    | Event::Dropped(_) => false,
+                }
+        })
     }
 
     /// One cycle. `send` receives, in order, the bytes to write and to whom: refusals, the Welcome, the State.
@@ -254,6 +289,7 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
         self.input.events.clear();
         self.send(&output, send);
         let close = self.finished(&output);
+        self.mourn_owner();
         Turn {
             motors: self.motors.spread(&output.references),
             output,
@@ -270,24 +306,34 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
             self.stranger_events = self.stranger_events.saturating_add(1);
             return self.post(connection, event);
         }
-        if let Some(slot) = self
-            .slots
-            .iter_mut()
-            .find(|slot| slot.connection == connection)
-        {
+        if let Some(slot) = find(&mut self.slots, connection) {
             slot.finished = true;
         }
     }
 
-    /// Queues an event. There is room: of 16 places the owner can need 10 (8 frames, one of flood and broken, closed), strangers 6.
+    /// Takes back what a stranger asked for that is gone, or is about to be closed: nobody is granted a session without a connection.
+    fn withdraw(&mut self, connection: Connection) {
+        self.input.events.retain(|(from, _)| *from != connection);
+    }
+
+    /// Queues an event. There is room: of 16 places the owner can need 11 (8 frames, flood or broken, Stop, closed), strangers 5.
     fn post(&mut self, connection: Connection, event: Event<N>) {
         self.input.events.push((connection, event)).unwrap_or(());
     }
 
     /// The events are in place already; everything else comes with the cycle.
     fn complete_input(&mut self, cycle: &Cycle<N>) {
+        let owner = self.session.owner();
+        let patience = self.session.config().parameters().handshake_ticks;
         for slot in &mut self.slots {
             slot.frames = 0;
+            slot.finished |= slot.flooded;
+            slot.idle_ticks = if owner == Some(slot.connection) {
+                0
+            } else {
+                slot.idle_ticks.saturating_add(1)
+            };
+            slot.finished |= slot.idle_ticks > patience;
         }
         self.stranger_events = 0;
         let input = &mut self.input;
@@ -322,6 +368,15 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
         }
     }
 
+    /// An owner without a connection is closed in the coming tick, whichever way it lost it.
+    fn mourn_owner(&mut self) {
+        if let Some(owner) = self.session.owner() {
+            if find(&mut self.slots, owner).is_none() {
+                self.post(owner, Event::Closed);
+            }
+        }
+    }
+
     /// Forgets, and names, the connections that have no further use.
     fn finished(&mut self, output: &Output<N>) -> Vec<Connection, CONNECTIONS> {
         let mut close = Vec::new();
@@ -337,12 +392,6 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
             }
             keep
         });
-        if let Some(owner) = self.session.owner() {
-            if close.contains(&owner) {
-                // Its connection was closed for another reason than its session's end: the next tick sees that.
-                self.post(owner, Event::Closed);
-            }
-        }
         close
     }
 }
@@ -359,26 +408,31 @@ impl Slot {
                 Ok(frame) => judge(&frame),
                 Err(error) => Event::Dropped(error),
             };
-            let within = self.within_budget(is_owner);
-            return Some((within.unwrap_or(Some(event)), bytes.len()));
+            return Some((self.within_budget(event, is_owner), bytes.len()));
         }
         match self.deframer.feed(bytes) {
             Feed::Incomplete => None,
             Feed::Frame { frame, consumed } => {
                 let event = judge(&frame);
-                let within = self.within_budget(is_owner);
-                Some((within.unwrap_or(Some(event)), consumed))
+                Some((self.within_budget(event, is_owner), consumed))
             }
             Feed::Broken(error) => {
                 self.finished = true;
                 self.foreign = matches!(error, FrameError::Version { .. });
-                Some((Some(Event::Broken(error)), bytes.len()))
+                // A flood has already ended the session.
+                let event = (!self.flooded).then_some(Event::Broken(error));
+                Some((event, bytes.len()))
             }
         }
     }
 
-    /// `None` within the budget; beyond it, what to post instead of the frame: a flood, once, for the owner; nothing for a stranger.
-    fn within_budget<const N: usize>(&mut self, is_owner: bool) -> Option<Option<Event<N>>> {
+    /// The event itself within the budget. Beyond it the owner's first excess is a flood, and of the rest one Stop still counts,
+    /// for a stop must not get lost behind a burst; a stranger is closed.
+    fn within_budget<const N: usize>(
+        &mut self,
+        event: Event<N>,
+        is_owner: bool,
+    ) -> Option<Event<N>> {
         let budget = if is_owner {
             OWNER_FRAMES
         } else {
@@ -386,17 +440,28 @@ impl Slot {
         };
         if self.frames < budget {
             self.frames = self.frames.saturating_add(1);
-            return None;
+            return Some(event);
         }
-        self.finished = true;
-        Some(is_owner.then_some(Event::Flood))
+        let stops = matches!(event, Event::Message(ClientMessage::Stop(_)));
+        if !is_owner || stops {
+            self.finished = true;
+            return (is_owner && stops).then_some(event);
+        }
+        let first = !self.flooded;
+        self.flooded = true;
+        first.then_some(Event::Flood)
     }
+}
+
+/// The slot of a connection.
+fn find(slots: &mut [Slot], connection: Connection) -> Option<&mut Slot> {
+    slots.iter_mut().find(|slot| slot.connection == connection)
 }
 
 /// Frames that are read per tick of a connection that owns nothing.
 const STRANGER_FRAMES: u8 = 1;
 /// Events of all strangers together that reach a tick.
-const STRANGER_EVENTS: u8 = 6;
+const STRANGER_EVENTS: u8 = 5;
 
 /// The message of a frame, or what is wrong with it.
 fn judge<const N: usize>(frame: &Frame<'_>) -> Event<N> {

@@ -15,9 +15,9 @@
 //! | [`stiffness`] | from compliances to displacement `[T 3.3.1]` |
 //! | [`sensor`] | force sensor: tare, frame, low-pass `[T 4.2.5]` |
 //! | [`compensation`] | wrench to bounded cart offsets `[T 5.2.3]` |
+//! | [`channel`] | one bounded reference value |
 //! | [`message`] | what client and server say to each other, as types |
 //! | [`wire`] | messages as frames of bytes |
-//! | [`channel`] | one bounded reference value |
 //! | [`session`] | the server's state machine `[T 5.1.1]` |
 //! | [`endpoint`] | session, deframers and motors: bytes in, bytes and drive references out |
 #![no_std]

@@ -175,13 +175,13 @@ pub enum Cause {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Counters {
-    /// Frames of the owner that could be decoded.
+    /// Frames of the owner, whatever their content.
     pub received: u32,
     /// Deadlines that passed without a fresh valid command.
     pub missed: u32,
-    /// Commands for a tick already past, or overtaken by a later one in the same tick.
+    /// Commands for a tick already past, behind the last accepted one, or overtaken in the same tick.
     pub late: u32,
-    /// Commands with a sequence already accepted.
+    /// Commands with the sequence of the last accepted one, or of one in the same tick.
     pub duplicate: u32,
     /// Frames of another epoch, out of sequence, or echoing a tick that was never sent.
     pub stale: u32,
@@ -193,7 +193,7 @@ pub struct Counters {
     pub limited: u32,
     /// References that the travel clamped.
     pub clamped: u32,
-    /// Frames from connections that own nothing.
+    /// Frames from connections that own nothing, Hellos aside.
     pub strangers: u32,
     /// Longest run of consecutive misses.
     pub longest_miss_run: u16,
@@ -269,7 +269,7 @@ pub struct State<const N: usize> {
     pub cause: Cause,
     /// On-time commands among the last 100 deadlines; deadlines before the session count as on time.
     pub on_time_of_100: u8,
-    /// When in the cycle the last command arrived, µs after the previous State left; as the host measured it.
+    /// When the last command arrived, µs after the previous State left, as the host measured it; 0 where it did not.
     pub arrival_us: u16,
     /// Ticks until every offset would be zero if the ramp began now.
     pub ramp_ticks_left: u32,

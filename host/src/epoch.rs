@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use gantry_tau_core::units::Epoch;
 
 /// Epochs reserved by one write of the file. The cycle takes from the reserve and never touches the disk.
-const RESERVE: u64 = 1 << 20;
+/// 2^32 sessions per run, 2^32 runs: neither is ever used up.
+const RESERVE: u64 = 1 << 32;
 
 /// A reserve of epochs that no other run of the server will give again.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -83,27 +84,40 @@ impl Epochs {
     }
 }
 
-/// Where the counter lives unless a flag says otherwise.
+/// Where the counter lives unless a flag says otherwise: the user's state folder, which survives a boot. `None` where the system names none.
 #[must_use]
-pub fn default_path() -> PathBuf {
+pub fn default_path() -> Option<PathBuf> {
     let from = |name: &str| std::env::var_os(name).map(PathBuf::from);
     let base = from("XDG_STATE_HOME")
         .or_else(|| from("LOCALAPPDATA"))
-        .or_else(|| from("HOME").map(|home| home.join(".local").join("state")))
-        .unwrap_or_else(std::env::temp_dir);
-    base.join("gantry-tau").join("epoch")
+        .or_else(|| from("HOME").map(|home| home.join(".local").join("state")))?;
+    Some(base.join("gantry-tau").join("epoch"))
 }
 
 /// Writes beside the file, flushes to the disk, and renames: a crash leaves the old or the new number, never half of one.
 fn persist(path: &Path, value: u64) -> std::io::Result<()> {
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder)?;
-    }
-    let beside = path.with_extension("new");
+    let folder = path.parent().unwrap_or(Path::new(""));
+    std::fs::create_dir_all(folder)?;
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(format!(".{}", std::process::id()));
     let mut file = std::fs::File::create(&beside)?;
     writeln!(file, "{value}")?;
     file.sync_all()?;
-    std::fs::rename(&beside, path)
+    std::fs::rename(&beside, path)?;
+    sync_folder(folder)
+}
+
+/// The rename itself survives a power failure only once the folder is on the disk.
+#[cfg(unix)]
+fn sync_folder(folder: &Path) -> std::io::Result<()> {
+    let here = folder.as_os_str().is_empty();
+    std::fs::File::open(if here { Path::new(".") } else { folder })?.sync_all()
+}
+
+/// Folders cannot be flushed here; the system does so by itself.
+#[cfg(not(unix))]
+fn sync_folder(_: &Path) -> std::io::Result<()> {
+    Ok(())
 }
 
 #[cfg(test)]

@@ -73,7 +73,7 @@ impl RobotFile {
     ///
     /// # Errors
     /// [`RobotFileError`] unless there are [`MOTORS`] motors, each on an axis.
-    pub fn motor_map(&self) -> Result<MotorMap<MOTORS>, RobotFileError> {
+    pub fn motor_map(&self) -> Result<MotorMap<ARMS, MOTORS>, RobotFileError> {
         let key = "motors.axis_of_motor";
         let motors = &self.motors.axis_of_motor;
         let motors = <[usize; MOTORS]>::try_from(motors.as_slice()).map_err(|_| {
@@ -82,7 +82,7 @@ impl RobotFile {
                 format!("lists {} motors, the L2 has {MOTORS}", motors.len()),
             )
         })?;
-        MotorMap::new(motors, ARMS).map_err(|error| self.refuse(key, error))
+        MotorMap::new(motors).map_err(|error| self.refuse(key, error))
     }
 
     /// The simulated machine of this file, with `tool` to pull at.

@@ -6,9 +6,12 @@
 
 use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::time::Duration;
 
 /// Bytes of a record.
 const RECORD: usize = 56;
+/// How long a publisher may take to answer.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
 /// Readers served at once.
 const READERS: usize = 4;
 
@@ -114,7 +117,7 @@ impl SensorReader {
     /// # Errors
     /// When nobody listens there.
     pub fn connect(address: SocketAddr) -> io::Result<Self> {
-        let stream = TcpStream::connect(address)?;
+        let stream = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT)?;
         stream.set_nodelay(true)?;
         stream.set_nonblocking(true)?;
         Ok(Self {

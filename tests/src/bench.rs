@@ -83,7 +83,7 @@ impl<const N: usize> Bench<N> {
         bus: Bus<N>,
         epochs: Epochs,
     ) -> Result<Self, ServerError> {
-        let motors = MotorMap::new(std::array::from_fn(|motor| motor), N).unwrap();
+        let motors = MotorMap::new(std::array::from_fn(|motor| motor)).unwrap();
         let config = Config::new(parameters).unwrap();
         let cycle = Cycle::new(config, motors, bus.clone(), epochs, LOOPBACK)?;
         Ok(Self {

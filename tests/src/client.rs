@@ -152,17 +152,6 @@ impl<const N: usize> Client<N> {
         }
     }
 
-    /// The refusal that comes, perhaps with States around it, before the server closes.
-    pub fn refusal_among_states(&mut self) -> Refusal {
-        let mut refusal = None;
-        while let Some(message) = self.receive() {
-            if let ServerMessage::Refusal(said) = message {
-                assert_eq!(refusal.replace(said), None, "two refusals");
-            }
-        }
-        refusal.expect("no refusal came")
-    }
-
     /// The server has closed: nothing comes any more.
     pub fn assert_closed(&mut self) {
         let more = self.receive();

@@ -51,7 +51,7 @@ impl Bench {
         let nominal = [PositionNm(0), PositionNm(1_000)];
         let in_force = [Offsets::default(); 2];
         let session = Session::new(config(), &in_force, nominal, Tick(0), Epoch(0)).unwrap();
-        let motors = MotorMap::new([0, 0, 1], 2).unwrap();
+        let motors = MotorMap::new([0, 0, 1]).unwrap();
         Self {
             endpoint: Endpoint::new(session, motors),
             sent: StdVec::new(),
@@ -126,7 +126,7 @@ fn paired_motors_receive_equal_references() {
     assert_eq!(turn.motors[0].position, PositionNm(-2_000));
     assert_eq!(turn.motors[2].position, PositionNm(1_000 - 2_000));
     assert_eq!(
-        MotorMap::new([0, 2], 2),
+        MotorMap::<2, 2>::new([0, 2]),
         Err(MotorMapError {
             motor: 1,
             axis: 2,
@@ -271,4 +271,98 @@ fn the_last_ramp_step_releases_the_old_owner() {
     // 3 000 nm at 100 nm per tick, the first of them in the tick of the Goodbye.
     assert_eq!(ticks, 30);
     assert_eq!(bench.endpoint.session().phase(), Phase::Listening);
+}
+
+/// Found by review: a Hello whose connection is gone or expelled by the same tick was granted, and nobody else got in for a second.
+#[test]
+fn nobody_is_granted_a_session_without_a_connection() {
+    let ways: [fn(&mut Tested, Connection); 3] = [
+        |endpoint, peer| endpoint.close(peer),
+        |endpoint, peer| {
+            endpoint.feed(peer, &hello());
+        },
+        |endpoint, peer| {
+            endpoint.feed(peer, b"garbage");
+        },
+    ];
+    for spoil in ways {
+        let mut bench = Bench::new();
+        let peer = bench.endpoint.open(Transport::Stream).unwrap();
+        bench.endpoint.feed(peer, &hello());
+        spoil(&mut bench.endpoint, peer);
+        let turn = bench.tick();
+        assert_eq!(turn.output.welcome, None);
+        let next = bench.endpoint.open(Transport::Stream).unwrap();
+        bench.endpoint.feed(next, &hello());
+        assert_eq!(bench.tick().output.welcome, Some(next));
+    }
+}
+
+/// Found by review: the owner's second Hello closed its connection and kept its session.
+#[test]
+fn a_hello_of_the_owner_costs_that_frame() {
+    let (mut bench, owner) = Bench::obtaining(Transport::Stream);
+    bench.endpoint.feed(owner, &hello());
+    let command = bench.command(Mode::Obtain, 3_000);
+    bench.endpoint.feed(owner, &command);
+    let turn = bench.tick();
+    assert_eq!((turn.output.refusals.len(), turn.close.len()), (0, 0));
+    assert_eq!(turn.output.state.counters.missed, 0);
+    assert_eq!(turn.output.state.counters.malformed, 1);
+}
+
+/// Found by review: a Stop behind a burst was dropped with the flood.
+#[test]
+fn a_stop_behind_a_burst_still_stops() {
+    for frames in [7, 8, 9, 50] {
+        let (mut bench, owner) = Bench::obtaining(Transport::Stream);
+        let epoch = bench.endpoint.session().parts().discrete.epoch;
+        let mut bytes = StdVec::new();
+        for _ in 0..frames {
+            bytes.extend_from_slice(&bench.command(Mode::Obtain, 3_000));
+        }
+        bytes.extend_from_slice(&encode_client(&ClientMessage::<2>::Stop(epoch)));
+        bench.endpoint.feed(owner, &bytes);
+        let turn = bench.tick();
+        assert_eq!(
+            turn.output.ended,
+            Some(Cause::Stop),
+            "behind {frames} frames"
+        );
+        assert_eq!(turn.output.state.phase, Phase::Fault);
+    }
+}
+
+/// Found by review: connections that never say Hello kept everybody out for ever.
+#[test]
+fn silent_strangers_are_shown_out() {
+    let mut bench = Bench::new();
+    for _ in 0..CONNECTIONS {
+        bench.endpoint.open(Transport::Stream).unwrap();
+    }
+    let ticks = (1..).find(|_| !bench.tick().close.is_empty()).unwrap();
+    assert_eq!(ticks, 1_001);
+    assert!(bench.endpoint.open(Transport::Stream).is_ok());
+}
+
+#[test]
+fn lock_step_waits_for_the_answer_to_the_last_state() {
+    let (mut bench, owner) = Bench::obtaining(Transport::Stream);
+    let old = bench.command(Mode::Obtain, 3_000);
+    bench.endpoint.feed(owner, &old);
+    bench.tick();
+    bench.endpoint.feed(owner, &old);
+    assert!(
+        !bench.endpoint.owner_has_answered(),
+        "a repeated command is no answer"
+    );
+    let answer = bench.command(Mode::Obtain, 3_000);
+    bench.endpoint.feed(owner, &answer);
+    assert!(bench.endpoint.owner_has_answered());
+    bench.tick();
+    bench.endpoint.close(owner);
+    assert!(
+        bench.endpoint.owner_has_answered(),
+        "nothing more will come"
+    );
 }

@@ -138,7 +138,7 @@ impl AxisChannels {
 /// the position changes by at most |change of nominal| + |change of offset| (T3).
 #[inline]
 #[must_use]
-pub fn reference(
+pub fn drive_reference(
     nominal: PositionNm,
     offsets: &Offsets,
     travel: &Travel,

@@ -32,13 +32,16 @@ pub struct Discrete {
     pub history: u128,
     /// Ticks waited for the first command.
     pub waited: u32,
+    /// In Fault: the re-arm was seen released, so that a stuck one leads nowhere.
+    pub rearm_released: bool,
 }
 
 impl Discrete {
     /// The invariant, clause by clause:
     /// nobody owns a listening server; a running session has an owner;
     /// misses are counted while commands are due, and never reach two;
-    /// waiting is counted in the handshake only, and never reaches its limit.
+    /// waiting is counted in the handshake only, and never reaches its limit;
+    /// the release of the re-arm is noted in Fault only.
     #[must_use]
     pub fn is_valid(&self, handshake_ticks: u32) -> bool {
         let owner = match self.phase {
@@ -57,7 +60,8 @@ impl Discrete {
         } else {
             self.waited == 0
         };
-        owner && misses && waited
+        let rearm = self.phase == Phase::Fault || !self.rearm_released;
+        owner && misses && waited && rearm
     }
 
     /// Whether a session is running: granted, and not over.
@@ -167,10 +171,12 @@ pub fn decide(state: &Discrete, arrivals: &Arrivals, rules: &Rules) -> Decision 
     }
 }
 
-/// Stopped, or a faulty nominal, or still in Fault.
+/// Stopped, or a faulty nominal, or still in Fault. What leads out is a re-arm that was released since Fault began:
+/// one that was pressed before, or is stuck, would make the stop pass unnoticed.
 fn decide_fault(now: Discrete, arrivals: &Arrivals) -> Decision {
     let asserted = arrivals.stop || arrivals.nominal_fault;
-    if now.phase == Phase::Fault && arrivals.rearm && arrivals.all_zero && !asserted {
+    let rearmed = arrivals.rearm && now.rearm_released;
+    if now.phase == Phase::Fault && rearmed && arrivals.all_zero && !asserted {
         return listen(now);
     }
     let cause = if arrivals.stop {
@@ -180,7 +186,10 @@ fn decide_fault(now: Discrete, arrivals: &Arrivals) -> Decision {
     };
     let end = (now.phase != Phase::Fault).then_some(End::Because(cause));
     Decision {
-        next: retire(now, Phase::Fault),
+        next: Discrete {
+            rearm_released: now.rearm_released || !arrivals.rearm,
+            ..retire(now, Phase::Fault)
+        },
         action: Action::Ramp,
         end,
     }
@@ -242,12 +251,14 @@ fn decide_running(now: Discrete, arrivals: &Arrivals, rules: &Rules) -> Decision
     if let Some(cause) = ending(arrivals) {
         return disconnect(now, End::Because(cause));
     }
+    let missed = arrivals.command.is_none();
+    let history = (pushed(now.history, arrivals.skipped) << 1) | u128::from(missed);
+    let now = Discrete { history, ..now };
     // Each skipped cycle was a deadline that nobody could meet.
     let before = u32::from(now.misses).saturating_add(arrivals.skipped);
     if before >= 2 {
         return disconnect(now, End::Because(Cause::ServerLate));
     }
-    let missed = arrivals.command.is_none();
     if missed && before >= 1 {
         let end = if arrivals.skipped > 0 {
             End::Because(Cause::ServerLate)
@@ -256,14 +267,9 @@ fn decide_running(now: Discrete, arrivals: &Arrivals, rules: &Rules) -> Decision
         };
         return disconnect(now, end);
     }
-    // At most one cycle was skipped: its bit goes in before this tick's.
-    let history =
-        (now.history << u32::from(arrivals.skipped > 0)) | u128::from(arrivals.skipped > 0);
-    let history = (history << 1) | u128::from(missed);
     if over_budget(history, rules.budget) {
-        return disconnect(Discrete { history, ..now }, End::Because(Cause::Budget));
+        return disconnect(now, End::Because(Cause::Budget));
     }
-    let now = Discrete { history, ..now };
     match arrivals.command {
         None => Decision {
             next: Discrete { misses: 1, ..now },
@@ -279,6 +285,15 @@ fn decide_running(now: Discrete, arrivals: &Arrivals, rules: &Rules) -> Decision
             mode,
             arrivals.all_zero,
         ),
+    }
+}
+
+/// The history with a missed deadline for each skipped cycle.
+fn pushed(history: u128, skipped: u32) -> u128 {
+    let all = u128::MAX;
+    match (history.checked_shl(skipped), all.checked_shl(skipped)) {
+        (Some(shifted), Some(kept)) => shifted | !kept,
+        _ => all,
     }
 }
 
@@ -357,6 +372,7 @@ const fn listen(now: Discrete) -> Decision {
     Decision {
         next: Discrete {
             owner: None,
+            rearm_released: false,
             ..retire(now, Phase::Listening)
         },
         action: Action::Hold,

@@ -8,131 +8,24 @@ pub mod act;
 mod blackbox;
 pub mod config;
 pub mod decide;
+mod evidence;
+mod io;
 mod sift;
 
 use core::fmt;
 
-use heapless::Vec;
+use crate::axis::{Offsets, Reference};
+use crate::message::{AxisFlags, AxisState, Cause, Counters, Phase, Refusal, State, Welcome};
+use crate::units::{Epoch, PositionNm, Sequence, Tick};
 
-use crate::axis::{Actual, Offsets, Reference};
-use crate::message::{
-    AxisFlags, AxisState, Cause, ClientMessage, Counters, Phase, Refusal, State, Welcome,
-};
-use crate::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
-use crate::wire::{ContentError, FrameError};
-
-use act::{AxisChannels, nominal_stepped, reference};
-use config::{AxisConfig, Config, Parameters};
-use decide::{Action, Connection, Decision, Discrete, End, Rules};
+use act::{AxisChannels, drive_reference, nominal_stepped};
+use config::{Config, Parameters};
+use decide::{Action, Connection, Decision, Discrete, Rules};
+use evidence::{on_time_of_100, tally};
 use sift::{Sieve, Sifted};
 
 pub use blackbox::{BlackBox, Entry};
-
-/// Events that one tick can take: 8 frames of the owner, its flood or broken stream, its closing, and 6 events of strangers.
-pub const EVENTS: usize = 16;
-/// Frames of the owner that are read per tick (`K`); one more ends the session.
-pub const OWNER_FRAMES: u8 = 8;
-
-/// Something that happened on a connection.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Event<const N: usize> {
-    /// A message.
-    Message(ClientMessage<N>),
-    /// A well-framed frame with bad content. It costs that frame.
-    Malformed(ContentError),
-    /// A datagram that is no frame. It costs that datagram.
-    Dropped(FrameError),
-    /// The stream lost its frame boundary.
-    Broken(FrameError),
-    /// More frames than are read per tick.
-    Flood,
-    /// The connection is gone.
-    Closed,
-}
-
-/// One tick's events, in order of arrival.
-pub type Events<const N: usize> = Vec<(Connection, Event<N>), EVENTS>;
-/// Hellos refused in one tick.
-pub type Refusals = Vec<(Connection, Refusal), EVENTS>;
-
-/// Everything that one tick depends on, beside the session itself.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Input<const N: usize> {
-    /// Cycles since the last tick: 1 when on time; 0 counts as 1.
-    pub elapsed: u32,
-    /// What arrived.
-    pub events: Events<N>,
-    /// Nominal references of this cycle.
-    pub nominal: [PositionNm; N],
-    /// What the drives measure.
-    pub actual: [Actual; N],
-    /// The stop at the machine is asserted.
-    pub stop: bool,
-    /// Somebody at the machine re-arms.
-    pub rearm: bool,
-    /// Epoch to give to the next session; the host takes it from a counter persisted before use.
-    pub next_epoch: Epoch,
-    /// When in the cycle the last command arrived, µs; evidence only.
-    pub arrival_us: u16,
-}
-
-impl<const N: usize> Input<N> {
-    /// No event, no demand, everything at zero.
-    #[must_use]
-    pub const fn nothing() -> Self {
-        let at_rest = Actual {
-            position: PositionNm(0),
-            velocity: VelocityUmS(0),
-            torque: TorquePermille(0),
-        };
-        Self {
-            elapsed: 1,
-            events: Vec::new(),
-            nominal: [PositionNm(0); N],
-            actual: [at_rest; N],
-            stop: false,
-            rearm: false,
-            next_epoch: Epoch(0),
-            arrival_us: 0,
-        }
-    }
-
-    /// Copies `other` into this place: only the events there are, not the room for more.
-    pub(crate) fn copy_from(&mut self, other: &Self) {
-        self.events.clear();
-        // There is room: both have the same capacity.
-        self.events.extend_from_slice(&other.events).unwrap_or(());
-        self.elapsed = other.elapsed;
-        self.nominal = other.nominal;
-        self.actual = other.actual;
-        self.stop = other.stop;
-        self.rearm = other.rearm;
-        self.next_epoch = other.next_epoch;
-        self.arrival_us = other.arrival_us;
-    }
-}
-
-/// Everything that one tick produces.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Output<const N: usize> {
-    /// What the drives receive.
-    pub references: [Reference; N],
-    /// The State of this tick.
-    pub state: State<N>,
-    /// Whom to send the State to.
-    pub owner: Option<Connection>,
-    /// Whom to welcome, before the State; [`Session::welcome`] makes the message.
-    pub welcome: Option<Connection>,
-    /// Whom to refuse, and to close afterwards.
-    pub refusals: Refusals,
-    /// Whose connection has no further use and should be closed.
-    pub close: Option<Connection>,
-    /// Why a session ended in this tick, if one did.
-    pub ended: Option<Cause>,
-}
+pub use io::{EVENTS, Event, Events, Input, OWNER_FRAMES, Output, Refusals};
 
 /// Why a session cannot start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -228,6 +121,7 @@ impl<const N: usize> Session<N> {
             misses: 0,
             history: 0,
             waited: 0,
+            rearm_released: false,
         };
         let parts = Parts {
             discrete,
@@ -306,7 +200,7 @@ impl<const N: usize> Session<N> {
         let nominal_flags = self.nominal_flags(input, cycles);
         let sifted = self.sift(input, cycles, &nominal_flags);
         let decision = decide::decide(&before, &sifted.arrivals, &self.rules());
-        self.settle_evidence(&before, &decision, &sifted);
+        self.parts.settle_evidence(&before, &decision, &sifted);
         let mut axes = [AxisState::default(); N];
         let mut references = [Reference::default(); N];
         self.act(
@@ -377,35 +271,6 @@ impl<const N: usize> Session<N> {
         sifted
     }
 
-    /// Counters and causes; they never decide anything.
-    fn settle_evidence(&mut self, before: &Discrete, decision: &Decision, sifted: &Sifted<N>) {
-        let parts = &mut self.parts;
-        let granted = before.phase == Phase::Listening && decision.next.phase == Phase::Handshake;
-        if granted {
-            parts.counters = Counters::default();
-            parts.late = false;
-        }
-        parts.late |= sifted.late;
-        if matches!(before.phase, Phase::Submit | Phase::Obtain) {
-            let skipped = sifted.arrivals.skipped;
-            let missed = skipped.saturating_add(u32::from(sifted.arrivals.command.is_none()));
-            let run = u32::from(before.misses).saturating_add(missed);
-            let counters = &mut parts.counters;
-            counters.missed = counters.missed.saturating_add(missed);
-            let run = u16::try_from(run).unwrap_or(u16::MAX);
-            counters.longest_miss_run = counters.longest_miss_run.max(run);
-        }
-        match decision.end {
-            Some(End::Because(cause)) => parts.cause = cause,
-            Some(End::Missed) if parts.late => parts.cause = Cause::NetworkLate,
-            Some(End::Missed) => parts.cause = Cause::ClientLate,
-            None => {}
-        }
-        if sifted.arrivals.command.is_some() {
-            parts.late = false;
-        }
-    }
-
     /// Every channel applies the action; every axis gets its reference.
     fn act(
         &mut self,
@@ -432,8 +297,14 @@ impl<const N: usize> Session<N> {
                 Some(action) => shadow.act(action, target, limits),
                 None => AxisChannels::ZERO,
             };
-            let limited = channels.limited(decision.action, target);
-            let clamped = drive(config, *nominal, channels, reference);
+            // In Submit it is the shadow that approaches its target.
+            let limited = match shadow_action {
+                Some(action) => shadow.limited(action, target),
+                None => channels.limited(decision.action, target),
+            };
+            let clamped;
+            (*reference, clamped) =
+                drive_reference(*nominal, &channels.offsets(), &config.machine_travel);
             tally(&mut parts.counters, limited, clamped);
             *state = AxisState {
                 nominal: *nominal,
@@ -517,30 +388,6 @@ const fn shadow_action(phase: Phase, fresh: bool) -> Option<Action> {
         (Phase::Submit, false) => Some(Action::Hold),
         _ => None,
     }
-}
-
-fn drive(
-    config: &AxisConfig,
-    nominal: PositionNm,
-    channels: &AxisChannels,
-    place: &mut Reference,
-) -> AxisFlags {
-    let (reference, clamped) = reference(nominal, &channels.offsets(), &config.machine_travel);
-    *place = reference;
-    clamped
-}
-
-/// Counts channel steps held back and references clamped.
-fn tally(counters: &mut Counters, limited: AxisFlags, clamped: AxisFlags) {
-    counters.limited = counters.limited.saturating_add(limited.0.count_ones());
-    counters.clamped = counters.clamped.saturating_add(clamped.0.count_ones());
-}
-
-/// On-time deadlines among the latest 100.
-fn on_time_of_100(history: u128) -> u8 {
-    let latest = history & ((1 << 100) - 1);
-    let missed = u8::try_from(latest.count_ones()).unwrap_or(100);
-    100_u8.saturating_sub(missed)
 }
 
 #[cfg(test)]

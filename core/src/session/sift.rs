@@ -61,7 +61,7 @@ impl<'a, const N: usize> Sieve<'a, N> {
     pub(super) fn sift(mut self, events: &Events<N>) -> Sifted<N> {
         for (connection, event) in events.iter().take(EVENTS) {
             if self.state.owner == Some(*connection) {
-                self.owner(*connection, event);
+                self.owner(event);
             } else {
                 self.stranger(*connection, event);
             }
@@ -69,7 +69,7 @@ impl<'a, const N: usize> Sieve<'a, N> {
         self.sifted
     }
 
-    fn owner(&mut self, connection: Connection, event: &Event<N>) {
+    fn owner(&mut self, event: &Event<N>) {
         let arrivals = &mut self.sifted.arrivals;
         match event {
             Event::Broken(_) => arrivals.framing = true,
@@ -92,10 +92,8 @@ impl<'a, const N: usize> Sieve<'a, N> {
                     ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => {
                         count(&mut self.counters.stale);
                     }
-                    ClientMessage::Hello(hello) => {
-                        count(&mut self.counters.malformed);
-                        self.hello(connection, hello);
-                    }
+                    // Well-framed, but without a place: it costs this frame and nothing else.
+                    ClientMessage::Hello(_) => count(&mut self.counters.malformed),
                 }
             }
         }

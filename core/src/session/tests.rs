@@ -4,9 +4,11 @@ use std::vec::Vec as StdVec;
 
 use super::config::{AxisConfig, MissBudget, Parameters, Travel};
 use super::*;
+use crate::axis::Actual;
 use crate::channel::Limits;
-use crate::message::{AxisLimits, Capabilities, Command, Hello, Mode};
+use crate::message::{AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode};
 use crate::units::{OffsetNm, TorquePermille, VelocityUmS};
+use crate::wire::FrameError;
 
 const OWNER: Connection = Connection(1);
 const STRANGER: Connection = Connection(2);
@@ -574,4 +576,47 @@ fn the_black_box_replays_bit_for_bit() {
     for entry in entries {
         assert_eq!(replay.tick(&entry.input), entry.output);
     }
+}
+
+/// Found by review: a re-arm pressed before the stop, or stuck, let a stop pass unnoticed.
+#[test]
+fn a_stuck_rearm_leads_nowhere() {
+    let mut bench = Bench::obtain(0);
+    let stuck = |input: &mut Input<2>| input.rearm = true;
+    bench.tick_with(&[], |input| {
+        input.rearm = true;
+        input.stop = true;
+    });
+    for _ in 0..3 {
+        assert_eq!(bench.tick_with(&[], stuck).state.phase, Phase::Fault);
+    }
+    bench.silence();
+    assert_eq!(bench.tick_with(&[], stuck).state.phase, Phase::Listening);
+}
+
+#[test]
+fn a_goodbye_is_no_miss_and_the_ending_miss_is_one() {
+    let mut bench = Bench::obtain(0);
+    let goodbye = (OWNER, Event::Message(ClientMessage::Goodbye(Epoch(7))));
+    assert_eq!(bench.tick(&[goodbye]).state.counters.missed, 0);
+    let mut bench = Bench::obtain(0);
+    bench.silence();
+    let ended = bench.silence().state;
+    assert_eq!((ended.counters.missed, ended.on_time_of_100), (2, 98));
+    let mut bench = Bench::obtain(0);
+    let ended = bench.tick_with(&[], |input| input.elapsed = 40).state;
+    assert_eq!((ended.counters.missed, ended.on_time_of_100), (40, 60));
+}
+
+#[test]
+fn a_shadow_held_back_is_flagged() {
+    let mut bench = Bench::new(parameters());
+    bench.hello(OWNER);
+    let far = bench.answer(Mode::Submit, 100_000);
+    assert!(
+        far.state.axes[0]
+            .flags
+            .contains(AxisFlags::POSITION_LIMITED)
+    );
+    assert_eq!(far.state.axes[0].shadow.position, OffsetNm(5_000));
 }

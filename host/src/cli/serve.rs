@@ -110,7 +110,7 @@ impl Serve {
                 file.write(row);
             }
         });
-        let dropped = server.quit();
+        let dropped = server.quit()?;
         say("all offsets are zero; ended");
         if let Some(recorded) = file.map(|file| file.finish(dropped)) {
             say(&recorded);
@@ -139,7 +139,11 @@ impl Serve {
         };
         let config = robot.session_config(capabilities)?;
         let machine = robot.simulated_machine(tool, self.motion(&robot)?)?;
-        let path = self.epoch_file.clone().unwrap_or_else(epoch::default_path);
+        let path = self
+            .epoch_file
+            .clone()
+            .or_else(epoch::default_path)
+            .ok_or("there is no user's state folder; name a file with --epoch-file")?;
         let epochs = Epochs::reserve(&path)?;
         Ok(Cycle::new(
             config,
@@ -196,11 +200,8 @@ fn listen_to_the_keyboard(controls: Arc<Controls>) {
     std::thread::spawn(move || {
         for line in std::io::stdin().lock().lines().map_while(Result::ok) {
             match line.trim() {
-                "stop" => controls.stop.store(true, Ordering::Relaxed),
-                "rearm" => {
-                    controls.stop.store(false, Ordering::Relaxed);
-                    controls.rearm.store(true, Ordering::Relaxed);
-                }
+                "stop" => controls.press_stop(),
+                "rearm" => controls.release_and_rearm(),
                 "quit" => controls.quit.store(true, Ordering::Relaxed),
                 "" => {}
                 other => tracing::warn!("unknown word {other:?}: stop, rearm or quit"),

@@ -83,7 +83,7 @@ impl<const N: usize> Link<N> {
         }
     }
 
-    /// Whether another whole message is already here: then the current one is no longer the latest.
+    /// Whether more has already been read: then a newer State is on its way and the current one is no longer the latest.
     #[must_use]
     pub const fn has_unread_bytes(&self) -> bool {
         self.from < self.to

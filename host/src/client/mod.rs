@@ -56,7 +56,7 @@ impl ClientControls {
 /// How a client's session went.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ClientReport {
-    /// States answered.
+    /// States received.
     pub states: u64,
     /// Cycles whose correction could not be computed; the last one was sent again.
     pub held: u64,

@@ -10,7 +10,7 @@ use gantry_tau_core::message::{
 use gantry_tau_core::robot::ARMS;
 use gantry_tau_core::units::{OffsetNm, Sequence};
 
-use super::compensate::Compensation;
+use super::compensate::{Compensation, CompensationError};
 use super::connection::Link;
 use super::{ClientControls, ClientError, ClientOptions, ClientReport};
 use crate::machine::CYCLE_US;
@@ -19,10 +19,12 @@ use crate::sensor_link::{Sample, SensorReader};
 
 /// A server that says nothing for so long has vanished.
 const SILENCE: Duration = Duration::from_secs(3);
-/// Ticks that a force sample may be old.
-const SAMPLE_AGE_TICKS: u64 = 100;
+/// States that the last usable force sample may serve.
+const SAMPLE_STATES: u64 = 100;
 /// States to wait for the first sample.
-const FIRST_SAMPLE_TICKS: u64 = 1_000;
+const FIRST_SAMPLE_STATES: u64 = 1_000;
+/// States after a Goodbye in which the server may still not have seen it.
+const GOODBYE_STATES: u64 = 100;
 
 struct Session<'a> {
     link: Link<ARMS>,
@@ -35,7 +37,9 @@ struct Session<'a> {
     controls: &'a ClientControls,
     recorder: Option<Recorder<ClientRow<ARMS>>>,
     states: u64,
+    states_without_sample: u64,
     held: u64,
+    held_in_a_row: u64,
 }
 
 /// Connects, submits, obtains, and leaves when told to.
@@ -79,7 +83,9 @@ pub fn run(
         controls,
         recorder,
         states: 0,
+        states_without_sample: 0,
         held: 0,
+        held_in_a_row: 0,
     };
     let result = session.answer_until_done();
     let recorded = session.recorder.take().and_then(Recorder::finish);
@@ -93,19 +99,21 @@ pub fn run(
     })
 }
 
-/// Hello, and what it brings.
+/// Hello, and what it brings. A server without room says so before it has heard anything, and closes:
+/// what it said counts more than a Hello that could not be sent.
 fn greet(link: &mut Link<ARMS>) -> Result<Welcome<ARMS>, ClientError> {
     let axes = u8::try_from(ARMS).unwrap_or(u8::MAX);
-    link.send(&ClientMessage::Hello(Hello {
+    let sent = link.send(&ClientMessage::Hello(Hello {
         axes,
         capabilities: Capabilities::LOCKSTEP,
-    }))?;
-    match link.receive()? {
-        ServerMessage::Welcome(welcome) => Ok(welcome),
-        ServerMessage::Refusal(refusal) => Err(ClientError::Refused(refusal)),
-        ServerMessage::State(_) => Err(ClientError::Incompatible(
+    }));
+    match link.receive() {
+        Ok(ServerMessage::Welcome(welcome)) => Ok(welcome),
+        Ok(ServerMessage::Refusal(refusal)) => Err(ClientError::Refused(refusal)),
+        Ok(ServerMessage::State(_)) => Err(ClientError::Incompatible(
             "a State before the Welcome".to_owned(),
         )),
+        Err(error) => sent.and(Err(error)),
     }
 }
 
@@ -129,7 +137,7 @@ fn check_terms(options: &ClientOptions, welcome: &Welcome<ARMS>) -> Result<(), C
 
 impl Session<'_> {
     fn answer_until_done(&mut self) -> Result<(), ClientError> {
-        let mut leaving = false;
+        let mut goodbyes = 0;
         loop {
             let ServerMessage::State(state) = self.link.receive()? else {
                 return Err(ClientError::Incompatible(
@@ -140,11 +148,16 @@ impl Session<'_> {
             match state.phase {
                 Phase::Handshake | Phase::Submit | Phase::Obtain => {}
                 // The ramp that follows a Goodbye is the server's; it needs no witness.
-                _ if leaving => return Ok(()),
+                _ if goodbyes > 0 => return Ok(()),
                 _ => return Err(ended(&state)),
             }
             if self.controls.wants_to_quit() {
-                leaving = true;
+                goodbyes += 1;
+                if goodbyes > GOODBYE_STATES {
+                    return Err(ClientError::Vanished(
+                        "it does not hear the Goodbye".to_owned(),
+                    ));
+                }
                 self.link
                     .send(&ClientMessage::Goodbye(self.welcome.epoch))?;
                 continue;
@@ -158,19 +171,11 @@ impl Session<'_> {
     }
 
     fn answer(&mut self, state: &State<ARMS>) -> Result<(), ClientError> {
-        let sample = self.latest_sample(state.tick.0);
-        if let Err(silent) = sample {
+        if let Err(silent) = self.compensate(state) {
             // Leave in good order rather than compensate a force that nobody measures.
             self.link
                 .send(&ClientMessage::Goodbye(self.welcome.epoch))?;
             return Err(silent);
-        }
-        if let Ok(Some(sample)) = sample {
-            let nominal = state.axes.map(|axis| axis.nominal);
-            match self.compensation.cycle(&sample.wrench, &nominal) {
-                Ok(targets) => self.targets = targets,
-                Err(error) => self.hold(&error),
-            }
         }
         let tared = self.compensation.is_tared();
         self.controls.tared.store(tared, Ordering::Relaxed);
@@ -194,28 +199,50 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// The latest sample; `None` only in the first second.
-    fn latest_sample(&mut self, tick: u64) -> Result<Option<Sample>, ClientError> {
-        let silent = |reason: &str| Err(ClientError::SensorSilent(reason.to_owned()));
-        match self.sensor.latest() {
-            Ok(sample) => self.sample = sample,
-            Err(error) => return silent(&error.to_string()),
-        }
-        match self.sample {
-            None if self.states > FIRST_SAMPLE_TICKS => silent("none has come for a second"),
-            Some(sample) if sample.tick.saturating_add(SAMPLE_AGE_TICKS) < tick => {
-                silent("the last one is more than 100 ms old")
+    /// New targets from a new sample; without one the last targets stand, for a while.
+    fn compensate(&mut self, state: &State<ARMS>) -> Result<(), ClientError> {
+        let silent = |reason: &str| ClientError::SensorSilent(reason.to_owned());
+        let latest = self.sensor.latest();
+        let latest = latest.map_err(|error| silent(&error.to_string()))?;
+        let Some(sample) = latest.filter(|latest| self.sample != Some(*latest)) else {
+            self.states_without_sample += 1;
+            let patience = match self.sample {
+                None => FIRST_SAMPLE_STATES,
+                Some(_) => SAMPLE_STATES,
+            };
+            if self.states_without_sample > patience {
+                return Err(silent("none has come for too long"));
             }
-            sample => Ok(sample),
+            return Ok(());
+        };
+        if sample.tick.abs_diff(state.tick.0) > SAMPLE_STATES {
+            return Err(silent("their ticks are not the server's"));
+        }
+        self.sample = Some(sample);
+        self.states_without_sample = 0;
+        let nominal = state.axes.map(|axis| axis.nominal);
+        match self.compensation.cycle(&sample.wrench, &nominal) {
+            Ok(targets) => {
+                self.targets = targets;
+                self.held_in_a_row = 0;
+                Ok(())
+            }
+            Err(error) => self.hold(&error),
         }
     }
 
-    /// Sends the last targets again; said once, counted always.
-    fn hold(&mut self, error: &dyn std::fmt::Display) {
+    /// Sends the last targets again; said once, counted always, and not for ever.
+    fn hold(&mut self, error: &CompensationError) -> Result<(), ClientError> {
         if self.held == 0 {
             tracing::warn!("a correction cannot be computed, the last one is held: {error}");
         }
         self.held += 1;
+        self.held_in_a_row += 1;
+        if self.held_in_a_row > SAMPLE_STATES {
+            let reason = format!("{SAMPLE_STATES} in a row could not be used: {error}");
+            return Err(ClientError::SensorSilent(reason));
+        }
+        Ok(())
     }
 
     fn record(&mut self, state: &State<ARMS>) {

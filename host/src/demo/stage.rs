@@ -152,6 +152,7 @@ pub(super) fn play(
         Err(_) => "panicked".to_owned(),
     };
     let (ended, refusal) = played?;
+    let dropped = dropped?;
     Ok(Recording {
         samples: watch.samples,
         ended,

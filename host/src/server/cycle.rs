@@ -68,7 +68,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     /// [`ServerError`]: the address cannot be bound, or the machine's offsets are unreadable or beyond their limits.
     pub fn new(
         config: Config<N>,
-        motors: MotorMap<M>,
+        motors: MotorMap<N, M>,
         mut plant: P,
         epochs: Epochs,
         listen: SocketAddr,
@@ -113,11 +113,6 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         &self.endpoint
     }
 
-    /// Lets the black box record again.
-    pub fn release_black_box(&mut self) {
-        self.endpoint.black_box_mut().release();
-    }
-
     /// The phase after the last step.
     #[must_use]
     pub fn phase(&self) -> Phase {
@@ -138,6 +133,12 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             Some(_) => self.connections.receive(&mut self.endpoint, owner),
             None => 0,
         }
+    }
+
+    /// Lock-step: the coming tick has what it waits for.
+    #[must_use]
+    pub fn owner_has_answered(&self) -> bool {
+        self.endpoint.owner_has_answered()
     }
 
     /// The owner's stream, to wait on.
@@ -180,6 +181,8 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         let output = &turn.output;
         if output.welcome.is_some() {
             self.epochs.taken(output.state.epoch);
+            // A new session is recorded from its beginning; the last one's end has been kept until now.
+            self.endpoint.black_box_mut().release();
         }
         Row {
             state: output.state,

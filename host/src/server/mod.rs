@@ -12,6 +12,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
+use gantry_tau_core::message::Phase;
+
 use crate::plant::{Plant, PlantError};
 use cycle::{Cycle, Row};
 use pace::Pace;
@@ -37,6 +39,8 @@ pub enum ServerError {
     Start(String),
     /// The system gave no thread.
     Thread(String),
+    /// The cycle thread panicked.
+    Panicked,
 }
 
 impl ServerError {
@@ -61,6 +65,9 @@ impl fmt::Display for ServerError {
             Self::Listen { address, reason } => write!(f, "cannot listen on {address}: {reason}"),
             Self::Plant(error) => error.fmt(f),
             Self::Start(reason) => write!(f, "the session cannot start: {reason}"),
+            Self::Panicked => f.write_str(
+                "the cycle thread panicked; the offsets in force are unknown, the drives' watchdog must act",
+            ),
             Self::Thread(reason) => write!(f, "the cycle thread cannot start: {reason}"),
         }
     }
@@ -73,14 +80,53 @@ impl std::error::Error for ServerError {}
 pub struct Controls {
     /// End: ramp to zero, then return.
     pub quit: AtomicBool,
-    /// The stop at the machine.
-    pub stop: AtomicBool,
-    /// Re-arm after a stop; taken back once the server listens.
-    pub rearm: AtomicBool,
+    /// The stop at the machine is held.
+    stop: AtomicBool,
+    /// The stop was pressed; kept until the cycle has seen it, however shortly it was held.
+    stop_pressed: AtomicBool,
+    /// Re-arm was pressed.
+    rearm: AtomicBool,
     /// Lock-step only: the link is known to be silent, so waiting for an answer has no use.
     pub link_silent: AtomicBool,
     /// Rows that found the observer's queue full.
     pub dropped_rows: AtomicU64,
+}
+
+impl Controls {
+    /// Presses the stop, and holds it.
+    pub fn press_stop(&self) {
+        self.rearm.store(false, Ordering::Relaxed);
+        self.stop.store(true, Ordering::Relaxed);
+        self.stop_pressed.store(true, Ordering::Relaxed);
+    }
+
+    /// Releases the stop and re-arms.
+    pub fn release_and_rearm(&self) {
+        self.stop.store(false, Ordering::Relaxed);
+        self.rearm.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether something waits for the next tick that is not worth a second of silence.
+    fn is_urgent(&self) -> bool {
+        [&self.quit, &self.stop, &self.stop_pressed]
+            .iter()
+            .any(|switch| switch.load(Ordering::Relaxed))
+    }
+
+    /// Whether the stop is held, or was pressed since the last tick.
+    fn take_stop(&self) -> bool {
+        self.stop_pressed.swap(false, Ordering::Relaxed) | self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Whether a re-arm is wanted. Pressed outside Fault it is forgotten: it must not answer a stop that comes later.
+    fn take_rearm(&self, phase: Phase) -> bool {
+        if phase == Phase::Fault {
+            self.rearm.load(Ordering::Relaxed)
+        } else {
+            self.rearm.store(false, Ordering::Relaxed);
+            false
+        }
+    }
 }
 
 /// A running server.
@@ -126,11 +172,13 @@ impl<const N: usize> Server<N> {
     }
 
     /// Ramps to zero, ends the thread, and returns how many rows its observer missed.
-    #[must_use]
-    pub fn quit(self) -> u64 {
+    ///
+    /// # Errors
+    /// [`ServerError::Panicked`] when the cycle panicked: nothing is known about the offsets then, and the drives' watchdog must act.
+    pub fn quit(self) -> Result<u64, ServerError> {
         self.controls.quit.store(true, Ordering::Relaxed);
-        // A panicking cycle has already said so on stderr.
-        let _ = self.thread.join();
-        self.controls.dropped_rows.load(Ordering::Relaxed)
+        let panicked = |_| ServerError::Panicked;
+        self.thread.join().map_err(panicked)?;
+        Ok(self.controls.dropped_rows.load(Ordering::Relaxed))
     }
 }

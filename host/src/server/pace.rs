@@ -13,6 +13,8 @@ use crate::realtime::{CycleTimer, now_ns, sleep_until_ns, wait_readable_until_ns
 const PERIOD_NS: u64 = 1_000_000;
 /// Lock-step: silence that counts as a miss, ns.
 const SILENCE_NS: u64 = 1_000_000_000;
+/// Lock-step: silence that counts as a tick of the handshake, ns; a thousand of them end it.
+const HANDSHAKE_SILENCE_NS: u64 = 10_000_000;
 /// Lock-step: how long one look at the sockets may wait, ns.
 const LOOK_NS: u64 = 500_000;
 /// Frames of the owner after which waiting for more has no use.
@@ -54,15 +56,13 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
         };
         cycle.receive();
         let quit = controls.quit.load(Ordering::Relaxed);
+        let stopped = controls.take_stop();
         let demands = Demands {
-            stop: quit || controls.stop.load(Ordering::Relaxed),
-            rearm: controls.rearm.load(Ordering::Relaxed),
+            stop: quit || stopped,
+            rearm: controls.take_rearm(cycle.phase()),
         };
         let row = cycle.step(elapsed, demands);
         state_left_ns = now_ns();
-        if row.state.phase == Phase::Listening {
-            controls.rearm.store(false, Ordering::Relaxed);
-        }
         if rows.push(row).is_err() {
             controls.dropped_rows.fetch_add(1, Ordering::Relaxed);
         }
@@ -96,24 +96,27 @@ fn watch_owner<const N: usize, const M: usize, P: Plant<N, M>>(
     }
 }
 
-/// Waits until the owner of a running session has answered, its link is known to be silent, or a second has passed.
+/// Waits until the owner of a running session has answered the last State or ended the session,
+/// its link is known to be silent, or the silence has lasted long enough to be a miss.
 fn wait_for_answer<const N: usize, const M: usize, P: Plant<N, M>>(
     cycle: &mut Cycle<N, M, P>,
     controls: &Controls,
     state_left_ns: u64,
 ) {
-    let due = |phase| matches!(phase, Phase::Handshake | Phase::Submit | Phase::Obtain);
-    if !due(cycle.phase()) {
-        return sleep_until_ns(state_left_ns.saturating_add(PERIOD_NS));
-    }
-    let give_up_ns = state_left_ns.saturating_add(SILENCE_NS);
+    let silence_ns = match cycle.phase() {
+        Phase::Submit | Phase::Obtain => SILENCE_NS,
+        Phase::Handshake => HANDSHAKE_SILENCE_NS,
+        Phase::Listening | Phase::SafeDisconnect | Phase::Fault => {
+            return sleep_until_ns(state_left_ns.saturating_add(PERIOD_NS));
+        }
+    };
+    let give_up_ns = state_left_ns.saturating_add(silence_ns);
     loop {
-        if cycle.receive() > 0 {
+        cycle.receive();
+        if cycle.owner_has_answered() {
             return note_round_trip(cycle, state_left_ns);
         }
-        let waived = [&controls.link_silent, &controls.quit, &controls.stop]
-            .iter()
-            .any(|switch| switch.load(Ordering::Relaxed));
+        let waived = controls.is_urgent() || controls.link_silent.load(Ordering::Relaxed);
         let now = now_ns();
         if waived || now >= give_up_ns {
             return;

@@ -42,7 +42,7 @@ pub extern "C" fn server(
     let Ok(session) = Session::new(config, in_force, nominal, Tick(0), Epoch(0)) else {
         return 0;
     };
-    let Ok(motors) = MotorMap::<9>::new([0, 0, 1, 1, 2, 2, 3, 4, 5], 6) else {
+    let Ok(motors) = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]) else {
         return 0;
     };
     let mut endpoint = Endpoint::<6, 9, 4>::new(session, motors);

@@ -204,16 +204,13 @@ fn nobody_is_let_in_during_a_ramp() {
 }
 
 #[test]
-fn a_second_hello_of_the_owner_is_refused_and_costs_the_connection() {
+fn a_second_hello_of_the_owner_costs_that_frame() {
     let mut duet = Duet::obtained(AT);
-    let frame = duet.client.frame(Mode::Obtain, AT);
-    duet.deliver(&frame);
     duet.say(&gantry_tau_tests::client::hello());
-    let row = duet.bench.step();
-    assert_eq!((row.state.phase, row.refused), (Phase::Obtain, 1));
-    assert_eq!(duet.client.refusal_among_states(), Refusal::Busy);
-    // The server has closed: seen in the next tick.
-    duet.bench.assert_disconnect(AT, Cause::Closed);
+    let row = duet.answer_after(1, AT);
+    assert_eq!((row.state.phase, row.refused), (Phase::Obtain, 0));
+    let counters = row.state.counters;
+    assert_eq!((counters.malformed, counters.missed), (1, 0));
 }
 
 /// What a newcomer is told, while the owner keeps silent.

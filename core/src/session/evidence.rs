@@ -1,0 +1,63 @@
+//! Counters and causes: they say what happened and never decide anything.
+
+use super::Parts;
+use super::decide::{Decision, Discrete, End};
+use super::sift::Sifted;
+use crate::message::{AxisFlags, Cause, Counters, Phase};
+
+impl<const N: usize> Parts<N> {
+    /// Settles what this tick leaves behind, beside the counts of the sieve.
+    pub(super) fn settle_evidence(
+        &mut self,
+        before: &Discrete,
+        decision: &Decision,
+        sifted: &Sifted<N>,
+    ) {
+        if before.phase == Phase::Listening && decision.next.phase == Phase::Handshake {
+            self.counters = Counters::default();
+            self.late = false;
+        }
+        self.late |= sifted.late;
+        self.count_misses(before, decision, sifted);
+        match decision.end {
+            Some(End::Because(cause)) => self.cause = cause,
+            Some(End::Missed) if self.late => self.cause = Cause::NetworkLate,
+            Some(End::Missed) => self.cause = Cause::ClientLate,
+            None => {}
+        }
+        if sifted.arrivals.command.is_some() {
+            self.late = false;
+        }
+    }
+
+    /// Deadlines count while commands are due; a session that ends for another reason has no deadline in that tick.
+    fn count_misses(&mut self, before: &Discrete, decision: &Decision, sifted: &Sifted<N>) {
+        let late = matches!(
+            decision.end,
+            None | Some(End::Missed | End::Because(Cause::ServerLate | Cause::Budget))
+        );
+        if !late || !matches!(before.phase, Phase::Submit | Phase::Obtain) {
+            return;
+        }
+        let missed = u32::from(sifted.arrivals.command.is_none());
+        let missed = missed.saturating_add(sifted.arrivals.skipped);
+        let run = u32::from(before.misses).saturating_add(missed);
+        let run = u16::try_from(run).unwrap_or(u16::MAX);
+        let counters = &mut self.counters;
+        counters.missed = counters.missed.saturating_add(missed);
+        counters.longest_miss_run = counters.longest_miss_run.max(run);
+    }
+}
+
+/// Counts channel steps held back and references clamped.
+pub(super) fn tally(counters: &mut Counters, limited: AxisFlags, clamped: AxisFlags) {
+    counters.limited = counters.limited.saturating_add(limited.0.count_ones());
+    counters.clamped = counters.clamped.saturating_add(clamped.0.count_ones());
+}
+
+/// On-time deadlines among the latest 100.
+pub(super) fn on_time_of_100(history: u128) -> u8 {
+    let latest = history & ((1 << 100) - 1);
+    let missed = u8::try_from(latest.count_ones()).unwrap_or(100);
+    100_u8.saturating_sub(missed)
+}

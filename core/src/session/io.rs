@@ -1,0 +1,115 @@
+//! What goes into a tick and what comes out of it.
+
+use heapless::Vec;
+
+use super::decide::Connection;
+use crate::axis::{Actual, Reference};
+use crate::message::{Cause, ClientMessage, Refusal, State};
+use crate::units::{Epoch, PositionNm, TorquePermille, VelocityUmS};
+use crate::wire::{ContentError, FrameError};
+
+/// Events that one tick can take: 8 frames of the owner, its flood or broken stream, its closing, and 6 events of strangers.
+pub const EVENTS: usize = 16;
+/// Frames of the owner that are read per tick (`K`); one more ends the session.
+pub const OWNER_FRAMES: u8 = 8;
+
+/// Something that happened on a connection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Event<const N: usize> {
+    /// A message.
+    Message(ClientMessage<N>),
+    /// A well-framed frame with bad content. It costs that frame.
+    Malformed(ContentError),
+    /// A datagram that is no frame. It costs that datagram.
+    Dropped(FrameError),
+    /// The stream lost its frame boundary.
+    Broken(FrameError),
+    /// More frames than are read per tick.
+    Flood,
+    /// The connection is gone.
+    Closed,
+}
+
+/// One tick's events, in order of arrival.
+pub type Events<const N: usize> = Vec<(Connection, Event<N>), EVENTS>;
+/// Hellos refused in one tick.
+pub type Refusals = Vec<(Connection, Refusal), EVENTS>;
+
+/// Everything that one tick depends on, beside the session itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Input<const N: usize> {
+    /// Cycles since the last tick: 1 when on time; 0 counts as 1.
+    pub elapsed: u32,
+    /// What arrived.
+    pub events: Events<N>,
+    /// Nominal references of this cycle.
+    pub nominal: [PositionNm; N],
+    /// What the drives measure.
+    pub actual: [Actual; N],
+    /// The stop at the machine is asserted.
+    pub stop: bool,
+    /// Somebody at the machine re-arms.
+    pub rearm: bool,
+    /// Epoch to give to the next session; the host takes it from a counter persisted before use.
+    pub next_epoch: Epoch,
+    /// When in the cycle the last command arrived, µs; evidence only.
+    pub arrival_us: u16,
+}
+
+impl<const N: usize> Input<N> {
+    /// No event, no demand, everything at zero.
+    #[must_use]
+    pub const fn nothing() -> Self {
+        let at_rest = Actual {
+            position: PositionNm(0),
+            velocity: VelocityUmS(0),
+            torque: TorquePermille(0),
+        };
+        Self {
+            elapsed: 1,
+            events: Vec::new(),
+            nominal: [PositionNm(0); N],
+            actual: [at_rest; N],
+            stop: false,
+            rearm: false,
+            next_epoch: Epoch(0),
+            arrival_us: 0,
+        }
+    }
+
+    /// Copies `other` into this place: only the events there are, not the room for more.
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        self.events.clear();
+        // There is room: both have the same capacity.
+        self.events.extend_from_slice(&other.events).unwrap_or(());
+        self.elapsed = other.elapsed;
+        self.nominal = other.nominal;
+        self.actual = other.actual;
+        self.stop = other.stop;
+        self.rearm = other.rearm;
+        self.next_epoch = other.next_epoch;
+        self.arrival_us = other.arrival_us;
+    }
+}
+
+/// Everything that one tick produces.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Output<const N: usize> {
+    /// What the drives receive.
+    pub references: [Reference; N],
+    /// The State of this tick.
+    pub state: State<N>,
+    /// Whom to send the State to.
+    pub owner: Option<Connection>,
+    /// Whom to welcome, before the State; [`Session::welcome`] makes the message.
+    pub welcome: Option<Connection>,
+    /// Whom to refuse, and to close afterwards.
+    pub refusals: Refusals,
+    /// Whose connection has no further use and should be closed.
+    pub close: Option<Connection>,
+    /// Why a session ended, or the server stopped, in this tick.
+    pub ended: Option<Cause>,
+}
