@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let in_force = [Offsets::default(); 3]; // as read back from the drives
     let nominal = [PositionNm(0); 3];
     let session = Session::new(config, &in_force, nominal, Tick(0), Epoch(0))?;
-    let motors = MotorMap::new([0, 1, 2], 3)?;
+    let motors = MotorMap::new([0, 1, 2])?;
     let mut server = Endpoint::<3, 3, 64>::new(session, motors);
 
     let client = server.open(Transport::Stream).map_err(|_| "no room")?;
