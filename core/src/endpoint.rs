@@ -8,10 +8,10 @@ use core::fmt;
 
 use heapless::Vec;
 
-use crate::axis::{Actual, Reference};
+use crate::axis::{Actual, Offsets, Reference};
 use crate::message::{ClientMessage, Refusal, ServerMessage};
 use crate::session::decide::Connection;
-use crate::session::{BlackBox, Event, Input, OWNER_FRAMES, Output, Session};
+use crate::session::{BlackBox, Event, Input, OWNER_FRAMES, Output, Session, StartError};
 use crate::units::{Epoch, PositionNm};
 use crate::wire::{
     Deframer, Feed, Frame, FrameBytes, FrameError, PROTOCOL_VERSION, decode_client, encode_server,
@@ -203,6 +203,17 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
     /// The black box, to release it.
     pub const fn black_box_mut(&mut self) -> &mut BlackBox<N, HALF> {
         &mut self.black_box
+    }
+
+    /// As [`Session::resume`]: the machine did not take the last references, and has these offsets in force.
+    /// The black box begins anew, for what follows does not follow from what it holds.
+    ///
+    /// # Errors
+    /// As [`Session::resume`].
+    pub fn resume(&mut self, in_force: &[Offsets; N]) -> Result<(), StartError> {
+        self.session.resume(in_force)?;
+        self.black_box.release();
+        Ok(())
     }
 
     /// Registers a new connection.

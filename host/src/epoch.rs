@@ -8,7 +8,7 @@ use gantry_tau_core::units::Epoch;
 
 /// Epochs reserved by one write of the file. The cycle takes from the reserve and never touches the disk.
 /// 2^32 sessions per run, 2^32 runs: neither is ever used up.
-pub const RESERVE: u64 = 1 << 32;
+const RESERVE: u64 = 1 << 32;
 
 /// A reserve of epochs that no other run of the server will give again.
 #[derive(Clone, Debug, PartialEq, Eq)]

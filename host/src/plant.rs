@@ -6,14 +6,15 @@ use gantry_tau_core::axis::{Actual, Offsets, Reference};
 use gantry_tau_core::units::PositionNm;
 
 /// A machine with `AXES` axes and `MOTORS` motors, called by the cycle thread once per cycle: `read`, then `write`.
+/// A failed `write` must leave the last references in force.
 ///
 /// Neither call may block, allocate or lock. The simulated machine of [`crate::sim`] is the first implementation.
 pub trait Plant<const AXES: usize, const MOTORS: usize>: Send {
-    /// The external offsets that the drive interface has in force, read once before the first cycle.
-    /// A restarted server ramps from these, so that it makes no step.
+    /// The external offsets that the drive interface has in force: those of the last references it took.
+    /// Read before the first cycle and after every failed `write`: the server goes on from these, so that it makes no step.
     ///
     /// # Errors
-    /// [`PlantError`] when they cannot be read: the server then refuses to start.
+    /// [`PlantError`] when they cannot be read: the server then refuses to start, or writes nothing until they can.
     fn offsets_in_force(&mut self) -> Result<[Offsets; AXES], PlantError>;
 
     /// Nominal references of this cycle and what the drives measure, `elapsed` cycles after the last call (1 when on time).
@@ -25,7 +26,7 @@ pub trait Plant<const AXES: usize, const MOTORS: usize>: Send {
     /// References to every motor.
     ///
     /// # Errors
-    /// [`PlantError`] when the bus does not take them: the server asserts its stop.
+    /// [`PlantError`] when the bus does not take them: the server asserts its stop from the next cycle on.
     fn write(&mut self, references: &[Reference; MOTORS]) -> Result<(), PlantError>;
 }
 

@@ -10,13 +10,16 @@
 use gantry_tau::client::{self, ClientControls, ClientError, ClientOptions};
 use gantry_tau::epoch::Epochs;
 use gantry_tau::machine::MOTORS;
+use gantry_tau::plant::{Plant, PlantError, Reading};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::sensor_link::{Sample, SensorPublisher};
 use gantry_tau::server::Server;
 use gantry_tau::server::cycle::Cycle;
 use gantry_tau::server::pace::Pace;
 use gantry_tau::sim::hand::hand_and_tool;
+use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
+use gantry_tau_core::axis::{Offsets, Reference};
 use gantry_tau_core::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::robot::ARMS;
 
@@ -24,22 +27,54 @@ use gantry_tau_core::robot::ARMS;
 const TARE: u32 = 50;
 const LOAD: [f64; 6] = [30.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
-/// Runs a client whose sensor sends what `lie` makes of an honest tick; returns how it ended, and whether it ever reached Obtain.
-fn session(lie: impl Fn(u64) -> Option<Sample>) -> (ClientError, bool) {
+/// The simulated machine, with a sensor that sends what `lie` makes of each tick, in the cycle as an honest one would.
+struct Liar<F> {
+    machine: SimulatedMachine,
+    sensor: SensorPublisher,
+    lie: F,
+    reads: u64,
+}
+
+impl<F: Fn(u64) -> Option<Sample> + Send> Plant<ARMS, MOTORS> for Liar<F> {
+    fn offsets_in_force(&mut self) -> Result<[Offsets; ARMS], PlantError> {
+        self.machine.offsets_in_force()
+    }
+
+    fn read(&mut self, elapsed: u64) -> Result<Reading<ARMS>, PlantError> {
+        // The read before the first cycle is that of tick 0.
+        if let Some(sample) = (self.lie)(self.reads) {
+            self.sensor.publish(&sample);
+        }
+        self.reads += 1;
+        self.machine.read(elapsed)
+    }
+
+    fn write(&mut self, references: &[Reference; MOTORS]) -> Result<(), PlantError> {
+        self.machine.write(references)
+    }
+}
+
+/// Runs a client whose sensor lies; returns how it ended, and whether it ever reached Obtain.
+fn session(lie: impl Fn(u64) -> Option<Sample> + Send + 'static) -> (ClientError, bool) {
     let loopback = ([127, 0, 0, 1], 0).into();
     let mut robot = RobotFile::builtin_l2().unwrap();
     robot.sensor.tare_samples = TARE;
     let (_hand, tool) = hand_and_tool();
-    let machine = robot.simulated_machine(tool, Motion::Hold).unwrap();
     let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
     let motors = robot.motor_map().unwrap();
+    let liar = Liar {
+        machine: robot.simulated_machine(tool, Motion::Hold).unwrap(),
+        sensor: SensorPublisher::bind(loopback).unwrap(),
+        lie,
+        reads: 0,
+    };
+    let sensor = liar.sensor.address().unwrap();
     let cycle: Cycle<ARMS, MOTORS, _> =
-        Cycle::new(config, motors, machine, Epochs::volatile(), loopback).unwrap();
-    let mut sensor = SensorPublisher::bind(loopback).unwrap();
+        Cycle::new(config, motors, liar, Epochs::volatile(), loopback).unwrap();
     let (server, mut rows) = Server::spawn(cycle, Pace::Lockstep).unwrap();
     let options = ClientOptions {
         server: server.address,
-        sensor: sensor.address().unwrap(),
+        sensor,
         robot,
         record: None,
         obtain: true,
@@ -51,9 +86,6 @@ fn session(lie: impl Fn(u64) -> Option<Sample>) -> (ClientError, bool) {
         if let Ok(row) = rows.pop() {
             obtained |= row.state.phase == Phase::Obtain;
             ended = row.ended;
-            if let Some(sample) = lie(row.state.tick.0) {
-                sensor.publish(&sample);
-            }
         }
     }
     assert_eq!(ended, Some(Cause::Goodbye), "it leaves in good order");

@@ -3,7 +3,6 @@
 use std::vec::Vec as StdVec;
 
 use super::*;
-use crate::axis::Offsets;
 use crate::channel::Limits;
 use crate::message::{AxisLimits, Capabilities, Cause, ClientMessage, Command, Hello, Mode, Phase};
 use crate::session::config::{AxisConfig, Config, Parameters, Travel};

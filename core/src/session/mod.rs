@@ -96,16 +96,7 @@ impl<const N: usize> Session<N> {
         tick: Tick,
         last_epoch: Epoch,
     ) -> Result<Self, StartError> {
-        let mut channels = [AxisChannels::ZERO; N];
-        let axes = config.parameters().axes.iter().zip(in_force);
-        for (axis, (channel, (axis_config, offsets))) in channels.iter_mut().zip(axes).enumerate() {
-            *channel = AxisChannels::at_rest(offsets, &axis_config.limits).ok_or(
-                StartError::OffsetInForce {
-                    axis,
-                    offsets: *offsets,
-                },
-            )?;
-        }
+        let channels = channels_at_rest(&config, in_force)?;
         let at_zero = channels.iter().all(AxisChannels::is_zero);
         let (phase, cause) = if at_zero {
             (Phase::Listening, Cause::None)
@@ -133,6 +124,28 @@ impl<const N: usize> Session<N> {
             counters: Counters::default(),
         };
         Ok(Self { config, parts })
+    }
+
+    /// The machine did not take the last references; these are the offsets it has in force instead.
+    /// Channels go on from them at rest, without a step, and the session is over.
+    ///
+    /// # Errors
+    /// [`StartError::OffsetInForce`] when one is beyond its limits; nothing is changed then.
+    pub fn resume(&mut self, in_force: &[Offsets; N]) -> Result<(), StartError> {
+        let parts = &mut self.parts;
+        parts.channels = channels_at_rest(&self.config, in_force)?;
+        parts.shadow = [AxisChannels::ZERO; N];
+        let discrete = &mut parts.discrete;
+        if discrete.phase != Phase::Fault {
+            *discrete = Discrete {
+                phase: Phase::SafeDisconnect,
+                misses: 0,
+                waited: 0,
+                ..*discrete
+            };
+            parts.cause = Cause::Restart;
+        }
+        Ok(())
     }
 
     /// A session in any state that satisfies the invariant.
@@ -361,6 +374,21 @@ impl<const N: usize> Session<N> {
             ended: decision.end.map(|_| self.parts.cause),
         }
     }
+}
+
+/// Channels at rest at offsets read back from the drives.
+fn channels_at_rest<const N: usize>(
+    config: &Config<N>,
+    in_force: &[Offsets; N],
+) -> Result<[AxisChannels; N], StartError> {
+    let mut channels = [AxisChannels::ZERO; N];
+    let axes = config.parameters().axes.iter().zip(in_force);
+    for (axis, (channel, (axis_config, offsets))) in channels.iter_mut().zip(axes).enumerate() {
+        let offsets = *offsets;
+        *channel = AxisChannels::at_rest(&offsets, &axis_config.limits)
+            .ok_or(StartError::OffsetInForce { axis, offsets })?;
+    }
+    Ok(channels)
 }
 
 /// Ticks until every channel would be zero.

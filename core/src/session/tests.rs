@@ -620,3 +620,32 @@ fn a_shadow_held_back_is_flagged() {
     );
     assert_eq!(far.state.axes[0].shadow.position, OffsetNm(5_000));
 }
+
+/// Found by test: a bus that had lost writes received everything it had missed at once.
+#[test]
+fn what_the_drives_have_in_force_is_where_the_ramp_begins() {
+    let in_force = Offsets {
+        position: OffsetNm(-1_050),
+        ..Offsets::default()
+    };
+    for phase in [Phase::Listening, Phase::Obtain, Phase::Fault] {
+        let mut bench = Bench::obtain(9_000);
+        if phase == Phase::Listening {
+            bench = Bench::new(parameters());
+        } else if phase == Phase::Fault {
+            bench.tick_with(&[], |input| input.stop = true);
+        }
+        bench.session.resume(&[in_force; 2]).unwrap();
+        assert!(bench.session.is_valid());
+        bench.last = None;
+        bench.silence();
+        assert_eq!(bench.offset(), -950);
+        let far = Offsets {
+            position: OffsetNm(i32::MIN),
+            ..Offsets::default()
+        };
+        let before = bench.session;
+        assert!(bench.session.resume(&[in_force, far]).is_err());
+        assert_eq!(bench.session, before);
+    }
+}

@@ -154,6 +154,8 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
 
     /// One tick, `elapsed` cycles after the last, on what was received since.
     pub fn step(&mut self, elapsed: u32, demands: Demands) -> Row<N> {
+        let outage = self.write_failed;
+        let resumed = !outage || self.resume();
         let reading = self.plant.read(u64::from(elapsed));
         let read_failed = reading.is_err();
         // A machine that does not answer is stopped; its last nominal reference stands.
@@ -165,7 +167,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             elapsed,
             nominal: reading.nominal,
             actual: reading.actual,
-            stop: demands.stop || read_failed || self.write_failed,
+            stop: demands.stop || read_failed || outage,
             rearm: demands.rearm,
             next_epoch: self.epochs.next(),
             arrival_us: u16::try_from(round_trip_us.unwrap_or(0)).unwrap_or(u16::MAX),
@@ -174,7 +176,8 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         let turn = self
             .endpoint
             .tick(&cycle, &mut |to, bytes| connections.send(to, bytes));
-        self.write_failed = self.plant.write(&turn.motors).is_err();
+        // What the drives have in force must be known before anything is added to it.
+        self.write_failed = !resumed || self.plant.write(&turn.motors).is_err();
         for connection in &turn.close {
             self.connections.close(*connection);
         }
@@ -195,6 +198,12 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             round_trip_us,
             plant_failed: read_failed || self.write_failed,
         }
+    }
+
+    /// After references that the machine did not take, goes on from the offsets it has in force, so that it sees no step.
+    fn resume(&mut self) -> bool {
+        let in_force = self.plant.offsets_in_force();
+        in_force.is_ok_and(|in_force| self.endpoint.resume(&in_force).is_ok())
     }
 
     /// The sample leaves before the State of the same tick, so that a client has it when it answers.

@@ -11,7 +11,7 @@ fn serve(folder: &Folder, further: &[&str]) -> (Running, [String; 2]) {
         "--force-max",
         "60",
         "--step-seconds",
-        "0.1",
+        "5",
     ]);
     arguments.extend(further);
     let mut server = folder.start("serve", &arguments);
@@ -80,6 +80,17 @@ fn assert_no_jump(rows: &[(String, [i64; 3])]) {
     }
 }
 
+/// From the last Obtain on nothing but ramp, as long as it takes and no longer.
+fn assert_whole_ramp(rows: &[(String, [i64; 3])]) {
+    let stopped = rows.iter().rposition(|(state, _)| state == "Obtain");
+    let (before, ramp) = rows.split_at(stopped.unwrap() + 1);
+    let left = before.last().unwrap().1.map(i64::unsigned_abs);
+    // The hand pulls for seconds: unless this machine stood still meanwhile, some 48 um are left.
+    let ticks = left.into_iter().max().unwrap().div_ceil(100).max(1);
+    assert_eq!(u64::try_from(ramp.len()).unwrap(), ticks);
+    assert!(ramp.iter().all(|(state, _)| state == "Fault"));
+}
+
 #[test]
 fn a_session_of_two_processes_from_obtain_to_the_servers_end() {
     let folder = Folder::new("processes");
@@ -98,7 +109,7 @@ fn a_session_of_two_processes_from_obtain_to_the_servers_end() {
     await_obtain(&mut server, 2);
     let before = rows(&folder).len();
     server.await_that("an offset in force", |_| {
-        let offset = |row: &(String, [i64; 3])| row.0 == "Obtain" && row.1 != [0; 3];
+        let offset = |row: &(String, [i64; 3])| row.0 == "Obtain" && row.1[1].abs() > 30_000;
         rows(&folder)[before..].iter().any(offset)
     });
     server.interrupt();
@@ -113,14 +124,11 @@ fn a_session_of_two_processes_from_obtain_to_the_servers_end() {
         said.contains(&recorded) && said.contains(" dropped"),
         "{said}"
     );
+    assert_eq!(rows.last().unwrap().1, [0; 3]);
     if said.contains(", 0 dropped") {
         assert_no_jump(&rows);
+        assert_whole_ramp(&rows);
     }
-    assert_eq!(rows.last().unwrap().1, [0; 3]);
-    assert!(
-        rows.iter()
-            .any(|(state, offsets)| state == "Fault" && *offsets != [0; 3])
-    );
 }
 
 #[test]

@@ -163,6 +163,19 @@ fn megabytes_of_good_frames_end_the_session_and_nothing_else() {
 }
 
 #[test]
+fn one_visit_takes_a_bounded_part_of_a_flood() {
+    let mut duet = Duet::obtained(AT);
+    let frame = duet.client.frame(Mode::Obtain, AT);
+    let flood = frame.repeat(60_000 / COMMAND);
+    duet.client.send_bytes(&flood);
+    duet.bench.await_bytes(flood.len());
+    duet.bench.receive();
+    let taken = flood.len() - duet.bench.unread(flood.len());
+    assert!((9 * COMMAND..=8_192).contains(&taken), "{taken} bytes");
+    duet.bench.assert_disconnect(AT, Cause::Flood);
+}
+
+#[test]
 fn a_flood_during_the_ramp_costs_the_flooder_its_connection_only() {
     let mut duet = Duet::obtained(AT);
     duet.tick();

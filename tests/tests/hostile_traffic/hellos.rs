@@ -1,6 +1,6 @@
 //! From connecting to the first command: who is let in, and what the others are told.
 
-use gantry_tau::epoch::{Epochs, RESERVE};
+use gantry_tau::epoch::Epochs;
 use gantry_tau_core::message::{Capabilities, Cause, ClientMessage, Hello, Mode, Phase, Refusal};
 use gantry_tau_core::wire::encode_client;
 use gantry_tau_tests::bench::{Bench, parameters};
@@ -64,7 +64,7 @@ fn a_server_without_an_epoch_to_give_says_so() {
     std::fs::write(&file, "7").unwrap();
     let mut epochs = Epochs::reserve(&file).unwrap();
     // The reserve is used up.
-    epochs.taken(gantry_tau_core::units::Epoch(7 + RESERVE));
+    epochs.taken(gantry_tau_core::units::Epoch(u64::MAX));
     let mut bench = Bench::start(parameters(), Bus::default(), epochs).unwrap();
     let said = refusal(&mut bench, &hello_with(3, 0));
     assert_eq!(said, Refusal::Unavailable);
@@ -102,6 +102,21 @@ fn obtain_straight_from_the_handshake_costs_the_frame() {
     assert_eq!(duet.answer(Mode::Submit, [0; 3]).state.phase, Phase::Submit);
     duet.answer(Mode::Obtain, [5_000; 3]);
     assert_eq!(duet.bench.bus.positions(), [5_000; 3]);
+}
+
+#[test]
+fn the_first_commands_sequence_counts_and_two_misses_in_submit_end_the_session() {
+    let mut duet: Duet<3> = Duet::submitted_on(Bench::default());
+    for count in 1..=2 {
+        // A second answer with the first one's number.
+        duet.client.sequence = 0;
+        let frame = duet.client.frame(Mode::Obtain, [5_000; 3]);
+        duet.deliver(&frame);
+        let row = duet.tick();
+        assert_eq!(row.state.counters.duplicate, count);
+        assert_eq!(row.ended, (count == 2).then_some(Cause::ClientLate));
+    }
+    assert_eq!(duet.bench.step().state.phase, Phase::Listening);
 }
 
 #[test]

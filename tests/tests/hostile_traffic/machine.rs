@@ -142,6 +142,25 @@ fn a_machine_that_takes_no_reference_is_stopped_in_the_next_tick() {
 }
 
 #[test]
+fn a_bus_that_comes_back_sees_no_step() {
+    let mut duet = Duet::obtained(AT);
+    duet.bench.bus.record().write_fails = true;
+    for _ in 0..51 {
+        duet.bench.receive();
+        duet.bench.step();
+    }
+    // It takes references again, but does not yet tell what it has in force: nothing is written.
+    duet.bench.bus.record().write_fails = false;
+    duet.bench.bus.record().offsets_fail = true;
+    let writes = duet.bench.bus.writes();
+    duet.bench.step();
+    assert_eq!(duet.bench.bus.writes(), writes);
+    duet.bench.bus.record().offsets_fail = false;
+    // The bench compares with what the drives had in force: 100 nm per tick from there, whatever was lost.
+    duet.bench.assert_ramp(AT, Phase::Fault);
+}
+
+#[test]
 fn the_stop_at_the_machine_needs_no_network_and_no_session() {
     let mut duet = Duet::obtained(AT);
     let frame = duet.client.frame(Mode::Obtain, AT);
