@@ -46,7 +46,10 @@ pub extern "C" fn server(
         return 0;
     };
     let mut endpoint = Endpoint::<6, 9, 4>::new(session, motors);
-    let (Ok(stream), Ok(datagrams)) = (endpoint.open(Transport::Stream), endpoint.open(Transport::Datagram)) else {
+    let (Ok(stream), Ok(datagrams)) = (
+        endpoint.open(Transport::Stream),
+        endpoint.open(Transport::Datagram),
+    ) else {
         return 0;
     };
     endpoint.feed(stream, bytes);
@@ -109,7 +112,11 @@ pub extern "C" fn client(
     let inverse = nominal.inverse(tcp_m).map_or(0.0, |q| q.iter().sum());
     let jacobian = nominal.jacobian(tcp_m).map_or(0.0, |j| j.sum());
     let correction = compensator.correction(q, &load).map_or(0.0, |correction| {
-        correction.offsets.iter().map(|offset| offset.to_metres().0).sum()
+        correction
+            .offsets
+            .iter()
+            .map(|offset| offset.to_metres().0)
+            .sum()
     });
     inverse + jacobian + correction
 }
