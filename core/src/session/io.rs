@@ -104,7 +104,7 @@ pub struct Output<const N: usize> {
     pub state: State<N>,
     /// Whom to send the State to.
     pub owner: Option<Connection>,
-    /// Whom to welcome, before the State; [`Session::welcome`] makes the message.
+    /// Whom to welcome, before the State; [`super::Session::welcome`] makes the message.
     pub welcome: Option<Connection>,
     /// Whom to refuse, and to close afterwards.
     pub refusals: Refusals,
