@@ -3,7 +3,7 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`plant`] | a machine that records every reference it is written |
-//! | [`bench`] | the server's cycle around it, with the bounds of DESIGN 4 asserted in every tick |
+//! | [`mod@bench`] | the server's cycle around it, with the bounds of DESIGN 4 asserted in every tick |
 //! | [`client`] | a client that speaks frames, and anything else |
 //! | [`duet`] | both together: one session, tick by tick |
 #![forbid(unsafe_code)]
