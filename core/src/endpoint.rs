@@ -8,11 +8,11 @@ use core::fmt;
 
 use heapless::Vec;
 
-use crate::axis::{Actual, Offsets, Reference};
+use crate::axis::{Offsets, Reference};
 use crate::message::{ClientMessage, Refusal, ServerMessage};
+pub use crate::session::Cycle;
 use crate::session::decide::Connection;
 use crate::session::{BlackBox, Event, Input, OWNER_FRAMES, Output, Session, StartError};
-use crate::units::{Epoch, PositionNm};
 use crate::wire::{
     Deframer, Feed, Frame, FrameBytes, FrameError, PROTOCOL_VERSION, decode_client, encode_server,
     encode_state,
@@ -86,42 +86,6 @@ impl<const N: usize, const MOTORS: usize> MotorMap<N, MOTORS> {
         // Every axis of a checked map exists; the default is never taken.
         self.axis_of_motor
             .map(|axis| axes.get(axis).copied().unwrap_or_default())
-    }
-}
-
-/// Everything the host gives to one cycle, beside the bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Cycle<const N: usize> {
-    /// Cycles since the last tick: 1 when on time.
-    pub elapsed: u32,
-    /// Nominal references of this cycle.
-    pub nominal: [PositionNm; N],
-    /// What the drives measure.
-    pub actual: [Actual; N],
-    /// The stop at the machine is asserted.
-    pub stop: bool,
-    /// Somebody at the machine re-arms.
-    pub rearm: bool,
-    /// Epoch for the next session, from a counter persisted before use.
-    pub next_epoch: Epoch,
-    /// When in the cycle the last command arrived, µs; evidence only.
-    pub arrival_us: u16,
-}
-
-impl<const N: usize> Cycle<N> {
-    /// A cycle in which nothing special happens.
-    #[must_use]
-    pub const fn on_time(nominal: [PositionNm; N], actual: [Actual; N], next_epoch: Epoch) -> Self {
-        Self {
-            elapsed: 1,
-            nominal,
-            actual,
-            stop: false,
-            rearm: false,
-            next_epoch,
-            arrival_us: 0,
-        }
     }
 }
 
@@ -363,14 +327,7 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
             slot.finished |= slot.idle_ticks > patience;
         }
         self.stranger_events = 0;
-        let input = &mut self.input;
-        input.elapsed = cycle.elapsed;
-        input.nominal = cycle.nominal;
-        input.actual = cycle.actual;
-        input.stop = cycle.stop;
-        input.rearm = cycle.rearm;
-        input.next_epoch = cycle.next_epoch;
-        input.arrival_us = cycle.arrival_us;
+        self.input.cycle = *cycle;
     }
 
     fn send(&mut self, output: &Output<N>, send: &mut impl FnMut(Connection, &[u8])) {

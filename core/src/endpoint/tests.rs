@@ -3,10 +3,11 @@
 use std::vec::Vec as StdVec;
 
 use super::*;
+use crate::axis::Actual;
 use crate::channel::Limits;
-use crate::message::{AxisLimits, Capabilities, Cause, ClientMessage, Command, Hello, Mode, Phase};
+use crate::message::{Capabilities, Cause, ClientMessage, Command, Hello, Mode, Phase};
 use crate::session::config::{AxisConfig, Config, Parameters, Travel};
-use crate::units::{OffsetNm, Sequence, Tick};
+use crate::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick};
 use crate::wire::{decode_server, encode_client};
 
 type Tested = Endpoint<2, 3, 0>;
@@ -19,30 +20,9 @@ struct Bench {
 }
 
 fn config() -> Config<2> {
-    let travel = |reach: i64| Travel {
-        lower: PositionNm(-reach),
-        upper: PositionNm(reach),
-    };
-    let axis = AxisConfig {
-        limits: AxisLimits {
-            position: Limits::new(100_000, 5_000, 10_000, 100).unwrap(),
-            velocity: Limits::DISABLED,
-            torque: Limits::DISABLED,
-        },
-        nominal_travel: travel(1_000_000),
-        machine_travel: travel(2_000_000),
-        nominal_step_nm: 0,
-    };
-    Config::new(Parameters {
-        cycle_us: 1_000,
-        echo_window: 0,
-        handshake_ticks: 1_000,
-        budget: None,
-        capabilities: Capabilities::NONE,
-        kinematics_checksum: 0,
-        axes: [axis; 2],
-    })
-    .unwrap()
+    let limits = Limits::new(100_000, 5_000, 10_000, 100).unwrap();
+    let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000), 0);
+    Config::new(Parameters::thesis([axis; 2])).unwrap()
 }
 
 impl Bench {
@@ -59,15 +39,9 @@ impl Bench {
     }
 
     fn tick(&mut self) -> Turn<2, 3> {
-        let cycle = Cycle {
-            elapsed: 1,
-            nominal: [PositionNm(0), PositionNm(1_000)],
-            actual: [Actual::default(); 2],
-            stop: false,
-            rearm: false,
-            next_epoch: Epoch(self.endpoint.session().parts().discrete.epoch.0 + 1),
-            arrival_us: 0,
-        };
+        let next_epoch = Epoch(self.endpoint.session().parts().discrete.epoch.0 + 1);
+        let nominal = [PositionNm(0), PositionNm(1_000)];
+        let cycle = Cycle::on_time(nominal, [Actual::default(); 2], next_epoch);
         let sent = &mut self.sent;
         sent.clear();
         self.endpoint.tick(&cycle, &mut |to, bytes| {

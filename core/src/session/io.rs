@@ -36,14 +36,12 @@ pub type Events<const N: usize> = Vec<(Connection, Event<N>), EVENTS>;
 /// Hellos refused in one tick.
 pub type Refusals = Vec<(Connection, Refusal), EVENTS>;
 
-/// Everything that one tick depends on, beside the session itself.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// What the host gives to one cycle, beside what arrived.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Input<const N: usize> {
+pub struct Cycle<const N: usize> {
     /// Cycles since the last tick: 1 when on time; 0 counts as 1.
     pub elapsed: u32,
-    /// What arrived.
-    pub events: Events<N>,
     /// Nominal references of this cycle.
     pub nominal: [PositionNm; N],
     /// What the drives measure.
@@ -52,14 +50,40 @@ pub struct Input<const N: usize> {
     pub stop: bool,
     /// Somebody at the machine re-arms.
     pub rearm: bool,
-    /// Epoch to give to the next session; the host takes it from a counter persisted before use.
+    /// Epoch for the next session, from a counter persisted before use.
     pub next_epoch: Epoch,
     /// When in the cycle the last command arrived, µs; evidence only.
     pub arrival_us: u16,
 }
 
+impl<const N: usize> Cycle<N> {
+    /// A cycle in which nothing special happens.
+    #[must_use]
+    pub const fn on_time(nominal: [PositionNm; N], actual: [Actual; N], next_epoch: Epoch) -> Self {
+        Self {
+            elapsed: 1,
+            nominal,
+            actual,
+            stop: false,
+            rearm: false,
+            next_epoch,
+            arrival_us: 0,
+        }
+    }
+}
+
+/// Everything that one tick depends on, beside the session itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Input<const N: usize> {
+    /// What the host gives.
+    pub cycle: Cycle<N>,
+    /// What arrived.
+    pub events: Events<N>,
+}
+
 impl<const N: usize> Input<N> {
-    /// No event, no demand, everything at zero.
+    /// No event, everything at zero.
     #[must_use]
     pub const fn nothing() -> Self {
         let at_rest = Actual {
@@ -68,29 +92,17 @@ impl<const N: usize> Input<N> {
             torque: TorquePermille(0),
         };
         Self {
-            elapsed: 1,
+            cycle: Cycle::on_time([PositionNm(0); N], [at_rest; N], Epoch(0)),
             events: Vec::new(),
-            nominal: [PositionNm(0); N],
-            actual: [at_rest; N],
-            stop: false,
-            rearm: false,
-            next_epoch: Epoch(0),
-            arrival_us: 0,
         }
     }
 
     /// Copies `other` into this place: only the events there are, not the room for more.
     pub(super) fn copy_from(&mut self, other: &Self) {
+        self.cycle = other.cycle;
         self.events.clear();
         // There is room: both have the same capacity.
         self.events.extend_from_slice(&other.events).unwrap_or(());
-        self.elapsed = other.elapsed;
-        self.nominal = other.nominal;
-        self.actual = other.actual;
-        self.stop = other.stop;
-        self.rearm = other.rearm;
-        self.next_epoch = other.next_epoch;
-        self.arrival_us = other.arrival_us;
     }
 }
 

@@ -25,7 +25,7 @@ use evidence::{on_time_of_100, tally};
 use sift::{Sieve, Sifted};
 
 pub use blackbox::{BlackBox, Entry};
-pub use io::{EVENTS, Event, Events, Input, OWNER_FRAMES, Output, Refusals};
+pub use io::{Cycle, EVENTS, Event, Events, Input, OWNER_FRAMES, Output, Refusals};
 
 /// Why a session cannot start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -208,7 +208,7 @@ impl<const N: usize> Session<N> {
 
     /// One cycle.
     pub fn tick(&mut self, input: &Input<N>) -> Output<N> {
-        let cycles = input.elapsed.max(1);
+        let cycles = input.cycle.elapsed.max(1);
         let before = self.parts.discrete;
         let nominal_flags = self.nominal_flags(input, cycles);
         let sifted = self.sift(input, cycles, &nominal_flags);
@@ -254,7 +254,7 @@ impl<const N: usize> Session<N> {
     /// Which axes' nominal references moved further than they may.
     fn nominal_flags(&self, input: &Input<N>, cycles: u32) -> [AxisFlags; N] {
         let mut flags = [AxisFlags::default(); N];
-        let moves = self.parts.nominal.iter().zip(&input.nominal);
+        let moves = self.parts.nominal.iter().zip(&input.cycle.nominal);
         let axes = self.config.parameters().axes.iter().zip(moves);
         for (flag, (axis, (from, to))) in flags.iter_mut().zip(axes) {
             let stepped = nominal_stepped(*from, *to, axis, cycles);
@@ -270,12 +270,12 @@ impl<const N: usize> Session<N> {
             self.config.parameters(),
             &parts.channels,
             &mut parts.counters,
-            input.next_epoch,
+            input.cycle.next_epoch,
         )
         .sift(&input.events);
         let arrivals = &mut sifted.arrivals;
-        arrivals.stop |= input.stop;
-        arrivals.rearm = input.rearm;
+        arrivals.stop |= input.cycle.stop;
+        arrivals.rearm = input.cycle.rearm;
         arrivals.skipped = cycles.saturating_sub(1);
         arrivals.all_zero = parts.channels.iter().all(AxisChannels::is_zero);
         arrivals.nominal_fault = nominal
@@ -296,10 +296,10 @@ impl<const N: usize> Session<N> {
     ) {
         let shadow_action = shadow_action(decision.next.phase, sifted.arrivals.command.is_some());
         let parts = &mut self.parts;
-        parts.nominal = input.nominal;
+        parts.nominal = input.cycle.nominal;
         let configs = self.config.parameters().axes.iter();
         let channels = parts.channels.iter_mut().zip(parts.shadow.iter_mut());
-        let inputs = input.nominal.iter().zip(&input.actual);
+        let inputs = input.cycle.nominal.iter().zip(&input.cycle.actual);
         let outputs = states.iter_mut().zip(references.iter_mut());
         let rows = configs.zip(channels).zip(inputs).zip(outputs);
         for ((row, target), flags) in rows.zip(&sifted.targets).zip(nominal_flags) {
@@ -358,7 +358,7 @@ impl<const N: usize> Session<N> {
                 phase: next.phase,
                 cause: self.parts.cause,
                 on_time_of_100: on_time_of_100(next.history),
-                arrival_us: input.arrival_us,
+                arrival_us: input.cycle.arrival_us,
                 ramp_ticks_left: ramp_ticks_left(self.config.parameters(), &self.parts.channels),
                 counters: self.parts.counters,
                 axes,

@@ -14,29 +14,14 @@ const OWNER: Connection = Connection(1);
 const STRANGER: Connection = Connection(2);
 
 fn parameters() -> Parameters<2> {
-    let travel = |reach: i64| Travel {
-        lower: PositionNm(-reach),
-        upper: PositionNm(reach),
+    let limits = AxisLimits {
+        position: Limits::new(1_000_000, 5_000, 10_000, 100).unwrap(),
+        velocity: Limits::new(1_000, 100, 200, 10).unwrap(),
+        torque: Limits::new(100, 10, 20, 1).unwrap(),
     };
-    let axis = AxisConfig {
-        limits: AxisLimits {
-            position: Limits::new(1_000_000, 5_000, 10_000, 100).unwrap(),
-            velocity: Limits::new(1_000, 100, 200, 10).unwrap(),
-            torque: Limits::new(100, 10, 20, 1).unwrap(),
-        },
-        nominal_travel: travel(1_000_000_000),
-        machine_travel: travel(1_001_000_000),
-        nominal_step_nm: 1_000_000,
-    };
-    Parameters {
-        cycle_us: 1_000,
-        echo_window: 0,
-        handshake_ticks: 1_000,
-        budget: None,
-        capabilities: Capabilities::NONE,
-        kinematics_checksum: 0,
-        axes: [axis; 2],
-    }
+    let travel = Travel::around_zero(1_000_000_000);
+    let axis = AxisConfig::position_only(limits.position, travel, 1_000_000);
+    Parameters::thesis([AxisConfig { limits, ..axis }; 2])
 }
 
 /// A session with a client that answers or does not.
@@ -65,19 +50,13 @@ impl Bench {
     fn tick_with(
         &mut self,
         events: &[(Connection, Event<2>)],
-        edit: impl FnOnce(&mut Input<2>),
+        edit: impl FnOnce(&mut Cycle<2>),
     ) -> Output<2> {
-        let mut input = Input {
-            elapsed: 1,
-            events: Events::from_slice(events).unwrap(),
-            nominal: [PositionNm(0); 2],
-            actual: [Actual::default(); 2],
-            stop: false,
-            rearm: false,
-            next_epoch: Epoch(self.session.parts().discrete.epoch.0 + 1),
-            arrival_us: 0,
-        };
-        edit(&mut input);
+        let next_epoch = Epoch(self.session.parts().discrete.epoch.0 + 1);
+        let mut cycle = Cycle::on_time([PositionNm(0); 2], [Actual::default(); 2], next_epoch);
+        edit(&mut cycle);
+        let events = Events::from_slice(events).unwrap();
+        let input = Input { cycle, events };
         let before = self.session;
         let output = self.session.tick(&input);
         assert!(self.session.is_valid(), "{:?}", self.session.parts());
@@ -546,15 +525,10 @@ fn the_black_box_replays_bit_for_bit() {
     let mut bench = Bench::obtain(3_000);
     let mut black_box = BlackBox::<2, 16>::new();
     for tick in 0..200 {
+        let nominal = [PositionNm(tick * 10); 2];
         let mut input = Input {
-            elapsed: 1,
+            cycle: Cycle::on_time(nominal, [Actual::default(); 2], Epoch(8)),
             events: Events::new(),
-            nominal: [PositionNm(tick * 10); 2],
-            actual: [Actual::default(); 2],
-            stop: false,
-            rearm: false,
-            next_epoch: Epoch(8),
-            arrival_us: 0,
         };
         if tick < 100 {
             let event = bench.command(Mode::Obtain, 3_000 + i32::try_from(tick).unwrap());
@@ -582,7 +556,7 @@ fn the_black_box_replays_bit_for_bit() {
 #[test]
 fn a_stuck_rearm_leads_nowhere() {
     let mut bench = Bench::obtain(0);
-    let stuck = |input: &mut Input<2>| input.rearm = true;
+    let stuck = |input: &mut Cycle<2>| input.rearm = true;
     bench.tick_with(&[], |input| {
         input.rearm = true;
         input.stop = true;
