@@ -26,7 +26,12 @@ pub struct EpochError {
 
 impl fmt::Display for EpochError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "epoch file {}: {}", self.path.display(), self.reason)
+        write!(
+            f,
+            "epoch file {} (--epoch-file): {}",
+            self.path.display(),
+            self.reason
+        )
     }
 }
 

@@ -56,7 +56,7 @@ impl Client {
         match gantry_tau::client::run(&options, &controls) {
             Ok(report) => {
                 say(format_args!(
-                    "left with Goodbye after {} ticks, {} held",
+                    "left with Goodbye after {} ticks ({} without a correction of their own); the server ramps the offsets to zero",
                     report.states, report.held
                 ));
                 if let Some(recorded) = report.recorded {

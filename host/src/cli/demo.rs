@@ -9,7 +9,9 @@ use gantry_tau::demo::{DemoOptions, PaceChoice};
 use super::{Pace, fail, robot};
 
 /// One session over real loopback TCP: force steps in x without and with compensation, then the client's cable is pulled at
-/// full offset. Exits with 0 if everything turned out as it should.
+/// full offset.
+///
+/// Exit codes: 0 everything turned out as it should; 1 it could not run; 2 usage; 3 something did not turn out as it should.
 #[derive(Debug, Args)]
 pub(crate) struct Demo {
     /// Robot file [default: the built-in L2, robots/l2.toml]
@@ -48,7 +50,7 @@ pub(crate) struct Demo {
     /// Write the numbers as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write the client's recording as CSV as well
+    /// Write the client's recording as CSV as well: it ends where its cable is pulled
     #[arg(long, value_name = "FILE.csv")]
     record: Option<PathBuf>,
 }
@@ -73,7 +75,7 @@ impl Demo {
         };
         match gantry_tau::demo::run(&options) {
             Ok(results) if results.complaints.is_empty() => ExitCode::SUCCESS,
-            Ok(_) => ExitCode::from(2),
+            Ok(_) => ExitCode::from(3),
             Err(error) => fail(1, error),
         }
     }

@@ -35,7 +35,17 @@ enum Command {
     ///
     /// Example: echo '{"id":1,"robot":"robots/l2.toml","op":"ik","T":[0.0,0.5,0.65]}' | gantry-tau solve
     ///
-    /// Operations: ik, fk, jacobian, statics, compliance, deflection, compensate. Units: m, rad, N, N m.
+    /// Every request: "id" (anything, comes back), "robot" (path of a robots/*.toml, or an inline object with the keys of such a
+    /// file), "op", and its arguments. T: tool centre point [x,y,z]; q: cart positions [q1,q2,q3]; w: load on the platform
+    /// [Fx,Fy,Fz,Mx,My,Mz] about the tool centre point; R: platform rotation, 3 rows, identity if absent. World axes; m, N, N m.
+    ///
+    ///   ik {T} -> {q, iterations, residual};  fk {q} -> {T, R, iterations, residual};  jacobian {T} -> {J: dT/dq, by rows}
+    ///   statics {T, w} -> {f: link tensions, tau: cart loads};  compliance {T} -> {C: 6x6, by rows}
+    ///   deflection {T, w} -> {r: carts, dx_links, dx_total};  compensate {T, w} -> {q that holds T under w}
+    ///
+    /// Answers: {"id":..., "ok":{...}} or {"id":..., "error":{"kind":..., "message":...}}, kind one of not_converged, unreachable,
+    /// singular, out_of_range, not_finite, seed_required, bad_robot, bad_request. Links in the order 11, 21, 22, 31, 32, 33.
+    #[command(verbatim_doc_comment)]
     Solve,
 }
 
@@ -44,7 +54,7 @@ enum Command {
 enum Pace {
     /// A tick per millisecond of the clock
     Real,
-    /// A tick per answer of the client: time is ticks, the server waits
+    /// A tick per answer of the client: time is ticks, the server waits; without a session about a tick per millisecond
     Lockstep,
 }
 

@@ -40,6 +40,7 @@ struct Session<'a> {
     states_without_sample: u64,
     held: u64,
     held_in_a_row: u64,
+    obtaining: bool,
 }
 
 /// Connects, submits, obtains, and leaves when told to.
@@ -68,7 +69,7 @@ pub fn run(
         tracing::warn!("client: no {}: {}", denied.privilege, denied.reason);
     }
     tracing::info!(
-        "session {} granted; submitting while the force sensor is tared",
+        "session granted (epoch {}); submitting while the force sensor is tared: keep the tool unloaded",
         welcome.epoch.0
     );
     controls.obtain.fetch_or(options.obtain, Ordering::Relaxed);
@@ -86,6 +87,7 @@ pub fn run(
         states_without_sample: 0,
         held: 0,
         held_in_a_row: 0,
+        obtaining: false,
     };
     let result = session.answer_until_done();
     let recorded = session.recorder.take().and_then(Recorder::finish);
@@ -198,6 +200,10 @@ impl Session<'_> {
                 ..Offsets::default()
             }),
         };
+        if obtain && !self.obtaining {
+            tracing::info!("tared; obtaining: from here on the offsets act. Ctrl-C leaves");
+        }
+        self.obtaining = obtain;
         self.link.send(&ClientMessage::Command(command))?;
         self.controls.commands.fetch_add(1, Ordering::Relaxed);
         self.record(state);

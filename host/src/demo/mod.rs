@@ -102,7 +102,9 @@ impl DemoOptions {
             return bad("--force-step must be from 50 to 1000 N: smaller steps drown in noise");
         }
         if !(self.force_step_n..=2_000.0).contains(&self.force_max_n) {
-            return bad("--force-max must be from one step to 2000 N");
+            return bad(
+                "--force-max must be from one --force-step (60 N unless you say otherwise) to 2000 N",
+            );
         }
         if !(0.2..=60.0).contains(&self.step_seconds) {
             return bad("--step-seconds must be from 0.2 to 60: the tool needs time to settle");
@@ -117,6 +119,10 @@ impl DemoOptions {
 /// [`DemoError`].
 pub fn run(options: &DemoOptions) -> Result<Results, DemoError> {
     options.check()?;
+    // Found out now rather than after the whole demo.
+    for path in std::iter::once(&options.report).chain(&options.json) {
+        write(path, "")?;
+    }
     if let Err(denied) = crate::realtime::lock_memory() {
         tracing::warn!("no {}: {}", denied.privilege, denied.reason);
     }
@@ -154,7 +160,7 @@ fn play(options: &DemoOptions, pace: Pace) -> Result<Recording, DemoError> {
     bar.finish_and_clear();
     played.map_err(|failure| match failure {
         Failure::Lost(lost) => DemoError::Lost(format!(
-            "this machine does not hold 1 kHz: in tick {} the session ended by itself ({})",
+            "this machine does not hold 1 kHz throughout: in tick {} the session ended by itself ({})",
             lost.tick.0,
             cause_text(lost.cause)
         )),

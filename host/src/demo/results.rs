@@ -64,7 +64,7 @@ pub struct Ramp {
     pub cause: String,
     /// Offsets in the last tick before the ramp, nm.
     pub start_offset_nm: [i32; ARMS],
-    /// Ticks of the ramp.
+    /// Ticks of the ramp, each one step; an overrun of the server skips tick numbers, not steps.
     pub ticks: u64,
     /// Ticks it should take: the largest start offset over the ramp rate, rounded up.
     pub expected_ticks: u64,
@@ -229,7 +229,9 @@ fn ramp(options: &DemoOptions, recording: &Recording) -> Ramp {
             .iter()
             .filter(|s| s.tick >= ended && s.phase == Phase::SafeDisconnect)
     };
-    let at_zero = during().find(|sample| sample.offset_nm == [0; ARMS]);
+    // Steps, not tick numbers: an overrun skips numbers, and the ramp takes one step per tick that was.
+    let above_zero = during().take_while(|sample| sample.offset_nm != [0; ARMS]);
+    let ticks = u64::try_from(above_zero.count() + 1).unwrap_or(u64::MAX);
     let mut last = start_offset_nm;
     let mut largest_change_nm = 0;
     for sample in during() {
@@ -246,7 +248,7 @@ fn ramp(options: &DemoOptions, recording: &Recording) -> Ramp {
     Ramp {
         cause: recording.ended.ended.map_or("none", cause_text).to_owned(),
         start_offset_nm,
-        ticks: at_zero.map_or(0, |sample| sample.tick - ended + 1),
+        ticks,
         expected_ticks: expected
             .map(|(offset, rate)| u64::from(offset.unsigned_abs().div_ceil(rate)))
             .max()

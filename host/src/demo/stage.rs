@@ -204,7 +204,7 @@ impl Stage<'_> {
         if self.pace == Pace::RealTime {
             let missed = self.watch.samples.last().map_or(0, |sample| sample.missed);
             self.say(&format!(
-                "it does: {missed} deadlines missed in the first second, never two in a row"
+                "it did for that second: {missed} deadlines missed, never two in a row"
             ));
         }
         Ok(())

@@ -17,7 +17,7 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
         "real" => "real time, 1 kHz",
         _ => "lock-step: time is ticks, link times are not a measurement",
     };
-    writeln!(text, "{} ({pace})\n", results.robot)?;
+    writeln!(text, "{}, {pace}\n", results.robot)?;
     writeln!(
         text,
         "  force x    displacement of the tool, um    remaining"
@@ -40,7 +40,7 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
     if results.steps.iter().any(|step| step.beyond_jump) {
         writeln!(
             text,
-            "  * in or beyond the jump, which is not compensated [thesis 5.2.2, 6.1]"
+            "  * in or beyond the jump, which is not compensated (see the thesis, 5.2.2 and 6.1)"
         )?;
     }
     let ramp = &results.ramp;

@@ -50,7 +50,9 @@ impl ServerError {
         Self::Listen {
             address,
             reason: match error.kind() {
-                io::ErrorKind::AddrInUse => "the port is in use".to_owned(),
+                io::ErrorKind::AddrInUse => {
+                    "the port is in use; is another server running? (--listen, --sensor)".to_owned()
+                }
                 io::ErrorKind::PermissionDenied => "no permission for this port".to_owned(),
                 io::ErrorKind::AddrNotAvailable => "this machine has no such address".to_owned(),
                 _ => error.to_string(),

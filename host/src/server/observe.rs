@@ -1,6 +1,6 @@
 //! Watches the rows of a server outside its cycle: says what happens, once per event, and moves the simulated hand.
 
-use gantry_tau_core::message::{Counters, Phase};
+use gantry_tau_core::message::{Cause, Counters, Phase};
 use gantry_tau_core::robot::ARMS;
 
 use super::cycle::Row;
@@ -98,7 +98,7 @@ impl Observer {
         let state = &row.state;
         let tick = state.tick.0;
         if row.welcomed {
-            tracing::info!("tick {tick}: session {} granted", state.epoch.0);
+            tracing::info!("tick {tick}: session granted (epoch {})", state.epoch.0);
             self.counters = Counters::default();
         }
         if row.refused > 0 {
@@ -109,15 +109,7 @@ impl Observer {
             );
         }
         if let Some(cause) = row.ended {
-            let (text, left) = (cause_text(cause), state.ramp_ticks_left);
-            if matches!(self.phase, Phase::Listening | Phase::SafeDisconnect) {
-                tracing::warn!("tick {tick}: {text}; {left} ticks of ramp left");
-            } else {
-                let epoch = state.epoch.0;
-                tracing::warn!(
-                    "tick {tick}: session {epoch} ended: {text}; {left} ticks of ramp left"
-                );
-            }
+            self.explain_end(row, cause);
         }
         if state.phase != self.phase {
             tracing::info!("tick {tick}: {:?} -> {:?}", self.phase, state.phase);
@@ -130,6 +122,29 @@ impl Observer {
         self.explain_counters(tick, &state.counters);
     }
 
+    /// An end that somebody wanted is information, any other a warning.
+    fn explain_end(&self, row: &Row<ARMS>, cause: Cause) {
+        let state = &row.state;
+        let (tick, text, left) = (state.tick.0, cause_text(cause), state.ramp_ticks_left);
+        if matches!(self.phase, Phase::Listening | Phase::SafeDisconnect) {
+            return tracing::info!("tick {tick}: {text}; {left} ticks of ramp left");
+        }
+        let (epoch, counts) = (state.epoch.0, state.counters);
+        let summary = format!(
+            "tick {tick}: session ended (epoch {epoch}): {text}; {left} ticks of ramp left; {} received, {} missed, {} late, {} duplicate, {} stale, {} malformed",
+            counts.received,
+            counts.missed,
+            counts.late,
+            counts.duplicate,
+            counts.stale,
+            counts.malformed
+        );
+        match cause {
+            Cause::Goodbye | Cause::Stop => tracing::info!("{summary}"),
+            _ => tracing::warn!("{summary}"),
+        }
+    }
+
     /// Each kind of trouble is explained when its counter leaves zero: once per session and cause.
     fn explain_counters(&mut self, tick: u64, now: &Counters) {
         let before = self.counters;
@@ -137,7 +152,7 @@ impl Observer {
             (
                 before.missed,
                 now.missed,
-                "a deadline passed without a command",
+                "a deadline passed without a fresh valid command (or the server skipped it)",
             ),
             (before.late, now.late, "a command came late"),
             (before.duplicate, now.duplicate, "a command came twice"),
@@ -146,7 +161,11 @@ impl Observer {
                 now.stale,
                 "a frame of another epoch, sequence or tick",
             ),
-            (before.malformed, now.malformed, "a frame with bad content"),
+            (
+                before.malformed,
+                now.malformed,
+                "a frame with bad content, or without a place in this phase",
+            ),
             (
                 before.out_of_range,
                 now.out_of_range,
