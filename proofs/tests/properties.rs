@@ -9,7 +9,7 @@ use gantry_tau_core::channel::{Channel, Limits};
 use gantry_tau_core::message::{ClientMessage, Hello};
 use gantry_tau_core::units::Epoch;
 use gantry_tau_core::wire::encode_client;
-use gantry_tau_proofs::channel::{Verb, ramp_is_exact, step, step_is_bounded};
+use gantry_tau_proofs::channel::{Verb, ramp_counts_down, ramp_is_exact, step, step_is_bounded};
 use gantry_tau_proofs::wire::cutting_changes_nothing;
 use proptest::prelude::*;
 
@@ -45,6 +45,7 @@ proptest! {
     #[test]
     fn one_ramp_step_is_exact((limits, channel) in limits_and_channel()) {
         ramp_is_exact(channel, &limits);
+        ramp_counts_down(channel, &limits);
     }
 
     #[test]

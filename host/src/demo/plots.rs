@@ -4,11 +4,12 @@ use plotters::prelude::*;
 
 /// Size of a plot in the report, px.
 const SIZE: (u32, u32) = (900, 420);
-const COLOURS: [RGBColor; 4] = [
+const COLOURS: [RGBColor; 5] = [
     RGBColor(31, 119, 180),
     RGBColor(214, 90, 30),
     RGBColor(44, 140, 70),
     RGBColor(120, 80, 170),
+    RGBColor(130, 130, 130),
 ];
 /// Colour behind a phase of the session.
 pub(super) const PHASE_COLOURS: [RGBColor; 6] = [
