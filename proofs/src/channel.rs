@@ -76,7 +76,7 @@ pub fn ramp_is_exact(before: Channel, limits: &Limits) {
 }
 
 /// T5, the count: the number of ticks left, `ceil(|value| / rho)`, falls by one per step and is zero exactly at zero.
-/// A quotient of two unknowns is beyond a model checker's patience: this one is tested, not proved.
+/// A quotient of two unknowns is beyond the SAT solvers Kani brings along: this one is tested, and has no harness.
 ///
 /// # Panics
 /// When it does not hold.
