@@ -176,21 +176,22 @@ mod tests {
         }
     }
 
-    #[test]
-    fn the_links_balance_the_load() {
+    /// The lines of a turned machine with nonparallel, scaled guideways, the tool at `position_m` in the machine's own axes.
+    fn skewed_lines(position_m: Vector3<f64>) -> LineMatrix {
         let (geometry, rotation) = skewed();
         let robot = Robot::new(geometry).unwrap();
-        let position_m = rotation * Vector3::new(0.1, 0.5, 0.6);
+        let position_m = rotation * position_m;
         let q = machine(geometry, &rotation).inverse(&position_m).unwrap();
-        let lines = LineMatrix::new(
-            &robot,
-            &Pose {
-                position_m,
-                rotation,
-            },
-            &q,
-        )
-        .unwrap();
+        let pose = Pose {
+            position_m,
+            rotation,
+        };
+        LineMatrix::new(&robot, &pose, &q).unwrap()
+    }
+
+    #[test]
+    fn the_links_balance_the_load() {
+        let lines = skewed_lines(Vector3::new(0.1, 0.5, 0.6));
         let load = [120.0, -80.0, 250.0, 3.0, -5.0, 7.0];
         let forces = lines.link_forces_n(&Wrench::from_array(load)).unwrap();
         let sum = lines.matrix() * nalgebra::Vector6::from(forces);
@@ -200,19 +201,7 @@ mod tests {
     #[test]
     fn cart_loads_do_the_work_of_the_load() {
         // Virtual work: tau . dq = F . dT + M . dtheta for every motion of the carts with rigid links.
-        let (geometry, rotation) = skewed();
-        let robot = Robot::new(geometry).unwrap();
-        let position_m = rotation * Vector3::new(-0.1, 0.4, 0.7);
-        let q = machine(geometry, &rotation).inverse(&position_m).unwrap();
-        let lines = LineMatrix::new(
-            &robot,
-            &Pose {
-                position_m,
-                rotation,
-            },
-            &q,
-        )
-        .unwrap();
+        let lines = skewed_lines(Vector3::new(-0.1, 0.4, 0.7));
         let load = Wrench::from_array([120.0, -80.0, 250.0, 3.0, -5.0, 7.0]);
         let loads = lines.cart_loads(&lines.link_forces_n(&load).unwrap());
         for axis in 0..ARMS {

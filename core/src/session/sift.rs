@@ -6,7 +6,7 @@ use heapless::Vec;
 
 use super::act::AxisChannels;
 use super::decide::{Arrivals, Connection, Discrete};
-use super::{EVENTS, Event, Events, Refusals, ramp_ticks_left};
+use super::{Event, Events, Refusals, ramp_ticks_left};
 use crate::axis::Offsets;
 use crate::message::{ClientMessage, Command, Counters, Hello, Mode, Phase, Refusal};
 use crate::session::config::Parameters;
@@ -59,7 +59,7 @@ impl<'a, const N: usize> Sieve<'a, N> {
     }
 
     pub(super) fn sift(mut self, events: &Events<N>) -> Sifted<N> {
-        for (connection, event) in events.iter().take(EVENTS) {
+        for (connection, event) in events {
             if self.state.owner == Some(*connection) {
                 self.owner(event);
             } else {

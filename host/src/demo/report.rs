@@ -108,14 +108,9 @@ fn curve(name: &str, points: Vec<(f64, f64)>) -> Curve {
 }
 
 fn against_force(options: &DemoOptions, results: &Results) -> Plot {
-    let line = |name: &str, value: fn(&super::Step) -> f64| Curve {
-        dots: false,
-        ..curve(
-            name,
-            std::iter::once((0.0, 0.0))
-                .chain(results.steps.iter().map(|step| (step.force_n, value(step))))
-                .collect(),
-        )
+    let line = |name: &str, value: fn(&super::Step) -> f64| {
+        let points = results.steps.iter().map(|step| (step.force_n, value(step)));
+        curve(name, std::iter::once((0.0, 0.0)).chain(points).collect())
     };
     let dots = |name: &str, value: fn(&super::Step) -> f64| Curve {
         dots: true,
@@ -156,14 +151,10 @@ fn against_force(options: &DemoOptions, results: &Results) -> Plot {
 
 fn displacement(recording: &Recording) -> Plot {
     let samples: Vec<&Sample> = recording.samples.iter().collect();
-    let axis = |name: &str, index: usize| {
-        let value = move |s: &Sample| s.displacement_um.get(index).copied().unwrap_or(f64::NAN);
-        curve(name, thinned(&samples, value))
-    };
     Plot {
         x_axis: "time, s",
         y_axis: "displacement, µm",
-        curves: vec![axis("x", 0), axis("y", 1), axis("z", 2)],
+        curves: curves_over_time(["x", "y", "z"], &samples, |s| s.displacement_um),
         bands: bands(&samples),
         y_names: None,
     }
@@ -182,18 +173,11 @@ fn offsets(recording: &Recording) -> Plot {
         .iter()
         .filter(|sample| window.contains(&sample.tick))
         .collect();
-    let axis = |name: &str, index: usize| {
-        let value = move |s: &Sample| {
-            s.offset_nm
-                .get(index)
-                .map_or(f64::NAN, |nm| f64::from(*nm) / 1e3)
-        };
-        curve(name, thinned(&samples, value))
-    };
+    let micrometres = |s: &Sample| s.offset_nm.map(|nm| f64::from(nm) / 1e3);
     Plot {
         x_axis: "time, s",
         y_axis: "position offset, µm",
-        curves: vec![axis("axis 1", 0), axis("axis 2", 1), axis("axis 3", 2)],
+        curves: curves_over_time(["axis 1", "axis 2", "axis 3"], &samples, micrometres),
         bands: bands(&samples),
         y_names: None,
     }
@@ -217,22 +201,26 @@ fn states(recording: &Recording) -> Plot {
                 no_line: true,
                 ..curve("", vec![(0.0, 0.0), (0.0, 5.0)])
             },
-        ]
-        .into_iter()
-        .collect(),
+        ],
         bands,
         y_names: Some(&PHASES),
     }
 }
 
-/// At most [`CURVE_POINTS`] of the samples, evenly.
-fn thinned(samples: &[&Sample], value: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
+/// Three curves over time, of at most [`CURVE_POINTS`] evenly chosen samples.
+fn curves_over_time(
+    names: [&str; 3],
+    samples: &[&Sample],
+    values: impl Fn(&Sample) -> [f64; 3],
+) -> Vec<Curve> {
     let every = samples.len().div_ceil(CURVE_POINTS).max(1);
-    samples
-        .iter()
-        .step_by(every)
-        .map(|sample| (seconds(sample.tick), value(sample)))
-        .collect()
+    let mut curves = names.map(|name| curve(name, Vec::new()));
+    for sample in samples.iter().step_by(every) {
+        for (curve, value) in curves.iter_mut().zip(values(sample)) {
+            curve.points.push((seconds(sample.tick), value));
+        }
+    }
+    curves.into()
 }
 
 /// First and last tick of every stretch of one phase.

@@ -167,12 +167,6 @@ impl<const N: usize> Server<N> {
         Ok((server, observer))
     }
 
-    /// Whether the cycle thread has returned.
-    #[must_use]
-    pub fn is_finished(&self) -> bool {
-        self.thread.is_finished()
-    }
-
     /// Ramps to zero, ends the thread, and returns how many rows its observer missed.
     ///
     /// # Errors
@@ -182,5 +176,42 @@ impl<const N: usize> Server<N> {
         let panicked = |_| ServerError::Panicked;
         self.thread.join().map_err(panicked)?;
         Ok(self.controls.dropped_rows.load(Ordering::Relaxed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Found by review: `stop` and `rearm` typed within one cycle left no trace of the stop.
+    #[test]
+    fn a_stop_is_seen_however_shortly_it_is_held() {
+        let controls = Controls::default();
+        controls.press_stop();
+        controls.release_and_rearm();
+        assert!(controls.is_urgent());
+        assert!(controls.take_stop(), "pressed since the last tick");
+        assert!(!controls.take_stop(), "and released");
+        controls.press_stop();
+        assert!(controls.take_stop() && controls.take_stop(), "held");
+    }
+
+    /// Found by review: a re-arm typed in Obtain answered a stop that came later.
+    #[test]
+    fn a_rearm_counts_in_fault_only() {
+        let controls = Controls::default();
+        for phase in [Phase::Listening, Phase::Obtain, Phase::SafeDisconnect] {
+            controls.release_and_rearm();
+            assert!(!controls.take_rearm(phase));
+            assert!(!controls.take_rearm(Phase::Fault), "forgotten in {phase:?}");
+        }
+        controls.release_and_rearm();
+        // It stands until the ramp is done and the server listens.
+        assert!(controls.take_rearm(Phase::Fault) && controls.take_rearm(Phase::Fault));
+        controls.press_stop();
+        assert!(
+            !controls.take_rearm(Phase::Fault),
+            "a new stop takes it back"
+        );
     }
 }
