@@ -21,24 +21,28 @@ fn any_channel(limits: &Limits) -> Channel {
 }
 
 #[kani::proof]
+#[kani::solver(minisat)]
 fn channel_hold_is_bounded() {
     let limits = any_limits();
     step_is_bounded(any_channel(&limits), Verb::Hold, &limits);
 }
 
 #[kani::proof]
+#[kani::solver(minisat)]
 fn channel_follow_is_bounded() {
     let limits = any_limits();
     step_is_bounded(any_channel(&limits), Verb::Follow(kani::any()), &limits);
 }
 
 #[kani::proof]
+#[kani::solver(minisat)]
 fn channel_ramp_is_bounded() {
     let limits = any_limits();
     step_is_bounded(any_channel(&limits), Verb::Ramp, &limits);
 }
 
 #[kani::proof]
+#[kani::solver(minisat)]
 fn channel_ramp_is_exact() {
     let limits = any_limits();
     ramp_is_exact(any_channel(&limits), &limits);
