@@ -234,7 +234,10 @@ impl Channel {
     #[inline]
     #[must_use]
     pub fn ramp(self, limits: &Limits) -> Self {
-        let step = narrow(i64::from(limits.ramp().min(self.value.unsigned_abs())));
+        let rest = self.value.unsigned_abs();
+        #[cfg(mutant = "ramp_past_zero")]
+        let rest = u32::MAX;
+        let step = narrow(i64::from(limits.ramp().min(rest)));
         let change = if self.value > 0 {
             step.saturating_neg()
         } else {
