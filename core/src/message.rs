@@ -215,6 +215,8 @@ impl AxisFlags {
     pub const TORQUE_LIMITED: Self = Self(8);
     /// The nominal reference stepped further than its limit.
     pub const NOMINAL_STEP: Self = Self(16);
+    /// Some offset could not reach its target.
+    pub const LIMITED: Self = Self(2 | 4 | 8);
     /// All flags there are.
     pub const ALL: Self = Self(31);
 

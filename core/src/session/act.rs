@@ -1,136 +1,84 @@
-//! The second half of a tick: every channel applies the one action with its own limits. No cases but the action.
+//! The second half of a tick: every axis carries out the one decision with its own channels, limits and travel.
 
+use super::channels::AxisChannels;
 use super::config::{AxisConfig, Travel};
 use super::decide::Action;
-use crate::axis::{Offsets, Reference};
-use crate::channel::Channel;
-use crate::message::{AxisFlags, AxisLimits};
-use crate::units::{OffsetNm, PositionNm, TorquePermille, VelocityUmS};
+use crate::axis::{Actual, Offsets, Reference};
+use crate::message::{AxisFlags, AxisLimits, AxisState, Phase};
+use crate::units::PositionNm;
 
-/// The three channels of an axis.
+/// What a session remembers of one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct AxisChannels {
-    /// Position offset, nm.
-    pub position: Channel,
-    /// Velocity offset, µm/s.
-    pub velocity: Channel,
-    /// Torque offset, per mille.
-    pub torque: Channel,
+pub struct Axis {
+    /// Channels whose values are in force.
+    pub channels: AxisChannels,
+    /// Channels that follow in Submit and reach no drive.
+    pub shadow: AxisChannels,
+    /// Nominal reference of the last tick.
+    pub nominal: PositionNm,
 }
 
-impl AxisChannels {
-    /// All three at zero and at rest.
-    pub const ZERO: Self = Self {
-        position: Channel::ZERO,
-        velocity: Channel::ZERO,
-        torque: Channel::ZERO,
-    };
+/// What one axis is to do in a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Order {
+    /// What the channels in force do.
+    pub action: Action,
+    /// What the shadow does; `None`: it rests at zero.
+    pub shadow: Option<Action>,
+    /// Where [`Action::Follow`] leads.
+    pub target: Offsets,
+    /// Nominal reference of this tick.
+    pub nominal: PositionNm,
+    /// Whether that is too far from the last one.
+    pub nominal_stepped: bool,
+    /// What the drive measures.
+    pub actual: Actual,
+}
 
-    /// Channels at rest at offsets read back from a drive, if these are within the limits.
+impl Axis {
+    /// The invariant, clause by clause: channels and shadow are valid under their limits; before Obtain the channels rest
+    /// at zero (T6); outside Submit the shadow rests at zero.
     #[must_use]
-    pub fn at_rest(offsets: &Offsets, limits: &AxisLimits) -> Option<Self> {
-        Some(Self {
-            position: Channel::from_parts(offsets.position.0, 0, &limits.position)?,
-            velocity: Channel::from_parts(offsets.velocity.0, 0, &limits.velocity)?,
-            torque: Channel::from_parts(i32::from(offsets.torque.0), 0, &limits.torque)?,
-        })
+    pub fn is_valid(&self, phase: Phase, limits: &AxisLimits) -> bool {
+        let resting = matches!(phase, Phase::Listening | Phase::Handshake | Phase::Submit);
+        self.channels.is_valid(limits)
+            && self.shadow.is_valid(limits)
+            && (!resting || self.channels.is_at_rest_at_zero())
+            && (phase == Phase::Submit || self.shadow.is_at_rest_at_zero())
     }
 
-    /// The invariant: each channel is valid under its limits.
-    #[must_use]
-    pub const fn is_valid(&self, limits: &AxisLimits) -> bool {
-        self.position.is_valid(&limits.position)
-            && self.velocity.is_valid(&limits.velocity)
-            && self.torque.is_valid(&limits.torque)
-    }
-
-    /// All three at zero.
+    /// Carries out an order: what the drive receives, and what the State says of it.
     #[inline]
-    #[must_use]
-    pub const fn is_zero(&self) -> bool {
-        self.position.is_zero() && self.velocity.is_zero() && self.torque.is_zero()
-    }
-
-    /// All three at zero and at rest.
-    #[inline]
-    #[must_use]
-    pub fn is_at_rest_at_zero(&self) -> bool {
-        *self == Self::ZERO
-    }
-
-    /// Their values.
-    #[inline]
-    #[must_use]
-    pub fn offsets(&self) -> Offsets {
-        Offsets {
-            position: OffsetNm(self.position.value()),
-            velocity: VelocityUmS(self.velocity.value()),
-            // A valid torque channel lies within the i16 range, which the configuration checks.
-            torque: TorquePermille(i16::try_from(self.torque.value()).unwrap_or(0)),
-        }
-    }
-
-    /// Ticks until all three would be zero.
-    #[must_use]
-    pub fn ramp_ticks_left(&self, limits: &AxisLimits) -> u32 {
-        let position = self.position.ramp_ticks_left(&limits.position);
-        let velocity = self.velocity.ramp_ticks_left(&limits.velocity);
-        let torque = self.torque.ramp_ticks_left(&limits.torque);
-        position.max(velocity).max(torque)
-    }
-
-    /// Applies one action. `targets` matter to [`Action::Follow`] only.
-    #[inline]
-    #[must_use]
-    pub fn act(self, action: Action, targets: &Offsets, limits: &AxisLimits) -> Self {
-        match action {
-            Action::Hold => Self {
-                position: self.position.hold(),
-                velocity: self.velocity.ramp(&limits.velocity),
-                torque: self.torque.ramp(&limits.torque),
-            },
-            Action::Follow => self.follow(targets, limits),
-            Action::FollowZero => self.follow(&Offsets::default(), limits),
-            Action::Ramp => Self {
-                position: self.position.ramp(&limits.position),
-                velocity: self.velocity.ramp(&limits.velocity),
-                torque: self.torque.ramp(&limits.torque),
-            },
-        }
-    }
-
-    #[inline]
-    fn follow(self, targets: &Offsets, limits: &AxisLimits) -> Self {
-        Self {
-            position: self.position.follow(targets.position.0, &limits.position),
-            velocity: self.velocity.follow(targets.velocity.0, &limits.velocity),
-            torque: self
-                .torque
-                .follow(i32::from(targets.torque.0), &limits.torque),
-        }
-    }
-
-    /// Which channels a follow left short of their targets.
-    #[inline]
-    #[must_use]
-    pub fn limited(&self, action: Action, targets: &Offsets) -> AxisFlags {
-        let targets = match action {
-            Action::Follow => *targets,
-            Action::FollowZero => Offsets::default(),
-            Action::Hold | Action::Ramp => return AxisFlags::default(),
+    pub fn act(&mut self, order: &Order, config: &AxisConfig) -> (Reference, AxisState) {
+        let limits = &config.limits;
+        let target = &order.target;
+        self.channels = self.channels.act(order.action, target, limits);
+        self.nominal = order.nominal;
+        // In Submit it is the shadow that approaches its target.
+        let limited;
+        (self.shadow, limited) = match order.shadow {
+            Some(action) => {
+                let shadow = self.shadow.act(action, target, limits);
+                (shadow, shadow.limited(action, target))
+            }
+            None => (
+                AxisChannels::ZERO,
+                self.channels.limited(order.action, target),
+            ),
         };
-        let offsets = self.offsets();
-        AxisFlags::default()
-            .with(
-                AxisFlags::POSITION_LIMITED,
-                offsets.position != targets.position,
-            )
-            .with(
-                AxisFlags::VELOCITY_LIMITED,
-                offsets.velocity != targets.velocity,
-            )
-            .with(AxisFlags::TORQUE_LIMITED, offsets.torque != targets.torque)
+        let offsets = self.channels.offsets();
+        let (reference, clamped) = drive_reference(order.nominal, &offsets, &config.machine_travel);
+        let state = AxisState {
+            nominal: order.nominal,
+            offsets,
+            shadow: self.shadow.offsets(),
+            actual: order.actual,
+            flags: AxisFlags(limited.0 | clamped.0)
+                .with(AxisFlags::NOMINAL_STEP, order.nominal_stepped),
+        };
+        (reference, state)
     }
 }
 

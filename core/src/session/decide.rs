@@ -39,7 +39,8 @@ pub struct Discrete {
 impl Discrete {
     /// The invariant, clause by clause:
     /// nobody owns a listening server; a running session has an owner;
-    /// misses are counted while commands are due, and never reach two;
+    /// misses are counted while commands are due, never reach two, and are what the history says of the last deadline;
+    /// a session that still waits for its first command has no history;
     /// waiting is counted in the handshake only, and never reaches its limit;
     /// the release of the re-arm is noted in Fault only.
     #[must_use]
@@ -51,12 +52,12 @@ impl Discrete {
         };
         let commands_due = matches!(self.phase, Phase::Submit | Phase::Obtain);
         let misses = if commands_due {
-            self.misses <= 1
+            u128::from(self.misses) == self.history & 1
         } else {
             self.misses == 0
         };
         let waited = if self.phase == Phase::Handshake {
-            self.waited < handshake_ticks
+            self.waited < handshake_ticks && self.history == 0
         } else {
             self.waited == 0
         };

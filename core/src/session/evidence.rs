@@ -1,8 +1,7 @@
 //! Counters and causes: they say what happened and never decide anything.
 
 use super::Parts;
-use super::decide::{Decision, Discrete, End};
-use super::sift::Sifted;
+use super::decide::{Arrivals, Decision, Discrete, End};
 use crate::message::{AxisFlags, Cause, Counters, Phase};
 
 impl<const N: usize> Parts<N> {
@@ -11,27 +10,28 @@ impl<const N: usize> Parts<N> {
         &mut self,
         before: &Discrete,
         decision: &Decision,
-        sifted: &Sifted<N>,
+        arrivals: &Arrivals,
+        late: bool,
     ) {
         if before.phase == Phase::Listening && decision.next.phase == Phase::Handshake {
             self.counters = Counters::default();
             self.late = false;
         }
-        self.late |= sifted.late;
-        self.count_misses(before, decision, sifted);
+        self.late |= late;
+        self.count_misses(before, decision, arrivals);
         match decision.end {
             Some(End::Because(cause)) => self.cause = cause,
             Some(End::Missed) if self.late => self.cause = Cause::NetworkLate,
             Some(End::Missed) => self.cause = Cause::ClientLate,
             None => {}
         }
-        if sifted.arrivals.command.is_some() {
+        if arrivals.command.is_some() {
             self.late = false;
         }
     }
 
     /// Deadlines count while commands are due; a session that ends for another reason has no deadline in that tick.
-    fn count_misses(&mut self, before: &Discrete, decision: &Decision, sifted: &Sifted<N>) {
+    fn count_misses(&mut self, before: &Discrete, decision: &Decision, arrivals: &Arrivals) {
         let late = matches!(
             decision.end,
             None | Some(End::Missed | End::Because(Cause::ServerLate | Cause::Budget))
@@ -39,8 +39,8 @@ impl<const N: usize> Parts<N> {
         if !late || !matches!(before.phase, Phase::Submit | Phase::Obtain) {
             return;
         }
-        let missed = u32::from(sifted.arrivals.command.is_none());
-        let missed = missed.saturating_add(sifted.arrivals.skipped);
+        let missed = u32::from(arrivals.command.is_none());
+        let missed = missed.saturating_add(arrivals.skipped);
         let run = u32::from(before.misses).saturating_add(missed);
         let run = u16::try_from(run).unwrap_or(u16::MAX);
         let counters = &mut self.counters;
@@ -50,9 +50,11 @@ impl<const N: usize> Parts<N> {
 }
 
 /// Counts channel steps held back and references clamped.
-pub(super) fn tally(counters: &mut Counters, limited: AxisFlags, clamped: AxisFlags) {
-    counters.limited = counters.limited.saturating_add(limited.0.count_ones());
-    counters.clamped = counters.clamped.saturating_add(clamped.0.count_ones());
+pub(super) fn tally(counters: &mut Counters, flags: AxisFlags) {
+    let clamped = flags.0 & AxisFlags::TRAVEL.0;
+    let limited = flags.0 & AxisFlags::LIMITED.0;
+    counters.limited = counters.limited.saturating_add(limited.count_ones());
+    counters.clamped = counters.clamped.saturating_add(clamped.count_ones());
 }
 
 /// On-time deadlines among the latest 100.

@@ -6,23 +6,25 @@
 
 pub mod act;
 mod blackbox;
+pub mod channels;
 pub mod config;
 pub mod decide;
 mod evidence;
 mod io;
-mod sift;
+pub mod sift;
 
 use core::fmt;
 
 use crate::axis::{Offsets, Reference};
-use crate::message::{AxisFlags, AxisState, Cause, Counters, Phase, Refusal, State, Welcome};
+use crate::message::{AxisState, Cause, Counters, Phase, Refusal, State, Welcome};
 use crate::units::{Epoch, PositionNm, Sequence, Tick};
 
-use act::{AxisChannels, drive_reference, nominal_stepped};
+use act::{Axis, Order, nominal_stepped};
+use channels::AxisChannels;
 use config::{Config, Parameters};
-use decide::{Action, Connection, Decision, Discrete, Rules};
+use decide::{Action, Arrivals, Connection, Decision, Discrete, Rules};
 use evidence::{on_time_of_100, tally};
-use sift::{Sieve, Sifted};
+use sift::{Heard, Noted, Sieve};
 
 pub use blackbox::{BlackBox, Entry};
 pub use io::{Cycle, EVENTS, Event, Events, Input, OWNER_FRAMES, Output, Refusals};
@@ -68,12 +70,8 @@ pub struct Session<const N: usize> {
 pub struct Parts<const N: usize> {
     /// The discrete state.
     pub discrete: Discrete,
-    /// Channels whose values are in force.
-    pub channels: [AxisChannels; N],
-    /// Channels that follow in Submit and reach no drive.
-    pub shadow: [AxisChannels; N],
-    /// Nominal references of the last tick.
-    pub nominal: [PositionNm; N],
+    /// The axes.
+    pub axes: [Axis; N],
     /// Why the last session ended; evidence.
     pub cause: Cause,
     /// A late command arrived since the last fresh one; evidence that tells a late network from a late client.
@@ -96,9 +94,8 @@ impl<const N: usize> Session<N> {
         tick: Tick,
         last_epoch: Epoch,
     ) -> Result<Self, StartError> {
-        let channels = channels_at_rest(&config, in_force)?;
-        let at_zero = channels.iter().all(AxisChannels::is_zero);
-        let (phase, cause) = if at_zero {
+        let axes = axes_at_rest(&config, in_force, nominal)?;
+        let (phase, cause) = if all_zero(&axes) {
             (Phase::Listening, Cause::None)
         } else {
             (Phase::SafeDisconnect, Cause::Restart)
@@ -116,9 +113,7 @@ impl<const N: usize> Session<N> {
         };
         let parts = Parts {
             discrete,
-            channels,
-            shadow: [AxisChannels::ZERO; N],
-            nominal,
+            axes,
             cause,
             late: false,
             counters: Counters::default(),
@@ -133,8 +128,8 @@ impl<const N: usize> Session<N> {
     /// [`StartError::OffsetInForce`] when one is beyond its limits; nothing is changed then.
     pub fn resume(&mut self, in_force: &[Offsets; N]) -> Result<(), StartError> {
         let parts = &mut self.parts;
-        parts.channels = channels_at_rest(&self.config, in_force)?;
-        parts.shadow = [AxisChannels::ZERO; N];
+        let nominal = parts.axes.map(|axis| axis.nominal);
+        parts.axes = axes_at_rest(&self.config, in_force, nominal)?;
         let discrete = &mut parts.discrete;
         if discrete.phase != Phase::Fault {
             *discrete = Discrete {
@@ -155,27 +150,14 @@ impl<const N: usize> Session<N> {
         session.is_valid().then_some(session)
     }
 
-    /// The invariant, clause by clause: the discrete state is valid; every channel and every shadow is valid under its limits;
-    /// before Obtain every channel rests at zero (T6); outside Submit every shadow rests at zero.
+    /// The invariant, clause by clause: the discrete state is valid; every axis is valid in its phase.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let parameters = self.config.parameters();
-        let parts = &self.parts;
-        let limits = || parameters.axes.iter().map(|axis| &axis.limits);
-        let channels = parts.channels.iter().zip(limits());
-        let shadows = parts.shadow.iter().zip(limits());
-        let resting = matches!(
-            parts.discrete.phase,
-            Phase::Listening | Phase::Handshake | Phase::Submit
-        );
-        let at_rest =
-            |channels: &[AxisChannels; N]| channels.iter().all(AxisChannels::is_at_rest_at_zero);
-        parts.discrete.is_valid(parameters.handshake_ticks)
-            && channels
-                .chain(shadows)
-                .all(|(channel, limits)| channel.is_valid(limits))
-            && (!resting || at_rest(&parts.channels))
-            && (parts.discrete.phase == Phase::Submit || at_rest(&parts.shadow))
+        let discrete = &self.parts.discrete;
+        let mut axes = self.parts.axes.iter().zip(&parameters.axes);
+        discrete.is_valid(parameters.handshake_ticks)
+            && axes.all(|(axis, config)| axis.is_valid(discrete.phase, &config.limits))
     }
 
     /// The configuration.
@@ -210,22 +192,25 @@ impl<const N: usize> Session<N> {
     pub fn tick(&mut self, input: &Input<N>) -> Output<N> {
         let cycles = input.cycle.elapsed.max(1);
         let before = self.parts.discrete;
-        let nominal_flags = self.nominal_flags(input, cycles);
-        let sifted = self.sift(input, cycles, &nominal_flags);
-        let decision = decide::decide(&before, &sifted.arrivals, &self.rules());
-        self.parts.settle_evidence(&before, &decision, &sifted);
-        let mut axes = [AxisState::default(); N];
-        let mut references = [Reference::default(); N];
-        self.act(
-            &decision,
-            &sifted,
-            input,
-            &nominal_flags,
-            &mut axes,
-            &mut references,
-        );
+        let stepped = self.nominal_stepped(input, cycles);
+        let (heard, noted) = self.sift(input, cycles, &stepped);
+        let decision = decide::decide(&before, &heard.arrivals, &self.rules());
+        let parts = &mut self.parts;
+        parts.counters = noted.counters;
+        parts.settle_evidence(&before, &decision, &heard.arrivals, noted.late);
+        let (references, axes) = self.act(&decision, &heard, input, &stepped);
         self.parts.discrete = decision.next;
-        self.output(&before, &decision, sifted, input, axes, references)
+        let (welcome, refusals) = answers(&before, &decision, &heard.arrivals, noted.refusals);
+        let owner = decision.next.owner;
+        Output {
+            references,
+            state: self.state(axes, input.cycle.arrival_us),
+            owner,
+            welcome,
+            refusals,
+            close: before.owner.filter(|_| before.owner != owner),
+            ended: decision.end.map(|_| self.parts.cause),
+        }
     }
 
     /// The Welcome of the session that was just granted.
@@ -252,161 +237,149 @@ impl<const N: usize> Session<N> {
     }
 
     /// Which axes' nominal references moved further than they may.
-    fn nominal_flags(&self, input: &Input<N>, cycles: u32) -> [AxisFlags; N] {
-        let mut flags = [AxisFlags::default(); N];
-        let moves = self.parts.nominal.iter().zip(&input.cycle.nominal);
-        let axes = self.config.parameters().axes.iter().zip(moves);
-        for (flag, (axis, (from, to))) in flags.iter_mut().zip(axes) {
-            let stepped = nominal_stepped(*from, *to, axis, cycles);
-            *flag = AxisFlags::default().with(AxisFlags::NOMINAL_STEP, stepped);
+    fn nominal_stepped(&self, input: &Input<N>, cycles: u32) -> [bool; N] {
+        let mut stepped = [false; N];
+        let moves = self.parts.axes.iter().zip(&input.cycle.nominal);
+        let moves = self.config.parameters().axes.iter().zip(moves);
+        for (stepped, (config, (axis, to))) in stepped.iter_mut().zip(moves) {
+            *stepped = nominal_stepped(axis.nominal, *to, config, cycles);
         }
-        flags
+        stepped
     }
 
-    fn sift(&mut self, input: &Input<N>, cycles: u32, nominal: &[AxisFlags; N]) -> Sifted<N> {
-        let parts = &mut self.parts;
-        let mut sifted = Sieve::new(
-            &parts.discrete,
-            self.config.parameters(),
-            &parts.channels,
-            &mut parts.counters,
-            input.cycle.next_epoch,
-        )
-        .sift(&input.events);
-        let arrivals = &mut sifted.arrivals;
+    /// Every event, and what the cycle itself says.
+    fn sift(&self, input: &Input<N>, cycles: u32, stepped: &[bool; N]) -> (Heard<N>, Noted) {
+        let parts = &self.parts;
+        let sieve = Sieve {
+            discrete: &parts.discrete,
+            parameters: self.config.parameters(),
+            axes: &parts.axes,
+            next_epoch: input.cycle.next_epoch,
+        };
+        let mut heard = Heard::nothing();
+        let mut noted = Noted {
+            counters: parts.counters,
+            ..Noted::default()
+        };
+        for (connection, event) in &input.events {
+            sieve.hear(*connection, event, &mut heard, &mut noted);
+        }
+        let arrivals = &mut heard.arrivals;
         arrivals.stop |= input.cycle.stop;
         arrivals.rearm = input.cycle.rearm;
         arrivals.skipped = cycles.saturating_sub(1);
-        arrivals.all_zero = parts.channels.iter().all(AxisChannels::is_zero);
-        arrivals.nominal_fault = nominal
-            .iter()
-            .any(|flags| flags.contains(AxisFlags::NOMINAL_STEP));
-        sifted
+        arrivals.all_zero = all_zero(&parts.axes);
+        arrivals.nominal_fault = stepped.contains(&true);
+        (heard, noted)
     }
 
-    /// Every channel applies the action; every axis gets its reference.
+    /// Every axis carries out the decision.
     fn act(
         &mut self,
         decision: &Decision,
-        sifted: &Sifted<N>,
+        heard: &Heard<N>,
         input: &Input<N>,
-        nominal_flags: &[AxisFlags; N],
-        states: &mut [AxisState; N],
-        references: &mut [Reference; N],
-    ) {
-        let shadow_action = shadow_action(decision.next.phase, sifted.arrivals.command.is_some());
-        let parts = &mut self.parts;
-        parts.nominal = input.cycle.nominal;
-        let configs = self.config.parameters().axes.iter();
-        let channels = parts.channels.iter_mut().zip(parts.shadow.iter_mut());
-        let inputs = input.cycle.nominal.iter().zip(&input.cycle.actual);
-        let outputs = states.iter_mut().zip(references.iter_mut());
-        let rows = configs.zip(channels).zip(inputs).zip(outputs);
-        for ((row, target), flags) in rows.zip(&sifted.targets).zip(nominal_flags) {
-            let (((config, (channels, shadow)), (nominal, actual)), (state, reference)) = row;
-            let limits = &config.limits;
-            *channels = channels.act(decision.action, target, limits);
-            *shadow = match shadow_action {
-                Some(action) => shadow.act(action, target, limits),
-                None => AxisChannels::ZERO,
-            };
-            // In Submit it is the shadow that approaches its target.
-            let limited = match shadow_action {
-                Some(action) => shadow.limited(action, target),
-                None => channels.limited(decision.action, target),
-            };
-            let clamped;
-            (*reference, clamped) =
-                drive_reference(*nominal, &channels.offsets(), &config.machine_travel);
-            tally(&mut parts.counters, limited, clamped);
-            *state = AxisState {
-                nominal: *nominal,
-                offsets: channels.offsets(),
-                shadow: shadow.offsets(),
-                actual: *actual,
-                flags: AxisFlags(flags.0 | limited.0 | clamped.0),
-            };
+        stepped: &[bool; N],
+    ) -> ([Reference; N], [AxisState; N]) {
+        let mut references = [Reference::default(); N];
+        let mut states = [AxisState::default(); N];
+        let shadow = shadow_action(decision.next.phase, heard.arrivals.command.is_some());
+        let cycle = &input.cycle;
+        let inputs = heard.targets.iter().zip(stepped);
+        let inputs = cycle.nominal.iter().zip(&cycle.actual).zip(inputs);
+        let orders = inputs.map(|((nominal, actual), (target, stepped))| Order {
+            action: decision.action,
+            shadow,
+            target: *target,
+            nominal: *nominal,
+            nominal_stepped: *stepped,
+            actual: *actual,
+        });
+        let axes = self.config.parameters().axes.iter().zip(orders);
+        let axes = self.parts.axes.iter_mut().zip(axes);
+        let outputs = references.iter_mut().zip(&mut states);
+        for ((reference, state), (axis, (config, order))) in outputs.zip(axes) {
+            (*reference, *state) = axis.act(&order, config);
+            tally(&mut self.parts.counters, state.flags);
         }
+        (references, states)
     }
 
-    fn output(
-        &self,
-        before: &Discrete,
-        decision: &Decision,
-        sifted: Sifted<N>,
-        input: &Input<N>,
-        axes: [AxisState; N],
-        references: [Reference; N],
-    ) -> Output<N> {
-        let next = &decision.next;
-        let welcome = match (before.phase, next.phase) {
-            (Phase::Listening, Phase::Handshake) => next.owner,
-            _ => None,
-        };
-        let mut refusals = sifted.refusals;
-        if let (Some((connection, _)), None) = (sifted.arrivals.hello, welcome) {
-            // A stop came with the Hello. There is room: every event gives at most one refusal.
-            let reason = Refusal::Faulted { ticks_left: 0 };
-            refusals.push((connection, reason)).unwrap_or(());
-        }
-        Output {
-            references,
-            state: State {
-                tick: next.tick,
-                epoch: next.epoch,
-                accepted: next.accepted,
-                phase: next.phase,
-                cause: self.parts.cause,
-                on_time_of_100: on_time_of_100(next.history),
-                arrival_us: input.cycle.arrival_us,
-                ramp_ticks_left: ramp_ticks_left(self.config.parameters(), &self.parts.channels),
-                counters: self.parts.counters,
-                axes,
-            },
-            owner: next.owner,
-            welcome,
-            refusals,
-            close: if next.owner == before.owner {
-                None
-            } else {
-                before.owner
-            },
-            ended: decision.end.map(|_| self.parts.cause),
+    /// The State after this tick.
+    fn state(&self, axes: [AxisState; N], arrival_us: u16) -> State<N> {
+        let parts = &self.parts;
+        let discrete = &parts.discrete;
+        State {
+            tick: discrete.tick,
+            epoch: discrete.epoch,
+            accepted: discrete.accepted,
+            phase: discrete.phase,
+            cause: parts.cause,
+            on_time_of_100: on_time_of_100(discrete.history),
+            arrival_us,
+            ramp_ticks_left: ramp_ticks_left(self.config.parameters(), &parts.axes),
+            counters: parts.counters,
+            axes,
         }
     }
 }
 
-/// Channels at rest at offsets read back from the drives.
-fn channels_at_rest<const N: usize>(
+/// Who is welcomed, and who is refused.
+fn answers(
+    before: &Discrete,
+    decision: &Decision,
+    arrivals: &Arrivals,
+    mut refusals: Refusals,
+) -> (Option<Connection>, Refusals) {
+    let welcome = match (before.phase, decision.next.phase) {
+        (Phase::Listening, Phase::Handshake) => decision.next.owner,
+        _ => None,
+    };
+    if let (Some((connection, _)), None) = (arrivals.hello, welcome) {
+        // A stop came with the Hello. There is room: every event gives at most one refusal.
+        let reason = Refusal::Faulted { ticks_left: 0 };
+        refusals.push((connection, reason)).unwrap_or(());
+    }
+    (welcome, refusals)
+}
+
+/// Axes at rest at offsets read back from the drives.
+fn axes_at_rest<const N: usize>(
     config: &Config<N>,
     in_force: &[Offsets; N],
-) -> Result<[AxisChannels; N], StartError> {
-    let mut channels = [AxisChannels::ZERO; N];
-    let axes = config.parameters().axes.iter().zip(in_force);
-    for (axis, (channel, (axis_config, offsets))) in channels.iter_mut().zip(axes).enumerate() {
-        let offsets = *offsets;
-        *channel = AxisChannels::at_rest(&offsets, &axis_config.limits)
-            .ok_or(StartError::OffsetInForce { axis, offsets })?;
+    nominal: [PositionNm; N],
+) -> Result<[Axis; N], StartError> {
+    let mut axes = nominal.map(|nominal| Axis {
+        nominal,
+        ..Axis::default()
+    });
+    let rows = config.parameters().axes.iter().zip(in_force);
+    for (index, (axis, (axis_config, offsets))) in axes.iter_mut().zip(rows).enumerate() {
+        axis.channels = AxisChannels::at_rest(offsets, &axis_config.limits).ok_or(
+            StartError::OffsetInForce {
+                axis: index,
+                offsets: *offsets,
+            },
+        )?;
     }
-    Ok(channels)
+    Ok(axes)
+}
+
+/// Whether every offset in force is zero.
+fn all_zero<const N: usize>(axes: &[Axis; N]) -> bool {
+    axes.iter().all(|axis| axis.channels.is_zero())
 }
 
 /// Ticks until every channel would be zero.
-fn ramp_ticks_left<const N: usize>(
-    parameters: &Parameters<N>,
-    channels: &[AxisChannels; N],
-) -> u32 {
-    let limits = parameters.axes.iter().map(|axis| &axis.limits);
-    channels
-        .iter()
-        .zip(limits)
-        .fold(0, |most, (channel, limits)| {
-            if channel.is_zero() {
-                most
-            } else {
-                most.max(channel.ramp_ticks_left(limits))
-            }
-        })
+fn ramp_ticks_left<const N: usize>(parameters: &Parameters<N>, axes: &[Axis; N]) -> u32 {
+    let rows = axes.iter().zip(&parameters.axes);
+    rows.fold(0, |most, (axis, config)| {
+        if axis.channels.is_zero() {
+            most
+        } else {
+            most.max(axis.channels.ramp_ticks_left(&config.limits))
+        }
+    })
 }
 
 /// The shadow follows fresh commands in Submit and holds over a miss; elsewhere it rests at zero.

@@ -2,148 +2,152 @@
 //!
 //! Nothing but the owner's fresh valid commands, stops and endings passes; everything else leaves a count (T7).
 
-use heapless::Vec;
-
-use super::act::AxisChannels;
+use super::act::Axis;
 use super::decide::{Arrivals, Connection, Discrete};
-use super::{Event, Events, Refusals, ramp_ticks_left};
+use super::{Event, Refusals, ramp_ticks_left};
 use crate::axis::Offsets;
 use crate::message::{ClientMessage, Command, Counters, Hello, Mode, Phase, Refusal};
 use crate::session::config::Parameters;
 use crate::units::{Epoch, Sequence};
 
-/// What one tick's events amount to.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Sifted<const N: usize> {
+/// What a tick has heard so far that decides. Nothing else that arrives changes it (T7).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Heard<const N: usize> {
     /// What decides.
-    pub(super) arrivals: Arrivals,
+    pub arrivals: Arrivals,
     /// Targets of the highest fresh valid command; zero without one.
-    pub(super) targets: [Offsets; N],
-    /// Hellos that cannot be granted, whatever is decided.
-    pub(super) refusals: Refusals,
-    /// The owner sent a command that was not fresh because it was late.
-    pub(super) late: bool,
+    pub targets: [Offsets; N],
 }
 
-/// One pass over the events, in order of arrival.
-pub(super) struct Sieve<'a, const N: usize> {
-    state: &'a Discrete,
-    parameters: &'a Parameters<N>,
-    channels: &'a [AxisChannels; N],
-    counters: &'a mut Counters,
-    next_epoch: Epoch,
-    sifted: Sifted<N>,
-}
-
-impl<'a, const N: usize> Sieve<'a, N> {
-    pub(super) fn new(
-        state: &'a Discrete,
-        parameters: &'a Parameters<N>,
-        channels: &'a [AxisChannels; N],
-        counters: &'a mut Counters,
-        next_epoch: Epoch,
-    ) -> Self {
+impl<const N: usize> Heard<N> {
+    /// Nothing yet.
+    #[must_use]
+    pub fn nothing() -> Self {
         Self {
-            state,
-            parameters,
-            channels,
-            counters,
-            next_epoch,
-            sifted: Sifted {
-                arrivals: Arrivals::default(),
-                targets: [Offsets::default(); N],
-                refusals: Vec::new(),
-                late: false,
-            },
+            arrivals: Arrivals::default(),
+            targets: [Offsets::default(); N],
+        }
+    }
+}
+
+/// What a tick has heard so far that only counts, or is to be answered. It decides nothing.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Noted {
+    /// Counts since the session was granted.
+    pub counters: Counters,
+    /// Hellos that cannot be granted, whatever is decided.
+    pub refusals: Refusals,
+    /// The owner sent a command that was not fresh because it was late.
+    pub late: bool,
+}
+
+/// What events are judged against: all that a tick knows before it hears the first.
+#[derive(Clone, Copy, Debug)]
+pub struct Sieve<'a, const N: usize> {
+    /// The discrete state.
+    pub discrete: &'a Discrete,
+    /// The validated configuration.
+    pub parameters: &'a Parameters<N>,
+    /// The axes; a refusal says how long they still ramp.
+    pub axes: &'a [Axis; N],
+    /// Epoch that a granted session would get.
+    pub next_epoch: Epoch,
+}
+
+impl<const N: usize> Sieve<'_, N> {
+    /// One event, in order of arrival.
+    pub fn hear(
+        &self,
+        connection: Connection,
+        event: &Event<N>,
+        heard: &mut Heard<N>,
+        noted: &mut Noted,
+    ) {
+        if self.discrete.owner == Some(connection) {
+            self.owner(event, heard, noted);
+        } else {
+            self.stranger(connection, event, heard, noted);
         }
     }
 
-    pub(super) fn sift(mut self, events: &Events<N>) -> Sifted<N> {
-        for (connection, event) in events {
-            if self.state.owner == Some(*connection) {
-                self.owner(event);
-            } else {
-                self.stranger(*connection, event);
-            }
-        }
-        self.sifted
-    }
-
-    fn owner(&mut self, event: &Event<N>) {
-        let arrivals = &mut self.sifted.arrivals;
+    fn owner(&self, event: &Event<N>, heard: &mut Heard<N>, noted: &mut Noted) {
+        let arrivals = &mut heard.arrivals;
+        let counters = &mut noted.counters;
         match event {
             Event::Broken(_) => arrivals.framing = true,
             Event::Flood => arrivals.flood = true,
             Event::Closed => arrivals.closed = true,
             Event::Malformed(_) | Event::Dropped(_) => {
-                count(&mut self.counters.received);
-                count(&mut self.counters.malformed);
+                count(&mut counters.received);
+                count(&mut counters.malformed);
             }
             Event::Message(message) => {
-                count(&mut self.counters.received);
+                count(&mut counters.received);
                 match message {
-                    ClientMessage::Command(command) => self.command(command),
-                    ClientMessage::Goodbye(epoch) if *epoch == self.state.epoch => {
+                    ClientMessage::Command(command) => self.command(command, heard, noted),
+                    ClientMessage::Goodbye(epoch) if *epoch == self.discrete.epoch => {
                         arrivals.goodbye = true;
                     }
-                    ClientMessage::Stop(epoch) if *epoch == self.state.epoch => {
+                    ClientMessage::Stop(epoch) if *epoch == self.discrete.epoch => {
                         arrivals.stop = true;
                     }
                     ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => {
-                        count(&mut self.counters.stale);
+                        count(&mut counters.stale);
                     }
                     // Well-framed, but without a place: it costs this frame and nothing else.
-                    ClientMessage::Hello(_) => count(&mut self.counters.malformed),
+                    ClientMessage::Hello(_) => count(&mut counters.malformed),
                 }
             }
         }
     }
 
-    fn stranger(&mut self, connection: Connection, event: &Event<N>) {
+    fn stranger(
+        &self,
+        connection: Connection,
+        event: &Event<N>,
+        heard: &mut Heard<N>,
+        noted: &mut Noted,
+    ) {
         match event {
-            Event::Message(ClientMessage::Hello(hello)) => self.hello(connection, hello),
+            Event::Message(ClientMessage::Hello(hello)) => {
+                // Grants or refuses; the final word on a grant is [`super::decide`]'s.
+                match self.refusal(hello, &heard.arrivals) {
+                    None => heard.arrivals.hello = Some((connection, self.next_epoch)),
+                    // There is room: a tick has at most `EVENTS` events.
+                    Some(reason) => noted.refusals.push((connection, reason)).unwrap_or(()),
+                }
+            }
             Event::Message(_)
             | Event::Malformed(_)
             | Event::Dropped(_)
             | Event::Broken(_)
             | Event::Flood => {
-                count(&mut self.counters.strangers);
+                count(&mut noted.counters.strangers);
             }
             Event::Closed => {}
         }
     }
 
-    /// Grants or refuses; the final word on a grant is [`super::decide`]'s.
-    fn hello(&mut self, connection: Connection, hello: &Hello) {
-        let refusal = self.refusal(hello);
-        match refusal {
-            None => self.sifted.arrivals.hello = Some((connection, self.next_epoch)),
-            // There is room: a tick has at most `EVENTS` events.
-            Some(reason) => self
-                .sifted
-                .refusals
-                .push((connection, reason))
-                .unwrap_or(()),
-        }
-    }
-
-    fn refusal(&self, hello: &Hello) -> Option<Refusal> {
-        let ticks_left = ramp_ticks_left(self.parameters, self.channels);
-        match self.state.phase {
+    /// Why a Hello cannot be granted.
+    fn refusal(&self, hello: &Hello, arrivals: &Arrivals) -> Option<Refusal> {
+        let ticks_left = ramp_ticks_left(self.parameters, self.axes);
+        match self.discrete.phase {
             Phase::Handshake | Phase::Submit | Phase::Obtain => return Some(Refusal::Busy),
             Phase::SafeDisconnect => return Some(Refusal::Ramping { ticks_left }),
             Phase::Fault => return Some(Refusal::Faulted { ticks_left }),
             Phase::Listening => {}
         }
         let needed = self.parameters.capabilities;
-        if self.sifted.arrivals.hello.is_some() {
+        if arrivals.hello.is_some() {
             Some(Refusal::Busy)
         } else if usize::from(hello.axes) != N {
             let expected = u8::try_from(N).unwrap_or(u8::MAX);
             Some(Refusal::Axes { expected })
         } else if !hello.capabilities.contains(needed) {
             Some(Refusal::Capability { needed })
-        } else if self.next_epoch <= self.state.epoch {
+        } else if self.next_epoch <= self.discrete.epoch {
             Some(Refusal::Unavailable)
         } else {
             None
@@ -151,57 +155,81 @@ impl<'a, const N: usize> Sieve<'a, N> {
     }
 
     /// A command of the owner: the highest fresh valid one acts, every other one is counted.
-    fn command(&mut self, command: &Command<N>) {
-        if !self.state.is_live() || command.epoch != self.state.epoch {
-            return count(&mut self.counters.stale);
+    fn command(&self, command: &Command<N>, heard: &mut Heard<N>, noted: &mut Noted) {
+        let counters = &mut noted.counters;
+        match self.judge(command) {
+            Verdict::Fresh => {}
+            Verdict::Duplicate => return count(&mut counters.duplicate),
+            Verdict::Stale => return count(&mut counters.stale),
+            Verdict::Malformed => return count(&mut counters.malformed),
+            Verdict::OutOfRange => {
+                count(&mut counters.malformed);
+                return count(&mut counters.out_of_range);
+            }
+            Verdict::Late => {
+                noted.late = true;
+                return count(&mut counters.late);
+            }
         }
-        match ahead(self.state.accepted, command.sequence) {
-            Some(0) => return count(&mut self.counters.duplicate),
+        match heard.arrivals.command {
+            Some((best, _)) if command.sequence == best => return count(&mut counters.duplicate),
+            Some((best, _)) if command.sequence < best => return count(&mut counters.late),
+            Some(_) => count(&mut counters.late),
+            None => {}
+        }
+        heard.arrivals.command = Some((command.sequence, command.mode));
+        heard.targets = command.targets;
+    }
+
+    /// Judges a command of the owner, beside what else arrived in this tick.
+    #[must_use]
+    pub fn judge(&self, command: &Command<N>) -> Verdict {
+        let epoch = self.discrete.epoch;
+        if !self.discrete.is_live() || command.epoch != epoch {
+            return Verdict::Stale;
+        }
+        match ahead(self.discrete.accepted, command.sequence) {
+            Some(0) => return Verdict::Duplicate,
             Some(1..=SEQUENCE_WINDOW) => {}
-            Some(_) => return count(&mut self.counters.stale),
-            None => return self.count_late(),
+            Some(_) => return Verdict::Stale,
+            None => return Verdict::Late,
         }
-        match self.state.tick.0.checked_sub(command.echo.0) {
-            None => return count(&mut self.counters.stale),
+        match self.discrete.tick.0.checked_sub(command.echo.0) {
+            None => return Verdict::Stale,
             Some(behind) if behind > u64::from(self.parameters.echo_window) => {
-                return self.count_late();
+                return Verdict::Late;
             }
             Some(_) => {}
         }
-        if !self.admits(command) {
-            return;
-        }
-        match self.sifted.arrivals.command {
-            Some((best, _)) if command.sequence == best => {
-                return count(&mut self.counters.duplicate);
-            }
-            Some((best, _)) if command.sequence < best => return count(&mut self.counters.late),
-            Some(_) => count(&mut self.counters.late),
-            None => {}
-        }
-        self.sifted.arrivals.command = Some((command.sequence, command.mode));
-        self.sifted.targets = command.targets;
-    }
-
-    /// Content that the wire cannot judge: the mode's place in the phase, the targets' magnitude.
-    fn admits(&mut self, command: &Command<N>) -> bool {
-        if self.state.phase == Phase::Handshake && command.mode == Mode::Obtain {
-            count(&mut self.counters.malformed);
-            return false;
+        // Content that the wire cannot judge: the mode's place in the phase, the targets' magnitude.
+        if self.discrete.phase == Phase::Handshake && command.mode == Mode::Obtain {
+            return Verdict::Malformed;
         }
         let mut axes = self.parameters.axes.iter().zip(&command.targets);
         if axes.all(|(axis, target)| axis.limits.admits(target)) {
-            return true;
+            Verdict::Fresh
+        } else {
+            Verdict::OutOfRange
         }
-        count(&mut self.counters.malformed);
-        count(&mut self.counters.out_of_range);
-        false
     }
+}
 
-    fn count_late(&mut self) {
-        self.sifted.late = true;
-        count(&mut self.counters.late);
-    }
+/// What a command of the owner is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Verdict {
+    /// Of this epoch, ahead in sequence, answering the last State, and valid.
+    Fresh,
+    /// With the sequence of the last accepted one.
+    Duplicate,
+    /// Of another epoch, too far ahead, answering a State that was never sent, or without a session.
+    Stale,
+    /// Behind the last accepted one, or answering an older State than the window allows.
+    Late,
+    /// Asks for a mode that has no place in the phase.
+    Malformed,
+    /// A target lies beyond its limit.
+    OutOfRange,
 }
 
 /// How far ahead of the accepted sequence a command may be.

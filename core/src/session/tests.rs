@@ -6,7 +6,7 @@ use super::config::{AxisConfig, MissBudget, Parameters, Travel};
 use super::*;
 use crate::axis::Actual;
 use crate::channel::Limits;
-use crate::message::{AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode};
+use crate::message::{AxisFlags, AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode};
 use crate::units::{OffsetNm, TorquePermille, VelocityUmS};
 use crate::wire::FrameError;
 
@@ -112,7 +112,7 @@ impl Bench {
     }
 
     fn offset(&self) -> i32 {
-        self.session.parts().channels[0].position.value()
+        self.session.parts().axes[0].channels.position.value()
     }
 }
 
@@ -132,7 +132,8 @@ fn assert_bounds(
 ) {
     let (old, new) = (before.parts(), after.parts());
     let limits = before.config.parameters().axes[0].limits;
-    for (a, b) in old.channels.iter().zip(&new.channels) {
+    for (a, b) in old.axes.iter().zip(&new.axes) {
+        let (a, b) = (a.channels, b.channels);
         for (a, b, limits) in [
             (a.position, b.position, limits.position),
             (a.velocity, b.velocity, limits.velocity),
@@ -150,10 +151,10 @@ fn assert_bounds(
         }
     }
     let Some(last) = last else { return };
-    let nominals = old.nominal.iter().zip(&new.nominal);
+    let axes = old.axes.iter().zip(&new.axes);
     let references = last.references.iter().zip(&output.references);
-    for ((a, b), (from, to)) in references.zip(nominals) {
-        let allowed = from.0.abs_diff(to.0) + 5_000;
+    for ((a, b), (from, to)) in references.zip(axes) {
+        let allowed = from.nominal.0.abs_diff(to.nominal.0) + 5_000;
         assert!(a.position.0.abs_diff(b.position.0) <= allowed);
     }
 }

@@ -20,13 +20,23 @@ pub enum Feed<'a> {
     Broken(FrameError),
 }
 
+/// What a deframer is about.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Stage {
+    /// Collects a frame.
+    #[default]
+    Collecting,
+    /// Holds a frame that was handed out; it is dropped before the next byte is taken.
+    HandedOut,
+    /// Has lost the boundary, for good.
+    Broken(FrameError),
+}
+
 /// Collects one frame at a time.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Deframer {
     buffer: FrameBytes,
-    /// The buffer holds a frame that was handed out; it is dropped before the next byte is taken.
-    handed_out: bool,
-    broken: Option<FrameError>,
+    stage: Stage,
 }
 
 impl Deframer {
@@ -35,34 +45,54 @@ impl Deframer {
     pub const fn new() -> Self {
         Self {
             buffer: Vec::new(),
-            handed_out: false,
-            broken: None,
+            stage: Stage::Collecting,
+        }
+    }
+
+    /// A deframer in any state that satisfies the invariant.
+    #[must_use]
+    pub fn from_parts(buffer: &[u8], stage: Stage) -> Option<Self> {
+        let buffer = FrameBytes::from_slice(buffer).ok()?;
+        let deframer = Self { buffer, stage };
+        deframer.is_valid().then_some(deframer)
+    }
+
+    /// The invariant, clause by clause: what is being collected is less than a header, or a good header and less than its frame;
+    /// what was handed out is as long as its header says. What a broken deframer holds does not matter.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        let held = self.buffer.len();
+        match self.stage {
+            Stage::Collecting => match self.whole_len() {
+                None => held < HEADER_LEN,
+                Some(whole) => whole.is_ok_and(|whole| held < whole),
+            },
+            Stage::HandedOut => self.whole_len() == Some(Ok(held)),
+            Stage::Broken(_) => true,
         }
     }
 
     /// Takes bytes up to the end of the current frame.
     pub fn feed(&mut self, bytes: &[u8]) -> Feed<'_> {
-        if let Some(error) = self.broken {
-            return Feed::Broken(error);
+        match self.stage {
+            Stage::Collecting => {}
+            Stage::HandedOut => self.buffer.clear(),
+            Stage::Broken(error) => return Feed::Broken(error),
         }
-        if self.handed_out {
-            self.buffer.clear();
-            self.handed_out = false;
-        }
-        match self.advance(bytes) {
-            Ok(None) => Feed::Incomplete,
-            Ok(Some(consumed)) => match Frame::parse(&self.buffer) {
-                Ok(frame) => {
-                    self.handed_out = true;
-                    Feed::Frame { frame, consumed }
-                }
-                Err(error) => {
-                    self.broken = Some(error);
-                    Feed::Broken(error)
-                }
-            },
+        self.stage = Stage::Collecting;
+        let whole = self.advance(bytes);
+        let frame = match whole {
+            Ok(None) => return Feed::Incomplete,
+            Ok(Some(consumed)) => Frame::parse(&self.buffer).map(|frame| (frame, consumed)),
+            Err(error) => Err(error),
+        };
+        match frame {
+            Ok((frame, consumed)) => {
+                self.stage = Stage::HandedOut;
+                Feed::Frame { frame, consumed }
+            }
             Err(error) => {
-                self.broken = Some(error);
+                self.stage = Stage::Broken(error);
                 Feed::Broken(error)
             }
         }
@@ -71,22 +101,28 @@ impl Deframer {
     /// Whether no byte of a frame is waiting for the rest.
     #[must_use]
     pub fn is_at_boundary(&self) -> bool {
-        self.handed_out || self.buffer.is_empty()
+        self.stage == Stage::HandedOut || self.buffer.is_empty()
     }
 
     /// Copies header, then body and checksum. `Some(consumed)` once the frame is complete.
     fn advance(&mut self, bytes: &[u8]) -> Result<Option<usize>, FrameError> {
         let taken = self.top_up(bytes, HEADER_LEN);
-        let Some((header, _)) = self.buffer.split_first_chunk::<HEADER_LEN>() else {
+        let Some(whole) = self.whole_len().transpose()? else {
             return Ok(None);
         };
-        let (_, length) = parse_header(*header)?;
-        let whole = HEADER_LEN
-            .saturating_add(usize::from(length))
-            .saturating_add(TRAILER_LEN);
         let rest = bytes.get(taken..).unwrap_or_default();
         let consumed = taken.saturating_add(self.top_up(rest, whole));
         Ok((self.buffer.len() == whole).then_some(consumed))
+    }
+
+    /// Length of the frame being collected, once its header is there.
+    fn whole_len(&self) -> Option<Result<usize, FrameError>> {
+        let (header, _) = self.buffer.split_first_chunk::<HEADER_LEN>()?;
+        Some(parse_header(*header).map(|(_, length)| {
+            HEADER_LEN
+                .saturating_add(usize::from(length))
+                .saturating_add(TRAILER_LEN)
+        }))
     }
 
     /// Copies bytes until the buffer holds `target` of them; returns how many were copied.

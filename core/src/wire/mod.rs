@@ -12,7 +12,7 @@ mod frame;
 pub use body::{
     ContentError, decode_client, decode_server, encode_client, encode_server, encode_state,
 };
-pub use deframer::{Deframer, Feed};
+pub use deframer::{Deframer, Feed, Stage};
 pub use frame::{
     Frame, FrameBytes, FrameError, HEADER_LEN, Kind, MAX_BODY, MAX_FRAME, PROTOCOL_VERSION,
     TRAILER_LEN,
