@@ -5,6 +5,7 @@ use crate::units::{OffsetNm, PositionNm, TorquePermille, VelocityUmS};
 /// The external offsets of one axis, added to what its drive is told anyway.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Offsets {
     /// Added to the position reference (object 60B0h of CiA 402).
     pub position: OffsetNm,
@@ -17,6 +18,7 @@ pub struct Offsets {
 /// What a drive measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Actual {
     /// Position of the motor side of the axis.
     pub position: PositionNm,
@@ -29,6 +31,7 @@ pub struct Actual {
 /// What a drive receives, once per cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Reference {
     /// Position reference: nominal plus offset, inside the machine's travel.
     pub position: PositionNm,

@@ -147,9 +147,20 @@ impl Limits {
     }
 }
 
+#[cfg(kani)]
+impl kani::Arbitrary for Limits {
+    fn any() -> Self {
+        let limits = Self::new(kani::any(), kani::any(), kani::any(), kani::any());
+        kani::assume(limits.is_ok());
+        kani::cover!(true, "some limits are valid");
+        limits.unwrap_or(Self::DISABLED)
+    }
+}
+
 /// Value of a channel and its last change, both in the channel's unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Channel {
     value: i32,
     change: i32,

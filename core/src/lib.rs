@@ -31,6 +31,9 @@
     )
 )]
 
+// Kani's library is in reach of a `no_std` crate only by name. Nothing but `impl kani::Arbitrary` uses it here.
+#[cfg(kani)]
+extern crate kani;
 #[cfg(test)]
 extern crate std;
 

@@ -10,6 +10,7 @@ pub const MAX_AXES: usize = 6;
 /// Abilities of a side, one bit each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Capabilities(pub u16);
 
 impl Capabilities {
@@ -29,6 +30,7 @@ impl Capabilities {
 /// Limits of the three channels of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct AxisLimits {
     /// Position offset, nm.
     pub position: Limits,
@@ -52,6 +54,7 @@ impl AxisLimits {
 /// Client: asks for the session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Hello {
     /// How many axes the client is built for.
     pub axes: u8,
@@ -62,6 +65,7 @@ pub struct Hello {
 /// What a command asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Mode {
     /// Targets move a reported shadow, never a drive `[T 4.2.4]`.
     Submit,
@@ -72,6 +76,7 @@ pub enum Mode {
 /// Client: the answer to one State.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Command<const N: usize> {
     /// Epoch of the session, from Welcome.
     pub epoch: Epoch,
@@ -88,6 +93,7 @@ pub struct Command<const N: usize> {
 /// What a client can say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum ClientMessage<const N: usize> {
     /// Asks for the session.
     Hello(Hello),
@@ -102,6 +108,7 @@ pub enum ClientMessage<const N: usize> {
 /// Server: grants the session and says its terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Welcome<const N: usize> {
     /// Epoch of the session; every frame of the client carries it from here on.
     pub epoch: Epoch,
@@ -122,6 +129,7 @@ pub struct Welcome<const N: usize> {
 /// Phases of a session `[T Figure 5.4]`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Phase {
     /// No session. All offsets are zero.
     #[default]
@@ -141,6 +149,7 @@ pub enum Phase {
 /// Why the last session ended, or why the server is not Listening.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Cause {
     /// Nothing has ended yet.
     #[default]
@@ -174,6 +183,7 @@ pub enum Cause {
 /// Counts since the session was granted; they saturate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Counters {
     /// Frames of the owner, whatever their content.
     pub received: u32,
@@ -202,6 +212,7 @@ pub struct Counters {
 /// Flags of an axis in one tick, one bit each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct AxisFlags(pub u8);
 
 impl AxisFlags {
@@ -242,6 +253,7 @@ impl AxisFlags {
 /// One axis in a State.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct AxisState {
     /// Nominal reference, without offset.
     pub nominal: PositionNm,
@@ -258,6 +270,7 @@ pub struct AxisState {
 /// Server: one per tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct State<const N: usize> {
     /// Tick at whose end this left.
     pub tick: Tick,
@@ -284,6 +297,7 @@ pub struct State<const N: usize> {
 /// Why a Hello is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Refusal {
     /// Somebody else owns the session.
     Busy,
@@ -319,6 +333,7 @@ pub enum Refusal {
 /// What a server can say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum ServerMessage<const N: usize> {
     /// Grants the session.
     Welcome(Welcome<N>),

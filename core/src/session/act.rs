@@ -10,6 +10,7 @@ use crate::units::PositionNm;
 /// What a session remembers of one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Axis {
     /// Channels whose values are in force.
     pub channels: AxisChannels,
@@ -22,6 +23,7 @@ pub struct Axis {
 /// What one axis is to do in a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Order {
     /// What the channels in force do.
     pub action: Action,

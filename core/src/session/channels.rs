@@ -9,6 +9,7 @@ use crate::units::{OffsetNm, TorquePermille, VelocityUmS};
 /// The three channels of an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct AxisChannels {
     /// Position offset, nm.
     pub position: Channel,

@@ -12,6 +12,7 @@ pub const MAX_POSITION_NM: i64 = 1 << 61;
 /// A closed range of positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Travel {
     /// Lower end.
     pub lower: PositionNm,
@@ -38,6 +39,7 @@ impl Travel {
 /// How one axis may be moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct AxisConfig {
     /// Limits of the three offset channels.
     pub limits: AxisLimits,
@@ -81,6 +83,7 @@ impl AxisConfig {
 /// A budget of misses beside the consecutive-miss rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct MissBudget {
     /// Length of the window in ticks, 1 to 128.
     pub window: u8,
@@ -91,6 +94,7 @@ pub struct MissBudget {
 /// Configuration as a human or a file states it; not yet checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Parameters<const N: usize> {
     /// Length of a cycle in µs; only told to the client, the core has no clock.
     pub cycle_us: u32,
@@ -216,6 +220,18 @@ impl<const N: usize> Config<N> {
     #[must_use]
     pub const fn parameters(&self) -> &Parameters<N> {
         &self.parameters
+    }
+}
+
+#[cfg(kani)]
+impl<const N: usize> kani::Arbitrary for Config<N> {
+    fn any() -> Self {
+        let config = Self {
+            parameters: kani::any(),
+        };
+        kani::assume(Self::new(config.parameters).is_ok());
+        kani::cover!(true, "some configurations are valid");
+        config
     }
 }
 

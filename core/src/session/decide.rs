@@ -10,11 +10,13 @@ use crate::units::{Epoch, Sequence, Tick};
 /// Names a connection; the endpoint never gives a number twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Connection(pub u64);
 
 /// The part of the session's state that is not a reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Discrete {
     /// Phase.
     pub phase: Phase,
@@ -76,6 +78,7 @@ impl Discrete {
 /// What arrived since the last tick, reduced to what decides.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Arrivals {
     /// A stop is asserted, at the machine or by the owner.
     pub stop: bool,
@@ -104,6 +107,7 @@ pub struct Arrivals {
 /// What every channel does in this tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Action {
     /// Position channels keep their value; velocity and torque channels take a ramp step, for a held push is not a hold.
     Hold,
@@ -118,6 +122,7 @@ pub enum Action {
 /// Why a session ends in this tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum End {
     /// A cause that is known by itself.
     Because(Cause),
@@ -140,6 +145,7 @@ pub struct Decision {
 /// Rules that come from the configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Rules {
     /// Ticks a granted session may wait for its first command.
     pub handshake_ticks: u32,

@@ -16,6 +16,7 @@ pub const OWNER_FRAMES: u8 = 8;
 /// Something that happened on a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Event<const N: usize> {
     /// A message.
     Message(ClientMessage<N>),
@@ -39,6 +40,7 @@ pub type Refusals = Vec<(Connection, Refusal), EVENTS>;
 /// What the host gives to one cycle, beside what arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Cycle<const N: usize> {
     /// Cycles since the last tick: 1 when on time; 0 counts as 1.
     pub elapsed: u32,

@@ -67,6 +67,7 @@ pub struct Session<const N: usize> {
 /// The parts of a session's state; for replay, fuzzing and proofs, which build states from them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Parts<const N: usize> {
     /// The discrete state.
     pub discrete: Discrete,
@@ -321,6 +322,19 @@ impl<const N: usize> Session<N> {
             counters: parts.counters,
             axes,
         }
+    }
+}
+
+#[cfg(kani)]
+impl<const N: usize> kani::Arbitrary for Session<N> {
+    fn any() -> Self {
+        let session = Self {
+            config: kani::any(),
+            parts: kani::any(),
+        };
+        kani::assume(session.is_valid());
+        kani::cover!(true, "some sessions are valid");
+        session
     }
 }
 

@@ -13,6 +13,7 @@ use crate::units::{Epoch, Sequence};
 /// What a tick has heard so far that decides. Nothing else that arrives changes it (T7).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Heard<const N: usize> {
     /// What decides.
     pub arrivals: Arrivals,

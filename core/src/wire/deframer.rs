@@ -22,6 +22,7 @@ pub enum Feed<'a> {
 
 /// What a deframer is about.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Stage {
     /// Collects a frame.
     #[default]

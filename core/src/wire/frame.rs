@@ -24,6 +24,7 @@ pub type FrameBytes = Vec<u8, MAX_FRAME>;
 /// What a frame's body is; the fourth byte of every frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Kind {
     /// Client asks for the session.
     Hello,
@@ -75,6 +76,7 @@ impl Kind {
 /// Why bytes are no frame. On a stream the boundary is lost with it; a datagram is simply dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum FrameError {
     /// The first two bytes are not "GT".
     Magic,

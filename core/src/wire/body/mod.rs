@@ -16,6 +16,7 @@ pub use server::{decode_server, encode_server, encode_state};
 /// Why a well-framed body is no message. It costs that frame, nothing else.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum ContentError {
     /// The kind byte is unknown, or this side does not receive that kind.
     Kind {
