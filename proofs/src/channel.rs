@@ -40,7 +40,14 @@ pub fn step(channel: Channel, verb: Verb, limits: &Limits) -> Channel {
 /// # Panics
 /// When one of them does not hold.
 pub fn step_is_bounded(before: Channel, verb: Verb, limits: &Limits) {
-    let after = step(before, verb, limits);
+    change_is_bounded(before, step(before, verb, limits), limits);
+}
+
+/// T1, T2, T3 and the invariant, for any two values of a channel that follow each other.
+///
+/// # Panics
+/// When one of them does not hold.
+pub fn change_is_bounded(before: Channel, after: Channel, limits: &Limits) {
     assert!(after.is_valid(limits), "the invariant is kept");
     let change = i64::from(after.value()) - i64::from(before.value());
     assert!(
@@ -59,12 +66,20 @@ pub fn step_is_bounded(before: Channel, verb: Verb, limits: &Limits) {
     assert!(limits.admits(after.value()), "T3: |value| <= M");
 }
 
-/// T5, for one step: `min(rho, |value|)` towards zero, never past it. The magnitude is the measure that decreases until it is zero.
+/// T5, for one step.
 ///
 /// # Panics
 /// When it does not hold.
 pub fn ramp_is_exact(before: Channel, limits: &Limits) {
-    let after = before.ramp(limits);
+    is_ramp_step(before, before.ramp(limits), limits);
+}
+
+/// T5, for any two values that follow each other: `min(rho, |value|)` towards zero, never past it.
+/// The magnitude is the measure that decreases until it is zero.
+///
+/// # Panics
+/// When it does not hold.
+pub fn is_ramp_step(before: Channel, after: Channel, limits: &Limits) {
     let (from, to) = (before.value().unsigned_abs(), after.value().unsigned_abs());
     assert!(
         to == from - from.min(limits.ramp()),

@@ -14,7 +14,11 @@
 #[cfg(kani)]
 extern crate kani;
 
+pub mod axis;
 pub mod channel;
+pub mod decide;
 #[cfg(kani)]
 mod harness;
+pub mod session;
+pub mod sift;
 pub mod wire;
