@@ -45,6 +45,7 @@ pub mod kinematics;
 pub mod linalg;
 pub mod message;
 pub mod robot;
+mod rows;
 pub mod sensor;
 pub mod session;
 pub mod statics;

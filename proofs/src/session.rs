@@ -1,47 +1,117 @@
 //! A whole tick of the session, over its whole state: one-step induction. Valid, and any input, one tick, valid, and the bounds.
 
+use gantry_tau_core::axis::Offsets;
 use gantry_tau_core::channel::{Channel, Limits};
 use gantry_tau_core::message::{AxisLimits, Phase};
 use gantry_tau_core::session::channels::AxisChannels;
-use gantry_tau_core::session::{Input, Output, Session};
+use gantry_tau_core::session::decide::Action;
+use gantry_tau_core::session::sift::{Heard, Noted};
+use gantry_tau_core::session::{Cycle, Input, Output, Session};
 
-/// One tick of a copy.
-#[must_use]
-pub fn tick<const N: usize>(before: &Session<N>, input: &Input<N>) -> (Session<N>, Output<N>) {
-    let mut after = *before;
-    let output = after.tick(input);
-    (after, output)
+/// A session before a tick, and all that the tick depends on.
+#[derive(Clone, Debug)]
+pub struct Moment<const N: usize> {
+    /// The session.
+    pub session: Session<N>,
+    /// What the host gives.
+    pub cycle: Cycle<N>,
+    /// What decides, of all that arrived.
+    pub heard: Heard<N>,
+    /// What only counts.
+    pub noted: Noted,
 }
 
-/// The three channels of an axis before and after, each with its limits.
-fn steps(
-    before: &AxisChannels,
-    after: &AxisChannels,
-    limits: &AxisLimits,
-) -> [(Channel, Channel, Limits); 3] {
-    [
-        (before.position, after.position, limits.position),
-        (before.velocity, after.velocity, limits.velocity),
-        (before.torque, after.torque, limits.torque),
-    ]
+impl<const N: usize> Moment<N> {
+    /// What these events lead to.
+    #[must_use]
+    pub fn after_hearing(session: &Session<N>, input: &Input<N>) -> Self {
+        let (heard, noted) = session.hear(&input.events, input.cycle.next_epoch);
+        Self {
+            session: *session,
+            cycle: input.cycle,
+            heard,
+            noted,
+        }
+    }
+
+    /// The tick: the session after it, and what it produced.
+    #[must_use]
+    pub fn step(&self) -> (Session<N>, Output<N>) {
+        let mut after = self.session;
+        let output = after.step(&self.cycle, self.heard, self.noted.clone());
+        (after, output)
+    }
 }
 
-/// T1, T2, T3 and the invariant of one axis of the session, for its channels in force and for its shadow.
+/// One of the three channels of an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Position offset.
+    Position,
+    /// Velocity offset.
+    Velocity,
+    /// Torque offset.
+    Torque,
+}
+
+impl Kind {
+    /// All there are.
+    pub const ALL: [Self; 3] = [Self::Position, Self::Velocity, Self::Torque];
+
+    /// Of an axis' channels.
+    #[must_use]
+    pub const fn of(self, channels: &AxisChannels) -> Channel {
+        match self {
+            Self::Position => channels.position,
+            Self::Velocity => channels.velocity,
+            Self::Torque => channels.torque,
+        }
+    }
+
+    /// Of an axis' limits.
+    #[must_use]
+    pub const fn limits(self, limits: &AxisLimits) -> Limits {
+        match self {
+            Self::Position => limits.position,
+            Self::Velocity => limits.velocity,
+            Self::Torque => limits.torque,
+        }
+    }
+}
+
+/// T1, T2, T3 and the invariant of one channel of one axis.
 ///
 /// # Panics
 /// When one of them does not hold.
-pub fn axis_is_bounded<const N: usize>(before: &Session<N>, input: &Input<N>, index: usize) {
-    let (after, output) = tick(before, input);
-    let (old, new) = (&before.parts().axes[index], &after.parts().axes[index]);
-    let config = &before.config().parameters().axes[index];
+pub fn channel_is_bounded<const N: usize>(moment: &Moment<N>, index: usize, kind: Kind) {
+    let (after, _) = moment.step();
+    let before = &moment.session;
+    let limits = kind.limits(&before.config().parameters().axes[index].limits);
+    let old = kind.of(&before.parts().axes[index].channels);
+    let new = kind.of(&after.parts().axes[index].channels);
+    crate::channel::change_is_bounded(old, new, &limits);
+}
+
+/// The invariant of one axis: channels and shadow within their limits, at rest where the phase says so.
+///
+/// # Panics
+/// When it does not hold.
+pub fn axis_stays_valid<const N: usize>(moment: &Moment<N>, index: usize) {
+    let (after, _) = moment.step();
+    let limits = &after.config().parameters().axes[index].limits;
     assert!(
-        new.is_valid(after.phase(), &config.limits),
+        after.parts().axes[index].is_valid(after.phase(), limits),
         "the invariant is kept"
     );
-    for (a, b, limits) in steps(&old.channels, &new.channels, &config.limits) {
-        crate::channel::change_is_bounded(a, b, &limits);
-    }
-    let travel = &config.machine_travel;
+}
+
+/// T3: the drive's reference is inside the travel.
+///
+/// # Panics
+/// When it does not hold.
+pub fn reference_is_inside_travel<const N: usize>(moment: &Moment<N>, index: usize) {
+    let (after, output) = moment.step();
+    let travel = &after.config().parameters().axes[index].machine_travel;
     let reference = output.references[index].position;
     let inside = travel.lower <= reference && reference <= travel.upper;
     assert!(inside, "T3: the drive's reference is inside the travel");
@@ -51,8 +121,8 @@ pub fn axis_is_bounded<const N: usize>(before: &Session<N>, input: &Input<N>, in
 ///
 /// # Panics
 /// When it does not hold.
-pub fn discrete_stays_valid<const N: usize>(before: &Session<N>, input: &Input<N>) {
-    let (after, output) = tick(before, input);
+pub fn discrete_stays_valid<const N: usize>(moment: &Moment<N>) {
+    let (after, output) = moment.step();
     let ticks = after.config().parameters().handshake_ticks;
     assert!(
         after.parts().discrete.is_valid(ticks),
@@ -61,36 +131,38 @@ pub fn discrete_stays_valid<const N: usize>(before: &Session<N>, input: &Input<N
     assert!(output.state.phase == after.phase(), "the State says it");
 }
 
-/// T5: without a session, each channel of an axis moves by exactly `min(rho, |value|)` towards zero, whatever arrives.
+/// T5: without a session, each channel moves by exactly `min(rho, |value|)` towards zero, whatever arrives.
 ///
 /// # Panics
 /// When it does not hold.
-pub fn axis_ramps<const N: usize>(before: &Session<N>, input: &Input<N>, index: usize) {
+pub fn channel_ramps<const N: usize>(moment: &Moment<N>, index: usize, kind: Kind) {
+    let before = &moment.session;
     if !matches!(before.phase(), Phase::SafeDisconnect | Phase::Fault) {
         return;
     }
-    let (after, _) = tick(before, input);
-    let (old, new) = (&before.parts().axes[index], &after.parts().axes[index]);
-    let limits = &before.config().parameters().axes[index].limits;
-    for (a, b, limits) in steps(&old.channels, &new.channels, limits) {
-        crate::channel::is_ramp_step(a, b, &limits);
-    }
+    let (after, _) = moment.step();
+    let limits = kind.limits(&before.config().parameters().axes[index].limits);
+    let old = kind.of(&before.parts().axes[index].channels);
+    let new = kind.of(&after.parts().axes[index].channels);
+    crate::channel::is_ramp_step(old, new, &limits);
 }
 
 /// T6: whoever is welcomed finds every channel of every axis at zero, before and after.
 ///
 /// # Panics
 /// When it does not hold.
-pub fn authority_needs_zero<const N: usize>(before: &Session<N>, input: &Input<N>) {
-    let (after, output) = tick(before, input);
+pub fn authority_needs_zero<const N: usize>(moment: &Moment<N>) {
+    let before = &moment.session;
+    let (after, output) = moment.step();
     let granted = output.welcome.is_some()
         || (after.parts().discrete.is_live() && !before.parts().discrete.is_live());
     if !granted {
         return;
     }
     for session in [before, &after] {
-        for axis in &session.parts().axes {
-            assert!(axis.channels.is_zero(), "T6: authority only at zero");
+        for index in 0..N {
+            let channels = &session.parts().axes[index].channels;
+            assert!(channels.is_zero(), "T6: authority only at zero");
         }
     }
     assert!(
@@ -103,27 +175,34 @@ pub fn authority_needs_zero<const N: usize>(before: &Session<N>, input: &Input<N
 ///
 /// # Panics
 /// When it does not hold.
-pub fn stop_ends_in_fault<const N: usize>(before: &Session<N>, input: &Input<N>) {
-    if !input.cycle.stop {
+pub fn stop_ends_in_fault<const N: usize>(moment: &Moment<N>) {
+    let before = &moment.session;
+    if !moment.cycle.stop {
         return;
     }
-    let (after, _) = tick(before, input);
+    let (after, _) = moment.step();
     assert!(after.phase() == Phase::Fault, "T9: a stop ends in Fault");
-    let axes = before.parts().axes.iter().zip(&after.parts().axes);
-    for ((old, new), config) in axes.zip(&before.config().parameters().axes) {
-        for (a, b, limits) in steps(&old.channels, &new.channels, &config.limits) {
-            assert!(b == a.ramp(&limits), "T9: every channel ramps");
-        }
+    for index in 0..N {
+        let limits = &before.config().parameters().axes[index].limits;
+        let old = &before.parts().axes[index].channels;
+        let ramped = old.act(Action::Ramp, &Offsets::default(), limits);
+        let new = after.parts().axes[index].channels;
+        assert!(new == ramped, "T9: every channel ramps");
     }
 }
 
-/// T7, for a whole tick: without the events of the given positions the references and the discrete state are the same.
+/// T7, for a whole tick: two inputs that are heard alike lead to the same references and the same discrete state.
 ///
 /// # Panics
-/// When they are not.
-pub fn same_outcome<const N: usize>(before: &Session<N>, input: &Input<N>, without: &Input<N>) {
-    let (one, one_output) = tick(before, input);
-    let (other, other_output) = tick(before, without);
+/// When they do not.
+pub fn counts_decide_nothing<const N: usize>(moment: &Moment<N>, noted: &Noted) {
+    let (one, one_output) = moment.step();
+    let noted = noted.clone();
+    let (other, other_output) = Moment {
+        noted,
+        ..moment.clone()
+    }
+    .step();
     assert!(
         one_output.references == other_output.references,
         "T7: the same references"

@@ -60,13 +60,16 @@ pub fn is_fresh<const N: usize>(sieve: &Sieve<'_, N>, command: &Command<N>) -> b
     let ahead = i128::from(command.sequence.0) - i128::from(discrete.accepted.0);
     let behind = i128::from(discrete.tick.0) - i128::from(command.echo.0);
     let mode_has_its_place = discrete.phase != Phase::Handshake || command.mode == Mode::Submit;
-    let mut axes = sieve.parameters.axes.iter().zip(&command.targets);
+    let admits = |axis: usize| {
+        let limits = &sieve.parameters.axes[axis].limits;
+        limits.admits(&command.targets[axis])
+    };
     discrete.is_live()
         && command.epoch == discrete.epoch
         && (1..=65_536).contains(&ahead)
         && (0..=i128::from(sieve.parameters.echo_window)).contains(&behind)
         && mode_has_its_place
-        && axes.all(|(axis, target)| axis.limits.admits(target))
+        && (0..N).all(admits)
 }
 
 /// Fresh is what the definition says, both ways.

@@ -4,6 +4,7 @@ use core::fmt;
 
 use crate::channel::Limits;
 use crate::message::{AxisLimits, Capabilities, MAX_AXES};
+use crate::rows::each;
 use crate::units::PositionNm;
 
 /// Largest magnitude of a travel limit or a nominal reference for which the bounds are claimed: 2^61 nm.
@@ -209,7 +210,7 @@ impl<const N: usize> Config<N> {
                 return Err(ConfigError::BudgetWindow { window });
             }
         }
-        for (axis, config) in parameters.axes.iter().enumerate() {
+        for (axis, config) in each(&parameters.axes).enumerate() {
             check_axis(axis, config)?;
         }
         Ok(Self { parameters })

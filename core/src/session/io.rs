@@ -59,6 +59,13 @@ pub struct Cycle<const N: usize> {
 }
 
 impl<const N: usize> Cycle<N> {
+    /// Cycles since the last tick, at least 1.
+    #[inline]
+    #[must_use]
+    pub const fn cycles(&self) -> u32 {
+        if self.elapsed == 0 { 1 } else { self.elapsed }
+    }
+
     /// A cycle in which nothing special happens.
     #[must_use]
     pub const fn on_time(nominal: [PositionNm; N], actual: [Actual; N], next_epoch: Epoch) -> Self {

@@ -17,6 +17,7 @@ use core::fmt;
 
 use crate::axis::{Offsets, Reference};
 use crate::message::{AxisState, Cause, Counters, Phase, Refusal, State, Welcome};
+use crate::rows::{each, pairs};
 use crate::units::{Epoch, PositionNm, Sequence, Tick};
 
 use act::{Axis, Order, nominal_stepped};
@@ -156,7 +157,7 @@ impl<const N: usize> Session<N> {
     pub fn is_valid(&self) -> bool {
         let parameters = self.config.parameters();
         let discrete = &self.parts.discrete;
-        let mut axes = self.parts.axes.iter().zip(&parameters.axes);
+        let mut axes = pairs(&self.parts.axes, &parameters.axes);
         discrete.is_valid(parameters.handshake_ticks)
             && axes.all(|(axis, config)| axis.is_valid(discrete.phase, &config.limits))
     }
@@ -189,23 +190,48 @@ impl<const N: usize> Session<N> {
         self.parts.discrete.owner
     }
 
-    /// One cycle.
+    /// One cycle: everything that arrived is heard, then one step is taken.
     pub fn tick(&mut self, input: &Input<N>) -> Output<N> {
-        let cycles = input.cycle.elapsed.max(1);
+        let (heard, noted) = self.hear(&input.events, input.cycle.next_epoch);
+        self.step(&input.cycle, heard, noted)
+    }
+
+    /// What the events amount to, in order of arrival.
+    #[must_use]
+    pub fn hear(&self, events: &Events<N>, next_epoch: Epoch) -> (Heard<N>, Noted) {
+        let sieve = Sieve {
+            discrete: &self.parts.discrete,
+            parameters: self.config.parameters(),
+            axes: &self.parts.axes,
+            next_epoch,
+        };
+        let mut heard = Heard::nothing();
+        let mut noted = Noted {
+            counters: self.parts.counters,
+            ..Noted::default()
+        };
+        for (connection, event) in events {
+            sieve.hear(*connection, event, &mut heard, &mut noted);
+        }
+        (heard, noted)
+    }
+
+    /// Decides, and acts. The invariant and every bound hold for anything that can have been heard.
+    pub fn step(&mut self, cycle: &Cycle<N>, mut heard: Heard<N>, noted: Noted) -> Output<N> {
+        let stepped = self.nominal_stepped(cycle);
+        self.complete(&mut heard.arrivals, cycle, &stepped);
         let before = self.parts.discrete;
-        let stepped = self.nominal_stepped(input, cycles);
-        let (heard, noted) = self.sift(input, cycles, &stepped);
         let decision = decide::decide(&before, &heard.arrivals, &self.rules());
         let parts = &mut self.parts;
         parts.counters = noted.counters;
         parts.settle_evidence(&before, &decision, &heard.arrivals, noted.late);
-        let (references, axes) = self.act(&decision, &heard, input, &stepped);
+        let (references, axes) = self.act(&decision, &heard, cycle, &stepped);
         self.parts.discrete = decision.next;
         let (welcome, refusals) = answers(&before, &decision, &heard.arrivals, noted.refusals);
         let owner = decision.next.owner;
         Output {
             references,
-            state: self.state(axes, input.cycle.arrival_us),
+            state: self.state(axes, cycle.arrival_us),
             owner,
             welcome,
             refusals,
@@ -238,40 +264,24 @@ impl<const N: usize> Session<N> {
     }
 
     /// Which axes' nominal references moved further than they may.
-    fn nominal_stepped(&self, input: &Input<N>, cycles: u32) -> [bool; N] {
+    fn nominal_stepped(&self, cycle: &Cycle<N>) -> [bool; N] {
+        let configs = &self.config.parameters().axes;
         let mut stepped = [false; N];
-        let moves = self.parts.axes.iter().zip(&input.cycle.nominal);
-        let moves = self.config.parameters().axes.iter().zip(moves);
-        for (stepped, (config, (axis, to))) in stepped.iter_mut().zip(moves) {
-            *stepped = nominal_stepped(axis.nominal, *to, config, cycles);
+        for (index, (axis, config)) in pairs(&self.parts.axes, configs).enumerate() {
+            if let (Some(stepped), Some(to)) = (stepped.get_mut(index), cycle.nominal.get(index)) {
+                *stepped = nominal_stepped(axis.nominal, *to, config, cycle.cycles());
+            }
         }
         stepped
     }
 
-    /// Every event, and what the cycle itself says.
-    fn sift(&self, input: &Input<N>, cycles: u32, stepped: &[bool; N]) -> (Heard<N>, Noted) {
-        let parts = &self.parts;
-        let sieve = Sieve {
-            discrete: &parts.discrete,
-            parameters: self.config.parameters(),
-            axes: &parts.axes,
-            next_epoch: input.cycle.next_epoch,
-        };
-        let mut heard = Heard::nothing();
-        let mut noted = Noted {
-            counters: parts.counters,
-            ..Noted::default()
-        };
-        for (connection, event) in &input.events {
-            sieve.hear(*connection, event, &mut heard, &mut noted);
-        }
-        let arrivals = &mut heard.arrivals;
-        arrivals.stop |= input.cycle.stop;
-        arrivals.rearm = input.cycle.rearm;
-        arrivals.skipped = cycles.saturating_sub(1);
-        arrivals.all_zero = all_zero(&parts.axes);
-        arrivals.nominal_fault = stepped.contains(&true);
-        (heard, noted)
+    /// What the cycle itself has to say, beside what was heard.
+    fn complete(&self, arrivals: &mut Arrivals, cycle: &Cycle<N>, stepped: &[bool; N]) {
+        arrivals.stop |= cycle.stop;
+        arrivals.rearm = cycle.rearm;
+        arrivals.skipped = cycle.cycles().saturating_sub(1);
+        arrivals.all_zero = all_zero(&self.parts.axes);
+        arrivals.nominal_fault = each(stepped).any(|stepped| *stepped);
     }
 
     /// Every axis carries out the decision.
@@ -279,27 +289,33 @@ impl<const N: usize> Session<N> {
         &mut self,
         decision: &Decision,
         heard: &Heard<N>,
-        input: &Input<N>,
+        cycle: &Cycle<N>,
         stepped: &[bool; N],
     ) -> ([Reference; N], [AxisState; N]) {
+        let shadow = shadow_action(decision.next.phase, heard.arrivals.command.is_some());
         let mut references = [Reference::default(); N];
         let mut states = [AxisState::default(); N];
-        let shadow = shadow_action(decision.next.phase, heard.arrivals.command.is_some());
-        let cycle = &input.cycle;
-        let inputs = heard.targets.iter().zip(stepped);
-        let inputs = cycle.nominal.iter().zip(&cycle.actual).zip(inputs);
-        let orders = inputs.map(|((nominal, actual), (target, stepped))| Order {
-            action: decision.action,
-            shadow,
-            target: *target,
-            nominal: *nominal,
-            nominal_stepped: *stepped,
-            actual: *actual,
-        });
-        let axes = self.config.parameters().axes.iter().zip(orders);
-        let axes = self.parts.axes.iter_mut().zip(axes);
-        let outputs = references.iter_mut().zip(&mut states);
-        for ((reference, state), (axis, (config, order))) in outputs.zip(axes) {
+        for index in 0..N {
+            let inputs = || {
+                Some(Order {
+                    action: decision.action,
+                    shadow,
+                    target: *heard.targets.get(index)?,
+                    nominal: *cycle.nominal.get(index)?,
+                    nominal_stepped: *stepped.get(index)?,
+                    actual: *cycle.actual.get(index)?,
+                })
+            };
+            // Every array has N elements.
+            let (Some(order), Some(axis), Some(config), Some(reference), Some(state)) = (
+                inputs(),
+                self.parts.axes.get_mut(index),
+                self.config.parameters().axes.get(index),
+                references.get_mut(index),
+                states.get_mut(index),
+            ) else {
+                continue;
+            };
             (*reference, *state) = axis.act(&order, config);
             tally(&mut self.parts.counters, state.flags);
         }
@@ -367,27 +383,28 @@ fn axes_at_rest<const N: usize>(
         nominal,
         ..Axis::default()
     });
-    let rows = config.parameters().axes.iter().zip(in_force);
-    for (index, (axis, (axis_config, offsets))) in axes.iter_mut().zip(rows).enumerate() {
-        axis.channels = AxisChannels::at_rest(offsets, &axis_config.limits).ok_or(
-            StartError::OffsetInForce {
-                axis: index,
-                offsets: *offsets,
-            },
-        )?;
+    let rows = pairs(&config.parameters().axes, in_force).enumerate();
+    for (index, (axis_config, offsets)) in rows {
+        let channels = AxisChannels::at_rest(offsets, &axis_config.limits);
+        let channels = channels.ok_or(StartError::OffsetInForce {
+            axis: index,
+            offsets: *offsets,
+        })?;
+        if let Some(axis) = axes.get_mut(index) {
+            axis.channels = channels;
+        }
     }
     Ok(axes)
 }
 
 /// Whether every offset in force is zero.
 fn all_zero<const N: usize>(axes: &[Axis; N]) -> bool {
-    axes.iter().all(|axis| axis.channels.is_zero())
+    each(axes).all(|axis| axis.channels.is_zero())
 }
 
 /// Ticks until every channel would be zero.
 fn ramp_ticks_left<const N: usize>(parameters: &Parameters<N>, axes: &[Axis; N]) -> u32 {
-    let rows = axes.iter().zip(&parameters.axes);
-    rows.fold(0, |most, (axis, config)| {
+    pairs(axes, &parameters.axes).fold(0, |most, (axis, config)| {
         if axis.channels.is_zero() {
             most
         } else {

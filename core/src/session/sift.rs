@@ -7,6 +7,7 @@ use super::decide::{Arrivals, Connection, Discrete};
 use super::{Event, Refusals, ramp_ticks_left};
 use crate::axis::Offsets;
 use crate::message::{ClientMessage, Command, Counters, Hello, Mode, Phase, Refusal};
+use crate::rows::pairs;
 use crate::session::config::Parameters;
 use crate::units::{Epoch, Sequence};
 
@@ -206,7 +207,7 @@ impl<const N: usize> Sieve<'_, N> {
         if self.discrete.phase == Phase::Handshake && command.mode == Mode::Obtain {
             return Verdict::Malformed;
         }
-        let mut axes = self.parameters.axes.iter().zip(&command.targets);
+        let mut axes = pairs(&self.parameters.axes, &command.targets);
         if axes.all(|(axis, target)| axis.limits.admits(target)) {
             Verdict::Fresh
         } else {

@@ -13,6 +13,7 @@ fn any_axis() -> AxisConfig {
 }
 
 #[kani::proof]
+#[kani::unwind(3)]
 #[kani::solver(minisat)]
 fn axis_reference_is_inside_travel() {
     let offsets: Offsets = kani::any();
@@ -21,6 +22,7 @@ fn axis_reference_is_inside_travel() {
 }
 
 #[kani::proof]
+#[kani::unwind(3)]
 #[kani::solver(minisat)]
 fn axis_reference_moves_no_further() {
     let (before, after): (Offsets, Offsets) = (kani::any(), kani::any());

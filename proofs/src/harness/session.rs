@@ -1,32 +1,109 @@
-//! Any session of three axes in any valid state, any input.
+//! Any session in any valid state, anything that can have been heard, any cycle.
 
-use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::session::{EVENTS, Event, Events, Input, Session};
+use gantry_tau_core::message::Counters;
+use gantry_tau_core::session::sift::Noted;
 
-use crate::session;
+use crate::session::{self, Kind, Moment};
 
-/// Any input with at most `EVENTS` events.
-fn any_input<const N: usize>(most: usize) -> Input<N> {
-    let mut events: Events<N> = Events::new();
-    let count: usize = kani::any();
-    kani::assume(count <= most && most <= EVENTS);
-    kani::cover!(count == most, "as many events as there can be");
-    for _ in 0..count {
-        let event: (Connection, Event<N>) = kani::any();
-        events.push(event).unwrap_or(());
+/// Axes of the session.
+const AXES: usize = 3;
+
+/// Any counts; the refusals are written, never read.
+fn any_noted() -> Noted {
+    Noted {
+        counters: kani::any::<Counters>(),
+        late: kani::any(),
+        ..Noted::default()
     }
-    Input {
+}
+
+/// Any moment there can be, and more: what was heard need not follow from any events.
+fn any_moment() -> Moment<AXES> {
+    Moment {
+        session: kani::any(),
         cycle: kani::any(),
-        events,
+        heard: kani::any(),
+        noted: any_noted(),
+    }
+}
+
+/// Any axis.
+fn any_index() -> usize {
+    let index = kani::any();
+    kani::assume(index < AXES);
+    kani::cover!(index == AXES - 1, "the last axis");
+    index
+}
+
+/// Any of its channels.
+fn any_kind() -> Kind {
+    match kani::any() {
+        0_u8 => Kind::Position,
+        1 => Kind::Velocity,
+        _ => Kind::Torque,
     }
 }
 
 #[kani::proof]
-#[kani::unwind(8)]
+#[kani::unwind(5)]
 #[kani::solver(minisat)]
-fn session_axis_is_bounded() {
-    let session: Session<1> = kani::any();
-    let input = any_input(1);
-    session::axis_is_bounded(&session, &input, 0);
+fn session_discrete_stays_valid() {
+    session::discrete_stays_valid(&any_moment());
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_authority_needs_zero() {
+    session::authority_needs_zero(&any_moment());
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_stop_ends_in_fault() {
+    session::stop_ends_in_fault(&any_moment());
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_channel_is_bounded() {
+    session::channel_is_bounded(&any_moment(), any_index(), any_kind());
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_axis_stays_valid() {
+    session::axis_stays_valid(&any_moment(), any_index());
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_channel_ramps() {
+    session::channel_ramps(&any_moment(), any_index(), any_kind());
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_reference_is_inside_travel() {
+    session::reference_is_inside_travel(&any_moment(), any_index());
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_counts_decide_nothing() {
+    session::counts_decide_nothing(&any_moment(), &any_noted());
     kani::cover!(true, "the end is reached");
 }

@@ -30,6 +30,7 @@ fn sieve_of(session: &Session<AXES>, next_epoch: Epoch) -> Sieve<'_, AXES> {
 }
 
 #[kani::proof]
+#[kani::unwind(5)]
 #[kani::solver(minisat)]
 fn sift_only_the_owner_decides() {
     let session: Session<AXES> = kani::any();
@@ -42,6 +43,7 @@ fn sift_only_the_owner_decides() {
 }
 
 #[kani::proof]
+#[kani::unwind(5)]
 #[kani::solver(minisat)]
 fn sift_fresh_is_as_defined() {
     let session: Session<AXES> = kani::any();
@@ -52,6 +54,7 @@ fn sift_fresh_is_as_defined() {
 }
 
 #[kani::proof]
+#[kani::unwind(5)]
 #[kani::solver(minisat)]
 fn sift_counts_decide_nothing() {
     let session: Session<AXES> = kani::any();
