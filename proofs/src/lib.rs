@@ -15,10 +15,12 @@
 extern crate kani;
 
 pub mod axis;
+pub mod blackbox;
 pub mod channel;
 pub mod decide;
 #[cfg(kani)]
 mod harness;
+pub mod motors;
 pub mod session;
 pub mod sift;
 pub mod wire;

@@ -157,12 +157,13 @@ impl<const N: usize, const HALF: usize> BlackBox<N, HALF> {
         self.segments.iter().cycle().skip(oldest).take(SEGMENTS)
     }
 
-    /// The segment being filled; `latest` never leaves the circle, and if it did the first segment would serve.
-    fn segment_mut(&mut self) -> &mut Segment<N, HALF> {
-        let [first, rest @ ..] = &mut self.segments;
-        match self.latest.checked_sub(1).and_then(|at| rest.get_mut(at)) {
-            Some(segment) => segment,
-            None => first,
+    /// The segment being filled; `latest` never leaves the circle.
+    const fn segment_mut(&mut self) -> &mut Segment<N, HALF> {
+        let [first, second, third] = &mut self.segments;
+        match self.latest {
+            1 => second,
+            2 => third,
+            _ => first,
         }
     }
 }

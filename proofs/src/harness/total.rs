@@ -1,0 +1,97 @@
+//! T12: what no other family calls. Kani itself checks that nothing panics; what is asserted here is only that the results are used.
+
+use gantry_tau_core::axis::Offsets;
+use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::session::config::{Config, Parameters};
+use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::session::{Event, Events, Session};
+use gantry_tau_core::units::{Epoch, PositionNm, Tick};
+
+const AXES: usize = 3;
+
+/// Any parameters at all, valid or not, are judged; a session starts from any offsets, or refuses, and is then valid.
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn total_start() {
+    let parameters: Parameters<AXES> = kani::any();
+    let Ok(config) = Config::new(parameters) else {
+        return;
+    };
+    let in_force: [Offsets; AXES] = kani::any();
+    let nominal: [PositionNm; AXES] = kani::any();
+    let (tick, epoch): (Tick, Epoch) = (kani::any(), kani::any());
+    if let Ok(session) = Session::new(config, &in_force, nominal, tick, epoch) {
+        assert!(session.is_valid(), "T12: a session starts valid");
+        kani::cover!(true, "some sessions start");
+    }
+    kani::cover!(true, "the end is reached");
+}
+
+/// A session goes on from any offsets, or refuses and is what it was.
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn total_resume() {
+    let before: Session<AXES> = kani::any();
+    let in_force: [Offsets; AXES] = kani::any();
+    let mut after = before;
+    match after.resume(&in_force) {
+        Ok(()) => assert!(after.is_valid(), "T12: a resumed session is valid"),
+        Err(_) => assert!(after == before, "T12: a refusal changes nothing"),
+    }
+    let _ = after.welcome();
+    kani::cover!(true, "the end is reached");
+}
+
+/// Events are heard one after the other; the refusals there is room for.
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn total_hear() {
+    let session: Session<1> = kani::any();
+    let mut events: Events<1> = Events::new();
+    for _ in 0..3 {
+        let event: (Connection, Event<1>) = kani::any();
+        assert!(events.push(event).is_ok(), "there is room");
+    }
+    let (_, noted) = session.hear(&events, kani::any());
+    assert!(
+        noted.refusals.len() <= 3,
+        "T12: one refusal per event at most"
+    );
+    kani::cover!(noted.refusals.len() == 3, "three refusals");
+}
+
+/// A server with one connection: opened, fed, closed, ticked, resumed.
+#[kani::proof]
+#[kani::unwind(8)]
+#[kani::solver(minisat)]
+fn total_endpoint() {
+    let session: Session<1> = kani::any();
+    let Ok(motors) = MotorMap::new([0]) else {
+        return;
+    };
+    let mut endpoint = Endpoint::<1, 1, 0>::new(session, motors);
+    let transport = if kani::any() {
+        Transport::Stream
+    } else {
+        Transport::Datagram
+    };
+    let Ok(connection) = endpoint.open(transport) else {
+        return;
+    };
+    let bytes: [u8; 3] = kani::any();
+    endpoint.feed(connection, &bytes);
+    if kani::any() {
+        endpoint.close(kani::any());
+    }
+    let _ = endpoint.owner_has_answered();
+    let cycle: Cycle<1> = kani::any();
+    let turn = endpoint.tick(&cycle, &mut |_, _| {});
+    assert!(
+        endpoint.session().is_valid(),
+        "T12: the session stays valid"
+    );
+    kani::cover!(turn.output.owner.is_some(), "somebody owns");
+}
