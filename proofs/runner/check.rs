@@ -13,6 +13,12 @@ const THEOREMS: std::ops::RangeInclusive<u32> = 1..=15;
 pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
     let families = source::families(root)?;
     let mut wrong = Vec::new();
+    for family in &families {
+        if !source::is_declared(root, &family.name)? {
+            let declaration = source::declaration(&family.name).join(" ");
+            wrong.push(format!("harness/mod.rs: no `{declaration}`"));
+        }
+    }
     wrong.extend(names_are_unique(manifest));
     wrong.extend(expectations_make_sense(manifest));
     wrong.extend(harnesses_agree(manifest, &families));

@@ -103,15 +103,6 @@ pub(crate) enum Expected {
     Fails,
 }
 
-impl fmt::Display for Expected {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Verified => "verified",
-            Self::Fails => "fails",
-        })
-    }
-}
-
 impl Manifest {
     pub(crate) fn load(path: &Path) -> Result<Self, String> {
         let text = std::fs::read_to_string(path)

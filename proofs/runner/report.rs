@@ -73,17 +73,18 @@ impl Outcome {
         match &self.objection {
             None => format!(
                 "{} in {} ({whole:.1} s with building)",
-                self.expected,
+                self.verdict(),
                 seconds(self.seconds)
             ),
             Some(why) => format!("NOT AS EXPECTED: {why}\n    see {}", self.log),
         }
     }
 
-    fn verdict(&self) -> String {
-        match &self.objection {
-            None => self.expected.to_string(),
-            Some(_) => "NOT AS EXPECTED".to_owned(),
+    fn verdict(&self) -> &'static str {
+        match (&self.objection, self.expected) {
+            (None, Expected::Verified) => "verified",
+            (None, Expected::Fails) => "fails as it must",
+            (Some(_), _) => "NOT AS EXPECTED",
         }
     }
 }
@@ -133,12 +134,12 @@ impl<'a> Report<'a> {
         let longest = self.results.iter().map(|outcome| outcome.name.len()).max();
         let width = longest.unwrap_or(0);
         println!(
-            "\n{:width$}  {:12}  {:15}  {:>8}  {:>6}",
+            "\n{:width$}  {:12}  {:16}  {:>8}  {:>6}",
             "name", "theorems", "verdict", "time", "limit"
         );
         for outcome in &self.results {
             println!(
-                "{:width$}  {:12}  {:15}  {:>8}  {:>4} s",
+                "{:width$}  {:12}  {:16}  {:>8}  {:>4} s",
                 outcome.name,
                 outcome.theorems.join(" "),
                 outcome.verdict(),
@@ -183,7 +184,10 @@ impl<'a> Report<'a> {
                 &outcome.theorems.join(" "),
                 &outcome.property,
                 &outcome.domain,
-                &outcome.objection.clone().unwrap_or(outcome.verdict()),
+                &outcome
+                    .objection
+                    .clone()
+                    .unwrap_or_else(|| outcome.verdict().to_owned()),
                 &seconds(outcome.seconds),
             ];
             row(&mut text, &cells);

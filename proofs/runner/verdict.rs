@@ -19,6 +19,8 @@ pub(crate) struct Findings {
     unreached: Vec<String>,
     /// Texts of the checks that failed.
     failed: Vec<String>,
+    /// Why there was no result.
+    trouble: Option<String>,
     /// The solver's time.
     pub(crate) seconds: Option<f64>,
 }
@@ -29,6 +31,15 @@ const NOT_ABOUT_THE_PROPERTY: [&str; 4] = [
     "is not currently supported by Kani",
     "undefined function should be unreachable",
     "Kani does not support",
+];
+
+/// Lines that tell why there is no result.
+const TROUBLE: [&str; 5] = [
+    "error:",
+    "error[",
+    "CBMC failed",
+    "out of memory",
+    "panicked at",
 ];
 
 impl Findings {
@@ -67,6 +78,8 @@ impl Findings {
         } else if let Some(counts) = line.strip_prefix("Complete - ") {
             let total = counts.strip_suffix(" total.");
             self.harnesses = total.and_then(|counts| counts.rsplit(' ').next()?.parse().ok());
+        } else if TROUBLE.iter().any(|known| line.contains(known)) {
+            self.trouble.get_or_insert_with(|| line.to_owned());
         }
     }
 
@@ -94,7 +107,11 @@ impl Findings {
         let (Some(harnesses), Some(verified), Some(checks), Some(seconds)) =
             (self.harnesses, self.verified, self.checks, self.seconds)
         else {
-            return Some("Kani did not come to a result".to_owned());
+            let trouble = self
+                .trouble
+                .as_deref()
+                .unwrap_or("its output is not understood");
+            return Some(format!("Kani came to no result: {trouble}"));
         };
         if harnesses != 1 {
             return Some(format!("{harnesses} harnesses ran instead of one"));
