@@ -28,8 +28,8 @@ use crate::manifest::{Manifest, Tier};
 #[command(name = "gantry-tau-proofs", version, max_term_width = 100)]
 struct Arguments {
     /// Another repository than the one this program was built in
-    #[arg(long, hide = true, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/.."))]
-    root: PathBuf,
+    #[arg(long, hide = true)]
+    root: Option<PathBuf>,
     #[command(subcommand)]
     command: Command,
 }
@@ -89,24 +89,27 @@ impl From<End> for ExitCode {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let end = Manifest::load(&arguments.root.join("proofs/manifest.toml"))
-        .and_then(|manifest| run(&arguments, &manifest));
-    end.unwrap_or_else(|error| {
-        eprintln!("gantry-tau-proofs: {error}");
-        End::NotAsExpected
-    })
-    .into()
+    run(arguments)
+        .unwrap_or_else(|error| {
+            eprintln!("gantry-tau-proofs: {error}");
+            End::NotAsExpected
+        })
+        .into()
 }
 
-fn run(arguments: &Arguments, manifest: &Manifest) -> Result<End, String> {
-    match &arguments.command {
+fn run(arguments: Arguments) -> Result<End, String> {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
+    let root = arguments.root.or(here.map(Path::to_owned));
+    let root = std::path::absolute(root.unwrap_or_default()).map_err(|error| error.to_string())?;
+    let manifest = Manifest::load(&root.join("proofs/manifest.toml"))?;
+    match arguments.command {
         Command::List => {
-            report::list(manifest);
+            report::list(&manifest);
             Ok(End::AsExpected)
         }
-        Command::Check => names_agree(&arguments.root, manifest),
-        Command::Prove(options) => match names_agree(&arguments.root, manifest)? {
-            End::AsExpected => prove::prove(&arguments.root, manifest, options),
+        Command::Check => names_agree(&root, &manifest),
+        Command::Prove(options) => match names_agree(&root, &manifest)? {
+            End::AsExpected => prove::prove(&root, &manifest, &options),
             disagree => Ok(disagree),
         },
     }
