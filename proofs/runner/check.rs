@@ -23,7 +23,10 @@ pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, Str
     wrong.extend(expectations_make_sense(manifest));
     wrong.extend(harnesses_agree(manifest, &families));
     wrong.extend(mutants_agree(manifest, &families, &source::mutants(root)?));
-    wrong.extend(nothing_is_vacuous(&families));
+    wrong.extend(ends_are_reached(&families));
+    for place in source::uncovered(root)? {
+        wrong.push(format!("{place}: no kani::cover! after this kani::assume"));
+    }
     wrong.extend(readme_agrees(manifest, &source::readme(root)?));
     Ok(wrong)
 }
@@ -145,28 +148,13 @@ fn mutants_agree(
     wrong
 }
 
-/// A cover after every assumption, and one at the end of every harness.
-fn nothing_is_vacuous(families: &[Family]) -> Vec<String> {
-    let mut wrong = Vec::new();
-    for family in families {
-        for line in &family.uncovered {
-            wrong.push(format!(
-                "harness/{}.rs:{line}: no kani::cover! after this kani::assume",
-                family.name
-            ));
-        }
-        for harness in family
-            .harnesses
-            .iter()
-            .filter(|harness| !harness.ends_in_cover)
-        {
-            wrong.push(format!(
-                "{}: its last statement is not a kani::cover!",
-                harness.name
-            ));
-        }
-    }
-    wrong
+/// A cover at the end of every harness.
+fn ends_are_reached(families: &[Family]) -> Vec<String> {
+    let harnesses = families.iter().flat_map(|family| &family.harnesses);
+    let uncovered = harnesses.filter(|harness| !harness.ends_in_cover);
+    uncovered
+        .map(|harness| format!("{}: its last statement is not a kani::cover!", harness.name))
+        .collect()
 }
 
 /// Every theorem has one row, which names the harnesses that prove a part of it.

@@ -83,7 +83,10 @@ impl Kani {
         let mut watch = Watch::new(File::open(&log)?);
         let end = loop {
             if let Some(status) = child.try_wait()? {
-                break End::Exited(status);
+                return Ok(Run {
+                    end: End::Exited(status),
+                    log,
+                });
             }
             let phase = watch.phase()?;
             glance(phase);
@@ -99,13 +102,11 @@ impl Kani {
             }
             std::thread::sleep(GLANCE);
         };
-        if !matches!(end, End::Exited(_)) {
-            kill(&mut child)?;
-        }
+        kill(&mut child)?;
         Ok(Run { end, log })
     }
 
-    /// The folders, and a compiler for each mutant.
+    /// Makes the folders.
     pub(crate) fn prepare(&self) -> std::io::Result<()> {
         std::fs::create_dir_all(&self.logs)?;
         std::fs::create_dir_all(self.target.join("rustc"))
@@ -152,12 +153,13 @@ impl Kani {
 
     #[cfg(not(unix))]
     fn configure(&self, command: &mut Command, job: Job<'_>) -> std::io::Result<()> {
+        // Split at spaces by Kani; no flag holds one.
         command.env("RUSTFLAGS", flags(job).join(" "));
         Ok(())
     }
 }
 
-/// No flag holds a space: Kani splits `RUSTFLAGS` there.
+/// What core and proofs are compiled with for this job.
 fn flags(job: Job<'_>) -> Vec<String> {
     let mutant = job
         .mutant

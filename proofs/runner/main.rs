@@ -52,7 +52,7 @@ struct Prove {
     /// Folder for results.json, results.md and logs/ [default: target/kani]
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Memory one process of Kani may take (not enforced on Windows and macOS)
+    /// Memory one process of Kani may take (macOS does not enforce it)
     #[arg(long, default_value_t = 8)]
     memory_gib: u32,
     /// Time one build may take, dependencies included; building does not count as proving

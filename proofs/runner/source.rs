@@ -12,8 +12,6 @@ pub(crate) struct Family {
     /// The file's name, which is the module's.
     pub(crate) name: String,
     pub(crate) harnesses: Vec<Harness>,
-    /// Lines with an assumption that no cover follows in its function.
-    pub(crate) uncovered: Vec<usize>,
 }
 
 /// A function with `#[kani::proof]`.
@@ -24,7 +22,7 @@ pub(crate) struct Harness {
     pub(crate) unwind: Option<u32>,
     /// Something is substituted.
     pub(crate) stubbed: bool,
-    /// Its last statement is a cover: the end of the proof can be reached.
+    /// Its last statement is a cover, or calls a function of the file that ends in one: the end of the proof can be reached.
     pub(crate) ends_in_cover: bool,
 }
 
@@ -59,6 +57,21 @@ pub(crate) fn is_declared(root: &Path, family: &str) -> Result<bool, String> {
 pub(crate) fn declaration(family: &str) -> [String; 2] {
     let cfg = format!("#[cfg(any(not(only), only = \"{family}\"))]");
     [cfg, format!("mod {family};")]
+}
+
+/// Where core or proofs assume something that no cover follows in the same function.
+pub(crate) fn uncovered(root: &Path) -> Result<Vec<String>, String> {
+    let mut places = Vec::new();
+    for folder in ["core/src", "proofs/src"] {
+        for path in rust_files(&root.join(folder))? {
+            let text = read(&path)?;
+            let lines = functions(&text)
+                .into_iter()
+                .flat_map(|function| function.uncovered());
+            places.extend(lines.map(|line| format!("{}:{line}", path.display())));
+        }
+    }
+    Ok(places)
 }
 
 /// Every name in a `cfg(mutant = "...")` of core.
@@ -106,10 +119,17 @@ fn rows(text: &str) -> Vec<Row> {
 /// One family, from its text.
 fn family(name: &str, text: &str) -> Family {
     let functions = functions(text);
+    let covering = functions
+        .iter()
+        .filter(|function| function.ends_in("kani::cover!"));
+    let endings: Vec<&str> = covering
+        .map(|function| function.name)
+        .chain(["kani::cover!"])
+        .collect();
+    let harness = |function: &Function<'_>| function.harness(&endings);
     Family {
         name: name.to_owned(),
-        harnesses: functions.iter().filter_map(Function::harness).collect(),
-        uncovered: functions.iter().flat_map(Function::uncovered).collect(),
+        harnesses: functions.iter().filter_map(harness).collect(),
     }
 }
 
@@ -150,7 +170,8 @@ fn functions(text: &str) -> Vec<Function<'_>> {
 }
 
 impl Function<'_> {
-    fn harness(&self) -> Option<Harness> {
+    /// A harness, if it is one. To end in one of these calls is to end in a cover.
+    fn harness(&self, endings: &[&str]) -> Option<Harness> {
         self.attribute("#[kani::proof").map(|_| Harness {
             name: self.name.to_owned(),
             solver: self.argument("#[kani::solver("),
@@ -158,7 +179,7 @@ impl Function<'_> {
                 .argument("#[kani::unwind(")
                 .and_then(|bound| bound.parse().ok()),
             stubbed: self.attribute("#[kani::stub").is_some(),
-            ends_in_cover: self.ends_in_cover(),
+            ends_in_cover: endings.iter().any(|call| self.ends_in(call)),
         })
     }
 
@@ -175,14 +196,16 @@ impl Function<'_> {
         Some(argument.to_owned())
     }
 
-    fn ends_in_cover(&self) -> bool {
+    /// Whether the last statement is this call.
+    fn ends_in(&self, call: &str) -> bool {
         let statement = self.indent.saturating_add(4);
         // A statement over many lines ends in a line as far in as its first: `)` and the like.
         let starts = |line: &str| {
             indent_of(line) == statement && line.trim().starts_with(char::is_alphabetic)
         };
         let last = self.lines.iter().rev().find(|(_, line)| starts(line));
-        last.is_some_and(|(_, line)| line.trim().starts_with("kani::cover!("))
+        let after = last.and_then(|(_, line)| line.trim().strip_prefix(call));
+        after.is_some_and(|rest| rest.starts_with(['(', ':']))
     }
 
     /// Line numbers of the assumptions after the last cover.
@@ -287,12 +310,20 @@ fn not_covered() {
         kani::assume(x);
     });
 }
+#[kani::proof]
+fn covered_by_another() {
+    covered();
+}
 "#;
 
     #[test]
     fn a_family_is_read() {
         let family = family("toy", TEXT);
-        assert_eq!(family.uncovered, [12, 39]);
+        let uncovered: Vec<usize> = functions(TEXT)
+            .iter()
+            .flat_map(Function::uncovered)
+            .collect();
+        assert_eq!(uncovered, [12, 39]);
         let expected = Harness {
             name: "covered".to_owned(),
             solver: Some("kissat".to_owned()),
@@ -304,7 +335,8 @@ fn not_covered() {
         let second = &family.harnesses[1];
         assert_eq!(second.name, "not_covered");
         assert!(second.solver.is_none() && !second.stubbed && !second.ends_in_cover);
-        assert_eq!(family.harnesses.len(), 2);
+        assert!(family.harnesses[2].ends_in_cover);
+        assert_eq!(family.harnesses.len(), 3);
     }
 
     #[test]

@@ -183,6 +183,12 @@ fn every_disagreement_is_named() {
             "no mutant tries any of its harnesses",
         ),
         (
+            "core/src/lib.rs",
+            "#[cfg",
+            "fn any() {\n    kani::assume(true);\n}\n#[cfg",
+            "lib.rs:2: no kani::cover! after this kani::assume",
+        ),
+        (
             "README.md",
             "`toy_is_small`",
             "—",
