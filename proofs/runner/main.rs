@@ -65,6 +65,13 @@ struct Prove {
     names: Vec<String>,
 }
 
+impl Prove {
+    /// The folder of the results.
+    fn out(&self, root: &Path) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| root.join("target/kani"))
+    }
+}
+
 /// What the program ends with.
 #[derive(Clone, Copy)]
 enum End {
@@ -108,10 +115,13 @@ fn run(arguments: Arguments) -> Result<End, String> {
             Ok(End::AsExpected)
         }
         Command::Check => names_agree(&root, &manifest),
-        Command::Prove(options) => match names_agree(&root, &manifest)? {
-            End::AsExpected => prove::prove(&root, &manifest, &options),
-            disagree => Ok(disagree),
-        },
+        Command::Prove(options) => {
+            report::forget(&options.out(&root));
+            match names_agree(&root, &manifest)? {
+                End::AsExpected => prove::prove(&root, &manifest, &options),
+                disagree => Ok(disagree),
+            }
+        }
     }
 }
 

@@ -31,29 +31,32 @@ pub(crate) fn prove(root: &Path, manifest: &Manifest, options: &Prove) -> Result
         }
     };
     println!("Kani {version} (proofs/kani-version: {pinned})");
-    let target = root.join("target/kani");
-    let out = options.out.clone().unwrap_or_else(|| target.clone());
-    let kani = Kani {
-        version,
-        proofs: root.join("proofs"),
-        target,
-        logs: out.join("logs"),
-        memory_gib: options.memory_gib,
-        build_limit: Duration::from_secs(options.build_minutes.saturating_mul(60)),
-    };
-    kani.prepare()
-        .map_err(|error| format!("{}: {error}", kani.logs.display()))?;
+    let kani = set_up(root, options, version)?;
     // Fails only where a handler is set already.
     let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
     let outcomes = run_all(&kani, &jobs, options.seconds)?;
     let report = Report::new(&kani.version, &pinned, options.tier, outcomes, manifest);
     report.print();
-    report.write(&out)?;
+    report.write(&options.out(root))?;
     Ok(if report.all_as_expected() {
         End::AsExpected
     } else {
         End::NotAsExpected
     })
+}
+
+fn set_up(root: &Path, options: &Prove, version: String) -> Result<Kani, String> {
+    let kani = Kani {
+        version,
+        proofs: root.join("proofs"),
+        target: root.join("target/kani"),
+        logs: options.out(root).join("logs"),
+        memory_gib: options.memory_gib,
+        build_limit: Duration::from_secs(options.build_minutes.saturating_mul(60)),
+    };
+    let complain = |error| format!("{}: {error}", kani.logs.display());
+    kani.prepare().map_err(complain)?;
+    Ok(kani)
 }
 
 /// Nothing was proved, and nobody may think so.

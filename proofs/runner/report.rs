@@ -210,6 +210,14 @@ fn seconds(time: Option<f64>) -> String {
     time.map_or("-".to_owned(), |time| format!("{time:.1} s"))
 }
 
+/// Removes what an earlier run has left: a run that comes to no result must not look like it.
+pub(crate) fn forget(folder: &Path) {
+    for name in ["results.json", "results.md"] {
+        // Most often there is none.
+        let _ = std::fs::remove_file(folder.join(name));
+    }
+}
+
 /// What the manifest holds.
 pub(crate) fn list(manifest: &Manifest) {
     for harness in &manifest.harnesses {

@@ -216,7 +216,10 @@ fn every_disagreement_is_named() {
 
 #[test]
 fn without_kani_nothing_succeeds() {
-    let output = Toy::new("missing").run(&["prove"]);
+    let toy = Toy::new("missing");
+    toy.write("target/kani/results.json", "of another time");
+    let output = toy.run(&["prove"]);
+    assert!(!toy.root.join("target/kani/results.json").exists());
     assert_eq!(output.status.code(), Some(3));
     let said = out(&output);
     assert!(said.contains("NOTHING WAS PROVED: `cargo kani` cannot be run here"));
