@@ -1,6 +1,13 @@
 //! Properties of the core, each a plain function that panics when it does not hold, with three thin drivers:
 //! Kani harnesses (`harness`, under `cfg(kani)`), property tests on stable Rust (`tests/`), and fuzz targets (`../fuzz`).
 //!
+//! `cargo run -p gantry-tau-proofs -- prove` runs the harnesses of `manifest.toml`. By hand, in this folder, with or without a mutant:
+//!
+//! ```sh
+//! cargo kani --lib --no-default-features -Z stubbing --harness channel_ramp_is_exact
+//! RUSTFLAGS='--cfg=mutant="ramp_past_zero"' cargo kani --lib --no-default-features -Z stubbing --harness channel_ramp_is_exact
+//! ```
+//!
 //! The theorems T1 to T15 are listed in the repository's README. What is here so far: T1, T2, T3 and T5 for a single channel,
 //! proved by the harnesses, and T8's framing, tested and fuzzed.
 #![forbid(unsafe_code)]

@@ -1,0 +1,144 @@
+//! Runs the proofs: `cargo run -p gantry-tau-proofs -- prove`.
+//!
+//! Every harness of `src/harness/` and every mutant of core has a row in `manifest.toml`. The runner first compares the names, then
+//! gives Kani one row at a time, and fails whenever Kani finds anything but what the row expects.
+#![forbid(unsafe_code)]
+
+mod check;
+mod job;
+mod kani;
+mod manifest;
+mod progress;
+mod prove;
+mod report;
+mod source;
+mod verdict;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::manifest::{Manifest, Tier};
+
+/// The proofs of gantry-tau-core.
+///
+/// Exit codes: 0 all as expected; 1 something not; 2 usage; 3 Kani is missing, nothing was proved; 4 names disagree.
+#[derive(Debug, Parser)]
+#[command(name = "gantry-tau-proofs", version, max_term_width = 100)]
+struct Arguments {
+    /// Another repository than the one this program was built in
+    #[arg(long, hide = true)]
+    root: Option<PathBuf>,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Give every harness and every mutant to Kani, one at a time; begins with `check`
+    Prove(Prove),
+    /// Compare manifest, harnesses, mutants and the README's table; needs no Kani
+    Check,
+    /// Show what the manifest holds
+    List,
+}
+
+#[derive(Debug, Args)]
+struct Prove {
+    /// `fast`: what ends within 30 s; `full`: that, and what takes up to 10 minutes
+    #[arg(long, value_enum, default_value_t = Tier::Fast)]
+    tier: Tier,
+    /// Folder for results.json, results.md and logs/ [default: target/kani]
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Memory one process of Kani may take (macOS does not enforce it)
+    #[arg(long, default_value_t = 8)]
+    memory_gib: u32,
+    /// Time one build may take, dependencies included; building does not count as proving
+    #[arg(long, default_value_t = 20)]
+    build_minutes: u64,
+    /// Time limit instead of the tier's, for tests of this program
+    #[arg(long, hide = true)]
+    seconds: Option<f64>,
+    /// Only these harnesses and mutants, whatever their tier
+    names: Vec<String>,
+}
+
+impl Prove {
+    /// The folder of the results.
+    fn out(&self, root: &Path) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| root.join("target/kani"))
+    }
+}
+
+/// What the program ends with.
+#[derive(Clone, Copy)]
+enum End {
+    AsExpected,
+    NotAsExpected,
+    Usage,
+    KaniMissing,
+    NamesDisagree,
+}
+
+impl From<End> for ExitCode {
+    fn from(end: End) -> Self {
+        Self::from(match end {
+            End::AsExpected => 0,
+            End::NotAsExpected => 1,
+            End::Usage => 2,
+            End::KaniMissing => 3,
+            End::NamesDisagree => 4,
+        })
+    }
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    run(arguments)
+        .unwrap_or_else(|error| {
+            eprintln!("gantry-tau-proofs: {error}");
+            End::NotAsExpected
+        })
+        .into()
+}
+
+fn run(arguments: Arguments) -> Result<End, String> {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
+    let root = arguments.root.or(here.map(Path::to_owned));
+    let root = std::path::absolute(root.unwrap_or_default()).map_err(|error| error.to_string())?;
+    let manifest = Manifest::load(&root.join("proofs/manifest.toml"))?;
+    match arguments.command {
+        Command::List => {
+            report::list(&manifest);
+            Ok(End::AsExpected)
+        }
+        Command::Check => names_agree(&root, &manifest),
+        Command::Prove(options) => {
+            report::forget(&options.out(&root));
+            match names_agree(&root, &manifest)? {
+                End::AsExpected => prove::prove(&root, &manifest, &options),
+                disagree => Ok(disagree),
+            }
+        }
+    }
+}
+
+/// Says every disagreement.
+fn names_agree(root: &Path, manifest: &Manifest) -> Result<End, String> {
+    let disagreements = check::check(root, manifest)?;
+    for disagreement in &disagreements {
+        eprintln!("check: {disagreement}");
+    }
+    if disagreements.is_empty() {
+        println!(
+            "check: {} harnesses, {} mutants; manifest, source and README agree",
+            manifest.harnesses.len(),
+            manifest.mutants.len()
+        );
+        Ok(End::AsExpected)
+    } else {
+        Ok(End::NamesDisagree)
+    }
+}
