@@ -11,19 +11,23 @@ use gantry_tau_core::endpoint::MotorMap;
 pub fn paired_motors_are_equal<const N: usize, const MOTORS: usize>(
     axis_of_motor: [usize; MOTORS],
     axes: &[Reference; N],
-    (one, other): (usize, usize),
 ) {
-    let exist = axis_of_motor[one] < N && axis_of_motor[other] < N;
-    let Ok(map) = MotorMap::<N, MOTORS>::new(axis_of_motor) else {
+    let exist = axis_of_motor.iter().all(|axis| *axis < N);
+    let map = MotorMap::<N, MOTORS>::new(axis_of_motor);
+    assert!(exist == map.is_ok(), "T10: a map to axes that exist");
+    let Ok(map) = map else {
         return;
     };
-    assert!(exist, "T10: every axis of a map exists");
     let motors = map.spread(axes);
-    assert!(
-        motors[one] == axes[axis_of_motor[one]],
-        "T10: a motor receives its axis' reference"
-    );
-    if axis_of_motor[one] == axis_of_motor[other] {
-        assert!(motors[one] == motors[other], "T10: paired motors are equal");
+    for one in 0..MOTORS {
+        assert!(
+            motors[one] == axes[axis_of_motor[one]],
+            "T10: a motor receives its axis' reference"
+        );
+        for other in 0..one {
+            if axis_of_motor[one] == axis_of_motor[other] {
+                assert!(motors[one] == motors[other], "T10: paired motors are equal");
+            }
+        }
     }
 }
