@@ -7,11 +7,13 @@
     reason = "off the reference path; release builds keep their overflow checks"
 )]
 
+pub mod black_box;
 pub mod client;
 pub mod demo;
 pub mod epoch;
 pub mod machine;
 pub mod plant;
+mod plots;
 pub mod realtime;
 pub mod record;
 pub mod robot_file;

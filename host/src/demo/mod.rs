@@ -1,6 +1,5 @@
 //! `demo`: one session over real loopback TCP, with force steps, compensation, and a pulled cable; ends with a table and a report.
 
-mod plots;
 mod relay;
 mod report;
 mod results;
