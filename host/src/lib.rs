@@ -16,6 +16,7 @@ pub mod plant;
 mod plots;
 pub mod realtime;
 pub mod record;
+pub mod replay;
 pub mod robot_file;
 pub mod sensor_link;
 pub mod server;

@@ -47,7 +47,7 @@ pub struct Window<const N: usize> {
     pub entries: Vec<Entry<N>>,
 }
 
-/// Why a session ended, or the server stopped.
+/// What a window is about: why a session ended or the server stopped, and when.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct End {
     /// Its entry in the window.
@@ -56,8 +56,8 @@ pub struct End {
     pub tick: Tick,
     /// Epoch of the session.
     pub epoch: Epoch,
-    /// The cause.
-    pub cause: Cause,
+    /// The cause; `None` where the window was cut short before any, because the machine did not take the last references.
+    pub cause: Option<Cause>,
 }
 
 /// Why a file is no black box. Both have the file's name and, where there is one, the line, counted from 1.
@@ -89,33 +89,29 @@ impl<const N: usize> Window<N> {
         (!entries.is_empty()).then_some(Self { before, entries })
     }
 
-    /// The end that froze the box: the first one in it. `None` where the window was cut short before any.
+    /// The end that froze the box, the first one in it; the last entry where the window was cut short before any.
     #[must_use]
-    pub fn end(&self) -> Option<End> {
-        let outputs = self.entries.iter().map(|entry| &entry.output);
-        outputs.enumerate().find_map(|(index, output)| {
-            output.ended.map(|cause| End {
-                index,
-                tick: output.state.tick,
-                epoch: output.state.epoch,
-                cause,
-            })
-        })
+    pub fn end(&self) -> End {
+        let mut outputs = self.entries.iter().map(|entry| &entry.output);
+        let ended = outputs.position(|output| output.ended.is_some());
+        let index = ended.unwrap_or(self.entries.len().saturating_sub(1));
+        let output = self.entries.get(index).map(|entry| &entry.output);
+        let discrete = &self.before.parts().discrete;
+        End {
+            index,
+            tick: output.map_or(discrete.tick, |output| output.state.tick),
+            epoch: output.map_or(discrete.epoch, |output| output.state.epoch),
+            cause: output.and_then(|output| output.ended),
+        }
     }
 
     /// What a file of this window is called: epoch, tick and cause.
     #[must_use]
     pub fn file_name(&self) -> String {
         let end = self.end();
-        let last = self.entries.last().map(|entry| &entry.output.state);
-        let epoch = end.map(|end| end.epoch).or(last.map(|state| state.epoch));
-        let tick = end.map(|end| end.tick).or(last.map(|state| state.tick));
-        let cause = end.map_or("CutShort".to_owned(), |end| format!("{:?}", end.cause));
-        format!(
-            "epoch-{}-tick-{}-{cause}.jsonl",
-            epoch.unwrap_or_default().0,
-            tick.unwrap_or_default().0
-        )
+        let cause = end.cause.map(|cause| format!("{cause:?}"));
+        let cause = cause.unwrap_or_else(|| "CutShort".to_owned());
+        format!("epoch-{}-tick-{}-{cause}.jsonl", end.epoch.0, end.tick.0)
     }
 
     /// The window as the text of a file.
@@ -313,3 +309,6 @@ impl<'a> Lines<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -53,6 +53,9 @@ pub(crate) struct Demo {
     /// Write the client's recording as CSV as well: it ends where its cable is pulled
     #[arg(long, value_name = "FILE.csv")]
     record: Option<PathBuf>,
+    /// Write the server's black box of the pulled cable as well, for `gantry-tau replay`
+    #[arg(long, value_name = "FILE.jsonl")]
+    black_box: Option<PathBuf>,
 }
 
 impl Demo {
@@ -72,6 +75,7 @@ impl Demo {
             report: self.report,
             json: self.json,
             record: self.record,
+            black_box: self.black_box,
         };
         match gantry_tau::demo::run(&options) {
             Ok(results) if results.complaints.is_empty() => ExitCode::SUCCESS,

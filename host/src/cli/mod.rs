@@ -2,6 +2,7 @@
 
 mod client;
 mod demo;
+mod replay;
 mod serve;
 
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -31,6 +32,8 @@ enum Command {
     Serve(serve::Serve),
     /// Connect to a server, compensate the measured force, leave with Ctrl-C
     Client(client::Client),
+    /// Run a black box through the core again: do all outputs agree, bit for bit?
+    Replay(replay::Replay),
     /// Kinematics, statics and compensation for scripts: one JSON request per line in, one JSON answer per line out
     ///
     /// Example: echo '{"id":1,"robot":"robots/l2.toml","op":"ik","T":[0.0,0.5,0.65]}' | gantry-tau solve
@@ -80,6 +83,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Demo(demo) => demo.run(),
         Command::Serve(serve) => serve.run(),
         Command::Client(client) => client.run(),
+        Command::Replay(replay) => replay.run(),
         Command::Solve => solve(),
     }
 }

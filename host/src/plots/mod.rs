@@ -126,7 +126,8 @@ impl Plot {
                 }
             }
         }
-        if self.curves.len() > 1 {
+        let named = self.curves.iter().filter(|curve| !curve.name.is_empty());
+        if named.count() > 1 {
             chart
                 .configure_series_labels()
                 .position(SeriesLabelPosition::UpperLeft)
@@ -163,7 +164,7 @@ impl Plot {
         if low > high {
             return 0.0..1.0;
         }
-        let span = (high - low).max(1e-9);
+        let span = if high > low { high - low } else { 1.0 };
         low - margin * span..high + margin * span
     }
 }
