@@ -7,12 +7,15 @@ use plotters::prelude::*;
 
 /// Size of a plot, px.
 pub(crate) const SIZE: (u32, u32) = (900, 420);
-const COLOURS: [RGBColor; 5] = [
+const COLOURS: [RGBColor; 8] = [
     RGBColor(31, 119, 180),
     RGBColor(214, 90, 30),
     RGBColor(44, 140, 70),
     RGBColor(120, 80, 170),
     RGBColor(130, 130, 130),
+    RGBColor(140, 86, 75),
+    RGBColor(200, 70, 140),
+    RGBColor(0, 0, 0),
 ];
 /// A curve.
 pub(crate) struct Curve {

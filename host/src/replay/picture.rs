@@ -8,7 +8,6 @@ use crate::black_box::Window;
 use crate::plots::page::{self, escape};
 use crate::plots::{Band, Curve, Plot, SIZE, phases};
 
-const X_AXIS: &str = "ticks after the cause";
 /// Height of a title, and of the key to the colours, in the SVG, px.
 const LINE: u32 = 34;
 /// Rows of the last plot, from below.
@@ -44,9 +43,10 @@ impl Picture {
 
     /// A page with the summary.
     pub(super) fn page(&self, summary: &str) -> String {
-        let mut body = format!("<h1>Black box</h1><pre>{}</pre>", escape(summary));
+        let summary = escape(summary);
+        let mut body = format!("<h1>Black box</h1><pre>{summary}</pre>{}", page::key());
         for (title, plot) in &self.0 {
-            body.push_str(&format!("<h2>{title}</h2>{}{}", page::key(), plot.svg()));
+            body.push_str(&format!("<h2>{title}</h2>{}", plot.svg()));
         }
         page::page("gantry-tau replay", &body)
     }
@@ -98,6 +98,13 @@ impl<const N: usize> Scene<'_, N> {
     fn x(&self, tick: Tick) -> f64 {
         let ticks = i128::from(tick.0) - i128::from(self.findings.cause_tick);
         i32::try_from(ticks).map_or(f64::NAN, f64::from)
+    }
+
+    const fn x_axis(&self) -> &'static str {
+        match self.findings.cause {
+            Some(_) => "ticks after the cause",
+            None => "ticks after the last",
+        }
     }
 
     fn points(&self) -> impl Iterator<Item = (f64, &Entry<N>)> {
@@ -159,7 +166,7 @@ impl<const N: usize> Scene<'_, N> {
         }
         curves.extend(marks);
         Plot {
-            x_axis: X_AXIS,
+            x_axis: self.x_axis(),
             y_axis,
             curves,
             bands: self.bands(),
@@ -200,7 +207,7 @@ impl<const N: usize> Scene<'_, N> {
         // Keeps all rows, and the whole window, in sight.
         let frame = rows.flat_map(|row| [(first, row), (last, row)]);
         Plot {
-            x_axis: X_AXIS,
+            x_axis: self.x_axis(),
             y_axis: "",
             curves: vec![
                 Curve::dots("what happened", dots),
