@@ -1,8 +1,8 @@
 //! Gets black boxes out of the cycle without a copy, an allocation, a lock or a wait: a full box is swapped with an empty one.
 //!
-//! A swap moves each box once (half a megabyte at 3 axes, some tens of microseconds) in one tick after a session's end, when no
-//! answer of a client is due but a newcomer's. What then travels through the queue is a pointer, and the emptied boxes come
-//! back the same way.
+//! A swap moves two boxes (360 kB each at 3 axes, 540 kB at 6; 30 to 90 µs measured) once per end, after the tick has written its
+//! references and its State, and when no session is running or the newest has just been granted. What then travels through the
+//! queue is a pointer, and the emptied boxes come back the same way. A copy would cost the cycle no less, and 400 kB of queue more.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -40,7 +40,7 @@ pub fn channel<const N: usize>() -> (Handover<N>, Receiver<N>) {
     let (mut empty_in, empty) = rtrb::RingBuffer::new(SPARES);
     // As many boxes as places: no push fails, here or later.
     for _ in 0..SPARES {
-        let _ = empty_in.push(Box::new(BlackBox::new()));
+        let _ = empty_in.push(Box::default());
     }
     let lost = Arc::new(AtomicU64::new(0));
     let handover = Handover {

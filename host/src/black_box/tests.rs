@@ -12,6 +12,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
+use crate::replay::Findings;
+use crate::replay::picture::Picture;
 
 const OWNER: Connection = Connection(u64::MAX);
 
@@ -377,8 +379,21 @@ proptest::proptest! {
         for (place, byte) in places {
             bytes[place % length] = byte;
         }
+        let _ = Window::<3>::decode("x", &bytes);
+    }
+
+    /// Other digits make another window: it replays to some finding and can be drawn, whatever its numbers say.
+    #[test]
+    fn any_digits_are_replayed_and_drawn(seed in 0..8_u64, places: Vec<(usize, u8)>) {
+        let mut bytes = window::<3>(seed).encode().into_bytes();
+        let head = bytes.iter().position(|byte| *byte == b'\n').unwrap();
+        let digits: Vec<usize> = (head..bytes.len()).filter(|at| bytes[*at].is_ascii_digit()).collect();
+        for (place, digit) in places.iter().take(8) {
+            bytes[digits[place % digits.len()]] = b'1' + digit % 9;
+        }
         if let Ok(window) = Window::<3>::decode("x", &bytes) {
-            let _ = crate::replay::Findings::of(&window);
+            let findings = Findings::of(&window);
+            proptest::prop_assert!(Picture::of(&window, &findings).svg("x").ends_with("</svg>\n"));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! `replay`: runs a black box through the core again and says, bit for bit, whether the outputs agree (T11).
 
-mod picture;
+pub(crate) mod picture;
 
 use std::fmt;
 use std::path::{Path, PathBuf};

@@ -23,10 +23,10 @@ const HAPPENINGS: [&str; 8] = [
 ];
 
 /// Titles and plots.
-pub(super) struct Picture(Vec<(&'static str, Plot)>);
+pub(crate) struct Picture(Vec<(&'static str, Plot)>);
 
 impl Picture {
-    pub(super) fn of<const N: usize>(window: &Window<N>, findings: &Findings) -> Self {
+    pub(crate) fn of<const N: usize>(window: &Window<N>, findings: &Findings) -> Self {
         let scene = Scene { window, findings };
         Self(vec![
             (
@@ -42,7 +42,7 @@ impl Picture {
     }
 
     /// A page with the summary.
-    pub(super) fn page(&self, summary: &str) -> String {
+    pub(crate) fn page(&self, summary: &str) -> String {
         let summary = escape(summary);
         let mut body = format!("<h1>Black box</h1><pre>{summary}</pre>{}", page::key());
         for (title, plot) in &self.0 {
@@ -52,7 +52,7 @@ impl Picture {
     }
 
     /// One drawing: the plots below each other.
-    pub(super) fn svg(&self, name: &str) -> String {
+    pub(crate) fn svg(&self, name: &str) -> String {
         let (width, height) = SIZE;
         let mut y = LINE;
         let mut body = text(12, y - 12, name);
