@@ -33,6 +33,9 @@ fn help_mentions_every_command_and_every_commands_help_works() {
         assert!(all.contains(&format!("\n  {command} ")), "{all}");
         let help = folder.run(&[command, "--help"]).success();
         assert!(help.contains(&format!("gantry-tau {command}")), "{help}");
+        // Found by reading: of three commands they were written down, and never shown.
+        let has_codes = ["demo", "client", "replay"].contains(&command);
+        assert_eq!(help.contains("Exit codes: 0 "), has_codes, "{help}");
         let help = folder.run(&["help", command]).success();
         assert!(help.contains("Usage:"), "{help}");
     }

@@ -8,6 +8,8 @@ use gantry_tau::demo::{DemoOptions, PaceChoice};
 
 use super::{Pace, fail, robot};
 
+/// Server, simulated machine and client in one: force steps, compensation, a pulled cable; ends with a table and report.html
+///
 /// One session over real loopback TCP: force steps in x without and with compensation, then the client's cable is pulled at
 /// full offset.
 ///

@@ -24,15 +24,12 @@ struct Arguments {
     command: Command,
 }
 
+/// Where a command has options, its struct has the words: clap would drop them for those of the variant, exit codes included.
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Server, simulated machine and client in one: force steps, compensation, a pulled cable; ends with a table and report.html
     Demo(demo::Demo),
-    /// Run the server with the simulated machine, for clients of this or any other program
     Serve(serve::Serve),
-    /// Connect to a server, compensate the measured force, leave with Ctrl-C
     Client(client::Client),
-    /// Run a black box through the core again: do all outputs agree, bit for bit?
     Replay(replay::Replay),
     /// Kinematics, statics and compensation for scripts: one JSON request per line in, one JSON answer per line out
     ///

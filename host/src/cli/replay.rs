@@ -8,6 +8,8 @@ use gantry_tau::replay::ReplayOptions;
 
 use super::fail;
 
+/// Run a black box through the core again: do all outputs agree, bit for bit?
+///
 /// Runs a black box (from `serve --black-box` or `demo --black-box`) through the core again and says, bit for bit, whether
 /// every output agrees.
 ///

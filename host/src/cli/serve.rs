@@ -25,6 +25,8 @@ use gantry_tau_core::robot::ARMS;
 
 use super::{Pace, address, fail, robot};
 
+/// Run the server with the simulated machine, for clients of this or any other program
+///
 /// Runs the server with the simulated machine until Ctrl-C, which ramps every offset to zero first.
 ///
 /// While a client is in Obtain, a simulated hand pulls at the tool in steps. Type `stop`, `rearm` or `quit` and Enter.
