@@ -7,13 +7,16 @@
     reason = "off the reference path; release builds keep their overflow checks"
 )]
 
+pub mod black_box;
 pub mod client;
 pub mod demo;
 pub mod epoch;
 pub mod machine;
 pub mod plant;
+mod plots;
 pub mod realtime;
 pub mod record;
+pub mod replay;
 pub mod robot_file;
 pub mod sensor_link;
 pub mod server;

@@ -15,6 +15,9 @@ mod errors;
 #[path = "command_line/process.rs"]
 mod process;
 #[cfg(unix)]
+#[path = "command_line/replay.rs"]
+mod replay;
+#[cfg(unix)]
 #[path = "command_line/signals.rs"]
 mod signals;
 #[path = "command_line/solve.rs"]
@@ -26,10 +29,13 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    for command in ["demo", "serve", "client", "solve"] {
+    for command in ["demo", "serve", "client", "replay", "solve"] {
         assert!(all.contains(&format!("\n  {command} ")), "{all}");
         let help = folder.run(&[command, "--help"]).success();
         assert!(help.contains(&format!("gantry-tau {command}")), "{help}");
+        // Found by reading: of three commands they were written down, and never shown.
+        let has_codes = ["demo", "client", "replay"].contains(&command);
+        assert_eq!(help.contains("Exit codes: 0 "), has_codes, "{help}");
         let help = folder.run(&["help", command]).success();
         assert!(help.contains("Usage:"), "{help}");
     }

@@ -5,6 +5,7 @@
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};
 
+use gantry_tau::black_box::handover::{self, Receiver};
 use gantry_tau::epoch::Epochs;
 use gantry_tau::server::ServerError;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
@@ -93,6 +94,14 @@ impl<const N: usize> Bench<N> {
             cycle,
             limits: parameters.axes[0].limits,
         })
+    }
+
+    /// From here on the server hands its black boxes over.
+    #[must_use]
+    pub fn handing_over(mut self) -> (Self, Receiver<N>) {
+        let (handover, windows) = handover::channel();
+        self.cycle = self.cycle.with_black_box(handover);
+        (self, windows)
     }
 
     /// Where clients connect.

@@ -11,6 +11,7 @@
 )]
 
 use allocation_counter::measure;
+use gantry_tau::black_box::handover::{self, Receiver};
 use gantry_tau::epoch::Epochs;
 use gantry_tau::machine::MOTORS;
 use gantry_tau::robot_file::RobotFile;
@@ -29,6 +30,7 @@ struct Server {
     cycle: Cycle<3, MOTORS, SimulatedMachine>,
     hand: Hand,
     sensor: SensorReader,
+    black_boxes: Receiver<3>,
 }
 
 impl Server {
@@ -41,10 +43,12 @@ impl Server {
         let publisher = SensorPublisher::bind(LOOPBACK).unwrap();
         let sensor = SensorReader::connect(publisher.address().unwrap()).unwrap();
         let cycle = Cycle::new(config, motors, machine, Epochs::volatile(), LOOPBACK).unwrap();
+        let (handover, black_boxes) = handover::channel();
         Self {
-            cycle: cycle.with_sensor(publisher),
+            cycle: cycle.with_sensor(publisher).with_black_box(handover),
             hand,
             sensor,
+            black_boxes,
         }
     }
 
@@ -132,6 +136,14 @@ fn the_cycle_allocates_nothing() {
         row.state.phase == Phase::Listening
     });
     assert!(matches!(cause, Some(Cause::Closed | Cause::ClientLate)));
+    // Its black box has been handed over meanwhile, or is not yet frozen.
+    let mut window = None;
+    wait_for("the black box", || {
+        server.tick(false);
+        window = server.black_boxes.receive();
+        window.is_some()
+    });
+    assert_eq!(window.unwrap().end().cause, cause);
     assert_eq!(server.tick(true).ended, Some(Cause::Stop));
     assert_eq!(server.tick(false).state.phase, Phase::Listening);
 }

@@ -3,7 +3,7 @@
 //! Three segments of `HALF` ticks take turns; each begins with the session as it was. So at least `2 HALF` ticks are at hand,
 //! and recording a tick costs one copy of its input, never a second run. When a session ends, recording goes on for
 //! `HALF` ticks and then freezes: at least `HALF` ticks before the cause and `HALF` after it remain, until [`BlackBox::release`].
-//! Replaying the inputs from the first segment's session gives every output again, bit for bit (T11).
+//! Replaying the inputs from the first segment's session gives every output again, bit for bit ([`super::replay`], T11).
 
 use heapless::Vec;
 

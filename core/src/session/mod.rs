@@ -11,6 +11,7 @@ pub mod config;
 pub mod decide;
 mod evidence;
 mod io;
+mod replay;
 pub mod sift;
 
 use core::fmt;
@@ -29,6 +30,7 @@ use sift::{Heard, Noted, Sieve};
 
 pub use blackbox::{BlackBox, Entry};
 pub use io::{Cycle, EVENTS, Event, Events, Input, OWNER_FRAMES, Output, Refusals};
+pub use replay::{Replayed, replay};
 
 /// Why a session cannot start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

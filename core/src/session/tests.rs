@@ -540,17 +540,27 @@ fn the_black_box_replays_bit_for_bit() {
         black_box.after_tick(&input, &output);
     }
     assert!(black_box.is_frozen());
-    let mut replay = *black_box.before().unwrap();
-    let entries: StdVec<_> = black_box.entries().collect();
+    let before = black_box.before().unwrap();
+    let mut entries: StdVec<_> = black_box.entries().cloned().collect();
     let end = entries
         .iter()
         .position(|entry| entry.output.ended.is_some())
         .unwrap();
     assert!(end >= 16, "{end} ticks before the cause");
     assert_eq!(entries.len() - end - 1, 16);
-    for entry in entries {
-        assert_eq!(replay.tick(&entry.input), entry.output);
-    }
+    let replayed = replay(before, &entries);
+    assert_eq!(
+        (replayed.agreeing, replayed.differing),
+        (entries.len(), None)
+    );
+    // A nanometre more in one recorded output is found in its tick, and nowhere else.
+    let recorded = entries[end].output.clone();
+    entries[end].output.references[1].position.0 += 1;
+    let replayed = replay(before, &entries);
+    assert_eq!(
+        (replayed.agreeing, replayed.differing),
+        (end, Some(recorded))
+    );
 }
 
 /// Found by review: a re-arm pressed before the stop, or stuck, let a stop pass unnoticed.

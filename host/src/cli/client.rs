@@ -12,6 +12,8 @@ use gantry_tau::terminal::say;
 
 use super::{address, fail, robot};
 
+/// Connect to a server, compensate the measured force, leave with Ctrl-C
+///
 /// Connects, submits while the force sensor is tared (keep the tool unloaded), then obtains and compensates until Ctrl-C.
 ///
 /// Exit codes: 0 left with Goodbye; 1 setup; 3 unreachable; 4 refused; 5 incompatible server; 6 session ended by the server;

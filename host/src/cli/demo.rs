@@ -8,6 +8,8 @@ use gantry_tau::demo::{DemoOptions, PaceChoice};
 
 use super::{Pace, fail, robot};
 
+/// Server, simulated machine and client in one: force steps, compensation, a pulled cable; ends with a table and report.html
+///
 /// One session over real loopback TCP: force steps in x without and with compensation, then the client's cable is pulled at
 /// full offset.
 ///
@@ -53,6 +55,9 @@ pub(crate) struct Demo {
     /// Write the client's recording as CSV as well: it ends where its cable is pulled
     #[arg(long, value_name = "FILE.csv")]
     record: Option<PathBuf>,
+    /// Write the server's black box of the pulled cable as well, for `gantry-tau replay`
+    #[arg(long, value_name = "FILE.jsonl")]
+    black_box: Option<PathBuf>,
 }
 
 impl Demo {
@@ -72,6 +77,7 @@ impl Demo {
             report: self.report,
             json: self.json,
             record: self.record,
+            black_box: self.black_box,
         };
         match gantry_tau::demo::run(&options) {
             Ok(results) if results.complaints.is_empty() => ExitCode::SUCCESS,

@@ -2,6 +2,7 @@
 
 mod client;
 mod demo;
+mod replay;
 mod serve;
 
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -23,14 +24,13 @@ struct Arguments {
     command: Command,
 }
 
+/// Where a command has options, its struct has the words: clap would drop them for those of the variant, exit codes included.
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Server, simulated machine and client in one: force steps, compensation, a pulled cable; ends with a table and report.html
     Demo(demo::Demo),
-    /// Run the server with the simulated machine, for clients of this or any other program
     Serve(serve::Serve),
-    /// Connect to a server, compensate the measured force, leave with Ctrl-C
     Client(client::Client),
+    Replay(replay::Replay),
     /// Kinematics, statics and compensation for scripts: one JSON request per line in, one JSON answer per line out
     ///
     /// Example: echo '{"id":1,"robot":"robots/l2.toml","op":"ik","T":[0.0,0.5,0.65]}' | gantry-tau solve
@@ -80,6 +80,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Demo(demo) => demo.run(),
         Command::Serve(serve) => serve.run(),
         Command::Client(client) => client.run(),
+        Command::Replay(replay) => replay.run(),
         Command::Solve => solve(),
     }
 }

@@ -8,6 +8,8 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
+use gantry_tau::black_box::archive::Archive;
+use gantry_tau::black_box::handover;
 use gantry_tau::epoch::{self, Epochs};
 use gantry_tau::machine::MOTORS;
 use gantry_tau::record::{CsvFile, Recorded, drain};
@@ -23,6 +25,8 @@ use gantry_tau_core::robot::ARMS;
 
 use super::{Pace, address, fail, robot};
 
+/// Run the server with the simulated machine, for clients of this or any other program
+///
 /// Runs the server with the simulated machine until Ctrl-C, which ramps every offset to zero first.
 ///
 /// While a client is in Obtain, a simulated hand pulls at the tool in steps. Type `stop`, `rearm` or `quit` and Enter.
@@ -70,6 +74,9 @@ pub(crate) struct Serve {
     /// Record references, actual values and force, one row per tick
     #[arg(long, value_name = "FILE.csv")]
     record: Option<PathBuf>,
+    /// Write a black box whenever a session ends or the server stops, for `gantry-tau replay`: the ticks before and after, bit for bit
+    #[arg(long, value_name = "FOLDER")]
+    black_box: Option<PathBuf>,
 }
 
 impl Serve {
@@ -86,12 +93,18 @@ impl Serve {
         let sensor = SensorPublisher::bind(self.sensor)
             .map_err(|error| ServerError::listen(self.sensor, &error))?;
         let sensor_address = sensor.address()?;
-        let cycle = self.cycle(tool)?.with_sensor(sensor);
+        let mut cycle = self.cycle(tool)?.with_sensor(sensor);
         // After binding, so that a second server by mistake does not empty the first one's recording.
         let mut file = match &self.record {
             Some(path) => Some(CsvFile::create::<Row<ARMS>>(path)?),
             None => None,
         };
+        let mut archive = None;
+        if let Some(folder) = &self.black_box {
+            let (handover, windows) = handover::channel();
+            cycle = cycle.with_black_box(handover);
+            archive = Some(Archive::open(folder, windows)?);
+        }
         if let Err(denied) = gantry_tau::realtime::lock_memory() {
             tracing::warn!("no {}: {}", denied.privilege, denied.reason);
         }
@@ -109,9 +122,13 @@ impl Serve {
             if let Some(file) = &mut file {
                 file.write(row);
             }
+            if let Some(archive) = &mut archive {
+                archive.write_waiting();
+            }
         });
         let dropped = server.quit()?;
         say("all offsets are zero; ended");
+        let archived = archive.map_or(Ok(()), Archive::finish);
         if let Some(recorded) = file.map(|file| file.finish(dropped)) {
             say(&recorded);
             if let Recorded {
@@ -122,7 +139,7 @@ impl Serve {
                 return Err(failure.into());
             }
         }
-        Ok(())
+        Ok(archived?)
     }
 
     fn cycle(

@@ -1,6 +1,5 @@
 //! `demo`: one session over real loopback TCP, with force steps, compensation, and a pulled cable; ends with a table and a report.
 
-mod plots;
 mod relay;
 mod report;
 mod results;
@@ -50,6 +49,8 @@ pub struct DemoOptions {
     pub json: Option<PathBuf>,
     /// Where the client records, if anywhere.
     pub record: Option<PathBuf>,
+    /// Where the black box of the pulled cable goes, if anywhere.
+    pub black_box: Option<PathBuf>,
 }
 
 /// Why a demo came to no end.
@@ -120,7 +121,8 @@ impl DemoOptions {
 pub fn run(options: &DemoOptions) -> Result<Results, DemoError> {
     options.check()?;
     // Found out now rather than after the whole demo.
-    for path in std::iter::once(&options.report).chain(&options.json) {
+    let files = [&options.json, &options.black_box];
+    for path in std::iter::once(&options.report).chain(files.into_iter().flatten()) {
         write(path, "")?;
     }
     if let Err(denied) = crate::realtime::lock_memory() {
@@ -150,6 +152,15 @@ pub fn run(options: &DemoOptions) -> Result<Results, DemoError> {
         let json = serde_json::to_string_pretty(&results)
             .map_err(|error| DemoError::Failed(error.to_string()))?;
         write(path, &json)?;
+    }
+    if let Some(path) = &options.black_box {
+        let lost = || DemoError::Failed("the black box of the pulled cable is lost".to_owned());
+        let window = recording.black_box.as_ref().ok_or_else(lost)?;
+        write(path, &window.encode())?;
+        let path = path.display();
+        say(format_args!(
+            "black box of the pulled cable: {path}; gantry-tau replay {path} runs it again"
+        ));
     }
     Ok(results)
 }

@@ -2,30 +2,17 @@
 
 use gantry_tau_core::message::Phase;
 
-use super::plots::{Band, Curve, PHASE_COLOURS, Plot};
 use super::results::Results;
 use super::stage::Recording;
 use super::watch::Sample;
 use super::{DemoOptions, table};
+use crate::plots::page::{self, escape};
+use crate::plots::{Band, Curve, Plot, phases};
 
 /// Points that a curve over time may have; more would only make the page heavy.
 const CURVE_POINTS: usize = 1_500;
 /// Shown of the disconnect, ticks before it and after its end.
 const AROUND_TICKS: u64 = 500;
-const PHASES: [&str; 6] = [
-    "Listening",
-    "Handshake",
-    "Submit",
-    "Obtain",
-    "SafeDisconnect",
-    "Fault",
-];
-
-const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:940px;margin:2em auto;padding:0 1em;color:#222}\
-h1{font-size:1.6em}h2{font-size:1.2em;margin-top:2em}pre{background:#f6f6f4;padding:1em;overflow-x:auto;font-size:13px;line-height:1.35}\
-svg{max-width:100%;height:auto}.key span{display:inline-block;padding:0 .6em;margin-right:.4em;border-radius:3px}\
-.bad{color:#a00;font-weight:bold}.good{color:#060;font-weight:bold}";
-
 pub(super) fn render(options: &DemoOptions, results: &Results, recording: &Recording) -> String {
     let verdict = if results.complaints.is_empty() {
         String::new()
@@ -64,9 +51,8 @@ pub(super) fn render(options: &DemoOptions, results: &Results, recording: &Recor
             states(recording).svg(),
         ),
     ];
-    let mut page = format!(
-        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>gantry-tau demo</title><style>{STYLE}</style></head><body>\
-         <h1>A Gantry-Tau held still over the network</h1>\
+    let mut body = format!(
+        "<h1>A Gantry-Tau held still over the network</h1>\
          <p>{}, simulated, {pace}. The true springs of the simulation differ from the client's by up to ±{springs:.0} % each (seed {}), \
          the force sensor is noisy, the equilibrium is nonlinear.</p>{verdict}<pre>{}</pre>",
         escape(&results.robot),
@@ -74,55 +60,24 @@ pub(super) fn render(options: &DemoOptions, results: &Results, recording: &Recor
         escape(&table::render(results)),
     );
     for (title, text, svg) in sections {
-        page.push_str(&format!("<h2>{title}</h2><p>{text}</p>{}{svg}", key(title)));
+        let key = if title.contains("force") {
+            String::new()
+        } else {
+            page::key()
+        };
+        body.push_str(&format!("<h2>{title}</h2><p>{text}</p>{key}{svg}"));
     }
-    page.push_str("</body></html>\n");
-    page
-}
-
-/// What the colours behind a plot over time mean.
-fn key(title: &str) -> String {
-    if title.contains("force") {
-        return String::new();
-    }
-    let spans = PHASES.iter().zip(PHASE_COLOURS).map(|(name, colour)| {
-        let (r, g, b) = (colour.0, colour.1, colour.2);
-        format!("<span style=\"background:rgb({r},{g},{b})\">{name}</span>")
-    });
-    format!("<p class=\"key\">{}</p>", spans.collect::<String>())
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-}
-
-fn curve(name: &str, points: Vec<(f64, f64)>) -> Curve {
-    Curve {
-        name: name.to_owned(),
-        points,
-        dots: false,
-        no_line: false,
-    }
+    page::page("gantry-tau demo", &body)
 }
 
 fn against_force(options: &DemoOptions, results: &Results) -> Plot {
     let line = |name: &str, value: fn(&super::Step) -> f64| {
         let points = results.steps.iter().map(|step| (step.force_n, value(step)));
-        curve(name, std::iter::once((0.0, 0.0)).chain(points).collect())
+        Curve::line(name, std::iter::once((0.0, 0.0)).chain(points).collect())
     };
-    let dots = |name: &str, value: fn(&super::Step) -> f64| Curve {
-        dots: true,
-        no_line: true,
-        ..curve(
-            name,
-            results
-                .steps
-                .iter()
-                .map(|step| (step.force_n, value(step)))
-                .collect(),
-        )
+    let dots = |name: &str, value: fn(&super::Step) -> f64| {
+        let points = results.steps.iter().map(|step| (step.force_n, value(step)));
+        Curve::dots(name, points.collect())
     };
     let mut curves = vec![
         line("uncompensated", |step| step.uncompensated_norm_um),
@@ -138,7 +93,7 @@ fn against_force(options: &DemoOptions, results: &Results) -> Plot {
             .map(|step| step.uncompensated_norm_um)
             .fold(0.0, f64::max);
         let name = format!("the platform leaves cart 3 at {jump:.0} N");
-        curves.push(curve(&name, vec![(jump, 0.0), (jump, top)]));
+        curves.push(Curve::line(&name, vec![(jump, 0.0), (jump, top)]));
     }
     Plot {
         x_axis: "force in x, N",
@@ -185,25 +140,25 @@ fn offsets(recording: &Recording) -> Plot {
 
 fn states(recording: &Recording) -> Plot {
     let samples: Vec<&Sample> = recording.samples.iter().collect();
-    let bands = bands(&samples);
     // Two points per stretch draw a step; no stretch is thinned away.
-    let points = stretches(&samples).flat_map(|(from, to, phase)| {
-        let level = f64::from(phase_number(phase));
-        [(seconds(from), level), (seconds(to), level)]
+    let stretches = phases::stretches(phases_over_time(&samples));
+    let points = stretches.iter().flat_map(|stretch| {
+        let level = f64::from(phases::number(stretch.phase));
+        [(stretch.from, level), (stretch.to, level)]
     });
     Plot {
         x_axis: "time, s",
         y_axis: "",
         curves: vec![
-            curve("state", points.collect()),
+            Curve::line("state", points.collect()),
             // Keeps all six names in sight.
             Curve {
                 no_line: true,
-                ..curve("", vec![(0.0, 0.0), (0.0, 5.0)])
+                ..Curve::line("", vec![(0.0, 0.0), (0.0, 5.0)])
             },
         ],
-        bands,
-        y_names: Some(&PHASES),
+        bands: bands(&samples),
+        y_names: Some(&phases::NAMES),
     }
 }
 
@@ -214,7 +169,7 @@ fn curves_over_time(
     values: impl Fn(&Sample) -> [f64; 3],
 ) -> Vec<Curve> {
     let every = samples.len().div_ceil(CURVE_POINTS).max(1);
-    let mut curves = names.map(|name| curve(name, Vec::new()));
+    let mut curves = names.map(|name| Curve::line(name, Vec::new()));
     for sample in samples.iter().step_by(every) {
         for (curve, value) in curves.iter_mut().zip(values(sample)) {
             curve.points.push((seconds(sample.tick), value));
@@ -223,44 +178,13 @@ fn curves_over_time(
     curves.into()
 }
 
-/// First and last tick of every stretch of one phase.
-fn stretches(samples: &[&Sample]) -> impl Iterator<Item = (u64, u64, Phase)> {
-    let mut stretches: Vec<(u64, u64, Phase)> = Vec::new();
-    for sample in samples {
-        match stretches.last_mut() {
-            Some((_, to, phase)) if *phase == sample.phase => *to = sample.tick,
-            Some((_, to, _)) => {
-                *to = sample.tick;
-                stretches.push((sample.tick, sample.tick, sample.phase));
-            }
-            None => stretches.push((sample.tick, sample.tick, sample.phase)),
-        }
-    }
-    stretches.into_iter()
-}
-
 fn bands(samples: &[&Sample]) -> Vec<Band> {
-    stretches(samples)
-        .map(|(from, to, phase)| Band {
-            from: seconds(from),
-            to: seconds(to),
-            colour: PHASE_COLOURS
-                .get(usize::from(phase_number(phase)))
-                .copied()
-                .unwrap_or_default(),
-        })
-        .collect()
+    phases::bands(phases_over_time(samples))
 }
 
-const fn phase_number(phase: Phase) -> u8 {
-    match phase {
-        Phase::Listening => 0,
-        Phase::Handshake => 1,
-        Phase::Submit => 2,
-        Phase::Obtain => 3,
-        Phase::SafeDisconnect => 4,
-        Phase::Fault => 5,
-    }
+fn phases_over_time(samples: &[&Sample]) -> impl Iterator<Item = (f64, Phase)> {
+    let point = |sample: &&Sample| (seconds(sample.tick), sample.phase);
+    samples.iter().map(point)
 }
 
 /// Ticks of 1 ms.

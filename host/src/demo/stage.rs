@@ -13,6 +13,7 @@ use indicatif::ProgressBar;
 use super::relay::Relay;
 use super::watch::{Lost, Sample, Waiting, Watch};
 use super::{DemoError, DemoOptions};
+use crate::black_box::{Window, handover};
 use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientReport, Link};
 use crate::epoch::Epochs;
 use crate::machine::MOTORS;
@@ -45,6 +46,8 @@ pub(super) struct Recording {
     pub(super) client: String,
     /// Rows that came too fast to be watched.
     pub(super) dropped: u64,
+    /// The black box of the pulled cable, if it was asked for.
+    pub(super) black_box: Option<Window<ARMS>>,
 }
 
 /// How an attempt went wrong.
@@ -100,13 +103,17 @@ pub(super) fn play(
     let config = robot.session_config(capabilities)?;
     let sensor = SensorPublisher::bind(LOOPBACK)?;
     let sensor_address = sensor.address()?;
-    let cycle: Cycle<ARMS, MOTORS, _> = Cycle::new(
+    let mut cycle: Cycle<ARMS, MOTORS, _> = Cycle::new(
         config,
         robot.motor_map()?,
         machine,
         Epochs::volatile(),
         LOOPBACK,
     )?;
+    let (handover, mut black_boxes) = handover::channel();
+    if options.black_box.is_some() {
+        cycle = cycle.with_black_box(handover);
+    }
     let (server, rows) = Server::spawn(cycle.with_sensor(sensor), pace)?;
     let relay = Relay::spawn(server.address)?;
     let controls = Arc::new(ClientControls::default());
@@ -159,6 +166,8 @@ pub(super) fn play(
         refusal,
         client,
         dropped,
+        // There are more boxes than sessions in the play: the first one is there whatever came after it.
+        black_box: black_boxes.receive(),
     })
 }
 

@@ -12,6 +12,7 @@ use gantry_tau_core::units::Tick;
 
 use super::connections::Connections;
 use super::{HALF, ServerError};
+use crate::black_box::handover::Handover;
 use crate::epoch::Epochs;
 use crate::plant::{Plant, Reading, ToolReading};
 use crate::sensor_link::{Sample, SensorPublisher};
@@ -59,6 +60,8 @@ pub struct Cycle<const N: usize, const M: usize, P> {
     /// The machine did not take the last references; the coming tick stops.
     write_failed: bool,
     round_trip_us: Option<u32>,
+    /// Who wants the black boxes.
+    handover: Option<Handover<N>>,
 }
 
 impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
@@ -89,6 +92,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             last_reading,
             write_failed: false,
             round_trip_us: None,
+            handover: None,
         })
     }
 
@@ -96,6 +100,13 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     #[must_use]
     pub fn with_sensor(mut self, sensor: SensorPublisher) -> Self {
         self.sensor = Some(sensor);
+        self
+    }
+
+    /// Hands black boxes over: each one that freezes, and each one with something to tell that would be forgotten.
+    #[must_use]
+    pub fn with_black_box(mut self, handover: Handover<N>) -> Self {
+        self.handover = Some(handover);
         self
     }
 
@@ -185,7 +196,10 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         if output.welcome.is_some() {
             self.epochs.taken(output.state.epoch);
             // A new session is recorded from its beginning; the last one's end has been kept until now.
+            self.hand_over_end();
             self.endpoint.black_box_mut().release();
+        } else {
+            self.hand_over_frozen();
         }
         Row {
             state: output.state,
@@ -200,10 +214,43 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         }
     }
 
+    /// Hands over what the black box has of an end, frozen or not: nothing more will be added to it.
+    pub fn hand_over_end(&mut self) {
+        let black_box = self.endpoint.black_box();
+        if black_box
+            .entries()
+            .any(|entry| entry.output.ended.is_some())
+        {
+            self.hand_over_now();
+        }
+    }
+
+    /// Hands over a frozen box, after which recording goes on. Without room it stays frozen until there is some.
+    fn hand_over_frozen(&mut self) {
+        if let (Some(handover), true) = (&mut self.handover, self.endpoint.black_box().is_frozen())
+        {
+            handover.take(self.endpoint.black_box_mut());
+        }
+    }
+
+    fn hand_over_now(&mut self) {
+        if let Some(handover) = &mut self.handover {
+            handover.take_now(self.endpoint.black_box_mut());
+        }
+    }
+
     /// After references that the machine did not take, goes on from the offsets it has in force, so that it sees no step.
     fn resume(&mut self) -> bool {
-        let in_force = self.plant.offsets_in_force();
-        in_force.is_ok_and(|in_force| self.endpoint.resume(&in_force).is_ok())
+        let Ok(in_force) = self.plant.offsets_in_force() else {
+            return false;
+        };
+        // The black box begins anew. What it has of a session, which this ends, is evidence of the outage.
+        if self.endpoint.session().parts().discrete.is_live() {
+            self.hand_over_now();
+        } else {
+            self.hand_over_end();
+        }
+        self.endpoint.resume(&in_force).is_ok()
     }
 
     /// The sample leaves before the State of the same tick, so that a client has it when it answers.

@@ -149,6 +149,7 @@ fn a_file_that_cannot_be_written_is_named() {
             (&short[..], "--record"),
             (&short[..], "--report"),
             (&short[..], "--json"),
+            (&short[..], "--black-box"),
         ] {
             if (bad, option) == ("no/such.x", "--epoch-file") {
                 // The folder of the epoch file is made.

@@ -3,7 +3,7 @@
 use crate::process::{Folder, Running};
 
 /// A server in lock-step on free ports, and where its clients find it.
-fn serve(folder: &Folder, further: &[&str]) -> (Running, [String; 2]) {
+pub(crate) fn serve(folder: &Folder, further: &[&str]) -> (Running, [String; 2]) {
     let mut arguments = vec!["serve", "--pace", "lockstep", "--listen", "127.0.0.1:0"];
     arguments.extend([
         "--sensor",
@@ -32,12 +32,12 @@ fn serve(folder: &Folder, further: &[&str]) -> (Running, [String; 2]) {
     (server, addresses)
 }
 
-fn client(folder: &Folder, name: &str, [server, sensor]: &[String; 2]) -> Running {
+pub(crate) fn client(folder: &Folder, name: &str, [server, sensor]: &[String; 2]) -> Running {
     folder.start(name, &["client", server, "--sensor", sensor])
 }
 
 /// Waits until the server has seen Obtain `times` times.
-fn await_obtain(server: &mut Running, times: usize) {
+pub(crate) fn await_obtain(server: &mut Running, times: usize) {
     server.await_that("Obtain", |server| {
         server.stderr().matches("Submit -> Obtain").count() == times
     });

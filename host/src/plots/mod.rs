@@ -1,56 +1,73 @@
-//! The plots of the report, as SVG. The browser draws the text, so no fonts are needed.
+//! Plots as SVG, and pages around them. The browser draws the text, so no fonts are needed.
+
+pub(crate) mod page;
+pub(crate) mod phases;
 
 use plotters::prelude::*;
 
-/// Size of a plot in the report, px.
-const SIZE: (u32, u32) = (900, 420);
-const COLOURS: [RGBColor; 5] = [
+/// Size of a plot, px.
+pub(crate) const SIZE: (u32, u32) = (900, 420);
+const COLOURS: [RGBColor; 8] = [
     RGBColor(31, 119, 180),
     RGBColor(214, 90, 30),
     RGBColor(44, 140, 70),
     RGBColor(120, 80, 170),
     RGBColor(130, 130, 130),
+    RGBColor(140, 86, 75),
+    RGBColor(200, 70, 140),
+    RGBColor(0, 0, 0),
 ];
-/// Colour behind a phase of the session.
-pub(super) const PHASE_COLOURS: [RGBColor; 6] = [
-    RGBColor(225, 225, 225),
-    RGBColor(250, 240, 190),
-    RGBColor(205, 225, 245),
-    RGBColor(205, 235, 205),
-    RGBColor(250, 215, 190),
-    RGBColor(240, 190, 190),
-];
-
 /// A curve.
-pub(super) struct Curve {
-    pub(super) name: String,
-    pub(super) points: Vec<(f64, f64)>,
+pub(crate) struct Curve {
+    pub(crate) name: String,
+    pub(crate) points: Vec<(f64, f64)>,
     /// Dots at the points.
-    pub(super) dots: bool,
+    pub(crate) dots: bool,
     /// No line between the points.
-    pub(super) no_line: bool,
+    pub(crate) no_line: bool,
+}
+
+impl Curve {
+    /// A line.
+    pub(crate) fn line(name: &str, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            name: name.to_owned(),
+            points,
+            dots: false,
+            no_line: false,
+        }
+    }
+
+    /// Dots only.
+    pub(crate) fn dots(name: &str, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            dots: true,
+            no_line: true,
+            ..Self::line(name, points)
+        }
+    }
 }
 
 /// A coloured stretch of the x axis.
-pub(super) struct Band {
-    pub(super) from: f64,
-    pub(super) to: f64,
-    pub(super) colour: RGBColor,
+pub(crate) struct Band {
+    pub(crate) from: f64,
+    pub(crate) to: f64,
+    pub(crate) colour: RGBColor,
 }
 
 /// Axes, curves and bands of a plot.
-pub(super) struct Plot {
-    pub(super) x_axis: &'static str,
-    pub(super) y_axis: &'static str,
-    pub(super) curves: Vec<Curve>,
-    pub(super) bands: Vec<Band>,
+pub(crate) struct Plot {
+    pub(crate) x_axis: &'static str,
+    pub(crate) y_axis: &'static str,
+    pub(crate) curves: Vec<Curve>,
+    pub(crate) bands: Vec<Band>,
     /// Names for whole values of y, where y counts states.
-    pub(super) y_names: Option<&'static [&'static str]>,
+    pub(crate) y_names: Option<&'static [&'static str]>,
 }
 
 impl Plot {
     /// The plot as an `<svg>` element.
-    pub(super) fn svg(&self) -> String {
+    pub(crate) fn svg(&self) -> String {
         let mut svg = String::new();
         if let Err(error) = self.draw(&mut svg) {
             return format!("<p>This plot could not be drawn: {error}</p>");
@@ -112,7 +129,8 @@ impl Plot {
                 }
             }
         }
-        if self.curves.len() > 1 {
+        let named = self.curves.iter().filter(|curve| !curve.name.is_empty());
+        if named.count() > 1 {
             chart
                 .configure_series_labels()
                 .position(SeriesLabelPosition::UpperLeft)
@@ -149,7 +167,7 @@ impl Plot {
         if low > high {
             return 0.0..1.0;
         }
-        let span = (high - low).max(1e-9);
+        let span = if high > low { high - low } else { 1.0 };
         low - margin * span..high + margin * span
     }
 }

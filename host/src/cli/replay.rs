@@ -1,0 +1,52 @@
+//! `gantry-tau replay`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use gantry_tau::replay::ReplayOptions;
+
+use super::fail;
+
+/// Run a black box through the core again: do all outputs agree, bit for bit?
+///
+/// Runs a black box (from `serve --black-box` or `demo --black-box`) through the core again and says, bit for bit, whether
+/// every output agrees.
+///
+/// Exit codes: 0 all outputs agree; 1 the file is no black box, or the plot or JSON cannot be written; 2 usage; 3 an output differs.
+#[derive(Debug, Args)]
+pub(crate) struct Replay {
+    /// The black box
+    #[arg(value_name = "FILE.jsonl")]
+    file: PathBuf,
+    /// Draw the window: offsets, phases, misses and events over ticks relative to the cause
+    #[arg(long, value_name = "FILE.svg|FILE.html", value_parser = plot)]
+    plot: Option<PathBuf>,
+    /// Write the findings as JSON as well
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+impl Replay {
+    pub(crate) fn run(self) -> ExitCode {
+        let options = ReplayOptions {
+            file: self.file,
+            plot: self.plot,
+            json: self.json,
+        };
+        match gantry_tau::replay::run(&options) {
+            Ok(findings) if findings.difference.is_none() => ExitCode::SUCCESS,
+            Ok(_) => ExitCode::from(3),
+            Err(error) => fail(1, error),
+        }
+    }
+}
+
+fn plot(text: &str) -> Result<PathBuf, &'static str> {
+    let path = PathBuf::from(text);
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    match ending {
+        Some("svg" | "html") => Ok(path),
+        _ => Err("the name must end in .svg or .html"),
+    }
+}

@@ -1,0 +1,80 @@
+//! The phases of a session in plots: their names, their colours, and the stretches of a window they fill.
+
+use gantry_tau_core::message::Phase;
+use plotters::style::RGBColor;
+
+use super::Band;
+
+/// Names, in the order of [`number`].
+pub(crate) const NAMES: [&str; 6] = [
+    "Listening",
+    "Handshake",
+    "Submit",
+    "Obtain",
+    "SafeDisconnect",
+    "Fault",
+];
+/// Colour behind a phase.
+const COLOURS: [RGBColor; 6] = [
+    RGBColor(225, 225, 225),
+    RGBColor(250, 240, 190),
+    RGBColor(205, 225, 245),
+    RGBColor(205, 235, 205),
+    RGBColor(250, 215, 190),
+    RGBColor(240, 190, 190),
+];
+
+/// Place of a phase in [`NAMES`].
+pub(crate) const fn number(phase: Phase) -> u8 {
+    match phase {
+        Phase::Listening => 0,
+        Phase::Handshake => 1,
+        Phase::Submit => 2,
+        Phase::Obtain => 3,
+        Phase::SafeDisconnect => 4,
+        Phase::Fault => 5,
+    }
+}
+
+/// From where to where on the x axis one phase lasts.
+pub(crate) struct Stretch {
+    pub(crate) from: f64,
+    pub(crate) to: f64,
+    pub(crate) phase: Phase,
+}
+
+/// The stretches of one phase each; every one reaches to the beginning of the next.
+pub(crate) fn stretches(points: impl IntoIterator<Item = (f64, Phase)>) -> Vec<Stretch> {
+    let mut stretches: Vec<Stretch> = Vec::new();
+    for (x, phase) in points {
+        let last = stretches.last_mut();
+        let same = last.as_ref().is_some_and(|last| last.phase == phase);
+        if let Some(last) = last {
+            last.to = x;
+        }
+        if !same {
+            let (from, to) = (x, x);
+            stretches.push(Stretch { from, to, phase });
+        }
+    }
+    stretches
+}
+
+/// The same as coloured bands.
+pub(crate) fn bands(points: impl IntoIterator<Item = (f64, Phase)>) -> Vec<Band> {
+    let band = |stretch: Stretch| Band {
+        from: stretch.from,
+        to: stretch.to,
+        colour: COLOURS
+            .get(usize::from(number(stretch.phase)))
+            .copied()
+            .unwrap_or_default(),
+    };
+    stretches(points).into_iter().map(band).collect()
+}
+
+/// Name and CSS colour of every phase.
+pub(crate) fn key() -> impl Iterator<Item = (&'static str, String)> {
+    let css = |RGBColor(r, g, b): RGBColor| format!("rgb({r},{g},{b})");
+    NAMES.into_iter().zip(COLOURS.map(css))
+}

@@ -1,0 +1,235 @@
+//! `replay`: runs a black box through the core again and says, bit for bit, whether the outputs agree (T11).
+
+pub(crate) mod picture;
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use gantry_tau_core::session::{Entry, Output, replay};
+use serde::Serialize;
+
+use crate::black_box::{self, FileError, Window};
+use crate::client::cause_text;
+use crate::terminal::say;
+use picture::Picture;
+
+/// Instead of a cause.
+const CUT_SHORT: &str = "the window was cut short, the machine did not take the references";
+
+/// What a replay is told.
+#[derive(Clone, Debug)]
+pub struct ReplayOptions {
+    /// The black box.
+    pub file: PathBuf,
+    /// Where its picture goes, if anywhere: an SVG, or a page if the name ends in `.html`.
+    pub plot: Option<PathBuf>,
+    /// Where the findings go as JSON, if anywhere.
+    pub json: Option<PathBuf>,
+}
+
+/// Why a replay came to no end.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ReplayError {
+    /// The file is no black box.
+    File(FileError),
+    /// Something cannot be written.
+    Write {
+        /// Where.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+}
+
+impl fmt::Display for ReplayError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File(error) => error.fmt(f),
+            Self::Write { path, reason } => write!(f, "cannot write {}: {reason}", path.display()),
+        }
+    }
+}
+
+impl std::error::Error for ReplayError {}
+
+/// What was found. The JSON layout is stable: fields are added, never renamed.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Findings {
+    /// Version of this layout.
+    pub layout: u32,
+    /// Number of axes.
+    pub axes: usize,
+    /// Epoch of the session that ended, or of the last one.
+    pub epoch: u64,
+    /// Number of the oldest tick.
+    pub first_tick: u64,
+    /// Number of the latest tick.
+    pub last_tick: u64,
+    /// How many ticks there are; an overrun of the server skips tick numbers.
+    pub ticks: usize,
+    /// Why a session ended or the server stopped: the name of core's `Cause`. `None` where the window was cut short.
+    pub cause: Option<String>,
+    /// The tick in which it did; where the window was cut short, its last.
+    pub cause_tick: u64,
+    /// The cause in a sentence.
+    pub cause_text: &'static str,
+    /// Ticks, from the oldest on, whose outputs agree bit for bit.
+    pub agreeing: usize,
+    /// The first difference; `None` when all agree.
+    pub difference: Option<Difference>,
+}
+
+/// The first field that a replay gave differently.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Difference {
+    /// Its tick, by the replay.
+    pub tick: u64,
+    /// Which field of core's `Output`, as in `state.axes[1].offsets.position`.
+    pub field: String,
+    /// Which axis the field belongs to, counted from 1, if to one.
+    pub axis: Option<usize>,
+    /// What the file says.
+    pub recorded: String,
+    /// What the replay gave.
+    pub replayed: String,
+}
+
+/// Replays a file, prints what was found, writes what was asked for.
+///
+/// # Errors
+/// [`ReplayError`].
+pub fn run(options: &ReplayOptions) -> Result<Findings, ReplayError> {
+    let name = options.file.display().to_string();
+    let bytes = black_box::bytes(&options.file).map_err(ReplayError::File)?;
+    match black_box::axes(&name, &bytes).map_err(ReplayError::File)? {
+        6 => examine::<6>(options, &name, &bytes),
+        // Any number of axes but these two is refused there, with its line.
+        _ => examine::<3>(options, &name, &bytes),
+    }
+}
+
+fn examine<const N: usize>(
+    options: &ReplayOptions,
+    name: &str,
+    bytes: &[u8],
+) -> Result<Findings, ReplayError> {
+    let window = Window::<N>::decode(name, bytes).map_err(ReplayError::File)?;
+    let findings = Findings::of(&window);
+    let summary = format!("{name}\n{findings}");
+    say(&summary);
+    if let Some(path) = &options.plot {
+        let picture = Picture::of(&window, &findings);
+        let is_page = path.extension().is_some_and(|ending| ending == "html");
+        let text = if is_page {
+            picture.page(&summary)
+        } else {
+            picture.svg(name)
+        };
+        write(path, &text)?;
+    }
+    if let Some(path) = &options.json {
+        let json = serde_json::to_string_pretty(&findings);
+        write(path, &json.unwrap_or_else(|error| error.to_string()))?;
+    }
+    Ok(findings)
+}
+
+impl Findings {
+    /// Replays a window.
+    #[must_use]
+    pub fn of<const N: usize>(window: &Window<N>) -> Self {
+        let number = |entry: &Entry<N>| entry.output.state.tick.0;
+        let end = window.end();
+        let replayed = replay(&window.before, &window.entries);
+        let recorded = window.entries.get(replayed.agreeing);
+        let difference = recorded.zip(replayed.differing.as_ref());
+        Self {
+            layout: 1,
+            axes: N,
+            epoch: end.epoch.0,
+            first_tick: window.entries.first().map_or(0, number),
+            last_tick: window.entries.last().map_or(0, number),
+            ticks: window.entries.len(),
+            cause: end.cause.map(|cause| format!("{cause:?}")),
+            cause_tick: end.tick.0,
+            cause_text: end.cause.map_or(CUT_SHORT, cause_text),
+            agreeing: replayed.agreeing,
+            difference: difference
+                .map(|(recorded, replayed)| Difference::of(&recorded.output, replayed)),
+        }
+    }
+}
+
+impl Difference {
+    fn of<const N: usize>(recorded: &Output<N>, replayed: &Output<N>) -> Self {
+        let tick = replayed.state.tick.0;
+        let difference = black_box::first_difference(recorded, replayed);
+        let (field, recorded, replayed) = difference.unwrap_or_default();
+        let axis = ["references[", "state.axes["]
+            .iter()
+            .find_map(|list| field.strip_prefix(list)?.split(']').next()?.parse().ok())
+            .map(|index: usize| index + 1);
+        Self {
+            tick,
+            field,
+            axis,
+            recorded,
+            replayed,
+        }
+    }
+}
+
+impl fmt::Display for Findings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            axes,
+            epoch,
+            ticks,
+            agreeing,
+            ..
+        } = self;
+        writeln!(f, "  {axes} axes, epoch {epoch}")?;
+        writeln!(
+            f,
+            "  window    {ticks} ticks, {} to {}",
+            self.first_tick, self.last_tick
+        )?;
+        let name = self.cause.as_deref().unwrap_or("none");
+        writeln!(
+            f,
+            "  cause     {name} in tick {}: {}",
+            self.cause_tick, self.cause_text
+        )?;
+        match &self.difference {
+            None => write!(f, "  replay    all {ticks} ticks agree bit for bit"),
+            Some(difference) => write!(
+                f,
+                "  replay    {agreeing} of {ticks} ticks agree, then DIFFERS\n{difference}"
+            ),
+        }
+    }
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            tick,
+            field,
+            axis,
+            recorded,
+            replayed,
+        } = self;
+        let axis = axis.map_or_else(String::new, |axis| format!(" (axis {axis})"));
+        write!(
+            f,
+            "            tick {tick}, {field}{axis}: recorded {recorded}, replayed {replayed}"
+        )
+    }
+}
+
+fn write(path: &Path, text: &str) -> Result<(), ReplayError> {
+    std::fs::write(path, text).map_err(|error| ReplayError::Write {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    })
+}

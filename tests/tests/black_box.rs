@@ -1,0 +1,174 @@
+//! Black boxes of real sessions over real sockets: handed over once, whatever ends them, and replayed bit for bit (T11).
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
+
+use gantry_tau::black_box::Window;
+use gantry_tau::black_box::handover::Receiver;
+use gantry_tau::replay::Findings;
+use gantry_tau::server::HALF;
+use gantry_tau_core::message::{Cause, ClientMessage, Mode, Phase};
+use gantry_tau_tests::bench::{Bench, NOMINAL_STEP_NM};
+use gantry_tau_tests::client::Client;
+use gantry_tau_tests::duet::Duet;
+
+/// A session in Obtain, old enough that the box is full.
+fn obtained<const N: usize>(positions: [i32; N]) -> (Duet<N>, Receiver<N>) {
+    let (bench, windows) = Bench::default().handing_over();
+    let mut duet = Duet::submitted_on(bench).obtain(positions);
+    for _ in 0..3 * HALF {
+        duet.answer(Mode::Obtain, positions);
+    }
+    (duet, windows)
+}
+
+/// The window that has been handed over: it ended because of `cause`, its file is read back as it was, and it replays.
+fn assert_window<const N: usize>(windows: &mut Receiver<N>, cause: Option<Cause>) -> Window<N> {
+    let window = windows.receive().expect("no black box was handed over");
+    assert_eq!(window.end().cause, cause);
+    let text = window.encode();
+    let read = Window::decode(&window.file_name(), text.as_bytes()).unwrap();
+    assert_eq!(read, window);
+    let findings = Findings::of(&read);
+    assert_eq!(
+        (findings.agreeing, findings.difference),
+        (findings.ticks, None)
+    );
+    window
+}
+
+fn assert_nothing<const N: usize>(windows: &mut Receiver<N>) {
+    assert!(windows.receive().is_none(), "a black box nobody asked for");
+    assert_eq!(windows.take_lost(), 0);
+}
+
+fn silence<const N: usize>(cause: Cause) {
+    let (mut duet, mut windows) = obtained([9_000; N]);
+    duet.assert_held();
+    assert_eq!(duet.tick().ended, Some(cause));
+    for _ in 1..HALF {
+        duet.tick();
+    }
+    assert_nothing(&mut windows);
+    duet.bench.step();
+    let window = assert_window(&mut windows, Some(cause));
+    let end = window.end().index;
+    assert!(end >= HALF, "{end} ticks before the cause");
+    assert_eq!(window.entries.len() - end - 1, HALF);
+    // Recording goes on: a stop after the session has a box of its own.
+    duet.bench.step_stopped();
+    for _ in 0..HALF {
+        duet.bench.step();
+    }
+    assert_window(&mut windows, Some(Cause::Stop));
+    assert_nothing(&mut windows);
+}
+
+#[test]
+fn a_silent_client_leaves_a_black_box() {
+    silence::<3>(Cause::ClientLate);
+    silence::<6>(Cause::ClientLate);
+}
+
+#[test]
+fn a_newcomer_does_not_cost_the_evidence() {
+    let (mut duet, mut windows) = obtained([300; 3]);
+    let goodbye = ClientMessage::Goodbye(duet.client.epoch);
+    duet.say(&goodbye);
+    let bench = duet.assert_disconnect([300; 3], Cause::Goodbye);
+    assert_nothing(&mut windows);
+    let next = Client::connect(bench.address());
+    let duet = Duet::greeted(bench, next);
+    let window = assert_window(&mut windows, Some(Cause::Goodbye));
+    let last = &window.entries.last().unwrap().output;
+    assert!(
+        last.welcome.is_some(),
+        "the newcomer's tick belongs to the old box"
+    );
+    assert_eq!(last.state.epoch, duet.client.epoch);
+    assert_eq!(window.end().epoch.0 + 1, duet.client.epoch.0);
+    assert_nothing(&mut windows);
+}
+
+/// The references that the machine did not take end the session in the tick after; what led there is kept.
+#[test]
+fn a_machine_that_takes_no_references_cuts_the_window_short() {
+    let (mut duet, mut windows) = obtained([5_000; 3]);
+    duet.bench.bus.record().write_fails = true;
+    let row = duet.answer(Mode::Obtain, [6_000; 3]);
+    assert!(row.plant_failed && row.ended.is_none());
+    duet.bench.bus.record().write_fails = false;
+    duet.bench.receive();
+    let row = duet.bench.step();
+    assert_eq!(
+        (row.state.phase, row.ended),
+        (Phase::Fault, Some(Cause::Stop))
+    );
+    let window = assert_window(&mut windows, None);
+    assert_eq!(window.end().tick.0 + 1, row.state.tick.0);
+    assert!(
+        window.file_name().ends_with("-CutShort.jsonl"),
+        "{}",
+        window.file_name()
+    );
+    for _ in 0..HALF {
+        duet.bench.step();
+    }
+    let window = assert_window(&mut windows, Some(Cause::Stop));
+    assert_eq!(
+        window.end().index,
+        0,
+        "the new box begins with the machine's own offsets"
+    );
+    assert_nothing(&mut windows);
+}
+
+/// Nobody empties the boxes: the cycle neither waits nor forgets to count.
+#[test]
+fn what_finds_no_room_waits_until_it_must_go() {
+    let (mut bench, mut windows) = Bench::<3>::default().handing_over();
+    let mut nominal = bench.bus.record().nominal;
+    for _ in 0..6 {
+        // A nominal step ends nothing but is a cause; then a re-arm, and another.
+        nominal[0].0 += 2 * i64::from(NOMINAL_STEP_NM);
+        bench.bus.record().nominal = nominal;
+        assert_eq!(bench.step().ended, Some(Cause::Nominal));
+        for _ in 0..=HALF {
+            bench.step();
+        }
+        bench.step_rearmed();
+        assert_eq!(bench.phase(), Phase::Listening);
+    }
+    // Four are under way, one has waited, frozen; what came later is not in any box.
+    for _ in 0..4 {
+        assert_window(&mut windows, Some(Cause::Nominal));
+    }
+    assert_nothing(&mut windows);
+    bench.step();
+    assert_window(&mut windows, Some(Cause::Nominal));
+    assert_nothing(&mut windows);
+}
+
+#[test]
+fn what_must_go_and_finds_no_room_is_counted() {
+    let (mut bench, mut windows) = Bench::<3>::default().handing_over();
+    for _ in 0..6 {
+        let client = Client::connect(bench.address());
+        let mut duet = Duet::greeted(bench, client);
+        duet.say(&ClientMessage::Goodbye(duet.client.epoch));
+        assert_eq!(duet.tick().ended, Some(Cause::Goodbye));
+        bench = duet.bench;
+        assert_eq!(bench.step().state.phase, Phase::Listening);
+    }
+    // Five ended before a newcomer was let in, and there are four boxes.
+    assert_eq!(windows.take_lost(), 1);
+    for _ in 0..4 {
+        assert_window(&mut windows, Some(Cause::Goodbye));
+    }
+    assert_nothing(&mut windows);
+}
