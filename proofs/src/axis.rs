@@ -1,9 +1,95 @@
-//! The second half of a tick, for one axis: T3 at the drive.
+//! The second half of a tick, for one axis: whatever it is ordered to do, T1, T2, T3 and T5.
 
 use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::session::act::drive_reference;
+use gantry_tau_core::channel::{Channel, Limits};
+use gantry_tau_core::message::AxisLimits;
+use gantry_tau_core::session::act::{Axis, Order, drive_reference};
+use gantry_tau_core::session::channels::AxisChannels;
 use gantry_tau_core::session::config::{AxisConfig, MAX_POSITION_NM};
+use gantry_tau_core::session::decide::Action;
 use gantry_tau_core::units::PositionNm;
+
+/// One of the three channels of an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Position offset.
+    Position,
+    /// Velocity offset.
+    Velocity,
+    /// Torque offset.
+    Torque,
+}
+
+impl Kind {
+    /// All there are.
+    pub const ALL: [Self; 3] = [Self::Position, Self::Velocity, Self::Torque];
+
+    /// Of an axis' channels.
+    #[must_use]
+    pub const fn of(self, channels: &AxisChannels) -> Channel {
+        match self {
+            Self::Position => channels.position,
+            Self::Velocity => channels.velocity,
+            Self::Torque => channels.torque,
+        }
+    }
+
+    /// Of an axis' limits.
+    #[must_use]
+    pub const fn limits(self, limits: &AxisLimits) -> Limits {
+        match self {
+            Self::Position => limits.position,
+            Self::Velocity => limits.velocity,
+            Self::Torque => limits.torque,
+        }
+    }
+}
+
+/// T1, T2, T3 for one channel in force of an axis, whatever the order; what the drive receives is what the channel says.
+///
+/// # Panics
+/// When one of them does not hold.
+pub fn order_is_bounded(before: &Axis, order: &Order, config: &AxisConfig, kind: Kind) {
+    let mut after = *before;
+    let (reference, _) = after.act(order, config);
+    let limits = kind.limits(&config.limits);
+    let (old, new) = (kind.of(&before.channels), kind.of(&after.channels));
+    crate::channel::change_is_bounded(old, new, &limits);
+    match kind {
+        Kind::Position => {
+            let travel = &config.machine_travel;
+            let inside = travel.lower <= reference.position && reference.position <= travel.upper;
+            assert!(inside, "T3: inside the travel");
+        }
+        Kind::Velocity => assert!(
+            reference.velocity_offset.0 == new.value(),
+            "the drive receives the channel"
+        ),
+        Kind::Torque => assert!(
+            i32::from(reference.torque_offset.0) == new.value(),
+            "the drive receives the channel"
+        ),
+    }
+    if order.action == Action::Ramp {
+        crate::channel::is_ramp_step(old, new, &limits);
+    }
+}
+
+/// The shadow stays within its limits, whatever the order, and rests at zero where it is told nothing.
+///
+/// # Panics
+/// When it does not hold.
+pub fn shadow_is_bounded(before: &Axis, order: &Order, config: &AxisConfig, kind: Kind) {
+    let mut after = *before;
+    let _ = after.act(order, config);
+    let limits = kind.limits(&config.limits);
+    let new = kind.of(&after.shadow);
+    assert!(new.is_valid(&limits), "the invariant of the shadow is kept");
+    assert!(
+        order.shadow.is_some() || new == Channel::ZERO,
+        "the shadow rests"
+    );
+}
 
 /// T3: what reaches a drive is inside the machine's travel, whatever the nominal reference and the offset; and it is
 /// nominal plus offset wherever the nominal reference keeps to its own travel and the offset to `M`.

@@ -1,12 +1,12 @@
 //! A whole tick of the session, over its whole state: one-step induction. Valid, and any input, one tick, valid, and the bounds.
 
 use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::channel::{Channel, Limits};
-use gantry_tau_core::message::{AxisLimits, Phase};
-use gantry_tau_core::session::channels::AxisChannels;
+use gantry_tau_core::message::Phase;
 use gantry_tau_core::session::decide::Action;
 use gantry_tau_core::session::sift::{Heard, Noted};
 use gantry_tau_core::session::{Cycle, Input, Output, Session};
+
+use crate::axis::Kind;
 
 /// A session before a tick, and all that the tick depends on.
 #[derive(Clone, Debug)]
@@ -43,78 +43,48 @@ impl<const N: usize> Moment<N> {
     }
 }
 
-/// One of the three channels of an axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// Position offset.
-    Position,
-    /// Velocity offset.
-    Velocity,
-    /// Torque offset.
-    Torque,
-}
-
-impl Kind {
-    /// All there are.
-    pub const ALL: [Self; 3] = [Self::Position, Self::Velocity, Self::Torque];
-
-    /// Of an axis' channels.
-    #[must_use]
-    pub const fn of(self, channels: &AxisChannels) -> Channel {
-        match self {
-            Self::Position => channels.position,
-            Self::Velocity => channels.velocity,
-            Self::Torque => channels.torque,
-        }
-    }
-
-    /// Of an axis' limits.
-    #[must_use]
-    pub const fn limits(self, limits: &AxisLimits) -> Limits {
-        match self {
-            Self::Position => limits.position,
-            Self::Velocity => limits.velocity,
-            Self::Torque => limits.torque,
-        }
-    }
-}
-
-/// T1, T2, T3 and the invariant of one channel of one axis.
+/// T1, T2, T3 of one channel of every axis.
 ///
 /// # Panics
 /// When one of them does not hold.
-pub fn channel_is_bounded<const N: usize>(moment: &Moment<N>, index: usize, kind: Kind) {
+pub fn channels_are_bounded<const N: usize>(moment: &Moment<N>, kind: Kind) {
     let (after, _) = moment.step();
     let before = &moment.session;
-    let limits = kind.limits(&before.config().parameters().axes[index].limits);
-    let old = kind.of(&before.parts().axes[index].channels);
-    let new = kind.of(&after.parts().axes[index].channels);
-    crate::channel::change_is_bounded(old, new, &limits);
+    for index in 0..N {
+        let limits = kind.limits(&before.config().parameters().axes[index].limits);
+        let old = kind.of(&before.parts().axes[index].channels);
+        let new = kind.of(&after.parts().axes[index].channels);
+        crate::channel::change_is_bounded(old, new, &limits);
+    }
 }
 
-/// The invariant of one axis: channels and shadow within their limits, at rest where the phase says so.
+/// The invariant of every axis: channels and shadow within their limits, at rest where the phase says so.
 ///
 /// # Panics
 /// When it does not hold.
-pub fn axis_stays_valid<const N: usize>(moment: &Moment<N>, index: usize) {
+pub fn axes_stay_valid<const N: usize>(moment: &Moment<N>) {
     let (after, _) = moment.step();
-    let limits = &after.config().parameters().axes[index].limits;
-    assert!(
-        after.parts().axes[index].is_valid(after.phase(), limits),
-        "the invariant is kept"
-    );
+    for index in 0..N {
+        let limits = &after.config().parameters().axes[index].limits;
+        assert!(
+            after.parts().axes[index].is_valid(after.phase(), limits),
+            "the invariant is kept"
+        );
+    }
 }
 
-/// T3: the drive's reference is inside the travel.
+/// T3: every drive's reference is inside the travel.
 ///
 /// # Panics
 /// When it does not hold.
-pub fn reference_is_inside_travel<const N: usize>(moment: &Moment<N>, index: usize) {
+pub fn references_are_inside_travel<const N: usize>(moment: &Moment<N>) {
     let (after, output) = moment.step();
-    let travel = &after.config().parameters().axes[index].machine_travel;
-    let reference = output.references[index].position;
-    let inside = travel.lower <= reference && reference <= travel.upper;
-    assert!(inside, "T3: the drive's reference is inside the travel");
+    for index in 0..N {
+        let travel = &after.config().parameters().axes[index].machine_travel;
+        let reference = output.references[index].position;
+        let inside = travel.lower <= reference && reference <= travel.upper;
+        assert!(inside, "T3: the drive's reference is inside the travel");
+    }
 }
 
 /// The rest of the invariant: the discrete state.
@@ -131,20 +101,22 @@ pub fn discrete_stays_valid<const N: usize>(moment: &Moment<N>) {
     assert!(output.state.phase == after.phase(), "the State says it");
 }
 
-/// T5: without a session, each channel moves by exactly `min(rho, |value|)` towards zero, whatever arrives.
+/// T5: without a session, one channel of every axis moves by exactly `min(rho, |value|)` towards zero, whatever arrives.
 ///
 /// # Panics
 /// When it does not hold.
-pub fn channel_ramps<const N: usize>(moment: &Moment<N>, index: usize, kind: Kind) {
+pub fn channels_ramp<const N: usize>(moment: &Moment<N>, kind: Kind) {
     let before = &moment.session;
     if !matches!(before.phase(), Phase::SafeDisconnect | Phase::Fault) {
         return;
     }
     let (after, _) = moment.step();
-    let limits = kind.limits(&before.config().parameters().axes[index].limits);
-    let old = kind.of(&before.parts().axes[index].channels);
-    let new = kind.of(&after.parts().axes[index].channels);
-    crate::channel::is_ramp_step(old, new, &limits);
+    for index in 0..N {
+        let limits = kind.limits(&before.config().parameters().axes[index].limits);
+        let old = kind.of(&before.parts().axes[index].channels);
+        let new = kind.of(&after.parts().axes[index].channels);
+        crate::channel::is_ramp_step(old, new, &limits);
+    }
 }
 
 /// T6: whoever is welcomed finds every channel of every axis at zero, before and after.
@@ -203,6 +175,28 @@ pub fn counts_decide_nothing<const N: usize>(moment: &Moment<N>, noted: &Noted) 
         ..moment.clone()
     }
     .step();
+    assert!(
+        one_output.references == other_output.references,
+        "T7: the same references"
+    );
+    assert!(
+        one.parts().discrete == other.parts().discrete,
+        "T7: the same discrete state"
+    );
+    assert!(
+        one.parts().axes == other.parts().axes,
+        "T7: the same channels"
+    );
+}
+
+/// T7, from the events on: an input without what does not come from the owner, or is not fresh, leads to the same references,
+/// the same channels and the same discrete state.
+///
+/// # Panics
+/// When it does not.
+pub fn same_outcome<const N: usize>(session: &Session<N>, input: &Input<N>, essential: &Input<N>) {
+    let (one, one_output) = Moment::after_hearing(session, input).step();
+    let (other, other_output) = Moment::after_hearing(session, essential).step();
     assert!(
         one_output.references == other_output.references,
         "T7: the same references"

@@ -3,7 +3,8 @@
 use gantry_tau_core::message::Counters;
 use gantry_tau_core::session::sift::Noted;
 
-use crate::session::{self, Kind, Moment};
+use crate::axis::Kind;
+use crate::session::{self, Moment};
 
 /// Axes of the session.
 const AXES: usize = 3;
@@ -27,21 +28,60 @@ fn any_moment() -> Moment<AXES> {
     }
 }
 
-/// Any axis.
-fn any_index() -> usize {
-    let index = kani::any();
-    kani::assume(index < AXES);
-    kani::cover!(index == AXES - 1, "the last axis");
-    index
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_position_channels_are_bounded() {
+    session::channels_are_bounded(&any_moment(), Kind::Position);
+    kani::cover!(true, "the end is reached");
 }
 
-/// Any of its channels.
-fn any_kind() -> Kind {
-    match kani::any() {
-        0_u8 => Kind::Position,
-        1 => Kind::Velocity,
-        _ => Kind::Torque,
-    }
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_velocity_channels_are_bounded() {
+    session::channels_are_bounded(&any_moment(), Kind::Velocity);
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_torque_channels_are_bounded() {
+    session::channels_are_bounded(&any_moment(), Kind::Torque);
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_position_channels_ramp() {
+    session::channels_ramp(&any_moment(), Kind::Position);
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_velocity_channels_ramp() {
+    session::channels_ramp(&any_moment(), Kind::Velocity);
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_torque_channels_ramp() {
+    session::channels_ramp(&any_moment(), Kind::Torque);
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_axes_stay_valid() {
+    session::axes_stay_valid(&any_moment());
+    kani::cover!(true, "the end is reached");
 }
 
 #[kani::proof]
@@ -49,6 +89,14 @@ fn any_kind() -> Kind {
 #[kani::solver(minisat)]
 fn session_discrete_stays_valid() {
     session::discrete_stays_valid(&any_moment());
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(5)]
+#[kani::solver(minisat)]
+fn session_references_are_inside_travel() {
+    session::references_are_inside_travel(&any_moment());
     kani::cover!(true, "the end is reached");
 }
 
@@ -65,38 +113,6 @@ fn session_authority_needs_zero() {
 #[kani::solver(minisat)]
 fn session_stop_ends_in_fault() {
     session::stop_ends_in_fault(&any_moment());
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn session_channel_is_bounded() {
-    session::channel_is_bounded(&any_moment(), any_index(), any_kind());
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn session_axis_stays_valid() {
-    session::axis_stays_valid(&any_moment(), any_index());
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn session_channel_ramps() {
-    session::channel_ramps(&any_moment(), any_index(), any_kind());
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn session_reference_is_inside_travel() {
-    session::reference_is_inside_travel(&any_moment(), any_index());
     kani::cover!(true, "the end is reached");
 }
 

@@ -5,6 +5,8 @@
     reason = "a strategy that makes what is not valid must panic"
 )]
 
+mod any;
+
 use gantry_tau_core::channel::{Channel, Limits};
 use gantry_tau_core::message::{ClientMessage, Hello};
 use gantry_tau_core::units::Epoch;
@@ -13,25 +15,9 @@ use gantry_tau_proofs::channel::{Verb, ramp_counts_down, ramp_is_exact, step, st
 use gantry_tau_proofs::wire::cutting_changes_nothing;
 use proptest::prelude::*;
 
-/// Any limits that validation accepts, small and huge ones alike.
-fn limits() -> impl Strategy<Value = Limits> {
-    let magnitude = || prop_oneof![0..1_000i32, any::<i32>().prop_map(|n| n.saturating_abs())];
-    (magnitude(), magnitude(), magnitude(), magnitude()).prop_map(|(max, a, b, c)| {
-        let ramp = (a / 4).max(1);
-        let step = ramp.saturating_add(b / 4);
-        let accel = step.saturating_add(ramp).saturating_add(c / 4);
-        Limits::new(max, step, accel, ramp).unwrap()
-    })
-}
-
 /// Limits and a channel that is valid under them.
 fn limits_and_channel() -> impl Strategy<Value = (Limits, Channel)> {
-    limits().prop_flat_map(|limits| {
-        let (max, step) = (limits.max(), limits.step());
-        (-max..=max, -step..=step).prop_map(move |(value, change)| {
-            (limits, Channel::from_parts(value, change, &limits).unwrap())
-        })
-    })
+    any::limits().prop_flat_map(|limits| (Just(limits), any::channel(limits)))
 }
 
 proptest! {
@@ -49,7 +35,7 @@ proptest! {
     }
 
     #[test]
-    fn every_step_of_a_sequence_is_bounded(limits in limits(), verbs: Vec<(u8, i32)>) {
+    fn every_step_of_a_sequence_is_bounded(limits in any::limits(), verbs: Vec<(u8, i32)>) {
         let mut channel = Channel::ZERO;
         for (number, target) in verbs {
             let verb = Verb::from_number(number, target);

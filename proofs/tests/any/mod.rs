@@ -1,0 +1,335 @@
+//! Strategies: anything there is of a type, small and huge alike.
+#![allow(
+    dead_code,
+    clippy::arithmetic_side_effects,
+    clippy::unwrap_used,
+    reason = "each test file uses some of them; a strategy that makes what is not valid must panic"
+)]
+
+use gantry_tau_core::axis::{Actual, Offsets, Reference};
+use gantry_tau_core::channel::{Channel, Limits};
+use gantry_tau_core::message::{
+    AxisLimits, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
+};
+use gantry_tau_core::session::act::{Axis, Order};
+use gantry_tau_core::session::channels::AxisChannels;
+use gantry_tau_core::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
+use gantry_tau_core::session::decide::{Action, Arrivals, Connection, Discrete, Rules};
+use gantry_tau_core::session::{Cycle, Event, Parts, Session};
+use gantry_tau_core::units::{
+    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+};
+use gantry_tau_core::wire::{ContentError, FrameError};
+use proptest::prelude::*;
+use proptest::sample::select;
+
+/// Small numbers, where things happen, and all others.
+fn number() -> impl Strategy<Value = u64> {
+    prop_oneof![3 => 0..5_u64, 1 => any::<u64>(), 1 => Just(u64::MAX)]
+}
+
+pub(crate) fn limits() -> impl Strategy<Value = Limits> {
+    limits_up_to(i32::MAX)
+}
+
+/// Limits that validation accepts, with `M` of at most `max`.
+fn limits_up_to(max: i32) -> impl Strategy<Value = Limits> {
+    let magnitude = || prop_oneof![0..1_000_i32, any::<i32>().prop_map(i32::saturating_abs)];
+    (magnitude(), magnitude(), magnitude(), magnitude()).prop_map(move |(m, a, b, c)| {
+        let ramp = (a / 4).max(1);
+        let step = ramp.saturating_add(b / 4);
+        let accel = step.saturating_add(ramp).saturating_add(c / 4);
+        Limits::new(m.min(max), step, accel, ramp).unwrap()
+    })
+}
+
+/// Any channel that is valid under the limits.
+pub(crate) fn channel(limits: Limits) -> impl Strategy<Value = Channel> {
+    let (max, step) = (limits.max(), limits.step());
+    (-max..=max, -step..=step)
+        .prop_map(move |(value, change)| Channel::from_parts(value, change, &limits).unwrap())
+}
+
+pub(crate) fn axis_limits() -> impl Strategy<Value = AxisLimits> {
+    (limits(), limits(), limits_up_to(i32::from(i16::MAX))).prop_map(
+        |(position, velocity, torque)| AxisLimits {
+            position,
+            velocity,
+            torque,
+        },
+    )
+}
+
+pub(crate) fn axis_channels(limits: AxisLimits) -> impl Strategy<Value = AxisChannels> {
+    let parts = (
+        channel(limits.position),
+        channel(limits.velocity),
+        channel(limits.torque),
+    );
+    parts.prop_map(|(position, velocity, torque)| AxisChannels {
+        position,
+        velocity,
+        torque,
+    })
+}
+
+pub(crate) fn axis_config() -> impl Strategy<Value = AxisConfig> {
+    let travel = prop_oneof![0..1_000_000_u32, any::<u32>()];
+    (axis_limits(), travel, 0..5_000_u32).prop_map(|(limits, reach, nominal_step_nm)| {
+        let travel = Travel::around_zero(reach);
+        let axis = AxisConfig::position_only(limits.position, travel, nominal_step_nm);
+        AxisConfig { limits, ..axis }
+    })
+}
+
+pub(crate) fn budget() -> impl Strategy<Value = Option<MissBudget>> {
+    proptest::option::of(
+        (1..=128_u8, 0..20_u8).prop_map(|(window, allowed)| MissBudget { window, allowed }),
+    )
+}
+
+pub(crate) fn config<const N: usize>() -> impl Strategy<Value = Config<N>> {
+    let axes = proptest::array::uniform::<_, N>(axis_config());
+    (axes, budget(), 0..3_u8, 1..20_u32).prop_map(|(axes, budget, echo_window, handshake_ticks)| {
+        let parameters = Parameters {
+            budget,
+            echo_window,
+            handshake_ticks,
+            ..Parameters::thesis(axes)
+        };
+        Config::new(parameters).unwrap()
+    })
+}
+
+pub(crate) fn rules() -> impl Strategy<Value = Rules> {
+    (1..20_u32, budget()).prop_map(|(handshake_ticks, budget)| Rules {
+        handshake_ticks,
+        budget,
+    })
+}
+
+pub(crate) fn connection() -> impl Strategy<Value = Connection> {
+    prop_oneof![4 => 0..3_u64, 1 => any::<u64>()].prop_map(Connection)
+}
+
+pub(crate) const PHASES: [Phase; 6] = [
+    Phase::Listening,
+    Phase::Handshake,
+    Phase::Submit,
+    Phase::Obtain,
+    Phase::SafeDisconnect,
+    Phase::Fault,
+];
+
+/// Any valid discrete state: what the phase excludes is put right.
+pub(crate) fn discrete(handshake_ticks: u32) -> impl Strategy<Value = Discrete> {
+    let numbers = (number(), number(), number());
+    let rest = (any::<u128>(), 0..handshake_ticks, any::<bool>());
+    (
+        select(&PHASES[..]),
+        connection(),
+        any::<bool>(),
+        numbers,
+        rest,
+    )
+        .prop_map(
+            |(phase, connection, owned, (epoch, accepted, tick), (history, waited, released))| {
+                let running = matches!(phase, Phase::Submit | Phase::Obtain);
+                let live = running || phase == Phase::Handshake;
+                let owned = (owned || live) && phase != Phase::Listening;
+                let history = if phase == Phase::Handshake {
+                    0
+                } else {
+                    history
+                };
+                Discrete {
+                    phase,
+                    owner: owned.then_some(connection),
+                    epoch: Epoch(epoch),
+                    accepted: Sequence(accepted),
+                    tick: Tick(tick),
+                    misses: u8::from(running && history & 1 == 1),
+                    history,
+                    waited: if phase == Phase::Handshake { waited } else { 0 },
+                    rearm_released: released && phase == Phase::Fault,
+                }
+            },
+        )
+}
+
+pub(crate) fn mode() -> impl Strategy<Value = Mode> {
+    prop_oneof![Just(Mode::Submit), Just(Mode::Obtain)]
+}
+
+pub(crate) fn arrivals() -> impl Strategy<Value = Arrivals> {
+    // Each by itself is rare, or a miss would never be seen.
+    let rare = || prop::bool::weighted(0.1);
+    let ends = (rare(), rare(), rare(), rare(), rare(), rare());
+    let command = proptest::option::of((number().prop_map(Sequence), mode()));
+    let hello = proptest::option::of((connection(), number().prop_map(Epoch)));
+    let skipped = prop_oneof![6 => Just(0), 1 => 1..3_u32, 1 => any::<u32>()];
+    (ends, command, hello, skipped, any::<bool>(), any::<bool>()).prop_map(
+        |(ends, command, hello, skipped, rearm, all_zero)| {
+            let (stop, nominal_fault, framing, flood, closed, goodbye) = ends;
+            Arrivals {
+                stop,
+                rearm,
+                nominal_fault,
+                framing,
+                flood,
+                closed,
+                goodbye,
+                command,
+                hello,
+                skipped,
+                all_zero,
+            }
+        },
+    )
+}
+
+pub(crate) fn offsets() -> impl Strategy<Value = Offsets> {
+    let small = (-9_000..9_000_i32, -900..900_i32, -90..90_i16);
+    let any = (any::<i32>(), any::<i32>(), any::<i16>());
+    prop_oneof![small, any].prop_map(|(position, velocity, torque)| Offsets {
+        position: OffsetNm(position),
+        velocity: VelocityUmS(velocity),
+        torque: TorquePermille(torque),
+    })
+}
+
+pub(crate) fn command<const N: usize>() -> impl Strategy<Value = Command<N>> {
+    let targets = proptest::array::uniform::<_, N>(offsets());
+    (number(), number(), number(), mode(), targets).prop_map(
+        |(epoch, sequence, echo, mode, targets)| Command {
+            epoch: Epoch(epoch),
+            sequence: Sequence(sequence),
+            echo: Tick(echo),
+            mode,
+            targets,
+        },
+    )
+}
+
+pub(crate) fn event<const N: usize>() -> impl Strategy<Value = Event<N>> {
+    let hello = (any::<u8>(), any::<u16>()).prop_map(|(axes, bits)| Hello {
+        axes: if axes < 200 { 3 } else { axes },
+        capabilities: Capabilities(bits),
+    });
+    prop_oneof![
+        6 => command().prop_map(|command| Event::Message(ClientMessage::Command(command))),
+        2 => hello.prop_map(|hello| Event::Message(ClientMessage::Hello(hello))),
+        1 => number().prop_map(|epoch| Event::Message(ClientMessage::Goodbye(Epoch(epoch)))),
+        1 => number().prop_map(|epoch| Event::Message(ClientMessage::Stop(Epoch(epoch)))),
+        1 => Just(Event::Malformed(ContentError::Reserved)),
+        1 => Just(Event::Dropped(FrameError::Checksum)),
+        1 => Just(Event::Broken(FrameError::Magic)),
+        1 => Just(Event::Flood),
+        1 => Just(Event::Closed),
+    ]
+}
+
+/// A session in any valid state.
+pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
+    config::<N>().prop_flat_map(|config| {
+        let discrete = discrete(config.parameters().handshake_ticks);
+        let axes = config.parameters().axes.map(|axis| {
+            let nominal = (-2_000..2_000_i64).prop_map(PositionNm);
+            (
+                axis_channels(axis.limits),
+                axis_channels(axis.limits),
+                nominal,
+            )
+        });
+        (discrete, Vec::from(axes), any::<bool>()).prop_map(move |(discrete, axes, late)| {
+            let resting = matches!(
+                discrete.phase,
+                Phase::Listening | Phase::Handshake | Phase::Submit
+            );
+            let mut axes = axes.into_iter().map(|(channels, shadow, nominal)| Axis {
+                channels: if resting {
+                    AxisChannels::ZERO
+                } else {
+                    channels
+                },
+                shadow: if discrete.phase == Phase::Submit {
+                    shadow
+                } else {
+                    AxisChannels::ZERO
+                },
+                nominal,
+            });
+            let parts = Parts {
+                discrete,
+                axes: std::array::from_fn(|_| axes.next().unwrap()),
+                cause: Cause::None,
+                late,
+                counters: Counters::default(),
+            };
+            Session::from_parts(config, parts).unwrap()
+        })
+    })
+}
+
+pub(crate) fn cycle<const N: usize>() -> impl Strategy<Value = Cycle<N>> {
+    let nominal = prop_oneof![8 => -2_000..2_000_i64, 1 => any::<i64>()].prop_map(PositionNm);
+    let nominal = proptest::array::uniform::<_, N>(nominal);
+    let elapsed = prop_oneof![8 => Just(1), 1 => 0..4_u32, 1 => any::<u32>()];
+    let flags = (prop::bool::weighted(0.1), any::<bool>());
+    (nominal, elapsed, flags, number()).prop_map(|(nominal, elapsed, (stop, rearm), epoch)| Cycle {
+        elapsed,
+        stop,
+        rearm,
+        ..Cycle::on_time(nominal, [Actual::default(); N], Epoch(epoch))
+    })
+}
+
+pub(crate) fn reference() -> impl Strategy<Value = Reference> {
+    (any::<i64>(), offsets()).prop_map(|(position, offsets)| Reference {
+        position: PositionNm(position),
+        velocity_offset: offsets.velocity,
+        torque_offset: offsets.torque,
+    })
+}
+
+/// An axis with its configuration.
+pub(crate) fn axis() -> impl Strategy<Value = (AxisConfig, Axis)> {
+    axis_config().prop_flat_map(|config| {
+        let channels = (axis_channels(config.limits), axis_channels(config.limits));
+        (channels, any::<i64>()).prop_map(move |((channels, shadow), nominal)| {
+            let nominal = PositionNm(nominal);
+            (
+                config,
+                Axis {
+                    channels,
+                    shadow,
+                    nominal,
+                },
+            )
+        })
+    })
+}
+
+fn action() -> impl Strategy<Value = Action> {
+    let all = [
+        Action::Hold,
+        Action::Follow,
+        Action::FollowZero,
+        Action::Ramp,
+    ];
+    select(all.to_vec())
+}
+
+pub(crate) fn order() -> impl Strategy<Value = Order> {
+    let shadow = proptest::option::of(action());
+    (action(), shadow, offsets(), any::<i64>(), any::<bool>()).prop_map(
+        |(action, shadow, target, nominal, nominal_stepped)| Order {
+            action,
+            shadow,
+            target,
+            nominal: PositionNm(nominal),
+            nominal_stepped,
+            actual: Actual::default(),
+        },
+    )
+}

@@ -1,0 +1,241 @@
+//! T3 to T7, T9 to T11 on stable Rust: one step from any state, and sequences from the beginning.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    reason = "a test that overflows or finds nothing must panic"
+)]
+
+mod any;
+
+use gantry_tau_core::axis::{Actual, Offsets};
+use gantry_tau_core::message::{ClientMessage, Command, Hello, Mode, Phase};
+use gantry_tau_core::session::decide::Connection;
+
+use gantry_tau_core::session::sift::{Heard, Noted, Sieve};
+use gantry_tau_core::session::{
+    BlackBox, Cycle, EVENTS, Event, Events, Input, Output, Session, replay,
+};
+use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick};
+use gantry_tau_proofs::axis::Kind;
+use gantry_tau_proofs::session::Moment;
+use gantry_tau_proofs::{axis, blackbox, decide, motors, session, sift};
+use proptest::prelude::*;
+
+/// Every property of a whole step.
+fn check_step<const N: usize>(moment: &Moment<N>) {
+    for kind in Kind::ALL {
+        session::channels_are_bounded(moment, kind);
+        session::channels_ramp(moment, kind);
+    }
+    session::axes_stay_valid(moment);
+    session::references_are_inside_travel(moment);
+    session::discrete_stays_valid(moment);
+    session::authority_needs_zero(moment);
+    session::stop_ends_in_fault(moment);
+    session::counts_decide_nothing(moment, &Noted::default());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4_000))]
+
+    #[test]
+    fn one_decision((rules, state) in any::rules().prop_flat_map(|rules| (Just(rules), any::discrete(rules.handshake_ticks))), arrivals in any::arrivals()) {
+        decide::keeps_the_invariant(&state, &arrivals, &rules);
+        decide::second_miss_ends(&state, &arrivals, &rules);
+        decide::authority_needs_zero(&state, &arrivals, &rules);
+        decide::stop_leads_to_fault(&state, &arrivals, &rules);
+        decide::no_session_ramps(&state, &arrivals, &rules);
+    }
+
+    #[test]
+    fn one_event(session in any::session::<3>(), connection in any::connection(), event in any::event(), next_epoch: u64, before in proptest::collection::vec((any::connection(), any::event()), 0..4)) {
+        let sieve = Sieve {
+            discrete: &session.parts().discrete,
+            parameters: session.config().parameters(),
+            axes: &session.parts().axes,
+            next_epoch: Epoch(next_epoch),
+        };
+        let mut heard = Heard::nothing();
+        let mut noted = Noted::default();
+        for (connection, event) in &before {
+            sieve.hear(*connection, event, &mut heard, &mut noted);
+        }
+        sift::only_the_owner_decides(&sieve, connection, &event, &heard, &mut noted.clone());
+        let notes = (&mut noted, &mut Noted::default());
+        sift::counts_decide_nothing(&sieve, connection, &event, &heard, notes);
+        if let Event::Message(ClientMessage::Command(command)) = event {
+            sift::fresh_is_as_defined(&sieve, &command);
+        }
+    }
+
+    #[test]
+    fn one_step(session in any::session::<3>(), cycle in any::cycle(), events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS)) {
+        let events = Events::from_slice(&events).unwrap();
+        check_step(&Moment::after_hearing(&session, &Input { cycle, events }));
+    }
+
+    #[test]
+    fn one_reference(config in any::axis_config(), nominal: i64, from in -(1_i64 << 61)..=1 << 61, to in -(1_i64 << 61)..=1 << 61, before in any::offsets(), after in any::offsets()) {
+        for nominal in [nominal, nominal % 1_000_000] {
+            axis::reference_is_inside_travel(&config, PositionNm(nominal), &before);
+        }
+        axis::reference_moves_no_further(&config, (PositionNm(from), PositionNm(to)), (&before, &after));
+        axis::reference_moves_no_further(&config, (PositionNm(from % 10_000), PositionNm(to % 10_000)), (&before, &after));
+    }
+
+    #[test]
+    fn one_order((config, axis) in any::axis(), order in any::order()) {
+        for kind in Kind::ALL {
+            axis::order_is_bounded(&axis, &order, &config, kind);
+            axis::shadow_is_bounded(&axis, &order, &config, kind);
+        }
+    }
+
+    #[test]
+    fn any_map_of_motors(map in proptest::array::uniform9(0..7_usize), axes in proptest::array::uniform6(any::reference())) {
+        motors::paired_motors_are_equal::<6, 9>(map, &axes);
+    }
+}
+
+/// What happens in a tick of a sequence, in words that make sense in most states.
+#[derive(Clone, Debug)]
+enum Move {
+    /// Nothing arrives.
+    Silence,
+    /// The owner answers the last State.
+    Answer(Mode, Offsets),
+    /// Somebody asks for a session.
+    Hello(u64),
+    /// Anything, by anybody.
+    Noise(Connection, Event<2>),
+    /// The owner says goodbye, or stops.
+    Goodbye,
+    Stop,
+    /// The stop at the machine; the re-arm.
+    LocalStop,
+    Rearm,
+    /// The server is late by so many cycles.
+    Overrun(u32),
+}
+
+fn moves() -> impl Strategy<Value = Vec<Move>> {
+    let one = prop_oneof![
+        3 => Just(Move::Silence),
+        12 => (any::mode(), any::offsets()).prop_map(|(mode, offsets)| Move::Answer(mode, offsets)),
+        3 => (0..3_u64).prop_map(Move::Hello),
+        3 => (any::connection(), any::event()).prop_map(|(from, event)| Move::Noise(from, event)),
+        1 => Just(Move::Goodbye),
+        1 => Just(Move::Stop),
+        1 => Just(Move::LocalStop),
+        2 => Just(Move::Rearm),
+        1 => (0..3_u32).prop_map(Move::Overrun),
+    ];
+    // Runs of the same: an offset has to grow, and a ramp to end.
+    let run = (one, 1..12_usize).prop_map(|(one, times)| vec![one; times]);
+    proptest::collection::vec(run, 1..25).prop_map(|runs| runs.concat())
+}
+
+/// The input of a move in this state.
+fn input_of(session: &Session<2>, moves: &Move, nominal: i64) -> Input<2> {
+    let discrete = &session.parts().discrete;
+    let nominal = [PositionNm(nominal), PositionNm(-nominal)];
+    let next_epoch = Epoch(discrete.epoch.0 + 1);
+    let mut cycle = Cycle::on_time(nominal, [Actual::default(); 2], next_epoch);
+    let owner = discrete.owner.unwrap_or(Connection(0));
+    let mut events = Events::new();
+    let mut post = |from, event| events.push((from, event)).unwrap();
+    match moves {
+        Move::Silence => {}
+        Move::Answer(mode, offsets) => {
+            let command = Command {
+                epoch: discrete.epoch,
+                sequence: Sequence(discrete.accepted.0 + 1),
+                echo: discrete.tick,
+                mode: if discrete.phase == Phase::Handshake {
+                    Mode::Submit
+                } else {
+                    *mode
+                },
+                targets: [*offsets; 2],
+            };
+            post(owner, Event::Message(ClientMessage::Command(command)));
+        }
+        Move::Hello(from) => {
+            let capabilities = Default::default();
+            let hello = ClientMessage::Hello(Hello {
+                axes: 2,
+                capabilities,
+            });
+            post(Connection(*from), Event::Message(hello));
+        }
+        Move::Noise(from, event) => post(*from, *event),
+        Move::Goodbye => post(
+            owner,
+            Event::Message(ClientMessage::Goodbye(discrete.epoch)),
+        ),
+        Move::Stop => post(owner, Event::Message(ClientMessage::Stop(discrete.epoch))),
+        Move::LocalStop => cycle.stop = true,
+        Move::Rearm => cycle.rearm = discrete.tick.0 % 2 == 0,
+        Move::Overrun(cycles) => cycle.elapsed = *cycles,
+    }
+    Input { cycle, events }
+}
+
+/// The input without what must not matter: strangers' events outside Listening, and the owner's commands that are not fresh.
+fn essential(session: &Session<2>, input: &Input<2>) -> Input<2> {
+    let sieve = Sieve {
+        discrete: &session.parts().discrete,
+        parameters: session.config().parameters(),
+        axes: &session.parts().axes,
+        next_epoch: input.cycle.next_epoch,
+    };
+    let mut without = input.clone();
+    without.events.retain(|(from, event)| {
+        if session.owner() != Some(*from) {
+            return session.phase() == Phase::Listening;
+        }
+        match event {
+            Event::Message(ClientMessage::Command(command)) => sift::is_fresh(&sieve, command),
+            _ => true,
+        }
+    });
+    without
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    /// From the beginning, every step of a sequence has every property; what does not matter, does not; and the black box
+    /// holds the end of it and replays it.
+    #[test]
+    fn a_sequence(config in any::config::<2>(), moves in moves(), drift in -3_i64..3) {
+        let nominal = [PositionNm(0); 2];
+        let start = Session::new(config, &[Offsets::default(); 2], nominal, Tick(0), Epoch(0));
+        let mut session = start.unwrap();
+        let mut black_box = BlackBox::<2, 6>::new();
+        let (mut at, mut recorded, mut latest) = (0, 0, Tick(0));
+        for one in &moves {
+            at += drift;
+            let input = input_of(&session, one, at);
+            check_step(&Moment::after_hearing(&session, &input));
+            session::same_outcome(&session, &input, &essential(&session, &input));
+            let frozen = black_box.is_frozen();
+            let output: Output<2> = blackbox::record(&mut black_box, &mut session, &input);
+            if !frozen {
+                (recorded, latest) = (recorded + 1, output.state.tick);
+            }
+            if input.cycle.cycles() > 1 || (frozen && output.welcome.is_some()) {
+                // Skipped cycles leave a gap in the ticks' numbers.
+                black_box.release();
+                recorded = 0;
+            }
+            blackbox::holds_the_end(&black_box, latest, recorded);
+        }
+        if let Some(before) = black_box.before() {
+            let replayed = replay(before, black_box.entries());
+            prop_assert!(replayed.differing.is_none(), "T11: every output again");
+            prop_assert_eq!(replayed.agreeing, black_box.entries().count());
+        }
+    }
+}
