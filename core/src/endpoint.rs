@@ -69,7 +69,10 @@ impl<const N: usize, const MOTORS: usize> MotorMap<N, MOTORS> {
     /// The first motor whose axis does not exist.
     pub fn new(axis_of_motor: [usize; MOTORS]) -> Result<Self, MotorMapError> {
         for (motor, axis) in axis_of_motor.into_iter().enumerate() {
-            if axis >= N {
+            let exists = axis < N;
+            #[cfg(mutant = "motor_map_off_by_one")]
+            let exists = axis <= N;
+            if !exists {
                 return Err(MotorMapError {
                     motor,
                     axis,

@@ -183,6 +183,8 @@ pub fn decide(state: &Discrete, arrivals: &Arrivals, rules: &Rules) -> Decision 
 fn decide_fault(now: Discrete, arrivals: &Arrivals) -> Decision {
     let asserted = arrivals.stop || arrivals.nominal_fault;
     let rearmed = arrivals.rearm && now.rearm_released;
+    #[cfg(mutant = "stuck_rearm_counts")]
+    let rearmed = arrivals.rearm;
     if now.phase == Phase::Fault && rearmed && arrivals.all_zero && !asserted {
         return listen(now);
     }
@@ -263,6 +265,8 @@ fn decide_running(now: Discrete, arrivals: &Arrivals, rules: &Rules) -> Decision
     let now = Discrete { history, ..now };
     // Each skipped cycle was a deadline that nobody could meet.
     let before = u32::from(now.misses).saturating_add(arrivals.skipped);
+    #[cfg(mutant = "second_miss_tolerated")]
+    let before = before.saturating_sub(1);
     if before >= 2 {
         return disconnect(now, End::Because(Cause::ServerLate));
     }
@@ -319,7 +323,10 @@ fn obey(now: Discrete, mode: Mode, all_zero: bool) -> Decision {
 }
 
 fn decide_ramping(now: Discrete, arrivals: &Arrivals) -> Decision {
-    if arrivals.all_zero {
+    let done = arrivals.all_zero;
+    #[cfg(mutant = "listens_before_zero")]
+    let done = done || arrivals.hello.is_some();
+    if done {
         listen(now)
     } else {
         Decision {

@@ -135,7 +135,10 @@ impl<const N: usize> Session<N> {
         let nominal = parts.axes.map(|axis| axis.nominal);
         parts.axes = axes_at_rest(&self.config, in_force, nominal)?;
         let discrete = &mut parts.discrete;
-        if discrete.phase != Phase::Fault {
+        let goes_on = discrete.phase == Phase::Fault;
+        #[cfg(mutant = "resume_in_listening")]
+        let goes_on = goes_on || discrete.phase == Phase::Listening;
+        if !goes_on {
             *discrete = Discrete {
                 phase: Phase::SafeDisconnect,
                 misses: 0,
@@ -401,7 +404,10 @@ fn axes_at_rest<const N: usize>(
 
 /// Whether every offset in force is zero.
 fn all_zero<const N: usize>(axes: &[Axis; N]) -> bool {
-    each(axes).all(|axis| axis.channels.is_zero())
+    let mut axes = each(axes);
+    #[cfg(mutant = "first_axis_forgotten")]
+    let mut axes = axes.skip(1);
+    axes.all(|axis| axis.channels.is_zero())
 }
 
 /// Ticks until every channel would be zero.

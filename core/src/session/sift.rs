@@ -187,6 +187,8 @@ impl<const N: usize> Sieve<'_, N> {
     #[must_use]
     pub fn judge(&self, command: &Command<N>) -> Verdict {
         let epoch = self.discrete.epoch;
+        #[cfg(mutant = "epoch_not_compared")]
+        let epoch = command.epoch;
         if !self.discrete.is_live() || command.epoch != epoch {
             return Verdict::Stale;
         }
