@@ -212,7 +212,12 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
 
     /// Says that a connection is gone: closed by its peer, reset, or by the host because a write failed.
     pub fn close(&mut self, connection: Connection) {
+        let open = self.slots.len();
         self.slots.retain(|slot| slot.connection != connection);
+        // Once is enough: told again and again, it would fill the inbox.
+        if self.slots.len() == open {
+            return;
+        }
         if self.session.owner() == Some(connection) {
             self.post(connection, Event::Closed);
         } else {

@@ -273,6 +273,20 @@ fn nobody_is_granted_a_session_without_a_connection() {
 
 /// Found by review: the owner's second Hello closed its connection and kept its session.
 #[test]
+fn closing_again_and_again_crowds_nobody_out() {
+    let (mut bench, owner) = Bench::obtaining(Transport::Stream);
+    for _ in 0..20 {
+        bench.endpoint.close(owner);
+    }
+    let stranger = bench.endpoint.open(Transport::Stream).unwrap();
+    bench.endpoint.feed(stranger, &hello());
+    let turn = bench.tick();
+    assert_eq!(turn.output.ended, Some(Cause::Closed));
+    let told = bench.sent.iter().any(|(to, _)| *to == stranger);
+    assert!(told, "the stranger is told why it cannot have the session");
+}
+
+#[test]
 fn a_hello_of_the_owner_costs_that_frame() {
     let (mut bench, owner) = Bench::obtaining(Transport::Stream);
     bench.endpoint.feed(owner, &hello());
