@@ -191,6 +191,7 @@ impl ForceSensor {
     /// Takes one raw sample (sensor axes, N and N m), once per cycle.
     ///
     /// The filter starts from zero, which is what the tare has just defined: no step when the first load is computed.
+    /// What the sample led to is checked before it is kept, so that the invariant rests on no arithmetic.
     ///
     /// # Errors
     /// [`SensorError::BadReading`]; the state is what it was.
@@ -198,33 +199,63 @@ impl ForceSensor {
         if !within(raw, MAX_READING) {
             return Err(SensorError::BadReading);
         }
-        let state = &mut self.state;
-        if let Some(remaining) = state.tare_remaining.checked_sub(1) {
-            state.tare_remaining = remaining;
-            state.tare.force_n += raw.force_n;
-            state.tare.moment_nm += raw.moment_nm;
-            if remaining == 0 {
-                let share = 1.0 / f64::from(self.config.tare_samples);
-                state.tare.force_n *= share;
-                state.tare.moment_nm *= share;
-            }
-            return Ok(Reading::Taring { remaining });
+        let taring = self.state.tare_remaining.checked_sub(1);
+        let state = match taring {
+            Some(remaining) => self.tared(raw, remaining),
+            None => self.filtered(raw),
+        };
+        let next = Self { state, ..*self };
+        #[cfg(not(mutant = "sensor_unchecked"))]
+        if !next.is_valid() {
+            return Err(SensorError::BadReading);
         }
-        let force_n = self.config.rotation * (raw.force_n - state.tare.force_n);
-        let moment_nm = self.config.rotation * (raw.moment_nm - state.tare.moment_nm)
+        *self = next;
+        Ok(match taring {
+            Some(remaining) => Reading::Taring { remaining },
+            None => Reading::Load(state.filtered),
+        })
+    }
+
+    /// The state with one more sample in the tare, and `remaining` to go.
+    fn tared(&self, raw: &Wrench, remaining: u32) -> SensorState {
+        let mut tare = self.state.tare;
+        tare.force_n += raw.force_n;
+        tare.moment_nm += raw.moment_nm;
+        if remaining == 0 {
+            let share = 1.0 / f64::from(self.config.tare_samples);
+            tare.force_n *= share;
+            tare.moment_nm *= share;
+        }
+        SensorState {
+            tare_remaining: remaining,
+            tare,
+            ..self.state
+        }
+    }
+
+    /// The state with one more sample in the filter.
+    fn filtered(&self, raw: &Wrench) -> SensorState {
+        let SensorState {
+            tare, mut filtered, ..
+        } = self.state;
+        let force_n = self.config.rotation * (raw.force_n - tare.force_n);
+        let moment_nm = self.config.rotation * (raw.moment_nm - tare.moment_nm)
             + self.config.lever_m.cross(&force_n);
-        let filtered = &mut state.filtered;
         filtered.force_n += (force_n - filtered.force_n) * self.coefficient;
         filtered.moment_nm += (moment_nm - filtered.moment_nm) * self.coefficient;
-        Ok(Reading::Load(*filtered))
+        SensorState {
+            filtered,
+            ..self.state
+        }
     }
 }
 
 /// Every component at most `limit` in magnitude; false for NaN.
 fn within(wrench: &Wrench, limit: f64) -> bool {
-    (wrench.force_n.iter())
-        .chain(wrench.moment_nm.iter())
-        .all(|value| value.abs() <= limit)
+    // Spelt out: an iterator is a loop to a prover.
+    let [fx, fy, fz, mx, my, mz] = wrench.to_array();
+    let within = |value: f64| value.abs() <= limit;
+    within(fx) && within(fy) && within(fz) && within(mx) && within(my) && within(mz)
 }
 
 /// `lower <= value <= upper`; NaN is refused.

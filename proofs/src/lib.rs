@@ -15,6 +15,8 @@
 extern crate kani;
 
 pub mod channel;
+pub mod compensation;
+pub mod crossing;
 #[cfg(kani)]
 mod harness;
 pub mod wire;

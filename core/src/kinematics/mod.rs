@@ -21,6 +21,9 @@ use crate::robot::{ARMS, Geometry, Robot};
 /// Beyond it a micrometre at one end would be a centimetre at the other.
 pub const SINGULAR_MEASURE: f64 = 1e-4;
 
+/// Largest error of a link's length in an answer, over the length of the shortest link: a nanometre per metre.
+pub const RESIDUAL_TOLERANCE: f64 = 1e-9;
+
 /// Where the tool is and how it is turned: `x_world = T + R x_platform`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {

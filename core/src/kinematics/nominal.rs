@@ -3,7 +3,7 @@
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
-use super::{KinematicsError, LinkFrame, SINGULAR_MEASURE};
+use super::{KinematicsError, LinkFrame, RESIDUAL_TOLERANCE, SINGULAR_MEASURE};
 use crate::linalg::{norm, rotation_deviation, sqrt};
 use crate::robot::{ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Robot};
 
@@ -11,6 +11,9 @@ use crate::robot::{ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Robot};
 const ROTATION_TOLERANCE: f64 = 1e-9;
 /// Largest mismatch within a cluster, over the link length: a nanometre per metre.
 const TAU_TOLERANCE: f64 = 1e-9;
+/// Farthest a cart may stand from `q = 0`, in lengths of its link. Farther out, rounding alone (`foot^2` ulps, see [`Arm::reach`])
+/// would cost more than [`RESIDUAL_TOLERANCE`].
+const MAX_REACH: f64 = 1e3;
 /// Farthest the tool centre point is looked at, in metres; cart, link and platform together do not reach it.
 pub(super) const MAX_POSITION_M: f64 = 10.0 * MAX_LENGTH_M;
 
@@ -55,19 +58,19 @@ pub(super) struct Arm {
     pub(super) origin_m: Vector3<f64>,
     /// `v`: metres per q-unit.
     pub(super) guideway: Vector3<f64>,
-    /// `v / |v|`.
+    /// `c v / |v|`: the way along the guideway that the link points.
     direction: Vector3<f64>,
-    /// `c`: which way along the guideway the link points.
-    branch: f64,
     /// `c |v|`.
     signed_scale: f64,
-    /// `1 / |v|`: takes metres along the guideway to q-units.
+    /// `c / |v|`: takes metres along `direction` to q-units.
     per_metre: f64,
     /// `L^2`.
     pub(super) length_squared: f64,
     /// Smallest length of the link along its guideway that is not singular, and its square.
     pub(super) along_min: f64,
     pub(super) along_squared_min: f64,
+    /// Largest travel to either side there is, q-units.
+    widest: f64,
     /// Travel, q-units.
     pub(super) lower: f64,
     pub(super) upper: f64,
@@ -85,6 +88,8 @@ pub struct Nominal {
     /// Smallest `|det(w_1, w_2, w_3)|` that is not singular, and its square.
     pub(super) determinant_min: f64,
     pub(super) determinant_squared_min: f64,
+    /// Largest sum of the errors of the links' squared lengths, metres squared.
+    squares_max: f64,
     rotation: Matrix3<f64>,
     levers_m: [Vector3<f64>; LINKS],
 }
@@ -92,7 +97,7 @@ pub struct Nominal {
 impl Nominal {
     /// Checks the Tau property of the machine in orientation `R` (world axes from platform axes) and precomputes the rest.
     ///
-    /// Travel that is absent, or wider than [`MAX_LENGTH_M`] to either side, is taken as that.
+    /// Travel that is absent, or wider than [`MAX_LENGTH_M`] or a thousand link lengths to either side, is taken as that.
     ///
     /// # Errors
     /// [`NominalError`]: the nominal model holds only for a rotation that keeps `A0_ij - R b_ij` equal within each cluster.
@@ -122,12 +127,13 @@ impl Nominal {
             side: -geometry.configuration.forward.sign(),
             determinant_min,
             determinant_squared_min: determinant_min * determinant_min,
+            squares_max: 2.0 * RESIDUAL_TOLERANCE * (l1 * l1).min(l2 * l2).min(l3 * l3),
             rotation: *rotation,
             levers_m,
         })
     }
 
-    /// The same model with travel unchecked (up to [`MAX_LENGTH_M`]): for corrections, which may leave the nominal
+    /// The same model with travel unchecked (up to what [`new`](Self::new) takes it as): for corrections, which may leave the nominal
     /// travel and are bounded elsewhere.
     #[must_use]
     pub fn without_travel(&self) -> Self {
@@ -261,6 +267,16 @@ impl Nominal {
             && a1.along(w1) > a1.along_min
             && a2.along(w2) > a2.along_min
             && a3.along(w3) > a3.along_min
+            && self.spans(links_m)
+    }
+
+    /// Whether the links have their lengths, so that no rounding near a singularity passes for an answer; false for NaN.
+    #[inline]
+    pub(super) fn spans(&self, links_m: &[Vector3<f64>; ARMS]) -> bool {
+        let [a1, a2, a3] = &self.arms;
+        let [w1, w2, w3] = links_m;
+        let error = |link: &Vector3<f64>, arm: &Arm| (link.dot(link) - arm.length_squared).abs();
+        error(w1, a1) + error(w2, a2) + error(w3, a3) <= self.squares_max
     }
 
     /// Where the three nominal links meet, on the side of the carts' plane that `c_f` names.
@@ -333,29 +349,28 @@ impl Arm {
         travel: Option<(f64, f64)>,
     ) -> Self {
         let scale = norm(&guideway);
-        let widest = MAX_LENGTH_M / scale;
+        let widest = MAX_LENGTH_M.min(MAX_REACH * length) / scale;
         let (lower, upper) = travel.unwrap_or((-widest, widest));
         let length_squared = length * length;
         Self {
             origin_m,
             guideway,
-            direction: guideway / scale,
-            branch: branch.sign(),
+            direction: guideway / scale * branch.sign(),
             signed_scale: branch.sign() * scale,
-            per_metre: 1.0 / scale,
+            per_metre: branch.sign() / scale,
             length_squared,
             along_min: SINGULAR_MEASURE * length,
             along_squared_min: SINGULAR_MEASURE * SINGULAR_MEASURE * length_squared,
+            widest,
             lower: lower.max(-widest),
             upper: upper.min(widest),
         }
     }
 
     fn without_travel(self) -> Self {
-        let widest = MAX_LENGTH_M * self.per_metre;
         Self {
-            lower: -widest,
-            upper: widest,
+            lower: -self.widest,
+            upper: self.widest,
             ..self
         }
     }
@@ -374,7 +389,7 @@ impl Arm {
         let foot = from_origin.dot(&self.direction);
         let along_squared = foot * foot + self.length_squared - from_origin.dot(&from_origin);
         Reach {
-            q: (foot + sqrt(along_squared) * self.branch) * self.per_metre,
+            q: (foot + sqrt(along_squared)) * self.per_metre,
             along_squared,
         }
     }
@@ -382,7 +397,7 @@ impl Arm {
     /// `c_i (w_i . v_i) / |v_i|`: how far the link points to its side, metres.
     #[inline]
     pub(super) fn along(&self, link_m: &Vector3<f64>) -> f64 {
-        self.branch * self.direction.dot(link_m)
+        self.direction.dot(link_m)
     }
 
     /// Whether the point is reached, regularly and inside the travel; false for NaN.

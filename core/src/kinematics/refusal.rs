@@ -67,7 +67,12 @@ impl Nominal {
                 measure: if carts_in_line { 0.0 } else { measure * scale },
             };
         }
-        for (arm, (model, link)) in self.arms.iter().zip(meeting.links()).enumerate() {
+        let links_m = meeting.links();
+        if !self.spans(&links_m) {
+            // So near to a singularity that what was computed is rounding.
+            return KinematicsError::Singular { measure: 0.0 };
+        }
+        for (arm, (model, link)) in self.arms.iter().zip(links_m).enumerate() {
             let along = model.along(&link);
             if along < -model.along_min {
                 return KinematicsError::OtherBranch { arm: Some(arm) };
