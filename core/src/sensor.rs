@@ -17,6 +17,11 @@ pub const MAX_TARE_SAMPLES: u32 = 1_000_000;
 /// Longest lever, m.
 pub const MAX_LEVER_M: f64 = 10.0;
 
+/// A mean of readings and its rounding.
+const WIDEST_TARE: f64 = MAX_READING * (1.0 + 1e-9);
+/// A reading less its tare is at most 2 [`MAX_READING`] per component, 2 sqrt(3) turned; the lever adds its moment.
+const WIDEST_LOAD: f64 = 4.0 * MAX_READING * (1.0 + 2.0 * MAX_LEVER_M);
+
 /// How the sensor is mounted and filtered; not yet checked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorConfig {
@@ -87,7 +92,7 @@ pub enum Reading {
 pub struct SensorState {
     /// Samples the tare still needs; 0 once it is done.
     pub tare_remaining: u32,
-    /// While taring: sum of its samples. Then: their mean. Sensor axes.
+    /// Mean of the samples the tare has taken, zero before the first. Sensor axes.
     pub tare: Wrench,
     /// Output of the low-pass, world axes, about the tool centre point.
     pub filtered: Wrench,
@@ -161,7 +166,7 @@ impl ForceSensor {
         &self.state
     }
 
-    /// The invariant: no more samples to go than configured; a sum of at most as many readings as were taken, or a mean;
+    /// The invariant: no more samples to go than configured; a mean no further out than readings are, zero before the first;
     /// a filter no further out than readings can drive it.
     #[must_use]
     pub fn is_valid(&self) -> bool {
@@ -169,14 +174,8 @@ impl ForceSensor {
         let Some(taken) = (self.config.tare_samples).checked_sub(state.tare_remaining) else {
             return false;
         };
-        let summed = if state.tare_remaining > 0 {
-            f64::from(taken)
-        } else {
-            1.0
-        };
-        // A reading less its tare is at most 2 MAX_READING per component, 2 sqrt(3) turned; the lever adds its moment.
-        let widest = 4.0 * MAX_READING * (1.0 + 2.0 * MAX_LEVER_M);
-        within(&state.tare, summed * MAX_READING * (1.0 + 1e-9)) && within(&state.filtered, widest)
+        let mean = if taken > 0 { WIDEST_TARE } else { 0.0 };
+        within(&state.tare, mean) && within(&state.filtered, WIDEST_LOAD)
     }
 
     /// Starts over: tare first, filter at zero.
@@ -218,14 +217,11 @@ impl ForceSensor {
 
     /// The state with one more sample in the tare, and `remaining` to go.
     fn tared(&self, raw: &Wrench, remaining: u32) -> SensorState {
+        let taken = self.config.tare_samples.saturating_sub(remaining);
+        let share = 1.0 / f64::from(taken);
         let mut tare = self.state.tare;
-        tare.force_n += raw.force_n;
-        tare.moment_nm += raw.moment_nm;
-        if remaining == 0 {
-            let share = 1.0 / f64::from(self.config.tare_samples);
-            tare.force_n *= share;
-            tare.moment_nm *= share;
-        }
+        tare.force_n += (raw.force_n - tare.force_n) * share;
+        tare.moment_nm += (raw.moment_nm - tare.moment_nm) * share;
         SensorState {
             tare_remaining: remaining,
             tare,

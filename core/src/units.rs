@@ -111,7 +111,7 @@ impl PositionNm {
     #[inline]
     pub fn from_nanometres(count: f64) -> Result<Self, CrossingError> {
         // NaN is not within.
-        let within = count > -CROSSING_LIMIT_NM_F64 && count < CROSSING_LIMIT_NM_F64;
+        let within = count.abs() < CROSSING_LIMIT_NM_F64;
         #[cfg(mutant = "crossing_guard_dropped")]
         let within = within || count > 0.0;
         if !within {
@@ -136,7 +136,8 @@ impl PositionNm {
         } else {
             0
         };
-        Ok(Self(truncated.saturating_add(carry)))
+        // Below 2^53 there is nothing to wrap.
+        Ok(Self(truncated.wrapping_add(carry)))
     }
 
     /// Integer to float. Exact to half an ulp; total.
@@ -187,7 +188,7 @@ impl OffsetNm {
             Err(error) => return Err(error),
         };
         let limit_nm = i64::from(limit.0.max(0));
-        let cut_nm = wanted.clamp(limit_nm.saturating_neg(), limit_nm);
+        let cut_nm = wanted.max(limit_nm.wrapping_neg()).min(limit_nm);
         #[cfg(mutant = "saturation_dropped")]
         let cut_nm = wanted;
         i32::try_from(cut_nm)

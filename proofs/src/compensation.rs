@@ -27,11 +27,7 @@ pub fn offset_is_within(metres: f64, limit: OffsetNm) {
 ///
 /// # Panics
 /// When an offset is beyond its limit.
-pub fn correction_is_bounded(
-    config: &CompensatorConfig,
-    q: &[f64; ARMS],
-    command: &[f64; ARMS],
-) {
+pub fn correction_is_bounded(config: &CompensatorConfig, q: &[f64; ARMS], command: &[f64; ARMS]) {
     if let Ok(correction) = config.bounded(q, command) {
         offsets_are_within(&correction, config);
     }
@@ -91,9 +87,10 @@ pub fn sensor_stays_valid(before: &ForceSensor, raw: &Wrench) {
 /// # Panics
 /// When it is.
 pub fn sensor_takes_good_readings(before: &ForceSensor, raw: &Wrench) {
-    let good = raw.to_array().iter().all(|value| {
-        value.abs() <= gantry_tau_core::sensor::MAX_READING
-    });
+    let good = raw
+        .to_array()
+        .iter()
+        .all(|value| value.abs() <= gantry_tau_core::sensor::MAX_READING);
     let mut after = *before;
     assert!(
         good == (after.update(raw) != Err(SensorError::BadReading)),

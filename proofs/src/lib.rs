@@ -19,4 +19,6 @@ pub mod compensation;
 pub mod crossing;
 #[cfg(kani)]
 mod harness;
+pub mod kinematics;
+pub mod machine;
 pub mod wire;

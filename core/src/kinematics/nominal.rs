@@ -85,11 +85,15 @@ pub struct Nominal {
     pub(super) arms: [Arm; ARMS],
     /// Sign of `-n . (T - P_1) = det(w_1, w_2, w_3)` in this configuration.
     pub(super) side: f64,
+    /// Sign of `n . (T - P_1)`: `c_f`.
+    height_sign: f64,
+    /// `L_1^2 - L_2^2` and `L_1^2 - L_3^2`, metres squared.
+    squares_less: (f64, f64),
     /// Smallest `|det(w_1, w_2, w_3)|` that is not singular, and its square.
     pub(super) determinant_min: f64,
     pub(super) determinant_squared_min: f64,
-    /// Largest sum of the errors of the links' squared lengths, metres squared.
-    squares_max: f64,
+    /// Largest [`Meeting::mismatch`] that keeps [`RESIDUAL_TOLERANCE`].
+    pub(super) mismatch_max: f64,
     rotation: Matrix3<f64>,
     levers_m: [Vector3<f64>; LINKS],
 }
@@ -125,9 +129,11 @@ impl Nominal {
                 Arm::new(o3, v3, l3, c3, t3),
             ],
             side: -geometry.configuration.forward.sign(),
+            height_sign: geometry.configuration.forward.sign(),
+            squares_less: (l1 * l1 - l2 * l2, l1 * l1 - l3 * l3),
             determinant_min,
             determinant_squared_min: determinant_min * determinant_min,
-            squares_max: 2.0 * RESIDUAL_TOLERANCE * (l1 * l1).min(l2 * l2).min(l3 * l3),
+            mismatch_max: RESIDUAL_TOLERANCE * (l1 * l1).min(l2 * l2).min(l3 * l3),
             rotation: *rotation,
             levers_m,
         })
@@ -267,16 +273,7 @@ impl Nominal {
             && a1.along(w1) > a1.along_min
             && a2.along(w2) > a2.along_min
             && a3.along(w3) > a3.along_min
-            && self.spans(links_m)
-    }
-
-    /// Whether the links have their lengths, so that no rounding near a singularity passes for an answer; false for NaN.
-    #[inline]
-    pub(super) fn spans(&self, links_m: &[Vector3<f64>; ARMS]) -> bool {
-        let [a1, a2, a3] = &self.arms;
-        let [w1, w2, w3] = links_m;
-        let error = |link: &Vector3<f64>, arm: &Arm| (link.dot(link) - arm.length_squared).abs();
-        error(w1, a1) + error(w2, a2) + error(w3, a3) <= self.squares_max
+            && meeting.mismatch <= self.mismatch_max
     }
 
     /// Where the three nominal links meet, on the side of the carts' plane that `c_f` names.
@@ -291,15 +288,17 @@ impl Nominal {
         let e2 = a3.cart(q3) - from_1;
         let normal = e1.cross(&e2);
         let (e11, e12, e22) = (e1.dot(&e1), e1.dot(&e2), e2.dot(&e2));
-        let k1 = 0.5 * (e11 + (a1.length_squared - a2.length_squared));
-        let k2 = 0.5 * (e22 + (a1.length_squared - a3.length_squared));
+        let (d2, d3) = self.squares_less;
+        let (k1, k2) = (0.5 * (e11 + d2), 0.5 * (e22 + d3));
         let normal_squared = normal.dot(&normal);
         let per_normal = 1.0 / normal_squared;
         let a = (k1 * e22 - k2 * e12) * per_normal;
         let b = (k2 * e11 - k1 * e12) * per_normal;
-        let height_squared = a1.length_squared - (a * k1 + b * k2);
-        // `side` is the sign of the determinant, which is opposite to that of `n . (T - P_1)`.
-        let height = -self.side * sqrt(height_squared * per_normal);
+        // What the two equations gave, put back into them. With `|x|^2` taken from it, link 1 keeps its length whatever `a` and `b`
+        // are, and the squared lengths of the others are wrong by twice the mismatch.
+        let (g1, g2) = (a * e11 + b * e12, a * e12 + b * e22);
+        let height_squared = a1.length_squared - (a * g1 + b * g2);
+        let height = self.height_sign * sqrt(height_squared * per_normal);
         Meeting {
             from_1,
             e1,
@@ -308,6 +307,7 @@ impl Nominal {
             normal,
             normal_squared,
             determinant_squared: height_squared * normal_squared,
+            mismatch: (g1 - k1).abs() + (g2 - k2).abs(),
         }
     }
 }
@@ -330,6 +330,8 @@ pub(super) struct Meeting {
     pub(super) normal_squared: f64,
     /// Square of `det(w_1, w_2, w_3)`; negative when the links do not meet.
     pub(super) determinant_squared: f64,
+    /// By how much `x . e_1 = k_1` and `x . e_2 = k_2` are missed, metres squared: near a singularity rounding decides.
+    pub(super) mismatch: f64,
 }
 
 impl Meeting {

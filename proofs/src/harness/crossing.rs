@@ -37,7 +37,10 @@ fn crossing_rounds_exactly() {
 fn crossing_keeps_order() {
     let (lower, upper) = (kani::any(), kani::any());
     rounding_keeps_order(lower, upper);
-    kani::cover!(lower < upper && lower > 0.6 && upper < 1.4, "two neighbours pass");
+    kani::cover!(
+        lower < upper && lower > 0.6 && upper < 1.4,
+        "two neighbours pass"
+    );
 }
 
 #[kani::proof]

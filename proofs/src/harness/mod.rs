@@ -3,3 +3,4 @@
 mod channel;
 mod compensation;
 mod crossing;
+mod kinematics;
