@@ -8,23 +8,23 @@ use gantry_tau_core::statics::{LineMatrix, Wrench};
 /// A point in world axes, or positions of the axes.
 type Three = [f64; ARMS];
 
-/// T13: positions that were handed out are finite and inside the travel.
+/// T13: positions that were handed out are inside the travel, and therefore no NaN; finite, as [`travel_is_finite`].
 ///
 /// # Panics
 /// When they are not.
-pub fn inverse_is_inside(nominal: &Nominal, travel: &[(f64, f64); ARMS], tcp_m: Three) {
+pub fn inverse_is_inside(nominal: &Nominal, tcp_m: Three) {
     if let Ok(q) = nominal.inverse(&tcp_m.into()) {
-        is_inside(&q, travel);
+        is_inside(&q, nominal);
     }
 }
 
 /// T13, for poses of unknown origin.
 ///
 /// # Panics
-/// When the positions are not finite, or outside the travel.
-pub fn inverse_in_assembly_is_inside(nominal: &Nominal, travel: &[(f64, f64); ARMS], tcp_m: Three) {
+/// When the positions are not inside the travel.
+pub fn inverse_in_assembly_is_inside(nominal: &Nominal, tcp_m: Three) {
     if let Ok(q) = nominal.inverse_in_assembly(&tcp_m.into()) {
-        is_inside(&q, travel);
+        is_inside(&q, nominal);
     }
 }
 
@@ -32,23 +32,28 @@ pub fn inverse_in_assembly_is_inside(nominal: &Nominal, travel: &[(f64, f64); AR
 ///
 /// # Panics
 /// When it is handed out for others.
-pub fn forward_is_inside(nominal: &Nominal, travel: &[(f64, f64); ARMS], q: Three) {
+pub fn forward_is_inside(nominal: &Nominal, q: Three) {
     if nominal.forward(&q).is_ok() {
-        is_inside(&q, travel);
+        is_inside(&q, nominal);
     }
 }
 
-fn is_inside(q: &Three, travel: &[(f64, f64); ARMS]) {
+fn is_inside(q: &Three, nominal: &Nominal) {
     let [q1, q2, q3] = *q;
-    let [t1, t2, t3] = *travel;
-    for_axis(q1, t1);
-    for_axis(q2, t2);
-    for_axis(q3, t3);
+    let [(lower1, upper1), (lower2, upper2), (lower3, upper3)] = nominal.travel();
+    assert!(lower1 <= q1 && q1 <= upper1, "T13: inside the travel");
+    assert!(lower2 <= q2 && q2 <= upper2, "T13: inside the travel");
+    assert!(lower3 <= q3 && q3 <= upper3, "T13: inside the travel");
 }
 
-fn for_axis(q: f64, (lower, upper): (f64, f64)) {
-    assert!(q.is_finite(), "T13: finite");
-    assert!(lower <= q && q <= upper, "T13: inside the travel");
+/// T13: every machine there is has a finite travel, so that what is inside is finite too. Tested.
+///
+/// # Panics
+/// When it has not.
+pub fn travel_is_finite(nominal: &Nominal) {
+    for (lower, upper) in nominal.travel() {
+        assert!(lower.is_finite() && upper.is_finite(), "T13: finite travel");
+    }
 }
 
 /// T13: whatever inverse and forward answer keeps the lengths of all six links, to [`RESIDUAL_TOLERANCE`] and the rounding

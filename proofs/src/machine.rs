@@ -1,10 +1,7 @@
 //! The machine the properties of the floats are asked of: that of `robots/l2.toml`, with its nominal travel.
 
 use gantry_tau_core::kinematics::Nominal;
-use gantry_tau_core::robot::{ARMS, Branch, Configuration, Geometry, Robot};
-
-/// The nominal travel of `robots/l2.toml`, m.
-pub const TRAVEL: [(f64, f64); ARMS] = [(-0.5, 2.0), (-2.0, 0.5), (-0.5, 2.0)];
+use gantry_tau_core::robot::{Branch, Configuration, Geometry, Robot};
 
 /// The geometry of `robots/l2.toml`.
 #[must_use]
@@ -33,7 +30,7 @@ pub fn geometry() -> Geometry {
             inverse: [Branch::Positive, Branch::Negative, Branch::Positive],
             forward: Branch::Negative,
         },
-        travel: Some(TRAVEL),
+        travel: Some([(-0.5, 2.0), (-2.0, 0.5), (-0.5, 2.0)]),
     }
 }
 

@@ -21,9 +21,9 @@ use gantry_tau_proofs::crossing::{
 };
 use gantry_tau_proofs::kinematics::{
     forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside, lengths_are_kept,
-    statics_are_finite, there_and_back,
+    statics_are_finite, there_and_back, travel_is_finite,
 };
-use gantry_tau_proofs::machine::{TRAVEL, geometry, nominal};
+use gantry_tau_proofs::machine::{geometry, nominal};
 use proptest::array::{uniform3, uniform6};
 use proptest::prelude::*;
 
@@ -203,9 +203,9 @@ proptest! {
         tcp in uniform3(any_float()), q in uniform3(any_float()), load in uniform6(any_float()), fits: bool,
     ) {
         let (robot, nominal) = l2();
-        inverse_is_inside(&nominal, &TRAVEL, tcp);
-        inverse_in_assembly_is_inside(&nominal, &TRAVEL, tcp);
-        forward_is_inside(&nominal, &TRAVEL, q);
+        inverse_is_inside(&nominal, tcp);
+        inverse_in_assembly_is_inside(&nominal, tcp);
+        forward_is_inside(&nominal, q);
         lengths_are_kept(&robot, &nominal, tcp, q);
         let q = if fits { nominal.inverse(&tcp.into()).unwrap_or(q) } else { q };
         statics_are_finite(&robot, &nominal, tcp, q, &Wrench::from_array(load));
@@ -215,6 +215,7 @@ proptest! {
     fn lengths_are_kept_by_any_machine(
         (robot, nominal) in any_machine(), tcp in uniform3(any_float()), q in wild_positions(),
     ) {
+        travel_is_finite(&nominal);
         lengths_are_kept(&robot, &nominal, tcp, q);
         // And where a link just reaches: straight across its guideway.
         let [origin, ..] = nominal.origins_m();

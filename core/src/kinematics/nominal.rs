@@ -167,6 +167,17 @@ impl Nominal {
         self.arms.map(|arm| arm.origin_m)
     }
 
+    /// Travel of each axis in force, `(lower, upper)`, q-units.
+    #[must_use]
+    pub fn travel(&self) -> [(f64, f64); ARMS] {
+        let [a1, a2, a3] = &self.arms;
+        [
+            (a1.lower, a1.upper),
+            (a2.lower, a2.upper),
+            (a3.lower, a3.upper),
+        ]
+    }
+
     /// `L_i^2`, metres squared.
     pub(crate) fn lengths_squared(&self) -> [f64; ARMS] {
         self.arms.map(|arm| arm.length_squared)
@@ -412,6 +423,45 @@ impl Arm {
     #[inline]
     pub(super) fn travels(&self, q: f64) -> bool {
         q >= self.lower && q <= self.upper
+    }
+}
+
+/// Any numbers at all: more machines than [`Nominal::new`] makes.
+#[cfg(kani)]
+impl kani::Arbitrary for Nominal {
+    fn any() -> Self {
+        let any_vector = || Vector3::from(kani::any::<[f64; 3]>());
+        let any_arm = || Arm {
+            origin_m: any_vector(),
+            guideway: any_vector(),
+            direction: any_vector(),
+            signed_scale: kani::any(),
+            per_metre: kani::any(),
+            length_squared: kani::any(),
+            along_min: kani::any(),
+            along_squared_min: kani::any(),
+            widest: kani::any(),
+            lower: kani::any(),
+            upper: kani::any(),
+        };
+        Self {
+            arms: [any_arm(), any_arm(), any_arm()],
+            side: kani::any(),
+            height_sign: kani::any(),
+            squares_less: (kani::any(), kani::any()),
+            determinant_min: kani::any(),
+            determinant_squared_min: kani::any(),
+            mismatch_max: kani::any(),
+            rotation: Matrix3::from(kani::any::<[[f64; 3]; 3]>()),
+            levers_m: [
+                any_vector(),
+                any_vector(),
+                any_vector(),
+                any_vector(),
+                any_vector(),
+                any_vector(),
+            ],
+        }
     }
 }
 
