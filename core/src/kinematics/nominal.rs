@@ -277,6 +277,9 @@ impl Nominal {
         let [a1, a2, a3] = &self.arms;
         let [q1, q2, q3] = *q;
         let [w1, w2, w3] = links_m;
+        let mismatch = meeting.mismatch;
+        #[cfg(mutant = "mismatch_unchecked")]
+        let mismatch = 0.0;
         a1.travels(q1)
             && a2.travels(q2)
             && a3.travels(q3)
@@ -284,7 +287,7 @@ impl Nominal {
             && a1.along(w1) > a1.along_min
             && a2.along(w2) > a2.along_min
             && a3.along(w3) > a3.along_min
-            && meeting.mismatch <= self.mismatch_max
+            && mismatch <= self.mismatch_max
     }
 
     /// Where the three nominal links meet, on the side of the carts' plane that `c_f` names.
@@ -422,6 +425,8 @@ impl Arm {
     /// Whether `q` is inside the travel; false for NaN.
     #[inline]
     pub(super) fn travels(&self, q: f64) -> bool {
+        #[cfg(mutant = "nan_accepted")]
+        let q = if q.is_nan() { self.lower } else { q };
         q >= self.lower && q <= self.upper
     }
 }

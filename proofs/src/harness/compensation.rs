@@ -1,7 +1,7 @@
 //! Kani harnesses of the compensation's last step and of the force sensor.
 
 use gantry_tau_core::compensation::CompensatorConfig;
-use gantry_tau_core::sensor::{ForceSensor, SensorConfig, SensorState};
+use gantry_tau_core::sensor::{ForceSensor, SensorConfig, SensorError, SensorState};
 use gantry_tau_core::statics::Wrench;
 use gantry_tau_core::units::{Metres, OffsetNm};
 
@@ -28,11 +28,8 @@ fn compensation_is_bounded() {
     kani::cover!(true, "some correction passes");
 }
 
-#[kani::proof]
-#[kani::solver(minisat)]
-#[kani::unwind(10)]
-fn sensor_stays_valid_for_any_reading() {
-    // The mounting of robots/l2.toml.
+/// The sensor of `robots/l2.toml` in any valid state with so many samples to go.
+fn sensor_in_any_state(tare_remaining: u32) -> Result<ForceSensor, SensorError> {
     let config = SensorConfig {
         rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
         lever_m: [0.0, 0.0, -0.08].into(),
@@ -41,15 +38,36 @@ fn sensor_stays_valid_for_any_reading() {
         tare_samples: 1000,
     };
     let state = SensorState {
-        tare_remaining: kani::any(),
+        tare_remaining,
         tare: Wrench::from_array(kani::any()),
         filtered: Wrench::from_array(kani::any()),
     };
     let sensor = ForceSensor::from_parts(config, state);
     kani::assume(sensor.is_ok());
-    kani::cover!(state.tare_remaining == 1000, "some sensors are valid");
-    let Ok(sensor) = sensor else { return };
+    kani::cover!(true, "some states are valid");
+    sensor
+}
+
+#[kani::proof]
+#[kani::solver(kissat)]
+#[kani::unwind(10)]
+fn sensor_filter_stays_valid() {
+    let Ok(sensor) = sensor_in_any_state(0) else {
+        return;
+    };
     let raw = Wrench::from_array(kani::any());
     sensor_stays_valid(&sensor, &raw);
-    kani::cover!(!raw.is_finite(), "a wild reading passes");
+    kani::cover!(!raw.is_finite(), "a reading that is none passes");
+}
+
+#[kani::proof]
+#[kani::solver(kissat)]
+#[kani::unwind(10)]
+fn sensor_tare_stays_valid() {
+    let Ok(sensor) = sensor_in_any_state(500) else {
+        return;
+    };
+    let raw = Wrench::from_array(kani::any());
+    sensor_stays_valid(&sensor, &raw);
+    kani::cover!(!raw.is_finite(), "a reading that is none passes");
 }

@@ -17,7 +17,7 @@ fn any_root(x: f64) -> f64 {
 }
 
 #[kani::proof]
-#[kani::solver(kissat)]
+#[kani::solver(minisat)]
 #[kani::unwind(4)]
 #[kani::stub(gantry_tau_core::linalg::sqrt, any_root)]
 fn kinematics_inverse_is_inside() {
@@ -28,7 +28,7 @@ fn kinematics_inverse_is_inside() {
 }
 
 #[kani::proof]
-#[kani::solver(kissat)]
+#[kani::solver(minisat)]
 #[kani::unwind(4)]
 #[kani::stub(gantry_tau_core::linalg::sqrt, any_root)]
 fn kinematics_forward_is_inside() {
