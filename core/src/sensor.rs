@@ -204,10 +204,7 @@ impl ForceSensor {
             None => self.filtered(raw),
         };
         let next = Self { state, ..*self };
-        let valid = next.is_valid();
-        #[cfg(mutant = "sensor_unchecked")]
-        let valid = true;
-        if !valid {
+        if !next.is_valid() {
             return Err(SensorError::BadReading);
         }
         *self = next;
@@ -252,7 +249,11 @@ impl ForceSensor {
 fn within(wrench: &Wrench, limit: f64) -> bool {
     // Spelt out: an iterator is a loop to a prover.
     let [fx, fy, fz, mx, my, mz] = wrench.to_array();
-    let within = |value: f64| value.abs() <= limit;
+    let within = |value: f64| {
+        #[cfg(mutant = "sensor_accepts_nan")]
+        let value = if value.is_nan() { 0.0 } else { value };
+        value.abs() <= limit
+    };
     within(fx) && within(fy) && within(fz) && within(mx) && within(my) && within(mz)
 }
 

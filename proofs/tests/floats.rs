@@ -236,7 +236,7 @@ fn near_a_singularity_rounding_is_no_answer() {
     }
 }
 
-/// The grid of T13: 1 cm over the box that holds every pose within the travel, about 6 million, of which about 1 in 4 is reached.
+/// The grid of T13: 1 cm over the box that holds every pose within the travel, 6.1 million points, of which 663 777 are reached.
 #[test]
 fn lengths_are_kept_over_the_workspace() {
     let (robot, nominal) = l2();

@@ -425,8 +425,8 @@ impl Arm {
     /// Whether `q` is inside the travel; false for NaN.
     #[inline]
     pub(super) fn travels(&self, q: f64) -> bool {
-        #[cfg(mutant = "nan_accepted")]
-        let q = if q.is_nan() { self.lower } else { q };
+        #[cfg(mutant = "travel_unchecked")]
+        let q = q.min(self.upper);
         q >= self.lower && q <= self.upper
     }
 }
