@@ -8,6 +8,16 @@ use gantry_tau_core::statics::{LineMatrix, Wrench};
 /// A point in world axes, or positions of the axes.
 type Three = [f64; ARMS];
 
+/// T13: the check that every position passes last admits only what is inside the travel, and therefore no NaN.
+///
+/// # Panics
+/// When it admits something else.
+pub fn check_is_right(nominal: &Nominal, q: Three) {
+    if nominal.travels(&q) {
+        is_inside(&q, nominal);
+    }
+}
+
 /// T13: positions that were handed out are inside the travel, and therefore no NaN; finite, as [`travel_is_finite`].
 ///
 /// # Panics

@@ -20,8 +20,8 @@ use gantry_tau_proofs::crossing::{
     rounding_is_exact, rounding_keeps_order,
 };
 use gantry_tau_proofs::kinematics::{
-    forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside, lengths_are_kept,
-    statics_are_finite, there_and_back, travel_is_finite,
+    check_is_right, forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside,
+    lengths_are_kept, statics_are_finite, there_and_back, travel_is_finite,
 };
 use gantry_tau_proofs::machine::{geometry, nominal};
 use proptest::array::{uniform3, uniform6};
@@ -203,6 +203,7 @@ proptest! {
         tcp in uniform3(any_float()), q in uniform3(any_float()), load in uniform6(any_float()), fits: bool,
     ) {
         let (robot, nominal) = l2();
+        check_is_right(&nominal, q);
         inverse_is_inside(&nominal, tcp);
         inverse_in_assembly_is_inside(&nominal, tcp);
         forward_is_inside(&nominal, q);

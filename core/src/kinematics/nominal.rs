@@ -195,12 +195,22 @@ impl Nominal {
     pub fn inverse(&self, tcp_m: &Vector3<f64>) -> Result<[f64; ARMS], KinematicsError> {
         let [a1, a2, a3] = &self.arms;
         let (r1, r2, r3) = (a1.reach(tcp_m), a2.reach(tcp_m), a3.reach(tcp_m));
-        // Every comparison fails for NaN, so that success means finite.
-        if a1.accepts(&r1) && a2.accepts(&r2) && a3.accepts(&r3) {
-            Ok([r1.q, r2.q, r3.q])
+        let q = [r1.q, r2.q, r3.q];
+        if a1.accepts(&r1) && a2.accepts(&r2) && a3.accepts(&r3) && self.travels(&q) {
+            Ok(q)
         } else {
             Err(self.why_not_inverse(tcp_m))
         }
+    }
+
+    /// Whether every axis is inside its travel: what positions pass last before they are handed out, whatever was computed
+    /// before. False for NaN, so that success means finite.
+    #[inline]
+    #[must_use]
+    pub fn travels(&self, q: &[f64; ARMS]) -> bool {
+        let [a1, a2, a3] = &self.arms;
+        let [q1, q2, q3] = *q;
+        a1.travels(q1) && a2.travels(q2) && a3.travels(q3)
     }
 
     /// As [`inverse`](Self::inverse), for a tool on the machine's side of the carts' plane only:
@@ -275,14 +285,11 @@ impl Nominal {
         links_m: &[Vector3<f64>; ARMS],
     ) -> bool {
         let [a1, a2, a3] = &self.arms;
-        let [q1, q2, q3] = *q;
         let [w1, w2, w3] = links_m;
         let mismatch = meeting.mismatch;
         #[cfg(mutant = "mismatch_unchecked")]
         let mismatch = 0.0;
-        a1.travels(q1)
-            && a2.travels(q2)
-            && a3.travels(q3)
+        self.travels(q)
             && meeting.determinant_squared > self.determinant_squared_min
             && a1.along(w1) > a1.along_min
             && a2.along(w2) > a2.along_min
@@ -416,10 +423,10 @@ impl Arm {
         self.direction.dot(link_m)
     }
 
-    /// Whether the point is reached, regularly and inside the travel; false for NaN.
+    /// Whether the point is reached, and regularly; false for NaN.
     #[inline]
     fn accepts(&self, reach: &Reach) -> bool {
-        reach.along_squared > self.along_squared_min && self.travels(reach.q)
+        reach.along_squared > self.along_squared_min
     }
 
     /// Whether `q` is inside the travel; false for NaN.
