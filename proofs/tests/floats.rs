@@ -12,8 +12,8 @@ use gantry_tau_core::sensor::{ForceSensor, SensorConfig, SensorState};
 use gantry_tau_core::statics::Wrench;
 use gantry_tau_core::units::{OffsetNm, PositionNm};
 use gantry_tau_proofs::compensation::{
-    correction_is_bounded, cycle_is_bounded, offset_is_within, sensor_stays_valid,
-    sensor_takes_good_readings,
+    correction_is_bounded, cycle_is_bounded, offset_is_within, sensor_check_admits_finite,
+    sensor_stays_valid, sensor_takes_good_readings,
 };
 use gantry_tau_proofs::crossing::{
     back_is_finite, crossing_is_exact, offset_is_total, offset_survives, position_is_total,
@@ -191,7 +191,11 @@ proptest! {
     }
 
     #[test]
-    fn the_sensor_stays_valid(sensor in any_sensor(), raw in uniform6(any_float()), good in uniform6(-1e6..=1e6_f64)) {
+    fn the_sensor_stays_valid(
+        sensor in any_sensor(), raw in uniform6(any_float()), good in uniform6(-1e6..=1e6_f64), tare_remaining in 0..9_u32,
+    ) {
+        let filtered = Wrench::from_array(raw);
+        sensor_check_admits_finite(*sensor.config(), SensorState { tare_remaining, filtered, ..*sensor.state() });
         for raw in [raw, good].map(Wrench::from_array) {
             sensor_stays_valid(&sensor, &raw);
             sensor_takes_good_readings(&sensor, &raw);
