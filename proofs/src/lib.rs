@@ -2,7 +2,7 @@
 //! Kani harnesses (`harness`, under `cfg(kani)`), property tests on stable Rust (`tests/`), and fuzz targets (`../fuzz`).
 //!
 //! The theorems T1 to T15 are listed in the repository's README. What is here so far: T1, T2, T3 and T5 for a single channel,
-//! proved by the harnesses, and T8's framing, tested and fuzzed.
+//! proved by the harnesses, T8's framing, tested and fuzzed, and the checks around the floats (T13, T14, T15), proved, with the floats tested.
 #![forbid(unsafe_code)]
 #![allow(
     clippy::arithmetic_side_effects,

@@ -139,7 +139,7 @@ impl Nominal {
         })
     }
 
-    /// The same model with travel unchecked (up to what [`new`](Self::new) takes it as): for corrections, which may leave the nominal
+    /// The same model with travel as wide as [`new`](Self::new) takes it: for corrections, which may leave the nominal
     /// travel and are bounded elsewhere.
     #[must_use]
     pub fn without_travel(&self) -> Self {

@@ -67,6 +67,7 @@ impl Nominal {
                 measure: if carts_in_line { 0.0 } else { measure * scale },
             };
         }
+        // So near to a singularity that what was computed is rounding.
         if meeting.mismatch > self.mismatch_max {
             return KinematicsError::Singular { measure: 0.0 };
         }
