@@ -17,6 +17,11 @@ pub const MAX_TARE_SAMPLES: u32 = 1_000_000;
 /// Longest lever, m.
 pub const MAX_LEVER_M: f64 = 10.0;
 
+/// A mean of readings and its rounding.
+const WIDEST_TARE: f64 = MAX_READING * (1.0 + 1e-9);
+/// A reading less its tare is at most 2 [`MAX_READING`] per component, 2 sqrt(3) turned; the lever adds its moment.
+const WIDEST_LOAD: f64 = 4.0 * MAX_READING * (1.0 + 2.0 * MAX_LEVER_M);
+
 /// How the sensor is mounted and filtered; not yet checked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorConfig {
@@ -87,7 +92,7 @@ pub enum Reading {
 pub struct SensorState {
     /// Samples the tare still needs; 0 once it is done.
     pub tare_remaining: u32,
-    /// While taring: sum of its samples. Then: their mean. Sensor axes.
+    /// Mean of the samples the tare has taken, zero before the first. Sensor axes.
     pub tare: Wrench,
     /// Output of the low-pass, world axes, about the tool centre point.
     pub filtered: Wrench,
@@ -161,7 +166,7 @@ impl ForceSensor {
         &self.state
     }
 
-    /// The invariant: no more samples to go than configured; a sum of at most as many readings as were taken, or a mean;
+    /// The invariant: no more samples to go than configured; a mean no further out than readings are, zero before the first;
     /// a filter no further out than readings can drive it.
     #[must_use]
     pub fn is_valid(&self) -> bool {
@@ -169,14 +174,8 @@ impl ForceSensor {
         let Some(taken) = (self.config.tare_samples).checked_sub(state.tare_remaining) else {
             return false;
         };
-        let summed = if state.tare_remaining > 0 {
-            f64::from(taken)
-        } else {
-            1.0
-        };
-        // A reading less its tare is at most 2 MAX_READING per component, 2 sqrt(3) turned; the lever adds its moment.
-        let widest = 4.0 * MAX_READING * (1.0 + 2.0 * MAX_LEVER_M);
-        within(&state.tare, summed * MAX_READING * (1.0 + 1e-9)) && within(&state.filtered, widest)
+        let mean = if taken > 0 { WIDEST_TARE } else { 0.0 };
+        within(&state.tare, mean) && within(&state.filtered, WIDEST_LOAD)
     }
 
     /// Starts over: tare first, filter at zero.
@@ -191,6 +190,7 @@ impl ForceSensor {
     /// Takes one raw sample (sensor axes, N and N m), once per cycle.
     ///
     /// The filter starts from zero, which is what the tare has just defined: no step when the first load is computed.
+    /// What the sample led to is checked before it is kept, so that the invariant rests on no arithmetic.
     ///
     /// # Errors
     /// [`SensorError::BadReading`]; the state is what it was.
@@ -198,33 +198,63 @@ impl ForceSensor {
         if !within(raw, MAX_READING) {
             return Err(SensorError::BadReading);
         }
-        let state = &mut self.state;
-        if let Some(remaining) = state.tare_remaining.checked_sub(1) {
-            state.tare_remaining = remaining;
-            state.tare.force_n += raw.force_n;
-            state.tare.moment_nm += raw.moment_nm;
-            if remaining == 0 {
-                let share = 1.0 / f64::from(self.config.tare_samples);
-                state.tare.force_n *= share;
-                state.tare.moment_nm *= share;
-            }
-            return Ok(Reading::Taring { remaining });
+        let taring = self.state.tare_remaining.checked_sub(1);
+        let state = match taring {
+            Some(remaining) => self.tared(raw, remaining),
+            None => self.filtered(raw),
+        };
+        let next = Self { state, ..*self };
+        if !next.is_valid() {
+            return Err(SensorError::BadReading);
         }
-        let force_n = self.config.rotation * (raw.force_n - state.tare.force_n);
-        let moment_nm = self.config.rotation * (raw.moment_nm - state.tare.moment_nm)
+        *self = next;
+        Ok(match taring {
+            Some(remaining) => Reading::Taring { remaining },
+            None => Reading::Load(state.filtered),
+        })
+    }
+
+    /// The state with one more sample in the tare, and `remaining` to go.
+    fn tared(&self, raw: &Wrench, remaining: u32) -> SensorState {
+        let taken = self.config.tare_samples.saturating_sub(remaining);
+        let share = 1.0 / f64::from(taken);
+        let mut tare = self.state.tare;
+        tare.force_n += (raw.force_n - tare.force_n) * share;
+        tare.moment_nm += (raw.moment_nm - tare.moment_nm) * share;
+        SensorState {
+            tare_remaining: remaining,
+            tare,
+            ..self.state
+        }
+    }
+
+    /// The state with one more sample in the filter.
+    fn filtered(&self, raw: &Wrench) -> SensorState {
+        let SensorState {
+            tare, mut filtered, ..
+        } = self.state;
+        let force_n = self.config.rotation * (raw.force_n - tare.force_n);
+        let moment_nm = self.config.rotation * (raw.moment_nm - tare.moment_nm)
             + self.config.lever_m.cross(&force_n);
-        let filtered = &mut state.filtered;
         filtered.force_n += (force_n - filtered.force_n) * self.coefficient;
         filtered.moment_nm += (moment_nm - filtered.moment_nm) * self.coefficient;
-        Ok(Reading::Load(*filtered))
+        SensorState {
+            filtered,
+            ..self.state
+        }
     }
 }
 
 /// Every component at most `limit` in magnitude; false for NaN.
 fn within(wrench: &Wrench, limit: f64) -> bool {
-    (wrench.force_n.iter())
-        .chain(wrench.moment_nm.iter())
-        .all(|value| value.abs() <= limit)
+    // Spelt out: an iterator is a loop to a prover.
+    let [fx, fy, fz, mx, my, mz] = wrench.to_array();
+    let within = |value: f64| {
+        #[cfg(mutant = "sensor_accepts_nan")]
+        let value = if value.is_nan() { 0.0 } else { value };
+        value.abs() <= limit
+    };
+    within(fx) && within(fy) && within(fz) && within(mx) && within(my) && within(mz)
 }
 
 /// `lower <= value <= upper`; NaN is refused.

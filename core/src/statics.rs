@@ -47,8 +47,13 @@ impl Wrench {
     #[inline]
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        self.force_n.iter().all(|value| value.is_finite())
-            && self.moment_nm.iter().all(|value| value.is_finite())
+        let (f, m) = (&self.force_n, &self.moment_nm);
+        f.x.is_finite()
+            && f.y.is_finite()
+            && f.z.is_finite()
+            && m.x.is_finite()
+            && m.y.is_finite()
+            && m.z.is_finite()
     }
 }
 

@@ -97,22 +97,38 @@ impl PositionNm {
     /// [`CrossingError::NotFinite`] for NaN and infinities; [`CrossingError::OutOfRange`] from [`CROSSING_LIMIT_NM`] on.
     #[inline]
     pub fn from_metres(value: Metres) -> Result<Self, CrossingError> {
-        if !value.0.is_finite() {
-            return Err(CrossingError::NotFinite);
+        match Self::from_nanometres(value.0 * NM_PER_METRE) {
+            // The product of an infinity is one, and fails as such; the product of a huge finite value may be one too.
+            Err(_) if !value.0.is_finite() => Err(CrossingError::NotFinite),
+            crossed => crossed,
         }
-        let scaled_nm = value.0 * NM_PER_METRE;
-        // Written so that NaN would fail it as well; the product of a huge finite value may be infinite.
-        if !(scaled_nm > -CROSSING_LIMIT_NM_F64 && scaled_nm < CROSSING_LIMIT_NM_F64) {
-            return Err(CrossingError::OutOfRange {
-                limit_nm: CROSSING_LIMIT_NM,
+    }
+
+    /// Float to integer, for a count of nanometres: the nearest whole one, halves away from zero. Nothing is rounded but this.
+    ///
+    /// # Errors
+    /// [`CrossingError::NotFinite`] for NaN; [`CrossingError::OutOfRange`] from [`CROSSING_LIMIT_NM`] on, infinities included.
+    #[inline]
+    pub fn from_nanometres(count: f64) -> Result<Self, CrossingError> {
+        // NaN is not within.
+        let within = count.abs() < CROSSING_LIMIT_NM_F64;
+        #[cfg(mutant = "crossing_guard_dropped")]
+        let within = within || count > 0.0;
+        if !within {
+            return Err(if count.is_nan() {
+                CrossingError::NotFinite
+            } else {
+                CrossingError::OutOfRange {
+                    limit_nm: CROSSING_LIMIT_NM,
+                }
             });
         }
         #[expect(
             clippy::as_conversions,
             reason = "the one float-to-integer cast of core; the guard above keeps it inside i64"
         )]
-        let truncated = scaled_nm as i64;
-        let rest = scaled_nm - Self(truncated).as_f64();
+        let truncated = count as i64;
+        let rest = count - Self(truncated).as_f64();
         let carry = if rest >= 0.5 {
             1
         } else if rest <= -0.5 {
@@ -120,7 +136,8 @@ impl PositionNm {
         } else {
             0
         };
-        Ok(Self(truncated.saturating_add(carry)))
+        // Below 2^53 there is nothing to wrap.
+        Ok(Self(truncated.wrapping_add(carry)))
     }
 
     /// Integer to float. Exact to half an ulp; total.
@@ -154,6 +171,29 @@ impl OffsetNm {
             .map_err(|_| CrossingError::OutOfRange {
                 limit_nm: i64::from(i32::MAX),
             })
+    }
+
+    /// Float to integer, cut to at most `limit` in magnitude (a negative limit is zero), and whether it was cut.
+    ///
+    /// The last thing done is to compare integers: the limit holds whatever the float was.
+    ///
+    /// # Errors
+    /// [`CrossingError::NotFinite`] for NaN. Infinities are cut.
+    #[inline]
+    pub fn from_metres_within(value: Metres, limit: Self) -> Result<(Self, bool), CrossingError> {
+        let wanted = match PositionNm::from_metres(value) {
+            Ok(position) => position.0,
+            Err(_) if value.0 > 0.0 => i64::MAX,
+            Err(_) if value.0 < 0.0 => i64::MIN,
+            Err(error) => return Err(error),
+        };
+        let limit_nm = i64::from(limit.0.max(0));
+        let cut_nm = wanted.max(limit_nm.wrapping_neg()).min(limit_nm);
+        #[cfg(mutant = "saturation_dropped")]
+        let cut_nm = wanted;
+        i32::try_from(cut_nm)
+            .map(|nm| (Self(nm), cut_nm != wanted))
+            .map_err(|_| CrossingError::OutOfRange { limit_nm })
     }
 
     /// Integer to float; total.

@@ -3,7 +3,7 @@
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
-use super::{KinematicsError, LinkFrame, SINGULAR_MEASURE};
+use super::{KinematicsError, LinkFrame, RESIDUAL_TOLERANCE, SINGULAR_MEASURE};
 use crate::linalg::{norm, rotation_deviation, sqrt};
 use crate::robot::{ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Robot};
 
@@ -11,6 +11,9 @@ use crate::robot::{ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Robot};
 const ROTATION_TOLERANCE: f64 = 1e-9;
 /// Largest mismatch within a cluster, over the link length: a nanometre per metre.
 const TAU_TOLERANCE: f64 = 1e-9;
+/// Farthest a cart may stand from `q = 0`, in lengths of its link. Farther out, rounding alone (`foot^2` ulps, see [`Arm::reach`])
+/// would cost more than [`RESIDUAL_TOLERANCE`].
+const MAX_REACH: f64 = 1e3;
 /// Farthest the tool centre point is looked at, in metres; cart, link and platform together do not reach it.
 pub(super) const MAX_POSITION_M: f64 = 10.0 * MAX_LENGTH_M;
 
@@ -55,19 +58,19 @@ pub(super) struct Arm {
     pub(super) origin_m: Vector3<f64>,
     /// `v`: metres per q-unit.
     pub(super) guideway: Vector3<f64>,
-    /// `v / |v|`.
+    /// `c v / |v|`: the way along the guideway that the link points.
     direction: Vector3<f64>,
-    /// `c`: which way along the guideway the link points.
-    branch: f64,
     /// `c |v|`.
     signed_scale: f64,
-    /// `1 / |v|`: takes metres along the guideway to q-units.
+    /// `c / |v|`: takes metres along `direction` to q-units.
     per_metre: f64,
     /// `L^2`.
     pub(super) length_squared: f64,
     /// Smallest length of the link along its guideway that is not singular, and its square.
     pub(super) along_min: f64,
     pub(super) along_squared_min: f64,
+    /// Largest travel to either side there is, q-units.
+    widest: f64,
     /// Travel, q-units.
     pub(super) lower: f64,
     pub(super) upper: f64,
@@ -82,9 +85,15 @@ pub struct Nominal {
     pub(super) arms: [Arm; ARMS],
     /// Sign of `-n . (T - P_1) = det(w_1, w_2, w_3)` in this configuration.
     pub(super) side: f64,
+    /// Sign of `n . (T - P_1)`: `c_f`.
+    height_sign: f64,
+    /// `L_1^2 - L_2^2` and `L_1^2 - L_3^2`, metres squared.
+    squares_less: (f64, f64),
     /// Smallest `|det(w_1, w_2, w_3)|` that is not singular, and its square.
     pub(super) determinant_min: f64,
     pub(super) determinant_squared_min: f64,
+    /// Largest [`Meeting::mismatch`] that keeps [`RESIDUAL_TOLERANCE`].
+    pub(super) mismatch_max: f64,
     rotation: Matrix3<f64>,
     levers_m: [Vector3<f64>; LINKS],
 }
@@ -92,7 +101,7 @@ pub struct Nominal {
 impl Nominal {
     /// Checks the Tau property of the machine in orientation `R` (world axes from platform axes) and precomputes the rest.
     ///
-    /// Travel that is absent, or wider than [`MAX_LENGTH_M`] to either side, is taken as that.
+    /// Travel that is absent, or wider than [`MAX_LENGTH_M`] or a thousand link lengths to either side, is taken as that.
     ///
     /// # Errors
     /// [`NominalError`]: the nominal model holds only for a rotation that keeps `A0_ij - R b_ij` equal within each cluster.
@@ -120,14 +129,17 @@ impl Nominal {
                 Arm::new(o3, v3, l3, c3, t3),
             ],
             side: -geometry.configuration.forward.sign(),
+            height_sign: geometry.configuration.forward.sign(),
+            squares_less: (l1 * l1 - l2 * l2, l1 * l1 - l3 * l3),
             determinant_min,
             determinant_squared_min: determinant_min * determinant_min,
+            mismatch_max: RESIDUAL_TOLERANCE * (l1 * l1).min(l2 * l2).min(l3 * l3),
             rotation: *rotation,
             levers_m,
         })
     }
 
-    /// The same model with travel unchecked (up to [`MAX_LENGTH_M`]): for corrections, which may leave the nominal
+    /// The same model with travel as wide as [`new`](Self::new) takes it: for corrections, which may leave the nominal
     /// travel and are bounded elsewhere.
     #[must_use]
     pub fn without_travel(&self) -> Self {
@@ -155,6 +167,17 @@ impl Nominal {
         self.arms.map(|arm| arm.origin_m)
     }
 
+    /// Travel of each axis in force, `(lower, upper)`, q-units.
+    #[must_use]
+    pub fn travel(&self) -> [(f64, f64); ARMS] {
+        let [a1, a2, a3] = &self.arms;
+        [
+            (a1.lower, a1.upper),
+            (a2.lower, a2.upper),
+            (a3.lower, a3.upper),
+        ]
+    }
+
     /// `L_i^2`, metres squared.
     pub(crate) fn lengths_squared(&self) -> [f64; ARMS] {
         self.arms.map(|arm| arm.length_squared)
@@ -172,12 +195,22 @@ impl Nominal {
     pub fn inverse(&self, tcp_m: &Vector3<f64>) -> Result<[f64; ARMS], KinematicsError> {
         let [a1, a2, a3] = &self.arms;
         let (r1, r2, r3) = (a1.reach(tcp_m), a2.reach(tcp_m), a3.reach(tcp_m));
-        // Every comparison fails for NaN, so that success means finite.
-        if a1.accepts(&r1) && a2.accepts(&r2) && a3.accepts(&r3) {
-            Ok([r1.q, r2.q, r3.q])
+        let q = [r1.q, r2.q, r3.q];
+        if a1.accepts(&r1) && a2.accepts(&r2) && a3.accepts(&r3) && self.travels(&q) {
+            Ok(q)
         } else {
             Err(self.why_not_inverse(tcp_m))
         }
+    }
+
+    /// Whether every axis is inside its travel: what positions pass last before they are handed out, whatever was computed
+    /// before. False for NaN, so that success means finite.
+    #[inline]
+    #[must_use]
+    pub fn travels(&self, q: &[f64; ARMS]) -> bool {
+        let [a1, a2, a3] = &self.arms;
+        let [q1, q2, q3] = *q;
+        a1.travels(q1) && a2.travels(q2) && a3.travels(q3)
     }
 
     /// As [`inverse`](Self::inverse), for a tool on the machine's side of the carts' plane only:
@@ -252,15 +285,14 @@ impl Nominal {
         links_m: &[Vector3<f64>; ARMS],
     ) -> bool {
         let [a1, a2, a3] = &self.arms;
-        let [q1, q2, q3] = *q;
         let [w1, w2, w3] = links_m;
-        a1.travels(q1)
-            && a2.travels(q2)
-            && a3.travels(q3)
+        let mismatch = meeting.mismatch;
+        self.travels(q)
             && meeting.determinant_squared > self.determinant_squared_min
             && a1.along(w1) > a1.along_min
             && a2.along(w2) > a2.along_min
             && a3.along(w3) > a3.along_min
+            && mismatch <= self.mismatch_max
     }
 
     /// Where the three nominal links meet, on the side of the carts' plane that `c_f` names.
@@ -275,15 +307,17 @@ impl Nominal {
         let e2 = a3.cart(q3) - from_1;
         let normal = e1.cross(&e2);
         let (e11, e12, e22) = (e1.dot(&e1), e1.dot(&e2), e2.dot(&e2));
-        let k1 = 0.5 * (e11 + (a1.length_squared - a2.length_squared));
-        let k2 = 0.5 * (e22 + (a1.length_squared - a3.length_squared));
+        let (d2, d3) = self.squares_less;
+        let (k1, k2) = (0.5 * (e11 + d2), 0.5 * (e22 + d3));
         let normal_squared = normal.dot(&normal);
         let per_normal = 1.0 / normal_squared;
         let a = (k1 * e22 - k2 * e12) * per_normal;
         let b = (k2 * e11 - k1 * e12) * per_normal;
-        let height_squared = a1.length_squared - (a * k1 + b * k2);
-        // `side` is the sign of the determinant, which is opposite to that of `n . (T - P_1)`.
-        let height = -self.side * sqrt(height_squared * per_normal);
+        // What the two equations gave, put back into them. With `|x|^2` taken from it, link 1 keeps its length whatever `a` and `b`
+        // are, and the squared lengths of the others are wrong by twice the mismatch.
+        let (g1, g2) = (a * e11 + b * e12, a * e12 + b * e22);
+        let height_squared = a1.length_squared - (a * g1 + b * g2);
+        let height = self.height_sign * sqrt(height_squared * per_normal);
         Meeting {
             from_1,
             e1,
@@ -292,6 +326,7 @@ impl Nominal {
             normal,
             normal_squared,
             determinant_squared: height_squared * normal_squared,
+            mismatch: (g1 - k1).abs() + (g2 - k2).abs(),
         }
     }
 }
@@ -314,6 +349,8 @@ pub(super) struct Meeting {
     pub(super) normal_squared: f64,
     /// Square of `det(w_1, w_2, w_3)`; negative when the links do not meet.
     pub(super) determinant_squared: f64,
+    /// By how much `x . e_1 = k_1` and `x . e_2 = k_2` are missed, metres squared: near a singularity rounding decides.
+    pub(super) mismatch: f64,
 }
 
 impl Meeting {
@@ -333,29 +370,28 @@ impl Arm {
         travel: Option<(f64, f64)>,
     ) -> Self {
         let scale = norm(&guideway);
-        let widest = MAX_LENGTH_M / scale;
+        let widest = MAX_LENGTH_M.min(MAX_REACH * length) / scale;
         let (lower, upper) = travel.unwrap_or((-widest, widest));
         let length_squared = length * length;
         Self {
             origin_m,
             guideway,
-            direction: guideway / scale,
-            branch: branch.sign(),
+            direction: guideway / scale * branch.sign(),
             signed_scale: branch.sign() * scale,
-            per_metre: 1.0 / scale,
+            per_metre: branch.sign() / scale,
             length_squared,
             along_min: SINGULAR_MEASURE * length,
             along_squared_min: SINGULAR_MEASURE * SINGULAR_MEASURE * length_squared,
+            widest,
             lower: lower.max(-widest),
             upper: upper.min(widest),
         }
     }
 
     fn without_travel(self) -> Self {
-        let widest = MAX_LENGTH_M * self.per_metre;
         Self {
-            lower: -widest,
-            upper: widest,
+            lower: -self.widest,
+            upper: self.widest,
             ..self
         }
     }
@@ -374,7 +410,7 @@ impl Arm {
         let foot = from_origin.dot(&self.direction);
         let along_squared = foot * foot + self.length_squared - from_origin.dot(&from_origin);
         Reach {
-            q: (foot + sqrt(along_squared) * self.branch) * self.per_metre,
+            q: (foot + sqrt(along_squared)) * self.per_metre,
             along_squared,
         }
     }
@@ -382,19 +418,60 @@ impl Arm {
     /// `c_i (w_i . v_i) / |v_i|`: how far the link points to its side, metres.
     #[inline]
     pub(super) fn along(&self, link_m: &Vector3<f64>) -> f64 {
-        self.branch * self.direction.dot(link_m)
+        self.direction.dot(link_m)
     }
 
-    /// Whether the point is reached, regularly and inside the travel; false for NaN.
+    /// Whether the point is reached, and regularly; false for NaN.
     #[inline]
     fn accepts(&self, reach: &Reach) -> bool {
-        reach.along_squared > self.along_squared_min && self.travels(reach.q)
+        reach.along_squared > self.along_squared_min
     }
 
     /// Whether `q` is inside the travel; false for NaN.
     #[inline]
     pub(super) fn travels(&self, q: f64) -> bool {
+        #[cfg(mutant = "travel_unchecked")]
+        let q = q.min(self.upper);
         q >= self.lower && q <= self.upper
+    }
+}
+
+/// Any numbers at all: more machines than [`Nominal::new`] makes.
+#[cfg(kani)]
+impl kani::Arbitrary for Nominal {
+    fn any() -> Self {
+        let any_vector = || Vector3::from(kani::any::<[f64; 3]>());
+        let any_arm = || Arm {
+            origin_m: any_vector(),
+            guideway: any_vector(),
+            direction: any_vector(),
+            signed_scale: kani::any(),
+            per_metre: kani::any(),
+            length_squared: kani::any(),
+            along_min: kani::any(),
+            along_squared_min: kani::any(),
+            widest: kani::any(),
+            lower: kani::any(),
+            upper: kani::any(),
+        };
+        Self {
+            arms: [any_arm(), any_arm(), any_arm()],
+            side: kani::any(),
+            height_sign: kani::any(),
+            squares_less: (kani::any(), kani::any()),
+            determinant_min: kani::any(),
+            determinant_squared_min: kani::any(),
+            mismatch_max: kani::any(),
+            rotation: Matrix3::from(kani::any::<[[f64; 3]; 3]>()),
+            levers_m: [
+                any_vector(),
+                any_vector(),
+                any_vector(),
+                any_vector(),
+                any_vector(),
+                any_vector(),
+            ],
+        }
     }
 }
 

@@ -67,6 +67,10 @@ impl Nominal {
                 measure: if carts_in_line { 0.0 } else { measure * scale },
             };
         }
+        // So near to a singularity that what was computed is rounding.
+        if meeting.mismatch > self.mismatch_max {
+            return KinematicsError::Singular { measure: 0.0 };
+        }
         for (arm, (model, link)) in self.arms.iter().zip(meeting.links()).enumerate() {
             let along = model.along(&link);
             if along < -model.along_min {

@@ -9,8 +9,14 @@ mod axis;
 mod blackbox;
 #[cfg(any(not(only), only = "channel"))]
 mod channel;
+#[cfg(any(not(only), only = "compensation"))]
+mod compensation;
+#[cfg(any(not(only), only = "crossing"))]
+mod crossing;
 #[cfg(any(not(only), only = "decide"))]
 mod decide;
+#[cfg(any(not(only), only = "kinematics"))]
+mod kinematics;
 #[cfg(any(not(only), only = "motors"))]
 mod motors;
 #[cfg(any(not(only), only = "session"))]

@@ -1,0 +1,44 @@
+//! The machine the properties of the floats are asked of: that of `robots/l2.toml`, with its nominal travel.
+
+use gantry_tau_core::kinematics::Nominal;
+use gantry_tau_core::robot::{Branch, Configuration, Geometry, Robot};
+
+/// The geometry of `robots/l2.toml`.
+#[must_use]
+pub fn geometry() -> Geometry {
+    let along_x = [1.0, 0.0, 0.0];
+    Geometry {
+        cart_joints_m: [
+            [0.10, -0.05, 1.28].into(),
+            [-0.10, -0.29, 0.75].into(),
+            [0.10, -0.29, 0.75].into(),
+            [-0.12, -0.05, 0.05].into(),
+            [0.12, -0.05, 0.05].into(),
+            [0.00, 0.08, 0.05].into(),
+        ],
+        guideways: [along_x.into(), along_x.into(), along_x.into()],
+        platform_joints_m: [
+            [0.10, -0.05, 0.03].into(),
+            [-0.10, 0.06, 0.05].into(),
+            [0.10, 0.06, 0.05].into(),
+            [-0.12, -0.05, -0.05].into(),
+            [0.12, -0.05, -0.05].into(),
+            [0.00, 0.08, -0.05].into(),
+        ],
+        lengths_m: [1.0, 1.1, 1.0],
+        configuration: Configuration {
+            inverse: [Branch::Positive, Branch::Negative, Branch::Positive],
+            forward: Branch::Negative,
+        },
+        travel: Some([(-0.5, 2.0), (-2.0, 0.5), (-0.5, 2.0)]),
+    }
+}
+
+/// A machine in the orientation of the world, if it is one.
+#[must_use]
+pub fn nominal(geometry: Geometry) -> Option<(Robot, Nominal)> {
+    let robot = Robot::new(geometry).ok()?;
+    let upright = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let nominal = Nominal::new(&robot, &upright.into()).ok()?;
+    Some((robot, nominal))
+}

@@ -1,0 +1,279 @@
+//! The properties of the floats on stable Rust: any bit patterns, and the stated grids where a number is what matters.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::unwrap_used,
+    reason = "a strategy that makes what is not valid must panic"
+)]
+
+use gantry_tau_core::compensation::{Compensator, CompensatorConfig};
+use gantry_tau_core::kinematics::Nominal;
+use gantry_tau_core::robot::{Branch, Compliances, Geometry, Robot};
+use gantry_tau_core::sensor::{ForceSensor, SensorConfig, SensorState};
+use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::units::{OffsetNm, PositionNm};
+use gantry_tau_proofs::compensation::{
+    correction_is_bounded, cycle_is_bounded, offset_is_within, sensor_check_admits_finite,
+    sensor_stays_valid, sensor_takes_good_readings,
+};
+use gantry_tau_proofs::crossing::{
+    back_is_finite, crossing_is_exact, offset_is_total, offset_survives, position_is_total,
+    rounding_is_exact, rounding_keeps_order,
+};
+use gantry_tau_proofs::kinematics::{
+    check_is_right, forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside,
+    lengths_are_kept, statics_are_finite, there_and_back, travel_is_finite,
+};
+use gantry_tau_proofs::machine::{geometry, nominal};
+use proptest::array::{uniform3, uniform6};
+use proptest::prelude::*;
+
+/// Any bit pattern, with an inclination to those that hurt.
+fn any_float() -> impl Strategy<Value = f64> {
+    let special = vec![
+        0.0,
+        -0.0,
+        f64::NAN,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::MAX,
+        f64::MIN,
+        f64::MIN_POSITIVE,
+        5e-324,
+        -5e-324,
+        9_007_199.254_740_992,
+        -9_007_199.254_740_99,
+        2.147_483_647,
+        -2.147_483_648,
+        0.5e-9,
+        1e154,
+        1e-154,
+    ];
+    prop_oneof![
+        any::<u64>().prop_map(f64::from_bits),
+        any::<u64>().prop_map(f64::from_bits),
+        proptest::sample::select(special),
+        -3.0..3.0_f64,
+        (-3.0..3.0_f64, -12..12_i32).prop_map(|(x, scale)| x * 10.0_f64.powi(scale)),
+        // A few ulps beside an end of travel or another round number.
+        (-4..5_i32, any::<i8>()).prop_map(|(half, ulps)| {
+            let end = f64::from(half) / 2.0;
+            f64::from_bits(end.to_bits().wrapping_add_signed(i64::from(ulps)))
+        }),
+    ]
+}
+
+fn l2() -> (Robot, Nominal) {
+    nominal(geometry()).unwrap()
+}
+
+/// Machines of which only the lengths are sane: guideways in any direction, carts that may meet, travel unchecked.
+fn any_machine() -> impl Strategy<Value = (Robot, Nominal)> {
+    let point = || uniform3(-1.0..1.0_f64);
+    let branch = || prop_oneof![Just(Branch::Positive), Just(Branch::Negative)];
+    let origins = (point(), point(), point(), 0..4_u8);
+    let lengths = (uniform3(0.5..1.5_f64), prop_oneof![Just(1.0), Just(1e-3)]);
+    (
+        origins,
+        uniform3(point()),
+        lengths,
+        uniform3(branch()),
+        branch(),
+    )
+        .prop_filter_map(
+            "a guideway without direction",
+            |((o1, o2, o3, shared), guideways, (lengths, scale), inverse, forward)| {
+                let o3 = if shared > 0 { o2 } else { o3 };
+                let o1 = if shared > 1 { o2 } else { o1 };
+                let mut machine = Geometry {
+                    cart_joints_m: [o1, o2, o2, o3, o3, o3].map(Into::into),
+                    guideways: guideways.map(Into::into),
+                    platform_joints_m: [[0.0; 3]; 6].map(Into::into),
+                    lengths_m: lengths.map(|length| length * scale),
+                    travel: None,
+                    ..geometry()
+                };
+                machine.configuration.inverse = inverse;
+                machine.configuration.forward = forward;
+                nominal(machine)
+            },
+        )
+}
+
+/// Positions from 10 nm to a kilometre: one far, two that may nearly meet, as near a singularity as there is.
+fn wild_positions() -> impl Strategy<Value = [f64; 3]> {
+    let any_scale =
+        |scales| (-1.0..1.0_f64, scales).prop_map(|(x, s): (f64, f64)| x * 10.0_f64.powf(s));
+    (
+        any_scale(-1.0..3.0),
+        any_scale(-8.0..1.0),
+        any_scale(-8.0..1.0),
+    )
+        .prop_map(|(a, b, c)| [a, b, c])
+}
+
+fn compensator(gain: f64, limits: [i32; 3]) -> Compensator {
+    let links = [5e-7, 6e-7, 5.5e-7, 7e-7, 6.5e-7, 6e-7];
+    let compliances = Compliances::new(links, [4.06e-8, 5.09e-8, 6e-8]).unwrap();
+    let config = CompensatorConfig {
+        gain,
+        limits: limits.map(OffsetNm),
+        metres_per_q: [1.0; 3],
+    };
+    Compensator::new(&l2().1, &compliances, config).unwrap()
+}
+
+/// A sensor in any valid state, its mounting turned.
+fn any_sensor() -> impl Strategy<Value = ForceSensor> {
+    let numbers = || {
+        uniform6(prop_oneof![
+            -1e6..1e6_f64,
+            -10.0..10.0_f64,
+            Just(1e6),
+            Just(-1e6)
+        ])
+    };
+    (
+        1..1_000_u32,
+        any::<u32>(),
+        numbers(),
+        numbers(),
+        -3.0..5.0_f64,
+    )
+        .prop_map(|(tare_samples, to_go, tare, filtered, cutoff)| {
+            let config = SensorConfig {
+                rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
+                lever_m: [0.02, 10.0, -0.08].into(),
+                cutoff_hz: 10.0_f64.powf(cutoff),
+                cycle_s: 1e-3,
+                tare_samples,
+            };
+            let tare_remaining = to_go % (tare_samples + 1);
+            let first = tare_remaining == tare_samples;
+            let state = SensorState {
+                tare_remaining,
+                tare: Wrench::from_array(if first { [0.0; 6] } else { tare }),
+                filtered: Wrench::from_array(filtered),
+            };
+            ForceSensor::from_parts(config, state).unwrap()
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+    #[test]
+    fn the_crossing_is_total(x in any_float(), y in any_float(), nm: i64) {
+        position_is_total(x);
+        offset_is_total(x);
+        rounding_is_exact(x);
+        rounding_keeps_order(x, y);
+        crossing_is_exact(x);
+        back_is_finite(PositionNm(nm));
+    }
+
+    #[test]
+    fn the_correction_is_bounded(
+        x in any_float(), limit: i32, limits: [i32; 3], scales in uniform3(any_float()),
+        q in uniform3(any_float()), command in uniform3(any_float()), gain in any_float(),
+    ) {
+        offset_is_within(x, OffsetNm(limit));
+        let config = CompensatorConfig { gain, limits: limits.map(OffsetNm), metres_per_q: scales };
+        correction_is_bounded(&config, &q, &command);
+    }
+
+    #[test]
+    fn a_cycle_is_bounded(
+        load in uniform6(prop_oneof![any_float(), -1e4..1e4_f64]), q in uniform3(any_float()),
+        standing: bool, gain in 0.0..=1.0_f64, limits in uniform3(0..=i32::MAX),
+    ) {
+        let home = l2().1.inverse(&[0.0, 0.5, 0.65].into()).unwrap();
+        cycle_is_bounded(&compensator(gain, limits), &if standing { home } else { q }, &Wrench::from_array(load));
+    }
+
+    #[test]
+    fn the_sensor_stays_valid(
+        sensor in any_sensor(), raw in uniform6(any_float()), good in uniform6(-1e6..=1e6_f64), tare_remaining in 0..9_u32,
+    ) {
+        let filtered = Wrench::from_array(raw);
+        sensor_check_admits_finite(*sensor.config(), SensorState { tare_remaining, filtered, ..*sensor.state() });
+        for raw in [raw, good].map(Wrench::from_array) {
+            sensor_stays_valid(&sensor, &raw);
+            sensor_takes_good_readings(&sensor, &raw);
+        }
+    }
+
+    #[test]
+    fn any_numbers_lead_to_finite_numbers_or_errors(
+        tcp in uniform3(any_float()), q in uniform3(any_float()), load in uniform6(any_float()), fits: bool,
+    ) {
+        let (robot, nominal) = l2();
+        check_is_right(&nominal, q);
+        inverse_is_inside(&nominal, tcp);
+        inverse_in_assembly_is_inside(&nominal, tcp);
+        forward_is_inside(&nominal, q);
+        lengths_are_kept(&robot, &nominal, tcp, q);
+        let q = if fits { nominal.inverse(&tcp.into()).unwrap_or(q) } else { q };
+        statics_are_finite(&robot, &nominal, tcp, q, &Wrench::from_array(load));
+    }
+
+    #[test]
+    fn lengths_are_kept_by_any_machine(
+        (robot, nominal) in any_machine(), tcp in uniform3(any_float()), q in wild_positions(),
+    ) {
+        travel_is_finite(&nominal);
+        lengths_are_kept(&robot, &nominal, tcp, q);
+        // And where a link just reaches: straight across its guideway.
+        let [origin, ..] = nominal.origins_m();
+        lengths_are_kept(&robot, &nominal, (origin + robot.geometry().guideways[0] * q[0]).into(), q);
+    }
+}
+
+/// Rounding made of a far cart and two that nearly met a point three million kilometres from the machine.
+#[test]
+fn near_a_singularity_rounding_is_no_answer() {
+    use proptest::strategy::ValueTree;
+    use proptest::test_runner::TestRunner;
+    let mut runner = TestRunner::deterministic();
+    let strategy = (any_machine(), wild_positions());
+    for _ in 0..200_000 {
+        let ((robot, nominal), q) = strategy.new_tree(&mut runner).unwrap().current();
+        lengths_are_kept(&robot, &nominal, [f64::NAN; 3], q);
+    }
+}
+
+/// The grid of T13: 1 cm over the box that holds every pose within the travel, 6.1 million points, of which 663 777 are reached.
+#[test]
+fn lengths_are_kept_over_the_workspace() {
+    let (robot, nominal) = l2();
+    let mut reached = 0_u32;
+    let steps =
+        |from: i32, to: i32, by: usize| (from..=to).step_by(by).map(|i| f64::from(i) / 100.0);
+    for x in steps(-150, 150, 3) {
+        for y in steps(-140, 110, 1) {
+            for z in steps(-40, 200, 1) {
+                let tcp = [x, y, z];
+                if let Ok(q) = nominal.inverse(&tcp.into()) {
+                    reached += 1;
+                    lengths_are_kept(&robot, &nominal, tcp, q);
+                    there_and_back(&nominal, tcp, 1e-9);
+                }
+            }
+        }
+    }
+    assert!(reached > 100_000, "{reached}");
+}
+
+/// The grid of T15: every 101st offset, and every one within a millimetre of zero and of both ends.
+#[test]
+fn offsets_survive_the_round_trip() {
+    let near = 1_000_000;
+    for nm in (i32::MIN..=i32::MAX).step_by(101) {
+        offset_survives(OffsetNm(nm));
+    }
+    for nm in (-near..=near)
+        .chain(i32::MIN..=i32::MIN + near)
+        .chain(i32::MAX - near..=i32::MAX)
+    {
+        offset_survives(OffsetNm(nm));
+    }
+}
