@@ -1,7 +1,6 @@
 //! T12: what no other family calls. Kani itself checks that nothing panics; what is asserted here is only that the results are used.
 
 use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
 use gantry_tau_core::session::config::{Config, Parameters};
 use gantry_tau_core::session::decide::Connection;
 use gantry_tau_core::session::{Event, Events, Session};
@@ -61,37 +60,4 @@ fn total_hear() {
         "T12: one refusal per event at most"
     );
     kani::cover!(noted.refusals.len() == 3, "three refusals");
-}
-
-/// A server with one connection: opened, fed, closed, ticked, resumed.
-#[kani::proof]
-#[kani::unwind(8)]
-#[kani::solver(minisat)]
-fn total_endpoint() {
-    let session: Session<1> = kani::any();
-    let Ok(motors) = MotorMap::new([0]) else {
-        return;
-    };
-    let mut endpoint = Endpoint::<1, 1, 0>::new(session, motors);
-    let transport = if kani::any() {
-        Transport::Stream
-    } else {
-        Transport::Datagram
-    };
-    let Ok(connection) = endpoint.open(transport) else {
-        return;
-    };
-    let bytes: [u8; 3] = kani::any();
-    endpoint.feed(connection, &bytes);
-    if kani::any() {
-        endpoint.close(kani::any());
-    }
-    let _ = endpoint.owner_has_answered();
-    let cycle: Cycle<1> = kani::any();
-    let turn = endpoint.tick(&cycle, &mut |_, _| {});
-    assert!(
-        endpoint.session().is_valid(),
-        "T12: the session stays valid"
-    );
-    kani::cover!(turn.output.owner.is_some(), "somebody owns");
 }
