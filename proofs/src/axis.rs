@@ -112,8 +112,8 @@ pub fn reference_is_inside_travel(axis: &AxisConfig, nominal: PositionNm, offset
     }
 }
 
-/// T3: from one tick to the next, with a fixed travel, the reference changes by at most what the nominal reference and the offset
-/// change together. `|nominal| <= 2^61` nm.
+/// T3: from one tick to the next, with a fixed travel, the reference moves the way that nominal plus offset move, and no further:
+/// so by at most |change of nominal| + |change of offset|. `|nominal| <= 2^61` nm.
 ///
 /// # Panics
 /// When it does not hold.
@@ -129,10 +129,17 @@ pub fn reference_moves_no_further(
     let travel = &axis.machine_travel;
     let (first, _) = drive_reference(from, before, travel);
     let (second, _) = drive_reference(to, after, travel);
-    let nominal = from.0.abs_diff(to.0);
-    let offset = before.position.0.abs_diff(after.position.0);
+    let wanted_first = from.0 + i64::from(before.position.0);
+    let wanted_second = to.0 + i64::from(after.position.0);
+    let moved = second.position.0 - first.position.0;
+    let wanted = wanted_second - wanted_first;
+    let no_further = if wanted >= 0 {
+        0 <= moved && moved <= wanted
+    } else {
+        wanted <= moved && moved <= 0
+    };
     assert!(
-        first.position.0.abs_diff(second.position.0) <= nominal + u64::from(offset),
+        no_further,
         "T3: no further than nominal and offset together"
     );
 }

@@ -51,7 +51,7 @@ fn axis_torque_is_bounded() {
 }
 
 #[kani::proof]
-#[kani::unwind(3)]
+#[kani::unwind(5)]
 #[kani::solver(minisat)]
 fn axis_shadow_is_bounded() {
     for kind in Kind::ALL {
