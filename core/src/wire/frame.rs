@@ -2,7 +2,6 @@
 
 use core::fmt;
 
-use crc32fast::Hasher;
 use heapless::Vec;
 
 /// First two bytes of every frame: "GT".
@@ -135,14 +134,24 @@ impl<'a> Frame<'a> {
             .split_first_chunk::<HEADER_LEN>()
             .ok_or(FrameError::Length)?;
         let (kind, length) = parse_header(*header)?;
-        let (body, trailer) = rest
-            .split_at_checked(usize::from(length))
+        let (body, _) = rest
+            .split_last_chunk::<TRAILER_LEN>()
             .ok_or(FrameError::Length)?;
-        let trailer = <[u8; TRAILER_LEN]>::try_from(trailer).map_err(|_| FrameError::Length)?;
-        if checksum(&[header, body]) != u32::from_le_bytes(trailer) {
-            return Err(FrameError::Checksum);
+        if body.len() != usize::from(length) {
+            return Err(FrameError::Length);
         }
+        check_trailer(bytes)?;
         Ok(Self { kind, body })
+    }
+
+    /// The frame of a kind byte and a body. No checksum is involved; [`Self::parse`] has checked one.
+    #[must_use]
+    pub const fn from_parts(kind: u8, body: &'a [u8]) -> Option<Self> {
+        if body.len() <= MAX_BODY {
+            Some(Self { kind, body })
+        } else {
+            None
+        }
     }
 
     /// The kind byte.
@@ -193,7 +202,7 @@ pub(super) fn enclose<E>(
             .resize_default(HEADER_LEN.saturating_add(length))
             .ok()?;
         write(frame.get_mut(HEADER_LEN..)?).ok()?;
-        let checksum = checksum(&[&frame]);
+        let checksum = crc32fast::hash(&frame);
         frame.extend_from_slice(&checksum.to_le_bytes()).ok()
     }();
     if written.is_none() {
@@ -202,11 +211,14 @@ pub(super) fn enclose<E>(
     frame
 }
 
-/// CRC-32/ISO-HDLC, as in Ethernet and zlib, of the parts in order.
-fn checksum(parts: &[&[u8]]) -> u32 {
-    let mut hasher = Hasher::new();
-    for part in parts {
-        hasher.update(part);
+/// Compares the last bytes with the CRC-32/ISO-HDLC (as in Ethernet and zlib) of those before them.
+fn check_trailer(frame: &[u8]) -> Result<(), FrameError> {
+    let (checked, trailer) = frame
+        .split_last_chunk::<TRAILER_LEN>()
+        .ok_or(FrameError::Length)?;
+    if crc32fast::hash(checked) == u32::from_le_bytes(*trailer) {
+        Ok(())
+    } else {
+        Err(FrameError::Checksum)
     }
-    hasher.finalize()
 }

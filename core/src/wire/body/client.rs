@@ -3,7 +3,7 @@
 use super::super::cursor::{Reader, Short, Writer};
 use super::super::frame::{Frame, FrameBytes, Kind, enclose};
 use super::{
-    ContentError, axes_byte, check_axes, check_length, check_reserved, length, read_offsets,
+    Body, ContentError, axes_byte, check_axes, check_length, check_reserved, length, read_offsets,
     write_offsets,
 };
 use crate::axis::Offsets;
@@ -15,49 +15,67 @@ use crate::units::{Epoch, Sequence, Tick};
 /// # Errors
 /// [`ContentError`]: what is wrong with the body.
 pub fn decode_client<const N: usize>(frame: &Frame<'_>) -> Result<ClientMessage<N>, ContentError> {
-    let received = frame.kind_code();
-    let mut r = Reader::new(frame.body());
-    match Kind::from_code(received) {
-        Some(Kind::Hello) => {
-            check_length(frame, length::HELLO)?;
-            let axes = r.u8()?;
-            check_reserved(u16::from(r.u8()?))?;
-            let capabilities = Capabilities(r.u16()?);
-            Ok(ClientMessage::Hello(Hello { axes, capabilities }))
-        }
-        Some(Kind::Command) => read_command(frame).map(ClientMessage::Command),
-        Some(Kind::Goodbye) => {
-            check_length(frame, length::EPOCH)?;
-            Ok(ClientMessage::Goodbye(Epoch(r.u64()?)))
-        }
-        Some(Kind::Stop) => {
-            check_length(frame, length::EPOCH)?;
-            Ok(ClientMessage::Stop(Epoch(r.u64()?)))
-        }
-        _ => Err(ContentError::Kind { received }),
-    }
+    ClientMessage::read(frame)
 }
 
 /// The one frame that says this message.
 #[must_use]
 pub fn encode_client<const N: usize>(message: &ClientMessage<N>) -> FrameBytes {
-    match message {
-        ClientMessage::Hello(hello) => enclose(Kind::Hello, length::HELLO, |body| {
-            let mut w = Writer::new(body);
-            w.u8(hello.axes)?;
-            w.u8(0)?;
-            w.u16(hello.capabilities.0)
-        }),
-        ClientMessage::Command(command) => enclose(Kind::Command, length::command(N), |body| {
-            write_command(&mut Writer::new(body), command)
-        }),
-        ClientMessage::Goodbye(epoch) => enclose(Kind::Goodbye, length::EPOCH, |body| {
-            Writer::new(body).u64(epoch.0)
-        }),
-        ClientMessage::Stop(epoch) => enclose(Kind::Stop, length::EPOCH, |body| {
-            Writer::new(body).u64(epoch.0)
-        }),
+    let (kind, length) = message.shape();
+    enclose(kind, length, |body| message.write(body))
+}
+
+impl<const N: usize> Body for ClientMessage<N> {
+    fn shape(&self) -> (Kind, usize) {
+        match self {
+            Self::Hello(_) => (Kind::Hello, length::HELLO),
+            Self::Command(_) => (Kind::Command, length::command(N)),
+            Self::Goodbye(_) => (Kind::Goodbye, length::EPOCH),
+            Self::Stop(_) => (Kind::Stop, length::EPOCH),
+        }
     }
+
+    #[inline]
+    fn write(&self, body: &mut [u8]) -> Result<(), Short> {
+        let mut w = Writer::new(body);
+        match self {
+            Self::Hello(hello) => write_hello(&mut w, hello),
+            Self::Command(command) => write_command(&mut w, command),
+            Self::Goodbye(epoch) | Self::Stop(epoch) => w.u64(epoch.0),
+        }
+    }
+
+    #[inline]
+    fn read(frame: &Frame<'_>) -> Result<Self, ContentError> {
+        let received = frame.kind_code();
+        match Kind::from_code(received) {
+            Some(Kind::Hello) => read_hello(frame).map(Self::Hello),
+            Some(Kind::Command) => read_command(frame).map(Self::Command),
+            Some(Kind::Goodbye) => read_epoch(frame).map(Self::Goodbye),
+            Some(Kind::Stop) => read_epoch(frame).map(Self::Stop),
+            _ => Err(ContentError::Kind { received }),
+        }
+    }
+}
+
+fn read_hello(frame: &Frame<'_>) -> Result<Hello, ContentError> {
+    check_length(frame, length::HELLO)?;
+    let mut r = Reader::new(frame.body());
+    let axes = r.u8()?;
+    check_reserved(u16::from(r.u8()?))?;
+    let capabilities = Capabilities(r.u16()?);
+    Ok(Hello { axes, capabilities })
+}
+
+fn write_hello(w: &mut Writer<'_>, hello: &Hello) -> Result<(), Short> {
+    w.u8(hello.axes)?;
+    w.u8(0)?;
+    w.u16(hello.capabilities.0)
+}
+
+fn read_epoch(frame: &Frame<'_>) -> Result<Epoch, ContentError> {
+    check_length(frame, length::EPOCH)?;
+    Ok(Epoch(Reader::new(frame.body()).u64()?))
 }
 
 fn read_command<const N: usize>(frame: &Frame<'_>) -> Result<Command<N>, ContentError> {

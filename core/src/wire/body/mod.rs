@@ -1,4 +1,4 @@
-//! The inside of a frame: one body per message, one encoding per body.
+//! The inside of a frame: one body per message, one encoding per body. No checksum here.
 
 mod client;
 mod server;
@@ -6,12 +6,30 @@ mod server;
 use core::fmt;
 
 use super::cursor::{Reader, Short, Writer};
-use super::frame::Frame;
+use super::frame::{Frame, Kind};
 use crate::axis::Offsets;
 use crate::units::{OffsetNm, TorquePermille, VelocityUmS};
 
 pub use client::{decode_client, encode_client};
 pub use server::{decode_server, encode_server, encode_state};
+
+/// What can be said as the body of a frame.
+pub trait Body: Sized {
+    /// The kind of its frame, and the length of its body in bytes.
+    fn shape(&self) -> (Kind, usize);
+
+    /// Writes the body to the front of a slice.
+    ///
+    /// # Errors
+    /// [`Short`], when the slice is shorter than the body.
+    fn write(&self, body: &mut [u8]) -> Result<(), Short>;
+
+    /// Reads the body of a frame.
+    ///
+    /// # Errors
+    /// [`ContentError`]: what is wrong with it.
+    fn read(frame: &Frame<'_>) -> Result<Self, ContentError>;
+}
 
 /// Why a well-framed body is no message. It costs that frame, nothing else.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use super::super::cursor::{Reader, Short, Writer};
 use super::super::frame::{Frame, FrameBytes, Kind, enclose};
 use super::{
-    ContentError, axes_byte, check_axes, check_length, check_reserved, length, read_offsets,
+    Body, ContentError, axes_byte, check_axes, check_length, check_reserved, length, read_offsets,
     write_offsets,
 };
 use crate::axis::Actual;
@@ -19,27 +19,14 @@ use crate::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUm
 /// # Errors
 /// [`ContentError`]: what is wrong with the body.
 pub fn decode_server<const N: usize>(frame: &Frame<'_>) -> Result<ServerMessage<N>, ContentError> {
-    let received = frame.kind_code();
-    match Kind::from_code(received) {
-        Some(Kind::Welcome) => read_welcome(frame).map(ServerMessage::Welcome),
-        Some(Kind::State) => read_state(frame).map(ServerMessage::State),
-        Some(Kind::Refusal) => read_refusal(frame).map(ServerMessage::Refusal),
-        _ => Err(ContentError::Kind { received }),
-    }
+    ServerMessage::read(frame)
 }
 
 /// The one frame that says this message.
 #[must_use]
 pub fn encode_server<const N: usize>(message: &ServerMessage<N>) -> FrameBytes {
-    match message {
-        ServerMessage::Welcome(welcome) => enclose(Kind::Welcome, length::welcome(N), |body| {
-            write_welcome(&mut Writer::new(body), welcome)
-        }),
-        ServerMessage::State(state) => encode_state(state),
-        ServerMessage::Refusal(refusal) => enclose(Kind::Refusal, length::REFUSAL, |body| {
-            write_refusal(&mut Writer::new(body), *refusal)
-        }),
-    }
+    let (kind, length) = message.shape();
+    enclose(kind, length, |body| message.write(body))
 }
 
 /// As [`encode_server`], without the detour over the enum: the one message of every tick.
@@ -48,6 +35,37 @@ pub fn encode_state<const N: usize>(state: &State<N>) -> FrameBytes {
     enclose(Kind::State, length::state(N), |body| {
         write_state(&mut Writer::new(body), state)
     })
+}
+
+impl<const N: usize> Body for ServerMessage<N> {
+    fn shape(&self) -> (Kind, usize) {
+        match self {
+            Self::Welcome(_) => (Kind::Welcome, length::welcome(N)),
+            Self::State(_) => (Kind::State, length::state(N)),
+            Self::Refusal(_) => (Kind::Refusal, length::REFUSAL),
+        }
+    }
+
+    #[inline]
+    fn write(&self, body: &mut [u8]) -> Result<(), Short> {
+        let mut w = Writer::new(body);
+        match self {
+            Self::Welcome(welcome) => write_welcome(&mut w, welcome),
+            Self::State(state) => write_state(&mut w, state),
+            Self::Refusal(refusal) => write_refusal(&mut w, *refusal),
+        }
+    }
+
+    #[inline]
+    fn read(frame: &Frame<'_>) -> Result<Self, ContentError> {
+        let received = frame.kind_code();
+        match Kind::from_code(received) {
+            Some(Kind::Welcome) => read_welcome(frame).map(Self::Welcome),
+            Some(Kind::State) => read_state(frame).map(Self::State),
+            Some(Kind::Refusal) => read_refusal(frame).map(Self::Refusal),
+            _ => Err(ContentError::Kind { received }),
+        }
+    }
 }
 
 fn read_limits(r: &mut Reader<'_>) -> Result<Limits, ContentError> {
@@ -258,11 +276,8 @@ fn read_axis(r: &mut Reader<'_>) -> Result<AxisState, ContentError> {
         velocity: VelocityUmS(r.i32()?),
         torque: TorquePermille(r.i16()?),
     };
-    let flags = AxisFlags(r.u8()?);
+    let flags = AxisFlags::from_bits(r.u8()?).ok_or(ContentError::Reserved)?;
     check_reserved(u16::from(r.u8()?))?;
-    if !AxisFlags::ALL.contains(flags) {
-        return Err(ContentError::Reserved);
-    }
     Ok(AxisState {
         nominal,
         offsets,
@@ -279,7 +294,7 @@ fn write_axis(w: &mut Writer<'_>, axis: &AxisState) -> Result<(), Short> {
     w.i64(axis.actual.position.0)?;
     w.i32(axis.actual.velocity.0)?;
     w.i16(axis.actual.torque.0)?;
-    w.u8(axis.flags.0)?;
+    w.u8(axis.flags.bits())?;
     w.u8(0)
 }
 
