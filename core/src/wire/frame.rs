@@ -4,6 +4,8 @@ use core::fmt;
 
 use heapless::Vec;
 
+use super::body::Body;
+
 /// First two bytes of every frame: "GT".
 const MAGIC: [u8; 2] = *b"GT";
 /// Version of this protocol; the third byte of every frame.
@@ -183,32 +185,27 @@ pub(super) fn parse_header(header: [u8; HEADER_LEN]) -> Result<(u8, u16), FrameE
     Ok((kind, length))
 }
 
-/// Puts header and checksum around a body of `length` bytes that `write` fills in.
+/// Puts header and checksum around a body.
 /// A body that does not fit gives an empty frame; [`MAX_BODY`] leaves room for every message, which a test checks.
-pub(super) fn enclose<E>(
-    kind: Kind,
-    length: usize,
-    write: impl FnOnce(&mut [u8]) -> Result<(), E>,
-) -> FrameBytes {
+pub(super) fn enclose<B: Body>(kind: Kind, body: &B) -> FrameBytes {
     let mut frame = FrameBytes::new();
-    let written = || -> Option<()> {
-        let stated = u16::try_from(length).ok()?;
-        let [l0, l1] = stated.to_le_bytes();
-        let [m0, m1] = MAGIC;
-        frame
-            .extend_from_slice(&[m0, m1, PROTOCOL_VERSION, kind.code(), l0, l1])
-            .ok()?;
-        frame
-            .resize_default(HEADER_LEN.saturating_add(length))
-            .ok()?;
-        write(frame.get_mut(HEADER_LEN..)?).ok()?;
-        let checksum = crc32fast::hash(&frame);
-        frame.extend_from_slice(&checksum.to_le_bytes()).ok()
-    }();
-    if written.is_none() {
+    if fill(&mut frame, kind, body).is_none() {
         frame.clear();
     }
     frame
+}
+
+/// Header, body and checksum, one after the other. `None` where one does not fit.
+fn fill<B: Body>(frame: &mut FrameBytes, kind: Kind, body: &B) -> Option<()> {
+    let [m0, m1] = MAGIC;
+    let [l0, l1] = u16::try_from(B::LENGTH).ok()?.to_le_bytes();
+    let header = [m0, m1, PROTOCOL_VERSION, kind.code(), l0, l1];
+    frame.extend_from_slice(&header).ok()?;
+    let before_trailer = HEADER_LEN.saturating_add(B::LENGTH);
+    frame.resize_default(before_trailer).ok()?;
+    body.write(frame.get_mut(HEADER_LEN..)?).ok()?;
+    let checksum = crc32fast::hash(frame);
+    frame.extend_from_slice(&checksum.to_le_bytes()).ok()
 }
 
 /// Compares the last bytes with the CRC-32/ISO-HDLC (as in Ethernet and zlib) of those before them.
