@@ -1,26 +1,24 @@
 //! The decoder: T8. Bodies without a checksum, frames with one, and the stream by induction on one chunk.
 
 use gantry_tau_core::wire::{
-    Body, Collector, ContentError, Deframer, Feed, Frame, FrameError, MAX_BODY, Stage,
-    decode_client, decode_server, encode_client, encode_server,
+    Body, Collector, ContentError, Deframer, Feed, Frame, FrameError, HEADER_LEN, MAX_BODY, Stage,
+    TRAILER_LEN, decode_client, decode_server, encode_client, encode_server,
 };
 
-/// From bytes to a message and back: the same bytes, or an error. Says which.
+/// From bytes to a message and back: the same bytes.
 ///
 /// # Errors
-/// When the bytes are no message; what is wrong with them.
+/// When the bytes are no message: what is wrong with them.
 ///
 /// # Panics
 /// When the message has another encoding.
-pub fn body_is_canonical<M: Body>(frame: &Frame<'_>) -> Result<(), ContentError> {
-    let message = M::read(frame)?;
-    let (kind, length) = message.shape();
-    assert!(kind.code() == frame.kind_code(), "T8: the same kind");
-    assert!(length == frame.body().len(), "T8: the same length");
-    let mut buffer = [0; MAX_BODY];
-    let body = &mut buffer[..frame.body().len()];
-    assert!(message.write(body).is_ok(), "T8: a body fits its length");
-    assert!(body == frame.body(), "T8: decode(b) = m => encode(m) = b");
+pub fn body_is_canonical<B: Body>(bytes: &[u8]) -> Result<(), ContentError> {
+    let body = B::read(bytes)?;
+    assert!(bytes.len() == B::LENGTH, "T8: one length");
+    let mut scratch = [0; MAX_BODY];
+    let again = &mut scratch[..B::LENGTH];
+    assert!(body.write(again).is_ok(), "T8: a body fits its length");
+    assert!(again == bytes, "T8: decode(b) = m => encode(m) = b");
     Ok(())
 }
 
@@ -28,15 +26,195 @@ pub fn body_is_canonical<M: Body>(frame: &Frame<'_>) -> Result<(), ContentError>
 ///
 /// # Panics
 /// When it is not.
-pub fn message_survives<M: Body + PartialEq>(message: &M) {
-    let (kind, length) = message.shape();
-    assert!(length <= MAX_BODY, "T8: every body fits a frame");
-    let mut buffer = [0; MAX_BODY];
-    let body = &mut buffer[..length];
-    assert!(message.write(body).is_ok(), "T8: a body fits its length");
-    let read = Frame::from_parts(kind.code(), body).map(|frame| M::read(&frame));
-    assert!(
-        read.is_some_and(|read| read.as_ref() == Ok(message)),
-        "T8: decode(encode(m)) = m"
-    );
+pub fn body_survives<B: Body + PartialEq>(body: &B) {
+    let mut scratch = [0; MAX_BODY];
+    let bytes = &mut scratch[..B::LENGTH];
+    assert!(body.write(bytes).is_ok(), "T8: a body fits its length");
+    let read = B::read(bytes);
+    assert!(read.as_ref() == Ok(body), "T8: decode(encode(m)) = m");
+}
+
+/// One chunk into a collector: it stays valid and holds what it held and the front of the chunk, no more than was given.
+/// The byte `at` speaks for every byte. `Ok(true)` when a frame is complete.
+///
+/// # Errors
+/// When the header is bad.
+///
+/// # Panics
+/// When one of them does not hold.
+pub fn chunk_is_collected(before: &Collector, chunk: &[u8], at: usize) -> Result<bool, FrameError> {
+    let mut after = before.clone();
+    let outcome = after.take(chunk)?;
+    let taken = outcome.unwrap_or(chunk.len());
+    let (old, new) = (before.held(), after.held());
+    assert!(taken <= chunk.len(), "T8: consumed <= given");
+    assert!(after.is_valid(), "T8: the invariant is kept");
+    assert!(after.is_whole() == outcome.is_some(), "T8: complete or not");
+    assert!(new.len() == old.len() + taken, "T8: what was taken is held");
+    if at < old.len() {
+        assert!(new[at] == old[at], "T8: what was held is held");
+    } else if at < new.len() {
+        assert!(
+            new[at] == chunk[at - old.len()],
+            "T8: what was taken is held"
+        );
+    }
+    Ok(outcome.is_some())
+}
+
+/// A chunk in one piece and cut in two: the same outcome, the same bytes. The byte `at` speaks for every byte.
+///
+/// # Panics
+/// When they are not.
+pub fn cut_chunk_is_collected_alike(before: &Collector, chunk: &[u8], cut: usize, at: usize) {
+    let (first, second) = chunk.split_at(cut);
+    let (mut whole, mut halves) = (before.clone(), before.clone());
+    let outcome = whole.take(chunk);
+    let outcome_of_halves = match halves.take(first) {
+        Ok(None) => halves.take(second).map(|taken| taken.map(|n| cut + n)),
+        early => early,
+    };
+    assert!(outcome_of_halves == outcome, "T8: any split, same outcome");
+    if outcome.is_ok() {
+        let (whole, halves) = (whole.held(), halves.held());
+        assert!(whole.len() == halves.len(), "T8: any split, same length");
+        assert!(whole.get(at) == halves.get(at), "T8: any split, same bytes");
+    }
+}
+
+/// Bytes that are exactly one frame hand out their own kind and body.
+///
+/// # Errors
+/// When they are no frame: why.
+///
+/// # Panics
+/// When the frame is made of other bytes.
+pub fn frame_is_parsed(bytes: &[u8]) -> Result<(), FrameError> {
+    let frame = Frame::parse(bytes)?;
+    assert!(frame.kind_code() == bytes[3], "T8: the kind byte");
+    let body = &bytes[HEADER_LEN..bytes.len() - TRAILER_LEN];
+    assert!(frame.body() == body, "T8: what lies between");
+    assert!(body.len() <= MAX_BODY, "T8: bounded");
+    Ok(())
+}
+
+/// Bytes that are a frame of a message are the message's only frame, checksum included. Whether they are one.
+///
+/// # Panics
+/// When the message has another frame.
+pub fn frame_is_canonical<const N: usize>(bytes: &[u8]) -> bool {
+    let Ok(frame) = Frame::parse(bytes) else {
+        return false;
+    };
+    let encoded = if let Ok(message) = decode_client::<N>(&frame) {
+        encode_client(&message)
+    } else if let Ok(message) = decode_server::<N>(&frame) {
+        encode_server(&message)
+    } else {
+        return false;
+    };
+    assert!(encoded == bytes, "T8: decode(b) = m => encode(m) = b");
+    true
+}
+
+/// One chunk into a deframer: it stays valid; broken stays broken; a frame is handed out when the collector has one, unless its
+/// checksum is wrong, and is made of the collected bytes. Whether one was.
+///
+/// # Panics
+/// When one of them does not hold.
+pub fn feed_is_judged(collector: &Collector, stage: Stage, chunk: &[u8]) -> bool {
+    let Some(mut deframer) = Deframer::from_parts(collector.clone(), stage) else {
+        return false;
+    };
+    let mut collected = collector.clone();
+    if stage == Stage::HandedOut {
+        collected.clear();
+    }
+    let taken = match stage {
+        Stage::Broken(error) => Err(error),
+        Stage::Collecting | Stage::HandedOut => collected.take(chunk),
+    };
+    let handed_out = match (deframer.feed(chunk), taken) {
+        (Feed::Frame { frame, consumed }, Ok(Some(taken))) => {
+            assert!(consumed == taken, "T8: consumed is what was collected");
+            let body = frame.body().len();
+            let whole = HEADER_LEN + body + TRAILER_LEN;
+            assert!(whole == collected.held().len(), "T8: the whole frame");
+            assert!(frame.kind_code() == collected.held()[3], "T8: its kind");
+            true
+        }
+        (Feed::Broken(FrameError::Checksum), Ok(Some(_))) | (Feed::Incomplete, Ok(None)) => false,
+        (Feed::Broken(error), Err(why)) => {
+            assert!(error == why, "T8: broken stays broken");
+            false
+        }
+        _ => panic!("T8: a frame is handed out when it is there"),
+    };
+    assert!(deframer.is_valid(), "T8: the deframer's invariant is kept");
+    handed_out
+}
+
+/// Kind and body of every frame in a stream, or why it broke and after how many frames.
+type Deframed = (Vec<(u8, Vec<u8>)>, Option<FrameError>);
+
+/// Feeds a stream in the given chunks.
+///
+/// # Panics
+/// When the deframer claims bytes it was not given.
+#[must_use]
+pub fn deframe<'a>(chunks: impl Iterator<Item = &'a [u8]>) -> Deframed {
+    let mut deframer = Deframer::new();
+    let mut frames = Vec::new();
+    for chunk in chunks {
+        let mut rest = chunk;
+        loop {
+            match deframer.feed(rest) {
+                Feed::Incomplete => break,
+                Feed::Frame { frame, consumed } => {
+                    assert!(consumed <= rest.len(), "T8: consumed <= given");
+                    decoded_frame_is_canonical::<3>(&frame);
+                    frames.push((frame.kind_code(), frame.body().to_vec()));
+                    rest = &rest[consumed..];
+                }
+                Feed::Broken(error) => return (frames, Some(error)),
+            }
+        }
+    }
+    (frames, None)
+}
+
+/// A stream means the same however it is cut.
+///
+/// # Panics
+/// When it does not.
+pub fn cutting_changes_nothing(stream: &[u8], chunk_lengths: &[u8]) {
+    let whole = deframe(std::iter::once(stream));
+    let mut rest = stream;
+    let mut lengths = chunk_lengths
+        .iter()
+        .cycle()
+        .map(|length| usize::from(*length) + 1);
+    let chunks = std::iter::from_fn(|| {
+        let length = lengths.next().unwrap_or(1).min(rest.len());
+        let (chunk, after) = rest.split_at(length);
+        rest = after;
+        (length > 0).then_some(chunk)
+    });
+    assert!(deframe(chunks) == whole, "T8: any split");
+}
+
+/// What decodes encodes to the same frame again.
+fn decoded_frame_is_canonical<const N: usize>(frame: &Frame<'_>) {
+    let (kind, body) = (frame.kind_code(), frame.body());
+    for encoded in [
+        decode_client::<N>(frame).map(|message| encode_client(&message)),
+        decode_server::<N>(frame).map(|message| encode_server(&message)),
+    ]
+    .into_iter()
+    .flatten()
+    {
+        let again =
+            Frame::parse(&encoded).map(|frame| (frame.kind_code(), frame.body()) == (kind, body));
+        assert!(again == Ok(true), "T8: decode(b) = m => encode(m) = b");
+    }
 }

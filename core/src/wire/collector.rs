@@ -1,11 +1,13 @@
 //! The bytes of one frame, out of slices of any size: first a header, then as many as it states. No checksum here.
 
-use super::frame::{FrameBytes, FrameError, HEADER_LEN, TRAILER_LEN, parse_header};
+use super::frame::{FrameError, HEADER_LEN, MAX_FRAME, TRAILER_LEN, parse_header};
 
 /// Collects the bytes of one frame.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub struct Collector {
-    held: FrameBytes,
+    bytes: [u8; MAX_FRAME],
+    /// How many of them are there.
+    held: usize,
 }
 
 impl Collector {
@@ -13,15 +15,15 @@ impl Collector {
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            held: FrameBytes::new(),
+            bytes: [0; MAX_FRAME],
+            held: 0,
         }
     }
 
-    /// A collector that holds these bytes, if they satisfy the invariant.
+    /// A collector that holds the first of these bytes, if they satisfy the invariant.
     #[must_use]
-    pub fn from_parts(held: &[u8]) -> Option<Self> {
-        let held = FrameBytes::from_slice(held).ok()?;
-        let collector = Self { held };
+    pub fn from_parts(bytes: [u8; MAX_FRAME], held: usize) -> Option<Self> {
+        let collector = Self { bytes, held };
         collector.is_valid().then_some(collector)
     }
 
@@ -30,20 +32,20 @@ impl Collector {
     pub fn is_valid(&self) -> bool {
         match self.whole_len() {
             None => true,
-            Some(whole) => whole.is_ok_and(|whole| self.held.len() <= whole),
+            Some(whole) => whole.is_ok_and(|whole| self.held <= whole),
         }
     }
 
     /// The bytes that are there.
     #[must_use]
     pub fn held(&self) -> &[u8] {
-        &self.held
+        self.bytes.get(..self.held).unwrap_or(&self.bytes)
     }
 
     /// Whether the frame is complete.
     #[must_use]
     pub fn is_whole(&self) -> bool {
-        self.whole_len() == Some(Ok(self.held.len()))
+        self.whole_len() == Some(Ok(self.held))
     }
 
     /// Takes bytes up to the end of the frame. `Some(taken)` once it is complete; `None` has taken them all.
@@ -57,32 +59,50 @@ impl Collector {
         };
         let rest = bytes.get(header_part..).unwrap_or_default();
         let taken = header_part.saturating_add(self.top_up(rest, whole));
-        Ok((self.held.len() == whole).then_some(taken))
+        Ok((self.held == whole).then_some(taken))
     }
 
     /// Forgets what is held.
-    pub fn clear(&mut self) {
-        self.held.clear();
+    pub const fn clear(&mut self) {
+        self.held = 0;
     }
 
     /// Length of the frame, once its header is there.
     fn whole_len(&self) -> Option<Result<usize, FrameError>> {
-        let (header, _) = self.held.split_first_chunk::<HEADER_LEN>()?;
-        Some(parse_header(*header).map(|(_, length)| {
-            HEADER_LEN
-                .saturating_add(usize::from(length))
-                .saturating_add(TRAILER_LEN)
-        }))
+        let (header, _) = self.bytes.split_first_chunk::<HEADER_LEN>()?;
+        (self.held >= HEADER_LEN).then(|| {
+            parse_header(*header).map(|(_, length)| {
+                HEADER_LEN
+                    .saturating_add(usize::from(length))
+                    .saturating_add(TRAILER_LEN)
+            })
+        })
     }
 
     /// Copies bytes until `target` of them are held; returns how many were copied.
     fn top_up(&mut self, bytes: &[u8], target: usize) -> usize {
-        let missing = target.saturating_sub(self.held.len());
-        let part = bytes.get(..missing).unwrap_or(bytes);
         // `target` never exceeds the capacity: a header was checked before its length is believed.
-        match self.held.extend_from_slice(part) {
-            Ok(()) => part.len(),
-            Err(()) => 0,
+        let room = self.bytes.get_mut(self.held..target).unwrap_or_default();
+        for (place, byte) in room.iter_mut().zip(bytes) {
+            *place = *byte;
         }
+        let copied = room.len().min(bytes.len());
+        self.held = self.held.saturating_add(copied);
+        copied
     }
 }
+
+impl Default for Collector {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// What is behind the held bytes does not matter.
+impl PartialEq for Collector {
+    fn eq(&self, other: &Self) -> bool {
+        self.held() == other.held()
+    }
+}
+
+impl Eq for Collector {}
