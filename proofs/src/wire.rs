@@ -1,8 +1,9 @@
 //! The decoder: T8. Bodies without a checksum, frames with one, and the stream by induction on one chunk.
 
 use gantry_tau_core::wire::{
-    Body, Collector, ContentError, Deframer, Feed, Frame, FrameError, HEADER_LEN, MAX_BODY, Stage,
-    TRAILER_LEN, decode_client, decode_server, encode_client, encode_server,
+    Body, Collector, ContentError, Deframer, Feed, Frame, FrameError, HEADER_LEN, MAX_BODY,
+    PROTOCOL_VERSION, Stage, TRAILER_LEN, decode_client, decode_server, encode_client,
+    encode_server,
 };
 
 /// From bytes to a message and back: the same bytes.
@@ -37,6 +38,8 @@ pub fn body_survives<B: Body + PartialEq>(body: &B) {
 /// One chunk into a collector: it stays valid and holds what it held and the front of the chunk, no more than was given.
 /// The byte `at` speaks for every byte. `Ok(true)` when a frame is complete.
 ///
+/// That makes the outcome a function of the held bytes and the chunk in one row, so no cut can change it.
+///
 /// # Errors
 /// When the header is bad.
 ///
@@ -44,22 +47,43 @@ pub fn body_survives<B: Body + PartialEq>(body: &B) {
 /// When one of them does not hold.
 pub fn chunk_is_collected(before: &Collector, chunk: &[u8], at: usize) -> Result<bool, FrameError> {
     let mut after = before.clone();
-    let outcome = after.take(chunk)?;
-    let taken = outcome.unwrap_or(chunk.len());
-    let (old, new) = (before.held(), after.held());
-    assert!(taken <= chunk.len(), "T8: consumed <= given");
-    assert!(after.is_valid(), "T8: the invariant is kept");
-    assert!(after.is_whole() == outcome.is_some(), "T8: complete or not");
-    assert!(new.len() == old.len() + taken, "T8: what was taken is held");
-    if at < old.len() {
-        assert!(new[at] == old[at], "T8: what was held is held");
-    } else if at < new.len() {
-        assert!(
-            new[at] == chunk[at - old.len()],
-            "T8: what was taken is held"
-        );
+    let outcome = after.take(chunk);
+    let old = before.held();
+    let row = |i: usize| {
+        let new = i.checked_sub(old.len()).and_then(|i| chunk.get(i));
+        old.get(i).or(new).copied()
+    };
+    match outcome {
+        Err(error) => header_is_bad([0, 1, 2, 4, 5].map(row), error),
+        Ok(complete) => {
+            let taken = complete.unwrap_or(chunk.len());
+            assert!(taken <= chunk.len(), "T8: consumed <= given");
+            assert!(after.is_valid(), "T8: the invariant is kept");
+            assert!(after.is_whole() == complete.is_some(), "T8: complete");
+            let held = after.held();
+            assert!(held.len() == old.len() + taken, "T8: as many as taken");
+            let same = at >= held.len() || row(at) == Some(held[at]);
+            assert!(same, "T8: held is what was held, and what was taken");
+        }
     }
-    Ok(outcome.is_some())
+    outcome.map(|complete| complete.is_some())
+}
+
+/// Magic, version and length of a header are all there, and this is what is wrong with them.
+fn header_is_bad(header: [Option<u8>; 5], error: FrameError) {
+    let [Some(g), Some(t), Some(version), Some(l0), Some(l1)] = header else {
+        panic!("T8: a header is judged when it is there");
+    };
+    let length = u16::from_le_bytes([l0, l1]);
+    let wrong = if [g, t] != *b"GT" {
+        FrameError::Magic
+    } else if version != PROTOCOL_VERSION {
+        FrameError::Version { received: version }
+    } else {
+        assert!(usize::from(length) > MAX_BODY, "T8: good headers pass");
+        FrameError::TooLong { length }
+    };
+    assert!(error == wrong, "T8: the first thing wrong is named");
 }
 
 /// A chunk in one piece and cut in two: the same outcome, the same bytes. The byte `at` speaks for every byte.
@@ -154,6 +178,36 @@ pub fn feed_is_judged(collector: &Collector, stage: Stage, chunk: &[u8]) -> bool
     handed_out
 }
 
+/// Bytes as long as their header states, cut in two: the deframer says of them what [`Frame::parse`] says, after the second part.
+/// A frame that was handed out is gone when `next` arrives, which is less than a header. Whether one was.
+///
+/// # Panics
+/// When one of them does not hold.
+pub fn cut_frame_is_judged_alike(bytes: &[u8], cut: usize, next: &[u8]) -> bool {
+    let (first, second) = bytes.split_at(cut);
+    let mut deframer = Deframer::new();
+    assert!(deframer.feed(first) == Feed::Incomplete, "T8: not yet");
+    assert!(!deframer.is_at_boundary() || first.is_empty(), "T8: inside");
+    match (deframer.feed(second), Frame::parse(bytes)) {
+        (Feed::Frame { frame, consumed }, Ok(parsed)) => {
+            assert!(consumed == second.len(), "T8: all of it is taken");
+            assert!(frame == parsed, "T8: any split, the same frame");
+        }
+        (Feed::Broken(error), Err(why)) => {
+            assert!(error == why, "T8: any split, the same error");
+            return false;
+        }
+        _ => panic!("T8: any split, the same verdict"),
+    }
+    assert!(deframer.is_at_boundary(), "T8: handed out, at a boundary");
+    assert!(
+        deframer.feed(next) == Feed::Incomplete,
+        "T8: what was handed out is dropped"
+    );
+    assert!(deframer.is_valid(), "T8: the deframer's invariant is kept");
+    true
+}
+
 /// Kind and body of every frame in a stream, or why it broke and after how many frames.
 type Deframed = (Vec<(u8, Vec<u8>)>, Option<FrameError>);
 
@@ -172,6 +226,7 @@ pub fn deframe<'a>(chunks: impl Iterator<Item = &'a [u8]>) -> Deframed {
                 Feed::Incomplete => break,
                 Feed::Frame { frame, consumed } => {
                     assert!(consumed <= rest.len(), "T8: consumed <= given");
+                    assert!(consumed > 0, "T8: no frame twice");
                     decoded_frame_is_canonical::<3>(&frame);
                     frames.push((frame.kind_code(), frame.body().to_vec()));
                     rest = &rest[consumed..];

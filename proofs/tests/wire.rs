@@ -20,7 +20,8 @@ use gantry_tau_core::wire::{
 };
 use gantry_tau_proofs::wire::{
     body_is_canonical, body_survives, chunk_is_collected, cut_chunk_is_collected_alike,
-    cutting_changes_nothing, feed_is_judged, frame_is_canonical, frame_is_parsed,
+    cut_frame_is_judged_alike, cutting_changes_nothing, feed_is_judged, frame_is_canonical,
+    frame_is_parsed,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -236,11 +237,10 @@ proptest! {
             if let Some(value) = value {
                 frame[at % length] = value;
             }
+            let canonical = [frame_is_canonical::<1>(&frame), frame_is_canonical::<3>(&frame), frame_is_canonical::<6>(&frame)];
             // A changed byte changes the checksum; what parses is what was encoded.
             prop_assert_eq!(frame_is_parsed(&frame).is_ok(), frame == good);
-            frame_is_canonical::<1>(&frame);
-            frame_is_canonical::<3>(&frame);
-            frame_is_canonical::<6>(&frame);
+            prop_assert_eq!(canonical.contains(&true), frame == good);
         }
     }
 
@@ -255,6 +255,16 @@ proptest! {
             prop_assert!(chunk_is_collected(&collector, chunk, at).is_ok());
             cut_chunk_is_collected_alike(&collector, chunk, cut % (chunk.len() + 1), at);
         }
+    }
+
+    #[test]
+    fn cut_frames_are_judged_alike(mut draw in draw(), kind in 0..7usize, cut in 0..MAX_FRAME, damage: bool, next in vec(any::<u8>(), 0..6)) {
+        let mut frame = draw.frames::<6>()[kind].clone();
+        let length = frame.len();
+        if damage {
+            frame[length - 1] ^= 1;
+        }
+        prop_assert_eq!(cut_frame_is_judged_alike(&frame, cut % length, &next), !damage);
     }
 
     #[test]
