@@ -187,7 +187,8 @@ pub(super) fn parse_header(header: [u8; HEADER_LEN]) -> Result<(u8, u16), FrameE
 
 /// Puts header and checksum around a body.
 /// A body that does not fit gives an empty frame; [`MAX_BODY`] leaves room for every message, which a test checks.
-pub(super) fn enclose<B: Body>(kind: Kind, body: &B) -> FrameBytes {
+#[must_use]
+pub fn enclose<B: Body>(kind: Kind, body: &B) -> FrameBytes {
     let mut frame = FrameBytes::new();
     if fill(&mut frame, kind, body).is_none() {
         frame.clear();

@@ -18,7 +18,7 @@ pub use cursor::Short;
 pub use deframer::{Deframer, Feed, Stage};
 pub use frame::{
     Frame, FrameBytes, FrameError, HEADER_LEN, Kind, MAX_BODY, MAX_FRAME, PROTOCOL_VERSION,
-    TRAILER_LEN,
+    TRAILER_LEN, enclose,
 };
 
 #[cfg(test)]
