@@ -209,11 +209,10 @@ pub struct Counters {
     pub longest_miss_run: u16,
 }
 
-/// Flags of an axis in one tick, one bit each.
+/// Flags of an axis in one tick, one bit each; no bit is ever set that has no name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(kani, derive(kani::Arbitrary))]
-pub struct AxisFlags(pub u8);
+pub struct AxisFlags(pub(crate) u8);
 
 impl AxisFlags {
     /// The position reference was clamped to the travel.
@@ -231,6 +230,24 @@ impl AxisFlags {
     /// All flags there are.
     pub const ALL: Self = Self(31);
 
+    /// The flags of these bits, if every one of them has a name.
+    #[inline]
+    #[must_use]
+    pub const fn from_bits(bits: u8) -> Option<Self> {
+        if bits & !Self::ALL.0 == 0 {
+            Some(Self(bits))
+        } else {
+            None
+        }
+    }
+
+    /// The bits.
+    #[inline]
+    #[must_use]
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
     /// Adds `other` if `condition` holds.
     #[inline]
     #[must_use]
@@ -247,6 +264,13 @@ impl AxisFlags {
     #[must_use]
     pub const fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0
+    }
+}
+
+#[cfg(kani)]
+impl kani::Arbitrary for AxisFlags {
+    fn any() -> Self {
+        Self(kani::any::<u8>() & Self::ALL.0)
     }
 }
 

@@ -251,7 +251,7 @@ fn state_fields<const N: usize>(state: &State<N>) -> Vec<String> {
             axis.actual.position.0.to_string(),
             axis.actual.velocity.0.to_string(),
             axis.actual.torque.0.to_string(),
-            axis.flags.0.to_string(),
+            axis.flags.bits().to_string(),
         ]);
     }
     fields

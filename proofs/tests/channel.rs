@@ -8,11 +8,7 @@
 mod any;
 
 use gantry_tau_core::channel::{Channel, Limits};
-use gantry_tau_core::message::{ClientMessage, Hello};
-use gantry_tau_core::units::Epoch;
-use gantry_tau_core::wire::encode_client;
 use gantry_tau_proofs::channel::{Verb, ramp_counts_down, ramp_is_exact, step, step_is_bounded};
-use gantry_tau_proofs::wire::cutting_changes_nothing;
 use proptest::prelude::*;
 
 /// Limits and a channel that is valid under them.
@@ -42,19 +38,5 @@ proptest! {
             step_is_bounded(channel, verb, &limits);
             channel = step(channel, verb, &limits);
         }
-    }
-
-    #[test]
-    fn a_stream_means_the_same_however_it_is_cut(noise: Vec<u8>, epoch: u64, lengths in proptest::collection::vec(any::<u8>(), 1..9)) {
-        let mut stream = Vec::new();
-        for message in [
-            ClientMessage::<3>::Hello(Hello { axes: 3, capabilities: Default::default() }),
-            ClientMessage::Stop(Epoch(epoch)),
-            ClientMessage::Goodbye(Epoch(epoch)),
-        ] {
-            stream.extend_from_slice(&encode_client(&message));
-        }
-        stream.extend_from_slice(&noise);
-        cutting_changes_nothing(&stream, &lengths);
     }
 }

@@ -2,7 +2,7 @@
 
 /// The slice ended before the field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Short;
+pub struct Short;
 
 /// Takes fields off the front of a slice.
 #[derive(Clone, Copy)]

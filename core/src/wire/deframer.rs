@@ -1,8 +1,7 @@
 //! Frames out of a byte stream, fed in slices of any size. It never looks back further than one frame.
 
-use heapless::Vec;
-
-use super::frame::{Frame, FrameBytes, FrameError, HEADER_LEN, TRAILER_LEN, parse_header};
+use super::collector::Collector;
+use super::frame::{Frame, FrameError};
 
 /// What one [`Deframer::feed`] found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,7 +35,7 @@ pub enum Stage {
 /// Collects one frame at a time.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Deframer {
-    buffer: FrameBytes,
+    collector: Collector,
     stage: Stage,
 }
 
@@ -45,30 +44,25 @@ impl Deframer {
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            buffer: Vec::new(),
+            collector: Collector::new(),
             stage: Stage::Collecting,
         }
     }
 
     /// A deframer in any state that satisfies the invariant.
     #[must_use]
-    pub fn from_parts(buffer: &[u8], stage: Stage) -> Option<Self> {
-        let buffer = FrameBytes::from_slice(buffer).ok()?;
-        let deframer = Self { buffer, stage };
+    pub fn from_parts(collector: Collector, stage: Stage) -> Option<Self> {
+        let deframer = Self { collector, stage };
         deframer.is_valid().then_some(deframer)
     }
 
-    /// The invariant, clause by clause: what is being collected is less than a header, or a good header and less than its frame;
-    /// what was handed out is as long as its header says. What a broken deframer holds does not matter.
+    /// The invariant, clause by clause: what is being collected is not complete; what was handed out is.
+    /// What a broken deframer holds does not matter.
     #[must_use]
     pub fn is_valid(&self) -> bool {
-        let held = self.buffer.len();
         match self.stage {
-            Stage::Collecting => match self.whole_len() {
-                None => held < HEADER_LEN,
-                Some(whole) => whole.is_ok_and(|whole| held < whole),
-            },
-            Stage::HandedOut => self.whole_len() == Some(Ok(held)),
+            Stage::Collecting => self.collector.is_valid() && !self.collector.is_whole(),
+            Stage::HandedOut => self.collector.is_whole(),
             Stage::Broken(_) => true,
         }
     }
@@ -77,14 +71,18 @@ impl Deframer {
     pub fn feed(&mut self, bytes: &[u8]) -> Feed<'_> {
         match self.stage {
             Stage::Collecting => {}
-            Stage::HandedOut => self.buffer.clear(),
+            #[cfg(mutant = "handed_out_not_dropped")]
+            Stage::HandedOut => {}
+            #[cfg(not(mutant = "handed_out_not_dropped"))]
+            Stage::HandedOut => self.collector.clear(),
             Stage::Broken(error) => return Feed::Broken(error),
         }
         self.stage = Stage::Collecting;
-        let whole = self.advance(bytes);
-        let frame = match whole {
+        let frame = match self.collector.take(bytes) {
             Ok(None) => return Feed::Incomplete,
-            Ok(Some(consumed)) => Frame::parse(&self.buffer).map(|frame| (frame, consumed)),
+            Ok(Some(consumed)) => {
+                Frame::parse(self.collector.held()).map(|frame| (frame, consumed))
+            }
             Err(error) => Err(error),
         };
         match frame {
@@ -102,38 +100,6 @@ impl Deframer {
     /// Whether no byte of a frame is waiting for the rest.
     #[must_use]
     pub fn is_at_boundary(&self) -> bool {
-        self.stage == Stage::HandedOut || self.buffer.is_empty()
-    }
-
-    /// Copies header, then body and checksum. `Some(consumed)` once the frame is complete.
-    fn advance(&mut self, bytes: &[u8]) -> Result<Option<usize>, FrameError> {
-        let taken = self.top_up(bytes, HEADER_LEN);
-        let Some(whole) = self.whole_len().transpose()? else {
-            return Ok(None);
-        };
-        let rest = bytes.get(taken..).unwrap_or_default();
-        let consumed = taken.saturating_add(self.top_up(rest, whole));
-        Ok((self.buffer.len() == whole).then_some(consumed))
-    }
-
-    /// Length of the frame being collected, once its header is there.
-    fn whole_len(&self) -> Option<Result<usize, FrameError>> {
-        let (header, _) = self.buffer.split_first_chunk::<HEADER_LEN>()?;
-        Some(parse_header(*header).map(|(_, length)| {
-            HEADER_LEN
-                .saturating_add(usize::from(length))
-                .saturating_add(TRAILER_LEN)
-        }))
-    }
-
-    /// Copies bytes until the buffer holds `target` of them; returns how many were copied.
-    fn top_up(&mut self, bytes: &[u8], target: usize) -> usize {
-        let missing = target.saturating_sub(self.buffer.len());
-        let part = bytes.get(..missing).unwrap_or(bytes);
-        // `target` never exceeds the capacity: a header was checked before its length is believed.
-        match self.buffer.extend_from_slice(part) {
-            Ok(()) => part.len(),
-            Err(()) => 0,
-        }
+        self.stage == Stage::HandedOut || self.collector.held().is_empty()
     }
 }

@@ -2,8 +2,9 @@
 
 use core::fmt;
 
-use crc32fast::Hasher;
 use heapless::Vec;
+
+use super::body::Body;
 
 /// First two bytes of every frame: "GT".
 const MAGIC: [u8; 2] = *b"GT";
@@ -135,14 +136,24 @@ impl<'a> Frame<'a> {
             .split_first_chunk::<HEADER_LEN>()
             .ok_or(FrameError::Length)?;
         let (kind, length) = parse_header(*header)?;
-        let (body, trailer) = rest
-            .split_at_checked(usize::from(length))
+        let (body, _) = rest
+            .split_last_chunk::<TRAILER_LEN>()
             .ok_or(FrameError::Length)?;
-        let trailer = <[u8; TRAILER_LEN]>::try_from(trailer).map_err(|_| FrameError::Length)?;
-        if checksum(&[header, body]) != u32::from_le_bytes(trailer) {
-            return Err(FrameError::Checksum);
+        if body.len() != usize::from(length) {
+            return Err(FrameError::Length);
         }
+        check_trailer(bytes)?;
         Ok(Self { kind, body })
+    }
+
+    /// The frame of a kind byte and a body. No checksum is involved; [`Self::parse`] has checked one.
+    #[must_use]
+    pub const fn from_parts(kind: u8, body: &'a [u8]) -> Option<Self> {
+        if body.len() <= MAX_BODY {
+            Some(Self { kind, body })
+        } else {
+            None
+        }
     }
 
     /// The kind byte.
@@ -174,39 +185,41 @@ pub(super) fn parse_header(header: [u8; HEADER_LEN]) -> Result<(u8, u16), FrameE
     Ok((kind, length))
 }
 
-/// Puts header and checksum around a body of `length` bytes that `write` fills in.
+/// Puts header and checksum around a body.
 /// A body that does not fit gives an empty frame; [`MAX_BODY`] leaves room for every message, which a test checks.
-pub(super) fn enclose<E>(
-    kind: Kind,
-    length: usize,
-    write: impl FnOnce(&mut [u8]) -> Result<(), E>,
-) -> FrameBytes {
+#[must_use]
+pub fn enclose<B: Body>(kind: Kind, body: &B) -> FrameBytes {
     let mut frame = FrameBytes::new();
-    let written = || -> Option<()> {
-        let stated = u16::try_from(length).ok()?;
-        let [l0, l1] = stated.to_le_bytes();
-        let [m0, m1] = MAGIC;
-        frame
-            .extend_from_slice(&[m0, m1, PROTOCOL_VERSION, kind.code(), l0, l1])
-            .ok()?;
-        frame
-            .resize_default(HEADER_LEN.saturating_add(length))
-            .ok()?;
-        write(frame.get_mut(HEADER_LEN..)?).ok()?;
-        let checksum = checksum(&[&frame]);
-        frame.extend_from_slice(&checksum.to_le_bytes()).ok()
-    }();
-    if written.is_none() {
+    if fill(&mut frame, kind, body).is_none() {
         frame.clear();
     }
     frame
 }
 
-/// CRC-32/ISO-HDLC, as in Ethernet and zlib, of the parts in order.
-fn checksum(parts: &[&[u8]]) -> u32 {
-    let mut hasher = Hasher::new();
-    for part in parts {
-        hasher.update(part);
+/// Header, body and checksum, one after the other. `None` where one does not fit.
+fn fill<B: Body>(frame: &mut FrameBytes, kind: Kind, body: &B) -> Option<()> {
+    let [m0, m1] = MAGIC;
+    let [l0, l1] = u16::try_from(B::LENGTH).ok()?.to_le_bytes();
+    let header = [m0, m1, PROTOCOL_VERSION, kind.code(), l0, l1];
+    frame.extend_from_slice(&header).ok()?;
+    let before_trailer = HEADER_LEN.saturating_add(B::LENGTH);
+    frame.resize_default(before_trailer).ok()?;
+    body.write(frame.get_mut(HEADER_LEN..)?).ok()?;
+    let checksum = crc32fast::hash(frame);
+    frame.extend_from_slice(&checksum.to_le_bytes()).ok()
+}
+
+/// Compares the last bytes with the CRC-32/ISO-HDLC (as in Ethernet and zlib) of those before them.
+fn check_trailer(frame: &[u8]) -> Result<(), FrameError> {
+    let (checked, trailer) = frame
+        .split_last_chunk::<TRAILER_LEN>()
+        .ok_or(FrameError::Length)?;
+    let checksum = crc32fast::hash(checked);
+    #[cfg(mutant = "checksum_not_compared")]
+    let checksum = u32::from_le_bytes(*trailer);
+    if checksum == u32::from_le_bytes(*trailer) {
+        Ok(())
+    } else {
+        Err(FrameError::Checksum)
     }
-    hasher.finalize()
 }

@@ -5,17 +5,20 @@
 //! [`decode_client`] and [`decode_server`] turn its body into a message or say what is wrong with the content.
 
 mod body;
+mod collector;
 mod cursor;
 mod deframer;
 mod frame;
 
 pub use body::{
-    ContentError, decode_client, decode_server, encode_client, encode_server, encode_state,
+    Body, ContentError, decode_client, decode_server, encode_client, encode_server, encode_state,
 };
+pub use collector::Collector;
+pub use cursor::Short;
 pub use deframer::{Deframer, Feed, Stage};
 pub use frame::{
     Frame, FrameBytes, FrameError, HEADER_LEN, Kind, MAX_BODY, MAX_FRAME, PROTOCOL_VERSION,
-    TRAILER_LEN,
+    TRAILER_LEN, enclose,
 };
 
 #[cfg(test)]

@@ -102,7 +102,7 @@ fn server<const N: usize>() -> impl Strategy<Value = ServerMessage<N>> {
                         velocity: offsets.velocity,
                         torque: offsets.torque,
                     },
-                    flags: AxisFlags(flags),
+                    flags: AxisFlags::from_bits(flags).unwrap(),
                 }; N],
             })
         });

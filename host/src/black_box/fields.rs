@@ -27,7 +27,6 @@ use super::text::{
 };
 
 newtypes!(
-    AxisFlags,
     Capabilities,
     Connection,
     Epoch,
@@ -38,6 +37,17 @@ newtypes!(
     TorquePermille,
     VelocityUmS
 );
+
+impl Text for AxisFlags {
+    fn write(&self, text: &mut String) {
+        self.bits().write(text);
+    }
+
+    fn read(value: Value) -> Result<Self, Problem> {
+        let bits = Text::read(value)?;
+        Self::from_bits(bits).ok_or_else(|| Problem::new(format!("{bits} has unknown flags")))
+    }
+}
 
 records! {
     Actual { position, velocity, torque }

@@ -25,3 +25,5 @@ mod session;
 mod sift;
 #[cfg(any(not(only), only = "total"))]
 mod total;
+#[cfg(any(not(only), only = "wire"))]
+mod wire;

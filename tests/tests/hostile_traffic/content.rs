@@ -134,7 +134,7 @@ fn a_target_far_away_is_approached_in_steps_of_s() {
     for tick in 1..=40 {
         let row = duet.answer(Mode::Obtain, [MAX_NM, -MAX_NM, 0]);
         assert_eq!(duet.bench.bus.positions(), [5_000 * tick, -5_000 * tick, 0]);
-        let limited = row.state.axes.map(|axis| axis.flags.0);
+        let limited = row.state.axes.map(|axis| axis.flags.bits());
         assert_eq!(limited, [2, 2, 0]);
     }
     // A reversal at full speed stays within S as well; the bench watches A.

@@ -3,7 +3,7 @@
 use super::super::cursor::{Reader, Short, Writer};
 use super::super::frame::{Frame, FrameBytes, Kind, enclose};
 use super::{
-    ContentError, axes_byte, check_axes, check_length, check_reserved, length, read_offsets,
+    Body, ContentError, OFFSETS, axes_byte, check_axes, check_reserved, read_offsets, reader,
     write_offsets,
 };
 use crate::axis::Actual;
@@ -19,11 +19,11 @@ use crate::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUm
 /// # Errors
 /// [`ContentError`]: what is wrong with the body.
 pub fn decode_server<const N: usize>(frame: &Frame<'_>) -> Result<ServerMessage<N>, ContentError> {
-    let received = frame.kind_code();
+    let (received, body) = (frame.kind_code(), frame.body());
     match Kind::from_code(received) {
-        Some(Kind::Welcome) => read_welcome(frame).map(ServerMessage::Welcome),
-        Some(Kind::State) => read_state(frame).map(ServerMessage::State),
-        Some(Kind::Refusal) => read_refusal(frame).map(ServerMessage::Refusal),
+        Some(Kind::Welcome) => Welcome::read(body).map(ServerMessage::Welcome),
+        Some(Kind::State) => State::read(body).map(ServerMessage::State),
+        Some(Kind::Refusal) => Refusal::read(body).map(ServerMessage::Refusal),
         _ => Err(ContentError::Kind { received }),
     }
 }
@@ -32,23 +32,20 @@ pub fn decode_server<const N: usize>(frame: &Frame<'_>) -> Result<ServerMessage<
 #[must_use]
 pub fn encode_server<const N: usize>(message: &ServerMessage<N>) -> FrameBytes {
     match message {
-        ServerMessage::Welcome(welcome) => enclose(Kind::Welcome, length::welcome(N), |body| {
-            write_welcome(&mut Writer::new(body), welcome)
-        }),
+        ServerMessage::Welcome(welcome) => enclose(Kind::Welcome, welcome),
         ServerMessage::State(state) => encode_state(state),
-        ServerMessage::Refusal(refusal) => enclose(Kind::Refusal, length::REFUSAL, |body| {
-            write_refusal(&mut Writer::new(body), *refusal)
-        }),
+        ServerMessage::Refusal(refusal) => enclose(Kind::Refusal, refusal),
     }
 }
 
 /// As [`encode_server`], without the detour over the enum: the one message of every tick.
 #[must_use]
 pub fn encode_state<const N: usize>(state: &State<N>) -> FrameBytes {
-    enclose(Kind::State, length::state(N), |body| {
-        write_state(&mut Writer::new(body), state)
-    })
+    enclose(Kind::State, state)
 }
+
+/// Bytes of a channel's limits.
+const LIMITS: usize = 4 * 4;
 
 fn read_limits(r: &mut Reader<'_>) -> Result<Limits, ContentError> {
     let (max, step, accel, ramp) = (r.i32()?, r.i32()?, r.i32()?, r.i32()?);
@@ -62,77 +59,93 @@ fn write_limits(w: &mut Writer<'_>, limits: &Limits) -> Result<(), Short> {
     w.u32(limits.ramp())
 }
 
-fn read_welcome<const N: usize>(frame: &Frame<'_>) -> Result<Welcome<N>, ContentError> {
-    check_length(frame, length::welcome(N))?;
-    let mut r = Reader::new(frame.body());
-    let epoch = Epoch(r.u64()?);
-    let tick = Tick(r.u64()?);
-    let cycle_us = r.u32()?;
-    let echo_window = r.u8()?;
-    check_axes::<N>(r.u8()?)?;
-    let capabilities = Capabilities(r.u16()?);
-    let kinematics_checksum = r.u32()?;
-    // Filled below; the loop replaces every element or returns.
-    let mut limits = [AxisLimits {
-        position: Limits::DISABLED,
-        velocity: Limits::DISABLED,
-        torque: Limits::DISABLED,
-    }; N];
-    for axis in &mut limits {
-        axis.position = read_limits(&mut r)?;
-        axis.velocity = read_limits(&mut r)?;
-        axis.torque = read_limits(&mut r)?;
+impl<const N: usize> Body for Welcome<N> {
+    const LENGTH: usize = 28_usize.saturating_add(N.saturating_mul(3 * LIMITS));
+
+    fn write(&self, body: &mut [u8]) -> Result<(), Short> {
+        let mut w = Writer::new(body);
+        w.u64(self.epoch.0)?;
+        w.u64(self.tick.0)?;
+        w.u32(self.cycle_us)?;
+        w.u8(self.echo_window)?;
+        w.u8(axes_byte::<N>())?;
+        w.u16(self.capabilities.0)?;
+        w.u32(self.kinematics_checksum)?;
+        self.limits.iter().try_for_each(|axis| {
+            write_limits(&mut w, &axis.position)?;
+            write_limits(&mut w, &axis.velocity)?;
+            write_limits(&mut w, &axis.torque)
+        })
     }
-    Ok(Welcome {
-        epoch,
-        tick,
-        cycle_us,
-        echo_window,
-        capabilities,
-        kinematics_checksum,
-        limits,
-    })
+
+    fn read(body: &[u8]) -> Result<Self, ContentError> {
+        let mut r = reader::<Self>(body)?;
+        let epoch = Epoch(r.u64()?);
+        let tick = Tick(r.u64()?);
+        let cycle_us = r.u32()?;
+        let echo_window = r.u8()?;
+        check_axes::<N>(r.u8()?)?;
+        let capabilities = Capabilities(r.u16()?);
+        let kinematics_checksum = r.u32()?;
+        // Filled below; the loop replaces every element or returns.
+        let mut limits = [AxisLimits {
+            position: Limits::DISABLED,
+            velocity: Limits::DISABLED,
+            torque: Limits::DISABLED,
+        }; N];
+        for axis in &mut limits {
+            axis.position = read_limits(&mut r)?;
+            axis.velocity = read_limits(&mut r)?;
+            axis.torque = read_limits(&mut r)?;
+        }
+        Ok(Self {
+            epoch,
+            tick,
+            cycle_us,
+            echo_window,
+            capabilities,
+            kinematics_checksum,
+            limits,
+        })
+    }
 }
 
-fn write_welcome<const N: usize>(w: &mut Writer<'_>, welcome: &Welcome<N>) -> Result<(), Short> {
-    w.u64(welcome.epoch.0)?;
-    w.u64(welcome.tick.0)?;
-    w.u32(welcome.cycle_us)?;
-    w.u8(welcome.echo_window)?;
-    w.u8(axes_byte::<N>())?;
-    w.u16(welcome.capabilities.0)?;
-    w.u32(welcome.kinematics_checksum)?;
-    welcome.limits.iter().try_for_each(|axis| {
-        write_limits(w, &axis.position)?;
-        write_limits(w, &axis.velocity)?;
-        write_limits(w, &axis.torque)
-    })
-}
+impl Body for Refusal {
+    const LENGTH: usize = 8;
 
-fn read_refusal(frame: &Frame<'_>) -> Result<Refusal, ContentError> {
-    check_length(frame, length::REFUSAL)?;
-    let mut r = Reader::new(frame.body());
-    let code = r.u8()?;
-    let detail = r.u8()?;
-    let bits = r.u16()?;
-    let ticks_left = r.u32()?;
-    let refusal = match code {
-        1 => Refusal::Busy,
-        2 => Refusal::Ramping { ticks_left },
-        3 => Refusal::Faulted { ticks_left },
-        4 => Refusal::Version { supported: detail },
-        5 => Refusal::Axes { expected: detail },
-        6 => Refusal::Capability {
-            needed: Capabilities(bits),
-        },
-        7 => Refusal::Unavailable,
-        received => return Err(ContentError::Code { received }),
-    };
-    // One encoding per message: what this reason does not use must be zero.
-    if refusal_fields(refusal) == (code, detail, bits, ticks_left) {
-        Ok(refusal)
-    } else {
-        Err(ContentError::Reserved)
+    fn write(&self, body: &mut [u8]) -> Result<(), Short> {
+        let mut w = Writer::new(body);
+        let (code, detail, bits, ticks_left) = refusal_fields(*self);
+        w.u8(code)?;
+        w.u8(detail)?;
+        w.u16(bits)?;
+        w.u32(ticks_left)
+    }
+
+    fn read(body: &[u8]) -> Result<Self, ContentError> {
+        let mut r = reader::<Self>(body)?;
+        let code = r.u8()?;
+        let detail = r.u8()?;
+        let bits = r.u16()?;
+        let ticks_left = r.u32()?;
+        let refusal = match code {
+            1 => Self::Busy,
+            2 => Self::Ramping { ticks_left },
+            3 => Self::Faulted { ticks_left },
+            4 => Self::Version { supported: detail },
+            5 => Self::Axes { expected: detail },
+            6 => Self::Capability {
+                needed: Capabilities(bits),
+            },
+            7 => Self::Unavailable,
+            received => return Err(ContentError::Code { received }),
+        };
+        // One encoding per message: what this reason does not use must be zero.
+        if refusal_fields(refusal) == (code, detail, bits, ticks_left) {
+            Ok(refusal)
+        } else {
+            Err(ContentError::Reserved)
+        }
     }
 }
 
@@ -147,14 +160,6 @@ const fn refusal_fields(refusal: Refusal) -> (u8, u8, u16, u32) {
         Refusal::Capability { needed } => (6, 0, needed.0, 0),
         Refusal::Unavailable => (7, 0, 0, 0),
     }
-}
-
-fn write_refusal(w: &mut Writer<'_>, refusal: Refusal) -> Result<(), Short> {
-    let (code, detail, bits, ticks_left) = refusal_fields(refusal);
-    w.u8(code)?;
-    w.u8(detail)?;
-    w.u16(bits)?;
-    w.u32(ticks_left)
 }
 
 const PHASES: [Phase; 6] = [
@@ -249,6 +254,9 @@ fn write_counters(w: &mut Writer<'_>, counters: &Counters) -> Result<(), Short> 
     w.u16(counters.longest_miss_run)
 }
 
+/// Bytes of an axis.
+const AXIS: usize = 8 + 2 * OFFSETS + 14 + 2;
+
 fn read_axis(r: &mut Reader<'_>) -> Result<AxisState, ContentError> {
     let nominal = PositionNm(r.i64()?);
     let offsets = read_offsets(r)?;
@@ -258,11 +266,8 @@ fn read_axis(r: &mut Reader<'_>) -> Result<AxisState, ContentError> {
         velocity: VelocityUmS(r.i32()?),
         torque: TorquePermille(r.i16()?),
     };
-    let flags = AxisFlags(r.u8()?);
+    let flags = AxisFlags::from_bits(r.u8()?).ok_or(ContentError::Reserved)?;
     check_reserved(u16::from(r.u8()?))?;
-    if !AxisFlags::ALL.contains(flags) {
-        return Err(ContentError::Reserved);
-    }
     Ok(AxisState {
         nominal,
         offsets,
@@ -279,51 +284,57 @@ fn write_axis(w: &mut Writer<'_>, axis: &AxisState) -> Result<(), Short> {
     w.i64(axis.actual.position.0)?;
     w.i32(axis.actual.velocity.0)?;
     w.i16(axis.actual.torque.0)?;
-    w.u8(axis.flags.0)?;
+    w.u8(axis.flags.bits())?;
     w.u8(0)
 }
 
-fn read_state<const N: usize>(frame: &Frame<'_>) -> Result<State<N>, ContentError> {
-    check_length(frame, length::state(N))?;
-    let mut r = Reader::new(frame.body());
-    let tick = Tick(r.u64()?);
-    let epoch = Epoch(r.u64()?);
-    let accepted = Sequence(r.u64()?);
-    let phase = look_up(&PHASES, r.u8()?)?;
-    let cause = look_up(&CAUSES, r.u8()?)?;
-    check_axes::<N>(r.u8()?)?;
-    let on_time_of_100 = r.u8()?;
-    let ramp_ticks_left = r.u32()?;
-    let arrival_us = r.u16()?;
-    let counters = read_counters(&mut r)?;
-    let mut axes = [AxisState::default(); N];
-    for axis in &mut axes {
-        *axis = read_axis(&mut r)?;
-    }
-    Ok(State {
-        tick,
-        epoch,
-        accepted,
-        phase,
-        cause,
-        on_time_of_100,
-        arrival_us,
-        ramp_ticks_left,
-        counters,
-        axes,
-    })
-}
+impl<const N: usize> Body for State<N> {
+    const LENGTH: usize = 76_usize.saturating_add(N.saturating_mul(AXIS));
 
-fn write_state<const N: usize>(w: &mut Writer<'_>, state: &State<N>) -> Result<(), Short> {
-    w.u64(state.tick.0)?;
-    w.u64(state.epoch.0)?;
-    w.u64(state.accepted.0)?;
-    w.u8(phase_code(state.phase))?;
-    w.u8(cause_code(state.cause))?;
-    w.u8(axes_byte::<N>())?;
-    w.u8(state.on_time_of_100)?;
-    w.u32(state.ramp_ticks_left)?;
-    w.u16(state.arrival_us)?;
-    write_counters(w, &state.counters)?;
-    state.axes.iter().try_for_each(|axis| write_axis(w, axis))
+    fn write(&self, body: &mut [u8]) -> Result<(), Short> {
+        let mut w = Writer::new(body);
+        w.u64(self.tick.0)?;
+        w.u64(self.epoch.0)?;
+        w.u64(self.accepted.0)?;
+        w.u8(phase_code(self.phase))?;
+        w.u8(cause_code(self.cause))?;
+        w.u8(axes_byte::<N>())?;
+        w.u8(self.on_time_of_100)?;
+        w.u32(self.ramp_ticks_left)?;
+        w.u16(self.arrival_us)?;
+        write_counters(&mut w, &self.counters)?;
+        self.axes
+            .iter()
+            .try_for_each(|axis| write_axis(&mut w, axis))
+    }
+
+    fn read(body: &[u8]) -> Result<Self, ContentError> {
+        let mut r = reader::<Self>(body)?;
+        let tick = Tick(r.u64()?);
+        let epoch = Epoch(r.u64()?);
+        let accepted = Sequence(r.u64()?);
+        let phase = look_up(&PHASES, r.u8()?)?;
+        let cause = look_up(&CAUSES, r.u8()?)?;
+        check_axes::<N>(r.u8()?)?;
+        let on_time_of_100 = r.u8()?;
+        let ramp_ticks_left = r.u32()?;
+        let arrival_us = r.u16()?;
+        let counters = read_counters(&mut r)?;
+        let mut axes = [AxisState::default(); N];
+        for axis in &mut axes {
+            *axis = read_axis(&mut r)?;
+        }
+        Ok(Self {
+            tick,
+            epoch,
+            accepted,
+            phase,
+            cause,
+            on_time_of_100,
+            arrival_us,
+            ramp_ticks_left,
+            counters,
+            axes,
+        })
+    }
 }
