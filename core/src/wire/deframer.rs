@@ -71,9 +71,6 @@ impl Deframer {
     pub fn feed(&mut self, bytes: &[u8]) -> Feed<'_> {
         match self.stage {
             Stage::Collecting => {}
-            #[cfg(mutant = "handed_out_not_dropped")]
-            Stage::HandedOut => {}
-            #[cfg(not(mutant = "handed_out_not_dropped"))]
             Stage::HandedOut => self.collector.clear(),
             Stage::Broken(error) => return Feed::Broken(error),
         }
