@@ -33,8 +33,8 @@ pub(crate) struct Harness {
     pub(crate) unwind: Option<u32>,
     pub(crate) tier: Tier,
     pub(crate) verdict: Expected,
-    /// Seconds of the solver, where this row was written.
-    pub(crate) measured_s: f64,
+    /// Seconds of the solver, where this row was written; `None`: it has not run there, and is not claimed.
+    pub(crate) measured_s: Option<f64>,
     /// What is taken for granted because it is substituted (`#[kani::stub]`), in words.
     #[serde(default)]
     pub(crate) assumes: Vec<String>,
@@ -54,7 +54,8 @@ pub(crate) struct Mutant {
     pub(crate) fails: String,
     pub(crate) tier: Tier,
     pub(crate) verdict: Expected,
-    pub(crate) measured_s: f64,
+    /// As a harness' own.
+    pub(crate) measured_s: Option<f64>,
 }
 
 /// What no solver could carry, and is not claimed.

@@ -218,13 +218,22 @@ pub(crate) fn forget(folder: &Path) {
     }
 }
 
+/// The measured time, or that there is none.
+fn measured(seconds: Option<f64>) -> String {
+    seconds.map_or("not run yet".to_owned(), |seconds| format!("{seconds} s"))
+}
+
 /// What the manifest holds.
 pub(crate) fn list(manifest: &Manifest) {
     for harness in &manifest.harnesses {
         let theorems = harness.theorems.join(" ");
         println!(
-            "{}  ({theorems}, {}, {} s)\n    {}\n    for {}",
-            harness.name, harness.tier, harness.measured_s, harness.property, harness.domain
+            "{}  ({theorems}, {}, {})\n    {}\n    for {}",
+            harness.name,
+            harness.tier,
+            measured(harness.measured_s),
+            harness.property,
+            harness.domain
         );
         for assumption in &harness.assumes {
             println!("    assumes {assumption}");
@@ -232,10 +241,10 @@ pub(crate) fn list(manifest: &Manifest) {
     }
     for mutant in &manifest.mutants {
         println!(
-            "{}  (mutant, {}, {} s)\n    {}\n    {} must fail: {}",
+            "{}  (mutant, {}, {})\n    {}\n    {} must fail: {}",
             mutant.name,
             mutant.tier,
-            mutant.measured_s,
+            measured(mutant.measured_s),
             mutant.change,
             mutant.harness,
             mutant.fails

@@ -154,8 +154,6 @@ impl<const N: usize, const HALF: usize> BlackBox<N, HALF> {
 
     fn oldest_first(&self) -> impl Iterator<Item = &Segment<N, HALF>> {
         let oldest = self.latest.saturating_add(1);
-        #[cfg(mutant = "oldest_is_latest")]
-        let oldest = self.latest;
         self.segments.iter().cycle().skip(oldest).take(SEGMENTS)
     }
 
