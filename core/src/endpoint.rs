@@ -155,6 +155,35 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
         }
     }
 
+    /// The invariant, clause by clause: the session, every deframer and the black box are valid; connections are in the order of
+    /// their numbers, which is that of their opening; nobody has been read beyond its budget; what may still arrive before the
+    /// tick finds room.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        let opened = |slot: &Slot| slot.connection.0 < self.next_connection;
+        self.session.is_valid()
+            && self.black_box.is_valid()
+            && self
+                .slots
+                .iter()
+                .all(|slot| slot.is_valid() && opened(slot))
+            && self
+                .slots
+                .is_sorted_by(|one, next| one.connection < next.connection)
+            && self.inbox_has_room()
+    }
+
+    /// As many events as there can be before the tick: at most [`OWNER_EVENTS`] of the owner and [`STRANGER_EVENTS`] of others.
+    fn inbox_has_room(&self) -> bool {
+        let owner = self.session.owner();
+        let events = self.input.events.iter();
+        let of_owner = events.filter(|(from, _)| owner == Some(*from)).count();
+        let of_others = self.input.events.len().saturating_sub(of_owner);
+        of_owner <= OWNER_EVENTS
+            && of_others <= usize::from(self.stranger_events)
+            && self.stranger_events <= STRANGER_EVENTS
+    }
+
     /// The session.
     #[must_use]
     pub const fn session(&self) -> &Session<N> {
@@ -284,7 +313,8 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
         self.complete_input(cycle);
         self.black_box.before_tick(&self.session);
         let output = self.session.tick(&self.input);
-        self.black_box.after_tick(&self.input, &output);
+        self.black_box
+            .after_tick(&self.input, &output, output.ended.is_some());
         self.input.events.clear();
         self.send(&output, send);
         let close = self.finished(&output);
@@ -315,7 +345,7 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
         self.input.events.retain(|(from, _)| *from != connection);
     }
 
-    /// Queues an event. There is room: of 16 places the owner can need 11 (8 frames, flood or broken, Stop, closed), strangers 5.
+    /// Queues an event. There is room: [`Self::inbox_has_room`].
     fn post(&mut self, connection: Connection, event: Event<N>) {
         self.input.events.push((connection, event)).unwrap_or(());
     }
@@ -389,6 +419,11 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
 }
 
 impl Slot {
+    /// The invariant: the deframer is valid, and nobody is read beyond the budget.
+    fn is_valid(&self) -> bool {
+        self.deframer.is_valid() && self.frames <= OWNER_FRAMES
+    }
+
     /// One frame's worth of bytes: the event it makes, if any, and how many bytes it took. `None` when the frame is not complete.
     fn take<const N: usize>(
         &mut self,
@@ -454,6 +489,8 @@ fn find(slots: &mut [Slot], connection: Connection) -> Option<&mut Slot> {
 const STRANGER_FRAMES: u8 = 1;
 /// Events of all strangers together that reach a tick.
 const STRANGER_EVENTS: u8 = 5;
+/// Events of the owner that reach a tick: its frames, the flood or broken stream after them, one Stop behind a flood, its closing.
+const OWNER_EVENTS: usize = 11;
 
 /// The message of a frame, or what is wrong with it.
 fn judge<const N: usize>(frame: &Frame<'_>) -> Event<N> {

@@ -1,5 +1,6 @@
 //! T11: what a black box holds.
 
+use gantry_tau_core::session::recorder::Recorder;
 use gantry_tau_core::session::{BlackBox, Input, Output, Session};
 use gantry_tau_core::units::Tick;
 
@@ -11,7 +12,7 @@ pub fn record<const N: usize, const HALF: usize>(
 ) -> Output<N> {
     black_box.before_tick(session);
     let output = session.tick(input);
-    black_box.after_tick(input, &output);
+    black_box.after_tick(input, &output, output.ended.is_some());
     output
 }
 
@@ -45,5 +46,68 @@ pub fn holds_the_end<const N: usize, const HALF: usize>(
     assert!(
         count >= recorded.min(2 * HALF) && count <= 3 * HALF,
         "T11: at least 2 HALF ticks, where there were as many"
+    );
+}
+
+/// A recorder of steps that are only numbered: the state is the number of the step before, an output that of the step.
+/// What is recorded makes no difference to a [`Recorder`]: it is generic, and so can only copy it.
+pub type Numbered<const HALF: usize> = Recorder<u8, (), u8, HALF>;
+
+/// How many entries there are, if they are numbered one after the other from the state before them on, up to `latest`.
+#[must_use]
+pub fn numbered_up_to<const HALF: usize>(recorder: &Numbered<HALF>, latest: u8) -> Option<usize> {
+    let mut number = recorder.before().copied();
+    let mut count = 0;
+    for segment in recorder.segments() {
+        let entries = segment.entries();
+        if !entries.is_empty() && segment.before() != number.as_ref() {
+            return None;
+        }
+        for index in 0..HALF {
+            let Some(entry) = entries.get(index) else {
+                break;
+            };
+            number = number.map(|number| number.wrapping_add(1));
+            if number != Some(entry.output) {
+                return None;
+            }
+            count += 1;
+        }
+    }
+    (count == 0 || number == Some(latest)).then_some(count)
+}
+
+/// T11, one step: a valid recorder of numbered steps stays one; only what is older than `2 HALF` steps is forgotten; recording
+/// goes on for `HALF` steps after an end, and what is frozen does not change.
+///
+/// # Panics
+/// When it does not hold.
+pub fn records_a_step<const HALF: usize>(recorder: &mut Numbered<HALF>, latest: u8, ends: bool) {
+    let Some(count) = numbered_up_to(recorder, latest) else {
+        return;
+    };
+    let (frozen, left) = (recorder.is_frozen(), recorder.left());
+    let next = latest.wrapping_add(1);
+    recorder.before_tick(&latest);
+    recorder.after_tick(&(), &next, ends);
+    assert!(recorder.is_valid(), "T11: the recorder stays valid");
+    if frozen {
+        assert!(recorder.is_frozen(), "T11: frozen until released");
+        let kept = numbered_up_to(recorder, latest);
+        assert!(kept == Some(count), "T11: what is frozen does not change");
+        return;
+    }
+    let kept = numbered_up_to(recorder, next);
+    assert!(
+        kept == Some(count + 1) || (kept == Some(count + 1 - HALF) && count == 3 * HALF),
+        "T11: no gap; only the oldest is forgotten, and only for want of room"
+    );
+    let expected = match left {
+        Some(left) => Some(left - 1),
+        None => ends.then_some(HALF),
+    };
+    assert!(
+        recorder.left() == expected,
+        "T11: HALF steps after the end, and no more"
     );
 }

@@ -26,6 +26,7 @@ pub mod channel;
 pub mod compensation;
 pub mod crossing;
 pub mod decide;
+pub mod endpoint;
 #[cfg(kani)]
 mod harness;
 pub mod kinematics;

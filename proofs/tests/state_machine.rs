@@ -238,4 +238,21 @@ proptest! {
             prop_assert_eq!(replayed.agreeing, black_box.entries().count());
         }
     }
+
+    /// The recorder of any sequence of numbered steps, ends and releases.
+    #[test]
+    fn a_recording(steps in prop::collection::vec((any::<bool>(), 0..40_u8), 0..80)) {
+        let mut recorder = blackbox::Numbered::<3>::new();
+        let mut latest = 0;
+        for (ends, release) in steps {
+            if release == 0 {
+                recorder.release();
+            }
+            let frozen = recorder.is_frozen();
+            blackbox::records_a_step(&mut recorder, latest, ends && release < 4);
+            if !frozen {
+                latest = latest.wrapping_add(1);
+            }
+        }
+    }
 }

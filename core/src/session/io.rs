@@ -82,7 +82,7 @@ impl<const N: usize> Cycle<N> {
 }
 
 /// Everything that one tick depends on, beside the session itself.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Input<const N: usize> {
     /// What the host gives.
@@ -105,9 +105,18 @@ impl<const N: usize> Input<N> {
             events: Vec::new(),
         }
     }
+}
+
+impl<const N: usize> Clone for Input<N> {
+    fn clone(&self) -> Self {
+        Self {
+            cycle: self.cycle,
+            events: self.events.clone(),
+        }
+    }
 
     /// Copies `other` into this place: only the events there are, not the room for more.
-    pub(super) fn copy_from(&mut self, other: &Self) {
+    fn clone_from(&mut self, other: &Self) {
         self.cycle = other.cycle;
         self.events.clear();
         // There is room: both have the same capacity.

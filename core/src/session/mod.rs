@@ -2,35 +2,43 @@
 //!
 //! [`Session::tick`] is one pure step with bounded work. It has two halves and an entrance:
 //! events are sifted into what decides; [`decide::decide`] chooses the next discrete state and ONE action;
-//! [`act`] lets every channel apply that action with its own limits.
+//! [`act`] lets every channel apply that action with its own limits. What only counts is kept apart from all three.
 
 pub mod act;
-mod blackbox;
+mod advance;
 pub mod channels;
 pub mod config;
 pub mod decide;
 mod evidence;
 mod io;
+pub mod recorder;
 mod replay;
 pub mod sift;
 
 use core::fmt;
 
-use crate::axis::{Offsets, Reference};
+use crate::axis::Offsets;
 use crate::message::{AxisState, Cause, Counters, Phase, Refusal, State, Welcome};
 use crate::rows::{each, pairs};
 use crate::units::{Epoch, PositionNm, Sequence, Tick};
 
-use act::{Axis, Order, nominal_stepped};
+use act::Axis;
+use advance::{Advance, advance, all_zero};
 use channels::AxisChannels;
 use config::{Config, Parameters};
-use decide::{Action, Arrivals, Connection, Decision, Discrete, Rules};
+use decide::{Arrivals, Connection, Decision, Discrete};
 use evidence::{on_time_of_100, tally};
 use sift::{Heard, Noted, Sieve};
 
-pub use blackbox::{BlackBox, Entry};
 pub use io::{Cycle, EVENTS, Event, Events, Input, OWNER_FRAMES, Output, Refusals};
 pub use replay::{Replayed, replay};
+
+/// The black box: the last ticks' complete inputs and outputs, the session before the oldest, and the configuration within it.
+/// Replaying the inputs from that session gives every output again, bit for bit ([`replay`], T11).
+pub type BlackBox<const N: usize, const HALF: usize> =
+    recorder::Recorder<Session<N>, Input<N>, Output<N>, HALF>;
+/// One recorded tick.
+pub type Entry<const N: usize> = recorder::Entry<Input<N>, Output<N>>;
 
 /// Why a session cannot start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -222,17 +230,27 @@ impl<const N: usize> Session<N> {
     }
 
     /// Decides, and acts. The invariant and every bound hold for anything that can have been heard.
-    pub fn step(&mut self, cycle: &Cycle<N>, mut heard: Heard<N>, noted: Noted) -> Output<N> {
-        let stepped = self.nominal_stepped(cycle);
-        self.complete(&mut heard.arrivals, cycle, &stepped);
-        let before = self.parts.discrete;
-        let decision = decide::decide(&before, &heard.arrivals, &self.rules());
+    pub fn step(&mut self, cycle: &Cycle<N>, heard: Heard<N>, noted: Noted) -> Output<N> {
         let parts = &mut self.parts;
+        let before = parts.discrete;
+        let Advance {
+            decision,
+            arrivals,
+            references,
+            axes,
+        } = advance(
+            self.config.parameters(),
+            &mut parts.discrete,
+            &mut parts.axes,
+            cycle,
+            &heard,
+        );
         parts.counters = noted.counters;
-        parts.settle_evidence(&before, &decision, &heard.arrivals, noted.late);
-        let (references, axes) = self.act(&decision, &heard, cycle, &stepped);
-        self.parts.discrete = decision.next;
-        let (welcome, refusals) = answers(&before, &decision, &heard.arrivals, noted.refusals);
+        parts.settle_evidence(&before, &decision, &arrivals, noted.late);
+        for axis in each(&axes) {
+            tally(&mut parts.counters, axis.flags);
+        }
+        let (welcome, refusals) = answers(&before, &decision, &arrivals, noted.refusals);
         let owner = decision.next.owner;
         Output {
             references,
@@ -258,73 +276,6 @@ impl<const N: usize> Session<N> {
             kinematics_checksum: parameters.kinematics_checksum,
             limits: parameters.axes.map(|axis| axis.limits),
         }
-    }
-
-    const fn rules(&self) -> Rules {
-        let parameters = self.config.parameters();
-        Rules {
-            handshake_ticks: parameters.handshake_ticks,
-            budget: parameters.budget,
-        }
-    }
-
-    /// Which axes' nominal references moved further than they may.
-    fn nominal_stepped(&self, cycle: &Cycle<N>) -> [bool; N] {
-        let configs = &self.config.parameters().axes;
-        let mut stepped = [false; N];
-        for (index, (axis, config)) in pairs(&self.parts.axes, configs).enumerate() {
-            if let (Some(stepped), Some(to)) = (stepped.get_mut(index), cycle.nominal.get(index)) {
-                *stepped = nominal_stepped(axis.nominal, *to, config, cycle.cycles());
-            }
-        }
-        stepped
-    }
-
-    /// What the cycle itself has to say, beside what was heard.
-    fn complete(&self, arrivals: &mut Arrivals, cycle: &Cycle<N>, stepped: &[bool; N]) {
-        arrivals.stop |= cycle.stop;
-        arrivals.rearm = cycle.rearm;
-        arrivals.skipped = cycle.cycles().saturating_sub(1);
-        arrivals.all_zero = all_zero(&self.parts.axes);
-        arrivals.nominal_fault = each(stepped).any(|stepped| *stepped);
-    }
-
-    /// Every axis carries out the decision.
-    fn act(
-        &mut self,
-        decision: &Decision,
-        heard: &Heard<N>,
-        cycle: &Cycle<N>,
-        stepped: &[bool; N],
-    ) -> ([Reference; N], [AxisState; N]) {
-        let shadow = shadow_action(decision.next.phase, heard.arrivals.command.is_some());
-        let mut references = [Reference::default(); N];
-        let mut states = [AxisState::default(); N];
-        for index in 0..N {
-            let inputs = || {
-                Some(Order {
-                    action: decision.action,
-                    shadow,
-                    target: *heard.targets.get(index)?,
-                    nominal: *cycle.nominal.get(index)?,
-                    nominal_stepped: *stepped.get(index)?,
-                    actual: *cycle.actual.get(index)?,
-                })
-            };
-            // Every array has N elements.
-            let (Some(order), Some(axis), Some(config), Some(reference), Some(state)) = (
-                inputs(),
-                self.parts.axes.get_mut(index),
-                self.config.parameters().axes.get(index),
-                references.get_mut(index),
-                states.get_mut(index),
-            ) else {
-                continue;
-            };
-            (*reference, *state) = axis.act(&order, config);
-            tally(&mut self.parts.counters, state.flags);
-        }
-        (references, states)
     }
 
     /// The State after this tick.
@@ -402,14 +353,6 @@ fn axes_at_rest<const N: usize>(
     Ok(axes)
 }
 
-/// Whether every offset in force is zero.
-fn all_zero<const N: usize>(axes: &[Axis; N]) -> bool {
-    let mut axes = each(axes);
-    #[cfg(mutant = "first_axis_forgotten")]
-    let mut axes = axes.skip(1);
-    axes.all(|axis| axis.channels.is_zero())
-}
-
 /// Ticks until every channel would be zero.
 fn ramp_ticks_left<const N: usize>(parameters: &Parameters<N>, axes: &[Axis; N]) -> u32 {
     pairs(axes, &parameters.axes).fold(0, |most, (axis, config)| {
@@ -419,15 +362,6 @@ fn ramp_ticks_left<const N: usize>(parameters: &Parameters<N>, axes: &[Axis; N])
             most.max(axis.channels.ramp_ticks_left(&config.limits))
         }
     })
-}
-
-/// The shadow follows fresh commands in Submit and holds over a miss; elsewhere it rests at zero.
-const fn shadow_action(phase: Phase, fresh: bool) -> Option<Action> {
-    match (phase, fresh) {
-        (Phase::Submit, true) => Some(Action::Follow),
-        (Phase::Submit, false) => Some(Action::Hold),
-        _ => None,
-    }
 }
 
 #[cfg(test)]

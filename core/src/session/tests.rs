@@ -537,7 +537,7 @@ fn the_black_box_replays_bit_for_bit() {
         }
         black_box.before_tick(&bench.session);
         let output = bench.session.tick(&input);
-        black_box.after_tick(&input, &output);
+        black_box.after_tick(&input, &output, output.ended.is_some());
     }
     assert!(black_box.is_frozen());
     let before = black_box.before().unwrap();

@@ -186,7 +186,7 @@ fn window<const N: usize>(seed: u64) -> Window<N> {
         let input = input(&session, &mut random);
         black_box.before_tick(&session);
         let output = session.tick(&input);
-        black_box.after_tick(&input, &output);
+        black_box.after_tick(&input, &output, output.ended.is_some());
     }
     Window::of(&black_box).unwrap()
 }

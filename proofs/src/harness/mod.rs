@@ -5,6 +5,8 @@
 
 #[cfg(any(not(only), only = "axis"))]
 mod axis;
+#[cfg(any(not(only), only = "blackbox"))]
+mod blackbox;
 #[cfg(any(not(only), only = "channel"))]
 mod channel;
 #[cfg(any(not(only), only = "compensation"))]

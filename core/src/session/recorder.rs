@@ -1,0 +1,244 @@
+//! A recorder of steps: the last inputs and outputs, and the state before the oldest of them.
+//!
+//! Three segments of `HALF` steps take turns; each begins with the state as it was. So at least `2 HALF` steps are at hand,
+//! and recording a step costs one copy of its input and output, never a second run. Once a step has ended what is recorded,
+//! recording goes on for `HALF` steps and then freezes: at least `HALF` steps before the end and `HALF` after it remain,
+//! until [`Recorder::release`]. What a state, an input and an output are does not matter here.
+
+use heapless::Vec;
+
+/// One recorded step.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry<I, O> {
+    /// What the step depended on, beside the state.
+    pub input: I,
+    /// What it produced.
+    pub output: O,
+}
+
+/// Places for the entries of a segment.
+pub type Entries<I, O, const HALF: usize> = Vec<Entry<I, O>, HALF>;
+
+/// Up to `HALF` steps, and the state before them.
+#[derive(Clone, Debug)]
+pub struct Segment<S, I, O, const HALF: usize> {
+    before: Option<S>,
+    /// Entries, the first `used` of them valid; the others are places to write the next ones into.
+    entries: Entries<I, O, HALF>,
+    used: usize,
+}
+
+impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Segment<S, I, O, HALF> {
+    const fn new() -> Self {
+        Self {
+            before: None,
+            entries: Vec::new(),
+            used: 0,
+        }
+    }
+
+    /// A segment in any state that satisfies the invariant.
+    #[must_use]
+    pub fn from_parts(
+        before: Option<S>,
+        entries: Entries<I, O, HALF>,
+        used: usize,
+    ) -> Option<Self> {
+        let segment = Self {
+            before,
+            entries,
+            used,
+        };
+        segment.is_valid().then_some(segment)
+    }
+
+    /// The invariant: no more entries are in use than there are, and none without the state before them.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        self.used <= self.entries.len() && (self.used == 0 || self.before.is_some())
+    }
+
+    const fn is_full(&self) -> bool {
+        self.used >= HALF
+    }
+
+    /// The state before the first entry.
+    #[must_use]
+    pub const fn before(&self) -> Option<&S> {
+        self.before.as_ref()
+    }
+
+    /// The recorded steps, oldest first.
+    #[must_use]
+    pub fn entries(&self) -> &[Entry<I, O>] {
+        self.entries.get(..self.used).unwrap_or_default()
+    }
+
+    /// Writes into the next place, so that an entry of some kilobytes is not moved about.
+    fn push(&mut self, input: &I, output: &O) {
+        if let Some(place) = self.entries.get_mut(self.used) {
+            place.input.clone_from(input);
+            place.output.clone_from(output);
+        } else {
+            let entry = Entry {
+                input: input.clone(),
+                output: output.clone(),
+            };
+            // There is room: `before_tick` has just put a full segment aside.
+            self.entries.push(entry).unwrap_or(());
+        }
+        self.used = self.used.saturating_add(1);
+    }
+
+    fn clear(&mut self) {
+        self.before = None;
+        self.used = 0;
+    }
+}
+
+/// A recorder of up to `3 HALF` steps of a state `S` with inputs `I` and outputs `O`. `HALF` = 0 records nothing.
+#[derive(Clone, Debug)]
+pub struct Recorder<S, I, O, const HALF: usize> {
+    segments: [Segment<S, I, O, HALF>; SEGMENTS],
+    /// Which segment is being filled; the next one in the circle is the oldest.
+    latest: usize,
+    /// Steps still to record after an end.
+    countdown: Option<usize>,
+}
+
+/// How many segments take turns.
+pub const SEGMENTS: usize = 3;
+
+impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Default for Recorder<S, I, O, HALF> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
+    /// An empty recorder.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            segments: [const { Segment::new() }; SEGMENTS],
+            latest: 0,
+            countdown: None,
+        }
+    }
+
+    /// A recorder in any state that satisfies the invariant.
+    #[must_use]
+    pub fn from_parts(
+        segments: [Segment<S, I, O, HALF>; SEGMENTS],
+        latest: usize,
+        countdown: Option<usize>,
+    ) -> Option<Self> {
+        let recorder = Self {
+            segments,
+            latest,
+            countdown,
+        };
+        recorder.is_valid().then_some(recorder)
+    }
+
+    /// The invariant, clause by clause: the latest segment exists; every segment is valid; those before the latest are full, or
+    /// empty without a state, and the older one is not full without the newer; no more than `HALF` steps are still to be recorded.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        let [oldest, newer, _] = self.segments();
+        let whole =
+            |segment: &Segment<S, I, O, HALF>| segment.is_full() || segment.before.is_none();
+        self.latest < SEGMENTS
+            && self.segments.iter().all(Segment::is_valid)
+            && whole(oldest)
+            && whole(newer)
+            && (oldest.used == 0 || newer.is_full())
+            && self.countdown.is_none_or(|left| left <= HALF)
+    }
+
+    /// Before a step: keeps the state where a new segment begins.
+    pub fn before_tick(&mut self, state: &S) {
+        if self.is_frozen() || HALF == 0 {
+            return;
+        }
+        if self.segment_mut().is_full() {
+            self.latest = match self.latest {
+                0 => 1,
+                1 => 2,
+                _ => 0,
+            };
+            self.segment_mut().clear();
+        }
+        let latest = self.segment_mut();
+        if latest.used == 0 {
+            latest.before = Some(state.clone());
+        }
+    }
+
+    /// After a step: keeps its input and output. `ends`: it ended what is recorded, and the freeze is counted down to.
+    pub fn after_tick(&mut self, input: &I, output: &O, ends: bool) {
+        if self.is_frozen() || HALF == 0 {
+            return;
+        }
+        self.segment_mut().push(input, output);
+        let after_end = ends.then_some(HALF);
+        #[cfg(mutant = "frozen_too_early")]
+        let after_end = after_end.map(|left| left.saturating_sub(1));
+        self.countdown = match self.countdown {
+            Some(left) => Some(left.saturating_sub(1)),
+            None => after_end,
+        };
+    }
+
+    /// Whether an end has frozen the recording.
+    #[must_use]
+    pub fn is_frozen(&self) -> bool {
+        self.countdown == Some(0)
+    }
+
+    /// Steps still to record, once one has ended what is recorded.
+    #[must_use]
+    pub const fn left(&self) -> Option<usize> {
+        self.countdown
+    }
+
+    /// Forgets everything and records again.
+    pub fn release(&mut self) {
+        for segment in &mut self.segments {
+            segment.clear();
+        }
+        self.countdown = None;
+    }
+
+    /// The state before the oldest entry.
+    #[must_use]
+    pub fn before(&self) -> Option<&S> {
+        self.segments().into_iter().find_map(Segment::before)
+    }
+
+    /// The recorded steps, oldest first.
+    pub fn entries(&self) -> impl Iterator<Item = &Entry<I, O>> {
+        self.segments().into_iter().flat_map(Segment::entries)
+    }
+
+    /// The segments, oldest first.
+    #[must_use]
+    pub const fn segments(&self) -> [&Segment<S, I, O, HALF>; SEGMENTS] {
+        let [first, second, third] = &self.segments;
+        match self.latest {
+            0 => [second, third, first],
+            1 => [third, first, second],
+            _ => [first, second, third],
+        }
+    }
+
+    /// The segment being filled; `latest` never leaves the circle.
+    const fn segment_mut(&mut self) -> &mut Segment<S, I, O, HALF> {
+        let [first, second, third] = &mut self.segments;
+        match self.latest {
+            0 => first,
+            1 => second,
+            _ => third,
+        }
+    }
+}
