@@ -151,6 +151,8 @@ pub struct Lu<const N: usize> {
     rows: [Row<N>; N],
     columns: [f64; N],
     ratio: f64,
+    /// Whether the determinant is below zero.
+    mirrors: bool,
 }
 
 impl<const N: usize> Lu<N> {
@@ -163,13 +165,15 @@ impl<const N: usize> Lu<N> {
         let mut rows = scaled_rows(matrix, &columns)?;
         let mut smallest = f64::INFINITY;
         let mut largest = 0.0_f64;
+        let mut mirrors = false;
         let mut rest = rows.as_mut_slice();
         for k in 0..N {
             let Some((pivot, below)) = mem::take(&mut rest).split_first_mut() else {
                 break;
             };
-            bring_up_largest(k, pivot, below);
+            mirrors ^= bring_up_largest(k, pivot, below);
             let head = at(&pivot.values, k);
+            mirrors ^= head < 0.0;
             if !head.is_finite() {
                 return Err(LinearError::NotFinite);
             }
@@ -194,7 +198,15 @@ impl<const N: usize> Lu<N> {
             rows,
             columns,
             ratio: smallest / largest,
+            mirrors,
         })
+    }
+
+    /// Whether the determinant is below zero; it is never zero.
+    #[inline]
+    #[must_use]
+    pub const fn mirrors(&self) -> bool {
+        self.mirrors
     }
 
     /// Smallest pivot over largest, 0 to 1: the measure by which a matrix is called singular.
@@ -307,8 +319,8 @@ fn inverse_scale(largest: f64) -> Result<f64, LinearError> {
     }
 }
 
-/// Swaps the row with the largest entry in column `k` into the pivot's place.
-fn bring_up_largest<const N: usize>(k: usize, pivot: &mut Row<N>, below: &mut [Row<N>]) {
+/// Swaps the row with the largest entry in column `k` into the pivot's place, if it is not there; whether it was swapped.
+fn bring_up_largest<const N: usize>(k: usize, pivot: &mut Row<N>, below: &mut [Row<N>]) -> bool {
     let mut largest = at(&pivot.values, k).abs();
     let mut chosen = None;
     for (index, row) in below.iter().enumerate() {
@@ -318,9 +330,12 @@ fn bring_up_largest<const N: usize>(k: usize, pivot: &mut Row<N>, below: &mut [R
             chosen = Some(index);
         }
     }
-    if let Some(row) = chosen.and_then(|index| below.get_mut(index)) {
+    let row = chosen.and_then(|index| below.get_mut(index));
+    let found = row.is_some();
+    if let Some(row) = row {
         mem::swap(pivot, row);
     }
+    found
 }
 
 /// Takes the multiple of the pivot row from `row` that clears its column `k`, and keeps the multiplier there.

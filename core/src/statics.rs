@@ -1,12 +1,13 @@
-//! Line matrix, link forces, cart loads `[T 3.3.2, 3.3.3]`: six links, any orientation.
+//! Line matrix, link forces, actuator loads `[T 3.3.2, 3.3.3]`: six links, any orientation, three axes or six.
 //!
 //! This is the general path, by a 6x6 decomposition. The cyclic path of the 3-DOF machine is [`crate::stiffness::TauModel`].
 
-use nalgebra::{Matrix3, Matrix6, Vector3};
+use nalgebra::{ArrayStorage, Matrix3, Matrix6, SMatrix, Vector3};
 
-use crate::kinematics::{KinematicsError, Pose, links};
+use crate::kinematics::{KinematicsError, Pose, SixLinkKinematics, links};
 use crate::linalg::{Lu, unit};
-use crate::robot::{ARMS, LINKS, Robot};
+use crate::robot::{ARM_OF_LINK, ARMS, AXES, LINKS, Robot};
+use crate::rows::pairs;
 
 /// Load on the platform: applied by the environment to the platform, world axes, moment about the tool centre point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,30 +58,75 @@ impl Wrench {
     }
 }
 
-/// The six links in a pose, factored once: `W = [s; l x s]` `[T 3.17, 3.22]` and `D`.
+/// The six links in a pose, factored once: `W = [s; l x s]` `[T 3.17, 3.22]` and `D`, for a machine with `N` axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LineMatrix {
+pub struct LineMatrix<const N: usize = ARMS> {
     /// Rows of `W^T`: `[s_ij, l_ij x s_ij]`.
     rows: [[f64; LINKS]; LINKS],
     factors: Lu<LINKS>,
-    /// `D_(ij),i = s_ij . v_i`, and the arm `i` of each link.
-    drives: [(usize, f64); LINKS],
+    /// `D_(ij),k = s_ij . dA_ij/dq_k`: rows in link order, columns in axis order.
+    drives: [[f64; N]; LINKS],
 }
 
-impl LineMatrix {
-    /// Directions and levers of the links in this pose with these positions (q-units).
+impl LineMatrix<ARMS> {
+    /// Directions and levers of the links of a 3-DOF machine in this pose with these positions (q-units).
     ///
     /// # Errors
     /// [`KinematicsError::Singular`] when the lines depend on each other, `NotFinite` when a number given is.
     pub fn new(robot: &Robot, pose: &Pose, q: &[f64; ARMS]) -> Result<Self, KinematicsError> {
+        let mut links_m = [Vector3::zeros(); LINKS];
+        for (vector, link) in links_m.iter_mut().zip(links(robot.geometry(), pose, q)) {
+            *vector = link.vector_m;
+        }
+        let directions = directions(&links_m)?;
+        let geometry = robot.geometry();
+        let mut drives = [[0.0; ARMS]; LINKS];
+        for ((row, s), arm) in drives.iter_mut().zip(&directions).zip(ARM_OF_LINK) {
+            if let (Some(drive), Some(guideway)) = (row.get_mut(arm), geometry.guideways.get(arm)) {
+                *drive = s.dot(guideway);
+            }
+        }
+        Self::of_lines(&directions, &geometry.platform_joints_m, pose, drives)
+    }
+}
+
+impl LineMatrix<AXES> {
+    /// Directions and levers of the links of a 6-DOF machine in this pose with these positions (q-units).
+    ///
+    /// # Errors
+    /// As [`LineMatrix::new`].
+    pub fn of_six_link(
+        kinematics: &SixLinkKinematics,
+        pose: &Pose,
+        q: &[f64; AXES],
+    ) -> Result<Self, KinematicsError> {
+        let directions = directions(&kinematics.links_m(pose, q))?;
+        let drives = kinematics.drives(q, &directions);
+        let joints = &kinematics.robot().geometry().platform_joints_m;
+        Self::of_lines(&directions, joints, pose, drives)
+    }
+}
+
+/// `s_ij`: from platform to cart.
+fn directions(links_m: &[Vector3<f64>; LINKS]) -> Result<[Vector3<f64>; LINKS], KinematicsError> {
+    let mut directions = *links_m;
+    for direction in &mut directions {
+        *direction = unit(direction).ok_or(KinematicsError::NotFinite)?;
+    }
+    Ok(directions)
+}
+
+impl<const N: usize> LineMatrix<N> {
+    fn of_lines(
+        directions: &[Vector3<f64>; LINKS],
+        platform_joints_m: &[Vector3<f64>; LINKS],
+        pose: &Pose,
+        drives: [[f64; N]; LINKS],
+    ) -> Result<Self, KinematicsError> {
         let mut rows = [[0.0; LINKS]; LINKS];
-        let mut drives = [(0, 0.0); LINKS];
-        let described = rows.iter_mut().zip(&mut drives);
-        for ((row, drive), link) in described.zip(links(robot.geometry(), pose, q)) {
-            let s = unit(&link.vector_m).ok_or(KinematicsError::NotFinite)?;
-            let moment = link.lever_m.cross(&s);
+        for (row, (s, joint)) in rows.iter_mut().zip(pairs(directions, platform_joints_m)) {
+            let moment = (pose.rotation * joint).cross(s);
             *row = [s.x, s.y, s.z, moment.x, moment.y, moment.z];
-            *drive = (link.arm, s.dot(&link.guideway));
         }
         Ok(Self {
             rows,
@@ -110,33 +156,55 @@ impl LineMatrix {
     /// `tau = -D^T f` `[T 3.26]`: load on each actuator, positive along `+q`, in newtons times metres per q-unit.
     /// The thesis takes the magnitude; the sign is what tells a cart which way to yield.
     #[must_use]
-    pub fn cart_loads(&self, link_forces_n: &[f64; LINKS]) -> [f64; ARMS] {
-        let mut loads = [0.0; ARMS];
-        for ((arm, drive), force) in self.drives.iter().zip(link_forces_n) {
-            if let Some(load) = loads.get_mut(*arm) {
+    pub fn cart_loads(&self, link_forces_n: &[f64; LINKS]) -> [f64; N] {
+        let mut loads = [0.0; N];
+        for (row, force) in pairs(&self.drives, link_forces_n) {
+            for (load, drive) in loads.iter_mut().zip(row) {
                 *load -= drive * force;
             }
         }
         loads
     }
 
-    /// Platform displacement for changes of link length and cart position: `W^T dx = D dq - de`
+    /// Platform displacement for changes of link length and axis position: `W^T dx = D dq - de`
     /// (`dq` in q-units, `de` in metres, both in their order; translation in m then rotation in rad, world axes).
     ///
     /// # Errors
     /// [`KinematicsError::NotFinite`].
     pub fn displacement(
         &self,
-        dq: &[f64; ARMS],
+        dq: &[f64; N],
         elongations_m: &[f64; LINKS],
     ) -> Result<[f64; 6], KinematicsError> {
         let mut right = [0.0; LINKS];
-        for ((value, (arm, drive)), elongation) in
-            right.iter_mut().zip(&self.drives).zip(elongations_m)
-        {
-            *value = drive * dq.get(*arm).copied().unwrap_or(0.0) - elongation;
+        for (value, (row, elongation)) in right.iter_mut().zip(pairs(&self.drives, elongations_m)) {
+            let driven: f64 = pairs(row, dq).map(|(drive, dq)| drive * dq).sum();
+            *value = driven - elongation;
         }
         finite(self.factors.solve(&right))
+    }
+
+    /// `J = W^-T D`: the platform's twist (translation of the tool centre point over rotation, world axes) per axis;
+    /// metres and radians per q-unit.
+    ///
+    /// # Errors
+    /// [`KinematicsError::NotFinite`].
+    pub fn jacobian(&self) -> Result<SMatrix<f64, 6, N>, KinematicsError> {
+        let mut columns = [[0.0; 6]; N];
+        for (axis, column) in columns.iter_mut().enumerate() {
+            let mut dq = [0.0; N];
+            if let Some(moved) = dq.get_mut(axis) {
+                *moved = 1.0;
+            }
+            *column = self.displacement(&dq, &[0.0; LINKS])?;
+        }
+        Ok(SMatrix::from_data(ArrayStorage(columns)))
+    }
+
+    /// Smallest pivot of `W` over its largest, 0 at a singularity.
+    #[must_use]
+    pub const fn regularity(&self) -> f64 {
+        self.factors.pivot_ratio()
     }
 }
 

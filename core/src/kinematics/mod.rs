@@ -7,9 +7,11 @@
 mod jacobian;
 mod nominal;
 mod refusal;
+mod six_link;
 
 pub use jacobian::LinkFrame;
 pub use nominal::{Nominal, NominalError};
+pub use six_link::{COLD_ITERATIONS, SixLinkKinematics, Solved, WARM_ITERATIONS};
 
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
@@ -78,6 +80,15 @@ pub enum KinematicsError {
         /// Upper end of its travel, in q-units.
         upper: f64,
     },
+    /// The iteration did not come to an end; what it had is not handed out.
+    NotConverged {
+        /// Linear solves made.
+        iterations: u8,
+        /// Largest error of a link's length then, metres.
+        residual_m: f64,
+    },
+    /// Without a seed this machine's forward kinematics has no start: it is not of the synchronised form, or that form is not unique.
+    SeedRequired,
     /// A pose and positions that were given together do not fit the length of this arm's links.
     Inconsistent {
         /// Which arm.
@@ -97,6 +108,8 @@ impl KinematicsError {
             | Self::Inconsistent { .. } => "unreachable",
             Self::Singular { .. } => "singular",
             Self::OutOfRange { .. } => "out_of_range",
+            Self::NotConverged { .. } => "not_converged",
+            Self::SeedRequired => "seed_required",
         }
     }
 }
@@ -125,6 +138,16 @@ impl fmt::Display for KinematicsError {
                 lower,
                 upper,
             } => write!(f, "axis[{axis}] at {q} is outside {lower} to {upper}"),
+            Self::NotConverged {
+                iterations,
+                residual_m,
+            } => write!(
+                f,
+                "no answer after {iterations} iterations: a link is {residual_m:e} m off its length"
+            ),
+            Self::SeedRequired => {
+                f.write_str("a seed is required: there is no closed form to start from")
+            }
             Self::Inconsistent { arm } => {
                 write!(
                     f,

@@ -67,12 +67,32 @@ pub(crate) fn compliances() -> Compliances {
 pub(crate) struct Case(serde_json::Value);
 
 impl Case {
+    /// The 3-DOF machine's.
     pub(crate) fn all() -> Vec<Self> {
-        let text = include_str!("../../../tests/data/tau_vectors.json");
-        let vectors: serde_json::Value = serde_json::from_str(text).unwrap();
-        let cases = vectors["l2"]["cases"].as_array().unwrap();
+        Self::of("l2")
+    }
+
+    /// Those of a model.
+    pub(crate) fn of(model: &str) -> Vec<Self> {
+        let cases = Self::vectors()[model]["cases"].clone();
+        let cases = cases.as_array().unwrap();
         assert!(!cases.is_empty());
         cases.iter().cloned().map(Self).collect()
+    }
+
+    /// A field beside the models.
+    pub(crate) fn shared(field: &str) -> Vec<f64> {
+        Self(Self::vectors()).numbers(field)
+    }
+
+    /// A field of a model.
+    pub(crate) fn of_model(model: &str, field: &str) -> Vec<f64> {
+        Self(Self::vectors()[model].clone()).numbers(field)
+    }
+
+    fn vectors() -> serde_json::Value {
+        let text = include_str!("../../../tests/data/tau_vectors.json");
+        serde_json::from_str(text).unwrap()
     }
 
     /// The numbers of a field, a matrix by rows.

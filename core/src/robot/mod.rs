@@ -4,6 +4,10 @@
 //! `A_ij = A0_ij + q_i v_i` is the joint on the cart, in world axes; `B_ij = T + R b_ij` the joint on the platform.
 //! `v_i` need be neither of unit length (its length is the scale of `q_i`) nor parallel to the others.
 
+mod six_link;
+
+pub use six_link::{AXES, SixLink, SixLinkGeometry};
+
 use core::fmt;
 use nalgebra::Vector3;
 
@@ -88,6 +92,14 @@ pub enum Parameter {
     LinkCompliance,
     /// `c_cart`, the compliance of a cart; the index is the arm.
     CartCompliance,
+    /// `C`, the origin of a cart; the index is the arm.
+    Cart,
+    /// `P`, a joint on a cart's plate; the index is the link.
+    PlateJoint,
+    /// `ax`, the axis that plates 2 and 3 turn about.
+    TurnAxis,
+    /// `ax6`, the axis that plate 3 tilts about.
+    TiltAxis,
 }
 
 impl Parameter {
@@ -102,6 +114,10 @@ impl Parameter {
             Self::Travel => "travel",
             Self::LinkCompliance => "c_link",
             Self::CartCompliance => "c_cart",
+            Self::Cart => "C",
+            Self::PlateJoint => "P",
+            Self::TurnAxis => "ax",
+            Self::TiltAxis => "ax6",
         }
     }
 }
@@ -178,7 +194,7 @@ impl Robot {
     /// # Errors
     /// The first parameter, in the order of [`Geometry`]'s fields, that is not finite, out of range or reversed.
     pub fn new(geometry: Geometry) -> Result<Self, RobotError> {
-        use Parameter::{CartJoint, Guideway, Length, PlatformJoint, Travel};
+        use Parameter::{CartJoint, Guideway, Length, PlatformJoint};
         for (index, joint) in geometry.cart_joints_m.iter().enumerate() {
             check_vector(CartJoint, index, joint, 0.0, MAX_LENGTH_M)?;
         }
@@ -191,16 +207,7 @@ impl Robot {
         for (index, length) in geometry.lengths_m.iter().enumerate() {
             check_magnitude(Length, index, *length, 1e-6, MAX_LENGTH_M)?;
         }
-        for (index, (lower, upper)) in geometry.travel.iter().flatten().enumerate() {
-            check_finite(Travel, index, *lower)?;
-            check_finite(Travel, index, *upper)?;
-            if lower > upper {
-                return Err(RobotError::Reversed {
-                    parameter: Travel,
-                    index,
-                });
-            }
-        }
+        check_travel(geometry.travel.iter().flatten())?;
         Ok(Self { geometry })
     }
 
@@ -225,12 +232,7 @@ impl Robot {
         let numbers = (vectors.flat_map(|vector| vector.iter().copied()))
             .chain(geometry.lengths_m)
             .chain(branches);
-        let mut hasher = crc32fast::Hasher::new();
-        for number in numbers {
-            // -0.0 + 0.0 is +0.0.
-            hasher.update(&(number + 0.0).to_bits().to_le_bytes());
-        }
-        hasher.finalize()
+        checksum(numbers)
     }
 }
 
@@ -239,17 +241,17 @@ impl Robot {
 /// The thesis lists negative link values (its Table 5.2); they are an artefact of an identification that forbids
 /// the platform to turn, and no model: they are refused here.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Compliances {
+pub struct Compliances<const N: usize = ARMS> {
     link_m_per_n: [f64; LINKS],
-    cart_m_per_n: [f64; ARMS],
+    cart_m_per_n: [f64; N],
 }
 
-impl Compliances {
-    /// Checks every compliance: `0 < c <= 1 m/N`. Links in link order, carts in arm order.
+impl<const N: usize> Compliances<N> {
+    /// Checks every compliance: `0 < c <= 1 m/N`. Links in link order, carts (and plates: rad/(N m)) in axis order.
     ///
     /// # Errors
     /// The first compliance that is not finite, not positive, or too large.
-    pub fn new(link_m_per_n: [f64; LINKS], cart_m_per_n: [f64; ARMS]) -> Result<Self, RobotError> {
+    pub fn new(link_m_per_n: [f64; LINKS], cart_m_per_n: [f64; N]) -> Result<Self, RobotError> {
         for (index, value) in link_m_per_n.iter().enumerate() {
             check_magnitude(
                 Parameter::LinkCompliance,
@@ -281,12 +283,22 @@ impl Compliances {
         &self.link_m_per_n
     }
 
-    /// `c_i`: displacement of each cart along its guideway per newton of load, in q-units per newton of generalised load, arm order.
+    /// `c_i`: displacement of each cart along its guideway per newton of load, in q-units per newton of generalised load, axis order.
     #[inline]
     #[must_use]
-    pub const fn cart_m_per_n(&self) -> &[f64; ARMS] {
+    pub const fn cart_m_per_n(&self) -> &[f64; N] {
         &self.cart_m_per_n
     }
+}
+
+/// CRC-32 of the numbers' little-endian bits, zeros without their sign.
+fn checksum(numbers: impl Iterator<Item = f64>) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    for number in numbers {
+        // -0.0 + 0.0 is +0.0.
+        hasher.update(&(number + 0.0).to_bits().to_le_bytes());
+    }
+    hasher.finalize()
 }
 
 fn check_finite(parameter: Parameter, index: usize, value: f64) -> Result<(), RobotError> {
@@ -295,6 +307,19 @@ fn check_finite(parameter: Parameter, index: usize, value: f64) -> Result<(), Ro
     } else {
         Err(RobotError::NotFinite { parameter, index })
     }
+}
+
+/// Ranges of motion, axis after axis.
+fn check_travel<'a>(ranges: impl Iterator<Item = &'a (f64, f64)>) -> Result<(), RobotError> {
+    let parameter = Parameter::Travel;
+    for (index, (lower, upper)) in ranges.enumerate() {
+        check_finite(parameter, index, *lower)?;
+        check_finite(parameter, index, *upper)?;
+        if lower > upper {
+            return Err(RobotError::Reversed { parameter, index });
+        }
+    }
+    Ok(())
 }
 
 /// `lower <= value <= upper`; for quantities that must be positive.

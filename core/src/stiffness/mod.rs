@@ -100,25 +100,25 @@ fn from_columns(
 
 /// What a load does to the machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Deflection {
-    /// `r = c tau`: how far each cart yields, q-units, arm order `[T 3.29]`.
-    pub carts: [f64; ARMS],
+pub struct Deflection<const N: usize = ARMS> {
+    /// `r = c tau`: how far each axis yields, q-units, axis order `[T 3.29]`.
+    pub carts: [f64; N],
     /// `dx_links`: what the links alone do to the platform.
     pub links: Displacement,
     /// `dx_total = C w`: links and carts together.
     pub total: Displacement,
 }
 
-impl LineMatrix {
+impl<const N: usize> LineMatrix<N> {
     /// What `load` does: `e = c f`, `r = c tau`, `W^T dx_links = -e`, `W^T dx_total = D r - e`.
     ///
     /// # Errors
     /// [`KinematicsError::NotFinite`].
     pub fn deflection(
         &self,
-        compliances: &Compliances,
+        compliances: &Compliances<N>,
         load: &Wrench,
-    ) -> Result<Deflection, KinematicsError> {
+    ) -> Result<Deflection<N>, KinematicsError> {
         let forces = self.link_forces_n(load)?;
         let mut elongations = forces;
         for (value, compliance) in elongations.iter_mut().zip(compliances.link_m_per_n()) {
@@ -128,7 +128,7 @@ impl LineMatrix {
         for (value, compliance) in carts.iter_mut().zip(compliances.cart_m_per_n()) {
             *value *= compliance;
         }
-        let links = self.displacement(&[0.0; ARMS], &elongations)?;
+        let links = self.displacement(&[0.0; N], &elongations)?;
         let total = self.displacement(&carts, &elongations)?;
         Ok(Deflection {
             carts: finite(carts)?,
@@ -143,7 +143,7 @@ impl LineMatrix {
     /// [`KinematicsError::NotFinite`].
     pub fn link_compliance(
         &self,
-        compliances: &Compliances,
+        compliances: &Compliances<N>,
     ) -> Result<Compliance, KinematicsError> {
         from_columns(|unit| {
             let load = Wrench::from_array(*unit);
@@ -156,7 +156,7 @@ impl LineMatrix {
     ///
     /// # Errors
     /// [`KinematicsError::NotFinite`].
-    pub fn compliance(&self, compliances: &Compliances) -> Result<Compliance, KinematicsError> {
+    pub fn compliance(&self, compliances: &Compliances<N>) -> Result<Compliance, KinematicsError> {
         from_columns(|unit| {
             let load = Wrench::from_array(*unit);
             Ok(self.deflection(compliances, &load)?.total.to_array())

@@ -1,0 +1,186 @@
+//! The carts' plates: where their joints are for given axes, and how these move with the axes.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::linalg::{cross_matrix, sin};
+use crate::robot::{ARMS, AXES, LINKS, SixLinkGeometry};
+
+/// What the positions of the joints are made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Plates {
+    carts_m: [Vector3<f64>; ARMS],
+    guideways: [Vector3<f64>; ARMS],
+    joints_m: [Vector3<f64>; LINKS],
+    turn: Axis,
+    tilt: Axis,
+    /// `sigma_4`, `sigma_5`.
+    signs: [f64; 2],
+}
+
+/// A fixed axis: `Rot(a, angle) = I + sin K + (1 - cos) K^2` with `K = a x` (Rodrigues' formula).
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Axis {
+    direction: Vector3<f64>,
+    k: Matrix3<f64>,
+    k_squared: Matrix3<f64>,
+}
+
+impl Axis {
+    fn new(direction: Vector3<f64>) -> Self {
+        let k = cross_matrix(&direction);
+        Self {
+            direction,
+            k,
+            k_squared: k * k,
+        }
+    }
+
+    fn rotation(&self, angle_rad: f64) -> Matrix3<f64> {
+        let half = sin(0.5 * angle_rad);
+        // 1 - cos over the half angle, which does not cancel.
+        Matrix3::identity() + self.k * sin(angle_rad) + self.k_squared * (2.0 * half * half)
+    }
+}
+
+/// Where plate 2's joints are, and how they move with `q_4`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlateTwo {
+    /// `A_21`, `A_22` at `q_2 = 0`, metres.
+    pub(super) joints_m: [Vector3<f64>; 2],
+    /// `dA/dq_4`, metres per radian.
+    pub(super) turns: [Vector3<f64>; 2],
+}
+
+/// Where plate 3's joints are, and how they move with `q_5` and `q_6`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlateThree {
+    /// `A_31`, `A_32`, `A_33` at `q_3 = 0`, metres.
+    pub(super) joints_m: [Vector3<f64>; 3],
+    /// `dA/dq_5`, metres per radian.
+    pub(super) turns: [Vector3<f64>; 3],
+    /// `dA/dq_6`, metres per radian.
+    pub(super) tilts: [Vector3<f64>; 3],
+}
+
+impl Plates {
+    pub(super) fn new(geometry: &SixLinkGeometry) -> Self {
+        Self {
+            carts_m: geometry.carts_m,
+            guideways: geometry.guideways,
+            joints_m: geometry.plate_joints_m,
+            turn: Axis::new(geometry.turn_axis),
+            tilt: Axis::new(geometry.tilt_axis),
+            signs: geometry.turn_signs.map(|sign| sign.sign()),
+        }
+    }
+
+    /// `V_i`, metres per q-unit.
+    pub(super) const fn guideways(&self) -> &[Vector3<f64>; ARMS] {
+        &self.guideways
+    }
+
+    /// `A_11` at `q_1 = 0`, metres.
+    pub(super) fn one(&self) -> Vector3<f64> {
+        let [c1, _, _] = self.carts_m;
+        let [p11, ..] = self.joints_m;
+        c1 + p11
+    }
+
+    /// `Q_2 = Rot(a, sigma_4 q_4)`.
+    pub(super) fn turn_of_two(&self, q4: f64) -> Matrix3<f64> {
+        let [sigma4, _] = self.signs;
+        self.turn.rotation(sigma4 * q4)
+    }
+
+    /// Plate 2, turned by `q_4`.
+    pub(super) fn two(&self, q4: f64) -> PlateTwo {
+        let [_, c2, _] = self.carts_m;
+        let [_, p21, p22, ..] = self.joints_m;
+        let [sigma4, _] = self.signs;
+        let q_2 = self.turn_of_two(q4);
+        let levers = [q_2 * p21, q_2 * p22];
+        let axis = self.turn.direction * sigma4;
+        PlateTwo {
+            joints_m: levers.map(|lever| c2 + lever),
+            turns: levers.map(|lever| axis.cross(&lever)),
+        }
+    }
+
+    /// Plate 3, turned by `q_5` and tilted by `q_6`.
+    pub(super) fn three(&self, q5: f64, q6: f64) -> PlateThree {
+        let [_, _, c3] = self.carts_m;
+        let [_, _, _, p31, p32, p33] = self.joints_m;
+        let [_, sigma5] = self.signs;
+        let turned = self.turn.rotation(sigma5 * q5);
+        let q_3 = turned * self.tilt.rotation(q6);
+        let levers = [q_3 * p31, q_3 * p32, q_3 * p33];
+        let turn_axis = self.turn.direction * sigma5;
+        let tilt_axis = turned * self.tilt.direction;
+        PlateThree {
+            joints_m: levers.map(|lever| c3 + lever),
+            turns: levers.map(|lever| turn_axis.cross(&lever)),
+            tilts: levers.map(|lever| tilt_axis.cross(&lever)),
+        }
+    }
+
+    /// Turn and tilt of the synchronised machine, whose platform turns with plate 3: `Rot(a, sigma_5 q_5) Rot(a_6, q_6)`.
+    pub(super) fn orientation(&self, q5: f64, q6: f64) -> Matrix3<f64> {
+        let [_, sigma5] = self.signs;
+        self.turn.rotation(sigma5 * q5) * self.tilt.rotation(q6)
+    }
+
+    /// `a_6`.
+    pub(super) const fn tilt_axis(&self) -> &Vector3<f64> {
+        &self.tilt.direction
+    }
+
+    /// By how much the plates are out of step, `sigma_4 q_4 - sigma_5 q_5`, radians.
+    pub(super) const fn out_of_step(&self, q4: f64, q5: f64) -> f64 {
+        let [sigma4, sigma5] = self.signs;
+        sigma4 * q4 - sigma5 * q5
+    }
+
+    /// `A_ij`: the plate joints, world axes, metres, link order.
+    pub(super) fn joints(&self, q: &[f64; AXES]) -> [Vector3<f64>; LINKS] {
+        let [q1, q2, q3, q4, q5, q6] = *q;
+        let [v1, v2, v3] = self.guideways;
+        let [a21, a22] = self.two(q4).joints_m;
+        let [a31, a32, a33] = self.three(q5, q6).joints_m;
+        let (d2, d3) = (v2 * q2, v3 * q3);
+        [
+            self.one() + v1 * q1,
+            a21 + d2,
+            a22 + d2,
+            a31 + d3,
+            a32 + d3,
+            a33 + d3,
+        ]
+    }
+
+    /// `D_(ij),k = s_ij . dA_ij/dq_k`.
+    pub(super) fn drives(
+        &self,
+        q: &[f64; AXES],
+        directions: &[Vector3<f64>; LINKS],
+    ) -> [[f64; AXES]; LINKS] {
+        let [.., q4, q5, q6] = *q;
+        let [s11, s21, s22, s31, s32, s33] = directions;
+        let [v1, v2, v3] = &self.guideways;
+        let [t21, t22] = self.two(q4).turns;
+        let three = self.three(q5, q6);
+        let ([t31, t32, t33], [k31, k32, k33]) = (three.turns, three.tilts);
+        let two =
+            |s: &Vector3<f64>, turn: Vector3<f64>| [0.0, s.dot(v2), 0.0, s.dot(&turn), 0.0, 0.0];
+        let three = |s: &Vector3<f64>, turn: Vector3<f64>, tilt: Vector3<f64>| {
+            [0.0, 0.0, s.dot(v3), 0.0, s.dot(&turn), s.dot(&tilt)]
+        };
+        [
+            [s11.dot(v1), 0.0, 0.0, 0.0, 0.0, 0.0],
+            two(s21, t21),
+            two(s22, t22),
+            three(s31, t31, k31),
+            three(s32, t32, k32),
+            three(s33, t33, k33),
+        ]
+    }
+}

@@ -1,0 +1,416 @@
+//! The F1 against the oracle, finite differences, and itself; and what it must refuse.
+
+use super::*;
+use crate::kinematics::tests::{Case, close};
+use crate::linalg::rotation_from_vector;
+use crate::robot::{Branch, Compliances, SixLinkGeometry};
+use crate::statics::{LineMatrix, Wrench};
+use nalgebra::Matrix3;
+use proptest::prelude::*;
+
+/// The vectors' machine.
+fn geometry() -> SixLinkGeometry {
+    let v = Vector3::new;
+    SixLinkGeometry {
+        carts_m: [v(-0.25, -1.12, 0.0), v(1.15, 0.05, 0.0), v(-1.0, 0.55, 0.0)],
+        guideways: [Vector3::z(); ARMS],
+        plate_joints_m: [
+            v(-0.05, -0.1, 0.02),
+            v(0.0, -0.15, 0.0),
+            v(0.0, 0.15, 0.0),
+            v(0.11, -0.04, 0.0),
+            v(-0.11, -0.04, 0.0),
+            v(0.0, 0.1, 0.0),
+        ],
+        platform_joints_m: [
+            v(-0.05, -0.1, 0.02),
+            v(0.1, -0.15, 0.03),
+            v(0.1, 0.15, 0.03),
+            v(0.06, 0.1, 0.0),
+            v(-0.16, 0.1, 0.0),
+            v(-0.05, 0.24, 0.0),
+        ],
+        lengths_m: [1.7; LINKS],
+        configuration: [Branch::Positive; ARMS],
+        turn_axis: Vector3::z(),
+        tilt_axis: Vector3::y(),
+        turn_signs: [Branch::Negative, Branch::Positive],
+        travel: None,
+    }
+}
+
+/// The same machine with guideways that are neither parallel nor of unit length, other axes, and links that are not alike.
+fn skewed() -> SixLinkGeometry {
+    let mut geometry = geometry();
+    geometry.guideways = [
+        Vector3::new(0.02, -0.03, 0.9),
+        Vector3::new(-0.05, 0.04, 1.3),
+        Vector3::new(0.0001, 0.0, -0.004),
+    ];
+    geometry.configuration[2] = Branch::Negative;
+    geometry.turn_axis = Vector3::new(0.05, -0.02, 2.0);
+    geometry.tilt_axis = Vector3::new(0.1, 1.0, 0.03);
+    geometry.lengths_m = [1.7, 1.71, 1.69, 1.72, 1.68, 1.7];
+    geometry
+}
+
+fn kinematics(geometry: SixLinkGeometry) -> SixLinkKinematics {
+    SixLinkKinematics::new(&SixLink::new(geometry).unwrap())
+}
+
+fn f1() -> SixLinkKinematics {
+    kinematics(geometry())
+}
+
+fn pose_of(case: &Case) -> Pose {
+    let rows: [f64; 9] = case.numbers("R").try_into().unwrap();
+    Pose {
+        position_m: case.tcp(),
+        rotation: Matrix3::from_row_slice(&rows),
+    }
+}
+
+fn six(case: &Case, field: &str) -> [f64; 6] {
+    case.numbers(field).try_into().unwrap()
+}
+
+/// Six numbers of one pose: where the tool stands, and its rotation vector.
+fn pose(x: [f64; 6]) -> Pose {
+    let [x, y, z, a, b, c] = x;
+    Pose {
+        position_m: Vector3::new(x, y, z),
+        rotation: rotation_from_vector(&Vector3::new(a, b, c)).unwrap(),
+    }
+}
+
+/// Largest difference of two poses: metres, radians.
+fn apart(one: &Pose, other: &Pose) -> f64 {
+    let moved = norm(&(one.position_m - other.position_m));
+    moved.max((one.rotation - other.rotation).amax())
+}
+
+/// Poses of the machine's workspace: turned as the plates turn it, and a little out of step.
+fn workspace() -> impl Strategy<Value = Pose> {
+    let (turn, small) = (|| -0.3..0.3_f64, || -0.03..0.03_f64);
+    let position = (-0.3..0.3_f64, -0.3..0.3_f64, 0.0..1.0_f64);
+    (position, turn(), turn(), small(), small(), small()).prop_map(
+        |((x, y, z), yaw, tilt, a, b, c)| {
+            let turned = |v| rotation_from_vector(&v).unwrap();
+            Pose {
+                position_m: Vector3::new(x, y, z),
+                rotation: turned(Vector3::z() * yaw)
+                    * turned(Vector3::y() * tilt)
+                    * turned(Vector3::new(a, b, c)),
+            }
+        },
+    )
+}
+
+#[test]
+fn agrees_with_the_oracle() {
+    let f1 = f1();
+    for case in Case::of("f1") {
+        let pose = pose_of(&case);
+        let inverse = f1.inverse(&pose, None).unwrap();
+        case.agrees("q", inverse.answer);
+        assert!(inverse.residual_m < 1e-12, "{inverse:?}");
+        let q = six(&case, "q");
+        let forward = f1.forward(&q).unwrap();
+        assert!(apart(&forward.answer, &pose) < 1e-10, "{forward:?}");
+        case.agrees("T", forward.answer.position_m.iter().copied());
+        let lines = LineMatrix::of_six_link(&f1, &pose, &q).unwrap();
+        let jacobian = lines.jacobian().unwrap().transpose();
+        case.agrees("J", jacobian.iter().copied());
+        let load = Wrench::from_array(six(&case, "w"));
+        let forces = lines.link_forces_n(&load).unwrap();
+        case.agrees("f", forces);
+        case.agrees("tau", lines.cart_loads(&forces));
+        // tau = J^T w, the other way to the same.
+        let work = jacobian * nalgebra::Vector6::from(load.to_array());
+        case.agrees("tau", work.iter().copied());
+    }
+}
+
+#[test]
+fn deflects_as_the_oracle() {
+    let f1 = f1();
+    let compliances = Compliances::new(
+        Case::shared("c_link").try_into().unwrap(),
+        Case::of_model("f1", "c_act").try_into().unwrap(),
+    )
+    .unwrap();
+    for case in Case::of("f1") {
+        let q = six(&case, "q");
+        let lines = LineMatrix::of_six_link(&f1, &pose_of(&case), &q).unwrap();
+        let load = Wrench::from_array(six(&case, "w"));
+        let deflection = lines.deflection(&compliances, &load).unwrap();
+        case.agrees("r", deflection.carts);
+        case.agrees("dx_links", deflection.links.to_array());
+        let total = lines.compliance(&compliances).unwrap();
+        close(
+            &total.displacement(&load).to_array(),
+            &deflection.total.to_array(),
+            1e-12,
+            "C w",
+        );
+    }
+}
+
+#[test]
+fn the_jacobian_is_the_derivative() {
+    // Central differences of the forward problem: step h leaves h^2 of truncation and 1e-14 / h of rounding, 1e-8 both.
+    let step = 1e-5;
+    for geometry in [geometry(), skewed()] {
+        let machine = kinematics(geometry);
+        let at = pose([0.1, -0.1, 0.4, 0.1, -0.05, 0.15]);
+        let q = machine.inverse(&at, None).unwrap().answer;
+        let lines = LineMatrix::of_six_link(&machine, &at, &q).unwrap();
+        let jacobian = lines.jacobian().unwrap();
+        for axis in 0..AXES {
+            let moved = |by: f64| {
+                let mut q = q;
+                q[axis] += by;
+                machine
+                    .forward_from(&q, &at, COLD_ITERATIONS)
+                    .unwrap()
+                    .answer
+            };
+            let (ahead, behind) = (moved(step), moved(-step));
+            let translation = (ahead.position_m - behind.position_m) / (2.0 * step);
+            let turn =
+                (ahead.rotation * behind.rotation.transpose() - Matrix3::identity()) / (2.0 * step);
+            let rotation = Vector3::new(turn[(2, 1)], turn[(0, 2)], turn[(1, 0)]);
+            let column = jacobian.column(axis);
+            for (row, value) in translation.iter().chain(rotation.iter()).enumerate() {
+                assert!(
+                    (column[row] - value).abs() < 1e-4,
+                    "{axis} {row} {value} {column}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn the_synchronised_form_is_the_general_one() {
+    let f1 = f1();
+    let at = pose([0.05, -0.1, 0.3, 0.0, 0.0, 0.0]);
+    let q = f1.inverse(&at, None).unwrap().answer;
+    let turned = [q[0] + 0.1, q[1] - 0.05, q[2], -0.2, 0.2, 0.15];
+    let closed = f1.forward_synchronised(&turned).unwrap();
+    assert!(f1.residual_m(&closed, &turned) < 1e-14);
+    let general = f1.forward_from(&turned, &at, COLD_ITERATIONS).unwrap();
+    assert!(apart(&closed, &general.answer) < 1e-12, "{general:?}");
+    let mut out_of_step = turned;
+    out_of_step[3] = -0.2001;
+    assert_eq!(
+        f1.forward_synchronised(&out_of_step),
+        Err(KinematicsError::Inconsistent { arm: 1 })
+    );
+    assert_eq!(
+        kinematics(skewed()).forward(&turned).unwrap_err(),
+        KinematicsError::SeedRequired
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2_000))]
+    #[test]
+    fn there_and_back(at in workspace(), skew: bool, shift in prop::array::uniform6(-1e-3..1e-3_f64)) {
+        let machine = kinematics(if skew { skewed() } else { geometry() });
+        let there = match machine.inverse(&at, None) {
+            Ok(there) => there,
+            Err(KinematicsError::Unreachable { .. }) => return Ok(()),
+            Err(error) => return Err(TestCaseError::fail(std::format!("{error:?} {at:?}"))),
+        };
+        // As far away as the cycle before at 1 m/s and 1 rad/s.
+        let near = Pose {
+            position_m: at.position_m + Vector3::new(shift[0], shift[1], shift[2]) / 2.0,
+            rotation: rotation_from_vector(&Vector3::new(shift[3], shift[4], shift[5])).unwrap() * at.rotation,
+        };
+        let back = machine.forward_from(&there.answer, &near, WARM_ITERATIONS).unwrap();
+        prop_assert!(apart(&back.answer, &at) < 1e-10, "{back:?} {at:?}");
+        prop_assert!(back.iterations <= WARM_ITERATIONS);
+        let cold = machine.forward_from(&there.answer, &near, COLD_ITERATIONS).unwrap();
+        prop_assert!(apart(&cold.answer, &at) < 1e-11, "{cold:?}");
+        if !skew {
+            let unseeded = machine.forward(&there.answer).unwrap();
+            prop_assert!(apart(&unseeded.answer, &at) < 1e-10, "{unseeded:?}");
+        }
+    }
+}
+
+#[test]
+fn what_has_no_answer_is_named() {
+    let f1 = f1();
+    let at = pose([0.05, -0.1, 0.3, 0.0, 0.1, 0.05]);
+    let q = f1.inverse(&at, None).unwrap().answer;
+    let far = pose([5.0, 0.0, 0.3, 0.0, 0.0, 0.0]);
+    assert!(matches!(
+        f1.inverse(&far, None),
+        Err(KinematicsError::Unreachable { .. })
+    ));
+    for wild in [f64::NAN, f64::INFINITY] {
+        let mut bad = at;
+        bad.position_m.y = wild;
+        assert_eq!(
+            f1.inverse(&bad, None).unwrap_err(),
+            KinematicsError::NotFinite
+        );
+        assert_eq!(
+            f1.forward_from(&q, &bad, 10).unwrap_err(),
+            KinematicsError::NotFinite
+        );
+        let mut bad = q;
+        bad[4] = wild;
+        assert_eq!(f1.forward(&bad).unwrap_err(), KinematicsError::NotFinite);
+        assert_eq!(
+            f1.inverse(&at, Some([0.0, wild, 0.0])).unwrap_err(),
+            KinematicsError::NotFinite
+        );
+    }
+    // The tool mirrored in the carts' plane: another assembly, with every arm on its other side.
+    let mut mirrored = at;
+    mirrored.position_m.z = 2.0 * q[0] - at.position_m.z;
+    let error = f1.forward_from(&q, &mirrored, COLD_ITERATIONS).unwrap_err();
+    assert!(
+        matches!(error, KinematicsError::OtherBranch { .. }),
+        "{error:?}"
+    );
+    // Far away: an answer there is the right one, or none.
+    let away = pose([0.4, 0.4, -0.4, 1.2, -1.0, 2.0]);
+    if let Ok(found) = f1.forward_from(&q, &away, COLD_ITERATIONS) {
+        assert!(apart(&found.answer, &at) < 1e-10, "{found:?}");
+    }
+    let mut apart_carts = q;
+    apart_carts[0] += 5.0;
+    assert!(matches!(
+        f1.forward(&apart_carts),
+        Err(KinematicsError::NoAssembly)
+    ));
+    // No iterations, no answer: and the next call works.
+    assert!(matches!(
+        f1.forward_from(&q, &pose([0.06, -0.1, 0.3, 0.0, 0.1, 0.05]), 0),
+        Err(KinematicsError::NotConverged { iterations: 0, .. })
+    ));
+    assert!(f1.forward_from(&q, &at, WARM_ITERATIONS).is_ok());
+}
+
+#[test]
+fn travel_and_sides_are_kept() {
+    let at = pose([0.05, -0.1, 0.3, 0.0, 0.1, 0.05]);
+    let q = f1().inverse(&at, None).unwrap().answer;
+    for axis in 0..AXES {
+        let mut narrow = geometry();
+        let mut travel = [(-3.0, 3.0); AXES];
+        travel[axis] = (q[axis] + 1e-3, q[axis] + 1.0);
+        narrow.travel = Some(travel);
+        let narrow = kinematics(narrow);
+        for error in [
+            narrow.inverse(&at, None).unwrap_err(),
+            narrow.forward_from(&q, &at, WARM_ITERATIONS).unwrap_err(),
+        ] {
+            assert!(
+                matches!(error, KinematicsError::OutOfRange { axis: named, .. } if named == axis),
+                "{error:?}"
+            );
+        }
+    }
+    let mut other = geometry();
+    other.configuration[1] = Branch::Negative;
+    let error = kinematics(other)
+        .forward_from(&q, &at, WARM_ITERATIONS)
+        .unwrap_err();
+    assert_eq!(error, KinematicsError::OtherBranch { arm: Some(1) });
+}
+
+#[test]
+fn singular_machines_are_refused() {
+    // Every platform joint in one point: no link can turn the platform.
+    let mut flat = geometry();
+    flat.platform_joints_m = [Vector3::zeros(); LINKS];
+    let flat = kinematics(flat);
+    let at = pose([0.0, 0.0, 0.3, 0.0, 0.0, 0.0]);
+    let q = [1.5, 1.5, 1.5, 0.0, 0.0, 0.0];
+    assert!(matches!(
+        flat.forward_from(&q, &at, COLD_ITERATIONS),
+        Err(KinematicsError::Singular { .. })
+    ));
+    // Plate 2's joints on its axis: turning it changes nothing.
+    let mut idle = geometry();
+    idle.plate_joints_m[1] = Vector3::zeros();
+    idle.plate_joints_m[2] = Vector3::z() * 0.1;
+    assert!(matches!(
+        kinematics(idle).inverse(&at, None),
+        Err(KinematicsError::Singular { .. })
+    ));
+}
+
+#[test]
+fn machines_are_validated() {
+    use crate::robot::{Parameter, RobotError};
+    let refused = |change: fn(&mut SixLinkGeometry)| {
+        let mut geometry = geometry();
+        change(&mut geometry);
+        SixLink::new(geometry).unwrap_err()
+    };
+    let error = refused(|g| g.carts_m[1].x = f64::NAN);
+    assert_eq!(
+        error,
+        RobotError::NotFinite {
+            parameter: Parameter::Cart,
+            index: 1
+        }
+    );
+    let error = refused(|g| g.turn_axis = Vector3::zeros());
+    assert!(matches!(
+        error,
+        RobotError::OutOfRange {
+            parameter: Parameter::TurnAxis,
+            ..
+        }
+    ));
+    let error = refused(|g| g.tilt_axis = Vector3::zeros());
+    assert!(matches!(
+        error,
+        RobotError::OutOfRange {
+            parameter: Parameter::TiltAxis,
+            ..
+        }
+    ));
+    let error = refused(|g| g.lengths_m[5] = 0.0);
+    assert!(matches!(
+        error,
+        RobotError::OutOfRange {
+            parameter: Parameter::Length,
+            index: 5,
+            ..
+        }
+    ));
+    let error = refused(|g| g.plate_joints_m[3].y = f64::INFINITY);
+    assert_eq!(
+        error,
+        RobotError::NotFinite {
+            parameter: Parameter::PlateJoint,
+            index: 3
+        }
+    );
+    let error = refused(|g| g.travel = Some([(1.0, -1.0); AXES]));
+    assert_eq!(
+        error,
+        RobotError::Reversed {
+            parameter: Parameter::Travel,
+            index: 0
+        }
+    );
+    let checksum = |change: fn(&mut SixLinkGeometry)| {
+        let mut geometry = geometry();
+        change(&mut geometry);
+        SixLink::new(geometry).unwrap().kinematics_checksum()
+    };
+    let ours = checksum(|_| {});
+    assert_eq!(ours, checksum(|g| g.travel = Some([(-1.0, 1.0); AXES])));
+    assert_eq!(ours, checksum(|g| g.turn_axis *= 2.0));
+    assert_ne!(ours, checksum(|g| g.turn_signs[0] = Branch::Positive));
+    assert_ne!(ours, checksum(|g| g.lengths_m[2] += 1e-9));
+}
