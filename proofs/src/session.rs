@@ -189,6 +189,30 @@ pub fn counts_decide_nothing<const N: usize>(moment: &Moment<N>, noted: &Noted) 
     );
 }
 
+/// T12: a session goes on from any offsets that are within their limits, at rest and without an owner's targets, or refuses and
+/// is what it was.
+///
+/// # Panics
+/// When it does not hold.
+pub fn resumes_or_refuses<const N: usize>(before: &Session<N>, in_force: &[Offsets; N]) {
+    let mut after = *before;
+    match after.resume(in_force) {
+        Ok(()) => {
+            assert!(after.is_valid(), "T12: a resumed session is valid");
+            assert!(
+                matches!(after.phase(), Phase::SafeDisconnect | Phase::Fault),
+                "T12: a resumed session is over"
+            );
+        }
+        Err(_) => assert!(after == *before, "T12: a refusal changes nothing"),
+    }
+    let welcome = after.welcome();
+    assert!(
+        welcome.tick == after.parts().discrete.tick,
+        "T12: it can be welcomed to"
+    );
+}
+
 /// T7, from the events on: an input without what does not come from the owner, or is not fresh, leads to the same references,
 /// the same channels and the same discrete state.
 ///

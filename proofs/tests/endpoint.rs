@@ -70,7 +70,7 @@ fn doings(endpoint: &Tested, one: &Move) -> Vec<Doing<2>> {
             let handshake = discrete.phase == Phase::Handshake;
             let command = ClientMessage::Command(Command {
                 epoch: discrete.epoch,
-                sequence: Sequence(discrete.accepted.0 + 1),
+                sequence: Sequence(discrete.accepted.0.saturating_add(1)),
                 echo: discrete.tick,
                 mode: if handshake { Mode::Submit } else { *mode },
                 targets: [*offsets; 2],
@@ -96,7 +96,15 @@ fn doings(endpoint: &Tested, one: &Move) -> Vec<Doing<2>> {
 }
 
 fn on_time(endpoint: &Tested) -> Doing<2> {
-    let next_epoch = Epoch(endpoint.session().parts().discrete.epoch.0 + 1);
+    let next_epoch = Epoch(
+        endpoint
+            .session()
+            .parts()
+            .discrete
+            .epoch
+            .0
+            .saturating_add(1),
+    );
     Doing::Tick(Cycle::on_time(
         [PositionNm(0); 2],
         [Actual::default(); 2],

@@ -69,6 +69,31 @@ proptest! {
         }
     }
 
+    /// Commands that are fresh but for one number, or fresh.
+    #[test]
+    fn one_nearly_fresh_command(session in any::session::<3>(), command in any::command(), epoch in 0..2_u64, ahead in 0..3_u64, behind in 0..3_u64) {
+        let discrete = &session.parts().discrete;
+        let command = Command {
+            epoch: Epoch(discrete.epoch.0.wrapping_add(epoch)),
+            sequence: Sequence(discrete.accepted.0.wrapping_add(ahead)),
+            echo: Tick(discrete.tick.0.wrapping_sub(behind)),
+            ..command
+        };
+        let sieve = Sieve {
+            discrete,
+            parameters: session.config().parameters(),
+            axes: &session.parts().axes,
+            next_epoch: Epoch(0),
+        };
+        sift::fresh_is_as_defined(&sieve, &command);
+    }
+
+    #[test]
+    fn one_resumption(session in any::session::<3>(), in_force in proptest::array::uniform3(any::offsets()), at_rest: bool) {
+        let in_force = if at_rest { [Offsets::default(); 3] } else { in_force };
+        session::resumes_or_refuses(&session, &in_force);
+    }
+
     #[test]
     fn one_step(session in any::session::<3>(), cycle in any::cycle(), events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS)) {
         let events = Events::from_slice(&events).unwrap();

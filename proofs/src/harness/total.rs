@@ -6,6 +6,8 @@ use gantry_tau_core::session::decide::Connection;
 use gantry_tau_core::session::{Event, Events, Session};
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 
+use crate::session;
+
 const AXES: usize = 3;
 
 /// Any parameters at all, valid or not, are judged; a session starts from any offsets, or refuses, and is then valid.
@@ -32,14 +34,7 @@ fn total_start() {
 #[kani::unwind(5)]
 #[kani::solver(minisat)]
 fn total_resume() {
-    let before: Session<AXES> = kani::any();
-    let in_force: [Offsets; AXES] = kani::any();
-    let mut after = before;
-    match after.resume(&in_force) {
-        Ok(()) => assert!(after.is_valid(), "T12: a resumed session is valid"),
-        Err(_) => assert!(after == before, "T12: a refusal changes nothing"),
-    }
-    let _ = after.welcome();
+    session::resumes_or_refuses::<AXES>(&kani::any(), &kani::any());
     kani::cover!(true, "the end is reached");
 }
 

@@ -414,3 +414,127 @@ fn machines_are_validated() {
     assert_ne!(ours, checksum(|g| g.turn_signs[0] = Branch::Positive));
     assert_ne!(ours, checksum(|g| g.lengths_m[2] += 1e-9));
 }
+
+mod loaded {
+    use super::*;
+    use crate::compensation::{CompensatorConfig, SixLinkCompensator, SixLinkElastic};
+    use crate::units::OffsetNm;
+
+    fn springs() -> Compliances<AXES> {
+        let actuators = Case::of_model("f1", "c_act").try_into().unwrap();
+        Compliances::new(Case::shared("c_link").try_into().unwrap(), actuators).unwrap()
+    }
+
+    fn elastic(geometry: SixLinkGeometry) -> SixLinkElastic {
+        SixLinkElastic::new(kinematics(geometry), springs())
+    }
+
+    #[test]
+    fn compensates_as_the_oracle() {
+        let machine = elastic(geometry());
+        for case in Case::of("f1") {
+            let (pose, q) = (pose_of(&case), six(&case, "q"));
+            let load = Wrench::from_array(six(&case, "w"));
+            case.agrees(
+                "q_comp",
+                machine.compensated(&pose, &q, &load, 1.0).unwrap(),
+            );
+            assert_eq!(
+                machine.compensated(&pose, &q, &load, 0.0).unwrap().len(),
+                AXES
+            );
+        }
+    }
+
+    /// Where the elastic machine stands: the pose in which every link is as long as its own force makes it, found by Newton with
+    /// differences, and with nothing of the map that is tested.
+    fn stands(machine: &SixLinkElastic, command: &[f64; AXES], load: &Wrench, near: &Pose) -> Pose {
+        let (kinematics, springs) = (machine.kinematics(), machine.compliances());
+        let mut pose = *near;
+        let errors = |pose: &Pose| {
+            // The axes yield by r, which depends on where they are: a few rounds are enough.
+            let mut q = *command;
+            for _ in 0..20 {
+                let lines = LineMatrix::of_six_link(kinematics, pose, &q).unwrap();
+                let loads = lines.cart_loads(&lines.link_forces_n(load).unwrap());
+                for axis in 0..AXES {
+                    q[axis] = command[axis] + springs.cart_m_per_n()[axis] * loads[axis];
+                }
+            }
+            let forces = LineMatrix::of_six_link(kinematics, pose, &q)
+                .unwrap()
+                .link_forces_n(load)
+                .unwrap();
+            let links = kinematics.links_m(pose, &q);
+            let lengths = kinematics.robot().geometry().lengths_m;
+            let error =
+                |i: usize| norm(&links[i]) - lengths[i] - springs.link_m_per_n()[i] * forces[i];
+            nalgebra::Vector6::from_fn(|i, _| error(i))
+        };
+        let step = |pose: &Pose, dx: &nalgebra::Vector6<f64>| Pose {
+            position_m: pose.position_m + dx.fixed_rows::<3>(0),
+            rotation: rotation_from_vector(&dx.fixed_rows::<3>(3).into_owned()).unwrap()
+                * pose.rotation,
+        };
+        for _ in 0..8 {
+            let now = errors(&pose);
+            let derivative = nalgebra::Matrix6::from_fn(|row, column| {
+                let mut dx = nalgebra::Vector6::zeros();
+                dx[column] = 1e-7;
+                (errors(&step(&pose, &dx))[row] - now[row]) / 1e-7
+            });
+            pose = step(&pose, &-(derivative.try_inverse().unwrap() * now));
+        }
+        pose
+    }
+
+    #[test]
+    fn a_corrected_machine_stands_where_it_should() {
+        for geometry in [geometry(), skewed()] {
+            let machine = elastic(geometry);
+            let at = pose([0.1, -0.1, 0.4, 0.02, -0.15, 0.2]);
+            let q = machine.kinematics().inverse(&at, None).unwrap().answer;
+            let load = Wrench::from_array([200.0, -90.0, 150.0, 8.0, -5.0, 3.0]);
+            let without = apart(&stands(&machine, &q, &load, &at), &at);
+            let first_order = machine.compensated(&at, &q, &load, 1.0).unwrap();
+            let first_order = apart(&stands(&machine, &first_order, &load, &at), &at);
+            let held = machine.held(&at, &q, &load).unwrap();
+            assert!(held.residual_m < 1e-9, "{held:?}");
+            let exact = apart(&stands(&machine, &held.answer, &load, &at), &at);
+            assert!(without > 1e-4, "{without}");
+            assert!(first_order < 2e-2 * without, "{first_order} {without}");
+            assert!(exact < 1e-9, "{exact}");
+        }
+    }
+
+    #[test]
+    fn offsets_are_within_their_limits() {
+        let at = pose([0.1, -0.1, 0.4, 0.0, -0.15, 0.2]);
+        let machine = elastic(geometry());
+        let q = machine.kinematics().inverse(&at, None).unwrap().answer;
+        let config = CompensatorConfig {
+            gain: 1.0,
+            limits: [OffsetNm(300_000); AXES],
+            metres_per_q: [1.0, 1.0, 1.0, 0.1, 0.1, 0.1],
+        };
+        let compensator = SixLinkCompensator::new(machine, config).unwrap();
+        let load = |n: f64| Wrench::from_array([n, -n, n, 0.05 * n, 0.0, 0.0]);
+        let light = compensator.correction(&at, &q, &load(30.0)).unwrap();
+        assert!(
+            light.offsets.iter().all(|offset| offset.0 != 0),
+            "{light:?}"
+        );
+        assert_eq!(light.saturated, [false; AXES]);
+        let heavy = compensator.correction(&at, &q, &load(3_000.0)).unwrap();
+        assert!(heavy.saturated.contains(&true), "{heavy:?}");
+        assert!(heavy.offsets.iter().all(|offset| offset.0.abs() <= 300_000));
+        for wild in [f64::NAN, f64::INFINITY, 1e300] {
+            assert!(compensator.correction(&at, &q, &load(wild)).is_err());
+        }
+        let refused = CompensatorConfig {
+            gain: 1.1,
+            ..config
+        };
+        assert!(SixLinkCompensator::new(machine, refused).is_err());
+    }
+}

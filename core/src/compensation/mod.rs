@@ -9,27 +9,48 @@
 //!
 //! Instructions per cycle on x86-64 (release, fat LTO): 991 from positions, 837 where the tool centre point is known.
 
+mod six_link;
+
+pub use six_link::{SixLinkCompensator, SixLinkElastic};
+
 use core::fmt;
 use nalgebra::Vector3;
 
 use crate::kinematics::{KinematicsError, Nominal};
 use crate::robot::{ARMS, Compliances, SCALE_RANGE};
+use crate::rows::pairs;
 use crate::statics::Wrench;
 use crate::stiffness::{TauDeflection, TauModel};
 use crate::units::{Metres, OffsetNm};
 
 /// How much is corrected, and how far; not yet checked.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CompensatorConfig {
+pub struct CompensatorConfig<const N: usize = ARMS> {
     /// Share of the computed displacement that is corrected, 0 to 1.
     pub gain: f64,
     /// Largest magnitude of each axis' offset; zero means zero.
-    pub limits: [OffsetNm; ARMS],
+    pub limits: [OffsetNm; N],
     /// Length of one unit of each `q`, m.
-    pub metres_per_q: [f64; ARMS],
+    pub metres_per_q: [f64; N],
 }
 
-impl CompensatorConfig {
+impl<const N: usize> CompensatorConfig<N> {
+    fn check(&self) -> Result<(), CompensatorError> {
+        if !(0.0..=1.0).contains(&self.gain) {
+            return Err(CompensatorError::Gain);
+        }
+        let (lower, upper) = SCALE_RANGE;
+        for (axis, (limit, scale)) in pairs(&self.limits, &self.metres_per_q).enumerate() {
+            if limit.0 < 0 {
+                return Err(CompensatorError::Limit { axis });
+            }
+            if !(lower..=upper).contains(scale) {
+                return Err(CompensatorError::MetresPerQ { axis });
+            }
+        }
+        Ok(())
+    }
+
     /// Offsets from `q` to `command` (q-units), within the limits: the last step of every correction.
     ///
     /// It trusts nothing: any numbers, and any configuration, lead to offsets within the limits or to an error.
@@ -39,20 +60,18 @@ impl CompensatorConfig {
     #[inline]
     pub fn bounded(
         &self,
-        q: &[f64; ARMS],
-        command: &[f64; ARMS],
-    ) -> Result<Correction, KinematicsError> {
-        let [c1, c2, c3] = *command;
-        let [q1, q2, q3] = *q;
-        let [s1, s2, s3] = self.metres_per_q;
-        let [l1, l2, l3] = self.limits;
-        let (o1, cut1) = within((c1 - q1) * s1, l1)?;
-        let (o2, cut2) = within((c2 - q2) * s2, l2)?;
-        let (o3, cut3) = within((c3 - q3) * s3, l3)?;
-        Ok(Correction {
-            offsets: [o1, o2, o3],
-            saturated: [cut1, cut2, cut3],
-        })
+        q: &[f64; N],
+        command: &[f64; N],
+    ) -> Result<Correction<N>, KinematicsError> {
+        let mut offsets = [OffsetNm(0); N];
+        let mut saturated = [false; N];
+        let given = pairs(q, command).zip(pairs(&self.metres_per_q, &self.limits));
+        for ((offset, cut), ((q, command), (scale, limit))) in
+            offsets.iter_mut().zip(&mut saturated).zip(given)
+        {
+            (*offset, *cut) = within((command - q) * scale, *limit)?;
+        }
+        Ok(Correction { offsets, saturated })
     }
 }
 
@@ -101,11 +120,11 @@ impl core::error::Error for CompensatorError {}
 /// What one cycle asks of the axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Correction {
+pub struct Correction<const N: usize = ARMS> {
     /// Offset of each axis, within its limit.
-    pub offsets: [OffsetNm; ARMS],
+    pub offsets: [OffsetNm; N],
     /// Whether the limit cut it short.
-    pub saturated: [bool; ARMS],
+    pub saturated: [bool; N],
 }
 
 /// The pure map: positions that hold `tcp_m` under `load`, `q_cmd = IK(T - gain dT_links) - gain r` (q-units).
@@ -158,18 +177,7 @@ impl Compensator {
         compliances: &Compliances,
         config: CompensatorConfig,
     ) -> Result<Self, CompensatorError> {
-        if !(0.0..=1.0).contains(&config.gain) {
-            return Err(CompensatorError::Gain);
-        }
-        let (lower, upper) = SCALE_RANGE;
-        for (axis, (limit, scale)) in config.limits.iter().zip(config.metres_per_q).enumerate() {
-            if limit.0 < 0 {
-                return Err(CompensatorError::Limit { axis });
-            }
-            if !(lower..=upper).contains(&scale) {
-                return Err(CompensatorError::MetresPerQ { axis });
-            }
-        }
+        config.check()?;
         Ok(Self {
             model: TauModel::new(nominal, compliances),
             config,
