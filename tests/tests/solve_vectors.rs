@@ -14,11 +14,19 @@ fn vectors() -> Value {
 
 /// The vectors' L2 as an inline robot; its further keys are ignored.
 fn robot() -> Value {
+    inline("l2")
+}
+
+fn f1() -> Value {
+    inline("f1")
+}
+
+fn inline(model: &str) -> Value {
     let vectors = vectors();
-    let mut robot = vectors["l2"].clone();
+    let mut robot = vectors[model].clone();
     let object = robot.as_object_mut().unwrap();
     object.remove("cases");
-    object.insert("model".into(), "l2".into());
+    object.insert("model".into(), model.into());
     object.insert("c_link".into(), vectors["c_link"].clone());
     robot
 }
@@ -95,6 +103,104 @@ fn every_l2_case_agrees_inline_and_by_file() {
             agree(&compensate, "q", &case["q_comp"]);
         }
     }
+}
+
+#[test]
+fn every_f1_case_agrees() {
+    let vectors = vectors();
+    let cases = vectors["f1"]["cases"].as_array().unwrap();
+    assert_eq!(cases.len(), 10);
+    for case in cases {
+        let (t, r, q, w) = (&case["T"], &case["R"], &case["q"], &case["w"]);
+        for seed in [Value::Null, json!([1, 1, 1, 0.1, -0.1, 0.1])] {
+            let ik = ask(&json!({"robot": f1(), "op": "ik", "T": t, "R": r, "seed": seed}));
+            agree(&ik, "q", q);
+            assert!(ik["ok"]["residual"].as_f64().unwrap() < 1e-10);
+            assert!(ik["ok"]["iterations"].as_u64().unwrap() <= 10);
+        }
+        for seed in [Value::Null, json!({"T": [0.0, 0.0, t[2]]})] {
+            let fk = ask(&json!({"robot": f1(), "op": "fk", "q": q, "seed": seed}));
+            agree(&fk, "T", t);
+            agree(&fk, "R", r);
+            assert!(fk["ok"]["residual"].as_f64().unwrap() < 1e-10);
+        }
+        let of = |op: &str| ask(&json!({"robot": f1(), "op": op, "T": t, "R": r, "w": w}));
+        agree(&of("jacobian"), "J", &case["J"]);
+        agree(&of("statics"), "f", &case["f"]);
+        agree(&of("statics"), "tau", &case["tau"]);
+        let deflection = of("deflection");
+        agree(&deflection, "r", &case["r"]);
+        agree(&deflection, "dx_links", &case["dx_links"]);
+        agree(
+            &deflection,
+            "dx_total",
+            &product(&of("compliance")["ok"]["C"], w),
+        );
+        agree(&of("compensate"), "q", &case["q_comp"]);
+    }
+}
+
+#[test]
+fn errors_of_the_f1_have_their_kind() {
+    let with = |key: &str, value: Value| {
+        let mut robot = f1();
+        robot[key] = value;
+        robot
+    };
+    let (t, q) = (
+        json!([0.0, 0.0, 0.3]),
+        json!([1.5, 1.5, 1.5, 0.0, 0.0, 0.0]),
+    );
+    let ik = |robot: Value, t: &Value| json!({"robot": robot, "op": "ik", "T": t});
+    let fk = |robot: Value, q: Value| json!({"robot": robot, "op": "fk", "q": q});
+    let crossed = json!([[0.1, -0.15, 0.03], [0.2, 0.15, 0.03]]);
+    let mut unequal = f1()["b"].clone();
+    unequal[1] = crossed[0].clone();
+    unequal[2] = crossed[1].clone();
+    let travel = json!([[0, 9], [0, 9], [0, 9], [-1, 1], [0.5, 1], [-1, 1]]);
+    for (request, kind) in [
+        (ik(f1(), &json!([5.0, 0.0, 0.3])), "unreachable"),
+        (ik(f1(), &json!([1e300, 0.0, 0.3])), "unreachable"),
+        (ik(with("travel", travel), &t), "out_of_range"),
+        (ik(with("ax", json!([0, 0, 0])), &t), "bad_robot"),
+        (ik(with("sigma4", json!(0.5)), &t), "bad_robot"),
+        (ik(with("P", json!([[0, 0, 0]])), &t), "bad_robot"),
+        (ik(with("L", json!([1.7, 1.7])), &t), "bad_robot"),
+        (
+            json!({"robot": f1(), "op": "ik", "T": t, "R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}),
+            "bad_request",
+        ),
+        (
+            json!({"robot": f1(), "op": "ik", "T": t, "seed": [1, 2]}),
+            "bad_request",
+        ),
+        (
+            fk(f1(), json!([9.0, 1.5, 1.5, 0.0, 0.0, 0.0])),
+            "unreachable",
+        ),
+        (fk(with("b", unequal), q.clone()), "seed_required"),
+        (
+            json!({"robot": f1(), "op": "fk", "q": q, "seed": {"T": [0.0, 0.0, 3.0]}}),
+            "unreachable",
+        ),
+        (
+            json!({"robot": with("c_act", Value::Null), "op": "compliance", "T": t}),
+            "bad_robot",
+        ),
+    ] {
+        let answer = ask(&request);
+        assert_eq!(answer["error"]["kind"], kind, "{request} {answer}");
+    }
+    // One length per arm says the same as one per link.
+    let arms = ask(&ik(with("L", json!([1.7, 1.7, 1.7])), &t));
+    assert_eq!(arms, ask(&ik(f1(), &t)));
+    let links = json!([1.0, 1.1, 1.1, 1.0, 1.0, 1.0]);
+    let mut l2 = robot();
+    l2["L"] = links;
+    let at = json!([0.0, 0.5, 0.65]);
+    assert_eq!(ask(&ik(l2.clone(), &at)), ask(&ik(robot(), &at)));
+    l2["L"][2] = json!(1.2);
+    assert_eq!(ask(&ik(l2, &at))["error"]["kind"], "bad_robot");
 }
 
 fn product(matrix: &Value, vector: &Value) -> Value {

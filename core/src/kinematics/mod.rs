@@ -26,6 +26,13 @@ pub const SINGULAR_MEASURE: f64 = 1e-4;
 /// Largest error of a link's length in an answer, over the length of the shortest link: a nanometre per metre.
 pub const RESIDUAL_TOLERANCE: f64 = 1e-9;
 
+/// Largest deviation of `R^T R` from the identity that a rotation may have.
+pub const ROTATION_TOLERANCE: f64 = 1e-9;
+
+/// Largest mismatch of the Tau property, over the length of the arm: between the links of a cluster, of their joints' offsets
+/// and of their lengths.
+pub const TAU_TOLERANCE: f64 = 1e-9;
+
 /// Where the tool is and how it is turned: `x_world = T + R x_platform`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {

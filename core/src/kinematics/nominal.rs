@@ -3,14 +3,13 @@
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
-use super::{KinematicsError, LinkFrame, RESIDUAL_TOLERANCE, SINGULAR_MEASURE};
+use super::{
+    KinematicsError, LinkFrame, RESIDUAL_TOLERANCE, ROTATION_TOLERANCE, SINGULAR_MEASURE,
+    TAU_TOLERANCE,
+};
 use crate::linalg::{norm, rotation_deviation, sqrt};
 use crate::robot::{ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Robot};
 
-/// Largest deviation of `R^T R` from the identity.
-const ROTATION_TOLERANCE: f64 = 1e-9;
-/// Largest mismatch within a cluster, over the link length: a nanometre per metre.
-const TAU_TOLERANCE: f64 = 1e-9;
 /// Farthest a cart may stand from `q = 0`, in lengths of its link. Farther out, rounding alone (`foot^2` ulps, see [`Arm::reach`])
 /// would cost more than [`RESIDUAL_TOLERANCE`].
 const MAX_REACH: f64 = 1e3;

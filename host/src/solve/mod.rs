@@ -6,17 +6,20 @@
 //!
 //! | op | request | answer |
 //! |---|---|---|
-//! | `ik` | `T`, `R`? | `q`, `iterations`, `residual` |
-//! | `fk` | `q`, `R`? | `T`, `R`, `iterations`, `residual` |
+//! | `ik` | `T`, `R`?, `seed: q`? | `q`, `iterations`, `residual` |
+//! | `fk` | `q`, `seed: {T, R}`? | `T`, `R`, `iterations`, `residual` |
 //! | `jacobian` | `T`, `R`? | `J` |
 //! | `statics` | `T`, `R`?, `w` | `f`, `tau` |
 //! | `compliance` | `T`, `R`? | `C` |
 //! | `deflection` | `T`, `R`?, `w` | `r`, `dx_links`, `dx_total` |
 //! | `compensate` | `T`, `R`?, `w` | `q` |
 //!
-//! SI units, q-units for `q` and `r`; matrices by rows. `R` is the identity by default; a `seed` is read and not needed,
-//! as these are closed forms (for `fk`, its `R` is the orientation when there is no other).
+//! SI units, q-units for `q` and `r`; matrices by rows. `R` is the identity by default. Model `l2` (3 axes) is solved in closed
+//! form: a `seed` is read and not needed (for `fk`, an `R`, or that of the seed, is the orientation). Model `f1` (6 axes) iterates:
+//! plates start from the seed's `q_4`, `q_5`, `q_6` or from 0, the tool from the seed's pose or from the synchronised form.
 
+mod f1;
+mod l2;
 mod ops;
 mod request;
 
@@ -152,7 +155,7 @@ impl Solver {
             return Ok(*machine);
         }
         let file = RobotFile::load(path).map_err(|error| Failure::robot(error.to_string()))?;
-        let machine = Machine {
+        let machine = Machine::L2 {
             robot: file.robot,
             compliances: file.compliances,
         };

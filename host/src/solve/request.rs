@@ -1,7 +1,9 @@
 //! Reading requests: the inline robot, and named numbers.
 
+use gantry_tau_core::kinematics::{SixLinkKinematics, TAU_TOLERANCE};
 use gantry_tau_core::robot::{
-    ARMS, Branch, Compliances, Configuration, Geometry, LINKS, Robot, RobotError,
+    ARMS, AXES, Branch, Compliances, Configuration, Geometry, LINKS, Robot, RobotError, SixLink,
+    SixLinkGeometry,
 };
 use nalgebra::{Matrix3, Vector3};
 use serde::de::DeserializeOwned;
@@ -11,58 +13,124 @@ use super::Failure;
 
 /// A robot of a request.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Machine {
-    pub(super) robot: Robot,
-    pub(super) compliances: Option<Compliances>,
-}
-
-impl Machine {
-    /// The compliances, for the operations that need them.
-    pub(super) fn springs(&self) -> Result<&Compliances, Failure> {
-        (self.compliances.as_ref())
-            .ok_or_else(|| Failure::robot("c_link and c_cart are missing, and this op needs them"))
-    }
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a few of them are kept, each for many requests"
+)]
+pub(super) enum Machine {
+    L2 {
+        robot: Robot,
+        compliances: Option<Compliances>,
+    },
+    F1 {
+        kinematics: SixLinkKinematics,
+        compliances: Option<Compliances<AXES>>,
+    },
 }
 
 /// A robot given as an object; unknown keys are ignored.
 pub(super) fn inline(robot: &Value) -> Result<Machine, Failure> {
     match robot.get("model").and_then(Value::as_str) {
-        Some("l2") => {}
-        Some("f1") => return Err(Failure::robot("model \"f1\" is not supported yet")),
-        _ => return Err(Failure::robot("model must be \"l2\"")),
+        Some("l2") => Ok(Machine::L2 {
+            robot: Robot::new(l2(robot)?).map_err(refused)?,
+            compliances: compliances(robot, "c_cart")?,
+        }),
+        Some("f1") => {
+            let checked = SixLink::new(f1(robot)?).map_err(refused)?;
+            Ok(Machine::F1 {
+                kinematics: SixLinkKinematics::new(&checked),
+                compliances: compliances(robot, "c_act")?,
+            })
+        }
+        _ => Err(Failure::robot("model must be \"l2\" or \"f1\"")),
     }
-    let a0: [[f64; 3]; LINKS] = key(robot, "A0")?;
-    let v: [[f64; 3]; ARMS] = key(robot, "V")?;
-    let b: [[f64; 3]; LINKS] = key(robot, "b")?;
-    let [c1, c2, c3]: [f64; ARMS] = key(robot, "c")?;
-    let travel: Option<[(f64, f64); ARMS]> = optional_key(robot, "travel")?;
-    let robot_error = |error: RobotError| Failure::robot(error.to_string());
-    let geometry = Geometry {
-        cart_joints_m: a0.map(Vector3::from),
-        guideways: v.map(Vector3::from),
-        platform_joints_m: b.map(Vector3::from),
-        lengths_m: key(robot, "L")?,
+}
+
+fn refused(error: RobotError) -> Failure {
+    Failure::robot(error.to_string())
+}
+
+fn l2(robot: &Value) -> Result<Geometry, Failure> {
+    Ok(Geometry {
+        cart_joints_m: vectors(robot, "A0")?,
+        guideways: vectors(robot, "V")?,
+        platform_joints_m: vectors(robot, "b")?,
+        lengths_m: arm_lengths(robot)?,
         configuration: Configuration {
-            inverse: [
-                branch("c[0]", c1)?,
-                branch("c[1]", c2)?,
-                branch("c[2]", c3)?,
-            ],
+            inverse: branches(robot)?,
             forward: branch("cf", key(robot, "cf")?)?,
         },
-        travel,
-    };
-    let links: Option<[f64; LINKS]> = optional_key(robot, "c_link")?;
-    let carts: Option<[f64; ARMS]> = optional_key(robot, "c_cart")?;
-    let compliances = match (links, carts) {
-        (Some(links), Some(carts)) => Some(Compliances::new(links, carts).map_err(robot_error)?),
-        // Only the operations that use them ask for both.
-        _ => None,
-    };
-    Ok(Machine {
-        robot: Robot::new(geometry).map_err(robot_error)?,
-        compliances,
+        travel: optional_key(robot, "travel")?,
     })
+}
+
+fn f1(robot: &Value) -> Result<SixLinkGeometry, Failure> {
+    let axis = |name| key(robot, name).map(|axis: [f64; 3]| Vector3::from(axis));
+    Ok(SixLinkGeometry {
+        carts_m: vectors(robot, "C")?,
+        guideways: vectors(robot, "V")?,
+        plate_joints_m: vectors(robot, "P")?,
+        platform_joints_m: vectors(robot, "b")?,
+        lengths_m: lengths(robot)?,
+        configuration: branches(robot)?,
+        turn_axis: axis("ax")?,
+        tilt_axis: axis("ax6")?,
+        turn_signs: [
+            branch("sigma4", key(robot, "sigma4")?)?,
+            branch("sigma5", key(robot, "sigma5")?)?,
+        ],
+        travel: optional_key(robot, "travel")?,
+    })
+}
+
+/// One length per link, or one per arm.
+fn lengths(robot: &Value) -> Result<[f64; LINKS], Failure> {
+    if robot.get("L").and_then(Value::as_array).map(Vec::len) != Some(ARMS) {
+        return key(robot, "L");
+    }
+    let [l1, l2, l3]: [f64; ARMS] = key(robot, "L")?;
+    Ok([l1, l2, l2, l3, l3, l3])
+}
+
+/// One length per arm, or one per link where those of a cluster are equal: the Tau property.
+fn arm_lengths(robot: &Value) -> Result<[f64; ARMS], Failure> {
+    let [l11, l21, l22, l31, l32, l33] = lengths(robot)?;
+    let same = |one: f64, other: f64| (one - other).abs() <= TAU_TOLERANCE * one;
+    if same(l21, l22) && same(l31, l32) && same(l31, l33) {
+        return Ok([l11, l21, l31]);
+    }
+    Err(Failure::robot(
+        "L: the links of a cluster differ, so the machine has no Tau property",
+    ))
+}
+
+fn vectors<const K: usize>(robot: &Value, name: &str) -> Result<[Vector3<f64>; K], Failure>
+where
+    [[f64; 3]; K]: DeserializeOwned,
+{
+    key(robot, name).map(|rows: [[f64; 3]; K]| rows.map(Vector3::from))
+}
+
+fn branches(robot: &Value) -> Result<[Branch; ARMS], Failure> {
+    let [c1, c2, c3]: [f64; ARMS] = key(robot, "c")?;
+    Ok([
+        branch("c[0]", c1)?,
+        branch("c[1]", c2)?,
+        branch("c[2]", c3)?,
+    ])
+}
+
+/// Only the operations that use them ask for both.
+fn compliances<const N: usize>(robot: &Value, axes: &str) -> Result<Option<Compliances<N>>, Failure>
+where
+    [f64; N]: DeserializeOwned,
+{
+    let links: Option<[f64; LINKS]> = optional_key(robot, "c_link")?;
+    let axes: Option<[f64; N]> = optional_key(robot, axes)?;
+    match (links, axes) {
+        (Some(links), Some(axes)) => Compliances::new(links, axes).map(Some).map_err(refused),
+        _ => Ok(None),
+    }
 }
 
 /// A sign; scripts write it as an integer or as a float.

@@ -3,15 +3,15 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::inverse::stretch;
-use super::{COLD_ITERATIONS, CONVERGED, KinematicsError, Pose, SixLinkKinematics, Solved};
-use crate::linalg::{Lu, norm, rotation_deviation, rotation_from_vector, sqrt};
+use super::{
+    COLD_ITERATIONS, CONVERGED, KinematicsError, Pose, SixLinkKinematics, Solved, is_pose,
+};
+use crate::linalg::{Lu, norm, rotation_from_vector, sqrt};
 use crate::robot::{AXES, LINKS, SixLinkGeometry};
 use crate::rows::pairs;
 
 /// How far the machine may be from the synchronised form: angles in radians, lengths over the machine's size.
 const SYNCHRONISED_TOLERANCE: f64 = 1e-9;
-/// How far the seed's matrix may be from a rotation.
-const ROTATION_TOLERANCE: f64 = 1e-6;
 
 impl SixLinkKinematics {
     /// Forward kinematics without a seed: from the synchronised form, whatever the plates do.
@@ -167,11 +167,6 @@ fn equal_in_clusters(geometry: &SixLinkGeometry, tolerance_m: f64) -> bool {
     let [_, l21, l22, l31, l32, l33] = geometry.lengths_m;
     let same = |one: f64, other: f64| (one - other).abs() <= tolerance_m;
     same(l21, l22) && same(l31, l32) && same(l31, l33)
-}
-
-fn is_pose(pose: &Pose) -> bool {
-    pose.position_m.iter().all(|value| value.is_finite())
-        && rotation_deviation(&pose.rotation) <= ROTATION_TOLERANCE
 }
 
 /// The nearest rotation, to second order in how far `R` is from one: one step of `R <- R (3 - R^T R) / 2`.

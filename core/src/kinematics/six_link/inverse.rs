@@ -3,13 +3,12 @@
 use nalgebra::Vector3;
 
 use super::newton::{Rule, newton};
-use super::{COLD_ITERATIONS, CONVERGED, KinematicsError, Pose, SixLinkKinematics, Solved};
-use crate::linalg::{norm, rotation_deviation, sqrt};
+use super::{
+    COLD_ITERATIONS, CONVERGED, KinematicsError, Pose, SixLinkKinematics, Solved, is_pose,
+};
+use crate::linalg::{norm, sqrt};
 use crate::robot::{ARM_OF_LINK, AXES, Branch, LINKS};
 use crate::rows::pairs;
-
-/// How far a matrix may be from a rotation.
-const ROTATION_TOLERANCE: f64 = 1e-9;
 
 impl SixLinkKinematics {
     /// Inverse kinematics: positions `q` (q-units: metres for carts on a guideway of unit length, radians for plates) for a pose.
@@ -35,13 +34,7 @@ impl SixLinkKinematics {
         lengths_m: &[f64; LINKS],
     ) -> Result<Solved<[f64; AXES]>, KinematicsError> {
         let seed = seed.unwrap_or_default();
-        let rotates = rotation_deviation(&pose.rotation) <= ROTATION_TOLERANCE;
-        let finite = pose
-            .position_m
-            .iter()
-            .chain(&seed)
-            .all(|value| value.is_finite());
-        if !(rotates && finite) {
+        if !is_pose(pose) || !seed.iter().all(|value| value.is_finite()) {
             return Err(KinematicsError::NotFinite);
         }
         let ends = self.ends_m(pose);

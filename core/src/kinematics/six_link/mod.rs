@@ -15,8 +15,8 @@ mod tests;
 
 use nalgebra::Vector3;
 
-use super::{KinematicsError, Pose, RESIDUAL_TOLERANCE, SINGULAR_MEASURE};
-use crate::linalg::norm;
+use super::{KinematicsError, Pose, RESIDUAL_TOLERANCE, ROTATION_TOLERANCE, SINGULAR_MEASURE};
+use crate::linalg::{norm, rotation_deviation};
 use crate::robot::{ARM_OF_LINK, ARMS, AXES, LINKS, SixLink};
 use crate::rows::pairs;
 use plates::Plates;
@@ -172,6 +172,12 @@ impl SixLinkKinematics {
         }
         Ok(())
     }
+}
+
+/// Whether a pose is one: a place, and a rotation.
+fn is_pose(pose: &Pose) -> bool {
+    pose.position_m.iter().all(|value| value.is_finite())
+        && rotation_deviation(&pose.rotation) <= ROTATION_TOLERANCE
 }
 
 /// Why an answer is not handed out.

@@ -1,0 +1,149 @@
+//! The operations of the 3-DOF machine.
+
+use gantry_tau_core::compensation::compensated;
+use gantry_tau_core::kinematics::{Nominal, Pose, residual_m};
+use gantry_tau_core::robot::{Compliances, Robot};
+use gantry_tau_core::statics::{LineMatrix, Wrench, cart_loads_from_jacobian};
+use gantry_tau_core::stiffness::TauModel;
+use nalgebra::{Matrix3, Vector3};
+use serde_json::{Value, json};
+
+use super::Failure;
+use super::ops::{finite, rows, springs};
+use super::request::{field, matrix, optional_field};
+
+/// A request whose orientation is known.
+struct Task<'a> {
+    robot: &'a Robot,
+    compliances: Option<&'a Compliances>,
+    request: &'a Value,
+    nominal: Nominal,
+}
+
+/// One of [`super::ops::NAMES`].
+pub(super) fn solve(
+    op: &str,
+    robot: &Robot,
+    compliances: Option<&Compliances>,
+    request: &Value,
+) -> Result<Value, Failure> {
+    let task = Task {
+        robot,
+        compliances,
+        request,
+        nominal: Nominal::new(robot, &orientation(request)?)?,
+    };
+    match op {
+        "ik" => task.ik(),
+        "fk" => task.fk(),
+        "jacobian" => task.jacobian(),
+        "statics" => task.statics(),
+        "compliance" => task.compliance(),
+        "deflection" => task.deflection(),
+        "compensate" => task.compensate(),
+        _ => Err(Failure::request(format!("op {op:?} is unknown"))),
+    }
+}
+
+/// `R`, else that of a seed, else the identity.
+fn orientation(request: &Value) -> Result<Matrix3<f64>, Failure> {
+    let seeded = || match request.get("seed") {
+        Some(seed) if seed.is_object() => optional_field(seed, "R"),
+        _ => Ok(None),
+    };
+    let rows = match optional_field(request, "R")? {
+        Some(rows) => Some(rows),
+        None => seeded()?,
+    };
+    Ok(rows.map_or_else(Matrix3::identity, matrix))
+}
+
+impl Task<'_> {
+    fn tcp(&self) -> Result<Vector3<f64>, Failure> {
+        field(self.request, "T").map(|t: [f64; 3]| Vector3::from(t))
+    }
+
+    fn load(&self) -> Result<Wrench, Failure> {
+        field(self.request, "w").map(Wrench::from_array)
+    }
+
+    fn pose(&self, position_m: Vector3<f64>) -> Pose {
+        Pose {
+            position_m,
+            rotation: *self.nominal.rotation(),
+        }
+    }
+
+    /// The six links where `T` puts them, by the general path.
+    fn lines(&self) -> Result<LineMatrix, Failure> {
+        let tcp = self.tcp()?;
+        let q = self.nominal.inverse_in_assembly(&tcp)?;
+        Ok(LineMatrix::new(self.robot, &self.pose(tcp), &q)?)
+    }
+
+    fn residual(&self, tcp: Vector3<f64>, q: &[f64; 3]) -> Result<f64, Failure> {
+        let residual = residual_m(self.robot, &self.pose(tcp), q);
+        finite([residual])?;
+        Ok(residual)
+    }
+
+    fn ik(&self) -> Result<Value, Failure> {
+        let tcp = self.tcp()?;
+        let q = self.nominal.inverse_in_assembly(&tcp)?;
+        let residual = self.residual(tcp, &q)?;
+        Ok(json!({"q": q, "iterations": 0, "residual": residual}))
+    }
+
+    fn fk(&self) -> Result<Value, Failure> {
+        let q = field(self.request, "q")?;
+        let tcp = self.nominal.forward(&q)?;
+        let residual = self.residual(tcp, &q)?;
+        Ok(json!({
+            "T": <[f64; 3]>::from(tcp),
+            "R": rows(self.nominal.rotation()),
+            "iterations": 0,
+            "residual": residual,
+        }))
+    }
+
+    fn jacobian(&self) -> Result<Value, Failure> {
+        let jacobian = self.nominal.jacobian(&self.tcp()?)?;
+        finite(jacobian.iter().copied())?;
+        Ok(json!({"J": rows(&jacobian)}))
+    }
+
+    fn statics(&self) -> Result<Value, Failure> {
+        let load = self.load()?;
+        let forces = self.lines()?.link_forces_n(&load)?;
+        let jacobian = self.nominal.jacobian(&self.tcp()?)?;
+        let tau = cart_loads_from_jacobian(&jacobian, &load.force_n);
+        finite(tau)?;
+        Ok(json!({"f": forces, "tau": tau}))
+    }
+
+    fn compliance(&self) -> Result<Value, Failure> {
+        let springs = springs(self.compliances)?;
+        let compliance = self.lines()?.compliance(springs)?;
+        Ok(json!({"C": rows(&compliance.0)}))
+    }
+
+    fn deflection(&self) -> Result<Value, Failure> {
+        let springs = springs(self.compliances)?;
+        let deflection = self.lines()?.deflection(springs, &self.load()?)?;
+        Ok(json!({
+            "r": deflection.carts,
+            "dx_links": deflection.links.to_array(),
+            "dx_total": deflection.total.to_array(),
+        }))
+    }
+
+    fn compensate(&self) -> Result<Value, Failure> {
+        let model = TauModel::new(&self.nominal, springs(self.compliances)?);
+        let tcp = self.tcp()?;
+        let load = self.load()?;
+        let q = self.nominal.inverse_in_assembly(&tcp)?;
+        let command = compensated(&model, &tcp, &q, &load, 1.0)?;
+        finite(command)?;
+        Ok(json!({"q": command}))
+    }
+}
