@@ -5,15 +5,17 @@
 use core::hint::black_box;
 
 use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::compensation::{Compensator, CompensatorConfig};
+use gantry_tau_core::compensation::{
+    Compensator, CompensatorConfig, SixLinkCompensator, SixLinkElastic,
+};
 use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
-use gantry_tau_core::kinematics::Nominal;
-use gantry_tau_core::robot::{Compliances, Geometry, Robot};
+use gantry_tau_core::kinematics::{Nominal, Pose, SixLinkKinematics, WARM_ITERATIONS};
+use gantry_tau_core::robot::{Compliances, Geometry, Robot, SixLink, SixLinkGeometry};
 use gantry_tau_core::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::session::Session;
 use gantry_tau_core::session::config::{Config, Parameters};
 use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::statics::{LineMatrix, Wrench};
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 use nalgebra::{Matrix3, Vector3};
 
@@ -119,6 +121,59 @@ pub extern "C" fn client(
             .sum()
     });
     inverse + jacobian + correction
+}
+
+/// Everything the client side does with six axes: validate, inverse, forward with and without a seed, statics, compensate.
+#[unsafe(no_mangle)]
+pub extern "C" fn client_of_six(
+    geometry: &SixLinkGeometry,
+    compliances: &[[f64; 6]; 2],
+    raw: &[f64; 6],
+    q: &[f64; 6],
+    seed: &Pose,
+    metres_per_q: &[f64; 6],
+) -> f64 {
+    let Ok(robot) = SixLink::new(*geometry) else {
+        return 0.0;
+    };
+    let [links, axes] = *compliances;
+    let Ok(compliances) = Compliances::new(links, axes) else {
+        return 0.0;
+    };
+    let kinematics = SixLinkKinematics::new(&robot);
+    let synchronised = kinematics.forward_synchronised(q);
+    let pose = kinematics.forward_from(q, seed, WARM_ITERATIONS);
+    let Ok(pose) = pose.or_else(|_| kinematics.forward(q)) else {
+        return 0.0;
+    };
+    let Ok(there) = kinematics.inverse(&pose.answer, None) else {
+        return 0.0;
+    };
+    let load = Wrench::from_array(*raw);
+    let machine = SixLinkElastic::new(kinematics, compliances);
+    let config = CompensatorConfig {
+        gain: 1.0,
+        limits: [Default::default(); 6],
+        metres_per_q: *metres_per_q,
+    };
+    let Ok(compensator) = SixLinkCompensator::new(machine, config) else {
+        return 0.0;
+    };
+    let lines = LineMatrix::of_six_link(&kinematics, &pose.answer, &there.answer);
+    let jacobian = lines.and_then(|lines| lines.jacobian());
+    let stiffness = (lines.and_then(|lines| lines.compliance(&compliances)))
+        .and_then(|compliance| compliance.to_stiffness());
+    let held = machine.held(&pose.answer, &there.answer, &load);
+    let correction = compensator.correction(&pose.answer, &there.answer, &load);
+    f64::from(robot.kinematics_checksum())
+        + synchronised.map_or(0.0, |pose| pose.position_m.sum())
+        + jacobian.map_or(0.0, |jacobian| jacobian.sum())
+        + stiffness.map_or(0.0, |stiffness| stiffness.0.sum())
+        + held.map_or(0.0, |held| held.answer.iter().sum())
+        + correction.map_or(0.0, |correction| {
+            let [first, ..] = correction.offsets;
+            first.to_metres().0
+        })
 }
 
 /// The negative control: a panic that is linked.
