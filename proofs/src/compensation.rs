@@ -29,7 +29,11 @@ pub fn offset_is_within(metres: f64, limit: OffsetNm) {
 ///
 /// # Panics
 /// When an offset is beyond its limit.
-pub fn correction_is_bounded(config: &CompensatorConfig, q: &[f64; ARMS], command: &[f64; ARMS]) {
+pub fn correction_is_bounded<const N: usize>(
+    config: &CompensatorConfig<N>,
+    q: &[f64; N],
+    command: &[f64; N],
+) {
     if let Ok(correction) = config.bounded(q, command) {
         offsets_are_within(&correction, config);
     }
@@ -46,12 +50,10 @@ pub fn cycle_is_bounded(compensator: &Compensator, q: &[f64; ARMS], load: &Wrenc
     }
 }
 
-fn offsets_are_within(correction: &Correction, config: &CompensatorConfig) {
-    let [o1, o2, o3] = correction.offsets;
-    let [l1, l2, l3] = config.limits;
-    is_within(o1, l1);
-    is_within(o2, l2);
-    is_within(o3, l3);
+fn offsets_are_within<const N: usize>(correction: &Correction<N>, config: &CompensatorConfig<N>) {
+    for axis in 0..N {
+        is_within(correction.offsets[axis], config.limits[axis]);
+    }
 }
 
 fn is_within(offset: OffsetNm, limit: OffsetNm) {

@@ -34,4 +34,5 @@ pub mod machine;
 pub mod motors;
 pub mod session;
 pub mod sift;
+pub mod six_link;
 pub mod wire;

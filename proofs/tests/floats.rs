@@ -5,9 +5,10 @@
     reason = "a strategy that makes what is not valid must panic"
 )]
 
-use gantry_tau_core::compensation::{Compensator, CompensatorConfig};
-use gantry_tau_core::kinematics::Nominal;
-use gantry_tau_core::robot::{Branch, Compliances, Geometry, Robot};
+use gantry_tau_core::compensation::{Compensator, CompensatorConfig, SixLinkElastic};
+use gantry_tau_core::kinematics::{Nominal, Pose};
+use gantry_tau_core::linalg::rotation_from_vector;
+use gantry_tau_core::robot::{Branch, Compliances, Geometry, Robot, SixLinkGeometry};
 use gantry_tau_core::sensor::{ForceSensor, SensorConfig, SensorState};
 use gantry_tau_core::statics::Wrench;
 use gantry_tau_core::units::{OffsetNm, PositionNm};
@@ -23,7 +24,8 @@ use gantry_tau_proofs::kinematics::{
     check_is_right, forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside,
     lengths_are_kept, statics_are_finite, there_and_back, travel_is_finite,
 };
-use gantry_tau_proofs::machine::{geometry, nominal};
+use gantry_tau_proofs::machine::{geometry, nominal, six_link, six_link_geometry};
+use gantry_tau_proofs::six_link;
 use proptest::array::{uniform3, uniform6};
 use proptest::prelude::*;
 
@@ -214,6 +216,27 @@ proptest! {
         lengths_are_kept(&robot, &nominal, tcp, q);
         let q = if fits { nominal.inverse(&tcp.into()).unwrap_or(q) } else { q };
         statics_are_finite(&robot, &nominal, tcp, q, &Wrench::from_array(load));
+    }
+
+    #[test]
+    fn six_axes_answer_what_is_checked(
+        position in uniform3(prop_oneof![any_float(), -1.0..1.0_f64]), turn in uniform3(prop_oneof![3 => -0.4..0.4_f64, 1 => any_float()]),
+        q in uniform6(any_float()), carts in uniform3(0.5..2.0_f64), plates in uniform3(-0.4..0.4_f64), seeded: bool,
+        load in uniform6(prop_oneof![any_float(), -1e3..1e3_f64]), limits in uniform6(0..=i32::MAX), narrow: bool,
+    ) {
+        let travel = narrow.then_some([(0.5, 2.0), (0.5, 2.0), (0.5, 2.0), (-0.3, 0.3), (-0.3, 0.3), (-0.3, 0.3)]);
+        let kinematics = six_link(SixLinkGeometry { travel, ..six_link_geometry() }).unwrap();
+        let rotation = rotation_from_vector(&turn.into()).unwrap_or_else(|| [[0.0; 3]; 3].into());
+        let pose = Pose { position_m: position.into(), rotation };
+        let ([q1, q2, q3], [q4, q5, q6]) = (carts, plates);
+        let standing = [q1, q2, q3, q4, q5, q6];
+        let machine = SixLinkElastic::new(kinematics, Compliances::new([5e-7; 6], [4e-8; 6]).unwrap());
+        let config = CompensatorConfig { gain: 1.0, limits: limits.map(OffsetNm), metres_per_q: [1.0; 6] };
+        for q in [q, standing] {
+            six_link::check_is_right(&kinematics, &q);
+            six_link::answers_are_checked(&kinematics, &pose, seeded.then_some(plates), &q);
+            six_link::statics_are_finite(&machine, &config, &pose, &q, &Wrench::from_array(load));
+        }
     }
 
     #[test]

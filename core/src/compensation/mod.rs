@@ -65,10 +65,18 @@ impl<const N: usize> CompensatorConfig<N> {
     ) -> Result<Correction<N>, KinematicsError> {
         let mut offsets = [OffsetNm(0); N];
         let mut saturated = [false; N];
-        let given = pairs(q, command).zip(pairs(&self.metres_per_q, &self.limits));
-        for ((offset, cut), ((q, command), (scale, limit))) in
-            offsets.iter_mut().zip(&mut saturated).zip(given)
-        {
+        for index in 0..N {
+            // Every array has N elements.
+            let (Some(q), Some(command), Some(scale), Some(limit), Some(offset), Some(cut)) = (
+                q.get(index),
+                command.get(index),
+                self.metres_per_q.get(index),
+                self.limits.get(index),
+                offsets.get_mut(index),
+                saturated.get_mut(index),
+            ) else {
+                continue;
+            };
             (*offset, *cut) = within((command - q) * scale, *limit)?;
         }
         Ok(Correction { offsets, saturated })

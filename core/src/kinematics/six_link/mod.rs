@@ -135,18 +135,38 @@ impl SixLinkKinematics {
         if !within {
             return Err(Refused::Residual(residual_m));
         }
-        for (axis, (q, (lower, upper))) in pairs(q, &self.travel).enumerate() {
-            if !(q >= lower && q <= upper) {
-                return Err(Refused::Final(KinematicsError::OutOfRange {
-                    axis,
-                    q: *q,
-                    lower: *lower,
-                    upper: *upper,
-                }));
-            }
+        if !self.travels(q) {
+            return Err(Refused::Final(self.out_of_range(q)));
         }
         self.sides(&links).map_err(Refused::Final)?;
         Ok(residual_m)
+    }
+
+    /// Whether every axis is inside its travel; false for NaN.
+    #[must_use]
+    pub fn travels(&self, q: &[f64; AXES]) -> bool {
+        pairs(q, &self.travel).all(|(q, range)| within(*q, range))
+    }
+
+    /// The range of each axis, `(lower, upper)` in q-units; infinite where a cart's is not checked.
+    #[must_use]
+    pub const fn travel(&self) -> &[(f64, f64); AXES] {
+        &self.travel
+    }
+
+    #[cold]
+    fn out_of_range(&self, q: &[f64; AXES]) -> KinematicsError {
+        let mut axes = pairs(q, &self.travel).enumerate();
+        let outside = axes.find(|(_, (q, range))| !within(**q, range));
+        match outside {
+            Some((axis, (q, (lower, upper)))) => KinematicsError::OutOfRange {
+                axis,
+                q: *q,
+                lower: *lower,
+                upper: *upper,
+            },
+            None => KinematicsError::NotFinite,
+        }
     }
 
     /// `c_i = sign(s_ij . V_i)` for every link of cluster `i`, and not near zero.
@@ -172,6 +192,13 @@ impl SixLinkKinematics {
         }
         Ok(())
     }
+}
+
+/// Whether `q` is inside its range; false for NaN.
+fn within(q: f64, (lower, upper): &(f64, f64)) -> bool {
+    #[cfg(mutant = "plate_travel_unchecked")]
+    let q = q.min(*upper);
+    *lower <= q && q <= *upper
 }
 
 /// Whether a pose is one: a place, and a rotation.

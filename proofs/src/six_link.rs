@@ -1,0 +1,104 @@
+//! The kinematics of six axes: T13. What is handed out is finite, inside the travel, and keeps the links' lengths; or it is an error.
+
+use gantry_tau_core::compensation::{CompensatorConfig, SixLinkElastic};
+use gantry_tau_core::kinematics::{Pose, RESIDUAL_TOLERANCE, SixLinkKinematics, WARM_ITERATIONS};
+use gantry_tau_core::linalg::rotation_deviation;
+use gantry_tau_core::robot::AXES;
+use gantry_tau_core::statics::{LineMatrix, Wrench};
+
+/// Positions of the axes, q-units.
+type Six = [f64; AXES];
+
+/// T13: the check of the axes that every answer passes admits only what is inside the travel, and therefore no NaN.
+///
+/// # Panics
+/// When it admits something else.
+pub fn check_is_right(kinematics: &SixLinkKinematics, q: &Six) {
+    if kinematics.travels(q) {
+        is_inside(kinematics, q);
+    }
+}
+
+fn is_inside(kinematics: &SixLinkKinematics, q: &Six) {
+    let travel = kinematics.travel();
+    for axis in 0..AXES {
+        let (lower, upper) = travel[axis];
+        assert!(
+            lower <= q[axis] && q[axis] <= upper,
+            "T13: inside the travel"
+        );
+    }
+}
+
+/// T13: whatever inverse and forward answer, from whatever numbers, is finite, inside the travel, and keeps the links' lengths. Tested.
+///
+/// # Panics
+/// When it does not.
+pub fn answers_are_checked(
+    kinematics: &SixLinkKinematics,
+    pose: &Pose,
+    seed: Option<[f64; 3]>,
+    q: &Six,
+) {
+    if let Ok(found) = kinematics.inverse(pose, seed) {
+        keeps_lengths(kinematics, pose, &found.answer);
+    }
+    let unseeded = kinematics.forward(q);
+    let seeded = kinematics.forward_from(q, pose, WARM_ITERATIONS);
+    for found in [unseeded, seeded].iter().flatten() {
+        keeps_lengths(kinematics, &found.answer, q);
+    }
+    if let Ok(found) = kinematics.forward_synchronised(q) {
+        keeps_lengths(kinematics, &found, q);
+    }
+}
+
+fn keeps_lengths(kinematics: &SixLinkKinematics, pose: &Pose, q: &Six) {
+    is_inside(kinematics, q);
+    assert!(q.iter().all(|q| q.is_finite()), "T13: finite");
+    assert!(
+        rotation_deviation(&pose.rotation) <= 1e-9,
+        "T13: a rotation"
+    );
+    let lengths_m = &kinematics.robot().geometry().lengths_m;
+    let shortest_m = lengths_m.iter().copied().fold(f64::INFINITY, f64::min);
+    assert!(
+        kinematics.residual_m(pose, q) <= RESIDUAL_TOLERANCE * shortest_m,
+        "T13: the links keep their lengths"
+    );
+}
+
+/// T12, T13, T14 for what is built on the kinematics: no panic on any numbers, every number that is handed out is finite, and
+/// every offset within its limit. Tested.
+///
+/// # Panics
+/// When one is not.
+pub fn statics_are_finite(
+    machine: &SixLinkElastic,
+    config: &CompensatorConfig<AXES>,
+    pose: &Pose,
+    q: &Six,
+    load: &Wrench,
+) {
+    let finite = |values: &[f64]| {
+        assert!(values.iter().all(|value| value.is_finite()), "T13: finite");
+    };
+    if let Ok(lines) = LineMatrix::of_six_link(machine.kinematics(), pose, q) {
+        if let Ok(jacobian) = lines.jacobian() {
+            finite(jacobian.as_slice());
+        }
+        if let Ok(forces) = lines.link_forces_n(load) {
+            finite(&forces);
+        }
+        if let Ok(deflection) = lines.deflection(machine.compliances(), load) {
+            finite(&deflection.carts);
+            finite(&deflection.total.to_array());
+        }
+    }
+    let first_order = machine.compensated(pose, q, load, 1.0);
+    let exact = machine.held(pose, q, load).map(|held| held.answer);
+    for command in [first_order, exact].iter().flatten() {
+        finite(command);
+        crate::compensation::correction_is_bounded(config, q, command);
+    }
+}
