@@ -41,6 +41,14 @@ pub fn cos(angle_rad: f64) -> f64 {
     libm::cos(angle_rad)
 }
 
+/// Sine and cosine of an angle in radians, for less than both.
+#[inline]
+#[must_use]
+#[expect(clippy::disallowed_methods, reason = "this is the seam")]
+pub fn sin_cos(angle_rad: f64) -> (f64, f64) {
+    libm::sincos(angle_rad)
+}
+
 /// Euclidean length of a vector, in its unit.
 #[inline]
 #[must_use]

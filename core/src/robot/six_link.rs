@@ -108,3 +108,34 @@ impl SixLink {
         checksum(numbers)
     }
 }
+
+/// Any numbers at all: more machines than [`SixLink::new`] accepts.
+#[cfg(kani)]
+impl kani::Arbitrary for SixLink {
+    fn any() -> Self {
+        let any_vector = || Vector3::from(kani::any::<[f64; 3]>());
+        let any_six = || {
+            [
+                any_vector(),
+                any_vector(),
+                any_vector(),
+                any_vector(),
+                any_vector(),
+                any_vector(),
+            ]
+        };
+        let geometry = SixLinkGeometry {
+            carts_m: [any_vector(), any_vector(), any_vector()],
+            guideways: [any_vector(), any_vector(), any_vector()],
+            plate_joints_m: any_six(),
+            platform_joints_m: any_six(),
+            lengths_m: kani::any(),
+            configuration: [Branch::Positive; ARMS],
+            turn_axis: any_vector(),
+            tilt_axis: any_vector(),
+            turn_signs: [Branch::Positive; 2],
+            travel: kani::any(),
+        };
+        Self { geometry }
+    }
+}

@@ -2,13 +2,13 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::inverse::stretch;
+use super::step::System;
 use super::{
-    COLD_ITERATIONS, CONVERGED, KinematicsError, Pose, SixLinkKinematics, Solved, is_pose,
+    COLD_ITERATIONS, CONVERGED, KinematicsError, Pose, Refused, SixLinkKinematics, Solved, is_pose,
+    stretch,
 };
-use crate::linalg::{Lu, norm, rotation_from_vector, sqrt};
+use crate::linalg::{norm, rotation_from_vector, sqrt};
 use crate::robot::{AXES, LINKS, SixLinkGeometry};
-use crate::rows::pairs;
 
 /// How far the machine may be from the synchronised form: angles in radians, lengths over the machine's size.
 const SYNCHRONISED_TOLERANCE: f64 = 1e-9;
@@ -43,35 +43,30 @@ impl SixLinkKinematics {
         let joints = self.plates.joints(q);
         let mut pose = *seed;
         let mut mode = None;
-        let mut made = 0;
-        while made < iterations {
-            let (errors, rows) = self.stretches(&pose, &joints);
-            if errors
-                .iter()
-                .all(|error| error.abs() <= CONVERGED * self.size_m)
-            {
-                break;
+        for made in 0..=iterations {
+            let system = self.system(&pose, &joints);
+            let settled = settled(&system.errors_m, CONVERGED * self.size_m);
+            if settled || made == iterations {
+                pose.rotation = orthonormal(&pose.rotation);
+                let residual_m =
+                    (self.checked(&pose, q, &joints)).map_err(|refused| refused.after(made))?;
+                return Ok(Solved {
+                    answer: pose,
+                    iterations: made,
+                    residual_m,
+                });
             }
-            let factors = Lu::factor(&rows)?;
-            // The determinant changes its sign where assembly modes meet.
-            if *mode.get_or_insert(factors.mirrors()) != factors.mirrors() {
+            let step = system.solve()?;
+            if *mode.get_or_insert(step.mirrors) != step.mirrors {
                 return Err(KinematicsError::OtherBranch { arm: None });
             }
-            let [x, y, z, a, b, c] = factors.solve(&errors);
             let turn =
-                rotation_from_vector(&Vector3::new(a, b, c)).ok_or(KinematicsError::NotFinite)?;
-            pose.position_m += Vector3::new(x, y, z);
+                rotation_from_vector(&step.rotation_rad).ok_or(KinematicsError::NotFinite)?;
+            pose.position_m += step.translation_m;
             pose.rotation = turn * pose.rotation;
-            made = made.saturating_add(1);
         }
-        pose.rotation = orthonormal(&pose.rotation);
-        let residual_m = (self.check(&pose, q, &self.robot.geometry().lengths_m))
-            .map_err(|refused| refused.after(made))?;
-        Ok(Solved {
-            answer: pose,
-            iterations: made,
-            residual_m,
-        })
+        // Not reached: the last round returns.
+        Err(KinematicsError::NotFinite)
     }
 
     /// The closed form of the synchronised machine (`q_4 = -q_5` where the drives' signs are opposite: both plates turn
@@ -86,9 +81,23 @@ impl SixLinkKinematics {
         if self.plates.out_of_step(q4, q5).abs() > SYNCHRONISED_TOLERANCE {
             return Err(KinematicsError::Inconsistent { arm: 1 });
         }
-        (self.check(&pose, q, &self.robot.geometry().lengths_m))
-            .map_err(|refused| refused.after(0))?;
+        (self.checked(&pose, q, &self.plates.joints(q))).map_err(|refused| refused.after(0))?;
         Ok(pose)
+    }
+
+    /// The last check, of a pose.
+    #[inline]
+    fn checked(
+        &self,
+        pose: &Pose,
+        q: &[f64; AXES],
+        joints_m: &[Vector3<f64>; LINKS],
+    ) -> Result<f64, Refused> {
+        self.check(
+            &self.links_between(pose, joints_m),
+            q,
+            &self.robot.geometry().lengths_m,
+        )
     }
 
     /// The pose of the synchronised form with plate 3 as it is; a start where plate 2 is not in step.
@@ -117,7 +126,9 @@ impl SixLinkKinematics {
             position_m,
             rotation,
         });
-        let [one, other] = poses.map(|pose| (self.sides(&self.links_m(&pose, q)), pose));
+        let joints = self.plates.joints(q);
+        let sides = |pose: &Pose| self.on_their_sides(&self.links_between(pose, &joints));
+        let [one, other] = poses.map(|pose| (sides(&pose), pose));
         match (one, other) {
             ((Ok(()), _), (Ok(()), _)) => Err(KinematicsError::SeedRequired),
             ((Ok(()), pose), _) | (_, (Ok(()), pose)) => Ok(pose),
@@ -140,26 +151,37 @@ impl SixLinkKinematics {
             && equal_in_clusters(geometry, tolerance)
     }
 
-    /// By how much every link is too long in this pose, and the rows of the system, `[w; l x w] / L`.
-    fn stretches(
-        &self,
-        pose: &Pose,
-        joints_m: &[Vector3<f64>; LINKS],
-    ) -> ([f64; LINKS], [[f64; 6]; LINKS]) {
+    /// By how much every link is too long in this pose, and how that changes with it.
+    #[inline]
+    fn system(&self, pose: &Pose, joints_m: &[Vector3<f64>; LINKS]) -> System {
         let geometry = self.robot.geometry();
-        let mut errors = [0.0; LINKS];
-        let mut rows = [[0.0; 6]; LINKS];
-        let links = pairs(joints_m, &geometry.platform_joints_m).zip(&geometry.lengths_m);
-        for ((error, row), ((joint, end), length)) in errors.iter_mut().zip(&mut rows).zip(links) {
+        let [a11, a21, a22, a31, a32, a33] = joints_m;
+        let [b11, b21, b22, b31, b32, b33] = &geometry.platform_joints_m;
+        let [l11, l21, l22, l31, l32, l33] = geometry.lengths_m;
+        let row = |joint: &Vector3<f64>, end: &Vector3<f64>, length: f64| {
             let lever = pose.rotation * end;
-            let w = joint - pose.position_m - lever;
-            let (stretch, s) = stretch(&w, *length);
-            let moment = lever.cross(&s);
-            *error = stretch;
-            *row = [s.x, s.y, s.z, moment.x, moment.y, moment.z];
+            let (error, s) = stretch(&(joint - pose.position_m - lever), length);
+            (s, lever.cross(&s), error)
+        };
+        let (s11, m11, e11) = row(a11, b11, l11);
+        let (s21, m21, e21) = row(a21, b21, l21);
+        let (s22, m22, e22) = row(a22, b22, l22);
+        let (s31, m31, e31) = row(a31, b31, l31);
+        let (s32, m32, e32) = row(a32, b32, l32);
+        let (s33, m33, e33) = row(a33, b33, l33);
+        System {
+            directions: [s11, s21, s22, s31, s32, s33],
+            moments_m: [m11, m21, m22, m31, m32, m33],
+            errors_m: [e11, e21, e22, e31, e32, e33],
         }
-        (errors, rows)
     }
+}
+
+/// Whether every link is as long as it is to be; false for NaN.
+#[inline]
+fn settled([e11, e21, e22, e31, e32, e33]: &[f64; LINKS], converged_m: f64) -> bool {
+    let within = |error: &f64| error.abs() <= converged_m;
+    within(e11) && within(e21) && within(e22) && within(e31) && within(e32) && within(e33)
 }
 
 /// Whether the links of a cluster are equally long.

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::newton::{Rule, newton};
 use super::{
-    COLD_ITERATIONS, CONVERGED, KinematicsError, Pose, SixLinkKinematics, Solved, is_pose,
+    COLD_ITERATIONS, CONVERGED, KinematicsError, Pose, SixLinkKinematics, Solved, is_pose, stretch,
 };
 use crate::linalg::{norm, sqrt};
 use crate::robot::{ARM_OF_LINK, AXES, Branch, LINKS};
@@ -48,8 +48,9 @@ impl SixLinkKinematics {
             self.cluster_three(&[b31, b32, b33], &[l31, l32, l33], (q5, q6))?;
         let answer = [q1, q2, q3, q4, q5, q6];
         let iterations = made_2.max(made_3);
-        let residual_m =
-            (self.check(pose, &answer, lengths_m)).map_err(|refused| refused.after(iterations))?;
+        let links = self.links_m(pose, &answer);
+        let residual_m = (self.check(&links, &answer, lengths_m))
+            .map_err(|refused| refused.after(iterations))?;
         Ok(Solved {
             answer,
             iterations,
@@ -157,14 +158,6 @@ impl SixLinkKinematics {
             converged_m: CONVERGED * self.size_m,
         }
     }
-}
-
-/// By how much a link is too long, and its direction: `(|w|^2 - L^2) / 2L` and its gradient `w / L`; nothing needs a root.
-#[inline]
-pub(super) fn stretch(link_m: &Vector3<f64>, length_m: f64) -> (f64, Vector3<f64>) {
-    let per_length = 1.0 / length_m;
-    let error = (link_m.dot(link_m) - length_m * length_m) * 0.5 * per_length;
-    (error, link_m * per_length)
 }
 
 /// The cart of one link whose end is at `from_origin_m` from the joint at `q = 0`: `q`, and the square of the link's length

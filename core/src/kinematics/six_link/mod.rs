@@ -10,6 +10,7 @@ mod forward;
 mod inverse;
 mod newton;
 mod plates;
+mod step;
 #[cfg(test)]
 mod tests;
 
@@ -52,6 +53,8 @@ pub struct SixLinkKinematics {
     /// Largest error of a link in an answer, metres.
     tolerance_m: f64,
     travel: [(f64, f64); AXES],
+    /// `c_i V_i / |V_i|`: to which side the links of an arm point.
+    sides: [Vector3<f64>; ARMS],
 }
 
 impl SixLinkKinematics {
@@ -63,6 +66,10 @@ impl SixLinkKinematics {
         let shortest = l11.min(l21).min(l22).min(l31).min(l32).min(l33);
         let longest = l11.max(l21).max(l22).max(l31).max(l32).max(l33);
         let [c1, c2, c3] = geometry.carts_m.map(|cart| norm(&cart));
+        let [v1, v2, v3] = geometry
+            .guideways
+            .map(|guideway| guideway / norm(&guideway));
+        let [side1, side2, side3] = geometry.configuration.map(|branch| branch.sign());
         let free = (f64::NEG_INFINITY, f64::INFINITY);
         let plate = (-HALF_TURN_RAD, HALF_TURN_RAD);
         Self {
@@ -73,6 +80,7 @@ impl SixLinkKinematics {
             travel: geometry
                 .travel
                 .unwrap_or([free, free, free, plate, plate, plate]),
+            sides: [v1 * side1, v2 * side2, v3 * side3],
         }
     }
 
@@ -92,7 +100,17 @@ impl SixLinkKinematics {
     /// `A_ij - B_ij`: from platform joint to plate joint, world axes, metres, link order.
     #[must_use]
     pub fn links_m(&self, pose: &Pose, q: &[f64; AXES]) -> [Vector3<f64>; LINKS] {
-        let [a11, a21, a22, a31, a32, a33] = self.plates.joints(q);
+        self.links_between(pose, &self.plates.joints(q))
+    }
+
+    /// The same, for plate joints that are known.
+    #[inline]
+    fn links_between(
+        &self,
+        pose: &Pose,
+        joints_m: &[Vector3<f64>; LINKS],
+    ) -> [Vector3<f64>; LINKS] {
+        let [a11, a21, a22, a31, a32, a33] = joints_m;
         let [b11, b21, b22, b31, b32, b33] = self.ends_m(pose);
         [
             a11 - b11,
@@ -122,14 +140,14 @@ impl SixLinkKinematics {
     }
 
     /// What every answer passes last: links of the right length, axes inside their travel, arms on their side.
+    #[inline]
     fn check(
         &self,
-        pose: &Pose,
+        links_m: &[Vector3<f64>; LINKS],
         q: &[f64; AXES],
         lengths_m: &[f64; LINKS],
     ) -> Result<f64, Refused> {
-        let links = self.links_m(pose, q);
-        let residual_m = largest_error(&links, lengths_m);
+        let residual_m = largest_error(links_m, lengths_m);
         // Not within for NaN.
         let within = residual_m <= self.tolerance_m;
         if !within {
@@ -138,7 +156,7 @@ impl SixLinkKinematics {
         if !self.travels(q) {
             return Err(Refused::Final(self.out_of_range(q)));
         }
-        self.sides(&links).map_err(Refused::Final)?;
+        self.on_their_sides(links_m).map_err(Refused::Final)?;
         Ok(residual_m)
     }
 
@@ -170,27 +188,46 @@ impl SixLinkKinematics {
     }
 
     /// `c_i = sign(s_ij . V_i)` for every link of cluster `i`, and not near zero.
-    fn sides(&self, links_m: &[Vector3<f64>; LINKS]) -> Result<(), KinematicsError> {
-        let geometry = self.robot.geometry();
-        for (link, arm) in pairs(links_m, &ARM_OF_LINK) {
-            let (Some(guideway), Some(branch)) = (
-                geometry.guideways.get(*arm),
-                geometry.configuration.get(*arm),
-            ) else {
-                continue;
-            };
-            let cosine = branch.sign() * link.dot(guideway) / (norm(link) * norm(guideway));
-            let regular = cosine > SINGULAR_MEASURE;
+    #[inline]
+    fn on_their_sides(&self, links_m: &[Vector3<f64>; LINKS]) -> Result<(), KinematicsError> {
+        let [side1, side2, side3] = &self.sides;
+        let lengths_m = &self.robot.geometry().lengths_m;
+        let [l11, l21, l22, l31, l32, l33] = lengths_m;
+        let [w11, w21, w22, w31, w32, w33] = links_m;
+        // False for NaN.
+        let regular = |side: &Vector3<f64>, link: &Vector3<f64>, length: &f64| {
+            side.dot(link) > SINGULAR_MEASURE * length
+        };
+        if regular(side1, w11, l11)
+            && regular(side2, w21, l21)
+            && regular(side2, w22, l22)
+            && regular(side3, w31, l31)
+            && regular(side3, w32, l32)
+            && regular(side3, w33, l33)
+        {
+            return Ok(());
+        }
+        Err(self.why_not_on_their_sides(links_m))
+    }
+
+    #[cold]
+    fn why_not_on_their_sides(&self, links_m: &[Vector3<f64>; LINKS]) -> KinematicsError {
+        let lengths = pairs(links_m, &self.robot.geometry().lengths_m);
+        for ((link, length), arm) in lengths.zip(ARM_OF_LINK) {
+            let cosine = self
+                .sides
+                .get(arm)
+                .map_or(0.0, |side| side.dot(link) / length);
             if cosine < -SINGULAR_MEASURE {
-                return Err(KinematicsError::OtherBranch { arm: Some(*arm) });
+                return KinematicsError::OtherBranch { arm: Some(arm) };
             }
-            if !regular {
-                return Err(KinematicsError::Singular {
+            if cosine <= SINGULAR_MEASURE {
+                return KinematicsError::Singular {
                     measure: cosine.abs(),
-                });
+                };
             }
         }
-        Ok(())
+        KinematicsError::NotFinite
     }
 }
 
@@ -229,20 +266,49 @@ impl Refused {
     }
 }
 
+/// By how much a link is too long, and its direction: `(|w|^2 - L^2) / 2L` and its gradient `w / L`; nothing needs a root.
+#[inline]
+fn stretch(link_m: &Vector3<f64>, length_m: f64) -> (f64, Vector3<f64>) {
+    let per_length = 1.0 / length_m;
+    let error = (link_m.dot(link_m) - length_m * length_m) * 0.5 * per_length;
+    (error, link_m * per_length)
+}
+
 /// Largest deviation of a link's length, metres; NaN where one is.
+#[inline]
 fn largest_error(links_m: &[Vector3<f64>; LINKS], lengths_m: &[f64; LINKS]) -> f64 {
-    let mut largest = 0.0_f64;
-    for (link, length) in pairs(links_m, lengths_m) {
-        let error = (norm(link) - length).abs();
-        // `max` would drop a NaN.
-        if error > largest || error.is_nan() {
-            largest = error;
+    let [w11, w21, w22, w31, w32, w33] = links_m;
+    let [l11, l21, l22, l31, l32, l33] = lengths_m;
+    let error = |link: &Vector3<f64>, length: &f64| (norm(link) - length).abs();
+    // `max` would drop a NaN.
+    let larger = |one: f64, other: f64| {
+        if one > other || one.is_nan() {
+            one
+        } else {
+            other
         }
-        if largest.is_nan() {
-            break;
-        }
-    }
-    largest
+    };
+    let (two, three) = (
+        larger(error(w21, l21), error(w22, l22)),
+        larger(error(w31, l31), larger(error(w32, l32), error(w33, l33))),
+    );
+    larger(error(w11, l11), larger(two, three))
 }
 
 const _: () = assert!(ARMS == 3 && LINKS == AXES, "six links for six axes");
+
+/// Any numbers at all: more machines than [`SixLinkKinematics::new`] makes.
+#[cfg(kani)]
+impl kani::Arbitrary for SixLinkKinematics {
+    fn any() -> Self {
+        let any_vector = || Vector3::from(kani::any::<[f64; 3]>());
+        Self {
+            robot: kani::any(),
+            plates: kani::any(),
+            size_m: kani::any(),
+            tolerance_m: kani::any(),
+            travel: kani::any(),
+            sides: [any_vector(), any_vector(), any_vector()],
+        }
+    }
+}

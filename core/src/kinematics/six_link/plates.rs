@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::linalg::{cross_matrix, sin};
+use crate::linalg::{cross_matrix, sin_cos};
 use crate::robot::{ARMS, AXES, LINKS, SixLinkGeometry};
 
 /// What the positions of the joints are made of.
@@ -35,10 +35,12 @@ impl Axis {
         }
     }
 
+    #[inline]
     fn rotation(&self, angle_rad: f64) -> Matrix3<f64> {
-        let half = sin(0.5 * angle_rad);
-        // 1 - cos over the half angle, which does not cancel.
-        Matrix3::identity() + self.k * sin(angle_rad) + self.k_squared * (2.0 * half * half)
+        // Over the half angle, 1 - cos = 2 sin^2 does not cancel.
+        let (sine, cosine) = sin_cos(0.5 * angle_rad);
+        let (along, across) = (2.0 * sine * cosine, 2.0 * sine * sine);
+        Matrix3::identity() + self.k * along + self.k_squared * across
     }
 }
 
@@ -182,5 +184,33 @@ impl Plates {
             three(s32, t32, k32),
             three(s33, t33, k33),
         ]
+    }
+}
+
+/// Any numbers at all.
+#[cfg(kani)]
+impl kani::Arbitrary for Plates {
+    fn any() -> Self {
+        let any_vector = || Vector3::from(kani::any::<[f64; 3]>());
+        let any_axis = || Axis {
+            direction: any_vector(),
+            k: Matrix3::from(kani::any::<[[f64; 3]; 3]>()),
+            k_squared: Matrix3::from(kani::any::<[[f64; 3]; 3]>()),
+        };
+        Self {
+            carts_m: [any_vector(), any_vector(), any_vector()],
+            guideways: [any_vector(), any_vector(), any_vector()],
+            joints_m: [
+                any_vector(),
+                any_vector(),
+                any_vector(),
+                any_vector(),
+                any_vector(),
+                any_vector(),
+            ],
+            turn: any_axis(),
+            tilt: any_axis(),
+            signs: kani::any(),
+        }
     }
 }
