@@ -4,8 +4,11 @@
 //! forbids the platform to turn; here moments are taken about the tool centre point and the platform turns as it will.
 //! Displacements are small: first order in the load.
 
+mod contact;
 mod tau;
+mod transport;
 
+pub use contact::contact_loop_gain;
 pub use tau::{TauDeflection, TauModel};
 
 use nalgebra::{Matrix6, Vector3};
