@@ -16,7 +16,7 @@ pub use six_link::{COLD_ITERATIONS, SixLinkKinematics, Solved, WARM_ITERATIONS};
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::linalg::{LinearError, norm};
+use crate::linalg::{LinearError, norm, rotation_deviation};
 use crate::robot::{ARMS, Geometry, Robot};
 
 /// Smallest measure of regularity a pose may have, both of the carts' (`|s_i . v_i| / |v_i|`) and of the links' (`|det(s_1, s_2, s_3)|`).
@@ -51,6 +51,12 @@ impl Pose {
             rotation: Matrix3::identity(),
         }
     }
+}
+
+/// Whether a pose is one: a place, and a rotation.
+pub(crate) fn is_pose(pose: &Pose) -> bool {
+    pose.position_m.iter().all(|value| value.is_finite())
+        && rotation_deviation(&pose.rotation) <= ROTATION_TOLERANCE
 }
 
 /// Why the kinematics has no answer. Arms and axes count from 0.

@@ -16,8 +16,8 @@ mod tests;
 
 use nalgebra::Vector3;
 
-use super::{KinematicsError, Pose, RESIDUAL_TOLERANCE, ROTATION_TOLERANCE, SINGULAR_MEASURE};
-use crate::linalg::{norm, rotation_deviation};
+use super::{KinematicsError, Pose, RESIDUAL_TOLERANCE, SINGULAR_MEASURE, is_pose};
+use crate::linalg::norm;
 use crate::robot::{ARM_OF_LINK, ARMS, AXES, LINKS, SixLink};
 use crate::rows::pairs;
 use plates::Plates;
@@ -236,12 +236,6 @@ fn within(q: f64, (lower, upper): &(f64, f64)) -> bool {
     #[cfg(mutant = "plate_travel_unchecked")]
     let q = q.min(*upper);
     *lower <= q && q <= *upper
-}
-
-/// Whether a pose is one: a place, and a rotation.
-fn is_pose(pose: &Pose) -> bool {
-    pose.position_m.iter().all(|value| value.is_finite())
-        && rotation_deviation(&pose.rotation) <= ROTATION_TOLERANCE
 }
 
 /// Why an answer is not handed out.
