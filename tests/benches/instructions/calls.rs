@@ -1,0 +1,433 @@
+//! The calls that are counted, each once, each in a function of its own that is not inlined.
+
+use std::hint::black_box;
+
+use gantry_tau_core::axis::{Actual, Offsets};
+use gantry_tau_core::channel::Limits;
+use gantry_tau_core::compensation::{
+    Compensator, CompensatorConfig, Correction, SixLinkCompensator, SixLinkElastic,
+};
+use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::kinematics::{
+    KinematicsError, Nominal, Pose, SixLinkKinematics, Solved, WARM_ITERATIONS,
+};
+use gantry_tau_core::linalg::rotation_from_vector;
+use gantry_tau_core::message::{Capabilities, ClientMessage, Command, Hello, Mode, Phase};
+use gantry_tau_core::robot::Compliances;
+use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
+use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::session::{Event, Input, Output, Session};
+use gantry_tau_core::statics::{LineMatrix, Wrench};
+use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick};
+use gantry_tau_core::wire::{
+    ContentError, Deframer, Feed, Frame, FrameBytes, decode_client, encode_client, encode_state,
+};
+use gantry_tau_proofs::machine;
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+/// What is counted, and the most it may be.
+pub(crate) struct Call {
+    pub(crate) name: &'static str,
+    pub(crate) limit: Option<u64>,
+    run: fn(),
+}
+
+const fn call(name: &'static str, limit: Option<u64>, run: fn()) -> Call {
+    Call { name, limit, run }
+}
+
+pub(crate) const CALLS: &[Call] = &[
+    call("nominal_inverse", Some(150), nominal_inverse),
+    call("nominal_forward", Some(230), nominal_forward),
+    call("nominal_jacobian", None, nominal_jacobian),
+    call("l2_statics", None, l2_statics),
+    call("l2_compensation", Some(1_000), l2_compensation),
+    call("six_inverse", None, six_inverse),
+    call("six_forward_warm", Some(5_000), six_forward_warm),
+    call("six_jacobian", None, six_jacobian),
+    call("six_compensation", None, six_compensation),
+    call("session_tick", None, session_tick),
+    call("server_tick", None, server_tick),
+    call("encode_command", None, encode_command),
+    call("encode_state", None, encode_a_state),
+    call("decode_command", None, decode_command),
+    call("deframe_command", None, deframe_command),
+];
+
+/// Makes the call of this name.
+pub(crate) fn run(name: &str) {
+    let call = CALLS.iter().find(|call| call.name == name);
+    (call
+        .unwrap_or_else(|| panic!("no call is named {name}"))
+        .run)();
+}
+
+fn l2() -> (Nominal, Vector3<f64>, [f64; 3]) {
+    let (_, nominal) = machine::nominal(machine::geometry()).unwrap();
+    let tcp = Vector3::new(0.0, 0.5, 0.65);
+    let q = nominal.inverse(&tcp).unwrap();
+    (nominal, tcp, q)
+}
+
+fn nominal_inverse() {
+    #[inline(never)]
+    fn measured_nominal_inverse(
+        nominal: &Nominal,
+        tcp: &Vector3<f64>,
+    ) -> Result<[f64; 3], KinematicsError> {
+        nominal.inverse(tcp)
+    }
+    let (nominal, tcp, _) = l2();
+    black_box(measured_nominal_inverse(
+        black_box(&nominal),
+        black_box(&tcp),
+    ))
+    .unwrap();
+}
+
+fn nominal_forward() {
+    #[inline(never)]
+    fn measured_nominal_forward(
+        nominal: &Nominal,
+        q: &[f64; 3],
+    ) -> Result<Vector3<f64>, KinematicsError> {
+        nominal.forward(q)
+    }
+    let (nominal, _, q) = l2();
+    black_box(measured_nominal_forward(black_box(&nominal), black_box(&q))).unwrap();
+}
+
+fn nominal_jacobian() {
+    #[inline(never)]
+    fn measured_nominal_jacobian(
+        nominal: &Nominal,
+        tcp: &Vector3<f64>,
+    ) -> Result<Matrix3<f64>, KinematicsError> {
+        nominal.jacobian(tcp)
+    }
+    let (nominal, tcp, _) = l2();
+    black_box(measured_nominal_jacobian(
+        black_box(&nominal),
+        black_box(&tcp),
+    ))
+    .unwrap();
+}
+
+fn load() -> Wrench {
+    Wrench::from_array([300.0, -50.0, 100.0, 1.0, 2.0, -1.0])
+}
+
+fn l2_statics() {
+    #[inline(never)]
+    fn measured_l2_statics(
+        robot: &gantry_tau_core::robot::Robot,
+        pose: &Pose,
+        q: &[f64; 3],
+        load: &Wrench,
+    ) -> Result<[f64; 3], KinematicsError> {
+        let lines = LineMatrix::new(robot, pose, q)?;
+        Ok(lines.cart_loads(&lines.link_forces_n(load)?))
+    }
+    let (robot, _) = machine::nominal(machine::geometry()).unwrap();
+    let (_, tcp, q) = l2();
+    let pose = Pose::at(tcp);
+    let loads = measured_l2_statics(
+        black_box(&robot),
+        black_box(&pose),
+        black_box(&q),
+        black_box(&load()),
+    );
+    black_box(loads).unwrap();
+}
+
+fn config<const N: usize>() -> CompensatorConfig<N> {
+    CompensatorConfig {
+        gain: 1.0,
+        limits: [OffsetNm(2_000_000); N],
+        metres_per_q: [1.0; N],
+    }
+}
+
+fn l2_compensation() {
+    #[inline(never)]
+    fn measured_l2_compensation(
+        compensator: &Compensator,
+        q: &[f64; 3],
+        load: &Wrench,
+    ) -> Result<Correction, KinematicsError> {
+        compensator.correction(q, load)
+    }
+    let (nominal, _, q) = l2();
+    let springs = Compliances::new([5e-7; 6], [5e-8; 3]).unwrap();
+    let compensator = Compensator::new(&nominal, &springs, config()).unwrap();
+    black_box(measured_l2_compensation(
+        black_box(&compensator),
+        black_box(&q),
+        black_box(&load()),
+    ))
+    .unwrap();
+}
+
+/// The F1 in a pose, and the pose of a cycle before at 1 m/s and 1 rad/s.
+fn six() -> (SixLinkKinematics, Pose, [f64; 6], Pose) {
+    let kinematics = machine::six_link(machine::six_link_geometry()).unwrap();
+    let turn = |x, y, z| rotation_from_vector(&Vector3::new(x, y, z)).unwrap();
+    let pose = Pose {
+        position_m: Vector3::new(0.1, -0.1, 0.4),
+        rotation: turn(0.02, -0.15, 0.2),
+    };
+    let q = kinematics.inverse(&pose, None).unwrap().answer;
+    // A thousandth in all: metres, and radians.
+    let third = 1e-3 / 3.0_f64.sqrt();
+    let before = Pose {
+        position_m: pose.position_m + Vector3::new(third, -third, third),
+        rotation: turn(third, third, -third) * pose.rotation,
+    };
+    (kinematics, pose, q, before)
+}
+
+fn six_inverse() {
+    #[inline(never)]
+    fn measured_six_inverse(
+        kinematics: &SixLinkKinematics,
+        pose: &Pose,
+        seed: Option<[f64; 3]>,
+    ) -> Result<Solved<[f64; 6]>, KinematicsError> {
+        kinematics.inverse(pose, seed)
+    }
+    let (kinematics, _, q, before) = six();
+    let [.., q4, q5, q6] = q;
+    let seed = Some([q4, q5, q6]);
+    black_box(measured_six_inverse(
+        black_box(&kinematics),
+        black_box(&before),
+        black_box(seed),
+    ))
+    .unwrap();
+}
+
+fn six_forward_warm() {
+    #[inline(never)]
+    fn measured_six_forward_warm(
+        kinematics: &SixLinkKinematics,
+        q: &[f64; 6],
+        before: &Pose,
+    ) -> Result<Solved<Pose>, KinematicsError> {
+        kinematics.forward_from(q, before, WARM_ITERATIONS)
+    }
+    let (kinematics, _, q, before) = six();
+    let solved =
+        measured_six_forward_warm(black_box(&kinematics), black_box(&q), black_box(&before))
+            .unwrap();
+    assert!(
+        solved.iterations == 2 && solved.residual_m < 1e-10,
+        "{solved:?}"
+    );
+}
+
+fn six_jacobian() {
+    #[inline(never)]
+    fn measured_six_jacobian(
+        kinematics: &SixLinkKinematics,
+        pose: &Pose,
+        q: &[f64; 6],
+    ) -> Result<SMatrix<f64, 6, 6>, KinematicsError> {
+        LineMatrix::of_six_link(kinematics, pose, q)?.jacobian()
+    }
+    let (kinematics, pose, q, _) = six();
+    black_box(measured_six_jacobian(
+        black_box(&kinematics),
+        black_box(&pose),
+        black_box(&q),
+    ))
+    .unwrap();
+}
+
+fn six_compensation() {
+    #[inline(never)]
+    fn measured_six_compensation(
+        compensator: &SixLinkCompensator,
+        pose: &Pose,
+        q: &[f64; 6],
+        load: &Wrench,
+    ) -> Result<Correction<6>, KinematicsError> {
+        compensator.correction(pose, q, load)
+    }
+    let (kinematics, pose, q, _) = six();
+    let springs = Compliances::new([5e-7; 6], [4e-8, 4e-8, 4e-8, 2e-6, 2e-6, 2e-6]).unwrap();
+    let elastic = SixLinkElastic::new(kinematics, springs);
+    let compensator = SixLinkCompensator::new(elastic, config()).unwrap();
+    let correction = measured_six_compensation(
+        black_box(&compensator),
+        black_box(&pose),
+        black_box(&q),
+        black_box(&load()),
+    );
+    black_box(correction).unwrap();
+}
+
+/// A server of six axes and nine motors in Obtain.
+struct Server {
+    endpoint: Endpoint<6, 9, 64>,
+    connection: Connection,
+    sequence: u64,
+}
+
+impl Server {
+    fn in_obtain() -> Self {
+        let limits = Limits::new(2_000_000, 5_000, 10_000, 100).unwrap();
+        let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
+        let config = Config::new(Parameters::thesis([axis; 6])).unwrap();
+        let session = Session::new(
+            config,
+            &[Offsets::default(); 6],
+            [PositionNm(0); 6],
+            Tick(0),
+            Epoch(0),
+        )
+        .unwrap();
+        let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).unwrap();
+        let mut endpoint = Endpoint::new(session, motors);
+        let connection = endpoint.open(Transport::Stream).unwrap();
+        let hello = ClientMessage::Hello(Hello {
+            axes: 6,
+            capabilities: Capabilities::default(),
+        });
+        let mut server = Self {
+            endpoint,
+            connection,
+            sequence: 0,
+        };
+        server.cycle(&encode_client::<6>(&hello));
+        for mode in [Mode::Submit, Mode::Obtain, Mode::Obtain] {
+            let command = server.command(mode);
+            server.cycle(&encode_client(&ClientMessage::Command(command)));
+        }
+        assert_eq!(server.endpoint.session().phase(), Phase::Obtain);
+        server
+    }
+
+    fn command(&mut self, mode: Mode) -> Command<6> {
+        self.sequence += 1;
+        let discrete = &self.endpoint.session().parts().discrete;
+        let target = Offsets {
+            position: OffsetNm(123_456),
+            ..Offsets::default()
+        };
+        Command {
+            epoch: discrete.epoch,
+            sequence: Sequence(self.sequence),
+            echo: discrete.tick,
+            mode,
+            targets: [target; 6],
+        }
+    }
+
+    fn cycle(&mut self, bytes: &[u8]) {
+        self.endpoint.feed(self.connection, bytes);
+        self.endpoint.tick(&on_time(), &mut |_, _| {});
+    }
+}
+
+fn on_time() -> Cycle<6> {
+    Cycle::on_time([PositionNm(0); 6], [Actual::default(); 6], Epoch(1))
+}
+
+/// One command in, one state out: read, decided, moved, recorded, written.
+#[inline(never)]
+fn measured_server_tick(
+    endpoint: &mut Endpoint<6, 9, 64>,
+    connection: Connection,
+    bytes: &[u8],
+    cycle: &Cycle<6>,
+) {
+    endpoint.feed(connection, bytes);
+    let turn = endpoint.tick(cycle, &mut |_, bytes| {
+        black_box(bytes);
+    });
+    black_box(turn.motors);
+}
+
+fn a_command() -> (Server, Command<6>) {
+    let mut server = Server::in_obtain();
+    let command = server.command(Mode::Obtain);
+    (server, command)
+}
+
+fn server_tick() {
+    let (mut server, command) = a_command();
+    let bytes = encode_client(&ClientMessage::Command(command));
+    let cycle = on_time();
+    measured_server_tick(
+        black_box(&mut server.endpoint),
+        server.connection,
+        black_box(&bytes),
+        black_box(&cycle),
+    );
+}
+
+/// One command in, one state out, as messages: what the bytes of [`server_tick`] are wrapped around.
+fn session_tick() {
+    #[inline(never)]
+    fn measured_session_tick(session: &mut Session<6>, input: &Input<6>) -> Output<6> {
+        session.tick(input)
+    }
+    let (server, command) = a_command();
+    let mut session = *server.endpoint.session();
+    let mut input = Input::nothing();
+    input.cycle = on_time();
+    let event = Event::Message(ClientMessage::Command(command));
+    input.events.push((server.connection, event)).unwrap();
+    let output = measured_session_tick(black_box(&mut session), black_box(&input));
+    assert_eq!(black_box(output).state.accepted, command.sequence);
+}
+
+fn encode_command() {
+    #[inline(never)]
+    fn measured_encode_command(message: &ClientMessage<6>) -> FrameBytes {
+        encode_client(message)
+    }
+    let message = ClientMessage::Command(a_command().1);
+    black_box(measured_encode_command(black_box(&message)));
+}
+
+fn encode_a_state() {
+    #[inline(never)]
+    fn measured_encode_state(state: &gantry_tau_core::message::State<6>) -> FrameBytes {
+        encode_state(state)
+    }
+    let (mut server, command) = a_command();
+    server.endpoint.feed(
+        server.connection,
+        &encode_client(&ClientMessage::Command(command)),
+    );
+    let state = server
+        .endpoint
+        .tick(&on_time(), &mut |_, _| {})
+        .output
+        .state;
+    black_box(measured_encode_state(black_box(&state)));
+}
+
+fn decode_command() {
+    #[inline(never)]
+    fn measured_decode_command(frame: &Frame<'_>) -> Result<ClientMessage<6>, ContentError> {
+        decode_client(frame)
+    }
+    let bytes = encode_client(&ClientMessage::Command(a_command().1));
+    let frame = Frame::parse(&bytes).unwrap();
+    black_box(measured_decode_command(black_box(&frame))).unwrap();
+}
+
+fn deframe_command() {
+    #[inline(never)]
+    fn measured_deframe_command(deframer: &mut Deframer, bytes: &[u8]) -> bool {
+        matches!(deframer.feed(bytes), Feed::Frame { .. })
+    }
+    let bytes = encode_client(&ClientMessage::Command(a_command().1));
+    let mut deframer = Deframer::new();
+    assert!(measured_deframe_command(
+        black_box(&mut deframer),
+        black_box(&bytes)
+    ));
+}
