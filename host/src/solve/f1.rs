@@ -65,11 +65,11 @@ impl Task<'_> {
         field(self.request, "w").map(Wrench::from_array)
     }
 
-    /// The axes that put the tool where the request says; the plates start from the seed's.
+    /// The axes that put the tool where the request says, in the assembly mode of the machine; plates start from the seed's.
     fn inverse(&self, pose: &Pose) -> Result<Solved<[f64; AXES]>, Failure> {
         let seed: Option<[f64; AXES]> = optional_field(self.request, "seed")?;
         let plates = seed.map(|[_, _, _, q4, q5, q6]| [q4, q5, q6]);
-        Ok(self.kinematics.inverse(pose, plates)?)
+        Ok(self.kinematics.inverse_in_assembly(pose, plates)?)
     }
 
     fn lines(&self) -> Result<LineMatrix<AXES>, Failure> {
@@ -81,8 +81,6 @@ impl Task<'_> {
     fn ik(&self) -> Result<Value, Failure> {
         let pose = pose(self.request)?;
         let solved = self.inverse(&pose)?;
-        // Positions exist in a singular pose, too; but they do not hold the tool.
-        LineMatrix::of_six_link(self.kinematics, &pose, &solved.answer)?;
         Ok(json!({
             "q": solved.answer,
             "iterations": solved.iterations,

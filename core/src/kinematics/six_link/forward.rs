@@ -69,6 +69,28 @@ impl SixLinkKinematics {
         Err(KinematicsError::NotFinite)
     }
 
+    /// As [`inverse`](Self::inverse), for a tool in the assembly mode of the synchronised form only, where there is one:
+    /// [`forward`](Self::forward) starts there, and cannot pass the singularity between two modes.
+    ///
+    /// # Errors
+    /// As [`inverse`](Self::inverse); `OtherBranch { arm: None }` in another mode, `Singular` between two.
+    pub fn inverse_in_assembly(
+        &self,
+        pose: &Pose,
+        seed: Option<[f64; 3]>,
+    ) -> Result<Solved<[f64; AXES]>, KinematicsError> {
+        let found = self.inverse(pose, seed)?;
+        let joints = self.plates.joints(&found.answer);
+        let mirrors = self.system(pose, &joints).solve()?.mirrors;
+        if self.is_synchronisable() {
+            let start = self.start(&found.answer)?;
+            if self.system(&start, &joints).solve()?.mirrors != mirrors {
+                return Err(KinematicsError::OtherBranch { arm: None });
+            }
+        }
+        Ok(found)
+    }
+
     /// The closed form of the synchronised machine (`q_4 = -q_5` where the drives' signs are opposite: both plates turn
     /// together): then `R = Rot(a, theta) Rot(a_6, q_6)` and three spheres give `T` `[T 3.1.2]`.
     ///
