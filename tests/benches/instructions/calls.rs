@@ -2,23 +2,16 @@
 
 use std::hint::black_box;
 
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::compensation::{
-    Compensator, CompensatorConfig, Correction, SixLinkCompensator, SixLinkElastic,
-};
-use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use crate::setup::{a_command, l2, l2_compensator, load, on_time, six, six_compensator};
+use gantry_tau_core::compensation::{Compensator, Correction, SixLinkCompensator};
+use gantry_tau_core::endpoint::{Cycle, Endpoint};
 use gantry_tau_core::kinematics::{
     KinematicsError, Nominal, Pose, SixLinkKinematics, Solved, WARM_ITERATIONS,
 };
-use gantry_tau_core::linalg::rotation_from_vector;
-use gantry_tau_core::message::{Capabilities, ClientMessage, Command, Hello, Mode, Phase};
-use gantry_tau_core::robot::Compliances;
-use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
+use gantry_tau_core::message::ClientMessage;
 use gantry_tau_core::session::decide::Connection;
 use gantry_tau_core::session::{Event, Input, Output, Session};
 use gantry_tau_core::statics::{LineMatrix, Wrench};
-use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick};
 use gantry_tau_core::wire::{
     ContentError, Deframer, Feed, Frame, FrameBytes, decode_client, encode_client, encode_state,
 };
@@ -60,13 +53,6 @@ pub(crate) fn run(name: &str) {
     (call
         .unwrap_or_else(|| panic!("no call is named {name}"))
         .run)();
-}
-
-fn l2() -> (Nominal, Vector3<f64>, [f64; 3]) {
-    let (_, nominal) = machine::nominal(machine::geometry()).unwrap();
-    let tcp = Vector3::new(0.0, 0.5, 0.65);
-    let q = nominal.inverse(&tcp).unwrap();
-    (nominal, tcp, q)
 }
 
 fn nominal_inverse() {
@@ -113,10 +99,6 @@ fn nominal_jacobian() {
     .unwrap();
 }
 
-fn load() -> Wrench {
-    Wrench::from_array([300.0, -50.0, 100.0, 1.0, 2.0, -1.0])
-}
-
 fn l2_statics() {
     #[inline(never)]
     fn measured_l2_statics(
@@ -140,14 +122,6 @@ fn l2_statics() {
     black_box(loads).unwrap();
 }
 
-fn config<const N: usize>() -> CompensatorConfig<N> {
-    CompensatorConfig {
-        gain: 1.0,
-        limits: [OffsetNm(2_000_000); N],
-        metres_per_q: [1.0; N],
-    }
-}
-
 fn l2_compensation() {
     #[inline(never)]
     fn measured_l2_compensation(
@@ -157,33 +131,13 @@ fn l2_compensation() {
     ) -> Result<Correction, KinematicsError> {
         compensator.correction(q, load)
     }
-    let (nominal, _, q) = l2();
-    let springs = Compliances::new([5e-7; 6], [5e-8; 3]).unwrap();
-    let compensator = Compensator::new(&nominal, &springs, config()).unwrap();
+    let (compensator, q) = l2_compensator();
     black_box(measured_l2_compensation(
         black_box(&compensator),
         black_box(&q),
         black_box(&load()),
     ))
     .unwrap();
-}
-
-/// The F1 in a pose, and the pose of a cycle before at 1 m/s and 1 rad/s.
-fn six() -> (SixLinkKinematics, Pose, [f64; 6], Pose) {
-    let kinematics = machine::six_link(machine::six_link_geometry()).unwrap();
-    let turn = |x, y, z| rotation_from_vector(&Vector3::new(x, y, z)).unwrap();
-    let pose = Pose {
-        position_m: Vector3::new(0.1, -0.1, 0.4),
-        rotation: turn(0.02, -0.15, 0.2),
-    };
-    let q = kinematics.inverse(&pose, None).unwrap().answer;
-    // A thousandth in all: metres, and radians.
-    let third = 1e-3 / 3.0_f64.sqrt();
-    let before = Pose {
-        position_m: pose.position_m + Vector3::new(third, -third, third),
-        rotation: turn(third, third, -third) * pose.rotation,
-    };
-    (kinematics, pose, q, before)
 }
 
 fn six_inverse() {
@@ -253,10 +207,7 @@ fn six_compensation() {
     ) -> Result<Correction<6>, KinematicsError> {
         compensator.correction(pose, q, load)
     }
-    let (kinematics, pose, q, _) = six();
-    let springs = Compliances::new([5e-7; 6], [4e-8, 4e-8, 4e-8, 2e-6, 2e-6, 2e-6]).unwrap();
-    let elastic = SixLinkElastic::new(kinematics, springs);
-    let compensator = SixLinkCompensator::new(elastic, config()).unwrap();
+    let (compensator, pose, q) = six_compensator();
     let correction = measured_six_compensation(
         black_box(&compensator),
         black_box(&pose),
@@ -264,73 +215,6 @@ fn six_compensation() {
         black_box(&load()),
     );
     black_box(correction).unwrap();
-}
-
-/// A server of six axes and nine motors in Obtain.
-struct Server {
-    endpoint: Endpoint<6, 9, 64>,
-    connection: Connection,
-    sequence: u64,
-}
-
-impl Server {
-    fn in_obtain() -> Self {
-        let limits = Limits::new(2_000_000, 5_000, 10_000, 100).unwrap();
-        let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
-        let config = Config::new(Parameters::thesis([axis; 6])).unwrap();
-        let session = Session::new(
-            config,
-            &[Offsets::default(); 6],
-            [PositionNm(0); 6],
-            Tick(0),
-            Epoch(0),
-        )
-        .unwrap();
-        let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).unwrap();
-        let mut endpoint = Endpoint::new(session, motors);
-        let connection = endpoint.open(Transport::Stream).unwrap();
-        let hello = ClientMessage::Hello(Hello {
-            axes: 6,
-            capabilities: Capabilities::default(),
-        });
-        let mut server = Self {
-            endpoint,
-            connection,
-            sequence: 0,
-        };
-        server.cycle(&encode_client::<6>(&hello));
-        for mode in [Mode::Submit, Mode::Obtain, Mode::Obtain] {
-            let command = server.command(mode);
-            server.cycle(&encode_client(&ClientMessage::Command(command)));
-        }
-        assert_eq!(server.endpoint.session().phase(), Phase::Obtain);
-        server
-    }
-
-    fn command(&mut self, mode: Mode) -> Command<6> {
-        self.sequence += 1;
-        let discrete = &self.endpoint.session().parts().discrete;
-        let target = Offsets {
-            position: OffsetNm(123_456),
-            ..Offsets::default()
-        };
-        Command {
-            epoch: discrete.epoch,
-            sequence: Sequence(self.sequence),
-            echo: discrete.tick,
-            mode,
-            targets: [target; 6],
-        }
-    }
-
-    fn cycle(&mut self, bytes: &[u8]) {
-        self.endpoint.feed(self.connection, bytes);
-        self.endpoint.tick(&on_time(), &mut |_, _| {});
-    }
-}
-
-fn on_time() -> Cycle<6> {
-    Cycle::on_time([PositionNm(0); 6], [Actual::default(); 6], Epoch(1))
 }
 
 /// One command in, one state out: read, decided, moved, recorded, written.
@@ -346,12 +230,6 @@ fn measured_server_tick(
         black_box(bytes);
     });
     black_box(turn.motors);
-}
-
-fn a_command() -> (Server, Command<6>) {
-    let mut server = Server::in_obtain();
-    let command = server.command(Mode::Obtain);
-    (server, command)
 }
 
 fn server_tick() {

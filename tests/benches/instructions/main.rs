@@ -15,6 +15,8 @@
 )]
 
 mod calls;
+#[path = "../setup/mod.rs"]
+mod setup;
 
 use std::collections::BTreeMap;
 use std::path::Path;

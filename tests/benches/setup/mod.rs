@@ -1,0 +1,143 @@
+//! The machines and the server that the calls are made on.
+
+use gantry_tau_core::axis::{Actual, Offsets};
+use gantry_tau_core::channel::Limits;
+use gantry_tau_core::compensation::{
+    Compensator, CompensatorConfig, SixLinkCompensator, SixLinkElastic,
+};
+use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::kinematics::{Nominal, Pose, SixLinkKinematics};
+use gantry_tau_core::linalg::rotation_from_vector;
+use gantry_tau_core::message::{Capabilities, ClientMessage, Command, Hello, Mode, Phase};
+use gantry_tau_core::robot::Compliances;
+use gantry_tau_core::session::Session;
+use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
+use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick};
+use gantry_tau_core::wire::encode_client;
+use gantry_tau_proofs::machine;
+use nalgebra::Vector3;
+
+pub(crate) fn l2() -> (Nominal, Vector3<f64>, [f64; 3]) {
+    let (_, nominal) = machine::nominal(machine::geometry()).unwrap();
+    let tcp = Vector3::new(0.0, 0.5, 0.65);
+    let q = nominal.inverse(&tcp).unwrap();
+    (nominal, tcp, q)
+}
+
+pub(crate) fn load() -> Wrench {
+    Wrench::from_array([300.0, -50.0, 100.0, 1.0, 2.0, -1.0])
+}
+
+fn config<const N: usize>() -> CompensatorConfig<N> {
+    CompensatorConfig {
+        gain: 1.0,
+        limits: [OffsetNm(2_000_000); N],
+        metres_per_q: [1.0; N],
+    }
+}
+
+/// The F1 in a pose, and the pose of a cycle before at 1 m/s and 1 rad/s.
+pub(crate) fn six() -> (SixLinkKinematics, Pose, [f64; 6], Pose) {
+    let kinematics = machine::six_link(machine::six_link_geometry()).unwrap();
+    let turn = |x, y, z| rotation_from_vector(&Vector3::new(x, y, z)).unwrap();
+    let pose = Pose {
+        position_m: Vector3::new(0.1, -0.1, 0.4),
+        rotation: turn(0.02, -0.15, 0.2),
+    };
+    let q = kinematics.inverse(&pose, None).unwrap().answer;
+    // A thousandth in all: metres, and radians.
+    let third = 1e-3 / 3.0_f64.sqrt();
+    let before = Pose {
+        position_m: pose.position_m + Vector3::new(third, -third, third),
+        rotation: turn(third, third, -third) * pose.rotation,
+    };
+    (kinematics, pose, q, before)
+}
+
+/// A server of six axes and nine motors in Obtain.
+pub(crate) struct Server {
+    pub(crate) endpoint: Endpoint<6, 9, 64>,
+    pub(crate) connection: Connection,
+    sequence: u64,
+}
+
+impl Server {
+    pub(crate) fn in_obtain() -> Self {
+        let limits = Limits::new(2_000_000, 5_000, 10_000, 100).unwrap();
+        let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
+        let config = Config::new(Parameters::thesis([axis; 6])).unwrap();
+        let session = Session::new(
+            config,
+            &[Offsets::default(); 6],
+            [PositionNm(0); 6],
+            Tick(0),
+            Epoch(0),
+        )
+        .unwrap();
+        let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).unwrap();
+        let mut endpoint = Endpoint::new(session, motors);
+        let connection = endpoint.open(Transport::Stream).unwrap();
+        let hello = ClientMessage::Hello(Hello {
+            axes: 6,
+            capabilities: Capabilities::default(),
+        });
+        let mut server = Self {
+            endpoint,
+            connection,
+            sequence: 0,
+        };
+        server.cycle(&encode_client::<6>(&hello));
+        for mode in [Mode::Submit, Mode::Obtain, Mode::Obtain] {
+            let command = server.command(mode);
+            server.cycle(&encode_client(&ClientMessage::Command(command)));
+        }
+        assert_eq!(server.endpoint.session().phase(), Phase::Obtain);
+        server
+    }
+
+    pub(crate) fn command(&mut self, mode: Mode) -> Command<6> {
+        self.sequence += 1;
+        let discrete = &self.endpoint.session().parts().discrete;
+        let target = Offsets {
+            position: OffsetNm(123_456),
+            ..Offsets::default()
+        };
+        Command {
+            epoch: discrete.epoch,
+            sequence: Sequence(self.sequence),
+            echo: discrete.tick,
+            mode,
+            targets: [target; 6],
+        }
+    }
+
+    pub(crate) fn cycle(&mut self, bytes: &[u8]) {
+        self.endpoint.feed(self.connection, bytes);
+        self.endpoint.tick(&on_time(), &mut |_, _| {});
+    }
+}
+
+pub(crate) fn on_time() -> Cycle<6> {
+    Cycle::on_time([PositionNm(0); 6], [Actual::default(); 6], Epoch(1))
+}
+
+pub(crate) fn a_command() -> (Server, Command<6>) {
+    let mut server = Server::in_obtain();
+    let command = server.command(Mode::Obtain);
+    (server, command)
+}
+
+pub(crate) fn l2_compensator() -> (Compensator, [f64; 3]) {
+    let (nominal, _, q) = l2();
+    let springs = Compliances::new([5e-7; 6], [5e-8; 3]).unwrap();
+    (Compensator::new(&nominal, &springs, config()).unwrap(), q)
+}
+
+pub(crate) fn six_compensator() -> (SixLinkCompensator, Pose, [f64; 6]) {
+    let (kinematics, pose, q, _) = six();
+    let springs = Compliances::new([5e-7; 6], [4e-8, 4e-8, 4e-8, 2e-6, 2e-6, 2e-6]).unwrap();
+    let elastic = SixLinkElastic::new(kinematics, springs);
+    (SixLinkCompensator::new(elastic, config()).unwrap(), pose, q)
+}
