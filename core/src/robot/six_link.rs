@@ -7,8 +7,8 @@
 use nalgebra::Vector3;
 
 use super::{
-    ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE, check_magnitude,
-    check_travel, check_vector, checksum,
+    ARMS, Branch, Geometry, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE,
+    check_magnitude, check_travel, check_vector, checksum,
 };
 use crate::linalg::unit;
 
@@ -38,6 +38,28 @@ pub struct SixLinkGeometry {
     pub turn_signs: [Branch; 2],
     /// Range of each axis in q-units (radians for the last three), `(lower, upper)`; `None` leaves the carts unchecked and plates within half a turn.
     pub travel: Option<[(f64, f64); AXES]>,
+}
+
+/// The 3-DOF machine with its six links, each for itself: carts without plates, `P_ij = A0_ij`, and `q_4 = q_5 = q_6 = 0`.
+/// Its forward kinematics needs no Tau property; the platform turns as the links let it. Its side of the carts' plane (`c_f`) is that of the seed.
+impl From<&Geometry> for SixLinkGeometry {
+    fn from(geometry: &Geometry) -> Self {
+        let [l1, l2, l3] = geometry.lengths_m;
+        let fixed = (0.0, 0.0);
+        Self {
+            carts_m: [Vector3::zeros(); ARMS],
+            guideways: geometry.guideways,
+            plate_joints_m: geometry.cart_joints_m,
+            platform_joints_m: geometry.platform_joints_m,
+            lengths_m: [l1, l2, l2, l3, l3, l3],
+            configuration: geometry.configuration.inverse,
+            turn_axis: Vector3::z(),
+            tilt_axis: Vector3::y(),
+            turn_signs: [Branch::Positive; 2],
+            travel: (geometry.travel)
+                .map(|[one, two, three]| [one, two, three, fixed, fixed, fixed]),
+        }
+    }
 }
 
 /// A validated 6-DOF machine. Its fields can be read, not changed.

@@ -415,6 +415,28 @@ fn machines_are_validated() {
     assert_ne!(ours, checksum(|g| g.lengths_m[2] += 1e-9));
 }
 
+/// The L2 as six links: the nominal model where the Tau property holds, and a turned platform where it does not.
+#[test]
+fn three_axes_are_six_links() {
+    let l2 = crate::kinematics::tests::geometry();
+    let nominal = crate::kinematics::tests::l2();
+    let at = Pose::at(Vector3::new(0.05, 0.5, 0.6));
+    let [q1, q2, q3] = nominal.inverse(&at.position_m).unwrap();
+    let q = [q1, q2, q3, 0.0, 0.0, 0.0];
+    let near = pose([0.06, 0.49, 0.61, 0.01, -0.02, 0.01]);
+    let tau = kinematics(SixLinkGeometry::from(&l2));
+    let found = tau.forward_from(&q, &near, COLD_ITERATIONS).unwrap();
+    assert!(apart(&found.answer, &at) < 1e-12, "{found:?}");
+    let mut uneven = SixLinkGeometry::from(&l2);
+    uneven.lengths_m[2] += 1e-3;
+    uneven.lengths_m[4] -= 2e-3;
+    let uneven = kinematics(uneven);
+    let found = uneven.forward_from(&q, &at, COLD_ITERATIONS).unwrap();
+    assert!(found.residual_m < 1e-12, "{found:?}");
+    let turned = (found.answer.rotation - Matrix3::identity()).amax();
+    assert!(turned > 1e-3, "the platform turns: {turned}");
+}
+
 mod loaded {
     use super::*;
     use crate::compensation::{CompensatorConfig, SixLinkCompensator, SixLinkElastic};
