@@ -6,7 +6,7 @@ use crate::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solved, is_pose,
 use crate::linalg::{Lu, norm, rotation_from_vector};
 use crate::robot::{ARMS, Compliances, LINKS, Robot};
 use crate::rows::pairs;
-use crate::statics::{LineMatrix, Wrench};
+use crate::statics::{LineMatrix, Wrench, finite};
 
 /// Largest error of a loaded link that is accepted, metres. Tensions hardly depend on what is sought, and count as constant in a step:
 /// each leaves a few per cent of the error.
@@ -37,9 +37,8 @@ pub fn held(
         let lines = LineMatrix::new(robot, &pose, &standing)?;
         let forces = lines.link_forces_n(load)?;
         let (errors, rows) = loaded(robot, compliances, &pose, &standing, &forces);
-        residual_m = errors
-            .iter()
-            .fold(0.0, |most: f64, error| most.max(error.abs()));
+        // `max` drops a NaN.
+        residual_m = (finite(errors)?.iter()).fold(0.0, |most: f64, error| most.max(error.abs()));
         if residual_m <= SETTLED_M {
             let loads = lines.cart_loads(&forces);
             let springs = pairs(compliances.cart_m_per_n(), &loads);
@@ -47,7 +46,7 @@ pub fn held(
                 *q -= compliance * tau;
             }
             return Ok(Solved {
-                answer: standing,
+                answer: finite(standing)?,
                 iterations: made,
                 residual_m,
             });

@@ -5,7 +5,7 @@ use crate::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, SixLinkKinematic
 use crate::linalg::rotation_from_vector;
 use crate::robot::{AXES, Compliances, LINKS};
 use crate::rows::pairs;
-use crate::statics::{LineMatrix, Wrench};
+use crate::statics::{LineMatrix, Wrench, finite};
 
 /// How far apart two rounds of the exact map may be, metres of link length.
 const SETTLED_M: f64 = 1e-12;
@@ -105,7 +105,7 @@ impl SixLinkElastic {
             .answer;
             if residual_m <= SETTLED_M {
                 return Ok(Solved {
-                    answer: self.before_yielding(&standing, &lines.cart_loads(&forces)),
+                    answer: finite(self.before_yielding(&standing, &lines.cart_loads(&forces)))?,
                     iterations: round,
                     residual_m,
                 });

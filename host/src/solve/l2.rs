@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 
 use super::Failure;
-use super::ops::{finite, rows, springs};
+use super::ops::{deflected, finite, rows, springs};
 use super::request::{field, matrix, optional_field};
 
 /// A request whose orientation is known.
@@ -128,13 +128,7 @@ impl Task<'_> {
     }
 
     fn deflection(&self) -> Result<Value, Failure> {
-        let springs = springs(self.compliances)?;
-        let deflection = self.lines()?.deflection(springs, &self.load()?)?;
-        Ok(json!({
-            "r": deflection.carts,
-            "dx_links": deflection.links.to_array(),
-            "dx_total": deflection.total.to_array(),
-        }))
+        deflected(&self.lines()?, springs(self.compliances)?, &self.load()?)
     }
 
     fn compensate(&self) -> Result<Value, Failure> {

@@ -2,8 +2,9 @@
 
 use gantry_tau_core::kinematics::{KinematicsError, NominalError};
 use gantry_tau_core::robot::Compliances;
+use gantry_tau_core::statics::{LineMatrix, Wrench};
 use nalgebra::SMatrix;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::request::Machine;
 use super::{Failure, Kind, f1, l2};
@@ -58,6 +59,20 @@ pub(super) fn springs<const N: usize>(
             "c_link and {axes} are missing, and this op needs them"
         ))
     })
+}
+
+/// What a load does, as an answer.
+pub(super) fn deflected<const N: usize>(
+    lines: &LineMatrix<N>,
+    springs: &Compliances<N>,
+    load: &Wrench,
+) -> Result<Value, Failure> {
+    let deflection = lines.deflection(springs, load)?;
+    Ok(json!({
+        "r": deflection.carts.as_slice(),
+        "dx_links": deflection.links.to_array(),
+        "dx_total": deflection.total.to_array(),
+    }))
 }
 
 /// JSON has no word for what is not finite.
