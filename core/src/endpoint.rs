@@ -83,6 +83,12 @@ impl<const N: usize, const MOTORS: usize> MotorMap<N, MOTORS> {
         Ok(Self { axis_of_motor })
     }
 
+    /// Which axis each motor drives.
+    #[must_use]
+    pub const fn axis_of_motor(&self) -> &[usize; MOTORS] {
+        &self.axis_of_motor
+    }
+
     /// Axis references to motor references.
     #[must_use]
     pub fn spread(&self, axes: &[Reference; N]) -> [Reference; MOTORS] {

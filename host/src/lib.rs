@@ -12,6 +12,7 @@ pub mod client;
 pub mod demo;
 pub mod epoch;
 pub mod machine;
+pub mod model;
 pub mod plant;
 mod plots;
 pub mod realtime;

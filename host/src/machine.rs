@@ -3,22 +3,20 @@
 use gantry_tau_core::channel::Limits;
 use gantry_tau_core::endpoint::MotorMap;
 use gantry_tau_core::message::{AxisLimits, Capabilities};
-use gantry_tau_core::robot::ARMS;
 use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
 
+use crate::model::Model;
 use crate::robot_file::{self, ChannelLimits, RobotFile, RobotFileError};
 use crate::sim::hand::Tool;
 use crate::sim::machine::SimulatedMachine;
 use crate::sim::parameters::{Motion, SimulationParameters};
 
-/// Motors of the L2: one per axis.
-pub const MOTORS: usize = 3;
 /// Length of a cycle, µs.
 pub const CYCLE_US: u32 = 1_000;
 /// What the simulated sensor shows unloaded, N and N m, sensor axes: weight of the tool and zero error. ASSUMED; the client tares it.
 const SENSOR_BIAS: [f64; 6] = [1.5, -0.8, -18.0, 0.05, -0.1, 0.02];
 
-impl RobotFile {
+impl<K: Model<N>, const N: usize> RobotFile<K, N> {
     fn refuse(&self, key: &str, reason: impl std::fmt::Display) -> RobotFileError {
         RobotFileError {
             file: self.name.clone(),
@@ -31,15 +29,13 @@ impl RobotFile {
     ///
     /// # Errors
     /// [`RobotFileError`] for limits the core refuses.
-    pub fn session_config(
-        &self,
-        capabilities: Capabilities,
-    ) -> Result<Config<ARMS>, RobotFileError> {
-        let [a, b, c] = &self.limits;
-        let axes = [self.axis(a)?, self.axis(b)?, self.axis(c)?];
+    pub fn session_config(&self, capabilities: Capabilities) -> Result<Config<N>, RobotFileError> {
+        let axes: Result<Vec<_>, _> = self.limits.iter().map(|axis| self.axis(axis)).collect();
+        let axes = <[AxisConfig; N]>::try_from(axes?)
+            .map_err(|_| self.refuse("axes", "have another number"))?;
         Config::new(Parameters {
             capabilities,
-            kinematics_checksum: self.kinematics_checksum(),
+            kinematics_checksum: self.model.checksum(),
             ..Parameters::thesis(axes)
         })
         .map_err(|error| self.refuse("axes", error))
@@ -66,14 +62,17 @@ impl RobotFile {
     /// Which axis drives each motor.
     ///
     /// # Errors
-    /// [`RobotFileError`] unless there are [`MOTORS`] motors, each on an axis.
-    pub fn motor_map(&self) -> Result<MotorMap<ARMS, MOTORS>, RobotFileError> {
+    /// [`RobotFileError`] unless there are `M` motors, each on an axis.
+    pub fn motor_map<const M: usize>(&self) -> Result<MotorMap<N, M>, RobotFileError> {
         let key = "motors.axis_of_motor";
         let motors = &self.motors.axis_of_motor;
-        let motors = <[usize; MOTORS]>::try_from(motors.as_slice()).map_err(|_| {
+        let motors = <[usize; M]>::try_from(motors.as_slice()).map_err(|_| {
             self.refuse(
                 key,
-                format!("lists {} motors, the L2 has {MOTORS}", motors.len()),
+                format!(
+                    "lists {} motors, this kind of machine has {M}",
+                    motors.len()
+                ),
             )
         })?;
         MotorMap::new(motors).map_err(|error| self.refuse(key, error))
@@ -83,16 +82,18 @@ impl RobotFile {
     ///
     /// # Errors
     /// [`RobotFileError`] without compliances, or for a simulation that cannot be.
-    pub fn simulated_machine(
+    pub fn simulated_machine<const M: usize>(
         &self,
         tool: Tool,
-        motion: Motion,
-    ) -> Result<SimulatedMachine, RobotFileError> {
+        motion: Motion<N>,
+    ) -> Result<SimulatedMachine<N, M>, RobotFileError> {
         let compliances = self
             .compliances
             .as_ref()
             .ok_or_else(|| self.refuse("c_link", "is missing; the simulation needs compliances"))?;
         let s = &self.simulation;
+        let home_q = (self.model.axes_at(&self.home_m()))
+            .map_err(|error| self.refuse("simulation.home_m", error))?;
         let parameters = SimulationParameters {
             seed: s.seed,
             spring_deviation: s.spring_deviation,
@@ -106,9 +107,11 @@ impl RobotFile {
             sensor_lever_m: self.sensor.lever_m.into(),
             metres_per_q: self.axes.metres_per_q,
             motion,
-            ..SimulationParameters::at_home(s.home_m)
+            ..SimulationParameters::at_home(s.home_m, home_q)
         };
-        SimulatedMachine::new(&self.robot, compliances, &parameters, tool)
+        let motors = self.motor_map()?;
+        let geometry = self.model.geometry();
+        SimulatedMachine::new(&geometry, compliances, motors, &parameters, tool)
             .map_err(|error| self.refuse("simulation", error))
     }
 }

@@ -52,6 +52,8 @@ pub struct ToolReading {
     pub sensor: [f64; 6],
     /// Translation of the tool centre point away from its nominal place, metres, world axes: the truth of the simulation.
     pub displacement_m: [f64; 3],
+    /// How far the platform is turned away from there: rotation vector, rad, world axes.
+    pub turn_rad: [f64; 3],
     /// The same as the length gauges show it, quantised, metres.
     pub gauges_m: [f64; 3],
 }

@@ -271,6 +271,7 @@ impl<const N: usize> Record for Row<N> {
         header.extend(["x", "y", "z"].map(|axis| format!("displacement_{axis}_um")));
         header.extend(["x", "y", "z"].map(|axis| format!("gauge_{axis}_um")));
         header.extend(["elapsed_ticks", "round_trip_us"].map(str::to_owned));
+        header.extend(["x", "y", "z"].map(|axis| format!("turn_{axis}_urad")));
         header
     }
 
@@ -280,13 +281,15 @@ impl<const N: usize> Record for Row<N> {
         let tool = self.tool;
         let load = tool.map_or([None; 6], |tool| tool.load.map(Some));
         fields.extend(load.map(optional));
-        let micrometres = |metres: [f64; 3]| metres.map(|value| Some(value * 1e6));
-        let displacement = tool.map_or([None; 3], |tool| micrometres(tool.displacement_m));
+        let millionths = |values: [f64; 3]| values.map(|value| Some(value * 1e6));
+        let displacement = tool.map_or([None; 3], |tool| millionths(tool.displacement_m));
         fields.extend(displacement.map(optional));
-        let gauges = tool.map_or([None; 3], |tool| micrometres(tool.gauges_m));
+        let gauges = tool.map_or([None; 3], |tool| millionths(tool.gauges_m));
         fields.extend(gauges.map(optional));
         fields.push(self.elapsed.to_string());
         fields.push(optional(self.round_trip_us));
+        let turn = tool.map_or([None; 3], |tool| millionths(tool.turn_rad));
+        fields.extend(turn.map(optional));
         fields
     }
 }

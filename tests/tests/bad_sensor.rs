@@ -9,7 +9,7 @@
 
 use gantry_tau::client::{self, ClientControls, ClientError, ClientOptions};
 use gantry_tau::epoch::Epochs;
-use gantry_tau::machine::MOTORS;
+use gantry_tau::model::L2_MOTORS;
 use gantry_tau::plant::{Plant, PlantError, Reading};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::sensor_link::{Sample, SensorPublisher};
@@ -29,13 +29,13 @@ const LOAD: [f64; 6] = [30.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 /// The simulated machine, with a sensor that sends what `lie` makes of each tick, in the cycle as an honest one would.
 struct Liar<F> {
-    machine: SimulatedMachine,
+    machine: SimulatedMachine<ARMS, L2_MOTORS>,
     sensor: SensorPublisher,
     lie: F,
     reads: u64,
 }
 
-impl<F: Fn(u64) -> Option<Sample> + Send> Plant<ARMS, MOTORS> for Liar<F> {
+impl<F: Fn(u64) -> Option<Sample> + Send> Plant<ARMS, L2_MOTORS> for Liar<F> {
     fn offsets_in_force(&mut self) -> Result<[Offsets; ARMS], PlantError> {
         self.machine.offsets_in_force()
     }
@@ -49,7 +49,7 @@ impl<F: Fn(u64) -> Option<Sample> + Send> Plant<ARMS, MOTORS> for Liar<F> {
         self.machine.read(elapsed)
     }
 
-    fn write(&mut self, references: &[Reference; MOTORS]) -> Result<(), PlantError> {
+    fn write(&mut self, references: &[Reference; L2_MOTORS]) -> Result<(), PlantError> {
         self.machine.write(references)
     }
 }
@@ -69,7 +69,7 @@ fn session(lie: impl Fn(u64) -> Option<Sample> + Send + 'static) -> (ClientError
         reads: 0,
     };
     let sensor = liar.sensor.address().unwrap();
-    let cycle: Cycle<ARMS, MOTORS, _> =
+    let cycle: Cycle<ARMS, L2_MOTORS, _> =
         Cycle::new(config, motors, liar, Epochs::volatile(), loopback).unwrap();
     let (server, mut rows) = Server::spawn(cycle, Pace::Lockstep).unwrap();
     let options = ClientOptions {

@@ -13,7 +13,7 @@
 use allocation_counter::measure;
 use gantry_tau::black_box::handover::{self, Receiver};
 use gantry_tau::epoch::Epochs;
-use gantry_tau::machine::MOTORS;
+use gantry_tau::model::{F1_MOTORS, L2_MOTORS, Model};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::sensor_link::{SensorPublisher, SensorReader};
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
@@ -26,16 +26,15 @@ use gantry_tau_tests::client::{Client, Noise};
 use gantry_tau_tests::wait_for;
 
 /// The server of `gantry-tau serve`, without its clock.
-struct Server {
-    cycle: Cycle<3, MOTORS, SimulatedMachine>,
+struct Server<const N: usize, const M: usize> {
+    cycle: Cycle<N, M, SimulatedMachine<N, M>>,
     hand: Hand,
     sensor: SensorReader,
-    black_boxes: Receiver<3>,
+    black_boxes: Receiver<N>,
 }
 
-impl Server {
-    fn start() -> Self {
-        let robot = RobotFile::builtin_l2().unwrap();
+impl<const N: usize, const M: usize> Server<N, M> {
+    fn start<K: Model<N>>(robot: &RobotFile<K, N>) -> Self {
         let (hand, tool) = hand_and_tool();
         let machine = robot.simulated_machine(tool, Motion::Hold).unwrap();
         let config = robot.session_config(Capabilities::NONE).unwrap();
@@ -53,7 +52,7 @@ impl Server {
     }
 
     /// One look at the sockets and one tick; neither may allocate.
-    fn tick(&mut self, stop: bool) -> Row<3> {
+    fn tick(&mut self, stop: bool) -> Row<N> {
         let mut row = None;
         let counted = measure(|| {
             self.cycle.receive();
@@ -68,8 +67,8 @@ impl Server {
     }
 
     /// One tick with the owner's answer in it.
-    fn answered(&mut self, client: &mut Client<3>, mode: Mode, nm: i32) -> Row<3> {
-        let frame = client.frame(mode, [nm, -nm, nm / 2]);
+    fn answered(&mut self, client: &mut Client<N>, mode: Mode, nm: i32) -> Row<N> {
+        let frame = client.frame(mode, [nm; N]);
         client.send_bytes(&frame);
         let mut buffer = vec![0; frame.len()];
         wait_for("the answer", || {
@@ -90,11 +89,23 @@ fn the_counter_counts() {
 
 #[test]
 fn the_cycle_allocates_nothing() {
-    let mut server = Server::start();
+    allocates_nothing(Server::<3, L2_MOTORS>::start(
+        &RobotFile::builtin_l2().unwrap(),
+    ));
+}
+
+#[test]
+fn nor_does_it_with_six_axes() {
+    allocates_nothing(Server::<6, F1_MOTORS>::start(
+        &RobotFile::builtin_f1().unwrap(),
+    ));
+}
+
+fn allocates_nothing<const N: usize, const M: usize>(mut server: Server<N, M>) {
     for _ in 0..50 {
         server.tick(false);
     }
-    let mut client = Client::<3>::connect(server.cycle.address().unwrap());
+    let mut client = Client::<N>::connect(server.cycle.address().unwrap());
     client.say_hello();
     wait_for("the Welcome", || server.tick(false).welcomed);
     client.welcome();
@@ -112,7 +123,7 @@ fn the_cycle_allocates_nothing() {
     let mut crowd = Vec::new();
     for tick in 0..300 {
         if tick % 10 == 0 {
-            let mut stranger = Client::<3>::connect(server.cycle.address().unwrap());
+            let mut stranger = Client::<N>::connect(server.cycle.address().unwrap());
             if tick % 20 == 0 {
                 stranger.say_hello();
             } else {

@@ -8,6 +8,8 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 use gantry_tau::client::{ClientControls, ClientOptions};
+use gantry_tau::model::Model;
+use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::terminal::say;
 
 use super::{address, fail, robot};
@@ -26,9 +28,9 @@ pub(crate) struct Client {
     /// Where the force sensor's samples come from
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
     sensor: SocketAddr,
-    /// Robot file [default: the built-in L2, robots/l2.toml]
-    #[arg(long, value_name = "FILE")]
-    robot: Option<PathBuf>,
+    /// The machine: l2 or f1 (built in), or a robot file
+    #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
+    robot: String,
     /// Stay in Submit: offsets are computed and reported, no drive sees them
     #[arg(long)]
     submit_only: bool,
@@ -39,10 +41,14 @@ pub(crate) struct Client {
 
 impl Client {
     pub(crate) fn run(self) -> ExitCode {
-        let robot = match robot(self.robot.as_ref()) {
-            Ok(robot) => robot,
-            Err(error) => return fail(1, error),
-        };
+        match robot(&self.robot) {
+            Ok(AnyRobotFile::L2(robot)) => self.run_with(*robot),
+            Ok(AnyRobotFile::F1(robot)) => self.run_with(*robot),
+            Err(error) => fail(1, error),
+        }
+    }
+
+    fn run_with<K: Model<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
         let controls = Arc::new(ClientControls::default());
         let shared = Arc::clone(&controls);
         if let Err(error) = ctrlc::set_handler(move || shared.quit.store(true, Ordering::Relaxed)) {

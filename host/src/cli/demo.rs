@@ -5,6 +5,9 @@ use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::demo::{DemoOptions, PaceChoice};
+use gantry_tau::model::{F1_MOTORS, L2_MOTORS, Model};
+use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau_core::robot::{ARMS, AXES};
 
 use super::{Pace, fail, robot};
 
@@ -16,9 +19,9 @@ use super::{Pace, fail, robot};
 /// Exit codes: 0 everything turned out as it should; 1 it could not run; 2 usage; 3 something did not turn out as it should.
 #[derive(Debug, Args)]
 pub(crate) struct Demo {
-    /// Robot file [default: the built-in L2, robots/l2.toml]
-    #[arg(long, value_name = "FILE")]
-    robot: Option<PathBuf>,
+    /// The machine: l2 or f1 (built in), or a robot file
+    #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
+    robot: String,
     /// Largest force, N. Beyond 360 N the machine jumps, as the thesis' did
     #[arg(
         long,
@@ -62,10 +65,17 @@ pub(crate) struct Demo {
 
 impl Demo {
     pub(crate) fn run(self) -> ExitCode {
-        let robot = match robot(self.robot.as_ref()) {
-            Ok(robot) => robot,
-            Err(error) => return fail(1, error),
-        };
+        match robot(&self.robot) {
+            Ok(AnyRobotFile::L2(robot)) => self.run_with::<_, ARMS, L2_MOTORS>(*robot),
+            Ok(AnyRobotFile::F1(robot)) => self.run_with::<_, AXES, F1_MOTORS>(*robot),
+            Err(error) => fail(1, error),
+        }
+    }
+
+    fn run_with<K: Model<N>, const N: usize, const M: usize>(
+        self,
+        robot: RobotFile<K, N>,
+    ) -> ExitCode {
         let options = DemoOptions {
             robot,
             pace: self
@@ -79,7 +89,7 @@ impl Demo {
             record: self.record,
             black_box: self.black_box,
         };
-        match gantry_tau::demo::run(&options) {
+        match gantry_tau::demo::run::<K, N, M>(&options) {
             Ok(results) if results.complaints.is_empty() => ExitCode::SUCCESS,
             Ok(_) => ExitCode::from(3),
             Err(error) => fail(1, error),

@@ -6,11 +6,10 @@ mod replay;
 mod serve;
 
 use std::net::{SocketAddr, ToSocketAddrs};
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
-use gantry_tau::robot_file::{RobotFile, RobotFileError};
+use gantry_tau::robot_file::{AnyRobotFile, RobotFileError};
 
 /// Stiffness compensation and external control of Gantry-Tau parallel robots.
 ///
@@ -111,10 +110,7 @@ fn address(text: &str) -> Result<SocketAddr, String> {
     first.copied().ok_or_else(|| "no such host".to_owned())
 }
 
-/// The robot file, or the built-in L2.
-fn robot(path: Option<&PathBuf>) -> Result<RobotFile, RobotFileError> {
-    match path {
-        Some(path) => RobotFile::load(path),
-        None => RobotFile::builtin_l2(),
-    }
+/// `l2`, `f1`, or the path of a robot file.
+fn robot(name: &str) -> Result<AnyRobotFile, RobotFileError> {
+    AnyRobotFile::named(name)
 }

@@ -11,17 +11,19 @@ use clap::Args;
 use gantry_tau::black_box::archive::Archive;
 use gantry_tau::black_box::handover;
 use gantry_tau::epoch::{self, Epochs};
-use gantry_tau::machine::MOTORS;
+use gantry_tau::model::{F1_MOTORS, L2_MOTORS, Model};
 use gantry_tau::record::{CsvFile, Recorded, drain};
+use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::sensor_link::SensorPublisher;
 use gantry_tau::server::cycle::{Cycle, Row};
 use gantry_tau::server::observe::Observer;
 use gantry_tau::server::{Controls, Server, ServerError};
-use gantry_tau::sim::hand::{Hand, hand_and_tool};
+use gantry_tau::sim::hand::{Hand, Tool, hand_and_tool};
+use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau::terminal::say;
 use gantry_tau_core::message::Capabilities;
-use gantry_tau_core::robot::ARMS;
+use gantry_tau_core::robot::{ARMS, AXES};
 
 use super::{Pace, address, fail, robot};
 
@@ -38,9 +40,9 @@ pub(crate) struct Serve {
     /// Where clients find the simulated force sensor
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
     sensor: SocketAddr,
-    /// Robot file [default: the built-in L2, robots/l2.toml]
-    #[arg(long, value_name = "FILE")]
-    robot: Option<PathBuf>,
+    /// The machine: l2 or f1 (built in), or a robot file
+    #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
+    robot: String,
     /// What makes ticks
     #[arg(long, default_value = "real")]
     pace: Pace,
@@ -81,22 +83,30 @@ pub(crate) struct Serve {
 
 impl Serve {
     pub(crate) fn run(self) -> ExitCode {
-        match self.serve() {
+        let served = match robot(&self.robot) {
+            Ok(AnyRobotFile::L2(robot)) => self.serve::<_, ARMS, L2_MOTORS>(&robot),
+            Ok(AnyRobotFile::F1(robot)) => self.serve::<_, AXES, F1_MOTORS>(&robot),
+            Err(error) => Err(error.into()),
+        };
+        match served {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => fail(1, error),
         }
     }
 
-    fn serve(&self) -> Result<(), Box<dyn std::error::Error>> {
+    fn serve<K: Model<N>, const N: usize, const M: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+    ) -> Result<(), Box<dyn std::error::Error>> {
         self.check()?;
         let (hand, tool) = hand_and_tool();
         let sensor = SensorPublisher::bind(self.sensor)
             .map_err(|error| ServerError::listen(self.sensor, &error))?;
         let sensor_address = sensor.address()?;
-        let mut cycle = self.cycle(tool)?.with_sensor(sensor);
+        let mut cycle = self.cycle::<K, N, M>(robot, tool)?.with_sensor(sensor);
         // After binding, so that a second server by mistake does not empty the first one's recording.
         let mut file = match &self.record {
-            Some(path) => Some(CsvFile::create::<Row<ARMS>>(path)?),
+            Some(path) => Some(CsvFile::create::<Row<N>>(path)?),
             None => None,
         };
         let mut archive = None;
@@ -142,20 +152,17 @@ impl Serve {
         Ok(archived?)
     }
 
-    fn cycle(
+    fn cycle<K: Model<N>, const N: usize, const M: usize>(
         &self,
-        tool: gantry_tau::sim::hand::Tool,
-    ) -> Result<
-        Cycle<ARMS, MOTORS, gantry_tau::sim::machine::SimulatedMachine>,
-        Box<dyn std::error::Error>,
-    > {
-        let robot = robot(self.robot.as_ref())?;
+        robot: &RobotFile<K, N>,
+        tool: Tool,
+    ) -> Result<Cycle<N, M, SimulatedMachine<N, M>>, Box<dyn std::error::Error>> {
         let capabilities = match self.pace {
             Pace::Real => Capabilities::NONE,
             Pace::Lockstep => Capabilities::LOCKSTEP,
         };
         let config = robot.session_config(capabilities)?;
-        let machine = robot.simulated_machine(tool, self.motion(&robot)?)?;
+        let machine = robot.simulated_machine(tool, self.motion(robot)?)?;
         let path = self
             .epoch_file
             .clone()
@@ -184,18 +191,18 @@ impl Serve {
         Ok(())
     }
 
-    fn motion(
+    fn motion<K: Model<N>, const N: usize>(
         &self,
-        robot: &gantry_tau::robot_file::RobotFile,
-    ) -> Result<Motion, Box<dyn std::error::Error>> {
+        robot: &RobotFile<K, N>,
+    ) -> Result<Motion<N>, Box<dyn std::error::Error>> {
         if self.motion == 0.0 {
             return Ok(Motion::Hold);
         }
-        let home = gantry_tau::sim::inverse::carts_at(&robot.robot, &robot.home_m())
+        let home = (robot.model.axes_at(&robot.home_m()))
             .map_err(|error| format!("{}: simulation.home_m: {error}", robot.name))?;
         let scales = robot.axes.metres_per_q;
         let away = self.motion * 1e-3;
-        let mut waypoint = [0.0; ARMS];
+        let mut waypoint = [0.0; N];
         for ((place, q), scale) in waypoint.iter_mut().zip(home).zip(scales) {
             *place = q * scale + away;
         }

@@ -2,23 +2,21 @@
 
 use std::fmt;
 
-use gantry_tau_core::compensation::{Compensator, CompensatorConfig};
-use gantry_tau_core::kinematics::{KinematicsError, Nominal};
+use gantry_tau_core::compensation::CompensatorConfig;
+use gantry_tau_core::kinematics::KinematicsError;
 use gantry_tau_core::message::Welcome;
-use gantry_tau_core::robot::ARMS;
 use gantry_tau_core::sensor::{ForceSensor, Reading, SensorConfig, SensorError};
 use gantry_tau_core::statics::Wrench;
 use gantry_tau_core::units::{OffsetNm, PositionNm};
-use nalgebra::Matrix3;
 
+use crate::model::{Correct, Model};
 use crate::robot_file::RobotFile;
 
 /// Tares, filters and compensates, once per cycle.
-#[derive(Clone, Debug)]
-pub struct Compensation {
+pub struct Compensation<const N: usize> {
     sensor: ForceSensor,
-    compensator: Compensator,
-    metres_per_q: [f64; ARMS],
+    correction: Box<dyn Correct<N>>,
+    metres_per_q: [f64; N],
     load: Wrench,
     tared: bool,
 }
@@ -43,25 +41,23 @@ impl fmt::Display for CompensationError {
 
 impl std::error::Error for CompensationError {}
 
-impl Compensation {
+impl<const N: usize> Compensation<N> {
     /// For the machine of a robot file, within the limits that the server announced.
     ///
     /// # Errors
     /// A sentence that names the parameter.
-    pub fn new(robot: &RobotFile, welcome: &Welcome<ARMS>) -> Result<Self, String> {
+    pub fn new<K: Model<N>>(robot: &RobotFile<K, N>, welcome: &Welcome<N>) -> Result<Self, String> {
         let said = |error: &dyn fmt::Display| format!("{}: {error}", robot.name);
-        let nominal =
-            Nominal::new(&robot.robot, &Matrix3::identity()).map_err(|error| said(&error))?;
-        let compliances = robot.compliances.as_ref().ok_or_else(|| {
-            said(&"c_link and c_cart are missing; a compensating client needs them")
-        })?;
+        let compliances = robot
+            .compliances
+            .as_ref()
+            .ok_or_else(|| said(&"compliances are missing; a compensating client needs them"))?;
         let config = CompensatorConfig {
             gain: robot.client.gain,
             limits: welcome.limits.map(|axis| OffsetNm(axis.position.max())),
             metres_per_q: robot.axes.metres_per_q,
         };
-        let compensator =
-            Compensator::new(&nominal, compliances, config).map_err(|error| said(&error))?;
+        let correction = robot.model.correction(compliances, config);
         let sensor = ForceSensor::new(SensorConfig {
             rotation: robot.sensor.rotation_matrix(),
             lever_m: robot.sensor.lever_m.into(),
@@ -72,7 +68,7 @@ impl Compensation {
         .map_err(|error| said(&error))?;
         Ok(Self {
             sensor,
-            compensator,
+            correction: correction.map_err(|error| said(&error))?,
             metres_per_q: robot.axes.metres_per_q,
             load: Wrench::zero(),
             tared: false,
@@ -86,21 +82,23 @@ impl Compensation {
     pub fn cycle(
         &mut self,
         raw: &[f64; 6],
-        nominal: &[PositionNm; ARMS],
-    ) -> Result<[OffsetNm; ARMS], CompensationError> {
+        nominal: &[PositionNm; N],
+    ) -> Result<[OffsetNm; N], CompensationError> {
         let reading = self
             .sensor
             .update(&Wrench::from_array(*raw))
             .map_err(CompensationError::Sensor)?;
         match reading {
-            Reading::Taring { .. } => Ok([OffsetNm(0); ARMS]),
+            Reading::Taring { .. } => Ok([OffsetNm(0); N]),
             Reading::Load(load) => {
                 self.tared = true;
                 self.load = load;
-                let [a, b, c] = nominal.map(|position| position.to_metres().0);
-                let [sa, sb, sc] = self.metres_per_q;
-                self.compensator
-                    .correction(&[a / sa, b / sb, c / sc], &load)
+                let mut q = nominal.map(|position| position.to_metres().0);
+                for (q, scale) in q.iter_mut().zip(self.metres_per_q) {
+                    *q /= scale;
+                }
+                self.correction
+                    .correct(&q, &load)
                     .map(|correction| correction.offsets)
                     .map_err(CompensationError::Kinematics)
             }

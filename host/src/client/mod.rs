@@ -21,13 +21,13 @@ pub use run::run;
 
 /// What a client is told.
 #[derive(Clone, Debug)]
-pub struct ClientOptions {
+pub struct ClientOptions<K, const N: usize> {
     /// The server.
     pub server: SocketAddr,
     /// Where force samples come from.
     pub sensor: SocketAddr,
     /// The machine.
-    pub robot: RobotFile,
+    pub robot: RobotFile<K, N>,
     /// Where to record, if at all.
     pub record: Option<PathBuf>,
     /// Go to Obtain by itself once the sensor is tared.

@@ -7,13 +7,13 @@ use gantry_tau_core::axis::Offsets;
 use gantry_tau_core::message::{
     Capabilities, Cause, ClientMessage, Command, Hello, Mode, Phase, ServerMessage, State, Welcome,
 };
-use gantry_tau_core::robot::ARMS;
 use gantry_tau_core::units::{OffsetNm, Sequence};
 
 use super::compensate::{Compensation, CompensationError};
 use super::connection::Link;
 use super::{ClientControls, ClientError, ClientOptions, ClientReport};
 use crate::machine::CYCLE_US;
+use crate::model::Model;
 use crate::record::{ClientRow, Recorder};
 use crate::sensor_link::{Sample, SensorReader};
 
@@ -26,16 +26,16 @@ const FIRST_SAMPLE_STATES: u64 = 1_000;
 /// States after a Goodbye in which the server may still not have seen it.
 const GOODBYE_STATES: u64 = 100;
 
-struct Session<'a> {
-    link: Link<ARMS>,
+struct Session<'a, const N: usize> {
+    link: Link<N>,
     sensor: SensorReader,
     sample: Option<Sample>,
-    compensation: Compensation,
-    welcome: Welcome<ARMS>,
+    compensation: Compensation<N>,
+    welcome: Welcome<N>,
     sequence: u64,
-    targets: [OffsetNm; ARMS],
+    targets: [OffsetNm; N],
     controls: &'a ClientControls,
-    recorder: Option<Recorder<ClientRow<ARMS>>>,
+    recorder: Option<Recorder<ClientRow<N>>>,
     states: u64,
     states_without_sample: u64,
     held: u64,
@@ -47,8 +47,8 @@ struct Session<'a> {
 ///
 /// # Errors
 /// [`ClientError`] for every other way it can end. In each of them the server ramps the offsets to zero by itself.
-pub fn run(
-    options: &ClientOptions,
+pub fn run<K: Model<N>, const N: usize>(
+    options: &ClientOptions<K, N>,
     controls: &ClientControls,
 ) -> Result<ClientReport, ClientError> {
     let mut link = Link::connect(options.server, SILENCE)?;
@@ -80,7 +80,7 @@ pub fn run(
         compensation: Compensation::new(&options.robot, &welcome).map_err(ClientError::Setup)?,
         welcome,
         sequence: 0,
-        targets: [OffsetNm(0); ARMS],
+        targets: [OffsetNm(0); N],
         controls,
         recorder,
         states: 0,
@@ -103,8 +103,8 @@ pub fn run(
 
 /// Hello, and what it brings. A server without room says so before it has heard anything, and closes:
 /// what it said counts more than a Hello that could not be sent.
-fn greet(link: &mut Link<ARMS>) -> Result<Welcome<ARMS>, ClientError> {
-    let axes = u8::try_from(ARMS).unwrap_or(u8::MAX);
+fn greet<const N: usize>(link: &mut Link<N>) -> Result<Welcome<N>, ClientError> {
+    let axes = u8::try_from(N).unwrap_or(u8::MAX);
     let sent = link.send(&ClientMessage::Hello(Hello {
         axes,
         capabilities: Capabilities::LOCKSTEP,
@@ -120,14 +120,17 @@ fn greet(link: &mut Link<ARMS>) -> Result<Welcome<ARMS>, ClientError> {
 }
 
 /// The server must run the same cycle and hold the same machine.
-fn check_terms(options: &ClientOptions, welcome: &Welcome<ARMS>) -> Result<(), ClientError> {
+fn check_terms<K: Model<N>, const N: usize>(
+    options: &ClientOptions<K, N>,
+    welcome: &Welcome<N>,
+) -> Result<(), ClientError> {
     if welcome.cycle_us != CYCLE_US {
         return Err(ClientError::Incompatible(format!(
             "its cycle is {} us, this client's {CYCLE_US} us",
             welcome.cycle_us
         )));
     }
-    let own = options.robot.kinematics_checksum();
+    let own = options.robot.model.checksum();
     if welcome.kinematics_checksum != own {
         return Err(ClientError::Incompatible(format!(
             "its machine has checksum {:08x}, {} has {own:08x}",
@@ -137,7 +140,7 @@ fn check_terms(options: &ClientOptions, welcome: &Welcome<ARMS>) -> Result<(), C
     Ok(())
 }
 
-impl Session<'_> {
+impl<const N: usize> Session<'_, N> {
     fn answer_until_done(&mut self) -> Result<(), ClientError> {
         loop {
             let state = self.next_state()?;
@@ -174,7 +177,7 @@ impl Session<'_> {
         Err(ClientError::Vanished(reason))
     }
 
-    fn next_state(&mut self) -> Result<State<ARMS>, ClientError> {
+    fn next_state(&mut self) -> Result<State<N>, ClientError> {
         let ServerMessage::State(state) = self.link.receive()? else {
             let reason = "a second Welcome or Refusal".to_owned();
             return Err(ClientError::Incompatible(reason));
@@ -183,7 +186,7 @@ impl Session<'_> {
         Ok(state)
     }
 
-    fn answer(&mut self, state: &State<ARMS>) -> Result<(), ClientError> {
+    fn answer(&mut self, state: &State<N>) -> Result<(), ClientError> {
         let tared = self.compensation.is_tared();
         self.controls.tared.store(tared, Ordering::Relaxed);
         let obtain = tared
@@ -211,7 +214,7 @@ impl Session<'_> {
     }
 
     /// New targets from a new sample; without one the last targets stand, for a while.
-    fn compensate(&mut self, state: &State<ARMS>) -> Result<(), ClientError> {
+    fn compensate(&mut self, state: &State<N>) -> Result<(), ClientError> {
         let silent = |reason: &str| ClientError::SensorSilent(reason.to_owned());
         let latest = self.sensor.latest();
         let latest = latest.map_err(|error| silent(&error.to_string()))?;
@@ -256,7 +259,7 @@ impl Session<'_> {
         Ok(())
     }
 
-    fn record(&mut self, state: &State<ARMS>) {
+    fn record(&mut self, state: &State<N>) {
         if let Some(recorder) = &mut self.recorder {
             recorder.push(ClientRow {
                 state: *state,
@@ -271,7 +274,7 @@ const fn is_live(phase: Phase) -> bool {
     matches!(phase, Phase::Handshake | Phase::Submit | Phase::Obtain)
 }
 
-fn ended(state: &State<ARMS>) -> ClientError {
+fn ended<const N: usize>(state: &State<N>) -> ClientError {
     match state.cause {
         Cause::None => ClientError::Vanished("it forgot the session".to_owned()),
         cause => ClientError::Ended(cause),

@@ -13,6 +13,7 @@ use std::path::PathBuf;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::client::cause_text;
+use crate::model::Model;
 use crate::robot_file::RobotFile;
 use crate::server::pace::Pace;
 use crate::terminal::say;
@@ -32,9 +33,9 @@ pub enum PaceChoice {
 
 /// What the demo is told.
 #[derive(Clone, Debug)]
-pub struct DemoOptions {
+pub struct DemoOptions<K, const N: usize> {
     /// The machine.
-    pub robot: RobotFile,
+    pub robot: RobotFile<K, N>,
     /// Clock or lock-step.
     pub pace: PaceChoice,
     /// Largest force, N.
@@ -74,7 +75,7 @@ impl fmt::Display for DemoError {
 
 impl std::error::Error for DemoError {}
 
-impl DemoOptions {
+impl<K, const N: usize> DemoOptions<K, N> {
     /// Forces of the steps, N: multiples of the step up to the largest.
     fn forces_n(&self) -> Vec<f64> {
         let mut forces = Vec::new();
@@ -118,7 +119,9 @@ impl DemoOptions {
 ///
 /// # Errors
 /// [`DemoError`].
-pub fn run(options: &DemoOptions) -> Result<Results, DemoError> {
+pub fn run<K: Model<N>, const N: usize, const M: usize>(
+    options: &DemoOptions<K, N>,
+) -> Result<Results, DemoError> {
     options.check()?;
     // Found out now rather than after the whole demo.
     let files = [&options.json, &options.black_box];
@@ -129,14 +132,14 @@ pub fn run(options: &DemoOptions) -> Result<Results, DemoError> {
         tracing::warn!("no {}: {}", denied.privilege, denied.reason);
     }
     let (pace, recording) = match options.pace {
-        PaceChoice::Only(pace) => (pace, play(options, pace)?),
-        PaceChoice::Auto => match play(options, Pace::RealTime) {
+        PaceChoice::Only(pace) => (pace, play::<K, N, M>(options, pace)?),
+        PaceChoice::Auto => match play::<K, N, M>(options, Pace::RealTime) {
             Ok(recording) => (Pace::RealTime, recording),
             Err(DemoError::Lost(reason)) => {
                 say(format_args!(
                     "{reason}\nThat is the one-miss rule at work on a busy machine. Starting again in lock-step: time is ticks, the server waits for its client."
                 ));
-                (Pace::Lockstep, play(options, Pace::Lockstep)?)
+                (Pace::Lockstep, play::<K, N, M>(options, Pace::Lockstep)?)
             }
             Err(error) => return Err(error),
         },
@@ -165,9 +168,12 @@ pub fn run(options: &DemoOptions) -> Result<Results, DemoError> {
     Ok(results)
 }
 
-fn play(options: &DemoOptions, pace: Pace) -> Result<Recording, DemoError> {
+fn play<K: Model<N>, const N: usize, const M: usize>(
+    options: &DemoOptions<K, N>,
+    pace: Pace,
+) -> Result<Recording<N>, DemoError> {
     let bar = progress_bar(options);
-    let played = stage::play(options, pace, &bar);
+    let played = stage::play::<K, N, M>(options, pace, &bar);
     bar.finish_and_clear();
     played.map_err(|failure| match failure {
         Failure::Lost(lost) => DemoError::Lost(format!(
@@ -179,7 +185,7 @@ fn play(options: &DemoOptions, pace: Pace) -> Result<Recording, DemoError> {
     })
 }
 
-fn progress_bar(options: &DemoOptions) -> ProgressBar {
+fn progress_bar<K, const N: usize>(options: &DemoOptions<K, N>) -> ProgressBar {
     let steps = u64::try_from(2 * options.forces_n().len()).unwrap_or(0);
     let tare = u64::from(options.robot.sensor.tare_samples);
     // Half a second of rests, three of ramp.

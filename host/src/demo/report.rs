@@ -13,7 +13,11 @@ use crate::plots::{Band, Curve, Plot, phases};
 const CURVE_POINTS: usize = 1_500;
 /// Shown of the disconnect, ticks before it and after its end.
 const AROUND_TICKS: u64 = 500;
-pub(super) fn render(options: &DemoOptions, results: &Results, recording: &Recording) -> String {
+pub(super) fn render<K, const N: usize>(
+    options: &DemoOptions<K, N>,
+    results: &Results,
+    recording: &Recording<N>,
+) -> String {
     let verdict = if results.complaints.is_empty() {
         String::new()
     } else {
@@ -70,7 +74,7 @@ pub(super) fn render(options: &DemoOptions, results: &Results, recording: &Recor
     page::page("gantry-tau demo", &body)
 }
 
-fn against_force(options: &DemoOptions, results: &Results) -> Plot {
+fn against_force<K, const N: usize>(options: &DemoOptions<K, N>, results: &Results) -> Plot {
     let line = |name: &str, value: fn(&super::Step) -> f64| {
         let points = results.steps.iter().map(|step| (step.force_n, value(step)));
         Curve::line(name, std::iter::once((0.0, 0.0)).chain(points).collect())
@@ -104,18 +108,20 @@ fn against_force(options: &DemoOptions, results: &Results) -> Plot {
     }
 }
 
-fn displacement(recording: &Recording) -> Plot {
-    let samples: Vec<&Sample> = recording.samples.iter().collect();
+fn displacement<const N: usize>(recording: &Recording<N>) -> Plot {
+    let samples: Vec<&Sample<N>> = recording.samples.iter().collect();
     Plot {
         x_axis: "time, s",
         y_axis: "displacement, µm",
-        curves: curves_over_time(["x", "y", "z"], &samples, |s| s.displacement_um),
+        curves: curves_over_time(["x", "y", "z"].map(str::to_owned), &samples, |s| {
+            s.displacement_um
+        }),
         bands: bands(&samples),
         y_names: None,
     }
 }
 
-fn offsets(recording: &Recording) -> Plot {
+fn offsets<const N: usize>(recording: &Recording<N>) -> Plot {
     let ended = recording.ended.tick;
     let listening = recording
         .samples
@@ -123,23 +129,23 @@ fn offsets(recording: &Recording) -> Plot {
         .find(|s| s.tick > ended && s.phase == Phase::Listening)
         .map_or(ended, |sample| sample.tick);
     let window = ended.saturating_sub(AROUND_TICKS)..listening + AROUND_TICKS;
-    let samples: Vec<&Sample> = recording
+    let samples: Vec<&Sample<N>> = recording
         .samples
         .iter()
         .filter(|sample| window.contains(&sample.tick))
         .collect();
-    let micrometres = |s: &Sample| s.offset_nm.map(|nm| f64::from(nm) / 1e3);
+    let micrometres = |s: &Sample<N>| s.offset_nm.map(|nm| f64::from(nm) / 1e3);
     Plot {
         x_axis: "time, s",
         y_axis: "position offset, µm",
-        curves: curves_over_time(["axis 1", "axis 2", "axis 3"], &samples, micrometres),
+        curves: curves_over_time(axis_names(), &samples, micrometres),
         bands: bands(&samples),
         y_names: None,
     }
 }
 
-fn states(recording: &Recording) -> Plot {
-    let samples: Vec<&Sample> = recording.samples.iter().collect();
+fn states<const N: usize>(recording: &Recording<N>) -> Plot {
+    let samples: Vec<&Sample<N>> = recording.samples.iter().collect();
     // Two points per stretch draw a step; no stretch is thinned away.
     let stretches = phases::stretches(phases_over_time(&samples));
     let points = stretches.iter().flat_map(|stretch| {
@@ -162,14 +168,19 @@ fn states(recording: &Recording) -> Plot {
     }
 }
 
-/// Three curves over time, of at most [`CURVE_POINTS`] evenly chosen samples.
-fn curves_over_time(
-    names: [&str; 3],
-    samples: &[&Sample],
-    values: impl Fn(&Sample) -> [f64; 3],
+/// "axis 1" and so on.
+fn axis_names<const N: usize>() -> [String; N] {
+    std::array::from_fn(|axis| format!("axis {}", axis + 1))
+}
+
+/// A curve over time for each of `C` values, of at most [`CURVE_POINTS`] evenly chosen samples.
+fn curves_over_time<const N: usize, const C: usize>(
+    names: [String; C],
+    samples: &[&Sample<N>],
+    values: impl Fn(&Sample<N>) -> [f64; C],
 ) -> Vec<Curve> {
     let every = samples.len().div_ceil(CURVE_POINTS).max(1);
-    let mut curves = names.map(|name| Curve::line(name, Vec::new()));
+    let mut curves = names.map(|name| Curve::line(&name, Vec::new()));
     for sample in samples.iter().step_by(every) {
         for (curve, value) in curves.iter_mut().zip(values(sample)) {
             curve.points.push((seconds(sample.tick), value));
@@ -178,12 +189,12 @@ fn curves_over_time(
     curves.into()
 }
 
-fn bands(samples: &[&Sample]) -> Vec<Band> {
+fn bands<const N: usize>(samples: &[&Sample<N>]) -> Vec<Band> {
     phases::bands(phases_over_time(samples))
 }
 
-fn phases_over_time(samples: &[&Sample]) -> impl Iterator<Item = (f64, Phase)> {
-    let point = |sample: &&Sample| (seconds(sample.tick), sample.phase);
+fn phases_over_time<const N: usize>(samples: &[&Sample<N>]) -> impl Iterator<Item = (f64, Phase)> {
+    let point = |sample: &&Sample<N>| (seconds(sample.tick), sample.phase);
     samples.iter().map(point)
 }
 

@@ -22,6 +22,8 @@ pub struct Results {
     pub pace: &'static str,
     /// Robot file.
     pub robot: String,
+    /// How many axes it has; with three, the turning of the platform cannot be compensated.
+    pub axes: usize,
     /// One per force step.
     pub steps: Vec<Step>,
     /// The ramp after the cable was pulled.
@@ -51,6 +53,10 @@ pub struct Step {
     pub compensated_norm_um: f64,
     /// Second over first.
     pub remaining_share: f64,
+    /// Angle by which the platform is turned, µrad: without and with compensation.
+    pub turn_urad: [f64; 2],
+    /// Second over first.
+    pub remaining_turn_share: f64,
     /// At or beyond 95 % of the force at which the machine jumps; the jump is never compensated.
     pub beyond_jump: bool,
     /// Lengths as the quantised gauges show them, µm: without and with compensation.
@@ -63,7 +69,7 @@ pub struct Ramp {
     /// Why the session ended.
     pub cause: String,
     /// Offsets in the last tick before the ramp, nm.
-    pub start_offset_nm: [i32; ARMS],
+    pub start_offset_nm: Vec<i32>,
     /// Ticks of the ramp, each one step; an overrun of the server skips tick numbers, not steps.
     pub ticks: u64,
     /// Ticks it should take: the largest start offset over the ramp rate, rounded up.
@@ -92,7 +98,11 @@ pub struct LinkQuality {
 }
 
 impl Results {
-    pub(super) fn of(options: &DemoOptions, pace: Pace, recording: &Recording) -> Self {
+    pub(super) fn of<K, const N: usize>(
+        options: &DemoOptions<K, N>,
+        pace: Pace,
+        recording: &Recording<N>,
+    ) -> Self {
         let samples = &recording.samples;
         let limits = options.robot.limits.map(|axis| axis.position);
         let mut results = Self {
@@ -102,6 +112,7 @@ impl Results {
                 Pace::Lockstep => "lockstep",
             },
             robot: options.robot.name.clone(),
+            axes: N,
             steps: steps(options, samples),
             ramp: ramp(options, recording),
             link: link(samples, recording.ended.tick),
@@ -117,17 +128,27 @@ impl Results {
         results
     }
 
-    fn complain(&mut self, options: &DemoOptions, recording: &Recording) {
+    fn complain<K, const N: usize>(
+        &mut self,
+        options: &DemoOptions<K, N>,
+        recording: &Recording<N>,
+    ) {
         let mut complaints = Vec::new();
         for step in self.steps.iter().filter(|step| !step.beyond_jump) {
-            // NaN is in no range, so it complains as well.
-            if !(0.0..=ALLOWED_SHARE).contains(&step.remaining_share) {
-                complaints.push(format!(
-                    "at {:.0} N {:.1} % of the displacement remain, more than {:.0} %",
-                    step.force_n,
-                    100.0 * step.remaining_share,
-                    100.0 * ALLOWED_SHARE
-                ));
+            let turn = (self.axes > ARMS).then_some(("turning", step.remaining_turn_share));
+            for (what, share) in [("displacement", step.remaining_share)]
+                .into_iter()
+                .chain(turn)
+            {
+                // NaN is in no range, so it complains as well.
+                if !(0.0..=ALLOWED_SHARE).contains(&share) {
+                    complaints.push(format!(
+                        "at {:.0} N {:.1} % of the {what} remain, more than {:.0} %",
+                        step.force_n,
+                        100.0 * share,
+                        100.0 * ALLOWED_SHARE
+                    ));
+                }
             }
         }
         let ramp = &self.ramp;
@@ -160,7 +181,7 @@ impl Results {
     }
 }
 
-fn steps(options: &DemoOptions, samples: &[Sample]) -> Vec<Step> {
+fn steps<K, const N: usize>(options: &DemoOptions<K, N>, samples: &[Sample<N>]) -> Vec<Step> {
     (1..)
         .zip(options.forces_n())
         .map(|(number, force_n)| {
@@ -170,6 +191,8 @@ fn steps(options: &DemoOptions, samples: &[Sample]) -> Vec<Step> {
                 mean(&before, |s| s.displacement_um),
                 mean(&after, |s| s.displacement_um),
             );
+            let turn_urad = [&before, &after].map(|half| norm(mean(half, |s| s.turn_urad)));
+            let [turned, held] = turn_urad;
             let gauges_um = [&before, &after].map(|half| norm(mean(half, |s| s.gauges_um)));
             Step {
                 force_n,
@@ -178,6 +201,8 @@ fn steps(options: &DemoOptions, samples: &[Sample]) -> Vec<Step> {
                 uncompensated_norm_um: norm(u),
                 compensated_norm_um: norm(c),
                 remaining_share: norm(c) / norm(u),
+                turn_urad,
+                remaining_turn_share: held / turned,
                 beyond_jump: force_n >= 0.95 * options.robot.simulation.jump_force_n,
                 gauges_um,
             }
@@ -186,7 +211,11 @@ fn steps(options: &DemoOptions, samples: &[Sample]) -> Vec<Step> {
 }
 
 /// The second half of a step, as long as the step was meant to last; the pulled cable comes after it.
-fn settled<'a>(options: &DemoOptions, samples: &'a [Sample], step: u32) -> Vec<&'a Sample> {
+fn settled<'a, K, const N: usize>(
+    options: &DemoOptions<K, N>,
+    samples: &'a [Sample<N>],
+    step: u32,
+) -> Vec<&'a Sample<N>> {
     let Some(first) = samples.iter().find(|sample| sample.step == step) else {
         return Vec::new();
     };
@@ -200,7 +229,10 @@ fn settled<'a>(options: &DemoOptions, samples: &'a [Sample], step: u32) -> Vec<&
         .collect()
 }
 
-fn mean(samples: &[&Sample], value: impl Fn(&Sample) -> [f64; 3]) -> [f64; 3] {
+fn mean<const N: usize>(
+    samples: &[&Sample<N>],
+    value: impl Fn(&Sample<N>) -> [f64; 3],
+) -> [f64; 3] {
     let mut sum = [0.0; 3];
     let mut count = 0.0;
     for sample in samples {
@@ -216,21 +248,21 @@ fn norm(vector: [f64; 3]) -> f64 {
     vector.iter().map(|value| value * value).sum::<f64>().sqrt()
 }
 
-fn ramp(options: &DemoOptions, recording: &Recording) -> Ramp {
+fn ramp<K, const N: usize>(options: &DemoOptions<K, N>, recording: &Recording<N>) -> Ramp {
     let samples = &recording.samples;
     let ended = recording.ended.tick;
     let before = samples
         .iter()
         .take_while(|sample| sample.tick < ended)
         .last();
-    let start_offset_nm = before.map_or([0; ARMS], |sample| sample.offset_nm);
+    let start_offset_nm = before.map_or([0; N], |sample| sample.offset_nm);
     let during = || {
         samples
             .iter()
             .filter(|s| s.tick >= ended && s.phase == Phase::SafeDisconnect)
     };
     // Steps, not tick numbers: an overrun skips numbers, and the ramp takes one step per tick that was.
-    let above_zero = during().take_while(|sample| sample.offset_nm != [0; ARMS]);
+    let above_zero = during().take_while(|sample| sample.offset_nm != [0; N]);
     let ticks = u64::try_from(above_zero.count() + 1).unwrap_or(u64::MAX);
     let mut last = start_offset_nm;
     let mut largest_change_nm = 0;
@@ -247,7 +279,7 @@ fn ramp(options: &DemoOptions, recording: &Recording) -> Ramp {
     let expected = start_offset_nm.into_iter().zip(rates);
     Ramp {
         cause: recording.ended.ended.map_or("none", cause_text).to_owned(),
-        start_offset_nm,
+        start_offset_nm: start_offset_nm.into(),
         ticks,
         expected_ticks: expected
             .map(|(offset, rate)| u64::from(offset.unsigned_abs().div_ceil(rate)))
@@ -259,7 +291,7 @@ fn ramp(options: &DemoOptions, recording: &Recording) -> Ramp {
     }
 }
 
-fn link(samples: &[Sample], ended: u64) -> LinkQuality {
+fn link<const N: usize>(samples: &[Sample<N>], ended: u64) -> LinkQuality {
     let session = || {
         samples
             .iter()
@@ -307,7 +339,7 @@ fn ratio_base(deadlines: u64) -> f64 {
 }
 
 /// Largest change of any reference between two ticks that were both watched.
-fn largest_change(samples: &[Sample]) -> u64 {
+fn largest_change<const N: usize>(samples: &[Sample<N>]) -> u64 {
     let pairs = samples.iter().zip(samples.iter().skip(1));
     pairs
         .flat_map(|(a, b)| a.reference_nm.into_iter().zip(b.reference_nm))

@@ -7,7 +7,6 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use gantry_tau_core::message::{Capabilities, ClientMessage, Hello, Phase, Refusal, ServerMessage};
-use gantry_tau_core::robot::ARMS;
 use indicatif::ProgressBar;
 
 use super::relay::Relay;
@@ -16,7 +15,7 @@ use super::{DemoError, DemoOptions};
 use crate::black_box::{Window, handover};
 use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientReport, Link};
 use crate::epoch::Epochs;
-use crate::machine::MOTORS;
+use crate::model::Model;
 use crate::sensor_link::SensorPublisher;
 use crate::server::Server;
 use crate::server::cycle::Cycle;
@@ -36,10 +35,10 @@ const LOOPBACK: SocketAddr =
     SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 0);
 
 /// What happened on stage.
-pub(super) struct Recording {
-    pub(super) samples: Vec<Sample>,
+pub(super) struct Recording<const N: usize> {
+    pub(super) samples: Vec<Sample<N>>,
     /// Tick of the first ramp step after the cable was pulled.
-    pub(super) ended: Sample,
+    pub(super) ended: Sample<N>,
     /// What a newcomer was told during the ramp.
     pub(super) refusal: Refusal,
     /// What became of the client whose cable was pulled.
@@ -47,7 +46,7 @@ pub(super) struct Recording {
     /// Rows that came too fast to be watched.
     pub(super) dropped: u64,
     /// The black box of the pulled cable, if it was asked for.
-    pub(super) black_box: Option<Window<ARMS>>,
+    pub(super) black_box: Option<Window<N>>,
 }
 
 /// How an attempt went wrong.
@@ -75,12 +74,12 @@ impl<E: std::error::Error> From<E> for Failure {
     }
 }
 
-struct Stage<'a> {
-    options: &'a DemoOptions,
+struct Stage<'a, K, const N: usize> {
+    options: &'a DemoOptions<K, N>,
     bar: &'a ProgressBar,
     pace: Pace,
-    server: Server<ARMS>,
-    watch: Watch,
+    server: Server<N>,
+    watch: Watch<N>,
     hand: Hand,
     relay: Relay,
     controls: Arc<ClientControls>,
@@ -88,22 +87,22 @@ struct Stage<'a> {
 }
 
 /// Plays the whole session at one pace.
-pub(super) fn play(
-    options: &DemoOptions,
+pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
+    options: &DemoOptions<K, N>,
     pace: Pace,
     bar: &ProgressBar,
-) -> Result<Recording, Failure> {
+) -> Result<Recording<N>, Failure> {
     let robot = &options.robot;
     let capabilities = match pace {
         Pace::RealTime => Capabilities::NONE,
         Pace::Lockstep => Capabilities::LOCKSTEP,
     };
     let (hand, tool) = hand_and_tool();
-    let machine = robot.simulated_machine(tool, Motion::Hold)?;
+    let machine = robot.simulated_machine::<M>(tool, Motion::Hold)?;
     let config = robot.session_config(capabilities)?;
     let sensor = SensorPublisher::bind(LOOPBACK)?;
     let sensor_address = sensor.address()?;
-    let mut cycle: Cycle<ARMS, MOTORS, _> = Cycle::new(
+    let mut cycle: Cycle<N, M, _> = Cycle::new(
         config,
         robot.motor_map()?,
         machine,
@@ -171,8 +170,8 @@ pub(super) fn play(
     })
 }
 
-impl Stage<'_> {
-    fn acts(&mut self) -> Result<(Sample, Refusal), Failure> {
+impl<K: Model<N>, const N: usize> Stage<'_, K, N> {
+    fn acts(&mut self) -> Result<(Sample<N>, Refusal), Failure> {
         self.tare()?;
         self.say("force steps without compensation (Submit: offsets are reported, drives do not see them)");
         self.steps(0)?;
@@ -250,7 +249,7 @@ impl Stage<'_> {
     }
 
     /// Silence, not a close. The second missed deadline ends the session and takes the first ramp step.
-    fn pull_the_cable(&mut self) -> Result<Sample, Failure> {
+    fn pull_the_cable(&mut self) -> Result<Sample<N>, Failure> {
         self.say("pulling the client's cable, both sockets stay open");
         self.relay.cut();
         self.server
@@ -310,25 +309,25 @@ impl Stage<'_> {
     }
 
     /// Another client, on another cable, asks for the session.
-    fn newcomer(&mut self) -> Result<(Link<ARMS>, ServerMessage<ARMS>), Failure> {
+    fn newcomer(&mut self) -> Result<(Link<N>, ServerMessage<N>), Failure> {
         let mut link = Link::connect(self.server.address, NEWCOMER_SILENCE)?;
         link.send(&ClientMessage::Hello(Hello {
-            axes: u8::try_from(ARMS).unwrap_or(u8::MAX),
+            axes: u8::try_from(N).unwrap_or(u8::MAX),
             capabilities: Capabilities::LOCKSTEP,
         }))?;
         let answer = link.receive()?;
         Ok((link, answer))
     }
 
-    fn wait_for(&mut self, phase: Phase) -> Result<Sample, Failure> {
+    fn wait_for(&mut self, phase: Phase) -> Result<Sample<N>, Failure> {
         self.wait(|sample| sample.phase == phase)
     }
 
-    fn wait_ticks(&mut self, from: u64, ticks: u64) -> Result<Sample, Failure> {
+    fn wait_ticks(&mut self, from: u64, ticks: u64) -> Result<Sample<N>, Failure> {
         self.wait(|sample| sample.tick >= from + ticks)
     }
 
-    fn wait(&mut self, found: impl FnMut(&Sample) -> bool) -> Result<Sample, Failure> {
+    fn wait(&mut self, found: impl FnMut(&Sample<N>) -> bool) -> Result<Sample<N>, Failure> {
         let bar = self.bar;
         Ok(self.watch.until(false, |_| bar.inc(1), found)?)
     }

@@ -2,9 +2,11 @@
 
 use std::fmt::Write;
 
+use gantry_tau_core::robot::ARMS;
+
 use super::results::Results;
 
-/// Plain text, at most 100 columns.
+/// Plain text, at most 110 columns.
 pub(super) fn render(results: &Results) -> String {
     let mut text = String::new();
     // Writing to a String cannot fail.
@@ -18,25 +20,7 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
         _ => "lock-step: time is ticks, link times are not a measurement",
     };
     writeln!(text, "{}, {pace}\n", results.robot)?;
-    writeln!(
-        text,
-        "  force x    displacement of the tool, um    remaining"
-    )?;
-    writeln!(
-        text,
-        "        N    uncompensated   compensated         share"
-    )?;
-    for step in &results.steps {
-        writeln!(
-            text,
-            "  {:7.0}    {:13.2}   {:11.2}      {:6.2} %{}",
-            step.force_n,
-            step.uncompensated_norm_um,
-            step.compensated_norm_um,
-            100.0 * step.remaining_share,
-            if step.beyond_jump { "  *" } else { "" }
-        )?;
-    }
+    write_steps(text, results)?;
     if results.steps.iter().any(|step| step.beyond_jump) {
         writeln!(
             text,
@@ -44,10 +28,10 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
         )?;
     }
     let ramp = &results.ramp;
-    let offsets = ramp
-        .start_offset_nm
-        .map(|nm| format!("{:.1}", f64::from(nm) / 1e3))
-        .join(", ");
+    let offsets: Vec<String> = (ramp.start_offset_nm.iter())
+        .map(|nm| format!("{:.1}", f64::from(*nm) / 1e3))
+        .collect();
+    let offsets = offsets.join(", ");
     writeln!(text, "\n  ramp after the pulled cable ({})", ramp.cause)?;
     writeln!(text, "    start offsets               {offsets} um")?;
     writeln!(
@@ -83,6 +67,39 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
     }
     for complaint in &results.complaints {
         writeln!(text, "\nNOT AS IT SHOULD BE: {complaint}")?;
+    }
+    Ok(())
+}
+
+/// One line per step. Turning is shown where there are axes that compensate it.
+fn write_steps(text: &mut String, results: &Results) -> std::fmt::Result {
+    let six = results.axes > ARMS;
+    let right = |title: &'static str| if six { title } else { "" };
+    writeln!(
+        text,
+        "  force x    displacement of the tool, um    remaining{}",
+        right("    turning of the platform, urad    remaining")
+    )?;
+    writeln!(
+        text,
+        "        N    uncompensated   compensated         share{}",
+        right("    uncompensated   compensated          share")
+    )?;
+    for step in &results.steps {
+        write!(
+            text,
+            "  {:7.0}    {:13.2}   {:11.2}      {:6.2} %",
+            step.force_n,
+            step.uncompensated_norm_um,
+            step.compensated_norm_um,
+            100.0 * step.remaining_share,
+        )?;
+        if six {
+            let [before, after] = step.turn_urad;
+            let share = 100.0 * step.remaining_turn_share;
+            write!(text, "    {before:13.2}   {after:11.2}       {share:6.2} %")?;
+        }
+        writeln!(text, "{}", if step.beyond_jump { "  *" } else { "" })?;
     }
     Ok(())
 }

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use gantry_tau_core::message::{Cause, Phase};
-use gantry_tau_core::robot::ARMS;
 use gantry_tau_core::units::Tick;
 
 use crate::server::cycle::Row;
@@ -15,14 +14,15 @@ const PATIENCE: Duration = Duration::from_secs(10);
 
 /// What is kept of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Sample {
+pub(super) struct Sample<const N: usize> {
     pub(super) tick: u64,
     pub(super) phase: Phase,
     pub(super) step: u32,
     pub(super) force_n: [f64; 3],
-    pub(super) offset_nm: [i32; ARMS],
-    pub(super) reference_nm: [i64; ARMS],
+    pub(super) offset_nm: [i32; N],
+    pub(super) reference_nm: [i64; N],
     pub(super) displacement_um: [f64; 3],
+    pub(super) turn_urad: [f64; 3],
     pub(super) gauges_um: [f64; 3],
     pub(super) missed: u32,
     pub(super) longest_miss_run: u16,
@@ -32,11 +32,11 @@ pub(super) struct Sample {
     pub(super) welcomed: bool,
 }
 
-impl Sample {
-    fn of(row: &Row<ARMS>) -> Self {
+impl<const N: usize> Sample<N> {
+    fn of(row: &Row<N>) -> Self {
         let tool = row.tool;
         let [fx, fy, fz, ..] = tool.map_or([f64::NAN; 6], |tool| tool.load);
-        let micrometres = |metres: [f64; 3]| metres.map(|value| value * 1e6);
+        let millionths = |values: [f64; 3]| values.map(|value| value * 1e6);
         Self {
             tick: row.state.tick.0,
             phase: row.state.phase,
@@ -44,8 +44,9 @@ impl Sample {
             force_n: [fx, fy, fz],
             offset_nm: row.state.axes.map(|axis| axis.offsets.position.0),
             reference_nm: row.references.map(|reference| reference.position.0),
-            displacement_um: tool.map_or([f64::NAN; 3], |tool| micrometres(tool.displacement_m)),
-            gauges_um: tool.map_or([f64::NAN; 3], |tool| micrometres(tool.gauges_m)),
+            displacement_um: tool.map_or([f64::NAN; 3], |tool| millionths(tool.displacement_m)),
+            turn_urad: tool.map_or([f64::NAN; 3], |tool| millionths(tool.turn_rad)),
+            gauges_um: tool.map_or([f64::NAN; 3], |tool| millionths(tool.gauges_m)),
             missed: row.state.counters.missed,
             longest_miss_run: row.state.counters.longest_miss_run,
             round_trip_us: row.round_trip_us,
@@ -73,13 +74,13 @@ pub(super) enum Waiting {
 }
 
 /// All rows so far.
-pub(super) struct Watch {
-    rows: rtrb::Consumer<Row<ARMS>>,
-    pub(super) samples: Vec<Sample>,
+pub(super) struct Watch<const N: usize> {
+    rows: rtrb::Consumer<Row<N>>,
+    pub(super) samples: Vec<Sample<N>>,
 }
 
-impl Watch {
-    pub(super) const fn new(rows: rtrb::Consumer<Row<ARMS>>) -> Self {
+impl<const N: usize> Watch<N> {
+    pub(super) const fn new(rows: rtrb::Consumer<Row<N>>) -> Self {
         Self {
             rows,
             samples: Vec::new(),
@@ -91,9 +92,9 @@ impl Watch {
     pub(super) fn until(
         &mut self,
         may_end: bool,
-        mut each: impl FnMut(&Sample),
-        mut found: impl FnMut(&Sample) -> bool,
-    ) -> Result<Sample, Waiting> {
+        mut each: impl FnMut(&Sample<N>),
+        mut found: impl FnMut(&Sample<N>) -> bool,
+    ) -> Result<Sample<N>, Waiting> {
         let mut idle = Duration::ZERO;
         loop {
             let Ok(row) = self.rows.pop() else {

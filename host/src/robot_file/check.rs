@@ -1,10 +1,7 @@
 //! What a robot file may say: one check per section.
 
-use gantry_tau_core::kinematics::Nominal;
 use gantry_tau_core::linalg::rotation_deviation;
-use gantry_tau_core::robot::{ARMS, Robot};
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
-use nalgebra::{Matrix3, Vector3};
 
 use super::{Axes, AxisLimits, ChannelLimits, Motors, Problem, Sensor, Simulation, matrix};
 
@@ -15,13 +12,19 @@ const WHOLE_NM_TOLERANCE: f64 = 1e-3;
 /// Largest number of motors.
 const MAX_MOTORS: usize = 32;
 
+/// Which keys a file has.
+pub(super) enum Kind {
+    L2,
+    F1,
+}
+
 /// Looks at `model` before anything else: another machine's keys would only be called unknown.
-pub(super) fn model(text: &str) -> Result<(), Problem> {
+pub(super) fn model(text: &str) -> Result<Kind, Problem> {
     let table: toml::Table = toml::from_str(text).map_err(|error| syntax(text, &error))?;
     match table.get("model").map(|model| model.as_str()) {
-        Some(Some("l2")) => Ok(()),
-        Some(Some("f1")) => Err(Problem::new("model", "\"f1\" is not supported yet")),
-        Some(_) => Err(Problem::new("model", "must be \"l2\"")),
+        Some(Some("l2")) => Ok(Kind::L2),
+        Some(Some("f1")) => Ok(Kind::F1),
+        Some(_) => Err(Problem::new("model", "must be \"l2\" or \"f1\"")),
         None => Err(Problem::new("model", "is missing")),
     }
 }
@@ -66,24 +69,23 @@ pub(super) fn range(key: &str, value: f64, lower: f64, upper: f64) -> Result<(),
     }
 }
 
-/// The nominal travel in q-units, once the scale is checked.
-pub(super) fn travel_in_q(
-    axes: &Axes,
-    guideways: &[[f64; 3]; ARMS],
-) -> Result<[(f64, f64); ARMS], Problem> {
-    let mut travel = [(0.0, 0.0); ARMS];
-    for (index, ((entry, guideway), (metres, [lower, upper]))) in travel
+/// The nominal travel in q-units, once the scale is checked: where the geometry gives the length of a unit (of a guideway),
+/// the file must agree with it.
+pub(super) fn travel_in_q<const N: usize>(
+    axes: &Axes<N>,
+    lengths_m: &[Option<f64>; N],
+) -> Result<[(f64, f64); N], Problem> {
+    let mut travel = [(0.0, 0.0); N];
+    for (index, ((entry, length), (metres, [lower, upper]))) in travel
         .iter_mut()
-        .zip(guideways)
+        .zip(lengths_m)
         .zip(axes.metres_per_q.iter().zip(&axes.nominal_travel_m))
         .enumerate()
     {
         let key = format!("axes.metres_per_q[{index}]");
         range(&key, *metres, 1e-6, 1e3)?;
-        let scale = Vector3::from(*guideway).norm();
-        let deviation = (metres - scale).abs();
         // Not `deviation > ..`: a guideway that is NaN is named by the robot's own check.
-        if deviation > SCALE_TOLERANCE * scale {
+        if let Some(scale) = length.filter(|l| (metres - l).abs() > SCALE_TOLERANCE * l) {
             let reason = format!("is {metres}, but V[{index}] is {scale} m long");
             return Err(Problem::new(key, reason));
         }
@@ -93,15 +95,19 @@ pub(super) fn travel_in_q(
 }
 
 /// Every axis in the units of the reference path.
-pub(super) fn limits(axes: &Axes) -> Result<[AxisLimits; ARMS], Problem> {
-    let [zero, one, two] = [0, 1, 2].map(|index| axis(axes, index));
-    Ok([zero?, one?, two?])
+pub(super) fn limits<const N: usize>(axes: &Axes<N>) -> Result<[AxisLimits; N], Problem> {
+    let mut limits = Vec::with_capacity(N);
+    for index in 0..N {
+        limits.push(axis(axes, index)?);
+    }
+    <[AxisLimits; N]>::try_from(limits)
+        .map_err(|_| Problem::new("axes", "has another number of axes"))
 }
 
-fn axis(axes: &Axes, index: usize) -> Result<AxisLimits, Problem> {
+fn axis<const N: usize>(axes: &Axes<N>, index: usize) -> Result<AxisLimits, Problem> {
     let keyed = |key: &str| format!("axes.{key}[{index}]");
     let (p, v, t) = (&axes.position, &axes.velocity, &axes.torque);
-    let um = |key: &str, values: &[f64; ARMS]| whole_nm(&keyed(key), pick(values, index, f64::NAN));
+    let um = |key: &str, values: &[f64; N]| whole_nm(&keyed(key), pick(values, index, f64::NAN));
     let position = ChannelLimits {
         max: um("position.max_um", &p.max_um)?,
         step: um("position.step_um", &p.step_um)?,
@@ -165,13 +171,13 @@ fn channel(section: &str, unit: &str, index: usize, c: &ChannelLimits) -> Result
 }
 
 /// Entry `index`, or a value that its check refuses.
-fn pick<T: Copy>(values: &[T; ARMS], index: usize, refused: T) -> T {
+fn pick<T: Copy>(values: &[T], index: usize, refused: T) -> T {
     values.get(index).copied().unwrap_or(refused)
 }
 
 fn travel(
     key: &str,
-    ends_m: &[[f64; 2]; ARMS],
+    ends_m: &[[f64; 2]],
     index: usize,
 ) -> Result<(PositionNm, PositionNm), Problem> {
     let [lower, upper] = pick(ends_m, index, [f64::NAN; 2]);
@@ -195,7 +201,7 @@ fn whole_nm(key: &str, value_um: f64) -> Result<i32, Problem> {
     Ok(crossed.0)
 }
 
-pub(super) fn motors(motors: &Motors) -> Result<(), Problem> {
+pub(super) fn motors(motors: &Motors, axes: usize) -> Result<(), Problem> {
     let key = "motors.axis_of_motor";
     if motors.axis_of_motor.len() > MAX_MOTORS {
         return Err(Problem::new(
@@ -203,13 +209,13 @@ pub(super) fn motors(motors: &Motors) -> Result<(), Problem> {
             format!("has more than {MAX_MOTORS} motors"),
         ));
     }
-    if let Some(axis) = motors.axis_of_motor.iter().find(|axis| **axis >= ARMS) {
+    if let Some(axis) = motors.axis_of_motor.iter().find(|axis| **axis >= axes) {
         return Err(Problem::new(
             key,
-            format!("names axis {axis} of {ARMS}, counted from 0"),
+            format!("names axis {axis} of {axes}, counted from 0"),
         ));
     }
-    match (0..ARMS).find(|axis| !motors.axis_of_motor.contains(axis)) {
+    match (0..axes).find(|axis| !motors.axis_of_motor.contains(axis)) {
         Some(axis) => Err(Problem::new(
             key,
             format!("leaves axis {axis} without a motor"),
@@ -229,7 +235,7 @@ pub(super) fn sensor(sensor: &Sensor) -> Result<(), Problem> {
     range("sensor.tare_samples", sensor.tare_samples.into(), 1.0, 1e6)
 }
 
-pub(super) fn simulation(simulation: &Simulation, robot: &Robot) -> Result<(), Problem> {
+pub(super) fn simulation(simulation: &Simulation) -> Result<(), Problem> {
     let s = simulation;
     range("simulation.spring_deviation", s.spring_deviation, 0.0, 0.9)?;
     range("simulation.force_noise_n", s.force_noise_n, 0.0, 1e3)?;
@@ -241,11 +247,5 @@ pub(super) fn simulation(simulation: &Simulation, robot: &Robot) -> Result<(), P
         1e-3,
     )?;
     range("simulation.jump_force_n", s.jump_force_n, 1.0, 1e5)?;
-    range("simulation.jump_gap_m", s.jump_gap_m, 0.0, 1e-2)?;
-    let nominal = Nominal::new(robot, &Matrix3::identity())
-        .map_err(|error| Problem::new("A0", error.to_string()))?;
-    nominal
-        .inverse_in_assembly(&Vector3::from(s.home_m))
-        .map(|_| ())
-        .map_err(|error| Problem::new("simulation.home_m", error.to_string()))
+    range("simulation.jump_gap_m", s.jump_gap_m, 0.0, 1e-2)
 }

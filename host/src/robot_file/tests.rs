@@ -1,9 +1,9 @@
 use super::*;
-use gantry_tau_core::kinematics::Nominal;
+use gantry_tau_core::robot::LINKS;
 
-fn refused(from: &str, to: &str) -> RobotFileError {
-    assert!(L2.contains(from), "{from} is not in the file");
-    let error = RobotFile::parse("x.toml", &L2.replacen(from, to, 1)).unwrap_err();
+fn refused(text: &str, from: &str, to: &str) -> RobotFileError {
+    assert!(text.contains(from), "{from} is not in the file");
+    let error = AnyRobotFile::parse("x.toml", &text.replacen(from, to, 1)).unwrap_err();
     assert_eq!(error.to_string().lines().count(), 1, "{error}");
     assert_eq!(error.file, "x.toml");
     error
@@ -18,7 +18,7 @@ fn the_built_in_machine_is_the_vectors_machine() {
         let value = vectors["l2"].get(key).unwrap_or(&vectors[key]).clone();
         serde_json::from_value::<Vec<[f64; 3]>>(value).unwrap()
     };
-    let geometry = file.robot.geometry();
+    let geometry = file.model.robot().geometry();
     for (key, ours) in [
         ("A0", geometry.cart_joints_m.as_slice()),
         ("V", &geometry.guideways),
@@ -37,9 +37,7 @@ fn the_built_in_machine_is_the_vectors_machine() {
             .all(|(a, b)| a.to_bits() == b.to_bits())
     );
     assert_eq!(file.limits[0].position.ramp, 100);
-    let q = (Nominal::new(&file.robot, &Matrix3::identity()).unwrap())
-        .inverse(&file.home_m())
-        .unwrap();
+    let q = file.model.axes_at(&file.home_m()).unwrap();
     for (q, said) in q.iter().zip([0.6245, -0.6964, 0.6690]) {
         assert!((q - said).abs() < 6e-5, "{q}");
     }
@@ -47,27 +45,28 @@ fn the_built_in_machine_is_the_vectors_machine() {
 
 #[test]
 fn the_checksum_sees_the_kinematics_and_nothing_else() {
-    let checksum = |text: &str| RobotFile::parse("x", text).unwrap().kinematics_checksum();
-    let ours = checksum(L2);
-    assert_eq!(ours, checksum(&L2.replace("gain = 1.0", "gain = 0.5")));
+    let checksum = |text: &str| RobotFile::l2("x", text).unwrap().model.checksum();
+    let ours = checksum(L2_TEXT);
+    assert_eq!(ours, checksum(&L2_TEXT.replace("gain = 1.0", "gain = 0.5")));
     assert_eq!(
         ours,
-        checksum(&L2.replace("0.0, 0.0],\n    [1.0", "-0.0, 0.0],\n    [1.0"))
+        checksum(&L2_TEXT.replace("0.0, 0.0],\n    [1.0", "-0.0, 0.0],\n    [1.0"))
     );
     assert_ne!(
         ours,
-        checksum(&L2.replace("L = [1.0, 1.1", "L = [1.0, 1.1000000000000003"))
+        checksum(&L2_TEXT.replace("L = [1.0, 1.1", "L = [1.0, 1.1000000000000003"))
     );
     assert_ne!(
         ours,
-        checksum(&L2.replace("L = [1.0, 1.1", "L = [1.0, 1.2"))
+        checksum(&L2_TEXT.replace("L = [1.0, 1.1", "L = [1.0, 1.2"))
     );
 }
 
 #[test]
 fn every_error_names_its_key() {
     for (from, to, key) in [
-        ("model = \"l2\"", "model = \"f1\"", "model"),
+        ("model = \"l2\"", "model = \"l3\"", "model"),
+        ("model = \"l2\"", "model = \"f1\"", "A0"),
         ("model = \"l2\"", "", "model"),
         ("cf = -1", "cf = 0", "cf"),
         ("c = [1, -1, 1]", "c = [1, -1, 2]", "c[2]"),
@@ -151,12 +150,114 @@ fn every_error_names_its_key() {
         ("[0.0, -1.0, 0.0]", "[0.0, 1.0, 0.0]", "sensor.rotation"),
         ("cutoff_hz = 20.0", "cutoff_hz = inf", "sensor.cutoff_hz"),
     ] {
-        let error = refused(from, to);
+        let error = refused(L2_TEXT, from, to);
         assert_eq!(error.key, key, "{error}");
     }
-    let error = RobotFile::load("no/such/robot.toml").unwrap_err();
+    let error = AnyRobotFile::load("no/such/robot.toml").unwrap_err();
     assert!(
         error.to_string().starts_with("no/such/robot.toml: "),
         "{error}"
     );
+}
+
+#[test]
+fn the_built_in_six_axis_machine_is_the_vectors_machine() {
+    let file = RobotFile::builtin_f1().unwrap();
+    let text = include_str!("../../../tests/data/tau_vectors.json");
+    let vectors: serde_json::Value = serde_json::from_str(text).unwrap();
+    let machine = &vectors["f1"];
+    let near = |key: &str, ours: &[Vector3<f64>]| {
+        let theirs: Vec<[f64; 3]> = serde_json::from_value(machine[key].clone()).unwrap();
+        assert_eq!(theirs.len(), ours.len());
+        for (theirs, ours) in theirs.into_iter().zip(ours) {
+            // The vectors carry the rounding of the sums they come from.
+            assert!((Vector3::from(theirs) - ours).amax() < 1e-15, "{key}");
+        }
+    };
+    let geometry = file.model.geometry();
+    near("C", &geometry.carts_m);
+    near("V", &geometry.guideways);
+    near("P", &geometry.plate_joints_m);
+    near("b", &geometry.platform_joints_m);
+    for (key, axis) in [("ax", geometry.turn_axis), ("ax6", geometry.tilt_axis)] {
+        let theirs: [f64; 3] = serde_json::from_value(machine[key].clone()).unwrap();
+        assert_eq!(Vector3::from(theirs), axis, "{key}");
+    }
+    let lengths: [f64; LINKS] = serde_json::from_value(machine["L"].clone()).unwrap();
+    assert_eq!(
+        geometry.lengths_m.map(f64::to_bits),
+        lengths.map(f64::to_bits)
+    );
+    let signs = |key: &str| machine[key].as_f64().unwrap();
+    assert_eq!(
+        geometry.turn_signs.map(|sign| sign.sign().to_bits()),
+        [signs("sigma4"), signs("sigma5")].map(f64::to_bits)
+    );
+    let compliances = file.compliances.unwrap();
+    let near = |key: &str, ours: &[f64]| {
+        let value = machine.get(key).unwrap_or(&vectors[key]).clone();
+        let theirs: Vec<f64> = serde_json::from_value(value).unwrap();
+        for (theirs, ours) in theirs.into_iter().zip(ours) {
+            assert!((theirs / ours - 1.0).abs() < 1e-15, "{key}");
+        }
+    };
+    near("c_link", compliances.link_m_per_n());
+    near("c_act", compliances.cart_m_per_n());
+    let q = file.model.axes_at(&file.home_m()).unwrap();
+    for (q, said) in q.iter().zip([1.530, 1.739, 1.573, 0.0, 0.0, 0.0]) {
+        assert!((q - said).abs() < 6e-4, "{q}");
+    }
+}
+
+#[test]
+fn every_error_of_six_axes_names_its_key() {
+    for (from, to, key) in [
+        ("sigma4 = -1", "sigma4 = 0", "sigma4"),
+        ("sigma5 = 1", "", "sigma5"),
+        ("ax6 = [0.0, 1.0, 0.0]", "ax6 = [0.0, 0.0, 0.0]", "ax6[0]"),
+        ("ax = [0.0, 0.0, 1.0]", "ax = [0.0, 0.0]", "ax"),
+        ("L = [1.7, 1.7, 1.7, 1.7, 1.7, 1.7]", "L = [1.7, 1.7]", "L"),
+        (
+            "L = [1.7, 1.7, 1.7, 1.7, 1.7, 1.7]",
+            "L = [1.7, 1.7, -1.0]",
+            "L[3]",
+        ),
+        ("c_act = [4.2081e-6", "c_act = [-4.2081e-6", "c_act[0]"),
+        ("c_act = [", "# c_act = [", "c_act"),
+        ("c_act = [", "c_cart = [", "c_cart"),
+        (
+            "metres_per_q = [1.0",
+            "metres_per_q = [1.1",
+            "axes.metres_per_q[0]",
+        ),
+        ("0.1, 0.1, 0.1]", "0.1, 0.1, 0.0]", "axes.metres_per_q[5]"),
+        ("max_um = [4000.0, ", "max_um = [", "axes.position.max_um"),
+        (
+            "step_um = [20.0, 20.0, 20.0, 20.0, 20.0, 20.0]",
+            "step_um = [20.0, 20.0, 20.0, 20.0, 20.0, 50.0]",
+            "axes.position.accel_um[5]",
+        ),
+        ("3, 4, 5]", "3, 4, 4]", "motors.axis_of_motor"),
+        ("3, 4, 5]", "3, 4, 6]", "motors.axis_of_motor"),
+        ("home_m = [0.1,", "home_m = [3.0,", "simulation.home_m"),
+    ] {
+        let error = refused(F1_TEXT, from, to);
+        assert_eq!(error.key, key, "{error}");
+    }
+}
+
+#[test]
+fn lengths_may_be_given_per_arm() {
+    let text = F1_TEXT.replace("L = [1.7, 1.7, 1.7, 1.7, 1.7, 1.7]", "L = [1.6, 1.7, 1.8]");
+    let file = RobotFile::f1("x", &text).unwrap();
+    let expected = [1.6, 1.7, 1.7, 1.8, 1.8, 1.8].map(f64::to_bits);
+    assert_eq!(file.model.geometry().lengths_m.map(f64::to_bits), expected);
+}
+
+#[test]
+fn a_machine_has_a_name_or_a_path() {
+    assert!(matches!(AnyRobotFile::named("l2"), Ok(AnyRobotFile::L2(_))));
+    assert!(matches!(AnyRobotFile::named("f1"), Ok(AnyRobotFile::F1(_))));
+    let error = AnyRobotFile::named("l5").unwrap_err();
+    assert_eq!(error.file, "l5");
 }

@@ -1,7 +1,6 @@
 //! Watches the rows of a server outside its cycle: says what happens, once per event, and moves the simulated hand.
 
 use gantry_tau_core::message::{Cause, Counters, Phase};
-use gantry_tau_core::robot::ARMS;
 
 use super::cycle::Row;
 use crate::client::cause_text;
@@ -44,7 +43,7 @@ impl Programme {
         }
     }
 
-    fn see(&mut self, row: &Row<ARMS>) {
+    fn see<const N: usize>(&mut self, row: &Row<N>) {
         let tick = row.state.tick.0;
         if row.state.phase != Phase::Obtain {
             if self.since.take().is_some() {
@@ -93,7 +92,7 @@ impl Observer {
     }
 
     /// Looks at one row.
-    pub fn see(&mut self, row: &Row<ARMS>) {
+    pub fn see<const N: usize>(&mut self, row: &Row<N>) {
         self.programme.see(row);
         let state = &row.state;
         let tick = state.tick.0;
@@ -123,7 +122,7 @@ impl Observer {
     }
 
     /// An end that somebody wanted is information, any other a warning.
-    fn explain_end(&self, row: &Row<ARMS>, cause: Cause) {
+    fn explain_end<const N: usize>(&self, row: &Row<N>, cause: Cause) {
         let state = &row.state;
         let (tick, text, left) = (state.tick.0, cause_text(cause), state.ramp_ticks_left);
         if matches!(self.phase, Phase::Listening | Phase::SafeDisconnect) {

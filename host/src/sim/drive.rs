@@ -122,14 +122,31 @@ impl Drive {
     /// What the drive reports.
     ///
     /// # Errors
-    /// [`CrossingError`] when the axis has run out of the range of positions.
+    /// As [`report`].
     pub fn actual(&self) -> Result<Actual, CrossingError> {
-        Ok(Actual {
-            position: PositionNm::from_metres(Metres(self.position_m))?,
-            velocity: rounding::velocity(self.velocity_m_per_s)?,
-            torque: rounding::torque(self.force_n / RATED_FORCE_N)?,
-        })
+        report(std::slice::from_ref(self).iter())
     }
+}
+
+/// What the drives of one axis report together: the mean over its motors, which share cart and load.
+///
+/// # Errors
+/// [`CrossingError`] when the axis has run out of the range of positions, or has no motor.
+pub fn report<'a>(
+    drives: impl Iterator<Item = &'a Drive> + Clone,
+) -> Result<Actual, CrossingError> {
+    let mean = |of: fn(&Drive) -> f64| mean(drives.clone().map(of));
+    Ok(Actual {
+        position: PositionNm::from_metres(Metres(mean(|drive| drive.position_m)))?,
+        velocity: rounding::velocity(mean(|drive| drive.velocity_m_per_s))?,
+        torque: rounding::torque(mean(|drive| drive.force_n / RATED_FORCE_N))?,
+    })
+}
+
+/// NaN of nothing.
+pub(super) fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    sum / count
 }
 
 #[cfg(test)]

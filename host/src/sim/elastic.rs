@@ -5,16 +5,17 @@
 //!
 //! - balance `W f + w = 0` with `W = [s; l x s]` `[T 3.24]`, so the tensions follow from the pose alone `[T 3.25]`;
 //! - each link is as long as its spring makes it: `L_i + c_ij f_ij`, plus the play in cluster 3 ([`Play`]);
-//! - each cart is where its spring lets it: `q_i + c_i tau_i`, with `tau = -D^T f` `[T 3.26]`.
+//! - each axis is where its spring lets it: `q_i + c_i tau_i`, with `tau = -D^T f` `[T 3.26]`.
 //!
 //! All three are evaluated at the *deflected* pose, which is found by stepping on the six length errors. No mass, no damping:
 //! the platform is in equilibrium in every cycle (its first resonance is far above what 1 kHz drives excite).
 
 use std::fmt;
 
-use gantry_tau_core::robot::{ARM_OF_LINK, ARMS, Compliances, Robot};
-use nalgebra::{Matrix6, Matrix6x3, UnitQuaternion, Vector3, Vector6};
+use gantry_tau_core::robot::{Compliances, LINKS, SixLinkGeometry};
+use nalgebra::{Matrix6, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
+use super::joints::{Joint, joint};
 use super::play::Play;
 
 /// The search ends when no step is larger than this, in metres and in radians.
@@ -37,13 +38,13 @@ pub struct Pose {
 
 /// Pose under load, and what it took.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Equilibrium {
+pub struct Equilibrium<const N: usize> {
     /// Where the platform stands.
     pub pose: Pose,
     /// Tension of each link, newtons, link order; without the constant part that the weight causes.
     pub tensions_n: Vector6<f64>,
-    /// Generalised load on each actuator, positive along `+q`: newtons times metres per unit of `q`, arm order.
-    pub cart_loads: Vector3<f64>,
+    /// Generalised load on each actuator, positive along `+q`: newtons times metres per unit of `q`, axis order.
+    pub axis_loads: SVector<f64, N>,
     /// Steps taken.
     pub iterations: u32,
     /// Largest remaining length error, metres.
@@ -53,7 +54,7 @@ pub struct Equilibrium {
 /// Why there is no equilibrium to report.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ElasticError {
-    /// Carts, load or start are not finite.
+    /// Axes, load or start are not finite.
     NotFinite,
     /// The links cannot take the load in this pose: their lines do not span all forces and moments.
     Singular,
@@ -69,7 +70,7 @@ pub enum ElasticError {
 impl fmt::Display for ElasticError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotFinite => f.write_str("carts, load or start pose are not finite"),
+            Self::NotFinite => f.write_str("axes, load or start pose are not finite"),
             Self::Singular => f.write_str("the links cannot carry a load in this pose"),
             Self::NotConverged {
                 iterations,
@@ -84,22 +85,22 @@ impl fmt::Display for ElasticError {
 
 impl std::error::Error for ElasticError {}
 
-/// Links, carts and joint play of one machine.
+/// Links, axes and joint play of one machine with `N` axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ElasticMachine {
-    robot: Robot,
-    compliances: Compliances,
+pub struct ElasticMachine<const N: usize> {
+    geometry: SixLinkGeometry,
+    compliances: Compliances<N>,
     play: Play,
 }
 
-impl Equilibrium {
+impl<const N: usize> Equilibrium<N> {
     /// A start for the search: at `pose`, with nothing loaded.
     #[must_use]
     pub fn unloaded(pose: Pose) -> Self {
         Self {
             pose,
             tensions_n: Vector6::zeros(),
-            cart_loads: Vector3::zeros(),
+            axis_loads: SVector::zeros(),
             iterations: 0,
             residual_m: 0.0,
         }
@@ -112,12 +113,12 @@ impl Equilibrium {
     }
 }
 
-impl ElasticMachine {
+impl<const N: usize> ElasticMachine<N> {
     /// A machine with its *true* compliances.
     #[must_use]
-    pub const fn new(robot: Robot, compliances: Compliances, play: Play) -> Self {
+    pub const fn new(geometry: SixLinkGeometry, compliances: Compliances<N>, play: Play) -> Self {
         Self {
-            robot,
+            geometry,
             compliances,
             play,
         }
@@ -131,17 +132,17 @@ impl ElasticMachine {
 
     /// The geometry.
     #[must_use]
-    pub const fn robot(&self) -> &Robot {
-        &self.robot
+    pub const fn geometry(&self) -> &SixLinkGeometry {
+        &self.geometry
     }
 
     /// The true compliances.
     #[must_use]
-    pub const fn compliances(&self) -> &Compliances {
+    pub const fn compliances(&self) -> &Compliances<N> {
         &self.compliances
     }
 
-    /// Where the platform stands with the motors at `carts` (q-units) under `load` (force N, moment N m about the TCP, world axes).
+    /// Where the platform stands with the motors at `axes` (q-units) under `load` (force N, moment N m about the TCP, world axes).
     /// The search begins at `start`, which also chooses the assembly mode; the last cycle's result is the best start.
     ///
     /// With zero load this is the forward kinematics of the rigid machine.
@@ -150,38 +151,38 @@ impl ElasticMachine {
     /// [`ElasticError`]. A result is finite and balanced, and fits every length to [`RESIDUAL_TOLERANCE_M`].
     pub fn equilibrium(
         &self,
-        carts: &[f64; ARMS],
+        axes: &[f64; N],
         load: &Vector6<f64>,
-        start: &Equilibrium,
-    ) -> Result<Equilibrium, ElasticError> {
-        let motors = Vector3::from(*carts);
+        start: &Equilibrium<N>,
+    ) -> Result<Equilibrium<N>, ElasticError> {
+        let motors = SVector::from(*axes);
         let mut now = *start;
         let given = motors.iter().chain(load.iter());
-        if !given.chain(now.cart_loads.iter()).all(|x| x.is_finite()) || !is_finite(&now.pose) {
+        if !given.chain(now.axis_loads.iter()).all(|x| x.is_finite()) || !is_finite(&now.pose) {
             return Err(ElasticError::NotFinite);
         }
         for iterations in 0..=MAX_ITERATIONS {
-            let lines = self.lines(&self.displaced(&motors, &now.cart_loads), &now.pose);
+            let lines = self.lines(&self.displaced(&motors, &now.axis_loads), &now.pose);
             let inverse = lines.matrix.try_inverse().ok_or(ElasticError::Singular)?;
             let tensions_n = -(inverse * load);
-            let cart_loads = -(lines.guideways.transpose() * tensions_n);
-            let errors = self.length_errors(&motors, &now.pose, &tensions_n, &cart_loads);
+            let axis_loads = -(lines.drives.transpose() * tensions_n);
+            let errors = self.length_errors(&motors, &now.pose, &tensions_n, &axis_loads);
             // Moving the platform by `step` shortens the links by W^T step.
             let step = inverse.transpose() * errors;
-            let cart_step =
-                self.displaced(&motors, &cart_loads) - self.displaced(&motors, &now.cart_loads);
+            let axis_step =
+                self.displaced(&motors, &axis_loads) - self.displaced(&motors, &now.axis_loads);
             now = Equilibrium {
                 tensions_n,
-                cart_loads,
+                axis_loads,
                 iterations,
                 residual_m: errors.amax(),
                 ..now
             };
             // `amax` overlooks NaN.
-            if !step.iter().chain(cart_loads.iter()).all(|x| x.is_finite()) {
+            if !step.iter().chain(axis_loads.iter()).all(|x| x.is_finite()) {
                 return Err(ElasticError::Singular);
             }
-            if step.amax().max(cart_step.amax()) < STEP_TOLERANCE
+            if step.amax().max(axis_step.amax()) < STEP_TOLERANCE
                 && now.residual_m < RESIDUAL_TOLERANCE_M
             {
                 return Ok(now);
@@ -194,30 +195,29 @@ impl ElasticMachine {
         })
     }
 
-    /// Where the springs of the carts let them go: `q_i + c_i tau_i`, q-units.
-    fn displaced(&self, motors: &Vector3<f64>, cart_loads: &Vector3<f64>) -> Vector3<f64> {
-        motors + Vector3::from(*self.compliances.cart_m_per_n()).component_mul(cart_loads)
+    /// Where the springs of the axes let them go: `q_i + c_i tau_i`, q-units.
+    fn displaced(&self, motors: &SVector<f64, N>, axis_loads: &SVector<f64, N>) -> SVector<f64, N> {
+        motors + SVector::from(*self.compliances.cart_m_per_n()).component_mul(axis_loads)
     }
 
-    /// From platform joint to cart joint of one link, metres.
-    fn link(&self, link: usize, carts: &Vector3<f64>, pose: &Pose) -> Vector3<f64> {
-        let geometry = self.robot.geometry();
-        let arm = ARM_OF_LINK[link];
-        let on_cart = geometry.cart_joints_m[link] + geometry.guideways[arm] * carts[arm];
-        let on_platform = pose.translation_m + pose.rotation * geometry.platform_joints_m[link];
-        on_cart - on_platform
+    /// From platform joint to cart joint of one link (metres), and the latter.
+    fn link(&self, link: usize, axes: &SVector<f64, N>, pose: &Pose) -> (Vector3<f64>, Joint<N>) {
+        let joint = joint(&self.geometry, link, &(*axes).into());
+        let on_platform =
+            pose.translation_m + pose.rotation * self.geometry.platform_joints_m[link];
+        (joint.place_m - on_platform, joint)
     }
 
-    /// `W` and `D` with the carts (not the motors) at `carts`.
-    fn lines(&self, carts: &Vector3<f64>, pose: &Pose) -> Lines {
-        let geometry = self.robot.geometry();
+    /// `W` and `D` with the axes (not the motors) at `axes`.
+    fn lines(&self, axes: &SVector<f64, N>, pose: &Pose) -> Lines<N> {
         let mut lines = Lines {
             matrix: Matrix6::zeros(),
-            guideways: Matrix6x3::zeros(),
+            drives: SMatrix::zeros(),
         };
-        for (link, &arm) in ARM_OF_LINK.iter().enumerate() {
-            let direction = self.link(link, carts, pose).normalize();
-            let lever = pose.rotation * geometry.platform_joints_m[link];
+        for link in 0..LINKS {
+            let (vector, joint) = self.link(link, axes, pose);
+            let direction = vector.normalize();
+            let lever = pose.rotation * self.geometry.platform_joints_m[link];
             let moment = lever.cross(&direction);
             lines
                 .matrix
@@ -227,7 +227,9 @@ impl ElasticMachine {
                 .matrix
                 .fixed_view_mut::<3, 1>(3, link)
                 .copy_from(&moment);
-            lines.guideways[(link, arm)] = direction.dot(&geometry.guideways[arm]);
+            for (axis, slope) in joint.slopes.iter().enumerate() {
+                lines.drives[(link, axis)] = direction.dot(slope);
+            }
         }
         lines
     }
@@ -235,28 +237,28 @@ impl ElasticMachine {
     /// How much farther apart the joints of each link are than the loaded link is long, metres.
     fn length_errors(
         &self,
-        motors: &Vector3<f64>,
+        motors: &SVector<f64, N>,
         pose: &Pose,
         tensions_n: &Vector6<f64>,
-        cart_loads: &Vector3<f64>,
+        axis_loads: &SVector<f64, N>,
     ) -> Vector6<f64> {
-        let carts = self.displaced(motors, cart_loads);
+        let axes = self.displaced(motors, axis_loads);
         let play_m = self
             .play
             .elongation_m(tensions_n.fixed_rows::<3>(CLUSTER_3).sum());
         Vector6::from_fn(|link, _| {
             let spring_m = self.compliances.link_m_per_n()[link] * tensions_n[link];
             let joint_m = if link >= CLUSTER_3 { play_m } else { 0.0 };
-            let length_m = self.robot.geometry().lengths_m[ARM_OF_LINK[link]];
-            self.link(link, &carts, pose).norm() - (length_m + spring_m + joint_m)
+            let length_m = self.geometry.lengths_m[link];
+            self.link(link, &axes, pose).0.norm() - (length_m + spring_m + joint_m)
         })
     }
 }
 
-/// Line matrix `W` (6 x 6) and guideway projections `D_(ij),k = s_ij . v_k` (6 x 3).
-struct Lines {
+/// Line matrix `W` (6 x 6) and `D_(ij),k = s_ij . dA_ij/dq_k` (6 x N).
+struct Lines<const N: usize> {
     matrix: Matrix6<f64>,
-    guideways: Matrix6x3<f64>,
+    drives: SMatrix<f64, 6, N>,
 }
 
 /// `T + dT`, `exp(dtheta) R`.
@@ -282,7 +284,8 @@ fn is_finite(pose: &Pose) -> bool {
 mod tests {
     use super::*;
     use crate::sim::fixture;
-    use gantry_tau_core::robot::LINKS;
+    use gantry_tau_core::robot::ARMS;
+    use nalgebra::Rotation3;
 
     fn pose_of(case: &fixture::Case) -> Pose {
         Pose {
@@ -292,8 +295,8 @@ mod tests {
     }
 
     /// Rigid joints, nominal compliances.
-    fn machine() -> ElasticMachine {
-        ElasticMachine::new(fixture::robot(), fixture::compliances(), Play::NONE)
+    fn machine() -> ElasticMachine<ARMS> {
+        ElasticMachine::new(fixture::geometry(), fixture::compliances(), Play::NONE)
     }
 
     #[test]
@@ -331,14 +334,14 @@ mod tests {
     }
 
     #[test]
-    fn tensions_and_cart_loads_agree_with_the_vectors_to_first_order() {
+    fn tensions_and_axis_loads_agree_with_the_vectors_to_first_order() {
         for case in fixture::cases() {
             let start = Equilibrium::unloaded(pose_of(&case));
             let load = Vector6::from(case.w) * 1e-3;
             let ahead = machine().equilibrium(&case.q, &load, &start).unwrap();
             let back = machine().equilibrium(&case.q, &-load, &start).unwrap();
             let tensions = (ahead.tensions_n - back.tensions_n) * 500.0 - Vector6::from(case.f);
-            let loads = (ahead.cart_loads - back.cart_loads) * 500.0 - Vector3::from(case.tau);
+            let loads = (ahead.axis_loads - back.axis_loads) * 500.0 - Vector3::from(case.tau);
             assert!(tensions.amax() < 1e-6 * Vector6::from(case.f).amax());
             assert!(loads.amax() < 1e-6 * Vector3::from(case.tau).amax());
         }
@@ -346,7 +349,7 @@ mod tests {
 
     /// Energy of links and carts less the work of the load, with the platform moved and the carts shifted.
     fn potential(
-        machine: &ElasticMachine,
+        machine: &ElasticMachine<ARMS>,
         motors: &[f64; 3],
         carts: &Vector3<f64>,
         pose: &Pose,
@@ -356,8 +359,8 @@ mod tests {
         let compliances = machine.compliances();
         let mut energy = -load.dot(moved_by);
         for link in 0..LINKS {
-            let length = machine.robot().geometry().lengths_m[ARM_OF_LINK[link]];
-            let elongation = machine.link(link, carts, pose).norm() - length;
+            let length = machine.geometry().lengths_m[link];
+            let elongation = machine.link(link, carts, pose).0.norm() - length;
             energy += elongation * elongation / (2.0 * compliances.link_m_per_n()[link]);
         }
         for arm in 0..ARMS {
@@ -374,7 +377,7 @@ mod tests {
             let load = Vector6::from(case.w);
             let start = Equilibrium::unloaded(pose_of(&case));
             let found = machine.equilibrium(&case.q, &load, &start).unwrap();
-            let carts = machine.displaced(&Vector3::from(case.q), &found.cart_loads);
+            let carts = machine.displaced(&Vector3::from(case.q), &found.axis_loads);
             let h = 1e-7;
             for direction in 0..LINKS + ARMS {
                 let at = |sign: f64| {
@@ -412,7 +415,7 @@ mod tests {
             work += middle.fixed_rows::<3>(0).dot(&shift) + middle.fixed_rows::<3>(3).dot(&turn);
             last = now;
         }
-        let carts = machine.displaced(&Vector3::from(case.q), &last.cart_loads);
+        let carts = machine.displaced(&Vector3::from(case.q), &last.axis_loads);
         let stored = potential(
             &machine,
             &case.q,
@@ -431,7 +434,7 @@ mod tests {
             let load = Vector6::from(case.w);
             let start = Equilibrium::unloaded(pose_of(&case));
             let found = machine.equilibrium(&case.q, &load, &start).unwrap();
-            let carts = machine.displaced(&Vector3::from(case.q), &found.cart_loads);
+            let carts = machine.displaced(&Vector3::from(case.q), &found.axis_loads);
             let lines = machine.lines(&carts, &found.pose);
             let left = (lines.matrix * found.tensions_n + load).amax();
             assert!(left < 1e-9, "{left:e} N");
@@ -484,5 +487,68 @@ mod tests {
         assert!(solve(&apart, &Vector6::zeros()).is_err());
         let huge = Vector6::repeat(1e300);
         assert!(solve(&case.q, &huge).is_err());
+    }
+
+    fn six() -> ElasticMachine<6> {
+        ElasticMachine::new(fixture::six_links(), fixture::six_compliances(), Play::NONE)
+    }
+
+    fn pose_of_six(case: &fixture::SixCase) -> Pose {
+        let rotation = Rotation3::from_matrix_unchecked(fixture::matrix3(&case.r));
+        Pose {
+            translation_m: Vector3::from(case.t),
+            rotation: UnitQuaternion::from_rotation_matrix(&rotation),
+        }
+    }
+
+    #[test]
+    fn six_axes_unloaded_are_the_forward_kinematics() {
+        for case in fixture::six_cases() {
+            let there = pose_of_six(&case);
+            let away = moved(&there, &Vector6::new(0.02, -0.01, 0.015, 0.02, 0.01, -0.03));
+            let found = six()
+                .equilibrium(&case.q, &Vector6::zeros(), &Equilibrium::unloaded(away))
+                .unwrap();
+            assert!((found.pose.translation_m - there.translation_m).amax() < 1e-11);
+            assert!(found.pose.rotation.angle_to(&there.rotation) < 1e-11);
+        }
+    }
+
+    #[test]
+    fn loads_of_six_axes_agree_with_the_vectors_to_first_order() {
+        for case in fixture::six_cases() {
+            let start = Equilibrium::unloaded(pose_of_six(&case));
+            // The axes yield by millimetres under the full load, so its millionth, of both signs.
+            let load = Vector6::from(case.w) * 1e-6;
+            let ahead = six().equilibrium(&case.q, &load, &start).unwrap();
+            let back = six().equilibrium(&case.q, &-load, &start).unwrap();
+            let tensions = (ahead.tensions_n - back.tensions_n) / 2e-6;
+            let loads = (ahead.axis_loads - back.axis_loads) / 2e-6;
+            let (f, tau) = (Vector6::from(case.f), Vector6::from(case.tau));
+            assert!((tensions - f).amax() < 1e-6 * f.amax());
+            assert!((loads - tau).amax() < 1e-6 * tau.amax());
+        }
+    }
+
+    /// The sign test in all six degrees of freedom: the vectors' `q_comp` must bring tool and platform back.
+    #[test]
+    fn the_compensation_of_the_vectors_brings_all_six_back() {
+        for case in fixture::six_cases() {
+            let there = pose_of_six(&case);
+            let start = Equilibrium::unloaded(there);
+            // First order, so a hundredth of load and correction leaves a hundredth of the share.
+            let scale = 0.01;
+            let off = |axes: &[f64; 6]| {
+                let load = Vector6::from(case.w) * scale;
+                let pose = six().equilibrium(axes, &load, &start).unwrap().pose;
+                let shift = (pose.translation_m - there.translation_m).norm();
+                (shift, pose.rotation.angle_to(&there.rotation))
+            };
+            let correction = |axis: usize| scale * (case.q_comp[axis] - case.q[axis]);
+            let compensated = std::array::from_fn(|axis| case.q[axis] + correction(axis));
+            let (before, after) = (off(&case.q), off(&compensated));
+            assert!(after.0 < 0.01 * before.0, "{before:?}, then {after:?}");
+            assert!(after.1 < 0.01 * before.1, "{before:?}, then {after:?}");
+        }
     }
 }

@@ -1,34 +1,14 @@
-//! The L2 geometry of `tests/data/tau_vectors.json`, for the tests of this folder.
+//! Machines and cases of `tests/data/tau_vectors.json`, for the tests of this folder.
 
-use gantry_tau_core::robot::{Branch, Compliances, Configuration, Geometry, Robot};
-use nalgebra::{Matrix6, Vector3};
+use gantry_tau_core::robot::{Compliances, SixLinkGeometry};
+use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
-#[derive(Deserialize)]
-struct Vectors {
-    l2: L2,
-    c_link: [f64; 6],
-}
+use crate::model::Model;
+use crate::robot_file::RobotFile;
 
-#[derive(Deserialize)]
-#[serde(rename_all = "UPPERCASE")]
-struct L2 {
-    a0: [[f64; 3]; 6],
-    v: [[f64; 3]; 3],
-    #[serde(rename = "b")]
-    platform: [[f64; 3]; 6],
-    l: [f64; 3],
-    #[serde(rename = "c")]
-    inverse: [i32; 3],
-    #[serde(rename = "cf")]
-    forward: i32,
-    #[serde(rename = "c_cart")]
-    c_cart: [f64; 3],
-    #[serde(rename = "cases")]
-    cases: Vec<Case>,
-}
-
-/// One pose and load with what an independent implementation says about it.
+/// One pose and load of the L2 with what an independent implementation says about it.
 #[derive(Clone, Deserialize)]
 pub(crate) struct Case {
     #[serde(rename = "T")]
@@ -42,49 +22,69 @@ pub(crate) struct Case {
     pub(crate) c_total: [[f64; 6]; 6],
 }
 
-fn vectors() -> Vectors {
-    serde_json::from_str(include_str!("../../../tests/data/tau_vectors.json")).unwrap()
+/// The same of the F1.
+#[derive(Clone, Deserialize)]
+pub(crate) struct SixCase {
+    #[serde(rename = "T")]
+    pub(crate) t: [f64; 3],
+    #[serde(rename = "R")]
+    pub(crate) r: [[f64; 3]; 3],
+    pub(crate) q: [f64; 6],
+    pub(crate) w: [f64; 6],
+    pub(crate) f: [f64; 6],
+    pub(crate) tau: [f64; 6],
+    pub(crate) q_comp: [f64; 6],
 }
 
-fn branch(sign: i32) -> Branch {
-    if sign > 0 {
-        Branch::Positive
-    } else {
-        Branch::Negative
-    }
+fn cases_of<T: DeserializeOwned>(model: &str) -> Vec<T> {
+    let text = include_str!("../../../tests/data/tau_vectors.json");
+    let vectors: serde_json::Value = serde_json::from_str(text).unwrap();
+    serde_json::from_value(vectors[model]["cases"].clone()).unwrap()
 }
 
-pub(crate) fn robot() -> Robot {
-    let l2 = vectors().l2;
-    Robot::new(Geometry {
-        cart_joints_m: l2.a0.map(Vector3::from),
-        guideways: l2.v.map(Vector3::from),
-        platform_joints_m: l2.platform.map(Vector3::from),
-        lengths_m: l2.l,
-        configuration: Configuration {
-            inverse: l2.inverse.map(branch),
-            forward: branch(l2.forward),
-        },
-        travel: None,
-    })
-    .unwrap()
+/// The L2 whose file the tests of [`crate::robot_file`] compare with the vectors.
+pub(crate) fn geometry() -> SixLinkGeometry {
+    RobotFile::builtin_l2().unwrap().model.geometry()
 }
 
 pub(crate) fn compliances() -> Compliances {
-    let all = vectors();
-    Compliances::new(all.c_link, all.l2.c_cart).unwrap()
+    RobotFile::builtin_l2().unwrap().compliances.unwrap()
 }
 
 pub(crate) fn cases() -> Vec<Case> {
-    vectors().l2.cases
+    cases_of("l2")
 }
 
-/// Mean of the cases' poses: inside the workspace, far from its edges.
+/// The F1.
+pub(crate) fn six_links() -> SixLinkGeometry {
+    RobotFile::builtin_f1().unwrap().model.geometry()
+}
+
+pub(crate) fn six_compliances() -> Compliances<6> {
+    RobotFile::builtin_f1().unwrap().compliances.unwrap()
+}
+
+pub(crate) fn six_cases() -> Vec<SixCase> {
+    cases_of("f1")
+}
+
+/// Mean of the L2's poses: inside the workspace, far from its edges.
 pub(crate) fn home_m() -> [f64; 3] {
     let cases = cases();
     let count = u32::try_from(cases.len()).unwrap();
     let sum: Vector3<f64> = cases.iter().map(|case| Vector3::from(case.t)).sum();
     (sum / f64::from(count)).into()
+}
+
+/// The axes there.
+pub(crate) fn home_q() -> [f64; 3] {
+    let l2 = RobotFile::builtin_l2().unwrap().model;
+    l2.axes_at(&Vector3::from(home_m())).unwrap()
+}
+
+/// Rows to matrix.
+pub(crate) fn matrix3(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
+    Matrix3::from_fn(|row, column| rows[row][column])
 }
 
 /// Rows to matrix.

@@ -28,7 +28,9 @@ impl ForceSensor {
     ///
     /// # Errors
     /// [`SimulationError`] when its rotation is none, or a number is not finite, negative noise, or absurdly large.
-    pub fn new(parameters: &SimulationParameters) -> Result<Self, SimulationError> {
+    pub fn new<const N: usize>(
+        parameters: &SimulationParameters<N>,
+    ) -> Result<Self, SimulationError> {
         check("force_noise_n", parameters.force_noise_n, 0.0, 1e6)?;
         check("moment_noise_nm", parameters.moment_noise_nm, 0.0, 1e6)?;
         for component in &parameters.sensor_bias {
@@ -82,12 +84,12 @@ mod tests {
     use super::*;
     use nalgebra::Rotation3;
 
-    fn parameters() -> SimulationParameters {
+    fn parameters() -> SimulationParameters<3> {
         SimulationParameters {
             sensor_rotation: Rotation3::from_euler_angles(0.3, -1.1, 2.0).into_inner(),
             sensor_lever_m: Vector3::new(0.02, -0.05, 0.11),
             sensor_bias: [3.0, -2.0, 12.0, 0.1, 0.2, -0.3],
-            ..SimulationParameters::at_home([0.0; 3])
+            ..SimulationParameters::at_home([0.0; 3], [0.0; 3])
         }
     }
 

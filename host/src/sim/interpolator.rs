@@ -1,7 +1,5 @@
 //! Nominal references in place of the NC kernel `[T 4.1.1]`: rest, or a walk along waypoints and back.
 
-use gantry_tau_core::robot::ARMS;
-
 use super::parameters::{MAX_WAYPOINTS, Motion, SimulationError, check};
 use super::rounding::nearest;
 
@@ -16,9 +14,9 @@ const MAX_LEG_CYCLES: f64 = 86_400_000.0;
 
 /// One sample of the nominal axis positions per cycle, in metres. Positions, speeds and accelerations are continuous.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Interpolator {
+pub struct Interpolator<const N: usize> {
     /// Home, then the waypoints.
-    stops_m: Vec<[f64; ARMS]>,
+    stops_m: Vec<[f64; N]>,
     /// Cycles of each leg, from a stop to the next one.
     legs: Vec<u32>,
     dwell: u32,
@@ -29,12 +27,12 @@ pub struct Interpolator {
     cycle: u32,
 }
 
-impl Interpolator {
+impl<const N: usize> Interpolator<N> {
     /// Starts at `home_m` (axis positions, metres).
     ///
     /// # Errors
     /// [`SimulationError::OutOfRange`] naming the waypoints, the speed or the acceleration.
-    pub fn new(home_m: [f64; ARMS], motion: &Motion) -> Result<Self, SimulationError> {
+    pub fn new(home_m: [f64; N], motion: &Motion<N>) -> Result<Self, SimulationError> {
         let mut this = Self {
             stops_m: vec![home_m],
             legs: Vec::new(),
@@ -80,14 +78,14 @@ impl Interpolator {
 
     /// Axis positions now, metres.
     #[must_use]
-    pub fn position_m(&self) -> [f64; ARMS] {
+    pub fn position_m(&self) -> [f64; N] {
         let (Some(cycles), Some(near), Some(far)) = (
             self.legs.get(self.leg),
             self.stops_m.get(self.leg),
             self.stops_m.get(self.leg + 1),
         ) else {
             // No leg: it holds.
-            return self.stops_m.first().copied().unwrap_or_default();
+            return self.stops_m.first().copied().unwrap_or([0.0; N]);
         };
         let walked = f64::from(self.cycle.saturating_sub(self.dwell)) / f64::from(*cycles);
         let share = quintic(if self.backwards { 1.0 - walked } else { walked });
@@ -123,9 +121,9 @@ fn too_many() -> SimulationError {
 }
 
 /// Cycles that keep every axis below the speed and the acceleration, at least one.
-fn leg_cycles(
-    from: &[f64; ARMS],
-    to: &[f64; ARMS],
+fn leg_cycles<const N: usize>(
+    from: &[f64; N],
+    to: &[f64; N],
     speed_m_per_s: f64,
     acceleration_m_per_s2: f64,
 ) -> Result<u32, SimulationError> {
@@ -152,8 +150,9 @@ fn quintic(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gantry_tau_core::robot::ARMS;
 
-    fn walk() -> Interpolator {
+    fn walk() -> Interpolator<ARMS> {
         let motion = Motion::BackAndForth {
             waypoints_m: vec![[0.1, 0.0, -0.05], [0.1, 0.2, 0.0]],
             speed_m_per_s: 0.5,

@@ -6,19 +6,21 @@
 //! *Displacement* is the tool's place less its place on the unloaded rigid machine with the carts at the nominal of the last `write`:
 //! the nominal that the drives were told, without the offsets. So neither the interpolator's motion nor the delay of a cycle shows
 //! up in it, but everything else does: springs, play, following errors, and the offsets of a compensation.
+//!
+//! Motors of one axis share its cart: it is where they are on average, and each carries its part of the load.
 
-use gantry_tau_core::axis::{Offsets, Reference};
-use gantry_tau_core::robot::{ARMS, Compliances, Robot};
+use gantry_tau_core::axis::{Actual, Offsets, Reference};
+use gantry_tau_core::endpoint::MotorMap;
+use gantry_tau_core::robot::{Compliances, SixLinkGeometry};
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 
-use super::drive::Drive;
+use super::drive::{self, Drive};
 use super::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
 use super::force_sensor::ForceSensor;
 use super::gauge::Gauge;
 use super::hand::{Load, Tool};
 use super::interpolator::Interpolator;
-use super::inverse::carts_at;
 use super::parameters::{SimulationError, SimulationParameters, check};
 use super::springs::true_springs;
 use crate::plant::{Plant, PlantError, Reading, ToolReading};
@@ -26,60 +28,66 @@ use crate::plant::{Plant, PlantError, Reading, ToolReading};
 /// Most cycles one `read` simulates; time beyond that stands still for the machine.
 pub const MAX_CYCLES_PER_READ: u64 = 100;
 
-/// A simulated L2 `[T 4.2]`.
+/// A simulated machine with `N` axes and `M` motors `[T 4.2]`.
 #[derive(Debug)]
-pub struct SimulatedMachine {
-    springs: ElasticMachine,
-    drives: [Drive; ARMS],
-    interpolator: Interpolator,
+pub struct SimulatedMachine<const N: usize, const M: usize> {
+    springs: ElasticMachine<N>,
+    motors: MotorMap<N, M>,
+    drives: [Drive; M],
+    interpolator: Interpolator<N>,
     sensor: ForceSensor,
     gauge: Gauge,
     tool: Tool,
-    metres_per_q: [f64; ARMS],
+    metres_per_q: [f64; N],
     offsets_readable: bool,
     /// Nominal of the last reading.
-    nominal: [PositionNm; ARMS],
+    nominal: [PositionNm; N],
     /// Nominal to which the references in force belong.
-    nominal_in_force: [PositionNm; ARMS],
-    references: [Reference; ARMS],
+    nominal_in_force: [PositionNm; N],
+    references: [Reference; M],
     /// The tool under load, and on the rigid machine at `nominal_in_force`.
-    loaded: Equilibrium,
-    rigid: Equilibrium,
+    loaded: Equilibrium<N>,
+    rigid: Equilibrium<N>,
     load: Load,
     sample: Vector6<f64>,
 }
 
-impl SimulatedMachine {
-    /// A machine of geometry `robot` whose springs are near `nominal` compliances, at rest at home, felt by `tool`.
+impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
+    /// A machine whose springs are near `nominal` compliances, at rest at home, felt by `tool`.
     ///
     /// # Errors
     /// [`SimulationError`] naming the parameter.
     pub fn new(
-        robot: &Robot,
-        nominal: &Compliances,
-        parameters: &SimulationParameters,
+        geometry: &SixLinkGeometry,
+        nominal: &Compliances<N>,
+        motors: MotorMap<N, M>,
+        parameters: &SimulationParameters<N>,
         tool: Tool,
     ) -> Result<Self, SimulationError> {
         for scale in &parameters.metres_per_q {
             check("metres_per_q", *scale, 1e-6, 1e3)?;
         }
-        let home_m = home(robot, parameters)?;
-        let springs = true_springs(robot, nominal, parameters)?;
+        if let Some(axis) = (0..N).find(|axis| !motors.axis_of_motor().contains(axis)) {
+            return Err(SimulationError::NoMotor { axis });
+        }
+        let home_m = home(parameters)?;
+        let springs = true_springs(geometry, nominal, parameters)?;
         let at_home = positions_nm(&home_m)?;
-        let references = std::array::from_fn(|axis| {
+        let references = motors.spread(&std::array::from_fn(|axis| {
             let offsets = &parameters.initial_offsets[axis];
             Reference {
                 position: PositionNm(at_home[axis].0 + i64::from(offsets.position.0)),
                 velocity_offset: offsets.velocity,
                 torque_offset: offsets.torque,
             }
-        });
+        }));
         let start = Equilibrium::unloaded(Pose {
             translation_m: Vector3::from(parameters.home_m),
             rotation: UnitQuaternion::identity(),
         });
         let mut machine = Self {
             springs,
+            motors,
             drives: references.each_ref().map(Drive::at_rest),
             interpolator: Interpolator::new(home_m, &parameters.motion)?,
             sensor: ForceSensor::new(parameters)?,
@@ -104,28 +112,31 @@ impl SimulatedMachine {
 
     /// The compliances the machine really has: what an identification should find.
     #[must_use]
-    pub const fn true_compliances(&self) -> &Compliances {
+    pub const fn true_compliances(&self) -> &Compliances<N> {
         self.springs.compliances()
     }
 
     /// Nominal axis positions of the last reading; before the first one, home.
     #[must_use]
-    pub const fn nominal(&self) -> &[PositionNm; ARMS] {
+    pub const fn nominal(&self) -> &[PositionNm; N] {
         &self.nominal
     }
 
     /// The tool under load as the last reading left it.
     #[must_use]
-    pub const fn equilibrium(&self) -> &Equilibrium {
+    pub const fn equilibrium(&self) -> &Equilibrium<N> {
         &self.loaded
     }
 
     /// One cycle of 1 ms.
     fn advance(&mut self) -> Result<(), &'static str> {
         self.load = self.tool.load();
-        for (axis, drive) in self.drives.iter_mut().enumerate() {
+        let axis_of_motor = self.motors.axis_of_motor();
+        for (drive, &axis) in self.drives.iter_mut().zip(axis_of_motor) {
+            let share = axis_of_motor.iter().filter(|other| **other == axis);
+            let motors = share.fold(0.0, |count, _| count + 1.0);
             // Power is the same in both units: tau dq = F dx.
-            drive.advance(self.loaded.cart_loads[axis] / self.metres_per_q[axis]);
+            drive.advance(self.loaded.axis_loads[axis] / self.metres_per_q[axis] / motors);
         }
         self.settle_platform()
             .map_err(|_| "the springs find no equilibrium under this load")?;
@@ -136,11 +147,18 @@ impl SimulatedMachine {
         Ok(())
     }
 
+    /// The drives of one axis.
+    fn drives_of(&self, axis: usize) -> impl Iterator<Item = &Drive> + Clone {
+        let drives = self.drives.iter().zip(self.motors.axis_of_motor());
+        drives.filter_map(move |(drive, of)| (*of == axis).then_some(drive))
+    }
+
     /// Poses for the motors as they are and for the nominal they were told.
     fn settle_platform(&mut self) -> Result<(), ElasticError> {
         let load = Vector6::from(self.load.wrench());
-        let motors =
-            std::array::from_fn(|axis| self.drives[axis].position_m() / self.metres_per_q[axis]);
+        let motors = std::array::from_fn(|axis| {
+            drive::mean(self.drives_of(axis).map(Drive::position_m)) / self.metres_per_q[axis]
+        });
         self.loaded = self.springs.equilibrium(&motors, &load, &self.loaded)?;
         let told = std::array::from_fn(|axis| {
             self.nominal_in_force[axis].to_metres().0 / self.metres_per_q[axis]
@@ -152,20 +170,31 @@ impl SimulatedMachine {
     }
 
     fn tool_reading(&self) -> ToolReading {
-        let displacement: [f64; 3] =
-            (self.loaded.pose.translation_m - self.rigid.pose.translation_m).into();
+        let (loaded, rigid) = (&self.loaded.pose, &self.rigid.pose);
+        let displacement: [f64; 3] = (loaded.translation_m - rigid.translation_m).into();
         ToolReading {
             step: self.load.step,
             load: self.load.wrench(),
             sensor: self.sample.into(),
             displacement_m: displacement,
+            turn_rad: (loaded.rotation * rigid.rotation.inverse())
+                .scaled_axis()
+                .into(),
             gauges_m: displacement.map(|length| self.gauge.show(length)),
         }
     }
+
+    /// The reference that the first motor of an axis follows; all of them follow equal ones.
+    fn reference_of(&self, axis: usize) -> Option<&Reference> {
+        let of_motors = self.references.iter().zip(self.motors.axis_of_motor());
+        of_motors
+            .filter_map(|(reference, of)| (*of == axis).then_some(reference))
+            .next()
+    }
 }
 
-impl Plant<ARMS, ARMS> for SimulatedMachine {
-    fn offsets_in_force(&mut self) -> Result<[Offsets; ARMS], PlantError> {
+impl<const N: usize, const M: usize> Plant<N, M> for SimulatedMachine<N, M> {
+    fn offsets_in_force(&mut self) -> Result<[Offsets; N], PlantError> {
         let failed = |reason| PlantError {
             operation: "read the offsets in force",
             reason,
@@ -173,9 +202,9 @@ impl Plant<ARMS, ARMS> for SimulatedMachine {
         if !self.offsets_readable {
             return Err(failed("this drive interface does not tell them"));
         }
-        let mut offsets = [Offsets::default(); ARMS];
+        let mut offsets = [Offsets::default(); N];
         for (axis, offset) in offsets.iter_mut().enumerate() {
-            let reference = &self.references[axis];
+            let reference = (self.reference_of(axis)).ok_or(failed("an axis has no motor"))?;
             let away = reference
                 .position
                 .0
@@ -190,7 +219,7 @@ impl Plant<ARMS, ARMS> for SimulatedMachine {
         Ok(offsets)
     }
 
-    fn read(&mut self, elapsed: u64) -> Result<Reading<ARMS>, PlantError> {
+    fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantError> {
         let failed = |reason| PlantError {
             operation: "advance the simulation",
             reason,
@@ -198,10 +227,9 @@ impl Plant<ARMS, ARMS> for SimulatedMachine {
         for _ in 0..elapsed.min(MAX_CYCLES_PER_READ) {
             self.advance().map_err(failed)?;
         }
-        let mut actual = [Default::default(); ARMS];
-        for (report, drive) in actual.iter_mut().zip(&self.drives) {
-            *report = drive
-                .actual()
+        let mut actual = [Actual::default(); N];
+        for (axis, report) in actual.iter_mut().enumerate() {
+            *report = drive::report(self.drives_of(axis))
                 .map_err(|_| failed("an axis has left the range of positions"))?;
         }
         Ok(Reading {
@@ -211,7 +239,7 @@ impl Plant<ARMS, ARMS> for SimulatedMachine {
         })
     }
 
-    fn write(&mut self, references: &[Reference; ARMS]) -> Result<(), PlantError> {
+    fn write(&mut self, references: &[Reference; M]) -> Result<(), PlantError> {
         for (drive, reference) in self.drives.iter_mut().zip(references) {
             drive.command(reference);
         }
@@ -222,20 +250,24 @@ impl Plant<ARMS, ARMS> for SimulatedMachine {
 }
 
 /// Axis positions at home, metres.
-fn home(robot: &Robot, parameters: &SimulationParameters) -> Result<[f64; ARMS], SimulationError> {
+fn home<const N: usize>(parameters: &SimulationParameters<N>) -> Result<[f64; N], SimulationError> {
     for component in &parameters.home_m {
         check("home_m", *component, -1e3, 1e3)?;
     }
-    let carts =
-        carts_at(robot, &Vector3::from(parameters.home_m)).map_err(SimulationError::Home)?;
+    for component in &parameters.home_q {
+        check("home_q", *component, -1e6, 1e6)?;
+    }
+    let scales = &parameters.metres_per_q;
     Ok(std::array::from_fn(|axis| {
-        carts[axis] * parameters.metres_per_q[axis]
+        parameters.home_q[axis] * scales[axis]
     }))
 }
 
 /// Metres to the reference path.
-fn positions_nm(positions_m: &[f64; ARMS]) -> Result<[PositionNm; ARMS], SimulationError> {
-    let mut positions = [PositionNm(0); ARMS];
+fn positions_nm<const N: usize>(
+    positions_m: &[f64; N],
+) -> Result<[PositionNm; N], SimulationError> {
+    let mut positions = [PositionNm(0); N];
     for (nm, metres) in positions.iter_mut().zip(positions_m) {
         *nm =
             PositionNm::from_metres(Metres(*metres)).map_err(|_| SimulationError::OutOfRange {
@@ -253,22 +285,31 @@ mod tests {
     use crate::sim::fixture;
     use crate::sim::hand::{Hand, hand_and_tool};
     use crate::sim::parameters::Motion;
+    use gantry_tau_core::robot::ARMS;
 
-    fn parameters() -> SimulationParameters {
-        SimulationParameters::at_home(fixture::home_m())
+    type Machine = SimulatedMachine<ARMS, ARMS>;
+    type Parameters = SimulationParameters<ARMS>;
+
+    fn parameters() -> Parameters {
+        SimulationParameters::at_home(fixture::home_m(), fixture::home_q())
     }
 
-    fn machine(parameters: &SimulationParameters) -> (SimulatedMachine, Hand) {
+    fn try_machine(parameters: &Parameters) -> Result<(Machine, Hand), SimulationError> {
         let (hand, tool) = hand_and_tool();
-        let (robot, nominal) = (fixture::robot(), fixture::compliances());
-        (
-            SimulatedMachine::new(&robot, &nominal, parameters, tool).unwrap(),
+        let (geometry, nominal) = (fixture::geometry(), fixture::compliances());
+        let motors = MotorMap::new([0, 1, 2]).unwrap();
+        Ok((
+            SimulatedMachine::new(&geometry, &nominal, motors, parameters, tool)?,
             hand,
-        )
+        ))
+    }
+
+    fn machine(parameters: &Parameters) -> (Machine, Hand) {
+        try_machine(parameters).unwrap()
     }
 
     /// One cycle of a server without offsets.
-    fn cycle(machine: &mut SimulatedMachine) -> Reading<ARMS> {
+    fn cycle(machine: &mut Machine) -> Reading<ARMS> {
         let reading = machine.read(1).unwrap();
         let references = reading.nominal.map(|position| Reference {
             position,
@@ -287,7 +328,7 @@ mod tests {
     }
 
     /// Displacement in x after settling under a force in x, metres.
-    fn settled_x(machine: &mut SimulatedMachine, hand: &mut Hand, newtons: f64) -> f64 {
+    fn settled_x(machine: &mut Machine, hand: &mut Hand, newtons: f64) -> f64 {
         hand.set(&pull([newtons, 0.0, 0.0])).unwrap();
         let mut x = 0.0;
         for _ in 0..200 {
@@ -517,21 +558,17 @@ mod tests {
 
     #[test]
     fn refuses_by_name() {
-        let refused = |change: fn(&mut SimulationParameters)| {
+        let refused = |change: fn(&mut Parameters)| {
             let mut bad = parameters();
             change(&mut bad);
-            let (_hand, tool) = hand_and_tool();
-            SimulatedMachine::new(&fixture::robot(), &fixture::compliances(), &bad, tool)
-                .err()
-                .unwrap()
-                .to_string()
+            try_machine(&bad).err().unwrap().to_string()
         };
         assert!(refused(|p| p.spring_deviation = 1.0).contains("spring_deviation"));
         assert!(refused(|p| p.jump_gap_m = f64::NAN).contains("jump_gap_m"));
         assert!(refused(|p| p.jump_force_n = -1.0).contains("jump_force_n"));
         assert!(refused(|p| p.jump_force_n = 0.0).contains("jump_force_n"));
         assert!(refused(|p| p.metres_per_q[1] = 0.0).contains("metres_per_q"));
-        assert!(refused(|p| p.home_m[2] = 9.0).contains("arm 1 does not reach"));
+        assert!(refused(|p| p.home_q[2] = 9.0).contains("home_m"));
         assert!(refused(|p| p.gauge_resolution_m = 0.0).contains("gauge_resolution_m"));
     }
 }

@@ -1,4 +1,4 @@
-//! The simulated L2 machine: the truth of the demo, and the first implementation of [`crate::plant::Plant`].
+//! The simulated machine: the truth of the demo, and the first implementation of [`crate::plant::Plant`].
 //!
 //! It is deliberately *not* built from the compensator's model. The compensator linearises at the nominal pose
 //! ([`gantry_tau_core::stiffness`]); here springs, joints and motors find their own nonlinear equilibrium with their own code,
@@ -7,10 +7,10 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`elastic`] | platform, links, carts as springs: pose under load `[T 3.3]` |
+//! | [`elastic`] | platform, links, axes as springs: pose under load `[T 3.3]` |
+//! | [`joints`] | carts and plates: where the links are held, and how axes move them `[T 3.1]` |
 //! | [`play`] | the jump near 360 N `[T 5.2.2, 6.1]` |
 //! | [`springs`] | the true compliances of one machine |
-//! | [`inverse`] | carts of the unloaded machine at a place, for the start |
 //! | [`drive`] | cascade of an axis `[T 4.1.7]` |
 //! | [`interpolator`] | nominal references, in place of the NC kernel `[T 4.1.1]` |
 //! | [`hand`] | the load on the tool, set from another thread `[T 4.2.9]` |
@@ -40,7 +40,7 @@ pub mod force_sensor;
 pub mod gauge;
 pub mod hand;
 pub mod interpolator;
-pub mod inverse;
+pub mod joints;
 pub mod machine;
 pub mod parameters;
 pub mod play;

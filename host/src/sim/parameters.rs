@@ -3,18 +3,17 @@
 use std::fmt;
 
 use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::robot::{ARMS, RobotError};
+use gantry_tau_core::robot::RobotError;
 use nalgebra::{Matrix3, Vector3};
 
 use super::elastic::ElasticError;
-use super::inverse::InverseError;
 
 /// Longest list of waypoints.
 pub const MAX_WAYPOINTS: usize = 100_000;
 
-/// Parameters of [`super::machine::SimulatedMachine`].
+/// Parameters of a [`super::machine::SimulatedMachine`] with `N` axes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SimulationParameters {
+pub struct SimulationParameters<const N: usize> {
     /// Seed of the spring deviations and of the sensor's noise.
     pub seed: u64,
     /// Largest relative deviation of a true compliance from its nominal value, `0 <= deviation < 1`; each is drawn uniformly.
@@ -31,31 +30,33 @@ pub struct SimulationParameters {
     pub jump_force_n: f64,
     /// Play of the joint of arm 3, m; 0 for a machine without the jump.
     pub jump_gap_m: f64,
-    /// Where the tool stands at the start, world axes, m.
+    /// Where the tool stands at the start, world axes, m; the platform is unturned.
     pub home_m: [f64; 3],
+    /// Positions of the axes that put it there, q-units. Where they do not, the search for the first pose begins beside it.
+    pub home_q: [f64; N],
     /// Sensor axes to world axes; the columns are the sensor's axes.
     pub sensor_rotation: Matrix3<f64>,
     /// From the tool centre point to the sensor's origin, world axes, m.
     pub sensor_lever_m: Vector3<f64>,
     /// Length of each axis per unit of `q`, m.
-    pub metres_per_q: [f64; ARMS],
+    pub metres_per_q: [f64; N],
     /// Offsets that the drives have in force at the start: those a killed server left behind.
-    pub initial_offsets: [Offsets; ARMS],
+    pub initial_offsets: [Offsets; N],
     /// Whether the drive interface tells its offsets; if not, a server has to refuse to start.
     pub offsets_readable: bool,
     /// What the nominal references do.
-    pub motion: Motion,
+    pub motion: Motion<N>,
 }
 
 /// What the nominal references do.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Motion {
+pub enum Motion<const N: usize> {
     /// They stay at home.
     Hold,
     /// From home through the waypoints and the same way back, for ever.
     BackAndForth {
         /// Axis positions in metres, home not included.
-        waypoints_m: Vec<[f64; ARMS]>,
+        waypoints_m: Vec<[f64; N]>,
         /// No axis is faster, m/s.
         speed_m_per_s: f64,
         /// No axis accelerates faster, m/s^2.
@@ -65,11 +66,11 @@ pub enum Motion {
     },
 }
 
-impl SimulationParameters {
-    /// An L2 like the thesis' `[T 4.2, 5.2]` with its tool at `home_m` (world axes, metres): true springs within 15 % of the
+impl<const N: usize> SimulationParameters<N> {
+    /// A machine like the thesis' `[T 4.2, 5.2]` with its tool at `home_m` (world axes, metres) and its axes at `home_q`: true springs within 15 % of the
     /// nominal ones, the jump at 360 N, gauges of 0.5 µm, a sensor along the world axes, one metre per unit of `q`.
     #[must_use]
-    pub fn at_home(home_m: [f64; 3]) -> Self {
+    pub fn at_home(home_m: [f64; 3], home_q: [f64; N]) -> Self {
         Self {
             seed: 1,
             spring_deviation: 0.15,
@@ -80,10 +81,11 @@ impl SimulationParameters {
             jump_force_n: 360.0,
             jump_gap_m: 40e-6,
             home_m,
+            home_q,
             sensor_rotation: Matrix3::identity(),
             sensor_lever_m: Vector3::zeros(),
-            metres_per_q: [1.0; ARMS],
-            initial_offsets: [Offsets::default(); ARMS],
+            metres_per_q: [1.0; N],
+            initial_offsets: [Offsets::default(); N],
             offsets_readable: true,
             motion: Motion::Hold,
         }
@@ -107,8 +109,11 @@ pub enum SimulationError {
         /// Which parameter.
         parameter: &'static str,
     },
-    /// The carts cannot hold the tool at `home_m`.
-    Home(InverseError),
+    /// An axis has no motor.
+    NoMotor {
+        /// Which axis, from 0.
+        axis: usize,
+    },
     /// The deviated compliances are no compliances.
     Compliances(RobotError),
     /// The springs find no equilibrium at home.
@@ -126,7 +131,7 @@ impl fmt::Display for SimulationError {
                 upper,
             } => write!(f, "{parameter} must be from {lower:e} to {upper:e}"),
             Self::NotARotation { parameter } => write!(f, "{parameter} is not a rotation"),
-            Self::Home(reason) => write!(f, "home_m: {reason}"),
+            Self::NoMotor { axis } => write!(f, "axis {axis} (from 0) has no motor"),
             Self::Compliances(reason) => write!(f, "spring_deviation: {reason}"),
             Self::Springs(reason) => write!(f, "home_m: {reason}"),
             Self::NoJump => f.write_str("jump_force_n hardly loads arm 3 at home_m"),

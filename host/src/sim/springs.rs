@@ -1,12 +1,11 @@
 //! The true springs of one machine: what an identification should find and a compensation does not know.
 
-use gantry_tau_core::robot::{ARMS, Compliances, LINKS, Robot};
+use gantry_tau_core::robot::{Compliances, LINKS, SixLinkGeometry};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::elastic::{ElasticMachine, Equilibrium, Pose};
-use super::inverse::carts_at;
 use super::parameters::{SimulationError, SimulationParameters, check};
 use super::play::Play;
 
@@ -14,42 +13,40 @@ use super::play::Play;
 ///
 /// # Errors
 /// [`SimulationError`] naming the parameter.
-pub fn true_springs(
-    robot: &Robot,
-    nominal: &Compliances,
-    parameters: &SimulationParameters,
-) -> Result<ElasticMachine, SimulationError> {
+pub fn true_springs<const N: usize>(
+    geometry: &SixLinkGeometry,
+    nominal: &Compliances<N>,
+    parameters: &SimulationParameters<N>,
+) -> Result<ElasticMachine<N>, SimulationError> {
     let deviation = parameters.spring_deviation;
     check("spring_deviation", deviation, 0.0, 0.99)?;
     let mut random = ChaCha8Rng::seed_from_u64(parameters.seed);
     let mut deviated =
         |value: f64| value * (1.0 + deviation * (2.0 * random.random::<f64>() - 1.0));
     let links: [f64; LINKS] = nominal.link_m_per_n().map(&mut deviated);
-    let carts: [f64; ARMS] = nominal.cart_m_per_n().map(&mut deviated);
-    let compliances = Compliances::new(links, carts).map_err(SimulationError::Compliances)?;
-    let rigid_joint = ElasticMachine::new(*robot, compliances, Play::NONE);
+    let axes: [f64; N] = nominal.cart_m_per_n().map(&mut deviated);
+    let compliances = Compliances::new(links, axes).map_err(SimulationError::Compliances)?;
+    let rigid_joint = ElasticMachine::new(*geometry, compliances, Play::NONE);
     Ok(rigid_joint.with_play(play(&rigid_joint, parameters)?))
 }
 
 /// Play whose resting preload is what `jump_force_n` in x cancels at home.
-fn play(
-    rigid_joint: &ElasticMachine,
-    parameters: &SimulationParameters,
+fn play<const N: usize>(
+    rigid_joint: &ElasticMachine<N>,
+    parameters: &SimulationParameters<N>,
 ) -> Result<Play, SimulationError> {
     check("jump_gap_m", parameters.jump_gap_m, 0.0, 1e-2)?;
     check("jump_force_n", parameters.jump_force_n, 0.0, 1e5)?;
     if parameters.jump_gap_m <= 0.0 {
         return Ok(Play::NONE);
     }
-    let home = Vector3::from(parameters.home_m);
-    let carts = carts_at(rigid_joint.robot(), &home).map_err(SimulationError::Home)?;
     let start = Equilibrium::unloaded(Pose {
-        translation_m: home,
+        translation_m: Vector3::from(parameters.home_m),
         rotation: UnitQuaternion::identity(),
     });
     let load = Vector6::new(parameters.jump_force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
     let at_jump = rigid_joint
-        .equilibrium(&carts, &load, &start)
+        .equilibrium(&parameters.home_q, &load, &start)
         .map_err(SimulationError::Springs)?;
     Play::new(parameters.jump_gap_m, -at_jump.cluster_3_n()).ok_or(SimulationError::NoJump)
 }
@@ -63,10 +60,10 @@ mod tests {
         let parameters = SimulationParameters {
             seed,
             spring_deviation,
-            ..SimulationParameters::at_home(fixture::home_m())
+            ..SimulationParameters::at_home(fixture::home_m(), fixture::home_q())
         };
-        let (robot, nominal) = (fixture::robot(), fixture::compliances());
-        *true_springs(&robot, &nominal, &parameters)
+        let (geometry, nominal) = (fixture::geometry(), fixture::compliances());
+        *true_springs(&geometry, &nominal, &parameters)
             .unwrap()
             .compliances()
     }

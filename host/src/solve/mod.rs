@@ -28,7 +28,7 @@ use std::io::{self, BufRead, Write};
 
 use serde_json::{Value, json};
 
-use crate::robot_file::RobotFile;
+use crate::robot_file::AnyRobotFile;
 use request::Machine;
 
 /// Longest line that is read, in bytes, without its end.
@@ -154,10 +154,16 @@ impl Solver {
         if let Some(machine) = self.files.get(path) {
             return Ok(*machine);
         }
-        let file = RobotFile::load(path).map_err(|error| Failure::robot(error.to_string()))?;
-        let machine = Machine::L2 {
-            robot: file.robot,
-            compliances: file.compliances,
+        let file = AnyRobotFile::load(path).map_err(|error| Failure::robot(error.to_string()))?;
+        let machine = match file {
+            AnyRobotFile::L2(file) => Machine::L2 {
+                robot: *file.model.robot(),
+                compliances: file.compliances,
+            },
+            AnyRobotFile::F1(file) => Machine::F1 {
+                kinematics: *file.model.kinematics(),
+                compliances: file.compliances,
+            },
         };
         if self.files.len() >= MAX_CACHED {
             self.files.clear();

@@ -33,6 +33,31 @@ fn the_demo_compensates_ramps_and_reports() {
     assert_rows(&folder.read("demo.csv"));
 }
 
+#[test]
+fn the_demo_of_six_axes_compensates_turning_as_well() {
+    let folder = Folder::new("demo_f1");
+    let mut arguments = vec!["demo", "--robot", "f1", "--pace", "lockstep"];
+    arguments.extend(["--step-seconds", "0.2", "--force-max", "120"]);
+    arguments.extend(["--json", "f1.json", "--black-box", "box.jsonl"]);
+    let said = folder.run(&arguments).success();
+    assert!(said.contains("turning of the platform"), "{said}");
+    assert!(said.contains("All as it should be."), "{said}");
+    let results: Value = serde_json::from_str(&folder.read("f1.json")).unwrap();
+    assert_eq!(results["axes"], 6);
+    assert_eq!(results["complaints"], Value::Array(Vec::new()));
+    for step in results["steps"].as_array().unwrap() {
+        let turned = step["turn_urad"][0].as_f64().unwrap();
+        assert!(turned > 100.0, "hardly any turning: {step}");
+        let share = step["remaining_turn_share"].as_f64().unwrap();
+        assert!((0.0..=0.05).contains(&share), "{share}");
+    }
+    let offsets = results["ramp"]["start_offset_nm"].as_array().unwrap();
+    assert_eq!(offsets.len(), 6);
+    let replayed = folder.run(&["replay", "box.jsonl"]).success();
+    assert!(replayed.contains("6 axes"), "{replayed}");
+    assert!(replayed.contains("agree bit for bit"), "{replayed}");
+}
+
 fn assert_numbers(results: &Value) {
     assert_eq!(results["pace"], "lockstep");
     let steps = results["steps"].as_array().unwrap();

@@ -33,3 +33,32 @@ fn good_and_bad_lines_are_answered_in_order() {
     assert_eq!(answers[4], answers[0]);
     assert_eq!(folder.run(&["solve"]).success(), "");
 }
+
+/// There and back through the file of the six-axis machine.
+#[test]
+fn six_axes_are_solved_from_their_file() {
+    let robot = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/f1.toml");
+    let folder = Folder::new("solve_f1");
+    let solve = |request: Value| -> Value {
+        folder.write("in", &request.to_string());
+        let input = Stdio::from(File::open(folder.path("in")).unwrap());
+        let said = folder.start_with("solve", &["solve"], input).end();
+        serde_json::from_str(said.success().trim()).unwrap()
+    };
+    let there = json!([0.15, 0.05, 0.35]);
+    let inverse = solve(json!({"id": 1, "robot": robot, "op": "ik", "T": there}));
+    let q = inverse["ok"]["q"].clone();
+    let back = solve(json!({"id": 2, "robot": robot, "op": "fk", "q": q}));
+    for (found, wanted) in back["ok"]["T"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .zip([0.15, 0.05, 0.35])
+    {
+        assert!((found.as_f64().unwrap() - wanted).abs() < 1e-10, "{back}");
+    }
+    let mut far = q;
+    far[3] = json!(0.41);
+    let refused = solve(json!({"id": 3, "robot": robot, "op": "fk", "q": far}));
+    assert_eq!(refused["error"]["kind"], "out_of_range", "{refused}");
+}

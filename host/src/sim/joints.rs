@@ -1,0 +1,73 @@
+//! Joints between the axes and the links: where they are, and how each axis moves them. By rotations of nalgebra, apart from core's plates.
+
+use gantry_tau_core::robot::{ARM_OF_LINK, SixLinkGeometry};
+use nalgebra::{Rotation3, Unit, Vector3};
+
+/// Index of `q_4` among the axes; `q_5` and `q_6` follow.
+const Q4: usize = 3;
+
+/// The joint of one link on its cart or plate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Joint<const N: usize> {
+    /// Where it is, world axes, m.
+    pub place_m: Vector3<f64>,
+    /// How it moves with each axis, m per unit of `q`.
+    pub slopes: [Vector3<f64>; N],
+}
+
+/// The joint of `link` (from 0, link order) with the axes at `q`: cart `C_i + q_i V_i`, plate 2 turned by `Rot(ax, sigma4 q_4)`, plate 3 by
+/// `Rot(ax, sigma5 q_5) Rot(ax6, q_6)` `[T 3.1.2]`. A machine of three axes keeps its plates at 0.
+#[must_use]
+pub fn joint<const N: usize>(geometry: &SixLinkGeometry, link: usize, q: &[f64; N]) -> Joint<N> {
+    let arm = ARM_OF_LINK[link];
+    let angle = |axis: usize| q.get(axis).copied().unwrap_or(0.0);
+    let turn_axis = Unit::new_normalize(geometry.turn_axis);
+    let tilt_axis = Unit::new_normalize(geometry.tilt_axis);
+    let sign = |plate: usize| geometry.turn_signs[plate].sign();
+    let (turn, tilt) = match arm {
+        1 => (sign(0) * angle(Q4), 0.0),
+        2 => (sign(1) * angle(Q4 + 1), angle(Q4 + 2)),
+        _ => (0.0, 0.0),
+    };
+    let turned = Rotation3::from_axis_angle(&turn_axis, turn);
+    let tilted = Rotation3::from_axis_angle(&tilt_axis, tilt);
+    let lever = turned * tilted * geometry.plate_joints_m[link];
+    let slope = |axis: usize| match (arm, axis) {
+        (_, axis) if axis == arm => geometry.guideways[arm],
+        (1, Q4) => turn_axis.cross(&lever) * sign(0),
+        (2, 4) => turn_axis.cross(&lever) * sign(1),
+        (2, 5) => (turned * tilt_axis).cross(&lever),
+        _ => Vector3::zeros(),
+    };
+    Joint {
+        place_m: geometry.carts_m[arm] + geometry.guideways[arm] * q[arm] + lever,
+        slopes: std::array::from_fn(slope),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::fixture;
+    use gantry_tau_core::robot::LINKS;
+
+    /// The slopes against differences: those of a rotation by 1e-5 rad leave 1e-10 of the lever.
+    #[test]
+    fn slopes_are_the_differences_of_places() {
+        let geometry = fixture::six_links();
+        let q = [1.5, 1.7, 1.6, 0.11, -0.07, 0.05];
+        for link in 0..LINKS {
+            let here = joint(&geometry, link, &q);
+            for axis in 0..q.len() {
+                let at = |step: f64| {
+                    let mut moved = q;
+                    moved[axis] += step;
+                    joint(&geometry, link, &moved).place_m
+                };
+                let difference = (at(1e-5) - at(-1e-5)) / 2e-5;
+                let off = (difference - here.slopes[axis]).amax();
+                assert!(off < 1e-9, "link {link}, axis {axis}: {off:e}");
+            }
+        }
+    }
+}
