@@ -24,3 +24,4 @@ pub mod server;
 pub mod sim;
 pub mod solve;
 pub mod terminal;
+pub mod workspace;

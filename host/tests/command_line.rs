@@ -22,6 +22,8 @@ mod replay;
 mod signals;
 #[path = "command_line/solve.rs"]
 mod solve;
+#[path = "command_line/workspace.rs"]
+mod workspace;
 
 use process::Folder;
 
@@ -29,7 +31,7 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    for command in ["demo", "serve", "client", "replay", "solve"] {
+    for command in ["demo", "serve", "client", "replay", "workspace", "solve"] {
         assert!(all.contains(&format!("\n  {command} ")), "{all}");
         let help = folder.run(&[command, "--help"]).success();
         assert!(help.contains(&format!("gantry-tau {command}")), "{help}");

@@ -4,6 +4,7 @@ mod client;
 mod demo;
 mod replay;
 mod serve;
+mod workspace;
 
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::process::ExitCode;
@@ -30,6 +31,7 @@ enum Command {
     Serve(serve::Serve),
     Client(client::Client),
     Replay(replay::Replay),
+    Workspace(workspace::Workspace),
     /// Kinematics, statics and compensation for scripts: one JSON request per line in, one JSON answer per line out
     ///
     /// Example: echo '{"id":1,"robot":"robots/l2.toml","op":"ik","T":[0.0,0.5,0.65]}' | gantry-tau solve
@@ -80,6 +82,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Serve(serve) => serve.run(),
         Command::Client(client) => client.run(),
         Command::Replay(replay) => replay.run(),
+        Command::Workspace(workspace) => workspace.run(),
         Command::Solve => solve(),
     }
 }

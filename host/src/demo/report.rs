@@ -1,13 +1,14 @@
 //! `report.html`: one self-contained page.
 
 use gantry_tau_core::message::Phase;
+use gantry_tau_core::robot::ARMS;
 
 use super::results::Results;
 use super::stage::Recording;
 use super::watch::Sample;
 use super::{DemoOptions, table};
 use crate::plots::page::{self, escape};
-use crate::plots::{Band, Curve, Plot, phases};
+use crate::plots::{Band, Corner, Curve, Plot, phases};
 
 /// Points that a curve over time may have; more would only make the page heavy.
 const CURVE_POINTS: usize = 1_500;
@@ -32,29 +33,42 @@ pub(super) fn render<K, const N: usize>(
         _ => "in lock-step (time is ticks; the link's times are no measurement)",
     };
     let springs = 100.0 * options.robot.simulation.spring_deviation;
-    let sections = [
+    let steps = options.robot.limits.map(|axis| axis.position.step);
+    let step_um = f64::from(steps.into_iter().max().unwrap_or(0)) / 1e3;
+    let mut sections = vec![
         (
             "Displacement of the tool against force",
-            "Length of the mean displacement over the settled half of each step; the dots are what length gauges with steps of 0.5 µm would show at the tool.",
+            "Length of the mean displacement over the settled half of each step; the dots are what length gauges would show at the tool.".to_owned(),
             against_force(options, results).svg(),
         ),
         (
             "Displacement of the tool over time",
-            "The same steps as they happened, then the ramp after the pulled cable, under the last force. \
-             In Obtain each step shows as a short spike: the sensor is filtered, and offsets move by at most 5 µm per tick.",
+            format!(
+                "The same steps as they happened, then the ramp after the pulled cable, under the last force. \
+                 In Obtain each step shows as a short spike: the sensor is filtered, and offsets move by at most {step_um:.0} µm per tick."
+            ),
             displacement(recording).svg(),
         ),
         (
             "Offsets through the disconnect",
-            "The cable is pulled at full offset. One deadline is tolerated, the second begins the ramp of 0.1 µm per ms.",
+            "The cable is pulled at full offset. One deadline is tolerated, the second begins the ramp of 0.1 µm per ms.".to_owned(),
             offsets(recording).svg(),
         ),
         (
             "State of the server over time",
-            "The newcomer's short visit is at the end.",
+            "The newcomer's short visit is at the end.".to_owned(),
             states(recording).svg(),
         ),
     ];
+    if N > ARMS {
+        let text = "The rotation vector of the platform from where it should be. The same compensation holds all six degrees of freedom.";
+        let turning = (
+            "Turning of the platform over time",
+            text.to_owned(),
+            turning(recording).svg(),
+        );
+        sections.insert(2, turning);
+    }
     let mut body = format!(
         "<h1>A Gantry-Tau held still over the network</h1>\
          <p>{}, simulated, {pace}. The true springs of the simulation differ from the client's by up to ±{springs:.0} % each (seed {}), \
@@ -105,6 +119,7 @@ fn against_force<K, const N: usize>(options: &DemoOptions<K, N>, results: &Resul
         curves,
         bands: Vec::new(),
         y_names: None,
+        key: Corner::UpperLeft,
     }
 }
 
@@ -118,6 +133,20 @@ fn displacement<const N: usize>(recording: &Recording<N>) -> Plot {
         }),
         bands: bands(&samples),
         y_names: None,
+        key: Corner::UpperLeft,
+    }
+}
+
+fn turning<const N: usize>(recording: &Recording<N>) -> Plot {
+    let samples: Vec<&Sample<N>> = recording.samples.iter().collect();
+    let names = ["about x", "about y", "about z"].map(str::to_owned);
+    Plot {
+        x_axis: "time, s",
+        y_axis: "turning, µrad",
+        curves: curves_over_time(names, &samples, |s| s.turn_urad),
+        bands: bands(&samples),
+        y_names: None,
+        key: Corner::UpperLeft,
     }
 }
 
@@ -141,6 +170,7 @@ fn offsets<const N: usize>(recording: &Recording<N>) -> Plot {
         curves: curves_over_time(axis_names(), &samples, micrometres),
         bands: bands(&samples),
         y_names: None,
+        key: Corner::LowerRight,
     }
 }
 
@@ -165,6 +195,7 @@ fn states<const N: usize>(recording: &Recording<N>) -> Plot {
         ],
         bands: bands(&samples),
         y_names: Some(&phases::NAMES),
+        key: Corner::UpperLeft,
     }
 }
 

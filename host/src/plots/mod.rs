@@ -1,5 +1,6 @@
 //! Plots as SVG, and pages around them. The browser draws the text, so no fonts are needed.
 
+pub(crate) mod heat;
 pub(crate) mod page;
 pub(crate) mod phases;
 
@@ -63,6 +64,15 @@ pub(crate) struct Plot {
     pub(crate) bands: Vec<Band>,
     /// Names for whole values of y, where y counts states.
     pub(crate) y_names: Option<&'static [&'static str]>,
+    /// Where the names of the curves stand.
+    pub(crate) key: Corner,
+}
+
+/// A corner of a plot.
+#[derive(Clone, Copy)]
+pub(crate) enum Corner {
+    UpperLeft,
+    LowerRight,
 }
 
 impl Plot {
@@ -133,7 +143,10 @@ impl Plot {
         if named.count() > 1 {
             chart
                 .configure_series_labels()
-                .position(SeriesLabelPosition::UpperLeft)
+                .position(match self.key {
+                    Corner::UpperLeft => SeriesLabelPosition::UpperLeft,
+                    Corner::LowerRight => SeriesLabelPosition::LowerRight,
+                })
                 .background_style(WHITE.mix(0.85))
                 .border_style(BLACK.mix(0.3))
                 .label_font(("sans-serif", 14))

@@ -6,7 +6,7 @@ use gantry_tau_core::units::Tick;
 use super::Findings;
 use crate::black_box::Window;
 use crate::plots::page::{self, escape};
-use crate::plots::{Band, Curve, Plot, SIZE, phases};
+use crate::plots::{Band, Corner, Curve, Plot, SIZE, phases};
 
 /// Height of a title, and of the key to the colours, in the SVG, px.
 const LINE: u32 = 34;
@@ -171,6 +171,7 @@ impl<const N: usize> Scene<'_, N> {
             curves,
             bands: self.bands(),
             y_names: None,
+            key: Corner::UpperLeft,
         }
     }
 
@@ -218,6 +219,7 @@ impl<const N: usize> Scene<'_, N> {
             ],
             bands: self.bands(),
             y_names: Some(&HAPPENINGS),
+            key: Corner::UpperLeft,
         }
     }
 }

@@ -1,0 +1,258 @@
+//! `workspace`: where a machine reaches with its platform unturned, how evenly it moves there, and how far it gives way.
+
+mod map;
+mod picture;
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use gantry_tau_core::kinematics::KinematicsError;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::model::Model;
+use crate::record::{CsvFile, Record, RecordError};
+use crate::robot_file::RobotFile;
+use map::Surveyor;
+
+pub use map::{Grid, Place, Reached, condition};
+
+/// Steps along the longest side of the grid: what `--cells` may be.
+pub const CELLS: std::ops::RangeInclusive<u32> = 4..=200;
+
+/// What the survey is told.
+#[derive(Clone, Debug)]
+pub struct WorkspaceOptions<K, const N: usize> {
+    /// The machine.
+    pub robot: RobotFile<K, N>,
+    /// Steps along the longest side of the grid, within [`CELLS`].
+    pub cells: u32,
+    /// Where the page with the maps goes.
+    pub plot: PathBuf,
+    /// Where the table goes: one row per place.
+    pub csv: PathBuf,
+}
+
+/// Every place of a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Survey<const N: usize> {
+    /// Robot file.
+    pub name: String,
+    /// Where was looked.
+    pub grid: Grid,
+    /// What was found, in the order of [`Grid`].
+    pub places: Vec<Place<N>>,
+    /// What a radian of the platform counts as in a condition number, m.
+    pub radian_m: f64,
+}
+
+/// What a survey comes to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Summary {
+    /// Places looked at.
+    pub places: usize,
+    /// Those that are reached.
+    pub reached: usize,
+    /// Their cubes together, m^3.
+    pub volume_m3: f64,
+    /// How many of the others failed with which code ([`KinematicsError::kind`]).
+    pub refused: BTreeMap<&'static str, usize>,
+    /// Condition number: smallest, median, largest.
+    pub condition: [f64; 3],
+    /// Compliance at the tool, µm/N: the same; absent without compliances.
+    pub compliance_um_per_n: Option<[f64; 3]>,
+    /// Condition number and compliance (µm/N) at home.
+    pub home: (f64, Option<f64>),
+}
+
+/// Why there is no map.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum WorkspaceError {
+    /// `cells` is out of [`CELLS`].
+    Cells(u32),
+    /// The table cannot be written.
+    Csv(RecordError),
+    /// The page cannot be written.
+    Plot {
+        /// Where it was to go.
+        path: PathBuf,
+        /// What the system said.
+        reason: String,
+    },
+}
+
+impl fmt::Display for WorkspaceError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cells(cells) => {
+                let (from, to) = (CELLS.start(), CELLS.end());
+                write!(f, "--cells is {cells}, it must be from {from} to {to}")
+            }
+            Self::Csv(error) => error.fmt(f),
+            Self::Plot { path, reason } => {
+                write!(f, "cannot write {}: {reason}", path.display())
+            }
+        }
+    }
+}
+
+impl std::error::Error for WorkspaceError {}
+
+impl From<RecordError> for WorkspaceError {
+    fn from(error: RecordError) -> Self {
+        Self::Csv(error)
+    }
+}
+
+/// Surveys, and writes table and page.
+///
+/// # Errors
+/// [`WorkspaceError`].
+pub fn run<K: Model<N>, const N: usize>(
+    options: &WorkspaceOptions<K, N>,
+) -> Result<Summary, WorkspaceError> {
+    if !CELLS.contains(&options.cells) {
+        return Err(WorkspaceError::Cells(options.cells));
+    }
+    // Found out now rather than after the survey.
+    write(&options.plot, "")?;
+    let mut table = CsvFile::create::<Place<N>>(&options.csv)?;
+    let grid = Grid::of(&options.robot, options.cells);
+    let bar = ProgressBar::new(grid.len());
+    if let Ok(style) = ProgressStyle::with_template("[{elapsed}] {bar:40} {pos}/{len} places") {
+        bar.set_style(style);
+    }
+    let survey = survey(&options.robot, grid, |place| {
+        table.write(place);
+        bar.inc(1);
+    });
+    bar.finish_and_clear();
+    if let Some(failure) = table.finish(0).failure {
+        return Err(failure.into());
+    }
+    let summary = survey.summary();
+    write(&options.plot, &picture::page(&survey, &summary))?;
+    Ok(summary)
+}
+
+/// Asks the machine at every place of `grid`, and shows each answer to `each`.
+pub fn survey<K: Model<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    grid: Grid,
+    mut each: impl FnMut(&Place<N>),
+) -> Survey<N> {
+    let surveyor = Surveyor::new(robot);
+    let places = grid.places().map(|steps| {
+        let place = surveyor.survey(grid.at(steps));
+        each(&place);
+        place
+    });
+    Survey {
+        name: robot.name.clone(),
+        grid,
+        places: places.collect(),
+        radian_m: surveyor.radian_m(),
+    }
+}
+
+impl<const N: usize> Survey<N> {
+    /// What it comes to.
+    #[must_use]
+    pub fn summary(&self) -> Summary {
+        let reached = || self.places.iter().filter_map(|place| place.reached.ok());
+        let mut refused = BTreeMap::new();
+        for error in (self.places.iter()).filter_map(|place| place.reached.err()) {
+            *refused.entry(KinematicsError::kind(&error)).or_insert(0) += 1;
+        }
+        let compliance = |reached: Reached<N>| Some(reached.compliance_m_per_n? * 1e6);
+        let home = (self.places.iter())
+            .find(|place| place.tool_m == self.grid.home_m)
+            .and_then(|place| place.reached.ok());
+        let count = reached().count();
+        let cubes = f64::from(u32::try_from(count).unwrap_or(u32::MAX));
+        Summary {
+            places: self.places.len(),
+            reached: count,
+            volume_m3: cubes * self.grid.pitch_m.powi(3),
+            refused,
+            condition: quantiles(reached().map(|reached| reached.condition)).unwrap_or_default(),
+            compliance_um_per_n: quantiles(reached().filter_map(compliance)),
+            home: home.map_or((f64::NAN, None), |home| (home.condition, compliance(home))),
+        }
+    }
+}
+
+/// Smallest, median and largest.
+fn quantiles(values: impl Iterator<Item = f64>) -> Option<[f64; 3]> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    let median = values.get(values.len() / 2)?;
+    Some([*values.first()?, *median, *values.last()?])
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (reached, places, volume) = (self.reached, self.places, self.volume_m3);
+        writeln!(
+            f,
+            "reached             {reached} of {places} places, {volume:.2} m^3"
+        )?;
+        for (kind, count) in &self.refused {
+            writeln!(f, "{kind:<19} {count} places")?;
+        }
+        let (home, home_compliance) = self.home;
+        let [low, median, high] = self.condition;
+        write!(
+            f,
+            "condition number    {home:.2} at home; smallest {low:.2}, median {median:.2}, largest {high:.3e}"
+        )?;
+        if let (Some([low, median, high]), Some(home)) = (self.compliance_um_per_n, home_compliance)
+        {
+            write!(
+                f,
+                "\ncompliance, um/N    {home:.3} at home; smallest {low:.3}, median {median:.3}, largest {high:.3e}"
+            )?;
+        }
+        Ok(())
+    }
+}
+
+impl<const N: usize> Record for Place<N> {
+    fn header() -> Vec<String> {
+        let mut header: Vec<String> = ["x_m", "y_m", "z_m", "code"].map(str::to_owned).into();
+        header.extend(["condition", "compliance_um_per_n"].map(str::to_owned));
+        header.extend((1..=N).map(|axis| format!("q{axis}")));
+        header
+    }
+
+    fn fields(&self) -> Vec<String> {
+        let mut fields: Vec<String> = self.tool_m.iter().map(|x| format!("{x:.6}")).collect();
+        match &self.reached {
+            Ok(reached) => {
+                let compliance = reached.compliance_m_per_n;
+                fields.extend(["ok".to_owned(), reached.condition.to_string()]);
+                fields.push(compliance.map_or_else(String::new, |c| (c * 1e6).to_string()));
+                fields.extend(reached.q.iter().map(f64::to_string));
+            }
+            Err(error) => {
+                fields.push(error.kind().to_owned());
+                fields.extend((0..N + 2).map(|_| String::new()));
+            }
+        }
+        fields
+    }
+}
+
+fn write(path: &Path, text: &str) -> Result<(), WorkspaceError> {
+    std::fs::write(path, text).map_err(|error| WorkspaceError::Plot {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    })
+}
+
+#[cfg(test)]
+#[allow(
+    clippy::indexing_slicing,
+    reason = "the tests walk vectors by one axis number"
+)]
+mod tests;
