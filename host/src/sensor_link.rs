@@ -8,6 +8,8 @@ use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::time::Duration;
 
+use crate::server::connections::Allowed;
+
 /// Bytes of a record.
 const RECORD: usize = 56;
 /// How long a publisher may take to answer.
@@ -52,6 +54,7 @@ impl Sample {
 #[derive(Debug)]
 pub struct SensorPublisher {
     listener: TcpListener,
+    allowed: Allowed,
     readers: [Option<TcpStream>; READERS],
 }
 
@@ -65,8 +68,15 @@ impl SensorPublisher {
         listener.set_nonblocking(true)?;
         Ok(Self {
             listener,
+            allowed: Allowed::everybody(),
             readers: [const { None }; READERS],
         })
+    }
+
+    /// Serves only these peers.
+    #[must_use]
+    pub fn for_peers(self, allowed: Allowed) -> Self {
+        Self { allowed, ..self }
     }
 
     /// Where it listens.
@@ -95,8 +105,10 @@ impl SensorPublisher {
         let Some(free) = self.readers.iter_mut().find(|reader| reader.is_none()) else {
             return;
         };
-        if let Ok((stream, _)) = self.listener.accept() {
-            let usable = stream.set_nonblocking(true).is_ok() && stream.set_nodelay(true).is_ok();
+        if let Ok((stream, peer)) = self.listener.accept() {
+            let usable = self.allowed.admits(peer.ip())
+                && stream.set_nonblocking(true).is_ok()
+                && stream.set_nodelay(true).is_ok();
             *free = usable.then_some(stream);
         }
     }

@@ -8,10 +8,11 @@ use std::net::{Ipv4Addr, SocketAddr};
 use gantry_tau::black_box::handover::{self, Receiver};
 use gantry_tau::epoch::Epochs;
 use gantry_tau::server::ServerError;
+use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
 use gantry_tau_core::axis::Offsets;
 use gantry_tau_core::channel::Limits;
-use gantry_tau_core::endpoint::MotorMap;
+use gantry_tau_core::endpoint::{MotorMap, Transport};
 use gantry_tau_core::message::{AxisLimits, Capabilities, Phase};
 use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::units::PositionNm;
@@ -84,9 +85,32 @@ impl<const N: usize> Bench<N> {
         bus: Bus<N>,
         epochs: Epochs,
     ) -> Result<Self, ServerError> {
+        Self::listen(parameters, bus, epochs, LOOPBACK.into())
+    }
+
+    /// The same over UDP.
+    #[must_use]
+    pub fn over_datagrams() -> Self {
+        let listen = Listen {
+            transport: Transport::Datagram,
+            ..LOOPBACK.into()
+        };
+        Self::listen(parameters(), Bus::default(), Epochs::volatile(), listen).unwrap()
+    }
+
+    /// Starts a server wherever it shall listen.
+    ///
+    /// # Errors
+    /// Whatever [`Cycle::new`] says.
+    pub fn listen(
+        parameters: Parameters<N>,
+        bus: Bus<N>,
+        epochs: Epochs,
+        listen: Listen,
+    ) -> Result<Self, ServerError> {
         let motors = MotorMap::new(std::array::from_fn(|motor| motor)).unwrap();
         let config = Config::new(parameters).unwrap();
-        let cycle = Cycle::new(config, motors, bus.clone(), epochs, LOOPBACK)?;
+        let cycle = Cycle::new(config, motors, bus.clone(), epochs, listen)?;
         Ok(Self {
             offsets: bus.in_force(),
             changes: [[0; 3]; N],

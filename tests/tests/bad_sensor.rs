@@ -20,6 +20,7 @@ use gantry_tau::sim::hand::hand_and_tool;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau_core::axis::{Offsets, Reference};
+use gantry_tau_core::endpoint::Transport;
 use gantry_tau_core::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::robot::ARMS;
 
@@ -74,6 +75,7 @@ fn session(lie: impl Fn(u64) -> Option<Sample> + Send + 'static) -> (ClientError
     let (server, mut rows) = Server::spawn(cycle, Pace::Lockstep).unwrap();
     let options = ClientOptions {
         server: server.address,
+        transport: Transport::Stream,
         sensor,
         robot,
         record: None,

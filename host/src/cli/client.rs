@@ -12,7 +12,7 @@ use gantry_tau::model::Model;
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::terminal::say;
 
-use super::{address, fail, robot};
+use super::{address, fail, robot, transport};
 
 /// Connect to a server, compensate the measured force, leave with Ctrl-C
 ///
@@ -31,6 +31,9 @@ pub(crate) struct Client {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     robot: String,
+    /// UDP datagrams instead of a TCP stream; the server must have been started with it as well
+    #[arg(long)]
+    udp: bool,
     /// Stay in Submit: offsets are computed and reported, no drive sees them
     #[arg(long)]
     submit_only: bool,
@@ -56,6 +59,7 @@ impl Client {
         }
         let options = ClientOptions {
             server: self.server,
+            transport: transport(self.udp),
             sensor: self.sensor,
             robot,
             record: self.record,

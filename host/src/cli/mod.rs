@@ -11,6 +11,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFileError};
+use gantry_tau_core::endpoint::Transport;
 
 /// Stiffness compensation and external control of Gantry-Tau parallel robots.
 ///
@@ -116,4 +117,13 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 /// `l2`, `f1`, or the path of a robot file.
 fn robot(name: &str) -> Result<AnyRobotFile, RobotFileError> {
     AnyRobotFile::named(name)
+}
+
+/// What `--udp` asks for.
+const fn transport(udp: bool) -> Transport {
+    if udp {
+        Transport::Datagram
+    } else {
+        Transport::Stream
+    }
 }

@@ -15,6 +15,7 @@ use gantry_tau::model::{F1_MOTORS, L2_MOTORS, Model};
 use gantry_tau::record::{CsvFile, Recorded, drain};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::sensor_link::SensorPublisher;
+use gantry_tau::server::connections::{Allowed, Listen};
 use gantry_tau::server::cycle::{Cycle, Row};
 use gantry_tau::server::observe::Observer;
 use gantry_tau::server::{Controls, Server, ServerError};
@@ -25,7 +26,7 @@ use gantry_tau::terminal::say;
 use gantry_tau_core::message::Capabilities;
 use gantry_tau_core::robot::{ARMS, AXES};
 
-use super::{Pace, address, fail, robot};
+use super::{Pace, address, fail, robot, transport};
 
 /// Run the server with the simulated machine, for clients of this or any other program
 ///
@@ -37,6 +38,12 @@ pub(crate) struct Serve {
     /// Where clients connect. Only loopback unless you say otherwise: nothing is encrypted
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = address)]
     listen: SocketAddr,
+    /// UDP datagrams instead of TCP streams: what is lost stays lost, nothing comes late in bursts
+    #[arg(long)]
+    udp: bool,
+    /// Answer only these peers, everybody else is closed without a word; again for more [default: everybody who reaches the address]
+    #[arg(long, value_name = "IP|IP/BITS")]
+    allow: Vec<String>,
     /// Where clients find the simulated force sensor
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
     sensor: SocketAddr,
@@ -100,10 +107,26 @@ impl Serve {
     ) -> Result<(), Box<dyn std::error::Error>> {
         self.check()?;
         let (hand, tool) = hand_and_tool();
+        let allowed = Allowed::only(&self.allow)?;
+        for address in [self.listen, self.sensor] {
+            if !address.ip().is_loopback() && !allowed.restricts() {
+                tracing::warn!(
+                    "{address} answers everybody who reaches it, unencrypted; --allow restricts that"
+                );
+            }
+        }
         let sensor = SensorPublisher::bind(self.sensor)
+            .map(|sensor| sensor.for_peers(allowed.clone()))
             .map_err(|error| ServerError::listen(self.sensor, &error))?;
         let sensor_address = sensor.address()?;
-        let mut cycle = self.cycle::<K, N, M>(robot, tool)?.with_sensor(sensor);
+        let listen = Listen {
+            address: self.listen,
+            transport: transport(self.udp),
+            allowed,
+        };
+        let mut cycle = self
+            .cycle::<K, N, M>(robot, tool, listen)?
+            .with_sensor(sensor);
         // After binding, so that a second server by mistake does not empty the first one's recording.
         let mut file = match &self.record {
             Some(path) => Some(CsvFile::create::<Row<N>>(path)?),
@@ -120,8 +143,9 @@ impl Serve {
         }
         let (server, mut rows) = Server::spawn(cycle, self.pace.into())?;
         say(format_args!(
-            "listening on {}, force sensor on {sensor_address}; Ctrl-C ramps to zero and ends",
-            server.address
+            "listening on {}{}, force sensor on {sensor_address}; Ctrl-C ramps to zero and ends",
+            server.address,
+            if self.udp { " (UDP)" } else { "" },
         ));
         let controls = Arc::clone(&server.controls);
         ctrlc::set_handler(move || controls.quit.store(true, Ordering::Relaxed))?;
@@ -156,6 +180,7 @@ impl Serve {
         &self,
         robot: &RobotFile<K, N>,
         tool: Tool,
+        listen: Listen,
     ) -> Result<Cycle<N, M, SimulatedMachine<N, M>>, Box<dyn std::error::Error>> {
         let capabilities = match self.pace {
             Pace::Real => Capabilities::NONE,
@@ -174,7 +199,7 @@ impl Serve {
             robot.motor_map()?,
             machine,
             epochs,
-            self.listen,
+            listen,
         )?)
     }
 

@@ -1,11 +1,12 @@
-//! Frames over a TCP stream, from the client's side.
+//! Frames from the client's side, over a TCP stream or as UDP datagrams.
 
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, TcpStream, UdpSocket};
 use std::time::{Duration, Instant};
 
+use gantry_tau_core::endpoint::Transport;
 use gantry_tau_core::message::{ClientMessage, ServerMessage};
-use gantry_tau_core::wire::{Deframer, Feed, decode_server, encode_client};
+use gantry_tau_core::wire::{Deframer, Feed, Frame, decode_server, encode_client};
 
 use super::ClientError;
 
@@ -15,39 +16,61 @@ const CHUNK: usize = 4_096;
 /// A connection to a server of `N` axes.
 #[derive(Debug)]
 pub struct Link<const N: usize> {
-    stream: TcpStream,
-    deframer: Deframer,
+    wire: Wire,
+    silence: Duration,
     chunk: [u8; CHUNK],
-    /// Bytes of the chunk not yet fed.
+    /// Bytes of the chunk not yet fed; a stream's only.
     from: usize,
     to: usize,
 }
 
+#[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "a client has one of them")]
+enum Wire {
+    Stream(TcpStream, Deframer),
+    Datagrams(UdpSocket),
+}
+
 impl<const N: usize> Link<N> {
-    /// Connects. A server that says nothing for `silence` counts as vanished.
+    /// Connects over TCP. A server that says nothing for `silence` counts as vanished.
     ///
     /// # Errors
     /// [`ClientError::Unreachable`].
     pub fn connect(address: SocketAddr, silence: Duration) -> Result<Self, ClientError> {
-        let connect = || {
-            let stream = TcpStream::connect_timeout(&address, silence)?;
-            stream.set_nodelay(true)?;
-            stream.set_read_timeout(Some(silence))?;
-            stream.set_write_timeout(Some(silence))?;
-            Ok(stream)
+        Self::over(Transport::Stream, address, silence)
+    }
+
+    /// Connects over `transport`. Over UDP this sends nothing yet, so nobody need be there.
+    ///
+    /// # Errors
+    /// [`ClientError::Unreachable`].
+    pub fn over(
+        transport: Transport,
+        address: SocketAddr,
+        silence: Duration,
+    ) -> Result<Self, ClientError> {
+        let wire = match transport {
+            Transport::Stream => stream(address, silence),
+            Transport::Datagram => datagrams(address, silence),
         };
-        let stream = connect().map_err(|error| ClientError::Unreachable {
+        let wire = wire.map_err(|error| ClientError::Unreachable {
             what: "server",
             address,
             error,
         })?;
         Ok(Self {
-            stream,
-            deframer: Deframer::new(),
+            wire,
+            silence,
             chunk: [0; CHUNK],
             from: 0,
             to: 0,
         })
+    }
+
+    /// Whether frames can get lost on the way: then what matters is said again.
+    #[must_use]
+    pub const fn loses_frames(&self) -> bool {
+        matches!(self.wire, Wire::Datagrams(_))
     }
 
     /// Sends one message.
@@ -55,25 +78,59 @@ impl<const N: usize> Link<N> {
     /// # Errors
     /// [`ClientError::Vanished`].
     pub fn send(&mut self, message: &ClientMessage<N>) -> Result<(), ClientError> {
-        self.stream
-            .write_all(&encode_client(message))
-            .map_err(|error| ClientError::Vanished(vanished(&error)))
+        let frame = encode_client(message);
+        let sent = match &mut self.wire {
+            Wire::Stream(stream, _) => stream.write_all(&frame),
+            Wire::Datagrams(socket) => match socket.send(&frame) {
+                // Nobody listens there yet, or any more; silence will tell.
+                Err(error) if error.kind() == ErrorKind::ConnectionRefused => Ok(()),
+                sent => sent.map(|_| ()),
+            },
+        };
+        sent.map_err(|error| ClientError::Vanished(vanished(&error)))
     }
 
     /// Waits for the next message.
     ///
     /// # Errors
-    /// [`ClientError::Vanished`] after silence, a closed connection or a broken frame; [`ClientError::Incompatible`] for content that cannot be read.
+    /// As [`receive_within`](Self::receive_within), with the silence given at the start.
     pub fn receive(&mut self) -> Result<ServerMessage<N>, ClientError> {
+        self.receive_within(self.silence)?
+            .ok_or_else(|| ClientError::Vanished("it has been silent for too long".to_owned()))
+    }
+
+    /// Waits for the next message, over UDP no longer than `patience`; `None` when nothing came.
+    ///
+    /// # Errors
+    /// [`ClientError::Vanished`] after silence, a closed connection or a broken frame; [`ClientError::Incompatible`] for content
+    /// that cannot be read. A broken datagram is dropped.
+    pub fn receive_within(
+        &mut self,
+        patience: Duration,
+    ) -> Result<Option<ServerMessage<N>>, ClientError> {
         let since = Instant::now();
         loop {
             if let Some(message) = self.take()? {
-                return Ok(message);
+                return Ok(Some(message));
             }
-            match self.stream.read(&mut self.chunk) {
-                Ok(0) => return Err(ClientError::Vanished("it closed the connection".to_owned())),
+            let (read, is_stream) = match &mut self.wire {
+                Wire::Stream(stream, _) => (stream.read(&mut self.chunk), true),
+                Wire::Datagrams(socket) => {
+                    let left = patience.saturating_sub(since.elapsed());
+                    if left.is_zero() {
+                        return Ok(None);
+                    }
+                    let waiting = socket.set_read_timeout(Some(left));
+                    (waiting.and_then(|()| socket.recv(&mut self.chunk)), false)
+                }
+            };
+            match read {
+                Ok(0) if is_stream => {
+                    return Err(ClientError::Vanished("it closed the connection".to_owned()));
+                }
                 Ok(count) => (self.from, self.to) = (0, count),
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if !is_stream && is_nothing(&error) => {}
                 Err(error) => {
                     let after = since.elapsed().as_millis();
                     let reason = format!("{} (after {after} ms)", vanished(&error));
@@ -92,20 +149,63 @@ impl<const N: usize> Link<N> {
     /// The next message among the bytes already read.
     fn take(&mut self) -> Result<Option<ServerMessage<N>>, ClientError> {
         let unread = self.chunk.get(self.from..self.to).unwrap_or_default();
-        match self.deframer.feed(unread) {
-            Feed::Incomplete => {
+        let incompatible =
+            |error: &dyn std::fmt::Display| ClientError::Incompatible(error.to_string());
+        match &mut self.wire {
+            Wire::Stream(_, deframer) => match deframer.feed(unread) {
+                Feed::Incomplete => {
+                    self.from = self.to;
+                    Ok(None)
+                }
+                Feed::Frame { frame, consumed } => {
+                    self.from += consumed;
+                    (decode_server(&frame).map(Some)).map_err(|error| incompatible(&error))
+                }
+                Feed::Broken(error) => Err(incompatible(&error)),
+            },
+            Wire::Datagrams(_) => {
                 self.from = self.to;
-                Ok(None)
+                match Frame::parse(unread) {
+                    Ok(frame) => {
+                        (decode_server(&frame).map(Some)).map_err(|error| incompatible(&error))
+                    }
+                    // Nothing read yet, or broken on its way.
+                    Err(_) => Ok(None),
+                }
             }
-            Feed::Frame { frame, consumed } => {
-                self.from += consumed;
-                decode_server(&frame)
-                    .map(Some)
-                    .map_err(|error| ClientError::Incompatible(error.to_string()))
-            }
-            Feed::Broken(error) => Err(ClientError::Incompatible(error.to_string())),
         }
     }
+}
+
+fn stream(address: SocketAddr, silence: Duration) -> io::Result<Wire> {
+    let stream = TcpStream::connect_timeout(&address, silence)?;
+    stream.set_nodelay(true)?;
+    stream.set_read_timeout(Some(silence))?;
+    stream.set_write_timeout(Some(silence))?;
+    Ok(Wire::Stream(stream, Deframer::new()))
+}
+
+/// A socket that hears this server only.
+fn datagrams(address: SocketAddr, silence: Duration) -> io::Result<Wire> {
+    let any: SocketAddr = match address {
+        SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
+        SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
+    };
+    let socket = UdpSocket::bind(any)?;
+    socket.connect(address)?;
+    socket.set_write_timeout(Some(silence))?;
+    Ok(Wire::Datagrams(socket))
+}
+
+/// A datagram socket's way to say that nothing came: the time is over, or an earlier datagram of ours found nobody.
+fn is_nothing(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        ErrorKind::WouldBlock
+            | ErrorKind::TimedOut
+            | ErrorKind::ConnectionRefused
+            | ErrorKind::ConnectionReset
+    )
 }
 
 fn vanished(error: &io::Error) -> String {

@@ -10,6 +10,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
+use gantry_tau_core::endpoint::Transport;
 use gantry_tau_core::message::{Cause, Refusal};
 
 use crate::record::Recorded;
@@ -24,6 +25,8 @@ pub use run::run;
 pub struct ClientOptions<K, const N: usize> {
     /// The server.
     pub server: SocketAddr,
+    /// TCP or UDP.
+    pub transport: Transport,
     /// Where force samples come from.
     pub sensor: SocketAddr,
     /// The machine.

@@ -1,13 +1,13 @@
 //! A client's session from Hello to Goodbye.
 
 use std::sync::atomic::Ordering;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use gantry_tau_core::axis::Offsets;
 use gantry_tau_core::message::{
     Capabilities, Cause, ClientMessage, Command, Hello, Mode, Phase, ServerMessage, State, Welcome,
 };
-use gantry_tau_core::units::{OffsetNm, Sequence};
+use gantry_tau_core::units::{OffsetNm, Sequence, Tick};
 
 use super::compensate::{Compensation, CompensationError};
 use super::connection::Link;
@@ -19,6 +19,8 @@ use crate::sensor_link::{Sample, SensorReader};
 
 /// A server that says nothing for so long has vanished.
 const SILENCE: Duration = Duration::from_secs(3);
+/// How long to wait for an answer before a Hello is said again, where frames get lost.
+const HELLO_AGAIN: Duration = Duration::from_millis(200);
 /// States that the last usable force sample may serve.
 const SAMPLE_STATES: u64 = 100;
 /// States to wait for the first sample.
@@ -36,6 +38,7 @@ struct Session<'a, const N: usize> {
     targets: [OffsetNm; N],
     controls: &'a ClientControls,
     recorder: Option<Recorder<ClientRow<N>>>,
+    last_tick: Option<Tick>,
     states: u64,
     states_without_sample: u64,
     held: u64,
@@ -51,7 +54,7 @@ pub fn run<K: Model<N>, const N: usize>(
     options: &ClientOptions<K, N>,
     controls: &ClientControls,
 ) -> Result<ClientReport, ClientError> {
-    let mut link = Link::connect(options.server, SILENCE)?;
+    let mut link = Link::over(options.transport, options.server, SILENCE)?;
     let sensor =
         SensorReader::connect(options.sensor).map_err(|error| ClientError::Unreachable {
             what: "force sensor",
@@ -83,6 +86,7 @@ pub fn run<K: Model<N>, const N: usize>(
         targets: [OffsetNm(0); N],
         controls,
         recorder,
+        last_tick: None,
         states: 0,
         states_without_sample: 0,
         held: 0,
@@ -103,20 +107,42 @@ pub fn run<K: Model<N>, const N: usize>(
 
 /// Hello, and what it brings. A server without room says so before it has heard anything, and closes:
 /// what it said counts more than a Hello that could not be sent.
+///
+/// Where frames get lost the Hello is said again: until the server has given up a session whose Welcome got lost, and beyond.
 fn greet<const N: usize>(link: &mut Link<N>) -> Result<Welcome<N>, ClientError> {
-    let axes = u8::try_from(N).unwrap_or(u8::MAX);
-    let sent = link.send(&ClientMessage::Hello(Hello {
-        axes,
-        capabilities: Capabilities::LOCKSTEP,
-    }));
-    match link.receive() {
-        Ok(ServerMessage::Welcome(welcome)) => Ok(welcome),
-        Ok(ServerMessage::Refusal(refusal)) => Err(ClientError::Refused(refusal)),
-        Ok(ServerMessage::State(_)) => Err(ClientError::Incompatible(
-            "a State before the Welcome".to_owned(),
-        )),
-        Err(error) => sent.and(Err(error)),
+    if !link.loses_frames() {
+        let sent = link.send(&hello::<N>());
+        return match link.receive() {
+            Ok(ServerMessage::Welcome(welcome)) => Ok(welcome),
+            Ok(ServerMessage::Refusal(refusal)) => Err(ClientError::Refused(refusal)),
+            Ok(ServerMessage::State(_)) => Err(ClientError::Incompatible(
+                "a State before the Welcome".to_owned(),
+            )),
+            Err(error) => sent.and(Err(error)),
+        };
     }
+    let since = Instant::now();
+    while since.elapsed() < SILENCE {
+        link.send(&hello::<N>())?;
+        let said = Instant::now();
+        // States that overtook the Welcome, or whose Welcome was lost, do not tell the terms.
+        while let Some(left) = HELLO_AGAIN.checked_sub(said.elapsed()) {
+            match link.receive_within(left)? {
+                Some(ServerMessage::Welcome(welcome)) => return Ok(welcome),
+                Some(ServerMessage::Refusal(refusal)) => return Err(ClientError::Refused(refusal)),
+                Some(ServerMessage::State(_)) | None => {}
+            }
+        }
+    }
+    let reason = "it does not answer".to_owned();
+    Err(ClientError::Vanished(reason))
+}
+
+fn hello<const N: usize>() -> ClientMessage<N> {
+    ClientMessage::Hello(Hello {
+        axes: u8::try_from(N).unwrap_or(u8::MAX),
+        capabilities: Capabilities::LOCKSTEP,
+    })
 }
 
 /// The server must run the same cycle and hold the same machine.
@@ -166,24 +192,37 @@ impl<const N: usize> Session<'_, N> {
     /// Goodbye, and wait until the server has heard it: a connection closed at once would be the cause instead.
     /// The ramp that follows is the server's; it needs no witness.
     fn leave(&mut self) -> Result<(), ClientError> {
-        self.link
-            .send(&ClientMessage::Goodbye(self.welcome.epoch))?;
+        let goodbye = ClientMessage::Goodbye(self.welcome.epoch);
+        self.link.send(&goodbye)?;
         for _ in 0..GOODBYE_STATES {
             if !is_live(self.next_state()?.phase) {
                 return Ok(());
+            }
+            if self.link.loses_frames() {
+                self.link.send(&goodbye)?;
             }
         }
         let reason = "it does not hear the Goodbye".to_owned();
         Err(ClientError::Vanished(reason))
     }
 
+    /// The next State that is newer than the last: datagrams come twice, and overtake each other.
     fn next_state(&mut self) -> Result<State<N>, ClientError> {
-        let ServerMessage::State(state) = self.link.receive()? else {
-            let reason = "a second Welcome or Refusal".to_owned();
-            return Err(ClientError::Incompatible(reason));
-        };
-        self.states += 1;
-        Ok(state)
+        loop {
+            let ServerMessage::State(state) = self.link.receive()? else {
+                if self.link.loses_frames() {
+                    continue;
+                }
+                let reason = "a second Welcome or Refusal".to_owned();
+                return Err(ClientError::Incompatible(reason));
+            };
+            if self.last_tick.is_some_and(|last| state.tick <= last) {
+                continue;
+            }
+            self.last_tick = Some(state.tick);
+            self.states += 1;
+            return Ok(state);
+        }
     }
 
     fn answer(&mut self, state: &State<N>) -> Result<(), ClientError> {

@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use gantry_tau_core::endpoint::Transport;
 use gantry_tau_core::message::{Capabilities, ClientMessage, Hello, Phase, Refusal, ServerMessage};
 use indicatif::ProgressBar;
 
@@ -118,6 +119,7 @@ pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
     let controls = Arc::new(ClientControls::default());
     let client_options = ClientOptions {
         server: relay.address,
+        transport: Transport::Stream,
         sensor: sensor_address,
         robot: robot.clone(),
         record: options.record.clone(),

@@ -1,14 +1,12 @@
 //! Linux: `clock_nanosleep` with absolute time, `ppoll`, `mlockall`.
 
-use std::net::TcpStream;
-
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, geteuid, getrlimit};
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::clock_gettime;
 
-use super::Denied;
+use super::{Denied, Socket};
 
 const NS_PER_S: u64 = 1_000_000_000;
 
@@ -36,14 +34,17 @@ pub fn sleep_until_ns(deadline: u64) {
     }
 }
 
-/// Waits until `stream` has bytes (or is closed) or the deadline has come. Returns whether there is something to read.
+/// Waits until `socket` has bytes (or is closed) or the deadline has come. Returns whether there is something to read.
 #[must_use]
-pub fn wait_readable_until_ns(stream: &TcpStream, deadline: u64) -> bool {
+pub fn wait_readable_until_ns(socket: Socket<'_>, deadline: u64) -> bool {
     let left = deadline.saturating_sub(now_ns());
     if left == 0 {
         return false;
     }
-    let mut fds = [PollFd::new(stream, PollFlags::IN)];
+    let mut fds = [match &socket {
+        Socket::Stream(stream) => PollFd::new(stream, PollFlags::IN),
+        Socket::Datagram(socket) => PollFd::new(socket, PollFlags::IN),
+    }];
     matches!(poll(&mut fds, Some(&timespec(left))), Ok(ready) if ready > 0)
 }
 

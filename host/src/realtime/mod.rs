@@ -2,6 +2,8 @@
 //!
 //! One file per system behind one interface, so that client, server and `solve` build on Linux, Windows and macOS.
 
+use std::net::{TcpStream, UdpSocket};
+
 #[cfg(target_os = "linux")]
 #[path = "linux.rs"]
 mod system;
@@ -17,6 +19,15 @@ mod system;
 mod portable;
 
 pub use system::{lock_memory, now_ns, sleep_until_ns, wait_readable_until_ns};
+
+/// A socket to wait on.
+#[derive(Clone, Copy, Debug)]
+pub enum Socket<'a> {
+    /// TCP.
+    Stream(&'a TcpStream),
+    /// UDP.
+    Datagram(&'a UdpSocket),
+}
 
 /// Priority under SCHED_FIFO: above ordinary threads, below the kernel's own.
 const PRIORITY: u8 = 80;
@@ -102,7 +113,7 @@ impl CycleTimer {
 #[cfg(test)]
 mod tests {
     use std::io::Write;
-    use std::net::{TcpListener, TcpStream};
+    use std::net::TcpListener;
 
     use super::*;
 
@@ -119,21 +130,24 @@ mod tests {
     fn keeps_its_word(
         now: fn() -> u64,
         sleep_until: fn(u64),
-        wait_readable_until: fn(&TcpStream, u64) -> bool,
+        wait_readable_until: fn(Socket<'_>, u64) -> bool,
     ) {
         let deadline = now() + 2_000_000;
         sleep_until(deadline);
         assert!(now() >= deadline);
         let (mut near, far) = pair();
         let deadline = now() + 2_000_000;
-        assert!(!wait_readable_until(&far, deadline));
+        assert!(!wait_readable_until(Socket::Stream(&far), deadline));
         assert!(now() >= deadline);
         near.write_all(b"x").unwrap();
-        assert!(wait_readable_until(&far, now() + 10_000_000_000));
+        assert!(wait_readable_until(
+            Socket::Stream(&far),
+            now() + 10_000_000_000
+        ));
         let (near, far) = pair();
         drop(near);
         assert!(
-            wait_readable_until(&far, now() + 10_000_000_000),
+            wait_readable_until(Socket::Stream(&far), now() + 10_000_000_000),
             "a closed stream is readable"
         );
     }

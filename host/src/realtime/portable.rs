@@ -1,10 +1,9 @@
 //! Any other system: the standard library's clock, sleep and sockets. Good enough for a client, `solve` and lock-step.
 
-use std::net::TcpStream;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use super::Denied;
+use super::{Denied, Socket};
 
 /// How coarse the standard sleep may be, ns; the rest of a wait is spun away.
 const COARSE_NS: u64 = 200_000;
@@ -32,11 +31,15 @@ pub fn sleep_until_ns(deadline: u64) {
     }
 }
 
-/// Waits until `stream` (non-blocking) has bytes (or is closed) or the deadline has come. Returns whether there is something to read.
+/// Waits until `socket` (non-blocking) has bytes (or is closed) or the deadline has come. Returns whether there is something to read.
 #[must_use]
-pub fn wait_readable_until_ns(stream: &TcpStream, deadline: u64) -> bool {
+pub fn wait_readable_until_ns(socket: Socket<'_>, deadline: u64) -> bool {
     loop {
-        match stream.peek(&mut [0]) {
+        let seen = match socket {
+            Socket::Stream(stream) => stream.peek(&mut [0]),
+            Socket::Datagram(socket) => socket.peek(&mut [0]),
+        };
+        match seen {
             Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {}
             _ => return true,
         }

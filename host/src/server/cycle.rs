@@ -10,11 +10,12 @@ use gantry_tau_core::session::Session;
 use gantry_tau_core::session::config::Config;
 use gantry_tau_core::units::Tick;
 
-use super::connections::Connections;
+use super::connections::{Connections, Listen};
 use super::{HALF, ServerError};
 use crate::black_box::handover::Handover;
 use crate::epoch::Epochs;
 use crate::plant::{Plant, Reading, ToolReading};
+use crate::realtime::Socket;
 use crate::sensor_link::{Sample, SensorPublisher};
 
 /// What one cycle did; the whole of what observers see.
@@ -74,10 +75,11 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         motors: MotorMap<N, M>,
         mut plant: P,
         epochs: Epochs,
-        listen: SocketAddr,
+        listen: impl Into<Listen>,
     ) -> Result<Self, ServerError> {
-        let connections =
-            Connections::bind(listen).map_err(|error| ServerError::listen(listen, &error))?;
+        let listen = listen.into();
+        let connections = Connections::bind(&listen)
+            .map_err(|error| ServerError::listen(listen.address, &error))?;
         let in_force = plant.offsets_in_force().map_err(ServerError::Plant)?;
         let last_reading = plant.read(1).map_err(ServerError::Plant)?;
         let nominal = last_reading.nominal;
@@ -133,17 +135,12 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     /// Takes in new connections and everything that has arrived on all of them.
     /// Returns how many frames the coming tick has of the owner.
     pub fn receive(&mut self) -> u8 {
-        self.connections.accept(&mut self.endpoint);
-        self.connections.receive(&mut self.endpoint, None)
+        self.connections.receive(&mut self.endpoint)
     }
 
-    /// Takes in what has arrived from the owner only.
+    /// Takes in what has arrived from the owner.
     pub fn receive_owner(&mut self) -> u8 {
-        let owner = self.endpoint.session().owner();
-        match owner {
-            Some(_) => self.connections.receive(&mut self.endpoint, owner),
-            None => 0,
-        }
+        self.connections.receive_owner(&mut self.endpoint)
     }
 
     /// Lock-step: the coming tick has what it waits for.
@@ -152,7 +149,13 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         self.endpoint.owner_has_answered()
     }
 
-    /// The owner's stream, to wait on.
+    /// What to wait on for the owner's bytes; absent without an owner.
+    pub fn owner_socket(&mut self) -> Option<Socket<'_>> {
+        let owner = self.endpoint.session().owner()?;
+        self.connections.socket(owner)
+    }
+
+    /// The owner's stream; absent without an owner, and over UDP.
     pub fn owner_stream(&mut self) -> Option<&TcpStream> {
         let owner = self.endpoint.session().owner()?;
         self.connections.stream(owner)

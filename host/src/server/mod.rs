@@ -1,6 +1,6 @@
 //! The server: a cycle thread around the core's endpoint `[T 5.1.1]`.
 
-mod connections;
+pub mod connections;
 pub mod cycle;
 pub mod observe;
 pub mod pace;

@@ -81,15 +81,15 @@ fn watch_owner<const N: usize, const M: usize, P: Plant<N, M>>(
 ) {
     let mut frames = 0;
     while frames < ENOUGH_FRAMES {
-        let Some(stream) = cycle.owner_stream() else {
+        let Some(socket) = cycle.owner_socket() else {
             return;
         };
-        if !wait_readable_until_ns(stream, deadline_ns) {
+        if !wait_readable_until_ns(socket, deadline_ns) {
             return;
         }
         let seen = cycle.receive_owner();
         if seen <= frames {
-            // A part of a frame, or a closed stream: look again at the deadline.
+            // A part of a frame, a closed stream, a stranger's datagram: look again at the deadline.
             return;
         }
         frames = seen;
@@ -123,9 +123,9 @@ fn wait_for_answer<const N: usize, const M: usize, P: Plant<N, M>>(
             return;
         }
         let look = give_up_ns.min(now.saturating_add(LOOK_NS));
-        match cycle.owner_stream() {
-            Some(stream) => {
-                let _readable = wait_readable_until_ns(stream, look);
+        match cycle.owner_socket() {
+            Some(socket) => {
+                let _readable = wait_readable_until_ns(socket, look);
             }
             None => return,
         }

@@ -19,7 +19,7 @@ pub(crate) fn serve(folder: &Folder, further: &[&str]) -> (Running, [String; 2])
     let said = server.stdout();
     let after = |words: &str| {
         let rest = said.split_once(words).unwrap().1;
-        let end = rest.find([',', ';']).unwrap();
+        let end = rest.find([',', ';', ' ']).unwrap();
         rest[..end].to_owned()
     };
     let addresses = [after("listening on "), after("force sensor on ")];
@@ -188,4 +188,37 @@ fn a_reader_that_leaves_early_makes_no_panic() {
         folder.path("r.html").exists(),
         "the demo did not go on: {err}"
     );
+}
+
+#[test]
+fn the_same_over_datagrams() {
+    let folder = Folder::new("udp");
+    let (mut server, [address, sensor]) = serve(&folder, &["--udp", "--allow", "127.0.0.0/8"]);
+    let arguments = ["client", &address, "--udp", "--sensor", &sensor];
+    let owner = folder.start("owner", &arguments);
+    await_obtain(&mut server, 1);
+    let line = folder.run(&arguments).failure(4);
+    assert!(line.contains("another client owns the session"), "{line}");
+    owner.interrupt();
+    let said = owner.end().success();
+    assert!(said.starts_with("left with Goodbye after "), "{said}");
+    server.await_words("SafeDisconnect -> Listening");
+    // Killed, it cannot even close a connection: silence is all there is.
+    let killed = folder.start("killed", &arguments);
+    await_obtain(&mut server, 2);
+    killed.kill();
+    server.await_words("two deadlines in a row passed without a command");
+    server.interrupt();
+    server.end().success();
+}
+
+#[test]
+fn a_peer_that_is_not_allowed_is_closed_without_a_word() {
+    let folder = Folder::new("allow");
+    let (server, addresses) = serve(&folder, &["--allow", "192.0.2.7", "--allow", "10.0.0.0/8"]);
+    client(&folder, "stranger", &addresses).end().failure(7);
+    server.interrupt();
+    server.end().success();
+    let line = folder.run(&["serve", "--allow", "nowhere"]).failure(1);
+    assert!(line.contains("nowhere"), "{line}");
 }

@@ -1,10 +1,12 @@
-//! The server's sockets: non-blocking, a fixed number, no allocation after start.
+//! TCP: a listener and a stream per peer.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 
 use gantry_tau_core::endpoint::{CONNECTIONS, Endpoint, Transport};
 use gantry_tau_core::session::decide::Connection;
+
+use super::Allowed;
 
 /// Bytes taken from one connection at a time.
 const CHUNK: usize = 4_096;
@@ -23,17 +25,19 @@ struct Peer {
 
 /// Listener and peers.
 #[derive(Debug)]
-pub(super) struct Connections {
+pub(in crate::server) struct Streams {
     listener: TcpListener,
+    allowed: Allowed,
     peers: [Option<Peer>; CONNECTIONS],
 }
 
-impl Connections {
-    pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
+impl Streams {
+    pub(super) fn bind(address: SocketAddr, allowed: Allowed) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
         Ok(Self {
             listener,
+            allowed,
             peers: [const { None }; CONNECTIONS],
         })
     }
@@ -48,9 +52,13 @@ impl Connections {
         endpoint: &mut Endpoint<N, M, H>,
     ) {
         for _ in 0..ACCEPTS {
-            let Ok((mut stream, _)) = self.listener.accept() else {
+            let Ok((mut stream, peer)) = self.listener.accept() else {
                 return;
             };
+            if !self.allowed.admits(peer.ip()) {
+                // Closed without a word.
+                continue;
+            }
             if stream.set_nonblocking(true).is_err() || stream.set_nodelay(true).is_err() {
                 continue;
             }

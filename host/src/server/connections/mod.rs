@@ -1,0 +1,123 @@
+//! The server's sockets: non-blocking, a fixed number, no allocation after start.
+
+mod allowed;
+mod datagram;
+mod stream;
+
+use std::io;
+use std::net::{SocketAddr, TcpStream};
+
+use gantry_tau_core::endpoint::{Endpoint, Transport};
+use gantry_tau_core::session::decide::Connection;
+
+use crate::realtime::Socket;
+use datagram::Datagrams;
+use stream::Streams;
+
+pub use allowed::{Allowed, NotANetwork};
+
+/// Where a server listens, how, and to whom.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Listen {
+    /// Address and port; port 0 for any free one.
+    pub address: SocketAddr,
+    /// TCP or UDP.
+    pub transport: Transport,
+    /// Whom it answers at all.
+    pub allowed: Allowed,
+}
+
+/// TCP, for everybody.
+impl From<SocketAddr> for Listen {
+    fn from(address: SocketAddr) -> Self {
+        Self {
+            address,
+            transport: Transport::Stream,
+            allowed: Allowed::everybody(),
+        }
+    }
+}
+
+/// The sockets of one transport, and who is behind them.
+#[derive(Debug)]
+pub(super) enum Connections {
+    Streams(Streams),
+    Datagrams(Datagrams),
+}
+
+impl Connections {
+    pub(super) fn bind(listen: &Listen) -> io::Result<Self> {
+        let allowed = listen.allowed.clone();
+        Ok(match listen.transport {
+            Transport::Stream => Self::Streams(Streams::bind(listen.address, allowed)?),
+            Transport::Datagram => Self::Datagrams(Datagrams::bind(listen.address, allowed)?),
+        })
+    }
+
+    pub(super) fn address(&self) -> io::Result<SocketAddr> {
+        match self {
+            Self::Streams(streams) => streams.address(),
+            Self::Datagrams(datagrams) => datagrams.address(),
+        }
+    }
+
+    /// Takes in new peers and what has arrived from everybody; returns how many frames the coming tick has of the owner.
+    pub(super) fn receive<const N: usize, const M: usize, const H: usize>(
+        &mut self,
+        endpoint: &mut Endpoint<N, M, H>,
+    ) -> u8 {
+        match self {
+            Self::Streams(streams) => {
+                streams.accept(endpoint);
+                streams.receive(endpoint, None)
+            }
+            Self::Datagrams(datagrams) => datagrams.receive(endpoint),
+        }
+    }
+
+    /// The same of the owner alone, as far as the transport can tell it apart.
+    pub(super) fn receive_owner<const N: usize, const M: usize, const H: usize>(
+        &mut self,
+        endpoint: &mut Endpoint<N, M, H>,
+    ) -> u8 {
+        let Some(owner) = endpoint.session().owner() else {
+            return 0;
+        };
+        match self {
+            Self::Streams(streams) => streams.receive(endpoint, Some(owner)),
+            Self::Datagrams(datagrams) => datagrams.receive(endpoint),
+        }
+    }
+
+    /// Writes a whole frame, or it is a loss: a slow reader is never waited for.
+    pub(super) fn send(&mut self, connection: Connection, bytes: &[u8]) {
+        match self {
+            Self::Streams(streams) => streams.send(connection, bytes),
+            Self::Datagrams(datagrams) => datagrams.send(connection, bytes),
+        }
+    }
+
+    /// Forgets what the endpoint has no further use for. Its last bytes are already with the system.
+    pub(super) fn close(&mut self, connection: Connection) {
+        match self {
+            Self::Streams(streams) => streams.close(connection),
+            Self::Datagrams(datagrams) => datagrams.close(connection),
+        }
+    }
+
+    /// The stream of a connection.
+    pub(super) fn stream(&mut self, connection: Connection) -> Option<&TcpStream> {
+        match self {
+            Self::Streams(streams) => streams.stream(connection),
+            Self::Datagrams(_) => None,
+        }
+    }
+
+    /// What to wait on for bytes of a connection.
+    pub(super) fn socket(&mut self, connection: Connection) -> Option<Socket<'_>> {
+        match self {
+            Self::Streams(streams) => streams.stream(connection).map(Socket::Stream),
+            Self::Datagrams(datagrams) => Some(Socket::Datagram(datagrams.socket())),
+        }
+    }
+}
