@@ -158,6 +158,12 @@ impl SixLinkCompensator {
         Ok(Self { machine, config })
     }
 
+    /// The configuration.
+    #[must_use]
+    pub const fn config(&self) -> &CompensatorConfig<AXES> {
+        &self.config
+    }
+
     /// One cycle: offsets that hold `pose`, which belongs to the nominal positions `q` (q-units), under `load`.
     /// The pose comes from [`SixLinkKinematics::forward_from`], seeded by that of the cycle before.
     ///
@@ -173,5 +179,19 @@ impl SixLinkCompensator {
     ) -> Result<Correction<AXES>, KinematicsError> {
         let command = self.machine.compensated(pose, q, load, self.config.gain)?;
         self.config.bounded(q, &command)
+    }
+
+    /// As [`correction`](Self::correction) by the exact map, which costs several inverses; the share `gain` of what it asks for.
+    ///
+    /// # Errors
+    /// As [`SixLinkElastic::held`].
+    pub fn exact_correction(
+        &self,
+        pose: &Pose,
+        q: &[f64; AXES],
+        load: &Wrench,
+    ) -> Result<Correction<AXES>, KinematicsError> {
+        let held = self.machine.held(pose, q, load)?;
+        self.config.bounded_share(q, &held.answer)
     }
 }
