@@ -8,10 +8,13 @@ mod jacobian;
 mod nominal;
 mod refusal;
 mod six_link;
+mod two_systems;
 
 pub use jacobian::LinkFrame;
 pub use nominal::{Nominal, NominalError};
 pub use six_link::{COLD_ITERATIONS, SixLinkKinematics, Solved, WARM_ITERATIONS};
+
+pub(crate) use two_systems::TwoSystems;
 
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};

@@ -54,6 +54,8 @@ fn skewed() -> SixLinkGeometry {
     geometry
 }
 
+mod tau_form;
+
 fn kinematics(geometry: SixLinkGeometry) -> SixLinkKinematics {
     SixLinkKinematics::new(&SixLink::new(geometry).unwrap())
 }
