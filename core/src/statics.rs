@@ -7,9 +7,9 @@ use core::fmt;
 use nalgebra::{ArrayStorage, Matrix3, Matrix6, SMatrix, Vector3};
 
 use crate::kinematics::{
-    KinematicsError, Pose, SixLinkKinematics, TAU_TOLERANCE, TwoSystems, links,
+    KinematicsError, Pose, SixLinkKinematics, TAU_TOLERANCE, TwoSystems, directions, links,
 };
-use crate::linalg::{Lu, norm, unit};
+use crate::linalg::{Lu, norm};
 use crate::robot::{ARM_OF_LINK, ARMS, AXES, LINKS, Robot};
 use crate::rows::pairs;
 
@@ -187,23 +187,14 @@ impl Lines<AXES> {
         pose: &Pose,
         q: &[f64; AXES],
     ) -> Result<Self, KinematicsError> {
-        let directions = directions(&kinematics.links_m(pose, q))?;
+        let (directions, drives) = kinematics.directions_and_drives(pose, q)?;
         let joints = &kinematics.robot().geometry().platform_joints_m;
         Ok(Self {
             directions,
             moments_m: moments(&directions, joints, pose),
-            drives: kinematics.drives(q, &directions),
+            drives,
         })
     }
-}
-
-/// `s_ij`: from platform to cart.
-fn directions(links_m: &[Vector3<f64>; LINKS]) -> Result<[Vector3<f64>; LINKS], KinematicsError> {
-    let mut directions = *links_m;
-    for direction in &mut directions {
-        *direction = unit(direction).ok_or(KinematicsError::NotFinite)?;
-    }
-    Ok(directions)
 }
 
 /// `l_ij x s_ij`, metres.

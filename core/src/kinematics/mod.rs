@@ -19,8 +19,8 @@ pub(crate) use two_systems::TwoSystems;
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::linalg::{LinearError, norm, rotation_deviation};
-use crate::robot::{ARMS, Geometry, Robot};
+use crate::linalg::{LinearError, norm, rotation_deviation, unit};
+use crate::robot::{ARMS, Geometry, LINKS, Robot};
 
 /// Smallest measure of regularity a pose may have, both of the carts' (`|s_i . v_i| / |v_i|`) and of the links' (`|det(s_1, s_2, s_3)|`).
 /// Beyond it a micrometre at one end would be a centimetre at the other.
@@ -224,6 +224,17 @@ pub(crate) fn links<'a>(
                 length_m,
             }
         })
+}
+
+/// `s_ij`: from platform to cart.
+pub(crate) fn directions(
+    links_m: &[Vector3<f64>; LINKS],
+) -> Result<[Vector3<f64>; LINKS], KinematicsError> {
+    let mut directions = *links_m;
+    for direction in &mut directions {
+        *direction = unit(direction).ok_or(KinematicsError::NotFinite)?;
+    }
+    Ok(directions)
 }
 
 /// Largest error of the six link lengths in this pose with these positions, in metres `[T 3.4]`; NaN when a number given is.

@@ -40,7 +40,7 @@ impl SixLinkKinematics {
         if !q.iter().all(|value| value.is_finite()) || !is_pose(seed) {
             return Err(KinematicsError::NotFinite);
         }
-        let joints = self.plates.joints(q);
+        let joints = self.plates.at(q).joints_m();
         let mut pose = *seed;
         let mut mode = None;
         for made in 0..=iterations {
@@ -80,7 +80,7 @@ impl SixLinkKinematics {
         seed: Option<[f64; 3]>,
     ) -> Result<Solved<[f64; AXES]>, KinematicsError> {
         let found = self.inverse(pose, seed)?;
-        let joints = self.plates.joints(&found.answer);
+        let joints = self.plates.at(&found.answer).joints_m();
         let mirrors = self.system(pose, &joints).solve()?.mirrors;
         if self.is_synchronisable() {
             let start = self.start(&found.answer)?;
@@ -103,7 +103,8 @@ impl SixLinkKinematics {
         if self.plates.out_of_step(q4, q5).abs() > SYNCHRONISED_TOLERANCE {
             return Err(KinematicsError::Inconsistent { arm: 1 });
         }
-        (self.checked(&pose, q, &self.plates.joints(q))).map_err(|refused| refused.after(0))?;
+        (self.checked(&pose, q, &self.plates.at(q).joints_m()))
+            .map_err(|refused| refused.after(0))?;
         Ok(pose)
     }
 
@@ -148,7 +149,7 @@ impl SixLinkKinematics {
             position_m,
             rotation,
         });
-        let joints = self.plates.joints(q);
+        let joints = self.plates.at(q).joints_m();
         let sides = |pose: &Pose| self.on_their_sides(&self.links_between(pose, &joints));
         let [one, other] = poses.map(|pose| (sides(&pose), pose));
         match (one, other) {

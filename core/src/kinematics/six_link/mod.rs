@@ -16,7 +16,7 @@ mod tests;
 
 use nalgebra::Vector3;
 
-use super::{KinematicsError, Pose, RESIDUAL_TOLERANCE, SINGULAR_MEASURE, is_pose};
+use super::{KinematicsError, Pose, RESIDUAL_TOLERANCE, SINGULAR_MEASURE, directions, is_pose};
 use crate::linalg::norm;
 use crate::robot::{ARM_OF_LINK, ARMS, AXES, LINKS, SixLink};
 use crate::rows::pairs;
@@ -56,6 +56,8 @@ pub struct SixLinkKinematics {
     travel: [(f64, f64); AXES],
     /// `c_i V_i / |V_i|`: to which side the links of an arm point.
     sides: [Vector3<f64>; ARMS],
+    /// `|P_ij|`: how far a joint is from its cart's origin, metres.
+    plate_reaches_m: [f64; LINKS],
 }
 
 impl SixLinkKinematics {
@@ -82,6 +84,7 @@ impl SixLinkKinematics {
                 .travel
                 .unwrap_or([free, free, free, plate, plate, plate]),
             sides: [v1 * side1, v2 * side2, v3 * side3],
+            plate_reaches_m: geometry.plate_joints_m.map(|joint| norm(&joint)),
         }
     }
 
@@ -101,7 +104,7 @@ impl SixLinkKinematics {
     /// `A_ij - B_ij`: from platform joint to plate joint, world axes, metres, link order.
     #[must_use]
     pub fn links_m(&self, pose: &Pose, q: &[f64; AXES]) -> [Vector3<f64>; LINKS] {
-        self.links_between(pose, &self.plates.joints(q))
+        self.links_between(pose, &self.plates.at(q).joints_m())
     }
 
     /// The same, for plate joints that are known.
@@ -137,7 +140,18 @@ impl SixLinkKinematics {
         q: &[f64; AXES],
         directions: &[Vector3<f64>; LINKS],
     ) -> [[f64; AXES]; LINKS] {
-        self.plates.drives(q, directions)
+        self.plates.at(q).drives(directions)
+    }
+
+    /// `s_ij` and [`drives`](Self::drives), for less than both.
+    pub(crate) fn directions_and_drives(
+        &self,
+        pose: &Pose,
+        q: &[f64; AXES],
+    ) -> Result<([Vector3<f64>; LINKS], [[f64; AXES]; LINKS]), KinematicsError> {
+        let plates = self.plates.at(q);
+        let directions = directions(&self.links_between(pose, &plates.joints_m()))?;
+        Ok((directions, plates.drives(&directions)))
     }
 
     /// What every answer passes last: links of the right length, axes inside their travel, arms on their side.
@@ -304,6 +318,7 @@ impl kani::Arbitrary for SixLinkKinematics {
             tolerance_m: kani::any(),
             travel: kani::any(),
             sides: [any_vector(), any_vector(), any_vector()],
+            plate_reaches_m: kani::any(),
         }
     }
 }
