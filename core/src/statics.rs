@@ -92,6 +92,7 @@ impl LineMatrix<ARMS> {
     ///
     /// # Errors
     /// [`KinematicsError::Singular`] when the lines depend on each other, `NotFinite` when a number given is.
+    #[inline]
     pub fn new(robot: &Robot, pose: &Pose, q: &[f64; ARMS]) -> Result<Self, KinematicsError> {
         Lines::of_three(robot, pose, q)?.factored()
     }
@@ -102,6 +103,7 @@ impl LineMatrix<AXES> {
     ///
     /// # Errors
     /// As [`LineMatrix::new`].
+    #[inline]
     pub fn of_six_link(
         kinematics: &SixLinkKinematics,
         pose: &Pose,
@@ -160,6 +162,7 @@ impl From<KinematicsError> for TauFormError {
 }
 
 impl Lines<ARMS> {
+    #[inline]
     fn of_three(robot: &Robot, pose: &Pose, q: &[f64; ARMS]) -> Result<Self, KinematicsError> {
         let mut links_m = [Vector3::zeros(); LINKS];
         for (vector, link) in links_m.iter_mut().zip(links(robot.geometry(), pose, q)) {
@@ -182,6 +185,7 @@ impl Lines<ARMS> {
 }
 
 impl Lines<AXES> {
+    #[inline]
     fn of_six(
         kinematics: &SixLinkKinematics,
         pose: &Pose,
@@ -211,6 +215,7 @@ fn moments(
 }
 
 impl<const N: usize> Lines<N> {
+    #[inline]
     fn factored(self) -> Result<LineMatrix<N>, KinematicsError> {
         let factors = match TwoSystems::new(&self.directions, &self.moments_m) {
             Some(factors) => Factors::Two(factors),

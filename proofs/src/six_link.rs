@@ -1,7 +1,9 @@
 //! The kinematics of six axes: T13. What is handed out is finite, inside the travel, and keeps the links' lengths; or it is an error.
 
 use gantry_tau_core::compensation::{SixLinkCompensator, SixLinkElastic};
-use gantry_tau_core::kinematics::{Pose, RESIDUAL_TOLERANCE, SixLinkKinematics, WARM_ITERATIONS};
+use gantry_tau_core::kinematics::{
+    COLD_ITERATIONS, Pose, RESIDUAL_TOLERANCE, SixLinkKinematics, WARM_ITERATIONS,
+};
 use gantry_tau_core::linalg::rotation_deviation;
 use gantry_tau_core::robot::AXES;
 use gantry_tau_core::statics::{LineMatrix, Wrench};
@@ -44,6 +46,12 @@ pub fn answers_are_checked(
 ) {
     if let Ok(found) = kinematics.inverse(pose, seed) {
         keeps_lengths(kinematics, pose, &found.answer);
+    }
+    let plates = seed.unwrap_or_default();
+    let (place, near) = (&pose.position_m, &pose.rotation);
+    if let Ok(found) = kinematics.inverse_with_held_plates(place, &plates, near, COLD_ITERATIONS) {
+        let (q, pose) = &found.answer;
+        keeps_lengths(kinematics, pose, q);
     }
     let unseeded = kinematics.forward(q);
     let seeded = kinematics.forward_from(q, pose, WARM_ITERATIONS);

@@ -35,6 +35,12 @@ impl Inverse {
         })
     }
 
+    /// Whether the determinant is below zero; it is never zero.
+    #[inline]
+    pub(crate) const fn mirrors(&self) -> bool {
+        self.mirrors
+    }
+
     /// The inverse times `y`.
     #[inline]
     pub(crate) fn times(&self, [y1, y2, y3]: [f64; 3]) -> Vector3<f64> {

@@ -156,6 +156,9 @@ pub extern "C" fn client_of_six(
     let Ok(there) = kinematics.inverse(&pose.answer, None) else {
         return 0.0;
     };
+    let [.., q4, q5, q6] = there.answer;
+    let (place, near) = (&pose.answer.position_m, &seed.rotation);
+    let held = kinematics.inverse_with_held_plates(place, &[q4, q5, q6], near, WARM_ITERATIONS);
     let load = Wrench::from_array(*raw);
     let machine = SixLinkElastic::new(kinematics, compliances);
     let config = CompensatorConfig {
@@ -176,6 +179,7 @@ pub extern "C" fn client_of_six(
         + synchronised.map_or(0.0, |pose| pose.position_m.sum())
         + jacobian.map_or(0.0, |jacobian| jacobian.sum())
         + stiffness.map_or(0.0, |stiffness| stiffness.0.sum())
+        + held.map_or(0.0, |held| held.answer.0.iter().sum())
         + exact.map_or(0.0, |exact| metres(&exact))
         + correction.map_or(0.0, |correction| metres(&correction))
 }

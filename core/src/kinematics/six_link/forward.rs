@@ -45,8 +45,7 @@ impl SixLinkKinematics {
         let mut mode = None;
         for made in 0..=iterations {
             let system = self.system(&pose, &joints);
-            let settled = settled(&system.errors_m, CONVERGED * self.size_m);
-            if settled || made == iterations {
+            if made == iterations || system.is_settled(CONVERGED * self.size_m) {
                 pose.rotation = orthonormal(&pose.rotation);
                 let residual_m =
                     (self.checked(&pose, q, &joints)).map_err(|refused| refused.after(made))?;
@@ -110,7 +109,7 @@ impl SixLinkKinematics {
 
     /// The last check, of a pose.
     #[inline]
-    fn checked(
+    pub(super) fn checked(
         &self,
         pose: &Pose,
         q: &[f64; AXES],
@@ -176,7 +175,7 @@ impl SixLinkKinematics {
 
     /// By how much every link is too long in this pose, and how that changes with it.
     #[inline]
-    fn system(&self, pose: &Pose, joints_m: &[Vector3<f64>; LINKS]) -> System {
+    pub(super) fn system(&self, pose: &Pose, joints_m: &[Vector3<f64>; LINKS]) -> System {
         let geometry = self.robot.geometry();
         let [a11, a21, a22, a31, a32, a33] = joints_m;
         let [b11, b21, b22, b31, b32, b33] = &geometry.platform_joints_m;
@@ -200,13 +199,6 @@ impl SixLinkKinematics {
     }
 }
 
-/// Whether every link is as long as it is to be; false for NaN.
-#[inline]
-fn settled([e11, e21, e22, e31, e32, e33]: &[f64; LINKS], converged_m: f64) -> bool {
-    let within = |error: &f64| error.abs() <= converged_m;
-    within(e11) && within(e21) && within(e22) && within(e31) && within(e32) && within(e33)
-}
-
 /// Whether the links of a cluster are equally long.
 fn equal_in_clusters(geometry: &SixLinkGeometry, tolerance_m: f64) -> bool {
     let [_, l21, l22, l31, l32, l33] = geometry.lengths_m;
@@ -216,7 +208,7 @@ fn equal_in_clusters(geometry: &SixLinkGeometry, tolerance_m: f64) -> bool {
 
 /// The nearest rotation, to second order in how far `R` is from one: one step of `R <- R (3 - R^T R) / 2`.
 /// Without it a cyclic seed would drift by an ulp per cycle.
-fn orthonormal(rotation: &Matrix3<f64>) -> Matrix3<f64> {
+pub(super) fn orthonormal(rotation: &Matrix3<f64>) -> Matrix3<f64> {
     let gram = rotation.tr_mul(rotation);
     rotation * (Matrix3::identity() * 1.5 - gram * 0.5)
 }

@@ -169,7 +169,7 @@ impl SixLinkKinematics {
 
 /// The cart of one link whose end is at `from_origin_m` from the joint at `q = 0`: `q`, and the square of the link's length
 /// along the guideway (metres squared), below zero where the link is too short; then `q` is the nearest point.
-fn cart(
+pub(super) fn cart(
     from_origin_m: &Vector3<f64>,
     guideway: &Vector3<f64>,
     length_m: f64,

@@ -7,6 +7,7 @@
 //! its side, and the tool in the same assembly mode as the seed.
 
 mod forward;
+mod held_plates;
 mod inverse;
 mod newton;
 mod plates;
@@ -32,6 +33,9 @@ pub const COLD_ITERATIONS: u8 = 10;
 const CONVERGED: f64 = 1e-14;
 /// Half a turn: what a plate is given where no travel is.
 const HALF_TURN_RAD: f64 = core::f64::consts::PI;
+
+/// `D`: rows in link order, columns in axis order.
+type Drives = [[f64; AXES]; LINKS];
 
 /// What a solver hands out, and how it came by it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -139,16 +143,17 @@ impl SixLinkKinematics {
         &self,
         q: &[f64; AXES],
         directions: &[Vector3<f64>; LINKS],
-    ) -> [[f64; AXES]; LINKS] {
+    ) -> Drives {
         self.plates.at(q).drives(directions)
     }
 
     /// `s_ij` and [`drives`](Self::drives), for less than both.
+    #[inline]
     pub(crate) fn directions_and_drives(
         &self,
         pose: &Pose,
         q: &[f64; AXES],
-    ) -> Result<([Vector3<f64>; LINKS], [[f64; AXES]; LINKS]), KinematicsError> {
+    ) -> Result<([Vector3<f64>; LINKS], Drives), KinematicsError> {
         let plates = self.plates.at(q);
         let directions = directions(&self.links_between(pose, &plates.joints_m()))?;
         Ok((directions, plates.drives(&directions)))

@@ -35,7 +35,7 @@ impl Solve<2> for Equations<2> {
         let least_squared = SINGULAR_MEASURE * SINGULAR_MEASURE * lengths_squared;
         let scale = 1.0 / determinant;
         (determinant * determinant > least_squared)
-            .then(|| [(d * e1 - b * e2) * scale, (a * e2 - c * e1) * scale])
+            .then_some([(d * e1 - b * e2) * scale, (a * e2 - c * e1) * scale])
     }
 }
 

@@ -32,6 +32,14 @@ pub(super) struct Step {
 }
 
 impl System {
+    /// Whether every link is as long as it is to be; false for NaN.
+    #[inline]
+    pub(super) fn is_settled(&self, converged_m: f64) -> bool {
+        let [e11, e21, e22, e31, e32, e33] = &self.errors_m;
+        let within = |error: &f64| error.abs() <= converged_m;
+        within(e11) && within(e21) && within(e22) && within(e31) && within(e32) && within(e33)
+    }
+
     /// # Errors
     /// `Singular` and `NotFinite`.
     #[inline]

@@ -54,6 +54,7 @@ fn skewed() -> SixLinkGeometry {
     geometry
 }
 
+mod held_plates;
 mod tau_form;
 
 fn kinematics(geometry: SixLinkGeometry) -> SixLinkKinematics {
