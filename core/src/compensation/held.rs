@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::{CompensatorConfig, CompensatorError, Correction};
 use crate::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solved, is_pose, links};
-use crate::linalg::{Lu, norm, rotation_from_vector};
+use crate::linalg::{Lu, larger, norm, rotation_from_vector};
 use crate::robot::{ARMS, Compliances, LINKS, Robot};
 use crate::rows::pairs;
 use crate::statics::{LineMatrix, Wrench, finite};
@@ -38,8 +38,9 @@ pub fn held(
         let lines = LineMatrix::new(robot, &pose, &standing)?;
         let forces = lines.link_forces_n(load)?;
         let (errors, rows) = loaded(robot, compliances, &pose, &standing, &forces);
-        // `max` drops a NaN.
-        residual_m = (finite(errors)?.iter()).fold(0.0, |most: f64, error| most.max(error.abs()));
+        residual_m = errors
+            .iter()
+            .fold(0.0, |most, error| larger(most, error.abs()));
         if residual_m <= SETTLED_M {
             let loads = lines.cart_loads(&forces);
             let springs = pairs(compliances.cart_m_per_n(), &loads);

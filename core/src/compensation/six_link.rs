@@ -2,7 +2,7 @@
 
 use super::{CompensatorConfig, CompensatorError, Correction};
 use crate::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, SixLinkKinematics, Solved};
-use crate::linalg::rotation_from_vector;
+use crate::linalg::{larger, rotation_from_vector};
 use crate::robot::{AXES, Compliances, LINKS};
 use crate::rows::pairs;
 use crate::statics::{LineMatrix, Wrench, finite};
@@ -93,8 +93,8 @@ impl SixLinkElastic {
             let lines = LineMatrix::of_six_link(&self.kinematics, pose, &standing)?;
             let forces = lines.link_forces_n(load)?;
             let loaded_m = self.loaded_lengths_m(&forces);
-            residual_m = pairs(&loaded_m, &lengths_m).fold(0.0, |most: f64, (now, before)| {
-                most.max((now - before).abs())
+            residual_m = pairs(&loaded_m, &lengths_m).fold(0.0, |most, (now, before)| {
+                larger(most, (now - before).abs())
             });
             lengths_m = loaded_m;
             let [.., q4, q5, q6] = standing;

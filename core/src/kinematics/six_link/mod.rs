@@ -18,7 +18,7 @@ mod tests;
 use nalgebra::Vector3;
 
 use super::{KinematicsError, Pose, RESIDUAL_TOLERANCE, SINGULAR_MEASURE, directions, is_pose};
-use crate::linalg::norm;
+use crate::linalg::{larger, norm};
 use crate::robot::{ARM_OF_LINK, ARMS, AXES, LINKS, SixLink};
 use crate::rows::pairs;
 use plates::Plates;
@@ -139,11 +139,7 @@ impl SixLinkKinematics {
     /// `D`: how much each link gets longer per axis, `D_(ij),k = s_ij . dA_ij/dq_k`; rows in link order, columns in axis order.
     /// `directions`: `s_ij`, from platform to plate, unit vectors.
     #[must_use]
-    pub fn drives(
-        &self,
-        q: &[f64; AXES],
-        directions: &[Vector3<f64>; LINKS],
-    ) -> Drives {
+    pub fn drives(&self, q: &[f64; AXES], directions: &[Vector3<f64>; LINKS]) -> Drives {
         self.plates.at(q).drives(directions)
     }
 
@@ -294,14 +290,6 @@ fn largest_error(links_m: &[Vector3<f64>; LINKS], lengths_m: &[f64; LINKS]) -> f
     let [w11, w21, w22, w31, w32, w33] = links_m;
     let [l11, l21, l22, l31, l32, l33] = lengths_m;
     let error = |link: &Vector3<f64>, length: &f64| (norm(link) - length).abs();
-    // `max` would drop a NaN.
-    let larger = |one: f64, other: f64| {
-        if one > other || one.is_nan() {
-            one
-        } else {
-            other
-        }
-    };
     let (two, three) = (
         larger(error(w21, l21), error(w22, l22)),
         larger(error(w31, l31), larger(error(w32, l32), error(w33, l33))),
@@ -315,7 +303,7 @@ const _: () = assert!(ARMS == 3 && LINKS == AXES, "six links for six axes");
 #[cfg(kani)]
 impl kani::Arbitrary for SixLinkKinematics {
     fn any() -> Self {
-        let any_vector = || Vector3::from(kani::any::<[f64; 3]>());
+        use crate::linalg::any_vector;
         Self {
             robot: kani::any(),
             plates: kani::any(),

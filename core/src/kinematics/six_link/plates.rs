@@ -219,7 +219,7 @@ impl PlatesAt {
 #[cfg(kani)]
 impl kani::Arbitrary for Plates {
     fn any() -> Self {
-        let any_vector = || Vector3::from(kani::any::<[f64; 3]>());
+        use crate::linalg::any_vector;
         let any_axis = || Axis {
             direction: any_vector(),
             k: Matrix3::from(kani::any::<[[f64; 3]; 3]>()),
