@@ -56,6 +56,16 @@ pub fn norm(v: &Vector3<f64>) -> f64 {
     sqrt(v.dot(v))
 }
 
+/// The larger of two; NaN where one is, which `f64::max` would drop: a residual that is not known is not small.
+#[inline]
+pub(crate) fn larger(one: f64, other: f64) -> f64 {
+    if one > other || one.is_nan() {
+        one
+    } else {
+        other
+    }
+}
+
 /// The vector's direction; `None` when it has none (zero, not finite, or too small or large to square).
 #[inline]
 #[must_use]
@@ -370,6 +380,12 @@ fn put<const N: usize>(values: &mut [f64; N], k: usize, value: f64) {
     }
 }
 
+/// Any numbers at all. Whoever needs several lists them: a prover would have to unwind a loop.
+#[cfg(kani)]
+pub(crate) fn any_vector() -> Vector3<f64> {
+    Vector3::from(kani::any::<[f64; 3]>())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -446,6 +462,12 @@ mod tests {
         );
         assert_eq!(Lu::factor(&[[f64::NAN]]), Err(LinearError::NotFinite));
         assert_eq!(Lu::factor(&[[f64::INFINITY]]), Err(LinearError::NotFinite));
+    }
+
+    #[test]
+    fn nothing_is_larger_than_what_is_not_known() {
+        assert_eq!((larger(1.0, 2.0), larger(2.0, 1.0)), (2.0, 2.0));
+        assert!(larger(f64::NAN, 1.0).is_nan() && larger(1.0, f64::NAN).is_nan());
     }
 
     #[test]

@@ -1,11 +1,15 @@
 //! Line matrix, link forces, actuator loads `[T 3.3.2, 3.3.3]`: six links, any orientation, three axes or six.
 //!
-//! This is the general path, by a 6x6 decomposition. The cyclic path of the 3-DOF machine is [`crate::stiffness::TauModel`].
+//! This is the general path. `W` is factored as two systems of three, and as one of six, with pivots, where one of those is near singular.
+//! The cyclic path of the 3-DOF machine is [`crate::stiffness::TauModel`].
 
+use core::fmt;
 use nalgebra::{ArrayStorage, Matrix3, Matrix6, SMatrix, Vector3};
 
-use crate::kinematics::{KinematicsError, Pose, SixLinkKinematics, links};
-use crate::linalg::{Lu, unit};
+use crate::kinematics::{
+    KinematicsError, Pose, SixLinkKinematics, TAU_TOLERANCE, TwoSystems, directions, links,
+};
+use crate::linalg::{Lu, norm};
 use crate::robot::{ARM_OF_LINK, ARMS, AXES, LINKS, Robot};
 use crate::rows::pairs;
 
@@ -61,11 +65,26 @@ impl Wrench {
 /// The six links in a pose, factored once: `W = [s; l x s]` `[T 3.17, 3.22]` and `D`, for a machine with `N` axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineMatrix<const N: usize = ARMS> {
-    /// Rows of `W^T`: `[s_ij, l_ij x s_ij]`.
-    rows: [[f64; LINKS]; LINKS],
-    factors: Lu<LINKS>,
+    lines: Lines<N>,
+    factors: Factors,
+}
+
+/// `W^T` and `D` of a pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Lines<const N: usize> {
+    /// `s_ij`: from platform to cart, link order.
+    directions: [Vector3<f64>; LINKS],
+    /// `l_ij x s_ij`, metres.
+    moments_m: [Vector3<f64>; LINKS],
     /// `D_(ij),k = s_ij . dA_ij/dq_k`: rows in link order, columns in axis order.
     drives: [[f64; N]; LINKS],
+}
+
+/// `W^T`, factored: in two halves, or as a whole where one of them is near singular.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Factors {
+    Two(TwoSystems),
+    One(Lu<LINKS>),
 }
 
 impl LineMatrix<ARMS> {
@@ -73,7 +92,78 @@ impl LineMatrix<ARMS> {
     ///
     /// # Errors
     /// [`KinematicsError::Singular`] when the lines depend on each other, `NotFinite` when a number given is.
+    #[inline]
     pub fn new(robot: &Robot, pose: &Pose, q: &[f64; ARMS]) -> Result<Self, KinematicsError> {
+        Lines::of_three(robot, pose, q)?.factored()
+    }
+}
+
+impl LineMatrix<AXES> {
+    /// Directions and levers of the links of a 6-DOF machine in this pose with these positions (q-units).
+    ///
+    /// # Errors
+    /// As [`LineMatrix::new`].
+    #[inline]
+    pub fn of_six_link(
+        kinematics: &SixLinkKinematics,
+        pose: &Pose,
+        q: &[f64; AXES],
+    ) -> Result<Self, KinematicsError> {
+        Lines::of_six(kinematics, pose, q)?.factored()
+    }
+
+    /// As [`of_six_link`](Self::of_six_link) in a pose whose clusters' links are parallel (the Tau property; for the F1: plates in
+    /// step): cluster sums carry the force, and differences of levers the moment. What it gives is as exact as the links are parallel.
+    ///
+    /// # Errors
+    /// [`TauFormError::NotParallel`] by more than [`TAU_TOLERANCE`]; else as [`LineMatrix::new`].
+    pub fn of_parallel_links(
+        kinematics: &SixLinkKinematics,
+        pose: &Pose,
+        q: &[f64; AXES],
+    ) -> Result<Self, TauFormError> {
+        Lines::of_six(kinematics, pose, q)?.factored_in_tau_form()
+    }
+}
+
+/// Why statics are not to be had in the form that the Tau property gives them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum TauFormError {
+    /// A link is not parallel to the first of its cluster.
+    NotParallel {
+        /// Which link, counted from 0 in link order.
+        link: usize,
+        /// The angle between the two, radians (its chord: `|s - s'|`).
+        angle_rad: f64,
+    },
+    /// There is no line matrix in this pose at all.
+    Kinematics(KinematicsError),
+}
+
+impl fmt::Display for TauFormError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotParallel { link, angle_rad } => write!(
+                f,
+                "link[{link}] is {angle_rad:e} rad from parallel to the first of its cluster (Tau property)"
+            ),
+            Self::Kinematics(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for TauFormError {}
+
+impl From<KinematicsError> for TauFormError {
+    fn from(error: KinematicsError) -> Self {
+        Self::Kinematics(error)
+    }
+}
+
+impl Lines<ARMS> {
+    #[inline]
+    fn of_three(robot: &Robot, pose: &Pose, q: &[f64; ARMS]) -> Result<Self, KinematicsError> {
         let mut links_m = [Vector3::zeros(); LINKS];
         for (vector, link) in links_m.iter_mut().zip(links(robot.geometry(), pose, q)) {
             *vector = link.vector_m;
@@ -86,59 +176,109 @@ impl LineMatrix<ARMS> {
                 *drive = s.dot(guideway);
             }
         }
-        Self::of_lines(&directions, &geometry.platform_joints_m, pose, drives)
+        Ok(Self {
+            directions,
+            moments_m: moments(&directions, &geometry.platform_joints_m, pose),
+            drives,
+        })
     }
 }
 
-impl LineMatrix<AXES> {
-    /// Directions and levers of the links of a 6-DOF machine in this pose with these positions (q-units).
-    ///
-    /// # Errors
-    /// As [`LineMatrix::new`].
-    pub fn of_six_link(
+impl Lines<AXES> {
+    #[inline]
+    fn of_six(
         kinematics: &SixLinkKinematics,
         pose: &Pose,
         q: &[f64; AXES],
     ) -> Result<Self, KinematicsError> {
-        let directions = directions(&kinematics.links_m(pose, q))?;
-        let drives = kinematics.drives(q, &directions);
+        let (directions, drives) = kinematics.directions_and_drives(pose, q)?;
         let joints = &kinematics.robot().geometry().platform_joints_m;
-        Self::of_lines(&directions, joints, pose, drives)
-    }
-}
-
-/// `s_ij`: from platform to cart.
-fn directions(links_m: &[Vector3<f64>; LINKS]) -> Result<[Vector3<f64>; LINKS], KinematicsError> {
-    let mut directions = *links_m;
-    for direction in &mut directions {
-        *direction = unit(direction).ok_or(KinematicsError::NotFinite)?;
-    }
-    Ok(directions)
-}
-
-impl<const N: usize> LineMatrix<N> {
-    fn of_lines(
-        directions: &[Vector3<f64>; LINKS],
-        platform_joints_m: &[Vector3<f64>; LINKS],
-        pose: &Pose,
-        drives: [[f64; N]; LINKS],
-    ) -> Result<Self, KinematicsError> {
-        let mut rows = [[0.0; LINKS]; LINKS];
-        for (row, (s, joint)) in rows.iter_mut().zip(pairs(directions, platform_joints_m)) {
-            let moment = (pose.rotation * joint).cross(s);
-            *row = [s.x, s.y, s.z, moment.x, moment.y, moment.z];
-        }
         Ok(Self {
-            rows,
-            factors: Lu::factor(&rows)?,
+            directions,
+            moments_m: moments(&directions, joints, pose),
             drives,
         })
     }
+}
 
+/// `l_ij x s_ij`, metres.
+fn moments(
+    directions: &[Vector3<f64>; LINKS],
+    platform_joints_m: &[Vector3<f64>; LINKS],
+    pose: &Pose,
+) -> [Vector3<f64>; LINKS] {
+    let mut moments_m = *platform_joints_m;
+    for (moment, s) in moments_m.iter_mut().zip(directions) {
+        *moment = (pose.rotation * *moment).cross(s);
+    }
+    moments_m
+}
+
+impl<const N: usize> Lines<N> {
+    #[inline]
+    fn factored(self) -> Result<LineMatrix<N>, KinematicsError> {
+        let factors = match TwoSystems::new(&self.directions, &self.moments_m) {
+            Some(factors) => Factors::Two(factors),
+            None => Factors::One(Lu::factor(&self.rows())?),
+        };
+        let lines = self;
+        Ok(LineMatrix { lines, factors })
+    }
+
+    fn factored_in_tau_form(self) -> Result<LineMatrix<N>, TauFormError> {
+        let [_, s21, s22, s31, s32, s33] = &self.directions;
+        for (link, first, other) in [(2, s21, s22), (4, s31, s32), (5, s31, s33)] {
+            let angle_rad = norm(&(other - first));
+            if angle_rad > TAU_TOLERANCE {
+                return Err(TauFormError::NotParallel { link, angle_rad });
+            }
+        }
+        let factors = match TwoSystems::of_parallel(&self.directions, &self.moments_m) {
+            Some(factors) => Factors::Two(factors),
+            None => Factors::One(Lu::factor(&self.rows()).map_err(KinematicsError::from)?),
+        };
+        let lines = self;
+        Ok(LineMatrix { lines, factors })
+    }
+
+    /// Rows of `W^T`: `[s_ij, l_ij x s_ij]`.
+    fn rows(&self) -> [[f64; LINKS]; LINKS] {
+        let mut rows = [[0.0; LINKS]; LINKS];
+        for (row, (s, m)) in (rows.iter_mut()).zip(pairs(&self.directions, &self.moments_m)) {
+            *row = [s.x, s.y, s.z, m.x, m.y, m.z];
+        }
+        rows
+    }
+}
+
+impl Factors {
+    /// `x` of `W^T x = right`.
+    #[inline]
+    fn solve(&self, right: &[f64; LINKS]) -> [f64; LINKS] {
+        match self {
+            Self::Two(systems) => {
+                let (x, y) = systems.solve(right);
+                [x.x, x.y, x.z, y.x, y.y, y.z]
+            }
+            Self::One(factors) => factors.solve(right),
+        }
+    }
+
+    /// `f` of `W f = w`.
+    #[inline]
+    fn solve_transposed(&self, load: &Wrench) -> [f64; LINKS] {
+        match self {
+            Self::Two(systems) => systems.solve_transposed(&load.force_n, &load.moment_nm),
+            Self::One(factors) => factors.solve_transposed(&load.to_array()),
+        }
+    }
+}
+
+impl<const N: usize> LineMatrix<N> {
     /// `W`: forces (dimensionless) over moments (m) of a unit tension in each link.
     #[must_use]
     pub fn matrix(&self) -> Matrix6<f64> {
-        Matrix6::from_column_slice(self.rows.as_flattened())
+        Matrix6::from_column_slice(self.lines.rows().as_flattened())
     }
 
     /// `f = -W^-1 w` `[T 3.25]`: tension of each link, N, link order.
@@ -146,11 +286,7 @@ impl<const N: usize> LineMatrix<N> {
     /// # Errors
     /// [`KinematicsError::NotFinite`].
     pub fn link_forces_n(&self, load: &Wrench) -> Result<[f64; LINKS], KinematicsError> {
-        finite(
-            self.factors
-                .solve_transposed(&load.to_array())
-                .map(|force| -force),
-        )
+        finite(self.factors.solve_transposed(load).map(|force| -force))
     }
 
     /// `tau = -D^T f` `[T 3.26]`: load on each actuator, positive along `+q`, in newtons times metres per q-unit.
@@ -158,7 +294,7 @@ impl<const N: usize> LineMatrix<N> {
     #[must_use]
     pub fn cart_loads(&self, link_forces_n: &[f64; LINKS]) -> [f64; N] {
         let mut loads = [0.0; N];
-        for (row, force) in pairs(&self.drives, link_forces_n) {
+        for (row, force) in pairs(&self.lines.drives, link_forces_n) {
             for (load, drive) in loads.iter_mut().zip(row) {
                 *load -= drive * force;
             }
@@ -177,7 +313,8 @@ impl<const N: usize> LineMatrix<N> {
         elongations_m: &[f64; LINKS],
     ) -> Result<[f64; 6], KinematicsError> {
         let mut right = [0.0; LINKS];
-        for (value, (row, elongation)) in right.iter_mut().zip(pairs(&self.drives, elongations_m)) {
+        let drives = &self.lines.drives;
+        for (value, (row, elongation)) in right.iter_mut().zip(pairs(drives, elongations_m)) {
             let driven: f64 = pairs(row, dq).map(|(drive, dq)| drive * dq).sum();
             *value = driven - elongation;
         }
@@ -192,19 +329,19 @@ impl<const N: usize> LineMatrix<N> {
     pub fn jacobian(&self) -> Result<SMatrix<f64, 6, N>, KinematicsError> {
         let mut columns = [[0.0; 6]; N];
         for (axis, column) in columns.iter_mut().enumerate() {
-            let mut dq = [0.0; N];
-            if let Some(moved) = dq.get_mut(axis) {
-                *moved = 1.0;
+            let mut driven = [0.0; LINKS];
+            for (value, row) in driven.iter_mut().zip(&self.lines.drives) {
+                *value = row.get(axis).copied().unwrap_or(0.0);
             }
-            *column = self.displacement(&dq, &[0.0; LINKS])?;
+            *column = finite(self.factors.solve(&driven))?;
         }
         Ok(SMatrix::from_data(ArrayStorage(columns)))
     }
 
-    /// Smallest pivot of `W` over its largest, 0 at a singularity.
+    /// Smallest pivot of `W` over its largest, 0 at a singularity. Costs a pivoting factorisation.
     #[must_use]
-    pub const fn regularity(&self) -> f64 {
-        self.factors.pivot_ratio()
+    pub fn regularity(&self) -> f64 {
+        Lu::factor(&self.lines.rows()).map_or(0.0, |factors| factors.pivot_ratio())
     }
 }
 

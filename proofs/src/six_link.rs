@@ -1,10 +1,14 @@
 //! The kinematics of six axes: T13. What is handed out is finite, inside the travel, and keeps the links' lengths; or it is an error.
 
-use gantry_tau_core::compensation::{CompensatorConfig, SixLinkElastic};
-use gantry_tau_core::kinematics::{Pose, RESIDUAL_TOLERANCE, SixLinkKinematics, WARM_ITERATIONS};
+use gantry_tau_core::compensation::{SixLinkCompensator, SixLinkElastic};
+use gantry_tau_core::kinematics::{
+    COLD_ITERATIONS, Pose, RESIDUAL_TOLERANCE, SixLinkKinematics, WARM_ITERATIONS,
+};
 use gantry_tau_core::linalg::rotation_deviation;
 use gantry_tau_core::robot::AXES;
 use gantry_tau_core::statics::{LineMatrix, Wrench};
+
+use crate::compensation::cycle_is_bounded;
 
 /// Positions of the axes, q-units.
 type Six = [f64; AXES];
@@ -43,6 +47,12 @@ pub fn answers_are_checked(
     if let Ok(found) = kinematics.inverse(pose, seed) {
         keeps_lengths(kinematics, pose, &found.answer);
     }
+    let plates = seed.unwrap_or_default();
+    let (place, near) = (&pose.position_m, &pose.rotation);
+    if let Ok(found) = kinematics.inverse_with_held_plates(place, &plates, near, COLD_ITERATIONS) {
+        let (q, pose) = &found.answer;
+        keeps_lengths(kinematics, pose, q);
+    }
     let unseeded = kinematics.forward(q);
     let seeded = kinematics.forward_from(q, pose, WARM_ITERATIONS);
     for found in [unseeded, seeded].iter().flatten() {
@@ -68,18 +78,11 @@ fn keeps_lengths(kinematics: &SixLinkKinematics, pose: &Pose, q: &Six) {
     );
 }
 
-/// T12, T13, T14 for what is built on the kinematics: no panic on any numbers, every number that is handed out is finite, and
-/// every offset within its limit. Tested.
+/// T12 and T13 for what is built on the kinematics: no panic on any numbers, and every number that is handed out is finite. Tested.
 ///
 /// # Panics
 /// When one is not.
-pub fn statics_are_finite(
-    machine: &SixLinkElastic,
-    config: &CompensatorConfig<AXES>,
-    pose: &Pose,
-    q: &Six,
-    load: &Wrench,
-) {
+pub fn statics_are_finite(machine: &SixLinkElastic, pose: &Pose, q: &Six, load: &Wrench) {
     let finite = |values: &[f64]| {
         assert!(values.iter().all(|value| value.is_finite()), "T13: finite");
     };
@@ -99,6 +102,15 @@ pub fn statics_are_finite(
     let exact = machine.held(pose, q, load).map(|held| held.answer);
     for command in [first_order, exact].iter().flatten() {
         finite(command);
-        crate::compensation::correction_is_bounded(config, q, command);
     }
+}
+
+/// T14, for a whole cycle of six axes, by either map. Tested.
+///
+/// # Panics
+/// When an offset is beyond its limit.
+pub fn cycles_are_bounded(compensator: &SixLinkCompensator, pose: &Pose, q: &Six, load: &Wrench) {
+    let config = compensator.config();
+    cycle_is_bounded(config, compensator.correction(pose, q, load), load);
+    cycle_is_bounded(config, compensator.exact_correction(pose, q, load), load);
 }

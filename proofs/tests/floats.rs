@@ -5,7 +5,9 @@
     reason = "a strategy that makes what is not valid must panic"
 )]
 
-use gantry_tau_core::compensation::{Compensator, CompensatorConfig, SixLinkElastic};
+use gantry_tau_core::compensation::{
+    Compensator, CompensatorConfig, ExactCompensator, SixLinkCompensator, SixLinkElastic,
+};
 use gantry_tau_core::kinematics::{Nominal, Pose};
 use gantry_tau_core::linalg::rotation_from_vector;
 use gantry_tau_core::robot::{Branch, Compliances, Geometry, Robot, SixLinkGeometry};
@@ -113,15 +115,18 @@ fn wild_positions() -> impl Strategy<Value = [f64; 3]> {
         .prop_map(|(a, b, c)| [a, b, c])
 }
 
-fn compensator(gain: f64, limits: [i32; 3]) -> Compensator {
+fn compensators(gain: f64, limits: [i32; 3]) -> (Compensator, ExactCompensator) {
     let links = [5e-7, 6e-7, 5.5e-7, 7e-7, 6.5e-7, 6e-7];
     let compliances = Compliances::new(links, [4.06e-8, 5.09e-8, 6e-8]).unwrap();
+    let (robot, nominal) = l2();
     let config = CompensatorConfig {
         gain,
         limits: limits.map(OffsetNm),
         metres_per_q: [1.0; 3],
     };
-    Compensator::new(&l2().1, &compliances, config).unwrap()
+    let first_order = Compensator::new(&nominal, &compliances, config).unwrap();
+    let exact = ExactCompensator::new(&robot, &compliances, config).unwrap();
+    (first_order, exact)
 }
 
 /// A sensor in any valid state, its mounting turned.
@@ -188,8 +193,12 @@ proptest! {
         load in uniform6(prop_oneof![any_float(), -1e4..1e4_f64]), q in uniform3(any_float()),
         standing: bool, gain in 0.0..=1.0_f64, limits in uniform3(0..=i32::MAX),
     ) {
-        let home = l2().1.inverse(&[0.0, 0.5, 0.65].into()).unwrap();
-        cycle_is_bounded(&compensator(gain, limits), &if standing { home } else { q }, &Wrench::from_array(load));
+        let pose = Pose::at([0.0, 0.5, 0.65].into());
+        let home = l2().1.inverse(&pose.position_m).unwrap();
+        let (q, load) = (if standing { home } else { q }, Wrench::from_array(load));
+        let (first_order, exact) = compensators(gain, limits);
+        cycle_is_bounded(first_order.config(), first_order.correction(&q, &load), &load);
+        cycle_is_bounded(exact.config(), exact.correction(&pose, &q, &load), &load);
     }
 
     #[test]
@@ -222,7 +231,7 @@ proptest! {
     fn six_axes_answer_what_is_checked(
         position in uniform3(prop_oneof![any_float(), -1.0..1.0_f64]), turn in uniform3(prop_oneof![3 => -0.4..0.4_f64, 1 => any_float()]),
         q in uniform6(any_float()), carts in uniform3(0.5..2.0_f64), plates in uniform3(-0.4..0.4_f64), seeded: bool,
-        load in uniform6(prop_oneof![any_float(), -1e3..1e3_f64]), limits in uniform6(0..=i32::MAX), narrow: bool,
+        load in uniform6(prop_oneof![any_float(), -1e3..1e3_f64]), limits in uniform6(0..=i32::MAX), gain in 0.0..=1.0_f64, narrow: bool,
     ) {
         let travel = narrow.then_some([(0.5, 2.0), (0.5, 2.0), (0.5, 2.0), (-0.3, 0.3), (-0.3, 0.3), (-0.3, 0.3)]);
         let kinematics = six_link(SixLinkGeometry { travel, ..six_link_geometry() }).unwrap();
@@ -231,11 +240,15 @@ proptest! {
         let ([q1, q2, q3], [q4, q5, q6]) = (carts, plates);
         let standing = [q1, q2, q3, q4, q5, q6];
         let machine = SixLinkElastic::new(kinematics, Compliances::new([5e-7; 6], [4e-8; 6]).unwrap());
-        let config = CompensatorConfig { gain: 1.0, limits: limits.map(OffsetNm), metres_per_q: [1.0; 6] };
-        for q in [q, standing] {
+        let config = CompensatorConfig { gain, limits: limits.map(OffsetNm), metres_per_q: [1.0; 6] };
+        let compensator = SixLinkCompensator::new(machine, config).unwrap();
+        let fits = kinematics.inverse(&pose, None).map_or(standing, |found| found.answer);
+        let load = Wrench::from_array(load);
+        for q in [q, standing, fits] {
             six_link::check_is_right(&kinematics, &q);
             six_link::answers_are_checked(&kinematics, &pose, seeded.then_some(plates), &q);
-            six_link::statics_are_finite(&machine, &config, &pose, &q, &Wrench::from_array(load));
+            six_link::statics_are_finite(&machine, &pose, &q, &load);
+            six_link::cycles_are_bounded(&compensator, &pose, &q, &load);
         }
     }
 

@@ -2,8 +2,9 @@
 
 use nalgebra::Vector3;
 
+use super::{CompensatorConfig, CompensatorError, Correction};
 use crate::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solved, is_pose, links};
-use crate::linalg::{Lu, norm, rotation_from_vector};
+use crate::linalg::{Lu, larger, norm, rotation_from_vector};
 use crate::robot::{ARMS, Compliances, LINKS, Robot};
 use crate::rows::pairs;
 use crate::statics::{LineMatrix, Wrench, finite};
@@ -37,8 +38,9 @@ pub fn held(
         let lines = LineMatrix::new(robot, &pose, &standing)?;
         let forces = lines.link_forces_n(load)?;
         let (errors, rows) = loaded(robot, compliances, &pose, &standing, &forces);
-        // `max` drops a NaN.
-        residual_m = (finite(errors)?.iter()).fold(0.0, |most: f64, error| most.max(error.abs()));
+        residual_m = errors
+            .iter()
+            .fold(0.0, |most, error| larger(most, error.abs()));
         if residual_m <= SETTLED_M {
             let loads = lines.cart_loads(&forces);
             let springs = pairs(compliances.cart_m_per_n(), &loads);
@@ -104,13 +106,66 @@ fn loaded(
     (errors, rows)
 }
 
+/// The exact map with gain, limits and units: from a wrench to offsets for the server, for a machine of three axes.
+/// It costs several solves of six equations a cycle; [`Compensator`](super::Compensator) is the map to first order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExactCompensator {
+    robot: Robot,
+    compliances: Compliances,
+    config: CompensatorConfig,
+}
+
+impl ExactCompensator {
+    /// Checks the configuration.
+    ///
+    /// # Errors
+    /// [`CompensatorError`], naming the parameter and its axis.
+    pub fn new(
+        robot: &Robot,
+        compliances: &Compliances,
+        config: CompensatorConfig,
+    ) -> Result<Self, CompensatorError> {
+        config.check()?;
+        Ok(Self {
+            robot: *robot,
+            compliances: *compliances,
+            config,
+        })
+    }
+
+    /// The configuration.
+    #[must_use]
+    pub const fn config(&self) -> &CompensatorConfig {
+        &self.config
+    }
+
+    /// One cycle: offsets that hold the tool at `pose`'s position, which belongs to the nominal positions `q` (q-units),
+    /// under `load`; the share `gain` of them.
+    ///
+    /// Whatever the load, what comes out is within the limits or an error.
+    ///
+    /// # Errors
+    /// As [`held`].
+    pub fn correction(
+        &self,
+        pose: &Pose,
+        q: &[f64; ARMS],
+        load: &Wrench,
+    ) -> Result<Correction, KinematicsError> {
+        let held = held(&self.robot, &self.compliances, pose, q, load)?;
+        self.config.bounded_share(q, &held.answer)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::compensation::compensated;
-    use crate::kinematics::tests::{compliances, geometry, machine, skewed};
+    use crate::kinematics::tests::{compliances, geometry, l2, machine, skewed};
     use crate::stiffness::TauModel;
+    use crate::units::OffsetNm;
     use nalgebra::{Matrix3, Matrix6, Vector6};
+    use proptest::prelude::*;
 
     /// Where the tool of the elastic machine stands under a command, by Newton with differences over the pose: every axis where its own
     /// load leaves it, every link as long as its own tension makes it. Nothing of the map that is tested.
@@ -180,6 +235,68 @@ mod tests {
                 exact < 1e-9 && exact < 1e-3 * first_order,
                 "{exact} {first_order}"
             );
+        }
+    }
+
+    const LIMIT: OffsetNm = OffsetNm(2_000_000);
+
+    fn compensator(gain: f64, limit: OffsetNm) -> ExactCompensator {
+        let config = CompensatorConfig {
+            gain,
+            limits: [limit; ARMS],
+            metres_per_q: [1.0; ARMS],
+        };
+        let robot = Robot::new(geometry()).unwrap();
+        ExactCompensator::new(&robot, &compliances(), config).unwrap()
+    }
+
+    fn home() -> (Pose, [f64; ARMS]) {
+        let pose = Pose::at(Vector3::new(0.0, 0.5, 0.65));
+        let q = l2().inverse(&pose.position_m).unwrap();
+        (pose, q)
+    }
+
+    #[test]
+    fn offsets_are_the_share_of_the_exact_map() {
+        let (pose, q) = home();
+        let load = Wrench::from_array([300.0, -50.0, 100.0, 1.0, 2.0, -1.0]);
+        let robot = Robot::new(geometry()).unwrap();
+        let exact = held(&robot, &compliances(), &pose, &q, &load).unwrap();
+        for gain in [1.0, 0.5, 0.0] {
+            let ours = compensator(gain, LIMIT)
+                .correction(&pose, &q, &load)
+                .unwrap();
+            assert_eq!(ours.saturated, [false; ARMS]);
+            for ((offset, q), held) in ours.offsets.iter().zip(q).zip(exact.answer) {
+                let expected_m = gain * (held - q);
+                // A nanometre is the offset's unit.
+                assert!((offset.to_metres().0 - expected_m).abs() < 1e-9);
+            }
+        }
+        let cut = compensator(1.0, OffsetNm(100_000)).correction(&pose, &q, &load);
+        let cut = cut.unwrap();
+        assert!(cut.saturated.contains(&true), "{cut:?}");
+        assert!(cut.offsets.iter().all(|offset| offset.0.abs() <= 100_000));
+        let mut config = *compensator(1.0, LIMIT).config();
+        config.gain = f64::NAN;
+        let refused = ExactCompensator::new(&robot, &compliances(), config);
+        assert_eq!(refused, Err(CompensatorError::Gain));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(5_000))]
+        #[test]
+        fn the_output_is_bounded_for_any_load(
+            load in prop::array::uniform6(prop_oneof![any::<f64>(), -1e7..1e7_f64, Just(f64::NAN)]),
+            moved in -1e-3..1e-3_f64, gain in 0.0..=1.0_f64, limit in 0..=i32::MAX,
+        ) {
+            let (mut pose, q) = home();
+            pose.position_m.x += moved;
+            let answer = compensator(gain, OffsetNm(limit)).correction(&pose, &q, &Wrench::from_array(load));
+            if let Ok(correction) = answer {
+                prop_assert!(correction.offsets.iter().all(|offset| offset.0.abs() <= limit));
+                prop_assert!(load.iter().all(|value| value.is_finite()));
+            }
         }
     }
 

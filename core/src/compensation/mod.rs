@@ -7,12 +7,15 @@
 //! Measured load fed back through an estimated compliance is positive feedback against a stiff workpiece: stable while the
 //! estimate stays below the machine's compliance plus the workpiece's. Hence a gain of at most 1, and limits.
 //!
+//! Two maps, both bounded by the same last step ([`CompensatorConfig::bounded`]): to first order, which is cheap ([`Compensator`],
+//! [`SixLinkCompensator::correction`]), and exact ([`ExactCompensator`], [`SixLinkCompensator::exact_correction`]).
+//!
 //! Instructions per cycle are counted in `tests/benches/instructions/counts.toml`.
 
 mod held;
 mod six_link;
 
-pub use held::held;
+pub use held::{ExactCompensator, held};
 pub use six_link::{SixLinkCompensator, SixLinkElastic};
 
 use core::fmt;
@@ -25,7 +28,7 @@ use crate::statics::Wrench;
 use crate::stiffness::{TauDeflection, TauModel};
 use crate::units::{Metres, OffsetNm};
 
-/// How much is corrected, and how far; not yet checked.
+/// How much is corrected, and how far; not yet checked. It says the same to every compensator, whichever map it has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompensatorConfig<const N: usize = ARMS> {
     /// Share of the computed displacement that is corrected, 0 to 1.
@@ -82,6 +85,22 @@ impl<const N: usize> CompensatorConfig<N> {
             (*offset, *cut) = within((command - q) * scale, *limit)?;
         }
         Ok(Correction { offsets, saturated })
+    }
+
+    /// As [`bounded`](Self::bounded), for a map that corrects all of it: the share `gain` of the way from `q` to `held`.
+    ///
+    /// # Errors
+    /// As [`bounded`](Self::bounded).
+    fn bounded_share(
+        &self,
+        q: &[f64; N],
+        held: &[f64; N],
+    ) -> Result<Correction<N>, KinematicsError> {
+        let mut command = *q;
+        for (command, held) in command.iter_mut().zip(held) {
+            *command += self.gain * (held - *command);
+        }
+        self.bounded(q, &command)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::{CompensatorConfig, CompensatorError, Correction};
 use crate::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, SixLinkKinematics, Solved};
-use crate::linalg::rotation_from_vector;
+use crate::linalg::{larger, rotation_from_vector};
 use crate::robot::{AXES, Compliances, LINKS};
 use crate::rows::pairs;
 use crate::statics::{LineMatrix, Wrench, finite};
@@ -93,8 +93,8 @@ impl SixLinkElastic {
             let lines = LineMatrix::of_six_link(&self.kinematics, pose, &standing)?;
             let forces = lines.link_forces_n(load)?;
             let loaded_m = self.loaded_lengths_m(&forces);
-            residual_m = pairs(&loaded_m, &lengths_m).fold(0.0, |most: f64, (now, before)| {
-                most.max((now - before).abs())
+            residual_m = pairs(&loaded_m, &lengths_m).fold(0.0, |most, (now, before)| {
+                larger(most, (now - before).abs())
             });
             lengths_m = loaded_m;
             let [.., q4, q5, q6] = standing;
@@ -158,6 +158,12 @@ impl SixLinkCompensator {
         Ok(Self { machine, config })
     }
 
+    /// The configuration.
+    #[must_use]
+    pub const fn config(&self) -> &CompensatorConfig<AXES> {
+        &self.config
+    }
+
     /// One cycle: offsets that hold `pose`, which belongs to the nominal positions `q` (q-units), under `load`.
     /// The pose comes from [`SixLinkKinematics::forward_from`], seeded by that of the cycle before.
     ///
@@ -173,5 +179,19 @@ impl SixLinkCompensator {
     ) -> Result<Correction<AXES>, KinematicsError> {
         let command = self.machine.compensated(pose, q, load, self.config.gain)?;
         self.config.bounded(q, &command)
+    }
+
+    /// As [`correction`](Self::correction) by the exact map, which costs several inverses; the share `gain` of what it asks for.
+    ///
+    /// # Errors
+    /// As [`SixLinkElastic::held`].
+    pub fn exact_correction(
+        &self,
+        pose: &Pose,
+        q: &[f64; AXES],
+        load: &Wrench,
+    ) -> Result<Correction<AXES>, KinematicsError> {
+        let held = self.machine.held(pose, q, load)?;
+        self.config.bounded_share(q, &held.answer)
     }
 }

@@ -8,16 +8,19 @@ mod jacobian;
 mod nominal;
 mod refusal;
 mod six_link;
+mod two_systems;
 
 pub use jacobian::LinkFrame;
 pub use nominal::{Nominal, NominalError};
 pub use six_link::{COLD_ITERATIONS, SixLinkKinematics, Solved, WARM_ITERATIONS};
 
+pub(crate) use two_systems::TwoSystems;
+
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::linalg::{LinearError, norm, rotation_deviation};
-use crate::robot::{ARMS, Geometry, Robot};
+use crate::linalg::{LinearError, larger, norm, rotation_deviation, unit};
+use crate::robot::{ARMS, Geometry, LINKS, Robot};
 
 /// Smallest measure of regularity a pose may have, both of the carts' (`|s_i . v_i| / |v_i|`) and of the links' (`|det(s_1, s_2, s_3)|`).
 /// Beyond it a micrometre at one end would be a centimetre at the other.
@@ -223,21 +226,23 @@ pub(crate) fn links<'a>(
         })
 }
 
+/// `s_ij`: from platform to cart.
+pub(crate) fn directions(
+    links_m: &[Vector3<f64>; LINKS],
+) -> Result<[Vector3<f64>; LINKS], KinematicsError> {
+    let mut directions = *links_m;
+    for direction in &mut directions {
+        *direction = unit(direction).ok_or(KinematicsError::NotFinite)?;
+    }
+    Ok(directions)
+}
+
 /// Largest error of the six link lengths in this pose with these positions, in metres `[T 3.4]`; NaN when a number given is.
 #[must_use]
 pub fn residual_m(robot: &Robot, pose: &Pose, q: &[f64; ARMS]) -> f64 {
-    let mut largest = 0.0_f64;
-    for link in links(robot.geometry(), pose, q) {
-        let error = (norm(&link.vector_m) - link.length_m).abs();
-        // `max` would drop a NaN.
-        if error > largest || error.is_nan() {
-            largest = error;
-        }
-        if largest.is_nan() {
-            break;
-        }
-    }
-    largest
+    links(robot.geometry(), pose, q)
+        .map(|link| (norm(&link.vector_m) - link.length_m).abs())
+        .fold(0.0, larger)
 }
 
 #[cfg(test)]

@@ -439,7 +439,7 @@ impl Arm {
 #[cfg(kani)]
 impl kani::Arbitrary for Nominal {
     fn any() -> Self {
-        let any_vector = || Vector3::from(kani::any::<[f64; 3]>());
+        use crate::linalg::any_vector;
         let any_arm = || Arm {
             origin_m: any_vector(),
             guideway: any_vector(),

@@ -135,7 +135,7 @@ impl SixLink {
 #[cfg(kani)]
 impl kani::Arbitrary for SixLink {
     fn any() -> Self {
-        let any_vector = || Vector3::from(kani::any::<[f64; 3]>());
+        use crate::linalg::any_vector;
         let any_six = || {
             [
                 any_vector(),

@@ -3,6 +3,7 @@
 //! ```sh
 //! cargo bench -p gantry-tau-tests --bench instructions              # counts, and compares with counts.toml
 //! cargo bench -p gantry-tau-tests --bench instructions -- --write   # writes counts.toml anew
+//! cargo bench -p gantry-tau-tests --bench instructions -- --arithmetic   # how many of them compute (needs objdump, too)
 //! ```
 //!
 //! The committed counts are those of rustc 1.95; another compiler may differ by more than 5 %.
@@ -14,6 +15,7 @@
     reason = "a measurement that cannot be made must stop"
 )]
 
+mod arithmetic;
 mod calls;
 #[path = "../setup/mod.rs"]
 mod setup;
@@ -41,6 +43,10 @@ fn main() -> ExitCode {
     if Command::new("valgrind").arg("--version").output().is_err() {
         eprintln!("instructions: valgrind is not installed (apt-get install valgrind)");
         return ExitCode::from(3);
+    }
+    if arguments.iter().any(|argument| argument == "--arithmetic") {
+        arithmetic::report();
+        return ExitCode::SUCCESS;
     }
     let counts: BTreeMap<&str, u64> = calls::CALLS
         .iter()

@@ -6,7 +6,8 @@ use core::hint::black_box;
 
 use gantry_tau_core::axis::{Actual, Offsets};
 use gantry_tau_core::compensation::{
-    Compensator, CompensatorConfig, SixLinkCompensator, SixLinkElastic,
+    Compensator, CompensatorConfig, Correction, ExactCompensator, SixLinkCompensator,
+    SixLinkElastic,
 };
 use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
 use gantry_tau_core::kinematics::{Nominal, Pose, SixLinkKinematics, WARM_ITERATIONS};
@@ -113,14 +114,20 @@ pub extern "C" fn client(
     };
     let inverse = nominal.inverse(tcp_m).map_or(0.0, |q| q.iter().sum());
     let jacobian = nominal.jacobian(tcp_m).map_or(0.0, |j| j.sum());
-    let correction = compensator.correction(q, &load).map_or(0.0, |correction| {
-        correction
-            .offsets
-            .iter()
-            .map(|offset| offset.to_metres().0)
-            .sum()
-    });
-    inverse + jacobian + correction
+    let correction = compensator.correction(q, &load);
+    let exact = ExactCompensator::new(&robot, &compliances, config)
+        .map(|exact| exact.correction(&Pose::at(*tcp_m), q, &load));
+    let exact = exact.ok().and_then(Result::ok);
+    inverse
+        + jacobian
+        + correction.map_or(0.0, |correction| metres(&correction))
+        + exact.map_or(0.0, |exact| metres(&exact))
+}
+
+/// All of a correction, so that none of it is left out.
+fn metres<const N: usize>(correction: &Correction<N>) -> f64 {
+    let offsets = correction.offsets.iter();
+    offsets.map(|offset| offset.to_metres().0).sum()
 }
 
 /// Everything the client side does with six axes: validate, inverse, forward with and without a seed, statics, compensate.
@@ -149,6 +156,9 @@ pub extern "C" fn client_of_six(
     let Ok(there) = kinematics.inverse(&pose.answer, None) else {
         return 0.0;
     };
+    let [.., q4, q5, q6] = there.answer;
+    let (place, near) = (&pose.answer.position_m, &seed.rotation);
+    let held = kinematics.inverse_with_held_plates(place, &[q4, q5, q6], near, WARM_ITERATIONS);
     let load = Wrench::from_array(*raw);
     let machine = SixLinkElastic::new(kinematics, compliances);
     let config = CompensatorConfig {
@@ -163,17 +173,15 @@ pub extern "C" fn client_of_six(
     let jacobian = lines.and_then(|lines| lines.jacobian());
     let stiffness = (lines.and_then(|lines| lines.compliance(&compliances)))
         .and_then(|compliance| compliance.to_stiffness());
-    let held = machine.held(&pose.answer, &there.answer, &load);
+    let exact = compensator.exact_correction(&pose.answer, &there.answer, &load);
     let correction = compensator.correction(&pose.answer, &there.answer, &load);
     f64::from(robot.kinematics_checksum())
         + synchronised.map_or(0.0, |pose| pose.position_m.sum())
         + jacobian.map_or(0.0, |jacobian| jacobian.sum())
         + stiffness.map_or(0.0, |stiffness| stiffness.0.sum())
-        + held.map_or(0.0, |held| held.answer.iter().sum())
-        + correction.map_or(0.0, |correction| {
-            let [first, ..] = correction.offsets;
-            first.to_metres().0
-        })
+        + held.map_or(0.0, |held| held.answer.0.iter().sum())
+        + exact.map_or(0.0, |exact| metres(&exact))
+        + correction.map_or(0.0, |correction| metres(&correction))
 }
 
 /// The negative control: a panic that is linked.

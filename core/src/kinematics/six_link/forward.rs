@@ -40,13 +40,12 @@ impl SixLinkKinematics {
         if !q.iter().all(|value| value.is_finite()) || !is_pose(seed) {
             return Err(KinematicsError::NotFinite);
         }
-        let joints = self.plates.joints(q);
+        let joints = self.plates.at(q).joints_m();
         let mut pose = *seed;
         let mut mode = None;
         for made in 0..=iterations {
             let system = self.system(&pose, &joints);
-            let settled = settled(&system.errors_m, CONVERGED * self.size_m);
-            if settled || made == iterations {
+            if made == iterations || system.is_settled(CONVERGED * self.size_m) {
                 pose.rotation = orthonormal(&pose.rotation);
                 let residual_m =
                     (self.checked(&pose, q, &joints)).map_err(|refused| refused.after(made))?;
@@ -80,7 +79,7 @@ impl SixLinkKinematics {
         seed: Option<[f64; 3]>,
     ) -> Result<Solved<[f64; AXES]>, KinematicsError> {
         let found = self.inverse(pose, seed)?;
-        let joints = self.plates.joints(&found.answer);
+        let joints = self.plates.at(&found.answer).joints_m();
         let mirrors = self.system(pose, &joints).solve()?.mirrors;
         if self.is_synchronisable() {
             let start = self.start(&found.answer)?;
@@ -103,13 +102,14 @@ impl SixLinkKinematics {
         if self.plates.out_of_step(q4, q5).abs() > SYNCHRONISED_TOLERANCE {
             return Err(KinematicsError::Inconsistent { arm: 1 });
         }
-        (self.checked(&pose, q, &self.plates.joints(q))).map_err(|refused| refused.after(0))?;
+        (self.checked(&pose, q, &self.plates.at(q).joints_m()))
+            .map_err(|refused| refused.after(0))?;
         Ok(pose)
     }
 
     /// The last check, of a pose.
     #[inline]
-    fn checked(
+    pub(super) fn checked(
         &self,
         pose: &Pose,
         q: &[f64; AXES],
@@ -148,7 +148,7 @@ impl SixLinkKinematics {
             position_m,
             rotation,
         });
-        let joints = self.plates.joints(q);
+        let joints = self.plates.at(q).joints_m();
         let sides = |pose: &Pose| self.on_their_sides(&self.links_between(pose, &joints));
         let [one, other] = poses.map(|pose| (sides(&pose), pose));
         match (one, other) {
@@ -175,7 +175,7 @@ impl SixLinkKinematics {
 
     /// By how much every link is too long in this pose, and how that changes with it.
     #[inline]
-    fn system(&self, pose: &Pose, joints_m: &[Vector3<f64>; LINKS]) -> System {
+    pub(super) fn system(&self, pose: &Pose, joints_m: &[Vector3<f64>; LINKS]) -> System {
         let geometry = self.robot.geometry();
         let [a11, a21, a22, a31, a32, a33] = joints_m;
         let [b11, b21, b22, b31, b32, b33] = &geometry.platform_joints_m;
@@ -199,13 +199,6 @@ impl SixLinkKinematics {
     }
 }
 
-/// Whether every link is as long as it is to be; false for NaN.
-#[inline]
-fn settled([e11, e21, e22, e31, e32, e33]: &[f64; LINKS], converged_m: f64) -> bool {
-    let within = |error: &f64| error.abs() <= converged_m;
-    within(e11) && within(e21) && within(e22) && within(e31) && within(e32) && within(e33)
-}
-
 /// Whether the links of a cluster are equally long.
 fn equal_in_clusters(geometry: &SixLinkGeometry, tolerance_m: f64) -> bool {
     let [_, l21, l22, l31, l32, l33] = geometry.lengths_m;
@@ -215,7 +208,7 @@ fn equal_in_clusters(geometry: &SixLinkGeometry, tolerance_m: f64) -> bool {
 
 /// The nearest rotation, to second order in how far `R` is from one: one step of `R <- R (3 - R^T R) / 2`.
 /// Without it a cyclic seed would drift by an ulp per cycle.
-fn orthonormal(rotation: &Matrix3<f64>) -> Matrix3<f64> {
+pub(super) fn orthonormal(rotation: &Matrix3<f64>) -> Matrix3<f64> {
     let gram = rotation.tr_mul(rotation);
     rotation * (Matrix3::identity() * 1.5 - gram * 0.5)
 }

@@ -2,11 +2,12 @@
 
 use nalgebra::Vector3;
 
-use super::newton::{Rule, newton};
+use super::newton::{Equations, Rule, newton};
+use super::plates::{PlateThree, PlateTwo};
 use super::{
     COLD_ITERATIONS, CONVERGED, KinematicsError, Pose, SixLinkKinematics, Solved, is_pose, stretch,
 };
-use crate::linalg::{norm, sqrt};
+use crate::linalg::sqrt;
 use crate::robot::{ARM_OF_LINK, AXES, Branch, LINKS};
 use crate::rows::pairs;
 
@@ -64,16 +65,14 @@ impl SixLinkKinematics {
         ends_m: &[Vector3<f64>; LINKS],
         lengths_m: &[f64; LINKS],
     ) -> Result<(), KinematicsError> {
-        let geometry = self.robot.geometry();
-        let joints = pairs(&geometry.plate_joints_m, &ARM_OF_LINK);
-        for ((end, length), (joint, arm)) in pairs(ends_m, lengths_m).zip(joints) {
-            let (Some(cart), Some(guideway)) =
-                (geometry.carts_m.get(*arm), geometry.guideways.get(*arm))
-            else {
+        let carts_m = &self.robot.geometry().carts_m;
+        let reaches = pairs(&self.plate_reaches_m, &ARM_OF_LINK);
+        for ((end, length), (reach, arm)) in pairs(ends_m, lengths_m).zip(reaches) {
+            let (Some(cart), Some(side)) = (carts_m.get(*arm), self.sides.get(*arm)) else {
                 continue;
             };
-            let across = norm(&(end - cart).cross(guideway)) / norm(guideway);
-            if across > length + norm(joint) {
+            let (across, farthest) = ((end - cart).cross(side), length + reach);
+            if across.dot(&across) > farthest * farthest {
                 return Err(KinematicsError::Unreachable { arm: *arm });
             }
         }
@@ -100,11 +99,11 @@ impl SixLinkKinematics {
     ) -> Result<((f64, f64), u8), KinematicsError> {
         let [_, v2, _] = self.plates.guideways();
         let [_, c2, _] = self.robot.geometry().configuration;
-        let ([first, _], [a21, _]) = (ends_m, self.plates.two(q4).joints_m);
-        let [length, _] = *lengths_m;
+        let plate = self.plates.two(q4);
+        let ([first, _], [a21, _], [length, _]) = (ends_m, plate.joints_m, *lengths_m);
         let (q2, _) = cart(&(first - a21), v2, length, c2);
-        let ([q2, q4], made) = newton([q2, q4], &self.rule(), |&[q2, q4]| {
-            let plate = self.plates.two(q4);
+        let place = |&[_, q4]: &[f64; 2]| self.plates.two(q4);
+        let equations = |&[q2, _]: &[f64; 2], plate: &PlateTwo| {
             let link =
                 |joint: &Vector3<f64>, end: &Vector3<f64>, turn: &Vector3<f64>, length: f64| {
                     let w = joint + v2 * q2 - end;
@@ -114,8 +113,12 @@ impl SixLinkKinematics {
             let ([a1, a2], [t1, t2]) = (&plate.joints_m, &plate.turns);
             let ([b1, b2], [l1, l2]) = (ends_m, *lengths_m);
             let (one, two) = (link(a1, b1, t1, l1), link(a2, b2, t2, l2));
-            ([one.0, two.0], [one.1, two.1])
-        })?;
+            Equations {
+                errors_m: [one.0, two.0],
+                rows: [one.1, two.1],
+            }
+        };
+        let ([q2, q4], made) = newton([q2, q4], plate, &self.rule(), place, equations)?;
         Ok(((q2, q4), made))
     }
 
@@ -128,11 +131,11 @@ impl SixLinkKinematics {
     ) -> Result<((f64, f64, f64), u8), KinematicsError> {
         let [_, _, v3] = self.plates.guideways();
         let [_, _, c3] = self.robot.geometry().configuration;
-        let ([first, ..], [a31, ..]) = (ends_m, self.plates.three(q5, q6).joints_m);
-        let [length, ..] = *lengths_m;
+        let plate = self.plates.three(q5, q6);
+        let ([first, ..], [a31, ..], [length, ..]) = (ends_m, plate.joints_m, *lengths_m);
         let (q3, _) = cart(&(first - a31), v3, length, c3);
-        let ([q3, q5, q6], made) = newton([q3, q5, q6], &self.rule(), |&[q3, q5, q6]| {
-            let plate = self.plates.three(q5, q6);
+        let place = |&[_, q5, q6]: &[f64; 3]| self.plates.three(q5, q6);
+        let equations = |&[q3, _, _]: &[f64; 3], plate: &PlateThree| {
             let link = |joint: &Vector3<f64>,
                         end: &Vector3<f64>,
                         rates: [&Vector3<f64>; 2],
@@ -147,8 +150,12 @@ impl SixLinkKinematics {
             let one = link(a1, b1, [t1, k1], l1);
             let two = link(a2, b2, [t2, k2], l2);
             let three = link(a3, b3, [t3, k3], l3);
-            ([one.0, two.0, three.0], [one.1, two.1, three.1])
-        })?;
+            Equations {
+                errors_m: [one.0, two.0, three.0],
+                rows: [one.1, two.1, three.1],
+            }
+        };
+        let ([q3, q5, q6], made) = newton([q3, q5, q6], plate, &self.rule(), place, equations)?;
         Ok(((q3, q5, q6), made))
     }
 
@@ -162,7 +169,7 @@ impl SixLinkKinematics {
 
 /// The cart of one link whose end is at `from_origin_m` from the joint at `q = 0`: `q`, and the square of the link's length
 /// along the guideway (metres squared), below zero where the link is too short; then `q` is the nearest point.
-fn cart(
+pub(super) fn cart(
     from_origin_m: &Vector3<f64>,
     guideway: &Vector3<f64>,
     length_m: f64,

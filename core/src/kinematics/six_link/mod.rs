@@ -7,6 +7,7 @@
 //! its side, and the tool in the same assembly mode as the seed.
 
 mod forward;
+mod held_plates;
 mod inverse;
 mod newton;
 mod plates;
@@ -16,8 +17,8 @@ mod tests;
 
 use nalgebra::Vector3;
 
-use super::{KinematicsError, Pose, RESIDUAL_TOLERANCE, SINGULAR_MEASURE, is_pose};
-use crate::linalg::norm;
+use super::{KinematicsError, Pose, RESIDUAL_TOLERANCE, SINGULAR_MEASURE, directions, is_pose};
+use crate::linalg::{larger, norm};
 use crate::robot::{ARM_OF_LINK, ARMS, AXES, LINKS, SixLink};
 use crate::rows::pairs;
 use plates::Plates;
@@ -32,6 +33,9 @@ pub const COLD_ITERATIONS: u8 = 10;
 const CONVERGED: f64 = 1e-14;
 /// Half a turn: what a plate is given where no travel is.
 const HALF_TURN_RAD: f64 = core::f64::consts::PI;
+
+/// `D`: rows in link order, columns in axis order.
+type Drives = [[f64; AXES]; LINKS];
 
 /// What a solver hands out, and how it came by it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,6 +60,8 @@ pub struct SixLinkKinematics {
     travel: [(f64, f64); AXES],
     /// `c_i V_i / |V_i|`: to which side the links of an arm point.
     sides: [Vector3<f64>; ARMS],
+    /// `|P_ij|`: how far a joint is from its cart's origin, metres.
+    plate_reaches_m: [f64; LINKS],
 }
 
 impl SixLinkKinematics {
@@ -82,6 +88,7 @@ impl SixLinkKinematics {
                 .travel
                 .unwrap_or([free, free, free, plate, plate, plate]),
             sides: [v1 * side1, v2 * side2, v3 * side3],
+            plate_reaches_m: geometry.plate_joints_m.map(|joint| norm(&joint)),
         }
     }
 
@@ -101,7 +108,7 @@ impl SixLinkKinematics {
     /// `A_ij - B_ij`: from platform joint to plate joint, world axes, metres, link order.
     #[must_use]
     pub fn links_m(&self, pose: &Pose, q: &[f64; AXES]) -> [Vector3<f64>; LINKS] {
-        self.links_between(pose, &self.plates.joints(q))
+        self.links_between(pose, &self.plates.at(q).joints_m())
     }
 
     /// The same, for plate joints that are known.
@@ -132,12 +139,20 @@ impl SixLinkKinematics {
     /// `D`: how much each link gets longer per axis, `D_(ij),k = s_ij . dA_ij/dq_k`; rows in link order, columns in axis order.
     /// `directions`: `s_ij`, from platform to plate, unit vectors.
     #[must_use]
-    pub fn drives(
+    pub fn drives(&self, q: &[f64; AXES], directions: &[Vector3<f64>; LINKS]) -> Drives {
+        self.plates.at(q).drives(directions)
+    }
+
+    /// `s_ij` and [`drives`](Self::drives), for less than both.
+    #[inline]
+    pub(crate) fn directions_and_drives(
         &self,
+        pose: &Pose,
         q: &[f64; AXES],
-        directions: &[Vector3<f64>; LINKS],
-    ) -> [[f64; AXES]; LINKS] {
-        self.plates.drives(q, directions)
+    ) -> Result<([Vector3<f64>; LINKS], Drives), KinematicsError> {
+        let plates = self.plates.at(q);
+        let directions = directions(&self.links_between(pose, &plates.joints_m()))?;
+        Ok((directions, plates.drives(&directions)))
     }
 
     /// What every answer passes last: links of the right length, axes inside their travel, arms on their side.
@@ -275,14 +290,6 @@ fn largest_error(links_m: &[Vector3<f64>; LINKS], lengths_m: &[f64; LINKS]) -> f
     let [w11, w21, w22, w31, w32, w33] = links_m;
     let [l11, l21, l22, l31, l32, l33] = lengths_m;
     let error = |link: &Vector3<f64>, length: &f64| (norm(link) - length).abs();
-    // `max` would drop a NaN.
-    let larger = |one: f64, other: f64| {
-        if one > other || one.is_nan() {
-            one
-        } else {
-            other
-        }
-    };
     let (two, three) = (
         larger(error(w21, l21), error(w22, l22)),
         larger(error(w31, l31), larger(error(w32, l32), error(w33, l33))),
@@ -296,7 +303,7 @@ const _: () = assert!(ARMS == 3 && LINKS == AXES, "six links for six axes");
 #[cfg(kani)]
 impl kani::Arbitrary for SixLinkKinematics {
     fn any() -> Self {
-        let any_vector = || Vector3::from(kani::any::<[f64; 3]>());
+        use crate::linalg::any_vector;
         Self {
             robot: kani::any(),
             plates: kani::any(),
@@ -304,6 +311,7 @@ impl kani::Arbitrary for SixLinkKinematics {
             tolerance_m: kani::any(),
             travel: kani::any(),
             sides: [any_vector(), any_vector(), any_vector()],
+            plate_reaches_m: kani::any(),
         }
     }
 }

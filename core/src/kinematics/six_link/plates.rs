@@ -64,6 +64,15 @@ pub(super) struct PlateThree {
     pub(super) tilts: [Vector3<f64>; 3],
 }
 
+/// The plates at some positions: where every joint is, and how it moves.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlatesAt {
+    guideways: [Vector3<f64>; ARMS],
+    one: Vector3<f64>,
+    two: PlateTwo,
+    three: PlateThree,
+}
+
 impl Plates {
     pub(super) fn new(geometry: &SixLinkGeometry) -> Self {
         Self {
@@ -142,35 +151,54 @@ impl Plates {
         sigma4 * q4 - sigma5 * q5
     }
 
-    /// `A_ij`: the plate joints, world axes, metres, link order.
-    pub(super) fn joints(&self, q: &[f64; AXES]) -> [Vector3<f64>; LINKS] {
+    /// All plates, at these positions.
+    #[inline]
+    pub(super) fn at(&self, q: &[f64; AXES]) -> PlatesAt {
         let [q1, q2, q3, q4, q5, q6] = *q;
         let [v1, v2, v3] = self.guideways;
-        let [a21, a22] = self.two(q4).joints_m;
-        let [a31, a32, a33] = self.three(q5, q6).joints_m;
-        let (d2, d3) = (v2 * q2, v3 * q3);
-        [
-            self.one() + v1 * q1,
-            a21 + d2,
-            a22 + d2,
-            a31 + d3,
-            a32 + d3,
-            a33 + d3,
-        ]
+        PlatesAt {
+            guideways: self.guideways,
+            one: self.one() + v1 * q1,
+            two: self.two(q4).moved(&(v2 * q2)),
+            three: self.three(q5, q6).moved(&(v3 * q3)),
+        }
+    }
+}
+
+impl PlateTwo {
+    #[inline]
+    fn moved(self, by_m: &Vector3<f64>) -> Self {
+        Self {
+            joints_m: self.joints_m.map(|joint| joint + by_m),
+            ..self
+        }
+    }
+}
+
+impl PlateThree {
+    #[inline]
+    fn moved(self, by_m: &Vector3<f64>) -> Self {
+        Self {
+            joints_m: self.joints_m.map(|joint| joint + by_m),
+            ..self
+        }
+    }
+}
+
+impl PlatesAt {
+    /// `A_ij`: the plate joints, world axes, metres, link order.
+    #[inline]
+    pub(super) fn joints_m(&self) -> [Vector3<f64>; LINKS] {
+        let ([a21, a22], [a31, a32, a33]) = (self.two.joints_m, self.three.joints_m);
+        [self.one, a21, a22, a31, a32, a33]
     }
 
     /// `D_(ij),k = s_ij . dA_ij/dq_k`.
-    pub(super) fn drives(
-        &self,
-        q: &[f64; AXES],
-        directions: &[Vector3<f64>; LINKS],
-    ) -> [[f64; AXES]; LINKS] {
-        let [.., q4, q5, q6] = *q;
+    pub(super) fn drives(&self, directions: &[Vector3<f64>; LINKS]) -> [[f64; AXES]; LINKS] {
         let [s11, s21, s22, s31, s32, s33] = directions;
         let [v1, v2, v3] = &self.guideways;
-        let [t21, t22] = self.two(q4).turns;
-        let three = self.three(q5, q6);
-        let ([t31, t32, t33], [k31, k32, k33]) = (three.turns, three.tilts);
+        let [t21, t22] = self.two.turns;
+        let ([t31, t32, t33], [k31, k32, k33]) = (self.three.turns, self.three.tilts);
         let two =
             |s: &Vector3<f64>, turn: Vector3<f64>| [0.0, s.dot(v2), 0.0, s.dot(&turn), 0.0, 0.0];
         let three = |s: &Vector3<f64>, turn: Vector3<f64>, tilt: Vector3<f64>| {
@@ -191,7 +219,7 @@ impl Plates {
 #[cfg(kani)]
 impl kani::Arbitrary for Plates {
     fn any() -> Self {
-        let any_vector = || Vector3::from(kani::any::<[f64; 3]>());
+        use crate::linalg::any_vector;
         let any_axis = || Axis {
             direction: any_vector(),
             k: Matrix3::from(kani::any::<[[f64; 3]; 3]>()),

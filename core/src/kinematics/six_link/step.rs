@@ -1,12 +1,11 @@
 //! One Newton step of the platform: `s . dT + m . dtheta = e` for every link, with `m = l x s`.
 //!
-//! Two systems of three instead of one of six: `dT` is eliminated by one link of each arm, whose directions are far from
-//! dependent, and what the other three links leave is solved for `dtheta`. Where either is near singular a pivoting solve of all
-//! six decides. In the Tau case the links of a cluster are parallel, and the second system is one of the clusters' levers alone.
+//! Two systems of three instead of one of six; where either is near singular a pivoting solve of all six decides.
 
 use nalgebra::Vector3;
 
-use super::{KinematicsError, SINGULAR_MEASURE};
+use super::KinematicsError;
+use crate::kinematics::TwoSystems;
 use crate::linalg::Lu;
 use crate::robot::LINKS;
 
@@ -32,42 +31,15 @@ pub(super) struct Step {
     pub(super) mirrors: bool,
 }
 
-/// The inverse of a matrix given by its rows, as columns; none near a singularity or for NaN.
-struct Inverse {
-    columns: [Vector3<f64>; 3],
-    mirrors: bool,
-}
-
-impl Inverse {
-    /// `None` unless `|det| > SINGULAR_MEASURE |r_1| |r_2| |r_3|`.
-    #[inline]
-    fn of_rows([r1, r2, r3]: [&Vector3<f64>; 3]) -> Option<Self> {
-        let (c1, c2, c3) = (r2.cross(r3), r3.cross(r1), r1.cross(r2));
-        let determinant = r1.dot(&c1);
-        let volume_squared = r1.dot(r1) * r2.dot(r2) * r3.dot(r3);
-        let least_squared = SINGULAR_MEASURE * SINGULAR_MEASURE * volume_squared;
-        let scale = 1.0 / determinant;
-        (determinant * determinant > least_squared).then(|| Self {
-            columns: [c1 * scale, c2 * scale, c3 * scale],
-            mirrors: determinant < 0.0,
-        })
-    }
-
-    #[inline]
-    fn times(&self, [y1, y2, y3]: [f64; 3]) -> Vector3<f64> {
-        let [c1, c2, c3] = &self.columns;
-        c1 * y1 + c2 * y2 + c3 * y3
-    }
-
-    /// `row` times the inverse.
-    #[inline]
-    fn weights(&self, row: &Vector3<f64>) -> [f64; 3] {
-        let [c1, c2, c3] = &self.columns;
-        [row.dot(c1), row.dot(c2), row.dot(c3)]
-    }
-}
-
 impl System {
+    /// Whether every link is as long as it is to be; false for NaN.
+    #[inline]
+    pub(super) fn is_settled(&self, converged_m: f64) -> bool {
+        let [e11, e21, e22, e31, e32, e33] = &self.errors_m;
+        let within = |error: &f64| error.abs() <= converged_m;
+        within(e11) && within(e21) && within(e22) && within(e31) && within(e32) && within(e33)
+    }
+
     /// # Errors
     /// `Singular` and `NotFinite`.
     #[inline]
@@ -80,31 +52,12 @@ impl System {
 
     #[inline]
     fn solve_in_two(&self) -> Option<Step> {
-        let [s11, s21, s22, s31, s32, s33] = &self.directions;
-        let [m11, m21, m22, m31, m32, m33] = &self.moments_m;
-        let [e11, e21, e22, e31, e32, e33] = self.errors_m;
-        let first = Inverse::of_rows([s11, s21, s31])?;
-        // What another link leaves, once dT is eliminated.
-        let left = |s: &Vector3<f64>, m: &Vector3<f64>, e: f64| {
-            let [a1, a2, a3] = first.weights(s);
-            let row = m - (m11 * a1 + m21 * a2 + m31 * a3);
-            (row, e - (a1 * e11 + a2 * e21 + a3 * e31))
-        };
-        let (n22, r22) = left(s22, m22, e22);
-        let (n32, r32) = left(s32, m32, e32);
-        let (n33, r33) = left(s33, m33, e33);
-        let second = Inverse::of_rows([&n22, &n32, &n33])?;
-        let rotation_rad = second.times([r22, r32, r33]);
-        let translation_m = first.times([
-            e11 - m11.dot(&rotation_rad),
-            e21 - m21.dot(&rotation_rad),
-            e31 - m31.dot(&rotation_rad),
-        ]);
+        let systems = TwoSystems::new(&self.directions, &self.moments_m)?;
+        let (translation_m, rotation_rad) = systems.solve(&self.errors_m);
         Some(Step {
             translation_m,
             rotation_rad,
-            // Link 31 stands before link 22 here, which turns the sign once.
-            mirrors: !(first.mirrors ^ second.mirrors),
+            mirrors: systems.mirrors(),
         })
     }
 

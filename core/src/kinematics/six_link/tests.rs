@@ -54,6 +54,9 @@ fn skewed() -> SixLinkGeometry {
     geometry
 }
 
+mod held_plates;
+mod tau_form;
+
 fn kinematics(geometry: SixLinkGeometry) -> SixLinkKinematics {
     SixLinkKinematics::new(&SixLink::new(geometry).unwrap())
 }
@@ -550,8 +553,27 @@ mod loaded {
         let heavy = compensator.correction(&at, &q, &load(3_000.0)).unwrap();
         assert!(heavy.saturated.contains(&true), "{heavy:?}");
         assert!(heavy.offsets.iter().all(|offset| offset.0.abs() <= 300_000));
+        let exact = compensator.exact_correction(&at, &q, &load(30.0)).unwrap();
+        for (exact, first_order) in exact.offsets.iter().zip(light.offsets) {
+            // To first order the same: a per cent of some tens of micrometres.
+            assert!((exact.0 - first_order.0).abs() < 1_000, "{exact:?}");
+        }
+        let heavy = compensator.exact_correction(&at, &q, &load(3_000.0));
+        let heavy = heavy.unwrap();
+        assert!(heavy.saturated.contains(&true), "{heavy:?}");
+        assert!(heavy.offsets.iter().all(|offset| offset.0.abs() <= 300_000));
+        let half = CompensatorConfig {
+            gain: 0.5,
+            ..config
+        };
+        let half = SixLinkCompensator::new(machine, half).unwrap();
+        let half = half.exact_correction(&at, &q, &load(30.0)).unwrap();
+        for (half, all) in half.offsets.iter().zip(exact.offsets) {
+            assert!((2 * half.0 - all.0).abs() <= 1, "{half:?}");
+        }
         for wild in [f64::NAN, f64::INFINITY, 1e300] {
             assert!(compensator.correction(&at, &q, &load(wild)).is_err());
+            assert!(compensator.exact_correction(&at, &q, &load(wild)).is_err());
         }
         let refused = CompensatorConfig {
             gain: 1.1,
