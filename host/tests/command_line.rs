@@ -12,6 +12,9 @@
 mod demo;
 #[path = "command_line/errors.rs"]
 mod errors;
+#[cfg(target_os = "linux")]
+#[path = "command_line/exhaustion.rs"]
+mod exhaustion;
 #[path = "command_line/process.rs"]
 mod process;
 #[cfg(unix)]

@@ -12,6 +12,7 @@
 
 mod content;
 mod endings;
+mod exhaustion;
 mod frames;
 mod hellos;
 mod machine;

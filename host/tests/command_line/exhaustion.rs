@@ -1,0 +1,52 @@
+//! A full disk: what cannot be recorded is counted and said, and the machine is served all the same.
+
+use crate::process::Folder;
+use crate::signals::{await_obtain, client, serve};
+
+#[test]
+fn a_full_disk_costs_the_recording_and_nothing_else() {
+    let folder = Folder::new("full");
+    let (mut server, addresses) = serve(&folder, &["--record", "/dev/full"]);
+    for times in 1..=2 {
+        let owner = client(&folder, &format!("owner{times}"), &addresses);
+        await_obtain(&mut server, times);
+        owner.interrupt();
+        let said = owner.end().success();
+        assert!(said.starts_with("left with Goodbye after "), "{said}");
+    }
+    server.interrupt();
+    let ended = server.end();
+    assert!(
+        ended.stdout.contains("all offsets are zero; ended"),
+        "{}",
+        ended.stdout
+    );
+    assert!(
+        ended.stdout.contains("recorded 0 rows to /dev/full"),
+        "{}",
+        ended.stdout
+    );
+    let line = ended.failure(1);
+    assert!(line.contains("/dev/full"), "{line}");
+}
+
+#[test]
+fn a_client_compensates_although_its_disk_is_full() {
+    let folder = Folder::new("full_client");
+    let (mut server, [address, sensor]) = serve(&folder, &[]);
+    let arguments = [
+        "client",
+        &address,
+        "--sensor",
+        &sensor,
+        "--record",
+        "/dev/full",
+    ];
+    let owner = folder.start("owner", &arguments);
+    await_obtain(&mut server, 1);
+    owner.interrupt();
+    let said = owner.end().success();
+    assert!(said.contains("/dev/full"), "{said}");
+    server.interrupt();
+    server.end().success();
+}
