@@ -32,6 +32,10 @@ mod harness;
 pub mod kinematics;
 pub mod machine;
 pub mod motors;
+#[cfg(not(kani))]
+pub mod oracle;
+#[cfg(not(kani))]
+pub mod play;
 pub mod session;
 pub mod sift;
 pub mod six_link;

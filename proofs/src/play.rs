@@ -1,0 +1,502 @@
+//! Two hostile clients, a machine and time: sequences of what can happen to a session, told in words that make sense in most states,
+//! and what is checked in every tick of them.
+//!
+//! The same sequences come from a fuzzer's bytes (feature `arbitrary`) and from proptest.
+
+use gantry_tau_core::axis::{Actual, Offsets};
+use gantry_tau_core::channel::Limits;
+use gantry_tau_core::message::{
+    AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode, Phase,
+};
+use gantry_tau_core::session::act::nominal_stepped;
+use gantry_tau_core::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
+use gantry_tau_core::session::decide::{Arrivals, Connection, Discrete, Rules};
+use gantry_tau_core::session::{BlackBox, Cycle, Event, Events, Input, Session, replay};
+use gantry_tau_core::units::{
+    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+};
+use gantry_tau_core::wire::{ContentError, FrameError};
+
+use crate::oracle::Oracle;
+use crate::session::Moment;
+use crate::{blackbox, decide, motors, session};
+
+/// Axes of the machine that is played with; two, so that one can be forgotten.
+pub const N: usize = 2;
+
+/// Ticks after which a sequence ends.
+const MOST_TICKS: usize = 1_000;
+
+/// Shares of the limits of every channel, in hundredths: beyond 100 is out of range.
+pub type Shares = [[i8; 3]; N];
+
+/// A machine, and what happens to it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
+pub struct Play {
+    /// How it is configured.
+    pub machine: Machine,
+    /// Offsets in force when the server starts.
+    pub in_force: Shares,
+    /// Tick and epoch before the first; the largest there are, instead of zero.
+    pub late_in_life: bool,
+    /// What happens.
+    pub moves: Vec<Move>,
+}
+
+/// A configuration, of which every one is valid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
+pub struct Machine {
+    /// Limits of position, velocity and torque offset of each axis.
+    pub rates: [[Rates; 3]; N],
+    /// Nominal travel to either side of zero, nm.
+    pub reach: u32,
+    /// Largest step of the nominal reference, nm.
+    pub nominal_step: u16,
+    /// Window and allowed misses.
+    pub budget: Option<(u8, u8)>,
+    /// How far echoes may be behind.
+    pub echo_window: u8,
+    /// How long a handshake may take.
+    pub handshake_ticks: u8,
+    /// The server is in lock-step.
+    pub lockstep: bool,
+}
+
+/// Limits of a channel, each beyond what it must at least be, all times `2^(scale % 20)`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
+pub struct Rates {
+    /// Largest magnitude.
+    pub max: u16,
+    /// Ramp, less 1.
+    pub ramp: u8,
+    /// By how much a step may be larger than the ramp.
+    pub step: u8,
+    /// By how much it may be bent further than it must.
+    pub accel: u8,
+    /// A power of two.
+    pub scale: u8,
+}
+
+/// Something that happens.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
+pub enum Move {
+    /// The owner answers so many States, one by one, each in time.
+    Answer {
+        /// Obtain, or Submit.
+        obtain: bool,
+        /// Wanted offsets.
+        targets: Shares,
+        /// How often.
+        times: u8,
+    },
+    /// Nothing arrives for so many ticks.
+    Silence(u8),
+    /// Something arrives before the next tick.
+    Say(Who, Word),
+    /// A tick in which something is different.
+    Tick(Circumstances),
+    /// The nominal reference moves by this much per tick from now on, in hundredths of its limit.
+    Drift([i8; N]),
+    /// The machine did not take the last references.
+    Resume(Shares),
+}
+
+/// Who speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
+pub enum Who {
+    /// Whoever owns the session.
+    Owner,
+    /// One client.
+    One,
+    /// The other.
+    Other,
+}
+
+/// What is said; numbers count from those that would be right.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
+pub enum Word {
+    /// Asks for the session.
+    Hello {
+        /// Further axes than there are.
+        axes: u8,
+        /// Capabilities.
+        capabilities: u16,
+    },
+    /// Wants offsets.
+    Command {
+        /// Epoch from that of the session.
+        epoch: i8,
+        /// Sequence from the last accepted one.
+        ahead: i32,
+        /// Ticks behind the last State.
+        behind: i8,
+        /// Obtain, or Submit.
+        obtain: bool,
+        /// Wanted offsets.
+        targets: Shares,
+    },
+    /// Ends the session.
+    Goodbye {
+        /// Epoch from that of the session.
+        epoch: i8,
+    },
+    /// Stops.
+    Stop {
+        /// Epoch from that of the session.
+        epoch: i8,
+    },
+    /// A frame with bad content.
+    Malformed,
+    /// A datagram that is no frame.
+    Dropped,
+    /// A stream that lost its boundary.
+    Broken,
+    /// More frames than are read.
+    Flood,
+    /// A connection that is gone.
+    Closed,
+}
+
+/// What is different in a tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
+pub struct Circumstances {
+    /// Cycles since the last tick.
+    pub elapsed: u32,
+    /// The stop at the machine.
+    pub stop: bool,
+    /// The re-arm at the machine.
+    pub rearm: bool,
+    /// The nominal reference jumps there.
+    pub jump: Option<i64>,
+    /// Epoch for the next session, from the one after the last.
+    pub epoch: i8,
+}
+
+impl Machine {
+    /// The configuration.
+    ///
+    /// # Panics
+    /// When core refuses it.
+    #[must_use]
+    pub fn config(&self) -> Config<N> {
+        let axes = self.rates.map(|[position, velocity, torque]| {
+            let limits = AxisLimits {
+                position: position.limits(i32::MAX),
+                velocity: velocity.limits(i32::MAX),
+                torque: torque.limits(i16::MAX.into()),
+            };
+            let travel = Travel::around_zero(self.reach);
+            let step = u32::from(self.nominal_step);
+            let axis = AxisConfig::position_only(limits.position, travel, step);
+            AxisConfig { limits, ..axis }
+        });
+        let budget = self.budget.map(|(window, allowed)| MissBudget {
+            window: window % 128 + 1,
+            allowed,
+        });
+        let config = Config::new(Parameters {
+            budget,
+            echo_window: self.echo_window,
+            handshake_ticks: u32::from(self.handshake_ticks) + 1,
+            capabilities: if self.lockstep {
+                Capabilities::LOCKSTEP
+            } else {
+                Capabilities::NONE
+            },
+            ..Parameters::thesis(axes)
+        });
+        config.unwrap_or_else(|error| panic!("a machine of a play is refused: {error}"))
+    }
+}
+
+impl Rates {
+    fn limits(&self, most: i32) -> Limits {
+        let scaled = |number: u32| {
+            let number = u64::from(number) << (self.scale % 20);
+            i32::try_from(number).unwrap_or(i32::MAX)
+        };
+        let ramp = scaled(u32::from(self.ramp) + 1);
+        let step = ramp + scaled(self.step.into());
+        let accel = step + ramp + scaled(self.accel.into());
+        let max = scaled(self.max.into()).min(most);
+        Limits::new(max, step, accel, ramp)
+            .unwrap_or_else(|error| panic!("limits of a play are refused: {error}"))
+    }
+}
+
+/// Plays, and checks every tick: T1 to T11, and every output against the oracle's.
+///
+/// # Panics
+/// When something does not hold.
+pub fn every_tick_is_right(play: &Play) {
+    let Some(mut stage) = Stage::set(play) else {
+        return;
+    };
+    for one in &play.moves {
+        stage.play(one);
+        if stage.ticks >= MOST_TICKS {
+            break;
+        }
+    }
+    stage.black_box_replays();
+}
+
+/// Everything while it is played.
+struct Stage {
+    session: Session<N>,
+    oracle: Oracle<N>,
+    black_box: BlackBox<N, 6>,
+    /// Ticks in the black box, and the last of them.
+    recorded: usize,
+    latest: Tick,
+    events: Events<N>,
+    nominal: [i64; N],
+    drift: [i8; N],
+    ticks: usize,
+}
+
+impl Stage {
+    /// None when the offsets in force refuse the start, as core and oracle agree.
+    fn set(play: &Play) -> Option<Self> {
+        let config = play.machine.config();
+        let life = if play.late_in_life { u64::MAX - 40 } else { 0 };
+        let in_force = offsets(&config, &play.in_force);
+        let nominal = [PositionNm(0); N];
+        let (tick, epoch) = (Tick(life), Epoch(life));
+        let session = Session::new(config, &in_force, nominal, tick, epoch);
+        let oracle = Oracle::new(*config.parameters(), &in_force, nominal, tick, epoch);
+        assert!(
+            session.is_ok() == oracle.is_some(),
+            "a start is refused for offsets beyond their limits only"
+        );
+        Some(Self {
+            session: session.ok()?,
+            oracle: oracle?,
+            black_box: BlackBox::new(),
+            recorded: 0,
+            latest: tick,
+            events: Events::new(),
+            nominal: [0; N],
+            drift: [0; N],
+            ticks: 0,
+        })
+    }
+
+    fn play(&mut self, one: &Move) {
+        let on_time = Circumstances::default();
+        match one {
+            Move::Answer {
+                obtain,
+                targets,
+                times,
+            } => {
+                for _ in 0..*times {
+                    self.say(Who::Owner, &self.answer(*obtain, *targets));
+                    self.tick(&on_time);
+                }
+            }
+            Move::Silence(ticks) => (0..*ticks).for_each(|_| self.tick(&on_time)),
+            Move::Say(who, word) => self.say(*who, word),
+            Move::Tick(circumstances) => self.tick(circumstances),
+            Move::Drift(drift) => self.drift = *drift,
+            Move::Resume(shares) => self.resume(shares),
+        }
+    }
+
+    /// What a client answers that has understood `wire.md`: its first Command asks for Submit.
+    fn answer(&self, obtain: bool, targets: Shares) -> Word {
+        Word::Command {
+            epoch: 0,
+            ahead: 1,
+            behind: 0,
+            obtain: obtain && self.session.phase() != Phase::Handshake,
+            targets,
+        }
+    }
+
+    fn say(&mut self, who: Who, word: &Word) {
+        let from = match who {
+            Who::Owner => self.session.owner().unwrap_or(Connection(0)),
+            Who::One => Connection(0),
+            Who::Other => Connection(1),
+        };
+        let event = event(&self.session, word);
+        // What finds no room is lost: the endpoint would have seen to that.
+        let _ = self.events.push((from, event));
+    }
+
+    fn tick(&mut self, circumstances: &Circumstances) {
+        let input = self.input(circumstances);
+        let moment = Moment::after_hearing(&self.session, &input);
+        session::step_is_right(&moment);
+        let (discrete, arrivals, rules) = decided_on(&moment);
+        decide::decision_is_right(discrete, &arrivals, &rules);
+        let essential = session::essential(&self.session, &input);
+        session::same_outcome(&self.session, &input, &essential);
+        self.record(&input);
+        self.ticks += 1;
+    }
+
+    /// The tick itself: into the black box, and the same as the oracle's.
+    fn record(&mut self, input: &Input<N>) {
+        let frozen = self.black_box.is_frozen();
+        let output = blackbox::record(&mut self.black_box, &mut self.session, input);
+        let expected = self.oracle.tick(input);
+        assert!(
+            output == expected,
+            "the oracle says otherwise:\n core   {output:?}\n oracle {expected:?}\n input  {input:?}"
+        );
+        assert!(self.session.is_valid(), "the session stays valid");
+        motors::paired_motors_are_equal([0, 0, 1], &output.references);
+        if !frozen {
+            (self.recorded, self.latest) = (self.recorded + 1, output.state.tick);
+        }
+        // Skipped cycles leave a gap in the ticks' numbers, and at the end of the numbers there is none left.
+        let gap = input.cycle.cycles() > 1 || output.state.tick == Tick(u64::MAX);
+        if gap || (frozen && output.welcome.is_some()) {
+            self.black_box_replays();
+            self.black_box.release();
+            self.recorded = 0;
+        }
+        blackbox::holds_the_end(&self.black_box, self.latest, self.recorded);
+    }
+
+    /// T11: what the black box holds happens again.
+    fn black_box_replays(&self) {
+        if let Some(before) = self.black_box.before() {
+            let replayed = replay(before, self.black_box.entries());
+            let all = self.black_box.entries().count();
+            let same = replayed.differing.is_none() && replayed.agreeing == all;
+            assert!(same, "T11: every output again");
+        }
+    }
+
+    fn input(&mut self, circumstances: &Circumstances) -> Input<N> {
+        let parameters = self.session.config().parameters();
+        for axis in 0..N {
+            let step = i64::from(parameters.axes[axis].nominal_step_nm);
+            let change = step * i64::from(self.drift[axis]) / 100;
+            let to = circumstances.jump.unwrap_or(self.nominal[axis]);
+            self.nominal[axis] = to.saturating_add(change);
+        }
+        let epoch = (self.session.parts().discrete.epoch.0)
+            .saturating_add(1)
+            .saturating_add_signed(circumstances.epoch.into());
+        Input {
+            cycle: Cycle {
+                elapsed: circumstances.elapsed,
+                stop: circumstances.stop,
+                rearm: circumstances.rearm,
+                ..Cycle::on_time(
+                    self.nominal.map(PositionNm),
+                    [Actual::default(); N],
+                    Epoch(epoch),
+                )
+            },
+            events: std::mem::take(&mut self.events),
+        }
+    }
+
+    fn resume(&mut self, shares: &Shares) {
+        let in_force = offsets(self.session.config(), shares);
+        session::resumes_or_refuses(&self.session, &in_force);
+        let resumed = self.session.resume(&in_force).is_ok();
+        assert!(
+            resumed == self.oracle.resume(&in_force),
+            "what is within its limits is taken over"
+        );
+        if resumed {
+            self.black_box.release();
+            self.recorded = 0;
+        }
+    }
+}
+
+/// What a tick decides on, once more.
+fn decided_on(moment: &Moment<N>) -> (&Discrete, Arrivals, Rules) {
+    let (session, cycle) = (&moment.session, &moment.cycle);
+    let parameters = session.config().parameters();
+    let axes = &session.parts().axes;
+    let stepped = |axis: usize| {
+        let (from, to) = (axes[axis].nominal, cycle.nominal[axis]);
+        nominal_stepped(from, to, &parameters.axes[axis], cycle.cycles())
+    };
+    let heard = moment.heard.arrivals;
+    let arrivals = Arrivals {
+        stop: heard.stop || cycle.stop,
+        rearm: cycle.rearm,
+        skipped: cycle.cycles() - 1,
+        all_zero: axes.iter().all(|axis| axis.channels.is_zero()),
+        nominal_fault: (0..N).any(stepped),
+        ..heard
+    };
+    let rules = Rules {
+        handshake_ticks: parameters.handshake_ticks,
+        budget: parameters.budget,
+    };
+    (&session.parts().discrete, arrivals, rules)
+}
+
+/// These shares of the limits.
+fn offsets(config: &Config<N>, shares: &Shares) -> [Offsets; N] {
+    let axes = &config.parameters().axes;
+    std::array::from_fn(|axis| {
+        let AxisLimits {
+            position,
+            velocity,
+            torque,
+        } = &axes[axis].limits;
+        let [p, v, t] = shares[axis];
+        let of = |limits: &Limits, share: i8| i64::from(limits.max()) * i64::from(share) / 100;
+        let number = |value: i64| {
+            let most = if value < 0 { i32::MIN } else { i32::MAX };
+            i32::try_from(value).unwrap_or(most)
+        };
+        let torque = of(torque, t);
+        let most = if torque < 0 { i16::MIN } else { i16::MAX };
+        Offsets {
+            position: OffsetNm(number(of(position, p))),
+            velocity: VelocityUmS(number(of(velocity, v))),
+            torque: TorquePermille(i16::try_from(torque).unwrap_or(most)),
+        }
+    })
+}
+
+/// A word as the session hears it, in the state it is in.
+fn event(session: &Session<N>, word: &Word) -> Event<N> {
+    let discrete = &session.parts().discrete;
+    let epoch_at = |from: i8| Epoch(discrete.epoch.0.wrapping_add_signed(from.into()));
+    match word {
+        Word::Hello { axes, capabilities } => Event::Message(ClientMessage::Hello(Hello {
+            axes: axes.wrapping_add(2),
+            capabilities: Capabilities(*capabilities),
+        })),
+        Word::Command {
+            epoch,
+            ahead,
+            behind,
+            obtain,
+            targets,
+        } => Event::Message(ClientMessage::Command(Command {
+            epoch: epoch_at(*epoch),
+            sequence: Sequence(discrete.accepted.0.wrapping_add_signed((*ahead).into())),
+            echo: Tick(discrete.tick.0.wrapping_add_signed(-i64::from(*behind))),
+            mode: if *obtain { Mode::Obtain } else { Mode::Submit },
+            targets: offsets(session.config(), targets),
+        })),
+        Word::Goodbye { epoch } => Event::Message(ClientMessage::Goodbye(epoch_at(*epoch))),
+        Word::Stop { epoch } => Event::Message(ClientMessage::Stop(epoch_at(*epoch))),
+        Word::Malformed => Event::Malformed(ContentError::Reserved),
+        Word::Dropped => Event::Dropped(FrameError::Checksum),
+        Word::Broken => Event::Broken(FrameError::Magic),
+        Word::Flood => Event::Flood,
+        Word::Closed => Event::Closed,
+    }
+}
