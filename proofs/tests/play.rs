@@ -1,7 +1,8 @@
 //! Sequences with two hostile clients on stable Rust: every tick is right, and is what the oracle says.
 
 use gantry_tau_proofs::play::{
-    Circumstances, Machine, Move, Play, Rates, Shares, Who, Word, every_tick_is_right,
+    Circumstances, Machine, Move, Play, Rates, Shares, Who, Word, endpoint_is_right,
+    every_tick_is_right,
 };
 use proptest::array::{uniform2, uniform3};
 use proptest::collection::vec;
@@ -151,5 +152,10 @@ proptest! {
     #[test]
     fn every_tick_of_a_play_is_right(play in play()) {
         every_tick_is_right(&play);
+    }
+
+    #[test]
+    fn a_play_by_bytes_is_right(play in play()) {
+        endpoint_is_right(&play);
     }
 }

@@ -3,29 +3,30 @@
 //!
 //! The same sequences come from a fuzzer's bytes (feature `arbitrary`) and from proptest.
 
-use gantry_tau_core::axis::{Actual, Offsets};
+mod by_wire;
+mod stage;
+
+pub use by_wire::endpoint_is_right;
+pub use stage::every_tick_is_right;
+
+use gantry_tau_core::axis::Actual;
+use gantry_tau_core::axis::Offsets;
 use gantry_tau_core::channel::Limits;
 use gantry_tau_core::message::{
     AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode, Phase,
 };
-use gantry_tau_core::session::act::nominal_stepped;
 use gantry_tau_core::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
-use gantry_tau_core::session::decide::{Arrivals, Connection, Discrete, Rules};
-use gantry_tau_core::session::{BlackBox, Cycle, Event, Events, Input, Session, replay};
+use gantry_tau_core::session::{Cycle, Event, Session};
 use gantry_tau_core::units::{
     Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
 use gantry_tau_core::wire::{ContentError, FrameError};
 
-use crate::oracle::Oracle;
-use crate::session::Moment;
-use crate::{blackbox, decide, motors, session};
-
 /// Axes of the machine that is played with; two, so that one can be forgotten.
 pub const N: usize = 2;
 
 /// Ticks after which a sequence ends.
-const MOST_TICKS: usize = 1_000;
+const MOST_TICKS: usize = 500;
 
 /// Shares of the limits of every channel, in hundredths: beyond 100 is out of range.
 pub type Shares = [[i8; 3]; N];
@@ -231,219 +232,6 @@ impl Rates {
     }
 }
 
-/// Plays, and checks every tick: T1 to T11, and every output against the oracle's.
-///
-/// # Panics
-/// When something does not hold.
-pub fn every_tick_is_right(play: &Play) {
-    let Some(mut stage) = Stage::set(play) else {
-        return;
-    };
-    for one in &play.moves {
-        stage.play(one);
-        if stage.ticks >= MOST_TICKS {
-            break;
-        }
-    }
-    stage.black_box_replays();
-}
-
-/// Everything while it is played.
-struct Stage {
-    session: Session<N>,
-    oracle: Oracle<N>,
-    black_box: BlackBox<N, 6>,
-    /// Ticks in the black box, and the last of them.
-    recorded: usize,
-    latest: Tick,
-    events: Events<N>,
-    nominal: [i64; N],
-    drift: [i8; N],
-    ticks: usize,
-}
-
-impl Stage {
-    /// None when the offsets in force refuse the start, as core and oracle agree.
-    fn set(play: &Play) -> Option<Self> {
-        let config = play.machine.config();
-        let life = if play.late_in_life { u64::MAX - 40 } else { 0 };
-        let in_force = offsets(&config, &play.in_force);
-        let nominal = [PositionNm(0); N];
-        let (tick, epoch) = (Tick(life), Epoch(life));
-        let session = Session::new(config, &in_force, nominal, tick, epoch);
-        let oracle = Oracle::new(*config.parameters(), &in_force, nominal, tick, epoch);
-        assert!(
-            session.is_ok() == oracle.is_some(),
-            "a start is refused for offsets beyond their limits only"
-        );
-        Some(Self {
-            session: session.ok()?,
-            oracle: oracle?,
-            black_box: BlackBox::new(),
-            recorded: 0,
-            latest: tick,
-            events: Events::new(),
-            nominal: [0; N],
-            drift: [0; N],
-            ticks: 0,
-        })
-    }
-
-    fn play(&mut self, one: &Move) {
-        let on_time = Circumstances::default();
-        match one {
-            Move::Answer {
-                obtain,
-                targets,
-                times,
-            } => {
-                for _ in 0..*times {
-                    self.say(Who::Owner, &self.answer(*obtain, *targets));
-                    self.tick(&on_time);
-                }
-            }
-            Move::Silence(ticks) => (0..*ticks).for_each(|_| self.tick(&on_time)),
-            Move::Say(who, word) => self.say(*who, word),
-            Move::Tick(circumstances) => self.tick(circumstances),
-            Move::Drift(drift) => self.drift = *drift,
-            Move::Resume(shares) => self.resume(shares),
-        }
-    }
-
-    /// What a client answers that has understood `wire.md`: its first Command asks for Submit.
-    fn answer(&self, obtain: bool, targets: Shares) -> Word {
-        Word::Command {
-            epoch: 0,
-            ahead: 1,
-            behind: 0,
-            obtain: obtain && self.session.phase() != Phase::Handshake,
-            targets,
-        }
-    }
-
-    fn say(&mut self, who: Who, word: &Word) {
-        let from = match who {
-            Who::Owner => self.session.owner().unwrap_or(Connection(0)),
-            Who::One => Connection(0),
-            Who::Other => Connection(1),
-        };
-        let event = event(&self.session, word);
-        // What finds no room is lost: the endpoint would have seen to that.
-        let _ = self.events.push((from, event));
-    }
-
-    fn tick(&mut self, circumstances: &Circumstances) {
-        let input = self.input(circumstances);
-        let moment = Moment::after_hearing(&self.session, &input);
-        session::step_is_right(&moment);
-        let (discrete, arrivals, rules) = decided_on(&moment);
-        decide::decision_is_right(discrete, &arrivals, &rules);
-        let essential = session::essential(&self.session, &input);
-        session::same_outcome(&self.session, &input, &essential);
-        self.record(&input);
-        self.ticks += 1;
-    }
-
-    /// The tick itself: into the black box, and the same as the oracle's.
-    fn record(&mut self, input: &Input<N>) {
-        let frozen = self.black_box.is_frozen();
-        let output = blackbox::record(&mut self.black_box, &mut self.session, input);
-        let expected = self.oracle.tick(input);
-        assert!(
-            output == expected,
-            "the oracle says otherwise:\n core   {output:?}\n oracle {expected:?}\n input  {input:?}"
-        );
-        assert!(self.session.is_valid(), "the session stays valid");
-        motors::paired_motors_are_equal([0, 0, 1], &output.references);
-        if !frozen {
-            (self.recorded, self.latest) = (self.recorded + 1, output.state.tick);
-        }
-        // Skipped cycles leave a gap in the ticks' numbers, and at the end of the numbers there is none left.
-        let gap = input.cycle.cycles() > 1 || output.state.tick == Tick(u64::MAX);
-        if gap || (frozen && output.welcome.is_some()) {
-            self.black_box_replays();
-            self.black_box.release();
-            self.recorded = 0;
-        }
-        blackbox::holds_the_end(&self.black_box, self.latest, self.recorded);
-    }
-
-    /// T11: what the black box holds happens again.
-    fn black_box_replays(&self) {
-        if let Some(before) = self.black_box.before() {
-            let replayed = replay(before, self.black_box.entries());
-            let all = self.black_box.entries().count();
-            let same = replayed.differing.is_none() && replayed.agreeing == all;
-            assert!(same, "T11: every output again");
-        }
-    }
-
-    fn input(&mut self, circumstances: &Circumstances) -> Input<N> {
-        let parameters = self.session.config().parameters();
-        for axis in 0..N {
-            let step = i64::from(parameters.axes[axis].nominal_step_nm);
-            let change = step * i64::from(self.drift[axis]) / 100;
-            let to = circumstances.jump.unwrap_or(self.nominal[axis]);
-            self.nominal[axis] = to.saturating_add(change);
-        }
-        let epoch = (self.session.parts().discrete.epoch.0)
-            .saturating_add(1)
-            .saturating_add_signed(circumstances.epoch.into());
-        Input {
-            cycle: Cycle {
-                elapsed: circumstances.elapsed,
-                stop: circumstances.stop,
-                rearm: circumstances.rearm,
-                ..Cycle::on_time(
-                    self.nominal.map(PositionNm),
-                    [Actual::default(); N],
-                    Epoch(epoch),
-                )
-            },
-            events: std::mem::take(&mut self.events),
-        }
-    }
-
-    fn resume(&mut self, shares: &Shares) {
-        let in_force = offsets(self.session.config(), shares);
-        session::resumes_or_refuses(&self.session, &in_force);
-        let resumed = self.session.resume(&in_force).is_ok();
-        assert!(
-            resumed == self.oracle.resume(&in_force),
-            "what is within its limits is taken over"
-        );
-        if resumed {
-            self.black_box.release();
-            self.recorded = 0;
-        }
-    }
-}
-
-/// What a tick decides on, once more.
-fn decided_on(moment: &Moment<N>) -> (&Discrete, Arrivals, Rules) {
-    let (session, cycle) = (&moment.session, &moment.cycle);
-    let parameters = session.config().parameters();
-    let axes = &session.parts().axes;
-    let stepped = |axis: usize| {
-        let (from, to) = (axes[axis].nominal, cycle.nominal[axis]);
-        nominal_stepped(from, to, &parameters.axes[axis], cycle.cycles())
-    };
-    let heard = moment.heard.arrivals;
-    let arrivals = Arrivals {
-        stop: heard.stop || cycle.stop,
-        rearm: cycle.rearm,
-        skipped: cycle.cycles() - 1,
-        all_zero: axes.iter().all(|axis| axis.channels.is_zero()),
-        nominal_fault: (0..N).any(stepped),
-        ..heard
-    };
-    let rules = Rules {
-        handshake_ticks: parameters.handshake_ticks,
-        budget: parameters.budget,
-    };
-    (&session.parts().discrete, arrivals, rules)
-}
-
 /// These shares of the limits.
 fn offsets(config: &Config<N>, shares: &Shares) -> [Offsets; N] {
     let axes = &config.parameters().axes;
@@ -499,4 +287,53 @@ fn event(session: &Session<N>, word: &Word) -> Event<N> {
         Word::Flood => Event::Flood,
         Word::Closed => Event::Closed,
     }
+}
+
+/// What a client answers that has understood `wire.md`: its first Command asks for Submit.
+fn answer(session: &Session<N>, obtain: bool, targets: Shares) -> Word {
+    Word::Command {
+        epoch: 0,
+        ahead: 1,
+        behind: 0,
+        obtain: obtain && session.phase() != Phase::Handshake,
+        targets,
+    }
+}
+
+/// The machine's own motion.
+#[derive(Clone, Copy, Debug, Default)]
+struct Motion {
+    nominal: [i64; N],
+    drift: [i8; N],
+}
+
+impl Motion {
+    /// The next cycle.
+    fn cycle(&mut self, session: &Session<N>, circumstances: &Circumstances) -> Cycle<N> {
+        let parameters = session.config().parameters();
+        for axis in 0..N {
+            let step = i64::from(parameters.axes[axis].nominal_step_nm);
+            let change = step * i64::from(self.drift[axis]) / 100;
+            let to = circumstances.jump.unwrap_or(self.nominal[axis]);
+            self.nominal[axis] = to.saturating_add(change);
+        }
+        let epoch = (session.parts().discrete.epoch.0)
+            .saturating_add(1)
+            .saturating_add_signed(circumstances.epoch.into());
+        Cycle {
+            elapsed: circumstances.elapsed,
+            stop: circumstances.stop,
+            rearm: circumstances.rearm,
+            ..Cycle::on_time(
+                self.nominal.map(PositionNm),
+                [Actual::default(); N],
+                Epoch(epoch),
+            )
+        }
+    }
+}
+
+/// The end of the numbers, or their beginning.
+fn life(play: &Play) -> u64 {
+    if play.late_in_life { u64::MAX - 40 } else { 0 }
 }
