@@ -31,6 +31,8 @@ pub mod endpoint;
 mod harness;
 pub mod kinematics;
 pub mod machine;
+#[cfg(not(kani))]
+pub mod made;
 pub mod motors;
 #[cfg(not(kani))]
 pub mod oracle;
