@@ -6,12 +6,16 @@ mod compensation;
 mod config;
 mod deframer;
 mod frame;
+mod kinematics;
+mod session;
 mod solve;
 
 pub use compensation::{Loads, compensation};
 pub use config::config;
 pub use deframer::deframer;
 pub use frame::{Sealed, frame};
+pub use kinematics::{Problem, kinematics};
+pub use session::session;
 pub use solve::solve;
 
 use arbitrary::{Arbitrary, Unstructured};
@@ -20,11 +24,13 @@ use arbitrary::{Arbitrary, Unstructured};
 pub type Target = fn(&[u8]);
 
 /// Every target by its name, which is that of its folder of seeds.
-pub const TARGETS: [(&str, Target); 5] = [
+pub const TARGETS: [(&str, Target); 7] = [
     ("compensation", compensation),
     ("config", config),
     ("deframer", deframer),
     ("frame", frame),
+    ("kinematics", kinematics),
+    ("session", session),
     ("solve", solve),
 ];
 
