@@ -1,6 +1,6 @@
 //! Any body in a frame whose length and checksum are right: what random bytes would hardly ever reach (T8).
 
-use arbitrary::Arbitrary;
+use arbitrary::{Arbitrary, Unstructured};
 use gantry_tau_proofs::wire::sealed_frame_is_judged;
 
 /// A frame without its length and its checksum.
@@ -20,13 +20,13 @@ pub struct Sealed<'a> {
 
 /// A [`Sealed`] frame.
 pub fn frame(data: &[u8]) {
-    if let Some(Sealed {
+    if let Ok(Sealed {
         version,
         kind,
         cut,
         bit,
         body,
-    }) = super::input(data)
+    }) = Sealed::arbitrary_take_rest(Unstructured::new(data))
     {
         sealed_frame_is_judged(version, kind, body, cut, bit);
     }

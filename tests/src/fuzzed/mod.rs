@@ -37,5 +37,5 @@ pub const TARGETS: [(&str, Target); 7] = [
 /// The input that bytes stand for; none for a few too short ones.
 #[must_use]
 pub fn input<'a, T: Arbitrary<'a>>(data: &'a [u8]) -> Option<T> {
-    T::arbitrary_take_rest(Unstructured::new(data)).ok()
+    T::arbitrary(&mut Unstructured::new(data)).ok()
 }
