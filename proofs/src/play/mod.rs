@@ -26,7 +26,7 @@ use gantry_tau_core::wire::{ContentError, FrameError};
 pub const N: usize = 2;
 
 /// Ticks after which a sequence ends.
-const MOST_TICKS: usize = 500;
+const MOST_TICKS: usize = 160;
 
 /// Shares of the limits of every channel, in hundredths: beyond 100 is out of range.
 pub type Shares = [[i8; 3]; N];
