@@ -311,12 +311,12 @@ fn eliminated(mut rows: [Numbers; 6], mut right: Numbers) -> Option<(Numbers, f6
             return None;
         }
         column_of_row[row] = Some(column);
+        let (pivots, from) = (rows[row], right[row]);
         for other in (0..6).filter(|other| *other != row) {
             let factor = rows[other][column] / pivot;
-            for k in 0..6 {
-                rows[other][k] -= factor * rows[row][k];
-            }
-            right[other] -= factor * right[row];
+            let less = |(number, above): (&mut f64, f64)| *number -= factor * above;
+            rows[other].iter_mut().zip(pivots).for_each(less);
+            right[other] -= factor * from;
         }
     }
     let mut solution = [0.0; 6];

@@ -162,7 +162,7 @@ impl Made {
         let found = nominal.inverse(&tool.into());
         let mut slow = [0.0; 3];
         let mut grazes = false;
-        for arm in 0..3 {
+        for (arm, slow) in slow.iter_mut().enumerate() {
             let (q, spare) = self.bisect(arm, tool);
             if spare < -1e-9 {
                 // Which arm is told, not only that one is; unless one before it barely reaches.
@@ -172,7 +172,7 @@ impl Made {
             }
             // The square of the measure of regularity is twice this.
             grazes |= spare < 1e-5;
-            slow[arm] = q;
+            *slow = q;
         }
         match found {
             Ok(q) => assert!(
