@@ -21,6 +21,8 @@ rm -rf "$out/profiles"
 mkdir -p "$out/profiles"
 tests=(every_seed_holds)
 [ "${1:-}" = corpus ] && tests+=(the_corpus_holds)
+# Build scripts and macros are counted too; nobody asks for those.
+export LLVM_PROFILE_FILE=$out/built.profraw
 export RUSTFLAGS="-C instrument-coverage" CARGO_TARGET_DIR=$out CARGO_TERM_COLOR=never
 binary=$(cargo test -q --locked -p gantry-tau-tests --test fuzz_seeds --no-run --message-format=json |
     sed -n 's/.*"executable":"\([^"]*fuzz_seeds-[^"]*\)".*/\1/p')
