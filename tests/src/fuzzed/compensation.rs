@@ -1,7 +1,7 @@
 //! Wrenches of any bits, one after the other, through the sensor and both compensations, 3 and 6 axes (T12 to T14).
 
 use arbitrary::Arbitrary;
-use gantry_tau_core::compensation::{Compensator, CompensatorConfig, SixLinkElastic};
+use gantry_tau_core::compensation::{Compensator, CompensatorConfig, SixLinkElastic, held};
 use gantry_tau_core::kinematics::Pose;
 use gantry_tau_core::linalg::rotation_from_vector;
 use gantry_tau_core::robot::Compliances;
@@ -100,6 +100,14 @@ fn three_axes(loads: &Loads) {
     let compliances = Compliances::new(LINKS, [4.06e-8, 5.09e-8, 6e-8]).unwrap();
     let any_scales = loads.config::<3>(loads.scales());
     correction_is_bounded(&any_scales, &q, &standing.unwrap_or_default());
+    let pose = Pose::at(tcp.into());
+    for load in loads.loads() {
+        if let Ok(command) = held(&robot, &compliances, &pose, &q, &load) {
+            correction_is_bounded(&any_scales, &q, &command.answer);
+            let finite = command.answer.iter().all(|q| q.is_finite());
+            assert!(finite && load.is_finite(), "T13: finite");
+        }
+    }
     for config in [any_scales, loads.config([1.0; 3])] {
         let Ok(compensator) = Compensator::new(&nominal, &compliances, config) else {
             continue;

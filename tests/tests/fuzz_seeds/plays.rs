@@ -420,6 +420,53 @@ pub(crate) fn seeds() -> Vec<Seed> {
                 silence(5),
             ]),
         ),
+        ("flood", usual(&[owner(Word::Flood), silence(5)])),
+        (
+            "goodbye_in_the_handshake",
+            play(
+                MACHINE,
+                vec![
+                    Move::Say(Who::One, HELLO),
+                    silence(1),
+                    owner(Word::Goodbye { epoch: 0 }),
+                    silence(3),
+                ],
+            ),
+        ),
+        (
+            "epoch_that_was_given_before",
+            play(
+                MACHINE,
+                vec![
+                    Move::Say(Who::One, HELLO),
+                    Move::Tick(Circumstances { epoch: -1, ..TICK }),
+                    silence(1),
+                ],
+            ),
+        ),
+        (
+            "answer_to_a_state_that_was_never_sent",
+            usual(&[owner(command(1, -1)), silence(1)]),
+        ),
+        (
+            "one_miss_in_submit",
+            usual(&[answers(false, 40), silence(1), answers(false, 2)]),
+        ),
+        ("skipped_and_lost", usual(&[elapsed(2), silence(2)])),
+        ("skipped_for_hours", usual(&[elapsed(u32::MAX), silence(2)])),
+        (
+            "stranger_hangs_up",
+            usual(&[
+                other(HELLO),
+                other(Word::Closed),
+                other(Word::Flood),
+                answers(true, 2),
+            ]),
+        ),
+        (
+            "owner_hangs_up_while_it_ramps",
+            usual(&[silence(4), owner(Word::Closed), silence(3)]),
+        ),
         (
             "closed",
             usual(&[

@@ -27,6 +27,20 @@ pub(crate) fn robots() -> Vec<Seed> {
         ("length_of_infinity", replaced("L = [1.0", "L = [inf")),
         ("length_of_text", replaced("L = [1.0", "L = [\"1\"")),
         ("two_lengths", replaced("L = [1.0, ", "L = [")),
+        ("length_of_zero", replaced("L = [1.0", "L = [0.0")),
+        (
+            "guideway_that_leads_nowhere",
+            replaced("[1.0, 0.0, 0.0],", "[0.0, 0.0, 0.0],"),
+        ),
+        ("travel_reversed", replaced("[[-0.5, 2.0]", "[[2.0, -0.5]")),
+        (
+            "joint_too_far_away",
+            replaced("[ 0.10, -0.05, 1.28]", "[ 0.10, -0.05, 1.28e9]"),
+        ),
+        (
+            "compliance_of_zero",
+            replaced("c_link = [5.0e-7", "c_link = [0.0"),
+        ),
         ("section_missing", replaced("[axes]\n", "[axis]\n")),
     ];
     all.map(|(name, text)| (name.to_owned(), text.into_bytes()))
