@@ -1,16 +1,7 @@
-//! Raw bytes in random chunks: the deframer is total, a stream means the same however it is cut, what decodes is canonical (T8).
-//!
-//! The first byte says how many of the next are chunk lengths; the rest is the stream.
+//! [`gantry_tau_tests::fuzzed::deframer`].
 #![no_main]
 
-use gantry_tau_proofs::wire::cutting_changes_nothing;
+use gantry_tau_tests::fuzzed::deframer;
 use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(|data: &[u8]| {
-    let Some((count, rest)) = data.split_first() else {
-        return;
-    };
-    let count = usize::from(count % 16).min(rest.len());
-    let (lengths, stream) = rest.split_at(count);
-    cutting_changes_nothing(stream, lengths);
-});
+fuzz_target!(|data: &[u8]| deframer(data));

@@ -149,3 +149,15 @@ pub fn no_session_ramps(state: &Discrete, arrivals: &Arrivals, rules: &Rules) {
         "targets act in Obtain only, and only fresh ones"
     );
 }
+
+/// Every property of a decision.
+///
+/// # Panics
+/// When one of them does not hold.
+pub fn decision_is_right(state: &Discrete, arrivals: &Arrivals, rules: &Rules) {
+    keeps_the_invariant(state, arrivals, rules);
+    second_miss_ends(state, arrivals, rules);
+    authority_needs_zero(state, arrivals, rules);
+    stop_leads_to_fault(state, arrivals, rules);
+    no_session_ramps(state, arrivals, rules);
+}

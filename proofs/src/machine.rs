@@ -84,3 +84,15 @@ pub fn six_link_geometry() -> SixLinkGeometry {
 pub fn six_link(geometry: SixLinkGeometry) -> Option<SixLinkKinematics> {
     Some(SixLinkKinematics::new(&SixLink::new(geometry).ok()?))
 }
+
+/// Home of the tool centre point of [`geometry`], metres.
+#[must_use]
+pub const fn home() -> [f64; 3] {
+    [0.0, 0.5, 0.65]
+}
+
+/// A place in the middle of the workspace of [`six_link_geometry`], metres.
+#[must_use]
+pub const fn six_link_home() -> [f64; 3] {
+    [0.0, 0.0, 0.3]
+}

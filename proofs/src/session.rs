@@ -1,10 +1,10 @@
 //! A whole tick of the session, over its whole state: one-step induction. Valid, and any input, one tick, valid, and the bounds.
 
 use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::message::Phase;
+use gantry_tau_core::message::{ClientMessage, Phase};
 use gantry_tau_core::session::decide::Action;
-use gantry_tau_core::session::sift::{Heard, Noted};
-use gantry_tau_core::session::{Cycle, Input, Output, Session};
+use gantry_tau_core::session::sift::{Heard, Noted, Sieve};
+use gantry_tau_core::session::{Cycle, Event, Input, Output, Session};
 
 use crate::axis::Kind;
 
@@ -211,6 +211,47 @@ pub fn resumes_or_refuses<const N: usize>(before: &Session<N>, in_force: &[Offse
         welcome.tick == after.parts().discrete.tick,
         "T12: it can be welcomed to"
     );
+}
+
+/// Every property of a whole tick but T7's comparison of two inputs: T1 to T6 and T9.
+///
+/// # Panics
+/// When one of them does not hold.
+pub fn step_is_right<const N: usize>(moment: &Moment<N>) {
+    for kind in Kind::ALL {
+        channels_are_bounded(moment, kind);
+        channels_ramp(moment, kind);
+    }
+    axes_stay_valid(moment);
+    references_are_inside_travel(moment);
+    discrete_stays_valid(moment);
+    authority_needs_zero(moment);
+    stop_ends_in_fault(moment);
+    counts_decide_nothing(moment, &Noted::default());
+}
+
+/// The input without what must not matter: strangers' events outside Listening, and the owner's commands that are not fresh.
+#[must_use]
+pub fn essential<const N: usize>(session: &Session<N>, input: &Input<N>) -> Input<N> {
+    let sieve = Sieve {
+        discrete: &session.parts().discrete,
+        parameters: session.config().parameters(),
+        axes: &session.parts().axes,
+        next_epoch: input.cycle.next_epoch,
+    };
+    let mut without = input.clone();
+    without.events.retain(|(from, event)| {
+        if session.owner() != Some(*from) {
+            return session.phase() == Phase::Listening;
+        }
+        match event {
+            Event::Message(ClientMessage::Command(command)) => {
+                crate::sift::is_fresh(&sieve, command)
+            }
+            _ => true,
+        }
+    });
+    without
 }
 
 /// T7, from the events on: an input without what does not come from the owner, or is not fresh, leads to the same references,

@@ -1,5 +1,7 @@
 //! The decoder: T8. Bodies without a checksum, frames with one, and the stream by induction on one chunk.
 
+use gantry_tau_core::message::{Command, Hello, Refusal, State, Welcome};
+use gantry_tau_core::units::Epoch;
 use gantry_tau_core::wire::{
     Body, Collector, ContentError, Deframer, Feed, Frame, FrameError, HEADER_LEN, Kind, MAX_BODY,
     PROTOCOL_VERSION, Stage, TRAILER_LEN, decode_client, decode_server, enclose, encode_client,
@@ -145,6 +147,24 @@ pub fn frame_is_canonical<B: Body>(kind: Kind, bytes: &[u8]) -> bool {
     true
 }
 
+/// Whether the bytes are a frame of some message to or from a server of `N` axes; the only one then.
+///
+/// # Panics
+/// When there is another.
+#[must_use]
+pub fn message_is_canonical<const N: usize>(bytes: &[u8]) -> bool {
+    [
+        frame_is_canonical::<Hello>(Kind::Hello, bytes),
+        frame_is_canonical::<Command<N>>(Kind::Command, bytes),
+        frame_is_canonical::<Epoch>(Kind::Goodbye, bytes),
+        frame_is_canonical::<Epoch>(Kind::Stop, bytes),
+        frame_is_canonical::<Welcome<N>>(Kind::Welcome, bytes),
+        frame_is_canonical::<State<N>>(Kind::State, bytes),
+        frame_is_canonical::<Refusal>(Kind::Refusal, bytes),
+    ]
+    .contains(&true)
+}
+
 /// One chunk into a deframer: it stays valid; broken stays broken; a frame is handed out when the collector has one, unless its
 /// checksum is wrong, and is made of the collected bytes. Whether one was.
 ///
@@ -276,4 +296,71 @@ fn decoded_frame_is_canonical<const N: usize>(frame: &Frame<'_>) {
             Frame::parse(&encoded).map(|frame| (frame.kind_code(), frame.body()) == (kind, body));
         assert!(again == Ok(true), "T8: decode(b) = m => encode(m) = b");
     }
+}
+
+/// A frame whose outside is right, whatever is inside: by the page `wire.md`, without core.
+#[must_use]
+pub fn sealed(version: u8, kind: u8, body: &[u8]) -> Vec<u8> {
+    let length = u16::try_from(body.len()).unwrap_or(u16::MAX);
+    let mut bytes = vec![b'G', b'T', version, kind];
+    bytes.extend_from_slice(&length.to_le_bytes());
+    bytes.extend_from_slice(body);
+    bytes.extend_from_slice(&crc_32(&bytes).to_le_bytes());
+    bytes
+}
+
+/// CRC-32/ISO-HDLC, bit by bit.
+fn crc_32(bytes: &[u8]) -> u32 {
+    let mut register = u32::MAX;
+    for byte in bytes {
+        register ^= u32::from(*byte);
+        for _ in 0..8 {
+            let carry = register & 1 == 1;
+            register >>= 1;
+            if carry {
+                register ^= 0xedb8_8320;
+            }
+        }
+    }
+    !register
+}
+
+/// A sealed frame is refused for its version or its length, or is parsed; its message has no other encoding; it is the same however
+/// it is cut; and it is a frame no more when one bit of it flips. The first cut lies at `cut`, the bit is number `bit`.
+///
+/// # Panics
+/// When one of them does not hold.
+pub fn sealed_frame_is_judged(version: u8, kind: u8, body: &[u8], cut: u16, bit: u16) {
+    let bytes = sealed(version, kind, body);
+    let expected = if version != PROTOCOL_VERSION {
+        Err(FrameError::Version { received: version })
+    } else if body.len() > MAX_BODY {
+        let length = u16::try_from(body.len()).unwrap_or(u16::MAX);
+        Err(FrameError::TooLong { length })
+    } else {
+        Ok(())
+    };
+    assert!(
+        frame_is_parsed(&bytes) == expected,
+        "T8: refused for what is wrong with it, and for nothing else"
+    );
+    cutting_changes_nothing(&[&bytes[..], &bytes[..]].concat(), &cut.to_le_bytes());
+    if expected.is_err() {
+        return;
+    }
+    let _ = (
+        message_is_canonical::<1>(&bytes),
+        message_is_canonical::<3>(&bytes),
+        message_is_canonical::<6>(&bytes),
+    );
+    let at = usize::from(cut) % bytes.len();
+    let handed_out = cut_frame_is_judged_alike(&bytes, at, b"GT");
+    assert!(handed_out, "T8: what is parsed is handed out");
+    let mut damaged = bytes;
+    let bit = usize::from(bit) % (damaged.len() * 8);
+    damaged[bit / 8] ^= 1 << (bit % 8);
+    assert!(
+        frame_is_parsed(&damaged).is_err(),
+        "T8: one wrong bit is noticed"
+    );
 }

@@ -22,30 +22,12 @@ use gantry_tau_proofs::session::Moment;
 use gantry_tau_proofs::{axis, blackbox, decide, motors, session, sift};
 use proptest::prelude::*;
 
-/// Every property of a whole step.
-fn check_step<const N: usize>(moment: &Moment<N>) {
-    for kind in Kind::ALL {
-        session::channels_are_bounded(moment, kind);
-        session::channels_ramp(moment, kind);
-    }
-    session::axes_stay_valid(moment);
-    session::references_are_inside_travel(moment);
-    session::discrete_stays_valid(moment);
-    session::authority_needs_zero(moment);
-    session::stop_ends_in_fault(moment);
-    session::counts_decide_nothing(moment, &Noted::default());
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(4_000))]
 
     #[test]
     fn one_decision((rules, state) in any::rules().prop_flat_map(|rules| (Just(rules), any::discrete(rules.handshake_ticks))), arrivals in any::arrivals()) {
-        decide::keeps_the_invariant(&state, &arrivals, &rules);
-        decide::second_miss_ends(&state, &arrivals, &rules);
-        decide::authority_needs_zero(&state, &arrivals, &rules);
-        decide::stop_leads_to_fault(&state, &arrivals, &rules);
-        decide::no_session_ramps(&state, &arrivals, &rules);
+        decide::decision_is_right(&state, &arrivals, &rules);
     }
 
     #[test]
@@ -97,7 +79,7 @@ proptest! {
     #[test]
     fn one_step(session in any::session::<3>(), cycle in any::cycle(), events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS)) {
         let events = Events::from_slice(&events).unwrap();
-        check_step(&Moment::after_hearing(&session, &Input { cycle, events }));
+        session::step_is_right(&Moment::after_hearing(&session, &Input { cycle, events }));
     }
 
     #[test]
@@ -207,27 +189,6 @@ fn input_of(session: &Session<2>, moves: &Move, nominal: i64) -> Input<2> {
     Input { cycle, events }
 }
 
-/// The input without what must not matter: strangers' events outside Listening, and the owner's commands that are not fresh.
-fn essential(session: &Session<2>, input: &Input<2>) -> Input<2> {
-    let sieve = Sieve {
-        discrete: &session.parts().discrete,
-        parameters: session.config().parameters(),
-        axes: &session.parts().axes,
-        next_epoch: input.cycle.next_epoch,
-    };
-    let mut without = input.clone();
-    without.events.retain(|(from, event)| {
-        if session.owner() != Some(*from) {
-            return session.phase() == Phase::Listening;
-        }
-        match event {
-            Event::Message(ClientMessage::Command(command)) => sift::is_fresh(&sieve, command),
-            _ => true,
-        }
-    });
-    without
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
@@ -243,8 +204,8 @@ proptest! {
         for one in &moves {
             at += drift;
             let input = input_of(&session, one, at);
-            check_step(&Moment::after_hearing(&session, &input));
-            session::same_outcome(&session, &input, &essential(&session, &input));
+            session::step_is_right(&Moment::after_hearing(&session, &input));
+            session::same_outcome(&session, &input, &session::essential(&session, &input));
             let frozen = black_box.is_frozen();
             let output: Output<2> = blackbox::record(&mut black_box, &mut session, &input);
             if !frozen {

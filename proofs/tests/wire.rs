@@ -16,12 +16,12 @@ use gantry_tau_core::units::{
     Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
 use gantry_tau_core::wire::{
-    Body, Collector, FrameBytes, FrameError, Kind, MAX_FRAME, Stage, encode_client, encode_server,
+    Body, Collector, FrameBytes, FrameError, MAX_FRAME, Stage, encode_client, encode_server,
 };
 use gantry_tau_proofs::wire::{
     body_is_canonical, body_survives, chunk_is_collected, cut_chunk_is_collected_alike,
-    cut_frame_is_judged_alike, cutting_changes_nothing, feed_is_judged, frame_is_canonical,
-    frame_is_parsed,
+    cut_frame_is_judged_alike, cutting_changes_nothing, feed_is_judged, frame_is_parsed,
+    message_is_canonical, sealed, sealed_frame_is_judged,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -204,20 +204,6 @@ fn damaged_bodies_are_canonical<const N: usize>(draw: &mut Draw, at: usize, valu
     damaged(&draw.refusal(), at, value);
 }
 
-/// Whether the bytes are a frame of some message; the only one then.
-fn is_canonical<const N: usize>(bytes: &[u8]) -> bool {
-    [
-        frame_is_canonical::<Hello>(Kind::Hello, bytes),
-        frame_is_canonical::<Command<N>>(Kind::Command, bytes),
-        frame_is_canonical::<Epoch>(Kind::Goodbye, bytes),
-        frame_is_canonical::<Epoch>(Kind::Stop, bytes),
-        frame_is_canonical::<Welcome<N>>(Kind::Welcome, bytes),
-        frame_is_canonical::<State<N>>(Kind::State, bytes),
-        frame_is_canonical::<Refusal>(Kind::Refusal, bytes),
-    ]
-    .contains(&true)
-}
-
 /// A collector that holds the first bytes of a frame, or of noise.
 fn collector(bytes: &[u8], held: usize) -> Option<Collector> {
     let mut whole = [0; MAX_FRAME];
@@ -251,7 +237,7 @@ proptest! {
             if let Some(value) = value {
                 frame[at % length] = value;
             }
-            let canonical = is_canonical::<1>(&frame) || is_canonical::<3>(&frame) || is_canonical::<6>(&frame);
+            let canonical = message_is_canonical::<1>(&frame) || message_is_canonical::<3>(&frame) || message_is_canonical::<6>(&frame);
             // A changed byte changes the checksum; what parses is what was encoded.
             prop_assert_eq!(frame_is_parsed(&frame).is_ok(), frame == good);
             prop_assert_eq!(canonical, frame == good);
@@ -297,9 +283,24 @@ proptest! {
     }
 
     #[test]
+    fn sealed_frames_are_judged(mut draw in draw(), version in prop_oneof![9 => Just(1_u8), 1 => any::<u8>()], kind in prop_oneof![9 => 0..9_u8, 1 => any::<u8>()], body in prop::option::of(vec(any::<u8>(), 0..400)), at in 0..400usize, value: u8, cut: u16, bit: u16) {
+        for frame in draw.frames::<3>() {
+            // The seal of this crate is that of core.
+            let own = frame[6..frame.len() - 4].to_vec();
+            prop_assert_eq!(&sealed(1, frame[3], &own)[..], &frame[..]);
+            let mut body = body.clone().unwrap_or(own);
+            let length = body.len().max(1);
+            if let Some(byte) = body.get_mut(at % length) {
+                *byte = value;
+            }
+            sealed_frame_is_judged(version, if version == 1 { frame[3] } else { kind }, &body, cut, bit);
+        }
+    }
+
+    #[test]
     fn any_bytes_are_judged(bytes in vec(any::<u8>(), 0..500), lengths in vec(any::<u8>(), 1..9)) {
         let _judged = frame_is_parsed(&bytes);
-        is_canonical::<3>(&bytes);
+        let _canonical = message_is_canonical::<3>(&bytes);
         cutting_changes_nothing(&bytes, &lengths);
     }
 

@@ -1,4 +1,4 @@
-//! Helpers shared by the tests of this folder: a server stepped by hand over a real loopback socket.
+//! Helpers shared by the tests of this folder: a server stepped by hand over a real loopback socket; and what fuzz targets do.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -6,6 +6,7 @@
 //! | [`mod@bench`] | the server's cycle around it, with the bounds of DESIGN 4 asserted in every tick |
 //! | [`client`] | a client that speaks frames, and anything else |
 //! | [`duet`] | both together: one session, tick by tick |
+//! | [`fuzzed`] | what each target of `../fuzz` does with its bytes; the same bytes are replayed by `cargo test` |
 #![forbid(unsafe_code)]
 #![allow(
     clippy::unwrap_used,
@@ -20,6 +21,7 @@
 pub mod bench;
 pub mod client;
 pub mod duet;
+pub mod fuzzed;
 pub mod plant;
 
 use std::time::{Duration, Instant};

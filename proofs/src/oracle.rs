@@ -1,0 +1,593 @@
+//! The server once more, as small as it can be: written from DESIGN section 4 and the page `wire.md`, not from core's code.
+//!
+//! Plain numbers that cannot overflow, a list of deadlines, one function per thing that is said there. Only the types of what goes in
+//! and comes out are core's, so that a whole [`Output`] can be compared.
+
+use std::iter::repeat_n;
+
+use gantry_tau_core::axis::{Offsets, Reference};
+use gantry_tau_core::channel::Limits;
+use gantry_tau_core::message::{
+    AxisFlags, AxisLimits, AxisState, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
+    Refusal, State,
+};
+use gantry_tau_core::session::config::Parameters;
+use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::session::{Event, Input, Output, Refusals};
+use gantry_tau_core::units::{
+    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+};
+
+/// Furthest that a fresh command's sequence is ahead.
+const AHEAD: i128 = 65_536;
+
+/// A server that nobody optimised.
+#[derive(Clone, Debug)]
+pub struct Oracle<const N: usize> {
+    parameters: Parameters<N>,
+    phase: Phase,
+    owner: Option<Connection>,
+    epoch: u64,
+    accepted: u64,
+    tick: u64,
+    /// Whether each deadline of the session was missed, the latest last.
+    missed: Vec<bool>,
+    /// Consecutive misses.
+    run: u32,
+    waited: u64,
+    rearm_released: bool,
+    /// Something of the owner's came late since its last fresh command.
+    late: bool,
+    cause: Cause,
+    counters: Counters,
+    nominal: [i64; N],
+    channels: [[Point; 3]; N],
+    shadow: [[Point; 3]; N],
+}
+
+/// A channel: its value, and how it changed in the last tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Point {
+    value: i64,
+    change: i64,
+}
+
+/// What a tick has heard.
+struct Heard<const N: usize> {
+    stop: bool,
+    framing: bool,
+    flood: bool,
+    closed: bool,
+    goodbye: bool,
+    late: bool,
+    command: Option<Command<N>>,
+    hello: Option<Connection>,
+    refusals: Refusals,
+}
+
+/// What every channel is told.
+#[derive(Clone, Copy)]
+enum Order<const N: usize> {
+    Hold,
+    Follow([Offsets; N]),
+    Ramp,
+}
+
+impl<const N: usize> Oracle<N> {
+    /// A server that starts, with these offsets in force; none when one is beyond its limits.
+    #[must_use]
+    pub fn new(
+        parameters: Parameters<N>,
+        in_force: &[Offsets; N],
+        nominal: [PositionNm; N],
+        tick: Tick,
+        last_epoch: Epoch,
+    ) -> Option<Self> {
+        let mut oracle = Self {
+            parameters,
+            phase: Phase::Listening,
+            owner: None,
+            epoch: last_epoch.0,
+            accepted: 0,
+            tick: tick.0,
+            missed: Vec::new(),
+            run: 0,
+            waited: 0,
+            rearm_released: false,
+            late: false,
+            cause: Cause::None,
+            counters: Counters::default(),
+            nominal: nominal.map(|nominal| nominal.0),
+            channels: [[Point::default(); 3]; N],
+            shadow: [[Point::default(); 3]; N],
+        };
+        let at_rest = in_force
+            .iter()
+            .all(|offsets| *offsets == Offsets::default());
+        if !at_rest && !oracle.resume(in_force) {
+            return None;
+        }
+        Some(oracle)
+    }
+
+    /// The drives have these offsets in force instead. Whether they are within their limits; nothing happens otherwise.
+    pub fn resume(&mut self, in_force: &[Offsets; N]) -> bool {
+        if !self.admits(in_force) {
+            return false;
+        }
+        self.channels =
+            in_force.map(|offsets| values(&offsets).map(|value| Point { value, change: 0 }));
+        self.shadow = [[Point::default(); 3]; N];
+        if self.phase != Phase::Fault {
+            self.leave(Phase::SafeDisconnect);
+            self.cause = Cause::Restart;
+        }
+        true
+    }
+
+    /// One tick.
+    pub fn tick(&mut self, input: &Input<N>) -> Output<N> {
+        let cycle = &input.cycle;
+        let cycles = u64::from(cycle.elapsed.max(1));
+        let owner_before = self.owner;
+        let mut heard = self.hear(input);
+        let zero = self.is_zero();
+        let stepped: [bool; N] = std::array::from_fn(|axis| {
+            let limit = u128::from(self.parameters.axes[axis].nominal_step_nm) * u128::from(cycles);
+            let change = i128::from(cycle.nominal[axis].0) - i128::from(self.nominal[axis]);
+            change.unsigned_abs() > limit
+        });
+        self.late |= heard.late;
+        self.tick = self.tick.saturating_add(cycles);
+        let stop = heard.stop || cycle.stop;
+        let before = self.phase;
+        let (order, ended) = if stop || stepped.contains(&true) {
+            let cause = if stop { Cause::Stop } else { Cause::Nominal };
+            self.fault(cause, cycle.rearm)
+        } else {
+            self.go_on(&heard, zero, cycles, input)
+        };
+        if heard.framing || heard.flood || heard.closed {
+            self.owner = None;
+        }
+        if heard.command.is_some() {
+            self.late = false;
+        }
+        if let Some(cause) = ended {
+            self.cause = cause;
+        }
+        let welcome = (before == Phase::Listening && self.phase == Phase::Handshake)
+            .then_some(self.owner)
+            .flatten();
+        if let (None, Some(connection)) = (welcome, heard.hello) {
+            let faulted = Refusal::Faulted { ticks_left: 0 };
+            assert!(heard.refusals.push((connection, faulted)).is_ok());
+        }
+        let (references, axes) = self.act(&order, heard.command.as_ref(), input, &stepped);
+        Output {
+            references,
+            state: self.state(axes, cycle.arrival_us),
+            owner: self.owner,
+            welcome,
+            refusals: heard.refusals,
+            close: owner_before.filter(|_| self.owner != owner_before),
+            ended,
+        }
+    }
+
+    fn hear(&mut self, input: &Input<N>) -> Heard<N> {
+        let mut heard = Heard {
+            stop: false,
+            framing: false,
+            flood: false,
+            closed: false,
+            goodbye: false,
+            late: false,
+            command: None,
+            hello: None,
+            refusals: Refusals::new(),
+        };
+        for (from, event) in &input.events {
+            if self.owner == Some(*from) {
+                self.hear_owner(event, &mut heard);
+            } else if let Event::Message(ClientMessage::Hello(hello)) = event {
+                match self.refusal(hello, heard.hello.is_some(), input.cycle.next_epoch) {
+                    None => heard.hello = Some(*from),
+                    Some(why) => assert!(heard.refusals.push((*from, why)).is_ok()),
+                }
+            } else if *event != Event::Closed {
+                add(&mut self.counters.strangers, 1);
+            }
+        }
+        heard
+    }
+
+    fn hear_owner(&mut self, event: &Event<N>, heard: &mut Heard<N>) {
+        match event {
+            Event::Broken(_) => heard.framing = true,
+            Event::Flood => heard.flood = true,
+            Event::Closed => heard.closed = true,
+            Event::Malformed(_) | Event::Dropped(_) => {
+                add(&mut self.counters.received, 1);
+                add(&mut self.counters.malformed, 1);
+            }
+            Event::Message(message) => {
+                add(&mut self.counters.received, 1);
+                match message {
+                    ClientMessage::Command(command) => self.hear_command(command, heard),
+                    ClientMessage::Goodbye(epoch) if epoch.0 == self.epoch => heard.goodbye = true,
+                    ClientMessage::Stop(epoch) if epoch.0 == self.epoch => heard.stop = true,
+                    ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => {
+                        add(&mut self.counters.stale, 1);
+                    }
+                    ClientMessage::Hello(_) => add(&mut self.counters.malformed, 1),
+                }
+            }
+        }
+    }
+
+    fn hear_command(&mut self, command: &Command<N>, heard: &mut Heard<N>) {
+        let ahead = i128::from(command.sequence.0) - i128::from(self.accepted);
+        let behind = i128::from(self.tick) - i128::from(command.echo.0);
+        if !self.phase_is_live() || command.epoch.0 != self.epoch {
+            return add(&mut self.counters.stale, 1);
+        }
+        if ahead == 0 {
+            return add(&mut self.counters.duplicate, 1);
+        }
+        if ahead > AHEAD || (ahead > 0 && behind < 0) {
+            return add(&mut self.counters.stale, 1);
+        }
+        if ahead < 0 || behind > i128::from(self.parameters.echo_window) {
+            heard.late = true;
+            return add(&mut self.counters.late, 1);
+        }
+        if self.phase == Phase::Handshake && command.mode == Mode::Obtain {
+            return add(&mut self.counters.malformed, 1);
+        }
+        if !self.admits(&command.targets) {
+            add(&mut self.counters.malformed, 1);
+            return add(&mut self.counters.out_of_range, 1);
+        }
+        match heard
+            .command
+            .map(|best| best.sequence.cmp(&command.sequence))
+        {
+            Some(std::cmp::Ordering::Equal) => add(&mut self.counters.duplicate, 1),
+            Some(std::cmp::Ordering::Greater) => add(&mut self.counters.late, 1),
+            Some(std::cmp::Ordering::Less) => {
+                add(&mut self.counters.late, 1);
+                heard.command = Some(*command);
+            }
+            None => heard.command = Some(*command),
+        }
+    }
+
+    fn refusal(&self, hello: &Hello, asked: bool, next_epoch: Epoch) -> Option<Refusal> {
+        let ticks_left = self.ticks_left();
+        let needed = self.parameters.capabilities;
+        let axes = u8::try_from(N).unwrap_or(u8::MAX);
+        match self.phase {
+            Phase::Handshake | Phase::Submit | Phase::Obtain => Some(Refusal::Busy),
+            Phase::SafeDisconnect => Some(Refusal::Ramping { ticks_left }),
+            Phase::Fault => Some(Refusal::Faulted { ticks_left }),
+            Phase::Listening if asked => Some(Refusal::Busy),
+            Phase::Listening if hello.axes != axes => Some(Refusal::Axes { expected: axes }),
+            Phase::Listening if hello.capabilities.0 & needed.0 != needed.0 => {
+                Some(Refusal::Capability { needed })
+            }
+            Phase::Listening if next_epoch.0 <= self.epoch => Some(Refusal::Unavailable),
+            Phase::Listening => None,
+        }
+    }
+
+    /// Stopped, or the nominal reference stepped. The re-arm must be seen released in Fault, from its first tick on.
+    fn fault(&mut self, cause: Cause, rearm: bool) -> (Order<N>, Option<Cause>) {
+        let entered = self.phase != Phase::Fault;
+        if entered {
+            self.leave(Phase::Fault);
+        }
+        self.rearm_released |= !rearm;
+        (Order::Ramp, entered.then_some(cause))
+    }
+
+    /// Neither stop nor fault.
+    fn go_on(
+        &mut self,
+        heard: &Heard<N>,
+        zero: bool,
+        cycles: u64,
+        input: &Input<N>,
+    ) -> (Order<N>, Option<Cause>) {
+        let ending = [
+            (heard.framing, Cause::Malformed),
+            (heard.flood, Cause::Flood),
+            (heard.closed, Cause::Closed),
+            (heard.goodbye, Cause::Goodbye),
+        ];
+        if let (true, Some((_, cause))) =
+            (self.phase_is_live(), ending.iter().find(|(seen, _)| *seen))
+        {
+            return self.disconnect(*cause);
+        }
+        match self.phase {
+            Phase::Listening => {
+                if let Some(owner) = heard.hello {
+                    self.grant(owner, input.cycle.next_epoch);
+                }
+                (Order::Hold, None)
+            }
+            Phase::Handshake => self.shake_hands(heard, cycles),
+            Phase::Submit | Phase::Obtain => self.run(heard, zero, cycles),
+            Phase::SafeDisconnect if zero => self.listen(),
+            Phase::SafeDisconnect => (Order::Ramp, None),
+            Phase::Fault if zero && input.cycle.rearm && self.rearm_released => self.listen(),
+            Phase::Fault => {
+                self.rearm_released |= !input.cycle.rearm;
+                (Order::Ramp, None)
+            }
+        }
+    }
+
+    fn grant(&mut self, owner: Connection, epoch: Epoch) {
+        self.phase = Phase::Handshake;
+        self.owner = Some(owner);
+        self.epoch = epoch.0;
+        self.accepted = 0;
+        self.missed.clear();
+        self.late = false;
+        self.counters = Counters::default();
+    }
+
+    fn shake_hands(&mut self, heard: &Heard<N>, cycles: u64) -> (Order<N>, Option<Cause>) {
+        if let Some(command) = heard.command {
+            self.phase = Phase::Submit;
+            self.accepted = command.sequence.0;
+            self.waited = 0;
+            return (Order::Hold, None);
+        }
+        self.waited += cycles;
+        if self.waited >= u64::from(self.parameters.handshake_ticks) {
+            return self.disconnect(Cause::HandshakeTimeout);
+        }
+        (Order::Hold, None)
+    }
+
+    /// A deadline in Submit or Obtain, and one that nobody could meet for each skipped cycle.
+    fn run(&mut self, heard: &Heard<N>, zero: bool, cycles: u64) -> (Order<N>, Option<Cause>) {
+        let skipped = u32::try_from(cycles - 1).unwrap_or(u32::MAX);
+        let missed = heard.command.is_none();
+        // No window is longer than 128 deadlines.
+        let many = usize::try_from(skipped.min(128)).unwrap_or(128);
+        self.missed.extend(repeat_n(true, many));
+        self.missed.push(missed);
+        let consecutive = self.run.saturating_add(skipped);
+        let longest = consecutive.saturating_add(u32::from(missed));
+        add(
+            &mut self.counters.missed,
+            skipped.saturating_add(u32::from(missed)),
+        );
+        let longest_run = &mut self.counters.longest_miss_run;
+        *longest_run = (*longest_run).max(u16::try_from(longest).unwrap_or(u16::MAX));
+        if consecutive >= 2 || (consecutive == 1 && missed) {
+            let cause = match (skipped > 0, self.late) {
+                (true, _) => Cause::ServerLate,
+                (false, true) => Cause::NetworkLate,
+                (false, false) => Cause::ClientLate,
+            };
+            return self.disconnect(cause);
+        }
+        if let Some(budget) = self.parameters.budget {
+            let window = self.missed.iter().rev().take(usize::from(budget.window));
+            if window.filter(|missed| **missed).count() > usize::from(budget.allowed) {
+                return self.disconnect(Cause::Budget);
+            }
+        }
+        let Some(command) = heard.command else {
+            self.run = 1;
+            return (Order::Hold, None);
+        };
+        self.run = 0;
+        self.accepted = command.sequence.0;
+        match (command.mode, self.phase) {
+            (Mode::Obtain, _) => {
+                self.phase = Phase::Obtain;
+                (Order::Follow(command.targets), None)
+            }
+            (Mode::Submit, Phase::Obtain) if !zero => {
+                (Order::Follow([Offsets::default(); N]), None)
+            }
+            (Mode::Submit, _) => {
+                self.phase = Phase::Submit;
+                (Order::Hold, None)
+            }
+        }
+    }
+
+    fn disconnect(&mut self, cause: Cause) -> (Order<N>, Option<Cause>) {
+        self.leave(Phase::SafeDisconnect);
+        (Order::Ramp, Some(cause))
+    }
+
+    fn listen(&mut self) -> (Order<N>, Option<Cause>) {
+        self.leave(Phase::Listening);
+        self.owner = None;
+        (Order::Hold, None)
+    }
+
+    fn leave(&mut self, to: Phase) {
+        self.phase = to;
+        self.run = 0;
+        self.waited = 0;
+        self.rearm_released = false;
+    }
+
+    /// Every channel carries the order out, and every shadow does what its channel would, in Submit.
+    fn act(
+        &mut self,
+        order: &Order<N>,
+        command: Option<&Command<N>>,
+        input: &Input<N>,
+        stepped: &[bool; N],
+    ) -> ([Reference; N], [AxisState; N]) {
+        let (mut references, mut states) = ([Reference::default(); N], [AxisState::default(); N]);
+        for axis in 0..N {
+            let limits = &self.parameters.axes[axis].limits;
+            let limited;
+            self.channels[axis] = obey(self.channels[axis], order, axis, limits);
+            if self.phase == Phase::Submit {
+                let order = command.map_or(Order::Hold, |command| Order::Follow(command.targets));
+                self.shadow[axis] = obey(self.shadow[axis], &order, axis, limits);
+                limited = behind(self.shadow[axis], &order, axis);
+            } else {
+                self.shadow[axis] = [Point::default(); 3];
+                limited = behind(self.channels[axis], order, axis);
+            }
+            let nominal = input.cycle.nominal[axis];
+            self.nominal[axis] = nominal.0;
+            let offsets = offsets(&self.channels[axis]);
+            let travel = &self.parameters.axes[axis].machine_travel;
+            let wanted = i128::from(nominal.0) + i128::from(offsets.position.0);
+            let inside = wanted.clamp(travel.lower.0.into(), travel.upper.0.into());
+            let kinds = [
+                AxisFlags::POSITION_LIMITED,
+                AxisFlags::VELOCITY_LIMITED,
+                AxisFlags::TORQUE_LIMITED,
+            ];
+            let flags = AxisFlags::default()
+                .with(AxisFlags::TRAVEL, inside != wanted)
+                .with(AxisFlags::NOMINAL_STEP, stepped[axis]);
+            let flags = kinds
+                .iter()
+                .zip(limited)
+                .fold(flags, |flags, (kind, limited)| flags.with(*kind, limited));
+            add(&mut self.counters.clamped, u32::from(inside != wanted));
+            let held_back: u32 = limited.iter().map(|limited| u32::from(*limited)).sum();
+            add(&mut self.counters.limited, held_back);
+            references[axis] = Reference {
+                position: PositionNm(i64::try_from(inside).unwrap_or(i64::MAX)),
+                velocity_offset: offsets.velocity,
+                torque_offset: offsets.torque,
+            };
+            states[axis] = AxisState {
+                nominal,
+                offsets,
+                shadow: self::offsets(&self.shadow[axis]),
+                actual: input.cycle.actual[axis],
+                flags,
+            };
+        }
+        (references, states)
+    }
+
+    fn state(&self, axes: [AxisState; N], arrival_us: u16) -> State<N> {
+        let last = self.missed.iter().rev().take(100);
+        let missed = last.filter(|missed| **missed).count();
+        State {
+            tick: Tick(self.tick),
+            epoch: Epoch(self.epoch),
+            accepted: Sequence(self.accepted),
+            phase: self.phase,
+            cause: self.cause,
+            on_time_of_100: u8::try_from(100 - missed).unwrap_or(0),
+            arrival_us,
+            ramp_ticks_left: self.ticks_left(),
+            counters: self.counters,
+            axes,
+        }
+    }
+
+    fn phase_is_live(&self) -> bool {
+        matches!(self.phase, Phase::Handshake | Phase::Submit | Phase::Obtain)
+    }
+
+    fn is_zero(&self) -> bool {
+        self.channels.iter().flatten().all(|point| point.value == 0)
+    }
+
+    fn admits(&self, targets: &[Offsets; N]) -> bool {
+        let axes = self.parameters.axes.iter().zip(targets);
+        axes.map(|(axis, target)| limits_of(&axis.limits).into_iter().zip(values(target)))
+            .all(|mut channels| channels.all(|(limits, value)| value.abs() <= limits.max().into()))
+    }
+
+    /// The longest ramp of all channels.
+    fn ticks_left(&self) -> u32 {
+        let axes = self.parameters.axes.iter().zip(&self.channels);
+        let left = axes.flat_map(|(axis, points)| {
+            let channels = limits_of(&axis.limits).into_iter().zip(points);
+            channels
+                .map(|(limits, point)| point.value.unsigned_abs().div_ceil(limits.ramp().into()))
+        });
+        u32::try_from(left.max().unwrap_or(0)).unwrap_or(u32::MAX)
+    }
+}
+
+fn limits_of(limits: &AxisLimits) -> [Limits; 3] {
+    [limits.position, limits.velocity, limits.torque]
+}
+
+fn values(offsets: &Offsets) -> [i64; 3] {
+    [
+        offsets.position.0.into(),
+        offsets.velocity.0.into(),
+        offsets.torque.0.into(),
+    ]
+}
+
+fn offsets(points: &[Point; 3]) -> Offsets {
+    let [position, velocity, torque] = points.map(|point| point.value);
+    Offsets {
+        position: OffsetNm(i32::try_from(position).unwrap_or(i32::MAX)),
+        velocity: VelocityUmS(i32::try_from(velocity).unwrap_or(i32::MAX)),
+        torque: TorquePermille(i16::try_from(torque).unwrap_or(i16::MAX)),
+    }
+}
+
+fn obey<const N: usize>(
+    points: [Point; 3],
+    order: &Order<N>,
+    axis: usize,
+    limits: &AxisLimits,
+) -> [Point; 3] {
+    let limits = limits_of(limits);
+    std::array::from_fn(|kind| {
+        let (point, limits) = (points[kind], &limits[kind]);
+        let ramp = i64::from(limits.ramp());
+        match order {
+            // A held push is not a hold.
+            Order::Hold if kind == 0 => moved(point, 0),
+            Order::Hold | Order::Ramp => moved(point, (-point.value).clamp(-ramp, ramp)),
+            Order::Follow(targets) => {
+                let (step, accel) = (i64::from(limits.step()), i64::from(limits.accel()));
+                let wish = values(&targets[axis])[kind] - point.value;
+                let fastest = (point.change + accel).min(step);
+                let slowest = (point.change - accel).max(-step);
+                moved(point, wish.clamp(slowest, fastest))
+            }
+        }
+    })
+}
+
+fn moved(point: Point, change: i64) -> Point {
+    Point {
+        value: point.value + change,
+        change,
+    }
+}
+
+/// Which channels were told to follow and are not there.
+fn behind<const N: usize>(points: [Point; 3], order: &Order<N>, axis: usize) -> [bool; 3] {
+    match order {
+        Order::Follow(targets) => {
+            let targets = values(&targets[axis]);
+            std::array::from_fn(|kind| points[kind].value != targets[kind])
+        }
+        Order::Hold | Order::Ramp => [false; 3],
+    }
+}
+
+/// Counters saturate.
+fn add(counter: &mut u32, count: u32) {
+    *counter = counter.saturating_add(count);
+}

@@ -1,0 +1,144 @@
+//! Wrenches of any bits, one after the other, through the sensor and both compensations, 3 and 6 axes (T12 to T14).
+
+use arbitrary::Arbitrary;
+use gantry_tau_core::compensation::{Compensator, CompensatorConfig, SixLinkElastic, held};
+use gantry_tau_core::kinematics::Pose;
+use gantry_tau_core::linalg::rotation_from_vector;
+use gantry_tau_core::robot::Compliances;
+use gantry_tau_core::sensor::{ForceSensor, Reading, SensorConfig};
+use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::units::OffsetNm;
+use gantry_tau_proofs::compensation::{
+    correction_is_bounded, cycle_is_bounded, sensor_stays_valid, sensor_takes_good_readings,
+};
+use gantry_tau_proofs::machine::{
+    geometry, home, nominal, six_link, six_link_geometry, six_link_home,
+};
+use gantry_tau_proofs::{kinematics, six_link};
+
+/// A machine's place, a configuration, and what the sensor reads.
+#[derive(Arbitrary, Clone, Debug, PartialEq)]
+pub struct Loads {
+    /// Gain; in quarters of the largest.
+    pub gain: u8,
+    /// Cut-off of the sensor, Hz.
+    pub cutoff_hz: u16,
+    /// Limits of the offsets, nm.
+    pub limits: [i32; 6],
+    /// Metres per unit of `q`; of any bits.
+    pub scales: [f64; 6],
+    /// From home to where the machine stands, in tenths of a millimetre and of a milliradian.
+    pub step: [i16; 6],
+    /// Positions of any bits, instead.
+    pub lost: Option<[f64; 6]>,
+    /// What the sensor reads.
+    pub wrenches: Vec<[f64; 6]>,
+}
+
+/// [`Loads`].
+pub fn compensation(data: &[u8]) {
+    if let Some(loads) = super::input(data) {
+        three_axes(&loads);
+        six_axes(&loads);
+    }
+}
+
+impl Loads {
+    fn config<const N: usize>(&self, scales: [f64; N]) -> CompensatorConfig<N> {
+        CompensatorConfig {
+            gain: f64::from(self.gain % 8) / 4.0,
+            limits: std::array::from_fn(|axis| OffsetNm(self.limits[axis])),
+            metres_per_q: scales,
+        }
+    }
+
+    fn scales<const N: usize>(&self) -> [f64; N] {
+        std::array::from_fn(|axis| self.scales[axis])
+    }
+
+    fn step(&self, axis: usize) -> f64 {
+        f64::from(self.step[axis]) * 1e-4
+    }
+
+    /// What reaches the compensation: the readings as they are, and as the sensor passes them.
+    fn loads(&self) -> Vec<Wrench> {
+        let mut sensor = ForceSensor::new(SensorConfig {
+            rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
+            lever_m: [0.02, 0.0, -0.08].into(),
+            cutoff_hz: f64::from(self.cutoff_hz.max(1)),
+            cycle_s: 1e-3,
+            tare_samples: 1,
+        })
+        .unwrap();
+        let mut loads = Vec::new();
+        for raw in self.wrenches.iter().copied().map(Wrench::from_array) {
+            sensor_stays_valid(&sensor, &raw);
+            sensor_takes_good_readings(&sensor, &raw);
+            loads.push(raw);
+            if let Ok(Reading::Load(load)) = sensor.update(&raw) {
+                loads.push(load);
+            }
+        }
+        loads
+    }
+}
+
+/// Compliances of the links, m/N: those of the vectors, rounded.
+const LINKS: [f64; 6] = [5e-7, 6e-7, 5.5e-7, 7e-7, 6.5e-7, 6e-7];
+
+fn three_axes(loads: &Loads) {
+    let (robot, nominal) = nominal(geometry()).unwrap();
+    let mut tcp = home();
+    for (axis, place) in tcp.iter_mut().enumerate() {
+        *place += loads.step(axis);
+    }
+    let standing = nominal.inverse(&tcp.into());
+    let q = match loads.lost {
+        Some([q1, q2, q3, ..]) => [q1, q2, q3],
+        None => standing.unwrap_or_default(),
+    };
+    let compliances = Compliances::new(LINKS, [4.06e-8, 5.09e-8, 6e-8]).unwrap();
+    let any_scales = loads.config::<3>(loads.scales());
+    correction_is_bounded(&any_scales, &q, &standing.unwrap_or_default());
+    let pose = Pose::at(tcp.into());
+    for load in loads.loads() {
+        if let Ok(command) = held(&robot, &compliances, &pose, &q, &load) {
+            correction_is_bounded(&any_scales, &q, &command.answer);
+            let finite = command.answer.iter().all(|q| q.is_finite());
+            assert!(finite && load.is_finite(), "T13: finite");
+        }
+    }
+    for config in [any_scales, loads.config([1.0; 3])] {
+        let Ok(compensator) = Compensator::new(&nominal, &compliances, config) else {
+            continue;
+        };
+        for load in loads.loads() {
+            cycle_is_bounded(&compensator, &q, &load);
+            kinematics::statics_are_finite(&robot, &nominal, tcp, q, &load);
+        }
+    }
+}
+
+fn six_axes(loads: &Loads) {
+    let kinematics = six_link(six_link_geometry()).unwrap();
+    let (mut place, mut turn) = (six_link_home(), [0.0; 3]);
+    for axis in 0..3 {
+        place[axis] += loads.step(axis);
+        turn[axis] += loads.step(axis + 3);
+    }
+    let Some(rotation) = rotation_from_vector(&turn.into()) else {
+        return;
+    };
+    let pose = Pose {
+        position_m: place.into(),
+        rotation,
+    };
+    let standing = kinematics.inverse(&pose, None).map(|found| found.answer);
+    let q = loads.lost.unwrap_or(standing.unwrap_or_default());
+    let machine = SixLinkElastic::new(kinematics, Compliances::new(LINKS, [4e-8; 6]).unwrap());
+    for config in [loads.config(loads.scales()), loads.config([1.0; 6])] {
+        for load in loads.loads() {
+            six_link::statics_are_finite(&machine, &config, &pose, &q, &load);
+        }
+    }
+}

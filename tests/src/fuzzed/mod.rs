@@ -1,0 +1,41 @@
+//! What each target of `../fuzz` does with its bytes: it makes its input of them, and asks the properties of `gantry_tau_proofs`.
+//!
+//! Here and not in the targets, so that stable Rust can replay seeds and corpora: `tests/fuzz_seeds`.
+
+mod compensation;
+mod config;
+mod deframer;
+mod frame;
+mod kinematics;
+mod session;
+mod solve;
+
+pub use compensation::{Loads, compensation};
+pub use config::config;
+pub use deframer::deframer;
+pub use frame::{Sealed, frame};
+pub use kinematics::{Problem, kinematics};
+pub use session::session;
+pub use solve::solve;
+
+use arbitrary::{Arbitrary, Unstructured};
+
+/// Panics when a property does not hold for the bytes.
+pub type Target = fn(&[u8]);
+
+/// Every target by its name, which is that of its folder of seeds.
+pub const TARGETS: [(&str, Target); 7] = [
+    ("compensation", compensation),
+    ("config", config),
+    ("deframer", deframer),
+    ("frame", frame),
+    ("kinematics", kinematics),
+    ("session", session),
+    ("solve", solve),
+];
+
+/// The input that bytes stand for; none for a few too short ones.
+#[must_use]
+pub fn input<'a, T: Arbitrary<'a>>(data: &'a [u8]) -> Option<T> {
+    T::arbitrary(&mut Unstructured::new(data)).ok()
+}
