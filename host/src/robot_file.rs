@@ -6,6 +6,8 @@ mod l2;
 mod sections;
 
 use std::fmt;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use gantry_tau_core::robot::{ARMS, AXES, Branch, Compliances, LINKS, Parameter, RobotError};
@@ -22,6 +24,9 @@ pub use sections::{
 const L2_TEXT: &str = include_str!("../../robots/l2.toml");
 /// The text of `robots/f1.toml`.
 const F1_TEXT: &str = include_str!("../../robots/f1.toml");
+
+/// Longest robot file that is read, bytes.
+const MAX_LEN: u64 = 1 << 20;
 
 /// A machine with `N` axes as its file describes it, every number checked.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,10 +91,8 @@ impl AnyRobotFile {
     pub fn load(path: impl AsRef<Path>) -> Result<Self, RobotFileError> {
         let path = path.as_ref();
         let name = path.display().to_string();
-        match std::fs::read_to_string(path) {
-            Ok(text) => Self::parse(&name, &text),
-            Err(error) => Err(Problem::new("", error.to_string()).in_file(&name)),
-        }
+        let text = read_text(path).map_err(|reason| Problem::new("", reason).in_file(&name))?;
+        Self::parse(&name, &text)
     }
 
     /// Checks a text; `name` stands for the file in errors.
@@ -114,6 +117,19 @@ impl AnyRobotFile {
             "f1" => Ok(Self::F1(Box::new(RobotFile::builtin_f1()?))),
             path => Self::load(path),
         }
+    }
+}
+
+/// The text of a file, which may be anything: of a device that never ends no more is read than of the longest robot file.
+fn read_text(path: &Path) -> Result<String, String> {
+    let file = File::open(path).map_err(|error| error.to_string())?;
+    let mut text = String::new();
+    let limited = &mut file.take(MAX_LEN + 1);
+    let length = (limited.read_to_string(&mut text)).map_err(|error| error.to_string())?;
+    if u64::try_from(length).is_ok_and(|length| length <= MAX_LEN) {
+        Ok(text)
+    } else {
+        Err(format!("is longer than {MAX_LEN} bytes"))
     }
 }
 

@@ -261,3 +261,13 @@ fn a_machine_has_a_name_or_a_path() {
     let error = AnyRobotFile::named("l5").unwrap_err();
     assert_eq!(error.file, "l5");
 }
+
+/// Found by reading: `solve` with the path of an endless device never came back.
+#[cfg(unix)]
+#[test]
+fn an_endless_file_is_refused() {
+    let error = AnyRobotFile::load("/dev/zero").unwrap_err();
+    assert!(error.to_string().contains("longer than"), "{error}");
+    let error = AnyRobotFile::load("/").unwrap_err();
+    assert_eq!(error.file, "/");
+}

@@ -1,7 +1,9 @@
 //! Wrenches of any bits, one after the other, through the sensor and both compensations, 3 and 6 axes (T12 to T14).
 
 use arbitrary::Arbitrary;
-use gantry_tau_core::compensation::{Compensator, CompensatorConfig, SixLinkElastic, held};
+use gantry_tau_core::compensation::{
+    Compensator, CompensatorConfig, ExactCompensator, SixLinkCompensator, SixLinkElastic, held,
+};
 use gantry_tau_core::kinematics::Pose;
 use gantry_tau_core::linalg::rotation_from_vector;
 use gantry_tau_core::robot::Compliances;
@@ -112,8 +114,10 @@ fn three_axes(loads: &Loads) {
         let Ok(compensator) = Compensator::new(&nominal, &compliances, config) else {
             continue;
         };
+        let exact = ExactCompensator::new(&robot, &compliances, config).unwrap();
         for load in loads.loads() {
-            cycle_is_bounded(&compensator, &q, &load);
+            cycle_is_bounded(&config, compensator.correction(&q, &load), &load);
+            cycle_is_bounded(&config, exact.correction(&pose, &q, &load), &load);
             kinematics::statics_are_finite(&robot, &nominal, tcp, q, &load);
         }
     }
@@ -137,8 +141,12 @@ fn six_axes(loads: &Loads) {
     let q = loads.lost.unwrap_or(standing.unwrap_or_default());
     let machine = SixLinkElastic::new(kinematics, Compliances::new(LINKS, [4e-8; 6]).unwrap());
     for config in [loads.config(loads.scales()), loads.config([1.0; 6])] {
+        let compensator = SixLinkCompensator::new(machine, config);
         for load in loads.loads() {
-            six_link::statics_are_finite(&machine, &config, &pose, &q, &load);
+            six_link::statics_are_finite(&machine, &pose, &q, &load);
+            if let Ok(compensator) = &compensator {
+                six_link::cycles_are_bounded(compensator, &pose, &q, &load);
+            }
         }
     }
 }

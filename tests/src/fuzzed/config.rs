@@ -1,6 +1,6 @@
 //! Any text as a robot file: it is read, or refused in one line that names the file and says why.
 
-use gantry_tau::robot_file::{RobotFile, RobotFileError};
+use gantry_tau::robot_file::{AnyRobotFile, RobotFileError};
 
 const NAME: &str = "robots/fuzzed.toml";
 
@@ -9,7 +9,7 @@ pub fn config(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else {
         return;
     };
-    match RobotFile::parse(NAME, text) {
+    match AnyRobotFile::parse(NAME, text) {
         Ok(robot) => is_finite(&format!("{robot:?}")),
         Err(error) => is_told(&error),
     }

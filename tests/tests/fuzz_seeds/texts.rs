@@ -43,8 +43,42 @@ pub(crate) fn robots() -> Vec<Seed> {
         ),
         ("section_missing", replaced("[axes]\n", "[axis]\n")),
     ];
-    all.map(|(name, text)| (name.to_owned(), text.into_bytes()))
-        .into()
+    let seed = |(name, text): (&str, String)| (name.to_owned(), text.into_bytes());
+    all.into_iter()
+        .chain(robots_of_six_axes())
+        .map(seed)
+        .collect()
+}
+
+fn robots_of_six_axes() -> Vec<(&'static str, String)> {
+    let f1 = include_str!("../../../robots/f1.toml");
+    let replaced = |from: &str, to: &str| {
+        assert!(f1.contains(from), "robots/f1.toml has {from}");
+        f1.replacen(from, to, 1)
+    };
+    let lengths = "L = [1.7, 1.7, 1.7, 1.7, 1.7, 1.7]";
+    vec![
+        ("f1", f1.to_owned()),
+        (
+            "f1_length_per_arm",
+            replaced(lengths, "L = [1.7, 1.7, 1.7]"),
+        ),
+        (
+            "f1_four_lengths",
+            replaced(lengths, "L = [1.7, 1.7, 1.7, 1.7]"),
+        ),
+        (
+            "f1_axis_of_zero",
+            replaced("ax6 = [0.0, 1.0, 0.0]", "ax6 = [0.0, 0.0, 0.0]"),
+        ),
+        ("f1_sign_of_two", replaced("sigma4 = -1", "sigma4 = 2")),
+        ("f1_motor_of_no_axis", replaced("3, 4, 5]", "3, 4, 6]")),
+        ("f1_five_axes", replaced("max_um = [4000.0, ", "max_um = [")),
+        (
+            "f1_home_out_of_reach",
+            replaced("home_m = [0.1,", "home_m = [9.1,"),
+        ),
+    ]
 }
 
 /// Every operation on the first case of both machines of the oracle's vectors, and lines that are no requests.
