@@ -101,7 +101,7 @@ impl SixLinkKinematics {
         let [_, c2, _] = self.robot.geometry().configuration;
         let plate = self.plates.two(q4);
         let ([first, _], [a21, _], [length, _]) = (ends_m, plate.joints_m, *lengths_m);
-        let (q2, _) = cart(&(first - a21), v2, length, c2);
+        let (q2, along_squared) = cart(&(first - a21), v2, length, c2);
         let place = |&[_, q4]: &[f64; 2]| self.plates.two(q4);
         let equations = |&[q2, _]: &[f64; 2], plate: &PlateTwo| {
             let link =
@@ -118,7 +118,8 @@ impl SixLinkKinematics {
                 rows: [one.1, two.1],
             }
         };
-        let ([q2, q4], made) = newton([q2, q4], plate, &self.rule(), place, equations)?;
+        let ([q2, q4], made) = newton([q2, q4], plate, &self.rule(), place, equations)
+            .map_err(|error| from_the_foot(1, along_squared, error))?;
         Ok(((q2, q4), made))
     }
 
@@ -133,7 +134,7 @@ impl SixLinkKinematics {
         let [_, _, c3] = self.robot.geometry().configuration;
         let plate = self.plates.three(q5, q6);
         let ([first, ..], [a31, ..], [length, ..]) = (ends_m, plate.joints_m, *lengths_m);
-        let (q3, _) = cart(&(first - a31), v3, length, c3);
+        let (q3, along_squared) = cart(&(first - a31), v3, length, c3);
         let place = |&[_, q5, q6]: &[f64; 3]| self.plates.three(q5, q6);
         let equations = |&[q3, _, _]: &[f64; 3], plate: &PlateThree| {
             let link = |joint: &Vector3<f64>,
@@ -155,7 +156,8 @@ impl SixLinkKinematics {
                 rows: [one.1, two.1, three.1],
             }
         };
-        let ([q3, q5, q6], made) = newton([q3, q5, q6], plate, &self.rule(), place, equations)?;
+        let ([q3, q5, q6], made) = newton([q3, q5, q6], plate, &self.rule(), place, equations)
+            .map_err(|error| from_the_foot(2, along_squared, error))?;
         Ok(((q3, q5, q6), made))
     }
 
@@ -164,6 +166,17 @@ impl SixLinkKinematics {
             iterations: COLD_ITERATIONS,
             converged_m: CONVERGED * self.size_m,
         }
+    }
+}
+
+/// What a cluster's failure means that began where its first link is too short, at the foot of the perpendicular: there the link
+/// is across its guideway, which looks like a singularity, but the reason is that it does not reach with its plate at the start.
+fn from_the_foot(arm: usize, along_squared: f64, error: KinematicsError) -> KinematicsError {
+    match error {
+        KinematicsError::Singular { .. } if along_squared < 0.0 => {
+            KinematicsError::Unreachable { arm }
+        }
+        error => error,
     }
 }
 

@@ -253,6 +253,14 @@ fn what_has_no_answer_is_named() {
         f1.inverse(&far, None),
         Err(KinematicsError::Unreachable { .. })
     ));
+    // Within reach of arm 1, and of the others' plates, but not of their links: found on a map of the workspace as "singular".
+    for place in [[-0.5, -0.69, 0.3], [-0.594, -0.617, -0.5]] {
+        let beside = Pose::at(place.into());
+        assert!(matches!(
+            f1.inverse(&beside, None),
+            Err(KinematicsError::Unreachable { arm: 1 | 2 })
+        ));
+    }
     for wild in [f64::NAN, f64::INFINITY] {
         let mut bad = at;
         bad.position_m.y = wild;
