@@ -37,3 +37,8 @@ pub fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
         std::thread::sleep(Duration::from_micros(20));
     }
 }
+
+/// The examples of `docs/verification.md`, each of which must not compile.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/verification.md")]
+struct Verification;
