@@ -107,10 +107,11 @@ impl Mangle {
         now.as_nanos() < self.deaf_until.as_nanos() || self.bytes > FULL
     }
 
-    /// Goes half-open: what is under way is lost, and so is everything that comes.
-    pub fn silence(&mut self) {
+    /// Goes half-open: what is under way and not yet due is lost, and so is everything that comes.
+    pub fn silence(&mut self, now: Duration) {
         self.silent = true;
-        self.lose_all();
+        let lost = self.under_way.split_off(&(now, u64::MAX));
+        self.bytes -= lost.values().map(Vec::len).sum::<usize>();
     }
 
     /// Whether it is half-open: neither bytes nor a close are passed on.
@@ -192,10 +193,11 @@ impl Mangle {
                 self.deaf_until = self.held_until;
                 self.send(due, frame);
             }
-            Fault::HalfOpen => self.silence(),
+            Fault::HalfOpen => self.silence(now),
             Fault::Reset => {
                 self.reset = true;
-                self.lose_all();
+                self.under_way.clear();
+                self.bytes = 0;
             }
         }
     }
@@ -224,11 +226,6 @@ impl Mangle {
         self.bytes += piece.len();
         self.under_way.insert((due, self.pieces), piece);
         self.pieces += 1;
-    }
-
-    fn lose_all(&mut self) {
-        self.under_way.clear();
-        self.bytes = 0;
     }
 }
 

@@ -284,7 +284,7 @@ impl Way<'_> {
 
     fn heed_cut(&mut self) {
         if self.is_cut() && !self.mangle.is_silent() {
-            self.mangle.silence();
+            self.mangle.silence(self.now());
         }
     }
 
@@ -321,7 +321,7 @@ impl Way<'_> {
 
     /// The receiver is gone: the sender is told, unless nothing is told in that direction.
     fn lose_receiver(&mut self) {
-        self.mangle.silence();
+        self.mangle.silence(self.now());
         if !self.other_silent.load(Ordering::Relaxed) {
             let _ = self.from.shutdown(Shutdown::Both);
         }
@@ -432,6 +432,7 @@ mod tests {
     #[test]
     fn frames_are_found_however_they_are_cut() {
         let Link {
+            relay: _relay,
             mut client,
             server,
             ended,
@@ -460,7 +461,10 @@ mod tests {
     #[test]
     fn what_is_delayed_comes_later_and_before_the_close() {
         let Link {
-            mut client, server, ..
+            relay: _relay,
+            mut client,
+            server,
+            ..
         } = link("frame 2 up burst 150");
         let since = Instant::now();
         client.write_all(&frames(1..=3)).unwrap();
@@ -474,7 +478,10 @@ mod tests {
     #[test]
     fn a_reset_is_a_reset_at_both_ends() {
         let Link {
-            mut client, server, ..
+            relay: _relay,
+            mut client,
+            server,
+            ..
         } = link("frame 2 up reset");
         client.write_all(&frames(1..=3)).unwrap();
         for stream in [&server, &client] {
@@ -487,6 +494,7 @@ mod tests {
     #[test]
     fn a_half_open_link_says_nothing_not_even_that_it_is_closed() {
         let Link {
+            relay: _relay,
             mut client,
             server,
             ended,
@@ -529,7 +537,12 @@ mod tests {
 
     #[test]
     fn a_stalled_link_fills_its_senders_buffers() {
-        let Link { client, server, .. } = link("frame 1 up stall 60000");
+        let Link {
+            relay: _relay,
+            client,
+            server,
+            ..
+        } = link("frame 1 up stall 60000");
         client
             .set_write_timeout(Some(Duration::from_millis(300)))
             .unwrap();

@@ -4,7 +4,7 @@
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -35,6 +35,8 @@ use crate::{DEADLINE, wait_for};
 
 /// How much later the observer may hear of an end than the link had its fault.
 const SLACK: Duration = Duration::from_millis(150);
+/// Ticks in which a server hears everything that was sent to it before.
+const TICKS_TO_HEAR: u64 = 20;
 /// Growth of the resident memory that is no leak, KiB: allocators and stacks of threads wander by some hundred.
 const MEMORY_SLACK_KIB: u64 = 2_048;
 
@@ -80,6 +82,13 @@ pub struct Minutes {
     pub after: Option<Footprint>,
 }
 
+/// What the observer has seen last.
+#[derive(Debug, Default)]
+struct Watch {
+    ticks: AtomicU64,
+    listening: AtomicBool,
+}
+
 /// Something the observer has seen.
 #[derive(Clone, Copy, Debug)]
 struct End {
@@ -94,9 +103,9 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
     let before = Footprint::now();
     let mut noise = Noise::new(seed.max(1));
     let (server, rows, audit) = server();
-    let listening = Arc::new(AtomicBool::new(true));
+    let watch = Arc::new(Watch::default());
     let (ends_to, ends) = channel();
-    let observer = observe(rows, audit, &server.controls, &listening, ends_to);
+    let observer = observe(rows, audit, &server.controls, &watch, ends_to);
     let relays: Vec<(bool, Relay, Receiver<Ended>)> = (0..2 * KINDS)
         .map(|index| {
             let plan = plan(index % KINDS, &mut noise, Medium::Stream);
@@ -109,7 +118,7 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
     let strangers = strangers(server.address, &quit);
     let since = Instant::now();
     let mut soak = Soak {
-        listening,
+        watch,
         ends,
         noise,
         connections: 0,
@@ -199,10 +208,10 @@ fn observe(
     mut rows: Rows,
     mut audit: Audit<N>,
     controls: &Arc<Controls>,
-    listening: &Arc<AtomicBool>,
+    watch: &Arc<Watch>,
     ends: Sender<End>,
 ) -> JoinHandle<(Audit<N>, Summary)> {
-    let (controls, listening) = (Arc::clone(controls), Arc::clone(listening));
+    let (controls, watch) = (Arc::clone(controls), Arc::clone(watch));
     std::thread::spawn(move || {
         let mut seen = Summary::default();
         let (mut before, mut skipped) = (Phase::Listening, false);
@@ -232,7 +241,9 @@ fn observe(
             if phase == Phase::Fault {
                 controls.release_and_rearm();
             }
-            listening.store(phase == Phase::Listening, Ordering::Release);
+            let listening = phase == Phase::Listening;
+            watch.listening.store(listening, Ordering::Release);
+            watch.ticks.fetch_add(1, Ordering::Release);
             seen.ticks += 1;
             seen.sessions += u64::from(row.welcomed);
             seen.refused += u64::from(row.refused);
@@ -243,7 +254,7 @@ fn observe(
 }
 
 struct Soak {
-    listening: Arc<AtomicBool>,
+    watch: Arc<Watch>,
     ends: Receiver<End>,
     noise: Noise,
     connections: u64,
@@ -264,7 +275,12 @@ impl Soak {
         assert_eq!(link.peer, peer);
         self.summary.link(&link.up);
         self.summary.link(&link.down);
-        wait_for("Listening", || self.listening.load(Ordering::Acquire));
+        // The server may only now see its Hello, and its close.
+        let heard = self.watch.ticks.load(Ordering::Acquire) + TICKS_TO_HEAR;
+        wait_for("Listening", || {
+            let listening = self.watch.listening.load(Ordering::Acquire);
+            listening && self.watch.ticks.load(Ordering::Acquire) >= heard
+        });
         for end in self.ends.try_iter() {
             let evidence = Evidence {
                 at: (end.at - began).saturating_sub(SLACK),
