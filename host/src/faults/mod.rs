@@ -9,6 +9,7 @@
 //!
 //! A frame suffers at most one fault. The same seed and the same frames give the same faults, on every machine.
 
+mod frames;
 pub mod mangle;
 pub mod plan;
 pub mod tcp;

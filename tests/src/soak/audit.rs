@@ -96,10 +96,12 @@ impl<const N: usize> Audit<N> {
         references: &[Reference; N],
         seen: &Seen<'_, N>,
     ) {
-        for axis in 0..N {
+        for (axis, (old_reference, new_reference)) in
+            references.iter().zip(seen.references).enumerate()
+        {
             let (old, new) = (&before.axes[axis], &seen.state.axes[axis]);
             let nominal = old.nominal.0.abs_diff(new.nominal.0);
-            let change = (references[axis].position.0).abs_diff(seen.references[axis].position.0);
+            let change = old_reference.position.0.abs_diff(new_reference.position.0);
             let limit = u64::from(self.limits[axis].position.step().unsigned_abs());
             assert!(
                 change <= nominal + limit,
