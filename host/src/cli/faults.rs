@@ -61,10 +61,10 @@ pub(crate) struct Faults {
     )]
     direction: Way,
     /// Every frame comes so much later
-    #[arg(long, value_name = "MS", default_value = "0", value_parser = milliseconds)]
+    #[arg(long, value_name = "MS", default_value = "0", allow_negative_numbers = true, value_parser = milliseconds)]
     delay: Duration,
     /// And by up to so much more, drawn for each; the order stays
-    #[arg(long, value_name = "MS", default_value = "0", value_parser = milliseconds)]
+    #[arg(long, value_name = "MS", default_value = "0", allow_negative_numbers = true, value_parser = milliseconds)]
     jitter: Duration,
     /// The frame is lost
     #[arg(long, value_name = "ODDS")]
