@@ -9,7 +9,7 @@ use gantry_tau_tests::soak::{minutes, ticks};
 /// Every tick is audited where it is made; what is left is that everything has happened.
 #[test]
 fn simulated_ticks_with_every_fault_and_every_cause() {
-    let summary = ticks::run(50_000, 5, |_| {});
+    let summary = ticks::run(100_000, 1, |_| {});
     for cause in ticks::CAUSES {
         assert!(
             summary.ends.contains_key(&format!("{cause:?}")),
