@@ -37,6 +37,7 @@ fn main() {
             }
         });
         bar.finish_and_clear();
+        eprintln!("{} ticks: every one kept what it must", summary.ticks);
         seen.insert("ticks".to_owned(), serde_json::to_value(summary).unwrap());
     }
     if arguments.minutes > 0.0 {

@@ -20,6 +20,7 @@ use gantry_tau::server::{Controls, Server};
 use gantry_tau::sim::hand::hand_and_tool;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
+use gantry_tau_core::endpoint::CONNECTIONS;
 use gantry_tau_core::message::{Capabilities, Cause, ClientMessage, Hello, Phase};
 use gantry_tau_core::wire::encode_client;
 use serde::Serialize;
@@ -154,10 +155,12 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
 }
 
 impl Minutes {
-    /// Neither memory nor open files have grown.
+    /// Neither memory nor open files have grown; at the end every file is closed.
     fn check(&self) {
         if let (Some(early), Some(late)) = (self.early, self.late) {
-            assert_eq!(early.files, late.files, "open files leak: {self:?}");
+            // Fewest within a minute: strangers that are waited for may be among them, never more than there is room for.
+            let most = early.files + u64::try_from(CONNECTIONS).unwrap();
+            assert!(late.files <= most, "open files leak: {self:?}");
             let most = early.memory_kib + MEMORY_SLACK_KIB;
             assert!(late.memory_kib <= most, "memory leaks: {self:?}");
         }
