@@ -11,6 +11,7 @@ pub mod black_box;
 pub mod client;
 pub mod demo;
 pub mod epoch;
+pub mod faults;
 pub mod machine;
 pub mod model;
 pub mod plant;

@@ -15,6 +15,9 @@ mod errors;
 #[cfg(target_os = "linux")]
 #[path = "command_line/exhaustion.rs"]
 mod exhaustion;
+#[cfg(unix)]
+#[path = "command_line/faults.rs"]
+mod faults;
 #[path = "command_line/process.rs"]
 mod process;
 #[cfg(unix)]
@@ -34,12 +37,20 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    for command in ["demo", "serve", "client", "replay", "workspace", "solve"] {
+    for command in [
+        "demo",
+        "serve",
+        "client",
+        "faults",
+        "replay",
+        "workspace",
+        "solve",
+    ] {
         assert!(all.contains(&format!("\n  {command} ")), "{all}");
         let help = folder.run(&[command, "--help"]).success();
         assert!(help.contains(&format!("gantry-tau {command}")), "{help}");
         // Found by reading: of three commands they were written down, and never shown.
-        let has_codes = ["demo", "client", "replay"].contains(&command);
+        let has_codes = ["demo", "client", "faults", "replay"].contains(&command);
         assert_eq!(help.contains("Exit codes: 0 "), has_codes, "{help}");
         let help = folder.run(&["help", command]).success();
         assert!(help.contains("Usage:"), "{help}");

@@ -1,6 +1,6 @@
 //! The server's cycle, stepped by hand, listening on a real loopback socket.
 //!
-//! Every step of every test asserts what DESIGN 4 promises for any traffic: see [`Bench::step_with`].
+//! Every step of every test asserts what DESIGN 4 promises for any traffic: see [`Bench::step_with`] and [`Bounds::check`].
 
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -10,13 +10,13 @@ use gantry_tau::epoch::Epochs;
 use gantry_tau::server::ServerError;
 use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
-use gantry_tau_core::axis::Offsets;
 use gantry_tau_core::channel::Limits;
 use gantry_tau_core::endpoint::{MotorMap, Transport};
 use gantry_tau_core::message::{AxisLimits, Capabilities, Phase};
 use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::units::PositionNm;
 
+use crate::bounds::Bounds;
 use crate::plant::Bus;
 use crate::wait_for;
 
@@ -64,9 +64,7 @@ pub struct Bench<const N: usize> {
     /// The machine.
     pub bus: Bus<N>,
     cycle: Cycle<N, N, Bus<N>>,
-    limits: AxisLimits,
-    offsets: [Offsets; N],
-    changes: [[i64; 3]; N],
+    bounds: Bounds<N>,
 }
 
 impl<const N: usize> Default for Bench<N> {
@@ -112,11 +110,9 @@ impl<const N: usize> Bench<N> {
         let config = Config::new(parameters).unwrap();
         let cycle = Cycle::new(config, motors, bus.clone(), epochs, listen)?;
         Ok(Self {
-            offsets: bus.in_force(),
-            changes: [[0; 3]; N],
+            bounds: Bounds::new(parameters.axes.map(|axis| axis.limits), bus.in_force()),
             bus,
             cycle,
-            limits: parameters.axes[0].limits,
         })
     }
 
@@ -228,60 +224,22 @@ impl<const N: usize> Bench<N> {
         )
     }
 
-    /// One tick. Asserts, by what the machine was written: the State says what the drives got; every channel's change is
-    /// within S and its change within A; a ramping server moves by exactly rho towards zero; an idle one has all offsets
-    /// at zero; nobody is let in before they are.
+    /// One tick. Asserts, by what the machine was written, that the State says what the drives got, and what [`Bounds::check`] does.
     pub fn step_with(&mut self, elapsed: u32, demands: Demands) -> Row<N> {
         let writes = self.bus.writes();
         let row = self.cycle.step(elapsed, demands);
         let told = row.state.axes.map(|axis| axis.offsets);
         if row.plant_failed && self.bus.writes() == writes {
             assert!(self.bus.record().write_fails || self.bus.record().offsets_fail);
+            // What counts is what the drives have in force: they hold, and go on from there.
+            self.bounds.resume(self.bus.in_force());
         } else {
             assert_eq!(self.bus.writes(), writes + 1, "one write per tick");
             assert_eq!(self.bus.last_written(), row.references);
             assert_eq!(self.bus.in_force(), told, "the State is not what was done");
-        }
-        let at_zero = |offsets: &[Offsets; N]| *offsets == [Offsets::default(); N];
-        if row.welcomed {
-            assert!(at_zero(&self.offsets), "let in during a ramp");
-        }
-        let phase = row.state.phase;
-        if matches!(phase, Phase::Listening | Phase::Handshake | Phase::Submit) {
-            assert!(at_zero(&told), "offsets in {phase:?}");
-        }
-        if row.plant_failed && self.bus.writes() == writes {
-            // What counts is what the drives have in force: they hold, and go on from there.
-            self.offsets = self.bus.in_force();
-            self.changes = [[0; 3]; N];
-        } else {
-            for (axis, offsets) in told.iter().enumerate() {
-                self.check_axis(axis, offsets, phase);
-            }
+            self.bounds.check(&told, row.state.phase, row.welcomed);
         }
         row
-    }
-
-    fn check_axis(&mut self, axis: usize, now: &Offsets, phase: Phase) {
-        let before = channels(&self.offsets[axis]);
-        let limits = [
-            self.limits.position,
-            self.limits.velocity,
-            self.limits.torque,
-        ];
-        for (channel, (now, limits)) in channels(now).into_iter().zip(limits).enumerate() {
-            let (old, last) = (before[channel], self.changes[axis][channel]);
-            let change = now - old;
-            assert!(now.abs() <= i64::from(limits.max()));
-            assert!(change.abs() <= i64::from(limits.step()), "{old} to {now}");
-            assert!((change - last).abs() <= i64::from(limits.accel()));
-            if matches!(phase, Phase::SafeDisconnect | Phase::Fault) {
-                let ramp = i64::from(limits.ramp()).min(old.abs());
-                assert_eq!(change, -old.signum() * ramp, "{phase:?}: {old} to {now}");
-            }
-            self.changes[axis][channel] = change;
-        }
-        self.offsets[axis] = *now;
     }
 
     /// The coming ticks, without a word from anybody: positions ramp from `from` to zero in `phase`, to the nanometre.
@@ -316,12 +274,4 @@ impl<const N: usize> Bench<N> {
 fn ramped(offset: i32, tick: u32) -> i32 {
     let way = i32::try_from(tick).unwrap() * RAMP_NM;
     offset.signum() * (offset.abs() - way).max(0)
-}
-
-fn channels(offsets: &Offsets) -> [i64; 3] {
-    [
-        offsets.position.0.into(),
-        offsets.velocity.0.into(),
-        offsets.torque.0.into(),
-    ]
 }

@@ -3,10 +3,12 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`plant`] | a machine that records every reference it is written |
+//! | [`bounds`] | how far offsets may move in a tick, whatever the traffic |
 //! | [`mod@bench`] | the server's cycle around it, with the bounds of DESIGN 4 asserted in every tick |
 //! | [`client`] | a client that speaks frames, and anything else |
 //! | [`duet`] | both together: one session, tick by tick |
 //! | [`fuzzed`] | what each target of `../fuzz` does with its bytes; the same bytes are replayed by `cargo test` |
+//! | [`soak`] | clients that come and go over links that do harm, for a long time |
 #![forbid(unsafe_code)]
 #![allow(
     clippy::unwrap_used,
@@ -19,10 +21,12 @@
 )]
 
 pub mod bench;
+pub mod bounds;
 pub mod client;
 pub mod duet;
 pub mod fuzzed;
 pub mod plant;
+pub mod soak;
 
 use std::time::{Duration, Instant};
 

@@ -2,6 +2,7 @@
 
 mod client;
 mod demo;
+mod faults;
 mod replay;
 mod serve;
 mod workspace;
@@ -31,6 +32,7 @@ enum Command {
     Demo(demo::Demo),
     Serve(serve::Serve),
     Client(client::Client),
+    Faults(faults::Faults),
     Replay(replay::Replay),
     Workspace(workspace::Workspace),
     /// Kinematics, statics and compensation for scripts: one JSON request per line in, one JSON answer per line out
@@ -82,6 +84,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Demo(demo) => demo.run(),
         Command::Serve(serve) => serve.run(),
         Command::Client(client) => client.run(),
+        Command::Faults(faults) => faults.run(),
         Command::Replay(replay) => replay.run(),
         Command::Workspace(workspace) => workspace.run(),
         Command::Solve => solve(),

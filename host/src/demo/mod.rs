@@ -1,6 +1,5 @@
 //! `demo`: one session over real loopback TCP, with force steps, compensation, and a pulled cable; ends with a table and a report.
 
-mod relay;
 mod report;
 mod results;
 mod stage;
@@ -19,7 +18,6 @@ use crate::server::pace::Pace;
 use crate::terminal::say;
 use stage::{Failure, Recording};
 
-pub use relay::Relay;
 pub use results::{ALLOWED_SHARE, LinkQuality, Ramp, Results, Step};
 
 /// Which pace the demo shall take.

@@ -10,12 +10,13 @@ use gantry_tau_core::endpoint::Transport;
 use gantry_tau_core::message::{Capabilities, ClientMessage, Hello, Phase, Refusal, ServerMessage};
 use indicatif::ProgressBar;
 
-use super::relay::Relay;
 use super::watch::{Lost, Sample, Waiting, Watch};
 use super::{DemoError, DemoOptions};
 use crate::black_box::{Window, handover};
 use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientReport, Link};
 use crate::epoch::Epochs;
+use crate::faults::plan::Plan;
+use crate::faults::tcp::Relay;
 use crate::model::Model;
 use crate::sensor_link::SensorPublisher;
 use crate::server::Server;
@@ -115,7 +116,7 @@ pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
         cycle = cycle.with_black_box(handover);
     }
     let (server, rows) = Server::spawn(cycle.with_sensor(sensor), pace)?;
-    let relay = Relay::spawn(server.address)?;
+    let (relay, _) = Relay::spawn(LOOPBACK, server.address, Plan::harmless())?;
     let controls = Arc::new(ClientControls::default());
     let client_options = ClientOptions {
         server: relay.address,

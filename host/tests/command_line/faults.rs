@@ -1,0 +1,96 @@
+//! `faults` between a server and a client, all three as processes; and how it refuses nonsense.
+
+use std::net::UdpSocket;
+use std::time::Duration;
+
+use crate::process::{Folder, Running};
+use crate::signals::{client, serve};
+
+/// The link on a free port, and where clients find it.
+fn link(folder: &Folder, to: &str, further: &[&str]) -> (Running, String) {
+    let mut arguments = vec!["faults", "--listen", "127.0.0.1:0", "--to", to];
+    arguments.extend(further);
+    let mut link = folder.start("faults", &arguments);
+    link.await_words("Ctrl-C ends");
+    let said = link.stderr();
+    let rest = said.split_once("listening on ").unwrap().1;
+    (link, rest[..rest.find(',').unwrap()].to_owned())
+}
+
+#[test]
+fn a_scripted_fault_ends_the_session_and_is_counted() {
+    let folder = Folder::new("faults");
+    folder.write("script", "frame 300 up corrupt # the server finds it\n");
+    let (mut server, [address, sensor]) = serve(&folder, &[]);
+    let (link, through) = link(&folder, &address, &["--script", "script", "--json"]);
+    // A server closes at once behind a broken frame; the reason is in its own log.
+    let line = (client(&folder, "client", &[through, sensor]).end()).failure(7);
+    assert!(line.contains("the server vanished"), "{line}");
+    server.await_words("a broken frame or checksum");
+    server.await_words("SafeDisconnect -> Listening");
+    link.interrupt();
+    let said = link.end().success();
+    let said: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(said["connections"], 1);
+    assert_eq!(
+        said["faults"],
+        serde_json::json!({"corrupt": {"up": 1, "down": 0}})
+    );
+    assert!(said["frames"]["up"].as_u64().unwrap() >= 300, "{said}");
+    server.interrupt();
+    server.end().success();
+}
+
+#[test]
+fn datagrams_are_forwarded_and_lost_as_told() {
+    let folder = Folder::new("faults-udp");
+    let server = UdpSocket::bind("127.0.0.1:0").unwrap();
+    server
+        .set_read_timeout(Some(Duration::from_secs(20)))
+        .unwrap();
+    let to = server.local_addr().unwrap().to_string();
+    let (link, through) = link(&folder, &to, &["--udp", "--duplicate", "1:2"]);
+    let client = UdpSocket::bind("127.0.0.1:0").unwrap();
+    client.send_to(b"thrice", through).unwrap();
+    for _ in 0..3 {
+        let mut buffer = [0; 10];
+        let count = server.recv(&mut buffer).unwrap();
+        assert_eq!(&buffer[..count], b"thrice");
+    }
+    link.interrupt();
+    let said = link.end().success();
+    assert!(said.starts_with("1 connections\n"), "{said}");
+    let words: Vec<&str> = said.split_whitespace().collect();
+    assert!(
+        words.ends_with(&["frames", "1", "0", "duplicate", "1", "0"]),
+        "{said}"
+    );
+}
+
+#[test]
+fn nonsense_is_refused_in_one_line() {
+    let folder = Folder::new("faults-errors");
+    folder.write("script", "frame 1 up drop\nframe 2 sideways drop\n");
+    let to = ["faults", "--listen", "127.0.0.1:0", "--to", "127.0.0.1:1"];
+    for (further, code, words) in [
+        (
+            ["--script", "script"],
+            1,
+            "script: line 2, \"sideways\": `up`, `down` or `both`",
+        ),
+        (["--script", "nowhere"], 1, "nowhere: "),
+        (
+            ["--reorder", "0.1"],
+            1,
+            "reorder: a stream keeps its order; --udp only",
+        ),
+        (["--reset", "0.1:3"], 1, "reset has no parameter"),
+        (["--drop", "2"], 2, "P must be from 0 to 1"),
+        (["--delay", "-1"], 2, "must be from 0 to 60000"),
+        (["--direction", "left"], 2, "left"),
+    ] {
+        let arguments: Vec<&str> = to.into_iter().chain(further).collect();
+        let line = folder.run(&arguments).failure(code);
+        assert!(line.contains(words), "{line}");
+    }
+}

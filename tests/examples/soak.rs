@@ -1,0 +1,58 @@
+//! The long soak: `cargo run --release -p gantry-tau-tests --example soak -- --ticks 1000000 --minutes 10`.
+//! First simulated ticks, then real time over real sockets. Ends with what it has seen, as JSON; a property that does not hold ends it with a panic.
+#![allow(
+    clippy::unwrap_used,
+    clippy::arithmetic_side_effects,
+    reason = "a soak fails by panicking"
+)]
+
+use std::time::Duration;
+
+use clap::Parser;
+use gantry_tau_tests::soak::{minutes, ticks};
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Clients that come and go over links that do harm, for a long time: nothing jumps, nothing leaks, every end has its reason
+#[derive(Debug, Parser)]
+struct Arguments {
+    /// Simulated ticks
+    #[arg(long, default_value_t = 1_000_000)]
+    ticks: u64,
+    /// Minutes of real time
+    #[arg(long, default_value_t = 10.0)]
+    minutes: f64,
+    /// Where every draw comes from
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+fn main() {
+    let arguments = Arguments::parse();
+    let mut seen = serde_json::Map::new();
+    if arguments.ticks > 0 {
+        let bar = bar(arguments.ticks, "ticks");
+        let summary = ticks::run(arguments.ticks, arguments.seed, |tick| {
+            if tick % 1_000 == 0 {
+                bar.set_position(tick);
+            }
+        });
+        bar.finish_and_clear();
+        eprintln!("{} ticks: every one kept what it must", summary.ticks);
+        seen.insert("ticks".to_owned(), serde_json::to_value(summary).unwrap());
+    }
+    if arguments.minutes > 0.0 {
+        let duration = Duration::from_secs_f64(60.0 * arguments.minutes);
+        let bar = bar(duration.as_secs(), "s of real time");
+        let summary = minutes::run(duration, arguments.seed, |elapsed| {
+            bar.set_position(elapsed.as_secs());
+        });
+        bar.finish_and_clear();
+        seen.insert("minutes".to_owned(), serde_json::to_value(summary).unwrap());
+    }
+    println!("{}", serde_json::to_string_pretty(&seen).unwrap());
+}
+
+fn bar(length: u64, unit: &str) -> ProgressBar {
+    let style = format!("[{{elapsed}}] {{bar:40}} {{pos}}/{{len}} {unit}");
+    ProgressBar::new(length).with_style(ProgressStyle::with_template(&style).unwrap())
+}

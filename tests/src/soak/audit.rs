@@ -1,0 +1,202 @@
+//! What every tick of every server must keep, judged by what it gives out.
+//!
+//! The counters' relation, for every session and every tick of it:
+//! `received = accepted + late + duplicate + stale + malformed` while it runs, where `accepted` is how often the accepted sequence
+//! rose. From its end on there are also its farewells (Goodbyes and Stops), which only count as received, and at most one command
+//! that was fresh in the tick of the end and came to nothing. Every deadline is either met by an accepted command or missed.
+
+use gantry_tau_core::axis::{Offsets, Reference};
+use gantry_tau_core::message::{AxisLimits, Cause, Counters, Phase, State};
+
+use crate::bounds::Bounds;
+
+/// One tick, as the server gives it out.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a, const N: usize> {
+    /// The State.
+    pub state: &'a State<N>,
+    /// What the drives received.
+    pub references: &'a [Reference; N],
+    /// A session was granted.
+    pub welcomed: bool,
+    /// A session ended, or the server stopped.
+    pub ended: Option<Cause>,
+    /// Cycles since the last tick.
+    pub elapsed: u32,
+}
+
+/// Looks at every tick; panics where one does not keep what it must.
+#[derive(Clone, Debug)]
+pub struct Audit<const N: usize> {
+    limits: [AxisLimits; N],
+    bounds: Bounds<N>,
+    last: Option<(State<N>, [Reference; N])>,
+    accepted: u64,
+    /// Farewells, and perhaps one command without effect, of a session that is over.
+    beyond: u64,
+    /// See [`super::Summary`].
+    pub largest_change_nm: u64,
+    /// See [`super::Summary`].
+    pub largest_external_change_nm: u64,
+}
+
+impl<const N: usize> Audit<N> {
+    /// For a server with these limits that starts with all offsets at zero.
+    #[must_use]
+    pub const fn new(limits: [AxisLimits; N]) -> Self {
+        let zero = Offsets {
+            position: gantry_tau_core::units::OffsetNm(0),
+            velocity: gantry_tau_core::units::VelocityUmS(0),
+            torque: gantry_tau_core::units::TorquePermille(0),
+        };
+        Self {
+            limits,
+            bounds: Bounds::new(limits, [zero; N]),
+            last: None,
+            accepted: 0,
+            beyond: 0,
+            largest_change_nm: 0,
+            largest_external_change_nm: 0,
+        }
+    }
+
+    /// S of the position channels, the largest of all axes, nm.
+    #[must_use]
+    pub fn external_limit_nm(&self) -> u64 {
+        let steps = self.limits.map(|axis| axis.position.step().unsigned_abs());
+        steps.into_iter().max().unwrap_or(0).into()
+    }
+
+    /// What was received of the current or last session and is neither accepted nor counted as anything else:
+    /// zero while it runs, then its farewells and perhaps one command without effect.
+    #[must_use]
+    pub const fn beyond(&self) -> u64 {
+        self.beyond
+    }
+
+    /// One tick.
+    pub fn see(&mut self, seen: &Seen<'_, N>) {
+        let state = seen.state;
+        let told = state.axes.map(|axis| axis.offsets);
+        self.bounds.check(&told, state.phase, seen.welcomed);
+        if let Some((before, references)) = self.last {
+            let cycles = u64::from(seen.elapsed.max(1));
+            assert_eq!(state.tick.0, before.tick.0 + cycles, "a tick is missing");
+            self.check_references(&before, &references, seen);
+            self.check_counters(&before, seen);
+            check_deadlines(&before, seen);
+        }
+        self.last = Some((*state, *seen.references));
+    }
+
+    /// T3: a reference changes by at most what its nominal changes, and S.
+    fn check_references(
+        &mut self,
+        before: &State<N>,
+        references: &[Reference; N],
+        seen: &Seen<'_, N>,
+    ) {
+        for (axis, (old_reference, new_reference)) in
+            references.iter().zip(seen.references).enumerate()
+        {
+            let (old, new) = (&before.axes[axis], &seen.state.axes[axis]);
+            let nominal = old.nominal.0.abs_diff(new.nominal.0);
+            let change = old_reference.position.0.abs_diff(new_reference.position.0);
+            let limit = u64::from(self.limits[axis].position.step().unsigned_abs());
+            assert!(
+                change <= nominal + limit,
+                "axis {axis}: {change} nm, the nominal {nominal} nm, in {:?}",
+                seen.state
+            );
+            let external = change.saturating_sub(nominal);
+            self.largest_change_nm = self.largest_change_nm.max(change);
+            self.largest_external_change_nm = self.largest_external_change_nm.max(external);
+        }
+    }
+
+    fn check_counters(&mut self, before: &State<N>, seen: &Seen<'_, N>) {
+        let (state, now) = (seen.state, &seen.state.counters);
+        if seen.welcomed {
+            self.accepted = 0;
+            self.beyond = 0;
+            assert_eq!(
+                (state.accepted.0, *now),
+                (0, Counters::default()),
+                "a session begins at zero"
+            );
+            return;
+        }
+        assert!(grown(&before.counters, now), "a counter went back");
+        assert!(now.out_of_range <= now.malformed);
+        assert!(state.accepted >= before.accepted);
+        self.accepted += u64::from(state.accepted > before.accepted);
+        let counted = self.accepted
+            + [now.late, now.duplicate, now.stale, now.malformed]
+                .map(u64::from)
+                .iter()
+                .sum::<u64>();
+        let beyond = u64::from(now.received).checked_sub(counted);
+        let beyond = beyond.expect("more is counted than was received");
+        if is_live(state.phase) {
+            assert_eq!(beyond, 0, "received and not counted: {state:?}");
+            assert!(
+                now.longest_miss_run <= 1,
+                "two misses in a row and still running"
+            );
+        }
+        assert!(beyond >= self.beyond);
+        self.beyond = beyond;
+    }
+}
+
+/// While commands are due, each deadline is met or missed; a session that ends for another reason has none in that tick.
+fn check_deadlines<const N: usize>(before: &State<N>, seen: &Seen<'_, N>) {
+    let state = seen.state;
+    let late = [
+        Cause::ClientLate,
+        Cause::NetworkLate,
+        Cause::ServerLate,
+        Cause::Budget,
+    ];
+    let due = matches!(before.phase, Phase::Submit | Phase::Obtain)
+        && seen.ended.is_none_or(|cause| late.contains(&cause));
+    let missed = state.counters.missed - before.counters.missed * u32::from(!seen.welcomed);
+    let skipped = seen.elapsed.max(1) - 1;
+    if !due {
+        assert_eq!(missed, 0, "a miss with nothing due: {state:?}");
+    } else if seen.ended.is_none() {
+        let met = u32::from(state.accepted > before.accepted);
+        assert_eq!(met + missed, 1 + skipped, "{state:?}");
+    } else {
+        // A session that the server's own lateness ends accepts nothing any more, whatever came.
+        assert!((skipped..=1 + skipped).contains(&missed), "{state:?}");
+    }
+}
+
+fn grown(before: &Counters, now: &Counters) -> bool {
+    let all = |c: &Counters| {
+        [
+            c.received,
+            c.missed,
+            c.late,
+            c.duplicate,
+            c.stale,
+            c.malformed,
+            c.out_of_range,
+            c.limited,
+            c.clamped,
+            c.strangers,
+            u32::from(c.longest_miss_run),
+        ]
+    };
+    all(before)
+        .iter()
+        .zip(all(now))
+        .all(|(old, new)| *old <= new)
+}
+
+/// Whether a session is running.
+#[must_use]
+pub const fn is_live(phase: Phase) -> bool {
+    matches!(phase, Phase::Handshake | Phase::Submit | Phase::Obtain)
+}

@@ -1,0 +1,377 @@
+//! The server's own thread at 1 kHz with the simulated machine, clients over real sockets and relays that do harm.
+//! What must stay flat is looked at between sessions: memory, and open files.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use gantry_tau::epoch::Epochs;
+use gantry_tau::faults::tcp::Relay;
+use gantry_tau::faults::{Ended, Medium};
+use gantry_tau::model::{L2, L2_MOTORS, Model};
+use gantry_tau::robot_file::RobotFile;
+use gantry_tau::server::cycle::{Cycle, Row};
+use gantry_tau::server::pace::Pace;
+use gantry_tau::server::{Controls, Server};
+use gantry_tau::sim::hand::hand_and_tool;
+use gantry_tau::sim::machine::SimulatedMachine;
+use gantry_tau::sim::parameters::Motion;
+use gantry_tau_core::endpoint::CONNECTIONS;
+use gantry_tau_core::message::{Capabilities, Cause, ClientMessage, Hello, Phase};
+use gantry_tau_core::wire::encode_client;
+use serde::Serialize;
+
+use super::audit::{Audit, Seen, is_live};
+use super::client::Client;
+use super::links::{KINDS, is_slow, plan};
+use super::reason::Evidence;
+use super::{N, Summary};
+use crate::bench::LOOPBACK;
+use crate::client::{Noise, hello};
+use crate::{DEADLINE, wait_for};
+
+/// How much later the observer may hear of an end than the link had its fault.
+const SLACK: Duration = Duration::from_millis(150);
+/// Ticks in which a server hears everything that was sent to it before.
+const TICKS_TO_HEAR: u64 = 20;
+/// Growth of the resident memory that is no leak, KiB: allocators and stacks of threads wander by some hundred.
+const MEMORY_SLACK_KIB: u64 = 2_048;
+
+/// What the process holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Footprint {
+    /// Resident memory, KiB.
+    pub memory_kib: u64,
+    /// Open files, sockets among them.
+    pub files: u64,
+}
+
+impl Footprint {
+    /// Of this process; `None` where the system does not say it as Linux does.
+    #[must_use]
+    pub fn now() -> Option<Self> {
+        let status = std::fs::read_to_string("/proc/self/status").ok()?;
+        let line = status.lines().find(|line| line.starts_with("VmRSS:"))?;
+        Some(Self {
+            memory_kib: line.split_whitespace().nth(1)?.parse().ok()?,
+            files: u64::try_from(std::fs::read_dir("/proc/self/fd").ok()?.count()).ok()?,
+        })
+    }
+}
+
+/// What a soak in real time has seen.
+#[derive(Clone, Debug, Serialize)]
+pub struct Minutes {
+    /// What both kinds of soak see.
+    #[serde(flatten)]
+    pub summary: Summary,
+    /// Connections of the clients.
+    pub connections: u64,
+    /// Connections of those that never get a session: wrong Hellos, noise, silence.
+    pub strangers: u64,
+    /// Before there was a server.
+    pub before: Option<Footprint>,
+    /// Most memory, and fewest open files between two sessions, in the second tenth of the time.
+    pub early: Option<Footprint>,
+    /// The same in the last tenth.
+    pub late: Option<Footprint>,
+    /// After server, relays and clients have gone.
+    pub after: Option<Footprint>,
+}
+
+/// What the observer has seen last.
+#[derive(Debug, Default)]
+struct Watch {
+    ticks: AtomicU64,
+    listening: AtomicBool,
+}
+
+/// Something the observer has seen.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    cause: Cause,
+    at: Instant,
+    skipped: bool,
+}
+
+/// Soaks for so long. `progress` is told the time that has passed.
+#[must_use]
+pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) -> Minutes {
+    let before = Footprint::now();
+    let mut noise = Noise::new(seed.max(1));
+    let (server, rows, audit) = server();
+    let watch = Arc::new(Watch::default());
+    let (ends_to, ends) = channel();
+    let observer = observe(rows, audit, &server.controls, &watch, ends_to);
+    let relays: Vec<(bool, Relay, Receiver<Ended>)> = (0..2 * KINDS)
+        .map(|index| {
+            let plan = plan(index % KINDS, &mut noise, Medium::Stream);
+            let slow = is_slow(&plan);
+            let (relay, ended) = Relay::spawn(LOOPBACK, server.address, plan).unwrap();
+            (slow, relay, ended)
+        })
+        .collect();
+    let quit = Arc::new(AtomicBool::new(false));
+    let strangers = strangers(server.address, &quit);
+    let since = Instant::now();
+    let mut soak = Soak {
+        watch,
+        ends,
+        noise,
+        connections: 0,
+        summary: Summary::default(),
+    };
+    let mut marks = [None; 10];
+    while since.elapsed() < duration {
+        let (slow, relay, ended) = &relays[soak.noise.below(relays.len())];
+        soak.session(relay.address, *slow, ended);
+        mark(&mut marks, since.elapsed(), duration);
+        progress(since.elapsed());
+    }
+    quit.store(true, Ordering::Relaxed);
+    let strangers = strangers.join().unwrap();
+    drop(relays);
+    assert_eq!(server.quit().unwrap(), 0, "rows that nobody saw");
+    let (audit, seen) = observer.join().unwrap();
+    let mut summary = soak.summary;
+    summary.measured(&audit);
+    (summary.ticks, summary.sessions) = (seen.ticks, seen.sessions);
+    (summary.obtained, summary.refused) = (seen.obtained, seen.refused);
+    let minutes = Minutes {
+        summary,
+        connections: soak.connections,
+        strangers,
+        before,
+        early: marks[1],
+        late: marks[9],
+        after: Footprint::now(),
+    };
+    minutes.check();
+    minutes
+}
+
+impl Minutes {
+    /// Neither memory nor open files have grown; at the end every file is closed.
+    fn check(&self) {
+        if let (Some(early), Some(late)) = (self.early, self.late) {
+            // Fewest within a minute: strangers that are waited for may be among them, never more than there is room for.
+            let most = early.files + u64::try_from(CONNECTIONS).unwrap();
+            assert!(late.files <= most, "open files leak: {self:?}");
+            let most = early.memory_kib + MEMORY_SLACK_KIB;
+            assert!(late.memory_kib <= most, "memory leaks: {self:?}");
+        }
+        let files = |footprint: Option<Footprint>| footprint.map(|footprint| footprint.files);
+        assert_eq!(files(self.before), files(self.after), "{self:?}");
+    }
+}
+
+/// The tenth of the time that this is in.
+fn mark(marks: &mut [Option<Footprint>; 10], elapsed: Duration, duration: Duration) {
+    let Some(now) = Footprint::now() else { return };
+    let tenth = (0..9).take_while(|tenth| duration * (tenth + 1) / 10 <= elapsed);
+    let mark = &mut marks[tenth.count()];
+    *mark = Some(mark.map_or(now, |old: Footprint| Footprint {
+        memory_kib: old.memory_kib.max(now.memory_kib),
+        files: old.files.min(now.files),
+    }));
+}
+
+type Rows = rtrb::Consumer<Row<N>>;
+
+fn server() -> (Server<N>, Rows, Audit<N>) {
+    let robot = RobotFile::<L2, N>::builtin_l2().unwrap();
+    let home = robot.model.axes_at(&robot.home_m()).unwrap();
+    let mut waypoint = home;
+    for (place, scale) in waypoint.iter_mut().zip(robot.axes.metres_per_q) {
+        *place = *place * scale + 0.01;
+    }
+    let motion = Motion::BackAndForth {
+        waypoints_m: vec![waypoint],
+        speed_m_per_s: 0.02,
+        acceleration_m_per_s2: 0.5,
+        dwell_cycles: 500,
+    };
+    let (_, tool) = hand_and_tool();
+    let machine = robot.simulated_machine::<L2_MOTORS>(tool, motion).unwrap();
+    let config = robot.session_config(Capabilities::NONE).unwrap();
+    let audit = Audit::new(config.parameters().axes.map(|axis| axis.limits));
+    let motors = robot.motor_map().unwrap();
+    let cycle: Cycle<N, L2_MOTORS, SimulatedMachine<N, L2_MOTORS>> =
+        Cycle::new(config, motors, machine, Epochs::volatile(), LOOPBACK).unwrap();
+    let (server, rows) = Server::spawn(cycle, Pace::RealTime).unwrap();
+    (server, rows, audit)
+}
+
+/// Audits every row, tells of every end, and re-arms after a stop.
+fn observe(
+    mut rows: Rows,
+    mut audit: Audit<N>,
+    controls: &Arc<Controls>,
+    watch: &Arc<Watch>,
+    ends: Sender<End>,
+) -> JoinHandle<(Audit<N>, Summary)> {
+    let (controls, watch) = (Arc::clone(controls), Arc::clone(watch));
+    std::thread::spawn(move || {
+        let mut seen = Summary::default();
+        let (mut before, mut skipped) = (Phase::Listening, false);
+        loop {
+            let row: Row<N> = match rows.pop() {
+                Ok(row) => row,
+                Err(_) if rows.is_abandoned() && rows.is_empty() => return (audit, seen),
+                Err(_) => {
+                    std::thread::sleep(Duration::from_millis(1));
+                    continue;
+                }
+            };
+            audit.see(&Seen {
+                state: &row.state,
+                references: &row.references,
+                welcomed: row.welcomed,
+                ended: row.ended,
+                elapsed: row.elapsed,
+            });
+            let phase = row.state.phase;
+            if let (Some(cause), true) = (row.ended, is_live(before)) {
+                let skipped = skipped || row.elapsed > 1;
+                let at = Instant::now();
+                // Nobody waits for the end that comes with the server's own.
+                let _ = ends.send(End { cause, at, skipped });
+            }
+            if phase == Phase::Fault {
+                controls.release_and_rearm();
+            }
+            let listening = phase == Phase::Listening;
+            watch.listening.store(listening, Ordering::Release);
+            watch.ticks.fetch_add(1, Ordering::Release);
+            seen.ticks += 1;
+            seen.sessions += u64::from(row.welcomed);
+            seen.refused += u64::from(row.refused);
+            seen.obtained += u64::from(phase == Phase::Obtain && before == Phase::Submit);
+            (before, skipped) = (phase, row.elapsed > 1);
+        }
+    })
+}
+
+struct Soak {
+    watch: Arc<Watch>,
+    ends: Receiver<End>,
+    noise: Noise,
+    connections: u64,
+    summary: Summary,
+}
+
+impl Soak {
+    /// One client from its Hello to the server's listening again; its end must have a reason.
+    fn session(&mut self, address: SocketAddr, slow: bool, ended: &Receiver<Ended>) {
+        let began = Instant::now();
+        let mut client = Client::new(&mut self.noise);
+        // A relay whose server has no room closes at once.
+        let peer = live(address, &mut client, began, &mut self.noise);
+        self.connections += 1;
+        let link = ended
+            .recv_timeout(DEADLINE)
+            .expect("a link that does not end");
+        assert_eq!(link.peer, peer);
+        self.summary.link(&link.up);
+        self.summary.link(&link.down);
+        // The server may only now see its Hello, and its close.
+        let heard = self.watch.ticks.load(Ordering::Acquire) + TICKS_TO_HEAR;
+        wait_for("Listening", || {
+            let listening = self.watch.listening.load(Ordering::Acquire);
+            listening && self.watch.ticks.load(Ordering::Acquire) >= heard
+        });
+        for end in self.ends.try_iter() {
+            let evidence = Evidence {
+                at: (end.at - began).saturating_sub(SLACK),
+                up: &link.up,
+                down: &link.down,
+                deed: client.deed_done,
+                closed: client.gone,
+                slow,
+                skipped: end.skipped,
+                stopped: false,
+                jumped: false,
+            };
+            self.summary.end(end.cause);
+            if evidence.explains(end.cause) {
+                continue;
+            }
+            // Two cores shared with everything else: what is late without a fault is so by itself, and counted.
+            let late = [
+                Cause::ClientLate,
+                Cause::NetworkLate,
+                Cause::ServerLate,
+                Cause::Flood,
+            ];
+            assert!(
+                late.contains(&end.cause),
+                "{:?} without a reason: {evidence:?}",
+                end.cause
+            );
+            self.summary.machine_late += 1;
+        }
+    }
+}
+
+/// Connects, says Hello, and lives until it has left or was left. Returns its own address.
+fn live(address: SocketAddr, client: &mut Client, began: Instant, noise: &mut Noise) -> SocketAddr {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_nodelay(true).unwrap();
+    stream
+        .set_read_timeout(Some(Duration::from_millis(5)))
+        .unwrap();
+    stream
+        .set_write_timeout(Some(Duration::from_millis(200)))
+        .unwrap();
+    let own = stream.local_addr().unwrap();
+    let mut buffer = [0; 4_096];
+    let mut alive = stream.write_all(&encode_client(&hello::<N>())).is_ok();
+    while alive && !client.gone {
+        let heard = match stream.read(&mut buffer) {
+            Ok(0) => break,
+            Ok(count) => vec![buffer[..count].to_vec()],
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                Vec::new()
+            }
+            Err(_) => break,
+        };
+        let said = client.live(began.elapsed(), &heard, Medium::Stream, noise);
+        alive = said.iter().all(|bytes| stream.write_all(bytes).is_ok());
+    }
+    // A write that fails or takes too long is a reason to leave.
+    client.gone |= !alive;
+    own
+}
+
+/// Connections that never get a session: Hellos of another machine, noise, silence; some leave at once.
+fn strangers(address: SocketAddr, quit: &Arc<AtomicBool>) -> JoinHandle<u64> {
+    let quit = Arc::clone(quit);
+    std::thread::spawn(move || {
+        let mut noise = Noise::new(77);
+        let mut count = 0;
+        while !quit.load(Ordering::Relaxed) {
+            let Ok(mut stream) = TcpStream::connect_timeout(&address, DEADLINE) else {
+                continue;
+            };
+            count += 1;
+            let wrong = ClientMessage::<N>::Hello(Hello {
+                axes: 5,
+                capabilities: Capabilities::NONE,
+            });
+            // The server may have closed already.
+            let _ = match noise.below(3) {
+                0 => stream.write_all(&encode_client(&wrong)),
+                1 => stream.write_all(&noise.bytes(100)),
+                _ => Ok(()),
+            };
+            std::thread::sleep(Duration::from_millis(
+                u64::try_from(noise.below(60)).unwrap(),
+            ));
+        }
+        count
+    })
+}

@@ -1,0 +1,73 @@
+//! Clients that come and go over links that do harm, for a long time: nothing jumps, nothing leaks, every end has its reason.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`audit`] | what every tick of every server must keep: bounds, counters, deadlines |
+//! | [`reason`] | which deeds and faults explain which cause |
+//! | [`ticks`] | a server in this process, simulated time, links of [`gantry_tau::faults::mangle`] |
+//! | [`minutes`] | the server's own thread, real time, real sockets, the relay of [`gantry_tau::faults::tcp`] |
+
+pub mod audit;
+mod client;
+mod links;
+pub mod minutes;
+pub mod reason;
+pub mod ticks;
+
+use std::collections::BTreeMap;
+
+use gantry_tau::faults::Tally;
+use gantry_tau_core::message::Cause;
+use serde::Serialize;
+
+/// Axes of the machine.
+const N: usize = 3;
+
+/// What a soak has seen. A property that does not hold has ended it before.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Summary {
+    /// Ticks of the server, each one audited.
+    pub ticks: u64,
+    /// Sessions granted.
+    pub sessions: u64,
+    /// Sessions that came to Obtain.
+    pub obtained: u64,
+    /// Hellos refused.
+    pub refused: u64,
+    /// How sessions ended.
+    pub ends: BTreeMap<String, u64>,
+    /// How often each fault acted, both directions.
+    pub faults: BTreeMap<&'static str, u64>,
+    /// Frames that met the links.
+    pub frames: u64,
+    /// Ends that no fault explains but this machine's own lateness; in simulated time there are none.
+    pub machine_late: u64,
+    /// Largest change of a reference in one tick, nm.
+    pub largest_change_nm: u64,
+    /// Largest change beyond the nominal's own, nm.
+    pub largest_external_change_nm: u64,
+    /// What it may be at most (S), nm.
+    pub external_limit_nm: u64,
+}
+
+impl Summary {
+    /// A session ended.
+    pub fn end(&mut self, cause: Cause) {
+        *self.ends.entry(format!("{cause:?}")).or_default() += 1;
+    }
+
+    /// A link ended.
+    pub fn link(&mut self, tally: &Tally) {
+        self.frames += tally.frames;
+        for (fault, acted) in &tally.acted {
+            *self.faults.entry(fault.name()).or_default() += acted.times;
+        }
+    }
+
+    /// What an audit has measured.
+    pub fn measured<const N: usize>(&mut self, audit: &audit::Audit<N>) {
+        self.largest_change_nm = audit.largest_change_nm;
+        self.largest_external_change_nm = audit.largest_external_change_nm;
+        self.external_limit_nm = audit.external_limit_nm();
+    }
+}

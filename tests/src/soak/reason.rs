@@ -1,0 +1,102 @@
+//! Which deeds and faults explain which cause. A cause without a reason is a bug somewhere.
+
+use std::time::Duration;
+
+use gantry_tau::faults::{Fault, Tally};
+use gantry_tau_core::message::Cause;
+
+/// How long a fault or a deed may have been before the end that it explains: the longest burst or stall, and some ticks.
+const RECENT: Duration = Duration::from_millis(45);
+
+/// What a client does to end its session, or to get it ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Deed {
+    /// Says goodbye.
+    Goodbye,
+    /// Stops the machine's offsets.
+    Stop,
+    /// Closes without a word.
+    Close,
+    /// Says nothing more.
+    Silence,
+    /// Sends a dozen frames at once.
+    Flood,
+    /// Sends what is no frame.
+    Garbage,
+}
+
+impl Deed {
+    /// Every one.
+    pub const ALL: [Self; 6] = [
+        Self::Goodbye,
+        Self::Stop,
+        Self::Close,
+        Self::Silence,
+        Self::Flood,
+        Self::Garbage,
+    ];
+}
+
+/// What is known of a session that ended. Times count from the link's beginning.
+#[derive(Clone, Copy, Debug)]
+pub struct Evidence<'a> {
+    /// When it ended.
+    pub at: Duration,
+    /// From client to server.
+    pub up: &'a Tally,
+    /// From server to client.
+    pub down: &'a Tally,
+    /// What the client did last, and when.
+    pub deed: Option<(Deed, Duration)>,
+    /// The client has closed, whatever it did last.
+    pub closed: bool,
+    /// The link's own delay is longer than a tick, now and then.
+    pub slow: bool,
+    /// The server skipped cycles in this tick or the last.
+    pub skipped: bool,
+    /// The machine was stopped in this tick.
+    pub stopped: bool,
+    /// The nominal reference stepped too far in this tick.
+    pub jumped: bool,
+}
+
+impl Evidence<'_> {
+    /// Whether the end is explained.
+    #[must_use]
+    pub fn explains(&self, cause: Cause) -> bool {
+        let since = self.at.saturating_sub(RECENT);
+        let did = |deed| self.deed.is_some_and(|(done, _)| done == deed);
+        let did_recently = self.deed.is_some_and(|(_, when)| when >= since);
+        let up = |fault| self.up.acted_since(fault, since);
+        let down = |fault| self.down.acted_since(fault, since);
+        let ever =
+            |fault| self.up.acted.contains_key(&fault) || self.down.acted.contains_key(&fault);
+        match cause {
+            Cause::Goodbye => did(Deed::Goodbye),
+            Cause::Stop => did(Deed::Stop) || self.stopped,
+            Cause::Closed => self.closed || ever(Fault::Reset),
+            Cause::Malformed => did(Deed::Garbage) || up(Fault::Corrupt) || up(Fault::Truncate),
+            Cause::Flood => {
+                let at_once = [Fault::Burst, Fault::Stall, Fault::Duplicate];
+                did(Deed::Flood) || at_once.into_iter().any(|fault| up(fault) || down(fault))
+            }
+            Cause::ClientLate | Cause::NetworkLate => {
+                // A frame that comes twice, or in two pieces at once, is not late.
+                let harmless = [Fault::Duplicate, Fault::Split];
+                let harmful = Fault::ALL.into_iter().filter(|f| !harmless.contains(f));
+                let mut harmful = harmful;
+                // Two halves of a datagram are no frame.
+                self.slow
+                    || did_recently
+                    || harmful.any(|fault| up(fault) || down(fault))
+                    || up(Fault::Split)
+                    || down(Fault::Split)
+            }
+            Cause::ServerLate => self.skipped,
+            // The Welcome or every answer was lost, or the client never meant to answer.
+            Cause::HandshakeTimeout => self.deed.is_some() || Fault::ALL.into_iter().any(ever),
+            Cause::Nominal => self.jumped,
+            Cause::None | Cause::Budget | Cause::Restart => false,
+        }
+    }
+}

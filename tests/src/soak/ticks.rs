@@ -1,0 +1,415 @@
+//! A server in this process, ticks that are simulated milliseconds, clients over mangled links; the same on every machine.
+//!
+//! What the server is fed is counted beside it; its `received` must say the same.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use gantry_tau::faults::mangle::Mangle;
+use gantry_tau::faults::plan::Plan;
+use gantry_tau::faults::{Direction, Medium};
+use gantry_tau_core::axis::{Actual, Offsets};
+use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::message::{Cause, ClientMessage, Phase, State};
+use gantry_tau_core::session::config::Config;
+use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::session::{OWNER_FRAMES, Session};
+use gantry_tau_core::units::{Epoch, PositionNm, Tick};
+use gantry_tau_core::wire::{Deframer, Feed, Frame, decode_client, encode_client};
+
+use super::audit::{Audit, Seen, is_live};
+use super::client::Client;
+use super::links::{KINDS, is_slow, plan};
+use super::reason::Evidence;
+use super::{N, Summary};
+use crate::bench::{NOMINAL_STEP_NM, parameters};
+use crate::client::{Noise, hello};
+
+const MS: Duration = Duration::from_millis(1);
+/// Clients at once, one more than there is room for.
+const CLIENTS: usize = 7;
+
+/// Runs a server for so many ticks. `progress` is told each of them.
+#[must_use]
+pub fn run(ticks: u64, seed: u64, mut progress: impl FnMut(u64)) -> Summary {
+    let mut world = World::new(seed);
+    for tick in 1..=ticks {
+        world.tick(tick);
+        progress(tick);
+    }
+    let World {
+        mut summary,
+        audit,
+        links,
+        ..
+    } = world;
+    summary.measured(&audit);
+    for link in &links {
+        link.add_to(&mut summary);
+    }
+    summary.ticks = ticks;
+    summary
+}
+
+struct World {
+    noise: Noise,
+    endpoint: Endpoint<N, N, 16>,
+    audit: Audit<N>,
+    links: Vec<Link>,
+    opened: u64,
+    nominal: [PositionNm; N],
+    epoch: u64,
+    skipped_before: bool,
+    summary: Summary,
+}
+
+impl World {
+    fn new(seed: u64) -> Self {
+        let parameters = parameters::<N>();
+        let nominal = [PositionNm(0); N];
+        let config = Config::new(parameters).unwrap();
+        let at_zero = [Offsets::default(); N];
+        let session = Session::new(config, &at_zero, nominal, Tick(0), Epoch(0)).unwrap();
+        Self {
+            noise: Noise::new(seed.max(1)),
+            endpoint: Endpoint::new(session, MotorMap::new([0, 1, 2]).unwrap()),
+            audit: Audit::new(parameters.axes.map(|axis| axis.limits)),
+            links: Vec::new(),
+            opened: 0,
+            nominal,
+            epoch: 0,
+            skipped_before: false,
+            summary: Summary::default(),
+        }
+    }
+
+    fn tick(&mut self, tick: u64) {
+        let now = MS * u32::try_from(tick).unwrap();
+        self.arrive(now);
+        self.deliver(now);
+        self.step(now);
+        assert!(self.endpoint.is_valid(), "tick {tick}");
+        for link in &mut self.links {
+            link.live(now + MS / 2, &mut self.noise);
+        }
+    }
+
+    fn one_in(&mut self, n: usize) -> bool {
+        self.noise.below(n) == 0
+    }
+
+    /// Newcomers, more of them where nobody is.
+    fn arrive(&mut self, now: Duration) {
+        let rare = if self.links.len() < 2 { 5 } else { 150 };
+        if self.links.len() >= CLIENTS || !self.one_in(rare) {
+            return;
+        }
+        let medium = [Medium::Stream, Medium::Datagrams][self.noise.below(2)];
+        let transport = match medium {
+            Medium::Stream => Transport::Stream,
+            Medium::Datagrams => Transport::Datagram,
+        };
+        // Without room the host says so and closes.
+        let Ok(connection) = self.endpoint.open(transport) else {
+            return self.summary.refused += 1;
+        };
+        let kind = self.noise.below(KINDS);
+        let plan = plan(kind, &mut self.noise, medium);
+        let link = Link::open(connection, medium, &plan, self.opened, now, &mut self.noise);
+        self.links.push(link);
+        self.opened += 1;
+    }
+
+    /// What is due reaches the server: bytes, closes, resets.
+    fn deliver(&mut self, now: Duration) {
+        for link in &mut self.links {
+            let owns = self.endpoint.session().owner() == Some(link.connection);
+            let age = now - link.opened;
+            while let Some(bytes) = link.up.pop(age) {
+                link.tap.feed(&bytes, link.medium, owns);
+                self.endpoint.feed(link.connection, &bytes);
+            }
+            if link.reset() || link.has_closed() {
+                self.endpoint.close(link.connection);
+                link.over = true;
+            }
+        }
+    }
+
+    fn step(&mut self, now: Duration) {
+        let before = self.endpoint.session().phase();
+        let owner = self.endpoint.session().owner();
+        let stopped = self.one_in(20_000);
+        let jumped = self.one_in(30_000);
+        let elapsed = if self.one_in(3_000) {
+            2 + self.noise.below(2)
+        } else {
+            1
+        };
+        self.move_nominal(jumped);
+        let cycle = Cycle {
+            elapsed: elapsed.try_into().unwrap(),
+            stop: stopped,
+            rearm: before == Phase::Fault && self.one_in(20),
+            ..Cycle::on_time(self.nominal, [Actual::default(); N], Epoch(self.epoch + 1))
+        };
+        let links = &mut self.links;
+        let turn = self.endpoint.tick(&cycle, &mut |to, bytes| {
+            if let Some(link) = links.iter_mut().find(|link| link.connection == to) {
+                link.down.push(now - link.opened, bytes);
+            }
+        });
+        let output = &turn.output;
+        self.audit.see(&Seen {
+            state: &output.state,
+            references: &turn.motors,
+            welcomed: output.welcome.is_some(),
+            ended: output.ended,
+            elapsed: cycle.elapsed,
+        });
+        let skipped = elapsed > 1;
+        for link in &mut self.links {
+            if owner == Some(link.connection) {
+                link.tap.check(&output.state, self.audit.beyond());
+                if let (Some(cause), true) = (output.ended, is_live(before)) {
+                    let evidence = Evidence {
+                        at: now - link.opened,
+                        up: link.up.tally(),
+                        down: link.down.tally(),
+                        deed: link.client.deed_done,
+                        closed: link.client.gone,
+                        slow: link.slow,
+                        skipped: skipped || self.skipped_before,
+                        stopped,
+                        jumped,
+                    };
+                    assert!(
+                        evidence.explains(cause),
+                        "{cause:?} without a reason: {evidence:?}"
+                    );
+                    self.summary.end(cause);
+                }
+            }
+            if output.welcome == Some(link.connection) {
+                link.tap.begin(output.state.epoch);
+            }
+            link.tap.next_tick();
+            link.server_closed |= turn.close.contains(&link.connection);
+        }
+        self.skipped_before = skipped;
+        self.summary.sessions += u64::from(output.welcome.is_some());
+        self.summary.refused += u64::try_from(output.refusals.len()).unwrap();
+        let obtains = output.state.phase == Phase::Obtain;
+        self.summary.obtained += u64::from(obtains && before == Phase::Submit);
+        if output.welcome.is_some() {
+            self.epoch = output.state.epoch.0;
+        }
+        self.bury();
+    }
+
+    /// Back and forth at up to half the limit; a jump is just beyond it.
+    fn move_nominal(&mut self, jumped: bool) {
+        let half = usize::try_from(NOMINAL_STEP_NM / 2).unwrap();
+        for nominal in &mut self.nominal {
+            let step = i64::try_from(self.noise.below(half)).unwrap();
+            let back = nominal.0 > 0;
+            nominal.0 += if back { -step } else { step };
+            if jumped {
+                nominal.0 += i64::from(4 * NOMINAL_STEP_NM);
+            }
+        }
+    }
+
+    /// Links that are of no use to either end.
+    fn bury(&mut self) {
+        let summary = &mut self.summary;
+        self.links.retain(|link| {
+            let keep = !(link.over || link.server_closed && link.client.gone);
+            if !keep {
+                link.add_to(summary);
+            }
+            keep
+        });
+    }
+}
+
+/// One connection: a client, both directions, and the server's end.
+struct Link {
+    connection: Connection,
+    medium: Medium,
+    opened: Duration,
+    slow: bool,
+    up: Mangle,
+    down: Mangle,
+    client: Client,
+    /// What a stalled stream does not take yet.
+    waiting: VecDeque<Vec<u8>>,
+    tap: Tap,
+    server_closed: bool,
+    over: bool,
+}
+
+impl Link {
+    fn open(
+        connection: Connection,
+        medium: Medium,
+        plan: &Plan,
+        number: u64,
+        opened: Duration,
+        noise: &mut Noise,
+    ) -> Self {
+        let client = Client::new(noise);
+        Self {
+            connection,
+            medium,
+            opened,
+            slow: is_slow(plan),
+            up: Mangle::new(plan, medium, number, Direction::Up),
+            down: Mangle::new(plan, medium, number, Direction::Down),
+            client,
+            waiting: VecDeque::from([encode_client(&hello::<N>()).to_vec()]),
+            tap: Tap::default(),
+            server_closed: false,
+            over: false,
+        }
+    }
+
+    fn reset(&self) -> bool {
+        self.up.is_reset() || self.down.is_reset()
+    }
+
+    /// The server can see that the client has closed: a stream's last bytes have come.
+    fn has_closed(&self) -> bool {
+        let told = self.waiting.is_empty() && self.up.next_due().is_none() && !self.up.is_silent();
+        self.medium == Medium::Stream && self.client.gone && told
+    }
+
+    /// The client's half of a tick.
+    fn live(&mut self, now: Duration, noise: &mut Noise) {
+        let age = now - self.opened;
+        let mut heard = Vec::new();
+        while let Some(bytes) = self.down.pop(age) {
+            heard.push(bytes);
+        }
+        let closed = self.server_closed
+            && self.medium == Medium::Stream
+            && self.down.next_due().is_none()
+            && !self.down.is_silent();
+        if !self.client.gone {
+            let said = self.client.live(age, &heard, self.medium, noise);
+            self.waiting.extend(said);
+            self.client.gone |= closed;
+        }
+        while !self.up.is_deaf(age) {
+            let Some(frame) = self.waiting.pop_front() else {
+                break;
+            };
+            self.up.push(age, &frame);
+        }
+    }
+
+    fn add_to(&self, summary: &mut Summary) {
+        summary.link(self.up.tally());
+        summary.link(self.down.tally());
+    }
+}
+
+/// Counts what a server is fed on one connection, without its deframer's slot, session or sieve.
+#[derive(Default)]
+struct Tap {
+    deframer: Deframer,
+    epoch: Option<Epoch>,
+    received: u32,
+    farewells: u64,
+    /// Frames since the last tick.
+    frames: u8,
+    finished: bool,
+    /// A command came in this tick.
+    commanded: bool,
+}
+
+impl Tap {
+    /// The session of this connection begins.
+    fn begin(&mut self, epoch: Epoch) {
+        *self = Self {
+            deframer: std::mem::take(&mut self.deframer),
+            epoch: Some(epoch),
+            ..Self::default()
+        };
+    }
+
+    fn next_tick(&mut self) {
+        self.frames = 0;
+        self.commanded = false;
+    }
+
+    /// An empty datagram is nothing: the endpoint does not count it either.
+    fn feed(&mut self, bytes: &[u8], medium: Medium, owns: bool) {
+        if bytes.is_empty() {
+            return;
+        }
+        if medium == Medium::Datagrams {
+            let frame = Frame::parse(bytes).ok();
+            let message = frame.and_then(|frame| decode_client(&frame).ok());
+            return self.count(message.as_ref(), owns);
+        }
+        let mut rest = bytes;
+        while !rest.is_empty() && !self.finished {
+            let (message, consumed) = match self.deframer.feed(rest) {
+                Feed::Incomplete => return,
+                Feed::Broken(_) => return self.finished = true,
+                Feed::Frame { frame, consumed } => (decode_client(&frame).ok(), consumed),
+            };
+            rest = &rest[consumed..];
+            self.count(message.as_ref(), owns);
+        }
+    }
+
+    /// Eight frames count, and of those behind them one Stop.
+    fn count(&mut self, message: Option<&ClientMessage<N>>, owns: bool) {
+        if self.finished || !owns {
+            return;
+        }
+        let stops = matches!(message, Some(ClientMessage::Stop(_)));
+        if self.frames >= OWNER_FRAMES && !stops {
+            return;
+        }
+        self.finished = self.frames >= OWNER_FRAMES;
+        self.frames = (self.frames + 1).min(OWNER_FRAMES);
+        self.received += 1;
+        match message {
+            Some(ClientMessage::Goodbye(epoch) | ClientMessage::Stop(epoch)) => {
+                self.farewells += u64::from(self.epoch == Some(*epoch));
+            }
+            Some(ClientMessage::Command(_)) => self.commanded = true,
+            _ => {}
+        }
+    }
+
+    /// The server has counted as much, and what it has no other name for are farewells and at most one command.
+    fn check(&self, state: &State<N>, beyond: u64) {
+        if self.epoch != Some(state.epoch) {
+            return;
+        }
+        assert_eq!(state.counters.received, self.received, "{state:?}");
+        assert!(
+            beyond == self.farewells || beyond == self.farewells + 1,
+            "{beyond} beyond the counters, {} farewells: {state:?}",
+            self.farewells
+        );
+    }
+}
+
+/// Every cause that clients, links and machine can bring about here.
+pub const CAUSES: [Cause; 10] = [
+    Cause::ClientLate,
+    Cause::NetworkLate,
+    Cause::ServerLate,
+    Cause::Malformed,
+    Cause::Closed,
+    Cause::Goodbye,
+    Cause::Stop,
+    Cause::Nominal,
+    Cause::Flood,
+    Cause::HandshakeTimeout,
+];

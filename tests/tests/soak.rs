@@ -1,0 +1,44 @@
+//! The soak, shortened: `cargo run --release -p gantry-tau-tests --example soak` is the long one.
+#![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+
+use std::time::Duration;
+
+use gantry_tau::faults::Fault;
+use gantry_tau_tests::soak::{minutes, ticks};
+
+/// Every tick is audited where it is made; what is left is that everything has happened.
+#[test]
+fn simulated_ticks_with_every_fault_and_every_cause() {
+    let summary = ticks::run(100_000, 1, |_| {});
+    for cause in ticks::CAUSES {
+        assert!(
+            summary.ends.contains_key(&format!("{cause:?}")),
+            "no {cause:?}: {summary:?}"
+        );
+    }
+    for fault in Fault::ALL {
+        assert!(
+            summary.faults.contains_key(fault.name()),
+            "no {fault}: {summary:?}"
+        );
+    }
+    assert!(
+        summary.sessions > 100 && summary.obtained > 50,
+        "{summary:?}"
+    );
+    assert!(summary.refused > 10, "{summary:?}");
+    // The limit is reached, and not exceeded.
+    assert_eq!(
+        summary.largest_external_change_nm,
+        summary.external_limit_nm
+    );
+}
+
+#[test]
+fn three_seconds_over_real_sockets() {
+    let minutes = minutes::run(Duration::from_secs(3), 5, |_| {});
+    let summary = &minutes.summary;
+    assert!(summary.sessions > 0 && summary.ticks > 0, "{minutes:?}");
+    assert!(minutes.strangers > 0, "{minutes:?}");
+    assert!(summary.largest_external_change_nm <= summary.external_limit_nm);
+}
