@@ -54,9 +54,9 @@ pub struct CsvFile {
 pub struct Recorded {
     /// Where it is.
     pub path: PathBuf,
-    /// Rows written.
+    /// Rows written; some of the last may be lost where the file failed.
     pub written: u64,
-    /// Rows lost, because the queue was full or the file failed.
+    /// Rows known to be lost, because the queue was full or the file failed.
     pub lost: u64,
     /// The first failure of the file.
     pub failure: Option<RecordError>,
@@ -65,14 +65,15 @@ pub struct Recorded {
 impl fmt::Display for Recorded {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let path = self.path.display();
-        write!(
-            f,
-            "recorded {} rows to {path}, {} dropped",
-            self.written, self.lost
-        )?;
+        let (written, lost) = (self.written, self.lost);
         match &self.failure {
-            Some(failure) => write!(f, " ({})", failure.reason),
-            None => Ok(()),
+            None => write!(f, "recorded {written} rows to {path}, {lost} dropped"),
+            // The last rows were still on their way to the file.
+            Some(failure) => write!(
+                f,
+                "recorded at most {written} rows to {path}, at least {lost} dropped ({})",
+                failure.reason
+            ),
         }
     }
 }
