@@ -571,4 +571,36 @@ mod tests {
         assert!(refused(|p| p.home_q[2] = 9.0).contains("home_m"));
         assert!(refused(|p| p.gauge_resolution_m = 0.0).contains("gauge_resolution_m"));
     }
+
+    /// Two motors on a cart carry half of its load each: at rest their torques together are what holds it.
+    #[test]
+    fn motors_of_one_cart_share_its_load() {
+        let file = crate::robot_file::RobotFile::builtin_f1().unwrap();
+        let (mut hand, tool) = hand_and_tool();
+        let mut machine = file
+            .simulated_machine::<{ crate::model::F1_MOTORS }>(tool, Motion::Hold)
+            .unwrap();
+        hand.set(&pull([300.0, 0.0, 0.0])).unwrap();
+        let mut reading = None;
+        for _ in 0..500 {
+            let now = machine.read(1).unwrap();
+            let axes = now.nominal.map(|position| Reference {
+                position,
+                ..Reference::default()
+            });
+            machine.write(&machine.motors.spread(&axes)).unwrap();
+            reading = Some(now);
+        }
+        let actual = reading.unwrap().actual;
+        for (axis, motors) in [(0, 2.0), (1, 2.0), (2, 2.0), (3, 1.0), (4, 1.0), (5, 1.0)] {
+            let load_n = machine.loaded.axis_loads[axis] / machine.metres_per_q[axis];
+            let held_n = f64::from(actual[axis].torque.0) * 1e-3 * drive::RATED_FORCE_N * motors;
+            // Torques are told in whole per mille of the rated one: half a newton for each motor.
+            assert!(
+                (held_n + load_n).abs() <= 0.6 * motors,
+                "{axis}: {held_n} {load_n}"
+            );
+        }
+        assert!(machine.loaded.axis_loads[1] > 100.0, "hardly a load");
+    }
 }

@@ -82,17 +82,11 @@ impl Grid {
 
     /// Number of places.
     #[must_use]
-    pub fn len(&self) -> u64 {
+    pub fn count(&self) -> u64 {
         let sides = self.below.iter().zip(&self.above);
         sides
             .map(|(below, above)| u64::from(below + above + 1))
             .product()
-    }
-
-    /// Never: home is always there.
-    #[must_use]
-    pub const fn is_empty(&self) -> bool {
-        false
     }
 
     /// Offsets from home in steps along one axis of the world, upwards.

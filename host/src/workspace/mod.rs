@@ -118,7 +118,7 @@ pub fn run<K: Model<N>, const N: usize>(
     write(&options.plot, "")?;
     let mut table = CsvFile::create::<Place<N>>(&options.csv)?;
     let grid = Grid::of(&options.robot, options.cells);
-    let bar = ProgressBar::new(grid.len());
+    let bar = ProgressBar::new(grid.count());
     if let Ok(style) = ProgressStyle::with_template("[{elapsed}] {bar:40} {pos}/{len} places") {
         bar.set_style(style);
     }

@@ -76,7 +76,7 @@ fn the_box_holds_the_whole_workspace() {
         let grid = Grid::of(file, 12);
         let survey = survey(file, grid, |_| {});
         let summary = survey.summary();
-        assert_eq!(u64::try_from(summary.places).unwrap(), grid.len());
+        assert_eq!(u64::try_from(summary.places).unwrap(), grid.count());
         let refused: usize = summary.refused.values().sum();
         assert_eq!(summary.reached + refused, summary.places);
         assert!(summary.reached > 20, "{summary}");

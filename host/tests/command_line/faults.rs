@@ -4,7 +4,7 @@ use std::net::UdpSocket;
 use std::time::Duration;
 
 use crate::process::{Folder, Running};
-use crate::signals::{client, serve};
+use crate::signals::{await_obtain, client, serve};
 
 /// The link on a free port, and where clients find it.
 fn link(folder: &Folder, to: &str, further: &[&str]) -> (Running, String) {
@@ -37,6 +37,39 @@ fn a_scripted_fault_ends_the_session_and_is_counted() {
         serde_json::json!({"corrupt": {"up": 1, "down": 0}})
     );
     assert!(said["frames"]["up"].as_u64().unwrap() >= 300, "{said}");
+    server.interrupt();
+    server.end().success();
+}
+
+/// The client's first Hello is lost, every frame comes twice, some are overtaken: it greets again, answers each State once, and its
+/// Goodbye is heard.
+#[test]
+fn a_client_lives_with_what_datagrams_do() {
+    let folder = Folder::new("faults-udp-session");
+    folder.write("script", "frame 1 up drop\n");
+    let (mut server, [address, sensor]) = serve(&folder, &["--udp"]);
+    let faults = [
+        "--udp",
+        "--duplicate",
+        "0.8:1",
+        "--reorder",
+        "0.1",
+        "--script",
+        "script",
+    ];
+    let (link, through) = link(&folder, &address, &faults);
+    let owner = folder.start("owner", &["client", &through, "--udp", "--sensor", &sensor]);
+    await_obtain(&mut server, 1);
+    owner.interrupt();
+    let said = owner.end().success();
+    assert!(said.starts_with("left with Goodbye after "), "{said}");
+    server.await_words("SafeDisconnect -> Listening");
+    link.interrupt();
+    let said = link.end().success();
+    assert!(
+        said.contains("drop") && said.contains("duplicate"),
+        "{said}"
+    );
     server.interrupt();
     server.end().success();
 }

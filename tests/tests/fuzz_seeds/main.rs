@@ -75,25 +75,18 @@ fn the_files_are_the_seeds() {
     }
 }
 
+/// With GANTRY_TAU_REPLAY_CORPUS also what fuzzing on this machine has found, in `fuzz/corpus`: `fuzz/coverage.sh corpus` asks for it.
 #[test]
 fn every_seed_holds() {
+    let with_corpus = std::env::var_os("GANTRY_TAU_REPLAY_CORPUS").is_some();
     for (target, run) in TARGETS {
-        for (name, bytes) in seeds_of(target) {
+        let found = with_corpus.then(|| files(&folder("corpus", target)));
+        for (name, bytes) in seeds_of(target)
+            .into_iter()
+            .chain(found.into_iter().flatten())
+        {
             println!("{target}/{name}");
             run(&bytes);
-        }
-    }
-}
-
-/// What fuzzing on this machine has found, in `fuzz/corpus`; `fuzz/coverage` replays it.
-#[test]
-#[ignore = "takes as long as the corpus is large"]
-fn the_corpus_holds() {
-    for (target, run) in TARGETS {
-        let corpus = files(&folder("corpus", target));
-        println!("{target}: {} inputs", corpus.len());
-        for bytes in corpus.values() {
-            run(bytes);
         }
     }
 }
