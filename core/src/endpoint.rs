@@ -260,20 +260,24 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
         }
     }
 
-    /// Takes bytes that were read from a connection. Returns how many frames the coming tick has of it.
+    /// Takes bytes that were read from a stream, or one datagram. Returns how many frames the coming tick has of the connection.
     ///
     /// Work is bounded by the length of `bytes`; what exceeds a connection's budget of frames is dropped:
     /// for the owner that ends the session, and a Stop still counts; a stranger is closed.
     pub fn feed(&mut self, connection: Connection, bytes: &[u8]) -> u8 {
         let is_owner = self.session.owner() == Some(connection);
         let mut rest = bytes;
+        let mut begun = false;
         loop {
             let Some(slot) = find(&mut self.slots, connection) else {
                 return 0;
             };
-            if rest.is_empty() || slot.finished {
+            // No bytes of a stream are nothing; an empty datagram is a broken one.
+            let nothing = rest.is_empty() && (begun || slot.transport == Transport::Stream);
+            if nothing || slot.finished {
                 return slot.frames;
             }
+            begun = true;
             let Some((event, consumed)) = slot.take(rest, is_owner) else {
                 return slot.frames;
             };
@@ -286,6 +290,13 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
                 self.admit(connection, event, is_owner);
             }
         }
+    }
+
+    /// How many frames the coming tick has of a connection; none of one that is not open.
+    #[must_use]
+    pub fn frames_of(&self, connection: Connection) -> u8 {
+        let slot = self.slots.iter().find(|slot| slot.connection == connection);
+        slot.map_or(0, |slot| slot.frames)
     }
 
     /// Whether the coming tick has what a server in lock-step waits for: a Command that answers the last State,

@@ -1,5 +1,5 @@
 //! The long soak: `cargo run --release -p gantry-tau-tests --example soak -- --ticks 1000000 --minutes 10`.
-//! First simulated ticks, then real time over real sockets. Ends with what it has seen, as JSON; a property that does not hold ends it with a panic.
+//! First simulated ticks, with three axes and with six, then real time over real sockets. Ends with what it has seen, as JSON; a property that does not hold ends it with a panic.
 #![allow(
     clippy::unwrap_used,
     clippy::arithmetic_side_effects,
@@ -9,13 +9,13 @@
 use std::time::Duration;
 
 use clap::Parser;
-use gantry_tau_tests::soak::{minutes, ticks};
+use gantry_tau_tests::soak::{BUDGET, minutes, ticks};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Clients that come and go over links that do harm, for a long time: nothing jumps, nothing leaks, every end has its reason
 #[derive(Debug, Parser)]
 struct Arguments {
-    /// Simulated ticks
+    /// Simulated ticks, once with three axes and once with six and a budget of misses
     #[arg(long, default_value_t = 1_000_000)]
     ticks: u64,
     /// Minutes of real time
@@ -30,15 +30,25 @@ fn main() {
     let arguments = Arguments::parse();
     let mut seen = serde_json::Map::new();
     if arguments.ticks > 0 {
-        let bar = bar(arguments.ticks, "ticks");
-        let summary = ticks::run(arguments.ticks, arguments.seed, |tick| {
-            if tick % 1_000 == 0 {
-                bar.set_position(tick);
+        let bar = bar(2 * arguments.ticks, "ticks");
+        let progress = |done: u64| {
+            if done % 1_000 == 0 {
+                bar.set_position(done);
             }
-        });
+        };
+        let (ticks, seed) = (arguments.ticks, arguments.seed);
+        let three = ticks::run::<3>(None, ticks, seed, progress);
+        let six = ticks::run::<6>(Some(BUDGET), ticks, seed, |tick| progress(ticks + tick));
         bar.finish_and_clear();
-        eprintln!("{} ticks: every one kept what it must", summary.ticks);
-        seen.insert("ticks".to_owned(), serde_json::to_value(summary).unwrap());
+        eprintln!("{ticks} ticks, twice: every one kept what it must");
+        seen.insert(
+            "three_axes".to_owned(),
+            serde_json::to_value(three).unwrap(),
+        );
+        seen.insert(
+            "six_axes_with_a_budget".to_owned(),
+            serde_json::to_value(six).unwrap(),
+        );
     }
     if arguments.minutes > 0.0 {
         let duration = Duration::from_secs_f64(60.0 * arguments.minutes);

@@ -207,6 +207,8 @@ fn broken_datagrams_are_dropped_and_the_session_goes_on() {
         let state = tick(&mut bench, &mut peer, &[good]);
         assert_eq!(state.phase, Phase::Obtain);
         assert_eq!(state.counters.missed, 0);
+        let rounds = u32::try_from(round).unwrap() + 1;
+        assert_eq!(state.counters.malformed, 5 * rounds, "every one is counted");
     }
 }
 

@@ -10,19 +10,28 @@
     reason = "tests fail by panicking"
 )]
 
+use std::net::UdpSocket;
+
 use allocation_counter::measure;
 use gantry_tau::black_box::handover::{self, Receiver};
 use gantry_tau::epoch::Epochs;
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, Model};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::sensor_link::{SensorPublisher, SensorReader};
+use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
 use gantry_tau::sim::hand::{Hand, Load, hand_and_tool};
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau_core::message::{Capabilities, Cause, Mode, Phase};
+use gantry_tau_core::axis::Offsets;
+use gantry_tau_core::endpoint::Transport;
+use gantry_tau_core::message::{
+    Capabilities, Cause, ClientMessage, Command, Mode, Phase, Refusal, ServerMessage,
+};
+use gantry_tau_core::units::Sequence;
+use gantry_tau_core::wire::{Frame, decode_server, encode_client};
 use gantry_tau_tests::bench::LOOPBACK;
-use gantry_tau_tests::client::{Client, Noise};
+use gantry_tau_tests::client::{Client, Noise, hello};
 use gantry_tau_tests::wait_for;
 
 /// The server of `gantry-tau serve`, without its clock.
@@ -34,14 +43,18 @@ struct Server<const N: usize, const M: usize> {
 }
 
 impl<const N: usize, const M: usize> Server<N, M> {
-    fn start<K: Model<N>>(robot: &RobotFile<K, N>) -> Self {
+    fn start<K: Model<N>>(robot: &RobotFile<K, N>, transport: Transport) -> Self {
         let (hand, tool) = hand_and_tool();
         let machine = robot.simulated_machine(tool, Motion::Hold).unwrap();
         let config = robot.session_config(Capabilities::NONE).unwrap();
         let motors = robot.motor_map().unwrap();
         let publisher = SensorPublisher::bind(LOOPBACK).unwrap();
         let sensor = SensorReader::connect(publisher.address().unwrap()).unwrap();
-        let cycle = Cycle::new(config, motors, machine, Epochs::volatile(), LOOPBACK).unwrap();
+        let listen = Listen {
+            transport,
+            ..LOOPBACK.into()
+        };
+        let cycle = Cycle::new(config, motors, machine, Epochs::volatile(), listen).unwrap();
         let (handover, black_boxes) = handover::channel();
         Self {
             cycle: cycle.with_sensor(publisher).with_black_box(handover),
@@ -91,6 +104,7 @@ fn the_counter_counts() {
 fn the_cycle_allocates_nothing() {
     allocates_nothing(Server::<3, L2_MOTORS>::start(
         &RobotFile::builtin_l2().unwrap(),
+        Transport::Stream,
     ));
 }
 
@@ -98,7 +112,53 @@ fn the_cycle_allocates_nothing() {
 fn nor_does_it_with_six_axes() {
     allocates_nothing(Server::<6, F1_MOTORS>::start(
         &RobotFile::builtin_f1().unwrap(),
+        Transport::Stream,
     ));
+}
+
+/// Datagrams of the owner, of strangers, broken and empty ones.
+#[test]
+fn nor_does_it_over_udp() {
+    let robot = RobotFile::builtin_l2().unwrap();
+    let mut server = Server::<3, L2_MOTORS>::start(&robot, Transport::Datagram);
+    let sockets: [UdpSocket; 9] = std::array::from_fn(|_| {
+        let socket = UdpSocket::bind(LOOPBACK).unwrap();
+        socket.connect(server.cycle.address().unwrap()).unwrap();
+        socket
+    });
+    let [owner, strangers @ ..] = &sockets;
+    owner.send(&encode_client(&hello::<3>())).unwrap();
+    wait_for("the Welcome", || server.tick(false).welcomed);
+    let mut noise = Noise::new(7);
+    let mut row = server.tick(false);
+    for tick in 0..300 {
+        let stranger = &strangers[tick % strangers.len()];
+        stranger.send(&encode_client(&hello::<3>())).unwrap();
+        if tick % 2 == 0 {
+            // Noise behind the Hello costs the stranger its place.
+            stranger.send(&noise.bytes(tick)).unwrap();
+        }
+        owner.send(&noise.bytes(tick % 3)).unwrap();
+        let command = Command {
+            epoch: row.state.epoch,
+            sequence: Sequence(u64::try_from(tick).unwrap() + 1),
+            echo: row.state.tick,
+            mode: Mode::Submit,
+            targets: [Offsets::default(); 3],
+        };
+        let command = encode_client(&ClientMessage::Command(command));
+        owner.send(&command).unwrap();
+        row = server.tick(false);
+    }
+    let counters = row.state.counters;
+    assert!(counters.malformed > 100, "{counters:?}");
+    assert_eq!(row.state.phase, Phase::Submit);
+    let mut answer = [0; 100];
+    let count = strangers[1].recv(&mut answer).unwrap();
+    let answer = decode_server::<3>(&Frame::parse(&answer[..count]).unwrap());
+    assert_eq!(answer, Ok(ServerMessage::Refusal(Refusal::Busy)));
+    owner.send(&[]).unwrap();
+    wait_for("the silence's end", || server.tick(false).ended.is_some());
 }
 
 fn allocates_nothing<const N: usize, const M: usize>(mut server: Server<N, M>) {

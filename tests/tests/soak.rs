@@ -4,13 +4,25 @@
 use std::time::Duration;
 
 use gantry_tau::faults::Fault;
-use gantry_tau_tests::soak::{minutes, ticks};
+use gantry_tau_core::message::Cause;
+use gantry_tau_tests::soak::{BUDGET, Summary, minutes, ticks};
+
+#[test]
+fn three_axes_with_every_fault_and_every_cause() {
+    let summary = ticks::run::<3>(None, 100_000, 1, |_| {});
+    everything_has_happened(&summary, &ticks::CAUSES);
+}
+
+#[test]
+fn six_axes_with_a_budget_and_every_cause() {
+    let summary = ticks::run::<6>(Some(BUDGET), 100_000, 2, |_| {});
+    everything_has_happened(&summary, &ticks::CAUSES);
+    everything_has_happened(&summary, &[Cause::Budget]);
+}
 
 /// Every tick is audited where it is made; what is left is that everything has happened.
-#[test]
-fn simulated_ticks_with_every_fault_and_every_cause() {
-    let summary = ticks::run(100_000, 1, |_| {});
-    for cause in ticks::CAUSES {
+fn everything_has_happened(summary: &Summary, causes: &[Cause]) {
+    for cause in causes {
         assert!(
             summary.ends.contains_key(&format!("{cause:?}")),
             "no {cause:?}: {summary:?}"

@@ -353,3 +353,17 @@ fn lock_step_waits_for_the_answer_to_the_last_state() {
         "nothing more will come"
     );
 }
+
+#[test]
+fn an_empty_datagram_is_a_broken_one_and_no_bytes_of_a_stream_are_nothing() {
+    for (transport, malformed) in [(Transport::Stream, 0), (Transport::Datagram, 1)] {
+        let (mut bench, owner) = Bench::obtaining(transport);
+        assert_eq!(bench.endpoint.feed(owner, &[]), malformed);
+        assert_eq!(bench.endpoint.frames_of(owner), malformed);
+        let command = bench.command(Mode::Obtain, 3_000);
+        assert_eq!(bench.endpoint.feed(owner, &command), malformed + 1);
+        let state = bench.tick().output.state;
+        assert_eq!(state.phase, Phase::Obtain);
+        assert_eq!(state.counters.malformed, u32::from(malformed));
+    }
+}

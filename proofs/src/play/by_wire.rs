@@ -8,7 +8,7 @@ use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 use gantry_tau_core::wire::encode_client;
 
 use super::{
-    Circumstances, MOST_TICKS, Motion, Move, N, Play, Who, Word, answer, event, life, offsets,
+    Actor, Circumstances, Motion, N, Play, Shares, Who, Word, answer, event, life, offsets,
 };
 use crate::endpoint::{Doing, takes_anything};
 use crate::oracle::Oracle;
@@ -25,12 +25,7 @@ pub fn endpoint_is_right(play: &Play) {
     let Some(mut wire) = Wire::set(play) else {
         return;
     };
-    for one in &play.moves {
-        wire.play(one);
-        if wire.ticks >= MOST_TICKS {
-            break;
-        }
-    }
+    wire.play_all(&play.moves);
 }
 
 struct Wire {
@@ -39,7 +34,6 @@ struct Wire {
     motion: Motion,
     /// Connections of the two clients, where they are open.
     clients: [Option<Connection>; 2],
-    ticks: usize,
 }
 
 impl Wire {
@@ -55,60 +49,7 @@ impl Wire {
             oracle,
             motion: Motion::default(),
             clients: [None; 2],
-            ticks: 0,
         })
-    }
-
-    fn play(&mut self, one: &Move) {
-        let on_time = Circumstances::default();
-        match one {
-            Move::Answer {
-                obtain,
-                targets,
-                times,
-            } => {
-                for _ in 0..*times {
-                    let word = answer(self.endpoint.session(), *obtain, *targets);
-                    self.say(Who::Owner, &word);
-                    self.tick(&on_time);
-                }
-            }
-            Move::Silence(ticks) => (0..*ticks).for_each(|_| self.tick(&on_time)),
-            Move::Say(who, word) => self.say(*who, word),
-            Move::Tick(circumstances) => self.tick(circumstances),
-            Move::Drift(drift) => self.motion.drift = *drift,
-            Move::Resume(shares) => {
-                let in_force = offsets(self.endpoint.session().config(), shares);
-                let resumed = self.endpoint.resume(&in_force).is_ok();
-                assert!(resumed == self.oracle.resume(&in_force), "both resume");
-            }
-        }
-    }
-
-    fn say(&mut self, who: Who, word: &Word) {
-        let client = match who {
-            Who::One => 0,
-            Who::Other => 1,
-            Who::Owner => {
-                let owner = self.endpoint.session().owner();
-                usize::from(owner.is_some() && owner == self.clients[1])
-            }
-        };
-        let Some(connection) = self.connection(client) else {
-            return;
-        };
-        if *word == Word::Closed {
-            self.clients[client] = None;
-            takes_anything(&mut self.endpoint, &Doing::Close(connection));
-            return;
-        }
-        let bytes = self.bytes(word);
-        let datagram = client == 1;
-        let cut = if datagram { 0 } else { bytes.len() / 3 };
-        let (one, other) = bytes.split_at(cut);
-        for part in [one, other] {
-            takes_anything(&mut self.endpoint, &Doing::Feed(connection, part.to_vec()));
-        }
     }
 
     /// Where a client speaks; none when there is no room for it.
@@ -136,6 +77,44 @@ impl Wire {
             }
         }
     }
+}
+
+impl Actor for Wire {
+    fn session(&self) -> &Session<N> {
+        self.endpoint.session()
+    }
+
+    fn motion(&mut self) -> &mut Motion {
+        &mut self.motion
+    }
+
+    fn say(&mut self, who: Who, word: &Word) {
+        let client = match who {
+            Who::One => 0,
+            Who::Other => 1,
+            Who::Owner => {
+                let owner = self.endpoint.session().owner();
+                usize::from(owner.is_some() && owner == self.clients[1])
+            }
+        };
+        let Some(connection) = self.connection(client) else {
+            return;
+        };
+        if *word == Word::Closed {
+            self.clients[client] = None;
+            takes_anything(&mut self.endpoint, &Doing::Close(connection));
+            return;
+        }
+        let bytes = self.bytes(word);
+        let is_datagram = client == 1;
+        let parts = match bytes.split_at(bytes.len() / 3) {
+            (one, other) if !is_datagram => vec![one.to_vec(), other.to_vec()],
+            _ => vec![bytes],
+        };
+        for part in parts {
+            takes_anything(&mut self.endpoint, &Doing::Feed(connection, part));
+        }
+    }
 
     fn tick(&mut self, circumstances: &Circumstances) {
         let cycle = self.motion.cycle(self.endpoint.session(), circumstances);
@@ -157,6 +136,11 @@ impl Wire {
         }
         // A frozen one would not show the next tick.
         black_box.release();
-        self.ticks += 1;
+    }
+
+    fn resume(&mut self, shares: &Shares) {
+        let in_force = offsets(self.endpoint.session().config(), shares);
+        let resumed = self.endpoint.resume(&in_force).is_ok();
+        assert!(resumed == self.oracle.resume(&in_force), "both resume");
     }
 }

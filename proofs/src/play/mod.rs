@@ -300,6 +300,62 @@ fn answer(session: &Session<N>, obtain: bool, targets: Shares) -> Word {
     }
 }
 
+/// Who acts a play: a session alone, or an endpoint.
+trait Actor {
+    /// The session, as it is now.
+    fn session(&self) -> &Session<N>;
+    /// How the machine moves.
+    fn motion(&mut self) -> &mut Motion;
+    /// Somebody says something before the next tick.
+    fn say(&mut self, who: Who, word: &Word);
+    /// One tick, and what must hold in it.
+    fn tick(&mut self, circumstances: &Circumstances);
+    /// The machine has these shares of the limits in force.
+    fn resume(&mut self, shares: &Shares);
+
+    /// Plays a move; how many ticks it took.
+    fn play(&mut self, one: &Move) -> usize {
+        let on_time = Circumstances::default();
+        match one {
+            Move::Answer {
+                obtain,
+                targets,
+                times,
+            } => {
+                for _ in 0..*times {
+                    let word = answer(self.session(), *obtain, *targets);
+                    self.say(Who::Owner, &word);
+                    self.tick(&on_time);
+                }
+                return (*times).into();
+            }
+            Move::Silence(ticks) => {
+                (0..*ticks).for_each(|_| self.tick(&on_time));
+                return (*ticks).into();
+            }
+            Move::Tick(circumstances) => {
+                self.tick(circumstances);
+                return 1;
+            }
+            Move::Say(who, word) => self.say(*who, word),
+            Move::Drift(drift) => self.motion().drift = *drift,
+            Move::Resume(shares) => self.resume(shares),
+        }
+        0
+    }
+
+    /// Plays it all, or as much of it as is looked at.
+    fn play_all(&mut self, moves: &[Move]) {
+        let mut ticks = 0;
+        for one in moves {
+            ticks += self.play(one);
+            if ticks >= MOST_TICKS {
+                return;
+            }
+        }
+    }
+}
+
 /// The machine's own motion.
 #[derive(Clone, Copy, Debug, Default)]
 struct Motion {

@@ -5,10 +5,7 @@ use gantry_tau_core::session::decide::{Arrivals, Connection, Discrete, Rules};
 use gantry_tau_core::session::{BlackBox, Events, Input, Session, replay};
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 
-use super::{
-    Circumstances, MOST_TICKS, Motion, Move, N, Play, Shares, Who, Word, answer, event, life,
-    offsets,
-};
+use super::{Actor, Circumstances, Motion, N, Play, Shares, Who, Word, event, life, offsets};
 use crate::oracle::Oracle;
 use crate::session::Moment;
 use crate::{blackbox, decide, motors, session};
@@ -21,12 +18,7 @@ pub fn every_tick_is_right(play: &Play) {
     let Some(mut stage) = Stage::set(play) else {
         return;
     };
-    for one in &play.moves {
-        stage.play(one);
-        if stage.ticks >= MOST_TICKS {
-            break;
-        }
-    }
+    stage.play_all(&play.moves);
     stage.black_box_replays();
 }
 
@@ -40,7 +32,6 @@ struct Stage {
     latest: Tick,
     events: Events<N>,
     motion: Motion,
-    ticks: usize,
 }
 
 impl Stage {
@@ -64,52 +55,7 @@ impl Stage {
             latest: tick,
             events: Events::new(),
             motion: Motion::default(),
-            ticks: 0,
         })
-    }
-
-    fn play(&mut self, one: &Move) {
-        let on_time = Circumstances::default();
-        match one {
-            Move::Answer {
-                obtain,
-                targets,
-                times,
-            } => {
-                for _ in 0..*times {
-                    self.say(Who::Owner, &answer(&self.session, *obtain, *targets));
-                    self.tick(&on_time);
-                }
-            }
-            Move::Silence(ticks) => (0..*ticks).for_each(|_| self.tick(&on_time)),
-            Move::Say(who, word) => self.say(*who, word),
-            Move::Tick(circumstances) => self.tick(circumstances),
-            Move::Drift(drift) => self.motion.drift = *drift,
-            Move::Resume(shares) => self.resume(shares),
-        }
-    }
-
-    fn say(&mut self, who: Who, word: &Word) {
-        let from = match who {
-            Who::Owner => self.session.owner().unwrap_or(Connection(0)),
-            Who::One => Connection(0),
-            Who::Other => Connection(1),
-        };
-        let event = event(&self.session, word);
-        // What finds no room is lost: the endpoint would have seen to that.
-        let _ = self.events.push((from, event));
-    }
-
-    fn tick(&mut self, circumstances: &Circumstances) {
-        let input = self.input(circumstances);
-        let moment = Moment::after_hearing(&self.session, &input);
-        session::step_is_right(&moment);
-        let (discrete, arrivals, rules) = decided_on(&moment);
-        decide::decision_is_right(discrete, &arrivals, &rules);
-        let essential = session::essential(&self.session, &input);
-        session::same_outcome(&self.session, &input, &essential);
-        self.record(&input);
-        self.ticks += 1;
     }
 
     /// The tick itself: into the black box, and the same as the oracle's.
@@ -151,6 +97,38 @@ impl Stage {
             cycle: self.motion.cycle(&self.session, circumstances),
             events: std::mem::take(&mut self.events),
         }
+    }
+}
+
+impl Actor for Stage {
+    fn session(&self) -> &Session<N> {
+        &self.session
+    }
+
+    fn motion(&mut self) -> &mut Motion {
+        &mut self.motion
+    }
+
+    fn say(&mut self, who: Who, word: &Word) {
+        let from = match who {
+            Who::Owner => self.session.owner().unwrap_or(Connection(0)),
+            Who::One => Connection(0),
+            Who::Other => Connection(1),
+        };
+        let event = event(&self.session, word);
+        // What finds no room is lost: the endpoint would have seen to that.
+        let _ = self.events.push((from, event));
+    }
+
+    fn tick(&mut self, circumstances: &Circumstances) {
+        let input = self.input(circumstances);
+        let moment = Moment::after_hearing(&self.session, &input);
+        session::step_is_right(&moment);
+        let (discrete, arrivals, rules) = decided_on(&moment);
+        decide::decision_is_right(discrete, &arrivals, &rules);
+        let essential = session::essential(&self.session, &input);
+        session::same_outcome(&self.session, &input, &essential);
+        self.record(&input);
     }
 
     fn resume(&mut self, shares: &Shares) {

@@ -10,7 +10,6 @@ use gantry_tau_core::message::{
 use gantry_tau_core::units::{Epoch, OffsetNm, Sequence, TorquePermille, VelocityUmS};
 use gantry_tau_core::wire::{Deframer, Feed, Frame, decode_server, encode_client};
 
-use super::N;
 use super::audit::is_live;
 use super::reason::Deed;
 use crate::client::Noise;
@@ -21,7 +20,7 @@ const REACH_NM: i32 = 40_000;
 const PATIENCE: Duration = Duration::from_millis(60);
 
 /// A client: answers every State, until it has had enough.
-pub(super) struct Client {
+pub(super) struct Client<const N: usize> {
     deframer: Deframer,
     epoch: Option<Epoch>,
     sequence: u64,
@@ -37,7 +36,7 @@ pub(super) struct Client {
     pub(super) gone: bool,
 }
 
-impl Client {
+impl<const N: usize> Client<N> {
     pub(super) fn new(noise: &mut Noise) -> Self {
         Self {
             deframer: Deframer::new(),

@@ -25,15 +25,17 @@ use gantry_tau_core::message::{Capabilities, Cause, ClientMessage, Hello, Phase}
 use gantry_tau_core::wire::encode_client;
 use serde::Serialize;
 
+use super::Summary;
 use super::audit::{Audit, Seen, is_live};
 use super::client::Client;
 use super::links::{KINDS, is_slow, plan};
 use super::reason::Evidence;
-use super::{N, Summary};
 use crate::bench::LOOPBACK;
 use crate::client::{Noise, hello};
 use crate::{DEADLINE, wait_for};
 
+/// Axes of the machine.
+const N: usize = 3;
 /// How much later the observer may hear of an end than the link had its fault.
 const SLACK: Duration = Duration::from_millis(150);
 /// Ticks in which a server hears everything that was sent to it before.
@@ -318,7 +320,12 @@ impl Soak {
 }
 
 /// Connects, says Hello, and lives until it has left or was left. Returns its own address.
-fn live(address: SocketAddr, client: &mut Client, began: Instant, noise: &mut Noise) -> SocketAddr {
+fn live(
+    address: SocketAddr,
+    client: &mut Client<N>,
+    began: Instant,
+    noise: &mut Noise,
+) -> SocketAddr {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.set_nodelay(true).unwrap();
     stream

@@ -18,10 +18,14 @@ use std::collections::BTreeMap;
 
 use gantry_tau::faults::Tally;
 use gantry_tau_core::message::Cause;
+use gantry_tau_core::session::config::MissBudget;
 use serde::Serialize;
 
-/// Axes of the machine.
-const N: usize = 3;
+/// A budget of misses that a rough link exceeds and a clean one does not.
+pub const BUDGET: MissBudget = MissBudget {
+    window: 100,
+    allowed: 4,
+};
 
 /// What a soak has seen. A property that does not hold has ended it before.
 #[derive(Clone, Debug, Default, Serialize)]

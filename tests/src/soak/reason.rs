@@ -5,6 +5,8 @@ use std::time::Duration;
 use gantry_tau::faults::{Fault, Tally};
 use gantry_tau_core::message::Cause;
 
+use super::BUDGET;
+
 /// How long a fault or a deed may have been before the end that it explains: the longest burst or stall, and some ticks.
 const RECENT: Duration = Duration::from_millis(45);
 
@@ -80,23 +82,26 @@ impl Evidence<'_> {
                 let at_once = [Fault::Burst, Fault::Stall, Fault::Duplicate];
                 did(Deed::Flood) || at_once.into_iter().any(|fault| up(fault) || down(fault))
             }
-            Cause::ClientLate | Cause::NetworkLate => {
-                // A frame that comes twice, or in two pieces at once, is not late.
-                let harmless = [Fault::Duplicate, Fault::Split];
-                let harmful = Fault::ALL.into_iter().filter(|f| !harmless.contains(f));
-                let mut harmful = harmful;
-                // Two halves of a datagram are no frame.
-                self.slow
-                    || did_recently
-                    || harmful.any(|fault| up(fault) || down(fault))
-                    || up(Fault::Split)
-                    || down(Fault::Split)
+            Cause::ClientLate | Cause::NetworkLate => did_recently || self.made_late(since),
+            // Misses of the whole window count.
+            Cause::Budget => {
+                let window = Duration::from_millis(BUDGET.window.into());
+                self.made_late(since.saturating_sub(window))
             }
             Cause::ServerLate => self.skipped,
             // The Welcome or every answer was lost, or the client never meant to answer.
             Cause::HandshakeTimeout => self.deed.is_some() || Fault::ALL.into_iter().any(ever),
             Cause::Nominal => self.jumped,
-            Cause::None | Cause::Budget | Cause::Restart => false,
+            Cause::None | Cause::Restart => false,
         }
+    }
+
+    /// The link was slow, or something since then has made a frame late: any fault but one that has it come twice.
+    fn made_late(&self, since: Duration) -> bool {
+        let late = |fault| {
+            fault != Fault::Duplicate
+                && (self.up.acted_since(fault, since) || self.down.acted_since(fault, since))
+        };
+        self.slow || Fault::ALL.into_iter().any(late)
     }
 }

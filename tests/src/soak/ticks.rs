@@ -1,4 +1,5 @@
 //! A server in this process, ticks that are simulated milliseconds, clients over mangled links; the same on every machine.
+//! Three axes or six, in the thesis profile or with a budget of misses.
 //!
 //! What the server is fed is counted beside it; its `received` must say the same.
 
@@ -11,17 +12,17 @@ use gantry_tau::faults::{Direction, Medium};
 use gantry_tau_core::axis::{Actual, Offsets};
 use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
 use gantry_tau_core::message::{Cause, ClientMessage, Phase, State};
-use gantry_tau_core::session::config::Config;
+use gantry_tau_core::session::config::{Config, MissBudget, Parameters};
 use gantry_tau_core::session::decide::Connection;
 use gantry_tau_core::session::{OWNER_FRAMES, Session};
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 use gantry_tau_core::wire::{Deframer, Feed, Frame, decode_client, encode_client};
 
+use super::Summary;
 use super::audit::{Audit, Seen, is_live};
 use super::client::Client;
 use super::links::{KINDS, is_slow, plan};
 use super::reason::Evidence;
-use super::{N, Summary};
 use crate::bench::{NOMINAL_STEP_NM, parameters};
 use crate::client::{Noise, hello};
 
@@ -29,10 +30,15 @@ const MS: Duration = Duration::from_millis(1);
 /// Clients at once, one more than there is room for.
 const CLIENTS: usize = 7;
 
-/// Runs a server for so many ticks. `progress` is told each of them.
+/// Runs a server of `N` axes for so many ticks, with or without a budget of misses. `progress` is told each of them.
 #[must_use]
-pub fn run(ticks: u64, seed: u64, mut progress: impl FnMut(u64)) -> Summary {
-    let mut world = World::new(seed);
+pub fn run<const N: usize>(
+    budget: Option<MissBudget>,
+    ticks: u64,
+    seed: u64,
+    mut progress: impl FnMut(u64),
+) -> Summary {
+    let mut world = World::<N>::new(budget, seed);
     for tick in 1..=ticks {
         world.tick(tick);
         progress(tick);
@@ -51,11 +57,11 @@ pub fn run(ticks: u64, seed: u64, mut progress: impl FnMut(u64)) -> Summary {
     summary
 }
 
-struct World {
+struct World<const N: usize> {
     noise: Noise,
     endpoint: Endpoint<N, N, 16>,
     audit: Audit<N>,
-    links: Vec<Link>,
+    links: Vec<Link<N>>,
     opened: u64,
     nominal: [PositionNm; N],
     epoch: u64,
@@ -63,16 +69,22 @@ struct World {
     summary: Summary,
 }
 
-impl World {
-    fn new(seed: u64) -> Self {
-        let parameters = parameters::<N>();
+impl<const N: usize> World<N> {
+    fn new(budget: Option<MissBudget>, seed: u64) -> Self {
+        let parameters = Parameters {
+            budget,
+            ..parameters::<N>()
+        };
         let nominal = [PositionNm(0); N];
         let config = Config::new(parameters).unwrap();
         let at_zero = [Offsets::default(); N];
         let session = Session::new(config, &at_zero, nominal, Tick(0), Epoch(0)).unwrap();
         Self {
             noise: Noise::new(seed.max(1)),
-            endpoint: Endpoint::new(session, MotorMap::new([0, 1, 2]).unwrap()),
+            endpoint: Endpoint::new(
+                session,
+                MotorMap::new(std::array::from_fn(|axis| axis)).unwrap(),
+            ),
             audit: Audit::new(parameters.axes.map(|axis| axis.limits)),
             links: Vec::new(),
             opened: 0,
@@ -234,22 +246,22 @@ impl World {
 }
 
 /// One connection: a client, both directions, and the server's end.
-struct Link {
+struct Link<const N: usize> {
     connection: Connection,
     medium: Medium,
     opened: Duration,
     slow: bool,
     up: Mangle,
     down: Mangle,
-    client: Client,
+    client: Client<N>,
     /// What a stalled stream does not take yet.
     waiting: VecDeque<Vec<u8>>,
-    tap: Tap,
+    tap: Tap<N>,
     server_closed: bool,
     over: bool,
 }
 
-impl Link {
+impl<const N: usize> Link<N> {
     fn open(
         connection: Connection,
         medium: Medium,
@@ -316,7 +328,7 @@ impl Link {
 
 /// Counts what a server is fed on one connection, without its deframer's slot, session or sieve.
 #[derive(Default)]
-struct Tap {
+struct Tap<const N: usize> {
     deframer: Deframer,
     epoch: Option<Epoch>,
     received: u32,
@@ -328,7 +340,7 @@ struct Tap {
     commanded: bool,
 }
 
-impl Tap {
+impl<const N: usize> Tap<N> {
     /// The session of this connection begins.
     fn begin(&mut self, epoch: Epoch) {
         *self = Self {
@@ -343,11 +355,7 @@ impl Tap {
         self.commanded = false;
     }
 
-    /// An empty datagram is nothing: the endpoint does not count it either.
     fn feed(&mut self, bytes: &[u8], medium: Medium, owns: bool) {
-        if bytes.is_empty() {
-            return;
-        }
         if medium == Medium::Datagrams {
             let frame = Frame::parse(bytes).ok();
             let message = frame.and_then(|frame| decode_client(&frame).ok());
@@ -400,7 +408,7 @@ impl Tap {
     }
 }
 
-/// Every cause that clients, links and machine can bring about here.
+/// Every cause that clients, links and machine can bring about here; with a budget of misses there is [`Cause::Budget`] as well.
 pub const CAUSES: [Cause; 10] = [
     Cause::ClientLate,
     Cause::NetworkLate,

@@ -66,7 +66,7 @@ impl Datagrams {
             }
         }
         let owner = endpoint.session().owner();
-        owner.map_or(0, |owner| endpoint.feed(owner, &[]))
+        owner.map_or(0, |owner| endpoint.frames_of(owner))
     }
 
     /// Who sent this. A stranger becomes a peer by a Hello, and by nothing else: whatever else arrives is not answered.

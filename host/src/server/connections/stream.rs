@@ -144,7 +144,7 @@ impl Peer {
         endpoint: &mut Endpoint<N, M, H>,
     ) -> u8 {
         let mut buffer = [0; CHUNK];
-        let mut frames = endpoint.feed(self.connection, &[]);
+        let mut frames = endpoint.frames_of(self.connection);
         for _ in 0..READS {
             match self.stream.read(&mut buffer) {
                 Ok(0) => self.gone = true,

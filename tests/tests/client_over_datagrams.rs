@@ -1,0 +1,129 @@
+//! The client over UDP: what comes twice, or has been overtaken, is not answered again.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
+
+use std::net::{SocketAddr, UdpSocket};
+use std::sync::atomic::Ordering;
+
+use gantry_tau::client::{ClientControls, ClientOptions, run};
+use gantry_tau::robot_file::RobotFile;
+use gantry_tau::sensor_link::SensorPublisher;
+use gantry_tau_core::axis::{Actual, Offsets};
+use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::message::{Capabilities, ClientMessage, Command, Phase};
+use gantry_tau_core::session::Session;
+use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::units::{Epoch, PositionNm, Tick};
+use gantry_tau_core::wire::{Frame, MAX_FRAME, decode_client};
+use gantry_tau_tests::DEADLINE;
+use gantry_tau_tests::bench::LOOPBACK;
+
+/// A server of one client, by hand: what it sends is the test's to send.
+struct Server {
+    socket: UdpSocket,
+    client: Option<SocketAddr>,
+    endpoint: Endpoint<3, 3, 0>,
+    connection: Connection,
+}
+
+impl Server {
+    fn of<K: gantry_tau::model::Model<3>>(robot: &RobotFile<K, 3>) -> Self {
+        let config = robot.session_config(Capabilities::NONE).unwrap();
+        let nominal = [PositionNm(0); 3];
+        let zero = [Offsets::default(); 3];
+        let session = Session::new(config, &zero, nominal, Tick(0), Epoch(0)).unwrap();
+        let mut endpoint = Endpoint::new(session, MotorMap::new([0, 1, 2]).unwrap());
+        let connection = endpoint.open(Transport::Datagram).unwrap();
+        let socket = UdpSocket::bind(LOOPBACK).unwrap();
+        socket.set_read_timeout(Some(DEADLINE)).unwrap();
+        Self {
+            socket,
+            client: None,
+            endpoint,
+            connection,
+        }
+    }
+
+    /// Waits for the client's next message, which the coming tick has.
+    fn hear(&mut self) -> ClientMessage<3> {
+        let mut buffer = [0; MAX_FRAME];
+        let (count, from) = self.socket.recv_from(&mut buffer).unwrap();
+        self.client = Some(from);
+        self.endpoint.feed(self.connection, &buffer[..count]);
+        decode_client(&Frame::parse(&buffer[..count]).unwrap()).unwrap()
+    }
+
+    /// Waits for a Command.
+    fn hear_command(&mut self) -> Command<3> {
+        match self.hear() {
+            ClientMessage::Command(command) => command,
+            other => panic!("not a Command: {other:?}"),
+        }
+    }
+
+    /// One tick; the frames it sends.
+    fn tick(&mut self) -> Vec<Vec<u8>> {
+        let nominal = [PositionNm(0); 3];
+        let cycle = Cycle::on_time(nominal, [Actual::default(); 3], Epoch(1));
+        let mut frames = Vec::new();
+        self.endpoint
+            .tick(&cycle, &mut |_, bytes| frames.push(bytes.to_vec()));
+        frames
+    }
+
+    fn send(&self, frame: &[u8]) {
+        self.socket.send_to(frame, self.client.unwrap()).unwrap();
+    }
+
+    fn phase(&self) -> Phase {
+        self.endpoint.session().phase()
+    }
+}
+
+#[test]
+fn every_state_is_answered_once() {
+    let robot = RobotFile::builtin_l2().unwrap();
+    let sensor = SensorPublisher::bind(LOOPBACK).unwrap();
+    let mut server = Server::of(&robot);
+    let options = ClientOptions {
+        server: server.socket.local_addr().unwrap(),
+        transport: Transport::Datagram,
+        sensor: sensor.address().unwrap(),
+        robot,
+        record: None,
+        obtain: false,
+    };
+    let controls = ClientControls::default();
+    std::thread::scope(|scope| {
+        let client = scope.spawn(|| run(&options, &controls));
+        assert!(matches!(server.hear(), ClientMessage::Hello(_)));
+        let frames = server.tick();
+        frames.iter().for_each(|frame| server.send(frame));
+        let mut before = frames.last().unwrap().clone();
+        for tick in 1..50 {
+            // An answer to anything but the new State would come first, or be heard in the next round.
+            let command = server.hear_command();
+            assert_eq!((command.sequence.0, command.echo), (tick, Tick(tick)));
+            let [state] = server.tick().try_into().unwrap();
+            for frame in [&before, &state, &state, &before] {
+                server.send(frame);
+            }
+            before = state;
+        }
+        assert_eq!(server.phase(), Phase::Submit);
+        controls.quit.store(true, Ordering::Relaxed);
+        while server.phase() == Phase::Submit {
+            server.hear();
+            let frames = server.tick();
+            frames.iter().for_each(|frame| server.send(frame));
+        }
+        let report = client.join().unwrap().unwrap();
+        assert!(report.states >= 50, "{report:?}");
+    });
+}
