@@ -80,3 +80,159 @@ pub(crate) fn write_line<const N: usize, const TICKS: usize>(
     line.put("\n");
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gantry_tau_core::axis::{Actual, Offsets, Reference};
+    use gantry_tau_core::message::{
+        AxisFlags, AxisState, Cause, ClientMessage, Command, Counters, Mode, Phase, Refusal, State,
+    };
+    use gantry_tau_core::session::decide::Connection;
+    use gantry_tau_core::session::{EVENTS, Entry, Event, Input, Output, Refusals};
+    use gantry_tau_core::units::{
+        Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+    };
+
+    const FAR: PositionNm = PositionNm(i64::MIN);
+    const FAST: VelocityUmS = VelocityUmS(i32::MIN);
+    const STRONG: TorquePermille = TorquePermille(i16::MIN);
+    const OFFSETS: Offsets = Offsets {
+        position: OffsetNm(i32::MIN),
+        velocity: FAST,
+        torque: STRONG,
+    };
+    const ACTUAL: Actual = Actual {
+        position: FAR,
+        velocity: FAST,
+        torque: STRONG,
+    };
+    const SOMEBODY: Connection = Connection(u64::MAX);
+
+    /// Every number as long as it can be, every list full, every name the longest there is.
+    fn longest_input() -> Input<6> {
+        let mut input = Input::nothing();
+        let cycle = &mut input.cycle;
+        cycle.elapsed = u32::MAX;
+        cycle.nominal = [FAR; 6];
+        cycle.actual = [ACTUAL; 6];
+        cycle.next_epoch = Epoch(u64::MAX);
+        cycle.arrival_us = u16::MAX;
+        for _ in 0..EVENTS {
+            let command = ClientMessage::Command(Command {
+                epoch: Epoch(u64::MAX),
+                sequence: Sequence(u64::MAX),
+                echo: Tick(u64::MAX),
+                mode: Mode::Submit,
+                targets: [OFFSETS; 6],
+            });
+            input
+                .events
+                .push((SOMEBODY, Event::Message(command)))
+                .unwrap();
+        }
+        input
+    }
+
+    fn longest_output() -> Output<6> {
+        let most = u32::MAX;
+        let mut refusals = Refusals::new();
+        for _ in 0..EVENTS {
+            let ticks_left = most;
+            refusals
+                .push((SOMEBODY, Refusal::Ramping { ticks_left }))
+                .unwrap();
+        }
+        Output {
+            references: [Reference {
+                position: FAR,
+                velocity_offset: FAST,
+                torque_offset: STRONG,
+            }; 6],
+            state: State {
+                tick: Tick(u64::MAX),
+                epoch: Epoch(u64::MAX),
+                accepted: Sequence(u64::MAX),
+                phase: Phase::SafeDisconnect,
+                cause: Cause::HandshakeTimeout,
+                on_time_of_100: 100,
+                arrival_us: u16::MAX,
+                ramp_ticks_left: most,
+                counters: Counters {
+                    received: most,
+                    missed: most,
+                    late: most,
+                    duplicate: most,
+                    stale: most,
+                    malformed: most,
+                    out_of_range: most,
+                    limited: most,
+                    clamped: most,
+                    strangers: most,
+                    longest_miss_run: u16::MAX,
+                },
+                axes: [AxisState {
+                    nominal: FAR,
+                    offsets: OFFSETS,
+                    shadow: OFFSETS,
+                    actual: ACTUAL,
+                    flags: AxisFlags::ALL,
+                }; 6],
+            },
+            owner: Some(SOMEBODY),
+            welcome: Some(SOMEBODY),
+            refusals,
+            close: Some(SOMEBODY),
+            ended: Some(Cause::HandshakeTimeout),
+        }
+    }
+
+    #[test]
+    fn no_line_is_longer_than_the_header_says() {
+        let entry = Entry {
+            input: longest_input(),
+            output: longest_output(),
+        };
+        let mut room = [];
+        let mut line = Line::new(&mut room);
+        entry.write(&mut line);
+        line.put("\n");
+        let length = line.length();
+        assert!(length <= GT_BLACK_BOX_LINE, "{length}");
+        assert!(
+            length > GT_BLACK_BOX_LINE / 2,
+            "{length}: the bound is far too wide"
+        );
+    }
+
+    #[test]
+    fn numbers_are_written_in_full() {
+        let mut room = [0; 200];
+        let mut line = Line::new(&mut room);
+        line.array(&[0_u64, 7, 10, 1_000_000_007, u64::MAX]);
+        line.array(&[i64::MIN, -1, 0, i64::MAX]);
+        line.array(&[0_u128, u128::MAX, 0x0123_4567_89ab_cdef << 64]);
+        line.array(&[true, false]);
+        let length = line.length();
+        let text = std::str::from_utf8(&room[..length]).unwrap();
+        let expected = format!(
+            "[0,7,10,1000000007,{}][{},-1,0,{}][\"{:#034x}\",\"{:#034x}\",\"{:#034x}\"][true,false]",
+            u64::MAX,
+            i64::MIN,
+            i64::MAX,
+            0,
+            u128::MAX,
+            0x0123_4567_89ab_cdef_u128 << 64
+        );
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_counted() {
+        let mut room = [0; 3];
+        let mut line = Line::new(&mut room);
+        line.put("12345");
+        assert_eq!(line.length(), 5);
+        assert_eq!(&room, b"123");
+    }
+}
