@@ -33,7 +33,10 @@ pub(crate) fn compare(said: &str) {
     for line in said.lines() {
         let (name, rest) = line.split_at(20);
         let number = rest.split_whitespace().nth(1).unwrap();
-        there.entry(name.trim().to_owned()).or_default().push(number.to_owned());
+        there
+            .entry(name.trim().to_owned())
+            .or_default()
+            .push(number.to_owned());
     }
     let mut here = Numbers::new();
     three_axes(&mut here);
@@ -41,12 +44,18 @@ pub(crate) fn compare(said: &str) {
     sensor(&mut here);
     here.insert("crossing".to_owned(), vec!["1250000".to_owned()]);
     // A C program writes a float as it likes, exactly; both are compared as bits.
-    assert_eq!(there.keys().collect::<Vec<_>>(), here.keys().collect::<Vec<_>>());
+    assert_eq!(
+        there.keys().collect::<Vec<_>>(),
+        here.keys().collect::<Vec<_>>()
+    );
     for (name, here) in &here {
         let there: Vec<_> = there[name].iter().map(|number| bits(number)).collect();
         assert_eq!(&there, here, "{name}");
     }
-    assert!(said.contains("l2 correction        1  -150000 nm (limit)\n"), "{said}");
+    assert!(
+        said.contains("l2 correction        1  -150000 nm (limit)\n"),
+        "{said}"
+    );
 }
 
 /// `-0x1.8p-1` as its bits; whole numbers as they are.
@@ -109,8 +118,16 @@ fn three_axes(numbers: &mut Numbers) {
     let first_order = Compensator::new(&nominal, &springs, config).unwrap();
     let exact = ExactCompensator::new(&robot, &springs, config).unwrap();
     let pose = Pose::at(nominal.forward(&q).unwrap());
-    put_offsets(numbers, "l2 correction", &first_order.correction(&q, &load()).unwrap());
-    put_offsets(numbers, "l2 exact", &exact.correction(&pose, &q, &load()).unwrap());
+    put_offsets(
+        numbers,
+        "l2 correction",
+        &first_order.correction(&q, &load()).unwrap(),
+    );
+    put_offsets(
+        numbers,
+        "l2 exact",
+        &exact.correction(&pose, &q, &load()).unwrap(),
+    );
 }
 
 /// The machine of `robots/f1.toml`, turned by 0.1 rad about z.
@@ -127,14 +144,22 @@ fn six_axes(numbers: &mut Numbers) {
     let lines = LineMatrix::of_six_link(&kinematics, &pose, &q).unwrap();
     let forces = lines.link_forces_n(&load()).unwrap();
     assert!(solved.iterations > 0, "a pose that takes some work");
-    numbers.insert("f1 iterations".to_owned(), vec![solved.iterations.to_string()]);
+    numbers.insert(
+        "f1 iterations".to_owned(),
+        vec![solved.iterations.to_string()],
+    );
     put(numbers, "f1 q", &q);
     put(numbers, "f1 position", back.answer.position_m.as_slice());
-    put(numbers, "f1 jacobian", lines.jacobian().unwrap().transpose().as_slice());
+    put(
+        numbers,
+        "f1 jacobian",
+        lines.jacobian().unwrap().transpose().as_slice(),
+    );
     put(numbers, "f1 link force", &forces);
     put(numbers, "f1 axis load", &lines.cart_loads(&forces));
 
-    let springs = Compliances::new(LINKS, [4.0e-6, 5.0e-6, 6.0e-6, 2.0e-6, 2.0e-6, 2.0e-6]).unwrap();
+    let springs =
+        Compliances::new(LINKS, [4.0e-6, 5.0e-6, 6.0e-6, 2.0e-6, 2.0e-6, 2.0e-6]).unwrap();
     let config = CompensatorConfig {
         gain: 1.0,
         limits: [OffsetNm(5_000_000); 6],

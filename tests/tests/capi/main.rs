@@ -10,6 +10,7 @@
 )]
 
 mod compensation;
+mod play;
 mod session;
 mod target;
 mod tools;
@@ -19,7 +20,11 @@ use tools::{Program, has};
 
 /// What both compilers must take without a word.
 const STRICT: [&str; 5] = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"];
-const SANITIZED: [&str; 3] = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
+const SANITIZED: [&str; 3] = [
+    "-g",
+    "-fsanitize=address,undefined",
+    "-fno-sanitize-recover=all",
+];
 
 fn main() {
     let arguments = Arguments::from_args();
@@ -28,18 +33,37 @@ fn main() {
         trial("no_panic_path_is_linked", &[], no_panic_path),
         trial("only_memory_functions_are_needed", &["nm"], needs_nothing),
         trial("header_as_cpp_by_g++", &["g++"], || header_as_cpp("g++")),
-        trial("header_as_cpp_by_clang++", &["clang++"], || header_as_cpp("clang++")),
-        trial("session_in_valgrind", &["gcc", "valgrind"], || in_valgrind("session")),
-        trial("refusals_in_valgrind", &["gcc", "valgrind"], || in_valgrind("refusals")),
-        trial("half_a_megabyte_is_not_on_the_stack", &["gcc", "sh"], session::on_a_small_stack),
+        trial("header_as_cpp_by_clang++", &["clang++"], || {
+            header_as_cpp("clang++")
+        }),
+        trial("session_in_valgrind", &["gcc", "valgrind"], || {
+            in_valgrind("session")
+        }),
+        trial("refusals_in_valgrind", &["gcc", "valgrind"], || {
+            in_valgrind("refusals")
+        }),
+        trial(
+            "half_a_megabyte_is_not_on_the_stack",
+            &["gcc", "sh"],
+            session::on_a_small_stack,
+        ),
     ];
     for compiler in ["gcc", "clang"] {
         for (how, flags) in [("", ["-O2"].as_slice()), ("_sanitized", &SANITIZED)] {
             let name = |what: &str| format!("{what}_by_{compiler}{how}");
             trials.extend([
-                trial(&name("session"), &[compiler], move || session::agrees(compiler, flags)),
-                trial(&name("compensation"), &[compiler], move || compensation::agrees(compiler, flags)),
-                trial(&name("refusals"), &[compiler], move || refusals(compiler, flags)),
+                trial(&name("session"), &[compiler], move || {
+                    session::agrees(compiler, flags)
+                }),
+                trial(&name("compensation"), &[compiler], move || {
+                    compensation::agrees(compiler, flags)
+                }),
+                trial(&name("random_traffic"), &[compiler], move || {
+                    play::agrees(compiler, flags)
+                }),
+                trial(&name("refusals"), &[compiler], move || {
+                    refusals(compiler, flags)
+                }),
             ]);
         }
     }
@@ -62,7 +86,9 @@ fn trial(
         let reason = kind.clone();
         return Trial::test(name, move || Err(Failed::from(reason))).with_kind(kind);
     }
-    Trial::test(name, run).with_kind(kind).with_ignored_flag(true)
+    Trial::test(name, run)
+        .with_kind(kind)
+        .with_ignored_flag(true)
 }
 
 /// Codes, errors, lines of the black box, and that the header is the one that the sources give.
@@ -73,26 +99,52 @@ fn unit_tests() -> Result<(), Failed> {
 /// The library's panic handler calls what does not exist.
 fn no_panic_path() -> Result<(), Failed> {
     let bytes = std::fs::read(tools::library())?;
-    let mentions = |symbol: &str| bytes.windows(symbol.len()).any(|window| window == symbol.as_bytes());
+    let mentions = |symbol: &str| {
+        bytes
+            .windows(symbol.len())
+            .any(|window| window == symbol.as_bytes())
+    };
     assert!(mentions("gt_server_tick"), "the library is there");
-    assert!(!mentions("gantry_tau_panic"), "some path of the library can panic");
+    assert!(
+        !mentions("gantry_tau_panic"),
+        "some path of the library can panic"
+    );
     Ok(())
 }
 
 /// No malloc, no locks, no output: what the library takes from elsewhere are the functions that compilers take for granted.
 fn needs_nothing() -> Result<(), Failed> {
     let known = ["memcpy", "memmove", "memset", "memcmp", "bcmp"];
-    let listing = tools::run(std::process::Command::new("nm").arg("-g").arg(tools::library()))?;
+    let listing = tools::run(
+        std::process::Command::new("nm")
+            .arg("-g")
+            .arg(tools::library()),
+    )?;
     let symbols = |wanted: &str| {
-        let lines = listing.lines().filter_map(|line| line.trim_start().split_once(' '));
-        let lines = lines.map(|(left, right)| if left == "U" { (left, right) } else { right.split_once(' ').unwrap_or(("", "")) });
-        let named = lines.filter(|(kind, _)| *kind == wanted).map(|(_, name)| name.trim().to_owned());
+        let lines = listing
+            .lines()
+            .filter_map(|line| line.trim_start().split_once(' '));
+        let lines = lines.map(|(left, right)| {
+            if left == "U" {
+                (left, right)
+            } else {
+                right.split_once(' ').unwrap_or(("", ""))
+            }
+        });
+        let named = lines
+            .filter(|(kind, _)| *kind == wanted)
+            .map(|(_, name)| name.trim().to_owned());
         named.collect::<std::collections::BTreeSet<_>>()
     };
-    let own = |name: &String| symbols("T").contains(name) || symbols("W").contains(name) || name.starts_with("__");
+    let own = |name: &String| {
+        symbols("T").contains(name) || symbols("W").contains(name) || name.starts_with("__")
+    };
     let foreign: Vec<_> = symbols("U").into_iter().filter(|name| !own(name)).collect();
     assert!(symbols("T").contains("gt_server_tick"), "{listing}");
-    let unknown: Vec<_> = foreign.iter().filter(|name| !known.contains(&name.as_str())).collect();
+    let unknown: Vec<_> = foreign
+        .iter()
+        .filter(|name| !known.contains(&name.as_str()))
+        .collect();
     assert!(unknown.is_empty(), "{unknown:?}");
     Ok(())
 }
@@ -100,7 +152,16 @@ fn needs_nothing() -> Result<(), Failed> {
 fn header_as_cpp(compiler: &str) -> Result<(), Failed> {
     let header = tools::folder().join("include/gantry_tau.h");
     let mut command = std::process::Command::new(compiler);
-    command.args(["-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "-x", "c++"]);
+    command.args([
+        "-std=c++17",
+        "-Wall",
+        "-Wextra",
+        "-Wpedantic",
+        "-Werror",
+        "-fsyntax-only",
+        "-x",
+        "c++",
+    ]);
     tools::run(command.arg(header)).map(drop)
 }
 
@@ -113,7 +174,11 @@ fn refusals(compiler: &'static str, flags: &[&str]) -> Result<(), Failed> {
 
 /// Memory that was never written, and writes beyond the memory that was given.
 fn in_valgrind(name: &str) -> Result<(), Failed> {
-    let folder = if name == "session" { "examples" } else { "tests" };
+    let folder = if name == "session" {
+        "examples"
+    } else {
+        "tests"
+    };
     let program = Program::compile(&format!("{folder}/{name}.c"), "gcc", &["-O1", "-g"])?;
     let mut command = std::process::Command::new("valgrind");
     command.args(["--quiet", "--error-exitcode=9", "--leak-check=full"]);

@@ -58,8 +58,15 @@ pub(crate) fn compare(trace: &str, black_box: &[u8]) {
         endpoint.feed(client, &there.input);
         let mut frames = Vec::new();
         let cycle = cycle(i64::try_from(index).unwrap() + 1, welcomed);
-        let turn = endpoint.tick(&cycle, &mut |_: Connection, bytes| frames.push(bytes.to_vec()));
-        assert_eq!(there.motors, turn.motors, "references of tick {}", index + 1);
+        let turn = endpoint.tick(&cycle, &mut |_: Connection, bytes| {
+            frames.push(bytes.to_vec())
+        });
+        assert_eq!(
+            there.motors,
+            turn.motors,
+            "references of tick {}",
+            index + 1
+        );
         assert_eq!(there.frames, frames, "frames of tick {}", index + 1);
         if turn.output.welcome.is_some() {
             welcomed = turn.output.state.epoch.0;
@@ -67,7 +74,11 @@ pub(crate) fn compare(trace: &str, black_box: &[u8]) {
         window = Window::of(endpoint.black_box());
     }
     let window = window.unwrap();
-    assert_eq!(String::from_utf8_lossy(black_box), window.encode(), "the black box");
+    assert_eq!(
+        String::from_utf8_lossy(black_box),
+        window.encode(),
+        "the black box"
+    );
     let read = Window::<AXES>::decode("the black box", black_box).unwrap();
     let findings = Findings::of(&read);
     assert_eq!(findings.difference, None);
@@ -81,7 +92,13 @@ fn core() -> Endpoint<AXES, MOTORS, HALF> {
     let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
     let config = Config::new(Parameters::thesis([axis; AXES])).unwrap();
     let start = [PositionNm(0); AXES];
-    let session = Session::new(config, &[Offsets::default(); AXES], start, Tick(0), Epoch(0));
+    let session = Session::new(
+        config,
+        &[Offsets::default(); AXES],
+        start,
+        Tick(0),
+        Epoch(0),
+    );
     Endpoint::new(session.unwrap(), MotorMap::new([0, 0, 1, 2]).unwrap())
 }
 
@@ -115,7 +132,9 @@ fn read(trace: &str) -> Vec<Traced> {
 }
 
 fn reference(numbers: &str) -> Reference {
-    let mut numbers = numbers.split(' ').map(|number| number.parse::<i64>().unwrap());
+    let mut numbers = numbers
+        .split(' ')
+        .map(|number| number.parse::<i64>().unwrap());
     let mut next = || numbers.next().unwrap();
     Reference {
         position: PositionNm(next()),

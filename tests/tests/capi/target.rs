@@ -11,8 +11,12 @@ use crate::{STRICT, compensation, session, trial};
 
 const TRIPLE: &str = "thumbv7em-none-eabihf";
 const COMPILER: &str = "arm-none-eabi-gcc";
-const PROCESSOR: [&str; 4] = ["-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16"];
-
+const PROCESSOR: [&str; 4] = [
+    "-mcpu=cortex-m7",
+    "-mthumb",
+    "-mfloat-abi=hard",
+    "-mfpu=fpv5-d16",
+];
 
 pub(crate) fn trials() -> Vec<Trial> {
     let mut needed = vec!["bash", "timeout", "qemu-system-arm", COMPILER];
@@ -40,7 +44,9 @@ fn has_toolchain() -> bool {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     library.is_ok_and(|path| Path::new(path.trim()).is_dir())
         || run(Command::new("rustc").args(["+rust185", "--version"])).is_ok()
-        || repository.join("../shared/toolchain/rust-1.85.0-dev.tar.xz").is_file()
+        || repository
+            .join("../shared/toolchain/rust-1.85.0-dev.tar.xz")
+            .is_file()
 }
 
 /// The static library for the target, built once.
@@ -49,7 +55,10 @@ fn library() -> &'static Path {
     LIBRARY.get_or_init(|| {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("firmware/build.sh");
         let mut build = Command::new("bash");
-        build.arg(script).args(["m7", "--manifest-path"]).arg(folder().join("Cargo.toml"));
+        build
+            .arg(script)
+            .args(["m7", "--manifest-path"])
+            .arg(folder().join("Cargo.toml"));
         let built = run(build.env("GANTRY_TAU_FIRMWARE_TARGET", target().join("target")));
         let said = built.unwrap_or_else(|failed| panic!("{}", failed.message().unwrap_or("")));
         // Its last line is the folder.
@@ -62,8 +71,17 @@ fn compile(name: &str) -> Result<PathBuf, Failed> {
     let image = target().join(format!("{name}-m7.elf"));
     let mut command = Command::new(COMPILER);
     command.current_dir(folder()).args(STRICT).args(PROCESSOR);
-    command.args(["-O2", "--specs=rdimon.specs", "-Iinclude", "-T", "examples/target/mps2-an500.ld"]);
-    command.arg(format!("examples/{name}.c")).arg("examples/target/start.c").arg(library());
+    command.args([
+        "-O2",
+        "--specs=rdimon.specs",
+        "-Iinclude",
+        "-T",
+        "examples/target/mps2-an500.ld",
+    ]);
+    command
+        .arg(format!("examples/{name}.c"))
+        .arg("examples/target/start.c")
+        .arg(library());
     run(command.args(["-lm", "-Wl,--gc-sections", "-o"]).arg(&image))?;
     Ok(image)
 }
@@ -75,14 +93,32 @@ fn emulate(image: &Path, arguments: &[&Path]) -> Result<String, Failed> {
         options += &format!(",arg={}", argument.display());
     }
     let mut command = Command::new("timeout");
-    command.args(["300", "qemu-system-arm", "-M", "mps2-an500", "-display", "none", "-serial", "null"]);
-    command.args(["-monitor", "none", "-semihosting-config", &options, "-kernel"]);
+    command.args([
+        "300",
+        "qemu-system-arm",
+        "-M",
+        "mps2-an500",
+        "-display",
+        "none",
+        "-serial",
+        "null",
+    ]);
+    command.args([
+        "-monitor",
+        "none",
+        "-semihosting-config",
+        &options,
+        "-kernel",
+    ]);
     run(command.arg(image))
 }
 
 fn session_agrees() -> Result<(), Failed> {
     let image = compile("session")?;
-    let (trace, black_box) = (target().join("session-m7.trace"), target().join("session-m7.jsonl"));
+    let (trace, black_box) = (
+        target().join("session-m7.trace"),
+        target().join("session-m7.jsonl"),
+    );
     let said = emulate(&image, &[&trace, &black_box])?;
     assert!(said.contains("all bounds held over 700 ticks"), "{said}");
     session::compare(&std::fs::read_to_string(trace)?, &std::fs::read(black_box)?);

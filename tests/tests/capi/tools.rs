@@ -28,7 +28,9 @@ pub(crate) fn target() -> PathBuf {
 
 /// What a command says, if it succeeds.
 pub(crate) fn run(command: &mut Command) -> Result<String, Failed> {
-    let output = command.output().map_err(|error| format!("{command:?}: {error}"))?;
+    let output = command
+        .output()
+        .map_err(|error| format!("{command:?}: {error}"))?;
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     if output.status.success() {
         Ok(text(&output.stdout))
@@ -65,7 +67,10 @@ impl Program {
         let how = flags.concat().replace(['=', ',', '/'], "-");
         let path = target().join(format!("{name}-{compiler}{how}"));
         let mut command = Command::new(compiler);
-        command.current_dir(folder()).args(super::STRICT).args(flags);
+        command
+            .current_dir(folder())
+            .args(super::STRICT)
+            .args(flags);
         command.args(["-Iinclude", source]).arg(library());
         // Everything that is not called is left out, as in firmware.
         run(command.args(["-lm", "-Wl,--gc-sections", "-o"]).arg(&path))?;
