@@ -1,11 +1,12 @@
 /*
  * Kinematics and compensation of both machines: a pose and a load, and by how much each axis must be off its nominal position.
  *
- * The machines are those of robots/l2.toml and robots/f1.toml. Every number is printed as it is, to the bit (%a), and rounded.
+ * The machines are those of robots/l2.toml and robots/f1.toml. Every number is printed as its 64 bits and rounded.
  */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "gantry_tau.h"
 
@@ -57,7 +58,9 @@ static void check(const char *what, gt_code code, const gt_error *error)
 static void print(const char *what, const double *numbers, int count)
 {
     for (int i = 0; i < count; i++) {
-        printf("%-20s %d  %a  (%.9f)\n", what, i, numbers[i], numbers[i]);
+        uint64_t bits;
+        memcpy(&bits, &numbers[i], sizeof bits);
+        printf("%-20s %d  %08lx%08lx  (%.9f)\n", what, i, (unsigned long)(bits >> 32), (unsigned long)(bits & 0xFFFFFFFFu), numbers[i]);
     }
 }
 
@@ -180,6 +183,6 @@ int main(void)
     six_axes();
     sensor();
     check("crossing", gt_position_from_metres(1.25e-3, &position_nm, &error), &error);
-    printf("crossing             0  %" PRId64 " nm\n", position_nm);
+    printf("crossing             0  %lld nm\n", (long long)position_nm);
     return 0;
 }

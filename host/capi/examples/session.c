@@ -99,7 +99,7 @@ static void write_drives(FILE *trace, const gt_turn *turn)
 {
     for (uint32_t motor = 0; trace && motor < turn->motor_count; motor++) {
         const gt_reference *reference = &turn->motors[motor];
-        fprintf(trace, "motor %" PRId64 " %" PRId32 " %" PRId16 "\n", reference->position_nm,
+        fprintf(trace, "motor %lld %" PRId32 " %" PRId16 "\n", (long long)reference->position_nm,
                 reference->velocity_offset_um_s, reference->torque_offset_permille);
     }
 }
@@ -194,7 +194,7 @@ int main(int argc, char **argv)
         }
         check("tick", gt_server_tick(server, &cycle, &turn));
         if (trace) {
-            fprintf(trace, "tick %" PRIu64 "\n", tick);
+            fprintf(trace, "tick %llu\n", (unsigned long long)tick);
             trace_bytes(trace, "in", input.bytes, input.length);
         }
         write_drives(trace, &turn);
@@ -210,7 +210,8 @@ int main(int argc, char **argv)
         check_bounds(&turn, &cycle, last);
         if (turn.state.phase != phase || tick % 100 == 0 || tick == LOST_ONCE) {
             phase = turn.state.phase;
-            printf("%4" PRIu64 "  %-14s %8" PRId64 "    %8" PRId64 "    %8" PRId64 "\n", tick, phases[phase], last[0], last[1], last[2]);
+            printf("%4llu  %-14s %8lld    %8lld    %8lld\n", (unsigned long long)tick, phases[phase],
+                   (long long)last[0], (long long)last[1], (long long)last[2]);
         }
         if (tick == LOST_ONCE) {
             require(phase == GT_PHASE_OBTAIN, "one lost packet is held");

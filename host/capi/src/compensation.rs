@@ -15,17 +15,13 @@ use crate::error::gt_error;
 use crate::f1::{F1, gt_f1};
 use crate::l2::{L2, gt_l2};
 use crate::machine::{GT_LINKS, gt_pose, gt_wrench};
-use crate::memory::{Object, Reply, fits, numbers, object, place, read, reply, settle, tag};
+use crate::memory::{Object, Reply, numbers, object, place, read, reply, settle, tag};
 use crate::server::GT_MAX_AXES;
 
 /// Bytes of a gt_l2_compensator.
 pub const GT_L2_COMPENSATOR_SIZE: usize = 4096;
 /// Bytes of a gt_f1_compensator.
 pub const GT_F1_COMPENSATOR_SIZE: usize = 2560;
-const _: () = assert!(
-    fits::<L2Compensator>(GT_L2_COMPENSATOR_SIZE) && fits::<F1Compensator>(GT_F1_COMPENSATOR_SIZE),
-    "they fit on this target"
-);
 
 /// How a machine yields, and how much of it is corrected. Of the arrays per axis only the machine's axes are looked at.
 #[repr(C)]
@@ -67,6 +63,7 @@ struct L2Compensator {
 
 impl Object for L2Compensator {
     type Handle = gt_l2_compensator;
+    const BYTES: usize = GT_L2_COMPENSATOR_SIZE;
     const TAG: u64 = tag(b"gtcompe", 3);
 }
 
@@ -74,6 +71,7 @@ struct F1Compensator(SixLinkCompensator);
 
 impl Object for F1Compensator {
     type Handle = gt_f1_compensator;
+    const BYTES: usize = GT_F1_COMPENSATOR_SIZE;
     const TAG: u64 = tag(b"gtcompe", 6);
 }
 

@@ -9,13 +9,10 @@ use gantry_tau_core::statics::LineMatrix;
 use crate::code::gt_code;
 use crate::error::gt_error;
 use crate::machine::{GT_ARMS, GT_LINKS, branches, gt_pose, gt_solved, gt_wrench, travel, vectors};
-use crate::memory::{
-    Object, Reply, fits, numbers, object, place, read, read_some, reply, settle, tag,
-};
+use crate::memory::{Object, Reply, numbers, object, place, read, read_some, reply, settle, tag};
 
 /// Bytes of a gt_f1.
 pub const GT_F1_SIZE: usize = 2048;
-const _: () = assert!(fits::<F1>(GT_F1_SIZE), "it fits on this target");
 
 /// Geometry of a machine with six axes. Joints on the plates: A_ij = C_i + q_i V_i + Q_i P_ij, where plate 2 is turned by
 /// Rot(ax, sigma4 q4), plate 3 by Rot(ax, sigma5 q5) Rot(ax6, q6), plate 1 not at all. World axes, m.
@@ -54,6 +51,7 @@ pub(crate) struct F1(pub(crate) SixLinkKinematics);
 
 impl Object for F1 {
     type Handle = gt_f1;
+    const BYTES: usize = GT_F1_SIZE;
     const TAG: u64 = tag(b"gtmachi", 6);
 }
 

@@ -9,11 +9,10 @@ use gantry_tau_core::statics::LineMatrix;
 use crate::code::gt_code;
 use crate::error::gt_error;
 use crate::machine::{GT_ARMS, GT_LINKS, branches, gt_wrench, matrix, rows, travel, vectors};
-use crate::memory::{Object, Reply, fits, numbers, object, place, read, reply, settle, tag};
+use crate::memory::{Object, Reply, numbers, object, place, read, reply, settle, tag};
 
 /// Bytes of a gt_l2.
 pub const GT_L2_SIZE: usize = 2048;
-const _: () = assert!(fits::<L2>(GT_L2_SIZE), "it fits on this target");
 
 /// Geometry of a machine with three axes: joints on the carts A_ij = A0_ij + q_i v_i, on the platform B_ij = T + R b_ij. World axes, m.
 #[repr(C)]
@@ -50,6 +49,7 @@ pub(crate) struct L2 {
 
 impl Object for L2 {
     type Handle = gt_l2;
+    const BYTES: usize = GT_L2_SIZE;
     const TAG: u64 = tag(b"gtmachi", 3);
 }
 

@@ -124,6 +124,8 @@ impl<T> Place<T> {
 pub(crate) trait Object: Sized {
     /// The type that C knows.
     type Handle;
+    /// Bytes that the header asks for.
+    const BYTES: usize;
     /// Tells it from other objects, and from memory that is none.
     const TAG: u64;
 }
@@ -146,9 +148,9 @@ pub(crate) const fn size_of<T>() -> usize {
     core::mem::size_of::<Tagged<T>>()
 }
 
-/// Whether `size` bytes are enough for an object, and [`GT_ALIGN`] for its alignment.
-pub(crate) const fn fits<T>(size: usize) -> bool {
-    size_of::<T>() <= size && align_of::<Tagged<T>>() <= GT_ALIGN
+/// Whether the bytes that the header asks for are enough for an object, and [`GT_ALIGN`] for its alignment.
+const fn fits<T: Object>() -> bool {
+    size_of::<T>() <= T::BYTES && align_of::<Tagged<T>>() <= GT_ALIGN
 }
 
 /// Makes an object in memory of the caller.
@@ -179,6 +181,7 @@ pub(crate) unsafe fn settle_in_parts<P, T: Object>(
     parts: impl FnOnce() -> Reply<P>,
     write: impl FnOnce(P, *mut T),
 ) -> Reply<*mut T::Handle> {
+    const { assert!(fits::<T>(), "the header asks for enough, on this target") };
     let memory = checked(memory.cast::<Tagged<T>>())?;
     if size < size_of::<T>() {
         return Err(gt_error::new(gt_code::MemoryTooSmall).value(count(size_of::<T>())));

@@ -8,11 +8,10 @@ use gantry_tau_core::statics::Wrench;
 use crate::code::gt_code;
 use crate::error::gt_error;
 use crate::machine::{gt_wrench, matrix};
-use crate::memory::{Object, fits, object_mut, place, read, reply, settle, tag};
+use crate::memory::{Object, object_mut, place, read, reply, settle, tag};
 
 /// Bytes of a gt_sensor.
 pub const GT_SENSOR_SIZE: usize = 512;
-const _: () = assert!(fits::<Sensor>(GT_SENSOR_SIZE), "it fits on this target");
 
 /// How a sensor is mounted and filtered.
 #[repr(C)]
@@ -37,6 +36,7 @@ struct Sensor(ForceSensor);
 
 impl Object for Sensor {
     type Handle = gt_sensor;
+    const BYTES: usize = GT_SENSOR_SIZE;
     const TAG: u64 = tag(b"gtsenso", 0);
 }
 

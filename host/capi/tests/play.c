@@ -78,16 +78,16 @@ static void print_offsets(const char *what, const gt_offsets *offsets)
 static void print_state(const gt_state *state)
 {
     const gt_counters *c = &state->counters;
-    printf("state %" PRIu64 " %" PRIu64 " %" PRIu64 " phase %" PRId32 " cause %" PRId32 " left %" PRIu32 " arrival %u on_time %u\n",
-           state->tick, state->epoch, state->accepted, state->phase, state->cause, state->ramp_ticks_left, state->arrival_us, state->on_time_of_100);
+    printf("state %llu %llu %llu phase %" PRId32 " cause %" PRId32 " left %" PRIu32 " arrival %u on_time %u\n",
+           (unsigned long long)state->tick, (unsigned long long)state->epoch, (unsigned long long)state->accepted, state->phase, state->cause, state->ramp_ticks_left, state->arrival_us, state->on_time_of_100);
     printf("counters %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %u\n",
            c->received, c->missed, c->late, c->duplicate, c->stale, c->malformed, c->out_of_range, c->limited, c->clamped, c->strangers, c->longest_miss_run);
     for (uint32_t i = 0; i < state->axis_count; i++) {
         const gt_axis_state *axis = &state->axes[i];
-        printf("axis %" PRId64, axis->nominal_nm);
+        printf("axis %lld", (long long)axis->nominal_nm);
         print_offsets("offsets", &axis->offsets);
         print_offsets("shadow", &axis->shadow);
-        printf(" actual %" PRId64 " %" PRId32 " %" PRId16 " flags %u\n", axis->actual.position_nm, axis->actual.velocity_um_s, axis->actual.torque_permille, axis->flags);
+        printf(" actual %lld %" PRId32 " %" PRId16 " flags %u\n", (long long)axis->actual.position_nm, axis->actual.velocity_um_s, axis->actual.torque_permille, axis->flags);
     }
 }
 
@@ -112,22 +112,22 @@ static void tick(gt_server *server)
     }
     check(gt_server_tick(server, &cycle, &turn));
     for (uint32_t i = 0; i < turn.motor_count; i++) {
-        printf("motor %" PRId64 " %" PRId32 " %" PRId16 "\n", turn.motors[i].position_nm, turn.motors[i].velocity_offset_um_s, turn.motors[i].torque_offset_permille);
+        printf("motor %lld %" PRId32 " %" PRId16 "\n", (long long)turn.motors[i].position_nm, turn.motors[i].velocity_offset_um_s, turn.motors[i].torque_offset_permille);
     }
     printf("turn refused %" PRIu32 " welcomed %u owner", turn.refused, turn.welcomed);
     if (turn.has_owner) {
-        printf(" %" PRIu64, turn.owner);
+        printf(" %llu", (unsigned long long)turn.owner);
     }
     printf(" ended %" PRId32 " close", turn.ended);
     for (uint32_t i = 0; i < turn.close_count; i++) {
-        printf(" %" PRIu64, turn.close[i]);
+        printf(" %llu", (unsigned long long)turn.close[i]);
     }
     printf("\n");
     print_state(&turn.state);
     for (uint32_t i = 0; i < turn.frame_count; i++) {
         gt_frame frame;
         check(gt_server_frame(server, i, &frame));
-        printf("frame %" PRIu64 " ", frame.connection);
+        printf("frame %llu ", (unsigned long long)frame.connection);
         print_hex(frame.bytes, frame.length);
     }
 }
@@ -200,7 +200,7 @@ int main(void)
         switch (call[0]) {
         case 'o':
             printf("open %s", gt_code_name(gt_server_open(server, (uint32_t)natural(), &connection)));
-            printf(" %" PRIu64 "\n", connection);
+            printf(" %llu\n", (unsigned long long)connection);
             break;
         case 'c':
             check(gt_server_close(server, natural()));

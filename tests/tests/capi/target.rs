@@ -82,7 +82,9 @@ fn compile(name: &str) -> Result<PathBuf, Failed> {
         .arg(format!("examples/{name}.c"))
         .arg("examples/target/start.c")
         .arg(library());
-    run(command.args(["-lm", "-Wl,--gc-sections", "-o"]).arg(&image))?;
+    run(command
+        .args(["-lm", "-Wl,--gc-sections,-z,noexecstack", "-o"])
+        .arg(&image))?;
     Ok(image)
 }
 

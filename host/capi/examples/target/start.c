@@ -19,6 +19,7 @@ void reset(void)
     hang();
 }
 
-__attribute__((section(".vectors"), used)) static const void *const vectors[16] = {
-    &__stack, (const void *)reset, (const void *)hang, (const void *)hang, (const void *)hang, (const void *)hang, (const void *)hang,
-};
+__attribute__((section(".vectors"), used)) static const struct {
+    uint32_t *stack;
+    void (*handlers[15])(void);
+} vectors = {&__stack, {reset, hang, hang, hang, hang, hang}};

@@ -23,8 +23,7 @@ use crate::black_box::{Line, gt_black_box};
 use crate::code::gt_code;
 use crate::error::{count, gt_error};
 use crate::memory::{
-    Object, Reply, buffer, bytes, fits, object_mut, place, read, reply, settle_in_parts, size_of,
-    tag_of,
+    Object, Reply, buffer, bytes, object_mut, place, read, reply, settle_in_parts, size_of, tag_of,
 };
 
 /// Length of arrays per axis.
@@ -52,14 +51,6 @@ pub const GT_SERVER_SIZE_6: usize = 11_008;
 pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 368_640;
 /// Bytes of a server with 6 axes and a black box; enough for every server.
 pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 548_864;
-
-const _: () = assert!(
-    fits::<Running<3, NONE>>(GT_SERVER_SIZE_3)
-        && fits::<Running<6, NONE>>(GT_SERVER_SIZE_6)
-        && fits::<Running<3, HALF>>(GT_SERVER_SIZE_3_BLACK_BOX)
-        && fits::<Running<6, HALF>>(GT_SERVER_SIZE_6_BLACK_BOX),
-    "servers fit the memory that the header asks for, on this target"
-);
 
 /// A server; its memory is the caller's.
 pub struct gt_server(());

@@ -7,7 +7,10 @@ use gantry_tau_core::session::decide::Connection;
 use super::config::{gt_offsets, gt_server_config, gt_start, in_force};
 use super::outbox::{Outbox, gt_frame};
 use super::turn::{gt_cycle, gt_turn};
-use super::{GT_BLACK_BOX_NONE, GT_BLACK_BOX_TICKS, GT_MAX_AXES, GT_MAX_MOTORS, gt_server};
+use super::{
+    GT_BLACK_BOX_NONE, GT_BLACK_BOX_TICKS, GT_MAX_AXES, GT_MAX_MOTORS, GT_SERVER_SIZE_3,
+    GT_SERVER_SIZE_3_BLACK_BOX, GT_SERVER_SIZE_6, GT_SERVER_SIZE_6_BLACK_BOX, gt_server,
+};
 use crate::black_box::{Line, gt_black_box, look, write_line};
 use crate::memory::{Object, Reply, tag};
 
@@ -33,6 +36,12 @@ pub(super) struct Running<const N: usize, const TICKS: usize> {
 
 impl<const N: usize, const TICKS: usize> Object for Running<N, TICKS> {
     type Handle = gt_server;
+    const BYTES: usize = match (N, TICKS) {
+        (3, NONE) => GT_SERVER_SIZE_3,
+        (3, _) => GT_SERVER_SIZE_3_BLACK_BOX,
+        (_, NONE) => GT_SERVER_SIZE_6,
+        (_, _) => GT_SERVER_SIZE_6_BLACK_BOX,
+    };
     const TAG: u64 = match (N, TICKS) {
         (3, NONE) => tag(b"gtserve", 0x30),
         (3, _) => tag(b"gtserve", 0x31),
