@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use libtest_mimic::{Failed, Trial};
 
-use crate::tools::{folder, has, run, target};
+use crate::tools::{folder, run, target};
 use crate::{STRICT, compensation, session, trial};
 
 const TRIPLE: &str = "thumbv7em-none-eabihf";

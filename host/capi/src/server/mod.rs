@@ -17,7 +17,7 @@ pub use turn::{
     gt_reference, gt_state, gt_turn,
 };
 
-use running::{HALF, NONE, Running, Server, full_refusal};
+use running::{HALF, NONE, Running, full_refusal};
 
 use crate::black_box::{Line, gt_black_box};
 use crate::code::gt_code;
@@ -55,21 +55,33 @@ pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 548_864;
 /// A server; its memory is the caller's.
 pub struct gt_server(());
 
-/// The server of a handle, whichever it is.
-///
-/// # Safety
-/// As [`object_mut`].
-unsafe fn server<'a>(handle: *mut gt_server) -> Reply<&'a mut dyn Server> {
-    // SAFETY: the caller's promise.
-    unsafe {
-        match tag_of(handle)? {
-            <Running<3, NONE>>::TAG => Ok(object_mut::<Running<3, NONE>>(handle)?),
-            <Running<3, HALF>>::TAG => Ok(object_mut::<Running<3, HALF>>(handle)?),
-            <Running<6, NONE>>::TAG => Ok(object_mut::<Running<6, NONE>>(handle)?),
-            <Running<6, HALF>>::TAG => Ok(object_mut::<Running<6, HALF>>(handle)?),
-            _ => Err(gt_code::NoObject.into()),
+/// What the server of a handle answers, whichever server it is. A match, and no table of functions: what a program does not call is not
+/// linked into it.
+macro_rules! ask {
+    ($handle:expr, $server:ident => $answer:expr) => {
+        // SAFETY: the header's rules for pointers; the tag says which server it is.
+        unsafe {
+            match tag_of($handle)? {
+                <Running<3, NONE>>::TAG => {
+                    let $server = object_mut::<Running<3, NONE>>($handle)?;
+                    $answer
+                }
+                <Running<3, HALF>>::TAG => {
+                    let $server = object_mut::<Running<3, HALF>>($handle)?;
+                    $answer
+                }
+                <Running<6, NONE>>::TAG => {
+                    let $server = object_mut::<Running<6, NONE>>($handle)?;
+                    $answer
+                }
+                <Running<6, HALF>>::TAG => {
+                    let $server = object_mut::<Running<6, HALF>>($handle)?;
+                    $answer
+                }
+                _ => return Err(gt_code::NoObject.into()),
+            }
         }
-    }
+    };
 }
 
 /// Fills a configuration with the profile of the thesis: 1 kHz, one lost Command tolerated, position offsets of at most 2 mm that change
@@ -132,7 +144,7 @@ pub unsafe extern "C" fn gt_server_config_check(
 /// `server`: receives the handle, which points into `memory`.
 ///
 /// Errors: those of gt_server_config_check; GT_CODE_MEMORY_TOO_SMALL, GT_CODE_MISALIGNED, GT_CODE_START_OFFSET_IN_FORCE.
-/// After an error the memory holds no server, whatever it held before.
+/// After an error nothing in the memory is to be used, a server that was there before included.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_init(
     memory: *mut c_void,
@@ -193,13 +205,13 @@ pub unsafe extern "C" fn gt_server_open(
 ) -> gt_code {
     let open = || {
         // SAFETY: the header's rules for pointers.
-        let (connection, server) = unsafe { (place(connection)?, self::server(server)?) };
+        let connection = unsafe { place(connection) }?;
         let transport = match transport {
             GT_TRANSPORT_STREAM => Transport::Stream,
             GT_TRANSPORT_DATAGRAM => Transport::Datagram,
             _ => return Err(gt_code::Transport.into()),
         };
-        connection.put(server.open(transport)?);
+        connection.put(ask!(server, server => server.open(transport)?));
         Ok(())
     };
     // SAFETY: null is allowed.
@@ -220,11 +232,12 @@ pub unsafe extern "C" fn gt_server_refusal(frame: *mut gt_frame) -> gt_code {
 /// One that is not open is ignored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_close(server: *mut gt_server, connection: u64) -> gt_code {
-    // SAFETY: the header's rules for pointers; null is allowed for the error.
-    unsafe {
-        let close = self::server(server).map(|server| server.close(connection));
-        reply(core::ptr::null_mut(), close)
-    }
+    let close = || {
+        ask!(server, server => server.close(connection));
+        Ok(())
+    };
+    // SAFETY: null is allowed.
+    unsafe { reply(core::ptr::null_mut(), close()) }
 }
 
 /// Takes bytes that were read from a connection: for a stream any piece of it, for datagrams exactly one.
@@ -242,8 +255,8 @@ pub unsafe extern "C" fn gt_server_feed(
 ) -> gt_code {
     let feed = || {
         // SAFETY: the header's rules for pointers.
-        let (server, bytes) = unsafe { (self::server(server)?, self::bytes(bytes, length)?) };
-        let taken = server.feed(connection, bytes);
+        let bytes = unsafe { self::bytes(bytes, length) }?;
+        let taken = ask!(server, server => server.feed(connection, bytes));
         // SAFETY: as above; null is allowed.
         if let Ok(place) = unsafe { place(frames) } {
             place.put(taken);
@@ -261,14 +274,14 @@ pub unsafe extern "C" fn gt_server_owner_has_answered(
     server: *mut gt_server,
     answered: *mut u8,
 ) -> gt_code {
-    let ask = || {
+    let look = || {
         // SAFETY: the header's rules for pointers.
-        let (answered, server) = unsafe { (place(answered)?, self::server(server)?) };
-        answered.put(server.owner_has_answered().into());
+        let answered = unsafe { place(answered) }?;
+        answered.put(ask!(server, server => server.owner_has_answered().into()));
         Ok(())
     };
     // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), ask()) }
+    unsafe { reply(core::ptr::null_mut(), look()) }
 }
 
 /// One cycle: everything that was fed since the last tick is heard, then one step is taken. Its work is bounded, whatever arrived, and
@@ -286,8 +299,8 @@ pub unsafe extern "C" fn gt_server_tick(
 ) -> gt_code {
     let tick = || {
         // SAFETY: the header's rules for pointers.
-        let (turn, cycle, server) = unsafe { (place(turn)?, read(cycle)?, self::server(server)?) };
-        turn.put(server.tick(cycle));
+        let (turn, cycle) = unsafe { (place(turn)?, read(cycle)?) };
+        turn.put(ask!(server, server => server.tick(cycle)));
         Ok(())
     };
     // SAFETY: null is allowed.
@@ -306,9 +319,10 @@ pub unsafe extern "C" fn gt_server_frame(
 ) -> gt_code {
     let fetch = || {
         // SAFETY: the header's rules for pointers.
-        let (place, server) = unsafe { (place(frame)?, self::server(server)?) };
+        let place = unsafe { place(frame) }?;
         let index = usize::try_from(index).map_err(|_| gt_code::Index)?;
-        place.put(server.frame(index).ok_or(gt_code::Index)?);
+        let frame = ask!(server, server => server.frame(index));
+        place.put(frame.ok_or(gt_code::Index)?);
         Ok(())
     };
     // SAFETY: null is allowed.
@@ -327,13 +341,8 @@ pub unsafe extern "C" fn gt_server_resume(
 ) -> gt_code {
     let resume = || {
         // SAFETY: the header's rules for pointers.
-        let (server, offsets) = unsafe {
-            (
-                self::server(server)?,
-                read(in_force.cast::<[gt_offsets; GT_MAX_AXES]>())?,
-            )
-        };
-        server.resume(&offsets)
+        let offsets = unsafe { read(in_force.cast::<[gt_offsets; GT_MAX_AXES]>()) }?;
+        ask!(server, server => server.resume(&offsets))
     };
     // SAFETY: as above.
     unsafe { reply(error, resume()) }
@@ -347,8 +356,8 @@ pub unsafe extern "C" fn gt_server_black_box(
 ) -> gt_code {
     let look = || {
         // SAFETY: the header's rules for pointers.
-        let (place, server) = unsafe { (place(black_box)?, self::server(server)?) };
-        place.put(server.black_box());
+        let place = unsafe { place(black_box) }?;
+        place.put(ask!(server, server => server.black_box()));
         Ok(())
     };
     // SAFETY: null is allowed.
@@ -373,16 +382,10 @@ pub unsafe extern "C" fn gt_server_black_box_line(
 ) -> gt_code {
     let write = || {
         // SAFETY: the header's rules for pointers.
-        let (length, server, room) = unsafe {
-            (
-                place(length)?,
-                self::server(server)?,
-                self::buffer(buffer.cast(), size)?,
-            )
-        };
+        let (length, room) = unsafe { (place(length)?, self::buffer(buffer.cast(), size)?) };
         let mut line = Line::new(room);
         let index = usize::try_from(index).map_err(|_| gt_code::Index)?;
-        server.write_black_box(index, &mut line)?;
+        ask!(server, server => server.write_black_box(index, &mut line)?);
         length.put(line.length());
         if line.length() > size {
             let needed = count(line.length());
@@ -397,9 +400,10 @@ pub unsafe extern "C" fn gt_server_black_box_line(
 /// Forgets what the black box holds, and records again: after its lines are written, and when a new session was granted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_black_box_release(server: *mut gt_server) -> gt_code {
-    // SAFETY: the header's rules for pointers; null is allowed for the error.
-    unsafe {
-        let release = self::server(server).map(|server| server.release_black_box());
-        reply(core::ptr::null_mut(), release)
-    }
+    let release = || {
+        ask!(server, server => server.release_black_box());
+        Ok(())
+    };
+    // SAFETY: null is allowed.
+    unsafe { reply(core::ptr::null_mut(), release()) }
 }

@@ -90,37 +90,24 @@ pub(super) struct Parts<const N: usize> {
 }
 
 /// What every server can do, however many axes it has.
-pub(super) trait Server {
-    fn open(&mut self, transport: Transport) -> Reply<u64>;
-    fn close(&mut self, connection: u64);
-    fn feed(&mut self, connection: u64, bytes: &[u8]) -> u8;
-    fn owner_has_answered(&self) -> bool;
-    fn tick(&mut self, cycle: gt_cycle) -> gt_turn;
-    fn frame(&self, index: usize) -> Option<gt_frame>;
-    fn resume(&mut self, in_force: &[gt_offsets; GT_MAX_AXES]) -> Reply;
-    fn black_box(&self) -> gt_black_box;
-    fn write_black_box(&self, index: usize, line: &mut Line<'_>) -> Reply;
-    fn release_black_box(&mut self);
-}
-
-impl<const N: usize, const TICKS: usize> Server for Running<N, TICKS> {
-    fn open(&mut self, transport: Transport) -> Reply<u64> {
+impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
+    pub(super) fn open(&mut self, transport: Transport) -> Reply<u64> {
         Ok(self.endpoint.open(transport)?.0)
     }
 
-    fn close(&mut self, connection: u64) {
+    pub(super) fn close(&mut self, connection: u64) {
         self.endpoint.close(Connection(connection));
     }
 
-    fn feed(&mut self, connection: u64, bytes: &[u8]) -> u8 {
+    pub(super) fn feed(&mut self, connection: u64, bytes: &[u8]) -> u8 {
         self.endpoint.feed(Connection(connection), bytes)
     }
 
-    fn owner_has_answered(&self) -> bool {
+    pub(super) fn owner_has_answered(&self) -> bool {
         self.endpoint.owner_has_answered()
     }
 
-    fn tick(&mut self, cycle: gt_cycle) -> gt_turn {
+    pub(super) fn tick(&mut self, cycle: gt_cycle) -> gt_turn {
         let Self {
             endpoint,
             outbox,
@@ -131,23 +118,23 @@ impl<const N: usize, const TICKS: usize> Server for Running<N, TICKS> {
         gt_turn::new(&turn, *motors, outbox.count())
     }
 
-    fn frame(&self, index: usize) -> Option<gt_frame> {
+    pub(super) fn frame(&self, index: usize) -> Option<gt_frame> {
         self.outbox.frame(index)
     }
 
-    fn resume(&mut self, offsets: &[gt_offsets; GT_MAX_AXES]) -> Reply {
+    pub(super) fn resume(&mut self, offsets: &[gt_offsets; GT_MAX_AXES]) -> Reply {
         Ok(self.endpoint.resume(&in_force(offsets))?)
     }
 
-    fn black_box(&self) -> gt_black_box {
+    pub(super) fn black_box(&self) -> gt_black_box {
         look(self.endpoint.black_box())
     }
 
-    fn write_black_box(&self, index: usize, line: &mut Line<'_>) -> Reply {
+    pub(super) fn write_black_box(&self, index: usize, line: &mut Line<'_>) -> Reply {
         write_line(self.endpoint.black_box(), index, line)
     }
 
-    fn release_black_box(&mut self) {
+    pub(super) fn release_black_box(&mut self) {
         self.endpoint.black_box_mut().release();
     }
 }
