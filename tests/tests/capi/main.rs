@@ -50,18 +50,22 @@ fn main() {
     ];
     for compiler in ["gcc", "clang"] {
         for (how, flags) in [("", ["-O2"].as_slice()), ("_sanitized", &SANITIZED)] {
+            let mut needed = vec![compiler];
+            if has(compiler) && !tools::takes(compiler, flags) {
+                needed.push("libclang-rt");
+            }
             let name = |what: &str| format!("{what}_by_{compiler}{how}");
             trials.extend([
-                trial(&name("session"), &[compiler], move || {
+                trial(&name("session"), &needed, move || {
                     session::agrees(compiler, flags)
                 }),
-                trial(&name("compensation"), &[compiler], move || {
+                trial(&name("compensation"), &needed, move || {
                     compensation::agrees(compiler, flags)
                 }),
-                trial(&name("random_traffic"), &[compiler], move || {
+                trial(&name("random_traffic"), &needed, move || {
                     play::agrees(compiler, flags)
                 }),
-                trial(&name("refusals"), &[compiler], move || {
+                trial(&name("refusals"), &needed, move || {
                     refusals(compiler, flags)
                 }),
             ]);

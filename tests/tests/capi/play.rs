@@ -25,7 +25,7 @@ use libtest_mimic::Failed;
 use crate::tools::Program;
 
 const MOTORS: usize = 9;
-const TICKS: u32 = 3_000;
+const TICKS: u32 = 4_000;
 
 /// All four kinds of servers.
 pub(crate) fn agrees(compiler: &str, flags: &[&str]) -> Result<(), Failed> {
@@ -67,6 +67,8 @@ struct Play<const N: usize, const HALF: usize> {
     open: Vec<Connection>,
     nominal: [i64; N],
     random: u64,
+    /// Ticks in which nobody is heard.
+    silent: u64,
     phases: BTreeSet<String>,
     causes: BTreeSet<String>,
     played: Played,
@@ -105,6 +107,7 @@ impl<const N: usize, const HALF: usize> Play<N, HALF> {
             endpoint: Endpoint::new(session.unwrap(), motors.unwrap()),
             open: Vec::new(),
             nominal: [0; N],
+            silent: 0,
             random: seed.wrapping_mul(0x9e37_79b9_7f4a_7c15),
             phases: BTreeSet::new(),
             causes: BTreeSet::new(),
@@ -173,6 +176,9 @@ impl<const N: usize, const HALF: usize> Play<N, HALF> {
     fn speak(&mut self, connection: Connection) {
         let discrete = self.endpoint.session().parts().discrete;
         let owns = discrete.owner == Some(connection);
+        if self.silent > 0 {
+            return;
+        }
         if !owns && !self.one_in(6) {
             return;
         }
@@ -184,7 +190,7 @@ impl<const N: usize, const HALF: usize> Play<N, HALF> {
         } else {
             self.hello()
         };
-        if self.one_in(40) {
+        if self.one_in(70) {
             bytes = self.anything(&bytes);
         }
         // In pieces, as a stream may come; a datagram that is cut is broken.
@@ -274,21 +280,25 @@ impl<const N: usize, const HALF: usize> Play<N, HALF> {
     }
 
     fn tick(&mut self) {
-        if self.one_in(500) {
+        self.silent = self.silent.saturating_sub(1);
+        if self.one_in(120) {
+            self.silent = self.below(60);
+        }
+        if self.one_in(700) {
             self.resume();
         }
         let discrete = self.endpoint.session().parts().discrete;
-        let jump = if self.one_in(400) { 3_000_000 } else { 1_000 };
+        let jump = if self.one_in(1_000) { 3_000_000 } else { 1_000 };
         self.nominal = self.nominal.map(|nominal| (nominal + jump) % 900_000_000);
         let cycle = Cycle {
-            elapsed: if self.one_in(60) { 2 } else { 1 },
+            elapsed: if self.one_in(300) { 2 } else { 1 },
             nominal: self.nominal.map(PositionNm),
             actual: self.nominal.map(|nominal| Actual {
                 position: PositionNm(nominal - 77),
                 velocity: VelocityUmS(-5),
                 torque: TorquePermille(3),
             }),
-            stop: self.one_in(250),
+            stop: self.one_in(500),
             rearm: discrete.phase == Phase::Fault && self.one_in(2),
             next_epoch: Epoch(discrete.epoch.0 + 1),
             arrival_us: u16::try_from(self.below(1_000)).unwrap(),

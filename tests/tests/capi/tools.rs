@@ -16,6 +16,16 @@ pub(crate) fn has(tool: &str) -> bool {
     Command::new(tool).arg("--version").output().is_ok()
 }
 
+/// Whether a compiler has what these flags ask for: its sanitizers are a package of their own.
+pub(crate) fn takes(compiler: &str, flags: &[&str]) -> bool {
+    let empty = target().join("empty.c");
+    let written = std::fs::create_dir_all(target())
+        .and_then(|()| std::fs::write(&empty, "int main(void) { return 0; }\n"));
+    let mut command = Command::new(compiler);
+    command.args(flags).arg(&empty).args(["-o", "/dev/null"]);
+    written.is_ok() && run(&mut command).is_ok()
+}
+
 /// `host/capi`.
 pub(crate) fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/capi")
