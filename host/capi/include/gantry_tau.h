@@ -992,7 +992,7 @@ gt_code gt_server_config_check(const struct gt_server_config *config, size_t *si
 // `server`: receives the handle, which points into `memory`.
 //
 // Errors: those of gt_server_config_check; GT_CODE_MEMORY_TOO_SMALL, GT_CODE_MISALIGNED, GT_CODE_START_OFFSET_IN_FORCE.
-// After an error the memory holds no server, whatever it held before.
+// After an error nothing in the memory is to be used, a server that was there before included.
 gt_code gt_server_init(void *memory,
                        size_t size,
                        const struct gt_server_config *config,
