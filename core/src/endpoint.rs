@@ -147,7 +147,8 @@ pub struct Endpoint<const N: usize, const MOTORS: usize, const HALF: usize> {
 }
 
 impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS, HALF> {
-    /// An endpoint without connections.
+    /// An endpoint without connections. Inlined for the reason that [`BlackBox::new`](crate::session::recorder::Recorder::new) is.
+    #[inline(always)]
     #[must_use]
     pub const fn new(session: Session<N>, motors: MotorMap<N, MOTORS>) -> Self {
         Self {

@@ -29,6 +29,7 @@ pub struct Segment<S, I, O, const HALF: usize> {
 }
 
 impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Segment<S, I, O, HALF> {
+    #[inline(always)]
     const fn new() -> Self {
         Self {
             before: None,
@@ -116,11 +117,13 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Default for Recorder<S, I,
 }
 
 impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
-    /// An empty recorder.
+    /// An empty recorder. Inlined, so that one of half a megabyte can be made where it stays, and not on the stack.
+    #[inline(always)]
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            segments: [const { Segment::new() }; SEGMENTS],
+            // Not `[const { .. }; SEGMENTS]`: that is a constant of the segments' size, in every image that makes a recorder.
+            segments: [Segment::new(), Segment::new(), Segment::new()],
             latest: 0,
             countdown: None,
         }

@@ -1,0 +1,250 @@
+//! One code per error: those of this interface first, then core's, family by family.
+
+use core::ffi::{CStr, c_char};
+
+/// What a call led to. 0 is success; every error of the library has a code of its own, and its details are in gt_error.
+/// Axes, arms, links and motors count from 0.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum gt_code {
+    /// Done.
+    Ok = 0,
+
+    /// A pointer is null that must not be.
+    NullPointer = 1,
+    /// A pointer is not aligned for what it points to.
+    Misaligned = 2,
+    /// The memory is smaller than the object. `value`: bytes needed.
+    MemoryTooSmall = 3,
+    /// This is no such object: not initialised, initialised as another, or overwritten.
+    NoObject = 4,
+    /// A length is larger than any object can be.
+    Length = 5,
+    /// A buffer is too small. `value`: bytes needed.
+    BufferTooSmall = 6,
+    /// There is no entry of this index.
+    Index = 7,
+    /// Neither GT_TRANSPORT_STREAM nor GT_TRANSPORT_DATAGRAM.
+    Transport = 8,
+    /// The number of motors is not 1 to GT_MAX_MOTORS. `value`: the refused number.
+    MotorCount = 9,
+    /// Neither GT_BLACK_BOX_NONE nor GT_BLACK_BOX_TICKS. `value`: the refused number.
+    BlackBox = 10,
+    /// A branch or a sign is neither 1 nor -1. `index`: which one.
+    Branch = 11,
+
+    /// M of a channel is negative. `index`: axis, `parameter`: channel, `value`: M.
+    LimitsNegativeMax = 100,
+    /// rho of a channel is zero or negative. `index`: axis, `parameter`: channel, `value`: rho.
+    LimitsRampNotPositive = 101,
+    /// rho of a channel is above S. `index`: axis, `parameter`: channel, `value`: rho, `upper`: S.
+    LimitsRampAboveStep = 102,
+    /// A of a channel is below S + rho. `index`: axis, `parameter`: channel, `value`: A, `lower`: S + rho.
+    LimitsAccelTooSmall = 103,
+
+    /// The number of axes is neither 3 nor 6. `value`: the refused number.
+    ConfigAxes = 200,
+    /// The handshake would never or at once time out: handshake_ticks is 0.
+    ConfigHandshakeTicks = 201,
+    /// The window of the miss budget is above 128 ticks. `value`: the window.
+    ConfigBudgetWindow = 202,
+    /// M of a torque channel does not fit 16 bits. `index`: axis.
+    ConfigTorqueMax = 203,
+    /// A travel has its ends reversed, or beyond 2^61 nm. `index`: axis.
+    ConfigTravel = 204,
+    /// The nominal travel lies less than M of the position channel inside the machine's travel. `index`: axis.
+    ConfigMargin = 205,
+
+    /// An offset in force is beyond its limits, and the server must not start.
+    /// `index`: axis, `value`: its position offset in nm, `lower`: velocity in um/s, `upper`: torque in per mille.
+    StartOffsetInForce = 300,
+
+    /// A motor is mapped to an axis that does not exist. `index`: motor, `value`: the axis, `upper`: how many there are.
+    MotorMap = 400,
+
+    /// GT_MAX_CONNECTIONS are open already. gt_server_refusal has what the peer should be told.
+    Full = 500,
+
+    /// A number of a machine is NaN or infinite. `parameter` and `index`: which.
+    RobotNotFinite = 600,
+    /// A number of a machine has a magnitude outside `lower` to `upper`. `parameter` and `index`: which.
+    RobotOutOfRange = 601,
+    /// The lower end of a travel is above its upper end. `parameter` and `index`: which.
+    RobotReversed = 602,
+
+    /// The matrix of an orientation is no rotation. `value`: largest deviation of R^T R from the identity.
+    NominalNotRotation = 700,
+    /// The Tau property is violated. `index`: the link that differs from the first of its cluster, `value`: by how much, m.
+    NominalNotTau = 701,
+
+    /// The gain is not from 0 to 1.
+    CompensatorGain = 800,
+    /// A limit is negative. `index`: axis.
+    CompensatorLimit = 801,
+    /// metres_per_q is not finite or out of range. `index`: axis.
+    CompensatorMetresPerQ = 802,
+
+    /// A number given, or one computed from it, is NaN or infinite.
+    KinematicsNotFinite = 900,
+    /// The links of an arm are too short to reach the pose. `index`: arm.
+    KinematicsUnreachable = 901,
+    /// The carts stand so that their links cannot meet.
+    KinematicsNoAssembly = 902,
+    /// The pose exists only beyond a singularity. `index`: the arm that would be on its other side, -1: the tool would.
+    KinematicsOtherBranch = 903,
+    /// The pose is singular, or too close to it. `value`: the measure, 0 at the singularity.
+    KinematicsSingular = 904,
+    /// An axis would leave its travel. `index`: axis, `value`: where it would be, `lower`, `upper`: its travel; q-units.
+    KinematicsOutOfRange = 905,
+    /// The iteration did not come to an end. `iterations`: made, `value`: largest error of a link's length then, m.
+    KinematicsNotConverged = 906,
+    /// Without a seed this machine's forward kinematics has no start.
+    KinematicsSeedRequired = 907,
+    /// A pose and positions that were given together do not fit the length of an arm's links. `index`: arm.
+    KinematicsInconsistent = 908,
+
+    /// The rotation of a sensor's mounting is none.
+    SensorNotRotation = 1000,
+    /// A number of a sensor is not from `lower` to `upper`. `parameter`: which.
+    SensorOutOfRange = 1001,
+    /// A component of a reading is NaN, infinite or beyond 1e6; the reading was not used.
+    SensorBadReading = 1002,
+    /// A sensor's state contradicts itself. No function of this interface returns it: a sensor's state is never given from outside.
+    SensorInvalidState = 1003,
+
+    /// A length to be converted is NaN or infinite.
+    CrossingNotFinite = 1100,
+    /// A length to be converted is out of range. `upper`: largest magnitude, nm.
+    CrossingOutOfRange = 1101,
+}
+
+/// Every code with its name.
+const NAMES: [(gt_code, &CStr); 48] = {
+    use gt_code as Code;
+    [
+        (Code::Ok, c"GT_CODE_OK"),
+        (Code::NullPointer, c"GT_CODE_NULL_POINTER"),
+        (Code::Misaligned, c"GT_CODE_MISALIGNED"),
+        (Code::MemoryTooSmall, c"GT_CODE_MEMORY_TOO_SMALL"),
+        (Code::NoObject, c"GT_CODE_NO_OBJECT"),
+        (Code::Length, c"GT_CODE_LENGTH"),
+        (Code::BufferTooSmall, c"GT_CODE_BUFFER_TOO_SMALL"),
+        (Code::Index, c"GT_CODE_INDEX"),
+        (Code::Transport, c"GT_CODE_TRANSPORT"),
+        (Code::MotorCount, c"GT_CODE_MOTOR_COUNT"),
+        (Code::BlackBox, c"GT_CODE_BLACK_BOX"),
+        (Code::Branch, c"GT_CODE_BRANCH"),
+        (Code::LimitsNegativeMax, c"GT_CODE_LIMITS_NEGATIVE_MAX"),
+        (
+            Code::LimitsRampNotPositive,
+            c"GT_CODE_LIMITS_RAMP_NOT_POSITIVE",
+        ),
+        (Code::LimitsRampAboveStep, c"GT_CODE_LIMITS_RAMP_ABOVE_STEP"),
+        (Code::LimitsAccelTooSmall, c"GT_CODE_LIMITS_ACCEL_TOO_SMALL"),
+        (Code::ConfigAxes, c"GT_CODE_CONFIG_AXES"),
+        (
+            Code::ConfigHandshakeTicks,
+            c"GT_CODE_CONFIG_HANDSHAKE_TICKS",
+        ),
+        (Code::ConfigBudgetWindow, c"GT_CODE_CONFIG_BUDGET_WINDOW"),
+        (Code::ConfigTorqueMax, c"GT_CODE_CONFIG_TORQUE_MAX"),
+        (Code::ConfigTravel, c"GT_CODE_CONFIG_TRAVEL"),
+        (Code::ConfigMargin, c"GT_CODE_CONFIG_MARGIN"),
+        (Code::StartOffsetInForce, c"GT_CODE_START_OFFSET_IN_FORCE"),
+        (Code::MotorMap, c"GT_CODE_MOTOR_MAP"),
+        (Code::Full, c"GT_CODE_FULL"),
+        (Code::RobotNotFinite, c"GT_CODE_ROBOT_NOT_FINITE"),
+        (Code::RobotOutOfRange, c"GT_CODE_ROBOT_OUT_OF_RANGE"),
+        (Code::RobotReversed, c"GT_CODE_ROBOT_REVERSED"),
+        (Code::NominalNotRotation, c"GT_CODE_NOMINAL_NOT_ROTATION"),
+        (Code::NominalNotTau, c"GT_CODE_NOMINAL_NOT_TAU"),
+        (Code::CompensatorGain, c"GT_CODE_COMPENSATOR_GAIN"),
+        (Code::CompensatorLimit, c"GT_CODE_COMPENSATOR_LIMIT"),
+        (
+            Code::CompensatorMetresPerQ,
+            c"GT_CODE_COMPENSATOR_METRES_PER_Q",
+        ),
+        (Code::KinematicsNotFinite, c"GT_CODE_KINEMATICS_NOT_FINITE"),
+        (
+            Code::KinematicsUnreachable,
+            c"GT_CODE_KINEMATICS_UNREACHABLE",
+        ),
+        (
+            Code::KinematicsNoAssembly,
+            c"GT_CODE_KINEMATICS_NO_ASSEMBLY",
+        ),
+        (
+            Code::KinematicsOtherBranch,
+            c"GT_CODE_KINEMATICS_OTHER_BRANCH",
+        ),
+        (Code::KinematicsSingular, c"GT_CODE_KINEMATICS_SINGULAR"),
+        (
+            Code::KinematicsOutOfRange,
+            c"GT_CODE_KINEMATICS_OUT_OF_RANGE",
+        ),
+        (
+            Code::KinematicsNotConverged,
+            c"GT_CODE_KINEMATICS_NOT_CONVERGED",
+        ),
+        (
+            Code::KinematicsSeedRequired,
+            c"GT_CODE_KINEMATICS_SEED_REQUIRED",
+        ),
+        (
+            Code::KinematicsInconsistent,
+            c"GT_CODE_KINEMATICS_INCONSISTENT",
+        ),
+        (Code::SensorNotRotation, c"GT_CODE_SENSOR_NOT_ROTATION"),
+        (Code::SensorOutOfRange, c"GT_CODE_SENSOR_OUT_OF_RANGE"),
+        (Code::SensorBadReading, c"GT_CODE_SENSOR_BAD_READING"),
+        (Code::SensorInvalidState, c"GT_CODE_SENSOR_INVALID_STATE"),
+        (Code::CrossingNotFinite, c"GT_CODE_CROSSING_NOT_FINITE"),
+        (Code::CrossingOutOfRange, c"GT_CODE_CROSSING_OUT_OF_RANGE"),
+    ]
+};
+
+impl gt_code {
+    /// The number that C sees.
+    #[expect(
+        clippy::as_conversions,
+        reason = "an enum's number; there is no other way to it"
+    )]
+    const fn number(self) -> i32 {
+        self as i32
+    }
+}
+
+/// The name of a code in this header, such as "GT_CODE_NULL_POINTER"; "GT_CODE_UNKNOWN" for a number that is no code.
+/// Static, never to be freed.
+#[unsafe(no_mangle)]
+pub extern "C" fn gt_code_name(code: i32) -> *const c_char {
+    let known = NAMES.iter().find(|(known, _)| known.number() == code);
+    known.map_or(c"GT_CODE_UNKNOWN", |(_, name)| name).as_ptr()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_is_that_of_the_header() {
+        let header = include_str!("../include/gantry_tau.h");
+        for (code, name) in NAMES {
+            let line = format!("  {} = {},", name.to_str().unwrap(), code.number());
+            assert!(header.contains(&line), "{line}");
+        }
+        let codes = header
+            .lines()
+            .filter(|line| line.starts_with("  GT_CODE_") && line.contains(" = "));
+        assert_eq!(codes.count(), NAMES.len(), "codes in the header and names");
+    }
+
+    #[test]
+    fn a_number_that_is_no_code_has_a_name() {
+        for code in [-1, 12, 99, i32::MAX] {
+            // SAFETY: what is returned is static and ends with a zero.
+            let name = unsafe { CStr::from_ptr(gt_code_name(code)) };
+            assert_eq!(name, c"GT_CODE_UNKNOWN");
+        }
+    }
+}

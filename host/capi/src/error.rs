@@ -1,0 +1,344 @@
+//! From core's errors to codes; what they carry goes with them.
+
+use gantry_tau_core::channel::LimitsError;
+use gantry_tau_core::compensation::CompensatorError;
+use gantry_tau_core::endpoint::{Full, MotorMapError};
+use gantry_tau_core::kinematics::{KinematicsError, NominalError};
+use gantry_tau_core::robot::{Parameter, RobotError};
+use gantry_tau_core::sensor::SensorError;
+use gantry_tau_core::session::StartError;
+use gantry_tau_core::session::config::ConfigError;
+use gantry_tau_core::units::CrossingError;
+
+use crate::code::gt_code;
+
+/// Which parameter an error is about.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum gt_parameter {
+    /// None, or the code says it.
+    None = 0,
+    /// cart_joints_m; the index is the link.
+    CartJoint = 1,
+    /// guideways; the index is the arm.
+    Guideway = 2,
+    /// platform_joints_m; the index is the link.
+    PlatformJoint = 3,
+    /// lengths_m; the index is the arm (L2) or the link (F1).
+    Length = 4,
+    /// travel; the index is the axis.
+    Travel = 5,
+    /// link_m_per_n; the index is the link.
+    LinkCompliance = 6,
+    /// axis_per_n; the index is the axis.
+    CartCompliance = 7,
+    /// carts_m; the index is the arm.
+    Cart = 8,
+    /// plate_joints_m; the index is the link.
+    PlateJoint = 9,
+    /// turn_axis.
+    TurnAxis = 10,
+    /// tilt_axis.
+    TiltAxis = 11,
+    /// lever_m of a sensor.
+    Lever = 12,
+    /// cutoff_hz of a sensor.
+    Cutoff = 13,
+    /// cycle_s of a sensor.
+    Cycle = 14,
+    /// tare_samples of a sensor.
+    TareSamples = 15,
+    /// The position channel; the index is the axis.
+    Position = 16,
+    /// The velocity channel; the index is the axis.
+    Velocity = 17,
+    /// The torque channel; the index is the axis.
+    Torque = 18,
+}
+
+/// What went wrong, with all that is known of it. What a field means depends on the code; a field that the code does not use is 0.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct gt_error {
+    /// The code that the call returned, GT_CODE_OK included.
+    pub code: gt_code,
+    /// Which axis, arm, link or motor, counted from 0; -1 for none.
+    pub index: i32,
+    /// Which parameter.
+    pub parameter: gt_parameter,
+    /// Linear solves made.
+    pub iterations: i32,
+    /// The value that was refused, or a measure of how wrong it is.
+    pub value: f64,
+    /// Smallest value that is accepted.
+    pub lower: f64,
+    /// Largest value that is accepted.
+    pub upper: f64,
+}
+
+impl gt_error {
+    /// No error.
+    pub(crate) const OK: Self = Self::new(gt_code::Ok);
+
+    /// An error that is known by its code.
+    pub(crate) const fn new(code: gt_code) -> Self {
+        Self {
+            code,
+            index: -1,
+            parameter: gt_parameter::None,
+            iterations: 0,
+            value: 0.0,
+            lower: 0.0,
+            upper: 0.0,
+        }
+    }
+
+    /// Of this axis, arm, link or motor.
+    pub(crate) fn at(self, index: usize) -> Self {
+        let index = i32::try_from(index).unwrap_or(-1);
+        Self { index, ..self }
+    }
+
+    /// Of this parameter.
+    pub(crate) const fn of(self, parameter: gt_parameter) -> Self {
+        Self { parameter, ..self }
+    }
+
+    /// With this value.
+    pub(crate) const fn value(self, value: f64) -> Self {
+        Self { value, ..self }
+    }
+
+    /// With this range.
+    pub(crate) const fn range(self, lower: f64, upper: f64) -> Self {
+        Self {
+            lower,
+            upper,
+            ..self
+        }
+    }
+}
+
+/// A count as a number of an error: those there are lie far below 2^53.
+#[expect(clippy::as_conversions, reason = "total; rounds above 2^53")]
+pub(crate) const fn count(count: usize) -> f64 {
+    count as f64
+}
+
+/// As [`count`].
+#[expect(clippy::as_conversions, reason = "total; rounds above 2^53")]
+const fn whole(number: i64) -> f64 {
+    number as f64
+}
+
+impl From<gt_code> for gt_error {
+    fn from(code: gt_code) -> Self {
+        Self::new(code)
+    }
+}
+
+impl From<LimitsError> for gt_error {
+    fn from(error: LimitsError) -> Self {
+        match error {
+            LimitsError::NegativeMax { max } => {
+                Self::new(gt_code::LimitsNegativeMax).value(max.into())
+            }
+            LimitsError::RampNotPositive { ramp } => {
+                Self::new(gt_code::LimitsRampNotPositive).value(ramp.into())
+            }
+            LimitsError::RampAboveStep { ramp, step } => Self::new(gt_code::LimitsRampAboveStep)
+                .value(ramp.into())
+                .range(0.0, step.into()),
+            LimitsError::AccelTooSmall { accel, needed } => Self::new(gt_code::LimitsAccelTooSmall)
+                .value(accel.into())
+                .range(whole(needed), 0.0),
+        }
+    }
+}
+
+impl From<ConfigError> for gt_error {
+    fn from(error: ConfigError) -> Self {
+        match error {
+            ConfigError::Axes { axes } => Self::new(gt_code::ConfigAxes).value(count(axes)),
+            ConfigError::HandshakeTicks => gt_code::ConfigHandshakeTicks.into(),
+            ConfigError::BudgetWindow { window } => {
+                Self::new(gt_code::ConfigBudgetWindow).value(window.into())
+            }
+            ConfigError::TorqueMax { axis } => Self::new(gt_code::ConfigTorqueMax).at(axis),
+            ConfigError::Travel { axis } => Self::new(gt_code::ConfigTravel).at(axis),
+            ConfigError::Margin { axis } => Self::new(gt_code::ConfigMargin).at(axis),
+        }
+    }
+}
+
+impl From<StartError> for gt_error {
+    fn from(error: StartError) -> Self {
+        match error {
+            StartError::OffsetInForce { axis, offsets } => Self::new(gt_code::StartOffsetInForce)
+                .at(axis)
+                .value(offsets.position.0.into())
+                .range(offsets.velocity.0.into(), offsets.torque.0.into()),
+        }
+    }
+}
+
+impl From<MotorMapError> for gt_error {
+    fn from(error: MotorMapError) -> Self {
+        let MotorMapError { motor, axis, axes } = error;
+        Self::new(gt_code::MotorMap)
+            .at(motor)
+            .value(count(axis))
+            .range(0.0, count(axes))
+    }
+}
+
+impl From<Full> for gt_error {
+    fn from(Full: Full) -> Self {
+        gt_code::Full.into()
+    }
+}
+
+impl From<RobotError> for gt_error {
+    fn from(error: RobotError) -> Self {
+        match error {
+            RobotError::NotFinite { parameter, index } => Self::new(gt_code::RobotNotFinite)
+                .of(parameter.into())
+                .at(index),
+            RobotError::OutOfRange {
+                parameter,
+                index,
+                lower,
+                upper,
+            } => Self::new(gt_code::RobotOutOfRange)
+                .of(parameter.into())
+                .at(index)
+                .range(lower, upper),
+            RobotError::Reversed { parameter, index } => Self::new(gt_code::RobotReversed)
+                .of(parameter.into())
+                .at(index),
+        }
+    }
+}
+
+impl From<Parameter> for gt_parameter {
+    fn from(parameter: Parameter) -> Self {
+        match parameter {
+            Parameter::CartJoint => Self::CartJoint,
+            Parameter::Guideway => Self::Guideway,
+            Parameter::PlatformJoint => Self::PlatformJoint,
+            Parameter::Length => Self::Length,
+            Parameter::Travel => Self::Travel,
+            Parameter::LinkCompliance => Self::LinkCompliance,
+            Parameter::CartCompliance => Self::CartCompliance,
+            Parameter::Cart => Self::Cart,
+            Parameter::PlateJoint => Self::PlateJoint,
+            Parameter::TurnAxis => Self::TurnAxis,
+            Parameter::TiltAxis => Self::TiltAxis,
+        }
+    }
+}
+
+impl From<NominalError> for gt_error {
+    fn from(error: NominalError) -> Self {
+        match error {
+            NominalError::NotRotation { deviation } => {
+                Self::new(gt_code::NominalNotRotation).value(deviation)
+            }
+            NominalError::NotTau { link, mismatch_m } => {
+                Self::new(gt_code::NominalNotTau).at(link).value(mismatch_m)
+            }
+        }
+    }
+}
+
+impl From<CompensatorError> for gt_error {
+    fn from(error: CompensatorError) -> Self {
+        match error {
+            CompensatorError::Gain => gt_code::CompensatorGain.into(),
+            CompensatorError::Limit { axis } => Self::new(gt_code::CompensatorLimit).at(axis),
+            CompensatorError::MetresPerQ { axis } => {
+                Self::new(gt_code::CompensatorMetresPerQ).at(axis)
+            }
+        }
+    }
+}
+
+impl From<KinematicsError> for gt_error {
+    fn from(error: KinematicsError) -> Self {
+        match error {
+            KinematicsError::NotFinite => gt_code::KinematicsNotFinite.into(),
+            KinematicsError::Unreachable { arm } => {
+                Self::new(gt_code::KinematicsUnreachable).at(arm)
+            }
+            KinematicsError::NoAssembly => gt_code::KinematicsNoAssembly.into(),
+            KinematicsError::OtherBranch { arm: Some(arm) } => {
+                Self::new(gt_code::KinematicsOtherBranch).at(arm)
+            }
+            KinematicsError::OtherBranch { arm: None } => gt_code::KinematicsOtherBranch.into(),
+            KinematicsError::Singular { measure } => {
+                Self::new(gt_code::KinematicsSingular).value(measure)
+            }
+            KinematicsError::OutOfRange {
+                axis,
+                q,
+                lower,
+                upper,
+            } => Self::new(gt_code::KinematicsOutOfRange)
+                .at(axis)
+                .value(q)
+                .range(lower, upper),
+            KinematicsError::NotConverged {
+                iterations,
+                residual_m,
+            } => Self {
+                iterations: iterations.into(),
+                ..Self::new(gt_code::KinematicsNotConverged).value(residual_m)
+            },
+            KinematicsError::SeedRequired => gt_code::KinematicsSeedRequired.into(),
+            KinematicsError::Inconsistent { arm } => {
+                Self::new(gt_code::KinematicsInconsistent).at(arm)
+            }
+        }
+    }
+}
+
+impl From<SensorError> for gt_error {
+    fn from(error: SensorError) -> Self {
+        match error {
+            SensorError::NotRotation => gt_code::SensorNotRotation.into(),
+            SensorError::OutOfRange {
+                parameter,
+                lower,
+                upper,
+            } => Self::new(gt_code::SensorOutOfRange)
+                .of(sensor_parameter(parameter))
+                .range(lower, upper),
+            SensorError::BadReading => gt_code::SensorBadReading.into(),
+            SensorError::InvalidState => gt_code::SensorInvalidState.into(),
+        }
+    }
+}
+
+/// Core names the fields of its `SensorConfig`.
+fn sensor_parameter(name: &str) -> gt_parameter {
+    match name {
+        "lever_m" => gt_parameter::Lever,
+        "cutoff_hz" => gt_parameter::Cutoff,
+        "cycle_s" => gt_parameter::Cycle,
+        "tare_samples" => gt_parameter::TareSamples,
+        _ => gt_parameter::None,
+    }
+}
+
+impl From<CrossingError> for gt_error {
+    fn from(error: CrossingError) -> Self {
+        match error {
+            CrossingError::NotFinite => gt_code::CrossingNotFinite.into(),
+            CrossingError::OutOfRange { limit_nm } => Self::new(gt_code::CrossingOutOfRange)
+                .range(whole(limit_nm.saturating_neg()), whole(limit_nm)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

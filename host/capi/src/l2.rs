@@ -1,0 +1,249 @@
+//! The machine with three axes (L2) in a constant orientation: kinematics in closed form, and statics.
+
+use core::ffi::c_void;
+
+use gantry_tau_core::kinematics::{Nominal, Pose};
+use gantry_tau_core::robot::{ARMS, Configuration, Geometry, Robot};
+use gantry_tau_core::statics::LineMatrix;
+
+use crate::code::gt_code;
+use crate::error::gt_error;
+use crate::machine::{GT_ARMS, GT_LINKS, branches, gt_wrench, matrix, rows, travel, vectors};
+use crate::memory::{Object, Reply, numbers, object, place, read, reply, settle, tag};
+
+/// Bytes of a gt_l2.
+pub const GT_L2_SIZE: usize = 2048;
+
+/// Geometry of a machine with three axes: joints on the carts A_ij = A0_ij + q_i v_i, on the platform B_ij = T + R b_ij. World axes, m.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct gt_l2_geometry {
+    /// A0: joints on the carts at q = 0, link order.
+    pub cart_joints_m: [[f64; 3]; GT_LINKS],
+    /// v: directions of the guideways, m per unit of q.
+    pub guideways: [[f64; 3]; GT_ARMS],
+    /// b: joints on the platform from the tool centre point, platform axes, link order.
+    pub platform_joints_m: [[f64; 3]; GT_LINKS],
+    /// L: link length of each arm.
+    pub lengths_m: [f64; GT_ARMS],
+    /// R: world axes from platform axes, row by row; constant.
+    pub rotation: [[f64; 3]; 3],
+    /// Side of each guideway the links point to, sign(s_i . v_i): 1 or -1.
+    pub inverse_branch: [i32; GT_ARMS],
+    /// Side of the carts' plane the tool is on, sign(n . (T - P_1)), n = (P_2 - P_1) x (P_3 - P_1): 1 or -1.
+    pub forward_branch: i32,
+    /// 0: the range of q is not checked.
+    pub has_travel: u8,
+    /// Range of each q, lower and upper end, q-units.
+    pub travel: [[f64; 2]; GT_ARMS],
+}
+
+/// A machine with three axes; its memory is the caller's, and no call changes it: threads may share it.
+pub struct gt_l2(());
+
+/// What a handle stands for.
+pub(crate) struct L2 {
+    pub(crate) robot: Robot,
+    pub(crate) nominal: Nominal,
+}
+
+impl Object for L2 {
+    type Handle = gt_l2;
+    const BYTES: usize = GT_L2_SIZE;
+    const TAG: u64 = tag(b"gtmachi", 3);
+}
+
+impl L2 {
+    fn new(geometry: &gt_l2_geometry) -> Reply<Self> {
+        let [forward] = branches([geometry.forward_branch], ARMS)?;
+        let robot = Robot::new(Geometry {
+            cart_joints_m: vectors(geometry.cart_joints_m),
+            guideways: vectors(geometry.guideways),
+            platform_joints_m: vectors(geometry.platform_joints_m),
+            lengths_m: geometry.lengths_m,
+            configuration: Configuration {
+                inverse: branches(geometry.inverse_branch, 0)?,
+                forward,
+            },
+            travel: travel(geometry.has_travel, geometry.travel),
+        })?;
+        let nominal = Nominal::new(&robot, &matrix(&geometry.rotation))?;
+        Ok(Self { robot, nominal })
+    }
+}
+
+/// Makes a machine in `memory`: checks every number and the Tau property, once.
+///
+/// `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_SIZE bytes. `machine`: receives the handle.
+///
+/// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (index 3: forward_branch), those of ROBOT_ and NOMINAL_: the first found.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_l2_init(
+    memory: *mut c_void,
+    size: usize,
+    geometry: *const gt_l2_geometry,
+    machine: *mut *mut gt_l2,
+    error: *mut gt_error,
+) -> gt_code {
+    let init = || {
+        // SAFETY: the header's rules for pointers.
+        unsafe {
+            let (machine, geometry) = (place(machine)?, read(geometry)?);
+            machine.put(settle(memory, size, || L2::new(&geometry))?);
+        }
+        Ok(())
+    };
+    // SAFETY: as above.
+    unsafe { reply(error, init()) }
+}
+
+/// CRC-32 over what decides the kinematics; `checksum` of a server is compared with the client's. wire.md says over what.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_l2_checksum(machine: *const gt_l2, checksum: *mut u32) -> gt_code {
+    let ask = || {
+        // SAFETY: the header's rules for pointers.
+        let (place, machine) = unsafe { (place(checksum)?, object::<L2>(machine)?) };
+        place.put(machine.robot.kinematics_checksum());
+        Ok(())
+    };
+    // SAFETY: null is allowed.
+    unsafe { reply(core::ptr::null_mut(), ask()) }
+}
+
+/// Inverse kinematics: positions q (q-units) that put the tool centre point at tcp_m (world axes, m), for a tool on the machine's side
+/// of the carts' plane. Closed form, constant cost.
+///
+/// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE. `q` is then not written.
+///
+/// cbindgen:ptrs-as-arrays=[[tcp_m;3], [q;3]]
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_l2_inverse(
+    machine: *const gt_l2,
+    tcp_m: *const f64,
+    q: *mut f64,
+    error: *mut gt_error,
+) -> gt_code {
+    let solve = || {
+        // SAFETY: the header's rules for pointers.
+        let (q, tcp_m, machine) = unsafe {
+            (
+                place(q.cast::<[f64; ARMS]>())?,
+                numbers::<3>(tcp_m)?,
+                object::<L2>(machine)?,
+            )
+        };
+        q.put(machine.nominal.inverse_in_assembly(&tcp_m.into())?);
+        Ok(())
+    };
+    // SAFETY: as above.
+    unsafe { reply(error, solve()) }
+}
+
+/// Forward kinematics: where the tool centre point is (world axes, m) for positions q (q-units). Closed form, constant cost.
+///
+/// Errors: KINEMATICS_: NO_ASSEMBLY, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE.
+///
+/// cbindgen:ptrs-as-arrays=[[q;3], [tcp_m;3]]
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_l2_forward(
+    machine: *const gt_l2,
+    q: *const f64,
+    tcp_m: *mut f64,
+    error: *mut gt_error,
+) -> gt_code {
+    let solve = || {
+        // SAFETY: the header's rules for pointers.
+        let (tcp_m, q, machine) = unsafe {
+            (
+                place(tcp_m.cast::<[f64; 3]>())?,
+                numbers(q)?,
+                object::<L2>(machine)?,
+            )
+        };
+        tcp_m.put(machine.nominal.forward(&q)?.into());
+        Ok(())
+    };
+    // SAFETY: as above.
+    unsafe { reply(error, solve()) }
+}
+
+/// The Jacobian dT/dq at tcp_m, 9 numbers row by row: m per q-unit, world axes.
+///
+/// Errors: as gt_l2_inverse.
+///
+/// cbindgen:ptrs-as-arrays=[[tcp_m;3], [jacobian;9]]
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_l2_jacobian(
+    machine: *const gt_l2,
+    tcp_m: *const f64,
+    jacobian: *mut f64,
+    error: *mut gt_error,
+) -> gt_code {
+    let solve = || {
+        // SAFETY: the header's rules for pointers.
+        let (jacobian, tcp_m, machine) = unsafe {
+            (
+                place(jacobian.cast::<[[f64; 3]; 3]>())?,
+                numbers::<3>(tcp_m)?,
+                object::<L2>(machine)?,
+            )
+        };
+        jacobian.put(rows(&machine.nominal.jacobian(&tcp_m.into())?));
+        Ok(())
+    };
+    // SAFETY: as above.
+    unsafe { reply(error, solve()) }
+}
+
+/// Statics: tensions of the links (N, link order) and loads on the carts (N times m per q-unit, positive along +q), under a load.
+/// tcp_m and q belong together (gt_l2_inverse, gt_l2_forward); that is not checked.
+///
+/// Errors: KINEMATICS_: SINGULAR, NOT_FINITE.
+///
+/// cbindgen:ptrs-as-arrays=[[tcp_m;3], [q;3], [link_forces_n;6], [cart_loads;3]]
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_l2_statics(
+    machine: *const gt_l2,
+    tcp_m: *const f64,
+    q: *const f64,
+    load: *const gt_wrench,
+    link_forces_n: *mut f64,
+    cart_loads: *mut f64,
+    error: *mut gt_error,
+) -> gt_code {
+    let solve = || {
+        // SAFETY: the header's rules for pointers.
+        let (forces, loads) = unsafe {
+            (
+                place(link_forces_n.cast::<[f64; GT_LINKS]>())?,
+                place(cart_loads.cast::<[f64; ARMS]>())?,
+            )
+        };
+        // SAFETY: as above.
+        let (tcp_m, q, load, machine) = unsafe {
+            (
+                numbers::<3>(tcp_m)?,
+                numbers(q)?,
+                read(load)?,
+                object::<L2>(machine)?,
+            )
+        };
+        let lines = LineMatrix::new(&machine.robot, &machine.pose(tcp_m.into()), &q)?;
+        let tensions = lines.link_forces_n(&load.into())?;
+        forces.put(tensions);
+        loads.put(lines.cart_loads(&tensions));
+        Ok(())
+    };
+    // SAFETY: as above.
+    unsafe { reply(error, solve()) }
+}
+
+impl L2 {
+    /// The pose of a tool that does not turn.
+    pub(crate) const fn pose(&self, position_m: nalgebra::Vector3<f64>) -> Pose {
+        Pose {
+            position_m,
+            rotation: *self.nominal.rotation(),
+        }
+    }
+}

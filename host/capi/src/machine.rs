@@ -1,0 +1,154 @@
+//! Poses, loads and what else both machines share.
+
+use gantry_tau_core::kinematics::{COLD_ITERATIONS, Pose, Solved, WARM_ITERATIONS};
+use gantry_tau_core::robot::{ARMS, Branch, LINKS};
+use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::units::{Metres, PositionNm};
+use nalgebra::{Matrix3, Vector3};
+
+use crate::code::gt_code;
+use crate::error::gt_error;
+use crate::memory::{Reply, place, reply};
+
+/// Number of links, in the order 11, 21, 22, 31, 32, 33: the first digit is the arm, and how many links it has.
+pub const GT_LINKS: usize = 6;
+/// Number of arms, carts and guideways.
+pub const GT_ARMS: usize = 3;
+const _: () = assert!(GT_LINKS == LINKS && GT_ARMS == ARMS, "core's machines");
+
+/// Linear solves that a seed from the cycle before needs at most, at 1 m/s and 1 kHz.
+pub const GT_WARM_SOLVES: u8 = 2;
+/// Linear solves for any other seed.
+pub const GT_COLD_SOLVES: u8 = 10;
+const _: () = assert!(
+    GT_WARM_SOLVES == WARM_ITERATIONS && GT_COLD_SOLVES == COLD_ITERATIONS,
+    "core's numbers"
+);
+
+/// Where the tool is and how it is turned: x_world = T + R x_platform.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct gt_pose {
+    /// T: tool centre point, world axes, m.
+    pub position_m: [f64; 3],
+    /// R: world axes from platform axes, row by row.
+    pub rotation: [[f64; 3]; 3],
+}
+
+/// A load on the platform, applied BY THE ENVIRONMENT TO THE PLATFORM; moment about the tool centre point.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct gt_wrench {
+    /// F, N; world axes.
+    pub force_n: [f64; 3],
+    /// M, N m; world axes.
+    pub moment_nm: [f64; 3],
+}
+
+/// How an iterative answer was come by.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct gt_solved {
+    /// Linear solves made.
+    pub iterations: i32,
+    /// Largest error of a link's length, m.
+    pub residual_m: f64,
+}
+
+impl From<gt_pose> for Pose {
+    fn from(pose: gt_pose) -> Self {
+        Self {
+            position_m: pose.position_m.into(),
+            rotation: matrix(&pose.rotation),
+        }
+    }
+}
+
+impl From<Pose> for gt_pose {
+    fn from(pose: Pose) -> Self {
+        Self {
+            position_m: pose.position_m.into(),
+            rotation: rows(&pose.rotation),
+        }
+    }
+}
+
+impl From<gt_wrench> for Wrench {
+    fn from(wrench: gt_wrench) -> Self {
+        Self {
+            force_n: wrench.force_n.into(),
+            moment_nm: wrench.moment_nm.into(),
+        }
+    }
+}
+
+impl From<Wrench> for gt_wrench {
+    fn from(wrench: Wrench) -> Self {
+        Self {
+            force_n: wrench.force_n.into(),
+            moment_nm: wrench.moment_nm.into(),
+        }
+    }
+}
+
+impl<T> From<&Solved<T>> for gt_solved {
+    fn from(solved: &Solved<T>) -> Self {
+        Self {
+            iterations: solved.iterations.into(),
+            residual_m: solved.residual_m,
+        }
+    }
+}
+
+/// A matrix from its rows.
+pub(crate) fn matrix(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
+    // nalgebra counts by columns.
+    Matrix3::from(*rows).transpose()
+}
+
+/// The rows of a matrix.
+pub(crate) fn rows(matrix: &Matrix3<f64>) -> [[f64; 3]; 3] {
+    matrix.transpose().into()
+}
+
+/// Vectors from their components.
+pub(crate) fn vectors<const N: usize>(components: [[f64; 3]; N]) -> [Vector3<f64>; N] {
+    components.map(Vector3::from)
+}
+
+/// Branches from their signs; `index` of an error counts from `from`.
+pub(crate) fn branches<const N: usize>(signs: [i32; N], from: usize) -> Reply<[Branch; N]> {
+    let mut branches = [Branch::Positive; N];
+    for (index, (branch, sign)) in branches.iter_mut().zip(signs).enumerate() {
+        *branch = match sign {
+            1 => Branch::Positive,
+            -1 => Branch::Negative,
+            _ => return Err(gt_error::new(gt_code::Branch).at(index.saturating_add(from))),
+        };
+    }
+    Ok(branches)
+}
+
+/// Ranges of axes, if they are to be checked.
+pub(crate) fn travel<const N: usize>(has: u8, ranges: [[f64; 2]; N]) -> Option<[(f64, f64); N]> {
+    (has != 0).then(|| ranges.map(|[lower, upper]| (lower, upper)))
+}
+
+/// A length in whole nanometres: the nearest, halves away from zero. The one way from the float world to references.
+///
+/// Errors: those of CROSSING_ (NaN, infinite, or 2^53 nm and more).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_position_from_metres(
+    metres: f64,
+    position_nm: *mut i64,
+    error: *mut gt_error,
+) -> gt_code {
+    let cross = || {
+        // SAFETY: the header's rules for pointers.
+        let place = unsafe { place(position_nm) }?;
+        place.put(PositionNm::from_metres(Metres(metres))?.0);
+        Ok(())
+    };
+    // SAFETY: as above.
+    unsafe { reply(error, cross()) }
+}

@@ -1,0 +1,119 @@
+//! The force sensor: tare, frame, low-pass.
+
+use core::ffi::c_void;
+
+use gantry_tau_core::sensor::{ForceSensor, Reading, SensorConfig};
+use gantry_tau_core::statics::Wrench;
+
+use crate::code::gt_code;
+use crate::error::gt_error;
+use crate::machine::{gt_wrench, matrix};
+use crate::memory::{Object, object_mut, place, read, reply, settle, tag};
+
+/// Bytes of a gt_sensor.
+pub const GT_SENSOR_SIZE: usize = 512;
+
+/// How a sensor is mounted and filtered.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct gt_sensor_config {
+    /// R: world axes from sensor axes, row by row.
+    pub rotation: [[f64; 3]; 3],
+    /// p: from the tool centre point to the sensor's origin, world axes, m; at most 10.
+    pub lever_m: [f64; 3],
+    /// Cut-off frequency of the low-pass, Hz, 1e-3 to 1e5.
+    pub cutoff_hz: f64,
+    /// Time between two samples, s, 1e-6 to 10.
+    pub cycle_s: f64,
+    /// Samples of the tare, 1 to 1e6; the tool must be unloaded meanwhile.
+    pub tare_samples: u32,
+}
+
+/// A force sensor.
+pub struct gt_sensor(());
+
+struct Sensor(ForceSensor);
+
+impl Object for Sensor {
+    type Handle = gt_sensor;
+    const BYTES: usize = GT_SENSOR_SIZE;
+    const TAG: u64 = tag(b"gtsenso", 0);
+}
+
+/// Makes a sensor in `memory`; it starts with its tare.
+///
+/// `memory`, `size`: aligned to GT_ALIGN, at least GT_SENSOR_SIZE bytes. `sensor`: receives the handle.
+///
+/// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_SENSOR_NOT_ROTATION, GT_CODE_SENSOR_OUT_OF_RANGE: the first found.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_sensor_init(
+    memory: *mut c_void,
+    size: usize,
+    config: *const gt_sensor_config,
+    sensor: *mut *mut gt_sensor,
+    error: *mut gt_error,
+) -> gt_code {
+    let init = || {
+        // SAFETY: the header's rules for pointers.
+        unsafe {
+            let (place, config) = (place(sensor)?, read(config)?);
+            let make = || {
+                Ok(Sensor(ForceSensor::new(SensorConfig {
+                    rotation: matrix(&config.rotation),
+                    lever_m: config.lever_m.into(),
+                    cutoff_hz: config.cutoff_hz,
+                    cycle_s: config.cycle_s,
+                    tare_samples: config.tare_samples,
+                })?))
+            };
+            place.put(settle(memory, size, make)?);
+        }
+        Ok(())
+    };
+    // SAFETY: as above.
+    unsafe { reply(error, init()) }
+}
+
+/// Takes one raw sample (sensor axes, about the sensor's origin), once per cycle.
+/// `taring` receives the samples that the tare still needs; when it is 0, `load` receives the load on the platform, world axes, about
+/// the tool centre point, filtered, otherwise zeros. Constant cost.
+///
+/// Errors: GT_CODE_SENSOR_BAD_READING; nothing is changed then.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_sensor_update(
+    sensor: *mut gt_sensor,
+    raw: *const gt_wrench,
+    load: *mut gt_wrench,
+    taring: *mut u32,
+) -> gt_code {
+    let update = || {
+        // SAFETY: the header's rules for pointers.
+        let (load, taring, raw, sensor) = unsafe {
+            (
+                place(load)?,
+                place(taring)?,
+                read(raw)?,
+                object_mut::<Sensor>(sensor)?,
+            )
+        };
+        let (wrench, remaining) = match sensor.0.update(&raw.into())? {
+            Reading::Taring { remaining } => (Wrench::zero(), remaining),
+            Reading::Load(wrench) => (wrench, 0),
+        };
+        load.put(wrench.into());
+        taring.put(remaining);
+        Ok(())
+    };
+    // SAFETY: null is allowed.
+    unsafe { reply(core::ptr::null_mut(), update()) }
+}
+
+/// Starts over: tare first, filter at zero. The tool must be unloaded.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_sensor_restart(sensor: *mut gt_sensor) -> gt_code {
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        let restart = object_mut::<Sensor>(sensor).map(|sensor| sensor.0.restart_tare());
+        reply(core::ptr::null_mut(), restart)
+    }
+}

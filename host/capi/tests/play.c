@@ -1,0 +1,228 @@
+/*
+ * Plays a script of calls against a server, and prints everything that comes out. The test compares it with what core says.
+ *
+ *     axes A black_box B        the server
+ *     o T                       open a connection of transport T
+ *     c N                       connection N is gone
+ *     f N [HEX]                 feed bytes
+ *     r OFFSETS                 resume: position velocity torque, six times
+ *     t E S R U P NOMINAL ACTUAL
+ *                               tick: elapsed, stop, rearm, arrival_us, next_epoch; six positions; position velocity torque, six times
+ *     b                         the black box: its lines, then release
+ */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "gantry_tau.h"
+
+static GT_MEMORY(GT_SERVER_SIZE_6_BLACK_BOX) memory;
+static char line[GT_BLACK_BOX_LINE];
+static char word[16384];
+static uint8_t bytes[8192];
+
+static void check(gt_code code)
+{
+    if (code != GT_CODE_OK) {
+        printf("FAILED: %s\n", gt_code_name(code));
+        exit(1);
+    }
+}
+
+static const char *next(void)
+{
+    if (scanf("%16383s", word) != 1) {
+        exit(2);
+    }
+    return word;
+}
+
+static int64_t number(void)
+{
+    return strtoll(next(), NULL, 10);
+}
+
+static uint64_t natural(void)
+{
+    return strtoull(next(), NULL, 10);
+}
+
+static size_t hex(void)
+{
+    const char *digits = next();
+    size_t length = 0;
+    if (strcmp(digits, "-") == 0) {
+        return 0;
+    }
+    for (; digits[2 * length]; length++) {
+        const char pair[3] = {digits[2 * length], digits[2 * length + 1], 0};
+        bytes[length] = (uint8_t)strtoul(pair, NULL, 16);
+    }
+    return length;
+}
+
+static void print_hex(const uint8_t *data, size_t length)
+{
+    for (size_t i = 0; i < length; i++) {
+        printf("%02x", data[i]);
+    }
+    printf("\n");
+}
+
+static void print_offsets(const char *what, const gt_offsets *offsets)
+{
+    printf(" %s %" PRId32 " %" PRId32 " %" PRId16, what, offsets->position_nm, offsets->velocity_um_s, offsets->torque_permille);
+}
+
+static void print_state(const gt_state *state)
+{
+    const gt_counters *c = &state->counters;
+    printf("state %llu %llu %llu phase %" PRId32 " cause %" PRId32 " left %" PRIu32 " arrival %u on_time %u\n",
+           (unsigned long long)state->tick, (unsigned long long)state->epoch, (unsigned long long)state->accepted, state->phase, state->cause, state->ramp_ticks_left, state->arrival_us, state->on_time_of_100);
+    printf("counters %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %u\n",
+           c->received, c->missed, c->late, c->duplicate, c->stale, c->malformed, c->out_of_range, c->limited, c->clamped, c->strangers, c->longest_miss_run);
+    for (uint32_t i = 0; i < state->axis_count; i++) {
+        const gt_axis_state *axis = &state->axes[i];
+        printf("axis %lld", (long long)axis->nominal_nm);
+        print_offsets("offsets", &axis->offsets);
+        print_offsets("shadow", &axis->shadow);
+        printf(" actual %lld %" PRId32 " %" PRId16 " flags %u\n", (long long)axis->actual.position_nm, axis->actual.velocity_um_s, axis->actual.torque_permille, axis->flags);
+    }
+}
+
+static void tick(gt_server *server)
+{
+    gt_cycle cycle;
+    gt_turn turn;
+
+    memset(&cycle, 0, sizeof cycle);
+    cycle.elapsed = (uint32_t)natural();
+    cycle.stop = (uint8_t)natural();
+    cycle.rearm = (uint8_t)natural();
+    cycle.arrival_us = (uint16_t)natural();
+    cycle.next_epoch = natural();
+    for (int i = 0; i < GT_MAX_AXES; i++) {
+        cycle.nominal_nm[i] = number();
+    }
+    for (int i = 0; i < GT_MAX_AXES; i++) {
+        cycle.actual[i].position_nm = number();
+        cycle.actual[i].velocity_um_s = (int32_t)number();
+        cycle.actual[i].torque_permille = (int16_t)number();
+    }
+    check(gt_server_tick(server, &cycle, &turn));
+    for (uint32_t i = 0; i < turn.motor_count; i++) {
+        printf("motor %lld %" PRId32 " %" PRId16 "\n", (long long)turn.motors[i].position_nm, turn.motors[i].velocity_offset_um_s, turn.motors[i].torque_offset_permille);
+    }
+    printf("turn refused %" PRIu32 " welcomed %u owner", turn.refused, turn.welcomed);
+    if (turn.has_owner) {
+        printf(" %llu", (unsigned long long)turn.owner);
+    }
+    printf(" ended %" PRId32 " close", turn.ended);
+    for (uint32_t i = 0; i < turn.close_count; i++) {
+        printf(" %llu", (unsigned long long)turn.close[i]);
+    }
+    printf("\n");
+    print_state(&turn.state);
+    for (uint32_t i = 0; i < turn.frame_count; i++) {
+        gt_frame frame;
+        check(gt_server_frame(server, i, &frame));
+        printf("frame %llu ", (unsigned long long)frame.connection);
+        print_hex(frame.bytes, frame.length);
+    }
+}
+
+static void resume(gt_server *server)
+{
+    gt_offsets in_force[GT_MAX_AXES];
+    for (int i = 0; i < GT_MAX_AXES; i++) {
+        in_force[i].position_nm = (int32_t)number();
+        in_force[i].velocity_um_s = (int32_t)number();
+        in_force[i].torque_permille = (int16_t)number();
+    }
+    printf("resume %s\n", gt_code_name(gt_server_resume(server, in_force, NULL)));
+}
+
+static void black_box(gt_server *server)
+{
+    gt_black_box box;
+    check(gt_server_black_box(server, &box));
+    printf("black box %" PRIu32 " frozen %u\n", box.ticks, box.frozen);
+    for (uint32_t i = 0; i < box.lines; i++) {
+        size_t length;
+        check(gt_server_black_box_line(server, i, line, sizeof line, &length));
+        fwrite(line, 1, length, stdout);
+    }
+    check(gt_server_black_box_release(server));
+}
+
+static gt_server *begin(void)
+{
+    static const gt_limits velocity = {5000, 200, 400, 50}, torque = {50, 5, 10, 1};
+    gt_server_config config;
+    gt_start start;
+    gt_server *server;
+
+    memset(&start, 0, sizeof start);
+    next(); /* axes */
+    check(gt_server_config_thesis(&config, (uint32_t)natural()));
+    next(); /* black_box */
+    config.black_box_ticks = (uint32_t)natural();
+    config.motors = 9;
+    for (uint32_t i = 0; i < config.motors; i++) {
+        config.axis_of_motor[i] = (uint8_t)(i % config.axes);
+    }
+    for (uint32_t i = 0; i < config.axes; i++) {
+        gt_axis_config *axis = &config.axis[i];
+        axis->velocity = velocity;
+        axis->torque = torque;
+        axis->nominal_lower_nm = -1000000000;
+        axis->nominal_upper_nm = 1000000000;
+        axis->machine_lower_nm = -1002000000;
+        axis->machine_upper_nm = 1002000000;
+        axis->nominal_step_nm = 2000000;
+    }
+    config.handshake_ticks = 40;
+    config.budget_window = 100;
+    config.budget_allowed = 20;
+    check(gt_server_init(&memory, sizeof memory, &config, &start, &server, NULL));
+    return server;
+}
+
+int main(void)
+{
+    gt_server *server = begin();
+    char call[2];
+    while (scanf("%1s", call) == 1) {
+        uint64_t connection = 0;
+        uint8_t frames = 0;
+        size_t length;
+        switch (call[0]) {
+        case 'o':
+            printf("open %s", gt_code_name(gt_server_open(server, (uint32_t)natural(), &connection)));
+            printf(" %llu\n", (unsigned long long)connection);
+            break;
+        case 'c':
+            check(gt_server_close(server, natural()));
+            break;
+        case 'f':
+            connection = natural();
+            length = hex();
+            check(gt_server_feed(server, connection, bytes, length, &frames));
+            printf("fed %u\n", frames);
+            break;
+        case 'r':
+            resume(server);
+            break;
+        case 't':
+            tick(server);
+            break;
+        case 'b':
+            black_box(server);
+            break;
+        default:
+            return 2;
+        }
+    }
+    return 0;
+}

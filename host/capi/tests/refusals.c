@@ -1,0 +1,339 @@
+/* Everything a caller can get wrong that can be seen from outside: an error code, never more. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "gantry_tau.h"
+
+static GT_MEMORY(GT_SERVER_SIZE_6_BLACK_BOX) memory;
+static int refused;
+
+/* The call returns this code. */
+static void expect(int line, gt_code expected, gt_code code)
+{
+    if (code != expected) {
+        printf("line %d: %s, not %s\n", line, gt_code_name(code), gt_code_name(expected));
+        exit(1);
+    }
+    refused += code != GT_CODE_OK;
+}
+
+/* The last error is about this index and parameter. */
+static void about(int line, const gt_error *error, int32_t index, gt_parameter parameter, double value)
+{
+    if (error->index != index || error->parameter != parameter || error->value != value) {
+        printf("line %d: index %" PRId32 ", parameter %" PRId32 ", value %g\n", line, error->index, error->parameter, error->value);
+        exit(1);
+    }
+}
+
+#define REFUSE(wrong)                                                                                                  \
+    if (wrong) {                                                                                                       \
+        printf("line %d: %s\n", __LINE__, #wrong);                                                                     \
+        exit(1);                                                                                                       \
+    }
+#define EXPECT(code, call) expect(__LINE__, GT_CODE_##code, call)
+#define ABOUT(index, parameter, value) about(__LINE__, &error, index, GT_PARAMETER_##parameter, value)
+
+static gt_server_config good(uint32_t axes)
+{
+    gt_server_config config;
+    EXPECT(OK, gt_server_config_thesis(&config, axes));
+    return config;
+}
+
+static void configurations(void)
+{
+    gt_error error;
+    gt_server_config config = good(3);
+    size_t size = 0;
+
+    EXPECT(OK, gt_server_config_check(&config, &size, &error));
+    expect(__LINE__, GT_CODE_OK, error.code);
+    REFUSE(size > GT_SERVER_SIZE_3 || size < GT_SERVER_SIZE_3 / 2)
+    EXPECT(NULL_POINTER, gt_server_config_thesis(NULL, 3));
+    EXPECT(CONFIG_AXES, gt_server_config_thesis(&config, 4));
+    EXPECT(NULL_POINTER, gt_server_config_check(NULL, NULL, NULL));
+
+#define BAD(code, change)                                                                                              \
+    config = good(6);                                                                                                  \
+    change;                                                                                                            \
+    EXPECT(code, gt_server_config_check(&config, NULL, &error))
+    BAD(CONFIG_AXES, config.axes = 0);
+    ABOUT(-1, NONE, 0);
+    BAD(CONFIG_AXES, config.axes = UINT32_MAX);
+    BAD(MOTOR_COUNT, config.motors = 0);
+    BAD(MOTOR_COUNT, config.motors = 13);
+    ABOUT(-1, NONE, 13);
+    BAD(MOTOR_MAP, config.axis_of_motor[5] = 6);
+    ABOUT(5, NONE, 6);
+    BAD(BLACK_BOX, config.black_box_ticks = 63);
+    BAD(CONFIG_HANDSHAKE_TICKS, config.handshake_ticks = 0);
+    BAD(CONFIG_BUDGET_WINDOW, config.budget_window = 129);
+    ABOUT(-1, NONE, 129);
+    BAD(LIMITS_NEGATIVE_MAX, config.axis[5].torque.max = INT32_MIN);
+    ABOUT(5, TORQUE, INT32_MIN);
+    BAD(LIMITS_RAMP_NOT_POSITIVE, config.axis[1].position.ramp = 0);
+    ABOUT(1, POSITION, 0);
+    BAD(LIMITS_RAMP_ABOVE_STEP, config.axis[2].velocity.ramp = 2);
+    ABOUT(2, VELOCITY, 2);
+    BAD(LIMITS_ACCEL_TOO_SMALL, config.axis[0].position.accel = 5099);
+    ABOUT(0, POSITION, 5099);
+    REFUSE(error.lower != 5100)
+    BAD(CONFIG_TORQUE_MAX, config.axis[4].torque.max = 32768);
+    ABOUT(4, NONE, 0);
+    BAD(CONFIG_TRAVEL, config.axis[3].nominal_lower_nm = 1);
+    BAD(CONFIG_TRAVEL, config.axis[3].machine_upper_nm = INT64_MAX);
+    BAD(CONFIG_MARGIN, config.axis[2].machine_upper_nm = 1999999);
+    ABOUT(2, NONE, 0);
+    /* What lies beyond the machine's axes is not looked at. */
+    config = good(3);
+    config.axis[3].position.ramp = 0;
+    config.axis_of_motor[3] = 200;
+    EXPECT(OK, gt_server_config_check(&config, NULL, &error));
+}
+
+static void servers(void)
+{
+    gt_error error;
+    gt_server_config config = good(6);
+    gt_start start;
+    gt_server *server = NULL, *none = NULL;
+    gt_cycle cycle;
+    gt_turn turn;
+    gt_frame frame;
+    gt_black_box box;
+    gt_offsets in_force[GT_MAX_AXES];
+    uint64_t connection = 0, first = 0;
+    uint8_t flag = 0;
+    size_t length = 0;
+    char line[8];
+
+    memset(&start, 0, sizeof start);
+    memset(&cycle, 0, sizeof cycle);
+    memset(in_force, 0, sizeof in_force);
+    config.black_box_ticks = GT_BLACK_BOX_TICKS;
+
+    EXPECT(NULL_POINTER, gt_server_init(NULL, sizeof memory, &config, &start, &server, &error));
+    EXPECT(NULL_POINTER, gt_server_init(&memory, sizeof memory, NULL, &start, &server, &error));
+    EXPECT(NULL_POINTER, gt_server_init(&memory, sizeof memory, &config, NULL, &server, &error));
+    EXPECT(NULL_POINTER, gt_server_init(&memory, sizeof memory, &config, &start, NULL, NULL));
+    EXPECT(MISALIGNED, gt_server_init(memory.bytes + 4, sizeof memory - 4, &config, &start, &server, &error));
+    EXPECT(MEMORY_TOO_SMALL, gt_server_init(&memory, 1024, &config, &start, &server, &error));
+    REFUSE(error.value < 1024 || error.value > GT_SERVER_SIZE_6_BLACK_BOX)
+    start.in_force[4].position_nm = 2000001;
+    EXPECT(START_OFFSET_IN_FORCE, gt_server_init(&memory, sizeof memory, &config, &start, &server, &error));
+    ABOUT(4, NONE, 2000001);
+    REFUSE(server) /* nothing was handed out */
+    start.in_force[4].position_nm = 0;
+
+    /* Memory that holds no server, though a pointer says so. */
+    EXPECT(NO_OBJECT, gt_server_tick((gt_server *)&memory, &cycle, &turn));
+    EXPECT(OK, gt_server_init(&memory, sizeof memory, &config, &start, &server, &error));
+    start.in_force[0].torque_permille = 1;
+    EXPECT(START_OFFSET_IN_FORCE, gt_server_init(&memory, sizeof memory, &config, &start, &none, &error));
+    EXPECT(NO_OBJECT, gt_server_tick(server, &cycle, &turn));
+    start.in_force[0].torque_permille = 0;
+    EXPECT(OK, gt_server_init(&memory, sizeof memory, &config, &start, &server, &error));
+
+    EXPECT(NULL_POINTER, gt_server_open(NULL, GT_TRANSPORT_STREAM, &connection));
+    EXPECT(NULL_POINTER, gt_server_open(server, GT_TRANSPORT_STREAM, NULL));
+    EXPECT(TRANSPORT, gt_server_open(server, 2, &connection));
+    for (int i = 0; i < GT_MAX_CONNECTIONS; i++) {
+        EXPECT(OK, gt_server_open(server, (uint32_t)i % 2, &connection));
+        REFUSE(connection != (uint64_t)i)
+    }
+    EXPECT(FULL, gt_server_open(server, GT_TRANSPORT_STREAM, &connection));
+    EXPECT(OK, gt_server_refusal(&frame));
+    REFUSE(frame.length != 18 || memcmp(frame.bytes, "GT\1\7\10\0\7", 7) != 0)
+    EXPECT(NULL_POINTER, gt_server_refusal(NULL));
+    EXPECT(OK, gt_server_close(server, first));
+    EXPECT(OK, gt_server_close(server, 12345));
+    EXPECT(NULL_POINTER, gt_server_close(NULL, first));
+
+    EXPECT(OK, gt_server_feed(server, 1, NULL, 0, &flag));
+    EXPECT(OK, gt_server_feed(server, 12345, (const uint8_t *)"x", 1, NULL));
+    EXPECT(NULL_POINTER, gt_server_feed(server, 1, NULL, 1, &flag));
+    EXPECT(LENGTH, gt_server_feed(server, 1, (const uint8_t *)"x", SIZE_MAX, &flag));
+    EXPECT(NULL_POINTER, gt_server_feed(NULL, 1, (const uint8_t *)"x", 1, &flag));
+    EXPECT(NULL_POINTER, gt_server_owner_has_answered(server, NULL));
+    EXPECT(OK, gt_server_owner_has_answered(server, &flag));
+
+    EXPECT(NULL_POINTER, gt_server_tick(NULL, &cycle, &turn));
+    EXPECT(NULL_POINTER, gt_server_tick(server, NULL, &turn));
+    EXPECT(NULL_POINTER, gt_server_tick(server, &cycle, NULL));
+    EXPECT(MISALIGNED, gt_server_tick((gt_server *)(memory.bytes + 1), &cycle, &turn));
+    EXPECT(OK, gt_server_tick(server, &cycle, &turn));
+    EXPECT(INDEX, gt_server_frame(server, turn.frame_count, &frame));
+    EXPECT(INDEX, gt_server_frame(server, UINT32_MAX, &frame));
+    EXPECT(NULL_POINTER, gt_server_frame(server, 0, NULL));
+    REFUSE(turn.state.tick != 1) /* refused ticks are none */
+
+    in_force[5].velocity_um_s = 1;
+    EXPECT(START_OFFSET_IN_FORCE, gt_server_resume(server, in_force, &error));
+    ABOUT(5, NONE, 0);
+    REFUSE(error.lower != 1)
+    EXPECT(NULL_POINTER, gt_server_resume(server, NULL, &error));
+
+    EXPECT(OK, gt_server_black_box(server, &box));
+    REFUSE(box.ticks != 1 || box.lines != 4 || box.frozen)
+    EXPECT(BUFFER_TOO_SMALL, gt_server_black_box_line(server, 0, NULL, 0, &length));
+    REFUSE(length != strlen("{\"format\":\"gantry-tau black box\",\"version\":1,\"axes\":6,\"ticks\":1}\n"))
+    EXPECT(BUFFER_TOO_SMALL, gt_server_black_box_line(server, 0, line, sizeof line, &length));
+    REFUSE(memcmp(line, "{\"format", 8) != 0)
+    EXPECT(INDEX, gt_server_black_box_line(server, 4, line, sizeof line, &length));
+    EXPECT(INDEX, gt_server_black_box_line(server, UINT32_MAX, line, sizeof line, &length));
+    EXPECT(NULL_POINTER, gt_server_black_box_line(server, 0, line, sizeof line, NULL));
+    EXPECT(NULL_POINTER, gt_server_black_box(server, NULL));
+    EXPECT(OK, gt_server_black_box_release(server));
+    EXPECT(INDEX, gt_server_black_box_line(server, 0, line, sizeof line, &length));
+
+    /* The machine did not take the references: over from what it has. */
+    in_force[5].velocity_um_s = 0;
+    in_force[5].position_nm = -250;
+    EXPECT(OK, gt_server_resume(server, in_force, &error));
+    EXPECT(OK, gt_server_tick(server, &cycle, &turn));
+    REFUSE(turn.state.phase != GT_PHASE_SAFE_DISCONNECT || turn.motors[5].position_nm != -150)
+
+    /* Every server without a black box has none. */
+    config.black_box_ticks = GT_BLACK_BOX_NONE;
+    EXPECT(OK, gt_server_init(&memory, GT_SERVER_SIZE_6, &config, &start, &server, &error));
+    EXPECT(OK, gt_server_tick(server, &cycle, &turn));
+    EXPECT(OK, gt_server_black_box(server, &box));
+    REFUSE(box.ticks != 0 || box.lines != 0 || box.frozen)
+    EXPECT(OK, gt_server_black_box_release(server));
+}
+
+static void machines(void)
+{
+    static GT_MEMORY(GT_L2_SIZE) l2_memory;
+    static GT_MEMORY(GT_F1_SIZE) f1_memory;
+    gt_error error;
+    gt_l2_geometry geometry = {
+        .cart_joints_m = {{0.10, -0.05, 1.28}, {-0.10, -0.29, 0.75}, {0.10, -0.29, 0.75},
+                          {-0.12, -0.05, 0.05}, {0.12, -0.05, 0.05}, {0.00, 0.08, 0.05}},
+        .guideways = {{1, 0, 0}, {1, 0, 0}, {1, 0, 0}},
+        .platform_joints_m = {{0.10, -0.05, 0.03}, {-0.10, 0.06, 0.05}, {0.10, 0.06, 0.05},
+                              {-0.12, -0.05, -0.05}, {0.12, -0.05, -0.05}, {0.00, 0.08, -0.05}},
+        .lengths_m = {1.0, 1.1, 1.0},
+        .rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+        .inverse_branch = {1, -1, 1},
+        .forward_branch = -1,
+    };
+    gt_f1_geometry six;
+    gt_compensator_config config;
+    gt_sensor_config mounting;
+    gt_l2 *l2 = NULL;
+    gt_f1 *f1 = NULL;
+    gt_l2_compensator *compensator = NULL;
+    gt_sensor *sensor = NULL;
+    gt_correction correction;
+    gt_wrench load, out;
+    double q[3] = {7, 7, 7}, tcp_m[3] = {0, 0.5, 0.65};
+    int64_t position_nm;
+    uint32_t taring;
+
+    memset(&six, 0, sizeof six);
+    memset(&config, 0, sizeof config);
+    memset(&load, 0, sizeof load);
+    memset(&mounting, 0, sizeof mounting);
+
+    EXPECT(OK, gt_l2_init(&l2_memory, sizeof l2_memory, &geometry, &l2, &error));
+    EXPECT(MEMORY_TOO_SMALL, gt_l2_init(&f1_memory, 8, &geometry, &l2, &error));
+    geometry.inverse_branch[1] = 0;
+    EXPECT(BRANCH, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
+    ABOUT(1, NONE, 0);
+    geometry.inverse_branch[1] = -1;
+    geometry.forward_branch = 2;
+    EXPECT(BRANCH, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
+    ABOUT(3, NONE, 0);
+    geometry.forward_branch = -1;
+    geometry.lengths_m[2] = NAN;
+    EXPECT(ROBOT_NOT_FINITE, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
+    ABOUT(2, LENGTH, 0);
+    geometry.lengths_m[2] = -1;
+    EXPECT(ROBOT_OUT_OF_RANGE, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
+    REFUSE(error.lower != 1e-6 || error.upper != 1e3)
+    geometry.lengths_m[2] = 1;
+    geometry.has_travel = 1;
+    geometry.travel[1][0] = 1;
+    EXPECT(ROBOT_REVERSED, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
+    ABOUT(1, TRAVEL, 0);
+    geometry.travel[1][0] = 0;
+    geometry.rotation[0][0] = -1;
+    EXPECT(NOMINAL_NOT_ROTATION, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
+    geometry.rotation[0][0] = 1;
+    geometry.cart_joints_m[4][2] += 1e-3;
+    EXPECT(NOMINAL_NOT_TAU, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
+    REFUSE(error.index != 4 || fabs(error.value - 1e-3) > 1e-12)
+
+    EXPECT(NULL_POINTER, gt_l2_inverse(NULL, tcp_m, q, &error));
+    EXPECT(NULL_POINTER, gt_l2_inverse(l2, NULL, q, &error));
+    EXPECT(NULL_POINTER, gt_l2_inverse(l2, tcp_m, NULL, &error));
+    tcp_m[0] = INFINITY;
+    EXPECT(KINEMATICS_NOT_FINITE, gt_l2_inverse(l2, tcp_m, q, &error));
+    tcp_m[0] = 0;
+    tcp_m[1] = 5;
+    EXPECT(KINEMATICS_UNREACHABLE, gt_l2_inverse(l2, tcp_m, q, &error));
+    ABOUT(0, NONE, 0);
+    REFUSE(q[0] != 7 || q[1] != 7 || q[2] != 7) /* nothing is written with an error */
+    EXPECT(NO_OBJECT, gt_f1_checksum((const gt_f1 *)l2, &taring));
+    EXPECT(ROBOT_OUT_OF_RANGE, gt_f1_init(&f1_memory, sizeof f1_memory, (six.inverse_branch[0] = six.inverse_branch[1] = six.inverse_branch[2] = 1, six.turn_signs[0] = six.turn_signs[1] = -1, &six), &f1, &error));
+    ABOUT(0, GUIDEWAY, 0);
+    six.turn_signs[1] = 5;
+    EXPECT(BRANCH, gt_f1_init(&f1_memory, sizeof f1_memory, &six, &f1, &error));
+    ABOUT(4, NONE, 0);
+
+    EXPECT(ROBOT_OUT_OF_RANGE, gt_l2_compensator_init(&memory, sizeof memory, l2, &config, &compensator, &error));
+    ABOUT(0, LINK_COMPLIANCE, 0);
+    for (int i = 0; i < 6; i++) {
+        config.link_m_per_n[i] = 5e-7;
+        config.axis_per_n[i] = 5e-8;
+        config.metres_per_q[i] = 1;
+        config.limits_nm[i] = 1000000;
+    }
+    config.gain = NAN;
+    EXPECT(COMPENSATOR_GAIN, gt_l2_compensator_init(&memory, sizeof memory, l2, &config, &compensator, &error));
+    config.gain = 1;
+    config.limits_nm[2] = -1;
+    EXPECT(COMPENSATOR_LIMIT, gt_l2_compensator_init(&memory, sizeof memory, l2, &config, &compensator, &error));
+    ABOUT(2, NONE, 0);
+    config.limits_nm[2] = 0;
+    config.metres_per_q[1] = 0;
+    EXPECT(COMPENSATOR_METRES_PER_Q, gt_l2_compensator_init(&memory, sizeof memory, l2, &config, &compensator, &error));
+    ABOUT(1, NONE, 0);
+    config.metres_per_q[1] = 1;
+    EXPECT(OK, gt_l2_compensator_init(&memory, sizeof memory, l2, &config, &compensator, &error));
+    load.force_n[1] = NAN;
+    tcp_m[1] = 0.5;
+    EXPECT(OK, gt_l2_inverse(l2, tcp_m, q, &error));
+    EXPECT(KINEMATICS_NOT_FINITE, gt_l2_correction(compensator, q, &load, &correction, &error));
+    EXPECT(KINEMATICS_NOT_FINITE, gt_l2_exact_correction(compensator, q, &load, &correction, &error));
+    EXPECT(NULL_POINTER, gt_l2_correction(compensator, q, NULL, &correction, NULL));
+
+    EXPECT(SENSOR_NOT_ROTATION, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
+    mounting.rotation[0][0] = mounting.rotation[1][1] = mounting.rotation[2][2] = 1;
+    mounting.cutoff_hz = 20;
+    mounting.cycle_s = 1e-3;
+    EXPECT(SENSOR_OUT_OF_RANGE, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
+    ABOUT(-1, TARE_SAMPLES, 0);
+    mounting.tare_samples = 1;
+    EXPECT(OK, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
+    EXPECT(SENSOR_BAD_READING, gt_sensor_update(sensor, &load, &out, &taring));
+    EXPECT(NO_OBJECT, gt_l2_correction(compensator, q, &load, &correction, &error)); /* a sensor lives there now */
+
+    EXPECT(CROSSING_NOT_FINITE, gt_position_from_metres(NAN, &position_nm, &error));
+    EXPECT(CROSSING_OUT_OF_RANGE, gt_position_from_metres(1e10, &position_nm, &error));
+    REFUSE(error.upper != 9007199254740992.0)
+}
+
+int main(void)
+{
+    configurations();
+    servers();
+    machines();
+    printf("%d refusals\n", refused);
+    return 0;
+}

@@ -1,0 +1,103 @@
+//! The library, compilers, and programs made by them.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use libtest_mimic::Failed;
+
+/// A missing tool is a failure.
+pub(crate) fn required() -> bool {
+    std::env::var_os("GANTRY_TAU_REQUIRE_CAPI").is_some_and(|value| value == "1")
+}
+
+/// Whether a program can be started.
+pub(crate) fn has(tool: &str) -> bool {
+    Command::new(tool).arg("--version").output().is_ok()
+}
+
+/// Whether a compiler has what these flags ask for: its sanitizers are a package of their own.
+pub(crate) fn takes(compiler: &str, flags: &[&str]) -> bool {
+    let empty = target().join("empty.c");
+    let written = std::fs::create_dir_all(target())
+        .and_then(|()| std::fs::write(&empty, "int main(void) { return 0; }\n"));
+    let mut command = Command::new(compiler);
+    command.args(flags).arg(&empty).args(["-o", "/dev/null"]);
+    written.is_ok() && run(&mut command).is_ok()
+}
+
+/// `host/capi`.
+pub(crate) fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/capi")
+}
+
+/// Where everything is built.
+pub(crate) fn target() -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join("capi")
+}
+
+/// What a command says, if it succeeds.
+pub(crate) fn run(command: &mut Command) -> Result<String, Failed> {
+    let output = command
+        .output()
+        .map_err(|error| format!("{command:?}: {error}"))?;
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    if output.status.success() {
+        Ok(text(&output.stdout))
+    } else {
+        let said = text(&output.stdout) + &text(&output.stderr);
+        Err(format!("{command:?}: {}\n{said}", output.status).into())
+    }
+}
+
+/// cargo in the crate of the C interface.
+pub(crate) fn cargo(arguments: &[&str]) -> Result<String, Failed> {
+    let mut command = Command::new(env!("CARGO"));
+    command.current_dir(folder()).args(arguments);
+    run(command.arg("--target-dir").arg(target()))
+}
+
+/// The static library, built once.
+pub(crate) fn library() -> &'static Path {
+    static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
+    LIBRARY.get_or_init(|| {
+        let built = cargo(&["build", "--release", "--locked", "--quiet"]);
+        built.unwrap_or_else(|failed| panic!("{}", failed.message().unwrap_or("")));
+        target().join("release/libgantry_tau.a")
+    })
+}
+
+/// A C program with the library in it.
+pub(crate) struct Program(PathBuf);
+
+impl Program {
+    /// Compiles a source of `host/capi`.
+    pub(crate) fn compile(source: &str, compiler: &str, flags: &[&str]) -> Result<Self, Failed> {
+        let name = Path::new(source).file_stem().unwrap().to_string_lossy();
+        let how = flags.concat().replace(['=', ',', '/'], "-");
+        let path = target().join(format!("{name}-{compiler}{how}"));
+        let mut command = Command::new(compiler);
+        command
+            .current_dir(folder())
+            .args(super::STRICT)
+            .args(flags);
+        command.args(["-Iinclude", source]).arg(library());
+        // Everything that is not called is left out, as in firmware.
+        run(command.args(["-lm", "-Wl,--gc-sections", "-o"]).arg(&path))?;
+        Ok(Self(path))
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.0
+    }
+
+    /// What it says.
+    pub(crate) fn run(&self, arguments: &[&Path]) -> Result<String, Failed> {
+        run(Command::new(&self.0).args(arguments))
+    }
+
+    /// A file beside it.
+    pub(crate) fn file(&self, ending: &str) -> PathBuf {
+        self.0.with_extension(ending)
+    }
+}
