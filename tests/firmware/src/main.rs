@@ -5,6 +5,9 @@
 #![no_main]
 
 mod board;
+mod machine;
+mod recording;
+mod replay;
 
 use board::host::{self, CommandLine};
 use board::timer::Ticks;
@@ -19,25 +22,10 @@ fn main() -> ! {
 /// Does what the command line says; whether it went well.
 fn run(ticks: Ticks) -> bool {
     match CommandLine::read().words().nth(1) {
-        Some(b"idle") => idle(ticks),
+        Some(b"replay") => replay::run(ticks),
         _ => {
-            defmt::error!("usage: firmware idle | replay | link");
+            defmt::error!("usage: firmware replay | link");
             false
         }
     }
-}
-
-/// Ten ticks of nothing: the board is alive.
-fn idle(mut ticks: Ticks) -> bool {
-    for _ in 0..10 {
-        let elapsed = ticks.wait();
-        let now = board::clock::instructions(board::clock::now());
-        defmt::info!(
-            "{=u32} ticks later, after {=u32} instructions",
-            elapsed,
-            now
-        );
-    }
-    defmt::info!("stack {=usize} bytes", board::stack::high_water());
-    true
 }
