@@ -1,7 +1,8 @@
 //! Playing a recording: what arrived and what happened in every tick comes from a file, what became of it goes to another.
 //! The same file is compiled into the test, which writes recordings and plays them on the host.
 //!
-//! All numbers are little-endian. A recording is the number of its ticks `u32`, then each tick:
+//! All numbers are little-endian. A recording begins with the nominal positions at the start, 6 `i64`, and the number of its ticks
+//! `u32`. Then each tick:
 //! - how many things happened before it `u16`; each: what `u8` (0 a stream opened, 1 datagrams opened, 2 closed, 3 bytes), connection
 //!   `u32`, number of bytes `u16` (at most [`CHUNK`]), bytes;
 //! - elapsed `u32`, stop `u8`, rearm `u8`, next epoch `u64`, arrival `u16`;
@@ -47,7 +48,16 @@ pub(crate) trait Watch: Meter {
 /// Room for what arrives.
 pub(crate) type Room = [u8; CHUNK];
 
-/// Plays; `None` when the recording ends too early or is none.
+/// The nominal positions that a recording begins with.
+pub(crate) fn start(source: &mut impl Source) -> Option<[PositionNm; AXES]> {
+    let mut nominal = [PositionNm(0); AXES];
+    for position in &mut nominal {
+        *position = PositionNm(i64::from_le_bytes(take(source)?));
+    }
+    Some(nominal)
+}
+
+/// Plays all that follows [`start`]; `None` when the recording ends too early or is none.
 pub(crate) fn play(
     machine: &mut Machine,
     room: &mut Room,
@@ -121,10 +131,7 @@ fn moment(source: &mut impl Source) -> Option<Moment> {
 }
 
 fn given(source: &mut impl Source) -> Option<Motion> {
-    let mut nominal = [PositionNm(0); AXES];
-    for position in &mut nominal {
-        *position = PositionNm(i64::from_le_bytes(take(source)?));
-    }
+    let nominal = start(source)?;
     let mut actual = [Actual::default(); AXES];
     for actual in &mut actual {
         *actual = Actual {

@@ -23,7 +23,11 @@ pub(crate) fn run(ticks: Ticks) -> bool {
         defmt::error!("a file of the replay cannot be opened");
         return false;
     };
-    let Ok(parts) = Parts::new(Capabilities::NONE) else {
+    let Some(nominal) = recording::start(&mut recording) else {
+        defmt::error!("the recording is broken");
+        return false;
+    };
+    let Ok(parts) = Parts::new(Capabilities::NONE, nominal) else {
         defmt::error!("core refuses the machine");
         return false;
     };

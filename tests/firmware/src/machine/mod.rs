@@ -108,16 +108,19 @@ pub(crate) struct Parts {
     session: Session<AXES>,
     motors: MotorMap<AXES, MOTORS>,
     work: Work,
+    nominal: [PositionNm; AXES],
 }
 
 impl Parts {
-    /// Checks every constant.
-    pub(crate) fn new(capabilities: Capabilities) -> Result<Self, Refused> {
+    /// Checks every constant. The axes are at `nominal` when the server starts.
+    pub(crate) fn new(
+        capabilities: Capabilities,
+        nominal: [PositionNm; AXES],
+    ) -> Result<Self, Refused> {
         let (work, checksum) = Work::new()?;
         let parameters = robots::parameters(checksum, capabilities)?;
         let config = Config::new(parameters).map_err(|_| Refused::Session)?;
         let nothing = [Offsets::default(); AXES];
-        let nominal = [PositionNm(0); AXES];
         let session = Session::new(config, &nothing, nominal, Tick(0), Epoch(0))
             .map_err(|_| Refused::Session)?;
         let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).map_err(|_| Refused::Session)?;
@@ -125,6 +128,7 @@ impl Parts {
             session,
             motors,
             work,
+            nominal,
         })
     }
 }
@@ -136,7 +140,7 @@ impl Machine {
         Self {
             server: Server::new(parts.session, parts.motors),
             work: parts.work,
-            nominal: [PositionNm(0); AXES],
+            nominal: parts.nominal,
             actual: [Actual {
                 position: PositionNm(0),
                 velocity: VelocityUmS(0),
