@@ -89,7 +89,22 @@ pub(crate) fn machines_are_those_of_the_files() {
     assert_eq!(f1.kinematics_checksum(), file.model.checksum());
     assert_eq!(Some(springs), file.compliances);
     let parameters = robots::parameters(0, Capabilities::NONE).unwrap();
-    assert_eq!(parameters.axes.map(|axis| axis.limits), file.limits);
+    for (ours, theirs) in parameters.axes.iter().zip(&file.limits) {
+        let ours = [
+            ours.limits.position,
+            ours.limits.velocity,
+            ours.limits.torque,
+        ];
+        for (ours, theirs) in ours
+            .iter()
+            .zip([theirs.position, theirs.velocity, theirs.torque])
+        {
+            assert_eq!(i64::from(ours.ramp()), i64::from(theirs.ramp));
+            let theirs = [theirs.max, theirs.step, theirs.accel].map(i64::from);
+            let ours = [ours.max(), ours.step(), ours.accel()].map(i64::from);
+            assert_eq!(ours, theirs);
+        }
+    }
     let (l2, springs) = robots::l2().unwrap();
     let file = RobotFile::builtin_l2().unwrap();
     assert_eq!(l2.kinematics_checksum(), file.model.checksum());

@@ -33,7 +33,7 @@ pub(crate) struct Recording {
     pub(crate) f1: Vec<bool>,
 }
 
-/// A calm session with the L2's kinematics, in the middle of which the cable is pulled.
+/// A calm session with the L2's kinematics, towards the end of which the cable is pulled.
 pub(crate) fn calm() -> &'static Recording {
     static MADE: OnceLock<Recording> = OnceLock::new();
     MADE.get_or_init(|| Author::calm("calm", Motion::L2))
@@ -292,8 +292,8 @@ fn along(motion: &Motion, tick: u32) -> Pose6 {
 fn pushing(tick: u32, noise: &mut Noise) -> [f64; 6] {
     let turn = f64::from(tick) * 1e-3;
     let mut small = || noise.below(1_000) as f64 * 1e-3 - 0.5;
-    // The tare is taken first.
-    let push = if tick < 200 { 0.0 } else { 1.0 };
+    // The tare is taken first. A few newtons: the way back from a micrometre takes ten ticks.
+    let push = if tick < 200 { 0.0 } else { 0.1 };
     [
         push * 150.0 * (2.0 * turn).sin() + small(),
         push * 80.0 * (3.0 * turn).cos() + small(),
@@ -313,9 +313,9 @@ impl Author {
         while author.ticks < TICKS {
             let tick = author.ticks;
             // Pulled without a word; nobody hears of it for 500 ticks.
-            let pulled = (4_000..4_500).contains(&tick);
+            let pulled = (7_000..7_500).contains(&tick);
             match client {
-                None if !pulled && author.phase() == Phase::Listening && tick < 9_000 => {
+                None if !pulled && author.phase() == Phase::Listening && tick < 9_900 => {
                     client = author.open(Transport::Stream);
                     let hello = Hello {
                         axes: 6,
@@ -339,7 +339,7 @@ impl Author {
 
     fn answer_calmly(&mut self, connection: Connection, noise: &mut Noise) {
         let tick = self.ticks;
-        if tick == 9_000 {
+        if tick == 9_900 {
             let epoch = self.machine.server().session().parts().discrete.epoch;
             return self.say(connection, &ClientMessage::Goodbye(epoch));
         }
