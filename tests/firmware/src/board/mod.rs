@@ -1,0 +1,27 @@
+//! What the emulated boards mps2-an500 (Cortex-M7) and mps2-an386 (Cortex-M4F) have: a timer interrupt, a clock, a console.
+#![allow(
+    unsafe_code,
+    reason = "registers, a linker's symbol and an interrupt; each block says why it is sound"
+)]
+
+pub(crate) mod clock;
+pub(crate) mod host;
+mod log;
+pub(crate) mod stack;
+pub(crate) mod timer;
+
+use core::panic::PanicInfo;
+
+use cortex_m_rt::{ExceptionFrame, exception};
+
+/// Required by the compiler. The test looks that the image has no call of it.
+#[panic_handler]
+fn panic(_: &PanicInfo<'_>) -> ! {
+    host::exit(false)
+}
+
+/// A bad address or instruction, a stack that ran out of memory.
+#[exception]
+unsafe fn HardFault(_: &ExceptionFrame) -> ! {
+    host::exit(false)
+}
