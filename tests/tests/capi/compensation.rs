@@ -113,7 +113,7 @@ fn three_axes(numbers: &mut Numbers) {
 /// The machine of `robots/f1.toml`, turned by 0.1 rad about z.
 fn six_axes(numbers: &mut Numbers) {
     let kinematics = *RobotFile::builtin_f1().unwrap().model.kinematics();
-    let (sine, cosine) = (0.09983341664682815, 0.99500416527802577);
+    let (sine, cosine) = (0.09983341664682815, 0.995_004_165_278_025_8);
     let pose = Pose {
         position_m: Vector3::new(0.05, 0.02, 0.45),
         rotation: Matrix3::new(cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0),
