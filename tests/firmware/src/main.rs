@@ -5,6 +5,11 @@
 #![no_main]
 
 mod board;
+#[cfg(feature = "link")]
+mod link;
+mod machine;
+#[cfg(feature = "link")]
+mod net;
 
 use board::host::{self, CommandLine};
 use board::timer::Ticks;
@@ -20,6 +25,8 @@ fn main() -> ! {
 fn run(ticks: Ticks) -> bool {
     match CommandLine::read().words().nth(1) {
         Some(b"idle") => idle(ticks),
+        #[cfg(feature = "link")]
+        Some(b"link") => link::run(ticks, CommandLine::read().words().nth(2)),
         _ => {
             defmt::error!("usage: firmware idle | replay | link");
             false
