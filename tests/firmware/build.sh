@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Builds the firmware for one processor: build.sh m7|m4f [arguments of cargo build]. Says which toolchain it took; the last line is
-# the folder of the images. Exit code 3: something is missing, which a line that begins with SKIPPED names.
+# the folder of the images. `build.sh check` only says which it would take.
+# Exit code 3: something is missing, which a line that begins with SKIPPED names.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
@@ -13,26 +14,24 @@ target=thumbv7em-none-eabihf
 skip() { printf 'SKIPPED: %s\n' "$*"; exit 3; }
 
 case ${1:-} in
-    m7) cpu=cortex-m7 ;;
+    check | m7) cpu=cortex-m7 ;;
     m4f) cpu=cortex-m4 ;;
-    *) echo "usage: build.sh m7|m4f [arguments of cargo build]" >&2; exit 2 ;;
+    *) echo "usage: build.sh check|m7|m4f [arguments of cargo build]" >&2; exit 2 ;;
 esac
-folder=${GANTRY_TAU_FIRMWARE_TARGET:-$here/target}/$1
+what=$1
+folder=${GANTRY_TAU_FIRMWARE_TARGET:-$here/target}/$what
 shift
 
-# Rust 1.85 from ../shared/toolchain, whose sources let core be built for any target; as .ci/run unpacks it.
-rust185() {
-    local archive=$root/../shared/toolchain/rust-1.85.0-dev.tar.xz toolchain=${TMPDIR:-/tmp}/gantry-tau-rust185
-    if ! rustc +rust185 --version >/dev/null 2>&1; then
+# Rust 1.85 from ../shared/toolchain, whose sources let core be built for any target; unpacked where .ci/run unpacks it.
+rust185=${TMPDIR:-/tmp}/gantry-tau-rust185
+unpack() {
+    local archive=$root/../shared/toolchain/rust-1.85.0-dev.tar.xz
+    if [ ! -x "$rust185/tc/bin/rustc" ]; then
         [ -f "$archive" ] || skip "neither rustup's target $target is installed (rustup target add $target) nor is ../shared/toolchain/rust-1.85.0-dev.tar.xz there"
-        if [ ! -x "$toolchain/tc/bin/rustc" ]; then
-            mkdir -p "$toolchain"
-            tar xf "$archive" -C "$toolchain"
-        fi
-        rustup toolchain link rust185 "$toolchain/tc"
-        rustc +rust185 --version >/dev/null || skip "rust185 does not run: ../shared/toolchain/README.md names the libraries it needs"
+        mkdir -p "$rust185"
+        tar xf "$archive" -C "$rust185"
     fi
-    [ -d "$(rustc +rust185 --print sysroot)/lib/rustlib/src" ] || skip "the toolchain rust185 is without the sources of the standard library"
+    "$rust185/tc/bin/rustc" --version >/dev/null || skip "$rust185/tc/bin/rustc does not run: ../shared/toolchain/README.md names the libraries it needs"
 }
 
 # The linker of any installed toolchain: rust185 has none.
@@ -47,19 +46,20 @@ linker() {
 
 export CARGO_TARGET_THUMBV7EM_NONE_EABIHF_RUSTFLAGS="-C target-cpu=$cpu"
 if [ -d "$(rustc --print target-libdir --target $target)" ]; then
-    how=(cargo)
+    cargo=cargo
     standard=()
     said="$(rustc --version), its library for $target"
 else
-    rust185
+    unpack
     rust_lld=$(linker)
     [ -n "$rust_lld" ] || skip "no installed toolchain has rust-lld"
-    export CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER=$rust_lld RUSTC_BOOTSTRAP=1
-    how=(cargo +rust185)
+    export CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER=$rust_lld RUSTC_BOOTSTRAP=1 RUSTC=$rust185/tc/bin/rustc
+    cargo=$rust185/tc/bin/cargo
     standard=(-Zbuild-std=core)
-    said="$(rustc +rust185 --version), core built from its sources"
+    said="$("$RUSTC" --version), core built from its sources"
 fi
 echo "firmware for $cpu: $said"
+if [ "$what" = check ]; then exit; fi
 cd "$here"
-"${how[@]}" build --release --locked --quiet "${standard[@]}" --target $target --target-dir "$folder" "$@"
+"$cargo" build --release --locked --quiet "${standard[@]}" --target $target --target-dir "$folder" "$@"
 echo "$folder/$target/release"

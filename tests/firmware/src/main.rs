@@ -10,6 +10,8 @@ mod link;
 mod machine;
 #[cfg(feature = "link")]
 mod net;
+mod recording;
+mod replay;
 
 use board::host::{self, CommandLine};
 use board::timer::Ticks;
@@ -23,28 +25,23 @@ fn main() -> ! {
 
 /// Does what the command line says; whether it went well.
 fn run(ticks: Ticks) -> bool {
+    #[cfg(feature = "control")]
+    control();
     match CommandLine::read().words().nth(1) {
-        Some(b"idle") => idle(ticks),
         #[cfg(feature = "link")]
         Some(b"link") => link::run(ticks, CommandLine::read().words().nth(2)),
+        Some(b"replay") => replay::run(ticks),
         _ => {
-            defmt::error!("usage: firmware idle | replay | link");
+            defmt::error!("usage: firmware replay | link");
             false
         }
     }
 }
 
-/// Ten ticks of nothing: the board is alive.
-fn idle(mut ticks: Ticks) -> bool {
-    for _ in 0..10 {
-        let elapsed = ticks.wait();
-        let now = board::clock::instructions(board::clock::now());
-        defmt::info!(
-            "{=u32} ticks later, after {=u32} instructions",
-            elapsed,
-            now
-        );
-    }
-    defmt::info!("stack {=usize} bytes", board::stack::high_water());
-    true
+/// The negative control: a panic that is linked.
+#[cfg(feature = "control")]
+fn control() {
+    let line = CommandLine::read();
+    let words = line.words().count();
+    assert!(words < 100, "a panic");
 }

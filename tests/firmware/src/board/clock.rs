@@ -26,8 +26,3 @@ pub(crate) fn now() -> u32 {
     let left = unsafe { VALUE.read_volatile() };
     u32::MAX.wrapping_sub(left)
 }
-
-/// Instructions in so many cycles, to one more or less: 40 ns over 32 ns.
-pub(crate) const fn instructions(cycles: u32) -> u32 {
-    cycles.saturating_add(cycles / 4)
-}

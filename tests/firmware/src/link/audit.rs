@@ -60,8 +60,8 @@ impl Audit {
     /// Looks at one tick.
     pub(super) fn check(&mut self, turn: &Turn<AXES, MOTORS>) -> Result<(), Broken> {
         let state = &turn.output.state;
-        let result = (self.check_motors(turn))
-            .and_then(|()| self.check_offsets(state.phase, &state.axes));
+        let result =
+            (self.check_motors(turn)).and_then(|()| self.check_offsets(state.phase, &state.axes));
         for (seen, axis) in self.offsets.iter_mut().zip(&state.axes) {
             *seen = axis.offsets;
         }
@@ -75,11 +75,7 @@ impl Audit {
         result
     }
 
-    fn check_offsets(
-        &mut self,
-        phase: Phase,
-        axes: &[AxisState; AXES],
-    ) -> Result<(), Broken> {
+    fn check_offsets(&mut self, phase: Phase, axes: &[AxisState; AXES]) -> Result<(), Broken> {
         let mut result = Ok(());
         let before = self.offsets.iter().zip(&mut self.changes);
         let rows = before.zip(&self.limits).zip(axes);

@@ -150,13 +150,7 @@ impl Journal {
             self.refused,
             audit.broken_ticks
         );
-        defmt::info!(
-            "link largest_offset_nm={}",
-            audit.largest_offset_nm
-        );
-        defmt::info!(
-            "link largest_reference_nm={}",
-            audit.largest_reference_nm
-        );
+        defmt::info!("link largest_offset_nm={}", audit.largest_offset_nm);
+        defmt::info!("link largest_reference_nm={}", audit.largest_reference_nm);
     }
 }

@@ -4,15 +4,15 @@
 mod audit;
 mod journal;
 
-use gantry_tau_core::axis::Actual;
+use core::mem::MaybeUninit;
+
+use cortex_m::singleton;
 use gantry_tau_core::endpoint::Turn;
 use gantry_tau_core::message::{Capabilities, Phase};
 use gantry_tau_core::units::{Epoch, PositionNm};
 
 use crate::board::timer::Ticks;
-use crate::machine::{
-    AXES, MOTORS, Machine, Meter, Moment, Motion, Part, Parts, Pose6, Work,
-};
+use crate::machine::{AXES, MOTORS, Machine, Meter, Moment, Motion, Part, Parts, Pose6, Work};
 use crate::net::lan9118::{Lan9118, LanError};
 use crate::net::tcp::{Place, Server, Storage};
 use audit::Audit;
@@ -30,8 +30,6 @@ const PLACE: Place = Place {
 const PATIENCE_MS: u32 = 1_000;
 /// Silence that counts as a tick of the handshake, ms; a thousand of them end it.
 const HANDSHAKE_PATIENCE_MS: u32 = 10;
-/// Ticks from zero to home: axes move 1.8 mm in each at most, 2 mm are allowed.
-const HOMING: i64 = 1_000;
 /// The tool goes this far to and fro, µm, at 1 µm per tick.
 const PATH_UM: u64 = 1_000;
 /// Where the tool is at home, m.
@@ -66,18 +64,19 @@ pub(crate) fn run(ticks: Ticks, sessions: Option<&[u8]>) -> bool {
 }
 
 fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, Trouble> {
-    let parts = Parts::new(Capabilities::LOCKSTEP).map_err(|_| Trouble::Machine)?;
-    let machine = cortex_m::singleton!(: Machine = Machine::new(parts)).ok_or(Trouble::Twice)?;
+    let home = home().ok_or(Trouble::Machine)?;
+    let parts = Parts::new(Capabilities::LOCKSTEP, home).map_err(|_| Trouble::Machine)?;
+    let place = singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()).ok_or(Trouble::Twice)?;
+    let machine = place.write(Machine::new(parts));
     let lan = Lan9118::new(PLACE.hardware).map_err(Trouble::Lan)?;
-    let storage = cortex_m::singleton!(: Storage = Storage::new()).ok_or(Trouble::Twice)?;
+    let storage = singleton!(: Storage = Storage::new()).ok_or(Trouble::Twice)?;
     let seed = u64::from(crate::board::clock::now());
     let mut link = Link {
         tcp: Server::new(lan, &PLACE, storage, seed),
-        home: home().ok_or(Trouble::Machine)?,
         next_epoch: Epoch(1),
         path: 0,
     };
-    let turn = link.go_home(machine);
+    let turn = link.tick(machine);
     let parameters = machine.server().session().config().parameters();
     let limits = parameters.axes.map(|axis| axis.limits);
     let mut audit = Audit::new(limits, &turn);
@@ -107,41 +106,15 @@ fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, Trouble> {
 /// The server in lock-step, and the machine's path.
 struct Link {
     tcp: Server,
-    home: [PositionNm; AXES],
     next_epoch: Epoch,
     path: u64,
 }
 
 impl Link {
-    /// From zero, where the session begins, to home, without a client. The nominal positions may not jump there.
-    fn go_home(&mut self, machine: &mut Machine) -> Turn<AXES, MOTORS> {
-        let mut step = 1;
-        loop {
-            let nominal = self.home.map(|home| {
-                let part = home.0.saturating_mul(step).checked_div(HOMING);
-                PositionNm(part.unwrap_or_default())
-            });
-            let actual = nominal.map(|position| Actual {
-                position,
-                ..Actual::default()
-            });
-            let turn = self.tick_along(machine, Motion::Given { nominal, actual });
-            step = step.saturating_add(1);
-            if step > HOMING {
-                return turn;
-            }
-        }
-    }
-
-    /// One tick of the path.
+    /// One tick, and what is to be sent and closed after it.
     fn tick(&mut self, machine: &mut Machine) -> Turn<AXES, MOTORS> {
-        let turn = self.tick_along(machine, Motion::F1);
+        let moment = moment(pose(self.path), self.next_epoch);
         self.path = self.path.saturating_add(1);
-        turn
-    }
-
-    fn tick_along(&mut self, machine: &mut Machine, motion: Motion) -> Turn<AXES, MOTORS> {
-        let moment = moment(motion, pose(self.path), self.next_epoch);
         let tcp = &mut self.tcp;
         let (turn, _) = machine.tick(&moment, &mut Unmeasured, &mut |to, bytes| {
             tcp.send(to, bytes);
@@ -171,7 +144,9 @@ fn is_due(machine: &mut Machine, waited_ms: u32) -> bool {
 
 /// The tool along x, to and fro.
 fn pose(step: u64) -> Pose6 {
-    let along = step.checked_rem(PATH_UM.saturating_mul(2)).unwrap_or_default();
+    let along = step
+        .checked_rem(PATH_UM.saturating_mul(2))
+        .unwrap_or_default();
     let away = along.min(PATH_UM.saturating_mul(2).saturating_sub(along));
     let away_m = f64::from(u32::try_from(away).unwrap_or_default()) * 1e-6;
     let [x, y, z] = HOME_M;
@@ -181,18 +156,18 @@ fn pose(step: u64) -> Pose6 {
 /// The axes at home.
 fn home() -> Option<[PositionNm; AXES]> {
     let (mut work, _) = Work::new().ok()?;
-    work.answer(&moment(Motion::F1, pose(0), Epoch(0))).nominal()
+    work.answer(&moment(pose(0), Epoch(0))).nominal()
 }
 
 /// What a tick depends on beside the bytes: nobody stops, nobody pulls at the tool but the client's sensor.
-const fn moment(motion: Motion, pose: Pose6, next_epoch: Epoch) -> Moment {
+const fn moment(pose: Pose6, next_epoch: Epoch) -> Moment {
     Moment {
         elapsed: 1,
         stop: false,
         rearm: false,
         next_epoch,
         arrival_us: 0,
-        motion,
+        motion: Motion::F1,
         pose,
         load: [0.0; 6],
     }

@@ -3,7 +3,7 @@
 //! A tick begins with the work of floats: from a pose to the nominal positions of six axes, and from a load to the offsets that would
 //! hold the tool there. Then it is the endpoint's.
 
-mod robots;
+pub(crate) mod robots;
 mod work;
 
 use gantry_tau_core::axis::{Actual, Offsets};
@@ -14,8 +14,7 @@ use gantry_tau_core::session::config::Config;
 use gantry_tau_core::session::decide::Connection;
 use gantry_tau_core::units::{Epoch, PositionNm, Tick, TorquePermille, VelocityUmS};
 
-pub(crate) use robots::{f1, l2};
-pub(crate) use work::{Answer, F1Answer, L2Answer, Pose6, Work};
+pub(crate) use work::{Answer, Pose6, Work};
 
 /// Axes of the F1.
 pub(crate) const AXES: usize = 6;
@@ -109,24 +108,27 @@ pub(crate) struct Parts {
     session: Session<AXES>,
     motors: MotorMap<AXES, MOTORS>,
     work: Work,
+    nominal: [PositionNm; AXES],
 }
 
 impl Parts {
-    /// Checks every constant.
-    pub(crate) fn new(capabilities: Capabilities) -> Result<Self, Refused> {
+    /// Checks every constant. The axes are at `nominal` when the server starts.
+    pub(crate) fn new(
+        capabilities: Capabilities,
+        nominal: [PositionNm; AXES],
+    ) -> Result<Self, Refused> {
         let (work, checksum) = Work::new()?;
         let parameters = robots::parameters(checksum, capabilities)?;
         let config = Config::new(parameters).map_err(|_| Refused::Session)?;
         let nothing = [Offsets::default(); AXES];
-        let nominal = [PositionNm(0); AXES];
         let session = Session::new(config, &nothing, nominal, Tick(0), Epoch(0))
             .map_err(|_| Refused::Session)?;
-        let motors =
-            MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).map_err(|_| Refused::Session)?;
+        let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).map_err(|_| Refused::Session)?;
         Ok(Self {
             session,
             motors,
             work,
+            nominal,
         })
     }
 }
@@ -138,7 +140,7 @@ impl Machine {
         Self {
             server: Server::new(parts.session, parts.motors),
             work: parts.work,
-            nominal: [PositionNm(0); AXES],
+            nominal: parts.nominal,
             actual: [Actual {
                 position: PositionNm(0),
                 velocity: VelocityUmS(0),

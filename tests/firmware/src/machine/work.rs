@@ -71,8 +71,7 @@ impl Work {
     /// Both machines, and the checksum of the F1.
     pub(crate) fn new() -> Result<(Self, u32), Refused> {
         let (robot, springs) = robots::l2().map_err(|_| Refused::Robot)?;
-        let nominal =
-            Nominal::new(&robot, &Matrix3::identity()).map_err(|_| Refused::Robot)?;
+        let nominal = Nominal::new(&robot, &Matrix3::identity()).map_err(|_| Refused::Robot)?;
         let (six, six_springs) = robots::f1().map_err(|_| Refused::Robot)?;
         let f1_kinematics = SixLinkKinematics::new(&six);
         let elastic = SixLinkElastic::new(f1_kinematics, six_springs);

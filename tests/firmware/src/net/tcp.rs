@@ -109,8 +109,10 @@ impl Server {
         let mut peers = [const { None }; SOCKETS];
         let buffers = storage.receive.iter_mut().zip(&mut storage.send);
         for (peer, (receive, send)) in peers.iter_mut().zip(buffers) {
-            let mut socket =
-                Socket::new(SocketBuffer::new(&mut receive[..]), SocketBuffer::new(&mut send[..]));
+            let mut socket = Socket::new(
+                SocketBuffer::new(&mut receive[..]),
+                SocketBuffer::new(&mut send[..]),
+            );
             // A State must leave at once, and a Command is its acknowledgement.
             socket.set_nagle_enabled(false);
             *peer = Some(Peer {
@@ -139,8 +141,7 @@ impl Server {
         self.now_ms = now_ms;
         let now = Instant::from_millis(now_ms);
         for _ in 0..FRAMES {
-            let taken =
-                (self.interface).poll_ingress_single(now, &mut self.lan, &mut self.sockets);
+            let taken = (self.interface).poll_ingress_single(now, &mut self.lan, &mut self.sockets);
             if taken == PollIngressSingleResult::None {
                 break;
             }
