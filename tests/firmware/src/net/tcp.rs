@@ -21,7 +21,7 @@ const SEND: usize = 4_096;
 const FRAMES: usize = 16;
 /// Segments sent per connection and visit.
 const SEGMENTS: usize = 4;
-/// How long a closing connection may take to say goodbye before it is reset, ms.
+/// How long the handshakes at the beginning and at the end of a connection may take before it is reset, ms.
 const LINGER_MS: i64 = 500;
 
 /// Address and port of the server, and the router of its network.
@@ -61,6 +61,8 @@ impl Storage {
 enum Use {
     /// Nobody has connected.
     Free,
+    /// Somebody began to connect; reset unless that is done by then, ms.
+    Arriving { until: i64 },
     /// A peer of the endpoint. `gone`: a write failed; told to the endpoint in the next visit.
     Peer { connection: Connection, gone: bool },
     /// The endpoint has no further use for it; reset unless it closes by then, ms.
@@ -209,10 +211,12 @@ fn next_use<const N: usize, const M: usize, const H: usize>(
     endpoint: &mut Endpoint<N, M, H>,
 ) -> Use {
     match used {
-        Use::Free => {
-            if !socket.may_send() {
-                return Use::Free;
-            }
+        Use::Free if socket.is_active() => {
+            let until = now_ms.saturating_add(LINGER_MS);
+            next_use(Use::Arriving { until }, socket, now_ms, endpoint)
+        }
+        Use::Free => Use::Free,
+        Use::Arriving { .. } if socket.may_send() => {
             let Ok(connection) = endpoint.open(Transport::Stream) else {
                 // Best effort: the peer is about to be closed anyway.
                 let _ = socket.send_slice(&Endpoint::<N, M, H>::full_refusal());
@@ -220,6 +224,16 @@ fn next_use<const N: usize, const M: usize, const H: usize>(
             };
             let gone = false;
             next_use(Use::Peer { connection, gone }, socket, now_ms, endpoint)
+        }
+        Use::Arriving { until } | Use::Closing { until } => {
+            if !socket.is_open() {
+                return Use::Free;
+            }
+            if now_ms >= until {
+                // The reset leaves with the next flush; the socket is free in the next visit.
+                socket.abort();
+            }
+            used
         }
         Use::Peer { connection, gone } => {
             // The buffer is a ring: what it holds comes in two pieces at most.
@@ -235,16 +249,6 @@ fn next_use<const N: usize, const M: usize, const H: usize>(
             if gone || !socket.may_recv() {
                 endpoint.close(connection);
                 return closing(socket, now_ms);
-            }
-            used
-        }
-        Use::Closing { until } => {
-            if !socket.is_open() {
-                return Use::Free;
-            }
-            if now_ms >= until {
-                // The reset leaves with the next flush; the socket is free in the next visit.
-                socket.abort();
             }
             used
         }
