@@ -77,6 +77,7 @@ impl core::error::Error for SensorError {}
 
 /// What a sample led to.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reading {
     /// The tare still needs this many samples; the tool must be unloaded.
     Taring {
@@ -89,6 +90,7 @@ pub enum Reading {
 
 /// What the sensor remembers; every component finite.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SensorState {
     /// Samples the tare still needs; 0 once it is done.
     pub tare_remaining: u32,

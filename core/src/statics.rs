@@ -22,6 +22,23 @@ pub struct Wrench {
     pub moment_nm: Vector3<f64>,
 }
 
+#[cfg(feature = "defmt")]
+impl defmt::Format for Wrench {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        let [fx, fy, fz, mx, my, mz] = self.to_array();
+        defmt::write!(
+            f,
+            "({}, {}, {}) N, ({}, {}, {}) N m",
+            fx,
+            fy,
+            fz,
+            mx,
+            my,
+            mz
+        );
+    }
+}
+
 impl Wrench {
     /// No load.
     #[must_use]

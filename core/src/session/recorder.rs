@@ -9,6 +9,7 @@ use heapless::Vec;
 
 /// One recorded step.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Entry<I, O> {
     /// What the step depended on, beside the state.
     pub input: I,

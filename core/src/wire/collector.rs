@@ -10,6 +10,14 @@ pub struct Collector {
     held: usize,
 }
 
+/// The bytes that are there, and no others.
+#[cfg(feature = "defmt")]
+impl defmt::Format for Collector {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{=[u8]}", self.held());
+    }
+}
+
 impl Collector {
     /// An empty collector.
     #[must_use]

@@ -2,6 +2,7 @@
 
 /// The slice ended before the field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Short;
 
 /// Takes fields off the front of a slice.

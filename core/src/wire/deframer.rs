@@ -5,6 +5,7 @@ use super::frame::{Frame, FrameError};
 
 /// What one [`Deframer::feed`] found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Feed<'a> {
     /// Every byte was taken; the frame is not complete yet.
     Incomplete,
@@ -21,6 +22,7 @@ pub enum Feed<'a> {
 
 /// What a deframer is about.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Stage {
     /// Collects a frame.
@@ -34,6 +36,7 @@ pub enum Stage {
 
 /// Collects one frame at a time.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Deframer {
     collector: Collector,
     stage: Stage,

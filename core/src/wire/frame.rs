@@ -121,6 +121,7 @@ impl core::error::Error for FrameError {}
 
 /// A frame whose boundary, version, length and checksum are right. Its kind and content are still to be judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Frame<'a> {
     kind: u8,
     body: &'a [u8],

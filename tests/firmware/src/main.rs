@@ -25,8 +25,6 @@ fn main() -> ! {
 
 /// Does what the command line says; whether it went well.
 fn run(ticks: Ticks) -> bool {
-    #[cfg(feature = "control")]
-    control();
     match CommandLine::read().words().nth(1) {
         #[cfg(feature = "link")]
         Some(b"link") => link::run(ticks, CommandLine::read().words().nth(2)),
@@ -36,12 +34,4 @@ fn run(ticks: Ticks) -> bool {
             false
         }
     }
-}
-
-/// The negative control: a panic that is linked.
-#[cfg(feature = "control")]
-fn control() {
-    let line = CommandLine::read();
-    let words = line.words().count();
-    assert!(words < 100, "a panic");
 }

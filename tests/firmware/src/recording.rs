@@ -71,14 +71,23 @@ pub(crate) fn play(
             happen(machine, room, source, watch)?;
         }
         let moment = moment(source)?;
-        let (turn, answer) = machine.tick(&moment, watch, &mut |to, bytes| {
-            sent(sink, to, bytes);
-        });
-        turned(sink, &turn);
-        answered(sink, &answer);
+        let (turn, _) = tick(machine, &moment, sink, watch);
         watch.turned(&turn);
     }
     Some(())
+}
+
+/// One tick, and what became of it.
+pub(crate) fn tick(
+    machine: &mut Machine,
+    moment: &Moment,
+    sink: &mut impl Sink,
+    meter: &mut impl Meter,
+) -> (Turn<AXES, MOTORS>, Answer) {
+    let (turn, answer) = machine.tick(moment, meter, &mut |to, bytes| sent(sink, to, bytes));
+    turned(sink, &turn);
+    answered(sink, &answer);
+    (turn, answer)
 }
 
 /// One of the things that happened before a tick.
@@ -97,10 +106,10 @@ fn happen(
     let server = machine.server();
     watch.begin();
     match what {
-        0 => drop(server.open(Transport::Stream)),
-        1 => drop(server.open(Transport::Datagram)),
+        0 => _ = server.open(Transport::Stream),
+        1 => _ = server.open(Transport::Datagram),
         2 => server.close(connection),
-        3 => drop(server.feed(connection, bytes)),
+        3 => _ = server.feed(connection, bytes),
         _ => return None,
     }
     watch.end(Part::Feed);

@@ -39,6 +39,7 @@ type Drives = [[f64; AXES]; LINKS];
 
 /// What a solver hands out, and how it came by it.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Solved<T> {
     /// The answer.
     pub answer: T,

@@ -1,0 +1,153 @@
+//! The tools: the script that builds, the emulator, the decoder of logs.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// Longest run of the emulator; nothing depends on how fast it is.
+const DEADLINE: Duration = Duration::from_secs(300);
+
+/// Which processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Board {
+    /// Cortex-M7 with a double FPU.
+    M7,
+    /// Cortex-M4 with a single FPU; doubles are computed with integers.
+    M4f,
+}
+
+impl Board {
+    /// As `build.sh` and `sizes.toml` call it.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::M7 => "m7",
+            Self::M4f => "m4f",
+        }
+    }
+
+    const fn machine(self) -> &'static str {
+        match self {
+            Self::M7 => "mps2-an500",
+            Self::M4f => "mps2-an386",
+        }
+    }
+}
+
+/// The firmware's folder.
+pub(crate) fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("firmware")
+}
+
+/// What is missing to build and run the firmware; `None` when nothing is.
+pub(crate) fn missing() -> Option<String> {
+    if !runs("qemu-system-arm") {
+        return Some("qemu-system-arm".to_owned());
+    }
+    let output = Command::new(folder().join("build.sh"))
+        .arg("check")
+        .output();
+    let Ok(output) = output else {
+        return Some("a shell to run tests/firmware/build.sh".to_owned());
+    };
+    let said = String::from_utf8_lossy(&output.stdout);
+    let skipped = said.lines().find_map(|line| line.strip_prefix("SKIPPED: "));
+    match (skipped, output.status.success()) {
+        (Some(reason), _) => Some(reason.to_owned()),
+        (None, true) => None,
+        (None, false) => Some(format!("a toolchain: {}", text(&output.stderr))),
+    }
+}
+
+/// The decoder of logs, if it is missing.
+pub(crate) fn decoder_missing() -> Option<String> {
+    (!runs("defmt-print")).then(|| "defmt-print".to_owned())
+}
+
+fn runs(program: &str) -> bool {
+    let mut command = Command::new(program);
+    command
+        .arg("--version")
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    command.status().is_ok_and(|status| status.success())
+}
+
+/// Builds, with further arguments of cargo; returns the folder of the images.
+pub(crate) fn build(board: Board, arguments: &[&str]) -> PathBuf {
+    let mut command = Command::new(folder().join("build.sh"));
+    let output = command.arg(board.name()).args(arguments).output().unwrap();
+    let said = text(&output.stdout);
+    assert!(
+        output.status.success(),
+        "build.sh: {said}{}",
+        text(&output.stderr)
+    );
+    PathBuf::from(said.lines().last().unwrap())
+}
+
+/// Lets the image do `mode` in `place`; returns what it wrote to the console.
+pub(crate) fn run(board: Board, image: &Path, mode: &str, place: &Path) -> Vec<u8> {
+    let mut command = Command::new("qemu-system-arm");
+    command
+        .args([
+            "-machine",
+            board.machine(),
+            "-nographic",
+            "-monitor",
+            "none",
+            "-serial",
+            "none",
+        ])
+        // An instruction takes 32 ns, always: what is counted is the same in every run.
+        .args(["-icount", "shift=5,align=off,sleep=off"])
+        .arg("-semihosting-config")
+        .arg(format!("enable=on,target=native,arg=firmware,arg={mode}"))
+        .arg("-kernel")
+        .arg(image)
+        .current_dir(place)
+        .stdin(Stdio::null())
+        // A file, because a pipe that nobody reads fills up.
+        .stdout(fs::File::create(place.join("console")).unwrap());
+    let mut child = command.spawn().unwrap();
+    let since = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        if since.elapsed() > DEADLINE {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            panic!("the emulator ran longer than {DEADLINE:?}");
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    let console = fs::read(place.join("console")).unwrap();
+    assert!(
+        status.success(),
+        "the firmware ends with {status}; {} bytes of log",
+        console.len()
+    );
+    console
+}
+
+/// The words of a log.
+pub(crate) fn decode(image: &Path, log: &Path) -> String {
+    let output = Command::new("defmt-print")
+        .arg("-e")
+        .arg(image)
+        .args(["--log-format", "{L} {s}", "stdin"])
+        .stdin(fs::File::open(log).unwrap())
+        .output();
+    let output: Output = output.unwrap();
+    assert!(
+        output.status.success(),
+        "defmt-print: {}",
+        text(&output.stderr)
+    );
+    text(&output.stdout)
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}

@@ -1,0 +1,67 @@
+//! What is in the images.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use object::{Object, ObjectSection, ObjectSymbol};
+
+use crate::budget;
+use crate::emulator::{Board, build};
+
+/// Symbols of everything that panics, before they are demangled.
+const PANICS: [&str; 3] = ["panicking", "panic_", "_fail"];
+
+/// Names of functions that a panic goes through. The handler itself is in every image, and calls nothing.
+fn panics(image: &Path) -> Vec<String> {
+    let bytes = fs::read(image).unwrap();
+    let file = object::File::parse(&*bytes).unwrap();
+    let names: Vec<String> = file
+        .symbols()
+        .map(|symbol| symbol.name().unwrap().to_owned())
+        .collect();
+    assert!(
+        names.iter().any(|name| name == "main"),
+        "the image has its symbols"
+    );
+    let panics = names
+        .into_iter()
+        .filter(|name| PANICS.iter().any(|panic| name.contains(panic)));
+    panics.collect()
+}
+
+pub(crate) fn no_panic() {
+    for board in [Board::M7, Board::M4f] {
+        let folder = build(board, &[]);
+        for image in ["firmware", "session_only"] {
+            assert_eq!(
+                panics(&folder.join(image)),
+                [""; 0],
+                "{image} of {}: nm -C",
+                board.name()
+            );
+        }
+    }
+}
+
+pub(crate) fn control_is_seen() {
+    let image = build(Board::M7, &["--features", "control", "--bin", "control"]).join("control");
+    assert!(!panics(&image).is_empty());
+}
+
+pub(crate) fn sizes() {
+    for board in [Board::M7, Board::M4f] {
+        let folder = build(board, &[]);
+        for image in ["firmware", "session_only"] {
+            let bytes = fs::read(folder.join(image)).unwrap();
+            let file = object::File::parse(&*bytes).unwrap();
+            let size = |name: &str| {
+                let section = file.section_by_name(name);
+                i64::try_from(section.map_or(0, |section| section.size())).unwrap()
+            };
+            let measured = ["text", "rodata", "data", "bss"]
+                .map(|name| (name.to_owned(), size(&format!(".{name}"))));
+            budget::judge(board, image, &BTreeMap::from(measured));
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! The firmware of `tests/firmware` on an emulated Cortex-M: it is built, it plays recordings, and what it writes is what the host
+//! writes, bit by bit; how large it is and what a tick costs is compared with `tests/firmware/sizes.toml`.
+//!
+//! Where the emulator or a toolchain for the target is missing, every test is reported as ignored with the name of what is missing;
+//! with GANTRY_TAU_REQUIRE_FIRMWARE=1 it fails instead. With GANTRY_TAU_RECORD_SIZES=1 what is measured is written to `sizes.toml`.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    clippy::as_conversions,
+    reason = "helpers of tests fail by panicking; a mean is for people"
+)]
+
+mod budget;
+mod emulator;
+mod host;
+mod image;
+#[path = "../../firmware/src/machine/mod.rs"]
+mod machine;
+#[path = "../../firmware/src/recording.rs"]
+mod recording;
+mod replay;
+mod traffic;
+
+use libtest_mimic::{Arguments, Trial};
+
+/// Tests that need the emulator and a toolchain for the target.
+const ON_TARGET: &[(&str, fn())] = &[
+    ("m7_is_bit_equal_in_a_calm_session", replay::m7_calm),
+    (
+        "m7_is_bit_equal_in_a_calm_session_of_the_f1",
+        replay::m7_calm_f1,
+    ),
+    ("m7_is_bit_equal_in_hostile_traffic", replay::m7_hostile),
+    ("m4f_is_bit_equal_in_a_calm_session", replay::m4f_calm),
+    ("a_changed_bit_is_seen", replay::a_changed_bit_is_seen),
+    ("the_log_tells_the_session", replay::log_tells_the_session),
+    ("the_image_has_no_panic", image::no_panic),
+    ("a_linked_panic_is_seen", image::control_is_seen),
+    ("the_images_are_as_small_as_recorded", image::sizes),
+];
+
+/// Tests of what the host does of it.
+const ON_HOST: &[(&str, fn())] = &[
+    (
+        "recordings_show_every_phase",
+        traffic::recordings_show_every_phase,
+    ),
+    ("recordings_replay_on_the_host", host::recordings_replay),
+    (
+        "the_machines_are_those_of_the_robot_files",
+        host::machines_are_those_of_the_files,
+    ),
+    (
+        "host_and_firmware_lock_the_same_mathematics",
+        host::same_mathematics,
+    ),
+];
+
+fn main() {
+    let required =
+        std::env::var_os("GANTRY_TAU_REQUIRE_FIRMWARE").is_some_and(|value| value == "1");
+    let missing = emulator::missing();
+    let on_target = ON_TARGET.iter().map(|(name, test)| {
+        // The log is read by a tool of its own.
+        let missing = missing
+            .clone()
+            .or_else(|| (*name == "the_log_tells_the_session").then(emulator::decoder_missing)?);
+        match (missing, required) {
+            (None, _) => trial(name, *test),
+            (Some(what), true) => {
+                Trial::test(*name, move || Err(format!("missing: {what}").into()))
+            }
+            (Some(what), false) => trial(name, *test)
+                .with_kind(format!("ignored: missing {what}"))
+                .with_ignored_flag(true),
+        }
+    });
+    let on_host = ON_HOST.iter().map(|(name, test)| trial(name, *test));
+    let mut arguments = Arguments::from_args();
+    // One build at a time; the recordings are made once.
+    arguments.test_threads = Some(1);
+    libtest_mimic::run(&arguments, on_host.chain(on_target).collect()).exit();
+}
+
+/// A test that fails by panicking, as any other.
+fn trial(name: &str, test: fn()) -> Trial {
+    Trial::test(name, move || {
+        test();
+        Ok(())
+    })
+}

@@ -1,0 +1,173 @@
+//! Recordings on the target.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::budget::{self, Measured};
+use crate::emulator::{self, Board};
+use crate::host;
+use crate::traffic::{self, Recording};
+
+/// What the target made of a recording.
+struct Played {
+    output: Vec<u8>,
+    laps: Laps,
+    place: PathBuf,
+    image: PathBuf,
+}
+
+pub(crate) fn m7_calm() {
+    is_bit_equal(Board::M7, traffic::calm());
+}
+
+pub(crate) fn m7_calm_f1() {
+    is_bit_equal(Board::M7, traffic::calm_f1());
+}
+
+pub(crate) fn m7_hostile() {
+    is_bit_equal(Board::M7, traffic::hostile());
+}
+
+pub(crate) fn m4f_calm() {
+    is_bit_equal(Board::M4f, traffic::calm());
+}
+
+/// A load whose last bit differs, once, late.
+pub(crate) fn a_changed_bit_is_seen() {
+    let recording = traffic::calm();
+    let mut bytes = recording.bytes.clone();
+    // The last number of the last tick is a moment of the load.
+    let at = bytes.len() - 8;
+    bytes[at] ^= 1;
+    let played = play(Board::M7, "changed_bit", &bytes);
+    let expected = &recording.output;
+    assert_eq!(played.output.len(), expected.len());
+    // The filter keeps it, and a correction is rounded to a nanometre: so the difference is looked for in what is not rounded.
+    let other = host::play(&bytes).output;
+    assert!(
+        played.output == other,
+        "host and target agree on the changed recording"
+    );
+    let mut upset = recording.bytes.clone();
+    let at = upset.len() - 8 * 12;
+    upset[at] ^= 1;
+    assert!(
+        play(Board::M7, "changed_bit", &upset).output != *expected,
+        "one bit of the last pose is seen"
+    );
+}
+
+/// The words are those of `golden.txt`: who was welcome, what ended, which phase, when.
+pub(crate) fn log_tells_the_session() {
+    let played = play(Board::M7, "log", &traffic::calm().bytes);
+    let log = emulator::decode(&played.image, &played.place.join("console"));
+    let golden = emulator::folder().join("golden.txt");
+    if budget::recording() {
+        fs::write(&golden, &log).unwrap();
+    }
+    assert_eq!(
+        log,
+        fs::read_to_string(&golden).unwrap(),
+        "the log is not that of golden.txt"
+    );
+}
+
+/// Every reference, every frame and every float; and what it costs.
+fn is_bit_equal(board: Board, recording: &Recording) {
+    let played = play(board, recording.name, &recording.bytes);
+    let expected = host::play(&recording.bytes).output;
+    if let Some(at) = first_difference(&played.output, &expected) {
+        panic!(
+            "{} on {}: differs from the host from byte {at} of {}",
+            recording.name,
+            board.name(),
+            expected.len()
+        );
+    }
+    println!(
+        "{} on {}: {} bytes are equal",
+        recording.name,
+        board.name(),
+        expected.len()
+    );
+    let mut measured = played.laps.measured(&recording.f1);
+    measured.insert(
+        "output_crc32".to_owned(),
+        i64::from(gantry_tau_tests::client::crc32(&expected)),
+    );
+    budget::judge(board, recording.name, &measured);
+}
+
+fn first_difference(one: &[u8], other: &[u8]) -> Option<usize> {
+    let differing = one.iter().zip(other).position(|(one, other)| one != other);
+    differing.or_else(|| (one.len() != other.len()).then(|| one.len().min(other.len())))
+}
+
+fn play(board: Board, name: &str, recording: &[u8]) -> Played {
+    let image = emulator::build(board, &[]).join("firmware");
+    let place =
+        Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("replay-{}-{name}", board.name()));
+    fs::create_dir_all(&place).unwrap();
+    fs::write(place.join("replay.in"), recording).unwrap();
+    for output in ["replay.out", "replay.laps"] {
+        // Nothing of an earlier run may count.
+        drop(fs::remove_file(place.join(output)));
+    }
+    emulator::run(board, &image, "replay", &place);
+    Played {
+        output: fs::read(place.join("replay.out")).unwrap(),
+        laps: Laps::read(&fs::read(place.join("replay.laps")).unwrap()),
+        place,
+        image,
+    }
+}
+
+/// Instructions of every tick, by part, and the stack's high-water mark.
+struct Laps {
+    ticks: Vec<[u32; 3]>,
+    stack: u32,
+}
+
+impl Laps {
+    fn read(bytes: &[u8]) -> Self {
+        let numbers: Vec<u32> = bytes
+            .chunks_exact(4)
+            .map(|four| u32::from_le_bytes(four.try_into().unwrap()))
+            .collect();
+        let (stack, cycles) = numbers.split_last().unwrap();
+        // A cycle of the board's clock takes 40 ns, an instruction 32 ns.
+        let ticks = cycles
+            .chunks_exact(3)
+            .map(|parts| [parts[0], parts[1], parts[2]].map(|cycles| cycles + cycles / 4));
+        Self {
+            ticks: ticks.collect(),
+            stack: *stack,
+        }
+    }
+
+    /// Worst and mean; of the whole tick apart by the machine whose kinematics it had.
+    fn measured(&self, f1: &[bool]) -> Measured {
+        assert_eq!(self.ticks.len(), f1.len());
+        let mut measured = BTreeMap::from([("stack".to_owned(), i64::from(self.stack))]);
+        for (machine, is_f1) in [("l2", false), ("f1", true)] {
+            let ticks = self.ticks.iter().zip(f1).filter(|(_, f1)| **f1 == is_f1);
+            let ticks: Vec<[u32; 3]> = ticks.map(|(parts, _)| *parts).collect();
+            if ticks.is_empty() {
+                continue;
+            }
+            let mut record = |what: &str, of: &dyn Fn(&[u32; 3]) -> u32| {
+                let worst = ticks.iter().map(of).max().unwrap();
+                let mean = ticks.iter().map(|parts| u64::from(of(parts))).sum::<u64>()
+                    / ticks.len() as u64;
+                measured.insert(format!("{machine}_{what}_worst"), worst.into());
+                measured.insert(format!("{machine}_{what}_mean"), mean.try_into().unwrap());
+            };
+            record("tick", &|parts| parts.iter().sum());
+            record("feed", &|parts| parts[0]);
+            record("floats", &|parts| parts[1]);
+            record("server", &|parts| parts[2]);
+        }
+        measured
+    }
+}
