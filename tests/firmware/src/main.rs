@@ -5,11 +5,7 @@
 #![no_main]
 
 mod board;
-#[cfg(feature = "link")]
-mod link;
 mod machine;
-#[cfg(feature = "link")]
-mod net;
 mod recording;
 mod replay;
 
@@ -26,8 +22,6 @@ fn main() -> ! {
 /// Does what the command line says; whether it went well.
 fn run(ticks: Ticks) -> bool {
     match CommandLine::read().words().nth(1) {
-        #[cfg(feature = "link")]
-        Some(b"link") => link::run(ticks, CommandLine::read().words().nth(2)),
         Some(b"replay") => replay::run(ticks),
         _ => {
             defmt::error!("usage: firmware replay | link");

@@ -43,7 +43,7 @@ const SETTLED: u64 = 400;
 
 /// Submit, Obtain, a pulled cable, the ramp, and another client that obtains again and leaves. Meanwhile strangers are refused.
 pub(crate) fn a_real_client_drives_the_target() {
-    let image = emulator::build(Board::M7, &["link"]).join("firmware");
+    let image = emulator::build(Board::M7, &["--features", "link", "--bin", "link"]).join("link");
     let program = program::build();
     let target = Target::serve(Board::M7, &image, 2);
     let cell = Cell {

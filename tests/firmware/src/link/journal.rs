@@ -6,6 +6,7 @@ use gantry_tau_core::message::Phase;
 use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
 
 use super::audit::{Audit, Broken};
+use crate::board::stack;
 use crate::machine::{AXES, MOTORS};
 
 /// No offsets.
@@ -150,6 +151,7 @@ impl Journal {
             self.refused,
             audit.broken_ticks
         );
+        defmt::info!("link stack_bytes={=usize}", stack::high_water());
         defmt::info!("link largest_offset_nm={}", audit.largest_offset_nm);
         defmt::info!("link largest_reference_nm={}", audit.largest_reference_nm);
     }

@@ -51,7 +51,7 @@ enum Trouble {
 /// Serves until `sessions` have ended and nobody is connected. Whether every reference of every tick was within its bounds.
 pub(crate) fn run(ticks: Ticks, sessions: Option<&[u8]>) -> bool {
     let Some(sessions) = sessions.and_then(number) else {
-        defmt::error!("usage: firmware link SESSIONS");
+        defmt::error!("usage: link SESSIONS");
         return false;
     };
     match serve(ticks, sessions) {

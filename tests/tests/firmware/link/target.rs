@@ -70,9 +70,7 @@ impl Target {
                 "none",
             ])
             .arg("-semihosting-config")
-            .arg(format!(
-                "enable=on,target=native,arg=firmware,arg=link,arg={sessions}"
-            ))
+            .arg(format!("enable=on,target=native,arg=link,arg={sessions}"))
             .arg("-nic")
             // The guest can be reached, and reaches nobody.
             .arg(format!(
