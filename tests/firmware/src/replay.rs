@@ -1,11 +1,13 @@
 //! Plays the recording `replay.in` of the emulator's working directory, one tick per interrupt. Writes `replay.out`, what became of
-//! it, and `replay.laps`: of every tick the cycles of each part, and at the end the high-water mark of the stack.
+//! it, and `replay.laps`: of every tick the cycles of each part, and at the end the high-water
+//! marks of the stack, that of the start and that of the ticks.
 
 use core::mem::MaybeUninit;
 
 use cortex_m::singleton;
 use gantry_tau_core::endpoint::Turn;
 use gantry_tau_core::message::{Capabilities, Phase};
+use gantry_tau_core::units::PositionNm;
 
 use crate::board::host::File;
 use crate::board::timer::Ticks;
@@ -27,12 +29,8 @@ pub(crate) fn run(ticks: Ticks) -> bool {
         defmt::error!("the recording is broken");
         return false;
     };
-    let Ok(parts) = Parts::new(Capabilities::NONE, nominal) else {
-        defmt::error!("core refuses the machine");
-        return false;
-    };
-    let (Some(place), Some(room), Some(buffer)) = (
-        singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()),
+    let (Some(machine), Some(room), Some(buffer)) = (
+        machine(nominal),
         singleton!(: [u8; CHUNK] = [0; CHUNK]),
         singleton!(: [u8; BUFFER] = [0; BUFFER]),
     ) else {
@@ -52,14 +50,27 @@ pub(crate) fn run(ticks: Ticks) -> bool {
         phase: Phase::Listening,
         written: true,
     };
-    let machine = place.write(Machine::new(parts));
+    let to_start = stack::high_water();
+    stack::forget();
     let played = recording::play(machine, room, &mut recording, &mut out, &mut watch).is_some();
     out.empty();
+    watch.write(to_start);
     watch.write(stack::high_water());
     if !played {
         defmt::error!("the recording is broken");
     }
     played && out.written && watch.written
+}
+
+/// The machine at its place. Apart, because what it takes of the stack is given back before the first tick.
+#[inline(never)]
+fn machine(nominal: [PositionNm; AXES]) -> Option<&'static mut Machine> {
+    let Ok(parts) = Parts::new(Capabilities::NONE, nominal) else {
+        defmt::error!("core refuses the machine");
+        return None;
+    };
+    let place = singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit())?;
+    Some(place.write(Machine::new(parts)))
 }
 
 impl Source for File {

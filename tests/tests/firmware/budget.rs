@@ -1,4 +1,4 @@
-//! `tests/firmware/sizes.toml`: what may be, and what was measured.
+//! `tests/firmware/sizes.toml`: what was asked for, and what was measured.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,8 +15,8 @@ pub(crate) fn recording() -> bool {
     std::env::var_os("GANTRY_TAU_RECORD_SIZES").is_some_and(|value| value == "1")
 }
 
-/// Compares with what is recorded of this subject: nothing may be beyond its limit, or more than a fiftieth beyond what was measured
-/// last (another compiler, another rounding of the clock); a digest must be the same.
+/// Compares with what is recorded of this subject: nothing may be more than a fiftieth beyond what was measured last (another
+/// compiler, another rounding of the clock); a digest must be the same. How far the goals are is said, not judged.
 pub(crate) fn judge(board: Board, subject: &str, measured: &Measured) {
     let path = folder().join("sizes.toml");
     let text = fs::read_to_string(&path).unwrap();
@@ -48,10 +48,15 @@ pub(crate) fn judge(board: Board, subject: &str, measured: &Measured) {
             );
         }
     }
-    let limits = section(&mut file, "limits").get(&key).cloned();
-    for (name, limit) in limits.iter().filter_map(Value::as_table).flatten() {
-        let (value, limit) = (measured[name], limit.as_integer().unwrap());
-        assert!(value <= limit, "{key}: {name} is {value}, at most {limit}");
+    let goals = section(&mut file, "goals").get(&key).cloned();
+    for (name, goal) in goals.iter().filter_map(Value::as_table).flatten() {
+        let (value, goal) = (measured[name], goal.as_integer().unwrap());
+        let reached = if value <= goal {
+            "reached"
+        } else {
+            "NOT REACHED"
+        };
+        println!("{key}: {name} is {value}, the goal is {goal}: {reached}");
     }
 }
 

@@ -12,6 +12,20 @@ unsafe extern "C" {
     static _stack_start: u32;
 }
 
+/// Fills what is not in use with the pattern once more, so that what follows is measured by itself.
+#[inline(never)]
+pub(crate) fn forget() {
+    let here = 0_u32;
+    // Below this function's own frame nothing is in use; an interrupt's frame would come and go, and be seen.
+    let top = addr_of!(here).wrapping_sub(64);
+    let mut word = addr_of!(_stack_end).cast_mut();
+    while word.cast_const() < top {
+        // SAFETY: memory of the stack below everything that is in use.
+        unsafe { word.write_volatile(PATTERN) };
+        word = word.wrapping_add(1);
+    }
+}
+
 /// Bytes between the beginning of the stack and the lowest word that was written.
 pub(crate) fn high_water() -> usize {
     let (lowest, highest) = (addr_of!(_stack_end), addr_of!(_stack_start));
