@@ -77,7 +77,7 @@ fn main() {
     let on_target = ON_TARGET.iter().map(|(name, test)| {
         let missing = missing
             .clone()
-            .or_else(|| (WITH_LOG.contains(name)).then(emulator::decoder_missing)?);
+            .or_else(|| WITH_LOG.contains(name).then(emulator::decoder_missing)?);
         match (missing, required) {
             (None, _) => trial(name, *test),
             (Some(what), true) => {
