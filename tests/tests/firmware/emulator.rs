@@ -137,7 +137,7 @@ pub(crate) fn decode(image: &Path, log: &Path) -> String {
     let output = Command::new("defmt-print")
         .arg("-e")
         .arg(image)
-        .args(["--log-format", "{L} {s}", "stdin"])
+        .args(["--log-format", "{s}", "stdin"])
         .stdin(fs::File::open(log).unwrap())
         .output();
     let output: Output = output.unwrap();
