@@ -11,7 +11,6 @@ use gantry_tau_core::endpoint::Turn;
 use gantry_tau_core::message::{Capabilities, Phase};
 use gantry_tau_core::units::{Epoch, PositionNm};
 
-use crate::board::stack;
 use crate::board::timer::Ticks;
 use crate::machine::{AXES, MOTORS, Machine, Meter, Moment, Motion, Part, Parts, Pose6, Work};
 use crate::net::lan9118::{Lan9118, LanError};
@@ -84,8 +83,6 @@ fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, Trouble> {
     let mut journal = Journal::new(sessions);
     journal.listening(PLACE.port, &turn);
 
-    // What it took to start is not what a tick takes.
-    stack::forget();
     let mut now_ms: u32 = 0;
     let mut state_left_ms: u32 = 0;
     while now_ms < LONGEST_MS {
