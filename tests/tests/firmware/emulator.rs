@@ -26,7 +26,8 @@ impl Board {
         }
     }
 
-    const fn machine(self) -> &'static str {
+    /// As the emulator calls its board.
+    pub(crate) const fn machine(self) -> &'static str {
         match self {
             Self::M7 => "mps2-an500",
             Self::M4f => "mps2-an386",

@@ -17,6 +17,7 @@ mod budget;
 mod emulator;
 mod host;
 mod image;
+mod link;
 #[path = "../../firmware/src/machine/mod.rs"]
 mod machine;
 #[path = "../../firmware/src/recording.rs"]
@@ -37,9 +38,19 @@ const ON_TARGET: &[(&str, fn())] = &[
     ("m4f_is_bit_equal_in_a_calm_session", replay::m4f_calm),
     ("a_changed_bit_is_seen", replay::a_changed_bit_is_seen),
     ("the_log_tells_the_session", replay::log_tells_the_session),
+    (
+        "a_real_client_drives_the_target",
+        link::a_real_client_drives_the_target,
+    ),
     ("the_image_has_no_panic", image::no_panic),
     ("a_linked_panic_is_seen", image::control_is_seen),
     ("the_images_are_as_small_as_recorded", image::sizes),
+];
+
+/// Those of them that read its log, by a tool of its own.
+const WITH_LOG: [&str; 2] = [
+    "the_log_tells_the_session",
+    "a_real_client_drives_the_target",
 ];
 
 /// Tests of what the host does of it.
@@ -64,10 +75,9 @@ fn main() {
         std::env::var_os("GANTRY_TAU_REQUIRE_FIRMWARE").is_some_and(|value| value == "1");
     let missing = emulator::missing();
     let on_target = ON_TARGET.iter().map(|(name, test)| {
-        // The log is read by a tool of its own.
         let missing = missing
             .clone()
-            .or_else(|| (*name == "the_log_tells_the_session").then(emulator::decoder_missing)?);
+            .or_else(|| WITH_LOG.contains(name).then(emulator::decoder_missing)?);
         match (missing, required) {
             (None, _) => trial(name, *test),
             (Some(what), true) => {
