@@ -33,6 +33,10 @@ pub(crate) struct Work {
 }
 
 /// What became of the pose and the load.
+#[allow(
+    clippy::large_enum_variant,
+    reason = "one lives at a time, and nothing is allocated"
+)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Answer {
     /// By the L2.
