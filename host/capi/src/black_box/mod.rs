@@ -207,7 +207,7 @@ mod tests {
 
     #[test]
     fn numbers_are_written_in_full() {
-        let mut room = [0; 200];
+        let mut room = [0; 400];
         let mut line = Line::new(&mut room);
         line.array(&[0_u64, 7, 10, 1_000_000_007, u64::MAX]);
         line.array(&[i64::MIN, -1, 0, i64::MAX]);
