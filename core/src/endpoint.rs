@@ -386,6 +386,8 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
         self.input.cycle = *cycle;
     }
 
+    /// Not inlined, as the other large parts of a tick: it needs as much stack as one of them, not as all together.
+    #[inline(never)]
     fn send(&mut self, output: &Output<N>, send: &mut impl FnMut(Connection, &[u8])) {
         for slot in self.slots.iter_mut().filter(|slot| slot.foreign) {
             slot.foreign = false;

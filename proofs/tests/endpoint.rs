@@ -62,7 +62,12 @@ fn moves() -> impl Strategy<Value = Vec<Move>> {
 fn doings(endpoint: &Tested, one: &Move) -> Vec<Doing<2>> {
     let discrete = &endpoint.session().parts().discrete;
     let owner = discrete.owner.unwrap_or(Connection(0));
-    let frames = |messages: &[ClientMessage<2>]| messages.iter().flat_map(encode_client).collect();
+    let frames = |messages: &[ClientMessage<2>]| {
+        messages
+            .iter()
+            .flat_map(|one| encode_client(one).to_vec())
+            .collect()
+    };
     match one {
         Move::Open(transport) => vec![Doing::Open(*transport)],
         Move::Close(connection) => vec![Doing::Close(Connection(*connection))],

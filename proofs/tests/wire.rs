@@ -16,7 +16,7 @@ use gantry_tau_core::units::{
     Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
 use gantry_tau_core::wire::{
-    Body, Collector, FrameBytes, FrameError, MAX_FRAME, Stage, encode_client, encode_server,
+    Body, Collector, FrameError, MAX_FRAME, Stage, encode_client, encode_server,
 };
 use gantry_tau_proofs::wire::{
     body_is_canonical, body_survives, chunk_is_collected, cut_chunk_is_collected_alike,
@@ -156,7 +156,7 @@ impl Draw {
         ])
     }
     /// One frame of every kind.
-    fn frames<const N: usize>(&mut self) -> [FrameBytes; 7] {
+    fn frames<const N: usize>(&mut self) -> [Vec<u8>; 7] {
         [
             encode_client::<N>(&ClientMessage::Hello(self.hello())),
             encode_client::<N>(&ClientMessage::Command(self.command())),
@@ -166,6 +166,7 @@ impl Draw {
             encode_server::<N>(&ServerMessage::State(self.state())),
             encode_server::<N>(&ServerMessage::Refusal(self.refusal())),
         ]
+        .map(|frame| frame.to_vec())
     }
 }
 

@@ -201,9 +201,7 @@ fn broken_datagrams_are_dropped_and_the_session_goes_on() {
         peer.socket.send(&[0x47; MAX_FRAME + 200]).unwrap();
         peer.socket.send(&[]).unwrap();
         // Two frames in one datagram are no frame.
-        peer.socket
-            .send(&[frame.as_slice(), frame.as_slice()].concat())
-            .unwrap();
+        peer.socket.send(&[&*frame, &*frame].concat()).unwrap();
         let state = tick(&mut bench, &mut peer, &[good]);
         assert_eq!(state.phase, Phase::Obtain);
         assert_eq!(state.counters.missed, 0);

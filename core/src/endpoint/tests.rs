@@ -168,7 +168,7 @@ fn a_second_client_is_told_and_closed() {
 fn another_version_is_told_ours_and_closed() {
     let mut bench = Bench::new();
     let stranger = bench.endpoint.open(Transport::Stream).unwrap();
-    let mut bytes = hello();
+    let mut bytes = hello().to_vec();
     bytes[2] = 9;
     bench.endpoint.feed(stranger, &bytes);
     let turn = bench.tick();
@@ -190,7 +190,7 @@ fn a_broken_stream_ends_and_a_broken_datagram_does_not() {
         (Transport::Datagram, None),
     ] {
         let (mut bench, owner) = Bench::obtaining(transport);
-        let mut broken = bench.command(Mode::Obtain, 3_000);
+        let mut broken = bench.command(Mode::Obtain, 3_000).to_vec();
         broken[10] ^= 1;
         bench.endpoint.feed(owner, &broken);
         if transport == Transport::Datagram {

@@ -203,7 +203,8 @@ impl<const N: usize> Session<N> {
         self.parts.discrete.owner
     }
 
-    /// One cycle: everything that arrived is heard, then one step is taken.
+    /// One cycle: everything that arrived is heard, then one step is taken. Not inlined, for the sake of the caller's stack.
+    #[inline(never)]
     pub fn tick(&mut self, input: &Input<N>) -> Output<N> {
         let (heard, noted) = self.hear(&input.events, input.cycle.next_epoch);
         self.step(&input.cycle, heard, noted)

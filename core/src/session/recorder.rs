@@ -180,6 +180,8 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
     }
 
     /// After a step: keeps its input and output. `ends`: it ended what is recorded, and the freeze is counted down to.
+    /// Not inlined, for the sake of the caller's stack: it may hold a whole entry.
+    #[inline(never)]
     pub fn after_tick(&mut self, input: &I, output: &O, ends: bool) {
         if self.is_frozen() || HALF == 0 {
             return;

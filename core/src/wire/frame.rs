@@ -1,8 +1,7 @@
 //! Header, length and checksum: the outside of a frame.
 
 use core::fmt;
-
-use heapless::Vec;
+use core::ops::Deref;
 
 use super::body::Body;
 
@@ -19,8 +18,30 @@ pub const MAX_BODY: usize = 384;
 /// Longest frame, in bytes.
 pub const MAX_FRAME: usize = HEADER_LEN + MAX_BODY + TRAILER_LEN;
 
-/// An encoded frame.
-pub type FrameBytes = Vec<u8, MAX_FRAME>;
+/// An encoded frame; read as a slice. Not a `Vec`, which is filled byte by byte.
+#[derive(Clone, Debug)]
+pub struct FrameBytes {
+    bytes: [u8; MAX_FRAME],
+    /// How many of them are the frame's.
+    length: usize,
+}
+
+impl Deref for FrameBytes {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        self.bytes.get(..self.length).unwrap_or_default()
+    }
+}
+
+/// What is behind the frame does not matter.
+impl PartialEq for FrameBytes {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
+    }
+}
+
+impl Eq for FrameBytes {}
 
 /// What a frame's body is; the fourth byte of every frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -190,24 +211,24 @@ pub(super) fn parse_header(header: [u8; HEADER_LEN]) -> Result<(u8, u16), FrameE
 /// A body that does not fit gives an empty frame; [`MAX_BODY`] leaves room for every message, which a test checks.
 #[must_use]
 pub fn enclose<B: Body>(kind: Kind, body: &B) -> FrameBytes {
-    let mut frame = FrameBytes::new();
-    if fill(&mut frame, kind, body).is_none() {
-        frame.clear();
-    }
+    let mut frame = FrameBytes {
+        bytes: [0; MAX_FRAME],
+        length: 0,
+    };
+    frame.length = fill(&mut frame.bytes, kind, body).unwrap_or(0);
     frame
 }
 
-/// Header, body and checksum, one after the other. `None` where one does not fit.
-fn fill<B: Body>(frame: &mut FrameBytes, kind: Kind, body: &B) -> Option<()> {
+/// Header, body and checksum, one after the other; how many bytes they are. `None` where one does not fit.
+fn fill<B: Body>(bytes: &mut [u8; MAX_FRAME], kind: Kind, body: &B) -> Option<usize> {
     let [m0, m1] = MAGIC;
     let [l0, l1] = u16::try_from(B::LENGTH).ok()?.to_le_bytes();
-    let header = [m0, m1, PROTOCOL_VERSION, kind.code(), l0, l1];
-    frame.extend_from_slice(&header).ok()?;
-    let before_trailer = HEADER_LEN.saturating_add(B::LENGTH);
-    frame.resize_default(before_trailer).ok()?;
-    body.write(frame.get_mut(HEADER_LEN..)?).ok()?;
-    let checksum = crc32fast::hash(frame);
-    frame.extend_from_slice(&checksum.to_le_bytes()).ok()
+    let (header, rest) = bytes.split_first_chunk_mut::<HEADER_LEN>()?;
+    *header = [m0, m1, PROTOCOL_VERSION, kind.code(), l0, l1];
+    body.write(rest.get_mut(..B::LENGTH)?).ok()?;
+    let (checked, rest) = bytes.split_at_mut_checked(HEADER_LEN.checked_add(B::LENGTH)?)?;
+    *rest.first_chunk_mut::<TRAILER_LEN>()? = crc32fast::hash(checked).to_le_bytes();
+    checked.len().checked_add(TRAILER_LEN)
 }
 
 /// Compares the last bytes with the CRC-32/ISO-HDLC (as in Ethernet and zlib) of those before them.

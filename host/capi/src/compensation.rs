@@ -6,8 +6,9 @@ use gantry_tau_core::compensation::{
     Compensator, CompensatorConfig, Correction, ExactCompensator, SixLinkCompensator,
     SixLinkElastic,
 };
-use gantry_tau_core::kinematics::Nominal;
+use gantry_tau_core::kinematics::{KinematicsError, Nominal, Pose};
 use gantry_tau_core::robot::{ARMS, AXES, Compliances};
+use gantry_tau_core::statics::Wrench;
 use gantry_tau_core::units::OffsetNm;
 
 use crate::code::gt_code;
@@ -192,8 +193,8 @@ pub unsafe extern "C" fn gt_l2_exact_correction(
 }
 
 /// The pose of nominal positions.
-fn pose(nominal: &Nominal, q: &[f64; ARMS]) -> Reply<gantry_tau_core::kinematics::Pose> {
-    Ok(gantry_tau_core::kinematics::Pose {
+fn pose(nominal: &Nominal, q: &[f64; ARMS]) -> Reply<Pose> {
+    Ok(Pose {
         position_m: nominal.forward(q)?,
         rotation: *nominal.rotation(),
     })
@@ -285,10 +286,10 @@ pub unsafe extern "C" fn gt_f1_exact_correction(
 /// One of the maps of a machine with six axes.
 type SixMap = fn(
     &SixLinkCompensator,
-    &gantry_tau_core::kinematics::Pose,
+    &Pose,
     &[f64; AXES],
-    &gantry_tau_core::statics::Wrench,
-) -> Result<Correction<AXES>, gantry_tau_core::kinematics::KinematicsError>;
+    &Wrench,
+) -> Result<Correction<AXES>, KinematicsError>;
 
 /// A correction by one of the maps.
 ///

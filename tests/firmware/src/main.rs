@@ -1,6 +1,6 @@
 //! The complete core on a Cortex-M, driven by a timer interrupt at 1 kHz.
 //!
-//! The emulator's command line says what to do: `firmware replay` or `firmware link`.
+//! The emulator's command line says what to do: `firmware replay`. (What serves a real client is `bin/link.rs`.)
 #![no_std]
 #![no_main]
 
@@ -24,7 +24,7 @@ fn run(ticks: Ticks) -> bool {
     match CommandLine::read().words().nth(1) {
         Some(b"replay") => replay::run(ticks),
         _ => {
-            defmt::error!("usage: firmware replay | link");
+            defmt::error!("usage: firmware replay");
             false
         }
     }

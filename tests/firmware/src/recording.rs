@@ -4,14 +4,14 @@
 //! All numbers are little-endian. A recording begins with the nominal positions at the start, 6 `i64`, and the number of its ticks
 //! `u32`. Then each tick:
 //! - how many things happened before it `u16`; each: what `u8` (0 a stream opened, 1 datagrams opened, 2 closed, 3 bytes), connection
-//!   `u32`, number of bytes `u16` (at most [`CHUNK`]), bytes;
+//!   `u32`, number of bytes `u16` (at most [`READ_OF_OWNER`]), bytes;
 //! - elapsed `u32`, stop `u8`, rearm `u8`, next epoch `u64`, arrival `u16`;
 //! - motion `u8` (0 given, 1 L2, 2 F1); if given: nominal positions `i64`, then per axis position `i64`, velocity `i32`, torque `i16`;
 //! - pose and load, 12 `f64`.
 //!
-//! Of every tick is written: each frame sent (`u8` 1, connection `u32`, number of bytes `u16`, bytes); then `u8` 2, each motor's
-//! position `i64`, velocity `i32` and torque `i16`, how many connections are to be closed `u8` and each `u32`, and the answer of the
-//! floats, as bits: `u8` 0 and the error's kind, or 1 (L2) or 2 (F1) and its fields in their order.
+//! Of every tick is written: the answer of the floats, as bits: `u8` 0 and the error's kind, or 1 (L2) or 2 (F1) and its fields in
+//! their order; then each frame sent (`u8` 1, connection `u32`, number of bytes `u16`, bytes); then `u8` 2, each motor's position `i64`,
+//! velocity `i32` and torque `i16`, how many connections are to be closed `u8` and each `u32`.
 
 use gantry_tau_core::axis::Actual;
 use gantry_tau_core::compensation::Correction;
@@ -20,10 +20,9 @@ use gantry_tau_core::kinematics::KinematicsError;
 use gantry_tau_core::session::decide::Connection;
 use gantry_tau_core::units::{Epoch, PositionNm, TorquePermille, VelocityUmS};
 
-use crate::machine::{AXES, Answer, MOTORS, Machine, Meter, Moment, Motion, Part};
-
-/// Most bytes that arrive at once.
-pub(crate) const CHUNK: usize = 1_024;
+use crate::machine::{
+    AXES, Answer, MOTORS, Machine, Meter, Moment, Motion, Part, READ_OF_OWNER, most_read,
+};
 
 /// Where a recording comes from.
 pub(crate) trait Source {
@@ -41,12 +40,14 @@ pub(crate) trait Sink {
 pub(crate) trait Watch: Meter {
     /// Before the tick's input is read: the time of the tick.
     fn wait(&mut self);
+    /// After the floats.
+    fn answered(&mut self, _: &Answer) {}
     /// After the tick.
     fn turned(&mut self, turn: &Turn<AXES, MOTORS>);
 }
 
 /// Room for what arrives.
-pub(crate) type Room = [u8; CHUNK];
+pub(crate) type Room = [u8; READ_OF_OWNER];
 
 /// The nominal positions that a recording begins with.
 pub(crate) fn start(source: &mut impl Source) -> Option<[PositionNm; AXES]> {
@@ -71,8 +72,7 @@ pub(crate) fn play(
             happen(machine, room, source, watch)?;
         }
         let moment = moment(source)?;
-        let (turn, _) = tick(machine, &moment, sink, watch);
-        watch.turned(&turn);
+        tick(machine, &moment, sink, watch);
     }
     Some(())
 }
@@ -82,12 +82,20 @@ pub(crate) fn tick(
     machine: &mut Machine,
     moment: &Moment,
     sink: &mut impl Sink,
-    meter: &mut impl Meter,
-) -> (Turn<AXES, MOTORS>, Answer) {
-    let (turn, answer) = machine.tick(moment, meter, &mut |to, bytes| sent(sink, to, bytes));
+    watch: &mut impl Watch,
+) {
+    compute(machine, moment, sink, watch);
+    let turn = machine.serve(moment, watch, &mut |to, bytes| sent(sink, to, bytes));
     turned(sink, &turn);
+    watch.turned(&turn);
+}
+
+/// Its first half. Not inlined, so that the answer has left the stack when the second begins.
+#[inline(never)]
+fn compute(machine: &mut Machine, moment: &Moment, sink: &mut impl Sink, watch: &mut impl Watch) {
+    let answer = machine.compute(moment, watch);
     answered(sink, &answer);
-    (turn, answer)
+    watch.answered(&answer);
 }
 
 /// One of the things that happened before a tick.
@@ -104,6 +112,8 @@ fn happen(
         return None;
     }
     let server = machine.server();
+    let most = most_read(connection, server.session().owner());
+    let bytes = bytes.get(..most).unwrap_or(bytes);
     watch.begin();
     match what {
         0 => _ = server.open(Transport::Stream),

@@ -12,8 +12,8 @@ use gantry_tau_core::units::PositionNm;
 use crate::board::host::File;
 use crate::board::timer::Ticks;
 use crate::board::{clock, stack};
-use crate::machine::{AXES, MOTORS, Machine, Meter, Part, Parts};
-use crate::recording::{self, CHUNK, Sink, Source, Watch};
+use crate::machine::{AXES, MOTORS, Machine, Meter, Part, Parts, READ_OF_OWNER};
+use crate::recording::{self, Room, Sink, Source, Watch};
 
 /// Plays; whether all went well.
 pub(crate) fn run(ticks: Ticks) -> bool {
@@ -31,7 +31,7 @@ pub(crate) fn run(ticks: Ticks) -> bool {
     };
     let (Some(machine), Some(room), Some(buffer)) = (
         machine(nominal),
-        singleton!(: [u8; CHUNK] = [0; CHUNK]),
+        singleton!(: Room = [0; READ_OF_OWNER]),
         singleton!(: [u8; BUFFER] = [0; BUFFER]),
     ) else {
         return false;
@@ -100,18 +100,15 @@ impl Buffered {
 
 impl Sink for Buffered {
     fn write(&mut self, bytes: &[u8]) {
-        let end = self.used.saturating_add(bytes.len());
-        if end > BUFFER {
+        if self.used.saturating_add(bytes.len()) > BUFFER {
             self.empty();
         }
-        let end = self.used.saturating_add(bytes.len());
-        match self.buffer.get_mut(self.used..end) {
+        // In two steps, so that the compiler knows the lengths are equal, and `copy_from_slice` links no panic.
+        let rest = self.buffer.get_mut(self.used..).unwrap_or_default();
+        match rest.get_mut(..bytes.len()) {
             Some(room) => {
-                // `copy_from_slice` links a panic.
-                for (place, byte) in room.iter_mut().zip(bytes) {
-                    *place = *byte;
-                }
-                self.used = end;
+                room.copy_from_slice(bytes);
+                self.used = self.used.saturating_add(bytes.len());
             }
             None => self.written &= self.file.write_all(bytes),
         }

@@ -193,15 +193,15 @@ impl<const N: usize, const HALF: usize> Play<N, HALF> {
         if self.one_in(70) {
             bytes = self.anything(&bytes);
         }
-        // In pieces, as a stream may come; a datagram that is cut is broken.
-        let cut = if self.one_in(8) {
-            usize::try_from(self.below(40)).unwrap()
+        // Now and then in pieces, as a stream may come; a datagram that is cut is broken.
+        if self.one_in(8) {
+            let cut = usize::try_from(self.below(40)).unwrap();
+            let (first, rest) = bytes.split_at(cut.min(bytes.len()));
+            self.feed(connection, first);
+            self.feed(connection, rest);
         } else {
-            0
-        };
-        let (first, rest) = bytes.split_at(cut.min(bytes.len()));
-        self.feed(connection, first);
-        self.feed(connection, rest);
+            self.feed(connection, &bytes);
+        }
     }
 
     fn feed(&mut self, connection: Connection, bytes: &[u8]) {

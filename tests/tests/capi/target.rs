@@ -9,7 +9,6 @@ use libtest_mimic::{Failed, Trial};
 use crate::tools::{folder, run, target};
 use crate::{STRICT, compensation, session, trial};
 
-const TRIPLE: &str = "thumbv7em-none-eabihf";
 const COMPILER: &str = "arm-none-eabi-gcc";
 const PROCESSOR: [&str; 4] = [
     "-mcpu=cortex-m7",
@@ -38,25 +37,24 @@ fn has_newlib() -> bool {
     asked.is_ok_and(|path| path.contains('/'))
 }
 
-/// Rust for the target: `tests/firmware/build.sh` takes one of these.
+/// Builds for the target.
+fn build_script() -> Command {
+    let mut command = Command::new("bash");
+    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("firmware/build.sh"));
+    command
+}
+
+/// Rust for the target.
 fn has_toolchain() -> bool {
-    let library = run(Command::new("rustc").args(["--print", "target-libdir", "--target", TRIPLE]));
-    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    library.is_ok_and(|path| Path::new(path.trim()).is_dir())
-        || run(Command::new("rustc").args(["+rust185", "--version"])).is_ok()
-        || repository
-            .join("../shared/toolchain/rust-1.85.0-dev.tar.xz")
-            .is_file()
+    run(build_script().arg("check")).is_ok()
 }
 
 /// The static library for the target, built once.
 fn library() -> &'static Path {
     static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
     LIBRARY.get_or_init(|| {
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("firmware/build.sh");
-        let mut build = Command::new("bash");
+        let mut build = build_script();
         build
-            .arg(script)
             .args(["m7", "--manifest-path"])
             .arg(folder().join("Cargo.toml"));
         let built = run(build.env("GANTRY_TAU_FIRMWARE_TARGET", target().join("target")));

@@ -5,7 +5,7 @@ use std::fs;
 
 use toml::{Table, Value};
 
-use crate::emulator::{Board, folder};
+use crate::emulator::folder;
 
 /// Numbers by their name.
 pub(crate) type Measured = BTreeMap<String, i64>;
@@ -17,24 +17,23 @@ pub(crate) fn recording() -> bool {
 
 /// Compares with what is recorded of this subject: nothing may be more than a fiftieth beyond what was measured last (another
 /// compiler, another rounding of the clock); a digest must be the same. How far the goals are is said, not judged.
-pub(crate) fn judge(board: Board, subject: &str, measured: &Measured) {
+pub(crate) fn judge(key: &str, measured: &Measured) {
     let path = folder().join("sizes.toml");
     let text = fs::read_to_string(&path).unwrap();
     let (head, _) = text.split_once("\n[").unwrap_or((&text, ""));
     let mut file: Table = text.parse().unwrap();
     for (name, value) in measured {
-        println!("{} {subject}: {name} = {value}", board.name());
+        println!("{key}: {name} = {value}");
     }
-    let key = format!("{}_{subject}", board.name());
     if recording() {
         let numbers = measured
             .iter()
             .map(|(name, value)| (name.clone(), Value::Integer(*value)));
         let entry = section(&mut file, "measured");
-        entry.insert(key.clone(), Value::Table(numbers.collect()));
+        entry.insert(key.to_owned(), Value::Table(numbers.collect()));
         fs::write(&path, format!("{head}\n{file}")).unwrap();
     }
-    let recorded = section(&mut file, "measured").get(&key).cloned();
+    let recorded = section(&mut file, "measured").get(key).cloned();
     let recorded = recorded.unwrap_or_else(|| panic!("sizes.toml has no [measured.{key}]"));
     for (name, value) in measured {
         let last = recorded.get(name).and_then(Value::as_integer);
@@ -48,7 +47,7 @@ pub(crate) fn judge(board: Board, subject: &str, measured: &Measured) {
             );
         }
     }
-    let goals = section(&mut file, "goals").get(&key).cloned();
+    let goals = section(&mut file, "goals").get(key).cloned();
     for (name, goal) in goals.iter().filter_map(Value::as_table).flatten() {
         let (value, goal) = (measured[name], goal.as_integer().unwrap());
         let reached = if value <= goal {

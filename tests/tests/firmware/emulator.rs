@@ -76,8 +76,13 @@ fn runs(program: &str) -> bool {
 
 /// Builds, with further arguments of cargo; returns the folder of the images.
 pub(crate) fn build(board: Board, arguments: &[&str]) -> PathBuf {
+    build_what(board.name(), arguments)
+}
+
+/// Builds what `build.sh` calls so.
+pub(crate) fn build_what(what: &str, arguments: &[&str]) -> PathBuf {
     let mut command = Command::new(folder().join("build.sh"));
-    let output = command.arg(board.name()).args(arguments).output().unwrap();
+    let output = command.arg(what).args(arguments).output().unwrap();
     let said = text(&output.stdout);
     assert!(
         output.status.success(),

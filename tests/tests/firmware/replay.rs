@@ -92,7 +92,7 @@ fn is_bit_equal(board: Board, recording: &Recording) {
         "output_crc32".to_owned(),
         i64::from(gantry_tau_tests::client::crc32(&expected)),
     );
-    budget::judge(board, recording.name, &measured);
+    budget::judge(&format!("{}_{}", board.name(), recording.name), &measured);
 }
 
 fn first_difference(one: &[u8], other: &[u8]) -> Option<usize> {

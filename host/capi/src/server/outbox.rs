@@ -1,7 +1,6 @@
 //! Frames of one tick that wait to be fetched: C is never called, it asks.
 
 use gantry_tau_core::endpoint::CONNECTIONS;
-use gantry_tau_core::message::MAX_AXES;
 use gantry_tau_core::session::EVENTS;
 use gantry_tau_core::session::decide::Connection;
 use gantry_tau_core::wire::{HEADER_LEN, MAX_FRAME, TRAILER_LEN};
@@ -12,16 +11,12 @@ const _: () = assert!(GT_MAX_FRAME == MAX_FRAME, "a frame fits");
 
 /// A Refusal: 8 bytes of body (`wire.md`).
 const REFUSAL: usize = HEADER_LEN + 8 + TRAILER_LEN;
-/// A Welcome: 28 bytes of body and 48 per axis.
-const WELCOME: usize = HEADER_LEN + 28 + 48 * MAX_AXES + TRAILER_LEN;
-/// A State: 76 bytes of body and 44 per axis.
-const STATE: usize = HEADER_LEN + 76 + 44 * MAX_AXES + TRAILER_LEN;
 /// Refusals of one tick: one per connection of another protocol version, one per event.
 const REFUSALS: usize = CONNECTIONS + EVENTS;
 /// Frames of one tick: the refusals, a Welcome and a State.
 const FRAMES: usize = REFUSALS + 2;
 /// Their bytes.
-const BYTES: usize = REFUSALS * REFUSAL + WELCOME + STATE;
+const BYTES: usize = REFUSALS * REFUSAL + 2 * MAX_FRAME;
 
 /// A frame to be written to a connection.
 #[repr(C)]

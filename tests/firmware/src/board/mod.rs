@@ -5,6 +5,7 @@
 )]
 
 pub(crate) mod clock;
+mod copy;
 pub(crate) mod host;
 mod log;
 pub(crate) mod stack;

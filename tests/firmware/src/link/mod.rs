@@ -116,7 +116,8 @@ impl Link {
         let moment = moment(pose(self.path), self.next_epoch);
         self.path = self.path.saturating_add(1);
         let tcp = &mut self.tcp;
-        let (turn, _) = machine.tick(&moment, &mut Unmeasured, &mut |to, bytes| {
+        machine.compute(&moment, &mut Unmeasured);
+        let turn = machine.serve(&moment, &mut Unmeasured, &mut |to, bytes| {
             tcp.send(to, bytes);
         });
         for connection in &turn.close {

@@ -1,7 +1,7 @@
 //! The server and its machine: what one tick of the firmware does. The same file is compiled into the test, which runs it on the host.
 //!
-//! A tick begins with the work of floats: from a pose to the nominal positions of six axes, and from a load to the offsets that would
-//! hold the tool there. Then it is the endpoint's.
+//! A tick begins with the work of floats, [`Machine::compute`]: from a pose to the nominal positions of six axes, and from a load to the offsets that would
+//! hold the tool there. Then it is the endpoint's, [`Machine::serve`].
 
 pub(crate) mod robots;
 mod work;
@@ -20,8 +20,26 @@ pub(crate) use work::{Answer, Pose6, Work};
 pub(crate) const AXES: usize = 6;
 /// Motors: two on each cart, one on each screw.
 pub(crate) const MOTORS: usize = 9;
+/// Which axis each motor drives.
+pub(crate) const AXIS_OF_MOTOR: [usize; MOTORS] = [0, 0, 1, 1, 2, 2, 3, 4, 5];
 /// A third of the ticks in the black box.
 pub(crate) const HALF: usize = 8;
+
+/// Most bytes that are read of the owner of the session in a tick: three Commands of six axes. A session that tolerates one lost
+/// Command never has more of them waiting and goes on.
+pub(crate) const READ_OF_OWNER: usize = 300;
+/// Most bytes that are read in a tick of anybody else, one of whom has his turn: a whole frame of six axes.
+pub(crate) const READ_OF_STRANGER: usize = 128;
+
+/// Most bytes that are read of a connection in a tick. What has come beyond waits where it is, and so do all strangers but one:
+/// nobody can make a tick long.
+pub(crate) fn most_read(connection: Connection, owner: Option<Connection>) -> usize {
+    if owner == Some(connection) {
+        READ_OF_OWNER
+    } else {
+        READ_OF_STRANGER
+    }
+}
 
 /// The endpoint of this machine.
 pub(crate) type Server = Endpoint<AXES, MOTORS, HALF>;
@@ -123,7 +141,7 @@ impl Parts {
         let nothing = [Offsets::default(); AXES];
         let session = Session::new(config, &nothing, nominal, Tick(0), Epoch(0))
             .map_err(|_| Refused::Session)?;
-        let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).map_err(|_| Refused::Session)?;
+        let motors = MotorMap::new(AXIS_OF_MOTOR).map_err(|_| Refused::Session)?;
         Ok(Self {
             session,
             motors,
@@ -154,17 +172,25 @@ impl Machine {
         &mut self.server
     }
 
-    /// One tick. Without an answer of the kinematics the nominal positions stay.
-    pub(crate) fn tick(
-        &mut self,
-        moment: &Moment,
-        meter: &mut impl Meter,
-        send: &mut impl FnMut(Connection, &[u8]),
-    ) -> (Turn<AXES, MOTORS>, Answer) {
+    /// The first half of a tick: floats. Without an answer of the kinematics the nominal positions stay.
+    /// Not inlined, and neither is the second half: together they need as much stack as the larger of them.
+    #[inline(never)]
+    pub(crate) fn compute(&mut self, moment: &Moment, meter: &mut impl Meter) -> Answer {
         meter.begin();
         let answer = self.work.answer(moment);
         self.move_to(&moment.motion, &answer);
         meter.end(Part::Floats);
+        answer
+    }
+
+    /// The second half: the endpoint's tick.
+    #[inline(never)]
+    pub(crate) fn serve(
+        &mut self,
+        moment: &Moment,
+        meter: &mut impl Meter,
+        send: &mut impl FnMut(Connection, &[u8]),
+    ) -> Turn<AXES, MOTORS> {
         let cycle = Cycle {
             elapsed: moment.elapsed,
             nominal: self.nominal,
@@ -180,7 +206,7 @@ impl Machine {
         for (actual, reference) in self.actual.iter_mut().zip(&turn.output.references) {
             actual.position = reference.position;
         }
-        (turn, answer)
+        turn
     }
 
     fn move_to(&mut self, motion: &Motion, answer: &Answer) {

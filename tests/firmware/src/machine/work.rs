@@ -117,6 +117,8 @@ impl Work {
         Ok(L2Answer { q, correction })
     }
 
+    /// Not inlined, for its stack is not the L2's.
+    #[inline(never)]
     fn f1_cycle(&self, pose: &Pose6) -> Result<F1Answer, KinematicsError> {
         let [x, y, z, a, b, c] = *pose;
         let pose = Pose {

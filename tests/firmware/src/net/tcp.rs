@@ -10,10 +10,11 @@ use smoltcp::time::Instant;
 use smoltcp::wire::{EthernetAddress, IpCidr, Ipv4Address};
 
 use super::lan9118::Lan9118;
+use crate::machine::most_read;
 
 /// Connections at once: an owner, two who are refused meanwhile, and one whose peer has gone without a word.
 const SOCKETS: usize = 4;
-/// Bytes received and not yet fed; the window that each peer is offered. A flood costs no more than this per visit.
+/// Bytes received and not yet fed; the window that each peer is offered.
 const RECEIVE: usize = 1_024;
 /// Bytes sent and not yet acknowledged: about a dozen States. Who has not taken so many is too slow.
 const SEND: usize = 4_096;
@@ -69,6 +70,18 @@ enum Use {
     Closing { until: i64 },
 }
 
+impl Use {
+    /// Whether a visit looks at it: always at the owner.
+    fn is_due<const N: usize, const M: usize, const H: usize>(
+        self,
+        has_turn: bool,
+        endpoint: &Endpoint<N, M, H>,
+    ) -> bool {
+        let owner = endpoint.session().owner();
+        has_turn || matches!(self, Self::Peer { connection, .. } if owner == Some(connection))
+    }
+}
+
 struct Peer {
     socket: SocketHandle,
     used: Use,
@@ -82,6 +95,8 @@ pub(crate) struct Server {
     peers: [Option<Peer>; SOCKETS],
     port: u16,
     now_ms: i64,
+    /// Which socket has its turn: one stranger is taken in, or read, per visit.
+    turn: usize,
 }
 
 impl Server {
@@ -129,6 +144,7 @@ impl Server {
             peers,
             port: place.port,
             now_ms: 0,
+            turn: 0,
         };
         server.listen();
         server
@@ -148,9 +164,12 @@ impl Server {
                 break;
             }
         }
-        for peer in self.peers.iter_mut().flatten() {
+        self.turn = self.turn.wrapping_add(1).checked_rem(SOCKETS).unwrap_or(0);
+        for (index, peer) in self.peers.iter_mut().flatten().enumerate() {
             let socket = self.sockets.get_mut::<Socket>(peer.socket);
-            peer.used = next_use(peer.used, socket, now_ms, endpoint);
+            if peer.used.is_due(index == self.turn, endpoint) {
+                peer.used = next_use(peer.used, socket, now_ms, endpoint);
+            }
         }
         self.listen();
         self.flush();
@@ -236,15 +255,16 @@ fn next_use<const N: usize, const M: usize, const H: usize>(
             used
         }
         Use::Peer { connection, gone } => {
+            let mut left = most_read(connection, endpoint.session().owner());
             // The buffer is a ring: what it holds comes in two pieces at most.
             for _ in 0..2 {
-                let fed = socket.recv(|bytes| {
+                let read = socket.recv(|bytes| {
+                    let bytes = bytes.get(..left).unwrap_or(bytes);
                     endpoint.feed(connection, bytes);
-                    (bytes.len(), ())
+                    (bytes.len(), bytes.len())
                 });
-                if fed.is_err() {
-                    break;
-                }
+                let Ok(read) = read else { break };
+                left = left.saturating_sub(read);
             }
             if gone || !socket.may_recv() {
                 endpoint.close(connection);
