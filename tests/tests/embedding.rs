@@ -1,4 +1,7 @@
-//! README shows the code that is compiled, and the other way round.
+//! README shows the code that is compiled, and the other way round; docs/embedding.md states the sizes that are.
+
+use gantry_tau_core::compensation::{Compensator, SixLinkCompensator};
+use gantry_tau_core::endpoint::Endpoint;
 
 /// The line in README before the block that shows the example.
 const MARKER: &str = "<!-- tests/examples/embed.rs -->";
@@ -16,4 +19,41 @@ fn readme_shows_the_example_that_is_compiled() {
         .expect("no ```rust block follows the marker");
     let (block, _) = block.split_once("```").unwrap();
     assert_eq!(block, example, "README.md shows other code");
+}
+
+/// A number as the documents write it.
+fn grouped(number: usize) -> String {
+    let digits = number.to_string();
+    let groups: Vec<&str> = digits
+        .as_bytes()
+        .rchunks(3)
+        .rev()
+        .map(|group| std::str::from_utf8(group).unwrap())
+        .collect();
+    groups.join(" ")
+}
+
+#[test]
+fn embedding_states_the_sizes_of_the_objects() {
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/embedding.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let rows = [
+        (
+            size_of::<Endpoint<3, 3, 0>>(),
+            size_of::<Endpoint<6, 9, 0>>(),
+        ),
+        (
+            size_of::<Endpoint<3, 3, 16>>(),
+            size_of::<Endpoint<6, 9, 16>>(),
+        ),
+        (
+            size_of::<Endpoint<3, 3, 64>>(),
+            size_of::<Endpoint<6, 9, 64>>(),
+        ),
+        (size_of::<Compensator>(), size_of::<SixLinkCompensator>()),
+    ];
+    for (one, other) in rows {
+        let cell = format!("| {}, {} |", grouped(one), grouped(other));
+        assert!(page.contains(&cell), "docs/embedding.md lacks {cell}");
+    }
 }
