@@ -288,6 +288,7 @@ impl<const N: usize, const HALF: usize> Play<N, HALF> {
             self.resume();
         }
         let discrete = self.endpoint.session().parts().discrete;
+        let faulted = discrete.phase == Phase::Fault;
         let jump = if self.one_in(1_000) { 3_000_000 } else { 1_000 };
         self.nominal = self.nominal.map(|nominal| (nominal + jump) % 900_000_000);
         let cycle = Cycle {
@@ -298,8 +299,9 @@ impl<const N: usize, const HALF: usize> Play<N, HALF> {
                 velocity: VelocityUmS(-5),
                 torque: TorquePermille(3),
             }),
-            stop: self.one_in(500),
-            rearm: discrete.phase == Phase::Fault && self.one_in(2),
+            // In the fault both at once, too.
+            stop: self.one_in(if faulted { 8 } else { 500 }),
+            rearm: self.one_in(if faulted { 2 } else { 100 }),
             next_epoch: Epoch(discrete.epoch.0 + 1),
             arrival_us: u16::try_from(self.below(1_000)).unwrap(),
         };
@@ -317,8 +319,10 @@ impl<const N: usize, const HALF: usize> Play<N, HALF> {
     }
 
     fn script_tick(&mut self, cycle: &Cycle<N>) {
+        // Not 0 is yes.
+        let mut yes = |yes: bool| u64::from(yes) * (1 + self.below(255));
+        let (stop, rearm) = (yes(cycle.stop), yes(cycle.rearm));
         let script = &mut self.played.script;
-        let (stop, rearm) = (u8::from(cycle.stop), u8::from(cycle.rearm));
         write!(
             script,
             "t {} {stop} {rearm} {} {}",
