@@ -16,13 +16,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let session = Session::new(config, &in_force, nominal, Tick(0), Epoch(0))?;
     let mut server = Endpoint::<3, 3, 64>::new(session, MotorMap::new([0, 1, 2])?);
     let client = server.open(Transport::Stream).map_err(|_| "no room")?;
+    let mut next_epoch = Epoch(1); // greater than every one before: from storage
     for _millisecond in 0..3 {
         server.feed(client, b""); // what the client's socket had
-        let cycle = Cycle::on_time(nominal, [Actual::default(); 3], Epoch(1));
-        let turn = server.tick(&cycle, &mut |to, bytes| {
-            println!("write to {to:?}: {bytes:?}")
-        });
-        println!("write to the drives: {:?}", turn.motors);
+        let cycle = Cycle::on_time(nominal, [Actual::default(); 3], next_epoch);
+        let mut frames = Vec::new();
+        let turn = server.tick(&cycle, &mut |to, bytes| frames.push((to, bytes.to_vec())));
+        println!("write to the drives, first of all: {:?}", turn.motors);
+        for (to, bytes) in frames {
+            println!("send to {to:?}: {bytes:?}");
+        }
+        for connection in &turn.close {
+            println!("close {connection:?}");
+        }
+        if turn.output.welcome.is_some() {
+            next_epoch = Epoch(next_epoch.0 + 1); // into storage, before the next tick
+        }
     }
     Ok(())
 }

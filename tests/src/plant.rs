@@ -1,5 +1,6 @@
 //! A machine that moves where it is told and records every reference, tick by tick.
 
+use std::net::TcpStream;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use gantry_tau::plant::{Plant, PlantError, Reading};
@@ -21,6 +22,10 @@ pub struct Record<const N: usize> {
     pub read_fails: bool,
     /// `write` fails.
     pub write_fails: bool,
+    /// A client's end of its connection, at which every `write` listens.
+    pub ear: Option<TcpStream>,
+    /// Writes that came after the client had been told something.
+    pub late_writes: usize,
 }
 
 /// A bus with the machine on it; a test keeps one end, the server has the other. It outlives the server, as drives do.
@@ -38,6 +43,8 @@ impl<const N: usize> Default for Bus<N> {
             offsets_fail: false,
             read_fails: false,
             write_fails: false,
+            ear: None,
+            late_writes: 0,
         })))
     }
 }
@@ -103,10 +110,20 @@ impl<const N: usize> Plant<N, N> for Bus<N> {
         if record.write_fails {
             return Err(failed("be written"));
         }
+        let told = record.ear.as_ref().is_some_and(has_bytes);
+        record.late_writes += usize::from(told);
         record.in_force = std::array::from_fn(|axis| offsets(&references[axis], &record, axis));
         record.written.push(*references);
         Ok(())
     }
+}
+
+/// Whether something has arrived on a stream.
+pub(crate) fn has_bytes(stream: &TcpStream) -> bool {
+    stream.set_nonblocking(true).unwrap();
+    let seen = stream.peek(&mut [0]);
+    stream.set_nonblocking(false).unwrap();
+    matches!(seen, Ok(1..))
 }
 
 /// What a reference adds to the nominal.

@@ -8,7 +8,8 @@ use crate::message::{Cause, ClientMessage, Refusal, State};
 use crate::units::{Epoch, PositionNm, TorquePermille, VelocityUmS};
 use crate::wire::{ContentError, FrameError};
 
-/// Events that one tick can take: 8 frames of the owner, its flood or broken stream, its closing, and 6 events of strangers.
+/// Events that one tick can take: 8 frames of the owner, its flood or broken stream, a Stop behind a flood, its closing, and 5 events
+/// of strangers.
 pub const EVENTS: usize = 16;
 /// Frames of the owner that are read per tick (`K`); one more ends the session.
 pub const OWNER_FRAMES: u8 = 8;
@@ -50,9 +51,10 @@ pub struct Cycle<const N: usize> {
     pub actual: [Actual; N],
     /// The stop at the machine is asserted.
     pub stop: bool,
-    /// Somebody at the machine re-arms.
+    /// Somebody at the machine re-arms. It counts only once it was seen released in the fault: one that is stuck re-arms nothing.
     pub rearm: bool,
-    /// Epoch for the next session, from a counter persisted before use.
+    /// Epoch for the next session, from a counter persisted before use: greater than every one before. It is used up when
+    /// [`Output::welcome`] is there.
     pub next_epoch: Epoch,
     /// When in the cycle the last command arrived, µs; evidence only.
     pub arrival_us: u16,

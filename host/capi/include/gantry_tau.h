@@ -749,8 +749,6 @@ uint32_t gt_abi_version(void);
 // Version of the library, such as "0.1.0". Static, never to be freed.
 const char *gt_version(void);
 
-extern void gantry_tau_panic(void);
-
 // The name of a code in this header, such as "GT_CODE_NULL_POINTER"; "GT_CODE_UNKNOWN" for a number that is no code.
 // Static, never to be freed.
 const char *gt_code_name(int32_t code);

@@ -11,6 +11,7 @@ use gantry_tau_core::session::config::Config;
 use gantry_tau_core::units::Tick;
 
 use super::connections::{Connections, Listen};
+use super::outbox::Outbox;
 use super::{HALF, ServerError};
 use crate::black_box::handover::Handover;
 use crate::epoch::Epochs;
@@ -54,6 +55,7 @@ pub struct Demands {
 pub struct Cycle<const N: usize, const M: usize, P> {
     endpoint: Box<Endpoint<N, M, HALF>>,
     connections: Connections,
+    outbox: Outbox,
     sensor: Option<SensorPublisher>,
     plant: P,
     epochs: Epochs,
@@ -88,6 +90,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         Ok(Self {
             endpoint: Box::new(Endpoint::new(session, motors)),
             connections,
+            outbox: Outbox::new(),
             sensor: None,
             plant,
             epochs,
@@ -186,12 +189,14 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             next_epoch: self.epochs.next(),
             arrival_us: u16::try_from(round_trip_us.unwrap_or(0)).unwrap_or(u16::MAX),
         };
-        let connections = &mut self.connections;
+        let outbox = &mut self.outbox;
         let turn = self
             .endpoint
-            .tick(&cycle, &mut |to, bytes| connections.send(to, bytes));
+            .tick(&cycle, &mut |to, bytes| outbox.push(to, bytes));
         // What the drives have in force must be known before anything is added to it.
         self.write_failed = !resumed || self.plant.write(&turn.motors).is_err();
+        self.outbox
+            .empty(|to, bytes| self.connections.send(to, bytes));
         for connection in &turn.close {
             self.connections.close(*connection);
         }

@@ -3,6 +3,7 @@
 pub mod connections;
 pub mod cycle;
 pub mod observe;
+mod outbox;
 pub mod pace;
 
 use std::fmt;

@@ -32,7 +32,10 @@ fn main() {
     let arguments = Arguments::from_args();
     let mut trials = vec![
         trial("unit_tests_and_header", &[], unit_tests),
-        trial("no_panic_path_is_linked", &[], no_panic_path),
+        trial("no_panic_path_is_linked", &[], || no_panic_path("release")),
+        trial("no_panic_path_is_linked_when_small", &[], || {
+            no_panic_path("small")
+        }),
         trial("only_memory_functions_are_needed", &["nm"], needs_nothing),
         trial("header_as_cpp_by_g++", &["g++"], || header_as_cpp("g++")),
         trial("header_as_cpp_by_clang++", &["clang++"], || {
@@ -103,8 +106,8 @@ fn unit_tests() -> Result<(), Failed> {
 }
 
 /// The library's panic handler calls what does not exist.
-fn no_panic_path() -> Result<(), Failed> {
-    let bytes = std::fs::read(tools::library())?;
+fn no_panic_path(profile: &str) -> Result<(), Failed> {
+    let bytes = std::fs::read(tools::library_of(profile))?;
     let mentions = |symbol: &str| {
         bytes
             .windows(symbol.len())

@@ -60,11 +60,14 @@ pub(crate) fn cargo(arguments: &[&str]) -> Result<String, Failed> {
 /// The static library, built once.
 pub(crate) fn library() -> &'static Path {
     static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
-    LIBRARY.get_or_init(|| {
-        let built = cargo(&["build", "--release", "--locked", "--quiet"]);
-        built.unwrap_or_else(|failed| panic!("{}", failed.message().unwrap_or("")));
-        target().join("release/libgantry_tau.a")
-    })
+    LIBRARY.get_or_init(|| library_of("release"))
+}
+
+/// The static library as a profile of its manifest makes it.
+pub(crate) fn library_of(profile: &str) -> PathBuf {
+    let built = cargo(&["build", "--profile", profile, "--locked", "--quiet"]);
+    built.unwrap_or_else(|failed| panic!("{}", failed.message().unwrap_or("")));
+    target().join(profile).join("libgantry_tau.a")
 }
 
 /// A C program with the library in it.

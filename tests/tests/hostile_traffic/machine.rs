@@ -18,6 +18,23 @@ fn answer_late(duet: &mut Duet<3>, elapsed: u32) -> Row<3> {
 }
 
 #[test]
+fn the_drives_have_their_references_before_the_client_its_state() {
+    let mut duet = Duet::obtained(AT);
+    duet.bench.bus.record().ear = Some(duet.client.writer());
+    let writes = duet.bench.bus.writes();
+    for _ in 0..10 {
+        duet.answer(Mode::Obtain, AT);
+    }
+    assert_eq!(duet.bench.bus.writes(), writes + 10);
+    assert_eq!(duet.bench.bus.record().late_writes, 0);
+    // What is listened to is heard.
+    duet.answer(Mode::Obtain, AT);
+    duet.bench.step();
+    duet.bench.step();
+    assert_eq!(duet.bench.bus.record().late_writes, 1);
+}
+
+#[test]
 fn one_skipped_cycle_is_one_miss() {
     let mut duet = Duet::obtained(AT);
     let before = duet.client.tick.0;
