@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             println!("close {connection:?}");
         }
         if turn.output.welcome.is_some() {
-            next_epoch = Epoch(next_epoch.0 + 1); // into storage, before the next tick
+            next_epoch = Epoch(next_epoch.0.saturating_add(1)); // into storage, before the next tick
         }
     }
     Ok(())
