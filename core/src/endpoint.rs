@@ -2,7 +2,7 @@
 //!
 //! The endpoint owns the [`Session`], a deframer per connection, the inbox of the coming tick, the black box, and the map
 //! from axes to motors. It has no clock and no sockets: the host opens and closes connections, feeds what it read,
-//! calls [`Endpoint::tick`] once per cycle, writes what comes out, and closes what it is told to close.
+//! calls [`Endpoint::tick`] once per cycle, writes the references and then the bytes that come out, and closes what it is told to close.
 
 use core::fmt;
 
@@ -323,6 +323,7 @@ impl<const N: usize, const MOTORS: usize, const HALF: usize> Endpoint<N, MOTORS,
     }
 
     /// One cycle. `send` receives, in order, the bytes to write and to whom: refusals, the Welcome, the State.
+    /// It should keep them: the references, which come first, are in what is returned.
     pub fn tick(
         &mut self,
         cycle: &Cycle<N>,

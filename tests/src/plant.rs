@@ -119,7 +119,7 @@ impl<const N: usize> Plant<N, N> for Bus<N> {
 }
 
 /// Whether something has arrived on a stream.
-pub(crate) fn has_bytes(stream: &TcpStream) -> bool {
+fn has_bytes(stream: &TcpStream) -> bool {
     stream.set_nonblocking(true).unwrap();
     let seen = stream.peek(&mut [0]);
     stream.set_nonblocking(false).unwrap();

@@ -19,7 +19,7 @@ pub const MAX_BODY: usize = 384;
 pub const MAX_FRAME: usize = HEADER_LEN + MAX_BODY + TRAILER_LEN;
 
 /// An encoded frame; read as a slice. Not a `Vec`, which is filled byte by byte.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct FrameBytes {
     bytes: [u8; MAX_FRAME],
     /// How many of them are the frame's.
@@ -31,6 +31,12 @@ impl Deref for FrameBytes {
 
     fn deref(&self) -> &[u8] {
         self.bytes.get(..self.length).unwrap_or_default()
+    }
+}
+
+impl fmt::Debug for FrameBytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        (**self).fmt(f)
     }
 }
 

@@ -6,6 +6,7 @@
 
 mod board;
 mod machine;
+mod reading;
 mod recording;
 mod replay;
 

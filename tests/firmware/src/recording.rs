@@ -4,7 +4,8 @@
 //! All numbers are little-endian. A recording begins with the nominal positions at the start, 6 `i64`, and the number of its ticks
 //! `u32`. Then each tick:
 //! - how many things happened before it `u16`; each: what `u8` (0 a stream opened, 1 datagrams opened, 2 closed, 3 bytes), connection
-//!   `u32`, number of bytes `u16` (at most [`READ_OF_OWNER`]), bytes;
+//!   `u32`, number of bytes `u16` (at most [`OF_OWNER`]), bytes;
+//!   no more of it than [`crate::reading`] lets in;
 //! - elapsed `u32`, stop `u8`, rearm `u8`, next epoch `u64`, arrival `u16`;
 //! - motion `u8` (0 given, 1 L2, 2 F1); if given: nominal positions `i64`, then per axis position `i64`, velocity `i32`, torque `i16`;
 //! - pose and load, 12 `f64`.
@@ -20,9 +21,8 @@ use gantry_tau_core::kinematics::KinematicsError;
 use gantry_tau_core::session::decide::Connection;
 use gantry_tau_core::units::{Epoch, PositionNm, TorquePermille, VelocityUmS};
 
-use crate::machine::{
-    AXES, Answer, MOTORS, Machine, Meter, Moment, Motion, Part, READ_OF_OWNER, most_read,
-};
+use crate::machine::{AXES, Answer, MOTORS, Machine, Meter, Moment, Motion, Part};
+use crate::reading::{OF_OWNER, Reading};
 
 /// Where a recording comes from.
 pub(crate) trait Source {
@@ -47,7 +47,7 @@ pub(crate) trait Watch: Meter {
 }
 
 /// Room for what arrives.
-pub(crate) type Room = [u8; READ_OF_OWNER];
+pub(crate) type Room = [u8; OF_OWNER];
 
 /// The nominal positions that a recording begins with.
 pub(crate) fn start(source: &mut impl Source) -> Option<[PositionNm; AXES]> {
@@ -58,7 +58,7 @@ pub(crate) fn start(source: &mut impl Source) -> Option<[PositionNm; AXES]> {
     Some(nominal)
 }
 
-/// Plays all that follows [`start`]; `None` when the recording ends too early or is none.
+/// Plays all that follows [`start`]; `None` when the recording ends too early or is none, or has more in a tick than is let in.
 pub(crate) fn play(
     machine: &mut Machine,
     room: &mut Room,
@@ -68,8 +68,9 @@ pub(crate) fn play(
 ) -> Option<()> {
     for _ in 0..u32::from_le_bytes(take(source)?) {
         watch.wait();
+        let mut reading = Reading::default();
         for _ in 0..u16::from_le_bytes(take(source)?) {
-            happen(machine, room, source, watch)?;
+            happen(machine, room, &mut reading, source, watch)?;
         }
         let moment = moment(source)?;
         tick(machine, &moment, sink, watch);
@@ -102,6 +103,7 @@ fn compute(machine: &mut Machine, moment: &Moment, sink: &mut impl Sink, watch: 
 fn happen(
     machine: &mut Machine,
     room: &mut Room,
+    reading: &mut Reading,
     source: &mut impl Source,
     watch: &mut impl Watch,
 ) -> Option<()> {
@@ -112,8 +114,15 @@ fn happen(
         return None;
     }
     let server = machine.server();
-    let most = most_read(connection, server.session().owner());
-    let bytes = bytes.get(..most).unwrap_or(bytes);
+    let owner = server.session().owner();
+    let is_let_in = match what {
+        0 | 1 => reading.accept(),
+        _ => bytes.len() <= reading.left(connection, owner),
+    };
+    reading.note(connection, owner, bytes.len());
+    if !is_let_in {
+        return None;
+    }
     watch.begin();
     match what {
         0 => _ = server.open(Transport::Stream),

@@ -11,12 +11,17 @@ use gantry_tau_core::units::PositionNm;
 
 use crate::board::host::File;
 use crate::board::timer::Ticks;
-use crate::board::{clock, stack};
-use crate::machine::{AXES, MOTORS, Machine, Meter, Part, Parts, READ_OF_OWNER};
+use crate::board::{clock, copy, stack};
+use crate::machine::{AXES, MOTORS, Machine, Meter, Part, Parts};
+use crate::reading::OF_OWNER;
 use crate::recording::{self, Room, Sink, Source, Watch};
 
 /// Plays; whether all went well.
 pub(crate) fn run(ticks: Ticks) -> bool {
+    if !copy::is_exact() {
+        defmt::error!("memory is not copied as it should be");
+        return false;
+    }
     let (Some(mut recording), Some(out), Some(laps)) = (
         File::open(c"replay.in"),
         File::create(c"replay.out"),
@@ -31,7 +36,7 @@ pub(crate) fn run(ticks: Ticks) -> bool {
     };
     let (Some(machine), Some(room), Some(buffer)) = (
         machine(nominal),
-        singleton!(: Room = [0; READ_OF_OWNER]),
+        singleton!(: Room = [0; OF_OWNER]),
         singleton!(: [u8; BUFFER] = [0; BUFFER]),
     ) else {
         return false;

@@ -8,7 +8,8 @@ use gantry_tau::robot_file::RobotFile;
 use gantry_tau_core::endpoint::Turn;
 use gantry_tau_core::message::{Capabilities, Phase};
 
-use crate::machine::{AXES, MOTORS, Machine, Meter, Part, Parts, READ_OF_OWNER, robots};
+use crate::machine::{AXES, MOTORS, Machine, Meter, Part, Parts, robots};
+use crate::reading::OF_OWNER;
 use crate::recording::{self, Sink, Source, Watch};
 use crate::traffic;
 
@@ -31,7 +32,7 @@ pub(crate) fn play(recording: &[u8]) -> Played {
     let mut machine = Machine::new(Parts::new(Capabilities::NONE, nominal).unwrap());
     let mut output = Vec::new();
     let mut phases = Phases::default();
-    let room = &mut [0; READ_OF_OWNER];
+    let room = &mut [0; OF_OWNER];
     let played = recording::play(&mut machine, room, &mut source, &mut output, &mut phases);
     assert!(
         played.is_some() && source.0.is_empty(),

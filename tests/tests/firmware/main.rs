@@ -20,6 +20,8 @@ mod image;
 mod link;
 #[path = "../../firmware/src/machine/mod.rs"]
 mod machine;
+#[path = "../../firmware/src/reading.rs"]
+mod reading;
 #[path = "../../firmware/src/recording.rs"]
 mod recording;
 mod replay;

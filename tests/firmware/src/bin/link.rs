@@ -14,6 +14,8 @@ mod link;
 mod machine;
 #[path = "../net/mod.rs"]
 mod net;
+#[path = "../reading.rs"]
+mod reading;
 
 use board::host::{self, CommandLine};
 use board::timer::Ticks;

@@ -124,6 +124,7 @@ impl Link {
             tcp.close(*connection);
         }
         tcp.flush();
+        tcp.ticked();
         if turn.output.welcome.is_some() {
             // An emulated machine has nothing to persist it in; it never runs twice.
             self.next_epoch = Epoch(self.next_epoch.0.saturating_add(1));

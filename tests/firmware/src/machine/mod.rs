@@ -25,22 +25,6 @@ pub(crate) const AXIS_OF_MOTOR: [usize; MOTORS] = [0, 0, 1, 1, 2, 2, 3, 4, 5];
 /// A third of the ticks in the black box.
 pub(crate) const HALF: usize = 8;
 
-/// Most bytes that are read of the owner of the session in a tick: three Commands of six axes. A session that tolerates one lost
-/// Command never has more of them waiting and goes on.
-pub(crate) const READ_OF_OWNER: usize = 300;
-/// Most bytes that are read in a tick of anybody else, one of whom has his turn: a whole frame of six axes.
-pub(crate) const READ_OF_STRANGER: usize = 128;
-
-/// Most bytes that are read of a connection in a tick. What has come beyond waits where it is, and so do all strangers but one:
-/// nobody can make a tick long.
-pub(crate) fn most_read(connection: Connection, owner: Option<Connection>) -> usize {
-    if owner == Some(connection) {
-        READ_OF_OWNER
-    } else {
-        READ_OF_STRANGER
-    }
-}
-
 /// The endpoint of this machine.
 pub(crate) type Server = Endpoint<AXES, MOTORS, HALF>;
 

@@ -10,7 +10,7 @@ use smoltcp::time::Instant;
 use smoltcp::wire::{EthernetAddress, IpCidr, Ipv4Address};
 
 use super::lan9118::Lan9118;
-use crate::machine::most_read;
+use crate::reading::Reading;
 
 /// Connections at once: an owner, two who are refused meanwhile, and one whose peer has gone without a word.
 const SOCKETS: usize = 4;
@@ -64,7 +64,7 @@ enum Use {
     Free,
     /// Somebody began to connect; reset unless that is done by then, ms.
     Arriving { until: i64 },
-    /// A peer of the endpoint. `gone`: a write failed; told to the endpoint in the next visit.
+    /// A peer of the endpoint. `gone`: a write failed; told to the endpoint in its next turn.
     Peer { connection: Connection, gone: bool },
     /// The endpoint has no further use for it; reset unless it closes by then, ms.
     Closing { until: i64 },
@@ -97,6 +97,7 @@ pub(crate) struct Server {
     now_ms: i64,
     /// Which socket has its turn: one stranger is taken in, or read, per visit.
     turn: usize,
+    reading: Reading,
 }
 
 impl Server {
@@ -145,6 +146,7 @@ impl Server {
             port: place.port,
             now_ms: 0,
             turn: 0,
+            reading: Reading::default(),
         };
         server.listen();
         server
@@ -168,11 +170,16 @@ impl Server {
         for (index, peer) in self.peers.iter_mut().flatten().enumerate() {
             let socket = self.sockets.get_mut::<Socket>(peer.socket);
             if peer.used.is_due(index == self.turn, endpoint) {
-                peer.used = next_use(peer.used, socket, now_ms, endpoint);
+                peer.used = next_use(peer.used, socket, now_ms, endpoint, &mut self.reading);
             }
         }
         self.listen();
         self.flush();
+    }
+
+    /// A tick has been taken: as much may be taken in again.
+    pub(crate) fn ticked(&mut self) {
+        self.reading = Reading::default();
     }
 
     /// Sends what waits, as far as the controller and the peers' windows have room.
@@ -228,43 +235,53 @@ fn next_use<const N: usize, const M: usize, const H: usize>(
     socket: &mut Socket<'_>,
     now_ms: i64,
     endpoint: &mut Endpoint<N, M, H>,
+    reading: &mut Reading,
 ) -> Use {
     match used {
         Use::Free if socket.is_active() => {
             let until = now_ms.saturating_add(LINGER_MS);
-            next_use(Use::Arriving { until }, socket, now_ms, endpoint)
+            next_use(Use::Arriving { until }, socket, now_ms, endpoint, reading)
         }
         Use::Free => Use::Free,
-        Use::Arriving { .. } if socket.may_send() => {
+        Use::Arriving { .. } if socket.may_send() && reading.accept() => {
             let Ok(connection) = endpoint.open(Transport::Stream) else {
                 // Best effort: the peer is about to be closed anyway.
                 let _ = socket.send_slice(&Endpoint::<N, M, H>::full_refusal());
                 return closing(socket, now_ms);
             };
             let gone = false;
-            next_use(Use::Peer { connection, gone }, socket, now_ms, endpoint)
+            next_use(
+                Use::Peer { connection, gone },
+                socket,
+                now_ms,
+                endpoint,
+                reading,
+            )
         }
         Use::Arriving { until } | Use::Closing { until } => {
             if !socket.is_open() {
                 return Use::Free;
             }
             if now_ms >= until {
-                // The reset leaves with the next flush; the socket is free in the next visit.
+                // The reset leaves with the next flush; the socket is free in its next turn.
                 socket.abort();
             }
             used
         }
         Use::Peer { connection, gone } => {
-            let mut left = most_read(connection, endpoint.session().owner());
+            let owner = endpoint.session().owner();
             // The buffer is a ring: what it holds comes in two pieces at most.
             for _ in 0..2 {
                 let read = socket.recv(|bytes| {
+                    let left = reading.left(connection, owner);
                     let bytes = bytes.get(..left).unwrap_or(bytes);
+                    reading.note(connection, owner, bytes.len());
                     endpoint.feed(connection, bytes);
-                    (bytes.len(), bytes.len())
+                    (bytes.len(), ())
                 });
-                let Ok(read) = read else { break };
-                left = left.saturating_sub(read);
+                if read.is_err() {
+                    break;
+                }
             }
             if gone || !socket.may_recv() {
                 endpoint.close(connection);

@@ -1,6 +1,6 @@
 //! Who writes a recording down.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 
 use gantry_tau_core::axis::Offsets;
 use gantry_tau_core::endpoint::{Transport, Turn};
@@ -12,9 +12,11 @@ use gantry_tau_core::wire::encode_client;
 use gantry_tau_tests::client::Noise;
 
 use super::Recording;
+use super::socket::Socket;
 use crate::machine::{
-    AXES, Answer, MOTORS, Machine, Meter, Moment, Motion, Part, Parts, Pose6, Work, most_read,
+    AXES, Answer, MOTORS, Machine, Meter, Moment, Motion, Part, Parts, Pose6, Work,
 };
+use crate::reading::Reading;
 use crate::recording::Watch;
 
 /// Plays live, and writes down what it plays.
@@ -33,32 +35,9 @@ pub(super) struct Author {
     pub(super) next_epoch: u64,
     answer: Option<Answer>,
     sockets: BTreeMap<Connection, Socket>,
-    /// A connection was taken in since the last tick.
-    accepted: bool,
-}
-
-/// What has arrived on a connection.
-struct Socket {
-    transport: Transport,
-    /// What nobody has read yet: pieces, or datagrams.
-    waiting: VecDeque<Vec<u8>>,
-    /// Bytes that were read since the last tick.
-    read: usize,
-}
-
-impl Socket {
-    /// What is read next, if any may be: at most `most` bytes in a tick. The rest of a datagram is lost.
-    fn take(&mut self, most: usize) -> Option<Vec<u8>> {
-        let left = most.saturating_sub(self.read);
-        let next = self.waiting.front_mut().filter(|_| left > 0)?;
-        let rest = next.split_off(next.len().min(left));
-        let taken = core::mem::replace(next, rest);
-        if next.is_empty() || self.transport == Transport::Datagram {
-            self.waiting.pop_front();
-        }
-        self.read += taken.len();
-        Some(taken)
-    }
+    reading: Reading,
+    /// The stranger that is read in this tick.
+    turn: Option<Connection>,
 }
 
 /// What a tick leads to.
@@ -110,7 +89,8 @@ impl Author {
             next_epoch: 1,
             answer: None,
             sockets: BTreeMap::new(),
-            accepted: false,
+            reading: Reading::default(),
+            turn: None,
         }
     }
 
@@ -125,7 +105,7 @@ impl Author {
         }
     }
 
-    pub(super) fn happen(&mut self, what: u8, connection: Connection, bytes: &[u8]) {
+    fn happen(&mut self, what: u8, connection: Connection, bytes: &[u8]) {
         self.happenings += 1;
         self.happened.push(what);
         self.happened
@@ -137,20 +117,16 @@ impl Author {
 
     /// A connection. One is taken in per tick; none when there is no room, which is recorded as well.
     pub(super) fn open(&mut self, transport: Transport) -> Option<Connection> {
-        if core::mem::replace(&mut self.accepted, true) {
+        if !self.reading.accept() {
             return None;
         }
         let what = u8::from(transport == Transport::Datagram);
         self.happen(what, Connection(self.opened), &[]);
         let connection = self.machine.server().open(transport).ok();
         self.opened += u64::from(connection.is_some());
-        let socket = Socket {
-            transport,
-            waiting: VecDeque::new(),
-            read: 0,
-        };
         self.sockets
-            .extend(connection.map(|connection| (connection, socket)));
+            .extend(connection.map(|connection| (connection, Socket::new(transport))));
+        self.turn = self.turn.or(connection);
         connection
     }
 
@@ -168,21 +144,19 @@ impl Author {
         }
     }
 
-    /// Reads what has arrived as far as it is read in this tick: of the owner, and of the stranger whose turn it is.
+    /// Reads what has arrived as far as it is let in: of the owner, and of the stranger whose turn it is.
     fn read(&mut self, connection: Connection) {
         let owner = self.owner();
-        let mut strangers = self.sockets.keys().filter(|one| owner != Some(**one));
-        let turn = strangers.clone().count().max(1);
-        let turn = strangers.nth(usize::try_from(self.ticks).unwrap() % turn);
-        if owner != Some(connection) && turn != Some(&connection) {
+        if owner != Some(connection) && self.turn != Some(connection) {
             return;
         }
-        let most = most_read(connection, owner);
-        while let Some(bytes) = self
-            .sockets
-            .get_mut(&connection)
-            .and_then(|socket| socket.take(most))
-        {
+        loop {
+            let left = self.reading.left(connection, owner);
+            let socket = self.sockets.get_mut(&connection);
+            let Some(bytes) = socket.and_then(|socket| socket.take(left)) else {
+                return;
+            };
+            self.reading.note(connection, owner, bytes.len());
             self.happen(3, connection, &bytes);
             self.machine.server().feed(connection, &bytes);
         }
@@ -212,12 +186,13 @@ impl Author {
 
     /// A new tick: what waited is read first.
     fn read_on(&mut self) {
-        self.accepted = false;
-        let open: Vec<Connection> = self.sockets.keys().copied().collect();
-        for connection in open {
-            if let Some(socket) = self.sockets.get_mut(&connection) {
-                socket.read = 0;
-            }
+        self.reading = Reading::default();
+        let owner = self.owner();
+        let open = self.sockets.keys().copied();
+        let strangers: Vec<Connection> = open.filter(|one| owner != Some(*one)).collect();
+        let turn = usize::try_from(self.ticks).unwrap() % strangers.len().max(1);
+        self.turn = strangers.get(turn).copied();
+        for connection in owner.into_iter().chain(self.turn) {
             self.read(connection);
         }
     }

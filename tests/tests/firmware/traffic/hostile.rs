@@ -111,12 +111,10 @@ impl Stage {
         }
     }
 
-    /// As much as fits into a tick: as many frames as are read of the owner and more, a Stop behind them, a frame of as many strangers
-    /// as there is room for, and no end of what is no frame.
+    /// More than is read in a tick: more frames of the owner than core takes, a Stop behind them, a frame of every stranger and no end
+    /// of what is no frame.
     fn burst(&mut self) {
-        while let Some(stranger) = self.author.open(Transport::Stream) {
-            self.strangers.push(stranger);
-        }
+        self.strangers.extend(self.author.open(Transport::Stream));
         let kind = self.noise.below(6);
         for stranger in self.strangers.clone() {
             let mut bytes = match self.noise.below(3) {
@@ -147,7 +145,6 @@ impl Stage {
     fn burst_of_the_owner(&mut self, kind: usize) -> Vec<u8> {
         let mut bytes = Vec::new();
         let frames = match kind {
-            // One too many, and a Stop that counts nevertheless.
             0 => 9,
             1 => 2,
             _ => 8,
