@@ -6,6 +6,7 @@ use crate::linalg::{larger, rotation_from_vector};
 use crate::robot::{AXES, Compliances, LINKS};
 use crate::rows::pairs;
 use crate::statics::{LineMatrix, Wrench, finite};
+use crate::stiffness::Deflection;
 
 /// How far apart two rounds of the exact map may be, metres of link length.
 const SETTLED_M: f64 = 1e-12;
@@ -53,8 +54,7 @@ impl SixLinkElastic {
         load: &Wrench,
         gain: f64,
     ) -> Result<[f64; AXES], KinematicsError> {
-        let lines = LineMatrix::of_six_link(&self.kinematics, pose, q)?;
-        let deflection = lines.deflection(&self.compliances, load)?;
+        let deflection = self.deflection(pose, q, load)?;
         let turn = rotation_from_vector(&(deflection.links.rotation_rad * -gain))
             .ok_or(KinematicsError::NotFinite)?;
         let corrected = Pose {
@@ -70,6 +70,17 @@ impl SixLinkElastic {
             *command -= gain * yielding;
         }
         Ok(command)
+    }
+
+    /// How far springs give way at `pose`. Not inlined, so that its matrices have left the stack when the inverse begins.
+    #[inline(never)]
+    fn deflection(
+        &self,
+        pose: &Pose,
+        q: &[f64; AXES],
+        load: &Wrench,
+    ) -> Result<Deflection<AXES>, KinematicsError> {
+        LineMatrix::of_six_link(&self.kinematics, pose, q)?.deflection(&self.compliances, load)
     }
 
     /// The exact map: positions for which the loaded machine stands in `pose`, with its links as long and its axes as far as the

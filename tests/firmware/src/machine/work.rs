@@ -71,6 +71,9 @@ pub(crate) struct F1Answer {
     pub(crate) correction: Correction<AXES>,
 }
 
+/// Twist over axes, link tensions, loads of the axes.
+type F1Statics = (SMatrix<f64, 6, AXES>, [f64; 6], [f64; AXES]);
+
 impl Work {
     /// Both machines, and the checksum of the F1.
     pub(crate) fn new() -> Result<(Self, u32), Refused> {
@@ -117,13 +120,30 @@ impl Work {
         Ok(L2Answer { q, correction })
     }
 
-    /// Not inlined, for its stack is not the L2's.
+    /// Its parts are not inlined, so that they share their stack.
     #[inline(never)]
     fn f1_cycle(&self, pose: &Pose6) -> Result<F1Answer, KinematicsError> {
-        let [x, y, z, a, b, c] = *pose;
+        let (q, pose) = self.f1_positions(pose)?;
+        let (jacobian, forces_n, loads) = self.f1_statics(&pose.answer, &q.answer)?;
+        Ok(F1Answer {
+            q,
+            pose,
+            jacobian,
+            forces_n,
+            loads,
+            correction: self.f1.correction(&pose.answer, &q.answer, &self.load)?,
+        })
+    }
+
+    /// The inverse, and where its answer takes the tool.
+    #[inline(never)]
+    fn f1_positions(
+        &self,
+        [x, y, z, a, b, c]: &Pose6,
+    ) -> Result<(Solved<[f64; AXES]>, Solved<Pose>), KinematicsError> {
         let pose = Pose {
-            position_m: Vector3::new(x, y, z),
-            rotation: rotation_from_vector(&Vector3::new(a, b, c))
+            position_m: Vector3::new(*x, *y, *z),
+            rotation: rotation_from_vector(&Vector3::new(*a, *b, *c))
                 .ok_or(KinematicsError::NotFinite)?,
         };
         let kinematics = &self.f1_kinematics;
@@ -132,16 +152,16 @@ impl Work {
             Some((before, _)) => kinematics.forward_from(&q.answer, &before, WARM_ITERATIONS)?,
             None => kinematics.forward(&q.answer)?,
         };
-        let lines = LineMatrix::of_six_link(kinematics, &found.answer, &q.answer)?;
+        Ok((q, found))
+    }
+
+    /// Twist over axes, link tensions, loads of the axes.
+    #[inline(never)]
+    fn f1_statics(&self, pose: &Pose, q: &[f64; AXES]) -> Result<F1Statics, KinematicsError> {
+        let lines = LineMatrix::of_six_link(&self.f1_kinematics, pose, q)?;
         let forces_n = lines.link_forces_n(&self.load)?;
-        Ok(F1Answer {
-            q,
-            pose: found,
-            jacobian: lines.jacobian()?,
-            forces_n,
-            loads: lines.cart_loads(&forces_n),
-            correction: self.f1.correction(&found.answer, &q.answer, &self.load)?,
-        })
+        let loads = lines.cart_loads(&forces_n);
+        Ok((lines.jacobian()?, forces_n, loads))
     }
 }
 
