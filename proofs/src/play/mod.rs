@@ -9,8 +9,7 @@ mod stage;
 pub use by_wire::endpoint_is_right;
 pub use stage::every_tick_is_right;
 
-use gantry_tau_core::axis::Actual;
-use gantry_tau_core::axis::Offsets;
+use gantry_tau_core::axis::{Actual, Offsets};
 use gantry_tau_core::channel::Limits;
 use gantry_tau_core::message::{
     AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode, Phase,
@@ -257,35 +256,50 @@ fn offsets(config: &Config<N>, shares: &Shares) -> [Offsets; N] {
     })
 }
 
+impl Word {
+    /// The message it is, to a session in this state; `None` when it is none.
+    pub fn message<const K: usize>(
+        &self,
+        session: &Session<K>,
+        offsets: impl FnOnce(&Shares) -> [Offsets; K],
+    ) -> Option<ClientMessage<K>> {
+        let discrete = &session.parts().discrete;
+        let epoch_at = |from: i8| Epoch(discrete.epoch.0.wrapping_add_signed(from.into()));
+        match self {
+            Self::Hello { axes, capabilities } => Some(ClientMessage::Hello(Hello {
+                axes: u8::try_from(K).unwrap_or(u8::MAX).wrapping_add(*axes),
+                capabilities: Capabilities(*capabilities),
+            })),
+            Self::Command {
+                epoch,
+                ahead,
+                behind,
+                obtain,
+                targets,
+            } => Some(ClientMessage::Command(Command {
+                epoch: epoch_at(*epoch),
+                sequence: Sequence(discrete.accepted.0.wrapping_add_signed((*ahead).into())),
+                echo: Tick(discrete.tick.0.wrapping_add_signed(-i64::from(*behind))),
+                mode: if *obtain { Mode::Obtain } else { Mode::Submit },
+                targets: offsets(targets),
+            })),
+            Self::Goodbye { epoch } => Some(ClientMessage::Goodbye(epoch_at(*epoch))),
+            Self::Stop { epoch } => Some(ClientMessage::Stop(epoch_at(*epoch))),
+            Self::Malformed | Self::Dropped | Self::Broken | Self::Flood | Self::Closed => None,
+        }
+    }
+}
+
 /// A word as the session hears it, in the state it is in.
 fn event(session: &Session<N>, word: &Word) -> Event<N> {
-    let discrete = &session.parts().discrete;
-    let epoch_at = |from: i8| Epoch(discrete.epoch.0.wrapping_add_signed(from.into()));
-    match word {
-        Word::Hello { axes, capabilities } => Event::Message(ClientMessage::Hello(Hello {
-            axes: axes.wrapping_add(2),
-            capabilities: Capabilities(*capabilities),
-        })),
-        Word::Command {
-            epoch,
-            ahead,
-            behind,
-            obtain,
-            targets,
-        } => Event::Message(ClientMessage::Command(Command {
-            epoch: epoch_at(*epoch),
-            sequence: Sequence(discrete.accepted.0.wrapping_add_signed((*ahead).into())),
-            echo: Tick(discrete.tick.0.wrapping_add_signed(-i64::from(*behind))),
-            mode: if *obtain { Mode::Obtain } else { Mode::Submit },
-            targets: offsets(session.config(), targets),
-        })),
-        Word::Goodbye { epoch } => Event::Message(ClientMessage::Goodbye(epoch_at(*epoch))),
-        Word::Stop { epoch } => Event::Message(ClientMessage::Stop(epoch_at(*epoch))),
-        Word::Malformed => Event::Malformed(ContentError::Reserved),
-        Word::Dropped => Event::Dropped(FrameError::Checksum),
-        Word::Broken => Event::Broken(FrameError::Magic),
-        Word::Flood => Event::Flood,
-        Word::Closed => Event::Closed,
+    let message = word.message(session, |targets| offsets(session.config(), targets));
+    match (message, word) {
+        (Some(message), _) => Event::Message(message),
+        (None, Word::Malformed) => Event::Malformed(ContentError::Reserved),
+        (None, Word::Dropped) => Event::Dropped(FrameError::Checksum),
+        (None, Word::Flood) => Event::Flood,
+        (None, Word::Closed) => Event::Closed,
+        (None, _) => Event::Broken(FrameError::Magic),
     }
 }
 

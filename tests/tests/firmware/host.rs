@@ -83,6 +83,36 @@ pub(crate) fn recordings_replay() {
     }
 }
 
+/// A tick in which more arrives than is let in is no recording, on host and target.
+pub(crate) fn what_is_too_much_is_refused() {
+    let whole = &traffic::calm().bytes;
+    let (start, ticks) = whole.split_at(AXES * 8 + 4);
+    // The first tick: a stream is opened, a Hello of 14 bytes arrives; elapsed, stop, rearm, epoch, arrival, motion, pose and load.
+    let (happened, rest) = ticks.split_at(2 + 7 + (7 + 14));
+    let moment = &rest[..4 + 2 + 8 + 2 + 1 + 12 * 8];
+    let plays = |more: &[&[u8]]| {
+        let mut bytes = start[..AXES * 8].to_vec();
+        bytes.extend(1_u32.to_le_bytes());
+        bytes.extend((2 + u16::try_from(more.len()).unwrap()).to_le_bytes());
+        bytes.extend(&happened[2..]);
+        bytes.extend(more.concat());
+        bytes.extend(moment);
+        let mut source = Bytes(&bytes);
+        let nominal = recording::start(&mut source).unwrap();
+        let mut machine = Machine::new(Parts::new(Capabilities::NONE, nominal).unwrap());
+        let (room, phases) = (&mut [0; OF_OWNER], &mut Phases::default());
+        recording::play(&mut machine, room, &mut source, &mut Vec::new(), phases).is_some()
+    };
+    let bytes_of_a_stranger = |count: u8| {
+        let head = [3, 0, 0, 0, 0, count, 0];
+        [head.to_vec(), vec![0; count.into()]].concat()
+    };
+    assert!(plays(&[]));
+    assert!(plays(&[&bytes_of_a_stranger(128 - 14)]));
+    assert!(!plays(&[&bytes_of_a_stranger(128 - 13)]));
+    assert!(!plays(&[&[0, 1, 0, 0, 0, 0, 0]]), "a second connection");
+}
+
 /// A target reads no files; its constants are those of the files.
 pub(crate) fn machines_are_those_of_the_files() {
     let (f1, springs) = robots::f1().unwrap();

@@ -63,6 +63,10 @@ const ON_HOST: &[(&str, fn())] = &[
     ),
     ("recordings_replay_on_the_host", host::recordings_replay),
     (
+        "what_is_too_much_is_refused",
+        host::what_is_too_much_is_refused,
+    ),
+    (
         "the_machines_are_those_of_the_robot_files",
         host::machines_are_those_of_the_files,
     ),

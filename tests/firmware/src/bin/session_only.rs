@@ -1,10 +1,6 @@
 //! How large the server is by itself: session, wire and channels of six axes, without kinematics. It is measured, not run.
 #![no_std]
 #![no_main]
-#![allow(
-    unsafe_code,
-    reason = "memory that a board would fill; the block says why it is sound"
-)]
 
 use core::hint::black_box;
 use core::mem::MaybeUninit;
@@ -12,12 +8,13 @@ use core::panic::PanicInfo;
 
 use cortex_m::singleton;
 use cortex_m_rt::entry;
-use gantry_tau_core::axis::Offsets;
+use gantry_tau_core::axis::{Actual, Offsets};
+use gantry_tau_core::channel::Limits;
 use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
 use gantry_tau_core::session::Session;
-use gantry_tau_core::session::config::{Config, Parameters};
+use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::units::{Epoch, Tick};
+use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 
 /// The server.
 type Server = Endpoint<6, 9, 8>;
@@ -32,6 +29,23 @@ struct Board {
     bytes: [u8; 64],
 }
 
+impl Board {
+    /// Before anybody has written to it.
+    fn new() -> Option<Self> {
+        let limits = Limits::new(2_000_000, 5_000, 10_000, 100).ok()?;
+        let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
+        let nominal = [PositionNm(0); 6];
+        Some(Self {
+            parameters: Parameters::thesis([axis; 6]),
+            in_force: [Offsets::default(); 6],
+            cycle: Cycle::on_time(nominal, [Actual::default(); 6], Epoch(1)),
+            transport: Transport::Stream,
+            connection: Connection(0),
+            bytes: [0; 64],
+        })
+    }
+}
+
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     loop {}
@@ -40,11 +54,10 @@ fn panic(_: &PanicInfo<'_>) -> ! {
 #[entry]
 fn main() -> ! {
     if let (Some(board), Some(server)) = (
-        singleton!(: MaybeUninit<Board> = MaybeUninit::zeroed()),
+        Board::new().and_then(|board| singleton!(: Board = board)),
         singleton!(: MaybeUninit<Server> = MaybeUninit::uninit()),
     ) {
-        // SAFETY: zeros are a value of every field of the board.
-        serve(unsafe { board.assume_init_mut() }, server);
+        serve(board, server);
     }
     loop {
         cortex_m::asm::wfi();

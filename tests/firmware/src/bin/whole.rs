@@ -6,10 +6,6 @@
     dead_code,
     reason = "the machine is that of the firmware, which makes all of its values"
 )]
-#![allow(
-    unsafe_code,
-    reason = "memory that a board would fill; the block says why it is sound"
-)]
 
 use core::hint::black_box;
 use core::mem::MaybeUninit;
@@ -20,12 +16,12 @@ use cortex_m_rt::entry;
 use gantry_tau_core::endpoint::Transport;
 use gantry_tau_core::message::Capabilities;
 use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::units::PositionNm;
+use gantry_tau_core::units::{Epoch, PositionNm};
 
 #[path = "../machine/mod.rs"]
 mod machine;
 
-use machine::{AXES, Machine, Meter, Moment, Part, Parts};
+use machine::{AXES, Machine, Meter, Moment, Motion, Part, Parts};
 
 /// What a board would put there: where the axes are, bytes, what a tick depends on.
 struct Board {
@@ -35,6 +31,24 @@ struct Board {
     bytes: [u8; 300],
     moment: Moment,
 }
+
+/// A board before anybody has written to it.
+const BOARD: Board = Board {
+    nominal: [PositionNm(0); AXES],
+    transport: Transport::Stream,
+    connection: Connection(0),
+    bytes: [0; 300],
+    moment: Moment {
+        elapsed: 1,
+        stop: false,
+        rearm: false,
+        next_epoch: Epoch(1),
+        arrival_us: 0,
+        motion: Motion::L2,
+        pose: [0.0; 6],
+        load: [0.0; 6],
+    },
+};
 
 /// Nobody measures time here.
 struct Unmeasured;
@@ -52,11 +66,10 @@ fn panic(_: &PanicInfo<'_>) -> ! {
 #[entry]
 fn main() -> ! {
     if let (Some(board), Some(machine)) = (
-        singleton!(: MaybeUninit<Board> = MaybeUninit::zeroed()),
+        singleton!(: Board = BOARD),
         singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()),
     ) {
-        // SAFETY: zeros are a value of every field of the board.
-        serve(unsafe { board.assume_init_mut() }, machine);
+        serve(board, machine);
     }
     loop {
         cortex_m::asm::wfi();

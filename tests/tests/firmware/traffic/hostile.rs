@@ -3,11 +3,9 @@
 use arbitrary::{Arbitrary, Unstructured};
 use gantry_tau_core::axis::{Actual, Offsets};
 use gantry_tau_core::endpoint::Transport;
-use gantry_tau_core::message::{Capabilities, ClientMessage, Command, Hello, Mode, Phase};
+use gantry_tau_core::message::{Capabilities, ClientMessage, Hello, Mode, Phase};
 use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::units::{
-    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
-};
+use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, TorquePermille, VelocityUmS};
 use gantry_tau_core::wire::encode_client;
 use gantry_tau_proofs::play::{Move, Shares, Who, Word};
 use gantry_tau_tests::client::{Noise, enclose};
@@ -100,9 +98,16 @@ impl Stage {
                     }
                     self.tick(1, false, false, None);
                 }
+                // Who was welcomed takes its time.
+                Phase::Handshake if self.noise.below(2) == 0 => self.tick(1, false, false, None),
                 Phase::Handshake | Phase::Submit | Phase::Obtain => {
-                    let obtain = self.author.phase() != Phase::Handshake;
-                    let share = i8::try_from(self.noise.below(3)).unwrap();
+                    let obtain = match self.author.phase() {
+                        Phase::Handshake => false,
+                        Phase::Submit => self.noise.below(3) == 0,
+                        _ => true,
+                    };
+                    // Never nothing: there shall be a way back.
+                    let share = i8::try_from(1 + self.noise.below(3)).unwrap();
                     self.answer(obtain, &[[share, 0, 0]; 2]);
                     self.tick(1, false, false, None);
                 }
@@ -214,39 +219,22 @@ impl Stage {
     }
 
     fn bytes(&mut self, word: &Word) -> Vec<u8> {
-        let discrete = self.author.session().parts().discrete;
-        let epoch_at = |from: &i8| Epoch(discrete.epoch.0.wrapping_add_signed((*from).into()));
-        let message: ClientMessage<AXES> = match word {
-            Word::Hello { axes, capabilities } => ClientMessage::Hello(Hello {
-                axes: axes.wrapping_add(6),
-                capabilities: Capabilities(*capabilities),
-            }),
-            Word::Command {
-                epoch,
-                ahead,
-                behind,
-                obtain,
-                targets,
-            } => ClientMessage::Command(Command {
-                epoch: epoch_at(epoch),
-                sequence: Sequence(discrete.accepted.0.wrapping_add_signed((*ahead).into())),
-                echo: Tick(discrete.tick.0.wrapping_add_signed(-i64::from(*behind))),
-                mode: if *obtain { Mode::Obtain } else { Mode::Submit },
-                targets: std::array::from_fn(|axis| self.share_of_limits(targets[axis % 2], true)),
-            }),
-            Word::Goodbye { epoch } => ClientMessage::Goodbye(epoch_at(epoch)),
-            Word::Stop { epoch } => ClientMessage::Stop(epoch_at(epoch)),
-            Word::Malformed => return enclose(1, 3, b"no command"),
-            Word::Dropped => return enclose(2, 1, b"a client of the next version"),
-            Word::Broken | Word::Closed => return self.noise.bytes(64),
-            Word::Flood => {
+        let session = *self.author.session();
+        let offsets = |targets: &Shares| {
+            std::array::from_fn(|axis| self.share_of_limits(targets[axis % 2], true))
+        };
+        match (word.message(&session, offsets), word) {
+            (Some(message), _) => encode_client(&message).to_vec(),
+            (None, Word::Malformed) => enclose(1, 3, b"no command"),
+            (None, Word::Dropped) => enclose(2, 1, b"a client of the next version"),
+            (None, Word::Flood) => {
                 let command = self
                     .author
                     .command(Mode::Obtain, [Offsets::default(); AXES]);
-                return encode_client(&ClientMessage::Command(command)).repeat(9);
+                encode_client(&ClientMessage::Command(command)).repeat(9)
             }
-        };
-        encode_client(&message).to_vec()
+            (None, _) => self.noise.bytes(64),
+        }
     }
 
     /// Shares of the limits of every channel, in hundredths.
