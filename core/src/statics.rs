@@ -120,13 +120,18 @@ impl LineMatrix<AXES> {
     ///
     /// # Errors
     /// As [`LineMatrix::new`].
-    #[inline]
+    #[inline(never)]
     pub fn of_six_link(
         kinematics: &SixLinkKinematics,
         pose: &Pose,
         q: &[f64; AXES],
     ) -> Result<Self, KinematicsError> {
-        Lines::of_six(kinematics, pose, q)?.factored()
+        // Not moved out of its place.
+        let lines = &Lines::of_six(kinematics, pose, q);
+        match lines {
+            Ok(lines) => lines.factored(),
+            Err(error) => Err(*error),
+        }
     }
 
     /// As [`of_six_link`](Self::of_six_link) in a pose whose clusters' links are parallel (the Tau property; for the F1: plates in
@@ -202,7 +207,7 @@ impl Lines<ARMS> {
 }
 
 impl Lines<AXES> {
-    #[inline]
+    #[inline(never)]
     fn of_six(
         kinematics: &SixLinkKinematics,
         pose: &Pose,
@@ -232,14 +237,30 @@ fn moments(
 }
 
 impl<const N: usize> Lines<N> {
+    #[inline(never)]
+    fn factored(&self) -> Result<LineMatrix<N>, KinematicsError> {
+        match &self.factors() {
+            Ok(factors) => Ok(LineMatrix {
+                factors: *factors,
+                lines: *self,
+            }),
+            Err(error) => Err(*error),
+        }
+    }
+
     #[inline]
-    fn factored(self) -> Result<LineMatrix<N>, KinematicsError> {
-        let factors = match TwoSystems::new(&self.directions, &self.moments_m) {
-            Some(factors) => Factors::Two(factors),
-            None => Factors::One(Lu::factor(&self.rows())?),
-        };
-        let lines = self;
-        Ok(LineMatrix { lines, factors })
+    fn factors(&self) -> Result<Factors, KinematicsError> {
+        match TwoSystems::new(&self.directions, &self.moments_m) {
+            Some(factors) => Ok(Factors::Two(factors)),
+            None => self.factored_as_one(),
+        }
+    }
+
+    /// Near a singularity of either half. Not inlined, so that its matrices are not on everybody's stack.
+    #[cold]
+    #[inline(never)]
+    fn factored_as_one(&self) -> Result<Factors, KinematicsError> {
+        Ok(Factors::One(Lu::factor(&self.rows())?))
     }
 
     fn factored_in_tau_form(self) -> Result<LineMatrix<N>, TauFormError> {
@@ -252,7 +273,7 @@ impl<const N: usize> Lines<N> {
         }
         let factors = match TwoSystems::of_parallel(&self.directions, &self.moments_m) {
             Some(factors) => Factors::Two(factors),
-            None => Factors::One(Lu::factor(&self.rows()).map_err(KinematicsError::from)?),
+            None => self.factored_as_one()?,
         };
         let lines = self;
         Ok(LineMatrix { lines, factors })

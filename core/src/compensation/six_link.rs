@@ -80,7 +80,10 @@ impl SixLinkElastic {
         q: &[f64; AXES],
         load: &Wrench,
     ) -> Result<Deflection<AXES>, KinematicsError> {
-        LineMatrix::of_six_link(&self.kinematics, pose, q)?.deflection(&self.compliances, load)
+        // Read where it was returned: moved out of the result, it would be on the stack twice.
+        let lines = LineMatrix::of_six_link(&self.kinematics, pose, q);
+        let lines = lines.as_ref().map_err(|error| *error)?;
+        lines.deflection(&self.compliances, load)
     }
 
     /// The exact map: positions for which the loaded machine stands in `pose`, with its links as long and its axes as far as the
@@ -167,6 +170,12 @@ impl SixLinkCompensator {
     ) -> Result<Self, CompensatorError> {
         config.check()?;
         Ok(Self { machine, config })
+    }
+
+    /// The machine and its springs.
+    #[must_use]
+    pub const fn machine(&self) -> &SixLinkElastic {
+        &self.machine
     }
 
     /// The configuration.

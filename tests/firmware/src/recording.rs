@@ -41,7 +41,7 @@ pub(crate) trait Watch: Meter {
     /// Before the tick's input is read: the time of the tick.
     fn wait(&mut self);
     /// After the floats.
-    fn answered(&mut self, _: &Answer) {}
+    fn answered(&mut self, _: &Answer<'_>) {}
     /// After the tick.
     fn turned(&mut self, turn: &Turn<AXES, MOTORS>);
 }
@@ -86,17 +86,23 @@ pub(crate) fn tick(
     watch: &mut impl Watch,
 ) {
     compute(machine, moment, sink, watch);
-    let turn = machine.serve(moment, watch, &mut |to, bytes| sent(sink, to, bytes));
-    turned(sink, &turn);
-    watch.turned(&turn);
+    serve(machine, moment, sink, watch);
 }
 
-/// Its first half. Not inlined, so that the answer has left the stack when the second begins.
+/// Its first half. Neither half is inlined: together they need as much stack as the larger of them.
 #[inline(never)]
 fn compute(machine: &mut Machine, moment: &Moment, sink: &mut impl Sink, watch: &mut impl Watch) {
     let answer = machine.compute(moment, watch);
     answered(sink, &answer);
     watch.answered(&answer);
+}
+
+/// Its second half.
+#[inline(never)]
+fn serve(machine: &mut Machine, moment: &Moment, sink: &mut impl Sink, watch: &mut impl Watch) {
+    let turn = machine.serve(moment, watch, &mut |to, bytes| sent(sink, to, bytes));
+    turned(sink, &turn);
+    watch.turned(&turn);
 }
 
 /// One of the things that happened before a tick.
@@ -135,6 +141,7 @@ fn happen(
     Some(())
 }
 
+#[inline(never)]
 fn moment(source: &mut impl Source) -> Option<Moment> {
     let elapsed = u32::from_le_bytes(take(source)?);
     let [stop, rearm] = take(source)?;
@@ -212,7 +219,7 @@ fn turned(sink: &mut impl Sink, turn: &Turn<AXES, MOTORS>) {
     }
 }
 
-fn answered(sink: &mut impl Sink, answer: &Answer) {
+fn answered(sink: &mut impl Sink, answer: &Answer<'_>) {
     match answer {
         Answer::L2(Ok(answer)) => {
             sink.write(&[1]);

@@ -123,6 +123,7 @@ impl SixLinkKinematics {
     }
 
     /// The pose of the synchronised form with plate 3 as it is; a start where plate 2 is not in step.
+    #[inline(never)]
     fn start(&self, q: &[f64; AXES]) -> Result<Pose, KinematicsError> {
         if !q.iter().all(|value| value.is_finite()) {
             return Err(KinematicsError::NotFinite);

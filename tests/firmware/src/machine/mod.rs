@@ -3,6 +3,7 @@
 //! A tick begins with the work of floats, [`Machine::compute`]: from a pose to the nominal positions of six axes, and from a load to the offsets that would
 //! hold the tool there. Then it is the endpoint's, [`Machine::serve`].
 
+mod f1;
 pub(crate) mod robots;
 mod work;
 
@@ -159,10 +160,14 @@ impl Machine {
     /// The first half of a tick: floats. Without an answer of the kinematics the nominal positions stay.
     /// Not inlined, and neither is the second half: together they need as much stack as the larger of them.
     #[inline(never)]
-    pub(crate) fn compute(&mut self, moment: &Moment, meter: &mut impl Meter) -> Answer {
+    pub(crate) fn compute(&mut self, moment: &Moment, meter: &mut impl Meter) -> Answer<'_> {
         meter.begin();
         let answer = self.work.answer(moment);
-        self.move_to(&moment.motion, &answer);
+        if let Motion::Given { nominal, actual } = &moment.motion {
+            (self.nominal, self.actual) = (*nominal, *actual);
+        } else if let Some(nominal) = answer.nominal() {
+            self.nominal = nominal;
+        }
         meter.end(Part::Floats);
         answer
     }
@@ -191,13 +196,5 @@ impl Machine {
             actual.position = reference.position;
         }
         turn
-    }
-
-    fn move_to(&mut self, motion: &Motion, answer: &Answer) {
-        if let Motion::Given { nominal, actual } = motion {
-            (self.nominal, self.actual) = (*nominal, *actual);
-        } else if let Some(nominal) = answer.nominal() {
-            self.nominal = nominal;
-        }
     }
 }

@@ -1,0 +1,140 @@
+//! A cycle of the F1: inverse, forward, statics, compensation.
+
+use gantry_tau_core::compensation::{Correction, SixLinkCompensator, SixLinkElastic};
+use gantry_tau_core::kinematics::{
+    KinematicsError, Pose, SixLinkKinematics, Solved, WARM_ITERATIONS,
+};
+use gantry_tau_core::linalg::rotation_from_vector;
+use gantry_tau_core::statics::{LineMatrix, Wrench};
+use gantry_tau_core::units::OffsetNm;
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+use super::work::{Pose6, config};
+use super::{AXES, Refused, robots};
+
+/// One cycle of the F1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct F1Answer {
+    /// Positions of the axes.
+    pub(crate) q: Solved<[f64; AXES]>,
+    /// Where these take the tool, from the pose of the cycle before.
+    pub(crate) pose: Solved<Pose>,
+    /// Twist over axes.
+    pub(crate) jacobian: SMatrix<f64, 6, AXES>,
+    /// Link tensions, N.
+    pub(crate) forces_n: [f64; 6],
+    /// Loads of the axes.
+    pub(crate) loads: [f64; AXES],
+    /// The correction.
+    pub(crate) correction: Correction<AXES>,
+}
+
+/// The machine, its compensation, and the cycle before.
+pub(crate) struct F1 {
+    compensator: SixLinkCompensator,
+    /// The last cycle: here, so that no stack has to hold it.
+    answer: F1Answer,
+    /// Whether it came to its end; then the next one starts from it.
+    is_answered: bool,
+}
+
+impl F1 {
+    /// The machine of `robots/f1.toml`, and its checksum.
+    #[inline(never)]
+    pub(crate) fn new() -> Result<(Self, u32), Refused> {
+        let (robot, springs) = robots::f1().map_err(|_| Refused::Robot)?;
+        let elastic = SixLinkElastic::new(SixLinkKinematics::new(&robot), springs);
+        let f1 = Self {
+            compensator: SixLinkCompensator::new(elastic, config(robots::F1_METRES_PER_Q))
+                .map_err(|_| Refused::Compensation)?,
+            answer: NOTHING,
+            is_answered: false,
+        };
+        Ok((f1, robot.kinematics_checksum()))
+    }
+
+    /// One cycle. Its parts are not inlined, so that they share their stack.
+    pub(crate) fn cycle(
+        &mut self,
+        pose: &Pose6,
+        load: &Wrench,
+    ) -> Result<&F1Answer, KinematicsError> {
+        let is_warm = core::mem::take(&mut self.is_answered);
+        self.find_positions(pose, is_warm)?;
+        self.find_loads(load)?;
+        self.find_correction(load)?;
+        self.is_answered = true;
+        Ok(&self.answer)
+    }
+
+    /// The inverse, and where its answer takes the tool.
+    #[inline(never)]
+    fn find_positions(
+        &mut self,
+        [x, y, z, a, b, c]: &Pose6,
+        is_warm: bool,
+    ) -> Result<(), KinematicsError> {
+        let (kinematics, answer) = (self.compensator.machine().kinematics(), &mut self.answer);
+        let pose = Pose {
+            position_m: Vector3::new(*x, *y, *z),
+            rotation: rotation_from_vector(&Vector3::new(*a, *b, *c))
+                .ok_or(KinematicsError::NotFinite)?,
+        };
+        let [.., q4, q5, q6] = answer.q.answer;
+        answer.q = kinematics.inverse(&pose, is_warm.then_some([q4, q5, q6]))?;
+        let q = &answer.q.answer;
+        answer.pose = if is_warm {
+            kinematics.forward_from(q, &answer.pose.answer, WARM_ITERATIONS)?
+        } else {
+            kinematics.forward(q)?
+        };
+        Ok(())
+    }
+
+    /// Twist over axes, link tensions, loads of the axes.
+    #[inline(never)]
+    fn find_loads(&mut self, load: &Wrench) -> Result<(), KinematicsError> {
+        let answer = &mut self.answer;
+        let (pose, q) = (&answer.pose.answer, &answer.q.answer);
+        let kinematics = self.compensator.machine().kinematics();
+        // Read where it was returned: moved out of the result, it would be on the stack twice.
+        let lines = LineMatrix::of_six_link(kinematics, pose, q);
+        let lines = lines.as_ref().map_err(|error| *error)?;
+        answer.forces_n = lines.link_forces_n(load)?;
+        answer.loads = lines.cart_loads(&answer.forces_n);
+        answer.jacobian = lines.jacobian()?;
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn find_correction(&mut self, load: &Wrench) -> Result<(), KinematicsError> {
+        let answer = &mut self.answer;
+        let (pose, q) = (&answer.pose.answer, &answer.q.answer);
+        answer.correction = self.compensator.correction(pose, q, load)?;
+        Ok(())
+    }
+}
+
+/// Before the first cycle.
+const NOTHING: F1Answer = F1Answer {
+    q: Solved {
+        answer: [0.0; AXES],
+        iterations: 0,
+        residual_m: 0.0,
+    },
+    pose: Solved {
+        answer: Pose {
+            position_m: Vector3::new(0.0, 0.0, 0.0),
+            rotation: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        },
+        iterations: 0,
+        residual_m: 0.0,
+    },
+    jacobian: SMatrix::from_array_storage(nalgebra::ArrayStorage([[0.0; 6]; AXES])),
+    forces_n: [0.0; 6],
+    loads: [0.0; AXES],
+    correction: Correction {
+        offsets: [OffsetNm(0); AXES],
+        saturated: [false; AXES],
+    },
+};
