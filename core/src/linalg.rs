@@ -82,6 +82,25 @@ pub fn cross_matrix(a: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
 }
 
+/// `A v`: what nalgebra's product is, to the bit. That one checks bounds, and an image optimised for size keeps the check and its panic.
+#[inline]
+#[must_use]
+pub(crate) fn times(a: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(
+        a.m11 * v.x + a.m12 * v.y + a.m13 * v.z,
+        a.m21 * v.x + a.m22 * v.y + a.m23 * v.z,
+        a.m31 * v.x + a.m32 * v.y + a.m33 * v.z,
+    )
+}
+
+/// `A B`, as [`times`].
+#[inline]
+#[must_use]
+pub(crate) fn product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
+    let columns: [[f64; 3]; 3] = (*b).into();
+    Matrix3::from(columns.map(|column| times(a, &Vector3::from(column)).into()))
+}
+
 /// Rotation about the direction of `vector` by its length in radians (Rodrigues' formula, the exponential of `vector x`).
 ///
 /// `None` when the vector is not finite or longer than [`MAX_ROTATION_RAD`].
@@ -105,14 +124,14 @@ pub fn rotation_from_vector(vector: &Vector3<f64>) -> Option<Matrix3<f64>> {
         (sin(angle) / angle, 2.0 * half * half / squared)
     };
     let k = cross_matrix(vector);
-    Some(Matrix3::identity() + k * sine + k * k * cosine)
+    Some(Matrix3::identity() + k * sine + product(&k, &k) * cosine)
 }
 
 /// Largest deviation of `R^T R` from the identity; infinite when `R` mirrors or is not finite.
 #[must_use]
 pub fn rotation_deviation(rotation: &Matrix3<f64>) -> f64 {
     let mut deviation = 0.0_f64;
-    for entry in (rotation.transpose() * rotation - Matrix3::identity()).iter() {
+    for entry in (product(&rotation.transpose(), rotation) - Matrix3::identity()).iter() {
         if !entry.is_finite() {
             return f64::INFINITY;
         }

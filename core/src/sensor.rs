@@ -7,7 +7,7 @@
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::linalg::rotation_deviation;
+use crate::linalg::{rotation_deviation, times};
 use crate::statics::Wrench;
 
 /// Largest component of a reading, N and N m: beyond it a reading is a fault, and sums stay far from overflow.
@@ -235,8 +235,8 @@ impl ForceSensor {
         let SensorState {
             tare, mut filtered, ..
         } = self.state;
-        let force_n = self.config.rotation * (raw.force_n - tare.force_n);
-        let moment_nm = self.config.rotation * (raw.moment_nm - tare.moment_nm)
+        let force_n = times(&self.config.rotation, &(raw.force_n - tare.force_n));
+        let moment_nm = times(&self.config.rotation, &(raw.moment_nm - tare.moment_nm))
             + self.config.lever_m.cross(&force_n);
         filtered.force_n += (force_n - filtered.force_n) * self.coefficient;
         filtered.moment_nm += (moment_nm - filtered.moment_nm) * self.coefficient;

@@ -9,7 +9,7 @@ use nalgebra::{ArrayStorage, Matrix3, Matrix6, SMatrix, Vector3};
 use crate::kinematics::{
     KinematicsError, Pose, SixLinkKinematics, TAU_TOLERANCE, TwoSystems, directions, links,
 };
-use crate::linalg::{Lu, norm};
+use crate::linalg::{Lu, norm, times};
 use crate::robot::{ARM_OF_LINK, ARMS, AXES, LINKS, Robot};
 use crate::rows::pairs;
 
@@ -126,12 +126,8 @@ impl LineMatrix<AXES> {
         pose: &Pose,
         q: &[f64; AXES],
     ) -> Result<Self, KinematicsError> {
-        // Not moved out of its place.
-        let lines = &Lines::of_six(kinematics, pose, q);
-        match lines {
-            Ok(lines) => lines.factored(),
-            Err(error) => Err(*error),
-        }
+        let lines = Lines::of_six(kinematics, pose, q);
+        lines.as_ref().map_err(|error| *error)?.factored()
     }
 
     /// As [`of_six_link`](Self::of_six_link) in a pose whose clusters' links are parallel (the Tau property; for the F1: plates in
@@ -231,21 +227,20 @@ fn moments(
 ) -> [Vector3<f64>; LINKS] {
     let mut moments_m = *platform_joints_m;
     for (moment, s) in moments_m.iter_mut().zip(directions) {
-        *moment = (pose.rotation * *moment).cross(s);
+        *moment = times(&pose.rotation, moment).cross(s);
     }
     moments_m
 }
 
 impl<const N: usize> Lines<N> {
+    /// A line matrix is a kilobyte, and what it is made of as much: results are read where they were returned, for moved out they would
+    /// be on the stack twice, and steps that follow each other are not inlined, so that they share it.
     #[inline(never)]
     fn factored(&self) -> Result<LineMatrix<N>, KinematicsError> {
-        match &self.factors() {
-            Ok(factors) => Ok(LineMatrix {
-                factors: *factors,
-                lines: *self,
-            }),
-            Err(error) => Err(*error),
-        }
+        let factors = self.factors();
+        let factors = *factors.as_ref().map_err(|error| *error)?;
+        let lines = *self;
+        Ok(LineMatrix { lines, factors })
     }
 
     #[inline]
@@ -256,7 +251,7 @@ impl<const N: usize> Lines<N> {
         }
     }
 
-    /// Near a singularity of either half. Not inlined, so that its matrices are not on everybody's stack.
+    /// Near a singularity of either half.
     #[cold]
     #[inline(never)]
     fn factored_as_one(&self) -> Result<Factors, KinematicsError> {

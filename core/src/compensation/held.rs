@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::{CompensatorConfig, CompensatorError, Correction};
 use crate::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solved, is_pose, links};
-use crate::linalg::{Lu, larger, norm, rotation_from_vector};
+use crate::linalg::{Lu, larger, norm, product, rotation_from_vector};
 use crate::robot::{ARMS, Compliances, LINKS, Robot};
 use crate::rows::pairs;
 use crate::statics::{LineMatrix, Wrench, finite};
@@ -59,7 +59,7 @@ pub fn held(
         }
         let turn =
             rotation_from_vector(&-Vector3::new(a, b, c)).ok_or(KinematicsError::NotFinite)?;
-        pose.rotation = turn * pose.rotation;
+        pose.rotation = product(&turn, &pose.rotation);
     }
     Err(KinematicsError::NotConverged {
         iterations: COLD_ITERATIONS,

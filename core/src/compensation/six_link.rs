@@ -2,7 +2,7 @@
 
 use super::{CompensatorConfig, CompensatorError, Correction};
 use crate::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, SixLinkKinematics, Solved};
-use crate::linalg::{larger, rotation_from_vector};
+use crate::linalg::{larger, product, rotation_from_vector};
 use crate::robot::{AXES, Compliances, LINKS};
 use crate::rows::pairs;
 use crate::statics::{LineMatrix, Wrench, finite};
@@ -59,7 +59,7 @@ impl SixLinkElastic {
             .ok_or(KinematicsError::NotFinite)?;
         let corrected = Pose {
             position_m: pose.position_m - deflection.links.translation_m * gain,
-            rotation: turn * pose.rotation,
+            rotation: product(&turn, &pose.rotation),
         };
         let [.., q4, q5, q6] = *q;
         let mut command = self
@@ -80,7 +80,7 @@ impl SixLinkElastic {
         q: &[f64; AXES],
         load: &Wrench,
     ) -> Result<Deflection<AXES>, KinematicsError> {
-        // Read where it was returned: moved out of the result, it would be on the stack twice.
+        // Not moved out of its result: it would be on the stack twice.
         let lines = LineMatrix::of_six_link(&self.kinematics, pose, q);
         let lines = lines.as_ref().map_err(|error| *error)?;
         lines.deflection(&self.compliances, load)

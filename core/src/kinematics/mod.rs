@@ -19,7 +19,7 @@ pub(crate) use two_systems::TwoSystems;
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::linalg::{LinearError, larger, norm, rotation_deviation, unit};
+use crate::linalg::{LinearError, larger, norm, rotation_deviation, times, unit};
 use crate::robot::{ARMS, Geometry, LINKS, Robot};
 
 /// Smallest measure of regularity a pose may have, both of the carts' (`|s_i . v_i| / |v_i|`) and of the links' (`|det(s_1, s_2, s_3)|`).
@@ -215,7 +215,7 @@ pub(crate) fn links<'a>(
         .zip(&geometry.cart_joints_m)
         .zip(&geometry.platform_joints_m)
         .map(|(((arm, q, guideway, length_m), cart), joint)| {
-            let lever_m = pose.rotation * joint;
+            let lever_m = times(&pose.rotation, joint);
             Link {
                 arm,
                 vector_m: cart + guideway * q - pose.position_m - lever_m,

@@ -7,7 +7,7 @@ use super::{
     KinematicsError, LinkFrame, RESIDUAL_TOLERANCE, ROTATION_TOLERANCE, SINGULAR_MEASURE,
     TAU_TOLERANCE,
 };
-use crate::linalg::{norm, rotation_deviation, sqrt};
+use crate::linalg::{norm, rotation_deviation, sqrt, times};
 use crate::robot::{ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Robot};
 
 /// Farthest a cart may stand from `q = 0`, in lengths of its link. Farther out, rounding alone (`foot^2` ulps, see [`Arm::reach`])
@@ -110,7 +110,9 @@ impl Nominal {
             return Err(NominalError::NotRotation { deviation });
         }
         let geometry = robot.geometry();
-        let levers_m = geometry.platform_joints_m.map(|joint| rotation * joint);
+        let levers_m = geometry
+            .platform_joints_m
+            .map(|joint| times(rotation, &joint));
         let origins = cluster_origins(&geometry.cart_joints_m, &levers_m, &geometry.lengths_m)?;
         let [o1, o2, o3] = origins;
         let [v1, v2, v3] = geometry.guideways;

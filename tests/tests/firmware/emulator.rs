@@ -8,20 +8,26 @@ use std::time::{Duration, Instant};
 /// Longest run of the emulator; nothing depends on how fast it is.
 const DEADLINE: Duration = Duration::from_secs(300);
 
-/// Which processor.
+/// What `build.sh` builds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Board {
+pub(crate) enum Build {
     /// Cortex-M7 with a double FPU.
     M7,
+    /// The same, as small as it gets.
+    M7Small,
     /// Cortex-M4 with a single FPU; doubles are computed with integers.
     M4f,
 }
 
-impl Board {
-    /// As `build.sh` and `sizes.toml` call it.
+impl Build {
+    /// All there are.
+    pub(crate) const ALL: [Self; 3] = [Self::M7, Self::M7Small, Self::M4f];
+
+    /// As `build.sh` calls it.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::M7 => "m7",
+            Self::M7Small => "m7-small",
             Self::M4f => "m4f",
         }
     }
@@ -29,7 +35,7 @@ impl Board {
     /// As the emulator calls its board.
     pub(crate) const fn machine(self) -> &'static str {
         match self {
-            Self::M7 => "mps2-an500",
+            Self::M7 | Self::M7Small => "mps2-an500",
             Self::M4f => "mps2-an386",
         }
     }
@@ -75,14 +81,10 @@ fn runs(program: &str) -> bool {
 }
 
 /// Builds, with further arguments of cargo; returns the folder of the images.
-pub(crate) fn build(board: Board, arguments: &[&str]) -> PathBuf {
-    build_what(board.name(), arguments)
-}
-
-/// Builds what `build.sh` calls so.
-pub(crate) fn build_what(what: &str, arguments: &[&str]) -> PathBuf {
+pub(crate) fn images(build: Build, arguments: &[&str]) -> PathBuf {
     let mut command = Command::new(folder().join("build.sh"));
-    let output = command.arg(what).args(arguments).output().unwrap();
+    command.arg(build.name()).args(arguments);
+    let output = command.output().unwrap();
     let said = text(&output.stdout);
     assert!(
         output.status.success(),
@@ -93,12 +95,12 @@ pub(crate) fn build_what(what: &str, arguments: &[&str]) -> PathBuf {
 }
 
 /// Lets the image do `mode` in `place`; returns what it wrote to the console.
-pub(crate) fn run(board: Board, image: &Path, mode: &str, place: &Path) -> Vec<u8> {
+pub(crate) fn run(build: Build, image: &Path, mode: &str, place: &Path) -> Vec<u8> {
     let mut command = Command::new("qemu-system-arm");
     command
         .args([
             "-machine",
-            board.machine(),
+            build.machine(),
             "-nographic",
             "-monitor",
             "none",

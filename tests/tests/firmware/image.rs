@@ -7,7 +7,7 @@ use std::path::Path;
 use object::{Object, ObjectSection, ObjectSymbol};
 
 use crate::budget;
-use crate::emulator::{Board, build, build_what};
+use crate::emulator::{Build, images};
 
 /// The images that everything is said of; the others have a network, or a panic on purpose.
 const IMAGES: [&str; 3] = ["firmware", "whole", "session_only"];
@@ -33,24 +33,24 @@ fn panics(image: &Path) -> Vec<String> {
     panics.collect()
 }
 
-/// The session by itself has none either when it is made small. (With kinematics, nalgebra's bounds are not optimised away then.)
 pub(crate) fn no_panic() {
-    let fast = ["m7", "m4f"].into_iter();
-    let fast = fast.flat_map(|what| IMAGES.map(|image| (what, image)));
-    for (what, image) in fast.chain([("m7-small", "session_only")]) {
-        let path = build_what(what, &[]).join(image);
-        assert_eq!(panics(&path), [""; 0], "{image} of {what}: nm -C");
+    for build in Build::ALL {
+        let folder = images(build, &[]);
+        for image in IMAGES {
+            let found = panics(&folder.join(image));
+            assert_eq!(found, [""; 0], "{image} of {}: nm -C", build.name());
+        }
     }
 }
 
 pub(crate) fn control_is_seen() {
-    let image = build(Board::M7, &["--features", "control", "--bin", "control"]).join("control");
-    assert!(!panics(&image).is_empty());
+    let folder = images(Build::M7, &["--features", "control", "--bin", "control"]);
+    assert!(!panics(&folder.join("control")).is_empty());
 }
 
 pub(crate) fn sizes() {
-    for what in ["m7", "m7-small", "m4f"] {
-        let folder = build_what(what, &[]);
+    for build in Build::ALL {
+        let folder = images(build, &[]);
         for image in IMAGES {
             let bytes = fs::read(folder.join(image)).unwrap();
             let file = object::File::parse(&*bytes).unwrap();
@@ -60,8 +60,7 @@ pub(crate) fn sizes() {
             };
             let measured = ["text", "rodata", "data", "bss"]
                 .map(|name| (name.to_owned(), size(&format!(".{name}"))));
-            let subject = format!("{}_{image}", what.replace('-', "_"));
-            budget::judge(&subject, &BTreeMap::from(measured));
+            budget::judge(build, image, &BTreeMap::from(measured));
         }
     }
 }

@@ -19,7 +19,7 @@ use gantry_tau::faults::tcp::Relay;
 use gantry_tau_core::message::{self, Phase, Refusal, ServerMessage};
 use gantry_tau_tests::client::Client;
 
-use crate::emulator::{self, Board};
+use crate::emulator::{self, Build};
 
 use program::{Folder, Running};
 use tap::Tap;
@@ -43,9 +43,9 @@ const SETTLED: u64 = 400;
 
 /// Submit, Obtain, a pulled cable, the ramp, and another client that obtains again and leaves. Meanwhile strangers are refused.
 pub(crate) fn a_real_client_drives_the_target() {
-    let image = emulator::build(Board::M7, &["--features", "link", "--bin", "link"]).join("link");
+    let image = emulator::images(Build::M7, &["--features", "link", "--bin", "link"]).join("link");
     let program = program::build();
-    let target = Target::serve(Board::M7, &image, 2);
+    let target = Target::serve(Build::M7, &image, 2);
     let cell = Cell {
         program: &program,
         folder: Folder::new("firmware-link"),

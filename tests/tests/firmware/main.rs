@@ -37,6 +37,7 @@ const ON_TARGET: &[(&str, fn())] = &[
         replay::m7_calm_f1,
     ),
     ("m7_is_bit_equal_in_hostile_traffic", replay::m7_hostile),
+    ("m7_small_is_bit_equal", replay::m7_small),
     ("m4f_is_bit_equal_in_a_calm_session", replay::m4f_calm),
     ("a_changed_bit_is_seen", replay::a_changed_bit_is_seen),
     ("the_log_tells_the_session", replay::log_tells_the_session),

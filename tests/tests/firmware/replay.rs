@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::budget::{self, Measured};
-use crate::emulator::{self, Board};
+use crate::emulator::{self, Build};
 use crate::host;
 use crate::traffic::{self, Recording};
 
@@ -18,19 +18,25 @@ struct Played {
 }
 
 pub(crate) fn m7_calm() {
-    is_bit_equal(Board::M7, traffic::calm());
+    is_bit_equal(Build::M7, traffic::calm());
 }
 
 pub(crate) fn m7_calm_f1() {
-    is_bit_equal(Board::M7, traffic::calm_f1());
+    is_bit_equal(Build::M7, traffic::calm_f1());
 }
 
 pub(crate) fn m7_hostile() {
-    is_bit_equal(Board::M7, traffic::hostile());
+    is_bit_equal(Build::M7, traffic::hostile());
+}
+
+pub(crate) fn m7_small() {
+    for recording in [traffic::calm(), traffic::calm_f1(), traffic::hostile()] {
+        is_bit_equal(Build::M7Small, recording);
+    }
 }
 
 pub(crate) fn m4f_calm() {
-    is_bit_equal(Board::M4f, traffic::calm());
+    is_bit_equal(Build::M4f, traffic::calm());
 }
 
 /// One bit of the last pose, some 1e-12 m: host and target both answer otherwise than before, and again the same.
@@ -40,7 +46,7 @@ pub(crate) fn a_changed_bit_is_seen() {
     // The last twelve numbers are pose and load; bit 20 of the first.
     let at = bytes.len() - 12 * 8 + 2;
     bytes[at] ^= 1 << 4;
-    let played = play(Board::M7, "changed_bit", &bytes);
+    let played = play(Build::M7, "changed_bit", &bytes);
     assert_eq!(played.output.len(), recording.output.len());
     let before_the_last_tick = recording.output.len() - 1_000;
     assert_eq!(
@@ -56,7 +62,7 @@ pub(crate) fn a_changed_bit_is_seen() {
 
 /// The words are those of `golden.txt`: who was welcome, what ended, which phase, when.
 pub(crate) fn log_tells_the_session() {
-    let played = play(Board::M7, "log", &traffic::calm().bytes);
+    let played = play(Build::M7, "log", &traffic::calm().bytes);
     let log = emulator::decode(&played.image, &played.place.join("console"));
     let golden = emulator::folder().join("golden.txt");
     if budget::recording() {
@@ -70,21 +76,21 @@ pub(crate) fn log_tells_the_session() {
 }
 
 /// Every reference, every frame and every float; and what it costs.
-fn is_bit_equal(board: Board, recording: &Recording) {
-    let played = play(board, recording.name, &recording.bytes);
+fn is_bit_equal(build: Build, recording: &Recording) {
+    let played = play(build, recording.name, &recording.bytes);
     let expected = host::play(&recording.bytes).output;
     if let Some(at) = first_difference(&played.output, &expected) {
         panic!(
             "{} on {}: differs from the host from byte {at} of {}",
             recording.name,
-            board.name(),
+            build.name(),
             expected.len()
         );
     }
     println!(
         "{} on {}: {} bytes are equal",
         recording.name,
-        board.name(),
+        build.name(),
         expected.len()
     );
     let mut measured = played.laps.measured(&recording.f1);
@@ -92,7 +98,7 @@ fn is_bit_equal(board: Board, recording: &Recording) {
         "output_crc32".to_owned(),
         i64::from(gantry_tau_tests::client::crc32(&expected)),
     );
-    budget::judge(&format!("{}_{}", board.name(), recording.name), &measured);
+    budget::judge(build, recording.name, &measured);
 }
 
 fn first_difference(one: &[u8], other: &[u8]) -> Option<usize> {
@@ -100,17 +106,17 @@ fn first_difference(one: &[u8], other: &[u8]) -> Option<usize> {
     differing.or_else(|| (one.len() != other.len()).then(|| one.len().min(other.len())))
 }
 
-fn play(board: Board, name: &str, recording: &[u8]) -> Played {
-    let image = emulator::build(board, &[]).join("firmware");
+fn play(build: Build, name: &str, recording: &[u8]) -> Played {
+    let image = emulator::images(build, &[]).join("firmware");
     let place =
-        Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("replay-{}-{name}", board.name()));
+        Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("replay-{}-{name}", build.name()));
     fs::create_dir_all(&place).unwrap();
     fs::write(place.join("replay.in"), recording).unwrap();
     for output in ["replay.out", "replay.laps"] {
         // Nothing of an earlier run may count.
         drop(fs::remove_file(place.join(output)));
     }
-    emulator::run(board, &image, "replay", &place);
+    emulator::run(build, &image, "replay", &place);
     Played {
         output: fs::read(place.join("replay.out")).unwrap(),
         laps: Laps::read(&fs::read(place.join("replay.laps")).unwrap()),

@@ -7,7 +7,7 @@ use super::{
     COLD_ITERATIONS, CONVERGED, KinematicsError, Pose, Refused, SixLinkKinematics, Solved, is_pose,
     stretch,
 };
-use crate::linalg::{norm, rotation_from_vector, sqrt};
+use crate::linalg::{norm, product, rotation_from_vector, sqrt, times};
 use crate::robot::{AXES, LINKS, SixLinkGeometry};
 
 /// How far the machine may be from the synchronised form: angles in radians, lengths over the machine's size.
@@ -62,7 +62,7 @@ impl SixLinkKinematics {
             let turn =
                 rotation_from_vector(&step.rotation_rad).ok_or(KinematicsError::NotFinite)?;
             pose.position_m += step.translation_m;
-            pose.rotation = turn * pose.rotation;
+            pose.rotation = product(&turn, &pose.rotation);
         }
         // Not reached: the last round returns.
         Err(KinematicsError::NotFinite)
@@ -123,6 +123,7 @@ impl SixLinkKinematics {
     }
 
     /// The pose of the synchronised form with plate 3 as it is; a start where plate 2 is not in step.
+    /// Not inlined: who starts from a pose needs none of its stack.
     #[inline(never)]
     fn start(&self, q: &[f64; AXES]) -> Result<Pose, KinematicsError> {
         if !q.iter().all(|value| value.is_finite()) {
@@ -141,9 +142,9 @@ impl SixLinkKinematics {
         let [l1, l2, _, l3, ..] = geometry.lengths_m;
         let turned = self.plates.orientation(q5, 0.0);
         let centres = [
-            c1 + v1 * q1 + p11 - rotation * b11,
-            c2 + v2 * q2 + turned * p21 - rotation * b21,
-            c3 + v3 * q3 + rotation * (p31 - b31),
+            c1 + v1 * q1 + p11 - times(&rotation, &b11),
+            c2 + v2 * q2 + times(&turned, &p21) - times(&rotation, &b21),
+            c3 + v3 * q3 + times(&rotation, &(p31 - b31)),
         ];
         let poses = three_spheres(&centres, &[l1, l2, l3])?.map(|position_m| Pose {
             position_m,
@@ -182,7 +183,7 @@ impl SixLinkKinematics {
         let [b11, b21, b22, b31, b32, b33] = &geometry.platform_joints_m;
         let [l11, l21, l22, l31, l32, l33] = geometry.lengths_m;
         let row = |joint: &Vector3<f64>, end: &Vector3<f64>, length: f64| {
-            let lever = pose.rotation * end;
+            let lever = times(&pose.rotation, end);
             let (error, s) = stretch(&(joint - pose.position_m - lever), length);
             (s, lever.cross(&s), error)
         };
@@ -210,8 +211,8 @@ fn equal_in_clusters(geometry: &SixLinkGeometry, tolerance_m: f64) -> bool {
 /// The nearest rotation, to second order in how far `R` is from one: one step of `R <- R (3 - R^T R) / 2`.
 /// Without it a cyclic seed would drift by an ulp per cycle.
 pub(super) fn orthonormal(rotation: &Matrix3<f64>) -> Matrix3<f64> {
-    let gram = rotation.tr_mul(rotation);
-    rotation * (Matrix3::identity() * 1.5 - gram * 0.5)
+    let gram = product(&rotation.transpose(), rotation);
+    product(rotation, &(Matrix3::identity() * 1.5 - gram * 0.5))
 }
 
 /// Both points at the given distances from three centres.

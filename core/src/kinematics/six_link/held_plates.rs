@@ -7,7 +7,7 @@ use super::inverse::cart;
 use super::step::System;
 use super::{CONVERGED, KinematicsError, Pose, SixLinkKinematics, Solved, is_pose};
 use crate::kinematics::two_systems::Inverse;
-use crate::linalg::{Lu, rotation_from_vector};
+use crate::linalg::{Lu, product, rotation_from_vector};
 use crate::robot::{ARMS, AXES, LINKS};
 
 /// One step: of the carts (q-units) and of the platform's turn (world axes, radians).
@@ -71,7 +71,7 @@ impl SixLinkKinematics {
             }
             let turn =
                 rotation_from_vector(&step.rotation_rad).ok_or(KinematicsError::NotFinite)?;
-            pose.rotation = turn * pose.rotation;
+            pose.rotation = product(&turn, &pose.rotation);
         }
         // Not reached: the last round returns.
         Err(KinematicsError::NotFinite)

@@ -18,7 +18,7 @@ mod tests;
 use nalgebra::Vector3;
 
 use super::{KinematicsError, Pose, RESIDUAL_TOLERANCE, SINGULAR_MEASURE, directions, is_pose};
-use crate::linalg::{larger, norm};
+use crate::linalg::{larger, norm, times};
 use crate::robot::{ARM_OF_LINK, ARMS, AXES, LINKS, SixLink};
 use crate::rows::pairs;
 use plates::Plates;
@@ -134,7 +134,7 @@ impl SixLinkKinematics {
     /// `B_ij = T + R b_ij`: the platform joints, world axes, metres, link order.
     fn ends_m(&self, pose: &Pose) -> [Vector3<f64>; LINKS] {
         let joints = &self.robot.geometry().platform_joints_m;
-        joints.map(|joint| pose.position_m + pose.rotation * joint)
+        joints.map(|joint| pose.position_m + times(&pose.rotation, &joint))
     }
 
     /// `D`: how much each link gets longer per axis, `D_(ij),k = s_ij . dA_ij/dq_k`; rows in link order, columns in axis order.

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::linalg::{cross_matrix, sin_cos};
+use crate::linalg::{cross_matrix, product, sin_cos, times};
 use crate::robot::{ARMS, AXES, LINKS, SixLinkGeometry};
 
 /// What the positions of the joints are made of.
@@ -31,7 +31,7 @@ impl Axis {
         Self {
             direction,
             k,
-            k_squared: k * k,
+            k_squared: product(&k, &k),
         }
     }
 
@@ -109,7 +109,7 @@ impl Plates {
         let [_, p21, p22, ..] = self.joints_m;
         let [sigma4, _] = self.signs;
         let q_2 = self.turn_of_two(q4);
-        let levers = [q_2 * p21, q_2 * p22];
+        let levers = [p21, p22].map(|joint| times(&q_2, &joint));
         let axis = self.turn.direction * sigma4;
         PlateTwo {
             joints_m: levers.map(|lever| c2 + lever),
@@ -123,10 +123,10 @@ impl Plates {
         let [_, _, _, p31, p32, p33] = self.joints_m;
         let [_, sigma5] = self.signs;
         let turned = self.turn.rotation(sigma5 * q5);
-        let q_3 = turned * self.tilt.rotation(q6);
-        let levers = [q_3 * p31, q_3 * p32, q_3 * p33];
+        let q_3 = product(&turned, &self.tilt.rotation(q6));
+        let levers = [p31, p32, p33].map(|joint| times(&q_3, &joint));
         let turn_axis = self.turn.direction * sigma5;
-        let tilt_axis = turned * self.tilt.direction;
+        let tilt_axis = times(&turned, &self.tilt.direction);
         PlateThree {
             joints_m: levers.map(|lever| c3 + lever),
             turns: levers.map(|lever| turn_axis.cross(&lever)),
@@ -137,7 +137,7 @@ impl Plates {
     /// Turn and tilt of the synchronised machine, whose platform turns with plate 3: `Rot(a, sigma_5 q_5) Rot(a_6, q_6)`.
     pub(super) fn orientation(&self, q5: f64, q6: f64) -> Matrix3<f64> {
         let [_, sigma5] = self.signs;
-        self.turn.rotation(sigma5 * q5) * self.tilt.rotation(q6)
+        product(&self.turn.rotation(sigma5 * q5), &self.tilt.rotation(q6))
     }
 
     /// `a_6`.

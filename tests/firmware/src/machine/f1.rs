@@ -97,7 +97,7 @@ impl F1 {
         let answer = &mut self.answer;
         let (pose, q) = (&answer.pose.answer, &answer.q.answer);
         let kinematics = self.compensator.machine().kinematics();
-        // Read where it was returned: moved out of the result, it would be on the stack twice.
+        // Not moved out of its result: it would be on the stack twice.
         let lines = LineMatrix::of_six_link(kinematics, pose, q);
         let lines = lines.as_ref().map_err(|error| *error)?;
         answer.forces_n = lines.link_forces_n(load)?;

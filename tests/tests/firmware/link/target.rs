@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use super::{LOOK, PATIENCE};
-use crate::emulator::Board;
+use crate::emulator::Build;
 
 /// Ports tried until one is free for the emulator as well.
 const TRIES: u32 = 5;
@@ -41,13 +41,13 @@ pub(super) struct Target {
 
 impl Target {
     /// Starts the mode `link` of an image for `sessions` sessions, and waits until it listens.
-    pub(super) fn serve(board: Board, image: &Path, sessions: u32) -> Self {
+    pub(super) fn serve(build: Build, image: &Path, sessions: u32) -> Self {
         for _ in 0..TRIES {
             // Between this and the emulator's own binding somebody else may take the port.
             let free = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
             let address = free.local_addr().unwrap();
             drop(free);
-            let target = Self::start(board, image, sessions, address);
+            let target = Self::start(build, image, sessions, address);
             if target.await_line("link listening=7000 ").is_some() {
                 return target;
             }
@@ -57,11 +57,11 @@ impl Target {
         panic!("the emulator gets no port");
     }
 
-    fn start(board: Board, image: &Path, sessions: u32, address: SocketAddr) -> Self {
+    fn start(build: Build, image: &Path, sessions: u32, address: SocketAddr) -> Self {
         let mut child = Command::new("qemu-system-arm")
             .args([
                 "-machine",
-                board.machine(),
+                build.machine(),
                 "-display",
                 "none",
                 "-monitor",

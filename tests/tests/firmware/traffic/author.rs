@@ -33,7 +33,8 @@ pub(super) struct Author {
     f1: Vec<bool>,
     /// The epoch of the next session.
     pub(super) next_epoch: u64,
-    answer: Option<Answer>,
+    /// What the last tick corrected; nothing without an answer.
+    corrections: Vec<OffsetNm>,
     sockets: BTreeMap<Connection, Socket>,
     reading: Reading,
     /// The stranger that is read in this tick.
@@ -45,7 +46,8 @@ pub(super) struct Author {
 struct Seen {
     closed: Vec<Connection>,
     welcomed: bool,
-    answer: Option<Answer>,
+    by_f1: bool,
+    corrections: Vec<OffsetNm>,
 }
 
 impl Meter for Seen {
@@ -55,8 +57,13 @@ impl Meter for Seen {
 
 impl Watch for Seen {
     fn wait(&mut self) {}
-    fn answered(&mut self, answer: &Answer) {
-        self.answer = Some(*answer);
+    fn answered(&mut self, answer: &Answer<'_>) {
+        self.by_f1 = matches!(answer, Answer::F1(_));
+        self.corrections = match answer {
+            Answer::L2(Ok(answer)) => answer.correction.offsets.to_vec(),
+            Answer::F1(Ok(answer)) => answer.correction.offsets.to_vec(),
+            _ => Vec::new(),
+        };
     }
     fn turned(&mut self, turn: &Turn<AXES, MOTORS>) {
         self.closed = turn.close.to_vec();
@@ -87,7 +94,7 @@ impl Author {
             output: Vec::new(),
             f1: Vec::new(),
             next_epoch: 1,
-            answer: None,
+            corrections: Vec::new(),
             sockets: BTreeMap::new(),
             reading: Reading::default(),
             turn: None,
@@ -175,8 +182,8 @@ impl Author {
         let mut seen = Seen::default();
         crate::recording::tick(&mut self.machine, moment, &mut self.output, &mut seen);
         self.ticks += 1;
-        self.answer = seen.answer;
-        self.f1.push(matches!(self.answer, Some(Answer::F1(_))));
+        self.corrections = seen.corrections;
+        self.f1.push(seen.by_f1);
         self.next_epoch += u64::from(seen.welcomed);
         self.sockets
             .retain(|connection, _| !seen.closed.contains(connection));
@@ -224,13 +231,8 @@ impl Author {
     /// The correction of the last tick, as offsets.
     pub(super) fn corrections(&self) -> [Offsets; AXES] {
         let mut targets = [Offsets::default(); AXES];
-        let offsets: Vec<OffsetNm> = match self.answer {
-            Some(Answer::L2(Ok(answer))) => answer.correction.offsets.to_vec(),
-            Some(Answer::F1(Ok(answer))) => answer.correction.offsets.to_vec(),
-            _ => Vec::new(),
-        };
-        for (target, offset) in targets.iter_mut().zip(offsets) {
-            target.position = offset;
+        for (target, offset) in targets.iter_mut().zip(&self.corrections) {
+            target.position = *offset;
         }
         targets
     }
