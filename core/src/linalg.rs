@@ -421,6 +421,18 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
         #[test]
+        fn products_are_nalgebras_to_the_bit(
+            a in prop::array::uniform9(-1e3..1e3_f64),
+            b in prop::array::uniform9(-1e3..1e3_f64),
+        ) {
+            let (a, b) = (Matrix3::from_row_slice(&a), Matrix3::from_row_slice(&b));
+            let bits = |matrix: Matrix3<f64>| matrix.map(f64::to_bits);
+            prop_assert_eq!(bits(product(&a, &b)), bits(a * b));
+            let v = b.column(1).into_owned();
+            prop_assert_eq!(times(&a, &v).map(f64::to_bits), (a * v).map(f64::to_bits));
+        }
+
+        #[test]
         fn solves_both_ways_in_any_units(
             a in prop::array::uniform6(prop::array::uniform6(-1.0..1.0_f64)),
             x in prop::array::uniform6(-1.0..1.0_f64),

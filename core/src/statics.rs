@@ -126,6 +126,8 @@ impl LineMatrix<AXES> {
         pose: &Pose,
         q: &[f64; AXES],
     ) -> Result<Self, KinematicsError> {
+        // A line matrix is a kilobyte, and so is what it is made of: moved out of its result it would be on the stack twice. For the
+        // same reason this, and what it calls, is not inlined: what follows shares the stack.
         let lines = Lines::of_six(kinematics, pose, q);
         lines.as_ref().map_err(|error| *error)?.factored()
     }
@@ -233,9 +235,7 @@ fn moments(
 }
 
 impl<const N: usize> Lines<N> {
-    /// A line matrix is a kilobyte, and what it is made of as much: results are read where they were returned, for moved out they would
-    /// be on the stack twice, and steps that follow each other are not inlined, so that they share it.
-    #[inline(never)]
+    #[inline]
     fn factored(&self) -> Result<LineMatrix<N>, KinematicsError> {
         let factors = self.factors();
         let factors = *factors.as_ref().map_err(|error| *error)?;
