@@ -12,7 +12,7 @@ use crate::axis::{Offsets, Reference};
 use crate::message::{ClientMessage, Refusal, ServerMessage};
 pub use crate::session::Cycle;
 use crate::session::decide::Connection;
-use crate::session::{BlackBox, Event, Input, OWNER_FRAMES, Output, Session, StartError};
+use crate::session::{BlackBox, EVENTS, Event, Input, OWNER_FRAMES, Output, Session, StartError};
 use crate::wire::{
     Deframer, Feed, Frame, FrameBytes, FrameError, PROTOCOL_VERSION, decode_client, encode_server,
     encode_state,
@@ -20,6 +20,8 @@ use crate::wire::{
 
 /// Connections that can be open at once: the owner and strangers who are told why they cannot be.
 pub const CONNECTIONS: usize = 6;
+/// Frames that one tick sends at most: a Refusal per connection and per event, a Welcome, a State.
+pub const FRAMES: usize = CONNECTIONS + EVENTS + 2;
 
 /// How bytes travel. A broken stream has lost its boundary and ends; a broken datagram is dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

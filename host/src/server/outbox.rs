@@ -1,12 +1,8 @@
 //! Frames of one tick, kept until the references are with the drives, which come first.
 
-use gantry_tau_core::endpoint::CONNECTIONS;
-use gantry_tau_core::session::EVENTS;
+use gantry_tau_core::endpoint::FRAMES;
 use gantry_tau_core::session::decide::Connection;
 use gantry_tau_core::wire::MAX_FRAME;
-
-/// Frames of one tick: a refusal per connection and per event, a Welcome, a State.
-const FRAMES: usize = CONNECTIONS + EVENTS + 2;
 
 /// Frames, in the order in which they are to be sent. Allocated once.
 #[derive(Debug)]
