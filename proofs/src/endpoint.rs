@@ -1,6 +1,6 @@
 //! The endpoint: bytes of any connections in, bounded references out.
 
-use gantry_tau_core::endpoint::{Cycle, Endpoint, Transport};
+use gantry_tau_core::endpoint::{Cycle, Endpoint, FRAMES, Transport};
 use gantry_tau_core::session::decide::Connection;
 
 /// Something that happens to an endpoint.
@@ -37,15 +37,18 @@ pub fn takes_anything<const N: usize, const MOTORS: usize, const HALF: usize>(
     assert!(endpoint.is_valid(), "the endpoint stays valid");
 }
 
-/// A tick; T1 for every motor, and nothing is sent to a connection that is not open.
+/// A tick; T1 for every motor, and no more frames than a tick has.
 fn tick<const N: usize, const MOTORS: usize, const HALF: usize>(
     endpoint: &mut Endpoint<N, MOTORS, HALF>,
     cycle: &Cycle<N>,
 ) {
     let before = *endpoint.session();
+    let mut sent = 0;
     let turn = endpoint.tick(cycle, &mut |_, bytes| {
         assert!(!bytes.is_empty(), "every message fits its frame");
+        sent += 1;
     });
+    assert!(sent <= FRAMES, "no more frames than there is room for");
     let after = endpoint.session();
     for index in 0..N {
         let limits = &after.config().parameters().axes[index].limits;
