@@ -20,8 +20,10 @@ use crate::wire::{
 
 /// Connections that can be open at once: the owner and strangers who are told why they cannot be.
 pub const CONNECTIONS: usize = 6;
-/// Frames that one tick sends at most: a Refusal per connection and per event, a Welcome, a State.
-pub const FRAMES: usize = CONNECTIONS + EVENTS + 2;
+/// Refusals that one tick sends at most: one per connection, one per event.
+pub const REFUSALS: usize = CONNECTIONS + EVENTS;
+/// Frames that one tick sends at most: the Refusals, a Welcome, a State.
+pub const FRAMES: usize = REFUSALS + 2;
 
 /// How bytes travel. A broken stream has lost its boundary and ends; a broken datagram is dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -126,8 +126,8 @@ impl LineMatrix<AXES> {
         pose: &Pose,
         q: &[f64; AXES],
     ) -> Result<Self, KinematicsError> {
-        // A line matrix is a kilobyte, and so is what it is made of: moved out of its result it would be on the stack twice. For the
-        // same reason this, and what it calls, is not inlined: what follows shares the stack.
+        // Half a kilobyte, and the line matrix a whole one: moved out of its result it would be on the stack twice. Nor is any of the
+        // steps inlined: inlined they would have their stack side by side, not one after the other.
         let lines = Lines::of_six(kinematics, pose, q);
         lines.as_ref().map_err(|error| *error)?.factored()
     }
@@ -238,27 +238,10 @@ impl<const N: usize> Lines<N> {
     #[inline]
     fn factored(&self) -> Result<LineMatrix<N>, KinematicsError> {
         let factors = self.factors();
-        let factors = *factors.as_ref().map_err(|error| *error)?;
-        let lines = *self;
-        Ok(LineMatrix { lines, factors })
+        self.with(factors.as_ref().map_err(|error| *error)?)
     }
 
-    #[inline]
-    fn factors(&self) -> Result<Factors, KinematicsError> {
-        match TwoSystems::new(&self.directions, &self.moments_m) {
-            Some(factors) => Ok(Factors::Two(factors)),
-            None => self.factored_as_one(),
-        }
-    }
-
-    /// Near a singularity of either half.
-    #[cold]
-    #[inline(never)]
-    fn factored_as_one(&self) -> Result<Factors, KinematicsError> {
-        Ok(Factors::One(Lu::factor(&self.rows())?))
-    }
-
-    fn factored_in_tau_form(self) -> Result<LineMatrix<N>, TauFormError> {
+    fn factored_in_tau_form(&self) -> Result<LineMatrix<N>, TauFormError> {
         let [_, s21, s22, s31, s32, s33] = &self.directions;
         for (link, first, other) in [(2, s21, s22), (4, s31, s32), (5, s31, s33)] {
             let angle_rad = norm(&(other - first));
@@ -268,10 +251,33 @@ impl<const N: usize> Lines<N> {
         }
         let factors = match TwoSystems::of_parallel(&self.directions, &self.moments_m) {
             Some(factors) => Factors::Two(factors),
-            None => self.factored_as_one()?,
+            None => self.as_one()?,
         };
-        let lines = self;
-        Ok(LineMatrix { lines, factors })
+        Ok(self.with(&factors)?)
+    }
+
+    #[inline(never)]
+    fn factors(&self) -> Result<Factors, KinematicsError> {
+        match TwoSystems::new(&self.directions, &self.moments_m) {
+            Some(factors) => Ok(Factors::Two(factors)),
+            None => self.as_one(),
+        }
+    }
+
+    /// Near a singularity of either half.
+    #[cold]
+    #[inline(never)]
+    fn as_one(&self) -> Result<Factors, KinematicsError> {
+        Ok(Factors::One(Lu::factor(&self.rows())?))
+    }
+
+    /// The two together, in a result already: who wraps a line matrix has it on the stack twice, which here nobody else pays for.
+    #[inline(never)]
+    fn with(&self, factors: &Factors) -> Result<LineMatrix<N>, KinematicsError> {
+        Ok(LineMatrix {
+            lines: *self,
+            factors: *factors,
+        })
     }
 
     /// Rows of `W^T`: `[s_ij, l_ij x s_ij]`.
@@ -383,7 +389,7 @@ impl<const N: usize> LineMatrix<N> {
 #[inline]
 #[must_use]
 pub fn cart_loads_from_jacobian(jacobian: &Matrix3<f64>, force_n: &Vector3<f64>) -> [f64; ARMS] {
-    let loads = jacobian.tr_mul(force_n);
+    let loads = times(&jacobian.transpose(), force_n);
     [loads.x, loads.y, loads.z]
 }
 

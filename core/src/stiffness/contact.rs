@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::Compliance;
 use crate::kinematics::KinematicsError;
-use crate::linalg::unit;
+use crate::linalg::{times, unit};
 
 /// Loop gain of force compensation while the tool touches a workpiece: `g n.C'n / (n.C n + 1 / k_e)`, below 1 where it is stable.
 ///
@@ -30,7 +30,7 @@ pub fn contact_loop_gain(
     workpiece_n_per_m: f64,
 ) -> Result<f64, KinematicsError> {
     let n = unit(normal).ok_or(KinematicsError::NotFinite)?;
-    let along = |compliance: &Compliance| n.dot(&(compliance.translation() * n));
+    let along = |compliance: &Compliance| n.dot(&times(&compliance.translation(), &n));
     // k / (1 + c k) is 1 / (c + 1 / k), and takes k = 0.
     let series = workpiece_n_per_m / (1.0 + along(machine) * workpiece_n_per_m);
     let loop_gain = gain * along(estimated) * series;

@@ -141,6 +141,7 @@ fn happen(
     Some(())
 }
 
+/// Not inlined, so that its parts have left the stack when the tick begins.
 #[inline(never)]
 fn moment(source: &mut impl Source) -> Option<Moment> {
     let elapsed = u32::from_le_bytes(take(source)?);

@@ -8,7 +8,7 @@ use gantry_tau::robot_file::RobotFile;
 use gantry_tau_core::endpoint::Turn;
 use gantry_tau_core::message::{Capabilities, Phase};
 
-use crate::machine::{AXES, MOTORS, Machine, Meter, Part, Parts, robots};
+use crate::machine::{AXES, Answer, MOTORS, Machine, Meter, Part, Parts, robots};
 use crate::reading::OF_OWNER;
 use crate::recording::{self, Sink, Source, Watch};
 use crate::traffic;
@@ -17,13 +17,32 @@ use crate::traffic;
 pub(crate) struct Played {
     /// The output.
     pub(crate) output: Vec<u8>,
-    /// The phase after every tick.
-    pub(crate) phases: Phases,
+    /// What every tick showed.
+    pub(crate) seen: Seen,
 }
 
-/// The phase after every tick.
+/// What every tick showed.
 #[derive(Default)]
-pub(crate) struct Phases(pub(crate) Vec<Phase>);
+pub(crate) struct Seen {
+    /// The phase after it.
+    pub(crate) phases: Vec<Phase>,
+    /// Its floats.
+    pub(crate) floats: Vec<Floats>,
+}
+
+/// Whose kinematics a tick had.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Floats {
+    /// The L2's.
+    L2,
+    /// The F1's, without an answer.
+    F1Refused,
+    /// The F1's, answered.
+    F1 {
+        /// The farthest that a plate is turned, radians.
+        turned_rad: f64,
+    },
+}
 
 /// Plays a recording.
 pub(crate) fn play(recording: &[u8]) -> Played {
@@ -31,14 +50,14 @@ pub(crate) fn play(recording: &[u8]) -> Played {
     let nominal = recording::start(&mut source).unwrap();
     let mut machine = Machine::new(Parts::new(Capabilities::NONE, nominal).unwrap());
     let mut output = Vec::new();
-    let mut phases = Phases::default();
+    let mut seen = Seen::default();
     let room = &mut [0; OF_OWNER];
-    let played = recording::play(&mut machine, room, &mut source, &mut output, &mut phases);
+    let played = recording::play(&mut machine, room, &mut source, &mut output, &mut seen);
     assert!(
         played.is_some() && source.0.is_empty(),
         "the recording is whole"
     );
-    Played { output, phases }
+    Played { output, seen }
 }
 
 struct Bytes<'a>(&'a [u8]);
@@ -60,15 +79,26 @@ impl Sink for Vec<u8> {
     }
 }
 
-impl Meter for Phases {
+impl Meter for Seen {
     fn begin(&mut self) {}
     fn end(&mut self, _: Part) {}
 }
 
-impl Watch for Phases {
+impl Watch for Seen {
     fn wait(&mut self) {}
+    fn answered(&mut self, answer: &Answer<'_>) {
+        self.floats.push(match answer {
+            Answer::L2(_) => Floats::L2,
+            Answer::F1(Err(_)) => Floats::F1Refused,
+            Answer::F1(Ok(answer)) => {
+                let [.., q4, q5, q6] = answer.q.answer;
+                let turned_rad = q4.abs().max(q5.abs()).max(q6.abs());
+                Floats::F1 { turned_rad }
+            }
+        });
+    }
     fn turned(&mut self, turn: &Turn<AXES, MOTORS>) {
-        self.0.push(turn.output.state.phase);
+        self.phases.push(turn.output.state.phase);
     }
 }
 
@@ -100,8 +130,8 @@ pub(crate) fn what_is_too_much_is_refused() {
         let mut source = Bytes(&bytes);
         let nominal = recording::start(&mut source).unwrap();
         let mut machine = Machine::new(Parts::new(Capabilities::NONE, nominal).unwrap());
-        let (room, phases) = (&mut [0; OF_OWNER], &mut Phases::default());
-        recording::play(&mut machine, room, &mut source, &mut Vec::new(), phases).is_some()
+        let (room, seen) = (&mut [0; OF_OWNER], &mut Seen::default());
+        recording::play(&mut machine, room, &mut source, &mut Vec::new(), seen).is_some()
     };
     let bytes_of_a_stranger = |count: u8| {
         let head = [3, 0, 0, 0, 0, count, 0];

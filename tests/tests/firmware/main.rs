@@ -37,7 +37,18 @@ const ON_TARGET: &[(&str, fn())] = &[
         replay::m7_calm_f1,
     ),
     ("m7_is_bit_equal_in_hostile_traffic", replay::m7_hostile),
-    ("m7_small_is_bit_equal", replay::m7_small),
+    (
+        "m7_small_is_bit_equal_in_a_calm_session",
+        replay::m7_small_calm,
+    ),
+    (
+        "m7_small_is_bit_equal_in_a_calm_session_of_the_f1",
+        replay::m7_small_calm_f1,
+    ),
+    (
+        "m7_small_is_bit_equal_in_hostile_traffic",
+        replay::m7_small_hostile,
+    ),
     ("m4f_is_bit_equal_in_a_calm_session", replay::m4f_calm),
     ("a_changed_bit_is_seen", replay::a_changed_bit_is_seen),
     ("the_log_tells_the_session", replay::log_tells_the_session),
@@ -61,6 +72,10 @@ const ON_HOST: &[(&str, fn())] = &[
     (
         "recordings_show_every_phase",
         traffic::recordings_show_every_phase,
+    ),
+    (
+        "the_f1_turns_far_and_recovers",
+        traffic::the_f1_turns_far_and_recovers,
     ),
     ("recordings_replay_on_the_host", host::recordings_replay),
     (

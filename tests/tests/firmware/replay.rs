@@ -29,10 +29,16 @@ pub(crate) fn m7_hostile() {
     is_bit_equal(Build::M7, traffic::hostile());
 }
 
-pub(crate) fn m7_small() {
-    for recording in [traffic::calm(), traffic::calm_f1(), traffic::hostile()] {
-        is_bit_equal(Build::M7Small, recording);
-    }
+pub(crate) fn m7_small_calm() {
+    is_bit_equal(Build::M7Small, traffic::calm());
+}
+
+pub(crate) fn m7_small_calm_f1() {
+    is_bit_equal(Build::M7Small, traffic::calm_f1());
+}
+
+pub(crate) fn m7_small_hostile() {
+    is_bit_equal(Build::M7Small, traffic::hostile());
 }
 
 pub(crate) fn m4f_calm() {

@@ -69,9 +69,7 @@ impl System {
         for (row, (s, m)) in rows.iter_mut().zip(links) {
             *row = [s.x, s.y, s.z, m.x, m.y, m.z];
         }
-        // Not moved out of its result: it would be on the stack twice.
-        let factors = Lu::factor(&rows);
-        let factors = factors.as_ref().map_err(|error| *error)?;
+        let factors = Lu::factor(&rows)?;
         let [x, y, z, a, b, c] = factors.solve(&self.errors_m);
         Ok(Step {
             translation_m: Vector3::new(x, y, z),

@@ -1,6 +1,6 @@
 //! Frames of one tick that wait to be fetched: C is never called, it asks.
 
-use gantry_tau_core::endpoint::FRAMES;
+use gantry_tau_core::endpoint::{FRAMES, REFUSALS};
 use gantry_tau_core::session::decide::Connection;
 use gantry_tau_core::wire::{HEADER_LEN, MAX_FRAME, TRAILER_LEN};
 
@@ -10,8 +10,8 @@ const _: () = assert!(GT_MAX_FRAME == MAX_FRAME, "a frame fits");
 
 /// A Refusal: 8 bytes of body (`wire.md`).
 const REFUSAL: usize = HEADER_LEN + 8 + TRAILER_LEN;
-/// The frames of a tick, all but two of them Refusals.
-const BYTES: usize = (FRAMES - 2) * REFUSAL + 2 * MAX_FRAME;
+/// The frames of a tick: Refusals, a Welcome and a State.
+const BYTES: usize = REFUSALS * REFUSAL + 2 * MAX_FRAME;
 
 /// A frame to be written to a connection.
 #[repr(C)]

@@ -7,13 +7,11 @@ use gantry_tau_core::kinematics::{
 use gantry_tau_core::linalg::rotation_from_vector;
 use gantry_tau_core::statics::{LineMatrix, Wrench};
 use gantry_tau_core::units::OffsetNm;
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{ArrayStorage, Matrix3, SMatrix, Vector3};
 
-use super::work::{Pose6, config};
-use super::{AXES, Refused, robots};
+use super::{AXES, Pose6, Refused, robots};
 
 /// One cycle of the F1.
-#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct F1Answer {
     /// Positions of the axes.
     pub(crate) q: Solved<[f64; AXES]>,
@@ -40,14 +38,16 @@ pub(crate) struct F1 {
 
 impl F1 {
     /// The machine of `robots/f1.toml`, and its checksum.
-    #[inline(never)]
     pub(crate) fn new() -> Result<(Self, u32), Refused> {
         let (robot, springs) = robots::f1().map_err(|_| Refused::Robot)?;
         let elastic = SixLinkElastic::new(SixLinkKinematics::new(&robot), springs);
         let f1 = Self {
-            compensator: SixLinkCompensator::new(elastic, config(robots::F1_METRES_PER_Q))
-                .map_err(|_| Refused::Compensation)?,
-            answer: NOTHING,
+            compensator: SixLinkCompensator::new(
+                elastic,
+                robots::compensation(robots::F1_METRES_PER_Q),
+            )
+            .map_err(|_| Refused::Compensation)?,
+            answer: UNANSWERED,
             is_answered: false,
         };
         Ok((f1, robot.kinematics_checksum()))
@@ -61,7 +61,7 @@ impl F1 {
     ) -> Result<&F1Answer, KinematicsError> {
         let is_warm = core::mem::take(&mut self.is_answered);
         self.find_positions(pose, is_warm)?;
-        self.find_loads(load)?;
+        self.find_statics(load)?;
         self.find_correction(load)?;
         self.is_answered = true;
         Ok(&self.answer)
@@ -93,7 +93,7 @@ impl F1 {
 
     /// Twist over axes, link tensions, loads of the axes.
     #[inline(never)]
-    fn find_loads(&mut self, load: &Wrench) -> Result<(), KinematicsError> {
+    fn find_statics(&mut self, load: &Wrench) -> Result<(), KinematicsError> {
         let answer = &mut self.answer;
         let (pose, q) = (&answer.pose.answer, &answer.q.answer);
         let kinematics = self.compensator.machine().kinematics();
@@ -106,6 +106,7 @@ impl F1 {
         Ok(())
     }
 
+    /// What holds the pose under the load.
     #[inline(never)]
     fn find_correction(&mut self, load: &Wrench) -> Result<(), KinematicsError> {
         let answer = &mut self.answer;
@@ -116,7 +117,7 @@ impl F1 {
 }
 
 /// Before the first cycle.
-const NOTHING: F1Answer = F1Answer {
+const UNANSWERED: F1Answer = F1Answer {
     q: Solved {
         answer: [0.0; AXES],
         iterations: 0,
@@ -130,7 +131,7 @@ const NOTHING: F1Answer = F1Answer {
         iterations: 0,
         residual_m: 0.0,
     },
-    jacobian: SMatrix::from_array_storage(nalgebra::ArrayStorage([[0.0; 6]; AXES])),
+    jacobian: SMatrix::from_array_storage(ArrayStorage([[0.0; 6]; AXES])),
     forces_n: [0.0; 6],
     loads: [0.0; AXES],
     correction: Correction {

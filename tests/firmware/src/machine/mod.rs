@@ -15,7 +15,7 @@ use gantry_tau_core::session::config::Config;
 use gantry_tau_core::session::decide::Connection;
 use gantry_tau_core::units::{Epoch, PositionNm, Tick, TorquePermille, VelocityUmS};
 
-pub(crate) use work::{Answer, Pose6, Work};
+pub(crate) use work::{Answer, Work};
 
 /// Axes of the F1.
 pub(crate) const AXES: usize = 6;
@@ -25,6 +25,9 @@ pub(crate) const MOTORS: usize = 9;
 pub(crate) const AXIS_OF_MOTOR: [usize; MOTORS] = [0, 0, 1, 1, 2, 2, 3, 4, 5];
 /// A third of the ticks in the black box.
 pub(crate) const HALF: usize = 8;
+
+/// A place, metres, and a rotation vector, radians.
+pub(crate) type Pose6 = [f64; 6];
 
 /// The endpoint of this machine.
 pub(crate) type Server = Endpoint<AXES, MOTORS, HALF>;

@@ -1,12 +1,14 @@
 //! The machines of `robots/l2.toml` and `robots/f1.toml`: a target reads no files. The test compares their checksums.
 
 use gantry_tau_core::channel::Limits;
+use gantry_tau_core::compensation::CompensatorConfig;
 use gantry_tau_core::message::{AxisLimits, Capabilities};
 use gantry_tau_core::robot::{
     Branch, Compliances, Configuration, Geometry, Robot, RobotError, SixLink, SixLinkGeometry,
 };
 use gantry_tau_core::sensor::SensorConfig;
 use gantry_tau_core::session::config::{AxisConfig, Parameters, Travel};
+use gantry_tau_core::units::OffsetNm;
 use nalgebra::{Matrix3, Vector3};
 
 use super::{AXES, Refused};
@@ -94,6 +96,15 @@ pub(crate) fn sensor() -> SensorConfig {
         cutoff_hz: 20.0,
         cycle_s: 1e-3,
         tare_samples: 100,
+    }
+}
+
+/// The compensation of either machine, given the length of one unit of each `q`, m.
+pub(super) fn compensation<const N: usize>(metres_per_q: [f64; N]) -> CompensatorConfig<N> {
+    CompensatorConfig {
+        gain: 1.0,
+        limits: [OffsetNm(4_000_000); N],
+        metres_per_q,
     }
 }
 

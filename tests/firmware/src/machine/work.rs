@@ -1,21 +1,15 @@
 //! The floats of a tick: nominal positions from a pose, offsets from a load.
 
-use gantry_tau_core::compensation::{Compensator, CompensatorConfig, Correction};
+use gantry_tau_core::compensation::{Compensator, Correction};
 use gantry_tau_core::kinematics::{KinematicsError, Nominal};
 use gantry_tau_core::sensor::{ForceSensor, Reading};
 use gantry_tau_core::statics::Wrench;
-use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
+use gantry_tau_core::units::{Metres, PositionNm};
 use nalgebra::{Matrix3, Vector3};
 
 use super::f1::{F1, F1Answer};
 use super::robots::{self, F1_METRES_PER_Q};
-use super::{AXES, Moment, Motion, Refused};
-
-/// A place, metres, and a rotation vector, radians.
-pub(crate) type Pose6 = [f64; 6];
-
-/// Largest correction of an axis.
-const LIMIT: OffsetNm = OffsetNm(4_000_000);
+use super::{AXES, Moment, Motion, Pose6, Refused};
 
 /// Kinematics, compensators and sensor.
 pub(crate) struct Work {
@@ -26,7 +20,7 @@ pub(crate) struct Work {
 }
 
 /// What became of the pose and the load.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy)]
 pub(crate) enum Answer<'a> {
     /// By the L2.
     L2(Result<L2Answer, KinematicsError>),
@@ -35,7 +29,7 @@ pub(crate) enum Answer<'a> {
 }
 
 /// One cycle of the L2.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy)]
 pub(crate) struct L2Answer {
     /// Positions of the carts.
     pub(crate) q: [f64; 3],
@@ -45,7 +39,6 @@ pub(crate) struct L2Answer {
 
 impl Work {
     /// Both machines, and the checksum of the F1.
-    #[inline(never)]
     pub(crate) fn new() -> Result<(Self, u32), Refused> {
         let (robot, springs) = robots::l2().map_err(|_| Refused::Robot)?;
         let nominal = Nominal::new(&robot, &Matrix3::identity()).map_err(|_| Refused::Robot)?;
@@ -53,7 +46,7 @@ impl Work {
         let work = Self {
             sensor: ForceSensor::new(robots::sensor()).map_err(|_| Refused::Compensation)?,
             load: Wrench::zero(),
-            l2: Compensator::new(&nominal, &springs, config([1.0; 3]))
+            l2: Compensator::new(&nominal, &springs, robots::compensation([1.0; 3]))
                 .map_err(|_| Refused::Compensation)?,
             f1,
         };
@@ -100,14 +93,5 @@ impl Answer<'_> {
             *position = PositionNm::from_metres(Metres(metres)).ok()?;
         }
         Some(nominal)
-    }
-}
-
-/// Gain, limits and units of either machine.
-pub(super) fn config<const N: usize>(metres_per_q: [f64; N]) -> CompensatorConfig<N> {
-    CompensatorConfig {
-        gain: 1.0,
-        limits: [LIMIT; N],
-        metres_per_q,
     }
 }

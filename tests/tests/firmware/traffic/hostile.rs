@@ -272,6 +272,10 @@ impl Stage {
         };
         let mut load = pushing(tick, &mut self.noise);
         let mut pose = along(&motion, tick);
+        // Beyond a quarter turn for a while: there the plates' sine goes the longest way.
+        if tick % 2_000 > 1_800 {
+            pose[5] -= 1.66;
+        }
         let odd = [f64::NAN, f64::INFINITY, -1e300, 1e5, 1e-310, 3.0];
         match self.noise.below(60) {
             0 => load[self.noise.below(6)] = odd[self.noise.below(6)],

@@ -5,11 +5,12 @@ mod calm;
 mod hostile;
 mod socket;
 
+use std::f64::consts::FRAC_PI_2;
 use std::sync::OnceLock;
 
 use gantry_tau_core::message::Phase;
 
-use crate::host::{Phases, play};
+use crate::host::{Floats, play};
 use crate::machine::Motion;
 
 /// Ticks of a recording.
@@ -52,11 +53,10 @@ pub(crate) fn all() -> [&'static Recording; 3] {
 
 /// A recording that never leaves Listening would compare nothing.
 pub(crate) fn recordings_show_every_phase() {
-    let ticks_in =
-        |Phases(phases): &Phases, phase| phases.iter().filter(|one| **one == phase).count();
+    let ticks_in = |phases: &[Phase], phase| phases.iter().filter(|one| **one == phase).count();
     for recording in [calm(), calm_f1()] {
-        let phases = play(&recording.bytes).phases;
-        assert_eq!(phases.0.len(), 10_000);
+        let phases = play(&recording.bytes).seen.phases;
+        assert_eq!(phases.len(), 10_000);
         assert!(ticks_in(&phases, Phase::Obtain) > 5_000);
         for phase in [Phase::Listening, Phase::Submit, Phase::SafeDisconnect] {
             assert!(
@@ -66,8 +66,8 @@ pub(crate) fn recordings_show_every_phase() {
             );
         }
     }
-    let phases = play(&hostile().bytes).phases;
-    assert!(phases.0.len() >= 10_000);
+    let phases = play(&hostile().bytes).seen.phases;
+    assert!(phases.len() >= 10_000);
     for phase in [
         Phase::Listening,
         Phase::Handshake,
@@ -80,4 +80,19 @@ pub(crate) fn recordings_show_every_phase() {
         println!("hostile: {ticks} ticks in {phase:?}");
         assert!(ticks > 50, "hostile: hardly any {phase:?}");
     }
+}
+
+/// Where a cycle of the F1 is deepest, and where it begins anew: plates beyond a quarter turn, whose sine is reduced first, and an answer
+/// after a refusal.
+pub(crate) fn the_f1_turns_far_and_recovers() {
+    let floats = play(&hostile().bytes).seen.floats;
+    let is_far =
+        |one: &&Floats| matches!(one, Floats::F1 { turned_rad } if *turned_rad > FRAC_PI_2);
+    let far = floats.iter().filter(is_far).count();
+    let recovers = |pair: &&[Floats]| matches!(pair, [Floats::F1Refused, Floats::F1 { .. }]);
+    let recovered = floats.windows(2).filter(recovers).count();
+    println!(
+        "hostile: {far} ticks of the F1 beyond a quarter turn, {recovered} answers after a refusal"
+    );
+    assert!(far > 100 && recovered > 10);
 }
