@@ -112,12 +112,8 @@ impl Made {
             ..base
         };
         let mut made = Self { geometry, tool, q };
-        let links = made.links(&tool, &q);
-        made.geometry.lengths_m = links.map(length);
-        let sides: [f64; 6] = std::array::from_fn(|link| {
-            let guideway = made.guideway(ARM_OF_LINK[link]);
-            dot(links[link], guideway) / length(guideway) / length(links[link])
-        });
+        made.geometry.lengths_m = made.links(&tool, &q).map(length);
+        let sides = made.sides();
         for (arm, first) in [0, 1, 3].into_iter().enumerate() {
             let branch = if sides[first] < 0.0 {
                 Branch::Negative
@@ -131,6 +127,15 @@ impl Made {
             sides[link] * branch.sign() > REGULAR
         };
         (0..6).all(regular).then_some(made)
+    }
+
+    /// The cosine of each link to its guideway.
+    fn sides(&self) -> Numbers {
+        let links = self.links(&self.tool, &self.q);
+        std::array::from_fn(|link| {
+            let guideway = self.guideway(ARM_OF_LINK[link]);
+            dot(links[link], guideway) / length(guideway) / length(links[link])
+        })
     }
 
     fn guideway(&self, arm: usize) -> Vector {
@@ -213,7 +218,12 @@ impl Made {
         if regularity(&derivatives(&unknown, &self.q)) < REGULAR {
             return;
         }
-        let close: Numbers = std::array::from_fn(|i| self.q[i] + 0.01 * off[i]);
+        // The inverse begins where the first link of a cluster would put its cart with the plate as it is seeded, and that link, nearly
+        // across its guideway, is too short when the plate is off by more than `L cos^2 / (2 lever)`.
+        let [_, side2, _, side3, ..] = self.sides();
+        let least = side2.abs().min(side3.abs());
+        let near = (2.0 * least * least).min(0.01);
+        let close: Numbers = std::array::from_fn(|i| self.q[i] + near * off[i]);
         let [.., q4, q5, q6] = close;
         let found = kinematics.inverse(pose, Some([q4, q5, q6]));
         assert!(
