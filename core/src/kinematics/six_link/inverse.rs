@@ -14,7 +14,9 @@ use crate::rows::pairs;
 impl SixLinkKinematics {
     /// Inverse kinematics: positions `q` (q-units: metres for carts on a guideway of unit length, radians for plates) for a pose.
     ///
-    /// Plates start from `seed` (`q_4`, `q_5`, `q_6`), else from 0; carts on the side that the configuration names.
+    /// Plates start from `seed` (`q_4`, `q_5`, `q_6`), else from 0; carts on the side that the configuration names, where the first link
+    /// of their cluster has its length with the plates as they start. Where that link is nearly across its guideway, at a cosine `c`, a seed
+    /// off by more than `L c^2 / (2 lever)` has it too short: it may be `NotConverged` then.
     ///
     /// # Errors
     /// `Unreachable`, `Singular`, `NotConverged`, `OutOfRange`, `OtherBranch` (no solution near the start has every link on its
