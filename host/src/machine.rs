@@ -1,9 +1,9 @@
 //! From a robot file to what the core and the simulation are configured with.
 
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::endpoint::MotorMap;
-use gantry_tau_core::message::{AxisLimits, Capabilities};
-use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::endpoint::MotorMap;
+use gantry_tau_core::control::message::{AxisLimits, Capabilities};
+use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 
 use crate::model::Model;
 use crate::robot_file::{self, ChannelLimits, RobotFile, RobotFileError};

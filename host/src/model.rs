@@ -2,17 +2,17 @@
 
 use std::fmt;
 
-use gantry_tau_core::compensation::{
+use gantry_tau_core::model::compensation::{
     Compensator, CompensatorConfig, Correction, SixLinkCompensator, SixLinkElastic,
 };
-use gantry_tau_core::kinematics::{
+use gantry_tau_core::model::kinematics::{
     COLD_ITERATIONS, KinematicsError, Nominal, NominalError, Pose, SixLinkKinematics,
     WARM_ITERATIONS,
 };
-use gantry_tau_core::robot::{
+use gantry_tau_core::model::robot::{
     ARMS, AXES, Compliances, Robot, RobotError, SixLink, SixLinkGeometry,
 };
-use gantry_tau_core::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use nalgebra::{Matrix3, Vector3};
 
 /// Motors of the 3-DOF machine: one on each cart.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use gantry_tau_core::axis::{Actual, Offsets, Reference};
+use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
 use gantry_tau_core::units::PositionNm;
 
 /// A machine with `AXES` axes and `MOTORS` motors, called by the cycle thread once per cycle: `read`, then `write`.

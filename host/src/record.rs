@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gantry_tau_core::message::State;
+use gantry_tau_core::control::message::State;
 use gantry_tau_core::units::OffsetNm;
 
 use crate::server::cycle::Row;
@@ -318,7 +318,7 @@ impl<const N: usize> Record for ClientRow<N> {
 
     fn fields(&self) -> Vec<String> {
         let mut fields = state_fields(&self.state);
-        let reference = |axis: &gantry_tau_core::message::AxisState| {
+        let reference = |axis: &gantry_tau_core::control::message::AxisState| {
             let offset = i64::from(axis.offsets.position.0);
             axis.nominal.0.saturating_add(offset).to_string()
         };

@@ -10,7 +10,9 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use gantry_tau_core::robot::{ARMS, AXES, Branch, Compliances, LINKS, Parameter, RobotError};
+use gantry_tau_core::model::robot::{
+    ARMS, AXES, Branch, Compliances, LINKS, Parameter, RobotError,
+};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::model::{F1, L2, Model};

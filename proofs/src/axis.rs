@@ -1,12 +1,12 @@
 //! The second half of a tick, for one axis: whatever it is ordered to do, T1, T2, T3 and T5.
 
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::channel::{Channel, Limits};
-use gantry_tau_core::message::AxisLimits;
-use gantry_tau_core::session::act::{Axis, Order, drive_reference};
-use gantry_tau_core::session::channels::AxisChannels;
-use gantry_tau_core::session::config::{AxisConfig, MAX_POSITION_NM};
-use gantry_tau_core::session::decide::Action;
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::channel::{Channel, Limits};
+use gantry_tau_core::control::message::AxisLimits;
+use gantry_tau_core::control::session::act::{Axis, AxisCommand, drive_reference};
+use gantry_tau_core::control::session::channels::AxisChannels;
+use gantry_tau_core::control::session::config::{AxisConfig, MAX_POSITION_NM};
+use gantry_tau_core::control::session::fsm::Action;
 use gantry_tau_core::units::PositionNm;
 
 /// One of the three channels of an axis.
@@ -45,13 +45,13 @@ impl Kind {
     }
 }
 
-/// T1, T2, T3 for one channel in force of an axis, whatever the order; what the drive receives is what the channel says.
+/// T1, T2, T3 for one channel in force of an axis, whatever the command; what the drive receives is what the channel says.
 ///
 /// # Panics
 /// When one of them does not hold.
-pub fn order_is_bounded(before: &Axis, order: &Order, config: &AxisConfig, kind: Kind) {
+pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfig, kind: Kind) {
     let mut after = *before;
-    let (reference, _) = after.act(order, config);
+    let (reference, _) = after.act(command, config);
     let limits = kind.limits(&config.limits);
     let (old, new) = (kind.of(&before.channels), kind.of(&after.channels));
     crate::channel::change_is_bounded(old, new, &limits);
@@ -70,23 +70,23 @@ pub fn order_is_bounded(before: &Axis, order: &Order, config: &AxisConfig, kind:
             "the drive receives the channel"
         ),
     }
-    if order.action == Action::Ramp {
+    if command.action == Action::Ramp {
         crate::channel::is_ramp_step(old, new, &limits);
     }
 }
 
-/// The shadow stays within its limits, whatever the order, and rests at zero where it is told nothing.
+/// The shadow stays within its limits, whatever the command, and rests at zero where it is told nothing.
 ///
 /// # Panics
 /// When it does not hold.
-pub fn shadow_is_bounded(before: &Axis, order: &Order, config: &AxisConfig, kind: Kind) {
+pub fn shadow_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfig, kind: Kind) {
     let mut after = *before;
-    let _ = after.act(order, config);
+    let _ = after.act(command, config);
     let limits = kind.limits(&config.limits);
     let new = kind.of(&after.shadow);
     assert!(new.is_valid(&limits), "the invariant of the shadow is kept");
     assert!(
-        order.shadow.is_some() || new == Channel::ZERO,
+        command.shadow.is_some() || new == Channel::ZERO,
         "the shadow rests"
     );
 }

@@ -1,7 +1,7 @@
 //! T11: what a black box holds.
 
-use gantry_tau_core::session::recorder::Recorder;
-use gantry_tau_core::session::{BlackBox, Input, Output, Session};
+use gantry_tau_core::control::session::recorder::Recorder;
+use gantry_tau_core::control::session::{BlackBox, Input, Output, Session};
 use gantry_tau_core::units::Tick;
 
 /// Records one tick, as the endpoint does.

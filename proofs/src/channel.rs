@@ -1,10 +1,10 @@
 //! One bounded channel: T1, T2, T3, T5, as one-step induction: valid, and any input, one step, valid, and the bound.
 
-use gantry_tau_core::channel::{Channel, Limits};
+use gantry_tau_core::control::channel::{Channel, Limits};
 
 /// What a channel can be asked to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verb {
+pub enum ChannelOp {
     /// Keep the value.
     Hold,
     /// Approach a target, any target.
@@ -13,7 +13,7 @@ pub enum Verb {
     Ramp,
 }
 
-impl Verb {
+impl ChannelOp {
     /// The verb with this number; every number is one.
     #[must_use]
     pub const fn from_number(number: u8, target: i32) -> Self {
@@ -27,11 +27,11 @@ impl Verb {
 
 /// One step.
 #[must_use]
-pub fn step(channel: Channel, verb: Verb, limits: &Limits) -> Channel {
+pub fn step(channel: Channel, verb: ChannelOp, limits: &Limits) -> Channel {
     match verb {
-        Verb::Hold => channel.hold(),
-        Verb::Follow(target) => channel.follow(target, limits),
-        Verb::Ramp => channel.ramp(limits),
+        ChannelOp::Hold => channel.hold(),
+        ChannelOp::Follow(target) => channel.follow(target, limits),
+        ChannelOp::Ramp => channel.ramp(limits),
     }
 }
 
@@ -39,7 +39,7 @@ pub fn step(channel: Channel, verb: Verb, limits: &Limits) -> Channel {
 ///
 /// # Panics
 /// When one of them does not hold.
-pub fn step_is_bounded(before: Channel, verb: Verb, limits: &Limits) {
+pub fn step_is_bounded(before: Channel, verb: ChannelOp, limits: &Limits) {
     change_is_bounded(before, step(before, verb, limits), limits);
 }
 

@@ -1,11 +1,11 @@
 //! The compensation and the force sensor: T14.
 
-use gantry_tau_core::compensation::{CompensatorConfig, Correction};
-use gantry_tau_core::kinematics::KinematicsError;
-use gantry_tau_core::sensor::{
+use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::kinematics::KinematicsError;
+use gantry_tau_core::model::sensor::{
     ForceSensor, MAX_READING, Reading, SensorConfig, SensorError, SensorState,
 };
-use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, OffsetNm};
 
 /// T14, for one axis: whatever the float, the offset is within the limit or the float was NaN.

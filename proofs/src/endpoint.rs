@@ -1,7 +1,7 @@
 //! The endpoint: bytes of any connections in, bounded references out.
 
-use gantry_tau_core::endpoint::{Cycle, Endpoint, FRAMES, Transport};
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::endpoint::{Cycle, Endpoint, FRAMES, Transport};
+use gantry_tau_core::control::session::fsm::Connection;
 
 /// Something that happens to an endpoint.
 #[derive(Clone, Debug)]

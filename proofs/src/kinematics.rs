@@ -1,9 +1,9 @@
 //! The nominal kinematics: T13. What is handed out is finite, inside the travel, and keeps the links' lengths; or it is an error.
 
-use gantry_tau_core::kinematics::{Nominal, Pose, RESIDUAL_TOLERANCE, residual_m};
-use gantry_tau_core::linalg::norm;
-use gantry_tau_core::robot::{ARMS, Robot};
-use gantry_tau_core::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::kinematics::{Nominal, Pose, RESIDUAL_TOLERANCE, residual_m};
+use gantry_tau_core::model::linalg::norm;
+use gantry_tau_core::model::robot::{ARMS, Robot};
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 
 /// A point in world axes, or positions of the axes.
 type Three = [f64; ARMS];

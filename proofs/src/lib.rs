@@ -25,10 +25,11 @@ pub mod blackbox;
 pub mod channel;
 pub mod compensation;
 pub mod crossing;
-pub mod decide;
 pub mod endpoint;
+pub mod fsm;
 #[cfg(kani)]
 mod harness;
+pub mod ingress;
 pub mod kinematics;
 pub mod machine;
 #[cfg(not(kani))]
@@ -39,6 +40,5 @@ pub mod oracle;
 #[cfg(not(kani))]
 pub mod play;
 pub mod session;
-pub mod sift;
 pub mod six_link;
 pub mod wire;

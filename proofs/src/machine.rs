@@ -1,8 +1,10 @@
 //! The machines the properties of the floats are asked of: that of `robots/l2.toml`, with its nominal travel, and the vectors' F1.
 
-use gantry_tau_core::kinematics::Nominal;
-use gantry_tau_core::kinematics::SixLinkKinematics;
-use gantry_tau_core::robot::{Branch, Configuration, Geometry, Robot, SixLink, SixLinkGeometry};
+use gantry_tau_core::model::kinematics::Nominal;
+use gantry_tau_core::model::kinematics::SixLinkKinematics;
+use gantry_tau_core::model::robot::{
+    Branch, Configuration, Geometry, Robot, SixLink, SixLinkGeometry,
+};
 
 /// The geometry of `robots/l2.toml`.
 #[must_use]

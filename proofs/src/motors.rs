@@ -1,7 +1,7 @@
 //! T10: paired motors.
 
-use gantry_tau_core::axis::Reference;
-use gantry_tau_core::endpoint::MotorMap;
+use gantry_tau_core::control::axis::Reference;
+use gantry_tau_core::control::endpoint::MotorMap;
 
 /// T10: every motor receives its axis' reference, so motors of one axis receive equal ones; and a map to an axis that does not
 /// exist is refused.

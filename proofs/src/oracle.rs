@@ -5,15 +5,15 @@
 
 use std::iter::repeat_n;
 
-use gantry_tau_core::axis::{Offsets, Reference};
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::message::{
+use gantry_tau_core::control::axis::{Offsets, Reference};
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::message::{
     AxisFlags, AxisLimits, AxisState, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
     Refusal, State,
 };
-use gantry_tau_core::session::config::Parameters;
-use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::session::{Event, Input, Output, Refusals};
+use gantry_tau_core::control::session::config::Parameters;
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::{Event, Input, Output, Refusals};
 use gantry_tau_core::units::{
     Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
@@ -52,7 +52,7 @@ struct Point {
     change: i64,
 }
 
-/// What a tick has heard.
+/// What a tick has accepted.
 struct Heard<const N: usize> {
     stop: bool,
     framing: bool,
@@ -130,27 +130,27 @@ impl<const N: usize> Oracle<N> {
         let cycle = &input.cycle;
         let cycles = u64::from(cycle.elapsed.max(1));
         let owner_before = self.owner;
-        let mut heard = self.hear(input);
+        let mut accepted = self.hear(input);
         let zero = self.is_zero();
         let stepped: [bool; N] = std::array::from_fn(|axis| {
             let limit = u128::from(self.parameters.axes[axis].nominal_step_nm) * u128::from(cycles);
             let change = i128::from(cycle.nominal[axis].0) - i128::from(self.nominal[axis]);
             change.unsigned_abs() > limit
         });
-        self.late |= heard.late;
+        self.late |= accepted.late;
         self.tick = self.tick.saturating_add(cycles);
-        let stop = heard.stop || cycle.stop;
+        let stop = accepted.stop || cycle.stop;
         let before = self.phase;
         let (order, ended) = if stop || stepped.contains(&true) {
             let cause = if stop { Cause::Stop } else { Cause::Nominal };
             self.fault(cause, cycle.rearm)
         } else {
-            self.go_on(&heard, zero, cycles, input)
+            self.go_on(&accepted, zero, cycles, input)
         };
-        if heard.framing || heard.flood || heard.closed {
+        if accepted.framing || accepted.flood || accepted.closed {
             self.owner = None;
         }
-        if heard.command.is_some() {
+        if accepted.command.is_some() {
             self.late = false;
         }
         if let Some(cause) = ended {
@@ -159,24 +159,24 @@ impl<const N: usize> Oracle<N> {
         let welcome = (before == Phase::Listening && self.phase == Phase::Handshake)
             .then_some(self.owner)
             .flatten();
-        if let (None, Some(connection)) = (welcome, heard.hello) {
+        if let (None, Some(connection)) = (welcome, accepted.hello) {
             let faulted = Refusal::Faulted { ticks_left: 0 };
-            assert!(heard.refusals.push((connection, faulted)).is_ok());
+            assert!(accepted.refusals.push((connection, faulted)).is_ok());
         }
-        let (references, axes) = self.act(&order, heard.command.as_ref(), input, &stepped);
+        let (references, axes) = self.act(&order, accepted.command.as_ref(), input, &stepped);
         Output {
             references,
             state: self.state(axes, cycle.arrival_us),
             owner: self.owner,
             welcome,
-            refusals: heard.refusals,
+            refusals: accepted.refusals,
             close: owner_before.filter(|_| self.owner != owner_before),
             ended,
         }
     }
 
     fn hear(&mut self, input: &Input<N>) -> Heard<N> {
-        let mut heard = Heard {
+        let mut accepted = Heard {
             stop: false,
             framing: false,
             flood: false,
@@ -189,24 +189,24 @@ impl<const N: usize> Oracle<N> {
         };
         for (from, event) in &input.events {
             if self.owner == Some(*from) {
-                self.hear_owner(event, &mut heard);
+                self.hear_owner(event, &mut accepted);
             } else if let Event::Message(ClientMessage::Hello(hello)) = event {
-                match self.refusal(hello, heard.hello.is_some(), input.cycle.next_epoch) {
-                    None => heard.hello = Some(*from),
-                    Some(why) => assert!(heard.refusals.push((*from, why)).is_ok()),
+                match self.refusal(hello, accepted.hello.is_some(), input.cycle.next_epoch) {
+                    None => accepted.hello = Some(*from),
+                    Some(why) => assert!(accepted.refusals.push((*from, why)).is_ok()),
                 }
             } else if *event != Event::Closed {
                 add(&mut self.counters.strangers, 1);
             }
         }
-        heard
+        accepted
     }
 
-    fn hear_owner(&mut self, event: &Event<N>, heard: &mut Heard<N>) {
+    fn hear_owner(&mut self, event: &Event<N>, accepted: &mut Heard<N>) {
         match event {
-            Event::Broken(_) => heard.framing = true,
-            Event::Flood => heard.flood = true,
-            Event::Closed => heard.closed = true,
+            Event::Broken(_) => accepted.framing = true,
+            Event::Flood => accepted.flood = true,
+            Event::Closed => accepted.closed = true,
             Event::Malformed(_) | Event::Dropped(_) => {
                 add(&mut self.counters.received, 1);
                 add(&mut self.counters.malformed, 1);
@@ -214,9 +214,11 @@ impl<const N: usize> Oracle<N> {
             Event::Message(message) => {
                 add(&mut self.counters.received, 1);
                 match message {
-                    ClientMessage::Command(command) => self.hear_command(command, heard),
-                    ClientMessage::Goodbye(epoch) if epoch.0 == self.epoch => heard.goodbye = true,
-                    ClientMessage::Stop(epoch) if epoch.0 == self.epoch => heard.stop = true,
+                    ClientMessage::Command(command) => self.hear_command(command, accepted),
+                    ClientMessage::Goodbye(epoch) if epoch.0 == self.epoch => {
+                        accepted.goodbye = true
+                    }
+                    ClientMessage::Stop(epoch) if epoch.0 == self.epoch => accepted.stop = true,
                     ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => {
                         add(&mut self.counters.stale, 1);
                     }
@@ -226,7 +228,7 @@ impl<const N: usize> Oracle<N> {
         }
     }
 
-    fn hear_command(&mut self, command: &Command<N>, heard: &mut Heard<N>) {
+    fn hear_command(&mut self, command: &Command<N>, accepted: &mut Heard<N>) {
         let ahead = i128::from(command.sequence.0) - i128::from(self.accepted);
         let behind = i128::from(self.tick) - i128::from(command.echo.0);
         if !self.phase_is_live() || command.epoch.0 != self.epoch {
@@ -239,7 +241,7 @@ impl<const N: usize> Oracle<N> {
             return add(&mut self.counters.stale, 1);
         }
         if ahead < 0 || behind > i128::from(self.parameters.echo_window) {
-            heard.late = true;
+            accepted.late = true;
             return add(&mut self.counters.late, 1);
         }
         if self.phase == Phase::Handshake && command.mode == Mode::Obtain {
@@ -249,7 +251,7 @@ impl<const N: usize> Oracle<N> {
             add(&mut self.counters.malformed, 1);
             return add(&mut self.counters.out_of_range, 1);
         }
-        match heard
+        match accepted
             .command
             .map(|best| best.sequence.cmp(&command.sequence))
         {
@@ -257,9 +259,9 @@ impl<const N: usize> Oracle<N> {
             Some(std::cmp::Ordering::Greater) => add(&mut self.counters.late, 1),
             Some(std::cmp::Ordering::Less) => {
                 add(&mut self.counters.late, 1);
-                heard.command = Some(*command);
+                accepted.command = Some(*command);
             }
-            None => heard.command = Some(*command),
+            None => accepted.command = Some(*command),
         }
     }
 
@@ -294,16 +296,16 @@ impl<const N: usize> Oracle<N> {
     /// Neither stop nor fault.
     fn go_on(
         &mut self,
-        heard: &Heard<N>,
+        accepted: &Heard<N>,
         zero: bool,
         cycles: u64,
         input: &Input<N>,
     ) -> (Order<N>, Option<Cause>) {
         let ending = [
-            (heard.framing, Cause::Malformed),
-            (heard.flood, Cause::Flood),
-            (heard.closed, Cause::Closed),
-            (heard.goodbye, Cause::Goodbye),
+            (accepted.framing, Cause::Malformed),
+            (accepted.flood, Cause::Flood),
+            (accepted.closed, Cause::Closed),
+            (accepted.goodbye, Cause::Goodbye),
         ];
         if let (true, Some((_, cause))) =
             (self.phase_is_live(), ending.iter().find(|(seen, _)| *seen))
@@ -312,13 +314,13 @@ impl<const N: usize> Oracle<N> {
         }
         match self.phase {
             Phase::Listening => {
-                if let Some(owner) = heard.hello {
+                if let Some(owner) = accepted.hello {
                     self.grant(owner, input.cycle.next_epoch);
                 }
                 (Order::Hold, None)
             }
-            Phase::Handshake => self.shake_hands(heard, cycles),
-            Phase::Submit | Phase::Obtain => self.run(heard, zero, cycles),
+            Phase::Handshake => self.shake_hands(accepted, cycles),
+            Phase::Submit | Phase::Obtain => self.run(accepted, zero, cycles),
             Phase::SafeDisconnect if zero => self.listen(),
             Phase::SafeDisconnect => (Order::Ramp, None),
             Phase::Fault if zero && input.cycle.rearm && self.rearm_released => self.listen(),
@@ -339,8 +341,8 @@ impl<const N: usize> Oracle<N> {
         self.counters = Counters::default();
     }
 
-    fn shake_hands(&mut self, heard: &Heard<N>, cycles: u64) -> (Order<N>, Option<Cause>) {
-        if let Some(command) = heard.command {
+    fn shake_hands(&mut self, accepted: &Heard<N>, cycles: u64) -> (Order<N>, Option<Cause>) {
+        if let Some(command) = accepted.command {
             self.phase = Phase::Submit;
             self.accepted = command.sequence.0;
             self.waited = 0;
@@ -354,9 +356,9 @@ impl<const N: usize> Oracle<N> {
     }
 
     /// A deadline in Submit or Obtain, and one that nobody could meet for each skipped cycle.
-    fn run(&mut self, heard: &Heard<N>, zero: bool, cycles: u64) -> (Order<N>, Option<Cause>) {
+    fn run(&mut self, accepted: &Heard<N>, zero: bool, cycles: u64) -> (Order<N>, Option<Cause>) {
         let skipped = u32::try_from(cycles - 1).unwrap_or(u32::MAX);
-        let missed = heard.command.is_none();
+        let missed = accepted.command.is_none();
         // No window is longer than 128 deadlines.
         let many = usize::try_from(skipped.min(128)).unwrap_or(128);
         self.missed.extend(repeat_n(true, many));
@@ -383,7 +385,7 @@ impl<const N: usize> Oracle<N> {
                 return self.disconnect(Cause::Budget);
             }
         }
-        let Some(command) = heard.command else {
+        let Some(command) = accepted.command else {
             self.run = 1;
             return (Order::Hold, None);
         };

@@ -1,10 +1,10 @@
 //! A whole tick of the session, over its whole state: one-step induction. Valid, and any input, one tick, valid, and the bounds.
 
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::message::{ClientMessage, Phase};
-use gantry_tau_core::session::decide::Action;
-use gantry_tau_core::session::sift::{Heard, Noted, Sieve};
-use gantry_tau_core::session::{Cycle, Event, Input, Output, Session};
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::message::{ClientMessage, Phase};
+use gantry_tau_core::control::session::fsm::Action;
+use gantry_tau_core::control::session::ingress::{Accepted, Classifier, Diagnostics};
+use gantry_tau_core::control::session::{Cycle, Event, Input, Output, Session};
 
 use crate::axis::Kind;
 
@@ -16,21 +16,21 @@ pub struct Moment<const N: usize> {
     /// What the host gives.
     pub cycle: Cycle<N>,
     /// What decides, of all that arrived.
-    pub heard: Heard<N>,
+    pub accepted: Accepted<N>,
     /// What only counts.
-    pub noted: Noted,
+    pub diagnostics: Diagnostics,
 }
 
 impl<const N: usize> Moment<N> {
     /// What these events lead to.
     #[must_use]
     pub fn after_hearing(session: &Session<N>, input: &Input<N>) -> Self {
-        let (heard, noted) = session.hear(&input.events, input.cycle.next_epoch);
+        let (accepted, diagnostics) = session.classify(&input.events, input.cycle.next_epoch);
         Self {
             session: *session,
             cycle: input.cycle,
-            heard,
-            noted,
+            accepted,
+            diagnostics,
         }
     }
 
@@ -38,7 +38,7 @@ impl<const N: usize> Moment<N> {
     #[must_use]
     pub fn step(&self) -> (Session<N>, Output<N>) {
         let mut after = self.session;
-        let output = after.step(&self.cycle, self.heard, self.noted.clone());
+        let output = after.step(&self.cycle, self.accepted, self.diagnostics.clone());
         (after, output)
     }
 }
@@ -163,15 +163,15 @@ pub fn stop_ends_in_fault<const N: usize>(moment: &Moment<N>) {
     }
 }
 
-/// T7, for a whole tick: two inputs that are heard alike lead to the same references and the same discrete state.
+/// T7, for a whole tick: two inputs that are accepted alike lead to the same references and the same discrete state.
 ///
 /// # Panics
 /// When they do not.
-pub fn counts_decide_nothing<const N: usize>(moment: &Moment<N>, noted: &Noted) {
+pub fn counts_decide_nothing<const N: usize>(moment: &Moment<N>, diagnostics: &Diagnostics) {
     let (one, one_output) = moment.step();
-    let noted = noted.clone();
+    let diagnostics = diagnostics.clone();
     let (other, other_output) = Moment {
-        noted,
+        diagnostics,
         ..moment.clone()
     }
     .step();
@@ -227,13 +227,13 @@ pub fn step_is_right<const N: usize>(moment: &Moment<N>) {
     discrete_stays_valid(moment);
     authority_needs_zero(moment);
     stop_ends_in_fault(moment);
-    counts_decide_nothing(moment, &Noted::default());
+    counts_decide_nothing(moment, &Diagnostics::default());
 }
 
 /// The input without what must not matter: strangers' events outside Listening, and the owner's commands that are not fresh.
 #[must_use]
 pub fn essential<const N: usize>(session: &Session<N>, input: &Input<N>) -> Input<N> {
-    let sieve = Sieve {
+    let classifier = Classifier {
         discrete: &session.parts().discrete,
         parameters: session.config().parameters(),
         axes: &session.parts().axes,
@@ -246,7 +246,7 @@ pub fn essential<const N: usize>(session: &Session<N>, input: &Input<N>) -> Inpu
         }
         match event {
             Event::Message(ClientMessage::Command(command)) => {
-                crate::sift::is_fresh(&sieve, command)
+                crate::ingress::is_fresh(&classifier, command)
             }
             _ => true,
         }

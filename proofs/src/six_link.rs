@@ -1,12 +1,12 @@
 //! The kinematics of six axes: T13. What is handed out is finite, inside the travel, and keeps the links' lengths; or it is an error.
 
-use gantry_tau_core::compensation::{SixLinkCompensator, SixLinkElastic};
-use gantry_tau_core::kinematics::{
+use gantry_tau_core::model::compensation::{SixLinkCompensator, SixLinkElastic};
+use gantry_tau_core::model::kinematics::{
     COLD_ITERATIONS, Pose, RESIDUAL_TOLERANCE, SixLinkKinematics, WARM_ITERATIONS,
 };
-use gantry_tau_core::linalg::rotation_deviation;
-use gantry_tau_core::robot::AXES;
-use gantry_tau_core::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::linalg::rotation_deviation;
+use gantry_tau_core::model::robot::AXES;
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 
 use crate::compensation::cycle_is_bounded;
 

@@ -1,12 +1,12 @@
 //! The decoder: T8. Bodies without a checksum, frames with one, and the stream by induction on one chunk.
 
-use gantry_tau_core::message::{Command, Hello, Refusal, State, Welcome};
-use gantry_tau_core::units::Epoch;
-use gantry_tau_core::wire::{
+use gantry_tau_core::control::message::{Command, Hello, Refusal, State, Welcome};
+use gantry_tau_core::control::wire::{
     Body, Collector, ContentError, Deframer, Feed, Frame, FrameError, HEADER_LEN, Kind, MAX_BODY,
     PROTOCOL_VERSION, Stage, TRAILER_LEN, decode_client, decode_server, enclose, encode_client,
     encode_server,
 };
+use gantry_tau_core::units::Epoch;
 
 /// From bytes to a message and back: the same bytes.
 ///

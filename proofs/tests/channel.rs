@@ -7,8 +7,10 @@
 
 mod any;
 
-use gantry_tau_core::channel::{Channel, Limits};
-use gantry_tau_proofs::channel::{Verb, ramp_counts_down, ramp_is_exact, step, step_is_bounded};
+use gantry_tau_core::control::channel::{Channel, Limits};
+use gantry_tau_proofs::channel::{
+    ChannelOp, ramp_counts_down, ramp_is_exact, step, step_is_bounded,
+};
 use proptest::prelude::*;
 
 /// Limits and a channel that is valid under them.
@@ -21,7 +23,7 @@ proptest! {
 
     #[test]
     fn one_step_is_bounded((limits, channel) in limits_and_channel(), number: u8, target: i32) {
-        step_is_bounded(channel, Verb::from_number(number, target), &limits);
+        step_is_bounded(channel, ChannelOp::from_number(number, target), &limits);
     }
 
     #[test]
@@ -34,7 +36,7 @@ proptest! {
     fn every_step_of_a_sequence_is_bounded(limits in any::limits(), verbs: Vec<(u8, i32)>) {
         let mut channel = Channel::ZERO;
         for (number, target) in verbs {
-            let verb = Verb::from_number(number, target);
+            let verb = ChannelOp::from_number(number, target);
             step_is_bounded(channel, verb, &limits);
             channel = step(channel, verb, &limits);
         }

@@ -7,13 +7,13 @@
 
 mod any;
 
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
-use gantry_tau_core::message::{ClientMessage, Command, Hello, Mode, Phase};
-use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::session::{Event, Session};
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::message::{ClientMessage, Command, Hello, Mode, Phase};
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::{Event, Session};
+use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick};
-use gantry_tau_core::wire::encode_client;
 use gantry_tau_proofs::endpoint::{Doing, takes_anything};
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -5,14 +5,14 @@
     reason = "a strategy that makes what is not valid must panic"
 )]
 
-use gantry_tau_core::compensation::{
+use gantry_tau_core::model::compensation::{
     Compensator, CompensatorConfig, ExactCompensator, SixLinkCompensator, SixLinkElastic,
 };
-use gantry_tau_core::kinematics::{Nominal, Pose};
-use gantry_tau_core::linalg::rotation_from_vector;
-use gantry_tau_core::robot::{Branch, Compliances, Geometry, Robot, SixLinkGeometry};
-use gantry_tau_core::sensor::{ForceSensor, SensorConfig, SensorState};
-use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::model::kinematics::{Nominal, Pose};
+use gantry_tau_core::model::linalg::rotation_from_vector;
+use gantry_tau_core::model::robot::{Branch, Compliances, Geometry, Robot, SixLinkGeometry};
+use gantry_tau_core::model::sensor::{ForceSensor, SensorConfig, SensorState};
+use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{OffsetNm, PositionNm};
 use gantry_tau_proofs::compensation::{
     correction_is_bounded, cycle_is_bounded, offset_is_within, sensor_check_admits_finite,

@@ -8,46 +8,46 @@
 
 mod any;
 
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::message::{ClientMessage, Command, Hello, Mode, Phase};
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::message::{ClientMessage, Command, Hello, Mode, Phase};
+use gantry_tau_core::control::session::fsm::Connection;
 
-use gantry_tau_core::session::sift::{Heard, Noted, Sieve};
-use gantry_tau_core::session::{
+use gantry_tau_core::control::session::ingress::{Accepted, Classifier, Diagnostics};
+use gantry_tau_core::control::session::{
     BlackBox, Cycle, EVENTS, Event, Events, Input, Output, Session, replay,
 };
 use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick};
 use gantry_tau_proofs::axis::Kind;
 use gantry_tau_proofs::session::Moment;
-use gantry_tau_proofs::{axis, blackbox, decide, motors, session, sift};
+use gantry_tau_proofs::{axis, blackbox, fsm, ingress, motors, session};
 use proptest::prelude::*;
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(4_000))]
 
     #[test]
-    fn one_decision((rules, state) in any::rules().prop_flat_map(|rules| (Just(rules), any::discrete(rules.handshake_ticks))), arrivals in any::arrivals()) {
-        decide::decision_is_right(&state, &arrivals, &rules);
+    fn one_decision((rules, state) in any::rules().prop_flat_map(|rules| (Just(rules), any::discrete(rules.handshake_ticks))), fsm in any::fsm()) {
+        fsm::decision_is_right(&state, &fsm, &rules);
     }
 
     #[test]
     fn one_event(session in any::session::<3>(), connection in any::connection(), event in any::event(), next_epoch: u64, before in proptest::collection::vec((any::connection(), any::event()), 0..4)) {
-        let sieve = Sieve {
+        let classifier = Classifier {
             discrete: &session.parts().discrete,
             parameters: session.config().parameters(),
             axes: &session.parts().axes,
             next_epoch: Epoch(next_epoch),
         };
-        let mut heard = Heard::nothing();
-        let mut noted = Noted::default();
+        let mut accepted = Accepted::nothing();
+        let mut diagnostics = Diagnostics::default();
         for (connection, event) in &before {
-            sieve.hear(*connection, event, &mut heard, &mut noted);
+            classifier.classify(*connection, event, &mut accepted, &mut diagnostics);
         }
-        sift::only_the_owner_decides(&sieve, connection, &event, &heard, &mut noted.clone());
-        let notes = (&mut noted, &mut Noted::default());
-        sift::counts_decide_nothing(&sieve, connection, &event, &heard, notes);
+        ingress::only_the_owner_decides(&classifier, connection, &event, &accepted, &mut diagnostics.clone());
+        let notes = (&mut diagnostics, &mut Diagnostics::default());
+        ingress::counts_decide_nothing(&classifier, connection, &event, &accepted, notes);
         if let Event::Message(ClientMessage::Command(command)) = event {
-            sift::fresh_is_as_defined(&sieve, &command);
+            ingress::fresh_is_as_defined(&classifier, &command);
         }
     }
 
@@ -61,13 +61,13 @@ proptest! {
             echo: Tick(discrete.tick.0.wrapping_sub(behind)),
             ..command
         };
-        let sieve = Sieve {
+        let classifier = Classifier {
             discrete,
             parameters: session.config().parameters(),
             axes: &session.parts().axes,
             next_epoch: Epoch(0),
         };
-        sift::fresh_is_as_defined(&sieve, &command);
+        ingress::fresh_is_as_defined(&classifier, &command);
     }
 
     #[test]
@@ -92,10 +92,10 @@ proptest! {
     }
 
     #[test]
-    fn one_order((config, axis) in any::axis(), order in any::order()) {
+    fn one_order((config, axis) in any::axis(), command in any::axis_command()) {
         for kind in Kind::ALL {
-            axis::order_is_bounded(&axis, &order, &config, kind);
-            axis::shadow_is_bounded(&axis, &order, &config, kind);
+            axis::order_is_bounded(&axis, &command, &config, kind);
+            axis::shadow_is_bounded(&axis, &command, &config, kind);
         }
     }
 

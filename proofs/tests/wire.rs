@@ -6,17 +6,17 @@
     reason = "a strategy that makes what is not valid must panic"
 )]
 
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::message::{
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::message::{
     AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello,
     Mode, Phase, Refusal, ServerMessage, State, Welcome,
 };
+use gantry_tau_core::control::wire::{
+    Body, Collector, FrameError, MAX_FRAME, Stage, encode_client, encode_server,
+};
 use gantry_tau_core::units::{
     Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
-};
-use gantry_tau_core::wire::{
-    Body, Collector, FrameError, MAX_FRAME, Stage, encode_client, encode_server,
 };
 use gantry_tau_proofs::wire::{
     body_is_canonical, body_survives, chunk_is_collected, cut_chunk_is_collected_alike,

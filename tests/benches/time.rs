@@ -8,10 +8,10 @@
 mod setup;
 
 use divan::{Bencher, black_box};
-use gantry_tau_core::kinematics::WARM_ITERATIONS;
-use gantry_tau_core::message::{ClientMessage, Mode};
-use gantry_tau_core::statics::LineMatrix;
-use gantry_tau_core::wire::{Deframer, Feed, Frame, decode_client, encode_client};
+use gantry_tau_core::control::message::{ClientMessage, Mode};
+use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client, encode_client};
+use gantry_tau_core::model::kinematics::WARM_ITERATIONS;
+use gantry_tau_core::model::statics::LineMatrix;
 
 fn main() {
     divan::main();

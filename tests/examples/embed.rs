@@ -1,9 +1,9 @@
 //! A whole server around the core: bytes in, bytes and drive references out. Timer, sockets and drives are yours.
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
-use gantry_tau_core::session::Session;
-use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::session::Session;
+use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

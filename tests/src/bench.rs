@@ -10,10 +10,10 @@ use gantry_tau::epoch::Epochs;
 use gantry_tau::server::ServerError;
 use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::endpoint::{MotorMap, Transport};
-use gantry_tau_core::message::{AxisLimits, Capabilities, Phase};
-use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::endpoint::{MotorMap, Transport};
+use gantry_tau_core::control::message::{AxisLimits, Capabilities, Phase};
+use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::units::PositionNm;
 
 use crate::bounds::Bounds;
@@ -259,7 +259,11 @@ impl<const N: usize> Bench<N> {
     }
 
     /// The coming ramp in SafeDisconnect, because of which `cause`; then the server listens again.
-    pub fn assert_disconnect(&mut self, from: [i32; N], cause: gantry_tau_core::message::Cause) {
+    pub fn assert_disconnect(
+        &mut self,
+        from: [i32; N],
+        cause: gantry_tau_core::control::message::Cause,
+    ) {
         let rows = self.assert_ramp(from, Phase::SafeDisconnect);
         assert_eq!(rows[0].ended, Some(cause));
         assert!(

@@ -1,7 +1,7 @@
 //! What no traffic may break: how far the offsets in force move in a tick.
 
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::message::{AxisLimits, Phase};
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::message::{AxisLimits, Phase};
 
 /// The offsets of the last tick, and how they got there.
 #[derive(Clone, Debug)]

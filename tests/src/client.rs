@@ -4,12 +4,12 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::message::{
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::message::{
     Capabilities, ClientMessage, Command, Hello, Mode, Refusal, ServerMessage, State, Welcome,
 };
+use gantry_tau_core::control::wire::{Deframer, Feed, decode_server, encode_client};
 use gantry_tau_core::units::{Epoch, OffsetNm, Sequence, Tick};
-use gantry_tau_core::wire::{Deframer, Feed, decode_server, encode_client};
 use socket2::{Domain, SockRef, Socket, Type};
 
 use crate::DEADLINE;

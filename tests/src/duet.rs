@@ -1,10 +1,10 @@
 //! A server and the owner of its session, tick by tick. What the owner reads is always compared with what was done.
 
 use gantry_tau::server::cycle::Row;
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::message::{Cause, ClientMessage, Mode, Phase};
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase};
+use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::OffsetNm;
-use gantry_tau_core::wire::encode_client;
 
 use crate::bench::{Bench, STEP_NM};
 use crate::client::Client;

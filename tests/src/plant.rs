@@ -4,7 +4,7 @@ use std::net::TcpStream;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use gantry_tau::plant::{Plant, PlantError, Reading};
-use gantry_tau_core::axis::{Actual, Offsets, Reference};
+use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
 use gantry_tau_core::units::{OffsetNm, PositionNm};
 
 /// What the machine is, and what it has been told.

@@ -19,10 +19,10 @@ use gantry_tau::server::pace::Pace;
 use gantry_tau::sim::hand::hand_and_tool;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau_core::axis::{Offsets, Reference};
-use gantry_tau_core::endpoint::Transport;
-use gantry_tau_core::message::{Capabilities, Cause, Phase};
-use gantry_tau_core::robot::ARMS;
+use gantry_tau_core::control::axis::{Offsets, Reference};
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
+use gantry_tau_core::model::robot::ARMS;
 
 /// Samples the tare of these tests takes.
 const TARE: u32 = 50;

@@ -12,7 +12,7 @@ use gantry_tau::black_box::Window;
 use gantry_tau::black_box::handover::Receiver;
 use gantry_tau::replay::Findings;
 use gantry_tau::server::HALF;
-use gantry_tau_core::message::{Cause, ClientMessage, Mode, Phase};
+use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase};
 use gantry_tau_tests::bench::{Bench, NOMINAL_STEP_NM};
 use gantry_tau_tests::client::Client;
 use gantry_tau_tests::duet::Duet;

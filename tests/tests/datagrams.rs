@@ -14,13 +14,13 @@ use std::time::Duration;
 
 use gantry_tau::epoch::Epochs;
 use gantry_tau::server::connections::{Allowed, Listen};
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::endpoint::Transport;
-use gantry_tau_core::message::{
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::{
     Capabilities, Cause, ClientMessage, Command, Hello, Mode, Phase, Refusal, ServerMessage, State,
 };
+use gantry_tau_core::control::wire::{Frame, MAX_FRAME, decode_server, encode_client};
 use gantry_tau_core::units::{Epoch, OffsetNm, Sequence, Tick};
-use gantry_tau_core::wire::{Frame, MAX_FRAME, decode_server, encode_client};
 use gantry_tau_tests::bench::{Bench, LOOPBACK, parameters};
 use gantry_tau_tests::plant::Bus;
 use gantry_tau_tests::{DEADLINE, wait_for};

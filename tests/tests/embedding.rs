@@ -1,7 +1,7 @@
 //! README shows the code that is compiled, and the other way round; docs/embedding.md states the sizes that are.
 
-use gantry_tau_core::compensation::{Compensator, SixLinkCompensator};
-use gantry_tau_core::endpoint::Endpoint;
+use gantry_tau_core::control::endpoint::Endpoint;
+use gantry_tau_core::model::compensation::{Compensator, SixLinkCompensator};
 
 /// The line in README before the block that shows the example.
 const MARKER: &str = "<!-- tests/examples/embed.rs -->";

@@ -12,8 +12,8 @@ use std::path::PathBuf;
 
 use gantry_tau::epoch::Epochs;
 use gantry_tau::server::ServerError;
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::message::{Cause, ClientMessage, Mode, Phase, Refusal};
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal};
 use gantry_tau_tests::bench::{Bench, MAX_NM, parameters};
 use gantry_tau_tests::client::Client;
 use gantry_tau_tests::duet::{Duet, offsets};

@@ -23,13 +23,13 @@ use gantry_tau::server::cycle::{Cycle, Demands, Row};
 use gantry_tau::sim::hand::{Hand, Load, hand_and_tool};
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::endpoint::Transport;
-use gantry_tau_core::message::{
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::{
     Capabilities, Cause, ClientMessage, Command, Mode, Phase, Refusal, ServerMessage,
 };
+use gantry_tau_core::control::wire::{Frame, decode_server, encode_client};
 use gantry_tau_core::units::Sequence;
-use gantry_tau_core::wire::{Frame, decode_server, encode_client};
 use gantry_tau_tests::bench::LOOPBACK;
 use gantry_tau_tests::client::{Client, Noise, hello};
 use gantry_tau_tests::wait_for;

@@ -8,10 +8,10 @@
 
 use std::collections::BTreeMap;
 
-use gantry_tau_core::kinematics::{
+use gantry_tau_core::model::kinematics::{
     COLD_ITERATIONS, KinematicsError, Pose, SixLinkKinematics, WARM_ITERATIONS,
 };
-use gantry_tau_core::linalg::{norm, rotation_from_vector};
+use gantry_tau_core::model::linalg::{norm, rotation_from_vector};
 use gantry_tau_proofs::machine::{six_link, six_link_geometry};
 use nalgebra::Vector3;
 

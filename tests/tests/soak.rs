@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use gantry_tau::faults::Fault;
-use gantry_tau_core::message::Cause;
+use gantry_tau_core::control::message::Cause;
 use gantry_tau_tests::soak::{BUDGET, Summary, minutes, ticks};
 
 #[test]

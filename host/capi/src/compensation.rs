@@ -2,13 +2,13 @@
 
 use core::ffi::c_void;
 
-use gantry_tau_core::compensation::{
+use gantry_tau_core::model::compensation::{
     Compensator, CompensatorConfig, Correction, ExactCompensator, SixLinkCompensator,
     SixLinkElastic,
 };
-use gantry_tau_core::kinematics::{KinematicsError, Nominal, Pose};
-use gantry_tau_core::robot::{ARMS, AXES, Compliances};
-use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::model::kinematics::{KinematicsError, Nominal, Pose};
+use gantry_tau_core::model::robot::{ARMS, AXES, Compliances};
+use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::OffsetNm;
 
 use crate::code::gt_code;

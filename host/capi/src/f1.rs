@@ -2,9 +2,9 @@
 
 use core::ffi::c_void;
 
-use gantry_tau_core::kinematics::{Pose, SixLinkKinematics};
-use gantry_tau_core::robot::{AXES, SixLink, SixLinkGeometry};
-use gantry_tau_core::statics::LineMatrix;
+use gantry_tau_core::model::kinematics::{Pose, SixLinkKinematics};
+use gantry_tau_core::model::robot::{AXES, SixLink, SixLinkGeometry};
+use gantry_tau_core::model::statics::LineMatrix;
 
 use crate::code::gt_code;
 use crate::error::gt_error;

@@ -1,8 +1,8 @@
 //! Poses, loads and what else both machines share.
 
-use gantry_tau_core::kinematics::{COLD_ITERATIONS, Pose, Solved, WARM_ITERATIONS};
-use gantry_tau_core::robot::{ARMS, Branch, LINKS};
-use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose, Solved, WARM_ITERATIONS};
+use gantry_tau_core::model::robot::{ARMS, Branch, LINKS};
+use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, PositionNm};
 use nalgebra::{Matrix3, Vector3};
 

@@ -2,8 +2,8 @@
 
 use core::ffi::c_void;
 
-use gantry_tau_core::sensor::{ForceSensor, Reading, SensorConfig};
-use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
+use gantry_tau_core::model::statics::Wrench;
 
 use crate::code::gt_code;
 use crate::error::gt_error;

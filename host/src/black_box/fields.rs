@@ -2,23 +2,25 @@
 //!
 //! Whatever core checks is read through core's own constructors: limits, configuration, channels.
 
-use gantry_tau_core::axis::{Actual, Offsets, Reference};
-use gantry_tau_core::channel::{Channel, Limits};
-use gantry_tau_core::message::{
+use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
+use gantry_tau_core::control::channel::{Channel, Limits};
+use gantry_tau_core::control::message::{
     AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello,
     Mode, Phase, Refusal, State,
 };
-use gantry_tau_core::session::act::Axis;
-use gantry_tau_core::session::channels::AxisChannels;
-use gantry_tau_core::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
-use gantry_tau_core::session::decide::{Connection, Discrete};
-use gantry_tau_core::session::{
+use gantry_tau_core::control::session::act::Axis;
+use gantry_tau_core::control::session::channels::AxisChannels;
+use gantry_tau_core::control::session::config::{
+    AxisConfig, Config, MissBudget, Parameters, Travel,
+};
+use gantry_tau_core::control::session::fsm::{Connection, FsmState};
+use gantry_tau_core::control::session::{
     Cycle, EVENTS, Entry, Event, Events, Input, Output, Parts, Refusals,
 };
+use gantry_tau_core::control::wire::{ContentError, FrameError};
 use gantry_tau_core::units::{
     Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
-use gantry_tau_core::wire::{ContentError, FrameError};
 use serde_json::Value;
 
 use super::text::{

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use gantry_tau_core::session::BlackBox;
+use gantry_tau_core::control::session::BlackBox;
 
 use super::Window;
 use crate::server::HALF;

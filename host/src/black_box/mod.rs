@@ -23,9 +23,9 @@ mod text;
 use std::fmt;
 use std::path::Path;
 
-use gantry_tau_core::message::Cause;
-use gantry_tau_core::session::config::Config;
-use gantry_tau_core::session::{BlackBox, Entry, Output, Parts, Session};
+use gantry_tau_core::control::message::Cause;
+use gantry_tau_core::control::session::config::Config;
+use gantry_tau_core::control::session::{BlackBox, Entry, Output, Parts, Session};
 use gantry_tau_core::units::{Epoch, Tick};
 use serde_json::Value;
 

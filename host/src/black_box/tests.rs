@@ -1,13 +1,15 @@
 //! What is written is read back, bit for bit; what was edited is replayed, or refused with line and reason.
 
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::message::{AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode};
-use gantry_tau_core::session::config::{AxisConfig, MissBudget, Parameters, Travel};
-use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::session::{Cycle, Event, Events, Input, replay};
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::message::{
+    AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode,
+};
+use gantry_tau_core::control::session::config::{AxisConfig, MissBudget, Parameters, Travel};
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::{Cycle, Event, Events, Input, replay};
+use gantry_tau_core::control::wire::{ContentError, FrameError};
 use gantry_tau_core::units::{OffsetNm, PositionNm, Sequence, TorquePermille, VelocityUmS};
-use gantry_tau_core::wire::{ContentError, FrameError};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

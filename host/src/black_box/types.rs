@@ -27,7 +27,7 @@ records! {
         strangers, longest_miss_run,
     }
     const N: Cycle<N> { elapsed, nominal, actual, stop, rearm, next_epoch, arrival_us }
-    Discrete {
+    FsmState {
         phase, owner, epoch, accepted, tick, misses, history, waited, rearm_released,
     }
     const N: Entry<N> { input, output }

@@ -7,7 +7,7 @@ use clap::Args;
 use gantry_tau::demo::{DemoOptions, PaceChoice};
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, Model};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
-use gantry_tau_core::robot::{ARMS, AXES};
+use gantry_tau_core::model::robot::{ARMS, AXES};
 
 use super::{Pace, fail, robot};
 

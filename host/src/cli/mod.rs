@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFileError};
-use gantry_tau_core::endpoint::Transport;
+use gantry_tau_core::control::endpoint::Transport;
 
 /// Stiffness compensation and external control of Gantry-Tau parallel robots.
 ///

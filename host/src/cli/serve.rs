@@ -23,8 +23,8 @@ use gantry_tau::sim::hand::{Hand, Tool, hand_and_tool};
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau::terminal::say;
-use gantry_tau_core::message::Capabilities;
-use gantry_tau_core::robot::{ARMS, AXES};
+use gantry_tau_core::control::message::Capabilities;
+use gantry_tau_core::model::robot::{ARMS, AXES};
 
 use super::{Pace, address, fail, robot, transport};
 

@@ -2,11 +2,11 @@
 
 use std::fmt;
 
-use gantry_tau_core::compensation::CompensatorConfig;
-use gantry_tau_core::kinematics::KinematicsError;
-use gantry_tau_core::message::Welcome;
-use gantry_tau_core::sensor::{ForceSensor, Reading, SensorConfig, SensorError};
-use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::control::message::Welcome;
+use gantry_tau_core::model::compensation::CompensatorConfig;
+use gantry_tau_core::model::kinematics::KinematicsError;
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, SensorError};
+use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{OffsetNm, PositionNm};
 
 use crate::model::{Correct, Model};

@@ -4,9 +4,9 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, TcpStream, UdpSocket};
 use std::time::{Duration, Instant};
 
-use gantry_tau_core::endpoint::Transport;
-use gantry_tau_core::message::{ClientMessage, ServerMessage};
-use gantry_tau_core::wire::{Deframer, Feed, Frame, decode_server, encode_client};
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::{ClientMessage, ServerMessage};
+use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_server, encode_client};
 
 use super::ClientError;
 

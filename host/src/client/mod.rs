@@ -10,8 +10,8 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use gantry_tau_core::endpoint::Transport;
-use gantry_tau_core::message::{Cause, Refusal};
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::{Cause, Refusal};
 
 use crate::record::Recorded;
 use crate::robot_file::RobotFile;

@@ -3,8 +3,8 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::message::{
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::message::{
     Capabilities, Cause, ClientMessage, Command, Hello, Mode, Phase, ServerMessage, State, Welcome,
 };
 use gantry_tau_core::units::{OffsetNm, Sequence, Tick};

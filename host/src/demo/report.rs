@@ -1,7 +1,7 @@
 //! `report.html`: one self-contained page.
 
-use gantry_tau_core::message::Phase;
-use gantry_tau_core::robot::ARMS;
+use gantry_tau_core::control::message::Phase;
+use gantry_tau_core::model::robot::ARMS;
 
 use super::results::Results;
 use super::stage::Recording;

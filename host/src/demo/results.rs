@@ -1,7 +1,7 @@
 //! Numbers from the recording of a demo.
 
-use gantry_tau_core::message::Phase;
-use gantry_tau_core::robot::ARMS;
+use gantry_tau_core::control::message::Phase;
+use gantry_tau_core::model::robot::ARMS;
 use serde::Serialize;
 
 use super::DemoOptions;

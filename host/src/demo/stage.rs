@@ -6,8 +6,10 @@ use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gantry_tau_core::endpoint::Transport;
-use gantry_tau_core::message::{Capabilities, ClientMessage, Hello, Phase, Refusal, ServerMessage};
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::{
+    Capabilities, ClientMessage, Hello, Phase, Refusal, ServerMessage,
+};
 use indicatif::ProgressBar;
 
 use super::watch::{Lost, Sample, Waiting, Watch};

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use gantry_tau_core::robot::ARMS;
+use gantry_tau_core::model::robot::ARMS;
 
 use super::results::Results;
 

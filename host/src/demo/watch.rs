@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use gantry_tau_core::message::{Cause, Phase};
+use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_core::units::Tick;
 
 use crate::server::cycle::Row;

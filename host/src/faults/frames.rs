@@ -1,6 +1,6 @@
 //! Byte streams cut into the frames of `wire.md`, every byte kept.
 
-use gantry_tau_core::wire::{Deframer, Feed};
+use gantry_tau_core::control::wire::{Deframer, Feed};
 
 /// Cuts a stream into its frames; once the boundary is lost, into the pieces that were read.
 #[derive(Default)]

@@ -1,6 +1,6 @@
 //! The phases of a session in plots: their names, their colours, and the stretches of a window they fill.
 
-use gantry_tau_core::message::Phase;
+use gantry_tau_core::control::message::Phase;
 use plotters::style::RGBColor;
 
 use super::Band;

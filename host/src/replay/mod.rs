@@ -5,7 +5,7 @@ pub(crate) mod picture;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use gantry_tau_core::session::{Entry, Output, replay};
+use gantry_tau_core::control::session::{Entry, Output, replay};
 use serde::Serialize;
 
 use crate::black_box::{self, FileError, Window};

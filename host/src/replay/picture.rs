@@ -1,6 +1,6 @@
 //! The picture of a window: offsets, their change since the cause, and what happened, over ticks relative to the cause.
 
-use gantry_tau_core::session::Entry;
+use gantry_tau_core::control::session::Entry;
 use gantry_tau_core::units::Tick;
 
 use super::Findings;
@@ -183,7 +183,7 @@ impl<const N: usize> Scene<'_, N> {
         for (x, entry) in self.points() {
             let (output, state) = (&entry.output, &entry.output.state);
             let now = state.counters;
-            let bad = |c: gantry_tau_core::message::Counters| {
+            let bad = |c: gantry_tau_core::control::message::Counters| {
                 [c.late, c.duplicate, c.stale, c.malformed, c.out_of_range]
             };
             let happened = [

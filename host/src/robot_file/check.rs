@@ -1,6 +1,6 @@
 //! What a robot file may say: one check per section.
 
-use gantry_tau_core::linalg::rotation_deviation;
+use gantry_tau_core::model::linalg::rotation_deviation;
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
 
 use super::{Axes, AxisLimits, ChannelLimits, Motors, Problem, Sensor, Simulation, matrix};

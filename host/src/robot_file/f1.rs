@@ -1,6 +1,6 @@
 //! `model = "f1"`: the 6-DOF machine.
 
-use gantry_tau_core::robot::{ARMS, AXES, LINKS, SixLink, SixLinkGeometry};
+use gantry_tau_core::model::robot::{ARMS, AXES, LINKS, SixLink, SixLinkGeometry};
 use nalgebra::Vector3;
 use serde::{Deserialize, Deserializer};
 

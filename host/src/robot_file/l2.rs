@@ -1,6 +1,6 @@
 //! `model = "l2"`: the 3-DOF machine.
 
-use gantry_tau_core::robot::{ARMS, Configuration, Geometry, LINKS, Robot};
+use gantry_tau_core::model::robot::{ARMS, Configuration, Geometry, LINKS, Robot};
 use nalgebra::Vector3;
 use serde::Deserialize;
 

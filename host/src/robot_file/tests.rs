@@ -1,5 +1,5 @@
 use super::*;
-use gantry_tau_core::robot::LINKS;
+use gantry_tau_core::model::robot::LINKS;
 
 fn refused(text: &str, from: &str, to: &str) -> RobotFileError {
     assert!(text.contains(from), "{from} is not in the file");

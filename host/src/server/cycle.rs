@@ -3,11 +3,11 @@
 use std::io;
 use std::net::{SocketAddr, TcpStream};
 
-use gantry_tau_core::axis::Reference;
-use gantry_tau_core::endpoint::{Cycle as CoreCycle, Endpoint, MotorMap};
-use gantry_tau_core::message::{Cause, Phase, State};
-use gantry_tau_core::session::Session;
-use gantry_tau_core::session::config::Config;
+use gantry_tau_core::control::axis::Reference;
+use gantry_tau_core::control::endpoint::{Cycle as CoreCycle, Endpoint, MotorMap};
+use gantry_tau_core::control::message::{Cause, Phase, State};
+use gantry_tau_core::control::session::Session;
+use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::units::Tick;
 
 use super::connections::{Connections, Listen};

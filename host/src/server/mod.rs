@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
-use gantry_tau_core::message::Phase;
+use gantry_tau_core::control::message::Phase;
 
 use crate::plant::{Plant, PlantError};
 use cycle::{Cycle, Row};

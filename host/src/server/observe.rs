@@ -1,6 +1,6 @@
 //! Watches the rows of a server outside its cycle: says what happens, once per event, and moves the simulated hand.
 
-use gantry_tau_core::message::{Cause, Counters, Phase};
+use gantry_tau_core::control::message::{Cause, Counters, Phase};
 
 use super::cycle::Row;
 use crate::client::cause_text;

@@ -1,8 +1,8 @@
 //! Frames of one tick, kept until the references are with the drives, which come first.
 
-use gantry_tau_core::endpoint::FRAMES;
-use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::wire::MAX_FRAME;
+use gantry_tau_core::control::endpoint::FRAMES;
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::wire::MAX_FRAME;
 
 /// Frames, in the order in which they are to be sent. Allocated once.
 #[derive(Debug)]

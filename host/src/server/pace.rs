@@ -2,7 +2,7 @@
 
 use std::sync::atomic::Ordering;
 
-use gantry_tau_core::message::Phase;
+use gantry_tau_core::control::message::Phase;
 
 use super::Controls;
 use super::cycle::{Cycle, Demands, Row};

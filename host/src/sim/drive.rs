@@ -11,7 +11,7 @@
 //! the winding is a closed first-order loop here: far above everything the cycle can see. Lengths are metres along the guideway;
 //! forces are newtons there; "torque" is force over rated force.
 
-use gantry_tau_core::axis::{Actual, Reference};
+use gantry_tau_core::control::axis::{Actual, Reference};
 use gantry_tau_core::units::{CrossingError, Metres, PositionNm, TorquePermille, VelocityUmS};
 
 use super::rounding;

@@ -12,7 +12,7 @@
 
 use std::fmt;
 
-use gantry_tau_core::robot::{Compliances, LINKS, SixLinkGeometry};
+use gantry_tau_core::model::robot::{Compliances, LINKS, SixLinkGeometry};
 use nalgebra::{Matrix6, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 use super::joints::{Joint, joint};
@@ -284,7 +284,7 @@ fn is_finite(pose: &Pose) -> bool {
 mod tests {
     use super::*;
     use crate::sim::fixture;
-    use gantry_tau_core::robot::ARMS;
+    use gantry_tau_core::model::robot::ARMS;
     use nalgebra::Rotation3;
 
     fn pose_of(case: &fixture::Case) -> Pose {

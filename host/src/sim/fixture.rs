@@ -1,6 +1,6 @@
 //! Machines and cases of `tests/data/tau_vectors.json`, for the tests of this folder.
 
-use gantry_tau_core::robot::{Compliances, SixLinkGeometry};
+use gantry_tau_core::model::robot::{Compliances, SixLinkGeometry};
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;

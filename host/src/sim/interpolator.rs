@@ -150,7 +150,7 @@ fn quintic(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gantry_tau_core::robot::ARMS;
+    use gantry_tau_core::model::robot::ARMS;
 
     fn walk() -> Interpolator<ARMS> {
         let motion = Motion::BackAndForth {

@@ -1,6 +1,6 @@
 //! Joints between the axes and the links: where they are, and how each axis moves them. By rotations of nalgebra, apart from core's plates.
 
-use gantry_tau_core::robot::{ARM_OF_LINK, SixLinkGeometry};
+use gantry_tau_core::model::robot::{ARM_OF_LINK, SixLinkGeometry};
 use nalgebra::{Rotation3, Unit, Vector3};
 
 /// Index of `q_4` among the axes; `q_5` and `q_6` follow.
@@ -49,7 +49,7 @@ pub fn joint<const N: usize>(geometry: &SixLinkGeometry, link: usize, q: &[f64; 
 mod tests {
     use super::*;
     use crate::sim::fixture;
-    use gantry_tau_core::robot::LINKS;
+    use gantry_tau_core::model::robot::LINKS;
 
     /// The slopes against differences: those of a rotation by 1e-5 rad leave 1e-10 of the lever.
     #[test]

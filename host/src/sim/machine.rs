@@ -9,9 +9,9 @@
 //!
 //! Motors of one axis share its cart: it is where they are on average, and each carries its part of the load.
 
-use gantry_tau_core::axis::{Actual, Offsets, Reference};
-use gantry_tau_core::endpoint::MotorMap;
-use gantry_tau_core::robot::{Compliances, SixLinkGeometry};
+use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
+use gantry_tau_core::control::endpoint::MotorMap;
+use gantry_tau_core::model::robot::{Compliances, SixLinkGeometry};
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 
@@ -285,7 +285,7 @@ mod tests {
     use crate::sim::fixture;
     use crate::sim::hand::{Hand, hand_and_tool};
     use crate::sim::parameters::Motion;
-    use gantry_tau_core::robot::ARMS;
+    use gantry_tau_core::model::robot::ARMS;
 
     type Machine = SimulatedMachine<ARMS, ARMS>;
     type Parameters = SimulationParameters<ARMS>;

@@ -1,9 +1,9 @@
 //! The simulated machine: the truth of the demo, and the first implementation of [`crate::plant::Plant`].
 //!
 //! It is deliberately *not* built from the compensator's model. The compensator linearises at the nominal pose
-//! ([`gantry_tau_core::stiffness`]); here springs, joints and motors find their own nonlinear equilibrium with their own code,
+//! ([`gantry_tau_core::model::stiffness`]); here springs, joints and motors find their own nonlinear equilibrium with their own code,
 //! their true compliances differ from the assumed ones, and a joint has play. What the two share is the description of the
-//! machine ([`gantry_tau_core::robot`]) and the units.
+//! machine ([`gantry_tau_core::model::robot`]) and the units.
 //!
 //! | module | what it holds |
 //! |---|---|

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::robot::RobotError;
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::model::robot::RobotError;
 use nalgebra::{Matrix3, Vector3};
 
 use super::elastic::ElasticError;

@@ -1,6 +1,6 @@
 //! The true springs of one machine: what an identification should find and a compensation does not know.
 
-use gantry_tau_core::robot::{Compliances, LINKS, SixLinkGeometry};
+use gantry_tau_core::model::robot::{Compliances, LINKS, SixLinkGeometry};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,12 +1,12 @@
 //! The operations of the 6-DOF machine.
 
-use gantry_tau_core::compensation::SixLinkElastic;
-use gantry_tau_core::kinematics::{
+use gantry_tau_core::model::compensation::SixLinkElastic;
+use gantry_tau_core::model::kinematics::{
     COLD_ITERATIONS, Pose, ROTATION_TOLERANCE, SixLinkKinematics, Solved,
 };
-use gantry_tau_core::linalg::rotation_deviation;
-use gantry_tau_core::robot::{AXES, Compliances};
-use gantry_tau_core::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::linalg::rotation_deviation;
+use gantry_tau_core::model::robot::{AXES, Compliances};
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 

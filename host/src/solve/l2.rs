@@ -1,10 +1,10 @@
 //! The operations of the 3-DOF machine.
 
-use gantry_tau_core::compensation::compensated;
-use gantry_tau_core::kinematics::{Nominal, Pose, residual_m};
-use gantry_tau_core::robot::{Compliances, Robot};
-use gantry_tau_core::statics::{LineMatrix, Wrench, cart_loads_from_jacobian};
-use gantry_tau_core::stiffness::TauModel;
+use gantry_tau_core::model::compensation::compensated;
+use gantry_tau_core::model::kinematics::{Nominal, Pose, residual_m};
+use gantry_tau_core::model::robot::{Compliances, Robot};
+use gantry_tau_core::model::statics::{LineMatrix, Wrench, cart_loads_from_jacobian};
+use gantry_tau_core::model::stiffness::TauModel;
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 

@@ -41,7 +41,7 @@ const MAX_CACHED: usize = 64;
 enum Kind {
     BadRequest,
     BadRobot,
-    /// What core says: see [`gantry_tau_core::kinematics::KinematicsError::kind`].
+    /// What core says: see [`gantry_tau_core::model::kinematics::KinematicsError::kind`].
     Core(&'static str),
 }
 

@@ -1,8 +1,8 @@
 //! The operations there are, and what those of both machines share.
 
-use gantry_tau_core::kinematics::{KinematicsError, NominalError};
-use gantry_tau_core::robot::Compliances;
-use gantry_tau_core::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::kinematics::{KinematicsError, NominalError};
+use gantry_tau_core::model::robot::Compliances;
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use nalgebra::SMatrix;
 use serde_json::{Value, json};
 

@@ -1,7 +1,7 @@
 //! Reading requests: the inline robot, and named numbers.
 
-use gantry_tau_core::kinematics::{SixLinkKinematics, TAU_TOLERANCE};
-use gantry_tau_core::robot::{
+use gantry_tau_core::model::kinematics::{SixLinkKinematics, TAU_TOLERANCE};
+use gantry_tau_core::model::robot::{
     ARMS, AXES, Branch, Compliances, Configuration, Geometry, LINKS, Robot, RobotError, SixLink,
     SixLinkGeometry,
 };

@@ -1,8 +1,8 @@
 //! What a machine can do at each place of a grid.
 
-use gantry_tau_core::kinematics::KinematicsError;
-use gantry_tau_core::robot::{ARM_OF_LINK, LINKS};
-use gantry_tau_core::statics::LineMatrix;
+use gantry_tau_core::model::kinematics::KinematicsError;
+use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
+use gantry_tau_core::model::statics::LineMatrix;
 use nalgebra::{Matrix6, Vector3};
 
 use crate::model::Model;

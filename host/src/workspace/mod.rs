@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use gantry_tau_core::kinematics::KinematicsError;
+use gantry_tau_core::model::kinematics::KinematicsError;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::model::Model;

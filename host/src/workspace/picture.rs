@@ -1,6 +1,6 @@
 //! `workspace.html`: slices of the map through home.
 
-use gantry_tau_core::robot::ARMS;
+use gantry_tau_core::model::robot::ARMS;
 
 use super::map::{Grid, Place, Reached};
 use super::{Summary, Survey};

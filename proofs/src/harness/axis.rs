@@ -1,8 +1,8 @@
 //! Any axis that a configuration may have.
 
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::session::act::{Axis, Order};
-use gantry_tau_core::session::config::{AxisConfig, Config};
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::session::act::{Axis, AxisCommand};
+use gantry_tau_core::control::session::config::{AxisConfig, Config};
 
 use crate::axis::{self, Kind};
 
@@ -22,8 +22,8 @@ fn any_state(config: &AxisConfig) -> Axis {
     axis
 }
 
-/// Any axis, any order, checked against one property.
-fn check(property: fn(&Axis, &Order, &AxisConfig, Kind), kind: Kind) {
+/// Any axis, any command, checked against one property.
+fn check(property: fn(&Axis, &AxisCommand, &AxisConfig, Kind), kind: Kind) {
     let config = any_axis();
     property(&any_state(&config), &kani::any(), &config, kind);
     kani::cover!(true, "the end is reached");

@@ -1,6 +1,6 @@
 //! Any recorder in any valid state, one step.
 
-use gantry_tau_core::session::recorder::{Entries, Entry, Recorder, Segment};
+use gantry_tau_core::control::session::recorder::{Entries, Entry, Recorder, Segment};
 
 use crate::blackbox::{Numbered, numbered_up_to, records_a_step};
 

@@ -1,8 +1,8 @@
 //! Kani harnesses: any valid channel, any limits that validation accepts, any target.
 
-use gantry_tau_core::channel::{Channel, Limits};
+use gantry_tau_core::control::channel::{Channel, Limits};
 
-use crate::channel::{Verb, ramp_is_exact, step_is_bounded};
+use crate::channel::{ChannelOp, ramp_is_exact, step_is_bounded};
 
 /// Any channel that is valid under the limits.
 fn any_channel(limits: &Limits) -> Channel {
@@ -16,7 +16,7 @@ fn any_channel(limits: &Limits) -> Channel {
 #[kani::solver(minisat)]
 fn channel_hold_is_bounded() {
     let limits: Limits = kani::any();
-    step_is_bounded(any_channel(&limits), Verb::Hold, &limits);
+    step_is_bounded(any_channel(&limits), ChannelOp::Hold, &limits);
     kani::cover!(true, "the end is reached");
 }
 
@@ -24,7 +24,11 @@ fn channel_hold_is_bounded() {
 #[kani::solver(minisat)]
 fn channel_follow_is_bounded() {
     let limits: Limits = kani::any();
-    step_is_bounded(any_channel(&limits), Verb::Follow(kani::any()), &limits);
+    step_is_bounded(
+        any_channel(&limits),
+        ChannelOp::Follow(kani::any()),
+        &limits,
+    );
     kani::cover!(true, "the end is reached");
 }
 
@@ -32,7 +36,7 @@ fn channel_follow_is_bounded() {
 #[kani::solver(minisat)]
 fn channel_ramp_is_bounded() {
     let limits: Limits = kani::any();
-    step_is_bounded(any_channel(&limits), Verb::Ramp, &limits);
+    step_is_bounded(any_channel(&limits), ChannelOp::Ramp, &limits);
     kani::cover!(true, "the end is reached");
 }
 

@@ -1,8 +1,8 @@
 //! Kani harnesses of the compensation's last step and of the force sensor.
 
-use gantry_tau_core::compensation::CompensatorConfig;
-use gantry_tau_core::sensor::{ForceSensor, SensorConfig, SensorState};
-use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::model::compensation::CompensatorConfig;
+use gantry_tau_core::model::sensor::{ForceSensor, SensorConfig, SensorState};
+use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, OffsetNm};
 
 use crate::compensation::{correction_is_bounded, offset_is_within, sensor_check_admits_finite};

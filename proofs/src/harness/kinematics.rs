@@ -1,6 +1,6 @@
 //! Kani harnesses of the kinematics: any numbers for a machine, any bit patterns for positions.
 
-use gantry_tau_core::kinematics::{Nominal, SixLinkKinematics};
+use gantry_tau_core::model::kinematics::{Nominal, SixLinkKinematics};
 
 use crate::kinematics::check_is_right;
 use crate::six_link;

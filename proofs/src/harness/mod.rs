@@ -13,16 +13,16 @@ mod channel;
 mod compensation;
 #[cfg(any(not(only), only = "crossing"))]
 mod crossing;
-#[cfg(any(not(only), only = "decide"))]
-mod decide;
+#[cfg(any(not(only), only = "fsm"))]
+mod fsm;
+#[cfg(any(not(only), only = "ingress"))]
+mod ingress;
 #[cfg(any(not(only), only = "kinematics"))]
 mod kinematics;
 #[cfg(any(not(only), only = "motors"))]
 mod motors;
 #[cfg(any(not(only), only = "session"))]
 mod session;
-#[cfg(any(not(only), only = "sift"))]
-mod sift;
 #[cfg(any(not(only), only = "total"))]
 mod total;
 #[cfg(any(not(only), only = "wire"))]

@@ -1,6 +1,6 @@
 //! Six axes, nine motors: the F1, and any other map.
 
-use gantry_tau_core::axis::Reference;
+use gantry_tau_core::control::axis::Reference;
 
 use crate::motors;
 

@@ -1,7 +1,7 @@
-//! Any session in any valid state, anything that can have been heard, any cycle.
+//! Any session in any valid state, anything that can have been accepted, any cycle.
 
-use gantry_tau_core::message::Counters;
-use gantry_tau_core::session::sift::Noted;
+use gantry_tau_core::control::message::Counters;
+use gantry_tau_core::control::session::ingress::Diagnostics;
 
 use crate::axis::Kind;
 use crate::session::{self, Moment};
@@ -10,21 +10,21 @@ use crate::session::{self, Moment};
 const AXES: usize = 3;
 
 /// Any counts; the refusals are written, never read.
-fn any_noted() -> Noted {
-    Noted {
+fn any_noted() -> Diagnostics {
+    Diagnostics {
         counters: kani::any::<Counters>(),
         late: kani::any(),
-        ..Noted::default()
+        ..Diagnostics::default()
     }
 }
 
-/// Any moment there can be, and more: what was heard need not follow from any events.
+/// Any moment there can be, and more: what was accepted need not follow from any events.
 fn any_moment<const N: usize>() -> Moment<N> {
     Moment {
         session: kani::any(),
         cycle: kani::any(),
-        heard: kani::any(),
-        noted: any_noted(),
+        accepted: kani::any(),
+        diagnostics: any_noted(),
     }
 }
 

@@ -1,9 +1,9 @@
 //! T12: what no other family calls. Kani itself checks that nothing panics; what is asserted here is only that the results are used.
 
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::session::config::{Config, Parameters};
-use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::session::{Event, Events, Session};
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::session::config::{Config, Parameters};
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::{Event, Events, Session};
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 
 use crate::session;
@@ -38,7 +38,7 @@ fn total_resume() {
     kani::cover!(true, "the end is reached");
 }
 
-/// Events are heard one after the other; the refusals there is room for.
+/// Events are accepted one after the other; the refusals there is room for.
 #[kani::proof]
 #[kani::unwind(5)]
 #[kani::solver(minisat)]
@@ -49,10 +49,10 @@ fn total_hear() {
         let event: (Connection, Event<1>) = kani::any();
         assert!(events.push(event).is_ok(), "there is room");
     }
-    let (_, noted) = session.hear(&events, kani::any());
+    let (_, diagnostics) = session.classify(&events, kani::any());
     assert!(
-        noted.refusals.len() <= 3,
+        diagnostics.refusals.len() <= 3,
         "T12: one refusal per event at most"
     );
-    kani::cover!(noted.refusals.len() == 3, "three refusals");
+    kani::cover!(diagnostics.refusals.len() == 3, "three refusals");
 }

@@ -1,11 +1,11 @@
 //! Kani harnesses of T8: every body without a checksum, frames with one, collector and deframer by one chunk.
 
-use gantry_tau_core::message::{Command, Hello, Refusal, State, Welcome};
-use gantry_tau_core::units::Epoch;
-use gantry_tau_core::wire::{
+use gantry_tau_core::control::message::{Command, Hello, Refusal, State, Welcome};
+use gantry_tau_core::control::wire::{
     Body, Collector, Frame, HEADER_LEN, Kind, MAX_BODY, MAX_FRAME, PROTOCOL_VERSION, TRAILER_LEN,
     decode_client, decode_server,
 };
+use gantry_tau_core::units::Epoch;
 
 use crate::wire::{
     body_is_canonical, body_survives, chunk_is_collected, frame_is_canonical, frame_is_parsed,

@@ -1,7 +1,7 @@
 //! The machine with six axes: its equations once more, and Newton's method with differences for derivatives and small steps.
 
-use gantry_tau_core::kinematics::{COLD_ITERATIONS, Pose, SixLinkKinematics};
-use gantry_tau_core::robot::{Branch, SixLinkGeometry};
+use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose, SixLinkKinematics};
+use gantry_tau_core::model::robot::{Branch, SixLinkGeometry};
 
 use super::{REGULAR, Vector, add, dot, length, less, near, share, times, turned};
 use crate::machine::{six_link, six_link_geometry, six_link_home};

@@ -1,7 +1,7 @@
 //! The machine with three axes: positions by bisection, the tool by walking round the circle in which two spheres meet.
 
-use gantry_tau_core::kinematics::{KinematicsError, Nominal};
-use gantry_tau_core::robot::{Branch, Geometry, Robot};
+use gantry_tau_core::model::kinematics::{KinematicsError, Nominal};
+use gantry_tau_core::model::robot::{Branch, Geometry, Robot};
 
 use super::{REGULAR, Vector, add, cross, dot, length, less, near, share, times};
 use crate::kinematics::{lengths_are_kept, travel_is_finite};

@@ -1,11 +1,11 @@
 //! The same play through an endpoint: what is said arrives as bytes, cut in two, on connections that come and go. What the endpoint
 //! made of it is in its black box, and the tick is what the oracle says of that.
 
-use gantry_tau_core::endpoint::{Endpoint, MotorMap, Transport};
-use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::session::{Event, Session};
+use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::{Event, Session};
+use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
-use gantry_tau_core::wire::encode_client;
 
 use super::{
     Actor, Circumstances, Motion, N, Play, Shares, Who, Word, answer, event, life, offsets,

@@ -9,17 +9,19 @@ mod stage;
 pub use by_wire::endpoint_is_right;
 pub use stage::every_tick_is_right;
 
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::message::{
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::message::{
     AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode, Phase,
 };
-use gantry_tau_core::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
-use gantry_tau_core::session::{Cycle, Event, Session};
+use gantry_tau_core::control::session::config::{
+    AxisConfig, Config, MissBudget, Parameters, Travel,
+};
+use gantry_tau_core::control::session::{Cycle, Event, Session};
+use gantry_tau_core::control::wire::{ContentError, FrameError};
 use gantry_tau_core::units::{
     Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
-use gantry_tau_core::wire::{ContentError, FrameError};
 
 /// Axes of the machine that is played with; two, so that one can be forgotten.
 pub const N: usize = 2;

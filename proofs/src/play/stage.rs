@@ -1,14 +1,14 @@
 //! A play on messages: every tick has every property, and is what the oracle says.
 
-use gantry_tau_core::session::act::nominal_stepped;
-use gantry_tau_core::session::decide::{Arrivals, Connection, Discrete, Rules};
-use gantry_tau_core::session::{BlackBox, Events, Input, Session, replay};
+use gantry_tau_core::control::session::act::nominal_stepped;
+use gantry_tau_core::control::session::fsm::{Connection, FsmInput, FsmState, Rules};
+use gantry_tau_core::control::session::{BlackBox, Events, Input, Session, replay};
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 
 use super::{Actor, Circumstances, Motion, N, Play, Shares, Who, Word, event, life, offsets};
 use crate::oracle::Oracle;
 use crate::session::Moment;
-use crate::{blackbox, decide, motors, session};
+use crate::{blackbox, fsm, motors, session};
 
 /// Plays, and checks every tick: T1 to T11, and every output against the oracle's.
 ///
@@ -124,8 +124,8 @@ impl Actor for Stage {
         let input = self.input(circumstances);
         let moment = Moment::after_hearing(&self.session, &input);
         session::step_is_right(&moment);
-        let (discrete, arrivals, rules) = decided_on(&moment);
-        decide::decision_is_right(discrete, &arrivals, &rules);
+        let (discrete, fsm, rules) = decided_on(&moment);
+        fsm::decision_is_right(discrete, &fsm, &rules);
         let essential = session::essential(&self.session, &input);
         session::same_outcome(&self.session, &input, &essential);
         self.record(&input);
@@ -147,7 +147,7 @@ impl Actor for Stage {
 }
 
 /// What a tick decides on, once more.
-fn decided_on(moment: &Moment<N>) -> (&Discrete, Arrivals, Rules) {
+fn decided_on(moment: &Moment<N>) -> (&FsmState, FsmInput, Rules) {
     let (session, cycle) = (&moment.session, &moment.cycle);
     let parameters = session.config().parameters();
     let axes = &session.parts().axes;
@@ -155,18 +155,18 @@ fn decided_on(moment: &Moment<N>) -> (&Discrete, Arrivals, Rules) {
         let (from, to) = (axes[axis].nominal, cycle.nominal[axis]);
         nominal_stepped(from, to, &parameters.axes[axis], cycle.cycles())
     };
-    let heard = moment.heard.arrivals;
-    let arrivals = Arrivals {
-        stop: heard.stop || cycle.stop,
+    let accepted = moment.accepted.fsm;
+    let fsm = FsmInput {
+        stop: accepted.stop || cycle.stop,
         rearm: cycle.rearm,
         skipped: cycle.cycles() - 1,
         all_zero: axes.iter().all(|axis| axis.channels.is_zero()),
         nominal_fault: (0..N).any(stepped),
-        ..heard
+        ..accepted
     };
     let rules = Rules {
         handshake_ticks: parameters.handshake_ticks,
         budget: parameters.budget,
     };
-    (&session.parts().discrete, arrivals, rules)
+    (&session.parts().discrete, fsm, rules)
 }

@@ -6,20 +6,22 @@
     reason = "each test file uses some of them; a strategy that makes what is not valid must panic"
 )]
 
-use gantry_tau_core::axis::{Actual, Offsets, Reference};
-use gantry_tau_core::channel::{Channel, Limits};
-use gantry_tau_core::message::{
+use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
+use gantry_tau_core::control::channel::{Channel, Limits};
+use gantry_tau_core::control::message::{
     AxisLimits, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
 };
-use gantry_tau_core::session::act::{Axis, Order};
-use gantry_tau_core::session::channels::AxisChannels;
-use gantry_tau_core::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
-use gantry_tau_core::session::decide::{Action, Arrivals, Connection, Discrete, Rules};
-use gantry_tau_core::session::{Cycle, Event, Parts, Session};
+use gantry_tau_core::control::session::act::{Axis, AxisCommand};
+use gantry_tau_core::control::session::channels::AxisChannels;
+use gantry_tau_core::control::session::config::{
+    AxisConfig, Config, MissBudget, Parameters, Travel,
+};
+use gantry_tau_core::control::session::fsm::{Action, Connection, FsmInput, FsmState, Rules};
+use gantry_tau_core::control::session::{Cycle, Event, Parts, Session};
+use gantry_tau_core::control::wire::{ContentError, FrameError};
 use gantry_tau_core::units::{
     Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
-use gantry_tau_core::wire::{ContentError, FrameError};
 use proptest::prelude::*;
 use proptest::sample::select;
 
@@ -122,7 +124,7 @@ pub(crate) const PHASES: [Phase; 6] = [
 ];
 
 /// Any valid discrete state: what the phase excludes is put right.
-pub(crate) fn discrete(handshake_ticks: u32) -> impl Strategy<Value = Discrete> {
+pub(crate) fn discrete(handshake_ticks: u32) -> impl Strategy<Value = FsmState> {
     let numbers = (number(), number(), number());
     let rest = (any::<u128>(), 0..handshake_ticks, any::<bool>());
     (
@@ -142,7 +144,7 @@ pub(crate) fn discrete(handshake_ticks: u32) -> impl Strategy<Value = Discrete> 
                 } else {
                     history
                 };
-                Discrete {
+                FsmState {
                     phase,
                     owner: owned.then_some(connection),
                     epoch: Epoch(epoch),
@@ -161,7 +163,7 @@ pub(crate) fn mode() -> impl Strategy<Value = Mode> {
     prop_oneof![Just(Mode::Submit), Just(Mode::Obtain)]
 }
 
-pub(crate) fn arrivals() -> impl Strategy<Value = Arrivals> {
+pub(crate) fn fsm() -> impl Strategy<Value = FsmInput> {
     // Each by itself is rare, or a miss would never be seen.
     let rare = || prop::bool::weighted(0.1);
     let ends = (rare(), rare(), rare(), rare(), rare(), rare());
@@ -171,7 +173,7 @@ pub(crate) fn arrivals() -> impl Strategy<Value = Arrivals> {
     (ends, command, hello, skipped, any::<bool>(), any::<bool>()).prop_map(
         |(ends, command, hello, skipped, rearm, all_zero)| {
             let (stop, nominal_fault, framing, flood, closed, goodbye) = ends;
-            Arrivals {
+            FsmInput {
                 stop,
                 rearm,
                 nominal_fault,
@@ -320,10 +322,10 @@ fn action() -> impl Strategy<Value = Action> {
     select(all.to_vec())
 }
 
-pub(crate) fn order() -> impl Strategy<Value = Order> {
+pub(crate) fn axis_command() -> impl Strategy<Value = AxisCommand> {
     let shadow = proptest::option::of(action());
     (action(), shadow, offsets(), any::<i64>(), any::<bool>()).prop_map(
-        |(action, shadow, target, nominal, nominal_stepped)| Order {
+        |(action, shadow, target, nominal, nominal_stepped)| AxisCommand {
             action,
             shadow,
             target,

@@ -3,18 +3,18 @@
 use std::hint::black_box;
 
 use crate::setup::{a_command, l2, l2_compensator, load, on_time, six, six_compensator};
-use gantry_tau_core::compensation::{Compensator, Correction, SixLinkCompensator};
-use gantry_tau_core::endpoint::{Cycle, Endpoint};
-use gantry_tau_core::kinematics::{
-    KinematicsError, Nominal, Pose, SixLinkKinematics, Solved, WARM_ITERATIONS,
-};
-use gantry_tau_core::message::ClientMessage;
-use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::session::{Event, Input, Output, Session};
-use gantry_tau_core::statics::{LineMatrix, Wrench};
-use gantry_tau_core::wire::{
+use gantry_tau_core::control::endpoint::{Cycle, Endpoint};
+use gantry_tau_core::control::message::ClientMessage;
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::{Event, Input, Output, Session};
+use gantry_tau_core::control::wire::{
     ContentError, Deframer, Feed, Frame, FrameBytes, decode_client, encode_client, encode_state,
 };
+use gantry_tau_core::model::compensation::{Compensator, Correction, SixLinkCompensator};
+use gantry_tau_core::model::kinematics::{
+    KinematicsError, Nominal, Pose, SixLinkKinematics, Solved, WARM_ITERATIONS,
+};
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use gantry_tau_proofs::machine;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -102,7 +102,7 @@ fn nominal_jacobian() {
 fn l2_statics() {
     #[inline(never)]
     fn measured_l2_statics(
-        robot: &gantry_tau_core::robot::Robot,
+        robot: &gantry_tau_core::model::robot::Robot,
         pose: &Pose,
         q: &[f64; 3],
         load: &Wrench,
@@ -271,7 +271,7 @@ fn encode_command() {
 
 fn encode_a_state() {
     #[inline(never)]
-    fn measured_encode_state(state: &gantry_tau_core::message::State<6>) -> FrameBytes {
+    fn measured_encode_state(state: &gantry_tau_core::control::message::State<6>) -> FrameBytes {
         encode_state(state)
     }
     let (mut server, command) = a_command();

@@ -1,21 +1,21 @@
 //! The machines and the server that the calls are made on.
 
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::compensation::{
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::message::{Capabilities, ClientMessage, Command, Hello, Mode, Phase};
+use gantry_tau_core::control::session::Session;
+use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::wire::encode_client;
+use gantry_tau_core::model::compensation::{
     Compensator, CompensatorConfig, SixLinkCompensator, SixLinkElastic,
 };
-use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
-use gantry_tau_core::kinematics::{Nominal, Pose, SixLinkKinematics};
-use gantry_tau_core::linalg::rotation_from_vector;
-use gantry_tau_core::message::{Capabilities, ClientMessage, Command, Hello, Mode, Phase};
-use gantry_tau_core::robot::Compliances;
-use gantry_tau_core::session::Session;
-use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
-use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::model::kinematics::{Nominal, Pose, SixLinkKinematics};
+use gantry_tau_core::model::linalg::rotation_from_vector;
+use gantry_tau_core::model::robot::Compliances;
+use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick};
-use gantry_tau_core::wire::encode_client;
 use gantry_tau_proofs::machine;
 use nalgebra::Vector3;
 

@@ -1,6 +1,6 @@
 //! How much is taken in between two ticks: bounded, so that nobody can make a tick long. What has come beyond waits where it is.
 
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::session::fsm::Connection;
 
 /// Most bytes of the owner of the session: three Commands of six axes. A client that sends one Command per State, and goes on after
 /// one was lost, never has more of them waiting.

@@ -14,11 +14,11 @@
 //! their order; then each frame sent (`u8` 1, connection `u32`, number of bytes `u16`, bytes); then `u8` 2, each motor's position `i64`,
 //! velocity `i32` and torque `i16`, how many connections are to be closed `u8` and each `u32`.
 
-use gantry_tau_core::axis::Actual;
-use gantry_tau_core::compensation::Correction;
-use gantry_tau_core::endpoint::{Transport, Turn};
-use gantry_tau_core::kinematics::KinematicsError;
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::axis::Actual;
+use gantry_tau_core::control::endpoint::{Transport, Turn};
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::model::compensation::Correction;
+use gantry_tau_core::model::kinematics::KinematicsError;
 use gantry_tau_core::units::{Epoch, PositionNm, TorquePermille, VelocityUmS};
 
 use crate::machine::{AXES, Answer, MOTORS, Machine, Meter, Moment, Motion, Part};

@@ -5,8 +5,8 @@
 use core::mem::MaybeUninit;
 
 use cortex_m::singleton;
-use gantry_tau_core::endpoint::Turn;
-use gantry_tau_core::message::{Capabilities, Phase};
+use gantry_tau_core::control::endpoint::Turn;
+use gantry_tau_core::control::message::{Capabilities, Phase};
 use gantry_tau_core::units::PositionNm;
 
 use crate::board::host::File;

@@ -4,19 +4,19 @@
 
 use core::hint::black_box;
 
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::compensation::{
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::model::compensation::{
     Compensator, CompensatorConfig, Correction, ExactCompensator, SixLinkCompensator,
     SixLinkElastic,
 };
-use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
-use gantry_tau_core::kinematics::{Nominal, Pose, SixLinkKinematics, WARM_ITERATIONS};
-use gantry_tau_core::robot::{Compliances, Geometry, Robot, SixLink, SixLinkGeometry};
-use gantry_tau_core::sensor::{ForceSensor, Reading, SensorConfig};
-use gantry_tau_core::session::Session;
-use gantry_tau_core::session::config::{Config, Parameters};
-use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::statics::{LineMatrix, Wrench};
+use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::model::kinematics::{Nominal, Pose, SixLinkKinematics, WARM_ITERATIONS};
+use gantry_tau_core::model::robot::{Compliances, Geometry, Robot, SixLink, SixLinkGeometry};
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
+use gantry_tau_core::control::session::Session;
+use gantry_tau_core::control::session::config::{Config, Parameters};
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 use nalgebra::{Matrix3, Vector3};
 

@@ -1,14 +1,14 @@
 //! Wrenches of any bits, one after the other, through the sensor and both compensations, 3 and 6 axes (T12 to T14).
 
 use arbitrary::Arbitrary;
-use gantry_tau_core::compensation::{
+use gantry_tau_core::model::compensation::{
     Compensator, CompensatorConfig, ExactCompensator, SixLinkCompensator, SixLinkElastic, held,
 };
-use gantry_tau_core::kinematics::Pose;
-use gantry_tau_core::linalg::rotation_from_vector;
-use gantry_tau_core::robot::Compliances;
-use gantry_tau_core::sensor::{ForceSensor, Reading, SensorConfig};
-use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::model::kinematics::Pose;
+use gantry_tau_core::model::linalg::rotation_from_vector;
+use gantry_tau_core::model::robot::Compliances;
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
+use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::OffsetNm;
 use gantry_tau_proofs::compensation::{
     correction_is_bounded, cycle_is_bounded, sensor_stays_valid, sensor_takes_good_readings,

@@ -2,8 +2,8 @@
 //! And the machines as they are, at places of any bits.
 
 use arbitrary::Arbitrary;
-use gantry_tau_core::kinematics::Pose;
-use gantry_tau_core::linalg::rotation_from_vector;
+use gantry_tau_core::model::kinematics::Pose;
+use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_proofs::kinematics::{
     check_is_right, forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside,
     lengths_are_kept,

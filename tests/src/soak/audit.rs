@@ -5,8 +5,8 @@
 //! rose. From its end on there are also its farewells (Goodbyes and Stops), which only count as received, and at most one command
 //! that was fresh in the tick of the end and came to nothing. Every deadline is either met by an accepted command or missed.
 
-use gantry_tau_core::axis::{Offsets, Reference};
-use gantry_tau_core::message::{AxisLimits, Cause, Counters, Phase, State};
+use gantry_tau_core::control::axis::{Offsets, Reference};
+use gantry_tau_core::control::message::{AxisLimits, Cause, Counters, Phase, State};
 
 use crate::bounds::Bounds;
 

@@ -3,12 +3,12 @@
 use std::time::Duration;
 
 use gantry_tau::faults::Medium;
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::message::{
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::message::{
     ClientMessage, Command, Mode, Phase, Refusal, ServerMessage, State,
 };
+use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_server, encode_client};
 use gantry_tau_core::units::{Epoch, OffsetNm, Sequence, TorquePermille, VelocityUmS};
-use gantry_tau_core::wire::{Deframer, Feed, Frame, decode_server, encode_client};
 
 use super::audit::is_live;
 use super::reason::Deed;

@@ -20,9 +20,9 @@ use gantry_tau::server::{Controls, Server};
 use gantry_tau::sim::hand::hand_and_tool;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau_core::endpoint::CONNECTIONS;
-use gantry_tau_core::message::{Capabilities, Cause, ClientMessage, Hello, Phase};
-use gantry_tau_core::wire::encode_client;
+use gantry_tau_core::control::endpoint::CONNECTIONS;
+use gantry_tau_core::control::message::{Capabilities, Cause, ClientMessage, Hello, Phase};
+use gantry_tau_core::control::wire::encode_client;
 use serde::Serialize;
 
 use super::Summary;

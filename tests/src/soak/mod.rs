@@ -17,8 +17,8 @@ pub mod ticks;
 use std::collections::BTreeMap;
 
 use gantry_tau::faults::Tally;
-use gantry_tau_core::message::Cause;
-use gantry_tau_core::session::config::MissBudget;
+use gantry_tau_core::control::message::Cause;
+use gantry_tau_core::control::session::config::MissBudget;
 use serde::Serialize;
 
 /// A budget of misses that a rough link exceeds and a clean one does not.

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use gantry_tau::faults::{Fault, Tally};
-use gantry_tau_core::message::Cause;
+use gantry_tau_core::control::message::Cause;
 
 use super::BUDGET;
 

@@ -9,14 +9,14 @@ use std::time::Duration;
 use gantry_tau::faults::mangle::Mangle;
 use gantry_tau::faults::plan::Plan;
 use gantry_tau::faults::{Direction, Medium};
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
-use gantry_tau_core::message::{Cause, ClientMessage, Phase, State};
-use gantry_tau_core::session::config::{Config, MissBudget, Parameters};
-use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::session::{OWNER_FRAMES, Session};
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::message::{Cause, ClientMessage, Phase, State};
+use gantry_tau_core::control::session::config::{Config, MissBudget, Parameters};
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::{OWNER_FRAMES, Session};
+use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client, encode_client};
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
-use gantry_tau_core::wire::{Deframer, Feed, Frame, decode_client, encode_client};
 
 use super::Summary;
 use super::audit::{Audit, Seen, is_live};
@@ -326,7 +326,7 @@ impl<const N: usize> Link<N> {
     }
 }
 
-/// Counts what a server is fed on one connection, without its deframer's slot, session or sieve.
+/// Counts what a server is fed on one connection, without its deframer's slot, session or classifier.
 #[derive(Default)]
 struct Tap<const N: usize> {
     deframer: Deframer,

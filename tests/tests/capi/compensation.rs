@@ -4,14 +4,14 @@
 use std::collections::BTreeMap;
 
 use gantry_tau::robot_file::RobotFile;
-use gantry_tau_core::compensation::{
+use gantry_tau_core::model::compensation::{
     Compensator, CompensatorConfig, Correction, ExactCompensator, SixLinkCompensator,
     SixLinkElastic,
 };
-use gantry_tau_core::kinematics::{Nominal, Pose, WARM_ITERATIONS};
-use gantry_tau_core::robot::{Compliances, Robot};
-use gantry_tau_core::sensor::{ForceSensor, Reading, SensorConfig};
-use gantry_tau_core::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::kinematics::{Nominal, Pose, WARM_ITERATIONS};
+use gantry_tau_core::model::robot::{Compliances, Robot};
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use gantry_tau_core::units::OffsetNm;
 use libtest_mimic::Failed;
 use nalgebra::{Matrix3, Vector3};

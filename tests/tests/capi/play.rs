@@ -7,19 +7,21 @@ use std::io::Write as _;
 use std::process::{Command, Stdio};
 
 use gantry_tau::black_box::Window;
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport, Turn};
-use gantry_tau_core::message::{
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport, Turn};
+use gantry_tau_core::control::message::{
     AxisLimits, Capabilities, Cause, ClientMessage, Command as Wanted, Hello, Mode, Phase, State,
 };
-use gantry_tau_core::session::Session;
-use gantry_tau_core::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::session::Session;
+use gantry_tau_core::control::session::config::{
+    AxisConfig, Config, MissBudget, Parameters, Travel,
+};
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::wire::{encode_client, encode_state};
 use gantry_tau_core::units::{
     Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
-use gantry_tau_core::wire::{encode_client, encode_state};
 use libtest_mimic::Failed;
 
 use crate::tools::Program;

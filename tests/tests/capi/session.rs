@@ -4,12 +4,12 @@ use std::process::Command;
 
 use gantry_tau::black_box::Window;
 use gantry_tau::replay::Findings;
-use gantry_tau_core::axis::{Actual, Offsets, Reference};
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
-use gantry_tau_core::session::Session;
-use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::session::Session;
+use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
+use gantry_tau_core::control::session::fsm::Connection;
 use gantry_tau_core::units::{Epoch, PositionNm, Tick, TorquePermille, VelocityUmS};
 use libtest_mimic::Failed;
 

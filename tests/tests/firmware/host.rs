@@ -5,8 +5,8 @@ use std::path::Path;
 
 use gantry_tau::model::Model;
 use gantry_tau::robot_file::RobotFile;
-use gantry_tau_core::endpoint::Turn;
-use gantry_tau_core::message::{Capabilities, Phase};
+use gantry_tau_core::control::endpoint::Turn;
+use gantry_tau_core::control::message::{Capabilities, Phase};
 
 use crate::machine::{AXES, Answer, MOTORS, Machine, Meter, Part, Parts, robots};
 use crate::reading::OF_OWNER;

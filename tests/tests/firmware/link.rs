@@ -16,7 +16,7 @@ use std::time::Duration;
 
 use gantry_tau::faults::plan::Plan;
 use gantry_tau::faults::tcp::Relay;
-use gantry_tau_core::message::{self, Phase, Refusal, ServerMessage};
+use gantry_tau_core::control::message::{self, Phase, Refusal, ServerMessage};
 use gantry_tau_tests::client::Client;
 
 use crate::emulator::{self, Build};

@@ -1,13 +1,13 @@
 //! Frames and streams of them, as clients and servers send them.
 
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::message::{
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::message::{
     AxisLimits, AxisState, Capabilities, ClientMessage, Command, Counters, Hello, Mode, Phase,
     Refusal, ServerMessage, State, Welcome,
 };
+use gantry_tau_core::control::wire::{encode_client, encode_server};
 use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick};
-use gantry_tau_core::wire::{encode_client, encode_server};
 
 use crate::Seed;
 
@@ -84,7 +84,7 @@ fn state_before<const N: usize>() -> State<N> {
         epoch: Epoch(0),
         accepted: Sequence(0),
         phase: Phase::Listening,
-        cause: gantry_tau_core::message::Cause::None,
+        cause: gantry_tau_core::control::message::Cause::None,
         on_time_of_100: 100,
         arrival_us: 0,
         ramp_ticks_left: 0,

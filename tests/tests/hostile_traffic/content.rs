@@ -1,8 +1,8 @@
 //! The inside of frames: duplicated, reordered, of another session, out of range, nonsense. Each costs its frame and no more.
 
-use gantry_tau_core::message::{Cause, ClientMessage, Mode, Phase};
+use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase};
+use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, Sequence, Tick};
-use gantry_tau_core::wire::encode_client;
 use gantry_tau_tests::bench::MAX_NM;
 use gantry_tau_tests::client::{Noise, crc32, enclose};
 use gantry_tau_tests::duet::{Duet, offsets};

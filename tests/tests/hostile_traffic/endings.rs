@@ -1,6 +1,6 @@
 //! How sessions end: by a reset, a close, a frozen client, one that never reads, a Goodbye, a Stop, a Hello too many.
 
-use gantry_tau_core::message::{Cause, ClientMessage, Mode, Phase, Refusal};
+use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal};
 use gantry_tau_tests::bench::{Bench, MAX_NM};
 use gantry_tau_tests::client::Client;
 use gantry_tau_tests::duet::Duet;

@@ -2,7 +2,7 @@
 
 use std::net::TcpStream;
 
-use gantry_tau_core::message::{Mode, Phase};
+use gantry_tau_core::control::message::{Mode, Phase};
 use gantry_tau_tests::client::{Client, hello};
 use gantry_tau_tests::duet::Duet;
 use gantry_tau_tests::wait_for;
@@ -54,7 +54,7 @@ fn thousands_of_connections_come_and_go() {
 #[test]
 fn who_hardly_speaks_is_closed_and_a_newcomer_is_served() {
     let mut duet = Duet::obtained(AT);
-    let hello = gantry_tau_core::wire::encode_client(&hello::<3>());
+    let hello = gantry_tau_core::control::wire::encode_client(&hello::<3>());
     let mut slow: Vec<Client<3>> = (0..5)
         .map(|_| Client::connect(duet.bench.address()))
         .collect();
@@ -77,5 +77,8 @@ fn who_hardly_speaks_is_closed_and_a_newcomer_is_served() {
         tick(&mut duet);
         !next.is_quiet()
     });
-    assert_eq!(next.refusal(), gantry_tau_core::message::Refusal::Busy);
+    assert_eq!(
+        next.refusal(),
+        gantry_tau_core::control::message::Refusal::Busy
+    );
 }

@@ -2,8 +2,8 @@
 
 use std::io::Write;
 
-use gantry_tau_core::message::{Cause, Mode, Phase, Refusal, ServerMessage};
-use gantry_tau_core::wire::PROTOCOL_VERSION;
+use gantry_tau_core::control::message::{Cause, Mode, Phase, Refusal, ServerMessage};
+use gantry_tau_core::control::wire::PROTOCOL_VERSION;
 use gantry_tau_tests::bench::Bench;
 use gantry_tau_tests::client::Noise;
 use gantry_tau_tests::duet::Duet;

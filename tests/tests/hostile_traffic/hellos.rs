@@ -1,8 +1,10 @@
 //! From connecting to the first command: who is let in, and what the others are told.
 
 use gantry_tau::epoch::Epochs;
-use gantry_tau_core::message::{Capabilities, Cause, ClientMessage, Hello, Mode, Phase, Refusal};
-use gantry_tau_core::wire::encode_client;
+use gantry_tau_core::control::message::{
+    Capabilities, Cause, ClientMessage, Hello, Mode, Phase, Refusal,
+};
+use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_tests::bench::{Bench, parameters};
 use gantry_tau_tests::client::{Client, enclose, hello};
 use gantry_tau_tests::duet::Duet;

@@ -1,7 +1,7 @@
 //! Trouble on the machine's side of the server: late cycles, nominals that jump, a bus that fails.
 
 use gantry_tau::server::cycle::{Demands, Row};
-use gantry_tau_core::message::{AxisFlags, Cause, Mode, Phase};
+use gantry_tau_core::control::message::{AxisFlags, Cause, Mode, Phase};
 use gantry_tau_core::units::PositionNm;
 use gantry_tau_tests::bench::NOMINAL_STEP_NM;
 use gantry_tau_tests::duet::Duet;

@@ -3,10 +3,10 @@
 use std::io::Write;
 use std::net::SocketAddr;
 
-use gantry_tau_core::axis::Reference;
-use gantry_tau_core::endpoint::CONNECTIONS;
-use gantry_tau_core::message::{ClientMessage, Mode, Phase, Refusal};
-use gantry_tau_core::wire::encode_client;
+use gantry_tau_core::control::axis::Reference;
+use gantry_tau_core::control::endpoint::CONNECTIONS;
+use gantry_tau_core::control::message::{ClientMessage, Mode, Phase, Refusal};
+use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_tests::bench::Bench;
 use gantry_tau_tests::client::{Client, Noise, enclose};
 use gantry_tau_tests::duet::Duet;

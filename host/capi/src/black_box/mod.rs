@@ -3,7 +3,7 @@
 mod fields;
 mod text;
 
-use gantry_tau_core::session::BlackBox;
+use gantry_tau_core::control::session::BlackBox;
 
 use crate::code::gt_code;
 use crate::memory::Reply;
@@ -84,12 +84,12 @@ pub(crate) fn write_line<const N: usize, const TICKS: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gantry_tau_core::axis::{Actual, Offsets, Reference};
-    use gantry_tau_core::message::{
+    use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
+    use gantry_tau_core::control::message::{
         AxisFlags, AxisState, Cause, ClientMessage, Command, Counters, Mode, Phase, Refusal, State,
     };
-    use gantry_tau_core::session::decide::Connection;
-    use gantry_tau_core::session::{EVENTS, Entry, Event, Input, Output, Refusals};
+    use gantry_tau_core::control::session::fsm::Connection;
+    use gantry_tau_core::control::session::{EVENTS, Entry, Event, Input, Output, Refusals};
     use gantry_tau_core::units::{
         Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
     };

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use gantry_tau_core::axis::Offsets;
+use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
 
 use super::*;
@@ -150,7 +150,7 @@ fn no_arm_is_not_the_first_arm() {
 
 #[test]
 fn core_names_no_parameter_of_a_sensor_that_is_not_known_here() {
-    use gantry_tau_core::sensor::{ForceSensor, SensorConfig};
+    use gantry_tau_core::model::sensor::{ForceSensor, SensorConfig};
     use nalgebra::{Matrix3, Vector3};
     let good = SensorConfig {
         rotation: Matrix3::identity(),

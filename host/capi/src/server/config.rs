@@ -1,11 +1,11 @@
 //! What a server is told before it starts.
 
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::endpoint::MotorMap;
-use gantry_tau_core::message::{AxisLimits, Capabilities};
-use gantry_tau_core::session::Session;
-use gantry_tau_core::session::config::{
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::endpoint::MotorMap;
+use gantry_tau_core::control::message::{AxisLimits, Capabilities};
+use gantry_tau_core::control::session::Session;
+use gantry_tau_core::control::session::config::{
     AxisConfig, Config, ConfigError, MissBudget, Parameters, Travel,
 };
 use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Tick, TorquePermille, VelocityUmS};

@@ -7,7 +7,7 @@ mod turn;
 
 use core::ffi::{c_char, c_void};
 
-use gantry_tau_core::endpoint::Transport;
+use gantry_tau_core::control::endpoint::Transport;
 
 pub use config::{gt_axis_config, gt_limits, gt_offsets, gt_server_config, gt_start};
 pub use outbox::{GT_MAX_FRAME, gt_frame};

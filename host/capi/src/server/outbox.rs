@@ -1,8 +1,8 @@
 //! Frames of one tick that wait to be fetched: C is never called, it asks.
 
-use gantry_tau_core::endpoint::{FRAMES, REFUSALS};
-use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::wire::{HEADER_LEN, MAX_FRAME, TRAILER_LEN};
+use gantry_tau_core::control::endpoint::{FRAMES, REFUSALS};
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::wire::{HEADER_LEN, MAX_FRAME, TRAILER_LEN};
 
 /// Longest frame, bytes.
 pub const GT_MAX_FRAME: usize = 394;

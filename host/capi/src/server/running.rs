@@ -1,8 +1,8 @@
 //! A server of so many axes and with so much of a black box, and what every one of them can do.
 
-use gantry_tau_core::endpoint::{CONNECTIONS, Endpoint, MotorMap, Transport};
-use gantry_tau_core::session::Session;
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::session::Session;
+use gantry_tau_core::control::session::fsm::Connection;
 
 use super::config::{gt_offsets, gt_server_config, gt_start, in_force};
 use super::outbox::{Outbox, gt_frame};

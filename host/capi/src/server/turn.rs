@@ -1,8 +1,8 @@
 //! What goes into a tick and what comes out of it.
 
-use gantry_tau_core::axis::{Actual, Reference};
-use gantry_tau_core::endpoint::{CONNECTIONS, Cycle, Turn};
-use gantry_tau_core::message::{AxisFlags, AxisState, Cause, Counters, Phase, State};
+use gantry_tau_core::control::axis::{Actual, Reference};
+use gantry_tau_core::control::endpoint::{CONNECTIONS, Cycle, Turn};
+use gantry_tau_core::control::message::{AxisFlags, AxisState, Cause, Counters, Phase, State};
 use gantry_tau_core::units::{Epoch, PositionNm, TorquePermille, VelocityUmS};
 
 use super::config::{first, gt_offsets};

@@ -1,8 +1,8 @@
 //! The relay between two plain sockets.
 
-use gantry_tau_core::message::ClientMessage;
+use gantry_tau_core::control::message::ClientMessage;
+use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::Epoch;
-use gantry_tau_core::wire::encode_client;
 
 use super::*;
 use crate::faults::Fault;

@@ -3,10 +3,10 @@
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
-use gantry_tau_core::endpoint::{CONNECTIONS, Endpoint, Transport};
-use gantry_tau_core::message::ClientMessage;
-use gantry_tau_core::session::decide::Connection;
-use gantry_tau_core::wire::{Frame, MAX_FRAME, decode_client};
+use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, Transport};
+use gantry_tau_core::control::message::ClientMessage;
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::wire::{Frame, MAX_FRAME, decode_client};
 
 use super::Allowed;
 

@@ -7,8 +7,8 @@ mod stream;
 use std::io;
 use std::net::{SocketAddr, TcpStream};
 
-use gantry_tau_core::endpoint::{Endpoint, Transport};
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::endpoint::{Endpoint, Transport};
+use gantry_tau_core::control::session::fsm::Connection;
 
 use crate::realtime::Socket;
 use datagram::Datagrams;

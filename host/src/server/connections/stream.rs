@@ -3,8 +3,8 @@
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 
-use gantry_tau_core::endpoint::{CONNECTIONS, Endpoint, Transport};
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, Transport};
+use gantry_tau_core::control::session::fsm::Connection;
 
 use super::Allowed;
 

@@ -8,12 +8,12 @@ use core::panic::PanicInfo;
 
 use cortex_m::singleton;
 use cortex_m_rt::entry;
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Transport};
-use gantry_tau_core::session::Session;
-use gantry_tau_core::session::config::{AxisConfig, Config, Parameters, Travel};
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::session::Session;
+use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
+use gantry_tau_core::control::session::fsm::Connection;
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 
 /// The server.

@@ -13,9 +13,9 @@ use core::panic::PanicInfo;
 
 use cortex_m::singleton;
 use cortex_m_rt::entry;
-use gantry_tau_core::endpoint::Transport;
-use gantry_tau_core::message::Capabilities;
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::Capabilities;
+use gantry_tau_core::control::session::fsm::Connection;
 use gantry_tau_core::units::{Epoch, PositionNm};
 
 #[path = "../machine/mod.rs"]

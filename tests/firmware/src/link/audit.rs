@@ -1,9 +1,9 @@
 //! What no traffic may do to the references, looked at from outside of core in every tick.
 
-use gantry_tau_core::axis::{Offsets, Reference};
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::endpoint::Turn;
-use gantry_tau_core::message::{AxisLimits, AxisState, Phase};
+use gantry_tau_core::control::axis::{Offsets, Reference};
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::endpoint::Turn;
+use gantry_tau_core::control::message::{AxisLimits, AxisState, Phase};
 use gantry_tau_core::units::PositionNm;
 
 use crate::machine::{AXES, MOTORS};

@@ -1,8 +1,8 @@
 //! What the link says about itself: one line of `name=value` words per event, and a summary at the end.
 
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::endpoint::Turn;
-use gantry_tau_core::message::Phase;
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::endpoint::Turn;
+use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
 
 use super::audit::{Audit, Broken};

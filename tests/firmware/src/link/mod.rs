@@ -7,8 +7,8 @@ mod journal;
 use core::mem::MaybeUninit;
 
 use cortex_m::singleton;
-use gantry_tau_core::endpoint::Turn;
-use gantry_tau_core::message::{Capabilities, Phase};
+use gantry_tau_core::control::endpoint::Turn;
+use gantry_tau_core::control::message::{Capabilities, Phase};
 use gantry_tau_core::units::{Epoch, PositionNm};
 
 use crate::board::timer::Ticks;

@@ -1,11 +1,11 @@
 //! A cycle of the F1: inverse, forward, statics, compensation.
 
-use gantry_tau_core::compensation::{Correction, SixLinkCompensator, SixLinkElastic};
-use gantry_tau_core::kinematics::{
+use gantry_tau_core::model::compensation::{Correction, SixLinkCompensator, SixLinkElastic};
+use gantry_tau_core::model::kinematics::{
     KinematicsError, Pose, SixLinkKinematics, Solved, WARM_ITERATIONS,
 };
-use gantry_tau_core::linalg::rotation_from_vector;
-use gantry_tau_core::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::linalg::rotation_from_vector;
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use gantry_tau_core::units::OffsetNm;
 use nalgebra::{ArrayStorage, Matrix3, SMatrix, Vector3};
 

@@ -7,12 +7,12 @@ mod f1;
 pub(crate) mod robots;
 mod work;
 
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::endpoint::{Cycle, Endpoint, MotorMap, Turn};
-use gantry_tau_core::message::Capabilities;
-use gantry_tau_core::session::Session;
-use gantry_tau_core::session::config::Config;
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Turn};
+use gantry_tau_core::control::message::Capabilities;
+use gantry_tau_core::control::session::Session;
+use gantry_tau_core::control::session::config::Config;
+use gantry_tau_core::control::session::fsm::Connection;
 use gantry_tau_core::units::{Epoch, PositionNm, Tick, TorquePermille, VelocityUmS};
 
 pub(crate) use work::{Answer, Work};

@@ -1,13 +1,13 @@
 //! The machines of `robots/l2.toml` and `robots/f1.toml`: a target reads no files. The test compares their checksums.
 
-use gantry_tau_core::channel::Limits;
-use gantry_tau_core::compensation::CompensatorConfig;
-use gantry_tau_core::message::{AxisLimits, Capabilities};
-use gantry_tau_core::robot::{
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::message::{AxisLimits, Capabilities};
+use gantry_tau_core::control::session::config::{AxisConfig, Parameters, Travel};
+use gantry_tau_core::model::compensation::CompensatorConfig;
+use gantry_tau_core::model::robot::{
     Branch, Compliances, Configuration, Geometry, Robot, RobotError, SixLink, SixLinkGeometry,
 };
-use gantry_tau_core::sensor::SensorConfig;
-use gantry_tau_core::session::config::{AxisConfig, Parameters, Travel};
+use gantry_tau_core::model::sensor::SensorConfig;
 use gantry_tau_core::units::OffsetNm;
 use nalgebra::{Matrix3, Vector3};
 

@@ -1,9 +1,9 @@
 //! The floats of a tick: nominal positions from a pose, offsets from a load.
 
-use gantry_tau_core::compensation::{Compensator, Correction};
-use gantry_tau_core::kinematics::{KinematicsError, Nominal};
-use gantry_tau_core::sensor::{ForceSensor, Reading};
-use gantry_tau_core::statics::Wrench;
+use gantry_tau_core::model::compensation::{Compensator, Correction};
+use gantry_tau_core::model::kinematics::{KinematicsError, Nominal};
+use gantry_tau_core::model::sensor::{ForceSensor, Reading};
+use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, PositionNm};
 use nalgebra::{Matrix3, Vector3};
 

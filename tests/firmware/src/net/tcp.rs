@@ -1,7 +1,7 @@
 //! TCP: sockets that listen on one port, and what arrives on them handed to an endpoint.
 
-use gantry_tau_core::endpoint::{Endpoint, Transport};
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::endpoint::{Endpoint, Transport};
+use gantry_tau_core::control::session::fsm::Connection;
 use smoltcp::iface::{
     Config, Interface, PollIngressSingleResult, SocketHandle, SocketSet, SocketStorage,
 };

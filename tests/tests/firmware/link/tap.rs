@@ -11,8 +11,8 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use gantry_tau::sensor_link::{Sample, SensorPublisher};
-use gantry_tau_core::message::{Phase, ServerMessage};
-use gantry_tau_core::wire::{Deframer, Feed, decode_server};
+use gantry_tau_core::control::message::{Phase, ServerMessage};
+use gantry_tau_core::control::wire::{Deframer, Feed, decode_server};
 
 use super::{LOOK, PATIENCE, State};
 
@@ -23,7 +23,7 @@ const PULL_AFTER: u32 = 100;
 
 /// Everything that was heard.
 #[derive(Default)]
-struct Heard {
+struct Accepted {
     states: Mutex<Vec<State>>,
     more: Condvar,
     quit: AtomicBool,
@@ -46,7 +46,7 @@ pub(super) struct Tap {
     pub(super) address: SocketAddr,
     /// Where force samples come from.
     pub(super) sensor: SocketAddr,
-    heard: Arc<Heard>,
+    heard: Arc<Accepted>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -59,7 +59,7 @@ impl Tap {
         let listener = TcpListener::bind(any).unwrap();
         listener.set_nonblocking(true).unwrap();
         let address = listener.local_addr().unwrap();
-        let heard = Arc::new(Heard::default());
+        let heard = Arc::new(Accepted::default());
         *heard.sensor.lock().unwrap() = Some(Sensor {
             publisher,
             pull_n,
@@ -109,7 +109,7 @@ impl Drop for Tap {
     }
 }
 
-fn accept(listener: &TcpListener, target: SocketAddr, heard: &Arc<Heard>) {
+fn accept(listener: &TcpListener, target: SocketAddr, heard: &Arc<Accepted>) {
     while !heard.quit.load(Ordering::Relaxed) {
         let Ok((client, _)) = listener.accept() else {
             std::thread::sleep(LOOK);
@@ -143,7 +143,7 @@ fn forward(mut from: TcpStream, mut to: TcpStream, mut first: impl FnMut(&[u8]))
     let _ = to.shutdown(Shutdown::Write);
 }
 
-impl Heard {
+impl Accepted {
     fn listen(&self, deframer: &mut Deframer, mut bytes: &[u8]) {
         loop {
             match deframer.feed(bytes) {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use gantry_tau_core::message::Phase;
+use gantry_tau_core::control::message::Phase;
 
 use super::{AXES, State};
 

@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use gantry_tau_core::axis::Offsets;
-use gantry_tau_core::endpoint::{Transport, Turn};
-use gantry_tau_core::message::{Capabilities, ClientMessage, Command, Mode, Phase};
-use gantry_tau_core::session::Session;
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::endpoint::{Transport, Turn};
+use gantry_tau_core::control::message::{Capabilities, ClientMessage, Command, Mode, Phase};
+use gantry_tau_core::control::session::Session;
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, OffsetNm, Sequence};
-use gantry_tau_core::wire::encode_client;
 use gantry_tau_tests::client::Noise;
 
 use super::Recording;

@@ -1,10 +1,10 @@
 //! Clients that do everything right.
 
-use gantry_tau_core::endpoint::Transport;
-use gantry_tau_core::message::{Capabilities, ClientMessage, Hello, Mode, Phase};
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::{Capabilities, ClientMessage, Hello, Mode, Phase};
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::Epoch;
-use gantry_tau_core::wire::encode_client;
 use gantry_tau_tests::client::Noise;
 
 use super::author::{Author, along, moment, pushing};

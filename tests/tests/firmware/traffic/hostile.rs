@@ -1,12 +1,12 @@
 //! Plays of the fuzzer's kind, and bursts between them.
 
 use arbitrary::{Arbitrary, Unstructured};
-use gantry_tau_core::axis::{Actual, Offsets};
-use gantry_tau_core::endpoint::Transport;
-use gantry_tau_core::message::{Capabilities, ClientMessage, Hello, Mode, Phase};
-use gantry_tau_core::session::decide::Connection;
+use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::{Capabilities, ClientMessage, Hello, Mode, Phase};
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, TorquePermille, VelocityUmS};
-use gantry_tau_core::wire::encode_client;
 use gantry_tau_proofs::play::{Move, Shares, Who, Word};
 use gantry_tau_tests::client::{Noise, enclose};
 

@@ -8,7 +8,7 @@ mod socket;
 use std::f64::consts::FRAC_PI_2;
 use std::sync::OnceLock;
 
-use gantry_tau_core::message::Phase;
+use gantry_tau_core::control::message::Phase;
 
 use crate::host::{Floats, play};
 use crate::machine::Motion;

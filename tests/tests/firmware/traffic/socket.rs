@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use gantry_tau_core::endpoint::Transport;
+use gantry_tau_core::control::endpoint::Transport;
 
 /// One end of a connection, as the system has it.
 pub(super) struct Socket {

@@ -1,0 +1,17 @@
+//! Everything that can reach a drive: integers only, no float arithmetic, no allocation. Builds without nalgebra and libm.
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`axis`] | commands and reports of one axis |
+//! | [`channel`] | one bounded reference value |
+//! | [`message`] | messages between client and server, as types |
+//! | [`wire`] | messages as frames of bytes |
+//! | [`session`] | the server's state machine `[T 5.1.1]` |
+//! | [`endpoint`] | session, deframers and motors: bytes in, drive references and bytes out |
+
+pub mod axis;
+pub mod channel;
+pub mod endpoint;
+pub mod message;
+pub mod session;
+pub mod wire;

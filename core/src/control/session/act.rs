@@ -1,0 +1,117 @@
+//! The second half of a tick: every axis carries out the one decision with its own channels, limits and travel.
+
+use super::channels::AxisChannels;
+use super::config::{AxisConfig, Travel};
+use super::fsm::Action;
+use crate::control::axis::{Actual, Offsets, Reference};
+use crate::control::message::{AxisFlags, AxisLimits, AxisState, Phase};
+use crate::units::PositionNm;
+
+/// What a session remembers of one axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct Axis {
+    /// Channels whose values are in force.
+    pub channels: AxisChannels,
+    /// Channels that follow in Submit and reach no drive.
+    pub shadow: AxisChannels,
+    /// Nominal reference of the last tick.
+    pub nominal: PositionNm,
+}
+
+/// What one axis is to do in a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct AxisCommand {
+    /// What the channels in force do.
+    pub action: Action,
+    /// What the shadow does; `None`: it rests at zero.
+    pub shadow: Option<Action>,
+    /// Where [`Action::Follow`] leads.
+    pub target: Offsets,
+    /// Nominal reference of this tick.
+    pub nominal: PositionNm,
+    /// Whether that is too far from the last one.
+    pub nominal_stepped: bool,
+    /// What the drive measures.
+    pub actual: Actual,
+}
+
+impl Axis {
+    /// The invariant, clause by clause: channels and shadow are valid under their limits; before Obtain the channels rest
+    /// at zero (T6); outside Submit the shadow rests at zero.
+    #[must_use]
+    pub fn is_valid(&self, phase: Phase, limits: &AxisLimits) -> bool {
+        let resting = matches!(phase, Phase::Listening | Phase::Handshake | Phase::Submit);
+        self.channels.is_valid(limits)
+            && self.shadow.is_valid(limits)
+            && (!resting || self.channels.is_at_rest_at_zero())
+            && (phase == Phase::Submit || self.shadow.is_at_rest_at_zero())
+    }
+
+    /// Carries out a command: what the drive receives, and what the State says of it.
+    #[inline]
+    pub fn act(&mut self, command: &AxisCommand, config: &AxisConfig) -> (Reference, AxisState) {
+        let limits = &config.limits;
+        let target = &command.target;
+        self.channels = self.channels.act(command.action, target, limits);
+        self.nominal = command.nominal;
+        // In Submit it is the shadow that approaches its target.
+        let limited;
+        (self.shadow, limited) = match command.shadow {
+            Some(action) => {
+                let shadow = self.shadow.act(action, target, limits);
+                (shadow, shadow.limited(action, target))
+            }
+            None => (
+                AxisChannels::ZERO,
+                self.channels.limited(command.action, target),
+            ),
+        };
+        let offsets = self.channels.offsets();
+        let (reference, clamped) =
+            drive_reference(command.nominal, &offsets, &config.machine_travel);
+        let state = AxisState {
+            nominal: command.nominal,
+            offsets,
+            shadow: self.shadow.offsets(),
+            actual: command.actual,
+            flags: AxisFlags(limited.0 | clamped.0)
+                .with(AxisFlags::NOMINAL_STEP, command.nominal_stepped),
+        };
+        (reference, state)
+    }
+}
+
+/// What the drive receives: `clamp(nominal + offset, travel)`. A clamp never enlarges a difference, so for a fixed travel
+/// the position changes by at most |change of nominal| + |change of offset| (T3).
+#[inline]
+#[must_use]
+pub fn drive_reference(
+    nominal: PositionNm,
+    offsets: &Offsets,
+    travel: &Travel,
+) -> (Reference, AxisFlags) {
+    let wanted = nominal.0.saturating_add(i64::from(offsets.position.0));
+    // Not `clamp`, which would panic on reversed ends; the configuration refuses those.
+    let position = wanted.max(travel.lower.0).min(travel.upper.0);
+    #[cfg(mutant = "travel_not_clamped")]
+    let position = wanted.min(travel.upper.0);
+    let flags = AxisFlags::default().with(AxisFlags::TRAVEL, position != wanted);
+    let reference = Reference {
+        position: PositionNm(position),
+        velocity_offset: offsets.velocity,
+        torque_offset: offsets.torque,
+    };
+    (reference, flags)
+}
+
+/// Whether the nominal reference moved further than its limit in `cycles` cycles.
+#[inline]
+#[must_use]
+pub fn nominal_stepped(from: PositionNm, to: PositionNm, axis: &AxisConfig, cycles: u32) -> bool {
+    let limit = u64::from(axis.nominal_step_nm).saturating_mul(u64::from(cycles));
+    from.0.abs_diff(to.0) > limit
+}

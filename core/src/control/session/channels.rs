@@ -1,0 +1,135 @@
+//! The three channels of an axis as one: every channel applies the one action with its own limits. No cases but the action.
+
+use super::fsm::Action;
+use crate::control::axis::Offsets;
+use crate::control::channel::Channel;
+use crate::control::message::{AxisFlags, AxisLimits};
+use crate::units::{OffsetNm, TorquePermille, VelocityUmS};
+
+/// The three channels of an axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct AxisChannels {
+    /// Position offset, nm.
+    pub position: Channel,
+    /// Velocity offset, µm/s.
+    pub velocity: Channel,
+    /// Torque offset, per mille.
+    pub torque: Channel,
+}
+
+impl AxisChannels {
+    /// All three at zero and at rest.
+    pub const ZERO: Self = Self {
+        position: Channel::ZERO,
+        velocity: Channel::ZERO,
+        torque: Channel::ZERO,
+    };
+
+    /// Channels at rest at offsets read back from a drive, if these are within the limits.
+    #[must_use]
+    pub fn at_rest(offsets: &Offsets, limits: &AxisLimits) -> Option<Self> {
+        Some(Self {
+            position: Channel::from_parts(offsets.position.0, 0, &limits.position)?,
+            velocity: Channel::from_parts(offsets.velocity.0, 0, &limits.velocity)?,
+            torque: Channel::from_parts(i32::from(offsets.torque.0), 0, &limits.torque)?,
+        })
+    }
+
+    /// The invariant: each channel is valid under its limits.
+    #[must_use]
+    pub const fn is_valid(&self, limits: &AxisLimits) -> bool {
+        self.position.is_valid(&limits.position)
+            && self.velocity.is_valid(&limits.velocity)
+            && self.torque.is_valid(&limits.torque)
+    }
+
+    /// All three at zero.
+    #[inline]
+    #[must_use]
+    pub const fn is_zero(&self) -> bool {
+        self.position.is_zero() && self.velocity.is_zero() && self.torque.is_zero()
+    }
+
+    /// All three at zero and at rest.
+    #[inline]
+    #[must_use]
+    pub fn is_at_rest_at_zero(&self) -> bool {
+        *self == Self::ZERO
+    }
+
+    /// Their values.
+    #[inline]
+    #[must_use]
+    pub fn offsets(&self) -> Offsets {
+        Offsets {
+            position: OffsetNm(self.position.value()),
+            velocity: VelocityUmS(self.velocity.value()),
+            // A valid torque channel lies within the i16 range, which the configuration checks.
+            torque: TorquePermille(i16::try_from(self.torque.value()).unwrap_or(0)),
+        }
+    }
+
+    /// Ticks until all three would be zero.
+    #[must_use]
+    pub fn ramp_ticks_left(&self, limits: &AxisLimits) -> u32 {
+        let position = self.position.ramp_ticks_left(&limits.position);
+        let velocity = self.velocity.ramp_ticks_left(&limits.velocity);
+        let torque = self.torque.ramp_ticks_left(&limits.torque);
+        position.max(velocity).max(torque)
+    }
+
+    /// Applies one action. `targets` matter to [`Action::Follow`] only.
+    #[inline]
+    #[must_use]
+    pub fn act(self, action: Action, targets: &Offsets, limits: &AxisLimits) -> Self {
+        match action {
+            Action::Hold => Self {
+                position: self.position.hold(),
+                velocity: self.velocity.ramp(&limits.velocity),
+                torque: self.torque.ramp(&limits.torque),
+            },
+            Action::Follow => self.follow(targets, limits),
+            Action::FollowZero => self.follow(&Offsets::default(), limits),
+            Action::Ramp => Self {
+                position: self.position.ramp(&limits.position),
+                velocity: self.velocity.ramp(&limits.velocity),
+                torque: self.torque.ramp(&limits.torque),
+            },
+        }
+    }
+
+    #[inline]
+    fn follow(self, targets: &Offsets, limits: &AxisLimits) -> Self {
+        Self {
+            position: self.position.follow(targets.position.0, &limits.position),
+            velocity: self.velocity.follow(targets.velocity.0, &limits.velocity),
+            torque: self
+                .torque
+                .follow(i32::from(targets.torque.0), &limits.torque),
+        }
+    }
+
+    /// Which channels a follow left short of their targets.
+    #[inline]
+    #[must_use]
+    pub fn limited(&self, action: Action, targets: &Offsets) -> AxisFlags {
+        let targets = match action {
+            Action::Follow => *targets,
+            Action::FollowZero => Offsets::default(),
+            Action::Hold | Action::Ramp => return AxisFlags::default(),
+        };
+        let offsets = self.offsets();
+        AxisFlags::default()
+            .with(
+                AxisFlags::POSITION_LIMITED,
+                offsets.position != targets.position,
+            )
+            .with(
+                AxisFlags::VELOCITY_LIMITED,
+                offsets.velocity != targets.velocity,
+            )
+            .with(AxisFlags::TORQUE_LIMITED, offsets.torque != targets.torque)
+    }
+}

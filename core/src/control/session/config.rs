@@ -1,0 +1,259 @@
+//! Configuration of a session, validated once.
+
+use core::fmt;
+
+use crate::control::channel::Limits;
+use crate::control::message::{AxisLimits, Capabilities, MAX_AXES};
+use crate::units::PositionNm;
+use crate::zip::each;
+
+/// Largest magnitude of a travel limit or a nominal reference for which the bounds are claimed: 2^61 nm.
+pub const MAX_POSITION_NM: i64 = 1 << 61;
+
+/// A closed range of positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct Travel {
+    /// Lower end.
+    pub lower: PositionNm,
+    /// Upper end.
+    pub upper: PositionNm,
+}
+
+impl Travel {
+    /// `reach_nm` to either side of zero.
+    #[must_use]
+    pub const fn around_zero(reach_nm: u32) -> Self {
+        #[expect(
+            clippy::as_conversions,
+            reason = "u32 to i64 is lossless; `From` is not const"
+        )]
+        let reach = reach_nm as i64;
+        Self {
+            lower: PositionNm(reach.saturating_neg()),
+            upper: PositionNm(reach),
+        }
+    }
+}
+
+/// How one axis may be moved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct AxisConfig {
+    /// Limits of the three offset channels.
+    pub limits: AxisLimits,
+    /// Where the nominal reference may be.
+    pub nominal_travel: Travel,
+    /// Where the drive's reference may be; must reach `M` of the position channel further than `nominal_travel` at both ends.
+    pub machine_travel: Travel,
+    /// Largest change of the nominal reference per tick, nm. Zero means that it must not move.
+    pub nominal_step_nm: u32,
+}
+
+impl AxisConfig {
+    /// An axis with position offsets only, whose machine travel is just as much wider as its offsets need.
+    #[must_use]
+    pub const fn position_only(
+        position: Limits,
+        nominal_travel: Travel,
+        nominal_step_nm: u32,
+    ) -> Self {
+        #[expect(
+            clippy::as_conversions,
+            reason = "i32 to i64 is lossless; `From` is not const"
+        )]
+        let reach = position.max() as i64;
+        Self {
+            limits: AxisLimits {
+                position,
+                velocity: Limits::DISABLED,
+                torque: Limits::DISABLED,
+            },
+            nominal_travel,
+            machine_travel: Travel {
+                lower: PositionNm(nominal_travel.lower.0.saturating_sub(reach)),
+                upper: PositionNm(nominal_travel.upper.0.saturating_add(reach)),
+            },
+            nominal_step_nm,
+        }
+    }
+}
+
+/// A budget of misses beside the consecutive-miss rule.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct MissBudget {
+    /// Length of the window in ticks, 1 to 128.
+    pub window: u8,
+    /// Misses tolerated within any window; one more ends the session.
+    pub allowed: u8,
+}
+
+/// Configuration as a human or a file states it; not yet checked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct Parameters<const N: usize> {
+    /// Length of a cycle in µs; only told to the client, the core has no clock.
+    pub cycle_us: u32,
+    /// `W`: how many ticks a command's echo may be behind the last State; 0 by default.
+    pub echo_window: u8,
+    /// Ticks a granted session may wait for its first command; 1 000 by default.
+    pub handshake_ticks: u32,
+    /// Budget of misses; off in the thesis profile.
+    pub budget: Option<MissBudget>,
+    /// What the server does; a client must have the same abilities.
+    pub capabilities: Capabilities,
+    /// Checksum of the kinematic parameters; told to the client.
+    pub kinematics_checksum: u32,
+    /// The axes.
+    pub axes: [AxisConfig; N],
+}
+
+impl<const N: usize> Parameters<N> {
+    /// The thesis profile `[T 5.1.1]`: 1 kHz, every command answers the last State, one lost command tolerated, no budget beside it.
+    #[must_use]
+    pub const fn thesis(axes: [AxisConfig; N]) -> Self {
+        Self {
+            cycle_us: 1_000,
+            echo_window: 0,
+            handshake_ticks: 1_000,
+            budget: None,
+            capabilities: Capabilities::NONE,
+            kinematics_checksum: 0,
+            axes,
+        }
+    }
+}
+
+/// Why parameters are no configuration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ConfigError {
+    /// The number of axes is zero or more than a frame can carry.
+    Axes {
+        /// The refused number.
+        axes: usize,
+    },
+    /// The handshake would never or at once time out.
+    HandshakeTicks,
+    /// The window of the budget is not 1 to 128 ticks.
+    BudgetWindow {
+        /// The refused window.
+        window: u8,
+    },
+    /// The torque channel's `M` does not fit the wire.
+    TorqueMax {
+        /// Which axis.
+        axis: usize,
+    },
+    /// A lower end is above its upper end, or an end is beyond 2^61 nm.
+    Travel {
+        /// Which axis.
+        axis: usize,
+    },
+    /// The nominal travel lies less than `M` inside the machine's travel.
+    Margin {
+        /// Which axis.
+        axis: usize,
+    },
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Axes { axes } => write!(f, "{axes} axes, 1 to {MAX_AXES} are possible"),
+            Self::HandshakeTicks => f.write_str("handshake_ticks must be at least 1"),
+            Self::BudgetWindow { window } => {
+                write!(f, "budget window is {window} ticks, 1 to 128 are possible")
+            }
+            Self::TorqueMax { axis } => {
+                write!(f, "axis {axis}: torque max is above {} per mille", i16::MAX)
+            }
+            Self::Travel { axis } => {
+                write!(f, "axis {axis}: a travel has its ends reversed or too far")
+            }
+            Self::Margin { axis } => write!(
+                f,
+                "axis {axis}: nominal travel must lie at least the position max inside machine travel"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for ConfigError {}
+
+/// Validated configuration. Its fields can be read, not changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Config<const N: usize> {
+    parameters: Parameters<N>,
+}
+
+impl<const N: usize> Config<N> {
+    /// Checks every parameter. (The limits of a channel are already valid by their type.)
+    ///
+    /// # Errors
+    /// The first parameter found wrong.
+    pub fn new(parameters: Parameters<N>) -> Result<Self, ConfigError> {
+        if N == 0 || N > MAX_AXES {
+            return Err(ConfigError::Axes { axes: N });
+        }
+        if parameters.handshake_ticks == 0 {
+            return Err(ConfigError::HandshakeTicks);
+        }
+        if let Some(MissBudget { window, .. }) = parameters.budget {
+            if window == 0 || window > 128 {
+                return Err(ConfigError::BudgetWindow { window });
+            }
+        }
+        for (axis, config) in each(&parameters.axes).enumerate() {
+            check_axis(axis, config)?;
+        }
+        Ok(Self { parameters })
+    }
+
+    /// The validated parameters.
+    #[inline]
+    #[must_use]
+    pub const fn parameters(&self) -> &Parameters<N> {
+        &self.parameters
+    }
+}
+
+#[cfg(kani)]
+impl<const N: usize> kani::Arbitrary for Config<N> {
+    fn any() -> Self {
+        let config = Self {
+            parameters: kani::any(),
+        };
+        kani::assume(Self::new(config.parameters).is_ok());
+        kani::cover!(true, "some configurations are valid");
+        config
+    }
+}
+
+fn check_axis(axis: usize, config: &AxisConfig) -> Result<(), ConfigError> {
+    if i16::try_from(config.limits.torque.max()).is_err() {
+        return Err(ConfigError::TorqueMax { axis });
+    }
+    let (nominal, machine) = (config.nominal_travel, config.machine_travel);
+    for travel in [nominal, machine] {
+        let far =
+            travel.lower.0 < MAX_POSITION_NM.saturating_neg() || travel.upper.0 > MAX_POSITION_NM;
+        if far || travel.lower > travel.upper {
+            return Err(ConfigError::Travel { axis });
+        }
+    }
+    // Both ends are within 2^61, so neither sum saturates.
+    let reach = i64::from(config.limits.position.max());
+    let below = nominal.lower.0.saturating_sub(reach);
+    let above = nominal.upper.0.saturating_add(reach);
+    if below < machine.lower.0 || above > machine.upper.0 {
+        return Err(ConfigError::Margin { axis });
+    }
+    Ok(())
+}

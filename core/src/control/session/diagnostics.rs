@@ -1,0 +1,65 @@
+//! Counters and causes: they say what happened and never decide anything.
+
+use super::Parts;
+use super::fsm::{Decision, EndReason, FsmInput, FsmState};
+use crate::control::message::{AxisFlags, Cause, Counters, Phase};
+
+impl<const N: usize> Parts<N> {
+    /// Settles what this tick leaves behind, beside the counts of the classifier.
+    pub(super) fn update_diagnostics(
+        &mut self,
+        before: &FsmState,
+        decision: &Decision,
+        fsm: &FsmInput,
+        late: bool,
+    ) {
+        if before.phase == Phase::Listening && decision.next.phase == Phase::Handshake {
+            self.counters = Counters::default();
+            self.late = false;
+        }
+        self.late |= late;
+        self.count_misses(before, decision, fsm);
+        match decision.end {
+            Some(EndReason::Because(cause)) => self.cause = cause,
+            Some(EndReason::Missed) if self.late => self.cause = Cause::NetworkLate,
+            Some(EndReason::Missed) => self.cause = Cause::ClientLate,
+            None => {}
+        }
+        if fsm.command.is_some() {
+            self.late = false;
+        }
+    }
+
+    /// Deadlines count while commands are due; a session that ends for another reason has no deadline in that tick.
+    fn count_misses(&mut self, before: &FsmState, decision: &Decision, fsm: &FsmInput) {
+        let late = matches!(
+            decision.end,
+            None | Some(EndReason::Missed | EndReason::Because(Cause::ServerLate | Cause::Budget))
+        );
+        if !late || !matches!(before.phase, Phase::Submit | Phase::Obtain) {
+            return;
+        }
+        let missed = u32::from(fsm.command.is_none());
+        let missed = missed.saturating_add(fsm.skipped);
+        let run = u32::from(before.misses).saturating_add(missed);
+        let run = u16::try_from(run).unwrap_or(u16::MAX);
+        let counters = &mut self.counters;
+        counters.missed = counters.missed.saturating_add(missed);
+        counters.longest_miss_run = counters.longest_miss_run.max(run);
+    }
+}
+
+/// Counts channel steps held back and references clamped.
+pub(super) fn count_flags(counters: &mut Counters, flags: AxisFlags) {
+    let clamped = flags.0 & AxisFlags::TRAVEL.0;
+    let limited = flags.0 & AxisFlags::LIMITED.0;
+    counters.limited = counters.limited.saturating_add(limited.count_ones());
+    counters.clamped = counters.clamped.saturating_add(clamped.count_ones());
+}
+
+/// On-time deadlines among the latest 100.
+pub(super) fn on_time_of_100(history: u128) -> u8 {
+    let latest = history & ((1 << 100) - 1);
+    let missed = u8::try_from(latest.count_ones()).unwrap_or(100);
+    100_u8.saturating_sub(missed)
+}

@@ -1,0 +1,119 @@
+//! The bytes of one frame, out of slices of any size: first a header, then as many as it states. No checksum here.
+
+use super::frame::{HEADER_LEN, MAX_FRAME, TRAILER_LEN, parse_header};
+use crate::control::message::FrameError;
+
+/// Collects the bytes of one frame.
+#[derive(Clone, Debug)]
+pub struct Collector {
+    bytes: [u8; MAX_FRAME],
+    /// How many of them are there.
+    held: usize,
+}
+
+/// The bytes that are there, and no others.
+#[cfg(feature = "defmt")]
+impl defmt::Format for Collector {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{=[u8]}", self.held());
+    }
+}
+
+impl Collector {
+    /// An empty collector.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            bytes: [0; MAX_FRAME],
+            held: 0,
+        }
+    }
+
+    /// A collector that holds the first of these bytes, if they satisfy the invariant.
+    #[must_use]
+    pub fn from_parts(bytes: [u8; MAX_FRAME], held: usize) -> Option<Self> {
+        let collector = Self { bytes, held };
+        collector.is_valid().then_some(collector)
+    }
+
+    /// The invariant: less than a header, or a good header and at most its frame.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        match self.whole_len() {
+            None => true,
+            Some(whole) => whole.is_ok_and(|whole| self.held <= whole),
+        }
+    }
+
+    /// The bytes that are there.
+    #[must_use]
+    pub fn held(&self) -> &[u8] {
+        self.bytes.get(..self.held).unwrap_or(&self.bytes)
+    }
+
+    /// Whether the frame is complete.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.whole_len() == Some(Ok(self.held))
+    }
+
+    /// Takes bytes up to the end of the frame. `Some(taken)` once it is complete; `None` has taken them all.
+    ///
+    /// # Errors
+    /// What is wrong with the header.
+    pub fn take(&mut self, bytes: &[u8]) -> Result<Option<usize>, FrameError> {
+        let header_part = self.top_up(bytes, HEADER_LEN);
+        let Some(whole) = self.whole_len().transpose()? else {
+            return Ok(None);
+        };
+        #[cfg(mutant = "header_taken_twice")]
+        let header_part = 0;
+        let rest = bytes.get(header_part..).unwrap_or_default();
+        let taken = header_part.saturating_add(self.top_up(rest, whole));
+        Ok((self.held == whole).then_some(taken))
+    }
+
+    /// Forgets what is held.
+    pub const fn clear(&mut self) {
+        self.held = 0;
+    }
+
+    /// Length of the frame, once its header is there.
+    fn whole_len(&self) -> Option<Result<usize, FrameError>> {
+        let (header, _) = self.bytes.split_first_chunk::<HEADER_LEN>()?;
+        (self.held >= HEADER_LEN).then(|| {
+            parse_header(*header).map(|(_, length)| {
+                HEADER_LEN
+                    .saturating_add(usize::from(length))
+                    .saturating_add(TRAILER_LEN)
+            })
+        })
+    }
+
+    /// Copies bytes until `target` of them are held; returns how many were copied.
+    fn top_up(&mut self, bytes: &[u8], target: usize) -> usize {
+        // `target` never exceeds the capacity: a header was checked before its length is believed.
+        let room = self.bytes.get_mut(self.held..target).unwrap_or_default();
+        for (place, byte) in room.iter_mut().zip(bytes) {
+            *place = *byte;
+        }
+        let copied = room.len().min(bytes.len());
+        self.held = self.held.saturating_add(copied);
+        copied
+    }
+}
+
+impl Default for Collector {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// What is behind the held bytes does not matter.
+impl PartialEq for Collector {
+    fn eq(&self, other: &Self) -> bool {
+        self.held() == other.held()
+    }
+}
+
+impl Eq for Collector {}

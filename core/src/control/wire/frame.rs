@@ -1,0 +1,205 @@
+//! Header, length and checksum: the outside of a frame.
+
+use core::fmt;
+use core::ops::Deref;
+
+use super::body::Body;
+use crate::control::message::{FrameError, MAX_BODY, PROTOCOL_VERSION};
+
+/// First two bytes of every frame: "GT".
+const MAGIC: [u8; 2] = *b"GT";
+/// Bytes before the body: magic (2), version (1), kind (1), length of the body (2).
+pub const HEADER_LEN: usize = 6;
+/// Bytes after the body: CRC-32 of header and body.
+pub const TRAILER_LEN: usize = 4;
+/// Longest frame, in bytes.
+pub const MAX_FRAME: usize = HEADER_LEN + MAX_BODY + TRAILER_LEN;
+
+/// An encoded frame; read as a slice. Not a `Vec`, which is filled byte by byte.
+#[derive(Clone)]
+pub struct FrameBytes {
+    bytes: [u8; MAX_FRAME],
+    /// How many of them are the frame's.
+    length: usize,
+}
+
+impl Deref for FrameBytes {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        self.bytes.get(..self.length).unwrap_or_default()
+    }
+}
+
+impl fmt::Debug for FrameBytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        (**self).fmt(f)
+    }
+}
+
+/// What is behind the frame does not matter.
+impl PartialEq for FrameBytes {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
+    }
+}
+
+impl Eq for FrameBytes {}
+
+/// What a frame's body is; the fourth byte of every frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub enum Kind {
+    /// Client asks for the session.
+    Hello,
+    /// Server grants it.
+    Welcome,
+    /// Client's wanted offsets.
+    Command,
+    /// Server's state, one per tick.
+    State,
+    /// Client leaves.
+    Goodbye,
+    /// Client stops the machine's external offsets.
+    Stop,
+    /// Server refuses a Hello.
+    Refusal,
+}
+
+impl Kind {
+    /// The byte that stands for this kind.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        match self {
+            Self::Hello => 1,
+            Self::Welcome => 2,
+            Self::Command => 3,
+            Self::State => 4,
+            Self::Goodbye => 5,
+            Self::Stop => 6,
+            Self::Refusal => 7,
+        }
+    }
+
+    /// The kind of a byte.
+    #[must_use]
+    pub const fn from_code(code: u8) -> Option<Self> {
+        Some(match code {
+            1 => Self::Hello,
+            2 => Self::Welcome,
+            3 => Self::Command,
+            4 => Self::State,
+            5 => Self::Goodbye,
+            6 => Self::Stop,
+            7 => Self::Refusal,
+            _ => return None,
+        })
+    }
+}
+
+/// A frame whose boundary, version, length and checksum are right. Its kind and content are still to be judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Frame<'a> {
+    kind: u8,
+    body: &'a [u8],
+}
+
+impl<'a> Frame<'a> {
+    /// Checks bytes that should be exactly one frame.
+    ///
+    /// # Errors
+    /// The first thing found wrong, front to back, the checksum last.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self, FrameError> {
+        let (header, rest) = bytes
+            .split_first_chunk::<HEADER_LEN>()
+            .ok_or(FrameError::Length)?;
+        let (kind, length) = parse_header(*header)?;
+        let (body, _) = rest
+            .split_last_chunk::<TRAILER_LEN>()
+            .ok_or(FrameError::Length)?;
+        if body.len() != usize::from(length) {
+            return Err(FrameError::Length);
+        }
+        check_trailer(bytes)?;
+        Ok(Self { kind, body })
+    }
+
+    /// The frame of a kind byte and a body. No checksum is involved; [`Self::parse`] has checked one.
+    #[must_use]
+    pub const fn from_parts(kind: u8, body: &'a [u8]) -> Option<Self> {
+        if body.len() <= MAX_BODY {
+            Some(Self { kind, body })
+        } else {
+            None
+        }
+    }
+
+    /// The kind byte.
+    #[must_use]
+    pub const fn kind_code(&self) -> u8 {
+        self.kind
+    }
+
+    /// The bytes between header and checksum.
+    #[must_use]
+    pub const fn body(&self) -> &'a [u8] {
+        self.body
+    }
+}
+
+/// Kind and body length of a header, once magic, version and length are right.
+pub(super) fn parse_header(header: [u8; HEADER_LEN]) -> Result<(u8, u16), FrameError> {
+    let [m0, m1, version, kind, l0, l1] = header;
+    if [m0, m1] != MAGIC {
+        return Err(FrameError::Magic);
+    }
+    if version != PROTOCOL_VERSION {
+        return Err(FrameError::Version { received: version });
+    }
+    let length = u16::from_le_bytes([l0, l1]);
+    if usize::from(length) > MAX_BODY {
+        return Err(FrameError::TooLong { length });
+    }
+    Ok((kind, length))
+}
+
+/// Puts header and checksum around a body.
+/// A body that does not fit gives an empty frame; [`MAX_BODY`] leaves room for every message, which a test checks.
+#[must_use]
+pub fn enclose<B: Body>(kind: Kind, body: &B) -> FrameBytes {
+    let mut frame = FrameBytes {
+        bytes: [0; MAX_FRAME],
+        length: 0,
+    };
+    frame.length = fill(&mut frame.bytes, kind, body).unwrap_or(0);
+    frame
+}
+
+/// Header, body and checksum, one after the other; how many bytes they are. `None` where one does not fit.
+fn fill<B: Body>(bytes: &mut [u8; MAX_FRAME], kind: Kind, body: &B) -> Option<usize> {
+    let [m0, m1] = MAGIC;
+    let [l0, l1] = u16::try_from(B::LENGTH).ok()?.to_le_bytes();
+    let (header, rest) = bytes.split_first_chunk_mut::<HEADER_LEN>()?;
+    *header = [m0, m1, PROTOCOL_VERSION, kind.code(), l0, l1];
+    body.write(rest.get_mut(..B::LENGTH)?).ok()?;
+    let (checked, rest) = bytes.split_at_mut_checked(HEADER_LEN.checked_add(B::LENGTH)?)?;
+    *rest.first_chunk_mut::<TRAILER_LEN>()? = crc32fast::hash(checked).to_le_bytes();
+    checked.len().checked_add(TRAILER_LEN)
+}
+
+/// Compares the last bytes with the CRC-32/ISO-HDLC (as in Ethernet and zlib) of those before them.
+fn check_trailer(frame: &[u8]) -> Result<(), FrameError> {
+    let (checked, trailer) = frame
+        .split_last_chunk::<TRAILER_LEN>()
+        .ok_or(FrameError::Length)?;
+    let checksum = crc32fast::hash(checked);
+    #[cfg(mutant = "checksum_not_compared")]
+    let checksum = u32::from_le_bytes(*trailer);
+    if checksum == u32::from_le_bytes(*trailer) {
+        Ok(())
+    } else {
+        Err(FrameError::Checksum)
+    }
+}

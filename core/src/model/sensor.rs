@@ -1,0 +1,410 @@
+//! Six-axis force sensor: tare, frame, low-pass `[T 4.2.5]`.
+//!
+//! A reading is the load of the environment on the platform, in sensor axes about the sensor's origin. Out comes the same load
+//! in world axes about the tool centre point, `F = R F_s`, `M = R M_s + p x F`, filtered by a first-order low-pass.
+//! Inertia is not taken out: at speed, a sensor in the tool measures its acceleration too.
+
+use core::fmt;
+use nalgebra::{Matrix3, Vector3};
+
+use crate::model::linalg::{rotation_deviation, times};
+use crate::model::statics::Wrench;
+
+/// Largest component of a reading, N and N m: beyond it a reading is a fault, and sums stay far from overflow.
+pub const MAX_READING: f64 = 1e6;
+/// Largest number of samples of a tare.
+pub const MAX_TARE_SAMPLES: u32 = 1_000_000;
+/// Longest lever, m.
+pub const MAX_LEVER_M: f64 = 10.0;
+
+/// A mean of readings and its rounding.
+const WIDEST_TARE: f64 = MAX_READING * (1.0 + 1e-9);
+/// A reading less its tare is at most 2 [`MAX_READING`] per component, 2 sqrt(3) turned; the lever adds its moment.
+const WIDEST_LOAD: f64 = 4.0 * MAX_READING * (1.0 + 2.0 * MAX_LEVER_M);
+
+/// How the sensor is mounted and filtered; not yet checked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorConfig {
+    /// `R`: world axes from sensor axes. Constant, as the 3-DOF machine does not turn its platform.
+    pub rotation: Matrix3<f64>,
+    /// `p`: from the tool centre point to the sensor's origin, world axes, m.
+    pub lever_m: Vector3<f64>,
+    /// Cut-off frequency of the low-pass, Hz.
+    pub cutoff_hz: f64,
+    /// Time between two samples, s.
+    pub cycle_s: f64,
+    /// How many samples the tare averages.
+    pub tare_samples: u32,
+}
+
+/// Why a sensor was refused, or its reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum SensorError {
+    /// `rotation` is no rotation matrix.
+    NotRotation,
+    /// A parameter is not finite or outside its range.
+    OutOfRange {
+        /// Which parameter, by its name in [`SensorConfig`].
+        parameter: &'static str,
+        /// Smallest value accepted.
+        lower: f64,
+        /// Largest value accepted.
+        upper: f64,
+    },
+    /// A component of the reading is NaN, infinite or beyond [`MAX_READING`]; the reading was not used.
+    BadReading,
+    /// A state given to [`ForceSensor::from_parts`] violates [`ForceSensor::is_valid`].
+    InvalidState,
+}
+
+impl fmt::Display for SensorError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotRotation => f.write_str("rotation is no rotation matrix"),
+            Self::OutOfRange {
+                parameter,
+                lower,
+                upper,
+            } => write!(f, "{parameter} must be from {lower:e} to {upper:e}"),
+            Self::BadReading => f.write_str("reading is not finite or out of range"),
+            Self::InvalidState => f.write_str("sensor state is not valid"),
+        }
+    }
+}
+
+impl core::error::Error for SensorError {}
+
+/// What a sample led to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Reading {
+    /// The tare still needs this many samples; the tool must be unloaded.
+    Taring {
+        /// Samples to go.
+        remaining: u32,
+    },
+    /// The load on the platform, world axes, about the tool centre point, filtered.
+    Load(Wrench),
+}
+
+/// What the sensor remembers; every component finite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SensorState {
+    /// Samples the tare still needs; 0 once it is done.
+    pub tare_remaining: u32,
+    /// Mean of the samples the tare has taken, zero before the first. Sensor axes.
+    pub tare: Wrench,
+    /// Output of the low-pass, world axes, about the tool centre point.
+    pub filtered: Wrench,
+}
+
+/// A sensor: its configuration, checked, and its state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ForceSensor {
+    config: SensorConfig,
+    /// Share of a new sample, in (0, 1).
+    coefficient: f64,
+    state: SensorState,
+}
+
+impl ForceSensor {
+    /// Checks the configuration; the sensor starts with its tare.
+    ///
+    /// The low-pass is `y += a (x - y)` with `a = u / (1 + u)`, `u = 2 pi f T` (backward Euler): stable for every cut-off,
+    /// within 2 % of its corner while `f T <= 0.01`.
+    ///
+    /// # Errors
+    /// [`SensorError::NotRotation`] or [`SensorError::OutOfRange`], naming the parameter.
+    pub fn new(config: SensorConfig) -> Result<Self, SensorError> {
+        if rotation_deviation(&config.rotation) > 1e-9 {
+            return Err(SensorError::NotRotation);
+        }
+        for value in config.lever_m.iter() {
+            check("lever_m", *value, -MAX_LEVER_M, MAX_LEVER_M)?;
+        }
+        check("cutoff_hz", config.cutoff_hz, 1e-3, 1e5)?;
+        check("cycle_s", config.cycle_s, 1e-6, 10.0)?;
+        let samples = f64::from(config.tare_samples);
+        check("tare_samples", samples, 1.0, f64::from(MAX_TARE_SAMPLES))?;
+        let u = core::f64::consts::TAU * config.cutoff_hz * config.cycle_s;
+        Ok(Self {
+            config,
+            coefficient: u / (1.0 + u),
+            state: SensorState {
+                tare_remaining: config.tare_samples,
+                tare: Wrench::zero(),
+                filtered: Wrench::zero(),
+            },
+        })
+    }
+
+    /// A sensor in a given state.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new); [`SensorError::InvalidState`].
+    pub fn from_parts(config: SensorConfig, state: SensorState) -> Result<Self, SensorError> {
+        let sensor = Self {
+            state,
+            ..Self::new(config)?
+        };
+        if sensor.is_valid() {
+            Ok(sensor)
+        } else {
+            Err(SensorError::InvalidState)
+        }
+    }
+
+    /// The configuration.
+    #[must_use]
+    pub const fn config(&self) -> &SensorConfig {
+        &self.config
+    }
+
+    /// The state, as [`from_parts`](Self::from_parts) takes it.
+    #[must_use]
+    pub const fn state(&self) -> &SensorState {
+        &self.state
+    }
+
+    /// The invariant: no more samples to go than configured; a mean no further out than readings are, zero before the first;
+    /// a filter no further out than readings can drive it.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        let state = &self.state;
+        let Some(taken) = (self.config.tare_samples).checked_sub(state.tare_remaining) else {
+            return false;
+        };
+        let mean = if taken > 0 { WIDEST_TARE } else { 0.0 };
+        within(&state.tare, mean) && within(&state.filtered, WIDEST_LOAD)
+    }
+
+    /// Starts over: tare first, filter at zero.
+    pub fn restart_tare(&mut self) {
+        self.state = SensorState {
+            tare_remaining: self.config.tare_samples,
+            tare: Wrench::zero(),
+            filtered: Wrench::zero(),
+        };
+    }
+
+    /// Takes one raw sample (sensor axes, N and N m), once per cycle.
+    ///
+    /// The filter starts from zero, which is what the tare has just defined: no step when the first load is computed.
+    /// What the sample led to is checked before it is kept, so that the invariant rests on no arithmetic.
+    ///
+    /// # Errors
+    /// [`SensorError::BadReading`]; the state is what it was.
+    pub fn update(&mut self, raw: &Wrench) -> Result<Reading, SensorError> {
+        if !within(raw, MAX_READING) {
+            return Err(SensorError::BadReading);
+        }
+        let taring = self.state.tare_remaining.checked_sub(1);
+        let state = match taring {
+            Some(remaining) => self.tared(raw, remaining),
+            None => self.filtered(raw),
+        };
+        let next = Self { state, ..*self };
+        if !next.is_valid() {
+            return Err(SensorError::BadReading);
+        }
+        *self = next;
+        Ok(match taring {
+            Some(remaining) => Reading::Taring { remaining },
+            None => Reading::Load(state.filtered),
+        })
+    }
+
+    /// The state with one more sample in the tare, and `remaining` to go.
+    fn tared(&self, raw: &Wrench, remaining: u32) -> SensorState {
+        let taken = self.config.tare_samples.saturating_sub(remaining);
+        let share = 1.0 / f64::from(taken);
+        let mut tare = self.state.tare;
+        tare.force_n += (raw.force_n - tare.force_n) * share;
+        tare.moment_nm += (raw.moment_nm - tare.moment_nm) * share;
+        SensorState {
+            tare_remaining: remaining,
+            tare,
+            ..self.state
+        }
+    }
+
+    /// The state with one more sample in the filter.
+    fn filtered(&self, raw: &Wrench) -> SensorState {
+        let SensorState {
+            tare, mut filtered, ..
+        } = self.state;
+        let force_n = times(&self.config.rotation, &(raw.force_n - tare.force_n));
+        let moment_nm = times(&self.config.rotation, &(raw.moment_nm - tare.moment_nm))
+            + self.config.lever_m.cross(&force_n);
+        filtered.force_n += (force_n - filtered.force_n) * self.coefficient;
+        filtered.moment_nm += (moment_nm - filtered.moment_nm) * self.coefficient;
+        SensorState {
+            filtered,
+            ..self.state
+        }
+    }
+}
+
+/// Every component at most `limit` in magnitude; false for NaN.
+fn within(wrench: &Wrench, limit: f64) -> bool {
+    // Spelt out: an iterator is a loop to a prover.
+    let [fx, fy, fz, mx, my, mz] = wrench.to_array();
+    let within = |value: f64| {
+        #[cfg(mutant = "sensor_accepts_nan")]
+        let value = if value.is_nan() { 0.0 } else { value };
+        value.abs() <= limit
+    };
+    within(fx) && within(fy) && within(fz) && within(mx) && within(my) && within(mz)
+}
+
+/// `lower <= value <= upper`; NaN is refused.
+fn check(parameter: &'static str, value: f64, lower: f64, upper: f64) -> Result<(), SensorError> {
+    if value >= lower && value <= upper {
+        Ok(())
+    } else {
+        Err(SensorError::OutOfRange {
+            parameter,
+            lower,
+            upper,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::kinematics::tests::close;
+
+    fn config() -> SensorConfig {
+        SensorConfig {
+            // x of the sensor points along y of the world.
+            rotation: Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+            lever_m: Vector3::new(0.0, 0.0, -0.08),
+            cutoff_hz: 20.0,
+            cycle_s: 1e-3,
+            tare_samples: 4,
+        }
+    }
+
+    fn settled(sensor: &mut ForceSensor, raw: [f64; 6]) -> [f64; 6] {
+        let mut load = Wrench::zero();
+        for _ in 0..2000 {
+            if let Reading::Load(wrench) = sensor.update(&Wrench::from_array(raw)).unwrap() {
+                load = wrench;
+            }
+        }
+        load.to_array()
+    }
+
+    #[test]
+    fn tares_turns_and_shifts() {
+        let mut sensor = ForceSensor::new(config()).unwrap();
+        let bias = [3.0, -2.0, 40.0, 0.5, 0.1, -0.2];
+        for (index, noise) in [0.3, -0.3, 0.1, -0.1].into_iter().enumerate() {
+            let raw = Wrench::from_array(bias.map(|value| value + noise));
+            let reading = sensor.update(&raw).unwrap();
+            let remaining = u32::try_from(3 - index).unwrap();
+            assert_eq!(reading, Reading::Taring { remaining });
+        }
+        close(&sensor.state().tare.to_array(), &bias, 1e-14, "mean");
+        // 100 N along x of the sensor, that is y of the world, 80 mm below the tool centre point: M_x = 0.08 * 100.
+        let mut raw = bias;
+        raw[0] += 100.0;
+        let load = settled(&mut sensor, raw);
+        close(&load, &[0.0, 100.0, 0.0, 8.0, 0.0, 0.0], 1e-12, "load");
+        // A moment is turned, not shifted.
+        let mut raw = bias;
+        raw[3] += 5.0;
+        let load = settled(&mut sensor, raw);
+        close(&load, &[0.0, 0.0, 0.0, 0.0, 5.0, 0.0], 1e-12, "moment");
+        sensor.restart_tare();
+        assert_eq!(sensor, ForceSensor::new(config()).unwrap());
+    }
+
+    #[test]
+    fn the_low_pass_has_its_time_constant_and_never_overshoots() {
+        for cutoff_hz in [1e-3, 1.0, 20.0, 500.0, 1e5] {
+            let mut sensor = ForceSensor::new(SensorConfig {
+                cutoff_hz,
+                tare_samples: 1,
+                ..config()
+            })
+            .unwrap();
+            assert!(sensor.coefficient > 0.0 && sensor.coefficient < 1.0);
+            sensor.update(&Wrench::zero()).unwrap();
+            let step = Wrench::from_array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+            let mut last = 0.0;
+            for k in 1..2000 {
+                let Reading::Load(load) = sensor.update(&step).unwrap() else {
+                    panic!("still taring");
+                };
+                assert!(load.force_n.z >= last && load.force_n.z <= 1.0 + 1e-12);
+                last = load.force_n.z;
+                let time_constants = f64::from(k) * 1e-3 * core::f64::consts::TAU * cutoff_hz;
+                if cutoff_hz <= 1.0 && (time_constants - 1.0).abs() < 0.004 {
+                    assert!((last - 0.632).abs() < 0.005, "{last}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_bad_reading_leaves_the_state_alone() {
+        let mut sensor = ForceSensor::new(config()).unwrap();
+        for _ in 0..10 {
+            for bad in [f64::NAN, f64::INFINITY, -f64::INFINITY, 1.1e6, f64::MAX] {
+                for index in 0..6 {
+                    let mut raw = [1.0; 6];
+                    raw[index] = bad;
+                    let before = sensor;
+                    assert_eq!(
+                        sensor.update(&Wrench::from_array(raw)),
+                        Err(SensorError::BadReading)
+                    );
+                    assert_eq!(sensor, before);
+                }
+            }
+            sensor.update(&Wrench::from_array([1e6; 6])).unwrap();
+            sensor.update(&Wrench::from_array([-1e6; 6])).unwrap();
+            assert!(sensor.is_valid());
+            assert_eq!(
+                ForceSensor::from_parts(config(), *sensor.state()),
+                Ok(sensor)
+            );
+        }
+    }
+
+    #[test]
+    fn configurations_are_refused_by_name() {
+        let named = |config: SensorConfig| match ForceSensor::new(config) {
+            Err(SensorError::OutOfRange { parameter, .. }) => parameter,
+            other => panic!("{other:?}"),
+        };
+        for bad in [f64::NAN, f64::INFINITY, -1.0, 0.0] {
+            let mut wrong = config();
+            wrong.cutoff_hz = bad;
+            assert_eq!(named(wrong), "cutoff_hz");
+            let mut wrong = config();
+            wrong.cycle_s = bad;
+            assert_eq!(named(wrong), "cycle_s");
+        }
+        let mut wrong = config();
+        wrong.lever_m.y = f64::NAN;
+        assert_eq!(named(wrong), "lever_m");
+        let mut wrong = config();
+        wrong.tare_samples = 0;
+        assert_eq!(named(wrong), "tare_samples");
+        let mut wrong = config();
+        wrong.rotation *= 1.001;
+        assert_eq!(ForceSensor::new(wrong), Err(SensorError::NotRotation));
+        for (remaining, value) in [(5, 0.0), (0, 1.1e6), (4, 1.0), (0, f64::NAN)] {
+            let mut state = *ForceSensor::new(config()).unwrap().state();
+            state.tare_remaining = remaining;
+            state.tare.force_n.x = value;
+            let refused = ForceSensor::from_parts(config(), state);
+            assert_eq!(refused, Err(SensorError::InvalidState));
+        }
+    }
+}

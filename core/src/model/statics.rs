@@ -1,0 +1,500 @@
+//! Line matrix, link forces, actuator loads `[T 3.3.2, 3.3.3]`: six links, any orientation, three axes or six.
+//!
+//! This is the general path. `W` is factored as two systems of three, and as one of six, with pivots, where one of those is near singular.
+//! The cyclic path of the 3-DOF machine is [`crate::model::stiffness::TauModel`].
+
+use core::fmt;
+use nalgebra::{ArrayStorage, Matrix3, Matrix6, SMatrix, Vector3};
+
+use crate::model::kinematics::{
+    KinematicsError, Pose, SixLinkKinematics, TAU_TOLERANCE, TwoSystems, directions, links,
+};
+use crate::model::linalg::{Lu, norm, times};
+use crate::model::robot::{ARM_OF_LINK, ARMS, AXES, LINKS, Robot};
+use crate::zip::zip;
+
+/// Load on the platform: applied by the environment to the platform, world axes, moment about the tool centre point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wrench {
+    /// `F`, in newtons.
+    pub force_n: Vector3<f64>,
+    /// `M`, in newton metres.
+    pub moment_nm: Vector3<f64>,
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Wrench {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        let [fx, fy, fz, mx, my, mz] = self.to_array();
+        defmt::write!(
+            f,
+            "({}, {}, {}) N, ({}, {}, {}) N m",
+            fx,
+            fy,
+            fz,
+            mx,
+            my,
+            mz
+        );
+    }
+}
+
+impl Wrench {
+    /// No load.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            force_n: Vector3::zeros(),
+            moment_nm: Vector3::zeros(),
+        }
+    }
+
+    /// From `[Fx, Fy, Fz, Mx, My, Mz]`, N and N m.
+    #[must_use]
+    pub fn from_array([fx, fy, fz, mx, my, mz]: [f64; 6]) -> Self {
+        Self {
+            force_n: Vector3::new(fx, fy, fz),
+            moment_nm: Vector3::new(mx, my, mz),
+        }
+    }
+
+    /// As `[Fx, Fy, Fz, Mx, My, Mz]`, N and N m.
+    #[must_use]
+    pub fn to_array(&self) -> [f64; 6] {
+        let (f, m) = (&self.force_n, &self.moment_nm);
+        [f.x, f.y, f.z, m.x, m.y, m.z]
+    }
+
+    /// Whether every component is finite.
+    #[inline]
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let (f, m) = (&self.force_n, &self.moment_nm);
+        f.x.is_finite()
+            && f.y.is_finite()
+            && f.z.is_finite()
+            && m.x.is_finite()
+            && m.y.is_finite()
+            && m.z.is_finite()
+    }
+}
+
+/// The six links in a pose, factored once: `W = [s; l x s]` `[T 3.17, 3.22]` and `D`, for a machine with `N` axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LineMatrix<const N: usize = ARMS> {
+    lines: Lines<N>,
+    factors: Factors,
+}
+
+/// `W^T` and `D` of a pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Lines<const N: usize> {
+    /// `s_ij`: from platform to cart, link order.
+    directions: [Vector3<f64>; LINKS],
+    /// `l_ij x s_ij`, metres.
+    moments_m: [Vector3<f64>; LINKS],
+    /// `D_(ij),k = s_ij . dA_ij/dq_k`: rows in link order, columns in axis order.
+    drives: [[f64; N]; LINKS],
+}
+
+/// `W^T`, factored: in two halves, or as a whole where one of them is near singular.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Factors {
+    Two(TwoSystems),
+    One(Lu<LINKS>),
+}
+
+impl LineMatrix<ARMS> {
+    /// Directions and levers of the links of a 3-DOF machine in this pose with these positions (q-units).
+    ///
+    /// # Errors
+    /// [`KinematicsError::Singular`] when the lines depend on each other, `NotFinite` when a number given is.
+    #[inline]
+    pub fn new(robot: &Robot, pose: &Pose, q: &[f64; ARMS]) -> Result<Self, KinematicsError> {
+        Lines::of_three(robot, pose, q)?.factored()
+    }
+}
+
+impl LineMatrix<AXES> {
+    /// Directions and levers of the links of a 6-DOF machine in this pose with these positions (q-units).
+    ///
+    /// # Errors
+    /// As [`LineMatrix::new`].
+    #[inline(never)]
+    pub fn of_six_link(
+        kinematics: &SixLinkKinematics,
+        pose: &Pose,
+        q: &[f64; AXES],
+    ) -> Result<Self, KinematicsError> {
+        // Half a kilobyte, and the line matrix a whole one: moved out of its result it would be on the stack twice. Nor is any of the
+        // steps inlined: inlined they would have their stack side by side, not one after the other.
+        let lines = Lines::of_six(kinematics, pose, q);
+        lines.as_ref().map_err(|error| *error)?.factored()
+    }
+
+    /// As [`of_six_link`](Self::of_six_link) in a pose whose clusters' links are parallel (the Tau property; for the F1: plates in
+    /// step): cluster sums carry the force, and differences of levers the moment. What it gives is as exact as the links are parallel.
+    ///
+    /// # Errors
+    /// [`TauFormError::NotParallel`] by more than [`TAU_TOLERANCE`]; else as [`LineMatrix::new`].
+    pub fn of_parallel_links(
+        kinematics: &SixLinkKinematics,
+        pose: &Pose,
+        q: &[f64; AXES],
+    ) -> Result<Self, TauFormError> {
+        Lines::of_six(kinematics, pose, q)?.factored_in_tau_form()
+    }
+}
+
+/// Why statics are not to be had in the form that the Tau property gives them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum TauFormError {
+    /// A link is not parallel to the first of its cluster.
+    NotParallel {
+        /// Which link, counted from 0 in link order.
+        link: usize,
+        /// The angle between the two, radians (its chord: `|s - s'|`).
+        angle_rad: f64,
+    },
+    /// There is no line matrix in this pose at all.
+    Kinematics(KinematicsError),
+}
+
+impl fmt::Display for TauFormError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotParallel { link, angle_rad } => write!(
+                f,
+                "link[{link}] is {angle_rad:e} rad from parallel to the first of its cluster (Tau property)"
+            ),
+            Self::Kinematics(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for TauFormError {}
+
+impl From<KinematicsError> for TauFormError {
+    fn from(error: KinematicsError) -> Self {
+        Self::Kinematics(error)
+    }
+}
+
+impl Lines<ARMS> {
+    #[inline]
+    fn of_three(robot: &Robot, pose: &Pose, q: &[f64; ARMS]) -> Result<Self, KinematicsError> {
+        let mut links_m = [Vector3::zeros(); LINKS];
+        for (vector, link) in links_m.iter_mut().zip(links(robot.geometry(), pose, q)) {
+            *vector = link.vector_m;
+        }
+        let directions = directions(&links_m)?;
+        let geometry = robot.geometry();
+        let mut drives = [[0.0; ARMS]; LINKS];
+        for ((row, s), arm) in drives.iter_mut().zip(&directions).zip(ARM_OF_LINK) {
+            if let (Some(drive), Some(guideway)) = (row.get_mut(arm), geometry.guideways.get(arm)) {
+                *drive = s.dot(guideway);
+            }
+        }
+        Ok(Self {
+            directions,
+            moments_m: moments(&directions, &geometry.platform_joints_m, pose),
+            drives,
+        })
+    }
+}
+
+impl Lines<AXES> {
+    #[inline(never)]
+    fn of_six(
+        kinematics: &SixLinkKinematics,
+        pose: &Pose,
+        q: &[f64; AXES],
+    ) -> Result<Self, KinematicsError> {
+        let (directions, drives) = kinematics.directions_and_drives(pose, q)?;
+        let joints = &kinematics.robot().geometry().platform_joints_m;
+        Ok(Self {
+            directions,
+            moments_m: moments(&directions, joints, pose),
+            drives,
+        })
+    }
+}
+
+/// `l_ij x s_ij`, metres.
+fn moments(
+    directions: &[Vector3<f64>; LINKS],
+    platform_joints_m: &[Vector3<f64>; LINKS],
+    pose: &Pose,
+) -> [Vector3<f64>; LINKS] {
+    let mut moments_m = *platform_joints_m;
+    for (moment, s) in moments_m.iter_mut().zip(directions) {
+        *moment = times(&pose.rotation, moment).cross(s);
+    }
+    moments_m
+}
+
+impl<const N: usize> Lines<N> {
+    #[inline]
+    fn factored(&self) -> Result<LineMatrix<N>, KinematicsError> {
+        let factors = self.factors();
+        self.with(factors.as_ref().map_err(|error| *error)?)
+    }
+
+    fn factored_in_tau_form(&self) -> Result<LineMatrix<N>, TauFormError> {
+        let [_, s21, s22, s31, s32, s33] = &self.directions;
+        for (link, first, other) in [(2, s21, s22), (4, s31, s32), (5, s31, s33)] {
+            let angle_rad = norm(&(other - first));
+            if angle_rad > TAU_TOLERANCE {
+                return Err(TauFormError::NotParallel { link, angle_rad });
+            }
+        }
+        let factors = match TwoSystems::of_parallel(&self.directions, &self.moments_m) {
+            Some(factors) => Factors::Two(factors),
+            None => self.as_one()?,
+        };
+        Ok(self.with(&factors)?)
+    }
+
+    #[inline(never)]
+    fn factors(&self) -> Result<Factors, KinematicsError> {
+        match TwoSystems::new(&self.directions, &self.moments_m) {
+            Some(factors) => Ok(Factors::Two(factors)),
+            None => self.as_one(),
+        }
+    }
+
+    /// Near a singularity of either half.
+    #[cold]
+    #[inline(never)]
+    fn as_one(&self) -> Result<Factors, KinematicsError> {
+        Ok(Factors::One(Lu::factor(&self.rows())?))
+    }
+
+    /// The two together, in a result already: who wraps a line matrix has it on the stack twice, which here nobody else pays for.
+    #[inline(never)]
+    fn with(&self, factors: &Factors) -> Result<LineMatrix<N>, KinematicsError> {
+        Ok(LineMatrix {
+            lines: *self,
+            factors: *factors,
+        })
+    }
+
+    /// Rows of `W^T`: `[s_ij, l_ij x s_ij]`.
+    fn rows(&self) -> [[f64; LINKS]; LINKS] {
+        let mut rows = [[0.0; LINKS]; LINKS];
+        for (row, (s, m)) in (rows.iter_mut()).zip(zip(&self.directions, &self.moments_m)) {
+            *row = [s.x, s.y, s.z, m.x, m.y, m.z];
+        }
+        rows
+    }
+}
+
+impl Factors {
+    /// `x` of `W^T x = right`.
+    #[inline]
+    fn solve(&self, right: &[f64; LINKS]) -> [f64; LINKS] {
+        match self {
+            Self::Two(systems) => {
+                let (x, y) = systems.solve(right);
+                [x.x, x.y, x.z, y.x, y.y, y.z]
+            }
+            Self::One(factors) => factors.solve(right),
+        }
+    }
+
+    /// `f` of `W f = w`.
+    #[inline]
+    fn solve_transposed(&self, load: &Wrench) -> [f64; LINKS] {
+        match self {
+            Self::Two(systems) => systems.solve_transposed(&load.force_n, &load.moment_nm),
+            Self::One(factors) => factors.solve_transposed(&load.to_array()),
+        }
+    }
+}
+
+impl<const N: usize> LineMatrix<N> {
+    /// `W`: forces (dimensionless) over moments (m) of a unit tension in each link.
+    #[must_use]
+    pub fn matrix(&self) -> Matrix6<f64> {
+        Matrix6::from_column_slice(self.lines.rows().as_flattened())
+    }
+
+    /// `f = -W^-1 w` `[T 3.25]`: tension of each link, N, link order.
+    ///
+    /// # Errors
+    /// [`KinematicsError::NotFinite`].
+    pub fn link_forces_n(&self, load: &Wrench) -> Result<[f64; LINKS], KinematicsError> {
+        finite(self.factors.solve_transposed(load).map(|force| -force))
+    }
+
+    /// `tau = -D^T f` `[T 3.26]`: load on each actuator, positive along `+q`, in newtons times metres per q-unit.
+    /// The thesis takes the magnitude; the sign is what tells a cart which way to yield.
+    #[must_use]
+    pub fn cart_loads(&self, link_forces_n: &[f64; LINKS]) -> [f64; N] {
+        let mut loads = [0.0; N];
+        for (row, force) in zip(&self.lines.drives, link_forces_n) {
+            for (load, drive) in loads.iter_mut().zip(row) {
+                *load -= drive * force;
+            }
+        }
+        loads
+    }
+
+    /// Platform displacement for changes of link length and axis position: `W^T dx = D dq - de`
+    /// (`dq` in q-units, `de` in metres, both in their order; translation in m then rotation in rad, world axes).
+    ///
+    /// # Errors
+    /// [`KinematicsError::NotFinite`].
+    pub fn displacement(
+        &self,
+        dq: &[f64; N],
+        elongations_m: &[f64; LINKS],
+    ) -> Result<[f64; 6], KinematicsError> {
+        let mut right = [0.0; LINKS];
+        let drives = &self.lines.drives;
+        for (value, (row, elongation)) in right.iter_mut().zip(zip(drives, elongations_m)) {
+            let driven: f64 = zip(row, dq).map(|(drive, dq)| drive * dq).sum();
+            *value = driven - elongation;
+        }
+        finite(self.factors.solve(&right))
+    }
+
+    /// `J = W^-T D`: the platform's twist (translation of the tool centre point over rotation, world axes) per axis;
+    /// metres and radians per q-unit.
+    ///
+    /// # Errors
+    /// [`KinematicsError::NotFinite`].
+    pub fn jacobian(&self) -> Result<SMatrix<f64, 6, N>, KinematicsError> {
+        let mut columns = [[0.0; 6]; N];
+        for (axis, column) in columns.iter_mut().enumerate() {
+            let mut driven = [0.0; LINKS];
+            for (value, row) in driven.iter_mut().zip(&self.lines.drives) {
+                *value = row.get(axis).copied().unwrap_or(0.0);
+            }
+            *column = finite(self.factors.solve(&driven))?;
+        }
+        Ok(SMatrix::from_data(ArrayStorage(columns)))
+    }
+
+    /// Smallest pivot of `W` over its largest, 0 at a singularity. Costs a pivoting factorisation.
+    #[must_use]
+    pub fn regularity(&self) -> f64 {
+        Lu::factor(&self.lines.rows()).map_or(0.0, |factors| factors.pivot_ratio())
+    }
+}
+
+/// `tau = J^T F` `[T 3.28]` for the 3-DOF machine, whose cart loads do not depend on the moment:
+/// load on each actuator, positive along `+q`, in newtons times metres per q-unit.
+#[inline]
+#[must_use]
+pub fn cart_loads_from_jacobian(jacobian: &Matrix3<f64>, force_n: &Vector3<f64>) -> [f64; ARMS] {
+    let loads = times(&jacobian.transpose(), force_n);
+    [loads.x, loads.y, loads.z]
+}
+
+/// The numbers, if every one is finite.
+pub(crate) fn finite<const N: usize>(values: [f64; N]) -> Result<[f64; N], KinematicsError> {
+    if values.iter().all(|value| value.is_finite()) {
+        Ok(values)
+    } else {
+        Err(KinematicsError::NotFinite)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::kinematics::tests::{Case, close, geometry, l2, machine, skewed};
+
+    pub(crate) fn wrench(case: &Case) -> Wrench {
+        Wrench::from_array(case.numbers("w").try_into().unwrap())
+    }
+
+    #[test]
+    fn agrees_with_the_oracle_both_ways() {
+        let robot = Robot::new(geometry()).unwrap();
+        for case in Case::all() {
+            let load = wrench(&case);
+            let lines = LineMatrix::new(&robot, &Pose::at(case.tcp()), &case.three("q")).unwrap();
+            let forces = lines.link_forces_n(&load).unwrap();
+            case.agrees("f", forces);
+            case.agrees("tau", lines.cart_loads(&forces));
+            let jacobian = l2().jacobian(&case.tcp()).unwrap();
+            case.agrees("tau", cart_loads_from_jacobian(&jacobian, &load.force_n));
+        }
+    }
+
+    /// The lines of a turned machine with nonparallel, scaled guideways, the tool at `position_m` in the machine's own axes.
+    fn skewed_lines(position_m: Vector3<f64>) -> LineMatrix {
+        let (geometry, rotation) = skewed();
+        let robot = Robot::new(geometry).unwrap();
+        let position_m = rotation * position_m;
+        let q = machine(geometry, &rotation).inverse(&position_m).unwrap();
+        let pose = Pose {
+            position_m,
+            rotation,
+        };
+        LineMatrix::new(&robot, &pose, &q).unwrap()
+    }
+
+    #[test]
+    fn the_links_balance_the_load() {
+        let lines = skewed_lines(Vector3::new(0.1, 0.5, 0.6));
+        let load = [120.0, -80.0, 250.0, 3.0, -5.0, 7.0];
+        let forces = lines.link_forces_n(&Wrench::from_array(load)).unwrap();
+        let sum = lines.matrix() * nalgebra::Vector6::from(forces);
+        close(sum.as_slice(), &load.map(|value| -value), 1e-13, "W f + w");
+    }
+
+    #[test]
+    fn cart_loads_do_the_work_of_the_load() {
+        // Virtual work: tau . dq = F . dT + M . dtheta for every motion of the carts with rigid links.
+        let lines = skewed_lines(Vector3::new(-0.1, 0.4, 0.7));
+        let load = Wrench::from_array([120.0, -80.0, 250.0, 3.0, -5.0, 7.0]);
+        let loads = lines.cart_loads(&lines.link_forces_n(&load).unwrap());
+        for axis in 0..ARMS {
+            let mut dq = [0.0; ARMS];
+            dq[axis] = 1.0;
+            let motion = lines.displacement(&dq, &[0.0; LINKS]).unwrap();
+            let work: f64 = motion
+                .iter()
+                .zip(load.to_array())
+                .map(|(dx, w)| dx * w)
+                .sum();
+            assert!(
+                (work - loads[axis]).abs() < 1e-10 * work.abs(),
+                "{work} {loads:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn dependent_lines_and_wild_numbers_are_refused() {
+        let mut flat = geometry();
+        // Every platform joint in one point: no link can carry a moment.
+        for (cart, joint) in flat
+            .cart_joints_m
+            .iter_mut()
+            .zip(&mut flat.platform_joints_m)
+        {
+            *cart -= *joint;
+            *joint = Vector3::zeros();
+        }
+        let robot = Robot::new(flat).unwrap();
+        let pose = Pose::at(Vector3::new(0.0, 0.5, 0.65));
+        let q = l2().inverse(&pose.position_m).unwrap();
+        assert!(matches!(
+            LineMatrix::new(&robot, &pose, &q),
+            Err(KinematicsError::Singular { .. })
+        ));
+        let robot = Robot::new(geometry()).unwrap();
+        assert_eq!(
+            LineMatrix::new(&robot, &pose, &[f64::NAN, 0.0, 0.0]),
+            Err(KinematicsError::NotFinite)
+        );
+        let lines = LineMatrix::new(&robot, &pose, &q).unwrap();
+        let wild = Wrench::from_array([f64::MAX; 6]);
+        assert_eq!(lines.link_forces_n(&wild), Err(KinematicsError::NotFinite));
+    }
+}

@@ -1,0 +1,216 @@
+//! From compliances to displacement `[T 3.3.1]`.
+//!
+//! Every link and every cart is a spring. The thesis sums `k s s^T` at the cart joints about the origin `[T 3.14, 3.15]` and
+//! forbids the platform to turn; here moments are taken about the tool centre point and the platform turns as it will.
+//! Displacements are small: first order in the load.
+
+mod contact;
+mod tau;
+mod transport;
+
+pub use contact::contact_loop_gain;
+pub use tau::{TauDeflection, TauModel};
+
+use nalgebra::{Matrix6, Vector3};
+
+use crate::model::kinematics::KinematicsError;
+use crate::model::linalg::Lu;
+use crate::model::robot::{ARMS, Compliances, LINKS};
+use crate::model::statics::{LineMatrix, Wrench, finite};
+
+/// Displacement of the platform: its tool centre point, and its small rotation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Displacement {
+    /// `dT`, world axes, m.
+    pub translation_m: Vector3<f64>,
+    /// `dtheta`, rotation vector, world axes, rad.
+    pub rotation_rad: Vector3<f64>,
+}
+
+impl Displacement {
+    fn from_array([x, y, z, a, b, c]: [f64; 6]) -> Self {
+        Self {
+            translation_m: Vector3::new(x, y, z),
+            rotation_rad: Vector3::new(a, b, c),
+        }
+    }
+
+    /// Translation (m) then rotation (rad).
+    #[must_use]
+    pub fn to_array(&self) -> [f64; 6] {
+        let (t, r) = (&self.translation_m, &self.rotation_rad);
+        [t.x, t.y, t.z, r.x, r.y, r.z]
+    }
+}
+
+/// Displacement (m, rad) per load (N, N m), world axes, about the tool centre point: `dx = C w`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compliance(pub Matrix6<f64>);
+
+/// Load (N, N m) per displacement (m, rad), world axes, about the tool centre point: `w = K dx`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stiffness(pub Matrix6<f64>);
+
+impl Compliance {
+    /// `dx = C w`.
+    #[must_use]
+    pub fn displacement(&self, load: &Wrench) -> Displacement {
+        let dx = self.0 * nalgebra::Vector6::from(load.to_array());
+        let (t, r) = (dx.fixed_rows::<3>(0), dx.fixed_rows::<3>(3));
+        Displacement {
+            translation_m: t.into_owned(),
+            rotation_rad: r.into_owned(),
+        }
+    }
+
+    /// `K = C^-1`. For the compliance of the translation use the block of `C`; the inverse of `K`'s block is that of
+    /// a platform that is kept from turning.
+    ///
+    /// # Errors
+    /// [`KinematicsError::Singular`], `NotFinite`.
+    pub fn to_stiffness(&self) -> Result<Stiffness, KinematicsError> {
+        inverse(&self.0).map(Stiffness)
+    }
+}
+
+impl Stiffness {
+    /// `C = K^-1`.
+    ///
+    /// # Errors
+    /// [`KinematicsError::Singular`], `NotFinite`.
+    pub fn to_compliance(&self) -> Result<Compliance, KinematicsError> {
+        inverse(&self.0).map(Compliance)
+    }
+}
+
+fn inverse(matrix: &Matrix6<f64>) -> Result<Matrix6<f64>, KinematicsError> {
+    // Columns of the transpose are rows.
+    let rows: [[f64; 6]; 6] = matrix.transpose().into();
+    let factors = Lu::factor(&rows)?;
+    from_columns(|unit| finite(factors.solve(unit)))
+}
+
+/// The matrix whose columns are the images of the unit vectors.
+fn from_columns(
+    image: impl Fn(&[f64; 6]) -> Result<[f64; 6], KinematicsError>,
+) -> Result<Matrix6<f64>, KinematicsError> {
+    let mut columns: [[f64; 6]; 6] = Matrix6::identity().into();
+    for column in &mut columns {
+        *column = image(column)?;
+    }
+    Ok(Matrix6::from(columns))
+}
+
+/// What a load does to the machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Deflection<const N: usize = ARMS> {
+    /// `r = c tau`: how far each axis yields, q-units, axis order `[T 3.29]`.
+    pub carts: [f64; N],
+    /// `dx_links`: what the links alone do to the platform.
+    pub links: Displacement,
+    /// `dx_total = C w`: links and carts together.
+    pub total: Displacement,
+}
+
+impl<const N: usize> LineMatrix<N> {
+    /// What `load` does: `e = c f`, `r = c tau`, `W^T dx_links = -e`, `W^T dx_total = D r - e`.
+    ///
+    /// # Errors
+    /// [`KinematicsError::NotFinite`].
+    pub fn deflection(
+        &self,
+        compliances: &Compliances<N>,
+        load: &Wrench,
+    ) -> Result<Deflection<N>, KinematicsError> {
+        let forces = self.link_forces_n(load)?;
+        let mut elongations = forces;
+        for (value, compliance) in elongations.iter_mut().zip(compliances.link_m_per_n()) {
+            *value *= compliance;
+        }
+        let mut carts = self.cart_loads(&forces);
+        for (value, compliance) in carts.iter_mut().zip(compliances.cart_m_per_n()) {
+            *value *= compliance;
+        }
+        let links = self.displacement(&[0.0; N], &elongations)?;
+        let total = self.displacement(&carts, &elongations)?;
+        Ok(Deflection {
+            carts: finite(carts)?,
+            links: Displacement::from_array(links),
+            total: Displacement::from_array(total),
+        })
+    }
+
+    /// Compliance of the links alone, `W^-T C_link W^-1`.
+    ///
+    /// # Errors
+    /// [`KinematicsError::NotFinite`].
+    pub fn link_compliance(
+        &self,
+        compliances: &Compliances<N>,
+    ) -> Result<Compliance, KinematicsError> {
+        from_columns(|unit| {
+            let load = Wrench::from_array(*unit);
+            Ok(self.deflection(compliances, &load)?.links.to_array())
+        })
+        .map(Compliance)
+    }
+
+    /// Compliance of links and carts, `W^-T (C_link + D C_cart D^T) W^-1`.
+    ///
+    /// # Errors
+    /// [`KinematicsError::NotFinite`].
+    pub fn compliance(&self, compliances: &Compliances<N>) -> Result<Compliance, KinematicsError> {
+        from_columns(|unit| {
+            let load = Wrench::from_array(*unit);
+            Ok(self.deflection(compliances, &load)?.total.to_array())
+        })
+        .map(Compliance)
+    }
+}
+
+const _: () = assert!(LINKS == 6, "displacements and link forces share a size");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::kinematics::Pose;
+    use crate::model::kinematics::tests::{Case, close, compliances, geometry};
+    use crate::model::robot::Robot;
+
+    #[test]
+    fn agrees_with_the_oracle() {
+        let robot = Robot::new(geometry()).unwrap();
+        for case in Case::all() {
+            let load = Wrench::from_array(case.numbers("w").try_into().unwrap());
+            let lines = LineMatrix::new(&robot, &Pose::at(case.tcp()), &case.three("q")).unwrap();
+            let deflection = lines.deflection(&compliances(), &load).unwrap();
+            case.agrees("r", deflection.carts);
+            case.agrees("dx_links", deflection.links.to_array());
+            let total = lines.compliance(&compliances()).unwrap();
+            // Symmetric, so the order of its entries does not matter.
+            case.agrees("C_total", total.0.iter().copied());
+            close(
+                &total.displacement(&load).to_array(),
+                &deflection.total.to_array(),
+                1e-12,
+                "C w",
+            );
+            let links = lines.link_compliance(&compliances()).unwrap();
+            case.agrees("dx_links", links.displacement(&load).to_array());
+        }
+    }
+
+    #[test]
+    fn stiffness_and_compliance_are_inverses() {
+        let robot = Robot::new(geometry()).unwrap();
+        for case in Case::all() {
+            let lines = LineMatrix::new(&robot, &Pose::at(case.tcp()), &case.three("q")).unwrap();
+            let compliance = lines.compliance(&compliances()).unwrap();
+            let stiffness = compliance.to_stiffness().unwrap();
+            let back = stiffness.to_compliance().unwrap();
+            close(back.0.as_slice(), compliance.0.as_slice(), 1e-9, "C");
+            assert!(stiffness.0.cholesky().is_some(), "positive definite");
+        }
+        assert!(Compliance(Matrix6::zeros()).to_stiffness().is_err());
+    }
+}

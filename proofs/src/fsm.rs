@@ -1,0 +1,159 @@
+//! The first half of a tick: what the server decides. T4, T6, T9, and what T5 needs of it, as one-step induction over the whole
+//! discrete state.
+
+use gantry_tau_core::control::message::{Cause, Mode, Phase};
+use gantry_tau_core::control::session::fsm::{
+    Action, EndReason, FsmInput, FsmState, Rules, decide,
+};
+
+/// Whether something of higher precedence than a miss arrived.
+fn outranks_a_miss(fsm: &FsmInput) -> bool {
+    fsm.stop || fsm.nominal_fault || fsm.framing || fsm.flood || fsm.closed || fsm.goodbye
+}
+
+/// The invariant of the discrete state is kept, and the tick advances by one for each cycle.
+///
+/// # Panics
+/// When it does not hold.
+pub fn keeps_the_invariant(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
+    let next = decide(state, fsm, rules).next;
+    assert!(
+        next.is_valid(rules.handshake_ticks),
+        "the invariant is kept"
+    );
+    let cycles = u64::from(fsm.skipped) + 1;
+    let expected = state.tick.0.saturating_add(cycles);
+    assert!(next.tick.0 == expected, "every cycle is a tick");
+}
+
+/// T4, both ways: with nothing of higher precedence, Submit and Obtain survive a single miss and end with the second consecutive one,
+/// in that tick. A cycle that the server skipped is a miss like any other.
+///
+/// # Panics
+/// When it does not hold.
+pub fn second_miss_ends(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
+    let running = matches!(state.phase, Phase::Submit | Phase::Obtain);
+    if !running || outranks_a_miss(fsm) {
+        return;
+    }
+    let decision = decide(state, fsm, rules);
+    let run = u64::from(state.misses) + u64::from(fsm.skipped);
+    let missed_now = fsm.command.is_none();
+    let two = run >= 2 || (run == 1 && missed_now);
+    if two {
+        assert!(
+            decision.next.phase == Phase::SafeDisconnect,
+            "T4: the second consecutive miss ends the session"
+        );
+        assert!(decision.action == Action::Ramp, "T4: in that tick");
+    } else if decision.end == Some(EndReason::Because(Cause::Budget)) {
+        assert!(
+            rules.budget.is_some(),
+            "T4: a budget only where there is one"
+        );
+    } else {
+        let stays = matches!(decision.next.phase, Phase::Submit | Phase::Obtain);
+        assert!(stays, "T4: one miss never ends a session");
+        let obtains = decision.next.phase == Phase::Obtain;
+        if missed_now {
+            assert!(
+                decision.next.phase == state.phase,
+                "T4: one miss never leaves Obtain"
+            );
+            assert!(decision.action == Action::Hold, "T4: one miss holds");
+        } else if let Some((_, Mode::Obtain)) = fsm.command {
+            assert!(obtains, "a request to obtain is granted");
+        }
+    }
+}
+
+/// T6, the half that decides: a session is granted only to a Hello that arrives in Listening, and Listening and Submit
+/// are entered only when every channel is zero.
+///
+/// # Panics
+/// When it does not hold.
+pub fn authority_needs_zero(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
+    let next = decide(state, fsm, rules).next;
+    if next.is_live() && !state.is_live() {
+        assert!(
+            state.phase == Phase::Listening && next.phase == Phase::Handshake,
+            "T6: a session begins in Listening"
+        );
+        assert!(
+            fsm.hello.map(|(owner, epoch)| (Some(owner), epoch)) == Some((next.owner, next.epoch)),
+            "T6: it is granted to who asked"
+        );
+    }
+    if next.phase == Phase::Listening && state.phase != Phase::Listening {
+        assert!(fsm.all_zero, "T6: Listening begins at zero");
+    }
+    if next.phase == Phase::Submit && state.phase == Phase::Obtain {
+        assert!(fsm.all_zero, "T6: Submit is entered at zero");
+    }
+}
+
+/// T9: a stop leads to Fault from everywhere, and takes the first ramp step at once; nothing leads out of Fault but a re-arm
+/// that was released before, with the stop gone and every channel at zero; until then nothing follows a target.
+///
+/// # Panics
+/// When it does not hold.
+pub fn stop_leads_to_fault(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
+    let decision = decide(state, fsm, rules);
+    if fsm.stop {
+        assert!(
+            decision.next.phase == Phase::Fault,
+            "T9: a stop ends in Fault"
+        );
+        assert!(decision.action == Action::Ramp, "T9: a stop ramps");
+    }
+    if state.phase != Phase::Fault {
+        return;
+    }
+    let rearmed = fsm.rearm && state.rearm_released && fsm.all_zero;
+    if rearmed && !fsm.stop && !fsm.nominal_fault {
+        assert!(
+            decision.next.phase == Phase::Listening && decision.action == Action::Hold,
+            "T9: a re-arm leads to Listening"
+        );
+    } else {
+        assert!(
+            decision.next.phase == Phase::Fault && decision.action == Action::Ramp,
+            "T9: nothing else leads out of Fault"
+        );
+    }
+}
+
+/// T5, the half that decides: without a session, and with a channel that is not zero, every tick is a ramp step.
+///
+/// # Panics
+/// When it does not hold.
+pub fn no_session_ramps(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
+    let decision = decide(state, fsm, rules);
+    let ramping = matches!(state.phase, Phase::SafeDisconnect | Phase::Fault);
+    if ramping && !fsm.all_zero {
+        assert!(decision.action == Action::Ramp, "T5: every tick ramps");
+        assert!(!decision.next.is_live(), "T5: no session meanwhile");
+    }
+    let ends = state.is_live() && !decision.next.is_live();
+    assert!(
+        !ends || decision.action == Action::Ramp,
+        "T5: the ramp begins in the tick that ends the session"
+    );
+    let follows = matches!(decision.action, Action::Follow | Action::FollowZero);
+    assert!(
+        !follows || (decision.next.phase == Phase::Obtain && fsm.command.is_some()),
+        "targets act in Obtain only, and only fresh ones"
+    );
+}
+
+/// Every property of a decision.
+///
+/// # Panics
+/// When one of them does not hold.
+pub fn decision_is_right(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
+    keeps_the_invariant(state, fsm, rules);
+    second_miss_ends(state, fsm, rules);
+    authority_needs_zero(state, fsm, rules);
+    stop_leads_to_fault(state, fsm, rules);
+    no_session_ramps(state, fsm, rules);
+}

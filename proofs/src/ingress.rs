@@ -1,0 +1,102 @@
+//! What of all that arrives is allowed to decide: T7, one event at a time. Any sequence of events follows by induction, for what
+//! has been accepted so far is arbitrary, and depends on nothing that only counts.
+
+use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Phase};
+use gantry_tau_core::control::session::Event;
+use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::ingress::{Accepted, Classifier, Diagnostics, Verdict};
+
+/// T7: what does not come from the owner, and what the owner sends that is not fresh, decides nothing.
+/// A Hello is the one word of a stranger that can, and only in Listening, where there is no owner.
+///
+/// # Panics
+/// When it does not hold.
+pub fn only_the_owner_decides<const N: usize>(
+    classifier: &Classifier<'_, N>,
+    connection: Connection,
+    event: &Event<N>,
+    accepted: &Accepted<N>,
+    diagnostics: &mut Diagnostics,
+) {
+    let mut after = *accepted;
+    classifier.classify(connection, event, &mut after, diagnostics);
+    if classifier.discrete.owner == Some(connection) {
+        if !owner_may_decide(classifier, event) {
+            assert!(after == *accepted, "T7: what is not fresh decides nothing");
+        }
+        return;
+    }
+    if classifier.discrete.phase != Phase::Listening {
+        assert!(after == *accepted, "T7: a stranger decides nothing");
+    }
+    let hello = after.fsm.hello;
+    after.fsm.hello = accepted.fsm.hello;
+    assert!(after == *accepted, "T7: a stranger can only ask");
+    assert!(
+        hello == accepted.fsm.hello || hello == Some((connection, classifier.next_epoch)),
+        "T7: and only for itself"
+    );
+}
+
+/// Whether this event of the owner is one that may decide.
+fn owner_may_decide<const N: usize>(classifier: &Classifier<'_, N>, event: &Event<N>) -> bool {
+    match event {
+        Event::Broken(_) | Event::Flood | Event::Closed => true,
+        Event::Malformed(_) | Event::Dropped(_) => false,
+        Event::Message(message) => match message {
+            ClientMessage::Command(command) => is_fresh(classifier, command),
+            ClientMessage::Goodbye(epoch) | ClientMessage::Stop(epoch) => {
+                *epoch == classifier.discrete.epoch
+            }
+            ClientMessage::Hello(_) => false,
+        },
+    }
+}
+
+/// The definition of fresh (DESIGN section 4), for a command of the owner, in the mathematician's integers.
+#[must_use]
+pub fn is_fresh<const N: usize>(classifier: &Classifier<'_, N>, command: &Command<N>) -> bool {
+    let discrete = classifier.discrete;
+    let ahead = i128::from(command.sequence.0) - i128::from(discrete.accepted.0);
+    let behind = i128::from(discrete.tick.0) - i128::from(command.echo.0);
+    let mode_has_its_place = discrete.phase != Phase::Handshake || command.mode == Mode::Submit;
+    let admits = |axis: usize| {
+        let limits = &classifier.parameters.axes[axis].limits;
+        limits.admits(&command.targets[axis])
+    };
+    discrete.is_live()
+        && command.epoch == discrete.epoch
+        && (1..=65_536).contains(&ahead)
+        && (0..=i128::from(classifier.parameters.echo_window)).contains(&behind)
+        && mode_has_its_place
+        && (0..N).all(admits)
+}
+
+/// Fresh is what the definition says, both ways.
+///
+/// # Panics
+/// When it does not hold.
+pub fn fresh_is_as_defined<const N: usize>(classifier: &Classifier<'_, N>, command: &Command<N>) {
+    let fresh = classifier.judge(command) == Verdict::Fresh;
+    assert!(
+        fresh == is_fresh(classifier, command),
+        "T7: fresh as defined"
+    );
+}
+
+/// T7's induction: what only counts does not decide, now or later.
+///
+/// # Panics
+/// When it does not hold.
+pub fn counts_decide_nothing<const N: usize>(
+    classifier: &Classifier<'_, N>,
+    connection: Connection,
+    event: &Event<N>,
+    accepted: &Accepted<N>,
+    (one, other): (&mut Diagnostics, &mut Diagnostics),
+) {
+    let (mut a, mut b) = (*accepted, *accepted);
+    classifier.classify(connection, event, &mut a, one);
+    classifier.classify(connection, event, &mut b, other);
+    assert!(a == b, "T7: what counts decides nothing");
+}
