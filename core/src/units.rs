@@ -3,54 +3,158 @@
 //! The *reference path* (anything that can reach a drive) is integer: nanometres, µm/s, per mille of rated torque, ticks.
 //! The *float path* (kinematics, statics, compensation) is `f64` in SI units.
 //! [`PositionNm::from_metres`] and [`PositionNm::to_metres`] are the only ways across; every other conversion is built on them.
+//!
+//! ```
+//! use gantry_tau_core::units::{CrossingError, Metres, PositionNm};
+//! assert_eq!(PositionNm::from_metres(Metres(1.25)), Ok(PositionNm(1_250_000_000)));
+//! assert_eq!(PositionNm::from_metres(Metres(f64::NAN)), Err(CrossingError::NotFinite));
+//! ```
 
 use core::fmt;
 
 /// Absolute position of an axis, in nanometres (1 nm steps, ± 9.2e9 m).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct PositionNm(pub i64);
 
 /// Offset added to a position reference, in nanometres (1 nm steps, ± 2.1 m).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct OffsetNm(pub i32);
 
 /// Velocity, in micrometres per second (as object 60B1h of CiA 402 with that unit configured).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct VelocityUmS(pub i32);
 
 /// Torque, in per mille of the drive's rated torque (as object 60B2h of CiA 402).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct TorquePermille(pub i16);
 
 /// Number of a server cycle. It never wraps: 2^64 cycles of 1 ms are 584 million years.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Tick(pub u64);
 
-/// Number of a session. The host takes it from a counter that is persisted before use, so that no old frame can ever match.
+/// Number of a session. Taken from an [`EpochRange`], so that no old frame can ever match.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Epoch(pub u64);
 
 /// Number of a command within its session, counted by the client from 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Sequence(pub u64);
+
+/// Epochs that no other run of the server has given or will give: reserved in a persisted counter before the server starts.
+///
+/// ```
+/// use gantry_tau_core::units::{Epoch, EpochRange};
+/// let stored = 4_096; // read from storage; 8192 is written back before the server starts
+/// let epochs = EpochRange { first: Epoch(stored + 1), last: Epoch(8_192) };
+/// assert_eq!(epochs.after(Epoch(0)), Some(Epoch(4_097)));
+/// assert_eq!(epochs.after(Epoch(4_097)), Some(Epoch(4_098)));
+/// assert_eq!(epochs.after(Epoch(8_192)), None);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct EpochRange {
+    /// First epoch of the range.
+    pub first: Epoch,
+    /// Last epoch of the range; smaller than `first` for an empty range.
+    pub last: Epoch,
+}
+
+impl EpochRange {
+    /// Every epoch there is: for tests and simulations, whose frames end with them.
+    pub const VOLATILE: Self = Self {
+        first: Epoch(1),
+        last: Epoch(u64::MAX),
+    };
+
+    /// Returns the first epoch of the range above `used`; `None` when the range is used up.
+    #[inline]
+    #[must_use]
+    pub fn after(&self, used: Epoch) -> Option<Epoch> {
+        let next = Epoch(used.0.checked_add(1)?).max(self.first);
+        (next <= self.last).then_some(next)
+    }
+}
+
+/// Unit of a [`crate::control::channel::Channel`]: [`OffsetNm`], [`VelocityUmS`] or [`TorquePermille`].
+pub trait ChannelUnit: Copy + Eq + sealed::Sealed {
+    /// Returns the count.
+    fn count(self) -> i32;
+    /// Returns the value of this count, cut to the unit's range.
+    fn saturating_from(count: i32) -> Self;
+}
+
+mod sealed {
+    /// Closed list of the units that a channel can have.
+    pub trait Sealed {}
+    impl Sealed for super::OffsetNm {}
+    impl Sealed for super::VelocityUmS {}
+    impl Sealed for super::TorquePermille {}
+}
+
+impl ChannelUnit for OffsetNm {
+    #[inline]
+    fn count(self) -> i32 {
+        self.0
+    }
+
+    #[inline]
+    fn saturating_from(count: i32) -> Self {
+        Self(count)
+    }
+}
+
+impl ChannelUnit for VelocityUmS {
+    #[inline]
+    fn count(self) -> i32 {
+        self.0
+    }
+
+    #[inline]
+    fn saturating_from(count: i32) -> Self {
+        Self(count)
+    }
+}
+
+impl ChannelUnit for TorquePermille {
+    #[inline]
+    fn count(self) -> i32 {
+        i32::from(self.0)
+    }
+
+    #[inline]
+    fn saturating_from(count: i32) -> Self {
+        let end = if count < 0 { i16::MIN } else { i16::MAX };
+        Self(i16::try_from(count).unwrap_or(end))
+    }
+}
 
 /// Length on the float path, in metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Metres(pub f64);
 
@@ -64,9 +168,10 @@ const CROSSING_LIMIT_NM_F64: f64 = 9_007_199_254_740_992.0;
 /// Nanometres per metre.
 const NM_PER_METRE: f64 = 1e9;
 
-/// Why a float could not become an integer of the reference path.
+/// Error of the crossing from float to integer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum CrossingError {
     /// The value is NaN or infinite.
     NotFinite,
@@ -112,8 +217,6 @@ impl PositionNm {
     pub fn from_nanometres(count: f64) -> Result<Self, CrossingError> {
         // NaN is not within.
         let within = count.abs() < CROSSING_LIMIT_NM_F64;
-        #[cfg(mutant = "crossing_guard_dropped")]
-        let within = within || count > 0.0;
         if !within {
             return Err(if count.is_nan() {
                 CrossingError::NotFinite
@@ -189,8 +292,6 @@ impl OffsetNm {
         };
         let limit_nm = i64::from(limit.0.max(0));
         let cut_nm = wanted.max(limit_nm.wrapping_neg()).min(limit_nm);
-        #[cfg(mutant = "saturation_dropped")]
-        let cut_nm = wanted;
         i32::try_from(cut_nm)
             .map(|nm| (Self(nm), cut_nm != wanted))
             .map_err(|_| CrossingError::OutOfRange { limit_nm })

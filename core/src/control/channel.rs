@@ -7,21 +7,73 @@
 //! - `ramp` moves by exactly `min(rho, |value|)` towards zero and never past it (T5).
 
 use core::fmt;
+use core::marker::PhantomData;
 use core::num::NonZeroU32;
 
-/// The four limits of a channel, checked once. Units are those of the channel's value, per tick and per tick squared.
+use crate::units::ChannelUnit;
+
+/// Limits of a channel as four numbers, not yet checked: in the channel's unit, per tick and per tick squared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Limits {
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct LimitValues {
+    /// M: largest magnitude; 0 disables the channel.
+    pub max: i32,
+    /// S: largest change per tick.
+    pub step: i32,
+    /// A: largest change of the change per tick.
+    pub accel: i32,
+    /// rho: change per tick of the ramp to zero.
+    pub ramp: i32,
+}
+
+/// Limits of a channel with values in `U`, checked once.
+///
+/// ```
+/// use gantry_tau_core::control::channel::{LimitValues, Limits, LimitsError};
+/// use gantry_tau_core::units::OffsetNm;
+/// // At most 2 mm, 5 µm per tick, and 0.1 µm per tick on the way back to zero.
+/// let values = LimitValues { max: 2_000_000, step: 5_000, accel: 10_000, ramp: 100 };
+/// let limits = Limits::<OffsetNm>::new(values)?;
+/// assert_eq!(limits.step(), 5_000);
+/// let hasty = Limits::<OffsetNm>::new(LimitValues { ramp: 6_000, ..values });
+/// assert_eq!(hasty, Err(LimitsError::RampAboveStep { ramp: 6_000, step: 5_000 }));
+/// # Ok::<(), LimitsError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(try_from = "LimitValues", into = "LimitValues", bound = "U: Copy")
+)]
+pub struct Limits<U> {
     max: i32,
     step: i32,
     accel: i32,
     ramp: NonZeroU32,
+    unit: PhantomData<U>,
 }
 
-/// Why four numbers are not limits. Every field carries the refused value.
+impl<U> From<Limits<U>> for LimitValues {
+    fn from(limits: Limits<U>) -> Self {
+        limits.values()
+    }
+}
+
+impl<U> TryFrom<LimitValues> for Limits<U> {
+    type Error = LimitsError;
+
+    fn try_from(values: LimitValues) -> Result<Self, Self::Error> {
+        Self::new(values)
+    }
+}
+
+/// Error of [`Limits::new`]. Every field carries the refused value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum LimitsError {
     /// `M` is negative. (Zero disables the channel.)
     NegativeMax {
@@ -52,11 +104,14 @@ pub enum LimitsError {
 impl fmt::Display for LimitsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NegativeMax { max } => write!(f, "max is {max}, it must not be negative"),
-            Self::RampNotPositive { ramp } => write!(f, "ramp is {ramp}, it must be positive"),
+            Self::NegativeMax { max } => write!(
+                f,
+                "max is {max}; it must not be negative (0 disables the channel)"
+            ),
+            Self::RampNotPositive { ramp } => write!(f, "ramp is {ramp}; it must be positive"),
             Self::RampAboveStep { ramp, step } => write!(f, "ramp {ramp} is above step {step}"),
             Self::AccelTooSmall { accel, needed } => {
-                write!(f, "accel is {accel}, step + ramp needs at least {needed}")
+                write!(f, "accel is {accel}; step + ramp needs at least {needed}")
             }
         }
     }
@@ -64,25 +119,35 @@ impl fmt::Display for LimitsError {
 
 impl core::error::Error for LimitsError {}
 
-impl Limits {
+impl<U> Limits<U> {
     /// The smallest limits there are: `M = 0`, so the channel stays at zero.
     pub const DISABLED: Self = Self {
         max: 0,
         step: 1,
         accel: 2,
         ramp: NonZeroU32::MIN,
+        unit: PhantomData,
     };
 
-    /// `max` (M): largest magnitude, 0 disables; `step` (S): largest change per tick; `accel` (A): largest change of the change;
-    /// `ramp` (rho): change per tick on the way back to zero.
+    /// Checks the four values.
     ///
     /// # Errors
     /// Unless `0 <= M`, `0 < rho <= S` and `S + rho <= A`.
-    pub const fn new(max: i32, step: i32, accel: i32, ramp: i32) -> Result<Self, LimitsError> {
+    #[expect(
+        clippy::as_conversions,
+        reason = "i32 to i64 is lossless; `From` is not const"
+    )]
+    pub const fn new(values: LimitValues) -> Result<Self, LimitsError> {
+        let LimitValues {
+            max,
+            step,
+            accel,
+            ramp,
+        } = values;
         if max < 0 {
             return Err(LimitsError::NegativeMax { max });
         }
-        let Some(ramp_magnitude) = NonZeroU32::new(ramp.unsigned_abs()) else {
+        let Some(magnitude) = NonZeroU32::new(ramp.unsigned_abs()) else {
             return Err(LimitsError::RampNotPositive { ramp });
         };
         if ramp < 0 {
@@ -91,15 +156,7 @@ impl Limits {
         if ramp > step {
             return Err(LimitsError::RampAboveStep { ramp, step });
         }
-        #[expect(
-            clippy::as_conversions,
-            reason = "i32 to i64 is lossless; `From` is not const"
-        )]
         let needed = (step as i64).saturating_add(ramp as i64);
-        #[expect(
-            clippy::as_conversions,
-            reason = "i32 to i64 is lossless; `From` is not const"
-        )]
         if needed > accel as i64 {
             return Err(LimitsError::AccelTooSmall { accel, needed });
         }
@@ -107,8 +164,21 @@ impl Limits {
             max,
             step,
             accel,
-            ramp: ramp_magnitude,
+            ramp: magnitude,
+            unit: PhantomData,
         })
+    }
+
+    /// Returns the four values.
+    #[must_use]
+    pub fn values(&self) -> LimitValues {
+        LimitValues {
+            max: self.max,
+            step: self.step,
+            accel: self.accel,
+            // Below the step, which is an `i32`.
+            ramp: i32::try_from(self.ramp.get()).unwrap_or(self.step),
+        }
     }
 
     /// M: largest magnitude; 0 disables the channel.
@@ -139,69 +209,77 @@ impl Limits {
         self.ramp.get()
     }
 
-    /// Whether a target lies within `M`.
+    /// True if a value lies within `M`.
     #[inline]
     #[must_use]
-    pub const fn admits(&self, target: i32) -> bool {
-        target.unsigned_abs() <= self.max.unsigned_abs()
+    pub fn admits(&self, value: U) -> bool
+    where
+        U: ChannelUnit,
+    {
+        value.count().unsigned_abs() <= self.max.unsigned_abs()
     }
 }
 
 #[cfg(kani)]
-impl kani::Arbitrary for Limits {
-    /// Any that validation accepts; nothing is assumed: what it refuses counts as the smallest there are.
+impl<U> kani::Arbitrary for Limits<U> {
+    /// Any limits that validation accepts. Nothing is assumed: refused values become [`Limits::DISABLED`].
     fn any() -> Self {
-        let limits = Self::new(kani::any(), kani::any(), kani::any(), kani::any());
-        limits.unwrap_or(Self::DISABLED)
+        Self::new(kani::any()).unwrap_or(Self::DISABLED)
     }
 }
 
-/// Value of a channel and its last change, both in the channel's unit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// Value of a channel and its last change, both counted in `U`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(kani, derive(kani::Arbitrary))]
-pub struct Channel {
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(bound = ""))]
+pub struct Channel<U> {
     value: i32,
     change: i32,
+    #[cfg_attr(feature = "serde", serde(skip))]
+    unit: PhantomData<U>,
 }
 
-impl Channel {
+impl<U> Default for Channel<U> {
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
+
+#[cfg(kani)]
+impl<U> kani::Arbitrary for Channel<U> {
+    fn any() -> Self {
+        Self::moved(kani::any(), kani::any())
+    }
+}
+
+impl<U> Channel<U> {
     /// A channel at zero and at rest; valid under any limits.
-    pub const ZERO: Self = Self {
-        value: 0,
-        change: 0,
-    };
+    pub const ZERO: Self = Self::moved(0, 0);
 
-    /// A channel from its parts, if they are valid under `limits`.
-    #[inline]
-    #[must_use]
-    pub fn from_parts(value: i32, change: i32, limits: &Limits) -> Option<Self> {
-        let channel = Self { value, change };
-        channel.is_valid(limits).then_some(channel)
+    const fn moved(value: i32, change: i32) -> Self {
+        Self {
+            value,
+            change,
+            unit: PhantomData,
+        }
     }
 
-    /// The invariant: the value is within `M`, and the last change was within `S`.
-    #[inline]
-    #[must_use]
-    pub const fn is_valid(&self, limits: &Limits) -> bool {
-        limits.admits(self.value) && self.change.unsigned_abs() <= limits.step.unsigned_abs()
-    }
-
-    /// The value that is in force.
-    #[inline]
-    #[must_use]
-    pub const fn value(&self) -> i32 {
-        self.value
-    }
-
-    /// The last change of the value.
+    /// Returns the last change of the value.
     #[inline]
     #[must_use]
     pub const fn change(&self) -> i32 {
         self.change
     }
 
-    /// At zero. (The last change may still have been the step that brought it there.)
+    /// Returns the count of the value in force.
+    #[inline]
+    #[must_use]
+    pub const fn count(&self) -> i32 {
+        self.value
+    }
+
+    /// True at zero. (The last change may still have been the step that brought it there.)
     #[inline]
     #[must_use]
     pub const fn is_zero(&self) -> bool {
@@ -212,10 +290,57 @@ impl Channel {
     #[inline]
     #[must_use]
     pub const fn hold(self) -> Self {
-        Self {
-            value: self.value,
-            change: 0,
-        }
+        Self::moved(self.value, 0)
+    }
+
+    /// Takes one step of the ramp: `min(rho, |value|)` towards zero.
+    #[inline]
+    #[must_use]
+    pub fn ramp(self, limits: &Limits<U>) -> Self {
+        let rest = self.value.unsigned_abs();
+        let step = narrow(i64::from(limits.ramp().min(rest)));
+        let change = if self.value > 0 {
+            step.saturating_neg()
+        } else {
+            step
+        };
+        Self::moved(self.value.saturating_add(change), change)
+    }
+
+    /// Returns the number of ticks that [`Self::ramp`] needs to reach zero: `ceil(|value| / rho)`.
+    #[must_use]
+    pub fn ramp_ticks_left(&self, limits: &Limits<U>) -> u32 {
+        let magnitude = self.value.unsigned_abs();
+        // A quotient by a nonzero divisor cannot panic; rounding up adds one where a rest remains.
+        let whole = magnitude / limits.ramp;
+        let rest = magnitude % limits.ramp;
+        whole.saturating_add(u32::from(rest != 0))
+    }
+}
+
+impl<U: ChannelUnit> Channel<U> {
+    /// Builds a channel from its parts, if they are valid under `limits`.
+    #[inline]
+    #[must_use]
+    pub fn from_parts(value: U, change: i32, limits: &Limits<U>) -> Option<Self> {
+        let channel = Self::moved(value.count(), change);
+        channel.is_valid(limits).then_some(channel)
+    }
+
+    /// The invariant: the value is within `M`, and the last change was within `S`.
+    #[inline]
+    #[must_use]
+    pub const fn is_valid(&self, limits: &Limits<U>) -> bool {
+        self.value.unsigned_abs() <= limits.max.unsigned_abs()
+            && self.change.unsigned_abs() <= limits.step.unsigned_abs()
+    }
+
+    /// Returns the value in force.
+    #[inline]
+    #[must_use]
+    pub fn value(&self) -> U {
+        // A valid torque channel lies within the i16 range, which the configuration checks: nothing is cut.
+        U::saturating_from(self.value)
     }
 
     /// Approaches `target` (clamped to `M`) as fast as `S` and `A` allow, and never past it.
@@ -223,57 +348,25 @@ impl Channel {
     /// Differences are taken in `i64`: the distance between two `i32` does not fit an `i32`.
     #[inline]
     #[must_use]
-    pub fn follow(self, target: i32, limits: &Limits) -> Self {
+    pub fn follow(self, target: U, limits: &Limits<U>) -> Self {
         let change = i64::from(self.change);
         let accel = i64::from(limits.accel);
         let step = i64::from(limits.step);
-        #[cfg(mutant = "accel_ignored")]
-        let accel = i64::MAX;
         // |change| <= S < A, so zero lies between the two ends and the value never overshoots its target.
         let lowest = change.saturating_sub(accel).max(step.saturating_neg());
         let highest = change.saturating_add(accel).min(step);
         // Not `clamp`, which panics on reversed ends: `M >= 0` holds, but the compiler cannot see it.
-        let target = target.max(limits.max.saturating_neg()).min(limits.max);
+        let target = target
+            .count()
+            .max(limits.max.saturating_neg())
+            .min(limits.max);
         let wanted = i64::from(target).saturating_sub(i64::from(self.value));
         let change = narrow(wanted.max(lowest).min(highest));
-        Self {
-            value: self.value.saturating_add(change),
-            change,
-        }
-    }
-
-    /// One step of the ramp: `min(rho, |value|)` towards zero.
-    #[inline]
-    #[must_use]
-    pub fn ramp(self, limits: &Limits) -> Self {
-        let rest = self.value.unsigned_abs();
-        #[cfg(mutant = "ramp_past_zero")]
-        let rest = u32::MAX;
-        let step = narrow(i64::from(limits.ramp().min(rest)));
-        let change = if self.value > 0 {
-            step.saturating_neg()
-        } else {
-            step
-        };
-        Self {
-            value: self.value.saturating_add(change),
-            change,
-        }
-    }
-
-    /// Ticks until the ramp is done: `ceil(|value| / rho)`.
-    #[inline]
-    #[must_use]
-    pub fn ramp_ticks_left(&self, limits: &Limits) -> u32 {
-        let magnitude = self.value.unsigned_abs();
-        // A quotient by a nonzero divisor cannot panic; rounding up is one more where a rest remains.
-        let whole = magnitude / limits.ramp;
-        let rest = magnitude % limits.ramp;
-        whole.saturating_add(u32::from(rest != 0))
+        Self::moved(self.value.saturating_add(change), change)
     }
 }
 
-/// To `i32`. The callers' values lie within ± S, so the fallback is never taken; if it were, the channel would stand still.
+/// Converts to `i32`. The callers' values lie within ± S, so the fallback, which keeps the value, is never taken.
 #[inline]
 fn narrow(value: i64) -> i32 {
     i32::try_from(value).unwrap_or(0)
@@ -282,31 +375,46 @@ fn narrow(value: i64) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::units::OffsetNm;
 
     /// The thesis profile for positions: 2 mm, 5 µm per tick, ramp 0.1 µm per tick.
-    const LIMITS: Limits = match Limits::new(2_000_000, 5_000, 10_000, 100) {
+    const LIMITS: Limits<OffsetNm> = match Limits::new(LimitValues {
+        max: 2_000_000,
+        step: 5_000,
+        accel: 10_000,
+        ramp: 100,
+    }) {
         Ok(limits) => limits,
         Err(_) => panic!("the profile is valid"),
     };
 
+    fn limits(max: i32, step: i32, accel: i32, ramp: i32) -> Result<Limits<OffsetNm>, LimitsError> {
+        Limits::new(LimitValues {
+            max,
+            step,
+            accel,
+            ramp,
+        })
+    }
+
     #[test]
     fn limits_name_what_is_wrong() {
         assert_eq!(
-            Limits::new(-1, 2, 4, 1),
+            limits(-1, 2, 4, 1),
             Err(LimitsError::NegativeMax { max: -1 })
         );
         for ramp in [0, -1, i32::MIN] {
             assert_eq!(
-                Limits::new(1, 2, 4, ramp),
+                limits(1, 2, 4, ramp),
                 Err(LimitsError::RampNotPositive { ramp })
             );
         }
         assert_eq!(
-            Limits::new(1, 2, 9, 3),
+            limits(1, 2, 9, 3),
             Err(LimitsError::RampAboveStep { ramp: 3, step: 2 })
         );
         assert_eq!(
-            Limits::new(1, i32::MAX, i32::MAX, 1),
+            limits(1, i32::MAX, i32::MAX, 1),
             Err(LimitsError::AccelTooSmall {
                 accel: i32::MAX,
                 needed: i64::from(i32::MAX) + 1
@@ -316,14 +424,14 @@ mod tests {
 
     #[test]
     fn ramps_to_the_nanometre() {
-        let mut channel = Channel::from_parts(-100_050, 0, &LIMITS).unwrap();
+        let mut channel = Channel::from_parts(OffsetNm(-100_050), 0, &LIMITS).unwrap();
         assert_eq!(channel.ramp_ticks_left(&LIMITS), 1001);
         for tick in 1..=1000 {
             channel = channel.ramp(&LIMITS);
-            assert_eq!(channel.value(), -100_050 + 100 * tick);
+            assert_eq!(channel.count(), -100_050 + 100 * tick);
         }
         channel = channel.ramp(&LIMITS);
-        assert_eq!((channel.value(), channel.change()), (0, 50));
+        assert_eq!((channel.count(), channel.change()), (0, 50));
         channel = channel.ramp(&LIMITS);
         assert_eq!(channel, Channel::ZERO);
     }
@@ -332,20 +440,23 @@ mod tests {
     fn follows_as_fast_as_allowed_and_arrives() {
         let mut channel = Channel::ZERO;
         for _ in 0..3 {
-            channel = channel.follow(12_345, &LIMITS);
+            channel = channel.follow(OffsetNm(12_345), &LIMITS);
         }
-        assert_eq!((channel.value(), channel.change()), (12_345, 2_345));
+        assert_eq!((channel.count(), channel.change()), (12_345, 2_345));
         // Full speed ahead, then a target behind: the reversal is spread over two ticks.
-        let fast = Channel::from_parts(0, 5_000, &LIMITS).unwrap();
-        assert_eq!(fast.follow(i32::MIN, &LIMITS).change(), -5_000);
-        let tight = Limits::new(2_000_000, 5_000, 5_100, 100).unwrap();
-        assert_eq!(fast.follow(i32::MIN, &tight).change(), -100);
+        let fast = Channel::from_parts(OffsetNm(0), 5_000, &LIMITS).unwrap();
+        assert_eq!(fast.follow(OffsetNm(i32::MIN), &LIMITS).change(), -5_000);
+        let tight = limits(2_000_000, 5_000, 5_100, 100).unwrap();
+        assert_eq!(fast.follow(OffsetNm(i32::MIN), &tight).change(), -100);
     }
 
     #[test]
     fn a_zero_limit_means_zero() {
-        let limits = Limits::new(0, 5, 10, 1).unwrap();
-        assert_eq!(Channel::ZERO.follow(i32::MAX, &limits), Channel::ZERO);
-        assert!(!limits.admits(1));
+        let zero = limits(0, 5, 10, 1).unwrap();
+        assert_eq!(
+            Channel::ZERO.follow(OffsetNm(i32::MAX), &zero),
+            Channel::ZERO
+        );
+        assert!(!zero.admits(OffsetNm(1)));
     }
 }

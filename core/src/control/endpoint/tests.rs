@@ -3,14 +3,24 @@
 use std::vec::Vec as StdVec;
 
 use super::*;
-use crate::control::axis::Actual;
-use crate::control::channel::Limits;
+use crate::control::axis::{Actual, Offsets};
+use crate::control::channel::{LimitValues, Limits};
 use crate::control::message::{Capabilities, Cause, ClientMessage, Command, Hello, Mode, Phase};
 use crate::control::session::config::{AxisConfig, Config, Parameters, Travel};
-use crate::control::wire::{decode_server, encode_client};
-use crate::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick};
+use crate::control::session::{LastWrite, Start};
+use crate::control::wire::{Frame, decode_server, encode_client};
+use crate::units::{OffsetNm, PositionNm, Sequence};
 
-type Tested = Endpoint<2, 3, 0>;
+type Tested = Endpoint<2, 3>;
+
+const NOMINAL: [PositionNm; 2] = [PositionNm(0), PositionNm(1_000)];
+
+/// One tick as its host sees it.
+struct Ticked {
+    motors: [Reference; 3],
+    output: Output<2>,
+    close: StdVec<Connection>,
+}
 
 struct Bench {
     endpoint: Tested,
@@ -20,47 +30,89 @@ struct Bench {
 }
 
 fn config() -> Config<2> {
-    let limits = Limits::new(100_000, 5_000, 10_000, 100).unwrap();
+    let limits = Limits::new(LimitValues {
+        max: 100_000,
+        step: 5_000,
+        accel: 10_000,
+        ramp: 100,
+    })
+    .unwrap();
     let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000), 0);
     Config::new(Parameters::thesis([axis; 2])).unwrap()
 }
 
+/// A refused write may come at any time, and the host may ignore what it should poll.
+#[test]
+fn frames_and_closings_that_are_not_polled_do_no_harm() {
+    let (mut bench, owner) = Bench::obtaining(Transport::Stream);
+    let other = bench.endpoint.open(Transport::Stream).unwrap();
+    bench.endpoint.feed(other, &hello());
+    let input = bench.input();
+    for _ in 0..2 {
+        let command = bench.command(Mode::Obtain, 3_000);
+        bench.endpoint.feed(owner, &command);
+        let _ = bench.endpoint.tick(&input);
+        assert_eq!(bench.endpoint.feed(other, &hello()), 0, "not read any more");
+    }
+    // The Refusal of the first tick is gone with that tick; its connection is still to be closed.
+    let command = bench.command(Mode::Obtain, 3_000);
+    bench.endpoint.feed(owner, &command);
+    let ticked = bench.tick();
+    assert!(matches!(bench.sent[..], [(to, ServerMessage::State(_))] if to == owner));
+    assert_eq!(ticked.close, [other]);
+}
+
 impl Bench {
     fn new() -> Self {
-        let nominal = [PositionNm(0), PositionNm(1_000)];
-        let in_force = [Offsets::default(); 2];
-        let session = Session::new(config(), &in_force, nominal, Tick(0), Epoch(0)).unwrap();
+        let session = Session::new(config(), &Start::at_rest(NOMINAL)).unwrap();
         let motors = MotorMap::new([0, 0, 1]).unwrap();
         Self {
-            endpoint: Endpoint::new(session, motors),
+            endpoint: Endpoint::new(session, motors, EpochRange::VOLATILE),
             sent: StdVec::new(),
             sequence: 0,
         }
     }
 
-    fn tick(&mut self) -> Turn<2, 3> {
-        let next_epoch = Epoch(self.endpoint.session().parts().discrete.epoch.0 + 1);
-        let nominal = [PositionNm(0), PositionNm(1_000)];
-        let cycle = Cycle::on_time(nominal, [Actual::default(); 2], next_epoch);
-        let sent = &mut self.sent;
-        sent.clear();
-        self.endpoint.tick(&cycle, &mut |to, bytes| {
+    fn input(&self) -> TickInput<2> {
+        TickInput {
+            elapsed_cycles: 1,
+            nominal: NOMINAL,
+            actual: [Actual::ZERO; 2],
+            stop: false,
+            rearm: false,
+            last_write: LastWrite::Accepted,
+            arrival_us: 0,
+        }
+    }
+
+    fn tick(&mut self) -> Ticked {
+        let input = self.input();
+        let motors = self.endpoint.tick(&input).unwrap();
+        assert!(self.endpoint.is_valid());
+        self.sent.clear();
+        while let Some((to, bytes)) = self.endpoint.poll_transmit() {
             let frame = Frame::parse(bytes).unwrap();
-            sent.push((to, decode_server(&frame).unwrap()));
-        })
+            self.sent.push((to, decode_server(&frame).unwrap()));
+        }
+        assert!(self.sent.len() <= FRAMES);
+        let output = self.endpoint.output().unwrap().clone();
+        let close = core::iter::from_fn(|| self.endpoint.poll_close()).collect();
+        assert!(self.endpoint.is_valid());
+        Ticked {
+            motors,
+            output,
+            close,
+        }
     }
 
     fn command(&mut self, mode: Mode, position: i32) -> FrameBytes {
         self.sequence += 1;
-        let discrete = &self.endpoint.session().parts().discrete;
-        let target = Offsets {
-            position: OffsetNm(position),
-            ..Offsets::default()
-        };
+        let session = self.endpoint.session();
+        let target = Offsets::position(OffsetNm(position));
         encode_client(&ClientMessage::Command(Command {
-            epoch: discrete.epoch,
+            epoch: session.epoch(),
             sequence: Sequence(self.sequence),
-            echo: discrete.tick,
+            echo: session.last_tick(),
             mode,
             targets: [target; 2],
         }))
@@ -128,14 +180,14 @@ fn a_ninth_frame_in_a_tick_ends_the_session() {
 }
 
 #[test]
-fn strangers_cannot_crowd_out_the_owner() {
+fn others_cannot_crowd_out_the_owner() {
     let (mut bench, owner) = Bench::obtaining(Transport::Stream);
     // Strangers come, shout, and leave, far more often than a tick has room for.
     for _ in 0..50 {
-        let stranger = bench.endpoint.open(Transport::Stream).unwrap();
-        bench.endpoint.feed(stranger, &hello());
-        bench.endpoint.feed(stranger, b"nonsense");
-        bench.endpoint.close(stranger);
+        let other = bench.endpoint.open(Transport::Stream).unwrap();
+        bench.endpoint.feed(other, &hello());
+        bench.endpoint.feed(other, b"nonsense");
+        bench.endpoint.close(other);
     }
     let mut bytes = StdVec::new();
     for _ in 0..8 {
@@ -151,15 +203,15 @@ fn strangers_cannot_crowd_out_the_owner() {
 #[test]
 fn a_second_client_is_told_and_closed() {
     let (mut bench, owner) = Bench::obtaining(Transport::Stream);
-    let stranger = bench.endpoint.open(Transport::Stream).unwrap();
-    bench.endpoint.feed(stranger, &hello());
+    let other = bench.endpoint.open(Transport::Stream).unwrap();
+    bench.endpoint.feed(other, &hello());
     let command = bench.command(Mode::Obtain, 3_000);
     bench.endpoint.feed(owner, &command);
     let turn = bench.tick();
-    assert_eq!(turn.close[..], [stranger]);
+    assert_eq!(turn.close[..], [other]);
     assert_eq!(
         bench.sent[0],
-        (stranger, ServerMessage::Refusal(Refusal::Busy))
+        (other, ServerMessage::Refusal(Refusal::Busy))
     );
     assert!(matches!(bench.sent[1], (to, ServerMessage::State(_)) if to == owner));
 }
@@ -167,20 +219,20 @@ fn a_second_client_is_told_and_closed() {
 #[test]
 fn another_version_is_told_ours_and_closed() {
     let mut bench = Bench::new();
-    let stranger = bench.endpoint.open(Transport::Stream).unwrap();
+    let other = bench.endpoint.open(Transport::Stream).unwrap();
     let mut bytes = hello().to_vec();
     bytes[2] = 9;
-    bench.endpoint.feed(stranger, &bytes);
+    bench.endpoint.feed(other, &bytes);
     let turn = bench.tick();
     let supported = PROTOCOL_VERSION;
     assert_eq!(
         bench.sent[..],
         [(
-            stranger,
+            other,
             ServerMessage::Refusal(Refusal::Version { supported })
         )]
     );
-    assert_eq!(turn.close[..], [stranger]);
+    assert_eq!(turn.close[..], [other]);
 }
 
 #[test]
@@ -232,7 +284,7 @@ fn connections_are_numbered_once_and_limited() {
 #[test]
 fn the_last_ramp_step_releases_the_old_owner() {
     let (mut bench, owner) = Bench::obtaining(Transport::Stream);
-    let epoch = bench.endpoint.session().parts().discrete.epoch;
+    let epoch = bench.endpoint.session().epoch();
     bench
         .endpoint
         .feed(owner, &encode_client(&ClientMessage::<2>::Goodbye(epoch)));
@@ -278,12 +330,12 @@ fn closing_again_and_again_crowds_nobody_out() {
     for _ in 0..20 {
         bench.endpoint.close(owner);
     }
-    let stranger = bench.endpoint.open(Transport::Stream).unwrap();
-    bench.endpoint.feed(stranger, &hello());
+    let other = bench.endpoint.open(Transport::Stream).unwrap();
+    bench.endpoint.feed(other, &hello());
     let turn = bench.tick();
     assert_eq!(turn.output.ended, Some(Cause::Closed));
-    let told = bench.sent.iter().any(|(to, _)| *to == stranger);
-    assert!(told, "the stranger is told why it cannot have the session");
+    let told = bench.sent.iter().any(|(to, _)| *to == other);
+    assert!(told, "the other is told why it cannot have the session");
 }
 
 #[test]
@@ -303,7 +355,7 @@ fn a_hello_of_the_owner_costs_that_frame() {
 fn a_stop_behind_a_burst_still_stops() {
     for frames in [7, 8, 9, 50] {
         let (mut bench, owner) = Bench::obtaining(Transport::Stream);
-        let epoch = bench.endpoint.session().parts().discrete.epoch;
+        let epoch = bench.endpoint.session().epoch();
         let mut bytes = StdVec::new();
         for _ in 0..frames {
             bytes.extend_from_slice(&bench.command(Mode::Obtain, 3_000));
@@ -322,7 +374,7 @@ fn a_stop_behind_a_burst_still_stops() {
 
 /// Found by review: connections that never say Hello kept everybody out for ever.
 #[test]
-fn silent_strangers_are_shown_out() {
+fn silent_others_are_shown_out() {
     let mut bench = Bench::new();
     for _ in 0..CONNECTIONS {
         bench.endpoint.open(Transport::Stream).unwrap();

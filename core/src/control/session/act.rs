@@ -1,4 +1,4 @@
-//! The second half of a tick: every axis carries out the one decision with its own channels, limits and travel.
+//! Second half of a tick: each axis carries out the decision with its own channels, limits and travel.
 
 use super::channels::AxisChannels;
 use super::config::{AxisConfig, Travel};
@@ -7,35 +7,36 @@ use crate::control::axis::{Actual, Offsets, Reference};
 use crate::control::message::{AxisFlags, AxisLimits, AxisState, Phase};
 use crate::units::PositionNm;
 
-/// What a session remembers of one axis.
+/// State of one axis in a session.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Axis {
     /// Channels whose values are in force.
     pub channels: AxisChannels,
-    /// Channels that follow in Submit and reach no drive.
+    /// Channels that follow in Submit. They reach no drive.
     pub shadow: AxisChannels,
     /// Nominal reference of the last tick.
     pub nominal: PositionNm,
 }
 
-/// What one axis is to do in a tick.
+/// Command to one axis in a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct AxisCommand {
-    /// What the channels in force do.
+    /// Action of the channels in force.
     pub action: Action,
-    /// What the shadow does; `None`: it rests at zero.
+    /// Action of the shadow; `None`: it rests at zero.
     pub shadow: Option<Action>,
-    /// Where [`Action::Follow`] leads.
+    /// Target of [`Action::Follow`].
     pub target: Offsets,
     /// Nominal reference of this tick.
     pub nominal: PositionNm,
-    /// Whether that is too far from the last one.
+    /// The nominal reference is further from the last one than its limit.
     pub nominal_stepped: bool,
-    /// What the drive measures.
+    /// Measurements of the drive.
     pub actual: Actual,
 }
 
@@ -51,7 +52,26 @@ impl Axis {
             && (phase == Phase::Submit || self.shadow.is_at_rest_at_zero())
     }
 
-    /// Carries out a command: what the drive receives, and what the State says of it.
+    /// Returns the reference of the last tick, before the clamp to the travel.
+    #[inline]
+    #[must_use]
+    pub fn held(&self) -> (Reference, AxisState) {
+        let offsets = self.channels.offsets();
+        let everywhere = Travel {
+            lower: PositionNm(i64::MIN),
+            upper: PositionNm(i64::MAX),
+        };
+        let (reference, _) = drive_reference(self.nominal, &offsets, &everywhere);
+        let state = AxisState {
+            nominal: self.nominal,
+            offsets,
+            shadow: self.shadow.offsets(),
+            ..AxisState::default()
+        };
+        (reference, state)
+    }
+
+    /// Carries out a command. Returns the drive's reference and the axis' part of the State.
     #[inline]
     pub fn act(&mut self, command: &AxisCommand, config: &AxisConfig) -> (Reference, AxisState) {
         let limits = &config.limits;
@@ -85,8 +105,8 @@ impl Axis {
     }
 }
 
-/// What the drive receives: `clamp(nominal + offset, travel)`. A clamp never enlarges a difference, so for a fixed travel
-/// the position changes by at most |change of nominal| + |change of offset| (T3).
+/// Returns the drive's reference: `clamp(nominal + offset, travel)`, and a flag if the clamp changed it. A clamp never enlarges
+/// a difference, so for a fixed travel the position changes by at most |change of nominal| + |change of offset| (T3).
 #[inline]
 #[must_use]
 pub fn drive_reference(
@@ -97,8 +117,6 @@ pub fn drive_reference(
     let wanted = nominal.0.saturating_add(i64::from(offsets.position.0));
     // Not `clamp`, which would panic on reversed ends; the configuration refuses those.
     let position = wanted.max(travel.lower.0).min(travel.upper.0);
-    #[cfg(mutant = "travel_not_clamped")]
-    let position = wanted.min(travel.upper.0);
     let flags = AxisFlags::default().with(AxisFlags::TRAVEL, position != wanted);
     let reference = Reference {
         position: PositionNm(position),
@@ -108,7 +126,7 @@ pub fn drive_reference(
     (reference, flags)
 }
 
-/// Whether the nominal reference moved further than its limit in `cycles` cycles.
+/// True if the nominal reference moved further than its limit in `cycles` cycles.
 #[inline]
 #[must_use]
 pub fn nominal_stepped(from: PositionNm, to: PositionNm, axis: &AxisConfig, cycles: u32) -> bool {

@@ -1,4 +1,4 @@
-//! The three channels of an axis as one: every channel applies the one action with its own limits. No cases but the action.
+//! The three channels of an axis as one: each applies the action of the tick with its own limits.
 
 use super::fsm::Action;
 use crate::control::axis::Offsets;
@@ -9,14 +9,15 @@ use crate::units::{OffsetNm, TorquePermille, VelocityUmS};
 /// The three channels of an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct AxisChannels {
     /// Position offset, nm.
-    pub position: Channel,
+    pub position: Channel<OffsetNm>,
     /// Velocity offset, µm/s.
-    pub velocity: Channel,
+    pub velocity: Channel<VelocityUmS>,
     /// Torque offset, per mille.
-    pub torque: Channel,
+    pub torque: Channel<TorquePermille>,
 }
 
 impl AxisChannels {
@@ -31,9 +32,9 @@ impl AxisChannels {
     #[must_use]
     pub fn at_rest(offsets: &Offsets, limits: &AxisLimits) -> Option<Self> {
         Some(Self {
-            position: Channel::from_parts(offsets.position.0, 0, &limits.position)?,
-            velocity: Channel::from_parts(offsets.velocity.0, 0, &limits.velocity)?,
-            torque: Channel::from_parts(i32::from(offsets.torque.0), 0, &limits.torque)?,
+            position: Channel::from_parts(offsets.position, 0, &limits.position)?,
+            velocity: Channel::from_parts(offsets.velocity, 0, &limits.velocity)?,
+            torque: Channel::from_parts(offsets.torque, 0, &limits.torque)?,
         })
     }
 
@@ -45,33 +46,32 @@ impl AxisChannels {
             && self.torque.is_valid(&limits.torque)
     }
 
-    /// All three at zero.
+    /// True if all three are at zero.
     #[inline]
     #[must_use]
     pub const fn is_zero(&self) -> bool {
         self.position.is_zero() && self.velocity.is_zero() && self.torque.is_zero()
     }
 
-    /// All three at zero and at rest.
+    /// True if all three are at zero and at rest.
     #[inline]
     #[must_use]
     pub fn is_at_rest_at_zero(&self) -> bool {
         *self == Self::ZERO
     }
 
-    /// Their values.
+    /// Returns the values in force.
     #[inline]
     #[must_use]
     pub fn offsets(&self) -> Offsets {
         Offsets {
-            position: OffsetNm(self.position.value()),
-            velocity: VelocityUmS(self.velocity.value()),
-            // A valid torque channel lies within the i16 range, which the configuration checks.
-            torque: TorquePermille(i16::try_from(self.torque.value()).unwrap_or(0)),
+            position: self.position.value(),
+            velocity: self.velocity.value(),
+            torque: self.torque.value(),
         }
     }
 
-    /// Ticks until all three would be zero.
+    /// Returns the number of ramp ticks until all three are zero.
     #[must_use]
     pub fn ramp_ticks_left(&self, limits: &AxisLimits) -> u32 {
         let position = self.position.ramp_ticks_left(&limits.position);
@@ -80,7 +80,7 @@ impl AxisChannels {
         position.max(velocity).max(torque)
     }
 
-    /// Applies one action. `targets` matter to [`Action::Follow`] only.
+    /// Applies one action. Only [`Action::Follow`] reads `targets`.
     #[inline]
     #[must_use]
     pub fn act(self, action: Action, targets: &Offsets, limits: &AxisLimits) -> Self {
@@ -91,7 +91,7 @@ impl AxisChannels {
                 torque: self.torque.ramp(&limits.torque),
             },
             Action::Follow => self.follow(targets, limits),
-            Action::FollowZero => self.follow(&Offsets::default(), limits),
+            Action::FollowZero => self.follow(&Offsets::ZERO, limits),
             Action::Ramp => Self {
                 position: self.position.ramp(&limits.position),
                 velocity: self.velocity.ramp(&limits.velocity),
@@ -103,33 +103,31 @@ impl AxisChannels {
     #[inline]
     fn follow(self, targets: &Offsets, limits: &AxisLimits) -> Self {
         Self {
-            position: self.position.follow(targets.position.0, &limits.position),
-            velocity: self.velocity.follow(targets.velocity.0, &limits.velocity),
-            torque: self
-                .torque
-                .follow(i32::from(targets.torque.0), &limits.torque),
+            position: self.position.follow(targets.position, &limits.position),
+            velocity: self.velocity.follow(targets.velocity, &limits.velocity),
+            torque: self.torque.follow(targets.torque, &limits.torque),
         }
     }
 
-    /// Which channels a follow left short of their targets.
+    /// Returns flags for the channels that a follow left short of their targets.
     #[inline]
     #[must_use]
     pub fn limited(&self, action: Action, targets: &Offsets) -> AxisFlags {
         let targets = match action {
             Action::Follow => *targets,
-            Action::FollowZero => Offsets::default(),
+            Action::FollowZero => Offsets::ZERO,
             Action::Hold | Action::Ramp => return AxisFlags::default(),
         };
-        let offsets = self.offsets();
+        let short = self.offsets();
         AxisFlags::default()
             .with(
                 AxisFlags::POSITION_LIMITED,
-                offsets.position != targets.position,
+                short.position != targets.position,
             )
             .with(
                 AxisFlags::VELOCITY_LIMITED,
-                offsets.velocity != targets.velocity,
+                short.velocity != targets.velocity,
             )
-            .with(AxisFlags::TORQUE_LIMITED, offsets.torque != targets.torque)
+            .with(AxisFlags::TORQUE_LIMITED, short.torque != targets.torque)
     }
 }

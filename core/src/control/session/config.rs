@@ -4,15 +4,16 @@ use core::fmt;
 
 use crate::control::channel::Limits;
 use crate::control::message::{AxisLimits, Capabilities, MAX_AXES};
-use crate::units::PositionNm;
+use crate::units::{OffsetNm, PositionNm};
 use crate::zip::each;
 
-/// Largest magnitude of a travel limit or a nominal reference for which the bounds are claimed: 2^61 nm.
+/// Largest magnitude of a travel limit, and of a nominal reference for which T3 bounds the change of the reference: 2^61 nm.
 pub const MAX_POSITION_NM: i64 = 1 << 61;
 
 /// A closed range of positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Travel {
     /// Lower end.
@@ -22,7 +23,7 @@ pub struct Travel {
 }
 
 impl Travel {
-    /// `reach_nm` to either side of zero.
+    /// Travel of `reach_nm` to either side of zero.
     #[must_use]
     pub const fn around_zero(reach_nm: u32) -> Self {
         #[expect(
@@ -37,26 +38,27 @@ impl Travel {
     }
 }
 
-/// How one axis may be moved.
+/// Limits of one axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct AxisConfig {
     /// Limits of the three offset channels.
     pub limits: AxisLimits,
-    /// Where the nominal reference may be.
+    /// Range of the nominal reference.
     pub nominal_travel: Travel,
-    /// Where the drive's reference may be; must reach `M` of the position channel further than `nominal_travel` at both ends.
+    /// Range of the drive's reference; at both ends at least `M` of the position channel wider than `nominal_travel`.
     pub machine_travel: Travel,
     /// Largest change of the nominal reference per tick, nm. Zero means that it must not move.
     pub nominal_step_nm: u32,
 }
 
 impl AxisConfig {
-    /// An axis with position offsets only, whose machine travel is just as much wider as its offsets need.
+    /// An axis with position offsets only. Its machine travel is wider than `nominal_travel` by `M`.
     #[must_use]
     pub const fn position_only(
-        position: Limits,
+        position: Limits<OffsetNm>,
         nominal_travel: Travel,
         nominal_step_nm: u32,
     ) -> Self {
@@ -68,8 +70,7 @@ impl AxisConfig {
         Self {
             limits: AxisLimits {
                 position,
-                velocity: Limits::DISABLED,
-                torque: Limits::DISABLED,
+                ..AxisLimits::DISABLED
             },
             nominal_travel,
             machine_travel: Travel {
@@ -84,6 +85,7 @@ impl AxisConfig {
 /// A budget of misses beside the consecutive-miss rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct MissBudget {
     /// Length of the window in ticks, 1 to 128.
@@ -92,24 +94,26 @@ pub struct MissBudget {
     pub allowed: u8,
 }
 
-/// Configuration as a human or a file states it; not yet checked.
+/// Configuration, not yet checked; [`Config::new`] checks it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Parameters<const N: usize> {
-    /// Length of a cycle in µs; only told to the client, the core has no clock.
+    /// Length of a cycle, µs. Reported to the client; core has no clock.
     pub cycle_us: u32,
-    /// `W`: how many ticks a command's echo may be behind the last State; 0 by default.
+    /// `W`: number of ticks that a command's echo may be behind the last State; 0 in the thesis profile.
     pub echo_window: u8,
-    /// Ticks a granted session may wait for its first command; 1 000 by default.
+    /// Ticks that a granted session waits for its first command; 1 000 in the thesis profile.
     pub handshake_ticks: u32,
     /// Budget of misses; off in the thesis profile.
     pub budget: Option<MissBudget>,
-    /// What the server does; a client must have the same abilities.
+    /// Abilities of the server; a client must have the same.
     pub capabilities: Capabilities,
-    /// Checksum of the kinematic parameters; told to the client.
+    /// Checksum of the kinematic parameters, reported to the client.
     pub kinematics_checksum: u32,
     /// The axes.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     pub axes: [AxisConfig; N],
 }
 
@@ -129,8 +133,9 @@ impl<const N: usize> Parameters<N> {
     }
 }
 
-/// Why parameters are no configuration.
+/// Error of [`Config::new`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ConfigError {
     /// The number of axes is zero or more than a frame can carry.
@@ -138,7 +143,7 @@ pub enum ConfigError {
         /// The refused number.
         axes: usize,
     },
-    /// The handshake would never or at once time out.
+    /// The handshake would time out at once.
     HandshakeTicks,
     /// The window of the budget is not 1 to 128 ticks.
     BudgetWindow {
@@ -147,17 +152,17 @@ pub enum ConfigError {
     },
     /// The torque channel's `M` does not fit the wire.
     TorqueMax {
-        /// Which axis.
+        /// Index of the axis.
         axis: usize,
     },
     /// A lower end is above its upper end, or an end is beyond 2^61 nm.
     Travel {
-        /// Which axis.
+        /// Index of the axis.
         axis: usize,
     },
     /// The nominal travel lies less than `M` inside the machine's travel.
     Margin {
-        /// Which axis.
+        /// Index of the axis.
         axis: usize,
     },
 }
@@ -165,20 +170,23 @@ pub enum ConfigError {
 impl fmt::Display for ConfigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Axes { axes } => write!(f, "{axes} axes, 1 to {MAX_AXES} are possible"),
+            Self::Axes { axes } => write!(f, "{axes} axes; 1 to {MAX_AXES} are possible"),
             Self::HandshakeTicks => f.write_str("handshake_ticks must be at least 1"),
             Self::BudgetWindow { window } => {
-                write!(f, "budget window is {window} ticks, 1 to 128 are possible")
+                write!(f, "budget window is {window} ticks; 1 to 128 are possible")
             }
             Self::TorqueMax { axis } => {
                 write!(f, "axis {axis}: torque max is above {} per mille", i16::MAX)
             }
             Self::Travel { axis } => {
-                write!(f, "axis {axis}: a travel has its ends reversed or too far")
+                write!(
+                    f,
+                    "axis {axis}: lower end of a travel is above its upper end, or an end is beyond 2^61 nm"
+                )
             }
             Self::Margin { axis } => write!(
                 f,
-                "axis {axis}: nominal travel must lie at least the position max inside machine travel"
+                "axis {axis}: machine travel must be wider than nominal travel by the position max at both ends"
             ),
         }
     }
@@ -186,18 +194,37 @@ impl fmt::Display for ConfigError {
 
 impl core::error::Error for ConfigError {}
 
-/// Validated configuration. Its fields can be read, not changed.
+/// Validated configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(try_from = "Parameters<N>", into = "Parameters<N>")
+)]
 pub struct Config<const N: usize> {
     parameters: Parameters<N>,
 }
 
+impl<const N: usize> From<Config<N>> for Parameters<N> {
+    fn from(config: Config<N>) -> Self {
+        config.parameters
+    }
+}
+
+impl<const N: usize> TryFrom<Parameters<N>> for Config<N> {
+    type Error = ConfigError;
+
+    fn try_from(parameters: Parameters<N>) -> Result<Self, Self::Error> {
+        Self::new(parameters)
+    }
+}
+
 impl<const N: usize> Config<N> {
-    /// Checks every parameter. (The limits of a channel are already valid by their type.)
+    /// Checks every parameter. (The limits of a channel are valid by their type.)
     ///
     /// # Errors
-    /// The first parameter found wrong.
+    /// The first invalid parameter.
     pub fn new(parameters: Parameters<N>) -> Result<Self, ConfigError> {
         if N == 0 || N > MAX_AXES {
             return Err(ConfigError::Axes { axes: N });
@@ -216,7 +243,7 @@ impl<const N: usize> Config<N> {
         Ok(Self { parameters })
     }
 
-    /// The validated parameters.
+    /// Returns the validated parameters.
     #[inline]
     #[must_use]
     pub const fn parameters(&self) -> &Parameters<N> {

@@ -1,11 +1,11 @@
-//! Counters and causes: they say what happened and never decide anything.
+//! Counters and causes. They report and never decide.
 
 use super::Parts;
 use super::fsm::{Decision, EndReason, FsmInput, FsmState};
 use crate::control::message::{AxisFlags, Cause, Counters, Phase};
 
 impl<const N: usize> Parts<N> {
-    /// Settles what this tick leaves behind, beside the counts of the classifier.
+    /// Updates counters and cause after a tick, beside the counts of [`super::ingress`].
     pub(super) fn update_diagnostics(
         &mut self,
         before: &FsmState,
@@ -30,7 +30,7 @@ impl<const N: usize> Parts<N> {
         }
     }
 
-    /// Deadlines count while commands are due; a session that ends for another reason has no deadline in that tick.
+    /// Counts deadlines while commands are due; a session that ends for another reason has no deadline in that tick.
     fn count_misses(&mut self, before: &FsmState, decision: &Decision, fsm: &FsmInput) {
         let late = matches!(
             decision.end,
@@ -49,7 +49,7 @@ impl<const N: usize> Parts<N> {
     }
 }
 
-/// Counts channel steps held back and references clamped.
+/// Counts limited channel steps and clamped references.
 pub(super) fn count_flags(counters: &mut Counters, flags: AxisFlags) {
     let clamped = flags.0 & AxisFlags::TRAVEL.0;
     let limited = flags.0 & AxisFlags::LIMITED.0;
@@ -57,7 +57,7 @@ pub(super) fn count_flags(counters: &mut Counters, flags: AxisFlags) {
     counters.clamped = counters.clamped.saturating_add(clamped.count_ones());
 }
 
-/// On-time deadlines among the latest 100.
+/// Returns the number of on-time deadlines among the latest 100.
 pub(super) fn on_time_of_100(history: u128) -> u8 {
     let latest = history & ((1 << 100) - 1);
     let missed = u8::try_from(latest.count_ones()).unwrap_or(100);

@@ -1,26 +1,22 @@
-//! The first half of a tick: from the discrete state and what arrived to the next discrete state and one action.
+//! First half of a tick, a finite state machine: discrete state and events to the next discrete state and one action.
 //!
-//! No channel, no target, no arithmetic to speak of. Precedence: stop, fault, framing (and flood), closed, goodbye,
-//! second consecutive miss, budget; each of them takes its first ramp step in the tick that sees it.
+//! It sees no channel and no target. Precedence: stop, fault, framing (and flood), closed, goodbye, second consecutive miss, budget;
+//! each of them takes its first ramp step in the tick that sees it.
 
 use super::config::MissBudget;
+use super::io::Connection;
 use crate::control::message::{Cause, Mode, Phase};
 use crate::units::{Epoch, Sequence, Tick};
 
-/// Names a connection; the endpoint never gives a number twice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(kani, derive(kani::Arbitrary))]
-pub struct Connection(pub u64);
-
-/// The part of the session's state that is not a reference.
+/// Discrete state of a session: everything but the references.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct FsmState {
     /// Phase.
     pub phase: Phase,
-    /// Whose session it is; after the session's end, who is still told about it.
+    /// Owner of the session; after its end, the connection that still receives States.
     pub owner: Option<Connection>,
     /// Epoch of the current or last session.
     pub epoch: Epoch,
@@ -30,7 +26,7 @@ pub struct FsmState {
     pub tick: Tick,
     /// Consecutive misses so far: 0 or 1.
     pub misses: u8,
-    /// One bit per deadline, the latest lowest; set where it was missed.
+    /// One bit per deadline, the latest lowest; set if it was missed.
     pub history: u128,
     /// Ticks waited for the first command.
     pub waited: u32,
@@ -40,7 +36,7 @@ pub struct FsmState {
 
 impl FsmState {
     /// The invariant, clause by clause:
-    /// nobody owns a listening server; a running session has an owner;
+    /// a listening server has no owner; a running session has one;
     /// misses are counted while commands are due, never reach two, and are what the history says of the last deadline;
     /// a session that still waits for its first command has no history;
     /// waiting is counted in the handshake only, and never reaches its limit;
@@ -67,7 +63,7 @@ impl FsmState {
         owner && misses && waited && rearm
     }
 
-    /// Whether a session is running: granted, and not over.
+    /// True if a session is running: granted, and not over.
     #[inline]
     #[must_use]
     pub const fn is_live(&self) -> bool {
@@ -75,14 +71,14 @@ impl FsmState {
     }
 }
 
-/// What arrived since the last tick, reduced to what decides.
+/// Input of the decision: everything since the last tick that can change the discrete state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct FsmInput {
     /// A stop is asserted, at the machine or by the owner.
     pub stop: bool,
-    /// Somebody at the machine re-arms.
+    /// The re-arm at the machine is pressed.
     pub rearm: bool,
     /// The nominal reference stepped above its limit.
     pub nominal_fault: bool,
@@ -96,7 +92,7 @@ pub struct FsmInput {
     pub goodbye: bool,
     /// The highest fresh valid command: its sequence and mode.
     pub command: Option<(Sequence, Mode)>,
-    /// Who asked for a session first, acceptably, and the epoch to give.
+    /// First acceptable Hello: its connection, and the epoch to grant.
     pub hello: Option<(Connection, Epoch)>,
     /// Cycles that the server skipped before this one.
     pub skipped: u32,
@@ -104,45 +100,45 @@ pub struct FsmInput {
     pub all_zero: bool,
 }
 
-/// What every channel does in this tick.
+/// Action of every channel in one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Action {
-    /// Position channels keep their value; velocity and torque channels take a ramp step, for a held push is not a hold.
+    /// Position channels keep their value. Velocity and torque channels take a ramp step: holding a push would not hold the machine.
     Hold,
     /// Channels approach the command's targets.
     Follow,
-    /// Channels approach zero at the speed of a follow: a fresh request for Submit in Obtain.
+    /// Channels approach zero as fast as a follow: a fresh request for Submit in Obtain.
     FollowZero,
     /// Channels take one ramp step.
     Ramp,
 }
 
-/// Why a session ends in this tick.
+/// Reason for the end of a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum EndReason {
-    /// A cause that is known by itself.
+    /// A cause that the decision knows.
     Because(Cause),
-    /// The second consecutive miss; the evidence tells who was late.
+    /// The second consecutive miss; the diagnostics tell whether client or network was late.
     Missed,
 }
 
-/// What one tick decides.
+/// Decision of one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Decision {
     /// The next discrete state.
     pub next: FsmState,
-    /// What every channel does.
+    /// Action of every channel.
     pub action: Action,
-    /// Why the session ends, where it does.
+    /// Reason for the end of the session, if it ends.
     pub end: Option<EndReason>,
 }
 
-/// Rules that come from the configuration.
+/// Rules from the configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
@@ -153,42 +149,40 @@ pub struct Rules {
     pub budget: Option<MissBudget>,
 }
 
-/// One tick's decision.
+/// Decides one tick.
 #[must_use]
-pub fn decide(state: &FsmState, fsm: &FsmInput, rules: &Rules) -> Decision {
-    let ticks = u64::from(fsm.skipped).saturating_add(1);
+pub fn decide(state: &FsmState, input: &FsmInput, rules: &Rules) -> Decision {
+    let ticks = u64::from(input.skipped).saturating_add(1);
     let now = FsmState {
         tick: Tick(state.tick.0.saturating_add(ticks)),
-        owner: if fsm.closed || fsm.framing || fsm.flood {
+        owner: if input.closed || input.framing || input.flood {
             None
         } else {
             state.owner
         },
         ..*state
     };
-    if fsm.stop || fsm.nominal_fault || state.phase == Phase::Fault {
-        return decide_fault(now, fsm);
+    if input.stop || input.nominal_fault || state.phase == Phase::Fault {
+        return decide_fault(now, input);
     }
     match state.phase {
-        Phase::Listening => decide_listening(now, fsm),
-        Phase::Handshake => decide_handshake(now, fsm, rules),
-        Phase::Submit | Phase::Obtain => decide_running(now, fsm, rules),
+        Phase::Listening => decide_listening(now, input),
+        Phase::Handshake => decide_handshake(now, input, rules),
+        Phase::Submit | Phase::Obtain => decide_running(now, input, rules),
         // Fault was handled above; it shares the arm that can only ramp.
-        Phase::SafeDisconnect | Phase::Fault => decide_ramping(now, fsm),
+        Phase::SafeDisconnect | Phase::Fault => decide_ramping(now, input),
     }
 }
 
-/// Stopped, or a faulty nominal, or still in Fault. What leads out is a re-arm that was released since Fault began:
+/// Stopped, or a faulty nominal, or still in Fault. Only a re-arm that was released since Fault began leads out:
 /// one that was pressed before, or is stuck, would make the stop pass unnoticed.
-fn decide_fault(now: FsmState, fsm: &FsmInput) -> Decision {
-    let asserted = fsm.stop || fsm.nominal_fault;
-    let rearmed = fsm.rearm && now.rearm_released;
-    #[cfg(mutant = "stuck_rearm_counts")]
-    let rearmed = fsm.rearm;
-    if now.phase == Phase::Fault && rearmed && fsm.all_zero && !asserted {
+fn decide_fault(now: FsmState, input: &FsmInput) -> Decision {
+    let asserted = input.stop || input.nominal_fault;
+    let rearmed = input.rearm && now.rearm_released;
+    if now.phase == Phase::Fault && rearmed && input.all_zero && !asserted {
         return listen(now);
     }
-    let cause = if fsm.stop {
+    let cause = if input.stop {
         Cause::Stop
     } else {
         Cause::Nominal
@@ -196,7 +190,7 @@ fn decide_fault(now: FsmState, fsm: &FsmInput) -> Decision {
     let end = (now.phase != Phase::Fault).then_some(EndReason::Because(cause));
     Decision {
         next: FsmState {
-            rearm_released: now.rearm_released || !fsm.rearm,
+            rearm_released: now.rearm_released || !input.rearm,
             ..retire(now, Phase::Fault)
         },
         action: Action::Ramp,
@@ -204,8 +198,8 @@ fn decide_fault(now: FsmState, fsm: &FsmInput) -> Decision {
     }
 }
 
-fn decide_listening(now: FsmState, fsm: &FsmInput) -> Decision {
-    let next = match fsm.hello {
+fn decide_listening(now: FsmState, input: &FsmInput) -> Decision {
+    let next = match input.hello {
         Some((owner, epoch)) => FsmState {
             phase: Phase::Handshake,
             owner: Some(owner),
@@ -225,11 +219,11 @@ fn decide_listening(now: FsmState, fsm: &FsmInput) -> Decision {
     }
 }
 
-fn decide_handshake(now: FsmState, fsm: &FsmInput, rules: &Rules) -> Decision {
-    if let Some(cause) = ending(fsm) {
+fn decide_handshake(now: FsmState, input: &FsmInput, rules: &Rules) -> Decision {
+    if let Some(cause) = ending(input) {
         return disconnect(now, EndReason::Because(cause));
     }
-    if let Some((sequence, _)) = fsm.command {
+    if let Some((sequence, _)) = input.command {
         return Decision {
             next: FsmState {
                 phase: Phase::Submit,
@@ -241,7 +235,7 @@ fn decide_handshake(now: FsmState, fsm: &FsmInput, rules: &Rules) -> Decision {
             end: None,
         };
     }
-    let waited = now.waited.saturating_add(fsm.skipped).saturating_add(1);
+    let waited = now.waited.saturating_add(input.skipped).saturating_add(1);
     if waited >= rules.handshake_ticks {
         return disconnect(now, EndReason::Because(Cause::HandshakeTimeout));
     }
@@ -253,22 +247,20 @@ fn decide_handshake(now: FsmState, fsm: &FsmInput, rules: &Rules) -> Decision {
 }
 
 /// Submit and Obtain: commands are due.
-fn decide_running(now: FsmState, fsm: &FsmInput, rules: &Rules) -> Decision {
-    if let Some(cause) = ending(fsm) {
+fn decide_running(now: FsmState, input: &FsmInput, rules: &Rules) -> Decision {
+    if let Some(cause) = ending(input) {
         return disconnect(now, EndReason::Because(cause));
     }
-    let missed = fsm.command.is_none();
-    let history = (pushed(now.history, fsm.skipped) << 1) | u128::from(missed);
+    let missed = input.command.is_none();
+    let history = (pushed(now.history, input.skipped) << 1) | u128::from(missed);
     let now = FsmState { history, ..now };
-    // Each skipped cycle was a deadline that nobody could meet.
-    let before = u32::from(now.misses).saturating_add(fsm.skipped);
-    #[cfg(mutant = "second_miss_tolerated")]
-    let before = before.saturating_sub(1);
+    // Each skipped cycle was a deadline that no client could meet.
+    let before = u32::from(now.misses).saturating_add(input.skipped);
     if before >= 2 {
         return disconnect(now, EndReason::Because(Cause::ServerLate));
     }
     if missed && before >= 1 {
-        let end = if fsm.skipped > 0 {
+        let end = if input.skipped > 0 {
             EndReason::Because(Cause::ServerLate)
         } else {
             EndReason::Missed
@@ -278,7 +270,7 @@ fn decide_running(now: FsmState, fsm: &FsmInput, rules: &Rules) -> Decision {
     if over_budget(history, rules.budget) {
         return disconnect(now, EndReason::Because(Cause::Budget));
     }
-    match fsm.command {
+    match input.command {
         None => Decision {
             next: FsmState { misses: 1, ..now },
             action: Action::Hold,
@@ -291,12 +283,12 @@ fn decide_running(now: FsmState, fsm: &FsmInput, rules: &Rules) -> Decision {
                 ..now
             },
             mode,
-            fsm.all_zero,
+            input.all_zero,
         ),
     }
 }
 
-/// The history with a missed deadline for each skipped cycle.
+/// Returns the history with a missed deadline for each skipped cycle.
 fn pushed(history: u128, skipped: u32) -> u128 {
     let all = u128::MAX;
     match (history.checked_shl(skipped), all.checked_shl(skipped)) {
@@ -305,7 +297,7 @@ fn pushed(history: u128, skipped: u32) -> u128 {
     }
 }
 
-/// A fresh command in Submit or Obtain.
+/// Follows a fresh command in Submit or Obtain.
 fn obey(now: FsmState, mode: Mode, all_zero: bool) -> Decision {
     let (phase, action) = match (now.phase, mode) {
         (_, Mode::Obtain) => (Phase::Obtain, Action::Follow),
@@ -319,10 +311,8 @@ fn obey(now: FsmState, mode: Mode, all_zero: bool) -> Decision {
     }
 }
 
-fn decide_ramping(now: FsmState, fsm: &FsmInput) -> Decision {
-    let done = fsm.all_zero;
-    #[cfg(mutant = "listens_before_zero")]
-    let done = done || fsm.hello.is_some();
+fn decide_ramping(now: FsmState, input: &FsmInput) -> Decision {
+    let done = input.all_zero;
     if done {
         listen(now)
     } else {
@@ -334,15 +324,15 @@ fn decide_ramping(now: FsmState, fsm: &FsmInput) -> Decision {
     }
 }
 
-/// Events that end a session whatever its commands say, in their order of precedence.
-const fn ending(fsm: &FsmInput) -> Option<Cause> {
-    if fsm.framing {
+/// Returns the cause of an event that ends a session whatever its commands say, in the order of precedence.
+const fn ending(input: &FsmInput) -> Option<Cause> {
+    if input.framing {
         Some(Cause::Malformed)
-    } else if fsm.flood {
+    } else if input.flood {
         Some(Cause::Flood)
-    } else if fsm.closed {
+    } else if input.closed {
         Some(Cause::Closed)
-    } else if fsm.goodbye {
+    } else if input.goodbye {
         Some(Cause::Goodbye)
     } else {
         None
@@ -368,7 +358,12 @@ fn disconnect(now: FsmState, end: EndReason) -> Decision {
     }
 }
 
-/// No session: nothing is due any more.
+/// Ends the session without a decision: references were not accepted by the drives.
+pub(super) const fn interrupted(state: &FsmState) -> FsmState {
+    retire(*state, Phase::SafeDisconnect)
+}
+
+/// Clears the counts of a running session.
 const fn retire(now: FsmState, phase: Phase) -> FsmState {
     FsmState {
         phase,
@@ -378,7 +373,7 @@ const fn retire(now: FsmState, phase: Phase) -> FsmState {
     }
 }
 
-/// Every channel is at zero: ready for the next session.
+/// Listens again: every channel is at zero.
 const fn listen(now: FsmState) -> Decision {
     Decision {
         next: FsmState {

@@ -1,9 +1,10 @@
-//! Before the first half of a tick: sifts what arrived into what decides, what answers, and what only counts.
+//! Classification of events, before the decision: accepted ones decide, others are refused or only counted.
 //!
-//! Nothing but the owner's fresh valid commands, stops and endings passes; everything else leaves a count (T7).
+//! Accepted are the owner's fresh valid commands, stops and endings, and the first acceptable Hello; everything else leaves a count (T7).
 
 use super::act::Axis;
-use super::fsm::{Connection, FsmInput, FsmState};
+use super::fsm::{FsmInput, FsmState};
+use super::io::Connection;
 use super::{Event, Refusals, ramp_ticks_left};
 use crate::control::axis::Offsets;
 use crate::control::message::{ClientMessage, Command, Counters, Hello, Mode, Phase, Refusal};
@@ -11,19 +12,19 @@ use crate::control::session::config::Parameters;
 use crate::units::{Epoch, Sequence};
 use crate::zip::zip;
 
-/// What a tick has accepted so far that decides. Nothing else that arrives changes it (T7).
+/// Accepted events of a tick: everything from the network that can decide (T7).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Accepted<const N: usize> {
-    /// What decides.
+    /// Input of the decision, without the tick's own part.
     pub fsm: FsmInput,
     /// Targets of the highest fresh valid command; zero without one.
     pub targets: [Offsets; N],
 }
 
 impl<const N: usize> Accepted<N> {
-    /// Nothing yet.
+    /// No event.
     #[must_use]
     pub fn nothing() -> Self {
         Self {
@@ -33,33 +34,33 @@ impl<const N: usize> Accepted<N> {
     }
 }
 
-/// What a tick has accepted so far that only counts, or is to be answered. It decides nothing.
+/// Events of a tick that are counted or answered. They decide nothing.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Diagnostics {
     /// Counts since the session was granted.
     pub counters: Counters,
-    /// Hellos that cannot be granted, whatever is decided.
+    /// Hellos that cannot be granted, independent of the decision.
     pub refusals: Refusals,
-    /// The owner sent a command that was not fresh because it was late.
+    /// The owner sent a late command.
     pub late: bool,
 }
 
-/// What events are judged against: all that a tick knows before it hears the first.
+/// Context of the classification: the session before the tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Classifier<'a, const N: usize> {
     /// The discrete state.
     pub discrete: &'a FsmState,
     /// The validated configuration.
     pub parameters: &'a Parameters<N>,
-    /// The axes; a refusal says how long they still ramp.
+    /// The axes; a refusal reports the ramp ticks left.
     pub axes: &'a [Axis; N],
-    /// Epoch that a granted session would get.
-    pub next_epoch: Epoch,
+    /// Epoch of the next session; `None` when the epochs are used up.
+    pub next_epoch: Option<Epoch>,
 }
 
 impl<const N: usize> Classifier<'_, N> {
-    /// One event, in order of arrival.
+    /// Classifies one event, in order of arrival.
     pub fn classify(
         &self,
         connection: Connection,
@@ -70,7 +71,7 @@ impl<const N: usize> Classifier<'_, N> {
         if self.discrete.owner == Some(connection) {
             self.owner(event, accepted, diagnostics);
         } else {
-            self.stranger(connection, event, accepted, diagnostics);
+            self.non_owner(connection, event, accepted, diagnostics);
         }
     }
 
@@ -98,14 +99,13 @@ impl<const N: usize> Classifier<'_, N> {
                     ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => {
                         count(&mut counters.stale);
                     }
-                    // Well-framed, but without a place: it costs this frame and nothing else.
                     ClientMessage::Hello(_) => count(&mut counters.malformed),
                 }
             }
         }
     }
 
-    fn stranger(
+    fn non_owner(
         &self,
         connection: Connection,
         event: &Event<N>,
@@ -114,14 +114,14 @@ impl<const N: usize> Classifier<'_, N> {
     ) {
         match event {
             Event::Message(ClientMessage::Hello(hello)) => {
-                // Grants or refuses; the final word on a grant is [`super::fsm`]'s.
-                match self.refusal(hello, &accepted.fsm) {
-                    None => accepted.fsm.hello = Some((connection, self.next_epoch)),
-                    // There is room: a tick has at most `EVENTS` events.
-                    Some(reason) => diagnostics
-                        .refusals
-                        .push((connection, reason))
-                        .unwrap_or(()),
+                // Acceptable so far; [`super::fsm`] decides on the grant.
+                match self.grant(hello, &accepted.fsm) {
+                    Ok(epoch) => accepted.fsm.hello = Some((connection, epoch)),
+                    Err(reason) => {
+                        let refusal = (connection, reason);
+                        // There is room: a tick has at most `EVENTS` events.
+                        diagnostics.refusals.push(refusal).unwrap_or(());
+                    }
                 }
             }
             Event::Message(_)
@@ -129,37 +129,38 @@ impl<const N: usize> Classifier<'_, N> {
             | Event::Dropped(_)
             | Event::Broken(_)
             | Event::Flood => {
-                count(&mut diagnostics.counters.strangers);
+                count(&mut diagnostics.counters.non_owner);
             }
             Event::Closed => {}
         }
     }
 
-    /// Why a Hello cannot be granted.
-    fn refusal(&self, hello: &Hello, fsm: &FsmInput) -> Option<Refusal> {
+    /// Returns the epoch to grant to a Hello.
+    ///
+    /// # Errors
+    /// The reason to refuse it.
+    fn grant(&self, hello: &Hello, fsm: &FsmInput) -> Result<Epoch, Refusal> {
         let ticks_left = ramp_ticks_left(self.parameters, self.axes);
         match self.discrete.phase {
-            Phase::Handshake | Phase::Submit | Phase::Obtain => return Some(Refusal::Busy),
-            Phase::SafeDisconnect => return Some(Refusal::Ramping { ticks_left }),
-            Phase::Fault => return Some(Refusal::Faulted { ticks_left }),
+            Phase::Handshake | Phase::Submit | Phase::Obtain => return Err(Refusal::Busy),
+            Phase::SafeDisconnect => return Err(Refusal::Ramping { ticks_left }),
+            Phase::Fault => return Err(Refusal::Faulted { ticks_left }),
             Phase::Listening => {}
         }
         let needed = self.parameters.capabilities;
         if fsm.hello.is_some() {
-            Some(Refusal::Busy)
+            Err(Refusal::Busy)
         } else if usize::from(hello.axes) != N {
             let expected = u8::try_from(N).unwrap_or(u8::MAX);
-            Some(Refusal::Axes { expected })
+            Err(Refusal::Axes { expected })
         } else if !hello.capabilities.contains(needed) {
-            Some(Refusal::Capability { needed })
-        } else if self.next_epoch <= self.discrete.epoch {
-            Some(Refusal::Unavailable)
+            Err(Refusal::Capability { needed })
         } else {
-            None
+            self.next_epoch.ok_or(Refusal::Unavailable)
         }
     }
 
-    /// A command of the owner: the highest fresh valid one acts, every other one is counted.
+    /// Classifies a command of the owner: the highest fresh valid one acts, every other one is counted.
     fn command(
         &self,
         command: &Command<N>,
@@ -167,7 +168,7 @@ impl<const N: usize> Classifier<'_, N> {
         diagnostics: &mut Diagnostics,
     ) {
         let counters = &mut diagnostics.counters;
-        match self.judge(command) {
+        match self.verdict(command) {
             Verdict::Fresh => {}
             Verdict::Duplicate => return count(&mut counters.duplicate),
             Verdict::Stale => return count(&mut counters.stale),
@@ -191,12 +192,10 @@ impl<const N: usize> Classifier<'_, N> {
         accepted.targets = command.targets;
     }
 
-    /// Judges a command of the owner, beside what else arrived in this tick.
+    /// Returns the verdict on a command of the owner, apart from the other commands of the tick.
     #[must_use]
-    pub fn judge(&self, command: &Command<N>) -> Verdict {
+    pub fn verdict(&self, command: &Command<N>) -> Verdict {
         let epoch = self.discrete.epoch;
-        #[cfg(mutant = "epoch_not_compared")]
-        let epoch = command.epoch;
         if !self.discrete.is_live() || command.epoch != epoch {
             return Verdict::Stale;
         }
@@ -213,7 +212,7 @@ impl<const N: usize> Classifier<'_, N> {
             }
             Some(_) => {}
         }
-        // Content that the wire cannot judge: the mode's place in the phase, the targets' magnitude.
+        // Content that the wire format cannot check: the mode in this phase, the targets' magnitude.
         if self.discrete.phase == Phase::Handshake && command.mode == Mode::Obtain {
             return Verdict::Malformed;
         }
@@ -226,33 +225,33 @@ impl<const N: usize> Classifier<'_, N> {
     }
 }
 
-/// What a command of the owner is.
+/// Verdict on a command of the owner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Verdict {
-    /// Of this epoch, ahead in sequence, answering the last State, and valid.
+    /// Has the session's epoch, is ahead in sequence, answers the last State, and is valid.
     Fresh,
-    /// With the sequence of the last accepted one.
+    /// Has the sequence of the last accepted command.
     Duplicate,
-    /// Of another epoch, too far ahead, answering a State that was never sent, or without a session.
+    /// Has another epoch, is too far ahead, answers a State that was never sent, or comes without a session.
     Stale,
-    /// Behind the last accepted one, or answering an older State than the window allows.
+    /// Is behind the last accepted command, or answers an older State than the window allows.
     Late,
-    /// Asks for a mode that has no place in the phase.
+    /// Asks for a mode that the phase does not allow.
     Malformed,
-    /// A target lies beyond its limit.
+    /// Has a target beyond its limit.
     OutOfRange,
 }
 
-/// How far ahead of the accepted sequence a command may be.
+/// Largest distance of a command ahead of the accepted sequence.
 const SEQUENCE_WINDOW: u64 = 65_536;
 
-/// How far `sequence` is ahead; `None` when it is behind.
+/// Returns the distance of `sequence` ahead of `accepted`; `None` when it is behind.
 const fn ahead(accepted: Sequence, sequence: Sequence) -> Option<u64> {
     sequence.0.checked_sub(accepted.0)
 }
 
-/// Counters saturate: a wrapped counter would be a lie.
+/// Counts one, saturating: a wrapped counter would report too little.
 const fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
 }

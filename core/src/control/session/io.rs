@@ -1,28 +1,35 @@
-//! What goes into a tick and what comes out of it.
+//! Inputs and outputs of a tick.
 
 use heapless::Vec;
 
-use super::fsm::Connection;
-use crate::control::axis::{Actual, Reference};
+use crate::control::axis::{Actual, InForce, Reference};
 use crate::control::message::{Cause, ClientMessage, ContentError, FrameError, Refusal, State};
-use crate::units::{Epoch, PositionNm, TorquePermille, VelocityUmS};
+use crate::units::{EpochRange, PositionNm};
 
 /// Events that one tick can take: 8 frames of the owner, its flood or broken stream, a Stop behind a flood, its closing, and 5 events
-/// of strangers.
+/// of non-owners.
 pub const EVENTS: usize = 16;
 /// Frames of the owner that are read per tick (`K`); one more ends the session.
 pub const OWNER_FRAMES: u8 = 8;
 
+/// Name of a network connection; an endpoint never gives a number twice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct Connection(pub u64);
+
 /// Something that happened on a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Event<const N: usize> {
     /// A message.
     Message(ClientMessage<N>),
-    /// A well-framed frame with bad content. It costs that frame.
+    /// A valid frame with bad content. The frame is lost.
     Malformed(ContentError),
-    /// A datagram that is no frame. It costs that datagram.
+    /// A datagram without a valid frame. The datagram is lost.
     Dropped(FrameError),
     /// The stream lost its frame boundary.
     Broken(FrameError),
@@ -32,77 +39,94 @@ pub enum Event<const N: usize> {
     Closed,
 }
 
-/// One tick's events, in order of arrival.
+/// Events of one tick, in order of arrival.
 pub type Events<const N: usize> = Vec<(Connection, Event<N>), EVENTS>;
 /// Hellos refused in one tick.
 pub type Refusals = Vec<(Connection, Refusal), EVENTS>;
 
-/// What the host gives to one cycle, beside what arrived.
+/// Fate of the references of the last tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
-pub struct Cycle<const N: usize> {
-    /// Cycles since the last tick: 1 when on time; 0 counts as 1.
-    pub elapsed: u32,
+pub enum LastWrite<const N: usize> {
+    /// The drives took them. Also the input of the first tick.
+    Accepted,
+    /// The drives did not take them; they were read back and have these values in force.
+    Refused {
+        /// Values in force, axis order.
+        #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
+        in_force: [InForce; N],
+    },
+    /// The drives did not take them, and cannot be read back. No references are written until they can.
+    Unknown,
+}
+
+/// Inputs of one tick from the machine. Every field must be given: there is no default for a stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct TickInput<const N: usize> {
+    /// Cycles since the last tick: 1 when on time; 0 counts as 1. Each further cycle is a missed deadline.
+    pub elapsed_cycles: u32,
     /// Nominal references of this cycle.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     pub nominal: [PositionNm; N],
-    /// What the drives measure.
+    /// Measurements of the drives.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     pub actual: [Actual; N],
     /// The stop at the machine is asserted.
     pub stop: bool,
-    /// Somebody at the machine re-arms. It counts only once it was seen released in the fault: one that is stuck re-arms nothing.
+    /// The re-arm at the machine is pressed. It counts only after it was seen released in the fault: a stuck one re-arms nothing.
     pub rearm: bool,
-    /// Epoch for the next session, from a counter persisted before use: greater than every one before. It is used up when
-    /// [`Output::welcome`] is there.
-    pub next_epoch: Epoch,
-    /// When in the cycle the last command arrived, µs; evidence only.
+    /// Fate of the references of the last tick.
+    pub last_write: LastWrite<N>,
+    /// Time from the departure of the last State to the arrival of the last command, µs; recorded only. 0 without a measurement.
     pub arrival_us: u16,
 }
 
-impl<const N: usize> Cycle<N> {
-    /// Cycles since the last tick, at least 1.
+impl<const N: usize> TickInput<N> {
+    /// Returns the cycles since the last tick, at least 1.
     #[inline]
     #[must_use]
     pub const fn cycles(&self) -> u32 {
-        if self.elapsed == 0 { 1 } else { self.elapsed }
-    }
-
-    /// A cycle in which nothing special happens.
-    #[must_use]
-    pub const fn on_time(nominal: [PositionNm; N], actual: [Actual; N], next_epoch: Epoch) -> Self {
-        Self {
-            elapsed: 1,
-            nominal,
-            actual,
-            stop: false,
-            rearm: false,
-            next_epoch,
-            arrival_us: 0,
+        if self.elapsed_cycles == 0 {
+            1
+        } else {
+            self.elapsed_cycles
         }
     }
 }
 
-/// Everything that one tick depends on, beside the session itself.
+/// Complete input of one tick: the session after it depends on this and on the session before it only.
 #[derive(Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Input<const N: usize> {
-    /// What the host gives.
-    pub cycle: Cycle<N>,
-    /// What arrived.
+    /// Input from the machine.
+    pub tick: TickInput<N>,
+    /// Epochs that may be granted.
+    pub epochs: EpochRange,
+    /// Events from the network.
     pub events: Events<N>,
 }
 
 impl<const N: usize> Input<N> {
-    /// No event, everything at zero.
+    /// An input without events, at position zero, on time.
     #[must_use]
-    pub const fn nothing() -> Self {
-        let at_rest = Actual {
-            position: PositionNm(0),
-            velocity: VelocityUmS(0),
-            torque: TorquePermille(0),
-        };
+    pub const fn empty(epochs: EpochRange) -> Self {
         Self {
-            cycle: Cycle::on_time([PositionNm(0); N], [at_rest; N], Epoch(0)),
+            tick: TickInput {
+                elapsed_cycles: 1,
+                nominal: [PositionNm(0); N],
+                actual: [Actual::ZERO; N],
+                stop: false,
+                rearm: false,
+                last_write: LastWrite::Accepted,
+                arrival_us: 0,
+            },
+            epochs,
             events: Vec::new(),
         }
     }
@@ -111,36 +135,43 @@ impl<const N: usize> Input<N> {
 impl<const N: usize> Clone for Input<N> {
     fn clone(&self) -> Self {
         Self {
-            cycle: self.cycle,
+            tick: self.tick,
+            epochs: self.epochs,
             events: self.events.clone(),
         }
     }
 
-    /// Copies `other` into this place: only the events there are, not the room for more.
+    /// Copies `other` into this place: only the events in use, not the capacity.
     fn clone_from(&mut self, other: &Self) {
-        self.cycle = other.cycle;
+        self.tick = other.tick;
+        self.epochs = other.epochs;
         self.events.clear();
         // There is room: both have the same capacity.
         self.events.extend_from_slice(&other.events).unwrap_or(());
     }
 }
 
-/// Everything that one tick produces.
+/// Complete output of one tick.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct Output<const N: usize> {
-    /// What the drives receive.
+    /// References of the axes. Not to be written if `withheld`.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     pub references: [Reference; N],
-    /// The State of this tick.
+    /// The values in force at the drives are unknown or beyond their limits: nothing may be written in this cycle.
+    pub withheld: bool,
+    /// State of this tick.
     pub state: State<N>,
-    /// Whom to send the State to.
+    /// Recipient of the State.
     pub owner: Option<Connection>,
-    /// Whom to welcome, before the State; [`super::Session::welcome`] makes the message.
+    /// Recipient of a Welcome, before the State; [`super::Session::welcome`] makes the message.
     pub welcome: Option<Connection>,
-    /// Whom to refuse, and to close afterwards.
+    /// Recipients of Refusals; their connections are closed afterwards.
     pub refusals: Refusals,
-    /// Whose connection has no further use and should be closed.
+    /// Connection without further use; it should be closed.
     pub close: Option<Connection>,
-    /// Why a session ended, or the server stopped, in this tick.
+    /// Cause of an end of a session, or of a stop, in this tick.
     pub ended: Option<Cause>,
 }

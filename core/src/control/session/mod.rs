@@ -1,15 +1,15 @@
-//! The server's state machine on messages `[T 5.1.1, Figure 5.4]`; knows no bytes, no clock, no sockets.
+//! The server's state machine on messages `[T 5.1.1, Figure 5.4]`. It knows no bytes, no clock, no sockets.
 //!
-//! [`Session::tick`] is one pure step with bounded work. It has two halves and an entrance:
-//! events are sifted into what decides; [`decide::decide`] chooses the next discrete state and ONE action;
-//! [`act`] lets every channel apply that action with its own limits. What only counts is kept apart from all three.
+//! [`Session::tick`] is one pure step with bounded work, in three parts: events are classified into accepted and counted ones;
+//! a finite state machine decides on the next discrete state and ONE action; every channel applies that action with its own limits.
+//! Counters and causes are kept apart from all three.
 
-pub mod act;
-pub mod channels;
+pub(crate) mod act;
+pub(crate) mod channels;
 pub mod config;
 mod diagnostics;
-pub mod fsm;
-pub mod ingress;
+pub(crate) mod fsm;
+pub(crate) mod ingress;
 mod io;
 pub mod recorder;
 mod replay;
@@ -17,38 +17,64 @@ mod step;
 
 use core::fmt;
 
-use crate::control::axis::Offsets;
+use crate::control::axis::{InForce, Offsets};
 use crate::control::message::{AxisState, Cause, Counters, Phase, Refusal, State, Welcome};
-use crate::units::{Epoch, PositionNm, Sequence, Tick};
+use crate::units::{Epoch, EpochRange, Sequence, Tick};
 use crate::zip::{each, zip};
 
 use act::Axis;
 use channels::AxisChannels;
 use config::{Config, Parameters};
 use diagnostics::{count_flags, on_time_of_100};
-use fsm::{Connection, Decision, FsmInput, FsmState};
+use fsm::{Decision, FsmInput, FsmState};
 use ingress::{Accepted, Classifier, Diagnostics};
-use step::{Step, advance, all_zero};
+use step::{Step, all_zero, step};
 
-pub use io::{Cycle, EVENTS, Event, Events, Input, OWNER_FRAMES, Output, Refusals};
+pub use io::{
+    Connection, EVENTS, Event, Events, Input, LastWrite, OWNER_FRAMES, Output, Refusals, TickInput,
+};
+pub use recorder::{NoRecorder, Record};
 pub use replay::{Replayed, replay};
 
-/// The black box: the last ticks' complete inputs and outputs, the session before the oldest, and the configuration within it.
-/// Replaying the inputs from that session gives every output again, bit for bit ([`replay`], T11).
+/// Black box: the complete inputs and outputs of the last ticks, the session before the oldest, and the configuration within it.
+/// Replaying the inputs from that session reproduces every output, bit for bit ([`replay()`], T11).
 pub type BlackBox<const N: usize, const HALF: usize> =
     recorder::Recorder<Session<N>, Input<N>, Output<N>, HALF>;
 /// One recorded tick.
 pub type Entry<const N: usize> = recorder::Entry<Input<N>, Output<N>>;
 
-/// Why a session cannot start.
+/// State of the machine at the start of the server, read back before the first tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct Start<const N: usize> {
+    /// Values in force at the drives. Nonzero offsets start in SafeDisconnect: a restart makes no step.
+    pub in_force: [InForce; N],
+    /// A stop was asserted before and has not been re-armed. The server then starts in Fault.
+    pub stop_latched: bool,
+}
+
+impl<const N: usize> Start<N> {
+    /// A machine without offsets in force, not stopped, at these nominal references.
+    #[must_use]
+    pub fn at_rest(nominal: [crate::units::PositionNm; N]) -> Self {
+        Self {
+            in_force: nominal.map(InForce::at),
+            stop_latched: false,
+        }
+    }
+}
+
+/// Error of [`Session::new`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum StartError {
     /// An offset in force is beyond its limits: the server must not start.
     OffsetInForce {
-        /// Which axis.
+        /// Index of the axis.
         axis: usize,
-        /// The offsets read back from its drive.
+        /// Offsets read back from its drive.
         offsets: Offsets,
     },
 }
@@ -67,47 +93,65 @@ impl fmt::Display for StartError {
 
 impl core::error::Error for StartError {}
 
-/// The state of the server: discrete state, channels, last nominal reference, evidence.
+/// State of the server: configuration, discrete state, channels, last nominal references, diagnostics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(try_from = "Unchecked<N>"))]
 pub struct Session<const N: usize> {
     config: Config<N>,
     parts: Parts<N>,
 }
 
-/// The parts of a session's state; for replay, fuzzing and proofs, which build states from them.
+/// A session as read from a file, before [`Session::is_valid`] has judged it.
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
+struct Unchecked<const N: usize> {
+    config: Config<N>,
+    parts: Parts<N>,
+}
+
+#[cfg(feature = "serde")]
+impl<const N: usize> TryFrom<Unchecked<N>> for Session<N> {
+    type Error = &'static str;
+
+    fn try_from(unchecked: Unchecked<N>) -> Result<Self, Self::Error> {
+        Self::from_parts(unchecked.config, unchecked.parts)
+            .ok_or("the state of the session contradicts its configuration")
+    }
+}
+
+/// Parts of a session's state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Parts<const N: usize> {
-    /// The discrete state.
+    /// Discrete state.
     pub discrete: FsmState,
     /// The axes.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     pub axes: [Axis; N],
-    /// Why the last session ended; evidence.
+    /// The values in force at the drives are unknown: only a read-back ends this.
+    pub withheld: bool,
+    /// Cause of the end of the last session; diagnostics.
     pub cause: Cause,
-    /// A late command arrived since the last fresh one; evidence that tells a late network from a late client.
+    /// A late command arrived since the last fresh one; diagnostics that tell a late network from a late client.
     pub late: bool,
-    /// Counts since the session was granted; evidence.
+    /// Counts since the session was granted; diagnostics.
     pub counters: Counters,
 }
 
 impl<const N: usize> Session<N> {
-    /// A server that nobody has talked to yet. Offsets that a drive still has in force start in SafeDisconnect.
-    ///
-    /// `tick` is the number of the cycle before the first; `last_epoch` the last epoch ever given.
+    /// Creates a server without a session. Offsets in force start in SafeDisconnect, a latched stop in Fault.
     ///
     /// # Errors
     /// [`StartError::OffsetInForce`] when an offset in force is beyond its limits.
-    pub fn new(
-        config: Config<N>,
-        in_force: &[Offsets; N],
-        nominal: [PositionNm; N],
-        tick: Tick,
-        last_epoch: Epoch,
-    ) -> Result<Self, StartError> {
-        let axes = axes_at_rest(&config, in_force, nominal)?;
-        let (phase, cause) = if all_zero(&axes) {
+    pub fn new(config: Config<N>, start: &Start<N>) -> Result<Self, StartError> {
+        let axes = axes_at_rest(&config, &start.in_force)?;
+        let (phase, cause) = if start.stop_latched {
+            (Phase::Fault, Cause::Stop)
+        } else if all_zero(&axes) {
             (Phase::Listening, Cause::None)
         } else {
             (Phase::SafeDisconnect, Cause::Restart)
@@ -115,9 +159,9 @@ impl<const N: usize> Session<N> {
         let discrete = FsmState {
             phase,
             owner: None,
-            epoch: last_epoch,
+            epoch: Epoch(0),
             accepted: Sequence(0),
-            tick,
+            tick: Tick(0),
             misses: 0,
             history: 0,
             waited: 0,
@@ -126,6 +170,7 @@ impl<const N: usize> Session<N> {
         let parts = Parts {
             discrete,
             axes,
+            withheld: false,
             cause,
             late: false,
             counters: Counters::default(),
@@ -133,39 +178,37 @@ impl<const N: usize> Session<N> {
         Ok(Self { config, parts })
     }
 
-    /// The machine did not take the last references; these are the offsets it has in force instead.
-    /// Channels go on from them at rest, without a step, and the session is over.
-    ///
-    /// # Errors
-    /// [`StartError::OffsetInForce`] when one is beyond its limits; nothing is changed then.
-    pub fn resume(&mut self, in_force: &[Offsets; N]) -> Result<(), StartError> {
+    /// Takes note of the fate of the last references. After a refused write the channels go on from the values in force at the
+    /// drives, at rest and without a step, and the session is over. Without valid values nothing may be written.
+    pub(crate) fn settle_write(&mut self, last_write: &LastWrite<N>) {
+        let axes = match last_write {
+            LastWrite::Accepted => return,
+            LastWrite::Refused { in_force } => axes_at_rest(&self.config, in_force).ok(),
+            LastWrite::Unknown => None,
+        };
         let parts = &mut self.parts;
-        let nominal = parts.axes.map(|axis| axis.nominal);
-        parts.axes = axes_at_rest(&self.config, in_force, nominal)?;
-        let discrete = &mut parts.discrete;
-        let goes_on = discrete.phase == Phase::Fault;
-        #[cfg(mutant = "resume_in_listening")]
-        let goes_on = goes_on || discrete.phase == Phase::Listening;
-        if !goes_on {
-            *discrete = FsmState {
-                phase: Phase::SafeDisconnect,
-                misses: 0,
-                waited: 0,
-                ..*discrete
-            };
+        parts.withheld = axes.is_none();
+        if let Some(axes) = axes {
+            parts.axes = axes;
+        }
+        if parts.discrete.phase != Phase::Fault {
+            parts.discrete = fsm::interrupted(&parts.discrete);
             parts.cause = Cause::Restart;
         }
-        Ok(())
+        for axis in &mut parts.axes {
+            axis.shadow = AxisChannels::ZERO;
+        }
     }
 
-    /// A session in any state that satisfies the invariant.
+    /// Builds a session from its parts, if they satisfy the invariant.
     #[must_use]
-    pub fn from_parts(config: Config<N>, parts: Parts<N>) -> Option<Self> {
+    pub(crate) fn from_parts(config: Config<N>, parts: Parts<N>) -> Option<Self> {
         let session = Self { config, parts };
         session.is_valid().then_some(session)
     }
 
-    /// The invariant, clause by clause: the discrete state is valid; every axis is valid in its phase.
+    /// The invariant, clause by clause: the discrete state is valid; every axis is valid in its phase; references are withheld
+    /// only after a session.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let parameters = self.config.parameters();
@@ -173,51 +216,79 @@ impl<const N: usize> Session<N> {
         let mut axes = zip(&self.parts.axes, &parameters.axes);
         discrete.is_valid(parameters.handshake_ticks)
             && axes.all(|(axis, config)| axis.is_valid(discrete.phase, &config.limits))
+            && (!self.parts.withheld
+                || matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault))
     }
 
-    /// The configuration.
+    /// Returns the configuration.
     #[inline]
     #[must_use]
     pub const fn config(&self) -> &Config<N> {
         &self.config
     }
 
-    /// The parts of the state.
+    /// Returns the parts of the state.
     #[inline]
     #[must_use]
-    pub const fn parts(&self) -> &Parts<N> {
+    pub(crate) const fn parts(&self) -> &Parts<N> {
         &self.parts
     }
 
-    /// The phase.
+    /// Returns the phase.
     #[inline]
     #[must_use]
     pub const fn phase(&self) -> Phase {
         self.parts.discrete.phase
     }
 
-    /// Whose frames count, and who is told what happens.
+    /// Returns the owner: the connection whose frames count, and which receives the States.
     #[inline]
     #[must_use]
     pub const fn owner(&self) -> Option<Connection> {
         self.parts.discrete.owner
     }
 
-    /// One cycle: everything that arrived is accepted, then one step is taken. Not inlined, for the sake of the caller's stack.
-    #[inline(never)]
-    pub fn tick(&mut self, input: &Input<N>) -> Output<N> {
-        let (accepted, diagnostics) = self.classify(&input.events, input.cycle.next_epoch);
-        self.step(&input.cycle, accepted, diagnostics)
+    /// True while a session is granted and not over.
+    #[inline]
+    #[must_use]
+    pub const fn is_live(&self) -> bool {
+        self.parts.discrete.is_live()
     }
 
-    /// What the events amount to, in order of arrival.
+    /// Returns the tick of the last State.
+    #[inline]
     #[must_use]
-    pub fn classify(&self, events: &Events<N>, next_epoch: Epoch) -> (Accepted<N>, Diagnostics) {
+    pub const fn last_tick(&self) -> Tick {
+        self.parts.discrete.tick
+    }
+
+    /// Returns the epoch of the current or last session.
+    #[inline]
+    #[must_use]
+    pub const fn epoch(&self) -> Epoch {
+        self.parts.discrete.epoch
+    }
+
+    /// Runs one cycle. Not inlined, so that its stack is not added to the caller's.
+    #[inline(never)]
+    pub fn tick(&mut self, input: &Input<N>) -> Output<N> {
+        self.settle_write(&input.tick.last_write);
+        let (accepted, diagnostics) = self.classify(&input.events, &input.epochs);
+        self.step(&input.tick, accepted, diagnostics)
+    }
+
+    /// Classifies the events, in order of arrival.
+    #[must_use]
+    pub(crate) fn classify(
+        &self,
+        events: &Events<N>,
+        epochs: &EpochRange,
+    ) -> (Accepted<N>, Diagnostics) {
         let classifier = Classifier {
             discrete: &self.parts.discrete,
             parameters: self.config.parameters(),
             axes: &self.parts.axes,
-            next_epoch,
+            next_epoch: epochs.after(self.parts.discrete.epoch),
         };
         let mut accepted = Accepted::nothing();
         let mut diagnostics = Diagnostics {
@@ -230,10 +301,10 @@ impl<const N: usize> Session<N> {
         (accepted, diagnostics)
     }
 
-    /// Decides, and acts. The invariant and every bound hold for anything that can have been accepted.
-    pub fn step(
+    /// Decides and acts. The invariant and every bound hold for anything that can have been accepted.
+    pub(crate) fn step(
         &mut self,
-        cycle: &Cycle<N>,
+        tick: &TickInput<N>,
         accepted: Accepted<N>,
         diagnostics: Diagnostics,
     ) -> Output<N> {
@@ -242,25 +313,26 @@ impl<const N: usize> Session<N> {
         let Step {
             decision,
             fsm,
-            references,
             axes,
-        } = advance(
+        } = step(
             self.config.parameters(),
             &mut parts.discrete,
             &mut parts.axes,
-            cycle,
+            parts.withheld,
+            tick,
             &accepted,
         );
         parts.counters = diagnostics.counters;
         parts.update_diagnostics(&before, &decision, &fsm, diagnostics.late);
-        for axis in each(&axes) {
+        for (_, axis) in each(&axes) {
             count_flags(&mut parts.counters, axis.flags);
         }
         let (welcome, refusals) = answers(&before, &decision, &fsm, diagnostics.refusals);
         let owner = decision.next.owner;
         Output {
-            references,
-            state: self.state(axes, cycle.arrival_us),
+            references: axes.map(|(reference, _)| reference),
+            withheld: self.parts.withheld,
+            state: self.state(axes.map(|(_, state)| state), tick.arrival_us),
             owner,
             welcome,
             refusals,
@@ -269,7 +341,7 @@ impl<const N: usize> Session<N> {
         }
     }
 
-    /// The Welcome of the session that was just granted.
+    /// Returns the Welcome of the session that was just granted.
     #[must_use]
     pub fn welcome(&self) -> Welcome<N> {
         let parameters = self.config.parameters();
@@ -284,7 +356,7 @@ impl<const N: usize> Session<N> {
         }
     }
 
-    /// The State after this tick.
+    /// Returns the State after this tick.
     fn state(&self, axes: [AxisState; N], arrival_us: u16) -> State<N> {
         let parts = &self.parts;
         let discrete = &parts.discrete;
@@ -316,7 +388,7 @@ impl<const N: usize> kani::Arbitrary for Session<N> {
     }
 }
 
-/// Who is welcomed, and who is refused.
+/// Returns the recipient of a Welcome, and the Refusals.
 fn answers(
     before: &FsmState,
     decision: &Decision,
@@ -328,30 +400,30 @@ fn answers(
         _ => None,
     };
     if let (Some((connection, _)), None) = (fsm.hello, welcome) {
-        // A stop came with the Hello. There is room: every event gives at most one refusal.
+        // A stop came with the Hello. There is room: each event adds at most one refusal.
         let reason = Refusal::Faulted { ticks_left: 0 };
         refusals.push((connection, reason)).unwrap_or(());
     }
     (welcome, refusals)
 }
 
-/// Axes at rest at offsets read back from the drives.
+/// Builds axes at rest at the values read back from the drives.
 fn axes_at_rest<const N: usize>(
     config: &Config<N>,
-    in_force: &[Offsets; N],
-    nominal: [PositionNm; N],
+    in_force: &[InForce; N],
 ) -> Result<[Axis; N], StartError> {
-    let mut axes = nominal.map(|nominal| Axis {
-        nominal,
+    let mut axes = in_force.map(|in_force| Axis {
+        nominal: in_force.nominal,
         ..Axis::default()
     });
-    let rows = zip(&config.parameters().axes, in_force).enumerate();
-    for (index, (axis_config, offsets)) in rows {
-        let channels = AxisChannels::at_rest(offsets, &axis_config.limits);
-        let channels = channels.ok_or(StartError::OffsetInForce {
-            axis: index,
-            offsets: *offsets,
-        })?;
+    let rows = zip(&config.parameters().axes, in_force);
+    for (index, (config, in_force)) in rows.enumerate() {
+        let offsets = in_force.offsets;
+        let channels =
+            AxisChannels::at_rest(&offsets, &config.limits).ok_or(StartError::OffsetInForce {
+                axis: index,
+                offsets,
+            })?;
         if let Some(axis) = axes.get_mut(index) {
             axis.channels = channels;
         }
@@ -359,7 +431,7 @@ fn axes_at_rest<const N: usize>(
     Ok(axes)
 }
 
-/// Ticks until every channel would be zero.
+/// Returns the number of ramp ticks until every channel is zero.
 fn ramp_ticks_left<const N: usize>(parameters: &Parameters<N>, axes: &[Axis; N]) -> u32 {
     zip(axes, &parameters.axes).fold(0, |most, (axis, config)| {
         if axis.channels.is_zero() {

@@ -3,21 +3,58 @@
 //! Three segments of `HALF` steps take turns; each begins with the state as it was. So at least `2 HALF` steps are at hand,
 //! and recording a step costs one copy of its input and output, never a second run. Once a step has ended what is recorded,
 //! recording goes on for `HALF` steps and then freezes: at least `HALF` steps before the end and `HALF` after it remain,
-//! until [`Recorder::release`]. What a state, an input and an output are does not matter here.
+//! until [`Recorder::release`]. Generic over state, input and output.
 
 use heapless::Vec;
+
+use super::{Input, Output, Session};
+
+/// Recorder of the ticks of an endpoint: [`NoRecorder`], or a [`super::BlackBox`] in storage of the caller.
+pub trait Record<const N: usize> {
+    /// Called before a tick with the session that it starts from.
+    fn before_tick(&mut self, session: &Session<N>);
+    /// Called after a tick with its input and output.
+    fn after_tick(&mut self, input: &Input<N>, output: &Output<N>);
+}
+
+/// Records nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NoRecorder;
+
+impl<const N: usize> Record<N> for NoRecorder {
+    #[inline]
+    fn before_tick(&mut self, _: &Session<N>) {}
+
+    #[inline]
+    fn after_tick(&mut self, _: &Input<N>, _: &Output<N>) {}
+}
+
+impl<const N: usize, const HALF: usize> Record<N>
+    for Recorder<Session<N>, Input<N>, Output<N>, HALF>
+{
+    #[inline]
+    fn before_tick(&mut self, session: &Session<N>) {
+        Self::before_tick(self, session);
+    }
+
+    #[inline]
+    fn after_tick(&mut self, input: &Input<N>, output: &Output<N>) {
+        Self::after_tick(self, input, output, output.ended.is_some());
+    }
+}
 
 /// One recorded step.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Entry<I, O> {
-    /// What the step depended on, beside the state.
+    /// Input of the step.
     pub input: I,
-    /// What it produced.
+    /// Output of the step.
     pub output: O,
 }
 
-/// Places for the entries of a segment.
+/// Storage for the entries of a segment.
 pub type Entries<I, O, const HALF: usize> = Vec<Entry<I, O>, HALF>;
 
 /// Up to `HALF` steps, and the state before them.
@@ -39,7 +76,7 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Segment<S, I, O, HALF> {
         }
     }
 
-    /// A segment in any state that satisfies the invariant.
+    /// Builds a segment from its parts, if they satisfy the invariant.
     #[must_use]
     pub fn from_parts(
         before: Option<S>,
@@ -54,7 +91,7 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Segment<S, I, O, HALF> {
         segment.is_valid().then_some(segment)
     }
 
-    /// The invariant: no more entries are in use than there are, and none without the state before them.
+    /// The invariant: the entries in use exist, and the state before them is kept.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         self.used <= self.entries.len() && (self.used == 0 || self.before.is_some())
@@ -64,19 +101,19 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Segment<S, I, O, HALF> {
         self.used >= HALF
     }
 
-    /// The state before the first entry.
+    /// Returns the state before the first entry.
     #[must_use]
     pub const fn before(&self) -> Option<&S> {
         self.before.as_ref()
     }
 
-    /// The recorded steps, oldest first.
+    /// Returns the recorded steps, oldest first.
     #[must_use]
     pub fn entries(&self) -> &[Entry<I, O>] {
         self.entries.get(..self.used).unwrap_or_default()
     }
 
-    /// Writes into the next place, so that an entry of some kilobytes is not moved about.
+    /// Writes into the next place: an entry has some kilobytes and is not to be moved.
     fn push(&mut self, input: &I, output: &O) {
         if let Some(place) = self.entries.get_mut(self.used) {
             place.input.clone_from(input);
@@ -86,7 +123,7 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Segment<S, I, O, HALF> {
                 input: input.clone(),
                 output: output.clone(),
             };
-            // There is room: `before_tick` has just put a full segment aside.
+            // There is room: `before_tick` has just begun a segment if the last one was full.
             self.entries.push(entry).unwrap_or(());
         }
         self.used = self.used.saturating_add(1);
@@ -102,13 +139,13 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Segment<S, I, O, HALF> {
 #[derive(Clone, Debug)]
 pub struct Recorder<S, I, O, const HALF: usize> {
     segments: [Segment<S, I, O, HALF>; SEGMENTS],
-    /// Which segment is being filled; the next one in the circle is the oldest.
+    /// Index of the segment being filled; the next one in the circle is the oldest.
     latest: usize,
     /// Steps still to record after an end.
     countdown: Option<usize>,
 }
 
-/// How many segments take turns.
+/// Number of segments.
 pub const SEGMENTS: usize = 3;
 
 impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Default for Recorder<S, I, O, HALF> {
@@ -118,19 +155,17 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Default for Recorder<S, I,
 }
 
 impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
-    /// An empty recorder. Inlined, so that one of half a megabyte can be made where it stays, and not on the stack.
-    #[inline(always)]
+    /// An empty recorder. It may be large: build it in a `static` or on the heap.
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            // Not `[const { .. }; SEGMENTS]`: that is a constant of the segments' size, in every image that makes a recorder.
             segments: [Segment::new(), Segment::new(), Segment::new()],
             latest: 0,
             countdown: None,
         }
     }
 
-    /// A recorder in any state that satisfies the invariant.
+    /// Builds a recorder from its parts, if they satisfy the invariant.
     #[must_use]
     pub fn from_parts(
         segments: [Segment<S, I, O, HALF>; SEGMENTS],
@@ -160,7 +195,7 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
             && self.countdown.is_none_or(|left| left <= HALF)
     }
 
-    /// Before a step: keeps the state where a new segment begins.
+    /// Call before a step: keeps the state when a new segment begins.
     pub fn before_tick(&mut self, state: &S) {
         if self.is_frozen() || HALF == 0 {
             return;
@@ -179,8 +214,8 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
         }
     }
 
-    /// After a step: keeps its input and output. `ends`: it ended what is recorded, and the freeze is counted down to.
-    /// Not inlined, for the sake of the caller's stack: it may hold a whole entry.
+    /// Call after a step: keeps its input and output. A step that `ends` what is recorded starts the countdown to the freeze.
+    /// Not inlined, so that its stack, which may hold an entry, is not added to the caller's.
     #[inline(never)]
     pub fn after_tick(&mut self, input: &I, output: &O, ends: bool) {
         if self.is_frozen() || HALF == 0 {
@@ -188,27 +223,25 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
         }
         self.segment_mut().push(input, output);
         let after_end = ends.then_some(HALF);
-        #[cfg(mutant = "frozen_too_early")]
-        let after_end = after_end.map(|left| left.saturating_sub(1));
         self.countdown = match self.countdown {
             Some(left) => Some(left.saturating_sub(1)),
             None => after_end,
         };
     }
 
-    /// Whether an end has frozen the recording.
+    /// True after the countdown that an end has started.
     #[must_use]
     pub fn is_frozen(&self) -> bool {
         self.countdown == Some(0)
     }
 
-    /// Steps still to record, once one has ended what is recorded.
+    /// Returns the steps until the freeze; `None` without an end.
     #[must_use]
     pub const fn left(&self) -> Option<usize> {
         self.countdown
     }
 
-    /// Forgets everything and records again.
+    /// Clears the recording and records again.
     pub fn release(&mut self) {
         for segment in &mut self.segments {
             segment.clear();
@@ -216,18 +249,18 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
         self.countdown = None;
     }
 
-    /// The state before the oldest entry.
+    /// Returns the state before the oldest entry.
     #[must_use]
     pub fn before(&self) -> Option<&S> {
         self.segments().into_iter().find_map(Segment::before)
     }
 
-    /// The recorded steps, oldest first.
+    /// Returns the recorded steps, oldest first.
     pub fn entries(&self) -> impl Iterator<Item = &Entry<I, O>> {
         self.segments().into_iter().flat_map(Segment::entries)
     }
 
-    /// The segments, oldest first.
+    /// Returns the segments, oldest first.
     #[must_use]
     pub const fn segments(&self) -> [&Segment<S, I, O, HALF>; SEGMENTS] {
         let [first, second, third] = &self.segments;
@@ -238,7 +271,7 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
         }
     }
 
-    /// The segment being filled; `latest` never leaves the circle.
+    /// Returns the segment being filled.
     const fn segment_mut(&mut self) -> &mut Segment<S, I, O, HALF> {
         let [first, second, third] = &mut self.segments;
         match self.latest {

@@ -1,19 +1,19 @@
-//! Replay: recorded inputs run again from the session before them, every output compared with the recorded one (T11).
+//! Replay: runs recorded inputs again from the session before them and compares every output with the recorded one (T11).
 
 use super::{Entry, Output, Session};
 
-/// What a replay found.
+/// Result of a replay.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Replayed<const N: usize> {
-    /// Ticks, from the oldest on, whose outputs agree bit for bit.
+    /// Number of ticks, from the oldest on, whose outputs agree bit for bit.
     pub agreeing: usize,
-    /// What the first tick that does not agree gave this time; `None` when all agree.
+    /// Replayed output of the first tick that differs; `None` when all agree.
     pub differing: Option<Output<N>>,
 }
 
-/// Runs `entries`, oldest first, from the session `before` the oldest, up to the first tick that gives something else.
-/// What comes after that tick is not compared: it follows from another state than the recorded one.
+/// Runs `entries`, oldest first, from the session `before` the oldest, up to the first tick whose output differs.
+/// Later ticks are not compared: they follow from another state than the recorded one.
 #[must_use]
 pub fn replay<'a, const N: usize>(
     before: &Session<N>,

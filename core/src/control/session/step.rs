@@ -1,119 +1,122 @@
-//! All that decides and moves in a tick: the discrete state and every axis.
+//! One step: completes the input of the decision, decides, and lets every axis carry the decision out.
 //!
-//! [`advance`] is given no counter, no cause and no clock: that what only counts decides nothing (T7) is its signature.
+//! [`step`] receives no counter, no cause and no clock: diagnostics cannot decide anything (T7).
 
 use super::act::{Axis, AxisCommand, nominal_stepped};
 use super::config::Parameters;
 use super::fsm::{Action, Decision, FsmInput, FsmState, Rules, decide};
 use super::ingress::Accepted;
-use super::io::Cycle;
+use super::io::TickInput;
 use crate::control::axis::Reference;
 use crate::control::message::{AxisState, Phase};
 use crate::zip::{each, zip};
 
-/// What became of a tick.
+/// Result of a step.
 pub(super) struct Step<const N: usize> {
-    /// The next discrete state, and what led to it.
+    /// The decision.
     pub(super) decision: Decision,
-    /// What was decided on.
+    /// Complete input of the decision.
     pub(super) fsm: FsmInput,
-    /// What the drives receive.
-    pub(super) references: [Reference; N],
-    /// What each axis did.
-    pub(super) axes: [AxisState; N],
+    /// Reference and State of each axis.
+    pub(super) axes: [(Reference, AxisState); N],
 }
 
 /// Decides, and lets every axis carry the decision out.
-pub(super) fn advance<const N: usize>(
+pub(super) fn step<const N: usize>(
     parameters: &Parameters<N>,
     discrete: &mut FsmState,
     axes: &mut [Axis; N],
-    cycle: &Cycle<N>,
+    withheld: bool,
+    tick: &TickInput<N>,
     accepted: &Accepted<N>,
 ) -> Step<N> {
-    let stepped = all_nominal_stepped(parameters, axes, cycle);
-    let fsm = complete(accepted.fsm, axes, cycle, &stepped);
+    let stepped = all_nominal_stepped(parameters, axes, tick);
+    // Unknown values in force do not count as zero.
+    let zero = all_zero(axes) && !withheld;
+    let fsm = complete(accepted.fsm, zero, tick, &stepped);
     let rules = Rules {
         handshake_ticks: parameters.handshake_ticks,
         budget: parameters.budget,
     };
     let decision = decide(discrete, &fsm, &rules);
     let shadow = shadow_action(decision.next.phase, fsm.command.is_some());
-    let mut references = [Reference::default(); N];
-    let mut states = [AxisState::default(); N];
-    for index in 0..N {
-        let command = || {
-            Some(AxisCommand {
-                action: decision.action,
-                shadow,
-                target: *accepted.targets.get(index)?,
-                nominal: *cycle.nominal.get(index)?,
-                nominal_stepped: *stepped.get(index)?,
-                actual: *cycle.actual.get(index)?,
-            })
-        };
-        // Every array has N elements.
-        let (Some(command), Some(axis), Some(config), Some(reference), Some(state)) = (
-            command(),
-            axes.get_mut(index),
-            parameters.axes.get(index),
-            references.get_mut(index),
-            states.get_mut(index),
-        ) else {
-            continue;
-        };
-        (*reference, *state) = axis.act(&command, config);
-    }
+    let mut index = 0_usize;
+    let axes = axes.each_mut().map(|axis| {
+        let command = command(index, decision.action, shadow, &stepped, tick, accepted);
+        let config = parameters.axes.get(index);
+        index = index.wrapping_add(1);
+        match (command, config) {
+            (Some(command), Some(config)) => axis.act(&command, config),
+            // Unreachable, every array has N elements; and harmless: the axis holds.
+            _ => axis.held(),
+        }
+    });
     *discrete = decision.next;
     Step {
         decision,
         fsm,
-        references,
-        axes: states,
+        axes,
     }
 }
 
-/// Which axes' nominal references moved further than they may.
+/// Command of the tick to the axis at `index`.
+#[inline]
+fn command<const N: usize>(
+    index: usize,
+    action: Action,
+    shadow: Option<Action>,
+    stepped: &[bool; N],
+    tick: &TickInput<N>,
+    accepted: &Accepted<N>,
+) -> Option<AxisCommand> {
+    Some(AxisCommand {
+        action,
+        shadow,
+        target: *accepted.targets.get(index)?,
+        nominal: *tick.nominal.get(index)?,
+        nominal_stepped: *stepped.get(index)?,
+        actual: *tick.actual.get(index)?,
+    })
+}
+
+/// Axes whose nominal references moved further than they may.
 fn all_nominal_stepped<const N: usize>(
     parameters: &Parameters<N>,
     axes: &[Axis; N],
-    cycle: &Cycle<N>,
+    tick: &TickInput<N>,
 ) -> [bool; N] {
     let mut stepped = [false; N];
     for (index, (axis, config)) in zip(axes, &parameters.axes).enumerate() {
-        if let (Some(stepped), Some(to)) = (stepped.get_mut(index), cycle.nominal.get(index)) {
-            *stepped = nominal_stepped(axis.nominal, *to, config, cycle.cycles());
+        if let (Some(stepped), Some(to)) = (stepped.get_mut(index), tick.nominal.get(index)) {
+            *stepped = nominal_stepped(axis.nominal, *to, config, tick.cycles());
         }
     }
     stepped
 }
 
-/// What was accepted, and what the cycle itself has to say.
+/// The only constructor of a complete input: accepted events, and the tick's own.
 fn complete<const N: usize>(
     accepted: FsmInput,
-    axes: &[Axis; N],
-    cycle: &Cycle<N>,
+    all_zero: bool,
+    tick: &TickInput<N>,
     stepped: &[bool; N],
 ) -> FsmInput {
     FsmInput {
-        stop: accepted.stop || cycle.stop,
-        rearm: cycle.rearm,
-        skipped: cycle.cycles().saturating_sub(1),
-        all_zero: all_zero(axes),
+        stop: accepted.stop || tick.stop,
+        rearm: tick.rearm,
+        skipped: tick.cycles().saturating_sub(1),
+        all_zero,
         nominal_fault: each(stepped).any(|stepped| *stepped),
         ..accepted
     }
 }
 
-/// Whether every offset in force is zero.
+/// True if every offset in force is zero.
 pub(super) fn all_zero<const N: usize>(axes: &[Axis; N]) -> bool {
-    let mut axes = each(axes);
-    #[cfg(mutant = "first_axis_forgotten")]
-    let mut axes = axes.skip(1);
-    axes.all(|axis| axis.channels.is_zero())
+    each(axes).all(|axis| axis.channels.is_zero())
 }
 
-/// The shadow follows fresh commands in Submit and holds over a miss; elsewhere it rests at zero.
+/// Action of the shadow: it follows fresh commands in Submit and holds over a miss; elsewhere it rests at zero.
 const fn shadow_action(phase: Phase, fresh: bool) -> Option<Action> {
     match (phase, fresh) {
         (Phase::Submit, true) => Some(Action::Follow),

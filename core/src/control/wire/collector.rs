@@ -1,4 +1,4 @@
-//! The bytes of one frame, out of slices of any size: first a header, then as many as it states. No checksum here.
+//! Bytes of one frame, collected from slices of any size: first a header, then the length that it states. No checksum here.
 
 use super::frame::{HEADER_LEN, MAX_FRAME, TRAILER_LEN, parse_header};
 use crate::control::message::FrameError;
@@ -7,11 +7,11 @@ use crate::control::message::FrameError;
 #[derive(Clone, Debug)]
 pub struct Collector {
     bytes: [u8; MAX_FRAME],
-    /// How many of them are there.
+    /// Number of bytes in use.
     held: usize,
 }
 
-/// The bytes that are there, and no others.
+/// Writes the bytes in use.
 #[cfg(feature = "defmt")]
 impl defmt::Format for Collector {
     fn format(&self, f: defmt::Formatter<'_>) {
@@ -29,14 +29,14 @@ impl Collector {
         }
     }
 
-    /// A collector that holds the first of these bytes, if they satisfy the invariant.
+    /// Builds a collector with the first `held` of these bytes, if they satisfy the invariant.
     #[must_use]
     pub fn from_parts(bytes: [u8; MAX_FRAME], held: usize) -> Option<Self> {
         let collector = Self { bytes, held };
         collector.is_valid().then_some(collector)
     }
 
-    /// The invariant: less than a header, or a good header and at most its frame.
+    /// The invariant: less than a header, or a valid header and at most its frame.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         match self.whole_len() {
@@ -45,40 +45,38 @@ impl Collector {
         }
     }
 
-    /// The bytes that are there.
+    /// Returns the bytes in use.
     #[must_use]
     pub fn held(&self) -> &[u8] {
         self.bytes.get(..self.held).unwrap_or(&self.bytes)
     }
 
-    /// Whether the frame is complete.
+    /// True if the frame is complete.
     #[must_use]
     pub fn is_whole(&self) -> bool {
         self.whole_len() == Some(Ok(self.held))
     }
 
-    /// Takes bytes up to the end of the frame. `Some(taken)` once it is complete; `None` has taken them all.
+    /// Takes bytes up to the end of the frame. Returns the number taken once it is complete; `None` after taking all of them.
     ///
     /// # Errors
-    /// What is wrong with the header.
+    /// An invalid header.
     pub fn take(&mut self, bytes: &[u8]) -> Result<Option<usize>, FrameError> {
         let header_part = self.top_up(bytes, HEADER_LEN);
         let Some(whole) = self.whole_len().transpose()? else {
             return Ok(None);
         };
-        #[cfg(mutant = "header_taken_twice")]
-        let header_part = 0;
         let rest = bytes.get(header_part..).unwrap_or_default();
         let taken = header_part.saturating_add(self.top_up(rest, whole));
         Ok((self.held == whole).then_some(taken))
     }
 
-    /// Forgets what is held.
+    /// Clears the bytes in use.
     pub const fn clear(&mut self) {
         self.held = 0;
     }
 
-    /// Length of the frame, once its header is there.
+    /// Returns the length of the frame, once its header is complete.
     fn whole_len(&self) -> Option<Result<usize, FrameError>> {
         let (header, _) = self.bytes.split_first_chunk::<HEADER_LEN>()?;
         (self.held >= HEADER_LEN).then(|| {
@@ -109,7 +107,7 @@ impl Default for Collector {
     }
 }
 
-/// What is behind the held bytes does not matter.
+/// Compares the bytes in use only.
 impl PartialEq for Collector {
     fn eq(&self, other: &Self) -> bool {
         self.held() == other.held()

@@ -1,9 +1,19 @@
-//! Reading and writing little-endian fields in order. Neither ever looks outside its slice.
+//! Reading and writing of little-endian fields in order, never outside the slice.
 
-/// The slice ended before the field.
+use core::fmt;
+
+/// Error of a field beyond the end of its slice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Short;
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the slice ends before the field")
+    }
+}
+
+impl core::error::Error for Short {}
 
 /// Takes fields off the front of a slice.
 #[derive(Clone, Copy)]

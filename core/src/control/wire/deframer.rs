@@ -1,27 +1,27 @@
-//! Frames out of a byte stream, fed in slices of any size. It never looks back further than one frame.
+//! Deframer: frames out of a byte stream, fed in slices of any size. It never looks back further than one frame.
 
 use super::collector::Collector;
 use super::frame::Frame;
 use crate::control::message::FrameError;
 
-/// What one [`Deframer::feed`] found.
+/// Result of [`Deframer::feed`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Feed<'a> {
-    /// Every byte was taken; the frame is not complete yet.
+    /// Every byte was taken; the frame is incomplete.
     Incomplete,
     /// A frame is complete; feed the bytes from `consumed` on again.
     Frame {
         /// The frame.
         frame: Frame<'a>,
-        /// How many of the given bytes were taken.
+        /// Number of bytes taken.
         consumed: usize,
     },
-    /// The boundary is lost, for good: every later feed says so again.
+    /// The frame boundary is lost; every later feed returns this again.
     Broken(FrameError),
 }
 
-/// What a deframer is about.
+/// State of a deframer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
@@ -29,9 +29,9 @@ pub enum Stage {
     /// Collects a frame.
     #[default]
     Collecting,
-    /// Holds a frame that was handed out; it is dropped before the next byte is taken.
-    HandedOut,
-    /// Has lost the boundary, for good.
+    /// Holds a frame that was returned; it is dropped before the next byte is taken.
+    Returned,
+    /// Has lost the frame boundary.
     Broken(FrameError),
 }
 
@@ -53,20 +53,20 @@ impl Deframer {
         }
     }
 
-    /// A deframer in any state that satisfies the invariant.
+    /// Builds a deframer from its parts, if they satisfy the invariant.
     #[must_use]
     pub fn from_parts(collector: Collector, stage: Stage) -> Option<Self> {
         let deframer = Self { collector, stage };
         deframer.is_valid().then_some(deframer)
     }
 
-    /// The invariant, clause by clause: what is being collected is not complete; what was handed out is.
-    /// What a broken deframer holds does not matter.
+    /// The invariant, clause by clause: a frame being collected is incomplete; a returned frame is complete; a broken deframer
+    /// may hold anything.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         match self.stage {
             Stage::Collecting => self.collector.is_valid() && !self.collector.is_whole(),
-            Stage::HandedOut => self.collector.is_whole(),
+            Stage::Returned => self.collector.is_whole(),
             Stage::Broken(_) => true,
         }
     }
@@ -75,7 +75,7 @@ impl Deframer {
     pub fn feed(&mut self, bytes: &[u8]) -> Feed<'_> {
         match self.stage {
             Stage::Collecting => {}
-            Stage::HandedOut => self.collector.clear(),
+            Stage::Returned => self.collector.clear(),
             Stage::Broken(error) => return Feed::Broken(error),
         }
         self.stage = Stage::Collecting;
@@ -88,7 +88,7 @@ impl Deframer {
         };
         match frame {
             Ok((frame, consumed)) => {
-                self.stage = Stage::HandedOut;
+                self.stage = Stage::Returned;
                 Feed::Frame { frame, consumed }
             }
             Err(error) => {
@@ -98,9 +98,9 @@ impl Deframer {
         }
     }
 
-    /// Whether no byte of a frame is waiting for the rest.
+    /// True if no incomplete frame is held.
     #[must_use]
     pub fn is_at_boundary(&self) -> bool {
-        self.stage == Stage::HandedOut || self.collector.held().is_empty()
+        self.stage == Stage::Returned || self.collector.held().is_empty()
     }
 }

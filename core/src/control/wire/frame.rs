@@ -1,4 +1,4 @@
-//! Header, length and checksum: the outside of a frame.
+//! Frames: header, length and checksum around a body.
 
 use core::fmt;
 use core::ops::Deref;
@@ -19,8 +19,16 @@ pub const MAX_FRAME: usize = HEADER_LEN + MAX_BODY + TRAILER_LEN;
 #[derive(Clone)]
 pub struct FrameBytes {
     bytes: [u8; MAX_FRAME],
-    /// How many of them are the frame's.
+    /// Number of bytes of the frame.
     length: usize,
+}
+
+impl FrameBytes {
+    /// No bytes.
+    pub(crate) const EMPTY: Self = Self {
+        bytes: [0; MAX_FRAME],
+        length: 0,
+    };
 }
 
 impl Deref for FrameBytes {
@@ -37,7 +45,7 @@ impl fmt::Debug for FrameBytes {
     }
 }
 
-/// What is behind the frame does not matter.
+/// Compares the bytes of the frame only.
 impl PartialEq for FrameBytes {
     fn eq(&self, other: &Self) -> bool {
         **self == **other
@@ -46,7 +54,7 @@ impl PartialEq for FrameBytes {
 
 impl Eq for FrameBytes {}
 
-/// What a frame's body is; the fourth byte of every frame.
+/// Kind of a frame's body; the fourth byte of every frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
@@ -68,7 +76,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The byte that stands for this kind.
+    /// Returns the byte of this kind.
     #[must_use]
     pub const fn code(self) -> u8 {
         match self {
@@ -82,7 +90,7 @@ impl Kind {
         }
     }
 
-    /// The kind of a byte.
+    /// Returns the kind of a byte; `None` for an unknown byte.
     #[must_use]
     pub const fn from_code(code: u8) -> Option<Self> {
         Some(match code {
@@ -98,7 +106,7 @@ impl Kind {
     }
 }
 
-/// A frame whose boundary, version, length and checksum are right. Its kind and content are still to be judged.
+/// A frame with valid boundary, version, length and checksum. Its kind and content are not checked yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Frame<'a> {
@@ -107,10 +115,10 @@ pub struct Frame<'a> {
 }
 
 impl<'a> Frame<'a> {
-    /// Checks bytes that should be exactly one frame.
+    /// Parses bytes that should be exactly one frame.
     ///
     /// # Errors
-    /// The first thing found wrong, front to back, the checksum last.
+    /// The first error, front to back, the checksum last.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, FrameError> {
         let (header, rest) = bytes
             .split_first_chunk::<HEADER_LEN>()
@@ -126,7 +134,7 @@ impl<'a> Frame<'a> {
         Ok(Self { kind, body })
     }
 
-    /// The frame of a kind byte and a body. No checksum is involved; [`Self::parse`] has checked one.
+    /// Builds a frame from a kind byte and a body, without a checksum; `None` for a body that is too long.
     #[must_use]
     pub const fn from_parts(kind: u8, body: &'a [u8]) -> Option<Self> {
         if body.len() <= MAX_BODY {
@@ -136,20 +144,20 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// The kind byte.
+    /// Returns the kind byte.
     #[must_use]
     pub const fn kind_code(&self) -> u8 {
         self.kind
     }
 
-    /// The bytes between header and checksum.
+    /// Returns the bytes between header and checksum.
     #[must_use]
     pub const fn body(&self) -> &'a [u8] {
         self.body
     }
 }
 
-/// Kind and body length of a header, once magic, version and length are right.
+/// Returns kind and body length of a valid header.
 pub(super) fn parse_header(header: [u8; HEADER_LEN]) -> Result<(u8, u16), FrameError> {
     let [m0, m1, version, kind, l0, l1] = header;
     if [m0, m1] != MAGIC {
@@ -165,19 +173,16 @@ pub(super) fn parse_header(header: [u8; HEADER_LEN]) -> Result<(u8, u16), FrameE
     Ok((kind, length))
 }
 
-/// Puts header and checksum around a body.
-/// A body that does not fit gives an empty frame; [`MAX_BODY`] leaves room for every message, which a test checks.
+/// Puts header and checksum around a body. A body that does not fit a frame does not compile.
 #[must_use]
 pub fn enclose<B: Body>(kind: Kind, body: &B) -> FrameBytes {
-    let mut frame = FrameBytes {
-        bytes: [0; MAX_FRAME],
-        length: 0,
-    };
+    const { assert!(B::LENGTH <= MAX_BODY, "the body does not fit a frame") };
+    let mut frame = FrameBytes::EMPTY;
     frame.length = fill(&mut frame.bytes, kind, body).unwrap_or(0);
     frame
 }
 
-/// Header, body and checksum, one after the other; how many bytes they are. `None` where one does not fit.
+/// Writes header, body and checksum. Returns the number of bytes; `None` would be a body that does not fit.
 fn fill<B: Body>(bytes: &mut [u8; MAX_FRAME], kind: Kind, body: &B) -> Option<usize> {
     let [m0, m1] = MAGIC;
     let [l0, l1] = u16::try_from(B::LENGTH).ok()?.to_le_bytes();
@@ -195,8 +200,6 @@ fn check_trailer(frame: &[u8]) -> Result<(), FrameError> {
         .split_last_chunk::<TRAILER_LEN>()
         .ok_or(FrameError::Length)?;
     let checksum = crc32fast::hash(checked);
-    #[cfg(mutant = "checksum_not_compared")]
-    let checksum = u32::from_le_bytes(*trailer);
     if checksum == u32::from_le_bytes(*trailer) {
         Ok(())
     } else {

@@ -1,8 +1,8 @@
-//! Messages as frames of bytes; knows no session. `wire.md` in the repository specifies it for writers of other clients.
+//! Messages as frames of bytes. `wire.md` in the repository specifies the format for writers of other clients.
 //!
 //! A frame is header, body, checksum; little-endian; every message has exactly one encoding.
 //! Parsing has two steps: [`Frame`] is checked once (boundary, version, length, checksum) and its accessors are total;
-//! [`decode_client`] and [`decode_server`] turn its body into a message or say what is wrong with the content.
+//! [`decode_client`] and [`decode_server`] turn its body into a message or an error.
 
 mod body;
 mod collector;

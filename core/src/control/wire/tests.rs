@@ -5,7 +5,7 @@ use std::vec::Vec as StdVec;
 
 use super::*;
 use crate::control::axis::{Actual, Offsets};
-use crate::control::channel::Limits;
+use crate::control::channel::{LimitValues, Limits};
 use crate::control::message::{
     AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello,
     Mode, Phase, Refusal, ServerMessage, State, Welcome,
@@ -42,8 +42,11 @@ fn client<const N: usize>() -> impl Strategy<Value = ClientMessage<N>> {
 }
 
 fn server<const N: usize>() -> impl Strategy<Value = ServerMessage<N>> {
-    let limits = (0..i32::MAX, 1..1000i32, 1..1000i32).prop_map(|(max, step, more)| {
-        Limits::new(max, step + more, 2 * step + more + more, step).unwrap()
+    let limits = (0..i32::MAX, 1..1000i32, 1..1000i32).prop_map(|(max, step, more)| LimitValues {
+        max,
+        step: step + more,
+        accel: 2 * step + more + more,
+        ramp: step,
     });
     let welcome = (any::<[u64; 2]>(), any::<[u32; 2]>(), any::<u8>(), limits).prop_map(
         |(wide, narrow, window, limits)| {
@@ -55,9 +58,9 @@ fn server<const N: usize>() -> impl Strategy<Value = ServerMessage<N>> {
                 capabilities: Capabilities(u16::from(window)),
                 kinematics_checksum: narrow[1],
                 limits: [AxisLimits {
-                    position: limits,
+                    position: Limits::new(limits).unwrap(),
                     velocity: Limits::DISABLED,
-                    torque: limits,
+                    torque: Limits::new(limits).unwrap(),
                 }; N],
             })
         },
@@ -90,7 +93,7 @@ fn server<const N: usize>() -> impl Strategy<Value = ServerMessage<N>> {
                     out_of_range: counts[6],
                     limited: counts[7],
                     clamped: counts[8],
-                    strangers: counts[9],
+                    non_owner: counts[9],
                     longest_miss_run: 3,
                 },
                 axes: [AxisState {

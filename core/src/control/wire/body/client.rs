@@ -1,4 +1,4 @@
-//! What a client says.
+//! Bodies of the client's messages.
 
 use super::super::cursor::{Short, Writer};
 use super::super::frame::{Frame, FrameBytes, Kind, enclose};
@@ -10,10 +10,10 @@ use crate::control::axis::Offsets;
 use crate::control::message::{Capabilities, ClientMessage, Command, Hello, Mode};
 use crate::units::{Epoch, Sequence, Tick};
 
-/// What a client said.
+/// Decodes a message of a client.
 ///
 /// # Errors
-/// [`ContentError`]: what is wrong with the body.
+/// [`ContentError`], for a body that the frame around it does not fit, or with invalid content.
 pub fn decode_client<const N: usize>(frame: &Frame<'_>) -> Result<ClientMessage<N>, ContentError> {
     let (received, body) = (frame.kind_code(), frame.body());
     match Kind::from_code(received) {
@@ -25,7 +25,7 @@ pub fn decode_client<const N: usize>(frame: &Frame<'_>) -> Result<ClientMessage<
     }
 }
 
-/// The one frame that says this message.
+/// Encodes a message of a client; every message has exactly one frame.
 #[must_use]
 pub fn encode_client<const N: usize>(message: &ClientMessage<N>) -> FrameBytes {
     match message {
@@ -63,7 +63,7 @@ impl<const N: usize> Body for Command<N> {
         w.u64(self.epoch.0)?;
         w.u64(self.sequence.0)?;
         w.u64(self.echo.0)?;
-        w.u8(mode_code(self.mode))?;
+        w.u8(self.mode.code())?;
         w.u8(axes_byte::<N>())?;
         w.u16(0)?;
         self.targets
@@ -76,7 +76,8 @@ impl<const N: usize> Body for Command<N> {
         let epoch = Epoch(r.u64()?);
         let sequence = Sequence(r.u64()?);
         let echo = Tick(r.u64()?);
-        let mode = read_mode(r.u8()?)?;
+        let received = r.u8()?;
+        let mode = Mode::from_code(received).ok_or(ContentError::Code { received })?;
         check_axes::<N>(r.u8()?)?;
         check_reserved(r.u16()?)?;
         let mut targets = [Offsets::default(); N];
@@ -90,20 +91,5 @@ impl<const N: usize> Body for Command<N> {
             mode,
             targets,
         })
-    }
-}
-
-const fn mode_code(mode: Mode) -> u8 {
-    match mode {
-        Mode::Submit => 1,
-        Mode::Obtain => 2,
-    }
-}
-
-const fn read_mode(code: u8) -> Result<Mode, ContentError> {
-    match code {
-        1 => Ok(Mode::Submit),
-        2 => Ok(Mode::Obtain),
-        received => Err(ContentError::Code { received }),
     }
 }

@@ -1,4 +1,4 @@
-//! The inside of a frame: one body per message, one encoding per body. No checksum here.
+//! Bodies of frames: one per message, one encoding per body. No checksum here.
 
 mod client;
 mod server;
@@ -19,17 +19,17 @@ pub trait Body: Sized {
     /// Writes the body to the front of a slice.
     ///
     /// # Errors
-    /// [`Short`], when the slice is shorter than the body.
+    /// [`Short`], for a slice shorter than the body.
     fn write(&self, body: &mut [u8]) -> Result<(), Short>;
 
     /// Reads a body.
     ///
     /// # Errors
-    /// [`ContentError`]: what is wrong with it.
+    /// [`ContentError`], for an invalid body.
     fn read(body: &[u8]) -> Result<Self, ContentError>;
 }
 
-/// A field after the length was checked: running short is a bug of this module, and reads as a length error.
+/// Unreachable after the length check; reported as `Length` because core must not panic.
 impl From<Short> for ContentError {
     fn from(_: Short) -> Self {
         Self::Length {
@@ -39,7 +39,7 @@ impl From<Short> for ContentError {
     }
 }
 
-/// A reader of a body of the right length.
+/// Returns a reader of a body with the expected length.
 fn reader<B: Body>(body: &[u8]) -> Result<Reader<'_>, ContentError> {
     let (expected, received) = (B::LENGTH, body.len());
     if received == expected {
@@ -61,8 +61,6 @@ fn check_axes<const N: usize>(received: u8) -> Result<(), ContentError> {
 }
 
 const fn check_reserved(value: u16) -> Result<(), ContentError> {
-    #[cfg(mutant = "reserved_ignored")]
-    let value = 0;
     if value == 0 {
         Ok(())
     } else {
@@ -70,12 +68,12 @@ const fn check_reserved(value: u16) -> Result<(), ContentError> {
     }
 }
 
-/// Number of axes as its byte. `N` beyond 255 has no frame; sessions refuse more than `MAX_AXES`.
+/// Returns the byte for the number of axes. Sessions refuse more than `MAX_AXES`.
 fn axes_byte<const N: usize>() -> u8 {
     u8::try_from(N).unwrap_or(u8::MAX)
 }
 
-/// Goodbye and Stop say the epoch, nothing else.
+/// Goodbye and Stop carry the epoch only.
 impl Body for Epoch {
     const LENGTH: usize = 8;
 

@@ -1,4 +1,4 @@
-//! What a server says.
+//! Bodies of the server's messages.
 
 use super::super::cursor::{Reader, Short, Writer};
 use super::super::frame::{Frame, FrameBytes, Kind, enclose};
@@ -7,17 +7,17 @@ use super::{
     write_offsets,
 };
 use crate::control::axis::Actual;
-use crate::control::channel::Limits;
+use crate::control::channel::{LimitValues, Limits};
 use crate::control::message::{
     AxisFlags, AxisLimits, AxisState, Capabilities, Cause, Counters, Phase, Refusal, ServerMessage,
     State, Welcome,
 };
 use crate::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 
-/// What a server said.
+/// Decodes a message of a server.
 ///
 /// # Errors
-/// [`ContentError`]: what is wrong with the body.
+/// [`ContentError`], for a body that the frame around it does not fit, or with invalid content.
 pub fn decode_server<const N: usize>(frame: &Frame<'_>) -> Result<ServerMessage<N>, ContentError> {
     let (received, body) = (frame.kind_code(), frame.body());
     match Kind::from_code(received) {
@@ -28,7 +28,7 @@ pub fn decode_server<const N: usize>(frame: &Frame<'_>) -> Result<ServerMessage<
     }
 }
 
-/// The one frame that says this message.
+/// Encodes a message of a server; every message has exactly one frame.
 #[must_use]
 pub fn encode_server<const N: usize>(message: &ServerMessage<N>) -> FrameBytes {
     match message {
@@ -38,7 +38,7 @@ pub fn encode_server<const N: usize>(message: &ServerMessage<N>) -> FrameBytes {
     }
 }
 
-/// As [`encode_server`], without the detour over the enum: the one message of every tick.
+/// Encodes a State without the detour over [`ServerMessage`]: it is the one message of every tick.
 #[must_use]
 pub fn encode_state<const N: usize>(state: &State<N>) -> FrameBytes {
     enclose(Kind::State, state)
@@ -47,12 +47,17 @@ pub fn encode_state<const N: usize>(state: &State<N>) -> FrameBytes {
 /// Bytes of a channel's limits.
 const LIMITS: usize = 4 * 4;
 
-fn read_limits(r: &mut Reader<'_>) -> Result<Limits, ContentError> {
-    let (max, step, accel, ramp) = (r.i32()?, r.i32()?, r.i32()?, r.i32()?);
-    Limits::new(max, step, accel, ramp).map_err(|_| ContentError::Limits)
+fn read_limits<U>(r: &mut Reader<'_>) -> Result<Limits<U>, ContentError> {
+    let values = LimitValues {
+        max: r.i32()?,
+        step: r.i32()?,
+        accel: r.i32()?,
+        ramp: r.i32()?,
+    };
+    Limits::new(values).map_err(|_| ContentError::Limits)
 }
 
-fn write_limits(w: &mut Writer<'_>, limits: &Limits) -> Result<(), Short> {
+fn write_limits<U>(w: &mut Writer<'_>, limits: &Limits<U>) -> Result<(), Short> {
     w.i32(limits.max())?;
     w.i32(limits.step())?;
     w.i32(limits.accel())?;
@@ -88,11 +93,7 @@ impl<const N: usize> Body for Welcome<N> {
         let capabilities = Capabilities(r.u16()?);
         let kinematics_checksum = r.u32()?;
         // Filled below; the loop replaces every element or returns.
-        let mut limits = [AxisLimits {
-            position: Limits::DISABLED,
-            velocity: Limits::DISABLED,
-            torque: Limits::DISABLED,
-        }; N];
+        let mut limits = [AxisLimits::DISABLED; N];
         for axis in &mut limits {
             axis.position = read_limits(&mut r)?;
             axis.velocity = read_limits(&mut r)?;
@@ -149,79 +150,25 @@ impl Body for Refusal {
     }
 }
 
-/// Code, detail, bits and ticks of a refusal, in the order of the wire.
+/// Returns code, detail, bits and ticks of a refusal, in the order of the wire.
 const fn refusal_fields(refusal: Refusal) -> (u8, u8, u16, u32) {
-    match refusal {
-        Refusal::Busy => (1, 0, 0, 0),
-        Refusal::Ramping { ticks_left } => (2, 0, 0, ticks_left),
-        Refusal::Faulted { ticks_left } => (3, 0, 0, ticks_left),
-        Refusal::Version { supported } => (4, supported, 0, 0),
-        Refusal::Axes { expected } => (5, expected, 0, 0),
-        Refusal::Capability { needed } => (6, 0, needed.0, 0),
-        Refusal::Unavailable => (7, 0, 0, 0),
-    }
+    let (detail, bits, ticks_left) = match refusal {
+        Refusal::Busy | Refusal::Unavailable => (0, 0, 0),
+        Refusal::Ramping { ticks_left } | Refusal::Faulted { ticks_left } => (0, 0, ticks_left),
+        Refusal::Version { supported } => (supported, 0, 0),
+        Refusal::Axes { expected } => (expected, 0, 0),
+        Refusal::Capability { needed } => (0, needed.0, 0),
+    };
+    (refusal.code(), detail, bits, ticks_left)
 }
 
-const PHASES: [Phase; 6] = [
-    Phase::Listening,
-    Phase::Handshake,
-    Phase::Submit,
-    Phase::Obtain,
-    Phase::SafeDisconnect,
-    Phase::Fault,
-];
-
-const CAUSES: [Cause; 13] = [
-    Cause::None,
-    Cause::ClientLate,
-    Cause::NetworkLate,
-    Cause::ServerLate,
-    Cause::Malformed,
-    Cause::Closed,
-    Cause::Goodbye,
-    Cause::Budget,
-    Cause::Stop,
-    Cause::Nominal,
-    Cause::Flood,
-    Cause::HandshakeTimeout,
-    Cause::Restart,
-];
-
-const fn phase_code(phase: Phase) -> u8 {
-    match phase {
-        Phase::Listening => 0,
-        Phase::Handshake => 1,
-        Phase::Submit => 2,
-        Phase::Obtain => 3,
-        Phase::SafeDisconnect => 4,
-        Phase::Fault => 5,
-    }
-}
-
-const fn cause_code(cause: Cause) -> u8 {
-    match cause {
-        Cause::None => 0,
-        Cause::ClientLate => 1,
-        Cause::NetworkLate => 2,
-        Cause::ServerLate => 3,
-        Cause::Malformed => 4,
-        Cause::Closed => 5,
-        Cause::Goodbye => 6,
-        Cause::Budget => 7,
-        Cause::Stop => 8,
-        Cause::Nominal => 9,
-        Cause::Flood => 10,
-        Cause::HandshakeTimeout => 11,
-        Cause::Restart => 12,
-    }
-}
-
-/// The entry of a table that a code points at.
-fn look_up<T: Copy>(table: &[T], code: u8) -> Result<T, ContentError> {
-    table
-        .get(usize::from(code))
-        .copied()
-        .ok_or(ContentError::Code { received: code })
+/// Reads one byte as a code.
+fn read_code<T>(
+    r: &mut Reader<'_>,
+    from_code: impl FnOnce(u8) -> Option<T>,
+) -> Result<T, ContentError> {
+    let received = r.u8()?;
+    from_code(received).ok_or(ContentError::Code { received })
 }
 
 fn read_counters(r: &mut Reader<'_>) -> Result<Counters, Short> {
@@ -235,7 +182,7 @@ fn read_counters(r: &mut Reader<'_>) -> Result<Counters, Short> {
         out_of_range: r.u32()?,
         limited: r.u32()?,
         clamped: r.u32()?,
-        strangers: r.u32()?,
+        non_owner: r.u32()?,
         longest_miss_run: r.u16()?,
     })
 }
@@ -250,7 +197,7 @@ fn write_counters(w: &mut Writer<'_>, counters: &Counters) -> Result<(), Short> 
     w.u32(counters.out_of_range)?;
     w.u32(counters.limited)?;
     w.u32(counters.clamped)?;
-    w.u32(counters.strangers)?;
+    w.u32(counters.non_owner)?;
     w.u16(counters.longest_miss_run)
 }
 
@@ -296,8 +243,8 @@ impl<const N: usize> Body for State<N> {
         w.u64(self.tick.0)?;
         w.u64(self.epoch.0)?;
         w.u64(self.accepted.0)?;
-        w.u8(phase_code(self.phase))?;
-        w.u8(cause_code(self.cause))?;
+        w.u8(self.phase.code())?;
+        w.u8(self.cause.code())?;
         w.u8(axes_byte::<N>())?;
         w.u8(self.on_time_of_100)?;
         w.u32(self.ramp_ticks_left)?;
@@ -313,8 +260,8 @@ impl<const N: usize> Body for State<N> {
         let tick = Tick(r.u64()?);
         let epoch = Epoch(r.u64()?);
         let accepted = Sequence(r.u64()?);
-        let phase = look_up(&PHASES, r.u8()?)?;
-        let cause = look_up(&CAUSES, r.u8()?)?;
+        let phase = read_code(&mut r, Phase::from_code)?;
+        let cause = read_code(&mut r, Cause::from_code)?;
         check_axes::<N>(r.u8()?)?;
         let on_time_of_100 = r.u8()?;
         let ramp_ticks_left = r.u32()?;

@@ -1,10 +1,13 @@
-//! What client and server say to each other, as types; no bytes. The bytes are in [`crate::control::wire`].
+//! Messages between client and server, as types. Their bytes are in [`super::wire`].
 
-use core::fmt;
+mod codes;
+mod error;
 
 use crate::control::axis::{Actual, Offsets};
 use crate::control::channel::Limits;
-use crate::units::{Epoch, PositionNm, Sequence, Tick};
+use crate::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+
+pub use error::{ContentError, FrameError};
 
 /// Largest number of axes a frame can carry.
 pub const MAX_AXES: usize = 6;
@@ -16,6 +19,7 @@ pub const MAX_BODY: usize = 384;
 /// Abilities of a side, one bit each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Capabilities(pub u16);
 
@@ -25,7 +29,7 @@ impl Capabilities {
     /// Lock-step: time is ticks, the server waits for its client instead of counting a miss at a deadline.
     pub const LOCKSTEP: Self = Self(1);
 
-    /// Whether every bit of `other` is set here.
+    /// True if every bit of `other` is set.
     #[inline]
     #[must_use]
     pub const fn contains(self, other: Self) -> bool {
@@ -36,41 +40,51 @@ impl Capabilities {
 /// Limits of the three channels of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct AxisLimits {
     /// Position offset, nm.
-    pub position: Limits,
+    pub position: Limits<OffsetNm>,
     /// Velocity offset, µm/s.
-    pub velocity: Limits,
+    pub velocity: Limits<VelocityUmS>,
     /// Torque offset, per mille of rated torque.
-    pub torque: Limits,
+    pub torque: Limits<TorquePermille>,
 }
 
 impl AxisLimits {
-    /// Whether every one of the three targets lies within its `M`.
+    /// All three channels stay at zero.
+    pub const DISABLED: Self = Self {
+        position: Limits::DISABLED,
+        velocity: Limits::DISABLED,
+        torque: Limits::DISABLED,
+    };
+
+    /// True if each of the three targets lies within its `M`.
     #[inline]
     #[must_use]
     pub fn admits(&self, target: &Offsets) -> bool {
-        self.position.admits(target.position.0)
-            && self.velocity.admits(target.velocity.0)
-            && self.torque.admits(i32::from(target.torque.0))
+        self.position.admits(target.position)
+            && self.velocity.admits(target.velocity)
+            && self.torque.admits(target.torque)
     }
 }
 
 /// Client: asks for the session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Hello {
-    /// How many axes the client is built for.
+    /// Number of axes of the client.
     pub axes: u8,
-    /// What the client can do.
+    /// Abilities of the client.
     pub capabilities: Capabilities,
 }
 
-/// What a command asks for.
+/// Mode that a command asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Mode {
     /// Targets move a reported shadow, never a drive `[T 4.2.4]`.
@@ -82,6 +96,7 @@ pub enum Mode {
 /// Client: the answer to one State.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Command<const N: usize> {
     /// Epoch of the session, from Welcome.
@@ -93,12 +108,14 @@ pub struct Command<const N: usize> {
     /// Submit or Obtain.
     pub mode: Mode,
     /// Wanted offsets, axis order.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     pub targets: [Offsets; N],
 }
 
-/// What a client can say.
+/// Messages of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum ClientMessage<const N: usize> {
     /// Asks for the session.
@@ -107,13 +124,14 @@ pub enum ClientMessage<const N: usize> {
     Command(Command<N>),
     /// Ends the session of this epoch.
     Goodbye(Epoch),
-    /// Stops: takes every offset away and keeps it away until somebody at the machine re-arms.
+    /// Stops: ramps every offset to zero and keeps it there until a local re-arm.
     Stop(Epoch),
 }
 
-/// Server: grants the session and says its terms.
+/// Server: grants the session and states its terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Welcome<const N: usize> {
     /// Epoch of the session; every frame of the client carries it from here on.
@@ -122,19 +140,21 @@ pub struct Welcome<const N: usize> {
     pub tick: Tick,
     /// Length of a cycle in µs.
     pub cycle_us: u32,
-    /// How many ticks a command's echo may be behind (`W`).
+    /// Number of ticks that a command's echo may be behind (`W`).
     pub echo_window: u8,
-    /// What the server does.
+    /// Abilities of the server.
     pub capabilities: Capabilities,
     /// Checksum of the kinematic parameters, to be compared with the client's own.
     pub kinematics_checksum: u32,
     /// Limits of the channels, axis order.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     pub limits: [AxisLimits; N],
 }
 
 /// Phases of a session `[T Figure 5.4]`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Phase {
     /// No session. All offsets are zero.
@@ -152,12 +172,14 @@ pub enum Phase {
     Fault,
 }
 
-/// Why the last session ended, or why the server is not Listening.
+/// Cause of the end of the last session.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
+#[non_exhaustive]
 pub enum Cause {
-    /// Nothing has ended yet.
+    /// No session has ended yet.
     #[default]
     None,
     /// Two deadlines in a row passed without any command.
@@ -182,16 +204,17 @@ pub enum Cause {
     Flood,
     /// No command followed the Welcome in time.
     HandshakeTimeout,
-    /// The server started with offsets still in force.
+    /// Offsets were in force that the server did not expect: at its start, or after a refused write.
     Restart,
 }
 
 /// Counts since the session was granted; they saturate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Counters {
-    /// Frames of the owner, whatever their content.
+    /// Frames of the owner, valid or not.
     pub received: u32,
     /// Deadlines that passed without a fresh valid command.
     pub missed: u32,
@@ -201,7 +224,7 @@ pub struct Counters {
     pub duplicate: u32,
     /// Frames of another epoch, out of sequence, or echoing a tick that was never sent.
     pub stale: u32,
-    /// Well-framed commands with bad content, and frames that have no place in the phase.
+    /// Frames of the owner with bad content, or not allowed in the phase.
     pub malformed: u32,
     /// Commands refused because a target lies beyond `M`.
     pub out_of_range: u32,
@@ -209,16 +232,32 @@ pub struct Counters {
     pub limited: u32,
     /// References that the travel clamped.
     pub clamped: u32,
-    /// Frames from connections that own nothing, Hellos aside.
-    pub strangers: u32,
+    /// Frames of non-owners, Hellos aside.
+    pub non_owner: u32,
     /// Longest run of consecutive misses.
     pub longest_miss_run: u16,
 }
 
-/// Flags of an axis in one tick, one bit each; no bit is ever set that has no name.
+/// Flags of an axis in one tick, one bit each. Only named bits are ever set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(try_from = "u8", into = "u8"))]
 pub struct AxisFlags(pub(crate) u8);
+
+impl From<AxisFlags> for u8 {
+    fn from(flags: AxisFlags) -> Self {
+        flags.0
+    }
+}
+
+impl TryFrom<u8> for AxisFlags {
+    type Error = ContentError;
+
+    fn try_from(bits: u8) -> Result<Self, Self::Error> {
+        Self::from_bits(bits).ok_or(ContentError::Reserved)
+    }
+}
 
 impl AxisFlags {
     /// The position reference was clamped to the travel.
@@ -233,10 +272,10 @@ impl AxisFlags {
     pub const NOMINAL_STEP: Self = Self(16);
     /// Some offset could not reach its target.
     pub const LIMITED: Self = Self(2 | 4 | 8);
-    /// All flags there are.
+    /// All flags.
     pub const ALL: Self = Self(31);
 
-    /// The flags of these bits, if every one of them has a name.
+    /// Returns the flags of these bits, if every one of them has a name.
     #[inline]
     #[must_use]
     pub const fn from_bits(bits: u8) -> Option<Self> {
@@ -247,14 +286,14 @@ impl AxisFlags {
         }
     }
 
-    /// The bits.
+    /// Returns the bits.
     #[inline]
     #[must_use]
     pub const fn bits(self) -> u8 {
         self.0
     }
 
-    /// Adds `other` if `condition` holds.
+    /// Returns the flags, with `other` added if `condition` holds.
     #[inline]
     #[must_use]
     pub const fn with(self, other: Self, condition: bool) -> Self {
@@ -265,7 +304,7 @@ impl AxisFlags {
         }
     }
 
-    /// Whether every bit of `other` is set here.
+    /// True if every bit of `other` is set.
     #[inline]
     #[must_use]
     pub const fn contains(self, other: Self) -> bool {
@@ -283,23 +322,25 @@ impl kani::Arbitrary for AxisFlags {
 /// One axis in a State.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct AxisState {
     /// Nominal reference, without offset.
     pub nominal: PositionNm,
     /// Offsets in force.
     pub offsets: Offsets,
-    /// Where the offsets would be if Submit were Obtain; zero outside Submit.
+    /// Offsets that would be in force if Submit were Obtain; zero outside Submit.
     pub shadow: Offsets,
-    /// What the drive measures.
+    /// Measurements of the drive.
     pub actual: Actual,
-    /// What was clamped or limited in this tick.
+    /// Values that were clamped or limited in this tick.
     pub flags: AxisFlags,
 }
 
 /// Server: one per tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct State<const N: usize> {
     /// Tick at whose end this left.
@@ -310,33 +351,36 @@ pub struct State<const N: usize> {
     pub accepted: Sequence,
     /// Phase after this tick.
     pub phase: Phase,
-    /// Why the last session ended.
+    /// Cause of the end of the last session.
     pub cause: Cause,
     /// On-time commands among the last 100 deadlines; deadlines before the session count as on time.
     pub on_time_of_100: u8,
-    /// When the last command arrived, µs after the previous State left, as the host measured it; 0 where it did not.
+    /// Time from the departure of the previous State to the arrival of the last command, µs, measured by the host; 0 without a measurement.
     pub arrival_us: u16,
     /// Ticks until every offset would be zero if the ramp began now.
     pub ramp_ticks_left: u32,
     /// Counts since the session was granted.
     pub counters: Counters,
     /// The axes, axis order.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     pub axes: [AxisState; N],
 }
 
-/// Why a Hello is refused.
+/// Reason for which a Hello is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Refusal {
-    /// Somebody else owns the session.
+    /// Another connection owns the session.
     Busy,
-    /// Offsets are still on their way to zero.
+    /// Offsets are still ramping to zero.
     Ramping {
-        /// Ticks until they are there.
+        /// Ticks until they are zero.
         ticks_left: u32,
     },
-    /// The server is stopped; somebody at the machine must re-arm it.
+    /// The server is stopped and must be re-armed at the machine.
     Faulted {
         /// Ticks until the offsets are zero.
         ticks_left: u32,
@@ -353,16 +397,17 @@ pub enum Refusal {
     },
     /// The client lacks an ability that the server needs.
     Capability {
-        /// What it needs.
+        /// Abilities that the client must have.
         needed: Capabilities,
     },
-    /// The server has no epoch to give, or no room for another connection.
+    /// The server's epochs are used up, or it has no room for another connection.
     Unavailable,
 }
 
-/// What a server can say.
+/// Messages of a server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum ServerMessage<const N: usize> {
     /// Grants the session.
@@ -372,102 +417,3 @@ pub enum ServerMessage<const N: usize> {
     /// Refuses a Hello.
     Refusal(Refusal),
 }
-
-/// Why bytes are no frame. On a stream the boundary is lost with it; a datagram is simply dropped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(kani, derive(kani::Arbitrary))]
-pub enum FrameError {
-    /// The first two bytes are not "GT".
-    Magic,
-    /// The third byte is not this version.
-    Version {
-        /// What it is.
-        received: u8,
-    },
-    /// The body would be longer than [`MAX_BODY`].
-    TooLong {
-        /// Stated length of the body.
-        length: u16,
-    },
-    /// A datagram is shorter or longer than its header states.
-    Length,
-    /// The checksum does not match.
-    Checksum,
-}
-
-impl fmt::Display for FrameError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Magic => f.write_str("a frame does not begin with \"GT\""),
-            Self::Version { received } => write!(
-                f,
-                "protocol version {received}, this side speaks {PROTOCOL_VERSION}"
-            ),
-            Self::TooLong { length } => {
-                write!(
-                    f,
-                    "a body of {length} bytes, at most {MAX_BODY} are allowed"
-                )
-            }
-            Self::Length => f.write_str("a datagram's length differs from its header's"),
-            Self::Checksum => f.write_str("the checksum does not match"),
-        }
-    }
-}
-
-impl core::error::Error for FrameError {}
-
-/// Why a well-framed body is no message. It costs that frame, nothing else.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(kani, derive(kani::Arbitrary))]
-pub enum ContentError {
-    /// The kind byte is unknown, or this side does not receive that kind.
-    Kind {
-        /// The kind byte.
-        received: u8,
-    },
-    /// The body is longer or shorter than its kind and its number of axes ask for.
-    Length {
-        /// Length this side expects.
-        expected: usize,
-        /// Length of the body.
-        received: usize,
-    },
-    /// The number of axes differs.
-    Axes {
-        /// Axes of this side.
-        expected: usize,
-        /// Axes in the frame.
-        received: u8,
-    },
-    /// A mode, phase, cause or refusal code is unknown.
-    Code {
-        /// The code.
-        received: u8,
-    },
-    /// Reserved bits are set.
-    Reserved,
-    /// The limits in a Welcome are no limits.
-    Limits,
-}
-
-impl fmt::Display for ContentError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Kind { received } => write!(f, "kind {received} is not received here"),
-            Self::Length { expected, received } => {
-                write!(f, "a body of {received} bytes where {expected} belong")
-            }
-            Self::Axes { expected, received } => {
-                write!(f, "{received} axes where {expected} belong")
-            }
-            Self::Code { received } => write!(f, "unknown code {received}"),
-            Self::Reserved => f.write_str("reserved bits are set"),
-            Self::Limits => f.write_str("limits that contradict each other"),
-        }
-    }
-}
-
-impl core::error::Error for ContentError {}

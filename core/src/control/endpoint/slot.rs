@@ -1,0 +1,138 @@
+//! One connection of an endpoint: deframer, budget, and reasons to close it.
+
+use crate::control::message::{ClientMessage, FrameError};
+use crate::control::session::{Connection, Event, OWNER_FRAMES};
+use crate::control::wire::{Deframer, Feed, Frame, decode_client};
+
+/// Carrier of the frames. A broken stream has lost its frame boundary and ends; a broken datagram is dropped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Transport {
+    /// TCP and the like.
+    Stream,
+    /// UDP and the like: each `feed` is one whole datagram.
+    Datagram,
+}
+
+/// Frames that are read per tick of a connection that does not own the session.
+const NON_OWNER_FRAMES: u8 = 1;
+
+/// State of one connection.
+#[derive(Clone, Debug)]
+pub(super) struct Slot {
+    pub(super) connection: Connection,
+    pub(super) transport: Transport,
+    deframer: Deframer,
+    /// Frames taken since the last tick.
+    pub(super) frames: u8,
+    /// The owner has exceeded its frames; only a Stop is still accepted.
+    over_budget: bool,
+    /// Nothing more is read, and the connection is closed after the coming tick.
+    pub(super) closing: bool,
+    /// The connection has no further use and waits for [`super::Endpoint::poll_close`].
+    pub(super) closed: bool,
+    /// The peer uses another version of the protocol and is to be told so.
+    pub(super) version_mismatch: bool,
+    /// Ticks without owning the session.
+    idle_ticks: u32,
+}
+
+impl Slot {
+    pub(super) const fn new(connection: Connection, transport: Transport) -> Self {
+        Self {
+            connection,
+            transport,
+            deframer: Deframer::new(),
+            frames: 0,
+            over_budget: false,
+            closing: false,
+            closed: false,
+            version_mismatch: false,
+            idle_ticks: 0,
+        }
+    }
+
+    /// The invariant: the deframer is valid, and no more frames were read than the budget allows.
+    pub(super) fn is_valid(&self) -> bool {
+        self.deframer.is_valid() && self.frames <= OWNER_FRAMES
+    }
+
+    /// True if bytes of this connection are still read.
+    pub(super) const fn is_read(&self) -> bool {
+        !self.closing && !self.closed
+    }
+
+    /// Begins a tick: restores the budget, and closes what is over budget or has not owned the session for `patience` ticks.
+    pub(super) fn begin_tick(&mut self, is_owner: bool, patience: u32) {
+        self.frames = 0;
+        self.idle_ticks = if is_owner {
+            0
+        } else {
+            self.idle_ticks.saturating_add(1)
+        };
+        self.closing |= self.over_budget || self.idle_ticks > patience;
+    }
+
+    /// Takes one frame's worth of bytes. Returns the event that it makes, if any, and the bytes taken; `None` for an incomplete frame.
+    pub(super) fn take<const N: usize>(
+        &mut self,
+        bytes: &[u8],
+        is_owner: bool,
+    ) -> Option<(Option<Event<N>>, usize)> {
+        if self.transport == Transport::Datagram {
+            let event = match Frame::parse(bytes) {
+                Ok(frame) => event(&frame),
+                Err(error) => Event::Dropped(error),
+            };
+            return Some((self.within_budget(event, is_owner), bytes.len()));
+        }
+        match self.deframer.feed(bytes) {
+            Feed::Incomplete => None,
+            Feed::Frame { frame, consumed } => {
+                let event = event(&frame);
+                Some((self.within_budget(event, is_owner), consumed))
+            }
+            Feed::Broken(error) => {
+                self.closing = true;
+                self.version_mismatch = matches!(error, FrameError::Version { .. });
+                // A flood has already ended the session.
+                let event = (!self.over_budget).then_some(Event::Broken(error));
+                Some((event, bytes.len()))
+            }
+        }
+    }
+
+    /// Returns the event itself within the budget. Beyond it, the owner's first excess is a flood, and one Stop is still accepted:
+    /// a stop must not get lost behind a burst. A non-owner is closed.
+    fn within_budget<const N: usize>(
+        &mut self,
+        event: Event<N>,
+        is_owner: bool,
+    ) -> Option<Event<N>> {
+        let budget = if is_owner {
+            OWNER_FRAMES
+        } else {
+            NON_OWNER_FRAMES
+        };
+        if self.frames < budget {
+            self.frames = self.frames.saturating_add(1);
+            return Some(event);
+        }
+        let stops = matches!(event, Event::Message(ClientMessage::Stop(_)));
+        if !is_owner || stops {
+            self.closing = true;
+            return (is_owner && stops).then_some(event);
+        }
+        let first = !self.over_budget;
+        self.over_budget = true;
+        first.then_some(Event::Flood)
+    }
+}
+
+/// Returns the message of a frame, or the error of its content.
+fn event<const N: usize>(frame: &Frame<'_>) -> Event<N> {
+    match decode_client(frame) {
+        Ok(message) => Event::Message(message),
+        Err(error) => Event::Malformed(error),
+    }
+}
