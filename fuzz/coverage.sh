@@ -23,9 +23,9 @@ if [ "${1:-}" = corpus ]; then export GANTRY_TAU_REPLAY_CORPUS=1; fi
 # Build scripts and macros are counted too; nobody asks for those.
 export LLVM_PROFILE_FILE=$out/built.profraw
 export RUSTFLAGS="-C instrument-coverage" CARGO_TARGET_DIR=$out CARGO_TERM_COLOR=never
-binary=$(cargo test -q --locked -p gantry-tau-tests --test fuzz_seeds --no-run --message-format=json |
-    sed -n 's/.*"executable":"\([^"]*fuzz_seeds-[^"]*\)".*/\1/p')
-LLVM_PROFILE_FILE="$out/profiles/seeds.profraw" "$binary" --exact every_seed_holds > "$out/replayed.txt"
+binary=$(cargo test -q --locked -p gantry-tau-tests --test it --no-run --message-format=json |
+    sed -n 's/.*"executable":"\([^"]*it-[^"]*\)".*/\1/p')
+LLVM_PROFILE_FILE="$out/profiles/seeds.profraw" "$binary" --exact fuzz_seeds::every_seed_holds > "$out/replayed.txt"
 "$profdata" merge -sparse "$out"/profiles/*.profraw -o "$out/merged.profdata"
 core=(-instr-profile="$out/merged.profdata" "$binary" -ignore-filename-regex='/(proofs|host|tests)/|\.cargo/|/rustc/|/tests\.rs$')
 "$cov" show "${core[@]}" -show-instantiations=false -use-color=false > "$out/lines.txt"

@@ -5,7 +5,7 @@
 //! `u32`. Then each tick:
 //! - how many things happened before it `u16`; each: what `u8` (0 a stream opened, 1 datagrams opened, 2 closed, 3 bytes), connection
 //!   `u32`, number of bytes `u16` (at most [`OF_OWNER`]), bytes;
-//!   no more of it than [`crate::reading`] lets in;
+//!   no more of it than [`super::reading`] lets in;
 //! - elapsed `u32`, stop `u8`, rearm `u8`, next epoch `u64`, arrival `u16`;
 //! - motion `u8` (0 given, 1 L2, 2 F1); if given: nominal positions `i64`, then per axis position `i64`, velocity `i32`, torque `i16`;
 //! - pose and load, 12 `f64`.
@@ -21,8 +21,8 @@ use gantry_tau_core::model::compensation::Correction;
 use gantry_tau_core::model::kinematics::KinematicsError;
 use gantry_tau_core::units::{Epoch, PositionNm, TorquePermille, VelocityUmS};
 
-use crate::machine::{AXES, Answer, MOTORS, Machine, Meter, Moment, Motion, Part};
-use crate::reading::{OF_OWNER, Reading};
+use super::machine::{AXES, Answer, MOTORS, Machine, Meter, Moment, Motion, Part};
+use super::reading::{OF_OWNER, Reading};
 
 /// Where a recording comes from.
 pub(crate) trait Source {

@@ -24,7 +24,7 @@ use crate::zip::zip;
 use plates::Plates;
 
 /// Linear solves that a seed from the cycle before needs at most: at 1 m/s and 1 rad/s, sampled at 1 kHz, the second
-/// leaves less than 4e-11 m over the workspace (`tests/tests/six_axes.rs`).
+/// leaves less than 4e-11 m over the workspace (`tests/tests/it/six_axes.rs`).
 pub const WARM_ITERATIONS: u8 = 2;
 /// Linear solves that any other start is given.
 pub const COLD_ITERATIONS: u8 = 10;

@@ -1,0 +1,54 @@
+//! The built binary, as a user meets it: what it prints, what it writes, how it ends.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
+
+mod demo;
+mod errors;
+#[cfg(target_os = "linux")]
+mod exhaustion;
+#[cfg(unix)]
+mod faults;
+mod process;
+#[cfg(unix)]
+mod replay;
+#[cfg(unix)]
+mod signals;
+mod solve;
+mod workspace;
+
+use process::Folder;
+
+#[test]
+fn help_mentions_every_command_and_every_commands_help_works() {
+    let folder = Folder::new("help");
+    let all = folder.run(&["--help"]).success();
+    for command in [
+        "demo",
+        "serve",
+        "client",
+        "faults",
+        "replay",
+        "workspace",
+        "solve",
+    ] {
+        assert!(all.contains(&format!("\n  {command} ")), "{all}");
+        let help = folder.run(&[command, "--help"]).success();
+        assert!(help.contains(&format!("gantry-tau {command}")), "{help}");
+        // Found by reading: of three commands they were written down, and never shown.
+        let has_codes = ["demo", "client", "faults", "replay"].contains(&command);
+        assert_eq!(help.contains("Exit codes: 0 "), has_codes, "{help}");
+        let help = folder.run(&["help", command]).success();
+        assert!(help.contains("Usage:"), "{help}");
+    }
+    let version = folder.run(&["--version"]).success();
+    assert_eq!(
+        version.trim(),
+        concat!("gantry-tau ", env!("CARGO_PKG_VERSION"))
+    );
+}

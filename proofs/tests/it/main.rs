@@ -1,0 +1,12 @@
+//! The properties on stable Rust, and the runner of the proofs.
+
+mod any;
+mod channel;
+mod endpoint;
+mod floats;
+mod made;
+mod play;
+#[cfg(feature = "runner")]
+mod runner;
+mod state_machine;
+mod wire;

@@ -1,0 +1,92 @@
+//! The seeds of `../fuzz`: written here, each named by what it means, compared with the files, and replayed on stable Rust.
+//!
+//! `GANTRY_TAU_WRITE_SEEDS=1 cargo test -p gantry-tau-tests --test it fuzz_seeds` writes the files anew.
+#![expect(
+    clippy::unwrap_used,
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    reason = "clippy knows test functions, not their helpers"
+)]
+
+mod bytes;
+mod loads;
+mod plays;
+mod problems;
+mod streams;
+mod texts;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use gantry_tau_tests::fuzzed::TARGETS;
+
+/// Name and content.
+type Seed = (String, Vec<u8>);
+
+fn seeds_of(target: &str) -> Vec<Seed> {
+    match target {
+        "compensation" => loads::seeds(),
+        "config" => texts::robots(),
+        "deframer" => streams::streams(),
+        "frame" => streams::sealed(),
+        "kinematics" => problems::seeds(),
+        "session" => plays::seeds(),
+        "solve" => texts::requests(),
+        _ => Vec::new(),
+    }
+}
+
+fn folder(kind: &str, target: &str) -> PathBuf {
+    let fuzz = concat!(env!("CARGO_MANIFEST_DIR"), "/../fuzz");
+    Path::new(fuzz).join(kind).join(target)
+}
+
+/// What is in a folder, by name; nothing if there is none.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
+    paths
+        .map(|path| (name(&path), std::fs::read(&path).unwrap()))
+        .collect()
+}
+
+#[test]
+fn the_files_are_the_seeds() {
+    let write = std::env::var_os("GANTRY_TAU_WRITE_SEEDS").is_some();
+    for (target, _) in TARGETS {
+        let folder = folder("seeds", target);
+        let seeds: BTreeMap<_, _> = seeds_of(target).into_iter().collect();
+        assert!(seeds.len() > 4, "{target} has seeds");
+        if write {
+            let _ = std::fs::remove_dir_all(&folder);
+            std::fs::create_dir_all(&folder).unwrap();
+            for (name, bytes) in &seeds {
+                std::fs::write(folder.join(name), bytes).unwrap();
+            }
+        }
+        let files = files(&folder);
+        for (name, bytes) in &seeds {
+            let same = files.get(name) == Some(bytes);
+            assert!(same, "{target}/{name} is old: GANTRY_TAU_WRITE_SEEDS=1");
+        }
+        let names = |map: &BTreeMap<String, _>| map.keys().cloned().collect::<Vec<_>>();
+        assert_eq!(names(&files), names(&seeds), "{target}: no other file");
+    }
+}
+
+/// With GANTRY_TAU_REPLAY_CORPUS also what fuzzing on this machine has found, in `fuzz/corpus`: `fuzz/coverage.sh corpus` asks for it.
+#[test]
+fn every_seed_holds() {
+    let with_corpus = std::env::var_os("GANTRY_TAU_REPLAY_CORPUS").is_some();
+    for (target, run) in TARGETS {
+        let found = with_corpus.then(|| files(&folder("corpus", target)));
+        for (name, bytes) in seeds_of(target)
+            .into_iter()
+            .chain(found.into_iter().flatten())
+        {
+            println!("{target}/{name}");
+            run(&bytes);
+        }
+    }
+}

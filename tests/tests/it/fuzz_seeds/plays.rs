@@ -1,0 +1,566 @@
+//! Sequences with two clients, each a thing that the server must get right.
+
+use gantry_tau_proofs::play::{Circumstances, Machine, Move, Play, Rates, Shares, Who, Word};
+
+use super::Seed;
+use super::bytes::{Put, bytes_of, fields, put_variant};
+
+fields!(Play: machine, in_force, late_in_life, moves);
+fields!(Machine: rates, reach, nominal_step, budget, echo_window, handshake_ticks, lockstep);
+fields!(Rates: max, ramp, step, accel, scale);
+fields!(Circumstances: elapsed, stop, rearm, jump, epoch);
+
+impl<A: Put, B: Put> Put for (A, B) {
+    fn put(&self, bytes: &mut Vec<u8>) {
+        self.0.put(bytes);
+        self.1.put(bytes);
+    }
+}
+
+impl Put for Who {
+    fn put(&self, bytes: &mut Vec<u8>) {
+        let number = match self {
+            Self::Owner => 0,
+            Self::One => 1,
+            Self::Other => 2,
+        };
+        put_variant(number, 3, bytes);
+    }
+}
+
+impl Put for Move {
+    fn put(&self, bytes: &mut Vec<u8>) {
+        let mut variant = |number| put_variant(number, 6, bytes);
+        match self {
+            Self::Answer {
+                obtain,
+                targets,
+                times,
+            } => {
+                variant(0);
+                obtain.put(bytes);
+                targets.put(bytes);
+                times.put(bytes);
+            }
+            Self::Silence(ticks) => {
+                variant(1);
+                ticks.put(bytes);
+            }
+            Self::Say(who, word) => {
+                variant(2);
+                who.put(bytes);
+                word.put(bytes);
+            }
+            Self::Tick(circumstances) => {
+                variant(3);
+                circumstances.put(bytes);
+            }
+            Self::Drift(drift) => {
+                variant(4);
+                drift.put(bytes);
+            }
+            Self::Resume(shares) => {
+                variant(5);
+                shares.put(bytes);
+            }
+        }
+    }
+}
+
+impl Put for Word {
+    fn put(&self, bytes: &mut Vec<u8>) {
+        let mut variant = |number| put_variant(number, 9, bytes);
+        match self {
+            Self::Hello { axes, capabilities } => {
+                variant(0);
+                axes.put(bytes);
+                capabilities.put(bytes);
+            }
+            Self::Command {
+                epoch,
+                ahead,
+                behind,
+                obtain,
+                targets,
+            } => {
+                variant(1);
+                epoch.put(bytes);
+                ahead.put(bytes);
+                behind.put(bytes);
+                obtain.put(bytes);
+                targets.put(bytes);
+            }
+            Self::Goodbye { epoch } => {
+                variant(2);
+                epoch.put(bytes);
+            }
+            Self::Stop { epoch } => {
+                variant(3);
+                epoch.put(bytes);
+            }
+            Self::Malformed => variant(4),
+            Self::Dropped => variant(5),
+            Self::Broken => variant(6),
+            Self::Flood => variant(7),
+            Self::Closed => variant(8),
+        }
+    }
+}
+
+/// The limits of `robots/l2.toml`, about.
+const MACHINE: Machine = {
+    let off = Rates {
+        max: 0,
+        ramp: 0,
+        step: 0,
+        accel: 0,
+        scale: 0,
+    };
+    let position = Rates {
+        max: 3_000,
+        ramp: 99,
+        step: 200,
+        accel: 100,
+        scale: 0,
+    };
+    let push = Rates {
+        max: 500,
+        ramp: 9,
+        step: 40,
+        accel: 0,
+        scale: 0,
+    };
+    Machine {
+        rates: [[position, push, push], [position, off, off]],
+        reach: 1_000_000,
+        nominal_step: 2_000,
+        budget: None,
+        echo_window: 0,
+        handshake_ticks: 9,
+        lockstep: false,
+    }
+};
+
+const PUSH: Shares = [[90, 50, -50], [-40, 0, 0]];
+const HELLO: Word = Word::Hello {
+    axes: 0,
+    capabilities: 0,
+};
+const TICK: Circumstances = Circumstances {
+    elapsed: 1,
+    stop: false,
+    rearm: false,
+    jump: None,
+    epoch: 0,
+};
+
+fn command(ahead: i32, behind: i8) -> Word {
+    Word::Command {
+        epoch: 0,
+        ahead,
+        behind,
+        obtain: true,
+        targets: PUSH,
+    }
+}
+
+fn owner(word: Word) -> Move {
+    Move::Say(Who::Owner, word)
+}
+
+fn answers(obtain: bool, times: u8) -> Move {
+    Move::Answer {
+        obtain,
+        targets: PUSH,
+        times,
+    }
+}
+
+/// The first client is welcomed, submits, and obtains; then this.
+fn obtained(then: &[Move]) -> Vec<Move> {
+    let before = [
+        Move::Say(Who::One, HELLO),
+        Move::Silence(1),
+        answers(false, 3),
+        answers(true, 20),
+    ];
+    [&before, then].concat()
+}
+
+pub(crate) fn seeds() -> Vec<Seed> {
+    let elapsed = |elapsed| Move::Tick(Circumstances { elapsed, ..TICK });
+    let stop = Move::Tick(Circumstances { stop: true, ..TICK });
+    let rearm = Move::Tick(Circumstances {
+        rearm: true,
+        ..TICK
+    });
+    let silence = Move::Silence;
+    let play = |machine, moves| Play {
+        machine,
+        in_force: [[0; 3]; 2],
+        late_in_life: false,
+        moves,
+    };
+    let usual = |then: &[Move]| play(MACHINE, obtained(then));
+    let other = |word| Move::Say(Who::Other, word);
+    let all = [
+        ("silence_ends_it", usual(&[silence(60)])),
+        (
+            "one_miss_does_not",
+            usual(&[silence(1), answers(true, 3), silence(1), answers(true, 3)]),
+        ),
+        (
+            "goodbye",
+            usual(&[owner(Word::Goodbye { epoch: 0 }), silence(60)]),
+        ),
+        (
+            "goodbye_of_another_epoch",
+            usual(&[owner(Word::Goodbye { epoch: -1 }), answers(true, 2)]),
+        ),
+        (
+            "back_to_submit",
+            usual(&[answers(false, 40), answers(true, 5)]),
+        ),
+        (
+            "stop_by_the_owner",
+            usual(&[
+                owner(Word::Stop { epoch: 0 }),
+                silence(60),
+                rearm,
+                silence(2),
+            ]),
+        ),
+        (
+            "stop_at_the_machine_and_rearm",
+            usual(&[
+                stop,
+                silence(60),
+                rearm,
+                Move::Say(Who::Other, HELLO),
+                silence(2),
+                answers(false, 3),
+            ]),
+        ),
+        (
+            "rearm_that_is_stuck",
+            usual(&[
+                Move::Tick(Circumstances {
+                    stop: true,
+                    rearm: true,
+                    ..TICK
+                }),
+                rearm,
+                rearm,
+                silence(1),
+                rearm,
+            ]),
+        ),
+        (
+            "stop_with_a_hello",
+            play(
+                MACHINE,
+                vec![Move::Say(Who::One, HELLO), stop, other(HELLO), silence(2)],
+            ),
+        ),
+        (
+            "stranger_knocks",
+            usual(&[
+                other(HELLO),
+                other(command(1, 0)),
+                other(Word::Stop { epoch: 0 }),
+                other(Word::Broken),
+                answers(true, 2),
+            ]),
+        ),
+        (
+            "two_ask_at_once",
+            play(
+                MACHINE,
+                vec![
+                    other(HELLO),
+                    Move::Say(Who::One, HELLO),
+                    silence(1),
+                    answers(false, 4),
+                ],
+            ),
+        ),
+        (
+            "hello_while_it_ramps",
+            usual(&[
+                silence(3),
+                other(HELLO),
+                silence(60),
+                other(HELLO),
+                silence(1),
+            ]),
+        ),
+        (
+            "hello_of_another_machine",
+            play(
+                MACHINE,
+                vec![
+                    Move::Say(
+                        Who::One,
+                        Word::Hello {
+                            axes: 1,
+                            capabilities: 0,
+                        },
+                    ),
+                    silence(2),
+                ],
+            ),
+        ),
+        (
+            "hello_without_lockstep",
+            play(
+                Machine {
+                    lockstep: true,
+                    ..MACHINE
+                },
+                vec![Move::Say(Who::One, HELLO), silence(2)],
+            ),
+        ),
+        (
+            "no_epoch_left",
+            Play {
+                late_in_life: true,
+                ..usual(&[silence(90)])
+            },
+        ),
+        (
+            "handshake_takes_too_long",
+            play(MACHINE, vec![Move::Say(Who::One, HELLO), silence(30)]),
+        ),
+        (
+            "obtain_before_submit",
+            play(
+                MACHINE,
+                vec![
+                    Move::Say(Who::One, HELLO),
+                    silence(1),
+                    owner(command(1, 0)),
+                    silence(1),
+                ],
+            ),
+        ),
+        (
+            "server_skips_one_cycle",
+            usual(&[owner(command(1, 0)), elapsed(2), answers(true, 2)]),
+        ),
+        (
+            "server_skips_two_cycles",
+            usual(&[owner(command(1, 0)), elapsed(3), silence(2)]),
+        ),
+        (
+            "answers_to_old_states",
+            usual(&[
+                owner(command(1, 1)),
+                silence(1),
+                owner(command(1, 2)),
+                silence(2),
+            ]),
+        ),
+        (
+            "answers_within_the_window",
+            play(
+                Machine {
+                    echo_window: 2,
+                    ..MACHINE
+                },
+                obtained(&[
+                    owner(command(1, 2)),
+                    silence(1),
+                    owner(command(2, 3)),
+                    silence(1),
+                ]),
+            ),
+        ),
+        (
+            "sequence_at_the_end_of_its_window",
+            usual(&[
+                owner(command(65_536, 0)),
+                silence(1),
+                owner(command(65_537, 0)),
+                silence(1),
+            ]),
+        ),
+        (
+            "several_in_one_tick",
+            usual(&[
+                owner(command(5, 0)),
+                owner(command(7, 0)),
+                owner(command(5, 0)),
+                owner(command(0, 0)),
+                owner(command(-1, 0)),
+                silence(1),
+            ]),
+        ),
+        (
+            "target_out_of_range",
+            usual(&[Move::Answer {
+                obtain: true,
+                targets: [[101, 0, 0]; 2],
+                times: 2,
+            }]),
+        ),
+        (
+            "reversal",
+            usual(&[Move::Answer {
+                obtain: true,
+                targets: [[-90, -50, 50], [40, 0, 0]],
+                times: 30,
+            }]),
+        ),
+        ("broken_stream", usual(&[owner(Word::Broken), silence(5)])),
+        (
+            "flood_with_a_stop",
+            usual(&[
+                owner(Word::Flood),
+                owner(Word::Stop { epoch: 0 }),
+                silence(5),
+            ]),
+        ),
+        ("flood", usual(&[owner(Word::Flood), silence(5)])),
+        (
+            "goodbye_in_the_handshake",
+            play(
+                MACHINE,
+                vec![
+                    Move::Say(Who::One, HELLO),
+                    silence(1),
+                    owner(Word::Goodbye { epoch: 0 }),
+                    silence(3),
+                ],
+            ),
+        ),
+        (
+            "epoch_that_was_given_before",
+            play(
+                MACHINE,
+                vec![
+                    Move::Say(Who::One, HELLO),
+                    Move::Tick(Circumstances { epoch: -1, ..TICK }),
+                    silence(1),
+                ],
+            ),
+        ),
+        (
+            "answer_to_a_state_that_was_never_sent",
+            usual(&[owner(command(1, -1)), silence(1)]),
+        ),
+        (
+            "one_miss_in_submit",
+            usual(&[answers(false, 40), silence(1), answers(false, 2)]),
+        ),
+        ("skipped_and_lost", usual(&[elapsed(2), silence(2)])),
+        ("skipped_for_hours", usual(&[elapsed(u32::MAX), silence(2)])),
+        (
+            "stranger_hangs_up",
+            usual(&[
+                other(HELLO),
+                other(Word::Closed),
+                other(Word::Flood),
+                answers(true, 2),
+            ]),
+        ),
+        (
+            "owner_hangs_up_while_it_ramps",
+            usual(&[silence(4), owner(Word::Closed), silence(3)]),
+        ),
+        (
+            "closed",
+            usual(&[
+                owner(Word::Closed),
+                silence(60),
+                Move::Say(Who::One, HELLO),
+                silence(1),
+            ]),
+        ),
+        (
+            "frames_with_bad_content",
+            usual(&[
+                owner(Word::Malformed),
+                owner(Word::Dropped),
+                owner(HELLO),
+                answers(true, 1),
+            ]),
+        ),
+        (
+            "nominal_moves",
+            play(
+                MACHINE,
+                [vec![Move::Drift([100, -100])], obtained(&[silence(3)])].concat(),
+            ),
+        ),
+        (
+            "nominal_steps",
+            usual(&[Move::Drift([101, 0]), answers(true, 2), silence(40)]),
+        ),
+        (
+            "nominal_jumps_out_of_travel",
+            usual(&[
+                Move::Tick(Circumstances {
+                    jump: Some(i64::MIN),
+                    ..TICK
+                }),
+                silence(5),
+            ]),
+        ),
+        (
+            "one_in_four_lost",
+            play(
+                Machine {
+                    budget: Some((9, 2)),
+                    ..MACHINE
+                },
+                obtained(&[
+                    silence(1),
+                    answers(true, 3),
+                    silence(1),
+                    answers(true, 3),
+                    silence(1),
+                    answers(true, 3),
+                ]),
+            ),
+        ),
+        (
+            "restart_with_offsets",
+            Play {
+                in_force: PUSH,
+                ..play(MACHINE, vec![Move::Say(Who::One, HELLO), silence(60)])
+            },
+        ),
+        (
+            "restart_beyond_the_limits",
+            Play {
+                in_force: [[127; 3]; 2],
+                ..play(MACHINE, vec![silence(1)])
+            },
+        ),
+        (
+            "machine_did_not_take_them",
+            usual(&[
+                Move::Resume([[10, 0, 0]; 2]),
+                silence(20),
+                Move::Resume([[127; 3]; 2]),
+            ]),
+        ),
+        (
+            "datagrams",
+            play(
+                MACHINE,
+                vec![
+                    other(HELLO),
+                    silence(1),
+                    answers(false, 3),
+                    owner(Word::Dropped),
+                    answers(true, 4),
+                    owner(Word::Broken),
+                    answers(true, 2),
+                ],
+            ),
+        ),
+    ];
+    all.map(|(name, play)| (name.to_owned(), bytes_of(&play)))
+        .into()
+}

@@ -1,0 +1,126 @@
+//! Robot files, and requests to `solve`.
+
+use serde_json::{Value, json};
+
+use super::Seed;
+
+/// The repository's robot files, and one with each kind of mistake.
+pub(crate) fn robots() -> Vec<Seed> {
+    let l2 = include_str!("../../../../robots/l2.toml");
+    let replaced = |from: &str, to: &str| {
+        assert!(l2.contains(from), "robots/l2.toml has {from}");
+        l2.replacen(from, to, 1)
+    };
+    let (first_half, _) = l2.split_at(l2.len() / 2);
+    let all = [
+        ("l2", l2.to_owned()),
+        ("nothing", String::new()),
+        ("cut_off", first_half.to_owned()),
+        ("no_toml", "model = = \"l2\"\n".to_owned()),
+        ("model_unknown", replaced("\"l2\"", "\"l3\"")),
+        ("model_of_six_axes", replaced("\"l2\"", "\"f1\"")),
+        ("key_unknown", replaced("cf = -1", "cf = -1\ncg = 1")),
+        ("key_twice", replaced("cf = -1", "cf = -1\ncf = 1")),
+        ("key_missing", replaced("cf = -1", "")),
+        ("sign_of_zero", replaced("cf = -1", "cf = 0")),
+        ("length_of_nan", replaced("L = [1.0", "L = [nan")),
+        ("length_of_infinity", replaced("L = [1.0", "L = [inf")),
+        ("length_of_text", replaced("L = [1.0", "L = [\"1\"")),
+        ("two_lengths", replaced("L = [1.0, ", "L = [")),
+        ("length_of_zero", replaced("L = [1.0", "L = [0.0")),
+        (
+            "guideway_that_leads_nowhere",
+            replaced("[1.0, 0.0, 0.0],", "[0.0, 0.0, 0.0],"),
+        ),
+        ("travel_reversed", replaced("[[-0.5, 2.0]", "[[2.0, -0.5]")),
+        (
+            "joint_too_far_away",
+            replaced("[ 0.10, -0.05, 1.28]", "[ 0.10, -0.05, 1.28e9]"),
+        ),
+        (
+            "compliance_of_zero",
+            replaced("c_link = [5.0e-7", "c_link = [0.0"),
+        ),
+        ("section_missing", replaced("[axes]\n", "[axis]\n")),
+    ];
+    let seed = |(name, text): (&str, String)| (name.to_owned(), text.into_bytes());
+    all.into_iter()
+        .chain(robots_of_six_axes())
+        .map(seed)
+        .collect()
+}
+
+fn robots_of_six_axes() -> Vec<(&'static str, String)> {
+    let f1 = include_str!("../../../../robots/f1.toml");
+    let replaced = |from: &str, to: &str| {
+        assert!(f1.contains(from), "robots/f1.toml has {from}");
+        f1.replacen(from, to, 1)
+    };
+    let lengths = "L = [1.7, 1.7, 1.7, 1.7, 1.7, 1.7]";
+    vec![
+        ("f1", f1.to_owned()),
+        (
+            "f1_length_per_arm",
+            replaced(lengths, "L = [1.7, 1.7, 1.7]"),
+        ),
+        (
+            "f1_four_lengths",
+            replaced(lengths, "L = [1.7, 1.7, 1.7, 1.7]"),
+        ),
+        (
+            "f1_axis_of_zero",
+            replaced("ax6 = [0.0, 1.0, 0.0]", "ax6 = [0.0, 0.0, 0.0]"),
+        ),
+        ("f1_sign_of_two", replaced("sigma4 = -1", "sigma4 = 2")),
+        ("f1_motor_of_no_axis", replaced("3, 4, 5]", "3, 4, 6]")),
+        ("f1_five_axes", replaced("max_um = [4000.0, ", "max_um = [")),
+        (
+            "f1_home_out_of_reach",
+            replaced("home_m = [0.1,", "home_m = [9.1,"),
+        ),
+    ]
+}
+
+/// Every operation on the first case of both machines of the oracle's vectors, and lines that are no requests.
+pub(crate) fn requests() -> Vec<Seed> {
+    let vectors: Value = serde_json::from_str(include_str!("../../../data/tau_vectors.json")).unwrap();
+    let mut seeds = Vec::new();
+    for model in ["l2", "f1"] {
+        let mut robot = vectors[model].clone();
+        let case = robot["cases"][0].clone();
+        robot.as_object_mut().unwrap().remove("cases");
+        robot["model"] = model.into();
+        robot["c_link"] = vectors["c_link"].clone();
+        for op in [
+            "ik",
+            "fk",
+            "jacobian",
+            "statics",
+            "compliance",
+            "deflection",
+            "compensate",
+        ] {
+            let mut request = json!({"id": op, "robot": robot, "op": op, "w": case["w"]});
+            if op == "fk" {
+                request["q"] = case["q"].clone();
+            } else {
+                request["T"] = case["T"].clone();
+            }
+            if model == "f1" && op != "fk" {
+                request["R"] = case["R"].clone();
+            }
+            seeds.push((format!("{model}_{op}"), format!("{request}\n").into_bytes()));
+        }
+        let seeded = json!({"robot": robot, "op": "fk", "q": case["q"], "seed": {"T": case["T"], "R": case["R"]}});
+        let far = json!({"robot": robot, "op": "ik", "T": [0.0, 9e9, 0.0]});
+        let not_finite = format!("{far}").replace("9000000000.0", "1e999");
+        seeds.push((
+            format!("{model}_several"),
+            format!("{seeded}\n{far}\n{not_finite}\n").into_bytes(),
+        ));
+    }
+    let bad = "\n{}\n[1]\nnonsense\n{\"id\":1,\"op\":\"ik\"}\n{\"op\":7}\n{\"op\":\"ik\",\"robot\":7}\n{\"op\":\"ik\",\"robot\":{\"model\":\"l4\"}}";
+    seeds.push(("no_requests".to_owned(), bad.into()));
+    seeds.push(("no_utf_8".to_owned(), b"\xff\xfe\n{}\n".to_vec()));
+    seeds
+}

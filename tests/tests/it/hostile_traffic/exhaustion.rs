@@ -1,0 +1,84 @@
+//! Attempts to use the server up: thousands of connections, connections that hardly speak. The owner notices none of them.
+
+use std::net::TcpStream;
+
+use gantry_tau_core::control::message::{Mode, Phase};
+use gantry_tau_tests::client::{Client, hello};
+use gantry_tau_tests::duet::Duet;
+use gantry_tau_tests::wait_for;
+
+use super::AT;
+
+/// Open file descriptors of this process.
+#[cfg(target_os = "linux")]
+fn descriptors() -> usize {
+    std::fs::read_dir("/proc/self/fd").unwrap().count()
+}
+
+fn tick(duet: &mut Duet<3>) {
+    let row = duet.answer(Mode::Obtain, AT);
+    assert_eq!(row.state.phase, Phase::Obtain);
+    assert_eq!(row.state.counters.missed, 0);
+    assert_eq!(duet.bench.bus.positions(), AT);
+}
+
+#[test]
+fn thousands_of_connections_come_and_go() {
+    let mut duet = Duet::obtained(AT);
+    #[cfg(target_os = "linux")]
+    let before = descriptors();
+    for round in 0..300 {
+        let crowd: Vec<TcpStream> = (0..10)
+            .map(|_| TcpStream::connect(duet.bench.address()).unwrap())
+            .collect();
+        for _ in 0..5 {
+            tick(&mut duet);
+        }
+        // Some are closed by their peers, some stay until the server has had enough of them.
+        if round % 2 == 0 {
+            drop(crowd);
+        }
+    }
+    // What waits in the system's queue comes in, is told that there is no room, and goes.
+    for _ in 0..2_000 {
+        tick(&mut duet);
+    }
+    // This process holds both ends of the connections, and those of the tests beside this one until they end.
+    #[cfg(target_os = "linux")]
+    wait_for("the descriptors of thousands", || {
+        tick(&mut duet);
+        descriptors() <= before + 8
+    });
+}
+
+#[test]
+fn who_hardly_speaks_is_closed_and_a_newcomer_is_served() {
+    let mut duet = Duet::obtained(AT);
+    let hello = gantry_tau_core::control::wire::encode_client(&hello::<3>());
+    let mut slow: Vec<Client<3>> = (0..5)
+        .map(|_| Client::connect(duet.bench.address()))
+        .collect();
+    // A byte each now and then: never a whole Hello within the thousand ticks that a stranger has.
+    for at in 0..5 {
+        for client in &mut slow {
+            client.send_bytes(&hello[at..=at]);
+        }
+        for _ in 0..190 {
+            tick(&mut duet);
+        }
+    }
+    wait_for("the end of the slow ones", || {
+        tick(&mut duet);
+        slow.iter_mut().all(|client| !client.is_quiet())
+    });
+    let mut next = Client::<3>::connect(duet.bench.address());
+    next.say_hello();
+    wait_for("the refusal", || {
+        tick(&mut duet);
+        !next.is_quiet()
+    });
+    assert_eq!(
+        next.refusal(),
+        gantry_tau_core::control::message::Refusal::Busy
+    );
+}

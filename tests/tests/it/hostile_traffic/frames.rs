@@ -1,0 +1,190 @@
+//! The outside of frames: split, merged, broken, and too many.
+
+use std::io::Write;
+
+use gantry_tau_core::control::message::{Cause, Mode, Phase, Refusal, ServerMessage};
+use gantry_tau_core::control::wire::PROTOCOL_VERSION;
+use gantry_tau_tests::bench::Bench;
+use gantry_tau_tests::client::Noise;
+use gantry_tau_tests::duet::Duet;
+
+use super::AT;
+
+/// Bytes of a command for three axes.
+const COMMAND: usize = 68;
+/// Which of them is the low byte of the body's length.
+const LENGTH_BYTE: usize = 4;
+/// Which of them is the version.
+const VERSION_BYTE: usize = 2;
+
+#[test]
+fn a_frame_may_be_split_at_every_byte() {
+    let mut duet = Duet::obtained([0; 3]);
+    for cut in 1..COMMAND {
+        let nm = i32::try_from(cut).unwrap();
+        let target = [10 * nm, -nm, 0];
+        let frame = duet.client.frame(Mode::Obtain, target);
+        assert_eq!(frame.len(), COMMAND);
+        assert_eq!(duet.deliver(&frame[..cut]), 0);
+        assert_eq!(duet.deliver(&frame[cut..]), 1);
+        assert_eq!(duet.tick().state.phase, Phase::Obtain);
+        assert_eq!(duet.bench.bus.positions(), target);
+    }
+    let frame = duet.client.frame(Mode::Obtain, AT.map(|nm| nm / 10));
+    let counts: Vec<u8> = frame.iter().map(|byte| duet.deliver(&[*byte])).collect();
+    assert_eq!(counts.iter().sum::<u8>(), 1);
+    assert_eq!(duet.tick().state.counters.missed, 0);
+    assert_eq!(duet.bench.bus.positions(), AT.map(|nm| nm / 10));
+}
+
+#[test]
+fn a_frame_that_straddles_a_tick_is_late_and_not_broken() {
+    for cut in 1..COMMAND {
+        let mut duet = Duet::obtained([300, 0, 0]);
+        let frame = duet.client.frame(Mode::Obtain, [5_000; 3]);
+        assert_eq!(duet.deliver(&frame[..cut]), 0);
+        assert_eq!(duet.assert_held().state.counters.missed, 1);
+        assert_eq!(duet.deliver(&frame[cut..]), 1);
+        if cut % 2 == 0 {
+            // The late one alone does not help.
+            let _ = duet.assert_disconnect([300, 0, 0], Cause::NetworkLate);
+        } else {
+            let row = duet.answer_after(1, [400, 0, 0]);
+            assert_eq!((row.state.counters.late, row.state.counters.missed), (1, 1));
+        }
+    }
+}
+
+#[test]
+fn of_eight_merged_frames_the_last_acts() {
+    let mut duet = Duet::obtained([0; 3]);
+    let mut bytes = Vec::new();
+    for nm in 1..=8 {
+        bytes.extend(duet.client.frame(Mode::Obtain, [nm, -nm, 2 * nm]));
+    }
+    let ninth = duet.client.frame(Mode::Obtain, [9; 3]);
+    // A part of a ninth is no ninth.
+    bytes.extend(&ninth[..COMMAND - 1]);
+    assert_eq!(duet.deliver(&bytes), 8);
+    let row = duet.tick();
+    assert_eq!(duet.bench.bus.positions(), [8, -8, 16]);
+    assert_eq!(
+        (row.state.phase, row.state.counters.late),
+        (Phase::Obtain, 7)
+    );
+    assert_eq!(duet.deliver(&ninth[COMMAND - 1..]), 1);
+    assert_eq!(duet.assert_held().state.counters.late, 8);
+}
+
+#[test]
+fn one_wrong_byte_ends_the_session_wherever_it_is() {
+    let mut bench = Bench::default();
+    for index in 0..COMMAND {
+        let from = [250, -150, 0];
+        let mut duet = Duet::submitted_on(bench).obtain(from);
+        let mut frame = duet.client.frame(Mode::Obtain, [0; 3]);
+        frame[index] ^= 0xff;
+        assert_eq!(duet.deliver(&frame), 0);
+        if index == LENGTH_BYTE {
+            // The server waits for the rest of a longer body: that is silence.
+            duet.assert_held();
+            bench = duet.assert_disconnect(from, Cause::ClientLate);
+            continue;
+        }
+        duet.bench.assert_disconnect(from, Cause::Malformed);
+        if index == VERSION_BYTE {
+            let supported = PROTOCOL_VERSION;
+            assert_eq!(duet.client.refusal(), Refusal::Version { supported });
+        } else {
+            duet.client.assert_closed();
+        }
+        bench = duet.bench;
+    }
+}
+
+#[test]
+fn random_bytes_end_the_session_even_after_a_good_frame() {
+    let mut noise = Noise::new(2013);
+    let mut bench = Bench::default();
+    for round in 0..40 {
+        let from = [250, -150, 50];
+        let mut duet = Duet::submitted_on(bench).obtain(from);
+        let mut bytes = Vec::new();
+        if round % 2 == 0 {
+            bytes = duet.client.frame(Mode::Obtain, [2_000; 3]);
+        }
+        // A header is judged once it is whole.
+        let count = 6 + noise.below(600);
+        bytes.extend(noise.bytes(count));
+        assert_eq!(duet.deliver(&bytes), u8::from(round % 2 == 0));
+        duet.bench.assert_disconnect(from, Cause::Malformed);
+        duet.client.assert_closed();
+        bench = duet.bench;
+    }
+}
+
+#[test]
+fn a_ninth_frame_in_a_tick_ends_the_session_in_that_tick() {
+    let mut duet = Duet::obtained(AT);
+    let mut bytes = Vec::new();
+    for _ in 0..9 {
+        bytes.extend(duet.client.frame(Mode::Obtain, AT));
+    }
+    assert_eq!(duet.deliver(&bytes), 8);
+    duet.bench.assert_disconnect(AT, Cause::Flood);
+    duet.client.assert_closed();
+}
+
+#[test]
+fn a_ninth_frame_counts_across_visits_to_the_socket() {
+    let mut duet = Duet::obtained(AT);
+    for count in 1..=8 {
+        let frame = duet.client.frame(Mode::Obtain, AT);
+        assert_eq!(duet.deliver(&frame), count);
+    }
+    let frame = duet.client.frame(Mode::Obtain, AT);
+    assert_eq!(duet.deliver(&frame), 8);
+    duet.bench.assert_disconnect(AT, Cause::Flood);
+}
+
+#[test]
+fn megabytes_of_good_frames_end_the_session_and_nothing_else() {
+    let mut duet = Duet::obtained(AT);
+    let frame = duet.client.frame(Mode::Obtain, AT);
+    let bytes = frame.repeat(8 * 1024 * 1024 / COMMAND);
+    let mut writer = duet.client.writer();
+    let flood = std::thread::spawn(move || writer.write_all(&bytes).is_err());
+    duet.bench.await_bytes(9 * COMMAND);
+    duet.bench.assert_disconnect(AT, Cause::Flood);
+    assert!(flood.join().unwrap(), "the server took eight megabytes");
+    let mut next = Duet::submitted_on(duet.bench);
+    assert_eq!(next.answer(Mode::Obtain, [5; 3]).state.phase, Phase::Obtain);
+    assert_eq!(next.bench.bus.positions(), [5; 3]);
+}
+
+#[test]
+fn one_visit_takes_a_bounded_part_of_a_flood() {
+    let mut duet = Duet::obtained(AT);
+    let frame = duet.client.frame(Mode::Obtain, AT);
+    let flood = frame.repeat(60_000 / COMMAND);
+    duet.client.send_bytes(&flood);
+    duet.bench.await_bytes(flood.len());
+    duet.bench.receive();
+    let taken = flood.len() - duet.bench.unread(flood.len());
+    assert!((9 * COMMAND..=8_192).contains(&taken), "{taken} bytes");
+    duet.bench.assert_disconnect(AT, Cause::Flood);
+}
+
+#[test]
+fn a_flood_during_the_ramp_costs_the_flooder_its_connection_only() {
+    let mut duet = Duet::obtained(AT);
+    duet.tick();
+    duet.tick();
+    let frame = duet.client.frame(Mode::Obtain, AT);
+    duet.deliver(&frame.repeat(9));
+    let ramping = AT.map(|nm: i32| nm.signum() * (nm.abs() - 100).max(0));
+    duet.bench.assert_ramp(ramping, Phase::SafeDisconnect);
+    while let Some(message) = duet.client.receive() {
+        assert!(matches!(message, ServerMessage::State(_)), "{message:?}");
+    }
+}

@@ -1,0 +1,218 @@
+//! Everybody else: strangers beside a session get their answers, and the session is what it would be without them (T7).
+
+use std::io::Write;
+use std::net::SocketAddr;
+
+use gantry_tau_core::control::axis::Reference;
+use gantry_tau_core::control::endpoint::CONNECTIONS;
+use gantry_tau_core::control::message::{ClientMessage, Mode, Phase, Refusal};
+use gantry_tau_core::control::wire::encode_client;
+use gantry_tau_tests::bench::Bench;
+use gantry_tau_tests::client::{Client, Noise, enclose};
+use gantry_tau_tests::duet::Duet;
+use gantry_tau_tests::wait_for;
+
+use super::AT;
+
+/// The session goes on until `done`; its references do not move.
+fn answer_until(duet: &mut Duet<3>, what: &str, mut done: impl FnMut(&mut Duet<3>) -> bool) {
+    wait_for(what, || {
+        assert_eq!(duet.answer(Mode::Obtain, AT).state.phase, Phase::Obtain);
+        assert_eq!(duet.bench.bus.positions(), AT);
+        done(duet)
+    });
+}
+
+fn stranger(duet: &Duet<3>) -> Client<3> {
+    let mut stranger = Client::connect(duet.bench.address());
+    // It knows everything the owner knows.
+    stranger.epoch = duet.client.epoch;
+    stranger
+}
+
+#[test]
+fn a_second_client_is_told_busy_and_closed() {
+    let mut duet = Duet::obtained(AT);
+    for _ in 0..10 {
+        let mut stranger = stranger(&duet);
+        stranger.say_hello();
+        answer_until(&mut duet, "the refusal", |_| !stranger.is_quiet());
+        assert_eq!(stranger.refusal(), Refusal::Busy);
+    }
+}
+
+#[test]
+fn a_stranger_cannot_stop_leave_or_command_for_the_owner() {
+    let mut duet = Duet::obtained(AT);
+    let epoch = duet.client.epoch;
+    for count in 1..=9 {
+        let mut stranger = stranger(&duet);
+        stranger.tick = duet.client.tick;
+        stranger.sequence = duet.client.sequence + 100;
+        let command = stranger.command(Mode::Obtain, [0; 3]);
+        stranger.send(&match count % 3 {
+            0 => ClientMessage::Stop(epoch),
+            1 => ClientMessage::Goodbye(epoch),
+            _ => ClientMessage::Command(command),
+        });
+        answer_until(&mut duet, "the stranger's frame", |duet| {
+            duet.bench.strangers() == count
+        });
+        assert!(stranger.is_quiet());
+    }
+}
+
+#[test]
+fn a_stranger_with_broken_frames_or_too_many_is_closed() {
+    let mut duet = Duet::obtained(AT);
+    let mut noise = Noise::new(7);
+    let frame = encode_client(&ClientMessage::<3>::Stop(duet.client.epoch));
+    for bytes in [noise.bytes(200), frame.repeat(2), frame.repeat(1_000)] {
+        let mut stranger = stranger(&duet);
+        stranger.send_bytes(&bytes);
+        answer_until(&mut duet, "the stranger's end", |_| !stranger.is_quiet());
+        stranger.assert_closed();
+    }
+}
+
+#[test]
+fn megabytes_of_a_stranger_cost_it_its_connection() {
+    let mut duet = Duet::obtained(AT);
+    for bytes in [
+        Noise::new(9).bytes(8 << 20),
+        enclose(1, 6, &duet.client.epoch.0.to_le_bytes()).repeat(1 << 18),
+    ] {
+        let mut writer = stranger(&duet).writer();
+        let flood = std::thread::spawn(move || writer.write_all(&bytes).is_err());
+        answer_until(&mut duet, "the flood's end", |_| flood.is_finished());
+        assert!(flood.join().unwrap(), "the server took it all");
+    }
+}
+
+#[test]
+fn for_the_seventh_there_is_no_room_until_somebody_leaves() {
+    let mut duet = Duet::obtained(AT);
+    let idle: Vec<_> = (1..CONNECTIONS).map(|_| stranger(&duet)).collect();
+    for _ in 0..5 {
+        let mut seventh = stranger(&duet);
+        answer_until(&mut duet, "the word for the seventh", |_| {
+            !seventh.is_quiet()
+        });
+        assert_eq!(seventh.refusal(), Refusal::Unavailable);
+    }
+    for mut stranger in idle {
+        assert!(stranger.is_quiet());
+        stranger.say_hello();
+        answer_until(&mut duet, "the refusal", |_| !stranger.is_quiet());
+        assert_eq!(stranger.refusal(), Refusal::Busy);
+    }
+}
+
+#[test]
+fn there_is_room_again_once_an_idle_stranger_leaves() {
+    // All places are taken by connections that never speak; one of them leaves.
+    let mut bench = Bench::<3>::default();
+    let mut idle: Vec<_> = (0..CONNECTIONS)
+        .map(|_| Client::<3>::connect(bench.address()))
+        .collect();
+    let mut late = Client::<3>::connect(bench.address());
+    wait_for("the word for the seventh", || {
+        bench.receive();
+        bench.step();
+        !late.is_quiet()
+    });
+    assert_eq!(late.refusal(), Refusal::Unavailable);
+    idle.pop();
+    let mut bench = Some(bench);
+    wait_for("room", || {
+        let mut running = bench.take().unwrap();
+        let mut client = Client::<3>::connect(running.address());
+        client.say_hello();
+        let mut welcomed = false;
+        wait_for("an answer", || {
+            running.receive();
+            welcomed |= running.step().welcomed;
+            !client.is_quiet()
+        });
+        bench = Some(running);
+        welcomed
+    });
+}
+
+/// A session of 120 ticks with moving targets, misses and a ramp; beside each tick, `beside` is called.
+fn play(mut beside: impl FnMut(&Duet<3>, usize)) -> (Duet<3>, Vec<[Reference; 3]>) {
+    let mut duet = Duet::submitted_on(Bench::default());
+    let from = duet.bench.bus.writes();
+    for tick in 0..120 {
+        beside(&duet, tick);
+        let nm = i32::try_from(tick).unwrap();
+        if tick % 10 == 9 {
+            duet.bench.receive();
+            duet.tick();
+        } else {
+            duet.answer(Mode::Obtain, [nm * 700, -nm * 900, nm % 7]);
+        }
+    }
+    let written = duet.bench.bus.record().written[from..].to_vec();
+    (duet, written)
+}
+
+/// Whatever a stranger can think of.
+fn mischief(noise: &mut Noise, duet: &Duet<3>) -> Vec<u8> {
+    let epoch = duet.client.epoch;
+    match noise.below(6) {
+        0 => encode_client(&gantry_tau_tests::client::hello::<3>()).to_vec(),
+        1 => encode_client(&ClientMessage::<3>::Stop(epoch)).to_vec(),
+        2 => encode_client(&ClientMessage::<3>::Goodbye(epoch)).to_vec(),
+        3 => {
+            let count = noise.below(2_000);
+            noise.bytes(count)
+        }
+        4 => enclose(1, 3, &noise.bytes(58)),
+        _ => encode_client(&ClientMessage::<3>::Stop(epoch)).repeat(50),
+    }
+}
+
+#[test]
+fn a_crowd_changes_no_reference() {
+    let (_, alone) = play(|_, _| {});
+    for seed in 1..=5 {
+        let mut noise = Noise::new(seed);
+        let mut crowd = Vec::new();
+        let (mut duet, crowded) = play(|duet, _| {
+            for _ in 0..noise.below(4) {
+                let mut stranger = stranger(duet);
+                stranger.send_bytes(&mischief(&mut noise, duet));
+                match noise.below(3) {
+                    0 => stranger.reset(),
+                    1 => drop(stranger),
+                    _ => crowd.push(stranger),
+                }
+                if crowd.len() > 8 {
+                    crowd.remove(0);
+                }
+            }
+        });
+        assert_eq!(crowded, alone, "seed {seed}");
+        // The crowd was there.
+        wait_for("a stranger's frame", || {
+            duet.answer(Mode::Obtain, [0; 3]);
+            duet.bench.strangers() > 0
+        });
+    }
+}
+
+#[test]
+fn a_crowd_before_the_first_session_is_no_session() {
+    let mut bench = Bench::<3>::default();
+    let address: SocketAddr = bench.address();
+    let mut noise = Noise::new(99);
+    for _ in 0..200 {
+        let mut stranger = Client::<3>::connect(address);
+        let count = 6 + noise.below(300);
+        stranger.send_bytes(&noise.bytes(count));
+        bench.receive();
+        assert_eq!(bench.step().state.phase, Phase::Listening);
+    }
+    assert_eq!(Duet::submitted_on(bench).bench.phase(), Phase::Submit);
+}

@@ -1,0 +1,220 @@
+//! After start the cycle allocates nothing: simulated machine, live session, sensor samples, strangers, ramp, all of it.
+//!
+//! The crate `allocation_counter` is the allocator of this binary; it counts per thread, so tests beside this one do not matter.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
+
+use std::net::UdpSocket;
+
+use allocation_counter::measure;
+use gantry_tau::black_box::handover::{self, Receiver};
+use gantry_tau::epoch::Epochs;
+use gantry_tau::model::{F1_MOTORS, L2_MOTORS, Model};
+use gantry_tau::robot_file::RobotFile;
+use gantry_tau::sensor_link::{SensorPublisher, SensorReader};
+use gantry_tau::server::connections::Listen;
+use gantry_tau::server::cycle::{Cycle, Demands, Row};
+use gantry_tau::sim::hand::{Hand, Load, hand_and_tool};
+use gantry_tau::sim::machine::SimulatedMachine;
+use gantry_tau::sim::parameters::Motion;
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::{
+    Capabilities, Cause, ClientMessage, Command, Mode, Phase, Refusal, ServerMessage,
+};
+use gantry_tau_core::control::wire::{Frame, decode_server, encode_client};
+use gantry_tau_core::units::Sequence;
+use gantry_tau_tests::bench::LOOPBACK;
+use gantry_tau_tests::client::{Client, Noise, hello};
+use gantry_tau_tests::wait_for;
+
+/// The server of `gantry-tau serve`, without its clock.
+struct Server<const N: usize, const M: usize> {
+    cycle: Cycle<N, M, SimulatedMachine<N, M>>,
+    hand: Hand,
+    sensor: SensorReader,
+    black_boxes: Receiver<N>,
+}
+
+impl<const N: usize, const M: usize> Server<N, M> {
+    fn start<K: Model<N>>(robot: &RobotFile<K, N>, transport: Transport) -> Self {
+        let (hand, tool) = hand_and_tool();
+        let machine = robot.simulated_machine(tool, Motion::Hold).unwrap();
+        let config = robot.session_config(Capabilities::NONE).unwrap();
+        let motors = robot.motor_map().unwrap();
+        let publisher = SensorPublisher::bind(LOOPBACK).unwrap();
+        let sensor = SensorReader::connect(publisher.address().unwrap()).unwrap();
+        let listen = Listen {
+            transport,
+            ..LOOPBACK.into()
+        };
+        let cycle = Cycle::new(config, motors, machine, Epochs::volatile(), listen).unwrap();
+        let (handover, black_boxes) = handover::channel();
+        Self {
+            cycle: cycle.with_sensor(publisher).with_black_box(handover),
+            hand,
+            sensor,
+            black_boxes,
+        }
+    }
+
+    /// One look at the sockets and one tick; neither may allocate.
+    fn tick(&mut self, stop: bool) -> Row<N> {
+        let mut row = None;
+        let counted = measure(|| {
+            self.cycle.receive();
+            row = Some(self.cycle.step(1, Demands { stop, rearm: !stop }));
+        });
+        assert_eq!(
+            (counted.count_total, counted.bytes_total),
+            (0, 0),
+            "the cycle allocated"
+        );
+        row.unwrap()
+    }
+
+    /// One tick with the owner's answer in it.
+    fn answered(&mut self, client: &mut Client<N>, mode: Mode, nm: i32) -> Row<N> {
+        let frame = client.frame(mode, [nm; N]);
+        client.send_bytes(&frame);
+        let mut buffer = vec![0; frame.len()];
+        wait_for("the answer", || {
+            let stream = self.cycle.owner_stream().unwrap();
+            stream.peek(&mut buffer).is_ok_and(|n| n == buffer.len())
+        });
+        let row = self.tick(false);
+        assert_eq!(client.state(), row.state);
+        row
+    }
+}
+
+#[test]
+fn the_counter_counts() {
+    let counted = measure(|| drop(std::hint::black_box(vec![1, 2, 3])));
+    assert_eq!(counted.count_total, 1);
+}
+
+#[test]
+fn the_cycle_allocates_nothing() {
+    allocates_nothing(Server::<3, L2_MOTORS>::start(
+        &RobotFile::builtin_l2().unwrap(),
+        Transport::Stream,
+    ));
+}
+
+#[test]
+fn nor_does_it_with_six_axes() {
+    allocates_nothing(Server::<6, F1_MOTORS>::start(
+        &RobotFile::builtin_f1().unwrap(),
+        Transport::Stream,
+    ));
+}
+
+/// Datagrams of the owner, of strangers, broken and empty ones.
+#[test]
+fn nor_does_it_over_udp() {
+    let robot = RobotFile::builtin_l2().unwrap();
+    let mut server = Server::<3, L2_MOTORS>::start(&robot, Transport::Datagram);
+    let sockets: [UdpSocket; 9] = std::array::from_fn(|_| {
+        let socket = UdpSocket::bind(LOOPBACK).unwrap();
+        socket.connect(server.cycle.address().unwrap()).unwrap();
+        socket
+    });
+    let [owner, strangers @ ..] = &sockets;
+    owner.send(&encode_client(&hello::<3>())).unwrap();
+    wait_for("the Welcome", || server.tick(false).welcomed);
+    let mut noise = Noise::new(7);
+    let mut row = server.tick(false);
+    for tick in 0..300 {
+        let stranger = &strangers[tick % strangers.len()];
+        stranger.send(&encode_client(&hello::<3>())).unwrap();
+        if tick % 2 == 0 {
+            // Noise behind the Hello costs the stranger its place.
+            stranger.send(&noise.bytes(tick)).unwrap();
+        }
+        owner.send(&noise.bytes(tick % 3)).unwrap();
+        let command = Command {
+            epoch: row.state.epoch,
+            sequence: Sequence(u64::try_from(tick).unwrap() + 1),
+            echo: row.state.tick,
+            mode: Mode::Submit,
+            targets: [Offsets::default(); 3],
+        };
+        let command = encode_client(&ClientMessage::Command(command));
+        owner.send(&command).unwrap();
+        row = server.tick(false);
+    }
+    let counters = row.state.counters;
+    assert!(counters.malformed > 100, "{counters:?}");
+    assert_eq!(row.state.phase, Phase::Submit);
+    let mut answer = [0; 100];
+    let count = strangers[1].recv(&mut answer).unwrap();
+    let answer = decode_server::<3>(&Frame::parse(&answer[..count]).unwrap());
+    assert_eq!(answer, Ok(ServerMessage::Refusal(Refusal::Busy)));
+    owner.send(&[]).unwrap();
+    wait_for("the silence's end", || server.tick(false).ended.is_some());
+}
+
+fn allocates_nothing<const N: usize, const M: usize>(mut server: Server<N, M>) {
+    for _ in 0..50 {
+        server.tick(false);
+    }
+    let mut client = Client::<N>::connect(server.cycle.address().unwrap());
+    client.say_hello();
+    wait_for("the Welcome", || server.tick(false).welcomed);
+    client.welcome();
+    client.state();
+    for _ in 0..10 {
+        server.answered(&mut client, Mode::Submit, 1_000);
+    }
+    let pull = Load {
+        step: 1,
+        force_n: [200.0, 0.0, 0.0],
+        moment_nm: [0.0; 3],
+    };
+    server.hand.set(&pull).unwrap();
+    let mut noise = Noise::new(5);
+    let mut crowd = Vec::new();
+    for tick in 0..300 {
+        if tick % 10 == 0 {
+            let mut stranger = Client::<N>::connect(server.cycle.address().unwrap());
+            if tick % 20 == 0 {
+                stranger.say_hello();
+            } else {
+                stranger.send_bytes(&noise.bytes(9_000));
+            }
+            crowd.push(stranger);
+        }
+        let row = server.answered(&mut client, Mode::Obtain, 100 * (tick % 50));
+        assert_eq!(row.state.phase, Phase::Obtain);
+    }
+    crowd.clear();
+    let tool = server.tick(false).tool.unwrap();
+    assert!(tool.displacement_m[0] > 1e-5, "nobody pulls: {tool:?}");
+    let sample = server.sensor.latest().unwrap().expect("no sample came");
+    assert!(sample.tick > 300);
+    drop(client);
+    let mut cause = None;
+    wait_for("the ramp", || {
+        let row = server.tick(false);
+        cause = cause.or(row.ended);
+        row.state.phase == Phase::Listening
+    });
+    assert!(matches!(cause, Some(Cause::Closed | Cause::ClientLate)));
+    // Its black box has been handed over meanwhile, or is not yet frozen.
+    let mut window = None;
+    wait_for("the black box", || {
+        server.tick(false);
+        window = server.black_boxes.receive();
+        window.is_some()
+    });
+    assert_eq!(window.unwrap().end().cause, cause);
+    assert_eq!(server.tick(true).ended, Some(Cause::Stop));
+    assert_eq!(server.tick(false).state.phase, Phase::Listening);
+}

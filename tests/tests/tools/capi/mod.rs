@@ -1,0 +1,196 @@
+//! The C interface (`host/capi`) as a C programmer meets it: compiled by the usual compilers without a warning, run, and compared with
+//! what core itself gives for the same input.
+//!
+//! A trial whose tool is not there is reported as ignored, by name; with `GANTRY_TAU_REQUIRE_CAPI=1` it fails instead.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
+
+mod compensation;
+mod play;
+mod session;
+mod target;
+mod tools;
+
+use libtest_mimic::{Failed, Trial};
+use tools::{Program, has};
+
+/// What both compilers must take without a word.
+const STRICT: [&str; 5] = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"];
+const SANITIZED: [&str; 3] = [
+    "-g",
+    "-fsanitize=address,undefined",
+    "-fno-sanitize-recover=all",
+];
+
+/// All of them, by name.
+pub(crate) fn trials() -> Vec<Trial> {
+    let mut trials = vec![
+        trial("unit_tests_and_header", &[], unit_tests),
+        trial("no_panic_path_is_linked", &[], || no_panic_path("release")),
+        trial("no_panic_path_is_linked_when_small", &[], || {
+            no_panic_path("small")
+        }),
+        trial("only_memory_functions_are_needed", &["nm"], needs_nothing),
+        trial("header_as_cpp_by_g++", &["g++"], || header_as_cpp("g++")),
+        trial("header_as_cpp_by_clang++", &["clang++"], || {
+            header_as_cpp("clang++")
+        }),
+        trial("session_in_valgrind", &["gcc", "valgrind"], || {
+            in_valgrind("session")
+        }),
+        trial("refusals_in_valgrind", &["gcc", "valgrind"], || {
+            in_valgrind("refusals")
+        }),
+        trial(
+            "half_a_megabyte_is_not_on_the_stack",
+            &["gcc", "sh"],
+            session::on_a_small_stack,
+        ),
+    ];
+    for compiler in ["gcc", "clang"] {
+        for (how, flags) in [("", ["-O2"].as_slice()), ("_sanitized", &SANITIZED)] {
+            let mut needed = vec![compiler];
+            if has(compiler) && !tools::takes(compiler, flags) {
+                needed.push("libclang-rt");
+            }
+            let name = |what: &str| format!("{what}_by_{compiler}{how}");
+            trials.extend([
+                trial(&name("session"), &needed, move || {
+                    session::agrees(compiler, flags)
+                }),
+                trial(&name("compensation"), &needed, move || {
+                    compensation::agrees(compiler, flags)
+                }),
+                trial(&name("random_traffic"), &needed, move || {
+                    play::agrees(compiler, flags)
+                }),
+                trial(&name("refusals"), &needed, move || {
+                    refusals(compiler, flags)
+                }),
+            ]);
+        }
+    }
+    trials.extend(target::trials());
+    trials
+}
+
+/// A trial that needs these tools.
+fn trial(
+    name: &str,
+    needed: &[&'static str],
+    run: impl FnOnce() -> Result<(), Failed> + Send + 'static,
+) -> Trial {
+    let missing = needed.iter().find(|tool| !has(tool));
+    let name = format!("capi::{name}");
+    let Some(missing) = missing else {
+        return Trial::test(name, run);
+    };
+    let kind = format!("{missing} missing");
+    if tools::required() {
+        let reason = kind.clone();
+        return Trial::test(name, move || Err(Failed::from(reason))).with_kind(kind);
+    }
+    Trial::test(name, run)
+        .with_kind(kind)
+        .with_ignored_flag(true)
+}
+
+/// Codes, errors, lines of the black box, and that the header is the one that the sources give.
+fn unit_tests() -> Result<(), Failed> {
+    tools::cargo(&["test", "--locked", "--quiet"]).map(drop)
+}
+
+/// The library's panic handler calls what does not exist.
+fn no_panic_path(profile: &str) -> Result<(), Failed> {
+    let bytes = std::fs::read(tools::library_of(profile))?;
+    let mentions = |symbol: &str| {
+        bytes
+            .windows(symbol.len())
+            .any(|window| window == symbol.as_bytes())
+    };
+    assert!(mentions("gt_server_tick"), "the library is there");
+    assert!(
+        !mentions("gantry_tau_panic"),
+        "some path of the library can panic"
+    );
+    Ok(())
+}
+
+/// No malloc, no locks, no output: what the library takes from elsewhere are the functions that compilers take for granted.
+fn needs_nothing() -> Result<(), Failed> {
+    let known = ["memcpy", "memmove", "memset", "memcmp", "bcmp"];
+    let listing = tools::run(
+        std::process::Command::new("nm")
+            .arg("-g")
+            .arg(tools::library()),
+    )?;
+    let symbols = |wanted: &str| {
+        let lines = listing
+            .lines()
+            .filter_map(|line| line.trim_start().split_once(' '));
+        let lines = lines.map(|(left, right)| {
+            if left == "U" {
+                (left, right)
+            } else {
+                right.split_once(' ').unwrap_or(("", ""))
+            }
+        });
+        let named = lines
+            .filter(|(kind, _)| *kind == wanted)
+            .map(|(_, name)| name.trim().to_owned());
+        named.collect::<std::collections::BTreeSet<_>>()
+    };
+    let own = |name: &String| {
+        symbols("T").contains(name) || symbols("W").contains(name) || name.starts_with("__")
+    };
+    let foreign: Vec<_> = symbols("U").into_iter().filter(|name| !own(name)).collect();
+    assert!(symbols("T").contains("gt_server_tick"), "{listing}");
+    let unknown: Vec<_> = foreign
+        .iter()
+        .filter(|name| !known.contains(&name.as_str()))
+        .collect();
+    assert!(unknown.is_empty(), "{unknown:?}");
+    Ok(())
+}
+
+fn header_as_cpp(compiler: &str) -> Result<(), Failed> {
+    let header = tools::folder().join("include/gantry_tau.h");
+    let mut command = std::process::Command::new(compiler);
+    command.args([
+        "-std=c++17",
+        "-Wall",
+        "-Wextra",
+        "-Wpedantic",
+        "-Werror",
+        "-fsyntax-only",
+        "-x",
+        "c++",
+    ]);
+    tools::run(command.arg(header)).map(drop)
+}
+
+fn refusals(compiler: &'static str, flags: &[&str]) -> Result<(), Failed> {
+    let program = Program::compile("tests/refusals.c", compiler, flags)?;
+    let said = program.run(&[])?;
+    assert!(said.ends_with(" refusals\n"), "{said}");
+    Ok(())
+}
+
+/// Memory that was never written, and writes beyond the memory that was given.
+fn in_valgrind(name: &str) -> Result<(), Failed> {
+    let folder = if name == "session" {
+        "examples"
+    } else {
+        "tests"
+    };
+    let program = Program::compile(&format!("{folder}/{name}.c"), "gcc", &["-O1", "-g"])?;
+    let mut command = std::process::Command::new("valgrind");
+    command.args(["--quiet", "--error-exitcode=9", "--leak-check=full"]);
+    tools::run(command.arg(program.path())).map(drop)
+}

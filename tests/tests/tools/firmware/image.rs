@@ -1,0 +1,66 @@
+//! What is in the images.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use object::{Object, ObjectSection, ObjectSymbol};
+
+use super::budget;
+use super::emulator::{Build, images};
+
+/// The images that everything is said of; the others have a network, or a panic on purpose.
+const IMAGES: [&str; 3] = ["firmware", "whole", "session_only"];
+
+/// Symbols of everything that panics, before they are demangled.
+const PANICS: [&str; 3] = ["panicking", "panic_", "_fail"];
+
+/// Names of functions that a panic goes through. The handler itself is in every image, and calls nothing.
+fn panics(image: &Path) -> Vec<String> {
+    let bytes = fs::read(image).unwrap();
+    let file = object::File::parse(&*bytes).unwrap();
+    let names: Vec<String> = file
+        .symbols()
+        .map(|symbol| symbol.name().unwrap().to_owned())
+        .collect();
+    assert!(
+        names.iter().any(|name| name == "main"),
+        "the image has its symbols"
+    );
+    let panics = names
+        .into_iter()
+        .filter(|name| PANICS.iter().any(|panic| name.contains(panic)));
+    panics.collect()
+}
+
+pub(crate) fn no_panic() {
+    for build in Build::ALL {
+        let folder = images(build, &[]);
+        for image in IMAGES {
+            let found = panics(&folder.join(image));
+            assert_eq!(found, [""; 0], "{image} of {}: nm -C", build.name());
+        }
+    }
+}
+
+pub(crate) fn control_is_seen() {
+    let folder = images(Build::M7, &["--features", "control", "--bin", "control"]);
+    assert!(!panics(&folder.join("control")).is_empty());
+}
+
+pub(crate) fn sizes() {
+    for build in Build::ALL {
+        let folder = images(build, &[]);
+        for image in IMAGES {
+            let bytes = fs::read(folder.join(image)).unwrap();
+            let file = object::File::parse(&*bytes).unwrap();
+            let size = |name: &str| {
+                let section = file.section_by_name(name);
+                i64::try_from(section.map_or(0, |section| section.size())).unwrap()
+            };
+            let measured = ["text", "rodata", "data", "bss"]
+                .map(|name| (name.to_owned(), size(&format!(".{name}"))));
+            budget::judge(build, image, &BTreeMap::from(measured));
+        }
+    }
+}

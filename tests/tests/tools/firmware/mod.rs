@@ -1,0 +1,129 @@
+//! The firmware of `tests/firmware` on an emulated Cortex-M: it is built, it plays recordings, and what it writes is what the host
+//! writes, bit by bit; how large it is and what a tick costs is compared with `tests/firmware/sizes.toml`.
+//!
+//! Where the emulator or a toolchain for the target is missing, every test is reported as ignored with the name of what is missing;
+//! with GANTRY_TAU_REQUIRE_FIRMWARE=1 it fails instead. With GANTRY_TAU_RECORD_SIZES=1 what is measured is written to `sizes.toml`.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    clippy::as_conversions,
+    reason = "helpers of tests fail by panicking; a mean is for people"
+)]
+
+mod budget;
+mod emulator;
+mod host;
+mod image;
+mod link;
+#[path = "../../../firmware/src/machine/mod.rs"]
+mod machine;
+#[path = "../../../firmware/src/reading.rs"]
+mod reading;
+#[path = "../../../firmware/src/recording.rs"]
+mod recording;
+mod replay;
+mod traffic;
+
+use std::sync::{Mutex, PoisonError};
+
+use libtest_mimic::Trial;
+
+/// Tests that need the emulator and a toolchain for the target.
+const ON_TARGET: &[(&str, fn())] = &[
+    ("m7_is_bit_equal_in_a_calm_session", replay::m7_calm),
+    (
+        "m7_is_bit_equal_in_a_calm_session_of_the_f1",
+        replay::m7_calm_f1,
+    ),
+    ("m7_is_bit_equal_in_hostile_traffic", replay::m7_hostile),
+    (
+        "m7_small_is_bit_equal_in_a_calm_session",
+        replay::m7_small_calm,
+    ),
+    (
+        "m7_small_is_bit_equal_in_a_calm_session_of_the_f1",
+        replay::m7_small_calm_f1,
+    ),
+    (
+        "m7_small_is_bit_equal_in_hostile_traffic",
+        replay::m7_small_hostile,
+    ),
+    ("m4f_is_bit_equal_in_a_calm_session", replay::m4f_calm),
+    ("a_changed_bit_is_seen", replay::a_changed_bit_is_seen),
+    ("the_log_tells_the_session", replay::log_tells_the_session),
+    (
+        "a_real_client_drives_the_target",
+        link::a_real_client_drives_the_target,
+    ),
+    ("the_image_has_no_panic", image::no_panic),
+    ("a_linked_panic_is_seen", image::control_is_seen),
+    ("the_images_are_as_small_as_recorded", image::sizes),
+];
+
+/// Those of them that read its log, by a tool of its own.
+const WITH_LOG: [&str; 2] = [
+    "the_log_tells_the_session",
+    "a_real_client_drives_the_target",
+];
+
+/// Tests of what the host does of it.
+const ON_HOST: &[(&str, fn())] = &[
+    (
+        "recordings_show_every_phase",
+        traffic::recordings_show_every_phase,
+    ),
+    (
+        "the_f1_turns_far_and_recovers",
+        traffic::the_f1_turns_far_and_recovers,
+    ),
+    ("recordings_replay_on_the_host", host::recordings_replay),
+    (
+        "what_is_too_much_is_refused",
+        host::what_is_too_much_is_refused,
+    ),
+    (
+        "the_machines_are_those_of_the_robot_files",
+        host::machines_are_those_of_the_files,
+    ),
+    (
+        "host_and_firmware_lock_the_same_mathematics",
+        host::same_mathematics,
+    ),
+];
+
+/// All of them, by name.
+pub(crate) fn trials() -> Vec<Trial> {
+    let required =
+        std::env::var_os("GANTRY_TAU_REQUIRE_FIRMWARE").is_some_and(|value| value == "1");
+    let missing = emulator::missing();
+    let on_target = ON_TARGET.iter().map(|(name, test)| {
+        let missing = missing
+            .clone()
+            .or_else(|| WITH_LOG.contains(name).then(emulator::decoder_missing)?);
+        match (missing, required) {
+            (None, _) => trial(name, *test),
+            (Some(what), true) => Trial::test(format!("firmware::{name}"), move || {
+                Err(format!("missing: {what}").into())
+            }),
+            (Some(what), false) => trial(name, *test)
+                .with_kind(format!("ignored: missing {what}"))
+                .with_ignored_flag(true),
+        }
+    });
+    let on_host = ON_HOST.iter().map(|(name, test)| trial(name, *test));
+    on_host.chain(on_target).collect()
+}
+
+/// A test that fails by panicking, as any other.
+fn trial(name: &str, test: fn()) -> Trial {
+    // One build at a time; the recordings are made once.
+    static ONE: Mutex<()> = Mutex::new(());
+    Trial::test(format!("firmware::{name}"), move || {
+        let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+        test();
+        Ok(())
+    })
+}

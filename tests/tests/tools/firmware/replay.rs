@@ -1,0 +1,185 @@
+//! Recordings on the target.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::budget::{self, Measured};
+use super::emulator::{self, Build};
+use super::host;
+use super::traffic::{self, Recording};
+
+/// What the target made of a recording.
+struct Played {
+    output: Vec<u8>,
+    laps: Laps,
+    place: PathBuf,
+    image: PathBuf,
+}
+
+pub(crate) fn m7_calm() {
+    is_bit_equal(Build::M7, traffic::calm());
+}
+
+pub(crate) fn m7_calm_f1() {
+    is_bit_equal(Build::M7, traffic::calm_f1());
+}
+
+pub(crate) fn m7_hostile() {
+    is_bit_equal(Build::M7, traffic::hostile());
+}
+
+pub(crate) fn m7_small_calm() {
+    is_bit_equal(Build::M7Small, traffic::calm());
+}
+
+pub(crate) fn m7_small_calm_f1() {
+    is_bit_equal(Build::M7Small, traffic::calm_f1());
+}
+
+pub(crate) fn m7_small_hostile() {
+    is_bit_equal(Build::M7Small, traffic::hostile());
+}
+
+pub(crate) fn m4f_calm() {
+    is_bit_equal(Build::M4f, traffic::calm());
+}
+
+/// One bit of the last pose, some 1e-12 m: host and target both answer otherwise than before, and again the same.
+pub(crate) fn a_changed_bit_is_seen() {
+    let recording = traffic::calm();
+    let mut bytes = recording.bytes.clone();
+    // The last twelve numbers are pose and load; bit 20 of the first.
+    let at = bytes.len() - 12 * 8 + 2;
+    bytes[at] ^= 1 << 4;
+    let played = play(Build::M7, "changed_bit", &bytes);
+    assert_eq!(played.output.len(), recording.output.len());
+    let before_the_last_tick = recording.output.len() - 1_000;
+    assert_eq!(
+        first_difference(&played.output, &recording.output).map(|at| at > before_the_last_tick),
+        Some(true),
+        "the bit is seen, and where it is"
+    );
+    assert_eq!(
+        first_difference(&played.output, &host::play(&bytes).output),
+        None
+    );
+}
+
+/// The words are those of `golden.txt`: who was welcome, what ended, which phase, when.
+pub(crate) fn log_tells_the_session() {
+    let played = play(Build::M7, "log", &traffic::calm().bytes);
+    let log = emulator::decode(&played.image, &played.place.join("console"));
+    let golden = emulator::folder().join("golden.txt");
+    if budget::recording() {
+        fs::write(&golden, &log).unwrap();
+    }
+    assert_eq!(
+        log,
+        fs::read_to_string(&golden).unwrap(),
+        "the log is not that of golden.txt"
+    );
+}
+
+/// Every reference, every frame and every float; and what it costs.
+fn is_bit_equal(build: Build, recording: &Recording) {
+    let played = play(build, recording.name, &recording.bytes);
+    let expected = host::play(&recording.bytes).output;
+    if let Some(at) = first_difference(&played.output, &expected) {
+        panic!(
+            "{} on {}: differs from the host from byte {at} of {}",
+            recording.name,
+            build.name(),
+            expected.len()
+        );
+    }
+    println!(
+        "{} on {}: {} bytes are equal",
+        recording.name,
+        build.name(),
+        expected.len()
+    );
+    let mut measured = played.laps.measured(&recording.f1);
+    measured.insert(
+        "output_crc32".to_owned(),
+        i64::from(gantry_tau_tests::client::crc32(&expected)),
+    );
+    budget::judge(build, recording.name, &measured);
+}
+
+fn first_difference(one: &[u8], other: &[u8]) -> Option<usize> {
+    let differing = one.iter().zip(other).position(|(one, other)| one != other);
+    differing.or_else(|| (one.len() != other.len()).then(|| one.len().min(other.len())))
+}
+
+fn play(build: Build, name: &str, recording: &[u8]) -> Played {
+    let image = emulator::images(build, &[]).join("firmware");
+    let place =
+        Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("replay-{}-{name}", build.name()));
+    fs::create_dir_all(&place).unwrap();
+    fs::write(place.join("replay.in"), recording).unwrap();
+    for output in ["replay.out", "replay.laps"] {
+        // Nothing of an earlier run may count.
+        drop(fs::remove_file(place.join(output)));
+    }
+    emulator::run(build, &image, "replay", &place);
+    Played {
+        output: fs::read(place.join("replay.out")).unwrap(),
+        laps: Laps::read(&fs::read(place.join("replay.laps")).unwrap()),
+        place,
+        image,
+    }
+}
+
+/// Instructions of every tick, by part, and the stack.
+struct Laps {
+    ticks: Vec<[u32; 3]>,
+    /// High-water marks of the stack: until the server stands, and of the ticks.
+    stack: [u32; 2],
+}
+
+impl Laps {
+    fn read(bytes: &[u8]) -> Self {
+        let numbers: Vec<u32> = bytes
+            .chunks_exact(4)
+            .map(|four| u32::from_le_bytes(four.try_into().unwrap()))
+            .collect();
+        let (cycles, stack) = numbers.split_last_chunk().unwrap();
+        // A cycle of the board's clock takes 40 ns, an instruction 32 ns.
+        let ticks = cycles
+            .chunks_exact(3)
+            .map(|parts| [parts[0], parts[1], parts[2]].map(|cycles| cycles + cycles / 4));
+        Self {
+            ticks: ticks.collect(),
+            stack: *stack,
+        }
+    }
+
+    /// Worst and mean; of the whole tick apart by the machine whose kinematics it had.
+    fn measured(&self, f1: &[bool]) -> Measured {
+        assert_eq!(self.ticks.len(), f1.len());
+        let mut measured = BTreeMap::from([
+            ("stack_start".to_owned(), i64::from(self.stack[0])),
+            ("stack_ticks".to_owned(), i64::from(self.stack[1])),
+        ]);
+        for (machine, is_f1) in [("l2", false), ("f1", true)] {
+            let ticks = self.ticks.iter().zip(f1).filter(|(_, f1)| **f1 == is_f1);
+            let ticks: Vec<[u32; 3]> = ticks.map(|(parts, _)| *parts).collect();
+            if ticks.is_empty() {
+                continue;
+            }
+            let mut record = |what: &str, of: &dyn Fn(&[u32; 3]) -> u32| {
+                let worst = ticks.iter().map(of).max().unwrap();
+                let mean = ticks.iter().map(|parts| u64::from(of(parts))).sum::<u64>()
+                    / ticks.len() as u64;
+                measured.insert(format!("{machine}_{what}_worst"), worst.into());
+                measured.insert(format!("{machine}_{what}_mean"), mean.try_into().unwrap());
+            };
+            record("tick", &|parts| parts.iter().sum());
+            record("feed", &|parts| parts[0]);
+            record("floats", &|parts| parts[1]);
+            record("server", &|parts| parts[2]);
+        }
+        measured
+    }
+}
