@@ -171,7 +171,6 @@ const NM_PER_METRE: f64 = 1e9;
 /// Error of the crossing from float to integer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
 pub enum CrossingError {
     /// The value is NaN or infinite.
     NotFinite,

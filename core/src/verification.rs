@@ -14,40 +14,49 @@ pub mod control {
     use crate::control::session::{Events, LastWrite, Output, Session, TickInput};
     use crate::units::EpochRange;
 
-    /// Builds a session from its parts, if they satisfy the invariant.
-    #[must_use]
-    pub fn from_parts<const N: usize>(config: Config<N>, parts: Parts<N>) -> Option<Session<N>> {
-        Session::from_parts(config, parts)
+    /// The state of a session, and the three parts of its tick.
+    pub trait Internals<const N: usize>: Sized {
+        /// Builds a session from its parts, if they satisfy the invariant.
+        fn from_parts(config: Config<N>, parts: Parts<N>) -> Option<Self>;
+        /// Returns the parts of a session.
+        fn parts(&self) -> &Parts<N>;
+        /// First part of a tick: takes note of the fate of the last references.
+        fn settle_write(&mut self, last_write: &LastWrite<N>);
+        /// Second part of a tick: classifies the events.
+        fn classify(&self, events: &Events<N>, epochs: &EpochRange) -> (Accepted<N>, Diagnostics);
+        /// Third part of a tick: decides and acts.
+        fn step(
+            &mut self,
+            tick: &TickInput<N>,
+            events: Accepted<N>,
+            counts: Diagnostics,
+        ) -> Output<N>;
     }
 
-    /// Returns the parts of a session.
-    #[must_use]
-    pub const fn parts<const N: usize>(session: &Session<N>) -> &Parts<N> {
-        session.parts()
-    }
+    impl<const N: usize> Internals<N> for Session<N> {
+        fn from_parts(config: Config<N>, parts: Parts<N>) -> Option<Self> {
+            Self::from_parts(config, parts)
+        }
 
-    /// First part of a tick: takes note of the fate of the last references.
-    pub fn settle_write<const N: usize>(session: &mut Session<N>, last_write: &LastWrite<N>) {
-        session.settle_write(last_write);
-    }
+        fn parts(&self) -> &Parts<N> {
+            self.parts()
+        }
 
-    /// Second part of a tick: classifies the events.
-    #[must_use]
-    pub fn classify<const N: usize>(
-        session: &Session<N>,
-        events: &Events<N>,
-        epochs: &EpochRange,
-    ) -> (Accepted<N>, Diagnostics) {
-        session.classify(events, epochs)
-    }
+        fn settle_write(&mut self, last_write: &LastWrite<N>) {
+            self.settle_write(last_write);
+        }
 
-    /// Third part of a tick: decides and acts.
-    pub fn step<const N: usize>(
-        session: &mut Session<N>,
-        tick: &TickInput<N>,
-        accepted: Accepted<N>,
-        diagnostics: Diagnostics,
-    ) -> Output<N> {
-        session.step(tick, accepted, diagnostics)
+        fn classify(&self, events: &Events<N>, epochs: &EpochRange) -> (Accepted<N>, Diagnostics) {
+            self.classify(events, epochs)
+        }
+
+        fn step(
+            &mut self,
+            tick: &TickInput<N>,
+            events: Accepted<N>,
+            counts: Diagnostics,
+        ) -> Output<N> {
+            self.step(tick, events, counts)
+        }
     }
 }

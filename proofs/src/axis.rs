@@ -1,13 +1,13 @@
-//! The second half of a tick, for one axis: whatever it is ordered to do, T1, T2, T3 and T5.
+//! Second half of a tick, for one axis and any command: T1, T2, T3 and T5.
 
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::channel::{Channel, Limits};
 use gantry_tau_core::control::message::AxisLimits;
-use gantry_tau_core::control::session::act::{Axis, AxisCommand, drive_reference};
-use gantry_tau_core::control::session::channels::AxisChannels;
 use gantry_tau_core::control::session::config::{AxisConfig, MAX_POSITION_NM};
-use gantry_tau_core::control::session::fsm::Action;
-use gantry_tau_core::units::PositionNm;
+use gantry_tau_core::units::{ChannelUnit, PositionNm};
+use gantry_tau_core::verification::control::{
+    Action, Axis, AxisChannels, AxisCommand, drive_reference,
+};
 
 /// One of the three channels of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,74 +21,103 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All there are.
+    /// All three.
     pub const ALL: [Self; 3] = [Self::Position, Self::Velocity, Self::Torque];
 
-    /// Of an axis' channels.
-    #[must_use]
-    pub const fn of(self, channels: &AxisChannels) -> Channel {
+    /// Checks one channel of an axis, before and after a step, with its limits.
+    pub fn check(
+        self,
+        (before, after): (&AxisChannels, &AxisChannels),
+        limits: &AxisLimits,
+        property: &impl ChannelProperty,
+    ) {
         match self {
-            Self::Position => channels.position,
-            Self::Velocity => channels.velocity,
-            Self::Torque => channels.torque,
-        }
-    }
-
-    /// Of an axis' limits.
-    #[must_use]
-    pub const fn limits(self, limits: &AxisLimits) -> Limits {
-        match self {
-            Self::Position => limits.position,
-            Self::Velocity => limits.velocity,
-            Self::Torque => limits.torque,
+            Self::Position => property.check(before.position, after.position, &limits.position),
+            Self::Velocity => property.check(before.velocity, after.velocity, &limits.velocity),
+            Self::Torque => property.check(before.torque, after.torque, &limits.torque),
         }
     }
 }
 
-/// T1, T2, T3 for one channel in force of an axis, whatever the command; what the drive receives is what the channel says.
+/// Property of a channel of any unit, before and after a step.
+pub trait ChannelProperty {
+    /// Panics when the property does not hold.
+    fn check<U: ChannelUnit>(&self, before: Channel<U>, after: Channel<U>, limits: &Limits<U>);
+}
+
+/// T1, T2, T3 and the invariant.
+#[derive(Clone, Copy, Debug)]
+pub struct Bounded;
+
+impl ChannelProperty for Bounded {
+    fn check<U: ChannelUnit>(&self, before: Channel<U>, after: Channel<U>, limits: &Limits<U>) {
+        crate::channel::change_is_bounded(before, after, limits);
+    }
+}
+
+/// T5.
+#[derive(Clone, Copy, Debug)]
+pub struct Ramped;
+
+impl ChannelProperty for Ramped {
+    fn check<U: ChannelUnit>(&self, before: Channel<U>, after: Channel<U>, limits: &Limits<U>) {
+        crate::channel::is_ramp_step(before, after, limits);
+    }
+}
+
+/// The invariant alone; at zero without a command.
+struct Shadow {
+    commanded: bool,
+}
+
+impl ChannelProperty for Shadow {
+    fn check<U: ChannelUnit>(&self, _: Channel<U>, after: Channel<U>, limits: &Limits<U>) {
+        assert!(
+            after.is_valid(limits),
+            "the invariant of the shadow is kept"
+        );
+        let rests = after.count() == 0 && after.change() == 0;
+        assert!(self.commanded || rests, "the shadow rests");
+    }
+}
+
+/// T1, T2, T3 for one channel in force of an axis, whatever the command; and the drive receives what the channel says.
 ///
 /// # Panics
 /// When one of them does not hold.
 pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfig, kind: Kind) {
     let mut after = *before;
     let (reference, _) = after.act(command, config);
-    let limits = kind.limits(&config.limits);
-    let (old, new) = (kind.of(&before.channels), kind.of(&after.channels));
-    crate::channel::change_is_bounded(old, new, &limits);
-    match kind {
-        Kind::Position => {
-            let travel = &config.machine_travel;
-            let inside = travel.lower <= reference.position && reference.position <= travel.upper;
-            assert!(inside, "T3: inside the travel");
-        }
-        Kind::Velocity => assert!(
-            reference.velocity_offset.0 == new.value(),
-            "the drive receives the channel"
-        ),
-        Kind::Torque => assert!(
-            i32::from(reference.torque_offset.0) == new.value(),
-            "the drive receives the channel"
-        ),
-    }
+    let channels = (&before.channels, &after.channels);
+    kind.check(channels, &config.limits, &Bounded);
     if command.action == Action::Ramp {
-        crate::channel::is_ramp_step(old, new, &limits);
+        kind.check(channels, &config.limits, &Ramped);
     }
+    let travel = &config.machine_travel;
+    let inside = travel.lower <= reference.position && reference.position <= travel.upper;
+    assert!(inside, "T3: inside the travel");
+    let offsets = after.channels.offsets();
+    assert!(
+        reference.velocity_offset == offsets.velocity && reference.torque_offset == offsets.torque,
+        "the drive receives the channel"
+    );
+    assert!(
+        i32::from(offsets.torque.0) == after.channels.torque.count(),
+        "the torque channel fits its unit"
+    );
 }
 
-/// The shadow stays within its limits, whatever the command, and rests at zero where it is told nothing.
+/// The shadow stays within its limits, whatever the command, and rests at zero without one.
 ///
 /// # Panics
 /// When it does not hold.
 pub fn shadow_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfig, kind: Kind) {
     let mut after = *before;
     let _ = after.act(command, config);
-    let limits = kind.limits(&config.limits);
-    let new = kind.of(&after.shadow);
-    assert!(new.is_valid(&limits), "the invariant of the shadow is kept");
-    assert!(
-        command.shadow.is_some() || new == Channel::ZERO,
-        "the shadow rests"
-    );
+    let shadow = Shadow {
+        commanded: command.shadow.is_some(),
+    };
+    kind.check((&before.shadow, &after.shadow), &config.limits, &shadow);
 }
 
 /// T3: what reaches a drive is inside the machine's travel, whatever the nominal reference and the offset; and it is
@@ -103,7 +132,7 @@ pub fn reference_is_inside_travel(axis: &AxisConfig, nominal: PositionNm, offset
     assert!(inside, "T3: inside the travel");
     let own = &axis.nominal_travel;
     let within = own.lower <= nominal && nominal <= own.upper;
-    if within && axis.limits.position.admits(offsets.position.0) {
+    if within && axis.limits.position.admits(offsets.position) {
         let sum = i128::from(nominal.0) + i128::from(offsets.position.0);
         assert!(
             i128::from(reference.position.0) == sum,

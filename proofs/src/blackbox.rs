@@ -1,10 +1,10 @@
-//! T11: what a black box holds.
+//! T11: contents of a black box.
 
 use gantry_tau_core::control::session::recorder::Recorder;
 use gantry_tau_core::control::session::{BlackBox, Input, Output, Session};
 use gantry_tau_core::units::Tick;
 
-/// Records one tick, as the endpoint does.
+/// Runs one tick and records it, as the endpoint does.
 pub fn record<const N: usize, const HALF: usize>(
     black_box: &mut BlackBox<N, HALF>,
     session: &mut Session<N>,
@@ -27,9 +27,7 @@ pub fn holds_the_end<const N: usize, const HALF: usize>(
     recorded: usize,
 ) {
     let mut count = 0_usize;
-    let mut last = black_box
-        .before()
-        .map(|session| session.parts().discrete.tick);
+    let mut last = black_box.before().map(Session::last_tick);
     for entry in black_box.entries() {
         let tick = entry.output.state.tick;
         assert!(

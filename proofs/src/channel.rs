@@ -1,22 +1,26 @@
 //! One bounded channel: T1, T2, T3, T5, as one-step induction: valid, and any input, one step, valid, and the bound.
 
 use gantry_tau_core::control::channel::{Channel, Limits};
+use gantry_tau_core::units::{ChannelUnit, OffsetNm};
 
-/// What a channel can be asked to do.
+/// Channel of position offsets; the arithmetic of the others is the same.
+pub type Position = Channel<OffsetNm>;
+
+/// Operation on a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChannelOp {
     /// Keep the value.
     Hold,
     /// Approach a target, any target.
-    Follow(i32),
+    Follow(OffsetNm),
     /// One step towards zero.
     Ramp,
 }
 
 impl ChannelOp {
-    /// The verb with this number; every number is one.
+    /// Returns the operation with this number; every number has one.
     #[must_use]
-    pub const fn from_number(number: u8, target: i32) -> Self {
+    pub const fn from_number(number: u8, target: OffsetNm) -> Self {
         match number % 3 {
             0 => Self::Hold,
             1 => Self::Follow(target),
@@ -25,10 +29,10 @@ impl ChannelOp {
     }
 }
 
-/// One step.
+/// Takes one step.
 #[must_use]
-pub fn step(channel: Channel, verb: ChannelOp, limits: &Limits) -> Channel {
-    match verb {
+pub fn step(channel: Position, op: ChannelOp, limits: &Limits<OffsetNm>) -> Position {
+    match op {
         ChannelOp::Hold => channel.hold(),
         ChannelOp::Follow(target) => channel.follow(target, limits),
         ChannelOp::Ramp => channel.ramp(limits),
@@ -39,17 +43,21 @@ pub fn step(channel: Channel, verb: ChannelOp, limits: &Limits) -> Channel {
 ///
 /// # Panics
 /// When one of them does not hold.
-pub fn step_is_bounded(before: Channel, verb: ChannelOp, limits: &Limits) {
-    change_is_bounded(before, step(before, verb, limits), limits);
+pub fn step_is_bounded(before: Position, op: ChannelOp, limits: &Limits<OffsetNm>) {
+    change_is_bounded(before, step(before, op, limits), limits);
 }
 
 /// T1, T2, T3 and the invariant, for any two values of a channel that follow each other.
 ///
 /// # Panics
 /// When one of them does not hold.
-pub fn change_is_bounded(before: Channel, after: Channel, limits: &Limits) {
+pub fn change_is_bounded<U: ChannelUnit>(
+    before: Channel<U>,
+    after: Channel<U>,
+    limits: &Limits<U>,
+) {
     assert!(after.is_valid(limits), "the invariant is kept");
-    let change = i64::from(after.value()) - i64::from(before.value());
+    let change = i64::from(after.count()) - i64::from(before.count());
     assert!(
         change == i64::from(after.change()),
         "the change is what changed"
@@ -70,7 +78,7 @@ pub fn change_is_bounded(before: Channel, after: Channel, limits: &Limits) {
 ///
 /// # Panics
 /// When it does not hold.
-pub fn ramp_is_exact(before: Channel, limits: &Limits) {
+pub fn ramp_is_exact(before: Position, limits: &Limits<OffsetNm>) {
     is_ramp_step(before, before.ramp(limits), limits);
 }
 
@@ -79,13 +87,13 @@ pub fn ramp_is_exact(before: Channel, limits: &Limits) {
 ///
 /// # Panics
 /// When it does not hold.
-pub fn is_ramp_step(before: Channel, after: Channel, limits: &Limits) {
-    let (from, to) = (before.value().unsigned_abs(), after.value().unsigned_abs());
+pub fn is_ramp_step<U>(before: Channel<U>, after: Channel<U>, limits: &Limits<U>) {
+    let (from, to) = (before.count().unsigned_abs(), after.count().unsigned_abs());
     assert!(
         to == from - from.min(limits.ramp()),
         "T5: exactly min(rho, |value|)"
     );
-    let same_side = after.value() == 0 || (after.value() > 0) == (before.value() > 0);
+    let same_side = after.count() == 0 || (after.count() > 0) == (before.count() > 0);
     assert!(same_side, "T5: never past zero");
     assert!(to < from || from == 0, "T5: the measure decreases");
 }
@@ -95,7 +103,7 @@ pub fn is_ramp_step(before: Channel, after: Channel, limits: &Limits) {
 ///
 /// # Panics
 /// When it does not hold.
-pub fn ramp_counts_down(before: Channel, limits: &Limits) {
+pub fn ramp_counts_down(before: Position, limits: &Limits<OffsetNm>) {
     let left = before.ramp_ticks_left(limits);
     let left_after = before.ramp(limits).ramp_ticks_left(limits);
     assert!(left_after == left.saturating_sub(1), "T5: one tick less");

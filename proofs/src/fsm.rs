@@ -2,7 +2,7 @@
 //! discrete state.
 
 use gantry_tau_core::control::message::{Cause, Mode, Phase};
-use gantry_tau_core::control::session::fsm::{
+use gantry_tau_core::verification::control::{
     Action, EndReason, FsmInput, FsmState, Rules, decide,
 };
 

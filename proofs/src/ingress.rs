@@ -1,13 +1,12 @@
-//! What of all that arrives is allowed to decide: T7, one event at a time. Any sequence of events follows by induction, for what
-//! has been accepted so far is arbitrary, and depends on nothing that only counts.
+//! Classification of events: T7, one event at a time. Any sequence of events follows by induction: what has been accepted before is
+//! arbitrary, and depends on nothing that only counts.
 
 use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Phase};
-use gantry_tau_core::control::session::Event;
-use gantry_tau_core::control::session::fsm::Connection;
-use gantry_tau_core::control::session::ingress::{Accepted, Classifier, Diagnostics, Verdict};
+use gantry_tau_core::control::session::{Connection, Event};
+use gantry_tau_core::verification::control::{Accepted, Classifier, Diagnostics, Verdict};
 
-/// T7: what does not come from the owner, and what the owner sends that is not fresh, decides nothing.
-/// A Hello is the one word of a stranger that can, and only in Listening, where there is no owner.
+/// T7: an event of a non-owner, or of the owner without freshness, decides nothing.
+/// The one exception is a Hello, and only in Listening, where there is no owner.
 ///
 /// # Panics
 /// When it does not hold.
@@ -27,18 +26,19 @@ pub fn only_the_owner_decides<const N: usize>(
         return;
     }
     if classifier.discrete.phase != Phase::Listening {
-        assert!(after == *accepted, "T7: a stranger decides nothing");
+        assert!(after == *accepted, "T7: a non-owner decides nothing");
     }
     let hello = after.fsm.hello;
     after.fsm.hello = accepted.fsm.hello;
-    assert!(after == *accepted, "T7: a stranger can only ask");
+    assert!(after == *accepted, "T7: a non-owner can only ask");
     assert!(
-        hello == accepted.fsm.hello || hello == Some((connection, classifier.next_epoch)),
+        hello == accepted.fsm.hello
+            || hello == classifier.next_epoch.map(|epoch| (connection, epoch)),
         "T7: and only for itself"
     );
 }
 
-/// Whether this event of the owner is one that may decide.
+/// True if this event of the owner may decide.
 fn owner_may_decide<const N: usize>(classifier: &Classifier<'_, N>, event: &Event<N>) -> bool {
     match event {
         Event::Broken(_) | Event::Flood | Event::Closed => true,
@@ -53,7 +53,7 @@ fn owner_may_decide<const N: usize>(classifier: &Classifier<'_, N>, event: &Even
     }
 }
 
-/// The definition of fresh (DESIGN section 4), for a command of the owner, in the mathematician's integers.
+/// The definition of fresh (docs/design.md), for a command of the owner, in integers that cannot overflow.
 #[must_use]
 pub fn is_fresh<const N: usize>(classifier: &Classifier<'_, N>, command: &Command<N>) -> bool {
     let discrete = classifier.discrete;
@@ -77,14 +77,14 @@ pub fn is_fresh<const N: usize>(classifier: &Classifier<'_, N>, command: &Comman
 /// # Panics
 /// When it does not hold.
 pub fn fresh_is_as_defined<const N: usize>(classifier: &Classifier<'_, N>, command: &Command<N>) {
-    let fresh = classifier.judge(command) == Verdict::Fresh;
+    let fresh = classifier.verdict(command) == Verdict::Fresh;
     assert!(
         fresh == is_fresh(classifier, command),
         "T7: fresh as defined"
     );
 }
 
-/// T7's induction: what only counts does not decide, now or later.
+/// T7's induction: diagnostics do not decide, now or later.
 ///
 /// # Panics
 /// When it does not hold.

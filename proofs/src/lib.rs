@@ -36,9 +36,9 @@ pub mod machine;
 pub mod made;
 pub mod motors;
 #[cfg(not(kani))]
-pub mod oracle;
+pub mod reference_model;
 #[cfg(not(kani))]
-pub mod play;
+pub mod scenario;
 pub mod session;
 pub mod six_link;
 pub mod wire;

@@ -18,7 +18,9 @@ pub fn paired_motors_are_equal<const N: usize, const MOTORS: usize>(
     let Ok(map) = map else {
         return;
     };
-    let motors = map.spread(axes);
+    let Some(motors) = map.spread(axes) else {
+        panic!("T10: every motor receives a reference");
+    };
     for one in 0..MOTORS {
         assert!(
             motors[one] == axes[axis_of_motor[one]],

@@ -2,43 +2,46 @@
 
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{ClientMessage, Phase};
-use gantry_tau_core::control::session::fsm::Action;
-use gantry_tau_core::control::session::ingress::{Accepted, Classifier, Diagnostics};
-use gantry_tau_core::control::session::{Cycle, Event, Input, Output, Session};
+use gantry_tau_core::control::session::{Event, Input, LastWrite, Output, Session, TickInput};
+use gantry_tau_core::verification::control::{
+    Accepted, Action, Classifier, Diagnostics, Internals,
+};
 
-use crate::axis::Kind;
+use crate::axis::{Bounded, Kind, Ramped};
 
-/// A session before a tick, and all that the tick depends on.
+/// A session whose last write is settled, and everything else that its step depends on.
 #[derive(Clone, Debug)]
-pub struct Moment<const N: usize> {
+pub struct StepInput<const N: usize> {
     /// The session.
     pub session: Session<N>,
-    /// What the host gives.
-    pub cycle: Cycle<N>,
-    /// What decides, of all that arrived.
+    /// Input from the machine.
+    pub tick: TickInput<N>,
+    /// Accepted events.
     pub accepted: Accepted<N>,
-    /// What only counts.
+    /// Counts.
     pub diagnostics: Diagnostics,
 }
 
-impl<const N: usize> Moment<N> {
-    /// What these events lead to.
+impl<const N: usize> StepInput<N> {
+    /// Settles the last write and classifies the events.
     #[must_use]
-    pub fn after_hearing(session: &Session<N>, input: &Input<N>) -> Self {
-        let (accepted, diagnostics) = session.classify(&input.events, input.cycle.next_epoch);
+    pub fn after_events(session: &Session<N>, input: &Input<N>) -> Self {
+        let mut session = *session;
+        session.settle_write(&input.tick.last_write);
+        let (accepted, diagnostics) = session.classify(&input.events, &input.epochs);
         Self {
-            session: *session,
-            cycle: input.cycle,
+            session,
+            tick: input.tick,
             accepted,
             diagnostics,
         }
     }
 
-    /// The tick: the session after it, and what it produced.
+    /// Takes the step: the session after it, and its output.
     #[must_use]
     pub fn step(&self) -> (Session<N>, Output<N>) {
         let mut after = self.session;
-        let output = after.step(&self.cycle, self.accepted, self.diagnostics.clone());
+        let output = after.step(&self.tick, self.accepted, self.diagnostics.clone());
         (after, output)
     }
 }
@@ -47,14 +50,14 @@ impl<const N: usize> Moment<N> {
 ///
 /// # Panics
 /// When one of them does not hold.
-pub fn channels_are_bounded<const N: usize>(moment: &Moment<N>, kind: Kind) {
-    let (after, _) = moment.step();
-    let before = &moment.session;
+pub fn channels_are_bounded<const N: usize>(input: &StepInput<N>, kind: Kind) {
+    let (after, _) = input.step();
+    let before = &input.session;
     for index in 0..N {
-        let limits = kind.limits(&before.config().parameters().axes[index].limits);
-        let old = kind.of(&before.parts().axes[index].channels);
-        let new = kind.of(&after.parts().axes[index].channels);
-        crate::channel::change_is_bounded(old, new, &limits);
+        let limits = &before.config().parameters().axes[index].limits;
+        let old = &before.parts().axes[index].channels;
+        let new = &after.parts().axes[index].channels;
+        kind.check((old, new), limits, &Bounded);
     }
 }
 
@@ -62,8 +65,8 @@ pub fn channels_are_bounded<const N: usize>(moment: &Moment<N>, kind: Kind) {
 ///
 /// # Panics
 /// When it does not hold.
-pub fn axes_stay_valid<const N: usize>(moment: &Moment<N>) {
-    let (after, _) = moment.step();
+pub fn axes_stay_valid<const N: usize>(input: &StepInput<N>) {
+    let (after, _) = input.step();
     for index in 0..N {
         let limits = &after.config().parameters().axes[index].limits;
         assert!(
@@ -77,8 +80,8 @@ pub fn axes_stay_valid<const N: usize>(moment: &Moment<N>) {
 ///
 /// # Panics
 /// When it does not hold.
-pub fn references_are_inside_travel<const N: usize>(moment: &Moment<N>) {
-    let (after, output) = moment.step();
+pub fn references_are_inside_travel<const N: usize>(input: &StepInput<N>) {
+    let (after, output) = input.step();
     for index in 0..N {
         let travel = &after.config().parameters().axes[index].machine_travel;
         let reference = output.references[index].position;
@@ -91,8 +94,8 @@ pub fn references_are_inside_travel<const N: usize>(moment: &Moment<N>) {
 ///
 /// # Panics
 /// When it does not hold.
-pub fn discrete_stays_valid<const N: usize>(moment: &Moment<N>) {
-    let (after, output) = moment.step();
+pub fn discrete_stays_valid<const N: usize>(input: &StepInput<N>) {
+    let (after, output) = input.step();
     let ticks = after.config().parameters().handshake_ticks;
     assert!(
         after.parts().discrete.is_valid(ticks),
@@ -101,21 +104,21 @@ pub fn discrete_stays_valid<const N: usize>(moment: &Moment<N>) {
     assert!(output.state.phase == after.phase(), "the State says it");
 }
 
-/// T5: without a session, one channel of every axis moves by exactly `min(rho, |value|)` towards zero, whatever arrives.
+/// T5: without a session, one channel of every axis ops by exactly `min(rho, |value|)` towards zero, whatever arrives.
 ///
 /// # Panics
 /// When it does not hold.
-pub fn channels_ramp<const N: usize>(moment: &Moment<N>, kind: Kind) {
-    let before = &moment.session;
+pub fn channels_ramp<const N: usize>(input: &StepInput<N>, kind: Kind) {
+    let before = &input.session;
     if !matches!(before.phase(), Phase::SafeDisconnect | Phase::Fault) {
         return;
     }
-    let (after, _) = moment.step();
+    let (after, _) = input.step();
     for index in 0..N {
-        let limits = kind.limits(&before.config().parameters().axes[index].limits);
-        let old = kind.of(&before.parts().axes[index].channels);
-        let new = kind.of(&after.parts().axes[index].channels);
-        crate::channel::is_ramp_step(old, new, &limits);
+        let limits = &before.config().parameters().axes[index].limits;
+        let old = &before.parts().axes[index].channels;
+        let new = &after.parts().axes[index].channels;
+        kind.check((old, new), limits, &Ramped);
     }
 }
 
@@ -123,11 +126,10 @@ pub fn channels_ramp<const N: usize>(moment: &Moment<N>, kind: Kind) {
 ///
 /// # Panics
 /// When it does not hold.
-pub fn authority_needs_zero<const N: usize>(moment: &Moment<N>) {
-    let before = &moment.session;
-    let (after, output) = moment.step();
-    let granted = output.welcome.is_some()
-        || (after.parts().discrete.is_live() && !before.parts().discrete.is_live());
+pub fn authority_needs_zero<const N: usize>(input: &StepInput<N>) {
+    let before = &input.session;
+    let (after, output) = input.step();
+    let granted = output.welcome.is_some() || (after.is_live() && !before.is_live());
     if !granted {
         return;
     }
@@ -139,7 +141,7 @@ pub fn authority_needs_zero<const N: usize>(moment: &Moment<N>) {
     }
     assert!(
         output.welcome == after.owner() && after.phase() == Phase::Handshake,
-        "T6: who is welcomed owns the session"
+        "T6: peer is welcomed owns the session"
     );
 }
 
@@ -147,17 +149,17 @@ pub fn authority_needs_zero<const N: usize>(moment: &Moment<N>) {
 ///
 /// # Panics
 /// When it does not hold.
-pub fn stop_ends_in_fault<const N: usize>(moment: &Moment<N>) {
-    let before = &moment.session;
-    if !moment.cycle.stop {
+pub fn stop_ends_in_fault<const N: usize>(input: &StepInput<N>) {
+    let before = &input.session;
+    if !input.tick.stop {
         return;
     }
-    let (after, _) = moment.step();
+    let (after, _) = input.step();
     assert!(after.phase() == Phase::Fault, "T9: a stop ends in Fault");
     for index in 0..N {
         let limits = &before.config().parameters().axes[index].limits;
         let old = &before.parts().axes[index].channels;
-        let ramped = old.act(Action::Ramp, &Offsets::default(), limits);
+        let ramped = old.act(Action::Ramp, &Offsets::ZERO, limits);
         let new = after.parts().axes[index].channels;
         assert!(new == ramped, "T9: every channel ramps");
     }
@@ -167,12 +169,12 @@ pub fn stop_ends_in_fault<const N: usize>(moment: &Moment<N>) {
 ///
 /// # Panics
 /// When they do not.
-pub fn counts_decide_nothing<const N: usize>(moment: &Moment<N>, diagnostics: &Diagnostics) {
-    let (one, one_output) = moment.step();
+pub fn counts_decide_nothing<const N: usize>(input: &StepInput<N>, diagnostics: &Diagnostics) {
+    let (one, one_output) = input.step();
     let diagnostics = diagnostics.clone();
-    let (other, other_output) = Moment {
+    let (other, other_output) = StepInput {
         diagnostics,
-        ..moment.clone()
+        ..input.clone()
     }
     .step();
     assert!(
@@ -189,27 +191,63 @@ pub fn counts_decide_nothing<const N: usize>(moment: &Moment<N>, diagnostics: &D
     );
 }
 
-/// T12: a session goes on from any offsets that are within their limits, at rest and without an owner's targets, or refuses and
-/// is what it was.
+/// T12: after a refused write a session is valid and over, and goes on at rest from the values in force; without valid values
+/// nothing may be written, and no session is granted.
 ///
 /// # Panics
 /// When it does not hold.
-pub fn resumes_or_refuses<const N: usize>(before: &Session<N>, in_force: &[Offsets; N]) {
+pub fn settles_any_write<const N: usize>(before: &Session<N>, last_write: &LastWrite<N>) {
     let mut after = *before;
-    match after.resume(in_force) {
-        Ok(()) => {
-            assert!(after.is_valid(), "T12: a resumed session is valid");
-            assert!(
-                matches!(after.phase(), Phase::SafeDisconnect | Phase::Fault),
-                "T12: a resumed session is over"
-            );
+    after.settle_write(last_write);
+    assert!(after.is_valid(), "T12: the invariant is kept");
+    let in_force = match last_write {
+        LastWrite::Accepted => {
+            assert!(after == *before, "T12: nothing to settle");
+            return;
         }
-        Err(_) => assert!(after == *before, "T12: a refusal changes nothing"),
-    }
-    let welcome = after.welcome();
+        LastWrite::Refused { in_force } => Some(in_force),
+        LastWrite::Unknown => None,
+    };
     assert!(
-        welcome.tick == after.parts().discrete.tick,
-        "T12: it can be welcomed to"
+        matches!(after.phase(), Phase::SafeDisconnect | Phase::Fault),
+        "T12: the session is over"
+    );
+    let within = |axis: usize| {
+        let limits = &before.config().parameters().axes[axis].limits;
+        in_force.is_some_and(|in_force| limits.admits(&in_force[axis].offsets))
+    };
+    let known = (0..N).all(within);
+    assert!(
+        after.parts().withheld != known,
+        "T12: withheld unless the values in force are known and valid"
+    );
+    for axis in 0..N {
+        let (old, new) = (&before.parts().axes[axis], &after.parts().axes[axis]);
+        match in_force {
+            Some(in_force) if known => assert!(
+                new.channels.offsets() == in_force[axis].offsets
+                    && new.nominal == in_force[axis].nominal,
+                "T12: goes on from the values in force"
+            ),
+            _ => assert!(new.channels == old.channels, "T12: keeps what it believes"),
+        }
+    }
+}
+
+/// Nothing is granted, and nothing may be written, until a read-back has said what is in force.
+///
+/// # Panics
+/// When it does not hold.
+pub fn withheld_until_read_back<const N: usize>(input: &StepInput<N>) {
+    if !input.session.parts().withheld {
+        return;
+    }
+    let (after, output) = input.step();
+    assert!(output.withheld, "nothing may be written");
+    assert!(output.welcome.is_none(), "no session is granted");
+    assert!(
+        matches!(after.phase(), Phase::SafeDisconnect | Phase::Fault),
+        "the server does not listen"
     );
 }
 
@@ -217,27 +255,31 @@ pub fn resumes_or_refuses<const N: usize>(before: &Session<N>, in_force: &[Offse
 ///
 /// # Panics
 /// When one of them does not hold.
-pub fn step_is_right<const N: usize>(moment: &Moment<N>) {
+pub fn step_is_right<const N: usize>(input: &StepInput<N>) {
     for kind in Kind::ALL {
-        channels_are_bounded(moment, kind);
-        channels_ramp(moment, kind);
+        channels_are_bounded(input, kind);
+        channels_ramp(input, kind);
     }
-    axes_stay_valid(moment);
-    references_are_inside_travel(moment);
-    discrete_stays_valid(moment);
-    authority_needs_zero(moment);
-    stop_ends_in_fault(moment);
-    counts_decide_nothing(moment, &Diagnostics::default());
+    axes_stay_valid(input);
+    references_are_inside_travel(input);
+    discrete_stays_valid(input);
+    authority_needs_zero(input);
+    stop_ends_in_fault(input);
+    withheld_until_read_back(input);
+    counts_decide_nothing(input, &Diagnostics::default());
 }
 
-/// The input without what must not matter: strangers' events outside Listening, and the owner's commands that are not fresh.
+/// Returns the input without events that must not matter: those of non-owners outside Listening, and the owner's commands that
+/// are not fresh.
 #[must_use]
-pub fn essential<const N: usize>(session: &Session<N>, input: &Input<N>) -> Input<N> {
+pub fn essential<const N: usize>(before: &Session<N>, input: &Input<N>) -> Input<N> {
+    let mut session = *before;
+    session.settle_write(&input.tick.last_write);
     let classifier = Classifier {
         discrete: &session.parts().discrete,
         parameters: session.config().parameters(),
         axes: &session.parts().axes,
-        next_epoch: input.cycle.next_epoch,
+        next_epoch: input.epochs.after(session.epoch()),
     };
     let mut without = input.clone();
     without.events.retain(|(from, event)| {
@@ -260,8 +302,8 @@ pub fn essential<const N: usize>(session: &Session<N>, input: &Input<N>) -> Inpu
 /// # Panics
 /// When it does not.
 pub fn same_outcome<const N: usize>(session: &Session<N>, input: &Input<N>, essential: &Input<N>) {
-    let (one, one_output) = Moment::after_hearing(session, input).step();
-    let (other, other_output) = Moment::after_hearing(session, essential).step();
+    let (one, one_output) = StepInput::after_events(session, input).step();
+    let (other, other_output) = StepInput::after_events(session, essential).step();
     assert!(
         one_output.references == other_output.references,
         "T7: the same references"

@@ -175,12 +175,12 @@ pub fn feed_is_judged(collector: &Collector, stage: Stage, chunk: &[u8]) -> bool
         return false;
     };
     let mut collected = collector.clone();
-    if stage == Stage::HandedOut {
+    if stage == Stage::Returned {
         collected.clear();
     }
     let taken = match stage {
         Stage::Broken(error) => Err(error),
-        Stage::Collecting | Stage::HandedOut => collected.take(chunk),
+        Stage::Collecting | Stage::Returned => collected.take(chunk),
     };
     let handed_out = match (deframer.feed(chunk), taken) {
         (Feed::Frame { frame, consumed }, Ok(Some(taken))) => {

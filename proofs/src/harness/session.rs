@@ -4,13 +4,13 @@ use gantry_tau_core::control::message::Counters;
 use gantry_tau_core::control::session::ingress::Diagnostics;
 
 use crate::axis::Kind;
-use crate::session::{self, Moment};
+use crate::session::{self, StepInput};
 
 /// Axes of the session where axes could get into each other's way.
 const AXES: usize = 3;
 
 /// Any counts; the refusals are written, never read.
-fn any_noted() -> Diagnostics {
+fn any_diagnostics() -> Diagnostics {
     Diagnostics {
         counters: kani::any::<Counters>(),
         late: kani::any(),
@@ -18,13 +18,13 @@ fn any_noted() -> Diagnostics {
     }
 }
 
-/// Any moment there can be, and more: what was accepted need not follow from any events.
-fn any_moment<const N: usize>() -> Moment<N> {
-    Moment {
+/// Any input there can be, and more: what was accepted need not follow from any events.
+fn any_input<const N: usize>() -> StepInput<N> {
+    StepInput {
         session: kani::any(),
         cycle: kani::any(),
         accepted: kani::any(),
-        diagnostics: any_noted(),
+        diagnostics: any_diagnostics(),
     }
 }
 
@@ -32,7 +32,7 @@ fn any_moment<const N: usize>() -> Moment<N> {
 #[kani::unwind(3)]
 #[kani::solver(minisat)]
 fn session_position_is_bounded() {
-    session::channels_are_bounded(&any_moment::<1>(), Kind::Position);
+    session::channels_are_bounded(&any_input::<1>(), Kind::Position);
     kani::cover!(true, "the end is reached");
 }
 
@@ -40,7 +40,7 @@ fn session_position_is_bounded() {
 #[kani::unwind(3)]
 #[kani::solver(minisat)]
 fn session_velocity_is_bounded() {
-    session::channels_are_bounded(&any_moment::<1>(), Kind::Velocity);
+    session::channels_are_bounded(&any_input::<1>(), Kind::Velocity);
     kani::cover!(true, "the end is reached");
 }
 
@@ -48,7 +48,7 @@ fn session_velocity_is_bounded() {
 #[kani::unwind(3)]
 #[kani::solver(minisat)]
 fn session_torque_is_bounded() {
-    session::channels_are_bounded(&any_moment::<1>(), Kind::Torque);
+    session::channels_are_bounded(&any_input::<1>(), Kind::Torque);
     kani::cover!(true, "the end is reached");
 }
 
@@ -56,7 +56,7 @@ fn session_torque_is_bounded() {
 #[kani::unwind(3)]
 #[kani::solver(minisat)]
 fn session_position_ramps() {
-    session::channels_ramp(&any_moment::<1>(), Kind::Position);
+    session::channels_ramp(&any_input::<1>(), Kind::Position);
     kani::cover!(true, "the end is reached");
 }
 
@@ -64,7 +64,7 @@ fn session_position_ramps() {
 #[kani::unwind(3)]
 #[kani::solver(minisat)]
 fn session_velocity_ramps() {
-    session::channels_ramp(&any_moment::<1>(), Kind::Velocity);
+    session::channels_ramp(&any_input::<1>(), Kind::Velocity);
     kani::cover!(true, "the end is reached");
 }
 
@@ -72,7 +72,7 @@ fn session_velocity_ramps() {
 #[kani::unwind(3)]
 #[kani::solver(minisat)]
 fn session_torque_ramps() {
-    session::channels_ramp(&any_moment::<1>(), Kind::Torque);
+    session::channels_ramp(&any_input::<1>(), Kind::Torque);
     kani::cover!(true, "the end is reached");
 }
 
@@ -80,7 +80,7 @@ fn session_torque_ramps() {
 #[kani::unwind(5)]
 #[kani::solver(minisat)]
 fn session_axes_stay_valid() {
-    session::axes_stay_valid(&any_moment::<AXES>());
+    session::axes_stay_valid(&any_input::<AXES>());
     kani::cover!(true, "the end is reached");
 }
 
@@ -88,7 +88,7 @@ fn session_axes_stay_valid() {
 #[kani::unwind(5)]
 #[kani::solver(minisat)]
 fn session_discrete_stays_valid() {
-    session::discrete_stays_valid(&any_moment::<AXES>());
+    session::discrete_stays_valid(&any_input::<AXES>());
     kani::cover!(true, "the end is reached");
 }
 
@@ -96,7 +96,7 @@ fn session_discrete_stays_valid() {
 #[kani::unwind(5)]
 #[kani::solver(minisat)]
 fn session_references_are_inside_travel() {
-    session::references_are_inside_travel(&any_moment::<AXES>());
+    session::references_are_inside_travel(&any_input::<AXES>());
     kani::cover!(true, "the end is reached");
 }
 
@@ -104,7 +104,7 @@ fn session_references_are_inside_travel() {
 #[kani::unwind(5)]
 #[kani::solver(minisat)]
 fn session_authority_needs_zero() {
-    session::authority_needs_zero(&any_moment::<AXES>());
+    session::authority_needs_zero(&any_input::<AXES>());
     kani::cover!(true, "the end is reached");
 }
 
@@ -112,6 +112,6 @@ fn session_authority_needs_zero() {
 #[kani::unwind(5)]
 #[kani::solver(minisat)]
 fn session_stop_ends_in_fault() {
-    session::stop_ends_in_fault(&any_moment::<AXES>());
+    session::stop_ends_in_fault(&any_input::<AXES>());
     kani::cover!(true, "the end is reached");
 }

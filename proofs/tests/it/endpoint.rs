@@ -7,20 +7,22 @@
 
 use crate::any;
 
-use gantry_tau_core::control::axis::{Actual, Offsets};
-use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{ClientMessage, Command, Hello, Mode, Phase};
-use gantry_tau_core::control::session::fsm::Connection;
-use gantry_tau_core::control::session::{Event, Session};
+use gantry_tau_core::control::session::{
+    Connection, Event, Input, NoRecorder, Session, Start, TickInput,
+};
 use gantry_tau_core::control::wire::encode_client;
-use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick};
-use gantry_tau_proofs::endpoint::{Doing, takes_anything};
+use gantry_tau_core::units::{EpochRange, PositionNm, Sequence};
+use gantry_tau_core::verification::control::Internals;
+use gantry_tau_proofs::endpoint::{EndpointOp, takes_anything};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-type Tested = Endpoint<2, 3, 2>;
+type Tested = Endpoint<2, 3>;
 
-/// What happens, in words that make sense in most states.
+/// Operation that makes sense in most states.
 #[derive(Clone, Debug)]
 enum Move {
     Open(Transport),
@@ -31,7 +33,7 @@ enum Move {
     /// Any messages of one connection.
     Messages(u64, Vec<ClientMessage<2>>),
     Bytes(u64, Vec<u8>),
-    Tick(Cycle<2>),
+    Tick(TickInput<2>),
     OnTime,
 }
 
@@ -53,13 +55,13 @@ fn moves() -> impl Strategy<Value = Vec<Move>> {
         4 => (0..8_u64).prop_map(Move::Hello),
         1 => (0..8_u64, vec(message(), 0..20)).prop_map(|(from, all)| Move::Messages(from, all)),
         1 => (0..8_u64, vec(any::<u8>(), 0..40)).prop_map(|(from, bytes)| Move::Bytes(from, bytes)),
-        1 => any::cycle().prop_map(Move::Tick),
+        1 => any::tick_input().prop_map(Move::Tick),
         16 => Just(Move::OnTime),
     ];
     vec(one, 0..120)
 }
 
-fn doings(endpoint: &Tested, one: &Move) -> Vec<Doing<2>> {
+fn ops(endpoint: &Tested, one: &Move) -> Vec<EndpointOp<2>> {
     let discrete = &endpoint.session().parts().discrete;
     let owner = discrete.owner.unwrap_or(Connection(0));
     let frames = |messages: &[ClientMessage<2>]| {
@@ -69,8 +71,8 @@ fn doings(endpoint: &Tested, one: &Move) -> Vec<Doing<2>> {
             .collect()
     };
     match one {
-        Move::Open(transport) => vec![Doing::Open(*transport)],
-        Move::Close(connection) => vec![Doing::Close(Connection(*connection))],
+        Move::Open(transport) => vec![EndpointOp::Open(*transport)],
+        Move::Close(connection) => vec![EndpointOp::Close(Connection(*connection))],
         Move::Answer(mode, offsets, times, cut) => {
             let handshake = discrete.phase == Phase::Handshake;
             let command = ClientMessage::Command(Command {
@@ -82,8 +84,8 @@ fn doings(endpoint: &Tested, one: &Move) -> Vec<Doing<2>> {
             });
             let bytes: Vec<u8> = frames(&vec![command; *times]);
             let (one, other) = bytes.split_at(*cut.min(&bytes.len()));
-            let fed = |bytes: &[u8]| Doing::Feed(owner, bytes.to_vec());
-            vec![fed(one), fed(other), on_time(endpoint)]
+            let fed = |bytes: &[u8]| EndpointOp::Feed(owner, bytes.to_vec());
+            vec![fed(one), fed(other), on_time()]
         }
         Move::Hello(from) => {
             let capabilities = endpoint.session().config().parameters().capabilities;
@@ -91,30 +93,19 @@ fn doings(endpoint: &Tested, one: &Move) -> Vec<Doing<2>> {
                 axes: 2,
                 capabilities,
             });
-            vec![Doing::Feed(Connection(*from), frames(&[hello]))]
+            vec![EndpointOp::Feed(Connection(*from), frames(&[hello]))]
         }
-        Move::Messages(from, messages) => vec![Doing::Feed(Connection(*from), frames(messages))],
-        Move::Bytes(from, bytes) => vec![Doing::Feed(Connection(*from), bytes.clone())],
-        Move::Tick(cycle) => vec![Doing::Tick(*cycle)],
-        Move::OnTime => vec![on_time(endpoint)],
+        Move::Messages(from, messages) => {
+            vec![EndpointOp::Feed(Connection(*from), frames(messages))]
+        }
+        Move::Bytes(from, bytes) => vec![EndpointOp::Feed(Connection(*from), bytes.clone())],
+        Move::Tick(cycle) => vec![EndpointOp::Tick(*cycle)],
+        Move::OnTime => vec![on_time()],
     }
 }
 
-fn on_time(endpoint: &Tested) -> Doing<2> {
-    let next_epoch = Epoch(
-        endpoint
-            .session()
-            .parts()
-            .discrete
-            .epoch
-            .0
-            .saturating_add(1),
-    );
-    Doing::Tick(Cycle::on_time(
-        [PositionNm(0); 2],
-        [Actual::default(); 2],
-        next_epoch,
-    ))
+fn on_time() -> EndpointOp<2> {
+    EndpointOp::Tick(Input::empty(EpochRange::VOLATILE).tick)
 }
 
 proptest! {
@@ -122,14 +113,14 @@ proptest! {
 
     #[test]
     fn anything_happens(config in any::config::<2>(), moves in moves()) {
-        let nominal = [PositionNm(0); 2];
-        let session = Session::new(config, &[Offsets::default(); 2], nominal, Tick(0), Epoch(0));
+        let session = Session::new(config, &Start::at_rest([PositionNm(0); 2])).unwrap();
         let motors = MotorMap::new([0, 0, 1]).unwrap();
-        let mut endpoint = Tested::new(session.unwrap(), motors);
+        let mut endpoint = Tested::new(session, motors, EpochRange::VOLATILE);
         for one in &moves {
-            for doing in doings(&endpoint, one) {
-                takes_anything(&mut endpoint, &doing);
+            for op in ops(&endpoint, one) {
+                takes_anything(&mut endpoint, &op, &mut NoRecorder);
             }
+            while endpoint.poll_close().is_some() {}
         }
     }
 }

@@ -5,8 +5,8 @@ mod channel;
 mod endpoint;
 mod floats;
 mod made;
-mod play;
 #[cfg(feature = "runner")]
 mod runner;
+mod scenario;
 mod state_machine;
 mod wire;

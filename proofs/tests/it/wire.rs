@@ -7,7 +7,7 @@
 )]
 
 use gantry_tau_core::control::axis::{Actual, Offsets};
-use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::message::{
     AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello,
     Mode, Phase, Refusal, ServerMessage, State, Welcome,
@@ -62,11 +62,19 @@ impl Draw {
     fn position(&mut self) -> PositionNm {
         PositionNm(i64::from_le_bytes(self.bytes()))
     }
-    fn limits(&mut self) -> Limits {
+    fn limits<U: std::fmt::Debug>(&mut self) -> Limits<U> {
         let small = |n: u32| i32::try_from(n >> 3).unwrap();
         let ramp = small(self.u32()) / 4 + 1;
         let step = ramp + small(self.u32()) / 4;
-        Limits::new(small(self.u32()), step, step + ramp, ramp).unwrap()
+        let max = small(self.u32());
+        let accel = step + ramp;
+        Limits::new(LimitValues {
+            max,
+            step,
+            accel,
+            ramp,
+        })
+        .unwrap()
     }
     fn hello(&mut self) -> Hello {
         let [axes, low, high] = self.bytes();
@@ -110,7 +118,7 @@ impl Draw {
             out_of_range: self.u32(),
             limited: self.u32(),
             clamped: self.u32(),
-            strangers: self.u32(),
+            non_owner: self.u32(),
             longest_miss_run: u16::from_le_bytes(self.bytes()),
         }
     }
@@ -278,7 +286,7 @@ proptest! {
         }
         stream.extend_from_slice(&noise);
         let chunk = stream[collector.held().len()..].to_vec();
-        for stage in [Stage::Collecting, Stage::HandedOut, Stage::Broken(FrameError::Magic)] {
+        for stage in [Stage::Collecting, Stage::Returned, Stage::Broken(FrameError::Magic)] {
             let _handed_out = feed_is_judged(&collector, stage, &chunk);
         }
     }

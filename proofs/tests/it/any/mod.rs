@@ -1,4 +1,4 @@
-//! Strategies: anything there is of a type, small and huge alike.
+//! Strategies: any value of a type, small and huge alike.
 #![allow(
     dead_code,
     clippy::arithmetic_side_effects,
@@ -6,21 +6,22 @@
     reason = "each test file uses some of them; a strategy that makes what is not valid must panic"
 )]
 
-use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
-use gantry_tau_core::control::channel::{Channel, Limits};
+use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
+use gantry_tau_core::control::channel::{Channel, LimitValues, Limits};
 use gantry_tau_core::control::message::{
     AxisLimits, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
 };
-use gantry_tau_core::control::session::act::{Axis, AxisCommand};
-use gantry_tau_core::control::session::channels::AxisChannels;
 use gantry_tau_core::control::session::config::{
     AxisConfig, Config, MissBudget, Parameters, Travel,
 };
-use gantry_tau_core::control::session::fsm::{Action, Connection, FsmInput, FsmState, Rules};
-use gantry_tau_core::control::session::{Cycle, Event, Parts, Session};
+use gantry_tau_core::control::session::{Connection, Event, LastWrite, Session, TickInput};
 use gantry_tau_core::control::wire::{ContentError, FrameError};
 use gantry_tau_core::units::{
-    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+    ChannelUnit, Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille,
+    VelocityUmS,
+};
+use gantry_tau_core::verification::control::{
+    Action, Axis, AxisChannels, AxisCommand, FsmInput, FsmState, Internals, Parts, Rules,
 };
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -30,26 +31,36 @@ fn number() -> impl Strategy<Value = u64> {
     prop_oneof![3 => 0..5_u64, 1 => any::<u64>(), 1 => Just(u64::MAX)]
 }
 
-pub(crate) fn limits() -> impl Strategy<Value = Limits> {
+pub(crate) fn limits<U: std::fmt::Debug>() -> impl Strategy<Value = Limits<U>> {
     limits_up_to(i32::MAX)
 }
 
 /// Limits that validation accepts, with `M` of at most `max`.
-fn limits_up_to(max: i32) -> impl Strategy<Value = Limits> {
+fn limits_up_to<U: std::fmt::Debug>(max: i32) -> impl Strategy<Value = Limits<U>> {
     let magnitude = || prop_oneof![0..1_000_i32, any::<i32>().prop_map(i32::saturating_abs)];
     (magnitude(), magnitude(), magnitude(), magnitude()).prop_map(move |(m, a, b, c)| {
         let ramp = (a / 4).max(1);
         let step = ramp.saturating_add(b / 4);
         let accel = step.saturating_add(ramp).saturating_add(c / 4);
-        Limits::new(m.min(max), step, accel, ramp).unwrap()
+        let max = m.min(max);
+        Limits::new(LimitValues {
+            max,
+            step,
+            accel,
+            ramp,
+        })
+        .unwrap()
     })
 }
 
 /// Any channel that is valid under the limits.
-pub(crate) fn channel(limits: Limits) -> impl Strategy<Value = Channel> {
+pub(crate) fn channel<U: ChannelUnit + std::fmt::Debug>(
+    limits: Limits<U>,
+) -> impl Strategy<Value = Channel<U>> {
     let (max, step) = (limits.max(), limits.step());
-    (-max..=max, -step..=step)
-        .prop_map(move |(value, change)| Channel::from_parts(value, change, &limits).unwrap())
+    (-max..=max, -step..=step).prop_map(move |(value, change)| {
+        Channel::from_parts(U::saturating_from(value), change, &limits).unwrap()
+    })
 }
 
 pub(crate) fn axis_limits() -> impl Strategy<Value = AxisLimits> {
@@ -114,21 +125,12 @@ pub(crate) fn connection() -> impl Strategy<Value = Connection> {
     prop_oneof![4 => 0..3_u64, 1 => any::<u64>()].prop_map(Connection)
 }
 
-pub(crate) const PHASES: [Phase; 6] = [
-    Phase::Listening,
-    Phase::Handshake,
-    Phase::Submit,
-    Phase::Obtain,
-    Phase::SafeDisconnect,
-    Phase::Fault,
-];
-
-/// Any valid discrete state: what the phase excludes is put right.
+/// Any valid discrete state; fields that the phase excludes are corrected.
 pub(crate) fn discrete(handshake_ticks: u32) -> impl Strategy<Value = FsmState> {
     let numbers = (number(), number(), number());
     let rest = (any::<u128>(), 0..handshake_ticks, any::<bool>());
     (
-        select(&PHASES[..]),
+        select(Phase::ALL),
         connection(),
         any::<bool>(),
         numbers,
@@ -243,7 +245,8 @@ pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
                 nominal,
             )
         });
-        (discrete, Vec::from(axes), any::<bool>()).prop_map(move |(discrete, axes, late)| {
+        let flags = (any::<bool>(), prop::bool::weighted(0.2));
+        (discrete, Vec::from(axes), flags).prop_map(move |(discrete, axes, (late, withheld))| {
             let resting = matches!(
                 discrete.phase,
                 Phase::Listening | Phase::Handshake | Phase::Submit
@@ -264,6 +267,8 @@ pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
             let parts = Parts {
                 discrete,
                 axes: std::array::from_fn(|_| axes.next().unwrap()),
+                withheld: withheld
+                    && matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault),
                 cause: Cause::None,
                 late,
                 counters: Counters::default(),
@@ -273,17 +278,46 @@ pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
     })
 }
 
-pub(crate) fn cycle<const N: usize>() -> impl Strategy<Value = Cycle<N>> {
+pub(crate) fn in_force() -> impl Strategy<Value = InForce> {
+    let at_zero = prop_oneof![Just(Offsets::ZERO), offsets()];
+    (-2_000..2_000_i64, at_zero).prop_map(|(nominal, offsets)| InForce {
+        nominal: PositionNm(nominal),
+        offsets,
+    })
+}
+
+pub(crate) fn last_write<const N: usize>() -> impl Strategy<Value = LastWrite<N>> {
+    prop_oneof![
+        8 => Just(LastWrite::Accepted),
+        2 => proptest::array::uniform::<_, N>(in_force())
+            .prop_map(|in_force| LastWrite::Refused { in_force }),
+        1 => Just(LastWrite::Unknown),
+    ]
+}
+
+pub(crate) fn epochs() -> impl Strategy<Value = EpochRange> {
+    (number(), number()).prop_map(|(first, last)| EpochRange {
+        first: Epoch(first),
+        last: Epoch(last),
+    })
+}
+
+pub(crate) fn tick_input<const N: usize>() -> impl Strategy<Value = TickInput<N>> {
     let nominal = prop_oneof![8 => -2_000..2_000_i64, 1 => any::<i64>()].prop_map(PositionNm);
     let nominal = proptest::array::uniform::<_, N>(nominal);
     let elapsed = prop_oneof![8 => Just(1), 1 => 0..4_u32, 1 => any::<u32>()];
     let flags = (prop::bool::weighted(0.1), any::<bool>());
-    (nominal, elapsed, flags, number()).prop_map(|(nominal, elapsed, (stop, rearm), epoch)| Cycle {
-        elapsed,
-        stop,
-        rearm,
-        ..Cycle::on_time(nominal, [Actual::default(); N], Epoch(epoch))
-    })
+    (nominal, elapsed, flags, last_write()).prop_map(
+        |(nominal, elapsed_cycles, (stop, rearm), last_write)| TickInput {
+            elapsed_cycles,
+            nominal,
+            actual: [Actual::ZERO; N],
+            stop,
+            rearm,
+            last_write,
+            arrival_us: 0,
+        },
+    )
 }
 
 pub(crate) fn reference() -> impl Strategy<Value = Reference> {
@@ -331,7 +365,7 @@ pub(crate) fn axis_command() -> impl Strategy<Value = AxisCommand> {
             target,
             nominal: PositionNm(nominal),
             nominal_stepped,
-            actual: Actual::default(),
+            actual: Actual::ZERO,
         },
     )
 }

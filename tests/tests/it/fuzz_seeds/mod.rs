@@ -10,8 +10,8 @@
 
 mod bytes;
 mod loads;
-mod plays;
 mod problems;
+mod scenarios;
 mod streams;
 mod texts;
 
@@ -30,7 +30,7 @@ fn seeds_of(target: &str) -> Vec<Seed> {
         "deframer" => streams::streams(),
         "frame" => streams::sealed(),
         "kinematics" => problems::seeds(),
-        "session" => plays::seeds(),
+        "session" => scenarios::seeds(),
         "solve" => texts::requests(),
         _ => Vec::new(),
     }

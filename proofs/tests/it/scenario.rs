@@ -1,7 +1,7 @@
-//! Sequences with two hostile clients on stable Rust: every tick is right, and is what the oracle says.
+//! Sequences with two hostile clients on stable Rust: every tick is right, and is what the model says.
 
-use gantry_tau_proofs::play::{
-    Circumstances, Machine, Move, Play, Rates, Shares, Who, Word, endpoint_is_right,
+use gantry_tau_proofs::scenario::{
+    Circumstances, ClientAction, Machine, Op, Peer, Rates, Scenario, Shares, endpoint_is_right,
     every_tick_is_right,
 };
 use proptest::array::{uniform2, uniform3};
@@ -61,16 +61,16 @@ fn off() -> impl Strategy<Value = i8> {
     prop_oneof![8 => Just(0_i8), 1 => -2..3_i8, 1 => any::<i8>()]
 }
 
-fn word() -> impl Strategy<Value = Word> {
+fn action() -> impl Strategy<Value = ClientAction> {
     let hello = (
         prop_oneof![9 => Just(0), 1 => any::<u8>()],
         prop_oneof![4 => Just(1), 1 => any::<u16>()],
     )
-        .prop_map(|(axes, capabilities)| Word::Hello { axes, capabilities });
+        .prop_map(|(axes, capabilities)| ClientAction::Hello { axes, capabilities });
     let ahead =
         prop_oneof![6 => 1..4_i32, 2 => -2..2_i32, 1 => 65_534..65_540_i32, 1 => any::<i32>()];
     let command = (off(), ahead, off(), any::<bool>(), shares()).prop_map(
-        |(epoch, ahead, behind, obtain, targets)| Word::Command {
+        |(epoch, ahead, behind, obtain, targets)| ClientAction::Command {
             epoch,
             ahead,
             behind,
@@ -81,13 +81,13 @@ fn word() -> impl Strategy<Value = Word> {
     prop_oneof![
         8 => hello,
         12 => command,
-        2 => off().prop_map(|epoch| Word::Goodbye { epoch }),
-        1 => off().prop_map(|epoch| Word::Stop { epoch }),
-        1 => Just(Word::Malformed),
-        1 => Just(Word::Dropped),
-        1 => Just(Word::Broken),
-        1 => Just(Word::Flood),
-        1 => Just(Word::Closed),
+        2 => off().prop_map(|epoch| ClientAction::Goodbye { epoch }),
+        1 => off().prop_map(|epoch| ClientAction::Stop { epoch }),
+        1 => Just(ClientAction::Malformed),
+        1 => Just(ClientAction::Dropped),
+        1 => Just(ClientAction::Broken),
+        1 => Just(ClientAction::Flood),
+        1 => Just(ClientAction::Closed),
     ]
 }
 
@@ -104,43 +104,43 @@ fn circumstances() -> impl Strategy<Value = Circumstances> {
     })
 }
 
-fn one_move() -> impl Strategy<Value = Move> {
-    let who = prop_oneof![6 => Just(Who::Owner), 1 => Just(Who::One), 1 => Just(Who::Other)];
+fn one_move() -> impl Strategy<Value = Op> {
+    let peer = prop_oneof![6 => Just(Peer::Owner), 1 => Just(Peer::One), 1 => Just(Peer::Other)];
     let answer =
-        (any::<bool>(), shares(), 1..20_u8).prop_map(|(obtain, targets, times)| Move::Answer {
+        (any::<bool>(), shares(), 1..20_u8).prop_map(|(obtain, targets, times)| Op::Answer {
             obtain,
             targets,
             times,
         });
     prop_oneof![
         8 => answer,
-        2 => prop_oneof![4 => Just(1_u8), 1 => 0..50_u8].prop_map(Move::Silence),
-        8 => (who, word()).prop_map(|(who, word)| Move::Say(who, word)),
-        6 => circumstances().prop_map(Move::Tick),
-        1 => uniform2(prop_oneof![8 => -100..=100_i8, 1 => any::<i8>()]).prop_map(Move::Drift),
-        1 => shares().prop_map(Move::Resume),
+        2 => prop_oneof![4 => Just(1_u8), 1 => 0..50_u8].prop_map(Op::Silence),
+        8 => (peer, action()).prop_map(|(peer, action)| Op::Say(peer, action)),
+        6 => circumstances().prop_map(Op::Tick),
+        1 => uniform2(prop_oneof![8 => -100..=100_i8, 1 => any::<i8>()]).prop_map(Op::Drift),
+        1 => shares().prop_map(Op::RefusedWrite),
     ]
 }
 
-/// A play; half of them begin with a handshake.
-fn play() -> impl Strategy<Value = Play> {
+/// A scenario; half of them begin with a handshake.
+fn scenario() -> impl Strategy<Value = Scenario> {
     let in_force = prop_oneof![4 => Just([[0; 3]; 2]), 1 => shares()];
-    let moves = (vec(one_move(), 0..40), any::<bool>());
-    (machine(), in_force, prop::bool::weighted(0.1), moves).prop_map(
-        |(machine, in_force, late_in_life, (mut moves, greeted))| {
+    let ops = (vec(one_move(), 0..40), any::<bool>());
+    (machine(), in_force, prop::bool::weighted(0.1), ops).prop_map(
+        |(machine, in_force, late_in_life, (mut ops, greeted))| {
             if greeted {
-                let hello = Word::Hello {
+                let hello = ClientAction::Hello {
                     axes: 0,
                     capabilities: 1,
                 };
-                moves.insert(0, Move::Silence(1));
-                moves.insert(0, Move::Say(Who::One, hello));
+                ops.insert(0, Op::Silence(1));
+                ops.insert(0, Op::Say(Peer::One, hello));
             }
-            Play {
+            Scenario {
                 machine,
                 in_force,
                 late_in_life,
-                moves,
+                ops,
             }
         },
     )
@@ -150,12 +150,12 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2_000))]
 
     #[test]
-    fn every_tick_of_a_play_is_right(play in play()) {
-        every_tick_is_right(&play);
+    fn every_tick_of_a_play_is_right(scenario in scenario()) {
+        every_tick_is_right(&scenario);
     }
 
     #[test]
-    fn a_play_by_bytes_is_right(play in play()) {
-        endpoint_is_right(&play);
+    fn a_play_by_bytes_is_right(scenario in scenario()) {
+        endpoint_is_right(&scenario);
     }
 }

@@ -1,29 +1,30 @@
-//! Two hostile clients, a machine and time: sequences of what can happen to a session, told in words that make sense in most states,
-//! and what is checked in every tick of them.
+//! Scenarios of two hostile clients, a machine and time: sequences of operations that make sense in most states, and the checks in
+//! every tick of them.
 //!
 //! The same sequences come from a fuzzer's bytes (feature `arbitrary`) and from proptest.
 
-mod by_wire;
-mod stage;
+mod on_endpoint;
+mod on_session;
 
-pub use by_wire::endpoint_is_right;
-pub use stage::every_tick_is_right;
+pub use on_endpoint::endpoint_is_right;
+pub use on_session::every_tick_is_right;
 
-use gantry_tau_core::control::axis::{Actual, Offsets};
-use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::axis::{Actual, InForce, Offsets};
+use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::message::{
     AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode, Phase,
 };
 use gantry_tau_core::control::session::config::{
     AxisConfig, Config, MissBudget, Parameters, Travel,
 };
-use gantry_tau_core::control::session::{Cycle, Event, Session};
+use gantry_tau_core::control::session::{Event, LastWrite, Session, Start, TickInput};
 use gantry_tau_core::control::wire::{ContentError, FrameError};
 use gantry_tau_core::units::{
-    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+    Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
+use gantry_tau_core::verification::control::{FsmState, Internals, Parts};
 
-/// Axes of the machine that is played with; two, so that one can be forgotten.
+/// Axes of the machine; two, so that one can be forgotten.
 pub const N: usize = 2;
 
 /// Ticks after which a sequence ends.
@@ -32,21 +33,21 @@ const MOST_TICKS: usize = 160;
 /// Shares of the limits of every channel, in hundredths: beyond 100 is out of range.
 pub type Shares = [[i8; 3]; N];
 
-/// A machine, and what happens to it.
+/// A machine, and a sequence of operations.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
-pub struct Play {
-    /// How it is configured.
+pub struct Scenario {
+    /// Configuration.
     pub machine: Machine,
     /// Offsets in force when the server starts.
     pub in_force: Shares,
     /// Tick and epoch before the first; the largest there are, instead of zero.
     pub late_in_life: bool,
-    /// What happens.
-    pub moves: Vec<Move>,
+    /// Operations.
+    pub ops: Vec<Op>,
 }
 
-/// A configuration, of which every one is valid.
+/// A valid configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Machine {
@@ -58,15 +59,15 @@ pub struct Machine {
     pub nominal_step: u16,
     /// Window and allowed misses.
     pub budget: Option<(u8, u8)>,
-    /// How far echoes may be behind.
+    /// Echo window.
     pub echo_window: u8,
-    /// How long a handshake may take.
+    /// Ticks of the handshake, less 1.
     pub handshake_ticks: u8,
-    /// The server is in lock-step.
+    /// Lock-step.
     pub lockstep: bool,
 }
 
-/// Limits of a channel, each beyond what it must at least be, all times `2^(scale % 20)`.
+/// Limits of a channel, each as the excess over its smallest valid value, all times `2^(scale % 20)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Rates {
@@ -74,44 +75,44 @@ pub struct Rates {
     pub max: u16,
     /// Ramp, less 1.
     pub ramp: u8,
-    /// By how much a step may be larger than the ramp.
+    /// Step, less the ramp.
     pub step: u8,
-    /// By how much it may be bent further than it must.
+    /// Change of the change, less the smallest valid one.
     pub accel: u8,
     /// A power of two.
     pub scale: u8,
 }
 
-/// Something that happens.
+/// Operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
-pub enum Move {
+pub enum Op {
     /// The owner answers so many States, one by one, each in time.
     Answer {
         /// Obtain, or Submit.
         obtain: bool,
         /// Wanted offsets.
         targets: Shares,
-        /// How often.
+        /// Number of answers.
         times: u8,
     },
     /// Nothing arrives for so many ticks.
     Silence(u8),
     /// Something arrives before the next tick.
-    Say(Who, Word),
+    Say(Peer, ClientAction),
     /// A tick in which something is different.
     Tick(Circumstances),
-    /// The nominal reference moves by this much per tick from now on, in hundredths of its limit.
+    /// The nominal reference ops by this much per tick from now on, in hundredths of its limit.
     Drift([i8; N]),
-    /// The machine did not take the last references.
-    Resume(Shares),
+    /// The drives refuse the references of the last tick and have these shares in force; beyond 100, they cannot be read back.
+    RefusedWrite(Shares),
 }
 
-/// Who speaks.
+/// Sender of an action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
-pub enum Who {
-    /// Whoever owns the session.
+pub enum Peer {
+    /// Owner of the session.
     Owner,
     /// One client.
     One,
@@ -119,10 +120,10 @@ pub enum Who {
     Other,
 }
 
-/// What is said; numbers count from those that would be right.
+/// Action of a client; numbers count from the right ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
-pub enum Word {
+pub enum ClientAction {
     /// Asks for the session.
     Hello {
         /// Further axes than there are.
@@ -155,7 +156,7 @@ pub enum Word {
     },
     /// A frame with bad content.
     Malformed,
-    /// A datagram that is no frame.
+    /// A datagram without a valid frame.
     Dropped,
     /// A stream that lost its boundary.
     Broken,
@@ -165,7 +166,7 @@ pub enum Word {
     Closed,
 }
 
-/// What is different in a tick.
+/// Circumstances of a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Circumstances {
@@ -214,12 +215,12 @@ impl Machine {
             },
             ..Parameters::thesis(axes)
         });
-        config.unwrap_or_else(|error| panic!("a machine of a play is refused: {error}"))
+        config.unwrap_or_else(|error| panic!("a machine of a scenario is refused: {error}"))
     }
 }
 
 impl Rates {
-    fn limits(&self, most: i32) -> Limits {
+    fn limits<U>(&self, most: i32) -> Limits<U> {
         let scaled = |number: u32| {
             let number = u64::from(number) << (self.scale % 20);
             i32::try_from(number).unwrap_or(i32::MAX)
@@ -228,12 +229,18 @@ impl Rates {
         let step = ramp + scaled(self.step.into());
         let accel = step + ramp + scaled(self.accel.into());
         let max = scaled(self.max.into()).min(most);
-        Limits::new(max, step, accel, ramp)
-            .unwrap_or_else(|error| panic!("limits of a play are refused: {error}"))
+        let values = LimitValues {
+            max,
+            step,
+            accel,
+            ramp,
+        };
+        Limits::new(values)
+            .unwrap_or_else(|error| panic!("limits of a scenario are refused: {error}"))
     }
 }
 
-/// These shares of the limits.
+/// Returns these shares of the limits as offsets.
 fn offsets(config: &Config<N>, shares: &Shares) -> [Offsets; N] {
     let axes = &config.parameters().axes;
     std::array::from_fn(|axis| {
@@ -243,23 +250,23 @@ fn offsets(config: &Config<N>, shares: &Shares) -> [Offsets; N] {
             torque,
         } = &axes[axis].limits;
         let [p, v, t] = shares[axis];
-        let of = |limits: &Limits, share: i8| i64::from(limits.max()) * i64::from(share) / 100;
+        let of = |max: i32, share: i8| i64::from(max) * i64::from(share) / 100;
         let number = |value: i64| {
             let most = if value < 0 { i32::MIN } else { i32::MAX };
             i32::try_from(value).unwrap_or(most)
         };
-        let torque = of(torque, t);
+        let torque = of(torque.max(), t);
         let most = if torque < 0 { i16::MIN } else { i16::MAX };
         Offsets {
-            position: OffsetNm(number(of(position, p))),
-            velocity: VelocityUmS(number(of(velocity, v))),
+            position: OffsetNm(number(of(position.max(), p))),
+            velocity: VelocityUmS(number(of(velocity.max(), v))),
             torque: TorquePermille(i16::try_from(torque).unwrap_or(most)),
         }
     })
 }
 
-impl Word {
-    /// The message it is, to a session in this state; `None` when it is none.
+impl ClientAction {
+    /// Returns the message to a session in this state; `None` for an action without a message.
     pub fn message<const K: usize>(
         &self,
         session: &Session<K>,
@@ -292,22 +299,22 @@ impl Word {
     }
 }
 
-/// A word as the session hears it, in the state it is in.
-fn event(session: &Session<N>, word: &Word) -> Event<N> {
-    let message = word.message(session, |targets| offsets(session.config(), targets));
-    match (message, word) {
+/// Returns the event of an action, for a session in this state.
+fn event(session: &Session<N>, action: &ClientAction) -> Event<N> {
+    let message = action.message(session, |targets| offsets(session.config(), targets));
+    match (message, action) {
         (Some(message), _) => Event::Message(message),
-        (None, Word::Malformed) => Event::Malformed(ContentError::Reserved),
-        (None, Word::Dropped) => Event::Dropped(FrameError::Checksum),
-        (None, Word::Flood) => Event::Flood,
-        (None, Word::Closed) => Event::Closed,
+        (None, ClientAction::Malformed) => Event::Malformed(ContentError::Reserved),
+        (None, ClientAction::Dropped) => Event::Dropped(FrameError::Checksum),
+        (None, ClientAction::Flood) => Event::Flood,
+        (None, ClientAction::Closed) => Event::Closed,
         (None, _) => Event::Broken(FrameError::Magic),
     }
 }
 
-/// What a client answers that has understood `wire.md`: its first Command asks for Submit.
-fn answer(session: &Session<N>, obtain: bool, targets: Shares) -> Word {
-    Word::Command {
+/// Answer of a client that follows `wire.md`: its first Command asks for Submit.
+fn answer(session: &Session<N>, obtain: bool, targets: Shares) -> ClientAction {
+    ClientAction::Command {
         epoch: 0,
         ahead: 1,
         behind: 0,
@@ -316,55 +323,53 @@ fn answer(session: &Session<N>, obtain: bool, targets: Shares) -> Word {
     }
 }
 
-/// Who acts a play: a session alone, or an endpoint.
-trait Actor {
-    /// The session, as it is now.
+/// System that a scenario runs on: a session alone, or an endpoint.
+trait SystemUnderTest {
+    /// Returns the session.
     fn session(&self) -> &Session<N>;
-    /// How the machine moves.
+    /// How the machine ops.
     fn motion(&mut self) -> &mut Motion;
-    /// Somebody says something before the next tick.
-    fn say(&mut self, who: Who, word: &Word);
-    /// One tick, and what must hold in it.
+    /// A peer acts before the next tick.
+    fn say(&mut self, peer: Peer, action: &ClientAction);
+    /// Runs one tick, with its checks.
     fn tick(&mut self, circumstances: &Circumstances);
-    /// The machine has these shares of the limits in force.
-    fn resume(&mut self, shares: &Shares);
 
-    /// Plays a move; how many ticks it took.
-    fn play(&mut self, one: &Move) -> usize {
+    /// Runs one operation. Returns its number of ticks.
+    fn scenario(&mut self, one: &Op) -> usize {
         let on_time = Circumstances::default();
         match one {
-            Move::Answer {
+            Op::Answer {
                 obtain,
                 targets,
                 times,
             } => {
                 for _ in 0..*times {
-                    let word = answer(self.session(), *obtain, *targets);
-                    self.say(Who::Owner, &word);
+                    let action = answer(self.session(), *obtain, *targets);
+                    self.say(Peer::Owner, &action);
                     self.tick(&on_time);
                 }
                 return (*times).into();
             }
-            Move::Silence(ticks) => {
+            Op::Silence(ticks) => {
                 (0..*ticks).for_each(|_| self.tick(&on_time));
                 return (*ticks).into();
             }
-            Move::Tick(circumstances) => {
+            Op::Tick(circumstances) => {
                 self.tick(circumstances);
                 return 1;
             }
-            Move::Say(who, word) => self.say(*who, word),
-            Move::Drift(drift) => self.motion().drift = *drift,
-            Move::Resume(shares) => self.resume(shares),
+            Op::Say(peer, action) => self.say(*peer, action),
+            Op::Drift(drift) => self.motion().drift = *drift,
+            Op::RefusedWrite(shares) => self.motion().refused = Some(*shares),
         }
         0
     }
 
-    /// Plays it all, or as much of it as is looked at.
-    fn play_all(&mut self, moves: &[Move]) {
+    /// Runs all operations, up to [`MOST_TICKS`].
+    fn play_all(&mut self, ops: &[Op]) {
         let mut ticks = 0;
-        for one in moves {
-            ticks += self.play(one);
+        for one in ops {
+            ticks += self.scenario(one);
             if ticks >= MOST_TICKS {
                 return;
             }
@@ -377,35 +382,93 @@ trait Actor {
 struct Motion {
     nominal: [i64; N],
     drift: [i8; N],
+    /// Shares in force after a refused write, for the next tick.
+    refused: Option<Shares>,
 }
 
 impl Motion {
-    /// The next cycle.
-    fn cycle(&mut self, session: &Session<N>, circumstances: &Circumstances) -> Cycle<N> {
+    /// Input of the next tick, and the epochs it may grant: one.
+    fn input(
+        &mut self,
+        session: &Session<N>,
+        circumstances: &Circumstances,
+    ) -> (TickInput<N>, EpochRange) {
         let parameters = session.config().parameters();
+        let in_force = self.nominal;
         for axis in 0..N {
             let step = i64::from(parameters.axes[axis].nominal_step_nm);
             let change = step * i64::from(self.drift[axis]) / 100;
             let to = circumstances.jump.unwrap_or(self.nominal[axis]);
             self.nominal[axis] = to.saturating_add(change);
         }
-        let epoch = (session.parts().discrete.epoch.0)
-            .saturating_add(1)
-            .saturating_add_signed(circumstances.epoch.into());
-        Cycle {
-            elapsed: circumstances.elapsed,
+        let epoch = Epoch(
+            (session.epoch().0)
+                .saturating_add(1)
+                .saturating_add_signed(circumstances.epoch.into()),
+        );
+        let input = TickInput {
+            elapsed_cycles: circumstances.elapsed,
+            nominal: self.nominal.map(PositionNm),
+            actual: [Actual::ZERO; N],
             stop: circumstances.stop,
             rearm: circumstances.rearm,
-            ..Cycle::on_time(
-                self.nominal.map(PositionNm),
-                [Actual::default(); N],
-                Epoch(epoch),
-            )
+            last_write: self.last_write(session.config(), &in_force),
+            arrival_us: 0,
+        };
+        let epochs = EpochRange {
+            first: epoch,
+            last: epoch,
+        };
+        (input, epochs)
+    }
+
+    /// Fate of the last references; the nominal in force at the drives is that of the last tick.
+    fn last_write(&mut self, config: &Config<N>, nominal: &[i64; N]) -> LastWrite<N> {
+        let Some(shares) = self.refused.take() else {
+            return LastWrite::Accepted;
+        };
+        if shares.iter().flatten().all(|share| *share > 100) {
+            return LastWrite::Unknown;
+        }
+        LastWrite::Refused {
+            in_force: in_force(config, &shares, nominal),
         }
     }
 }
 
-/// The end of the numbers, or their beginning.
-fn life(play: &Play) -> u64 {
-    if play.late_in_life { u64::MAX - 40 } else { 0 }
+/// Values in force at the drives.
+fn in_force(config: &Config<N>, shares: &Shares, nominal: &[i64; N]) -> [InForce; N] {
+    let offsets = offsets(config, shares);
+    std::array::from_fn(|axis| InForce {
+        nominal: PositionNm(nominal[axis]),
+        offsets: offsets[axis],
+    })
+}
+
+/// The start of a scenario's machine; `None` for offsets beyond their limits.
+fn start(scenario: &Scenario) -> (Config<N>, Start<N>, Option<Session<N>>) {
+    let config = scenario.machine.config();
+    let start = Start {
+        in_force: in_force(&config, &scenario.in_force, &[0; N]),
+        stop_latched: false,
+    };
+    let session = Session::new(config, &start).ok().and_then(|session| {
+        let parts = *session.parts();
+        let discrete = FsmState {
+            tick: Tick(life(scenario)),
+            epoch: Epoch(life(scenario)),
+            ..parts.discrete
+        };
+        Session::from_parts(config, Parts { discrete, ..parts })
+    });
+    (config, start, session)
+}
+
+/// Returns tick and epoch before the first tick: the end of the numbers, or their beginning.
+fn life(scenario: &Scenario) -> u64 {
+    if scenario.late_in_life {
+        u64::MAX - 40
+    } else {
+        0
+    }
 }

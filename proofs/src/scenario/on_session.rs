@@ -1,31 +1,34 @@
-//! A play on messages: every tick has every property, and is what the oracle says.
+//! A scenario on messages: every tick has every property, and is what the model says.
 
-use gantry_tau_core::control::session::act::nominal_stepped;
-use gantry_tau_core::control::session::fsm::{Connection, FsmInput, FsmState, Rules};
-use gantry_tau_core::control::session::{BlackBox, Events, Input, Session, replay};
-use gantry_tau_core::units::{Epoch, PositionNm, Tick};
+use gantry_tau_core::control::session::{BlackBox, Connection, Events, Input, Session, replay};
+use gantry_tau_core::units::{Epoch, Tick};
+use gantry_tau_core::verification::control::{
+    FsmInput, FsmState, Internals, Rules, nominal_stepped,
+};
 
-use super::{Actor, Circumstances, Motion, N, Play, Shares, Who, Word, event, life, offsets};
-use crate::oracle::Oracle;
-use crate::session::Moment;
+use super::{
+    Circumstances, ClientAction, Motion, N, Peer, Scenario, SystemUnderTest, event, life, start,
+};
+use crate::reference_model::{Expected, ReferenceModel};
+use crate::session::StepInput;
 use crate::{blackbox, fsm, motors, session};
 
-/// Plays, and checks every tick: T1 to T11, and every output against the oracle's.
+/// Plays, and checks every tick: T1 to T11, and every output against the model's.
 ///
 /// # Panics
 /// When something does not hold.
-pub fn every_tick_is_right(play: &Play) {
-    let Some(mut stage) = Stage::set(play) else {
+pub fn every_tick_is_right(scenario: &Scenario) {
+    let Some(mut stage) = SessionUnderTest::set(scenario) else {
         return;
     };
-    stage.play_all(&play.moves);
+    stage.play_all(&scenario.ops);
     stage.black_box_replays();
 }
 
 /// Everything while it is played.
-struct Stage {
+struct SessionUnderTest {
     session: Session<N>,
-    oracle: Oracle<N>,
+    model: ReferenceModel<N>,
     black_box: BlackBox<N, 6>,
     /// Ticks in the black box, and the last of them.
     recorded: usize,
@@ -34,22 +37,19 @@ struct Stage {
     motion: Motion,
 }
 
-impl Stage {
-    /// None when the offsets in force refuse the start, as core and oracle agree.
-    fn set(play: &Play) -> Option<Self> {
-        let config = play.machine.config();
-        let in_force = offsets(&config, &play.in_force);
-        let nominal = [PositionNm(0); N];
-        let (tick, epoch) = (Tick(life(play)), Epoch(life(play)));
-        let session = Session::new(config, &in_force, nominal, tick, epoch);
-        let oracle = Oracle::new(*config.parameters(), &in_force, nominal, tick, epoch);
+impl SessionUnderTest {
+    /// None when the offsets in force refuse the start, as core and model agree.
+    fn set(scenario: &Scenario) -> Option<Self> {
+        let (config, start, session) = start(scenario);
+        let (tick, epoch) = (Tick(life(scenario)), Epoch(life(scenario)));
+        let model = ReferenceModel::new(*config.parameters(), &start, tick, epoch);
         assert!(
-            session.is_ok() == oracle.is_some(),
+            session.is_some() == model.is_some(),
             "a start is refused for offsets beyond their limits only"
         );
         Some(Self {
-            session: session.ok()?,
-            oracle: oracle?,
+            session: session?,
+            model: model?,
             black_box: BlackBox::new(),
             recorded: 0,
             latest: tick,
@@ -58,14 +58,14 @@ impl Stage {
         })
     }
 
-    /// The tick itself: into the black box, and the same as the oracle's.
+    /// The tick itself: into the black box, and the same as the model's.
     fn record(&mut self, input: &Input<N>) {
         let frozen = self.black_box.is_frozen();
         let output = blackbox::record(&mut self.black_box, &mut self.session, input);
-        let expected = self.oracle.tick(input);
+        let expected = self.model.tick(input);
         assert!(
-            output == expected,
-            "the oracle says otherwise:\n core   {output:?}\n oracle {expected:?}\n input  {input:?}"
+            Expected::from(&output) == expected,
+            "the model says otherwise:\n core   {output:?}\n model {expected:?}\n input  {input:?}"
         );
         assert!(self.session.is_valid(), "the session stays valid");
         motors::paired_motors_are_equal([0, 0, 1], &output.references);
@@ -73,7 +73,7 @@ impl Stage {
             (self.recorded, self.latest) = (self.recorded + 1, output.state.tick);
         }
         // Skipped cycles leave a gap in the ticks' numbers, and at the end of the numbers there is none left.
-        let gap = input.cycle.cycles() > 1 || output.state.tick == Tick(u64::MAX);
+        let gap = input.tick.cycles() > 1 || output.state.tick == Tick(u64::MAX);
         if gap || (frozen && output.welcome.is_some()) {
             self.black_box_replays();
             self.black_box.release();
@@ -93,14 +93,16 @@ impl Stage {
     }
 
     fn input(&mut self, circumstances: &Circumstances) -> Input<N> {
+        let (tick, epochs) = self.motion.input(&self.session, circumstances);
         Input {
-            cycle: self.motion.cycle(&self.session, circumstances),
+            tick,
+            epochs,
             events: std::mem::take(&mut self.events),
         }
     }
 }
 
-impl Actor for Stage {
+impl SystemUnderTest for SessionUnderTest {
     fn session(&self) -> &Session<N> {
         &self.session
     }
@@ -109,58 +111,45 @@ impl Actor for Stage {
         &mut self.motion
     }
 
-    fn say(&mut self, who: Who, word: &Word) {
-        let from = match who {
-            Who::Owner => self.session.owner().unwrap_or(Connection(0)),
-            Who::One => Connection(0),
-            Who::Other => Connection(1),
+    fn say(&mut self, peer: Peer, action: &ClientAction) {
+        let from = match peer {
+            Peer::Owner => self.session.owner().unwrap_or(Connection(0)),
+            Peer::One => Connection(0),
+            Peer::Other => Connection(1),
         };
-        let event = event(&self.session, word);
+        let event = event(&self.session, action);
         // What finds no room is lost: the endpoint would have seen to that.
         let _ = self.events.push((from, event));
     }
 
     fn tick(&mut self, circumstances: &Circumstances) {
         let input = self.input(circumstances);
-        let moment = Moment::after_hearing(&self.session, &input);
-        session::step_is_right(&moment);
-        let (discrete, fsm, rules) = decided_on(&moment);
+        session::settles_any_write(&self.session, &input.tick.last_write);
+        let step = StepInput::after_events(&self.session, &input);
+        session::step_is_right(&step);
+        let (discrete, fsm, rules) = decided_on(&step);
         fsm::decision_is_right(discrete, &fsm, &rules);
         let essential = session::essential(&self.session, &input);
         session::same_outcome(&self.session, &input, &essential);
         self.record(&input);
     }
-
-    fn resume(&mut self, shares: &Shares) {
-        let in_force = offsets(self.session.config(), shares);
-        session::resumes_or_refuses(&self.session, &in_force);
-        let resumed = self.session.resume(&in_force).is_ok();
-        assert!(
-            resumed == self.oracle.resume(&in_force),
-            "what is within its limits is taken over"
-        );
-        if resumed {
-            self.black_box.release();
-            self.recorded = 0;
-        }
-    }
 }
 
-/// What a tick decides on, once more.
-fn decided_on(moment: &Moment<N>) -> (&FsmState, FsmInput, Rules) {
-    let (session, cycle) = (&moment.session, &moment.cycle);
+/// Returns the complete input of the decision, derived again.
+fn decided_on(input: &StepInput<N>) -> (&FsmState, FsmInput, Rules) {
+    let (session, cycle) = (&input.session, &input.tick);
     let parameters = session.config().parameters();
     let axes = &session.parts().axes;
     let stepped = |axis: usize| {
         let (from, to) = (axes[axis].nominal, cycle.nominal[axis]);
         nominal_stepped(from, to, &parameters.axes[axis], cycle.cycles())
     };
-    let accepted = moment.accepted.fsm;
+    let accepted = input.accepted.fsm;
     let fsm = FsmInput {
         stop: accepted.stop || cycle.stop,
         rearm: cycle.rearm,
         skipped: cycle.cycles() - 1,
-        all_zero: axes.iter().all(|axis| axis.channels.is_zero()),
+        all_zero: axes.iter().all(|axis| axis.channels.is_zero()) && !session.parts().withheld,
         nominal_fault: (0..N).any(stepped),
         ..accepted
     };

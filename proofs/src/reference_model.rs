@@ -1,45 +1,49 @@
-//! The server once more, as small as it can be: written from DESIGN section 4 and the page `wire.md`, not from core's code.
+//! Reference model of the server, as small as possible: written from the rules in `docs/design.md` and the page `wire.md`, not from
+//! core's code.
 //!
-//! Plain numbers that cannot overflow, a list of deadlines, one function per thing that is said there. Only the types of what goes in
-//! and comes out are core's, so that a whole [`Output`] can be compared.
+//! Plain numbers that cannot overflow, a list of deadlines, one function per rule. Only the types of input and output are core's,
+//! so that a whole [`Output`] can be compared.
 
 use std::iter::repeat_n;
 
-use gantry_tau_core::control::axis::{Offsets, Reference};
-use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
+use gantry_tau_core::control::channel::LimitValues;
 use gantry_tau_core::control::message::{
     AxisFlags, AxisLimits, AxisState, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
     Refusal, State,
 };
 use gantry_tau_core::control::session::config::Parameters;
-use gantry_tau_core::control::session::fsm::Connection;
-use gantry_tau_core::control::session::{Event, Input, Output, Refusals};
+use gantry_tau_core::control::session::{
+    Connection, Event, Input, LastWrite, Output, Refusals, Start,
+};
 use gantry_tau_core::units::{
     Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
 
-/// Furthest that a fresh command's sequence is ahead.
+/// Largest distance of a fresh command's sequence ahead.
 const AHEAD: i128 = 65_536;
 
-/// A server that nobody optimised.
+/// An unoptimised server.
 #[derive(Clone, Debug)]
-pub struct Oracle<const N: usize> {
+pub struct ReferenceModel<const N: usize> {
     parameters: Parameters<N>,
     phase: Phase,
     owner: Option<Connection>,
     epoch: u64,
     accepted: u64,
     tick: u64,
-    /// Whether each deadline of the session was missed, the latest last.
+    /// Deadlines of the session, the latest last: true if missed.
     missed: Vec<bool>,
     /// Consecutive misses.
     run: u32,
     waited: u64,
     rearm_released: bool,
-    /// Something of the owner's came late since its last fresh command.
+    /// The owner sent a late command since its last fresh one.
     late: bool,
     cause: Cause,
     counters: Counters,
+    /// The values in force at the drives are unknown.
+    withheld: bool,
     nominal: [i64; N],
     channels: [[Point; 3]; N],
     shadow: [[Point; 3]; N],
@@ -52,8 +56,43 @@ struct Point {
     change: i64,
 }
 
-/// What a tick has accepted.
-struct Heard<const N: usize> {
+/// References at zero, to be replaced.
+const AT_ZERO: Reference = Reference {
+    position: PositionNm(0),
+    velocity_offset: VelocityUmS(0),
+    torque_offset: TorquePermille(0),
+};
+
+/// Expected output of a tick: the fields of [`Output`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Expected<const N: usize> {
+    references: [Reference; N],
+    withheld: bool,
+    state: State<N>,
+    owner: Option<Connection>,
+    welcome: Option<Connection>,
+    refusals: Refusals,
+    close: Option<Connection>,
+    ended: Option<Cause>,
+}
+
+impl<const N: usize> From<&Output<N>> for Expected<N> {
+    fn from(output: &Output<N>) -> Self {
+        Self {
+            references: output.references,
+            withheld: output.withheld,
+            state: output.state,
+            owner: output.owner,
+            welcome: output.welcome,
+            refusals: output.refusals.clone(),
+            close: output.close,
+            ended: output.ended,
+        }
+    }
+}
+
+/// Accepted events of a tick.
+struct Accepted<const N: usize> {
     stop: bool,
     framing: bool,
     flood: bool,
@@ -65,25 +104,24 @@ struct Heard<const N: usize> {
     refusals: Refusals,
 }
 
-/// What every channel is told.
+/// Action of every channel.
 #[derive(Clone, Copy)]
-enum Order<const N: usize> {
+enum ChannelAction<const N: usize> {
     Hold,
     Follow([Offsets; N]),
     Ramp,
 }
 
-impl<const N: usize> Oracle<N> {
-    /// A server that starts, with these offsets in force; none when one is beyond its limits.
+impl<const N: usize> ReferenceModel<N> {
+    /// Starts a server; `None` when an offset in force is beyond its limits.
     #[must_use]
     pub fn new(
         parameters: Parameters<N>,
-        in_force: &[Offsets; N],
-        nominal: [PositionNm; N],
+        start: &Start<N>,
         tick: Tick,
         last_epoch: Epoch,
     ) -> Option<Self> {
-        let mut oracle = Self {
+        let mut model = Self {
             parameters,
             phase: Phase::Listening,
             owner: None,
@@ -97,41 +135,62 @@ impl<const N: usize> Oracle<N> {
             late: false,
             cause: Cause::None,
             counters: Counters::default(),
-            nominal: nominal.map(|nominal| nominal.0),
+            withheld: false,
+            nominal: start.in_force.map(|axis| axis.nominal.0),
             channels: [[Point::default(); 3]; N],
             shadow: [[Point::default(); 3]; N],
         };
-        let at_rest = in_force
-            .iter()
-            .all(|offsets| *offsets == Offsets::default());
-        if !at_rest && !oracle.resume(in_force) {
+        let at_rest = |axis: &InForce| axis.offsets == Offsets::ZERO;
+        if !start.in_force.iter().all(at_rest) && !model.resume(&start.in_force) {
             return None;
         }
-        Some(oracle)
+        if start.stop_latched {
+            model.phase = Phase::Fault;
+            model.cause = Cause::Stop;
+        }
+        Some(model)
     }
 
-    /// The drives have these offsets in force instead. Whether they are within their limits; nothing happens otherwise.
-    pub fn resume(&mut self, in_force: &[Offsets; N]) -> bool {
-        if !self.admits(in_force) {
+    /// The drives have these values in force instead. False, and no change, if they are beyond their limits.
+    fn resume(&mut self, in_force: &[InForce; N]) -> bool {
+        if !self.admits(&in_force.map(|axis| axis.offsets)) {
             return false;
         }
         self.channels =
-            in_force.map(|offsets| values(&offsets).map(|value| Point { value, change: 0 }));
+            in_force.map(|axis| values(&axis.offsets).map(|value| Point { value, change: 0 }));
+        self.nominal = in_force.map(|axis| axis.nominal.0);
+        self.interrupt();
+        true
+    }
+
+    /// A write failed: the session is over.
+    fn interrupt(&mut self) {
         self.shadow = [[Point::default(); 3]; N];
         if self.phase != Phase::Fault {
             self.leave(Phase::SafeDisconnect);
             self.cause = Cause::Restart;
         }
-        true
     }
 
-    /// One tick.
-    pub fn tick(&mut self, input: &Input<N>) -> Output<N> {
-        let cycle = &input.cycle;
-        let cycles = u64::from(cycle.elapsed.max(1));
+    fn settle(&mut self, last_write: &LastWrite<N>) {
+        match last_write {
+            LastWrite::Accepted => {}
+            LastWrite::Refused { in_force } if self.resume(in_force) => self.withheld = false,
+            LastWrite::Refused { .. } | LastWrite::Unknown => {
+                self.interrupt();
+                self.withheld = true;
+            }
+        }
+    }
+
+    /// Runs one tick.
+    pub fn tick(&mut self, input: &Input<N>) -> Expected<N> {
+        let cycle = &input.tick;
+        self.settle(&cycle.last_write);
+        let cycles = u64::from(cycle.elapsed_cycles.max(1));
         let owner_before = self.owner;
-        let mut accepted = self.hear(input);
-        let zero = self.is_zero();
+        let mut accepted = self.classify(input);
+        let zero = self.is_zero() && !self.withheld;
         let stepped: [bool; N] = std::array::from_fn(|axis| {
             let limit = u128::from(self.parameters.axes[axis].nominal_step_nm) * u128::from(cycles);
             let change = i128::from(cycle.nominal[axis].0) - i128::from(self.nominal[axis]);
@@ -141,7 +200,7 @@ impl<const N: usize> Oracle<N> {
         self.tick = self.tick.saturating_add(cycles);
         let stop = accepted.stop || cycle.stop;
         let before = self.phase;
-        let (order, ended) = if stop || stepped.contains(&true) {
+        let (action, ended) = if stop || stepped.contains(&true) {
             let cause = if stop { Cause::Stop } else { Cause::Nominal };
             self.fault(cause, cycle.rearm)
         } else {
@@ -163,9 +222,10 @@ impl<const N: usize> Oracle<N> {
             let faulted = Refusal::Faulted { ticks_left: 0 };
             assert!(accepted.refusals.push((connection, faulted)).is_ok());
         }
-        let (references, axes) = self.act(&order, accepted.command.as_ref(), input, &stepped);
-        Output {
+        let (references, axes) = self.act(&action, accepted.command.as_ref(), input, &stepped);
+        Expected {
             references,
+            withheld: self.withheld,
             state: self.state(axes, cycle.arrival_us),
             owner: self.owner,
             welcome,
@@ -175,8 +235,8 @@ impl<const N: usize> Oracle<N> {
         }
     }
 
-    fn hear(&mut self, input: &Input<N>) -> Heard<N> {
-        let mut accepted = Heard {
+    fn classify(&mut self, input: &Input<N>) -> Accepted<N> {
+        let mut accepted = Accepted {
             stop: false,
             framing: false,
             flood: false,
@@ -189,20 +249,20 @@ impl<const N: usize> Oracle<N> {
         };
         for (from, event) in &input.events {
             if self.owner == Some(*from) {
-                self.hear_owner(event, &mut accepted);
+                self.classify_owner(event, &mut accepted);
             } else if let Event::Message(ClientMessage::Hello(hello)) = event {
-                match self.refusal(hello, accepted.hello.is_some(), input.cycle.next_epoch) {
+                match self.refusal(hello, accepted.hello.is_some(), self.next_epoch(input)) {
                     None => accepted.hello = Some(*from),
                     Some(why) => assert!(accepted.refusals.push((*from, why)).is_ok()),
                 }
             } else if *event != Event::Closed {
-                add(&mut self.counters.strangers, 1);
+                add(&mut self.counters.non_owner, 1);
             }
         }
         accepted
     }
 
-    fn hear_owner(&mut self, event: &Event<N>, accepted: &mut Heard<N>) {
+    fn classify_owner(&mut self, event: &Event<N>, accepted: &mut Accepted<N>) {
         match event {
             Event::Broken(_) => accepted.framing = true,
             Event::Flood => accepted.flood = true,
@@ -214,7 +274,7 @@ impl<const N: usize> Oracle<N> {
             Event::Message(message) => {
                 add(&mut self.counters.received, 1);
                 match message {
-                    ClientMessage::Command(command) => self.hear_command(command, accepted),
+                    ClientMessage::Command(command) => self.classify_command(command, accepted),
                     ClientMessage::Goodbye(epoch) if epoch.0 == self.epoch => {
                         accepted.goodbye = true
                     }
@@ -228,7 +288,7 @@ impl<const N: usize> Oracle<N> {
         }
     }
 
-    fn hear_command(&mut self, command: &Command<N>, accepted: &mut Heard<N>) {
+    fn classify_command(&mut self, command: &Command<N>, accepted: &mut Accepted<N>) {
         let ahead = i128::from(command.sequence.0) - i128::from(self.accepted);
         let behind = i128::from(self.tick) - i128::from(command.echo.0);
         if !self.phase_is_live() || command.epoch.0 != self.epoch {
@@ -265,7 +325,7 @@ impl<const N: usize> Oracle<N> {
         }
     }
 
-    fn refusal(&self, hello: &Hello, asked: bool, next_epoch: Epoch) -> Option<Refusal> {
+    fn refusal(&self, hello: &Hello, asked: bool, next_epoch: Option<u64>) -> Option<Refusal> {
         let ticks_left = self.ticks_left();
         let needed = self.parameters.capabilities;
         let axes = u8::try_from(N).unwrap_or(u8::MAX);
@@ -278,29 +338,29 @@ impl<const N: usize> Oracle<N> {
             Phase::Listening if hello.capabilities.0 & needed.0 != needed.0 => {
                 Some(Refusal::Capability { needed })
             }
-            Phase::Listening if next_epoch.0 <= self.epoch => Some(Refusal::Unavailable),
+            Phase::Listening if next_epoch.is_none() => Some(Refusal::Unavailable),
             Phase::Listening => None,
         }
     }
 
     /// Stopped, or the nominal reference stepped. The re-arm must be seen released in Fault, from its first tick on.
-    fn fault(&mut self, cause: Cause, rearm: bool) -> (Order<N>, Option<Cause>) {
+    fn fault(&mut self, cause: Cause, rearm: bool) -> (ChannelAction<N>, Option<Cause>) {
         let entered = self.phase != Phase::Fault;
         if entered {
             self.leave(Phase::Fault);
         }
         self.rearm_released |= !rearm;
-        (Order::Ramp, entered.then_some(cause))
+        (ChannelAction::Ramp, entered.then_some(cause))
     }
 
     /// Neither stop nor fault.
     fn go_on(
         &mut self,
-        accepted: &Heard<N>,
+        accepted: &Accepted<N>,
         zero: bool,
         cycles: u64,
         input: &Input<N>,
-    ) -> (Order<N>, Option<Cause>) {
+    ) -> (ChannelAction<N>, Option<Cause>) {
         let ending = [
             (accepted.framing, Cause::Malformed),
             (accepted.flood, Cause::Flood),
@@ -314,49 +374,65 @@ impl<const N: usize> Oracle<N> {
         }
         match self.phase {
             Phase::Listening => {
-                if let Some(owner) = accepted.hello {
-                    self.grant(owner, input.cycle.next_epoch);
+                if let (Some(owner), Some(epoch)) = (accepted.hello, self.next_epoch(input)) {
+                    self.grant(owner, epoch);
                 }
-                (Order::Hold, None)
+                (ChannelAction::Hold, None)
             }
             Phase::Handshake => self.shake_hands(accepted, cycles),
             Phase::Submit | Phase::Obtain => self.run(accepted, zero, cycles),
             Phase::SafeDisconnect if zero => self.listen(),
-            Phase::SafeDisconnect => (Order::Ramp, None),
-            Phase::Fault if zero && input.cycle.rearm && self.rearm_released => self.listen(),
+            Phase::SafeDisconnect => (ChannelAction::Ramp, None),
+            Phase::Fault if zero && input.tick.rearm && self.rearm_released => self.listen(),
             Phase::Fault => {
-                self.rearm_released |= !input.cycle.rearm;
-                (Order::Ramp, None)
+                self.rearm_released |= !input.tick.rearm;
+                (ChannelAction::Ramp, None)
             }
         }
     }
 
-    fn grant(&mut self, owner: Connection, epoch: Epoch) {
+    /// First epoch of the range that was not granted yet.
+    fn next_epoch(&self, input: &Input<N>) -> Option<u64> {
+        let (first, last) = (u128::from(input.epochs.first.0), input.epochs.last.0);
+        let next = first.max(u128::from(self.epoch) + 1);
+        u64::try_from(next).ok().filter(|next| *next <= last)
+    }
+
+    fn grant(&mut self, owner: Connection, epoch: u64) {
         self.phase = Phase::Handshake;
         self.owner = Some(owner);
-        self.epoch = epoch.0;
+        self.epoch = epoch;
         self.accepted = 0;
         self.missed.clear();
         self.late = false;
         self.counters = Counters::default();
     }
 
-    fn shake_hands(&mut self, accepted: &Heard<N>, cycles: u64) -> (Order<N>, Option<Cause>) {
+    fn shake_hands(
+        &mut self,
+        accepted: &Accepted<N>,
+        cycles: u64,
+    ) -> (ChannelAction<N>, Option<Cause>) {
         if let Some(command) = accepted.command {
             self.phase = Phase::Submit;
             self.accepted = command.sequence.0;
             self.waited = 0;
-            return (Order::Hold, None);
+            return (ChannelAction::Hold, None);
         }
         self.waited += cycles;
         if self.waited >= u64::from(self.parameters.handshake_ticks) {
             return self.disconnect(Cause::HandshakeTimeout);
         }
-        (Order::Hold, None)
+        (ChannelAction::Hold, None)
     }
 
-    /// A deadline in Submit or Obtain, and one that nobody could meet for each skipped cycle.
-    fn run(&mut self, accepted: &Heard<N>, zero: bool, cycles: u64) -> (Order<N>, Option<Cause>) {
+    /// A deadline in Submit or Obtain, and one that no client could meet for each skipped cycle.
+    fn run(
+        &mut self,
+        accepted: &Accepted<N>,
+        zero: bool,
+        cycles: u64,
+    ) -> (ChannelAction<N>, Option<Cause>) {
         let skipped = u32::try_from(cycles - 1).unwrap_or(u32::MAX);
         let missed = accepted.command.is_none();
         // No window is longer than 128 deadlines.
@@ -387,34 +463,34 @@ impl<const N: usize> Oracle<N> {
         }
         let Some(command) = accepted.command else {
             self.run = 1;
-            return (Order::Hold, None);
+            return (ChannelAction::Hold, None);
         };
         self.run = 0;
         self.accepted = command.sequence.0;
         match (command.mode, self.phase) {
             (Mode::Obtain, _) => {
                 self.phase = Phase::Obtain;
-                (Order::Follow(command.targets), None)
+                (ChannelAction::Follow(command.targets), None)
             }
             (Mode::Submit, Phase::Obtain) if !zero => {
-                (Order::Follow([Offsets::default(); N]), None)
+                (ChannelAction::Follow([Offsets::ZERO; N]), None)
             }
             (Mode::Submit, _) => {
                 self.phase = Phase::Submit;
-                (Order::Hold, None)
+                (ChannelAction::Hold, None)
             }
         }
     }
 
-    fn disconnect(&mut self, cause: Cause) -> (Order<N>, Option<Cause>) {
+    fn disconnect(&mut self, cause: Cause) -> (ChannelAction<N>, Option<Cause>) {
         self.leave(Phase::SafeDisconnect);
-        (Order::Ramp, Some(cause))
+        (ChannelAction::Ramp, Some(cause))
     }
 
-    fn listen(&mut self) -> (Order<N>, Option<Cause>) {
+    fn listen(&mut self) -> (ChannelAction<N>, Option<Cause>) {
         self.leave(Phase::Listening);
         self.owner = None;
-        (Order::Hold, None)
+        (ChannelAction::Hold, None)
     }
 
     fn leave(&mut self, to: Phase) {
@@ -424,28 +500,30 @@ impl<const N: usize> Oracle<N> {
         self.rearm_released = false;
     }
 
-    /// Every channel carries the order out, and every shadow does what its channel would, in Submit.
+    /// Applies the action to every channel; in Submit, the shadow does what the channel would.
     fn act(
         &mut self,
-        order: &Order<N>,
+        action: &ChannelAction<N>,
         command: Option<&Command<N>>,
         input: &Input<N>,
         stepped: &[bool; N],
     ) -> ([Reference; N], [AxisState; N]) {
-        let (mut references, mut states) = ([Reference::default(); N], [AxisState::default(); N]);
+        let (mut references, mut states) = ([AT_ZERO; N], [AxisState::default(); N]);
         for axis in 0..N {
             let limits = &self.parameters.axes[axis].limits;
             let limited;
-            self.channels[axis] = obey(self.channels[axis], order, axis, limits);
+            self.channels[axis] = apply(self.channels[axis], action, axis, limits);
             if self.phase == Phase::Submit {
-                let order = command.map_or(Order::Hold, |command| Order::Follow(command.targets));
-                self.shadow[axis] = obey(self.shadow[axis], &order, axis, limits);
-                limited = behind(self.shadow[axis], &order, axis);
+                let action = command.map_or(ChannelAction::Hold, |command| {
+                    ChannelAction::Follow(command.targets)
+                });
+                self.shadow[axis] = apply(self.shadow[axis], &action, axis, limits);
+                limited = behind(self.shadow[axis], &action, axis);
             } else {
                 self.shadow[axis] = [Point::default(); 3];
-                limited = behind(self.channels[axis], order, axis);
+                limited = behind(self.channels[axis], action, axis);
             }
-            let nominal = input.cycle.nominal[axis];
+            let nominal = input.tick.nominal[axis];
             self.nominal[axis] = nominal.0;
             let offsets = offsets(&self.channels[axis]);
             let travel = &self.parameters.axes[axis].machine_travel;
@@ -475,7 +553,7 @@ impl<const N: usize> Oracle<N> {
                 nominal,
                 offsets,
                 shadow: self::offsets(&self.shadow[axis]),
-                actual: input.cycle.actual[axis],
+                actual: input.tick.actual[axis],
                 flags,
             };
         }
@@ -510,7 +588,7 @@ impl<const N: usize> Oracle<N> {
     fn admits(&self, targets: &[Offsets; N]) -> bool {
         let axes = self.parameters.axes.iter().zip(targets);
         axes.map(|(axis, target)| limits_of(&axis.limits).into_iter().zip(values(target)))
-            .all(|mut channels| channels.all(|(limits, value)| value.abs() <= limits.max().into()))
+            .all(|mut channels| channels.all(|(limits, value)| value.abs() <= limits.max.into()))
     }
 
     /// The longest ramp of all channels.
@@ -518,15 +596,23 @@ impl<const N: usize> Oracle<N> {
         let axes = self.parameters.axes.iter().zip(&self.channels);
         let left = axes.flat_map(|(axis, points)| {
             let channels = limits_of(&axis.limits).into_iter().zip(points);
-            channels
-                .map(|(limits, point)| point.value.unsigned_abs().div_ceil(limits.ramp().into()))
+            channels.map(|(limits, point)| {
+                point
+                    .value
+                    .unsigned_abs()
+                    .div_ceil(limits.ramp.unsigned_abs().into())
+            })
         });
         u32::try_from(left.max().unwrap_or(0)).unwrap_or(u32::MAX)
     }
 }
 
-fn limits_of(limits: &AxisLimits) -> [Limits; 3] {
-    [limits.position, limits.velocity, limits.torque]
+fn limits_of(limits: &AxisLimits) -> [LimitValues; 3] {
+    [
+        limits.position.values(),
+        limits.velocity.values(),
+        limits.torque.values(),
+    ]
 }
 
 fn values(offsets: &Offsets) -> [i64; 3] {
@@ -546,22 +632,24 @@ fn offsets(points: &[Point; 3]) -> Offsets {
     }
 }
 
-fn obey<const N: usize>(
+fn apply<const N: usize>(
     points: [Point; 3],
-    order: &Order<N>,
+    action: &ChannelAction<N>,
     axis: usize,
     limits: &AxisLimits,
 ) -> [Point; 3] {
     let limits = limits_of(limits);
     std::array::from_fn(|kind| {
         let (point, limits) = (points[kind], &limits[kind]);
-        let ramp = i64::from(limits.ramp());
-        match order {
-            // A held push is not a hold.
-            Order::Hold if kind == 0 => moved(point, 0),
-            Order::Hold | Order::Ramp => moved(point, (-point.value).clamp(-ramp, ramp)),
-            Order::Follow(targets) => {
-                let (step, accel) = (i64::from(limits.step()), i64::from(limits.accel()));
+        let ramp = i64::from(limits.ramp);
+        match action {
+            // Holding a push would not hold the machine.
+            ChannelAction::Hold if kind == 0 => moved(point, 0),
+            ChannelAction::Hold | ChannelAction::Ramp => {
+                moved(point, (-point.value).clamp(-ramp, ramp))
+            }
+            ChannelAction::Follow(targets) => {
+                let (step, accel) = (i64::from(limits.step), i64::from(limits.accel));
                 let wish = values(&targets[axis])[kind] - point.value;
                 let fastest = (point.change + accel).min(step);
                 let slowest = (point.change - accel).max(-step);
@@ -578,14 +666,14 @@ fn moved(point: Point, change: i64) -> Point {
     }
 }
 
-/// Which channels were told to follow and are not there.
-fn behind<const N: usize>(points: [Point; 3], order: &Order<N>, axis: usize) -> [bool; 3] {
-    match order {
-        Order::Follow(targets) => {
+/// Channels that follow and have not reached their target.
+fn behind<const N: usize>(points: [Point; 3], action: &ChannelAction<N>, axis: usize) -> [bool; 3] {
+    match action {
+        ChannelAction::Follow(targets) => {
             let targets = values(&targets[axis]);
             std::array::from_fn(|kind| points[kind].value != targets[kind])
         }
-        Order::Hold | Order::Ramp => [false; 3],
+        ChannelAction::Hold | ChannelAction::Ramp => [false; 3],
     }
 }
 

@@ -1,11 +1,13 @@
 //! Sequences with two clients, each a thing that the server must get right.
 
-use gantry_tau_proofs::play::{Circumstances, Machine, Move, Play, Rates, Shares, Who, Word};
+use gantry_tau_proofs::scenario::{
+    Circumstances, ClientAction, Machine, Op, Peer, Rates, Scenario, Shares,
+};
 
 use super::Seed;
 use super::bytes::{Put, bytes_of, fields, put_variant};
 
-fields!(Play: machine, in_force, late_in_life, moves);
+fields!(Scenario: machine, in_force, late_in_life, ops);
 fields!(Machine: rates, reach, nominal_step, budget, echo_window, handshake_ticks, lockstep);
 fields!(Rates: max, ramp, step, accel, scale);
 fields!(Circumstances: elapsed, stop, rearm, jump, epoch);
@@ -17,7 +19,7 @@ impl<A: Put, B: Put> Put for (A, B) {
     }
 }
 
-impl Put for Who {
+impl Put for Peer {
     fn put(&self, bytes: &mut Vec<u8>) {
         let number = match self {
             Self::Owner => 0,
@@ -28,7 +30,7 @@ impl Put for Who {
     }
 }
 
-impl Put for Move {
+impl Put for Op {
     fn put(&self, bytes: &mut Vec<u8>) {
         let mut variant = |number| put_variant(number, 6, bytes);
         match self {
@@ -46,10 +48,10 @@ impl Put for Move {
                 variant(1);
                 ticks.put(bytes);
             }
-            Self::Say(who, word) => {
+            Self::Say(peer, action) => {
                 variant(2);
-                who.put(bytes);
-                word.put(bytes);
+                peer.put(bytes);
+                action.put(bytes);
             }
             Self::Tick(circumstances) => {
                 variant(3);
@@ -67,7 +69,7 @@ impl Put for Move {
     }
 }
 
-impl Put for Word {
+impl Put for ClientAction {
     fn put(&self, bytes: &mut Vec<u8>) {
         let mut variant = |number| put_variant(number, 9, bytes);
         match self {
@@ -142,7 +144,7 @@ const MACHINE: Machine = {
 };
 
 const PUSH: Shares = [[90, 50, -50], [-40, 0, 0]];
-const HELLO: Word = Word::Hello {
+const HELLO: ClientAction = ClientAction::Hello {
     axes: 0,
     capabilities: 0,
 };
@@ -154,8 +156,8 @@ const TICK: Circumstances = Circumstances {
     epoch: 0,
 };
 
-fn command(ahead: i32, behind: i8) -> Word {
-    Word::Command {
+fn command(ahead: i32, behind: i8) -> ClientAction {
+    ClientAction::Command {
         epoch: 0,
         ahead,
         behind,
@@ -164,12 +166,12 @@ fn command(ahead: i32, behind: i8) -> Word {
     }
 }
 
-fn owner(word: Word) -> Move {
-    Move::Say(Who::Owner, word)
+fn owner(action: ClientAction) -> Op {
+    Op::Say(Peer::Owner, action)
 }
 
-fn answers(obtain: bool, times: u8) -> Move {
-    Move::Answer {
+fn answers(obtain: bool, times: u8) -> Op {
+    Op::Answer {
         obtain,
         targets: PUSH,
         times,
@@ -177,10 +179,10 @@ fn answers(obtain: bool, times: u8) -> Move {
 }
 
 /// The first client is welcomed, submits, and obtains; then this.
-fn obtained(then: &[Move]) -> Vec<Move> {
+fn obtained(then: &[Op]) -> Vec<Op> {
     let before = [
-        Move::Say(Who::One, HELLO),
-        Move::Silence(1),
+        Op::Say(Peer::One, HELLO),
+        Op::Silence(1),
         answers(false, 3),
         answers(true, 20),
     ];
@@ -188,21 +190,21 @@ fn obtained(then: &[Move]) -> Vec<Move> {
 }
 
 pub(crate) fn seeds() -> Vec<Seed> {
-    let elapsed = |elapsed| Move::Tick(Circumstances { elapsed, ..TICK });
-    let stop = Move::Tick(Circumstances { stop: true, ..TICK });
-    let rearm = Move::Tick(Circumstances {
+    let elapsed = |elapsed| Op::Tick(Circumstances { elapsed, ..TICK });
+    let stop = Op::Tick(Circumstances { stop: true, ..TICK });
+    let rearm = Op::Tick(Circumstances {
         rearm: true,
         ..TICK
     });
-    let silence = Move::Silence;
-    let play = |machine, moves| Play {
+    let silence = Op::Silence;
+    let scenario = |machine, ops| Scenario {
         machine,
         in_force: [[0; 3]; 2],
         late_in_life: false,
-        moves,
+        ops,
     };
-    let usual = |then: &[Move]| play(MACHINE, obtained(then));
-    let other = |word| Move::Say(Who::Other, word);
+    let usual = |then: &[Op]| scenario(MACHINE, obtained(then));
+    let other = |action| Op::Say(Peer::Other, action);
     let all = [
         ("silence_ends_it", usual(&[silence(60)])),
         (
@@ -211,11 +213,11 @@ pub(crate) fn seeds() -> Vec<Seed> {
         ),
         (
             "goodbye",
-            usual(&[owner(Word::Goodbye { epoch: 0 }), silence(60)]),
+            usual(&[owner(ClientAction::Goodbye { epoch: 0 }), silence(60)]),
         ),
         (
             "goodbye_of_another_epoch",
-            usual(&[owner(Word::Goodbye { epoch: -1 }), answers(true, 2)]),
+            usual(&[owner(ClientAction::Goodbye { epoch: -1 }), answers(true, 2)]),
         ),
         (
             "back_to_submit",
@@ -224,7 +226,7 @@ pub(crate) fn seeds() -> Vec<Seed> {
         (
             "stop_by_the_owner",
             usual(&[
-                owner(Word::Stop { epoch: 0 }),
+                owner(ClientAction::Stop { epoch: 0 }),
                 silence(60),
                 rearm,
                 silence(2),
@@ -236,7 +238,7 @@ pub(crate) fn seeds() -> Vec<Seed> {
                 stop,
                 silence(60),
                 rearm,
-                Move::Say(Who::Other, HELLO),
+                Op::Say(Peer::Other, HELLO),
                 silence(2),
                 answers(false, 3),
             ]),
@@ -244,7 +246,7 @@ pub(crate) fn seeds() -> Vec<Seed> {
         (
             "rearm_that_is_stuck",
             usual(&[
-                Move::Tick(Circumstances {
+                Op::Tick(Circumstances {
                     stop: true,
                     rearm: true,
                     ..TICK
@@ -257,9 +259,9 @@ pub(crate) fn seeds() -> Vec<Seed> {
         ),
         (
             "stop_with_a_hello",
-            play(
+            scenario(
                 MACHINE,
-                vec![Move::Say(Who::One, HELLO), stop, other(HELLO), silence(2)],
+                vec![Op::Say(Peer::One, HELLO), stop, other(HELLO), silence(2)],
             ),
         ),
         (
@@ -267,18 +269,18 @@ pub(crate) fn seeds() -> Vec<Seed> {
             usual(&[
                 other(HELLO),
                 other(command(1, 0)),
-                other(Word::Stop { epoch: 0 }),
-                other(Word::Broken),
+                other(ClientAction::Stop { epoch: 0 }),
+                other(ClientAction::Broken),
                 answers(true, 2),
             ]),
         ),
         (
             "two_ask_at_once",
-            play(
+            scenario(
                 MACHINE,
                 vec![
                     other(HELLO),
-                    Move::Say(Who::One, HELLO),
+                    Op::Say(Peer::One, HELLO),
                     silence(1),
                     answers(false, 4),
                 ],
@@ -296,12 +298,12 @@ pub(crate) fn seeds() -> Vec<Seed> {
         ),
         (
             "hello_of_another_machine",
-            play(
+            scenario(
                 MACHINE,
                 vec![
-                    Move::Say(
-                        Who::One,
-                        Word::Hello {
+                    Op::Say(
+                        Peer::One,
+                        ClientAction::Hello {
                             axes: 1,
                             capabilities: 0,
                         },
@@ -312,31 +314,31 @@ pub(crate) fn seeds() -> Vec<Seed> {
         ),
         (
             "hello_without_lockstep",
-            play(
+            scenario(
                 Machine {
                     lockstep: true,
                     ..MACHINE
                 },
-                vec![Move::Say(Who::One, HELLO), silence(2)],
+                vec![Op::Say(Peer::One, HELLO), silence(2)],
             ),
         ),
         (
             "no_epoch_left",
-            Play {
+            Scenario {
                 late_in_life: true,
                 ..usual(&[silence(90)])
             },
         ),
         (
             "handshake_takes_too_long",
-            play(MACHINE, vec![Move::Say(Who::One, HELLO), silence(30)]),
+            scenario(MACHINE, vec![Op::Say(Peer::One, HELLO), silence(30)]),
         ),
         (
             "obtain_before_submit",
-            play(
+            scenario(
                 MACHINE,
                 vec![
-                    Move::Say(Who::One, HELLO),
+                    Op::Say(Peer::One, HELLO),
                     silence(1),
                     owner(command(1, 0)),
                     silence(1),
@@ -362,7 +364,7 @@ pub(crate) fn seeds() -> Vec<Seed> {
         ),
         (
             "answers_within_the_window",
-            play(
+            scenario(
                 Machine {
                     echo_window: 2,
                     ..MACHINE
@@ -397,7 +399,7 @@ pub(crate) fn seeds() -> Vec<Seed> {
         ),
         (
             "target_out_of_range",
-            usual(&[Move::Answer {
+            usual(&[Op::Answer {
                 obtain: true,
                 targets: [[101, 0, 0]; 2],
                 times: 2,
@@ -405,41 +407,44 @@ pub(crate) fn seeds() -> Vec<Seed> {
         ),
         (
             "reversal",
-            usual(&[Move::Answer {
+            usual(&[Op::Answer {
                 obtain: true,
                 targets: [[-90, -50, 50], [40, 0, 0]],
                 times: 30,
             }]),
         ),
-        ("broken_stream", usual(&[owner(Word::Broken), silence(5)])),
+        (
+            "broken_stream",
+            usual(&[owner(ClientAction::Broken), silence(5)]),
+        ),
         (
             "flood_with_a_stop",
             usual(&[
-                owner(Word::Flood),
-                owner(Word::Stop { epoch: 0 }),
+                owner(ClientAction::Flood),
+                owner(ClientAction::Stop { epoch: 0 }),
                 silence(5),
             ]),
         ),
-        ("flood", usual(&[owner(Word::Flood), silence(5)])),
+        ("flood", usual(&[owner(ClientAction::Flood), silence(5)])),
         (
             "goodbye_in_the_handshake",
-            play(
+            scenario(
                 MACHINE,
                 vec![
-                    Move::Say(Who::One, HELLO),
+                    Op::Say(Peer::One, HELLO),
                     silence(1),
-                    owner(Word::Goodbye { epoch: 0 }),
+                    owner(ClientAction::Goodbye { epoch: 0 }),
                     silence(3),
                 ],
             ),
         ),
         (
             "epoch_that_was_given_before",
-            play(
+            scenario(
                 MACHINE,
                 vec![
-                    Move::Say(Who::One, HELLO),
-                    Move::Tick(Circumstances { epoch: -1, ..TICK }),
+                    Op::Say(Peer::One, HELLO),
+                    Op::Tick(Circumstances { epoch: -1, ..TICK }),
                     silence(1),
                 ],
             ),
@@ -458,48 +463,48 @@ pub(crate) fn seeds() -> Vec<Seed> {
             "stranger_hangs_up",
             usual(&[
                 other(HELLO),
-                other(Word::Closed),
-                other(Word::Flood),
+                other(ClientAction::Closed),
+                other(ClientAction::Flood),
                 answers(true, 2),
             ]),
         ),
         (
             "owner_hangs_up_while_it_ramps",
-            usual(&[silence(4), owner(Word::Closed), silence(3)]),
+            usual(&[silence(4), owner(ClientAction::Closed), silence(3)]),
         ),
         (
             "closed",
             usual(&[
-                owner(Word::Closed),
+                owner(ClientAction::Closed),
                 silence(60),
-                Move::Say(Who::One, HELLO),
+                Op::Say(Peer::One, HELLO),
                 silence(1),
             ]),
         ),
         (
             "frames_with_bad_content",
             usual(&[
-                owner(Word::Malformed),
-                owner(Word::Dropped),
+                owner(ClientAction::Malformed),
+                owner(ClientAction::Dropped),
                 owner(HELLO),
                 answers(true, 1),
             ]),
         ),
         (
             "nominal_moves",
-            play(
+            scenario(
                 MACHINE,
-                [vec![Move::Drift([100, -100])], obtained(&[silence(3)])].concat(),
+                [vec![Op::Drift([100, -100])], obtained(&[silence(3)])].concat(),
             ),
         ),
         (
             "nominal_steps",
-            usual(&[Move::Drift([101, 0]), answers(true, 2), silence(40)]),
+            usual(&[Op::Drift([101, 0]), answers(true, 2), silence(40)]),
         ),
         (
             "nominal_jumps_out_of_travel",
             usual(&[
-                Move::Tick(Circumstances {
+                Op::Tick(Circumstances {
                     jump: Some(i64::MIN),
                     ..TICK
                 }),
@@ -508,7 +513,7 @@ pub(crate) fn seeds() -> Vec<Seed> {
         ),
         (
             "one_in_four_lost",
-            play(
+            scenario(
                 Machine {
                     budget: Some((9, 2)),
                     ..MACHINE
@@ -525,42 +530,42 @@ pub(crate) fn seeds() -> Vec<Seed> {
         ),
         (
             "restart_with_offsets",
-            Play {
+            Scenario {
                 in_force: PUSH,
-                ..play(MACHINE, vec![Move::Say(Who::One, HELLO), silence(60)])
+                ..scenario(MACHINE, vec![Op::Say(Peer::One, HELLO), silence(60)])
             },
         ),
         (
             "restart_beyond_the_limits",
-            Play {
+            Scenario {
                 in_force: [[127; 3]; 2],
-                ..play(MACHINE, vec![silence(1)])
+                ..scenario(MACHINE, vec![silence(1)])
             },
         ),
         (
             "machine_did_not_take_them",
             usual(&[
-                Move::Resume([[10, 0, 0]; 2]),
+                Op::Resume([[10, 0, 0]; 2]),
                 silence(20),
-                Move::Resume([[127; 3]; 2]),
+                Op::Resume([[127; 3]; 2]),
             ]),
         ),
         (
             "datagrams",
-            play(
+            scenario(
                 MACHINE,
                 vec![
                     other(HELLO),
                     silence(1),
                     answers(false, 3),
-                    owner(Word::Dropped),
+                    owner(ClientAction::Dropped),
                     answers(true, 4),
-                    owner(Word::Broken),
+                    owner(ClientAction::Broken),
                     answers(true, 2),
                 ],
             ),
         ),
     ];
-    all.map(|(name, play)| (name.to_owned(), bytes_of(&play)))
+    all.map(|(name, scenario)| (name.to_owned(), bytes_of(&scenario)))
         .into()
 }
