@@ -32,6 +32,12 @@ pub enum gt_code {
     BlackBox = 10,
     /// A branch or a sign is neither 1 nor -1. `index`: which one.
     Branch = 11,
+    /// `stop`, `rearm` or `last_write` of a gt_tick_input is not one of its values; 0 never is.
+    TickInput = 12,
+    /// There are no more frames or connections: not an error, the end of a loop.
+    Done = 13,
+    /// An error of core that this interface does not know.
+    Other = 14,
 
     /// M of a channel is negative. `index`: axis, `parameter`: channel, `value`: M.
     LimitsNegativeMax = 100,
@@ -119,7 +125,7 @@ pub enum gt_code {
 }
 
 /// Every code with its name.
-const NAMES: [(gt_code, &CStr); 48] = {
+const NAMES: [(gt_code, &CStr); 51] = {
     use gt_code as Code;
     [
         (Code::Ok, c"GT_CODE_OK"),
@@ -134,6 +140,9 @@ const NAMES: [(gt_code, &CStr); 48] = {
         (Code::MotorCount, c"GT_CODE_MOTOR_COUNT"),
         (Code::BlackBox, c"GT_CODE_BLACK_BOX"),
         (Code::Branch, c"GT_CODE_BRANCH"),
+        (Code::TickInput, c"GT_CODE_TICK_INPUT"),
+        (Code::Done, c"GT_CODE_DONE"),
+        (Code::Other, c"GT_CODE_OTHER"),
         (Code::LimitsNegativeMax, c"GT_CODE_LIMITS_NEGATIVE_MAX"),
         (
             Code::LimitsRampNotPositive,
@@ -241,7 +250,7 @@ mod tests {
 
     #[test]
     fn a_number_that_is_no_code_has_a_name() {
-        for code in [-1, 12, 99, i32::MAX] {
+        for code in [-1, 15, 99, i32::MAX] {
             // SAFETY: what is returned is static and ends with a zero.
             let name = unsafe { CStr::from_ptr(gt_code_name(code)) };
             assert_eq!(name, c"GT_CODE_UNKNOWN");

@@ -1,13 +1,13 @@
 //! From core's errors to codes; what they carry goes with them.
 
 use gantry_tau_core::control::channel::LimitsError;
-use gantry_tau_core::model::compensation::CompensatorError;
 use gantry_tau_core::control::endpoint::{Full, MotorMapError};
+use gantry_tau_core::control::session::StartError;
+use gantry_tau_core::control::session::config::ConfigError;
+use gantry_tau_core::model::compensation::CompensatorError;
 use gantry_tau_core::model::kinematics::{KinematicsError, NominalError};
 use gantry_tau_core::model::robot::{Parameter, RobotError};
 use gantry_tau_core::model::sensor::SensorError;
-use gantry_tau_core::control::session::StartError;
-use gantry_tau_core::control::session::config::ConfigError;
 use gantry_tau_core::units::CrossingError;
 
 use crate::code::gt_code;
@@ -152,6 +152,7 @@ impl From<LimitsError> for gt_error {
             LimitsError::AccelTooSmall { accel, needed } => Self::new(gt_code::LimitsAccelTooSmall)
                 .value(accel.into())
                 .range(whole(needed), 0.0),
+            _ => gt_code::Other.into(),
         }
     }
 }
@@ -167,6 +168,7 @@ impl From<ConfigError> for gt_error {
             ConfigError::TorqueMax { axis } => Self::new(gt_code::ConfigTorqueMax).at(axis),
             ConfigError::Travel { axis } => Self::new(gt_code::ConfigTravel).at(axis),
             ConfigError::Margin { axis } => Self::new(gt_code::ConfigMargin).at(axis),
+            _ => gt_code::Other.into(),
         }
     }
 }
@@ -178,6 +180,7 @@ impl From<StartError> for gt_error {
                 .at(axis)
                 .value(offsets.position.0.into())
                 .range(offsets.velocity.0.into(), offsets.torque.0.into()),
+            _ => gt_code::Other.into(),
         }
     }
 }

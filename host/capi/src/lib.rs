@@ -37,7 +37,7 @@ pub mod sensor;
 pub mod server;
 
 /// Version of this interface. It changes with every change to a type, a constant or the meaning of a function.
-pub const GT_ABI_VERSION: u32 = 1;
+pub const GT_ABI_VERSION: u32 = 2;
 
 /// GT_ABI_VERSION of the library that is linked: compare it with the header's before anything else.
 #[unsafe(no_mangle)]

@@ -13,7 +13,7 @@ macro_rules! variants {
         let mut all: Vec<(String, gt_error)> = Vec::new();
         $(
             // Exhaustive: a new variant of core does not compile until it is listed.
-            let _listed = |error: &$type| match error { $($variant => {})+ };
+            let _listed = |error: &$type| match error { $($variant => {})+ _ => {} };
             $({
                 let example: $type = $example;
                 all.push((format!("{}: {example:?}", stringify!($type)), example.into()));

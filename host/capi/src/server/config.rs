@@ -1,21 +1,23 @@
-//! What a server is told before it starts.
+//! Configuration and start of a server.
 
-use gantry_tau_core::control::axis::Offsets;
-use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::axis::{InForce, Offsets};
+use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::control::message::{AxisLimits, Capabilities};
-use gantry_tau_core::control::session::Session;
 use gantry_tau_core::control::session::config::{
     AxisConfig, Config, ConfigError, MissBudget, Parameters, Travel,
 };
-use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Tick, TorquePermille, VelocityUmS};
+use gantry_tau_core::control::session::{Session, Start};
+use gantry_tau_core::units::{
+    Epoch, EpochRange, OffsetNm, PositionNm, TorquePermille, VelocityUmS,
+};
 
 use super::{GT_BLACK_BOX_NONE, GT_BLACK_BOX_TICKS, GT_MAX_AXES, GT_MAX_MOTORS};
 use crate::code::gt_code;
 use crate::error::{count, gt_error, gt_parameter};
 use crate::memory::Reply;
 
-/// Limits of one offset channel. It takes 0 < ramp <= step, step + ramp <= accel, and max >= 0.
+/// Limits of one offset channel: 0 < ramp <= step, step + ramp <= accel, max >= 0.
 /// Units: nm, um/s or per mille of rated torque, by the channel; per tick.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +32,7 @@ pub struct gt_limits {
     pub ramp: i32,
 }
 
-/// How one axis may be moved.
+/// Limits of one axis.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct gt_axis_config {
@@ -40,11 +42,11 @@ pub struct gt_axis_config {
     pub velocity: gt_limits,
     /// Torque offset, per mille of rated torque.
     pub torque: gt_limits,
-    /// Where the nominal reference may be, lower end, nm.
+    /// Range of the nominal reference, lower end, nm.
     pub nominal_lower_nm: i64,
     /// Upper end.
     pub nominal_upper_nm: i64,
-    /// Where the drive's reference may be, lower end, nm; at least position.max further out than the nominal one, at both ends.
+    /// Range of the drive's reference, lower end, nm. At both ends at least position.max wider than the nominal range.
     pub machine_lower_nm: i64,
     /// Upper end.
     pub machine_upper_nm: i64,
@@ -56,23 +58,23 @@ pub struct gt_axis_config {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct gt_server_config {
-    /// Number of axes, 3 (L2) or 6 (F1). Of every array per axis only so many entries are looked at.
+    /// Number of axes, 3 (L2) or 6 (F1). Of every array per axis, only the first `axes` entries are read.
     pub axes: u32,
     /// Number of motors, 1 to GT_MAX_MOTORS.
     pub motors: u32,
-    /// Which axis drives each motor, counted from 0. Two motors on one cart have the same axis, and always get equal references.
+    /// Axis of each motor, counted from 0. Two motors on one cart have the same axis and always receive equal references.
     pub axis_of_motor: [u8; GT_MAX_MOTORS],
-    /// GT_BLACK_BOX_NONE, or GT_BLACK_BOX_TICKS: so many ticks before the end of a session and after it are kept.
+    /// GT_BLACK_BOX_NONE, or GT_BLACK_BOX_TICKS: number of ticks kept before and after the end of a session.
     pub black_box_ticks: u32,
-    /// Length of a cycle, us; only told to the client, the library has no clock.
+    /// Length of a cycle, us. Reported to the client; the library has no clock.
     pub cycle_us: u32,
-    /// Ticks that a granted session may wait for its first Command; at least 1.
+    /// Ticks that a granted session waits for its first Command; at least 1.
     pub handshake_ticks: u32,
-    /// Checksum of the kinematic parameters, told to the client: gt_l2_checksum, gt_f1_checksum, or 0.
+    /// Checksum of the kinematic parameters, reported to the client: gt_l2_checksum, gt_f1_checksum, or 0.
     pub kinematics_checksum: u32,
-    /// What the server does: 0, or 1 for lock-step. A client must have the same abilities.
+    /// Abilities of the server: 0, or 1 for lock-step. A client must have the same.
     pub capabilities: u16,
-    /// How many ticks the echo of a Command may be behind the last State; 0 as a rule.
+    /// Number of ticks that the echo of a Command may be behind the last State; usually 0.
     pub echo_window: u8,
     /// Window of the miss budget in ticks, 1 to 128; 0: no budget beside the rule of two in a row.
     pub budget_window: u8,
@@ -94,21 +96,32 @@ pub struct gt_offsets {
     pub torque_permille: i16,
 }
 
-/// Where a server starts from.
+/// Values in force at the drive of one axis.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct gt_in_force {
+    /// Nominal reference, without offset, nm.
+    pub nominal_nm: i64,
+    /// Offsets.
+    pub offsets: gt_offsets,
+}
+
+/// State of the machine at the start of a server.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct gt_start {
-    /// Offsets that the drives have in force, read back from them. Nonzero ones are ramped to zero before anybody gets a session.
-    pub in_force: [gt_offsets; GT_MAX_AXES],
-    /// Nominal references of the cycle before the first, nm.
-    pub nominal_nm: [i64; GT_MAX_AXES],
-    /// Number of that cycle.
-    pub tick: u64,
-    /// The last epoch that was ever given, from storage that survives a restart; 0: none.
+    /// Values in force at the drives, read back from them. Nonzero offsets ramp to zero before a session is granted.
+    pub in_force: [gt_in_force; GT_MAX_AXES],
+    /// First epoch that may be granted. Epochs come from a counter in storage that survives a restart: reserve a range, write the
+    /// counter back, then start the server.
+    pub first_epoch: u64,
+    /// Last epoch of the range; below first_epoch for none. gt_server_set_epochs extends it.
     pub last_epoch: u64,
+    /// Not 0: a stop was asserted before and has not been re-armed. The server then starts in GT_PHASE_FAULT.
+    pub stop_latched: u8,
 }
 
-/// The first `N` of an array of C.
+/// Returns the first `N` entries of an array of C.
 pub(super) fn first<T: Copy, U, const M: usize, const N: usize>(
     all: &[T; M],
     otherwise: T,
@@ -118,7 +131,7 @@ pub(super) fn first<T: Copy, U, const M: usize, const N: usize>(
 }
 
 impl gt_limits {
-    /// A channel that stays at zero.
+    /// Limits of a channel that stays at zero.
     const DISABLED: Self = Self {
         max: 0,
         step: 1,
@@ -126,14 +139,19 @@ impl gt_limits {
         ramp: 1,
     };
 
-    fn checked(self, axis: usize, channel: gt_parameter) -> Reply<Limits> {
-        Limits::new(self.max, self.step, self.accel, self.ramp)
-            .map_err(|error| gt_error::from(error).at(axis).of(channel))
+    fn checked<U>(self, axis: usize, channel: gt_parameter) -> Reply<Limits<U>> {
+        let values = LimitValues {
+            max: self.max,
+            step: self.step,
+            accel: self.accel,
+            ramp: self.ramp,
+        };
+        Limits::new(values).map_err(|error| gt_error::from(error).at(axis).of(channel))
     }
 }
 
 impl gt_axis_config {
-    /// Position offsets of the thesis, and an axis that goes nowhere.
+    /// Position offsets of the thesis; an axis without travel.
     const THESIS: Self = Self {
         position: gt_limits {
             max: 2_000_000,
@@ -150,13 +168,9 @@ impl gt_axis_config {
         nominal_step_nm: 0,
     };
 
-    /// A place that is overwritten.
+    /// Placeholder, to be overwritten.
     const NOTHING: AxisConfig = AxisConfig {
-        limits: AxisLimits {
-            position: Limits::DISABLED,
-            velocity: Limits::DISABLED,
-            torque: Limits::DISABLED,
-        },
+        limits: AxisLimits::DISABLED,
         nominal_travel: Travel::around_zero(0),
         machine_travel: Travel::around_zero(0),
         nominal_step_nm: 0,
@@ -181,7 +195,7 @@ impl gt_axis_config {
 }
 
 impl gt_server_config {
-    /// The thesis profile for so many axes, with a motor each and no way to go.
+    /// The thesis profile, with one motor per axis and no travel.
     pub(super) fn thesis(axes: u32) -> Self {
         Self {
             axes,
@@ -199,7 +213,7 @@ impl gt_server_config {
         }
     }
 
-    /// Everything that can be said against it.
+    /// Checks everything.
     pub(super) fn check(&self) -> Reply {
         match self.black_box_ticks {
             GT_BLACK_BOX_NONE | GT_BLACK_BOX_TICKS => {}
@@ -212,13 +226,13 @@ impl gt_server_config {
         }
     }
 
-    /// Core takes any number up to six; this interface is made for two of them.
+    /// Error for a number of axes that this interface is not built for.
     pub(super) fn refused_axes(&self) -> gt_error {
         let axes = usize::try_from(self.axes).unwrap_or(usize::MAX);
         ConfigError::Axes { axes }.into()
     }
 
-    /// As core takes it.
+    /// Converts to core's configuration.
     pub(super) fn checked<const N: usize>(&self) -> Reply<(Config<N>, MotorMap<N, GT_MAX_MOTORS>)> {
         let mut axes = [gt_axis_config::NOTHING; N];
         for (index, (place, axis)) in axes.iter_mut().zip(&self.axis).enumerate() {
@@ -240,7 +254,7 @@ impl gt_server_config {
         Ok((config, self.motor_map()?))
     }
 
-    /// Motors that are not there follow axis 0, and nobody looks at them.
+    /// Converts the map; unused motors follow axis 0 and are never reported.
     fn motor_map<const N: usize>(&self) -> Reply<MotorMap<N, GT_MAX_MOTORS>> {
         let motors = usize::try_from(self.motors).unwrap_or(usize::MAX);
         if motors == 0 || motors > GT_MAX_MOTORS {
@@ -274,17 +288,34 @@ impl From<Offsets> for gt_offsets {
     }
 }
 
-impl gt_start {
-    /// The session that starts there.
-    pub(super) fn session<const N: usize>(&self, config: Config<N>) -> Reply<Session<N>> {
-        let in_force = in_force(&self.in_force);
-        let nominal = first(&self.nominal_nm, 0, PositionNm);
-        let (tick, epoch) = (Tick(self.tick), Epoch(self.last_epoch));
-        Ok(Session::new(config, &in_force, nominal, tick, epoch)?)
+impl From<gt_in_force> for InForce {
+    fn from(in_force: gt_in_force) -> Self {
+        Self {
+            nominal: PositionNm(in_force.nominal_nm),
+            offsets: in_force.offsets.into(),
+        }
     }
 }
 
-/// Offsets in force of `N` axes.
-pub(super) fn in_force<const N: usize>(offsets: &[gt_offsets; GT_MAX_AXES]) -> [Offsets; N] {
-    first(offsets, gt_offsets::default(), Offsets::from)
+impl gt_start {
+    /// Returns the session that starts there.
+    pub(super) fn session<const N: usize>(&self, config: Config<N>) -> Reply<Session<N>> {
+        let start = Start {
+            in_force: in_force(&self.in_force),
+            stop_latched: self.stop_latched != 0,
+        };
+        Ok(Session::new(config, &start)?)
+    }
+
+    pub(super) const fn epochs(&self) -> EpochRange {
+        EpochRange {
+            first: Epoch(self.first_epoch),
+            last: Epoch(self.last_epoch),
+        }
+    }
+}
+
+/// Returns the values in force of `N` axes.
+pub(super) fn in_force<const N: usize>(all: &[gt_in_force; GT_MAX_AXES]) -> [InForce; N] {
+    first(all, gt_in_force::default(), InForce::from)
 }

@@ -1,25 +1,27 @@
-//! The session server: bytes in, bytes and drive references out.
+//! The session server: bytes in, drive references and bytes out.
 
 mod config;
-mod outbox;
+mod frame;
 mod running;
-mod turn;
+mod tick;
 
-use core::ffi::{c_char, c_void};
+use core::ffi::c_void;
 
 use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::units::{Epoch, EpochRange};
 
-pub use config::{gt_axis_config, gt_limits, gt_offsets, gt_server_config, gt_start};
-pub use outbox::{GT_MAX_FRAME, gt_frame};
-pub use turn::{
+pub use config::{gt_axis_config, gt_in_force, gt_limits, gt_offsets, gt_server_config, gt_start};
+pub use frame::{GT_MAX_FRAME, gt_frame};
+pub use tick::{
     GT_FLAG_NOMINAL_STEP, GT_FLAG_POSITION_LIMITED, GT_FLAG_TORQUE_LIMITED, GT_FLAG_TRAVEL,
-    GT_FLAG_VELOCITY_LIMITED, gt_actual, gt_axis_state, gt_cause, gt_counters, gt_cycle, gt_phase,
-    gt_reference, gt_state, gt_turn,
+    GT_FLAG_VELOCITY_LIMITED, GT_PRESSED, GT_RELEASED, GT_WRITE_ACCEPTED, GT_WRITE_REFUSED,
+    GT_WRITE_UNKNOWN, gt_actual, gt_axis_state, gt_cause, gt_counters, gt_phase, gt_reference,
+    gt_state, gt_tick_input, gt_tick_output,
 };
 
 use running::{HALF, NONE, Running, full_refusal};
 
-use crate::black_box::{Line, gt_black_box};
+use crate::black_box::gt_black_box;
 use crate::code::gt_code;
 use crate::error::{count, gt_error};
 use crate::memory::{
@@ -30,7 +32,7 @@ use crate::memory::{
 pub const GT_MAX_AXES: usize = 6;
 /// Length of arrays per motor.
 pub const GT_MAX_MOTORS: usize = 12;
-/// Connections that can be open at once: the owner, and strangers who are told why they cannot be.
+/// Connections that can be open at once: the owner, and others that are told why they cannot be.
 pub const GT_MAX_CONNECTIONS: usize = 6;
 
 /// TCP and the like: bytes come in pieces of any length. A broken frame ends the connection, and its session.
@@ -55,8 +57,7 @@ pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 548_864;
 /// A server; its memory is the caller's.
 pub struct gt_server(());
 
-/// What the server of a handle answers, whichever server it is. A match, and no table of functions: what a program does not call is not
-/// linked into it.
+/// Calls the server of a handle, of whichever type. A match, not a table of functions, so that a program links only what it calls.
 macro_rules! ask {
     ($handle:expr, $server:ident => $answer:expr) => {
         // SAFETY: the header's rules for pointers; the tag says which server it is.
@@ -108,7 +109,7 @@ pub unsafe extern "C" fn gt_server_config_thesis(
     unsafe { reply(core::ptr::null_mut(), fill()) }
 }
 
-/// Checks a configuration, and says how many bytes its server needs here, at most GT_SERVER_SIZE_6_BLACK_BOX.
+/// Checks a configuration, and returns the bytes that its server needs on this target, at most GT_SERVER_SIZE_6_BLACK_BOX.
 /// `size` may be null.
 ///
 /// Errors: GT_CODE_BLACK_BOX, GT_CODE_MOTOR_COUNT, those of LIMITS_, CONFIG_ and MOTOR_MAP: the first found.
@@ -137,14 +138,14 @@ pub unsafe extern "C" fn gt_server_config_check(
     unsafe { reply(error, check()) }
 }
 
-/// Makes a server in `memory`, without connections. Offsets that the drives still have in force start in GT_PHASE_SAFE_DISCONNECT.
+/// Creates a server in `memory`, without connections. Offsets in force start in GT_PHASE_SAFE_DISCONNECT, a latched stop in GT_PHASE_FAULT.
 /// Nothing is to be freed: memory of a server that is no longer used can be used again.
 ///
-/// `memory`, `size`: aligned to GT_ALIGN (GT_MEMORY, malloc), at least GT_SERVER_SIZE_... bytes; what it holds does not matter.
+/// `memory`, `size`: aligned to GT_ALIGN (GT_MEMORY, malloc), at least GT_SERVER_SIZE_... bytes; its contents are overwritten.
 /// `server`: receives the handle, which points into `memory`.
 ///
 /// Errors: those of gt_server_config_check; GT_CODE_MEMORY_TOO_SMALL, GT_CODE_MISALIGNED, GT_CODE_START_OFFSET_IN_FORCE.
-/// After an error nothing in the memory is to be used, a server that was there before included.
+/// After an error the memory holds no server, not even one that was there before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_init(
     memory: *mut c_void,
@@ -218,7 +219,7 @@ pub unsafe extern "C" fn gt_server_open(
     unsafe { reply(core::ptr::null_mut(), open()) }
 }
 
-/// The frame for a peer for whom there is no room; its `connection` has no meaning.
+/// The frame for a peer without room for its connection; its `connection` has no meaning.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_refusal(frame: *mut gt_frame) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.
@@ -228,8 +229,8 @@ pub unsafe extern "C" fn gt_server_refusal(frame: *mut gt_frame) -> gt_code {
     }
 }
 
-/// Says that a connection is gone: closed by its peer, reset, or because a frame could not be written to it whole.
-/// One that is not open is ignored.
+/// Takes note that a connection is gone: closed by its peer, reset, or because a frame could not be written to it whole.
+/// A connection that is not open is ignored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_close(server: *mut gt_server, connection: u64) -> gt_code {
     let close = || {
@@ -241,10 +242,10 @@ pub unsafe extern "C" fn gt_server_close(server: *mut gt_server, connection: u64
 }
 
 /// Takes bytes that were read from a connection: for a stream any piece of it, for datagrams exactly one.
-/// The work is bounded by `length`; what exceeds a connection's budget of frames per tick is not read (8 of the owner: a ninth ends
+/// The work is bounded by `length`. Frames beyond a connection's budget per tick are not read (8 of the owner: a ninth ends
 /// the session; 1 of others: they are closed). A connection that is not open is ignored.
 ///
-/// `frames` receives how many frames the coming tick has of this connection; it may be null.
+/// `frames` receives the number of frames of this connection in the coming tick; it may be null.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_feed(
     server: *mut gt_server,
@@ -267,8 +268,8 @@ pub unsafe extern "C" fn gt_server_feed(
     unsafe { reply(core::ptr::null_mut(), feed()) }
 }
 
-/// Lock-step: `answered` receives 1 if the coming tick has what it waits for (a Command that answers the last State, or something of
-/// the owner's that ends the session), else 0.
+/// Lock-step: `answered` receives 1 if the coming tick has what it waits for (a Command that answers the last State, or an event
+/// of the owner that ends the session), else 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_owner_has_answered(
     server: *mut gt_server,
@@ -284,71 +285,89 @@ pub unsafe extern "C" fn gt_server_owner_has_answered(
     unsafe { reply(core::ptr::null_mut(), look()) }
 }
 
-/// One cycle: everything that was fed since the last tick is heard, then one step is taken. Its work is bounded, whatever arrived, and
-/// it takes the same path of memory every time: no allocation, no lock, no clock.
+/// Replaces the epochs that may be granted: a further range, reserved in storage. An epoch is never granted twice.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_server_set_epochs(
+    server: *mut gt_server,
+    first: u64,
+    last: u64,
+) -> gt_code {
+    let epochs = EpochRange {
+        first: Epoch(first),
+        last: Epoch(last),
+    };
+    let set = || {
+        ask!(server, server => server.set_epochs(epochs));
+        Ok(())
+    };
+    // SAFETY: null is allowed.
+    unsafe { reply(core::ptr::null_mut(), set()) }
+}
+
+/// Runs one cycle on everything that was fed since the last tick. Its work is bounded, whatever arrived: no allocation, no lock, no clock.
 ///
-/// Call it once per cycle, then write `turn->motors` to the drives, then fetch and write the frames, then close what `turn->close` names.
-/// What the drives do when no tick comes is their watchdog's business.
+/// Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0; then send what gt_server_poll_transmit
+/// returns; then close what gt_server_poll_close returns. Drives need a watchdog for the case that no tick comes.
 ///
-/// An error changes nothing: GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT.
+/// Errors: GT_CODE_TICK_INPUT: stop, rearm or last_write is not one of its values; GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED,
+/// GT_CODE_NO_OBJECT. After an error nothing has changed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_tick(
     server: *mut gt_server,
-    cycle: *const gt_cycle,
-    turn: *mut gt_turn,
+    input: *const gt_tick_input,
+    output: *mut gt_tick_output,
 ) -> gt_code {
     let tick = || {
         // SAFETY: the header's rules for pointers.
-        let (turn, cycle) = unsafe { (place(turn)?, read(cycle)?) };
-        turn.put(ask!(server, server => server.tick(cycle)));
+        let (output, input) = unsafe { (place(output)?, read(input)?) };
+        output.put(ask!(server, server => server.tick(input)?));
         Ok(())
     };
     // SAFETY: null is allowed.
     unsafe { reply(core::ptr::null_mut(), tick()) }
 }
 
-/// Frame `index` of the last tick, 0 to frame_count - 1, in the order in which they are to be written: refusals, the Welcome, the State.
-/// It is copied; it can be fetched again until the next tick.
+/// Returns the next frame of the last tick, in the order in which they are to be sent: Refusals, the Welcome, the State.
+/// Frames that are not polled before the next tick are discarded.
 ///
-/// Errors: GT_CODE_INDEX.
+/// Errors: GT_CODE_DONE: there are no more.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_server_frame(
+pub unsafe extern "C" fn gt_server_poll_transmit(
     server: *mut gt_server,
-    index: u32,
     frame: *mut gt_frame,
 ) -> gt_code {
-    let fetch = || {
+    let poll = || {
         // SAFETY: the header's rules for pointers.
         let place = unsafe { place(frame) }?;
-        let index = usize::try_from(index).map_err(|_| gt_code::Index)?;
-        let frame = ask!(server, server => server.frame(index));
-        place.put(frame.ok_or(gt_code::Index)?);
+        let frame = ask!(server, server => server.poll_transmit());
+        place.put(frame.ok_or(gt_code::Done)?);
         Ok(())
     };
     // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), fetch()) }
+    unsafe { reply(core::ptr::null_mut(), poll()) }
 }
 
-/// The drives did not take the last references, and have these offsets in force instead (GT_MAX_AXES entries, of which the machine's
-/// are looked at). The channels go on from them at rest, without a step; the session is over, and the black box begins anew.
+/// Returns the next connection to close, after its frames are sent. Poll the frames first. A connection that is not polled keeps its
+/// place among GT_MAX_CONNECTIONS.
 ///
-/// Errors: GT_CODE_START_OFFSET_IN_FORCE; nothing is changed then.
+/// Errors: GT_CODE_DONE: there are no more.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_server_resume(
+pub unsafe extern "C" fn gt_server_poll_close(
     server: *mut gt_server,
-    in_force: *const gt_offsets,
-    error: *mut gt_error,
+    connection: *mut u64,
 ) -> gt_code {
-    let resume = || {
+    let poll = || {
         // SAFETY: the header's rules for pointers.
-        let offsets = unsafe { read(in_force.cast::<[gt_offsets; GT_MAX_AXES]>()) }?;
-        ask!(server, server => server.resume(&offsets))
+        let place = unsafe { place(connection) }?;
+        let connection = ask!(server, server => server.poll_close());
+        place.put(connection.ok_or(gt_code::Done)?);
+        Ok(())
     };
-    // SAFETY: as above.
-    unsafe { reply(error, resume()) }
+    // SAFETY: null is allowed.
+    unsafe { reply(core::ptr::null_mut(), poll()) }
 }
 
-/// What the black box holds. Without one: 0 ticks, never frozen.
+/// Returns the contents of the black box. Without one: 0 ticks, never frozen.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_black_box(
     server: *mut gt_server,
@@ -364,32 +383,30 @@ pub unsafe extern "C" fn gt_server_black_box(
     unsafe { reply(core::ptr::null_mut(), look()) }
 }
 
-/// Line `index` of the black box as a file, 0 to `lines` - 1 of gt_black_box: JSON that ends with a newline, without a zero after it.
-/// All lines in order are a file that `gantry-tau replay` runs again, bit for bit. A frozen box does not change, so that a
-/// program can write a line per cycle; one that still records is to be read between two ticks, whole.
+/// Writes part `index` of the black box as a file, 0 to `parts` - 1 of gt_black_box. All parts in order are a file that
+/// `gantry-tau replay` runs again, bit for bit. A frozen box does not change, so a program can write a part per cycle; a box
+/// that still records is to be read as a whole between two ticks.
 ///
-/// `buffer`, `size`: initialised memory, GT_BLACK_BOX_LINE bytes at most; null with size 0 to ask for the length.
-/// `length`: receives the length of the line, whether it fits or not.
+/// `buffer`, `size`: initialised memory, GT_BLACK_BOX_PART bytes at most; null with size 0 to ask for the length.
+/// `length`: receives the length of the part, whether it fits or not.
 ///
-/// Errors: GT_CODE_INDEX; GT_CODE_BUFFER_TOO_SMALL: the buffer has the beginning of the line.
+/// Errors: GT_CODE_INDEX; GT_CODE_BUFFER_TOO_SMALL: the buffer has the beginning of the part.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_server_black_box_line(
+pub unsafe extern "C" fn gt_server_black_box_part(
     server: *mut gt_server,
     index: u32,
-    buffer: *mut c_char,
+    buffer: *mut u8,
     size: usize,
     length: *mut usize,
 ) -> gt_code {
     let write = || {
         // SAFETY: the header's rules for pointers.
-        let (length, room) = unsafe { (place(length)?, self::buffer(buffer.cast(), size)?) };
-        let mut line = Line::new(room);
+        let (place, room) = unsafe { (place(length)?, self::buffer(buffer, size)?) };
         let index = usize::try_from(index).map_err(|_| gt_code::Index)?;
-        ask!(server, server => server.write_black_box(index, &mut line)?);
-        length.put(line.length());
-        if line.length() > size {
-            let needed = count(line.length());
-            return Err(gt_error::new(gt_code::BufferTooSmall).value(needed));
+        let length = ask!(server, server => server.write_black_box(index, room)?);
+        place.put(length);
+        if length > size {
+            return Err(gt_error::new(gt_code::BufferTooSmall).value(count(length)));
         }
         Ok(())
     };
@@ -397,7 +414,7 @@ pub unsafe extern "C" fn gt_server_black_box_line(
     unsafe { reply(core::ptr::null_mut(), write()) }
 }
 
-/// Forgets what the black box holds, and records again: after its lines are written, and when a new session was granted.
+/// Clears the black box and records again: after its parts are written, and when a new session was granted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_black_box_release(server: *mut gt_server) -> gt_code {
     let release = || {

@@ -1,17 +1,18 @@
-//! A server of so many axes and with so much of a black box, and what every one of them can do.
+//! A server with `N` axes and `TICKS` ticks of black box on either side of an end.
 
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, MotorMap, Transport};
-use gantry_tau_core::control::session::Session;
-use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::{BlackBox, Connection, Session};
+use gantry_tau_core::units::EpochRange;
 
-use super::config::{gt_offsets, gt_server_config, gt_start, in_force};
-use super::outbox::{Outbox, gt_frame};
-use super::turn::{gt_cycle, gt_turn};
+use super::config::{gt_server_config, gt_start};
+use super::frame::gt_frame;
+use super::tick::{gt_tick_input, gt_tick_output};
 use super::{
-    GT_BLACK_BOX_NONE, GT_BLACK_BOX_TICKS, GT_MAX_AXES, GT_MAX_MOTORS, GT_SERVER_SIZE_3,
+    GT_BLACK_BOX_NONE, GT_BLACK_BOX_TICKS, GT_MAX_MOTORS, GT_SERVER_SIZE_3,
     GT_SERVER_SIZE_3_BLACK_BOX, GT_SERVER_SIZE_6, GT_SERVER_SIZE_6_BLACK_BOX, gt_server,
 };
-use crate::black_box::{Line, gt_black_box, look, write_line};
+use crate::black_box::{gt_black_box, look, write_part};
+use crate::code::gt_code;
 use crate::memory::{Object, Reply, tag};
 
 /// Ticks on either side of an end that a black box keeps, where there is one.
@@ -27,10 +28,10 @@ pub(super) const HALF: usize = GT_BLACK_BOX_TICKS as usize;
 )]
 pub(super) const NONE: usize = GT_BLACK_BOX_NONE as usize;
 
-/// Core's endpoint with what C fetches from it.
+/// Core's endpoint, and its black box.
 pub(super) struct Running<const N: usize, const TICKS: usize> {
-    endpoint: Endpoint<N, GT_MAX_MOTORS, TICKS>,
-    outbox: Outbox,
+    endpoint: Endpoint<N, GT_MAX_MOTORS>,
+    black_box: BlackBox<N, TICKS>,
     motors: usize,
 }
 
@@ -51,11 +52,12 @@ impl<const N: usize, const TICKS: usize> Object for Running<N, TICKS> {
 }
 
 impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
-    /// What it is made of, checked.
+    /// Checks configuration and start.
     pub(super) fn parts(config: &gt_server_config, start: &gt_start) -> Reply<Parts<N>> {
         let (checked, motor_map) = config.checked()?;
         Ok(Parts {
             session: start.session(checked)?,
+            epochs: start.epochs(),
             motor_map,
             motors: usize::try_from(config.motors).unwrap_or(0),
         })
@@ -70,26 +72,28 @@ impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
     pub(super) unsafe fn write(parts: Parts<N>, place: *mut Self) {
         let Parts {
             session,
+            epochs,
             motor_map,
             motors,
         } = parts;
         // SAFETY: the caller's promise; these are all fields.
         unsafe {
-            (&raw mut (*place).endpoint).write(Endpoint::new(session, motor_map));
-            (&raw mut (*place).outbox).write(Outbox::new());
+            (&raw mut (*place).endpoint).write(Endpoint::new(session, motor_map, epochs));
+            (&raw mut (*place).black_box).write(BlackBox::new());
             (&raw mut (*place).motors).write(motors);
         }
     }
 }
 
-/// What a server is made of, beside what is empty at first.
+/// Checked parts of a server.
 pub(super) struct Parts<const N: usize> {
     session: Session<N>,
+    epochs: EpochRange,
     motor_map: MotorMap<N, GT_MAX_MOTORS>,
     motors: usize,
 }
 
-/// What every server can do, however many axes it has.
+/// Calls of the interface.
 impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
     pub(super) fn open(&mut self, transport: Transport) -> Reply<u64> {
         Ok(self.endpoint.open(transport)?.0)
@@ -107,41 +111,46 @@ impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
         self.endpoint.owner_has_answered()
     }
 
-    pub(super) fn tick(&mut self, cycle: gt_cycle) -> gt_turn {
-        let Self {
-            endpoint,
-            outbox,
-            motors,
-        } = self;
-        outbox.clear();
-        let turn = endpoint.tick(&cycle.to_core(), &mut |to, bytes| outbox.push(to, bytes));
-        gt_turn::new(&turn, *motors, outbox.count())
+    pub(super) fn set_epochs(&mut self, epochs: EpochRange) {
+        self.endpoint.set_epochs(epochs);
     }
 
-    pub(super) fn frame(&self, index: usize) -> Option<gt_frame> {
-        self.outbox.frame(index)
+    pub(super) fn tick(&mut self, input: gt_tick_input) -> Reply<gt_tick_output> {
+        let input = input.to_core()?;
+        let references = self.endpoint.tick_recorded(&input, &mut self.black_box);
+        let output = self.endpoint.output().ok_or(gt_code::NoObject)?;
+        Ok(gt_tick_output::new(
+            references.as_ref(),
+            output,
+            self.motors,
+        ))
     }
 
-    pub(super) fn resume(&mut self, offsets: &[gt_offsets; GT_MAX_AXES]) -> Reply {
-        Ok(self.endpoint.resume(&in_force(offsets))?)
+    pub(super) fn poll_transmit(&mut self) -> Option<gt_frame> {
+        let (to, frame) = self.endpoint.poll_transmit()?;
+        Some(gt_frame::new(to, frame))
+    }
+
+    pub(super) fn poll_close(&mut self) -> Option<u64> {
+        Some(self.endpoint.poll_close()?.0)
     }
 
     pub(super) fn black_box(&self) -> gt_black_box {
-        look(self.endpoint.black_box())
+        look(&self.black_box)
     }
 
-    pub(super) fn write_black_box(&self, index: usize, line: &mut Line<'_>) -> Reply {
-        write_line(self.endpoint.black_box(), index, line)
+    pub(super) fn write_black_box(&self, index: usize, room: &mut [u8]) -> Reply<usize> {
+        write_part(&self.black_box, index, room)
     }
 
     pub(super) fn release_black_box(&mut self) {
-        self.endpoint.black_box_mut().release();
+        self.black_box.release();
     }
 }
 
-/// What a peer is told for whom there is no room; it says the same for any number of axes.
+/// Returns the frame for a peer without room for its connection; it is the same for any number of axes.
 pub(super) fn full_refusal() -> gt_frame {
-    let refusal = Endpoint::<3, GT_MAX_MOTORS, NONE>::full_refusal();
+    let refusal = Endpoint::<3, GT_MAX_MOTORS>::full_refusal();
     gt_frame::new(Connection(u64::MAX), &refusal)
 }
 

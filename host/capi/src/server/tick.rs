@@ -1,17 +1,18 @@
-//! What goes into a tick and what comes out of it.
+//! Inputs and outputs of a tick.
 
 use gantry_tau_core::control::axis::{Actual, Reference};
-use gantry_tau_core::control::endpoint::{CONNECTIONS, Cycle, Turn};
+use gantry_tau_core::control::endpoint::CONNECTIONS;
 use gantry_tau_core::control::message::{AxisFlags, AxisState, Cause, Counters, Phase, State};
-use gantry_tau_core::units::{Epoch, PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_core::control::session::{LastWrite, Output, TickInput};
+use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
 
-use super::config::{first, gt_offsets};
+use super::config::{first, gt_in_force, gt_offsets, in_force};
 use super::{GT_MAX_AXES, GT_MAX_CONNECTIONS, GT_MAX_MOTORS};
+use crate::code::gt_code;
+use crate::error::gt_error;
+use crate::memory::Reply;
 
-const _: () = assert!(
-    GT_MAX_CONNECTIONS == CONNECTIONS,
-    "every connection to be closed is named"
-);
+const _: () = assert!(GT_MAX_CONNECTIONS == CONNECTIONS, "the constant is core's");
 
 /// The reference was clamped to the machine's travel.
 pub const GT_FLAG_TRAVEL: u8 = 1;
@@ -33,7 +34,7 @@ const _: () = assert!(
     "the flags are core's"
 );
 
-/// What a drive measures.
+/// Measurements of a drive.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct gt_actual {
@@ -45,27 +46,41 @@ pub struct gt_actual {
     pub torque_permille: i16,
 }
 
-/// What one tick is given.
+/// The switch or button is released.
+pub const GT_RELEASED: u8 = 1;
+/// The switch or button is pressed.
+pub const GT_PRESSED: u8 = 2;
+
+/// The drives took the references of the last tick. Also for the first tick.
+pub const GT_WRITE_ACCEPTED: u8 = 1;
+/// The drives did not take them; they were read back and have the values of `in_force`.
+pub const GT_WRITE_REFUSED: u8 = 2;
+/// The drives did not take them, and cannot be read back.
+pub const GT_WRITE_UNKNOWN: u8 = 3;
+
+/// Inputs of one tick. Zero is refused where a forgotten value would be dangerous: stop, rearm, last_write.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct gt_cycle {
-    /// Cycles since the last tick: 1 when on time; more after an overrun, and each skipped one is a miss. 0 counts as 1.
-    pub elapsed: u32,
-    /// Not 0: the stop at the machine is asserted.
+pub struct gt_tick_input {
+    /// Cycles since the last tick: 1 when on time; each further one is a missed deadline. 0 counts as 1.
+    pub elapsed_cycles: u32,
+    /// The stop at the machine: GT_RELEASED or GT_PRESSED.
     pub stop: u8,
-    /// Not 0: somebody at the machine re-arms. It must be seen released in Fault before it counts.
+    /// The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen released in Fault.
     pub rearm: u8,
-    /// When in the cycle the last Command arrived, us after the last State left; evidence only, 0 where it is not timed.
+    /// Fate of the references of the last tick: GT_WRITE_ACCEPTED, GT_WRITE_REFUSED or GT_WRITE_UNKNOWN.
+    pub last_write: u8,
+    /// Time from the departure of the last State to the arrival of the last Command, us; recorded only. 0 without a measurement.
     pub arrival_us: u16,
-    /// Epoch for the next session: above every epoch ever given, written to storage before this call.
-    pub next_epoch: u64,
     /// Nominal references of this cycle, nm.
     pub nominal_nm: [i64; GT_MAX_AXES],
-    /// What the drives measure.
+    /// Measurements of the drives.
     pub actual: [gt_actual; GT_MAX_AXES],
+    /// Values in force at the drives; read for GT_WRITE_REFUSED only.
+    pub in_force: [gt_in_force; GT_MAX_AXES],
 }
 
-/// What one motor's drive receives.
+/// References that one motor's drive receives.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct gt_reference {
@@ -95,15 +110,15 @@ pub enum gt_phase {
     Fault = 5,
 }
 
-/// Why a session ended, or why the server is not listening; numbers as on the wire.
+/// Cause of the end of a session; numbers as on the wire.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum gt_cause {
-    /// Nothing has ended.
+    /// No session has ended.
     None = 0,
-    /// Two deadlines in a row passed without any Command.
+    /// Two consecutive deadlines passed without a Command.
     ClientLate = 1,
-    /// Two deadlines in a row passed, but Commands for older ticks did arrive.
+    /// Two consecutive deadlines passed; Commands arrived, but late.
     NetworkLate = 2,
     /// The server overran its own cycle.
     ServerLate = 3,
@@ -123,15 +138,17 @@ pub enum gt_cause {
     Flood = 10,
     /// No Command followed the Welcome in time.
     HandshakeTimeout = 11,
-    /// The server started, or resumed, with offsets still in force.
+    /// Offsets were in force that the server did not expect: at its start, or after a refused write.
     Restart = 12,
+    /// A cause that this interface does not know.
+    Other = 255,
 }
 
 /// Counts since the session was granted; they saturate.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct gt_counters {
-    /// Frames of the owner, whatever their content.
+    /// Frames of the owner, valid or not.
     pub received: u32,
     /// Deadlines that passed without a fresh valid Command.
     pub missed: u32,
@@ -141,7 +158,7 @@ pub struct gt_counters {
     pub duplicate: u32,
     /// Frames of another epoch, out of sequence, or echoing a tick that was never sent.
     pub stale: u32,
-    /// Well-framed Commands with bad content, and frames that have no place in the phase.
+    /// Frames of the owner with bad content, or not allowed in the phase.
     pub malformed: u32,
     /// Commands refused because a target lies beyond M.
     pub out_of_range: u32,
@@ -149,8 +166,8 @@ pub struct gt_counters {
     pub limited: u32,
     /// References that the travel clamped.
     pub clamped: u32,
-    /// Frames from connections that own nothing, Hellos aside.
-    pub strangers: u32,
+    /// Frames of non-owners, Hellos aside.
+    pub non_owner: u32,
     /// Longest run of consecutive misses.
     pub longest_miss_run: u16,
 }
@@ -163,15 +180,15 @@ pub struct gt_axis_state {
     pub nominal_nm: i64,
     /// Offsets in force.
     pub offsets: gt_offsets,
-    /// Where the offsets would be if Submit were Obtain; zero outside Submit.
+    /// Offsets that would be in force if Submit were Obtain; zero outside Submit.
     pub shadow: gt_offsets,
-    /// What the drive measures.
+    /// Measurements of the drive.
     pub actual: gt_actual,
-    /// What was clamped or limited in this tick: GT_FLAG_ bits.
+    /// Values that were clamped or limited in this tick: GT_FLAG_ bits.
     pub flags: u8,
 }
 
-/// The server after a tick: what the owner is told, for a monitor.
+/// State of the server after a tick, as the owner receives it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct gt_state {
@@ -183,87 +200,97 @@ pub struct gt_state {
     pub accepted: u64,
     /// The phase.
     pub phase: gt_phase,
-    /// Why the last session ended; it stays until the next end.
+    /// Cause of the end of the last session; it stays until the next end.
     pub cause: gt_cause,
     /// Ticks until every offset would be zero if the ramp began now.
     pub ramp_ticks_left: u32,
-    /// When in the cycle the last Command arrived, us, as given.
+    /// Arrival of the last Command, us, as given.
     pub arrival_us: u16,
     /// On-time Commands among the last 100 deadlines.
     pub on_time_of_100: u8,
     /// Counts since the session was granted.
     pub counters: gt_counters,
-    /// How many axes there are.
+    /// Number of axes.
     pub axis_count: u32,
-    /// The axes; those that are not there are zero.
+    /// The axes; unused entries are zero.
     pub axes: [gt_axis_state; GT_MAX_AXES],
 }
 
-/// What one tick gives back.
+/// Outputs of one tick.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct gt_turn {
-    /// How many motors there are.
+pub struct gt_tick_output {
+    /// Not 0: write `motors` to the drives. 0: the values in force at the drives are unknown, so nothing may be written.
+    pub write: u8,
+    /// Number of motors.
     pub motor_count: u32,
-    /// What every motor receives, in every tick; those that are not there are zero.
+    /// References of every motor; unused entries are zero, all of them if `write` is 0.
     pub motors: [gt_reference; GT_MAX_MOTORS],
-    /// How many frames wait to be written: gt_server_frame.
-    pub frame_count: u32,
-    /// How many connections are to be closed once their frames are written. The server has forgotten them already.
-    pub close_count: u32,
-    /// Those connections.
-    pub close: [u64; GT_MAX_CONNECTIONS],
     /// Hellos refused in this tick.
     pub refused: u32,
-    /// Not 0: a session was granted in this tick, and next_epoch is used up.
+    /// Not 0: a session was granted in this tick.
     pub welcomed: u8,
-    /// Not 0: `owner` has a session, or is still told how it ends.
+    /// Not 0: `owner` has a session, or still receives States after its end.
     pub has_owner: u8,
-    /// The owner's connection.
+    /// Connection of the owner.
     pub owner: u64,
-    /// Why a session ended, or the server stopped, in this tick; GT_CAUSE_NONE: neither.
+    /// Cause of an end of a session, or of a stop, in this tick; GT_CAUSE_NONE without one.
     pub ended: gt_cause,
-    /// The state after the tick.
+    /// State after the tick.
     pub state: gt_state,
 }
 
-impl gt_cycle {
-    pub(super) fn to_core<const N: usize>(self) -> Cycle<N> {
-        Cycle {
-            elapsed: self.elapsed,
-            nominal: first(&self.nominal_nm, 0, PositionNm),
-            actual: first(&self.actual, gt_actual::default(), Actual::from),
-            stop: self.stop != 0,
-            rearm: self.rearm != 0,
-            next_epoch: Epoch(self.next_epoch),
-            arrival_us: self.arrival_us,
-        }
+/// Reads a switch or button.
+const fn pressed(value: u8) -> Reply<bool> {
+    match value {
+        GT_RELEASED => Ok(false),
+        GT_PRESSED => Ok(true),
+        _ => Err(gt_error::new(gt_code::TickInput)),
     }
 }
 
-impl gt_turn {
-    /// What a tick gave, with so many motors and frames.
+impl gt_tick_input {
+    pub(super) fn to_core<const N: usize>(self) -> Reply<TickInput<N>> {
+        let last_write = match self.last_write {
+            GT_WRITE_ACCEPTED => LastWrite::Accepted,
+            GT_WRITE_REFUSED => LastWrite::Refused {
+                in_force: in_force(&self.in_force),
+            },
+            GT_WRITE_UNKNOWN => LastWrite::Unknown,
+            _ => return Err(gt_code::TickInput.into()),
+        };
+        Ok(TickInput {
+            elapsed_cycles: self.elapsed_cycles,
+            nominal: first(&self.nominal_nm, 0, PositionNm),
+            actual: first(&self.actual, gt_actual::default(), Actual::from),
+            stop: pressed(self.stop)?,
+            rearm: pressed(self.rearm)?,
+            last_write,
+            arrival_us: self.arrival_us,
+        })
+    }
+}
+
+impl gt_tick_output {
+    /// Converts the references and the output of a tick, with `motors` motors in use.
     pub(super) fn new<const N: usize>(
-        turn: &Turn<N, GT_MAX_MOTORS>,
+        references: Option<&[Reference; GT_MAX_MOTORS]>,
+        output: &Output<N>,
         motors: usize,
-        frames: usize,
     ) -> Self {
         let small = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
-        let output = &turn.output;
-        let mut references = [gt_reference::default(); GT_MAX_MOTORS];
-        for (to, from) in references.iter_mut().zip(&turn.motors).take(motors) {
+        let mut places = [gt_reference::default(); GT_MAX_MOTORS];
+        for (to, from) in places
+            .iter_mut()
+            .zip(references.into_iter().flatten())
+            .take(motors)
+        {
             *to = (*from).into();
         }
-        let mut close = [0; GT_MAX_CONNECTIONS];
-        for (to, from) in close.iter_mut().zip(&turn.close) {
-            *to = from.0;
-        }
         Self {
+            write: references.is_some().into(),
             motor_count: small(motors),
-            motors: references,
-            frame_count: small(frames),
-            close_count: small(turn.close.len()),
-            close,
+            motors: places,
             refused: small(output.refusals.len()),
             welcomed: output.welcome.is_some().into(),
             has_owner: output.owner.is_some().into(),
@@ -333,6 +360,7 @@ impl From<Cause> for gt_cause {
             Cause::Flood => Self::Flood,
             Cause::HandshakeTimeout => Self::HandshakeTimeout,
             Cause::Restart => Self::Restart,
+            _ => Self::Other,
         }
     }
 }
@@ -349,7 +377,7 @@ impl From<Counters> for gt_counters {
             out_of_range,
             limited,
             clamped,
-            strangers,
+            non_owner,
             longest_miss_run,
         } = counters;
         Self {
@@ -362,7 +390,7 @@ impl From<Counters> for gt_counters {
             out_of_range,
             limited,
             clamped,
-            strangers,
+            non_owner,
             longest_miss_run,
         }
     }
