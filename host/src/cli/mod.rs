@@ -53,16 +53,16 @@ enum Command {
     Solve,
 }
 
-/// What makes ticks.
+/// Source of the ticks.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Pace {
-    /// A tick per millisecond of the clock
+    /// One tick per millisecond of the clock
     Real,
-    /// A tick per answer of the client: time is ticks, the server waits; without a session about a tick per millisecond
+    /// One tick per answer of the client, which the server waits for; without a session about one per millisecond
     Lockstep,
 }
 
-impl From<Pace> for gantry_tau::server::pace::Pace {
+impl From<Pace> for gantry_tau::server::tick_source::TickSource {
     fn from(pace: Pace) -> Self {
         match pace {
             Pace::Real => Self::RealTime,

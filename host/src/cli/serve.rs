@@ -17,9 +17,10 @@ use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::sensor_link::SensorPublisher;
 use gantry_tau::server::connections::{Allowed, Listen};
 use gantry_tau::server::cycle::{Cycle, Row};
-use gantry_tau::server::observe::Observer;
+use gantry_tau::server::event_log::EventLog;
 use gantry_tau::server::{Controls, Server, ServerError};
-use gantry_tau::sim::hand::{Hand, Tool, hand_and_tool};
+use gantry_tau::sim::hand::{Tool, hand_and_tool};
+use gantry_tau::sim::load_profile::LoadProfile;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau::terminal::say;
@@ -150,9 +151,11 @@ impl Serve {
         let controls = Arc::clone(&server.controls);
         ctrlc::set_handler(move || controls.quit.store(true, Ordering::Relaxed))?;
         listen_to_the_keyboard(Arc::clone(&server.controls));
-        let mut observer = Observer::new(self.programme(hand));
+        let mut events = EventLog::default();
+        let mut load = LoadProfile::new(hand, self.force_max, self.step_seconds);
         drain(&mut rows, |row| {
-            observer.see(row);
+            load.update(row.state.phase, row.state.tick);
+            events.see(row);
             if let Some(file) = &mut file {
                 file.write(row);
             }
@@ -237,10 +240,6 @@ impl Serve {
             acceleration_m_per_s2: 0.5,
             dwell_cycles: 500,
         })
-    }
-
-    fn programme(&self, hand: Hand) -> gantry_tau::server::observe::Programme {
-        gantry_tau::server::observe::Programme::new(hand, self.force_max, self.step_seconds)
     }
 }
 

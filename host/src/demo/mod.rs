@@ -14,7 +14,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::client::cause_text;
 use crate::model::Model;
 use crate::robot_file::RobotFile;
-use crate::server::pace::Pace;
+use crate::server::tick_source::TickSource;
 use crate::terminal::say;
 use stage::{Failure, Recording};
 
@@ -26,7 +26,7 @@ pub enum PaceChoice {
     /// Real time if this machine holds it, lock-step otherwise.
     Auto,
     /// This one.
-    Only(Pace),
+    Only(TickSource),
 }
 
 /// What the demo is told.
@@ -131,13 +131,16 @@ pub fn run<K: Model<N>, const N: usize, const M: usize>(
     }
     let (pace, recording) = match options.pace {
         PaceChoice::Only(pace) => (pace, play::<K, N, M>(options, pace)?),
-        PaceChoice::Auto => match play::<K, N, M>(options, Pace::RealTime) {
-            Ok(recording) => (Pace::RealTime, recording),
+        PaceChoice::Auto => match play::<K, N, M>(options, TickSource::RealTime) {
+            Ok(recording) => (TickSource::RealTime, recording),
             Err(DemoError::Lost(reason)) => {
                 say(format_args!(
                     "{reason}\nThat is the one-miss rule at work on a busy machine. Starting again in lock-step: time is ticks, the server waits for its client."
                 ));
-                (Pace::Lockstep, play::<K, N, M>(options, Pace::Lockstep)?)
+                (
+                    TickSource::Lockstep,
+                    play::<K, N, M>(options, TickSource::Lockstep)?,
+                )
             }
             Err(error) => return Err(error),
         },
@@ -168,7 +171,7 @@ pub fn run<K: Model<N>, const N: usize, const M: usize>(
 
 fn play<K: Model<N>, const N: usize, const M: usize>(
     options: &DemoOptions<K, N>,
-    pace: Pace,
+    pace: TickSource,
 ) -> Result<Recording<N>, DemoError> {
     let bar = progress_bar(options);
     let played = stage::play::<K, N, M>(options, pace, &bar);

@@ -8,7 +8,7 @@ use super::DemoOptions;
 use super::stage::{COMPENSATED, Recording};
 use super::watch::Sample;
 use crate::client::cause_text;
-use crate::server::pace::Pace;
+use crate::server::tick_source::TickSource;
 
 /// Largest share of the displacement that may remain at any step below the jump.
 pub const ALLOWED_SHARE: f64 = 0.05;
@@ -100,7 +100,7 @@ pub struct LinkQuality {
 impl Results {
     pub(super) fn of<K, const N: usize>(
         options: &DemoOptions<K, N>,
-        pace: Pace,
+        pace: TickSource,
         recording: &Recording<N>,
     ) -> Self {
         let samples = &recording.samples;
@@ -108,8 +108,8 @@ impl Results {
         let mut results = Self {
             layout: 1,
             pace: match pace {
-                Pace::RealTime => "real",
-                Pace::Lockstep => "lockstep",
+                TickSource::RealTime => "real",
+                TickSource::Lockstep => "lockstep",
             },
             robot: options.robot.name.clone(),
             axes: N,

@@ -23,7 +23,7 @@ use crate::model::Model;
 use crate::sensor_link::SensorPublisher;
 use crate::server::Server;
 use crate::server::cycle::Cycle;
-use crate::server::pace::Pace;
+use crate::server::tick_source::TickSource;
 use crate::sim::hand::{Hand, Load, hand_and_tool};
 use crate::sim::parameters::Motion;
 use crate::terminal::say;
@@ -81,7 +81,7 @@ impl<E: std::error::Error> From<E> for Failure {
 struct Stage<'a, K, const N: usize> {
     options: &'a DemoOptions<K, N>,
     bar: &'a ProgressBar,
-    pace: Pace,
+    pace: TickSource,
     server: Server<N>,
     watch: Watch<N>,
     hand: Hand,
@@ -93,13 +93,13 @@ struct Stage<'a, K, const N: usize> {
 /// Plays the whole session at one pace.
 pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
     options: &DemoOptions<K, N>,
-    pace: Pace,
+    pace: TickSource,
     bar: &ProgressBar,
 ) -> Result<Recording<N>, Failure> {
     let robot = &options.robot;
     let capabilities = match pace {
-        Pace::RealTime => Capabilities::NONE,
-        Pace::Lockstep => Capabilities::LOCKSTEP,
+        TickSource::RealTime => Capabilities::NONE,
+        TickSource::Lockstep => Capabilities::LOCKSTEP,
     };
     let (hand, tool) = hand_and_tool();
     let machine = robot.simulated_machine::<M>(tool, Motion::Hold)?;
@@ -196,8 +196,8 @@ impl<K: Model<N>, const N: usize> Stage<'_, K, N> {
     /// The client tares its sensor in Submit for a second. In real time that second is the measurement of this machine.
     fn tare(&mut self) -> Result<(), Failure> {
         match self.pace {
-            Pace::RealTime => self.say("measuring for a second whether this machine holds 1 kHz; the client tares its sensor"),
-            Pace::Lockstep => self.say("the client tares its sensor"),
+            TickSource::RealTime => self.say("measuring for a second whether this machine holds 1 kHz; the client tares its sensor"),
+            TickSource::Lockstep => self.say("the client tares its sensor"),
         }
         let Self {
             watch,
@@ -214,7 +214,7 @@ impl<K: Model<N>, const N: usize> Stage<'_, K, N> {
             let reason = "the client ended before its first command".to_owned();
             return Err(Failure::Error(DemoError::Failed(reason)));
         }
-        if self.pace == Pace::RealTime {
+        if self.pace == TickSource::RealTime {
             let missed = self.watch.samples.last().map_or(0, |sample| sample.missed);
             self.say(&format!(
                 "it did for that second: {missed} deadlines missed, never two in a row"

@@ -15,7 +15,7 @@ use gantry_tau::faults::{Ended, Medium};
 use gantry_tau::model::{L2, L2_MOTORS, Model};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::server::cycle::{Cycle, Row};
-use gantry_tau::server::pace::Pace;
+use gantry_tau::server::tick_source::TickSource;
 use gantry_tau::server::{Controls, Server};
 use gantry_tau::sim::hand::hand_and_tool;
 use gantry_tau::sim::machine::SimulatedMachine;
@@ -209,7 +209,7 @@ fn server() -> (Server<N>, Rows, Audit<N>) {
     let motors = robot.motor_map().unwrap();
     let cycle: Cycle<N, L2_MOTORS, SimulatedMachine<N, L2_MOTORS>> =
         Cycle::new(config, motors, machine, Epochs::volatile(), LOOPBACK).unwrap();
-    let (server, rows) = Server::spawn(cycle, Pace::RealTime).unwrap();
+    let (server, rows) = Server::spawn(cycle, TickSource::RealTime).unwrap();
     (server, rows, audit)
 }
 
