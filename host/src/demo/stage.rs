@@ -17,8 +17,8 @@ use super::{DemoError, DemoOptions};
 use crate::black_box::{Window, handover};
 use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientReport, Link};
 use crate::epoch::Epochs;
-use crate::faults::plan::Plan;
-use crate::faults::tcp::Relay;
+use crate::faults::plan::FaultPlan;
+use crate::faults::relay::Relay;
 use crate::model::Model;
 use crate::sensor_link::SensorPublisher;
 use crate::server::Server;
@@ -118,7 +118,12 @@ pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
         cycle = cycle.with_black_box(handover);
     }
     let (server, rows) = Server::spawn(cycle.with_sensor(sensor), pace)?;
-    let (relay, _) = Relay::spawn(LOOPBACK, server.address, Plan::harmless())?;
+    let (relay, _) = Relay::spawn(
+        LOOPBACK,
+        server.address,
+        Transport::Stream,
+        FaultPlan::default(),
+    )?;
     let controls = Arc::new(ClientControls::default());
     let client_options = ClientOptions {
         server: relay.address,
