@@ -240,101 +240,71 @@ mod tests {
     #[test]
     fn a_script_is_read_entry_by_entry() {
         let text = "# a rehearsal
-            [[fault]]
-            at_frame = 100
-            direction = \"up\"
-            kind = \"corrupt\"
-            parameter = 17 # bit
-            [[fault]]
-            at_ms = 2_500
-            direction = \"down\"
-            kind = \"stall\"
-            [[fault]]
-            at_ms = 3000
-            direction = \"both\"
-            kind = \"half-open\"";
-        let entry = |when, direction, fault, parameter| ScriptedFault {
-            when,
-            direction,
-            fault,
-            parameter,
+            fault = [
+                { at_frame = 100, direction = 'up', kind = 'corrupt', parameter = 17 }, # bit
+                { at_ms = 2_500, direction = 'both', kind = 'stall' },
+            ]";
+        let corrupt = ScriptedFault {
+            when: When::Frame(100),
+            direction: Directions::Up,
+            fault: Fault::Corrupt,
+            parameter: Some(17),
         };
-        let since = |ms| When::Since(Duration::from_millis(ms));
-        let expected = [
-            entry(When::Frame(100), Directions::Up, Fault::Corrupt, Some(17)),
-            entry(since(2_500), Directions::Down, Fault::Stall, None),
-            entry(since(3_000), Directions::Both, Fault::HalfOpen, None),
-        ];
-        assert_eq!(parse_script(text).unwrap(), expected);
+        let stall = ScriptedFault {
+            when: When::Since(Duration::from_millis(2_500)),
+            direction: Directions::Both,
+            fault: Fault::Stall,
+            parameter: None,
+        };
+        assert_eq!(parse_script(text).unwrap(), [corrupt, stall]);
         assert_eq!(parse_script("").unwrap(), []);
         for fault in Fault::ALL {
-            let text = format!("[[fault]]\nat_ms = 1\ndirection = \"up\"\nkind = \"{fault}\"");
+            let text = format!("[[fault]]\nat_ms = 1\ndirection = 'down'\nkind = '{fault}'");
             assert_eq!(parse_script(&text).unwrap()[0].fault, fault);
         }
     }
 
     #[test]
     fn a_script_error_names_place_key_and_reason() {
-        let up = "direction = \"up\"";
-        for (text, words) in [
-            ("x = 1".to_owned(), ["line 1, `x = 1`: ", "unknown field"]),
+        let missing = "direction = 'up'\nkind = 'drop'\n";
+        let complete = "at_frame = 7\ndirection = 'up'\nkind = 'drop'\n";
+        for (before, entry, place, reason) in [
+            ("", "x = 1", "line 2, `x = 1`: ", "unknown field"),
+            ("", "frame 1", "line 2, `frame 1`: ", ""),
+            ("", "at_frame = -1", "line 2, `at_frame = -1`: ", "-1"),
+            ("", "at_frame = 0", "line 2, `at_frame = 0`: ", "nonzero"),
+            ("", "at_ms = 1", "line 1, `[[fault]]`: ", "`direction`"),
+            ("", "direction = 1", "line 2, `direction = 1`: ", "expected"),
             (
-                "frame 1 up drop".to_owned(),
-                ["line 1, `frame 1 up drop`: ", ""],
+                "",
+                "kind = 'fire'",
+                "line 2, `kind = 'fire'`: ",
+                "`half-open`",
+            ),
+            ("", "parameter = 'x'", "line 2, `parameter = 'x'`: ", "u32"),
+            (missing, "", "fault 1: ", "either `at_frame` or `at_ms`"),
+            (complete, "at_ms = 1", "fault 1: ", "either"),
+            (
+                complete,
+                "parameter = 3",
+                "fault 1: `parameter`: ",
+                "drop takes none",
             ),
             (
-                format!("[[fault]]\nat_frame = -1\n{up}"),
-                ["line 2, `at_frame = -1`: ", "-1"],
-            ),
-            (
-                format!("[[fault]]\nat_frame = 0\n{up}"),
-                ["line 2, `at_frame = 0`: ", "nonzero"],
-            ),
-            (
-                "[[fault]]\nat_ms = 1\nkind = \"drop\"".to_owned(),
-                ["line 1, `[[fault]]`: ", "`direction`"],
-            ),
-            (
-                "[[fault]]\ndirection = \"left\"".to_owned(),
-                ["line 2, `direction = \"left\"`: ", "`both`"],
-            ),
-            (
-                format!("[[fault]]\n{up}\nkind = \"explode\""),
-                ["line 3, `kind = \"explode\"`: ", "`half-open`"],
-            ),
-            (
-                format!("[[fault]]\n{up}\nkind = \"split\"\nparameter = \"x\""),
-                ["line 4, `parameter = \"x\"`: ", "u32"],
-            ),
-            (
-                format!("[[fault]]\n{up}\nkind = \"drop\""),
-                ["fault 1: ", "either `at_frame` or `at_ms`"],
-            ),
-            (
-                format!("[[fault]]\n{up}\nkind = \"drop\"\nat_ms = 1\nat_frame = 1"),
-                ["fault 1: ", "either"],
-            ),
-            (
-                format!("[[fault]]\n{up}\nkind = \"drop\"\nat_ms = 1\nparameter = 3"),
-                ["fault 1: `parameter`: ", "drop takes none"],
+                complete,
+                &format!("[[fault]]\n{complete}"),
+                "fault 2: `at_frame`: ",
+                "already",
             ),
         ] {
-            let said = parse_script(&text).unwrap_err().to_string();
-            let [place, reason] = words;
-            assert!(
-                said.starts_with(place) && said.contains(reason) && !said.contains('\n'),
-                "{said}"
-            );
+            let error = parse_script(&format!("[[fault]]\n{before}{entry}")).unwrap_err();
+            let said = error.to_string();
+            assert!(said.starts_with(place) && said.contains(reason), "{said}");
+            assert!(!said.contains('\n'), "{said}");
         }
-        let both = |one: &str, other: &str| {
-            let entry = |direction| {
-                format!("[[fault]]\nat_frame = 7\nkind = \"drop\"\ndirection = \"{direction}\"\n")
-            };
-            parse_script(&[entry(one), entry(other)].concat())
-        };
-        assert_eq!(both("up", "down").unwrap().len(), 2);
-        let said = both("up", "both").unwrap_err().to_string();
-        assert_eq!(said, "fault 2: `at_frame`: this frame already has a fault");
+        let other_way = complete.replace("up", "down");
+        let both = format!("[[fault]]\n{complete}[[fault]]\n{other_way}");
+        assert_eq!(parse_script(&both).unwrap().len(), 2);
     }
 
     #[test]

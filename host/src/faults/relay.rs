@@ -92,20 +92,17 @@ impl Relay {
         };
         let (ended, receiver) = channel();
         let exchange = Exchange {
-            listener,
             server,
             plan,
             clients: Vec::new(),
             opened: 0,
-            connecting: 0,
-            connected: channel(),
             ended,
         };
         let switches = Arc::new(Switches::default());
         let shared = Arc::clone(&switches);
         let thread = std::thread::Builder::new()
             .name("relay".to_owned())
-            .spawn(move || exchange.run(&shared))?;
+            .spawn(move || exchange.run(&listener, &shared))?;
         let relay = Self {
             address,
             switches,
@@ -136,135 +133,76 @@ enum Listener {
 }
 
 struct Exchange {
-    listener: Listener,
     server: SocketAddr,
     plan: FaultPlan,
     clients: Vec<Client>,
     /// Connections so far.
     opened: u64,
-    /// Streams for which a thread is connecting to the server.
-    connecting: usize,
-    /// Results of these threads; the second is the number of the connection.
-    connected: (Sender<Attempt>, Receiver<Attempt>),
     ended: Sender<Ended>,
 }
 
-/// A client's stream, and the one to the server unless connecting failed.
-struct Attempt {
-    peer: SocketAddr,
-    number: u64,
-    began: Instant,
-    near: TcpStream,
-    far: io::Result<TcpStream>,
-}
-
 impl Exchange {
-    fn run(mut self, switches: &Switches) {
+    fn run(mut self, listener: &Listener, switches: &Switches) {
         // Without the privilege the relay is a little slower.
         let _ = crate::realtime::raise_priority();
         let mut buffer = vec![0; LARGEST];
         while !switches.quit.load(Ordering::Relaxed) {
-            match &self.listener {
-                Listener::Stream(_) => self.accept(),
-                Listener::Datagram(socket) => {
-                    let socket = Arc::clone(socket);
-                    self.receive(&socket, &mut buffer);
-                }
+            match listener {
+                Listener::Stream(listener) => self.accept(listener),
+                Listener::Datagram(socket) => self.receive(socket, &mut buffer),
             }
             let cut = switches.cut.load(Ordering::Relaxed);
             for client in &mut self.clients {
                 client.exchange(cut, &mut buffer);
             }
             self.remove(Client::is_over);
-            self.wait();
-        }
-        while self.connecting > 0 {
-            match self.connected.1.recv() {
-                Ok(attempt) => self.open_stream(attempt),
-                Err(_) => break,
-            }
+            self.wait(listener);
         }
         self.remove(|_| true);
     }
 
-    /// Accepts streams. A thread connects to the server, so that a slow server does not delay other connections.
-    fn accept(&mut self) {
-        let Listener::Stream(listener) = &self.listener else {
-            return;
-        };
-        while self.clients.len() + self.connecting < CLIENTS {
+    fn accept(&mut self, listener: &TcpListener) {
+        while self.clients.len() < CLIENTS {
             let Ok((near, peer)) = listener.accept() else {
-                break;
+                return;
             };
-            let (server, number, connected) = (self.server, self.opened, self.connected.0.clone());
-            self.opened += 1;
-            let thread = std::thread::Builder::new().spawn(move || {
-                let began = Instant::now();
-                let far = TcpStream::connect_timeout(&server, CONNECT);
-                // Received until the relay ends.
-                let _ = connected.send(Attempt {
-                    peer,
-                    number,
-                    began,
-                    near,
-                    far,
-                });
+            let began = Instant::now();
+            // A server that does not answer delays other connections as well; it is theirs, too.
+            let far = TcpStream::connect_timeout(&self.server, CONNECT).and_then(|far| {
+                for stream in [&near, &far] {
+                    stream.set_nonblocking(true)?;
+                    stream.set_nodelay(true)?;
+                }
+                Ok(far)
             });
-            // Without a thread the connection is closed.
-            self.connecting += usize::from(thread.is_ok());
-        }
-        while let Ok(attempt) = self.connected.1.try_recv() {
-            self.open_stream(attempt);
-        }
-    }
-
-    fn open_stream(&mut self, attempt: Attempt) {
-        self.connecting -= 1;
-        let Attempt {
-            peer,
-            number,
-            began,
-            near,
-            far,
-        } = attempt;
-        let prepared = far.and_then(|far| {
-            for stream in [&near, &far] {
-                stream.set_nonblocking(true)?;
-                stream.set_nodelay(true)?;
+            match far {
+                Ok(far) => self.open(peer, began, End::Stream(near), End::Stream(far)),
+                // Closing the client's stream tells that the server cannot be reached.
+                Err(_) => self.report(peer, began, Default::default()),
             }
-            Ok([End::Stream(near), End::Stream(far)])
-        });
-        match prepared {
-            Ok(ends) => self.open(peer, number, began, ends),
-            // Closing the client's stream tells that the server cannot be reached.
-            Err(_) => self.report(Ended {
-                peer,
-                age: began.elapsed(),
-                up: FaultStats::default(),
-                down: FaultStats::default(),
-            }),
         }
     }
 
-    fn open(&mut self, peer: SocketAddr, number: u64, began: Instant, ends: [End; 2]) {
-        let transport = match self.listener {
-            Listener::Stream(_) => Transport::Stream,
-            Listener::Datagram(_) => Transport::Datagram,
+    fn open(&mut self, peer: SocketAddr, began: Instant, near: End, far: End) {
+        let transport = match near {
+            End::Stream(_) => Transport::Stream,
+            _ => Transport::Datagram,
         };
-        let [near, far] = ends;
         let way = |direction| Way {
-            injector: FaultInjector::new(&self.plan, transport, number, direction),
+            injector: FaultInjector::new(&self.plan, transport, self.opened, direction),
             frames: Frames::default(),
             unsent: None,
             closed: false,
             finished: false,
         };
+        let (up, down) = (way(Direction::Up), way(Direction::Down));
+        self.opened += 1;
         self.clients.push(Client {
             peer,
             began,
             last_heard: began,
-            up: way(Direction::Up),
-            down: way(Direction::Down),
+            up,
+            down,
             near,
             far,
         });
@@ -284,13 +222,7 @@ impl Exchange {
             if known.is_none() && self.clients.len() < CLIENTS {
                 if let Ok(far) = self.socket_to_server() {
                     let near = End::Client(Arc::clone(socket), peer);
-                    self.open(
-                        peer,
-                        self.opened,
-                        Instant::now(),
-                        [near, End::Datagram(far)],
-                    );
-                    self.opened += 1;
+                    self.open(peer, Instant::now(), near, End::Datagram(far));
                     known = Some(self.clients.len() - 1);
                 }
             }
@@ -323,25 +255,29 @@ impl Exchange {
                     let _ = SockRef::from(stream).set_linger(Some(Duration::ZERO));
                 }
             }
-            self.report(Ended {
-                peer: client.peer,
-                age: client.began.elapsed(),
-                up: client.up.injector.stats().clone(),
-                down: client.down.injector.stats().clone(),
-            });
+            let stats = [&client.up, &client.down].map(|way| way.injector.stats().clone());
+            let (peer, began) = (client.peer, client.began);
+            drop(client);
+            self.report(peer, began, stats);
         }
     }
 
-    fn report(&self, ended: Ended) {
+    fn report(&self, peer: SocketAddr, began: Instant, [up, down]: [FaultStats; 2]) {
+        let age = began.elapsed();
         // The receiver may be gone.
-        let _ = self.ended.send(ended);
+        let _ = self.ended.send(Ended {
+            peer,
+            age,
+            up,
+            down,
+        });
     }
 
     /// Waits for something to read, for the next piece that is due, or for [`POLL`].
-    fn wait(&self) {
+    fn wait(&self, listener: &Listener) {
         let mut wait = POLL;
         let mut sockets = Vec::new();
-        if let Listener::Datagram(socket) = &self.listener {
+        if let Listener::Datagram(socket) = listener {
             sockets.push(Socket::Datagram(socket));
         }
         for client in &self.clients {

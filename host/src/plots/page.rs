@@ -16,14 +16,14 @@ pub(crate) fn page(title: &str, body: &str) -> String {
     )
 }
 
-/// What the colours behind a plot over time mean.
+/// Key to the colours behind a plot over time.
 pub(crate) fn key() -> String {
     let span = |(name, colour)| format!("<span style=\"background:{colour}\">{name}</span>");
     let spans: String = phases::key().map(span).collect();
     format!("<p class=\"key\">{spans}</p>")
 }
 
-/// Text as HTML.
+/// Escapes text for HTML.
 pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
