@@ -70,7 +70,7 @@ pub(crate) struct Serve {
         allow_negative_numbers = true
     )]
     step_seconds: f64,
-    /// Amplitude by which the nominal path moves back and forth on every axis, mm
+    /// Length of a back-and-forth motion of the nominal path on every axis, mm
     #[arg(
         long,
         value_name = "MM",

@@ -266,7 +266,7 @@ impl<K: Model<N>, const N: usize> Scenario<'_, K, N> {
                 .sum::<f64>()
                 .sqrt();
             self.say(&format!(
-                "  {force_x:5.0} N: the tool gives way by {norm:6.1} um"
+                "  {force_x:5.0} N: tool displaced by {norm:6.1} um"
             ));
         }
         Ok(())

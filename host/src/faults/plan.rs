@@ -268,37 +268,24 @@ mod tests {
     fn a_script_error_names_place_key_and_reason() {
         let missing = "direction = 'up'\nkind = 'drop'\n";
         let complete = "at_frame = 7\ndirection = 'up'\nkind = 'drop'\n";
+        let again = format!("[[fault]]\n{complete}");
         for (before, entry, place, reason) in [
             ("", "x = 1", "line 2, `x = 1`: ", "unknown field"),
             ("", "frame 1", "line 2, `frame 1`: ", ""),
             ("", "at_frame = -1", "line 2, `at_frame = -1`: ", "-1"),
             ("", "at_frame = 0", "line 2, `at_frame = 0`: ", "nonzero"),
             ("", "at_ms = 1", "line 1, `[[fault]]`: ", "`direction`"),
-            ("", "direction = 1", "line 2, `direction = 1`: ", "expected"),
-            (
-                "",
-                "kind = 'fire'",
-                "line 2, `kind = 'fire'`: ",
-                "`half-open`",
-            ),
+            ("", "direction = 1", "line 2, `direction = 1`: ", "string"),
+            ("", "direction = ''", "line 2, `direction = ''`: ", "`both`"),
+            ("", "kind = 'x'", "line 2, `kind = 'x'`: ", "`half-open`"),
             ("", "parameter = 'x'", "line 2, `parameter = 'x'`: ", "u32"),
             (missing, "", "fault 1: ", "either `at_frame` or `at_ms`"),
             (complete, "at_ms = 1", "fault 1: ", "either"),
-            (
-                complete,
-                "parameter = 3",
-                "fault 1: `parameter`: ",
-                "drop takes none",
-            ),
-            (
-                complete,
-                &format!("[[fault]]\n{complete}"),
-                "fault 2: `at_frame`: ",
-                "already",
-            ),
+            (complete, "parameter = 3", "fault 1: `parameter`: ", "none"),
+            (complete, &again, "fault 2: `at_frame`: ", "already"),
         ] {
-            let error = parse_script(&format!("[[fault]]\n{before}{entry}")).unwrap_err();
-            let said = error.to_string();
+            let text = format!("[[fault]]\n{before}{entry}");
+            let said = parse_script(&text).unwrap_err().to_string();
             assert!(said.starts_with(place) && said.contains(reason), "{said}");
             assert!(!said.contains('\n'), "{said}");
         }

@@ -167,7 +167,7 @@ impl Exchange {
                 return;
             };
             let began = Instant::now();
-            // A server that does not answer delays other connections as well; it is theirs, too.
+            // A server that does not answer delays the other connections, which lead to the same server.
             let far = TcpStream::connect_timeout(&self.server, CONNECT).and_then(|far| {
                 for stream in [&near, &far] {
                     stream.set_nonblocking(true)?;
@@ -177,8 +177,8 @@ impl Exchange {
             });
             match far {
                 Ok(far) => self.open(peer, began, End::Stream(near), End::Stream(far)),
-                // Closing the client's stream tells that the server cannot be reached.
-                Err(_) => self.report(peer, began, Default::default()),
+                // The client's stream is closed. The next one waits for a round, so that quitting never waits for many.
+                Err(_) => return self.report(peer, began, Default::default()),
             }
         }
     }
@@ -273,7 +273,7 @@ impl Exchange {
         });
     }
 
-    /// Waits for something to read, for the next piece that is due, or for [`POLL`].
+    /// Waits until a socket is readable or a piece is due, at most [`POLL`].
     fn wait(&self, listener: &Listener) {
         let mut wait = POLL;
         let mut sockets = Vec::new();

@@ -63,7 +63,8 @@ impl EventLog {
         }
         let (epoch, counts) = (state.epoch.0, state.counters);
         let summary = format!(
-            "tick {tick}: session ended (epoch {epoch}): {text}; {left} ticks of ramp left; {} received, {} missed, {} late, {} duplicate, {} stale, {} malformed",
+            "tick {tick}: session ended (epoch {epoch}): {text}; {left} ticks of ramp left; \
+             {} received, {} missed, {} late, {} duplicate, {} stale, {} malformed",
             counts.received,
             counts.missed,
             counts.late,
