@@ -15,7 +15,7 @@ use gantry_tau::robot_file::RobotFile;
 use gantry_tau::sensor_link::{Sample, SensorPublisher};
 use gantry_tau::server::Server;
 use gantry_tau::server::cycle::Cycle;
-use gantry_tau::server::pace::Pace;
+use gantry_tau::server::tick_source::TickSource;
 use gantry_tau::sim::hand::hand_and_tool;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
@@ -72,7 +72,7 @@ fn session(lie: impl Fn(u64) -> Option<Sample> + Send + 'static) -> (ClientError
     let sensor = liar.sensor.address().unwrap();
     let cycle: Cycle<ARMS, L2_MOTORS, _> =
         Cycle::new(config, motors, liar, Epochs::volatile(), loopback).unwrap();
-    let (server, mut rows) = Server::spawn(cycle, Pace::Lockstep).unwrap();
+    let (server, mut rows) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
     let options = ClientOptions {
         server: server.address,
         transport: Transport::Stream,

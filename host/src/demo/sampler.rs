@@ -1,4 +1,4 @@
-//! Looks at the server's rows as they come and keeps what the results need.
+//! Samples of the server's rows, kept for the results.
 
 use std::time::Duration;
 
@@ -7,12 +7,12 @@ use gantry_tau_core::units::Tick;
 
 use crate::server::cycle::Row;
 
-/// How long to rest when no row is waiting.
+/// Pause when no row is waiting.
 const REST: Duration = Duration::from_millis(1);
-/// Rows that do not come for so long never will.
+/// Time without a row after which the server counts as stuck.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// What is kept of one tick.
+/// Values of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sample<const N: usize> {
     pub(super) tick: u64,
@@ -57,29 +57,29 @@ impl<const N: usize> Sample<N> {
     }
 }
 
-/// The session ended although nobody pulled a cable.
+/// End of a session that the demo did not cause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Lost {
     pub(super) tick: Tick,
     pub(super) cause: Cause,
 }
 
-/// Why waiting for something came to nothing.
+/// Reason why waiting failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Waiting {
     /// The session ended by itself.
     Lost(Lost),
-    /// The server makes no rows any more.
+    /// The server delivers no more rows.
     Stuck,
 }
 
-/// All rows so far.
-pub(super) struct Watch<const N: usize> {
+/// Collects every row.
+pub(super) struct Sampler<const N: usize> {
     rows: rtrb::Consumer<Row<N>>,
     pub(super) samples: Vec<Sample<N>>,
 }
 
-impl<const N: usize> Watch<N> {
+impl<const N: usize> Sampler<N> {
     pub(super) const fn new(rows: rtrb::Consumer<Row<N>>) -> Self {
         Self {
             rows,
@@ -87,8 +87,8 @@ impl<const N: usize> Watch<N> {
         }
     }
 
-    /// Waits for the first coming row that satisfies `found`; every row is kept and shown to `each`.
-    /// `may_end` says whether the session may end meanwhile.
+    /// Waits for the next row that satisfies `found`; every row is kept and passed to `each`.
+    /// With `may_end`, the session may end meanwhile.
     pub(super) fn until(
         &mut self,
         may_end: bool,

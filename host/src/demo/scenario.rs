@@ -1,4 +1,4 @@
-//! The play: one session with force steps, without and with compensation, and a cable pulled at full offset.
+//! One session with force steps, without and with compensation, and a cable pulled at full offset.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -12,52 +12,60 @@ use gantry_tau_core::control::message::{
 };
 use indicatif::ProgressBar;
 
-use super::watch::{Lost, Sample, Waiting, Watch};
+use super::sampler::{Lost, Sample, Sampler, Waiting};
 use super::{DemoError, DemoOptions};
 use crate::black_box::{Window, handover};
 use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientReport, Link};
 use crate::epoch::Epochs;
-use crate::faults::plan::Plan;
-use crate::faults::tcp::Relay;
+use crate::faults::plan::FaultPlan;
+use crate::faults::relay::Relay;
 use crate::model::Model;
 use crate::sensor_link::SensorPublisher;
 use crate::server::Server;
 use crate::server::cycle::Cycle;
-use crate::server::pace::Pace;
+use crate::server::tick_source::TickSource;
 use crate::sim::hand::{Hand, Load, hand_and_tool};
 use crate::sim::parameters::Motion;
 use crate::terminal::say;
 
-/// Number that tells compensated steps from uncompensated ones.
+/// Added to the number of a step when it is compensated.
 pub(super) const COMPENSATED: u32 = 1_000;
-/// Ticks after a load is taken away before the next act.
+/// Ticks between the release of a load and the next part.
 const REST_TICKS: u64 = 200;
-/// How long a newcomer waits for the server's word.
+/// Longest wait of a newcomer for the server's answer.
 const NEWCOMER_SILENCE: Duration = Duration::from_secs(2);
+/// Deadlines missed in the first second above which the steps are not tried in real time. Ten seconds at this rate of
+/// independent misses contain two in a row, which end the session, with a probability of one in four.
+const PROBE_MISSES: u32 = 5;
 /// Any free loopback port.
 const LOOPBACK: SocketAddr =
     SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 0);
 
-/// What happened on stage.
+/// Everything that happened in one run.
 pub(super) struct Recording<const N: usize> {
     pub(super) samples: Vec<Sample<N>>,
     /// Tick of the first ramp step after the cable was pulled.
     pub(super) ended: Sample<N>,
-    /// What a newcomer was told during the ramp.
+    /// Answer to a newcomer during the ramp.
     pub(super) refusal: Refusal,
-    /// What became of the client whose cable was pulled.
+    /// End of the client whose cable was pulled, in words.
     pub(super) client: String,
-    /// Rows that came too fast to be watched.
+    /// Rows that came too fast to be sampled.
     pub(super) dropped: u64,
     /// The black box of the pulled cable, if it was asked for.
     pub(super) black_box: Option<Window<N>>,
 }
 
-/// How an attempt went wrong.
+/// Reason why a run failed.
 pub(super) enum Failure {
-    /// The session ended by itself: this machine does not hold the pace.
+    /// The session ended by itself: this machine does not hold 1 kHz.
     Lost(Lost),
-    /// Something else.
+    /// So many deadlines were missed in the first second that the session would hardly survive the steps.
+    Slow {
+        /// Deadlines missed in that second.
+        missed: u32,
+    },
+    /// Any other reason.
     Error(DemoError),
 }
 
@@ -65,9 +73,9 @@ impl From<Waiting> for Failure {
     fn from(waiting: Waiting) -> Self {
         match waiting {
             Waiting::Lost(lost) => Self::Lost(lost),
-            Waiting::Stuck => {
-                Self::Error(DemoError::Failed("the server stopped ticking".to_owned()))
-            }
+            Waiting::Stuck => Self::Error(DemoError::Failed(
+                "the server delivers no more ticks".to_owned(),
+            )),
         }
     }
 }
@@ -78,28 +86,31 @@ impl<E: std::error::Error> From<E> for Failure {
     }
 }
 
-struct Stage<'a, K, const N: usize> {
+struct Scenario<'a, K, const N: usize> {
     options: &'a DemoOptions<K, N>,
     bar: &'a ProgressBar,
-    pace: Pace,
+    ticks: TickSource,
+    /// A machine that misses many deadlines in the first second ends the run.
+    probe: bool,
     server: Server<N>,
-    watch: Watch<N>,
+    sampler: Sampler<N>,
     hand: Hand,
     relay: Relay,
     controls: Arc<ClientControls>,
     client: JoinHandle<Result<ClientReport, ClientError>>,
 }
 
-/// Plays the whole session at one pace.
+/// Runs the whole session at one pace. With `probe`, a machine that misses many deadlines in the first second fails early.
 pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
     options: &DemoOptions<K, N>,
-    pace: Pace,
+    ticks: TickSource,
+    probe: bool,
     bar: &ProgressBar,
 ) -> Result<Recording<N>, Failure> {
     let robot = &options.robot;
-    let capabilities = match pace {
-        Pace::RealTime => Capabilities::NONE,
-        Pace::Lockstep => Capabilities::LOCKSTEP,
+    let capabilities = match ticks {
+        TickSource::RealTime => Capabilities::NONE,
+        TickSource::Lockstep => Capabilities::LOCKSTEP,
     };
     let (hand, tool) = hand_and_tool();
     let machine = robot.simulated_machine::<M>(tool, Motion::Hold)?;
@@ -117,8 +128,13 @@ pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
     if options.black_box.is_some() {
         cycle = cycle.with_black_box(handover);
     }
-    let (server, rows) = Server::spawn(cycle.with_sensor(sensor), pace)?;
-    let (relay, _) = Relay::spawn(LOOPBACK, server.address, Plan::harmless())?;
+    let (server, rows) = Server::spawn(cycle.with_sensor(sensor), ticks)?;
+    let (relay, _) = Relay::spawn(
+        LOOPBACK,
+        server.address,
+        Transport::Stream,
+        FaultPlan::default(),
+    )?;
     let controls = Arc::new(ClientControls::default());
     let client_options = ClientOptions {
         server: relay.address,
@@ -132,26 +148,27 @@ pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
     let client = std::thread::Builder::new()
         .name("client".to_owned())
         .spawn(move || client::run(&client_options, &shared))?;
-    let mut stage = Stage {
+    let mut scenario = Scenario {
         options,
         bar,
-        pace,
+        ticks,
+        probe,
         server,
-        watch: Watch::new(rows),
+        sampler: Sampler::new(rows),
         hand,
         relay,
         controls,
         client,
     };
-    let played = stage.acts();
-    stage.controls.quit.store(true, Ordering::Relaxed);
-    let Stage {
+    let played = scenario.run();
+    scenario.controls.quit.store(true, Ordering::Relaxed);
+    let Scenario {
         server,
-        watch,
+        sampler,
         relay,
         client,
         ..
-    } = stage;
+    } = scenario;
     let dropped = server.quit();
     drop(relay);
     let client = match client.join() {
@@ -165,18 +182,18 @@ pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
     let (ended, refusal) = played?;
     let dropped = dropped?;
     Ok(Recording {
-        samples: watch.samples,
+        samples: sampler.samples,
         ended,
         refusal,
         client,
         dropped,
-        // There are more boxes than sessions in the play: the first one is there whatever came after it.
+        // There are more boxes than sessions in a run, so the first one is never overwritten.
         black_box: black_boxes.receive(),
     })
 }
 
-impl<K: Model<N>, const N: usize> Stage<'_, K, N> {
-    fn acts(&mut self) -> Result<(Sample<N>, Refusal), Failure> {
+impl<K: Model<N>, const N: usize> Scenario<'_, K, N> {
+    fn run(&mut self) -> Result<(Sample<N>, Refusal), Failure> {
         self.tare()?;
         self.say("force steps without compensation (Submit: offsets are reported, drives do not see them)");
         self.steps(0)?;
@@ -193,29 +210,38 @@ impl<K: Model<N>, const N: usize> Stage<'_, K, N> {
         Ok((ended, refusal))
     }
 
-    /// The client tares its sensor in Submit for a second. In real time that second is the measurement of this machine.
+    /// The client tares its sensor in Submit for a second. In real time that second also probes this machine.
     fn tare(&mut self) -> Result<(), Failure> {
-        match self.pace {
-            Pace::RealTime => self.say("measuring for a second whether this machine holds 1 kHz; the client tares its sensor"),
-            Pace::Lockstep => self.say("the client tares its sensor"),
+        match self.ticks {
+            TickSource::RealTime => {
+                self.say("the client tares its sensor; meanwhile: does this machine hold 1 kHz?")
+            }
+            TickSource::Lockstep => self.say("the client tares its sensor"),
         }
         let Self {
-            watch,
+            sampler,
             bar,
             controls,
             client,
             ..
         } = self;
         let tared = || controls.tared.load(Ordering::Relaxed);
-        // A client that ends before its first command has no session whose end the watch could see.
+        // A client that ends before its first command has no session whose end could be sampled.
         let stillborn = || client.is_finished() && controls.commands.load(Ordering::Relaxed) == 0;
-        watch.until(false, |_| bar.inc(1), |_| tared() || stillborn())?;
+        sampler.until(false, |_| bar.inc(1), |_| tared() || stillborn())?;
         if stillborn() {
             let reason = "the client ended before its first command".to_owned();
             return Err(Failure::Error(DemoError::Failed(reason)));
         }
-        if self.pace == Pace::RealTime {
-            let missed = self.watch.samples.last().map_or(0, |sample| sample.missed);
+        if self.ticks == TickSource::RealTime {
+            let missed = self
+                .sampler
+                .samples
+                .last()
+                .map_or(0, |sample| sample.missed);
+            if self.probe && missed > PROBE_MISSES {
+                return Err(Failure::Slow { missed });
+            }
             self.say(&format!(
                 "it did for that second: {missed} deadlines missed, never two in a row"
             ));
@@ -240,7 +266,7 @@ impl<K: Model<N>, const N: usize> Stage<'_, K, N> {
                 .sum::<f64>()
                 .sqrt();
             self.say(&format!(
-                "  {force_x:5.0} N: the tool gives way by {norm:6.1} um"
+                "  {force_x:5.0} N: tool displaced by {norm:6.1} um"
             ));
         }
         Ok(())
@@ -253,16 +279,16 @@ impl<K: Model<N>, const N: usize> Stage<'_, K, N> {
         Ok(())
     }
 
-    /// Silence, not a close. The second missed deadline ends the session and takes the first ramp step.
+    /// Silences the connection without closing it. The second missed deadline ends the session and takes the first ramp step.
     fn pull_the_cable(&mut self) -> Result<Sample<N>, Failure> {
-        self.say("pulling the client's cable, both sockets stay open");
+        self.say("pulling the client's cable; both sockets stay open");
         self.relay.cut();
         self.server
             .controls
             .link_silent
             .store(true, Ordering::Relaxed);
         let ended = self
-            .watch
+            .sampler
             .until(true, |_| {}, |sample| sample.ended.is_some())?;
         let silent = &self.server.controls.link_silent;
         silent.store(false, Ordering::Relaxed);
@@ -289,7 +315,7 @@ impl<K: Model<N>, const N: usize> Stage<'_, K, N> {
                 Ok(refusal)
             }
             _ => Err(Failure::Error(DemoError::Failed(
-                "a newcomer was let in during the ramp".to_owned(),
+                "a newcomer was granted the session during the ramp".to_owned(),
             ))),
         }
     }
@@ -298,22 +324,22 @@ impl<K: Model<N>, const N: usize> Stage<'_, K, N> {
         let (mut link, answer) = self.newcomer()?;
         let ServerMessage::Welcome(welcome) = answer else {
             return Err(Failure::Error(DemoError::Failed(
-                "a newcomer was not let in after the ramp".to_owned(),
+                "a newcomer was not granted the session after the ramp".to_owned(),
             )));
         };
         self.say(&format!(
-            "all offsets are zero: a newcomer is welcome (session {})",
+            "all offsets are zero: a newcomer is granted session {}",
             welcome.epoch.0
         ));
         link.send(&ClientMessage::Goodbye(welcome.epoch))?;
-        self.watch
+        self.sampler
             .until(true, |_| {}, |sample| sample.phase == Phase::SafeDisconnect)?;
-        self.watch
+        self.sampler
             .until(true, |_| {}, |sample| sample.phase == Phase::Listening)?;
         Ok(())
     }
 
-    /// Another client, on another cable, asks for the session.
+    /// Requests the session from another client, on another connection.
     fn newcomer(&mut self) -> Result<(Link<N>, ServerMessage<N>), Failure> {
         let mut link = Link::connect(self.server.address, NEWCOMER_SILENCE)?;
         link.send(&ClientMessage::Hello(Hello {
@@ -334,7 +360,7 @@ impl<K: Model<N>, const N: usize> Stage<'_, K, N> {
 
     fn wait(&mut self, found: impl FnMut(&Sample<N>) -> bool) -> Result<Sample<N>, Failure> {
         let bar = self.bar;
-        Ok(self.watch.until(false, |_| bar.inc(1), found)?)
+        Ok(self.sampler.until(false, |_| bar.inc(1), found)?)
     }
 
     fn say(&self, line: &str) {

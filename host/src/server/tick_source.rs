@@ -1,4 +1,4 @@
-//! What makes ticks: the clock, or the client's answers.
+//! Source of the server's ticks: the clock, or the client's answers.
 
 use std::sync::atomic::Ordering;
 
@@ -13,30 +13,30 @@ use crate::realtime::{CycleTimer, now_ns, sleep_until_ns, wait_readable_until_ns
 const PERIOD_NS: u64 = 1_000_000;
 /// Lock-step: silence that counts as a miss, ns.
 const SILENCE_NS: u64 = 1_000_000_000;
-/// Lock-step: silence that counts as a tick of the handshake, ns; a thousand of them end it.
+/// Lock-step: silence that counts as a tick of the handshake, ns; a thousand of them end the handshake.
 const HANDSHAKE_SILENCE_NS: u64 = 10_000_000;
-/// Lock-step: how long one look at the sockets may wait, ns.
-const LOOK_NS: u64 = 500_000;
-/// Frames of the owner after which waiting for more has no use.
+/// Lock-step: longest wait between two polls of the sockets, ns.
+const POLL_NS: u64 = 500_000;
+/// Frames of the owner per tick that are timed; further ones wait for the deadline.
 const ENOUGH_FRAMES: u8 = 4;
 
-/// What makes ticks.
+/// Source of the ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pace {
+pub enum TickSource {
     /// A tick per millisecond of the machine's clock; an answer is due before the next.
     RealTime,
-    /// A tick per answer: time is ticks, and the server waits for its client. Without a session, a tick per millisecond or so.
+    /// A tick per answer: time is counted in ticks, and the server waits for its client. Without a session, about a tick per millisecond.
     Lockstep,
 }
 
-/// Runs cycles until told to quit and every offset is zero.
+/// Runs cycles until quit is requested and every offset is zero.
 pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
     mut cycle: Cycle<N, M, P>,
-    pace: Pace,
+    ticks: TickSource,
     controls: &Controls,
     mut rows: rtrb::Producer<Row<N>>,
 ) {
-    if pace == Pace::RealTime {
+    if ticks == TickSource::RealTime {
         if let Err(denied) = crate::realtime::raise_priority() {
             tracing::warn!("cycle thread: no {}: {}", denied.privilege, denied.reason);
         }
@@ -44,12 +44,12 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
     let mut timer = CycleTimer::starting_now(PERIOD_NS);
     let mut state_left_ns = now_ns();
     loop {
-        let elapsed = match pace {
-            Pace::RealTime => {
+        let elapsed = match ticks {
+            TickSource::RealTime => {
                 watch_owner(&mut cycle, timer.deadline_ns(), state_left_ns);
                 timer.wait()
             }
-            Pace::Lockstep => {
+            TickSource::Lockstep => {
                 wait_for_answer(&mut cycle, controls, state_left_ns);
                 1
             }
@@ -73,7 +73,7 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
     }
 }
 
-/// Takes the owner's frames as they arrive, to know when they did; the tick itself waits for the clock.
+/// Receives the owner's frames on arrival, which measures the round trip; the tick itself waits for the clock.
 fn watch_owner<const N: usize, const M: usize, P: Plant<N, M>>(
     cycle: &mut Cycle<N, M, P>,
     deadline_ns: u64,
@@ -89,7 +89,7 @@ fn watch_owner<const N: usize, const M: usize, P: Plant<N, M>>(
         }
         let seen = cycle.receive_owner();
         if seen <= frames {
-            // A part of a frame, a closed stream, a stranger's datagram: look again at the deadline.
+            // A part of a frame, a closed stream or another peer's datagram: left for the deadline.
             return;
         }
         frames = seen;
@@ -97,8 +97,8 @@ fn watch_owner<const N: usize, const M: usize, P: Plant<N, M>>(
     }
 }
 
-/// Waits until the owner of a running session has answered the last State or ended the session,
-/// its link is known to be silent, or the silence has lasted long enough to be a miss.
+/// Waits until the owner of a running session has answered the last State or has ended the session,
+/// its connection is known to be silent, or the silence has lasted long enough to be a miss.
 fn wait_for_answer<const N: usize, const M: usize, P: Plant<N, M>>(
     cycle: &mut Cycle<N, M, P>,
     controls: &Controls,
@@ -122,10 +122,10 @@ fn wait_for_answer<const N: usize, const M: usize, P: Plant<N, M>>(
         if waived || now >= give_up_ns {
             return;
         }
-        let look = give_up_ns.min(now.saturating_add(LOOK_NS));
+        let poll = give_up_ns.min(now.saturating_add(POLL_NS));
         match cycle.owner_socket() {
             Some(socket) => {
-                let _readable = wait_readable_until_ns(socket, look);
+                let _readable = wait_readable_until_ns(socket, poll);
             }
             None => return,
         }
