@@ -22,6 +22,8 @@ const CHARACTER: f64 = 0.66;
 /// Colours of the arms' clusters.
 const COLOURS: [&str; 3] = ["#b3471d", "#1f6f3a", "#1f5fa8"];
 const INK: &str = "#333";
+/// Costs that differ by less are equal, so that rounding does not choose between them.
+const TIE: f64 = 1e-6;
 /// Length of the arrows of the world's axes, px.
 const TRIAD: f64 = 40.0;
 
@@ -127,6 +129,24 @@ impl Label {
         (to - from).norm() * count / f64::from(SAMPLES)
     }
 
+    /// Moves along the line that the label names, to the place that hides least of the other lines.
+    fn place_on(&mut self, own: &[Point; 2], placed: &[Self], lines: &[[Point; 2]]) {
+        let [from, to] = own;
+        let mut best = (f64::MAX, self.anchor);
+        for step in 0..=20_u32 {
+            let share = 0.3 + 0.02 * f64::from(step);
+            self.centre = from + (to - from) * share;
+            let others = lines.iter().filter(|line| *line != own);
+            let hidden: f64 = others.map(|line| self.hides(line)).sum();
+            let overlaps = placed.iter().any(|other| self.overlaps(other));
+            let cost = 1e4 * f64::from(u8::from(overlaps)) + hidden + 10.0 * (share - 0.5).abs();
+            if cost < best.0 - TIE {
+                best = (cost, self.centre);
+            }
+        }
+        (self.anchor, self.centre) = (best.1, best.1);
+    }
+
     /// Moves to the place near the anchor that hides least: far places, lines, other labels and the picture's edge cost.
     fn place(&mut self, placed: &[Self], lines: &[[Point; 2]], height: f64) {
         let half = self.half();
@@ -145,8 +165,7 @@ impl Label {
                 let hidden: f64 = lines.iter().map(|line| self.hides(line)).sum();
                 let forbidden = f64::from(u8::from(outside)) + f64::from(u8::from(overlaps));
                 let cost = 1e4 * forbidden + 3.0 * hidden + radius;
-                // A margin, so that rounding does not choose between equals.
-                if cost < best.0 - 1e-6 {
+                if cost < best.0 - TIE {
                     best = (cost, self.centre);
                 }
             }
@@ -205,15 +224,14 @@ pub(super) fn labels(scene: &Scene, azimuth: f64, elevation: f64) -> Vec<Label> 
 
 fn labels_between(scene: &Scene, view: &View, shapes: &Shapes) -> Vec<Label> {
     let tool = view.point(&scene.tool_m);
-    let mut labels = Vec::new();
+    let mut placed: Vec<Label> = Vec::new();
     for link in &scene.links {
-        let [cart, platform] = link.ends_m.map(|end| view.point(&end));
-        labels.push(Label::new(
-            link.name,
-            colour(link.arm),
-            cart + (platform - cart) * 0.45,
-        ));
+        let own = link.ends_m.map(|end| view.point(&end));
+        let mut label = Label::new(link.name, colour(link.arm), own[0]);
+        label.place_on(&own, &placed, &shapes.lines);
+        placed.push(label);
     }
+    let mut labels = Vec::new();
     labels.push(Label::new("tool", INK, tool));
     for (index, arm) in scene.arms.iter().enumerate() {
         let text = format!("cart {}", arm.number);
@@ -239,7 +257,6 @@ fn labels_between(scene: &Scene, view: &View, shapes: &Shapes) -> Vec<Label> {
         INK,
         farthest.copied().unwrap_or(middle),
     ));
-    let mut placed: Vec<Label> = Vec::new();
     for mut label in labels {
         label.place(&placed, &shapes.lines, view.height);
         placed.push(label);
@@ -447,6 +464,6 @@ fn text(svg: &mut String, at: Point, colour: &str, text: &str) {
     let (x, y) = (px(at.x), px(at.y + 0.36 * FONT));
     let _ = writeln!(
         svg,
-        "<text x=\"{x}\" y=\"{y}\" text-anchor=\"middle\" fill=\"{colour}\" stroke=\"#fbfbf9\" stroke-width=\"3\" paint-order=\"stroke\">{text}</text>"
+        "<text x=\"{x}\" y=\"{y}\" text-anchor=\"middle\" fill=\"{colour}\" stroke=\"#fbfbf9\" stroke-width=\"6\" stroke-linejoin=\"round\" paint-order=\"stroke\">{text}</text>"
     );
 }
