@@ -8,7 +8,7 @@ use gantry_tau_core::units::{Epoch, OffsetNm, Sequence, Tick};
 /// The worked example of `wire.md`, byte for byte.
 #[test]
 fn the_worked_example_of_the_specification_holds() {
-    let page = include_str!("../../wire.md");
+    let page = include_str!("../../../wire.md");
     let (_, example) = page.split_once("```hex").unwrap();
     let (example, _) = example.split_once("```").unwrap();
     let bytes: Vec<u8> = example
