@@ -1,6 +1,6 @@
 //! The parts of a machine in world coordinates.
 
-use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS};
+use gantry_tau_core::model::robot::ARM_OF_LINK;
 use nalgebra::Vector3;
 
 use crate::model::Model;
@@ -83,7 +83,7 @@ impl Scene {
             let own = links.iter().filter(|link| link.arm == arm);
             let mut held: Vec<Vector3<f64>> = own.map(|link| link.ends_m[0]).collect();
             // A machine of three axes has its joints on the carts, and the guideway is drawn through their middle.
-            let on_rail = if N > ARMS {
+            let on_rail = if N > geometry.guideways.len() {
                 start + along * q
             } else {
                 mean(&held)
