@@ -11,6 +11,7 @@
 pub mod black_box;
 pub mod client;
 pub mod demo;
+pub mod draw;
 pub mod epoch;
 pub mod faults;
 pub mod machine;

@@ -23,9 +23,17 @@ pub use sections::{
 };
 
 /// The text of `robots/l2.toml`.
-const L2_TEXT: &str = include_str!("../../robots/l2.toml");
+const L2_TEXT: &str = include_str!(concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    env!("GANTRY_TAU_ROBOTS"),
+    "/l2.toml"
+));
 /// The text of `robots/f1.toml`.
-const F1_TEXT: &str = include_str!("../../robots/f1.toml");
+const F1_TEXT: &str = include_str!(concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    env!("GANTRY_TAU_ROBOTS"),
+    "/f1.toml"
+));
 
 /// Longest robot file that is read, bytes.
 const MAX_LEN: u64 = 1 << 20;

@@ -2,6 +2,7 @@
 
 mod client;
 mod demo;
+mod draw;
 mod faults;
 mod replay;
 mod serve;
@@ -35,6 +36,7 @@ enum Command {
     Faults(faults::Faults),
     Replay(replay::Replay),
     Workspace(workspace::Workspace),
+    Draw(draw::Draw),
     /// Kinematics, statics and compensation for scripts: one JSON request per line in, one JSON answer per line out
     ///
     /// Example: echo '{"id":1,"robot":"robots/l2.toml","op":"ik","T":[0.0,0.5,0.65]}' | gantry-tau solve
@@ -87,6 +89,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Faults(faults) => faults.run(),
         Command::Replay(replay) => replay.run(),
         Command::Workspace(workspace) => workspace.run(),
+        Command::Draw(draw) => draw.run(),
         Command::Solve => solve(),
     }
 }

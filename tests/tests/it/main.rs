@@ -13,3 +13,4 @@ mod panic_free;
 mod six_axes;
 mod soak;
 mod solve_vectors;
+mod wire_page;
