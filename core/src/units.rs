@@ -112,8 +112,6 @@ impl PositionNm {
     pub fn from_nanometres(count: f64) -> Result<Self, CrossingError> {
         // NaN is not within.
         let within = count.abs() < CROSSING_LIMIT_NM_F64;
-        #[cfg(mutant = "crossing_guard_dropped")]
-        let within = within || count > 0.0;
         if !within {
             return Err(if count.is_nan() {
                 CrossingError::NotFinite
@@ -189,8 +187,6 @@ impl OffsetNm {
         };
         let limit_nm = i64::from(limit.0.max(0));
         let cut_nm = wanted.max(limit_nm.wrapping_neg()).min(limit_nm);
-        #[cfg(mutant = "saturation_dropped")]
-        let cut_nm = wanted;
         i32::try_from(cut_nm)
             .map(|nm| (Self(nm), cut_nm != wanted))
             .map_err(|_| CrossingError::OutOfRange { limit_nm })

@@ -227,8 +227,6 @@ impl Channel {
         let change = i64::from(self.change);
         let accel = i64::from(limits.accel);
         let step = i64::from(limits.step);
-        #[cfg(mutant = "accel_ignored")]
-        let accel = i64::MAX;
         // |change| <= S < A, so zero lies between the two ends and the value never overshoots its target.
         let lowest = change.saturating_sub(accel).max(step.saturating_neg());
         let highest = change.saturating_add(accel).min(step);
@@ -247,8 +245,6 @@ impl Channel {
     #[must_use]
     pub fn ramp(self, limits: &Limits) -> Self {
         let rest = self.value.unsigned_abs();
-        #[cfg(mutant = "ramp_past_zero")]
-        let rest = u32::MAX;
         let step = narrow(i64::from(limits.ramp().min(rest)));
         let change = if self.value > 0 {
             step.saturating_neg()

@@ -76,8 +76,6 @@ impl<const N: usize, const MOTORS: usize> MotorMap<N, MOTORS> {
     pub fn new(axis_of_motor: [usize; MOTORS]) -> Result<Self, MotorMapError> {
         for (motor, axis) in axis_of_motor.into_iter().enumerate() {
             let exists = axis < N;
-            #[cfg(mutant = "motor_map_off_by_one")]
-            let exists = axis <= N;
             if !exists {
                 return Err(MotorMapError {
                     motor,

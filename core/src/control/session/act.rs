@@ -97,8 +97,6 @@ pub fn drive_reference(
     let wanted = nominal.0.saturating_add(i64::from(offsets.position.0));
     // Not `clamp`, which would panic on reversed ends; the configuration refuses those.
     let position = wanted.max(travel.lower.0).min(travel.upper.0);
-    #[cfg(mutant = "travel_not_clamped")]
-    let position = wanted.min(travel.upper.0);
     let flags = AxisFlags::default().with(AxisFlags::TRAVEL, position != wanted);
     let reference = Reference {
         position: PositionNm(position),

@@ -183,8 +183,6 @@ pub fn decide(state: &FsmState, fsm: &FsmInput, rules: &Rules) -> Decision {
 fn decide_fault(now: FsmState, fsm: &FsmInput) -> Decision {
     let asserted = fsm.stop || fsm.nominal_fault;
     let rearmed = fsm.rearm && now.rearm_released;
-    #[cfg(mutant = "stuck_rearm_counts")]
-    let rearmed = fsm.rearm;
     if now.phase == Phase::Fault && rearmed && fsm.all_zero && !asserted {
         return listen(now);
     }
@@ -262,8 +260,6 @@ fn decide_running(now: FsmState, fsm: &FsmInput, rules: &Rules) -> Decision {
     let now = FsmState { history, ..now };
     // Each skipped cycle was a deadline that nobody could meet.
     let before = u32::from(now.misses).saturating_add(fsm.skipped);
-    #[cfg(mutant = "second_miss_tolerated")]
-    let before = before.saturating_sub(1);
     if before >= 2 {
         return disconnect(now, EndReason::Because(Cause::ServerLate));
     }
@@ -321,8 +317,6 @@ fn obey(now: FsmState, mode: Mode, all_zero: bool) -> Decision {
 
 fn decide_ramping(now: FsmState, fsm: &FsmInput) -> Decision {
     let done = fsm.all_zero;
-    #[cfg(mutant = "listens_before_zero")]
-    let done = done || fsm.hello.is_some();
     if done {
         listen(now)
     } else {

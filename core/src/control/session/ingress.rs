@@ -195,8 +195,6 @@ impl<const N: usize> Classifier<'_, N> {
     #[must_use]
     pub fn judge(&self, command: &Command<N>) -> Verdict {
         let epoch = self.discrete.epoch;
-        #[cfg(mutant = "epoch_not_compared")]
-        let epoch = command.epoch;
         if !self.discrete.is_live() || command.epoch != epoch {
             return Verdict::Stale;
         }

@@ -144,8 +144,6 @@ impl<const N: usize> Session<N> {
         parts.axes = axes_at_rest(&self.config, in_force, nominal)?;
         let discrete = &mut parts.discrete;
         let goes_on = discrete.phase == Phase::Fault;
-        #[cfg(mutant = "resume_in_listening")]
-        let goes_on = goes_on || discrete.phase == Phase::Listening;
         if !goes_on {
             *discrete = FsmState {
                 phase: Phase::SafeDisconnect,

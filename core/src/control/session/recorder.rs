@@ -188,8 +188,6 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
         }
         self.segment_mut().push(input, output);
         let after_end = ends.then_some(HALF);
-        #[cfg(mutant = "frozen_too_early")]
-        let after_end = after_end.map(|left| left.saturating_sub(1));
         self.countdown = match self.countdown {
             Some(left) => Some(left.saturating_sub(1)),
             None => after_end,

@@ -108,8 +108,6 @@ fn complete<const N: usize>(
 /// Whether every offset in force is zero.
 pub(super) fn all_zero<const N: usize>(axes: &[Axis; N]) -> bool {
     let mut axes = each(axes);
-    #[cfg(mutant = "first_axis_forgotten")]
-    let mut axes = axes.skip(1);
     axes.all(|axis| axis.channels.is_zero())
 }
 

@@ -66,8 +66,6 @@ impl Collector {
         let Some(whole) = self.whole_len().transpose()? else {
             return Ok(None);
         };
-        #[cfg(mutant = "header_taken_twice")]
-        let header_part = 0;
         let rest = bytes.get(header_part..).unwrap_or_default();
         let taken = header_part.saturating_add(self.top_up(rest, whole));
         Ok((self.held == whole).then_some(taken))

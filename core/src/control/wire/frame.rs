@@ -195,8 +195,6 @@ fn check_trailer(frame: &[u8]) -> Result<(), FrameError> {
         .split_last_chunk::<TRAILER_LEN>()
         .ok_or(FrameError::Length)?;
     let checksum = crc32fast::hash(checked);
-    #[cfg(mutant = "checksum_not_compared")]
-    let checksum = u32::from_le_bytes(*trailer);
     if checksum == u32::from_le_bytes(*trailer) {
         Ok(())
     } else {

@@ -61,8 +61,6 @@ fn check_axes<const N: usize>(received: u8) -> Result<(), ContentError> {
 }
 
 const fn check_reserved(value: u16) -> Result<(), ContentError> {
-    #[cfg(mutant = "reserved_ignored")]
-    let value = 0;
     if value == 0 {
         Ok(())
     } else {
