@@ -1,17 +1,16 @@
 //! Runs the proofs: `cargo run -p gantry-tau-proofs -- prove`.
 //!
-//! Every harness of `src/harness/` and every mutant of core has a row in `manifest.toml`. The runner first compares the names, then
-//! gives Kani one row at a time, and fails whenever Kani finds anything but what the row expects.
+//! Every harness of `src/harness/` has a row in `manifest.toml`, every mutant of core one in `mutants.toml`. The runner first compares
+//! them with the sources, then gives Kani one row at a time, and fails whenever Kani finds anything but what the row expects.
 #![forbid(unsafe_code)]
 
 mod check;
-mod job;
 mod kani;
 mod manifest;
+mod mutate;
 mod progress;
 mod prove;
 mod report;
-mod source;
 mod verdict;
 
 use std::path::{Path, PathBuf};
@@ -23,7 +22,7 @@ use crate::manifest::{Manifest, Tier};
 
 /// The proofs of gantry-tau-core.
 ///
-/// Exit codes: 0 all as expected; 1 something not; 2 usage; 3 Kani is missing, nothing was proved; 4 names disagree.
+/// Exit codes: 0 all as expected; 1 something not; 2 usage; 3 Kani is missing, nothing was proved; 4 the files disagree.
 #[derive(Debug, Parser)]
 #[command(name = "gantry-tau-proofs", version, max_term_width = 100)]
 struct Arguments {
@@ -38,10 +37,16 @@ struct Arguments {
 enum Command {
     /// Give every harness and every mutant to Kani, one at a time; begins with `check`
     Prove(Prove),
-    /// Compare manifest, harnesses, mutants and the README's table; needs no Kani
-    Check,
-    /// Show what the manifest holds
+    /// Compare manifest, harnesses, mutants and the table in proofs/README.md; needs no Kani
+    Check {
+        /// Also compile core with the mutants
+        #[arg(long)]
+        compile: bool,
+    },
+    /// Show theorems, harnesses, mutants and walls
     List,
+    /// Write the table of harnesses into proofs/README.md
+    Table,
 }
 
 #[derive(Debug, Args)]
@@ -72,14 +77,14 @@ impl Prove {
     }
 }
 
-/// What the program ends with.
+/// Outcome of the program.
 #[derive(Clone, Copy)]
 enum End {
     AsExpected,
     NotAsExpected,
     Usage,
     KaniMissing,
-    NamesDisagree,
+    FilesDisagree,
 }
 
 impl From<End> for ExitCode {
@@ -89,7 +94,7 @@ impl From<End> for ExitCode {
             End::NotAsExpected => 1,
             End::Usage => 2,
             End::KaniMissing => 3,
-            End::NamesDisagree => 4,
+            End::FilesDisagree => 4,
         })
     }
 }
@@ -108,16 +113,29 @@ fn run(arguments: Arguments) -> Result<End, String> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
     let root = arguments.root.or(here.map(Path::to_owned));
     let root = std::path::absolute(root.unwrap_or_default()).map_err(|error| error.to_string())?;
-    let manifest = Manifest::load(&root.join("proofs/manifest.toml"))?;
+    let manifest = Manifest::load(&root)?;
     match arguments.command {
         Command::List => {
             report::list(&manifest);
             Ok(End::AsExpected)
         }
-        Command::Check => names_agree(&root, &manifest),
+        Command::Check { compile } => {
+            let end = files_agree(&root, &manifest)?;
+            if compile && matches!(end, End::AsExpected) {
+                mutate::compile(&root, &manifest.mutants)?;
+                println!("check: core compiles with every mutant");
+            }
+            Ok(end)
+        }
+        Command::Table => {
+            let path = root.join("proofs/README.md");
+            let text = report::with_table(&read(&path)?, &manifest)?;
+            std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+            Ok(End::AsExpected)
+        }
         Command::Prove(options) => {
             report::forget(&options.out(&root));
-            match names_agree(&root, &manifest)? {
+            match files_agree(&root, &manifest)? {
                 End::AsExpected => prove::prove(&root, &manifest, &options),
                 disagree => Ok(disagree),
             }
@@ -125,20 +143,25 @@ fn run(arguments: Arguments) -> Result<End, String> {
     }
 }
 
-/// Says every disagreement.
-fn names_agree(root: &Path, manifest: &Manifest) -> Result<End, String> {
+/// Prints every disagreement.
+fn files_agree(root: &Path, manifest: &Manifest) -> Result<End, String> {
     let disagreements = check::check(root, manifest)?;
     for disagreement in &disagreements {
         eprintln!("check: {disagreement}");
     }
     if disagreements.is_empty() {
         println!(
-            "check: {} harnesses, {} mutants; manifest, source and README agree",
+            "check: {} harnesses, {} mutants; manifest, sources and proofs/README.md agree",
             manifest.harnesses.len(),
             manifest.mutants.len()
         );
         Ok(End::AsExpected)
     } else {
-        Ok(End::NamesDisagree)
+        Ok(End::FilesDisagree)
     }
+}
+
+/// Text of a file.
+fn read(path: &Path) -> Result<String, String> {
+    std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
 }

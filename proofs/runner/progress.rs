@@ -1,4 +1,4 @@
-//! Which run it is, how long it has taken, what came of it: a moving line on a terminal, plain lines elsewhere.
+//! Progress of the runs: a moving line on a terminal, plain lines elsewhere.
 
 use std::io::{IsTerminal, Write};
 use std::time::Duration;
@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::kani::Phase;
 
-/// Of all runs.
+/// Progress of all runs.
 pub(crate) struct Progress {
     /// Hidden where there is no terminal.
     bar: ProgressBar,
@@ -24,7 +24,7 @@ impl Progress {
         }
     }
 
-    /// A run begins.
+    /// Begins a run.
     pub(crate) fn begin(&mut self, index: usize, name: &str) {
         let line = format!("[{index}/{}] {name}", self.total);
         if self.plain {
@@ -40,15 +40,15 @@ impl Progress {
         }
     }
 
-    /// It is still running.
-    pub(crate) fn glance(&self, phase: Phase) {
+    /// Shows the phase of the run.
+    pub(crate) fn show(&self, phase: Phase) {
         self.bar.set_message(match phase {
             Phase::Building => "building",
             Phase::Solving => "proving",
         });
     }
 
-    /// It has ended.
+    /// Ends the run with its result.
     pub(crate) fn end(&self, result: &str) {
         if self.plain {
             println!("{result}");

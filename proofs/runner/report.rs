@@ -1,4 +1,4 @@
-//! What came of it: a table, `results.json`, `results.md`.
+//! Results as a table, `results.json` and `results.md`; contents of the manifest for `list` and for the README.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -6,29 +6,33 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use crate::job::Job;
-use crate::manifest::{Expected, Manifest, Tier};
+use crate::check;
+use crate::manifest::{Manifest, Row, Tier};
+use crate::prove::Job;
 
 /// One run, as `results.json` holds it.
 #[derive(Debug, Serialize)]
 pub(crate) struct Outcome {
-    /// Of the harness or the mutant.
+    /// Name of the harness or the mutant.
     name: String,
-    /// The harness that ran: the name itself, but for a mutant.
-    harness: String,
+    /// Harness that ran: the name itself, but for a mutant.
+    harness: &'static str,
+    solver: &'static str,
+    unwind: Option<u32>,
     theorems: Vec<String>,
-    /// What the harness says; for a mutant, what is wrong with core.
+    /// Property of the harness; for a mutant, the fault in core.
     property: String,
-    /// Over what; for a mutant, the check that must fail.
+    /// Domain of the property; for a mutant, the check that must fail.
     domain: String,
-    /// What is substituted, and taken for granted.
+    /// Assumptions behind substituted functions.
     assumes: Vec<String>,
     tier: Tier,
-    expected: Expected,
+    /// "verified", or "fails" for a mutant.
+    expected: &'static str,
     as_expected: bool,
-    /// Why not.
+    /// Reason for a result that is not as expected.
     objection: Option<String>,
-    /// The solver's time; none if there was no result.
+    /// Solver time; none if there was no result.
     seconds: Option<f64>,
     limit_seconds: f64,
     /// Kani's output.
@@ -43,22 +47,26 @@ impl Outcome {
         objection: Option<String>,
         log: &Path,
     ) -> Self {
-        let harness = job.harness;
+        let Job {
+            row,
+            harness,
+            mutant,
+        } = job;
+        let (property, domain, expected) = match mutant {
+            None => (&row.property, &row.domain, "verified"),
+            Some(mutant) => (&mutant.change, &mutant.fails, "fails"),
+        };
         Self {
             name: job.name().to_owned(),
-            harness: harness.name.clone(),
-            theorems: harness.theorems.clone(),
-            property: job
-                .mutant
-                .map_or(&harness.property, |mutant| &mutant.change)
-                .clone(),
-            domain: job
-                .mutant
-                .map_or(&harness.domain, |mutant| &mutant.fails)
-                .clone(),
-            assumes: harness.assumes.clone(),
+            harness: harness.name,
+            solver: harness.solver,
+            unwind: harness.unwind,
+            theorems: row.theorems.clone(),
+            property: property.clone(),
+            domain: domain.clone(),
+            assumes: row.assumes.clone(),
             tier: job.tier(),
-            expected: job.mutant.map_or(harness.verdict, |mutant| mutant.verdict),
+            expected,
             as_expected: objection.is_none(),
             objection,
             seconds,
@@ -67,14 +75,14 @@ impl Outcome {
         }
     }
 
-    /// For whoever watches; `whole` is the time with building.
+    /// Line of progress; `whole` is the time with building.
     pub(crate) fn line(&self, whole: Duration) -> String {
-        let whole = whole.as_secs_f64();
         match &self.objection {
             None => format!(
-                "{} in {} ({whole:.1} s with building)",
+                "{} in {} ({:.1} s with building)",
                 self.verdict(),
-                seconds(self.seconds)
+                seconds(self.seconds),
+                whole.as_secs_f64()
             ),
             Some(why) => format!("NOT AS EXPECTED: {why}\n    see {}", self.log),
         }
@@ -82,8 +90,8 @@ impl Outcome {
 
     fn verdict(&self) -> &'static str {
         match (&self.objection, self.expected) {
-            (None, Expected::Verified) => "verified",
-            (None, Expected::Fails) => "fails as it must",
+            (None, "fails") => "fails as it must",
+            (None, expected) => expected,
             (Some(_), _) => "NOT AS EXPECTED",
         }
     }
@@ -92,9 +100,9 @@ impl Outcome {
 /// All runs, as `results.json` holds them.
 #[derive(Debug, Serialize)]
 pub(crate) struct Report<'a> {
-    /// Of this file's format; a field that goes or changes its meaning makes it a new one.
+    /// Version of the file's format; raised when a field goes or changes its meaning.
     format: u32,
-    /// The Kani that ran, and the one that `proofs/kani-version` names.
+    /// Kani that ran, and the one that `proofs/kani-version` names.
     kani: &'a str,
     kani_pinned: &'a str,
     tier: Tier,
@@ -114,7 +122,7 @@ impl<'a> Report<'a> {
         manifest: &'a Manifest,
     ) -> Self {
         Self {
-            format: 1,
+            format: 2,
             kani,
             kani_pinned,
             tier,
@@ -125,7 +133,7 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// An empty run proves nothing.
+    /// True if every run was as expected. An empty run proves nothing.
     pub(crate) fn all_as_expected(&self) -> bool {
         self.total > 0 && self.as_expected == self.total
     }
@@ -157,7 +165,7 @@ impl<'a> Report<'a> {
         )
     }
 
-    /// `results.json` and `results.md`.
+    /// Writes `results.json` and `results.md`.
     pub(crate) fn write(&self, folder: &Path) -> Result<(), String> {
         let json = serde_json::to_string_pretty(self).map_err(|error| error.to_string())?;
         for (name, text) in [("results.json", json), ("results.md", self.markdown())] {
@@ -170,37 +178,50 @@ impl<'a> Report<'a> {
 
     fn markdown(&self) -> String {
         let mut text = format!(
-            "# Proofs of gantry-tau-core\n\n{}, tier {}.\n",
+            "# Proofs of gantry-tau-core\n\n{}, tier {}.\n\
+             A mutant is core with one line wrong on purpose; it must fail in the named check.\n\n",
             self.summary(),
             self.tier
         );
-        text.push_str(
-            "A mutant is core with one line wrong on purpose; it must fail in the named check.\n\n",
-        );
-        text.push_str("| name | theorems | what | over what; the failing check | verdict | time |\n|---|---|---|---|---|---|\n");
+        let head = [
+            "name",
+            "theorems",
+            "property",
+            "domain; the failing check",
+            "verdict",
+            "time",
+        ];
+        header(&mut text, &head);
         for outcome in &self.results {
+            let verdict = outcome.objection.as_deref().unwrap_or(outcome.verdict());
+            let name = format!("`{}`", outcome.name);
+            let theorems = outcome.theorems.join(" ");
+            let time = seconds(outcome.seconds);
             let cells = [
-                &format!("`{}`", outcome.name),
-                &outcome.theorems.join(" "),
+                &name,
+                &theorems,
                 &outcome.property,
                 &outcome.domain,
-                &outcome
-                    .objection
-                    .clone()
-                    .unwrap_or_else(|| outcome.verdict().to_owned()),
-                &seconds(outcome.seconds),
+                verdict,
+                &time,
             ];
-            row(&mut text, &cells);
+            line(&mut text, &cells);
         }
-        text.push_str("\nNot proved, and not claimed:\n\n| theorem | what |\n|---|---|\n");
+        text.push_str("\nNot proved, and not claimed:\n\n");
+        header(&mut text, &["theorem", "statement"]);
         for wall in &self.manifest.walls {
-            row(&mut text, &[&wall.theorem, &wall.what]);
+            line(&mut text, &[&wall.theorem, &wall.what]);
         }
         text
     }
 }
 
-fn row(text: &mut String, cells: &[&String]) {
+fn header(text: &mut String, cells: &[&str]) {
+    line(text, cells);
+    line(text, &vec!["---"; cells.len()]);
+}
+
+fn line(text: &mut String, cells: &[&str]) {
     let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
     // Writing to a String cannot fail.
     let _ = writeln!(text, "| {} |", cells.join(" | "));
@@ -210,7 +231,7 @@ fn seconds(time: Option<f64>) -> String {
     time.map_or("-".to_owned(), |time| format!("{time:.1} s"))
 }
 
-/// Removes what an earlier run has left: a run that comes to no result must not look like it.
+/// Removes the results of an earlier run: a run that comes to no result must not look like it.
 pub(crate) fn forget(folder: &Path) {
     for name in ["results.json", "results.md"] {
         // Most often there is none.
@@ -218,37 +239,88 @@ pub(crate) fn forget(folder: &Path) {
     }
 }
 
-/// The measured time, or that there is none.
-fn measured(seconds: Option<f64>) -> String {
-    seconds.map_or("not run yet".to_owned(), |seconds| format!("{seconds} s"))
+/// Markers of the generated part of proofs/README.md.
+const BEGIN: &str = "<!-- table: written by `cargo run -p gantry-tau-proofs -- table` -->\n";
+const END: &str = "<!-- end of table -->\n";
+
+/// Text of proofs/README.md with the table of the manifest between the markers.
+pub(crate) fn with_table(readme: &str, manifest: &Manifest) -> Result<String, String> {
+    let parts = readme.split_once(BEGIN).and_then(|(before, rest)| {
+        let (_, after) = rest.split_once(END)?;
+        Some((before, after))
+    });
+    let (before, after) = parts.ok_or("proofs/README.md: no markers of the table")?;
+    Ok(format!("{before}{BEGIN}{}{END}{after}", table(manifest)))
 }
 
-/// What the manifest holds.
+/// Theorems with their harnesses, solver times and mutants.
+fn table(manifest: &Manifest) -> String {
+    let mut text = String::from("\n");
+    header(
+        &mut text,
+        &[
+            "theorem",
+            "statement and domain",
+            "how",
+            "harnesses, s",
+            "mutants that fail",
+        ],
+    );
+    for theorem in &manifest.theorems {
+        let proves = |row: &&Row| row.theorems.contains(&theorem.name);
+        let rows: Vec<&Row> = manifest.harnesses.iter().filter(proves).collect();
+        let names = rows.iter().map(|row| match row.measured_s {
+            Some(seconds) => format!("`{}` {seconds}", row.name),
+            None => format!("`{}` (not run yet)", row.name),
+        });
+        let mutants = manifest.mutants.iter();
+        let falls = mutants.filter(|mutant| rows.iter().any(|row| row.name == mutant.harness));
+        let mutants: Vec<String> = falls.map(|mutant| format!("`{}`", mutant.name)).collect();
+        let cells = [
+            &theorem.name,
+            &theorem.statement,
+            &theorem.how,
+            &names.collect::<Vec<_>>().join(", "),
+            &mutants.join(", "),
+        ];
+        line(&mut text, &cells.map(String::as_str));
+    }
+    text.push('\n');
+    text
+}
+
+/// Prints theorems, harnesses, mutants and walls.
 pub(crate) fn list(manifest: &Manifest) {
-    for harness in &manifest.harnesses {
-        let theorems = harness.theorems.join(" ");
+    let measured = |s: Option<f64>| s.map_or("not run yet".to_owned(), |s| format!("{s} s"));
+    for theorem in &manifest.theorems {
         println!(
-            "{}  ({theorems}, {}, {})\n    {}\n    for {}",
-            harness.name,
-            harness.tier,
-            measured(harness.measured_s),
-            harness.property,
-            harness.domain
+            "{}  {}\n    {}",
+            theorem.name, theorem.statement, theorem.how
         );
-        for assumption in &harness.assumes {
+    }
+    let declared = check::declared();
+    for row in &manifest.harnesses {
+        let source = declared.get(row.name.as_str());
+        let solver = source.map_or("not in the source".to_owned(), |harness| {
+            match harness.unwind {
+                Some(bound) => format!("{}, unwind {bound}", harness.solver),
+                None => harness.solver.to_owned(),
+            }
+        });
+        let (theorems, time) = (row.theorems.join(" "), measured(row.measured_s));
+        println!("{}  ({theorems}, {}, {time}, {solver})", row.name, row.tier);
+        println!("    {}\n    for {}", row.property, row.domain);
+        for assumption in &row.assumes {
             println!("    assumes {assumption}");
         }
     }
     for mutant in &manifest.mutants {
+        let time = measured(mutant.measured_s);
         println!(
-            "{}  (mutant, {}, {})\n    {}\n    {} must fail: {}",
-            mutant.name,
-            mutant.tier,
-            measured(mutant.measured_s),
-            mutant.change,
-            mutant.harness,
-            mutant.fails
+            "{}  (mutant, {}, {time})\n    {}",
+            mutant.name, mutant.tier, mutant.change
         );
+        println!("    {} must fail: {}", mutant.harness, mutant.fails);
     }
     for wall in &manifest.walls {
         println!("not proved, {}: {}", wall.theorem, wall.what);

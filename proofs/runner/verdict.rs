@@ -1,8 +1,8 @@
-//! What Kani found, read from what it printed, and whether that is what was expected.
+//! Findings in Kani's output, and their comparison with what a job expects.
 
-use crate::job::Job;
+use crate::prove::Job;
 
-/// What Kani's output says. What it does not say stays empty, and then nothing is as expected.
+/// Findings in Kani's output. A field that the output lacks stays empty, and then nothing is as expected.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Findings {
     /// `VERIFICATION:- SUCCESSFUL` or `FAILED`.
@@ -19,9 +19,9 @@ pub(crate) struct Findings {
     unreached: Vec<String>,
     /// Texts of the checks that failed.
     failed: Vec<String>,
-    /// Why there was no result.
+    /// Reason for the lack of a result.
     trouble: Option<String>,
-    /// The solver's time.
+    /// Solver time, s.
     pub(crate) seconds: Option<f64>,
 }
 
@@ -33,7 +33,7 @@ const NOT_ABOUT_THE_PROPERTY: [&str; 4] = [
     "Kani does not support",
 ];
 
-/// Lines that tell why there is no result.
+/// Lines with the reason for a lack of a result.
 const TROUBLE: [&str; 5] = [
     "error:",
     "error[",
@@ -102,7 +102,7 @@ impl Findings {
         }
     }
 
-    /// Why this is not what the job expects; nothing if it is.
+    /// Reason why this is not what the job expects; none if it is.
     pub(crate) fn objection(&self, job: Job<'_>, limit: f64) -> Option<String> {
         let (Some(harnesses), Some(verified), Some(checks), Some(seconds)) =
             (self.harnesses, self.verified, self.checks, self.seconds)
@@ -125,7 +125,7 @@ impl Findings {
         }
     }
 
-    /// A proof: checks were made and all hold, covers were set and all were reached.
+    /// Objection to a proof: every check must hold, every cover must be reached, and there must be some of both.
     fn not_proved(&self, verified: bool, (failed, checks): (u32, u32)) -> Option<String> {
         if !verified || failed > 0 {
             return Some(format!("failed: {}", self.failed.join("; ")));
@@ -146,7 +146,7 @@ impl Findings {
         }
     }
 
-    /// A control: the named check fails, and nothing fails that hides what it would have said.
+    /// Objection to a mutant: the named check must fail, and nothing that hides it.
     fn not_caught(&self, verified: bool, expected: &str) -> Option<String> {
         if verified {
             return Some("the mutant verifies: the harness does not notice the fault".to_owned());

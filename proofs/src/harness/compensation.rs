@@ -1,7 +1,7 @@
 //! Kani harnesses of the compensation's last step and of the force sensor.
 
 use gantry_tau_core::model::compensation::CompensatorConfig;
-use gantry_tau_core::model::sensor::{ForceSensor, SensorConfig, SensorState};
+use gantry_tau_core::model::sensor::{SensorConfig, SensorState};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, OffsetNm};
 
