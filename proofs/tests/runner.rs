@@ -84,112 +84,33 @@ mod on_a_copy {
         }
     }
 
+    /// File, text in it, replacement, and what `check` says then.
+    const CASES: &str = r#"proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "ramp" ~ channel_ramp_is_exact: in the source, not in the manifest
+proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "ramp" ~ ramp: in the manifest, not in the source
+proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "channel_ramp_is_bounded" ~ channel_ramp_is_bounded: stands twice
+proofs/manifest.toml ~ measured_s = 0.7 ~ measured_s = 31.0 ~ channel_hold_is_bounded: slower than its tier
+proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = [] ~ motors_paired_are_equal: proves no theorem
+proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = ["T1"] ~ T10: no harness proves a part of it
+proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = ["T16"] ~ T16 is not a theorem
+proofs/mutants.toml ~ harness = "motors_paired_are_equal" ~ harness = "motors" ~ its harness motors is not in the manifest
+proofs/mutants.toml ~ harness = "motors_paired_are_equal" ~ harness = "total_start" ~ family motors: no mutant tries any
+proofs/mutants.toml ~ fails = "T5: exactly min(rho, |value|)" ~ fails = "" ~ names no check that must fail
+proofs/mutants.toml ~ new = "let rest = u32::MAX;" ~ new = "let rest = self.value.unsigned_abs();" ~ changes nothing
+core/src/control/channel.rs ~ let rest = self.value.unsigned_abs(); ~ let rest = 0; ~ occurs 0 times in core/src/control/channel.rs, expected once
+core/src/control/channel.rs ~ //! ~ //! let rest = self.value.unsigned_abs(); ~ occurs 2 times
+core/src/control/channel.rs ~ let rest = ~ kani::assume(true); let rest = ~ no kani::cover! after this kani::assume
+proofs/src/harness/wire.rs ~ //! T8 ~ fn any() { kani::assume(true); } // ~ wire.rs:1: no kani::cover!
+proofs/README.md ~ `motors_paired_are_equal` 109.2 ~ `motors_paired_are_equal` 109.1 ~ table of harnesses is stale"#;
+
     #[test]
     fn every_disagreement_is_named() {
-        let (manifest, mutants) = ("proofs/manifest.toml", "proofs/mutants.toml");
-        let (channel, readme) = ("core/src/control/channel.rs", "proofs/README.md");
-        let ramp = "let rest = self.value.unsigned_abs();";
-        let cases = [
-            (
-                manifest,
-                "name = \"channel_ramp_is_exact\"",
-                "name = \"channel_ramp\"",
-                "channel_ramp_is_exact: in the source, not in the manifest",
-            ),
-            (
-                manifest,
-                "name = \"channel_ramp_is_exact\"",
-                "name = \"channel_ramp\"",
-                "channel_ramp: in the manifest, not in the source",
-            ),
-            (
-                manifest,
-                "name = \"channel_ramp_is_exact\"",
-                "name = \"channel_ramp_is_bounded\"",
-                "channel_ramp_is_bounded: stands twice",
-            ),
-            (
-                manifest,
-                "measured_s = 0.7",
-                "measured_s = 31.0",
-                "channel_hold_is_bounded: slower than its tier",
-            ),
-            (
-                manifest,
-                "theorems = [\"T10\"]",
-                "theorems = []",
-                "motors_paired_are_equal: proves no theorem",
-            ),
-            (
-                manifest,
-                "theorems = [\"T10\"]",
-                "theorems = [\"T1\"]",
-                "T10: no harness proves a part of it",
-            ),
-            (
-                manifest,
-                "theorems = [\"T10\"]",
-                "theorems = [\"T16\"]",
-                "T16 is not a theorem",
-            ),
-            (
-                mutants,
-                "harness = \"motors_paired_are_equal\"",
-                "harness = \"motors\"",
-                "its harness motors is not in the manifest",
-            ),
-            (
-                mutants,
-                "harness = \"motors_paired_are_equal\"",
-                "harness = \"total_start\"",
-                "family motors: no mutant tries any",
-            ),
-            (
-                mutants,
-                "fails = \"T5: exactly min(rho, |value|)\"",
-                "fails = \"\"",
-                "names no check that must fail",
-            ),
-            (
-                mutants,
-                "new = \"let rest = u32::MAX;\"",
-                "new = \"let rest = self.value.unsigned_abs();\"",
-                "changes nothing",
-            ),
-            (
-                channel,
-                ramp,
-                "let rest = 0;",
-                "occurs 0 times in core/src/control/channel.rs, expected once",
-            ),
-            (
-                channel,
-                ramp,
-                "let rest = self.value.unsigned_abs();let rest = self.value.unsigned_abs();",
-                "occurs 2 times",
-            ),
-            (
-                channel,
-                ramp,
-                "kani::assume(true); let rest = self.value.unsigned_abs();",
-                "no kani::cover! after this kani::assume",
-            ),
-            (
-                "proofs/src/harness/wire.rs",
-                "//! T8",
-                "fn any() {\n    kani::assume(true);\n}\n// T8",
-                "wire.rs:2: no kani::cover!",
-            ),
-            (
-                readme,
-                "`motors_paired_are_equal` 109.2",
-                "`motors_paired_are_equal` 109.1",
-                "table of harnesses is stale",
-            ),
-        ];
         let toy = Toy::new("disagreement");
         assert_eq!(toy.run(&["check"]).status.code(), Some(0));
-        for (file, from, to, said) in cases {
+        for case in CASES.lines() {
+            let cells: Vec<&str> = case.split(" ~ ").collect();
+            let [file, from, to, said] = cells[..] else {
+                panic!("{case}");
+            };
             let text = toy.read(file);
             assert!(text.contains(from), "{file}: {from}");
             toy.write(file, &text.replacen(from, to, 1));
@@ -201,6 +122,7 @@ mod on_a_copy {
         toy.write("proofs/src/harness/forgotten.rs", "");
         assert!(out(&toy.run(&["check"])).contains("family forgotten: no mutant tries any"));
         std::fs::remove_file(toy.root.join("proofs/src/harness/forgotten.rs")).unwrap();
+        let readme = "proofs/README.md";
         toy.write(readme, &toy.read(readme).replacen("| T10 |", "| T1 |", 1));
         assert!(toy.run(&["table"]).status.success() && toy.run(&["check"]).status.success());
     }
@@ -242,18 +164,6 @@ mod on_a_copy {
     const VERIFIED: &str = "cat $recorded/verified.txt";
     const FAILED: &str = "cat $recorded/failed.txt; exit 1";
 
-    /// The runner finds this objection.
-    fn objects(name: &str, proof: &str, mutant: &str, objection: &str) {
-        let toy = Toy::new(name);
-        install(&toy, proof, mutant);
-        let output = toy.run(&NAMES);
-        assert_eq!(output.status.code(), Some(1), "{}", out(&output));
-        let said = out(&output);
-        assert!(said.contains(objection), "{said}");
-        assert!(said.contains("1 of 2 as expected"), "{said}");
-        assert!(said.contains("/target/kani/logs/"), "{said}");
-    }
-
     #[test]
     fn what_is_expected_is_reported() {
         let toy = Toy::new("expected");
@@ -288,7 +198,11 @@ mod on_a_copy {
         let original = toy.read("core/src/control/channel.rs");
         for _ in 0..2 {
             let output = toy.run(&["prove", "ramp_past_zero"]);
-            assert!(output.status.success(), "{}", out(&output));
+            assert!(
+                out(&output).contains("1 of 1 as expected"),
+                "{}",
+                out(&output)
+            );
         }
         install(&toy, VERIFIED, &format!("{fault} || {FAILED}"));
         let output = toy.run(&["prove", "accel_ignored"]);
@@ -306,112 +220,40 @@ mod on_a_copy {
         assert!(!workspace.contains("default-members"), "{workspace}");
     }
 
-    #[test]
-    fn a_name_chooses() {
-        let toy = Toy::new("chosen");
-        install(&toy, VERIFIED, FAILED);
-        assert!(out(&toy.run(&["prove", "ramp_past_zero"])).contains("1 of 1 as expected"));
-    }
+    /// What Kani does for a harness, what it does for the mutant, and the objection of the runner.
+    const OBJECTIONS: &str = "FAILED ~ FAILED ~ failed: T5: exactly min(rho, |value|)
+cat $recorded/unwinding.txt; exit 1 ~ FAILED ~ failed: unwinding assertion loop 0
+cat $recorded/unreached_cover.txt ~ FAILED ~ 1 of 3 covers reached; not: \"never\"; \"not here\"
+cat $recorded/no_cover.txt ~ FAILED ~ it has no cover
+cat $recorded/no_match.txt; exit 1 ~ FAILED ~ no result: error: Failed to match
+cat $recorded/out_of_memory.txt; exit 101 ~ FAILED ~ no result: SAT checker ran out of memory
+true ~ FAILED ~ no result: its output is not understood
+VERIFIED; exit 1 ~ FAILED ~ Kani ended with exit status: 1
+sed 's/1 total/0 total/' $recorded/verified.txt ~ FAILED ~ 0 harnesses ran instead of one
+sed 's/1 total/2 total/' $recorded/verified.txt ~ FAILED ~ 2 harnesses ran instead of one
+sed 's/Time: 0/Time: 31/' $recorded/verified.txt ~ FAILED ~ took 31.1 s, its tier allows 30 s
+sed 's/of 1 failed/& (1 undetermined)/' $recorded/verified.txt ~ FAILED ~ could not decide
+VERIFIED ~ VERIFIED ~ the mutant verifies
+VERIFIED ~ sed 's/T5/T6/' $recorded/failed.txt; exit 1 ~ the wrong check failed: T6
+VERIFIED ~ cat $recorded/unwinding.txt; exit 1 ~ failed for another reason";
 
     #[test]
-    fn a_proof_that_fails() {
-        objects(
-            "failure",
-            FAILED,
-            FAILED,
-            "failed: T5: exactly min(rho, |value|)",
-        );
-        objects(
-            "unwinding",
-            "cat $recorded/unwinding.txt; exit 1",
-            FAILED,
-            "failed: unwinding assertion loop 0",
-        );
-    }
-
-    #[test]
-    fn a_cover_that_is_not_reached() {
-        objects(
-            "cover",
-            "cat $recorded/unreached_cover.txt",
-            FAILED,
-            "1 of 3 covers reached; not: \"never\"; \"not here\"",
-        );
-        objects(
-            "no_cover",
-            "cat $recorded/no_cover.txt",
-            FAILED,
-            "it has no cover",
-        );
-    }
-
-    #[test]
-    fn a_proof_that_is_none() {
-        objects(
-            "no_match",
-            "cat $recorded/no_match.txt; exit 1",
-            FAILED,
-            "no result: error: Failed to match",
-        );
-        objects(
-            "memory",
-            "cat $recorded/out_of_memory.txt; exit 101",
-            FAILED,
-            "no result: SAT checker ran out of memory",
-        );
-        objects(
-            "silent",
-            "true",
-            FAILED,
-            "no result: its output is not understood",
-        );
-        objects(
-            "status",
-            "cat $recorded/verified.txt; exit 1",
-            FAILED,
-            "Kani ended with exit status: 1",
-        );
-        objects(
-            "zero",
-            "sed 's/1 total/0 total/' $recorded/verified.txt",
-            FAILED,
-            "0 harnesses ran instead of one",
-        );
-        objects(
-            "two",
-            "sed 's/1 total/2 total/' $recorded/verified.txt",
-            FAILED,
-            "2 harnesses ran instead of one",
-        );
-        objects(
-            "slow",
-            "sed 's/Time: 0/Time: 31/' $recorded/verified.txt",
-            FAILED,
-            "took 31.1 s, its tier allows 30 s",
-        );
-        objects(
-            "undecided",
-            "sed 's/of 1 failed/& (1 undetermined)/' $recorded/verified.txt",
-            FAILED,
-            "could not decide",
-        );
-    }
-
-    #[test]
-    fn a_mutant_that_is_not_caught() {
-        objects("verifies", VERIFIED, VERIFIED, "the mutant verifies");
-        objects(
-            "wrong_check",
-            VERIFIED,
-            "sed 's/T5/T6/' $recorded/failed.txt; exit 1",
-            "the wrong check failed: T6",
-        );
-        objects(
-            "hidden",
-            VERIFIED,
-            "cat $recorded/unwinding.txt; exit 1",
-            "failed for another reason",
-        );
+    fn a_wrong_result_is_an_objection() {
+        let toy = Toy::new("objections");
+        for case in OBJECTIONS.lines() {
+            let case = case.replace("VERIFIED", VERIFIED).replace("FAILED", FAILED);
+            let cells: Vec<&str> = case.split(" ~ ").collect();
+            let [proof, mutant, objection] = cells[..] else {
+                panic!("{case}");
+            };
+            install(&toy, proof, mutant);
+            let output = toy.run(&NAMES);
+            let said = out(&output);
+            assert_eq!(output.status.code(), Some(1), "{said}");
+            assert!(said.contains(objection), "{objection}: {said}");
+            assert!(said.contains("1 of 2 as expected"), "{said}");
+            assert!(said.contains("/target/kani/logs/"), "{said}");
+        }
     }
 
     /// What a solver does: it goes on alone when Kani is killed.
