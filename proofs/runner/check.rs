@@ -1,12 +1,12 @@
 //! Agreement of manifest, mutants, sources and the README's table. Every disagreement is a sentence.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use gantry_tau_proofs::harness::{HARNESSES, Harness};
 
-use crate::manifest::{Manifest, Tier};
-use crate::{mutate, read, report};
+use crate::manifest::Manifest;
+use crate::{files, mutate, read, report};
 
 /// Every harness of the source, by its name.
 pub(crate) fn declared() -> BTreeMap<&'static str, &'static Harness> {
@@ -21,7 +21,7 @@ pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, Str
     wrong.extend(mutants_apply(root, manifest));
     wrong.extend(families_are_tried(root, manifest)?);
     for folder in ["core/src", "proofs/src"] {
-        for path in rust_files(&root.join(folder))? {
+        for path in files(&root.join(folder))? {
             wrong.extend(uncovered(&path.display().to_string(), &read(&path)?));
         }
     }
@@ -32,48 +32,43 @@ pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, Str
     Ok(wrong)
 }
 
-/// Names are unique, theorems exist and have harnesses, times fit their tiers.
+/// Names are unique, times fit their tiers, theorems exist and have harnesses.
 fn rows_make_sense(manifest: &Manifest) -> Vec<String> {
     let mut wrong = Vec::new();
     let mut seen = BTreeSet::new();
-    let mut check = |name: &str, tier: Tier, measured_s: Option<f64>| {
-        if !seen.insert(name.to_owned()) {
+    let harnesses = manifest.harnesses.iter();
+    let rows = harnesses.map(|row| (&row.name, row.tier, row.measured_s));
+    let mutants = manifest.mutants.iter();
+    let mutants = mutants.map(|mutant| (&mutant.name, mutant.tier, mutant.measured_s));
+    for (name, tier, measured_s) in rows.chain(mutants) {
+        if !seen.insert(name) {
             wrong.push(format!("{name}: stands twice in the manifest"));
         }
         if measured_s > Some(tier.seconds()) {
             wrong.push(format!("{name}: slower than its tier"));
         }
-    };
-    for row in &manifest.harnesses {
-        check(&row.name, row.tier, row.measured_s);
     }
-    for mutant in &manifest.mutants {
-        check(&mutant.name, mutant.tier, mutant.measured_s);
-    }
-    let theorems: BTreeSet<&String> = manifest.theorems.iter().map(|row| &row.name).collect();
-    let mut proved = BTreeSet::new();
+    let mut unproved: BTreeSet<&String> = manifest.theorems.iter().map(|row| &row.name).collect();
+    let theorems = unproved.clone();
     for row in &manifest.harnesses {
         if row.theorems.is_empty() {
             wrong.push(format!("{}: proves no theorem", row.name));
         }
-        proved.extend(row.theorems.iter().map(|theorem| (theorem, &row.name)));
-    }
-    let walls = manifest
-        .walls
-        .iter()
-        .map(|wall| (&wall.theorem, &wall.what));
-    for (theorem, name) in proved.iter().copied().chain(walls) {
-        if !theorems.contains(theorem) {
-            wrong.push(format!(
-                "{name}: {theorem} is not a theorem of the manifest"
-            ));
+        for theorem in &row.theorems {
+            unproved.remove(theorem);
+            if !theorems.contains(theorem) {
+                wrong.push(format!(
+                    "{}: {theorem} is not a theorem of the manifest",
+                    row.name
+                ));
+            }
         }
     }
-    for theorem in theorems {
-        if proved.iter().all(|(proved, _)| *proved != theorem) {
-            wrong.push(format!("{theorem}: no harness proves a part of it"));
-        }
-    }
+    wrong.extend(
+        unproved
+            .iter()
+            .map(|name| format!("{name}: no harness proves a part of it")),
+    );
     wrong
 }
 
@@ -125,7 +120,7 @@ fn families_are_tried(root: &Path, manifest: &Manifest) -> Result<Vec<String>, S
     let declared = declared();
     let tried = |name: &str| manifest.mutants.iter().any(|mutant| mutant.harness == name);
     let mut wrong = Vec::new();
-    for path in rust_files(&root.join("proofs/src/harness"))? {
+    for path in files(&root.join("proofs/src/harness"))? {
         let family = path.file_stem().unwrap_or_default().to_string_lossy();
         let mut harnesses = declared
             .values()
@@ -154,19 +149,4 @@ fn uncovered(path: &str, text: &str) -> Vec<String> {
         line = line.saturating_add(part.matches('\n').count());
     }
     wrong
-}
-
-/// All Rust files below a folder.
-fn rust_files(folder: &Path) -> Result<Vec<PathBuf>, String> {
-    let complain = |error: std::io::Error| format!("{}: {error}", folder.display());
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(complain)? {
-        let path = entry.map_err(complain)?.path();
-        if path.is_dir() {
-            files.extend(rust_files(&path)?);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            files.push(path);
-        }
-    }
-    Ok(files)
 }

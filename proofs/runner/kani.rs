@@ -19,10 +19,8 @@ const SOLVING: &str = "Checking harness";
 /// Interval of looking at a run.
 const POLL: Duration = Duration::from_millis(50);
 
-/// Installed Kani, with the limits of its runs.
+/// Folders and limits of the runs.
 pub(crate) struct Kani {
-    /// As Kani states it, "0.68.0".
-    pub(crate) version: String,
     /// Folder of its builds.
     pub(crate) target: PathBuf,
     /// Folder of its output.
@@ -46,12 +44,6 @@ pub(crate) enum End {
     Interrupted,
 }
 
-/// Finished run.
-pub(crate) struct Run {
-    pub(crate) end: End,
-    pub(crate) log: PathBuf,
-}
-
 /// Version of the installed Kani, or Cargo's message.
 pub(crate) fn version() -> Result<String, String> {
     let output = Command::new(cargo()).args(["kani", "--version"]).output();
@@ -64,14 +56,14 @@ pub(crate) fn version() -> Result<String, String> {
 }
 
 impl Kani {
-    /// Runs one job on a folder of proofs to its end, and reports its phase now and then.
+    /// Runs one job on a folder of proofs to its end, and reports its phase now and then. Returns the end and the log.
     pub(crate) fn run(
         &self,
         job: Job<'_>,
         proofs: &Path,
         limit: Duration,
         mut report: impl FnMut(Phase),
-    ) -> std::io::Result<Run> {
+    ) -> std::io::Result<(End, PathBuf)> {
         let log = self.logs.join(format!("{}.log", job.name()));
         let file = File::create(&log)?;
         let mut command = self.command(job, proofs);
@@ -80,15 +72,18 @@ impl Kani {
             .stdout(file.try_clone()?)
             .stderr(file);
         let mut child = command.spawn()?;
-        let mut watch = Watch::new(File::open(&log)?);
+        let (mut output, mut text) = (File::open(&log)?, Vec::new());
+        let (mut phase, mut since) = (Phase::Building, Instant::now());
         let end = loop {
             if let Some(status) = child.try_wait()? {
-                return Ok(Run {
-                    end: End::Exited(status),
-                    log,
-                });
+                return Ok((End::Exited(status), log));
             }
-            let phase = watch.phase()?;
+            if phase == Phase::Building {
+                output.read_to_end(&mut text)?;
+                if String::from_utf8_lossy(&text).contains(SOLVING) {
+                    (phase, since) = (Phase::Solving, Instant::now());
+                }
+            }
             report(phase);
             let allowed = match phase {
                 Phase::Building => self.build_limit,
@@ -97,13 +92,13 @@ impl Kani {
             if INTERRUPTED.load(Ordering::Relaxed) {
                 break End::Interrupted;
             }
-            if watch.since.elapsed() > allowed {
+            if since.elapsed() > allowed {
                 break End::TimedOut(phase);
             }
             std::thread::sleep(POLL);
         };
         kill(&mut child)?;
-        Ok(Run { end, log })
+        Ok((end, log))
     }
 
     fn command(&self, job: Job<'_>, proofs: &Path) -> Command {
@@ -121,37 +116,6 @@ impl Kani {
             .env_remove("RUSTC_WRAPPER")
             .env_remove("RUSTC_WORKSPACE_WRAPPER");
         command
-    }
-}
-
-/// Output of a run, read as it grows until the solver starts.
-struct Watch {
-    log: File,
-    text: Vec<u8>,
-    phase: Phase,
-    /// Start of this phase.
-    since: Instant,
-}
-
-impl Watch {
-    fn new(log: File) -> Self {
-        Self {
-            log,
-            text: Vec::new(),
-            phase: Phase::Building,
-            since: Instant::now(),
-        }
-    }
-
-    fn phase(&mut self) -> std::io::Result<Phase> {
-        if self.phase == Phase::Building {
-            self.log.read_to_end(&mut self.text)?;
-            if String::from_utf8_lossy(&self.text).contains(SOLVING) {
-                self.phase = Phase::Solving;
-                self.since = Instant::now();
-            }
-        }
-        Ok(self.phase)
     }
 }
 

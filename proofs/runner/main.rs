@@ -8,7 +8,6 @@ mod check;
 mod kani;
 mod manifest;
 mod mutate;
-mod progress;
 mod prove;
 mod report;
 mod verdict;
@@ -71,97 +70,98 @@ struct Prove {
 }
 
 impl Prove {
-    /// The folder of the results.
+    /// Folder of the results.
     fn out(&self, root: &Path) -> PathBuf {
         self.out.clone().unwrap_or_else(|| root.join("target/kani"))
     }
 }
 
-/// Outcome of the program.
-#[derive(Clone, Copy)]
-enum End {
-    AsExpected,
-    NotAsExpected,
-    Usage,
-    KaniMissing,
-    FilesDisagree,
+/// Exit codes, as `--help` explains them.
+mod exit {
+    pub(crate) const NOT_AS_EXPECTED: u8 = 1;
+    pub(crate) const USAGE: u8 = 2;
+    pub(crate) const KANI_MISSING: u8 = 3;
+    pub(crate) const FILES_DISAGREE: u8 = 4;
 }
 
-impl From<End> for ExitCode {
-    fn from(end: End) -> Self {
-        Self::from(match end {
-            End::AsExpected => 0,
-            End::NotAsExpected => 1,
-            End::Usage => 2,
-            End::KaniMissing => 3,
-            End::FilesDisagree => 4,
-        })
+/// Exit code and message of a run that did not end as expected.
+struct Failure(u8, String);
+
+impl From<String> for Failure {
+    fn from(message: String) -> Self {
+        Self(exit::NOT_AS_EXPECTED, message)
     }
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
-    run(arguments)
-        .unwrap_or_else(|error| {
-            eprintln!("gantry-tau-proofs: {error}");
-            End::NotAsExpected
-        })
-        .into()
+    match run(Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure(code, message)) => {
+            eprintln!("gantry-tau-proofs: {message}");
+            code.into()
+        }
+    }
 }
 
-fn run(arguments: Arguments) -> Result<End, String> {
+fn run(arguments: Arguments) -> Result<(), Failure> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
     let root = arguments.root.or(here.map(Path::to_owned));
     let root = std::path::absolute(root.unwrap_or_default()).map_err(|error| error.to_string())?;
     let manifest = Manifest::load(&root)?;
     match arguments.command {
-        Command::List => {
-            report::list(&manifest);
-            Ok(End::AsExpected)
-        }
+        Command::List => report::list(&manifest),
         Command::Check { compile } => {
-            let end = files_agree(&root, &manifest)?;
-            if compile && matches!(end, End::AsExpected) {
+            files_agree(&root, &manifest)?;
+            if compile {
                 mutate::compile(&root, &manifest.mutants)?;
                 println!("check: core compiles with every mutant");
             }
-            Ok(end)
         }
         Command::Table => {
             let path = root.join("proofs/README.md");
             let text = report::with_table(&read(&path)?, &manifest)?;
             std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
-            Ok(End::AsExpected)
         }
         Command::Prove(options) => {
             report::forget(&options.out(&root));
-            match files_agree(&root, &manifest)? {
-                End::AsExpected => prove::prove(&root, &manifest, &options),
-                disagree => Ok(disagree),
-            }
+            files_agree(&root, &manifest)?;
+            prove::prove(&root, &manifest, &options)?;
         }
     }
+    Ok(())
 }
 
-/// Prints every disagreement.
-fn files_agree(root: &Path, manifest: &Manifest) -> Result<End, String> {
+/// Fails with every disagreement.
+fn files_agree(root: &Path, manifest: &Manifest) -> Result<(), Failure> {
     let disagreements = check::check(root, manifest)?;
-    for disagreement in &disagreements {
-        eprintln!("check: {disagreement}");
+    if !disagreements.is_empty() {
+        let message = format!("check:\n  {}", disagreements.join("\n  "));
+        return Err(Failure(exit::FILES_DISAGREE, message));
     }
-    if disagreements.is_empty() {
-        println!(
-            "check: {} harnesses, {} mutants; manifest, sources and proofs/README.md agree",
-            manifest.harnesses.len(),
-            manifest.mutants.len()
-        );
-        Ok(End::AsExpected)
-    } else {
-        Ok(End::FilesDisagree)
-    }
+    println!(
+        "check: {} harnesses, {} mutants; manifest, sources and proofs/README.md agree",
+        manifest.harnesses.len(),
+        manifest.mutants.len()
+    );
+    Ok(())
 }
 
 /// Text of a file.
 fn read(path: &Path) -> Result<String, String> {
     std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// Every file below a folder, but for those of Cargo's `target`.
+fn files(folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let complain = |error: std::io::Error| format!("{}: {error}", folder.display());
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(complain)? {
+        let path = entry.map_err(complain)?.path();
+        if !path.is_dir() {
+            found.push(path);
+        } else if !path.ends_with("target") {
+            found.extend(files(&path)?);
+        }
+    }
+    Ok(found)
 }

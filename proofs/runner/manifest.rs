@@ -4,8 +4,8 @@ use std::fmt;
 use std::path::Path;
 
 use clap::ValueEnum;
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 
 /// Contents of both files.
 #[derive(Debug, Deserialize)]
@@ -77,7 +77,7 @@ pub(crate) struct Wall {
 }
 
 /// Time limit of the solver.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Tier {
     /// 30 s: on every push

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::manifest::Mutant;
-use crate::read;
+use crate::{files, read};
 
 /// Workspace of core and proofs alone, equal to the sources but for the mutants applied.
 pub(crate) struct Copy<'a> {
@@ -95,29 +95,24 @@ fn workspace(root: &Path) -> Result<String, String> {
     toml::to_string(&manifest).map_err(|error| complain(&error))
 }
 
-/// Makes a folder's files those of another, without its `target`.
+/// Makes a folder's files those of another.
 fn mirror(from: &Path, to: &Path) -> Result<(), String> {
-    let complain = |error: std::io::Error| format!("{}: {error}", to.display());
-    fs::create_dir_all(to).map_err(complain)?;
-    for entry in fs::read_dir(to).map_err(complain)? {
-        let stale = entry.map_err(complain)?.path();
-        let kept = stale
-            .file_name()
-            .is_some_and(|name| from.join(name).exists());
-        if !kept && stale.is_dir() {
-            fs::remove_dir_all(&stale).map_err(complain)?;
-        } else if !kept {
-            fs::remove_file(&stale).map_err(complain)?;
+    let complain = |path: &Path, error| format!("{}: {error}", path.display());
+    fs::create_dir_all(to).map_err(|error| complain(to, error))?;
+    for held in files(to)? {
+        let gone = held
+            .strip_prefix(to)
+            .is_ok_and(|part| !from.join(part).exists());
+        if gone {
+            fs::remove_file(&held).map_err(|error| complain(&held, error))?;
         }
     }
-    for entry in fs::read_dir(from).map_err(complain)? {
-        let entry = entry.map_err(complain)?;
-        let (path, name) = (entry.path(), entry.file_name());
-        if !path.is_dir() {
-            write(&to.join(name), &fs::read(&path).map_err(complain)?)?;
-        } else if name != "target" {
-            mirror(&path, &to.join(name))?;
-        }
+    for path in files(from)? {
+        let part = path.strip_prefix(from).map_err(|error| error.to_string())?;
+        write(
+            &to.join(part),
+            &fs::read(&path).map_err(|error| complain(&path, error))?,
+        )?;
     }
     Ok(())
 }
@@ -127,5 +122,8 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
     if fs::read(path).is_ok_and(|held| held == bytes) {
         return Ok(());
     }
-    fs::write(path, bytes).map_err(|error| format!("{}: {error}", path.display()))
+    let folder = path.parent().map_or(Ok(()), fs::create_dir_all);
+    folder
+        .and_then(|()| fs::write(path, bytes))
+        .map_err(|error| format!("{}: {error}", path.display()))
 }

@@ -1,174 +1,130 @@
 //! Results as a table, `results.json` and `results.md`; contents of the manifest for `list` and for the README.
 
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use serde::Serialize;
+use serde_json::{Value, json};
 
 use crate::check;
-use crate::manifest::{Manifest, Row, Tier};
+use crate::manifest::{Manifest, Mutant, Row, Tier, Wall};
 use crate::prove::Job;
 
-/// One run, as `results.json` holds it.
-#[derive(Debug, Serialize)]
-pub(crate) struct Outcome {
-    /// Name of the harness or the mutant.
-    name: String,
-    /// Harness that ran: the name itself, but for a mutant.
-    harness: &'static str,
-    solver: &'static str,
-    unwind: Option<u32>,
-    theorems: Vec<String>,
-    /// Property of the harness; for a mutant, the fault in core.
-    property: String,
-    /// Domain of the property; for a mutant, the check that must fail.
-    domain: String,
-    /// Assumptions behind substituted functions.
-    assumes: Vec<String>,
-    tier: Tier,
-    /// "verified", or "fails" for a mutant.
-    expected: &'static str,
-    as_expected: bool,
+/// Result of one run.
+pub(crate) struct Outcome<'a> {
+    pub(crate) job: Job<'a>,
+    /// Time limit and time of the solver, s; no time if there was no result.
+    pub(crate) limit: f64,
+    pub(crate) seconds: Option<f64>,
     /// Reason for a result that is not as expected.
-    objection: Option<String>,
-    /// Solver time; none if there was no result.
-    seconds: Option<f64>,
-    limit_seconds: f64,
+    pub(crate) objection: Option<String>,
     /// Kani's output.
-    log: String,
+    pub(crate) log: PathBuf,
 }
 
-impl Outcome {
-    pub(crate) fn new(
-        job: Job<'_>,
-        limit: f64,
-        seconds: Option<f64>,
-        objection: Option<String>,
-        log: &Path,
-    ) -> Self {
-        let Job {
-            row,
-            harness,
-            mutant,
-        } = job;
-        let (property, domain, expected) = match mutant {
-            None => (&row.property, &row.domain, "verified"),
-            Some(mutant) => (&mutant.change, &mutant.fails, "fails"),
-        };
-        Self {
-            name: job.name().to_owned(),
-            harness: harness.name,
-            solver: harness.solver,
-            unwind: harness.unwind,
-            theorems: row.theorems.clone(),
-            property: property.clone(),
-            domain: domain.clone(),
-            assumes: row.assumes.clone(),
-            tier: job.tier(),
-            expected,
-            as_expected: objection.is_none(),
-            objection,
-            seconds,
-            limit_seconds: limit,
-            log: log.display().to_string(),
-        }
-    }
-
+impl Outcome<'_> {
     /// Line of progress; `whole` is the time with building.
     pub(crate) fn line(&self, whole: Duration) -> String {
+        let (verdict, time) = (self.verdict(), seconds(self.seconds));
         match &self.objection {
             None => format!(
-                "{} in {} ({:.1} s with building)",
-                self.verdict(),
-                seconds(self.seconds),
+                "{verdict} in {time} ({:.1} s with building)",
                 whole.as_secs_f64()
             ),
-            Some(why) => format!("NOT AS EXPECTED: {why}\n    see {}", self.log),
+            Some(_) => format!("{verdict}\n    see {}", self.log.display()),
         }
     }
 
-    fn verdict(&self) -> &'static str {
-        match (&self.objection, self.expected) {
-            (None, "fails") => "fails as it must",
-            (None, expected) => expected,
-            (Some(_), _) => "NOT AS EXPECTED",
+    fn verdict(&self) -> String {
+        match (&self.objection, self.job.mutant) {
+            (None, None) => "verified".to_owned(),
+            (None, Some(_)) => "fails as it must".to_owned(),
+            (Some(objection), _) => format!("NOT AS EXPECTED: {objection}"),
         }
+    }
+
+    /// Property and domain of a harness; fault and failing check of a mutant.
+    fn claim(&self) -> (&str, &str) {
+        match self.job.mutant {
+            None => (&self.job.row.property, &self.job.row.domain),
+            Some(mutant) => (&mutant.change, &mutant.fails),
+        }
+    }
+
+    fn json(&self) -> Value {
+        let Job {
+            harness,
+            row,
+            mutant,
+        } = self.job;
+        let (property, domain) = self.claim();
+        json!({
+            "name": self.job.name(),
+            "harness": harness.name,
+            "solver": harness.solver,
+            "unwind": harness.unwind,
+            "theorems": row.theorems,
+            "property": property,
+            "domain": domain,
+            "assumes": row.assumes,
+            "tier": self.job.tier().to_string(),
+            "expected": if mutant.is_some() { "fails" } else { "verified" },
+            "as_expected": self.objection.is_none(),
+            "objection": self.objection,
+            "seconds": self.seconds,
+            "limit_seconds": self.limit,
+            "log": self.log,
+        })
     }
 }
 
-/// All runs, as `results.json` holds them.
-#[derive(Debug, Serialize)]
+/// Results of all runs.
 pub(crate) struct Report<'a> {
-    /// Version of the file's format; raised when a field goes or changes its meaning.
-    format: u32,
     /// Kani that ran, and the one that `proofs/kani-version` names.
-    kani: &'a str,
-    kani_pinned: &'a str,
-    tier: Tier,
-    as_expected: usize,
-    total: usize,
-    results: Vec<Outcome>,
-    #[serde(skip)]
-    manifest: &'a Manifest,
+    pub(crate) kani: &'a str,
+    pub(crate) pinned: &'a str,
+    pub(crate) tier: Tier,
+    pub(crate) outcomes: Vec<Outcome<'a>>,
+    pub(crate) walls: &'a [Wall],
 }
 
-impl<'a> Report<'a> {
-    pub(crate) fn new(
-        kani: &'a str,
-        kani_pinned: &'a str,
-        tier: Tier,
-        results: Vec<Outcome>,
-        manifest: &'a Manifest,
-    ) -> Self {
-        Self {
-            format: 2,
-            kani,
-            kani_pinned,
-            tier,
-            as_expected: results.iter().filter(|outcome| outcome.as_expected).count(),
-            total: results.len(),
-            results,
-            manifest,
+impl Report<'_> {
+    /// Number of runs that ended as expected.
+    pub(crate) fn as_expected(&self) -> usize {
+        let outcomes = self.outcomes.iter();
+        outcomes
+            .filter(|outcome| outcome.objection.is_none())
+            .count()
+    }
+
+    /// Numbers of all runs, and the names of those that are not as expected.
+    pub(crate) fn summary(&self) -> String {
+        let (good, all) = (self.as_expected(), self.outcomes.len());
+        let mut text = format!("{good} of {all} as expected (Kani {})", self.kani);
+        for outcome in &self.outcomes {
+            if outcome.objection.is_some() {
+                let _ = write!(text, "\n  {}: {}", outcome.job.name(), outcome.verdict());
+            }
         }
-    }
-
-    /// True if every run was as expected. An empty run proves nothing.
-    pub(crate) fn all_as_expected(&self) -> bool {
-        self.total > 0 && self.as_expected == self.total
-    }
-
-    pub(crate) fn print(&self) {
-        let longest = self.results.iter().map(|outcome| outcome.name.len()).max();
-        let width = longest.unwrap_or(0);
-        println!(
-            "\n{:width$}  {:12}  {:16}  {:>8}  {:>6}",
-            "name", "theorems", "verdict", "time", "limit"
-        );
-        for outcome in &self.results {
-            println!(
-                "{:width$}  {:12}  {:16}  {:>8}  {:>4} s",
-                outcome.name,
-                outcome.theorems.join(" "),
-                outcome.verdict(),
-                seconds(outcome.seconds),
-                outcome.limit_seconds,
-            );
-        }
-        println!("{}", self.summary());
-    }
-
-    fn summary(&self) -> String {
-        format!(
-            "{} of {} as expected (Kani {})",
-            self.as_expected, self.total, self.kani
-        )
+        text
     }
 
     /// Writes `results.json` and `results.md`.
     pub(crate) fn write(&self, folder: &Path) -> Result<(), String> {
-        let json = serde_json::to_string_pretty(self).map_err(|error| error.to_string())?;
-        for (name, text) in [("results.json", json), ("results.md", self.markdown())] {
+        let json = json!({
+            // Raised when a field goes or changes its meaning.
+            "format": 2,
+            "kani": self.kani,
+            "kani_pinned": self.pinned,
+            "tier": self.tier.to_string(),
+            "as_expected": self.as_expected(),
+            "total": self.outcomes.len(),
+            "results": self.outcomes.iter().map(Outcome::json).collect::<Value>(),
+        });
+        for (name, text) in [
+            ("results.json", format!("{json:#}\n")),
+            ("results.md", self.markdown()),
+        ] {
             let path = folder.join(name);
             std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
         }
@@ -178,52 +134,45 @@ impl<'a> Report<'a> {
 
     fn markdown(&self) -> String {
         let mut text = format!(
-            "# Proofs of gantry-tau-core\n\n{}, tier {}.\n\
-             A mutant is core with one line wrong on purpose; it must fail in the named check.\n\n",
+            "# Proofs of gantry-tau-core\n\n{}\n\nTier {}. A mutant is core with one line wrong on purpose; it must fail in the named check.\n\n",
             self.summary(),
             self.tier
         );
-        let head = [
-            "name",
-            "theorems",
-            "property",
-            "domain; the failing check",
-            "verdict",
-            "time",
-        ];
-        header(&mut text, &head);
-        for outcome in &self.results {
-            let verdict = outcome.objection.as_deref().unwrap_or(outcome.verdict());
-            let name = format!("`{}`", outcome.name);
-            let theorems = outcome.theorems.join(" ");
-            let time = seconds(outcome.seconds);
-            let cells = [
-                &name,
-                &theorems,
-                &outcome.property,
-                &outcome.domain,
-                verdict,
-                &time,
-            ];
-            line(&mut text, &cells);
+        header(
+            &mut text,
+            "name | theorems | property | domain; the failing check | verdict | time",
+        );
+        for outcome in &self.outcomes {
+            let (property, domain) = outcome.claim();
+            let name = format!("`{}`", outcome.job.name());
+            let theorems = outcome.job.row.theorems.join(" ");
+            let (verdict, time) = (outcome.verdict(), seconds(outcome.seconds));
+            line(
+                &mut text,
+                &[&name, &theorems, property, domain, &verdict, &time],
+            );
         }
         text.push_str("\nNot proved, and not claimed:\n\n");
-        header(&mut text, &["theorem", "statement"]);
-        for wall in &self.manifest.walls {
+        header(&mut text, "theorem | statement");
+        for wall in self.walls {
             line(&mut text, &[&wall.theorem, &wall.what]);
         }
         text
     }
 }
 
-fn header(text: &mut String, cells: &[&str]) {
-    line(text, cells);
-    line(text, &vec!["---"; cells.len()]);
+/// Head of a table, cells between bars.
+fn header(text: &mut String, cells: &str) {
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        text,
+        "| {cells} |\n|{}",
+        "---|".repeat(cells.split('|').count())
+    );
 }
 
 fn line(text: &mut String, cells: &[&str]) {
     let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
-    // Writing to a String cannot fail.
     let _ = writeln!(text, "| {} |", cells.join(" | "));
 }
 
@@ -258,13 +207,7 @@ fn table(manifest: &Manifest) -> String {
     let mut text = String::from("\n");
     header(
         &mut text,
-        &[
-            "theorem",
-            "statement and domain",
-            "how",
-            "harnesses, s",
-            "mutants that fail",
-        ],
+        "theorem | statement and domain | how | harnesses, s | mutants that fail",
     );
     for theorem in &manifest.theorems {
         let proves = |row: &&Row| row.theorems.contains(&theorem.name);
@@ -273,9 +216,13 @@ fn table(manifest: &Manifest) -> String {
             Some(seconds) => format!("`{}` {seconds}", row.name),
             None => format!("`{}` (not run yet)", row.name),
         });
-        let mutants = manifest.mutants.iter();
-        let falls = mutants.filter(|mutant| rows.iter().any(|row| row.name == mutant.harness));
-        let mutants: Vec<String> = falls.map(|mutant| format!("`{}`", mutant.name)).collect();
+        // The failing check names its theorem, unless it belongs to all of its harness.
+        let falls = |mutant: &&Mutant| match mutant.fails.split_once(':') {
+            Some((named, _)) => named == theorem.name,
+            None => rows.iter().any(|row| row.name == mutant.harness),
+        };
+        let mutants = manifest.mutants.iter().filter(falls);
+        let mutants: Vec<String> = mutants.map(|mutant| format!("`{}`", mutant.name)).collect();
         let cells = [
             &theorem.name,
             &theorem.statement,

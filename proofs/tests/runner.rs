@@ -223,7 +223,7 @@ proofs/README.md ~ `motors_paired_are_equal` 109.2 ~ `motors_paired_are_equal` 1
     /// What Kani does for a harness, what it does for the mutant, and the objection of the runner.
     const OBJECTIONS: &str = "FAILED ~ FAILED ~ failed: T5: exactly min(rho, |value|)
 cat $recorded/unwinding.txt; exit 1 ~ FAILED ~ failed: unwinding assertion loop 0
-cat $recorded/unreached_cover.txt ~ FAILED ~ 1 of 3 covers reached; not: \"never\"; \"not here\"
+cat $recorded/unreached_cover.txt ~ FAILED ~ 1 of 3 covers reached; not: never; not here
 cat $recorded/no_cover.txt ~ FAILED ~ it has no cover
 cat $recorded/no_match.txt; exit 1 ~ FAILED ~ no result: error: Failed to match
 cat $recorded/out_of_memory.txt; exit 101 ~ FAILED ~ no result: SAT checker ran out of memory
@@ -232,7 +232,7 @@ VERIFIED; exit 1 ~ FAILED ~ Kani ended with exit status: 1
 sed 's/1 total/0 total/' $recorded/verified.txt ~ FAILED ~ 0 harnesses ran instead of one
 sed 's/1 total/2 total/' $recorded/verified.txt ~ FAILED ~ 2 harnesses ran instead of one
 sed 's/Time: 0/Time: 31/' $recorded/verified.txt ~ FAILED ~ took 31.1 s, its tier allows 30 s
-sed 's/of 1 failed/& (1 undetermined)/' $recorded/verified.txt ~ FAILED ~ could not decide
+sed 's/SUCCESS$/UNDETERMINED/' $recorded/verified.txt ~ FAILED ~ could not decide
 VERIFIED ~ VERIFIED ~ the mutant verifies
 VERIFIED ~ sed 's/T5/T6/' $recorded/failed.txt; exit 1 ~ the wrong check failed: T6
 VERIFIED ~ cat $recorded/unwinding.txt; exit 1 ~ failed for another reason";
