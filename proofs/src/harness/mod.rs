@@ -95,6 +95,7 @@ mod kani {
 use ::kani;
 
 // One feature per family: Kani translates and links every harness it finds, on every run. `only` leaves out the families not named.
+// Measured for a harness of `fsm`: 3.4 s of CPU time alone, 53 s with all families.
 #[cfg(any(not(feature = "only"), feature = "axis"))]
 mod axis;
 #[cfg(any(not(feature = "only"), feature = "blackbox"))]
