@@ -431,8 +431,6 @@ impl Arm {
     /// Whether `q` is inside the travel; false for NaN.
     #[inline]
     pub(super) fn travels(&self, q: f64) -> bool {
-        #[cfg(mutant = "travel_unchecked")]
-        let q = q.min(self.upper);
         q >= self.lower && q <= self.upper
     }
 }

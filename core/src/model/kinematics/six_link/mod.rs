@@ -250,8 +250,6 @@ impl SixLinkKinematics {
 
 /// Whether `q` is inside its range; false for NaN.
 fn within(q: f64, (lower, upper): &(f64, f64)) -> bool {
-    #[cfg(mutant = "plate_travel_unchecked")]
-    let q = q.min(*upper);
     *lower <= q && q <= *upper
 }
 
