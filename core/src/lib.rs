@@ -31,4 +31,6 @@ pub mod control;
 #[cfg(feature = "model")]
 pub mod model;
 pub mod units;
+#[cfg(feature = "verification")]
+pub mod verification;
 mod zip;
