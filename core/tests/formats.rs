@@ -27,11 +27,12 @@ use gantry_tau_core::control::wire::{
     Collector, ContentError, Deframer, Feed, Frame, FrameError, Kind, Short, Stage,
 };
 use gantry_tau_core::model::compensation::{CompensatorError, Correction};
-use gantry_tau_core::model::kinematics::{KinematicsError, NominalError, Solved};
+use gantry_tau_core::model::kinematics::{KinematicsError, Solution};
 use gantry_tau_core::model::linalg::LinearError;
 use gantry_tau_core::model::robot::{Branch, Parameter, RobotError};
 use gantry_tau_core::model::sensor::{Reading, SensorError, SensorState};
 use gantry_tau_core::model::statics::{TauFormError, Wrench};
+use gantry_tau_core::model::l2;
 use gantry_tau_core::units::{
     CrossingError, Epoch, Metres, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
@@ -51,13 +52,13 @@ macro_rules! all {
 all! {
     // Errors and refusals.
     CompensatorError, ConfigError, ContentError, CrossingError, FrameError, Full, KinematicsError, LimitsError, LinearError,
-    MotorMapError, NominalError, Refusal, RobotError, SensorError, Short, StartError, TauFormError,
+    MotorMapError, l2::OrientationError, Refusal, RobotError, SensorError, Short, StartError, TauFormError,
     // States, and what they are made of.
     AxisChannels, Axis, AxisState, Channel, Collector, Deframer, FsmState, Parts<6>, Phase, SensorState, Session<6>, Stage, State<6>,
     // Events, decisions, outputs.
     Action, FsmInput, Cause, ClientMessage<6>, Command<6>, Cycle<6>, Decision, End, Entry<Input<6>, Output<6>>, Event<6>,
     Feed<'static>, Frame<'static>, Accepted<6>, Hello, Input<6>, Kind, Mode, AxisCommand, Output<6>, Reading, Replayed<6>, Rules,
-    ServerMessage<6>, Solved<[f64; 6]>, Transport, Turn<6, 9>, Verdict, Welcome<6>,
+    ServerMessage<6>, Solution<[f64; 6]>, Transport, Turn<6, 9>, Verdict, Welcome<6>,
     // Counters and flags.
     AxisFlags, Counters, Diagnostics,
     // Numbers and configuration.

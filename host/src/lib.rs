@@ -12,7 +12,6 @@ pub mod client;
 pub mod demo;
 pub mod epoch;
 pub mod faults;
-pub mod machine;
 pub mod model;
 pub mod plant;
 mod plots;

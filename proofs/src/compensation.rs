@@ -2,9 +2,7 @@
 
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
 use gantry_tau_core::model::kinematics::KinematicsError;
-use gantry_tau_core::model::sensor::{
-    ForceSensor, MAX_READING, Reading, SensorConfig, SensorError, SensorState,
-};
+use gantry_tau_core::model::sensor::{ForceSensor, MAX_READING, Reading, SensorConfig, SensorError, SensorState};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, OffsetNm};
 

@@ -1,16 +1,13 @@
 //! The machines the properties of the floats are asked of: that of `robots/l2.toml`, with its nominal travel, and the vectors' F1.
 
-use gantry_tau_core::model::kinematics::Nominal;
-use gantry_tau_core::model::kinematics::SixLinkKinematics;
-use gantry_tau_core::model::robot::{
-    Branch, Configuration, Geometry, Robot, SixLink, SixLinkGeometry,
-};
+use gantry_tau_core::model::robot::Branch;
+use gantry_tau_core::model::{f1, l2};
 
 /// The geometry of `robots/l2.toml`.
 #[must_use]
-pub fn geometry() -> Geometry {
+pub fn geometry() -> l2::Geometry {
     let along_x = [1.0, 0.0, 0.0];
-    Geometry {
+    l2::Geometry {
         cart_joints_m: [
             [0.10, -0.05, 1.28].into(),
             [-0.10, -0.29, 0.75].into(),
@@ -29,7 +26,7 @@ pub fn geometry() -> Geometry {
             [0.00, 0.08, -0.05].into(),
         ],
         lengths_m: [1.0, 1.1, 1.0],
-        configuration: Configuration {
+        configuration: l2::Configuration {
             inverse: [Branch::Positive, Branch::Negative, Branch::Positive],
             forward: Branch::Negative,
         },
@@ -39,17 +36,17 @@ pub fn geometry() -> Geometry {
 
 /// A machine in the orientation of the world, if it is one.
 #[must_use]
-pub fn nominal(geometry: Geometry) -> Option<(Robot, Nominal)> {
-    let robot = Robot::new(geometry).ok()?;
+pub fn nominal(geometry: l2::Geometry) -> Option<(l2::Robot, l2::Kinematics)> {
+    let robot = l2::Robot::new(geometry).ok()?;
     let upright = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let nominal = Nominal::new(&robot, &upright.into()).ok()?;
+    let nominal = l2::Kinematics::new(&robot, &upright.into()).ok()?;
     Some((robot, nominal))
 }
 
 /// The F1 of `tests/data/tau_vectors.json`, its travel unchecked.
 #[must_use]
-pub fn six_link_geometry() -> SixLinkGeometry {
-    SixLinkGeometry {
+pub fn six_link_geometry() -> f1::Geometry {
+    f1::Geometry {
         carts_m: [
             [-0.25, -1.12, 0.0].into(),
             [1.15, 0.05, 0.0].into(),
@@ -83,8 +80,8 @@ pub fn six_link_geometry() -> SixLinkGeometry {
 
 /// The kinematics of a machine with six axes, if it is one.
 #[must_use]
-pub fn six_link(geometry: SixLinkGeometry) -> Option<SixLinkKinematics> {
-    Some(SixLinkKinematics::new(&SixLink::new(geometry).ok()?))
+pub fn six_link(geometry: f1::Geometry) -> Option<f1::Kinematics> {
+    Some(f1::Kinematics::new(&f1::Robot::new(geometry).ok()?))
 }
 
 /// Home of the tool centre point of [`geometry`], metres.

@@ -53,7 +53,7 @@ fn six_forward_warm(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn six_jacobian(bencher: Bencher<'_, '_>) {
     let (kinematics, pose, q, _) = setup::six();
-    bencher.bench_local(|| LineMatrix::of_six_link(&kinematics, black_box(&pose), &q)?.jacobian());
+    bencher.bench_local(|| kinematics.line_matrix(black_box(&pose), &q)?.jacobian());
 }
 
 #[divan::bench]

@@ -113,7 +113,6 @@ fn within(offset_m: f64, limit: OffsetNm) -> Result<(OffsetNm, bool), Kinematics
 /// Error in the configuration of a compensator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
 pub enum CompensatorError {
     /// `gain` is not from 0 to 1.
     Gain,

@@ -59,7 +59,6 @@ pub(crate) fn is_pose(pose: &Pose) -> bool {
 /// Error of a kinematic solution. Arms and axes count from 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
 pub enum KinematicsError {
     /// A number given, or one computed from it, is NaN or infinite.
     NotFinite,

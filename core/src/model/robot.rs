@@ -46,7 +46,6 @@ impl Branch {
 /// Parameter that a [`RobotError`] names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
 pub enum Parameter {
     /// `A0`, a cart joint; the index is the link.
     CartJoint,
@@ -95,7 +94,6 @@ impl Parameter {
 /// Error in the parameters of a machine. Each variant names the parameter and its index.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
 pub enum RobotError {
     /// A number is NaN or infinite.
     NotFinite {

@@ -40,7 +40,6 @@ pub struct SensorConfig {
 /// Error of a sensor's configuration or reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
 pub enum SensorError {
     /// `rotation` is not a rotation matrix.
     NotRotation,

@@ -2,13 +2,11 @@
 
 use core::ffi::c_void;
 
-use gantry_tau_core::model::compensation::{
-    Compensator, CompensatorConfig, Correction, ExactCompensator, SixLinkCompensator,
-    SixLinkElastic,
-};
-use gantry_tau_core::model::kinematics::{KinematicsError, Nominal, Pose};
-use gantry_tau_core::model::robot::{ARMS, AXES, Compliances};
+use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
+use gantry_tau_core::model::robot::{ARMS, Compliances};
 use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::units::OffsetNm;
 
 use crate::code::gt_code;
@@ -58,8 +56,8 @@ pub struct gt_l2_compensator(());
 pub struct gt_f1_compensator(());
 
 struct L2Compensator {
-    first_order: Compensator,
-    exact: ExactCompensator,
+    first_order: l2::Compensator,
+    exact: l2::Compensator,
 }
 
 impl Object for L2Compensator {
@@ -68,7 +66,7 @@ impl Object for L2Compensator {
     const TAG: u64 = tag(b"gtcompe", 3);
 }
 
-struct F1Compensator(SixLinkCompensator);
+struct F1Compensator(f1::Compensator);
 
 impl Object for F1Compensator {
     type Handle = gt_f1_compensator;
@@ -126,8 +124,8 @@ pub unsafe extern "C" fn gt_l2_compensator_init(
             let make = || {
                 let (compliances, config) = config.checked::<ARMS>()?;
                 Ok(L2Compensator {
-                    first_order: Compensator::new(&machine.nominal, &compliances, config)?,
-                    exact: ExactCompensator::new(&machine.robot, &compliances, config)?,
+                    first_order: l2::Compensator::new(&machine.nominal, &compliances, config)?,
+                    exact: l2::Compensator::new(&machine.robot, &compliances, config)?,
                 })
             };
             place.put(settle(memory, size, make)?);
@@ -193,7 +191,7 @@ pub unsafe extern "C" fn gt_l2_exact_correction(
 }
 
 /// The pose of nominal positions.
-fn pose(nominal: &Nominal, q: &[f64; ARMS]) -> Reply<Pose> {
+fn pose(nominal: &l2::Kinematics, q: &[f64; ARMS]) -> Reply<Pose> {
     Ok(Pose {
         position_m: nominal.forward(q)?,
         rotation: *nominal.rotation(),
@@ -220,9 +218,9 @@ pub unsafe extern "C" fn gt_f1_compensator_init(
             let (place, config) = (place(compensator)?, read(config)?);
             let machine = object::<F1>(machine)?;
             let make = || {
-                let (compliances, config) = config.checked::<AXES>()?;
-                let elastic = SixLinkElastic::new(machine.0, compliances);
-                Ok(F1Compensator(SixLinkCompensator::new(elastic, config)?))
+                let (compliances, config) = config.checked::<{ f1::AXES }>()?;
+                let elastic = f1::Elastic::new(machine.0, compliances);
+                Ok(F1Compensator(f1::Compensator::new(elastic, config)?))
             };
             place.put(settle(memory, size, make)?);
         }
@@ -255,7 +253,7 @@ pub unsafe extern "C" fn gt_f1_correction(
             q,
             load,
             correction,
-            SixLinkCompensator::correction,
+            f1::Compensator::correction,
         );
         reply(error, solve)
     }
@@ -277,7 +275,7 @@ pub unsafe extern "C" fn gt_f1_exact_correction(
 ) -> gt_code {
     // SAFETY: the header's rules for pointers.
     unsafe {
-        let exact = SixLinkCompensator::exact_correction;
+        let exact = f1::Compensator::exact_correction;
         let solve = six(compensator, pose, q, load, correction, exact);
         reply(error, solve)
     }
@@ -285,11 +283,11 @@ pub unsafe extern "C" fn gt_f1_exact_correction(
 
 /// One of the maps of a machine with six axes.
 type SixMap = fn(
-    &SixLinkCompensator,
+    &f1::Compensator,
     &Pose,
-    &[f64; AXES],
+    &[f64; f1::AXES],
     &Wrench,
-) -> Result<Correction<AXES>, KinematicsError>;
+) -> Result<Correction<{ f1::AXES }>, KinematicsError>;
 
 /// A correction by one of the maps.
 ///

@@ -2,9 +2,10 @@
 
 use core::ffi::c_void;
 
-use gantry_tau_core::model::kinematics::{Nominal, Pose};
-use gantry_tau_core::model::robot::{ARMS, Configuration, Geometry, Robot};
+use gantry_tau_core::model::kinematics::Pose;
+use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::model::statics::LineMatrix;
+use gantry_tau_core::model::l2;
 
 use crate::code::gt_code;
 use crate::error::gt_error;
@@ -14,7 +15,7 @@ use crate::memory::{Object, Reply, numbers, object, place, read, reply, settle, 
 /// Bytes of a gt_l2.
 pub const GT_L2_SIZE: usize = 2048;
 
-/// Geometry of a machine with three axes: joints on the carts A_ij = A0_ij + q_i v_i, on the platform B_ij = T + R b_ij. World axes, m.
+/// l2::Geometry of a machine with three axes: joints on the carts A_ij = A0_ij + q_i v_i, on the platform B_ij = T + R b_ij. World axes, m.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct gt_l2_geometry {
@@ -43,8 +44,8 @@ pub struct gt_l2(());
 
 /// What a handle stands for.
 pub(crate) struct L2 {
-    pub(crate) robot: Robot,
-    pub(crate) nominal: Nominal,
+    pub(crate) robot: l2::Robot,
+    pub(crate) nominal: l2::Kinematics,
 }
 
 impl Object for L2 {
@@ -56,18 +57,18 @@ impl Object for L2 {
 impl L2 {
     fn new(geometry: &gt_l2_geometry) -> Reply<Self> {
         let [forward] = branches([geometry.forward_branch], ARMS)?;
-        let robot = Robot::new(Geometry {
+        let robot = l2::Robot::new(l2::Geometry {
             cart_joints_m: vectors(geometry.cart_joints_m),
             guideways: vectors(geometry.guideways),
             platform_joints_m: vectors(geometry.platform_joints_m),
             lengths_m: geometry.lengths_m,
-            configuration: Configuration {
+            configuration: l2::Configuration {
                 inverse: branches(geometry.inverse_branch, 0)?,
                 forward,
             },
             travel: travel(geometry.has_travel, geometry.travel),
         })?;
-        let nominal = Nominal::new(&robot, &matrix(&geometry.rotation))?;
+        let nominal = l2::Kinematics::new(&robot, &matrix(&geometry.rotation))?;
         Ok(Self { robot, nominal })
     }
 }
@@ -228,7 +229,7 @@ pub unsafe extern "C" fn gt_l2_statics(
                 object::<L2>(machine)?,
             )
         };
-        let lines = LineMatrix::new(&machine.robot, &machine.pose(tcp_m.into()), &q)?;
+        let lines = machine.robot.line_matrix(&machine.pose(tcp_m.into()), &q)?;
         let tensions = lines.link_forces_n(&load.into())?;
         forces.put(tensions);
         loads.put(lines.cart_loads(&tensions));

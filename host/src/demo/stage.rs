@@ -19,12 +19,12 @@ use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientRepo
 use crate::epoch::Epochs;
 use crate::faults::plan::Plan;
 use crate::faults::tcp::Relay;
-use crate::model::Model;
+use crate::model::MachineKind;
 use crate::sensor_link::SensorPublisher;
 use crate::server::Server;
 use crate::server::cycle::Cycle;
 use crate::server::pace::Pace;
-use crate::sim::hand::{Hand, Load, hand_and_tool};
+use crate::sim::load_generator::{Load, LoadGenerator, load_generator};
 use crate::sim::parameters::Motion;
 use crate::terminal::say;
 
@@ -84,14 +84,14 @@ struct Stage<'a, K, const N: usize> {
     pace: Pace,
     server: Server<N>,
     watch: Watch<N>,
-    hand: Hand,
+    hand: LoadGenerator,
     relay: Relay,
     controls: Arc<ClientControls>,
     client: JoinHandle<Result<ClientReport, ClientError>>,
 }
 
 /// Plays the whole session at one pace.
-pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
+pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     options: &DemoOptions<K, N>,
     pace: Pace,
     bar: &ProgressBar,
@@ -101,7 +101,7 @@ pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
         Pace::RealTime => Capabilities::NONE,
         Pace::Lockstep => Capabilities::LOCKSTEP,
     };
-    let (hand, tool) = hand_and_tool();
+    let (hand, tool) = load_generator();
     let machine = robot.simulated_machine::<M>(tool, Motion::Hold)?;
     let config = robot.session_config(capabilities)?;
     let sensor = SensorPublisher::bind(LOOPBACK)?;
@@ -175,7 +175,7 @@ pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
     })
 }
 
-impl<K: Model<N>, const N: usize> Stage<'_, K, N> {
+impl<K: MachineKind<N>, const N: usize> Stage<'_, K, N> {
     fn acts(&mut self) -> Result<(Sample<N>, Refusal), Failure> {
         self.tare()?;
         self.say("force steps without compensation (Submit: offsets are reported, drives do not see them)");

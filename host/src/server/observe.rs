@@ -4,7 +4,7 @@ use gantry_tau_core::control::message::{Cause, Counters, Phase};
 
 use super::cycle::Row;
 use crate::client::cause_text;
-use crate::sim::hand::{Hand, Load};
+use crate::sim::load_generator::{Load, LoadGenerator};
 
 /// Difference between two steps of the hand, N.
 const FORCE_STEP_N: f64 = 60.0;
@@ -14,7 +14,7 @@ const MAX_STEPS: usize = 100;
 /// The simulated hand's programme: force steps in x while a client is in Obtain, nothing otherwise.
 #[derive(Debug)]
 pub struct Programme {
-    hand: Hand,
+    hand: LoadGenerator,
     forces_n: Vec<f64>,
     step_ticks: u64,
     since: Option<u64>,
@@ -24,7 +24,7 @@ pub struct Programme {
 impl Programme {
     /// Steps of 60 N up to `force_max_n` and down to zero again, each `step_seconds` long.
     #[must_use]
-    pub fn new(hand: Hand, force_max_n: f64, step_seconds: f64) -> Self {
+    pub fn new(hand: LoadGenerator, force_max_n: f64, step_seconds: f64) -> Self {
         let steps = std::iter::successors(Some(0.0), |force| Some(force + FORCE_STEP_N));
         let forces_n = steps
             .take(MAX_STEPS)

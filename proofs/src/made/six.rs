@@ -1,7 +1,8 @@
 //! The machine with six axes: its equations once more, and Newton's method with differences for derivatives and small steps.
 
-use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose, SixLinkKinematics};
-use gantry_tau_core::model::robot::{Branch, SixLinkGeometry};
+use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose};
+use gantry_tau_core::model::robot::Branch;
+use gantry_tau_core::model::f1;
 
 use super::{REGULAR, Vector, add, dot, length, less, near, share, times, turned};
 use crate::machine::{six_link, six_link_geometry, six_link_home};
@@ -36,7 +37,7 @@ pub struct Six {
 
 /// A machine whose answer is known.
 struct Made {
-    geometry: SixLinkGeometry,
+    geometry: f1::Geometry,
     tool: Numbers,
     q: Numbers,
 }
@@ -94,7 +95,7 @@ impl Made {
                 Branch::Positive
             }
         });
-        let geometry = SixLinkGeometry {
+        let geometry = f1::Geometry {
             carts_m: near(base.carts_m.map(Into::into), &input.carts, 0.3).map(Into::into),
             guideways: near(base.guideways.map(Into::into), &input.guideways, 0.3).map(Into::into),
             plate_joints_m: near(
@@ -170,7 +171,7 @@ impl Made {
         std::array::from_fn(|link| length(links[link]) - self.geometry.lengths_m[link])
     }
 
-    fn equations_are_these(&self, kinematics: &SixLinkKinematics, pose: &Pose) {
+    fn equations_are_these(&self, kinematics: &f1::Kinematics, pose: &Pose) {
         let ours = self.links(&self.tool, &self.q);
         let theirs = kinematics.links_m(pose, &self.q);
         for (ours, theirs) in ours.iter().zip(&theirs) {
@@ -181,7 +182,7 @@ impl Made {
         }
     }
 
-    fn forward_is_known(&self, kinematics: &SixLinkKinematics, off: &Numbers) {
+    fn forward_is_known(&self, kinematics: &f1::Kinematics, off: &Numbers) {
         let unknown = |tool: &Numbers| self.errors(tool, &self.q);
         if regularity(&derivatives(&unknown, &self.tool)) < REGULAR {
             return;
@@ -195,7 +196,7 @@ impl Made {
             place.max((found.rotation - known.rotation).norm())
         };
         assert!(
-            (found.as_ref()).is_ok_and(|found| distance(&found.answer) < 1e-7),
+            (found.as_ref()).is_ok_and(|found| distance(&found.value) < 1e-7),
             "T13: the known pose: {found:?}"
         );
         let slow = creep(&unknown, close);
@@ -206,14 +207,14 @@ impl Made {
         // Farther away it may be another one, but it is one, on the seed's side of every singularity.
         let far: Numbers = std::array::from_fn(|i| self.tool[i] + off[i]);
         if let Ok(found) = kinematics.forward_from(&self.q, &pose(&far), COLD_ITERATIONS) {
-            let links = kinematics.links_m(&found.answer, &self.q);
+            let links = kinematics.links_m(&found.value, &self.q);
             for (link, length) in links.iter().zip(&self.geometry.lengths_m) {
                 assert!((link.norm() - length).abs() < 2e-9, "T13: every length");
             }
         }
     }
 
-    fn inverse_is_known(&self, kinematics: &SixLinkKinematics, pose: &Pose, off: &Numbers) {
+    fn inverse_is_known(&self, kinematics: &f1::Kinematics, pose: &Pose, off: &Numbers) {
         let unknown = |q: &Numbers| self.errors(&self.tool, q);
         if regularity(&derivatives(&unknown, &self.q)) < REGULAR {
             return;
@@ -227,7 +228,7 @@ impl Made {
         let [.., q4, q5, q6] = close;
         let found = kinematics.inverse(pose, Some([q4, q5, q6]));
         assert!(
-            (found.as_ref()).is_ok_and(|found| apart(&found.answer, &self.q) < 1e-7),
+            (found.as_ref()).is_ok_and(|found| apart(&found.value, &self.q) < 1e-7),
             "T13: the known positions {:?}: {found:?}",
             self.q
         );

@@ -1,7 +1,8 @@
 //! The machine with three axes: positions by bisection, the tool by walking round the circle in which two spheres meet.
 
-use gantry_tau_core::model::kinematics::{KinematicsError, Nominal};
-use gantry_tau_core::model::robot::{Branch, Geometry, Robot};
+use gantry_tau_core::model::kinematics::KinematicsError;
+use gantry_tau_core::model::robot::Branch;
+use gantry_tau_core::model::l2;
 
 use super::{REGULAR, Vector, add, cross, dot, length, less, near, share, times};
 use crate::kinematics::{lengths_are_kept, travel_is_finite};
@@ -95,13 +96,13 @@ impl Made {
         made
     }
 
-    fn machine(&self, input: &Three) -> Option<(Robot, Nominal)> {
+    fn machine(&self, input: &Three) -> Option<(l2::Robot, l2::Kinematics)> {
         let base = geometry();
         let joints = near(base.platform_joints_m.map(Into::into), &input.joints, 0.2);
         let arm_of_link = [0, 1, 1, 2, 2, 2];
         let carts: [Vector; 6] =
             std::array::from_fn(|link| add(self.origins[arm_of_link[link]], joints[link]));
-        let mut geometry = Geometry {
+        let mut geometry = l2::Geometry {
             cart_joints_m: carts.map(Into::into),
             platform_joints_m: joints.map(Into::into),
             guideways: self.guideways.map(Into::into),
@@ -142,7 +143,7 @@ impl Made {
     }
 
     /// What the machine was made of comes back, both ways.
-    fn answer_is_known(&self, nominal: &Nominal) {
+    fn answer_is_known(&self, nominal: &l2::Kinematics) {
         if self.regularity(self.tool, self.q) < REGULAR {
             return;
         }
@@ -158,7 +159,7 @@ impl Made {
         );
     }
 
-    fn inverse_is_that_of_bisection(&self, nominal: &Nominal, tool: Vector) {
+    fn inverse_is_that_of_bisection(&self, nominal: &l2::Kinematics, tool: Vector) {
         let found = nominal.inverse(&tool.into());
         let mut slow = [0.0; 3];
         let mut grazes = false;
@@ -207,7 +208,7 @@ impl Made {
     }
 
     /// Every regular place of the tool is found that there is, and no other.
-    fn forward_is_on_the_circle(&self, nominal: &Nominal, q: [f64; 3]) {
+    fn forward_is_on_the_circle(&self, nominal: &l2::Kinematics, q: [f64; 3]) {
         let places = self.walk_round(q);
         let found = nominal.forward(&q).map(<Vector>::from);
         let regular: Vec<&Vector> = places

@@ -1,14 +1,13 @@
 //! Wrenches of any bits, one after the other, through the sensor and both compensations, 3 and 6 axes (T12 to T14).
 
 use arbitrary::Arbitrary;
-use gantry_tau_core::model::compensation::{
-    Compensator, CompensatorConfig, ExactCompensator, SixLinkCompensator, SixLinkElastic, held,
-};
+use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::units::OffsetNm;
 use gantry_tau_proofs::compensation::{
     correction_is_bounded, cycle_is_bounded, sensor_stays_valid, sensor_takes_good_readings,
@@ -104,17 +103,17 @@ fn three_axes(loads: &Loads) {
     correction_is_bounded(&any_scales, &q, &standing.unwrap_or_default());
     let pose = Pose::at(tcp.into());
     for load in loads.loads() {
-        if let Ok(command) = held(&robot, &compliances, &pose, &q, &load) {
-            correction_is_bounded(&any_scales, &q, &command.answer);
-            let finite = command.answer.iter().all(|q| q.is_finite());
+        if let Ok(command) = l2::exact_command(&robot, &compliances, &pose, &q, &load) {
+            correction_is_bounded(&any_scales, &q, &command.value);
+            let finite = command.value.iter().all(|q| q.is_finite());
             assert!(finite && load.is_finite(), "T13: finite");
         }
     }
     for config in [any_scales, loads.config([1.0; 3])] {
-        let Ok(compensator) = Compensator::new(&nominal, &compliances, config) else {
+        let Ok(compensator) = l2::Compensator::new(&nominal, &compliances, config) else {
             continue;
         };
-        let exact = ExactCompensator::new(&robot, &compliances, config).unwrap();
+        let exact = l2::Compensator::new(&robot, &compliances, config).unwrap();
         for load in loads.loads() {
             cycle_is_bounded(&config, compensator.correction(&q, &load), &load);
             cycle_is_bounded(&config, exact.correction(&pose, &q, &load), &load);
@@ -137,11 +136,11 @@ fn six_axes(loads: &Loads) {
         position_m: place.into(),
         rotation,
     };
-    let standing = kinematics.inverse(&pose, None).map(|found| found.answer);
+    let standing = kinematics.inverse(&pose, None).map(|found| found.value);
     let q = loads.lost.unwrap_or(standing.unwrap_or_default());
-    let machine = SixLinkElastic::new(kinematics, Compliances::new(LINKS, [4e-8; 6]).unwrap());
+    let machine = f1::Elastic::new(kinematics, Compliances::new(LINKS, [4e-8; 6]).unwrap());
     for config in [loads.config(loads.scales()), loads.config([1.0; 6])] {
-        let compensator = SixLinkCompensator::new(machine, config);
+        let compensator = f1::Compensator::new(machine, config);
         for load in loads.loads() {
             six_link::statics_are_finite(&machine, &pose, &q, &load);
             if let Ok(compensator) = &compensator {

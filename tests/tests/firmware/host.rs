@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use gantry_tau::model::Model;
+use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau_core::control::endpoint::Turn;
 use gantry_tau_core::control::message::{Capabilities, Phase};

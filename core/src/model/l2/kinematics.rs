@@ -21,7 +21,6 @@ pub(super) const MAX_POSITION_M: f64 = 10.0 * MAX_LENGTH_M;
 /// Error of a machine in an orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
 pub enum OrientationError {
     /// The matrix given is not a rotation.
     NotRotation {

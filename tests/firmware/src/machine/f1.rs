@@ -1,11 +1,10 @@
 //! A cycle of the F1: inverse, forward, statics, compensation.
 
-use gantry_tau_core::model::compensation::{Correction, SixLinkCompensator, SixLinkElastic};
-use gantry_tau_core::model::kinematics::{
-    KinematicsError, Pose, SixLinkKinematics, Solved, WARM_ITERATIONS,
-};
+use gantry_tau_core::model::compensation::Correction;
+use gantry_tau_core::model::kinematics::{KinematicsError, Pose, Solution, WARM_ITERATIONS};
 use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::f1;
 use gantry_tau_core::units::OffsetNm;
 use nalgebra::{ArrayStorage, Matrix3, SMatrix, Vector3};
 
@@ -14,9 +13,9 @@ use super::{AXES, Pose6, Refused, robots};
 /// One cycle of the F1.
 pub(crate) struct F1Answer {
     /// Positions of the axes.
-    pub(crate) q: Solved<[f64; AXES]>,
+    pub(crate) q: Solution<[f64; AXES]>,
     /// Where these take the tool, from the pose of the cycle before.
-    pub(crate) pose: Solved<Pose>,
+    pub(crate) pose: Solution<Pose>,
     /// Twist over axes.
     pub(crate) jacobian: SMatrix<f64, 6, AXES>,
     /// Link tensions, N.
@@ -29,7 +28,7 @@ pub(crate) struct F1Answer {
 
 /// The machine, its compensation, and the cycle before.
 pub(crate) struct F1 {
-    compensator: SixLinkCompensator,
+    compensator: f1::Compensator,
     /// The last cycle: here, so that no stack has to hold it.
     answer: F1Answer,
     /// Whether it came to its end; then the next one starts from it.
@@ -40,9 +39,9 @@ impl F1 {
     /// The machine of `robots/f1.toml`, and its checksum.
     pub(crate) fn new() -> Result<(Self, u32), Refused> {
         let (robot, springs) = robots::f1().map_err(|_| Refused::Robot)?;
-        let elastic = SixLinkElastic::new(SixLinkKinematics::new(&robot), springs);
+        let elastic = f1::Elastic::new(f1::Kinematics::new(&robot), springs);
         let f1 = Self {
-            compensator: SixLinkCompensator::new(
+            compensator: f1::Compensator::new(
                 elastic,
                 robots::compensation(robots::F1_METRES_PER_Q),
             )
@@ -64,7 +63,7 @@ impl F1 {
         self.find_statics(load)?;
         self.find_correction(load)?;
         self.is_answered = true;
-        Ok(&self.answer)
+        Ok(&self.value)
     }
 
     /// The inverse, and where its answer takes the tool.
@@ -74,17 +73,17 @@ impl F1 {
         [x, y, z, a, b, c]: &Pose6,
         is_warm: bool,
     ) -> Result<(), KinematicsError> {
-        let (kinematics, answer) = (self.compensator.machine().kinematics(), &mut self.answer);
+        let (kinematics, answer) = (self.compensator.machine().kinematics(), &mut self.value);
         let pose = Pose {
             position_m: Vector3::new(*x, *y, *z),
             rotation: rotation_from_vector(&Vector3::new(*a, *b, *c))
                 .ok_or(KinematicsError::NotFinite)?,
         };
-        let [.., q4, q5, q6] = answer.q.answer;
+        let [.., q4, q5, q6] = answer.q.value;
         answer.q = kinematics.inverse(&pose, is_warm.then_some([q4, q5, q6]))?;
-        let q = &answer.q.answer;
+        let q = &answer.q.value;
         answer.pose = if is_warm {
-            kinematics.forward_from(q, &answer.pose.answer, WARM_ITERATIONS)?
+            kinematics.forward_from(q, &answer.pose.value, WARM_ITERATIONS)?
         } else {
             kinematics.forward(q)?
         };
@@ -94,11 +93,11 @@ impl F1 {
     /// Twist over axes, link tensions, loads of the axes.
     #[inline(never)]
     fn find_statics(&mut self, load: &Wrench) -> Result<(), KinematicsError> {
-        let answer = &mut self.answer;
-        let (pose, q) = (&answer.pose.answer, &answer.q.answer);
+        let answer = &mut self.value;
+        let (pose, q) = (&answer.pose.value, &answer.q.value);
         let kinematics = self.compensator.machine().kinematics();
         // Not moved out of its result: it would be on the stack twice.
-        let lines = LineMatrix::of_six_link(kinematics, pose, q);
+        let lines = kinematics.line_matrix(pose, q);
         let lines = lines.as_ref().map_err(|error| *error)?;
         answer.forces_n = lines.link_forces_n(load)?;
         answer.loads = lines.cart_loads(&answer.forces_n);
@@ -109,8 +108,8 @@ impl F1 {
     /// What holds the pose under the load.
     #[inline(never)]
     fn find_correction(&mut self, load: &Wrench) -> Result<(), KinematicsError> {
-        let answer = &mut self.answer;
-        let (pose, q) = (&answer.pose.answer, &answer.q.answer);
+        let answer = &mut self.value;
+        let (pose, q) = (&answer.pose.value, &answer.q.value);
         answer.correction = self.compensator.correction(pose, q, load)?;
         Ok(())
     }
@@ -118,12 +117,12 @@ impl F1 {
 
 /// Before the first cycle.
 const UNANSWERED: F1Answer = F1Answer {
-    q: Solved {
+    q: Solution {
         answer: [0.0; AXES],
         iterations: 0,
         residual_m: 0.0,
     },
-    pose: Solved {
+    pose: Solution {
         answer: Pose {
             position_m: Vector3::new(0.0, 0.0, 0.0),
             rotation: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),

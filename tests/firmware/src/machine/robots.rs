@@ -4,10 +4,9 @@ use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::control::message::{AxisLimits, Capabilities};
 use gantry_tau_core::control::session::config::{AxisConfig, Parameters, Travel};
 use gantry_tau_core::model::compensation::CompensatorConfig;
-use gantry_tau_core::model::robot::{
-    Branch, Compliances, Configuration, Geometry, Robot, RobotError, SixLink, SixLinkGeometry,
-};
+use gantry_tau_core::model::robot::{Branch, Compliances, RobotError};
 use gantry_tau_core::model::sensor::SensorConfig;
+use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::units::OffsetNm;
 use nalgebra::{Matrix3, Vector3};
 
@@ -20,8 +19,8 @@ const LINKS_M_PER_N: [f64; 6] = [5.0e-7, 6.0e-7, 5.5e-7, 7.0e-7, 6.5e-7, 6.0e-7]
 pub(crate) const F1_METRES_PER_Q: [f64; AXES] = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1];
 
 /// The L2 and its springs.
-pub(crate) fn l2() -> Result<(Robot, Compliances), RobotError> {
-    let robot = Robot::new(Geometry {
+pub(crate) fn l2() -> Result<(l2::Robot, Compliances), RobotError> {
+    let robot = l2::Robot::new(l2::Geometry {
         cart_joints_m: [
             Vector3::new(0.10, -0.05, 1.28),
             Vector3::new(-0.10, -0.29, 0.75),
@@ -40,7 +39,7 @@ pub(crate) fn l2() -> Result<(Robot, Compliances), RobotError> {
             Vector3::new(0.00, 0.08, -0.05),
         ],
         lengths_m: [1.0, 1.1, 1.0],
-        configuration: Configuration {
+        configuration: l2::Configuration {
             inverse: [Branch::Positive, Branch::Negative, Branch::Positive],
             forward: Branch::Negative,
         },
@@ -53,8 +52,8 @@ pub(crate) fn l2() -> Result<(Robot, Compliances), RobotError> {
 }
 
 /// The F1 and its springs.
-pub(crate) fn f1() -> Result<(SixLink, Compliances<AXES>), RobotError> {
-    let robot = SixLink::new(SixLinkGeometry {
+pub(crate) fn f1() -> Result<(f1::Robot, Compliances<AXES>), RobotError> {
+    let robot = f1::Robot::new(f1::Geometry {
         carts_m: [
             Vector3::new(-0.25, -1.12, 0.0),
             Vector3::new(1.15, 0.05, 0.0),

@@ -1,9 +1,10 @@
 //! The floats of a tick: nominal positions from a pose, offsets from a load.
 
-use gantry_tau_core::model::compensation::{Compensator, Correction};
-use gantry_tau_core::model::kinematics::{KinematicsError, Nominal};
+use gantry_tau_core::model::compensation::Correction;
+use gantry_tau_core::model::kinematics::KinematicsError;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading};
 use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::l2;
 use gantry_tau_core::units::{Metres, PositionNm};
 use nalgebra::{Matrix3, Vector3};
 
@@ -15,7 +16,7 @@ use super::{AXES, Moment, Motion, Pose6, Refused};
 pub(crate) struct Work {
     sensor: ForceSensor,
     load: Wrench,
-    l2: Compensator,
+    l2: l2::Compensator,
     f1: F1,
 }
 
@@ -41,12 +42,12 @@ impl Work {
     /// Both machines, and the checksum of the F1.
     pub(crate) fn new() -> Result<(Self, u32), Refused> {
         let (robot, springs) = robots::l2().map_err(|_| Refused::Robot)?;
-        let nominal = Nominal::new(&robot, &Matrix3::identity()).map_err(|_| Refused::Robot)?;
+        let nominal = l2::Kinematics::new(&robot, &Matrix3::identity()).map_err(|_| Refused::Robot)?;
         let (f1, checksum) = F1::new()?;
         let work = Self {
             sensor: ForceSensor::new(robots::sensor()).map_err(|_| Refused::Compensation)?,
             load: Wrench::zero(),
-            l2: Compensator::new(&nominal, &springs, robots::compensation([1.0; 3]))
+            l2: l2::Compensator::new(&nominal, &springs, robots::compensation([1.0; 3]))
                 .map_err(|_| Refused::Compensation)?,
             f1,
         };
@@ -73,7 +74,7 @@ impl Work {
 }
 
 impl Answer<'_> {
-    /// Nominal positions of the server's axes; `None` without an answer, or when it is farther than any machine reaches.
+    /// l2::Kinematics positions of the server's axes; `None` without an answer, or when it is farther than any machine reaches.
     pub(crate) fn nominal(&self) -> Option<[PositionNm; AXES]> {
         let metres = match self {
             Self::L2(answer) => {
@@ -81,7 +82,7 @@ impl Answer<'_> {
                 [one, two, three, 0.0, 0.0, 0.0]
             }
             Self::F1(answer) => {
-                let mut metres = answer.ok()?.q.answer;
+                let mut metres = answer.ok()?.q.value;
                 for (q, metres_per_q) in metres.iter_mut().zip(F1_METRES_PER_Q) {
                     *q *= metres_per_q;
                 }

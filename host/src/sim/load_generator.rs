@@ -1,7 +1,7 @@
-//! The load on the tool: the ratchet strap of `[T 4.2.9]`, pulled by another thread while the cycle runs.
+//! Load on the tool, set by another thread while the cycle runs: the ratchet strap of `[T 4.2.9]`.
 //!
-//! A sequence lock of atomics. The cycle never waits: while a load is being set it sees the one before. There is one [`Hand`] for
-//! each [`Tool`] and setting takes it mutably, so there is one writer, without a lock. Every word is an atomic: no torn word, no `unsafe`.
+//! A sequence lock of atomics. The cycle never waits: while a load is being set it reads the one before. There is one [`LoadGenerator`] for
+//! each [`AppliedLoad`] and setting takes it mutably, so there is one writer, without a lock. Every word is an atomic: no torn word, no `unsafe`.
 
 use std::fmt;
 use std::sync::Arc;
@@ -12,10 +12,10 @@ pub const MAX_LOAD: f64 = 1e5;
 /// Reads the cycle tries before it keeps the load it had.
 const READ_ATTEMPTS: u32 = 4;
 
-/// What is applied to the tool.
+/// Load on the tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load {
-    /// Which step of a load programme; 0 when none.
+    /// Step of a load profile; 0 without one.
     pub step: u32,
     /// Force on the tool, N, world axes.
     pub force_n: [f64; 3],
@@ -52,31 +52,31 @@ struct Shared {
     wrench: [AtomicU64; 6],
 }
 
-/// Pulls at the tool, from any thread.
+/// Sets the load on the tool, from any thread.
 #[derive(Debug)]
-pub struct Hand {
+pub struct LoadGenerator {
     shared: Arc<Shared>,
 }
 
-/// Feels the hand, in the cycle.
+/// Reads the load on the tool, in the cycle.
 #[derive(Debug)]
-pub struct Tool {
+pub struct AppliedLoad {
     shared: Arc<Shared>,
     last: Load,
 }
 
-/// A hand and the tool it pulls at, without load.
+/// Makes a load generator and the load it applies, which is zero.
 #[must_use]
-pub fn hand_and_tool() -> (Hand, Tool) {
+pub fn load_generator() -> (LoadGenerator, AppliedLoad) {
     let shared = Arc::new(Shared::default());
-    let hand = Hand {
+    let generator = LoadGenerator {
         shared: Arc::clone(&shared),
     };
     let last = Load::default();
-    (hand, Tool { shared, last })
+    (generator, AppliedLoad { shared, last })
 }
 
-impl Hand {
+impl LoadGenerator {
     /// Applies `load` from the next cycle on.
     ///
     /// # Errors
@@ -104,15 +104,15 @@ impl Hand {
         Ok(())
     }
 
-    /// Lets go.
+    /// Releases the tool: zero load.
     pub fn release(&mut self) {
         // Zero is always accepted.
         let _ = self.set(&Load::default());
     }
 }
 
-impl Tool {
-    /// The load now: all of one `set`. Bounded; when a writer is in the way, the load before.
+impl AppliedLoad {
+    /// Returns the present load, all of one `set`. Bounded; during a write, the load before.
     pub fn load(&mut self) -> Load {
         for _ in 0..READ_ATTEMPTS {
             if let Some(load) = self.shared.try_read() {
@@ -125,7 +125,7 @@ impl Tool {
 }
 
 impl Shared {
-    /// The words, if none of them changed while they were read.
+    /// Returns the words if none of them changed while they were read.
     fn try_read(&self) -> Option<Load> {
         let before = self.sequence.load(Ordering::Acquire);
         let step = self.step.load(Ordering::Relaxed);
@@ -156,39 +156,39 @@ mod tests {
     }
 
     #[test]
-    fn what_is_set_is_felt() {
-        let (mut hand, mut tool) = hand_and_tool();
-        assert_eq!(tool.load(), Load::default());
-        hand.set(&uniform(3)).unwrap();
-        assert_eq!(tool.load(), uniform(3));
-        hand.release();
-        assert_eq!(tool.load(), Load::default());
+    fn what_is_set_is_read() {
+        let (mut generator, mut applied) = load_generator();
+        assert_eq!(applied.load(), Load::default());
+        generator.set(&uniform(3)).unwrap();
+        assert_eq!(applied.load(), uniform(3));
+        generator.release();
+        assert_eq!(applied.load(), Load::default());
     }
 
     #[test]
     fn a_bad_load_changes_nothing() {
-        let (mut hand, mut tool) = hand_and_tool();
-        hand.set(&uniform(1)).unwrap();
+        let (mut generator, mut applied) = load_generator();
+        generator.set(&uniform(1)).unwrap();
         for bad in [f64::NAN, f64::INFINITY, -2e5] {
             let mut load = uniform(2);
             load.moment_nm[1] = bad;
-            assert_eq!(hand.set(&load), Err(LoadRefused));
+            assert_eq!(generator.set(&load), Err(LoadRefused));
         }
-        assert_eq!(tool.load(), uniform(1));
+        assert_eq!(applied.load(), uniform(1));
     }
 
     #[test]
     fn a_load_is_never_a_mixture() {
-        let (mut hand, mut tool) = hand_and_tool();
+        let (mut generator, mut applied) = load_generator();
         std::thread::scope(|scope| {
             scope.spawn(move || {
                 for step in 0..50_000 {
-                    hand.set(&uniform(step)).unwrap();
+                    generator.set(&uniform(step)).unwrap();
                 }
             });
             let mut last = 0;
             while last < 49_999 {
-                let load = tool.load();
+                let load = applied.load();
                 assert_eq!(load, uniform(load.step));
                 assert!(load.step >= last);
                 last = load.step;

@@ -1,22 +1,22 @@
-//! From a robot file to what the core and the simulation are configured with.
+//! Configurations of core and simulation, built from a robot file.
 
 use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::control::message::{AxisLimits, Capabilities};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 
-use crate::model::Model;
-use crate::robot_file::{self, ChannelLimits, RobotFile, RobotFileError};
-use crate::sim::hand::Tool;
+use super::{ChannelLimits, RobotFile, RobotFileError};
+use crate::model::MachineKind;
+use crate::sim::load_generator::AppliedLoad;
 use crate::sim::machine::SimulatedMachine;
 use crate::sim::parameters::{Motion, SimulationParameters};
 
 /// Length of a cycle, µs.
 pub const CYCLE_US: u32 = 1_000;
-/// What the simulated sensor shows unloaded, N and N m, sensor axes: weight of the tool and zero error. ASSUMED; the client tares it.
+/// Reading of the unloaded simulated sensor, N and N m, sensor axes: weight of the tool and zero error. ASSUMED; the client tares it.
 const SENSOR_BIAS: [f64; 6] = [1.5, -0.8, -18.0, 0.05, -0.1, 0.02];
 
-impl<K: Model<N>, const N: usize> RobotFile<K, N> {
+impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
     fn refuse(&self, key: &str, reason: impl std::fmt::Display) -> RobotFileError {
         RobotFileError {
             file: self.name.clone(),
@@ -41,7 +41,7 @@ impl<K: Model<N>, const N: usize> RobotFile<K, N> {
         .map_err(|error| self.refuse("axes", error))
     }
 
-    fn axis(&self, limits: &robot_file::AxisLimits) -> Result<AxisConfig, RobotFileError> {
+    fn axis(&self, limits: &super::AxisLimits) -> Result<AxisConfig, RobotFileError> {
         let channel = |key: &str, c: &ChannelLimits| {
             Limits::new(c.max, c.step, c.accel, c.ramp).map_err(|error| self.refuse(key, error))
         };
@@ -59,7 +59,7 @@ impl<K: Model<N>, const N: usize> RobotFile<K, N> {
         })
     }
 
-    /// Which axis drives each motor.
+    /// Axis of each motor.
     ///
     /// # Errors
     /// [`RobotFileError`] unless there are `M` motors, each on an axis.
@@ -78,13 +78,13 @@ impl<K: Model<N>, const N: usize> RobotFile<K, N> {
         MotorMap::new(motors).map_err(|error| self.refuse(key, error))
     }
 
-    /// The simulated machine of this file, with `tool` to pull at.
+    /// The simulated machine of this file, under `tool`'s load.
     ///
     /// # Errors
-    /// [`RobotFileError`] without compliances, or for a simulation that cannot be.
+    /// [`RobotFileError`] without compliances, or for invalid parameters of the simulation.
     pub fn simulated_machine<const M: usize>(
         &self,
-        tool: Tool,
+        tool: AppliedLoad,
         motion: Motion<N>,
     ) -> Result<SimulatedMachine<N, M>, RobotFileError> {
         let compliances = self
