@@ -1,10 +1,10 @@
 //! The nominal kinematics: T13. What is handed out is finite, inside the travel, and keeps the links' lengths; or it is an error.
 
 use gantry_tau_core::model::kinematics::{Pose, RESIDUAL_TOLERANCE};
+use gantry_tau_core::model::l2;
 use gantry_tau_core::model::linalg::norm;
 use gantry_tau_core::model::robot::ARMS;
-use gantry_tau_core::model::statics::{LineMatrix, Wrench};
-use gantry_tau_core::model::l2;
+use gantry_tau_core::model::statics::Wrench;
 
 /// A point in world axes, or positions of the axes.
 type Three = [f64; ARMS];
@@ -119,7 +119,13 @@ pub fn there_and_back(nominal: &l2::Kinematics, tcp_m: Three, tolerance_m: f64) 
 ///
 /// # Panics
 /// When one is not.
-pub fn statics_are_finite(robot: &l2::Robot, nominal: &l2::Kinematics, tcp_m: Three, q: Three, load: &Wrench) {
+pub fn statics_are_finite(
+    robot: &l2::Robot,
+    nominal: &l2::Kinematics,
+    tcp_m: Three,
+    q: Three,
+    load: &Wrench,
+) {
     let finite = |values: &[f64]| {
         assert!(values.iter().all(|value| value.is_finite()), "T13: finite");
     };

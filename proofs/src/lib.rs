@@ -31,14 +31,14 @@ pub mod fsm;
 mod harness;
 pub mod ingress;
 pub mod kinematics;
-pub mod machine;
 #[cfg(not(kani))]
-pub mod made;
+pub mod known_solution;
 pub mod motors;
 #[cfg(not(kani))]
 pub mod oracle;
 #[cfg(not(kani))]
 pub mod play;
+pub mod robots;
 pub mod session;
 pub mod six_link;
 pub mod wire;

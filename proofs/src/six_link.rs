@@ -1,9 +1,11 @@
 //! The kinematics of six axes: T13. What is handed out is finite, inside the travel, and keeps the links' lengths; or it is an error.
 
-use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose, RESIDUAL_TOLERANCE, WARM_ITERATIONS};
-use gantry_tau_core::model::linalg::rotation_deviation;
-use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use gantry_tau_core::model::f1;
+use gantry_tau_core::model::kinematics::{
+    COLD_ITERATIONS, Pose, RESIDUAL_TOLERANCE, WARM_ITERATIONS,
+};
+use gantry_tau_core::model::linalg::rotation_deviation;
+use gantry_tau_core::model::statics::Wrench;
 
 use crate::compensation::cycle_is_bounded;
 
@@ -22,7 +24,7 @@ pub fn check_is_right(kinematics: &f1::Kinematics, q: &Six) {
 
 fn is_inside(kinematics: &f1::Kinematics, q: &Six) {
     let travel = kinematics.travel();
-    for axis in 0..AXES {
+    for axis in 0..f1::AXES {
         let (lower, upper) = travel[axis];
         assert!(
             lower <= q[axis] && q[axis] <= upper,
@@ -95,10 +97,41 @@ pub fn statics_are_finite(machine: &f1::Elastic, pose: &Pose, q: &Six, load: &Wr
             finite(&deflection.total.to_array());
         }
     }
-    let first_order = machine.compensated(pose, q, load, 1.0);
-    let exact = machine.held(pose, q, load).map(|held| held.value);
+    let first_order = machine.command(pose, q, load, 1.0);
+    let exact = machine.exact_command(pose, q, load).map(|held| held.value);
     for command in [first_order, exact].iter().flatten() {
         finite(command);
+    }
+}
+
+/// T13: for any positions, the tracker returns an error or a pose that satisfies the links; after an error the last pose stays, and the
+/// next reachable positions (those of `near`) lead to it. Tested.
+///
+/// # Panics
+/// When it does not hold.
+pub fn tracker_is_checked(kinematics: &f1::Kinematics, near: &Pose, wild: &[Six]) {
+    let Ok(there) = kinematics.inverse(near, None) else {
+        return;
+    };
+    let mut tracker = f1::PoseTracker::new(kinematics);
+    let Ok(first) = tracker.pose_at(&there.value) else {
+        return;
+    };
+    for q in wild {
+        tracker.start_from(&first);
+        if let Ok(pose) = tracker.pose_at(q) {
+            keeps_lengths(kinematics, &pose, q);
+            continue;
+        }
+        assert!(
+            tracker.last() == Some(&first),
+            "T13: an error leaves the last pose"
+        );
+        let back = tracker.pose_at(&there.value);
+        assert!(
+            back.is_ok_and(|pose| (pose.position_m - first.position_m).amax() < 1e-10),
+            "T13: the next reachable positions work"
+        );
     }
 }
 
@@ -108,6 +141,6 @@ pub fn statics_are_finite(machine: &f1::Elastic, pose: &Pose, q: &Six, load: &Wr
 /// When an offset is beyond its limit.
 pub fn cycles_are_bounded(compensator: &f1::Compensator, pose: &Pose, q: &Six, load: &Wrench) {
     let config = compensator.config();
-    cycle_is_bounded(config, compensator.correction(pose, q, load), load);
-    cycle_is_bounded(config, compensator.exact_correction(pose, q, load), load);
+    cycle_is_bounded(config, compensator.correct_at(pose, q, load), load);
+    cycle_is_bounded(config, compensator.correct_exact_at(pose, q, load), load);
 }

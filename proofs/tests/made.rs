@@ -1,6 +1,6 @@
 //! Machines made around a pose, on stable Rust: core finds what they were made of, and what slow solvers find.
 
-use gantry_tau_proofs::made::{Six, Three, six_is_solved, three_is_solved};
+use gantry_tau_proofs::known_solution::{Six, Three, six_is_solved, three_is_solved};
 use proptest::array::{uniform2, uniform3, uniform6};
 use proptest::prelude::*;
 

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, WARM_ITERATIONS};
 use gantry_tau_core::model::linalg::{norm, rotation_from_vector};
 use gantry_tau_core::model::f1;
-use gantry_tau_proofs::machine::{six_link, six_link_geometry};
+use gantry_tau_proofs::robots;
 use nalgebra::Vector3;
 
 /// Poses asked for.
@@ -128,7 +128,7 @@ fn there_and_back(
 
 #[test]
 fn every_pose_of_the_workspace_leads_there_and_back() {
-    let kinematics = six_link(six_link_geometry()).unwrap();
+    let kinematics = robots::f1(robots::f1_geometry()).unwrap();
     let workspace = Workspace {
         across_m: 0.4,
         turn_rad: 0.3,
@@ -150,7 +150,7 @@ fn every_pose_of_the_workspace_leads_there_and_back() {
 /// near the singularities that bound it, the stated residual of 1e-9 m is a pose off by micrometres.
 #[test]
 fn no_pose_beyond_the_workspace_leads_to_another() {
-    let kinematics = six_link(six_link_geometry()).unwrap();
+    let kinematics = robots::f1(robots::f1_geometry()).unwrap();
     let wide = Workspace {
         across_m: 0.8,
         turn_rad: 0.5,

@@ -14,7 +14,7 @@ use gantry_tau_core::model::compensation::Correction;
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose, Solution, WARM_ITERATIONS};
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use gantry_tau_core::model::{f1, l2};
-use gantry_tau_proofs::machine;
+use gantry_tau_proofs::robots;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 /// What is counted, and the most it may be.
@@ -109,7 +109,7 @@ fn l2_statics() {
         let lines = robot.line_matrix(pose, q)?;
         Ok(lines.cart_loads(&lines.link_forces_n(load)?))
     }
-    let (robot, _) = machine::nominal(machine::geometry()).unwrap();
+    let (robot, _) = robots::l2(robots::l2_geometry()).unwrap();
     let (_, tcp, q) = l2();
     let pose = Pose::at(tcp);
     let loads = measured_l2_statics(

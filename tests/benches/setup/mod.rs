@@ -15,11 +15,11 @@ use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick};
-use gantry_tau_proofs::machine;
+use gantry_tau_proofs::robots;
 use nalgebra::Vector3;
 
 pub(crate) fn l2() -> (l2::Kinematics, Vector3<f64>, [f64; 3]) {
-    let (_, nominal) = machine::nominal(machine::geometry()).unwrap();
+    let (_, nominal) = robots::l2(robots::l2_geometry()).unwrap();
     let tcp = Vector3::new(0.0, 0.5, 0.65);
     let q = nominal.inverse(&tcp).unwrap();
     (nominal, tcp, q)
@@ -39,7 +39,7 @@ fn config<const N: usize>() -> CompensatorConfig<N> {
 
 /// The F1 in a pose, and the pose of a cycle before at 1 m/s and 1 rad/s.
 pub(crate) fn six() -> (f1::Kinematics, Pose, [f64; 6], Pose) {
-    let kinematics = machine::six_link(machine::six_link_geometry()).unwrap();
+    let kinematics = robots::f1(robots::f1_geometry()).unwrap();
     let turn = |x, y, z| rotation_from_vector(&Vector3::new(x, y, z)).unwrap();
     let pose = Pose {
         position_m: Vector3::new(0.1, -0.1, 0.4),

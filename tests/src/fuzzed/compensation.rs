@@ -12,9 +12,7 @@ use gantry_tau_core::units::OffsetNm;
 use gantry_tau_proofs::compensation::{
     correction_is_bounded, cycle_is_bounded, sensor_stays_valid, sensor_takes_good_readings,
 };
-use gantry_tau_proofs::machine::{
-    geometry, home, nominal, six_link, six_link_geometry, six_link_home,
-};
+use gantry_tau_proofs::robots;
 use gantry_tau_proofs::{kinematics, six_link};
 
 /// A machine's place, a configuration, and what the sensor reads.
@@ -88,8 +86,8 @@ impl Loads {
 const LINKS: [f64; 6] = [5e-7, 6e-7, 5.5e-7, 7e-7, 6.5e-7, 6e-7];
 
 fn three_axes(loads: &Loads) {
-    let (robot, nominal) = nominal(geometry()).unwrap();
-    let mut tcp = home();
+    let (robot, nominal) = robots::l2(robots::l2_geometry()).unwrap();
+    let mut tcp = robots::l2_home();
     for (axis, place) in tcp.iter_mut().enumerate() {
         *place += loads.step(axis);
     }
@@ -123,8 +121,8 @@ fn three_axes(loads: &Loads) {
 }
 
 fn six_axes(loads: &Loads) {
-    let kinematics = six_link(six_link_geometry()).unwrap();
-    let (mut place, mut turn) = (six_link_home(), [0.0; 3]);
+    let kinematics = robots::f1(robots::f1_geometry()).unwrap();
+    let (mut place, mut turn) = (robots::f1_home(), [0.0; 3]);
     for axis in 0..3 {
         place[axis] += loads.step(axis);
         turn[axis] += loads.step(axis + 3);

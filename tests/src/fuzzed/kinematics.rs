@@ -8,8 +8,8 @@ use gantry_tau_proofs::kinematics::{
     check_is_right, forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside,
     lengths_are_kept,
 };
-use gantry_tau_proofs::machine::{geometry, nominal, six_link, six_link_geometry};
-use gantry_tau_proofs::made::{Six, Three, six_is_solved, three_is_solved};
+use gantry_tau_proofs::robots;
+use gantry_tau_proofs::known_solution::{Six, Three, six_is_solved, three_is_solved};
 use gantry_tau_proofs::six_link::{self, answers_are_checked};
 
 /// What is solved.
@@ -48,14 +48,14 @@ pub fn kinematics(data: &[u8]) {
 }
 
 fn anywhere(place: [f64; 3], turn: [f64; 3], seed: Option<[f64; 3]>, q: [f64; 6]) {
-    let (robot, three) = nominal(geometry()).unwrap();
+    let (robot, three) = robots::l2(robots::l2_geometry()).unwrap();
     let [q1, q2, q3, ..] = q;
     check_is_right(&three, [q1, q2, q3]);
     inverse_is_inside(&three, place);
     inverse_in_assembly_is_inside(&three, place);
     forward_is_inside(&three, [q1, q2, q3]);
     lengths_are_kept(&robot, &three, place, [q1, q2, q3]);
-    let six = six_link(six_link_geometry()).unwrap();
+    let six = robots::f1(robots::f1_geometry()).unwrap();
     let rotation = rotation_from_vector(&turn.into()).unwrap_or_else(|| [turn, turn, turn].into());
     let pose = Pose {
         position_m: place.into(),

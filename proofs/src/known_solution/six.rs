@@ -1,11 +1,11 @@
 //! The machine with six axes: its equations once more, and Newton's method with differences for derivatives and small steps.
 
+use gantry_tau_core::model::f1;
 use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose};
 use gantry_tau_core::model::robot::Branch;
-use gantry_tau_core::model::f1;
 
 use super::{REGULAR, Vector, add, dot, length, less, near, share, times, turned};
-use crate::machine::{six_link, six_link_geometry, six_link_home};
+use crate::robots;
 use crate::six_link::answers_are_checked;
 
 /// Six numbers: positions of the axes, or a place and a rotation vector.
@@ -51,7 +51,7 @@ pub fn six_is_solved(input: &Six) {
     let Some(made) = Made::new(input) else {
         return;
     };
-    let Some(kinematics) = six_link(made.geometry) else {
+    let Some(kinematics) = robots::f1(made.geometry) else {
         return;
     };
     let pose = pose(&made.tool);
@@ -68,8 +68,8 @@ pub fn six_is_solved(input: &Six) {
 impl Made {
     /// None where the links of a cluster point to different sides: no machine is built so.
     fn new(input: &Six) -> Option<Self> {
-        let base = six_link_geometry();
-        let [x, y, z] = six_link_home();
+        let base = robots::f1_geometry();
+        let [x, y, z] = robots::f1_home();
         let [tool_x, tool_y, tool_z, turn_x, turn_y, turn_z] = input.tool;
         let tool = [
             x + share(tool_x, 0.4),

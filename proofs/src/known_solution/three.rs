@@ -1,12 +1,12 @@
 //! The machine with three axes: positions by bisection, the tool by walking round the circle in which two spheres meet.
 
 use gantry_tau_core::model::kinematics::KinematicsError;
-use gantry_tau_core::model::robot::Branch;
 use gantry_tau_core::model::l2;
+use gantry_tau_core::model::robot::Branch;
 
 use super::{REGULAR, Vector, add, cross, dot, length, less, near, share, times};
 use crate::kinematics::{lengths_are_kept, travel_is_finite};
-use crate::machine::{geometry, home, nominal};
+use crate::robots;
 
 /// How a machine with three axes differs from `robots/l2.toml`, where its tool is, and what else is asked of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,13 +69,13 @@ fn sign(number: f64) -> Branch {
 
 impl Made {
     fn new(input: &Three) -> Self {
-        let base = geometry();
+        let base = robots::l2_geometry();
         let first_of_arm = [0, 1, 3];
         let at = first_of_arm
             .map(|link| <Vector>::from(base.cart_joints_m[link] - base.platform_joints_m[link]));
         let origins = near(at, &input.origins, 0.3);
         let guideways = near(base.guideways.map(Into::into), &input.guideways, 0.5);
-        let [tool] = near([home()], &[input.tool], 0.3);
+        let [tool] = near([robots::l2_home()], &[input.tool], 0.3);
         let q = std::array::from_fn(|arm| {
             let towards = [1.0, -1.0, 1.0][arm];
             towards * 0.6 + share(input.positions[arm], 1.0)
@@ -97,7 +97,7 @@ impl Made {
     }
 
     fn machine(&self, input: &Three) -> Option<(l2::Robot, l2::Kinematics)> {
-        let base = geometry();
+        let base = robots::l2_geometry();
         let joints = near(base.platform_joints_m.map(Into::into), &input.joints, 0.2);
         let arm_of_link = [0, 1, 1, 2, 2, 2];
         let carts: [Vector; 6] =
@@ -112,7 +112,7 @@ impl Made {
         };
         geometry.configuration.inverse = self.sides.map(sign);
         geometry.configuration.forward = sign(self.height);
-        nominal(geometry)
+        robots::l2(geometry)
     }
 
     fn carts(&self, q: [f64; 3]) -> [Vector; 3] {
