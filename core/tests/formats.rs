@@ -28,11 +28,11 @@ use gantry_tau_core::control::wire::{
 };
 use gantry_tau_core::model::compensation::{CompensatorError, Correction};
 use gantry_tau_core::model::kinematics::{KinematicsError, Solution};
+use gantry_tau_core::model::l2;
 use gantry_tau_core::model::linalg::LinearError;
 use gantry_tau_core::model::robot::{Branch, Parameter, RobotError};
 use gantry_tau_core::model::sensor::{Reading, SensorError, SensorState};
 use gantry_tau_core::model::statics::{TauFormError, Wrench};
-use gantry_tau_core::model::l2;
 use gantry_tau_core::units::{
     CrossingError, Epoch, Metres, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };

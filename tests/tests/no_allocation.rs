@@ -20,7 +20,7 @@ use gantry_tau::robot_file::RobotFile;
 use gantry_tau::sensor_link::{SensorPublisher, SensorReader};
 use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
-use gantry_tau::sim::load_generator::{LoadGenerator, Load, load_generator};
+use gantry_tau::sim::load_generator::{Load, LoadGenerator, load_generator};
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau_core::control::axis::Offsets;

@@ -8,9 +8,9 @@
 
 use std::collections::BTreeMap;
 
+use gantry_tau_core::model::f1;
 use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, WARM_ITERATIONS};
 use gantry_tau_core::model::linalg::{norm, rotation_from_vector};
-use gantry_tau_core::model::f1;
 use gantry_tau_proofs::robots;
 use nalgebra::Vector3;
 

@@ -1,4 +1,20 @@
 //! Example machines, those of `robots/l2.toml` and `robots/f1.toml`. Their dimensions are assumed: plausible, not measured.
+//!
+//! From positions in q-units to the reference path, by the crossing:
+//!
+//! ```
+//! use gantry_tau_core::model::nalgebra::{Matrix3, Vector3};
+//! use gantry_tau_core::model::{l2, presets};
+//! use gantry_tau_core::units::{Metres, PositionNm};
+//!
+//! let robot = l2::Robot::new(presets::l2())?;
+//! let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity())?;
+//! let [q1, ..] = kinematics.inverse(&Vector3::new(0.0, 0.5, 0.65))?;
+//! let nominal = PositionNm::from_metres(Metres(q1))?;
+//! assert!((nominal.to_metres().0 - q1).abs() < 1e-9);
+//! assert!(PositionNm::from_metres(Metres(f64::NAN)).is_err());
+//! # Ok::<(), Box<dyn core::error::Error>>(())
+//! ```
 
 use nalgebra::Vector3;
 

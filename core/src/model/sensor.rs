@@ -101,6 +101,27 @@ pub struct SensorState {
 }
 
 /// A sensor: its configuration, checked, and its state.
+///
+/// # Examples
+/// ```
+/// use gantry_tau_core::model::nalgebra::{Matrix3, Vector3};
+/// use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
+/// use gantry_tau_core::model::statics::Wrench;
+///
+/// let mut sensor = ForceSensor::new(SensorConfig {
+///     rotation: Matrix3::identity(),
+///     lever_m: Vector3::new(0.0, 0.0, -0.08),
+///     cutoff_hz: 20.0,
+///     cycle_s: 1e-3,
+///     tare_samples: 2,
+/// })?;
+/// // The weight of the tool, which the tare takes off.
+/// let unloaded = Wrench::from_array([0.0, 0.0, -18.0, 0.0, 0.0, 0.0]);
+/// assert_eq!(sensor.update(&unloaded)?, Reading::Taring { remaining: 1 });
+/// assert_eq!(sensor.update(&unloaded)?, Reading::Taring { remaining: 0 });
+/// assert_eq!(sensor.update(&unloaded)?, Reading::Load(Wrench::zero()));
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceSensor {
     config: SensorConfig,

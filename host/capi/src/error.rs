@@ -1,14 +1,14 @@
 //! From core's errors to codes; what they carry goes with them.
 
 use gantry_tau_core::control::channel::LimitsError;
-use gantry_tau_core::model::compensation::CompensatorError;
-use gantry_tau_core::model::kinematics::KinematicsError;
-use gantry_tau_core::model::robot::{Parameter, RobotError};
-use gantry_tau_core::model::sensor::SensorError;
-use gantry_tau_core::model::l2;
 use gantry_tau_core::control::endpoint::{Full, MotorMapError};
 use gantry_tau_core::control::session::StartError;
 use gantry_tau_core::control::session::config::ConfigError;
+use gantry_tau_core::model::compensation::CompensatorError;
+use gantry_tau_core::model::kinematics::KinematicsError;
+use gantry_tau_core::model::l2;
+use gantry_tau_core::model::robot::{Parameter, RobotError};
+use gantry_tau_core::model::sensor::SensorError;
 use gantry_tau_core::units::CrossingError;
 
 use crate::code::gt_code;

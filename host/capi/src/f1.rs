@@ -2,9 +2,9 @@
 
 use core::ffi::c_void;
 
+use gantry_tau_core::model::f1;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::statics::LineMatrix;
-use gantry_tau_core::model::f1;
 
 use crate::code::gt_code;
 use crate::error::gt_error;
@@ -46,7 +46,7 @@ pub struct gt_f1_geometry {
 /// A machine with six axes; its memory is the caller's, and no call changes it: threads may share it.
 pub struct gt_f1(());
 
-/// What a handle stands for.
+/// Object behind a handle.
 pub(crate) struct F1(pub(crate) f1::Kinematics);
 
 impl Object for F1 {
@@ -137,11 +137,11 @@ pub unsafe extern "C" fn gt_f1_inverse(
                 object::<F1>(machine)?,
             )
         };
-        let answer = machine.0.inverse(&pose.into(), seed)?;
-        q.put(answer.value);
+        let solution = machine.0.inverse(&pose.into(), seed)?;
+        q.put(solution.value);
         // SAFETY: as above; null is allowed.
         if let Ok(place) = unsafe { place(solved) } {
-            place.put((&answer).into());
+            place.put((&solution).into());
         }
         Ok(())
     };
@@ -176,14 +176,14 @@ pub unsafe extern "C" fn gt_f1_forward(
                 object::<F1>(machine)?,
             )
         };
-        let answer = match seed {
+        let solution = match seed {
             Some(seed) => machine.0.forward_from(&q, &seed.into(), most_solves)?,
             None => machine.0.forward(&q)?,
         };
-        pose.put(answer.value.into());
+        pose.put(solution.value.into());
         // SAFETY: as above; null is allowed.
         if let Ok(place) = unsafe { place(solved) } {
-            place.put((&answer).into());
+            place.put((&solution).into());
         }
         Ok(())
     };

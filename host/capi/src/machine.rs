@@ -1,4 +1,4 @@
-//! Poses, loads and what else both machines share.
+//! Poses, loads and helpers that both machines share.
 
 use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose, Solution, WARM_ITERATIONS};
 use gantry_tau_core::model::robot::{ARMS, Branch, LINKS};

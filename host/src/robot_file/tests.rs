@@ -18,7 +18,8 @@ fn the_built_in_machines_are_the_presets() {
     let file = RobotFile::builtin_f1().unwrap();
     assert_eq!(*file.model.kinematics().robot().geometry(), presets::f1());
     assert_eq!(file.compliances, Some(presets::f1_compliances()));
-    assert_eq!(file.axes.metres_per_q, presets::F1_METRES_PER_Q);
+    let bits = |scales: [f64; 6]| scales.map(f64::to_bits);
+    assert_eq!(bits(file.axes.metres_per_q), bits(presets::F1_METRES_PER_Q));
 }
 
 #[test]

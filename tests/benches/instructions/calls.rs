@@ -12,8 +12,9 @@ use gantry_tau_core::control::wire::{
 };
 use gantry_tau_core::model::compensation::Correction;
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose, Solution, WARM_ITERATIONS};
-use gantry_tau_core::model::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2};
+use gantry_tau_core::units::PositionNm;
 use gantry_tau_proofs::robots;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -101,7 +102,7 @@ fn nominal_jacobian() {
 fn l2_statics() {
     #[inline(never)]
     fn measured_l2_statics(
-        robot: &gantry_tau_core::model::l2::Robot,
+        robot: &l2::Robot,
         pose: &Pose,
         q: &[f64; 3],
         load: &Wrench,
@@ -125,15 +126,15 @@ fn l2_compensation() {
     #[inline(never)]
     fn measured_l2_compensation(
         compensator: &l2::Compensator,
-        q: &[f64; 3],
+        nominal: &[PositionNm; 3],
         load: &Wrench,
-    ) -> Result<Correction, KinematicsError> {
-        compensator.correction(q, load)
+    ) -> Result<Correction<3>, KinematicsError> {
+        compensator.correct(nominal, load)
     }
-    let (compensator, q) = l2_compensator();
+    let (compensator, nominal) = l2_compensator();
     black_box(measured_l2_compensation(
         black_box(&compensator),
-        black_box(&q),
+        black_box(&nominal),
         black_box(&load()),
     ))
     .unwrap();
@@ -204,7 +205,7 @@ fn six_compensation() {
         q: &[f64; 6],
         load: &Wrench,
     ) -> Result<Correction<6>, KinematicsError> {
-        compensator.correction(pose, q, load)
+        compensator.correct_at(pose, q, load)
     }
     let (compensator, pose, q) = six_compensator();
     let correction = measured_six_compensation(

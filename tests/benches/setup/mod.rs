@@ -14,7 +14,7 @@ use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2};
-use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick};
+use gantry_tau_core::units::{Epoch, Metres, OffsetNm, PositionNm, Sequence, Tick};
 use gantry_tau_proofs::robots;
 use nalgebra::Vector3;
 
@@ -128,15 +128,21 @@ pub(crate) fn a_command() -> (Server, Command<6>) {
     (server, command)
 }
 
-pub(crate) fn l2_compensator() -> (l2::Compensator, [f64; 3]) {
-    let (nominal, _, q) = l2();
+pub(crate) fn l2_compensator() -> (l2::Compensator, [PositionNm; 3]) {
+    let (kinematics, _, q) = l2();
     let springs = Compliances::new([5e-7; 6], [5e-8; 3]).unwrap();
-    (l2::Compensator::new(&nominal, &springs, config()).unwrap(), q)
+    let compensator = l2::Compensator::new(&kinematics, &springs, config()).unwrap();
+    (compensator, nanometres(q))
+}
+
+/// Positions of axes whose `q` is in metres.
+fn nanometres<const N: usize>(q: [f64; N]) -> [PositionNm; N] {
+    q.map(|q| PositionNm::from_metres(Metres(q)).unwrap())
 }
 
 pub(crate) fn six_compensator() -> (f1::Compensator, Pose, [f64; 6]) {
     let (kinematics, pose, q, _) = six();
     let springs = Compliances::new([5e-7; 6], [4e-8, 4e-8, 4e-8, 2e-6, 2e-6, 2e-6]).unwrap();
-    let elastic = f1::Elastic::new(kinematics, springs);
-    (f1::Compensator::new(elastic, config()).unwrap(), pose, q)
+    let compensator = f1::Compensator::new(&kinematics, &springs, config()).unwrap();
+    (compensator, pose, q)
 }

@@ -91,7 +91,7 @@ impl Watch for Seen {
             Answer::L2(_) => Floats::L2,
             Answer::F1(Err(_)) => Floats::F1Refused,
             Answer::F1(Ok(answer)) => {
-                let [.., q4, q5, q6] = answer.q.answer;
+                let [.., q4, q5, q6] = answer.q.value;
                 let turned_rad = q4.abs().max(q5.abs()).max(q6.abs());
                 Floats::F1 { turned_rad }
             }

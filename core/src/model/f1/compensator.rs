@@ -3,7 +3,7 @@
 use super::pose_tracker::Seed;
 use super::{AXES, Elastic, Kinematics};
 use crate::model::compensation::{CompensatorConfig, CompensatorError, Correction};
-use crate::model::kinematics::{KinematicsError, Pose};
+use crate::model::kinematics::{KinematicsError, Pose, Solution};
 use crate::model::robot::Compliances;
 use crate::model::statics::Wrench;
 use crate::units::PositionNm;
@@ -83,8 +83,16 @@ impl Compensator {
         load: &Wrench,
     ) -> Result<Correction<AXES>, KinematicsError> {
         let q = self.config.q_of(nominal);
-        let pose = self.seed.track(self.machine.kinematics(), &q)?.value;
+        let pose = self.track(&q)?.value;
         self.correct_at(&pose, &q, load)
+    }
+
+    /// Returns the pose for positions `q` (q-units), tracked from that of the last call.
+    ///
+    /// # Errors
+    /// As [`PoseTracker::track`](super::PoseTracker::track).
+    pub fn track(&mut self, q: &[f64; AXES]) -> Result<Solution<Pose>, KinematicsError> {
+        self.seed.track(self.machine.kinematics(), q)
     }
 
     /// As [`correct`](Self::correct), for a known pose and its positions in q-units.
@@ -111,7 +119,7 @@ impl Compensator {
         load: &Wrench,
     ) -> Result<Correction<AXES>, KinematicsError> {
         let q = self.config.q_of(nominal);
-        let pose = self.seed.track(self.machine.kinematics(), &q)?.value;
+        let pose = self.track(&q)?.value;
         self.correct_exact_at(&pose, &q, load)
     }
 

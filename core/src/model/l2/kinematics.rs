@@ -80,7 +80,20 @@ pub(super) struct Arm {
 /// The nominal model of a machine in a constant orientation `R`.
 ///
 /// [`inverse`](Self::inverse) and [`forward`](Self::forward) are closed forms, and inverses of each other on the machine's side
-/// of the carts' plane: whatever one returns there, the other takes back, within rounding.
+/// of the carts' plane, within rounding.
+///
+/// # Examples
+/// ```
+/// use gantry_tau_core::model::nalgebra::{Matrix3, Vector3};
+/// use gantry_tau_core::model::{l2, presets};
+///
+/// let robot = l2::Robot::new(presets::l2())?;
+/// let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity())?;
+/// let tcp_m = Vector3::new(0.0, 0.5, 0.65);
+/// let q = kinematics.inverse_in_assembly(&tcp_m)?;
+/// assert!((kinematics.forward(&q)? - tcp_m).amax() < 1e-12);
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kinematics {
     pub(super) arms: [Arm; ARMS],

@@ -76,6 +76,20 @@ impl Kinematics {
     ///
     /// # Errors
     /// As [`inverse`](Self::inverse).
+    ///
+    /// # Examples
+    /// ```
+    /// use gantry_tau_core::model::nalgebra::{Matrix3, Vector3};
+    /// use gantry_tau_core::model::{l2, presets};
+    ///
+    /// let robot = l2::Robot::new(presets::l2())?;
+    /// let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity())?;
+    /// let jacobian = kinematics.jacobian(&Vector3::new(0.0, 0.5, 0.65))?;
+    /// // Parallel guideways: carts that move together carry the tool with them.
+    /// let together = jacobian * Vector3::new(1.0, 1.0, 1.0);
+    /// assert!((together - Vector3::x()).amax() < 1e-12);
+    /// # Ok::<(), Box<dyn core::error::Error>>(())
+    /// ```
     pub fn jacobian(&self, tcp_m: &Vector3<f64>) -> Result<Matrix3<f64>, KinematicsError> {
         let q = self.inverse(tcp_m)?;
         Ok(self.link_frame(tcp_m, &q)?.jacobian())

@@ -115,6 +115,24 @@ impl<const N: usize> LineMatrix<N> {
     ///
     /// # Errors
     /// [`KinematicsError::NotFinite`].
+    ///
+    /// # Examples
+    /// ```
+    /// use gantry_tau_core::model::nalgebra::{Matrix3, Vector3};
+    /// use gantry_tau_core::model::statics::Wrench;
+    /// use gantry_tau_core::model::{l2, presets};
+    ///
+    /// let robot = l2::Robot::new(presets::l2())?;
+    /// let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity())?;
+    /// let pose = kinematics.pose(Vector3::new(0.0, 0.5, 0.65));
+    /// let q = kinematics.inverse(&pose.position_m)?;
+    /// let lines = kinematics.line_matrix(&pose, &q)?;
+    /// let load = Wrench::from_array([300.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    /// let deflection = lines.deflection(&presets::l2_compliances(), &load)?;
+    /// // The platform yields in the direction of the load, by tenths of a millimetre.
+    /// assert!(deflection.total.translation_m.x > 1e-4);
+    /// # Ok::<(), Box<dyn core::error::Error>>(())
+    /// ```
     pub fn deflection(
         &self,
         compliances: &Compliances<N>,

@@ -2,9 +2,9 @@
 
 use gantry_tau_core::model::compensation::Correction;
 use gantry_tau_core::model::kinematics::KinematicsError;
+use gantry_tau_core::model::l2;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading};
 use gantry_tau_core::model::statics::Wrench;
-use gantry_tau_core::model::l2;
 use gantry_tau_core::units::{Metres, PositionNm};
 use nalgebra::{Matrix3, Vector3};
 
@@ -35,14 +35,15 @@ pub(crate) struct L2Answer {
     /// Positions of the carts.
     pub(crate) q: [f64; 3],
     /// The correction.
-    pub(crate) correction: Correction,
+    pub(crate) correction: Correction<3>,
 }
 
 impl Work {
     /// Both machines, and the checksum of the F1.
     pub(crate) fn new() -> Result<(Self, u32), Refused> {
         let (robot, springs) = robots::l2().map_err(|_| Refused::Robot)?;
-        let nominal = l2::Kinematics::new(&robot, &Matrix3::identity()).map_err(|_| Refused::Robot)?;
+        let nominal =
+            l2::Kinematics::new(&robot, &Matrix3::identity()).map_err(|_| Refused::Robot)?;
         let (f1, checksum) = F1::new()?;
         let work = Self {
             sensor: ForceSensor::new(robots::sensor()).map_err(|_| Refused::Compensation)?,
@@ -67,14 +68,14 @@ impl Work {
 
     fn l2_cycle(&self, [x, y, z, ..]: &Pose6) -> Result<L2Answer, KinematicsError> {
         let tcp_m = Vector3::new(*x, *y, *z);
-        let q = self.l2.model().nominal().inverse(&tcp_m)?;
-        let correction = self.l2.correction(&q, &self.load)?;
+        let q = self.l2.machine().kinematics().inverse(&tcp_m)?;
+        let correction = self.l2.correct_q(&q, &self.load)?;
         Ok(L2Answer { q, correction })
     }
 }
 
 impl Answer<'_> {
-    /// l2::Kinematics positions of the server's axes; `None` without an answer, or when it is farther than any machine reaches.
+    /// Nominal positions of the server's axes; `None` without an answer, or when it is farther than any machine reaches.
     pub(crate) fn nominal(&self) -> Option<[PositionNm; AXES]> {
         let metres = match self {
             Self::L2(answer) => {

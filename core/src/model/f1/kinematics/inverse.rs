@@ -21,6 +21,21 @@ impl Kinematics {
     /// # Errors
     /// `Unreachable`, `Singular`, `NotConverged`, `OutOfRange`, `OtherBranch` (no solution near the start has every link on its
     /// side), `NotFinite` (also for an `R` that is not a rotation).
+    ///
+    /// # Examples
+    /// ```
+    /// use gantry_tau_core::model::kinematics::Pose;
+    /// use gantry_tau_core::model::{f1, nalgebra::Vector3, presets};
+    ///
+    /// let kinematics = f1::Kinematics::new(&f1::Robot::new(presets::f1())?);
+    /// let first = kinematics.inverse(&Pose::at(Vector3::new(0.0, 0.0, 0.3)), None)?;
+    /// let [.., q4, q5, q6] = first.value;
+    /// // The next cycle starts from the plates of this one.
+    /// let next = Pose::at(Vector3::new(0.001, 0.0, 0.3));
+    /// let solution = kinematics.inverse(&next, Some([q4, q5, q6]))?;
+    /// assert!(kinematics.residual_m(&next, &solution.value) < 1e-9);
+    /// # Ok::<(), Box<dyn core::error::Error>>(())
+    /// ```
     pub fn inverse(
         &self,
         pose: &Pose,
