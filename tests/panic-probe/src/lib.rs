@@ -13,7 +13,7 @@ use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
 use gantry_tau_core::model::kinematics::{Pose, WARM_ITERATIONS};
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
-use gantry_tau_core::model::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 use nalgebra::{Matrix3, Vector3};
