@@ -14,7 +14,6 @@ pub mod demo;
 pub mod draw;
 pub mod epoch;
 pub mod faults;
-pub mod machine;
 pub mod model;
 pub mod plant;
 mod plots;

@@ -151,15 +151,15 @@ fn read(path: &Path) -> Result<String, String> {
     std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Every file below a folder, but for those of Cargo's `target`.
+/// Every file below a folder, but for those of Cargo's `target`. A link that leads nowhere (a licence, in a copy) is left out.
 fn files(folder: &Path) -> Result<Vec<PathBuf>, String> {
     let complain = |error: std::io::Error| format!("{}: {error}", folder.display());
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(complain)? {
         let path = entry.map_err(complain)?.path();
-        if !path.is_dir() {
+        if path.is_file() {
             found.push(path);
-        } else if !path.ends_with("target") {
+        } else if path.is_dir() && !path.ends_with("target") {
             found.extend(files(&path)?);
         }
     }

@@ -30,12 +30,12 @@ pub mod fsm;
 pub mod harness;
 pub mod ingress;
 pub mod kinematics;
-pub mod machine;
 #[cfg(not(kani))]
-pub mod made;
+pub mod known_solution;
 pub mod motors;
 #[cfg(not(kani))]
 pub mod reference_model;
+pub mod robots;
 #[cfg(not(kani))]
 pub mod scenario;
 pub mod session;

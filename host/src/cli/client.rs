@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 use gantry_tau::client::{ClientControls, ClientOptions};
-use gantry_tau::model::Model;
+use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::terminal::say;
 
@@ -51,7 +51,7 @@ impl Client {
         }
     }
 
-    fn run_with<K: Model<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
+    fn run_with<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
         let controls = Arc::new(ClientControls::default());
         let shared = Arc::clone(&controls);
         if let Err(error) = ctrlc::set_handler(move || shared.quit.store(true, Ordering::Relaxed)) {

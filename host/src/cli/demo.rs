@@ -5,9 +5,9 @@ use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::demo::{DemoOptions, PaceChoice};
-use gantry_tau::model::{F1_MOTORS, L2_MOTORS, Model};
+use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
-use gantry_tau_core::model::robot::{ARMS, AXES};
+use gantry_tau_core::model::{f1, l2};
 
 use super::{Pace, fail, robot};
 
@@ -66,13 +66,13 @@ pub(crate) struct Demo {
 impl Demo {
     pub(crate) fn run(self) -> ExitCode {
         match robot(&self.robot) {
-            Ok(AnyRobotFile::L2(robot)) => self.run_with::<_, ARMS, L2_MOTORS>(*robot),
-            Ok(AnyRobotFile::F1(robot)) => self.run_with::<_, AXES, F1_MOTORS>(*robot),
+            Ok(AnyRobotFile::L2(robot)) => self.run_with::<_, { l2::AXES }, L2_MOTORS>(*robot),
+            Ok(AnyRobotFile::F1(robot)) => self.run_with::<_, { f1::AXES }, F1_MOTORS>(*robot),
             Err(error) => fail(1, error),
         }
     }
 
-    fn run_with<K: Model<N>, const N: usize, const M: usize>(
+    fn run_with<K: MachineKind<N>, const N: usize, const M: usize>(
         self,
         robot: RobotFile<K, N>,
     ) -> ExitCode {

@@ -11,7 +11,7 @@ use clap::Args;
 use gantry_tau::black_box::archive::Archive;
 use gantry_tau::black_box::handover;
 use gantry_tau::epoch::{self, Epochs};
-use gantry_tau::model::{F1_MOTORS, L2_MOTORS, Model};
+use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau::record::{CsvFile, Recorded, drain};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::sensor_link::SensorPublisher;
@@ -19,13 +19,13 @@ use gantry_tau::server::connections::{Allowed, Listen};
 use gantry_tau::server::cycle::{Cycle, Row};
 use gantry_tau::server::event_log::EventLog;
 use gantry_tau::server::{Controls, Server, ServerError};
-use gantry_tau::sim::hand::{Tool, hand_and_tool};
+use gantry_tau::sim::load_generator::{AppliedLoad, LoadGenerator, load_generator};
 use gantry_tau::sim::load_profile::LoadProfile;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::Capabilities;
-use gantry_tau_core::model::robot::{ARMS, AXES};
+use gantry_tau_core::model::{f1, l2};
 
 use super::{Pace, address, fail, robot, transport};
 
@@ -92,8 +92,8 @@ pub(crate) struct Serve {
 impl Serve {
     pub(crate) fn run(self) -> ExitCode {
         let served = match robot(&self.robot) {
-            Ok(AnyRobotFile::L2(robot)) => self.serve::<_, ARMS, L2_MOTORS>(&robot),
-            Ok(AnyRobotFile::F1(robot)) => self.serve::<_, AXES, F1_MOTORS>(&robot),
+            Ok(AnyRobotFile::L2(robot)) => self.serve::<_, { l2::AXES }, L2_MOTORS>(&robot),
+            Ok(AnyRobotFile::F1(robot)) => self.serve::<_, { f1::AXES }, F1_MOTORS>(&robot),
             Err(error) => Err(error.into()),
         };
         match served {
@@ -102,12 +102,12 @@ impl Serve {
         }
     }
 
-    fn serve<K: Model<N>, const N: usize, const M: usize>(
+    fn serve<K: MachineKind<N>, const N: usize, const M: usize>(
         &self,
         robot: &RobotFile<K, N>,
     ) -> Result<(), Box<dyn std::error::Error>> {
         self.check()?;
-        let (hand, tool) = hand_and_tool();
+        let (hand, tool) = load_generator();
         let allowed = Allowed::only(&self.allow)?;
         for address in [self.listen, self.sensor] {
             if !address.ip().is_loopback() && !allowed.restricts() {
@@ -179,10 +179,10 @@ impl Serve {
         Ok(archived?)
     }
 
-    fn cycle<K: Model<N>, const N: usize, const M: usize>(
+    fn cycle<K: MachineKind<N>, const N: usize, const M: usize>(
         &self,
         robot: &RobotFile<K, N>,
-        tool: Tool,
+        tool: AppliedLoad,
         listen: Listen,
     ) -> Result<Cycle<N, M, SimulatedMachine<N, M>>, Box<dyn std::error::Error>> {
         let capabilities = match self.pace {
@@ -219,7 +219,7 @@ impl Serve {
         Ok(())
     }
 
-    fn motion<K: Model<N>, const N: usize>(
+    fn motion<K: MachineKind<N>, const N: usize>(
         &self,
         robot: &RobotFile<K, N>,
     ) -> Result<Motion<N>, Box<dyn std::error::Error>> {

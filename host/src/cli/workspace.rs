@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use gantry_tau::model::Model;
+use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::terminal::say;
 use gantry_tau::workspace::WorkspaceOptions;
@@ -40,7 +40,7 @@ impl Workspace {
         }
     }
 
-    fn run_with<K: Model<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
+    fn run_with<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
         let options = WorkspaceOptions {
             robot,
             cells: self.cells,

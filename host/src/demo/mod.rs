@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::client::cause_text;
-use crate::model::Model;
+use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 use crate::server::tick_source::TickSource;
 use crate::terminal::say;
@@ -109,7 +109,7 @@ impl<K, const N: usize> DemoOptions<K, N> {
 ///
 /// # Errors
 /// [`DemoError`].
-pub fn run<K: Model<N>, const N: usize, const M: usize>(
+pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     options: &DemoOptions<K, N>,
 ) -> Result<Results, DemoError> {
     options.check()?;
@@ -166,7 +166,7 @@ pub fn run<K: Model<N>, const N: usize, const M: usize>(
     Ok(results)
 }
 
-fn play<K: Model<N>, const N: usize, const M: usize>(
+fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     options: &DemoOptions<K, N>,
     ticks: TickSource,
     probe: bool,

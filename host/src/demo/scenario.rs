@@ -19,12 +19,12 @@ use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientRepo
 use crate::epoch::Epochs;
 use crate::faults::plan::FaultPlan;
 use crate::faults::relay::Relay;
-use crate::model::Model;
+use crate::model::MachineKind;
 use crate::sensor_link::SensorPublisher;
 use crate::server::Server;
 use crate::server::cycle::Cycle;
 use crate::server::tick_source::TickSource;
-use crate::sim::hand::{Hand, Load, hand_and_tool};
+use crate::sim::load_generator::{Load, LoadGenerator, load_generator};
 use crate::sim::parameters::Motion;
 use crate::terminal::say;
 
@@ -94,14 +94,14 @@ struct Scenario<'a, K, const N: usize> {
     probe: bool,
     server: Server<N>,
     sampler: Sampler<N>,
-    hand: Hand,
+    hand: LoadGenerator,
     relay: Relay,
     controls: Arc<ClientControls>,
     client: JoinHandle<Result<ClientReport, ClientError>>,
 }
 
 /// Runs the whole session at one pace. With `probe`, a machine that misses many deadlines in the first second fails early.
-pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
+pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     options: &DemoOptions<K, N>,
     ticks: TickSource,
     probe: bool,
@@ -112,7 +112,7 @@ pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
         TickSource::RealTime => Capabilities::NONE,
         TickSource::Lockstep => Capabilities::LOCKSTEP,
     };
-    let (hand, tool) = hand_and_tool();
+    let (hand, tool) = load_generator();
     let machine = robot.simulated_machine::<M>(tool, Motion::Hold)?;
     let config = robot.session_config(capabilities)?;
     let sensor = SensorPublisher::bind(LOOPBACK)?;
@@ -192,7 +192,7 @@ pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
     })
 }
 
-impl<K: Model<N>, const N: usize> Scenario<'_, K, N> {
+impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
     fn run(&mut self) -> Result<(Sample<N>, Refusal), Failure> {
         self.tare()?;
         self.say("force steps without compensation (Submit: offsets are reported, drives do not see them)");

@@ -11,12 +11,12 @@ use std::time::{Duration, Instant};
 
 use gantry_tau::epoch::Epochs;
 use gantry_tau::faults::relay::{Ended, Relay};
-use gantry_tau::model::{L2, L2_MOTORS, Model};
+use gantry_tau::model::{L2, L2_MOTORS, MachineKind};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::server::cycle::{Cycle, Row};
 use gantry_tau::server::tick_source::TickSource;
 use gantry_tau::server::{Controls, Server};
-use gantry_tau::sim::hand::hand_and_tool;
+use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
@@ -202,7 +202,7 @@ fn server() -> (Server<N>, Rows, Audit<N>) {
         acceleration_m_per_s2: 0.5,
         dwell_cycles: 500,
     };
-    let (_, tool) = hand_and_tool();
+    let (_, tool) = load_generator();
     let machine = robot.simulated_machine::<L2_MOTORS>(tool, motion).unwrap();
     let config = robot.session_config(Capabilities::NONE).unwrap();
     let audit = Audit::new(config.parameters().axes.map(|axis| axis.limits));

@@ -1,7 +1,7 @@
 //! README shows the code that is compiled, and the other way round; docs/embedding.md states the sizes that are.
 
 use gantry_tau_core::control::endpoint::Endpoint;
-use gantry_tau_core::model::compensation::{Compensator, SixLinkCompensator};
+use gantry_tau_core::model::{f1, l2};
 
 /// The line in README before the block that shows the example.
 const MARKER: &str = "<!-- tests/examples/embed.rs -->";
@@ -50,7 +50,7 @@ fn embedding_states_the_sizes_of_the_objects() {
             size_of::<Endpoint<3, 3, 64>>(),
             size_of::<Endpoint<6, 9, 64>>(),
         ),
-        (size_of::<Compensator>(), size_of::<SixLinkCompensator>()),
+        (size_of::<l2::Compensator>(), size_of::<f1::Compensator>()),
     ];
     for (one, other) in rows {
         let cell = format!("| {}, {} |", grouped(one), grouped(other));
