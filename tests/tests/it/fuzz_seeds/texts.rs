@@ -83,7 +83,8 @@ fn robots_of_six_axes() -> Vec<(&'static str, String)> {
 
 /// Every operation on the first case of both machines of the oracle's vectors, and lines that are no requests.
 pub(crate) fn requests() -> Vec<Seed> {
-    let vectors: Value = serde_json::from_str(include_str!("../../../data/tau_vectors.json")).unwrap();
+    let vectors: Value =
+        serde_json::from_str(include_str!("../../../data/tau_vectors.json")).unwrap();
     let mut seeds = Vec::new();
     for model in ["l2", "f1"] {
         let mut robot = vectors[model].clone();
