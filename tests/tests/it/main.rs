@@ -9,6 +9,7 @@ mod fuzz_seeds;
 mod hostile_traffic;
 mod kill;
 mod no_allocation;
+mod oracle_vectors;
 mod panic_free;
 mod six_axes;
 mod soak;

@@ -19,7 +19,7 @@ use serde_json::Value;
 struct Case(Value);
 
 fn vectors() -> Value {
-    serde_json::from_str(include_str!("../data/tau_vectors.json")).unwrap()
+    serde_json::from_str(include_str!("../../data/tau_vectors.json")).unwrap()
 }
 
 fn numbers<const K: usize>(value: &Value) -> [f64; K] {
