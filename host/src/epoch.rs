@@ -1,23 +1,15 @@
-//! Epochs from a counter that is persisted before use, so that an old frame can never revive.
+//! Epochs from a counter that is persisted before use, so that an old frame never becomes valid again.
 
 use std::fmt;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use gantry_tau_core::units::Epoch;
+use gantry_tau_core::units::{Epoch, EpochRange};
 
-/// Epochs reserved by one write of the file. The cycle takes from the reserve and never touches the disk.
-/// 2^32 sessions per run, 2^32 runs: neither is ever used up.
+/// Epochs reserved by one write of the file: 2^32 sessions per run, for 2^32 runs. The cycle never touches the disk.
 const RESERVE: u64 = 1 << 32;
 
-/// A reserve of epochs that no other run of the server will give again.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Epochs {
-    last: u64,
-    end: u64,
-}
-
-/// Why no epochs could be reserved.
+/// Error of [`reserve`].
 #[derive(Debug)]
 pub struct EpochError {
     path: PathBuf,
@@ -26,70 +18,42 @@ pub struct EpochError {
 
 impl fmt::Display for EpochError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "epoch file {} (--epoch-file): {}",
-            self.path.display(),
-            self.reason
-        )
+        let Self { path, reason } = self;
+        write!(f, "epoch file {} (--epoch-file): {reason}", path.display())
     }
 }
 
 impl std::error::Error for EpochError {}
 
-impl Epochs {
-    /// Reads the counter, writes it back with the reserve added, and only then hands the reserve out. A missing file counts as zero.
-    ///
-    /// # Errors
-    /// [`EpochError`] naming file and reason. A file that is no number is not overwritten: restarting from zero could revive an old frame.
-    pub fn reserve(path: &Path) -> Result<Self, EpochError> {
-        let fail = |reason: String| EpochError {
-            path: path.to_owned(),
-            reason,
-        };
-        let last = match std::fs::read_to_string(path) {
-            Ok(text) => text
-                .trim()
-                .parse::<u64>()
-                .map_err(|error| fail(format!("its content is no counter: {error}")))?,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => 0,
-            Err(error) => return Err(fail(error.to_string())),
-        };
-        let end = last
-            .checked_add(RESERVE)
-            .ok_or_else(|| fail("the counter is used up".to_owned()))?;
-        persist(path, end).map_err(|error| fail(error.to_string()))?;
-        Ok(Self { last, end })
-    }
-
-    /// Epochs for a run that leaves nothing behind: tests, and a demo whose server ends with it.
-    #[must_use]
-    pub const fn volatile() -> Self {
-        Self {
-            last: 0,
-            end: u64::MAX,
-        }
-    }
-
-    /// The last epoch given, by this run or an earlier one.
-    #[must_use]
-    pub const fn last(&self) -> Epoch {
-        Epoch(self.last)
-    }
-
-    /// The next epoch to offer. When the reserve is used up it is the last one again, which the core refuses to give.
-    #[must_use]
-    pub fn next(&self) -> Epoch {
-        Epoch(self.last.saturating_add(1).min(self.end))
-    }
-
-    /// The session has taken `epoch`.
-    pub fn taken(&mut self, epoch: Epoch) {
-        self.last = self.last.max(epoch.0);
-    }
+/// Reserves epochs that no other run of the server uses: reads the counter, writes it back with the reserve added, and only then
+/// returns the range. A missing file counts as zero.
+///
+/// # Errors
+/// [`EpochError`] with file and reason. A file that is not a number is not overwritten: restarting from zero could make an old frame valid.
+pub fn reserve(path: &Path) -> Result<EpochRange, EpochError> {
+    let fail = |reason: String| EpochError {
+        path: path.to_owned(),
+        reason,
+    };
+    let used = match std::fs::read_to_string(path) {
+        Ok(text) => text
+            .trim()
+            .parse::<u64>()
+            .map_err(|error| fail(format!("does not contain a counter: {error}")))?,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => 0,
+        Err(error) => return Err(fail(error.to_string())),
+    };
+    let last = used
+        .checked_add(RESERVE)
+        .ok_or_else(|| fail("the counter is used up".to_owned()))?;
+    persist(path, last).map_err(|error| fail(error.to_string()))?;
+    Ok(EpochRange {
+        first: Epoch(used + 1),
+        last: Epoch(last),
+    })
 }
 
-/// Where the counter lives unless a flag says otherwise: the user's state folder, which survives a boot. `None` where the system names none.
+/// Returns the default place of the counter: the user's state folder, which survives a boot. `None` where the system names none.
 #[must_use]
 pub fn default_path() -> Option<PathBuf> {
     let from = |name: &str| std::env::var_os(name).map(PathBuf::from);
@@ -99,7 +63,7 @@ pub fn default_path() -> Option<PathBuf> {
     Some(base.join("gantry-tau").join("epoch"))
 }
 
-/// Writes beside the file, flushes to the disk, and renames: a crash leaves the old or the new number, never half of one.
+/// Writes beside the file, flushes to the disk, and renames: a crash leaves the old or the new number, never a part of one.
 fn persist(path: &Path, value: u64) -> std::io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     std::fs::create_dir_all(folder)?;
@@ -112,14 +76,14 @@ fn persist(path: &Path, value: u64) -> std::io::Result<()> {
     sync_folder(folder)
 }
 
-/// The rename itself survives a power failure only once the folder is on the disk.
+/// Flushes the folder: before that, the rename does not survive a power failure.
 #[cfg(unix)]
 fn sync_folder(folder: &Path) -> std::io::Result<()> {
     let here = folder.as_os_str().is_empty();
     std::fs::File::open(if here { Path::new(".") } else { folder })?.sync_all()
 }
 
-/// Folders cannot be flushed here; the system does so by itself.
+/// Does nothing: folders cannot be flushed on this system, which does so by itself.
 #[cfg(not(unix))]
 fn sync_folder(_: &Path) -> std::io::Result<()> {
     Ok(())
@@ -134,15 +98,14 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("gantry-tau-epoch-{}", std::process::id()));
         let path = folder.join("epoch");
         let _ = std::fs::remove_dir_all(&folder);
-        let mut first = Epochs::reserve(&path).unwrap();
-        assert_eq!(first.next(), Epoch(1));
-        first.taken(Epoch(1));
+        let first = reserve(&path).unwrap();
+        assert_eq!(first.first, Epoch(1));
         // The first run is killed here; it has written nothing since.
-        let second = Epochs::reserve(&path).unwrap();
-        assert!(second.next().0 > RESERVE);
+        let second = reserve(&path).unwrap();
+        assert_eq!(second.first.0, first.last.0 + 1);
         std::fs::write(&path, "seven\n").unwrap();
-        let error = Epochs::reserve(&path).unwrap_err().to_string();
-        assert!(error.contains("no counter"), "{error}");
+        let error = reserve(&path).unwrap_err().to_string();
+        assert!(error.contains("does not contain a counter"), "{error}");
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

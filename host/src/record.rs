@@ -237,8 +237,8 @@ fn state_header(axes: usize) -> Vec<String> {
 fn state_fields<const N: usize>(state: &State<N>) -> Vec<String> {
     let mut fields = vec![
         state.tick.0.to_string(),
-        format!("{:?}", state.phase),
-        format!("{:?}", state.cause),
+        state.phase.name().to_owned(),
+        state.cause.name().to_owned(),
         state.counters.missed.to_string(),
         state.ramp_ticks_left.to_string(),
     ];
@@ -302,6 +302,8 @@ pub struct ClientRow<const N: usize> {
     pub state: State<N>,
     /// Position offsets it asked for.
     pub targets: [OffsetNm; N],
+    /// Axes whose correction was cut at the limit of its offset.
+    pub saturated: [bool; N],
     /// Load on the tool as it computed with, tared and filtered: force (N) and moment (N m), world axes.
     pub load: [f64; 6],
 }
@@ -313,6 +315,7 @@ impl<const N: usize> Record for ClientRow<N> {
         header.extend((1..=N).map(|axis| format!("reference_{axis}_nm")));
         header.extend((1..=N).map(|axis| format!("target_{axis}_nm")));
         header.extend(LOAD.map(str::to_owned));
+        header.push("saturated_axes".to_owned());
         header
     }
 
@@ -325,6 +328,12 @@ impl<const N: usize> Record for ClientRow<N> {
         fields.extend(self.state.axes.iter().map(reference));
         fields.extend(self.targets.iter().map(|target| target.0.to_string()));
         fields.extend(self.load.map(|value| value.to_string()));
+        // One bit per axis, the first axis lowest.
+        let bits = self.saturated.iter().rev();
+        fields.push(
+            bits.fold(0_u32, |bits, cut| 2 * bits + u32::from(*cut))
+                .to_string(),
+        );
         fields
     }
 }

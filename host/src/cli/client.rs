@@ -22,19 +22,19 @@ use super::{address, fail, robot, transport};
 /// 7 server vanished; 8 force sensor silent.
 #[derive(Debug, Args)]
 pub(crate) struct Client {
-    /// The server
+    /// Address of the server
     #[arg(default_value = "127.0.0.1:7000", value_name = "HOST:PORT", value_parser = address)]
     server: SocketAddr,
-    /// Where the force sensor's samples come from
+    /// Address of the force sensor
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
     sensor: SocketAddr,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     robot: String,
-    /// UDP datagrams instead of a TCP stream; the server must have been started with it as well
+    /// UDP datagrams instead of a TCP stream; the server must use --udp as well
     #[arg(long)]
     udp: bool,
-    /// Stay in Submit: offsets are computed and reported, no drive sees them
+    /// Stay in Submit: offsets are computed and reported, but do not reach the drives
     #[arg(long)]
     submit_only: bool,
     /// Record references, actual values and force, one row per tick
@@ -68,8 +68,8 @@ impl Client {
         match gantry_tau::client::run(&options, &controls) {
             Ok(report) => {
                 say(format_args!(
-                    "left with Goodbye after {} ticks ({} without a correction of their own); the server ramps the offsets to zero",
-                    report.states, report.held
+                    "left with Goodbye after {} ticks ({} without a correction of their own, {} with a saturated one); the server ramps the offsets to zero",
+                    report.states, report.held, report.saturated
                 ));
                 if let Some(recorded) = report.recorded {
                     say(recorded);

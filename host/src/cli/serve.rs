@@ -8,9 +8,9 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
-use gantry_tau::black_box::archive::Archive;
-use gantry_tau::black_box::handover;
-use gantry_tau::epoch::{self, Epochs};
+use gantry_tau::black_box::swap_channel;
+use gantry_tau::black_box::writer::Writer;
+use gantry_tau::epoch;
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, Model};
 use gantry_tau::record::{CsvFile, Recorded, drain};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
@@ -19,11 +19,12 @@ use gantry_tau::server::connections::{Allowed, Listen};
 use gantry_tau::server::cycle::{Cycle, Row};
 use gantry_tau::server::observe::Observer;
 use gantry_tau::server::{Controls, Server, ServerError};
-use gantry_tau::sim::hand::{Hand, Tool, hand_and_tool};
+use gantry_tau::sim::hand::{Tool, hand_and_tool};
+use gantry_tau::sim::load_profile::LoadProfile;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau::terminal::say;
-use gantry_tau_core::control::message::Capabilities;
+use gantry_tau_core::control::message::{Capabilities, Phase};
 use gantry_tau_core::model::robot::{ARMS, AXES};
 
 use super::{Pace, address, fail, robot, transport};
@@ -35,16 +36,16 @@ use super::{Pace, address, fail, robot, transport};
 /// While a client is in Obtain, a simulated hand pulls at the tool in steps. Type `stop`, `rearm` or `quit` and Enter.
 #[derive(Debug, Args)]
 pub(crate) struct Serve {
-    /// Where clients connect. Only loopback unless you say otherwise: nothing is encrypted
+    /// Address for clients. Loopback by default: nothing is encrypted
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = address)]
     listen: SocketAddr,
-    /// UDP datagrams instead of TCP streams: what is lost stays lost, nothing comes late in bursts
+    /// UDP datagrams instead of TCP streams: lost frames stay lost, and none come late in bursts
     #[arg(long)]
     udp: bool,
-    /// Answer only these peers, everybody else is closed without a word; again for more [default: everybody who reaches the address]
+    /// Peers that are answered; others are closed silently (repeatable) [default: all]
     #[arg(long, value_name = "IP|IP/BITS")]
     allow: Vec<String>,
-    /// Where clients find the simulated force sensor
+    /// Address of the simulated force sensor
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
     sensor: SocketAddr,
     /// The machine: l2 or f1 (built in), or a robot file
@@ -61,7 +62,7 @@ pub(crate) struct Serve {
         allow_negative_numbers = true
     )]
     force_max: f64,
-    /// Length of each of its steps, s
+    /// Length of each step of the force, s
     #[arg(
         long,
         value_name = "S",
@@ -77,13 +78,13 @@ pub(crate) struct Serve {
         allow_negative_numbers = true
     )]
     motion: f64,
-    /// Where the epoch counter is kept, so that no old frame ever revives [default: the user's state folder]
+    /// File of the epoch counter, which makes frames of earlier runs invalid [default: in the user's state folder]
     #[arg(long, value_name = "FILE")]
     epoch_file: Option<PathBuf>,
     /// Record references, actual values and force, one row per tick
     #[arg(long, value_name = "FILE.csv")]
     record: Option<PathBuf>,
-    /// Write a black box whenever a session ends or the server stops, for `gantry-tau replay`: the ticks before and after, bit for bit
+    /// Write a black box whenever a session ends or the server stops: the ticks before and after, for `gantry-tau replay`
     #[arg(long, value_name = "FOLDER")]
     black_box: Option<PathBuf>,
 }
@@ -110,9 +111,7 @@ impl Serve {
         let allowed = Allowed::only(&self.allow)?;
         for address in [self.listen, self.sensor] {
             if !address.ip().is_loopback() && !allowed.restricts() {
-                tracing::warn!(
-                    "{address} answers everybody who reaches it, unencrypted; --allow restricts that"
-                );
+                tracing::warn!("{address} answers every peer, unencrypted; --allow restricts that");
             }
         }
         let sensor = SensorPublisher::bind(self.sensor)
@@ -127,16 +126,16 @@ impl Serve {
         let mut cycle = self
             .cycle::<K, N, M>(robot, tool, listen)?
             .with_sensor(sensor);
-        // After binding, so that a second server by mistake does not empty the first one's recording.
+        // After binding: a second server that is started by mistake must not empty the recording of the first.
         let mut file = match &self.record {
             Some(path) => Some(CsvFile::create::<Row<N>>(path)?),
             None => None,
         };
-        let mut archive = None;
+        let mut black_boxes = None;
         if let Some(folder) = &self.black_box {
-            let (handover, windows) = handover::channel();
-            cycle = cycle.with_black_box(handover);
-            archive = Some(Archive::open(folder, windows)?);
+            let (sender, windows) = swap_channel::channel();
+            cycle = cycle.with_black_box(sender);
+            black_boxes = Some(Writer::open(folder, windows)?);
         }
         if let Err(denied) = gantry_tau::realtime::lock_memory() {
             tracing::warn!("no {}: {}", denied.privilege, denied.reason);
@@ -150,19 +149,21 @@ impl Serve {
         let controls = Arc::clone(&server.controls);
         ctrlc::set_handler(move || controls.quit.store(true, Ordering::Relaxed))?;
         listen_to_the_keyboard(Arc::clone(&server.controls));
-        let mut observer = Observer::new(self.programme(hand));
+        let mut observer = Observer::default();
+        let mut load = LoadProfile::new(hand, self.force_max, self.step_seconds);
         drain(&mut rows, |row| {
             observer.see(row);
+            load.apply(row.state.tick.0, row.state.phase == Phase::Obtain);
             if let Some(file) = &mut file {
                 file.write(row);
             }
-            if let Some(archive) = &mut archive {
-                archive.write_waiting();
+            if let Some(black_boxes) = &mut black_boxes {
+                black_boxes.write_waiting();
             }
         });
         let dropped = server.quit()?;
         say("all offsets are zero; ended");
-        let archived = archive.map_or(Ok(()), Archive::finish);
+        let boxes_written = black_boxes.map_or(Ok(()), Writer::finish);
         if let Some(recorded) = file.map(|file| file.finish(dropped)) {
             say(&recorded);
             if let Recorded {
@@ -173,7 +174,7 @@ impl Serve {
                 return Err(failure.into());
             }
         }
-        Ok(archived?)
+        Ok(boxes_written?)
     }
 
     fn cycle<K: Model<N>, const N: usize, const M: usize>(
@@ -188,12 +189,11 @@ impl Serve {
         };
         let config = robot.session_config(capabilities)?;
         let machine = robot.simulated_machine(tool, self.motion(robot)?)?;
-        let path = self
-            .epoch_file
-            .clone()
-            .or_else(epoch::default_path)
-            .ok_or("there is no user's state folder; name a file with --epoch-file")?;
-        let epochs = Epochs::reserve(&path)?;
+        let path =
+            self.epoch_file.clone().or_else(epoch::default_path).ok_or(
+                "this system has no state folder for users; name a file with --epoch-file",
+            )?;
+        let epochs = epoch::reserve(&path)?;
         Ok(Cycle::new(
             config,
             robot.motor_map()?,
@@ -238,13 +238,9 @@ impl Serve {
             dwell_cycles: 500,
         })
     }
-
-    fn programme(&self, hand: Hand) -> gantry_tau::server::observe::Programme {
-        gantry_tau::server::observe::Programme::new(hand, self.force_max, self.step_seconds)
-    }
 }
 
-/// `stop`, `rearm` and `quit` from the keyboard. The thread ends with the process.
+/// Reads `stop`, `rearm` and `quit` from the keyboard. The thread ends with the process.
 fn listen_to_the_keyboard(controls: Arc<Controls>) {
     std::thread::spawn(move || {
         for line in std::io::stdin().lock().lines().map_while(Result::ok) {
@@ -253,7 +249,7 @@ fn listen_to_the_keyboard(controls: Arc<Controls>) {
                 "rearm" => controls.release_and_rearm(),
                 "quit" => controls.quit.store(true, Ordering::Relaxed),
                 "" => {}
-                other => tracing::warn!("unknown word {other:?}: stop, rearm or quit"),
+                other => tracing::warn!("unknown command {other:?}; expected stop, rearm or quit"),
             }
         }
     });

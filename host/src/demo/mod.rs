@@ -11,7 +11,6 @@ use std::path::PathBuf;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::client::cause_text;
 use crate::model::Model;
 use crate::robot_file::RobotFile;
 use crate::server::pace::Pace;
@@ -177,7 +176,7 @@ fn play<K: Model<N>, const N: usize, const M: usize>(
         Failure::Lost(lost) => DemoError::Lost(format!(
             "this machine does not hold 1 kHz throughout: in tick {} the session ended by itself ({})",
             lost.tick.0,
-            cause_text(lost.cause)
+            lost.cause
         )),
         Failure::Error(error) => error,
     })

@@ -10,13 +10,13 @@ use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{
     Capabilities, ClientMessage, Hello, Phase, Refusal, ServerMessage,
 };
+use gantry_tau_core::units::EpochRange;
 use indicatif::ProgressBar;
 
 use super::watch::{Lost, Sample, Waiting, Watch};
 use super::{DemoError, DemoOptions};
-use crate::black_box::{Window, handover};
-use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientReport, Link};
-use crate::epoch::Epochs;
+use crate::black_box::{Window, swap_channel};
+use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientReport, Connection};
 use crate::faults::plan::Plan;
 use crate::faults::tcp::Relay;
 use crate::model::Model;
@@ -110,12 +110,12 @@ pub(super) fn play<K: Model<N>, const N: usize, const M: usize>(
         config,
         robot.motor_map()?,
         machine,
-        Epochs::volatile(),
+        EpochRange::VOLATILE,
         LOOPBACK,
     )?;
-    let (handover, mut black_boxes) = handover::channel();
+    let (sender, mut black_boxes) = swap_channel::channel();
     if options.black_box.is_some() {
-        cycle = cycle.with_black_box(handover);
+        cycle = cycle.with_black_box(sender);
     }
     let (server, rows) = Server::spawn(cycle.with_sensor(sensor), pace)?;
     let (relay, _) = Relay::spawn(LOOPBACK, server.address, Plan::harmless())?;
@@ -282,10 +282,7 @@ impl<K: Model<N>, const N: usize> Stage<'_, K, N> {
     fn newcomer_during_the_ramp(&mut self) -> Result<Refusal, Failure> {
         match self.newcomer()?.1 {
             ServerMessage::Refusal(refusal) => {
-                self.say(&format!(
-                    "a newcomer is refused: {}",
-                    client::refusal_text(refusal)
-                ));
+                self.say(&format!("a newcomer is refused: {refusal}"));
                 Ok(refusal)
             }
             _ => Err(Failure::Error(DemoError::Failed(
@@ -314,8 +311,8 @@ impl<K: Model<N>, const N: usize> Stage<'_, K, N> {
     }
 
     /// Another client, on another cable, asks for the session.
-    fn newcomer(&mut self) -> Result<(Link<N>, ServerMessage<N>), Failure> {
-        let mut link = Link::connect(self.server.address, NEWCOMER_SILENCE)?;
+    fn newcomer(&mut self) -> Result<(Connection<N>, ServerMessage<N>), Failure> {
+        let mut link = Connection::connect(self.server.address, NEWCOMER_SILENCE)?;
         link.send(&ClientMessage::Hello(Hello {
             axes: u8::try_from(N).unwrap_or(u8::MAX),
             capabilities: Capabilities::LOCKSTEP,

@@ -9,12 +9,11 @@ use gantry_tau_core::control::session::{Entry, Output, replay};
 use serde::Serialize;
 
 use crate::black_box::{self, FileError, Window};
-use crate::client::cause_text;
 use crate::terminal::say;
 use picture::Picture;
 
 /// Instead of a cause.
-const CUT_SHORT: &str = "the window was cut short, the machine did not take the references";
+const NO_END: &str = "the window has no end of a session";
 
 /// What a replay is told.
 #[derive(Clone, Debug)]
@@ -67,12 +66,12 @@ pub struct Findings {
     pub last_tick: u64,
     /// How many ticks there are; an overrun of the server skips tick numbers.
     pub ticks: usize,
-    /// Why a session ended or the server stopped: the name of core's `Cause`. `None` where the window was cut short.
+    /// Why a session ended or the server stopped: the name of core's `Cause`. `None` in a window without an end.
     pub cause: Option<String>,
-    /// The tick in which it did; where the window was cut short, its last.
+    /// Tick of the cause; in a window without an end its last.
     pub cause_tick: u64,
     /// The cause in a sentence.
-    pub cause_text: &'static str,
+    pub cause_text: String,
     /// Ticks, from the oldest on, whose outputs agree bit for bit.
     pub agreeing: usize,
     /// The first difference; `None` when all agree.
@@ -150,9 +149,11 @@ impl Findings {
             first_tick: window.entries.first().map_or(0, number),
             last_tick: window.entries.last().map_or(0, number),
             ticks: window.entries.len(),
-            cause: end.cause.map(|cause| format!("{cause:?}")),
+            cause: end.cause.map(|cause| cause.name().to_owned()),
             cause_tick: end.tick.0,
-            cause_text: end.cause.map_or(CUT_SHORT, cause_text),
+            cause_text: end
+                .cause
+                .map_or_else(|| NO_END.to_owned(), |cause| cause.to_string()),
             agreeing: replayed.agreeing,
             difference: difference
                 .map(|(recorded, replayed)| Difference::of(&recorded.output, replayed)),

@@ -73,7 +73,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         let home_m = home(parameters)?;
         let springs = true_springs(geometry, nominal, parameters)?;
         let at_home = positions_nm(&home_m)?;
-        let references = motors.spread(&std::array::from_fn(|axis| {
+        let spread = motors.spread(&std::array::from_fn(|axis| {
             let offsets = &parameters.initial_offsets[axis];
             Reference {
                 position: PositionNm(at_home[axis].0 + i64::from(offsets.position.0)),
@@ -81,6 +81,8 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
                 torque_offset: offsets.torque,
             }
         }));
+        // A checked map always spreads.
+        let references = spread.ok_or(SimulationError::NoMotor { axis: 0 })?;
         let start = Equilibrium::unloaded(Pose {
             translation_m: Vector3::from(parameters.home_m),
             rotation: UnitQuaternion::identity(),

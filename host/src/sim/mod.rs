@@ -14,6 +14,7 @@
 //! | [`drive`] | cascade of an axis `[T 4.1.7]` |
 //! | [`interpolator`] | nominal references, in place of the NC kernel `[T 4.1.1]` |
 //! | [`hand`] | the load on the tool, set from another thread `[T 4.2.9]` |
+//! | [`load_profile`] | steps of that load, for `serve` |
 //! | [`gauge`] | length gauges `[T 4.2.6]` |
 //! | [`force_sensor`] | six-axis force sensor `[T 4.2.5]` |
 //! | [`parameters`] | what a simulation is told, and why it may be refused |
@@ -41,6 +42,7 @@ pub mod gauge;
 pub mod hand;
 pub mod interpolator;
 pub mod joints;
+pub mod load_profile;
 pub mod machine;
 pub mod parameters;
 pub mod play;
