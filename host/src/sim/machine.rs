@@ -315,7 +315,8 @@ mod tests {
         let reading = machine.read(1).unwrap();
         let references = reading.nominal.map(|position| Reference {
             position,
-            ..Reference::default()
+            velocity_offset: Default::default(),
+            torque_offset: Default::default(),
         });
         machine.write(&references).unwrap();
         reading
@@ -588,9 +589,11 @@ mod tests {
             let now = machine.read(1).unwrap();
             let axes = now.nominal.map(|position| Reference {
                 position,
-                ..Reference::default()
+                velocity_offset: Default::default(),
+                torque_offset: Default::default(),
             });
-            machine.write(&machine.motors.spread(&axes)).unwrap();
+            let motors = machine.motors.spread(&axes).unwrap();
+            machine.write(&motors).unwrap();
             reading = Some(now);
         }
         let actual = reading.unwrap().actual;
