@@ -1,4 +1,4 @@
-//! What is written is read back, bit for bit; what was edited is replayed, or refused with line and reason.
+//! Files are read back bit for bit; edited files are replayed, or refused with line and reason.
 
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
@@ -448,7 +448,7 @@ proptest::proptest! {
         round_trip::<6>(seed);
     }
 
-    /// Whatever is done to a byte: a window or a reason, no panic.
+    /// Any change of bytes gives a window or a reason, never a panic.
     #[test]
     fn noise_is_read_or_refused(seed in 0..8_u64, places: Vec<(usize, u8)>) {
         let mut bytes = window::<3>(seed).encode().into_bytes();
@@ -459,7 +459,7 @@ proptest::proptest! {
         let _ = Window::<3>::decode("x", &bytes);
     }
 
-    /// Other digits make another window: it replays to some finding and can be drawn, whatever its numbers say.
+    /// A file with other digits is replayed and drawn, whatever its numbers, or refused.
     #[test]
     fn any_digits_are_replayed_and_drawn(seed in 0..8_u64, places: Vec<(usize, u8)>) {
         let mut bytes = window::<3>(seed).encode().into_bytes();

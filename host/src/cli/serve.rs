@@ -51,7 +51,7 @@ pub(crate) struct Serve {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     robot: String,
-    /// What makes ticks
+    /// Source of the ticks
     #[arg(long, default_value = "real")]
     pace: Pace,
     /// Largest force of the simulated hand, N; 0 for none
