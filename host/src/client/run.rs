@@ -187,7 +187,7 @@ impl<const N: usize> Session<'_, N> {
                 continue;
             }
             if let Err(silent) = self.compensate(&state) {
-                // Leave in good order rather than compensate a force that nobody measures.
+                // Without force samples, leave in good order instead of compensating an old force.
                 self.leave()?;
                 return Err(silent);
             }
