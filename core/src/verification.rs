@@ -1,7 +1,11 @@
 //! Internals for proofs, fuzzing and tests. Not part of the public interface: anything here may change in any version.
 
-/// The rooms of a session's tick.
+/// The rooms of a session's tick, of a client, and of a monitor.
 pub mod control {
+    pub use crate::control::client::dialogue::{Dialogue, Granted, Last, Stage};
+    pub use crate::control::monitor::Parts as MonitorParts;
+    pub use crate::control::monitor::axis::AxisMonitor;
+    pub use crate::control::monitor::trace::{Bounds, Breach, Motion, Trace};
     pub use crate::control::session::Parts;
     pub use crate::control::session::act::{Axis, AxisCommand, drive_reference, nominal_stepped};
     pub use crate::control::session::channels::AxisChannels;
@@ -10,9 +14,33 @@ pub mod control {
     };
     pub use crate::control::session::ingress::{Accepted, Classifier, Diagnostics, Verdict};
 
+    use crate::control::client::Client;
+    use crate::control::monitor::Monitor;
     use crate::control::session::config::Config;
     use crate::control::session::{Events, LastWrite, Output, Session, TickInput};
+    use crate::control::wire::Deframer;
     use crate::units::EpochRange;
+
+    /// Builds a client from its parts, if they satisfy the invariant.
+    #[must_use]
+    pub fn client_from_parts<const N: usize>(
+        dialogue: Dialogue<N>,
+        deframer: Deframer,
+    ) -> Option<Client<N>> {
+        Client::from_parts(dialogue, deframer)
+    }
+
+    /// Builds a monitor from its parts.
+    #[must_use]
+    pub const fn monitor_from_parts<const N: usize>(parts: MonitorParts<N>) -> Monitor<N> {
+        Monitor::from_parts(parts)
+    }
+
+    /// Returns the parts of a monitor.
+    #[must_use]
+    pub const fn monitor_parts<const N: usize>(monitor: &Monitor<N>) -> &MonitorParts<N> {
+        monitor.parts()
+    }
 
     /// Builds a session from its parts, if they satisfy the invariant.
     #[must_use]
