@@ -3,9 +3,9 @@
 /// The rooms of a session's tick, of a client, and of a monitor.
 pub mod control {
     pub use crate::control::client::dialogue::{Dialogue, Granted, Last, Stage};
-    pub use crate::control::monitor::Parts as MonitorParts;
     pub use crate::control::monitor::axis::AxisMonitor;
     pub use crate::control::monitor::trace::{Bounds, Breach, Motion, Trace};
+    pub use crate::control::monitor::{Parts as MonitorParts, Seen};
     pub use crate::control::session::Parts;
     pub use crate::control::session::act::{Axis, AxisCommand, drive_reference, nominal_stepped};
     pub use crate::control::session::channels::AxisChannels;

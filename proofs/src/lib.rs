@@ -23,6 +23,7 @@ extern crate kani;
 pub mod axis;
 pub mod blackbox;
 pub mod channel;
+pub mod client;
 pub mod compensation;
 pub mod crossing;
 pub mod endpoint;
@@ -34,6 +35,7 @@ pub mod kinematics;
 pub mod machine;
 #[cfg(not(kani))]
 pub mod made;
+pub mod monitor;
 pub mod motors;
 #[cfg(not(kani))]
 pub mod oracle;

@@ -9,6 +9,8 @@ mod axis;
 mod blackbox;
 #[cfg(any(not(only), only = "channel"))]
 mod channel;
+#[cfg(any(not(only), only = "client"))]
+mod client;
 #[cfg(any(not(only), only = "compensation"))]
 mod compensation;
 #[cfg(any(not(only), only = "crossing"))]
@@ -19,6 +21,8 @@ mod fsm;
 mod ingress;
 #[cfg(any(not(only), only = "kinematics"))]
 mod kinematics;
+#[cfg(any(not(only), only = "monitor"))]
+mod monitor;
 #[cfg(any(not(only), only = "motors"))]
 mod motors;
 #[cfg(any(not(only), only = "session"))]

@@ -72,14 +72,14 @@ pub struct Parts<const N: usize> {
     /// The axes.
     pub axes: [AxisMonitor; N],
     /// Part of the last State.
-    pub last: Option<Last>,
+    pub last: Option<Seen>,
 }
 
 /// Part of the last State that the rules for the next one depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
-pub struct Last {
+pub struct Seen {
     /// Its tick.
     pub tick: Tick,
     /// Its epoch.
@@ -154,7 +154,7 @@ impl<const N: usize> Monitor<N> {
     /// The first broken rule, by axis and channel.
     pub fn check_state(&mut self, state: &State<N>) -> Result<(), Violation> {
         let demand = self.demand(state);
-        self.parts.last = Some(Last {
+        self.parts.last = Some(Seen {
             tick: state.tick,
             epoch: state.epoch,
             accepted: state.accepted,

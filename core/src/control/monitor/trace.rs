@@ -29,7 +29,9 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    pub(super) fn of<U>(limits: &Limits<U>) -> Self {
+    /// Reads the limits of a channel.
+    #[must_use]
+    pub fn of<U>(limits: &Limits<U>) -> Self {
         Self {
             max: limits.max().into(),
             step: limits.step().into(),
@@ -65,9 +67,10 @@ pub enum Motion {
 
 impl Trace {
     /// A channel at rest.
-    pub(super) fn at_rest(value: impl Into<i64>) -> Self {
+    #[must_use]
+    pub const fn at_rest(value: i64) -> Self {
         Self {
-            value: value.into(),
+            value,
             change: Some(0),
         }
     }

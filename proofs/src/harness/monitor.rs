@@ -1,0 +1,90 @@
+//! Any samples of any channel, any two States, any tick of any session.
+
+use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::message::{AxisLimits, State};
+use gantry_tau_core::control::session::Session;
+use gantry_tau_core::units::OffsetNm;
+use gantry_tau_core::verification::control::{Accepted, Trace, parts};
+use gantry_tau_core::{PositionNm, Reference, Travel};
+
+use crate::monitor;
+
+/// Any last sample of a channel: its change is the difference of two values.
+fn any_trace() -> Trace {
+    let (earlier, value): (i32, i32) = (kani::any(), kani::any());
+    let is_known: bool = kani::any();
+    Trace {
+        value: value.into(),
+        change: is_known.then_some(i64::from(value) - i64::from(earlier)),
+    }
+}
+
+#[kani::proof]
+#[kani::solver(minisat)]
+fn monitor_sample_is_flagged_exactly() {
+    let limits: Limits<OffsetNm> = kani::any();
+    let is_first: bool = kani::any();
+    let before = (!is_first).then(any_trace);
+    monitor::sample_is_flagged_exactly(before, kani::any(), 1, kani::any(), &limits);
+    kani::cover!(is_first, "some samples are the first");
+    kani::cover!(!is_first, "some samples follow another");
+}
+
+#[kani::proof]
+#[kani::solver(minisat)]
+fn monitor_gap_is_flagged_exactly() {
+    let limits: Limits<OffsetNm> = kani::any();
+    // Literals: a product of two unknowns is beyond the solver.
+    for steps in [0, 2, 1_000, u64::MAX] {
+        let before = Some(any_trace());
+        monitor::sample_is_flagged_exactly(before, kani::any(), steps, kani::any(), &limits);
+    }
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(4)]
+#[kani::solver(minisat)]
+fn monitor_state_is_flagged_exactly() {
+    let limits: [AxisLimits; 1] = kani::any();
+    let (before, state): (State<1>, State<1>) = (kani::any(), kani::any());
+    monitor::state_is_flagged_exactly(&limits, &before, &state);
+    kani::cover!(
+        state.axes[0].offsets.position.0 != 0,
+        "some offsets are not zero"
+    );
+}
+
+#[kani::proof]
+#[kani::unwind(4)]
+#[kani::solver(minisat)]
+fn monitor_accepted_references_are_bounded() {
+    let limits: [AxisLimits; 1] = kani::any();
+    let travel: [Travel; 1] = kani::any();
+    let nominal: [[PositionNm; 1]; 2] = kani::any();
+    let references: [[Reference; 1]; 2] = kani::any();
+    monitor::accepted_references_are_bounded(
+        &limits,
+        &travel,
+        (&nominal[0], &references[0]),
+        (&nominal[1], &references[1]),
+    );
+    kani::cover!(true, "the end is reached");
+}
+
+#[kani::proof]
+#[kani::unwind(4)]
+#[kani::solver(minisat)]
+fn monitor_session_raises_no_alarm() {
+    let session: Session<1> = kani::any();
+    let accepted: Accepted<1> = kani::any();
+    if let Some((sequence, _)) = accepted.fsm.command {
+        kani::assume(sequence > parts(&session).discrete.accepted);
+        kani::cover!(true, "some commands are accepted");
+    }
+    monitor::session_raises_no_alarm(&session, &kani::any(), accepted);
+    kani::cover!(
+        !parts(&session).axes[0].channels.is_zero(),
+        "some channels are not at zero"
+    );
+}
