@@ -368,10 +368,10 @@ proptest! {
         let mut session = Session::new(config, &start).unwrap();
         for (tick, mut accepted) in ticks {
             let discrete = parts(&session).discrete;
-            for (sequence, _) in &mut accepted.fsm.command {
+            if let Some((sequence, _)) = &mut accepted.fsm.command {
                 *sequence = Sequence(discrete.accepted.0 + 1);
             }
-            for (_, epoch) in &mut accepted.fsm.hello {
+            if let Some((_, epoch)) = &mut accepted.fsm.hello {
                 *epoch = Epoch(discrete.epoch.0 + 1);
             }
             monitor::session_raises_no_alarm(&session, &tick, accepted);

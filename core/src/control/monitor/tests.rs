@@ -523,11 +523,9 @@ fn values_read_back_are_checked_and_become_the_base() {
         monitor.rebase(&in_force(3_001)),
         violation(Rule::Max, 3_000, 3_001)
     );
-    assert_eq!(
-        monitor.clone().check_state(&state(4, Phase::Obtain, 2_000)),
-        Ok(()),
-        "nothing changed"
-    );
+    let mut unchanged = monitor;
+    let next = state(4, Phase::Obtain, 2_000);
+    assert_eq!(unchanged.check_state(&next), Ok(()), "nothing changed");
     assert_eq!(monitor.rebase(&in_force(-1_000)), Ok(()));
     let mut ramp = state(4, Phase::SafeDisconnect, -910);
     ramp.axes[1].offsets.position = OffsetNm(-820);
