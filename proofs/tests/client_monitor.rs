@@ -109,27 +109,46 @@ fn state() -> impl Strategy<Value = State<N>> {
     })
 }
 
-/// Two States, the second often one step of ramp or hold after the first.
-fn two_states() -> impl Strategy<Value = (State<N>, State<N>)> {
-    (
-        state(),
-        state(),
-        uniform2(uniform3(-3..=3_i32)),
-        any::<bool>(),
-    )
-        .prop_map(|(first, mut second, moves, near)| {
+/// A value one ramp step nearer to zero.
+fn ramped(value: i32, ramp: u32) -> i32 {
+    let ramp = i32::try_from(value.unsigned_abs().min(ramp)).unwrap_or(i32::MAX);
+    value.saturating_sub(value.signum().saturating_mul(ramp))
+}
+
+/// Limits and two States, the second often one step of ramp or hold after the first, or almost.
+fn two_states() -> impl Strategy<Value = ([AxisLimits; N], State<N>, State<N>)> {
+    let off = || prop_oneof![12 => Just(0), 1 => -1..=1_i16];
+    let moves = uniform2(uniform3(off()));
+    (uniform2(axis_limits()), state(), state(), moves, 0..3_u8).prop_map(
+        |(limits, first, mut second, moves, kind)| {
             for index in 0..N {
-                let (old, [position, velocity, _]) = (first.axes[index].offsets, moves[index]);
-                if near {
+                let old = first.axes[index].offsets;
+                let [position, velocity, torque] = moves[index];
+                let next = |value: i32, ramp: u32, off: i16| {
+                    let value = if kind == 1 {
+                        ramped(value, ramp)
+                    } else {
+                        value
+                    };
+                    value.saturating_add(off.into())
+                };
+                let limits = &limits[index];
+                if kind > 0 {
+                    let torque = next(old.torque.0.into(), limits.torque.ramp(), torque);
                     second.axes[index].offsets = Offsets {
-                        position: OffsetNm(old.position.0.saturating_add(position)),
-                        velocity: VelocityUmS(old.velocity.0.saturating_add(velocity)),
-                        torque: old.torque,
+                        position: OffsetNm(next(old.position.0, limits.position.ramp(), position)),
+                        velocity: VelocityUmS(next(
+                            old.velocity.0,
+                            limits.velocity.ramp(),
+                            velocity,
+                        )),
+                        torque: TorquePermille(torque.try_into().unwrap_or(i16::MAX)),
                     };
                 }
             }
-            (first, second)
-        })
+            (limits, first, second)
+        },
+    )
 }
 
 fn welcome() -> impl Strategy<Value = Welcome<N>> {
@@ -334,7 +353,8 @@ proptest! {
     fn one_sample_is_flagged_exactly(
         limits in limits(i32::MAX),
         (earlier, value, next) in (count(40), count(40), count(40)),
-        (first, known, near) in (prop::bool::weighted(0.1), any::<bool>(), any::<bool>()),
+        (first, known) in (prop::bool::weighted(0.1), any::<bool>()),
+        near in 0..4_u8,
         steps in prop_oneof![0..4_u64, any::<u64>()],
         motion in motion(),
     ) {
@@ -342,13 +362,18 @@ proptest! {
             value: value.into(),
             change: known.then_some(i64::from(value) - i64::from(earlier)),
         };
-        let next = if near { value.saturating_add(next % 4) } else { next };
+        let next = match near {
+            0 => next,
+            1 => value.saturating_add(next % 4),
+            2 => ramped(value, limits.ramp()),
+            _ => ramped(value, limits.ramp()).saturating_add(next % 2),
+        };
         monitor::sample_is_flagged_exactly((!first).then_some(before), next, steps, motion, &limits);
     }
 
     #[test]
-    fn one_state_is_flagged_exactly(limits in uniform2(axis_limits()), states in two_states()) {
-        monitor::state_is_flagged_exactly(&limits, &states.0, &states.1);
+    fn one_state_is_flagged_exactly((limits, first, second) in two_states()) {
+        monitor::state_is_flagged_exactly(&limits, &first, &second);
     }
 
     #[test]

@@ -191,7 +191,7 @@ fn a_session_over_a_stream_split_anywhere() {
     }
 }
 
-/// A path of datagrams with a mind of its own.
+/// A path that loses, doubles and delays datagrams.
 struct Path {
     queue: VecDeque<StdVec<u8>>,
 }
@@ -281,7 +281,7 @@ proptest! {
 fn a_goodbye_over_datagrams_is_repeated_per_state() {
     let (mut client, mut server) = granted(Transport::Datagram);
     for _ in 0..3 {
-        // The Goodbye is lost, and so is the miss.
+        // The Goodbye is lost; the server counts a miss, or waits for its first command.
         assert!(client.goodbye().is_some());
         assert!(client.goodbye().is_none(), "once per State");
         assert!(client.answer(Mode::Submit, &[Offsets::ZERO; 2]).is_none());
