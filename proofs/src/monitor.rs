@@ -23,8 +23,8 @@ fn breaks(
     motion: Motion,
     limits: LimitValues,
 ) -> bool {
-    let [max, step, accel, ramp] =
-        [limits.max, limits.step, limits.accel, limits.ramp].map(i128::from);
+    let (max, step) = (i128::from(limits.max), i128::from(limits.step));
+    let (accel, ramp) = (i128::from(limits.accel), i128::from(limits.ramp));
     let value = i128::from(value);
     if value < -max || value > max {
         return true;
@@ -166,10 +166,13 @@ pub fn accepted_references_are_bounded<const N: usize>(
             change <= own + step,
             "T24: |change| <= |change of nominal| + S"
         );
-        let offset = (wide(position) - wide(second.0[index])).abs();
-        let inside = lower < position && position < upper;
         let max = i128::from(limits[index].position.max());
-        assert!(!inside || offset <= max, "T24: |offset| <= M");
+        let clamped = |sum: i128| sum.max(wide(lower)).min(wide(upper));
+        let nominal = wide(second.0[index]);
+        assert!(
+            clamped(nominal - max) <= wide(position) && wide(position) <= clamped(nominal + max),
+            "T24: an offset within M, before the clamp to the travel"
+        );
         for (was, is, limits) in [
             (
                 i64::from(first.1[index].velocity_offset.0),

@@ -226,12 +226,14 @@ fn motion() -> impl Strategy<Value = Motion> {
 }
 
 fn references() -> impl Strategy<Value = ([PositionNm; N], [Reference; N])> {
-    let axis = (-60..60_i64, offsets()).prop_map(|(nominal, offsets)| {
+    let near = prop_oneof![Just(Offsets::ZERO), offsets()];
+    let ends = prop_oneof![6 => Just(50), 1 => 40..60_i64];
+    let axis = (-60..60_i64, near, ends).prop_map(|(nominal, offsets, end)| {
         let reference = Reference {
             position: PositionNm(
                 nominal
                     .saturating_add(offsets.position.0.into())
-                    .clamp(-50, 50),
+                    .clamp(-end, end),
             ),
             velocity_offset: offsets.velocity,
             torque_offset: offsets.torque,

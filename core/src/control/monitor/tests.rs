@@ -464,6 +464,10 @@ fn each_rule_of_a_reference_is_found() {
         check(&mut monitor(), 17_000, 12_999),
         violation(Rule::Max, 3_000, -4_001)
     );
+    assert_eq!(
+        check(&mut monitor(), -17_000, -12_999),
+        violation(Rule::Max, 3_000, 4_001)
+    );
     let mut moving = monitor();
     assert_eq!(check(&mut moving, 0, 500), Ok(()));
     assert_eq!(
