@@ -85,8 +85,10 @@ mod zip;
 
 pub use control::axis::{Actual, InForce, Offsets, Reference};
 pub use control::channel::{LimitValues, Limits};
+pub use control::client::Client;
 pub use control::endpoint::{Endpoint, MotorMap, Transport};
 pub use control::message::{AxisLimits, AxisState, Cause, Mode, Phase, Refusal, State};
+pub use control::monitor::Monitor;
 pub use control::session::config::{AxisConfig, Config, Parameters, Travel};
 pub use control::session::{BlackBox, Connection, LastWrite, Session, Start, TickInput};
 /// The bounded vectors of the public interface.

@@ -23,6 +23,7 @@ extern crate kani;
 pub mod axis;
 pub mod blackbox;
 pub mod channel;
+pub mod client;
 pub mod compensation;
 pub mod crossing;
 pub mod endpoint;
@@ -32,6 +33,7 @@ pub mod ingress;
 pub mod kinematics;
 #[cfg(not(kani))]
 pub mod known_solution;
+pub mod monitor;
 pub mod motors;
 #[cfg(not(kani))]
 pub mod reference_model;

@@ -8,10 +8,14 @@
 //! | [`wire`] | messages as frames of bytes |
 //! | [`session`] | the server's state machine `[T 5.1.1]` |
 //! | [`endpoint`] | session, deframers and motors: bytes in, drive references and bytes out |
+//! | [`client`] | the client's half of the protocol: bytes in, events and bytes out |
+//! | [`monitor`] | independent run-time check of States and references against limits |
 
 pub mod axis;
 pub mod channel;
+pub mod client;
 pub mod endpoint;
 pub mod message;
+pub mod monitor;
 pub mod session;
 pub mod wire;

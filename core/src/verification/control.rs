@@ -1,5 +1,9 @@
-//! Rooms of a session's tick.
+//! Rooms of a session's tick, of a client, and of a monitor.
 
+pub use crate::control::client::dialogue::{Dialogue, Granted, Last, Stage};
+pub use crate::control::monitor::axis::AxisMonitor;
+pub use crate::control::monitor::trace::{Bounds, Breach, Motion, Trace};
+pub use crate::control::monitor::{Parts as MonitorParts, Seen};
 pub use crate::control::session::Parts;
 pub use crate::control::session::act::{Axis, AxisCommand, drive_reference, nominal_stepped};
 pub use crate::control::session::channels::AxisChannels;
@@ -8,8 +12,11 @@ pub use crate::control::session::fsm::{
 };
 pub use crate::control::session::ingress::{Accepted, Classifier, Diagnostics, Verdict};
 
+use crate::control::client::Client;
+use crate::control::monitor::Monitor;
 use crate::control::session::config::Config;
 use crate::control::session::{Events, LastWrite, Output, Session, TickInput};
+use crate::control::wire::Deframer;
 use crate::units::EpochRange;
 
 /// The state of a session, and the three parts of its tick.
@@ -46,4 +53,25 @@ impl<const N: usize> Internals<N> for Session<N> {
     fn step(&mut self, tick: &TickInput<N>, events: Accepted<N>, counts: Diagnostics) -> Output<N> {
         self.step(tick, events, counts)
     }
+}
+
+/// Builds a client from its parts, if they satisfy the invariant.
+#[must_use]
+pub fn client_from_parts<const N: usize>(
+    dialogue: Dialogue<N>,
+    deframer: Deframer,
+) -> Option<Client<N>> {
+    Client::from_parts(dialogue, deframer)
+}
+
+/// Builds a monitor from its parts.
+#[must_use]
+pub const fn monitor_from_parts<const N: usize>(parts: MonitorParts<N>) -> Monitor<N> {
+    Monitor::from_parts(parts)
+}
+
+/// Returns the parts of a monitor.
+#[must_use]
+pub const fn monitor_parts<const N: usize>(monitor: &Monitor<N>) -> &MonitorParts<N> {
+    monitor.parts()
 }

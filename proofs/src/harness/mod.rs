@@ -102,6 +102,8 @@ mod axis;
 mod blackbox;
 #[cfg(any(not(feature = "only"), feature = "channel"))]
 mod channel;
+#[cfg(any(not(feature = "only"), feature = "client"))]
+mod client;
 #[cfg(any(not(feature = "only"), feature = "compensation"))]
 mod compensation;
 #[cfg(any(not(feature = "only"), feature = "crossing"))]
@@ -112,6 +114,8 @@ mod fsm;
 mod ingress;
 #[cfg(any(not(feature = "only"), feature = "kinematics"))]
 mod kinematics;
+#[cfg(any(not(feature = "only"), feature = "monitor"))]
+mod monitor;
 #[cfg(any(not(feature = "only"), feature = "motors"))]
 mod motors;
 #[cfg(any(not(feature = "only"), feature = "no_panic"))]
@@ -127,11 +131,13 @@ pub const HARNESSES: &[&[Harness]] = &[
     axis::HARNESSES,
     blackbox::HARNESSES,
     channel::HARNESSES,
+    client::HARNESSES,
     compensation::HARNESSES,
     crossing::HARNESSES,
     fsm::HARNESSES,
     ingress::HARNESSES,
     kinematics::HARNESSES,
+    monitor::HARNESSES,
     motors::HARNESSES,
     no_panic::HARNESSES,
     session::HARNESSES,

@@ -2,6 +2,7 @@
 
 mod any;
 mod channel;
+mod client_monitor;
 mod endpoint;
 mod floats;
 mod known_solution;

@@ -7,6 +7,7 @@ use crate::control::wire::{Deframer, Feed, Frame, decode_client};
 /// Carrier of the frames. A broken stream has lost its frame boundary and ends; a broken datagram is dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Transport {
     /// TCP and the like.
     Stream,

@@ -1,0 +1,581 @@
+//! A client against a real endpoint, in memory: over streams split anywhere, and over datagrams that get lost, doubled and reordered.
+
+use std::collections::VecDeque;
+use std::vec::Vec as StdVec;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::control::axis::Actual;
+use crate::control::channel::{LimitValues, Limits};
+use crate::control::endpoint::{Endpoint, MotorMap};
+use crate::control::message::{AxisLimits, Cause, Counters, ServerMessage};
+use crate::control::session::config::{AxisConfig, Config, Parameters, Travel};
+use crate::control::session::{Connection, LastWrite, Session, Start, TickInput};
+use crate::control::wire::{Kind, decode_client, encode_server};
+use crate::units::{
+    Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+};
+
+type Tested = Client<2>;
+
+const CHECKSUM: u32 = 0xfeed_f00d;
+
+fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
+    Limits::new(LimitValues {
+        max,
+        step,
+        accel,
+        ramp,
+    })
+    .unwrap()
+}
+
+fn axis(max: i32) -> AxisConfig {
+    let limits = AxisLimits {
+        position: limits(max, 5_000, 10_000, 1_000),
+        velocity: limits(1_000, 100, 200, 10),
+        torque: limits(100, 10, 20, 1),
+    };
+    let axis = AxisConfig::position_only(limits.position, Travel::around_zero(1_000_000), 0);
+    AxisConfig { limits, ..axis }
+}
+
+fn requirements() -> Requirements {
+    Requirements {
+        capabilities: Capabilities::NONE,
+        cycle_us: Some(1_000),
+        kinematics_checksum: Some(CHECKSUM),
+    }
+}
+
+/// The server and its side of the connection.
+struct Server {
+    endpoint: Endpoint<2, 2>,
+    connection: Connection,
+    closed: bool,
+}
+
+impl Server {
+    fn new(transport: Transport) -> Self {
+        let parameters = Parameters {
+            kinematics_checksum: CHECKSUM,
+            ..Parameters::thesis([axis(20_000), axis(30_000)])
+        };
+        let config = Config::new(parameters).unwrap();
+        let session = Session::new(config, &Start::at_rest([PositionNm(0); 2])).unwrap();
+        let motors = MotorMap::new([0, 1]).unwrap();
+        let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
+        let connection = endpoint.open(transport).unwrap();
+        Self {
+            endpoint,
+            connection,
+            closed: false,
+        }
+    }
+
+    fn phase(&self) -> Phase {
+        self.endpoint.session().phase()
+    }
+
+    /// One tick; returns the frames for the client.
+    fn tick(&mut self, received: &[StdVec<u8>]) -> StdVec<StdVec<u8>> {
+        for bytes in received {
+            self.endpoint.feed(self.connection, bytes);
+        }
+        let _ = self.endpoint.tick(&TickInput {
+            elapsed_cycles: 1,
+            nominal: [PositionNm(0); 2],
+            actual: [Actual::ZERO; 2],
+            stop: false,
+            rearm: false,
+            last_write: LastWrite::Accepted,
+            arrival_us: 0,
+        });
+        let mut sent = StdVec::new();
+        while let Some((to, frame)) = self.endpoint.poll_transmit() {
+            assert_eq!(to, self.connection);
+            sent.push(frame.to_vec());
+        }
+        self.closed |= core::iter::from_fn(|| self.endpoint.poll_close()).count() > 0;
+        sent
+    }
+}
+
+/// Feeds bytes as a stream, in pieces of `piece` bytes.
+fn feed_stream(client: &mut Tested, bytes: &[u8], piece: usize) -> StdVec<Event<2>> {
+    let mut events = StdVec::new();
+    for mut rest in bytes.chunks(piece) {
+        while !rest.is_empty() {
+            let (consumed, event) = client.feed(rest);
+            assert!(client.is_valid());
+            events.extend(event.unwrap());
+            rest = &rest[consumed..];
+        }
+    }
+    events
+}
+
+fn far() -> [Offsets; 2] {
+    let far = Offsets {
+        position: OffsetNm(i32::MIN),
+        velocity: VelocityUmS(1_001),
+        torque: TorquePermille(100),
+    };
+    [far, Offsets::position(OffsetNm(30_000))]
+}
+
+#[test]
+fn a_session_over_a_stream_split_anywhere() {
+    for piece in 1..=600 {
+        let mut client = Tested::new(Transport::Stream, requirements());
+        let mut server = Server::new(Transport::Stream);
+        assert!(client.goodbye().is_none() && client.stop().is_none());
+        let mut outgoing = std::vec![client.hello().unwrap().to_vec()];
+        assert!(client.hello().is_none(), "one Hello per stream");
+        let mut phases = StdVec::new();
+        let mut ticks = 0;
+        while !client.is_gone() {
+            ticks += 1;
+            let incoming = server.tick(&outgoing).concat();
+            outgoing.clear();
+            for event in feed_stream(&mut client, &incoming, piece) {
+                match event {
+                    Event::Welcomed(welcome) => assert_eq!(client.welcome(), Some(&welcome)),
+                    Event::Refused(refusal) => panic!("{refusal}"),
+                    Event::State(state) => {
+                        assert!(client.has_unanswered());
+                        phases.push(state.phase);
+                    }
+                    Event::Ended(state) => {
+                        assert_eq!(
+                            (state.cause, state.phase),
+                            (Cause::Goodbye, Phase::SafeDisconnect)
+                        );
+                    }
+                }
+            }
+            let frame = if ticks < 10 {
+                client.answer(Mode::Obtain, &far()).map(|answer| {
+                    assert!(answer.is_saturated());
+                    let [first, second] = answer.saturated;
+                    assert!(first.position && first.velocity && !first.torque && !second.any());
+                    assert_eq!(answer.command.targets[0].position, OffsetNm(-20_000));
+                    assert_eq!(answer.command.targets[0].velocity, VelocityUmS(1_000));
+                    assert_eq!(answer.command.targets[0].torque, TorquePermille(100));
+                    assert_eq!(answer.command.targets[1], far()[1]);
+                    answer.frame
+                })
+            } else {
+                client.goodbye()
+            };
+            assert!(
+                client.answer(Mode::Submit, &far()).is_none(),
+                "one answer per State"
+            );
+            if ticks >= 10 {
+                assert!(client.goodbye().is_none(), "one Goodbye per stream");
+            }
+            outgoing.extend(frame.map(|frame| frame.to_vec()));
+        }
+        assert_eq!(
+            phases[..3],
+            [Phase::Handshake, Phase::Submit, Phase::Obtain]
+        );
+        assert!(client.is_at_boundary());
+        assert_eq!(client.ignored(), Ignored::default());
+        assert_eq!(
+            server.endpoint.output().unwrap().state.counters.malformed,
+            0
+        );
+    }
+}
+
+/// A path that loses, doubles and delays datagrams.
+struct Path {
+    queue: VecDeque<StdVec<u8>>,
+}
+
+impl Path {
+    /// Carries datagrams; returns those that arrive now. Fates: lost, doubled, delayed behind the next, in order.
+    fn carry(
+        &mut self,
+        sent: impl IntoIterator<Item = StdVec<u8>>,
+        fate: u8,
+    ) -> StdVec<StdVec<u8>> {
+        let held: StdVec<_> = self.queue.drain(..).collect();
+        let mut arriving = StdVec::new();
+        for datagram in sent {
+            match fate {
+                0 => {}
+                1 => arriving.extend([datagram.clone(), datagram]),
+                2 => self.queue.push_back(datagram),
+                _ => arriving.push(datagram),
+            }
+        }
+        arriving.extend(held);
+        arriving
+    }
+}
+
+/// T24 on a command: newer echo and sequence, limits kept, Obtain only after Submit was accepted.
+fn check_command(command: &Command<2>, before: Option<&Command<2>>, client: &Tested) {
+    let welcome = client.welcome().unwrap();
+    assert_eq!(command.epoch, welcome.epoch);
+    let mut axes = welcome.limits.iter().zip(&command.targets);
+    assert!(axes.all(|(limits, target)| limits.admits(target)));
+    match before {
+        None => assert_eq!(
+            (command.sequence, command.mode),
+            (Sequence(1), Mode::Submit)
+        ),
+        Some(before) => {
+            assert_eq!(command.sequence.0, before.sequence.0 + 1);
+            assert!(command.echo > before.echo, "an old State is not answered");
+        }
+    }
+    let submitted = matches!(client.phase(), Some(Phase::Submit | Phase::Obtain));
+    assert!(command.mode == Mode::Submit || submitted);
+}
+
+proptest! {
+    #[test]
+    fn a_session_over_datagrams_of_any_fate(
+        fates in proptest::collection::vec((0..12_u8, 0..12_u8, any::<bool>(), any::<i32>()), 1..120),
+    ) {
+        let mut client = Tested::new(Transport::Datagram, requirements());
+        let mut server = Server::new(Transport::Datagram);
+        let (mut up, mut down) = (Path { queue: VecDeque::new() }, Path { queue: VecDeque::new() });
+        let mut outgoing: StdVec<StdVec<u8>> = StdVec::new();
+        let mut before = None;
+        let mut newest = None;
+        for (up_fate, down_fate, obtain, position) in fates {
+            outgoing.extend(client.hello().map(|frame| frame.to_vec()));
+            let sent = server.tick(&up.carry(outgoing.drain(..), up_fate));
+            for datagram in down.carry(sent, down_fate) {
+                let (consumed, event) = client.feed(&datagram);
+                prop_assert_eq!(consumed, datagram.len());
+                prop_assert!(client.is_valid());
+                if let Some(Event::State(state) | Event::Ended(state)) = event.unwrap() {
+                    prop_assert!(newest < Some(state.tick));
+                    newest = Some(state.tick);
+                }
+            }
+            let mode = if obtain { Mode::Obtain } else { Mode::Submit };
+            let targets = [Offsets::position(OffsetNm(position)); 2];
+            if let Some(answer) = client.answer(mode, &targets) {
+                check_command(&answer.command, before.as_ref(), &client);
+                prop_assert_eq!(Some(answer.command.echo), newest);
+                let frame = Frame::parse(&answer.frame).unwrap();
+                prop_assert_eq!(decode_client(&frame), Ok(ClientMessage::Command(answer.command)));
+                before = Some(answer.command);
+                outgoing.push(answer.frame.to_vec());
+            }
+            prop_assert!(client.answer(mode, &targets).is_none());
+        }
+        prop_assert_eq!(server.endpoint.session().parts().counters.out_of_range, 0);
+    }
+}
+
+#[test]
+fn a_goodbye_over_datagrams_is_repeated_per_state() {
+    let (mut client, mut server) = granted(Transport::Datagram);
+    for _ in 0..3 {
+        // The Goodbye is lost; the server counts a miss, or waits for its first command.
+        assert!(client.goodbye().is_some());
+        assert!(client.goodbye().is_none(), "once per State");
+        assert!(client.answer(Mode::Submit, &[Offsets::ZERO; 2]).is_none());
+        for frame in server.tick(&[]) {
+            assert!(client.feed(&frame).1.is_ok());
+        }
+    }
+    let goodbye = client.goodbye().unwrap().to_vec();
+    let frames = server.tick(&[goodbye]);
+    let event = client.feed(&frames[0]).1;
+    assert!(matches!(event, Ok(Some(Event::Ended(state))) if state.cause == Cause::Goodbye));
+    assert!(client.is_gone() && client.goodbye().is_none());
+}
+
+/// A client and a server in Handshake, the first State unanswered.
+fn granted(transport: Transport) -> (Tested, Server) {
+    let mut client = Tested::new(transport, requirements());
+    let mut server = Server::new(transport);
+    let hello = client.hello().unwrap().to_vec();
+    for frame in server.tick(&[hello]) {
+        client.feed(&frame).1.unwrap();
+    }
+    assert_eq!(client.phase(), Some(Phase::Handshake));
+    assert!(client.hello().is_none());
+    (client, server)
+}
+
+#[test]
+fn a_goodbye_without_effect_is_an_error() {
+    let (mut client, _) = granted(Transport::Stream);
+    assert!(client.goodbye().is_some());
+    let first = client.welcome().unwrap().tick.0;
+    for count in 1..=u64::from(GOODBYE_STATES) {
+        let event = client.feed(&state(&client, first + count, Phase::Obtain)).1;
+        if count == u64::from(GOODBYE_STATES) {
+            assert_eq!(event, Err(ClientError::GoodbyeUnheard { states: 100 }));
+        } else {
+            assert!(matches!(event, Ok(Some(Event::State(_)))));
+        }
+    }
+    assert!(client.is_valid() && !client.is_gone());
+}
+
+/// The frame of a State of the client's session.
+fn state(client: &Tested, tick: u64, phase: Phase) -> FrameBytes {
+    let epoch = client.welcome().map_or(Epoch(1), |welcome| welcome.epoch);
+    state_of(epoch, tick, phase)
+}
+
+fn state_of(epoch: Epoch, tick: u64, phase: Phase) -> FrameBytes {
+    encode_server(&ServerMessage::State(State::<2> {
+        tick: Tick(tick),
+        epoch,
+        accepted: Sequence(0),
+        phase,
+        cause: Cause::None,
+        on_time_of_100: 100,
+        arrival_us: 0,
+        ramp_ticks_left: 0,
+        counters: Counters::default(),
+        axes: [crate::control::message::AxisState::default(); 2],
+    }))
+}
+
+#[test]
+fn messages_that_do_not_fit_are_errors_over_streams_and_ignored_over_datagrams() {
+    let refusal = |_: &Tested| encode_server(&ServerMessage::<2>::Refusal(Refusal::Busy));
+    let welcome =
+        |client: &Tested| encode_server(&ServerMessage::Welcome(*client.welcome().unwrap()));
+    let same = |client: &Tested| state(client, 1, Phase::Handshake);
+    let foreign = |_: &Tested| state_of(Epoch(9), 50, Phase::Handshake);
+    type Make<'a> = &'a dyn Fn(&Tested) -> FrameBytes;
+    let unexpected = |received| ClientError::Unexpected { received };
+    let cases: [(Make<'_>, ClientError, [u32; 3]); 4] = [
+        (&refusal, unexpected(Kind::Refusal), [0, 0, 1]),
+        (&welcome, unexpected(Kind::Welcome), [0, 0, 1]),
+        (
+            &same,
+            ClientError::OldState {
+                expected: Tick(2),
+                received: Tick(1),
+            },
+            [1, 0, 0],
+        ),
+        (
+            &foreign,
+            ClientError::Epoch {
+                expected: Epoch(1),
+                received: Epoch(9),
+            },
+            [0, 1, 0],
+        ),
+    ];
+    for (make, error, counts) in cases {
+        let (mut client, _) = granted(Transport::Stream);
+        let before = client.dialogue;
+        let frame = make(&client);
+        assert_eq!(client.feed(&frame), (frame.len(), Err(error)));
+        assert_eq!(client.dialogue, before, "{error}");
+        let (mut client, _) = granted(Transport::Datagram);
+        let frame = make(&client);
+        assert_eq!(client.feed(&frame), (frame.len(), Ok(None)));
+        let ignored = client.ignored();
+        assert_eq!(
+            [ignored.old, ignored.other_epoch, ignored.unexpected],
+            counts
+        );
+        assert!(client.has_unanswered());
+    }
+    for (transport, ignored) in [(Transport::Stream, 0), (Transport::Datagram, 1)] {
+        let mut early = Tested::new(transport, requirements());
+        let frame = state(&early, 1, Phase::Handshake);
+        let error = Err(unexpected(Kind::State));
+        let expected = if ignored == 0 { error } else { Ok(None) };
+        assert_eq!(early.feed(&frame).1, expected, "a State before the Welcome");
+        assert_eq!(early.ignored().unexpected, ignored);
+    }
+}
+
+#[test]
+fn a_welcome_is_not_taken_before_a_hello() {
+    let (client, _) = granted(Transport::Datagram);
+    let welcome = encode_server(&ServerMessage::Welcome(*client.welcome().unwrap()));
+    let mut silent = Tested::new(Transport::Datagram, requirements());
+    assert_eq!(silent.feed(&welcome).1, Ok(None));
+    assert_eq!(silent.ignored().unexpected, 1);
+    let _ = silent.hello();
+    assert!(matches!(
+        silent.feed(&welcome).1,
+        Ok(Some(Event::Welcomed(_)))
+    ));
+    // A State from before the Welcome is not this session's first.
+    let mut later = *client.welcome().unwrap();
+    later.tick = Tick(40);
+    let mut fresh = Tested::new(Transport::Datagram, requirements());
+    let _ = fresh.hello();
+    assert!(
+        fresh
+            .feed(&encode_server(&ServerMessage::Welcome(later)))
+            .1
+            .is_ok()
+    );
+    assert_eq!(
+        fresh.feed(&state(&client, 39, Phase::Handshake)).1,
+        Ok(None)
+    );
+    assert!(matches!(
+        fresh.feed(&state(&client, 40, Phase::Handshake)).1,
+        Ok(Some(Event::State(_)))
+    ));
+}
+
+#[test]
+fn terms_that_do_not_fit_are_errors_by_name() {
+    let (client, _) = granted(Transport::Stream);
+    let welcome = *client.welcome().unwrap();
+    let any = Requirements::default();
+    let needed = Capabilities::LOCKSTEP;
+    let cases = [
+        (
+            Requirements {
+                cycle_us: Some(2_000),
+                ..any
+            },
+            welcome,
+            ClientError::Cycle {
+                expected_us: 2_000,
+                received_us: 1_000,
+            },
+        ),
+        (
+            Requirements {
+                kinematics_checksum: Some(1),
+                ..any
+            },
+            welcome,
+            ClientError::Checksum {
+                expected: 1,
+                received: CHECKSUM,
+            },
+        ),
+        (
+            any,
+            Welcome {
+                capabilities: needed,
+                ..welcome
+            },
+            ClientError::Capability { needed },
+        ),
+    ];
+    for (requirements, welcome, error) in cases {
+        let mut client = Tested::new(Transport::Stream, requirements);
+        let _ = client.hello();
+        let frame = encode_server(&ServerMessage::Welcome(welcome));
+        assert_eq!(client.feed(&frame).1, Err(error));
+        assert!(client.welcome().is_none());
+    }
+    let mut client = Tested::new(Transport::Stream, any);
+    let _ = client.hello();
+    let frame = encode_server(&ServerMessage::Welcome(welcome));
+    assert_eq!(client.feed(&frame).1, Ok(Some(Event::Welcomed(welcome))));
+    // A server of another number of axes.
+    let mut other = Client::<3>::new(Transport::Stream, any);
+    let _ = other.hello();
+    assert!(matches!(other.feed(&frame).1, Err(ClientError::Content(_))));
+}
+
+#[test]
+fn a_refusal_ends_the_client_even_before_its_hello() {
+    let frame = encode_server(&ServerMessage::<2>::Refusal(Refusal::Unavailable));
+    let mut client = Tested::new(Transport::Stream, requirements());
+    assert_eq!(
+        client.feed(&frame).1,
+        Ok(Some(Event::Refused(Refusal::Unavailable)))
+    );
+    assert!(client.is_gone() && client.hello().is_none() && client.goodbye().is_none());
+}
+
+#[test]
+fn a_broken_stream_stays_broken_and_a_broken_datagram_is_counted() {
+    let (mut client, _) = granted(Transport::Stream);
+    let mut bytes = state(&client, 2, Phase::Handshake).to_vec();
+    bytes[20] ^= 1;
+    for _ in 0..2 {
+        let (consumed, event) = client.feed(&bytes);
+        assert_eq!(consumed, bytes.len());
+        assert!(matches!(event, Err(ClientError::Frame(_))));
+    }
+    let (mut client, _) = granted(Transport::Datagram);
+    assert_eq!(client.feed(&bytes), (bytes.len(), Ok(None)));
+    assert_eq!(client.feed(&[]), (0, Ok(None)));
+    assert_eq!(client.ignored().broken, 2);
+}
+
+#[test]
+fn a_stop_stops_and_the_ramp_is_seen() {
+    let (mut client, mut server) = granted(Transport::Stream);
+    let mut outgoing: StdVec<StdVec<u8>> = StdVec::new();
+    while server.endpoint.output().unwrap().state.axes[0]
+        .offsets
+        .position
+        != OffsetNm(20_000)
+    {
+        let answer = client.answer(Mode::Obtain, &[Offsets::position(OffsetNm(20_000)); 2]);
+        outgoing.extend(answer.map(|answer| answer.frame.to_vec()));
+        let incoming = server.tick(&outgoing).concat();
+        outgoing.clear();
+        feed_stream(&mut client, &incoming, 4_096);
+    }
+    let stop = client.stop().unwrap().to_vec();
+    let incoming = server.tick(&[stop]).concat();
+    let events = feed_stream(&mut client, &incoming, 4_096);
+    assert!(matches!(events[..], [Event::Ended(state)] if state.cause == Cause::Stop));
+    assert_eq!(server.phase(), Phase::Fault);
+    assert!(client.is_gone() && client.goodbye().is_none());
+    let incoming = server.tick(&[]).concat();
+    let events = feed_stream(&mut client, &incoming, 4_096);
+    assert!(
+        matches!(events[..], [Event::Ended(state)] if state.axes[0].offsets.position == OffsetNm(18_000))
+    );
+    assert!(client.stop().is_some(), "a Stop may be repeated");
+    assert!(!server.closed);
+}
+
+#[test]
+fn a_session_that_is_over_does_not_come_back() {
+    let (mut client, _) = granted(Transport::Datagram);
+    assert!(matches!(
+        client.feed(&state(&client, 2, Phase::SafeDisconnect)).1,
+        Ok(Some(Event::Ended(_)))
+    ));
+    assert!(matches!(
+        client.feed(&state(&client, 3, Phase::Obtain)).1,
+        Ok(Some(Event::Ended(_)))
+    ));
+    assert!(client.is_valid() && client.answer(Mode::Submit, &[Offsets::ZERO; 2]).is_none());
+}
+
+#[test]
+fn errors_say_what_and_where() {
+    use std::string::ToString;
+    let error = ClientError::Cycle {
+        expected_us: 1_000,
+        received_us: 2_000,
+    };
+    assert_eq!(
+        error.to_string(),
+        "the server's cycle is 2000 us, the client's is 1000 us"
+    );
+    let error = ClientError::Unexpected {
+        received: Kind::Welcome,
+    };
+    assert_eq!(
+        error.to_string(),
+        "unexpected Welcome: expected one answer to Hello, then States"
+    );
+}

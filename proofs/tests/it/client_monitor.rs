@@ -1,0 +1,416 @@
+//! T24 on stable Rust: single steps over their whole domain, and sequences.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::unwrap_used,
+    reason = "a strategy that makes what is not valid must panic"
+)]
+
+use gantry_tau_core::control::client::{Ignored, Requirements};
+use gantry_tau_core::control::message::{
+    AxisState, Capabilities, Counters, ServerMessage, Welcome,
+};
+use gantry_tau_core::control::session::Input;
+use gantry_tau_core::units::{
+    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+};
+use gantry_tau_core::verification::control::{
+    Accepted, Diagnostics, Dialogue, Granted, Internals, Last, Motion, Stage, Trace,
+};
+use gantry_tau_core::{
+    AxisConfig, AxisLimits, Cause, Config, Connection, EpochRange, LimitValues, Limits, Mode,
+    Offsets, Parameters, Phase, Reference, Refusal, Session, Start, State, TickInput, Transport,
+    Travel,
+};
+use gantry_tau_proofs::{client, monitor};
+use proptest::array::{uniform2, uniform3};
+use proptest::collection::vec;
+use proptest::option;
+use proptest::prelude::*;
+use proptest::sample::select;
+
+const N: usize = 2;
+
+/// Small numbers, where comparisons turn, and all others.
+fn count(small: i32) -> impl Strategy<Value = i32> {
+    prop_oneof![8 => -small..=small, 1 => any::<i32>(), 1 => select(vec![i32::MIN, i32::MAX])]
+}
+
+fn tick() -> impl Strategy<Value = Tick> {
+    prop_oneof![6 => 0..6_u64, 1 => any::<u64>(), 1 => Just(u64::MAX)].prop_map(Tick)
+}
+
+fn limits<U: std::fmt::Debug>(most: i32) -> impl Strategy<Value = Limits<U>> {
+    let magnitude = move || prop_oneof![4 => 0..=most.min(40), 1 => 0..=most];
+    uniform3(magnitude()).prop_flat_map(move |[max, ramp, step]| {
+        (0..=most).prop_map(move |accel| {
+            let ramp = (ramp / 4).max(1);
+            let step = ramp + step / 4;
+            let accel = (step + ramp).saturating_add(accel / 8);
+            Limits::new(LimitValues {
+                max,
+                step,
+                accel,
+                ramp,
+            })
+            .unwrap()
+        })
+    })
+}
+
+fn axis_limits() -> impl Strategy<Value = AxisLimits> {
+    // Limits of a torque channel that no server has, but a Welcome can state.
+    (limits(i32::MAX), limits(i32::MAX), limits(i32::MAX)).prop_map(
+        |(position, velocity, torque)| AxisLimits {
+            position,
+            velocity,
+            torque,
+        },
+    )
+}
+
+fn offsets() -> impl Strategy<Value = Offsets> {
+    let torque = prop_oneof![4 => -40..=40_i16, 1 => any::<i16>(), 1 => Just(i16::MIN)];
+    (count(40), count(40), torque).prop_map(|(position, velocity, torque)| Offsets {
+        position: OffsetNm(position),
+        velocity: VelocityUmS(velocity),
+        torque: TorquePermille(torque),
+    })
+}
+
+fn phase() -> impl Strategy<Value = Phase> {
+    select(Phase::ALL)
+}
+
+fn mode() -> impl Strategy<Value = Mode> {
+    select(Mode::ALL)
+}
+
+fn state() -> impl Strategy<Value = State<N>> {
+    // Zero often enough that a State can be right.
+    let rare = || prop_oneof![3 => Just(Offsets::ZERO), 1 => offsets()];
+    let axes = uniform2((rare(), rare()));
+    (tick(), 0..2_u64, 0..2_u64, phase(), axes).prop_map(|(tick, epoch, accepted, phase, axes)| {
+        State {
+            tick,
+            epoch: Epoch(epoch),
+            accepted: Sequence(accepted),
+            phase,
+            cause: Cause::None,
+            on_time_of_100: 100,
+            arrival_us: 0,
+            ramp_ticks_left: 0,
+            counters: Counters::default(),
+            axes: axes.map(|(offsets, shadow)| AxisState {
+                offsets,
+                shadow,
+                ..AxisState::default()
+            }),
+        }
+    })
+}
+
+/// A value one ramp step nearer to zero.
+fn ramped(value: i32, ramp: u32) -> i32 {
+    let ramp = i32::try_from(value.unsigned_abs().min(ramp)).unwrap_or(i32::MAX);
+    value.saturating_sub(value.signum().saturating_mul(ramp))
+}
+
+/// Limits and two States, the second often one step of ramp or hold after the first, or almost.
+fn two_states() -> impl Strategy<Value = ([AxisLimits; N], State<N>, State<N>)> {
+    let off = || prop_oneof![12 => Just(0), 1 => -1..=1_i16];
+    let moves = uniform2(uniform3(off()));
+    (uniform2(axis_limits()), state(), state(), moves, 0..3_u8).prop_map(
+        |(limits, first, mut second, moves, kind)| {
+            for index in 0..N {
+                let old = first.axes[index].offsets;
+                let [position, velocity, torque] = moves[index];
+                let next = |value: i32, ramp: u32, off: i16| {
+                    let value = if kind == 1 {
+                        ramped(value, ramp)
+                    } else {
+                        value
+                    };
+                    value.saturating_add(off.into())
+                };
+                let limits = &limits[index];
+                if kind > 0 {
+                    let torque = next(old.torque.0.into(), limits.torque.ramp(), torque);
+                    second.axes[index].offsets = Offsets {
+                        position: OffsetNm(next(old.position.0, limits.position.ramp(), position)),
+                        velocity: VelocityUmS(next(
+                            old.velocity.0,
+                            limits.velocity.ramp(),
+                            velocity,
+                        )),
+                        torque: TorquePermille(torque.try_into().unwrap_or(i16::MAX)),
+                    };
+                }
+            }
+            (limits, first, second)
+        },
+    )
+}
+
+fn welcome() -> impl Strategy<Value = Welcome<N>> {
+    let terms = (0..2_u32, 0..2_u32, 0..2_u16);
+    (0..2_u64, tick(), terms, uniform2(axis_limits())).prop_map(
+        |(epoch, tick, (cycle_us, kinematics_checksum, bits), limits)| Welcome {
+            epoch: Epoch(epoch),
+            tick,
+            cycle_us,
+            echo_window: 0,
+            capabilities: Capabilities(bits),
+            kinematics_checksum,
+            limits,
+        },
+    )
+}
+
+fn message() -> impl Strategy<Value = ServerMessage<N>> {
+    prop_oneof![
+        6 => state().prop_map(ServerMessage::State),
+        2 => welcome().prop_map(ServerMessage::Welcome),
+        1 => Just(ServerMessage::Refusal(Refusal::Busy)),
+    ]
+}
+
+fn requirements() -> impl Strategy<Value = Requirements> {
+    (0..2_u16, option::of(0..2_u32), option::of(0..2_u32)).prop_map(
+        |(bits, cycle_us, kinematics_checksum)| Requirements {
+            capabilities: Capabilities(bits),
+            cycle_us,
+            kinematics_checksum,
+        },
+    )
+}
+
+fn transport() -> impl Strategy<Value = Transport> {
+    select(vec![Transport::Stream, Transport::Datagram])
+}
+
+fn granted() -> impl Strategy<Value = Granted<N>> {
+    let sequence = prop_oneof![Just(0), Just(1), any::<u64>(), Just(u64::MAX)];
+    let last = option::weighted(0.9, (tick(), phase()));
+    let flags = (any::<bool>(), any::<bool>());
+    (welcome(), sequence, last, flags, option::of(0..=100_u8)).prop_map(
+        |(welcome, sequence, last, (unanswered, ended), leaving)| Granted {
+            welcome,
+            sequence: Sequence(sequence),
+            last: last.map(|(tick, phase)| Last { tick, phase }),
+            unanswered,
+            leaving,
+            ended,
+        },
+    )
+}
+
+/// A dialogue in any valid state.
+fn dialogue() -> impl Strategy<Value = Dialogue<N>> {
+    let stage = prop_oneof![
+        1 => any::<bool>().prop_map(|said| Stage::Greeting { said }),
+        10 => granted().prop_map(Stage::Granted),
+        1 => Just(Stage::Refused),
+    ];
+    (transport(), requirements(), stage)
+        .prop_map(|(transport, requirements, stage)| Dialogue {
+            transport,
+            requirements,
+            stage,
+            ignored: Ignored::default(),
+        })
+        .prop_filter("a valid dialogue", Dialogue::is_valid)
+}
+
+fn motion() -> impl Strategy<Value = Motion> {
+    select(vec![Motion::Free, Motion::Hold, Motion::Ramp])
+}
+
+fn references() -> impl Strategy<Value = ([PositionNm; N], [Reference; N])> {
+    let near = prop_oneof![Just(Offsets::ZERO), offsets()];
+    let ends = prop_oneof![6 => Just(50), 1 => 40..60_i64];
+    let axis = (-60..60_i64, near, ends).prop_map(|(nominal, offsets, end)| {
+        let reference = Reference {
+            position: PositionNm(
+                nominal
+                    .saturating_add(offsets.position.0.into())
+                    .clamp(-end, end),
+            ),
+            velocity_offset: offsets.velocity,
+            torque_offset: offsets.torque,
+        };
+        (PositionNm(nominal), reference)
+    });
+    uniform2(axis).prop_map(|axes| (axes.map(|axis| axis.0), axes.map(|axis| axis.1)))
+}
+
+/// A configuration whose ramps take some ticks.
+fn config() -> impl Strategy<Value = Config<N>> {
+    let limits = (limits(i32::MAX), limits(i32::MAX), limits(1_000));
+    let axis = (limits, 0..500_u32).prop_map(|((position, velocity, torque), reach)| {
+        let axis = AxisConfig::position_only(position, Travel::around_zero(reach), 2_000);
+        AxisConfig {
+            limits: AxisLimits {
+                position,
+                velocity,
+                torque,
+            },
+            ..axis
+        }
+    });
+    uniform2(axis).prop_map(|axes| Config::new(Parameters::thesis(axes)).unwrap())
+}
+
+/// Anything that can happen to a session in a tick; a command is the next in sequence.
+fn tick_of_session() -> impl Strategy<Value = (TickInput<N>, Accepted<N>)> {
+    let rare = || prop::bool::weighted(0.03);
+    let ends = (rare(), rare(), rare(), any::<bool>());
+    let command = option::weighted(
+        0.9,
+        prop_oneof![1 => Just(Mode::Submit), 6 => Just(Mode::Obtain)],
+    );
+    let nominal = uniform2((-900..900_i64).prop_map(PositionNm));
+    let elapsed = prop_oneof![20 => Just(1), 1 => 0..4_u32];
+    (ends, command, uniform2(offsets()), nominal, elapsed).prop_map(
+        |((stop, goodbye, closed, rearm), command, targets, nominal, elapsed_cycles)| {
+            let tick = TickInput {
+                elapsed_cycles,
+                nominal,
+                stop,
+                rearm,
+                ..Input::empty(EpochRange::VOLATILE).tick
+            };
+            let mut accepted = Accepted::nothing();
+            accepted.fsm.goodbye = goodbye;
+            accepted.fsm.closed = closed;
+            accepted.fsm.command = command.map(|mode| (Sequence(0), mode));
+            accepted.fsm.hello = Some((Connection(0), Epoch(0)));
+            accepted.targets = targets;
+            (tick, accepted)
+        },
+    )
+}
+
+/// Something that happens to a client.
+#[derive(Clone, Debug)]
+enum Turn {
+    Hello,
+    Receive(ServerMessage<N>),
+    Answer(Mode, [Offsets; N]),
+    Goodbye,
+}
+
+fn turn() -> impl Strategy<Value = Turn> {
+    prop_oneof![
+        2 => Just(Turn::Hello),
+        10 => message().prop_map(Turn::Receive),
+        10 => (mode(), uniform2(offsets())).prop_map(|(mode, targets)| Turn::Answer(mode, targets)),
+        1 => Just(Turn::Goodbye),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4_000))]
+
+    #[test]
+    fn one_answer_is_right(dialogue in dialogue(), mode in mode(), targets in uniform2(offsets())) {
+        client::answer_is_right(&dialogue, mode, &targets);
+        client::goodbye_is_right(&dialogue, mode, &targets);
+    }
+
+    #[test]
+    fn one_message_is_right(dialogue in dialogue(), message in message()) {
+        client::message_is_right(&dialogue, message);
+    }
+
+    #[test]
+    fn every_turn_of_a_dialogue_is_right(
+        transport in transport(),
+        requirements in requirements(),
+        turns in vec(turn(), 0..40),
+    ) {
+        let mut dialogue = Dialogue::<N>::new(transport, requirements);
+        prop_assert!(dialogue.is_valid());
+        for turn in turns {
+            match turn {
+                Turn::Hello => {
+                    let _ = dialogue.hello();
+                }
+                Turn::Receive(message) => {
+                    client::message_is_right(&dialogue, message);
+                    let _ = dialogue.receive(message);
+                }
+                Turn::Answer(mode, targets) => {
+                    client::answer_is_right(&dialogue, mode, &targets);
+                    let _ = dialogue.answer(mode, &targets);
+                }
+                Turn::Goodbye => {
+                    client::goodbye_is_right(&dialogue, Mode::Submit, &[Offsets::ZERO; N]);
+                    let _ = dialogue.goodbye();
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn one_sample_is_flagged_exactly(
+        limits in limits(i32::MAX),
+        (earlier, value, next) in (count(40), count(40), count(40)),
+        (first, known) in (prop::bool::weighted(0.1), any::<bool>()),
+        near in 0..4_u8,
+        steps in prop_oneof![0..4_u64, any::<u64>()],
+        motion in motion(),
+    ) {
+        let before = Trace {
+            value: value.into(),
+            change: known.then_some(i64::from(value) - i64::from(earlier)),
+        };
+        let next = match near {
+            0 => next,
+            1 => value.saturating_add(next % 4),
+            2 => ramped(value, limits.ramp()),
+            _ => ramped(value, limits.ramp()).saturating_add(next % 2),
+        };
+        monitor::sample_is_flagged_exactly((!first).then_some(before), next, steps, motion, &limits);
+    }
+
+    #[test]
+    fn one_state_is_flagged_exactly((limits, first, second) in two_states()) {
+        monitor::state_is_flagged_exactly(&limits, &first, &second);
+    }
+
+    #[test]
+    fn accepted_references_are_bounded(
+        limits in uniform2(axis_limits()),
+        first in references(),
+        second in references(),
+    ) {
+        let travel = [Travel::around_zero(50); N];
+        let (first, second) = ((&first.0, &first.1), (&second.0, &second.1));
+        monitor::accepted_references_are_bounded(&limits, &travel, first, second);
+    }
+
+    #[test]
+    fn a_session_raises_no_alarm(config in config(), ticks in vec(tick_of_session(), 1..60)) {
+        let start = Start::at_rest([PositionNm(0); N]);
+        let mut session = Session::new(config, &start).unwrap();
+        for (tick, mut accepted) in ticks {
+            let discrete = session.parts().discrete;
+            if let Some((sequence, _)) = &mut accepted.fsm.command {
+                *sequence = Sequence(discrete.accepted.0 + 1);
+            }
+            if let Some((_, epoch)) = &mut accepted.fsm.hello {
+                *epoch = Epoch(discrete.epoch.0 + 1);
+            }
+            monitor::session_raises_no_alarm(&session, &tick, accepted);
+            let _ = session.step(&tick, accepted, Diagnostics::default());
+        }
+    }
+
+    #[test]
+    fn lost_samples_raise_no_alarm(
+        limits in limits(40),
+        samples in vec((-40..=40_i32, motion(), any::<bool>()), 0..60),
+    ) {
+        monitor::gaps_raise_no_alarm(&limits, &samples);
+    }
+}
