@@ -2,11 +2,10 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`plant`] | a machine that records every reference it is written |
-//! | [`bounds`] | how far offsets may move in a tick, whatever the traffic |
-//! | [`mod@bench`] | the server's cycle around it, with the bounds of DESIGN 4 asserted in every tick |
+//! | [`fake_plant`] | a machine that records every reference it is written |
+//! | [`server_fixture`] | the server's cycle around it, with the bounds of DESIGN 4 asserted in every tick |
 //! | [`client`] | a client that speaks frames, and anything else |
-//! | [`duet`] | both together: one session, tick by tick |
+//! | [`session_fixture`] | both together: one session, tick by tick |
 //! | [`fuzzed`] | what each target of `../fuzz` does with its bytes; the same bytes are replayed by `cargo test` |
 //! | [`soak`] | clients that come and go over links that do harm, for a long time |
 #![forbid(unsafe_code)]
@@ -20,12 +19,11 @@
     reason = "helpers of tests fail by panicking"
 )]
 
-pub mod bench;
-pub mod bounds;
 pub mod client;
-pub mod duet;
+pub mod fake_plant;
 pub mod fuzzed;
-pub mod plant;
+pub mod server_fixture;
+pub mod session_fixture;
 pub mod soak;
 
 use std::time::{Duration, Instant};

@@ -11,7 +11,7 @@ use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_server, encod
 use gantry_tau_core::units::{Epoch, OffsetNm, Sequence, TorquePermille, VelocityUmS};
 
 use super::audit::is_live;
-use super::reason::Deed;
+use super::cause_attribution::ClientFault;
 use crate::client::Noise;
 
 /// Largest offset a client asks for, nm; ramps stay some hundred ticks long.
@@ -28,9 +28,9 @@ pub(super) struct Client<const N: usize> {
     life: usize,
     obtain_from: usize,
     states: usize,
-    deed: Deed,
+    deed: ClientFault,
     /// What it did last, and when.
-    pub(super) deed_done: Option<(Deed, Duration)>,
+    pub(super) deed_done: Option<(ClientFault, Duration)>,
     last_heard: Option<Duration>,
     /// It has closed.
     pub(super) gone: bool,
@@ -45,7 +45,7 @@ impl<const N: usize> Client<N> {
             life: noise.below(600),
             obtain_from: noise.below(60),
             states: 0,
-            deed: Deed::ALL[noise.below(Deed::ALL.len())],
+            deed: ClientFault::ALL[noise.below(ClientFault::ALL.len())],
             deed_done: None,
             last_heard: None,
             gone: false,
@@ -115,7 +115,7 @@ impl<const N: usize> Client<N> {
     /// Closes; a deed of its own, unless another one was the last.
     fn leave(&mut self, now: Duration) {
         self.gone = true;
-        self.deed_done.get_or_insert((Deed::Close, now));
+        self.deed_done.get_or_insert((ClientFault::Close, now));
     }
 
     fn answer(&mut self, state: &State<N>, now: Duration, noise: &mut Noise) -> Vec<Vec<u8>> {
@@ -130,17 +130,17 @@ impl<const N: usize> Client<N> {
         }
         self.deed_done = Some((self.deed, now));
         match self.deed {
-            Deed::Goodbye => vec![frame(ClientMessage::Goodbye(epoch))],
-            Deed::Stop => vec![frame(ClientMessage::Stop(epoch))],
-            Deed::Flood => (0..12)
+            ClientFault::Goodbye => vec![frame(ClientMessage::Goodbye(epoch))],
+            ClientFault::Stop => vec![frame(ClientMessage::Stop(epoch))],
+            ClientFault::Flood => (0..12)
                 .map(|_| frame(self.command(epoch, state, noise)))
                 .collect(),
-            Deed::Garbage => vec![noise.bytes(20)],
-            Deed::Close => {
+            ClientFault::Garbage => vec![noise.bytes(20)],
+            ClientFault::Close => {
                 self.gone = true;
                 Vec::new()
             }
-            Deed::Silence => Vec::new(),
+            ClientFault::Silence => Vec::new(),
         }
     }
 

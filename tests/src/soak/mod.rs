@@ -8,11 +8,11 @@
 //! | [`minutes`] | the server's own thread, real time, real sockets, [`gantry_tau::faults::relay`] |
 
 pub mod audit;
+pub mod cause_attribution;
 mod client;
 mod links;
-pub mod minutes;
-pub mod reason;
-pub mod ticks;
+pub mod real_time;
+pub mod simulated_time;
 
 use std::collections::BTreeMap;
 

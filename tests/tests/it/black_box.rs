@@ -14,14 +14,14 @@ use gantry_tau::black_box::swap_channel::Receiver;
 use gantry_tau::replay::Findings;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase};
 use gantry_tau_core::control::session::LastWrite;
-use gantry_tau_tests::bench::{Bench, NOMINAL_STEP_NM};
 use gantry_tau_tests::client::Client;
-use gantry_tau_tests::duet::Duet;
+use gantry_tau_tests::server_fixture::{NOMINAL_STEP_NM, ServerFixture};
+use gantry_tau_tests::session_fixture::SessionFixture;
 
 /// A session in Obtain, old enough that the box is full.
-fn obtained<const N: usize>(positions: [i32; N]) -> (Duet<N>, Receiver<N>) {
-    let (bench, windows) = Bench::default().handing_over();
-    let mut duet = Duet::submitted_on(bench).obtain(positions);
+fn obtained<const N: usize>(positions: [i32; N]) -> (SessionFixture<N>, Receiver<N>) {
+    let (bench, windows) = ServerFixture::default().handing_over();
+    let mut duet = SessionFixture::submitted_on(bench).obtain(positions);
     for _ in 0..3 * HALF {
         duet.answer(Mode::Obtain, positions);
     }
@@ -84,7 +84,7 @@ fn a_newcomer_does_not_cost_the_evidence() {
     let bench = duet.assert_disconnect([300; 3], Cause::Goodbye);
     assert_nothing(&mut windows);
     let next = Client::connect(bench.address());
-    let duet = Duet::greeted(bench, next);
+    let duet = SessionFixture::greeted(bench, next);
     let window = assert_window(&mut windows, Some(Cause::Goodbye));
     let last = &window.entries.last().unwrap().output;
     assert!(
@@ -138,7 +138,7 @@ fn a_window_goes_on_across_refused_references() {
 /// Nobody empties the boxes: the cycle neither waits nor forgets to count.
 #[test]
 fn what_finds_no_room_waits_until_it_must_go() {
-    let (mut bench, mut windows) = Bench::<3>::default().handing_over();
+    let (mut bench, mut windows) = ServerFixture::<3>::default().handing_over();
     let mut nominal = bench.bus.record().nominal;
     for _ in 0..6 {
         // A nominal step ends nothing but is a cause; then a re-arm, and another.
@@ -163,10 +163,10 @@ fn what_finds_no_room_waits_until_it_must_go() {
 
 #[test]
 fn what_must_go_and_finds_no_room_is_counted() {
-    let (mut bench, mut windows) = Bench::<3>::default().handing_over();
+    let (mut bench, mut windows) = ServerFixture::<3>::default().handing_over();
     for _ in 0..6 {
         let client = Client::connect(bench.address());
-        let mut duet = Duet::greeted(bench, client);
+        let mut duet = SessionFixture::greeted(bench, client);
         duet.say(&ClientMessage::Goodbye(duet.client.epoch));
         assert_eq!(duet.tick().ended, Some(Cause::Goodbye));
         bench = duet.bench;

@@ -22,7 +22,7 @@ use gantry_tau_core::control::session::fsm::Connection;
 use gantry_tau_core::control::wire::{Frame, MAX_FRAME, decode_client};
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 use gantry_tau_tests::DEADLINE;
-use gantry_tau_tests::bench::LOOPBACK;
+use gantry_tau_tests::server_fixture::LOOPBACK;
 
 /// A server of one client, by hand: what it sends is the test's to send.
 struct Server {

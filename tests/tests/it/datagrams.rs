@@ -20,8 +20,8 @@ use gantry_tau_core::control::message::{
 };
 use gantry_tau_core::control::wire::{Frame, MAX_FRAME, decode_server, encode_client};
 use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, Sequence, Tick};
-use gantry_tau_tests::bench::{Bench, LOOPBACK, parameters};
-use gantry_tau_tests::plant::Bus;
+use gantry_tau_tests::fake_plant::Bus;
+use gantry_tau_tests::server_fixture::{LOOPBACK, ServerFixture, parameters};
 use gantry_tau_tests::{DEADLINE, wait_for};
 
 /// A client that sends what a test wants it to send.
@@ -105,7 +105,7 @@ impl Peer {
 }
 
 /// One tick with what the peer sends in it: all of it has arrived before.
-fn tick(bench: &mut Bench<3>, peer: &mut Peer, messages: &[ClientMessage<3>]) -> State<3> {
+fn tick(bench: &mut ServerFixture<3>, peer: &mut Peer, messages: &[ClientMessage<3>]) -> State<3> {
     for message in messages {
         peer.send(message);
     }
@@ -120,8 +120,8 @@ fn tick(bench: &mut Bench<3>, peer: &mut Peer, messages: &[ClientMessage<3>]) ->
 }
 
 /// A peer that owns the session and obtains.
-fn obtaining() -> (Bench<3>, Peer) {
-    let mut bench = Bench::over_datagrams();
+fn obtaining() -> (ServerFixture<3>, Peer) {
+    let mut bench = ServerFixture::over_datagrams();
     let mut peer = Peer::of(bench.address());
     peer.say_hello();
     wait_for("the Welcome", || {
@@ -299,7 +299,8 @@ fn who_is_not_allowed_is_not_answered() {
             ..LOOPBACK.into()
         };
         let mut bench =
-            Bench::<3>::listen(parameters(), Bus::default(), EpochRange::VOLATILE, listen).unwrap();
+            ServerFixture::<3>::listen(parameters(), Bus::default(), EpochRange::VOLATILE, listen)
+                .unwrap();
         if transport == Transport::Datagram {
             let peer = Peer::of(bench.address());
             peer.say_hello();

@@ -15,17 +15,17 @@ use gantry_tau::server::ServerError;
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal};
 use gantry_tau_core::units::{Epoch, EpochRange};
-use gantry_tau_tests::bench::{Bench, MAX_NM, parameters};
 use gantry_tau_tests::client::Client;
-use gantry_tau_tests::duet::{Duet, offsets};
-use gantry_tau_tests::plant::Bus;
+use gantry_tau_tests::fake_plant::Bus;
+use gantry_tau_tests::server_fixture::{MAX_NM, ServerFixture, parameters};
+use gantry_tau_tests::session_fixture::{SessionFixture, offsets};
 use gantry_tau_tests::wait_for;
 
 /// Ticks of the scripted session: Submit, Obtain with all three channels moving, back to Submit, Obtain again, Goodbye.
 const SCRIPT: u32 = 60;
 
 /// Tick `tick` of the script.
-fn act(duet: &mut Duet<3>, tick: u32) {
+fn act(duet: &mut SessionFixture<3>, tick: u32) {
     let step = i32::try_from(tick).unwrap();
     let velocity = 40 * step;
     let torque = i16::try_from(-step / 2).unwrap();
@@ -44,9 +44,9 @@ fn act(duet: &mut Duet<3>, tick: u32) {
 }
 
 /// The script until tick `killed`.
-fn play(bench: Bench<3>, killed: u32) -> Duet<3> {
+fn play(bench: ServerFixture<3>, killed: u32) -> SessionFixture<3> {
     let client = Client::connect(bench.address());
-    let mut duet = Duet::greeted(bench, client);
+    let mut duet = SessionFixture::greeted(bench, client);
     for tick in 0..killed {
         act(&mut duet, tick);
     }
@@ -88,7 +88,7 @@ fn ramp_ticks(in_force: &[Offsets; 3]) -> u32 {
 }
 
 /// The server ramps what is in force in exactly the ticks it takes (the bench watches each step), lets nobody in, then listens.
-fn assert_ramps_down(bench: &mut Bench<3>) {
+fn assert_ramps_down(bench: &mut ServerFixture<3>) {
     let ticks = ramp_ticks(&bench.bus.in_force());
     for tick in 1..=ticks {
         bench.receive();
@@ -102,9 +102,9 @@ fn assert_ramps_down(bench: &mut Bench<3>) {
 
 #[test]
 fn a_client_killed_at_any_tick_leaves_a_server_for_the_next() {
-    let mut bench = Bench::default();
+    let mut bench = ServerFixture::default();
     for killed in 0..=SCRIPT {
-        let Duet {
+        let SessionFixture {
             bench: mut running,
             client,
         } = play(bench, killed);
@@ -126,14 +126,17 @@ fn a_client_killed_at_any_tick_leaves_a_server_for_the_next() {
         assert_eq!(running.phase(), Phase::Listening, "killed at {killed}");
         bench = running;
     }
-    assert_eq!(Duet::submitted_on(bench).bench.phase(), Phase::Submit);
+    assert_eq!(
+        SessionFixture::submitted_on(bench).bench.phase(),
+        Phase::Submit
+    );
 }
 
 #[test]
 fn a_client_killed_within_a_frame_leaves_a_server_for_the_next() {
-    let mut bench = Bench::default();
+    let mut bench = ServerFixture::default();
     for cut in 1..68 {
-        let mut duet = Duet::submitted_on(bench).obtain([250, -50, 0]);
+        let mut duet = SessionFixture::submitted_on(bench).obtain([250, -50, 0]);
         let frame = duet.client.frame(Mode::Obtain, [5_000; 3]);
         duet.client.send_bytes(&frame[..cut]);
         drop(duet.client);
@@ -149,14 +152,14 @@ fn a_server_killed_at_any_tick_is_followed_without_a_step() {
     let bus = Bus::default();
     let mut last_epoch = None;
     for killed in 0..=SCRIPT {
-        let first = Bench::start(parameters(), bus.clone(), file.reserve()).unwrap();
+        let first = ServerFixture::start(parameters(), bus.clone(), file.reserve()).unwrap();
         let dead = play(first, killed);
         let epoch = dead.client.epoch;
         assert!(last_epoch.replace(epoch) < Some(epoch), "an epoch revived");
         let in_force = bus.in_force();
         // No ramp, no goodbye: the drives keep what they were told last.
         drop(dead);
-        let mut second = Bench::start(parameters(), bus.clone(), file.reserve()).unwrap();
+        let mut second = ServerFixture::start(parameters(), bus.clone(), file.reserve()).unwrap();
         if in_force == [Offsets::default(); 3] {
             assert_eq!(second.phase(), Phase::Listening);
             continue;
@@ -175,7 +178,7 @@ fn a_restarted_server_refuses_everybody_until_zero() {
     let bus = Bus::default();
     let from = [12_345, -7_050, 30];
     bus.record().in_force = from.map(|nm| offsets(nm, 0, 0));
-    let mut bench = Bench::start(parameters(), bus, EpochRange::VOLATILE).unwrap();
+    let mut bench = ServerFixture::start(parameters(), bus, EpochRange::VOLATILE).unwrap();
     let mut newcomer = Client::<3>::connect(bench.address());
     newcomer.say_hello();
     wait_for("the refusal", || {
@@ -191,7 +194,7 @@ fn a_restarted_server_refuses_everybody_until_zero() {
     }
     assert_eq!(bench.bus.positions(), [0; 3]);
     assert_eq!(bench.step().state.phase, Phase::Listening);
-    let duet = Duet::submitted_on(bench);
+    let duet = SessionFixture::submitted_on(bench);
     assert_eq!(duet.bench.phase(), Phase::Submit);
 }
 
@@ -199,7 +202,7 @@ fn a_restarted_server_refuses_everybody_until_zero() {
 fn a_restarted_server_ramps_every_channel_from_what_it_found() {
     let bus = Bus::<2>::default();
     bus.record().in_force = [offsets(950, -120, 3), offsets(-MAX_NM, 0, 0)];
-    let mut bench = Bench::start(parameters(), bus, EpochRange::VOLATILE).unwrap();
+    let mut bench = ServerFixture::start(parameters(), bus, EpochRange::VOLATILE).unwrap();
     for expected in [
         [offsets(850, -70, 2), offsets(100 - MAX_NM, 0, 0)],
         [offsets(750, -20, 1), offsets(200 - MAX_NM, 0, 0)],
@@ -217,10 +220,10 @@ fn a_restarted_server_ramps_every_channel_from_what_it_found() {
 
 #[test]
 fn a_server_that_cannot_know_its_offsets_does_not_start() {
-    let refused = |edit: fn(&mut gantry_tau_tests::plant::Record<3>)| {
+    let refused = |edit: fn(&mut gantry_tau_tests::fake_plant::Record<3>)| {
         let bus = Bus::<3>::default();
         edit(&mut bus.record());
-        let error = Bench::start(parameters(), bus.clone(), EpochRange::VOLATILE)
+        let error = ServerFixture::start(parameters(), bus.clone(), EpochRange::VOLATILE)
             .err()
             .expect("it started");
         assert_eq!(bus.writes(), 0, "it has moved the machine");
@@ -231,7 +234,7 @@ fn a_server_that_cannot_know_its_offsets_does_not_start() {
     assert!(matches!(unreadable, ServerError::Plant(_)), "{unreadable}");
     let dead = refused(|record| record.read_fails = true);
     assert!(matches!(dead, ServerError::Plant(_)), "{dead}");
-    let edits: [fn(&mut gantry_tau_tests::plant::Record<3>); 5] = [
+    let edits: [fn(&mut gantry_tau_tests::fake_plant::Record<3>); 5] = [
         |record| record.in_force[1] = offsets(MAX_NM + 1, 0, 0),
         |record| record.in_force[1] = offsets(i32::MIN, 0, 0),
         |record| record.in_force[1] = offsets(0, -5_001, 0),
@@ -249,14 +252,14 @@ fn a_server_that_cannot_know_its_offsets_does_not_start() {
 fn the_frames_of_a_dead_servers_session_do_not_revive() {
     let file = EpochFile::new("revive");
     let bus = Bus::default();
-    let first = Bench::start(parameters(), bus.clone(), file.reserve()).unwrap();
-    let dead = Duet::submitted_on(first).obtain([150; 3]);
+    let first = ServerFixture::start(parameters(), bus.clone(), file.reserve()).unwrap();
+    let dead = SessionFixture::submitted_on(first).obtain([150; 3]);
     let (epoch, sequence) = (dead.client.epoch, dead.client.sequence);
     drop(dead);
-    let mut second = Bench::start(parameters(), bus, file.reserve()).unwrap();
+    let mut second = ServerFixture::start(parameters(), bus, file.reserve()).unwrap();
     assert_ramps_down(&mut second);
     assert_eq!(second.step().state.phase, Phase::Listening);
-    let mut duet = Duet::submitted_on(second).obtain([1_000; 3]);
+    let mut duet = SessionFixture::submitted_on(second).obtain([1_000; 3]);
     let mut old = duet.client.command(Mode::Obtain, [0; 3]);
     old.epoch = epoch;
     old.sequence = gantry_tau_core::units::Sequence(sequence + 1);

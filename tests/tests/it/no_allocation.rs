@@ -29,8 +29,8 @@ use gantry_tau_core::control::message::{
 };
 use gantry_tau_core::control::wire::{Frame, decode_server, encode_client};
 use gantry_tau_core::units::{EpochRange, Sequence};
-use gantry_tau_tests::bench::LOOPBACK;
 use gantry_tau_tests::client::{Client, Noise, hello};
+use gantry_tau_tests::server_fixture::LOOPBACK;
 use gantry_tau_tests::wait_for;
 
 /// The server of `gantry-tau serve`, without its clock.

@@ -3,9 +3,9 @@
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, Sequence, Tick};
-use gantry_tau_tests::bench::MAX_NM;
 use gantry_tau_tests::client::{Noise, crc32, enclose};
-use gantry_tau_tests::duet::{Duet, offsets};
+use gantry_tau_tests::server_fixture::MAX_NM;
+use gantry_tau_tests::session_fixture::{SessionFixture, offsets};
 
 use super::AT;
 
@@ -18,7 +18,7 @@ fn the_helpers_checksum_is_the_specified_one() {
 
 #[test]
 fn a_duplicate_acts_once_and_is_no_answer() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let frame = duet.client.frame(Mode::Obtain, AT);
     assert_eq!(duet.deliver(&frame.repeat(2)), 2);
     assert_eq!(duet.tick().state.counters.duplicate, 1);
@@ -30,7 +30,7 @@ fn a_duplicate_acts_once_and_is_no_answer() {
 
 #[test]
 fn of_reordered_commands_the_highest_acts() {
-    let mut duet = Duet::obtained([0; 3]);
+    let mut duet = SessionFixture::obtained([0; 3]);
     let [a, b, c] = [10, 20, 30].map(|nm| duet.client.frame(Mode::Obtain, [nm; 3]));
     assert_eq!(duet.deliver(&[c, a.clone(), b.clone()].concat()), 3);
     assert_eq!(duet.tick().state.counters.late, 2);
@@ -43,7 +43,7 @@ fn of_reordered_commands_the_highest_acts() {
 
 #[test]
 fn a_sequence_may_be_65536_ahead_and_no_more() {
-    let mut duet = Duet::obtained([0; 3]);
+    let mut duet = SessionFixture::obtained([0; 3]);
     duet.client.sequence += 65_535;
     duet.answer(Mode::Obtain, [10; 3]);
     assert_eq!(duet.bench.bus.positions(), [10; 3]);
@@ -60,7 +60,7 @@ fn a_sequence_may_be_65536_ahead_and_no_more() {
 
 #[test]
 fn only_an_echo_of_the_last_state_is_an_answer() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let last = duet.client.tick.0;
     for echo in [last + 1, u64::MAX, last + 3, 0] {
         let mut command = duet.client.command(Mode::Obtain, [0; 3]);
@@ -83,13 +83,13 @@ fn only_an_echo_of_the_last_state_is_an_answer() {
 
 #[test]
 fn another_epoch_is_another_session() {
-    let first = Duet::obtained([150; 3]);
+    let first = SessionFixture::obtained([150; 3]);
     let old = first.client.epoch;
-    let Duet { mut bench, client } = first;
+    let SessionFixture { mut bench, client } = first;
     client.reset();
     bench.await_loss_of_owner();
     bench.assert_disconnect([150; 3], Cause::Closed);
-    let mut duet = Duet::submitted_on(bench).obtain(AT);
+    let mut duet = SessionFixture::submitted_on(bench).obtain(AT);
     let own = duet.client.epoch;
     assert!(own > old);
     for (count, epoch) in (1..).zip([old, Epoch(0), Epoch(own.0 + 1), Epoch(u64::MAX)]) {
@@ -105,7 +105,7 @@ fn another_epoch_is_another_session() {
 
 #[test]
 fn a_target_out_of_range_costs_the_frame() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let (p, v, t) = (MAX_NM + 1, 5_001, 51);
     for (count, bad) in (1..).zip([
         offsets(p, 0, 0),
@@ -130,7 +130,7 @@ fn a_target_out_of_range_costs_the_frame() {
 
 #[test]
 fn a_target_far_away_is_approached_in_steps_of_s() {
-    let mut duet = Duet::obtained([0; 3]);
+    let mut duet = SessionFixture::obtained([0; 3]);
     for tick in 1..=40 {
         let row = duet.answer(Mode::Obtain, [MAX_NM, -MAX_NM, 0]);
         assert_eq!(duet.bench.bus.positions(), [5_000 * tick, -5_000 * tick, 0]);
@@ -144,7 +144,9 @@ fn a_target_far_away_is_approached_in_steps_of_s() {
 
 #[test]
 fn velocity_and_torque_do_not_hold_over_a_miss() {
-    let mut duet = Duet::submitted_on(gantry_tau_tests::bench::Bench::<2>::default());
+    let mut duet = SessionFixture::submitted_on(
+        gantry_tau_tests::server_fixture::ServerFixture::<2>::default(),
+    );
     for _ in 0..3 {
         duet.answer_all(Mode::Obtain, offsets(1_000, 420, -9));
     }
@@ -166,7 +168,7 @@ fn velocity_and_torque_do_not_hold_over_a_miss() {
 #[test]
 fn well_framed_nonsense_costs_nothing_but_its_frame() {
     let mut noise = Noise::new(42);
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     for round in 1..=400 {
         let count = noise.below(385);
         let kind = noise.bytes(1)[0];
@@ -187,7 +189,7 @@ fn well_framed_nonsense_costs_nothing_but_its_frame() {
 
 #[test]
 fn every_byte_of_a_commands_body_may_be_anything() {
-    let mut duet = Duet::obtained([0; 3]);
+    let mut duet = SessionFixture::obtained([0; 3]);
     for index in 0..58 {
         let mut command = duet.client.command(Mode::Obtain, [7; 3]);
         command.sequence = Sequence(duet.client.sequence);
@@ -204,7 +206,9 @@ fn every_byte_of_a_commands_body_may_be_anything() {
 
 #[test]
 fn no_command_leads_from_submit_to_the_drives_but_obtain() {
-    let mut duet = Duet::submitted_on(gantry_tau_tests::bench::Bench::<3>::default());
+    let mut duet = SessionFixture::submitted_on(
+        gantry_tau_tests::server_fixture::ServerFixture::<3>::default(),
+    );
     for _ in 0..3 {
         let row = duet.answer(Mode::Submit, AT);
         assert_eq!(row.state.phase, Phase::Submit);

@@ -1,9 +1,9 @@
 //! How sessions end: by a reset, a close, a frozen client, one that never reads, a Goodbye, a Stop, a Hello too many.
 
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal};
-use gantry_tau_tests::bench::{Bench, MAX_NM};
 use gantry_tau_tests::client::Client;
-use gantry_tau_tests::duet::Duet;
+use gantry_tau_tests::server_fixture::{MAX_NM, ServerFixture};
+use gantry_tau_tests::session_fixture::SessionFixture;
 
 use super::AT;
 
@@ -12,16 +12,19 @@ const PATIENCE: usize = 500_000;
 
 #[test]
 fn a_reset_ramps_in_the_tick_that_sees_it() {
-    let Duet { mut bench, client } = Duet::obtained(AT);
+    let SessionFixture { mut bench, client } = SessionFixture::obtained(AT);
     client.reset();
     bench.await_loss_of_owner();
     bench.assert_disconnect(AT, Cause::Closed);
-    assert_eq!(Duet::submitted_on(bench).bench.phase(), Phase::Submit);
+    assert_eq!(
+        SessionFixture::submitted_on(bench).bench.phase(),
+        Phase::Submit
+    );
 }
 
 #[test]
 fn a_close_ramps_in_the_tick_that_sees_it_even_behind_an_answer() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let frame = duet.client.frame(Mode::Obtain, [0; 3]);
     duet.client.send_bytes(&frame);
     drop(duet.client);
@@ -31,7 +34,7 @@ fn a_close_ramps_in_the_tick_that_sees_it_even_behind_an_answer() {
 
 #[test]
 fn a_half_closed_client_is_gone() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     duet.client.close_half();
     duet.bench.await_loss_of_owner();
     duet.client.assert_closed();
@@ -40,20 +43,23 @@ fn a_half_closed_client_is_gone() {
 
 #[test]
 fn a_frozen_client_is_held_once_then_ramped_and_told() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     duet.assert_held();
     let bench = duet.assert_disconnect(AT, Cause::ClientLate);
-    assert_eq!(Duet::submitted_on(bench).bench.phase(), Phase::Submit);
+    assert_eq!(
+        SessionFixture::submitted_on(bench).bench.phase(),
+        Phase::Submit
+    );
 }
 
 #[test]
 fn a_frozen_client_at_full_offset_is_ramped_whether_or_not_its_buffers_fill() {
-    let mut bench = Bench::default();
+    let mut bench = ServerFixture::default();
     let client = Client::connect_narrow(bench.address());
-    let mut duet = Duet::greeted(bench, client);
+    let mut duet = SessionFixture::greeted(bench, client);
     duet.answer(Mode::Submit, [0; 3]);
     let full = [MAX_NM, -MAX_NM, MAX_NM - 50];
-    let Duet {
+    let SessionFixture {
         bench: mut running,
         client: frozen,
     } = duet.obtain(full);
@@ -61,13 +67,13 @@ fn a_frozen_client_at_full_offset_is_ramped_whether_or_not_its_buffers_fill() {
     assert_eq!(running.bus.positions(), full);
     running.assert_disconnect(full, Cause::ClientLate);
     drop(frozen);
-    bench = Duet::submitted_on(running).bench;
+    bench = SessionFixture::submitted_on(running).bench;
     assert_eq!(bench.phase(), Phase::Submit);
 }
 
 #[test]
 fn one_in_two_loss_lives_and_two_in_three_does_not() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     for _ in 0..100 {
         duet.assert_held();
         duet.answer(Mode::Obtain, AT);
@@ -78,9 +84,9 @@ fn one_in_two_loss_lives_and_two_in_three_does_not() {
 
 #[test]
 fn a_client_that_never_reads_is_closed_and_ramped_in_the_next_tick() {
-    let bench = Bench::default();
+    let bench = ServerFixture::default();
     let client = Client::connect_narrow(bench.address());
-    let mut duet = Duet::greeted(bench, client);
+    let mut duet = SessionFixture::greeted(bench, client);
     duet.answer(Mode::Submit, [0; 3]);
     let mut duet = duet.obtain(AT);
     let mut ticks = 0;
@@ -98,12 +104,15 @@ fn a_client_that_never_reads_is_closed_and_ramped_in_the_next_tick() {
     }
     assert!(ticks > 10, "{ticks} ticks");
     duet.bench.assert_disconnect(AT, Cause::Closed);
-    assert_eq!(Duet::submitted_on(duet.bench).bench.phase(), Phase::Submit);
+    assert_eq!(
+        SessionFixture::submitted_on(duet.bench).bench.phase(),
+        Phase::Submit
+    );
 }
 
 #[test]
 fn a_goodbye_ramps_even_beside_an_answer() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let frame = duet.client.frame(Mode::Obtain, [0; 3]);
     duet.deliver(&frame);
     duet.say(&ClientMessage::Goodbye(duet.client.epoch));
@@ -112,7 +121,7 @@ fn a_goodbye_ramps_even_beside_an_answer() {
 
 #[test]
 fn commands_during_the_ramp_change_nothing() {
-    let mut duet = Duet::obtained([1_000; 3]);
+    let mut duet = SessionFixture::obtained([1_000; 3]);
     duet.say(&ClientMessage::Goodbye(duet.client.epoch));
     for tick in 1..=10 {
         duet.tick();
@@ -126,7 +135,7 @@ fn commands_during_the_ramp_change_nothing() {
 
 #[test]
 fn the_owners_stop_is_a_fault_that_only_the_machine_s_side_ends() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let epoch = duet.client.epoch;
     let frame = duet.client.frame(Mode::Obtain, [0; 3]);
     duet.deliver(&frame);
@@ -145,12 +154,15 @@ fn the_owners_stop_is_a_fault_that_only_the_machine_s_side_ends() {
     let refusal = refused(&mut duet.bench);
     assert_eq!(refusal, Refusal::Faulted { ticks_left: 0 });
     assert_eq!(duet.bench.step_rearmed().state.phase, Phase::Listening);
-    assert_eq!(Duet::submitted_on(duet.bench).bench.phase(), Phase::Submit);
+    assert_eq!(
+        SessionFixture::submitted_on(duet.bench).bench.phase(),
+        Phase::Submit
+    );
 }
 
 #[test]
 fn rearming_waits_for_zero_and_for_the_release_of_the_stop() {
-    let mut duet = Duet::obtained([1_050; 3]);
+    let mut duet = SessionFixture::obtained([1_050; 3]);
     assert_eq!(duet.bench.step_stopped().ended, Some(Cause::Stop));
     assert_eq!(duet.bench.bus.positions(), [950; 3]);
     for tick in 1..=9 {
@@ -170,7 +182,7 @@ fn rearming_waits_for_zero_and_for_the_release_of_the_stop() {
 
 #[test]
 fn nobody_is_let_in_during_a_ramp() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     duet.say(&ClientMessage::Goodbye(duet.client.epoch));
     duet.tick();
     let mut seen = 0;
@@ -205,7 +217,7 @@ fn nobody_is_let_in_during_a_ramp() {
 
 #[test]
 fn a_second_hello_of_the_owner_costs_that_frame() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     duet.say(&gantry_tau_tests::client::hello());
     let row = duet.answer_after(1, AT);
     assert_eq!((row.state.phase, row.refused), (Phase::Obtain, 0));
@@ -214,7 +226,7 @@ fn a_second_hello_of_the_owner_costs_that_frame() {
 }
 
 /// What a newcomer is told, while the owner keeps silent.
-fn refused(bench: &mut Bench<3>) -> Refusal {
+fn refused(bench: &mut ServerFixture<3>) -> Refusal {
     let mut newcomer = Client::<3>::connect(bench.address());
     newcomer.say_hello();
     gantry_tau_tests::wait_for("a refusal", || {

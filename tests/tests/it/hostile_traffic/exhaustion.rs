@@ -4,7 +4,7 @@ use std::net::TcpStream;
 
 use gantry_tau_core::control::message::{Mode, Phase};
 use gantry_tau_tests::client::{Client, hello};
-use gantry_tau_tests::duet::Duet;
+use gantry_tau_tests::session_fixture::SessionFixture;
 use gantry_tau_tests::wait_for;
 
 use super::AT;
@@ -15,7 +15,7 @@ fn descriptors() -> usize {
     std::fs::read_dir("/proc/self/fd").unwrap().count()
 }
 
-fn tick(duet: &mut Duet<3>) {
+fn tick(duet: &mut SessionFixture<3>) {
     let row = duet.answer(Mode::Obtain, AT);
     assert_eq!(row.state.phase, Phase::Obtain);
     assert_eq!(row.state.counters.missed, 0);
@@ -24,7 +24,7 @@ fn tick(duet: &mut Duet<3>) {
 
 #[test]
 fn thousands_of_connections_come_and_go() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     #[cfg(target_os = "linux")]
     let before = descriptors();
     for round in 0..300 {
@@ -53,7 +53,7 @@ fn thousands_of_connections_come_and_go() {
 
 #[test]
 fn who_hardly_speaks_is_closed_and_a_newcomer_is_served() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let hello = gantry_tau_core::control::wire::encode_client(&hello::<3>());
     let mut slow: Vec<Client<3>> = (0..5)
         .map(|_| Client::connect(duet.bench.address()))

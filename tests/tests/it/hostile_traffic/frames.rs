@@ -4,9 +4,9 @@ use std::io::Write;
 
 use gantry_tau_core::control::message::{Cause, Mode, Phase, Refusal, ServerMessage};
 use gantry_tau_core::control::wire::PROTOCOL_VERSION;
-use gantry_tau_tests::bench::Bench;
 use gantry_tau_tests::client::Noise;
-use gantry_tau_tests::duet::Duet;
+use gantry_tau_tests::server_fixture::ServerFixture;
+use gantry_tau_tests::session_fixture::SessionFixture;
 
 use super::AT;
 
@@ -19,7 +19,7 @@ const VERSION_BYTE: usize = 2;
 
 #[test]
 fn a_frame_may_be_split_at_every_byte() {
-    let mut duet = Duet::obtained([0; 3]);
+    let mut duet = SessionFixture::obtained([0; 3]);
     for cut in 1..COMMAND {
         let nm = i32::try_from(cut).unwrap();
         let target = [10 * nm, -nm, 0];
@@ -40,7 +40,7 @@ fn a_frame_may_be_split_at_every_byte() {
 #[test]
 fn a_frame_that_straddles_a_tick_is_late_and_not_broken() {
     for cut in 1..COMMAND {
-        let mut duet = Duet::obtained([300, 0, 0]);
+        let mut duet = SessionFixture::obtained([300, 0, 0]);
         let frame = duet.client.frame(Mode::Obtain, [5_000; 3]);
         assert_eq!(duet.deliver(&frame[..cut]), 0);
         assert_eq!(duet.assert_held().state.counters.missed, 1);
@@ -57,7 +57,7 @@ fn a_frame_that_straddles_a_tick_is_late_and_not_broken() {
 
 #[test]
 fn of_eight_merged_frames_the_last_acts() {
-    let mut duet = Duet::obtained([0; 3]);
+    let mut duet = SessionFixture::obtained([0; 3]);
     let mut bytes = Vec::new();
     for nm in 1..=8 {
         bytes.extend(duet.client.frame(Mode::Obtain, [nm, -nm, 2 * nm]));
@@ -78,10 +78,10 @@ fn of_eight_merged_frames_the_last_acts() {
 
 #[test]
 fn one_wrong_byte_ends_the_session_wherever_it_is() {
-    let mut bench = Bench::default();
+    let mut bench = ServerFixture::default();
     for index in 0..COMMAND {
         let from = [250, -150, 0];
-        let mut duet = Duet::submitted_on(bench).obtain(from);
+        let mut duet = SessionFixture::submitted_on(bench).obtain(from);
         let mut frame = duet.client.frame(Mode::Obtain, [0; 3]);
         frame[index] ^= 0xff;
         assert_eq!(duet.deliver(&frame), 0);
@@ -105,10 +105,10 @@ fn one_wrong_byte_ends_the_session_wherever_it_is() {
 #[test]
 fn random_bytes_end_the_session_even_after_a_good_frame() {
     let mut noise = Noise::new(2013);
-    let mut bench = Bench::default();
+    let mut bench = ServerFixture::default();
     for round in 0..40 {
         let from = [250, -150, 50];
-        let mut duet = Duet::submitted_on(bench).obtain(from);
+        let mut duet = SessionFixture::submitted_on(bench).obtain(from);
         let mut bytes = Vec::new();
         if round % 2 == 0 {
             bytes = duet.client.frame(Mode::Obtain, [2_000; 3]);
@@ -125,7 +125,7 @@ fn random_bytes_end_the_session_even_after_a_good_frame() {
 
 #[test]
 fn a_ninth_frame_in_a_tick_ends_the_session_in_that_tick() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let mut bytes = Vec::new();
     for _ in 0..9 {
         bytes.extend(duet.client.frame(Mode::Obtain, AT));
@@ -137,7 +137,7 @@ fn a_ninth_frame_in_a_tick_ends_the_session_in_that_tick() {
 
 #[test]
 fn a_ninth_frame_counts_across_visits_to_the_socket() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     for count in 1..=8 {
         let frame = duet.client.frame(Mode::Obtain, AT);
         assert_eq!(duet.deliver(&frame), count);
@@ -149,7 +149,7 @@ fn a_ninth_frame_counts_across_visits_to_the_socket() {
 
 #[test]
 fn megabytes_of_good_frames_end_the_session_and_nothing_else() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let frame = duet.client.frame(Mode::Obtain, AT);
     let bytes = frame.repeat(8 * 1024 * 1024 / COMMAND);
     let mut writer = duet.client.writer();
@@ -157,14 +157,14 @@ fn megabytes_of_good_frames_end_the_session_and_nothing_else() {
     duet.bench.await_bytes(9 * COMMAND);
     duet.bench.assert_disconnect(AT, Cause::Flood);
     assert!(flood.join().unwrap(), "the server took eight megabytes");
-    let mut next = Duet::submitted_on(duet.bench);
+    let mut next = SessionFixture::submitted_on(duet.bench);
     assert_eq!(next.answer(Mode::Obtain, [5; 3]).state.phase, Phase::Obtain);
     assert_eq!(next.bench.bus.positions(), [5; 3]);
 }
 
 #[test]
 fn one_visit_takes_a_bounded_part_of_a_flood() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let frame = duet.client.frame(Mode::Obtain, AT);
     let flood = frame.repeat(60_000 / COMMAND);
     duet.client.send_bytes(&flood);
@@ -177,7 +177,7 @@ fn one_visit_takes_a_bounded_part_of_a_flood() {
 
 #[test]
 fn a_flood_during_the_ramp_costs_the_flooder_its_connection_only() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     duet.tick();
     duet.tick();
     let frame = duet.client.frame(Mode::Obtain, AT);

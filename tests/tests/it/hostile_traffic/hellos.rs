@@ -5,14 +5,14 @@ use gantry_tau_core::control::message::{
 };
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, EpochRange};
-use gantry_tau_tests::bench::{Bench, parameters};
 use gantry_tau_tests::client::{Client, enclose, hello};
-use gantry_tau_tests::duet::Duet;
-use gantry_tau_tests::plant::Bus;
+use gantry_tau_tests::fake_plant::Bus;
+use gantry_tau_tests::server_fixture::{ServerFixture, parameters};
+use gantry_tau_tests::session_fixture::SessionFixture;
 use gantry_tau_tests::wait_for;
 
 /// Steps until the client has been told something, which must not be a Welcome.
-fn refusal(bench: &mut Bench<3>, bytes: &[u8]) -> Refusal {
+fn refusal(bench: &mut ServerFixture<3>, bytes: &[u8]) -> Refusal {
     let mut client = Client::<3>::connect(bench.address());
     client.send_bytes(bytes);
     wait_for("an answer", || {
@@ -35,7 +35,7 @@ fn hello_with(axes: u8, capabilities: u16) -> Vec<u8> {
 fn a_hello_is_refused_with_its_reason() {
     let mut parameters = parameters();
     parameters.capabilities = Capabilities::LOCKSTEP;
-    let mut bench = Bench::start(parameters, Bus::default(), EpochRange::VOLATILE).unwrap();
+    let mut bench = ServerFixture::start(parameters, Bus::default(), EpochRange::VOLATILE).unwrap();
     for axes in [0, 2, 4, 6, 255] {
         let said = refusal(&mut bench, &hello_with(axes, 1));
         assert_eq!(said, Refusal::Axes { expected: 3 });
@@ -64,14 +64,14 @@ fn a_server_without_an_epoch_to_give_says_so() {
         first: Epoch(8),
         last: Epoch(7),
     };
-    let mut bench = Bench::start(parameters(), Bus::default(), epochs).unwrap();
+    let mut bench = ServerFixture::start(parameters(), Bus::default(), epochs).unwrap();
     let said = refusal(&mut bench, &hello_with(3, 0));
     assert_eq!(said, Refusal::Unavailable);
 }
 
 #[test]
 fn the_welcome_says_the_terms() {
-    let mut bench = Bench::<3>::default();
+    let mut bench = ServerFixture::<3>::default();
     let mut client = Client::<3>::connect(bench.address());
     client.say_hello();
     wait_for("the Welcome", || {
@@ -88,9 +88,9 @@ fn the_welcome_says_the_terms() {
 
 #[test]
 fn obtain_straight_from_the_handshake_costs_the_frame() {
-    let bench = Bench::default();
+    let bench = ServerFixture::default();
     let client = Client::connect(bench.address());
-    let mut duet = Duet::greeted(bench, client);
+    let mut duet = SessionFixture::greeted(bench, client);
     for count in 1..=3 {
         let row = duet.answer(Mode::Obtain, [5_000; 3]);
         assert_eq!(row.state.phase, Phase::Handshake);
@@ -104,7 +104,7 @@ fn obtain_straight_from_the_handshake_costs_the_frame() {
 
 #[test]
 fn the_first_commands_sequence_counts_and_two_misses_in_submit_end_the_session() {
-    let mut duet: Duet<3> = Duet::submitted_on(Bench::default());
+    let mut duet: SessionFixture<3> = SessionFixture::submitted_on(ServerFixture::default());
     for count in 1..=2 {
         // A second answer with the first one's number.
         duet.client.sequence = 0;
@@ -119,9 +119,9 @@ fn the_first_commands_sequence_counts_and_two_misses_in_submit_end_the_session()
 
 #[test]
 fn a_silent_handshake_ends_after_its_thousand_ticks() {
-    let bench = Bench::default();
+    let bench = ServerFixture::default();
     let client = Client::connect(bench.address());
-    let mut duet: Duet<3> = Duet::greeted(bench, client);
+    let mut duet: SessionFixture<3> = SessionFixture::greeted(bench, client);
     for _ in 1..1_000 {
         assert_eq!(duet.tick().state.phase, Phase::Handshake);
     }
@@ -134,7 +134,7 @@ fn a_silent_handshake_ends_after_its_thousand_ticks() {
 #[test]
 fn an_impatient_hello_is_not_granted_and_keeps_nobody_out() {
     // A Hello, and more before the Welcome: the connection is closed, and its Hello goes with it.
-    let mut bench = Bench::<3>::default();
+    let mut bench = ServerFixture::<3>::default();
     let mut client = Client::<3>::connect(bench.address());
     client.send_bytes(&encode_client(&hello::<3>()).repeat(2));
     wait_for("the end of the connection", || {
@@ -142,14 +142,17 @@ fn an_impatient_hello_is_not_granted_and_keeps_nobody_out() {
         assert!(!bench.step().welcomed);
         !client.is_quiet()
     });
-    assert_eq!(Duet::submitted_on(bench).bench.phase(), Phase::Submit);
+    assert_eq!(
+        SessionFixture::submitted_on(bench).bench.phase(),
+        Phase::Submit
+    );
 }
 
 #[test]
 fn a_second_hello_in_the_handshake_costs_that_frame() {
-    let bench = Bench::default();
+    let bench = ServerFixture::default();
     let client = Client::connect(bench.address());
-    let mut duet: Duet<3> = Duet::greeted(bench, client);
+    let mut duet: SessionFixture<3> = SessionFixture::greeted(bench, client);
     duet.say(&hello());
     let row = duet.tick();
     assert_eq!((row.refused, row.state.counters.malformed), (0, 1));

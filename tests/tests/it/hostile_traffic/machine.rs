@@ -3,13 +3,13 @@
 use gantry_tau::server::cycle::{Demands, Row};
 use gantry_tau_core::control::message::{AxisFlags, Cause, Mode, Phase};
 use gantry_tau_core::units::PositionNm;
-use gantry_tau_tests::bench::NOMINAL_STEP_NM;
-use gantry_tau_tests::duet::Duet;
+use gantry_tau_tests::server_fixture::NOMINAL_STEP_NM;
+use gantry_tau_tests::session_fixture::SessionFixture;
 
 use super::AT;
 
 /// The owner's answer arrives, and the server comes `elapsed` cycles after its last tick.
-fn answer_late(duet: &mut Duet<3>, elapsed: u32) -> Row<3> {
+fn answer_late(duet: &mut SessionFixture<3>, elapsed: u32) -> Row<3> {
     let frame = duet.client.frame(Mode::Obtain, AT);
     duet.deliver(&frame);
     let row = duet.bench.step_with(elapsed, Demands::default());
@@ -19,7 +19,7 @@ fn answer_late(duet: &mut Duet<3>, elapsed: u32) -> Row<3> {
 
 #[test]
 fn the_drives_have_their_references_before_the_client_its_state() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     duet.bench.bus.record().ear = Some(duet.client.writer());
     let writes = duet.bench.bus.writes();
     for _ in 0..10 {
@@ -36,7 +36,7 @@ fn the_drives_have_their_references_before_the_client_its_state() {
 
 #[test]
 fn one_skipped_cycle_is_one_miss() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let before = duet.client.tick.0;
     let row = answer_late(&mut duet, 2);
     assert_eq!((row.state.phase, row.ended), (Phase::Obtain, None));
@@ -51,7 +51,7 @@ fn one_skipped_cycle_is_one_miss() {
 
 #[test]
 fn two_skipped_cycles_end_the_session_whatever_came() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let row = answer_late(&mut duet, 3);
     assert_eq!(row.ended, Some(Cause::ServerLate));
     // One step of the ramp, not three.
@@ -60,12 +60,12 @@ fn two_skipped_cycles_end_the_session_whatever_came() {
 
 #[test]
 fn a_skipped_cycle_and_a_miss_are_two_misses() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let row = duet.bench.step_with(2, Demands::default());
     assert_eq!(row.ended, Some(Cause::ServerLate));
     assert_eq!(duet.bench.bus.positions(), [12_245, -6_950, 0]);
 
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     duet.assert_held();
     let row = answer_late(&mut duet, 2);
     assert_eq!(row.ended, Some(Cause::ServerLate));
@@ -74,7 +74,7 @@ fn a_skipped_cycle_and_a_miss_are_two_misses() {
 
 #[test]
 fn a_late_cycle_takes_one_step_of_the_ramp_and_no_more() {
-    let mut duet = Duet::obtained([1_000; 3]);
+    let mut duet = SessionFixture::obtained([1_000; 3]);
     duet.assert_held();
     for (step, elapsed) in (1..).zip([1, 7, 2, u32::MAX, 0]) {
         duet.bench.step_with(elapsed, Demands::default());
@@ -84,7 +84,7 @@ fn a_late_cycle_takes_one_step_of_the_ramp_and_no_more() {
 
 #[test]
 fn a_jump_of_the_nominal_is_passed_through_flagged_and_faults() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let jump = i64::from(NOMINAL_STEP_NM) + 1;
     let old = duet.bench.bus.record().nominal;
     duet.bench.bus.record().nominal[1].0 += jump;
@@ -108,7 +108,7 @@ fn a_jump_of_the_nominal_is_passed_through_flagged_and_faults() {
 
 #[test]
 fn a_nominal_at_its_limit_moves_on_in_peace() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     for round in 1..=20 {
         let direction = if round % 4 < 2 { 1 } else { -1 };
         for nominal in &mut duet.bench.bus.record().nominal {
@@ -129,7 +129,7 @@ fn a_nominal_at_its_limit_moves_on_in_peace() {
 
 #[test]
 fn a_machine_that_cannot_be_read_is_stopped_in_that_tick() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     duet.bench.bus.record().read_fails = true;
     let frame = duet.client.frame(Mode::Obtain, AT);
     duet.deliver(&frame);
@@ -145,7 +145,7 @@ fn a_machine_that_cannot_be_read_is_stopped_in_that_tick() {
 
 #[test]
 fn a_machine_that_takes_no_reference_is_stopped_in_the_next_tick() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     duet.bench.bus.record().write_fails = true;
     let row = duet.answer(Mode::Obtain, AT);
     assert_eq!((row.plant_failed, row.ended), (true, None));
@@ -160,7 +160,7 @@ fn a_machine_that_takes_no_reference_is_stopped_in_the_next_tick() {
 
 #[test]
 fn a_bus_that_comes_back_sees_no_step() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     duet.bench.bus.record().write_fails = true;
     for _ in 0..51 {
         duet.bench.receive();
@@ -179,13 +179,13 @@ fn a_bus_that_comes_back_sees_no_step() {
 
 #[test]
 fn the_stop_at_the_machine_needs_no_network_and_no_session() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let frame = duet.client.frame(Mode::Obtain, AT);
     duet.deliver(&frame);
     assert_eq!(duet.bench.step_stopped().ended, Some(Cause::Stop));
     duet.bench.assert_ramp([12_245, -6_950, 0], Phase::Fault);
 
-    let mut idle = gantry_tau_tests::bench::Bench::<3>::default();
+    let mut idle = gantry_tau_tests::server_fixture::ServerFixture::<3>::default();
     assert_eq!(idle.step_stopped().state.phase, Phase::Fault);
     assert_eq!(idle.step().state.phase, Phase::Fault);
     assert_eq!(idle.step_rearmed().state.phase, Phase::Listening);

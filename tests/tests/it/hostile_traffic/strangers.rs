@@ -7,15 +7,19 @@ use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::control::endpoint::CONNECTIONS;
 use gantry_tau_core::control::message::{ClientMessage, Mode, Phase, Refusal};
 use gantry_tau_core::control::wire::encode_client;
-use gantry_tau_tests::bench::Bench;
 use gantry_tau_tests::client::{Client, Noise, enclose};
-use gantry_tau_tests::duet::Duet;
+use gantry_tau_tests::server_fixture::ServerFixture;
+use gantry_tau_tests::session_fixture::SessionFixture;
 use gantry_tau_tests::wait_for;
 
 use super::AT;
 
 /// The session goes on until `done`; its references do not move.
-fn answer_until(duet: &mut Duet<3>, what: &str, mut done: impl FnMut(&mut Duet<3>) -> bool) {
+fn answer_until(
+    duet: &mut SessionFixture<3>,
+    what: &str,
+    mut done: impl FnMut(&mut SessionFixture<3>) -> bool,
+) {
     wait_for(what, || {
         assert_eq!(duet.answer(Mode::Obtain, AT).state.phase, Phase::Obtain);
         assert_eq!(duet.bench.bus.positions(), AT);
@@ -23,7 +27,7 @@ fn answer_until(duet: &mut Duet<3>, what: &str, mut done: impl FnMut(&mut Duet<3
     });
 }
 
-fn stranger(duet: &Duet<3>) -> Client<3> {
+fn stranger(duet: &SessionFixture<3>) -> Client<3> {
     let mut stranger = Client::connect(duet.bench.address());
     // It knows everything the owner knows.
     stranger.epoch = duet.client.epoch;
@@ -32,7 +36,7 @@ fn stranger(duet: &Duet<3>) -> Client<3> {
 
 #[test]
 fn a_second_client_is_told_busy_and_closed() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     for _ in 0..10 {
         let mut stranger = stranger(&duet);
         stranger.say_hello();
@@ -43,7 +47,7 @@ fn a_second_client_is_told_busy_and_closed() {
 
 #[test]
 fn a_stranger_cannot_stop_leave_or_command_for_the_owner() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let epoch = duet.client.epoch;
     for count in 1..=9 {
         let mut stranger = stranger(&duet);
@@ -64,7 +68,7 @@ fn a_stranger_cannot_stop_leave_or_command_for_the_owner() {
 
 #[test]
 fn a_stranger_with_broken_frames_or_too_many_is_closed() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let mut noise = Noise::new(7);
     let frame = encode_client(&ClientMessage::<3>::Stop(duet.client.epoch));
     for bytes in [noise.bytes(200), frame.repeat(2), frame.repeat(1_000)] {
@@ -77,7 +81,7 @@ fn a_stranger_with_broken_frames_or_too_many_is_closed() {
 
 #[test]
 fn megabytes_of_a_stranger_cost_it_its_connection() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     for bytes in [
         Noise::new(9).bytes(8 << 20),
         enclose(1, 6, &duet.client.epoch.0.to_le_bytes()).repeat(1 << 18),
@@ -91,7 +95,7 @@ fn megabytes_of_a_stranger_cost_it_its_connection() {
 
 #[test]
 fn for_the_seventh_there_is_no_room_until_somebody_leaves() {
-    let mut duet = Duet::obtained(AT);
+    let mut duet = SessionFixture::obtained(AT);
     let idle: Vec<_> = (1..CONNECTIONS).map(|_| stranger(&duet)).collect();
     for _ in 0..5 {
         let mut seventh = stranger(&duet);
@@ -111,7 +115,7 @@ fn for_the_seventh_there_is_no_room_until_somebody_leaves() {
 #[test]
 fn there_is_room_again_once_an_idle_stranger_leaves() {
     // All places are taken by connections that never speak; one of them leaves.
-    let mut bench = Bench::<3>::default();
+    let mut bench = ServerFixture::<3>::default();
     let mut idle: Vec<_> = (0..CONNECTIONS)
         .map(|_| Client::<3>::connect(bench.address()))
         .collect();
@@ -140,8 +144,10 @@ fn there_is_room_again_once_an_idle_stranger_leaves() {
 }
 
 /// A session of 120 ticks with moving targets, misses and a ramp; beside each tick, `beside` is called.
-fn play(mut beside: impl FnMut(&Duet<3>, usize)) -> (Duet<3>, Vec<[Reference; 3]>) {
-    let mut duet = Duet::submitted_on(Bench::default());
+fn play(
+    mut beside: impl FnMut(&SessionFixture<3>, usize),
+) -> (SessionFixture<3>, Vec<[Reference; 3]>) {
+    let mut duet = SessionFixture::submitted_on(ServerFixture::default());
     let from = duet.bench.bus.writes();
     for tick in 0..120 {
         beside(&duet, tick);
@@ -158,7 +164,7 @@ fn play(mut beside: impl FnMut(&Duet<3>, usize)) -> (Duet<3>, Vec<[Reference; 3]
 }
 
 /// Whatever a stranger can think of.
-fn mischief(noise: &mut Noise, duet: &Duet<3>) -> Vec<u8> {
+fn mischief(noise: &mut Noise, duet: &SessionFixture<3>) -> Vec<u8> {
     let epoch = duet.client.epoch;
     match noise.below(6) {
         0 => encode_client(&gantry_tau_tests::client::hello::<3>()).to_vec(),
@@ -204,7 +210,7 @@ fn a_crowd_changes_no_reference() {
 
 #[test]
 fn a_crowd_before_the_first_session_is_no_session() {
-    let mut bench = Bench::<3>::default();
+    let mut bench = ServerFixture::<3>::default();
     let address: SocketAddr = bench.address();
     let mut noise = Noise::new(99);
     for _ in 0..200 {
@@ -214,5 +220,8 @@ fn a_crowd_before_the_first_session_is_no_session() {
         bench.receive();
         assert_eq!(bench.step().state.phase, Phase::Listening);
     }
-    assert_eq!(Duet::submitted_on(bench).bench.phase(), Phase::Submit);
+    assert_eq!(
+        SessionFixture::submitted_on(bench).bench.phase(),
+        Phase::Submit
+    );
 }

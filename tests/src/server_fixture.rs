@@ -1,6 +1,6 @@
 //! The server's cycle, stepped by hand, listening on a real loopback socket.
 //!
-//! Every step of every test asserts what DESIGN 4 promises for any traffic: see [`Bench::step_with`] and [`Bounds::check`].
+//! Every step of every test asserts what DESIGN 4 promises for any traffic: see [`ServerFixture::step_with`] and [`Bounds::check`].
 
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -9,14 +9,15 @@ use gantry_tau::black_box::swap_channel::{self, Receiver};
 use gantry_tau::server::ServerError;
 use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
-use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::{MotorMap, Transport};
 use gantry_tau_core::control::message::{AxisLimits, Capabilities, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::units::{EpochRange, PositionNm};
+use gantry_tau_core::verification::control::Internals;
+use gantry_tau_core::{InForce, Monitor, Offsets};
 
-use crate::bounds::Bounds;
-use crate::plant::Bus;
+use crate::fake_plant::Bus;
 use crate::wait_for;
 
 /// `rho` of the position channels, nm per tick `[T 5.1.1]`.
@@ -30,6 +31,18 @@ pub const NOMINAL_STEP_NM: u32 = 100_000;
 /// Any free loopback port.
 pub const LOOPBACK: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
 
+/// Limits from M, S, A and rho.
+#[must_use]
+pub fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
+    let values = LimitValues {
+        max,
+        step,
+        accel,
+        ramp,
+    };
+    Limits::new(values).unwrap()
+}
+
 /// The thesis profile: no echo window, no budget, 0.1 µm per tick.
 #[must_use]
 pub fn parameters<const N: usize>() -> Parameters<N> {
@@ -39,9 +52,9 @@ pub fn parameters<const N: usize>() -> Parameters<N> {
     };
     let axis = AxisConfig {
         limits: AxisLimits {
-            position: Limits::new(MAX_NM, STEP_NM, 10_000, RAMP_NM).unwrap(),
-            velocity: Limits::new(5_000, 200, 400, 50).unwrap(),
-            torque: Limits::new(50, 5, 10, 1).unwrap(),
+            position: limits(MAX_NM, STEP_NM, 10_000, RAMP_NM),
+            velocity: limits(5_000, 200, 400, 50),
+            torque: limits(50, 5, 10, 1),
         },
         nominal_travel: travel(1_000_000_000),
         machine_travel: travel(1_010_000_000),
@@ -59,20 +72,22 @@ pub fn parameters<const N: usize>() -> Parameters<N> {
 }
 
 /// A server of `N` axes with one motor each.
-pub struct Bench<const N: usize> {
+pub struct ServerFixture<const N: usize> {
     /// The machine.
     pub bus: Bus<N>,
     cycle: Cycle<N, N, Bus<N>>,
-    bounds: Bounds<N>,
+    monitor: Monitor<N>,
+    /// Nominal references in force at the drives.
+    nominal: [PositionNm; N],
 }
 
-impl<const N: usize> Default for Bench<N> {
+impl<const N: usize> Default for ServerFixture<N> {
     fn default() -> Self {
         Self::start(parameters(), Bus::default(), EpochRange::VOLATILE).unwrap()
     }
 }
 
-impl<const N: usize> Bench<N> {
+impl<const N: usize> ServerFixture<N> {
     /// Starts a server on `bus` and a free port.
     ///
     /// # Errors
@@ -108,11 +123,16 @@ impl<const N: usize> Bench<N> {
         let motors = MotorMap::new(std::array::from_fn(|motor| motor)).unwrap();
         let config = Config::new(parameters).unwrap();
         let cycle = Cycle::new(config, motors, bus.clone(), epochs, listen)?;
-        Ok(Self {
-            bounds: Bounds::new(parameters.axes.map(|axis| axis.limits), bus.in_force()),
+        let limits = parameters.axes.map(|axis| axis.limits);
+        let travel = parameters.axes.map(|axis| axis.machine_travel);
+        let mut fixture = Self {
+            monitor: Monitor::new(limits, Some(travel)),
+            nominal: bus.record().nominal,
             bus,
             cycle,
-        })
+        };
+        fixture.rebase();
+        Ok(fixture)
     }
 
     /// From here on the server hands its black boxes over.
@@ -137,20 +157,30 @@ impl<const N: usize> Bench<N> {
 
     /// Consecutive misses so far.
     #[must_use]
-    pub const fn misses(&self) -> u8 {
+    pub fn misses(&self) -> u8 {
         self.cycle.endpoint().session().parts().discrete.misses
     }
 
     /// Sequence of the last accepted command.
     #[must_use]
-    pub const fn accepted(&self) -> u64 {
+    pub fn accepted(&self) -> u64 {
         self.cycle.endpoint().session().parts().discrete.accepted.0
     }
 
-    /// Frames of strangers counted in this session.
+    /// Frames of non-owners counted in this session.
     #[must_use]
-    pub const fn strangers(&self) -> u32 {
-        self.cycle.endpoint().session().parts().counters.strangers
+    pub fn non_owner(&self) -> u32 {
+        self.cycle.endpoint().session().parts().counters.non_owner
+    }
+
+    /// Makes the monitor go on from the values in force at the drives.
+    fn rebase(&mut self) {
+        let (nominal, offsets) = (self.nominal, self.bus.in_force());
+        let in_force = std::array::from_fn(|axis| InForce {
+            nominal: nominal[axis],
+            offsets: offsets[axis],
+        });
+        assert_eq!(self.monitor.rebase(&in_force), Ok(()));
     }
 
     /// Takes in what has arrived; returns the owner's frames that the coming tick has.
@@ -230,13 +260,18 @@ impl<const N: usize> Bench<N> {
         let told = row.state.axes.map(|axis| axis.offsets);
         if row.plant_failed && self.bus.writes() == writes {
             assert!(self.bus.record().write_fails || self.bus.record().offsets_fail);
-            // What counts is what the drives have in force: they hold, and go on from there.
-            self.bounds.resume(self.bus.in_force());
+            // The drives hold what they have in force, and the next references go on from there.
+            self.rebase();
         } else {
             assert_eq!(self.bus.writes(), writes + 1, "one write per tick");
             assert_eq!(self.bus.last_written(), row.references);
             assert_eq!(self.bus.in_force(), told, "the State is not what was done");
-            self.bounds.check(&told, row.state.phase, row.welcomed);
+            if row.welcomed {
+                assert_eq!(told, [Offsets::ZERO; N], "granted during a ramp");
+            }
+            let checked = self.monitor.check_tick(&row.state, &row.references);
+            assert_eq!(checked, Ok(()), "{:?}", row.state);
+            self.nominal = row.state.axes.map(|axis| axis.nominal);
         }
         row
     }

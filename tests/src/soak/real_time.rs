@@ -26,11 +26,11 @@ use serde::Serialize;
 
 use super::Summary;
 use super::audit::{Audit, Seen, is_live};
+use super::cause_attribution::Evidence;
 use super::client::Client;
 use super::links::{KINDS, is_slow, plan};
-use super::reason::Evidence;
-use crate::bench::LOOPBACK;
 use crate::client::{Noise, hello};
+use crate::server_fixture::LOOPBACK;
 use crate::{DEADLINE, wait_for};
 
 /// Axes of the machine.
@@ -205,7 +205,11 @@ fn server() -> (Server<N>, Rows, Audit<N>) {
     let (_, tool) = load_generator();
     let machine = robot.simulated_machine::<L2_MOTORS>(tool, motion).unwrap();
     let config = robot.session_config(Capabilities::NONE).unwrap();
-    let audit = Audit::new(config.parameters().axes.map(|axis| axis.limits));
+    let axes = config.parameters().axes;
+    let audit = Audit::new(
+        axes.map(|axis| axis.limits),
+        axes.map(|axis| axis.machine_travel),
+    );
     let motors = robot.motor_map().unwrap();
     let cycle: Cycle<N, L2_MOTORS, SimulatedMachine<N, L2_MOTORS>> =
         Cycle::new(config, motors, machine, EpochRange::VOLATILE, LOOPBACK).unwrap();

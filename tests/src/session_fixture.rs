@@ -6,22 +6,22 @@ use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::OffsetNm;
 
-use crate::bench::{Bench, STEP_NM};
 use crate::client::Client;
+use crate::server_fixture::{STEP_NM, ServerFixture};
 use crate::wait_for;
 
 /// A session in progress.
-pub struct Duet<const N: usize> {
+pub struct SessionFixture<const N: usize> {
     /// The server and the machine.
-    pub bench: Bench<N>,
+    pub bench: ServerFixture<N>,
     /// The session's owner.
     pub client: Client<N>,
 }
 
-impl<const N: usize> Duet<N> {
+impl<const N: usize> SessionFixture<N> {
     /// `client` says Hello, and is let in; everybody else keeps silent.
     #[must_use]
-    pub fn greeted(mut bench: Bench<N>, mut client: Client<N>) -> Self {
+    pub fn greeted(mut bench: ServerFixture<N>, mut client: Client<N>) -> Self {
         client.say_hello();
         let mut granted = None;
         wait_for("the Welcome", || {
@@ -40,7 +40,7 @@ impl<const N: usize> Duet<N> {
 
     /// A new client on a running server, in Submit.
     #[must_use]
-    pub fn submitted_on(bench: Bench<N>) -> Self {
+    pub fn submitted_on(bench: ServerFixture<N>) -> Self {
         let client = Client::connect(bench.address());
         let mut duet = Self::greeted(bench, client);
         let row = duet.answer(Mode::Submit, [0; N]);
@@ -51,7 +51,7 @@ impl<const N: usize> Duet<N> {
     /// A new server and a client, in Obtain, the offsets at `positions`.
     #[must_use]
     pub fn obtained(positions: [i32; N]) -> Self {
-        Self::submitted_on(Bench::default()).obtain(positions)
+        Self::submitted_on(ServerFixture::default()).obtain(positions)
     }
 
     /// To Obtain, and on until the offsets are at `positions`.
@@ -112,7 +112,7 @@ impl<const N: usize> Duet<N> {
 
     /// The coming ramp, of which the owner is told tick by tick; then its connection is closed and the server listens.
     #[must_use]
-    pub fn assert_disconnect(mut self, from: [i32; N], cause: Cause) -> Bench<N> {
+    pub fn assert_disconnect(mut self, from: [i32; N], cause: Cause) -> ServerFixture<N> {
         let rows = self.bench.assert_ramp(from, Phase::SafeDisconnect);
         assert_eq!(rows[0].ended, Some(cause));
         for row in rows {

@@ -9,22 +9,23 @@ use std::time::Duration;
 use gantry_tau::faults::Direction;
 use gantry_tau::faults::injector::FaultInjector;
 use gantry_tau::faults::plan::FaultPlan;
-use gantry_tau_core::control::axis::{Actual, Offsets};
-use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::axis::Actual;
+use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{Cause, ClientMessage, Phase, State};
 use gantry_tau_core::control::session::config::{Config, MissBudget, Parameters};
-use gantry_tau_core::control::session::fsm::Connection;
-use gantry_tau_core::control::session::{OWNER_FRAMES, Session};
+use gantry_tau_core::control::session::{
+    Connection, LastWrite, OWNER_FRAMES, Session, Start, TickInput,
+};
 use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client, encode_client};
-use gantry_tau_core::units::{Epoch, PositionNm, Tick};
+use gantry_tau_core::units::{Epoch, EpochRange, PositionNm};
 
 use super::Summary;
 use super::audit::{Audit, Seen, is_live};
+use super::cause_attribution::Evidence;
 use super::client::Client;
 use super::links::{KINDS, is_slow, plan};
-use super::reason::Evidence;
-use crate::bench::{NOMINAL_STEP_NM, parameters};
 use crate::client::{Noise, hello};
+use crate::server_fixture::{NOMINAL_STEP_NM, parameters};
 
 const MS: Duration = Duration::from_millis(1);
 /// Clients at once, one more than there is room for.
@@ -59,12 +60,11 @@ pub fn run<const N: usize>(
 
 struct World<const N: usize> {
     noise: Noise,
-    endpoint: Endpoint<N, N, 16>,
+    endpoint: Endpoint<N, N>,
     audit: Audit<N>,
     links: Vec<Link<N>>,
     opened: u64,
     nominal: [PositionNm; N],
-    epoch: u64,
     skipped_before: bool,
     summary: Summary,
 }
@@ -77,19 +77,21 @@ impl<const N: usize> World<N> {
         };
         let nominal = [PositionNm(0); N];
         let config = Config::new(parameters).unwrap();
-        let at_zero = [Offsets::default(); N];
-        let session = Session::new(config, &at_zero, nominal, Tick(0), Epoch(0)).unwrap();
+        let session = Session::new(config, &Start::at_rest(nominal)).unwrap();
         Self {
             noise: Noise::new(seed.max(1)),
             endpoint: Endpoint::new(
                 session,
                 MotorMap::new(std::array::from_fn(|axis| axis)).unwrap(),
+                EpochRange::VOLATILE,
             ),
-            audit: Audit::new(parameters.axes.map(|axis| axis.limits)),
+            audit: Audit::new(
+                parameters.axes.map(|axis| axis.limits),
+                parameters.axes.map(|axis| axis.machine_travel),
+            ),
             links: Vec::new(),
             opened: 0,
             nominal,
-            epoch: 0,
             skipped_before: false,
             summary: Summary::default(),
         }
@@ -162,25 +164,33 @@ impl<const N: usize> World<N> {
             1
         };
         self.move_nominal(jumped);
-        let cycle = Cycle {
-            elapsed: elapsed.try_into().unwrap(),
+        let input = TickInput {
+            elapsed_cycles: elapsed.try_into().unwrap(),
+            nominal: self.nominal,
+            actual: [Actual::ZERO; N],
             stop: stopped,
             rearm: before == Phase::Fault && self.one_in(20),
-            ..Cycle::on_time(self.nominal, [Actual::default(); N], Epoch(self.epoch + 1))
+            last_write: LastWrite::Accepted,
+            arrival_us: 0,
         };
-        let links = &mut self.links;
-        let turn = self.endpoint.tick(&cycle, &mut |to, bytes| {
-            if let Some(link) = links.iter_mut().find(|link| link.connection == to) {
+        let references = self.endpoint.tick(&input).unwrap();
+        while let Some((to, bytes)) = self.endpoint.poll_transmit() {
+            if let Some(link) = self.links.iter_mut().find(|link| link.connection == to) {
                 link.down.push(now - link.opened, bytes);
             }
-        });
-        let output = &turn.output;
+        }
+        while let Some(closed) = self.endpoint.poll_close() {
+            for link in &mut self.links {
+                link.server_closed |= link.connection == closed;
+            }
+        }
+        let output = self.endpoint.output().unwrap();
         self.audit.see(&Seen {
             state: &output.state,
-            references: &turn.motors,
+            references: &references,
             welcomed: output.welcome.is_some(),
             ended: output.ended,
-            elapsed: cycle.elapsed,
+            elapsed: input.elapsed_cycles,
         });
         let skipped = elapsed > 1;
         for link in &mut self.links {
@@ -209,16 +219,12 @@ impl<const N: usize> World<N> {
                 link.tap.begin(output.state.epoch);
             }
             link.tap.next_tick();
-            link.server_closed |= turn.close.contains(&link.connection);
         }
         self.skipped_before = skipped;
         self.summary.sessions += u64::from(output.welcome.is_some());
         self.summary.refused += u64::try_from(output.refusals.len()).unwrap();
         let obtains = output.state.phase == Phase::Obtain;
         self.summary.obtained += u64::from(obtains && before == Phase::Submit);
-        if output.welcome.is_some() {
-            self.epoch = output.state.epoch.0;
-        }
         self.bury();
     }
 

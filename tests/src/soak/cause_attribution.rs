@@ -12,7 +12,7 @@ const RECENT: Duration = Duration::from_millis(45);
 
 /// What a client does to end its session, or to get it ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Deed {
+pub enum ClientFault {
     /// Says goodbye.
     Goodbye,
     /// Stops the machine's offsets.
@@ -27,7 +27,7 @@ pub enum Deed {
     Garbage,
 }
 
-impl Deed {
+impl ClientFault {
     /// Every one.
     pub const ALL: [Self; 6] = [
         Self::Goodbye,
@@ -49,7 +49,7 @@ pub struct Evidence<'a> {
     /// From server to client.
     pub down: &'a FaultStats,
     /// What the client did last, and when.
-    pub deed: Option<(Deed, Duration)>,
+    pub deed: Option<(ClientFault, Duration)>,
     /// The client has closed, whatever it did last.
     pub closed: bool,
     /// The link's own delay is longer than a tick, now and then.
@@ -74,13 +74,15 @@ impl Evidence<'_> {
         let ever =
             |fault| self.up.acted.contains_key(&fault) || self.down.acted.contains_key(&fault);
         match cause {
-            Cause::Goodbye => did(Deed::Goodbye),
-            Cause::Stop => did(Deed::Stop) || self.stopped,
+            Cause::Goodbye => did(ClientFault::Goodbye),
+            Cause::Stop => did(ClientFault::Stop) || self.stopped,
             Cause::Closed => self.closed || ever(Fault::Reset),
-            Cause::Malformed => did(Deed::Garbage) || up(Fault::Corrupt) || up(Fault::Truncate),
+            Cause::Malformed => {
+                did(ClientFault::Garbage) || up(Fault::Corrupt) || up(Fault::Truncate)
+            }
             Cause::Flood => {
                 let at_once = [Fault::Burst, Fault::Stall, Fault::Duplicate];
-                did(Deed::Flood) || at_once.into_iter().any(|fault| up(fault) || down(fault))
+                did(ClientFault::Flood) || at_once.into_iter().any(|fault| up(fault) || down(fault))
             }
             Cause::ClientLate | Cause::NetworkLate => did_recently || self.made_late(since),
             // Misses of the whole window count.
@@ -92,7 +94,7 @@ impl Evidence<'_> {
             // The Welcome or every answer was lost, or the client never meant to answer.
             Cause::HandshakeTimeout => self.deed.is_some() || Fault::ALL.into_iter().any(ever),
             Cause::Nominal => self.jumped,
-            Cause::None | Cause::Restart => false,
+            _ => false,
         }
     }
 
