@@ -125,9 +125,10 @@ impl<const N: usize> ServerFixture<N> {
         let cycle = Cycle::new(config, motors, bus.clone(), epochs, listen)?;
         let limits = parameters.axes.map(|axis| axis.limits);
         let travel = parameters.axes.map(|axis| axis.machine_travel);
+        let nominal = bus.record().nominal;
         let mut fixture = Self {
             monitor: Monitor::new(limits, Some(travel)),
-            nominal: bus.record().nominal,
+            nominal,
             bus,
             cycle,
         };
