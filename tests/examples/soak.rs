@@ -9,7 +9,7 @@
 use std::time::Duration;
 
 use clap::Parser;
-use gantry_tau_tests::soak::{BUDGET, minutes, ticks};
+use gantry_tau_tests::soak::{BUDGET, real_time, simulated_time};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Clients that come and go over links that do harm, for a long time: nothing jumps, nothing leaks, every end has its reason
@@ -37,8 +37,9 @@ fn main() {
             }
         };
         let (ticks, seed) = (arguments.ticks, arguments.seed);
-        let three = ticks::run::<3>(None, ticks, seed, progress);
-        let six = ticks::run::<6>(Some(BUDGET), ticks, seed, |tick| progress(ticks + tick));
+        let three = simulated_time::run::<3>(None, ticks, seed, progress);
+        let six =
+            simulated_time::run::<6>(Some(BUDGET), ticks, seed, |tick| progress(ticks + tick));
         bar.finish_and_clear();
         eprintln!("{ticks} ticks, twice: every one kept what it must");
         seen.insert(
@@ -53,7 +54,7 @@ fn main() {
     if arguments.minutes > 0.0 {
         let duration = Duration::from_secs_f64(60.0 * arguments.minutes);
         let bar = bar(duration.as_secs(), "s of real time");
-        let summary = minutes::run(duration, arguments.seed, |elapsed| {
+        let summary = real_time::run(duration, arguments.seed, |elapsed| {
             bar.set_position(elapsed.as_secs());
         });
         bar.finish_and_clear();

@@ -3,10 +3,11 @@
 use std::hint::black_box;
 
 use crate::setup::{a_command, l2, l2_compensator, load, on_time, six, six_compensator};
-use gantry_tau_core::control::endpoint::{Cycle, Endpoint};
+use gantry_tau_core::control::endpoint::Endpoint;
 use gantry_tau_core::control::message::ClientMessage;
-use gantry_tau_core::control::session::fsm::Connection;
-use gantry_tau_core::control::session::{Event, Input, Output, Session};
+use gantry_tau_core::control::session::{
+    BlackBox, Connection, Event, Input, Output, Session, TickInput,
+};
 use gantry_tau_core::control::wire::{
     ContentError, Deframer, Feed, Frame, FrameBytes, decode_client, encode_client, encode_state,
 };
@@ -14,7 +15,7 @@ use gantry_tau_core::model::compensation::Correction;
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose, Solution, WARM_ITERATIONS};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2};
-use gantry_tau_core::units::PositionNm;
+use gantry_tau_core::units::{EpochRange, PositionNm};
 use gantry_tau_proofs::robots;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -220,16 +221,17 @@ fn six_compensation() {
 /// One command in, one state out: read, decided, moved, recorded, written.
 #[inline(never)]
 fn measured_server_tick(
-    endpoint: &mut Endpoint<6, 9, 64>,
+    endpoint: &mut Endpoint<6, 9>,
+    recorder: &mut BlackBox<6, 64>,
     connection: Connection,
     bytes: &[u8],
-    cycle: &Cycle<6>,
+    input: &TickInput<6>,
 ) {
     endpoint.feed(connection, bytes);
-    let turn = endpoint.tick(cycle, &mut |_, bytes| {
+    black_box(endpoint.tick_recorded(input, recorder));
+    while let Some((_, bytes)) = endpoint.poll_transmit() {
         black_box(bytes);
-    });
-    black_box(turn.motors);
+    }
 }
 
 fn server_tick() {
@@ -238,6 +240,7 @@ fn server_tick() {
     let cycle = on_time();
     measured_server_tick(
         black_box(&mut server.endpoint),
+        black_box(&mut *server.black_box),
         server.connection,
         black_box(&bytes),
         black_box(&cycle),
@@ -252,8 +255,8 @@ fn session_tick() {
     }
     let (server, command) = a_command();
     let mut session = *server.endpoint.session();
-    let mut input = Input::nothing();
-    input.cycle = on_time();
+    let mut input = Input::empty(EpochRange::VOLATILE);
+    input.tick = on_time();
     let event = Event::Message(ClientMessage::Command(command));
     input.events.push((server.connection, event)).unwrap();
     let output = measured_session_tick(black_box(&mut session), black_box(&input));
@@ -279,11 +282,8 @@ fn encode_a_state() {
         server.connection,
         &encode_client(&ClientMessage::Command(command)),
     );
-    let state = server
-        .endpoint
-        .tick(&on_time(), &mut |_, _| {})
-        .output
-        .state;
+    let _ = server.endpoint.tick(&on_time());
+    let state = server.endpoint.output().unwrap().state;
     black_box(measured_encode_state(black_box(&state)));
 }
 

@@ -1,12 +1,12 @@
 //! The machines and the server that the calls are made on.
 
 use gantry_tau_core::control::axis::{Actual, Offsets};
-use gantry_tau_core::control::channel::Limits;
-use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{Capabilities, ClientMessage, Command, Hello, Mode, Phase};
-use gantry_tau_core::control::session::Session;
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
-use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::{
+    BlackBox, Connection, LastWrite, Session, Start, TickInput,
+};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::model::kinematics::Pose;
@@ -14,7 +14,8 @@ use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2};
-use gantry_tau_core::units::{Epoch, Metres, OffsetNm, PositionNm, Sequence, Tick};
+use gantry_tau_core::units::{EpochRange, Metres, OffsetNm, PositionNm, Sequence};
+use gantry_tau_core::verification::control::Internals;
 use gantry_tau_proofs::robots;
 use nalgebra::Vector3;
 
@@ -57,26 +58,20 @@ pub(crate) fn six() -> (f1::Kinematics, Pose, [f64; 6], Pose) {
 
 /// A server of six axes and nine motors in Obtain.
 pub(crate) struct Server {
-    pub(crate) endpoint: Endpoint<6, 9, 64>,
+    pub(crate) endpoint: Endpoint<6, 9>,
+    pub(crate) black_box: Box<BlackBox<6, 64>>,
     pub(crate) connection: Connection,
     sequence: u64,
 }
 
 impl Server {
     pub(crate) fn in_obtain() -> Self {
-        let limits = Limits::new(2_000_000, 5_000, 10_000, 100).unwrap();
+        let limits = gantry_tau_tests::server_fixture::limits(2_000_000, 5_000, 10_000, 100);
         let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
         let config = Config::new(Parameters::thesis([axis; 6])).unwrap();
-        let session = Session::new(
-            config,
-            &[Offsets::default(); 6],
-            [PositionNm(0); 6],
-            Tick(0),
-            Epoch(0),
-        )
-        .unwrap();
+        let session = Session::new(config, &Start::at_rest([PositionNm(0); 6])).unwrap();
         let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).unwrap();
-        let mut endpoint = Endpoint::new(session, motors);
+        let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
         let connection = endpoint.open(Transport::Stream).unwrap();
         let hello = ClientMessage::Hello(Hello {
             axes: 6,
@@ -84,6 +79,7 @@ impl Server {
         });
         let mut server = Self {
             endpoint,
+            black_box: Box::new(BlackBox::new()),
             connection,
             sequence: 0,
         };
@@ -114,12 +110,22 @@ impl Server {
 
     pub(crate) fn cycle(&mut self, bytes: &[u8]) {
         self.endpoint.feed(self.connection, bytes);
-        self.endpoint.tick(&on_time(), &mut |_, _| {});
+        let _ = self
+            .endpoint
+            .tick_recorded(&on_time(), &mut *self.black_box);
     }
 }
 
-pub(crate) fn on_time() -> Cycle<6> {
-    Cycle::on_time([PositionNm(0); 6], [Actual::default(); 6], Epoch(1))
+pub(crate) fn on_time() -> TickInput<6> {
+    TickInput {
+        elapsed_cycles: 1,
+        nominal: [PositionNm(0); 6],
+        actual: [Actual::ZERO; 6],
+        stop: false,
+        rearm: false,
+        last_write: LastWrite::Accepted,
+        arrival_us: 0,
+    }
 }
 
 pub(crate) fn a_command() -> (Server, Command<6>) {

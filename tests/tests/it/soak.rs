@@ -5,18 +5,18 @@ use std::time::Duration;
 
 use gantry_tau::faults::Fault;
 use gantry_tau_core::control::message::Cause;
-use gantry_tau_tests::soak::{BUDGET, Summary, minutes, ticks};
+use gantry_tau_tests::soak::{BUDGET, Summary, real_time, simulated_time};
 
 #[test]
 fn three_axes_with_every_fault_and_every_cause() {
-    let summary = ticks::run::<3>(None, 100_000, 1, |_| {});
-    everything_has_happened(&summary, &ticks::CAUSES);
+    let summary = simulated_time::run::<3>(None, 100_000, 1, |_| {});
+    everything_has_happened(&summary, &simulated_time::CAUSES);
 }
 
 #[test]
 fn six_axes_with_a_budget_and_every_cause() {
-    let summary = ticks::run::<6>(Some(BUDGET), 100_000, 2, |_| {});
-    everything_has_happened(&summary, &ticks::CAUSES);
+    let summary = simulated_time::run::<6>(Some(BUDGET), 100_000, 2, |_| {});
+    everything_has_happened(&summary, &simulated_time::CAUSES);
     everything_has_happened(&summary, &[Cause::Budget]);
 }
 
@@ -48,7 +48,7 @@ fn everything_has_happened(summary: &Summary, causes: &[Cause]) {
 
 #[test]
 fn three_seconds_over_real_sockets() {
-    let minutes = minutes::run(Duration::from_secs(3), 5, |_| {});
+    let minutes = real_time::run(Duration::from_secs(3), 5, |_| {});
     let summary = &minutes.summary;
     assert!(summary.sessions > 0 && summary.ticks > 0, "{minutes:?}");
     assert!(minutes.strangers > 0, "{minutes:?}");
