@@ -15,7 +15,7 @@ use gantry_tau_core::control::message::{AxisLimits, Capabilities, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::units::{EpochRange, PositionNm};
 use gantry_tau_core::verification::control::Internals;
-use gantry_tau_core::{InForce, Monitor, Offsets};
+use gantry_tau_core::{Actual, InForce, LastWrite, Monitor, Offsets, TickInput};
 
 use crate::fake_plant::Bus;
 use crate::wait_for;
@@ -68,6 +68,20 @@ pub fn parameters<const N: usize>() -> Parameters<N> {
         capabilities: Capabilities::NONE,
         kinematics_checksum: 0x1234_5678,
         axes: [axis; N],
+    }
+}
+
+/// Input of a tick on time, in which nothing special happens.
+#[must_use]
+pub const fn on_time<const N: usize>(nominal: [PositionNm; N]) -> TickInput<N> {
+    TickInput {
+        elapsed_cycles: 1,
+        nominal,
+        actual: [Actual::ZERO; N],
+        stop: false,
+        rearm: false,
+        last_write: LastWrite::Accepted,
+        arrival_us: 0,
     }
 }
 

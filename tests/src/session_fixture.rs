@@ -13,7 +13,7 @@ use crate::wait_for;
 /// A session in progress.
 pub struct SessionFixture<const N: usize> {
     /// The server and the machine.
-    pub bench: ServerFixture<N>,
+    pub server: ServerFixture<N>,
     /// The session's owner.
     pub client: Client<N>,
 }
@@ -21,12 +21,12 @@ pub struct SessionFixture<const N: usize> {
 impl<const N: usize> SessionFixture<N> {
     /// `client` says Hello, and is let in; everybody else keeps silent.
     #[must_use]
-    pub fn greeted(mut bench: ServerFixture<N>, mut client: Client<N>) -> Self {
+    pub fn greeted(mut server: ServerFixture<N>, mut client: Client<N>) -> Self {
         client.say_hello();
         let mut granted = None;
         wait_for("the Welcome", || {
-            bench.receive();
-            let row = bench.step();
+            server.receive();
+            let row = server.step();
             granted = row.welcomed.then_some(row);
             row.welcomed
         });
@@ -35,17 +35,17 @@ impl<const N: usize> SessionFixture<N> {
         assert_eq!(welcome.epoch, row.state.epoch);
         assert_eq!(client.state(), row.state);
         assert_eq!(row.state.phase, Phase::Handshake);
-        Self { bench, client }
+        Self { server, client }
     }
 
     /// A new client on a running server, in Submit.
     #[must_use]
-    pub fn submitted_on(bench: ServerFixture<N>) -> Self {
-        let client = Client::connect(bench.address());
-        let mut duet = Self::greeted(bench, client);
-        let row = duet.answer(Mode::Submit, [0; N]);
+    pub fn submitted_on(server: ServerFixture<N>) -> Self {
+        let client = Client::connect(server.address());
+        let mut session = Self::greeted(server, client);
+        let row = session.answer(Mode::Submit, [0; N]);
         assert_eq!(row.state.phase, Phase::Submit);
-        duet
+        session
     }
 
     /// A new server and a client, in Obtain, the offsets at `positions`.
@@ -62,15 +62,15 @@ impl<const N: usize> SessionFixture<N> {
             let row = self.answer(Mode::Obtain, positions);
             assert_eq!(row.state.phase, Phase::Obtain);
         }
-        assert_eq!(self.bench.bus.positions(), positions);
+        assert_eq!(self.server.bus.positions(), positions);
         self
     }
 
     /// The owner's bytes reach the server and are taken in; returns how many of its frames the coming tick has.
     pub fn deliver(&mut self, bytes: &[u8]) -> u8 {
         self.client.send_bytes(bytes);
-        self.bench.await_bytes(bytes.len());
-        self.bench.receive()
+        self.server.await_bytes(bytes.len());
+        self.server.receive()
     }
 
     /// The owner says something, and it arrives.
@@ -80,7 +80,7 @@ impl<const N: usize> SessionFixture<N> {
 
     /// One tick; the owner reads its State.
     pub fn tick(&mut self) -> Row<N> {
-        let row = self.bench.step();
+        let row = self.server.step();
         assert_eq!(self.client.state(), row.state);
         row
     }
@@ -98,7 +98,7 @@ impl<const N: usize> SessionFixture<N> {
         assert_eq!(self.deliver(&frame), frames + 1);
         let row = self.tick();
         assert_eq!(row.state.phase, Phase::Obtain);
-        assert_eq!(self.bench.bus.positions(), positions);
+        assert_eq!(self.server.bus.positions(), positions);
         row
     }
 
@@ -113,24 +113,24 @@ impl<const N: usize> SessionFixture<N> {
     /// The coming ramp, of which the owner is told tick by tick; then its connection is closed and the server listens.
     #[must_use]
     pub fn assert_disconnect(mut self, from: [i32; N], cause: Cause) -> ServerFixture<N> {
-        let rows = self.bench.assert_ramp(from, Phase::SafeDisconnect);
+        let rows = self.server.assert_ramp(from, Phase::SafeDisconnect);
         assert_eq!(rows[0].ended, Some(cause));
         for row in rows {
             assert_eq!(row.state.cause, cause);
             assert_eq!(self.client.state(), row.state);
         }
-        assert_eq!(self.bench.step().state.phase, Phase::Listening);
+        assert_eq!(self.server.step().state.phase, Phase::Listening);
         self.client.assert_closed();
-        self.bench
+        self.server
     }
 
     /// The miss that is forgiven: positions stay where they are.
     pub fn assert_held(&mut self) -> Row<N> {
-        let before = self.bench.bus.positions();
+        let before = self.server.bus.positions();
         let row = self.tick();
         assert_eq!(row.state.phase, Phase::Obtain);
         assert_eq!(row.ended, None);
-        assert_eq!(self.bench.bus.positions(), before);
+        assert_eq!(self.server.bus.positions(), before);
         row
     }
 }

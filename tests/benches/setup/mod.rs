@@ -1,12 +1,10 @@
 //! The machines and the server that the calls are made on.
 
-use gantry_tau_core::control::axis::{Actual, Offsets};
+use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{Capabilities, ClientMessage, Command, Hello, Mode, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
-use gantry_tau_core::control::session::{
-    BlackBox, Connection, LastWrite, Session, Start, TickInput,
-};
+use gantry_tau_core::control::session::{BlackBox, Connection, Session, Start, TickInput};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::model::kinematics::Pose;
@@ -117,15 +115,7 @@ impl Server {
 }
 
 pub(crate) fn on_time() -> TickInput<6> {
-    TickInput {
-        elapsed_cycles: 1,
-        nominal: [PositionNm(0); 6],
-        actual: [Actual::ZERO; 6],
-        stop: false,
-        rearm: false,
-        last_write: LastWrite::Accepted,
-        arrival_us: 0,
-    }
+    gantry_tau_tests::server_fixture::on_time([PositionNm(0); 6])
 }
 
 pub(crate) fn a_command() -> (Server, Command<6>) {

@@ -73,7 +73,7 @@ pub struct Minutes {
     /// Connections of the clients.
     pub connections: u64,
     /// Connections of those that never get a session: wrong Hellos, noise, silence.
-    pub strangers: u64,
+    pub others: u64,
     /// Before there was a server.
     pub before: Option<Footprint>,
     /// Most memory, and fewest open files between two sessions, in the second tenth of the time.
@@ -118,7 +118,7 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
         })
         .collect();
     let quit = Arc::new(AtomicBool::new(false));
-    let strangers = strangers(server.address, &quit);
+    let others = others(server.address, &quit);
     let since = Instant::now();
     let mut soak = Soak {
         watch,
@@ -135,7 +135,7 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
         progress(since.elapsed());
     }
     quit.store(true, Ordering::Relaxed);
-    let strangers = strangers.join().unwrap();
+    let others = others.join().unwrap();
     drop(relays);
     assert_eq!(server.quit().unwrap(), 0, "rows that nobody saw");
     let (audit, seen) = observer.join().unwrap();
@@ -146,7 +146,7 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
     let minutes = Minutes {
         summary,
         connections: soak.connections,
-        strangers,
+        others,
         before,
         early: marks[1],
         late: marks[9],
@@ -160,7 +160,7 @@ impl Minutes {
     /// Neither memory nor open files have grown; at the end every file is closed.
     fn check(&self) {
         if let (Some(early), Some(late)) = (self.early, self.late) {
-            // Fewest within a minute: strangers that are waited for may be among them, never more than there is room for.
+            // Fewest within a minute: others that are waited for may be among them, never more than there is room for.
             let most = early.files + u64::try_from(CONNECTIONS).unwrap();
             assert!(late.files <= most, "open files leak: {self:?}");
             let most = early.memory_kib + MEMORY_SLACK_KIB;
@@ -364,7 +364,7 @@ fn live(
 }
 
 /// Connections that never get a session: Hellos of another machine, noise, silence; some leave at once.
-fn strangers(address: SocketAddr, quit: &Arc<AtomicBool>) -> JoinHandle<u64> {
+fn others(address: SocketAddr, quit: &Arc<AtomicBool>) -> JoinHandle<u64> {
     let quit = Arc::clone(quit);
     std::thread::spawn(move || {
         let mut noise = Noise::new(77);

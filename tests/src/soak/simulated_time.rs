@@ -9,13 +9,10 @@ use std::time::Duration;
 use gantry_tau::faults::Direction;
 use gantry_tau::faults::injector::FaultInjector;
 use gantry_tau::faults::plan::FaultPlan;
-use gantry_tau_core::control::axis::Actual;
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{Cause, ClientMessage, Phase, State};
 use gantry_tau_core::control::session::config::{Config, MissBudget, Parameters};
-use gantry_tau_core::control::session::{
-    Connection, LastWrite, OWNER_FRAMES, Session, Start, TickInput,
-};
+use gantry_tau_core::control::session::{Connection, OWNER_FRAMES, Session, Start, TickInput};
 use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client, encode_client};
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm};
 
@@ -25,7 +22,7 @@ use super::cause_attribution::Evidence;
 use super::client::Client;
 use super::links::{KINDS, is_slow, plan};
 use crate::client::{Noise, hello};
-use crate::server_fixture::{NOMINAL_STEP_NM, parameters};
+use crate::server_fixture::{NOMINAL_STEP_NM, on_time, parameters};
 
 const MS: Duration = Duration::from_millis(1);
 /// Clients at once, one more than there is room for.
@@ -166,12 +163,9 @@ impl<const N: usize> World<N> {
         self.move_nominal(jumped);
         let input = TickInput {
             elapsed_cycles: elapsed.try_into().unwrap(),
-            nominal: self.nominal,
-            actual: [Actual::ZERO; N],
             stop: stopped,
             rearm: before == Phase::Fault && self.one_in(20),
-            last_write: LastWrite::Accepted,
-            arrival_us: 0,
+            ..on_time(self.nominal)
         };
         let references = self.endpoint.tick(&input).unwrap();
         while let Some((to, bytes)) = self.endpoint.poll_transmit() {

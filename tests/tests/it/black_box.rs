@@ -20,12 +20,12 @@ use gantry_tau_tests::session_fixture::SessionFixture;
 
 /// A session in Obtain, old enough that the box is full.
 fn obtained<const N: usize>(positions: [i32; N]) -> (SessionFixture<N>, Receiver<N>) {
-    let (bench, windows) = ServerFixture::default().handing_over();
-    let mut duet = SessionFixture::submitted_on(bench).obtain(positions);
+    let (server, windows) = ServerFixture::default().handing_over();
+    let mut session = SessionFixture::submitted_on(server).obtain(positions);
     for _ in 0..3 * HALF {
-        duet.answer(Mode::Obtain, positions);
+        session.answer(Mode::Obtain, positions);
     }
-    (duet, windows)
+    (session, windows)
 }
 
 /// The window that has been handed over: it ended because of `cause`, its file is read back as it was, and it replays.
@@ -49,22 +49,22 @@ fn assert_nothing<const N: usize>(windows: &mut Receiver<N>) {
 }
 
 fn silence<const N: usize>(cause: Cause) {
-    let (mut duet, mut windows) = obtained([9_000; N]);
-    duet.assert_held();
-    assert_eq!(duet.tick().ended, Some(cause));
+    let (mut session, mut windows) = obtained([9_000; N]);
+    session.assert_held();
+    assert_eq!(session.tick().ended, Some(cause));
     for _ in 1..HALF {
-        duet.tick();
+        session.tick();
     }
     assert_nothing(&mut windows);
-    duet.bench.step();
+    session.server.step();
     let window = assert_window(&mut windows, Some(cause));
     let end = window.end().index;
     assert!(end >= HALF, "{end} ticks before the cause");
     assert_eq!(window.entries.len() - end - 1, HALF);
     // Recording goes on: a stop after the session has a box of its own.
-    duet.bench.step_stopped();
+    session.server.step_stopped();
     for _ in 0..HALF {
-        duet.bench.step();
+        session.server.step();
     }
     assert_window(&mut windows, Some(Cause::Stop));
     assert_nothing(&mut windows);
@@ -78,41 +78,41 @@ fn a_silent_client_leaves_a_black_box() {
 
 #[test]
 fn a_newcomer_does_not_cost_the_evidence() {
-    let (mut duet, mut windows) = obtained([300; 3]);
-    let goodbye = ClientMessage::Goodbye(duet.client.epoch);
-    duet.say(&goodbye);
-    let bench = duet.assert_disconnect([300; 3], Cause::Goodbye);
+    let (mut session, mut windows) = obtained([300; 3]);
+    let goodbye = ClientMessage::Goodbye(session.client.epoch);
+    session.say(&goodbye);
+    let server = session.assert_disconnect([300; 3], Cause::Goodbye);
     assert_nothing(&mut windows);
-    let next = Client::connect(bench.address());
-    let duet = SessionFixture::greeted(bench, next);
+    let next = Client::connect(server.address());
+    let session = SessionFixture::greeted(server, next);
     let window = assert_window(&mut windows, Some(Cause::Goodbye));
     let last = &window.entries.last().unwrap().output;
     assert!(
         last.welcome.is_some(),
         "the newcomer's tick belongs to the old box"
     );
-    assert_eq!(last.state.epoch, duet.client.epoch);
-    assert_eq!(window.end().epoch.0 + 1, duet.client.epoch.0);
+    assert_eq!(last.state.epoch, session.client.epoch);
+    assert_eq!(window.end().epoch.0 + 1, session.client.epoch.0);
     assert_nothing(&mut windows);
 }
 
 /// Refused references end the session in the tick after. They are an input, so one window shows what led there and what followed.
 #[test]
 fn a_window_goes_on_across_refused_references() {
-    let (mut duet, mut windows) = obtained([5_000; 3]);
-    duet.bench.bus.record().write_fails = true;
-    let row = duet.answer(Mode::Obtain, [6_000; 3]);
+    let (mut session, mut windows) = obtained([5_000; 3]);
+    session.server.bus.record().write_fails = true;
+    let row = session.answer(Mode::Obtain, [6_000; 3]);
     assert!(row.plant_failed && row.ended.is_none());
-    duet.bench.bus.record().write_fails = false;
-    duet.bench.receive();
-    let row = duet.bench.step();
+    session.server.bus.record().write_fails = false;
+    session.server.receive();
+    let row = session.server.step();
     assert_eq!(
         (row.state.phase, row.ended),
         (Phase::Fault, Some(Cause::Stop))
     );
     assert_nothing(&mut windows);
     for _ in 0..HALF {
-        duet.bench.step();
+        session.server.step();
     }
     let window = assert_window(&mut windows, Some(Cause::Stop));
     let end = window.end();
@@ -138,39 +138,39 @@ fn a_window_goes_on_across_refused_references() {
 /// Nobody empties the boxes: the cycle neither waits nor forgets to count.
 #[test]
 fn what_finds_no_room_waits_until_it_must_go() {
-    let (mut bench, mut windows) = ServerFixture::<3>::default().handing_over();
-    let mut nominal = bench.bus.record().nominal;
+    let (mut server, mut windows) = ServerFixture::<3>::default().handing_over();
+    let mut nominal = server.bus.record().nominal;
     for _ in 0..6 {
         // A nominal step ends nothing but is a cause; then a re-arm, and another.
         nominal[0].0 += 2 * i64::from(NOMINAL_STEP_NM);
-        bench.bus.record().nominal = nominal;
-        assert_eq!(bench.step().ended, Some(Cause::Nominal));
+        server.bus.record().nominal = nominal;
+        assert_eq!(server.step().ended, Some(Cause::Nominal));
         for _ in 0..=HALF {
-            bench.step();
+            server.step();
         }
-        bench.step_rearmed();
-        assert_eq!(bench.phase(), Phase::Listening);
+        server.step_rearmed();
+        assert_eq!(server.phase(), Phase::Listening);
     }
     // Four are under way, one has waited, frozen; what came later is not in any box.
     for _ in 0..4 {
         assert_window(&mut windows, Some(Cause::Nominal));
     }
     assert_nothing(&mut windows);
-    bench.step();
+    server.step();
     assert_window(&mut windows, Some(Cause::Nominal));
     assert_nothing(&mut windows);
 }
 
 #[test]
 fn what_must_go_and_finds_no_room_is_counted() {
-    let (mut bench, mut windows) = ServerFixture::<3>::default().handing_over();
+    let (mut server, mut windows) = ServerFixture::<3>::default().handing_over();
     for _ in 0..6 {
-        let client = Client::connect(bench.address());
-        let mut duet = SessionFixture::greeted(bench, client);
-        duet.say(&ClientMessage::Goodbye(duet.client.epoch));
-        assert_eq!(duet.tick().ended, Some(Cause::Goodbye));
-        bench = duet.bench;
-        assert_eq!(bench.step().state.phase, Phase::Listening);
+        let client = Client::connect(server.address());
+        let mut session = SessionFixture::greeted(server, client);
+        session.say(&ClientMessage::Goodbye(session.client.epoch));
+        assert_eq!(session.tick().ended, Some(Cause::Goodbye));
+        server = session.server;
+        assert_eq!(server.step().state.phase, Phase::Listening);
     }
     // Five ended before a newcomer was let in, and there are four boxes.
     assert_eq!(windows.take_lost(), 1);

@@ -14,31 +14,28 @@ use std::sync::atomic::Ordering;
 use gantry_tau::client::{ClientControls, ClientOptions, run};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::sensor_link::SensorPublisher;
-use gantry_tau_core::control::axis::{Actual, Offsets};
-use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{Capabilities, ClientMessage, Command, Phase};
-use gantry_tau_core::control::session::Session;
-use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::{Connection, Session, Start};
 use gantry_tau_core::control::wire::{Frame, MAX_FRAME, decode_client};
-use gantry_tau_core::units::{Epoch, PositionNm, Tick};
+use gantry_tau_core::units::{EpochRange, PositionNm, Tick};
 use gantry_tau_tests::DEADLINE;
-use gantry_tau_tests::server_fixture::LOOPBACK;
+use gantry_tau_tests::server_fixture::{LOOPBACK, on_time};
 
 /// A server of one client, by hand: what it sends is the test's to send.
 struct Server {
     socket: UdpSocket,
     client: Option<SocketAddr>,
-    endpoint: Endpoint<3, 3, 0>,
+    endpoint: Endpoint<3, 3>,
     connection: Connection,
 }
 
 impl Server {
     fn of<K: gantry_tau::model::MachineKind<3>>(robot: &RobotFile<K, 3>) -> Self {
         let config = robot.session_config(Capabilities::NONE).unwrap();
-        let nominal = [PositionNm(0); 3];
-        let zero = [Offsets::default(); 3];
-        let session = Session::new(config, &zero, nominal, Tick(0), Epoch(0)).unwrap();
-        let mut endpoint = Endpoint::new(session, MotorMap::new([0, 1, 2]).unwrap());
+        let session = Session::new(config, &Start::at_rest([PositionNm(0); 3])).unwrap();
+        let motors = MotorMap::new([0, 1, 2]).unwrap();
+        let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
         let connection = endpoint.open(Transport::Datagram).unwrap();
         let socket = UdpSocket::bind(LOOPBACK).unwrap();
         socket.set_read_timeout(Some(DEADLINE)).unwrap();
@@ -51,7 +48,7 @@ impl Server {
     }
 
     /// Waits for the client's next message, which the coming tick has.
-    fn hear(&mut self) -> ClientMessage<3> {
+    fn receive(&mut self) -> ClientMessage<3> {
         let mut buffer = [0; MAX_FRAME];
         let (count, from) = self.socket.recv_from(&mut buffer).unwrap();
         self.client = Some(from);
@@ -60,8 +57,8 @@ impl Server {
     }
 
     /// Waits for a Command.
-    fn hear_command(&mut self) -> Command<3> {
-        match self.hear() {
+    fn receive_command(&mut self) -> Command<3> {
+        match self.receive() {
             ClientMessage::Command(command) => command,
             other => panic!("not a Command: {other:?}"),
         }
@@ -69,11 +66,12 @@ impl Server {
 
     /// One tick; the frames it sends.
     fn tick(&mut self) -> Vec<Vec<u8>> {
-        let nominal = [PositionNm(0); 3];
-        let cycle = Cycle::on_time(nominal, [Actual::default(); 3], Epoch(1));
+        let references = self.endpoint.tick(&on_time([PositionNm(0); 3]));
+        assert!(references.is_some());
         let mut frames = Vec::new();
-        self.endpoint
-            .tick(&cycle, &mut |_, bytes| frames.push(bytes.to_vec()));
+        while let Some((_, bytes)) = self.endpoint.poll_transmit() {
+            frames.push(bytes.to_vec());
+        }
         frames
     }
 
@@ -102,13 +100,13 @@ fn every_state_is_answered_once() {
     let controls = ClientControls::default();
     std::thread::scope(|scope| {
         let client = scope.spawn(|| run(&options, &controls));
-        assert!(matches!(server.hear(), ClientMessage::Hello(_)));
+        assert!(matches!(server.receive(), ClientMessage::Hello(_)));
         let frames = server.tick();
         frames.iter().for_each(|frame| server.send(frame));
         let mut before = frames.last().unwrap().clone();
         for tick in 1..50 {
-            // An answer to anything but the new State would come first, or be heard in the next round.
-            let command = server.hear_command();
+            // An answer to anything but the new State would come first, or be received in the next round.
+            let command = server.receive_command();
             assert_eq!((command.sequence.0, command.echo), (tick, Tick(tick)));
             let [state] = server.tick().try_into().unwrap();
             for frame in [&before, &state, &state, &before] {
@@ -119,7 +117,7 @@ fn every_state_is_answered_once() {
         assert_eq!(server.phase(), Phase::Submit);
         controls.quit.store(true, Ordering::Relaxed);
         while server.phase() == Phase::Submit {
-            server.hear();
+            server.receive();
             let frames = server.tick();
             frames.iter().for_each(|frame| server.send(frame));
         }

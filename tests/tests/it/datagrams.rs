@@ -105,52 +105,52 @@ impl Peer {
 }
 
 /// One tick with what the peer sends in it: all of it has arrived before.
-fn tick(bench: &mut ServerFixture<3>, peer: &mut Peer, messages: &[ClientMessage<3>]) -> State<3> {
+fn tick(server: &mut ServerFixture<3>, peer: &mut Peer, messages: &[ClientMessage<3>]) -> State<3> {
     for message in messages {
         peer.send(message);
     }
     let wanted = u8::try_from(messages.len()).unwrap();
     let mut seen = 0;
     wait_for("the datagrams", || {
-        seen = bench.receive();
+        seen = server.receive();
         seen >= wanted
     });
-    bench.step();
+    server.step();
     peer.state()
 }
 
 /// A peer that owns the session and obtains.
 fn obtaining() -> (ServerFixture<3>, Peer) {
-    let mut bench = ServerFixture::over_datagrams();
-    let mut peer = Peer::of(bench.address());
+    let mut server = ServerFixture::over_datagrams();
+    let mut peer = Peer::of(server.address());
     peer.say_hello();
     wait_for("the Welcome", || {
-        bench.receive();
-        bench.step().welcomed
+        server.receive();
+        server.step().welcomed
     });
     assert!(matches!(peer.receive(), ServerMessage::Welcome(_)));
     peer.state();
     for _ in 0..3 {
         let answer = peer.answer(Mode::Submit, 1_000);
-        tick(&mut bench, &mut peer, &[answer]);
+        tick(&mut server, &mut peer, &[answer]);
     }
     for _ in 0..10 {
         let answer = peer.answer(Mode::Obtain, 20_000);
-        tick(&mut bench, &mut peer, &[answer]);
+        tick(&mut server, &mut peer, &[answer]);
     }
-    assert_eq!(bench.phase(), Phase::Obtain);
-    (bench, peer)
+    assert_eq!(server.phase(), Phase::Obtain);
+    (server, peer)
 }
 
 #[test]
 fn one_lost_datagram_is_tolerated_and_the_second_ends_the_session() {
-    let (mut bench, mut peer) = obtaining();
-    bench.step();
+    let (mut server, mut peer) = obtaining();
+    server.step();
     assert_eq!(peer.state().phase, Phase::Obtain, "one is lost");
     let answer = peer.answer(Mode::Obtain, 20_000);
-    assert_eq!(tick(&mut bench, &mut peer, &[answer]).phase, Phase::Obtain);
-    bench.step();
-    bench.step();
+    assert_eq!(tick(&mut server, &mut peer, &[answer]).phase, Phase::Obtain);
+    server.step();
+    server.step();
     assert_eq!(peer.state().phase, Phase::Obtain);
     let state = peer.state();
     assert_eq!(state.phase, Phase::SafeDisconnect);
@@ -159,16 +159,16 @@ fn one_lost_datagram_is_tolerated_and_the_second_ends_the_session() {
 
 #[test]
 fn late_twofold_and_overtaking_datagrams_are_only_counted() {
-    let (mut bench, mut peer) = obtaining();
+    let (mut server, mut peer) = obtaining();
     // Of each pair the newer arrives first, and the older twice.
     for _ in 0..20 {
         let old = peer.answer(Mode::Obtain, -500_000);
         let new = peer.answer(Mode::Obtain, 20_000);
-        let state = tick(&mut bench, &mut peer, &[new, old, old]);
+        let state = tick(&mut server, &mut peer, &[new, old, old]);
         assert_eq!(state.phase, Phase::Obtain);
     }
     // The target that is far away never acted.
-    let state = tick(&mut bench, &mut peer, &[]);
+    let state = tick(&mut server, &mut peer, &[]);
     assert!(
         state
             .axes
@@ -178,7 +178,7 @@ fn late_twofold_and_overtaking_datagrams_are_only_counted() {
     // What answers a State of long ago is no answer.
     peer.tick = Tick(peer.tick.0 - 5);
     let late = peer.answer(Mode::Obtain, 0);
-    let state = tick(&mut bench, &mut peer, &[late]);
+    let state = tick(&mut server, &mut peer, &[late]);
     assert_eq!(
         state.phase,
         Phase::SafeDisconnect,
@@ -189,7 +189,7 @@ fn late_twofold_and_overtaking_datagrams_are_only_counted() {
 
 #[test]
 fn broken_datagrams_are_dropped_and_the_session_goes_on() {
-    let (mut bench, mut peer) = obtaining();
+    let (mut server, mut peer) = obtaining();
     for round in 0..5 {
         let good = peer.answer(Mode::Obtain, 20_000);
         let frame = encode_client(&good);
@@ -201,7 +201,7 @@ fn broken_datagrams_are_dropped_and_the_session_goes_on() {
         peer.socket.send(&[]).unwrap();
         // Two frames in one datagram are no frame.
         peer.socket.send(&[&*frame, &*frame].concat()).unwrap();
-        let state = tick(&mut bench, &mut peer, &[good]);
+        let state = tick(&mut server, &mut peer, &[good]);
         assert_eq!(state.phase, Phase::Obtain);
         assert_eq!(state.counters.missed, 0);
         let rounds = u32::try_from(round).unwrap() + 1;
@@ -211,44 +211,40 @@ fn broken_datagrams_are_dropped_and_the_session_goes_on() {
 
 #[test]
 fn a_second_peer_is_refused_and_one_that_does_not_greet_hears_nothing() {
-    let (mut bench, mut peer) = obtaining();
-    let mut second = Peer::of(bench.address());
+    let (mut server, mut peer) = obtaining();
+    let mut second = Peer::of(server.address());
     second.say_hello();
-    let stranger = Peer::of(bench.address());
+    let other = Peer::of(server.address());
     let epoch = peer.epoch;
-    stranger.send(&ClientMessage::Stop(epoch));
-    stranger.send(&ClientMessage::Goodbye(epoch));
-    stranger.socket.send(b"hello").unwrap();
+    other.send(&ClientMessage::Stop(epoch));
+    other.send(&ClientMessage::Goodbye(epoch));
+    other.socket.send(b"hello").unwrap();
     let answer = peer.answer(Mode::Obtain, 20_000);
-    let state = tick(&mut bench, &mut peer, &[answer]);
-    assert_eq!(
-        state.phase,
-        Phase::Obtain,
-        "a stranger's Stop stops nothing"
-    );
+    let state = tick(&mut server, &mut peer, &[answer]);
+    assert_eq!(state.phase, Phase::Obtain, "another's Stop stops nothing");
     assert_eq!(second.receive(), ServerMessage::Refusal(Refusal::Busy));
-    stranger.hears_nothing();
+    other.hears_nothing();
 }
 
 #[test]
 fn a_goodbye_said_twice_is_one_end() {
-    let (mut bench, mut peer) = obtaining();
+    let (mut server, mut peer) = obtaining();
     let goodbye = ClientMessage::Goodbye(peer.epoch);
-    let state = tick(&mut bench, &mut peer, &[goodbye, goodbye]);
+    let state = tick(&mut server, &mut peer, &[goodbye, goodbye]);
     assert_eq!(
         (state.phase, state.cause),
         (Phase::SafeDisconnect, Cause::Goodbye)
     );
-    while bench.phase() != Phase::Listening {
-        bench.receive();
-        bench.step();
+    while server.phase() != Phase::Listening {
+        server.receive();
+        server.step();
     }
     // The place is free again.
-    let mut next = Peer::of(bench.address());
+    let mut next = Peer::of(server.address());
     next.say_hello();
     wait_for("the Welcome", || {
-        bench.receive();
-        bench.step().welcomed
+        server.receive();
+        server.step().welcomed
     });
     assert!(matches!(next.receive(), ServerMessage::Welcome(_)));
     assert!(next.epoch > peer.epoch);
@@ -256,38 +252,38 @@ fn a_goodbye_said_twice_is_one_end() {
 
 #[test]
 fn more_peers_than_places_do_not_disturb_the_owner() {
-    let (mut bench, mut peer) = obtaining();
+    let (mut server, mut peer) = obtaining();
     for _ in 0..30 {
-        let crowd: Vec<Peer> = (0..20).map(|_| Peer::of(bench.address())).collect();
+        let crowd: Vec<Peer> = (0..20).map(|_| Peer::of(server.address())).collect();
         crowd.iter().for_each(Peer::say_hello);
         let answer = peer.answer(Mode::Obtain, 20_000);
-        let state = tick(&mut bench, &mut peer, &[answer]);
+        let state = tick(&mut server, &mut peer, &[answer]);
         assert_eq!(state.phase, Phase::Obtain);
     }
-    assert_eq!(tick(&mut bench, &mut peer, &[]).counters.missed, 1);
+    assert_eq!(tick(&mut server, &mut peer, &[]).counters.missed, 1);
 }
 
 /// Of a flood no more is read per visit than 64 datagrams; beside fewer the owner notices nothing.
 #[test]
 fn a_flood_of_strangers_is_bounded_work() {
-    let (mut bench, mut peer) = obtaining();
-    let stranger = Peer::of(bench.address());
+    let (mut server, mut peer) = obtaining();
+    let other = Peer::of(server.address());
     for _ in 0..20 {
         for _ in 0..40 {
-            stranger.socket.send(&[0x55; 64]).unwrap();
+            other.socket.send(&[0x55; 64]).unwrap();
         }
         let answer = peer.answer(Mode::Obtain, 20_000);
-        assert_eq!(tick(&mut bench, &mut peer, &[answer]).phase, Phase::Obtain);
+        assert_eq!(tick(&mut server, &mut peer, &[answer]).phase, Phase::Obtain);
     }
     for _ in 0..100 {
-        stranger.socket.send(&[0x55; 64]).unwrap();
+        other.socket.send(&[0x55; 64]).unwrap();
     }
     let answer = peer.answer(Mode::Obtain, 20_000);
     peer.send(&answer);
     // Loopback keeps the order: the owner's is behind a hundred, and a visit ends before it.
-    assert_eq!(bench.receive(), 0);
-    assert_eq!(bench.receive(), 1);
-    stranger.hears_nothing();
+    assert_eq!(server.receive(), 0);
+    assert_eq!(server.receive(), 1);
+    other.hears_nothing();
 }
 
 #[test]
@@ -298,23 +294,23 @@ fn who_is_not_allowed_is_not_answered() {
             allowed: Allowed::only(&["192.0.2.0/24".to_owned()]).unwrap(),
             ..LOOPBACK.into()
         };
-        let mut bench =
+        let mut server =
             ServerFixture::<3>::listen(parameters(), Bus::default(), EpochRange::VOLATILE, listen)
                 .unwrap();
         if transport == Transport::Datagram {
-            let peer = Peer::of(bench.address());
+            let peer = Peer::of(server.address());
             peer.say_hello();
             for _ in 0..20 {
-                bench.receive();
-                assert!(!bench.step().welcomed);
+                server.receive();
+                assert!(!server.step().welcomed);
             }
             peer.hears_nothing();
         } else {
-            let mut client = gantry_tau_tests::client::Client::<3>::connect(bench.address());
+            let mut client = gantry_tau_tests::client::Client::<3>::connect(server.address());
             client.say_hello();
             wait_for("the end of the connection", || {
-                bench.receive();
-                assert!(!bench.step().welcomed);
+                server.receive();
+                assert!(!server.step().welcomed);
                 !client.is_quiet()
             });
         }

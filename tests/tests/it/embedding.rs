@@ -1,6 +1,7 @@
 //! README shows the code that is compiled, and the other way round; docs/embedding.md states the sizes that are.
 
 use gantry_tau_core::control::endpoint::Endpoint;
+use gantry_tau_core::control::session::BlackBox;
 use gantry_tau_core::model::{f1, l2};
 
 /// The line in README before the block that shows the example.
@@ -38,18 +39,9 @@ fn embedding_states_the_sizes_of_the_objects() {
     let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/embedding.md");
     let page = std::fs::read_to_string(page).unwrap();
     let rows = [
-        (
-            size_of::<Endpoint<3, 3, 0>>(),
-            size_of::<Endpoint<6, 9, 0>>(),
-        ),
-        (
-            size_of::<Endpoint<3, 3, 16>>(),
-            size_of::<Endpoint<6, 9, 16>>(),
-        ),
-        (
-            size_of::<Endpoint<3, 3, 64>>(),
-            size_of::<Endpoint<6, 9, 64>>(),
-        ),
+        (size_of::<Endpoint<3, 3>>(), size_of::<Endpoint<6, 9>>()),
+        (size_of::<BlackBox<3, 16>>(), size_of::<BlackBox<6, 16>>()),
+        (size_of::<BlackBox<3, 64>>(), size_of::<BlackBox<6, 64>>()),
         (size_of::<l2::Compensator>(), size_of::<f1::Compensator>()),
     ];
     for (one, other) in rows {

@@ -25,32 +25,32 @@ use gantry_tau_tests::wait_for;
 const SCRIPT: u32 = 60;
 
 /// Tick `tick` of the script.
-fn act(duet: &mut SessionFixture<3>, tick: u32) {
+fn act(session: &mut SessionFixture<3>, tick: u32) {
     let step = i32::try_from(tick).unwrap();
     let velocity = 40 * step;
     let torque = i16::try_from(-step / 2).unwrap();
     let target = offsets(777 * step, velocity, torque);
     match tick {
-        0..5 => duet.answer_all(Mode::Submit, target),
-        25 => duet.tick(),
-        30..45 => duet.answer_all(Mode::Submit, target),
-        5..55 => duet.answer_all(Mode::Obtain, target),
+        0..5 => session.answer_all(Mode::Submit, target),
+        25 => session.tick(),
+        30..45 => session.answer_all(Mode::Submit, target),
+        5..55 => session.answer_all(Mode::Obtain, target),
         55 => {
-            duet.say(&ClientMessage::Goodbye(duet.client.epoch));
-            duet.tick()
+            session.say(&ClientMessage::Goodbye(session.client.epoch));
+            session.tick()
         }
-        _ => duet.tick(),
+        _ => session.tick(),
     };
 }
 
 /// The script until tick `killed`.
-fn play(bench: ServerFixture<3>, killed: u32) -> SessionFixture<3> {
-    let client = Client::connect(bench.address());
-    let mut duet = SessionFixture::greeted(bench, client);
+fn play(server: ServerFixture<3>, killed: u32) -> SessionFixture<3> {
+    let client = Client::connect(server.address());
+    let mut session = SessionFixture::greeted(server, client);
     for tick in 0..killed {
-        act(&mut duet, tick);
+        act(&mut session, tick);
     }
-    duet
+    session
 }
 
 /// An epoch file of this test's own, gone with it.
@@ -87,27 +87,27 @@ fn ramp_ticks(in_force: &[Offsets; 3]) -> u32 {
     in_force.iter().map(one).max().unwrap()
 }
 
-/// The server ramps what is in force in exactly the ticks it takes (the bench watches each step), lets nobody in, then listens.
-fn assert_ramps_down(bench: &mut ServerFixture<3>) {
-    let ticks = ramp_ticks(&bench.bus.in_force());
+/// The server ramps what is in force in exactly the ticks it takes (the server watches each step), lets nobody in, then listens.
+fn assert_ramps_down(server: &mut ServerFixture<3>) {
+    let ticks = ramp_ticks(&server.bus.in_force());
     for tick in 1..=ticks {
-        bench.receive();
-        let row = bench.step();
+        server.receive();
+        let row = server.step();
         assert_eq!(row.state.phase, Phase::SafeDisconnect);
         assert_eq!(row.state.ramp_ticks_left, ticks - tick);
         assert!(!row.welcomed);
     }
-    assert_eq!(bench.bus.in_force(), [Offsets::default(); 3]);
+    assert_eq!(server.bus.in_force(), [Offsets::default(); 3]);
 }
 
 #[test]
 fn a_client_killed_at_any_tick_leaves_a_server_for_the_next() {
-    let mut bench = ServerFixture::default();
+    let mut server = ServerFixture::default();
     for killed in 0..=SCRIPT {
         let SessionFixture {
-            bench: mut running,
+            server: mut running,
             client,
-        } = play(bench, killed);
+        } = play(server, killed);
         let ramping = running.phase() == Phase::SafeDisconnect;
         if killed % 2 == 0 {
             client.reset();
@@ -124,25 +124,27 @@ fn a_client_killed_at_any_tick_leaves_a_server_for_the_next() {
         }
         running.step();
         assert_eq!(running.phase(), Phase::Listening, "killed at {killed}");
-        bench = running;
+        server = running;
     }
     assert_eq!(
-        SessionFixture::submitted_on(bench).bench.phase(),
+        SessionFixture::submitted_on(server).server.phase(),
         Phase::Submit
     );
 }
 
 #[test]
 fn a_client_killed_within_a_frame_leaves_a_server_for_the_next() {
-    let mut bench = ServerFixture::default();
+    let mut server = ServerFixture::default();
     for cut in 1..68 {
-        let mut duet = SessionFixture::submitted_on(bench).obtain([250, -50, 0]);
-        let frame = duet.client.frame(Mode::Obtain, [5_000; 3]);
-        duet.client.send_bytes(&frame[..cut]);
-        drop(duet.client);
-        duet.bench.await_loss_of_owner();
-        duet.bench.assert_disconnect([250, -50, 0], Cause::Closed);
-        bench = duet.bench;
+        let mut session = SessionFixture::submitted_on(server).obtain([250, -50, 0]);
+        let frame = session.client.frame(Mode::Obtain, [5_000; 3]);
+        session.client.send_bytes(&frame[..cut]);
+        drop(session.client);
+        session.server.await_loss_of_owner();
+        session
+            .server
+            .assert_disconnect([250, -50, 0], Cause::Closed);
+        server = session.server;
     }
 }
 
@@ -178,44 +180,44 @@ fn a_restarted_server_refuses_everybody_until_zero() {
     let bus = Bus::default();
     let from = [12_345, -7_050, 30];
     bus.record().in_force = from.map(|nm| offsets(nm, 0, 0));
-    let mut bench = ServerFixture::start(parameters(), bus, EpochRange::VOLATILE).unwrap();
-    let mut newcomer = Client::<3>::connect(bench.address());
+    let mut server = ServerFixture::start(parameters(), bus, EpochRange::VOLATILE).unwrap();
+    let mut newcomer = Client::<3>::connect(server.address());
     newcomer.say_hello();
     wait_for("the refusal", || {
-        bench.receive();
-        let row = bench.step();
+        server.receive();
+        let row = server.step();
         assert_eq!(row.state.phase, Phase::SafeDisconnect);
         row.refused > 0
     });
     assert!(matches!(newcomer.refusal(), Refusal::Ramping { .. }));
-    let ticks = ramp_ticks(&bench.bus.in_force());
+    let ticks = ramp_ticks(&server.bus.in_force());
     for _ in 0..ticks {
-        assert_eq!(bench.step().state.phase, Phase::SafeDisconnect);
+        assert_eq!(server.step().state.phase, Phase::SafeDisconnect);
     }
-    assert_eq!(bench.bus.positions(), [0; 3]);
-    assert_eq!(bench.step().state.phase, Phase::Listening);
-    let duet = SessionFixture::submitted_on(bench);
-    assert_eq!(duet.bench.phase(), Phase::Submit);
+    assert_eq!(server.bus.positions(), [0; 3]);
+    assert_eq!(server.step().state.phase, Phase::Listening);
+    let session = SessionFixture::submitted_on(server);
+    assert_eq!(session.server.phase(), Phase::Submit);
 }
 
 #[test]
 fn a_restarted_server_ramps_every_channel_from_what_it_found() {
     let bus = Bus::<2>::default();
     bus.record().in_force = [offsets(950, -120, 3), offsets(-MAX_NM, 0, 0)];
-    let mut bench = ServerFixture::start(parameters(), bus, EpochRange::VOLATILE).unwrap();
+    let mut server = ServerFixture::start(parameters(), bus, EpochRange::VOLATILE).unwrap();
     for expected in [
         [offsets(850, -70, 2), offsets(100 - MAX_NM, 0, 0)],
         [offsets(750, -20, 1), offsets(200 - MAX_NM, 0, 0)],
         [offsets(650, 0, 0), offsets(300 - MAX_NM, 0, 0)],
     ] {
-        bench.step();
-        assert_eq!(bench.bus.in_force(), expected);
+        server.step();
+        assert_eq!(server.bus.in_force(), expected);
     }
     for _ in 0..19_997 {
-        assert_eq!(bench.step().state.phase, Phase::SafeDisconnect);
+        assert_eq!(server.step().state.phase, Phase::SafeDisconnect);
     }
-    assert_eq!(bench.bus.positions(), [0; 2]);
-    assert_eq!(bench.step().state.phase, Phase::Listening);
+    assert_eq!(server.bus.positions(), [0; 2]);
+    assert_eq!(server.step().state.phase, Phase::Listening);
 }
 
 #[test]
@@ -259,13 +261,13 @@ fn the_frames_of_a_dead_servers_session_do_not_revive() {
     let mut second = ServerFixture::start(parameters(), bus, file.reserve()).unwrap();
     assert_ramps_down(&mut second);
     assert_eq!(second.step().state.phase, Phase::Listening);
-    let mut duet = SessionFixture::submitted_on(second).obtain([1_000; 3]);
-    let mut old = duet.client.command(Mode::Obtain, [0; 3]);
+    let mut session = SessionFixture::submitted_on(second).obtain([1_000; 3]);
+    let mut old = session.client.command(Mode::Obtain, [0; 3]);
     old.epoch = epoch;
     old.sequence = gantry_tau_core::units::Sequence(sequence + 1);
-    duet.say(&ClientMessage::Command(old));
-    duet.say(&ClientMessage::Stop(epoch));
-    duet.say(&ClientMessage::Goodbye(epoch));
-    assert_eq!(duet.assert_held().state.counters.stale, 3);
-    duet.answer(Mode::Obtain, [1_000; 3]);
+    session.say(&ClientMessage::Command(old));
+    session.say(&ClientMessage::Stop(epoch));
+    session.say(&ClientMessage::Goodbye(epoch));
+    assert_eq!(session.assert_held().state.counters.stale, 3);
+    session.answer(Mode::Obtain, [1_000; 3]);
 }

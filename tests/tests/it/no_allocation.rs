@@ -1,4 +1,4 @@
-//! After start the cycle allocates nothing: simulated machine, live session, sensor samples, strangers, ramp, all of it.
+//! After start the cycle allocates nothing: simulated machine, live session, sensor samples, others, ramp, all of it.
 //!
 //! The crate `allocation_counter` is the allocator of this binary; it counts per thread, so tests beside this one do not matter.
 #![allow(
@@ -115,7 +115,7 @@ fn nor_does_it_with_six_axes() {
     ));
 }
 
-/// Datagrams of the owner, of strangers, broken and empty ones.
+/// Datagrams of the owner, of others, broken and empty ones.
 #[test]
 fn nor_does_it_over_udp() {
     let robot = RobotFile::builtin_l2().unwrap();
@@ -125,17 +125,17 @@ fn nor_does_it_over_udp() {
         socket.connect(server.cycle.address().unwrap()).unwrap();
         socket
     });
-    let [owner, strangers @ ..] = &sockets;
+    let [owner, others @ ..] = &sockets;
     owner.send(&encode_client(&hello::<3>())).unwrap();
     wait_for("the Welcome", || server.tick(false).welcomed);
     let mut noise = Noise::new(7);
     let mut row = server.tick(false);
     for tick in 0..300 {
-        let stranger = &strangers[tick % strangers.len()];
-        stranger.send(&encode_client(&hello::<3>())).unwrap();
+        let other = &others[tick % others.len()];
+        other.send(&encode_client(&hello::<3>())).unwrap();
         if tick % 2 == 0 {
-            // Noise behind the Hello costs the stranger its place.
-            stranger.send(&noise.bytes(tick)).unwrap();
+            // Noise behind the Hello costs the other its place.
+            other.send(&noise.bytes(tick)).unwrap();
         }
         owner.send(&noise.bytes(tick % 3)).unwrap();
         let command = Command {
@@ -153,7 +153,7 @@ fn nor_does_it_over_udp() {
     assert!(counters.malformed > 100, "{counters:?}");
     assert_eq!(row.state.phase, Phase::Submit);
     let mut answer = [0; 100];
-    let count = strangers[1].recv(&mut answer).unwrap();
+    let count = others[1].recv(&mut answer).unwrap();
     let answer = decode_server::<3>(&Frame::parse(&answer[..count]).unwrap());
     assert_eq!(answer, Ok(ServerMessage::Refusal(Refusal::Busy)));
     owner.send(&[]).unwrap();
@@ -182,13 +182,13 @@ fn allocates_nothing<const N: usize, const M: usize>(mut server: Server<N, M>) {
     let mut crowd = Vec::new();
     for tick in 0..300 {
         if tick % 10 == 0 {
-            let mut stranger = Client::<N>::connect(server.cycle.address().unwrap());
+            let mut other = Client::<N>::connect(server.cycle.address().unwrap());
             if tick % 20 == 0 {
-                stranger.say_hello();
+                other.say_hello();
             } else {
-                stranger.send_bytes(&noise.bytes(9_000));
+                other.send_bytes(&noise.bytes(9_000));
             }
-            crowd.push(stranger);
+            crowd.push(other);
         }
         let row = server.answered(&mut client, Mode::Obtain, 100 * (tick % 50));
         assert_eq!(row.state.phase, Phase::Obtain);

@@ -51,6 +51,6 @@ fn three_seconds_over_real_sockets() {
     let minutes = real_time::run(Duration::from_secs(3), 5, |_| {});
     let summary = &minutes.summary;
     assert!(summary.sessions > 0 && summary.ticks > 0, "{minutes:?}");
-    assert!(minutes.strangers > 0, "{minutes:?}");
+    assert!(minutes.others > 0, "{minutes:?}");
     assert!(summary.largest_external_change_nm <= summary.external_limit_nm);
 }

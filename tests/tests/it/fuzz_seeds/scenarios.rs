@@ -61,7 +61,7 @@ impl Put for Op {
                 variant(4);
                 drift.put(bytes);
             }
-            Self::Resume(shares) => {
+            Self::RefusedWrite(shares) => {
                 variant(5);
                 shares.put(bytes);
             }
@@ -545,9 +545,9 @@ pub(crate) fn seeds() -> Vec<Seed> {
         (
             "machine_did_not_take_them",
             usual(&[
-                Op::Resume([[10, 0, 0]; 2]),
+                Op::RefusedWrite([[10, 0, 0]; 2]),
                 silence(20),
-                Op::Resume([[127; 3]; 2]),
+                Op::RefusedWrite([[127; 3]; 2]),
             ]),
         ),
         (

@@ -35,7 +35,7 @@ fn client(message: &ClientMessage<3>) -> Vec<u8> {
 }
 
 fn welcome<const N: usize>() -> Vec<u8> {
-    let position = Limits::new(100_000, 1_000, 2_000, 100).unwrap();
+    let position = gantry_tau_tests::server_fixture::limits(100_000, 1_000, 2_000, 100);
     let limits = AxisLimits {
         position,
         velocity: Limits::DISABLED,

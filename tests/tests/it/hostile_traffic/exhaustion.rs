@@ -15,24 +15,24 @@ fn descriptors() -> usize {
     std::fs::read_dir("/proc/self/fd").unwrap().count()
 }
 
-fn tick(duet: &mut SessionFixture<3>) {
-    let row = duet.answer(Mode::Obtain, AT);
+fn tick(session: &mut SessionFixture<3>) {
+    let row = session.answer(Mode::Obtain, AT);
     assert_eq!(row.state.phase, Phase::Obtain);
     assert_eq!(row.state.counters.missed, 0);
-    assert_eq!(duet.bench.bus.positions(), AT);
+    assert_eq!(session.server.bus.positions(), AT);
 }
 
 #[test]
 fn thousands_of_connections_come_and_go() {
-    let mut duet = SessionFixture::obtained(AT);
+    let mut session = SessionFixture::obtained(AT);
     #[cfg(target_os = "linux")]
     let before = descriptors();
     for round in 0..300 {
         let crowd: Vec<TcpStream> = (0..10)
-            .map(|_| TcpStream::connect(duet.bench.address()).unwrap())
+            .map(|_| TcpStream::connect(session.server.address()).unwrap())
             .collect();
         for _ in 0..5 {
-            tick(&mut duet);
+            tick(&mut session);
         }
         // Some are closed by their peers, some stay until the server has had enough of them.
         if round % 2 == 0 {
@@ -41,40 +41,40 @@ fn thousands_of_connections_come_and_go() {
     }
     // What waits in the system's queue comes in, is told that there is no room, and goes.
     for _ in 0..2_000 {
-        tick(&mut duet);
+        tick(&mut session);
     }
     // This process holds both ends of the connections, and those of the tests beside this one until they end.
     #[cfg(target_os = "linux")]
     wait_for("the descriptors of thousands", || {
-        tick(&mut duet);
+        tick(&mut session);
         descriptors() <= before + 8
     });
 }
 
 #[test]
 fn who_hardly_speaks_is_closed_and_a_newcomer_is_served() {
-    let mut duet = SessionFixture::obtained(AT);
+    let mut session = SessionFixture::obtained(AT);
     let hello = gantry_tau_core::control::wire::encode_client(&hello::<3>());
     let mut slow: Vec<Client<3>> = (0..5)
-        .map(|_| Client::connect(duet.bench.address()))
+        .map(|_| Client::connect(session.server.address()))
         .collect();
-    // A byte each now and then: never a whole Hello within the thousand ticks that a stranger has.
+    // A byte each now and then: never a whole Hello within the thousand ticks that another has.
     for at in 0..5 {
         for client in &mut slow {
             client.send_bytes(&hello[at..=at]);
         }
         for _ in 0..190 {
-            tick(&mut duet);
+            tick(&mut session);
         }
     }
     wait_for("the end of the slow ones", || {
-        tick(&mut duet);
+        tick(&mut session);
         slow.iter_mut().all(|client| !client.is_quiet())
     });
-    let mut next = Client::<3>::connect(duet.bench.address());
+    let mut next = Client::<3>::connect(session.server.address());
     next.say_hello();
     wait_for("the refusal", || {
-        tick(&mut duet);
+        tick(&mut session);
         !next.is_quiet()
     });
     assert_eq!(

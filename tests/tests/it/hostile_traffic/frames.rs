@@ -19,37 +19,37 @@ const VERSION_BYTE: usize = 2;
 
 #[test]
 fn a_frame_may_be_split_at_every_byte() {
-    let mut duet = SessionFixture::obtained([0; 3]);
+    let mut session = SessionFixture::obtained([0; 3]);
     for cut in 1..COMMAND {
         let nm = i32::try_from(cut).unwrap();
         let target = [10 * nm, -nm, 0];
-        let frame = duet.client.frame(Mode::Obtain, target);
+        let frame = session.client.frame(Mode::Obtain, target);
         assert_eq!(frame.len(), COMMAND);
-        assert_eq!(duet.deliver(&frame[..cut]), 0);
-        assert_eq!(duet.deliver(&frame[cut..]), 1);
-        assert_eq!(duet.tick().state.phase, Phase::Obtain);
-        assert_eq!(duet.bench.bus.positions(), target);
+        assert_eq!(session.deliver(&frame[..cut]), 0);
+        assert_eq!(session.deliver(&frame[cut..]), 1);
+        assert_eq!(session.tick().state.phase, Phase::Obtain);
+        assert_eq!(session.server.bus.positions(), target);
     }
-    let frame = duet.client.frame(Mode::Obtain, AT.map(|nm| nm / 10));
-    let counts: Vec<u8> = frame.iter().map(|byte| duet.deliver(&[*byte])).collect();
+    let frame = session.client.frame(Mode::Obtain, AT.map(|nm| nm / 10));
+    let counts: Vec<u8> = frame.iter().map(|byte| session.deliver(&[*byte])).collect();
     assert_eq!(counts.iter().sum::<u8>(), 1);
-    assert_eq!(duet.tick().state.counters.missed, 0);
-    assert_eq!(duet.bench.bus.positions(), AT.map(|nm| nm / 10));
+    assert_eq!(session.tick().state.counters.missed, 0);
+    assert_eq!(session.server.bus.positions(), AT.map(|nm| nm / 10));
 }
 
 #[test]
 fn a_frame_that_straddles_a_tick_is_late_and_not_broken() {
     for cut in 1..COMMAND {
-        let mut duet = SessionFixture::obtained([300, 0, 0]);
-        let frame = duet.client.frame(Mode::Obtain, [5_000; 3]);
-        assert_eq!(duet.deliver(&frame[..cut]), 0);
-        assert_eq!(duet.assert_held().state.counters.missed, 1);
-        assert_eq!(duet.deliver(&frame[cut..]), 1);
+        let mut session = SessionFixture::obtained([300, 0, 0]);
+        let frame = session.client.frame(Mode::Obtain, [5_000; 3]);
+        assert_eq!(session.deliver(&frame[..cut]), 0);
+        assert_eq!(session.assert_held().state.counters.missed, 1);
+        assert_eq!(session.deliver(&frame[cut..]), 1);
         if cut % 2 == 0 {
             // The late one alone does not help.
-            let _ = duet.assert_disconnect([300, 0, 0], Cause::NetworkLate);
+            let _ = session.assert_disconnect([300, 0, 0], Cause::NetworkLate);
         } else {
-            let row = duet.answer_after(1, [400, 0, 0]);
+            let row = session.answer_after(1, [400, 0, 0]);
             assert_eq!((row.state.counters.late, row.state.counters.missed), (1, 1));
         }
     }
@@ -57,134 +57,134 @@ fn a_frame_that_straddles_a_tick_is_late_and_not_broken() {
 
 #[test]
 fn of_eight_merged_frames_the_last_acts() {
-    let mut duet = SessionFixture::obtained([0; 3]);
+    let mut session = SessionFixture::obtained([0; 3]);
     let mut bytes = Vec::new();
     for nm in 1..=8 {
-        bytes.extend(duet.client.frame(Mode::Obtain, [nm, -nm, 2 * nm]));
+        bytes.extend(session.client.frame(Mode::Obtain, [nm, -nm, 2 * nm]));
     }
-    let ninth = duet.client.frame(Mode::Obtain, [9; 3]);
+    let ninth = session.client.frame(Mode::Obtain, [9; 3]);
     // A part of a ninth is no ninth.
     bytes.extend(&ninth[..COMMAND - 1]);
-    assert_eq!(duet.deliver(&bytes), 8);
-    let row = duet.tick();
-    assert_eq!(duet.bench.bus.positions(), [8, -8, 16]);
+    assert_eq!(session.deliver(&bytes), 8);
+    let row = session.tick();
+    assert_eq!(session.server.bus.positions(), [8, -8, 16]);
     assert_eq!(
         (row.state.phase, row.state.counters.late),
         (Phase::Obtain, 7)
     );
-    assert_eq!(duet.deliver(&ninth[COMMAND - 1..]), 1);
-    assert_eq!(duet.assert_held().state.counters.late, 8);
+    assert_eq!(session.deliver(&ninth[COMMAND - 1..]), 1);
+    assert_eq!(session.assert_held().state.counters.late, 8);
 }
 
 #[test]
 fn one_wrong_byte_ends_the_session_wherever_it_is() {
-    let mut bench = ServerFixture::default();
+    let mut server = ServerFixture::default();
     for index in 0..COMMAND {
         let from = [250, -150, 0];
-        let mut duet = SessionFixture::submitted_on(bench).obtain(from);
-        let mut frame = duet.client.frame(Mode::Obtain, [0; 3]);
+        let mut session = SessionFixture::submitted_on(server).obtain(from);
+        let mut frame = session.client.frame(Mode::Obtain, [0; 3]);
         frame[index] ^= 0xff;
-        assert_eq!(duet.deliver(&frame), 0);
+        assert_eq!(session.deliver(&frame), 0);
         if index == LENGTH_BYTE {
             // The server waits for the rest of a longer body: that is silence.
-            duet.assert_held();
-            bench = duet.assert_disconnect(from, Cause::ClientLate);
+            session.assert_held();
+            server = session.assert_disconnect(from, Cause::ClientLate);
             continue;
         }
-        duet.bench.assert_disconnect(from, Cause::Malformed);
+        session.server.assert_disconnect(from, Cause::Malformed);
         if index == VERSION_BYTE {
             let supported = PROTOCOL_VERSION;
-            assert_eq!(duet.client.refusal(), Refusal::Version { supported });
+            assert_eq!(session.client.refusal(), Refusal::Version { supported });
         } else {
-            duet.client.assert_closed();
+            session.client.assert_closed();
         }
-        bench = duet.bench;
+        server = session.server;
     }
 }
 
 #[test]
 fn random_bytes_end_the_session_even_after_a_good_frame() {
     let mut noise = Noise::new(2013);
-    let mut bench = ServerFixture::default();
+    let mut server = ServerFixture::default();
     for round in 0..40 {
         let from = [250, -150, 50];
-        let mut duet = SessionFixture::submitted_on(bench).obtain(from);
+        let mut session = SessionFixture::submitted_on(server).obtain(from);
         let mut bytes = Vec::new();
         if round % 2 == 0 {
-            bytes = duet.client.frame(Mode::Obtain, [2_000; 3]);
+            bytes = session.client.frame(Mode::Obtain, [2_000; 3]);
         }
         // A header is judged once it is whole.
         let count = 6 + noise.below(600);
         bytes.extend(noise.bytes(count));
-        assert_eq!(duet.deliver(&bytes), u8::from(round % 2 == 0));
-        duet.bench.assert_disconnect(from, Cause::Malformed);
-        duet.client.assert_closed();
-        bench = duet.bench;
+        assert_eq!(session.deliver(&bytes), u8::from(round % 2 == 0));
+        session.server.assert_disconnect(from, Cause::Malformed);
+        session.client.assert_closed();
+        server = session.server;
     }
 }
 
 #[test]
 fn a_ninth_frame_in_a_tick_ends_the_session_in_that_tick() {
-    let mut duet = SessionFixture::obtained(AT);
+    let mut session = SessionFixture::obtained(AT);
     let mut bytes = Vec::new();
     for _ in 0..9 {
-        bytes.extend(duet.client.frame(Mode::Obtain, AT));
+        bytes.extend(session.client.frame(Mode::Obtain, AT));
     }
-    assert_eq!(duet.deliver(&bytes), 8);
-    duet.bench.assert_disconnect(AT, Cause::Flood);
-    duet.client.assert_closed();
+    assert_eq!(session.deliver(&bytes), 8);
+    session.server.assert_disconnect(AT, Cause::Flood);
+    session.client.assert_closed();
 }
 
 #[test]
 fn a_ninth_frame_counts_across_visits_to_the_socket() {
-    let mut duet = SessionFixture::obtained(AT);
+    let mut session = SessionFixture::obtained(AT);
     for count in 1..=8 {
-        let frame = duet.client.frame(Mode::Obtain, AT);
-        assert_eq!(duet.deliver(&frame), count);
+        let frame = session.client.frame(Mode::Obtain, AT);
+        assert_eq!(session.deliver(&frame), count);
     }
-    let frame = duet.client.frame(Mode::Obtain, AT);
-    assert_eq!(duet.deliver(&frame), 8);
-    duet.bench.assert_disconnect(AT, Cause::Flood);
+    let frame = session.client.frame(Mode::Obtain, AT);
+    assert_eq!(session.deliver(&frame), 8);
+    session.server.assert_disconnect(AT, Cause::Flood);
 }
 
 #[test]
 fn megabytes_of_good_frames_end_the_session_and_nothing_else() {
-    let mut duet = SessionFixture::obtained(AT);
-    let frame = duet.client.frame(Mode::Obtain, AT);
+    let mut session = SessionFixture::obtained(AT);
+    let frame = session.client.frame(Mode::Obtain, AT);
     let bytes = frame.repeat(8 * 1024 * 1024 / COMMAND);
-    let mut writer = duet.client.writer();
+    let mut writer = session.client.writer();
     let flood = std::thread::spawn(move || writer.write_all(&bytes).is_err());
-    duet.bench.await_bytes(9 * COMMAND);
-    duet.bench.assert_disconnect(AT, Cause::Flood);
+    session.server.await_bytes(9 * COMMAND);
+    session.server.assert_disconnect(AT, Cause::Flood);
     assert!(flood.join().unwrap(), "the server took eight megabytes");
-    let mut next = SessionFixture::submitted_on(duet.bench);
+    let mut next = SessionFixture::submitted_on(session.server);
     assert_eq!(next.answer(Mode::Obtain, [5; 3]).state.phase, Phase::Obtain);
-    assert_eq!(next.bench.bus.positions(), [5; 3]);
+    assert_eq!(next.server.bus.positions(), [5; 3]);
 }
 
 #[test]
 fn one_visit_takes_a_bounded_part_of_a_flood() {
-    let mut duet = SessionFixture::obtained(AT);
-    let frame = duet.client.frame(Mode::Obtain, AT);
+    let mut session = SessionFixture::obtained(AT);
+    let frame = session.client.frame(Mode::Obtain, AT);
     let flood = frame.repeat(60_000 / COMMAND);
-    duet.client.send_bytes(&flood);
-    duet.bench.await_bytes(flood.len());
-    duet.bench.receive();
-    let taken = flood.len() - duet.bench.unread(flood.len());
+    session.client.send_bytes(&flood);
+    session.server.await_bytes(flood.len());
+    session.server.receive();
+    let taken = flood.len() - session.server.unread(flood.len());
     assert!((9 * COMMAND..=8_192).contains(&taken), "{taken} bytes");
-    duet.bench.assert_disconnect(AT, Cause::Flood);
+    session.server.assert_disconnect(AT, Cause::Flood);
 }
 
 #[test]
 fn a_flood_during_the_ramp_costs_the_flooder_its_connection_only() {
-    let mut duet = SessionFixture::obtained(AT);
-    duet.tick();
-    duet.tick();
-    let frame = duet.client.frame(Mode::Obtain, AT);
-    duet.deliver(&frame.repeat(9));
+    let mut session = SessionFixture::obtained(AT);
+    session.tick();
+    session.tick();
+    let frame = session.client.frame(Mode::Obtain, AT);
+    session.deliver(&frame.repeat(9));
     let ramping = AT.map(|nm: i32| nm.signum() * (nm.abs() - 100).max(0));
-    duet.bench.assert_ramp(ramping, Phase::SafeDisconnect);
-    while let Some(message) = duet.client.receive() {
+    session.server.assert_ramp(ramping, Phase::SafeDisconnect);
+    while let Some(message) = session.client.receive() {
         assert!(matches!(message, ServerMessage::State(_)), "{message:?}");
     }
 }

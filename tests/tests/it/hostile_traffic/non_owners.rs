@@ -1,4 +1,4 @@
-//! Everybody else: strangers beside a session get their answers, and the session is what it would be without them (T7).
+//! Everybody else: others beside a session get their answers, and the session is what it would be without them (T7).
 
 use std::io::Write;
 use std::net::SocketAddr;
@@ -16,120 +16,120 @@ use super::AT;
 
 /// The session goes on until `done`; its references do not move.
 fn answer_until(
-    duet: &mut SessionFixture<3>,
+    session: &mut SessionFixture<3>,
     what: &str,
     mut done: impl FnMut(&mut SessionFixture<3>) -> bool,
 ) {
     wait_for(what, || {
-        assert_eq!(duet.answer(Mode::Obtain, AT).state.phase, Phase::Obtain);
-        assert_eq!(duet.bench.bus.positions(), AT);
-        done(duet)
+        assert_eq!(session.answer(Mode::Obtain, AT).state.phase, Phase::Obtain);
+        assert_eq!(session.server.bus.positions(), AT);
+        done(session)
     });
 }
 
-fn stranger(duet: &SessionFixture<3>) -> Client<3> {
-    let mut stranger = Client::connect(duet.bench.address());
+fn other(session: &SessionFixture<3>) -> Client<3> {
+    let mut other = Client::connect(session.server.address());
     // It knows everything the owner knows.
-    stranger.epoch = duet.client.epoch;
-    stranger
+    other.epoch = session.client.epoch;
+    other
 }
 
 #[test]
 fn a_second_client_is_told_busy_and_closed() {
-    let mut duet = SessionFixture::obtained(AT);
+    let mut session = SessionFixture::obtained(AT);
     for _ in 0..10 {
-        let mut stranger = stranger(&duet);
-        stranger.say_hello();
-        answer_until(&mut duet, "the refusal", |_| !stranger.is_quiet());
-        assert_eq!(stranger.refusal(), Refusal::Busy);
+        let mut other = other(&session);
+        other.say_hello();
+        answer_until(&mut session, "the refusal", |_| !other.is_quiet());
+        assert_eq!(other.refusal(), Refusal::Busy);
     }
 }
 
 #[test]
 fn a_stranger_cannot_stop_leave_or_command_for_the_owner() {
-    let mut duet = SessionFixture::obtained(AT);
-    let epoch = duet.client.epoch;
+    let mut session = SessionFixture::obtained(AT);
+    let epoch = session.client.epoch;
     for count in 1..=9 {
-        let mut stranger = stranger(&duet);
-        stranger.tick = duet.client.tick;
-        stranger.sequence = duet.client.sequence + 100;
-        let command = stranger.command(Mode::Obtain, [0; 3]);
-        stranger.send(&match count % 3 {
+        let mut other = other(&session);
+        other.tick = session.client.tick;
+        other.sequence = session.client.sequence + 100;
+        let command = other.command(Mode::Obtain, [0; 3]);
+        other.send(&match count % 3 {
             0 => ClientMessage::Stop(epoch),
             1 => ClientMessage::Goodbye(epoch),
             _ => ClientMessage::Command(command),
         });
-        answer_until(&mut duet, "the stranger's frame", |duet| {
-            duet.bench.strangers() == count
+        answer_until(&mut session, "the other's frame", |session| {
+            session.server.non_owner() == count
         });
-        assert!(stranger.is_quiet());
+        assert!(other.is_quiet());
     }
 }
 
 #[test]
 fn a_stranger_with_broken_frames_or_too_many_is_closed() {
-    let mut duet = SessionFixture::obtained(AT);
+    let mut session = SessionFixture::obtained(AT);
     let mut noise = Noise::new(7);
-    let frame = encode_client(&ClientMessage::<3>::Stop(duet.client.epoch));
+    let frame = encode_client(&ClientMessage::<3>::Stop(session.client.epoch));
     for bytes in [noise.bytes(200), frame.repeat(2), frame.repeat(1_000)] {
-        let mut stranger = stranger(&duet);
-        stranger.send_bytes(&bytes);
-        answer_until(&mut duet, "the stranger's end", |_| !stranger.is_quiet());
-        stranger.assert_closed();
+        let mut other = other(&session);
+        other.send_bytes(&bytes);
+        answer_until(&mut session, "the other's end", |_| !other.is_quiet());
+        other.assert_closed();
     }
 }
 
 #[test]
 fn megabytes_of_a_stranger_cost_it_its_connection() {
-    let mut duet = SessionFixture::obtained(AT);
+    let mut session = SessionFixture::obtained(AT);
     for bytes in [
         Noise::new(9).bytes(8 << 20),
-        enclose(1, 6, &duet.client.epoch.0.to_le_bytes()).repeat(1 << 18),
+        enclose(1, 6, &session.client.epoch.0.to_le_bytes()).repeat(1 << 18),
     ] {
-        let mut writer = stranger(&duet).writer();
+        let mut writer = other(&session).writer();
         let flood = std::thread::spawn(move || writer.write_all(&bytes).is_err());
-        answer_until(&mut duet, "the flood's end", |_| flood.is_finished());
+        answer_until(&mut session, "the flood's end", |_| flood.is_finished());
         assert!(flood.join().unwrap(), "the server took it all");
     }
 }
 
 #[test]
 fn for_the_seventh_there_is_no_room_until_somebody_leaves() {
-    let mut duet = SessionFixture::obtained(AT);
-    let idle: Vec<_> = (1..CONNECTIONS).map(|_| stranger(&duet)).collect();
+    let mut session = SessionFixture::obtained(AT);
+    let idle: Vec<_> = (1..CONNECTIONS).map(|_| other(&session)).collect();
     for _ in 0..5 {
-        let mut seventh = stranger(&duet);
-        answer_until(&mut duet, "the word for the seventh", |_| {
+        let mut seventh = other(&session);
+        answer_until(&mut session, "the word for the seventh", |_| {
             !seventh.is_quiet()
         });
         assert_eq!(seventh.refusal(), Refusal::Unavailable);
     }
-    for mut stranger in idle {
-        assert!(stranger.is_quiet());
-        stranger.say_hello();
-        answer_until(&mut duet, "the refusal", |_| !stranger.is_quiet());
-        assert_eq!(stranger.refusal(), Refusal::Busy);
+    for mut other in idle {
+        assert!(other.is_quiet());
+        other.say_hello();
+        answer_until(&mut session, "the refusal", |_| !other.is_quiet());
+        assert_eq!(other.refusal(), Refusal::Busy);
     }
 }
 
 #[test]
 fn there_is_room_again_once_an_idle_stranger_leaves() {
     // All places are taken by connections that never speak; one of them leaves.
-    let mut bench = ServerFixture::<3>::default();
+    let mut server = ServerFixture::<3>::default();
     let mut idle: Vec<_> = (0..CONNECTIONS)
-        .map(|_| Client::<3>::connect(bench.address()))
+        .map(|_| Client::<3>::connect(server.address()))
         .collect();
-    let mut late = Client::<3>::connect(bench.address());
+    let mut late = Client::<3>::connect(server.address());
     wait_for("the word for the seventh", || {
-        bench.receive();
-        bench.step();
+        server.receive();
+        server.step();
         !late.is_quiet()
     });
     assert_eq!(late.refusal(), Refusal::Unavailable);
     idle.pop();
-    let mut bench = Some(bench);
+    let mut server = Some(server);
     wait_for("room", || {
-        let mut running = bench.take().unwrap();
+        let mut running = server.take().unwrap();
         let mut client = Client::<3>::connect(running.address());
         client.say_hello();
         let mut welcomed = false;
@@ -138,7 +138,7 @@ fn there_is_room_again_once_an_idle_stranger_leaves() {
             welcomed |= running.step().welcomed;
             !client.is_quiet()
         });
-        bench = Some(running);
+        server = Some(running);
         welcomed
     });
 }
@@ -147,25 +147,25 @@ fn there_is_room_again_once_an_idle_stranger_leaves() {
 fn play(
     mut beside: impl FnMut(&SessionFixture<3>, usize),
 ) -> (SessionFixture<3>, Vec<[Reference; 3]>) {
-    let mut duet = SessionFixture::submitted_on(ServerFixture::default());
-    let from = duet.bench.bus.writes();
+    let mut session = SessionFixture::submitted_on(ServerFixture::default());
+    let from = session.server.bus.writes();
     for tick in 0..120 {
-        beside(&duet, tick);
+        beside(&session, tick);
         let nm = i32::try_from(tick).unwrap();
         if tick % 10 == 9 {
-            duet.bench.receive();
-            duet.tick();
+            session.server.receive();
+            session.tick();
         } else {
-            duet.answer(Mode::Obtain, [nm * 700, -nm * 900, nm % 7]);
+            session.answer(Mode::Obtain, [nm * 700, -nm * 900, nm % 7]);
         }
     }
-    let written = duet.bench.bus.record().written[from..].to_vec();
-    (duet, written)
+    let written = session.server.bus.record().written[from..].to_vec();
+    (session, written)
 }
 
-/// Whatever a stranger can think of.
-fn mischief(noise: &mut Noise, duet: &SessionFixture<3>) -> Vec<u8> {
-    let epoch = duet.client.epoch;
+/// Whatever another can think of.
+fn mischief(noise: &mut Noise, session: &SessionFixture<3>) -> Vec<u8> {
+    let epoch = session.client.epoch;
     match noise.below(6) {
         0 => encode_client(&gantry_tau_tests::client::hello::<3>()).to_vec(),
         1 => encode_client(&ClientMessage::<3>::Stop(epoch)).to_vec(),
@@ -185,14 +185,14 @@ fn a_crowd_changes_no_reference() {
     for seed in 1..=5 {
         let mut noise = Noise::new(seed);
         let mut crowd = Vec::new();
-        let (mut duet, crowded) = play(|duet, _| {
+        let (mut session, crowded) = play(|session, _| {
             for _ in 0..noise.below(4) {
-                let mut stranger = stranger(duet);
-                stranger.send_bytes(&mischief(&mut noise, duet));
+                let mut other = other(session);
+                other.send_bytes(&mischief(&mut noise, session));
                 match noise.below(3) {
-                    0 => stranger.reset(),
-                    1 => drop(stranger),
-                    _ => crowd.push(stranger),
+                    0 => other.reset(),
+                    1 => drop(other),
+                    _ => crowd.push(other),
                 }
                 if crowd.len() > 8 {
                     crowd.remove(0);
@@ -201,27 +201,27 @@ fn a_crowd_changes_no_reference() {
         });
         assert_eq!(crowded, alone, "seed {seed}");
         // The crowd was there.
-        wait_for("a stranger's frame", || {
-            duet.answer(Mode::Obtain, [0; 3]);
-            duet.bench.strangers() > 0
+        wait_for("another's frame", || {
+            session.answer(Mode::Obtain, [0; 3]);
+            session.server.non_owner() > 0
         });
     }
 }
 
 #[test]
 fn a_crowd_before_the_first_session_is_no_session() {
-    let mut bench = ServerFixture::<3>::default();
-    let address: SocketAddr = bench.address();
+    let mut server = ServerFixture::<3>::default();
+    let address: SocketAddr = server.address();
     let mut noise = Noise::new(99);
     for _ in 0..200 {
-        let mut stranger = Client::<3>::connect(address);
+        let mut other = Client::<3>::connect(address);
         let count = 6 + noise.below(300);
-        stranger.send_bytes(&noise.bytes(count));
-        bench.receive();
-        assert_eq!(bench.step().state.phase, Phase::Listening);
+        other.send_bytes(&noise.bytes(count));
+        server.receive();
+        assert_eq!(server.step().state.phase, Phase::Listening);
     }
     assert_eq!(
-        SessionFixture::submitted_on(bench).bench.phase(),
+        SessionFixture::submitted_on(server).server.phase(),
         Phase::Submit
     );
 }
