@@ -2,10 +2,11 @@
 
 use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::control::message::{AxisLimits, State};
+use gantry_tau_core::control::monitor::ChannelKind;
 use gantry_tau_core::control::session::Session;
 use gantry_tau_core::units::OffsetNm;
 use gantry_tau_core::verification::control::{Accepted, Trace, parts};
-use gantry_tau_core::{PositionNm, Reference, Travel};
+use gantry_tau_core::{Offsets, PositionNm, Reference, Travel};
 
 use crate::monitor;
 
@@ -43,17 +44,59 @@ fn monitor_gap_is_flagged_exactly() {
     kani::cover!(true, "the end is reached");
 }
 
+/// Any State whose axis has offsets and shadow in one channel only.
+fn any_state(kind: ChannelKind) -> State<1> {
+    let mut state: State<1> = kani::any();
+    let axis = &mut state.axes[0];
+    (axis.offsets, axis.shadow) = (only(axis.offsets, kind), only(axis.shadow, kind));
+    state
+}
+
+/// The offset of one channel; the others at zero.
+fn only(offsets: Offsets, kind: ChannelKind) -> Offsets {
+    match kind {
+        ChannelKind::Position => Offsets::position(offsets.position),
+        ChannelKind::Velocity => Offsets {
+            velocity: offsets.velocity,
+            ..Offsets::ZERO
+        },
+        ChannelKind::Torque => Offsets {
+            torque: offsets.torque,
+            ..Offsets::ZERO
+        },
+    }
+}
+
+/// Any two States that follow each other, in one channel.
+fn check_states(kind: ChannelKind) {
+    let limits: [AxisLimits; 1] = kani::any();
+    let (before, state) = (any_state(kind), any_state(kind));
+    monitor::state_is_flagged_exactly(&limits, &before, &state);
+    kani::cover!(
+        state.axes[0].offsets != Offsets::ZERO,
+        "some offsets are not zero"
+    );
+}
+
 #[kani::proof]
 #[kani::unwind(4)]
 #[kani::solver(minisat)]
-fn monitor_state_is_flagged_exactly() {
-    let limits: [AxisLimits; 1] = kani::any();
-    let (before, state): (State<1>, State<1>) = (kani::any(), kani::any());
-    monitor::state_is_flagged_exactly(&limits, &before, &state);
-    kani::cover!(
-        state.axes[0].offsets.position.0 != 0,
-        "some offsets are not zero"
-    );
+fn monitor_position_is_flagged_exactly() {
+    check_states(ChannelKind::Position);
+}
+
+#[kani::proof]
+#[kani::unwind(4)]
+#[kani::solver(minisat)]
+fn monitor_velocity_is_flagged_exactly() {
+    check_states(ChannelKind::Velocity);
+}
+
+#[kani::proof]
+#[kani::unwind(4)]
+#[kani::solver(minisat)]
+fn monitor_torque_is_flagged_exactly() {
+    check_states(ChannelKind::Torque);
 }
 
 #[kani::proof]
