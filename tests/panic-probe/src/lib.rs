@@ -4,18 +4,18 @@
 
 use core::hint::black_box;
 
-use gantry_tau_core::control::axis::{Actual, Offsets};
-use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
-use gantry_tau_core::control::session::Session;
-use gantry_tau_core::control::session::config::{Config, Parameters};
-use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::client::Requirements;
+use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
 use gantry_tau_core::model::kinematics::{Pose, WARM_ITERATIONS};
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2};
-use gantry_tau_core::units::{Epoch, PositionNm, Tick};
+use gantry_tau_core::{
+    BlackBox, Client, Config, Connection, Endpoint, EpochRange, Mode, Monitor, MotorMap, Offsets,
+    Parameters, PositionNm, Session, Start, State, TickInput, Transport,
+};
 use nalgebra::{Matrix3, Vector3};
 
 unsafe extern "C" {
@@ -28,25 +28,25 @@ fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
     unsafe { gantry_tau_panic() }
 }
 
-/// Everything the server side does, on six axes: start, open, feed, tick, close.
+/// The server side on six axes: start, open, feed, tick, poll, close, and the black box.
 #[unsafe(no_mangle)]
 pub extern "C" fn server(
     parameters: &Parameters<6>,
-    in_force: &[Offsets; 6],
+    start: &Start<6>,
     bytes: &[u8; 64],
-    elapsed: u32,
+    input: &TickInput<6>,
 ) -> i64 {
     let Ok(config) = Config::new(*parameters) else {
         return 0;
     };
-    let nominal = [PositionNm(black_box(0)); 6];
-    let Ok(session) = Session::new(config, in_force, nominal, Tick(0), Epoch(0)) else {
+    let Ok(session) = Session::new(config, start) else {
         return 0;
     };
-    let Ok(motors) = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]) else {
+    let Ok(motors) = MotorMap::<6, 9>::new([0, 0, 1, 1, 2, 2, 3, 4, 5]) else {
         return 0;
     };
-    let mut endpoint = Endpoint::<6, 9, 4>::new(session, motors);
+    let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
+    let mut black_box_of_ticks = BlackBox::<6, 4>::new();
     let (Ok(stream), Ok(datagrams)) = (
         endpoint.open(Transport::Stream),
         endpoint.open(Transport::Datagram),
@@ -56,26 +56,51 @@ pub extern "C" fn server(
     endpoint.feed(stream, bytes);
     endpoint.feed(datagrams, bytes);
     endpoint.close(Connection(black_box(1)));
-    let cycle = Cycle {
-        elapsed,
-        nominal,
-        actual: [Actual::default(); 6],
-        stop: black_box(false),
-        rearm: black_box(false),
-        next_epoch: Epoch(black_box(1)),
-        arrival_us: 0,
-    };
     let mut sum = 0_i64;
-    let turn = endpoint.tick(&cycle, &mut |_, bytes| {
-        sum = sum.wrapping_add(i64::from(bytes.first().copied().unwrap_or(0)));
-    });
-    for motor in &turn.motors {
+    let motors = endpoint.tick_recorded(input, &mut black_box_of_ticks);
+    for motor in motors.iter().flatten() {
         sum = sum.wrapping_add(motor.position.0);
     }
+    while let Some((_, bytes)) = endpoint.poll_transmit() {
+        sum = sum.wrapping_add(i64::from(bytes.first().copied().unwrap_or(0)));
+    }
+    while let Some(Connection(number)) = endpoint.poll_close() {
+        sum = sum.wrapping_add(i64::from(number != 0));
+    }
+    black_box_of_ticks.release();
     sum
 }
 
-/// Everything the client side does: validate, tare, filter, compensate.
+/// The client's half of the protocol, and the monitor.
+#[unsafe(no_mangle)]
+pub extern "C" fn dialogue(
+    bytes: &[u8; 64],
+    targets: &[Offsets; 6],
+    state: &State<6>,
+    monitor: &mut Monitor<6>,
+) -> i64 {
+    let requirements = Requirements {
+        capabilities: Capabilities::NONE,
+        cycle_us: Some(1_000),
+        kinematics_checksum: Some(black_box(0)),
+    };
+    let mut client = Client::<6>::new(Transport::Stream, requirements);
+    let hello = client.hello();
+    let (consumed, event) = client.feed(bytes);
+    let answer = client.answer(Mode::Obtain, targets);
+    let goodbye = client.goodbye();
+    let told = [hello, goodbye, client.stop()];
+    let sent = told
+        .iter()
+        .flatten()
+        .map(|frame| frame.len())
+        .sum::<usize>();
+    let checked = monitor.check_state(state).is_ok();
+    let heard = event.is_ok() && answer.is_some_and(|answer| answer.is_saturated());
+    i64::try_from(sent.wrapping_add(consumed)).unwrap_or(0) + i64::from(checked && heard)
+}
+
+/// Compensation: validate, tare, filter, compensate.
 #[unsafe(no_mangle)]
 pub extern "C" fn client(
     geometry: &l2::Geometry,
