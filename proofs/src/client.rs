@@ -27,7 +27,9 @@ pub fn answer_is_right<const N: usize>(before: &Dialogue<N>, mode: Mode, targets
         session.unanswered && !session.ended && session.leaving.is_none(),
         "T24: a command answers a State that waits, before any Goodbye"
     );
-    let last = session.last.expect("a State waits");
+    let Some(last) = session.last else {
+        panic!("T24: a State waits")
+    };
     assert!(
         command.echo == last.tick && command.epoch == session.welcome.epoch,
         "T24: never an old State"
@@ -81,7 +83,9 @@ pub fn message_is_right<const N: usize>(before: &Dialogue<N>, message: ServerMes
     assert!(after.is_valid(), "the invariant is kept");
     match result {
         Ok(Some(Event::State(state))) => {
-            let welcome = before.welcome().expect("a session");
+            let Some(welcome) = before.welcome() else {
+                panic!("T24: a session")
+            };
             assert!(
                 state.epoch == welcome.epoch && state.tick >= welcome.tick,
                 "T24: a State of this session"
@@ -125,7 +129,9 @@ pub fn goodbye_is_right<const N: usize>(before: &Dialogue<N>, mode: Mode, target
         assert!(after == *before, "without a Goodbye nothing changes");
         return;
     };
-    let welcome = before.welcome().expect("a session");
+    let Some(welcome) = before.welcome() else {
+        panic!("T24: a session")
+    };
     assert!(
         epoch == welcome.epoch && !before.is_over(),
         "a Goodbye of the running session"

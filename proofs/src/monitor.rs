@@ -71,7 +71,9 @@ pub fn sample_is_flagged_exactly(
         result.is_err() == broken,
         "T24: exactly what breaks a limit"
     );
-    let now = trace.expect("a sample was taken");
+    let Some(now) = trace else {
+        panic!("T24: a sample was taken")
+    };
     assert!(now.value == value, "T24: the monitor goes on");
     if let (1, Some(before)) = (steps, before) {
         assert!(
@@ -227,8 +229,8 @@ fn watching<const N: usize>(session: &Session<N>) -> Monitor<N> {
     );
     let mut seen = *monitor_parts(&monitor);
     let inside = session.parts();
-    for index in 0..N {
-        let (axis, config) = (&inside.axes[index], &axes[index]);
+    for (index, config) in axes.iter().enumerate() {
+        let axis = &inside.axes[index];
         let channels = &axis.channels;
         let trace = |value: i32, change: i32| {
             Some(Trace {

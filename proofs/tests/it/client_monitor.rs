@@ -1,6 +1,7 @@
 //! T24 on stable Rust: single steps over their whole domain, and sequences.
 #![allow(
     clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
     clippy::unwrap_used,
     reason = "a strategy that makes what is not valid must panic"
 )]
