@@ -10,6 +10,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
+use gantry_tau_core::control::client as protocol;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Cause, Refusal};
 
@@ -93,6 +94,17 @@ pub enum ClientError {
     SensorSilent(String),
     /// The machine's model or the recording cannot be used.
     Setup(String),
+}
+
+impl From<protocol::ClientError> for ClientError {
+    fn from(error: protocol::ClientError) -> Self {
+        match error {
+            protocol::ClientError::GoodbyeUnheard { states } => Self::Vanished(format!(
+                "it has not acknowledged the Goodbye within {states} States"
+            )),
+            error => Self::Incompatible(error.to_string()),
+        }
+    }
 }
 
 impl ClientError {

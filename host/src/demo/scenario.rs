@@ -6,10 +6,9 @@ use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use gantry_tau_core::control::client::Requirements;
 use gantry_tau_core::control::endpoint::Transport;
-use gantry_tau_core::control::message::{
-    Capabilities, ClientMessage, Hello, Phase, Refusal, ServerMessage,
-};
+use gantry_tau_core::control::message::{Capabilities, Phase, Refusal};
 use gantry_tau_core::units::EpochRange;
 use indicatif::ProgressBar;
 
@@ -306,29 +305,33 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
     }
 
     fn newcomer_during_the_ramp(&mut self) -> Result<Refusal, Failure> {
-        match self.newcomer()?.1 {
-            ServerMessage::Refusal(refusal) => {
+        match self.newcomer()?.greet() {
+            Err(ClientError::Refused(refusal)) => {
                 self.say(&format!("a newcomer is refused: {refusal}"));
                 Ok(refusal)
             }
-            _ => Err(Failure::Error(DemoError::Failed(
+            Err(error) => Err(error.into()),
+            Ok(_) => Err(Failure::Error(DemoError::Failed(
                 "a newcomer was granted the session during the ramp".to_owned(),
             ))),
         }
     }
 
     fn newcomer_after_the_ramp(&mut self) -> Result<(), Failure> {
-        let (mut link, answer) = self.newcomer()?;
-        let ServerMessage::Welcome(welcome) = answer else {
-            return Err(Failure::Error(DemoError::Failed(
-                "a newcomer was not granted the session after the ramp".to_owned(),
-            )));
+        let mut link = self.newcomer()?;
+        let welcome = match link.greet() {
+            Err(ClientError::Refused(_)) => {
+                return Err(Failure::Error(DemoError::Failed(
+                    "a newcomer was not granted the session after the ramp".to_owned(),
+                )));
+            }
+            answer => answer?,
         };
         self.say(&format!(
             "all offsets are zero: a newcomer is granted session {}",
             welcome.epoch.0
         ));
-        link.send(&ClientMessage::Goodbye(welcome.epoch))?;
+        link.goodbye()?;
         self.sampler
             .until(true, |_| {}, |sample| sample.phase == Phase::SafeDisconnect)?;
         self.sampler
@@ -336,15 +339,14 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
         Ok(())
     }
 
-    /// Requests the session from another client, on another connection.
-    fn newcomer(&mut self) -> Result<(Connection<N>, ServerMessage<N>), Failure> {
-        let mut connection = Connection::connect(self.server.address, NEWCOMER_SILENCE)?;
-        connection.send(&ClientMessage::Hello(Hello {
-            axes: u8::try_from(N).unwrap_or(u8::MAX),
+    /// Connects another client.
+    fn newcomer(&self) -> Result<Connection<N>, ClientError> {
+        let requirements = Requirements {
             capabilities: Capabilities::LOCKSTEP,
-        }))?;
-        let answer = connection.receive()?;
-        Ok((connection, answer))
+            ..Requirements::default()
+        };
+        let address = self.server.address;
+        Connection::open(Transport::Stream, address, NEWCOMER_SILENCE, requirements)
     }
 
     fn wait_for(&mut self, phase: Phase) -> Result<Sample<N>, Failure> {
