@@ -215,7 +215,7 @@ fn input<const N: usize>(
     }
 }
 
-/// A window of a session in which anything may have happened.
+/// Returns a window of a session with random events.
 fn window<const N: usize>(seed: u64) -> Window<N> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let offsets = Offsets {

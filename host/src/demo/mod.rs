@@ -131,7 +131,7 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
                 Err(DemoError::Lost(reason)) => {
                     say(format_args!(
                         "{reason}\nOther programs delay this one; a session tolerates one missed deadline, not two in a row.\n\
-                         Starting again from the beginning in lock-step (the server waits for its client, link times are no measurement)."
+                         Starting again from the beginning in lock-step (the server waits for its client, link times mean nothing)."
                     ));
                     let ticks = TickSource::Lockstep;
                     (ticks, play::<K, N, M>(options, ticks, false)?)

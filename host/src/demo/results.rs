@@ -123,15 +123,11 @@ impl Results {
                 .unwrap_or(0),
             complaints: Vec::new(),
         };
-        results.complain(options, recording);
+        results.complain(recording);
         results
     }
 
-    fn complain<K, const N: usize>(
-        &mut self,
-        options: &DemoOptions<K, N>,
-        recording: &Recording<N>,
-    ) {
+    fn complain<const N: usize>(&mut self, recording: &Recording<N>) {
         let mut complaints = Vec::new();
         for step in self.steps.iter().filter(|step| !step.beyond_jump) {
             let turn = (self.axes > ARMS).then_some(("turning", step.remaining_turn_share));
@@ -157,21 +153,8 @@ impl Results {
                 ramp.ticks, ramp.expected_ticks
             ));
         }
-        let rate = options
-            .robot
-            .limits
-            .map(|axis| axis.position.ramp.unsigned_abs());
-        if ramp.largest_change_nm > rate.into_iter().max().unwrap_or(0) {
-            complaints.push(format!(
-                "the ramp changed by {} nm in a tick",
-                ramp.largest_change_nm
-            ));
-        }
-        if self.largest_reference_change_nm > u64::from(self.allowed_reference_change_nm) {
-            complaints.push(format!(
-                "a reference changed by {} nm in a tick",
-                self.largest_reference_change_nm
-            ));
+        if let Some((tick, violation)) = recording.violation {
+            complaints.push(format!("tick {}: {violation}", tick.0));
         }
         if recording.dropped > 0 {
             complaints.push(format!("{} ticks were not sampled", recording.dropped));

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use gantry_tau_core::control::message::{Cause, Phase};
+use gantry_tau_core::control::monitor::{Monitor, Violation};
 use gantry_tau_core::units::Tick;
 
 use crate::server::cycle::Row;
@@ -73,17 +74,22 @@ pub(super) enum Waiting {
     Stuck,
 }
 
-/// Collects every row.
+/// Collects every row, and checks it against the limits.
 pub(super) struct Sampler<const N: usize> {
     rows: rtrb::Consumer<Row<N>>,
+    monitor: Monitor<N>,
     pub(super) samples: Vec<Sample<N>>,
+    /// The first broken limit and its tick.
+    pub(super) violation: Option<(Tick, Violation)>,
 }
 
 impl<const N: usize> Sampler<N> {
-    pub(super) const fn new(rows: rtrb::Consumer<Row<N>>) -> Self {
+    pub(super) const fn new(rows: rtrb::Consumer<Row<N>>, monitor: Monitor<N>) -> Self {
         Self {
             rows,
+            monitor,
             samples: Vec::new(),
+            violation: None,
         }
     }
 
@@ -106,6 +112,9 @@ impl<const N: usize> Sampler<N> {
                 continue;
             };
             idle = Duration::ZERO;
+            if let Err(violation) = self.monitor.check_tick(&row.state, &row.references) {
+                self.violation.get_or_insert((row.state.tick, violation));
+            }
             let sample = Sample::of(&row);
             self.samples.push(sample);
             each(&sample);

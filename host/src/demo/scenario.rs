@@ -9,7 +9,8 @@ use std::time::Duration;
 use gantry_tau_core::control::client::Requirements;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Phase, Refusal};
-use gantry_tau_core::units::EpochRange;
+use gantry_tau_core::control::monitor::{Monitor, Violation};
+use gantry_tau_core::units::{EpochRange, Tick};
 use indicatif::ProgressBar;
 
 use super::sampler::{Lost, Sample, Sampler, Waiting};
@@ -51,6 +52,8 @@ pub(super) struct Recording<const N: usize> {
     pub(super) client: String,
     /// Rows that came too fast to be sampled.
     pub(super) dropped: u64,
+    /// The first broken limit and its tick.
+    pub(super) violation: Option<(Tick, Violation)>,
     /// The black box of the pulled cable, if it was asked for.
     pub(super) black_box: Option<Window<N>>,
 }
@@ -114,6 +117,9 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     let (hand, tool) = load_generator();
     let machine = robot.simulated_machine::<M>(tool, Motion::Hold)?;
     let config = robot.session_config(capabilities)?;
+    let axes = config.parameters().axes;
+    let travel = axes.map(|axis| axis.machine_travel);
+    let monitor = Monitor::new(axes.map(|axis| axis.limits), Some(travel));
     let sensor = SensorPublisher::bind(LOOPBACK)?;
     let sensor_address = sensor.address()?;
     let mut cycle: Cycle<N, M, _> = Cycle::new(
@@ -153,7 +159,7 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
         ticks,
         probe,
         server,
-        sampler: Sampler::new(rows),
+        sampler: Sampler::new(rows, monitor),
         hand,
         relay,
         controls,
@@ -186,6 +192,7 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
         refusal,
         client,
         dropped,
+        violation: sampler.violation,
         // There are more boxes than sessions in a run, so the first one is never overwritten.
         black_box: black_boxes.receive(),
     })

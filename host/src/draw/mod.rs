@@ -66,11 +66,11 @@ pub fn run<K: MachineKind<N>, const N: usize>(
 ) -> Result<(), DrawError> {
     let (azimuth, elevation) = (options.azimuth_deg, options.elevation_deg);
     if !(-360.0..=360.0).contains(&azimuth) {
-        let text = format!("--azimuth is {azimuth}, it must be from -360 to 360 degrees");
+        let text = format!("--azimuth is {azimuth}; expected from -360 to 360 degrees");
         return Err(DrawError::Option(text));
     }
     if !(-90.0..=90.0).contains(&elevation) {
-        let text = format!("--elevation is {elevation}, it must be from -90 to 90 degrees");
+        let text = format!("--elevation is {elevation}; expected from -90 to 90 degrees");
         return Err(DrawError::Option(text));
     }
     let scene = Scene::at_home(&options.robot)?;

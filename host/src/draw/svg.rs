@@ -1,4 +1,4 @@
-//! From parts in space to lines and words on paper: parallel projection, placement of the labels, SVG.
+//! Drawing of a scene: parallel projection, placement of the labels, SVG.
 
 use std::fmt::Write;
 
@@ -464,6 +464,7 @@ fn text(svg: &mut String, at: Point, colour: &str, text: &str) {
     let (x, y) = (px(at.x), px(at.y + 0.36 * FONT));
     let _ = writeln!(
         svg,
-        "<text x=\"{x}\" y=\"{y}\" text-anchor=\"middle\" fill=\"{colour}\" stroke=\"#fbfbf9\" stroke-width=\"6\" stroke-linejoin=\"round\" paint-order=\"stroke\">{text}</text>"
+        "<text x=\"{x}\" y=\"{y}\" text-anchor=\"middle\" fill=\"{colour}\" stroke=\"#fbfbf9\" stroke-width=\"6\" \
+         stroke-linejoin=\"round\" paint-order=\"stroke\">{text}</text>"
     );
 }

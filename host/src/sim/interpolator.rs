@@ -76,7 +76,7 @@ impl<const N: usize> Interpolator<N> {
         Ok(this)
     }
 
-    /// Axis positions now, metres.
+    /// Returns the present axis positions, metres.
     #[must_use]
     pub fn position_m(&self) -> [f64; N] {
         let (Some(cycles), Some(near), Some(far)) = (
@@ -92,7 +92,7 @@ impl<const N: usize> Interpolator<N> {
         std::array::from_fn(|axis| near[axis] + (far[axis] - near[axis]) * share)
     }
 
-    /// One cycle further.
+    /// Advances by one cycle.
     pub fn advance(&mut self) {
         let Some(cycles) = self.legs.get(self.leg) else {
             return;
