@@ -11,6 +11,7 @@ use std::path::PathBuf;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::files::{WriteError, write};
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 use crate::server::tick_source::TickSource;
@@ -71,6 +72,12 @@ impl fmt::Display for DemoError {
 }
 
 impl std::error::Error for DemoError {}
+
+impl From<WriteError> for DemoError {
+    fn from(error: WriteError) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
 
 impl<K, const N: usize> DemoOptions<K, N> {
     /// Forces of the steps, N: multiples of the step up to the largest.
@@ -195,9 +202,4 @@ fn progress_bar<K, const N: usize>(options: &DemoOptions<K, N>) -> ProgressBar {
         bar.set_style(style);
     }
     bar
-}
-
-fn write(path: &std::path::Path, text: &str) -> Result<(), DemoError> {
-    std::fs::write(path, text)
-        .map_err(|error| DemoError::Failed(format!("cannot write {}: {error}", path.display())))
 }

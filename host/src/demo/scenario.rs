@@ -224,27 +224,18 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
             }
             TickSource::Lockstep => self.say("the client tares its sensor"),
         }
-        let Self {
-            sampler,
-            bar,
-            controls,
-            client,
-            ..
-        } = self;
+        let (bar, controls, client) = (self.bar, &self.controls, &self.client);
         let tared = || controls.tared.load(Ordering::Relaxed);
         // A client that ends before its first command has no session whose end could be sampled.
-        let stillborn = || client.is_finished() && controls.commands.load(Ordering::Relaxed) == 0;
-        sampler.until(false, |_| bar.inc(1), |_| tared() || stillborn())?;
-        if stillborn() {
+        let has_failed = || client.is_finished() && controls.commands.load(Ordering::Relaxed) == 0;
+        (self.sampler).until(false, |_| bar.inc(1), |_| tared() || has_failed())?;
+        if has_failed() {
             let reason = "the client ended before its first command".to_owned();
             return Err(Failure::Error(DemoError::Failed(reason)));
         }
         if self.ticks == TickSource::RealTime {
-            let missed = self
-                .sampler
-                .samples
-                .last()
-                .map_or(0, |sample| sample.missed);
+            let last = self.sampler.samples.last();
+            let missed = last.map_or(0, |sample| sample.missed);
             if self.probe && missed > PROBE_MISSES {
                 return Err(Failure::Slow { missed });
             }
@@ -265,12 +256,8 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
             self.hand.set(&load)?;
             let first = self.wait(|sample| sample.step == load.step)?;
             let last = self.wait_ticks(first.tick, self.options.step_ticks())?;
-            let norm = last
-                .displacement_um
-                .iter()
-                .map(|d| d * d)
-                .sum::<f64>()
-                .sqrt();
+            let squares = last.displacement_um.map(|d| d * d);
+            let norm = squares.iter().sum::<f64>().sqrt();
             self.say(&format!(
                 "  {force_x:5.0} N: tool displaced by {norm:6.1} um"
             ));
@@ -289,24 +276,14 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
     fn pull_the_cable(&mut self) -> Result<Sample<N>, Failure> {
         self.say("pulling the client's cable; both sockets stay open");
         self.relay.cut();
-        self.server
-            .controls
-            .link_silent
-            .store(true, Ordering::Relaxed);
-        let ended = self
-            .sampler
-            .until(true, |_| {}, |sample| sample.ended.is_some())?;
         let silent = &self.server.controls.link_silent;
+        silent.store(true, Ordering::Relaxed);
+        let ended = (self.sampler).until(true, |_| {}, |sample| sample.ended.is_some())?;
         silent.store(false, Ordering::Relaxed);
-        let left = ended
-            .offset_nm
-            .iter()
-            .map(|nm| nm.unsigned_abs())
-            .max()
-            .unwrap_or(0);
+        let left = ended.offset_nm.iter().map(|nm| nm.unsigned_abs()).max();
         self.say(&format!(
             "second deadline missed: SafeDisconnect, {:.1} um of offset ramp to zero at 0.1 um/ms",
-            f64::from(left) / 1e3
+            f64::from(left.unwrap_or(0)) / 1e3
         ));
         Ok(ended)
     }
@@ -339,10 +316,9 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
             welcome.epoch.0
         ));
         link.goodbye()?;
-        self.sampler
-            .until(true, |_| {}, |sample| sample.phase == Phase::SafeDisconnect)?;
-        self.sampler
-            .until(true, |_| {}, |sample| sample.phase == Phase::Listening)?;
+        for phase in [Phase::SafeDisconnect, Phase::Listening] {
+            (self.sampler).until(true, |_| {}, |sample| sample.phase == phase)?;
+        }
         Ok(())
     }
 

@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_sensor() {
+    fn refuses_a_mirror_and_negative_noise() {
         let mirrored = SimulationParameters {
             sensor_rotation: -Matrix3::identity(),
             ..parameters()

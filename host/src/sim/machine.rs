@@ -311,15 +311,18 @@ mod tests {
         try_machine(parameters).unwrap()
     }
 
-    /// Runs one cycle of a server without offsets.
-    fn cycle(machine: &mut Machine) -> Reading<ARMS> {
-        let reading = machine.read(1).unwrap();
-        let references = reading.nominal.map(|position| Reference {
+    fn reference(position: PositionNm) -> Reference {
+        Reference {
             position,
             velocity_offset: Default::default(),
             torque_offset: Default::default(),
-        });
-        machine.write(&references).unwrap();
+        }
+    }
+
+    /// Runs one cycle of a server without offsets.
+    fn cycle(machine: &mut Machine) -> Reading<ARMS> {
+        let reading = machine.read(1).unwrap();
+        machine.write(&reading.nominal.map(reference)).unwrap();
         reading
     }
 
@@ -422,11 +425,8 @@ mod tests {
                 let tool = reading.tool.unwrap();
                 bits.extend(tool.sensor.map(f64::to_bits));
                 bits.extend(tool.displacement_m.map(f64::to_bits));
-                bits.extend(
-                    reading
-                        .actual
-                        .map(|axis| u64::from_ne_bytes(axis.position.0.to_ne_bytes())),
-                );
+                let positions = reading.actual.map(|axis| axis.position.0);
+                bits.extend(positions.map(|nm| u64::from_ne_bytes(nm.to_ne_bytes())));
             }
             bits
         };
@@ -512,6 +512,10 @@ mod tests {
 
     #[test]
     fn a_load_beyond_the_machine_is_an_error_not_a_nan() {
+        let assert_finite = |reading: &Reading<ARMS>| {
+            let displacement = reading.tool.unwrap().displacement_m;
+            assert!(displacement.iter().all(|x| x.is_finite()));
+        };
         let (mut machine, mut hand) = machine(&parameters());
         hand.set(&Load {
             step: 1,
@@ -521,26 +525,12 @@ mod tests {
         .unwrap();
         for _ in 0..300 {
             let Ok(reading) = machine.read(1) else { break };
-            assert!(
-                reading
-                    .tool
-                    .unwrap()
-                    .displacement_m
-                    .iter()
-                    .all(|x| x.is_finite())
-            );
+            assert_finite(&reading);
         }
         hand.release();
         for _ in 0..2000 {
             if let Ok(reading) = machine.read(1) {
-                assert!(
-                    reading
-                        .tool
-                        .unwrap()
-                        .displacement_m
-                        .iter()
-                        .all(|x| x.is_finite())
-                );
+                assert_finite(&reading);
             }
         }
     }
@@ -588,12 +578,8 @@ mod tests {
         let mut reading = None;
         for _ in 0..500 {
             let now = machine.read(1).unwrap();
-            let axes = now.nominal.map(|position| Reference {
-                position,
-                velocity_offset: Default::default(),
-                torque_offset: Default::default(),
-            });
-            let motors = machine.motors.spread(&axes).unwrap();
+            let motors = machine.motors.spread(&now.nominal.map(reference));
+            let motors = motors.unwrap();
             machine.write(&motors).unwrap();
             reading = Some(now);
         }

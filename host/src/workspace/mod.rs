@@ -5,11 +5,12 @@ mod picture;
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use gantry_tau_core::model::kinematics::KinematicsError;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::files::{WriteError, write};
 use crate::model::MachineKind;
 use crate::record::{CsvFile, Record, RecordError};
 use crate::robot_file::RobotFile;
@@ -73,12 +74,7 @@ pub enum WorkspaceError {
     /// The table cannot be written.
     Csv(RecordError),
     /// The page cannot be written.
-    Plot {
-        /// Path of the page.
-        path: PathBuf,
-        /// Error of the system.
-        reason: String,
-    },
+    Plot(WriteError),
 }
 
 impl fmt::Display for WorkspaceError {
@@ -89,9 +85,7 @@ impl fmt::Display for WorkspaceError {
                 write!(f, "--cells is {cells}; expected from {from} to {to}")
             }
             Self::Csv(error) => error.fmt(f),
-            Self::Plot { path, reason } => {
-                write!(f, "cannot write {}: {reason}", path.display())
-            }
+            Self::Plot(error) => error.fmt(f),
         }
     }
 }
@@ -101,6 +95,12 @@ impl std::error::Error for WorkspaceError {}
 impl From<RecordError> for WorkspaceError {
     fn from(error: RecordError) -> Self {
         Self::Csv(error)
+    }
+}
+
+impl From<WriteError> for WorkspaceError {
+    fn from(error: WriteError) -> Self {
+        Self::Plot(error)
     }
 }
 
@@ -241,13 +241,6 @@ impl<const N: usize> Record for Place<N> {
         }
         fields
     }
-}
-
-fn write(path: &Path, text: &str) -> Result<(), WorkspaceError> {
-    std::fs::write(path, text).map_err(|error| WorkspaceError::Plot {
-        path: path.to_owned(),
-        reason: error.to_string(),
-    })
 }
 
 #[cfg(test)]
