@@ -142,3 +142,22 @@ impl fmt::Display for ClientError {
 }
 
 impl std::error::Error for ClientError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lost_goodbye_is_a_vanished_server_and_a_broken_protocol_an_incompatible_one() {
+        let lost = ClientError::from(protocol::ClientError::GoodbyeUnheard { states: 100 });
+        assert_eq!(lost.exit_code(), 7);
+        assert!(lost.to_string().contains("within 100 States"), "{lost}");
+        let (expected_us, received_us) = (1_000, 2_000);
+        let broken = ClientError::from(protocol::ClientError::Cycle {
+            expected_us,
+            received_us,
+        });
+        assert_eq!(broken.exit_code(), 5);
+        assert!(broken.to_string().contains("2000 us"), "{broken}");
+    }
+}
