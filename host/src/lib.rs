@@ -14,6 +14,7 @@ pub mod demo;
 pub mod draw;
 pub mod epoch;
 pub mod faults;
+pub mod files;
 pub mod model;
 pub mod plant;
 mod plots;

@@ -30,13 +30,13 @@ pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'stati
     /// [`KinematicsError`]: the point is out of reach or outside the travel.
     fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; N], KinematicsError>;
 
-    /// Returns the line matrix there.
+    /// Returns the line matrix with the tool centre point at `tool_m` and the axes at `q`.
     ///
     /// # Errors
     /// [`KinematicsError::Singular`] where the links cannot carry every load.
     fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; N]) -> Result<LineMatrix<N>, KinematicsError>;
 
-    /// Makes a compensator. Offsets may leave the nominal travel; the server checks the machine's.
+    /// Creates a compensator. Offsets may leave the nominal travel; the server checks the machine's.
     ///
     /// # Errors
     /// A sentence that names the parameter.
@@ -44,21 +44,13 @@ pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'stati
         &self,
         compliances: &Compliances<N>,
         config: CompensatorConfig<N>,
-    ) -> Result<Box<dyn CompensationModel<N>>, String>;
+    ) -> Result<Compensator<N>, String>;
 }
 
-/// A compensator, once per cycle.
-pub trait CompensationModel<const N: usize>: Send {
-    /// Returns the offsets that hold the tool where the nominal positions put it, under `load`.
-    ///
-    /// # Errors
-    /// [`KinematicsError`]; the next call works.
-    fn correct(
-        &mut self,
-        nominal: &[PositionNm; N],
-        load: &Wrench,
-    ) -> Result<Correction<N>, KinematicsError>;
-}
+/// A compensator, called once per cycle: returns the offsets that hold the tool where the nominal positions put it, under a load.
+/// After an error the next call works.
+pub type Compensator<const N: usize> =
+    Box<dyn FnMut(&[PositionNm; N], &Wrench) -> Result<Correction<N>, KinematicsError> + Send>;
 
 /// An L2 in the orientation of the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,7 +59,7 @@ pub struct L2 {
 }
 
 impl L2 {
-    /// The machine of a robot.
+    /// Creates the machine of a robot.
     ///
     /// # Errors
     /// [`l2::OrientationError`] without the Tau property.
@@ -76,7 +68,7 @@ impl L2 {
         Ok(Self { kinematics })
     }
 
-    /// The kinematics.
+    /// Returns the kinematics.
     #[must_use]
     pub const fn kinematics(&self) -> &l2::Kinematics {
         &self.kinematics
@@ -108,19 +100,12 @@ impl MachineKind<{ l2::AXES }> for L2 {
         &self,
         compliances: &Compliances<{ l2::AXES }>,
         config: CompensatorConfig<{ l2::AXES }>,
-    ) -> Result<Box<dyn CompensationModel<{ l2::AXES }>>, String> {
-        let compensator = l2::Compensator::new(&self.kinematics, compliances, config);
-        Ok(Box::new(compensator.map_err(|error| error.to_string())?))
-    }
-}
-
-impl CompensationModel<{ l2::AXES }> for l2::Compensator {
-    fn correct(
-        &mut self,
-        nominal: &[PositionNm; l2::AXES],
-        load: &Wrench,
-    ) -> Result<Correction<{ l2::AXES }>, KinematicsError> {
-        Self::correct(self, nominal, load)
+    ) -> Result<Compensator<{ l2::AXES }>, String> {
+        let compensator = l2::Compensator::new(&self.kinematics, compliances, config)
+            .map_err(|error| error.to_string())?;
+        Ok(Box::new(move |nominal, load| {
+            compensator.correct(nominal, load)
+        }))
     }
 }
 
@@ -131,7 +116,7 @@ pub struct F1 {
 }
 
 impl F1 {
-    /// The machine of a robot.
+    /// Creates the machine of a robot.
     #[must_use]
     pub fn new(robot: &f1::Robot) -> Self {
         Self {
@@ -139,7 +124,7 @@ impl F1 {
         }
     }
 
-    /// The kinematics.
+    /// Returns the kinematics.
     #[must_use]
     pub const fn kinematics(&self) -> &f1::Kinematics {
         &self.kinematics
@@ -172,19 +157,12 @@ impl MachineKind<{ f1::AXES }> for F1 {
         &self,
         compliances: &Compliances<{ f1::AXES }>,
         config: CompensatorConfig<{ f1::AXES }>,
-    ) -> Result<Box<dyn CompensationModel<{ f1::AXES }>>, String> {
+    ) -> Result<Compensator<{ f1::AXES }>, String> {
         let kinematics = self.kinematics.without_travel();
-        let compensator = f1::Compensator::new(&kinematics, compliances, config);
-        Ok(Box::new(compensator.map_err(|error| error.to_string())?))
-    }
-}
-
-impl CompensationModel<{ f1::AXES }> for f1::Compensator {
-    fn correct(
-        &mut self,
-        nominal: &[PositionNm; f1::AXES],
-        load: &Wrench,
-    ) -> Result<Correction<{ f1::AXES }>, KinematicsError> {
-        Self::correct(self, nominal, load)
+        let mut compensator = f1::Compensator::new(&kinematics, compliances, config)
+            .map_err(|error| error.to_string())?;
+        Ok(Box::new(move |nominal, load| {
+            compensator.correct(nominal, load)
+        }))
     }
 }

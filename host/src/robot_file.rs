@@ -274,7 +274,7 @@ fn branch(key: &str, sign: i64) -> Result<Branch, Problem> {
     match sign {
         1 => Ok(Branch::Positive),
         -1 => Ok(Branch::Negative),
-        _ => Err(Problem::new(key, format!("is {sign}, it must be 1 or -1"))),
+        _ => Err(Problem::new(key, format!("is {sign}; expected 1 or -1"))),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Force samples from the machine that has the sensor to the client that needs them: a stream of fixed records over TCP.
 //!
-//! It stands for the thesis' path from the sensor to the controller `[T 4.2.3, 4.2.5]` and is no part of the controller's protocol.
+//! It stands for the thesis' path from the sensor to the controller `[T 4.2.3, 4.2.5]` and is not part of the controller's protocol.
 //! A record is 56 bytes, little-endian: tick `u64`, then force (N) and moment (N m) in sensor axes as six `f64`.
 //! Losing records is harmless: the reader takes the latest.
 
@@ -12,7 +12,7 @@ use crate::server::connections::Allowed;
 
 /// Bytes of a record.
 const RECORD: usize = 56;
-/// How long a publisher may take to answer.
+/// Longest wait for a publisher to answer.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
 /// Readers served at once.
 const READERS: usize = 4;
@@ -62,7 +62,7 @@ impl SensorPublisher {
     /// Listens for readers.
     ///
     /// # Errors
-    /// When the address cannot be bound.
+    /// The address cannot be bound.
     pub fn bind(address: SocketAddr) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
@@ -79,15 +79,15 @@ impl SensorPublisher {
         Self { allowed, ..self }
     }
 
-    /// Where it listens.
+    /// Returns the address on which it listens.
     ///
     /// # Errors
-    /// When the system does not tell.
+    /// Error of the system.
     pub fn address(&self) -> io::Result<SocketAddr> {
         self.listener.local_addr()
     }
 
-    /// Takes in at most one new reader and sends the sample to every one.
+    /// Accepts at most one new reader and sends the sample to every one.
     pub fn publish(&mut self, sample: &Sample) {
         self.accept();
         let bytes = sample.to_bytes();
@@ -127,7 +127,7 @@ impl SensorReader {
     /// Connects to a publisher.
     ///
     /// # Errors
-    /// When nobody listens there.
+    /// No publisher listens there.
     pub fn connect(address: SocketAddr) -> io::Result<Self> {
         let stream = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT)?;
         stream.set_nodelay(true)?;
@@ -143,7 +143,7 @@ impl SensorReader {
     /// Takes everything that has arrived and returns the latest whole sample.
     ///
     /// # Errors
-    /// When the publisher is gone.
+    /// The publisher is gone.
     pub fn latest(&mut self) -> io::Result<Option<Sample>> {
         loop {
             let room = self.buffer.get_mut(self.filled..).unwrap_or_default();

@@ -60,23 +60,19 @@ fn config<const N: usize>(random: &mut ChaCha8Rng) -> Config<N> {
 }
 
 fn offsets(random: &mut ChaCha8Rng) -> Offsets {
-    let small = random.random_bool(0.9);
+    let is_small = random.random_bool(0.9);
+    let mut value = |small: i32| match is_small {
+        true => random.random_range(-small..=small),
+        false => random.random(),
+    };
     Offsets {
-        position: OffsetNm(if small {
-            random.random_range(-9_999..=9_999)
-        } else {
-            random.random()
-        }),
-        velocity: VelocityUmS(if small {
-            random.random_range(-999..=999)
-        } else {
-            random.random()
-        }),
+        position: OffsetNm(value(9_999)),
+        velocity: VelocityUmS(value(999)),
         torque: TorquePermille(random.random_range(-50..=50)),
     }
 }
 
-/// The command that answers the last State; `accepted` is the sequence of the last accepted command.
+/// Returns the command that answers the last State; `accepted` is the sequence of the last accepted command.
 fn answer<const N: usize>(
     session: &Session<N>,
     accepted: Sequence,
@@ -95,7 +91,7 @@ fn answer<const N: usize>(
     }))
 }
 
-/// An event of any kind.
+/// Returns an event of any kind.
 fn event<const N: usize>(
     session: &Session<N>,
     accepted: Sequence,
@@ -150,32 +146,22 @@ fn input<const N: usize>(
     let mut events = Events::new();
     let parameters = session.config().parameters();
     if session.owner().is_none() && random.random_bool(0.5) {
-        let axes = u8::try_from(N).unwrap();
-        let hello = Hello {
-            axes,
+        let hello = ClientMessage::Hello(Hello {
+            axes: u8::try_from(N).unwrap(),
             capabilities: parameters.capabilities,
-        };
-        events
-            .push((OWNER, Event::Message(ClientMessage::Hello(hello))))
-            .unwrap();
+        });
+        events.push((OWNER, Event::Message(hello))).unwrap();
     } else if random.random_bool(0.9) {
         let answer = answer(session, accepted, random);
         events.push((OWNER, answer)).unwrap();
     }
-    let strange = random.random_bool(0.1);
-    for _ in 0..if strange {
-        random.random_range(1..8)
-    } else {
-        0
-    } {
-        let from = if random.random_bool(0.3) {
-            OWNER
-        } else {
-            Connection(random.random())
-        };
-        events
-            .push((from, event(session, accepted, random)))
-            .unwrap();
+    let is_odd = random.random_bool(0.1);
+    let others = if is_odd { random.random_range(1..8) } else { 0 };
+    for _ in 0..others {
+        let is_owner = random.random_bool(0.3);
+        let other = (!is_owner).then(|| Connection(random.random()));
+        let event = event(session, accepted, random);
+        events.push((other.unwrap_or(OWNER), event)).unwrap();
     }
     let wild = random.random_bool(0.02);
     let position = |random: &mut ChaCha8Rng| {
@@ -215,7 +201,7 @@ fn input<const N: usize>(
     }
 }
 
-/// A window of a session in which anything may have happened.
+/// Returns a window of a session with random events.
 fn window<const N: usize>(seed: u64) -> Window<N> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let offsets = Offsets {

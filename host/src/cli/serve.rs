@@ -12,7 +12,7 @@ use gantry_tau::black_box::swap_channel;
 use gantry_tau::black_box::writer::Writer;
 use gantry_tau::epoch;
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
-use gantry_tau::record::{CsvFile, Recorded, drain};
+use gantry_tau::record::{CsvFile, drain};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::sensor_link::SensorPublisher;
 use gantry_tau::server::connections::{Allowed, Listen};
@@ -168,11 +168,7 @@ impl Serve {
         let boxes_written = black_boxes.map_or(Ok(()), Writer::finish);
         if let Some(recorded) = file.map(|file| file.finish(dropped)) {
             say(&recorded);
-            if let Recorded {
-                failure: Some(failure),
-                ..
-            } = recorded
-            {
+            if let Some(failure) = recorded.failure {
                 return Err(failure.into());
             }
         }
@@ -197,13 +193,8 @@ impl Serve {
             .or_else(epoch::default_path)
             .ok_or("the user's state folder is unknown; name a file with --epoch-file")?;
         let epochs = epoch::reserve(&path)?;
-        Ok(Cycle::new(
-            config,
-            robot.motor_map()?,
-            machine,
-            epochs,
-            listen,
-        )?)
+        let motors = robot.motor_map()?;
+        Ok(Cycle::new(config, motors, machine, epochs, listen)?)
     }
 
     fn check(&self) -> Result<(), &'static str> {

@@ -9,13 +9,13 @@ use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, SensorE
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{OffsetNm, PositionNm};
 
-use crate::model::{CompensationModel, MachineKind};
+use crate::model::{Compensator, MachineKind};
 use crate::robot_file::RobotFile;
 
-/// Tares, filters and compensates, once per cycle.
+/// Tare, filter and compensation, once per cycle.
 pub struct Compensation<const N: usize> {
     sensor: ForceSensor,
-    compensator: Box<dyn CompensationModel<N>>,
+    compensator: Compensator<N>,
     load: Wrench,
     tared: bool,
 }
@@ -41,7 +41,7 @@ impl fmt::Display for CompensationError {
 impl std::error::Error for CompensationError {}
 
 impl<const N: usize> Compensation<N> {
-    /// For the machine of a robot file, within the limits that the server announced.
+    /// Creates the compensation for the machine of a robot file, within the limits that the server announced.
     ///
     /// # Errors
     /// A sentence that names the parameter.
@@ -79,7 +79,7 @@ impl<const N: usize> Compensation<N> {
     /// Returns the position offsets of one cycle for a raw sample (sensor axes) and nominal positions. Zero while taring.
     ///
     /// # Errors
-    /// [`CompensationError`]; the state is what it was.
+    /// [`CompensationError`]; the state is unchanged.
     pub fn cycle(
         &mut self,
         raw: &[f64; 6],
@@ -94,9 +94,7 @@ impl<const N: usize> Compensation<N> {
             Reading::Load(load) => {
                 self.tared = true;
                 self.load = load;
-                self.compensator
-                    .correct(nominal, &load)
-                    .map_err(CompensationError::Kinematics)
+                (self.compensator)(nominal, &load).map_err(CompensationError::Kinematics)
             }
         }
     }
@@ -107,7 +105,7 @@ impl<const N: usize> Compensation<N> {
         self.tared
     }
 
-    /// Load of the last cycle: force (N) and moment (N m), world axes.
+    /// Returns the load of the last cycle: force (N) and moment (N m), world axes.
     #[must_use]
     pub fn load(&self) -> [f64; 6] {
         let (f, m) = (&self.load.force_n, &self.load.moment_nm);

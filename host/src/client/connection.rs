@@ -1,53 +1,51 @@
-//! The client's connection: frames over a TCP stream or as UDP datagrams.
+//! A client's session over sockets: core's protocol over a TCP stream or UDP datagrams, and the time-outs.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, TcpStream, UdpSocket};
 use std::time::{Duration, Instant};
 
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::client::{Answer, Client, Event, Requirements};
 use gantry_tau_core::control::endpoint::Transport;
-use gantry_tau_core::control::message::{ClientMessage, ServerMessage};
-use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_server, encode_client};
+use gantry_tau_core::control::message::{Mode, Welcome};
+use gantry_tau_core::control::wire::FrameBytes;
 
 use super::ClientError;
 
 /// Bytes read at a time: several States.
 const CHUNK: usize = 4_096;
+/// Time without an answer after which the Hello is repeated over UDP.
+const HELLO_AGAIN: Duration = Duration::from_millis(200);
 
 /// A connection to a server of `N` axes.
 #[derive(Debug)]
 pub struct Connection<const N: usize> {
     wire: Wire,
+    client: Client<N>,
     silence: Duration,
     chunk: [u8; CHUNK],
-    /// Bytes of the chunk not yet fed; a stream's only.
+    /// Bytes of the chunk that the client has not taken yet.
     from: usize,
     to: usize,
 }
 
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "a client has one of them")]
 enum Wire {
-    Stream(TcpStream, Deframer),
+    Stream(TcpStream),
     Datagrams(UdpSocket),
 }
 
 impl<const N: usize> Connection<N> {
-    /// Connects over TCP. A server that is silent for `silence` counts as vanished.
+    /// Connects to a server. Over UDP nothing is sent yet, so the server may be absent.
+    /// A server that is silent for `silence` counts as vanished.
     ///
     /// # Errors
     /// [`ClientError::Unreachable`].
-    pub fn connect(address: SocketAddr, silence: Duration) -> Result<Self, ClientError> {
-        Self::over(Transport::Stream, address, silence)
-    }
-
-    /// Connects over `transport`. Over UDP nothing is sent yet, so the server need not be there.
-    ///
-    /// # Errors
-    /// [`ClientError::Unreachable`].
-    pub fn over(
+    pub fn open(
         transport: Transport,
         address: SocketAddr,
         silence: Duration,
+        requirements: Requirements,
     ) -> Result<Self, ClientError> {
         let wire = match transport {
             Transport::Stream => stream(address, silence),
@@ -60,6 +58,7 @@ impl<const N: usize> Connection<N> {
         })?;
         Ok(Self {
             wire,
+            client: Client::new(transport, requirements),
             silence,
             chunk: [0; CHUNK],
             from: 0,
@@ -67,22 +66,72 @@ impl<const N: usize> Connection<N> {
         })
     }
 
-    /// True if frames can get lost: then important ones are sent again.
-    #[must_use]
-    pub const fn loses_frames(&self) -> bool {
-        matches!(self.wire, Wire::Datagrams(_))
+    /// Sends Hello and waits for the Welcome. Over UDP the Hello is repeated, for as long as `silence`: a server whose Welcome was lost
+    /// refuses until it has given up that session.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`]; as [`Self::next_event`].
+    pub fn greet(&mut self) -> Result<Welcome<N>, ClientError> {
+        let since = Instant::now();
+        while since.elapsed() < self.silence {
+            let hello = self.client.hello();
+            let sent = hello.map_or(Ok(()), |frame| self.send(&frame));
+            match self.event_within(HELLO_AGAIN) {
+                Ok(Some(Event::Welcomed(welcome))) => return Ok(welcome),
+                Ok(Some(Event::Refused(refusal))) => return Err(ClientError::Refused(refusal)),
+                Ok(_) => sent?,
+                // A server without room refuses before it has received the Hello, and closes: the Refusal counts more.
+                Err(error) => return sent.and(Err(error)),
+            }
+        }
+        Err(ClientError::Vanished("it does not answer".to_owned()))
     }
 
-    /// Sends one message.
+    /// Sends the answer to the newest State, if it waits for one.
     ///
     /// # Errors
     /// [`ClientError::Vanished`].
-    pub fn send(&mut self, message: &ClientMessage<N>) -> Result<(), ClientError> {
-        let frame = encode_client(message);
+    pub fn answer(
+        &mut self,
+        mode: Mode,
+        targets: &[Offsets; N],
+    ) -> Result<Option<Answer<N>>, ClientError> {
+        let answer = self.client.answer(mode, targets);
+        if let Some(answer) = &answer {
+            self.send(&answer.frame)?;
+        }
+        Ok(answer)
+    }
+
+    /// Sends Goodbye, over UDP again for each State since. The session is over with [`Event::Ended`].
+    ///
+    /// # Errors
+    /// [`ClientError::Vanished`].
+    pub fn goodbye(&mut self) -> Result<(), ClientError> {
+        let goodbye = self.client.goodbye();
+        goodbye.map_or(Ok(()), |frame| self.send(&frame))
+    }
+
+    /// Waits for the next event.
+    ///
+    /// # Errors
+    /// [`ClientError::Vanished`] after silence or a closed connection; [`ClientError::Incompatible`] if the server breaks the protocol.
+    pub fn next_event(&mut self) -> Result<Event<N>, ClientError> {
+        self.event_within(self.silence)?
+            .ok_or_else(|| ClientError::Vanished("it has been silent for too long".to_owned()))
+    }
+
+    /// True if more was read than the client has taken: then the newest State is not the latest.
+    #[must_use]
+    pub const fn has_unread_bytes(&self) -> bool {
+        self.from < self.to
+    }
+
+    fn send(&mut self, frame: &FrameBytes) -> Result<(), ClientError> {
         let sent = match &mut self.wire {
-            Wire::Stream(stream, _) => stream.write_all(&frame),
-            Wire::Datagrams(socket) => match socket.send(&frame) {
-                // The server is not there; the silence that follows is the error.
+            Wire::Stream(stream) => stream.write_all(frame),
+            Wire::Datagrams(socket) => match socket.send(frame) {
+                // The server is absent; the silence that follows is the error.
                 Err(error) if error.kind() == ErrorKind::ConnectionRefused => Ok(()),
                 sent => sent.map(|_| ()),
             },
@@ -90,31 +139,20 @@ impl<const N: usize> Connection<N> {
         sent.map_err(|error| ClientError::Vanished(vanished(&error)))
     }
 
-    /// Waits for the next message.
-    ///
-    /// # Errors
-    /// As [`receive_within`](Self::receive_within), with the silence given at the start.
-    pub fn receive(&mut self) -> Result<ServerMessage<N>, ClientError> {
-        self.receive_within(self.silence)?
-            .ok_or_else(|| ClientError::Vanished("it has been silent for too long".to_owned()))
-    }
-
-    /// Waits for the next message, over UDP no longer than `patience`; `None` if none came.
-    ///
-    /// # Errors
-    /// [`ClientError::Vanished`] after silence or a closed connection; [`ClientError::Incompatible`] for a frame that cannot be
-    /// read. A broken datagram is dropped.
-    pub fn receive_within(
-        &mut self,
-        patience: Duration,
-    ) -> Result<Option<ServerMessage<N>>, ClientError> {
+    /// Waits for the next event, over UDP no longer than `patience`; `None` if none came.
+    fn event_within(&mut self, patience: Duration) -> Result<Option<Event<N>>, ClientError> {
         let since = Instant::now();
         loop {
-            if let Some(message) = self.take()? {
-                return Ok(Some(message));
+            while self.has_unread_bytes() {
+                let unread = self.chunk.get(self.from..self.to).unwrap_or_default();
+                let (consumed, event) = self.client.feed(unread);
+                self.from += consumed;
+                if let Some(event) = event? {
+                    return Ok(Some(event));
+                }
             }
             let (read, is_stream) = match &mut self.wire {
-                Wire::Stream(stream, _) => (stream.read(&mut self.chunk), true),
+                Wire::Stream(stream) => (stream.read(&mut self.chunk), true),
                 Wire::Datagrams(socket) => {
                     let left = patience.saturating_sub(since.elapsed());
                     if left.is_zero() {
@@ -139,42 +177,6 @@ impl<const N: usize> Connection<N> {
             }
         }
     }
-
-    /// True if more has been read than was returned: then the current State is not the latest.
-    #[must_use]
-    pub const fn has_unread_bytes(&self) -> bool {
-        self.from < self.to
-    }
-
-    /// Returns the next message among the bytes already read.
-    fn take(&mut self) -> Result<Option<ServerMessage<N>>, ClientError> {
-        let unread = self.chunk.get(self.from..self.to).unwrap_or_default();
-        let incompatible =
-            |error: &dyn std::fmt::Display| ClientError::Incompatible(error.to_string());
-        match &mut self.wire {
-            Wire::Stream(_, deframer) => match deframer.feed(unread) {
-                Feed::Incomplete => {
-                    self.from = self.to;
-                    Ok(None)
-                }
-                Feed::Frame { frame, consumed } => {
-                    self.from += consumed;
-                    (decode_server(&frame).map(Some)).map_err(|error| incompatible(&error))
-                }
-                Feed::Broken(error) => Err(incompatible(&error)),
-            },
-            Wire::Datagrams(_) => {
-                self.from = self.to;
-                match Frame::parse(unread) {
-                    Ok(frame) => {
-                        (decode_server(&frame).map(Some)).map_err(|error| incompatible(&error))
-                    }
-                    // No datagram yet, or a broken one.
-                    Err(_) => Ok(None),
-                }
-            }
-        }
-    }
 }
 
 fn stream(address: SocketAddr, silence: Duration) -> io::Result<Wire> {
@@ -182,7 +184,7 @@ fn stream(address: SocketAddr, silence: Duration) -> io::Result<Wire> {
     stream.set_nodelay(true)?;
     stream.set_read_timeout(Some(silence))?;
     stream.set_write_timeout(Some(silence))?;
-    Ok(Wire::Stream(stream, Deframer::new()))
+    Ok(Wire::Stream(stream))
 }
 
 /// Opens a socket that receives from this server only.
@@ -197,7 +199,7 @@ fn datagrams(address: SocketAddr, silence: Duration) -> io::Result<Wire> {
     Ok(Wire::Datagrams(socket))
 }
 
-/// True if no datagram came: the time is over, or the server was not there for an earlier datagram of ours.
+/// True if no datagram came: the time is over, or the server was absent when an earlier datagram was sent.
 fn is_nothing(error: &io::Error) -> bool {
     matches!(
         error.kind(),

@@ -10,6 +10,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
+use gantry_tau_core::control::client as protocol;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Cause, Refusal};
 
@@ -95,6 +96,17 @@ pub enum ClientError {
     Setup(String),
 }
 
+impl From<protocol::ClientError> for ClientError {
+    fn from(error: protocol::ClientError) -> Self {
+        match error {
+            protocol::ClientError::GoodbyeUnheard { states } => Self::Vanished(format!(
+                "it has not acknowledged the Goodbye within {states} States"
+            )),
+            error => Self::Incompatible(error.to_string()),
+        }
+    }
+}
+
 impl ClientError {
     /// Returns the exit code of the command line.
     #[must_use]
@@ -130,3 +142,22 @@ impl fmt::Display for ClientError {
 }
 
 impl std::error::Error for ClientError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lost_goodbye_is_a_vanished_server_and_a_broken_protocol_an_incompatible_one() {
+        let lost = ClientError::from(protocol::ClientError::GoodbyeUnheard { states: 100 });
+        assert_eq!(lost.exit_code(), 7);
+        assert!(lost.to_string().contains("within 100 States"), "{lost}");
+        let (expected_us, received_us) = (1_000, 2_000);
+        let broken = ClientError::from(protocol::ClientError::Cycle {
+            expected_us,
+            received_us,
+        });
+        assert_eq!(broken.exit_code(), 5);
+        assert!(broken.to_string().contains("2000 us"), "{broken}");
+    }
+}

@@ -1,13 +1,12 @@
 //! A client's session from Hello to Goodbye.
 
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use gantry_tau_core::control::axis::Offsets;
-use gantry_tau_core::control::message::{
-    Capabilities, Cause, ClientMessage, Command, Hello, Mode, Phase, ServerMessage, State, Welcome,
-};
-use gantry_tau_core::units::{OffsetNm, Sequence, Tick};
+use gantry_tau_core::control::client::{Event, Requirements};
+use gantry_tau_core::control::message::{Capabilities, Cause, Mode, State};
+use gantry_tau_core::units::OffsetNm;
 
 use super::compensate::{Compensation, CompensationError};
 use super::connection::Connection;
@@ -17,30 +16,23 @@ use crate::record::{ClientRow, Recorder};
 use crate::robot_file::CYCLE_US;
 use crate::sensor_link::{Sample, SensorReader};
 
-/// A server that says nothing for so long has vanished.
+/// Time without a message after which the server has vanished.
 const SILENCE: Duration = Duration::from_secs(3);
-/// How long to wait for an answer before a Hello is said again, where frames get lost.
-const HELLO_AGAIN: Duration = Duration::from_millis(200);
 /// States that the last usable force sample may serve.
 const SAMPLE_STATES: u64 = 100;
 /// States to wait for the first sample.
 const FIRST_SAMPLE_STATES: u64 = 1_000;
-/// States after a Goodbye in which the server may still not have seen it.
-const GOODBYE_STATES: u64 = 100;
 
 struct Session<'a, const N: usize> {
     link: Connection<N>,
     sensor: SensorReader,
     sample: Option<Sample>,
     compensation: Compensation<N>,
-    welcome: Welcome<N>,
-    sequence: u64,
     targets: [OffsetNm; N],
     /// Axes whose last correction was cut at its limit.
     cut: [bool; N],
     controls: &'a ClientControls,
     recorder: Option<Recorder<ClientRow<N>>>,
-    last_tick: Option<Tick>,
     states: u64,
     states_without_sample: u64,
     held: u64,
@@ -52,25 +44,29 @@ struct Session<'a, const N: usize> {
 /// Connects, submits, obtains, and leaves when told to.
 ///
 /// # Errors
-/// [`ClientError`] for every other way it can end. In each of them the server ramps the offsets to zero by itself.
+/// [`ClientError`] for every other end. In each of them the server ramps the offsets to zero by itself.
 pub fn run<K: MachineKind<N>, const N: usize>(
     options: &ClientOptions<K, N>,
     controls: &ClientControls,
 ) -> Result<ClientReport, ClientError> {
-    let mut link = Connection::over(options.transport, options.server, SILENCE)?;
+    let requirements = Requirements {
+        capabilities: Capabilities::LOCKSTEP,
+        cycle_us: Some(CYCLE_US),
+        kinematics_checksum: Some(options.robot.model.checksum()),
+    };
+    let mut link = Connection::open(options.transport, options.server, SILENCE, requirements)?;
     let sensor =
         SensorReader::connect(options.sensor).map_err(|error| ClientError::Unreachable {
             what: "force sensor",
             address: options.sensor,
             error,
         })?;
-    // After connecting, so that a server that is not there costs no earlier recording; before Hello, so that nothing moves yet.
+    // After connecting: an absent server must not cost an earlier recording. Before Hello: nothing moves yet.
     let recorder = match &options.record {
         Some(path) => Some(Recorder::start(path).map_err(|e| ClientError::Setup(e.to_string()))?),
         None => None,
     };
-    let welcome = greet(&mut link)?;
-    check_terms(options, &welcome)?;
+    let welcome = link.greet()?;
     if let Err(denied) = crate::realtime::raise_priority() {
         tracing::warn!("client: no {}: {}", denied.privilege, denied.reason);
     }
@@ -84,13 +80,10 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         sensor,
         sample: None,
         compensation: Compensation::new(&options.robot, &welcome).map_err(ClientError::Setup)?,
-        welcome,
-        sequence: 0,
         targets: [OffsetNm(0); N],
         cut: [false; N],
         controls,
         recorder,
-        last_tick: None,
         states: 0,
         states_without_sample: 0,
         held: 0,
@@ -111,79 +104,19 @@ pub fn run<K: MachineKind<N>, const N: usize>(
     })
 }
 
-/// Hello, and what it brings. A server without room says so before it has heard anything, and closes:
-/// what it said counts more than a Hello that could not be sent.
-///
-/// Where frames get lost the Hello is said again: until the server has given up a session whose Welcome got lost, and beyond.
-fn greet<const N: usize>(link: &mut Connection<N>) -> Result<Welcome<N>, ClientError> {
-    if !link.loses_frames() {
-        let sent = link.send(&hello::<N>());
-        return match link.receive() {
-            Ok(ServerMessage::Welcome(welcome)) => Ok(welcome),
-            Ok(ServerMessage::Refusal(refusal)) => Err(ClientError::Refused(refusal)),
-            Ok(ServerMessage::State(_)) => Err(ClientError::Incompatible(
-                "a State before the Welcome".to_owned(),
-            )),
-            Err(error) => sent.and(Err(error)),
-        };
-    }
-    let since = Instant::now();
-    while since.elapsed() < SILENCE {
-        link.send(&hello::<N>())?;
-        let said = Instant::now();
-        // States that overtook the Welcome, or whose Welcome was lost, do not tell the terms.
-        while let Some(left) = HELLO_AGAIN.checked_sub(said.elapsed()) {
-            match link.receive_within(left)? {
-                Some(ServerMessage::Welcome(welcome)) => return Ok(welcome),
-                Some(ServerMessage::Refusal(refusal)) => return Err(ClientError::Refused(refusal)),
-                Some(ServerMessage::State(_)) | None => {}
-            }
-        }
-    }
-    let reason = "it does not answer".to_owned();
-    Err(ClientError::Vanished(reason))
-}
-
-fn hello<const N: usize>() -> ClientMessage<N> {
-    ClientMessage::Hello(Hello {
-        axes: u8::try_from(N).unwrap_or(u8::MAX),
-        capabilities: Capabilities::LOCKSTEP,
-    })
-}
-
-/// The server must run the same cycle and hold the same machine.
-fn check_terms<K: MachineKind<N>, const N: usize>(
-    options: &ClientOptions<K, N>,
-    welcome: &Welcome<N>,
-) -> Result<(), ClientError> {
-    if welcome.cycle_us != CYCLE_US {
-        return Err(ClientError::Incompatible(format!(
-            "its cycle is {} us, this client's {CYCLE_US} us",
-            welcome.cycle_us
-        )));
-    }
-    let own = options.robot.model.checksum();
-    if welcome.kinematics_checksum != own {
-        return Err(ClientError::Incompatible(format!(
-            "its machine has checksum {:08x}, {} has {own:08x}",
-            welcome.kinematics_checksum, options.robot.name
-        )));
-    }
-    Ok(())
-}
-
 impl<const N: usize> Session<'_, N> {
     fn answer_until_done(&mut self) -> Result<(), ClientError> {
         loop {
-            let state = self.next_state()?;
-            if !is_live(state.phase) {
-                return Err(ended(&state));
-            }
+            let state = match self.next_event()? {
+                Event::State(state) => state,
+                Event::Ended(state) => return Err(ended(&state)),
+                _ => continue,
+            };
             if self.controls.wants_to_quit() {
                 return self.leave();
             }
             if self.link.has_unread_bytes() {
-                // A newer State is waiting: answering this one would only be late.
+                // A newer State is waiting: an answer to this one would be late.
                 continue;
             }
             if let Err(silent) = self.compensate(&state) {
@@ -195,70 +128,57 @@ impl<const N: usize> Session<'_, N> {
         }
     }
 
-    /// Goodbye, and wait until the server has heard it: a connection closed at once would be the cause instead.
-    /// The ramp that follows is the server's; it needs no witness.
+    /// Sends Goodbye and waits until the server has received it: a connection closed at once would be the cause instead.
+    /// The ramp that follows is the server's.
     fn leave(&mut self) -> Result<(), ClientError> {
-        let goodbye = ClientMessage::Goodbye(self.welcome.epoch);
-        self.link.send(&goodbye)?;
-        for _ in 0..GOODBYE_STATES {
-            if !is_live(self.next_state()?.phase) {
+        loop {
+            self.link.goodbye()?;
+            if let Event::Ended(_) = self.next_event()? {
                 return Ok(());
             }
-            if self.link.loses_frames() {
-                self.link.send(&goodbye)?;
-            }
         }
-        let reason = format!("it has not acknowledged the Goodbye within {GOODBYE_STATES} States");
-        Err(ClientError::Vanished(reason))
     }
 
-    /// The next State that is newer than the last: datagrams come twice, and overtake each other.
-    fn next_state(&mut self) -> Result<State<N>, ClientError> {
-        loop {
-            let ServerMessage::State(state) = self.link.receive()? else {
-                if self.link.loses_frames() {
-                    continue;
-                }
-                let reason = "a second Welcome or Refusal".to_owned();
-                return Err(ClientError::Incompatible(reason));
-            };
-            if self.last_tick.is_some_and(|last| state.tick <= last) {
-                continue;
-            }
-            self.last_tick = Some(state.tick);
-            self.states += 1;
-            return Ok(state);
-        }
+    /// Waits for the next State of the session or its end.
+    fn next_event(&mut self) -> Result<Event<N>, ClientError> {
+        let event = self.link.next_event()?;
+        self.states += 1;
+        Ok(event)
     }
 
     fn answer(&mut self, state: &State<N>) -> Result<(), ClientError> {
         let tared = self.compensation.is_tared();
         self.controls.tared.store(tared, Ordering::Relaxed);
-        let obtain = tared
-            && self.controls.obtain.load(Ordering::Relaxed)
-            && state.phase != Phase::Handshake;
-        self.sequence += 1;
-        let command = Command {
-            epoch: self.welcome.epoch,
-            sequence: Sequence(self.sequence),
-            echo: state.tick,
-            mode: if obtain { Mode::Obtain } else { Mode::Submit },
-            targets: self.targets.map(|position| Offsets {
-                position,
-                ..Offsets::default()
-            }),
+        let mode = if tared && self.controls.obtain.load(Ordering::Relaxed) {
+            Mode::Obtain
+        } else {
+            Mode::Submit
         };
-        if obtain && !self.obtaining {
+        let targets = self.targets.map(Offsets::position);
+        let Some(answer) = self.link.answer(mode, &targets)? else {
+            return Ok(());
+        };
+        let obtaining = answer.command.mode == Mode::Obtain;
+        if obtaining && !self.obtaining {
             tracing::info!("tared; obtaining: from here on the offsets act. Ctrl-C leaves");
         }
-        self.obtaining = obtain;
-        self.link.send(&ClientMessage::Command(command))?;
+        self.obtaining = obtaining;
+        for (cut, axis) in self.cut.iter_mut().zip(answer.saturated) {
+            *cut |= axis.position;
+        }
         self.controls.commands.fetch_add(1, Ordering::Relaxed);
-        self.record(state);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.push(ClientRow {
+                state: *state,
+                targets: answer.command.targets.map(|target| target.position),
+                saturated: self.cut,
+                load: self.compensation.load(),
+            });
+        }
         Ok(())
     }
 
-    /// New targets from a new sample; without one the last targets stand, for a while.
+    /// Computes new targets from a new sample; without one the last targets are sent again, for a while.
     fn compensate(&mut self, state: &State<N>) -> Result<(), ClientError> {
         let silent = |reason: &str| ClientError::SensorSilent(reason.to_owned());
         let latest = self.sensor.latest();
@@ -306,7 +226,7 @@ impl<const N: usize> Session<'_, N> {
         self.saturated += 1;
     }
 
-    /// Sends the last targets again; said once, counted always, and not for ever.
+    /// Keeps the last targets: logs the first such cycle, counts each, and fails after too many in a row.
     fn hold(&mut self, error: &CompensationError) -> Result<(), ClientError> {
         if self.held == 0 {
             tracing::warn!("a correction cannot be computed, the last one is held: {error}");
@@ -319,21 +239,6 @@ impl<const N: usize> Session<'_, N> {
         }
         Ok(())
     }
-
-    fn record(&mut self, state: &State<N>) {
-        if let Some(recorder) = &mut self.recorder {
-            recorder.push(ClientRow {
-                state: *state,
-                targets: self.targets,
-                saturated: self.cut,
-                load: self.compensation.load(),
-            });
-        }
-    }
-}
-
-const fn is_live(phase: Phase) -> bool {
-    matches!(phase, Phase::Handshake | Phase::Submit | Phase::Obtain)
 }
 
 fn ended<const N: usize>(state: &State<N>) -> ClientError {

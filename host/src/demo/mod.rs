@@ -11,6 +11,7 @@ use std::path::PathBuf;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::files::{WriteError, write};
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 use crate::server::tick_source::TickSource;
@@ -72,6 +73,12 @@ impl fmt::Display for DemoError {
 
 impl std::error::Error for DemoError {}
 
+impl From<WriteError> for DemoError {
+    fn from(error: WriteError) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
+
 impl<K, const N: usize> DemoOptions<K, N> {
     /// Forces of the steps, N: multiples of the step up to the largest.
     fn forces_n(&self) -> Vec<f64> {
@@ -131,7 +138,7 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
                 Err(DemoError::Lost(reason)) => {
                     say(format_args!(
                         "{reason}\nOther programs delay this one; a session tolerates one missed deadline, not two in a row.\n\
-                         Starting again from the beginning in lock-step (the server waits for its client, link times are no measurement)."
+                         Starting again from the beginning in lock-step (the server waits for its client, link times mean nothing)."
                     ));
                     let ticks = TickSource::Lockstep;
                     (ticks, play::<K, N, M>(options, ticks, false)?)
@@ -195,9 +202,4 @@ fn progress_bar<K, const N: usize>(options: &DemoOptions<K, N>) -> ProgressBar {
         bar.set_style(style);
     }
     bar
-}
-
-fn write(path: &std::path::Path, text: &str) -> Result<(), DemoError> {
-    std::fs::write(path, text)
-        .map_err(|error| DemoError::Failed(format!("cannot write {}: {error}", path.display())))
 }

@@ -8,14 +8,14 @@ use super::sampler::Sample;
 use super::scenario::Recording;
 use super::{DemoOptions, table};
 use crate::plots::page::{self, escape};
-use crate::plots::{Band, Corner, Curve, Plot, phases};
+use crate::plots::{Corner, Curve, Plot, phases};
 
 /// Largest number of points of a curve over time; limits the size of the page.
 const CURVE_POINTS: usize = 1_500;
 /// Ticks shown before the disconnect and after its end.
 const AROUND_TICKS: u64 = 500;
 
-/// The page as HTML.
+/// Returns the page as HTML.
 pub(super) fn render<K, const N: usize>(
     options: &DemoOptions<K, N>,
     results: &Results,
@@ -32,7 +32,7 @@ pub(super) fn render<K, const N: usize>(
     };
     let pace = match results.pace {
         "real" => "in real time at 1 kHz",
-        _ => "in lock-step (the server waits for its client; link times are no measurement)",
+        _ => "in lock-step (the server waits for its client; link times mean nothing)",
     };
     let springs = 100.0 * options.robot.simulation.spring_deviation;
     let steps = options.robot.limits.map(|axis| axis.position.step);
@@ -120,59 +120,39 @@ fn against_force<K, const N: usize>(options: &DemoOptions<K, N>, results: &Resul
         y_axis: "displacement, µm",
         curves,
         bands: Vec::new(),
-        y_names: None,
+        y_names: Vec::new(),
         key: Corner::UpperLeft,
     }
 }
 
 fn displacement<const N: usize>(recording: &Recording<N>) -> Plot {
     let samples: Vec<&Sample<N>> = recording.samples.iter().collect();
-    Plot {
-        x_axis: "time, s",
-        y_axis: "displacement, µm",
-        curves: curves_over_time(["x", "y", "z"].map(str::to_owned), &samples, |s| {
-            s.displacement_um
-        }),
-        bands: bands(&samples),
-        y_names: None,
-        key: Corner::UpperLeft,
-    }
+    let names = ["x", "y", "z"].map(str::to_owned);
+    let curves = curves_over_time(names, &samples, |s| s.displacement_um);
+    over_time("displacement, µm", curves, &samples)
 }
 
 fn turning<const N: usize>(recording: &Recording<N>) -> Plot {
     let samples: Vec<&Sample<N>> = recording.samples.iter().collect();
     let names = ["about x", "about y", "about z"].map(str::to_owned);
-    Plot {
-        x_axis: "time, s",
-        y_axis: "turning, µrad",
-        curves: curves_over_time(names, &samples, |s| s.turn_urad),
-        bands: bands(&samples),
-        y_names: None,
-        key: Corner::UpperLeft,
-    }
+    let curves = curves_over_time(names, &samples, |s| s.turn_urad);
+    over_time("turning, µrad", curves, &samples)
 }
 
 fn offsets<const N: usize>(recording: &Recording<N>) -> Plot {
     let ended = recording.ended.tick;
-    let listening = recording
-        .samples
-        .iter()
+    let mut samples = recording.samples.iter();
+    let listening = samples
         .find(|s| s.tick > ended && s.phase == Phase::Listening)
         .map_or(ended, |sample| sample.tick);
     let window = ended.saturating_sub(AROUND_TICKS)..listening + AROUND_TICKS;
-    let samples: Vec<&Sample<N>> = recording
-        .samples
-        .iter()
-        .filter(|sample| window.contains(&sample.tick))
-        .collect();
+    let samples = recording.samples.iter();
+    let samples: Vec<&Sample<N>> = samples.filter(|s| window.contains(&s.tick)).collect();
     let micrometres = |s: &Sample<N>| s.offset_nm.map(|nm| f64::from(nm) / 1e3);
+    let curves = curves_over_time(axis_names(), &samples, micrometres);
     Plot {
-        x_axis: "time, s",
-        y_axis: "position offset, µm",
-        curves: curves_over_time(axis_names(), &samples, micrometres),
-        bands: bands(&samples),
-        y_names: None,
         key: Corner::LowerRight,
+        ..over_time("position offset, µm", curves, &samples)
     }
 }
 
@@ -181,32 +161,45 @@ fn states<const N: usize>(recording: &Recording<N>) -> Plot {
     // Two points per stretch draw a step, however short.
     let stretches = phases::stretches(phases_over_time(&samples));
     let points = stretches.iter().flat_map(|stretch| {
-        let level = f64::from(phases::number(stretch.phase));
+        let level = f64::from(stretch.phase.code());
         [(stretch.from, level), (stretch.to, level)]
     });
+    let curves = vec![
+        Curve::line("state", points.collect()),
+        // Extends the axis to all six names.
+        Curve {
+            no_line: true,
+            ..Curve::line("", vec![(0.0, 0.0), (0.0, 5.0)])
+        },
+    ];
+    Plot {
+        y_names: Phase::ALL.iter().map(|phase| phase.name()).collect(),
+        ..over_time("", curves, &samples)
+    }
+}
+
+/// Returns a plot over time, with the phases as bands.
+fn over_time<const N: usize>(
+    y_axis: &'static str,
+    curves: Vec<Curve>,
+    samples: &[&Sample<N>],
+) -> Plot {
     Plot {
         x_axis: "time, s",
-        y_axis: "",
-        curves: vec![
-            Curve::line("state", points.collect()),
-            // Extends the axis to all six names.
-            Curve {
-                no_line: true,
-                ..Curve::line("", vec![(0.0, 0.0), (0.0, 5.0)])
-            },
-        ],
-        bands: bands(&samples),
-        y_names: Some(&phases::NAMES),
+        y_axis,
+        curves,
+        bands: phases::bands(phases_over_time(samples)),
+        y_names: Vec::new(),
         key: Corner::UpperLeft,
     }
 }
 
-/// Names of the axes, counted from 1.
+/// Returns the names of the axes, counted from 1.
 fn axis_names<const N: usize>() -> [String; N] {
     std::array::from_fn(|axis| format!("axis {}", axis + 1))
 }
 
-/// A curve over time for each of `C` values, of at most [`CURVE_POINTS`] evenly chosen samples.
+/// Returns a curve over time for each of `C` values, of at most [`CURVE_POINTS`] evenly chosen samples.
 fn curves_over_time<const N: usize, const C: usize>(
     names: [String; C],
     samples: &[&Sample<N>],
@@ -222,16 +215,12 @@ fn curves_over_time<const N: usize, const C: usize>(
     curves.into()
 }
 
-fn bands<const N: usize>(samples: &[&Sample<N>]) -> Vec<Band> {
-    phases::bands(phases_over_time(samples))
-}
-
 fn phases_over_time<const N: usize>(samples: &[&Sample<N>]) -> impl Iterator<Item = (f64, Phase)> {
     let point = |sample: &&Sample<N>| (seconds(sample.tick), sample.phase);
     samples.iter().map(point)
 }
 
-/// Ticks of 1 ms to seconds.
+/// Converts ticks of 1 ms to seconds.
 fn seconds(tick: u64) -> f64 {
     tick as f64 / 1e3
 }

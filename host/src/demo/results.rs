@@ -103,7 +103,8 @@ impl Results {
         recording: &Recording<N>,
     ) -> Self {
         let samples = &recording.samples;
-        let limits = options.robot.limits.map(|axis| axis.position);
+        let limits = options.robot.limits.iter();
+        let largest_step = limits.map(|axis| axis.position.step.unsigned_abs()).max();
         let mut results = Self {
             layout: 1,
             pace: match pace {
@@ -116,22 +117,14 @@ impl Results {
             ramp: ramp(options, recording),
             link: link(samples, recording.ended.tick),
             largest_reference_change_nm: largest_change(samples),
-            allowed_reference_change_nm: limits
-                .map(|l| l.step.unsigned_abs())
-                .into_iter()
-                .max()
-                .unwrap_or(0),
+            allowed_reference_change_nm: largest_step.unwrap_or(0),
             complaints: Vec::new(),
         };
-        results.complain(options, recording);
+        results.complain(recording);
         results
     }
 
-    fn complain<K, const N: usize>(
-        &mut self,
-        options: &DemoOptions<K, N>,
-        recording: &Recording<N>,
-    ) {
+    fn complain<const N: usize>(&mut self, recording: &Recording<N>) {
         let mut complaints = Vec::new();
         for step in self.steps.iter().filter(|step| !step.beyond_jump) {
             let turn = (self.axes > ARMS).then_some(("turning", step.remaining_turn_share));
@@ -157,21 +150,8 @@ impl Results {
                 ramp.ticks, ramp.expected_ticks
             ));
         }
-        let rate = options
-            .robot
-            .limits
-            .map(|axis| axis.position.ramp.unsigned_abs());
-        if ramp.largest_change_nm > rate.into_iter().max().unwrap_or(0) {
-            complaints.push(format!(
-                "the ramp changed by {} nm in a tick",
-                ramp.largest_change_nm
-            ));
-        }
-        if self.largest_reference_change_nm > u64::from(self.allowed_reference_change_nm) {
-            complaints.push(format!(
-                "a reference changed by {} nm in a tick",
-                self.largest_reference_change_nm
-            ));
+        if let Some((tick, violation)) = recording.violation {
+            complaints.push(format!("tick {}: {violation}", tick.0));
         }
         if recording.dropped > 0 {
             complaints.push(format!("{} ticks were not sampled", recording.dropped));
@@ -209,7 +189,7 @@ fn steps<K, const N: usize>(options: &DemoOptions<K, N>, samples: &[Sample<N>]) 
         .collect()
 }
 
-/// Samples of the second half of a step. A step is cut off at its nominal length, before the cable is pulled.
+/// Returns the samples of the second half of a step. A step is cut off at its nominal length, before the cable is pulled.
 fn settled<'a, K, const N: usize>(
     options: &DemoOptions<K, N>,
     samples: &'a [Sample<N>],
@@ -250,16 +230,10 @@ fn norm(vector: [f64; 3]) -> f64 {
 fn ramp<K, const N: usize>(options: &DemoOptions<K, N>, recording: &Recording<N>) -> Ramp {
     let samples = &recording.samples;
     let ended = recording.ended.tick;
-    let before = samples
-        .iter()
-        .take_while(|sample| sample.tick < ended)
-        .last();
+    let before = samples.iter().take_while(|s| s.tick < ended).last();
     let start_offset_nm = before.map_or([0; N], |sample| sample.offset_nm);
-    let during = || {
-        samples
-            .iter()
-            .filter(|s| s.tick >= ended && s.phase == Phase::SafeDisconnect)
-    };
+    let in_ramp = |s: &&Sample<N>| s.tick >= ended && s.phase == Phase::SafeDisconnect;
+    let during = || samples.iter().filter(in_ramp);
     // Counts rows, not tick numbers: an overrun skips numbers, and the ramp takes one step per row.
     let above_zero = during().take_while(|sample| sample.offset_nm != [0; N]);
     let ticks = above_zero.count() as u64 + 1;
@@ -277,10 +251,7 @@ fn ramp<K, const N: usize>(options: &DemoOptions<K, N>, recording: &Recording<N>
         .map(|axis| axis.position.ramp.unsigned_abs().max(1));
     let expected = start_offset_nm.into_iter().zip(rates);
     Ramp {
-        cause: recording
-            .ended
-            .ended
-            .map_or_else(|| "none".to_owned(), |cause| cause.to_string()),
+        cause: (recording.ended.ended).map_or_else(|| "none".to_owned(), |cause| cause.to_string()),
         start_offset_nm: start_offset_nm.into(),
         ticks,
         expected_ticks: expected
@@ -294,11 +265,9 @@ fn ramp<K, const N: usize>(options: &DemoOptions<K, N>, recording: &Recording<N>
 }
 
 fn link<const N: usize>(samples: &[Sample<N>], ended: u64) -> LinkQuality {
-    let session = || {
-        samples
-            .iter()
-            .filter(|s| s.tick < ended && matches!(s.phase, Phase::Submit | Phase::Obtain))
-    };
+    let in_session =
+        |s: &&Sample<N>| s.tick < ended && matches!(s.phase, Phase::Submit | Phase::Obtain);
+    let session = || samples.iter().filter(in_session);
     // The first of the two misses that end the session is caused by the cable as well.
     let last = session().rev().nth(1);
     let missed = last.map_or(0, |sample| sample.missed);
@@ -306,9 +275,7 @@ fn link<const N: usize>(samples: &[Sample<N>], ended: u64) -> LinkQuality {
         (Some(first), Some(last)) => last.tick - first.tick,
         _ => 0,
     };
-    let mut round_trips: Vec<u32> = session()
-        .filter_map(|sample| sample.round_trip_us)
-        .collect();
+    let mut round_trips: Vec<u32> = session().filter_map(|s| s.round_trip_us).collect();
     round_trips.sort_unstable();
     let at = |share: f64| {
         let last = round_trips.len().saturating_sub(1);
@@ -324,7 +291,7 @@ fn link<const N: usize>(samples: &[Sample<N>], ended: u64) -> LinkQuality {
     }
 }
 
-/// Largest change of any reference between consecutive samples.
+/// Returns the largest change of any reference between consecutive samples.
 fn largest_change<const N: usize>(samples: &[Sample<N>]) -> u64 {
     let pairs = samples.iter().zip(samples.iter().skip(1));
     pairs

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use gantry_tau_core::control::message::{Cause, Phase};
+use gantry_tau_core::control::monitor::{Monitor, Violation};
 use gantry_tau_core::units::Tick;
 
 use crate::server::cycle::Row;
@@ -73,17 +74,22 @@ pub(super) enum Waiting {
     Stuck,
 }
 
-/// Collects every row.
+/// Collects every row, and checks it against the limits.
 pub(super) struct Sampler<const N: usize> {
     rows: rtrb::Consumer<Row<N>>,
+    monitor: Monitor<N>,
     pub(super) samples: Vec<Sample<N>>,
+    /// The first broken limit and its tick.
+    pub(super) violation: Option<(Tick, Violation)>,
 }
 
 impl<const N: usize> Sampler<N> {
-    pub(super) const fn new(rows: rtrb::Consumer<Row<N>>) -> Self {
+    pub(super) const fn new(rows: rtrb::Consumer<Row<N>>, monitor: Monitor<N>) -> Self {
         Self {
             rows,
+            monitor,
             samples: Vec::new(),
+            violation: None,
         }
     }
 
@@ -106,6 +112,9 @@ impl<const N: usize> Sampler<N> {
                 continue;
             };
             idle = Duration::ZERO;
+            if let Err(violation) = self.monitor.check_tick(&row.state, &row.references) {
+                self.violation.get_or_insert((row.state.tick, violation));
+            }
             let sample = Sample::of(&row);
             self.samples.push(sample);
             each(&sample);
@@ -115,6 +124,47 @@ impl<const N: usize> Sampler<N> {
             }
             if found(&sample) {
                 return Ok(sample);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use gantry_tau_core::control::message::Capabilities;
+    use gantry_tau_core::control::monitor::Rule;
+    use gantry_tau_core::units::EpochRange;
+
+    use super::*;
+    use crate::robot_file::RobotFile;
+
+    use crate::server::cycle::{Cycle, Demands};
+    use crate::sim::load_generator::load_generator;
+    use crate::sim::parameters::Motion;
+
+    #[test]
+    fn the_first_broken_limit_is_kept_with_its_tick() {
+        let robot = RobotFile::builtin_l2().unwrap();
+        let config = robot.session_config(Capabilities::NONE).unwrap();
+        let limits = config.parameters().axes.map(|axis| axis.limits);
+        let machine = robot.simulated_machine(load_generator().1, Motion::Hold);
+        let (motors, machine) = (robot.motor_map::<3>().unwrap(), machine.unwrap());
+        let any = std::net::SocketAddr::from(([127, 0, 0, 1], 0));
+        let mut cycle = Cycle::new(config, motors, machine, EpochRange::VOLATILE, any).unwrap();
+        let (mut sender, rows) = rtrb::RingBuffer::new(8);
+        let mut sampler = Sampler::new(rows, Monitor::new(limits, None));
+        for jump in [0, 0, 1, 2_000_000, 0] {
+            let mut row = cycle.step(1, Demands::default());
+            row.references[1].position.0 += jump;
+            sender.push(row).unwrap();
+        }
+        for jumped in [false, false, true, true, true] {
+            let sample = sampler.until(false, |_| {}, |_| true).unwrap();
+            let found = sampler.violation;
+            assert_eq!(found.is_some(), jumped);
+            if let Some((tick, violation)) = found {
+                assert_eq!((violation.axis, violation.rule), (1, Rule::Reference));
+                assert!(tick.0 <= sample.tick && tick.0 + 2 >= sample.tick);
             }
         }
     }

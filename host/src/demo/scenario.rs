@@ -6,11 +6,11 @@ use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use gantry_tau_core::control::client::Requirements;
 use gantry_tau_core::control::endpoint::Transport;
-use gantry_tau_core::control::message::{
-    Capabilities, ClientMessage, Hello, Phase, Refusal, ServerMessage,
-};
-use gantry_tau_core::units::EpochRange;
+use gantry_tau_core::control::message::{Capabilities, Phase, Refusal};
+use gantry_tau_core::control::monitor::{Monitor, Violation};
+use gantry_tau_core::units::{EpochRange, Tick};
 use indicatif::ProgressBar;
 
 use super::sampler::{Lost, Sample, Sampler, Waiting};
@@ -52,6 +52,8 @@ pub(super) struct Recording<const N: usize> {
     pub(super) client: String,
     /// Rows that came too fast to be sampled.
     pub(super) dropped: u64,
+    /// The first broken limit and its tick.
+    pub(super) violation: Option<(Tick, Violation)>,
     /// The black box of the pulled cable, if it was asked for.
     pub(super) black_box: Option<Window<N>>,
 }
@@ -115,6 +117,9 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     let (hand, tool) = load_generator();
     let machine = robot.simulated_machine::<M>(tool, Motion::Hold)?;
     let config = robot.session_config(capabilities)?;
+    let axes = config.parameters().axes;
+    let travel = axes.map(|axis| axis.machine_travel);
+    let monitor = Monitor::new(axes.map(|axis| axis.limits), Some(travel));
     let sensor = SensorPublisher::bind(LOOPBACK)?;
     let sensor_address = sensor.address()?;
     let mut cycle: Cycle<N, M, _> = Cycle::new(
@@ -154,7 +159,7 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
         ticks,
         probe,
         server,
-        sampler: Sampler::new(rows),
+        sampler: Sampler::new(rows, monitor),
         hand,
         relay,
         controls,
@@ -187,6 +192,7 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
         refusal,
         client,
         dropped,
+        violation: sampler.violation,
         // There are more boxes than sessions in a run, so the first one is never overwritten.
         black_box: black_boxes.receive(),
     })
@@ -218,27 +224,18 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
             }
             TickSource::Lockstep => self.say("the client tares its sensor"),
         }
-        let Self {
-            sampler,
-            bar,
-            controls,
-            client,
-            ..
-        } = self;
+        let (bar, controls, client) = (self.bar, &self.controls, &self.client);
         let tared = || controls.tared.load(Ordering::Relaxed);
         // A client that ends before its first command has no session whose end could be sampled.
-        let stillborn = || client.is_finished() && controls.commands.load(Ordering::Relaxed) == 0;
-        sampler.until(false, |_| bar.inc(1), |_| tared() || stillborn())?;
-        if stillborn() {
+        let has_failed = || client.is_finished() && controls.commands.load(Ordering::Relaxed) == 0;
+        (self.sampler).until(false, |_| bar.inc(1), |_| tared() || has_failed())?;
+        if has_failed() {
             let reason = "the client ended before its first command".to_owned();
             return Err(Failure::Error(DemoError::Failed(reason)));
         }
         if self.ticks == TickSource::RealTime {
-            let missed = self
-                .sampler
-                .samples
-                .last()
-                .map_or(0, |sample| sample.missed);
+            let last = self.sampler.samples.last();
+            let missed = last.map_or(0, |sample| sample.missed);
             if self.probe && missed > PROBE_MISSES {
                 return Err(Failure::Slow { missed });
             }
@@ -259,12 +256,8 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
             self.hand.set(&load)?;
             let first = self.wait(|sample| sample.step == load.step)?;
             let last = self.wait_ticks(first.tick, self.options.step_ticks())?;
-            let norm = last
-                .displacement_um
-                .iter()
-                .map(|d| d * d)
-                .sum::<f64>()
-                .sqrt();
+            let squares = last.displacement_um.map(|d| d * d);
+            let norm = squares.iter().sum::<f64>().sqrt();
             self.say(&format!(
                 "  {force_x:5.0} N: tool displaced by {norm:6.1} um"
             ));
@@ -283,68 +276,60 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
     fn pull_the_cable(&mut self) -> Result<Sample<N>, Failure> {
         self.say("pulling the client's cable; both sockets stay open");
         self.relay.cut();
-        self.server
-            .controls
-            .link_silent
-            .store(true, Ordering::Relaxed);
-        let ended = self
-            .sampler
-            .until(true, |_| {}, |sample| sample.ended.is_some())?;
         let silent = &self.server.controls.link_silent;
+        silent.store(true, Ordering::Relaxed);
+        let ended = (self.sampler).until(true, |_| {}, |sample| sample.ended.is_some())?;
         silent.store(false, Ordering::Relaxed);
-        let left = ended
-            .offset_nm
-            .iter()
-            .map(|nm| nm.unsigned_abs())
-            .max()
-            .unwrap_or(0);
+        let left = ended.offset_nm.iter().map(|nm| nm.unsigned_abs()).max();
         self.say(&format!(
             "second deadline missed: SafeDisconnect, {:.1} um of offset ramp to zero at 0.1 um/ms",
-            f64::from(left) / 1e3
+            f64::from(left.unwrap_or(0)) / 1e3
         ));
         Ok(ended)
     }
 
     fn newcomer_during_the_ramp(&mut self) -> Result<Refusal, Failure> {
-        match self.newcomer()?.1 {
-            ServerMessage::Refusal(refusal) => {
+        match self.newcomer()?.greet() {
+            Err(ClientError::Refused(refusal)) => {
                 self.say(&format!("a newcomer is refused: {refusal}"));
                 Ok(refusal)
             }
-            _ => Err(Failure::Error(DemoError::Failed(
+            Err(error) => Err(error.into()),
+            Ok(_) => Err(Failure::Error(DemoError::Failed(
                 "a newcomer was granted the session during the ramp".to_owned(),
             ))),
         }
     }
 
     fn newcomer_after_the_ramp(&mut self) -> Result<(), Failure> {
-        let (mut link, answer) = self.newcomer()?;
-        let ServerMessage::Welcome(welcome) = answer else {
-            return Err(Failure::Error(DemoError::Failed(
-                "a newcomer was not granted the session after the ramp".to_owned(),
-            )));
+        let mut link = self.newcomer()?;
+        let welcome = match link.greet() {
+            Err(ClientError::Refused(_)) => {
+                return Err(Failure::Error(DemoError::Failed(
+                    "a newcomer was not granted the session after the ramp".to_owned(),
+                )));
+            }
+            answer => answer?,
         };
         self.say(&format!(
             "all offsets are zero: a newcomer is granted session {}",
             welcome.epoch.0
         ));
-        link.send(&ClientMessage::Goodbye(welcome.epoch))?;
-        self.sampler
-            .until(true, |_| {}, |sample| sample.phase == Phase::SafeDisconnect)?;
-        self.sampler
-            .until(true, |_| {}, |sample| sample.phase == Phase::Listening)?;
+        link.goodbye()?;
+        for phase in [Phase::SafeDisconnect, Phase::Listening] {
+            (self.sampler).until(true, |_| {}, |sample| sample.phase == phase)?;
+        }
         Ok(())
     }
 
-    /// Requests the session from another client, on another connection.
-    fn newcomer(&mut self) -> Result<(Connection<N>, ServerMessage<N>), Failure> {
-        let mut connection = Connection::connect(self.server.address, NEWCOMER_SILENCE)?;
-        connection.send(&ClientMessage::Hello(Hello {
-            axes: u8::try_from(N).unwrap_or(u8::MAX),
+    /// Connects another client.
+    fn newcomer(&self) -> Result<Connection<N>, ClientError> {
+        let requirements = Requirements {
             capabilities: Capabilities::LOCKSTEP,
-        }))?;
-        let answer = connection.receive()?;
-        Ok((connection, answer))
+            ..Requirements::default()
+        };
+        let address = self.server.address;
+        Connection::open(Transport::Stream, address, NEWCOMER_SILENCE, requirements)
     }
 
     fn wait_for(&mut self, phase: Phase) -> Result<Sample<N>, Failure> {

@@ -17,7 +17,7 @@ pub(super) fn render(results: &Results) -> String {
 fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
     let pace = match results.pace {
         "real" => "real time, 1 kHz",
-        _ => "lock-step: the server waits for its client, link times are no measurement",
+        _ => "lock-step: the server waits for its client, link times mean nothing",
     };
     writeln!(text, "{}, {pace}\n", results.robot)?;
     write_steps(text, results)?;

@@ -6,6 +6,7 @@ mod svg;
 use std::fmt;
 use std::path::PathBuf;
 
+use crate::files::{WriteError, write};
 use crate::model::MachineKind;
 use crate::robot_file::{RobotFile, RobotFileError};
 use scene::Scene;
@@ -31,12 +32,7 @@ pub enum DrawError {
     /// The machine cannot be drawn at its home.
     Robot(RobotFileError),
     /// The picture cannot be written.
-    File {
-        /// Output file.
-        path: PathBuf,
-        /// Error of the operating system.
-        reason: String,
-    },
+    File(WriteError),
 }
 
 impl fmt::Display for DrawError {
@@ -44,7 +40,7 @@ impl fmt::Display for DrawError {
         match self {
             Self::Option(text) => f.write_str(text),
             Self::Robot(error) => error.fmt(f),
-            Self::File { path, reason } => write!(f, "cannot write {}: {reason}", path.display()),
+            Self::File(error) => error.fmt(f),
         }
     }
 }
@@ -66,19 +62,16 @@ pub fn run<K: MachineKind<N>, const N: usize>(
 ) -> Result<(), DrawError> {
     let (azimuth, elevation) = (options.azimuth_deg, options.elevation_deg);
     if !(-360.0..=360.0).contains(&azimuth) {
-        let text = format!("--azimuth is {azimuth}, it must be from -360 to 360 degrees");
+        let text = format!("--azimuth is {azimuth}; expected from -360 to 360 degrees");
         return Err(DrawError::Option(text));
     }
     if !(-90.0..=90.0).contains(&elevation) {
-        let text = format!("--elevation is {elevation}, it must be from -90 to 90 degrees");
+        let text = format!("--elevation is {elevation}; expected from -90 to 90 degrees");
         return Err(DrawError::Option(text));
     }
     let scene = Scene::at_home(&options.robot)?;
     let picture = svg::picture(&scene, azimuth.to_radians(), elevation.to_radians());
-    std::fs::write(&options.svg, picture).map_err(|error| DrawError::File {
-        path: options.svg.clone(),
-        reason: error.to_string(),
-    })
+    write(&options.svg, &picture).map_err(DrawError::File)
 }
 
 #[cfg(test)]
@@ -91,32 +84,21 @@ mod tests {
     #[test]
     fn links_have_their_lengths_and_labels_stand_apart() {
         for name in ["l2", "f1"] {
-            let (scene, lengths) = match AnyRobotFile::named(name).unwrap() {
-                L2(robot) => (
-                    Scene::at_home(&robot).unwrap(),
-                    robot.model.geometry().lengths_m,
-                ),
-                F1(robot) => (
-                    Scene::at_home(&robot).unwrap(),
-                    robot.model.geometry().lengths_m,
-                ),
+            let (scene, geometry) = match AnyRobotFile::named(name).unwrap() {
+                L2(robot) => (Scene::at_home(&robot), robot.model.geometry()),
+                F1(robot) => (Scene::at_home(&robot), robot.model.geometry()),
             };
+            let (scene, lengths) = (scene.unwrap(), geometry.lengths_m);
             assert_eq!(scene.links.len(), 6);
             for (link, length) in scene.links.iter().zip(lengths) {
                 let [cart, platform] = link.ends_m;
-                assert!(
-                    ((cart - platform).norm() - length).abs() < 1e-9,
-                    "{name} {}",
-                    link.name
-                );
+                let error = (cart - platform).norm() - length;
+                assert!(error.abs() < 1e-9, "{name} {}", link.name);
             }
             for azimuth in [20.0_f64, 60.0, 110.0] {
                 let labels = svg::labels(&scene, azimuth.to_radians(), 0.4);
-                assert_eq!(
-                    labels.len(),
-                    14,
-                    "3 guideways, 3 carts, 6 links, platform, tool"
-                );
+                // 3 guideways, 3 carts, 6 links, platform, tool.
+                assert_eq!(labels.len(), 14);
                 for (index, label) in labels.iter().enumerate() {
                     for other in labels.iter().skip(index + 1) {
                         assert!(!label.overlaps(other), "{name}: {label:?} {other:?}");

@@ -1,4 +1,4 @@
-//! From parts in space to lines and words on paper: parallel projection, placement of the labels, SVG.
+//! Drawing of a scene: parallel projection, placement of the labels, SVG.
 
 use std::fmt::Write;
 
@@ -78,6 +78,10 @@ impl View {
 
     fn point(&self, place_m: &Vector3<f64>) -> Point {
         self.origin + self.direction(place_m) * self.scale
+    }
+
+    fn ends(&self, places_m: &[Vector3<f64>; 2]) -> [Point; 2] {
+        places_m.each_ref().map(|place| self.point(place))
     }
 }
 
@@ -226,7 +230,7 @@ fn labels_between(scene: &Scene, view: &View, shapes: &Shapes) -> Vec<Label> {
     let tool = view.point(&scene.tool_m);
     let mut placed: Vec<Label> = Vec::new();
     for link in &scene.links {
-        let own = link.ends_m.map(|end| view.point(&end));
+        let own = view.ends(&link.ends_m);
         let mut label = Label::new(link.name, colour(link.arm), own[0]);
         label.place_on(&own, &placed, &shapes.lines);
         placed.push(label);
@@ -237,26 +241,16 @@ fn labels_between(scene: &Scene, view: &View, shapes: &Shapes) -> Vec<Label> {
         let text = format!("cart {}", arm.number);
         labels.push(Label::new(text, colour(index), view.point(&arm.centre_m)));
         // Named at the end that is farther from the tool.
-        let [one, other] = arm.rail_m.map(|end| view.point(&end));
-        let end = if (one - tool).norm() > (other - tool).norm() {
-            one
-        } else {
-            other
-        };
-        let cart = view.point(&arm.centre_m);
-        labels.push(Label::new(
-            format!("guideway {}", arm.number),
-            INK,
-            end + (cart - end) * 0.15,
-        ));
+        let [one, other] = view.ends(&arm.rail_m);
+        let is_one = (one - tool).norm() > (other - tool).norm();
+        let end = if is_one { one } else { other };
+        let place = end + (view.point(&arm.centre_m) - end) * 0.15;
+        labels.push(Label::new(format!("guideway {}", arm.number), INK, place));
     }
     let middle = shapes.platform.iter().sum::<Point>();
     let farthest = shapes.platform.iter().max_by(|a, b| a.y.total_cmp(&b.y));
-    labels.push(Label::new(
-        "platform",
-        INK,
-        farthest.copied().unwrap_or(middle),
-    ));
+    let place = farthest.copied().unwrap_or(middle);
+    labels.push(Label::new("platform", INK, place));
     for mut label in labels {
         label.place(&placed, &shapes.lines, view.height);
         placed.push(label);
@@ -279,28 +273,11 @@ impl Shapes {
         joints.push(view.point(&scene.tool_m));
         let platform = hull(joints);
         let carts: Vec<Vec<Point>> = (scene.arms.iter())
-            .map(|arm| {
-                hull(
-                    corners(arm)
-                        .iter()
-                        .map(|corner| view.point(corner))
-                        .collect(),
-                )
-            })
+            .map(|arm| hull(corners(arm).iter().map(|c| view.point(c)).collect()))
             .collect();
-        let mut lines: Vec<[Point; 2]> = Vec::new();
-        lines.extend(
-            scene
-                .links
-                .iter()
-                .map(|link| link.ends_m.map(|end| view.point(&end))),
-        );
-        lines.extend(
-            scene
-                .arms
-                .iter()
-                .map(|arm| arm.rail_m.map(|end| view.point(&end))),
-        );
+        let links = scene.links.iter().map(|link| link.ends_m);
+        let lines = links.chain(scene.arms.iter().map(|arm| arm.rail_m));
+        let mut lines: Vec<[Point; 2]> = lines.map(|ends| view.ends(&ends)).collect();
         for outline in carts.iter().chain([&platform]) {
             let next = outline.iter().cycle().skip(1);
             lines.extend(outline.iter().zip(next).map(|(from, to)| [*from, *to]));
@@ -335,22 +312,14 @@ pub(super) fn picture(scene: &Scene, azimuth: f64, elevation: f64) -> String {
         scene.axes, scene.axes
     );
     for arm in &scene.arms {
-        let [from, to] = arm.rail_m.map(|end| view.point(&end));
-        line(
-            &mut svg,
-            [from, to],
-            "#9a9a94",
-            "stroke-width=\"5\" stroke-linecap=\"round\"",
-        );
+        let [from, to] = view.ends(&arm.rail_m);
+        let style = "stroke-width=\"5\" stroke-linecap=\"round\"";
+        line(&mut svg, [from, to], "#9a9a94", style);
         for ((end, other), goes_on) in [(from, to), (to, from)].into_iter().zip(arm.goes_on) {
             if goes_on {
                 let beyond = end + (end - other).normalize() * 26.0;
-                line(
-                    &mut svg,
-                    [end, beyond],
-                    "#9a9a94",
-                    "stroke-width=\"5\" stroke-dasharray=\"4 6\"",
-                );
+                let style = "stroke-width=\"5\" stroke-dasharray=\"4 6\"";
+                line(&mut svg, [end, beyond], "#9a9a94", style);
             }
         }
     }
@@ -363,23 +332,19 @@ pub(super) fn picture(scene: &Scene, azimuth: f64, elevation: f64) -> String {
         let nearest: Vector3<f64> =
             arm.centre_m + edges.map(|(edge, sign)| edge * sign).sum::<Vector3<f64>>();
         for (edge, sign) in arm.half_edges_m.iter().zip(seen) {
-            let ends = [nearest, nearest - edge * (2.0 * sign)].map(|end| view.point(&end));
+            let ends = view.ends(&[nearest, nearest - edge * (2.0 * sign)]);
             line(&mut svg, ends, colour, "stroke-width=\"1\"");
         }
     }
     polygon(&mut svg, &shapes.platform, INK, 0.14);
     let tool = view.point(&scene.tool_m);
     for link in &scene.links {
-        let [cart, platform] = link.ends_m.map(|end| view.point(&end));
+        let [cart, platform] = view.ends(&link.ends_m);
+        let colour = colour(link.arm);
         line(&mut svg, [platform, tool], "#777", "stroke-width=\"0.8\"");
-        line(
-            &mut svg,
-            [cart, platform],
-            colour(link.arm),
-            "stroke-width=\"2.5\"",
-        );
+        line(&mut svg, [cart, platform], colour, "stroke-width=\"2.5\"");
         for joint in [cart, platform] {
-            circle(&mut svg, joint, 4.0, colour(link.arm), "#fff");
+            circle(&mut svg, joint, 4.0, colour, "#fff");
         }
     }
     circle(&mut svg, tool, 6.0, "#c00", "#fff");
@@ -387,12 +352,8 @@ pub(super) fn picture(scene: &Scene, azimuth: f64, elevation: f64) -> String {
     triad(&mut svg, &view);
     for label in labels_between(scene, &view, &shapes) {
         if (label.centre - label.anchor).norm() > 34.0 + label.half().x {
-            line(
-                &mut svg,
-                [label.anchor, label.centre],
-                "#999",
-                "stroke-width=\"0.8\"",
-            );
+            let ends = [label.anchor, label.centre];
+            line(&mut svg, ends, "#999", "stroke-width=\"0.8\"");
         }
         text(&mut svg, label.centre, label.colour, &label.text);
     }
@@ -464,6 +425,7 @@ fn text(svg: &mut String, at: Point, colour: &str, text: &str) {
     let (x, y) = (px(at.x), px(at.y + 0.36 * FONT));
     let _ = writeln!(
         svg,
-        "<text x=\"{x}\" y=\"{y}\" text-anchor=\"middle\" fill=\"{colour}\" stroke=\"#fbfbf9\" stroke-width=\"6\" stroke-linejoin=\"round\" paint-order=\"stroke\">{text}</text>"
+        "<text x=\"{x}\" y=\"{y}\" text-anchor=\"middle\" fill=\"{colour}\" stroke=\"#fbfbf9\" stroke-width=\"6\" \
+         stroke-linejoin=\"round\" paint-order=\"stroke\">{text}</text>"
     );
 }

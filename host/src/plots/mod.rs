@@ -29,7 +29,7 @@ pub(crate) struct Curve {
 }
 
 impl Curve {
-    /// A line.
+    /// Creates a line.
     pub(crate) fn line(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self {
             name: name.to_owned(),
@@ -39,7 +39,7 @@ impl Curve {
         }
     }
 
-    /// Dots only.
+    /// Creates dots without a line.
     pub(crate) fn dots(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self {
             dots: true,
@@ -62,8 +62,8 @@ pub(crate) struct Plot {
     pub(crate) y_axis: &'static str,
     pub(crate) curves: Vec<Curve>,
     pub(crate) bands: Vec<Band>,
-    /// Names for integer values of y.
-    pub(crate) y_names: Option<&'static [&'static str]>,
+    /// Names for integer values of y; empty for numbers.
+    pub(crate) y_names: Vec<&'static str>,
     /// Corner for the names of the curves.
     pub(crate) key: Corner,
 }
@@ -76,7 +76,7 @@ pub(crate) enum Corner {
 }
 
 impl Plot {
-    /// The plot as an `<svg>` element.
+    /// Returns the plot as an `<svg>` element.
     pub(crate) fn svg(&self) -> String {
         let mut svg = String::new();
         if let Err(error) = self.draw(&mut svg) {
@@ -92,7 +92,8 @@ impl Plot {
         );
         let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
         root.fill(&WHITE)?;
-        let label_width = if self.y_names.is_some() { 130 } else { 70 };
+        let names = &self.y_names;
+        let label_width = if names.is_empty() { 70 } else { 130 };
         let mut chart = ChartBuilder::on(&root)
             .margin(12)
             .margin_right(32)
@@ -115,7 +116,7 @@ impl Plot {
             .bold_line_style(BLACK.mix(0.12))
             .label_style(("sans-serif", 14))
             .axis_desc_style(("sans-serif", 15));
-        if let Some(names) = self.y_names {
+        if !names.is_empty() {
             mesh.y_labels(names.len() + 1).y_label_formatter(&name);
         }
         mesh.draw()?;
@@ -157,9 +158,7 @@ impl Plot {
     }
 
     fn name_of(&self, value: f64) -> String {
-        let names = self.y_names.unwrap_or_default();
-        names
-            .iter()
+        (self.y_names.iter())
             .zip(0..)
             .find(|(_, number)| (value - f64::from(*number)).abs() < 1e-6)
             .map_or_else(String::new, |(name, _)| (*name).to_owned())

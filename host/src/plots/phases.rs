@@ -1,20 +1,11 @@
-//! Phases of a session in plots: names, colours, and the stretches of time they fill.
+//! Phases of a session in plots: colours, and the stretches of time they fill.
 
 use gantry_tau_core::control::message::Phase;
 use plotters::style::RGBColor;
 
 use super::Band;
 
-/// Names, in the order of [`number`].
-pub(crate) const NAMES: [&str; 6] = [
-    "Listening",
-    "Handshake",
-    "Submit",
-    "Obtain",
-    "SafeDisconnect",
-    "Fault",
-];
-/// Background colours, in the same order.
+/// Background colours, in the order of [`Phase::ALL`].
 const COLOURS: [RGBColor; 6] = [
     RGBColor(225, 225, 225),
     RGBColor(250, 240, 190),
@@ -23,18 +14,6 @@ const COLOURS: [RGBColor; 6] = [
     RGBColor(250, 215, 190),
     RGBColor(240, 190, 190),
 ];
-
-/// Index of a phase in [`NAMES`].
-pub(crate) const fn number(phase: Phase) -> u8 {
-    match phase {
-        Phase::Listening => 0,
-        Phase::Handshake => 1,
-        Phase::Submit => 2,
-        Phase::Obtain => 3,
-        Phase::SafeDisconnect => 4,
-        Phase::Fault => 5,
-    }
-}
 
 /// Range of the x axis in which one phase lasts.
 pub(crate) struct Stretch {
@@ -60,21 +39,22 @@ pub(crate) fn stretches(points: impl IntoIterator<Item = (f64, Phase)>) -> Vec<S
     stretches
 }
 
-/// The stretches as coloured bands.
+/// Returns the stretches as coloured bands.
 pub(crate) fn bands(points: impl IntoIterator<Item = (f64, Phase)>) -> Vec<Band> {
     let band = |stretch: Stretch| Band {
         from: stretch.from,
         to: stretch.to,
         colour: COLOURS
-            .get(usize::from(number(stretch.phase)))
+            .get(usize::from(stretch.phase.code()))
             .copied()
             .unwrap_or_default(),
     };
     stretches(points).into_iter().map(band).collect()
 }
 
-/// Name and CSS colour of every phase.
+/// Returns name and CSS colour of every phase.
 pub(crate) fn key() -> impl Iterator<Item = (&'static str, String)> {
     let css = |RGBColor(r, g, b): RGBColor| format!("rgb({r},{g},{b})");
-    NAMES.into_iter().zip(COLOURS.map(css))
+    let names = Phase::ALL.iter().map(|phase| phase.name());
+    names.zip(COLOURS.map(css))
 }

@@ -3,12 +3,13 @@
 pub(crate) mod picture;
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use gantry_tau_core::control::session::{Entry, Output, replay};
 use serde::Serialize;
 
 use crate::black_box::{self, FileError, Window};
+use crate::files::{WriteError, write};
 use crate::terminal::say;
 use picture::Picture;
 
@@ -32,19 +33,14 @@ pub enum ReplayError {
     /// The file is not a black box.
     File(FileError),
     /// A file cannot be written.
-    Write {
-        /// Path of the file.
-        path: PathBuf,
-        /// Reason given by the system.
-        reason: String,
-    },
+    Write(WriteError),
 }
 
 impl fmt::Display for ReplayError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File(error) => error.fmt(f),
-            Self::Write { path, reason } => write!(f, "cannot write {}: {reason}", path.display()),
+            Self::Write(error) => error.fmt(f),
         }
     }
 }
@@ -124,11 +120,12 @@ fn examine<const N: usize>(
         } else {
             picture.svg(name)
         };
-        write(path, &text)?;
+        write(path, &text).map_err(ReplayError::Write)?;
     }
     if let Some(path) = &options.json {
         let json = serde_json::to_string_pretty(&findings);
-        write(path, &json.unwrap_or_else(|error| error.to_string()))?;
+        let json = json.unwrap_or_else(|error| error.to_string());
+        write(path, &json).map_err(ReplayError::Write)?;
     }
     Ok(findings)
 }
@@ -182,55 +179,29 @@ impl Difference {
 
 impl fmt::Display for Findings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            axes,
-            epoch,
-            ticks,
-            agreeing,
-            ..
-        } = self;
-        writeln!(f, "  {axes} axes, epoch {epoch}")?;
-        writeln!(
-            f,
-            "  window    {ticks} ticks, {} to {}",
-            self.first_tick, self.last_tick
-        )?;
-        let name = self.cause.unwrap_or("none");
-        writeln!(
-            f,
-            "  cause     {name} in tick {}: {}",
-            self.cause_tick, self.cause_text
-        )?;
+        let (ticks, first, last) = (self.ticks, self.first_tick, self.last_tick);
+        writeln!(f, "  {} axes, epoch {}", self.axes, self.epoch)?;
+        writeln!(f, "  window    {ticks} ticks, {first} to {last}")?;
+        let (name, tick) = (self.cause.unwrap_or("none"), self.cause_tick);
+        writeln!(f, "  cause     {name} in tick {tick}: {}", self.cause_text)?;
+        write!(f, "  replay    ")?;
         match &self.difference {
-            None => write!(f, "  replay    all {ticks} ticks agree bit for bit"),
-            Some(difference) => write!(
-                f,
-                "  replay    {agreeing} of {ticks} ticks agree, then DIFFERS\n{difference}"
-            ),
+            None => write!(f, "all {ticks} ticks agree bit for bit"),
+            Some(difference) => {
+                let agreeing = self.agreeing;
+                write!(
+                    f,
+                    "{agreeing} of {ticks} ticks agree, then DIFFERS\n{difference}"
+                )
+            }
         }
     }
 }
 
 impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            tick,
-            field,
-            axis,
-            recorded,
-            replayed,
-        } = self;
-        let axis = axis.map_or_else(String::new, |axis| format!(" (axis {axis})"));
-        write!(
-            f,
-            "            tick {tick}, {field}{axis}: recorded {recorded}, replayed {replayed}"
-        )
+        let axis = (self.axis).map_or_else(String::new, |axis| format!(" (axis {axis})"));
+        write!(f, "            tick {}, {}{axis}: ", self.tick, self.field)?;
+        write!(f, "recorded {}, replayed {}", self.recorded, self.replayed)
     }
-}
-
-fn write(path: &Path, text: &str) -> Result<(), ReplayError> {
-    std::fs::write(path, text).map_err(|error| ReplayError::Write {
-        path: path.to_owned(),
-        reason: error.to_string(),
-    })
 }

@@ -159,7 +159,7 @@ impl<const N: usize> Scene<'_, N> {
             y_axis,
             curves,
             bands: self.bands(),
-            y_names: None,
+            y_names: Vec::new(),
             key: Corner::UpperLeft,
         }
     }
@@ -210,7 +210,7 @@ impl<const N: usize> Scene<'_, N> {
                 },
             ],
             bands: self.bands(),
-            y_names: Some(&EVENTS),
+            y_names: EVENTS.into(),
             key: Corner::UpperLeft,
         }
     }

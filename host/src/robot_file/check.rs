@@ -1,4 +1,4 @@
-//! What a robot file may say: one check per section.
+//! Checks of a robot file, one per section.
 
 use gantry_tau_core::model::linalg::rotation_deviation;
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
@@ -7,18 +7,18 @@ use super::{Axes, AxisLimits, ChannelLimits, Motors, Problem, Sensor, Simulation
 
 /// Largest deviation of `metres_per_q` from `|v_i|`, relative.
 const SCALE_TOLERANCE: f64 = 1e-9;
-/// Farthest a micrometre value may be from a whole nanometre, in nanometres: rounding of the decimal, no more.
+/// Largest distance of a micrometre value from a whole nanometre, nm: rounding of the decimal.
 const WHOLE_NM_TOLERANCE: f64 = 1e-3;
 /// Largest number of motors.
 const MAX_MOTORS: usize = 32;
 
-/// Which keys a file has.
+/// Kind of machine, which decides the keys of a file.
 pub(super) enum Kind {
     L2,
     F1,
 }
 
-/// Looks at `model` before anything else: another machine's keys would only be called unknown.
+/// Reads `model` before anything else: another machine's keys would only be called unknown.
 pub(super) fn model(text: &str) -> Result<Kind, Problem> {
     let table: toml::Table = toml::from_str(text).map_err(|error| syntax(text, &error))?;
     match table.get("model").map(|model| model.as_str()) {
@@ -29,7 +29,7 @@ pub(super) fn model(text: &str) -> Result<Kind, Problem> {
     }
 }
 
-/// What the TOML reader says, with the key it says it about.
+/// Returns the error of the TOML reader with the key that it concerns.
 pub(super) fn syntax(text: &str, error: &toml::de::Error) -> Problem {
     let reason = error.message();
     let before = (error.span()).map_or("", |span| text.get(..span.start).unwrap_or(""));
@@ -59,18 +59,18 @@ pub(super) fn syntax(text: &str, error: &toml::de::Error) -> Problem {
     Problem::new(key, format!("{reason} (line {number})"))
 }
 
-/// `lower <= value <= upper`; NaN is refused.
+/// Checks `lower <= value <= upper`; NaN is refused.
 pub(super) fn range(key: &str, value: f64, lower: f64, upper: f64) -> Result<(), Problem> {
     if (lower..=upper).contains(&value) {
         Ok(())
     } else {
-        let reason = format!("is {value}, it must be from {lower} to {upper}");
+        let reason = format!("is {value}; expected from {lower} to {upper}");
         Err(Problem::new(key, reason))
     }
 }
 
-/// The nominal travel in q-units, once the scale is checked: where the geometry gives the length of a unit (of a guideway),
-/// the file must agree with it.
+/// Checks the scale and returns the nominal travel in q-units. Where the geometry gives the length of a unit (of a guideway), the file
+/// must agree with it.
 pub(super) fn travel_in_q<const N: usize>(
     axes: &Axes<N>,
     lengths_m: &[Option<f64>; N],
@@ -94,7 +94,7 @@ pub(super) fn travel_in_q<const N: usize>(
     Ok(travel)
 }
 
-/// Every axis in the units of the reference path.
+/// Returns every axis in the units of the reference path.
 pub(super) fn limits<const N: usize>(axes: &Axes<N>) -> Result<[AxisLimits; N], Problem> {
     let mut limits = Vec::with_capacity(N);
     for index in 0..N {
@@ -151,7 +151,7 @@ fn axis<const N: usize>(axes: &Axes<N>, index: usize) -> Result<AxisLimits, Prob
     })
 }
 
-/// `0 <= max`, `0 < ramp <= step`, `step + ramp <= accel`.
+/// Checks `0 <= max`, `0 < ramp <= step`, `step + ramp <= accel`.
 fn channel(section: &str, unit: &str, index: usize, c: &ChannelLimits) -> Result<(), Problem> {
     let refuse = |name: &str, reason: &str| {
         let key = format!("axes.{section}.{name}_{unit}[{index}]");
@@ -170,7 +170,7 @@ fn channel(section: &str, unit: &str, index: usize, c: &ChannelLimits) -> Result
     }
 }
 
-/// Entry `index`, or a value that its check refuses.
+/// Returns entry `index`, or a value that its check refuses.
 fn pick<T: Copy>(values: &[T], index: usize, refused: T) -> T {
     values.get(index).copied().unwrap_or(refused)
 }
@@ -191,7 +191,7 @@ fn travel(
     Ok((lower, upper))
 }
 
-/// Micrometres that are a whole number of nanometres.
+/// Converts micrometres that are a whole number of nanometres.
 fn whole_nm(key: &str, value_um: f64) -> Result<i32, Problem> {
     let crossed = OffsetNm::from_metres(Metres(value_um * 1e-6))
         .map_err(|error| Problem::new(key, error.to_string()))?;
@@ -225,8 +225,10 @@ pub(super) fn motors(motors: &Motors, axes: usize) -> Result<(), Problem> {
 }
 
 pub(super) fn sensor(sensor: &Sensor) -> Result<(), Problem> {
-    if rotation_deviation(&matrix(&sensor.rotation)) > 1e-9 {
-        return Err(Problem::new("sensor.rotation", "is no rotation matrix"));
+    let deviation = rotation_deviation(&matrix(&sensor.rotation));
+    if deviation > 1e-9 {
+        let reason = format!("is not a rotation matrix (deviation {deviation:.0e})");
+        return Err(Problem::new("sensor.rotation", reason));
     }
     for (index, value) in sensor.lever_m.iter().enumerate() {
         range(&format!("sensor.lever_m[{index}]"), *value, -10.0, 10.0)?;

@@ -1,4 +1,4 @@
-//! The sections of a robot file, as they are written.
+//! Sections of a robot file, as they are written.
 
 use gantry_tau_core::units::PositionNm;
 use nalgebra::Matrix3;
@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer};
 
 use super::matrix;
 
-/// One entry per axis. serde reads arrays of a fixed length, not of a generic one.
+/// Reads one entry per axis. serde reads arrays of a fixed length, not of a generic one.
 fn each<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
     deserializer: D,
 ) -> Result<[T; N], D::Error> {
@@ -21,10 +21,10 @@ fn each<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Axes<const N: usize> {
-    /// Where the nominal path may be, `[lower, upper]`, m.
+    /// Range of the nominal path, `[lower, upper]`, m.
     #[serde(deserialize_with = "each")]
     pub nominal_travel_m: [[f64; 2]; N],
-    /// Where the machine may be, `[lower, upper]`, m: wider than the nominal travel by at least the position offset's limit.
+    /// Range of the machine, `[lower, upper]`, m: wider than the nominal travel by at least the position offset's limit.
     #[serde(deserialize_with = "each")]
     pub machine_travel_m: [[f64; 2]; N],
     /// Length of one unit of `q`, m: `|v_i|`.
@@ -99,7 +99,7 @@ pub struct TorqueSection<const N: usize> {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motors {
-    /// Which axis each motor drives, counted from 0; every axis has one.
+    /// Axis of each motor, counted from 0; every axis has one.
     pub axis_of_motor: Vec<usize>,
 }
 
@@ -113,7 +113,7 @@ pub struct Sensor {
     pub lever_m: [f64; 3],
     /// Cut-off of the low-pass, Hz.
     pub cutoff_hz: f64,
-    /// How many samples the tare averages.
+    /// Samples that the tare averages.
     pub tare_samples: u32,
 }
 

@@ -31,22 +31,15 @@ impl EventLog {
             tracing::info!("tick {tick}: session granted (epoch {})", state.epoch.0);
             self.counters = Counters::default();
         }
-        if row.refused > 0 {
-            tracing::info!(
-                "tick {tick}: {} client(s) refused in {}",
-                row.refused,
-                state.phase.name()
-            );
+        let (refused, before, now) = (row.refused, self.phase.name(), state.phase.name());
+        if refused > 0 {
+            tracing::info!("tick {tick}: {refused} client(s) refused in {now}");
         }
         if let Some(cause) = row.ended {
             self.log_end(row, cause);
         }
         if state.phase != self.phase {
-            tracing::info!(
-                "tick {tick}: {} -> {}",
-                self.phase.name(),
-                state.phase.name()
-            );
+            tracing::info!("tick {tick}: {before} -> {now}");
             self.phase = state.phase;
         }
         if row.plant_failed && !self.plant_failed {
@@ -82,31 +75,28 @@ impl EventLog {
 
     /// Explains a counter when it leaves zero: once per session.
     fn log_counters(&mut self, tick: u64, now: &Counters) {
-        let values = |c: &Counters| {
-            [
-                c.missed,
-                c.late,
-                c.duplicate,
-                c.stale,
-                c.malformed,
-                c.out_of_range,
-                c.clamped,
-                c.non_owner,
-            ]
-        };
-        let texts = [
-            "no fresh valid command before a deadline (or the server skipped it)",
-            "a command came late",
-            "a command came twice",
-            "a frame of another epoch, sequence or tick",
-            "a frame with bad content, or not allowed in this phase",
-            "a target beyond its limit",
-            "a reference was clamped to the travel",
-            "frames from a connection that does not own the session",
+        type Of = fn(&Counters) -> u32;
+        let texts: [(Of, _); 8] = [
+            (
+                |c| c.missed,
+                "no fresh valid command before a deadline (or the server skipped it)",
+            ),
+            (|c| c.late, "a command came late"),
+            (|c| c.duplicate, "a command came twice"),
+            (|c| c.stale, "a frame of another epoch, sequence or tick"),
+            (
+                |c| c.malformed,
+                "a frame with bad content, or not allowed in this phase",
+            ),
+            (|c| c.out_of_range, "a target beyond its limit"),
+            (|c| c.clamped, "a reference was clamped to the travel"),
+            (
+                |c| c.non_owner,
+                "frames from a connection that does not own the session",
+            ),
         ];
-        let before = values(&self.counters);
-        for ((text, old), new) in texts.into_iter().zip(before).zip(values(now)) {
-            if old == 0 && new > 0 {
+        for (of, text) in texts {
+            if of(&self.counters) == 0 && of(now) > 0 {
                 tracing::info!(
                     "tick {tick}: {text}; further ones of this session are only counted"
                 );

@@ -45,21 +45,16 @@ impl ServerError {
     /// Returns the error of an address, with what to do about it.
     #[must_use]
     pub fn listen(address: SocketAddr, error: &io::Error) -> Self {
-        Self::Listen {
-            address,
-            reason: match error.kind() {
-                io::ErrorKind::AddrInUse => {
-                    "the port is in use; is another server running? (--listen, --sensor)".to_owned()
-                }
-                io::ErrorKind::PermissionDenied => {
-                    "permission denied; choose a port above 1023".to_owned()
-                }
-                io::ErrorKind::AddrNotAvailable => {
-                    "this computer does not have that address".to_owned()
-                }
-                _ => error.to_string(),
-            },
-        }
+        let reason = match error.kind() {
+            io::ErrorKind::AddrInUse => {
+                "the port is in use; is another server running? (--listen, --sensor)"
+            }
+            io::ErrorKind::PermissionDenied => "permission denied; choose a port above 1023",
+            io::ErrorKind::AddrNotAvailable => "this computer does not have that address",
+            _ => &error.to_string(),
+        };
+        let reason = reason.to_owned();
+        Self::Listen { address, reason }
     }
 }
 

@@ -47,7 +47,7 @@ pub struct Drive {
     reference_m: f64,
     velocity_offset: VelocityUmS,
     torque_offset: TorquePermille,
-    /// Where the fine interpolation stands, m.
+    /// Position of the fine interpolation, m.
     interpolated_m: f64,
     position_m: f64,
     velocity_m_per_s: f64,
@@ -57,7 +57,7 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// At rest where `reference` says.
+    /// Creates a drive at rest at `reference`.
     #[must_use]
     pub fn at_rest(reference: &Reference) -> Self {
         let position_m = reference.position.to_metres().0;
@@ -80,7 +80,7 @@ impl Drive {
         self.torque_offset = reference.torque_offset;
     }
 
-    /// One cycle, under `load_n` newtons that push the cart along its guideway.
+    /// Runs one cycle, under `load_n` newtons that push the cart along its guideway.
     pub fn advance(&mut self, load_n: f64) {
         let start_m = self.interpolated_m;
         let way_m = self.reference_m - start_m;
@@ -94,7 +94,7 @@ impl Drive {
         self.interpolated_m = self.reference_m;
     }
 
-    /// Controllers, then motor and cart.
+    /// Integrates controllers, then motor and cart.
     fn substep(&mut self, feed_forward_m_per_s: f64, load_n: f64) {
         let position_error_m = self.interpolated_m - self.position_m;
         let velocity_reference = POSITION_GAIN * position_error_m + feed_forward_m_per_s;
@@ -119,7 +119,7 @@ impl Drive {
         self.position_m
     }
 
-    /// What the drive reports.
+    /// Returns the report of this drive alone.
     ///
     /// # Errors
     /// As [`report`].
@@ -128,10 +128,10 @@ impl Drive {
     }
 }
 
-/// What the drives of one axis report together: the mean over its motors, which share cart and load.
+/// Returns the report of all drives of one axis: the mean over its motors, which share cart and load.
 ///
 /// # Errors
-/// [`CrossingError`] when the axis has run out of the range of positions, or has no motor.
+/// [`CrossingError`] if the axis has run out of the range of positions, or has no motor.
 pub fn report<'a>(
     drives: impl Iterator<Item = &'a Drive> + Clone,
 ) -> Result<Actual, CrossingError> {
@@ -143,7 +143,7 @@ pub fn report<'a>(
     })
 }
 
-/// NaN of nothing.
+/// Returns the mean; NaN of nothing.
 pub(super) fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
     sum / count

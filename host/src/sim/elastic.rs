@@ -1,11 +1,11 @@
-//! Where the platform stands under load: nonlinear, quasi-static equilibrium of links and carts as springs `[T 3.3]`.
+//! Pose of the platform under load: nonlinear, quasi-static equilibrium of links and carts as springs `[T 3.3]`.
 //!
 //! World axes; moments about the tool centre point (TCP). `s_ij` points from platform to cart, `l_ij = R b_ij`.
 //! `w = (F, M)` is what the environment applies to the platform, `f` are link tensions:
 //!
 //! - balance `W f + w = 0` with `W = [s; l x s]` `[T 3.24]`, so the tensions follow from the pose alone `[T 3.25]`;
-//! - each link is as long as its spring makes it: `L_i + c_ij f_ij`, plus the backlash in cluster 3 ([`Backlash`]);
-//! - each axis is where its spring lets it: `q_i + c_i tau_i`, with `tau = -D^T f` `[T 3.26]`.
+//! - length of a link: `L_i + c_ij f_ij`, plus the backlash in cluster 3 ([`Backlash`]);
+//! - position of an axis: `q_i + c_i tau_i`, with `tau = -D^T f` `[T 3.26]`.
 //!
 //! All three are evaluated at the *deflected* pose, which is found by stepping on the six length errors. No mass, no damping:
 //! the platform is in equilibrium in every cycle (its first resonance is far above what 1 kHz drives excite).
@@ -23,7 +23,7 @@ use super::joints::{Joint, joint};
 pub const STEP_TOLERANCE: f64 = 1e-13;
 /// Largest length error of a result, in metres. Rounding leaves about 1e-16 per metre of link.
 pub const RESIDUAL_TOLERANCE_M: f64 = 1e-12;
-/// At rest none is needed, after a step of the load up to 6, from a cold start under 10.
+/// Largest number of steps. At rest none is needed, after a step of the load up to 6, from a cold start under 10.
 pub const MAX_ITERATIONS: u32 = 30;
 /// First link of cluster 3 in link order.
 const CLUSTER_3: usize = 3;
@@ -37,10 +37,10 @@ pub struct Pose {
     pub rotation: UnitQuaternion<f64>,
 }
 
-/// Pose under load, and what it took.
+/// Pose under load, with the forces that hold it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Equilibrium<const N: usize> {
-    /// Where the platform stands.
+    /// Pose of the platform.
     pub pose: Pose,
     /// Tension of each link, newtons, link order; without the constant part that the weight causes.
     pub tensions_n: Vector6<f64>,
@@ -52,7 +52,7 @@ pub struct Equilibrium<const N: usize> {
     pub residual_m: f64,
 }
 
-/// Why there is no equilibrium to report.
+/// Reason why no equilibrium was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ElasticError {
     /// Axes, load or start are not finite.
@@ -95,7 +95,7 @@ pub struct ElasticMachine<const N: usize> {
 }
 
 impl<const N: usize> Equilibrium<N> {
-    /// A start for the search: at `pose`, with nothing loaded.
+    /// Returns a start for the search: at `pose`, with nothing loaded.
     #[must_use]
     pub fn unloaded(pose: Pose) -> Self {
         Self {
@@ -107,7 +107,7 @@ impl<const N: usize> Equilibrium<N> {
         }
     }
 
-    /// Sum of the tensions of links 31, 32, 33, newtons.
+    /// Returns the sum of the tensions of links 31, 32, 33, newtons.
     #[must_use]
     pub fn cluster_3_n(&self) -> f64 {
         self.tensions_n.fixed_rows::<3>(CLUSTER_3).sum()
@@ -115,7 +115,7 @@ impl<const N: usize> Equilibrium<N> {
 }
 
 impl<const N: usize> ElasticMachine<N> {
-    /// A machine with its *true* compliances.
+    /// Creates a machine with its *true* compliances.
     #[must_use]
     pub const fn new(
         geometry: f1::Geometry,
@@ -129,25 +129,25 @@ impl<const N: usize> ElasticMachine<N> {
         }
     }
 
-    /// The same machine with another backlash in the joint of arm 3.
+    /// Returns the same machine with another backlash in the joint of arm 3.
     #[must_use]
     pub const fn with_backlash(self, backlash: Backlash) -> Self {
         Self { backlash, ..self }
     }
 
-    /// The geometry.
+    /// Returns the geometry.
     #[must_use]
     pub const fn geometry(&self) -> &f1::Geometry {
         &self.geometry
     }
 
-    /// The true compliances.
+    /// Returns the true compliances.
     #[must_use]
     pub const fn compliances(&self) -> &Compliances<N> {
         &self.compliances
     }
 
-    /// Where the platform stands with the motors at `axes` (q-units) under `load` (force N, moment N m about the TCP, world axes).
+    /// Returns the pose with the motors at `axes` (q-units) under `load` (force N, moment N m about the TCP, world axes).
     /// The search begins at `start`, which also chooses the assembly mode; the last cycle's result is the best start.
     ///
     /// With zero load this is the forward kinematics of the rigid machine.
@@ -200,12 +200,12 @@ impl<const N: usize> ElasticMachine<N> {
         })
     }
 
-    /// Where the springs of the axes let them go: `q_i + c_i tau_i`, q-units.
+    /// Returns the axes behind their springs: `q_i + c_i tau_i`, q-units.
     fn displaced(&self, motors: &SVector<f64, N>, axis_loads: &SVector<f64, N>) -> SVector<f64, N> {
         motors + SVector::from(*self.compliances.cart_m_per_n()).component_mul(axis_loads)
     }
 
-    /// From platform joint to cart joint of one link (metres), and the latter.
+    /// Returns the vector from platform joint to cart joint of one link (metres), and the latter.
     fn link(&self, link: usize, axes: &SVector<f64, N>, pose: &Pose) -> (Vector3<f64>, Joint<N>) {
         let joint = joint(&self.geometry, link, &(*axes).into());
         let on_platform =
@@ -213,7 +213,7 @@ impl<const N: usize> ElasticMachine<N> {
         (joint.place_m - on_platform, joint)
     }
 
-    /// `W` and `D` with the axes (not the motors) at `axes`.
+    /// Returns `W` and `D` with the axes (not the motors) at `axes`.
     fn lines(&self, axes: &SVector<f64, N>, pose: &Pose) -> Lines<N> {
         let mut lines = Lines {
             matrix: Matrix6::zeros(),
@@ -239,7 +239,7 @@ impl<const N: usize> ElasticMachine<N> {
         lines
     }
 
-    /// How much farther apart the joints of each link are than the loaded link is long, metres.
+    /// Returns the distance of the joints of each link minus the length of the loaded link, metres.
     fn length_errors(
         &self,
         motors: &SVector<f64, N>,
@@ -266,7 +266,7 @@ struct Lines<const N: usize> {
     drives: SMatrix<f64, 6, N>,
 }
 
-/// `T + dT`, `exp(dtheta) R`.
+/// Returns `T + dT`, `exp(dtheta) R`.
 fn moved(pose: &Pose, step: &Vector6<f64>) -> Pose {
     let translation = Vector3::new(step[0], step[1], step[2]);
     let turn = Vector3::new(step[3], step[4], step[5]);

@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 
-/// One pose and load of the L2 with what an independent implementation says about it.
+/// One pose and load of the L2 with the results of an independent implementation.
 #[derive(Clone, Deserialize)]
 pub(crate) struct Case {
     #[serde(rename = "T")]
@@ -23,7 +23,7 @@ pub(crate) struct Case {
     pub(crate) c_total: [[f64; 6]; 6],
 }
 
-/// The same of the F1.
+/// One pose and load of the F1, as [`Case`].
 #[derive(Clone, Deserialize)]
 pub(crate) struct SixCase {
     #[serde(rename = "T")]
@@ -69,7 +69,7 @@ pub(crate) fn six_cases() -> Vec<SixCase> {
     cases_of("f1")
 }
 
-/// Mean of the L2's poses: inside the workspace, far from its edges.
+/// Returns the mean of the L2's poses: inside the workspace, far from its edges.
 pub(crate) fn home_m() -> [f64; 3] {
     let cases = cases();
     let count = u32::try_from(cases.len()).unwrap();
@@ -77,18 +77,18 @@ pub(crate) fn home_m() -> [f64; 3] {
     (sum / f64::from(count)).into()
 }
 
-/// The axes there.
+/// Returns the axes there.
 pub(crate) fn home_q() -> [f64; 3] {
     let l2 = RobotFile::builtin_l2().unwrap().model;
     l2.axes_at(&Vector3::from(home_m())).unwrap()
 }
 
-/// Rows to matrix.
+/// Converts rows to a matrix.
 pub(crate) fn matrix3(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
     Matrix3::from_fn(|row, column| rows[row][column])
 }
 
-/// Rows to matrix.
+/// Converts rows to a matrix.
 pub(crate) fn matrix6(rows: &[[f64; 6]; 6]) -> Matrix6<f64> {
     Matrix6::from_fn(|row, column| rows[row][column])
 }

@@ -12,8 +12,8 @@ const NOISE_STREAM: u64 = 2;
 
 /// A sensor at `p` from the tool centre point with axes `R` (sensor to world): `F_s = R^T F`, `M_s = R^T (M - p x F)`.
 ///
-/// It shows the load on the tool with the sign of that load. Its axes stay where they are: the platform turns by about 2 mrad at 300 N,
-/// which would show as half a newton across the load.
+/// It shows the load on the tool with the sign of that load. Its axes do not turn with the platform, which turns by about 2 mrad at
+/// 300 N: that would show as half a newton across the load.
 #[derive(Clone, Debug)]
 pub struct ForceSensor {
     rotation: Matrix3<f64>,
@@ -24,10 +24,10 @@ pub struct ForceSensor {
 }
 
 impl ForceSensor {
-    /// The sensor that `parameters` describe.
+    /// Creates the sensor that `parameters` describe.
     ///
     /// # Errors
-    /// [`SimulationError`] when its rotation is none, or a number is not finite, negative noise, or absurdly large.
+    /// [`SimulationError`] if the rotation is not one, or a number is not finite, too large, or a negative noise.
     pub fn new<const N: usize>(
         parameters: &SimulationParameters<N>,
     ) -> Result<Self, SimulationError> {
@@ -59,14 +59,14 @@ impl ForceSensor {
         })
     }
 
-    /// One raw sample under `load` (force N, moment N m about the tool centre point, world axes), in sensor axes.
+    /// Returns a raw sample under `load` (force N, moment N m about the tool centre point, world axes), in sensor axes.
     pub fn sample(&mut self, load: &Vector6<f64>) -> Vector6<f64> {
         let random = &mut self.random;
         let unit = Vector6::from_fn(|_, _| StandardNormal.sample(random));
         self.seen(load) + self.bias + self.noise.component_mul(&unit)
     }
 
-    /// The load in the sensor's axes, about its origin.
+    /// Returns the load in the sensor's axes, about its origin.
     fn seen(&self, load: &Vector6<f64>) -> Vector6<f64> {
         let force = load.fixed_rows::<3>(0).into_owned();
         let moment = load.fixed_rows::<3>(3).into_owned();
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_sensor() {
+    fn refuses_a_mirror_and_negative_noise() {
         let mirrored = SimulationParameters {
             sensor_rotation: -Matrix3::identity(),
             ..parameters()

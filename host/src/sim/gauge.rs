@@ -9,7 +9,7 @@ pub struct Gauge {
 }
 
 impl Gauge {
-    /// A gauge with steps of `resolution_m` metres.
+    /// Creates a gauge with steps of `resolution_m` metres.
     ///
     /// # Errors
     /// [`SimulationError::OutOfRange`] unless the step is from a picometre to a metre.
@@ -18,7 +18,7 @@ impl Gauge {
         Ok(Self { resolution_m })
     }
 
-    /// The nearest whole step, in metres.
+    /// Returns the nearest whole step, in metres.
     #[must_use]
     pub fn show(&self, length_m: f64) -> f64 {
         (length_m / self.resolution_m).round() * self.resolution_m

@@ -51,24 +51,16 @@ impl<const N: usize> Interpolator<N> {
             check("speed_m_per_s", *speed_m_per_s, 1e-6, 10.0)?;
             check("acceleration_m_per_s2", *acceleration_m_per_s2, 1e-6, 1e3)?;
             // A day's dwell is long enough; sums of cycles stay far inside u32.
-            check(
-                "dwell_cycles",
-                f64::from(*dwell_cycles),
-                0.0,
-                MAX_LEG_CYCLES,
-            )?;
+            let dwell = f64::from(*dwell_cycles);
+            check("dwell_cycles", dwell, 0.0, MAX_LEG_CYCLES)?;
             if waypoints_m.len() > MAX_WAYPOINTS {
                 return Err(too_many());
             }
             this.dwell = *dwell_cycles;
             let mut from = home_m;
             for to in waypoints_m {
-                this.legs.push(leg_cycles(
-                    &from,
-                    to,
-                    *speed_m_per_s,
-                    *acceleration_m_per_s2,
-                )?);
+                let cycles = leg_cycles(&from, to, *speed_m_per_s, *acceleration_m_per_s2)?;
+                this.legs.push(cycles);
                 this.stops_m.push(*to);
                 from = *to;
             }
@@ -76,7 +68,7 @@ impl<const N: usize> Interpolator<N> {
         Ok(this)
     }
 
-    /// Axis positions now, metres.
+    /// Returns the present axis positions, metres.
     #[must_use]
     pub fn position_m(&self) -> [f64; N] {
         let (Some(cycles), Some(near), Some(far)) = (
@@ -84,7 +76,7 @@ impl<const N: usize> Interpolator<N> {
             self.stops_m.get(self.leg),
             self.stops_m.get(self.leg + 1),
         ) else {
-            // No leg: it holds.
+            // Without a leg the position holds.
             return self.stops_m.first().copied().unwrap_or([0.0; N]);
         };
         let walked = f64::from(self.cycle.saturating_sub(self.dwell)) / f64::from(*cycles);
@@ -92,7 +84,7 @@ impl<const N: usize> Interpolator<N> {
         std::array::from_fn(|axis| near[axis] + (far[axis] - near[axis]) * share)
     }
 
-    /// One cycle further.
+    /// Advances by one cycle.
     pub fn advance(&mut self) {
         let Some(cycles) = self.legs.get(self.leg) else {
             return;
@@ -188,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn holding_is_no_motion() {
+    fn holding_does_not_move() {
         let home = [0.3, -0.2, 1.0];
         let mut hold = Interpolator::new(home, &Motion::Hold).unwrap();
         for _ in 0..100 {
@@ -198,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn waypoints_that_do_not_move_are_no_trouble() {
+    fn waypoints_that_do_not_move_are_accepted() {
         let motion = Motion::BackAndForth {
             waypoints_m: vec![[0.0; 3]; 2],
             speed_m_per_s: 0.5,

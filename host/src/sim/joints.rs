@@ -1,4 +1,4 @@
-//! Joints between the axes and the links: where they are, and how each axis moves them. By rotations of nalgebra, apart from core's plates.
+//! Joints between the axes and the links: their positions and slopes. By rotations of nalgebra, apart from core's plates.
 
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::robot::ARM_OF_LINK;
@@ -10,13 +10,13 @@ const Q4: usize = 3;
 /// The joint of one link on its cart or plate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Joint<const N: usize> {
-    /// Where it is, world axes, m.
+    /// Position, world axes, m.
     pub place_m: Vector3<f64>,
-    /// How it moves with each axis, m per unit of `q`.
+    /// Derivative of the position by each axis, m per unit of `q`.
     pub slopes: [Vector3<f64>; N],
 }
 
-/// The joint of `link` (from 0, link order) with the axes at `q`: cart `C_i + q_i V_i`, plate 2 turned by `Rot(ax, sigma4 q_4)`, plate 3 by
+/// Returns the joint of `link` (from 0, link order) with the axes at `q`: cart `C_i + q_i V_i`, plate 2 turned by `Rot(ax, sigma4 q_4)`, plate 3 by
 /// `Rot(ax, sigma5 q_5) Rot(ax6, q_6)` `[T 3.1.2]`. A machine of three axes keeps its plates at 0.
 #[must_use]
 pub fn joint<const N: usize>(geometry: &f1::Geometry, link: usize, q: &[f64; N]) -> Joint<N> {

@@ -65,7 +65,7 @@ pub struct AppliedLoad {
     last: Load,
 }
 
-/// Makes a load generator and the load it applies, which is zero.
+/// Creates a load generator and the load it applies, which is zero.
 #[must_use]
 pub fn load_generator() -> (LoadGenerator, AppliedLoad) {
     let shared = Arc::new(Shared::default());
@@ -135,7 +135,7 @@ impl Shared {
             force_n: [word(0), word(1), word(2)],
             moment_nm: [word(3), word(4), word(5)],
         };
-        // The words are read before the sequence is looked at again.
+        // The words are read before the sequence is read again.
         fence(Ordering::Acquire);
         let after = self.sequence.load(Ordering::Relaxed);
         (before == after && before % 2 == 0).then_some(load)

@@ -1,13 +1,13 @@
 //! The whole machine behind [`Plant`]: interpolator, drives, springs, instruments.
 //!
 //! Order of a cycle: the references of the last `write` act; drives advance under the load that the last pose puts on them;
-//! the platform takes its new pose with the motors where they are; the instruments look; the interpolator moves on.
+//! the platform takes its new pose with the motors at their positions; the instruments measure; the interpolator moves on.
 //!
-//! *Displacement* is the tool's place less its place on the unloaded rigid machine with the carts at the nominal of the last `write`:
-//! the nominal that the drives were told, without the offsets. So neither the interpolator's motion nor the delay of a cycle shows
-//! up in it, but everything else does: springs, play, following errors, and the offsets of a compensation.
+//! *Displacement* is the tool's position minus its position on the unloaded rigid machine with the carts at the nominal of the last
+//! `write`, without the offsets. It contains springs, play, following errors and the offsets of a compensation, but neither the
+//! interpolator's motion nor the delay of a cycle.
 //!
-//! Motors of one axis share its cart: it is where they are on average, and each carries its part of the load.
+//! Motors of one axis share its cart: its position is their mean, and each carries an equal part of the load.
 
 use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
 use gantry_tau_core::control::endpoint::MotorMap;
@@ -26,7 +26,7 @@ use super::parameters::{SimulationError, SimulationParameters, check};
 use super::springs::true_springs;
 use crate::plant::{Plant, PlantError, Reading, ToolReading};
 
-/// Most cycles one `read` simulates; time beyond that stands still for the machine.
+/// Largest number of cycles that one `read` simulates; further time is skipped.
 pub const MAX_CYCLES_PER_READ: u64 = 100;
 
 /// A simulated machine with `N` axes and `M` motors `[T 4.2]`.
@@ -54,7 +54,7 @@ pub struct SimulatedMachine<const N: usize, const M: usize> {
 }
 
 impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
-    /// A machine whose springs are near `nominal` compliances, at rest at home, felt by `tool`.
+    /// Creates a machine whose springs are near `nominal` compliances, at rest at home, under the load of `tool`.
     ///
     /// # Errors
     /// [`SimulationError`] naming the parameter.
@@ -113,25 +113,25 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         Ok(machine)
     }
 
-    /// The compliances the machine really has: what an identification should find.
+    /// Returns the true compliances: those that an identification should find.
     #[must_use]
     pub const fn true_compliances(&self) -> &Compliances<N> {
         self.springs.compliances()
     }
 
-    /// Nominal axis positions of the last reading; before the first one, home.
+    /// Returns the nominal axis positions of the last reading; before the first one, home.
     #[must_use]
     pub const fn nominal(&self) -> &[PositionNm; N] {
         &self.nominal
     }
 
-    /// The tool under load as the last reading left it.
+    /// Returns the tool under load in the last reading.
     #[must_use]
     pub const fn equilibrium(&self) -> &Equilibrium<N> {
         &self.loaded
     }
 
-    /// One cycle of 1 ms.
+    /// Runs one cycle of 1 ms.
     fn advance(&mut self) -> Result<(), &'static str> {
         self.load = self.tool.load();
         let axis_of_motor = self.motors.axis_of_motor();
@@ -150,25 +150,25 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         Ok(())
     }
 
-    /// The drives of one axis.
+    /// Returns the drives of one axis.
     fn drives_of(&self, axis: usize) -> impl Iterator<Item = &Drive> + Clone {
         let drives = self.drives.iter().zip(self.motors.axis_of_motor());
         drives.filter_map(move |(drive, of)| (*of == axis).then_some(drive))
     }
 
-    /// Poses for the motors as they are and for the nominal they were told.
+    /// Finds the poses for the motors and for the nominal in force.
     fn settle_platform(&mut self) -> Result<(), ElasticError> {
         let load = Vector6::from(self.load.wrench());
         let motors = std::array::from_fn(|axis| {
             drive::mean(self.drives_of(axis).map(Drive::position_m)) / self.metres_per_q[axis]
         });
         self.loaded = self.springs.equilibrium(&motors, &load, &self.loaded)?;
-        let told = std::array::from_fn(|axis| {
+        let nominal = std::array::from_fn(|axis| {
             self.nominal_in_force[axis].to_metres().0 / self.metres_per_q[axis]
         });
         self.rigid = self
             .springs
-            .equilibrium(&told, &Vector6::zeros(), &self.rigid)?;
+            .equilibrium(&nominal, &Vector6::zeros(), &self.rigid)?;
         Ok(())
     }
 
@@ -187,7 +187,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         }
     }
 
-    /// The reference that the first motor of an axis follows; all of them follow equal ones.
+    /// Returns the reference of the first motor of an axis; all of them follow equal ones.
     fn reference_of(&self, axis: usize) -> Option<&Reference> {
         let of_motors = self.references.iter().zip(self.motors.axis_of_motor());
         of_motors
@@ -203,7 +203,7 @@ impl<const N: usize, const M: usize> Plant<N, M> for SimulatedMachine<N, M> {
             reason,
         };
         if !self.offsets_readable {
-            return Err(failed("this drive interface does not tell them"));
+            return Err(failed("this drive interface cannot read them"));
         }
         let mut offsets = [Offsets::default(); N];
         for (axis, offset) in offsets.iter_mut().enumerate() {
@@ -252,7 +252,7 @@ impl<const N: usize, const M: usize> Plant<N, M> for SimulatedMachine<N, M> {
     }
 }
 
-/// Axis positions at home, metres.
+/// Returns the axis positions at home, metres.
 fn home<const N: usize>(parameters: &SimulationParameters<N>) -> Result<[f64; N], SimulationError> {
     for component in &parameters.home_m {
         check("home_m", *component, -1e3, 1e3)?;
@@ -266,7 +266,7 @@ fn home<const N: usize>(parameters: &SimulationParameters<N>) -> Result<[f64; N]
     }))
 }
 
-/// Metres to the reference path.
+/// Converts metres to the reference path.
 fn positions_nm<const N: usize>(
     positions_m: &[f64; N],
 ) -> Result<[PositionNm; N], SimulationError> {
@@ -311,15 +311,18 @@ mod tests {
         try_machine(parameters).unwrap()
     }
 
-    /// One cycle of a server without offsets.
-    fn cycle(machine: &mut Machine) -> Reading<ARMS> {
-        let reading = machine.read(1).unwrap();
-        let references = reading.nominal.map(|position| Reference {
+    fn reference(position: PositionNm) -> Reference {
+        Reference {
             position,
             velocity_offset: Default::default(),
             torque_offset: Default::default(),
-        });
-        machine.write(&references).unwrap();
+        }
+    }
+
+    /// Runs one cycle of a server without offsets.
+    fn cycle(machine: &mut Machine) -> Reading<ARMS> {
+        let reading = machine.read(1).unwrap();
+        machine.write(&reading.nominal.map(reference)).unwrap();
         reading
     }
 
@@ -331,7 +334,7 @@ mod tests {
         }
     }
 
-    /// Displacement in x after settling under a force in x, metres.
+    /// Returns the displacement in x after settling under a force in x, metres.
     fn settled_x(machine: &mut Machine, hand: &mut LoadGenerator, newtons: f64) -> f64 {
         hand.set(&pull([newtons, 0.0, 0.0])).unwrap();
         let mut x = 0.0;
@@ -422,11 +425,8 @@ mod tests {
                 let tool = reading.tool.unwrap();
                 bits.extend(tool.sensor.map(f64::to_bits));
                 bits.extend(tool.displacement_m.map(f64::to_bits));
-                bits.extend(
-                    reading
-                        .actual
-                        .map(|axis| u64::from_ne_bytes(axis.position.0.to_ne_bytes())),
-                );
+                let positions = reading.actual.map(|axis| axis.position.0);
+                bits.extend(positions.map(|nm| u64::from_ne_bytes(nm.to_ne_bytes())));
             }
             bits
         };
@@ -435,7 +435,7 @@ mod tests {
     }
 
     #[test]
-    fn motion_is_no_displacement() {
+    fn motion_is_not_displacement() {
         let walking = SimulationParameters {
             motion: Motion::BackAndForth {
                 waypoints_m: vec![[0.8, -0.3, 1.0]],
@@ -512,6 +512,10 @@ mod tests {
 
     #[test]
     fn a_load_beyond_the_machine_is_an_error_not_a_nan() {
+        let assert_finite = |reading: &Reading<ARMS>| {
+            let displacement = reading.tool.unwrap().displacement_m;
+            assert!(displacement.iter().all(|x| x.is_finite()));
+        };
         let (mut machine, mut hand) = machine(&parameters());
         hand.set(&Load {
             step: 1,
@@ -521,26 +525,12 @@ mod tests {
         .unwrap();
         for _ in 0..300 {
             let Ok(reading) = machine.read(1) else { break };
-            assert!(
-                reading
-                    .tool
-                    .unwrap()
-                    .displacement_m
-                    .iter()
-                    .all(|x| x.is_finite())
-            );
+            assert_finite(&reading);
         }
         hand.release();
         for _ in 0..2000 {
             if let Ok(reading) = machine.read(1) {
-                assert!(
-                    reading
-                        .tool
-                        .unwrap()
-                        .displacement_m
-                        .iter()
-                        .all(|x| x.is_finite())
-                );
+                assert_finite(&reading);
             }
         }
     }
@@ -576,7 +566,7 @@ mod tests {
         assert!(refused(|p| p.gauge_resolution_m = 0.0).contains("gauge_resolution_m"));
     }
 
-    /// Two motors on a cart carry half of its load each: at rest their torques together are what holds it.
+    /// Two motors on a cart carry half of its load each: at rest the sum of their torques holds it.
     #[test]
     fn motors_of_one_cart_share_its_load() {
         let file = crate::robot_file::RobotFile::builtin_f1().unwrap();
@@ -588,12 +578,8 @@ mod tests {
         let mut reading = None;
         for _ in 0..500 {
             let now = machine.read(1).unwrap();
-            let axes = now.nominal.map(|position| Reference {
-                position,
-                velocity_offset: Default::default(),
-                torque_offset: Default::default(),
-            });
-            let motors = machine.motors.spread(&axes).unwrap();
+            let motors = machine.motors.spread(&now.nominal.map(reference));
+            let motors = motors.unwrap();
             machine.write(&motors).unwrap();
             reading = Some(now);
         }
@@ -601,7 +587,7 @@ mod tests {
         for (axis, motors) in [(0, 2.0), (1, 2.0), (2, 2.0), (3, 1.0), (4, 1.0), (5, 1.0)] {
             let load_n = machine.loaded.axis_loads[axis] / machine.metres_per_q[axis];
             let held_n = f64::from(actual[axis].torque.0) * 1e-3 * drive::RATED_FORCE_N * motors;
-            // Torques are told in whole per mille of the rated one: half a newton for each motor.
+            // Torques are reported in whole per mille of the rated one: half a newton for each motor.
             assert!(
                 (held_n + load_n).abs() <= 0.6 * motors,
                 "{axis}: {held_n} {load_n}"

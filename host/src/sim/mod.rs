@@ -1,4 +1,4 @@
-//! The simulated machine: the truth of the demo, and the first implementation of [`crate::plant::Plant`].
+//! The simulated machine of the demo: the first implementation of [`crate::plant::Plant`].
 //!
 //! It is deliberately *not* built from the compensator's model. The compensator linearises at the nominal pose
 //! ([`gantry_tau_core::model::l2::Elastic`]); here springs, joints and motors find their own nonlinear equilibrium with their own code,

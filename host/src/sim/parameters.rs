@@ -1,4 +1,4 @@
-//! What a simulation is told, and why it may be refused.
+//! Parameters of a simulation, and errors in them.
 
 use std::fmt;
 
@@ -22,7 +22,7 @@ pub struct SimulationParameters<const N: usize> {
     pub force_noise_n: f64,
     /// Standard deviation of the sensor's moments, N m.
     pub moment_noise_nm: f64,
-    /// What the sensor shows unloaded: force (N) then moment (N m), sensor axes. Weight and zero error; a client tares it.
+    /// Reading of the unloaded sensor: force (N) then moment (N m), sensor axes. Weight and zero error; a client tares it.
     pub sensor_bias: [f64; 6],
     /// One step of the length gauges, m.
     pub gauge_resolution_m: f64,
@@ -30,7 +30,7 @@ pub struct SimulationParameters<const N: usize> {
     pub jump_force_n: f64,
     /// Play of the joint of arm 3, m; 0 for a machine without the jump.
     pub jump_gap_m: f64,
-    /// Where the tool stands at the start, world axes, m; the platform is unturned.
+    /// Position of the tool at the start, world axes, m; the platform is unturned.
     pub home_m: [f64; 3],
     /// Positions of the axes that put it there, q-units. Where they do not, the search for the first pose begins beside it.
     pub home_q: [f64; N],
@@ -42,24 +42,24 @@ pub struct SimulationParameters<const N: usize> {
     pub metres_per_q: [f64; N],
     /// Offsets that the drives have in force at the start: those a killed server left behind.
     pub initial_offsets: [Offsets; N],
-    /// Whether the drive interface tells its offsets; if not, a server has to refuse to start.
+    /// True if the offsets in force can be read from the drives; otherwise a server refuses to start.
     pub offsets_readable: bool,
-    /// What the nominal references do.
+    /// Motion of the nominal references.
     pub motion: Motion<N>,
 }
 
-/// What the nominal references do.
+/// Motion of the nominal references.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Motion<const N: usize> {
     /// They stay at home.
     Hold,
-    /// From home through the waypoints and the same way back, for ever.
+    /// From home through the waypoints and the same way back, repeatedly.
     BackAndForth {
         /// Axis positions in metres, home not included.
         waypoints_m: Vec<[f64; N]>,
-        /// No axis is faster, m/s.
+        /// Largest speed of an axis, m/s.
         speed_m_per_s: f64,
-        /// No axis accelerates faster, m/s^2.
+        /// Largest acceleration of an axis, m/s^2.
         acceleration_m_per_s2: f64,
         /// Rest at home and at every waypoint, cycles.
         dwell_cycles: u32,
@@ -67,8 +67,8 @@ pub enum Motion<const N: usize> {
 }
 
 impl<const N: usize> SimulationParameters<N> {
-    /// A machine like the thesis' `[T 4.2, 5.2]` with its tool at `home_m` (world axes, metres) and its axes at `home_q`: true springs within 15 % of the
-    /// nominal ones, the jump at 360 N, gauges of 0.5 µm, a sensor along the world axes, one metre per unit of `q`.
+    /// Returns a machine like the thesis' `[T 4.2, 5.2]` with its tool at `home_m` (world axes, metres) and its axes at `home_q`:
+    /// true springs within 15 % of the nominal ones, the jump at 360 N, gauges of 0.5 µm, a sensor along the world axes, one metre per unit of `q`.
     #[must_use]
     pub fn at_home(home_m: [f64; 3], home_q: [f64; N]) -> Self {
         Self {
@@ -92,33 +92,33 @@ impl<const N: usize> SimulationParameters<N> {
     }
 }
 
-/// Why there is no such machine. Numbers are named by their field in [`SimulationParameters`].
+/// Reason why a simulation is refused. Numbers are named by their field in [`SimulationParameters`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SimulationError {
     /// A number is NaN, infinite, or outside its range.
     OutOfRange {
-        /// Which parameter.
+        /// Name of the parameter.
         parameter: &'static str,
         /// Smallest value accepted.
         lower: f64,
         /// Largest value accepted.
         upper: f64,
     },
-    /// A matrix is no rotation.
+    /// A matrix is not a rotation.
     NotARotation {
-        /// Which parameter.
+        /// Name of the parameter.
         parameter: &'static str,
     },
     /// An axis has no motor.
     NoMotor {
-        /// Which axis, from 0.
+        /// Index of the axis, from 0.
         axis: usize,
     },
-    /// The deviated compliances are no compliances.
+    /// The deviated compliances are refused.
     Compliances(RobotError),
     /// The springs find no equilibrium at home.
     Springs(ElasticError),
-    /// A force in x of `jump_force_n` hardly loads arm 3 at home: the jump cannot be there.
+    /// A force in x of `jump_force_n` hardly loads arm 3 at home: the jump is impossible there.
     NoJump,
 }
 
@@ -141,7 +141,7 @@ impl fmt::Display for SimulationError {
 
 impl std::error::Error for SimulationError {}
 
-/// `lower <= value <= upper`, or the error that names it; NaN is refused.
+/// Checks `lower <= value <= upper`; NaN is refused.
 pub(super) fn check(
     parameter: &'static str,
     value: f64,

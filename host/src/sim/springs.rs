@@ -1,4 +1,4 @@
-//! The true springs of one machine: what an identification should find and a compensation does not know.
+//! True springs of one machine: those that an identification should find and a compensation does not know.
 
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::robot::{Compliances, LINKS};
@@ -31,7 +31,7 @@ pub fn true_springs<const N: usize>(
     Ok(rigid_joint.with_backlash(backlash(&rigid_joint, parameters)?))
 }
 
-/// Backlash whose resting preload is what `jump_force_n` in x cancels at home.
+/// Returns the backlash whose preload at rest is cancelled at home by `jump_force_n` in x.
 fn backlash<const N: usize>(
     rigid_joint: &ElasticMachine<N>,
     parameters: &SimulationParameters<N>,

@@ -2,7 +2,7 @@
 //!
 //! Request: `{"id": any, "robot": <inline object or path of a robots/*.toml>, "op": "...", ...}`.
 //! Answer: `{"id": any, "ok": {...}}` or `{"id": any, "error": {"kind": "...", "message": "..."}}`.
-//! Every line gets one answer, in order, flushed; what cannot be read is answered with an error, and the next line is served.
+//! Every line gets one answer, in order, flushed; a line that cannot be read is answered with an error.
 //!
 //! | op | request | answer |
 //! |---|---|---|
@@ -33,7 +33,7 @@ use request::Machine;
 
 /// Longest line that is read, in bytes, without its end.
 pub const MAX_LINE: usize = 1 << 20;
-/// How many robot files are kept.
+/// Largest number of robot files that are kept.
 const MAX_CACHED: usize = 64;
 
 /// Classes of errors, as an answer names them.
@@ -41,11 +41,11 @@ const MAX_CACHED: usize = 64;
 enum Kind {
     BadRequest,
     BadRobot,
-    /// What core says: see [`gantry_tau_core::model::kinematics::KinematicsError::kind`].
+    /// An error of core: see [`gantry_tau_core::model::kinematics::KinematicsError::kind`].
     Core(&'static str),
 }
 
-/// Why a request has no result.
+/// Reason why a request has no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Failure {
     kind: Kind,
@@ -80,7 +80,7 @@ impl Failure {
 /// Reads requests until the input ends, and answers each.
 ///
 /// # Errors
-/// What input or output say. Nothing in a line is an error here.
+/// Error of input or output. An invalid line is not an error here.
 pub fn run(mut input: impl BufRead, mut output: impl Write) -> io::Result<()> {
     let mut solver = Solver::default();
     let mut line = Vec::new();
@@ -106,7 +106,7 @@ pub fn answer(line: &str) -> String {
     Solver::default().answer(line)
 }
 
-/// What is kept from request to request: robots by their path.
+/// State kept between requests: robots by their path.
 #[derive(Default)]
 struct Solver {
     files: HashMap<String, Machine>,
@@ -149,7 +149,7 @@ impl Solver {
         ops::solve(op, &machine, request)
     }
 
-    /// The robot of a file, read once. A file that was refused is read again next time.
+    /// Returns the robot of a file, read once. A file that was refused is read again next time.
     fn file(&mut self, path: &str) -> Result<Machine, Failure> {
         if let Some(machine) = self.files.get(path) {
             return Ok(*machine);
@@ -173,7 +173,7 @@ impl Solver {
     }
 }
 
-/// What came of reading a line.
+/// Result of reading a line.
 enum Line {
     Complete,
     /// It was skipped to its end.

@@ -39,7 +39,7 @@ impl From<OrientationError> for Failure {
     }
 }
 
-/// One of [`NAMES`].
+/// Runs one of [`NAMES`].
 pub(super) fn solve(op: &str, machine: &Machine, request: &Value) -> Result<Value, Failure> {
     match machine {
         Machine::L2 { robot, compliances } => l2::solve(op, robot, compliances.as_ref(), request),
@@ -50,7 +50,7 @@ pub(super) fn solve(op: &str, machine: &Machine, request: &Value) -> Result<Valu
     }
 }
 
-/// The compliances, for the operations that need them.
+/// Returns the compliances for an operation that needs them.
 pub(super) fn springs<const N: usize>(
     compliances: Option<&Compliances<N>>,
 ) -> Result<&Compliances<N>, Failure> {
@@ -62,7 +62,7 @@ pub(super) fn springs<const N: usize>(
     })
 }
 
-/// Deflection under a load, as JSON.
+/// Returns the deflection under a load as JSON.
 pub(super) fn deflected<const N: usize>(
     lines: &LineMatrix<N>,
     springs: &Compliances<N>,
@@ -85,7 +85,7 @@ pub(super) fn finite(values: impl IntoIterator<Item = f64>) -> Result<(), Failur
     }
 }
 
-/// A matrix as nested arrays, by rows.
+/// Returns a matrix as nested arrays, by rows.
 pub(super) fn rows<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Vec<Vec<f64>> {
     (matrix.row_iter())
         .map(|row| row.iter().copied().collect())

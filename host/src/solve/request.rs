@@ -1,4 +1,4 @@
-//! Reading requests: the inline robot, and named numbers.
+//! Readers for parts of requests: the inline robot, and named numbers.
 
 use gantry_tau_core::model::kinematics::TAU_TOLERANCE;
 use gantry_tau_core::model::robot::{ARMS, Branch, Compliances, LINKS, RobotError};
@@ -26,7 +26,7 @@ pub(super) enum Machine {
     },
 }
 
-/// A robot given as an object; unknown keys are ignored.
+/// Reads a robot given as an object; unknown keys are ignored.
 pub(super) fn inline(robot: &Value) -> Result<Machine, Failure> {
     match robot.get("model").and_then(Value::as_str) {
         Some("l2") => Ok(Machine::L2 {
@@ -81,7 +81,7 @@ fn f1(robot: &Value) -> Result<f1::Geometry, Failure> {
     })
 }
 
-/// One length per link, or one per arm.
+/// Reads one length per link, or one per arm.
 fn lengths(robot: &Value) -> Result<[f64; LINKS], Failure> {
     if robot.get("L").and_then(Value::as_array).map(Vec::len) != Some(ARMS) {
         return key(robot, "L");
@@ -90,7 +90,7 @@ fn lengths(robot: &Value) -> Result<[f64; LINKS], Failure> {
     Ok([l1, l2, l2, l3, l3, l3])
 }
 
-/// One length per arm, or one per link where those of a cluster are equal: the Tau property.
+/// Reads one length per arm, or one per link where those of a cluster are equal: the Tau property.
 fn arm_lengths(robot: &Value) -> Result<[f64; ARMS], Failure> {
     let [l11, l21, l22, l31, l32, l33] = lengths(robot)?;
     let same = |one: f64, other: f64| (one - other).abs() <= TAU_TOLERANCE * one;
@@ -118,7 +118,7 @@ fn branches(robot: &Value) -> Result<[Branch; ARMS], Failure> {
     ])
 }
 
-/// Only the operations that use them ask for both.
+/// Reads the compliances; `None` unless both are given. The operations that need them ask.
 fn compliances<const N: usize>(robot: &Value, axes: &str) -> Result<Option<Compliances<N>>, Failure>
 where
     [f64; N]: DeserializeOwned,
@@ -131,20 +131,18 @@ where
     }
 }
 
-/// A sign; scripts write it as an integer or as a float.
+/// Reads a sign; scripts write it as an integer or as a float.
 fn branch(key: &str, sign: f64) -> Result<Branch, Failure> {
     if (sign - 1.0).abs() < f64::EPSILON {
         Ok(Branch::Positive)
     } else if (sign + 1.0).abs() < f64::EPSILON {
         Ok(Branch::Negative)
     } else {
-        Err(Failure::robot(format!(
-            "{key} is {sign}, it must be 1 or -1"
-        )))
+        Err(Failure::robot(format!("{key} is {sign}; expected 1 or -1")))
     }
 }
 
-/// A key of the robot.
+/// Reads a key of the robot.
 fn key<T: DeserializeOwned>(robot: &Value, name: &str) -> Result<T, Failure> {
     optional_key(robot, name)?.ok_or_else(|| Failure::robot(format!("{name} is missing")))
 }
@@ -153,12 +151,12 @@ fn optional_key<T: DeserializeOwned>(robot: &Value, name: &str) -> Result<Option
     optional(robot, name).map_err(Failure::robot)
 }
 
-/// A field of the request.
+/// Reads a field of the request.
 pub(super) fn field<T: DeserializeOwned>(request: &Value, name: &str) -> Result<T, Failure> {
     optional_field(request, name)?.ok_or_else(|| Failure::request(format!("{name} is missing")))
 }
 
-/// A field of the request that may be absent or null.
+/// Reads a field of the request that may be absent or null.
 pub(super) fn optional_field<T: DeserializeOwned>(
     request: &Value,
     name: &str,
@@ -175,7 +173,7 @@ fn optional<T: DeserializeOwned>(object: &Value, name: &str) -> Result<Option<T>
     }
 }
 
-/// A matrix from its rows.
+/// Returns a matrix from its rows.
 pub(super) fn matrix(rows: [[f64; 3]; 3]) -> Matrix3<f64> {
     Matrix3::from(rows).transpose()
 }

@@ -1,4 +1,4 @@
-//! What a machine can do at each place of a grid.
+//! Reach, condition and compliance of a machine at each place of a grid.
 
 use gantry_tau_core::model::kinematics::KinematicsError;
 use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
@@ -27,7 +27,7 @@ pub struct Grid {
 pub struct Place<const N: usize> {
     /// The tool centre point, world axes, m.
     pub tool_m: Vector3<f64>,
-    /// What it can do there, or why it cannot be there.
+    /// Values of the machine there, or the reason why it does not reach.
     pub reached: Result<Reached<N>, KinematicsError>,
 }
 
@@ -36,7 +36,7 @@ pub struct Place<const N: usize> {
 pub struct Reached<const N: usize> {
     /// Positions of the axes, q-units.
     pub q: [f64; N],
-    /// See [`condition`].
+    /// Condition number, as of [`condition`].
     pub condition: f64,
     /// Largest displacement of the tool centre point per force on it, over all directions of the force, m/N; absent where the
     /// robot file has no compliances.
@@ -44,7 +44,7 @@ pub struct Reached<const N: usize> {
 }
 
 impl Grid {
-    /// A grid over the box that holds every place to which all links reach with their carts inside the nominal travel (plates at 0).
+    /// Creates a grid over the box of all places to which all links reach with their carts inside the nominal travel (plates at 0).
     /// Its longest side has `cells` steps.
     pub(super) fn of<K: MachineKind<N>, const N: usize>(
         file: &RobotFile<K, N>,
@@ -72,9 +72,8 @@ impl Grid {
             upper = upper.inf(&one.sup(&other).add_scalar(length));
         }
         let pitch_m = (upper - lower).max() / f64::from(cells);
-        let steps =
-            |way_m: f64| (0..cells).take_while(move |n| f64::from(n + 1) * pitch_m <= way_m);
-        let count = |way_m: f64| u32::try_from(steps(way_m).count()).unwrap_or(cells);
+        // The conversion rounds down and takes NaN as 0.
+        let count = |way_m: f64| ((way_m / pitch_m) as u32).min(cells);
         Self {
             home_m,
             pitch_m,
@@ -83,7 +82,7 @@ impl Grid {
         }
     }
 
-    /// Number of places.
+    /// Returns the number of places.
     #[must_use]
     pub fn count(&self) -> u64 {
         let sides = self.below.iter().zip(&self.above);
@@ -92,7 +91,7 @@ impl Grid {
             .product()
     }
 
-    /// Offsets from home in steps along one axis of the world, upwards.
+    /// Returns the offsets from home in steps along one axis of the world, upwards.
     pub(super) fn steps(&self, axis: usize) -> impl Iterator<Item = i32> + use<> {
         let end = |ends: &[u32; 3]| {
             let steps = ends.get(axis).copied().unwrap_or(0);
@@ -101,12 +100,12 @@ impl Grid {
         -end(&self.below)..=end(&self.above)
     }
 
-    /// The place so many steps from home.
+    /// Returns the place so many steps from home.
     pub(super) fn at(&self, steps: [i32; 3]) -> Vector3<f64> {
         self.home_m + Vector3::from(steps.map(f64::from)) * self.pitch_m
     }
 
-    /// All places, x slowest, z fastest.
+    /// Returns all places, x slowest, z fastest.
     pub(super) fn places(&self) -> impl Iterator<Item = [i32; 3]> + use<> {
         let this = *self;
         this.steps(0).flat_map(move |x| {
@@ -116,10 +115,10 @@ impl Grid {
     }
 }
 
-/// The machine of a file, asked at one place after another.
+/// Evaluates the machine of a file at one place after another.
 pub(super) struct Surveyor<'a, K, const N: usize> {
     file: &'a RobotFile<K, N>,
-    /// Root mean square of the distances of the platform's joints from the tool centre point, m: what a radian counts as.
+    /// Length that a radian counts as, m: root mean square of the distances of the platform's joints from the tool centre point.
     radian_m: f64,
 }
 
@@ -163,7 +162,7 @@ impl<'a, K: MachineKind<N>, const N: usize> Surveyor<'a, K, N> {
     }
 }
 
-/// Condition number of the Jacobian: largest over smallest singular value, at least 1, infinite at a singularity.
+/// Returns the condition number of the Jacobian: largest over smallest singular value, at least 1, infinite at a singularity.
 /// Axes count in metres; a radian of the platform counts as `radian_m` metres. Without the weights it would depend on units.
 ///
 /// # Errors

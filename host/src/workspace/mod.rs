@@ -1,15 +1,16 @@
-//! `workspace`: where a machine reaches with its platform unturned, how evenly it moves there, and how far it gives way.
+//! `workspace`: reach, condition number and compliance of a machine with its platform unturned.
 
 mod map;
 mod picture;
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use gantry_tau_core::model::kinematics::KinematicsError;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::files::{WriteError, write};
 use crate::model::MachineKind;
 use crate::record::{CsvFile, Record, RecordError};
 use crate::robot_file::RobotFile;
@@ -17,55 +18,55 @@ use map::Surveyor;
 
 pub use map::{Grid, Place, Reached, condition};
 
-/// Steps along the longest side of the grid: what `--cells` may be.
+/// Range of `--cells`, the steps along the longest side of the grid.
 pub const CELLS: std::ops::RangeInclusive<u32> = 4..=200;
 
-/// What the survey is told.
+/// Options of a survey.
 #[derive(Clone, Debug)]
 pub struct WorkspaceOptions<K, const N: usize> {
     /// The machine.
     pub robot: RobotFile<K, N>,
     /// Steps along the longest side of the grid, within [`CELLS`].
     pub cells: u32,
-    /// Where the page with the maps goes.
+    /// Path of the page with the maps.
     pub plot: PathBuf,
-    /// Where the table goes: one row per place.
+    /// Path of the table: one row per place.
     pub csv: PathBuf,
 }
 
-/// Every place of a grid.
+/// Results at every place of a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Survey<const N: usize> {
     /// Robot file.
     pub name: String,
-    /// Where was looked.
+    /// The grid.
     pub grid: Grid,
-    /// What was found, in the order of [`Grid`].
+    /// Results, in the order of [`Grid`].
     pub places: Vec<Place<N>>,
-    /// What a radian of the platform counts as in a condition number, m.
+    /// Length that a radian of the platform counts as in a condition number, m.
     pub radian_m: f64,
 }
 
-/// What a survey comes to.
+/// Summary of a survey.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Summary {
-    /// Places looked at.
+    /// Number of places.
     pub places: usize,
-    /// Those that are reached.
+    /// Number of places that are reached.
     pub reached: usize,
-    /// Their cubes together, m^3.
+    /// Volume of their cubes, m^3.
     pub volume_m3: f64,
-    /// How many of the others failed with which code ([`KinematicsError::kind`]).
+    /// Number of the others by error code ([`KinematicsError::kind`]).
     pub refused: BTreeMap<&'static str, usize>,
     /// Condition number: smallest, median, largest.
     pub condition: [f64; 3],
-    /// Compliance at the tool, µm/N: the same; absent without compliances.
+    /// Compliance at the tool, µm/N: smallest, median, largest; absent without compliances.
     pub compliance_um_per_n: Option<[f64; 3]>,
     /// Condition number and compliance (µm/N) at home.
     pub home: (f64, Option<f64>),
 }
 
-/// Why there is no map.
+/// Reason why a survey failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum WorkspaceError {
     /// `cells` is out of [`CELLS`].
@@ -73,12 +74,7 @@ pub enum WorkspaceError {
     /// The table cannot be written.
     Csv(RecordError),
     /// The page cannot be written.
-    Plot {
-        /// Where it was to go.
-        path: PathBuf,
-        /// What the system said.
-        reason: String,
-    },
+    Plot(WriteError),
 }
 
 impl fmt::Display for WorkspaceError {
@@ -86,12 +82,10 @@ impl fmt::Display for WorkspaceError {
         match self {
             Self::Cells(cells) => {
                 let (from, to) = (CELLS.start(), CELLS.end());
-                write!(f, "--cells is {cells}, it must be from {from} to {to}")
+                write!(f, "--cells is {cells}; expected from {from} to {to}")
             }
             Self::Csv(error) => error.fmt(f),
-            Self::Plot { path, reason } => {
-                write!(f, "cannot write {}: {reason}", path.display())
-            }
+            Self::Plot(error) => error.fmt(f),
         }
     }
 }
@@ -104,7 +98,13 @@ impl From<RecordError> for WorkspaceError {
     }
 }
 
-/// Surveys, and writes table and page.
+impl From<WriteError> for WorkspaceError {
+    fn from(error: WriteError) -> Self {
+        Self::Plot(error)
+    }
+}
+
+/// Runs a survey, and writes table and page.
 ///
 /// # Errors
 /// [`WorkspaceError`].
@@ -114,7 +114,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
     if !CELLS.contains(&options.cells) {
         return Err(WorkspaceError::Cells(options.cells));
     }
-    // Found out now rather than after the survey.
+    // A path that cannot be written is found before the survey, not after it.
     write(&options.plot, "")?;
     let mut table = CsvFile::create::<Place<N>>(&options.csv)?;
     let grid = Grid::of(&options.robot, options.cells);
@@ -135,7 +135,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
     Ok(summary)
 }
 
-/// Asks the machine at every place of `grid`, and shows each answer to `each`.
+/// Evaluates the machine at every place of `grid`, and passes each result to `each`.
 pub fn survey<K: MachineKind<N>, const N: usize>(
     robot: &RobotFile<K, N>,
     grid: Grid,
@@ -156,7 +156,7 @@ pub fn survey<K: MachineKind<N>, const N: usize>(
 }
 
 impl<const N: usize> Survey<N> {
-    /// What it comes to.
+    /// Returns the summary.
     #[must_use]
     pub fn summary(&self) -> Summary {
         let reached = || self.places.iter().filter_map(|place| place.reached.ok());
@@ -182,7 +182,7 @@ impl<const N: usize> Survey<N> {
     }
 }
 
-/// Smallest, median and largest.
+/// Returns smallest, median and largest.
 fn quantiles(values: impl Iterator<Item = f64>) -> Option<[f64; 3]> {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
@@ -241,13 +241,6 @@ impl<const N: usize> Record for Place<N> {
         }
         fields
     }
-}
-
-fn write(path: &Path, text: &str) -> Result<(), WorkspaceError> {
-    std::fs::write(path, text).map_err(|error| WorkspaceError::Plot {
-        path: path.to_owned(),
-        reason: error.to_string(),
-    })
 }
 
 #[cfg(test)]

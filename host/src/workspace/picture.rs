@@ -7,7 +7,7 @@ use super::{Summary, Survey};
 use crate::plots::heat::{Cell, HeatMap};
 use crate::plots::page::{self, escape};
 
-/// A plane through home: its name, and which axes of the world go to the right and up.
+/// A plane through home: its name, and the world axes that point right and up.
 const PLANES: [(&str, usize, usize); 3] = [("z", 0, 1), ("y", 0, 2), ("x", 1, 2)];
 const AXES: [&str; 3] = ["x, m", "y, m", "z, m"];
 
@@ -69,7 +69,7 @@ fn section<const N: usize>(
     section + "</div>"
 }
 
-/// From the smallest value to one that 95 % stay below: near a singularity values have no end.
+/// Returns the smallest value and one that 95 % stay below: near a singularity values are unbounded.
 fn scale<const N: usize>(
     survey: &Survey<N>,
     of: impl Fn(&Reached<N>) -> Option<f64>,
@@ -85,7 +85,7 @@ fn scale<const N: usize>(
     (low, high.max(1.01 * low))
 }
 
-/// Those places of the plane through home that are reached.
+/// Returns the places of the plane through home that are reached.
 fn cells<const N: usize>(
     survey: &Survey<N>,
     right: usize,

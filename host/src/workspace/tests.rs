@@ -1,7 +1,7 @@
 use super::*;
 use nalgebra::{Matrix3, Vector3};
 
-/// Singular values of the weighted differences of the inverse kinematics, by eigenvalues of the product: another way to the same number.
+/// Singular values of the weighted differences of the inverse kinematics, by eigenvalues of the product: an independent computation.
 #[test]
 fn the_condition_number_is_that_of_the_inverse_kinematics() {
     let file = RobotFile::builtin_l2().unwrap();
@@ -69,7 +69,7 @@ fn the_compliance_is_the_largest_over_all_directions() {
     );
 }
 
-/// What is counted as reached is within the travel and holds the tool; what is just outside of the box is not reached.
+/// Places that count as reached are within the travel; places just outside of the box are not reached.
 #[test]
 fn the_box_holds_the_whole_workspace() {
     fn check<K: MachineKind<N>, const N: usize>(file: &RobotFile<K, N>) {

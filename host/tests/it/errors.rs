@@ -1,4 +1,4 @@
-//! What goes wrong before anything moves: one clear line that says what, and where.
+//! Errors before anything moves: each is one line with problem and place.
 
 use std::net::TcpListener;
 
@@ -47,7 +47,7 @@ fn a_port_in_use_is_named_and_costs_no_recording() {
 fn a_server_that_is_not_there_is_named_and_costs_no_recording() {
     let folder = Folder::new("unreachable");
     folder.write("old.csv", "kept\n");
-    // A free port of the system's choice could be another test's a moment later; nobody is given port 1.
+    // A free port of the system's choice could be another test's a moment later; the system never assigns port 1.
     let address = "127.0.0.1:1";
     let line = folder
         .run(&["client", address, "--record", "old.csv"])

@@ -1,4 +1,4 @@
-//! A full disk: what cannot be recorded is counted and said, and the machine is served all the same.
+//! A full disk: lost rows are counted and reported, and the session goes on.
 
 use crate::process::Folder;
 use crate::signals::{await_obtain, client, serve};

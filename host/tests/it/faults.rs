@@ -6,12 +6,12 @@ use std::time::Duration;
 use crate::process::{Folder, Running};
 use crate::signals::{await_obtain, client, serve};
 
-/// One entry of a script.
+/// Returns one entry of a script.
 fn entry(at: &str, direction: &str, kind: &str) -> String {
     format!("[[fault]]\n{at}\ndirection = \"{direction}\"\nkind = \"{kind}\"\n")
 }
 
-/// A relay on a free port, and the address for its clients.
+/// Starts a relay on a free port; returns it with the address for its clients.
 fn link(folder: &Folder, to: &str, further: &[&str]) -> (Running, String) {
     let mut arguments = vec!["faults", "--listen", "127.0.0.1:0", "--to", to];
     arguments.extend(further);

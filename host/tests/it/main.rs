@@ -1,4 +1,4 @@
-//! The built binary, as a user meets it: what it prints, what it writes, how it ends.
+//! The built binary as a user runs it: output, files and exit codes.
 #![allow(
     clippy::arithmetic_side_effects,
     clippy::indexing_slicing,

@@ -1,14 +1,14 @@
-//! Runs the binary in a folder of its own, with files as its standard streams, and never waits for ever.
+//! Runs the binary in a folder of its own, with files as its standard streams, and bounds every wait.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// How long anything may take.
+/// Longest wait for anything.
 const DEADLINE: Duration = Duration::from_secs(60);
 
-/// A folder that is gone when the test is.
+/// A folder that is removed at the end of its test.
 pub(crate) struct Folder(PathBuf);
 
 impl Folder {
@@ -31,12 +31,12 @@ impl Folder {
         std::fs::write(self.path(name), text).unwrap();
     }
 
-    /// Starts the binary, with nothing to read.
+    /// Starts the binary with empty input.
     pub(crate) fn start(&self, name: &str, arguments: &[&str]) -> Running {
         self.start_with(name, arguments, Stdio::null())
     }
 
-    /// Starts the binary; its words go to `name.out` and `name.err`.
+    /// Starts the binary; its output goes to `name.out` and `name.err`.
     pub(crate) fn start_with(&self, name: &str, arguments: &[&str], input: Stdio) -> Running {
         let [out, err] = ["out", "err"].map(|end| self.path(&format!("{name}.{end}")));
         let child = Command::new(env!("CARGO_BIN_EXE_gantry-tau"))
@@ -82,7 +82,7 @@ impl Running {
         text(&self.err)
     }
 
-    /// Waits until the process has said `words`, on either stream.
+    /// Waits until the process has printed `words` on either stream.
     pub(crate) fn await_words(&mut self, words: &str) {
         self.await_that(words, |process| {
             process.stdout().contains(words) || process.stderr().contains(words)
@@ -105,7 +105,7 @@ impl Running {
         }
     }
 
-    /// As Ctrl-C does.
+    /// Interrupts the process, as Ctrl-C does.
     #[cfg(unix)]
     pub(crate) fn interrupt(&self) {
         let done = Command::new("kill")
@@ -114,7 +114,7 @@ impl Running {
         assert!(done.unwrap().success());
     }
 
-    /// As a power failure does.
+    /// Kills the process, as a power failure does.
     #[cfg(unix)]
     pub(crate) fn kill(mut self) {
         self.child.kill().unwrap();
@@ -129,7 +129,11 @@ impl Running {
                 break status.code();
             }
             let said = || format!("{}\n{}", self.stdout(), self.stderr());
-            assert!(since.elapsed() < DEADLINE, "it does not end\n{}", said());
+            assert!(
+                since.elapsed() < DEADLINE,
+                "the process does not end\n{}",
+                said()
+            );
             std::thread::sleep(Duration::from_millis(5));
         };
         Ended {
@@ -159,7 +163,7 @@ pub(crate) struct Ended {
 }
 
 impl Ended {
-    /// It went well; what it printed.
+    /// Checks that it succeeded; returns its output.
     #[track_caller]
     pub(crate) fn success(self) -> String {
         assert_eq!(self.code, Some(0), "{}{}", self.stdout, self.stderr);
@@ -167,7 +171,7 @@ impl Ended {
         self.stdout
     }
 
-    /// It failed with `code` and ONE line about it; that line. Log lines may stand before it.
+    /// Checks that it failed with `code` and one error line; returns that line. Log lines may precede it.
     #[track_caller]
     pub(crate) fn failure(self, code: i32) -> String {
         assert_eq!(self.code, Some(code), "{}{}", self.stdout, self.stderr);

@@ -2,7 +2,7 @@
 
 use crate::process::{Folder, Running};
 
-/// A server in lock-step on free ports, and where its clients find it.
+/// Starts a server in lock-step on free ports; returns it with the addresses of server and sensor.
 pub(crate) fn serve(folder: &Folder, further: &[&str]) -> (Running, [String; 2]) {
     let mut arguments = vec!["serve", "--pace", "lockstep", "--listen", "127.0.0.1:0"];
     arguments.extend([
@@ -43,7 +43,7 @@ pub(crate) fn await_obtain(server: &mut Running, times: usize) {
     });
 }
 
-/// Position offsets of every row so far, and its state.
+/// Returns the state and the position offsets of every row so far.
 fn rows(folder: &Folder) -> Vec<(String, [i64; 3])> {
     let csv = folder.read("serve.csv");
     let mut lines = csv.lines();
@@ -67,7 +67,7 @@ fn rows(folder: &Folder) -> Vec<(String, [i64; 3])> {
     whole.collect()
 }
 
-/// Every change within S; every change in a ramp exactly rho, or the rest.
+/// Checks that every change is within S, and every change in a ramp exactly rho or the rest.
 fn assert_no_jump(rows: &[(String, [i64; 3])]) {
     for pair in rows.windows(2) {
         let ((_, from), (state, to)) = (&pair[0], &pair[1]);
@@ -80,12 +80,12 @@ fn assert_no_jump(rows: &[(String, [i64; 3])]) {
     }
 }
 
-/// From the last Obtain on nothing but ramp, as long as it takes and no longer.
+/// Checks that only the ramp follows the last Obtain, with exactly its ticks.
 fn assert_whole_ramp(rows: &[(String, [i64; 3])]) {
     let stopped = rows.iter().rposition(|(state, _)| state == "Obtain");
     let (before, ramp) = rows.split_at(stopped.unwrap() + 1);
     let left = before.last().unwrap().1.map(i64::unsigned_abs);
-    // The hand pulls for seconds: unless this machine stood still meanwhile, some 48 um are left.
+    // The hand pulls for seconds: unless this machine was paused meanwhile, some 48 um are left.
     let ticks = left.into_iter().max().unwrap().div_ceil(100).max(1);
     assert_eq!(u64::try_from(ramp.len()).unwrap(), ticks);
     assert!(ramp.iter().all(|(state, _)| state == "Fault"));
@@ -203,7 +203,7 @@ fn the_same_over_datagrams() {
     let said = owner.end().success();
     assert!(said.starts_with("left with Goodbye after "), "{said}");
     server.await_words("SafeDisconnect -> Listening");
-    // Killed, it cannot even close a connection: silence is all there is.
+    // Killed, it cannot close a connection: the server only sees silence.
     let killed = folder.start("killed", &arguments);
     await_obtain(&mut server, 2);
     killed.kill();
@@ -213,10 +213,10 @@ fn the_same_over_datagrams() {
 }
 
 #[test]
-fn a_peer_that_is_not_allowed_is_closed_without_a_word() {
+fn a_peer_that_is_not_allowed_is_closed_silently() {
     let folder = Folder::new("allow");
     let (server, addresses) = serve(&folder, &["--allow", "192.0.2.7", "--allow", "10.0.0.0/8"]);
-    client(&folder, "stranger", &addresses).end().failure(7);
+    client(&folder, "refused", &addresses).end().failure(7);
     server.interrupt();
     server.end().success();
     let line = folder.run(&["serve", "--allow", "nowhere"]).failure(1);

@@ -212,8 +212,8 @@ fn a_stalled_link_fills_its_senders_buffers() {
 
 #[test]
 fn a_server_that_is_not_there_is_a_closed_connection() {
-    let nobody = TcpListener::bind(LOOPBACK).unwrap().local_addr().unwrap();
-    let (relay, ended) = relay(nobody, Transport::Stream, FaultPlan::default());
+    let absent = TcpListener::bind(LOOPBACK).unwrap().local_addr().unwrap();
+    let (relay, ended) = relay(absent, Transport::Stream, FaultPlan::default());
     let client = TcpStream::connect(relay.address).unwrap();
     client.set_read_timeout(Some(DEADLINE)).unwrap();
     assert_eq!(all(&client), b"");

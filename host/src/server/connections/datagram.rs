@@ -102,7 +102,7 @@ impl Datagrams {
             }
             (_, Err(_)) => {
                 let refusal = Endpoint::<N, M>::full_refusal();
-                // Best effort. The answer is no longer than the Hello: a forged address gains nothing.
+                // Best effort. The answer is at most as long as the Hello: a forged address gains nothing.
                 let _ = self.socket.send_to(&refusal, from);
                 None
             }
