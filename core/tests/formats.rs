@@ -19,7 +19,8 @@ use gantry_tau_core::control::session::{
 };
 use gantry_tau_core::control::wire::{Collector, Deframer, Feed, Frame, Kind, Short, Stage};
 use gantry_tau_core::model::compensation::{CompensatorError, Correction};
-use gantry_tau_core::model::kinematics::{KinematicsError, NominalError, Solved};
+use gantry_tau_core::model::kinematics::{KinematicsError, Solution};
+use gantry_tau_core::model::l2;
 use gantry_tau_core::model::linalg::LinearError;
 use gantry_tau_core::model::robot::{Branch, Parameter, RobotError};
 use gantry_tau_core::model::sensor::{Reading, SensorError, SensorState};
@@ -44,12 +45,12 @@ macro_rules! all {
 all! {
     // Errors and refusals.
     CompensatorError, ConfigError, ContentError, CrossingError, FrameError, Full, KinematicsError, LimitsError, LinearError,
-    MotorMapError, NominalError, Refusal, RobotError, SensorError, Short, StartError, TauFormError,
+    MotorMapError, l2::OrientationError, Refusal, RobotError, SensorError, Short, StartError, TauFormError,
     // States, and what they are made of.
     AxisState, Channel<OffsetNm>, Collector, Deframer, Phase, SensorState, Session<6>, Stage, State<6>,
     // Events, inputs, outputs.
     Cause, ClientMessage<6>, Command<6>, Entry<Input<6>, Output<6>>, Event<6>, Feed<'static>, Frame<'static>, Hello, Input<6>, Kind,
-    LastWrite<6>, Mode, Output<6>, Reading, Replayed<6>, ServerMessage<6>, Solved<[f64; 6]>, Start<6>, TickInput<6>, Transport, Welcome<6>,
+    LastWrite<6>, Mode, Output<6>, Reading, Replayed<6>, ServerMessage<6>, Solution<[f64; 6]>, Start<6>, TickInput<6>, Transport, Welcome<6>,
     // Counters and flags.
     AxisFlags, Counters,
     // Numbers and configuration.

@@ -1,4 +1,4 @@
-//! Epochs from a counter that is persisted before use, so that an old frame can never revive.
+//! Epochs from a counter that is persisted before use, so that frames of earlier sessions stay invalid.
 
 use std::fmt;
 use std::io::Write;
@@ -6,18 +6,18 @@ use std::path::{Path, PathBuf};
 
 use gantry_tau_core::units::Epoch;
 
-/// Epochs reserved by one write of the file. The cycle takes from the reserve and never touches the disk.
-/// 2^32 sessions per run, 2^32 runs: neither is ever used up.
+/// Epochs reserved by one write of the file: the cycle takes from the reserve and never touches the disk.
+/// The counter suffices for 2^32 runs of 2^32 sessions.
 const RESERVE: u64 = 1 << 32;
 
-/// A reserve of epochs that no other run of the server will give again.
+/// Reserve of epochs that no other run of the server uses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Epochs {
     last: u64,
     end: u64,
 }
 
-/// Why no epochs could be reserved.
+/// Reason why epochs could not be reserved.
 #[derive(Debug)]
 pub struct EpochError {
     path: PathBuf,
@@ -38,10 +38,11 @@ impl fmt::Display for EpochError {
 impl std::error::Error for EpochError {}
 
 impl Epochs {
-    /// Reads the counter, writes it back with the reserve added, and only then hands the reserve out. A missing file counts as zero.
+    /// Reads the counter, writes it back with the reserve added, then returns the reserve. A missing file counts as zero.
     ///
     /// # Errors
-    /// [`EpochError`] naming file and reason. A file that is no number is not overwritten: restarting from zero could revive an old frame.
+    /// [`EpochError`] naming file and reason. A file without a number is not overwritten: restarting from zero could make an old frame
+    /// valid again.
     pub fn reserve(path: &Path) -> Result<Self, EpochError> {
         let fail = |reason: String| EpochError {
             path: path.to_owned(),
@@ -51,18 +52,18 @@ impl Epochs {
             Ok(text) => text
                 .trim()
                 .parse::<u64>()
-                .map_err(|error| fail(format!("its content is no counter: {error}")))?,
+                .map_err(|error| fail(format!("does not contain a counter: {error}")))?,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => 0,
             Err(error) => return Err(fail(error.to_string())),
         };
         let end = last
             .checked_add(RESERVE)
-            .ok_or_else(|| fail("the counter is used up".to_owned()))?;
+            .ok_or_else(|| fail("the counter is exhausted".to_owned()))?;
         persist(path, end).map_err(|error| fail(error.to_string()))?;
         Ok(Self { last, end })
     }
 
-    /// Epochs for a run that leaves nothing behind: tests, and a demo whose server ends with it.
+    /// Epochs that are not persisted, for tests and the demo, whose server ends with it.
     #[must_use]
     pub const fn volatile() -> Self {
         Self {
@@ -71,25 +72,25 @@ impl Epochs {
         }
     }
 
-    /// The last epoch given, by this run or an earlier one.
+    /// The last epoch used, by this run or an earlier one.
     #[must_use]
     pub const fn last(&self) -> Epoch {
         Epoch(self.last)
     }
 
-    /// The next epoch to offer. When the reserve is used up it is the last one again, which the core refuses to give.
+    /// The next epoch to offer. When the reserve is exhausted it is the last one again, which the core refuses.
     #[must_use]
     pub fn next(&self) -> Epoch {
         Epoch(self.last.saturating_add(1).min(self.end))
     }
 
-    /// The session has taken `epoch`.
+    /// Records that a session uses `epoch`.
     pub fn taken(&mut self, epoch: Epoch) {
         self.last = self.last.max(epoch.0);
     }
 }
 
-/// Where the counter lives unless a flag says otherwise: the user's state folder, which survives a boot. `None` where the system names none.
+/// Default path of the counter, in the user's state folder. `None` if the environment does not name one.
 #[must_use]
 pub fn default_path() -> Option<PathBuf> {
     let from = |name: &str| std::env::var_os(name).map(PathBuf::from);
@@ -99,7 +100,7 @@ pub fn default_path() -> Option<PathBuf> {
     Some(base.join("gantry-tau").join("epoch"))
 }
 
-/// Writes beside the file, flushes to the disk, and renames: a crash leaves the old or the new number, never half of one.
+/// Writes a second file, flushes it to the disk, and renames it: a crash leaves the old or the new number.
 fn persist(path: &Path, value: u64) -> std::io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     std::fs::create_dir_all(folder)?;
@@ -112,14 +113,14 @@ fn persist(path: &Path, value: u64) -> std::io::Result<()> {
     sync_folder(folder)
 }
 
-/// The rename itself survives a power failure only once the folder is on the disk.
+/// Flushes the folder: only then does the rename survive a power failure.
 #[cfg(unix)]
 fn sync_folder(folder: &Path) -> std::io::Result<()> {
     let here = folder.as_os_str().is_empty();
     std::fs::File::open(if here { Path::new(".") } else { folder })?.sync_all()
 }
 
-/// Folders cannot be flushed here; the system does so by itself.
+/// Folders cannot be flushed on this system.
 #[cfg(not(unix))]
 fn sync_folder(_: &Path) -> std::io::Result<()> {
     Ok(())
@@ -142,7 +143,7 @@ mod tests {
         assert!(second.next().0 > RESERVE);
         std::fs::write(&path, "seven\n").unwrap();
         let error = Epochs::reserve(&path).unwrap_err().to_string();
-        assert!(error.contains("no counter"), "{error}");
+        assert!(error.contains("not contain a counter"), "{error}");
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

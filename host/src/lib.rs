@@ -4,15 +4,16 @@
 #![forbid(unsafe_code)]
 #![allow(
     clippy::arithmetic_side_effects,
-    reason = "off the reference path; release builds keep their overflow checks"
+    clippy::as_conversions,
+    reason = "off the reference path; release builds keep their overflow checks, and `as` saturates where floats become integers"
 )]
 
 pub mod black_box;
 pub mod client;
 pub mod demo;
+pub mod draw;
 pub mod epoch;
 pub mod faults;
-pub mod machine;
 pub mod model;
 pub mod plant;
 mod plots;

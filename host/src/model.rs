@@ -1,226 +1,190 @@
-//! Kinds of machines: what server, client and simulation need to know of one, and nothing else.
+//! Kinds of machines: the part of a machine that server, client and simulation depend on.
 
 use std::fmt;
 
-use gantry_tau_core::model::compensation::{
-    Compensator, CompensatorConfig, Correction, SixLinkCompensator, SixLinkElastic,
-};
-use gantry_tau_core::model::kinematics::{
-    COLD_ITERATIONS, KinematicsError, Nominal, NominalError, Pose, SixLinkKinematics,
-    WARM_ITERATIONS,
-};
-use gantry_tau_core::model::robot::{
-    ARMS, AXES, Compliances, Robot, RobotError, SixLink, SixLinkGeometry,
-};
+use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
+use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::{f1, l2};
+use gantry_tau_core::units::PositionNm;
 use nalgebra::{Matrix3, Vector3};
 
-/// Motors of the 3-DOF machine: one on each cart.
+/// Motors of the L2: one on each cart.
 pub const L2_MOTORS: usize = 3;
-/// Motors of the 6-DOF machine: two on each cart `[T 1.2.2]`, one for each of `q_4`, `q_5`, `q_6`.
+/// Motors of the F1: two on each cart `[T 1.2.2]`, one for each of `q_4`, `q_5`, `q_6`.
 pub const F1_MOTORS: usize = 9;
 
-/// A kind of machine with `N` axes.
-pub trait Model<const N: usize>: Clone + fmt::Debug + Send + Sync + 'static {
-    /// CRC-32 over what decides the kinematics; the client compares it with the server's.
+/// Kind of machine with `N` axes.
+pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'static {
+    /// Returns the CRC-32 of the parameters that decide the kinematics; the client compares it with the server's.
     fn checksum(&self) -> u32;
 
-    /// The geometry, link by link.
-    fn geometry(&self) -> SixLinkGeometry;
+    /// Returns the geometry, link by link.
+    fn geometry(&self) -> f1::Geometry;
 
-    /// Positions (q-units) that put the tool centre point of the unloaded machine at `tool_m` (world axes, metres), platform unturned.
+    /// Returns the positions (q-units) that put the tool centre point of the unloaded machine at `tool_m` (world axes, metres), with the
+    /// platform in the orientation of the world.
     ///
     /// # Errors
-    /// [`KinematicsError`]: that place cannot be reached, or not within the travel.
+    /// [`KinematicsError`]: the point is out of reach or outside the travel.
     fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; N], KinematicsError>;
 
-    /// The six links there.
+    /// Returns the line matrix there.
     ///
     /// # Errors
     /// [`KinematicsError::Singular`] where the links cannot carry every load.
     fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; N]) -> Result<LineMatrix<N>, KinematicsError>;
 
-    /// From loads to bounded offsets. Offsets may leave the nominal travel; the server has the machine's.
+    /// Makes a compensator. Offsets may leave the nominal travel; the server checks the machine's.
     ///
     /// # Errors
     /// A sentence that names the parameter.
-    fn correction(
+    fn compensator(
         &self,
         compliances: &Compliances<N>,
         config: CompensatorConfig<N>,
-    ) -> Result<Box<dyn Correct<N>>, String>;
+    ) -> Result<Box<dyn CompensationModel<N>>, String>;
 }
 
-/// A compensation, once per cycle.
-pub trait Correct<const N: usize>: Send {
-    /// Offsets that hold the tool where the nominal positions `q` (q-units) put it, under `load`.
+/// A compensator, once per cycle.
+pub trait CompensationModel<const N: usize>: Send {
+    /// Returns the offsets that hold the tool where the nominal positions put it, under `load`.
     ///
     /// # Errors
     /// [`KinematicsError`]; the next call works.
-    fn correct(&mut self, q: &[f64; N], load: &Wrench) -> Result<Correction<N>, KinematicsError>;
+    fn correct(
+        &mut self,
+        nominal: &[PositionNm; N],
+        load: &Wrench,
+    ) -> Result<Correction<N>, KinematicsError>;
 }
 
-/// The 3-DOF machine with the platform unturned.
+/// An L2 in the orientation of the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct L2 {
-    robot: Robot,
-    nominal: Nominal,
+    kinematics: l2::Kinematics,
 }
 
 impl L2 {
     /// The machine of a robot.
     ///
     /// # Errors
-    /// [`NominalError`] without the Tau property.
-    pub fn new(robot: Robot) -> Result<Self, NominalError> {
-        let nominal = Nominal::new(&robot, &Matrix3::identity())?;
-        Ok(Self { robot, nominal })
+    /// [`l2::OrientationError`] without the Tau property.
+    pub fn new(robot: &l2::Robot) -> Result<Self, l2::OrientationError> {
+        let kinematics = l2::Kinematics::new(robot, &Matrix3::identity())?;
+        Ok(Self { kinematics })
     }
 
-    /// The machine as it is described.
+    /// The kinematics.
     #[must_use]
-    pub const fn robot(&self) -> &Robot {
-        &self.robot
+    pub const fn kinematics(&self) -> &l2::Kinematics {
+        &self.kinematics
     }
 }
 
-impl Model<ARMS> for L2 {
+impl MachineKind<{ l2::AXES }> for L2 {
     fn checksum(&self) -> u32 {
-        self.robot.kinematics_checksum()
+        self.kinematics.robot().kinematics_checksum()
     }
 
-    fn geometry(&self) -> SixLinkGeometry {
-        self.robot.geometry().into()
+    fn geometry(&self) -> f1::Geometry {
+        self.kinematics.robot().geometry().into()
     }
 
-    fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; ARMS], KinematicsError> {
-        self.nominal.inverse_in_assembly(tool_m)
+    fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; l2::AXES], KinematicsError> {
+        self.kinematics.inverse_in_assembly(tool_m)
     }
 
     fn lines(
         &self,
         tool_m: &Vector3<f64>,
-        q: &[f64; ARMS],
-    ) -> Result<LineMatrix<ARMS>, KinematicsError> {
-        LineMatrix::new(&self.robot, &Pose::at(*tool_m), q)
+        q: &[f64; l2::AXES],
+    ) -> Result<LineMatrix<{ l2::AXES }>, KinematicsError> {
+        self.kinematics.line_matrix(&Pose::at(*tool_m), q)
     }
 
-    fn correction(
+    fn compensator(
         &self,
-        compliances: &Compliances<ARMS>,
-        config: CompensatorConfig<ARMS>,
-    ) -> Result<Box<dyn Correct<ARMS>>, String> {
-        let compensator = Compensator::new(&self.nominal, compliances, config);
+        compliances: &Compliances<{ l2::AXES }>,
+        config: CompensatorConfig<{ l2::AXES }>,
+    ) -> Result<Box<dyn CompensationModel<{ l2::AXES }>>, String> {
+        let compensator = l2::Compensator::new(&self.kinematics, compliances, config);
         Ok(Box::new(compensator.map_err(|error| error.to_string())?))
     }
 }
 
-impl Correct<ARMS> for Compensator {
+impl CompensationModel<{ l2::AXES }> for l2::Compensator {
     fn correct(
         &mut self,
-        q: &[f64; ARMS],
+        nominal: &[PositionNm; l2::AXES],
         load: &Wrench,
-    ) -> Result<Correction<ARMS>, KinematicsError> {
-        self.correction(q, load)
+    ) -> Result<Correction<{ l2::AXES }>, KinematicsError> {
+        Self::correct(self, nominal, load)
     }
 }
 
-/// The 6-DOF machine.
+/// An F1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct F1 {
-    kinematics: SixLinkKinematics,
+    kinematics: f1::Kinematics,
 }
 
 impl F1 {
     /// The machine of a robot.
     #[must_use]
-    pub fn new(robot: &SixLink) -> Self {
+    pub fn new(robot: &f1::Robot) -> Self {
         Self {
-            kinematics: SixLinkKinematics::new(robot),
+            kinematics: f1::Kinematics::new(robot),
         }
     }
 
-    /// The machine as it is described, ready to be solved.
+    /// The kinematics.
     #[must_use]
-    pub const fn kinematics(&self) -> &SixLinkKinematics {
+    pub const fn kinematics(&self) -> &f1::Kinematics {
         &self.kinematics
-    }
-
-    fn without_travel(&self) -> Result<SixLinkKinematics, RobotError> {
-        let travel = None;
-        let geometry = *self.kinematics.robot().geometry();
-        let robot = SixLink::new(SixLinkGeometry { travel, ..geometry })?;
-        Ok(SixLinkKinematics::new(&robot))
     }
 }
 
-impl Model<AXES> for F1 {
+impl MachineKind<{ f1::AXES }> for F1 {
     fn checksum(&self) -> u32 {
         self.kinematics.robot().kinematics_checksum()
     }
 
-    fn geometry(&self) -> SixLinkGeometry {
+    fn geometry(&self) -> f1::Geometry {
         *self.kinematics.robot().geometry()
     }
 
-    fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; AXES], KinematicsError> {
-        let solved = (self.kinematics).inverse_in_assembly(&Pose::at(*tool_m), None)?;
-        Ok(solved.answer)
+    fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; f1::AXES], KinematicsError> {
+        let solution = (self.kinematics).inverse_in_assembly(&Pose::at(*tool_m), None)?;
+        Ok(solution.value)
     }
 
     fn lines(
         &self,
         tool_m: &Vector3<f64>,
-        q: &[f64; AXES],
-    ) -> Result<LineMatrix<AXES>, KinematicsError> {
-        LineMatrix::of_six_link(&self.kinematics, &Pose::at(*tool_m), q)
+        q: &[f64; f1::AXES],
+    ) -> Result<LineMatrix<{ f1::AXES }>, KinematicsError> {
+        self.kinematics.line_matrix(&Pose::at(*tool_m), q)
     }
 
-    fn correction(
+    fn compensator(
         &self,
-        compliances: &Compliances<AXES>,
-        config: CompensatorConfig<AXES>,
-    ) -> Result<Box<dyn Correct<AXES>>, String> {
-        let kinematics = self.without_travel().map_err(|error| error.to_string())?;
-        let elastic = SixLinkElastic::new(kinematics, *compliances);
-        let compensator = SixLinkCompensator::new(elastic, config);
-        Ok(Box::new(Followed {
-            kinematics,
-            compensator: compensator.map_err(|error| error.to_string())?,
-            pose: None,
-        }))
+        compliances: &Compliances<{ f1::AXES }>,
+        config: CompensatorConfig<{ f1::AXES }>,
+    ) -> Result<Box<dyn CompensationModel<{ f1::AXES }>>, String> {
+        let kinematics = self.kinematics.without_travel();
+        let compensator = f1::Compensator::new(&kinematics, compliances, config);
+        Ok(Box::new(compensator.map_err(|error| error.to_string())?))
     }
 }
 
-/// The compensator of six axes and the pose of its last cycle, from which the next one's is two steps away.
-struct Followed {
-    kinematics: SixLinkKinematics,
-    compensator: SixLinkCompensator,
-    pose: Option<Pose>,
-}
-
-impl Followed {
-    /// Warm, then from the last pose with patience, then from nothing.
-    fn pose_at(&self, q: &[f64; AXES]) -> Result<Pose, KinematicsError> {
-        if let Some(seed) = &self.pose {
-            for iterations in [WARM_ITERATIONS, COLD_ITERATIONS] {
-                if let Ok(solved) = self.kinematics.forward_from(q, seed, iterations) {
-                    return Ok(solved.answer);
-                }
-            }
-        }
-        Ok(self.kinematics.forward(q)?.answer)
-    }
-}
-
-impl Correct<AXES> for Followed {
+impl CompensationModel<{ f1::AXES }> for f1::Compensator {
     fn correct(
         &mut self,
-        q: &[f64; AXES],
+        nominal: &[PositionNm; f1::AXES],
         load: &Wrench,
-    ) -> Result<Correction<AXES>, KinematicsError> {
-        let pose = self.pose_at(q)?;
-        self.pose = Some(pose);
-        self.compensator.correction(&pose, q, load)
+    ) -> Result<Correction<{ f1::AXES }>, KinematicsError> {
+        Self::correct(self, nominal, load)
     }
 }

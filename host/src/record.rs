@@ -1,4 +1,4 @@
-//! Recordings: one CSV row per tick, units in the header, written by another thread than the one that makes the rows `[T 5.1.2]`.
+//! Recordings: one CSV row per tick, units in the header, written by a separate thread `[T 5.1.2]`.
 
 use std::fmt;
 use std::fs::File;
@@ -6,17 +6,18 @@ use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gantry_tau_core::control::message::State;
+use gantry_tau_core::control::message::{Cause, State};
 use gantry_tau_core::units::OffsetNm;
 
+use crate::plots::phases;
 use crate::server::cycle::Row;
 
-/// How long a writing thread rests when there is nothing to write.
+/// Pause of the writing thread when the queue is empty.
 const REST: Duration = Duration::from_millis(5);
 /// Rows that may wait for a slow disk, about eight seconds.
 const QUEUE: usize = 8_192;
 
-/// Something that is one row of a recording.
+/// One row of a recording.
 pub trait Record: Copy + Send + 'static {
     /// Names of the columns, with units.
     fn header() -> Vec<String>;
@@ -24,7 +25,7 @@ pub trait Record: Copy + Send + 'static {
     fn fields(&self) -> Vec<String>;
 }
 
-/// Why a recording cannot be made.
+/// Reason why a recording failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordError {
     path: PathBuf,
@@ -39,7 +40,7 @@ impl fmt::Display for RecordError {
 
 impl std::error::Error for RecordError {}
 
-/// A CSV file. After its first failure (a full disk, say) it only counts what is lost.
+/// CSV file. After its first failure (for instance a full disk) it only counts lost rows.
 #[derive(Debug)]
 pub struct CsvFile {
     path: PathBuf,
@@ -49,12 +50,12 @@ pub struct CsvFile {
     lost: u64,
 }
 
-/// What became of a recording.
+/// Outcome of a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recorded {
-    /// Where it is.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Rows written; some of the last may be lost where the file failed.
+    /// Rows written; if the file failed, some of the last ones may be lost.
     pub written: u64,
     /// Rows known to be lost, because the queue was full or the file failed.
     pub lost: u64,
@@ -68,7 +69,7 @@ impl fmt::Display for Recorded {
         let (written, lost) = (self.written, self.lost);
         match &self.failure {
             None => write!(f, "recorded {written} rows to {path}, {lost} dropped"),
-            // The last rows were still on their way to the file.
+            // Some of the last rows were still buffered.
             Some(failure) => write!(
                 f,
                 "recorded at most {written} rows to {path}, at least {lost} dropped ({})",
@@ -116,7 +117,7 @@ impl CsvFile {
         self.lost += 1;
     }
 
-    /// Flushes, and adds what the queue before the file had to drop.
+    /// Flushes, and adds the rows that the queue dropped.
     #[must_use]
     pub fn finish(mut self, dropped: u64) -> Recorded {
         if let Err(error) = self.writer.flush() {
@@ -136,7 +137,7 @@ impl CsvFile {
     }
 }
 
-/// The cycle's end of a recording: pushing never blocks and never allocates.
+/// Producer side of a recording: pushing never blocks and never allocates.
 #[derive(Debug)]
 pub struct Recorder<T> {
     queue: rtrb::Producer<T>,
@@ -174,7 +175,7 @@ impl<T: Record> Recorder<T> {
         self.dropped += u64::from(self.queue.push(row).is_err());
     }
 
-    /// Ends the recording. `None` if the writing thread panicked, which it has said on stderr.
+    /// Ends the recording. `None` if the writing thread panicked, which was reported on stderr.
     #[must_use]
     pub fn finish(self) -> Option<Recorded> {
         let Self {
@@ -187,7 +188,7 @@ impl<T: Record> Recorder<T> {
     }
 }
 
-/// Hands every row to `each` until the other end of the queue is gone and nothing is left.
+/// Calls `each` with every row until the producer is gone and the queue is empty.
 pub fn drain<T: Copy>(rows: &mut rtrb::Consumer<T>, mut each: impl FnMut(&T)) {
     loop {
         let gone = rows.is_abandoned();
@@ -210,7 +211,7 @@ const LOAD: [&str; 6] = [
     "moment_z_nm",
 ];
 
-/// Columns that a State gives to every recording.
+/// Columns common to all recordings, from the State.
 fn state_header(axes: usize) -> Vec<String> {
     let mut header: Vec<String> = ["tick", "state", "cause", "missed", "ramp_ticks_left"]
         .map(str::to_owned)
@@ -237,8 +238,8 @@ fn state_header(axes: usize) -> Vec<String> {
 fn state_fields<const N: usize>(state: &State<N>) -> Vec<String> {
     let mut fields = vec![
         state.tick.0.to_string(),
-        format!("{:?}", state.phase),
-        format!("{:?}", state.cause),
+        phases::name(state.phase).to_owned(),
+        cause_name(state.cause).to_owned(),
         state.counters.missed.to_string(),
         state.ramp_ticks_left.to_string(),
     ];
@@ -258,7 +259,26 @@ fn state_fields<const N: usize>(state: &State<N>) -> Vec<String> {
     fields
 }
 
-/// An optional number; empty where there is none.
+/// Name of a cause in recordings and findings.
+pub(crate) const fn cause_name(cause: Cause) -> &'static str {
+    match cause {
+        Cause::None => "None",
+        Cause::ClientLate => "ClientLate",
+        Cause::NetworkLate => "NetworkLate",
+        Cause::ServerLate => "ServerLate",
+        Cause::Malformed => "Malformed",
+        Cause::Closed => "Closed",
+        Cause::Goodbye => "Goodbye",
+        Cause::Budget => "Budget",
+        Cause::Stop => "Stop",
+        Cause::Nominal => "Nominal",
+        Cause::Flood => "Flood",
+        Cause::HandshakeTimeout => "HandshakeTimeout",
+        Cause::Restart => "Restart",
+    }
+}
+
+/// Text of an optional number; empty for `None`.
 fn optional(value: Option<impl ToString>) -> String {
     value.map_or_else(String::new, |value| value.to_string())
 }
@@ -295,18 +315,18 @@ impl<const N: usize> Record for Row<N> {
     }
 }
 
-/// One tick as the client saw it.
+/// One tick of the client.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClientRow<const N: usize> {
-    /// The State it answered.
+    /// State that was answered.
     pub state: State<N>,
-    /// Position offsets it asked for.
+    /// Position offsets that were requested.
     pub targets: [OffsetNm; N],
-    /// Load on the tool as it computed with, tared and filtered: force (N) and moment (N m), world axes.
+    /// Load on the tool used by the compensation, tared and filtered: force (N) and moment (N m), world axes.
     pub load: [f64; 6],
 }
 
-/// The client's recording: references and actual values as the server reported them `[T 5.1.2]`, and what was asked for.
+/// The client's recording: references and actual values as reported by the server `[T 5.1.2]`, and the requested offsets.
 impl<const N: usize> Record for ClientRow<N> {
     fn header() -> Vec<String> {
         let mut header = state_header(N);

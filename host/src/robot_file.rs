@@ -1,5 +1,6 @@
 //! Robot files: `robots/*.toml`, read strictly: an unknown or missing key, or a number out of range, is an error that names it.
 
+mod build;
 mod check;
 mod f1;
 mod l2;
@@ -10,12 +11,12 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use gantry_tau_core::model::robot::{
-    ARMS, AXES, Branch, Compliances, LINKS, Parameter, RobotError,
-};
+use gantry_tau_core::model::robot::{ARMS, Branch, Compliances, LINKS, Parameter, RobotError};
+use gantry_tau_core::model::{f1 as core_f1, l2 as core_l2};
 use nalgebra::{Matrix3, Vector3};
 
-use crate::model::{F1, L2, Model};
+use crate::model::{F1, L2, MachineKind};
+pub use build::CYCLE_US;
 use check::Kind;
 pub use sections::{
     Axes, AxisLimits, ChannelLimits, Client, Motors, PositionSection, Sensor, Simulation,
@@ -23,9 +24,17 @@ pub use sections::{
 };
 
 /// The text of `robots/l2.toml`.
-const L2_TEXT: &str = include_str!("../../robots/l2.toml");
+const L2_TEXT: &str = include_str!(concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    env!("GANTRY_TAU_ROBOTS"),
+    "/l2.toml"
+));
 /// The text of `robots/f1.toml`.
-const F1_TEXT: &str = include_str!("../../robots/f1.toml");
+const F1_TEXT: &str = include_str!(concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    env!("GANTRY_TAU_ROBOTS"),
+    "/f1.toml"
+));
 
 /// Longest robot file that is read, bytes.
 const MAX_LEN: u64 = 1 << 20;
@@ -33,7 +42,7 @@ const MAX_LEN: u64 = 1 << 20;
 /// A machine with `N` axes as its file describes it, every number checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotFile<K, const N: usize> {
-    /// What the file is called in messages.
+    /// Name of the file in messages.
     pub name: String,
     /// The kinematics. Its travel is the nominal travel, in q-units.
     pub model: K,
@@ -57,19 +66,19 @@ pub struct RobotFile<K, const N: usize> {
 #[derive(Clone, Debug, PartialEq)]
 pub enum AnyRobotFile {
     /// `model = "l2"`: three axes.
-    L2(Box<RobotFile<L2, ARMS>>),
+    L2(Box<RobotFile<L2, { core_l2::AXES }>>),
     /// `model = "f1"`: six axes.
-    F1(Box<RobotFile<F1, AXES>>),
+    F1(Box<RobotFile<F1, { core_f1::AXES }>>),
 }
 
-/// Why a robot file was refused, in one line.
+/// Error of a robot file, in one line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RobotFileError {
     /// Path of the file, or its name.
     pub file: String,
-    /// Which key, with its section and index; empty when it concerns the whole file.
+    /// Key, with its section and index; empty when the error concerns the whole file.
     pub key: String,
-    /// What is wrong with it.
+    /// Description of the error.
     pub reason: String,
 }
 
@@ -122,7 +131,7 @@ impl AnyRobotFile {
     }
 }
 
-/// The text of a file, which may be anything: of a device that never ends no more is read than of the longest robot file.
+/// Reads at most [`MAX_LEN`] bytes, so a device file cannot hang.
 fn read_text(path: &Path) -> Result<String, String> {
     let file = File::open(path).map_err(|error| error.to_string())?;
     let mut text = String::new();
@@ -135,7 +144,7 @@ fn read_text(path: &Path) -> Result<String, String> {
     }
 }
 
-impl RobotFile<L2, ARMS> {
+impl RobotFile<L2, { core_l2::AXES }> {
     /// The built-in L2, `robots/l2.toml`.
     ///
     /// # Errors
@@ -149,7 +158,7 @@ impl RobotFile<L2, ARMS> {
     }
 }
 
-impl RobotFile<F1, AXES> {
+impl RobotFile<F1, { core_f1::AXES }> {
     /// The built-in F1, `robots/f1.toml`.
     ///
     /// # Errors
@@ -171,7 +180,7 @@ impl<K, const N: usize> RobotFile<K, N> {
     }
 }
 
-/// The sections that every kind of machine has.
+/// Sections of every kind of machine.
 struct Sections<const N: usize> {
     axes: Axes<N>,
     motors: Motors,
@@ -181,8 +190,8 @@ struct Sections<const N: usize> {
 }
 
 impl<const N: usize> Sections<N> {
-    /// Checks what is left to check.
-    fn complete<K: Model<N>>(
+    /// Checks the sections against the machine.
+    fn complete<K: MachineKind<N>>(
         self,
         name: &str,
         model: K,
@@ -236,7 +245,7 @@ fn branches(signs: [i64; ARMS]) -> Result<[Branch; ARMS], Problem> {
     ])
 }
 
-/// A key and what is wrong with it; the file's name comes later.
+/// Key and description of an error; the file's name is added later.
 struct Problem {
     key: String,
     reason: String,
@@ -260,7 +269,7 @@ impl Problem {
     }
 }
 
-/// The sign that chooses a branch.
+/// Branch of a sign.
 fn branch(key: &str, sign: i64) -> Result<Branch, Problem> {
     match sign {
         1 => Ok(Branch::Positive),

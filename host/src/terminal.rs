@@ -1,9 +1,9 @@
-//! Lines for whoever started a command.
+//! Output on the terminal.
 
 use std::fmt::Display;
 use std::io::Write;
 
-/// Prints a line. A reader that has gone (`gantry-tau demo | head`) is no reason to stop, as `println!` would by panicking.
+/// Prints a line. Continues after the reader has ended (`gantry-tau demo | head`), where `println!` would panic.
 pub fn say(line: impl Display) {
     let _ = writeln!(std::io::stdout(), "{line}");
 }

@@ -1,17 +1,15 @@
 //! Runs the proofs: `cargo run -p gantry-tau-proofs -- prove`.
 //!
-//! Every harness of `src/harness/` and every mutant of core has a row in `manifest.toml`. The runner first compares the names, then
-//! gives Kani one row at a time, and fails whenever Kani finds anything but what the row expects.
+//! Every harness of `src/harness/` has a row in `manifest.toml`, every mutant of core one in `mutants.toml`. The runner first compares
+//! them with the sources, then gives Kani one row at a time, and fails whenever Kani finds anything but what the row expects.
 #![forbid(unsafe_code)]
 
 mod check;
-mod job;
 mod kani;
 mod manifest;
-mod progress;
+mod mutate;
 mod prove;
 mod report;
-mod source;
 mod verdict;
 
 use std::path::{Path, PathBuf};
@@ -23,7 +21,7 @@ use crate::manifest::{Manifest, Tier};
 
 /// The proofs of gantry-tau-core.
 ///
-/// Exit codes: 0 all as expected; 1 something not; 2 usage; 3 Kani is missing, nothing was proved; 4 names disagree.
+/// Exit codes: 0 all as expected; 1 something not; 2 usage; 3 Kani is missing, nothing was proved; 4 the files disagree.
 #[derive(Debug, Parser)]
 #[command(name = "gantry-tau-proofs", version, max_term_width = 100)]
 struct Arguments {
@@ -38,10 +36,16 @@ struct Arguments {
 enum Command {
     /// Give every harness and every mutant to Kani, one at a time; begins with `check`
     Prove(Prove),
-    /// Compare manifest, harnesses, mutants and the README's table; needs no Kani
-    Check,
-    /// Show what the manifest holds
+    /// Compare manifest, harnesses, mutants and the table in proofs/README.md; needs no Kani
+    Check {
+        /// Also compile core with the mutants
+        #[arg(long)]
+        compile: bool,
+    },
+    /// Show theorems, harnesses, mutants and walls
     List,
+    /// Write the table of harnesses into proofs/README.md
+    Table,
 }
 
 #[derive(Debug, Args)]
@@ -66,79 +70,98 @@ struct Prove {
 }
 
 impl Prove {
-    /// The folder of the results.
+    /// Folder of the results.
     fn out(&self, root: &Path) -> PathBuf {
         self.out.clone().unwrap_or_else(|| root.join("target/kani"))
     }
 }
 
-/// What the program ends with.
-#[derive(Clone, Copy)]
-enum End {
-    AsExpected,
-    NotAsExpected,
-    Usage,
-    KaniMissing,
-    NamesDisagree,
+/// Exit codes, as `--help` explains them.
+mod exit {
+    pub(crate) const NOT_AS_EXPECTED: u8 = 1;
+    pub(crate) const USAGE: u8 = 2;
+    pub(crate) const KANI_MISSING: u8 = 3;
+    pub(crate) const FILES_DISAGREE: u8 = 4;
 }
 
-impl From<End> for ExitCode {
-    fn from(end: End) -> Self {
-        Self::from(match end {
-            End::AsExpected => 0,
-            End::NotAsExpected => 1,
-            End::Usage => 2,
-            End::KaniMissing => 3,
-            End::NamesDisagree => 4,
-        })
+/// Exit code and message of a run that did not end as expected.
+struct Failure(u8, String);
+
+impl From<String> for Failure {
+    fn from(message: String) -> Self {
+        Self(exit::NOT_AS_EXPECTED, message)
     }
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
-    run(arguments)
-        .unwrap_or_else(|error| {
-            eprintln!("gantry-tau-proofs: {error}");
-            End::NotAsExpected
-        })
-        .into()
+    match run(Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure(code, message)) => {
+            eprintln!("gantry-tau-proofs: {message}");
+            code.into()
+        }
+    }
 }
 
-fn run(arguments: Arguments) -> Result<End, String> {
+fn run(arguments: Arguments) -> Result<(), Failure> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
     let root = arguments.root.or(here.map(Path::to_owned));
     let root = std::path::absolute(root.unwrap_or_default()).map_err(|error| error.to_string())?;
-    let manifest = Manifest::load(&root.join("proofs/manifest.toml"))?;
+    let manifest = Manifest::load(&root)?;
     match arguments.command {
-        Command::List => {
-            report::list(&manifest);
-            Ok(End::AsExpected)
-        }
-        Command::Check => names_agree(&root, &manifest),
-        Command::Prove(options) => {
-            report::forget(&options.out(&root));
-            match names_agree(&root, &manifest)? {
-                End::AsExpected => prove::prove(&root, &manifest, &options),
-                disagree => Ok(disagree),
+        Command::List => report::list(&manifest),
+        Command::Check { compile } => {
+            files_agree(&root, &manifest)?;
+            if compile {
+                mutate::compile(&root, &manifest.mutants)?;
+                println!("check: core compiles with every mutant");
             }
         }
+        Command::Table => {
+            let path = root.join("proofs/README.md");
+            let text = report::with_table(&read(&path)?, &manifest)?;
+            std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+        }
+        Command::Prove(options) => {
+            report::forget(&options.out(&root));
+            files_agree(&root, &manifest)?;
+            prove::prove(&root, &manifest, &options)?;
+        }
     }
+    Ok(())
 }
 
-/// Says every disagreement.
-fn names_agree(root: &Path, manifest: &Manifest) -> Result<End, String> {
+/// Fails with every disagreement.
+fn files_agree(root: &Path, manifest: &Manifest) -> Result<(), Failure> {
     let disagreements = check::check(root, manifest)?;
-    for disagreement in &disagreements {
-        eprintln!("check: {disagreement}");
+    if !disagreements.is_empty() {
+        let message = format!("check:\n  {}", disagreements.join("\n  "));
+        return Err(Failure(exit::FILES_DISAGREE, message));
     }
-    if disagreements.is_empty() {
-        println!(
-            "check: {} harnesses, {} mutants; manifest, source and README agree",
-            manifest.harnesses.len(),
-            manifest.mutants.len()
-        );
-        Ok(End::AsExpected)
-    } else {
-        Ok(End::NamesDisagree)
+    println!(
+        "check: {} harnesses, {} mutants; manifest, sources and proofs/README.md agree",
+        manifest.harnesses.len(),
+        manifest.mutants.len()
+    );
+    Ok(())
+}
+
+/// Text of a file.
+fn read(path: &Path) -> Result<String, String> {
+    std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// Every file below a folder, but for those of Cargo's `target`. A link that leads nowhere (a licence, in a copy) is left out.
+fn files(folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let complain = |error: std::io::Error| format!("{}: {error}", folder.display());
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(complain)? {
+        let path = entry.map_err(complain)?.path();
+        if path.is_file() {
+            found.push(path);
+        } else if path.is_dir() && !path.ends_with("target") {
+            found.extend(files(&path)?);
+        }
     }
+    Ok(found)
 }

@@ -1,41 +1,49 @@
-//! `proofs/manifest.toml`: every harness, every mutant, every wall.
+//! `proofs/manifest.toml` and `proofs/mutants.toml`: theorems, harnesses, mutants and walls.
 
 use std::fmt;
 use std::path::Path;
 
 use clap::ValueEnum;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
-/// All of it.
+/// Contents of both files.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Manifest {
-    #[serde(default, rename = "harness")]
-    pub(crate) harnesses: Vec<Harness>,
-    #[serde(default, rename = "mutant")]
-    pub(crate) mutants: Vec<Mutant>,
+    #[serde(rename = "theorem")]
+    pub(crate) theorems: Vec<Theorem>,
+    #[serde(rename = "harness")]
+    pub(crate) harnesses: Vec<Row>,
     #[serde(default, rename = "wall")]
     pub(crate) walls: Vec<Wall>,
+    /// From the other file.
+    #[serde(skip)]
+    pub(crate) mutants: Vec<Mutant>,
 }
 
-/// A proof, and what it says.
+/// Claim about core.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Harness {
-    /// The function's name, which is unique over all families.
+pub(crate) struct Theorem {
+    pub(crate) name: String,
+    pub(crate) statement: String,
+    /// "proved", "tested", or both, in words.
+    pub(crate) how: String,
+}
+
+/// Row of a harness; the source declares the rest.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Row {
     pub(crate) name: String,
     pub(crate) theorems: Vec<String>,
     pub(crate) property: String,
     pub(crate) domain: String,
-    /// The solver, as in the source's attribute.
-    pub(crate) solver: String,
-    /// The bound of its loops, as in the source's attribute.
-    pub(crate) unwind: Option<u32>,
     pub(crate) tier: Tier,
-    pub(crate) verdict: Expected,
-    /// Seconds of the solver, where this row was written; `None`: it has not run there, and is not claimed.
+    /// Solver time, s, where the row was written; `None`: the row has not run, and is not claimed.
     pub(crate) measured_s: Option<f64>,
-    /// What is taken for granted because it is substituted (`#[kani::stub]`), in words.
+    /// Assumptions behind the functions that the harness replaces, in words.
     #[serde(default)]
     pub(crate) assumes: Vec<String>,
 }
@@ -44,21 +52,23 @@ pub(crate) struct Harness {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Mutant {
-    /// The value of `cfg(mutant = "...")`.
     pub(crate) name: String,
-    /// The harness that must notice.
-    pub(crate) harness: String,
-    /// What is wrong, in words.
+    /// The fault, in words.
     pub(crate) change: String,
-    /// The check that must fail, or a part of its text.
+    /// Source of core, from the repository's root.
+    pub(crate) file: String,
+    /// Text that stands exactly once in the file, and its replacement.
+    pub(crate) old: String,
+    pub(crate) new: String,
+    /// Harness that must fail.
+    pub(crate) harness: String,
+    /// Check that must fail, or a part of its text.
     pub(crate) fails: String,
     pub(crate) tier: Tier,
-    pub(crate) verdict: Expected,
-    /// As a harness' own.
     pub(crate) measured_s: Option<f64>,
 }
 
-/// What no solver could carry, and is not claimed.
+/// Statement that no solver could carry, and that is not claimed.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Wall {
@@ -66,8 +76,8 @@ pub(crate) struct Wall {
     pub(crate) what: String,
 }
 
-/// How long the solver may take.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, ValueEnum)]
+/// Time limit of the solver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Tier {
     /// 30 s: on every push
@@ -94,24 +104,26 @@ impl fmt::Display for Tier {
     }
 }
 
-/// What Kani must find.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum Expected {
-    /// Every check holds, every cover is reached.
-    Verified,
-    /// The named check fails.
-    Fails,
+impl Manifest {
+    /// Reads both files of a repository.
+    pub(crate) fn load(root: &Path) -> Result<Self, String> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Mutants {
+            mutant: Vec<Mutant>,
+        }
+        let mut manifest: Self = parse(&root.join("proofs/manifest.toml"))?;
+        manifest.mutants = parse::<Mutants>(&root.join("proofs/mutants.toml"))?.mutant;
+        Ok(manifest)
+    }
+
+    /// Row of a harness.
+    pub(crate) fn row(&self, name: &str) -> Option<&Row> {
+        self.harnesses.iter().find(|row| row.name == name)
+    }
 }
 
-impl Manifest {
-    pub(crate) fn load(path: &Path) -> Result<Self, String> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| format!("{}: {error}", path.display()))?;
-        toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
-    }
-
-    pub(crate) fn harness(&self, name: &str) -> Option<&Harness> {
-        self.harnesses.iter().find(|harness| harness.name == name)
-    }
+fn parse<T: DeserializeOwned>(path: &Path) -> Result<T, String> {
+    let text = crate::read(path)?;
+    toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
 }

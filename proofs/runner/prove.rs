@@ -1,113 +1,192 @@
-//! All chosen jobs, one after the other, and the report.
+//! Chosen jobs, one after the other, and the report.
 
-use std::path::Path;
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use crate::job::{self, Job};
-use crate::kani::{self, INTERRUPTED, Kani, Phase, Run};
-use crate::manifest::Manifest;
-use crate::progress::Progress;
-use crate::report::{Outcome, Report};
-use crate::source;
-use crate::verdict::Findings;
-use crate::{End, Prove};
+use gantry_tau_proofs::harness::Harness;
 
-pub(crate) fn prove(root: &Path, manifest: &Manifest, options: &Prove) -> Result<End, String> {
-    let families = source::families(root)?;
-    let jobs = match job::choose(manifest, &families, options.tier, &options.names) {
-        Ok(jobs) => jobs,
-        Err(error) => {
-            eprintln!("gantry-tau-proofs: {error}");
-            return Ok(End::Usage);
-        }
-    };
-    let pinned = source::pinned_kani(root)?;
-    let version = match kani::version() {
-        Ok(version) => version,
-        Err(reason) => {
-            say_missing(&pinned, &reason);
-            return Ok(End::KaniMissing);
-        }
-    };
-    println!("Kani {version} (proofs/kani-version: {pinned})");
-    let kani = set_up(root, options, version)?;
-    // Fails only where a handler is set already.
-    let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
-    let outcomes = run_all(&kani, &jobs, options.seconds)?;
-    let report = Report::new(&kani.version, &pinned, options.tier, outcomes, manifest);
-    report.print();
-    report.write(&options.out(root))?;
-    Ok(if report.all_as_expected() {
-        End::AsExpected
-    } else {
-        End::NotAsExpected
-    })
+use crate::kani::{self, INTERRUPTED, Kani, Phase};
+use crate::manifest::{Manifest, Mutant, Row, Tier};
+use crate::mutate::Copy;
+use crate::report::{Outcome, Report};
+use crate::verdict::Findings;
+use crate::{Failure, Prove, check, exit, read};
+
+/// One run of Kani: a harness, with or without a mutant.
+#[derive(Clone, Copy)]
+pub(crate) struct Job<'a> {
+    pub(crate) harness: &'a Harness,
+    pub(crate) row: &'a Row,
+    pub(crate) mutant: Option<&'a Mutant>,
 }
 
-fn set_up(root: &Path, options: &Prove, version: String) -> Result<Kani, String> {
+impl Job<'_> {
+    pub(crate) fn name(&self) -> &str {
+        self.mutant.map_or(&self.row.name, |mutant| &mutant.name)
+    }
+
+    pub(crate) fn tier(&self) -> Tier {
+        self.mutant.map_or(self.row.tier, |mutant| mutant.tier)
+    }
+}
+
+/// Every job. Harnesses first: a proof that fails explains why its mutants do.
+fn jobs(manifest: &Manifest) -> Vec<Job<'_>> {
+    let declared = check::declared();
+    let job = |row, mutant| {
+        let row: &Row = row;
+        let harness = declared.get(row.name.as_str())?;
+        Some(Job {
+            harness,
+            row,
+            mutant,
+        })
+    };
+    let proofs = manifest.harnesses.iter().filter_map(|row| job(row, None));
+    let mutants = manifest.mutants.iter();
+    let controls = mutants.filter_map(|mutant| job(manifest.row(&mutant.harness)?, Some(mutant)));
+    proofs.chain(controls).collect()
+}
+
+/// Jobs of a tier, or the named ones; an unknown name is an error.
+fn choose<'a>(
+    manifest: &'a Manifest,
+    tier: Tier,
+    names: &[String],
+) -> Result<Vec<Job<'a>>, String> {
+    let mut jobs = jobs(manifest);
+    let unknown = |name: &&String| jobs.iter().all(|job| job.name() != name.as_str());
+    if let Some(name) = names.iter().find(unknown) {
+        return Err(format!(
+            "no harness or mutant is called {name}; `list` shows them"
+        ));
+    }
+    jobs.retain(|job| match names {
+        [] => job.tier() <= tier,
+        names => names.iter().any(|name| job.name() == name),
+    });
+    Ok(jobs)
+}
+
+/// Gives every chosen job to Kani.
+pub(crate) fn prove(root: &Path, manifest: &Manifest, options: &Prove) -> Result<(), Failure> {
+    let jobs = choose(manifest, options.tier, &options.names)
+        .map_err(|message| Failure(exit::USAGE, message))?;
+    let pinned = read(&root.join("proofs/kani-version"))?;
+    let pinned = pinned.trim();
+    let version = kani::version().map_err(|reason| missing(pinned, &reason))?;
+    println!("Kani {version} (proofs/kani-version: {pinned})");
     let kani = Kani {
-        version,
-        proofs: root.join("proofs"),
         target: root.join("target/kani"),
         logs: options.out(root).join("logs"),
         memory_gib: options.memory_gib,
         build_limit: Duration::from_secs(options.build_minutes.saturating_mul(60)),
     };
-    let complain = |error| format!("{}: {error}", kani.logs.display());
-    kani.prepare().map_err(complain)?;
-    Ok(kani)
+    std::fs::create_dir_all(&kani.logs)
+        .map_err(|error| format!("{}: {error}", kani.logs.display()))?;
+    // Fails only where a handler is set already.
+    let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
+    let report = Report {
+        kani: &version,
+        pinned,
+        tier: options.tier,
+        outcomes: run_all(root, &kani, &jobs, options.seconds)?,
+        walls: &manifest.walls,
+    };
+    report.write(&options.out(root))?;
+    let summary = report.summary();
+    // An empty run proves nothing.
+    if jobs.is_empty() || report.as_expected() < jobs.len() {
+        return Err(summary.into());
+    }
+    println!("{summary}");
+    Ok(())
 }
 
-/// Nothing was proved, and nobody may think so.
-fn say_missing(pinned: &str, reason: &str) {
-    eprintln!("gantry-tau-proofs: NOTHING WAS PROVED: `cargo kani` cannot be run here.");
-    eprintln!(
-        "  Cargo says: {}",
-        reason.lines().next().unwrap_or("nothing")
+/// Message for a machine without Kani: nothing was proved, in words that cannot be overlooked.
+fn missing(pinned: &str, reason: &str) -> Failure {
+    let reason = reason.lines().next().unwrap_or("nothing");
+    let message = format!(
+        "SKIPPED, NOTHING WAS PROVED: `cargo kani` cannot be run here.\n  Cargo says: {reason}\n  \
+         To install it: cargo install --locked kani-verifier --version {pinned} && cargo kani setup"
     );
-    eprintln!(
-        "  To install it: cargo install --locked kani-verifier --version {pinned} && cargo kani setup"
-    );
+    Failure(exit::KANI_MISSING, message)
 }
 
-fn run_all(kani: &Kani, jobs: &[Job<'_>], seconds: Option<f64>) -> Result<Vec<Outcome>, String> {
-    let mut progress = Progress::new(jobs.len());
+fn run_all<'a>(
+    root: &Path,
+    kani: &Kani,
+    jobs: &[Job<'a>],
+    seconds: Option<f64>,
+) -> Result<Vec<Outcome<'a>>, String> {
     let mut outcomes = Vec::new();
-    for (index, job) in (1..).zip(jobs) {
-        progress.begin(index, job.name());
+    let moves = std::io::stdout().is_terminal();
+    for (index, &job) in (1..).zip(jobs) {
+        let title = format!("[{index}/{}] {} ... ", jobs.len(), job.name());
+        show(&title);
         let limit = seconds.unwrap_or(job.tier().seconds());
         let began = Instant::now();
-        let run = kani.run(*job, Duration::from_secs_f64(limit), |phase| {
-            progress.glance(phase)
-        });
-        let run = run.map_err(|error| format!("{}: {error}", job.name()))?;
-        if matches!(run.end, kani::End::Interrupted) {
+        let proofs = sources(root, kani, job.mutant)?;
+        let time = Duration::from_secs_f64(limit);
+        let (end, log) = kani
+            .run(job, &proofs, time, |phase| {
+                if moves {
+                    show(&format!(
+                        "\r\x1b[K{title}{phase:?}, {} s",
+                        began.elapsed().as_secs()
+                    ));
+                }
+            })
+            .map_err(|error| format!("{}: {error}", job.name()))?;
+        if matches!(end, kani::End::Interrupted) {
             return Err("interrupted; Kani and its solvers were ended".to_owned());
         }
-        let outcome = judge(*job, &run, limit)?;
-        progress.end(&outcome.line(began.elapsed()));
+        let bytes = std::fs::read(&log).map_err(|error| format!("{}: {error}", log.display()))?;
+        let output = String::from_utf8_lossy(&bytes);
+        let findings = Findings::read(&output);
+        let outcome = Outcome {
+            job,
+            limit,
+            seconds: findings.seconds,
+            objection: objection(job, end, &findings, limit),
+            log,
+        };
+        if moves {
+            show(&format!("\r\x1b[K{title}"));
+        }
+        println!("{}", outcome.line(began.elapsed()));
         outcomes.push(outcome);
     }
     Ok(outcomes)
 }
 
-fn judge(job: Job<'_>, run: &Run, limit: f64) -> Result<Outcome, String> {
-    let text = kani::read(&run.log).map_err(|error| format!("{}: {error}", run.log.display()))?;
-    let findings = Findings::read(&text);
-    let objection = match run.end {
+/// Prints a part of a line at once.
+fn show(text: &str) {
+    print!("{text}");
+    // A reader that has gone is no reason to stop.
+    let _ = std::io::stdout().flush();
+}
+
+/// Folder of the proofs to run: the sources, or for a mutant a copy with its fault.
+fn sources(root: &Path, kani: &Kani, mutant: Option<&Mutant>) -> Result<PathBuf, String> {
+    let Some(mutant) = mutant else {
+        return Ok(root.join("proofs"));
+    };
+    let copy = Copy::new(root, kani.target.join("copy"))?;
+    copy.apply(mutant)?;
+    Ok(copy.proofs())
+}
+
+/// Reason why a run is not as expected; none if it is.
+fn objection(job: Job<'_>, end: kani::End, findings: &Findings, limit: f64) -> Option<String> {
+    match end {
         kani::End::TimedOut(Phase::Solving) => Some(format!("timed out after {limit} s")),
         kani::End::TimedOut(Phase::Building) => Some("timed out while building".to_owned()),
         kani::End::Exited(status) => findings.objection(job, limit).or_else(|| {
             (status.success() == job.mutant.is_some()).then(|| format!("Kani ended with {status}"))
         }),
         kani::End::Interrupted => Some("interrupted".to_owned()),
-    };
-    Ok(Outcome::new(
-        job,
-        limit,
-        findings.seconds,
-        objection,
-        &run.log,
-    ))
+    }
 }

@@ -1,166 +1,130 @@
-//! What came of it: a table, `results.json`, `results.md`.
+//! Results as a table, `results.json` and `results.md`; contents of the manifest for `list` and for the README.
 
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use serde::Serialize;
+use serde_json::{Value, json};
 
-use crate::job::Job;
-use crate::manifest::{Expected, Manifest, Tier};
+use crate::check;
+use crate::manifest::{Manifest, Mutant, Row, Tier, Wall};
+use crate::prove::Job;
 
-/// One run, as `results.json` holds it.
-#[derive(Debug, Serialize)]
-pub(crate) struct Outcome {
-    /// Of the harness or the mutant.
-    name: String,
-    /// The harness that ran: the name itself, but for a mutant.
-    harness: String,
-    theorems: Vec<String>,
-    /// What the harness says; for a mutant, what is wrong with core.
-    property: String,
-    /// Over what; for a mutant, the check that must fail.
-    domain: String,
-    /// What is substituted, and taken for granted.
-    assumes: Vec<String>,
-    tier: Tier,
-    expected: Expected,
-    as_expected: bool,
-    /// Why not.
-    objection: Option<String>,
-    /// The solver's time; none if there was no result.
-    seconds: Option<f64>,
-    limit_seconds: f64,
+/// Result of one run.
+pub(crate) struct Outcome<'a> {
+    pub(crate) job: Job<'a>,
+    /// Time limit and time of the solver, s; no time if there was no result.
+    pub(crate) limit: f64,
+    pub(crate) seconds: Option<f64>,
+    /// Reason for a result that is not as expected.
+    pub(crate) objection: Option<String>,
     /// Kani's output.
-    log: String,
+    pub(crate) log: PathBuf,
 }
 
-impl Outcome {
-    pub(crate) fn new(
-        job: Job<'_>,
-        limit: f64,
-        seconds: Option<f64>,
-        objection: Option<String>,
-        log: &Path,
-    ) -> Self {
-        let harness = job.harness;
-        Self {
-            name: job.name().to_owned(),
-            harness: harness.name.clone(),
-            theorems: harness.theorems.clone(),
-            property: job
-                .mutant
-                .map_or(&harness.property, |mutant| &mutant.change)
-                .clone(),
-            domain: job
-                .mutant
-                .map_or(&harness.domain, |mutant| &mutant.fails)
-                .clone(),
-            assumes: harness.assumes.clone(),
-            tier: job.tier(),
-            expected: job.mutant.map_or(harness.verdict, |mutant| mutant.verdict),
-            as_expected: objection.is_none(),
-            objection,
-            seconds,
-            limit_seconds: limit,
-            log: log.display().to_string(),
-        }
-    }
-
-    /// For whoever watches; `whole` is the time with building.
+impl Outcome<'_> {
+    /// Line of progress; `whole` is the time with building.
     pub(crate) fn line(&self, whole: Duration) -> String {
-        let whole = whole.as_secs_f64();
+        let (verdict, time) = (self.verdict(), seconds(self.seconds));
         match &self.objection {
             None => format!(
-                "{} in {} ({whole:.1} s with building)",
-                self.verdict(),
-                seconds(self.seconds)
+                "{verdict} in {time} ({:.1} s with building)",
+                whole.as_secs_f64()
             ),
-            Some(why) => format!("NOT AS EXPECTED: {why}\n    see {}", self.log),
+            Some(_) => format!("{verdict}\n    see {}", self.log.display()),
         }
     }
 
-    fn verdict(&self) -> &'static str {
-        match (&self.objection, self.expected) {
-            (None, Expected::Verified) => "verified",
-            (None, Expected::Fails) => "fails as it must",
-            (Some(_), _) => "NOT AS EXPECTED",
+    fn verdict(&self) -> String {
+        match (&self.objection, self.job.mutant) {
+            (None, None) => "verified".to_owned(),
+            (None, Some(_)) => "fails as it must".to_owned(),
+            (Some(objection), _) => format!("NOT AS EXPECTED: {objection}"),
         }
+    }
+
+    /// Property and domain of a harness; fault and failing check of a mutant.
+    fn claim(&self) -> (&str, &str) {
+        match self.job.mutant {
+            None => (&self.job.row.property, &self.job.row.domain),
+            Some(mutant) => (&mutant.change, &mutant.fails),
+        }
+    }
+
+    fn json(&self) -> Value {
+        let Job {
+            harness,
+            row,
+            mutant,
+        } = self.job;
+        let (property, domain) = self.claim();
+        json!({
+            "name": self.job.name(),
+            "harness": harness.name,
+            "solver": harness.solver,
+            "unwind": harness.unwind,
+            "theorems": row.theorems,
+            "property": property,
+            "domain": domain,
+            "assumes": row.assumes,
+            "tier": self.job.tier().to_string(),
+            "expected": if mutant.is_some() { "fails" } else { "verified" },
+            "as_expected": self.objection.is_none(),
+            "objection": self.objection,
+            "seconds": self.seconds,
+            "limit_seconds": self.limit,
+            "log": self.log,
+        })
     }
 }
 
-/// All runs, as `results.json` holds them.
-#[derive(Debug, Serialize)]
+/// Results of all runs.
 pub(crate) struct Report<'a> {
-    /// Of this file's format; a field that goes or changes its meaning makes it a new one.
-    format: u32,
-    /// The Kani that ran, and the one that `proofs/kani-version` names.
-    kani: &'a str,
-    kani_pinned: &'a str,
-    tier: Tier,
-    as_expected: usize,
-    total: usize,
-    results: Vec<Outcome>,
-    #[serde(skip)]
-    manifest: &'a Manifest,
+    /// Kani that ran, and the one that `proofs/kani-version` names.
+    pub(crate) kani: &'a str,
+    pub(crate) pinned: &'a str,
+    pub(crate) tier: Tier,
+    pub(crate) outcomes: Vec<Outcome<'a>>,
+    pub(crate) walls: &'a [Wall],
 }
 
-impl<'a> Report<'a> {
-    pub(crate) fn new(
-        kani: &'a str,
-        kani_pinned: &'a str,
-        tier: Tier,
-        results: Vec<Outcome>,
-        manifest: &'a Manifest,
-    ) -> Self {
-        Self {
-            format: 1,
-            kani,
-            kani_pinned,
-            tier,
-            as_expected: results.iter().filter(|outcome| outcome.as_expected).count(),
-            total: results.len(),
-            results,
-            manifest,
+impl Report<'_> {
+    /// Number of runs that ended as expected.
+    pub(crate) fn as_expected(&self) -> usize {
+        let outcomes = self.outcomes.iter();
+        outcomes
+            .filter(|outcome| outcome.objection.is_none())
+            .count()
+    }
+
+    /// Numbers of all runs, and the names of those that are not as expected.
+    pub(crate) fn summary(&self) -> String {
+        let (good, all) = (self.as_expected(), self.outcomes.len());
+        let mut text = format!("{good} of {all} as expected (Kani {})", self.kani);
+        for outcome in &self.outcomes {
+            if outcome.objection.is_some() {
+                let _ = write!(text, "\n  {}: {}", outcome.job.name(), outcome.verdict());
+            }
         }
+        text
     }
 
-    /// An empty run proves nothing.
-    pub(crate) fn all_as_expected(&self) -> bool {
-        self.total > 0 && self.as_expected == self.total
-    }
-
-    pub(crate) fn print(&self) {
-        let longest = self.results.iter().map(|outcome| outcome.name.len()).max();
-        let width = longest.unwrap_or(0);
-        println!(
-            "\n{:width$}  {:12}  {:16}  {:>8}  {:>6}",
-            "name", "theorems", "verdict", "time", "limit"
-        );
-        for outcome in &self.results {
-            println!(
-                "{:width$}  {:12}  {:16}  {:>8}  {:>4} s",
-                outcome.name,
-                outcome.theorems.join(" "),
-                outcome.verdict(),
-                seconds(outcome.seconds),
-                outcome.limit_seconds,
-            );
-        }
-        println!("{}", self.summary());
-    }
-
-    fn summary(&self) -> String {
-        format!(
-            "{} of {} as expected (Kani {})",
-            self.as_expected, self.total, self.kani
-        )
-    }
-
-    /// `results.json` and `results.md`.
+    /// Writes `results.json` and `results.md`.
     pub(crate) fn write(&self, folder: &Path) -> Result<(), String> {
-        let json = serde_json::to_string_pretty(self).map_err(|error| error.to_string())?;
-        for (name, text) in [("results.json", json), ("results.md", self.markdown())] {
+        let json = json!({
+            // Raised when a field goes or changes its meaning.
+            "format": 2,
+            "kani": self.kani,
+            "kani_pinned": self.pinned,
+            "tier": self.tier.to_string(),
+            "as_expected": self.as_expected(),
+            "total": self.outcomes.len(),
+            "results": self.outcomes.iter().map(Outcome::json).collect::<Value>(),
+        });
+        for (name, text) in [
+            ("results.json", format!("{json:#}\n")),
+            ("results.md", self.markdown()),
+        ] {
             let path = folder.join(name);
             std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
         }
@@ -170,39 +134,45 @@ impl<'a> Report<'a> {
 
     fn markdown(&self) -> String {
         let mut text = format!(
-            "# Proofs of gantry-tau-core\n\n{}, tier {}.\n",
+            "# Proofs of gantry-tau-core\n\n{}\n\nTier {}. A mutant is core with one line wrong on purpose; it must fail in the named check.\n\n",
             self.summary(),
             self.tier
         );
-        text.push_str(
-            "A mutant is core with one line wrong on purpose; it must fail in the named check.\n\n",
+        header(
+            &mut text,
+            "name | theorems | property | domain; the failing check | verdict | time",
         );
-        text.push_str("| name | theorems | what | over what; the failing check | verdict | time |\n|---|---|---|---|---|---|\n");
-        for outcome in &self.results {
-            let cells = [
-                &format!("`{}`", outcome.name),
-                &outcome.theorems.join(" "),
-                &outcome.property,
-                &outcome.domain,
-                &outcome
-                    .objection
-                    .clone()
-                    .unwrap_or_else(|| outcome.verdict().to_owned()),
-                &seconds(outcome.seconds),
-            ];
-            row(&mut text, &cells);
+        for outcome in &self.outcomes {
+            let (property, domain) = outcome.claim();
+            let name = format!("`{}`", outcome.job.name());
+            let theorems = outcome.job.row.theorems.join(" ");
+            let (verdict, time) = (outcome.verdict(), seconds(outcome.seconds));
+            line(
+                &mut text,
+                &[&name, &theorems, property, domain, &verdict, &time],
+            );
         }
-        text.push_str("\nNot proved, and not claimed:\n\n| theorem | what |\n|---|---|\n");
-        for wall in &self.manifest.walls {
-            row(&mut text, &[&wall.theorem, &wall.what]);
+        text.push_str("\nNot proved, and not claimed:\n\n");
+        header(&mut text, "theorem | statement");
+        for wall in self.walls {
+            line(&mut text, &[&wall.theorem, &wall.what]);
         }
         text
     }
 }
 
-fn row(text: &mut String, cells: &[&String]) {
-    let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
+/// Head of a table, cells between bars.
+fn header(text: &mut String, cells: &str) {
     // Writing to a String cannot fail.
+    let _ = writeln!(
+        text,
+        "| {cells} |\n|{}",
+        "---|".repeat(cells.split('|').count())
+    );
+}
+
+fn line(text: &mut String, cells: &[&str]) {
+    let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
     let _ = writeln!(text, "| {} |", cells.join(" | "));
 }
 
@@ -210,7 +180,7 @@ fn seconds(time: Option<f64>) -> String {
     time.map_or("-".to_owned(), |time| format!("{time:.1} s"))
 }
 
-/// Removes what an earlier run has left: a run that comes to no result must not look like it.
+/// Removes the results of an earlier run: a run that comes to no result must not look like it.
 pub(crate) fn forget(folder: &Path) {
     for name in ["results.json", "results.md"] {
         // Most often there is none.
@@ -218,37 +188,86 @@ pub(crate) fn forget(folder: &Path) {
     }
 }
 
-/// The measured time, or that there is none.
-fn measured(seconds: Option<f64>) -> String {
-    seconds.map_or("not run yet".to_owned(), |seconds| format!("{seconds} s"))
+/// Markers of the generated part of proofs/README.md.
+const BEGIN: &str = "<!-- table: written by `cargo run -p gantry-tau-proofs -- table` -->\n";
+const END: &str = "<!-- end of table -->\n";
+
+/// Text of proofs/README.md with the table of the manifest between the markers.
+pub(crate) fn with_table(readme: &str, manifest: &Manifest) -> Result<String, String> {
+    let parts = readme.split_once(BEGIN).and_then(|(before, rest)| {
+        let (_, after) = rest.split_once(END)?;
+        Some((before, after))
+    });
+    let (before, after) = parts.ok_or("proofs/README.md: no markers of the table")?;
+    Ok(format!("{before}{BEGIN}{}{END}{after}", table(manifest)))
 }
 
-/// What the manifest holds.
+/// Theorems with their harnesses, solver times and mutants.
+fn table(manifest: &Manifest) -> String {
+    let mut text = String::from("\n");
+    header(
+        &mut text,
+        "theorem | statement and domain | how | harnesses, s | mutants that fail",
+    );
+    for theorem in &manifest.theorems {
+        let proves = |row: &&Row| row.theorems.contains(&theorem.name);
+        let rows: Vec<&Row> = manifest.harnesses.iter().filter(proves).collect();
+        let names = rows.iter().map(|row| match row.measured_s {
+            Some(seconds) => format!("`{}` {seconds}", row.name),
+            None => format!("`{}` (not run yet)", row.name),
+        });
+        // The failing check names its theorem, unless it belongs to all of its harness.
+        let falls = |mutant: &&Mutant| match mutant.fails.split_once(':') {
+            Some((named, _)) => named == theorem.name,
+            None => rows.iter().any(|row| row.name == mutant.harness),
+        };
+        let mutants = manifest.mutants.iter().filter(falls);
+        let mutants: Vec<String> = mutants.map(|mutant| format!("`{}`", mutant.name)).collect();
+        let cells = [
+            &theorem.name,
+            &theorem.statement,
+            &theorem.how,
+            &names.collect::<Vec<_>>().join(", "),
+            &mutants.join(", "),
+        ];
+        line(&mut text, &cells.map(String::as_str));
+    }
+    text.push('\n');
+    text
+}
+
+/// Prints theorems, harnesses, mutants and walls.
 pub(crate) fn list(manifest: &Manifest) {
-    for harness in &manifest.harnesses {
-        let theorems = harness.theorems.join(" ");
+    let measured = |s: Option<f64>| s.map_or("not run yet".to_owned(), |s| format!("{s} s"));
+    for theorem in &manifest.theorems {
         println!(
-            "{}  ({theorems}, {}, {})\n    {}\n    for {}",
-            harness.name,
-            harness.tier,
-            measured(harness.measured_s),
-            harness.property,
-            harness.domain
+            "{}  {}\n    {}",
+            theorem.name, theorem.statement, theorem.how
         );
-        for assumption in &harness.assumes {
+    }
+    let declared = check::declared();
+    for row in &manifest.harnesses {
+        let source = declared.get(row.name.as_str());
+        let solver = source.map_or("not in the source".to_owned(), |harness| {
+            match harness.unwind {
+                Some(bound) => format!("{}, unwind {bound}", harness.solver),
+                None => harness.solver.to_owned(),
+            }
+        });
+        let (theorems, time) = (row.theorems.join(" "), measured(row.measured_s));
+        println!("{}  ({theorems}, {}, {time}, {solver})", row.name, row.tier);
+        println!("    {}\n    for {}", row.property, row.domain);
+        for assumption in &row.assumes {
             println!("    assumes {assumption}");
         }
     }
     for mutant in &manifest.mutants {
+        let time = measured(mutant.measured_s);
         println!(
-            "{}  (mutant, {}, {})\n    {}\n    {} must fail: {}",
-            mutant.name,
-            mutant.tier,
-            measured(mutant.measured_s),
-            mutant.change,
-            mutant.harness,
-            mutant.fails
+            "{}  (mutant, {}, {time})\n    {}",
+            mutant.name, mutant.tier, mutant.change
         );
+        println!("    {} must fail: {}", mutant.harness, mutant.fails);
     }
     for wall in &manifest.walls {
         println!("not proved, {}: {}", wall.theorem, wall.what);

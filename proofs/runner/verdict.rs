@@ -1,29 +1,25 @@
-//! What Kani found, read from what it printed, and whether that is what was expected.
+//! Findings in Kani's output, and their comparison with what a job expects.
 
-use crate::job::Job;
+use crate::prove::Job;
 
-/// What Kani's output says. What it does not say stays empty, and then nothing is as expected.
-#[derive(Debug, Default, PartialEq)]
-pub(crate) struct Findings {
-    /// `VERIFICATION:- SUCCESSFUL` or `FAILED`.
+/// Findings in Kani's output. A field that the output lacks stays empty, and then nothing is as expected.
+#[derive(Debug, Default)]
+pub(crate) struct Findings<'a> {
+    /// True for `VERIFICATION:- SUCCESSFUL`.
     verified: Option<bool>,
-    /// Harnesses that ran.
+    /// Number of harnesses that ran.
     harnesses: Option<u32>,
-    /// Checks that failed, and all checks.
-    checks: Option<(u32, u32)>,
-    /// Checks that Kani could not decide.
-    undetermined: bool,
-    /// Covers that were reached, and all covers.
-    covers: Option<(u32, u32)>,
-    /// Texts of the covers that were not reached.
-    unreached: Vec<String>,
-    /// Texts of the checks that failed.
-    failed: Vec<String>,
-    /// Why there was no result.
-    trouble: Option<String>,
-    /// The solver's time.
+    /// Assertions, and other checks of Kani.
+    checks: Vec<Check<'a>>,
+    covers: Vec<Check<'a>>,
+    /// Reason for the lack of a result.
+    trouble: Option<&'a str>,
+    /// Solver time, s.
     pub(crate) seconds: Option<f64>,
 }
+
+/// Status of one check, such as FAILURE, and its text.
+type Check<'a> = (&'a str, &'a str);
 
 /// Failures that say nothing about the property: the loop bound is too small, or Kani cannot read the code.
 const NOT_ABOUT_THE_PROPERTY: [&str; 4] = [
@@ -33,7 +29,7 @@ const NOT_ABOUT_THE_PROPERTY: [&str; 4] = [
     "Kani does not support",
 ];
 
-/// Lines that tell why there is no result.
+/// Parts of the lines with the reason for a lack of a result.
 const TROUBLE: [&str; 5] = [
     "error:",
     "error[",
@@ -42,75 +38,43 @@ const TROUBLE: [&str; 5] = [
     "panicked at",
 ];
 
-impl Findings {
-    pub(crate) fn read(output: &str) -> Self {
+impl<'a> Findings<'a> {
+    pub(crate) fn read(output: &'a str) -> Self {
         let mut found = Self::default();
-        let (mut cover, mut reached) = (false, false);
+        let (mut is_cover, mut status) = (false, "");
         for line in output.lines().map(str::trim) {
+            let value = |key| line.strip_prefix(key);
             if line.starts_with("Check ") {
-                cover = line.contains(".cover.");
-            } else if let Some(status) = line.strip_prefix("- Status: ") {
-                reached = status == "SATISFIED";
-            } else if let Some(text) = line.strip_prefix("- Description: ") {
-                if cover && !reached {
-                    found.unreached.push(text.to_owned());
-                }
-            } else {
-                found.read_summary(line);
+                is_cover = line.contains(".cover.");
+            } else if let Some(text) = value("- Status: ") {
+                status = text;
+            } else if let Some(text) = value("- Description: ") {
+                let kind = if is_cover {
+                    &mut found.covers
+                } else {
+                    &mut found.checks
+                };
+                kind.push((status, text.trim_matches('"')));
+            } else if let Some(result) = value("VERIFICATION:- ") {
+                found.verified = Some(result == "SUCCESSFUL");
+            } else if let Some(time) = value("Verification Time: ") {
+                found.seconds = time.strip_suffix('s').and_then(|time| time.parse().ok());
+            } else if let Some(counts) = value("Complete - ") {
+                let total = counts.strip_suffix(" total.");
+                found.harnesses = total.and_then(|counts| counts.rsplit(' ').next()?.parse().ok());
+            } else if TROUBLE.iter().any(|known| line.contains(known)) {
+                found.trouble.get_or_insert(line);
             }
         }
         found
     }
 
-    fn read_summary(&mut self, line: &str) {
-        if let Some(result) = line.strip_prefix("VERIFICATION:- ") {
-            self.verified = match result {
-                "SUCCESSFUL" => Some(true),
-                "FAILED" => Some(false),
-                _ => None,
-            };
-        } else if let Some(counts) = line.strip_prefix("** ") {
-            self.read_counts(counts);
-        } else if let Some(text) = line.strip_prefix("Failed Checks: ") {
-            self.failed.push(text.trim_matches('"').to_owned());
-        } else if let Some(time) = line.strip_prefix("Verification Time: ") {
-            self.seconds = time.strip_suffix('s').and_then(|time| time.parse().ok());
-        } else if let Some(counts) = line.strip_prefix("Complete - ") {
-            let total = counts.strip_suffix(" total.");
-            self.harnesses = total.and_then(|counts| counts.rsplit(' ').next()?.parse().ok());
-        } else if TROUBLE.iter().any(|known| line.contains(known)) {
-            self.trouble.get_or_insert_with(|| line.to_owned());
-        }
-    }
-
-    /// `0 of 145 failed (3 unreachable)`, `2 of 2 cover properties satisfied`.
-    fn read_counts(&mut self, line: &str) {
-        let words: Vec<&str> = line.split(' ').collect();
-        let [some, "of", all, what, ..] = words.as_slice() else {
-            return;
-        };
-        let (Ok(some), Ok(all)) = (some.parse(), all.parse()) else {
-            return;
-        };
-        match *what {
-            "failed" => {
-                self.checks = Some((some, all));
-                self.undetermined = line.contains("undetermined");
-            }
-            "cover" => self.covers = Some((some, all)),
-            _ => {}
-        }
-    }
-
-    /// Why this is not what the job expects; nothing if it is.
+    /// Reason why this is not what the job expects; none if it is.
     pub(crate) fn objection(&self, job: Job<'_>, limit: f64) -> Option<String> {
-        let (Some(harnesses), Some(verified), Some(checks), Some(seconds)) =
-            (self.harnesses, self.verified, self.checks, self.seconds)
+        let (Some(harnesses), Some(verified), Some(seconds)) =
+            (self.harnesses, self.verified, self.seconds)
         else {
-            let trouble = self
-                .trouble
-                .as_deref()
-                .unwrap_or("its output is not understood");
+            let trouble = self.trouble.unwrap_or("its output is not understood");
             return Some(format!("Kani came to no result: {trouble}"));
         };
         if harnesses != 1 {
@@ -120,51 +84,66 @@ impl Findings {
             return Some(format!("took {seconds:.1} s, its tier allows {limit} s"));
         }
         match job.mutant {
-            None => self.not_proved(verified, checks),
+            None => self.not_proved(verified),
             Some(mutant) => self.not_caught(verified, &mutant.fails),
         }
     }
 
-    /// A proof: checks were made and all hold, covers were set and all were reached.
-    fn not_proved(&self, verified: bool, (failed, checks): (u32, u32)) -> Option<String> {
-        if !verified || failed > 0 {
-            return Some(format!("failed: {}", self.failed.join("; ")));
-        }
-        if checks == 0 {
-            return Some("it checks nothing".to_owned());
-        }
-        if self.undetermined {
-            return Some("Kani could not decide some checks".to_owned());
-        }
-        match self.covers {
-            None | Some((_, 0)) => Some("it has no cover: it may prove nothing".to_owned()),
-            Some((reached, all)) if reached != all || !self.unreached.is_empty() => Some(format!(
+    /// Objection to a proof: every check must hold, every cover must be reached, and there must be some of both.
+    fn not_proved(&self, verified: bool) -> Option<String> {
+        let failed = self.failed();
+        let reached = |(status, _): &Check<'_>| *status == "SATISFIED";
+        let (reached, missed): (Vec<_>, Vec<_>) = self.covers.iter().copied().partition(reached);
+        let decided = |(status, _): &Check<'_>| ["SUCCESS", "UNREACHABLE"].contains(status);
+        if !verified || !failed.is_empty() {
+            Some(format!("failed: {}", failed.join("; ")))
+        } else if self.checks.is_empty() {
+            Some("it checks nothing".to_owned())
+        } else if !self.checks.iter().all(decided) {
+            Some("Kani could not decide some checks".to_owned())
+        } else if self.covers.is_empty() {
+            Some("it has no cover: it may prove nothing".to_owned())
+        } else if !missed.is_empty() {
+            let (reached, all) = (reached.len(), self.covers.len());
+            Some(format!(
                 "{reached} of {all} covers reached; not: {}",
-                self.unreached.join("; ")
-            )),
-            Some(_) => None,
+                texts(&missed).join("; ")
+            ))
+        } else {
+            None
         }
     }
 
-    /// A control: the named check fails, and nothing fails that hides what it would have said.
+    /// Objection to a mutant: the named check must fail, and nothing that hides it.
     fn not_caught(&self, verified: bool, expected: &str) -> Option<String> {
-        if verified {
-            return Some("the mutant verifies: the harness does not notice the fault".to_owned());
-        }
-        let hides = |text: &&String| {
+        let failed = self.failed();
+        let hides = |text: &&&str| {
             NOT_ABOUT_THE_PROPERTY
                 .iter()
                 .any(|known| text.contains(known))
         };
-        if let Some(text) = self.failed.iter().find(hides) {
-            return Some(format!("failed for another reason: {text}"));
+        if verified {
+            Some("the mutant verifies: the harness does not notice the fault".to_owned())
+        } else if let Some(text) = failed.iter().find(hides) {
+            Some(format!("failed for another reason: {text}"))
+        } else if failed.iter().any(|text| text.contains(expected)) {
+            None
+        } else {
+            let failed = failed.join("; ");
+            Some(format!(
+                "the wrong check failed: {failed} (expected: {expected})"
+            ))
         }
-        if self.failed.iter().any(|text| text.contains(expected)) {
-            return None;
-        }
-        Some(format!(
-            "the wrong check failed: {} (expected: {expected})",
-            self.failed.join("; ")
-        ))
     }
+
+    /// Texts of the checks that failed.
+    fn failed(&self) -> Vec<&'a str> {
+        let mut failed = self.checks.clone();
+        failed.retain(|(status, _)| *status == "FAILURE");
+        texts(&failed)
+    }
+}
+
+fn texts<'a>(checks: &[Check<'a>]) -> Vec<&'a str> {
+    checks.iter().map(|(_, text)| *text).collect()
 }

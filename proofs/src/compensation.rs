@@ -7,8 +7,9 @@ use gantry_tau_core::model::sensor::{
 };
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, OffsetNm};
+use gantry_tau_core::verification::model::bounded;
 
-/// T14, for one axis: whatever the float, the offset is within the limit or the float was NaN.
+/// T14, for one axis: for any float, the offset is within the limit or the float was NaN.
 ///
 /// # Panics
 /// When it is not.
@@ -34,12 +35,12 @@ pub fn correction_is_bounded<const N: usize>(
     q: &[f64; N],
     command: &[f64; N],
 ) {
-    if let Ok(correction) = config.bounded(q, command) {
+    if let Ok(correction) = bounded(config, q, command) {
         offsets_are_within(&correction, config);
     }
 }
 
-/// T14, for a whole cycle of any compensator: what it answered to this load. Tested.
+/// T14, for a whole cycle of any compensator: its result under this load. Tested.
 ///
 /// # Panics
 /// When an offset is beyond its limit.
@@ -50,7 +51,10 @@ pub fn cycle_is_bounded<const N: usize>(
 ) {
     if let Ok(correction) = answer {
         offsets_are_within(&correction, config);
-        assert!(load.is_finite(), "T14: no answer to a load that is none");
+        assert!(
+            load.is_finite(),
+            "T14: no correction of a load that is not finite"
+        );
     }
 }
 
@@ -68,7 +72,7 @@ fn is_within(offset: OffsetNm, limit: OffsetNm) {
 }
 
 /// T14, for the load the compensation is fed: the check that every state of the sensor passes before it is kept admits finite
-/// numbers only. Whether it admitted these.
+/// numbers only. Returns true if it admitted these.
 ///
 /// # Panics
 /// When it admits others.

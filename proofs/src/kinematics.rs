@@ -1,9 +1,10 @@
 //! The nominal kinematics: T13. What is handed out is finite, inside the travel, and keeps the links' lengths; or it is an error.
 
-use gantry_tau_core::model::kinematics::{Nominal, Pose, RESIDUAL_TOLERANCE, residual_m};
+use gantry_tau_core::model::kinematics::{Pose, RESIDUAL_TOLERANCE};
+use gantry_tau_core::model::l2;
 use gantry_tau_core::model::linalg::norm;
-use gantry_tau_core::model::robot::{ARMS, Robot};
-use gantry_tau_core::model::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::robot::ARMS;
+use gantry_tau_core::model::statics::Wrench;
 
 /// A point in world axes, or positions of the axes.
 type Three = [f64; ARMS];
@@ -12,7 +13,7 @@ type Three = [f64; ARMS];
 ///
 /// # Panics
 /// When it admits something else.
-pub fn check_is_right(nominal: &Nominal, q: Three) {
+pub fn check_is_right(nominal: &l2::Kinematics, q: Three) {
     if nominal.travels(&q) {
         is_inside(&q, nominal);
     }
@@ -22,7 +23,7 @@ pub fn check_is_right(nominal: &Nominal, q: Three) {
 ///
 /// # Panics
 /// When they are not.
-pub fn inverse_is_inside(nominal: &Nominal, tcp_m: Three) {
+pub fn inverse_is_inside(nominal: &l2::Kinematics, tcp_m: Three) {
     if let Ok(q) = nominal.inverse(&tcp_m.into()) {
         is_inside(&q, nominal);
     }
@@ -32,7 +33,7 @@ pub fn inverse_is_inside(nominal: &Nominal, tcp_m: Three) {
 ///
 /// # Panics
 /// When the positions are not inside the travel.
-pub fn inverse_in_assembly_is_inside(nominal: &Nominal, tcp_m: Three) {
+pub fn inverse_in_assembly_is_inside(nominal: &l2::Kinematics, tcp_m: Three) {
     if let Ok(q) = nominal.inverse_in_assembly(&tcp_m.into()) {
         is_inside(&q, nominal);
     }
@@ -42,13 +43,13 @@ pub fn inverse_in_assembly_is_inside(nominal: &Nominal, tcp_m: Three) {
 ///
 /// # Panics
 /// When it is handed out for others.
-pub fn forward_is_inside(nominal: &Nominal, q: Three) {
+pub fn forward_is_inside(nominal: &l2::Kinematics, q: Three) {
     if nominal.forward(&q).is_ok() {
         is_inside(&q, nominal);
     }
 }
 
-fn is_inside(q: &Three, nominal: &Nominal) {
+fn is_inside(q: &Three, nominal: &l2::Kinematics) {
     let [q1, q2, q3] = *q;
     let [(lower1, upper1), (lower2, upper2), (lower3, upper3)] = nominal.travel();
     assert!(lower1 <= q1 && q1 <= upper1, "T13: inside the travel");
@@ -60,7 +61,7 @@ fn is_inside(q: &Three, nominal: &Nominal) {
 ///
 /// # Panics
 /// When it has not.
-pub fn travel_is_finite(nominal: &Nominal) {
+pub fn travel_is_finite(nominal: &l2::Kinematics) {
     for (lower, upper) in nominal.travel() {
         assert!(lower.is_finite() && upper.is_finite(), "T13: finite travel");
     }
@@ -71,7 +72,7 @@ pub fn travel_is_finite(nominal: &Nominal) {
 ///
 /// # Panics
 /// When it does not.
-pub fn lengths_are_kept(robot: &Robot, nominal: &Nominal, tcp_m: Three, q: Three) {
+pub fn lengths_are_kept(robot: &l2::Robot, nominal: &l2::Kinematics, tcp_m: Three, q: Three) {
     if let Ok(found) = nominal.inverse(&tcp_m.into()) {
         keeps_lengths(robot, nominal, tcp_m, &found);
     }
@@ -81,7 +82,7 @@ pub fn lengths_are_kept(robot: &Robot, nominal: &Nominal, tcp_m: Three, q: Three
     }
 }
 
-fn keeps_lengths(robot: &Robot, nominal: &Nominal, tcp_m: Three, q: &Three) {
+fn keeps_lengths(robot: &l2::Robot, nominal: &l2::Kinematics, tcp_m: Three, q: &Three) {
     let shortest_m = robot
         .geometry()
         .lengths_m
@@ -92,7 +93,7 @@ fn keeps_lengths(robot: &Robot, nominal: &Nominal, tcp_m: Three, q: &Three) {
         position_m: tcp_m.into(),
         rotation: *nominal.rotation(),
     };
-    let residual = residual_m(robot, &pose, q);
+    let residual = robot.residual_m(&pose, q);
     assert!(
         residual <= RESIDUAL_TOLERANCE * shortest_m + 1e-12,
         "T13: the links keep their lengths"
@@ -103,7 +104,7 @@ fn keeps_lengths(robot: &Robot, nominal: &Nominal, tcp_m: Three, q: &Three) {
 ///
 /// # Panics
 /// When it does not.
-pub fn there_and_back(nominal: &Nominal, tcp_m: Three, tolerance_m: f64) {
+pub fn there_and_back(nominal: &l2::Kinematics, tcp_m: Three, tolerance_m: f64) {
     let there = Pose::at(tcp_m.into()).position_m;
     if let Ok(q) = nominal.inverse_in_assembly(&there) {
         let distance_m = nominal.forward(&q).map(|back| norm(&(back - there)));
@@ -118,7 +119,13 @@ pub fn there_and_back(nominal: &Nominal, tcp_m: Three, tolerance_m: f64) {
 ///
 /// # Panics
 /// When one is not.
-pub fn statics_are_finite(robot: &Robot, nominal: &Nominal, tcp_m: Three, q: Three, load: &Wrench) {
+pub fn statics_are_finite(
+    robot: &l2::Robot,
+    nominal: &l2::Kinematics,
+    tcp_m: Three,
+    q: Three,
+    load: &Wrench,
+) {
     let finite = |values: &[f64]| {
         assert!(values.iter().all(|value| value.is_finite()), "T13: finite");
     };
@@ -132,7 +139,7 @@ pub fn statics_are_finite(robot: &Robot, nominal: &Nominal, tcp_m: Three, q: Thr
     if let Ok(frame) = nominal.link_frame(&pose.position_m, &q) {
         finite(frame.jacobian().as_slice());
     }
-    if let Ok(lines) = LineMatrix::new(robot, &pose, &q) {
+    if let Ok(lines) = robot.line_matrix(&pose, &q) {
         finite(lines.matrix().as_slice());
         if let Ok(forces) = lines.link_forces_n(load) {
             finite(&forces);

@@ -1,14 +1,14 @@
 //! Properties of the core, each a plain function that panics when it does not hold, with three thin drivers:
-//! Kani harnesses (`harness`, under `cfg(kani)`), property tests on stable Rust (`tests/`), and fuzz targets (`../fuzz`).
+//! Kani harnesses (`harness`), property tests on stable Rust (`tests/`), and fuzz targets (`../fuzz`).
 //!
-//! `cargo run -p gantry-tau-proofs -- prove` runs the harnesses of `manifest.toml`. By hand, in this folder, with or without a mutant:
+//! `cargo run -p gantry-tau-proofs -- prove` runs the harnesses of `manifest.toml` and the mutants of `mutants.toml`.
+//! One harness by hand, in this folder:
 //!
 //! ```sh
 //! cargo kani --lib --no-default-features -Z stubbing --harness channel_ramp_is_exact
-//! RUSTFLAGS='--cfg=mutant="ramp_past_zero"' cargo kani --lib --no-default-features -Z stubbing --harness channel_ramp_is_exact
 //! ```
 //!
-//! The theorems T1 to T15 are listed in the repository's README, and told in this folder's.
+//! The theorems T1 to T15 are listed and explained in this folder's README.
 #![forbid(unsafe_code)]
 #![allow(
     clippy::arithmetic_side_effects,
@@ -27,16 +27,15 @@ pub mod compensation;
 pub mod crossing;
 pub mod endpoint;
 pub mod fsm;
-#[cfg(kani)]
-mod harness;
+pub mod harness;
 pub mod ingress;
 pub mod kinematics;
-pub mod machine;
 #[cfg(not(kani))]
-pub mod made;
+pub mod known_solution;
 pub mod motors;
 #[cfg(not(kani))]
 pub mod reference_model;
+pub mod robots;
 #[cfg(not(kani))]
 pub mod scenario;
 pub mod session;

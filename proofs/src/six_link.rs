@@ -1,31 +1,30 @@
 //! The kinematics of six axes: T13. What is handed out is finite, inside the travel, and keeps the links' lengths; or it is an error.
 
-use gantry_tau_core::model::compensation::{SixLinkCompensator, SixLinkElastic};
+use gantry_tau_core::model::f1;
 use gantry_tau_core::model::kinematics::{
-    COLD_ITERATIONS, Pose, RESIDUAL_TOLERANCE, SixLinkKinematics, WARM_ITERATIONS,
+    COLD_ITERATIONS, Pose, RESIDUAL_TOLERANCE, WARM_ITERATIONS,
 };
 use gantry_tau_core::model::linalg::rotation_deviation;
-use gantry_tau_core::model::robot::AXES;
-use gantry_tau_core::model::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::statics::Wrench;
 
 use crate::compensation::cycle_is_bounded;
 
 /// Positions of the axes, q-units.
-type Six = [f64; AXES];
+type Six = [f64; f1::AXES];
 
 /// T13: the check of the axes that every answer passes admits only what is inside the travel, and therefore no NaN.
 ///
 /// # Panics
 /// When it admits something else.
-pub fn check_is_right(kinematics: &SixLinkKinematics, q: &Six) {
+pub fn check_is_right(kinematics: &f1::Kinematics, q: &Six) {
     if kinematics.travels(q) {
         is_inside(kinematics, q);
     }
 }
 
-fn is_inside(kinematics: &SixLinkKinematics, q: &Six) {
+fn is_inside(kinematics: &f1::Kinematics, q: &Six) {
     let travel = kinematics.travel();
-    for axis in 0..AXES {
+    for axis in 0..f1::AXES {
         let (lower, upper) = travel[axis];
         assert!(
             lower <= q[axis] && q[axis] <= upper,
@@ -39,31 +38,31 @@ fn is_inside(kinematics: &SixLinkKinematics, q: &Six) {
 /// # Panics
 /// When it does not.
 pub fn answers_are_checked(
-    kinematics: &SixLinkKinematics,
+    kinematics: &f1::Kinematics,
     pose: &Pose,
     seed: Option<[f64; 3]>,
     q: &Six,
 ) {
     if let Ok(found) = kinematics.inverse(pose, seed) {
-        keeps_lengths(kinematics, pose, &found.answer);
+        keeps_lengths(kinematics, pose, &found.value);
     }
     let plates = seed.unwrap_or_default();
     let (place, near) = (&pose.position_m, &pose.rotation);
-    if let Ok(found) = kinematics.inverse_with_held_plates(place, &plates, near, COLD_ITERATIONS) {
-        let (q, pose) = &found.answer;
+    if let Ok(found) = kinematics.inverse_fixed_plates(place, &plates, near, COLD_ITERATIONS) {
+        let (q, pose) = &found.value;
         keeps_lengths(kinematics, pose, q);
     }
     let unseeded = kinematics.forward(q);
     let seeded = kinematics.forward_from(q, pose, WARM_ITERATIONS);
     for found in [unseeded, seeded].iter().flatten() {
-        keeps_lengths(kinematics, &found.answer, q);
+        keeps_lengths(kinematics, &found.value, q);
     }
     if let Ok(found) = kinematics.forward_synchronised(q) {
         keeps_lengths(kinematics, &found, q);
     }
 }
 
-fn keeps_lengths(kinematics: &SixLinkKinematics, pose: &Pose, q: &Six) {
+fn keeps_lengths(kinematics: &f1::Kinematics, pose: &Pose, q: &Six) {
     is_inside(kinematics, q);
     assert!(q.iter().all(|q| q.is_finite()), "T13: finite");
     assert!(
@@ -82,11 +81,11 @@ fn keeps_lengths(kinematics: &SixLinkKinematics, pose: &Pose, q: &Six) {
 ///
 /// # Panics
 /// When one is not.
-pub fn statics_are_finite(machine: &SixLinkElastic, pose: &Pose, q: &Six, load: &Wrench) {
+pub fn statics_are_finite(machine: &f1::Elastic, pose: &Pose, q: &Six, load: &Wrench) {
     let finite = |values: &[f64]| {
         assert!(values.iter().all(|value| value.is_finite()), "T13: finite");
     };
-    if let Ok(lines) = LineMatrix::of_six_link(machine.kinematics(), pose, q) {
+    if let Ok(lines) = machine.kinematics().line_matrix(pose, q) {
         if let Ok(jacobian) = lines.jacobian() {
             finite(jacobian.as_slice());
         }
@@ -98,10 +97,41 @@ pub fn statics_are_finite(machine: &SixLinkElastic, pose: &Pose, q: &Six, load: 
             finite(&deflection.total.to_array());
         }
     }
-    let first_order = machine.compensated(pose, q, load, 1.0);
-    let exact = machine.held(pose, q, load).map(|held| held.answer);
+    let first_order = machine.command(pose, q, load, 1.0);
+    let exact = machine.exact_command(pose, q, load).map(|held| held.value);
     for command in [first_order, exact].iter().flatten() {
         finite(command);
+    }
+}
+
+/// T13: for any positions, the tracker returns an error or a pose that satisfies the links; after an error the last pose stays, and the
+/// next reachable positions (those of `near`) lead to it. Tested.
+///
+/// # Panics
+/// When it does not hold.
+pub fn tracker_is_checked(kinematics: &f1::Kinematics, near: &Pose, wild: &[Six]) {
+    let Ok(there) = kinematics.inverse(near, None) else {
+        return;
+    };
+    let mut tracker = f1::PoseTracker::new(kinematics);
+    let Ok(first) = tracker.pose_at(&there.value) else {
+        return;
+    };
+    for q in wild {
+        tracker.start_from(&first);
+        if let Ok(pose) = tracker.pose_at(q) {
+            keeps_lengths(kinematics, &pose, q);
+            continue;
+        }
+        assert!(
+            tracker.last() == Some(&first),
+            "T13: an error leaves the last pose"
+        );
+        let back = tracker.pose_at(&there.value);
+        assert!(
+            back.is_ok_and(|pose| (pose.position_m - first.position_m).amax() < 1e-10),
+            "T13: the next reachable positions work"
+        );
     }
 }
 
@@ -109,8 +139,8 @@ pub fn statics_are_finite(machine: &SixLinkElastic, pose: &Pose, q: &Six, load: 
 ///
 /// # Panics
 /// When an offset is beyond its limit.
-pub fn cycles_are_bounded(compensator: &SixLinkCompensator, pose: &Pose, q: &Six, load: &Wrench) {
+pub fn cycles_are_bounded(compensator: &f1::Compensator, pose: &Pose, q: &Six, load: &Wrench) {
     let config = compensator.config();
-    cycle_is_bounded(config, compensator.correction(pose, q, load), load);
-    cycle_is_bounded(config, compensator.exact_correction(pose, q, load), load);
+    cycle_is_bounded(config, compensator.correct_at(pose, q, load), load);
+    cycle_is_bounded(config, compensator.correct_exact_at(pose, q, load), load);
 }

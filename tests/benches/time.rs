@@ -11,7 +11,6 @@ use divan::{Bencher, black_box};
 use gantry_tau_core::control::message::{ClientMessage, Mode};
 use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client, encode_client};
 use gantry_tau_core::model::kinematics::WARM_ITERATIONS;
-use gantry_tau_core::model::statics::LineMatrix;
 
 fn main() {
     divan::main();
@@ -31,9 +30,9 @@ fn nominal_forward(bencher: Bencher<'_, '_>) {
 
 #[divan::bench]
 fn l2_compensation(bencher: Bencher<'_, '_>) {
-    let (compensator, q) = setup::l2_compensator();
+    let (compensator, nominal) = setup::l2_compensator();
     let load = setup::load();
-    bencher.bench_local(|| compensator.correction(black_box(&q), black_box(&load)));
+    bencher.bench_local(|| compensator.correct(black_box(&nominal), black_box(&load)));
 }
 
 #[divan::bench]
@@ -53,14 +52,14 @@ fn six_forward_warm(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn six_jacobian(bencher: Bencher<'_, '_>) {
     let (kinematics, pose, q, _) = setup::six();
-    bencher.bench_local(|| LineMatrix::of_six_link(&kinematics, black_box(&pose), &q)?.jacobian());
+    bencher.bench_local(|| kinematics.line_matrix(black_box(&pose), &q)?.jacobian());
 }
 
 #[divan::bench]
 fn six_compensation(bencher: Bencher<'_, '_>) {
     let (compensator, pose, q) = setup::six_compensator();
     let load = setup::load();
-    bencher.bench_local(|| compensator.correction(black_box(&pose), &q, black_box(&load)));
+    bencher.bench_local(|| compensator.correct_at(black_box(&pose), &q, black_box(&load)));
 }
 
 /// One command in, one state out; the command is made and encoded, too.

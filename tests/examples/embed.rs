@@ -1,37 +1,54 @@
-//! A whole server around the core: bytes in, bytes and drive references out. Timer, sockets and drives are yours.
-use gantry_tau_core::control::axis::{Actual, Offsets};
-use gantry_tau_core::control::channel::Limits;
-use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
-use gantry_tau_core::control::session::Session;
-use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
-use gantry_tau_core::units::{Epoch, PositionNm, Tick};
+//! A whole server around the core: bytes in, drive references and bytes out. Timer, sockets and drives are yours.
+//! README.md shows the part between the two lines `// README`.
+use gantry_tau_core::{
+    Actual, AxisConfig, Config, Connection, Endpoint, EpochRange, LastWrite, LimitValues, Limits,
+    MotorMap, Parameters, PositionNm, Reference, Session, Start, TickInput, Transport, Travel,
+};
 
+#[rustfmt::skip] // the README's part is compact
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Offsets of at most 2 mm, 5 µm per tick, and 0.1 µm per tick on the way back to zero; all in nm.
-    let limits = Limits::new(2_000_000, 5_000, 10_000, 100)?;
+    let limits = Limits::new(LimitValues {
+        max: 2_000_000,
+        step: 5_000,
+        accel: 10_000,
+        ramp: 100,
+    })?;
     let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
     let config = Config::new(Parameters::thesis([axis; 3]))?;
-    let in_force = [Offsets::default(); 3]; // as read back from the drives
     let nominal = [PositionNm(0); 3]; // as interpolated along the path
-    let session = Session::new(config, &in_force, nominal, Tick(0), Epoch(0))?;
-    let mut server = Endpoint::<3, 3, 64>::new(session, MotorMap::new([0, 1, 2])?);
-    let client = server.open(Transport::Stream).map_err(|_| "no room")?;
-    let mut next_epoch = Epoch(1); // greater than every one before: from storage
+    let session = Session::new(config, &Start::at_rest(nominal))?; // a real machine: as read back from its drives
+    let motor_map = MotorMap::<3, 3>::new([0, 1, 2])?;
+    let epochs = EpochRange::VOLATILE; // a real machine: a range that is reserved in storage
+    let mut last_write = LastWrite::Accepted;
+    // README
+    let mut server = Endpoint::new(session, motor_map, epochs);
+    let client = server.open(Transport::Stream)?;
     for _millisecond in 0..3 {
-        server.feed(client, b""); // what the client's socket had
-        let cycle = Cycle::on_time(nominal, [Actual::default(); 3], next_epoch);
-        let mut frames = Vec::new();
-        let turn = server.tick(&cycle, &mut |to, bytes| frames.push((to, bytes.to_vec())));
-        println!("write to the drives, first of all: {:?}", turn.motors);
-        for (to, bytes) in frames {
-            println!("send to {to:?}: {bytes:?}");
-        }
-        for connection in &turn.close {
-            println!("close {connection:?}");
-        }
-        if turn.output.welcome.is_some() {
-            next_epoch = Epoch(next_epoch.0.saturating_add(1)); // into storage, before the next tick
-        }
+        server.feed(client, b""); // what the client's socket has
+        let references = server.tick(&TickInput {
+            elapsed_cycles: 1, // more after an overrun
+            nominal, actual: [Actual::ZERO; 3], stop: false, rearm: false,
+            last_write, arrival_us: 0,
+        });
+        last_write = write_to_drives(references); // first of all; a refusal is an input of the next tick
+        while let Some((to, frame)) = server.poll_transmit() { send(to, frame); }
+        while let Some(connection) = server.poll_close() { close(connection); }
     }
+    // README
     Ok(())
+}
+
+/// References are absent while the values in force at the drives are unknown: then nothing is written.
+fn write_to_drives(references: Option<[Reference; 3]>) -> LastWrite<3> {
+    println!("write {references:?}");
+    LastWrite::Accepted
+}
+
+fn send(to: Connection, frame: &[u8]) {
+    println!("send to {to:?}: {frame:?}");
+}
+
+fn close(connection: Connection) {
+    println!("close {connection:?}");
 }

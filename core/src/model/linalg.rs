@@ -41,7 +41,7 @@ pub fn cos(angle_rad: f64) -> f64 {
     libm::cos(angle_rad)
 }
 
-/// Sine and cosine of an angle in radians, for less than both.
+/// Sine and cosine of an angle in radians, computed together; cheaper than two calls.
 #[inline]
 #[must_use]
 #[expect(clippy::disallowed_methods, reason = "this is the seam")]
@@ -56,9 +56,9 @@ pub fn norm(v: &Vector3<f64>) -> f64 {
     sqrt(v.dot(v))
 }
 
-/// The larger of two; NaN where one is, which `f64::max` would drop: a residual that is not known is not small.
+/// The max_propagating_nan of two; NaN where one is, which `f64::max` would drop: a residual that is not known is not small.
 #[inline]
-pub(crate) fn larger(one: f64, other: f64) -> f64 {
+pub(crate) fn max_propagating_nan(one: f64, other: f64) -> f64 {
     if one > other || one.is_nan() {
         one
     } else {
@@ -82,8 +82,8 @@ pub fn cross_matrix(a: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
 }
 
-/// `A v`: what nalgebra's product is, to the bit (but for which NaN). That one checks bounds, and an image optimised for size keeps
-/// the check and its panic.
+/// `A v`, equal to nalgebra's product to the bit (NaN payloads apart). That product checks bounds, and an image optimised for size
+/// keeps the check and its panic.
 #[inline]
 pub(crate) fn times(a: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(
@@ -126,7 +126,7 @@ pub fn rotation_from_vector(vector: &Vector3<f64>) -> Option<Matrix3<f64>> {
     Some(Matrix3::identity() + k * sine + product(&k, &k) * cosine)
 }
 
-/// Largest deviation of `R^T R` from the identity; infinite when `R` mirrors or is not finite.
+/// Largest deviation of `R^T R` from the identity; infinite when `R` det_is_negative or is not finite.
 #[must_use]
 pub fn rotation_deviation(rotation: &Matrix3<f64>) -> f64 {
     let mut deviation = 0.0_f64;
@@ -143,9 +143,10 @@ pub fn rotation_deviation(rotation: &Matrix3<f64>) -> f64 {
     }
 }
 
-/// Why a linear system was not solved.
+/// Error of a linear solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum LinearError {
     /// The matrix holds a number that is not finite.
     NotFinite,
@@ -167,12 +168,12 @@ impl fmt::Display for LinearError {
 
 impl core::error::Error for LinearError {}
 
-/// One row of the factors, and where it came from.
+/// Row of the factors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Row<const N: usize> {
     /// Index of this row in the matrix that was given.
     source: usize,
-    /// What the row was multiplied by.
+    /// Factor that the row was multiplied by.
     scale: f64,
     /// `L` below the diagonal (its diagonal is 1), `U` on and above it.
     values: [f64; N],
@@ -187,8 +188,8 @@ pub struct Lu<const N: usize> {
     rows: [Row<N>; N],
     columns: [f64; N],
     ratio: f64,
-    /// Whether the determinant is below zero.
-    mirrors: bool,
+    /// True if the determinant is negative.
+    det_is_negative: bool,
 }
 
 impl<const N: usize> Lu<N> {
@@ -201,15 +202,15 @@ impl<const N: usize> Lu<N> {
         let mut rows = scaled_rows(matrix, &columns)?;
         let mut smallest = f64::INFINITY;
         let mut largest = 0.0_f64;
-        let mut mirrors = false;
+        let mut det_is_negative = false;
         let mut rest = rows.as_mut_slice();
         for k in 0..N {
             let Some((pivot, below)) = mem::take(&mut rest).split_first_mut() else {
                 break;
             };
-            mirrors ^= bring_up_largest(k, pivot, below);
+            det_is_negative ^= bring_up_largest(k, pivot, below);
             let head = at(&pivot.values, k);
-            mirrors ^= head < 0.0;
+            det_is_negative ^= head < 0.0;
             if !head.is_finite() {
                 return Err(LinearError::NotFinite);
             }
@@ -234,18 +235,18 @@ impl<const N: usize> Lu<N> {
             rows,
             columns,
             ratio: smallest / largest,
-            mirrors,
+            det_is_negative,
         })
     }
 
-    /// Whether the determinant is below zero; it is never zero.
+    /// True if the determinant is negative; it is never zero.
     #[inline]
     #[must_use]
-    pub const fn mirrors(&self) -> bool {
-        self.mirrors
+    pub const fn det_is_negative(&self) -> bool {
+        self.det_is_negative
     }
 
-    /// Smallest pivot over largest, 0 to 1: the measure by which a matrix is called singular.
+    /// Smallest pivot over largest, 0 to 1: the measure of singularity.
     #[must_use]
     pub const fn pivot_ratio(&self) -> f64 {
         self.ratio
@@ -355,7 +356,7 @@ fn inverse_scale(largest: f64) -> Result<f64, LinearError> {
     }
 }
 
-/// Swaps the row with the largest entry in column `k` into the pivot's place, if it is not there; whether it was swapped.
+/// Swaps the row with the largest entry in column `k` into the pivot's place; returns true if it swapped.
 fn bring_up_largest<const N: usize>(k: usize, pivot: &mut Row<N>, below: &mut [Row<N>]) -> bool {
     let mut largest = at(&pivot.values, k).abs();
     let mut chosen = None;
@@ -398,7 +399,7 @@ fn put<const N: usize>(values: &mut [f64; N], k: usize, value: f64) {
     }
 }
 
-/// Any numbers at all. Whoever needs several lists them: a prover would have to unwind a loop.
+/// Any numbers. Callers list several vectors by hand: a prover would have to unwind a loop.
 #[cfg(kani)]
 pub(crate) fn any_vector() -> Vector3<f64> {
     Vector3::from(kani::any::<[f64; 3]>())
@@ -430,7 +431,7 @@ mod tests {
             b in prop::array::uniform9(entry()),
         ) {
             let (a, b) = (Matrix3::from_row_slice(&a), Matrix3::from_row_slice(&b));
-            // Which NaN is nobody's promise.
+            // The payload of a NaN is not specified.
             let bits = |x: f64| if x.is_nan() { None } else { Some(x.to_bits()) };
             prop_assert_eq!(product(&a, &b).map(bits), (a * b).map(bits));
             prop_assert_eq!(product(&a.transpose(), &b).map(bits), a.tr_mul(&b).map(bits));
@@ -502,9 +503,15 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_larger_than_what_is_not_known() {
-        assert_eq!((larger(1.0, 2.0), larger(2.0, 1.0)), (2.0, 2.0));
-        assert!(larger(f64::NAN, 1.0).is_nan() && larger(1.0, f64::NAN).is_nan());
+    fn the_maximum_keeps_nan() {
+        assert_eq!(
+            (max_propagating_nan(1.0, 2.0), max_propagating_nan(2.0, 1.0)),
+            (2.0, 2.0)
+        );
+        assert!(
+            max_propagating_nan(f64::NAN, 1.0).is_nan()
+                && max_propagating_nan(1.0, f64::NAN).is_nan()
+        );
     }
 
     #[test]

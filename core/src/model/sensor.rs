@@ -22,7 +22,7 @@ const WIDEST_TARE: f64 = MAX_READING * (1.0 + 1e-9);
 /// A reading less its tare is at most 2 [`MAX_READING`] per component, 2 sqrt(3) turned; the lever adds its moment.
 const WIDEST_LOAD: f64 = 4.0 * MAX_READING * (1.0 + 2.0 * MAX_LEVER_M);
 
-/// How the sensor is mounted and filtered; not yet checked.
+/// Mounting and filter of the sensor, not yet checked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorConfig {
     /// `R`: world axes from sensor axes. Constant, as the 3-DOF machine does not turn its platform.
@@ -33,19 +33,19 @@ pub struct SensorConfig {
     pub cutoff_hz: f64,
     /// Time between two samples, s.
     pub cycle_s: f64,
-    /// How many samples the tare averages.
+    /// Number of samples that the tare averages.
     pub tare_samples: u32,
 }
 
-/// Why a sensor was refused, or its reading.
+/// Error of a sensor's configuration or reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SensorError {
-    /// `rotation` is no rotation matrix.
+    /// `rotation` is not a rotation matrix.
     NotRotation,
     /// A parameter is not finite or outside its range.
     OutOfRange {
-        /// Which parameter, by its name in [`SensorConfig`].
+        /// Parameter, by its name in [`SensorConfig`].
         parameter: &'static str,
         /// Smallest value accepted.
         lower: f64,
@@ -61,7 +61,7 @@ pub enum SensorError {
 impl fmt::Display for SensorError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotRotation => f.write_str("rotation is no rotation matrix"),
+            Self::NotRotation => f.write_str("rotation is not a rotation matrix"),
             Self::OutOfRange {
                 parameter,
                 lower,
@@ -75,7 +75,7 @@ impl fmt::Display for SensorError {
 
 impl core::error::Error for SensorError {}
 
-/// What a sample led to.
+/// Result of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reading {
@@ -88,7 +88,7 @@ pub enum Reading {
     Load(Wrench),
 }
 
-/// What the sensor remembers; every component finite.
+/// State of the sensor; every component finite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SensorState {
@@ -101,6 +101,27 @@ pub struct SensorState {
 }
 
 /// A sensor: its configuration, checked, and its state.
+///
+/// # Examples
+/// ```
+/// use gantry_tau_core::model::nalgebra::{Matrix3, Vector3};
+/// use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
+/// use gantry_tau_core::model::statics::Wrench;
+///
+/// let mut sensor = ForceSensor::new(SensorConfig {
+///     rotation: Matrix3::identity(),
+///     lever_m: Vector3::new(0.0, 0.0, -0.08),
+///     cutoff_hz: 20.0,
+///     cycle_s: 1e-3,
+///     tare_samples: 2,
+/// })?;
+/// // The weight of the tool, which the tare takes off.
+/// let unloaded = Wrench::from_array([0.0, 0.0, -18.0, 0.0, 0.0, 0.0]);
+/// assert_eq!(sensor.update(&unloaded)?, Reading::Taring { remaining: 1 });
+/// assert_eq!(sensor.update(&unloaded)?, Reading::Taring { remaining: 0 });
+/// assert_eq!(sensor.update(&unloaded)?, Reading::Load(Wrench::zero()));
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceSensor {
     config: SensorConfig,
@@ -180,7 +201,7 @@ impl ForceSensor {
         within(&state.tare, mean) && within(&state.filtered, WIDEST_LOAD)
     }
 
-    /// Starts over: tare first, filter at zero.
+    /// Restarts the tare; the filter is at zero.
     pub fn restart_tare(&mut self) {
         self.state = SensorState {
             tare_remaining: self.config.tare_samples,
@@ -191,8 +212,8 @@ impl ForceSensor {
 
     /// Takes one raw sample (sensor axes, N and N m), once per cycle.
     ///
-    /// The filter starts from zero, which is what the tare has just defined: no step when the first load is computed.
-    /// What the sample led to is checked before it is kept, so that the invariant rests on no arithmetic.
+    /// The filter starts from zero, which the tare has just defined: no step when the first load is computed.
+    /// The new state is checked before it is kept, so that the invariant does not depend on the arithmetic.
     ///
     /// # Errors
     /// [`SensorError::BadReading`]; the state is what it was.
@@ -247,19 +268,15 @@ impl ForceSensor {
     }
 }
 
-/// Every component at most `limit` in magnitude; false for NaN.
+/// True if every component is at most `limit` in magnitude; false for NaN.
 fn within(wrench: &Wrench, limit: f64) -> bool {
-    // Spelt out: an iterator is a loop to a prover.
+    // Spelled out: an iterator is a loop to a prover.
     let [fx, fy, fz, mx, my, mz] = wrench.to_array();
-    let within = |value: f64| {
-        #[cfg(mutant = "sensor_accepts_nan")]
-        let value = if value.is_nan() { 0.0 } else { value };
-        value.abs() <= limit
-    };
+    let within = |value: f64| value.abs() <= limit;
     within(fx) && within(fy) && within(fz) && within(mx) && within(my) && within(mz)
 }
 
-/// `lower <= value <= upper`; NaN is refused.
+/// Checks `lower <= value <= upper`; NaN is an error.
 fn check(parameter: &'static str, value: f64, lower: f64, upper: f64) -> Result<(), SensorError> {
     if value >= lower && value <= upper {
         Ok(())
@@ -275,7 +292,7 @@ fn check(parameter: &'static str, value: f64, lower: f64, upper: f64) -> Result<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::kinematics::tests::close;
+    use crate::model::l2::tests::close;
 
     fn config() -> SensorConfig {
         SensorConfig {

@@ -1,16 +1,15 @@
 //! Line matrix, link forces, actuator loads `[T 3.3.2, 3.3.3]`: six links, any orientation, three axes or six.
 //!
-//! This is the general path. `W` is factored as two systems of three, and as one of six, with pivots, where one of those is near singular.
-//! The cyclic path of the 3-DOF machine is [`crate::model::stiffness::TauModel`].
+//! This is the general path; a machine makes its [`LineMatrix`] (`line_matrix`). `W` is factored by blocks of three, and as a whole, with
+//! pivots, where a block is near singular. The cyclic path of the L2 is [`crate::model::l2::Elastic`].
 
 use core::fmt;
-use nalgebra::{ArrayStorage, Matrix3, Matrix6, SMatrix, Vector3};
+use nalgebra::{ArrayStorage, Matrix6, SMatrix, Vector3};
 
-use crate::model::kinematics::{
-    KinematicsError, Pose, SixLinkKinematics, TAU_TOLERANCE, TwoSystems, directions, links,
-};
+use crate::model::block_solve::BlockFactors;
+use crate::model::kinematics::{KinematicsError, Pose, TAU_TOLERANCE};
 use crate::model::linalg::{Lu, norm, times};
-use crate::model::robot::{ARM_OF_LINK, ARMS, AXES, LINKS, Robot};
+use crate::model::robot::LINKS;
 use crate::zip::zip;
 
 /// Load on the platform: applied by the environment to the platform, world axes, moment about the tool centre point.
@@ -40,7 +39,7 @@ impl defmt::Format for Wrench {
 }
 
 impl Wrench {
-    /// No load.
+    /// Zero load.
     #[must_use]
     pub fn zero() -> Self {
         Self {
@@ -65,7 +64,7 @@ impl Wrench {
         [f.x, f.y, f.z, m.x, m.y, m.z]
     }
 
-    /// Whether every component is finite.
+    /// True if every component is finite.
     #[inline]
     #[must_use]
     pub fn is_finite(&self) -> bool {
@@ -81,14 +80,14 @@ impl Wrench {
 
 /// The six links in a pose, factored once: `W = [s; l x s]` `[T 3.17, 3.22]` and `D`, for a machine with `N` axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LineMatrix<const N: usize = ARMS> {
+pub struct LineMatrix<const N: usize> {
     lines: Lines<N>,
     factors: Factors,
 }
 
 /// `W^T` and `D` of a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Lines<const N: usize> {
+pub(crate) struct Lines<const N: usize> {
     /// `s_ij`: from platform to cart, link order.
     directions: [Vector3<f64>; LINKS],
     /// `l_ij x s_ij`, metres.
@@ -97,67 +96,26 @@ struct Lines<const N: usize> {
     drives: [[f64; N]; LINKS],
 }
 
-/// `W^T`, factored: in two halves, or as a whole where one of them is near singular.
+/// `W^T`, factored: by blocks, or as a whole where a block is near singular.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Factors {
-    Two(TwoSystems),
-    One(Lu<LINKS>),
+    Blocks(BlockFactors),
+    Full(Lu<LINKS>),
 }
 
-impl LineMatrix<ARMS> {
-    /// Directions and levers of the links of a 3-DOF machine in this pose with these positions (q-units).
-    ///
-    /// # Errors
-    /// [`KinematicsError::Singular`] when the lines depend on each other, `NotFinite` when a number given is.
-    #[inline]
-    pub fn new(robot: &Robot, pose: &Pose, q: &[f64; ARMS]) -> Result<Self, KinematicsError> {
-        Lines::of_three(robot, pose, q)?.factored()
-    }
-}
-
-impl LineMatrix<AXES> {
-    /// Directions and levers of the links of a 6-DOF machine in this pose with these positions (q-units).
-    ///
-    /// # Errors
-    /// As [`LineMatrix::new`].
-    #[inline(never)]
-    pub fn of_six_link(
-        kinematics: &SixLinkKinematics,
-        pose: &Pose,
-        q: &[f64; AXES],
-    ) -> Result<Self, KinematicsError> {
-        // Half a kilobyte, and the line matrix a whole one: moved out of its result it would be on the stack twice. Nor is any of the
-        // steps inlined: inlined they would have their stack side by side, not one after the other.
-        let lines = Lines::of_six(kinematics, pose, q);
-        lines.as_ref().map_err(|error| *error)?.factored()
-    }
-
-    /// As [`of_six_link`](Self::of_six_link) in a pose whose clusters' links are parallel (the Tau property; for the F1: plates in
-    /// step): cluster sums carry the force, and differences of levers the moment. What it gives is as exact as the links are parallel.
-    ///
-    /// # Errors
-    /// [`TauFormError::NotParallel`] by more than [`TAU_TOLERANCE`]; else as [`LineMatrix::new`].
-    pub fn of_parallel_links(
-        kinematics: &SixLinkKinematics,
-        pose: &Pose,
-        q: &[f64; AXES],
-    ) -> Result<Self, TauFormError> {
-        Lines::of_six(kinematics, pose, q)?.factored_in_tau_form()
-    }
-}
-
-/// Why statics are not to be had in the form that the Tau property gives them.
+/// Error of the statics in the form that the Tau property gives them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum TauFormError {
     /// A link is not parallel to the first of its cluster.
     NotParallel {
-        /// Which link, counted from 0 in link order.
+        /// Index of the link, from 0 in link order.
         link: usize,
-        /// The angle between the two, radians (its chord: `|s - s'|`).
+        /// Angle between the two, radians (its chord: `|s - s'|`).
         angle_rad: f64,
     },
-    /// There is no line matrix in this pose at all.
+    /// The pose has no line matrix.
     Kinematics(KinematicsError),
 }
 
@@ -181,67 +139,34 @@ impl From<KinematicsError> for TauFormError {
     }
 }
 
-impl Lines<ARMS> {
-    #[inline]
-    fn of_three(robot: &Robot, pose: &Pose, q: &[f64; ARMS]) -> Result<Self, KinematicsError> {
-        let mut links_m = [Vector3::zeros(); LINKS];
-        for (vector, link) in links_m.iter_mut().zip(links(robot.geometry(), pose, q)) {
-            *vector = link.vector_m;
-        }
-        let directions = directions(&links_m)?;
-        let geometry = robot.geometry();
-        let mut drives = [[0.0; ARMS]; LINKS];
-        for ((row, s), arm) in drives.iter_mut().zip(&directions).zip(ARM_OF_LINK) {
-            if let (Some(drive), Some(guideway)) = (row.get_mut(arm), geometry.guideways.get(arm)) {
-                *drive = s.dot(guideway);
-            }
-        }
-        Ok(Self {
-            directions,
-            moments_m: moments(&directions, &geometry.platform_joints_m, pose),
-            drives,
-        })
-    }
-}
-
-impl Lines<AXES> {
-    #[inline(never)]
-    fn of_six(
-        kinematics: &SixLinkKinematics,
-        pose: &Pose,
-        q: &[f64; AXES],
-    ) -> Result<Self, KinematicsError> {
-        let (directions, drives) = kinematics.directions_and_drives(pose, q)?;
-        let joints = &kinematics.robot().geometry().platform_joints_m;
-        Ok(Self {
-            directions,
-            moments_m: moments(&directions, joints, pose),
-            drives,
-        })
-    }
-}
-
-/// `l_ij x s_ij`, metres.
-fn moments(
-    directions: &[Vector3<f64>; LINKS],
-    platform_joints_m: &[Vector3<f64>; LINKS],
-    pose: &Pose,
-) -> [Vector3<f64>; LINKS] {
-    let mut moments_m = *platform_joints_m;
-    for (moment, s) in moments_m.iter_mut().zip(directions) {
-        *moment = times(&pose.rotation, moment).cross(s);
-    }
-    moments_m
-}
-
 impl<const N: usize> Lines<N> {
+    /// Lines of links with these directions (`s_ij`) and drives (`D`), on a platform in this pose.
     #[inline]
-    fn factored(&self) -> Result<LineMatrix<N>, KinematicsError> {
+    pub(crate) fn new(
+        directions: &[Vector3<f64>; LINKS],
+        drives: &[[f64; N]; LINKS],
+        platform_joints_m: &[Vector3<f64>; LINKS],
+        pose: &Pose,
+    ) -> Self {
+        let mut moments_m = *platform_joints_m;
+        for (moment, s) in moments_m.iter_mut().zip(directions) {
+            *moment = times(&pose.rotation, moment).cross(s);
+        }
+        Self {
+            directions: *directions,
+            moments_m,
+            drives: *drives,
+        }
+    }
+
+    #[inline]
+    pub(crate) fn factored(&self) -> Result<LineMatrix<N>, KinematicsError> {
         let factors = self.factors();
         self.with(factors.as_ref().map_err(|error| *error)?)
     }
 
-    fn factored_in_tau_form(&self) -> Result<LineMatrix<N>, TauFormError> {
+    /// As [`factored`](Self::factored), with the links of each cluster taken as parallel after a check that they are.
+    pub(crate) fn factored_in_tau_form(&self) -> Result<LineMatrix<N>, TauFormError> {
         let [_, s21, s22, s31, s32, s33] = &self.directions;
         for (link, first, other) in [(2, s21, s22), (4, s31, s32), (5, s31, s33)] {
             let angle_rad = norm(&(other - first));
@@ -249,29 +174,29 @@ impl<const N: usize> Lines<N> {
                 return Err(TauFormError::NotParallel { link, angle_rad });
             }
         }
-        let factors = match TwoSystems::of_parallel(&self.directions, &self.moments_m) {
-            Some(factors) => Factors::Two(factors),
-            None => self.as_one()?,
+        let factors = match BlockFactors::of_parallel(&self.directions, &self.moments_m) {
+            Some(factors) => Factors::Blocks(factors),
+            None => self.full()?,
         };
         Ok(self.with(&factors)?)
     }
 
     #[inline(never)]
     fn factors(&self) -> Result<Factors, KinematicsError> {
-        match TwoSystems::new(&self.directions, &self.moments_m) {
-            Some(factors) => Ok(Factors::Two(factors)),
-            None => self.as_one(),
+        match BlockFactors::new(&self.directions, &self.moments_m) {
+            Some(factors) => Ok(Factors::Blocks(factors)),
+            None => self.full(),
         }
     }
 
-    /// Near a singularity of either half.
+    /// Near a singularity of either block.
     #[cold]
     #[inline(never)]
-    fn as_one(&self) -> Result<Factors, KinematicsError> {
-        Ok(Factors::One(Lu::factor(&self.rows())?))
+    fn full(&self) -> Result<Factors, KinematicsError> {
+        Ok(Factors::Full(Lu::factor(&self.rows())?))
     }
 
-    /// The two together, in a result already: who wraps a line matrix has it on the stack twice, which here nobody else pays for.
+    /// Returns a `Result`, so that no caller wraps the line matrix: that would put it on the stack twice.
     #[inline(never)]
     fn with(&self, factors: &Factors) -> Result<LineMatrix<N>, KinematicsError> {
         Ok(LineMatrix {
@@ -295,11 +220,11 @@ impl Factors {
     #[inline]
     fn solve(&self, right: &[f64; LINKS]) -> [f64; LINKS] {
         match self {
-            Self::Two(systems) => {
-                let (x, y) = systems.solve(right);
+            Self::Blocks(factors) => {
+                let (x, y) = factors.solve(right);
                 [x.x, x.y, x.z, y.x, y.y, y.z]
             }
-            Self::One(factors) => factors.solve(right),
+            Self::Full(factors) => factors.solve(right),
         }
     }
 
@@ -307,8 +232,8 @@ impl Factors {
     #[inline]
     fn solve_transposed(&self, load: &Wrench) -> [f64; LINKS] {
         match self {
-            Self::Two(systems) => systems.solve_transposed(&load.force_n, &load.moment_nm),
-            Self::One(factors) => factors.solve_transposed(&load.to_array()),
+            Self::Blocks(factors) => factors.solve_transposed(&load.force_n, &load.moment_nm),
+            Self::Full(factors) => factors.solve_transposed(&load.to_array()),
         }
     }
 }
@@ -377,23 +302,14 @@ impl<const N: usize> LineMatrix<N> {
         Ok(SMatrix::from_data(ArrayStorage(columns)))
     }
 
-    /// Smallest pivot of `W` over its largest, 0 at a singularity. Costs a pivoting factorisation.
+    /// Returns the smallest pivot of `W` over its largest, 0 at a singularity. Costs a pivoting factorisation.
     #[must_use]
-    pub fn regularity(&self) -> f64 {
+    pub fn conditioning(&self) -> f64 {
         Lu::factor(&self.lines.rows()).map_or(0.0, |factors| factors.pivot_ratio())
     }
 }
 
-/// `tau = J^T F` `[T 3.28]` for the 3-DOF machine, whose cart loads do not depend on the moment:
-/// load on each actuator, positive along `+q`, in newtons times metres per q-unit.
-#[inline]
-#[must_use]
-pub fn cart_loads_from_jacobian(jacobian: &Matrix3<f64>, force_n: &Vector3<f64>) -> [f64; ARMS] {
-    let loads = times(&jacobian.transpose(), force_n);
-    [loads.x, loads.y, loads.z]
-}
-
-/// The numbers, if every one is finite.
+/// Returns the numbers if every one is finite.
 pub(crate) fn finite<const N: usize>(values: [f64; N]) -> Result<[f64; N], KinematicsError> {
     if values.iter().all(|value| value.is_finite()) {
         Ok(values)
@@ -405,28 +321,11 @@ pub(crate) fn finite<const N: usize>(values: [f64; N]) -> Result<[f64; N], Kinem
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::kinematics::tests::{Case, close, geometry, l2, machine, skewed};
-
-    pub(crate) fn wrench(case: &Case) -> Wrench {
-        Wrench::from_array(case.numbers("w").try_into().unwrap())
-    }
-
-    #[test]
-    fn agrees_with_the_oracle_both_ways() {
-        let robot = Robot::new(geometry()).unwrap();
-        for case in Case::all() {
-            let load = wrench(&case);
-            let lines = LineMatrix::new(&robot, &Pose::at(case.tcp()), &case.three("q")).unwrap();
-            let forces = lines.link_forces_n(&load).unwrap();
-            case.agrees("f", forces);
-            case.agrees("tau", lines.cart_loads(&forces));
-            let jacobian = l2().jacobian(&case.tcp()).unwrap();
-            case.agrees("tau", cart_loads_from_jacobian(&jacobian, &load.force_n));
-        }
-    }
+    use crate::model::l2::tests::{close, geometry, l2, machine, skewed};
+    use crate::model::l2::{AXES, Robot};
 
     /// The lines of a turned machine with nonparallel, scaled guideways, the tool at `position_m` in the machine's own axes.
-    fn skewed_lines(position_m: Vector3<f64>) -> LineMatrix {
+    fn skewed_lines(position_m: Vector3<f64>) -> LineMatrix<AXES> {
         let (geometry, rotation) = skewed();
         let robot = Robot::new(geometry).unwrap();
         let position_m = rotation * position_m;
@@ -435,7 +334,7 @@ mod tests {
             position_m,
             rotation,
         };
-        LineMatrix::new(&robot, &pose, &q).unwrap()
+        robot.line_matrix(&pose, &q).unwrap()
     }
 
     #[test]
@@ -453,8 +352,8 @@ mod tests {
         let lines = skewed_lines(Vector3::new(-0.1, 0.4, 0.7));
         let load = Wrench::from_array([120.0, -80.0, 250.0, 3.0, -5.0, 7.0]);
         let loads = lines.cart_loads(&lines.link_forces_n(&load).unwrap());
-        for axis in 0..ARMS {
-            let mut dq = [0.0; ARMS];
+        for axis in 0..AXES {
+            let mut dq = [0.0; AXES];
             dq[axis] = 1.0;
             let motion = lines.displacement(&dq, &[0.0; LINKS]).unwrap();
             let work: f64 = motion
@@ -485,15 +384,15 @@ mod tests {
         let pose = Pose::at(Vector3::new(0.0, 0.5, 0.65));
         let q = l2().inverse(&pose.position_m).unwrap();
         assert!(matches!(
-            LineMatrix::new(&robot, &pose, &q),
+            robot.line_matrix(&pose, &q),
             Err(KinematicsError::Singular { .. })
         ));
         let robot = Robot::new(geometry()).unwrap();
         assert_eq!(
-            LineMatrix::new(&robot, &pose, &[f64::NAN, 0.0, 0.0]),
+            robot.line_matrix(&pose, &[f64::NAN, 0.0, 0.0]),
             Err(KinematicsError::NotFinite)
         );
-        let lines = LineMatrix::new(&robot, &pose, &q).unwrap();
+        let lines = robot.line_matrix(&pose, &q).unwrap();
         let wild = Wrench::from_array([f64::MAX; 6]);
         assert_eq!(lines.link_forces_n(&wild), Err(KinematicsError::NotFinite));
     }

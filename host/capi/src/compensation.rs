@@ -2,13 +2,11 @@
 
 use core::ffi::c_void;
 
-use gantry_tau_core::model::compensation::{
-    Compensator, CompensatorConfig, Correction, ExactCompensator, SixLinkCompensator,
-    SixLinkElastic,
-};
-use gantry_tau_core::model::kinematics::{KinematicsError, Nominal, Pose};
-use gantry_tau_core::model::robot::{ARMS, AXES, Compliances};
+use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
+use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::units::OffsetNm;
 
 use crate::code::gt_code;
@@ -57,10 +55,7 @@ pub struct gt_l2_compensator(());
 /// A compensator of a machine with six axes; no call changes it: threads may share it.
 pub struct gt_f1_compensator(());
 
-struct L2Compensator {
-    first_order: Compensator,
-    exact: ExactCompensator,
-}
+struct L2Compensator(l2::Compensator);
 
 impl Object for L2Compensator {
     type Handle = gt_l2_compensator;
@@ -68,7 +63,7 @@ impl Object for L2Compensator {
     const TAG: u64 = tag(b"gtcompe", 3);
 }
 
-struct F1Compensator(SixLinkCompensator);
+struct F1Compensator(f1::Compensator);
 
 impl Object for F1Compensator {
     type Handle = gt_f1_compensator;
@@ -124,11 +119,9 @@ pub unsafe extern "C" fn gt_l2_compensator_init(
             let (place, config) = (place(compensator)?, read(config)?);
             let machine = object::<L2>(machine)?;
             let make = || {
-                let (compliances, config) = config.checked::<ARMS>()?;
-                Ok(L2Compensator {
-                    first_order: Compensator::new(&machine.nominal, &compliances, config)?,
-                    exact: ExactCompensator::new(&machine.robot, &compliances, config)?,
-                })
+                let (compliances, config) = config.checked::<{ l2::AXES }>()?;
+                let compensator = l2::Compensator::new(&machine.0, &compliances, config)?;
+                Ok(L2Compensator(compensator))
             };
             place.put(settle(memory, size, make)?);
         }
@@ -157,7 +150,7 @@ pub unsafe extern "C" fn gt_l2_correction(
         let (place, q, load) = unsafe { (place(correction)?, numbers(q)?, read(load)?) };
         // SAFETY: as above.
         let compensator = unsafe { object::<L2Compensator>(compensator) }?;
-        place.put(compensator.first_order.correction(&q, &load.into())?.into());
+        place.put(compensator.0.correct_q(&q, &load.into())?.into());
         Ok(())
     };
     // SAFETY: as above.
@@ -183,21 +176,14 @@ pub unsafe extern "C" fn gt_l2_exact_correction(
         let (place, q, load) = unsafe { (place(correction)?, numbers(q)?, read(load)?) };
         // SAFETY: as above.
         let compensator = unsafe { object::<L2Compensator>(compensator) }?;
-        let pose = pose(compensator.first_order.model().nominal(), &q)?;
-        let exact = compensator.exact.correction(&pose, &q, &load.into())?;
+        let kinematics = compensator.0.machine().kinematics();
+        let pose = kinematics.pose(kinematics.forward(&q)?);
+        let exact = compensator.0.correct_exact_at(&pose, &q, &load.into())?;
         place.put(exact.into());
         Ok(())
     };
     // SAFETY: as above.
     unsafe { reply(error, solve()) }
-}
-
-/// The pose of nominal positions.
-fn pose(nominal: &Nominal, q: &[f64; ARMS]) -> Reply<Pose> {
-    Ok(Pose {
-        position_m: nominal.forward(q)?,
-        rotation: *nominal.rotation(),
-    })
 }
 
 /// Makes a compensator of a machine in `memory`. The machine is copied and may go.
@@ -220,9 +206,9 @@ pub unsafe extern "C" fn gt_f1_compensator_init(
             let (place, config) = (place(compensator)?, read(config)?);
             let machine = object::<F1>(machine)?;
             let make = || {
-                let (compliances, config) = config.checked::<AXES>()?;
-                let elastic = SixLinkElastic::new(machine.0, compliances);
-                Ok(F1Compensator(SixLinkCompensator::new(elastic, config)?))
+                let (compliances, config) = config.checked::<{ f1::AXES }>()?;
+                let compensator = f1::Compensator::new(&machine.0, &compliances, config)?;
+                Ok(F1Compensator(compensator))
             };
             place.put(settle(memory, size, make)?);
         }
@@ -255,7 +241,7 @@ pub unsafe extern "C" fn gt_f1_correction(
             q,
             load,
             correction,
-            SixLinkCompensator::correction,
+            f1::Compensator::correct_at,
         );
         reply(error, solve)
     }
@@ -277,7 +263,7 @@ pub unsafe extern "C" fn gt_f1_exact_correction(
 ) -> gt_code {
     // SAFETY: the header's rules for pointers.
     unsafe {
-        let exact = SixLinkCompensator::exact_correction;
+        let exact = f1::Compensator::correct_exact_at;
         let solve = six(compensator, pose, q, load, correction, exact);
         reply(error, solve)
     }
@@ -285,11 +271,11 @@ pub unsafe extern "C" fn gt_f1_exact_correction(
 
 /// One of the maps of a machine with six axes.
 type SixMap = fn(
-    &SixLinkCompensator,
+    &f1::Compensator,
     &Pose,
-    &[f64; AXES],
+    &[f64; f1::AXES],
     &Wrench,
-) -> Result<Correction<AXES>, KinematicsError>;
+) -> Result<Correction<{ f1::AXES }>, KinematicsError>;
 
 /// A correction by one of the maps.
 ///

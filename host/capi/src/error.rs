@@ -5,7 +5,8 @@ use gantry_tau_core::control::endpoint::{Full, MotorMapError};
 use gantry_tau_core::control::session::StartError;
 use gantry_tau_core::control::session::config::ConfigError;
 use gantry_tau_core::model::compensation::CompensatorError;
-use gantry_tau_core::model::kinematics::{KinematicsError, NominalError};
+use gantry_tau_core::model::kinematics::KinematicsError;
+use gantry_tau_core::model::l2;
 use gantry_tau_core::model::robot::{Parameter, RobotError};
 use gantry_tau_core::model::sensor::SensorError;
 use gantry_tau_core::units::CrossingError;
@@ -241,13 +242,13 @@ impl From<Parameter> for gt_parameter {
     }
 }
 
-impl From<NominalError> for gt_error {
-    fn from(error: NominalError) -> Self {
+impl From<l2::OrientationError> for gt_error {
+    fn from(error: l2::OrientationError) -> Self {
         match error {
-            NominalError::NotRotation { deviation } => {
+            l2::OrientationError::NotRotation { deviation } => {
                 Self::new(gt_code::NominalNotRotation).value(deviation)
             }
-            NominalError::NotTau { link, mismatch_m } => {
+            l2::OrientationError::NotTau { link, mismatch_m } => {
                 Self::new(gt_code::NominalNotTau).at(link).value(mismatch_m)
             }
         }

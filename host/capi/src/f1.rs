@@ -2,8 +2,8 @@
 
 use core::ffi::c_void;
 
-use gantry_tau_core::model::kinematics::{Pose, SixLinkKinematics};
-use gantry_tau_core::model::robot::{AXES, SixLink, SixLinkGeometry};
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::statics::LineMatrix;
 
 use crate::code::gt_code;
@@ -46,8 +46,8 @@ pub struct gt_f1_geometry {
 /// A machine with six axes; its memory is the caller's, and no call changes it: threads may share it.
 pub struct gt_f1(());
 
-/// What a handle stands for.
-pub(crate) struct F1(pub(crate) SixLinkKinematics);
+/// Object behind a handle.
+pub(crate) struct F1(pub(crate) f1::Kinematics);
 
 impl Object for F1 {
     type Handle = gt_f1;
@@ -57,7 +57,7 @@ impl Object for F1 {
 
 impl F1 {
     fn new(geometry: &gt_f1_geometry) -> Reply<Self> {
-        let robot = SixLink::new(SixLinkGeometry {
+        let robot = f1::Robot::new(f1::Geometry {
             carts_m: vectors(geometry.carts_m),
             guideways: vectors(geometry.guideways),
             plate_joints_m: vectors(geometry.plate_joints_m),
@@ -69,7 +69,7 @@ impl F1 {
             turn_signs: branches(geometry.turn_signs, GT_ARMS)?,
             travel: travel(geometry.has_travel, geometry.travel),
         })?;
-        Ok(Self(SixLinkKinematics::new(&robot)))
+        Ok(Self(f1::Kinematics::new(&robot)))
     }
 }
 
@@ -131,17 +131,17 @@ pub unsafe extern "C" fn gt_f1_inverse(
         // SAFETY: the header's rules for pointers.
         let (q, pose, seed, machine) = unsafe {
             (
-                place(q.cast::<[f64; AXES]>())?,
+                place(q.cast::<[f64; f1::AXES]>())?,
                 read(pose)?,
                 read_some(seed.cast::<[f64; 3]>())?,
                 object::<F1>(machine)?,
             )
         };
-        let answer = machine.0.inverse(&pose.into(), seed)?;
-        q.put(answer.answer);
+        let solution = machine.0.inverse(&pose.into(), seed)?;
+        q.put(solution.value);
         // SAFETY: as above; null is allowed.
         if let Ok(place) = unsafe { place(solved) } {
-            place.put((&answer).into());
+            place.put((&solution).into());
         }
         Ok(())
     };
@@ -176,14 +176,14 @@ pub unsafe extern "C" fn gt_f1_forward(
                 object::<F1>(machine)?,
             )
         };
-        let answer = match seed {
+        let solution = match seed {
             Some(seed) => machine.0.forward_from(&q, &seed.into(), most_solves)?,
             None => machine.0.forward(&q)?,
         };
-        pose.put(answer.answer.into());
+        pose.put(solution.value.into());
         // SAFETY: as above; null is allowed.
         if let Ok(place) = unsafe { place(solved) } {
-            place.put((&answer).into());
+            place.put((&solution).into());
         }
         Ok(())
     };
@@ -209,7 +209,7 @@ pub unsafe extern "C" fn gt_f1_jacobian(
         // SAFETY: the header's rules for pointers.
         let (place, lines) = unsafe {
             (
-                place(jacobian.cast::<[[f64; AXES]; 6]>())?,
+                place(jacobian.cast::<[[f64; f1::AXES]; 6]>())?,
                 lines(machine, pose, q)?,
             )
         };
@@ -242,7 +242,7 @@ pub unsafe extern "C" fn gt_f1_statics(
         let (forces, loads) = unsafe {
             (
                 place(link_forces_n.cast::<[f64; GT_LINKS]>())?,
-                place(axis_loads.cast::<[f64; AXES]>())?,
+                place(axis_loads.cast::<[f64; f1::AXES]>())?,
             )
         };
         // SAFETY: as above.
@@ -264,8 +264,8 @@ unsafe fn lines(
     machine: *const gt_f1,
     pose: *const gt_pose,
     q: *const f64,
-) -> Reply<LineMatrix<AXES>> {
+) -> Reply<LineMatrix<{ f1::AXES }>> {
     // SAFETY: the caller's promise.
     let (pose, q, machine) = unsafe { (read(pose)?, numbers(q)?, object::<F1>(machine)?) };
-    Ok(LineMatrix::of_six_link(&machine.0, &Pose::from(pose), &q)?)
+    Ok(machine.0.line_matrix(&Pose::from(pose), &q)?)
 }

@@ -2,9 +2,7 @@
 
 use core::ffi::c_void;
 
-use gantry_tau_core::model::kinematics::{Nominal, Pose};
-use gantry_tau_core::model::robot::{ARMS, Configuration, Geometry, Robot};
-use gantry_tau_core::model::statics::LineMatrix;
+use gantry_tau_core::model::l2;
 
 use crate::code::gt_code;
 use crate::error::gt_error;
@@ -41,11 +39,8 @@ pub struct gt_l2_geometry {
 /// A machine with three axes; its memory is the caller's, and no call changes it: threads may share it.
 pub struct gt_l2(());
 
-/// What a handle stands for.
-pub(crate) struct L2 {
-    pub(crate) robot: Robot,
-    pub(crate) nominal: Nominal,
-}
+/// Object behind a handle.
+pub(crate) struct L2(pub(crate) l2::Kinematics);
 
 impl Object for L2 {
     type Handle = gt_l2;
@@ -55,20 +50,22 @@ impl Object for L2 {
 
 impl L2 {
     fn new(geometry: &gt_l2_geometry) -> Reply<Self> {
-        let [forward] = branches([geometry.forward_branch], ARMS)?;
-        let robot = Robot::new(Geometry {
+        let [forward] = branches([geometry.forward_branch], l2::AXES)?;
+        let robot = l2::Robot::new(l2::Geometry {
             cart_joints_m: vectors(geometry.cart_joints_m),
             guideways: vectors(geometry.guideways),
             platform_joints_m: vectors(geometry.platform_joints_m),
             lengths_m: geometry.lengths_m,
-            configuration: Configuration {
+            configuration: l2::Configuration {
                 inverse: branches(geometry.inverse_branch, 0)?,
                 forward,
             },
             travel: travel(geometry.has_travel, geometry.travel),
         })?;
-        let nominal = Nominal::new(&robot, &matrix(&geometry.rotation))?;
-        Ok(Self { robot, nominal })
+        Ok(Self(l2::Kinematics::new(
+            &robot,
+            &matrix(&geometry.rotation),
+        )?))
     }
 }
 
@@ -103,7 +100,7 @@ pub unsafe extern "C" fn gt_l2_checksum(machine: *const gt_l2, checksum: *mut u3
     let ask = || {
         // SAFETY: the header's rules for pointers.
         let (place, machine) = unsafe { (place(checksum)?, object::<L2>(machine)?) };
-        place.put(machine.robot.kinematics_checksum());
+        place.put(machine.0.robot().kinematics_checksum());
         Ok(())
     };
     // SAFETY: null is allowed.
@@ -127,12 +124,12 @@ pub unsafe extern "C" fn gt_l2_inverse(
         // SAFETY: the header's rules for pointers.
         let (q, tcp_m, machine) = unsafe {
             (
-                place(q.cast::<[f64; ARMS]>())?,
+                place(q.cast::<[f64; l2::AXES]>())?,
                 numbers::<3>(tcp_m)?,
                 object::<L2>(machine)?,
             )
         };
-        q.put(machine.nominal.inverse_in_assembly(&tcp_m.into())?);
+        q.put(machine.0.inverse_in_assembly(&tcp_m.into())?);
         Ok(())
     };
     // SAFETY: as above.
@@ -160,7 +157,7 @@ pub unsafe extern "C" fn gt_l2_forward(
                 object::<L2>(machine)?,
             )
         };
-        tcp_m.put(machine.nominal.forward(&q)?.into());
+        tcp_m.put(machine.0.forward(&q)?.into());
         Ok(())
     };
     // SAFETY: as above.
@@ -188,7 +185,7 @@ pub unsafe extern "C" fn gt_l2_jacobian(
                 object::<L2>(machine)?,
             )
         };
-        jacobian.put(rows(&machine.nominal.jacobian(&tcp_m.into())?));
+        jacobian.put(rows(&machine.0.jacobian(&tcp_m.into())?));
         Ok(())
     };
     // SAFETY: as above.
@@ -216,7 +213,7 @@ pub unsafe extern "C" fn gt_l2_statics(
         let (forces, loads) = unsafe {
             (
                 place(link_forces_n.cast::<[f64; GT_LINKS]>())?,
-                place(cart_loads.cast::<[f64; ARMS]>())?,
+                place(cart_loads.cast::<[f64; l2::AXES]>())?,
             )
         };
         // SAFETY: as above.
@@ -228,7 +225,7 @@ pub unsafe extern "C" fn gt_l2_statics(
                 object::<L2>(machine)?,
             )
         };
-        let lines = LineMatrix::new(&machine.robot, &machine.pose(tcp_m.into()), &q)?;
+        let lines = machine.0.line_matrix(&machine.0.pose(tcp_m.into()), &q)?;
         let tensions = lines.link_forces_n(&load.into())?;
         forces.put(tensions);
         loads.put(lines.cart_loads(&tensions));
@@ -236,14 +233,4 @@ pub unsafe extern "C" fn gt_l2_statics(
     };
     // SAFETY: as above.
     unsafe { reply(error, solve()) }
-}
-
-impl L2 {
-    /// The pose of a tool that does not turn.
-    pub(crate) const fn pose(&self, position_m: nalgebra::Vector3<f64>) -> Pose {
-        Pose {
-            position_m,
-            rotation: *self.nominal.rotation(),
-        }
-    }
 }

@@ -1,6 +1,6 @@
-//! Poses, loads and what else both machines share.
+//! Poses, loads and helpers that both machines share.
 
-use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose, Solved, WARM_ITERATIONS};
+use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose, Solution, WARM_ITERATIONS};
 use gantry_tau_core::model::robot::{ARMS, Branch, LINKS};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, PositionNm};
@@ -91,8 +91,8 @@ impl From<Wrench> for gt_wrench {
     }
 }
 
-impl<T> From<&Solved<T>> for gt_solved {
-    fn from(solved: &Solved<T>) -> Self {
+impl<T> From<&Solution<T>> for gt_solved {
+    fn from(solved: &Solution<T>) -> Self {
         Self {
             iterations: solved.iterations.into(),
             residual_m: solved.residual_m,

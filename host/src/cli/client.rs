@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 use gantry_tau::client::{ClientControls, ClientOptions};
-use gantry_tau::model::Model;
+use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::terminal::say;
 
@@ -16,25 +16,25 @@ use super::{address, fail, robot, transport};
 
 /// Connect to a server, compensate the measured force, leave with Ctrl-C
 ///
-/// Connects, submits while the force sensor is tared (keep the tool unloaded), then obtains and compensates until Ctrl-C.
+/// Connects, stays in Submit while the force sensor is tared (keep the tool unloaded), then compensates in Obtain until Ctrl-C.
 ///
 /// Exit codes: 0 left with Goodbye; 1 setup; 3 unreachable; 4 refused; 5 incompatible server; 6 session ended by the server;
 /// 7 server vanished; 8 force sensor silent.
 #[derive(Debug, Args)]
 pub(crate) struct Client {
-    /// The server
+    /// Address of the server
     #[arg(default_value = "127.0.0.1:7000", value_name = "HOST:PORT", value_parser = address)]
     server: SocketAddr,
-    /// Where the force sensor's samples come from
+    /// Address of the force sensor
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
     sensor: SocketAddr,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     robot: String,
-    /// UDP datagrams instead of a TCP stream; the server must have been started with it as well
+    /// UDP datagrams instead of a TCP stream; the server needs --udp as well
     #[arg(long)]
     udp: bool,
-    /// Stay in Submit: offsets are computed and reported, no drive sees them
+    /// Stay in Submit: offsets are computed and reported, but do not reach the drives
     #[arg(long)]
     submit_only: bool,
     /// Record references, actual values and force, one row per tick
@@ -51,7 +51,7 @@ impl Client {
         }
     }
 
-    fn run_with<K: Model<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
+    fn run_with<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
         let controls = Arc::new(ClientControls::default());
         let shared = Arc::clone(&controls);
         if let Err(error) = ctrlc::set_handler(move || shared.quit.store(true, Ordering::Relaxed)) {

@@ -5,24 +5,24 @@ use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::demo::{DemoOptions, PaceChoice};
-use gantry_tau::model::{F1_MOTORS, L2_MOTORS, Model};
+use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
-use gantry_tau_core::model::robot::{ARMS, AXES};
+use gantry_tau_core::model::{f1, l2};
 
 use super::{Pace, fail, robot};
 
 /// Server, simulated machine and client in one: force steps, compensation, a pulled cable; ends with a table and report.html
 ///
-/// One session over real loopback TCP: force steps in x without and with compensation, then the client's cable is pulled at
-/// full offset.
+/// One session over loopback TCP: force steps in x without and with compensation, then the client's cable is pulled at full
+/// offset. If this machine does not hold 1 kHz, the demo starts again in lock-step.
 ///
-/// Exit codes: 0 everything turned out as it should; 1 it could not run; 2 usage; 3 something did not turn out as it should.
+/// Exit codes: 0 every result within its limits; 1 could not run; 2 usage; 3 a result outside its limits.
 #[derive(Debug, Args)]
 pub(crate) struct Demo {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     robot: String,
-    /// Largest force, N. Beyond 360 N the machine jumps, as the thesis' did
+    /// Largest force, N. Above 360 N the machine jumps, like the one of the thesis
     #[arg(
         long,
         value_name = "N",
@@ -49,13 +49,13 @@ pub(crate) struct Demo {
     /// Force the pace [default: real time if this machine holds it, else lock-step]
     #[arg(long)]
     pace: Option<Pace>,
-    /// Where the report goes
+    /// Path of the report
     #[arg(long, value_name = "FILE", default_value = "report.html")]
     report: PathBuf,
     /// Write the numbers as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write the client's recording as CSV as well: it ends where its cable is pulled
+    /// Write the client's recording as CSV as well; it ends when the cable is pulled
     #[arg(long, value_name = "FILE.csv")]
     record: Option<PathBuf>,
     /// Write the server's black box of the pulled cable as well, for `gantry-tau replay`
@@ -66,13 +66,13 @@ pub(crate) struct Demo {
 impl Demo {
     pub(crate) fn run(self) -> ExitCode {
         match robot(&self.robot) {
-            Ok(AnyRobotFile::L2(robot)) => self.run_with::<_, ARMS, L2_MOTORS>(*robot),
-            Ok(AnyRobotFile::F1(robot)) => self.run_with::<_, AXES, F1_MOTORS>(*robot),
+            Ok(AnyRobotFile::L2(robot)) => self.run_with::<_, { l2::AXES }, L2_MOTORS>(*robot),
+            Ok(AnyRobotFile::F1(robot)) => self.run_with::<_, { f1::AXES }, F1_MOTORS>(*robot),
             Err(error) => fail(1, error),
         }
     }
 
-    fn run_with<K: Model<N>, const N: usize, const M: usize>(
+    fn run_with<K: MachineKind<N>, const N: usize, const M: usize>(
         self,
         robot: RobotFile<K, N>,
     ) -> ExitCode {

@@ -8,122 +8,108 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
-use clap::{Args, ValueEnum};
-use gantry_tau::faults::plan::{Odds, Plan, parse_script};
-use gantry_tau::faults::{Direction, Ended, Fault, Medium, Tally, tcp, udp};
+use clap::Args;
+use gantry_tau::faults::plan::{Directions, FaultPlan, FaultRate, parse_script};
+use gantry_tau::faults::relay::{Ended, Relay};
+use gantry_tau::faults::{Fault, FaultStats};
 use gantry_tau::server::ServerError;
 use gantry_tau::terminal::say;
 
-use super::{address, fail};
+use super::{address, fail, transport};
 
-/// How long to wait for an ended connection before looking for Ctrl-C again.
-const LOOK: Duration = Duration::from_millis(50);
+/// Longest wait for an ended connection before looking for Ctrl-C.
+const POLL: Duration = Duration::from_millis(50);
 
-/// A link that does harm on purpose, between a client and a server: delays, losses, corrupt frames, resets
+/// Inject faults between a client and a server: delay, loss, corruption, stalls, resets
 ///
-/// Forwards between clients that connect to it and a server, and harms what passes, until Ctrl-C; then it says how often each
-/// fault acted. For instance, with a server on port 7000:
+/// Forwards between clients and a server and injects faults, until Ctrl-C; then prints how often each fault occurred.
+/// Example, with a server on port 7000:
 ///
 ///   gantry-tau faults --listen 127.0.0.1:7100 --to 127.0.0.1:7000 --drop 0.01 --stall 0.001:50
 ///   gantry-tau client 127.0.0.1:7100
 ///
-/// Faults meet whole frames of the protocol, at most one fault each. ODDS are `P` or `P:N`: the probability per frame, 0 to 1,
-/// and the fault's number. Without N it is the one below, or drawn. The same seed and the same frames give the same faults.
+/// Faults act on whole frames of the protocol, at most one per frame. RATE is `P` or `P:N`: the probability per frame, 0 to 1,
+/// and the parameter of the fault. The default of N is given below. The same seed and the same frames give the same faults.
 ///
-/// A script has one line per fault: `frame N` or `ms N` (counted in each connection; `ms` means the first frame from then on),
-/// then `up` (to the server), `down` or `both`, then a fault and perhaps its number. `#` begins a comment:
+/// A script is a TOML file with one entry per fault. `at_frame` and `at_ms` count in each connection; `at_ms` means the first
+/// frame from then on. `direction` is "up" (to the server), "down" or "both"; `parameter` is optional:
 ///
-///   frame 100 up corrupt
-///   ms 2500 down stall 300    # a third of a second
+///   [[fault]]
+///   at_frame = 100        # or: at_ms = 2500
+///   direction = "up"
+///   kind = "corrupt"
+///   parameter = 17
 ///
-/// Exit codes: 0 ended by Ctrl-C; 1 it could not run; 2 usage.
+/// Exit codes: 0 ended by Ctrl-C; 1 could not run; 2 usage.
 #[derive(Debug, Args)]
 #[command(verbatim_doc_comment)]
 pub(crate) struct Faults {
-    /// Where clients connect
+    /// Address to which clients connect
     #[arg(long, value_name = "HOST:PORT", value_parser = address)]
     listen: SocketAddr,
-    /// The server
+    /// Address of the server
     #[arg(long, value_name = "HOST:PORT", value_parser = address)]
     to: SocketAddr,
-    /// Forward datagrams instead of streams
+    /// Forward UDP datagrams instead of TCP streams
     #[arg(long)]
     udp: bool,
-    /// Where every draw comes from
+    /// Seed of every random draw
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Which way delay, jitter and odds apply; a script says so itself
-    #[arg(
-        long,
-        value_name = "up|down|both",
-        default_value = "both",
-        hide_possible_values = true
-    )]
-    direction: Way,
-    /// Every frame comes so much later
+    /// Directions to which delay, jitter and rates apply (scripted faults state their own)
+    #[arg(long, value_name = "up|down|both", default_value = "both")]
+    direction: Directions,
+    /// Delay of every frame
     #[arg(long, value_name = "MS", default_value = "0", allow_negative_numbers = true, value_parser = milliseconds)]
     delay: Duration,
-    /// And by up to so much more, drawn for each; the order stays
+    /// Largest additional delay, drawn for each frame; the order stays
     #[arg(long, value_name = "MS", default_value = "0", allow_negative_numbers = true, value_parser = milliseconds)]
     jitter: Duration,
     /// The frame is lost
-    #[arg(long, value_name = "ODDS")]
-    drop: Option<Odds>,
-    /// The frame comes N times more [N: 1]
-    #[arg(long, value_name = "ODDS")]
-    duplicate: Option<Odds>,
-    /// The frame comes N ms after its turn [N: 2]; only with --udp
-    #[arg(long, value_name = "ODDS")]
-    reorder: Option<Odds>,
+    #[arg(long, value_name = "RATE")]
+    drop: Option<FaultRate>,
+    /// N additional copies of the frame arrive [N: 1]
+    #[arg(long, value_name = "RATE")]
+    duplicate: Option<FaultRate>,
+    /// The frame arrives N ms late, after its successors [N: 2]; only with --udp
+    #[arg(long, value_name = "RATE")]
+    reorder: Option<FaultRate>,
     /// Bit N of the frame is flipped [N: drawn]
-    #[arg(long, value_name = "ODDS")]
-    corrupt: Option<Odds>,
-    /// Only the first N bytes come [N: drawn]
-    #[arg(long, value_name = "ODDS")]
-    truncate: Option<Odds>,
-    /// The frame comes in two pieces, the first of N bytes [N: drawn]
-    #[arg(long, value_name = "ODDS")]
-    split: Option<Odds>,
-    /// What comes within N ms comes all at once at their end [N: 10]
-    #[arg(long, value_name = "ODDS")]
-    burst: Option<Odds>,
-    /// The same, and the sender's buffers fill meanwhile [N: 10]
-    #[arg(long, value_name = "ODDS")]
-    stall: Option<Odds>,
-    /// Nothing comes in that direction any more, and nobody is told
-    #[arg(long, value_name = "ODDS")]
-    half_open: Option<Odds>,
+    #[arg(long, value_name = "RATE")]
+    corrupt: Option<FaultRate>,
+    /// Only the first N bytes arrive [N: drawn]
+    #[arg(long, value_name = "RATE")]
+    truncate: Option<FaultRate>,
+    /// The frame arrives in two pieces, the first of N bytes [N: drawn]
+    #[arg(long, value_name = "RATE")]
+    split: Option<FaultRate>,
+    /// All frames of the next N ms arrive together at their end [N: 10]
+    #[arg(long, value_name = "RATE")]
+    burst: Option<FaultRate>,
+    /// As burst; meanwhile the sender's buffers fill [N: 10]
+    #[arg(long, value_name = "RATE")]
+    stall: Option<FaultRate>,
+    /// Nothing passes in this direction any more, closing the connection included
+    #[arg(long, value_name = "RATE")]
+    half_open: Option<FaultRate>,
     /// The connection is reset at both ends; not with --udp
-    #[arg(long, value_name = "ODDS")]
-    reset: Option<Odds>,
-    /// What happens at stated moments
+    #[arg(long, value_name = "RATE")]
+    reset: Option<FaultRate>,
+    /// Scripted faults, see above
     #[arg(long, value_name = "FILE")]
     script: Option<PathBuf>,
-    /// Say it as one line of JSON
+    /// Print the counts as one line of JSON
     #[arg(long)]
     json: bool,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Way {
-    Up,
-    Down,
-    Both,
-}
-
-/// Milliseconds, parts of one included, up to a minute.
+/// Milliseconds up to a minute, with decimals.
 fn milliseconds(text: &str) -> Result<Duration, &'static str> {
     let ms: f64 = text.parse().map_err(|_| "not a number")?;
     if !(0.0..=60_000.0).contains(&ms) {
         return Err("must be from 0 to 60000");
     }
     Ok(Duration::from_secs_f64(ms * 1e-3))
-}
-
-/// Either relay; what matters here is that it ends when it is dropped.
-enum Relay {
-    Tcp(tcp::Relay),
-    Udp(udp::Relay),
 }
 
 impl Faults {
@@ -143,30 +129,16 @@ impl Faults {
 
     fn relay(&self) -> Result<Total, Box<dyn std::error::Error>> {
         let plan = self.plan()?;
-        let listen_error = |error| ServerError::listen(self.listen, &error);
-        let (relay, ended) = if self.udp {
-            plan.check(Medium::Datagrams)?;
-            let (relay, ended) =
-                udp::Relay::spawn(self.listen, self.to, plan).map_err(listen_error)?;
-            (Relay::Udp(relay), ended)
-        } else {
-            plan.check(Medium::Stream)?;
-            let (relay, ended) =
-                tcp::Relay::spawn(self.listen, self.to, plan).map_err(listen_error)?;
-            (Relay::Tcp(relay), ended)
-        };
+        let transport = transport(self.udp);
+        plan.check(transport)?;
+        let (relay, ended) = Relay::spawn(self.listen, self.to, transport, plan)
+            .map_err(|error| ServerError::listen(self.listen, &error))?;
         let quit = Arc::new(AtomicBool::new(false));
         let shared = Arc::clone(&quit);
         ctrlc::set_handler(move || shared.store(true, Ordering::Relaxed))?;
-        let address = match &relay {
-            Relay::Tcp(relay) => relay.address,
-            Relay::Udp(relay) => relay.address,
-        };
-        // With --json the answer is the only line on stdout.
-        tracing::info!(
-            "listening on {address}, forwarding to {}; Ctrl-C ends",
-            self.to
-        );
+        // With --json the counts are the only line on stdout.
+        let (address, to) = (relay.address, self.to);
+        tracing::info!("listening on {address}, forwarding to {to}; Ctrl-C ends");
         let mut total = Total::default();
         total.count(&ended, || quit.load(Ordering::Relaxed));
         drop(relay);
@@ -174,9 +146,9 @@ impl Faults {
         Ok(total)
     }
 
-    fn plan(&self) -> Result<Plan, String> {
-        let odds = Fault::ALL.map(|fault| {
-            let odds = match fault {
+    fn plan(&self) -> Result<FaultPlan, String> {
+        let rates = Fault::ALL.map(|fault| {
+            let rate = match fault {
                 Fault::Drop => self.drop,
                 Fault::Duplicate => self.duplicate,
                 Fault::Reorder => self.reorder,
@@ -188,7 +160,7 @@ impl Faults {
                 Fault::HalfOpen => self.half_open,
                 Fault::Reset => self.reset,
             };
-            odds.map(|odds| (fault, odds))
+            rate.map(|rate| (fault, rate))
         });
         let script = match &self.script {
             Some(path) => {
@@ -198,34 +170,30 @@ impl Faults {
             }
             None => Vec::new(),
         };
-        Ok(Plan {
+        Ok(FaultPlan {
             seed: self.seed,
             delay: self.delay,
             jitter: self.jitter,
-            odds: odds.into_iter().flatten().collect(),
-            direction: match self.direction {
-                Way::Up => Some(Direction::Up),
-                Way::Down => Some(Direction::Down),
-                Way::Both => None,
-            },
+            rates: rates.into_iter().flatten().collect(),
+            direction: self.direction,
             script,
         })
     }
 }
 
-/// All connections together.
+/// Sum over all connections.
 #[derive(Default)]
 struct Total {
     connections: u64,
-    up: Tally,
-    down: Tally,
+    up: FaultStats,
+    down: FaultStats,
 }
 
 impl Total {
-    /// Adds connections as they end, until told to stop or there will be no more.
+    /// Adds connections as they end, until `stop` or until the relay is gone.
     fn count(&mut self, ended: &Receiver<Ended>, stop: impl Fn() -> bool) {
         while !stop() {
-            match ended.recv_timeout(LOOK) {
+            match ended.recv_timeout(POLL) {
                 Ok(ended) => {
                     let (up, down) = (ended.up.frames, ended.down.frames);
                     tracing::info!("{}: ended after {up} frames up, {down} down", ended.peer);
@@ -239,9 +207,10 @@ impl Total {
         }
     }
 
-    /// Every fault that acted at all: up, down.
+    /// Every fault that occurred, with its counts up and down.
     fn acted(&self) -> impl Iterator<Item = (Fault, u64, u64)> {
-        let times = |tally: &Tally, fault| tally.acted.get(&fault).map_or(0, |acted| acted.times);
+        let times =
+            |stats: &FaultStats, fault| stats.acted.get(&fault).map_or(0, |acted| acted.times);
         Fault::ALL
             .into_iter()
             .map(move |fault| (fault, times(&self.up, fault), times(&self.down, fault)))

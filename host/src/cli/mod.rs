@@ -1,7 +1,8 @@
-//! Commands, their options, and what they print.
+//! Commands, their options and their output.
 
 mod client;
 mod demo;
+mod draw;
 mod faults;
 mod replay;
 mod serve;
@@ -16,9 +17,9 @@ use gantry_tau_core::control::endpoint::Transport;
 
 /// Stiffness compensation and external control of Gantry-Tau parallel robots.
 ///
-/// A server owns the machine's reference; a client on the network measures the force on the tool, computes how far the
-/// machine's springs give way, and sends position offsets at 1 kHz. Whatever client or network do, the reference never jumps.
-/// Start with `gantry-tau demo`: it needs no hardware.
+/// A server owns the machine's reference. A client on the network measures the force on the tool, computes the elastic
+/// displacement of the machine, and sends position offsets at 1 kHz. The reference never jumps, whatever client or network do.
+/// Start with `gantry-tau demo`, which needs no hardware.
 #[derive(Debug, Parser)]
 #[command(name = "gantry-tau", version, max_term_width = 100)]
 struct Arguments {
@@ -26,7 +27,7 @@ struct Arguments {
     command: Command,
 }
 
-/// Where a command has options, its struct has the words: clap would drop them for those of the variant, exit codes included.
+/// The help text of a command with options stands at its struct: clap would replace it by the text of the variant.
 #[derive(Debug, Subcommand)]
 enum Command {
     Demo(demo::Demo),
@@ -35,11 +36,12 @@ enum Command {
     Faults(faults::Faults),
     Replay(replay::Replay),
     Workspace(workspace::Workspace),
+    Draw(draw::Draw),
     /// Kinematics, statics and compensation for scripts: one JSON request per line in, one JSON answer per line out
     ///
     /// Example: echo '{"id":1,"robot":"robots/l2.toml","op":"ik","T":[0.0,0.5,0.65]}' | gantry-tau solve
     ///
-    /// Every request: "id" (anything, comes back), "robot" (path of a robots/*.toml, or an inline object with the keys of such a
+    /// Every request: "id" (anything, returned in the answer), "robot" (path of a robots/*.toml, or an inline object with the keys of such a
     /// file), "op", and its arguments. T: tool centre point [x,y,z]; q: cart positions [q1,q2,q3]; w: load on the platform
     /// [Fx,Fy,Fz,Mx,My,Mz] about the tool centre point; R: platform rotation, 3 rows, identity if absent. World axes; m, N, N m.
     ///
@@ -53,16 +55,16 @@ enum Command {
     Solve,
 }
 
-/// What makes ticks.
+/// Source of the ticks.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Pace {
-    /// A tick per millisecond of the clock
+    /// One tick per millisecond of the clock
     Real,
-    /// A tick per answer of the client: time is ticks, the server waits; without a session about a tick per millisecond
+    /// One tick per answer of the client, which the server waits for; without a session about one per millisecond
     Lockstep,
 }
 
-impl From<Pace> for gantry_tau::server::pace::Pace {
+impl From<Pace> for gantry_tau::server::tick_source::TickSource {
     fn from(pace: Pace) -> Self {
         match pace {
             Pace::Real => Self::RealTime,
@@ -87,6 +89,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Faults(faults) => faults.run(),
         Command::Replay(replay) => replay.run(),
         Command::Workspace(workspace) => workspace.run(),
+        Command::Draw(draw) => draw.run(),
         Command::Solve => solve(),
     }
 }
@@ -95,34 +98,34 @@ fn solve() -> ExitCode {
     let stdin = std::io::stdin().lock();
     match gantry_tau::solve::run(stdin, std::io::stdout().lock()) {
         Ok(()) => ExitCode::SUCCESS,
-        // The reader of our answers has had enough: a script's `head`, say.
+        // The reader of the answers has ended, for instance `head`.
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => fail(1, error),
     }
 }
 
-/// One clear line on stderr, and the code.
+/// Prints one line on stderr; returns the exit code.
 fn fail(code: u8, error: impl std::fmt::Display) -> ExitCode {
     eprintln!("gantry-tau: {error}");
     ExitCode::from(code)
 }
 
-/// An address or a name, with a port. Of a name's addresses the first of version 4, which is what the server listens on by default.
+/// An address or a host name, with a port. Prefers IPv4, on which the server listens by default.
 fn address(text: &str) -> Result<SocketAddr, String> {
     let all: Vec<SocketAddr> = text
         .to_socket_addrs()
         .map_err(|error| error.to_string())?
         .collect();
     let first = all.iter().find(|address| address.is_ipv4()).or(all.first());
-    first.copied().ok_or_else(|| "no such host".to_owned())
+    first.copied().ok_or_else(|| "unknown host".to_owned())
 }
 
-/// `l2`, `f1`, or the path of a robot file.
+/// Built-in machine `l2` or `f1`, or a robot file by its path.
 fn robot(name: &str) -> Result<AnyRobotFile, RobotFileError> {
     AnyRobotFile::named(name)
 }
 
-/// What `--udp` asks for.
+/// Transport selected by `--udp`.
 const fn transport(udp: bool) -> Transport {
     if udp {
         Transport::Datagram

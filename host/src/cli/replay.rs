@@ -8,18 +8,17 @@ use gantry_tau::replay::ReplayOptions;
 
 use super::fail;
 
-/// Run a black box through the core again: do all outputs agree, bit for bit?
+/// Run a black box through the core again and compare every output bit for bit
 ///
-/// Runs a black box (from `serve --black-box` or `demo --black-box`) through the core again and says, bit for bit, whether
-/// every output agrees.
+/// Black boxes are written by `serve --black-box` and `demo --black-box`.
 ///
-/// Exit codes: 0 all outputs agree; 1 the file is no black box, or the plot or JSON cannot be written; 2 usage; 3 an output differs.
+/// Exit codes: 0 all outputs agree; 1 the file is not a black box, or plot or JSON cannot be written; 2 usage; 3 an output differs.
 #[derive(Debug, Args)]
 pub(crate) struct Replay {
-    /// The black box
+    /// Path of the black box
     #[arg(value_name = "FILE.jsonl")]
     file: PathBuf,
-    /// Draw the window: offsets, phases, misses and events over ticks relative to the cause
+    /// Draw offsets, phases, misses and events over the ticks relative to the cause
     #[arg(long, value_name = "FILE.svg|FILE.html", value_parser = plot)]
     plot: Option<PathBuf>,
     /// Write the findings as JSON as well

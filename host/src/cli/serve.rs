@@ -11,49 +11,50 @@ use clap::Args;
 use gantry_tau::black_box::archive::Archive;
 use gantry_tau::black_box::handover;
 use gantry_tau::epoch::{self, Epochs};
-use gantry_tau::model::{F1_MOTORS, L2_MOTORS, Model};
+use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau::record::{CsvFile, Recorded, drain};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::sensor_link::SensorPublisher;
 use gantry_tau::server::connections::{Allowed, Listen};
 use gantry_tau::server::cycle::{Cycle, Row};
-use gantry_tau::server::observe::Observer;
+use gantry_tau::server::event_log::EventLog;
 use gantry_tau::server::{Controls, Server, ServerError};
-use gantry_tau::sim::hand::{Hand, Tool, hand_and_tool};
+use gantry_tau::sim::load_generator::{AppliedLoad, LoadGenerator, load_generator};
+use gantry_tau::sim::load_profile::LoadProfile;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::Capabilities;
-use gantry_tau_core::model::robot::{ARMS, AXES};
+use gantry_tau_core::model::{f1, l2};
 
 use super::{Pace, address, fail, robot, transport};
 
-/// Run the server with the simulated machine, for clients of this or any other program
+/// Run the server with the simulated machine, for this program's client or any other
 ///
 /// Runs the server with the simulated machine until Ctrl-C, which ramps every offset to zero first.
 ///
-/// While a client is in Obtain, a simulated hand pulls at the tool in steps. Type `stop`, `rearm` or `quit` and Enter.
+/// While a client is in Obtain, a simulated force acts on the tool in steps. Type `stop`, `rearm` or `quit` and Enter.
 #[derive(Debug, Args)]
 pub(crate) struct Serve {
-    /// Where clients connect. Only loopback unless you say otherwise: nothing is encrypted
+    /// Address for clients. Traffic is not encrypted; the default is reachable from this machine only
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = address)]
     listen: SocketAddr,
-    /// UDP datagrams instead of TCP streams: what is lost stays lost, nothing comes late in bursts
+    /// UDP datagrams instead of TCP streams: a lost frame is not repeated and delays no other
     #[arg(long)]
     udp: bool,
-    /// Answer only these peers, everybody else is closed without a word; again for more [default: everybody who reaches the address]
+    /// Answer only this peer or network; others are closed silently (repeatable) [default: all peers]
     #[arg(long, value_name = "IP|IP/BITS")]
     allow: Vec<String>,
-    /// Where clients find the simulated force sensor
+    /// Address of the simulated force sensor
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
     sensor: SocketAddr,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     robot: String,
-    /// What makes ticks
+    /// Source of the ticks
     #[arg(long, default_value = "real")]
     pace: Pace,
-    /// Largest force of the simulated hand, N; 0 for none
+    /// Largest simulated force, N; 0 for none
     #[arg(
         long,
         value_name = "N",
@@ -61,7 +62,7 @@ pub(crate) struct Serve {
         allow_negative_numbers = true
     )]
     force_max: f64,
-    /// Length of each of its steps, s
+    /// Length of each force step, s
     #[arg(
         long,
         value_name = "S",
@@ -69,7 +70,7 @@ pub(crate) struct Serve {
         allow_negative_numbers = true
     )]
     step_seconds: f64,
-    /// Move the nominal path back and forth by this much on every axis, mm
+    /// Length of a back-and-forth motion of the nominal path on every axis, mm
     #[arg(
         long,
         value_name = "MM",
@@ -77,13 +78,13 @@ pub(crate) struct Serve {
         allow_negative_numbers = true
     )]
     motion: f64,
-    /// Where the epoch counter is kept, so that no old frame ever revives [default: the user's state folder]
+    /// File of the epoch counter, which keeps frames of earlier sessions invalid [default: in the user's state folder]
     #[arg(long, value_name = "FILE")]
     epoch_file: Option<PathBuf>,
     /// Record references, actual values and force, one row per tick
     #[arg(long, value_name = "FILE.csv")]
     record: Option<PathBuf>,
-    /// Write a black box whenever a session ends or the server stops, for `gantry-tau replay`: the ticks before and after, bit for bit
+    /// Write a black box (the ticks before and after, bit for bit) at each end of a session and each stop, for `gantry-tau replay`
     #[arg(long, value_name = "FOLDER")]
     black_box: Option<PathBuf>,
 }
@@ -91,8 +92,8 @@ pub(crate) struct Serve {
 impl Serve {
     pub(crate) fn run(self) -> ExitCode {
         let served = match robot(&self.robot) {
-            Ok(AnyRobotFile::L2(robot)) => self.serve::<_, ARMS, L2_MOTORS>(&robot),
-            Ok(AnyRobotFile::F1(robot)) => self.serve::<_, AXES, F1_MOTORS>(&robot),
+            Ok(AnyRobotFile::L2(robot)) => self.serve::<_, { l2::AXES }, L2_MOTORS>(&robot),
+            Ok(AnyRobotFile::F1(robot)) => self.serve::<_, { f1::AXES }, F1_MOTORS>(&robot),
             Err(error) => Err(error.into()),
         };
         match served {
@@ -101,17 +102,17 @@ impl Serve {
         }
     }
 
-    fn serve<K: Model<N>, const N: usize, const M: usize>(
+    fn serve<K: MachineKind<N>, const N: usize, const M: usize>(
         &self,
         robot: &RobotFile<K, N>,
     ) -> Result<(), Box<dyn std::error::Error>> {
         self.check()?;
-        let (hand, tool) = hand_and_tool();
+        let (hand, tool) = load_generator();
         let allowed = Allowed::only(&self.allow)?;
         for address in [self.listen, self.sensor] {
             if !address.ip().is_loopback() && !allowed.restricts() {
                 tracing::warn!(
-                    "{address} answers everybody who reaches it, unencrypted; --allow restricts that"
+                    "{address} answers every peer that reaches it, unencrypted; restrict peers with --allow"
                 );
             }
         }
@@ -127,7 +128,7 @@ impl Serve {
         let mut cycle = self
             .cycle::<K, N, M>(robot, tool, listen)?
             .with_sensor(sensor);
-        // After binding, so that a second server by mistake does not empty the first one's recording.
+        // After binding, so that a second server started by mistake does not truncate the first one's recording.
         let mut file = match &self.record {
             Some(path) => Some(CsvFile::create::<Row<N>>(path)?),
             None => None,
@@ -150,9 +151,11 @@ impl Serve {
         let controls = Arc::clone(&server.controls);
         ctrlc::set_handler(move || controls.quit.store(true, Ordering::Relaxed))?;
         listen_to_the_keyboard(Arc::clone(&server.controls));
-        let mut observer = Observer::new(self.programme(hand));
+        let mut events = EventLog::default();
+        let mut load = LoadProfile::new(hand, self.force_max, self.step_seconds);
         drain(&mut rows, |row| {
-            observer.see(row);
+            load.update(row.state.phase, row.state.tick);
+            events.see(row);
             if let Some(file) = &mut file {
                 file.write(row);
             }
@@ -176,10 +179,10 @@ impl Serve {
         Ok(archived?)
     }
 
-    fn cycle<K: Model<N>, const N: usize, const M: usize>(
+    fn cycle<K: MachineKind<N>, const N: usize, const M: usize>(
         &self,
         robot: &RobotFile<K, N>,
-        tool: Tool,
+        tool: AppliedLoad,
         listen: Listen,
     ) -> Result<Cycle<N, M, SimulatedMachine<N, M>>, Box<dyn std::error::Error>> {
         let capabilities = match self.pace {
@@ -192,7 +195,7 @@ impl Serve {
             .epoch_file
             .clone()
             .or_else(epoch::default_path)
-            .ok_or("there is no user's state folder; name a file with --epoch-file")?;
+            .ok_or("the user's state folder is unknown; name a file with --epoch-file")?;
         let epochs = Epochs::reserve(&path)?;
         Ok(Cycle::new(
             config,
@@ -216,7 +219,7 @@ impl Serve {
         Ok(())
     }
 
-    fn motion<K: Model<N>, const N: usize>(
+    fn motion<K: MachineKind<N>, const N: usize>(
         &self,
         robot: &RobotFile<K, N>,
     ) -> Result<Motion<N>, Box<dyn std::error::Error>> {
@@ -238,13 +241,9 @@ impl Serve {
             dwell_cycles: 500,
         })
     }
-
-    fn programme(&self, hand: Hand) -> gantry_tau::server::observe::Programme {
-        gantry_tau::server::observe::Programme::new(hand, self.force_max, self.step_seconds)
-    }
 }
 
-/// `stop`, `rearm` and `quit` from the keyboard. The thread ends with the process.
+/// Reads `stop`, `rearm` and `quit` from the keyboard, in a thread that ends with the process.
 fn listen_to_the_keyboard(controls: Arc<Controls>) {
     std::thread::spawn(move || {
         for line in std::io::stdin().lock().lines().map_while(Result::ok) {
@@ -253,7 +252,7 @@ fn listen_to_the_keyboard(controls: Arc<Controls>) {
                 "rearm" => controls.release_and_rearm(),
                 "quit" => controls.quit.store(true, Ordering::Relaxed),
                 "" => {}
-                other => tracing::warn!("unknown word {other:?}: stop, rearm or quit"),
+                other => tracing::warn!("unknown command {other:?}: expected stop, rearm or quit"),
             }
         }
     });

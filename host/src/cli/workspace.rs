@@ -4,17 +4,17 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use gantry_tau::model::Model;
+use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::terminal::say;
 use gantry_tau::workspace::WorkspaceOptions;
 
 use super::{fail, robot};
 
-/// Map where a machine reaches, its condition number and its compliance, to a page with plots and a CSV table
+/// Map reach, condition number and compliance of a machine, as a page with plots and a CSV table
 ///
-/// Asks the machine at every place of a cubic grid, platform unturned: does it reach, how near is a singularity (condition number
-/// of the Jacobian), how far does the tool give way per newton.
+/// Evaluates every place of a cubic grid, with an unturned platform: reachable or not, condition number of the Jacobian (distance
+/// from singularities), and displacement of the tool per newton.
 #[derive(Debug, Args)]
 pub(crate) struct Workspace {
     /// The machine: l2 or f1 (built in), or a robot file
@@ -23,10 +23,10 @@ pub(crate) struct Workspace {
     /// Steps along the longest side of the grid
     #[arg(long, value_name = "N", default_value_t = 80)]
     cells: u32,
-    /// Where the page with the maps goes
+    /// Path of the page with the maps
     #[arg(long, value_name = "FILE.html", default_value = "workspace.html")]
     plot: PathBuf,
-    /// Where the table goes: place, code, condition, compliance and axes, one row per place
+    /// Path of the table: place, code, condition, compliance and axes, one row per place
     #[arg(long, value_name = "FILE.csv", default_value = "workspace.csv")]
     csv: PathBuf,
 }
@@ -40,7 +40,7 @@ impl Workspace {
         }
     }
 
-    fn run_with<K: Model<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
+    fn run_with<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
         let options = WorkspaceOptions {
             robot,
             cells: self.cells,

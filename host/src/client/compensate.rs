@@ -1,4 +1,4 @@
-//! From a raw force sample and the nominal positions to offsets, with core's sensor and compensator.
+//! Compensation of one cycle, from a raw force sample and the nominal positions to offsets, with core's sensor and compensator.
 
 use std::fmt;
 
@@ -9,24 +9,23 @@ use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, SensorE
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{OffsetNm, PositionNm};
 
-use crate::model::{Correct, Model};
+use crate::model::{CompensationModel, MachineKind};
 use crate::robot_file::RobotFile;
 
 /// Tares, filters and compensates, once per cycle.
 pub struct Compensation<const N: usize> {
     sensor: ForceSensor,
-    correction: Box<dyn Correct<N>>,
-    metres_per_q: [f64; N],
+    compensator: Box<dyn CompensationModel<N>>,
     load: Wrench,
     tared: bool,
 }
 
-/// Why a cycle has no correction.
+/// Error of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CompensationError {
-    /// The sample cannot be used.
+    /// The sample is invalid.
     Sensor(SensorError),
-    /// The positions cannot be.
+    /// The positions have no solution.
     Kinematics(KinematicsError),
 }
 
@@ -46,7 +45,10 @@ impl<const N: usize> Compensation<N> {
     ///
     /// # Errors
     /// A sentence that names the parameter.
-    pub fn new<K: Model<N>>(robot: &RobotFile<K, N>, welcome: &Welcome<N>) -> Result<Self, String> {
+    pub fn new<K: MachineKind<N>>(
+        robot: &RobotFile<K, N>,
+        welcome: &Welcome<N>,
+    ) -> Result<Self, String> {
         let said = |error: &dyn fmt::Display| format!("{}: {error}", robot.name);
         let compliances = robot
             .compliances
@@ -57,7 +59,7 @@ impl<const N: usize> Compensation<N> {
             limits: welcome.limits.map(|axis| OffsetNm(axis.position.max())),
             metres_per_q: robot.axes.metres_per_q,
         };
-        let correction = robot.model.correction(compliances, config);
+        let compensator = robot.model.compensator(compliances, config);
         let sensor = ForceSensor::new(SensorConfig {
             rotation: robot.sensor.rotation_matrix(),
             lever_m: robot.sensor.lever_m.into(),
@@ -68,14 +70,13 @@ impl<const N: usize> Compensation<N> {
         .map_err(|error| said(&error))?;
         Ok(Self {
             sensor,
-            correction: correction.map_err(|error| said(&error))?,
-            metres_per_q: robot.axes.metres_per_q,
+            compensator: compensator.map_err(|error| said(&error))?,
             load: Wrench::zero(),
             tared: false,
         })
     }
 
-    /// One cycle: the raw sample (sensor axes) and the nominal positions to position offsets. Zero while taring.
+    /// Returns the position offsets of one cycle for a raw sample (sensor axes) and nominal positions. Zero while taring.
     ///
     /// # Errors
     /// [`CompensationError`]; the state is what it was.
@@ -93,25 +94,21 @@ impl<const N: usize> Compensation<N> {
             Reading::Load(load) => {
                 self.tared = true;
                 self.load = load;
-                let mut q = nominal.map(|position| position.to_metres().0);
-                for (q, scale) in q.iter_mut().zip(self.metres_per_q) {
-                    *q /= scale;
-                }
-                self.correction
-                    .correct(&q, &load)
+                self.compensator
+                    .correct(nominal, &load)
                     .map(|correction| correction.offsets)
                     .map_err(CompensationError::Kinematics)
             }
         }
     }
 
-    /// Whether the tare is done.
+    /// True if the tare is done.
     #[must_use]
     pub const fn is_tared(&self) -> bool {
         self.tared
     }
 
-    /// The load of the last cycle: force (N) and moment (N m), world axes.
+    /// Load of the last cycle: force (N) and moment (N m), world axes.
     #[must_use]
     pub fn load(&self) -> [f64; 6] {
         let (f, m) = (&self.load.force_n, &self.load.moment_nm);

@@ -12,9 +12,9 @@ use gantry_tau_core::units::{OffsetNm, Sequence, Tick};
 use super::compensate::{Compensation, CompensationError};
 use super::connection::Link;
 use super::{ClientControls, ClientError, ClientOptions, ClientReport};
-use crate::machine::CYCLE_US;
-use crate::model::Model;
+use crate::model::MachineKind;
 use crate::record::{ClientRow, Recorder};
+use crate::robot_file::CYCLE_US;
 use crate::sensor_link::{Sample, SensorReader};
 
 /// A server that says nothing for so long has vanished.
@@ -50,7 +50,7 @@ struct Session<'a, const N: usize> {
 ///
 /// # Errors
 /// [`ClientError`] for every other way it can end. In each of them the server ramps the offsets to zero by itself.
-pub fn run<K: Model<N>, const N: usize>(
+pub fn run<K: MachineKind<N>, const N: usize>(
     options: &ClientOptions<K, N>,
     controls: &ClientControls,
 ) -> Result<ClientReport, ClientError> {
@@ -146,7 +146,7 @@ fn hello<const N: usize>() -> ClientMessage<N> {
 }
 
 /// The server must run the same cycle and hold the same machine.
-fn check_terms<K: Model<N>, const N: usize>(
+fn check_terms<K: MachineKind<N>, const N: usize>(
     options: &ClientOptions<K, N>,
     welcome: &Welcome<N>,
 ) -> Result<(), ClientError> {

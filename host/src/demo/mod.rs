@@ -1,10 +1,10 @@
-//! `demo`: one session over real loopback TCP, with force steps, compensation, and a pulled cable; ends with a table and a report.
+//! `demo`: one session over loopback TCP, with force steps, compensation, and a pulled cable; ends with a table and a report.
 
 mod report;
 mod results;
-mod stage;
+mod sampler;
+mod scenario;
 mod table;
-mod watch;
 
 use std::fmt;
 use std::path::PathBuf;
@@ -12,29 +12,29 @@ use std::path::PathBuf;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::client::cause_text;
-use crate::model::Model;
+use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
-use crate::server::pace::Pace;
+use crate::server::tick_source::TickSource;
 use crate::terminal::say;
-use stage::{Failure, Recording};
+use scenario::{Failure, Recording};
 
 pub use results::{ALLOWED_SHARE, LinkQuality, Ramp, Results, Step};
 
-/// Which pace the demo shall take.
+/// Pace of the demo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PaceChoice {
-    /// Real time if this machine holds it, lock-step otherwise.
+    /// Real time if this machine holds 1 kHz, lock-step otherwise.
     Auto,
     /// This one.
-    Only(Pace),
+    Only(TickSource),
 }
 
-/// What the demo is told.
+/// Options of the demo.
 #[derive(Clone, Debug)]
 pub struct DemoOptions<K, const N: usize> {
     /// The machine.
     pub robot: RobotFile<K, N>,
-    /// Clock or lock-step.
+    /// Real time or lock-step.
     pub pace: PaceChoice,
     /// Largest force, N.
     pub force_max_n: f64,
@@ -42,24 +42,24 @@ pub struct DemoOptions<K, const N: usize> {
     pub force_step_n: f64,
     /// Length of a step, s.
     pub step_seconds: f64,
-    /// Where the report goes.
+    /// Path of the report.
     pub report: PathBuf,
-    /// Where the numbers go, if anywhere.
+    /// Path of the numbers as JSON, if wanted.
     pub json: Option<PathBuf>,
-    /// Where the client records, if anywhere.
+    /// Path of the client's recording, if wanted.
     pub record: Option<PathBuf>,
-    /// Where the black box of the pulled cable goes, if anywhere.
+    /// Path of the black box of the pulled cable, if wanted.
     pub black_box: Option<PathBuf>,
 }
 
-/// Why a demo came to no end.
+/// Reason why a demo failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DemoError {
     /// An option is out of range.
     Option(String),
-    /// The pace was forced and the session ended by itself.
+    /// The session ended by itself: this machine does not hold 1 kHz.
     Lost(String),
-    /// Something else failed.
+    /// Any other failure.
     Failed(String),
 }
 
@@ -87,13 +87,7 @@ impl<K, const N: usize> DemoOptions<K, N> {
 
     /// Length of a step in ticks of 1 ms.
     fn step_ticks(&self) -> u64 {
-        let ticks = (self.step_seconds * 1e3).round();
-        // `check` has limited the length; counting avoids a cast.
-        (0..)
-            .take_while(|tick| f64::from(*tick) < ticks)
-            .count()
-            .try_into()
-            .unwrap_or(u64::MAX)
+        (self.step_seconds * 1e3).round() as u64
     }
 
     fn check(&self) -> Result<(), DemoError> {
@@ -102,9 +96,7 @@ impl<K, const N: usize> DemoOptions<K, N> {
             return bad("--force-step must be from 50 to 1000 N: smaller steps drown in noise");
         }
         if !(self.force_step_n..=2_000.0).contains(&self.force_max_n) {
-            return bad(
-                "--force-max must be from one --force-step (60 N unless you say otherwise) to 2000 N",
-            );
+            return bad("--force-max must be from one --force-step (default 60 N) to 2000 N");
         }
         if !(0.2..=60.0).contains(&self.step_seconds) {
             return bad("--step-seconds must be from 0.2 to 60: the tool needs time to settle");
@@ -113,15 +105,15 @@ impl<K, const N: usize> DemoOptions<K, N> {
     }
 }
 
-/// Plays the demo, prints progress and table, writes the report.
+/// Runs the demo, prints progress and table, writes the report.
 ///
 /// # Errors
 /// [`DemoError`].
-pub fn run<K: Model<N>, const N: usize, const M: usize>(
+pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     options: &DemoOptions<K, N>,
 ) -> Result<Results, DemoError> {
     options.check()?;
-    // Found out now rather than after the whole demo.
+    // A path that cannot be written is found before the demo, not after it.
     let files = [&options.json, &options.black_box];
     for path in std::iter::once(&options.report).chain(files.into_iter().flatten()) {
         write(path, "")?;
@@ -130,17 +122,24 @@ pub fn run<K: Model<N>, const N: usize, const M: usize>(
         tracing::warn!("no {}: {}", denied.privilege, denied.reason);
     }
     let (pace, recording) = match options.pace {
-        PaceChoice::Only(pace) => (pace, play::<K, N, M>(options, pace)?),
-        PaceChoice::Auto => match play::<K, N, M>(options, Pace::RealTime) {
-            Ok(recording) => (Pace::RealTime, recording),
-            Err(DemoError::Lost(reason)) => {
-                say(format_args!(
-                    "{reason}\nThat is the one-miss rule at work on a busy machine. Starting again in lock-step: time is ticks, the server waits for its client."
-                ));
-                (Pace::Lockstep, play::<K, N, M>(options, Pace::Lockstep)?)
+        PaceChoice::Only(pace) => (pace, play::<K, N, M>(options, pace, false)?),
+        PaceChoice::Auto => {
+            say(
+                "real time at 1 kHz; if this machine does not hold it, the demo starts again in lock-step",
+            );
+            match play::<K, N, M>(options, TickSource::RealTime, true) {
+                Ok(recording) => (TickSource::RealTime, recording),
+                Err(DemoError::Lost(reason)) => {
+                    say(format_args!(
+                        "{reason}\nOther programs delay this one; a session tolerates one missed deadline, not two in a row.\n\
+                         Starting again from the beginning in lock-step (the server waits for its client, link times are no measurement)."
+                    ));
+                    let ticks = TickSource::Lockstep;
+                    (ticks, play::<K, N, M>(options, ticks, false)?)
+                }
+                Err(error) => return Err(error),
             }
-            Err(error) => return Err(error),
-        },
+        }
     };
     let results = Results::of(options, pace, &recording);
     say(format_args!("\n{}", table::render(&results)));
@@ -155,7 +154,8 @@ pub fn run<K: Model<N>, const N: usize, const M: usize>(
         write(path, &json)?;
     }
     if let Some(path) = &options.black_box {
-        let lost = || DemoError::Failed("the black box of the pulled cable is lost".to_owned());
+        let lost =
+            || DemoError::Failed("the black box of the pulled cable was not received".to_owned());
         let window = recording.black_box.as_ref().ok_or_else(lost)?;
         write(path, &window.encode())?;
         let path = path.display();
@@ -166,12 +166,13 @@ pub fn run<K: Model<N>, const N: usize, const M: usize>(
     Ok(results)
 }
 
-fn play<K: Model<N>, const N: usize, const M: usize>(
+fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     options: &DemoOptions<K, N>,
-    pace: Pace,
+    ticks: TickSource,
+    probe: bool,
 ) -> Result<Recording<N>, DemoError> {
     let bar = progress_bar(options);
-    let played = stage::play::<K, N, M>(options, pace, &bar);
+    let played = scenario::play::<K, N, M>(options, ticks, probe, &bar);
     bar.finish_and_clear();
     played.map_err(|failure| match failure {
         Failure::Lost(lost) => DemoError::Lost(format!(
@@ -179,12 +180,15 @@ fn play<K: Model<N>, const N: usize, const M: usize>(
             lost.tick.0,
             cause_text(lost.cause)
         )),
+        Failure::Slow { missed } => DemoError::Lost(format!(
+            "this machine does not hold 1 kHz: {missed} deadlines missed in the first second, before any step"
+        )),
         Failure::Error(error) => error,
     })
 }
 
 fn progress_bar<K, const N: usize>(options: &DemoOptions<K, N>) -> ProgressBar {
-    let steps = u64::try_from(2 * options.forces_n().len()).unwrap_or(0);
+    let steps = 2 * options.forces_n().len() as u64;
     let tare = u64::from(options.robot.sensor.tare_samples);
     // Half a second of rests, three of ramp.
     let bar = ProgressBar::new(tare + steps * options.step_ticks() + 3_500);

@@ -4,16 +4,18 @@ use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::model::robot::ARMS;
 
 use super::results::Results;
-use super::stage::Recording;
-use super::watch::Sample;
+use super::sampler::Sample;
+use super::scenario::Recording;
 use super::{DemoOptions, table};
 use crate::plots::page::{self, escape};
 use crate::plots::{Band, Corner, Curve, Plot, phases};
 
-/// Points that a curve over time may have; more would only make the page heavy.
+/// Largest number of points of a curve over time; limits the size of the page.
 const CURVE_POINTS: usize = 1_500;
-/// Shown of the disconnect, ticks before it and after its end.
+/// Ticks shown before the disconnect and after its end.
 const AROUND_TICKS: u64 = 500;
+
+/// The page as HTML.
 pub(super) fn render<K, const N: usize>(
     options: &DemoOptions<K, N>,
     results: &Results,
@@ -30,7 +32,7 @@ pub(super) fn render<K, const N: usize>(
     };
     let pace = match results.pace {
         "real" => "in real time at 1 kHz",
-        _ => "in lock-step (time is ticks; the link's times are no measurement)",
+        _ => "in lock-step (the server waits for its client; link times are no measurement)",
     };
     let springs = 100.0 * options.robot.simulation.spring_deviation;
     let steps = options.robot.limits.map(|axis| axis.position.step);
@@ -38,13 +40,13 @@ pub(super) fn render<K, const N: usize>(
     let mut sections = vec![
         (
             "Displacement of the tool against force",
-            "Length of the mean displacement over the settled half of each step; the dots are what length gauges would show at the tool.".to_owned(),
+            "Length of the mean displacement over the settled half of each step; the dots show length gauges at the tool.".to_owned(),
             against_force(options, results).svg(),
         ),
         (
             "Displacement of the tool over time",
             format!(
-                "The same steps as they happened, then the ramp after the pulled cable, under the last force. \
+                "The same steps over time, then the ramp after the pulled cable, under the last force. \
                  In Obtain each step shows as a short spike: the sensor is filtered, and offsets move by at most {step_um:.0} µm per tick."
             ),
             displacement(recording).svg(),
@@ -56,12 +58,12 @@ pub(super) fn render<K, const N: usize>(
         ),
         (
             "State of the server over time",
-            "The newcomer's short visit is at the end.".to_owned(),
+            "The short session of the newcomer is at the end.".to_owned(),
             states(recording).svg(),
         ),
     ];
     if N > ARMS {
-        let text = "The rotation vector of the platform from where it should be. The same compensation holds all six degrees of freedom.";
+        let text = "Rotation vector of the platform relative to its nominal orientation. The same compensation holds all six degrees of freedom.";
         let turning = (
             "Turning of the platform over time",
             text.to_owned(),
@@ -176,7 +178,7 @@ fn offsets<const N: usize>(recording: &Recording<N>) -> Plot {
 
 fn states<const N: usize>(recording: &Recording<N>) -> Plot {
     let samples: Vec<&Sample<N>> = recording.samples.iter().collect();
-    // Two points per stretch draw a step; no stretch is thinned away.
+    // Two points per stretch draw a step, however short.
     let stretches = phases::stretches(phases_over_time(&samples));
     let points = stretches.iter().flat_map(|stretch| {
         let level = f64::from(phases::number(stretch.phase));
@@ -187,7 +189,7 @@ fn states<const N: usize>(recording: &Recording<N>) -> Plot {
         y_axis: "",
         curves: vec![
             Curve::line("state", points.collect()),
-            // Keeps all six names in sight.
+            // Extends the axis to all six names.
             Curve {
                 no_line: true,
                 ..Curve::line("", vec![(0.0, 0.0), (0.0, 5.0)])
@@ -199,7 +201,7 @@ fn states<const N: usize>(recording: &Recording<N>) -> Plot {
     }
 }
 
-/// "axis 1" and so on.
+/// Names of the axes, counted from 1.
 fn axis_names<const N: usize>() -> [String; N] {
     std::array::from_fn(|axis| format!("axis {}", axis + 1))
 }
@@ -229,7 +231,7 @@ fn phases_over_time<const N: usize>(samples: &[&Sample<N>]) -> impl Iterator<Ite
     samples.iter().map(point)
 }
 
-/// Ticks of 1 ms.
+/// Ticks of 1 ms to seconds.
 fn seconds(tick: u64) -> f64 {
-    f64::from(u32::try_from(tick).unwrap_or(u32::MAX)) / 1e3
+    tick as f64 / 1e3
 }

@@ -1,19 +1,19 @@
-//! Numbers from the recording of a demo.
+//! Numbers of a demo, from its recording.
 
 use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::model::robot::ARMS;
 use serde::Serialize;
 
 use super::DemoOptions;
-use super::stage::{COMPENSATED, Recording};
-use super::watch::Sample;
+use super::sampler::Sample;
+use super::scenario::{COMPENSATED, Recording};
 use crate::client::cause_text;
-use crate::server::pace::Pace;
+use crate::server::tick_source::TickSource;
 
 /// Largest share of the displacement that may remain at any step below the jump.
 pub const ALLOWED_SHARE: f64 = 0.05;
 
-/// Everything the table, the report and the JSON file show. The JSON layout is stable: fields are added, never renamed.
+/// Numbers of table, report and JSON file. The JSON layout is stable: fields are added, never renamed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Results {
     /// Version of this layout.
@@ -22,19 +22,19 @@ pub struct Results {
     pub pace: &'static str,
     /// Robot file.
     pub robot: String,
-    /// How many axes it has; with three, the turning of the platform cannot be compensated.
+    /// Number of axes; with three, the turning of the platform cannot be compensated.
     pub axes: usize,
-    /// One per force step.
+    /// Force steps.
     pub steps: Vec<Step>,
     /// The ramp after the cable was pulled.
     pub ramp: Ramp,
-    /// The link until the cable was pulled.
+    /// Quality of the connection until the cable was pulled.
     pub link: LinkQuality,
     /// Largest change of any drive reference in one tick, nm, from the first tick to the last.
     pub largest_reference_change_nm: u64,
     /// Largest change the limits allow, nm per tick.
     pub allowed_reference_change_nm: u32,
-    /// What did not turn out as it should; empty when all is well.
+    /// Results outside their limits; empty when all is well.
     pub complaints: Vec<String>,
 }
 
@@ -59,30 +59,30 @@ pub struct Step {
     pub remaining_turn_share: f64,
     /// At or beyond 95 % of the force at which the machine jumps; the jump is never compensated.
     pub beyond_jump: bool,
-    /// Lengths as the quantised gauges show them, µm: without and with compensation.
+    /// Length of the displacement as the quantised gauges show it, µm: without and with compensation.
     pub gauges_um: [f64; 2],
 }
 
-/// The ramp.
+/// Ramp after the cable was pulled.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ramp {
-    /// Why the session ended.
+    /// Cause of the session's end, in words.
     pub cause: String,
     /// Offsets in the last tick before the ramp, nm.
     pub start_offset_nm: Vec<i32>,
     /// Ticks of the ramp, each one step; an overrun of the server skips tick numbers, not steps.
     pub ticks: u64,
-    /// Ticks it should take: the largest start offset over the ramp rate, rounded up.
+    /// Expected ticks: the largest start offset over the ramp rate, rounded up.
     pub expected_ticks: u64,
     /// Largest change of any offset in one tick, nm.
     pub largest_change_nm: u32,
-    /// Ticks left, as a newcomer was told during the ramp.
+    /// Answer to a newcomer during the ramp, in words.
     pub refusal: String,
-    /// What the cut-off client said in the end.
+    /// Last message of the client whose cable was pulled.
     pub client: String,
 }
 
-/// Quality of the link.
+/// Quality of a connection.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LinkQuality {
     /// Deadlines of the session.
@@ -100,7 +100,7 @@ pub struct LinkQuality {
 impl Results {
     pub(super) fn of<K, const N: usize>(
         options: &DemoOptions<K, N>,
-        pace: Pace,
+        pace: TickSource,
         recording: &Recording<N>,
     ) -> Self {
         let samples = &recording.samples;
@@ -108,8 +108,8 @@ impl Results {
         let mut results = Self {
             layout: 1,
             pace: match pace {
-                Pace::RealTime => "real",
-                Pace::Lockstep => "lockstep",
+                TickSource::RealTime => "real",
+                TickSource::Lockstep => "lockstep",
             },
             robot: options.robot.name.clone(),
             axes: N,
@@ -140,7 +140,7 @@ impl Results {
                 .into_iter()
                 .chain(turn)
             {
-                // NaN is in no range, so it complains as well.
+                // NaN is outside of every range.
                 if !(0.0..=ALLOWED_SHARE).contains(&share) {
                     complaints.push(format!(
                         "at {:.0} N {:.1} % of the {what} remain, more than {:.0} %",
@@ -175,7 +175,7 @@ impl Results {
             ));
         }
         if recording.dropped > 0 {
-            complaints.push(format!("{} ticks were not watched", recording.dropped));
+            complaints.push(format!("{} ticks were not sampled", recording.dropped));
         }
         self.complaints = complaints;
     }
@@ -210,7 +210,7 @@ fn steps<K, const N: usize>(options: &DemoOptions<K, N>, samples: &[Sample<N>]) 
         .collect()
 }
 
-/// The second half of a step, as long as the step was meant to last; the pulled cable comes after it.
+/// Samples of the second half of a step. A step is cut off at its nominal length, before the cable is pulled.
 fn settled<'a, K, const N: usize>(
     options: &DemoOptions<K, N>,
     samples: &'a [Sample<N>],
@@ -261,9 +261,9 @@ fn ramp<K, const N: usize>(options: &DemoOptions<K, N>, recording: &Recording<N>
             .iter()
             .filter(|s| s.tick >= ended && s.phase == Phase::SafeDisconnect)
     };
-    // Steps, not tick numbers: an overrun skips numbers, and the ramp takes one step per tick that was.
+    // Counts rows, not tick numbers: an overrun skips numbers, and the ramp takes one step per row.
     let above_zero = during().take_while(|sample| sample.offset_nm != [0; N]);
-    let ticks = u64::try_from(above_zero.count() + 1).unwrap_or(u64::MAX);
+    let ticks = above_zero.count() as u64 + 1;
     let mut last = start_offset_nm;
     let mut largest_change_nm = 0;
     for sample in during() {
@@ -297,7 +297,7 @@ fn link<const N: usize>(samples: &[Sample<N>], ended: u64) -> LinkQuality {
             .iter()
             .filter(|s| s.tick < ended && matches!(s.phase, Phase::Submit | Phase::Obtain))
     };
-    // The miss before the cable's second is the cable's too.
+    // The first of the two misses that end the session is caused by the cable as well.
     let last = session().rev().nth(1);
     let missed = last.map_or(0, |sample| sample.missed);
     let deadlines = match (session().next(), last) {
@@ -310,35 +310,19 @@ fn link<const N: usize>(samples: &[Sample<N>], ended: u64) -> LinkQuality {
     round_trips.sort_unstable();
     let at = |share: f64| {
         let last = round_trips.len().saturating_sub(1);
-        let index = (0..=last).find(|index| quantile(*index, last) >= share);
-        index
-            .and_then(|index| round_trips.get(index))
-            .copied()
-            .unwrap_or(0)
+        let index = (share * last as f64).ceil() as usize;
+        round_trips.get(index).copied().unwrap_or(0)
     };
     LinkQuality {
         deadlines,
         missed,
-        on_time_share: 1.0 - f64::from(missed) / ratio_base(deadlines),
+        on_time_share: 1.0 - f64::from(missed) / deadlines.max(1) as f64,
         longest_miss_run: last.map_or(0, |sample| sample.longest_miss_run),
         round_trip_us: [at(0.5), at(0.99), at(1.0)],
     }
 }
 
-fn quantile(index: usize, last: usize) -> f64 {
-    let float = |n: usize| f64::from(u32::try_from(n).unwrap_or(u32::MAX));
-    if last == 0 {
-        1.0
-    } else {
-        float(index) / float(last)
-    }
-}
-
-fn ratio_base(deadlines: u64) -> f64 {
-    f64::from(u32::try_from(deadlines).unwrap_or(u32::MAX)).max(1.0)
-}
-
-/// Largest change of any reference between two ticks that were both watched.
+/// Largest change of any reference between consecutive samples.
 fn largest_change<const N: usize>(samples: &[Sample<N>]) -> u64 {
     let pairs = samples.iter().zip(samples.iter().skip(1));
     pairs

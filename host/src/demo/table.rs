@@ -17,7 +17,7 @@ pub(super) fn render(results: &Results) -> String {
 fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
     let pace = match results.pace {
         "real" => "real time, 1 kHz",
-        _ => "lock-step: time is ticks, link times are not a measurement",
+        _ => "lock-step: the server waits for its client, link times are no measurement",
     };
     writeln!(text, "{}, {pace}\n", results.robot)?;
     write_steps(text, results)?;
@@ -71,7 +71,7 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
     Ok(())
 }
 
-/// One line per step. Turning is shown where there are axes that compensate it.
+/// Writes one line per step; with turning where the axes can compensate it.
 fn write_steps(text: &mut String, results: &Results) -> std::fmt::Result {
     let six = results.axes > ARMS;
     let right = |title: &'static str| if six { title } else { "" };

@@ -1,55 +1,52 @@
-//! A link that does harm on purpose: delayed, held up, out of order, twice, cut short, corrupt, in pieces, silent, reset.
+//! Fault injection on the connection between a client and a server: delay, loss, duplication, corruption, stalls, silence, resets.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
-//! | [`plan`] | what is to happen, and when: odds per frame under a seed, and a script |
-//! | [`mangle`] | one direction of a link, as a state machine without sockets and clock: simulations step it by hand |
-//! | [`tcp`] | a relay for byte streams; it finds the frames of `wire.md` in them |
-//! | [`udp`] | a relay for datagrams |
+//! | [`plan`] | probabilities per frame under a seed, and scripted faults |
+//! | [`injector`] | one direction of a connection as a state machine without sockets and clock: simulations step it by hand |
+//! | [`relay`] | forwards TCP streams or UDP datagrams through injectors |
 //!
 //! A frame suffers at most one fault. The same seed and the same frames give the same faults, on every machine.
 
-mod frames;
-pub mod mangle;
+pub mod injector;
 pub mod plan;
-pub mod tcp;
-pub mod udp;
+pub mod relay;
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::net::SocketAddr;
 use std::time::Duration;
 
-use serde::Serialize;
+use gantry_tau_core::control::endpoint::Transport;
+use serde::{Deserialize, Serialize};
 
-/// What can happen to a frame, or to the link it is on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+/// Fault of a frame, or of the connection that carries it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Fault {
     /// The frame is lost. (TCP loses nothing; on a stream this is a sender that skips a frame.)
     Drop,
-    /// The frame comes more than once. Parameter: how many times more (1).
+    /// The frame arrives more than once. Parameter: number of additional copies (1).
     Duplicate,
-    /// The frame comes later than those behind it, datagrams only. Parameter: by so many ms (2).
+    /// The frame arrives later than its successors, datagrams only. Parameter: delay in ms (2).
     Reorder,
-    /// One bit is flipped. Parameter: which (drawn).
+    /// One bit is flipped. Parameter: its index (drawn).
     Corrupt,
-    /// Only the beginning comes. Parameter: how many bytes of it (drawn).
+    /// The end of the frame is lost. Parameter: bytes that remain (drawn).
     Truncate,
-    /// The frame comes in two pieces. Parameter: bytes of the first (drawn).
+    /// The frame arrives in two pieces. Parameter: bytes of the first (drawn).
     Split,
-    /// This frame and those behind it are held back, and then come all at once. Parameter: after so many ms (10).
+    /// This frame and its successors are held back, then arrive together. Parameter: duration in ms (10).
     Burst,
-    /// As a burst, and meanwhile a stream is not read, so that its sender's buffers fill. Parameter: for so many ms (10).
+    /// As a burst, and meanwhile a stream is not read, so that the buffers of its sender fill. Parameter: duration in ms (10).
     Stall,
-    /// From here on nothing comes in this direction any more, and nobody is told: neither side's close is passed on.
+    /// From here on nothing passes in this direction, closing the connection included.
     HalfOpen,
     /// The connection is reset at both ends (TCP only).
     Reset,
 }
 
 impl Fault {
-    /// Every one.
+    /// Every fault.
     pub const ALL: [Self; 10] = [
         Self::Drop,
         Self::Duplicate,
@@ -63,7 +60,7 @@ impl Fault {
         Self::Reset,
     ];
 
-    /// Its word in scripts, options and reports.
+    /// Name in scripts, options and reports.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -80,18 +77,18 @@ impl Fault {
         }
     }
 
-    /// Whether it has a parameter.
+    /// True if the fault takes a parameter.
     #[must_use]
     pub const fn has_parameter(self) -> bool {
         !matches!(self, Self::Drop | Self::HalfOpen | Self::Reset)
     }
 
-    /// Whether it makes sense on such a link: a stream keeps its order, a datagram has no connection.
+    /// True if the fault exists on this transport: a stream keeps its order, a datagram has no connection.
     #[must_use]
-    pub const fn suits(self, medium: Medium) -> bool {
-        match medium {
-            Medium::Stream => !matches!(self, Self::Reorder),
-            Medium::Datagrams => !matches!(self, Self::Reset),
+    pub const fn suits(self, transport: Transport) -> bool {
+        match transport {
+            Transport::Stream => !matches!(self, Self::Reorder),
+            Transport::Datagram => !matches!(self, Self::Reset),
         }
     }
 }
@@ -102,16 +99,7 @@ impl fmt::Display for Fault {
     }
 }
 
-/// What a link carries.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Medium {
-    /// Bytes in order, TCP.
-    Stream,
-    /// Frames by themselves, UDP.
-    Datagrams,
-}
-
-/// One of the two ways through a link.
+/// Direction of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// From the client to the server.
@@ -120,26 +108,26 @@ pub enum Direction {
     Down,
 }
 
-/// How often a fault has acted, and when last.
+/// Occurrences of one fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Acted {
-    /// How often.
+    /// Number of occurrences.
     pub times: u64,
-    /// When last, since the link began.
+    /// Time of the last one, since the connection began.
     pub last: Duration,
 }
 
-/// What became of one direction of one link.
+/// Frames and faults of one direction of a connection.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
+pub struct FaultStats {
     /// Frames that came in; of a stream without frames, pieces as they were read.
     pub frames: u64,
-    /// What was done to them.
+    /// Faults that occurred.
     pub acted: BTreeMap<Fault, Acted>,
 }
 
-impl Tally {
-    /// Whether a fault acted at `since` or later.
+impl FaultStats {
+    /// True if the fault occurred at `since` or later.
     #[must_use]
     pub fn acted_since(&self, fault: Fault, since: Duration) -> bool {
         self.acted
@@ -147,7 +135,7 @@ impl Tally {
             .is_some_and(|acted| acted.last >= since)
     }
 
-    /// Adds another tally.
+    /// Adds the counts of another connection.
     pub fn add(&mut self, other: &Self) {
         self.frames += other.frames;
         for (fault, theirs) in &other.acted {
@@ -157,22 +145,9 @@ impl Tally {
         }
     }
 
-    fn note(&mut self, fault: Fault, now: Duration) {
+    fn count(&mut self, fault: Fault, now: Duration) {
         let acted = self.acted.entry(fault).or_default();
         acted.times += 1;
         acted.last = now;
     }
-}
-
-/// A link that has ended.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Ended {
-    /// The client's address.
-    pub peer: SocketAddr,
-    /// How long it existed.
-    pub age: Duration,
-    /// From client to server.
-    pub up: Tally,
-    /// From server to client.
-    pub down: Tally,
 }

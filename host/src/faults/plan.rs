@@ -1,363 +1,319 @@
-//! What is to happen on a link, and when: odds per frame, and a script.
+//! Faults to inject: probabilities per frame, and a script in TOML.
 
 use std::fmt;
+use std::num::NonZeroU64;
 use std::str::FromStr;
 use std::time::Duration;
 
-use super::{Direction, Fault, Medium};
+use gantry_tau_core::control::endpoint::Transport;
+use serde::Deserialize;
 
-/// A fault with its parameter, whose meaning is the fault's; absent it is the usual one, or drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Act {
-    /// What.
-    pub fault: Fault,
-    /// How much.
-    pub parameter: Option<u32>,
+use super::{Direction, Fault};
+
+/// One or both directions of a connection.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Directions {
+    /// From the client to the server.
+    Up,
+    /// From the server to the client.
+    Down,
+    /// Both.
+    #[default]
+    Both,
 }
 
-/// How likely a frame suffers a fault. As text: `P` or `P:PARAMETER`, for instance `0.01` or `0.001:50`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Odds {
-    /// Probability per frame, 0 to 1.
-    pub per_frame: f64,
-    /// The fault's parameter.
-    pub parameter: Option<u32>,
+impl Directions {
+    /// True if `direction` is one of these.
+    #[must_use]
+    pub const fn include(self, direction: Direction) -> bool {
+        match self {
+            Self::Up => matches!(direction, Direction::Up),
+            Self::Down => matches!(direction, Direction::Down),
+            Self::Both => true,
+        }
+    }
+
+    fn overlap(self, other: Self) -> bool {
+        [Direction::Up, Direction::Down]
+            .into_iter()
+            .any(|one| self.include(one) && other.include(one))
+    }
 }
 
-impl FromStr for Odds {
+impl FromStr for Directions {
     type Err = &'static str;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let (odds, parameter) = match text.split_once(':') {
-            Some((odds, parameter)) => {
-                let parameter = parameter.parse().map_err(|_| "PARAMETER is no number")?;
-                (odds, Some(parameter))
-            }
+        match text {
+            "up" => Ok(Self::Up),
+            "down" => Ok(Self::Down),
+            "both" => Ok(Self::Both),
+            _ => Err("expected up, down or both"),
+        }
+    }
+}
+
+/// Probability of a fault. As text: `P` or `P:PARAMETER`, for instance `0.01` or `0.001:50`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FaultRate {
+    /// Probability per frame, 0 to 1.
+    pub per_frame: f64,
+    /// Parameter of the fault; its default, or drawn, if `None`.
+    pub parameter: Option<u32>,
+}
+
+impl FromStr for FaultRate {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let (rate, parameter) = match text.split_once(':') {
+            Some((rate, parameter)) => (rate, Some(parameter)),
             None => (text, None),
         };
-        let per_frame: f64 = odds.parse().map_err(|_| "P is no number")?;
+        let per_frame: f64 = rate.parse().map_err(|_| "P is not a number")?;
         if !(0.0..=1.0).contains(&per_frame) {
             return Err("P must be from 0 to 1");
         }
+        let parameter = parameter.map(str::parse).transpose();
         Ok(Self {
             per_frame,
-            parameter,
+            parameter: parameter.map_err(|_| "N is not a whole number")?,
         })
     }
 }
 
-/// When a cue acts, counted anew in every connection.
+/// Moment of a scripted fault, counted in each connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum When {
-    /// On this frame of its direction; the first is 1.
+    /// This frame of its direction; the first is 1.
     Frame(u64),
-    /// On the first frame this long after the connection began, or later.
+    /// The first frame at this time since the connection began, or later.
     Since(Duration),
 }
 
-/// One line of a script.
+/// A fault at a stated moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Cue {
-    /// When.
+pub struct ScriptedFault {
+    /// Moment.
     pub when: When,
-    /// Which way; `None` is both.
-    pub direction: Option<Direction>,
-    /// What.
-    pub act: Act,
+    /// Directions in which it acts, in each of them once.
+    pub direction: Directions,
+    /// Kind.
+    pub fault: Fault,
+    /// Parameter of the fault; its default, or drawn, if `None`.
+    pub parameter: Option<u32>,
 }
 
-impl Cue {
-    /// Whether it concerns a direction.
-    #[must_use]
-    pub fn concerns(&self, direction: Direction) -> bool {
-        self.direction.is_none_or(|own| own == direction)
-    }
-}
-
-/// What is to happen.
+/// Faults to inject.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Plan {
-    /// Where every draw comes from; connections and directions draw apart from each other.
+pub struct FaultPlan {
+    /// Seed of every draw; connections and directions draw independently.
     pub seed: u64,
-    /// How late every frame is.
+    /// Delay of every frame.
     pub delay: Duration,
-    /// How much later still at most, drawn for each frame; the order stays.
+    /// Largest additional delay, drawn for each frame; the order stays.
     pub jitter: Duration,
-    /// How likely each fault is.
-    pub odds: Vec<(Fault, Odds)>,
-    /// Which way delay, jitter and odds apply; `None` is both.
-    pub direction: Option<Direction>,
-    /// What happens at stated moments, beside the odds.
-    pub script: Vec<Cue>,
+    /// Probability of each fault.
+    pub rates: Vec<(Fault, FaultRate)>,
+    /// Directions to which delay, jitter and rates apply.
+    pub direction: Directions,
+    /// Scripted faults, beside the rates.
+    pub script: Vec<ScriptedFault>,
 }
 
-impl Plan {
-    /// A link that only forwards.
-    #[must_use]
-    pub fn harmless() -> Self {
-        Self::default()
-    }
-
-    /// Checks that it can be carried out on such a link.
+impl FaultPlan {
+    /// Checks that the plan can be carried out on this transport.
     ///
     /// # Errors
-    /// The first thing found wrong.
-    pub fn check(&self, medium: Medium) -> Result<(), PlanError> {
-        let sum: f64 = self.odds.iter().map(|(_, odds)| odds.per_frame).sum();
+    /// The first fault that does not exist there, a parameter that its fault does not take, or probabilities above 1 together.
+    pub fn check(&self, transport: Transport) -> Result<(), PlanError> {
+        let sum: f64 = self.rates.iter().map(|(_, rate)| rate.per_frame).sum();
         if sum > 1.0 {
-            return Err(PlanError::Sum { sum });
+            let reason = format!("the probabilities of all faults add up to {sum}, more than 1");
+            return Err(PlanError(reason));
         }
         let drawn = self
-            .odds
+            .rates
             .iter()
-            .map(|(fault, odds)| (*fault, odds.parameter));
+            .map(|(fault, rate)| (*fault, rate.parameter));
         let scripted = self
             .script
             .iter()
-            .map(|cue| (cue.act.fault, cue.act.parameter));
+            .map(|entry| (entry.fault, entry.parameter));
         for (fault, parameter) in drawn.chain(scripted) {
-            if !fault.suits(medium) {
-                return Err(PlanError::Unsuited { fault, medium });
+            if !fault.suits(transport) {
+                return Err(PlanError(match transport {
+                    Transport::Stream => format!("{fault}: a stream keeps its order; --udp only"),
+                    Transport::Datagram => {
+                        format!("{fault}: a datagram has no connection; not with --udp")
+                    }
+                }));
             }
             if parameter.is_some() && !fault.has_parameter() {
-                return Err(PlanError::Parameter { fault });
+                return Err(PlanError(format!("{fault} takes no parameter")));
             }
         }
         Ok(())
     }
 }
 
-/// Why a plan cannot be carried out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum PlanError {
-    /// A frame suffers at most one fault, so the odds must not exceed 1 together.
-    Sum {
-        /// What they are.
-        sum: f64,
-    },
-    /// The fault has no meaning there.
-    Unsuited {
-        /// The fault.
-        fault: Fault,
-        /// Where.
-        medium: Medium,
-    },
-    /// The fault has no parameter.
-    Parameter {
-        /// The fault.
-        fault: Fault,
-    },
-}
+/// Reason why a plan or a script is refused, in one line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PlanError(String);
 
 impl fmt::Display for PlanError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Sum { sum } => write!(f, "the odds are {sum} together, more than 1"),
-            Self::Unsuited {
-                fault,
-                medium: Medium::Stream,
-            } => write!(f, "{fault}: a stream keeps its order; --udp only"),
-            Self::Unsuited {
-                fault,
-                medium: Medium::Datagrams,
-            } => write!(f, "{fault}: a datagram has no connection; not with --udp"),
-            Self::Parameter { fault } => write!(f, "{fault} has no parameter"),
-        }
+        f.write_str(&self.0)
     }
 }
 
 impl std::error::Error for PlanError {}
 
-/// Reads a script: one cue per line, `frame N` or `ms N`, then `up`, `down` or `both`, then a fault and perhaps its parameter.
-/// `#` begins a comment.
+/// A script as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Script {
+    #[serde(default)]
+    fault: Vec<Entry>,
+}
+
+/// One `[[fault]]`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    at_frame: Option<NonZeroU64>,
+    at_ms: Option<u64>,
+    direction: Directions,
+    kind: Fault,
+    parameter: Option<u32>,
+}
+
+/// Reads a script: a list of `[[fault]]` with `at_frame` or `at_ms`, `direction`, `kind` and, where the kind takes one, `parameter`.
 ///
 /// # Errors
-/// The first line that is no cue, and which word of it.
-pub fn parse_script(text: &str) -> Result<Vec<Cue>, ScriptError> {
-    let mut script: Vec<Cue> = Vec::new();
-    for (line, text) in (1..).zip(text.lines()) {
-        let fail = |reason: Reason, word: &str| ScriptError {
-            line,
-            word: word.to_owned(),
-            reason,
+/// [`PlanError`] naming the line and its key, or the entry (counted from 1) and its key.
+pub fn parse_script(text: &str) -> Result<Vec<ScriptedFault>, PlanError> {
+    let written: Script = toml::from_str(text).map_err(|error| syntax(text, &error))?;
+    let mut script: Vec<ScriptedFault> = Vec::new();
+    for (number, entry) in (1..).zip(written.fault) {
+        let fail = |reason: &str| Err(PlanError(format!("fault {number}: {reason}")));
+        let when = match (entry.at_frame, entry.at_ms) {
+            (Some(frame), None) => When::Frame(frame.get()),
+            (None, Some(ms)) => When::Since(Duration::from_millis(ms)),
+            _ => return fail("needs either `at_frame` or `at_ms`"),
         };
-        let text = text.split('#').next().unwrap_or_default();
-        let mut words = text.split_whitespace();
-        let Some(unit) = words.next() else { continue };
-        let mut next = |reason| words.next().ok_or(fail(reason, "the end of the line"));
-        let number = next(Reason::Number)?;
-        let count = number.parse().map_err(|_| fail(Reason::Number, number))?;
-        let when = match unit {
-            "frame" if count > 0 => When::Frame(count),
-            "frame" => return Err(fail(Reason::FrameZero, number)),
-            "ms" => When::Since(Duration::from_millis(count)),
-            _ => return Err(fail(Reason::Unit, unit)),
-        };
-        let direction = match next(Reason::Direction)? {
-            "up" => Some(Direction::Up),
-            "down" => Some(Direction::Down),
-            "both" => None,
-            word => return Err(fail(Reason::Direction, word)),
-        };
-        let word = next(Reason::Fault)?;
-        let fault = Fault::ALL.into_iter().find(|fault| fault.name() == word);
-        let fault = fault.ok_or_else(|| fail(Reason::Fault, word))?;
-        let parameter = match words.next() {
-            None => None,
-            Some(word) if !fault.has_parameter() => {
-                return Err(fail(Reason::NoParameter, word));
-            }
-            Some(word) => Some(word.parse().map_err(|_| fail(Reason::Parameter, word))?),
-        };
-        if let Some(word) = words.next() {
-            return Err(fail(Reason::Surplus, word));
+        if entry.parameter.is_some() && !entry.kind.has_parameter() {
+            return fail(&format!("`parameter`: {} takes none", entry.kind));
         }
-        let meets = |other: &Cue| {
-            let apart = other.direction.zip(direction);
+        let same_frame = |other: &ScriptedFault| {
             matches!(when, When::Frame(_))
                 && other.when == when
-                && apart.is_none_or(|(one, other)| one == other)
+                && other.direction.overlap(entry.direction)
         };
-        if script.iter().any(meets) {
-            return Err(fail(Reason::Twice, number));
+        if script.iter().any(same_frame) {
+            return fail("`at_frame`: this frame already has a fault");
         }
-        let act = Act { fault, parameter };
-        script.push(Cue {
+        script.push(ScriptedFault {
             when,
-            direction,
-            act,
+            direction: entry.direction,
+            fault: entry.kind,
+            parameter: entry.parameter,
         });
     }
     Ok(script)
 }
 
-/// What is wrong with a word of a script.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Reason {
-    Unit,
-    Number,
-    FrameZero,
-    Direction,
-    Fault,
-    Parameter,
-    NoParameter,
-    Surplus,
-    Twice,
+/// The TOML reader's reason, with number and text of the line.
+fn syntax(text: &str, error: &toml::de::Error) -> PlanError {
+    let start = error.span().map_or(0, |span| span.start);
+    let number = text.get(..start).unwrap_or(text).matches('\n').count();
+    let line = text.lines().nth(number).unwrap_or_default().trim();
+    let reason = error.message().replace('\n', "; ");
+    PlanError(format!("line {}, `{line}`: {reason}", number + 1))
 }
-
-/// A line of a script that is no cue.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ScriptError {
-    line: usize,
-    word: String,
-    reason: Reason,
-}
-
-impl fmt::Display for ScriptError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { line, word, reason } = self;
-        write!(f, "line {line}, {word:?}: ")?;
-        match reason {
-            Reason::Unit => f.write_str("a line begins with `frame` or `ms`"),
-            Reason::Number => f.write_str("a whole number is due here"),
-            Reason::FrameZero => f.write_str("the first frame is 1"),
-            Reason::Direction => f.write_str("`up`, `down` or `both` is due here"),
-            Reason::Fault => {
-                f.write_str("a fault is due here:")?;
-                Fault::ALL
-                    .iter()
-                    .try_for_each(|fault| write!(f, " {fault}"))
-            }
-            Reason::Parameter => f.write_str("the parameter is no whole number"),
-            Reason::NoParameter => f.write_str("this fault has no parameter"),
-            Reason::Surplus => f.write_str("nothing is due here"),
-            Reason::Twice => f.write_str("this frame has a fault already"),
-        }
-    }
-}
-
-impl std::error::Error for ScriptError {}
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn a_script_is_read_line_by_line() {
-        let text = "# a rehearsal\n\nframe 100 up corrupt 17\nms 2500 down stall 300 # a while\n  ms 3000 both half-open\n";
-        let cue = |when, direction, fault, parameter| Cue {
-            when,
-            direction,
-            act: Act { fault, parameter },
+    fn a_script_is_read_entry_by_entry() {
+        let text = "# a rehearsal
+            fault = [
+                { at_frame = 100, direction = 'up', kind = 'corrupt', parameter = 17 }, # bit
+                { at_ms = 2_500, direction = 'both', kind = 'stall' },
+            ]";
+        let corrupt = ScriptedFault {
+            when: When::Frame(100),
+            direction: Directions::Up,
+            fault: Fault::Corrupt,
+            parameter: Some(17),
         };
-        let since = |ms| When::Since(Duration::from_millis(ms));
-        let expected = [
-            cue(
-                When::Frame(100),
-                Some(Direction::Up),
-                Fault::Corrupt,
-                Some(17),
-            ),
-            cue(since(2_500), Some(Direction::Down), Fault::Stall, Some(300)),
-            cue(since(3_000), None, Fault::HalfOpen, None),
-        ];
-        assert_eq!(parse_script(text).unwrap(), expected);
+        let stall = ScriptedFault {
+            when: When::Since(Duration::from_millis(2_500)),
+            direction: Directions::Both,
+            fault: Fault::Stall,
+            parameter: None,
+        };
+        assert_eq!(parse_script(text).unwrap(), [corrupt, stall]);
+        assert_eq!(parse_script("").unwrap(), []);
+        for fault in Fault::ALL {
+            let text = format!("[[fault]]\nat_ms = 1\ndirection = 'down'\nkind = '{fault}'");
+            assert_eq!(parse_script(&text).unwrap()[0].fault, fault);
+        }
     }
 
     #[test]
-    fn a_script_error_names_line_and_word() {
-        for (text, expected) in [
-            ("tick 1 up drop", "line 1, \"tick\": a line begins"),
-            ("\nframe", "line 2, \"the end of the line\": a whole number"),
-            ("frame -1 up drop", "line 1, \"-1\": a whole number"),
-            ("frame 0 up drop", "line 1, \"0\": the first frame is 1"),
-            ("ms 1 left drop", "line 1, \"left\": `up`"),
-            (
-                "ms 1 up explode",
-                "line 1, \"explode\": a fault is due here: drop",
-            ),
-            (
-                "ms 1 up drop 3",
-                "line 1, \"3\": this fault has no parameter",
-            ),
-            ("ms 1 up split x", "line 1, \"x\": the parameter"),
-            ("ms 1 up split 3 4", "line 1, \"4\": nothing is due"),
-            (
-                "frame 7 up drop\nframe 7 both split",
-                "line 2, \"7\": this frame has",
-            ),
+    fn a_script_error_names_place_key_and_reason() {
+        let missing = "direction = 'up'\nkind = 'drop'\n";
+        let complete = "at_frame = 7\ndirection = 'up'\nkind = 'drop'\n";
+        let again = format!("[[fault]]\n{complete}");
+        for (before, entry, place, reason) in [
+            ("", "x = 1", "line 2, `x = 1`: ", "unknown field"),
+            ("", "frame 1", "line 2, `frame 1`: ", ""),
+            ("", "at_frame = -1", "line 2, `at_frame = -1`: ", "-1"),
+            ("", "at_frame = 0", "line 2, `at_frame = 0`: ", "nonzero"),
+            ("", "at_ms = 1", "line 1, `[[fault]]`: ", "`direction`"),
+            ("", "direction = 1", "line 2, `direction = 1`: ", "string"),
+            ("", "direction = ''", "line 2, `direction = ''`: ", "`both`"),
+            ("", "kind = 'x'", "line 2, `kind = 'x'`: ", "`half-open`"),
+            ("", "parameter = 'x'", "line 2, `parameter = 'x'`: ", "u32"),
+            (missing, "", "fault 1: ", "either `at_frame` or `at_ms`"),
+            (complete, "at_ms = 1", "fault 1: ", "either"),
+            (complete, "parameter = 3", "fault 1: `parameter`: ", "none"),
+            (complete, &again, "fault 2: `at_frame`: ", "already"),
         ] {
-            let said = parse_script(text).unwrap_err().to_string();
-            assert!(said.starts_with(expected), "{said}");
+            let text = format!("[[fault]]\n{before}{entry}");
+            let said = parse_script(&text).unwrap_err().to_string();
+            assert!(said.starts_with(place) && said.contains(reason), "{said}");
+            assert!(!said.contains('\n'), "{said}");
         }
-        assert_eq!(
-            parse_script("frame 7 up drop\nframe 7 down drop")
-                .unwrap()
-                .len(),
-            2
-        );
+        let other_way = complete.replace("up", "down");
+        let both = format!("[[fault]]\n{complete}[[fault]]\n{other_way}");
+        assert_eq!(parse_script(&both).unwrap().len(), 2);
     }
 
     #[test]
-    fn odds_and_plans_are_checked() {
-        let odds: Odds = "0.5:20".parse().unwrap();
-        assert_eq!((odds.per_frame, odds.parameter), (0.5, Some(20)));
+    fn rates_and_plans_are_checked() {
+        let rate: FaultRate = "0.5:20".parse().unwrap();
+        assert_eq!((rate.per_frame, rate.parameter), (0.5, Some(20)));
         for text in ["", "x", "1.01", "-0.1", "NaN", "0.1:", "0.1:-1"] {
-            assert!(text.parse::<Odds>().is_err(), "{text}");
+            assert!(text.parse::<FaultRate>().is_err(), "{text}");
         }
-        let plan = |all: &[(Fault, &str)]| Plan {
-            odds: all
+        let plan = |all: &[(Fault, &str)]| FaultPlan {
+            rates: all
                 .iter()
-                .map(|(fault, odds)| (*fault, odds.parse().unwrap()))
+                .map(|(fault, rate)| (*fault, rate.parse().unwrap()))
                 .collect(),
-            ..Plan::default()
+            ..FaultPlan::default()
         };
         let half = (Fault::Drop, "0.5");
-        assert!(plan(&[half, half]).check(Medium::Stream).is_ok());
-        let said = |plan: Plan, medium| plan.check(medium).unwrap_err().to_string();
-        assert!(said(plan(&[half, half, half]), Medium::Stream).contains("more than 1"));
-        assert!(said(plan(&[(Fault::Reorder, "0")]), Medium::Stream).contains("--udp only"));
-        assert!(said(plan(&[(Fault::Reset, "0")]), Medium::Datagrams).contains("no connection"));
-        assert!(said(plan(&[(Fault::Drop, "0.1:3")]), Medium::Stream).contains("no parameter"));
+        assert!(plan(&[half, half]).check(Transport::Stream).is_ok());
+        let said = |plan: FaultPlan, transport| plan.check(transport).unwrap_err().to_string();
+        assert!(said(plan(&[half, half, half]), Transport::Stream).contains("more than 1"));
+        assert!(said(plan(&[(Fault::Reorder, "0")]), Transport::Stream).contains("--udp only"));
+        assert!(said(plan(&[(Fault::Reset, "0")]), Transport::Datagram).contains("no connection"));
+        assert!(said(plan(&[(Fault::Drop, "0.1:3")]), Transport::Stream).contains("no parameter"));
     }
 }

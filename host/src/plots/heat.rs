@@ -6,7 +6,7 @@ use plotters::prelude::*;
 const SIZE: (u32, u32) = (560, 460);
 /// Width of the scale, px.
 const SCALE: u32 = 90;
-/// Colours of the scale from its lower to its upper end: even in lightness, also for those who see few colours (viridis).
+/// Colours of the scale from its lower to its upper end (viridis: even in lightness, readable with colour blindness).
 const COLOURS: [(f64, f64, f64); 5] = [
     (68.0, 1.0, 84.0),
     (59.0, 82.0, 139.0),
@@ -14,13 +14,13 @@ const COLOURS: [(f64, f64, f64); 5] = [
     (94.0, 201.0, 98.0),
     (253.0, 231.0, 37.0),
 ];
-/// Steps of the scale's picture.
+/// Number of shades drawn for the scale.
 const SHADES: u32 = 64;
 
-/// A cell of a map: its middle, and the value there.
+/// Cell of a map: x and y of its middle, and its value.
 pub(crate) type Cell = (f64, f64, f64);
 
-/// Values over a plane; where there is no cell the paper shows.
+/// Values over a plane; places without a cell stay white.
 pub(crate) struct HeatMap {
     pub(crate) x_axis: &'static str,
     pub(crate) y_axis: &'static str,
@@ -28,7 +28,7 @@ pub(crate) struct HeatMap {
     /// Side of a cell, in the units of both axes.
     pub(crate) pitch: f64,
     pub(crate) cells: Vec<Cell>,
-    /// A cross at this place.
+    /// Place of a cross.
     pub(crate) mark: (f64, f64),
     /// Ends of the scale, positive; values beyond have the end's colour.
     pub(crate) scale: (f64, f64),
@@ -48,7 +48,7 @@ impl HeatMap {
         let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
         root.fill(&WHITE)?;
         let (map, scale) = root.split_horizontally(SIZE.0.saturating_sub(SCALE));
-        // A little over each other, so that no paper shows between neighbours.
+        // Cells overlap a little, so that no gap shows between neighbours.
         let half = 0.51 * self.pitch;
         let (x, y) = self.ranges();
         let mut chart = ChartBuilder::on(&map)
@@ -128,32 +128,29 @@ impl HeatMap {
         (around(x), around(y))
     }
 
+    #[expect(
+        clippy::indexing_slicing,
+        reason = "`below` is at most the last but one"
+    )]
     fn colour(&self, value: f64) -> RGBColor {
         let (low, high) = self.scale;
         let share = (value / low).ln() / (high / low).ln();
-        let last = f64::from(u32::try_from(COLOURS.len()).unwrap_or(1)) - 1.0;
-        // NaN goes to an end as well.
+        let last = (COLOURS.len() - 1) as f64;
+        // NaN becomes the lower end.
         let place = if share > 0.0 {
             share.min(1.0) * last
         } else {
             0.0
         };
-        let mut below = 0.0;
-        for pair in COLOURS.windows(2) {
-            if let ([from, to], true) = (pair, place <= below + 1.0) {
-                let part = place - below;
-                let mix = |from: f64, to: f64| channel(from + (to - from) * part);
-                return RGBColor(mix(from.0, to.0), mix(from.1, to.1), mix(from.2, to.2));
-            }
-            below += 1.0;
-        }
-        RGBColor(253, 231, 37)
+        let below = (place as usize).min(COLOURS.len() - 2);
+        let part = place - below as f64;
+        let (from, to) = (COLOURS[below], COLOURS[below + 1]);
+        let mix = |from: f64, to: f64| channel(from + (to - from) * part);
+        RGBColor(mix(from.0, to.0), mix(from.1, to.1), mix(from.2, to.2))
     }
 }
 
-/// The nearest value of a colour's channel.
+/// Nearest value of a colour channel.
 fn channel(value: f64) -> u8 {
-    (0..=u8::MAX)
-        .find(|step| f64::from(*step) + 0.5 >= value)
-        .unwrap_or(u8::MAX)
+    value.round().clamp(0.0, 255.0) as u8
 }

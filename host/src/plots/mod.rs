@@ -1,4 +1,4 @@
-//! Plots as SVG, and pages around them. The browser draws the text, so no fonts are needed.
+//! Plots as SVG, and pages around them. The browser draws the text; fonts are not needed.
 
 pub(crate) mod heat;
 pub(crate) mod page;
@@ -18,13 +18,13 @@ const COLOURS: [RGBColor; 8] = [
     RGBColor(200, 70, 140),
     RGBColor(0, 0, 0),
 ];
-/// A curve.
+/// One curve.
 pub(crate) struct Curve {
     pub(crate) name: String,
     pub(crate) points: Vec<(f64, f64)>,
-    /// Dots at the points.
+    /// Draws dots at the points.
     pub(crate) dots: bool,
-    /// No line between the points.
+    /// Draws no line between the points.
     pub(crate) no_line: bool,
 }
 
@@ -62,9 +62,9 @@ pub(crate) struct Plot {
     pub(crate) y_axis: &'static str,
     pub(crate) curves: Vec<Curve>,
     pub(crate) bands: Vec<Band>,
-    /// Names for whole values of y, where y counts states.
+    /// Names for integer values of y.
     pub(crate) y_names: Option<&'static [&'static str]>,
-    /// Where the names of the curves stand.
+    /// Corner for the names of the curves.
     pub(crate) key: Corner,
 }
 
@@ -165,7 +165,7 @@ impl Plot {
             .map_or_else(String::new, |(name, _)| (*name).to_owned())
     }
 
-    /// From the smallest to the largest value of a coordinate, `margin` of the span wider at both ends.
+    /// Range of a coordinate, extended by `margin` of its span at both ends.
     fn range(&self, coordinate: impl Fn(&(f64, f64)) -> f64, margin: f64) -> std::ops::Range<f64> {
         let values = self
             .curves
@@ -185,7 +185,7 @@ impl Plot {
     }
 }
 
-/// Labels with as many digits as the span of an axis asks for.
+/// Formatter of axis labels, with digits according to the span.
 fn number(range: &std::ops::Range<f64>) -> impl Fn(&f64) -> String {
     let digits = usize::from(range.end - range.start < 10.0);
     move |value| format!("{value:.digits$}")

@@ -1,4 +1,4 @@
-//! The phases of a session in plots: their names, their colours, and the stretches of a window they fill.
+//! Phases of a session in plots: names, colours, and the stretches of time they fill.
 
 use gantry_tau_core::control::message::Phase;
 use plotters::style::RGBColor;
@@ -14,7 +14,7 @@ pub(crate) const NAMES: [&str; 6] = [
     "SafeDisconnect",
     "Fault",
 ];
-/// Colour behind a phase.
+/// Background colours, in the same order.
 const COLOURS: [RGBColor; 6] = [
     RGBColor(225, 225, 225),
     RGBColor(250, 240, 190),
@@ -24,7 +24,7 @@ const COLOURS: [RGBColor; 6] = [
     RGBColor(240, 190, 190),
 ];
 
-/// Place of a phase in [`NAMES`].
+/// Index of a phase in [`NAMES`].
 pub(crate) const fn number(phase: Phase) -> u8 {
     match phase {
         Phase::Listening => 0,
@@ -36,14 +36,22 @@ pub(crate) const fn number(phase: Phase) -> u8 {
     }
 }
 
-/// From where to where on the x axis one phase lasts.
+/// Name of a phase.
+pub(crate) fn name(phase: Phase) -> &'static str {
+    NAMES
+        .get(usize::from(number(phase)))
+        .copied()
+        .unwrap_or_default()
+}
+
+/// Range of the x axis in which one phase lasts.
 pub(crate) struct Stretch {
     pub(crate) from: f64,
     pub(crate) to: f64,
     pub(crate) phase: Phase,
 }
 
-/// The stretches of one phase each; every one reaches to the beginning of the next.
+/// Splits points into stretches of one phase; each reaches to the beginning of the next.
 pub(crate) fn stretches(points: impl IntoIterator<Item = (f64, Phase)>) -> Vec<Stretch> {
     let mut stretches: Vec<Stretch> = Vec::new();
     for (x, phase) in points {
@@ -60,7 +68,7 @@ pub(crate) fn stretches(points: impl IntoIterator<Item = (f64, Phase)>) -> Vec<S
     stretches
 }
 
-/// The same as coloured bands.
+/// The stretches as coloured bands.
 pub(crate) fn bands(points: impl IntoIterator<Item = (f64, Phase)>) -> Vec<Band> {
     let band = |stretch: Stretch| Band {
         from: stretch.from,

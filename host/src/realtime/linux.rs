@@ -29,26 +29,36 @@ fn timespec(ns: u64) -> Timespec {
 /// Sleeps until [`now_ns`] would return at least `deadline`.
 pub fn sleep_until_ns(deadline: u64) {
     while now_ns() < deadline {
-        // A signal may wake it early; the loop sleeps on.
+        // A signal may wake the thread early.
         let _interrupted = clock_nanosleep_absolute(ClockId::Monotonic, &timespec(deadline));
     }
 }
 
-/// Waits until `socket` has bytes (or is closed) or the deadline has come. Returns whether there is something to read.
+/// Waits until `socket` has bytes (or is closed), at most until the deadline. Returns true if there is something to read.
 #[must_use]
 pub fn wait_readable_until_ns(socket: Socket<'_>, deadline: u64) -> bool {
-    let left = deadline.saturating_sub(now_ns());
-    if left == 0 {
-        return false;
-    }
-    let mut fds = [match &socket {
-        Socket::Stream(stream) => PollFd::new(stream, PollFlags::IN),
-        Socket::Datagram(socket) => PollFd::new(socket, PollFlags::IN),
-    }];
-    matches!(poll(&mut fds, Some(&timespec(left))), Ok(ready) if ready > 0)
+    poll_until_ns(&mut [poll_fd(&socket)], deadline)
 }
 
-/// Keeps all memory of the process resident, so that the cycle never waits for a page.
+/// As [`wait_readable_until_ns`], for any of `sockets`. Allocates.
+pub fn wait_any_readable_until_ns(sockets: &[Socket<'_>], deadline: u64) -> bool {
+    let mut fds: Vec<PollFd<'_>> = sockets.iter().map(poll_fd).collect();
+    poll_until_ns(&mut fds, deadline)
+}
+
+fn poll_fd<'a>(socket: &'a Socket<'_>) -> PollFd<'a> {
+    match socket {
+        Socket::Stream(stream) => PollFd::new(stream, PollFlags::IN),
+        Socket::Datagram(socket) => PollFd::new(socket, PollFlags::IN),
+    }
+}
+
+fn poll_until_ns(fds: &mut [PollFd<'_>], deadline: u64) -> bool {
+    let left = deadline.saturating_sub(now_ns());
+    left > 0 && matches!(poll(fds, Some(&timespec(left))), Ok(ready) if ready > 0)
+}
+
+/// Locks all memory of the process, so that the cycle never waits for a page.
 ///
 /// # Errors
 /// [`Denied`] without the privilege or under a limit on locked memory: locking future memory under a limit

@@ -1,4 +1,4 @@
-//! Everything that only an operating system can give: an absolute timer, real-time priority, locked memory, waiting for bytes.
+//! Services of the operating system: an absolute timer, real-time priority, locked memory, waiting for bytes.
 //!
 //! One file per system behind one interface, so that client, server and `solve` build on Linux, Windows and macOS.
 
@@ -10,15 +10,14 @@ mod system;
 #[cfg(not(target_os = "linux"))]
 #[path = "portable.rs"]
 mod system;
-// On Linux the portable file is at least compiled and tested.
+// Compiled and tested on Linux as well.
 #[cfg(all(test, target_os = "linux"))]
-#[allow(
-    unreachable_pub,
-    reason = "on the systems it is for, it is the public face"
-)]
+#[allow(unreachable_pub, reason = "public on the systems it is for")]
 mod portable;
 
-pub use system::{lock_memory, now_ns, sleep_until_ns, wait_readable_until_ns};
+pub use system::{
+    lock_memory, now_ns, sleep_until_ns, wait_any_readable_until_ns, wait_readable_until_ns,
+};
 
 /// A socket to wait on.
 #[derive(Clone, Copy, Debug)]
@@ -35,13 +34,13 @@ const PRIORITY: u8 = 80;
 /// A privilege that was not granted. The program runs on without it, with more jitter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Denied {
-    /// What was asked for.
+    /// Name of the privilege.
     pub privilege: &'static str,
-    /// What the system said.
+    /// Reason given by the system.
     pub reason: String,
 }
 
-/// Asks for real-time priority for the calling thread.
+/// Requests real-time priority for the calling thread.
 ///
 /// # Errors
 /// [`Denied`] when the system refuses, as it does for ordinary users.
@@ -54,7 +53,7 @@ pub fn raise_priority() -> Result<(), Denied> {
     let value =
         ThreadPriorityValue::try_from(PRIORITY).map_err(|error| denied(error.to_owned()))?;
     let priority = ThreadPriority::Crossplatform(value);
-    set_realtime(priority).map_err(|error| denied(format!("{error:?}")))
+    set_realtime(priority).map_err(|error| denied(error.to_string()))
 }
 
 #[cfg(unix)]
@@ -91,14 +90,14 @@ impl CycleTimer {
         }
     }
 
-    /// The coming deadline.
+    /// The next deadline.
     #[must_use]
     pub const fn deadline_ns(&self) -> u64 {
         self.deadline_ns
     }
 
-    /// Sleeps until the deadline. Returns how many cycles have elapsed: 1 when on time, more after an overrun.
-    /// The next deadline stays on the grid; nothing is caught up.
+    /// Sleeps until the deadline. Returns the number of elapsed cycles: 1 when on time, more after an overrun.
+    /// The next deadline stays on the grid: skipped cycles are not caught up.
     pub fn wait(&mut self) -> u32 {
         sleep_until_ns(self.deadline_ns);
         let late_ns = now_ns().saturating_sub(self.deadline_ns);
@@ -126,8 +125,8 @@ mod tests {
         (near, far)
     }
 
-    /// A clock that goes on, a sleep that is not too short, a wait that ends with a byte or with its deadline.
-    fn keeps_its_word(
+    /// The clock advances, the sleep is not too short, the wait ends with a byte or with its deadline.
+    fn check(
         now: fn() -> u64,
         sleep_until: fn(u64),
         wait_readable_until: fn(Socket<'_>, u64) -> bool,
@@ -153,15 +152,15 @@ mod tests {
     }
 
     #[test]
-    fn this_system_keeps_its_word() {
-        keeps_its_word(now_ns, sleep_until_ns, wait_readable_until_ns);
+    fn this_system_sleeps_and_waits_as_stated() {
+        check(now_ns, sleep_until_ns, wait_readable_until_ns);
     }
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn the_portable_file_keeps_its_word() {
+    fn the_portable_file_sleeps_and_waits_as_stated() {
         use portable as p;
-        keeps_its_word(p::now_ns, p::sleep_until_ns, p::wait_readable_until_ns);
+        check(p::now_ns, p::sleep_until_ns, p::wait_readable_until_ns);
         assert!(p::lock_memory().is_err());
     }
 

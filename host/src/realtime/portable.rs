@@ -1,11 +1,11 @@
-//! Any other system: the standard library's clock, sleep and sockets. Good enough for a client, `solve` and lock-step.
+//! Other systems: clock, sleep and sockets of the standard library. Sufficient for a client, `solve` and lock-step.
 
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use super::{Denied, Socket};
 
-/// How coarse the standard sleep may be, ns; the rest of a wait is spun away.
+/// Resolution of the standard sleep, ns; the rest of a wait is spent spinning.
 const COARSE_NS: u64 = 200_000;
 
 /// Monotonic time in ns since the first call.
@@ -31,17 +31,24 @@ pub fn sleep_until_ns(deadline: u64) {
     }
 }
 
-/// Waits until `socket` (non-blocking) has bytes (or is closed) or the deadline has come. Returns whether there is something to read.
+/// Waits until `socket` (non-blocking) has bytes (or is closed), at most until the deadline. Returns true if there is something to read.
 #[must_use]
 pub fn wait_readable_until_ns(socket: Socket<'_>, deadline: u64) -> bool {
-    loop {
+    wait_any_readable_until_ns(&[socket], deadline)
+}
+
+/// As [`wait_readable_until_ns`], for any of `sockets`.
+pub fn wait_any_readable_until_ns(sockets: &[Socket<'_>], deadline: u64) -> bool {
+    let is_readable = |socket: &Socket<'_>| {
         let seen = match socket {
             Socket::Stream(stream) => stream.peek(&mut [0]),
             Socket::Datagram(socket) => socket.peek(&mut [0]),
         };
-        match seen {
-            Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {}
-            _ => return true,
+        !matches!(seen, Err(error) if error.kind() == std::io::ErrorKind::WouldBlock)
+    };
+    loop {
+        if sockets.iter().any(is_readable) {
+            return true;
         }
         let now = now_ns();
         if now >= deadline {

@@ -1,4 +1,4 @@
-//! `replay`: runs a black box through the core again and says, bit for bit, whether the outputs agree (T11).
+//! `replay`: runs a black box through the core again and compares the outputs bit for bit (T11).
 
 pub(crate) mod picture;
 
@@ -10,33 +10,34 @@ use serde::Serialize;
 
 use crate::black_box::{self, FileError, Window};
 use crate::client::cause_text;
+use crate::record::cause_name;
 use crate::terminal::say;
 use picture::Picture;
 
-/// Instead of a cause.
-const CUT_SHORT: &str = "the window was cut short, the machine did not take the references";
+/// Text in place of a cause.
+const CUT_SHORT: &str = "the window was cut short: the machine did not accept the references";
 
-/// What a replay is told.
+/// Options of a replay.
 #[derive(Clone, Debug)]
 pub struct ReplayOptions {
-    /// The black box.
+    /// Path of the black box.
     pub file: PathBuf,
-    /// Where its picture goes, if anywhere: an SVG, or a page if the name ends in `.html`.
+    /// Path of its picture, if wanted: an SVG, or a page if the name ends in `.html`.
     pub plot: Option<PathBuf>,
-    /// Where the findings go as JSON, if anywhere.
+    /// Path of the findings as JSON, if wanted.
     pub json: Option<PathBuf>,
 }
 
-/// Why a replay came to no end.
+/// Reason why a replay failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ReplayError {
-    /// The file is no black box.
+    /// The file is not a black box.
     File(FileError),
-    /// Something cannot be written.
+    /// A file cannot be written.
     Write {
-        /// Where.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Reason given by the system.
         reason: String,
     },
 }
@@ -52,7 +53,7 @@ impl fmt::Display for ReplayError {
 
 impl std::error::Error for ReplayError {}
 
-/// What was found. The JSON layout is stable: fields are added, never renamed.
+/// Findings of a replay. The JSON layout is stable: fields are added, never renamed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Findings {
     /// Version of this layout.
@@ -65,11 +66,11 @@ pub struct Findings {
     pub first_tick: u64,
     /// Number of the latest tick.
     pub last_tick: u64,
-    /// How many ticks there are; an overrun of the server skips tick numbers.
+    /// Number of ticks; an overrun of the server skips tick numbers.
     pub ticks: usize,
-    /// Why a session ended or the server stopped: the name of core's `Cause`. `None` where the window was cut short.
-    pub cause: Option<String>,
-    /// The tick in which it did; where the window was cut short, its last.
+    /// Cause of the end of a session or of the stop, as in core's `Cause`. `None` if the window was cut short.
+    pub cause: Option<&'static str>,
+    /// Tick of the cause; the last tick if the window was cut short.
     pub cause_tick: u64,
     /// The cause in a sentence.
     pub cause_text: &'static str,
@@ -79,22 +80,22 @@ pub struct Findings {
     pub difference: Option<Difference>,
 }
 
-/// The first field that a replay gave differently.
+/// First field that differs in the replay.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Difference {
-    /// Its tick, by the replay.
+    /// Tick, as replayed.
     pub tick: u64,
-    /// Which field of core's `Output`, as in `state.axes[1].offsets.position`.
+    /// Field of core's `Output`, for instance `state.axes[1].offsets.position`.
     pub field: String,
-    /// Which axis the field belongs to, counted from 1, if to one.
+    /// Axis of the field, counted from 1, if it belongs to one.
     pub axis: Option<usize>,
-    /// What the file says.
+    /// Value in the file.
     pub recorded: String,
-    /// What the replay gave.
+    /// Value of the replay.
     pub replayed: String,
 }
 
-/// Replays a file, prints what was found, writes what was asked for.
+/// Replays a file, prints the findings, writes the files that are wanted.
 ///
 /// # Errors
 /// [`ReplayError`].
@@ -103,7 +104,7 @@ pub fn run(options: &ReplayOptions) -> Result<Findings, ReplayError> {
     let bytes = black_box::bytes(&options.file).map_err(ReplayError::File)?;
     match black_box::axes(&name, &bytes).map_err(ReplayError::File)? {
         6 => examine::<6>(options, &name, &bytes),
-        // Any number of axes but these two is refused there, with its line.
+        // Refuses any other number of axes, with its line.
         _ => examine::<3>(options, &name, &bytes),
     }
 }
@@ -150,7 +151,7 @@ impl Findings {
             first_tick: window.entries.first().map_or(0, number),
             last_tick: window.entries.last().map_or(0, number),
             ticks: window.entries.len(),
-            cause: end.cause.map(|cause| format!("{cause:?}")),
+            cause: end.cause.map(cause_name),
             cause_tick: end.tick.0,
             cause_text: end.cause.map_or(CUT_SHORT, cause_text),
             agreeing: replayed.agreeing,
@@ -194,7 +195,7 @@ impl fmt::Display for Findings {
             "  window    {ticks} ticks, {} to {}",
             self.first_tick, self.last_tick
         )?;
-        let name = self.cause.as_deref().unwrap_or("none");
+        let name = self.cause.unwrap_or("none");
         writeln!(
             f,
             "  cause     {name} in tick {}: {}",

@@ -1,4 +1,4 @@
-//! The picture of a window: offsets, their change since the cause, and what happened, over ticks relative to the cause.
+//! Picture of a window: offsets, their change since the cause, and events, over ticks relative to the cause.
 
 use gantry_tau_core::control::session::Entry;
 use gantry_tau_core::units::Tick;
@@ -10,13 +10,13 @@ use crate::plots::{Band, Corner, Curve, Plot, SIZE, phases};
 
 /// Height of a title, and of the key to the colours, in the SVG, px.
 const LINE: u32 = 34;
-/// Rows of the last plot, from below.
-const HAPPENINGS: [&str; 8] = [
+/// Rows of the event plot, from below.
+const EVENTS: [&str; 8] = [
     "answer accepted",
     "deadline missed",
     "late or bad frame",
     "limited, clamped",
-    "stranger, refusal",
+    "other peer, refusal",
     "stop held",
     "session granted",
     "session ended",
@@ -37,11 +37,11 @@ impl Picture {
                 "Change of the offsets since the tick before the cause",
                 scene.offsets("change, µm", |axis| scene.offset_before_cause(axis)),
             ),
-            ("What happened", scene.happenings()),
+            ("Events", scene.events()),
         ])
     }
 
-    /// A page with the summary.
+    /// The plots as a page with the summary.
     pub(crate) fn page(&self, summary: &str) -> String {
         let summary = escape(summary);
         let mut body = format!("<h1>Black box</h1><pre>{summary}</pre>{}", page::key());
@@ -51,7 +51,7 @@ impl Picture {
         page::page("gantry-tau replay", &body)
     }
 
-    /// One drawing: the plots below each other.
+    /// The plots below each other as one drawing.
     pub(crate) fn svg(&self, name: &str) -> String {
         let (width, height) = SIZE;
         let mut y = LINE;
@@ -87,14 +87,14 @@ fn text(x: u32, y: u32, text: &str) -> String {
     )
 }
 
-/// What the plots are made of.
+/// Data of the plots.
 struct Scene<'a, const N: usize> {
     window: &'a Window<N>,
     findings: &'a Findings,
 }
 
 impl<const N: usize> Scene<'_, N> {
-    /// Place of a tick on the x axis.
+    /// Position of a tick on the x axis.
     fn x(&self, tick: Tick) -> f64 {
         let ticks = i128::from(tick.0) - i128::from(self.findings.cause_tick);
         i32::try_from(ticks).map_or(f64::NAN, f64::from)
@@ -119,7 +119,7 @@ impl<const N: usize> Scene<'_, N> {
         )
     }
 
-    /// Position offset of an axis before the tick of the cause, nm.
+    /// Position offset of an axis before the cause, nm.
     fn offset_before_cause(&self, axis: usize) -> i32 {
         let index = self.window.end().index.checked_sub(1);
         let entry = index.and_then(|index| self.window.entries.get(index));
@@ -138,7 +138,7 @@ impl<const N: usize> Scene<'_, N> {
         offsets.unwrap_or_default().position.0
     }
 
-    /// Position offsets less `origin` (nm), a curve per axis; the cause and the first difference as upright lines.
+    /// Position offsets minus `origin` (nm), one curve per axis; the cause and the first difference as vertical lines.
     fn offsets(&self, y_axis: &'static str, origin: impl Fn(usize) -> i32) -> Plot {
         let curve = |axis: usize| {
             let origin = f64::from(origin(axis));
@@ -156,13 +156,13 @@ impl<const N: usize> Scene<'_, N> {
                 .map(|point| point.1)
         };
         let (low, high) = (values().fold(0.0, f64::min), values().fold(0.0, f64::max));
-        let upright = |name: &str, x: f64| Curve::line(name, vec![(x, low), (x, high)]);
+        let vertical = |name: &str, x: f64| Curve::line(name, vec![(x, low), (x, high)]);
         let mut marks = Vec::new();
         if let Some(cause) = &self.findings.cause {
-            marks.push(upright(cause, 0.0));
+            marks.push(vertical(cause, 0.0));
         }
         if let Some(difference) = &self.findings.difference {
-            marks.push(upright("replay differs", self.x(Tick(difference.tick))));
+            marks.push(vertical("replay differs", self.x(Tick(difference.tick))));
         }
         curves.extend(marks);
         Plot {
@@ -175,8 +175,8 @@ impl<const N: usize> Scene<'_, N> {
         }
     }
 
-    /// A dot for everything that happened.
-    fn happenings(&self) -> Plot {
+    /// One dot per event.
+    fn events(&self) -> Plot {
         let mut dots = Vec::new();
         let before = self.window.before.parts();
         let (mut accepted, mut counters) = (before.discrete.accepted, before.counters);
@@ -204,21 +204,21 @@ impl<const N: usize> Scene<'_, N> {
             self.x(Tick(self.findings.first_tick)),
             self.x(Tick(self.findings.last_tick)),
         );
-        let rows = (0..).zip(HAPPENINGS).map(|(row, _)| f64::from(row));
-        // Keeps all rows, and the whole window, in sight.
+        let rows = (0..).zip(EVENTS).map(|(row, _)| f64::from(row));
+        // Extends the axes to all rows and the whole window.
         let frame = rows.flat_map(|row| [(first, row), (last, row)]);
         Plot {
             x_axis: self.x_axis(),
             y_axis: "",
             curves: vec![
-                Curve::dots("what happened", dots),
+                Curve::dots("events", dots),
                 Curve {
                     dots: false,
                     ..Curve::dots("", frame.collect())
                 },
             ],
             bands: self.bands(),
-            y_names: Some(&HAPPENINGS),
+            y_names: Some(&EVENTS),
             key: Corner::UpperLeft,
         }
     }

@@ -1,6 +1,7 @@
-//! `model = "f1"`: the 6-DOF machine.
+//! `model = "f1"`: six axes.
 
-use gantry_tau_core::model::robot::{ARMS, AXES, LINKS, SixLink, SixLinkGeometry};
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::robot::{ARMS, LINKS};
 use nalgebra::Vector3;
 use serde::{Deserialize, Deserializer};
 
@@ -32,8 +33,8 @@ struct FileToml {
     sigma4: i64,
     sigma5: i64,
     c_link: Option<[f64; LINKS]>,
-    c_act: Option<[f64; AXES]>,
-    axes: Axes<AXES>,
+    c_act: Option<[f64; f1::AXES]>,
+    axes: Axes<{ f1::AXES }>,
     motors: Motors,
     sensor: Sensor,
     client: Client,
@@ -52,12 +53,12 @@ fn lengths<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; LINKS], D
     }
 }
 
-pub(super) fn read(name: &str, text: &str) -> Result<RobotFile<F1, AXES>, Problem> {
+pub(super) fn read(name: &str, text: &str) -> Result<RobotFile<F1, { f1::AXES }>, Problem> {
     let toml: FileToml = toml::from_str(text).map_err(|error| check::syntax(text, &error))?;
     // The screws of the plates have a law of their own.
     let [v1, v2, v3] = toml.v.map(|guideway| Some(Vector3::from(guideway).norm()));
     let travel = check::travel_in_q(&toml.axes, &[v1, v2, v3, None, None, None])?;
-    let robot = SixLink::new(SixLinkGeometry {
+    let robot = f1::Robot::new(f1::Geometry {
         carts_m: toml.c0.map(Vector3::from),
         guideways: toml.v.map(Vector3::from),
         plate_joints_m: toml.p.map(Vector3::from),

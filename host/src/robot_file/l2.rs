@@ -1,6 +1,7 @@
-//! `model = "l2"`: the 3-DOF machine.
+//! `model = "l2"`: three axes.
 
-use gantry_tau_core::model::robot::{ARMS, Configuration, Geometry, LINKS, Robot};
+use gantry_tau_core::model::l2;
+use gantry_tau_core::model::robot::{ARMS, LINKS};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
@@ -27,31 +28,31 @@ struct FileToml {
     c: [i64; ARMS],
     cf: i64,
     c_link: Option<[f64; LINKS]>,
-    c_cart: Option<[f64; ARMS]>,
-    axes: Axes<ARMS>,
+    c_cart: Option<[f64; l2::AXES]>,
+    axes: Axes<{ l2::AXES }>,
     motors: Motors,
     sensor: Sensor,
     client: Client,
     simulation: Simulation,
 }
 
-pub(super) fn read(name: &str, text: &str) -> Result<RobotFile<L2, ARMS>, Problem> {
+pub(super) fn read(name: &str, text: &str) -> Result<RobotFile<L2, { l2::AXES }>, Problem> {
     let toml: FileToml = toml::from_str(text).map_err(|error| check::syntax(text, &error))?;
     let scales = toml.v.map(|guideway| Some(Vector3::from(guideway).norm()));
     let travel = check::travel_in_q(&toml.axes, &scales)?;
-    let robot = Robot::new(Geometry {
+    let robot = l2::Robot::new(l2::Geometry {
         cart_joints_m: toml.a0.map(Vector3::from),
         guideways: toml.v.map(Vector3::from),
         platform_joints_m: toml.b.map(Vector3::from),
         lengths_m: toml.l,
-        configuration: Configuration {
+        configuration: l2::Configuration {
             inverse: branches(toml.c)?,
             forward: branch("cf", toml.cf)?,
         },
         travel: Some(travel),
     })
     .map_err(|error| robot_problem(error, "c_cart"))?;
-    let model = L2::new(robot).map_err(|error| Problem::new("A0", error.to_string()))?;
+    let model = L2::new(&robot).map_err(|error| Problem::new("A0", error.to_string()))?;
     let springs = compliances(toml.c_link, "c_cart", toml.c_cart)?;
     let sections = Sections {
         axes: toml.axes,

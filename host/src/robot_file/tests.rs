@@ -1,4 +1,5 @@
 use super::*;
+use gantry_tau_core::model::presets;
 use gantry_tau_core::model::robot::LINKS;
 
 fn refused(text: &str, from: &str, to: &str) -> RobotFileError {
@@ -10,6 +11,18 @@ fn refused(text: &str, from: &str, to: &str) -> RobotFileError {
 }
 
 #[test]
+fn the_built_in_machines_are_the_presets() {
+    let file = RobotFile::builtin_l2().unwrap();
+    assert_eq!(*file.model.kinematics().robot().geometry(), presets::l2());
+    assert_eq!(file.compliances, Some(presets::l2_compliances()));
+    let file = RobotFile::builtin_f1().unwrap();
+    assert_eq!(*file.model.kinematics().robot().geometry(), presets::f1());
+    assert_eq!(file.compliances, Some(presets::f1_compliances()));
+    let bits = |scales: [f64; 6]| scales.map(f64::to_bits);
+    assert_eq!(bits(file.axes.metres_per_q), bits(presets::F1_METRES_PER_Q));
+}
+
+#[test]
 fn the_built_in_machine_is_the_vectors_machine() {
     let file = RobotFile::builtin_l2().unwrap();
     let text = include_str!("../../../tests/data/tau_vectors.json");
@@ -18,7 +31,7 @@ fn the_built_in_machine_is_the_vectors_machine() {
         let value = vectors["l2"].get(key).unwrap_or(&vectors[key]).clone();
         serde_json::from_value::<Vec<[f64; 3]>>(value).unwrap()
     };
-    let geometry = file.model.robot().geometry();
+    let geometry = file.model.kinematics().robot().geometry();
     for (key, ours) in [
         ("A0", geometry.cart_joints_m.as_slice()),
         ("V", &geometry.guideways),

@@ -2,9 +2,9 @@
 
 pub mod connections;
 pub mod cycle;
-pub mod observe;
+pub mod event_log;
 mod outbox;
-pub mod pace;
+pub mod tick_source;
 
 use std::fmt;
 use std::io;
@@ -17,7 +17,7 @@ use gantry_tau_core::control::message::Phase;
 
 use crate::plant::{Plant, PlantError};
 use cycle::{Cycle, Row};
-use pace::Pace;
+use tick_source::TickSource;
 
 /// Half the black box, in ticks: at least so many remain before and after a cause.
 pub const HALF: usize = 64;
@@ -149,7 +149,7 @@ impl<const N: usize> Server<N> {
     /// [`ServerError`] when the system gives no address or no thread.
     pub fn spawn<const M: usize, P: Plant<N, M> + 'static>(
         cycle: Cycle<N, M, P>,
-        pace: Pace,
+        ticks: TickSource,
     ) -> Result<(Self, rtrb::Consumer<Row<N>>), ServerError> {
         let thread_error = |error: io::Error| ServerError::Thread(error.to_string());
         let address = cycle.address().map_err(thread_error)?;
@@ -158,7 +158,7 @@ impl<const N: usize> Server<N> {
         let switches = Arc::clone(&controls);
         let thread = std::thread::Builder::new()
             .name("cycle".to_owned())
-            .spawn(move || pace::run(cycle, pace, &switches, rows))
+            .spawn(move || tick_source::run(cycle, ticks, &switches, rows))
             .map_err(thread_error)?;
         let server = Self {
             address,

@@ -4,7 +4,7 @@
 //! `w = (F, M)` is what the environment applies to the platform, `f` are link tensions:
 //!
 //! - balance `W f + w = 0` with `W = [s; l x s]` `[T 3.24]`, so the tensions follow from the pose alone `[T 3.25]`;
-//! - each link is as long as its spring makes it: `L_i + c_ij f_ij`, plus the play in cluster 3 ([`Play`]);
+//! - each link is as long as its spring makes it: `L_i + c_ij f_ij`, plus the backlash in cluster 3 ([`Backlash`]);
 //! - each axis is where its spring lets it: `q_i + c_i tau_i`, with `tau = -D^T f` `[T 3.26]`.
 //!
 //! All three are evaluated at the *deflected* pose, which is found by stepping on the six length errors. No mass, no damping:
@@ -12,11 +12,12 @@
 
 use std::fmt;
 
-use gantry_tau_core::model::robot::{Compliances, LINKS, SixLinkGeometry};
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::robot::{Compliances, LINKS};
 use nalgebra::{Matrix6, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
+use super::backlash::Backlash;
 use super::joints::{Joint, joint};
-use super::play::Play;
 
 /// The search ends when no step is larger than this, in metres and in radians.
 pub const STEP_TOLERANCE: f64 = 1e-13;
@@ -85,12 +86,12 @@ impl fmt::Display for ElasticError {
 
 impl std::error::Error for ElasticError {}
 
-/// Links, axes and joint play of one machine with `N` axes.
+/// Links, axes and joint backlash of one machine with `N` axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ElasticMachine<const N: usize> {
-    geometry: SixLinkGeometry,
+    geometry: f1::Geometry,
     compliances: Compliances<N>,
-    play: Play,
+    backlash: Backlash,
 }
 
 impl<const N: usize> Equilibrium<N> {
@@ -116,23 +117,27 @@ impl<const N: usize> Equilibrium<N> {
 impl<const N: usize> ElasticMachine<N> {
     /// A machine with its *true* compliances.
     #[must_use]
-    pub const fn new(geometry: SixLinkGeometry, compliances: Compliances<N>, play: Play) -> Self {
+    pub const fn new(
+        geometry: f1::Geometry,
+        compliances: Compliances<N>,
+        backlash: Backlash,
+    ) -> Self {
         Self {
             geometry,
             compliances,
-            play,
+            backlash,
         }
     }
 
-    /// The same machine with another play in the joint of arm 3.
+    /// The same machine with another backlash in the joint of arm 3.
     #[must_use]
-    pub const fn with_play(self, play: Play) -> Self {
-        Self { play, ..self }
+    pub const fn with_backlash(self, backlash: Backlash) -> Self {
+        Self { backlash, ..self }
     }
 
     /// The geometry.
     #[must_use]
-    pub const fn geometry(&self) -> &SixLinkGeometry {
+    pub const fn geometry(&self) -> &f1::Geometry {
         &self.geometry
     }
 
@@ -244,7 +249,7 @@ impl<const N: usize> ElasticMachine<N> {
     ) -> Vector6<f64> {
         let axes = self.displaced(motors, axis_loads);
         let play_m = self
-            .play
+            .backlash
             .elongation_m(tensions_n.fixed_rows::<3>(CLUSTER_3).sum());
         Vector6::from_fn(|link, _| {
             let spring_m = self.compliances.link_m_per_n()[link] * tensions_n[link];
@@ -296,7 +301,7 @@ mod tests {
 
     /// Rigid joints, nominal compliances.
     fn machine() -> ElasticMachine<ARMS> {
-        ElasticMachine::new(fixture::geometry(), fixture::compliances(), Play::NONE)
+        ElasticMachine::new(fixture::geometry(), fixture::compliances(), Backlash::NONE)
     }
 
     #[test]
@@ -490,7 +495,11 @@ mod tests {
     }
 
     fn six() -> ElasticMachine<6> {
-        ElasticMachine::new(fixture::six_links(), fixture::six_compliances(), Play::NONE)
+        ElasticMachine::new(
+            fixture::six_links(),
+            fixture::six_compliances(),
+            Backlash::NONE,
+        )
     }
 
     fn pose_of_six(case: &fixture::SixCase) -> Pose {

@@ -1,11 +1,12 @@
 //! Machines and cases of `tests/data/tau_vectors.json`, for the tests of this folder.
 
-use gantry_tau_core::model::robot::{Compliances, SixLinkGeometry};
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::robot::Compliances;
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use crate::model::Model;
+use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 
 /// One pose and load of the L2 with what an independent implementation says about it.
@@ -43,11 +44,11 @@ fn cases_of<T: DeserializeOwned>(model: &str) -> Vec<T> {
 }
 
 /// The L2 whose file the tests of [`crate::robot_file`] compare with the vectors.
-pub(crate) fn geometry() -> SixLinkGeometry {
+pub(crate) fn geometry() -> f1::Geometry {
     RobotFile::builtin_l2().unwrap().model.geometry()
 }
 
-pub(crate) fn compliances() -> Compliances {
+pub(crate) fn compliances() -> Compliances<3> {
     RobotFile::builtin_l2().unwrap().compliances.unwrap()
 }
 
@@ -56,7 +57,7 @@ pub(crate) fn cases() -> Vec<Case> {
 }
 
 /// The F1.
-pub(crate) fn six_links() -> SixLinkGeometry {
+pub(crate) fn six_links() -> f1::Geometry {
     RobotFile::builtin_f1().unwrap().model.geometry()
 }
 

@@ -1,6 +1,7 @@
 //! Joints between the axes and the links: where they are, and how each axis moves them. By rotations of nalgebra, apart from core's plates.
 
-use gantry_tau_core::model::robot::{ARM_OF_LINK, SixLinkGeometry};
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::robot::ARM_OF_LINK;
 use nalgebra::{Rotation3, Unit, Vector3};
 
 /// Index of `q_4` among the axes; `q_5` and `q_6` follow.
@@ -18,7 +19,7 @@ pub struct Joint<const N: usize> {
 /// The joint of `link` (from 0, link order) with the axes at `q`: cart `C_i + q_i V_i`, plate 2 turned by `Rot(ax, sigma4 q_4)`, plate 3 by
 /// `Rot(ax, sigma5 q_5) Rot(ax6, q_6)` `[T 3.1.2]`. A machine of three axes keeps its plates at 0.
 #[must_use]
-pub fn joint<const N: usize>(geometry: &SixLinkGeometry, link: usize, q: &[f64; N]) -> Joint<N> {
+pub fn joint<const N: usize>(geometry: &f1::Geometry, link: usize, q: &[f64; N]) -> Joint<N> {
     let arm = ARM_OF_LINK[link];
     let angle = |axis: usize| q.get(axis).copied().unwrap_or(0.0);
     let turn_axis = Unit::new_normalize(geometry.turn_axis);

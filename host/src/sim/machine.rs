@@ -11,7 +11,8 @@
 
 use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
 use gantry_tau_core::control::endpoint::MotorMap;
-use gantry_tau_core::model::robot::{Compliances, SixLinkGeometry};
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 
@@ -19,8 +20,8 @@ use super::drive::{self, Drive};
 use super::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
 use super::force_sensor::ForceSensor;
 use super::gauge::Gauge;
-use super::hand::{Load, Tool};
 use super::interpolator::Interpolator;
+use super::load_generator::{AppliedLoad, Load};
 use super::parameters::{SimulationError, SimulationParameters, check};
 use super::springs::true_springs;
 use crate::plant::{Plant, PlantError, Reading, ToolReading};
@@ -37,7 +38,7 @@ pub struct SimulatedMachine<const N: usize, const M: usize> {
     interpolator: Interpolator<N>,
     sensor: ForceSensor,
     gauge: Gauge,
-    tool: Tool,
+    tool: AppliedLoad,
     metres_per_q: [f64; N],
     offsets_readable: bool,
     /// Nominal of the last reading.
@@ -58,11 +59,11 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
     /// # Errors
     /// [`SimulationError`] naming the parameter.
     pub fn new(
-        geometry: &SixLinkGeometry,
+        geometry: &f1::Geometry,
         nominal: &Compliances<N>,
         motors: MotorMap<N, M>,
         parameters: &SimulationParameters<N>,
-        tool: Tool,
+        tool: AppliedLoad,
     ) -> Result<Self, SimulationError> {
         for scale in &parameters.metres_per_q {
             check("metres_per_q", *scale, 1e-6, 1e3)?;
@@ -283,7 +284,7 @@ fn positions_nm<const N: usize>(
 mod tests {
     use super::*;
     use crate::sim::fixture;
-    use crate::sim::hand::{Hand, hand_and_tool};
+    use crate::sim::load_generator::{LoadGenerator, load_generator};
     use crate::sim::parameters::Motion;
     use gantry_tau_core::model::robot::ARMS;
 
@@ -294,8 +295,8 @@ mod tests {
         SimulationParameters::at_home(fixture::home_m(), fixture::home_q())
     }
 
-    fn try_machine(parameters: &Parameters) -> Result<(Machine, Hand), SimulationError> {
-        let (hand, tool) = hand_and_tool();
+    fn try_machine(parameters: &Parameters) -> Result<(Machine, LoadGenerator), SimulationError> {
+        let (hand, tool) = load_generator();
         let (geometry, nominal) = (fixture::geometry(), fixture::compliances());
         let motors = MotorMap::new([0, 1, 2]).unwrap();
         Ok((
@@ -304,7 +305,7 @@ mod tests {
         ))
     }
 
-    fn machine(parameters: &Parameters) -> (Machine, Hand) {
+    fn machine(parameters: &Parameters) -> (Machine, LoadGenerator) {
         try_machine(parameters).unwrap()
     }
 
@@ -328,7 +329,7 @@ mod tests {
     }
 
     /// Displacement in x after settling under a force in x, metres.
-    fn settled_x(machine: &mut Machine, hand: &mut Hand, newtons: f64) -> f64 {
+    fn settled_x(machine: &mut Machine, hand: &mut LoadGenerator, newtons: f64) -> f64 {
         hand.set(&pull([newtons, 0.0, 0.0])).unwrap();
         let mut x = 0.0;
         for _ in 0..200 {
@@ -576,7 +577,7 @@ mod tests {
     #[test]
     fn motors_of_one_cart_share_its_load() {
         let file = crate::robot_file::RobotFile::builtin_f1().unwrap();
-        let (mut hand, tool) = hand_and_tool();
+        let (mut hand, tool) = load_generator();
         let mut machine = file
             .simulated_machine::<{ crate::model::F1_MOTORS }>(tool, Motion::Hold)
             .unwrap();

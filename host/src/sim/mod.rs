@@ -1,22 +1,23 @@
 //! The simulated machine: the truth of the demo, and the first implementation of [`crate::plant::Plant`].
 //!
 //! It is deliberately *not* built from the compensator's model. The compensator linearises at the nominal pose
-//! ([`gantry_tau_core::model::stiffness`]); here springs, joints and motors find their own nonlinear equilibrium with their own code,
-//! their true compliances differ from the assumed ones, and a joint has play. What the two share is the description of the
+//! ([`gantry_tau_core::model::l2::Elastic`]); here springs, joints and motors find their own nonlinear equilibrium with their own code,
+//! their true compliances differ from the assumed ones, and a joint has backlash. The two share the description of the
 //! machine ([`gantry_tau_core::model::robot`]) and the units.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
 //! | [`elastic`] | platform, links, axes as springs: pose under load `[T 3.3]` |
-//! | [`joints`] | carts and plates: where the links are held, and how axes move them `[T 3.1]` |
-//! | [`play`] | the jump near 360 N `[T 5.2.2, 6.1]` |
+//! | [`joints`] | carts and plates: joints of the links, and their motion by the axes `[T 3.1]` |
+//! | [`backlash`] | the jump near 360 N `[T 5.2.2, 6.1]` |
 //! | [`springs`] | the true compliances of one machine |
 //! | [`drive`] | cascade of an axis `[T 4.1.7]` |
 //! | [`interpolator`] | nominal references, in place of the NC kernel `[T 4.1.1]` |
-//! | [`hand`] | the load on the tool, set from another thread `[T 4.2.9]` |
+//! | [`load_generator`] | the load on the tool, set from another thread `[T 4.2.9]` |
+//! | [`load_profile`] | force steps during Obtain |
 //! | [`gauge`] | length gauges `[T 4.2.6]` |
 //! | [`force_sensor`] | six-axis force sensor `[T 4.2.5]` |
-//! | [`parameters`] | what a simulation is told, and why it may be refused |
+//! | [`parameters`] | parameters of a simulation, and their errors |
 //! | [`machine`] | all of it behind [`crate::plant::Plant`] |
 //!
 //! Everything is deterministic: equal parameters and equal calls give bit-equal readings.
@@ -34,16 +35,17 @@
     )
 )]
 
+pub mod backlash;
 pub mod drive;
 pub mod elastic;
 pub mod force_sensor;
 pub mod gauge;
-pub mod hand;
 pub mod interpolator;
 pub mod joints;
+pub mod load_generator;
+pub mod load_profile;
 pub mod machine;
 pub mod parameters;
-pub mod play;
 mod rounding;
 pub mod springs;
 

@@ -1,20 +1,21 @@
 //! The true springs of one machine: what an identification should find and a compensation does not know.
 
-use gantry_tau_core::model::robot::{Compliances, LINKS, SixLinkGeometry};
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::robot::{Compliances, LINKS};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::backlash::Backlash;
 use super::elastic::{ElasticMachine, Equilibrium, Pose};
 use super::parameters::{SimulationError, SimulationParameters, check};
-use super::play::Play;
 
-/// Deviates every nominal spring by its own seeded share, and gives the joint of arm 3 its play.
+/// Deviates every nominal spring by its own seeded share, and gives the joint of arm 3 its backlash.
 ///
 /// # Errors
 /// [`SimulationError`] naming the parameter.
 pub fn true_springs<const N: usize>(
-    geometry: &SixLinkGeometry,
+    geometry: &f1::Geometry,
     nominal: &Compliances<N>,
     parameters: &SimulationParameters<N>,
 ) -> Result<ElasticMachine<N>, SimulationError> {
@@ -26,19 +27,19 @@ pub fn true_springs<const N: usize>(
     let links: [f64; LINKS] = nominal.link_m_per_n().map(&mut deviated);
     let axes: [f64; N] = nominal.cart_m_per_n().map(&mut deviated);
     let compliances = Compliances::new(links, axes).map_err(SimulationError::Compliances)?;
-    let rigid_joint = ElasticMachine::new(*geometry, compliances, Play::NONE);
-    Ok(rigid_joint.with_play(play(&rigid_joint, parameters)?))
+    let rigid_joint = ElasticMachine::new(*geometry, compliances, Backlash::NONE);
+    Ok(rigid_joint.with_backlash(backlash(&rigid_joint, parameters)?))
 }
 
-/// Play whose resting preload is what `jump_force_n` in x cancels at home.
-fn play<const N: usize>(
+/// Backlash whose resting preload is what `jump_force_n` in x cancels at home.
+fn backlash<const N: usize>(
     rigid_joint: &ElasticMachine<N>,
     parameters: &SimulationParameters<N>,
-) -> Result<Play, SimulationError> {
+) -> Result<Backlash, SimulationError> {
     check("jump_gap_m", parameters.jump_gap_m, 0.0, 1e-2)?;
     check("jump_force_n", parameters.jump_force_n, 0.0, 1e5)?;
     if parameters.jump_gap_m <= 0.0 {
-        return Ok(Play::NONE);
+        return Ok(Backlash::NONE);
     }
     let start = Equilibrium::unloaded(Pose {
         translation_m: Vector3::from(parameters.home_m),
@@ -48,7 +49,7 @@ fn play<const N: usize>(
     let at_jump = rigid_joint
         .equilibrium(&parameters.home_q, &load, &start)
         .map_err(SimulationError::Springs)?;
-    Play::new(parameters.jump_gap_m, -at_jump.cluster_3_n()).ok_or(SimulationError::NoJump)
+    Backlash::new(parameters.jump_gap_m, -at_jump.cluster_3_n()).ok_or(SimulationError::NoJump)
 }
 
 #[cfg(test)]
@@ -56,7 +57,7 @@ mod tests {
     use super::*;
     use crate::sim::fixture;
 
-    fn springs(seed: u64, spring_deviation: f64) -> Compliances {
+    fn springs(seed: u64, spring_deviation: f64) -> Compliances<3> {
         let parameters = SimulationParameters {
             seed,
             spring_deviation,

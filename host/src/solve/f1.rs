@@ -1,11 +1,9 @@
-//! The operations of the 6-DOF machine.
+//! Operations of the F1.
 
-use gantry_tau_core::model::compensation::SixLinkElastic;
-use gantry_tau_core::model::kinematics::{
-    COLD_ITERATIONS, Pose, ROTATION_TOLERANCE, SixLinkKinematics, Solved,
-};
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose, ROTATION_TOLERANCE, Solution};
 use gantry_tau_core::model::linalg::rotation_deviation;
-use gantry_tau_core::model::robot::{AXES, Compliances};
+use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
@@ -15,16 +13,16 @@ use super::ops::{deflected, rows, springs};
 use super::request::{field, matrix, optional_field};
 
 struct Task<'a> {
-    kinematics: &'a SixLinkKinematics,
-    compliances: Option<&'a Compliances<AXES>>,
+    kinematics: &'a f1::Kinematics,
+    compliances: Option<&'a Compliances<{ f1::AXES }>>,
     request: &'a Value,
 }
 
 /// One of [`super::ops::NAMES`].
 pub(super) fn solve(
     op: &str,
-    kinematics: &SixLinkKinematics,
-    compliances: Option<&Compliances<AXES>>,
+    kinematics: &f1::Kinematics,
+    compliances: Option<&Compliances<{ f1::AXES }>>,
     request: &Value,
 ) -> Result<Value, Failure> {
     let task = Task {
@@ -51,7 +49,7 @@ fn pose(object: &Value) -> Result<Pose, Failure> {
     let deviation = rotation_deviation(&rotation);
     if deviation > ROTATION_TOLERANCE {
         return Err(Failure::request(format!(
-            "R is not a rotation: R^T R deviates by {deviation:e} from the identity"
+            "R is not a rotation matrix (deviation {deviation:e})"
         )));
     }
     Ok(Pose {
@@ -65,24 +63,24 @@ impl Task<'_> {
         field(self.request, "w").map(Wrench::from_array)
     }
 
-    /// The axes that put the tool where the request says, in the assembly mode of the machine; plates start from the seed's.
-    fn inverse(&self, pose: &Pose) -> Result<Solved<[f64; AXES]>, Failure> {
-        let seed: Option<[f64; AXES]> = optional_field(self.request, "seed")?;
+    /// Inverse kinematics of the request, in the assembly mode of the machine; plates start from the seed's.
+    fn inverse(&self, pose: &Pose) -> Result<Solution<[f64; f1::AXES]>, Failure> {
+        let seed: Option<[f64; f1::AXES]> = optional_field(self.request, "seed")?;
         let plates = seed.map(|[_, _, _, q4, q5, q6]| [q4, q5, q6]);
         Ok(self.kinematics.inverse_in_assembly(pose, plates)?)
     }
 
-    fn lines(&self) -> Result<LineMatrix<AXES>, Failure> {
+    fn lines(&self) -> Result<LineMatrix<{ f1::AXES }>, Failure> {
         let pose = pose(self.request)?;
-        let q = self.inverse(&pose)?.answer;
-        Ok(LineMatrix::of_six_link(self.kinematics, &pose, &q)?)
+        let q = self.inverse(&pose)?.value;
+        Ok(self.kinematics.line_matrix(&pose, &q)?)
     }
 
     fn ik(&self) -> Result<Value, Failure> {
         let pose = pose(self.request)?;
         let solved = self.inverse(&pose)?;
         Ok(json!({
-            "q": solved.answer,
+            "q": solved.value,
             "iterations": solved.iterations,
             "residual": solved.residual_m,
         }))
@@ -95,8 +93,8 @@ impl Task<'_> {
             Some(seed) => (self.kinematics).forward_from(&q, &pose(seed)?, COLD_ITERATIONS)?,
         };
         Ok(json!({
-            "T": <[f64; 3]>::from(solved.answer.position_m),
-            "R": rows(&solved.answer.rotation),
+            "T": <[f64; 3]>::from(solved.value.position_m),
+            "R": rows(&solved.value.rotation),
             "iterations": solved.iterations,
             "residual": solved.residual_m,
         }))
@@ -122,9 +120,9 @@ impl Task<'_> {
     }
 
     fn compensate(&self) -> Result<Value, Failure> {
-        let machine = SixLinkElastic::new(*self.kinematics, *springs(self.compliances)?);
+        let machine = f1::Elastic::new(self.kinematics, springs(self.compliances)?);
         let pose = pose(self.request)?;
-        let q = self.inverse(&pose)?.answer;
-        Ok(json!({"q": machine.compensated(&pose, &q, &self.load()?, 1.0)?}))
+        let q = self.inverse(&pose)?.value;
+        Ok(json!({"q": machine.command(&pose, &q, &self.load()?, 1.0)?}))
     }
 }

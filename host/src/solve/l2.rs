@@ -1,10 +1,8 @@
-//! The operations of the 3-DOF machine.
+//! Operations of the L2.
 
-use gantry_tau_core::model::compensation::compensated;
-use gantry_tau_core::model::kinematics::{Nominal, Pose, residual_m};
-use gantry_tau_core::model::robot::{Compliances, Robot};
-use gantry_tau_core::model::statics::{LineMatrix, Wrench, cart_loads_from_jacobian};
-use gantry_tau_core::model::stiffness::TauModel;
+use gantry_tau_core::model::l2;
+use gantry_tau_core::model::robot::Compliances;
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 
@@ -14,24 +12,22 @@ use super::request::{field, matrix, optional_field};
 
 /// A request whose orientation is known.
 struct Task<'a> {
-    robot: &'a Robot,
-    compliances: Option<&'a Compliances>,
+    compliances: Option<&'a Compliances<{ l2::AXES }>>,
     request: &'a Value,
-    nominal: Nominal,
+    kinematics: l2::Kinematics,
 }
 
 /// One of [`super::ops::NAMES`].
 pub(super) fn solve(
     op: &str,
-    robot: &Robot,
-    compliances: Option<&Compliances>,
+    robot: &l2::Robot,
+    compliances: Option<&Compliances<{ l2::AXES }>>,
     request: &Value,
 ) -> Result<Value, Failure> {
     let task = Task {
-        robot,
         compliances,
         request,
-        nominal: Nominal::new(robot, &orientation(request)?)?,
+        kinematics: l2::Kinematics::new(robot, &orientation(request)?)?,
     };
     match op {
         "ik" => task.ik(),
@@ -67,47 +63,42 @@ impl Task<'_> {
         field(self.request, "w").map(Wrench::from_array)
     }
 
-    fn pose(&self, position_m: Vector3<f64>) -> Pose {
-        Pose {
-            position_m,
-            rotation: *self.nominal.rotation(),
-        }
-    }
-
     /// The six links where `T` puts them, by the general path.
-    fn lines(&self) -> Result<LineMatrix, Failure> {
+    fn lines(&self) -> Result<LineMatrix<{ l2::AXES }>, Failure> {
         let tcp = self.tcp()?;
-        let q = self.nominal.inverse_in_assembly(&tcp)?;
-        Ok(LineMatrix::new(self.robot, &self.pose(tcp), &q)?)
+        let q = self.kinematics.inverse_in_assembly(&tcp)?;
+        Ok(self
+            .kinematics
+            .line_matrix(&self.kinematics.pose(tcp), &q)?)
     }
 
     fn residual(&self, tcp: Vector3<f64>, q: &[f64; 3]) -> Result<f64, Failure> {
-        let residual = residual_m(self.robot, &self.pose(tcp), q);
+        let residual = self.kinematics.residual_m(&self.kinematics.pose(tcp), q);
         finite([residual])?;
         Ok(residual)
     }
 
     fn ik(&self) -> Result<Value, Failure> {
         let tcp = self.tcp()?;
-        let q = self.nominal.inverse_in_assembly(&tcp)?;
+        let q = self.kinematics.inverse_in_assembly(&tcp)?;
         let residual = self.residual(tcp, &q)?;
         Ok(json!({"q": q, "iterations": 0, "residual": residual}))
     }
 
     fn fk(&self) -> Result<Value, Failure> {
         let q = field(self.request, "q")?;
-        let tcp = self.nominal.forward(&q)?;
+        let tcp = self.kinematics.forward(&q)?;
         let residual = self.residual(tcp, &q)?;
         Ok(json!({
             "T": <[f64; 3]>::from(tcp),
-            "R": rows(self.nominal.rotation()),
+            "R": rows(self.kinematics.rotation()),
             "iterations": 0,
             "residual": residual,
         }))
     }
 
     fn jacobian(&self) -> Result<Value, Failure> {
-        let jacobian = self.nominal.jacobian(&self.tcp()?)?;
+        let jacobian = self.kinematics.jacobian(&self.tcp()?)?;
         finite(jacobian.iter().copied())?;
         Ok(json!({"J": rows(&jacobian)}))
     }
@@ -115,8 +106,8 @@ impl Task<'_> {
     fn statics(&self) -> Result<Value, Failure> {
         let load = self.load()?;
         let forces = self.lines()?.link_forces_n(&load)?;
-        let jacobian = self.nominal.jacobian(&self.tcp()?)?;
-        let tau = cart_loads_from_jacobian(&jacobian, &load.force_n);
+        let jacobian = self.kinematics.jacobian(&self.tcp()?)?;
+        let tau = l2::cart_loads_from_jacobian(&jacobian, &load.force_n);
         finite(tau)?;
         Ok(json!({"f": forces, "tau": tau}))
     }
@@ -132,11 +123,11 @@ impl Task<'_> {
     }
 
     fn compensate(&self) -> Result<Value, Failure> {
-        let model = TauModel::new(&self.nominal, springs(self.compliances)?);
+        let model = l2::Elastic::new(&self.kinematics, springs(self.compliances)?);
         let tcp = self.tcp()?;
         let load = self.load()?;
-        let q = self.nominal.inverse_in_assembly(&tcp)?;
-        let command = compensated(&model, &tcp, &q, &load, 1.0)?;
+        let q = self.kinematics.inverse_in_assembly(&tcp)?;
+        let command = model.command(&tcp, &q, &load, 1.0)?;
         finite(command)?;
         Ok(json!({"q": command}))
     }

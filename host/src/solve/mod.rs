@@ -157,7 +157,7 @@ impl Solver {
         let file = AnyRobotFile::load(path).map_err(|error| Failure::robot(error.to_string()))?;
         let machine = match file {
             AnyRobotFile::L2(file) => Machine::L2 {
-                robot: *file.model.robot(),
+                robot: *file.model.kinematics().robot(),
                 compliances: file.compliances,
             },
             AnyRobotFile::F1(file) => Machine::F1 {

@@ -1,6 +1,7 @@
-//! The operations there are, and what those of both machines share.
+//! Operations, and the parts that both machines share.
 
-use gantry_tau_core::model::kinematics::{KinematicsError, NominalError};
+use gantry_tau_core::model::kinematics::KinematicsError;
+use gantry_tau_core::model::l2::OrientationError;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use nalgebra::SMatrix;
@@ -9,7 +10,7 @@ use serde_json::{Value, json};
 use super::request::Machine;
 use super::{Failure, Kind, f1, l2};
 
-/// Every operation there is.
+/// Names of all operations.
 pub(super) const NAMES: [&str; 7] = [
     "ik",
     "fk",
@@ -29,11 +30,11 @@ impl From<KinematicsError> for Failure {
     }
 }
 
-impl From<NominalError> for Failure {
-    fn from(error: NominalError) -> Self {
+impl From<OrientationError> for Failure {
+    fn from(error: OrientationError) -> Self {
         match error {
-            NominalError::NotRotation { .. } => Self::request(error.to_string()),
-            NominalError::NotTau { .. } => Self::robot(error.to_string()),
+            OrientationError::NotRotation { .. } => Self::request(error.to_string()),
+            OrientationError::NotTau { .. } => Self::robot(error.to_string()),
         }
     }
 }
@@ -61,7 +62,7 @@ pub(super) fn springs<const N: usize>(
     })
 }
 
-/// What a load does, as an answer.
+/// Deflection under a load, as JSON.
 pub(super) fn deflected<const N: usize>(
     lines: &LineMatrix<N>,
     springs: &Compliances<N>,
@@ -75,7 +76,7 @@ pub(super) fn deflected<const N: usize>(
     }))
 }
 
-/// JSON has no word for what is not finite.
+/// Checks that all values are finite: JSON cannot represent others.
 pub(super) fn finite(values: impl IntoIterator<Item = f64>) -> Result<(), Failure> {
     if values.into_iter().all(f64::is_finite) {
         Ok(())

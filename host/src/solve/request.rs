@@ -1,10 +1,8 @@
 //! Reading requests: the inline robot, and named numbers.
 
-use gantry_tau_core::model::kinematics::{SixLinkKinematics, TAU_TOLERANCE};
-use gantry_tau_core::model::robot::{
-    ARMS, AXES, Branch, Compliances, Configuration, Geometry, LINKS, Robot, RobotError, SixLink,
-    SixLinkGeometry,
-};
+use gantry_tau_core::model::kinematics::TAU_TOLERANCE;
+use gantry_tau_core::model::robot::{ARMS, Branch, Compliances, LINKS, RobotError};
+use gantry_tau_core::model::{f1, l2};
 use nalgebra::{Matrix3, Vector3};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -19,12 +17,12 @@ use super::Failure;
 )]
 pub(super) enum Machine {
     L2 {
-        robot: Robot,
-        compliances: Option<Compliances>,
+        robot: l2::Robot,
+        compliances: Option<Compliances<{ l2::AXES }>>,
     },
     F1 {
-        kinematics: SixLinkKinematics,
-        compliances: Option<Compliances<AXES>>,
+        kinematics: f1::Kinematics,
+        compliances: Option<Compliances<{ f1::AXES }>>,
     },
 }
 
@@ -32,13 +30,13 @@ pub(super) enum Machine {
 pub(super) fn inline(robot: &Value) -> Result<Machine, Failure> {
     match robot.get("model").and_then(Value::as_str) {
         Some("l2") => Ok(Machine::L2 {
-            robot: Robot::new(l2(robot)?).map_err(refused)?,
+            robot: l2::Robot::new(l2(robot)?).map_err(refused)?,
             compliances: compliances(robot, "c_cart")?,
         }),
         Some("f1") => {
-            let checked = SixLink::new(f1(robot)?).map_err(refused)?;
+            let checked = f1::Robot::new(f1(robot)?).map_err(refused)?;
             Ok(Machine::F1 {
-                kinematics: SixLinkKinematics::new(&checked),
+                kinematics: f1::Kinematics::new(&checked),
                 compliances: compliances(robot, "c_act")?,
             })
         }
@@ -50,13 +48,13 @@ fn refused(error: RobotError) -> Failure {
     Failure::robot(error.to_string())
 }
 
-fn l2(robot: &Value) -> Result<Geometry, Failure> {
-    Ok(Geometry {
+fn l2(robot: &Value) -> Result<l2::Geometry, Failure> {
+    Ok(l2::Geometry {
         cart_joints_m: vectors(robot, "A0")?,
         guideways: vectors(robot, "V")?,
         platform_joints_m: vectors(robot, "b")?,
         lengths_m: arm_lengths(robot)?,
-        configuration: Configuration {
+        configuration: l2::Configuration {
             inverse: branches(robot)?,
             forward: branch("cf", key(robot, "cf")?)?,
         },
@@ -64,9 +62,9 @@ fn l2(robot: &Value) -> Result<Geometry, Failure> {
     })
 }
 
-fn f1(robot: &Value) -> Result<SixLinkGeometry, Failure> {
+fn f1(robot: &Value) -> Result<f1::Geometry, Failure> {
     let axis = |name| key(robot, name).map(|axis: [f64; 3]| Vector3::from(axis));
-    Ok(SixLinkGeometry {
+    Ok(f1::Geometry {
         carts_m: vectors(robot, "C")?,
         guideways: vectors(robot, "V")?,
         plate_joints_m: vectors(robot, "P")?,

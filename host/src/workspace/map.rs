@@ -5,7 +5,7 @@ use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
 use gantry_tau_core::model::statics::LineMatrix;
 use nalgebra::{Matrix6, Vector3};
 
-use crate::model::Model;
+use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 use crate::sim::joints::joint;
 
@@ -46,7 +46,10 @@ pub struct Reached<const N: usize> {
 impl Grid {
     /// A grid over the box that holds every place to which all links reach with their carts inside the nominal travel (plates at 0).
     /// Its longest side has `cells` steps.
-    pub(super) fn of<K: Model<N>, const N: usize>(file: &RobotFile<K, N>, cells: u32) -> Self {
+    pub(super) fn of<K: MachineKind<N>, const N: usize>(
+        file: &RobotFile<K, N>,
+        cells: u32,
+    ) -> Self {
         let geometry = file.model.geometry();
         let home_m = file.home_m();
         let (mut lower, mut upper) = (home_m.map(|_| f64::MIN), home_m.map(|_| f64::MAX));
@@ -120,7 +123,7 @@ pub(super) struct Surveyor<'a, K, const N: usize> {
     radian_m: f64,
 }
 
-impl<'a, K: Model<N>, const N: usize> Surveyor<'a, K, N> {
+impl<'a, K: MachineKind<N>, const N: usize> Surveyor<'a, K, N> {
     pub(super) fn new(file: &'a RobotFile<K, N>) -> Self {
         let joints = file.model.geometry().platform_joints_m;
         let mean = joints.iter().map(Vector3::norm_squared).sum::<f64>() / 6.0;

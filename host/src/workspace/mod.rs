@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use gantry_tau_core::model::kinematics::KinematicsError;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::model::Model;
+use crate::model::MachineKind;
 use crate::record::{CsvFile, Record, RecordError};
 use crate::robot_file::RobotFile;
 use map::Surveyor;
@@ -108,7 +108,7 @@ impl From<RecordError> for WorkspaceError {
 ///
 /// # Errors
 /// [`WorkspaceError`].
-pub fn run<K: Model<N>, const N: usize>(
+pub fn run<K: MachineKind<N>, const N: usize>(
     options: &WorkspaceOptions<K, N>,
 ) -> Result<Summary, WorkspaceError> {
     if !CELLS.contains(&options.cells) {
@@ -136,7 +136,7 @@ pub fn run<K: Model<N>, const N: usize>(
 }
 
 /// Asks the machine at every place of `grid`, and shows each answer to `each`.
-pub fn survey<K: Model<N>, const N: usize>(
+pub fn survey<K: MachineKind<N>, const N: usize>(
     robot: &RobotFile<K, N>,
     grid: Grid,
     mut each: impl FnMut(&Place<N>),

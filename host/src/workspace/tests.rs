@@ -72,7 +72,7 @@ fn the_compliance_is_the_largest_over_all_directions() {
 /// What is counted as reached is within the travel and holds the tool; what is just outside of the box is not reached.
 #[test]
 fn the_box_holds_the_whole_workspace() {
-    fn check<K: Model<N>, const N: usize>(file: &RobotFile<K, N>) {
+    fn check<K: MachineKind<N>, const N: usize>(file: &RobotFile<K, N>) {
         let grid = Grid::of(file, 12);
         let survey = survey(file, grid, |_| {});
         let summary = survey.summary();

@@ -170,7 +170,7 @@ fn an_epoch_file_that_is_no_counter_is_not_overwritten() {
     let mut arguments = SERVE.to_vec();
     arguments.extend(["--epoch-file", "epoch"]);
     let line = folder.run(&arguments).failure(1);
-    assert_says(&line, &["epoch", "no counter"]);
+    assert_says(&line, &["epoch", "does not contain a counter"]);
     assert_eq!(folder.read("epoch"), "seven");
 }
 

@@ -1,4 +1,4 @@
-//! `faults` between a server and a client, all three as processes; and how it refuses nonsense.
+//! `faults` between a server and a client, all three as processes, and its refusals.
 
 use std::net::UdpSocket;
 use std::time::Duration;
@@ -6,7 +6,12 @@ use std::time::Duration;
 use crate::process::{Folder, Running};
 use crate::signals::{await_obtain, client, serve};
 
-/// The link on a free port, and where clients find it.
+/// One entry of a script.
+fn entry(at: &str, direction: &str, kind: &str) -> String {
+    format!("[[fault]]\n{at}\ndirection = \"{direction}\"\nkind = \"{kind}\"\n")
+}
+
+/// A relay on a free port, and the address for its clients.
 fn link(folder: &Folder, to: &str, further: &[&str]) -> (Running, String) {
     let mut arguments = vec!["faults", "--listen", "127.0.0.1:0", "--to", to];
     arguments.extend(further);
@@ -20,10 +25,10 @@ fn link(folder: &Folder, to: &str, further: &[&str]) -> (Running, String) {
 #[test]
 fn a_scripted_fault_ends_the_session_and_is_counted() {
     let folder = Folder::new("faults");
-    folder.write("script", "frame 300 up corrupt # the server finds it\n");
+    folder.write("script", &entry("at_frame = 300", "up", "corrupt"));
     let (mut server, [address, sensor]) = serve(&folder, &[]);
     let (link, through) = link(&folder, &address, &["--script", "script", "--json"]);
-    // A server closes at once behind a broken frame; the reason is in its own log.
+    // The server closes at once after a broken frame; its log has the reason.
     let line = (client(&folder, "client", &[through, sensor]).end()).failure(7);
     assert!(line.contains("the server vanished"), "{line}");
     server.await_words("a broken frame or checksum");
@@ -41,12 +46,12 @@ fn a_scripted_fault_ends_the_session_and_is_counted() {
     server.end().success();
 }
 
-/// The client's first Hello is lost, every frame comes twice, some are overtaken: it greets again, answers each State once, and its
-/// Goodbye is heard.
+/// The first Hello is lost, most frames come twice, some are reordered: the client repeats the Hello, answers each State once, and its
+/// Goodbye is received.
 #[test]
-fn a_client_lives_with_what_datagrams_do() {
+fn a_client_tolerates_lost_doubled_and_reordered_datagrams() {
     let folder = Folder::new("faults-udp-session");
-    folder.write("script", "frame 1 up drop\n");
+    folder.write("script", &entry("at_frame = 1", "up", "drop"));
     let (mut server, [address, sensor]) = serve(&folder, &["--udp"]);
     let faults = [
         "--udp",
@@ -101,15 +106,22 @@ fn datagrams_are_forwarded_and_lost_as_told() {
 }
 
 #[test]
-fn nonsense_is_refused_in_one_line() {
+fn bad_options_and_scripts_are_refused_in_one_line() {
     let folder = Folder::new("faults-errors");
-    folder.write("script", "frame 1 up drop\nframe 2 sideways drop\n");
+    let script = ["up", "sideways"].map(|direction| entry("at_frame = 1", direction, "drop"));
+    folder.write("script", &script.concat());
+    folder.write("twice", &entry("at_frame = 1", "up", "drop").repeat(2));
     let to = ["faults", "--listen", "127.0.0.1:0", "--to", "127.0.0.1:1"];
     for (further, code, words) in [
         (
             ["--script", "script"],
             1,
-            "script: line 2, \"sideways\": `up`, `down` or `both`",
+            "script: line 7, `direction = \"sideways\"`: unknown variant `sideways`, expected one of `up`, `down`, `both`",
+        ),
+        (
+            ["--script", "twice"],
+            1,
+            "twice: fault 2: `at_frame`: this frame already has a fault",
         ),
         (["--script", "nowhere"], 1, "nowhere: "),
         (
@@ -117,10 +129,10 @@ fn nonsense_is_refused_in_one_line() {
             1,
             "reorder: a stream keeps its order; --udp only",
         ),
-        (["--reset", "0.1:3"], 1, "reset has no parameter"),
+        (["--reset", "0.1:3"], 1, "reset takes no parameter"),
         (["--drop", "2"], 2, "P must be from 0 to 1"),
         (["--delay", "-1"], 2, "must be from 0 to 60000"),
-        (["--direction", "left"], 2, "left"),
+        (["--direction", "left"], 2, "expected up, down or both"),
     ] {
         let arguments: Vec<&str> = to.into_iter().chain(further).collect();
         let line = folder.run(&arguments).failure(code);

@@ -9,6 +9,7 @@
 )]
 
 mod demo;
+mod draw;
 mod errors;
 #[cfg(target_os = "linux")]
 mod exhaustion;
@@ -35,6 +36,7 @@ fn help_mentions_every_command_and_every_commands_help_works() {
         "faults",
         "replay",
         "workspace",
+        "draw",
         "solve",
     ] {
         assert!(all.contains(&format!("\n  {command} ")), "{all}");

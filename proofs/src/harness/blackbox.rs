@@ -2,9 +2,10 @@
 
 use gantry_tau_core::control::session::recorder::{Entries, Entry, Recorder, Segment};
 
+use super::kani;
 use crate::blackbox::{Numbered, numbered_up_to, records_a_step};
 
-/// Any valid segment: with any number of entries ever written, and any number of them in use.
+/// Any valid segment: any number of entries ever written, any number of them in use.
 fn any_segment<const HALF: usize>() -> Option<Segment<u8, (), u8, HALF>> {
     let written: usize = kani::any();
     let mut entries = Entries::new();
@@ -37,26 +38,8 @@ fn records_any_step<const HALF: usize>() {
     kani::cover!(full & !frozen, "a full recorder");
 }
 
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn blackbox_of_1_records_a_step() {
-    records_any_step::<1>();
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn blackbox_of_2_records_a_step() {
-    records_any_step::<2>();
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn blackbox_of_3_records_a_step() {
-    records_any_step::<3>();
-    kani::cover!(true, "the end is reached");
+harnesses! {
+    blackbox_of_1_records_a_step [minisat, unwind 5] { records_any_step::<1>(); }
+    blackbox_of_2_records_a_step [minisat, unwind 5] { records_any_step::<2>(); }
+    blackbox_of_3_records_a_step [minisat, unwind 5] { records_any_step::<3>(); }
 }

@@ -1,20 +1,12 @@
 //! Kani harnesses of the compensation's last step and of the force sensor.
 
 use gantry_tau_core::model::compensation::CompensatorConfig;
-use gantry_tau_core::model::sensor::{ForceSensor, SensorConfig, SensorState};
+use gantry_tau_core::model::sensor::{SensorConfig, SensorState};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, OffsetNm};
 
+use super::kani;
 use crate::compensation::{correction_is_bounded, offset_is_within, sensor_check_admits_finite};
-
-#[kani::proof]
-#[kani::solver(minisat)]
-fn compensation_offset_is_within() {
-    let (metres, limit) = (kani::any(), kani::any());
-    offset_is_within(metres, limit);
-    let crossed = OffsetNm::from_metres_within(Metres(metres), limit);
-    kani::cover!(crossed == Ok((OffsetNm(-7), true)), "some floats are cut");
-}
 
 /// Any configuration, even one that is refused, and any numbers.
 fn any_correction_is_bounded<const N: usize>() {
@@ -26,39 +18,36 @@ fn any_correction_is_bounded<const N: usize>() {
     correction_is_bounded::<N>(&config, &kani::any(), &kani::any());
 }
 
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn compensation_is_bounded() {
-    any_correction_is_bounded::<3>();
-    kani::cover!(true, "some correction passes");
-}
-
-#[kani::proof]
-#[kani::unwind(8)]
-#[kani::solver(minisat)]
-fn compensation_of_six_is_bounded() {
-    any_correction_is_bounded::<6>();
-    kani::cover!(true, "some correction passes");
-}
-
-#[kani::proof]
-#[kani::solver(minisat)]
-#[kani::unwind(10)]
-fn sensor_check_is_right() {
-    // The sensor of robots/l2.toml.
-    let config = SensorConfig {
-        rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
-        lever_m: [0.0, 0.0, -0.08].into(),
-        cutoff_hz: 20.0,
-        cycle_s: 1e-3,
-        tare_samples: 1000,
-    };
-    let state = SensorState {
-        tare_remaining: kani::any(),
-        tare: Wrench::from_array(kani::any()),
-        filtered: Wrench::from_array(kani::any()),
-    };
-    let admitted = sensor_check_admits_finite(config, state);
-    kani::cover!(admitted, "some states are valid");
+harnesses! {
+    compensation_offset_is_within [minisat] {
+        let (metres, limit) = (kani::any(), kani::any());
+        offset_is_within(metres, limit);
+        let crossed = OffsetNm::from_metres_within(Metres(metres), limit);
+        kani::cover!(crossed == Ok((OffsetNm(-7), true)), "some floats are cut");
+    }
+    compensation_is_bounded [minisat, unwind 5] {
+        any_correction_is_bounded::<3>();
+        kani::cover!(true, "some correction passes");
+    }
+    compensation_of_six_is_bounded [minisat, unwind 8] {
+        any_correction_is_bounded::<6>();
+        kani::cover!(true, "some correction passes");
+    }
+    sensor_check_is_right [minisat, unwind 10] {
+        // The sensor of robots/l2.toml.
+        let config = SensorConfig {
+            rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
+            lever_m: [0.0, 0.0, -0.08].into(),
+            cutoff_hz: 20.0,
+            cycle_s: 1e-3,
+            tare_samples: 1000,
+        };
+        let state = SensorState {
+            tare_remaining: kani::any(),
+            tare: Wrench::from_array(kani::any()),
+            filtered: Wrench::from_array(kani::any()),
+        };
+        let admitted = sensor_check_admits_finite(config, state);
+        kani::cover!(admitted, "some states are valid");
+    }
 }

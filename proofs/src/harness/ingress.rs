@@ -1,17 +1,17 @@
-//! Any event on any connection, after anything that has been accepted: three axes.
+//! Any event on any connection, after any earlier events: three axes.
 
 use gantry_tau_core::control::message::{Counters, Phase};
-use gantry_tau_core::control::session::Session;
-use gantry_tau_core::control::session::fsm::Connection;
-use gantry_tau_core::control::session::ingress::{Accepted, Classifier, Diagnostics};
+use gantry_tau_core::control::session::{Connection, Session};
 use gantry_tau_core::units::Epoch;
+use gantry_tau_core::verification::control::{Accepted, Classifier, Diagnostics, Internals};
 
+use super::kani;
 use crate::ingress;
 
 const AXES: usize = 3;
 
-/// What only counts, in any state but for the refusals: they are written, never read.
-fn any_noted() -> Diagnostics {
+/// Any counts; the refusals are written, never read.
+fn any_diagnostics() -> Diagnostics {
     Diagnostics {
         counters: kani::any::<Counters>(),
         late: kani::any(),
@@ -20,7 +20,7 @@ fn any_noted() -> Diagnostics {
 }
 
 /// The classifier of a session before a tick.
-fn sieve_of(session: &Session<AXES>, next_epoch: Epoch) -> Classifier<'_, AXES> {
+fn classifier_of(session: &Session<AXES>, next_epoch: Option<Epoch>) -> Classifier<'_, AXES> {
     Classifier {
         discrete: &session.parts().discrete,
         parameters: session.config().parameters(),
@@ -29,48 +29,29 @@ fn sieve_of(session: &Session<AXES>, next_epoch: Epoch) -> Classifier<'_, AXES> 
     }
 }
 
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn sift_only_the_owner_decides() {
-    let session: Session<AXES> = kani::any();
-    let connection: Connection = kani::any();
-    let accepted: Accepted<AXES> = kani::any();
-    let classifier = sieve_of(&session, kani::any());
-    sift::only_the_owner_decides(
-        &classifier,
-        connection,
-        &kani::any(),
-        &accepted,
-        &mut any_noted(),
-    );
-    kani::cover!(session.owner() == Some(connection), "the owner speaks");
-    kani::cover!(session.phase() == Phase::Listening, "nobody owns");
-}
-
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn sift_fresh_is_as_defined() {
-    let session: Session<AXES> = kani::any();
-    let classifier = sieve_of(&session, kani::any());
-    let command = kani::any();
-    sift::fresh_is_as_defined(&classifier, &command);
-    kani::cover!(
-        sift::is_fresh(&classifier, &command),
-        "some commands are fresh"
-    );
-}
-
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn sift_counts_decide_nothing() {
-    let session: Session<AXES> = kani::any();
-    let accepted: Accepted<AXES> = kani::any();
-    let classifier = sieve_of(&session, kani::any());
-    let (mut one, mut other) = (any_noted(), any_noted());
-    let notes = (&mut one, &mut other);
-    sift::counts_decide_nothing(&classifier, kani::any(), &kani::any(), &accepted, notes);
-    kani::cover!(true, "the end is reached");
+harnesses! {
+    sift_only_the_owner_decides [minisat, unwind 5] {
+        let session: Session<AXES> = kani::any();
+        let connection: Connection = kani::any();
+        let accepted: Accepted<AXES> = kani::any();
+        let classifier = classifier_of(&session, kani::any());
+        ingress::only_the_owner_decides(&classifier, connection, &kani::any(), &accepted, &mut any_diagnostics());
+        kani::cover!(session.owner() == Some(connection), "an event of the owner");
+        kani::cover!(session.phase() == Phase::Listening, "an event while there is no owner");
+    }
+    sift_fresh_is_as_defined [minisat, unwind 5] {
+        let session: Session<AXES> = kani::any();
+        let classifier = classifier_of(&session, kani::any());
+        let command = kani::any();
+        ingress::fresh_is_as_defined(&classifier, &command);
+        kani::cover!(ingress::is_fresh(&classifier, &command), "some commands are fresh");
+    }
+    sift_counts_decide_nothing [minisat, unwind 5] {
+        let session: Session<AXES> = kani::any();
+        let accepted: Accepted<AXES> = kani::any();
+        let classifier = classifier_of(&session, kani::any());
+        let (mut one, mut other) = (any_diagnostics(), any_diagnostics());
+        let notes = (&mut one, &mut other);
+        ingress::counts_decide_nothing(&classifier, kani::any(), &kani::any(), &accepted, notes);
+    }
 }

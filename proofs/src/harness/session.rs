@@ -1,12 +1,13 @@
-//! Any session in any valid state, anything that can have been accepted, any cycle.
+//! Any session in any valid state, any accepted input, any cycle.
 
 use gantry_tau_core::control::message::Counters;
-use gantry_tau_core::control::session::ingress::Diagnostics;
+use gantry_tau_core::verification::control::Diagnostics;
 
+use super::kani;
 use crate::axis::Kind;
 use crate::session::{self, StepInput};
 
-/// Axes of the session where axes could get into each other's way.
+/// Axes of a session whose axes could affect each other.
 const AXES: usize = 3;
 
 /// Any counts; the refusals are written, never read.
@@ -18,100 +19,27 @@ fn any_diagnostics() -> Diagnostics {
     }
 }
 
-/// Any input there can be, and more: what was accepted need not follow from any events.
+/// Any step, and more: the accepted input need not follow from any events.
 fn any_input<const N: usize>() -> StepInput<N> {
     StepInput {
         session: kani::any(),
-        cycle: kani::any(),
+        tick: kani::any(),
         accepted: kani::any(),
         diagnostics: any_diagnostics(),
     }
 }
 
-#[kani::proof]
-#[kani::unwind(3)]
-#[kani::solver(minisat)]
-fn session_position_is_bounded() {
-    session::channels_are_bounded(&any_input::<1>(), Kind::Position);
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(3)]
-#[kani::solver(minisat)]
-fn session_velocity_is_bounded() {
-    session::channels_are_bounded(&any_input::<1>(), Kind::Velocity);
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(3)]
-#[kani::solver(minisat)]
-fn session_torque_is_bounded() {
-    session::channels_are_bounded(&any_input::<1>(), Kind::Torque);
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(3)]
-#[kani::solver(minisat)]
-fn session_position_ramps() {
-    session::channels_ramp(&any_input::<1>(), Kind::Position);
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(3)]
-#[kani::solver(minisat)]
-fn session_velocity_ramps() {
-    session::channels_ramp(&any_input::<1>(), Kind::Velocity);
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(3)]
-#[kani::solver(minisat)]
-fn session_torque_ramps() {
-    session::channels_ramp(&any_input::<1>(), Kind::Torque);
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn session_axes_stay_valid() {
-    session::axes_stay_valid(&any_input::<AXES>());
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn session_discrete_stays_valid() {
-    session::discrete_stays_valid(&any_input::<AXES>());
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn session_references_are_inside_travel() {
-    session::references_are_inside_travel(&any_input::<AXES>());
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn session_authority_needs_zero() {
-    session::authority_needs_zero(&any_input::<AXES>());
-    kani::cover!(true, "the end is reached");
-}
-
-#[kani::proof]
-#[kani::unwind(5)]
-#[kani::solver(minisat)]
-fn session_stop_ends_in_fault() {
-    session::stop_ends_in_fault(&any_input::<AXES>());
-    kani::cover!(true, "the end is reached");
+harnesses! {
+    session_position_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Position); }
+    session_velocity_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Velocity); }
+    session_torque_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Torque); }
+    session_position_ramps [minisat, unwind 3] { session::channels_ramp(&any_input::<1>(), Kind::Position); }
+    session_velocity_ramps [minisat, unwind 3] { session::channels_ramp(&any_input::<1>(), Kind::Velocity); }
+    session_torque_ramps [minisat, unwind 3] { session::channels_ramp(&any_input::<1>(), Kind::Torque); }
+    session_axes_stay_valid [minisat, unwind 5] { session::axes_stay_valid(&any_input::<AXES>()); }
+    session_discrete_stays_valid [minisat, unwind 5] { session::discrete_stays_valid(&any_input::<AXES>()); }
+    session_references_are_inside_travel [minisat, unwind 5] { session::references_are_inside_travel(&any_input::<AXES>()); }
+    session_authority_needs_zero [minisat, unwind 5] { session::authority_needs_zero(&any_input::<AXES>()); }
+    session_stop_ends_in_fault [minisat, unwind 5] { session::stop_ends_in_fault(&any_input::<AXES>()); }
+    session_withheld_until_read_back [minisat, unwind 5] { session::withheld_until_read_back(&any_input::<AXES>()); }
 }

@@ -5,14 +5,13 @@
     reason = "a strategy that makes what is not valid must panic"
 )]
 
-use gantry_tau_core::model::compensation::{
-    Compensator, CompensatorConfig, ExactCompensator, SixLinkCompensator, SixLinkElastic,
-};
-use gantry_tau_core::model::kinematics::{Nominal, Pose};
+use gantry_tau_core::model::compensation::CompensatorConfig;
+use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
-use gantry_tau_core::model::robot::{Branch, Compliances, Geometry, Robot, SixLinkGeometry};
+use gantry_tau_core::model::robot::{Branch, Compliances};
 use gantry_tau_core::model::sensor::{ForceSensor, SensorConfig, SensorState};
 use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::{f1, l2, presets};
 use gantry_tau_core::units::{OffsetNm, PositionNm};
 use gantry_tau_proofs::compensation::{
     correction_is_bounded, cycle_is_bounded, offset_is_within, sensor_check_admits_finite,
@@ -26,7 +25,7 @@ use gantry_tau_proofs::kinematics::{
     check_is_right, forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside,
     lengths_are_kept, statics_are_finite, there_and_back, travel_is_finite,
 };
-use gantry_tau_proofs::machine::{geometry, nominal, six_link, six_link_geometry};
+use gantry_tau_proofs::robots;
 use gantry_tau_proofs::six_link;
 use proptest::array::{uniform3, uniform6};
 use proptest::prelude::*;
@@ -66,12 +65,12 @@ fn any_float() -> impl Strategy<Value = f64> {
     ]
 }
 
-fn l2() -> (Robot, Nominal) {
-    nominal(geometry()).unwrap()
+fn l2() -> (l2::Robot, l2::Kinematics) {
+    robots::l2(robots::l2_geometry()).unwrap()
 }
 
 /// Machines of which only the lengths are sane: guideways in any direction, carts that may meet, travel unchecked.
-fn any_machine() -> impl Strategy<Value = (Robot, Nominal)> {
+fn any_machine() -> impl Strategy<Value = (l2::Robot, l2::Kinematics)> {
     let point = || uniform3(-1.0..1.0_f64);
     let branch = || prop_oneof![Just(Branch::Positive), Just(Branch::Negative)];
     let origins = (point(), point(), point(), 0..4_u8);
@@ -88,17 +87,17 @@ fn any_machine() -> impl Strategy<Value = (Robot, Nominal)> {
             |((o1, o2, o3, shared), guideways, (lengths, scale), inverse, forward)| {
                 let o3 = if shared > 0 { o2 } else { o3 };
                 let o1 = if shared > 1 { o2 } else { o1 };
-                let mut machine = Geometry {
+                let mut machine = l2::Geometry {
                     cart_joints_m: [o1, o2, o2, o3, o3, o3].map(Into::into),
                     guideways: guideways.map(Into::into),
                     platform_joints_m: [[0.0; 3]; 6].map(Into::into),
                     lengths_m: lengths.map(|length| length * scale),
                     travel: None,
-                    ..geometry()
+                    ..robots::l2_geometry()
                 };
                 machine.configuration.inverse = inverse;
                 machine.configuration.forward = forward;
-                nominal(machine)
+                robots::l2(machine)
             },
         )
 }
@@ -115,18 +114,14 @@ fn wild_positions() -> impl Strategy<Value = [f64; 3]> {
         .prop_map(|(a, b, c)| [a, b, c])
 }
 
-fn compensators(gain: f64, limits: [i32; 3]) -> (Compensator, ExactCompensator) {
-    let links = [5e-7, 6e-7, 5.5e-7, 7e-7, 6.5e-7, 6e-7];
-    let compliances = Compliances::new(links, [4.06e-8, 5.09e-8, 6e-8]).unwrap();
-    let (robot, nominal) = l2();
+fn compensator(gain: f64, limits: [i32; 3]) -> l2::Compensator {
+    let (_, kinematics) = l2();
     let config = CompensatorConfig {
         gain,
         limits: limits.map(OffsetNm),
         metres_per_q: [1.0; 3],
     };
-    let first_order = Compensator::new(&nominal, &compliances, config).unwrap();
-    let exact = ExactCompensator::new(&robot, &compliances, config).unwrap();
-    (first_order, exact)
+    l2::Compensator::new(&kinematics, &presets::l2_compliances(), config).unwrap()
 }
 
 /// A sensor in any valid state, its mounting turned.
@@ -191,14 +186,18 @@ proptest! {
     #[test]
     fn a_cycle_is_bounded(
         load in uniform6(prop_oneof![any_float(), -1e4..1e4_f64]), q in uniform3(any_float()),
-        standing: bool, gain in 0.0..=1.0_f64, limits in uniform3(0..=i32::MAX),
+        standing: bool, gain in 0.0..=1.0_f64, limits in uniform3(0..=i32::MAX), nominal: [i64; 3],
     ) {
         let pose = Pose::at([0.0, 0.5, 0.65].into());
         let home = l2().1.inverse(&pose.position_m).unwrap();
         let (q, load) = (if standing { home } else { q }, Wrench::from_array(load));
-        let (first_order, exact) = compensators(gain, limits);
-        cycle_is_bounded(first_order.config(), first_order.correction(&q, &load), &load);
-        cycle_is_bounded(exact.config(), exact.correction(&pose, &q, &load), &load);
+        let compensator = compensator(gain, limits);
+        let config = compensator.config();
+        cycle_is_bounded(config, compensator.correct_q(&q, &load), &load);
+        cycle_is_bounded(config, compensator.correct_exact_at(&pose, &q, &load), &load);
+        let nominal = nominal.map(PositionNm);
+        cycle_is_bounded(config, compensator.correct(&nominal, &load), &load);
+        cycle_is_bounded(config, compensator.correct_exact(&nominal, &load), &load);
     }
 
     #[test]
@@ -234,15 +233,15 @@ proptest! {
         load in uniform6(prop_oneof![any_float(), -1e3..1e3_f64]), limits in uniform6(0..=i32::MAX), gain in 0.0..=1.0_f64, narrow: bool,
     ) {
         let travel = narrow.then_some([(0.5, 2.0), (0.5, 2.0), (0.5, 2.0), (-0.3, 0.3), (-0.3, 0.3), (-0.3, 0.3)]);
-        let kinematics = six_link(SixLinkGeometry { travel, ..six_link_geometry() }).unwrap();
+        let kinematics = robots::f1(f1::Geometry { travel, ..robots::f1_geometry() }).unwrap();
         let rotation = rotation_from_vector(&turn.into()).unwrap_or_else(|| [[0.0; 3]; 3].into());
         let pose = Pose { position_m: position.into(), rotation };
         let ([q1, q2, q3], [q4, q5, q6]) = (carts, plates);
         let standing = [q1, q2, q3, q4, q5, q6];
-        let machine = SixLinkElastic::new(kinematics, Compliances::new([5e-7; 6], [4e-8; 6]).unwrap());
+        let machine = f1::Elastic::new(&kinematics, &Compliances::new([5e-7; 6], [4e-8; 6]).unwrap());
         let config = CompensatorConfig { gain, limits: limits.map(OffsetNm), metres_per_q: [1.0; 6] };
-        let compensator = SixLinkCompensator::new(machine, config).unwrap();
-        let fits = kinematics.inverse(&pose, None).map_or(standing, |found| found.answer);
+        let compensator = f1::Compensator::new(&kinematics, machine.compliances(), config).unwrap();
+        let fits = kinematics.inverse(&pose, None).map_or(standing, |found| found.value);
         let load = Wrench::from_array(load);
         for q in [q, standing, fits] {
             six_link::check_is_right(&kinematics, &q);
@@ -250,6 +249,7 @@ proptest! {
             six_link::statics_are_finite(&machine, &pose, &q, &load);
             six_link::cycles_are_bounded(&compensator, &pose, &q, &load);
         }
+        six_link::tracker_is_checked(&kinematics, &Pose::at(robots::f1_home().into()), &[q, standing, fits]);
     }
 
     #[test]

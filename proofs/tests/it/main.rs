@@ -4,7 +4,7 @@ mod any;
 mod channel;
 mod endpoint;
 mod floats;
-mod made;
+mod known_solution;
 #[cfg(feature = "runner")]
 mod runner;
 mod scenario;

@@ -10,12 +10,12 @@ use gantry_tau_core::control::session::{Event, Input, Output, Session};
 use gantry_tau_core::control::wire::{
     ContentError, Deframer, Feed, Frame, FrameBytes, decode_client, encode_client, encode_state,
 };
-use gantry_tau_core::model::compensation::{Compensator, Correction, SixLinkCompensator};
-use gantry_tau_core::model::kinematics::{
-    KinematicsError, Nominal, Pose, SixLinkKinematics, Solved, WARM_ITERATIONS,
-};
-use gantry_tau_core::model::statics::{LineMatrix, Wrench};
-use gantry_tau_proofs::machine;
+use gantry_tau_core::model::compensation::Correction;
+use gantry_tau_core::model::kinematics::{KinematicsError, Pose, Solution, WARM_ITERATIONS};
+use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::{f1, l2};
+use gantry_tau_core::units::PositionNm;
+use gantry_tau_proofs::robots;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 /// What is counted, and the most it may be.
@@ -58,7 +58,7 @@ pub(crate) fn run(name: &str) {
 fn nominal_inverse() {
     #[inline(never)]
     fn measured_nominal_inverse(
-        nominal: &Nominal,
+        nominal: &l2::Kinematics,
         tcp: &Vector3<f64>,
     ) -> Result<[f64; 3], KinematicsError> {
         nominal.inverse(tcp)
@@ -74,7 +74,7 @@ fn nominal_inverse() {
 fn nominal_forward() {
     #[inline(never)]
     fn measured_nominal_forward(
-        nominal: &Nominal,
+        nominal: &l2::Kinematics,
         q: &[f64; 3],
     ) -> Result<Vector3<f64>, KinematicsError> {
         nominal.forward(q)
@@ -86,7 +86,7 @@ fn nominal_forward() {
 fn nominal_jacobian() {
     #[inline(never)]
     fn measured_nominal_jacobian(
-        nominal: &Nominal,
+        nominal: &l2::Kinematics,
         tcp: &Vector3<f64>,
     ) -> Result<Matrix3<f64>, KinematicsError> {
         nominal.jacobian(tcp)
@@ -102,15 +102,15 @@ fn nominal_jacobian() {
 fn l2_statics() {
     #[inline(never)]
     fn measured_l2_statics(
-        robot: &gantry_tau_core::model::robot::Robot,
+        robot: &l2::Robot,
         pose: &Pose,
         q: &[f64; 3],
         load: &Wrench,
     ) -> Result<[f64; 3], KinematicsError> {
-        let lines = LineMatrix::new(robot, pose, q)?;
+        let lines = robot.line_matrix(pose, q)?;
         Ok(lines.cart_loads(&lines.link_forces_n(load)?))
     }
-    let (robot, _) = machine::nominal(machine::geometry()).unwrap();
+    let (robot, _) = robots::l2(robots::l2_geometry()).unwrap();
     let (_, tcp, q) = l2();
     let pose = Pose::at(tcp);
     let loads = measured_l2_statics(
@@ -125,16 +125,16 @@ fn l2_statics() {
 fn l2_compensation() {
     #[inline(never)]
     fn measured_l2_compensation(
-        compensator: &Compensator,
-        q: &[f64; 3],
+        compensator: &l2::Compensator,
+        nominal: &[PositionNm; 3],
         load: &Wrench,
-    ) -> Result<Correction, KinematicsError> {
-        compensator.correction(q, load)
+    ) -> Result<Correction<3>, KinematicsError> {
+        compensator.correct(nominal, load)
     }
-    let (compensator, q) = l2_compensator();
+    let (compensator, nominal) = l2_compensator();
     black_box(measured_l2_compensation(
         black_box(&compensator),
-        black_box(&q),
+        black_box(&nominal),
         black_box(&load()),
     ))
     .unwrap();
@@ -143,10 +143,10 @@ fn l2_compensation() {
 fn six_inverse() {
     #[inline(never)]
     fn measured_six_inverse(
-        kinematics: &SixLinkKinematics,
+        kinematics: &f1::Kinematics,
         pose: &Pose,
         seed: Option<[f64; 3]>,
-    ) -> Result<Solved<[f64; 6]>, KinematicsError> {
+    ) -> Result<Solution<[f64; 6]>, KinematicsError> {
         kinematics.inverse(pose, seed)
     }
     let (kinematics, _, q, before) = six();
@@ -163,10 +163,10 @@ fn six_inverse() {
 fn six_forward_warm() {
     #[inline(never)]
     fn measured_six_forward_warm(
-        kinematics: &SixLinkKinematics,
+        kinematics: &f1::Kinematics,
         q: &[f64; 6],
         before: &Pose,
-    ) -> Result<Solved<Pose>, KinematicsError> {
+    ) -> Result<Solution<Pose>, KinematicsError> {
         kinematics.forward_from(q, before, WARM_ITERATIONS)
     }
     let (kinematics, _, q, before) = six();
@@ -182,11 +182,11 @@ fn six_forward_warm() {
 fn six_jacobian() {
     #[inline(never)]
     fn measured_six_jacobian(
-        kinematics: &SixLinkKinematics,
+        kinematics: &f1::Kinematics,
         pose: &Pose,
         q: &[f64; 6],
     ) -> Result<SMatrix<f64, 6, 6>, KinematicsError> {
-        LineMatrix::of_six_link(kinematics, pose, q)?.jacobian()
+        kinematics.line_matrix(pose, q)?.jacobian()
     }
     let (kinematics, pose, q, _) = six();
     black_box(measured_six_jacobian(
@@ -200,12 +200,12 @@ fn six_jacobian() {
 fn six_compensation() {
     #[inline(never)]
     fn measured_six_compensation(
-        compensator: &SixLinkCompensator,
+        compensator: &f1::Compensator,
         pose: &Pose,
         q: &[f64; 6],
         load: &Wrench,
     ) -> Result<Correction<6>, KinematicsError> {
-        compensator.correction(pose, q, load)
+        compensator.correct_at(pose, q, load)
     }
     let (compensator, pose, q) = six_compensator();
     let correction = measured_six_compensation(

@@ -8,19 +8,18 @@ use gantry_tau_core::control::session::Session;
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::control::session::fsm::Connection;
 use gantry_tau_core::control::wire::encode_client;
-use gantry_tau_core::model::compensation::{
-    Compensator, CompensatorConfig, SixLinkCompensator, SixLinkElastic,
-};
-use gantry_tau_core::model::kinematics::{Nominal, Pose, SixLinkKinematics};
+use gantry_tau_core::model::compensation::CompensatorConfig;
+use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::Wrench;
-use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick};
-use gantry_tau_proofs::machine;
+use gantry_tau_core::model::{f1, l2};
+use gantry_tau_core::units::{Epoch, Metres, OffsetNm, PositionNm, Sequence, Tick};
+use gantry_tau_proofs::robots;
 use nalgebra::Vector3;
 
-pub(crate) fn l2() -> (Nominal, Vector3<f64>, [f64; 3]) {
-    let (_, nominal) = machine::nominal(machine::geometry()).unwrap();
+pub(crate) fn l2() -> (l2::Kinematics, Vector3<f64>, [f64; 3]) {
+    let (_, nominal) = robots::l2(robots::l2_geometry()).unwrap();
     let tcp = Vector3::new(0.0, 0.5, 0.65);
     let q = nominal.inverse(&tcp).unwrap();
     (nominal, tcp, q)
@@ -39,14 +38,14 @@ fn config<const N: usize>() -> CompensatorConfig<N> {
 }
 
 /// The F1 in a pose, and the pose of a cycle before at 1 m/s and 1 rad/s.
-pub(crate) fn six() -> (SixLinkKinematics, Pose, [f64; 6], Pose) {
-    let kinematics = machine::six_link(machine::six_link_geometry()).unwrap();
+pub(crate) fn six() -> (f1::Kinematics, Pose, [f64; 6], Pose) {
+    let kinematics = robots::f1(robots::f1_geometry()).unwrap();
     let turn = |x, y, z| rotation_from_vector(&Vector3::new(x, y, z)).unwrap();
     let pose = Pose {
         position_m: Vector3::new(0.1, -0.1, 0.4),
         rotation: turn(0.02, -0.15, 0.2),
     };
-    let q = kinematics.inverse(&pose, None).unwrap().answer;
+    let q = kinematics.inverse(&pose, None).unwrap().value;
     // A thousandth in all: metres, and radians.
     let third = 1e-3 / 3.0_f64.sqrt();
     let before = Pose {
@@ -129,15 +128,21 @@ pub(crate) fn a_command() -> (Server, Command<6>) {
     (server, command)
 }
 
-pub(crate) fn l2_compensator() -> (Compensator, [f64; 3]) {
-    let (nominal, _, q) = l2();
+pub(crate) fn l2_compensator() -> (l2::Compensator, [PositionNm; 3]) {
+    let (kinematics, _, q) = l2();
     let springs = Compliances::new([5e-7; 6], [5e-8; 3]).unwrap();
-    (Compensator::new(&nominal, &springs, config()).unwrap(), q)
+    let compensator = l2::Compensator::new(&kinematics, &springs, config()).unwrap();
+    (compensator, nanometres(q))
 }
 
-pub(crate) fn six_compensator() -> (SixLinkCompensator, Pose, [f64; 6]) {
+/// Positions of axes whose `q` is in metres.
+fn nanometres<const N: usize>(q: [f64; N]) -> [PositionNm; N] {
+    q.map(|q| PositionNm::from_metres(Metres(q)).unwrap())
+}
+
+pub(crate) fn six_compensator() -> (f1::Compensator, Pose, [f64; 6]) {
     let (kinematics, pose, q, _) = six();
     let springs = Compliances::new([5e-7; 6], [4e-8, 4e-8, 4e-8, 2e-6, 2e-6, 2e-6]).unwrap();
-    let elastic = SixLinkElastic::new(kinematics, springs);
-    (SixLinkCompensator::new(elastic, config()).unwrap(), pose, q)
+    let compensator = f1::Compensator::new(&kinematics, &springs, config()).unwrap();
+    (compensator, pose, q)
 }

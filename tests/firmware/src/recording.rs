@@ -229,8 +229,8 @@ fn answered(sink: &mut impl Sink, answer: &Answer<'_>) {
         }
         Answer::F1(Ok(answer)) => {
             sink.write(&[2, answer.q.iterations, answer.pose.iterations]);
-            let pose = &answer.pose.answer;
-            floats(sink, &answer.q.answer);
+            let pose = &answer.pose.value;
+            floats(sink, &answer.q.value);
             floats(sink, &[answer.q.residual_m, answer.pose.residual_m]);
             floats(sink, pose.position_m.iter());
             floats(sink, pose.rotation.iter());

@@ -5,18 +5,16 @@
 use core::hint::black_box;
 
 use gantry_tau_core::control::axis::{Actual, Offsets};
-use gantry_tau_core::model::compensation::{
-    Compensator, CompensatorConfig, Correction, ExactCompensator, SixLinkCompensator,
-    SixLinkElastic,
-};
 use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
-use gantry_tau_core::model::kinematics::{Nominal, Pose, SixLinkKinematics, WARM_ITERATIONS};
-use gantry_tau_core::model::robot::{Compliances, Geometry, Robot, SixLink, SixLinkGeometry};
-use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::control::session::Session;
 use gantry_tau_core::control::session::config::{Config, Parameters};
 use gantry_tau_core::control::session::fsm::Connection;
-use gantry_tau_core::model::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::kinematics::{Pose, WARM_ITERATIONS};
+use gantry_tau_core::model::robot::Compliances;
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
+use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::units::{Epoch, PositionNm, Tick};
 use nalgebra::{Matrix3, Vector3};
 
@@ -80,22 +78,23 @@ pub extern "C" fn server(
 /// Everything the client side does: validate, tare, filter, compensate.
 #[unsafe(no_mangle)]
 pub extern "C" fn client(
-    geometry: &Geometry,
+    geometry: &l2::Geometry,
     compliances: &[f64; 9],
     mounting: &SensorConfig,
     gain: f64,
     raw: &[f64; 6],
     q: &[f64; 3],
+    nominal: &[PositionNm; 3],
     tcp_m: &Vector3<f64>,
 ) -> f64 {
     let [a, b, c, d, e, f, x, y, z] = *compliances;
-    let Ok(robot) = Robot::new(*geometry) else {
+    let Ok(robot) = l2::Robot::new(*geometry) else {
         return 0.0;
     };
     let Ok(compliances) = Compliances::new([a, b, c, d, e, f], [x, y, z]) else {
         return 0.0;
     };
-    let Ok(nominal) = Nominal::new(&robot, &Matrix3::identity()) else {
+    let Ok(kinematics) = l2::Kinematics::new(&robot, &Matrix3::identity()) else {
         return 0.0;
     };
     let config = CompensatorConfig {
@@ -103,7 +102,7 @@ pub extern "C" fn client(
         limits: [Default::default(); 3],
         metres_per_q: [1.0; 3],
     };
-    let Ok(compensator) = Compensator::new(&nominal, &compliances, config) else {
+    let Ok(compensator) = l2::Compensator::new(&kinematics, &compliances, config) else {
         return 0.0;
     };
     let Ok(mut sensor) = ForceSensor::new(*mounting) else {
@@ -112,16 +111,19 @@ pub extern "C" fn client(
     let Ok(Reading::Load(load)) = sensor.update(&Wrench::from_array(*raw)) else {
         return 0.0;
     };
-    let inverse = nominal.inverse(tcp_m).map_or(0.0, |q| q.iter().sum());
-    let jacobian = nominal.jacobian(tcp_m).map_or(0.0, |j| j.sum());
-    let correction = compensator.correction(q, &load);
-    let exact = ExactCompensator::new(&robot, &compliances, config)
-        .map(|exact| exact.correction(&Pose::at(*tcp_m), q, &load));
-    let exact = exact.ok().and_then(Result::ok);
+    let inverse = kinematics.inverse(tcp_m).map_or(0.0, |q| q.iter().sum());
+    let jacobian = kinematics.jacobian(tcp_m).map_or(0.0, |j| j.sum());
+    let correction = compensator.correct(nominal, &load);
+    let exact = compensator.correct_exact(nominal, &load);
+    let exact_at = compensator.correct_exact_at(&Pose::at(*tcp_m), q, &load);
+    let in_q = compensator.correct_q(q, &load);
     inverse
         + jacobian
-        + correction.map_or(0.0, |correction| metres(&correction))
-        + exact.map_or(0.0, |exact| metres(&exact))
+        + [correction, in_q, exact, exact_at]
+            .iter()
+            .flatten()
+            .map(metres)
+            .sum::<f64>()
 }
 
 /// All of a correction, so that none of it is left out.
@@ -133,55 +135,63 @@ fn metres<const N: usize>(correction: &Correction<N>) -> f64 {
 /// Everything the client side does with six axes: validate, inverse, forward with and without a seed, statics, compensate.
 #[unsafe(no_mangle)]
 pub extern "C" fn client_of_six(
-    geometry: &SixLinkGeometry,
+    geometry: &f1::Geometry,
     compliances: &[[f64; 6]; 2],
     raw: &[f64; 6],
     q: &[f64; 6],
+    nominal: &[PositionNm; 6],
     seed: &Pose,
     metres_per_q: &[f64; 6],
 ) -> f64 {
-    let Ok(robot) = SixLink::new(*geometry) else {
+    let Ok(robot) = f1::Robot::new(*geometry) else {
         return 0.0;
     };
     let [links, axes] = *compliances;
     let Ok(compliances) = Compliances::new(links, axes) else {
         return 0.0;
     };
-    let kinematics = SixLinkKinematics::new(&robot);
+    let kinematics = f1::Kinematics::new(&robot);
     let synchronised = kinematics.forward_synchronised(q);
-    let pose = kinematics.forward_from(q, seed, WARM_ITERATIONS);
-    let Ok(pose) = pose.or_else(|_| kinematics.forward(q)) else {
+    let mut tracker = f1::PoseTracker::new(&kinematics);
+    tracker.start_from(seed);
+    let Ok(pose) = tracker.track(q) else {
         return 0.0;
     };
-    let Ok(there) = kinematics.inverse(&pose.answer, None) else {
+    let Ok(there) = kinematics.inverse(&pose.value, None) else {
         return 0.0;
     };
-    let [.., q4, q5, q6] = there.answer;
-    let (place, near) = (&pose.answer.position_m, &seed.rotation);
-    let held = kinematics.inverse_with_held_plates(place, &[q4, q5, q6], near, WARM_ITERATIONS);
+    let [.., q4, q5, q6] = there.value;
+    let (place, near) = (&pose.value.position_m, &seed.rotation);
+    let fixed = kinematics.inverse_fixed_plates(place, &[q4, q5, q6], near, WARM_ITERATIONS);
     let load = Wrench::from_array(*raw);
-    let machine = SixLinkElastic::new(kinematics, compliances);
     let config = CompensatorConfig {
         gain: 1.0,
         limits: [Default::default(); 6],
         metres_per_q: *metres_per_q,
     };
-    let Ok(compensator) = SixLinkCompensator::new(machine, config) else {
+    let Ok(mut compensator) =
+        f1::Compensator::new(&kinematics.without_travel(), &compliances, config)
+    else {
         return 0.0;
     };
-    let lines = LineMatrix::of_six_link(&kinematics, &pose.answer, &there.answer);
+    let lines = kinematics.line_matrix(&pose.value, &there.value);
     let jacobian = lines.and_then(|lines| lines.jacobian());
     let stiffness = (lines.and_then(|lines| lines.compliance(&compliances)))
         .and_then(|compliance| compliance.to_stiffness());
-    let exact = compensator.exact_correction(&pose.answer, &there.answer, &load);
-    let correction = compensator.correction(&pose.answer, &there.answer, &load);
+    let exact = compensator.correct_exact(nominal, &load);
+    let correction = compensator.correct(nominal, &load);
+    let at = compensator.correct_at(&pose.value, &there.value, &load);
+    let exact_at = compensator.correct_exact_at(&pose.value, &there.value, &load);
     f64::from(robot.kinematics_checksum())
         + synchronised.map_or(0.0, |pose| pose.position_m.sum())
         + jacobian.map_or(0.0, |jacobian| jacobian.sum())
         + stiffness.map_or(0.0, |stiffness| stiffness.0.sum())
-        + held.map_or(0.0, |held| held.answer.0.iter().sum())
-        + exact.map_or(0.0, |exact| metres(&exact))
-        + correction.map_or(0.0, |correction| metres(&correction))
+        + fixed.map_or(0.0, |fixed| fixed.value.0.iter().sum())
+        + [correction, at, exact, exact_at]
+            .iter()
+            .flatten()
+            .map(metres)
+            .sum::<f64>()
 }
 
 /// The negative control: a panic that is linked.

@@ -1,24 +1,21 @@
 //! Wrenches of any bits, one after the other, through the sensor and both compensations, 3 and 6 axes (T12 to T14).
 
 use arbitrary::Arbitrary;
-use gantry_tau_core::model::compensation::{
-    Compensator, CompensatorConfig, ExactCompensator, SixLinkCompensator, SixLinkElastic, held,
-};
+use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::{f1, l2, presets};
 use gantry_tau_core::units::OffsetNm;
 use gantry_tau_proofs::compensation::{
     correction_is_bounded, cycle_is_bounded, sensor_stays_valid, sensor_takes_good_readings,
 };
-use gantry_tau_proofs::machine::{
-    geometry, home, nominal, six_link, six_link_geometry, six_link_home,
-};
+use gantry_tau_proofs::robots;
 use gantry_tau_proofs::{kinematics, six_link};
 
-/// A machine's place, a configuration, and what the sensor reads.
+/// A machine's position, a configuration, and readings of the sensor.
 #[derive(Arbitrary, Clone, Debug, PartialEq)]
 pub struct Loads {
     /// Gain; in quarters of the largest.
@@ -29,11 +26,11 @@ pub struct Loads {
     pub limits: [i32; 6],
     /// Metres per unit of `q`; of any bits.
     pub scales: [f64; 6],
-    /// From home to where the machine stands, in tenths of a millimetre and of a milliradian.
+    /// Distance of the machine from home, in tenths of a millimetre and of a milliradian.
     pub step: [i16; 6],
     /// Positions of any bits, instead.
     pub lost: Option<[f64; 6]>,
-    /// What the sensor reads.
+    /// Readings of the sensor.
     pub wrenches: Vec<[f64; 6]>,
 }
 
@@ -62,7 +59,7 @@ impl Loads {
         f64::from(self.step[axis]) * 1e-4
     }
 
-    /// What reaches the compensation: the readings as they are, and as the sensor passes them.
+    /// Loads of the compensation: the readings, raw and as the sensor passes them.
     fn loads(&self) -> Vec<Wrench> {
         let mut sensor = ForceSensor::new(SensorConfig {
             rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
@@ -85,12 +82,9 @@ impl Loads {
     }
 }
 
-/// Compliances of the links, m/N: those of the vectors, rounded.
-const LINKS: [f64; 6] = [5e-7, 6e-7, 5.5e-7, 7e-7, 6.5e-7, 6e-7];
-
 fn three_axes(loads: &Loads) {
-    let (robot, nominal) = nominal(geometry()).unwrap();
-    let mut tcp = home();
+    let (robot, nominal) = robots::l2(robots::l2_geometry()).unwrap();
+    let mut tcp = robots::l2_home();
     for (axis, place) in tcp.iter_mut().enumerate() {
         *place += loads.step(axis);
     }
@@ -99,33 +93,36 @@ fn three_axes(loads: &Loads) {
         Some([q1, q2, q3, ..]) => [q1, q2, q3],
         None => standing.unwrap_or_default(),
     };
-    let compliances = Compliances::new(LINKS, [4.06e-8, 5.09e-8, 6e-8]).unwrap();
+    let compliances = presets::l2_compliances();
     let any_scales = loads.config::<3>(loads.scales());
     correction_is_bounded(&any_scales, &q, &standing.unwrap_or_default());
     let pose = Pose::at(tcp.into());
     for load in loads.loads() {
-        if let Ok(command) = held(&robot, &compliances, &pose, &q, &load) {
-            correction_is_bounded(&any_scales, &q, &command.answer);
-            let finite = command.answer.iter().all(|q| q.is_finite());
+        if let Ok(command) = l2::exact_command(&robot, &compliances, &pose, &q, &load) {
+            correction_is_bounded(&any_scales, &q, &command.value);
+            let finite = command.value.iter().all(|q| q.is_finite());
             assert!(finite && load.is_finite(), "T13: finite");
         }
     }
     for config in [any_scales, loads.config([1.0; 3])] {
-        let Ok(compensator) = Compensator::new(&nominal, &compliances, config) else {
+        let Ok(compensator) = l2::Compensator::new(&nominal, &compliances, config) else {
             continue;
         };
-        let exact = ExactCompensator::new(&robot, &compliances, config).unwrap();
         for load in loads.loads() {
-            cycle_is_bounded(&config, compensator.correction(&q, &load), &load);
-            cycle_is_bounded(&config, exact.correction(&pose, &q, &load), &load);
+            cycle_is_bounded(&config, compensator.correct_q(&q, &load), &load);
+            cycle_is_bounded(
+                &config,
+                compensator.correct_exact_at(&pose, &q, &load),
+                &load,
+            );
             kinematics::statics_are_finite(&robot, &nominal, tcp, q, &load);
         }
     }
 }
 
 fn six_axes(loads: &Loads) {
-    let kinematics = six_link(six_link_geometry()).unwrap();
-    let (mut place, mut turn) = (six_link_home(), [0.0; 3]);
+    let kinematics = robots::f1(robots::f1_geometry()).unwrap();
+    let (mut place, mut turn) = (robots::f1_home(), [0.0; 3]);
     for axis in 0..3 {
         place[axis] += loads.step(axis);
         turn[axis] += loads.step(axis + 3);
@@ -137,11 +134,12 @@ fn six_axes(loads: &Loads) {
         position_m: place.into(),
         rotation,
     };
-    let standing = kinematics.inverse(&pose, None).map(|found| found.answer);
+    let standing = kinematics.inverse(&pose, None).map(|found| found.value);
     let q = loads.lost.unwrap_or(standing.unwrap_or_default());
-    let machine = SixLinkElastic::new(kinematics, Compliances::new(LINKS, [4e-8; 6]).unwrap());
+    let links = *presets::l2_compliances().link_m_per_n();
+    let machine = f1::Elastic::new(&kinematics, &Compliances::new(links, [4e-8; 6]).unwrap());
     for config in [loads.config(loads.scales()), loads.config([1.0; 6])] {
-        let compensator = SixLinkCompensator::new(machine, config);
+        let compensator = f1::Compensator::new(&kinematics, machine.compliances(), config);
         for load in loads.loads() {
             six_link::statics_are_finite(&machine, &pose, &q, &load);
             if let Ok(compensator) = &compensator {

@@ -1,5 +1,5 @@
-//! Machines like the L2 and like the F1, made around a pose: round trip, residual, codes, and slow solvers beside core's (T13).
-//! And the machines as they are, at places of any bits.
+//! Machines like the L2 and the F1 with known solutions: round trip, residual, codes, and slow solvers beside core's (T13).
+//! And the presets, at positions of any bits.
 
 use arbitrary::Arbitrary;
 use gantry_tau_core::model::kinematics::Pose;
@@ -8,11 +8,11 @@ use gantry_tau_proofs::kinematics::{
     check_is_right, forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside,
     lengths_are_kept,
 };
-use gantry_tau_proofs::machine::{geometry, nominal, six_link, six_link_geometry};
-use gantry_tau_proofs::made::{Six, Three, six_is_solved, three_is_solved};
-use gantry_tau_proofs::six_link::{self, answers_are_checked};
+use gantry_tau_proofs::known_solution::{Six, Three, six_is_solved, three_is_solved};
+use gantry_tau_proofs::robots;
+use gantry_tau_proofs::six_link::{self, answers_are_checked, tracker_is_checked};
 
-/// What is solved.
+/// A problem of the kinematics.
 #[derive(Arbitrary, Clone, Copy, Debug, PartialEq)]
 pub enum Problem {
     /// A machine with three axes.
@@ -48,14 +48,14 @@ pub fn kinematics(data: &[u8]) {
 }
 
 fn anywhere(place: [f64; 3], turn: [f64; 3], seed: Option<[f64; 3]>, q: [f64; 6]) {
-    let (robot, three) = nominal(geometry()).unwrap();
+    let (robot, three) = robots::l2(robots::l2_geometry()).unwrap();
     let [q1, q2, q3, ..] = q;
     check_is_right(&three, [q1, q2, q3]);
     inverse_is_inside(&three, place);
     inverse_in_assembly_is_inside(&three, place);
     forward_is_inside(&three, [q1, q2, q3]);
     lengths_are_kept(&robot, &three, place, [q1, q2, q3]);
-    let six = six_link(six_link_geometry()).unwrap();
+    let six = robots::f1(robots::f1_geometry()).unwrap();
     let rotation = rotation_from_vector(&turn.into()).unwrap_or_else(|| [turn, turn, turn].into());
     let pose = Pose {
         position_m: place.into(),
@@ -63,4 +63,5 @@ fn anywhere(place: [f64; 3], turn: [f64; 3], seed: Option<[f64; 3]>, q: [f64; 6]
     };
     six_link::check_is_right(&six, &q);
     answers_are_checked(&six, &pose, seed, &q);
+    tracker_is_checked(&six, &Pose::at(robots::f1_home().into()), &[q]);
 }

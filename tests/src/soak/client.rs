@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use gantry_tau::faults::Medium;
 use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{
     ClientMessage, Command, Mode, Phase, Refusal, ServerMessage, State,
 };
@@ -57,7 +57,7 @@ impl<const N: usize> Client<N> {
         &mut self,
         now: Duration,
         heard: &[Vec<u8>],
-        medium: Medium,
+        transport: Transport,
         noise: &mut Noise,
     ) -> Vec<Vec<u8>> {
         let mut said = Vec::new();
@@ -68,7 +68,7 @@ impl<const N: usize> Client<N> {
             self.leave(now);
         }
         for bytes in heard {
-            for message in self.messages(bytes, medium, now) {
+            for message in self.messages(bytes, transport, now) {
                 match message {
                     ServerMessage::Welcome(welcome) => self.epoch = Some(welcome.epoch),
                     ServerMessage::Refusal(refusal) => {
@@ -84,8 +84,13 @@ impl<const N: usize> Client<N> {
     }
 
     /// What the bytes say. A stream that is broken is closed, a datagram that is no frame is lost.
-    fn messages(&mut self, bytes: &[u8], medium: Medium, now: Duration) -> Vec<ServerMessage<N>> {
-        if medium == Medium::Datagrams {
+    fn messages(
+        &mut self,
+        bytes: &[u8],
+        transport: Transport,
+        now: Duration,
+    ) -> Vec<ServerMessage<N>> {
+        if transport == Transport::Datagram {
             let message = Frame::parse(bytes).ok().map(|frame| decode_server(&frame));
             return message.into_iter().flatten().collect();
         }

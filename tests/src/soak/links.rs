@@ -1,19 +1,20 @@
-//! Links of all kinds.
+//! Fault plans of the soak.
 
 use std::time::Duration;
 
-use gantry_tau::faults::plan::{Act, Cue, Odds, Plan, When};
-use gantry_tau::faults::{Direction, Fault, Medium};
+use gantry_tau::faults::Fault;
+use gantry_tau::faults::plan::{Directions, FaultPlan, FaultRate, ScriptedFault, When};
+use gantry_tau_core::control::endpoint::Transport;
 
 use crate::client::Noise;
 
 const MS: Duration = Duration::from_millis(1);
 
-/// How many kinds of links there are.
+/// Number of kinds.
 pub(super) const KINDS: usize = 5;
 
-/// A link of a kind: clean, rough, very rough, late, and scripted.
-pub(super) fn plan(kind: usize, noise: &mut Noise, medium: Medium) -> Plan {
+/// A plan of this kind: clean, rough, very rough, late, scripted.
+pub(super) fn plan(kind: usize, noise: &mut Noise, transport: Transport) -> FaultPlan {
     let rough = [
         (Fault::Drop, 2e-3),
         (Fault::Duplicate, 2e-3),
@@ -26,59 +27,59 @@ pub(super) fn plan(kind: usize, noise: &mut Noise, medium: Medium) -> Plan {
         (Fault::HalfOpen, 3e-4),
         (Fault::Reset, 3e-4),
     ];
-    let odds = |factor: f64| {
-        let odds = rough.into_iter().map(|(fault, per_frame)| {
-            let odds = Odds {
+    let rates = |factor: f64| {
+        let rates = rough.into_iter().map(|(fault, per_frame)| {
+            let rate = FaultRate {
                 per_frame: factor * per_frame,
                 parameter: None,
             };
-            (fault, odds)
+            (fault, rate)
         });
-        odds.filter(|(fault, _)| fault.suits(medium)).collect()
+        rates.filter(|(fault, _)| fault.suits(transport)).collect()
     };
-    let plan = Plan {
+    let plan = FaultPlan {
         seed: noise.number(),
         delay: MS / 10,
         jitter: if kind == 3 { 2 * MS } else { MS / 10 },
-        odds: match kind {
-            1 => odds(1.0),
-            2 => odds(10.0),
+        rates: match kind {
+            1 => rates(1.0),
+            2 => rates(10.0),
             _ => Vec::new(),
         },
-        direction: [None, Some(Direction::Up), Some(Direction::Down)][noise.below(3)],
+        direction: [Directions::Both, Directions::Up, Directions::Down][noise.below(3)],
         script: if kind == 4 {
-            script(noise, medium)
+            script(noise, transport)
         } else {
             Vec::new()
         },
     };
-    plan.check(medium).unwrap();
+    plan.check(transport).unwrap();
     plan
 }
 
-/// Whether it takes longer than a tick, now and then, without any fault.
-pub(super) fn is_slow(plan: &Plan) -> bool {
+/// True if a frame sometimes takes longer than a tick without any fault.
+pub(super) fn is_slow(plan: &FaultPlan) -> bool {
     plan.jitter > MS / 4
 }
 
 /// A few faults at stated frames and ticks.
-fn script(noise: &mut Noise, medium: Medium) -> Vec<Cue> {
-    let cues = (0..4).map(|index| {
+fn script(noise: &mut Noise, transport: Transport) -> Vec<ScriptedFault> {
+    let script = (0..4).map(|index| {
         let fault = Fault::ALL[noise.below(Fault::ALL.len())];
         let at = 100 * index + noise.below(100);
         let timed = [Fault::Burst, Fault::Stall].contains(&fault);
-        Cue {
+        ScriptedFault {
             when: if noise.below(2) == 0 {
                 When::Frame(u64::try_from(at).unwrap() + 1)
             } else {
                 When::Since(MS * u32::try_from(at).unwrap())
             },
-            direction: [Some(Direction::Up), Some(Direction::Down)][noise.below(2)],
-            act: Act {
-                fault,
-                parameter: timed.then(|| u32::try_from(noise.below(30)).unwrap()),
-            },
+            direction: [Directions::Up, Directions::Down][noise.below(2)],
+            fault,
+            parameter: timed.then(|| u32::try_from(noise.below(30)).unwrap()),
         }
     });
-    cues.filter(|cue| cue.act.fault.suits(medium)).collect()
+    script
+        .filter(|entry| entry.fault.suits(transport))
+        .collect()
 }

@@ -10,17 +10,16 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use gantry_tau::epoch::Epochs;
-use gantry_tau::faults::tcp::Relay;
-use gantry_tau::faults::{Ended, Medium};
-use gantry_tau::model::{L2, L2_MOTORS, Model};
+use gantry_tau::faults::relay::{Ended, Relay};
+use gantry_tau::model::{L2, L2_MOTORS, MachineKind};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::server::cycle::{Cycle, Row};
-use gantry_tau::server::pace::Pace;
+use gantry_tau::server::tick_source::TickSource;
 use gantry_tau::server::{Controls, Server};
-use gantry_tau::sim::hand::hand_and_tool;
+use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau_core::control::endpoint::CONNECTIONS;
+use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
 use gantry_tau_core::control::message::{Capabilities, Cause, ClientMessage, Hello, Phase};
 use gantry_tau_core::control::wire::encode_client;
 use serde::Serialize;
@@ -111,9 +110,10 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
     let observer = observe(rows, audit, &server.controls, &watch, ends_to);
     let relays: Vec<(bool, Relay, Receiver<Ended>)> = (0..2 * KINDS)
         .map(|index| {
-            let plan = plan(index % KINDS, &mut noise, Medium::Stream);
+            let plan = plan(index % KINDS, &mut noise, Transport::Stream);
             let slow = is_slow(&plan);
-            let (relay, ended) = Relay::spawn(LOOPBACK, server.address, plan).unwrap();
+            let (relay, ended) =
+                Relay::spawn(LOOPBACK, server.address, Transport::Stream, plan).unwrap();
             (slow, relay, ended)
         })
         .collect();
@@ -202,14 +202,14 @@ fn server() -> (Server<N>, Rows, Audit<N>) {
         acceleration_m_per_s2: 0.5,
         dwell_cycles: 500,
     };
-    let (_, tool) = hand_and_tool();
+    let (_, tool) = load_generator();
     let machine = robot.simulated_machine::<L2_MOTORS>(tool, motion).unwrap();
     let config = robot.session_config(Capabilities::NONE).unwrap();
     let audit = Audit::new(config.parameters().axes.map(|axis| axis.limits));
     let motors = robot.motor_map().unwrap();
     let cycle: Cycle<N, L2_MOTORS, SimulatedMachine<N, L2_MOTORS>> =
         Cycle::new(config, motors, machine, Epochs::volatile(), LOOPBACK).unwrap();
-    let (server, rows) = Server::spawn(cycle, Pace::RealTime).unwrap();
+    let (server, rows) = Server::spawn(cycle, TickSource::RealTime).unwrap();
     (server, rows, audit)
 }
 
@@ -351,7 +351,7 @@ fn live(
             }
             Err(_) => break,
         };
-        let said = client.live(began.elapsed(), &heard, Medium::Stream, noise);
+        let said = client.live(began.elapsed(), &heard, Transport::Stream, noise);
         alive = said.iter().all(|bytes| stream.write_all(bytes).is_ok());
     }
     // A write that fails or takes too long is a reason to leave.

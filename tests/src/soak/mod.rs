@@ -4,8 +4,8 @@
 //! |---|---|
 //! | [`audit`] | what every tick of every server must keep: bounds, counters, deadlines |
 //! | [`reason`] | which deeds and faults explain which cause |
-//! | [`ticks`] | a server in this process, simulated time, links of [`gantry_tau::faults::mangle`] |
-//! | [`minutes`] | the server's own thread, real time, real sockets, the relay of [`gantry_tau::faults::tcp`] |
+//! | [`ticks`] | a server in this process, simulated time, links of [`gantry_tau::faults::injector`] |
+//! | [`minutes`] | the server's own thread, real time, real sockets, [`gantry_tau::faults::relay`] |
 
 pub mod audit;
 mod client;
@@ -16,7 +16,7 @@ pub mod ticks;
 
 use std::collections::BTreeMap;
 
-use gantry_tau::faults::Tally;
+use gantry_tau::faults::FaultStats;
 use gantry_tau_core::control::message::Cause;
 use gantry_tau_core::control::session::config::MissBudget;
 use serde::Serialize;
@@ -61,9 +61,9 @@ impl Summary {
     }
 
     /// A link ended.
-    pub fn link(&mut self, tally: &Tally) {
-        self.frames += tally.frames;
-        for (fault, acted) in &tally.acted {
+    pub fn link(&mut self, stats: &FaultStats) {
+        self.frames += stats.frames;
+        for (fault, acted) in &stats.acted {
             *self.faults.entry(fault.name()).or_default() += acted.times;
         }
     }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use gantry_tau::faults::{Fault, Tally};
+use gantry_tau::faults::{Fault, FaultStats};
 use gantry_tau_core::control::message::Cause;
 
 use super::BUDGET;
@@ -45,9 +45,9 @@ pub struct Evidence<'a> {
     /// When it ended.
     pub at: Duration,
     /// From client to server.
-    pub up: &'a Tally,
+    pub up: &'a FaultStats,
     /// From server to client.
-    pub down: &'a Tally,
+    pub down: &'a FaultStats,
     /// What the client did last, and when.
     pub deed: Option<(Deed, Duration)>,
     /// The client has closed, whatever it did last.

@@ -6,9 +6,9 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use gantry_tau::faults::mangle::Mangle;
-use gantry_tau::faults::plan::Plan;
-use gantry_tau::faults::{Direction, Medium};
+use gantry_tau::faults::Direction;
+use gantry_tau::faults::injector::FaultInjector;
+use gantry_tau::faults::plan::FaultPlan;
 use gantry_tau_core::control::axis::{Actual, Offsets};
 use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{Cause, ClientMessage, Phase, State};
@@ -116,18 +116,21 @@ impl<const N: usize> World<N> {
         if self.links.len() >= CLIENTS || !self.one_in(rare) {
             return;
         }
-        let medium = [Medium::Stream, Medium::Datagrams][self.noise.below(2)];
-        let transport = match medium {
-            Medium::Stream => Transport::Stream,
-            Medium::Datagrams => Transport::Datagram,
-        };
+        let transport = [Transport::Stream, Transport::Datagram][self.noise.below(2)];
         // Without room the host says so and closes.
         let Ok(connection) = self.endpoint.open(transport) else {
             return self.summary.refused += 1;
         };
         let kind = self.noise.below(KINDS);
-        let plan = plan(kind, &mut self.noise, medium);
-        let link = Link::open(connection, medium, &plan, self.opened, now, &mut self.noise);
+        let plan = plan(kind, &mut self.noise, transport);
+        let link = Link::open(
+            connection,
+            transport,
+            &plan,
+            self.opened,
+            now,
+            &mut self.noise,
+        );
         self.links.push(link);
         self.opened += 1;
     }
@@ -138,7 +141,7 @@ impl<const N: usize> World<N> {
             let owns = self.endpoint.session().owner() == Some(link.connection);
             let age = now - link.opened;
             while let Some(bytes) = link.up.pop(age) {
-                link.tap.feed(&bytes, link.medium, owns);
+                link.tap.feed(&bytes, link.transport, owns);
                 self.endpoint.feed(link.connection, &bytes);
             }
             if link.reset() || link.has_closed() {
@@ -186,8 +189,8 @@ impl<const N: usize> World<N> {
                 if let (Some(cause), true) = (output.ended, is_live(before)) {
                     let evidence = Evidence {
                         at: now - link.opened,
-                        up: link.up.tally(),
-                        down: link.down.tally(),
+                        up: link.up.stats(),
+                        down: link.down.stats(),
                         deed: link.client.deed_done,
                         closed: link.client.gone,
                         slow: link.slow,
@@ -248,11 +251,11 @@ impl<const N: usize> World<N> {
 /// One connection: a client, both directions, and the server's end.
 struct Link<const N: usize> {
     connection: Connection,
-    medium: Medium,
+    transport: Transport,
     opened: Duration,
     slow: bool,
-    up: Mangle,
-    down: Mangle,
+    up: FaultInjector,
+    down: FaultInjector,
     client: Client<N>,
     /// What a stalled stream does not take yet.
     waiting: VecDeque<Vec<u8>>,
@@ -264,8 +267,8 @@ struct Link<const N: usize> {
 impl<const N: usize> Link<N> {
     fn open(
         connection: Connection,
-        medium: Medium,
-        plan: &Plan,
+        transport: Transport,
+        plan: &FaultPlan,
         number: u64,
         opened: Duration,
         noise: &mut Noise,
@@ -273,11 +276,11 @@ impl<const N: usize> Link<N> {
         let client = Client::new(noise);
         Self {
             connection,
-            medium,
+            transport,
             opened,
             slow: is_slow(plan),
-            up: Mangle::new(plan, medium, number, Direction::Up),
-            down: Mangle::new(plan, medium, number, Direction::Down),
+            up: FaultInjector::new(plan, transport, number, Direction::Up),
+            down: FaultInjector::new(plan, transport, number, Direction::Down),
             client,
             waiting: VecDeque::from([encode_client(&hello::<N>()).to_vec()]),
             tap: Tap::default(),
@@ -293,7 +296,7 @@ impl<const N: usize> Link<N> {
     /// The server can see that the client has closed: a stream's last bytes have come.
     fn has_closed(&self) -> bool {
         let told = self.waiting.is_empty() && self.up.next_due().is_none() && !self.up.is_silent();
-        self.medium == Medium::Stream && self.client.gone && told
+        self.transport == Transport::Stream && self.client.gone && told
     }
 
     /// The client's half of a tick.
@@ -304,11 +307,11 @@ impl<const N: usize> Link<N> {
             heard.push(bytes);
         }
         let closed = self.server_closed
-            && self.medium == Medium::Stream
+            && self.transport == Transport::Stream
             && self.down.next_due().is_none()
             && !self.down.is_silent();
         if !self.client.gone {
-            let said = self.client.live(age, &heard, self.medium, noise);
+            let said = self.client.live(age, &heard, self.transport, noise);
             self.waiting.extend(said);
             self.client.gone |= closed;
         }
@@ -321,8 +324,8 @@ impl<const N: usize> Link<N> {
     }
 
     fn add_to(&self, summary: &mut Summary) {
-        summary.link(self.up.tally());
-        summary.link(self.down.tally());
+        summary.link(self.up.stats());
+        summary.link(self.down.stats());
     }
 }
 
@@ -355,8 +358,8 @@ impl<const N: usize> Tap<N> {
         self.commanded = false;
     }
 
-    fn feed(&mut self, bytes: &[u8], medium: Medium, owns: bool) {
-        if medium == Medium::Datagrams {
+    fn feed(&mut self, bytes: &[u8], transport: Transport, owns: bool) {
+        if transport == Transport::Datagram {
             let frame = Frame::parse(bytes).ok();
             let message = frame.and_then(|frame| decode_client(&frame).ok());
             return self.count(message.as_ref(), owns);

@@ -15,8 +15,8 @@ use gantry_tau::robot_file::RobotFile;
 use gantry_tau::sensor_link::{Sample, SensorPublisher};
 use gantry_tau::server::Server;
 use gantry_tau::server::cycle::Cycle;
-use gantry_tau::server::pace::Pace;
-use gantry_tau::sim::hand::hand_and_tool;
+use gantry_tau::server::tick_source::TickSource;
+use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau_core::control::axis::{Offsets, Reference};
@@ -60,7 +60,7 @@ fn session(lie: impl Fn(u64) -> Option<Sample> + Send + 'static) -> (ClientError
     let loopback = ([127, 0, 0, 1], 0).into();
     let mut robot = RobotFile::builtin_l2().unwrap();
     robot.sensor.tare_samples = TARE;
-    let (_hand, tool) = hand_and_tool();
+    let (_hand, tool) = load_generator();
     let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
     let motors = robot.motor_map().unwrap();
     let liar = Liar {
@@ -72,7 +72,7 @@ fn session(lie: impl Fn(u64) -> Option<Sample> + Send + 'static) -> (ClientError
     let sensor = liar.sensor.address().unwrap();
     let cycle: Cycle<ARMS, L2_MOTORS, _> =
         Cycle::new(config, motors, liar, Epochs::volatile(), loopback).unwrap();
-    let (server, mut rows) = Server::spawn(cycle, Pace::Lockstep).unwrap();
+    let (server, mut rows) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
     let options = ClientOptions {
         server: server.address,
         transport: Transport::Stream,

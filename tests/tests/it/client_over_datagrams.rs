@@ -33,7 +33,7 @@ struct Server {
 }
 
 impl Server {
-    fn of<K: gantry_tau::model::Model<3>>(robot: &RobotFile<K, 3>) -> Self {
+    fn of<K: gantry_tau::model::MachineKind<3>>(robot: &RobotFile<K, 3>) -> Self {
         let config = robot.session_config(Capabilities::NONE).unwrap();
         let nominal = [PositionNm(0); 3];
         let zero = [Offsets::default(); 3];

@@ -15,12 +15,12 @@ use std::net::UdpSocket;
 use allocation_counter::measure;
 use gantry_tau::black_box::handover::{self, Receiver};
 use gantry_tau::epoch::Epochs;
-use gantry_tau::model::{F1_MOTORS, L2_MOTORS, Model};
+use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::sensor_link::{SensorPublisher, SensorReader};
 use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
-use gantry_tau::sim::hand::{Hand, Load, hand_and_tool};
+use gantry_tau::sim::load_generator::{Load, LoadGenerator, load_generator};
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau_core::control::axis::Offsets;
@@ -37,14 +37,14 @@ use gantry_tau_tests::wait_for;
 /// The server of `gantry-tau serve`, without its clock.
 struct Server<const N: usize, const M: usize> {
     cycle: Cycle<N, M, SimulatedMachine<N, M>>,
-    hand: Hand,
+    hand: LoadGenerator,
     sensor: SensorReader,
     black_boxes: Receiver<N>,
 }
 
 impl<const N: usize, const M: usize> Server<N, M> {
-    fn start<K: Model<N>>(robot: &RobotFile<K, N>, transport: Transport) -> Self {
-        let (hand, tool) = hand_and_tool();
+    fn start<K: MachineKind<N>>(robot: &RobotFile<K, N>, transport: Transport) -> Self {
+        let (hand, tool) = load_generator();
         let machine = robot.simulated_machine(tool, Motion::Hold).unwrap();
         let config = robot.session_config(Capabilities::NONE).unwrap();
         let motors = robot.motor_map().unwrap();

@@ -8,11 +8,10 @@
 
 use std::collections::BTreeMap;
 
-use gantry_tau_core::model::kinematics::{
-    COLD_ITERATIONS, KinematicsError, Pose, SixLinkKinematics, WARM_ITERATIONS,
-};
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, WARM_ITERATIONS};
 use gantry_tau_core::model::linalg::{norm, rotation_from_vector};
-use gantry_tau_proofs::machine::{six_link, six_link_geometry};
+use gantry_tau_proofs::robots;
 use nalgebra::Vector3;
 
 /// Poses asked for.
@@ -69,7 +68,7 @@ fn apart(one: &Pose, other: &Pose) -> f64 {
 }
 
 /// A solution that the inverse finds from one of many other starts of the plates.
-fn found_elsewhere(kinematics: &SixLinkKinematics, pose: &Pose) -> bool {
+fn found_elsewhere(kinematics: &f1::Kinematics, pose: &Pose) -> bool {
     let angles = || (-6..=6).map(|step| f64::from(step) * 0.1);
     let mut starts =
         angles().flat_map(|q4| angles().flat_map(move |q5| angles().map(move |q6| [q4, q5, q6])));
@@ -90,7 +89,7 @@ struct Outcome {
 }
 
 fn there_and_back(
-    kinematics: &SixLinkKinematics,
+    kinematics: &f1::Kinematics,
     workspace: &Workspace,
     elsewhere: impl Fn(&Pose) -> bool,
 ) -> Outcome {
@@ -99,7 +98,7 @@ fn there_and_back(
     for _ in 0..POSES {
         let pose = workspace.draw(&mut draw);
         let there = match kinematics.inverse_in_assembly(&pose, None) {
-            Ok(there) => there.answer,
+            Ok(there) => there.value,
             Err(error) => {
                 *outcome.inverse.entry(error.kind()).or_default() += 1;
                 outcome.missed += u32::from(elsewhere(&pose));
@@ -119,7 +118,7 @@ fn there_and_back(
             let kind = back.as_ref().map_or_else(KinematicsError::kind, |_| "ok");
             *outcome.forward.entry(kind).or_default() += 1;
             outcome.worst = back.map_or(outcome.worst, |back| {
-                outcome.worst.max(apart(&back.answer, &pose))
+                outcome.worst.max(apart(&back.value, &pose))
             });
         }
     }
@@ -129,7 +128,7 @@ fn there_and_back(
 
 #[test]
 fn every_pose_of_the_workspace_leads_there_and_back() {
-    let kinematics = six_link(six_link_geometry()).unwrap();
+    let kinematics = robots::f1(robots::f1_geometry()).unwrap();
     let workspace = Workspace {
         across_m: 0.4,
         turn_rad: 0.3,
@@ -151,7 +150,7 @@ fn every_pose_of_the_workspace_leads_there_and_back() {
 /// near the singularities that bound it, the stated residual of 1e-9 m is a pose off by micrometres.
 #[test]
 fn no_pose_beyond_the_workspace_leads_to_another() {
-    let kinematics = six_link(six_link_geometry()).unwrap();
+    let kinematics = robots::f1(robots::f1_geometry()).unwrap();
     let wide = Workspace {
         across_m: 0.8,
         turn_rad: 0.5,

@@ -301,35 +301,3 @@ fn every_message_fits() {
     });
     assert_eq!(encode_client(&command).len(), 10 + 88);
 }
-
-/// The worked example of `wire.md`, byte for byte.
-#[test]
-fn the_worked_example_of_the_specification_holds() {
-    let page = include_str!("../../../../wire.md");
-    let example = page
-        .split("```hex")
-        .nth(1)
-        .unwrap()
-        .split("```")
-        .next()
-        .unwrap();
-    let bytes: StdVec<u8> = example
-        .lines()
-        .map(|line| line.split('|').next().unwrap())
-        .flat_map(str::split_whitespace)
-        .map(|byte| u8::from_str_radix(byte, 16).unwrap())
-        .collect();
-    let command = Command::<3> {
-        epoch: Epoch(7),
-        sequence: Sequence(42),
-        echo: Tick(1_000),
-        mode: Mode::Obtain,
-        targets: [-100_000, 2_500, 0].map(|position| Offsets {
-            position: OffsetNm(position),
-            ..Offsets::default()
-        }),
-    };
-    assert_eq!(&*encode_client(&ClientMessage::Command(command)), bytes);
-    let frame = Frame::parse(&bytes).unwrap();
-    assert_eq!(decode_client(&frame), Ok(ClientMessage::Command(command)));
-}

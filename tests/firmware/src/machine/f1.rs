@@ -1,12 +1,10 @@
 //! A cycle of the F1: inverse, forward, statics, compensation.
 
-use gantry_tau_core::model::compensation::{Correction, SixLinkCompensator, SixLinkElastic};
-use gantry_tau_core::model::kinematics::{
-    KinematicsError, Pose, SixLinkKinematics, Solved, WARM_ITERATIONS,
-};
+use gantry_tau_core::model::compensation::Correction;
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::kinematics::{KinematicsError, Pose, Solution};
 use gantry_tau_core::model::linalg::rotation_from_vector;
-use gantry_tau_core::model::statics::{LineMatrix, Wrench};
-use gantry_tau_core::units::OffsetNm;
+use gantry_tau_core::model::statics::Wrench;
 use nalgebra::{ArrayStorage, Matrix3, SMatrix, Vector3};
 
 use super::{AXES, Pose6, Refused, robots};
@@ -14,9 +12,9 @@ use super::{AXES, Pose6, Refused, robots};
 /// One cycle of the F1.
 pub(crate) struct F1Answer {
     /// Positions of the axes.
-    pub(crate) q: Solved<[f64; AXES]>,
-    /// Where these take the tool, from the pose of the cycle before.
-    pub(crate) pose: Solved<Pose>,
+    pub(crate) q: Solution<[f64; AXES]>,
+    /// Pose at these, tracked from the cycle before.
+    pub(crate) pose: Solution<Pose>,
     /// Twist over axes.
     pub(crate) jacobian: SMatrix<f64, 6, AXES>,
     /// Link tensions, N.
@@ -29,10 +27,10 @@ pub(crate) struct F1Answer {
 
 /// The machine, its compensation, and the cycle before.
 pub(crate) struct F1 {
-    compensator: SixLinkCompensator,
-    /// The last cycle: here, so that no stack has to hold it.
+    compensator: f1::Compensator,
+    /// Last cycle; kept here to save stack.
     answer: F1Answer,
-    /// Whether it came to its end; then the next one starts from it.
+    /// True if the last cycle succeeded; then the next one starts from its plates.
     is_answered: bool,
 }
 
@@ -40,10 +38,10 @@ impl F1 {
     /// The machine of `robots/f1.toml`, and its checksum.
     pub(crate) fn new() -> Result<(Self, u32), Refused> {
         let (robot, springs) = robots::f1().map_err(|_| Refused::Robot)?;
-        let elastic = SixLinkElastic::new(SixLinkKinematics::new(&robot), springs);
         let f1 = Self {
-            compensator: SixLinkCompensator::new(
-                elastic,
+            compensator: f1::Compensator::new(
+                &f1::Kinematics::new(&robot),
+                &springs,
                 robots::compensation(robots::F1_METRES_PER_Q),
             )
             .map_err(|_| Refused::Compensation)?,
@@ -53,7 +51,7 @@ impl F1 {
         Ok((f1, robot.kinematics_checksum()))
     }
 
-    /// One cycle. Its parts are not inlined, so that they share their stack.
+    /// One cycle. Its parts are not inlined, so that their stack use does not add up.
     pub(crate) fn cycle(
         &mut self,
         pose: &Pose6,
@@ -67,7 +65,7 @@ impl F1 {
         Ok(&self.answer)
     }
 
-    /// The inverse, and where its answer takes the tool.
+    /// Inverse kinematics, and the pose of its solution.
     #[inline(never)]
     fn find_positions(
         &mut self,
@@ -80,14 +78,10 @@ impl F1 {
             rotation: rotation_from_vector(&Vector3::new(*a, *b, *c))
                 .ok_or(KinematicsError::NotFinite)?,
         };
-        let [.., q4, q5, q6] = answer.q.answer;
+        let [.., q4, q5, q6] = answer.q.value;
         answer.q = kinematics.inverse(&pose, is_warm.then_some([q4, q5, q6]))?;
-        let q = &answer.q.answer;
-        answer.pose = if is_warm {
-            kinematics.forward_from(q, &answer.pose.answer, WARM_ITERATIONS)?
-        } else {
-            kinematics.forward(q)?
-        };
+        let q = &answer.q.value;
+        answer.pose = self.compensator.track(q)?;
         Ok(())
     }
 
@@ -95,10 +89,10 @@ impl F1 {
     #[inline(never)]
     fn find_statics(&mut self, load: &Wrench) -> Result<(), KinematicsError> {
         let answer = &mut self.answer;
-        let (pose, q) = (&answer.pose.answer, &answer.q.answer);
+        let (pose, q) = (&answer.pose.value, &answer.q.value);
         let kinematics = self.compensator.machine().kinematics();
-        // Not moved out of its result: it would be on the stack twice.
-        let lines = LineMatrix::of_six_link(kinematics, pose, q);
+        // Borrowed: moving the 1 KB matrix out of the `Result` would put a second copy on the stack.
+        let lines = kinematics.line_matrix(pose, q);
         let lines = lines.as_ref().map_err(|error| *error)?;
         answer.forces_n = lines.link_forces_n(load)?;
         answer.loads = lines.cart_loads(&answer.forces_n);
@@ -106,36 +100,29 @@ impl F1 {
         Ok(())
     }
 
-    /// What holds the pose under the load.
+    /// Offsets that hold the pose under the load.
     #[inline(never)]
     fn find_correction(&mut self, load: &Wrench) -> Result<(), KinematicsError> {
         let answer = &mut self.answer;
-        let (pose, q) = (&answer.pose.answer, &answer.q.answer);
-        answer.correction = self.compensator.correction(pose, q, load)?;
+        let (pose, q) = (&answer.pose.value, &answer.q.value);
+        answer.correction = self.compensator.correct_at(pose, q, load)?;
         Ok(())
     }
 }
 
 /// Before the first cycle.
 const UNANSWERED: F1Answer = F1Answer {
-    q: Solved {
-        answer: [0.0; AXES],
-        iterations: 0,
-        residual_m: 0.0,
-    },
-    pose: Solved {
-        answer: Pose {
+    q: Solution::new([0.0; AXES], 0, 0.0),
+    pose: Solution::new(
+        Pose {
             position_m: Vector3::new(0.0, 0.0, 0.0),
             rotation: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         },
-        iterations: 0,
-        residual_m: 0.0,
-    },
+        0,
+        0.0,
+    ),
     jacobian: SMatrix::from_array_storage(ArrayStorage([[0.0; 6]; AXES])),
     forces_n: [0.0; 6],
     loads: [0.0; AXES],
-    correction: Correction {
-        offsets: [OffsetNm(0); AXES],
-        saturated: [false; AXES],
-    },
+    correction: Correction::ZERO,
 };

@@ -1,7 +1,8 @@
 //! The floats of a tick: nominal positions from a pose, offsets from a load.
 
-use gantry_tau_core::model::compensation::{Compensator, Correction};
-use gantry_tau_core::model::kinematics::{KinematicsError, Nominal};
+use gantry_tau_core::model::compensation::Correction;
+use gantry_tau_core::model::kinematics::KinematicsError;
+use gantry_tau_core::model::l2;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, PositionNm};
@@ -15,7 +16,7 @@ use super::{AXES, Moment, Motion, Pose6, Refused};
 pub(crate) struct Work {
     sensor: ForceSensor,
     load: Wrench,
-    l2: Compensator,
+    l2: l2::Compensator,
     f1: F1,
 }
 
@@ -34,19 +35,20 @@ pub(crate) struct L2Answer {
     /// Positions of the carts.
     pub(crate) q: [f64; 3],
     /// The correction.
-    pub(crate) correction: Correction,
+    pub(crate) correction: Correction<3>,
 }
 
 impl Work {
     /// Both machines, and the checksum of the F1.
     pub(crate) fn new() -> Result<(Self, u32), Refused> {
         let (robot, springs) = robots::l2().map_err(|_| Refused::Robot)?;
-        let nominal = Nominal::new(&robot, &Matrix3::identity()).map_err(|_| Refused::Robot)?;
+        let nominal =
+            l2::Kinematics::new(&robot, &Matrix3::identity()).map_err(|_| Refused::Robot)?;
         let (f1, checksum) = F1::new()?;
         let work = Self {
             sensor: ForceSensor::new(robots::sensor()).map_err(|_| Refused::Compensation)?,
             load: Wrench::zero(),
-            l2: Compensator::new(&nominal, &springs, robots::compensation([1.0; 3]))
+            l2: l2::Compensator::new(&nominal, &springs, robots::compensation([1.0; 3]))
                 .map_err(|_| Refused::Compensation)?,
             f1,
         };
@@ -66,8 +68,8 @@ impl Work {
 
     fn l2_cycle(&self, [x, y, z, ..]: &Pose6) -> Result<L2Answer, KinematicsError> {
         let tcp_m = Vector3::new(*x, *y, *z);
-        let q = self.l2.model().nominal().inverse(&tcp_m)?;
-        let correction = self.l2.correction(&q, &self.load)?;
+        let q = self.l2.machine().kinematics().inverse(&tcp_m)?;
+        let correction = self.l2.correct_q(&q, &self.load)?;
         Ok(L2Answer { q, correction })
     }
 }
@@ -81,7 +83,7 @@ impl Answer<'_> {
                 [one, two, three, 0.0, 0.0, 0.0]
             }
             Self::F1(answer) => {
-                let mut metres = answer.ok()?.q.answer;
+                let mut metres = answer.ok()?.q.value;
                 for (q, metres_per_q) in metres.iter_mut().zip(F1_METRES_PER_Q) {
                     *q *= metres_per_q;
                 }

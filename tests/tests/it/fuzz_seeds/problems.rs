@@ -1,6 +1,6 @@
 //! Machines to solve.
 
-use gantry_tau_proofs::made::{Six, Three};
+use gantry_tau_proofs::known_solution::{Six, Three};
 use gantry_tau_tests::fuzzed::Problem;
 
 use super::Seed;

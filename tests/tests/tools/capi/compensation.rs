@@ -4,14 +4,12 @@
 use std::collections::BTreeMap;
 
 use gantry_tau::robot_file::RobotFile;
-use gantry_tau_core::model::compensation::{
-    Compensator, CompensatorConfig, Correction, ExactCompensator, SixLinkCompensator,
-    SixLinkElastic,
-};
-use gantry_tau_core::model::kinematics::{Nominal, Pose, WARM_ITERATIONS};
-use gantry_tau_core::model::robot::{Compliances, Robot};
+use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::kinematics::{Pose, WARM_ITERATIONS};
+use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
-use gantry_tau_core::model::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::{f1, l2, presets};
 use gantry_tau_core::units::OffsetNm;
 use libtest_mimic::Failed;
 use nalgebra::{Matrix3, Vector3};
@@ -68,20 +66,18 @@ fn put_offsets<const N: usize>(numbers: &mut Numbers, name: &str, correction: &C
     numbers.insert(name.to_owned(), texts.collect());
 }
 
-const LINKS: [f64; 6] = [5.0e-7, 6.0e-7, 5.5e-7, 7.0e-7, 6.5e-7, 6.0e-7];
-
 fn load() -> Wrench {
     Wrench::from_array([300.0, -50.0, 100.0, 1.0, 2.0, -1.0])
 }
 
 /// The machine of `robots/l2.toml`, first order and exact.
 fn three_axes(numbers: &mut Numbers) {
-    let robot: Robot = *RobotFile::builtin_l2().unwrap().model.robot();
-    let nominal = Nominal::new(&robot, &Matrix3::identity()).unwrap();
+    let robot: l2::Robot = *RobotFile::builtin_l2().unwrap().model.kinematics().robot();
+    let nominal = l2::Kinematics::new(&robot, &Matrix3::identity()).unwrap();
     let tcp_m = Vector3::new(0.0, 0.5, 0.65);
     let q = nominal.inverse_in_assembly(&tcp_m).unwrap();
     let jacobian = nominal.jacobian(&tcp_m).unwrap();
-    let lines = LineMatrix::new(&robot, &Pose::at(tcp_m), &q).unwrap();
+    let lines = robot.line_matrix(&Pose::at(tcp_m), &q).unwrap();
     let forces = lines.link_forces_n(&load()).unwrap();
     put(numbers, "l2 q", &q);
     put(numbers, "l2 tcp", nominal.forward(&q).unwrap().as_slice());
@@ -89,24 +85,23 @@ fn three_axes(numbers: &mut Numbers) {
     put(numbers, "l2 link force", &forces);
     put(numbers, "l2 cart load", &lines.cart_loads(&forces));
 
-    let springs = Compliances::new(LINKS, [4.06e-8, 5.09e-8, 6.00e-8]).unwrap();
+    let springs = presets::l2_compliances();
     let config = CompensatorConfig {
         gain: 1.0,
         limits: [2_000_000, 150_000, 2_000_000].map(OffsetNm),
         metres_per_q: [1.0; 3],
     };
-    let first_order = Compensator::new(&nominal, &springs, config).unwrap();
-    let exact = ExactCompensator::new(&robot, &springs, config).unwrap();
+    let compensator = l2::Compensator::new(&nominal, &springs, config).unwrap();
     let pose = Pose::at(nominal.forward(&q).unwrap());
     put_offsets(
         numbers,
         "l2 correction",
-        &first_order.correction(&q, &load()).unwrap(),
+        &compensator.correct_q(&q, &load()).unwrap(),
     );
     put_offsets(
         numbers,
         "l2 exact",
-        &exact.correction(&pose, &q, &load()).unwrap(),
+        &compensator.correct_exact_at(&pose, &q, &load()).unwrap(),
     );
 }
 
@@ -119,9 +114,9 @@ fn six_axes(numbers: &mut Numbers) {
         rotation: Matrix3::new(cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0),
     };
     let solved = kinematics.inverse(&pose, None).unwrap();
-    let q = solved.answer;
+    let q = solved.value;
     let back = kinematics.forward_from(&q, &pose, WARM_ITERATIONS).unwrap();
-    let lines = LineMatrix::of_six_link(&kinematics, &pose, &q).unwrap();
+    let lines = kinematics.line_matrix(&pose, &q).unwrap();
     let forces = lines.link_forces_n(&load()).unwrap();
     assert!(solved.iterations > 0, "a pose that takes some work");
     numbers.insert(
@@ -129,7 +124,7 @@ fn six_axes(numbers: &mut Numbers) {
         vec![solved.iterations.to_string()],
     );
     put(numbers, "f1 q", &q);
-    put(numbers, "f1 position", back.answer.position_m.as_slice());
+    put(numbers, "f1 position", back.value.position_m.as_slice());
     put(
         numbers,
         "f1 jacobian",
@@ -138,17 +133,17 @@ fn six_axes(numbers: &mut Numbers) {
     put(numbers, "f1 link force", &forces);
     put(numbers, "f1 axis load", &lines.cart_loads(&forces));
 
+    let links = *presets::f1_compliances().link_m_per_n();
     let springs =
-        Compliances::new(LINKS, [4.0e-6, 5.0e-6, 6.0e-6, 2.0e-6, 2.0e-6, 2.0e-6]).unwrap();
+        Compliances::new(links, [4.0e-6, 5.0e-6, 6.0e-6, 2.0e-6, 2.0e-6, 2.0e-6]).unwrap();
     let config = CompensatorConfig {
         gain: 1.0,
         limits: [OffsetNm(5_000_000); 6],
         metres_per_q: [1.0, 1.0, 1.0, 0.05, 0.05, 0.05],
     };
-    let machine = SixLinkElastic::new(kinematics, springs);
-    let compensator = SixLinkCompensator::new(machine, config).unwrap();
-    let first_order = compensator.correction(&pose, &q, &load()).unwrap();
-    let exact = compensator.exact_correction(&pose, &q, &load()).unwrap();
+    let compensator = f1::Compensator::new(&kinematics, &springs, config).unwrap();
+    let first_order = compensator.correct_at(&pose, &q, &load()).unwrap();
+    let exact = compensator.correct_exact_at(&pose, &q, &load()).unwrap();
     put_offsets(numbers, "f1 correction", &first_order);
     put_offsets(numbers, "f1 exact", &exact);
 }

@@ -82,7 +82,7 @@ pub(crate) fn compare(trace: &str, black_box: &[u8]) {
     let read = Window::<AXES>::decode("the black box", black_box).unwrap();
     let findings = Findings::of(&read);
     assert_eq!(findings.difference, None);
-    assert_eq!(findings.cause.as_deref(), Some("ClientLate"));
+    assert_eq!(findings.cause, Some("ClientLate"));
     assert_eq!(findings.cause_tick, 251);
 }
 

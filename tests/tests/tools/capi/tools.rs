@@ -31,9 +31,9 @@ pub(crate) fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/capi")
 }
 
-/// Where everything is built.
+/// Folder of everything that is built: that of the panic probe, which has the same dependencies and profile.
 pub(crate) fn target() -> PathBuf {
-    Path::new(env!("CARGO_TARGET_TMPDIR")).join("capi")
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join("linked")
 }
 
 /// What a command says, if it succeeds.

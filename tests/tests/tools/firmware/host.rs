@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use gantry_tau::model::Model;
+use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau_core::control::endpoint::Turn;
 use gantry_tau_core::control::message::{Capabilities, Phase};
@@ -91,7 +91,7 @@ impl Watch for Seen {
             Answer::L2(_) => Floats::L2,
             Answer::F1(Err(_)) => Floats::F1Refused,
             Answer::F1(Ok(answer)) => {
-                let [.., q4, q5, q6] = answer.q.answer;
+                let [.., q4, q5, q6] = answer.q.value;
                 let turned_rad = q4.abs().max(q5.abs()).max(q6.abs());
                 Floats::F1 { turned_rad }
             }

@@ -14,8 +14,9 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::time::Duration;
 
-use gantry_tau::faults::plan::Plan;
-use gantry_tau::faults::tcp::Relay;
+use gantry_tau::faults::plan::FaultPlan;
+use gantry_tau::faults::relay::Relay;
+use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{self, Phase, Refusal, ServerMessage};
 use gantry_tau_tests::client::Client;
 
@@ -116,7 +117,13 @@ impl Cell<'_> {
     /// Submit, Obtain, a pulled cable, the ramp. Returns the ticks of ramp that a stranger was told to wait.
     fn lose_a_client(&self) -> u32 {
         let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let (relay, _) = Relay::spawn(any, self.tap.address, Plan::harmless()).unwrap();
+        let (relay, _) = Relay::spawn(
+            any,
+            self.tap.address,
+            Transport::Stream,
+            FaultPlan::default(),
+        )
+        .unwrap();
         let mut client = self.client("lost", relay.address);
         self.tap
             .await_state("Obtain", |state| state.phase == Phase::Obtain);

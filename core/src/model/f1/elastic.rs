@@ -1,0 +1,152 @@
+//! The F1 with links and axes as springs `[T 3.3]`, and the commands that hold a pose under load `[T 5.2.3]`.
+
+use super::{AXES, Kinematics};
+use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution};
+use crate::model::linalg::{max_propagating_nan, product, rotation_from_vector};
+use crate::model::robot::{Compliances, LINKS};
+use crate::model::statics::{Wrench, finite};
+use crate::model::stiffness::Deflection;
+use crate::zip::zip;
+
+/// Largest change of a link length in the last round of the exact map, metres.
+const SETTLED_M: f64 = 1e-12;
+
+/// An F1 with its springs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Elastic {
+    kinematics: Kinematics,
+    compliances: Compliances<AXES>,
+}
+
+impl Elastic {
+    /// A machine and its springs.
+    #[must_use]
+    pub const fn new(kinematics: &Kinematics, compliances: &Compliances<AXES>) -> Self {
+        Self {
+            kinematics: *kinematics,
+            compliances: *compliances,
+        }
+    }
+
+    /// The rigid machine.
+    #[must_use]
+    pub const fn kinematics(&self) -> &Kinematics {
+        &self.kinematics
+    }
+
+    /// The springs.
+    #[must_use]
+    pub const fn compliances(&self) -> &Compliances<AXES> {
+        &self.compliances
+    }
+
+    /// Returns the command to first order: positions that hold `pose` under `load`,
+    /// `q_cmd = IK(T - gain dT_links, exp(-gain dtheta_links) R) - gain r` (q-units).
+    ///
+    /// `q` are the positions that hold it without load. The command is neither limited nor filtered; travel is that of the machine.
+    ///
+    /// # Errors
+    /// As [`Kinematics::line_matrix`] at `pose`, and as [`Kinematics::inverse`] for the corrected pose.
+    pub fn command(
+        &self,
+        pose: &Pose,
+        q: &[f64; AXES],
+        load: &Wrench,
+        gain: f64,
+    ) -> Result<[f64; AXES], KinematicsError> {
+        let deflection = self.deflection(pose, q, load)?;
+        let turn = rotation_from_vector(&(deflection.links.rotation_rad * -gain))
+            .ok_or(KinematicsError::NotFinite)?;
+        let corrected = Pose {
+            position_m: pose.position_m - deflection.links.translation_m * gain,
+            rotation: product(&turn, &pose.rotation),
+        };
+        let [.., q4, q5, q6] = *q;
+        let mut command = self
+            .kinematics
+            .inverse(&corrected, Some([q4, q5, q6]))?
+            .value;
+        for (command, yielding) in command.iter_mut().zip(deflection.carts) {
+            *command -= gain * yielding;
+        }
+        Ok(command)
+    }
+
+    /// Deflection at `pose`. Not inlined, so that its matrices have left the stack when the inverse begins.
+    #[inline(never)]
+    fn deflection(
+        &self,
+        pose: &Pose,
+        q: &[f64; AXES],
+        load: &Wrench,
+    ) -> Result<Deflection<AXES>, KinematicsError> {
+        // Borrowed: moving the 1 KB matrix out of the `Result` would put a second copy on the stack.
+        let lines = self.kinematics.line_matrix(pose, q);
+        let lines = lines.as_ref().map_err(|error| *error)?;
+        lines.deflection(&self.compliances, load)
+    }
+
+    /// Returns the exact command: positions for which the loaded machine stands in `pose`, with its links as long and its axes as far as the
+    /// load leaves them there: `|A(q + r) - B| = L + c f`, `r = c tau`, `q` returned.
+    ///
+    /// Forces hardly depend on the command, so a few rounds suffice. `residual_m` is the largest change of a link's length in the last.
+    ///
+    /// # Errors
+    /// As [`command`](Self::command); `NotConverged` when the rounds do not settle.
+    pub fn exact_command(
+        &self,
+        pose: &Pose,
+        q: &[f64; AXES],
+        load: &Wrench,
+    ) -> Result<Solution<[f64; AXES]>, KinematicsError> {
+        let mut standing = *q;
+        let mut lengths_m = self.kinematics.robot().geometry().lengths_m;
+        let mut residual_m = f64::INFINITY;
+        for round in 1..=COLD_ITERATIONS {
+            let lines = self.kinematics.line_matrix(pose, &standing)?;
+            let forces = lines.link_forces_n(load)?;
+            let loaded_m = self.loaded_lengths_m(&forces);
+            residual_m = zip(&loaded_m, &lengths_m).fold(0.0, |most, (now, before)| {
+                max_propagating_nan(most, (now - before).abs())
+            });
+            lengths_m = loaded_m;
+            let [.., q4, q5, q6] = standing;
+            let plates = Some([q4, q5, q6]);
+            standing = (self
+                .kinematics
+                .inverse_with_lengths(pose, plates, &lengths_m)?)
+            .value;
+            if residual_m <= SETTLED_M {
+                return Ok(Solution {
+                    value: finite(self.before_yielding(&standing, &lines.cart_loads(&forces)))?,
+                    iterations: round,
+                    residual_m,
+                });
+            }
+        }
+        Err(KinematicsError::NotConverged {
+            iterations: COLD_ITERATIONS,
+            residual_m,
+        })
+    }
+
+    /// `L + c f`, metres.
+    fn loaded_lengths_m(&self, forces_n: &[f64; LINKS]) -> [f64; LINKS] {
+        let mut lengths_m = self.kinematics.robot().geometry().lengths_m;
+        let springs = zip(self.compliances.link_m_per_n(), forces_n);
+        for (length, (compliance, force)) in lengths_m.iter_mut().zip(springs) {
+            *length += compliance * force;
+        }
+        lengths_m
+    }
+
+    /// `q - c tau`: the command whose axes stand at `q` under these loads.
+    fn before_yielding(&self, q: &[f64; AXES], loads: &[f64; AXES]) -> [f64; AXES] {
+        let mut command = *q;
+        let springs = zip(self.compliances.cart_m_per_n(), loads);
+        for (axis, (compliance, load)) in command.iter_mut().zip(springs) {
+            *axis -= compliance * load;
+        }
+        command
+    }
+}

@@ -1,0 +1,343 @@
+//! Kinematics of the F1 `[T 3.1.2]`: the plates, the inverse and the forward problem by Newton's method.
+//!
+//! The inverse problem falls apart: arm 1 has a closed form, cluster 2 two unknowns `(q_2, q_4)`, cluster 3 three `(q_3, q_5, q_6)`.
+//! The forward problem is that of a Stewart platform whose base joints are given by `q`: six unknowns, solved on the group
+//! (`R <- exp(dtheta) R`; angles are never added). Both have analytic derivatives, a capped number of iterations, and a solution that
+//! is checked before it is returned: every link has its length, every axis is inside its travel, every arm on its side, and the tool
+//! in the same assembly mode as the seed.
+
+mod forward;
+mod inverse;
+mod inverse_fixed_plates;
+mod newton;
+mod plates;
+mod step;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::Vector3;
+
+use super::{AXES, Robot};
+use crate::model::kinematics::{
+    KinematicsError, Pose, RESIDUAL_TOLERANCE, SINGULARITY_TOLERANCE, directions,
+};
+use crate::model::linalg::{max_propagating_nan, norm, times};
+use crate::model::robot::{ARM_OF_LINK, ARMS, LINKS};
+use crate::model::statics::{LineMatrix, Lines, TauFormError};
+use crate::zip::zip;
+use plates::Plates;
+
+/// Convergence threshold of the residual over the machine's size; below it, iterations are limited by round-off.
+const CONVERGED: f64 = 1e-14;
+/// Half a turn: travel of a plate to either side where none is given.
+const HALF_TURN_RAD: f64 = core::f64::consts::PI;
+
+/// `D`: rows in link order, columns in axis order.
+type Drives = [[f64; AXES]; LINKS];
+
+/// Kinematics of a machine; built once, its methods keep no state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kinematics {
+    robot: Robot,
+    plates: Plates,
+    /// Largest length in the machine, metres: the scale of rounding.
+    size_m: f64,
+    /// Largest error of a link in a solution, metres.
+    tolerance_m: f64,
+    travel: [(f64, f64); AXES],
+    /// `c_i V_i / |V_i|`: side that the links of an arm point to.
+    sides: [Vector3<f64>; ARMS],
+    /// `|P_ij|`: distance of a joint from its cart's origin, metres.
+    plate_reaches_m: [f64; LINKS],
+}
+
+impl Kinematics {
+    /// Prepares the kinematics of a machine.
+    #[must_use]
+    pub fn new(robot: &Robot) -> Self {
+        let geometry = robot.geometry();
+        let [l11, l21, l22, l31, l32, l33] = geometry.lengths_m;
+        let shortest = l11.min(l21).min(l22).min(l31).min(l32).min(l33);
+        let longest = l11.max(l21).max(l22).max(l31).max(l32).max(l33);
+        let [c1, c2, c3] = geometry.carts_m.map(|cart| norm(&cart));
+        let [v1, v2, v3] = geometry
+            .guideways
+            .map(|guideway| guideway / norm(&guideway));
+        let [side1, side2, side3] = geometry.configuration.map(|branch| branch.sign());
+        let free = (f64::NEG_INFINITY, f64::INFINITY);
+        let plate = (-HALF_TURN_RAD, HALF_TURN_RAD);
+        Self {
+            robot: *robot,
+            plates: Plates::new(geometry),
+            size_m: longest + c1.max(c2).max(c3),
+            tolerance_m: RESIDUAL_TOLERANCE * shortest,
+            travel: geometry
+                .travel
+                .unwrap_or([free, free, free, plate, plate, plate]),
+            sides: [v1 * side1, v2 * side2, v3 * side3],
+            plate_reaches_m: geometry.plate_joints_m.map(|joint| norm(&joint)),
+        }
+    }
+
+    /// As [`new`](Self::new), without limits of travel: carts unchecked, plates within half a turn. For corrections, which may leave
+    /// the nominal travel and are bounded elsewhere.
+    #[must_use]
+    pub fn without_travel(&self) -> Self {
+        Self::new(&self.robot.without_travel())
+    }
+
+    /// The machine.
+    #[inline]
+    #[must_use]
+    pub const fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// Returns the largest error of the six link lengths in this pose with these positions, metres; NaN when a number given is NaN.
+    #[must_use]
+    pub fn residual_m(&self, pose: &Pose, q: &[f64; AXES]) -> f64 {
+        largest_error(&self.links_m(pose, q), &self.robot.geometry().lengths_m)
+    }
+
+    /// Returns the links `A_ij - B_ij`, from platform joint to plate joint, world axes, metres, link order.
+    #[must_use]
+    pub fn links_m(&self, pose: &Pose, q: &[f64; AXES]) -> [Vector3<f64>; LINKS] {
+        self.links_between(pose, &self.plates.at(q).joints_m())
+    }
+
+    /// As [`links_m`](Self::links_m), for known plate joints.
+    #[inline]
+    fn links_between(
+        &self,
+        pose: &Pose,
+        joints_m: &[Vector3<f64>; LINKS],
+    ) -> [Vector3<f64>; LINKS] {
+        let [a11, a21, a22, a31, a32, a33] = joints_m;
+        let [b11, b21, b22, b31, b32, b33] = self.ends_m(pose);
+        [
+            a11 - b11,
+            a21 - b21,
+            a22 - b22,
+            a31 - b31,
+            a32 - b32,
+            a33 - b33,
+        ]
+    }
+
+    /// `B_ij = T + R b_ij`: the platform joints, world axes, metres, link order.
+    fn ends_m(&self, pose: &Pose) -> [Vector3<f64>; LINKS] {
+        let joints = &self.robot.geometry().platform_joints_m;
+        joints.map(|joint| pose.position_m + times(&pose.rotation, &joint))
+    }
+
+    /// Returns `D`, the elongation of each link per axis, `D_(ij),k = s_ij . dA_ij/dq_k`; rows in link order, columns in axis order.
+    /// `directions`: `s_ij`, from platform to plate, unit vectors.
+    #[must_use]
+    pub fn drives(&self, q: &[f64; AXES], directions: &[Vector3<f64>; LINKS]) -> Drives {
+        self.plates.at(q).drives(directions)
+    }
+
+    /// Returns the line matrix `[T 3.17]` in this pose with these positions (q-units).
+    ///
+    /// # Errors
+    /// [`KinematicsError::Singular`] when the lines depend on each other, `NotFinite` when a number given is not finite.
+    #[inline(never)]
+    pub fn line_matrix(
+        &self,
+        pose: &Pose,
+        q: &[f64; AXES],
+    ) -> Result<LineMatrix<AXES>, KinematicsError> {
+        // Borrowed: moving half a kilobyte out of the `Result` would put a second copy on the stack. The steps are not inlined, so that
+        // their stack use does not add up.
+        let lines = self.lines(pose, q);
+        lines.as_ref().map_err(|error| *error)?.factored()
+    }
+
+    /// As [`line_matrix`](Self::line_matrix), in a pose with parallel links in each cluster (the Tau property; for the F1: plates in
+    /// step): cluster sums carry the force, and differences of levers the moment. It is as exact as the links are parallel.
+    ///
+    /// # Errors
+    /// [`TauFormError::NotParallel`] by more than [`TAU_TOLERANCE`](crate::model::kinematics::TAU_TOLERANCE); else as
+    /// [`line_matrix`](Self::line_matrix).
+    pub fn line_matrix_in_tau_form(
+        &self,
+        pose: &Pose,
+        q: &[f64; AXES],
+    ) -> Result<LineMatrix<AXES>, TauFormError> {
+        self.lines(pose, q)?.factored_in_tau_form()
+    }
+
+    #[inline(never)]
+    fn lines(&self, pose: &Pose, q: &[f64; AXES]) -> Result<Lines<AXES>, KinematicsError> {
+        let plates = self.plates.at(q);
+        let directions = directions(&self.links_between(pose, &plates.joints_m()))?;
+        let joints = &self.robot.geometry().platform_joints_m;
+        Ok(Lines::new(
+            &directions,
+            &plates.drives(&directions),
+            joints,
+            pose,
+        ))
+    }
+
+    /// Last check of every solution: links of the right length, axes inside their travel, arms on their side.
+    #[inline]
+    fn check(
+        &self,
+        links_m: &[Vector3<f64>; LINKS],
+        q: &[f64; AXES],
+        lengths_m: &[f64; LINKS],
+    ) -> Result<f64, Rejected> {
+        let residual_m = largest_error(links_m, lengths_m);
+        // Not within for NaN.
+        let within = residual_m <= self.tolerance_m;
+        if !within {
+            return Err(Rejected::Residual(residual_m));
+        }
+        if !self.travels(q) {
+            return Err(Rejected::Final(self.out_of_range(q)));
+        }
+        self.on_their_sides(links_m).map_err(Rejected::Final)?;
+        Ok(residual_m)
+    }
+
+    /// True if every axis is inside its travel; false for NaN.
+    #[must_use]
+    pub fn travels(&self, q: &[f64; AXES]) -> bool {
+        zip(q, &self.travel).all(|(q, range)| within(*q, range))
+    }
+
+    /// Range of each axis, `(lower, upper)` in q-units; infinite where a cart's is not checked.
+    #[must_use]
+    pub const fn travel(&self) -> &[(f64, f64); AXES] {
+        &self.travel
+    }
+
+    #[cold]
+    fn out_of_range(&self, q: &[f64; AXES]) -> KinematicsError {
+        let mut axes = zip(q, &self.travel).enumerate();
+        let outside = axes.find(|(_, (q, range))| !within(**q, range));
+        match outside {
+            Some((axis, (q, (lower, upper)))) => KinematicsError::OutOfRange {
+                axis,
+                q: *q,
+                lower: *lower,
+                upper: *upper,
+            },
+            None => KinematicsError::NotFinite,
+        }
+    }
+
+    /// `c_i = sign(s_ij . V_i)` for every link of cluster `i`, and not near zero.
+    #[inline]
+    fn on_their_sides(&self, links_m: &[Vector3<f64>; LINKS]) -> Result<(), KinematicsError> {
+        let [side1, side2, side3] = &self.sides;
+        let lengths_m = &self.robot.geometry().lengths_m;
+        let [l11, l21, l22, l31, l32, l33] = lengths_m;
+        let [w11, w21, w22, w31, w32, w33] = links_m;
+        // False for NaN.
+        let regular = |side: &Vector3<f64>, link: &Vector3<f64>, length: &f64| {
+            side.dot(link) > SINGULARITY_TOLERANCE * length
+        };
+        if regular(side1, w11, l11)
+            && regular(side2, w21, l21)
+            && regular(side2, w22, l22)
+            && regular(side3, w31, l31)
+            && regular(side3, w32, l32)
+            && regular(side3, w33, l33)
+        {
+            return Ok(());
+        }
+        Err(self.diagnose_on_their_sides(links_m))
+    }
+
+    #[cold]
+    fn diagnose_on_their_sides(&self, links_m: &[Vector3<f64>; LINKS]) -> KinematicsError {
+        let lengths = zip(links_m, &self.robot.geometry().lengths_m);
+        for ((link, length), arm) in lengths.zip(ARM_OF_LINK) {
+            let cosine = self
+                .sides
+                .get(arm)
+                .map_or(0.0, |side| side.dot(link) / length);
+            if cosine < -SINGULARITY_TOLERANCE {
+                return KinematicsError::OtherBranch { arm: Some(arm) };
+            }
+            if cosine <= SINGULARITY_TOLERANCE {
+                return KinematicsError::Singular {
+                    measure: cosine.abs(),
+                };
+            }
+        }
+        KinematicsError::NotFinite
+    }
+}
+
+/// True if `q` is inside its range; false for NaN.
+fn within(q: f64, (lower, upper): &(f64, f64)) -> bool {
+    *lower <= q && q <= *upper
+}
+
+/// Reason to reject a solution.
+enum Rejected {
+    /// A link does not have its length; its error, metres.
+    Residual(f64),
+    /// Any other error; further iterations cannot help.
+    Final(KinematicsError),
+}
+
+impl Rejected {
+    /// The error, after this number of iterations.
+    fn after(self, iterations: u8) -> KinematicsError {
+        match self {
+            Self::Residual(residual_m) if residual_m.is_finite() => KinematicsError::NotConverged {
+                iterations,
+                residual_m,
+            },
+            Self::Residual(_) => KinematicsError::NotFinite,
+            Self::Final(error) => error,
+        }
+    }
+}
+
+/// Error of a link's length to first order, `(|w|^2 - L^2) / 2L`, and its gradient `w / L`; needs no root.
+#[inline]
+fn stretch(link_m: &Vector3<f64>, length_m: f64) -> (f64, Vector3<f64>) {
+    let per_length = 1.0 / length_m;
+    let error = (link_m.dot(link_m) - length_m * length_m) * 0.5 * per_length;
+    (error, link_m * per_length)
+}
+
+/// Largest deviation of a link's length, metres; NaN where one is.
+#[inline]
+fn largest_error(links_m: &[Vector3<f64>; LINKS], lengths_m: &[f64; LINKS]) -> f64 {
+    let [w11, w21, w22, w31, w32, w33] = links_m;
+    let [l11, l21, l22, l31, l32, l33] = lengths_m;
+    let error = |link: &Vector3<f64>, length: &f64| (norm(link) - length).abs();
+    let (two, three) = (
+        max_propagating_nan(error(w21, l21), error(w22, l22)),
+        max_propagating_nan(
+            error(w31, l31),
+            max_propagating_nan(error(w32, l32), error(w33, l33)),
+        ),
+    );
+    max_propagating_nan(error(w11, l11), max_propagating_nan(two, three))
+}
+
+const _: () = assert!(ARMS == 3 && LINKS == AXES, "six links for six axes");
+
+/// Any numbers: more machines than [`Kinematics::new`] makes.
+#[cfg(kani)]
+impl kani::Arbitrary for Kinematics {
+    fn any() -> Self {
+        use crate::model::linalg::any_vector;
+        Self {
+            robot: kani::any(),
+            plates: kani::any(),
+            size_m: kani::any(),
+            tolerance_m: kani::any(),
+            travel: kani::any(),
+            sides: [any_vector(), any_vector(), any_vector()],
+            plate_reaches_m: kani::any(),
+        }
+    }
+}

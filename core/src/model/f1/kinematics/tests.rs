@@ -1,0 +1,491 @@
+//! The F1 against finite differences and itself, and its errors. `tests/tests/oracle.rs` has the oracle.
+
+use super::*;
+use crate::model::f1::Geometry;
+use crate::model::kinematics::{COLD_ITERATIONS, WARM_ITERATIONS};
+use crate::model::l2::tests::close;
+use crate::model::linalg::rotation_from_vector;
+use crate::model::presets;
+use crate::model::robot::Branch;
+use crate::model::statics::{LineMatrix, Wrench};
+use nalgebra::Matrix3;
+use proptest::prelude::*;
+
+/// The example machine, its travel unchecked.
+fn geometry() -> Geometry {
+    Geometry {
+        travel: None,
+        ..presets::f1()
+    }
+}
+
+/// The same machine with guideways that are neither parallel nor of unit length, other axes, and links that are not alike.
+fn skewed() -> Geometry {
+    let mut geometry = geometry();
+    geometry.guideways = [
+        Vector3::new(0.02, -0.03, 0.9),
+        Vector3::new(-0.05, 0.04, 1.3),
+        Vector3::new(0.0001, 0.0, -0.004),
+    ];
+    geometry.configuration[2] = Branch::Negative;
+    geometry.turn_axis = Vector3::new(0.05, -0.02, 2.0);
+    geometry.tilt_axis = Vector3::new(0.1, 1.0, 0.03);
+    geometry.lengths_m = [1.7, 1.71, 1.69, 1.72, 1.68, 1.7];
+    geometry
+}
+
+mod inverse_fixed_plates;
+mod tau_form;
+
+fn kinematics(geometry: Geometry) -> Kinematics {
+    Kinematics::new(&Robot::new(geometry).unwrap())
+}
+
+fn f1() -> Kinematics {
+    kinematics(geometry())
+}
+
+/// Six numbers of one pose: where the tool stands, and its rotation vector.
+fn pose(x: [f64; 6]) -> Pose {
+    let [x, y, z, a, b, c] = x;
+    Pose {
+        position_m: Vector3::new(x, y, z),
+        rotation: rotation_from_vector(&Vector3::new(a, b, c)).unwrap(),
+    }
+}
+
+/// Largest difference of two poses: metres, radians.
+fn apart(one: &Pose, other: &Pose) -> f64 {
+    let moved = norm(&(one.position_m - other.position_m));
+    moved.max((one.rotation - other.rotation).amax())
+}
+
+/// Poses of the machine's workspace: turned as the plates turn it, and a little out of step.
+fn workspace() -> impl Strategy<Value = Pose> {
+    let (turn, small) = (|| -0.3..0.3_f64, || -0.03..0.03_f64);
+    let position = (-0.3..0.3_f64, -0.3..0.3_f64, 0.0..1.0_f64);
+    (position, turn(), turn(), small(), small(), small()).prop_map(
+        |((x, y, z), yaw, tilt, a, b, c)| {
+            let turned = |v| rotation_from_vector(&v).unwrap();
+            Pose {
+                position_m: Vector3::new(x, y, z),
+                rotation: turned(Vector3::z() * yaw)
+                    * turned(Vector3::y() * tilt)
+                    * turned(Vector3::new(a, b, c)),
+            }
+        },
+    )
+}
+
+#[test]
+fn the_jacobian_is_the_derivative() {
+    // Central differences of the forward problem: step h leaves h^2 of truncation and 1e-14 / h of rounding, 1e-8 both.
+    let step = 1e-5;
+    for geometry in [geometry(), skewed()] {
+        let machine = kinematics(geometry);
+        let at = pose([0.1, -0.1, 0.4, 0.1, -0.05, 0.15]);
+        let q = machine.inverse(&at, None).unwrap().value;
+        let lines = machine.line_matrix(&at, &q).unwrap();
+        let jacobian = lines.jacobian().unwrap();
+        for axis in 0..AXES {
+            let moved = |by: f64| {
+                let mut q = q;
+                q[axis] += by;
+                machine
+                    .forward_from(&q, &at, COLD_ITERATIONS)
+                    .unwrap()
+                    .value
+            };
+            let (ahead, behind) = (moved(step), moved(-step));
+            let translation = (ahead.position_m - behind.position_m) / (2.0 * step);
+            let turn =
+                (ahead.rotation * behind.rotation.transpose() - Matrix3::identity()) / (2.0 * step);
+            let rotation = Vector3::new(turn[(2, 1)], turn[(0, 2)], turn[(1, 0)]);
+            let column = jacobian.column(axis);
+            for (row, value) in translation.iter().chain(rotation.iter()).enumerate() {
+                assert!(
+                    (column[row] - value).abs() < 1e-4,
+                    "{axis} {row} {value} {column}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn the_synchronised_form_is_the_general_one() {
+    let f1 = f1();
+    let at = pose([0.05, -0.1, 0.3, 0.0, 0.0, 0.0]);
+    let q = f1.inverse(&at, None).unwrap().value;
+    let turned = [q[0] + 0.1, q[1] - 0.05, q[2], -0.2, 0.2, 0.15];
+    let closed = f1.forward_synchronised(&turned).unwrap();
+    assert!(f1.residual_m(&closed, &turned) < 1e-14);
+    let general = f1.forward_from(&turned, &at, COLD_ITERATIONS).unwrap();
+    assert!(apart(&closed, &general.value) < 1e-12, "{general:?}");
+    let mut out_of_step = turned;
+    out_of_step[3] = -0.2001;
+    assert_eq!(
+        f1.forward_synchronised(&out_of_step),
+        Err(KinematicsError::Inconsistent { arm: 1 })
+    );
+    assert_eq!(
+        kinematics(skewed()).forward(&turned).unwrap_err(),
+        KinematicsError::SeedRequired
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2_000))]
+    #[test]
+    fn there_and_back(at in workspace(), skew: bool, shift in prop::array::uniform6(-1e-3..1e-3_f64)) {
+        let machine = kinematics(if skew { skewed() } else { geometry() });
+        let there = match machine.inverse(&at, None) {
+            Ok(there) => there,
+            Err(KinematicsError::Unreachable { .. }) => return Ok(()),
+            Err(error) => return Err(TestCaseError::fail(std::format!("{error:?} {at:?}"))),
+        };
+        // As far away as the cycle before at 1 m/s and 1 rad/s.
+        let near = Pose {
+            position_m: at.position_m + Vector3::new(shift[0], shift[1], shift[2]) / 2.0,
+            rotation: rotation_from_vector(&Vector3::new(shift[3], shift[4], shift[5])).unwrap() * at.rotation,
+        };
+        let back = machine.forward_from(&there.value, &near, WARM_ITERATIONS).unwrap();
+        prop_assert!(apart(&back.value, &at) < 1e-10, "{back:?} {at:?}");
+        prop_assert!(back.iterations <= WARM_ITERATIONS);
+        let cold = machine.forward_from(&there.value, &near, COLD_ITERATIONS).unwrap();
+        prop_assert!(apart(&cold.value, &at) < 1e-11, "{cold:?}");
+        if !skew {
+            let unseeded = machine.forward(&there.value).unwrap();
+            prop_assert!(apart(&unseeded.value, &at) < 1e-10, "{unseeded:?}");
+        }
+    }
+}
+
+#[test]
+fn what_has_no_answer_is_named() {
+    let f1 = f1();
+    let at = pose([0.05, -0.1, 0.3, 0.0, 0.1, 0.05]);
+    let q = f1.inverse(&at, None).unwrap().value;
+    let far = pose([5.0, 0.0, 0.3, 0.0, 0.0, 0.0]);
+    assert!(matches!(
+        f1.inverse(&far, None),
+        Err(KinematicsError::Unreachable { .. })
+    ));
+    // Within reach of arm 1, and of the others' plates, but not of their links: found on a map of the workspace as "singular".
+    for place in [[-0.5, -0.69, 0.3], [-0.594, -0.617, -0.5]] {
+        let beside = Pose::at(place.into());
+        assert!(matches!(
+            f1.inverse(&beside, None),
+            Err(KinematicsError::Unreachable { arm: 1 | 2 })
+        ));
+    }
+    for wild in [f64::NAN, f64::INFINITY] {
+        let mut bad = at;
+        bad.position_m.y = wild;
+        assert_eq!(
+            f1.inverse(&bad, None).unwrap_err(),
+            KinematicsError::NotFinite
+        );
+        assert_eq!(
+            f1.forward_from(&q, &bad, 10).unwrap_err(),
+            KinematicsError::NotFinite
+        );
+        let mut bad = q;
+        bad[4] = wild;
+        assert_eq!(f1.forward(&bad).unwrap_err(), KinematicsError::NotFinite);
+        assert_eq!(
+            f1.inverse(&at, Some([0.0, wild, 0.0])).unwrap_err(),
+            KinematicsError::NotFinite
+        );
+    }
+    // The tool mirrored in the carts' plane: another assembly, with every arm on its other side.
+    let mut mirrored = at;
+    mirrored.position_m.z = 2.0 * q[0] - at.position_m.z;
+    let error = f1.forward_from(&q, &mirrored, COLD_ITERATIONS).unwrap_err();
+    assert!(
+        matches!(error, KinematicsError::OtherBranch { .. }),
+        "{error:?}"
+    );
+    // Far away: an answer there is the right one, or none.
+    let away = pose([0.4, 0.4, -0.4, 1.2, -1.0, 2.0]);
+    if let Ok(found) = f1.forward_from(&q, &away, COLD_ITERATIONS) {
+        assert!(apart(&found.value, &at) < 1e-10, "{found:?}");
+    }
+    let mut apart_carts = q;
+    apart_carts[0] += 5.0;
+    assert!(matches!(
+        f1.forward(&apart_carts),
+        Err(KinematicsError::NoAssembly)
+    ));
+    // Without iterations there is no solution, and the next call works.
+    assert!(matches!(
+        f1.forward_from(&q, &pose([0.06, -0.1, 0.3, 0.0, 0.1, 0.05]), 0),
+        Err(KinematicsError::NotConverged { iterations: 0, .. })
+    ));
+    assert!(f1.forward_from(&q, &at, WARM_ITERATIONS).is_ok());
+}
+
+#[test]
+fn travel_and_sides_are_kept() {
+    let at = pose([0.05, -0.1, 0.3, 0.0, 0.1, 0.05]);
+    let q = f1().inverse(&at, None).unwrap().value;
+    for axis in 0..AXES {
+        let mut narrow = geometry();
+        let mut travel = [(-3.0, 3.0); AXES];
+        travel[axis] = (q[axis] + 1e-3, q[axis] + 1.0);
+        narrow.travel = Some(travel);
+        let narrow = kinematics(narrow);
+        for error in [
+            narrow.inverse(&at, None).unwrap_err(),
+            narrow.forward_from(&q, &at, WARM_ITERATIONS).unwrap_err(),
+        ] {
+            assert!(
+                matches!(error, KinematicsError::OutOfRange { axis: named, .. } if named == axis),
+                "{error:?}"
+            );
+        }
+    }
+    let mut other = geometry();
+    other.configuration[1] = Branch::Negative;
+    let error = kinematics(other)
+        .forward_from(&q, &at, WARM_ITERATIONS)
+        .unwrap_err();
+    assert_eq!(error, KinematicsError::OtherBranch { arm: Some(1) });
+}
+
+#[test]
+fn singular_machines_are_refused() {
+    // Every platform joint in one point: no link can turn the platform.
+    let mut flat = geometry();
+    flat.platform_joints_m = [Vector3::zeros(); LINKS];
+    let flat = kinematics(flat);
+    let at = pose([0.0, 0.0, 0.3, 0.0, 0.0, 0.0]);
+    let q = [1.5, 1.5, 1.5, 0.0, 0.0, 0.0];
+    assert!(matches!(
+        flat.forward_from(&q, &at, COLD_ITERATIONS),
+        Err(KinematicsError::Singular { .. })
+    ));
+    // Plate 2's joints on its axis: turning it changes nothing.
+    let mut idle = geometry();
+    idle.plate_joints_m[1] = Vector3::zeros();
+    idle.plate_joints_m[2] = Vector3::z() * 0.1;
+    assert!(matches!(
+        kinematics(idle).inverse(&at, None),
+        Err(KinematicsError::Singular { .. })
+    ));
+}
+
+#[test]
+fn machines_are_validated() {
+    use crate::model::robot::{Parameter, RobotError};
+    let refused = |change: fn(&mut Geometry)| {
+        let mut geometry = geometry();
+        change(&mut geometry);
+        Robot::new(geometry).unwrap_err()
+    };
+    let error = refused(|g| g.carts_m[1].x = f64::NAN);
+    assert_eq!(
+        error,
+        RobotError::NotFinite {
+            parameter: Parameter::Cart,
+            index: 1
+        }
+    );
+    let error = refused(|g| g.turn_axis = Vector3::zeros());
+    assert!(matches!(
+        error,
+        RobotError::OutOfRange {
+            parameter: Parameter::TurnAxis,
+            ..
+        }
+    ));
+    let error = refused(|g| g.tilt_axis = Vector3::zeros());
+    assert!(matches!(
+        error,
+        RobotError::OutOfRange {
+            parameter: Parameter::TiltAxis,
+            ..
+        }
+    ));
+    let error = refused(|g| g.lengths_m[5] = 0.0);
+    assert!(matches!(
+        error,
+        RobotError::OutOfRange {
+            parameter: Parameter::Length,
+            index: 5,
+            ..
+        }
+    ));
+    let error = refused(|g| g.plate_joints_m[3].y = f64::INFINITY);
+    assert_eq!(
+        error,
+        RobotError::NotFinite {
+            parameter: Parameter::PlateJoint,
+            index: 3
+        }
+    );
+    let error = refused(|g| g.travel = Some([(1.0, -1.0); AXES]));
+    assert_eq!(
+        error,
+        RobotError::Reversed {
+            parameter: Parameter::Travel,
+            index: 0
+        }
+    );
+    let checksum = |change: fn(&mut Geometry)| {
+        let mut geometry = geometry();
+        change(&mut geometry);
+        Robot::new(geometry).unwrap().kinematics_checksum()
+    };
+    let ours = checksum(|_| {});
+    assert_eq!(ours, checksum(|g| g.travel = Some([(-1.0, 1.0); AXES])));
+    assert_eq!(ours, checksum(|g| g.turn_axis *= 2.0));
+    assert_ne!(ours, checksum(|g| g.turn_signs[0] = Branch::Positive));
+    assert_ne!(ours, checksum(|g| g.lengths_m[2] += 1e-9));
+}
+
+/// The L2 as six links: the nominal model where the Tau property holds, and a turned platform where it does not.
+#[test]
+fn three_axes_are_six_links() {
+    let l2 = crate::model::l2::tests::geometry();
+    let nominal = crate::model::l2::tests::l2();
+    let at = Pose::at(Vector3::new(0.05, 0.5, 0.6));
+    let [q1, q2, q3] = nominal.inverse(&at.position_m).unwrap();
+    let q = [q1, q2, q3, 0.0, 0.0, 0.0];
+    let near = pose([0.06, 0.49, 0.61, 0.01, -0.02, 0.01]);
+    let tau = kinematics(Geometry::from(&l2));
+    let found = tau.forward_from(&q, &near, COLD_ITERATIONS).unwrap();
+    assert!(apart(&found.value, &at) < 1e-12, "{found:?}");
+    let mut uneven = Geometry::from(&l2);
+    uneven.lengths_m[2] += 1e-3;
+    uneven.lengths_m[4] -= 2e-3;
+    let uneven = kinematics(uneven);
+    let found = uneven.forward_from(&q, &at, COLD_ITERATIONS).unwrap();
+    assert!(found.residual_m < 1e-12, "{found:?}");
+    let turned = (found.value.rotation - Matrix3::identity()).amax();
+    assert!(turned > 1e-3, "the platform turns: {turned}");
+}
+
+mod loaded {
+    use super::*;
+    use crate::model::compensation::CompensatorConfig;
+    use crate::model::f1::{Compensator, Elastic};
+    use crate::units::OffsetNm;
+
+    fn elastic(geometry: Geometry) -> Elastic {
+        Elastic::new(&kinematics(geometry), &presets::f1_compliances())
+    }
+
+    /// Where the elastic machine stands: the pose in which every link is as long as its own force makes it, found by Newton with
+    /// differences, and with nothing of the map that is tested.
+    fn stands(machine: &Elastic, command: &[f64; AXES], load: &Wrench, near: &Pose) -> Pose {
+        let (kinematics, springs) = (machine.kinematics(), machine.compliances());
+        let mut pose = *near;
+        let errors = |pose: &Pose| {
+            // The axes yield by r, which depends on where they are: a few rounds are enough.
+            let mut q = *command;
+            for _ in 0..20 {
+                let lines = kinematics.line_matrix(pose, &q).unwrap();
+                let loads = lines.cart_loads(&lines.link_forces_n(load).unwrap());
+                for axis in 0..AXES {
+                    q[axis] = command[axis] + springs.cart_m_per_n()[axis] * loads[axis];
+                }
+            }
+            let forces = kinematics
+                .line_matrix(pose, &q)
+                .unwrap()
+                .link_forces_n(load)
+                .unwrap();
+            let links = kinematics.links_m(pose, &q);
+            let lengths = kinematics.robot().geometry().lengths_m;
+            let error =
+                |i: usize| norm(&links[i]) - lengths[i] - springs.link_m_per_n()[i] * forces[i];
+            nalgebra::Vector6::from_fn(|i, _| error(i))
+        };
+        let step = |pose: &Pose, dx: &nalgebra::Vector6<f64>| Pose {
+            position_m: pose.position_m + dx.fixed_rows::<3>(0),
+            rotation: rotation_from_vector(&dx.fixed_rows::<3>(3).into_owned()).unwrap()
+                * pose.rotation,
+        };
+        for _ in 0..8 {
+            let now = errors(&pose);
+            let derivative = nalgebra::Matrix6::from_fn(|row, column| {
+                let mut dx = nalgebra::Vector6::zeros();
+                dx[column] = 1e-7;
+                (errors(&step(&pose, &dx))[row] - now[row]) / 1e-7
+            });
+            pose = step(&pose, &-(derivative.try_inverse().unwrap() * now));
+        }
+        pose
+    }
+
+    #[test]
+    fn a_corrected_machine_stands_where_it_should() {
+        for geometry in [geometry(), skewed()] {
+            let machine = elastic(geometry);
+            let at = pose([0.1, -0.1, 0.4, 0.02, -0.15, 0.2]);
+            let q = machine.kinematics().inverse(&at, None).unwrap().value;
+            let load = Wrench::from_array([200.0, -90.0, 150.0, 8.0, -5.0, 3.0]);
+            let without = apart(&stands(&machine, &q, &load, &at), &at);
+            let first_order = machine.command(&at, &q, &load, 1.0).unwrap();
+            let first_order = apart(&stands(&machine, &first_order, &load, &at), &at);
+            let held = machine.exact_command(&at, &q, &load).unwrap();
+            assert!(held.residual_m < 1e-9, "{held:?}");
+            let exact = apart(&stands(&machine, &held.value, &load, &at), &at);
+            assert!(without > 1e-4, "{without}");
+            assert!(first_order < 2e-2 * without, "{first_order} {without}");
+            assert!(exact < 1e-9, "{exact}");
+        }
+    }
+
+    #[test]
+    fn offsets_are_within_their_limits() {
+        let at = pose([0.1, -0.1, 0.4, 0.0, -0.15, 0.2]);
+        let machine = elastic(geometry());
+        let q = machine.kinematics().inverse(&at, None).unwrap().value;
+        let config = CompensatorConfig {
+            gain: 1.0,
+            limits: [OffsetNm(300_000); AXES],
+            metres_per_q: [1.0, 1.0, 1.0, 0.1, 0.1, 0.1],
+        };
+        let compensator =
+            Compensator::new(machine.kinematics(), machine.compliances(), config).unwrap();
+        let load = |n: f64| Wrench::from_array([n, -n, n, 0.05 * n, 0.0, 0.0]);
+        let light = compensator.correct_at(&at, &q, &load(30.0)).unwrap();
+        assert!(
+            light.offsets.iter().all(|offset| offset.0 != 0),
+            "{light:?}"
+        );
+        assert_eq!(light.saturated, [false; AXES]);
+        let heavy = compensator.correct_at(&at, &q, &load(3_000.0)).unwrap();
+        assert!(heavy.saturated.contains(&true), "{heavy:?}");
+        assert!(heavy.offsets.iter().all(|offset| offset.0.abs() <= 300_000));
+        let exact = compensator.correct_exact_at(&at, &q, &load(30.0)).unwrap();
+        for (exact, first_order) in exact.offsets.iter().zip(light.offsets) {
+            // To first order the same: a per cent of some tens of micrometres.
+            assert!((exact.0 - first_order.0).abs() < 1_000, "{exact:?}");
+        }
+        let heavy = compensator.correct_exact_at(&at, &q, &load(3_000.0));
+        let heavy = heavy.unwrap();
+        assert!(heavy.saturated.contains(&true), "{heavy:?}");
+        assert!(heavy.offsets.iter().all(|offset| offset.0.abs() <= 300_000));
+        let half = CompensatorConfig {
+            gain: 0.5,
+            ..config
+        };
+        let half = Compensator::new(machine.kinematics(), machine.compliances(), half).unwrap();
+        let half = half.correct_exact_at(&at, &q, &load(30.0)).unwrap();
+        for (half, all) in half.offsets.iter().zip(exact.offsets) {
+            assert!((2 * half.0 - all.0).abs() <= 1, "{half:?}");
+        }
+        for wild in [f64::NAN, f64::INFINITY, 1e300] {
+            assert!(compensator.correct_at(&at, &q, &load(wild)).is_err());
+            assert!(compensator.correct_exact_at(&at, &q, &load(wild)).is_err());
+        }
+        let refused = CompensatorConfig {
+            gain: 1.1,
+            ..config
+        };
+        assert!(Compensator::new(machine.kinematics(), machine.compliances(), refused).is_err());
+    }
+}

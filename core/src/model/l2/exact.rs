@@ -1,0 +1,208 @@
+//! Exact command of three axes: large deflections, links that are not parallel, a platform that turns.
+
+use nalgebra::Vector3;
+
+use super::robot::links;
+use super::{AXES, Robot};
+use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution, is_pose};
+use crate::model::linalg::{Lu, max_propagating_nan, norm, product, rotation_from_vector};
+use crate::model::robot::{Compliances, LINKS};
+use crate::model::statics::{Wrench, finite};
+use crate::zip::zip;
+
+/// Largest error of a loaded link that is accepted, metres. A step takes tensions as constant, which they nearly are: each leaves a few
+/// per cent of the error.
+const SETTLED_M: f64 = 1e-10;
+
+/// Returns positions for which the loaded machine's tool stands at `pose`'s position: with the axes yielding by `r = c tau` and every
+/// link as long as its own tension makes it, `|A(q + r) - T - R b| = L + c f`; `q` is returned. `R` is found with it, as three axes
+/// cannot hold it. `pose` and `q` are those of the machine without load, or nearby. The Tau property is not needed.
+///
+/// `residual_m` is the largest error of a loaded link's length.
+///
+/// # Errors
+/// `Singular`, `NotFinite`, and `NotConverged` where no such state is nearby.
+pub fn exact_command(
+    robot: &Robot,
+    compliances: &Compliances<AXES>,
+    pose: &Pose,
+    q: &[f64; AXES],
+    load: &Wrench,
+) -> Result<Solution<[f64; AXES]>, KinematicsError> {
+    if !is_pose(pose) {
+        return Err(KinematicsError::NotFinite);
+    }
+    let mut pose = *pose;
+    let mut standing = *q;
+    let mut residual_m = f64::INFINITY;
+    for made in 0..=COLD_ITERATIONS {
+        let lines = robot.line_matrix(&pose, &standing)?;
+        let forces = lines.link_forces_n(load)?;
+        let (errors, rows) = loaded(robot, compliances, &pose, &standing, &forces);
+        residual_m = errors
+            .iter()
+            .fold(0.0, |most, error| max_propagating_nan(most, error.abs()));
+        if residual_m <= SETTLED_M {
+            let loads = lines.cart_loads(&forces);
+            let springs = zip(compliances.cart_m_per_n(), &loads);
+            for ((compliance, tau), q) in springs.zip(&mut standing) {
+                *q -= compliance * tau;
+            }
+            return Ok(Solution {
+                value: finite(standing)?,
+                iterations: made,
+                residual_m,
+            });
+        }
+        let [q1, q2, q3, a, b, c] = Lu::factor(&rows)?.solve(&errors);
+        for (q, change) in standing.iter_mut().zip([q1, q2, q3]) {
+            *q -= change;
+        }
+        let turn =
+            rotation_from_vector(&-Vector3::new(a, b, c)).ok_or(KinematicsError::NotFinite)?;
+        pose.rotation = product(&turn, &pose.rotation);
+    }
+    Err(KinematicsError::NotConverged {
+        iterations: COLD_ITERATIONS,
+        residual_m,
+    })
+}
+
+/// Errors of the link lengths under their tensions, and their derivatives by the carts and the platform's rotation:
+/// rows `[s.v_1, s.v_2, s.v_3, -(l x s)]`, zero but for the link's own arm.
+fn loaded(
+    robot: &Robot,
+    compliances: &Compliances<AXES>,
+    pose: &Pose,
+    q: &[f64; AXES],
+    forces_n: &[f64; LINKS],
+) -> ([f64; LINKS], [[f64; 6]; LINKS]) {
+    let mut errors = [0.0; LINKS];
+    let mut rows = [[0.0; 6]; LINKS];
+    let springs = zip(compliances.link_m_per_n(), forces_n);
+    let described = errors.iter_mut().zip(&mut rows).zip(springs);
+    for (((error, row), (compliance, force)), link) in
+        described.zip(links(robot.geometry(), pose, q))
+    {
+        let length_m = norm(&link.vector_m);
+        *error = length_m - link.length_m - compliance * force;
+        let s = link.vector_m / length_m;
+        let moment = link.lever_m.cross(&s);
+        let drive = |arm| {
+            if arm == link.arm {
+                s.dot(&link.guideway)
+            } else {
+                0.0
+            }
+        };
+        *row = [
+            drive(0),
+            drive(1),
+            drive(2),
+            -moment.x,
+            -moment.y,
+            -moment.z,
+        ];
+    }
+    (errors, rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::l2::Elastic;
+    use crate::model::l2::tests::{compliances, geometry, machine, skewed};
+    use nalgebra::{Matrix3, Matrix6, Vector6};
+
+    /// Where the tool of the elastic machine stands under a command, by Newton with differences over the pose: every axis where its own
+    /// load leaves it, every link as long as its own tension makes it. Nothing of the map that is tested.
+    fn stands(robot: &Robot, command: &[f64; AXES], load: &Wrench, near: &Pose) -> Vector3<f64> {
+        let springs = compliances();
+        let errors = |pose: &Pose| {
+            let mut q = *command;
+            for _ in 0..20 {
+                let lines = robot.line_matrix(pose, &q).unwrap();
+                let loads = lines.cart_loads(&lines.link_forces_n(load).unwrap());
+                for axis in 0..AXES {
+                    q[axis] = command[axis] + springs.cart_m_per_n()[axis] * loads[axis];
+                }
+            }
+            let forces = robot
+                .line_matrix(pose, &q)
+                .unwrap()
+                .link_forces_n(load)
+                .unwrap();
+            let mut errors = Vector6::zeros();
+            for (index, link) in links(robot.geometry(), pose, &q).enumerate() {
+                errors[index] = norm(&link.vector_m)
+                    - link.length_m
+                    - springs.link_m_per_n()[index] * forces[index];
+            }
+            errors
+        };
+        let step = |pose: &Pose, dx: &Vector6<f64>| Pose {
+            position_m: pose.position_m + dx.fixed_rows::<3>(0),
+            rotation: rotation_from_vector(&dx.fixed_rows::<3>(3).into_owned()).unwrap()
+                * pose.rotation,
+        };
+        let mut pose = *near;
+        for _ in 0..8 {
+            let now = errors(&pose);
+            let derivative = Matrix6::from_fn(|row, column| {
+                let mut dx = Vector6::zeros();
+                dx[column] = 1e-7;
+                (errors(&step(&pose, &dx))[row] - now[row]) / 1e-7
+            });
+            pose = step(&pose, &-(derivative.try_inverse().unwrap() * now));
+        }
+        pose.position_m
+    }
+
+    #[test]
+    fn a_corrected_tool_stands_where_it_should() {
+        let (skewed, turn) = skewed();
+        for (geometry, rotation) in [(geometry(), Matrix3::identity()), (skewed, turn)] {
+            let robot = Robot::new(geometry).unwrap();
+            let nominal = machine(geometry, &rotation);
+            let position_m = rotation * Vector3::new(0.0, 0.5, 0.65);
+            let pose = Pose {
+                position_m,
+                rotation,
+            };
+            let q = nominal.inverse(&position_m).unwrap();
+            let load = Wrench::from_array([3000.0, -500.0, 1000.0, 10.0, 20.0, -10.0]);
+            let off =
+                |command: &[f64; AXES]| norm(&(stands(&robot, command, &load, &pose) - position_m));
+            let model = Elastic::new(&nominal, &compliances());
+            let first_order = off(&model.command(&position_m, &q, &load, 1.0).unwrap());
+            let solved = exact_command(&robot, &compliances(), &pose, &q, &load).unwrap();
+            assert!(solved.residual_m < 1e-9, "{solved:?}");
+            let exact = off(&solved.value);
+            assert!(off(&q) > 1e-3, "{}", off(&q));
+            assert!(
+                exact < 1e-9 && exact < 1e-3 * first_order,
+                "{exact} {first_order}"
+            );
+        }
+    }
+
+    #[test]
+    fn wild_loads_are_refused() {
+        let robot = Robot::new(geometry()).unwrap();
+        let pose = Pose::at(Vector3::new(0.0, 0.5, 0.65));
+        let q = machine(geometry(), &pose.rotation)
+            .inverse(&pose.position_m)
+            .unwrap();
+        for wild in [f64::NAN, f64::INFINITY, 1e12, f64::MAX] {
+            let load = Wrench::from_array([wild, 0.0, 0.0, 0.0, 0.0, 0.0]);
+            assert!(exact_command(&robot, &compliances(), &pose, &q, &load).is_err());
+        }
+        let mirrored = Pose {
+            rotation: -Matrix3::identity(),
+            ..pose
+        };
+        let error =
+            exact_command(&robot, &compliances(), &mirrored, &q, &Wrench::zero()).unwrap_err();
+        assert_eq!(error, KinematicsError::NotFinite);
+    }
+}

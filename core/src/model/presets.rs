@@ -1,0 +1,131 @@
+//! Example machines, those of `robots/l2.toml` and `robots/f1.toml`. Their dimensions are assumed: plausible, not measured.
+//!
+//! From positions in q-units to the reference path, by the crossing:
+//!
+//! ```
+//! use gantry_tau_core::model::nalgebra::{Matrix3, Vector3};
+//! use gantry_tau_core::model::{l2, presets};
+//! use gantry_tau_core::units::{Metres, PositionNm};
+//!
+//! let robot = l2::Robot::new(presets::l2())?;
+//! let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity())?;
+//! let [q1, ..] = kinematics.inverse(&Vector3::new(0.0, 0.5, 0.65))?;
+//! let nominal = PositionNm::from_metres(Metres(q1))?;
+//! assert!((nominal.to_metres().0 - q1).abs() < 1e-9);
+//! assert!(PositionNm::from_metres(Metres(f64::NAN)).is_err());
+//! # Ok::<(), Box<dyn core::error::Error>>(())
+//! ```
+
+use nalgebra::Vector3;
+
+use super::robot::{Branch, Compliances, LINKS};
+use super::{f1, l2};
+
+/// Compliances of the links of both, m/N, link order; assumed.
+const LINKS_M_PER_N: [f64; LINKS] = [5.0e-7, 6.0e-7, 5.5e-7, 7.0e-7, 6.5e-7, 6.0e-7];
+
+/// Length of one unit of each `q` of the F1, m.
+pub const F1_METRES_PER_Q: [f64; f1::AXES] = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1];
+
+/// Geometry of the example L2, with its nominal travel.
+#[must_use]
+pub fn l2() -> l2::Geometry {
+    let v = Vector3::new;
+    l2::Geometry {
+        cart_joints_m: [
+            v(0.10, -0.05, 1.28),
+            v(-0.10, -0.29, 0.75),
+            v(0.10, -0.29, 0.75),
+            v(-0.12, -0.05, 0.05),
+            v(0.12, -0.05, 0.05),
+            v(0.00, 0.08, 0.05),
+        ],
+        guideways: [Vector3::x(); 3],
+        platform_joints_m: [
+            v(0.10, -0.05, 0.03),
+            v(-0.10, 0.06, 0.05),
+            v(0.10, 0.06, 0.05),
+            v(-0.12, -0.05, -0.05),
+            v(0.12, -0.05, -0.05),
+            v(0.00, 0.08, -0.05),
+        ],
+        lengths_m: [1.0, 1.1, 1.0],
+        configuration: l2::Configuration {
+            inverse: [Branch::Positive, Branch::Negative, Branch::Positive],
+            forward: Branch::Negative,
+        },
+        travel: Some([(-0.5, 2.0), (-2.0, 0.5), (-0.5, 2.0)]),
+    }
+}
+
+/// Compliances of the example L2.
+#[must_use]
+pub const fn l2_compliances() -> Compliances<{ l2::AXES }> {
+    Compliances {
+        link_m_per_n: LINKS_M_PER_N,
+        cart_m_per_n: [4.06e-8, 5.09e-8, 6.00e-8],
+    }
+}
+
+/// Geometry of the example F1, with its nominal travel.
+#[must_use]
+pub fn f1() -> f1::Geometry {
+    let v = Vector3::new;
+    let cart = (0.2, 3.0);
+    let plate = (-0.04 / 0.1, 0.04 / 0.1);
+    f1::Geometry {
+        carts_m: [v(-0.25, -1.12, 0.0), v(1.15, 0.05, 0.0), v(-1.0, 0.55, 0.0)],
+        guideways: [Vector3::z(); 3],
+        plate_joints_m: [
+            v(-0.05, -0.1, 0.02),
+            v(0.0, -0.15, 0.0),
+            v(0.0, 0.15, 0.0),
+            v(0.11, -0.04, 0.0),
+            v(-0.11, -0.04, 0.0),
+            v(0.0, 0.1, 0.0),
+        ],
+        platform_joints_m: [
+            v(-0.05, -0.1, 0.02),
+            v(0.1, -0.15, 0.03),
+            v(0.1, 0.15, 0.03),
+            v(0.06, 0.1, 0.0),
+            v(-0.16, 0.1, 0.0),
+            v(-0.05, 0.24, 0.0),
+        ],
+        lengths_m: [1.7; LINKS],
+        configuration: [Branch::Positive; 3],
+        turn_axis: Vector3::z(),
+        tilt_axis: Vector3::y(),
+        turn_signs: [Branch::Negative, Branch::Positive],
+        travel: Some([cart, cart, cart, plate, plate, plate]),
+    }
+}
+
+/// Compliances of the example F1; of its carts measured `[T Table 5.3]`.
+#[must_use]
+pub const fn f1_compliances() -> Compliances<{ f1::AXES }> {
+    Compliances {
+        link_m_per_n: LINKS_M_PER_N,
+        cart_m_per_n: [4.2081e-6, 7.5215e-6, 5.5578e-6, 2.0e-6, 2.0e-6, 2.0e-6],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_examples_are_valid() {
+        assert!(l2::Robot::new(l2()).is_ok());
+        assert!(f1::Robot::new(f1()).is_ok());
+        let (three, six) = (l2_compliances(), f1_compliances());
+        assert_eq!(
+            Compliances::new(*three.link_m_per_n(), *three.cart_m_per_n()),
+            Ok(three)
+        );
+        assert_eq!(
+            Compliances::new(*six.link_m_per_n(), *six.cart_m_per_n()),
+            Ok(six)
+        );
+    }
+}

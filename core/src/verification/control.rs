@@ -1,0 +1,49 @@
+//! Rooms of a session's tick.
+
+pub use crate::control::session::Parts;
+pub use crate::control::session::act::{Axis, AxisCommand, drive_reference, nominal_stepped};
+pub use crate::control::session::channels::AxisChannels;
+pub use crate::control::session::fsm::{
+    Action, Decision, EndReason, FsmInput, FsmState, Rules, decide,
+};
+pub use crate::control::session::ingress::{Accepted, Classifier, Diagnostics, Verdict};
+
+use crate::control::session::config::Config;
+use crate::control::session::{Events, LastWrite, Output, Session, TickInput};
+use crate::units::EpochRange;
+
+/// The state of a session, and the three parts of its tick.
+pub trait Internals<const N: usize>: Sized {
+    /// Builds a session from its parts, if they satisfy the invariant.
+    fn from_parts(config: Config<N>, parts: Parts<N>) -> Option<Self>;
+    /// Returns the parts of a session.
+    fn parts(&self) -> &Parts<N>;
+    /// First part of a tick: takes note of the fate of the last references.
+    fn settle_write(&mut self, last_write: &LastWrite<N>);
+    /// Second part of a tick: classifies the events.
+    fn classify(&self, events: &Events<N>, epochs: &EpochRange) -> (Accepted<N>, Diagnostics);
+    /// Third part of a tick: decides and acts.
+    fn step(&mut self, tick: &TickInput<N>, events: Accepted<N>, counts: Diagnostics) -> Output<N>;
+}
+
+impl<const N: usize> Internals<N> for Session<N> {
+    fn from_parts(config: Config<N>, parts: Parts<N>) -> Option<Self> {
+        Self::from_parts(config, parts)
+    }
+
+    fn parts(&self) -> &Parts<N> {
+        self.parts()
+    }
+
+    fn settle_write(&mut self, last_write: &LastWrite<N>) {
+        self.settle_write(last_write);
+    }
+
+    fn classify(&self, events: &Events<N>, epochs: &EpochRange) -> (Accepted<N>, Diagnostics) {
+        self.classify(events, epochs)
+    }
+
+    fn step(&mut self, tick: &TickInput<N>, events: Accepted<N>, counts: Diagnostics) -> Output<N> {
+        self.step(tick, events, counts)
+    }
+}

@@ -1,0 +1,71 @@
+//! `gantry-tau draw`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use gantry_tau::draw::DrawOptions;
+use gantry_tau::model::Model;
+use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::terminal::say;
+
+use super::{fail, robot};
+
+/// Draw a machine at home: guideways, carts, links, platform and tool, as a wireframe in SVG
+///
+/// Parallel projection of the machine with its tool at home (`simulation.home_m`) and the platform unturned.
+#[derive(Debug, Args)]
+pub(crate) struct Draw {
+    /// The machine: l2 or f1 (built in), or a robot file
+    #[arg(value_name = "l2|f1|FILE")]
+    robot: String,
+    /// Output file
+    #[arg(long, value_name = "FILE.svg", default_value = "machine.svg")]
+    svg: PathBuf,
+    /// Direction to the viewer about the z axis, from +x towards +y, degrees
+    #[arg(
+        long,
+        value_name = "DEG",
+        default_value_t = 60.0,
+        allow_negative_numbers = true
+    )]
+    azimuth: f64,
+    /// Height of the viewer above the xy plane, degrees
+    #[arg(
+        long,
+        value_name = "DEG",
+        default_value_t = 30.0,
+        allow_negative_numbers = true
+    )]
+    elevation: f64,
+}
+
+impl Draw {
+    pub(crate) fn run(self) -> ExitCode {
+        match robot(&self.robot) {
+            Ok(AnyRobotFile::L2(robot)) => self.run_with(*robot),
+            Ok(AnyRobotFile::F1(robot)) => self.run_with(*robot),
+            Err(error) => fail(1, error),
+        }
+    }
+
+    fn run_with<K: Model<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
+        let options = DrawOptions {
+            robot,
+            svg: self.svg,
+            azimuth_deg: self.azimuth,
+            elevation_deg: self.elevation,
+        };
+        match gantry_tau::draw::run(&options) {
+            Ok(()) => {
+                say(format_args!(
+                    "{}: drawn to {}",
+                    options.robot.name,
+                    options.svg.display()
+                ));
+                ExitCode::SUCCESS
+            }
+            Err(error) => fail(1, error),
+        }
+    }
+}

@@ -1,0 +1,369 @@
+//! One session with force steps, without and with compensation, and a cable pulled at full offset.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::{
+    Capabilities, ClientMessage, Hello, Phase, Refusal, ServerMessage,
+};
+use indicatif::ProgressBar;
+
+use super::sampler::{Lost, Sample, Sampler, Waiting};
+use super::{DemoError, DemoOptions};
+use crate::black_box::{Window, handover};
+use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientReport, Link};
+use crate::epoch::Epochs;
+use crate::faults::plan::FaultPlan;
+use crate::faults::relay::Relay;
+use crate::model::MachineKind;
+use crate::sensor_link::SensorPublisher;
+use crate::server::Server;
+use crate::server::cycle::Cycle;
+use crate::server::tick_source::TickSource;
+use crate::sim::load_generator::{Load, LoadGenerator, load_generator};
+use crate::sim::parameters::Motion;
+use crate::terminal::say;
+
+/// Added to the number of a step when it is compensated.
+pub(super) const COMPENSATED: u32 = 1_000;
+/// Ticks between the release of a load and the next part.
+const REST_TICKS: u64 = 200;
+/// Longest wait of a newcomer for the server's answer.
+const NEWCOMER_SILENCE: Duration = Duration::from_secs(2);
+/// Deadlines missed in the first second above which the steps are not tried in real time. Ten seconds at this rate of
+/// independent misses contain two in a row, which end the session, with a probability of one in four.
+const PROBE_MISSES: u32 = 5;
+/// Any free loopback port.
+const LOOPBACK: SocketAddr =
+    SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 0);
+
+/// Everything that happened in one run.
+pub(super) struct Recording<const N: usize> {
+    pub(super) samples: Vec<Sample<N>>,
+    /// Tick of the first ramp step after the cable was pulled.
+    pub(super) ended: Sample<N>,
+    /// Answer to a newcomer during the ramp.
+    pub(super) refusal: Refusal,
+    /// End of the client whose cable was pulled, in words.
+    pub(super) client: String,
+    /// Rows that came too fast to be sampled.
+    pub(super) dropped: u64,
+    /// The black box of the pulled cable, if it was asked for.
+    pub(super) black_box: Option<Window<N>>,
+}
+
+/// Reason why a run failed.
+pub(super) enum Failure {
+    /// The session ended by itself: this machine does not hold 1 kHz.
+    Lost(Lost),
+    /// So many deadlines were missed in the first second that the session would hardly survive the steps.
+    Slow {
+        /// Deadlines missed in that second.
+        missed: u32,
+    },
+    /// Any other reason.
+    Error(DemoError),
+}
+
+impl From<Waiting> for Failure {
+    fn from(waiting: Waiting) -> Self {
+        match waiting {
+            Waiting::Lost(lost) => Self::Lost(lost),
+            Waiting::Stuck => Self::Error(DemoError::Failed(
+                "the server delivers no more ticks".to_owned(),
+            )),
+        }
+    }
+}
+
+impl<E: std::error::Error> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self::Error(DemoError::Failed(error.to_string()))
+    }
+}
+
+struct Scenario<'a, K, const N: usize> {
+    options: &'a DemoOptions<K, N>,
+    bar: &'a ProgressBar,
+    ticks: TickSource,
+    /// A machine that misses many deadlines in the first second ends the run.
+    probe: bool,
+    server: Server<N>,
+    sampler: Sampler<N>,
+    hand: LoadGenerator,
+    relay: Relay,
+    controls: Arc<ClientControls>,
+    client: JoinHandle<Result<ClientReport, ClientError>>,
+}
+
+/// Runs the whole session at one pace. With `probe`, a machine that misses many deadlines in the first second fails early.
+pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
+    options: &DemoOptions<K, N>,
+    ticks: TickSource,
+    probe: bool,
+    bar: &ProgressBar,
+) -> Result<Recording<N>, Failure> {
+    let robot = &options.robot;
+    let capabilities = match ticks {
+        TickSource::RealTime => Capabilities::NONE,
+        TickSource::Lockstep => Capabilities::LOCKSTEP,
+    };
+    let (hand, tool) = load_generator();
+    let machine = robot.simulated_machine::<M>(tool, Motion::Hold)?;
+    let config = robot.session_config(capabilities)?;
+    let sensor = SensorPublisher::bind(LOOPBACK)?;
+    let sensor_address = sensor.address()?;
+    let mut cycle: Cycle<N, M, _> = Cycle::new(
+        config,
+        robot.motor_map()?,
+        machine,
+        Epochs::volatile(),
+        LOOPBACK,
+    )?;
+    let (handover, mut black_boxes) = handover::channel();
+    if options.black_box.is_some() {
+        cycle = cycle.with_black_box(handover);
+    }
+    let (server, rows) = Server::spawn(cycle.with_sensor(sensor), ticks)?;
+    let (relay, _) = Relay::spawn(
+        LOOPBACK,
+        server.address,
+        Transport::Stream,
+        FaultPlan::default(),
+    )?;
+    let controls = Arc::new(ClientControls::default());
+    let client_options = ClientOptions {
+        server: relay.address,
+        transport: Transport::Stream,
+        sensor: sensor_address,
+        robot: robot.clone(),
+        record: options.record.clone(),
+        obtain: false,
+    };
+    let shared = Arc::clone(&controls);
+    let client = std::thread::Builder::new()
+        .name("client".to_owned())
+        .spawn(move || client::run(&client_options, &shared))?;
+    let mut scenario = Scenario {
+        options,
+        bar,
+        ticks,
+        probe,
+        server,
+        sampler: Sampler::new(rows),
+        hand,
+        relay,
+        controls,
+        client,
+    };
+    let played = scenario.run();
+    scenario.controls.quit.store(true, Ordering::Relaxed);
+    let Scenario {
+        server,
+        sampler,
+        relay,
+        client,
+        ..
+    } = scenario;
+    let dropped = server.quit();
+    drop(relay);
+    let client = match client.join() {
+        Ok(Ok(_)) => "left in good order".to_owned(),
+        Ok(Err(error @ ClientError::Setup(_))) => {
+            return Err(Failure::Error(DemoError::Failed(error.to_string())));
+        }
+        Ok(Err(error)) => error.to_string(),
+        Err(_) => "panicked".to_owned(),
+    };
+    let (ended, refusal) = played?;
+    let dropped = dropped?;
+    Ok(Recording {
+        samples: sampler.samples,
+        ended,
+        refusal,
+        client,
+        dropped,
+        // There are more boxes than sessions in a run, so the first one is never overwritten.
+        black_box: black_boxes.receive(),
+    })
+}
+
+impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
+    fn run(&mut self) -> Result<(Sample<N>, Refusal), Failure> {
+        self.tare()?;
+        self.say("force steps without compensation (Submit: offsets are reported, drives do not see them)");
+        self.steps(0)?;
+        self.release_and_rest()?;
+        self.controls.obtain.store(true, Ordering::Relaxed);
+        self.wait_for(Phase::Obtain)?;
+        self.say("force steps with compensation (Obtain: offsets act)");
+        self.steps(COMPENSATED)?;
+        let ended = self.pull_the_cable()?;
+        let refusal = self.newcomer_during_the_ramp()?;
+        self.wait_for(Phase::Listening)?;
+        self.release_and_rest()?;
+        self.newcomer_after_the_ramp()?;
+        Ok((ended, refusal))
+    }
+
+    /// The client tares its sensor in Submit for a second. In real time that second also probes this machine.
+    fn tare(&mut self) -> Result<(), Failure> {
+        match self.ticks {
+            TickSource::RealTime => {
+                self.say("the client tares its sensor; meanwhile: does this machine hold 1 kHz?")
+            }
+            TickSource::Lockstep => self.say("the client tares its sensor"),
+        }
+        let Self {
+            sampler,
+            bar,
+            controls,
+            client,
+            ..
+        } = self;
+        let tared = || controls.tared.load(Ordering::Relaxed);
+        // A client that ends before its first command has no session whose end could be sampled.
+        let stillborn = || client.is_finished() && controls.commands.load(Ordering::Relaxed) == 0;
+        sampler.until(false, |_| bar.inc(1), |_| tared() || stillborn())?;
+        if stillborn() {
+            let reason = "the client ended before its first command".to_owned();
+            return Err(Failure::Error(DemoError::Failed(reason)));
+        }
+        if self.ticks == TickSource::RealTime {
+            let missed = self
+                .sampler
+                .samples
+                .last()
+                .map_or(0, |sample| sample.missed);
+            if self.probe && missed > PROBE_MISSES {
+                return Err(Failure::Slow { missed });
+            }
+            self.say(&format!(
+                "it did for that second: {missed} deadlines missed, never two in a row"
+            ));
+        }
+        Ok(())
+    }
+
+    fn steps(&mut self, base: u32) -> Result<(), Failure> {
+        for (number, force_x) in (1..).zip(self.options.forces_n()) {
+            let load = Load {
+                step: base + number,
+                force_n: [force_x, 0.0, 0.0],
+                moment_nm: [0.0; 3],
+            };
+            self.hand.set(&load)?;
+            let first = self.wait(|sample| sample.step == load.step)?;
+            let last = self.wait_ticks(first.tick, self.options.step_ticks())?;
+            let norm = last
+                .displacement_um
+                .iter()
+                .map(|d| d * d)
+                .sum::<f64>()
+                .sqrt();
+            self.say(&format!(
+                "  {force_x:5.0} N: tool displaced by {norm:6.1} um"
+            ));
+        }
+        Ok(())
+    }
+
+    fn release_and_rest(&mut self) -> Result<(), Failure> {
+        self.hand.release();
+        let released = self.wait(|sample| sample.step == 0)?;
+        self.wait_ticks(released.tick, REST_TICKS)?;
+        Ok(())
+    }
+
+    /// Silences the connection without closing it. The second missed deadline ends the session and takes the first ramp step.
+    fn pull_the_cable(&mut self) -> Result<Sample<N>, Failure> {
+        self.say("pulling the client's cable; both sockets stay open");
+        self.relay.cut();
+        self.server
+            .controls
+            .link_silent
+            .store(true, Ordering::Relaxed);
+        let ended = self
+            .sampler
+            .until(true, |_| {}, |sample| sample.ended.is_some())?;
+        let silent = &self.server.controls.link_silent;
+        silent.store(false, Ordering::Relaxed);
+        let left = ended
+            .offset_nm
+            .iter()
+            .map(|nm| nm.unsigned_abs())
+            .max()
+            .unwrap_or(0);
+        self.say(&format!(
+            "second deadline missed: SafeDisconnect, {:.1} um of offset ramp to zero at 0.1 um/ms",
+            f64::from(left) / 1e3
+        ));
+        Ok(ended)
+    }
+
+    fn newcomer_during_the_ramp(&mut self) -> Result<Refusal, Failure> {
+        match self.newcomer()?.1 {
+            ServerMessage::Refusal(refusal) => {
+                self.say(&format!(
+                    "a newcomer is refused: {}",
+                    client::refusal_text(refusal)
+                ));
+                Ok(refusal)
+            }
+            _ => Err(Failure::Error(DemoError::Failed(
+                "a newcomer was granted the session during the ramp".to_owned(),
+            ))),
+        }
+    }
+
+    fn newcomer_after_the_ramp(&mut self) -> Result<(), Failure> {
+        let (mut link, answer) = self.newcomer()?;
+        let ServerMessage::Welcome(welcome) = answer else {
+            return Err(Failure::Error(DemoError::Failed(
+                "a newcomer was not granted the session after the ramp".to_owned(),
+            )));
+        };
+        self.say(&format!(
+            "all offsets are zero: a newcomer is granted session {}",
+            welcome.epoch.0
+        ));
+        link.send(&ClientMessage::Goodbye(welcome.epoch))?;
+        self.sampler
+            .until(true, |_| {}, |sample| sample.phase == Phase::SafeDisconnect)?;
+        self.sampler
+            .until(true, |_| {}, |sample| sample.phase == Phase::Listening)?;
+        Ok(())
+    }
+
+    /// Requests the session from another client, on another connection.
+    fn newcomer(&mut self) -> Result<(Link<N>, ServerMessage<N>), Failure> {
+        let mut link = Link::connect(self.server.address, NEWCOMER_SILENCE)?;
+        link.send(&ClientMessage::Hello(Hello {
+            axes: u8::try_from(N).unwrap_or(u8::MAX),
+            capabilities: Capabilities::LOCKSTEP,
+        }))?;
+        let answer = link.receive()?;
+        Ok((link, answer))
+    }
+
+    fn wait_for(&mut self, phase: Phase) -> Result<Sample<N>, Failure> {
+        self.wait(|sample| sample.phase == phase)
+    }
+
+    fn wait_ticks(&mut self, from: u64, ticks: u64) -> Result<Sample<N>, Failure> {
+        self.wait(|sample| sample.tick >= from + ticks)
+    }
+
+    fn wait(&mut self, found: impl FnMut(&Sample<N>) -> bool) -> Result<Sample<N>, Failure> {
+        let bar = self.bar;
+        Ok(self.sampler.until(false, |_| bar.inc(1), found)?)
+    }
+
+    fn say(&self, line: &str) {
+        self.bar.suspend(|| say(line));
+    }
+}

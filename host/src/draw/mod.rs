@@ -1,0 +1,126 @@
+//! `draw`: a picture of a machine at home: guideways, carts, links, platform and tool, as a wireframe in SVG.
+
+mod scene;
+mod svg;
+
+use std::fmt;
+use std::path::PathBuf;
+
+use crate::model::Model;
+use crate::robot_file::{RobotFile, RobotFileError};
+use scene::Scene;
+
+/// Options of the picture.
+#[derive(Clone, Debug)]
+pub struct DrawOptions<K, const N: usize> {
+    /// The machine.
+    pub robot: RobotFile<K, N>,
+    /// Output file.
+    pub svg: PathBuf,
+    /// Direction from the machine to the viewer about the world's z axis, from +x towards +y, degrees.
+    pub azimuth_deg: f64,
+    /// The viewer's height above the world's xy plane, degrees.
+    pub elevation_deg: f64,
+}
+
+/// Failures of [`run`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DrawError {
+    /// An option is out of range.
+    Option(String),
+    /// The machine cannot be drawn at its home.
+    Robot(RobotFileError),
+    /// The picture cannot be written.
+    File {
+        /// Output file.
+        path: PathBuf,
+        /// Error of the operating system.
+        reason: String,
+    },
+}
+
+impl fmt::Display for DrawError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Option(text) => f.write_str(text),
+            Self::Robot(error) => error.fmt(f),
+            Self::File { path, reason } => write!(f, "cannot write {}: {reason}", path.display()),
+        }
+    }
+}
+
+impl std::error::Error for DrawError {}
+
+impl From<RobotFileError> for DrawError {
+    fn from(error: RobotFileError) -> Self {
+        Self::Robot(error)
+    }
+}
+
+/// Draws the machine and writes the picture.
+///
+/// # Errors
+/// [`DrawError`].
+pub fn run<K: Model<N>, const N: usize>(options: &DrawOptions<K, N>) -> Result<(), DrawError> {
+    let (azimuth, elevation) = (options.azimuth_deg, options.elevation_deg);
+    if !(-360.0..=360.0).contains(&azimuth) {
+        let text = format!("--azimuth is {azimuth}, it must be from -360 to 360 degrees");
+        return Err(DrawError::Option(text));
+    }
+    if !(-90.0..=90.0).contains(&elevation) {
+        let text = format!("--elevation is {elevation}, it must be from -90 to 90 degrees");
+        return Err(DrawError::Option(text));
+    }
+    let scene = Scene::at_home(&options.robot)?;
+    let picture = svg::picture(&scene, azimuth.to_radians(), elevation.to_radians());
+    std::fs::write(&options.svg, picture).map_err(|error| DrawError::File {
+        path: options.svg.clone(),
+        reason: error.to_string(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot_file::AnyRobotFile;
+    use crate::robot_file::AnyRobotFile::{F1, L2};
+
+    /// The link vectors of the scene have the lengths of the robot file, and every label is apart from every other.
+    #[test]
+    fn links_have_their_lengths_and_labels_stand_apart() {
+        for name in ["l2", "f1"] {
+            let (scene, lengths) = match AnyRobotFile::named(name).unwrap() {
+                L2(robot) => (
+                    Scene::at_home(&robot).unwrap(),
+                    robot.model.geometry().lengths_m,
+                ),
+                F1(robot) => (
+                    Scene::at_home(&robot).unwrap(),
+                    robot.model.geometry().lengths_m,
+                ),
+            };
+            assert_eq!(scene.links.len(), 6);
+            for (link, length) in scene.links.iter().zip(lengths) {
+                let [cart, platform] = link.ends_m;
+                assert!(
+                    ((cart - platform).norm() - length).abs() < 1e-9,
+                    "{name} {}",
+                    link.name
+                );
+            }
+            for azimuth in [20.0_f64, 60.0, 110.0] {
+                let labels = svg::labels(&scene, azimuth.to_radians(), 0.4);
+                assert_eq!(
+                    labels.len(),
+                    14,
+                    "3 guideways, 3 carts, 6 links, platform, tool"
+                );
+                for (index, label) in labels.iter().enumerate() {
+                    for other in labels.iter().skip(index + 1) {
+                        assert!(!label.overlaps(other), "{name}: {label:?} {other:?}");
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,451 @@
+//! One direction of a connection, without sockets and clock: frames in at a logical time, bytes out when they are due.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use gantry_tau_core::control::endpoint::Transport;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::plan::{FaultPlan, FaultRate, ScriptedFault, When};
+use super::{Direction, Fault, FaultStats};
+
+/// Bytes in transit above which a stream is not read.
+const STREAM_FULL: usize = 1 << 18;
+/// Bytes in transit above which a datagram is lost.
+const DATAGRAMS_FULL: usize = 1 << 26;
+
+/// Fault injector for one direction of one connection. Times count from the beginning of the connection and never go back.
+#[derive(Clone, Debug)]
+pub struct FaultInjector {
+    transport: Transport,
+    delay: Duration,
+    jitter: Duration,
+    rates: Vec<(Fault, FaultRate)>,
+    /// Scripted faults still to come.
+    script: Vec<ScriptedFault>,
+    random: ChaCha8Rng,
+    /// Pieces in transit by due time, then by order of insertion.
+    in_transit: BTreeMap<(Duration, u64), Vec<u8>>,
+    bytes: usize,
+    pieces: u64,
+    last_due: Duration,
+    held_until: Duration,
+    deaf_until: Duration,
+    silent: bool,
+    reset: bool,
+    stats: FaultStats,
+}
+
+impl FaultInjector {
+    /// The given direction of the connection with this number.
+    #[must_use]
+    pub fn new(
+        plan: &FaultPlan,
+        transport: Transport,
+        connection: u64,
+        direction: Direction,
+    ) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(plan.seed);
+        // Each direction draws from its own stream: what happens on one changes nothing on another.
+        random.set_stream(2 * connection + u64::from(direction == Direction::Down));
+        let applies = plan.direction.include(direction);
+        let only = |duration| if applies { duration } else { Duration::ZERO };
+        let script = plan
+            .script
+            .iter()
+            .filter(|entry| entry.direction.include(direction));
+        Self {
+            transport,
+            delay: only(plan.delay),
+            jitter: only(plan.jitter),
+            rates: if applies {
+                plan.rates.clone()
+            } else {
+                Vec::new()
+            },
+            script: script.copied().collect(),
+            random,
+            in_transit: BTreeMap::new(),
+            bytes: 0,
+            pieces: 0,
+            last_due: Duration::ZERO,
+            held_until: Duration::ZERO,
+            deaf_until: Duration::ZERO,
+            silent: false,
+            reset: false,
+            stats: FaultStats::default(),
+        }
+    }
+
+    /// Takes a frame.
+    pub fn push(&mut self, now: Duration, frame: &[u8]) {
+        if self.silent || self.reset {
+            return;
+        }
+        self.stats.frames += 1;
+        // Drawn for every frame, so that a scripted fault does not change later draws.
+        let drawn = self.draw();
+        let later = self.jitter.mul_f64(self.random.random());
+        let due = now + self.delay + later;
+        match self.scripted(now).or(drawn) {
+            None => self.send(due, frame.to_vec()),
+            Some((fault, parameter)) => {
+                self.stats.count(fault, now);
+                self.inject(fault, parameter, now, due, frame.to_vec());
+            }
+        }
+    }
+
+    /// The next piece that is due.
+    pub fn pop(&mut self, now: Duration) -> Option<Vec<u8>> {
+        let first = self.in_transit.first_entry()?;
+        if first.key().0 > now {
+            return None;
+        }
+        let piece = first.remove();
+        self.bytes -= piece.len();
+        Some(piece)
+    }
+
+    /// Due time of the next piece.
+    #[must_use]
+    pub fn next_due(&self) -> Option<Duration> {
+        self.in_transit.first_key_value().map(|(key, _)| key.0)
+    }
+
+    /// True if a stream must not be read now: it is stalled, or too much is in transit.
+    #[must_use]
+    pub const fn is_deaf(&self, now: Duration) -> bool {
+        now.as_nanos() < self.deaf_until.as_nanos() || self.bytes > STREAM_FULL
+    }
+
+    /// Makes this direction half-open: pieces not yet due and all later frames are lost.
+    pub fn silence(&mut self, now: Duration) {
+        self.silent = true;
+        let lost = self.in_transit.split_off(&(now, u64::MAX));
+        self.bytes -= lost.values().map(Vec::len).sum::<usize>();
+    }
+
+    /// True if this direction is half-open: it passes neither bytes nor a close.
+    #[must_use]
+    pub const fn is_silent(&self) -> bool {
+        self.silent
+    }
+
+    /// True if both ends of the connection must be reset.
+    #[must_use]
+    pub const fn is_reset(&self) -> bool {
+        self.reset
+    }
+
+    /// Frames and faults so far.
+    #[must_use]
+    pub const fn stats(&self) -> &FaultStats {
+        &self.stats
+    }
+
+    /// The scripted fault whose moment has come; a fault of exactly this frame goes first.
+    fn scripted(&mut self, now: Duration) -> Option<(Fault, Option<u32>)> {
+        let this_frame = When::Frame(self.stats.frames);
+        let on_frame = self
+            .script
+            .iter()
+            .position(|entry| entry.when == this_frame);
+        let is_due =
+            |entry: &ScriptedFault| matches!(entry.when, When::Since(since) if since <= now);
+        let index = on_frame.or_else(|| self.script.iter().position(is_due))?;
+        let entry = self.script.remove(index);
+        Some((entry.fault, entry.parameter))
+    }
+
+    fn draw(&mut self) -> Option<(Fault, Option<u32>)> {
+        let mut left: f64 = self.random.random();
+        let drawn = self.rates.iter().find(|(_, rate)| {
+            left -= rate.per_frame;
+            left < 0.0
+        });
+        drawn.map(|(fault, rate)| (*fault, rate.parameter))
+    }
+
+    fn inject(
+        &mut self,
+        fault: Fault,
+        parameter: Option<u32>,
+        now: Duration,
+        due: Duration,
+        mut frame: Vec<u8>,
+    ) {
+        let ms = |default| Duration::from_millis(parameter.unwrap_or(default).into());
+        match fault {
+            Fault::Drop => {}
+            Fault::Duplicate => {
+                for _ in 0..parameter.unwrap_or(1) {
+                    self.send(due, frame.clone());
+                }
+                self.send(due, frame);
+            }
+            // Does not move `last_due`, so that later frames overtake it.
+            Fault::Reorder => self.put(due.max(self.held_until) + ms(2), frame),
+            Fault::Corrupt => {
+                let bit = self.index(parameter, 8 * frame.len());
+                if let Some(byte) = frame.get_mut(bit / 8) {
+                    *byte ^= 1 << (bit % 8);
+                }
+                self.send(due, frame);
+            }
+            Fault::Truncate => {
+                frame.truncate(self.index(parameter, frame.len()));
+                self.send(due, frame);
+            }
+            Fault::Split => {
+                let first = self.index(parameter, frame.len());
+                let rest = frame.split_off(first);
+                self.send(due, frame);
+                self.send(due, rest);
+            }
+            Fault::Burst => {
+                self.held_until = self.held_until.max(now + ms(10));
+                self.send(due, frame);
+            }
+            Fault::Stall => {
+                self.held_until = self.held_until.max(now + ms(10));
+                self.deaf_until = self.held_until;
+                self.send(due, frame);
+            }
+            Fault::HalfOpen => self.silence(now),
+            Fault::Reset => {
+                self.reset = true;
+                self.in_transit.clear();
+                self.bytes = 0;
+            }
+        }
+    }
+
+    /// The stated index, modulo the length of the frame, or a drawn one.
+    fn index(&mut self, stated: Option<u32>, end: usize) -> usize {
+        let end = end.max(1);
+        match stated {
+            Some(stated) => stated as usize % end,
+            None => self.random.random_range(0..end),
+        }
+    }
+
+    /// Adds a piece after all pieces sent before.
+    fn send(&mut self, due: Duration, piece: Vec<u8>) {
+        let due = due.max(self.held_until).max(self.last_due);
+        self.last_due = due;
+        self.put(due, piece);
+    }
+
+    fn put(&mut self, due: Duration, piece: Vec<u8>) {
+        // A datagram may be empty.
+        let skipped = match self.transport {
+            Transport::Stream => piece.is_empty(),
+            Transport::Datagram => self.bytes > DATAGRAMS_FULL,
+        };
+        if skipped {
+            return;
+        }
+        self.bytes += piece.len();
+        self.in_transit.insert((due, self.pieces), piece);
+        self.pieces += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::faults::plan::Directions;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    fn injector(plan: &FaultPlan, transport: Transport) -> FaultInjector {
+        FaultInjector::new(plan, transport, 0, Direction::Up)
+    }
+
+    /// A plan with one fault, on frame 3.
+    fn on_third(direction: Directions, fault: Fault, parameter: Option<u32>) -> FaultPlan {
+        let when = When::Frame(3);
+        let script = vec![ScriptedFault {
+            when,
+            direction,
+            fault,
+            parameter,
+        }];
+        FaultPlan {
+            script,
+            ..FaultPlan::default()
+        }
+    }
+
+    /// Output for ten frames `[n; 4]`, one per ms: (ms, bytes).
+    fn played(mut link: FaultInjector) -> Vec<(u32, Vec<u8>)> {
+        let mut seen = Vec::new();
+        for ms in 1..40_u8 {
+            if ms <= 10 && !link.is_deaf(MS * ms.into()) {
+                link.push(MS * ms.into(), &[ms; 4]);
+            }
+            while let Some(piece) = link.pop(MS * ms.into()) {
+                seen.push((ms.into(), piece));
+            }
+        }
+        assert_eq!(link.next_due(), None);
+        seen
+    }
+
+    fn undisturbed() -> Vec<(u32, Vec<u8>)> {
+        (1..=10).map(|ms: u8| (ms.into(), vec![ms; 4])).collect()
+    }
+
+    #[test]
+    fn a_harmless_link_only_forwards() {
+        let plan = FaultPlan::default();
+        assert_eq!(played(injector(&plan, Transport::Stream)), undisturbed());
+        let other_way = on_third(Directions::Down, Fault::Drop, None);
+        assert_eq!(
+            played(injector(&other_way, Transport::Stream)),
+            undisturbed()
+        );
+    }
+
+    #[test]
+    fn each_fault_has_its_effect_and_no_other() {
+        let stream = |fault, parameter| {
+            let plan = on_third(Directions::Up, fault, parameter);
+            played(injector(&plan, Transport::Stream))
+        };
+        let mut expected = undisturbed();
+        expected.remove(2);
+        assert_eq!(stream(Fault::Drop, None), expected);
+
+        let mut expected = undisturbed();
+        for _ in 0..2 {
+            expected.insert(2, (3, vec![3; 4]));
+        }
+        let mut plan = on_third(Directions::Both, Fault::Duplicate, Some(2));
+        plan.script[0].when = When::Since(3 * MS);
+        assert_eq!(played(injector(&plan, Transport::Stream)), expected);
+
+        let mut expected = undisturbed();
+        expected[2].1[2] = 3 ^ 2;
+        assert_eq!(stream(Fault::Corrupt, Some(17)), expected);
+        assert_eq!(
+            stream(Fault::Corrupt, Some(49)),
+            expected,
+            "modulo the length"
+        );
+
+        let mut expected = undisturbed();
+        expected[2].1.pop();
+        assert_eq!(stream(Fault::Truncate, Some(3)), expected);
+        expected.insert(3, (3, vec![3]));
+        assert_eq!(stream(Fault::Split, Some(3)), expected);
+
+        // Held back until 6 ms, where it is first: it was put there before frame 6.
+        let mut expected = undisturbed();
+        let late = expected.remove(2);
+        expected.insert(4, (6, late.1));
+        let plan = on_third(Directions::Up, Fault::Reorder, Some(3));
+        assert_eq!(played(injector(&plan, Transport::Datagram)), expected);
+
+        let mut expected = undisturbed();
+        for (ms, _) in &mut expected[2..=5] {
+            *ms = 7;
+        }
+        assert_eq!(stream(Fault::Burst, Some(4)), expected);
+
+        // Not read while it lasts, so 4, 5 and 6 never came in.
+        let mut expected = undisturbed();
+        expected.drain(3..=5);
+        expected[2].0 = 7;
+        assert_eq!(stream(Fault::Stall, Some(4)), expected);
+
+        assert_eq!(stream(Fault::HalfOpen, None), undisturbed()[..2]);
+        let mut link = injector(
+            &on_third(Directions::Up, Fault::Reset, None),
+            Transport::Stream,
+        );
+        for _ in 0..3 {
+            link.push(MS, b"x");
+        }
+        assert!(link.is_reset() && !link.is_silent());
+        assert_eq!(played(link), []);
+    }
+
+    #[test]
+    fn bytes_in_transit_are_bounded() {
+        let plan = FaultPlan {
+            delay: MS,
+            ..FaultPlan::default()
+        };
+        let mut stream = injector(&plan, Transport::Stream);
+        let mut datagrams = injector(&plan, Transport::Datagram);
+        let largest = vec![0; 65_535];
+        for _ in 0..1_100 {
+            datagrams.push(MS, &largest);
+            if !stream.is_deaf(MS) {
+                stream.push(MS, &largest);
+            }
+        }
+        assert!(stream.bytes <= STREAM_FULL + largest.len());
+        assert!(datagrams.bytes <= DATAGRAMS_FULL + largest.len());
+        assert!(datagrams.pop(2 * MS).is_some());
+    }
+
+    #[test]
+    fn delay_and_jitter_keep_the_order() {
+        let plan = FaultPlan {
+            delay: 5 * MS,
+            jitter: 7 * MS,
+            seed: 3,
+            ..FaultPlan::default()
+        };
+        let seen = played(injector(&plan, Transport::Datagram));
+        let frames: Vec<_> = seen.iter().map(|(_, bytes)| bytes.clone()).collect();
+        let sent: Vec<_> = undisturbed().into_iter().map(|(_, bytes)| bytes).collect();
+        assert_eq!(frames, sent);
+        let lateness: Vec<_> = (1..).zip(&seen).map(|(ms, (at, _))| at - ms).collect();
+        assert!(
+            lateness.iter().all(|ms| (5..=13).contains(ms)),
+            "{lateness:?}"
+        );
+        assert!(lateness.iter().any(|ms| *ms != lateness[0]), "{lateness:?}");
+    }
+
+    #[test]
+    fn the_seed_decides_and_the_rates_are_kept() {
+        let rates = [(Fault::Drop, "0.1"), (Fault::Corrupt, "0.2")];
+        let plan = |seed| FaultPlan {
+            seed,
+            rates: rates
+                .map(|(fault, rate)| (fault, rate.parse().unwrap()))
+                .to_vec(),
+            ..FaultPlan::default()
+        };
+        let run = |seed, connection| {
+            let mut link =
+                FaultInjector::new(&plan(seed), Transport::Stream, connection, Direction::Up);
+            let mut out = Vec::new();
+            for _ in 0..10_000 {
+                link.push(MS, &[0; 8]);
+                out.extend(link.pop(MS));
+            }
+            (out, link.stats().clone())
+        };
+        assert_eq!(run(1, 0), run(1, 0));
+        assert_ne!(run(1, 0).0, run(2, 0).0);
+        assert_ne!(run(1, 0).0, run(1, 1).0);
+        let (out, stats) = run(1, 0);
+        let times = |fault| stats.acted[&fault].times;
+        // Five standard deviations of 10 000 draws: 150 and 200.
+        assert!(times(Fault::Drop).abs_diff(1_000) < 150);
+        assert!(times(Fault::Corrupt).abs_diff(2_000) < 200);
+        let lost = 10_000 - times(Fault::Drop);
+        assert_eq!(u64::try_from(out.len()).unwrap(), lost);
+        let flipped =
+            |bytes: &&Vec<u8>| bytes.iter().map(|byte| byte.count_ones()).sum::<u32>() == 1;
+        let corrupt = u64::try_from(out.iter().filter(flipped).count()).unwrap();
+        assert_eq!(corrupt, times(Fault::Corrupt));
+    }
+}

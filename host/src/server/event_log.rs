@@ -1,0 +1,115 @@
+//! Log lines for the rows of a server, written outside its cycle, once per event.
+
+use gantry_tau_core::control::message::{Cause, Counters, Phase};
+
+use super::cycle::Row;
+use crate::client::cause_text;
+use crate::plots::phases::name;
+
+/// Logs phase changes, ends of sessions and the first of each kind of trouble.
+#[derive(Debug)]
+pub struct EventLog {
+    phase: Phase,
+    counters: Counters,
+    plant_failed: bool,
+}
+
+impl Default for EventLog {
+    fn default() -> Self {
+        Self {
+            phase: Phase::Listening,
+            counters: Counters::default(),
+            plant_failed: false,
+        }
+    }
+}
+
+impl EventLog {
+    /// Logs what has changed since the previous row.
+    pub fn see<const N: usize>(&mut self, row: &Row<N>) {
+        let state = &row.state;
+        let tick = state.tick.0;
+        if row.welcomed {
+            tracing::info!("tick {tick}: session granted (epoch {})", state.epoch.0);
+            self.counters = Counters::default();
+        }
+        if row.refused > 0 {
+            tracing::info!(
+                "tick {tick}: {} client(s) refused in {}",
+                row.refused,
+                name(state.phase)
+            );
+        }
+        if let Some(cause) = row.ended {
+            self.log_end(row, cause);
+        }
+        if state.phase != self.phase {
+            tracing::info!("tick {tick}: {} -> {}", name(self.phase), name(state.phase));
+            self.phase = state.phase;
+        }
+        if row.plant_failed && !self.plant_failed {
+            tracing::error!("tick {tick}: the machine did not answer; stopped");
+        }
+        self.plant_failed = row.plant_failed;
+        self.log_counters(tick, &state.counters);
+    }
+
+    /// Logs a requested end as information, any other as a warning.
+    fn log_end<const N: usize>(&self, row: &Row<N>, cause: Cause) {
+        let state = &row.state;
+        let (tick, text, left) = (state.tick.0, cause_text(cause), state.ramp_ticks_left);
+        if matches!(self.phase, Phase::Listening | Phase::SafeDisconnect) {
+            return tracing::info!("tick {tick}: {text}; {left} ticks of ramp left");
+        }
+        let (epoch, counts) = (state.epoch.0, state.counters);
+        let summary = format!(
+            "tick {tick}: session ended (epoch {epoch}): {text}; {left} ticks of ramp left; \
+             {} received, {} missed, {} late, {} duplicate, {} stale, {} malformed",
+            counts.received,
+            counts.missed,
+            counts.late,
+            counts.duplicate,
+            counts.stale,
+            counts.malformed
+        );
+        match cause {
+            Cause::Goodbye | Cause::Stop => tracing::info!("{summary}"),
+            _ => tracing::warn!("{summary}"),
+        }
+    }
+
+    /// Explains a counter when it leaves zero: once per session.
+    fn log_counters(&mut self, tick: u64, now: &Counters) {
+        let values = |c: &Counters| {
+            [
+                c.missed,
+                c.late,
+                c.duplicate,
+                c.stale,
+                c.malformed,
+                c.out_of_range,
+                c.clamped,
+                c.strangers,
+            ]
+        };
+        let texts = [
+            "no fresh valid command before a deadline (or the server skipped it)",
+            "a command came late",
+            "a command came twice",
+            "a frame of another epoch, sequence or tick",
+            "a frame with bad content, or not allowed in this phase",
+            "a target beyond its limit",
+            "a reference was clamped to the travel",
+            "frames from a connection that does not own the session",
+        ];
+        let before = values(&self.counters);
+        for ((text, old), new) in texts.into_iter().zip(before).zip(values(now)) {
+            if old == 0 && new > 0 {
+                tracing::info!(
+                    "tick {tick}: {text}; further ones of this session are only counted"
+                );
+            }
+        }
+        self.counters = *now;
+    }
+}

@@ -1,0 +1,42 @@
+//! T12: functions that no other family calls. Kani checks that nothing panics; the assertions beside it use the results.
+
+use gantry_tau_core::control::session::config::{Config, Parameters};
+use gantry_tau_core::control::session::{Connection, Event, Events, LastWrite, Session, Start};
+use gantry_tau_core::verification::control::Internals;
+
+use super::kani;
+use crate::session;
+
+const AXES: usize = 3;
+
+harnesses! {
+    /// Any parameters, valid or not, are judged; a session starts from any offsets, or refuses, and is then valid.
+    total_start [minisat, unwind 5] {
+        let parameters: Parameters<AXES> = kani::any();
+        if let Ok(config) = Config::new(parameters) {
+            let start: Start<AXES> = kani::any();
+            if let Ok(session) = Session::new(config, &start) {
+                assert!(session.is_valid(), "T12: a session starts valid");
+                kani::cover!(true, "some sessions start");
+            }
+        }
+    }
+    /// The fate of the last references is settled, whatever it is.
+    total_write [minisat, unwind 5] {
+        let last_write: LastWrite<AXES> = kani::any();
+        session::settles_any_write::<AXES>(&kani::any(), &last_write);
+        kani::cover!(matches!(last_write, LastWrite::Refused { .. }), "some writes are refused");
+    }
+    /// Events are classified one after the other; there is room for every refusal.
+    total_hear [minisat, unwind 5] {
+        let session: Session<1> = kani::any();
+        let mut events: Events<1> = Events::new();
+        for _ in 0..3 {
+            let event: (Connection, Event<1>) = kani::any();
+            assert!(events.push(event).is_ok(), "there is room");
+        }
+        let (_, diagnostics) = session.classify(&events, &kani::any());
+        assert!(diagnostics.refusals.len() <= 3, "T12: one refusal per event at most");
+        kani::cover!(diagnostics.refusals.len() == 3, "three refusals");
+    }
+}

@@ -1,0 +1,180 @@
+//! Core against the oracle vectors, directly. `solve_vectors` asks the same through `solve`.
+#![expect(
+    clippy::unwrap_used,
+    clippy::indexing_slicing,
+    reason = "clippy knows test functions, not their helpers"
+)]
+
+use gantry_tau_core::model::compensation::CompensatorConfig;
+use gantry_tau_core::model::kinematics::Pose;
+use gantry_tau_core::model::l2::cart_loads_from_jacobian;
+use gantry_tau_core::model::robot::Compliances;
+use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::{f1, l2, presets};
+use gantry_tau_core::units::OffsetNm;
+use nalgebra::{Matrix3, Vector3, Vector6};
+use serde_json::Value;
+
+/// One case of the vectors.
+struct Case(Value);
+
+fn vectors() -> Value {
+    serde_json::from_str(include_str!("../../data/tau_vectors.json")).unwrap()
+}
+
+fn numbers<const K: usize>(value: &Value) -> [f64; K] {
+    fn flatten(value: &Value, into: &mut Vec<f64>) {
+        match value.as_array() {
+            Some(list) => list.iter().for_each(|entry| flatten(entry, into)),
+            None => into.push(value.as_f64().unwrap()),
+        }
+    }
+    let mut numbers = Vec::new();
+    flatten(value, &mut numbers);
+    numbers.try_into().unwrap()
+}
+
+impl Case {
+    fn all(model: &str) -> Vec<Self> {
+        let cases = vectors()[model]["cases"].as_array().unwrap().clone();
+        assert_eq!(cases.len(), 10);
+        cases.into_iter().map(Self).collect()
+    }
+
+    /// The numbers of a field, a matrix by rows.
+    fn get<const K: usize>(&self, field: &str) -> [f64; K] {
+        numbers(&self.0[field])
+    }
+
+    fn tcp(&self) -> Vector3<f64> {
+        self.get::<3>("T").into()
+    }
+
+    fn load(&self) -> Wrench {
+        Wrench::from_array(self.get("w"))
+    }
+
+    fn agrees<const K: usize>(&self, field: &str, ours: [f64; K]) {
+        close(&ours, &self.get::<K>(field), 1e-9, field);
+    }
+}
+
+/// Largest difference over largest magnitude of the reference.
+fn close(ours: &[f64], reference: &[f64], tolerance: f64, what: &str) {
+    let magnitude = reference.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    for (a, b) in ours.iter().zip(reference) {
+        assert!(
+            (a - b).abs() <= tolerance * magnitude,
+            "{what}: {ours:?} {reference:?}"
+        );
+    }
+}
+
+fn by_rows<const K: usize>(numbers: impl IntoIterator<Item = f64>) -> [f64; K] {
+    numbers.into_iter().collect::<Vec<_>>().try_into().unwrap()
+}
+
+#[test]
+fn l2_agrees() {
+    let robot = l2::Robot::new(presets::l2()).unwrap();
+    let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity()).unwrap();
+    let springs = presets::l2_compliances();
+    let elastic = l2::Elastic::new(&kinematics, &springs);
+    let compensator = l2::Compensator::new(
+        &kinematics,
+        &springs,
+        CompensatorConfig {
+            gain: 1.0,
+            limits: [OffsetNm(2_000_000); 3],
+            metres_per_q: [1.0; 3],
+        },
+    )
+    .unwrap();
+    for case in Case::all("l2") {
+        let (tcp, load) = (case.tcp(), case.load());
+        let found = kinematics.inverse(&tcp).unwrap();
+        case.agrees("q", found);
+        case.agrees::<3>("T", kinematics.forward(&found).unwrap().into());
+        let jacobian = kinematics.jacobian(&tcp).unwrap();
+        case.agrees::<9>("J", by_rows(jacobian.transpose().iter().copied()));
+        assert!(kinematics.residual_m(&Pose::at(tcp), &found) < 1e-15);
+
+        let q = case.get("q");
+        let lines = kinematics.line_matrix(&Pose::at(tcp), &q).unwrap();
+        let forces = lines.link_forces_n(&load).unwrap();
+        case.agrees("f", forces);
+        case.agrees("tau", lines.cart_loads(&forces));
+        case.agrees("tau", cart_loads_from_jacobian(&jacobian, &load.force_n));
+
+        let general = lines.deflection(&springs, &load).unwrap();
+        case.agrees("r", general.carts);
+        case.agrees("dx_links", general.links.to_array());
+        let total = lines.compliance(&springs).unwrap();
+        // Symmetric, so the order of its entries does not matter.
+        case.agrees::<36>("C_total", by_rows(total.0.iter().copied()));
+        let moved = total.displacement(&load).to_array();
+        close(&moved, &general.total.to_array(), 1e-12, "C w");
+        let links = lines.link_compliance(&springs).unwrap();
+        case.agrees("dx_links", links.displacement(&load).to_array());
+
+        let cyclic = elastic.deflection(&tcp, &q, &load).unwrap();
+        case.agrees("r", cyclic.carts);
+        let (t, r) = (cyclic.translation_m, cyclic.rotation_rad);
+        case.agrees::<6>("dx_links", by_rows(t.iter().chain(r.iter()).copied()));
+        case.agrees("q_comp", elastic.command(&tcp, &q, &load, 1.0).unwrap());
+        let correction = compensator.correct_q(&q, &load).unwrap();
+        let expected = case.get::<3>("q_comp");
+        for axis in 0..3 {
+            let offset_m = correction.offsets[axis].to_metres().0;
+            assert!((offset_m - (expected[axis] - q[axis])).abs() < 1e-9);
+        }
+        assert_eq!(correction.saturated, [false; 3]);
+    }
+}
+
+#[test]
+fn f1_agrees() {
+    let geometry = f1::Geometry {
+        travel: None,
+        ..presets::f1()
+    };
+    let kinematics = f1::Kinematics::new(&f1::Robot::new(geometry).unwrap());
+    let actuators = numbers(&vectors()["f1"]["c_act"]);
+    let springs = Compliances::new(numbers(&vectors()["c_link"]), actuators).unwrap();
+    let elastic = f1::Elastic::new(&kinematics, &springs);
+    for case in Case::all("f1") {
+        let pose = Pose {
+            position_m: case.tcp(),
+            rotation: Matrix3::from_row_slice(&case.get::<9>("R")),
+        };
+        let (q, load) = (case.get("q"), case.load());
+        let inverse = kinematics.inverse(&pose, None).unwrap();
+        case.agrees("q", inverse.value);
+        assert!(inverse.residual_m < 1e-12, "{inverse:?}");
+        let forward = kinematics.forward(&q).unwrap().value;
+        assert!((forward.rotation - pose.rotation).amax() < 1e-10);
+        case.agrees::<3>("T", forward.position_m.into());
+
+        let lines = kinematics.line_matrix(&pose, &q).unwrap();
+        let jacobian = lines.jacobian().unwrap().transpose();
+        case.agrees::<36>("J", by_rows(jacobian.iter().copied()));
+        let forces = lines.link_forces_n(&load).unwrap();
+        case.agrees("f", forces);
+        case.agrees("tau", lines.cart_loads(&forces));
+        // tau = J^T w.
+        let work = jacobian * Vector6::from(load.to_array());
+        case.agrees::<6>("tau", work.into());
+
+        let deflection = lines.deflection(&springs, &load).unwrap();
+        case.agrees("r", deflection.carts);
+        case.agrees("dx_links", deflection.links.to_array());
+        let moved = lines.compliance(&springs).unwrap().displacement(&load);
+        close(
+            &moved.to_array(),
+            &deflection.total.to_array(),
+            1e-12,
+            "C w",
+        );
+        case.agrees("q_comp", elastic.command(&pose, &q, &load, 1.0).unwrap());
+    }
+}
