@@ -211,9 +211,9 @@ enum gt_code
   // The lower end of a travel is above its upper end. `parameter`, `index`: its place.
   GT_CODE_ROBOT_REVERSED = 602,
   // The matrix of an orientation is not a rotation matrix. `value`: largest deviation of R^T R from the identity.
-  GT_CODE_NOMINAL_NOT_ROTATION = 700,
+  GT_CODE_ORIENTATION_NOT_ROTATION = 700,
   // The Tau property is violated. `index`: the link that differs from the first of its cluster, `value`: the difference, m.
-  GT_CODE_NOMINAL_NOT_TAU = 701,
+  GT_CODE_ORIENTATION_NOT_TAU = 701,
   // The gain is outside 0 to 1.
   GT_CODE_COMPENSATOR_GAIN = 800,
   // A limit is negative. `index`: axis.
@@ -919,7 +919,7 @@ gt_code gt_f1_statics(const struct gt_f1 *machine,
 //
 // `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_SIZE bytes. `machine`: receives the handle.
 //
-// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (index 3: forward_branch), those of ROBOT_ and NOMINAL_: the first found.
+// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (index 3: forward_branch), those of ROBOT_ and ORIENTATION_: the first found.
 gt_code gt_l2_init(void *memory,
                    size_t size,
                    const struct gt_l2_geometry *geometry,

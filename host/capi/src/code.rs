@@ -78,9 +78,9 @@ pub enum gt_code {
     RobotReversed = 602,
 
     /// The matrix of an orientation is not a rotation matrix. `value`: largest deviation of R^T R from the identity.
-    NominalNotRotation = 700,
+    OrientationNotRotation = 700,
     /// The Tau property is violated. `index`: the link that differs from the first of its cluster, `value`: the difference, m.
-    NominalNotTau = 701,
+    OrientationNotTau = 701,
 
     /// The gain is outside 0 to 1.
     CompensatorGain = 800,
@@ -164,8 +164,11 @@ const NAMES: [(gt_code, &CStr); 51] = {
         (Code::RobotNotFinite, c"GT_CODE_ROBOT_NOT_FINITE"),
         (Code::RobotOutOfRange, c"GT_CODE_ROBOT_OUT_OF_RANGE"),
         (Code::RobotReversed, c"GT_CODE_ROBOT_REVERSED"),
-        (Code::NominalNotRotation, c"GT_CODE_NOMINAL_NOT_ROTATION"),
-        (Code::NominalNotTau, c"GT_CODE_NOMINAL_NOT_TAU"),
+        (
+            Code::OrientationNotRotation,
+            c"GT_CODE_ORIENTATION_NOT_ROTATION",
+        ),
+        (Code::OrientationNotTau, c"GT_CODE_ORIENTATION_NOT_TAU"),
         (Code::CompensatorGain, c"GT_CODE_COMPENSATOR_GAIN"),
         (Code::CompensatorLimit, c"GT_CODE_COMPENSATOR_LIMIT"),
         (

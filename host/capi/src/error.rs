@@ -246,10 +246,12 @@ impl From<l2::OrientationError> for gt_error {
     fn from(error: l2::OrientationError) -> Self {
         match error {
             l2::OrientationError::NotRotation { deviation } => {
-                Self::new(gt_code::NominalNotRotation).value(deviation)
+                Self::new(gt_code::OrientationNotRotation).value(deviation)
             }
             l2::OrientationError::NotTau { link, mismatch_m } => {
-                Self::new(gt_code::NominalNotTau).at(link).value(mismatch_m)
+                Self::new(gt_code::OrientationNotTau)
+                    .at(link)
+                    .value(mismatch_m)
             }
         }
     }

@@ -73,7 +73,7 @@ impl L2 {
 ///
 /// `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_SIZE bytes. `machine`: receives the handle.
 ///
-/// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (index 3: forward_branch), those of ROBOT_ and NOMINAL_: the first found.
+/// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (index 3: forward_branch), those of ROBOT_ and ORIENTATION_: the first found.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_l2_init(
     memory: *mut c_void,

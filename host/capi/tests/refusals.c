@@ -307,10 +307,10 @@ static void machines(void)
     ABOUT(1, TRAVEL, 0);
     geometry.travel[1][0] = 0;
     geometry.rotation[0][0] = -1;
-    EXPECT(NOMINAL_NOT_ROTATION, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
+    EXPECT(ORIENTATION_NOT_ROTATION, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
     geometry.rotation[0][0] = 1;
     geometry.cart_joints_m[4][2] += 1e-3;
-    EXPECT(NOMINAL_NOT_TAU, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
+    EXPECT(ORIENTATION_NOT_TAU, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
     REFUSE(error.index != 4 || fabs(error.value - 1e-3) > 1e-12)
 
     EXPECT(NULL_POINTER, gt_l2_inverse(NULL, tcp_m, q, &error));

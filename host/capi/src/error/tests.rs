@@ -6,6 +6,8 @@ use std::path::Path;
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
 
+use gantry_tau_core::model::l2::OrientationError;
+
 use super::*;
 
 /// One example of every variant, by type.
@@ -50,9 +52,9 @@ fn all() -> Vec<(&'static str, String, gt_error)> {
             RobotError::NotFinite { parameter, index: 2 },
             RobotError::OutOfRange { parameter, index: 1, lower: 0.5, upper: 1.5 },
             RobotError::Reversed { parameter, index: 0 };
-        NominalError:
-            NominalError::NotRotation { deviation: 0.25 },
-            NominalError::NotTau { link: 4, mismatch_m: 0.125 };
+        OrientationError:
+            OrientationError::NotRotation { deviation: 0.25 },
+            OrientationError::NotTau { link: 4, mismatch_m: 0.125 };
         CompensatorError:
             CompensatorError::Gain,
             CompensatorError::Limit { axis: 1 },
