@@ -6,10 +6,9 @@ use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gantry_tau_core::control::message::{Cause, State};
+use gantry_tau_core::control::message::State;
 use gantry_tau_core::units::OffsetNm;
 
-use crate::plots::phases;
 use crate::server::cycle::Row;
 
 /// Pause of the writing thread when the queue is empty.
@@ -238,8 +237,8 @@ fn state_header(axes: usize) -> Vec<String> {
 fn state_fields<const N: usize>(state: &State<N>) -> Vec<String> {
     let mut fields = vec![
         state.tick.0.to_string(),
-        phases::name(state.phase).to_owned(),
-        cause_name(state.cause).to_owned(),
+        state.phase.name().to_owned(),
+        state.cause.name().to_owned(),
         state.counters.missed.to_string(),
         state.ramp_ticks_left.to_string(),
     ];
@@ -257,25 +256,6 @@ fn state_fields<const N: usize>(state: &State<N>) -> Vec<String> {
         ]);
     }
     fields
-}
-
-/// Name of a cause in recordings and findings.
-pub(crate) const fn cause_name(cause: Cause) -> &'static str {
-    match cause {
-        Cause::None => "None",
-        Cause::ClientLate => "ClientLate",
-        Cause::NetworkLate => "NetworkLate",
-        Cause::ServerLate => "ServerLate",
-        Cause::Malformed => "Malformed",
-        Cause::Closed => "Closed",
-        Cause::Goodbye => "Goodbye",
-        Cause::Budget => "Budget",
-        Cause::Stop => "Stop",
-        Cause::Nominal => "Nominal",
-        Cause::Flood => "Flood",
-        Cause::HandshakeTimeout => "HandshakeTimeout",
-        Cause::Restart => "Restart",
-    }
 }
 
 /// Text of an optional number; empty for `None`.
@@ -322,7 +302,9 @@ pub struct ClientRow<const N: usize> {
     pub state: State<N>,
     /// Position offsets that were requested.
     pub targets: [OffsetNm; N],
-    /// Load on the tool used by the compensation, tared and filtered: force (N) and moment (N m), world axes.
+    /// Axes whose correction was cut at the limit of its offset.
+    pub saturated: [bool; N],
+    /// Load on the tool as it computed with, tared and filtered: force (N) and moment (N m), world axes.
     pub load: [f64; 6],
 }
 
@@ -333,6 +315,7 @@ impl<const N: usize> Record for ClientRow<N> {
         header.extend((1..=N).map(|axis| format!("reference_{axis}_nm")));
         header.extend((1..=N).map(|axis| format!("target_{axis}_nm")));
         header.extend(LOAD.map(str::to_owned));
+        header.push("saturated_axes".to_owned());
         header
     }
 
@@ -345,6 +328,12 @@ impl<const N: usize> Record for ClientRow<N> {
         fields.extend(self.state.axes.iter().map(reference));
         fields.extend(self.targets.iter().map(|target| target.0.to_string()));
         fields.extend(self.load.map(|value| value.to_string()));
+        // One bit per axis, the first axis lowest.
+        let bits = self.saturated.iter().rev();
+        fields.push(
+            bits.fold(0_u32, |bits, cut| 2 * bits + u32::from(*cut))
+                .to_string(),
+        );
         fields
     }
 }

@@ -68,7 +68,7 @@ impl SensorPublisher {
         listener.set_nonblocking(true)?;
         Ok(Self {
             listener,
-            allowed: Allowed::everybody(),
+            allowed: Allowed::all(),
             readers: [const { None }; READERS],
         })
     }

@@ -5,8 +5,7 @@
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};
 
-use gantry_tau::black_box::handover::{self, Receiver};
-use gantry_tau::epoch::Epochs;
+use gantry_tau::black_box::swap_channel::{self, Receiver};
 use gantry_tau::server::ServerError;
 use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
@@ -14,7 +13,7 @@ use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::control::endpoint::{MotorMap, Transport};
 use gantry_tau_core::control::message::{AxisLimits, Capabilities, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
-use gantry_tau_core::units::PositionNm;
+use gantry_tau_core::units::{EpochRange, PositionNm};
 
 use crate::bounds::Bounds;
 use crate::plant::Bus;
@@ -69,7 +68,7 @@ pub struct Bench<const N: usize> {
 
 impl<const N: usize> Default for Bench<N> {
     fn default() -> Self {
-        Self::start(parameters(), Bus::default(), Epochs::volatile()).unwrap()
+        Self::start(parameters(), Bus::default(), EpochRange::VOLATILE).unwrap()
     }
 }
 
@@ -81,7 +80,7 @@ impl<const N: usize> Bench<N> {
     pub fn start(
         parameters: Parameters<N>,
         bus: Bus<N>,
-        epochs: Epochs,
+        epochs: EpochRange,
     ) -> Result<Self, ServerError> {
         Self::listen(parameters, bus, epochs, LOOPBACK.into())
     }
@@ -93,7 +92,7 @@ impl<const N: usize> Bench<N> {
             transport: Transport::Datagram,
             ..LOOPBACK.into()
         };
-        Self::listen(parameters(), Bus::default(), Epochs::volatile(), listen).unwrap()
+        Self::listen(parameters(), Bus::default(), EpochRange::VOLATILE, listen).unwrap()
     }
 
     /// Starts a server wherever it shall listen.
@@ -103,7 +102,7 @@ impl<const N: usize> Bench<N> {
     pub fn listen(
         parameters: Parameters<N>,
         bus: Bus<N>,
-        epochs: Epochs,
+        epochs: EpochRange,
         listen: Listen,
     ) -> Result<Self, ServerError> {
         let motors = MotorMap::new(std::array::from_fn(|motor| motor)).unwrap();
@@ -119,8 +118,8 @@ impl<const N: usize> Bench<N> {
     /// From here on the server hands its black boxes over.
     #[must_use]
     pub fn handing_over(mut self) -> (Self, Receiver<N>) {
-        let (handover, windows) = handover::channel();
-        self.cycle = self.cycle.with_black_box(handover);
+        let (sender, windows) = swap_channel::channel();
+        self.cycle = self.cycle.with_black_box(sender);
         (self, windows)
     }
 

@@ -68,8 +68,8 @@ impl Client {
         match gantry_tau::client::run(&options, &controls) {
             Ok(report) => {
                 say(format_args!(
-                    "left with Goodbye after {} ticks ({} without a correction of their own); the server ramps the offsets to zero",
-                    report.states, report.held
+                    "left with Goodbye after {} ticks ({} without a correction of their own, {} with a saturated one); the server ramps the offsets to zero",
+                    report.states, report.held, report.saturated
                 ));
                 if let Some(recorded) = report.recorded {
                     say(recorded);

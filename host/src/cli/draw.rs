@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::draw::DrawOptions;
-use gantry_tau::model::Model;
+use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::terminal::say;
 
@@ -49,7 +49,7 @@ impl Draw {
         }
     }
 
-    fn run_with<K: Model<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
+    fn run_with<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
         let options = DrawOptions {
             robot,
             svg: self.svg,

@@ -8,9 +8,9 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
-use gantry_tau::black_box::archive::Archive;
-use gantry_tau::black_box::handover;
-use gantry_tau::epoch::{self, Epochs};
+use gantry_tau::black_box::swap_channel;
+use gantry_tau::black_box::writer::Writer;
+use gantry_tau::epoch;
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau::record::{CsvFile, Recorded, drain};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
@@ -19,7 +19,7 @@ use gantry_tau::server::connections::{Allowed, Listen};
 use gantry_tau::server::cycle::{Cycle, Row};
 use gantry_tau::server::event_log::EventLog;
 use gantry_tau::server::{Controls, Server, ServerError};
-use gantry_tau::sim::load_generator::{AppliedLoad, LoadGenerator, load_generator};
+use gantry_tau::sim::load_generator::{AppliedLoad, load_generator};
 use gantry_tau::sim::load_profile::LoadProfile;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
@@ -133,11 +133,11 @@ impl Serve {
             Some(path) => Some(CsvFile::create::<Row<N>>(path)?),
             None => None,
         };
-        let mut archive = None;
+        let mut black_boxes = None;
         if let Some(folder) = &self.black_box {
-            let (handover, windows) = handover::channel();
-            cycle = cycle.with_black_box(handover);
-            archive = Some(Archive::open(folder, windows)?);
+            let (sender, windows) = swap_channel::channel();
+            cycle = cycle.with_black_box(sender);
+            black_boxes = Some(Writer::open(folder, windows)?);
         }
         if let Err(denied) = gantry_tau::realtime::lock_memory() {
             tracing::warn!("no {}: {}", denied.privilege, denied.reason);
@@ -159,13 +159,13 @@ impl Serve {
             if let Some(file) = &mut file {
                 file.write(row);
             }
-            if let Some(archive) = &mut archive {
-                archive.write_waiting();
+            if let Some(black_boxes) = &mut black_boxes {
+                black_boxes.write_waiting();
             }
         });
         let dropped = server.quit()?;
         say("all offsets are zero; ended");
-        let archived = archive.map_or(Ok(()), Archive::finish);
+        let boxes_written = black_boxes.map_or(Ok(()), Writer::finish);
         if let Some(recorded) = file.map(|file| file.finish(dropped)) {
             say(&recorded);
             if let Recorded {
@@ -176,7 +176,7 @@ impl Serve {
                 return Err(failure.into());
             }
         }
-        Ok(archived?)
+        Ok(boxes_written?)
     }
 
     fn cycle<K: MachineKind<N>, const N: usize, const M: usize>(
@@ -196,7 +196,7 @@ impl Serve {
             .clone()
             .or_else(epoch::default_path)
             .ok_or("the user's state folder is unknown; name a file with --epoch-file")?;
-        let epochs = Epochs::reserve(&path)?;
+        let epochs = epoch::reserve(&path)?;
         Ok(Cycle::new(
             config,
             robot.motor_map()?,

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use gantry_tau_core::control::message::Welcome;
-use gantry_tau_core::model::compensation::CompensatorConfig;
+use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
 use gantry_tau_core::model::kinematics::KinematicsError;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, SensorError};
 use gantry_tau_core::model::statics::Wrench;
@@ -84,19 +84,18 @@ impl<const N: usize> Compensation<N> {
         &mut self,
         raw: &[f64; 6],
         nominal: &[PositionNm; N],
-    ) -> Result<[OffsetNm; N], CompensationError> {
+    ) -> Result<Correction<N>, CompensationError> {
         let reading = self
             .sensor
             .update(&Wrench::from_array(*raw))
             .map_err(CompensationError::Sensor)?;
         match reading {
-            Reading::Taring { .. } => Ok([OffsetNm(0); N]),
+            Reading::Taring { .. } => Ok(Correction::ZERO),
             Reading::Load(load) => {
                 self.tared = true;
                 self.load = load;
                 self.compensator
                     .correct(nominal, &load)
-                    .map(|correction| correction.offsets)
                     .map_err(CompensationError::Kinematics)
             }
         }

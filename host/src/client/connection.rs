@@ -1,4 +1,4 @@
-//! Frames from the client's side, over a TCP stream or as UDP datagrams.
+//! The client's connection: frames over a TCP stream or as UDP datagrams.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, TcpStream, UdpSocket};
@@ -15,7 +15,7 @@ const CHUNK: usize = 4_096;
 
 /// A connection to a server of `N` axes.
 #[derive(Debug)]
-pub struct Link<const N: usize> {
+pub struct Connection<const N: usize> {
     wire: Wire,
     silence: Duration,
     chunk: [u8; CHUNK],
@@ -31,8 +31,8 @@ enum Wire {
     Datagrams(UdpSocket),
 }
 
-impl<const N: usize> Link<N> {
-    /// Connects over TCP. A server that says nothing for `silence` counts as vanished.
+impl<const N: usize> Connection<N> {
+    /// Connects over TCP. A server that is silent for `silence` counts as vanished.
     ///
     /// # Errors
     /// [`ClientError::Unreachable`].
@@ -40,7 +40,7 @@ impl<const N: usize> Link<N> {
         Self::over(Transport::Stream, address, silence)
     }
 
-    /// Connects over `transport`. Over UDP this sends nothing yet, so nobody need be there.
+    /// Connects over `transport`. Over UDP nothing is sent yet, so the server need not be there.
     ///
     /// # Errors
     /// [`ClientError::Unreachable`].
@@ -67,7 +67,7 @@ impl<const N: usize> Link<N> {
         })
     }
 
-    /// Whether frames can get lost on the way: then what matters is said again.
+    /// True if frames can get lost: then important ones are sent again.
     #[must_use]
     pub const fn loses_frames(&self) -> bool {
         matches!(self.wire, Wire::Datagrams(_))
@@ -82,7 +82,7 @@ impl<const N: usize> Link<N> {
         let sent = match &mut self.wire {
             Wire::Stream(stream, _) => stream.write_all(&frame),
             Wire::Datagrams(socket) => match socket.send(&frame) {
-                // Nobody listens there yet, or any more; silence will tell.
+                // The server is not there; the silence that follows is the error.
                 Err(error) if error.kind() == ErrorKind::ConnectionRefused => Ok(()),
                 sent => sent.map(|_| ()),
             },
@@ -99,11 +99,11 @@ impl<const N: usize> Link<N> {
             .ok_or_else(|| ClientError::Vanished("it has been silent for too long".to_owned()))
     }
 
-    /// Waits for the next message, over UDP no longer than `patience`; `None` when nothing came.
+    /// Waits for the next message, over UDP no longer than `patience`; `None` if none came.
     ///
     /// # Errors
-    /// [`ClientError::Vanished`] after silence, a closed connection or a broken frame; [`ClientError::Incompatible`] for content
-    /// that cannot be read. A broken datagram is dropped.
+    /// [`ClientError::Vanished`] after silence or a closed connection; [`ClientError::Incompatible`] for a frame that cannot be
+    /// read. A broken datagram is dropped.
     pub fn receive_within(
         &mut self,
         patience: Duration,
@@ -140,13 +140,13 @@ impl<const N: usize> Link<N> {
         }
     }
 
-    /// Whether more has already been read: then a newer State is on its way and the current one is no longer the latest.
+    /// True if more has been read than was returned: then the current State is not the latest.
     #[must_use]
     pub const fn has_unread_bytes(&self) -> bool {
         self.from < self.to
     }
 
-    /// The next message among the bytes already read.
+    /// Returns the next message among the bytes already read.
     fn take(&mut self) -> Result<Option<ServerMessage<N>>, ClientError> {
         let unread = self.chunk.get(self.from..self.to).unwrap_or_default();
         let incompatible =
@@ -169,7 +169,7 @@ impl<const N: usize> Link<N> {
                     Ok(frame) => {
                         (decode_server(&frame).map(Some)).map_err(|error| incompatible(&error))
                     }
-                    // Nothing read yet, or broken on its way.
+                    // No datagram yet, or a broken one.
                     Err(_) => Ok(None),
                 }
             }
@@ -185,7 +185,7 @@ fn stream(address: SocketAddr, silence: Duration) -> io::Result<Wire> {
     Ok(Wire::Stream(stream, Deframer::new()))
 }
 
-/// A socket that hears this server only.
+/// Opens a socket that receives from this server only.
 fn datagrams(address: SocketAddr, silence: Duration) -> io::Result<Wire> {
     let any: SocketAddr = match address {
         SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
@@ -197,7 +197,7 @@ fn datagrams(address: SocketAddr, silence: Duration) -> io::Result<Wire> {
     Ok(Wire::Datagrams(socket))
 }
 
-/// A datagram socket's way to say that nothing came: the time is over, or an earlier datagram of ours found nobody.
+/// True if no datagram came: the time is over, or the server was not there for an earlier datagram of ours.
 fn is_nothing(error: &io::Error) -> bool {
     matches!(
         error.kind(),

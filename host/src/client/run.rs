@@ -10,7 +10,7 @@ use gantry_tau_core::control::message::{
 use gantry_tau_core::units::{OffsetNm, Sequence, Tick};
 
 use super::compensate::{Compensation, CompensationError};
-use super::connection::Link;
+use super::connection::Connection;
 use super::{ClientControls, ClientError, ClientOptions, ClientReport};
 use crate::model::MachineKind;
 use crate::record::{ClientRow, Recorder};
@@ -29,13 +29,15 @@ const FIRST_SAMPLE_STATES: u64 = 1_000;
 const GOODBYE_STATES: u64 = 100;
 
 struct Session<'a, const N: usize> {
-    link: Link<N>,
+    link: Connection<N>,
     sensor: SensorReader,
     sample: Option<Sample>,
     compensation: Compensation<N>,
     welcome: Welcome<N>,
     sequence: u64,
     targets: [OffsetNm; N],
+    /// Axes whose last correction was cut at its limit.
+    cut: [bool; N],
     controls: &'a ClientControls,
     recorder: Option<Recorder<ClientRow<N>>>,
     last_tick: Option<Tick>,
@@ -43,6 +45,7 @@ struct Session<'a, const N: usize> {
     states_without_sample: u64,
     held: u64,
     held_in_a_row: u64,
+    saturated: u64,
     obtaining: bool,
 }
 
@@ -54,7 +57,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
     options: &ClientOptions<K, N>,
     controls: &ClientControls,
 ) -> Result<ClientReport, ClientError> {
-    let mut link = Link::over(options.transport, options.server, SILENCE)?;
+    let mut link = Connection::over(options.transport, options.server, SILENCE)?;
     let sensor =
         SensorReader::connect(options.sensor).map_err(|error| ClientError::Unreachable {
             what: "force sensor",
@@ -84,6 +87,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         welcome,
         sequence: 0,
         targets: [OffsetNm(0); N],
+        cut: [false; N],
         controls,
         recorder,
         last_tick: None,
@@ -91,6 +95,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         states_without_sample: 0,
         held: 0,
         held_in_a_row: 0,
+        saturated: 0,
         obtaining: false,
     };
     let result = session.answer_until_done();
@@ -101,6 +106,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
     result.map(|()| ClientReport {
         states: session.states,
         held: session.held,
+        saturated: session.saturated,
         recorded,
     })
 }
@@ -109,7 +115,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
 /// what it said counts more than a Hello that could not be sent.
 ///
 /// Where frames get lost the Hello is said again: until the server has given up a session whose Welcome got lost, and beyond.
-fn greet<const N: usize>(link: &mut Link<N>) -> Result<Welcome<N>, ClientError> {
+fn greet<const N: usize>(link: &mut Connection<N>) -> Result<Welcome<N>, ClientError> {
     if !link.loses_frames() {
         let sent = link.send(&hello::<N>());
         return match link.receive() {
@@ -181,7 +187,7 @@ impl<const N: usize> Session<'_, N> {
                 continue;
             }
             if let Err(silent) = self.compensate(&state) {
-                // Leave in good order rather than compensate a force that nobody measures.
+                // Without force samples, leave in good order instead of compensating an old force.
                 self.leave()?;
                 return Err(silent);
             }
@@ -202,7 +208,7 @@ impl<const N: usize> Session<'_, N> {
                 self.link.send(&goodbye)?;
             }
         }
-        let reason = "it does not hear the Goodbye".to_owned();
+        let reason = format!("it has not acknowledged the Goodbye within {GOODBYE_STATES} States");
         Err(ClientError::Vanished(reason))
     }
 
@@ -275,13 +281,29 @@ impl<const N: usize> Session<'_, N> {
         self.states_without_sample = 0;
         let nominal = state.axes.map(|axis| axis.nominal);
         match self.compensation.cycle(&sample.wrench, &nominal) {
-            Ok(targets) => {
-                self.targets = targets;
+            Ok(correction) => {
+                self.targets = correction.offsets;
                 self.held_in_a_row = 0;
+                self.note_saturation(&correction.saturated);
                 Ok(())
             }
             Err(error) => self.hold(&error),
         }
+    }
+
+    /// Counts a correction that was cut; logs the first.
+    fn note_saturation(&mut self, saturated: &[bool; N]) {
+        self.cut = *saturated;
+        let Some(axis) = saturated.iter().position(|cut| *cut) else {
+            return;
+        };
+        if self.saturated == 0 {
+            tracing::warn!(
+                "axis {}: the correction is cut at the limit of the offset; the load is beyond what the offsets can compensate",
+                axis + 1
+            );
+        }
+        self.saturated += 1;
     }
 
     /// Sends the last targets again; said once, counted always, and not for ever.
@@ -303,6 +325,7 @@ impl<const N: usize> Session<'_, N> {
             recorder.push(ClientRow {
                 state: *state,
                 targets: self.targets,
+                saturated: self.cut,
                 load: self.compensation.load(),
             });
         }

@@ -11,7 +11,6 @@ use std::path::PathBuf;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::client::cause_text;
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 use crate::server::tick_source::TickSource;
@@ -178,7 +177,7 @@ fn play<K: MachineKind<N>, const N: usize, const M: usize>(
         Failure::Lost(lost) => DemoError::Lost(format!(
             "this machine does not hold 1 kHz throughout: in tick {} the session ended by itself ({})",
             lost.tick.0,
-            cause_text(lost.cause)
+            lost.cause
         )),
         Failure::Slow { missed } => DemoError::Lost(format!(
             "this machine does not hold 1 kHz: {missed} deadlines missed in the first second, before any step"

@@ -7,7 +7,6 @@ use serde::Serialize;
 use super::DemoOptions;
 use super::sampler::Sample;
 use super::scenario::{COMPENSATED, Recording};
-use crate::client::cause_text;
 use crate::server::tick_source::TickSource;
 
 /// Largest share of the displacement that may remain at any step below the jump.
@@ -278,7 +277,10 @@ fn ramp<K, const N: usize>(options: &DemoOptions<K, N>, recording: &Recording<N>
         .map(|axis| axis.position.ramp.unsigned_abs().max(1));
     let expected = start_offset_nm.into_iter().zip(rates);
     Ramp {
-        cause: recording.ended.ended.map_or("none", cause_text).to_owned(),
+        cause: recording
+            .ended
+            .ended
+            .map_or_else(|| "none".to_owned(), |cause| cause.to_string()),
         start_offset_nm: start_offset_nm.into(),
         ticks,
         expected_ticks: expected
@@ -286,7 +288,7 @@ fn ramp<K, const N: usize>(options: &DemoOptions<K, N>, recording: &Recording<N>
             .max()
             .unwrap_or(0),
         largest_change_nm,
-        refusal: crate::client::refusal_text(recording.refusal),
+        refusal: recording.refusal.to_string(),
         client: recording.client.clone(),
     }
 }

@@ -10,13 +10,13 @@ use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{
     Capabilities, ClientMessage, Hello, Phase, Refusal, ServerMessage,
 };
+use gantry_tau_core::units::EpochRange;
 use indicatif::ProgressBar;
 
 use super::sampler::{Lost, Sample, Sampler, Waiting};
 use super::{DemoError, DemoOptions};
-use crate::black_box::{Window, handover};
-use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientReport, Link};
-use crate::epoch::Epochs;
+use crate::black_box::{Window, swap_channel};
+use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientReport, Connection};
 use crate::faults::plan::FaultPlan;
 use crate::faults::relay::Relay;
 use crate::model::MachineKind;
@@ -121,12 +121,12 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
         config,
         robot.motor_map()?,
         machine,
-        Epochs::volatile(),
+        EpochRange::VOLATILE,
         LOOPBACK,
     )?;
-    let (handover, mut black_boxes) = handover::channel();
+    let (sender, mut black_boxes) = swap_channel::channel();
     if options.black_box.is_some() {
-        cycle = cycle.with_black_box(handover);
+        cycle = cycle.with_black_box(sender);
     }
     let (server, rows) = Server::spawn(cycle.with_sensor(sensor), ticks)?;
     let (relay, _) = Relay::spawn(
@@ -308,10 +308,7 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
     fn newcomer_during_the_ramp(&mut self) -> Result<Refusal, Failure> {
         match self.newcomer()?.1 {
             ServerMessage::Refusal(refusal) => {
-                self.say(&format!(
-                    "a newcomer is refused: {}",
-                    client::refusal_text(refusal)
-                ));
+                self.say(&format!("a newcomer is refused: {refusal}"));
                 Ok(refusal)
             }
             _ => Err(Failure::Error(DemoError::Failed(
@@ -340,14 +337,14 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
     }
 
     /// Requests the session from another client, on another connection.
-    fn newcomer(&mut self) -> Result<(Link<N>, ServerMessage<N>), Failure> {
-        let mut link = Link::connect(self.server.address, NEWCOMER_SILENCE)?;
-        link.send(&ClientMessage::Hello(Hello {
+    fn newcomer(&mut self) -> Result<(Connection<N>, ServerMessage<N>), Failure> {
+        let mut connection = Connection::connect(self.server.address, NEWCOMER_SILENCE)?;
+        connection.send(&ClientMessage::Hello(Hello {
             axes: u8::try_from(N).unwrap_or(u8::MAX),
             capabilities: Capabilities::LOCKSTEP,
         }))?;
-        let answer = link.receive()?;
-        Ok((link, answer))
+        let answer = connection.receive()?;
+        Ok((connection, answer))
     }
 
     fn wait_for(&mut self, phase: Phase) -> Result<Sample<N>, Failure> {

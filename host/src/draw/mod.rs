@@ -6,7 +6,7 @@ mod svg;
 use std::fmt;
 use std::path::PathBuf;
 
-use crate::model::Model;
+use crate::model::MachineKind;
 use crate::robot_file::{RobotFile, RobotFileError};
 use scene::Scene;
 
@@ -61,7 +61,9 @@ impl From<RobotFileError> for DrawError {
 ///
 /// # Errors
 /// [`DrawError`].
-pub fn run<K: Model<N>, const N: usize>(options: &DrawOptions<K, N>) -> Result<(), DrawError> {
+pub fn run<K: MachineKind<N>, const N: usize>(
+    options: &DrawOptions<K, N>,
+) -> Result<(), DrawError> {
     let (azimuth, elevation) = (options.azimuth_deg, options.elevation_deg);
     if !(-360.0..=360.0).contains(&azimuth) {
         let text = format!("--azimuth is {azimuth}, it must be from -360 to 360 degrees");

@@ -3,7 +3,7 @@
 use gantry_tau_core::model::robot::ARM_OF_LINK;
 use nalgebra::Vector3;
 
-use crate::model::Model;
+use crate::model::MachineKind;
 use crate::robot_file::{RobotFile, RobotFileError};
 use crate::sim::joints::joint;
 
@@ -55,7 +55,7 @@ impl Scene {
     ///
     /// # Errors
     /// [`RobotFileError`] if home cannot be reached.
-    pub(super) fn at_home<K: Model<N>, const N: usize>(
+    pub(super) fn at_home<K: MachineKind<N>, const N: usize>(
         robot: &RobotFile<K, N>,
     ) -> Result<Self, RobotFileError> {
         let geometry = robot.model.geometry();

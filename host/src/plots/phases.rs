@@ -36,14 +36,6 @@ pub(crate) const fn number(phase: Phase) -> u8 {
     }
 }
 
-/// Name of a phase.
-pub(crate) fn name(phase: Phase) -> &'static str {
-    NAMES
-        .get(usize::from(number(phase)))
-        .copied()
-        .unwrap_or_default()
-}
-
 /// Range of the x axis in which one phase lasts.
 pub(crate) struct Stretch {
     pub(crate) from: f64,

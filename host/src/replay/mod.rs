@@ -9,13 +9,11 @@ use gantry_tau_core::control::session::{Entry, Output, replay};
 use serde::Serialize;
 
 use crate::black_box::{self, FileError, Window};
-use crate::client::cause_text;
-use crate::record::cause_name;
 use crate::terminal::say;
 use picture::Picture;
 
 /// Text in place of a cause.
-const CUT_SHORT: &str = "the window was cut short: the machine did not accept the references";
+const NO_END: &str = "the window has no end of a session";
 
 /// Options of a replay.
 #[derive(Clone, Debug)]
@@ -68,12 +66,12 @@ pub struct Findings {
     pub last_tick: u64,
     /// Number of ticks; an overrun of the server skips tick numbers.
     pub ticks: usize,
-    /// Cause of the end of a session or of the stop, as in core's `Cause`. `None` if the window was cut short.
+    /// Name of the cause of an end of a session, or of a stop. `None` in a window without an end.
     pub cause: Option<&'static str>,
-    /// Tick of the cause; the last tick if the window was cut short.
+    /// Tick of the cause; the last tick of a window without an end.
     pub cause_tick: u64,
     /// The cause in a sentence.
-    pub cause_text: &'static str,
+    pub cause_text: String,
     /// Ticks, from the oldest on, whose outputs agree bit for bit.
     pub agreeing: usize,
     /// The first difference; `None` when all agree.
@@ -151,9 +149,11 @@ impl Findings {
             first_tick: window.entries.first().map_or(0, number),
             last_tick: window.entries.last().map_or(0, number),
             ticks: window.entries.len(),
-            cause: end.cause.map(cause_name),
+            cause: end.cause.map(|cause| cause.name()),
             cause_tick: end.tick.0,
-            cause_text: end.cause.map_or(CUT_SHORT, cause_text),
+            cause_text: end
+                .cause
+                .map_or_else(|| NO_END.to_owned(), |cause| cause.to_string()),
             agreeing: replayed.agreeing,
             difference: difference
                 .map(|(recorded, replayed)| Difference::of(&recorded.output, replayed)),

@@ -121,20 +121,9 @@ impl<const N: usize> Scene<'_, N> {
 
     /// Position offset of an axis before the cause, nm.
     fn offset_before_cause(&self, axis: usize) -> i32 {
-        let index = self.window.end().index.checked_sub(1);
-        let entry = index.and_then(|index| self.window.entries.get(index));
-        let before = || {
-            self.window
-                .before
-                .parts()
-                .axes
-                .get(axis)
-                .map(|axis| axis.channels.offsets())
-        };
-        let offsets = match entry {
-            Some(entry) => entry.output.state.axes.get(axis).map(|axis| axis.offsets),
-            None => before(),
-        };
+        let index = self.window.end().index.saturating_sub(1);
+        let entry = self.window.entries.get(index);
+        let offsets = entry.and_then(|entry| Some(entry.output.state.axes.get(axis)?.offsets));
         offsets.unwrap_or_default().position.0
     }
 
@@ -178,8 +167,11 @@ impl<const N: usize> Scene<'_, N> {
     /// One dot per event.
     fn events(&self) -> Plot {
         let mut dots = Vec::new();
-        let before = self.window.before.parts();
-        let (mut accepted, mut counters) = (before.discrete.accepted, before.counters);
+        // The oldest tick has no predecessor to compare with.
+        let oldest = self.window.entries.first();
+        let (mut accepted, mut counters) = oldest.map_or_else(Default::default, |entry| {
+            (entry.output.state.accepted, entry.output.state.counters)
+        });
         for (x, entry) in self.points() {
             let (output, state) = (&entry.output, &entry.output.state);
             let now = state.counters;
@@ -191,8 +183,8 @@ impl<const N: usize> Scene<'_, N> {
                 now.missed > counters.missed,
                 bad(now) > bad(counters),
                 [now.limited, now.clamped] > [counters.limited, counters.clamped],
-                now.strangers > counters.strangers || !output.refusals.is_empty(),
-                entry.input.cycle.stop,
+                now.non_owner > counters.non_owner || !output.refusals.is_empty(),
+                entry.input.tick.stop,
                 output.welcome.is_some(),
                 output.ended.is_some(),
             ];

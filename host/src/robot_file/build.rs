@@ -1,6 +1,6 @@
 //! Configurations of core and simulation, built from a robot file.
 
-use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::control::message::{AxisLimits, Capabilities};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
@@ -42,15 +42,12 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
     }
 
     fn axis(&self, limits: &super::AxisLimits) -> Result<AxisConfig, RobotFileError> {
-        let channel = |key: &str, c: &ChannelLimits| {
-            Limits::new(c.max, c.step, c.accel, c.ramp).map_err(|error| self.refuse(key, error))
-        };
         let travel = |(lower, upper)| Travel { lower, upper };
         Ok(AxisConfig {
             limits: AxisLimits {
-                position: channel("axes.position", &limits.position)?,
-                velocity: channel("axes.velocity", &limits.velocity)?,
-                torque: channel("axes.torque", &limits.torque)?,
+                position: self.channel("axes.position", &limits.position)?,
+                velocity: self.channel("axes.velocity", &limits.velocity)?,
+                torque: self.channel("axes.torque", &limits.torque)?,
             },
             nominal_travel: travel(limits.nominal_travel),
             machine_travel: travel(limits.machine_travel),
@@ -59,7 +56,17 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         })
     }
 
-    /// Axis of each motor.
+    fn channel<U>(&self, key: &str, limits: &ChannelLimits) -> Result<Limits<U>, RobotFileError> {
+        let values = LimitValues {
+            max: limits.max,
+            step: limits.step,
+            accel: limits.accel,
+            ramp: limits.ramp,
+        };
+        Limits::new(values).map_err(|error| self.refuse(key, error))
+    }
+
+    /// Returns the axis of each motor.
     ///
     /// # Errors
     /// [`RobotFileError`] unless there are `M` motors, each on an axis.

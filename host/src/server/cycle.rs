@@ -1,34 +1,32 @@
-//! One cycle of the server: read sockets and machine, tick the core, write machine and sockets. No clock: tests step it by hand.
+//! One cycle of the server: reads sockets and machine, ticks core, writes machine and sockets. It has no clock, so tests can step it.
 
 use std::io;
 use std::net::{SocketAddr, TcpStream};
 
-use gantry_tau_core::control::axis::Reference;
-use gantry_tau_core::control::endpoint::{Cycle as CoreCycle, Endpoint, MotorMap};
+use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
+use gantry_tau_core::control::endpoint::{Endpoint, MotorMap};
 use gantry_tau_core::control::message::{Cause, Phase, State};
-use gantry_tau_core::control::session::Session;
 use gantry_tau_core::control::session::config::Config;
-use gantry_tau_core::units::Tick;
+use gantry_tau_core::control::session::{LastWrite, Session, Start, TickInput};
+use gantry_tau_core::units::{EpochRange, PositionNm};
 
+use super::ServerError;
 use super::connections::{Connections, Listen};
-use super::outbox::Outbox;
-use super::{HALF, ServerError};
-use crate::black_box::handover::Handover;
-use crate::epoch::Epochs;
+use crate::black_box::swap_channel::Sender;
 use crate::plant::{Plant, Reading, ToolReading};
 use crate::realtime::Socket;
 use crate::sensor_link::{Sample, SensorPublisher};
 
-/// What one cycle did; the whole of what observers see.
+/// Result of one cycle, for observers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row<const N: usize> {
-    /// The State of the tick: nominal references, offsets, actual values, counters.
+    /// State of the tick: nominal references, offsets, actual values, counters.
     pub state: State<N>,
-    /// What the drives received.
+    /// References of the axes. The drives have them unless `plant_failed`.
     pub references: [Reference; N],
-    /// What the instruments at the tool saw.
+    /// Measurements at the tool.
     pub tool: Option<ToolReading>,
-    /// Why a session ended in this tick, if one did.
+    /// Cause of the end of a session, or of a stop, in this tick.
     pub ended: Option<Cause>,
     /// A session was granted in this tick.
     pub welcomed: bool,
@@ -36,39 +34,38 @@ pub struct Row<const N: usize> {
     pub refused: u8,
     /// Cycles since the last tick.
     pub elapsed: u32,
-    /// From the State's departure to the arrival of its answer, µs; absent without an answer or without a clock.
+    /// Time from the departure of the last State to the arrival of its answer, µs; `None` without an answer or without a clock.
     pub round_trip_us: Option<u32>,
-    /// The machine did not answer.
+    /// The machine could not be read, or has not taken the references.
     pub plant_failed: bool,
 }
 
-/// What is asked of one step, beside the time that has passed.
+/// Switches at the machine in one tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Demands {
-    /// The stop at the machine is asserted.
+    /// The stop is asserted.
     pub stop: bool,
-    /// Somebody at the machine re-arms.
+    /// The re-arm is pressed.
     pub rearm: bool,
 }
 
 /// A server without a clock.
 pub struct Cycle<const N: usize, const M: usize, P> {
-    endpoint: Box<Endpoint<N, M, HALF>>,
+    endpoint: Box<Endpoint<N, M>>,
     connections: Connections,
-    outbox: Outbox,
     sensor: Option<SensorPublisher>,
     plant: P,
-    epochs: Epochs,
     last_reading: Reading<N>,
-    /// The machine did not take the last references; the coming tick stops.
+    /// Nominal references of the last write that the machine took.
+    nominal_in_force: [PositionNm; N],
+    /// The machine has not taken the last references: it must be read back, and the coming tick stops.
     write_failed: bool,
     round_trip_us: Option<u32>,
-    /// Who wants the black boxes.
-    handover: Option<Handover<N>>,
+    black_boxes: Option<Sender<N>>,
 }
 
 impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
-    /// Reads the offsets in force, starts the session from them, and listens.
+    /// Reads the offsets in force, starts the session from them, and listens. `epochs` must not be used by another run.
     ///
     /// # Errors
     /// [`ServerError`]: the address cannot be bound, or the machine's offsets are unreadable or beyond their limits.
@@ -76,28 +73,30 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         config: Config<N>,
         motors: MotorMap<N, M>,
         mut plant: P,
-        epochs: Epochs,
+        epochs: EpochRange,
         listen: impl Into<Listen>,
     ) -> Result<Self, ServerError> {
         let listen = listen.into();
         let connections = Connections::bind(&listen)
             .map_err(|error| ServerError::listen(listen.address, &error))?;
-        let in_force = plant.offsets_in_force().map_err(ServerError::Plant)?;
+        let offsets = plant.offsets_in_force().map_err(ServerError::Plant)?;
         let last_reading = plant.read(1).map_err(ServerError::Plant)?;
-        let nominal = last_reading.nominal;
-        let session = Session::new(config, &in_force, nominal, Tick(0), epochs.last())
-            .map_err(|error| ServerError::Start(error.to_string()))?;
+        let start = Start {
+            in_force: in_force(&last_reading.nominal, offsets),
+            stop_latched: false,
+        };
+        let session =
+            Session::new(config, &start).map_err(|error| ServerError::Start(error.to_string()))?;
         Ok(Self {
-            endpoint: Box::new(Endpoint::new(session, motors)),
+            endpoint: Box::new(Endpoint::new(session, motors, epochs)),
             connections,
-            outbox: Outbox::new(),
             sensor: None,
             plant,
-            epochs,
             last_reading,
+            nominal_in_force: last_reading.nominal,
             write_failed: false,
             round_trip_us: None,
-            handover: None,
+            black_boxes: None,
         })
     }
 
@@ -108,107 +107,144 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         self
     }
 
-    /// Hands black boxes over: each one that freezes, and each one with something to tell that would be forgotten.
+    /// Records, and sends the black boxes: each one that freezes, and each one with an end that a new session would erase.
     #[must_use]
-    pub fn with_black_box(mut self, handover: Handover<N>) -> Self {
-        self.handover = Some(handover);
+    pub fn with_black_box(mut self, black_boxes: Sender<N>) -> Self {
+        self.black_boxes = Some(black_boxes);
         self
     }
 
-    /// Where clients connect.
+    /// Returns the address on which clients connect.
     ///
     /// # Errors
-    /// When the system does not tell.
+    /// The system does not tell it.
     pub fn address(&self) -> io::Result<SocketAddr> {
         self.connections.address()
     }
 
-    /// The core's endpoint, to look at.
+    /// Returns core's endpoint.
     #[must_use]
-    pub const fn endpoint(&self) -> &Endpoint<N, M, HALF> {
+    pub const fn endpoint(&self) -> &Endpoint<N, M> {
         &self.endpoint
     }
 
-    /// The phase after the last step.
+    /// Returns the phase after the last step.
     #[must_use]
     pub fn phase(&self) -> Phase {
         self.endpoint.session().phase()
     }
 
-    /// Takes in new connections and everything that has arrived on all of them.
-    /// Returns how many frames the coming tick has of the owner.
+    /// Accepts new connections and reads what has arrived on all of them.
+    /// Returns the number of frames of the owner in the coming tick.
     pub fn receive(&mut self) -> u8 {
         self.connections.receive(&mut self.endpoint)
     }
 
-    /// Takes in what has arrived from the owner.
+    /// Reads what has arrived from the owner. Returns the number of its frames in the coming tick.
     pub fn receive_owner(&mut self) -> u8 {
         self.connections.receive_owner(&mut self.endpoint)
     }
 
-    /// Lock-step: the coming tick has what it waits for.
+    /// True if the coming tick has what a server in lock-step waits for.
     #[must_use]
     pub fn owner_has_answered(&self) -> bool {
         self.endpoint.owner_has_answered()
     }
 
-    /// What to wait on for the owner's bytes; absent without an owner.
+    /// Returns the socket with the owner's bytes; `None` without an owner.
     pub fn owner_socket(&mut self) -> Option<Socket<'_>> {
         let owner = self.endpoint.session().owner()?;
         self.connections.socket(owner)
     }
 
-    /// The owner's stream; absent without an owner, and over UDP.
+    /// Returns the owner's stream; `None` without an owner, and over UDP.
     pub fn owner_stream(&mut self) -> Option<&TcpStream> {
         let owner = self.endpoint.session().owner()?;
         self.connections.stream(owner)
     }
 
-    /// The answer to the last State arrived this long after it left.
+    /// Takes note of the time from the departure of the last State to the arrival of its answer, µs.
     pub const fn note_round_trip(&mut self, microseconds: u32) {
         self.round_trip_us = Some(microseconds);
     }
 
-    /// One tick, `elapsed` cycles after the last, on what was received since.
+    /// Runs one tick, `elapsed` cycles after the last, on what was received since.
     pub fn step(&mut self, elapsed: u32, demands: Demands) -> Row<N> {
         let outage = self.write_failed;
-        let resumed = !outage || self.resume();
-        let reading = self.plant.read(u64::from(elapsed));
-        let read_failed = reading.is_err();
-        // A machine that does not answer is stopped; its last nominal reference stands.
-        let reading = reading.unwrap_or(self.last_reading);
+        let last_write = self.last_write();
+        let read = self.plant.read(u64::from(elapsed));
+        let read_failed = read.is_err();
+        // A machine that does not answer is stopped; its last nominal references stand.
+        let reading = read.unwrap_or(self.last_reading);
         self.last_reading = reading;
-        self.publish(&reading);
         let round_trip_us = self.round_trip_us.take();
-        let cycle = CoreCycle {
-            elapsed,
+        let input = TickInput {
+            elapsed_cycles: elapsed,
             nominal: reading.nominal,
             actual: reading.actual,
             stop: demands.stop || read_failed || outage,
             rearm: demands.rearm,
-            next_epoch: self.epochs.next(),
+            last_write,
             arrival_us: u16::try_from(round_trip_us.unwrap_or(0)).unwrap_or(u16::MAX),
         };
-        let outbox = &mut self.outbox;
-        let turn = self
-            .endpoint
-            .tick(&cycle, &mut |to, bytes| outbox.push(to, bytes));
-        // What the drives have in force must be known before anything is added to it.
-        self.write_failed = !resumed || self.plant.write(&turn.motors).is_err();
-        self.outbox
-            .empty(|to, bytes| self.connections.send(to, bytes));
-        for connection in &turn.close {
-            self.connections.close(*connection);
+        let references = match &mut self.black_boxes {
+            Some(sender) => self.endpoint.tick_recorded(&input, sender.black_box()),
+            None => self.endpoint.tick(&input),
+        };
+        let written = references.map(|references| self.plant.write(&references));
+        self.write_failed = !matches!(written, Some(Ok(())));
+        if !self.write_failed {
+            self.nominal_in_force = reading.nominal;
         }
-        let output = &turn.output;
-        if output.welcome.is_some() {
-            self.epochs.taken(output.state.epoch);
-            // A new session is recorded from its beginning; the last one's end has been kept until now.
-            self.hand_over_end();
-            self.endpoint.black_box_mut().release();
-        } else {
-            self.hand_over_frozen();
+        let row = self.row(&reading, elapsed, round_trip_us, read_failed);
+        // The sample leaves before the State of the same tick, so that a client has it when it answers.
+        self.publish(&row);
+        while let Some((to, frame)) = self.endpoint.poll_transmit() {
+            self.connections.send(to, frame);
         }
+        while let Some(connection) = self.endpoint.poll_close() {
+            self.connections.close(connection);
+        }
+        if let Some(black_boxes) = &mut self.black_boxes {
+            if row.welcomed {
+                black_boxes.begin();
+            } else {
+                black_boxes.send_frozen();
+            }
+        }
+        row
+    }
+
+    /// Sends the black box if it has an end: nothing more will be added to it.
+    pub fn send_end(&mut self) {
+        if let Some(black_boxes) = &mut self.black_boxes {
+            black_boxes.send_end();
+        }
+    }
+
+    /// Returns the fate of the last references. After a failed write, or none, the machine is read back.
+    fn last_write(&mut self) -> LastWrite<N> {
+        if !self.write_failed {
+            return LastWrite::Accepted;
+        }
+        match self.plant.offsets_in_force() {
+            Ok(offsets) => LastWrite::Refused {
+                in_force: in_force(&self.nominal_in_force, offsets),
+            },
+            Err(_) => LastWrite::Unknown,
+        }
+    }
+
+    /// Summarises the tick that has just run.
+    fn row(
+        &self,
+        reading: &Reading<N>,
+        elapsed: u32,
+        round_trip_us: Option<u32>,
+        read_failed: bool,
+    ) -> Row<N> {
+        #[expect(clippy::expect_used, reason = "a tick always leaves its output")]
+        let output = self.endpoint.output().expect("a tick has run");
         Row {
             state: output.state,
             references: output.references,
@@ -222,58 +258,121 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         }
     }
 
-    /// Hands over what the black box has of an end, frozen or not: nothing more will be added to it.
-    pub fn hand_over_end(&mut self) {
-        let black_box = self.endpoint.black_box();
-        if black_box
-            .entries()
-            .any(|entry| entry.output.ended.is_some())
-        {
-            self.hand_over_now();
-        }
-    }
-
-    /// Hands over a frozen box, after which recording goes on. Without room it stays frozen until there is some.
-    fn hand_over_frozen(&mut self) {
-        if let (Some(handover), true) = (&mut self.handover, self.endpoint.black_box().is_frozen())
-        {
-            handover.take(self.endpoint.black_box_mut());
-        }
-    }
-
-    fn hand_over_now(&mut self) {
-        if let Some(handover) = &mut self.handover {
-            handover.take_now(self.endpoint.black_box_mut());
-        }
-    }
-
-    /// After references that the machine did not take, goes on from the offsets it has in force, so that it sees no step.
-    fn resume(&mut self) -> bool {
-        let Ok(in_force) = self.plant.offsets_in_force() else {
-            return false;
-        };
-        // The black box begins anew. What it has of a session, which this ends, is evidence of the outage.
-        if self.endpoint.session().parts().discrete.is_live() {
-            self.hand_over_now();
-        } else {
-            self.hand_over_end();
-        }
-        self.endpoint.resume(&in_force).is_ok()
-    }
-
-    /// The sample leaves before the State of the same tick, so that a client has it when it answers.
-    fn publish(&mut self, reading: &Reading<N>) {
-        if let (Some(sensor), Some(tool)) = (&mut self.sensor, &reading.tool) {
-            let tick = self
-                .endpoint
-                .session()
-                .parts()
-                .discrete
-                .tick
-                .0
-                .saturating_add(1);
+    fn publish(&mut self, row: &Row<N>) {
+        if let (Some(sensor), Some(tool)) = (&mut self.sensor, &row.tool) {
+            let tick = row.state.tick.0;
             let wrench = tool.sensor;
             sensor.publish(&Sample { tick, wrench });
         }
+    }
+}
+
+/// Joins nominal references and offsets, axis by axis.
+fn in_force<const N: usize>(nominal: &[PositionNm; N], offsets: [Offsets; N]) -> [InForce; N] {
+    let mut in_force = nominal.map(InForce::at);
+    for (axis, offsets) in in_force.iter_mut().zip(offsets) {
+        axis.offsets = offsets;
+    }
+    in_force
+}
+
+#[cfg(test)]
+mod tests {
+    use gantry_tau_core::control::message::Capabilities;
+
+    use super::*;
+    use crate::black_box::{HALF, Window, swap_channel};
+    use crate::plant::PlantError;
+    use crate::replay::Findings;
+    use crate::robot_file::RobotFile;
+    use crate::sim::load_generator::load_generator;
+    use crate::sim::machine::SimulatedMachine;
+    use crate::sim::parameters::Motion;
+
+    const FAILED: PlantError = PlantError {
+        operation: "answer",
+        reason: "the cable is pulled",
+    };
+
+    struct Faulty {
+        machine: SimulatedMachine<3, 3>,
+        offsets_fail: bool,
+        write_fails: bool,
+        writes: usize,
+    }
+
+    impl Plant<3, 3> for Faulty {
+        fn offsets_in_force(&mut self) -> Result<[Offsets; 3], PlantError> {
+            let offsets = self.machine.offsets_in_force();
+            offsets.and_then(|offsets| (!self.offsets_fail).then_some(offsets).ok_or(FAILED))
+        }
+
+        fn read(&mut self, elapsed: u64) -> Result<Reading<3>, PlantError> {
+            self.machine.read(elapsed)
+        }
+
+        fn write(&mut self, references: &[Reference; 3]) -> Result<(), PlantError> {
+            if self.write_fails {
+                return Err(FAILED);
+            }
+            self.writes += 1;
+            self.machine.write(references)
+        }
+    }
+
+    #[test]
+    fn an_outage_stops_is_recorded_and_replays() {
+        let robot = RobotFile::builtin_l2().unwrap();
+        let (_hand, tool) = load_generator();
+        let plant = Faulty {
+            machine: robot.simulated_machine(tool, Motion::Hold).unwrap(),
+            offsets_fail: false,
+            write_fails: false,
+            writes: 0,
+        };
+        let config = robot.session_config(Capabilities::NONE).unwrap();
+        let listen = SocketAddr::from(([127, 0, 0, 1], 0));
+        let (sender, mut windows) = swap_channel::channel();
+        let motors = robot.motor_map().unwrap();
+        let cycle = Cycle::new(config, motors, plant, EpochRange::VOLATILE, listen);
+        let mut cycle = cycle.unwrap().with_black_box(sender);
+        let released = Demands::default();
+        let rearm = Demands {
+            rearm: true,
+            ..released
+        };
+        assert!(!cycle.step(1, released).plant_failed);
+        cycle.plant.write_fails = true;
+        assert!(cycle.step(1, released).plant_failed);
+        // The machine takes references again, but nothing is written before its offsets are known.
+        (cycle.plant.write_fails, cycle.plant.offsets_fail) = (false, true);
+        let row = cycle.step(1, released);
+        assert_eq!(
+            (row.state.phase, row.ended),
+            (Phase::Fault, Some(Cause::Stop))
+        );
+        assert!((0..3).all(|_| cycle.step(1, rearm).plant_failed));
+        assert_eq!(cycle.plant.writes, 1);
+        cycle.plant.offsets_fail = false;
+        let row = cycle.step(1, rearm);
+        assert_eq!(
+            (row.plant_failed, row.state.phase, cycle.plant.writes),
+            (false, Phase::Fault, 2),
+            "the outage asserts the stop until the machine has been read back"
+        );
+        assert_eq!(cycle.step(1, rearm).state.phase, Phase::Listening);
+        for _ in 0..HALF {
+            cycle.step(1, released);
+        }
+        let window = windows.receive().unwrap();
+        let end = window.end();
+        assert_eq!((end.index, end.cause), (2, Some(Cause::Stop)));
+        let entries = window.entries.iter().skip(end.index);
+        let fates: Vec<_> = entries.map(|entry| entry.input.tick.last_write).collect();
+        assert_eq!(fates[..4], [LastWrite::Unknown; 4]);
+        assert!(matches!(fates[4], LastWrite::Refused { .. }));
+        assert_eq!(fates[5], LastWrite::Accepted);
+        let read = Window::<3>::decode("x", window.encode().as_bytes()).unwrap();
+        assert_eq!(Findings::of(&read).difference, None);
     }
 }

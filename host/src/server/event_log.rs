@@ -3,8 +3,6 @@
 use gantry_tau_core::control::message::{Cause, Counters, Phase};
 
 use super::cycle::Row;
-use crate::client::cause_text;
-use crate::plots::phases::name;
 
 /// Logs phase changes, ends of sessions and the first of each kind of trouble.
 #[derive(Debug)]
@@ -37,14 +35,18 @@ impl EventLog {
             tracing::info!(
                 "tick {tick}: {} client(s) refused in {}",
                 row.refused,
-                name(state.phase)
+                state.phase.name()
             );
         }
         if let Some(cause) = row.ended {
             self.log_end(row, cause);
         }
         if state.phase != self.phase {
-            tracing::info!("tick {tick}: {} -> {}", name(self.phase), name(state.phase));
+            tracing::info!(
+                "tick {tick}: {} -> {}",
+                self.phase.name(),
+                state.phase.name()
+            );
             self.phase = state.phase;
         }
         if row.plant_failed && !self.plant_failed {
@@ -57,7 +59,7 @@ impl EventLog {
     /// Logs a requested end as information, any other as a warning.
     fn log_end<const N: usize>(&self, row: &Row<N>, cause: Cause) {
         let state = &row.state;
-        let (tick, text, left) = (state.tick.0, cause_text(cause), state.ramp_ticks_left);
+        let (tick, text, left) = (state.tick.0, cause, state.ramp_ticks_left);
         if matches!(self.phase, Phase::Listening | Phase::SafeDisconnect) {
             return tracing::info!("tick {tick}: {text}; {left} ticks of ramp left");
         }
@@ -89,7 +91,7 @@ impl EventLog {
                 c.malformed,
                 c.out_of_range,
                 c.clamped,
-                c.strangers,
+                c.non_owner,
             ]
         };
         let texts = [

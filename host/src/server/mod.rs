@@ -1,9 +1,8 @@
-//! The server: a cycle thread around the core's endpoint `[T 5.1.1]`.
+//! The server: a cycle thread around core's endpoint `[T 5.1.1]`.
 
 pub mod connections;
 pub mod cycle;
 pub mod event_log;
-mod outbox;
 pub mod tick_source;
 
 use std::fmt;
@@ -19,33 +18,31 @@ use crate::plant::{Plant, PlantError};
 use cycle::{Cycle, Row};
 use tick_source::TickSource;
 
-/// Half the black box, in ticks: at least so many remain before and after a cause.
-pub const HALF: usize = 64;
 /// Rows that may wait for a slow observer, about four seconds.
 const ROWS: usize = 4_096;
 
-/// Why a server cannot run.
+/// Error of a server.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ServerError {
     /// An address cannot be listened on.
     Listen {
         /// The address.
         address: SocketAddr,
-        /// What the system said.
+        /// The reason, with what to do about it.
         reason: String,
     },
     /// The machine does not answer.
     Plant(PlantError),
-    /// The session refuses to start.
+    /// The session cannot start.
     Start(String),
-    /// The system gave no thread.
+    /// The cycle thread cannot be started.
     Thread(String),
     /// The cycle thread panicked.
     Panicked,
 }
 
 impl ServerError {
-    /// An address that cannot be listened on.
+    /// Returns the error of an address, with what to do about it.
     #[must_use]
     pub fn listen(address: SocketAddr, error: &io::Error) -> Self {
         Self::Listen {
@@ -54,8 +51,12 @@ impl ServerError {
                 io::ErrorKind::AddrInUse => {
                     "the port is in use; is another server running? (--listen, --sensor)".to_owned()
                 }
-                io::ErrorKind::PermissionDenied => "no permission for this port".to_owned(),
-                io::ErrorKind::AddrNotAvailable => "this machine has no such address".to_owned(),
+                io::ErrorKind::PermissionDenied => {
+                    "permission denied; choose a port above 1023".to_owned()
+                }
+                io::ErrorKind::AddrNotAvailable => {
+                    "this computer does not have that address".to_owned()
+                }
                 _ => error.to_string(),
             },
         }
@@ -69,7 +70,7 @@ impl fmt::Display for ServerError {
             Self::Plant(error) => error.fmt(f),
             Self::Start(reason) => write!(f, "the session cannot start: {reason}"),
             Self::Panicked => f.write_str(
-                "the cycle thread panicked; the offsets in force are unknown, the drives' watchdog must act",
+                "the cycle thread panicked; the offsets in force are unknown and the drives' watchdog must act",
             ),
             Self::Thread(reason) => write!(f, "the cycle thread cannot start: {reason}"),
         }
@@ -78,10 +79,10 @@ impl fmt::Display for ServerError {
 
 impl std::error::Error for ServerError {}
 
-/// Switches that other threads throw; the cycle looks at them once per tick.
+/// Switches for other threads; the cycle reads them once per tick.
 #[derive(Debug, Default)]
 pub struct Controls {
-    /// End: ramp to zero, then return.
+    /// Ramp to zero, then end.
     pub quit: AtomicBool,
     /// The stop at the machine is held.
     stop: AtomicBool,
@@ -89,7 +90,7 @@ pub struct Controls {
     stop_pressed: AtomicBool,
     /// Re-arm was pressed.
     rearm: AtomicBool,
-    /// Lock-step only: the link is known to be silent, so waiting for an answer has no use.
+    /// Lock-step only: the client is known to be silent, so the server does not wait for an answer.
     pub link_silent: AtomicBool,
     /// Rows that found the observer's queue full.
     pub dropped_rows: AtomicU64,
@@ -109,19 +110,19 @@ impl Controls {
         self.rearm.store(true, Ordering::Relaxed);
     }
 
-    /// Whether something waits for the next tick that is not worth a second of silence.
+    /// True if the next tick must not wait for the client.
     fn is_urgent(&self) -> bool {
         [&self.quit, &self.stop, &self.stop_pressed]
             .iter()
             .any(|switch| switch.load(Ordering::Relaxed))
     }
 
-    /// Whether the stop is held, or was pressed since the last tick.
+    /// True if the stop is held, or was pressed since the last tick.
     fn take_stop(&self) -> bool {
         self.stop_pressed.swap(false, Ordering::Relaxed) | self.stop.load(Ordering::Relaxed)
     }
 
-    /// Whether a re-arm is wanted. Pressed outside Fault it is forgotten: it must not answer a stop that comes later.
+    /// True if the re-arm was pressed in Fault. Pressed elsewhere it is forgotten: it must not answer a later stop.
     fn take_rearm(&self, phase: Phase) -> bool {
         if phase == Phase::Fault {
             self.rearm.load(Ordering::Relaxed)
@@ -135,18 +136,18 @@ impl Controls {
 /// A running server.
 #[derive(Debug)]
 pub struct Server<const N: usize> {
-    /// Where clients connect.
+    /// Address on which clients connect.
     pub address: SocketAddr,
-    /// Its switches.
+    /// Switches.
     pub controls: Arc<Controls>,
     thread: JoinHandle<()>,
 }
 
 impl<const N: usize> Server<N> {
-    /// Runs `cycle` in a thread of its own. The other half of the result are the rows, one per tick, for one observer.
+    /// Runs `cycle` in a thread of its own. Also returns the rows, one per tick, for one observer.
     ///
     /// # Errors
-    /// [`ServerError`] when the system gives no address or no thread.
+    /// [`ServerError::Thread`]: the system does not tell the address, or does not start the thread.
     pub fn spawn<const M: usize, P: Plant<N, M> + 'static>(
         cycle: Cycle<N, M, P>,
         ticks: TickSource,
@@ -168,10 +169,10 @@ impl<const N: usize> Server<N> {
         Ok((server, observer))
     }
 
-    /// Ramps to zero, ends the thread, and returns how many rows its observer missed.
+    /// Ramps to zero, ends the thread, and returns the number of rows that its observer missed.
     ///
     /// # Errors
-    /// [`ServerError::Panicked`] when the cycle panicked: nothing is known about the offsets then, and the drives' watchdog must act.
+    /// [`ServerError::Panicked`]: the offsets in force are unknown, and the drives' watchdog must act.
     pub fn quit(self) -> Result<u64, ServerError> {
         self.controls.quit.store(true, Ordering::Relaxed);
         let panicked = |_| ServerError::Panicked;

@@ -67,7 +67,7 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
             controls.dropped_rows.fetch_add(1, Ordering::Relaxed);
         }
         if quit && row.state.ramp_ticks_left == 0 {
-            cycle.hand_over_end();
+            cycle.send_end();
             return;
         }
     }

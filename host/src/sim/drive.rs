@@ -156,7 +156,8 @@ mod tests {
     fn reference(nm: i64) -> Reference {
         Reference {
             position: PositionNm(nm),
-            ..Reference::default()
+            velocity_offset: Default::default(),
+            torque_offset: Default::default(),
         }
     }
 

@@ -3,7 +3,7 @@
 use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::units::Tick;
 
-use super::hand::{Hand, Load};
+use super::load_generator::{Load, LoadGenerator};
 
 /// Difference between two steps, N.
 const FORCE_STEP_N: f64 = 60.0;
@@ -13,7 +13,7 @@ const MAX_STEPS: usize = 100;
 /// Force steps in x while a client is in Obtain, no load otherwise.
 #[derive(Debug)]
 pub struct LoadProfile {
-    hand: Hand,
+    hand: LoadGenerator,
     forces_n: Vec<f64>,
     step_ticks: u64,
     since: Option<Tick>,
@@ -23,7 +23,7 @@ pub struct LoadProfile {
 impl LoadProfile {
     /// Steps of 60 N up to `force_max_n`, each `step_seconds` long, repeated from zero.
     #[must_use]
-    pub fn new(hand: Hand, force_max_n: f64, step_seconds: f64) -> Self {
+    pub fn new(hand: LoadGenerator, force_max_n: f64, step_seconds: f64) -> Self {
         let steps = std::iter::successors(Some(0.0), |force| Some(force + FORCE_STEP_N));
         let forces_n = steps
             .take(MAX_STEPS)

@@ -74,7 +74,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         let home_m = home(parameters)?;
         let springs = true_springs(geometry, nominal, parameters)?;
         let at_home = positions_nm(&home_m)?;
-        let references = motors.spread(&std::array::from_fn(|axis| {
+        let spread = motors.spread(&std::array::from_fn(|axis| {
             let offsets = &parameters.initial_offsets[axis];
             Reference {
                 position: PositionNm(at_home[axis].0 + i64::from(offsets.position.0)),
@@ -82,6 +82,8 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
                 torque_offset: offsets.torque,
             }
         }));
+        // A checked map always spreads.
+        let references = spread.ok_or(SimulationError::NoMotor { axis: 0 })?;
         let start = Equilibrium::unloaded(Pose {
             translation_m: Vector3::from(parameters.home_m),
             rotation: UnitQuaternion::identity(),
@@ -314,7 +316,8 @@ mod tests {
         let reading = machine.read(1).unwrap();
         let references = reading.nominal.map(|position| Reference {
             position,
-            ..Reference::default()
+            velocity_offset: Default::default(),
+            torque_offset: Default::default(),
         });
         machine.write(&references).unwrap();
         reading
@@ -587,9 +590,11 @@ mod tests {
             let now = machine.read(1).unwrap();
             let axes = now.nominal.map(|position| Reference {
                 position,
-                ..Reference::default()
+                velocity_offset: Default::default(),
+                torque_offset: Default::default(),
             });
-            machine.write(&machine.motors.spread(&axes)).unwrap();
+            let motors = machine.motors.spread(&axes).unwrap();
+            machine.write(&motors).unwrap();
             reading = Some(now);
         }
         let actual = reading.unwrap().actual;

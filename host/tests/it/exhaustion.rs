@@ -13,6 +13,8 @@ fn a_full_disk_costs_the_recording_and_nothing_else() {
         owner.interrupt();
         let said = owner.end().success();
         assert!(said.starts_with("left with Goodbye after "), "{said}");
+        // A client during the ramp is refused.
+        server.await_words("SafeDisconnect -> Listening");
     }
     server.interrupt();
     let ended = server.end();

@@ -84,7 +84,7 @@ fn assert_edited_digit(folder: &Folder) {
         .unwrap();
     let axis = format!(
         "\"nominal\":{},\"offsets\":{{\"position\":",
-        tick["input"]["cycle"]["nominal"][1]
+        tick["input"]["tick"]["nominal"][1]
     );
     edit(folder, "edited.jsonl", 100, |line| {
         let [true_words, edited] = [recorded, recorded ^ 1].map(|nm| format!("{axis}{nm},"));
@@ -103,7 +103,7 @@ fn assert_edited_digit(folder: &Folder) {
     assert_eq!(ended.code, Some(3), "{}{}", ended.stdout, ended.stderr);
     let number = &tick["output"]["state"]["tick"];
     for words in [
-        "96 of ",
+        "97 of ",
         "DIFFERS",
         &format!(
             "tick {number}, state.axes[1].offsets.position (axis 2): recorded {}, replayed {recorded}",
@@ -119,14 +119,14 @@ fn assert_edited_digit(folder: &Folder) {
     let found: Value = serde_json::from_str(&folder.read("edited.json")).unwrap();
     assert_eq!(
         (&found["agreeing"], &found["difference"]["tick"]),
-        (&Value::from(96), number)
+        (&Value::from(97), number)
     );
     let page = folder.read("edited.html");
     assert!(page.contains("replay differs") && page.trim_end().ends_with("</html>"));
 }
 
 #[test]
-fn a_file_that_is_no_black_box_is_refused_with_line_and_reason() {
+fn another_file_is_refused_with_line_and_reason() {
     let folder = pulled_cable("refused");
     let swap = |from: &'static str, to: &'static str| {
         move |line: &str| {
@@ -138,8 +138,8 @@ fn a_file_that_is_no_black_box_is_refused_with_line_and_reason() {
     let edits: [(usize, Edit, &str); 6] = [
         (
             1,
-            Box::new(swap("\"version\":1", "\"version\":7")),
-            "version is 7, this program reads version 1",
+            Box::new(swap("\"version\":2", "\"version\":1")),
+            "version is 1; this program reads version 2",
         ),
         (1, Box::new(swap("\"axes\":3", "\"axes\":5")), "axes is 5"),
         (
@@ -150,15 +150,15 @@ fn a_file_that_is_no_black_box_is_refused_with_line_and_reason() {
         (
             2,
             Box::new(swap("\"upper\":", "\"upper\":-9")),
-            "config: axis 0: a travel",
+            "config: axis 0: lower end of a travel",
         ),
         (
-            3,
+            2,
             Box::new(swap(
                 "\"velocity\":{\"value\":0",
                 "\"velocity\":{\"value\":9999",
             )),
-            "before.axes[0].channels.velocity: value 9999",
+            "the state of the session contradicts its configuration",
         ),
         (
             50,
@@ -180,13 +180,13 @@ fn a_file_that_is_no_black_box_is_refused_with_line_and_reason() {
     );
     let line = folder.run(&["replay", "cut.jsonl"]).failure(1);
     assert!(
-        line.contains("cut.jsonl, line 80: the file ends with 77 ticks"),
+        line.contains("cut.jsonl, line 80: the file ends with 78 ticks"),
         "{line}"
     );
     for (name, words) in [
         ("none.jsonl", "os error"),
         (".", "os error"),
-        ("report.html", "line 1: this is no black box"),
+        ("report.html", "line 1: this is not a black box"),
     ] {
         let line = folder.run(&["replay", name]).failure(1);
         assert!(line.contains(name) && line.contains(words), "{line}");

@@ -207,7 +207,7 @@ fn the_same_over_datagrams() {
     let killed = folder.start("killed", &arguments);
     await_obtain(&mut server, 2);
     killed.kill();
-    server.await_words("two deadlines in a row passed without a command");
+    server.await_words("no command arrived before two consecutive deadlines");
     server.interrupt();
     server.end().success();
 }

@@ -9,7 +9,6 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use gantry_tau::epoch::Epochs;
 use gantry_tau::faults::relay::{Ended, Relay};
 use gantry_tau::model::{L2, L2_MOTORS, MachineKind};
 use gantry_tau::robot_file::RobotFile;
@@ -22,6 +21,7 @@ use gantry_tau::sim::parameters::Motion;
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
 use gantry_tau_core::control::message::{Capabilities, Cause, ClientMessage, Hello, Phase};
 use gantry_tau_core::control::wire::encode_client;
+use gantry_tau_core::units::EpochRange;
 use serde::Serialize;
 
 use super::Summary;
@@ -208,7 +208,7 @@ fn server() -> (Server<N>, Rows, Audit<N>) {
     let audit = Audit::new(config.parameters().axes.map(|axis| axis.limits));
     let motors = robot.motor_map().unwrap();
     let cycle: Cycle<N, L2_MOTORS, SimulatedMachine<N, L2_MOTORS>> =
-        Cycle::new(config, motors, machine, Epochs::volatile(), LOOPBACK).unwrap();
+        Cycle::new(config, motors, machine, EpochRange::VOLATILE, LOOPBACK).unwrap();
     let (server, rows) = Server::spawn(cycle, TickSource::RealTime).unwrap();
     (server, rows, audit)
 }

@@ -8,7 +8,6 @@
 )]
 
 use gantry_tau::client::{self, ClientControls, ClientError, ClientOptions};
-use gantry_tau::epoch::Epochs;
 use gantry_tau::model::L2_MOTORS;
 use gantry_tau::plant::{Plant, PlantError, Reading};
 use gantry_tau::robot_file::RobotFile;
@@ -23,6 +22,7 @@ use gantry_tau_core::control::axis::{Offsets, Reference};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::model::robot::ARMS;
+use gantry_tau_core::units::EpochRange;
 
 /// Samples the tare of these tests takes.
 const TARE: u32 = 50;
@@ -71,7 +71,7 @@ fn session(lie: impl Fn(u64) -> Option<Sample> + Send + 'static) -> (ClientError
     };
     let sensor = liar.sensor.address().unwrap();
     let cycle: Cycle<ARMS, L2_MOTORS, _> =
-        Cycle::new(config, motors, liar, Epochs::volatile(), loopback).unwrap();
+        Cycle::new(config, motors, liar, EpochRange::VOLATILE, loopback).unwrap();
     let (server, mut rows) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
     let options = ClientOptions {
         server: server.address,

@@ -8,11 +8,12 @@
     reason = "tests fail by panicking"
 )]
 
+use gantry_tau::black_box::HALF;
 use gantry_tau::black_box::Window;
-use gantry_tau::black_box::handover::Receiver;
+use gantry_tau::black_box::swap_channel::Receiver;
 use gantry_tau::replay::Findings;
-use gantry_tau::server::HALF;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase};
+use gantry_tau_core::control::session::LastWrite;
 use gantry_tau_tests::bench::{Bench, NOMINAL_STEP_NM};
 use gantry_tau_tests::client::Client;
 use gantry_tau_tests::duet::Duet;
@@ -95,9 +96,9 @@ fn a_newcomer_does_not_cost_the_evidence() {
     assert_nothing(&mut windows);
 }
 
-/// The references that the machine did not take end the session in the tick after; what led there is kept.
+/// Refused references end the session in the tick after. They are an input, so one window shows what led there and what followed.
 #[test]
-fn a_machine_that_takes_no_references_cuts_the_window_short() {
+fn a_window_goes_on_across_refused_references() {
     let (mut duet, mut windows) = obtained([5_000; 3]);
     duet.bench.bus.record().write_fails = true;
     let row = duet.answer(Mode::Obtain, [6_000; 3]);
@@ -109,21 +110,27 @@ fn a_machine_that_takes_no_references_cuts_the_window_short() {
         (row.state.phase, row.ended),
         (Phase::Fault, Some(Cause::Stop))
     );
-    let window = assert_window(&mut windows, None);
-    assert_eq!(window.end().tick.0 + 1, row.state.tick.0);
-    assert!(
-        window.file_name().ends_with("-CutShort.jsonl"),
-        "{}",
-        window.file_name()
-    );
+    assert_nothing(&mut windows);
     for _ in 0..HALF {
         duet.bench.step();
     }
     let window = assert_window(&mut windows, Some(Cause::Stop));
-    assert_eq!(
-        window.end().index,
-        0,
-        "the new box begins with the machine's own offsets"
+    let end = window.end();
+    assert_eq!(end.tick, row.state.tick);
+    assert!(end.index >= HALF, "{} ticks before the cause", end.index);
+    let inputs: Vec<_> = window.entries[end.index..]
+        .iter()
+        .map(|entry| entry.input.tick.last_write)
+        .collect();
+    assert!(
+        matches!(inputs[0], LastWrite::Refused { in_force } if in_force[0].offsets.position.0 == 5_000),
+        "{:?}",
+        inputs[0]
+    );
+    assert!(
+        inputs[1..]
+            .iter()
+            .all(|last_write| *last_write == LastWrite::Accepted)
     );
     assert_nothing(&mut windows);
 }

@@ -12,7 +12,6 @@ use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
 
-use gantry_tau::epoch::Epochs;
 use gantry_tau::server::connections::{Allowed, Listen};
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::Transport;
@@ -20,7 +19,7 @@ use gantry_tau_core::control::message::{
     Capabilities, Cause, ClientMessage, Command, Hello, Mode, Phase, Refusal, ServerMessage, State,
 };
 use gantry_tau_core::control::wire::{Frame, MAX_FRAME, decode_server, encode_client};
-use gantry_tau_core::units::{Epoch, OffsetNm, Sequence, Tick};
+use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, Sequence, Tick};
 use gantry_tau_tests::bench::{Bench, LOOPBACK, parameters};
 use gantry_tau_tests::plant::Bus;
 use gantry_tau_tests::{DEADLINE, wait_for};
@@ -300,7 +299,7 @@ fn who_is_not_allowed_is_not_answered() {
             ..LOOPBACK.into()
         };
         let mut bench =
-            Bench::<3>::listen(parameters(), Bus::default(), Epochs::volatile(), listen).unwrap();
+            Bench::<3>::listen(parameters(), Bus::default(), EpochRange::VOLATILE, listen).unwrap();
         if transport == Transport::Datagram {
             let peer = Peer::of(bench.address());
             peer.say_hello();

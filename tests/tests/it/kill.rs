@@ -10,10 +10,11 @@
 
 use std::path::PathBuf;
 
-use gantry_tau::epoch::Epochs;
+use gantry_tau::epoch;
 use gantry_tau::server::ServerError;
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal};
+use gantry_tau_core::units::{Epoch, EpochRange};
 use gantry_tau_tests::bench::{Bench, MAX_NM, parameters};
 use gantry_tau_tests::client::Client;
 use gantry_tau_tests::duet::{Duet, offsets};
@@ -63,8 +64,8 @@ impl EpochFile {
         Self(path)
     }
 
-    fn reserve(&self) -> Epochs {
-        Epochs::reserve(&self.0).unwrap()
+    fn reserve(&self) -> EpochRange {
+        epoch::reserve(&self.0).unwrap()
     }
 }
 
@@ -155,9 +156,7 @@ fn a_server_killed_at_any_tick_is_followed_without_a_step() {
         let in_force = bus.in_force();
         // No ramp, no goodbye: the drives keep what they were told last.
         drop(dead);
-        let epochs = file.reserve();
-        let reserved_from = epochs.last();
-        let mut second = Bench::start(parameters(), bus.clone(), epochs).unwrap();
+        let mut second = Bench::start(parameters(), bus.clone(), file.reserve()).unwrap();
         if in_force == [Offsets::default(); 3] {
             assert_eq!(second.phase(), Phase::Listening);
             continue;
@@ -165,7 +164,7 @@ fn a_server_killed_at_any_tick_is_followed_without_a_step() {
         assert_eq!(second.phase(), Phase::SafeDisconnect, "killed at {killed}");
         let row = second.step();
         assert_eq!(row.state.cause, Cause::Restart);
-        assert_eq!(row.state.epoch, reserved_from, "no session is claimed");
+        assert_eq!(row.state.epoch, Epoch(0), "no session is claimed");
         assert_ramps_down(&mut second);
         assert_eq!(second.step().state.phase, Phase::Listening);
     }
@@ -176,7 +175,7 @@ fn a_restarted_server_refuses_everybody_until_zero() {
     let bus = Bus::default();
     let from = [12_345, -7_050, 30];
     bus.record().in_force = from.map(|nm| offsets(nm, 0, 0));
-    let mut bench = Bench::start(parameters(), bus, Epochs::volatile()).unwrap();
+    let mut bench = Bench::start(parameters(), bus, EpochRange::VOLATILE).unwrap();
     let mut newcomer = Client::<3>::connect(bench.address());
     newcomer.say_hello();
     wait_for("the refusal", || {
@@ -200,7 +199,7 @@ fn a_restarted_server_refuses_everybody_until_zero() {
 fn a_restarted_server_ramps_every_channel_from_what_it_found() {
     let bus = Bus::<2>::default();
     bus.record().in_force = [offsets(950, -120, 3), offsets(-MAX_NM, 0, 0)];
-    let mut bench = Bench::start(parameters(), bus, Epochs::volatile()).unwrap();
+    let mut bench = Bench::start(parameters(), bus, EpochRange::VOLATILE).unwrap();
     for expected in [
         [offsets(850, -70, 2), offsets(100 - MAX_NM, 0, 0)],
         [offsets(750, -20, 1), offsets(200 - MAX_NM, 0, 0)],
@@ -221,7 +220,7 @@ fn a_server_that_cannot_know_its_offsets_does_not_start() {
     let refused = |edit: fn(&mut gantry_tau_tests::plant::Record<3>)| {
         let bus = Bus::<3>::default();
         edit(&mut bus.record());
-        let error = Bench::start(parameters(), bus.clone(), Epochs::volatile())
+        let error = Bench::start(parameters(), bus.clone(), EpochRange::VOLATILE)
             .err()
             .expect("it started");
         assert_eq!(bus.writes(), 0, "it has moved the machine");

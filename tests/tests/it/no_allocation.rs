@@ -13,8 +13,7 @@
 use std::net::UdpSocket;
 
 use allocation_counter::measure;
-use gantry_tau::black_box::handover::{self, Receiver};
-use gantry_tau::epoch::Epochs;
+use gantry_tau::black_box::swap_channel::{self, Receiver};
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::sensor_link::{SensorPublisher, SensorReader};
@@ -29,7 +28,7 @@ use gantry_tau_core::control::message::{
     Capabilities, Cause, ClientMessage, Command, Mode, Phase, Refusal, ServerMessage,
 };
 use gantry_tau_core::control::wire::{Frame, decode_server, encode_client};
-use gantry_tau_core::units::Sequence;
+use gantry_tau_core::units::{EpochRange, Sequence};
 use gantry_tau_tests::bench::LOOPBACK;
 use gantry_tau_tests::client::{Client, Noise, hello};
 use gantry_tau_tests::wait_for;
@@ -54,10 +53,10 @@ impl<const N: usize, const M: usize> Server<N, M> {
             transport,
             ..LOOPBACK.into()
         };
-        let cycle = Cycle::new(config, motors, machine, Epochs::volatile(), listen).unwrap();
-        let (handover, black_boxes) = handover::channel();
+        let cycle = Cycle::new(config, motors, machine, EpochRange::VOLATILE, listen).unwrap();
+        let (sender, black_boxes) = swap_channel::channel();
         Self {
-            cycle: cycle.with_sensor(publisher).with_black_box(handover),
+            cycle: cycle.with_sensor(publisher).with_black_box(sender),
             hand,
             sensor,
             black_boxes,

@@ -1,4 +1,4 @@
-//! Which peers a server answers at all.
+//! Peers that a server answers.
 
 use std::fmt;
 use std::net::IpAddr;
@@ -6,13 +6,13 @@ use std::str::FromStr;
 
 use ipnet::IpNet;
 
-/// Networks whose peers are answered. What comes from elsewhere is closed or dropped without a word.
+/// Networks whose peers are answered. Other peers are closed, or their datagrams dropped, silently.
 ///
-/// This keeps strangers away, it does not prove who a peer is: addresses can be forged.
+/// This is not authentication: addresses can be forged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Allowed(Vec<IpNet>);
 
-/// A text that is neither an address nor a network.
+/// Error of [`Allowed::only`]: a text that is neither an address nor a network.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NotANetwork(String);
 
@@ -29,16 +29,16 @@ impl fmt::Display for NotANetwork {
 impl std::error::Error for NotANetwork {}
 
 impl Allowed {
-    /// No restriction.
+    /// Allows every peer.
     #[must_use]
-    pub const fn everybody() -> Self {
+    pub const fn all() -> Self {
         Self(Vec::new())
     }
 
-    /// Peers of these networks only; without any, everybody.
+    /// Allows peers of these networks only; an empty list allows every peer.
     ///
     /// # Errors
-    /// [`NotANetwork`]: the first text that is neither an address nor a network.
+    /// [`NotANetwork`] with the first such text.
     pub fn only(networks: &[String]) -> Result<Self, NotANetwork> {
         let network = |text: &String| {
             IpNet::from_str(text)
@@ -52,14 +52,14 @@ impl Allowed {
             .map(Self)
     }
 
-    /// Whether a peer is answered. IPv4 inside IPv6 counts as IPv4.
+    /// True if a peer is answered. IPv4 inside IPv6 counts as IPv4.
     #[must_use]
     pub fn admits(&self, peer: IpAddr) -> bool {
         let peer = peer.to_canonical();
         self.0.is_empty() || self.0.iter().any(|network| network.contains(&peer))
     }
 
-    /// Whether anybody is kept away.
+    /// True if not every peer is answered.
     #[must_use]
     pub fn restricts(&self) -> bool {
         !self.0.is_empty()
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn admits_its_networks_and_nobody_else() {
+    fn admits_its_networks_only() {
         let some = allowed(&["192.168.1.0/24", "10.0.0.7", "fd00::/8"]).unwrap();
         let admits = |peer: &str| some.admits(peer.parse().unwrap());
         for peer in ["192.168.1.200", "10.0.0.7", "fd12::1", "::ffff:10.0.0.7"] {

@@ -5,7 +5,7 @@ use std::net::{SocketAddr, UdpSocket};
 
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, Transport};
 use gantry_tau_core::control::message::ClientMessage;
-use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::Connection;
 use gantry_tau_core::control::wire::{Frame, MAX_FRAME, decode_client};
 
 use super::Allowed;
@@ -19,7 +19,7 @@ struct Peer {
     address: SocketAddr,
 }
 
-/// The socket, and whom the endpoint knows.
+/// Socket and peers.
 #[derive(Debug)]
 pub(in crate::server) struct Datagrams {
     socket: UdpSocket,
@@ -46,18 +46,18 @@ impl Datagrams {
         &self.socket
     }
 
-    /// Feeds what has arrived, whole datagrams; returns how many frames the coming tick has of the owner.
-    pub(super) fn receive<const N: usize, const M: usize, const H: usize>(
+    /// Reads whole datagrams from all peers. Returns the number of frames of the owner in the coming tick.
+    pub(super) fn receive<const N: usize, const M: usize>(
         &mut self,
-        endpoint: &mut Endpoint<N, M, H>,
+        endpoint: &mut Endpoint<N, M>,
     ) -> u8 {
-        // A datagram longer than any frame is cut, and so no frame.
+        // A datagram longer than any frame is cut, and then has the wrong length.
         let mut buffer = [0; MAX_FRAME + 1];
         for _ in 0..READS {
             let (count, from) = match self.socket.recv_from(&mut buffer) {
                 Ok(received) => received,
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
-                // What a system says of an earlier datagram (a peer's port is closed) concerns nobody here.
+                // An error of an earlier datagram: a peer's port is closed.
                 Err(_) => continue,
             };
             let bytes = buffer.get(..count).unwrap_or_default();
@@ -69,10 +69,10 @@ impl Datagrams {
         owner.map_or(0, |owner| endpoint.frames_of(owner))
     }
 
-    /// Who sent this. A stranger becomes a peer by a Hello, and by nothing else: whatever else arrives is not answered.
-    fn connection<const N: usize, const M: usize, const H: usize>(
+    /// Returns the connection of a datagram's sender. Only a Hello makes a new peer; anything else is not answered.
+    fn connection<const N: usize, const M: usize>(
         &mut self,
-        endpoint: &mut Endpoint<N, M, H>,
+        endpoint: &mut Endpoint<N, M>,
         from: SocketAddr,
         bytes: &[u8],
     ) -> Option<Connection> {
@@ -101,15 +101,15 @@ impl Datagrams {
                 None
             }
             (_, Err(_)) => {
-                let refusal = Endpoint::<N, M, H>::full_refusal();
-                // Best effort: the answer is no longer than the Hello, so nobody gains by a forged address.
+                let refusal = Endpoint::<N, M>::full_refusal();
+                // Best effort. The answer is no longer than the Hello: a forged address gains nothing.
                 let _ = self.socket.send_to(&refusal, from);
                 None
             }
         }
     }
 
-    /// A datagram that the system does not take is lost, like any other on its way.
+    /// Sends a datagram. One that the system does not take is lost, like any other on its way.
     pub(super) fn send(&mut self, connection: Connection, bytes: &[u8]) {
         let peer = (self.peers.iter().flatten()).find(|peer| peer.connection == connection);
         if let Some(peer) = peer {
@@ -119,17 +119,12 @@ impl Datagrams {
 
     pub(super) fn close(&mut self, connection: Connection) {
         for place in &mut self.peers {
-            if place
-                .as_ref()
-                .is_some_and(|peer| peer.connection == connection)
-            {
-                *place = None;
-            }
+            place.take_if(|peer| peer.connection == connection);
         }
     }
 }
 
-/// Whether a datagram asks for a session.
+/// True if a datagram asks for a session.
 fn is_hello<const N: usize>(bytes: &[u8]) -> bool {
     let hello =
         |frame: Frame<'_>| matches!(decode_client::<N>(&frame), Ok(ClientMessage::Hello(_)));

@@ -8,7 +8,7 @@ use std::io;
 use std::net::{SocketAddr, TcpStream};
 
 use gantry_tau_core::control::endpoint::{Endpoint, Transport};
-use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::Connection;
 
 use crate::realtime::Socket;
 use datagram::Datagrams;
@@ -16,29 +16,29 @@ use stream::Streams;
 
 pub use allowed::{Allowed, NotANetwork};
 
-/// Where a server listens, how, and to whom.
+/// Address, transport and allowed peers of a server.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Listen {
     /// Address and port; port 0 for any free one.
     pub address: SocketAddr,
     /// TCP or UDP.
     pub transport: Transport,
-    /// Whom it answers at all.
+    /// Peers that are answered.
     pub allowed: Allowed,
 }
 
-/// TCP, for everybody.
+/// TCP, for every peer.
 impl From<SocketAddr> for Listen {
     fn from(address: SocketAddr) -> Self {
         Self {
             address,
             transport: Transport::Stream,
-            allowed: Allowed::everybody(),
+            allowed: Allowed::all(),
         }
     }
 }
 
-/// The sockets of one transport, and who is behind them.
+/// Sockets of one transport, and their peers.
 #[derive(Debug)]
 pub(super) enum Connections {
     Streams(Streams),
@@ -61,10 +61,10 @@ impl Connections {
         }
     }
 
-    /// Takes in new peers and what has arrived from everybody; returns how many frames the coming tick has of the owner.
-    pub(super) fn receive<const N: usize, const M: usize, const H: usize>(
+    /// Accepts new peers and reads from all. Returns the number of frames of the owner in the coming tick.
+    pub(super) fn receive<const N: usize, const M: usize>(
         &mut self,
-        endpoint: &mut Endpoint<N, M, H>,
+        endpoint: &mut Endpoint<N, M>,
     ) -> u8 {
         match self {
             Self::Streams(streams) => {
@@ -75,10 +75,10 @@ impl Connections {
         }
     }
 
-    /// The same of the owner alone, as far as the transport can tell it apart.
-    pub(super) fn receive_owner<const N: usize, const M: usize, const H: usize>(
+    /// As [`Self::receive`], of the owner alone as far as the transport can tell it apart.
+    pub(super) fn receive_owner<const N: usize, const M: usize>(
         &mut self,
-        endpoint: &mut Endpoint<N, M, H>,
+        endpoint: &mut Endpoint<N, M>,
     ) -> u8 {
         let Some(owner) = endpoint.session().owner() else {
             return 0;
@@ -89,7 +89,7 @@ impl Connections {
         }
     }
 
-    /// Writes a whole frame, or it is a loss: a slow reader is never waited for.
+    /// Writes a frame. It never waits: a frame that a slow reader does not take is lost.
     pub(super) fn send(&mut self, connection: Connection, bytes: &[u8]) {
         match self {
             Self::Streams(streams) => streams.send(connection, bytes),
@@ -97,7 +97,7 @@ impl Connections {
         }
     }
 
-    /// Forgets what the endpoint has no further use for. Its last bytes are already with the system.
+    /// Closes a connection. Its last frame is already with the system.
     pub(super) fn close(&mut self, connection: Connection) {
         match self {
             Self::Streams(streams) => streams.close(connection),
@@ -105,7 +105,7 @@ impl Connections {
         }
     }
 
-    /// The stream of a connection.
+    /// Returns the stream of a connection; `None` over UDP.
     pub(super) fn stream(&mut self, connection: Connection) -> Option<&TcpStream> {
         match self {
             Self::Streams(streams) => streams.stream(connection),
@@ -113,7 +113,7 @@ impl Connections {
         }
     }
 
-    /// What to wait on for bytes of a connection.
+    /// Returns the socket to wait on for bytes of a connection.
     pub(super) fn socket(&mut self, connection: Connection) -> Option<Socket<'_>> {
         match self {
             Self::Streams(streams) => streams.stream(connection).map(Socket::Stream),

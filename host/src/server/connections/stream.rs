@@ -4,7 +4,7 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, Transport};
-use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::session::Connection;
 
 use super::Allowed;
 
@@ -12,14 +12,14 @@ use super::Allowed;
 const CHUNK: usize = 4_096;
 /// Reads from one connection per visit: more than the owner's frames of a tick, and a bound on the work a flood can cause.
 const READS: usize = 2;
-/// New connections per tick.
+/// New connections accepted per visit.
 const ACCEPTS: usize = 2;
 
 #[derive(Debug)]
 struct Peer {
     connection: Connection,
     stream: TcpStream,
-    /// A write failed or the peer closed; told to the endpoint in the next visit.
+    /// A write failed or the peer closed; the endpoint learns of it in the next visit.
     gone: bool,
 }
 
@@ -46,20 +46,17 @@ impl Streams {
         self.listener.local_addr()
     }
 
-    /// Takes in new peers; tells those for whom there is no room.
-    pub(super) fn accept<const N: usize, const M: usize, const H: usize>(
-        &mut self,
-        endpoint: &mut Endpoint<N, M, H>,
-    ) {
+    /// Accepts new peers; refuses those without room.
+    pub(super) fn accept<const N: usize, const M: usize>(&mut self, endpoint: &mut Endpoint<N, M>) {
         for _ in 0..ACCEPTS {
             let Ok((mut stream, peer)) = self.listener.accept() else {
                 return;
             };
-            if !self.allowed.admits(peer.ip()) {
-                // Closed without a word.
-                continue;
-            }
-            if stream.set_nonblocking(true).is_err() || stream.set_nodelay(true).is_err() {
+            // Others are closed silently.
+            if !self.allowed.admits(peer.ip())
+                || stream.set_nonblocking(true).is_err()
+                || stream.set_nodelay(true).is_err()
+            {
                 continue;
             }
             let free = self.peers.iter_mut().find(|peer| peer.is_none());
@@ -74,16 +71,16 @@ impl Streams {
                 (None, Ok(connection)) => endpoint.close(connection),
                 (_, Err(_)) => {
                     // Best effort: the peer is about to be closed anyway.
-                    let _ = stream.write(&Endpoint::<N, M, H>::full_refusal());
+                    let _ = stream.write(&Endpoint::<N, M>::full_refusal());
                 }
             }
         }
     }
 
-    /// Reads what has arrived from everybody, or from `only`; returns how many frames the coming tick has of the owner.
-    pub(super) fn receive<const N: usize, const M: usize, const H: usize>(
+    /// Reads from all peers, or from `only`. Returns the number of frames of the owner in the coming tick.
+    pub(super) fn receive<const N: usize, const M: usize>(
         &mut self,
-        endpoint: &mut Endpoint<N, M, H>,
+        endpoint: &mut Endpoint<N, M>,
         only: Option<Connection>,
     ) -> u8 {
         let owner = endpoint.session().owner();
@@ -105,7 +102,7 @@ impl Streams {
         owner_frames
     }
 
-    /// Writes a whole frame or gives the peer up: a slow reader is a loss, never waited for.
+    /// Writes a whole frame or gives the peer up. It never waits for a slow reader.
     pub(super) fn send(&mut self, connection: Connection, bytes: &[u8]) {
         if let Some(peer) = self.find(connection) {
             let whole = matches!(peer.stream.write(bytes), Ok(count) if count == bytes.len());
@@ -113,19 +110,14 @@ impl Streams {
         }
     }
 
-    /// Closes what the endpoint has no further use for. Its last bytes are already with the system.
+    /// Closes a connection. Its last frame is already with the system.
     pub(super) fn close(&mut self, connection: Connection) {
         for place in &mut self.peers {
-            if place
-                .as_ref()
-                .is_some_and(|peer| peer.connection == connection)
-            {
-                *place = None;
-            }
+            place.take_if(|peer| peer.connection == connection);
         }
     }
 
-    /// The stream of a connection, to wait on.
+    /// Returns the stream of a connection, to wait on.
     pub(super) fn stream(&mut self, connection: Connection) -> Option<&TcpStream> {
         self.find(connection).map(|peer| &peer.stream)
     }
@@ -139,10 +131,7 @@ impl Streams {
 }
 
 impl Peer {
-    fn read<const N: usize, const M: usize, const H: usize>(
-        &mut self,
-        endpoint: &mut Endpoint<N, M, H>,
-    ) -> u8 {
+    fn read<const N: usize, const M: usize>(&mut self, endpoint: &mut Endpoint<N, M>) -> u8 {
         let mut buffer = [0; CHUNK];
         let mut frames = endpoint.frames_of(self.connection);
         for _ in 0..READS {

@@ -1,10 +1,10 @@
 //! From connecting to the first command: who is let in, and what the others are told.
 
-use gantry_tau::epoch::Epochs;
 use gantry_tau_core::control::message::{
     Capabilities, Cause, ClientMessage, Hello, Mode, Phase, Refusal,
 };
 use gantry_tau_core::control::wire::encode_client;
+use gantry_tau_core::units::{Epoch, EpochRange};
 use gantry_tau_tests::bench::{Bench, parameters};
 use gantry_tau_tests::client::{Client, enclose, hello};
 use gantry_tau_tests::duet::Duet;
@@ -35,7 +35,7 @@ fn hello_with(axes: u8, capabilities: u16) -> Vec<u8> {
 fn a_hello_is_refused_with_its_reason() {
     let mut parameters = parameters();
     parameters.capabilities = Capabilities::LOCKSTEP;
-    let mut bench = Bench::start(parameters, Bus::default(), Epochs::volatile()).unwrap();
+    let mut bench = Bench::start(parameters, Bus::default(), EpochRange::VOLATILE).unwrap();
     for axes in [0, 2, 4, 6, 255] {
         let said = refusal(&mut bench, &hello_with(axes, 1));
         assert_eq!(said, Refusal::Axes { expected: 3 });
@@ -60,17 +60,13 @@ fn a_hello_is_refused_with_its_reason() {
 
 #[test]
 fn a_server_without_an_epoch_to_give_says_so() {
-    let folder = std::env::temp_dir().join(format!("gantry-tau-epochs-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let file = folder.join("epoch");
-    std::fs::write(&file, "7").unwrap();
-    let mut epochs = Epochs::reserve(&file).unwrap();
-    // The reserve is used up.
-    epochs.taken(gantry_tau_core::units::Epoch(u64::MAX));
+    let epochs = EpochRange {
+        first: Epoch(8),
+        last: Epoch(7),
+    };
     let mut bench = Bench::start(parameters(), Bus::default(), epochs).unwrap();
     let said = refusal(&mut bench, &hello_with(3, 0));
     assert_eq!(said, Refusal::Unavailable);
-    std::fs::remove_dir_all(&folder).unwrap();
 }
 
 #[test]

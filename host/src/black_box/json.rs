@@ -1,0 +1,189 @@
+//! Windows as JSON lines, by core's `serde` types.
+
+use gantry_tau_core::control::session::Output;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{FileError, Window};
+
+/// Name of the format, in the first line.
+const FORMAT: &str = "gantry-tau black box";
+/// Version of the layout.
+const VERSION: u32 = 2;
+/// Number of lines before the first tick.
+const HEAD: usize = 2;
+
+/// The first line.
+#[derive(Serialize, Deserialize)]
+struct Head {
+    format: String,
+    version: u32,
+    axes: usize,
+    ticks: usize,
+}
+
+impl<const N: usize> Window<N> {
+    /// Returns the text of a file with this window.
+    #[must_use]
+    pub fn encode(&self) -> String {
+        let head = Head {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            axes: N,
+            ticks: self.entries.len(),
+        };
+        let mut lines = vec![json(&head), json(&self.before)];
+        lines.extend(self.entries.iter().map(json));
+        lines.push(String::new());
+        lines.join("\n")
+    }
+
+    /// Reads the window of a file; `name` stands for the file in errors.
+    ///
+    /// # Errors
+    /// [`FileError`]: the first line that cannot be read.
+    pub fn decode(name: &str, bytes: &[u8]) -> Result<Self, FileError> {
+        let lines = Lines::of(name, bytes);
+        let head = lines.head()?;
+        if head.axes != N {
+            return Err(lines.refuse(1, format!("axes is {}, expected {N}", head.axes)));
+        }
+        let before = lines.read(2)?;
+        let last = lines.lines.len();
+        let found = last.saturating_sub(HEAD);
+        if found != head.ticks {
+            let reason = format!(
+                "the file ends with {found} ticks, line 1 announces {}",
+                head.ticks
+            );
+            return Err(lines.refuse(last, reason));
+        }
+        let entries = (1..=head.ticks).map(|number| lines.read(HEAD + number));
+        Ok(Self {
+            before,
+            entries: entries.collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+/// Reads the number of axes that a file announces; `name` stands for the file in errors.
+///
+/// # Errors
+/// [`FileError`] unless the first line is that of a black box.
+pub fn axes(name: &str, bytes: &[u8]) -> Result<usize, FileError> {
+    Lines::of(name, bytes).head().map(|head| head.axes)
+}
+
+/// Returns the path of the first field in which two outputs differ, and its JSON in each.
+#[must_use]
+pub fn first_difference<const N: usize>(
+    recorded: &Output<N>,
+    replayed: &Output<N>,
+) -> Option<(String, String, String)> {
+    let value = |output| serde_json::to_value(output).ok();
+    let (path, recorded, replayed) = difference(&value(recorded)?, &value(replayed)?)?;
+    let path = path.strip_prefix('.').unwrap_or(&path).to_owned();
+    Some((path, recorded, replayed))
+}
+
+/// As [`first_difference`], of two JSON values. The path begins with a dot or a bracket.
+fn difference(left: &Value, right: &Value) -> Option<(String, String, String)> {
+    let within = |place: String, left, right| {
+        let (path, left, right) = difference(left, right)?;
+        Some((place + &path, left, right))
+    };
+    match (left, right) {
+        (Value::Object(a), Value::Object(b)) if a.keys().eq(b.keys()) => {
+            let mut fields = a.iter().zip(b.values());
+            fields.find_map(|((name, a), b)| within(format!(".{name}"), a, b))
+        }
+        (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
+            let mut items = a.iter().zip(b).enumerate();
+            items.find_map(|(index, (a, b))| within(format!("[{index}]"), a, b))
+        }
+        _ => (left != right).then(|| (String::new(), left.to_string(), right.to_string())),
+    }
+}
+
+/// Returns a value as JSON. Core's types have no value without; an error would stand in the line, which no reader takes.
+fn json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).unwrap_or_else(|error| error.to_string())
+}
+
+/// The lines of a file, counted from 1.
+struct Lines<'a> {
+    name: &'a str,
+    lines: Vec<&'a [u8]>,
+}
+
+impl<'a> Lines<'a> {
+    fn of(name: &'a str, bytes: &'a [u8]) -> Self {
+        let whole = bytes.strip_suffix(b"\n").unwrap_or(bytes);
+        Self {
+            name,
+            lines: whole.split(|byte| *byte == b'\n').collect(),
+        }
+    }
+
+    /// Reads the first line: format and version before anything else.
+    fn head(&self) -> Result<Head, FileError> {
+        let first = self.lines.first().copied().unwrap_or_default();
+        let label: Value = serde_json::from_slice(first).unwrap_or_default();
+        if label.get("format").and_then(Value::as_str) != Some(FORMAT) {
+            return Err(self.refuse(1, "this is not a black box of gantry-tau"));
+        }
+        let version = label.get("version").unwrap_or(&Value::Null);
+        if version.as_u64() != Some(u64::from(VERSION)) {
+            let reason = format!("version is {version}; this program reads version {VERSION}");
+            return Err(self.refuse(1, reason));
+        }
+        let head: Head = self.read(1)?;
+        if head.ticks == 0 {
+            return Err(self.refuse(1, "ticks is 0: there is nothing to replay"));
+        }
+        Ok(head)
+    }
+
+    /// Reads a line as one value, which must be written as [`json`] writes it: serde takes an absent field for `None`, and unknown ones.
+    fn read<T: Serialize + DeserializeOwned>(&self, number: usize) -> Result<T, FileError> {
+        let line = number
+            .checked_sub(1)
+            .and_then(|index| self.lines.get(index));
+        let Some(line) = line else {
+            let reason = format!("the file ends here, line {number} is missing");
+            return Err(self.refuse(self.lines.len(), reason));
+        };
+        let mut deserializer = serde_json::Deserializer::from_slice(line);
+        let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
+            let inner = error.inner().to_string();
+            // serde_json counts lines within the line.
+            let reason = inner.split(" at line ").next().unwrap_or(&inner);
+            let reason = format!("{reason} (column {})", error.inner().column());
+            let path = error.path().to_string();
+            let at_root = path == ".";
+            self.refuse(
+                number,
+                if at_root {
+                    reason
+                } else {
+                    format!("{path}: {reason}")
+                },
+            )
+        })?;
+        if json(&value).as_bytes() != *line {
+            let reason =
+                "a field is missing, unknown or out of order, or there is more than one value";
+            return Err(self.refuse(number, reason));
+        }
+        Ok(value)
+    }
+
+    fn refuse(&self, line: usize, reason: impl Into<String>) -> FileError {
+        FileError {
+            file: self.name.to_owned(),
+            line: Some(line),
+            reason: reason.into(),
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! Channel of black boxes out of the cycle, without a copy, an allocation, a lock or a wait: a full box is swapped with an empty one.
+//! What travels through the queue is a pointer; the emptied boxes come back the same way.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use gantry_tau_core::control::session::{BlackBox, Entry};
+
+use super::{HALF, Window};
+
+/// Full boxes that can wait for the receiver.
+const SPARES: usize = 4;
+
+/// A box of 360 kB at 3 axes, 540 kB at 6.
+type Parcel<const N: usize> = Box<BlackBox<N, HALF>>;
+
+/// The cycle's end: the box that is being recorded, and the queue of full ones.
+#[derive(Debug)]
+pub struct Sender<const N: usize> {
+    black_box: Parcel<N>,
+    full: rtrb::Producer<Parcel<N>>,
+    empty: rtrb::Consumer<Parcel<N>>,
+    lost: Arc<AtomicU64>,
+}
+
+/// The other end.
+#[derive(Debug)]
+pub struct Receiver<const N: usize> {
+    full: rtrb::Consumer<Parcel<N>>,
+    empty: rtrb::Producer<Parcel<N>>,
+    lost: Arc<AtomicU64>,
+}
+
+/// Creates both ends, and the empty boxes.
+#[must_use]
+pub fn channel<const N: usize>() -> (Sender<N>, Receiver<N>) {
+    let (full, full_out) = rtrb::RingBuffer::new(SPARES);
+    let (mut empty_in, empty) = rtrb::RingBuffer::new(SPARES);
+    // As many boxes as places: no push fails, here or later.
+    for _ in 0..SPARES {
+        let _ = empty_in.push(Box::default());
+    }
+    let lost = Arc::new(AtomicU64::new(0));
+    let sender = Sender {
+        black_box: Box::default(),
+        full,
+        empty,
+        lost: Arc::clone(&lost),
+    };
+    let receiver = Receiver {
+        full: full_out,
+        empty: empty_in,
+        lost,
+    };
+    (sender, receiver)
+}
+
+impl<const N: usize> Sender<N> {
+    /// Returns the box that is being recorded.
+    pub fn black_box(&mut self) -> &mut BlackBox<N, HALF> {
+        &mut self.black_box
+    }
+
+    /// Sends a frozen box, after which recording goes on. Without an empty box it stays frozen until there is one.
+    pub fn send_frozen(&mut self) {
+        if self.black_box.is_frozen() {
+            self.swap();
+        }
+    }
+
+    /// Sends a box with an end in it, frozen or not. It cannot wait: without an empty box it is counted as lost.
+    pub fn send_end(&mut self) {
+        let is_end = |entry: &Entry<N>| entry.output.ended.is_some();
+        let has_end = self.black_box.entries().any(is_end);
+        if has_end && !self.swap() {
+            self.lost.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Sends the end of the last session, which was kept until now, and begins a recording.
+    pub fn begin(&mut self) {
+        self.send_end();
+        self.black_box.release();
+    }
+
+    fn swap(&mut self) -> bool {
+        let Ok(empty) = self.empty.pop() else {
+            return false;
+        };
+        let full = std::mem::replace(&mut self.black_box, empty);
+        self.full.push(full).is_ok()
+    }
+}
+
+impl<const N: usize> Receiver<N> {
+    /// Returns the next window that was sent. Its box goes back empty.
+    pub fn receive(&mut self) -> Option<Window<N>> {
+        let mut parcel = self.full.pop().ok()?;
+        let window = Window::of(&parcel);
+        parcel.release();
+        // There is room, see `channel`; a cycle that has ended needs no boxes.
+        let _ = self.empty.push(parcel);
+        window
+    }
+
+    /// Returns the number of windows lost since the last call: they could not wait, and every box was full.
+    pub fn take_lost(&mut self) -> u64 {
+        self.lost.swap(0, Ordering::Relaxed)
+    }
+}
