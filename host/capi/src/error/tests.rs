@@ -4,9 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use gantry_tau_core::control::axis::Offsets;
-use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
-
 use gantry_tau_core::model::l2::OrientationError;
+use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
 
 use super::*;
 
@@ -194,7 +193,8 @@ fn every_parameter_of_a_sensor_is_known() {
         cycle_s: 1e-3,
         tare_samples: 1,
     };
-    let bad: [(fn(&mut SensorConfig), gt_parameter); 4] = [
+    type Spoil = fn(&mut SensorConfig);
+    let bad: [(Spoil, gt_parameter); 4] = [
         (|config| config.lever_m.y = 11.0, gt_parameter::Lever),
         (|config| config.cutoff_hz = 0.0, gt_parameter::Cutoff),
         (|config| config.cycle_s = 0.0, gt_parameter::Cycle),
