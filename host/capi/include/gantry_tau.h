@@ -57,16 +57,16 @@
 // Bytes of a gt_l2.
 #define GT_L2_SIZE 2048
 
-// Number of links, in the order 11, 21, 22, 31, 32, 33: the first digit is the arm, and how many links it has.
+// Number of links, in the order 11, 21, 22, 31, 32, 33: the first digit is the arm, and its number of links.
 #define GT_LINKS 6
 
 // Number of arms, carts and guideways.
 #define GT_ARMS 3
 
-// Linear solves that a seed from the cycle before needs at most, at 1 m/s and 1 kHz.
+// Largest number of linear solves from the seed of the last cycle, at 1 m/s and 1 kHz.
 #define GT_WARM_SOLVES 2
 
-// Linear solves for any other seed.
+// Largest number of linear solves from any other seed.
 #define GT_COLD_SOLVES 10
 
 // Alignment for every object on every target; that of malloc and GT_MEMORY.
@@ -400,11 +400,11 @@ typedef struct gt_sensor gt_sensor;
 // A server; its memory is the caller's.
 typedef struct gt_server gt_server;
 
-// How a machine yields, and how much of it is corrected. Of the arrays per axis only the machine's axes are looked at.
+// Compliances of a machine, and the share of its deflection that is corrected. Array entries beyond the machine's axes are not read.
 typedef struct gt_compensator_config {
   // Elongation of each link per newton of tension, m/N, link order; positive.
   double link_m_per_n[GT_LINKS];
-  // How far each axis yields per unit of load, q-units (carts: m/N, plates: rad/(N m)); positive.
+  // Displacement of each axis per unit of load, q-units (carts: m/N, plates: rad/(N m)); positive.
   double axis_per_n[GT_MAX_AXES];
   // Length of one unit of each q, m: |v_i| for a cart, the screw's law for a plate.
   double metres_per_q[GT_MAX_AXES];
@@ -441,15 +441,15 @@ typedef struct gt_wrench {
   double moment_nm[3];
 } gt_wrench;
 
-// What one cycle asks of the axes.
+// Offsets of one cycle.
 typedef struct gt_correction {
-  // Offset of each axis, nm, within its limit; 0 for axes that are not there.
+  // Offset of each axis, nm, within its limit; 0 beyond the machine's axes.
   int32_t offsets_nm[GT_MAX_AXES];
-  // 1 where the limit cut it short.
+  // 1 for an offset that its limit has cut.
   uint8_t saturated[GT_MAX_AXES];
 } gt_correction;
 
-// Where the tool is and how it is turned: x_world = T + R x_platform.
+// Position and orientation of the tool: x_world = T + R x_platform.
 typedef struct gt_pose {
   // T: tool centre point, world axes, m.
   double position_m[3];
@@ -472,21 +472,21 @@ typedef struct gt_f1_geometry {
   double lengths_m[GT_LINKS];
   // Side of each guideway the links point to: 1 or -1.
   int32_t inverse_branch[GT_ARMS];
-  // ax: what plates 2 and 3 turn about, of any length.
+  // ax: axis about which plates 2 and 3 turn, of any length.
   double turn_axis[3];
-  // ax6: what plate 3 tilts about, axes of the turned plate, of any length.
+  // ax6: axis about which plate 3 tilts, in axes of the turned plate, of any length.
   double tilt_axis[3];
-  // sigma4, sigma5: which way plates 2 and 3 turn for positive q4, q5: 1 or -1.
+  // sigma4, sigma5: directions of plates 2 and 3 for positive q4, q5: 1 or -1.
   int32_t turn_signs[2];
-  // 0: carts are not checked, and plates within half a turn.
+  // 0: travel of carts is not checked; plates stay within half a turn.
   uint8_t has_travel;
   // Range of each q, lower and upper end, q-units; rad for the last three.
   double travel[6][2];
 } gt_f1_geometry;
 
-// How an iterative answer was come by.
+// Effort and accuracy of an iterative solution.
 typedef struct gt_solved {
-  // Linear solves made.
+  // Number of linear solves.
   int32_t iterations;
   // Largest error of a link's length, m.
   double residual_m;
@@ -508,13 +508,13 @@ typedef struct gt_l2_geometry {
   int32_t inverse_branch[GT_ARMS];
   // Side of the carts' plane the tool is on, sign(n . (T - P_1)), n = (P_2 - P_1) x (P_3 - P_1): 1 or -1.
   int32_t forward_branch;
-  // 0: the range of q is not checked.
+  // 0: the travel of q is not checked.
   uint8_t has_travel;
   // Range of each q, lower and upper end, q-units.
   double travel[GT_ARMS][2];
 } gt_l2_geometry;
 
-// How a sensor is mounted and filtered.
+// Mounting and filter of a sensor.
 typedef struct gt_sensor_config {
   // R: world axes from sensor axes, row by row.
   double rotation[3][3];
@@ -781,7 +781,7 @@ const char *gt_version(void);
 // Returns the name of a code, such as "GT_CODE_NULL_POINTER", or "GT_CODE_UNKNOWN": a static string, not to be freed.
 const char *gt_code_name(int32_t code);
 
-// Makes a compensator of a machine in `memory`. The machine is copied and may go.
+// Makes a compensator of a machine in `memory`. The machine is copied.
 //
 // `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_COMPENSATOR_SIZE bytes. `compensator`: receives the handle.
 //
@@ -794,7 +794,7 @@ gt_code gt_l2_compensator_init(void *memory,
                                struct gt_error *error);
 
 // One cycle: offsets that hold the tool where the nominal positions q (q-units) put it, under `load`; to first order, at constant cost.
-// Whatever the load, what comes out is within the limits, or an error.
+// For any load the result is within the limits, or an error.
 //
 // Errors: KINEMATICS_: as gt_l2_forward and gt_l2_inverse.
 //
@@ -804,7 +804,7 @@ gt_code gt_l2_correction(const struct gt_l2_compensator *compensator,
                          struct gt_correction *correction,
                          struct gt_error *error);
 
-// As gt_l2_correction, by the exact map: large deflections, a platform that turns as the links let it. At most 10 rounds, each with
+// As gt_l2_correction, by the exact map, for large deflections with rotation of the platform. At most 10 rounds, each with
 // two solves of six equations.
 //
 // Errors: KINEMATICS_: as gt_l2_forward; SINGULAR, NOT_CONVERGED, NOT_FINITE.
@@ -815,7 +815,7 @@ gt_code gt_l2_exact_correction(const struct gt_l2_compensator *compensator,
                                struct gt_correction *correction,
                                struct gt_error *error);
 
-// Makes a compensator of a machine in `memory`. The machine is copied and may go.
+// Makes a compensator of a machine in `memory`. The machine is copied.
 //
 // `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_COMPENSATOR_SIZE bytes. `compensator`: receives the handle.
 //
@@ -828,7 +828,7 @@ gt_code gt_f1_compensator_init(void *memory,
                                struct gt_error *error);
 
 // One cycle: offsets that hold `pose`, which belongs to the nominal positions q (q-units), under `load`; to first order. The pose comes
-// from gt_f1_forward, seeded by that of the cycle before. Whatever the load, what comes out is within the limits, or an error.
+// from gt_f1_forward, seeded by that of the last cycle. For any load the result is within the limits, or an error.
 //
 // Errors: KINEMATICS_: as gt_f1_inverse.
 //
@@ -861,7 +861,7 @@ gt_code gt_f1_init(void *memory,
                    struct gt_f1 **machine,
                    struct gt_error *error);
 
-// CRC-32 over what decides the kinematics, as gt_l2_checksum.
+// Returns the CRC-32 over the kinematic parameters, as gt_l2_checksum.
 gt_code gt_f1_checksum(const struct gt_f1 *machine, uint32_t *checksum);
 
 // Inverse kinematics: positions q (q-units; rad for the last three) for a pose.
@@ -926,7 +926,7 @@ gt_code gt_l2_init(void *memory,
                    struct gt_l2 **machine,
                    struct gt_error *error);
 
-// CRC-32 over what decides the kinematics; `checksum` of a server is compared with the client's. wire.md says over what.
+// Returns the CRC-32 over the kinematic parameters (wire.md), for kinematics_checksum of a server; the client compares it with its own.
 gt_code gt_l2_checksum(const struct gt_l2 *machine,
                        uint32_t *checksum);
 
@@ -940,7 +940,7 @@ gt_code gt_l2_inverse(const struct gt_l2 *machine,
                       double q[3],
                       struct gt_error *error);
 
-// Forward kinematics: where the tool centre point is (world axes, m) for positions q (q-units). Closed form, constant cost.
+// Forward kinematics: position of the tool centre point (world axes, m) for positions q (q-units). Closed form, constant cost.
 //
 // Errors: KINEMATICS_: NO_ASSEMBLY, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE.
 //
@@ -968,7 +968,7 @@ gt_code gt_l2_statics(const struct gt_l2 *machine,
                       double cart_loads[3],
                       struct gt_error *error);
 
-// A length in whole nanometres: the nearest, halves away from zero. The one way from the float world to references.
+// Converts a length to whole nanometres, rounded half away from zero. The only conversion from floats to references.
 //
 // Errors: those of CROSSING_ (NaN, infinite, or 2^53 nm and more).
 gt_code gt_position_from_metres(double metres, int64_t *position_nm, struct gt_error *error);
@@ -988,13 +988,13 @@ gt_code gt_sensor_init(void *memory,
 // `taring` receives the samples that the tare still needs; when it is 0, `load` receives the load on the platform, world axes, about
 // the tool centre point, filtered, otherwise zeros. Constant cost.
 //
-// Errors: GT_CODE_SENSOR_BAD_READING; nothing is changed then.
+// Errors: GT_CODE_SENSOR_BAD_READING; the sensor is then unchanged.
 gt_code gt_sensor_update(struct gt_sensor *sensor,
                          const struct gt_wrench *raw,
                          struct gt_wrench *load,
                          uint32_t *taring);
 
-// Starts over: tare first, filter at zero. The tool must be unloaded.
+// Starts again with the tare, the filter at zero. The tool must be unloaded.
 gt_code gt_sensor_restart(struct gt_sensor *sensor);
 
 // Fills a configuration with the profile of the thesis: 1 kHz, one lost Command tolerated, position offsets of at most 2 mm that change
@@ -1074,13 +1074,13 @@ gt_code gt_server_tick(struct gt_server *server,
 // Returns the next frame of the last tick, in the order in which they are to be sent: Refusals, the Welcome, the State.
 // Frames that are not polled before the next tick are discarded.
 //
-// Errors: GT_CODE_DONE: there are no more.
+// Errors: GT_CODE_DONE after the last one.
 gt_code gt_server_poll_transmit(struct gt_server *server, struct gt_frame *frame);
 
 // Returns the next connection to close, after its frames are sent. Poll the frames first. A connection that is not polled keeps its
 // place among GT_MAX_CONNECTIONS.
 //
-// Errors: GT_CODE_DONE: there are no more.
+// Errors: GT_CODE_DONE after the last one.
 gt_code gt_server_poll_close(struct gt_server *server,
                              uint64_t *connection);
 

@@ -226,7 +226,7 @@ static void servers(void)
     input.in_force[5].offsets.position_nm = -250;
     EXPECT(OK, gt_server_tick(server, &input, &output));
     REFUSE(!output.write || output.state.phase != GT_PHASE_SAFE_DISCONNECT || output.motors[5].position_nm != -150)
-    /* Values in force that are beyond their limits, or unknown, are no reason to write any. */
+    /* With values in force beyond their limits, or unknown, nothing may be written. */
     input.in_force[5].offsets.velocity_um_s = 1;
     EXPECT(OK, gt_server_tick(server, &input, &output));
     REFUSE(output.write || output.motor_count != 6 || output.motors[5].position_nm != 0)

@@ -330,7 +330,7 @@ pub unsafe extern "C" fn gt_server_tick(
 /// Returns the next frame of the last tick, in the order in which they are to be sent: Refusals, the Welcome, the State.
 /// Frames that are not polled before the next tick are discarded.
 ///
-/// Errors: GT_CODE_DONE: there are no more.
+/// Errors: GT_CODE_DONE after the last one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_poll_transmit(
     server: *mut gt_server,
@@ -350,7 +350,7 @@ pub unsafe extern "C" fn gt_server_poll_transmit(
 /// Returns the next connection to close, after its frames are sent. Poll the frames first. A connection that is not polled keeps its
 /// place among GT_MAX_CONNECTIONS.
 ///
-/// Errors: GT_CODE_DONE: there are no more.
+/// Errors: GT_CODE_DONE after the last one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_poll_close(
     server: *mut gt_server,
