@@ -1,5 +1,5 @@
 /*
- * Kinematics and compensation of both machines: a pose and a load, and by how much each axis must be off its nominal position.
+ * Kinematics and compensation of both machines: the offset of each axis for a pose and a load.
  *
  * The machines are those of robots/l2.toml and robots/f1.toml. Every number is printed as its 64 bits and rounded.
  */
@@ -44,7 +44,7 @@ static const gt_f1_geometry f1_geometry = {
     .turn_signs = {-1, 1},
 };
 
-/* 300 N along x, and some more, by the environment on the platform. */
+/* 300 N along x and smaller components, applied by the environment to the platform. */
 static const gt_wrench load = {.force_n = {300, -50, 100}, .moment_nm = {1, 2, -1}};
 
 static void check(const char *what, gt_code code, const gt_error *error)
@@ -77,7 +77,7 @@ static void three_axes(void)
         .link_m_per_n = {5.0e-7, 6.0e-7, 5.5e-7, 7.0e-7, 6.5e-7, 6.0e-7},
         .axis_per_n = {4.06e-8, 5.09e-8, 6.00e-8},
         .metres_per_q = {1, 1, 1},
-        .limits_nm = {2000000, 150000, 2000000}, /* that of the second is reached */
+        .limits_nm = {2000000, 150000, 2000000}, /* the second one is reached */
         .gain = 1,
     };
     const double tcp_m[3] = {0.0, 0.5, 0.65};

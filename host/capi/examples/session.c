@@ -1,14 +1,14 @@
 /*
  * A server in C: its tick loop, driven by a client in the same program.
  *
- * The client asks for a session, answers every State with a Command (20 in Submit, then Obtain with targets of +30, -20 and +10 um), loses
- * one packet, later two in a row, and is gone. What must be seen: the first loss is held, the second pair ends the session, every
- * reference goes back to its nominal one by 0.1 um per tick, and no tick changes an offset by more than 5 um.
+ * The client requests a session, answers every State with a Command (20 in Submit, then Obtain with targets of +30, -20 and +10 um), loses
+ * one packet, and later sends nothing more. Expected: the offsets are held over the lost packet; two missed packets end the session;
+ * then every reference returns to its nominal value by 0.1 um per tick; no tick changes an offset by more than 5 um.
  *
  *     session [TRACE [BLACK_BOX]]
  *
- * TRACE receives every byte in and out, for comparison; BLACK_BOX what `gantry-tau replay` reads.
- * In a real program `read_client` and `write_frame` are sockets, `write_drives` is the fieldbus, and a timer paces the loop.
+ * TRACE receives all bytes in and out, for comparison; BLACK_BOX a file for `gantry-tau replay`.
+ * In a real program `read_client` and `write_frame` are sockets, `write_drives` is the fieldbus, and a timer starts each cycle.
  */
 #include <inttypes.h>
 #include <stdio.h>
@@ -21,9 +21,9 @@ enum { AXES = 3, MOTORS = 4, TICKS = 700, LOST_ONCE = 120, LOST_TWICE = 250 };
 enum { STEP_NM = 5000, RAMP_NM = 100 };
 
 static GT_MEMORY(GT_SERVER_SIZE_3_BLACK_BOX) memory;
-static char line[GT_BLACK_BOX_LINE];
+static uint8_t part[GT_BLACK_BOX_PART];
 
-/* What the client knows. */
+/* State of the client. */
 typedef struct {
     int connected, welcomed;
     uint64_t epoch, sequence, last_state;
@@ -50,7 +50,7 @@ static void require(int holds, const char *what)
     }
 }
 
-/* What the client sends in this tick; an empty frame: nothing, or lost on its way. */
+/* Reads the client's frame of this tick; empty if it is lost or there is none. */
 static void read_client(client_state *client, uint64_t tick, wire_frame *frame)
 {
     static const int32_t targets[AXES] = {30000, -20000, 10000};
@@ -72,7 +72,7 @@ static void read_client(client_state *client, uint64_t tick, wire_frame *frame)
     }
 }
 
-/* What the server sends, as the client hears it. */
+/* Sends a frame to the client. */
 static void write_frame(client_state *client, const gt_frame *frame)
 {
     const uint8_t *body = frame->bytes + 6;
@@ -94,25 +94,26 @@ static void trace_bytes(FILE *trace, const char *what, const uint8_t *bytes, siz
     fprintf(trace, "\n");
 }
 
-/* One line per motor: what reaches its drive. */
-static void write_drives(FILE *trace, const gt_turn *turn)
+/* Writes the references to the drives: here one line per motor. Returns the last_write of the next tick. */
+static uint8_t write_drives(FILE *trace, const gt_tick_output *output)
 {
-    for (uint32_t motor = 0; trace && motor < turn->motor_count; motor++) {
-        const gt_reference *reference = &turn->motors[motor];
+    for (uint32_t motor = 0; trace && motor < output->motor_count; motor++) {
+        const gt_reference *reference = &output->motors[motor];
         fprintf(trace, "motor %lld %" PRId32 " %" PRId16 "\n", (long long)reference->position_nm,
                 reference->velocity_offset_um_s, reference->torque_offset_permille);
     }
+    return GT_WRITE_ACCEPTED; /* GT_WRITE_REFUSED with the values read back, GT_WRITE_UNKNOWN if they cannot be read */
 }
 
-/* The bounds that the library claims, looked at from outside. */
-static void check_bounds(const gt_turn *turn, const gt_cycle *cycle, int64_t *last)
+/* Checks the bounds that the library guarantees. */
+static void check_bounds(const gt_tick_output *output, const gt_tick_input *input, int64_t *last)
 {
-    require(turn->motors[0].position_nm == turn->motors[1].position_nm, "both motors of cart 1 are told the same");
+    require(output->motors[0].position_nm == output->motors[1].position_nm, "both motors of cart 1 have the same reference");
     for (int axis = 0; axis < AXES; axis++) {
-        const int64_t offset = turn->motors[axis + 1].position_nm - cycle->nominal_nm[axis];
+        const int64_t offset = output->motors[axis + 1].position_nm - input->nominal_nm[axis];
         const int64_t change = llabs(offset - last[axis]);
         require(change <= STEP_NM, "no offset changes by more than its step");
-        if (turn->state.phase == GT_PHASE_SAFE_DISCONNECT) {
+        if (output->state.phase == GT_PHASE_SAFE_DISCONNECT) {
             require(llabs(last[axis]) - llabs(offset) == (llabs(last[axis]) < RAMP_NM ? llabs(last[axis]) : RAMP_NM),
                     "the ramp is exact");
         }
@@ -120,7 +121,7 @@ static void check_bounds(const gt_turn *turn, const gt_cycle *cycle, int64_t *la
     }
 }
 
-/* The black box as a file, a line at a time. */
+/* Writes the black box to a file, part by part. */
 static void write_black_box(gt_server *server, const char *path)
 {
     gt_black_box box;
@@ -131,9 +132,9 @@ static void write_black_box(gt_server *server, const char *path)
     require(box.frozen, "the end of the session froze the black box");
     file = path ? fopen(path, "wb") : NULL;
     require(!path || file, "the black box can be written");
-    for (uint32_t i = 0; i < box.lines; i++) {
-        check("black box line", gt_server_black_box_line(server, i, line, sizeof line, &length));
-        require(!file || fwrite(line, 1, length, file) == length, "the black box is written");
+    for (uint32_t i = 0; i < box.parts; i++) {
+        check("black box part", gt_server_black_box_part(server, i, part, sizeof part, &length));
+        require(!file || fwrite(part, 1, length, file) == length, "the black box is written");
     }
     if (file) {
         fclose(file);
@@ -147,9 +148,10 @@ int main(int argc, char **argv)
     static const char *const phases[] = {"Listening", "Handshake", "Submit", "Obtain", "SafeDisconnect", "Fault"};
     FILE *trace = argc > 1 ? fopen(argv[1], "wb") : NULL;
     gt_server_config config;
-    gt_start start = {0};
-    gt_cycle cycle = {0};
-    gt_turn turn;
+    gt_start start = {.first_epoch = 1, .last_epoch = 1}; /* reserved in storage that survives a restart */
+    gt_tick_input input = {.elapsed_cycles = 1, .stop = GT_RELEASED, .rearm = GT_RELEASED, .last_write = GT_WRITE_ACCEPTED};
+    gt_tick_output output;
+    gt_frame frame;
     gt_error error;
     gt_server *server;
     client_state client = {0};
@@ -157,7 +159,7 @@ int main(int argc, char **argv)
     int64_t last[AXES] = {0};
     int32_t phase = -1;
 
-    require(gt_abi_version() == GT_ABI_VERSION, "header and library belong together");
+    require(gt_abi_version() == GT_ABI_VERSION, "header and library have the same version");
     require(argc <= 1 || trace, "the trace can be written");
 
     check("profile", gt_server_config_thesis(&config, AXES));
@@ -182,34 +184,35 @@ int main(int argc, char **argv)
 
     printf("tick  phase           axis 1      axis 2      axis 3   [offsets in nm]\n");
     for (uint64_t tick = 1; tick <= TICKS; tick++) {
-        wire_frame input;
-        read_client(&client, tick, &input);
-        check("feed", gt_server_feed(server, connection, input.bytes, input.length, NULL));
+        wire_frame read;
+        read_client(&client, tick, &read);
+        check("feed", gt_server_feed(server, connection, read.bytes, read.length, NULL));
 
-        cycle.elapsed = 1;
-        cycle.next_epoch = 1 + client.epoch; /* a real server takes it from storage that survives a restart */
         for (int axis = 0; axis < AXES; axis++) {
-            cycle.nominal_nm[axis] = (int64_t)tick * 1000 * (axis + 1);
-            cycle.actual[axis].position_nm = cycle.nominal_nm[axis] - 50;
+            input.nominal_nm[axis] = (int64_t)tick * 1000 * (axis + 1);
+            input.actual[axis].position_nm = input.nominal_nm[axis] - 50;
         }
-        check("tick", gt_server_tick(server, &cycle, &turn));
+        check("tick", gt_server_tick(server, &input, &output));
         if (trace) {
             fprintf(trace, "tick %llu\n", (unsigned long long)tick);
-            trace_bytes(trace, "in", input.bytes, input.length);
+            trace_bytes(trace, "in", read.bytes, read.length);
         }
-        write_drives(trace, &turn);
-        for (uint32_t i = 0; i < turn.frame_count; i++) {
-            gt_frame frame;
-            check("frame", gt_server_frame(server, i, &frame));
+        require(output.write, "the references may be written");
+        input.last_write = write_drives(trace, &output);
+        while (gt_server_poll_transmit(server, &frame) == GT_CODE_OK) {
             write_frame(&client, &frame);
             if (trace) {
                 trace_bytes(trace, "out", frame.bytes, frame.length);
             }
         }
 
-        check_bounds(&turn, &cycle, last);
-        if (turn.state.phase != phase || tick % 100 == 0 || tick == LOST_ONCE) {
-            phase = turn.state.phase;
+        while (gt_server_poll_close(server, &connection) == GT_CODE_OK) {
+            require(output.state.phase == GT_PHASE_LISTENING, "the connection is closed after the ramp"); /* close its socket */
+        }
+
+        check_bounds(&output, &input, last);
+        if (output.state.phase != phase || tick % 100 == 0 || tick == LOST_ONCE) {
+            phase = output.state.phase;
             printf("%4llu  %-14s %8lld    %8lld    %8lld\n", (unsigned long long)tick, phases[phase],
                    (long long)last[0], (long long)last[1], (long long)last[2]);
         }
@@ -217,12 +220,12 @@ int main(int argc, char **argv)
             require(phase == GT_PHASE_OBTAIN, "one lost packet is held");
         }
         if (tick == LOST_TWICE + 1) {
-            require(turn.ended == GT_CAUSE_CLIENT_LATE, "two lost packets in a row end the session");
+            require(output.ended == GT_CAUSE_CLIENT_LATE, "two lost packets in a row end the session");
         }
     }
 
     require(phase == GT_PHASE_LISTENING && last[0] == 0 && last[1] == 0 && last[2] == 0, "all offsets are back at zero");
-    require(turn.state.counters.missed == 3, "three packets were missed");
+    require(output.state.counters.missed == 3, "three packets were missed");
     write_black_box(server, argc > 2 ? argv[2] : NULL);
     if (trace) {
         fclose(trace);

@@ -1,4 +1,4 @@
-/* The client's side of the wire (wire.md), as much of it as the example needs: frames out, and what is looked at of frames in. */
+/* The client's side of the wire (wire.md), as far as the example needs it: frames to send, and numbers from received ones. */
 #ifndef EXAMPLE_WIRE_H
 #define EXAMPLE_WIRE_H
 
@@ -57,7 +57,7 @@ static void wire_end(wire_frame *frame)
     wire_put(frame, wire_crc(frame->bytes, frame->length), 4);
 }
 
-/* Asks for a session. */
+/* Requests a session. */
 static void wire_hello(wire_frame *frame, uint8_t axes)
 {
     wire_begin(frame, 1);

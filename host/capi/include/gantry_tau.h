@@ -1,28 +1,28 @@
 /*
  * gantry_tau.h: the C interface of gantry-tau, the controller core of Gantry-Tau parallel robots.
- * Written by cbindgen from host/capi/src. Do not edit. How to begin: host/capi/README.md. The protocol on the wire: wire.md.
+ * Written by cbindgen from host/capi/src. Do not edit. First steps: host/capi/README.md. The protocol on the wire: wire.md.
  *
- * MEMORY. Nothing is allocated and nothing is to be freed. Objects (gt_server, gt_l2, gt_f1, gt_..._compensator, gt_sensor) live in
- * memory of the caller, of GT_..._SIZE bytes (bounds that hold on every target), aligned to GT_ALIGN:
+ * MEMORY. The library allocates nothing and frees nothing. Objects (gt_server, gt_l2, gt_f1, gt_..._compensator, gt_sensor) live in
+ * memory of the caller, of GT_..._SIZE bytes (bounds for every target), aligned to GT_ALIGN:
  *
  *     static GT_MEMORY(GT_SERVER_SIZE_3) memory;
  *     gt_server *server;
  *     gt_code code = gt_server_init(&memory, sizeof memory, &config, &start, &server, &error);
  *
- * An object must not be moved, copied or written to. Everything else is copied: no pointer is kept beyond its call.
+ * An object must not be moved, copied or written to. All else is copied: no pointer is kept beyond its call.
  *
- * POINTERS. A pointer must point to what its type says, for as long as the call lasts. Null is refused with GT_CODE_NULL_POINTER where
- * it is not said to be allowed, a misaligned one with GT_CODE_MISALIGNED, and a handle to memory that holds no such object with
- * GT_CODE_NO_OBJECT. `error` may be null everywhere; it receives the details of the code that is returned, GT_CODE_OK included.
- * Where a call returns an error, its other results are not written, and nothing is changed, unless it says otherwise.
+ * POINTERS. A pointer must point to a value of its type for the duration of the call. Null is refused with GT_CODE_NULL_POINTER unless
+ * documented as allowed, a misaligned pointer with GT_CODE_MISALIGNED, a handle without a live object of its type with
+ * GT_CODE_NO_OBJECT. `error` may always be null; it receives the details of the returned code, GT_CODE_OK included.
+ * A call that returns an error writes no other results and changes nothing, unless documented otherwise.
  *
- * THREADS. There is no global state. Calls on different objects are independent. Calls on one gt_server or gt_sensor must not overlap;
- * machines and compensators are never changed by a call and may be shared.
+ * THREADS. The library has no global state. Calls on different objects are independent. Calls on one gt_server or gt_sensor must not
+ * overlap; no call changes a machine or a compensator, so threads may share them.
  *
- * TIME. No call blocks, locks, allocates, or calls back into C; every loop is bounded by a constant or by a length that is given.
+ * TIME. No call blocks, locks, allocates, or calls back into C. Every loop is bounded by a constant or by a length from the caller.
  *
- * FLOATING POINT. Any number may be passed, NaN and infinities included: what is not accepted is an error, never undefined. What comes
- * out is finite. All functions may be called from interrupts that save the floating-point registers.
+ * FLOATING POINT. Any number may be passed, NaN and infinities included: the result is an error, never undefined behaviour. Results are
+ * finite. All functions may be called from interrupts that save the floating-point registers.
  *
  * UNITS. References in nm, um/s and per mille of rated torque, all integers. Kinematics in SI units; q in q-units: metres for a cart
  * whose guideway has unit length, radians for plates. Axes, arms, links and motors count from 0.
@@ -35,15 +35,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Memory for an object, for static or automatic storage; aligned to GT_ALIGN where that matters. */
+/* Memory for an object, for static or automatic storage, with sufficient alignment. */
 #define GT_MEMORY(size) union { long double alignment; unsigned char bytes[size]; }
 
 
 // Version of this interface. It changes with every change to a type, a constant or the meaning of a function.
-#define GT_ABI_VERSION 1
+#define GT_ABI_VERSION 2
 
-// Longest line of a black box, bytes.
-#define GT_BLACK_BOX_LINE 16384
+// Longest part of a black box, bytes.
+#define GT_BLACK_BOX_PART 4096
 
 // Bytes of a gt_l2_compensator.
 #define GT_L2_COMPENSATOR_SIZE 4096
@@ -57,19 +57,19 @@
 // Bytes of a gt_l2.
 #define GT_L2_SIZE 2048
 
-// Number of links, in the order 11, 21, 22, 31, 32, 33: the first digit is the arm, and how many links it has.
+// Number of links, in the order 11, 21, 22, 31, 32, 33: the first digit is the arm, and its number of links.
 #define GT_LINKS 6
 
 // Number of arms, carts and guideways.
 #define GT_ARMS 3
 
-// Linear solves that a seed from the cycle before needs at most, at 1 m/s and 1 kHz.
+// Largest number of linear solves from the seed of the last cycle, at 1 m/s and 1 kHz.
 #define GT_WARM_SOLVES 2
 
-// Linear solves for any other seed.
+// Largest number of linear solves from any other seed.
 #define GT_COLD_SOLVES 10
 
-// Alignment that is enough for every object on every target; what malloc gives, and GT_MEMORY.
+// Alignment for every object on every target; that of malloc and GT_MEMORY.
 #define GT_ALIGN 16
 
 // Bytes of a gt_sensor.
@@ -81,7 +81,7 @@
 // Length of arrays per motor.
 #define GT_MAX_MOTORS 12
 
-// Connections that can be open at once: the owner, and strangers who are told why they cannot be.
+// Connections that can be open at once: the owner, and others that are told why they cannot be.
 #define GT_MAX_CONNECTIONS 6
 
 // TCP and the like: bytes come in pieces of any length. A broken frame ends the connection, and its session.
@@ -93,20 +93,20 @@
 // No black box.
 #define GT_BLACK_BOX_NONE 0
 
-// A black box: at least so many ticks before the end of a session, and so many after it.
+// A black box of at least this many ticks before the end of a session, and as many after it.
 #define GT_BLACK_BOX_TICKS 64
 
 // Bytes of a server with 3 axes and no black box, on any target.
-#define GT_SERVER_SIZE_3 8448
+#define GT_SERVER_SIZE_3 7680
 
 // Bytes of a server with 6 axes and no black box.
-#define GT_SERVER_SIZE_6 11008
+#define GT_SERVER_SIZE_6 10496
 
 // Bytes of a server with 3 axes and a black box.
-#define GT_SERVER_SIZE_3_BLACK_BOX 368640
+#define GT_SERVER_SIZE_3_BLACK_BOX 385024
 
-// Bytes of a server with 6 axes and a black box; enough for every server.
-#define GT_SERVER_SIZE_6_BLACK_BOX 548864
+// Bytes of a server with 6 axes and a black box, the largest server.
+#define GT_SERVER_SIZE_6_BLACK_BOX 577536
 
 // Longest frame, bytes.
 #define GT_MAX_FRAME 394
@@ -126,8 +126,22 @@
 // The nominal reference stepped further than nominal_step_nm.
 #define GT_FLAG_NOMINAL_STEP 16
 
-// What a call led to. 0 is success; every error of the library has a code of its own, and its details are in gt_error.
-// Axes, arms, links and motors count from 0.
+// The switch or button is released.
+#define GT_RELEASED 1
+
+// The switch or button is pressed.
+#define GT_PRESSED 2
+
+// The drives took the references of the last tick. Also the value for the first tick.
+#define GT_WRITE_ACCEPTED 1
+
+// The drives did not take them; they were read back and have the values of `in_force`.
+#define GT_WRITE_REFUSED 2
+
+// The drives did not take them, and cannot be read back.
+#define GT_WRITE_UNKNOWN 3
+
+// Result of a call: 0 for success, else the error; gt_error has its details. Axes, arms, links and motors count from 0.
 enum gt_code
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : int32_t
@@ -135,28 +149,34 @@ enum gt_code
  {
   // Done.
   GT_CODE_OK = 0,
-  // A pointer is null that must not be.
+  // A required pointer is null.
   GT_CODE_NULL_POINTER = 1,
-  // A pointer is not aligned for what it points to.
+  // A pointer is not aligned for its type.
   GT_CODE_MISALIGNED = 2,
   // The memory is smaller than the object. `value`: bytes needed.
   GT_CODE_MEMORY_TOO_SMALL = 3,
-  // This is no such object: not initialised, initialised as another, or overwritten.
+  // The handle does not refer to a live object of this type.
   GT_CODE_NO_OBJECT = 4,
-  // A length is larger than any object can be.
+  // A length is above the largest size of an object.
   GT_CODE_LENGTH = 5,
   // A buffer is too small. `value`: bytes needed.
   GT_CODE_BUFFER_TOO_SMALL = 6,
-  // There is no entry of this index.
+  // The index is beyond the last entry.
   GT_CODE_INDEX = 7,
-  // Neither GT_TRANSPORT_STREAM nor GT_TRANSPORT_DATAGRAM.
+  // The transport is neither GT_TRANSPORT_STREAM nor GT_TRANSPORT_DATAGRAM.
   GT_CODE_TRANSPORT = 8,
   // The number of motors is not 1 to GT_MAX_MOTORS. `value`: the refused number.
   GT_CODE_MOTOR_COUNT = 9,
-  // Neither GT_BLACK_BOX_NONE nor GT_BLACK_BOX_TICKS. `value`: the refused number.
+  // black_box_ticks is neither GT_BLACK_BOX_NONE nor GT_BLACK_BOX_TICKS. `value`: the refused number.
   GT_CODE_BLACK_BOX = 10,
-  // A branch or a sign is neither 1 nor -1. `index`: which one.
+  // A branch or a sign is neither 1 nor -1. `index`: its number.
   GT_CODE_BRANCH = 11,
+  // `stop`, `rearm` or `last_write` of a gt_tick_input is not one of its values. 0 is refused.
+  GT_CODE_TICK_INPUT = 12,
+  // All frames or connections have been polled: the end of a loop, not an error.
+  GT_CODE_DONE = 13,
+  // An error of core without a code of its own.
+  GT_CODE_OTHER = 14,
   // M of a channel is negative. `index`: axis, `parameter`: channel, `value`: M.
   GT_CODE_LIMITS_NEGATIVE_MAX = 100,
   // rho of a channel is zero or negative. `index`: axis, `parameter`: channel, `value`: rho.
@@ -167,7 +187,7 @@ enum gt_code
   GT_CODE_LIMITS_ACCEL_TOO_SMALL = 103,
   // The number of axes is neither 3 nor 6. `value`: the refused number.
   GT_CODE_CONFIG_AXES = 200,
-  // The handshake would never or at once time out: handshake_ticks is 0.
+  // handshake_ticks is 0: every session would time out at once.
   GT_CODE_CONFIG_HANDSHAKE_TICKS = 201,
   // The window of the miss budget is above 128 ticks. `value`: the window.
   GT_CODE_CONFIG_BUDGET_WINDOW = 202,
@@ -175,60 +195,60 @@ enum gt_code
   GT_CODE_CONFIG_TORQUE_MAX = 203,
   // A travel has its ends reversed, or beyond 2^61 nm. `index`: axis.
   GT_CODE_CONFIG_TRAVEL = 204,
-  // The nominal travel lies less than M of the position channel inside the machine's travel. `index`: axis.
+  // The nominal travel is less than M of the position channel inside the machine's travel. `index`: axis.
   GT_CODE_CONFIG_MARGIN = 205,
-  // An offset in force is beyond its limits, and the server must not start.
+  // An offset in force is beyond its limits: the server must not start.
   // `index`: axis, `value`: its position offset in nm, `lower`: velocity in um/s, `upper`: torque in per mille.
   GT_CODE_START_OFFSET_IN_FORCE = 300,
-  // A motor is mapped to an axis that does not exist. `index`: motor, `value`: the axis, `upper`: how many there are.
+  // A motor is mapped to an axis beyond the last one. `index`: motor, `value`: the axis, `upper`: number of axes.
   GT_CODE_MOTOR_MAP = 400,
-  // GT_MAX_CONNECTIONS are open already. gt_server_refusal has what the peer should be told.
+  // GT_MAX_CONNECTIONS are open. Send the frame of gt_server_refusal to the peer.
   GT_CODE_FULL = 500,
-  // A number of a machine is NaN or infinite. `parameter` and `index`: which.
+  // A number of a machine is NaN or infinite. `parameter`, `index`: its place.
   GT_CODE_ROBOT_NOT_FINITE = 600,
-  // A number of a machine has a magnitude outside `lower` to `upper`. `parameter` and `index`: which.
+  // The magnitude of a number of a machine is outside `lower` to `upper`. `parameter`, `index`: its place.
   GT_CODE_ROBOT_OUT_OF_RANGE = 601,
-  // The lower end of a travel is above its upper end. `parameter` and `index`: which.
+  // The lower end of a travel is above its upper end. `parameter`, `index`: its place.
   GT_CODE_ROBOT_REVERSED = 602,
-  // The matrix of an orientation is no rotation. `value`: largest deviation of R^T R from the identity.
-  GT_CODE_NOMINAL_NOT_ROTATION = 700,
-  // The Tau property is violated. `index`: the link that differs from the first of its cluster, `value`: by how much, m.
-  GT_CODE_NOMINAL_NOT_TAU = 701,
-  // The gain is not from 0 to 1.
+  // The matrix of an orientation is not a rotation matrix. `value`: largest deviation of R^T R from the identity.
+  GT_CODE_ORIENTATION_NOT_ROTATION = 700,
+  // The Tau property is violated. `index`: the link that differs from the first of its cluster, `value`: the difference, m.
+  GT_CODE_ORIENTATION_NOT_TAU = 701,
+  // The gain is outside 0 to 1.
   GT_CODE_COMPENSATOR_GAIN = 800,
   // A limit is negative. `index`: axis.
   GT_CODE_COMPENSATOR_LIMIT = 801,
   // metres_per_q is not finite or out of range. `index`: axis.
   GT_CODE_COMPENSATOR_METRES_PER_Q = 802,
-  // A number given, or one computed from it, is NaN or infinite.
+  // An argument, or a number computed from it, is NaN or infinite.
   GT_CODE_KINEMATICS_NOT_FINITE = 900,
   // The links of an arm are too short to reach the pose. `index`: arm.
   GT_CODE_KINEMATICS_UNREACHABLE = 901,
-  // The carts stand so that their links cannot meet.
+  // The links cannot meet for these positions of the carts.
   GT_CODE_KINEMATICS_NO_ASSEMBLY = 902,
-  // The pose exists only beyond a singularity. `index`: the arm that would be on its other side, -1: the tool would.
+  // The pose exists only beyond a singularity. `index`: the arm on the other side of it, -1 for the tool.
   GT_CODE_KINEMATICS_OTHER_BRANCH = 903,
   // The pose is singular, or too close to it. `value`: the measure, 0 at the singularity.
   GT_CODE_KINEMATICS_SINGULAR = 904,
-  // An axis would leave its travel. `index`: axis, `value`: where it would be, `lower`, `upper`: its travel; q-units.
+  // An axis would leave its travel. `index`: axis, `value`: its position, `lower`, `upper`: its travel; q-units.
   GT_CODE_KINEMATICS_OUT_OF_RANGE = 905,
-  // The iteration did not come to an end. `iterations`: made, `value`: largest error of a link's length then, m.
+  // The iteration did not converge. `iterations`: their number, `value`: largest error of a link's length, m.
   GT_CODE_KINEMATICS_NOT_CONVERGED = 906,
-  // Without a seed this machine's forward kinematics has no start.
+  // The forward kinematics of this machine needs a seed.
   GT_CODE_KINEMATICS_SEED_REQUIRED = 907,
-  // A pose and positions that were given together do not fit the length of an arm's links. `index`: arm.
+  // Pose and positions do not match the length of an arm's links. `index`: arm.
   GT_CODE_KINEMATICS_INCONSISTENT = 908,
-  // The rotation of a sensor's mounting is none.
+  // The rotation of a sensor's mounting is not a rotation matrix.
   GT_CODE_SENSOR_NOT_ROTATION = 1000,
-  // A number of a sensor is not from `lower` to `upper`. `parameter`: which.
+  // A number of a sensor is outside `lower` to `upper`. `parameter`: its name.
   GT_CODE_SENSOR_OUT_OF_RANGE = 1001,
   // A component of a reading is NaN, infinite or beyond 1e6; the reading was not used.
   GT_CODE_SENSOR_BAD_READING = 1002,
-  // A sensor's state contradicts itself. No function of this interface returns it: a sensor's state is never given from outside.
+  // The state of a sensor is invalid. Not returned by this interface, where that state never comes from outside.
   GT_CODE_SENSOR_INVALID_STATE = 1003,
-  // A length to be converted is NaN or infinite.
+  // A length to convert is NaN or infinite.
   GT_CODE_CROSSING_NOT_FINITE = 1100,
-  // A length to be converted is out of range. `upper`: largest magnitude, nm.
+  // A length to convert is out of range. `upper`: largest magnitude, nm.
   GT_CODE_CROSSING_OUT_OF_RANGE = 1101,
 };
 #ifndef __cplusplus
@@ -239,13 +259,13 @@ typedef int32_t gt_code;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// Which parameter an error is about.
+// Parameter that an error is about.
 enum gt_parameter
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : int32_t
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
-  // None, or the code says it.
+  // None, or implied by the code.
   GT_PARAMETER_NONE = 0,
   // cart_joints_m; the index is the link.
   GT_PARAMETER_CART_JOINT = 1,
@@ -292,17 +312,17 @@ typedef int32_t gt_parameter;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// Why a session ended, or why the server is not listening; numbers as on the wire.
+// Cause of the end of a session; numbers as on the wire.
 enum gt_cause
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : int32_t
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
-  // Nothing has ended.
+  // No session has ended.
   GT_CAUSE_NONE = 0,
-  // Two deadlines in a row passed without any Command.
+  // Two consecutive deadlines passed without a Command.
   GT_CAUSE_CLIENT_LATE = 1,
-  // Two deadlines in a row passed, but Commands for older ticks did arrive.
+  // Two consecutive deadlines passed; Commands arrived, but late.
   GT_CAUSE_NETWORK_LATE = 2,
   // The server overran its own cycle.
   GT_CAUSE_SERVER_LATE = 3,
@@ -322,8 +342,10 @@ enum gt_cause
   GT_CAUSE_FLOOD = 10,
   // No Command followed the Welcome in time.
   GT_CAUSE_HANDSHAKE_TIMEOUT = 11,
-  // The server started, or resumed, with offsets still in force.
+  // Offsets were in force that the server did not expect: at its start, or after a refused write.
   GT_CAUSE_RESTART = 12,
+  // A cause without a number of its own here.
+  GT_CAUSE_OTHER = 255,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -378,11 +400,11 @@ typedef struct gt_sensor gt_sensor;
 // A server; its memory is the caller's.
 typedef struct gt_server gt_server;
 
-// How a machine yields, and how much of it is corrected. Of the arrays per axis only the machine's axes are looked at.
+// Compliances of a machine, and the share of its deflection that is corrected. Array entries beyond the machine's axes are not read.
 typedef struct gt_compensator_config {
   // Elongation of each link per newton of tension, m/N, link order; positive.
   double link_m_per_n[GT_LINKS];
-  // How far each axis yields per unit of load, q-units (carts: m/N, plates: rad/(N m)); positive.
+  // Displacement of each axis per unit of load, q-units (carts: m/N, plates: rad/(N m)); positive.
   double axis_per_n[GT_MAX_AXES];
   // Length of one unit of each q, m: |v_i| for a cart, the screw's law for a plate.
   double metres_per_q[GT_MAX_AXES];
@@ -393,21 +415,21 @@ typedef struct gt_compensator_config {
   double gain;
 } gt_compensator_config;
 
-// What went wrong, with all that is known of it. What a field means depends on the code; a field that the code does not use is 0.
+// Details of an error. The meaning of a field depends on the code; a field that the code does not use is 0.
 typedef struct gt_error {
   // The code that the call returned, GT_CODE_OK included.
   gt_code code;
-  // Which axis, arm, link or motor, counted from 0; -1 for none.
+  // Axis, arm, link or motor, counted from 0; -1 for none.
   int32_t index;
-  // Which parameter.
+  // Parameter.
   gt_parameter parameter;
-  // Linear solves made.
+  // Number of linear solves.
   int32_t iterations;
-  // The value that was refused, or a measure of how wrong it is.
+  // Refused value, or a measure of its error.
   double value;
-  // Smallest value that is accepted.
+  // Smallest accepted value.
   double lower;
-  // Largest value that is accepted.
+  // Largest accepted value.
   double upper;
 } gt_error;
 
@@ -419,15 +441,15 @@ typedef struct gt_wrench {
   double moment_nm[3];
 } gt_wrench;
 
-// What one cycle asks of the axes.
+// Offsets of one cycle.
 typedef struct gt_correction {
-  // Offset of each axis, nm, within its limit; 0 for axes that are not there.
+  // Offset of each axis, nm, within its limit; 0 beyond the machine's axes.
   int32_t offsets_nm[GT_MAX_AXES];
-  // 1 where the limit cut it short.
+  // 1 for an offset that its limit has cut.
   uint8_t saturated[GT_MAX_AXES];
 } gt_correction;
 
-// Where the tool is and how it is turned: x_world = T + R x_platform.
+// Position and orientation of the tool: x_world = T + R x_platform.
 typedef struct gt_pose {
   // T: tool centre point, world axes, m.
   double position_m[3];
@@ -450,21 +472,21 @@ typedef struct gt_f1_geometry {
   double lengths_m[GT_LINKS];
   // Side of each guideway the links point to: 1 or -1.
   int32_t inverse_branch[GT_ARMS];
-  // ax: what plates 2 and 3 turn about, of any length.
+  // ax: axis about which plates 2 and 3 turn, of any length.
   double turn_axis[3];
-  // ax6: what plate 3 tilts about, axes of the turned plate, of any length.
+  // ax6: axis about which plate 3 tilts, in axes of the turned plate, of any length.
   double tilt_axis[3];
-  // sigma4, sigma5: which way plates 2 and 3 turn for positive q4, q5: 1 or -1.
+  // sigma4, sigma5: directions of plates 2 and 3 for positive q4, q5: 1 or -1.
   int32_t turn_signs[2];
-  // 0: carts are not checked, and plates within half a turn.
+  // 0: travel of carts is not checked; plates stay within half a turn.
   uint8_t has_travel;
   // Range of each q, lower and upper end, q-units; rad for the last three.
   double travel[6][2];
 } gt_f1_geometry;
 
-// How an iterative answer was come by.
+// Effort and accuracy of an iterative solution.
 typedef struct gt_solved {
-  // Linear solves made.
+  // Number of linear solves.
   int32_t iterations;
   // Largest error of a link's length, m.
   double residual_m;
@@ -486,13 +508,13 @@ typedef struct gt_l2_geometry {
   int32_t inverse_branch[GT_ARMS];
   // Side of the carts' plane the tool is on, sign(n . (T - P_1)), n = (P_2 - P_1) x (P_3 - P_1): 1 or -1.
   int32_t forward_branch;
-  // 0: the range of q is not checked.
+  // 0: the travel of q is not checked.
   uint8_t has_travel;
   // Range of each q, lower and upper end, q-units.
   double travel[GT_ARMS][2];
 } gt_l2_geometry;
 
-// How a sensor is mounted and filtered.
+// Mounting and filter of a sensor.
 typedef struct gt_sensor_config {
   // R: world axes from sensor axes, row by row.
   double rotation[3][3];
@@ -506,7 +528,7 @@ typedef struct gt_sensor_config {
   uint32_t tare_samples;
 } gt_sensor_config;
 
-// Limits of one offset channel. It takes 0 < ramp <= step, step + ramp <= accel, and max >= 0.
+// Limits of one offset channel: 0 < ramp <= step, step + ramp <= accel, max >= 0.
 // Units: nm, um/s or per mille of rated torque, by the channel; per tick.
 typedef struct gt_limits {
   // M: largest magnitude; 0 disables the channel.
@@ -519,7 +541,7 @@ typedef struct gt_limits {
   int32_t ramp;
 } gt_limits;
 
-// How one axis may be moved.
+// Limits of one axis.
 typedef struct gt_axis_config {
   // Position offset, nm.
   struct gt_limits position;
@@ -527,11 +549,11 @@ typedef struct gt_axis_config {
   struct gt_limits velocity;
   // Torque offset, per mille of rated torque.
   struct gt_limits torque;
-  // Where the nominal reference may be, lower end, nm.
+  // Range of the nominal reference, lower end, nm.
   int64_t nominal_lower_nm;
   // Upper end.
   int64_t nominal_upper_nm;
-  // Where the drive's reference may be, lower end, nm; at least position.max further out than the nominal one, at both ends.
+  // Range of the drive's reference, lower end, nm. At both ends at least position.max wider than the nominal range.
   int64_t machine_lower_nm;
   // Upper end.
   int64_t machine_upper_nm;
@@ -541,23 +563,23 @@ typedef struct gt_axis_config {
 
 // Configuration of a server. gt_server_config_thesis fills one.
 typedef struct gt_server_config {
-  // Number of axes, 3 (L2) or 6 (F1). Of every array per axis only so many entries are looked at.
+  // Number of axes, 3 (L2) or 6 (F1). Of every array per axis, only the first `axes` entries are read.
   uint32_t axes;
   // Number of motors, 1 to GT_MAX_MOTORS.
   uint32_t motors;
-  // Which axis drives each motor, counted from 0. Two motors on one cart have the same axis, and always get equal references.
+  // Axis of each motor, counted from 0. Two motors on one cart have the same axis and always receive equal references.
   uint8_t axis_of_motor[GT_MAX_MOTORS];
-  // GT_BLACK_BOX_NONE, or GT_BLACK_BOX_TICKS: so many ticks before the end of a session and after it are kept.
+  // GT_BLACK_BOX_NONE, or GT_BLACK_BOX_TICKS: number of ticks kept before and after the end of a session.
   uint32_t black_box_ticks;
-  // Length of a cycle, us; only told to the client, the library has no clock.
+  // Length of a cycle, us. Reported to the client; the library has no clock.
   uint32_t cycle_us;
-  // Ticks that a granted session may wait for its first Command; at least 1.
+  // Ticks that a granted session waits for its first Command; at least 1.
   uint32_t handshake_ticks;
-  // Checksum of the kinematic parameters, told to the client: gt_l2_checksum, gt_f1_checksum, or 0.
+  // Checksum of the kinematic parameters, reported to the client: gt_l2_checksum, gt_f1_checksum, or 0.
   uint32_t kinematics_checksum;
-  // What the server does: 0, or 1 for lock-step. A client must have the same abilities.
+  // Abilities of the server: 0, or 1 for lock-step. A client must have the same.
   uint16_t capabilities;
-  // How many ticks the echo of a Command may be behind the last State; 0 as a rule.
+  // Number of ticks that the echo of a Command may be behind the last State; usually 0.
   uint8_t echo_window;
   // Window of the miss budget in ticks, 1 to 128; 0: no budget beside the rule of two in a row.
   uint8_t budget_window;
@@ -577,29 +599,38 @@ typedef struct gt_offsets {
   int16_t torque_permille;
 } gt_offsets;
 
-// Where a server starts from.
+// Values in force at the drive of one axis.
+typedef struct gt_in_force {
+  // Nominal reference, without offset, nm.
+  int64_t nominal_nm;
+  // Offsets.
+  struct gt_offsets offsets;
+} gt_in_force;
+
+// State of the machine at the start of a server.
 typedef struct gt_start {
-  // Offsets that the drives have in force, read back from them. Nonzero ones are ramped to zero before anybody gets a session.
-  struct gt_offsets in_force[GT_MAX_AXES];
-  // Nominal references of the cycle before the first, nm.
-  int64_t nominal_nm[GT_MAX_AXES];
-  // Number of that cycle.
-  uint64_t tick;
-  // The last epoch that was ever given, from storage that survives a restart; 0: none.
+  // Values in force at the drives, read back from them. Nonzero offsets ramp to zero before a session is granted.
+  struct gt_in_force in_force[GT_MAX_AXES];
+  // First epoch that may be granted. Epochs come from a counter in storage that survives a restart: reserve a range, write the
+  // counter back, then start the server.
+  uint64_t first_epoch;
+  // Last epoch of the range; below first_epoch for none. gt_server_set_epochs extends it.
   uint64_t last_epoch;
+  // Not 0: a stop was asserted before and has not been re-armed. The server then starts in GT_PHASE_FAULT.
+  uint8_t stop_latched;
 } gt_start;
 
-// A frame to be written to a connection.
+// A frame to be sent on a connection.
 typedef struct gt_frame {
-  // To whom.
+  // Recipient.
   uint64_t connection;
-  // How many bytes.
+  // Number of bytes.
   uint32_t length;
-  // The bytes; those from `length` on are 0.
+  // The bytes; 0 from `length` on.
   uint8_t bytes[GT_MAX_FRAME];
 } gt_frame;
 
-// What a drive measures.
+// Measurements of a drive.
 typedef struct gt_actual {
   // Position of the motor side of the axis, nm.
   int64_t position_nm;
@@ -609,25 +640,27 @@ typedef struct gt_actual {
   int16_t torque_permille;
 } gt_actual;
 
-// What one tick is given.
-typedef struct gt_cycle {
-  // Cycles since the last tick: 1 when on time; more after an overrun, and each skipped one is a miss. 0 counts as 1.
-  uint32_t elapsed;
-  // Not 0: the stop at the machine is asserted.
+// Inputs of one tick. Zero is refused where a forgotten value would be dangerous: stop, rearm, last_write.
+typedef struct gt_tick_input {
+  // Cycles since the last tick: 1 when on time; each further one is a missed deadline. 0 counts as 1.
+  uint32_t elapsed_cycles;
+  // The stop at the machine: GT_RELEASED or GT_PRESSED.
   uint8_t stop;
-  // Not 0: somebody at the machine re-arms. It must be seen released in Fault before it counts.
+  // The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen released in Fault.
   uint8_t rearm;
-  // When in the cycle the last Command arrived, us after the last State left; evidence only, 0 where it is not timed.
+  // Fate of the references of the last tick: GT_WRITE_ACCEPTED, GT_WRITE_REFUSED or GT_WRITE_UNKNOWN.
+  uint8_t last_write;
+  // Time from the departure of the last State to the arrival of the last Command, us; recorded only. 0 without a measurement.
   uint16_t arrival_us;
-  // Epoch for the next session: above every epoch ever given, written to storage before this call.
-  uint64_t next_epoch;
   // Nominal references of this cycle, nm.
   int64_t nominal_nm[GT_MAX_AXES];
-  // What the drives measure.
+  // Measurements of the drives.
   struct gt_actual actual[GT_MAX_AXES];
-} gt_cycle;
+  // Values in force at the drives; read for GT_WRITE_REFUSED only.
+  struct gt_in_force in_force[GT_MAX_AXES];
+} gt_tick_input;
 
-// What one motor's drive receives.
+// References that one motor's drive receives.
 typedef struct gt_reference {
   // Position reference: nominal plus offset, inside the machine's travel, nm.
   int64_t position_nm;
@@ -639,7 +672,7 @@ typedef struct gt_reference {
 
 // Counts since the session was granted; they saturate.
 typedef struct gt_counters {
-  // Frames of the owner, whatever their content.
+  // Frames of the owner, valid or not.
   uint32_t received;
   // Deadlines that passed without a fresh valid Command.
   uint32_t missed;
@@ -649,7 +682,7 @@ typedef struct gt_counters {
   uint32_t duplicate;
   // Frames of another epoch, out of sequence, or echoing a tick that was never sent.
   uint32_t stale;
-  // Well-framed Commands with bad content, and frames that have no place in the phase.
+  // Frames of the owner with bad content, or not allowed in the phase.
   uint32_t malformed;
   // Commands refused because a target lies beyond M.
   uint32_t out_of_range;
@@ -657,8 +690,8 @@ typedef struct gt_counters {
   uint32_t limited;
   // References that the travel clamped.
   uint32_t clamped;
-  // Frames from connections that own nothing, Hellos aside.
-  uint32_t strangers;
+  // Frames of non-owners, Hellos aside.
+  uint32_t non_owner;
   // Longest run of consecutive misses.
   uint16_t longest_miss_run;
 } gt_counters;
@@ -669,15 +702,15 @@ typedef struct gt_axis_state {
   int64_t nominal_nm;
   // Offsets in force.
   struct gt_offsets offsets;
-  // Where the offsets would be if Submit were Obtain; zero outside Submit.
+  // Offsets that would be in force if Submit were Obtain; zero outside Submit.
   struct gt_offsets shadow;
-  // What the drive measures.
+  // Measurements of the drive.
   struct gt_actual actual;
-  // What was clamped or limited in this tick: GT_FLAG_ bits.
+  // Values that were clamped or limited in this tick: GT_FLAG_ bits.
   uint8_t flags;
 } gt_axis_state;
 
-// The server after a tick: what the owner is told, for a monitor.
+// State of the server after a tick, as the owner receives it.
 typedef struct gt_state {
   // Number of this tick.
   uint64_t tick;
@@ -687,54 +720,50 @@ typedef struct gt_state {
   uint64_t accepted;
   // The phase.
   gt_phase phase;
-  // Why the last session ended; it stays until the next end.
+  // Cause of the end of the last session; it stays until the next end.
   gt_cause cause;
   // Ticks until every offset would be zero if the ramp began now.
   uint32_t ramp_ticks_left;
-  // When in the cycle the last Command arrived, us, as given.
+  // Arrival of the last Command, us, as given.
   uint16_t arrival_us;
   // On-time Commands among the last 100 deadlines.
   uint8_t on_time_of_100;
   // Counts since the session was granted.
   struct gt_counters counters;
-  // How many axes there are.
+  // Number of axes.
   uint32_t axis_count;
-  // The axes; those that are not there are zero.
+  // The axes; unused entries are zero.
   struct gt_axis_state axes[GT_MAX_AXES];
 } gt_state;
 
-// What one tick gives back.
-typedef struct gt_turn {
-  // How many motors there are.
+// Outputs of one tick.
+typedef struct gt_tick_output {
+  // Not 0: write `motors` to the drives. 0: the values in force at the drives are unknown, so nothing may be written.
+  uint8_t write;
+  // Number of motors.
   uint32_t motor_count;
-  // What every motor receives, in every tick; those that are not there are zero.
+  // References of every motor; unused entries are zero, all of them if `write` is 0.
   struct gt_reference motors[GT_MAX_MOTORS];
-  // How many frames wait to be written: gt_server_frame.
-  uint32_t frame_count;
-  // How many connections are to be closed once their frames are written. The server has forgotten them already.
-  uint32_t close_count;
-  // Those connections.
-  uint64_t close[GT_MAX_CONNECTIONS];
   // Hellos refused in this tick.
   uint32_t refused;
-  // Not 0: a session was granted in this tick, and next_epoch is used up.
+  // Not 0: a session was granted in this tick.
   uint8_t welcomed;
-  // Not 0: `owner` has a session, or is still told how it ends.
+  // Not 0: `owner` has a session, or still receives States after its end.
   uint8_t has_owner;
-  // The owner's connection.
+  // Connection of the owner.
   uint64_t owner;
-  // Why a session ended, or the server stopped, in this tick; GT_CAUSE_NONE: neither.
+  // Cause of an end of a session, or of a stop, in this tick; GT_CAUSE_NONE without one.
   gt_cause ended;
-  // The state after the tick.
+  // State after the tick.
   struct gt_state state;
-} gt_turn;
+} gt_tick_output;
 
-// What a black box holds.
+// Contents of a black box.
 typedef struct gt_black_box {
   // Ticks recorded, at most 3 GT_BLACK_BOX_TICKS.
   uint32_t ticks;
-  // Lines of its file; 0 while no tick is recorded.
-  uint32_t lines;
+  // Parts of its file; 0 while no tick is recorded.
+  uint32_t parts;
   // Not 0: the end of a session has frozen it, GT_BLACK_BOX_TICKS ticks ago. It records again after gt_server_black_box_release.
   uint8_t frozen;
 } gt_black_box;
@@ -743,17 +772,16 @@ typedef struct gt_black_box {
 extern "C" {
 #endif // __cplusplus
 
-// GT_ABI_VERSION of the library that is linked: compare it with the header's before anything else.
+// Returns GT_ABI_VERSION of the linked library. Compare it with the header's before any other call.
 uint32_t gt_abi_version(void);
 
-// Version of the library, such as "0.1.0". Static, never to be freed.
+// Returns the version of the library, such as "0.1.0": a static string, not to be freed.
 const char *gt_version(void);
 
-// The name of a code in this header, such as "GT_CODE_NULL_POINTER"; "GT_CODE_UNKNOWN" for a number that is no code.
-// Static, never to be freed.
+// Returns the name of a code, such as "GT_CODE_NULL_POINTER", or "GT_CODE_UNKNOWN": a static string, not to be freed.
 const char *gt_code_name(int32_t code);
 
-// Makes a compensator of a machine in `memory`. The machine is copied and may go.
+// Makes a compensator of a machine in `memory`. The machine is copied.
 //
 // `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_COMPENSATOR_SIZE bytes. `compensator`: receives the handle.
 //
@@ -766,7 +794,7 @@ gt_code gt_l2_compensator_init(void *memory,
                                struct gt_error *error);
 
 // One cycle: offsets that hold the tool where the nominal positions q (q-units) put it, under `load`; to first order, at constant cost.
-// Whatever the load, what comes out is within the limits, or an error.
+// For any load the result is within the limits, or an error.
 //
 // Errors: KINEMATICS_: as gt_l2_forward and gt_l2_inverse.
 //
@@ -776,7 +804,7 @@ gt_code gt_l2_correction(const struct gt_l2_compensator *compensator,
                          struct gt_correction *correction,
                          struct gt_error *error);
 
-// As gt_l2_correction, by the exact map: large deflections, a platform that turns as the links let it. At most 10 rounds, each with
+// As gt_l2_correction, by the exact map, for large deflections with rotation of the platform. At most 10 rounds, each with
 // two solves of six equations.
 //
 // Errors: KINEMATICS_: as gt_l2_forward; SINGULAR, NOT_CONVERGED, NOT_FINITE.
@@ -787,7 +815,7 @@ gt_code gt_l2_exact_correction(const struct gt_l2_compensator *compensator,
                                struct gt_correction *correction,
                                struct gt_error *error);
 
-// Makes a compensator of a machine in `memory`. The machine is copied and may go.
+// Makes a compensator of a machine in `memory`. The machine is copied.
 //
 // `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_COMPENSATOR_SIZE bytes. `compensator`: receives the handle.
 //
@@ -800,7 +828,7 @@ gt_code gt_f1_compensator_init(void *memory,
                                struct gt_error *error);
 
 // One cycle: offsets that hold `pose`, which belongs to the nominal positions q (q-units), under `load`; to first order. The pose comes
-// from gt_f1_forward, seeded by that of the cycle before. Whatever the load, what comes out is within the limits, or an error.
+// from gt_f1_forward, seeded by that of the last cycle. For any load the result is within the limits, or an error.
 //
 // Errors: KINEMATICS_: as gt_f1_inverse.
 //
@@ -833,7 +861,7 @@ gt_code gt_f1_init(void *memory,
                    struct gt_f1 **machine,
                    struct gt_error *error);
 
-// CRC-32 over what decides the kinematics, as gt_l2_checksum.
+// Returns the CRC-32 over the kinematic parameters, as gt_l2_checksum.
 gt_code gt_f1_checksum(const struct gt_f1 *machine, uint32_t *checksum);
 
 // Inverse kinematics: positions q (q-units; rad for the last three) for a pose.
@@ -891,14 +919,14 @@ gt_code gt_f1_statics(const struct gt_f1 *machine,
 //
 // `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_SIZE bytes. `machine`: receives the handle.
 //
-// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (index 3: forward_branch), those of ROBOT_ and NOMINAL_: the first found.
+// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (index 3: forward_branch), those of ROBOT_ and ORIENTATION_: the first found.
 gt_code gt_l2_init(void *memory,
                    size_t size,
                    const struct gt_l2_geometry *geometry,
                    struct gt_l2 **machine,
                    struct gt_error *error);
 
-// CRC-32 over what decides the kinematics; `checksum` of a server is compared with the client's. wire.md says over what.
+// Returns the CRC-32 over the kinematic parameters (wire.md), for kinematics_checksum of a server; the client compares it with its own.
 gt_code gt_l2_checksum(const struct gt_l2 *machine,
                        uint32_t *checksum);
 
@@ -912,7 +940,7 @@ gt_code gt_l2_inverse(const struct gt_l2 *machine,
                       double q[3],
                       struct gt_error *error);
 
-// Forward kinematics: where the tool centre point is (world axes, m) for positions q (q-units). Closed form, constant cost.
+// Forward kinematics: position of the tool centre point (world axes, m) for positions q (q-units). Closed form, constant cost.
 //
 // Errors: KINEMATICS_: NO_ASSEMBLY, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE.
 //
@@ -940,7 +968,7 @@ gt_code gt_l2_statics(const struct gt_l2 *machine,
                       double cart_loads[3],
                       struct gt_error *error);
 
-// A length in whole nanometres: the nearest, halves away from zero. The one way from the float world to references.
+// Converts a length to whole nanometres, rounded half away from zero. The only conversion from floats to references.
 //
 // Errors: those of CROSSING_ (NaN, infinite, or 2^53 nm and more).
 gt_code gt_position_from_metres(double metres, int64_t *position_nm, struct gt_error *error);
@@ -960,13 +988,13 @@ gt_code gt_sensor_init(void *memory,
 // `taring` receives the samples that the tare still needs; when it is 0, `load` receives the load on the platform, world axes, about
 // the tool centre point, filtered, otherwise zeros. Constant cost.
 //
-// Errors: GT_CODE_SENSOR_BAD_READING; nothing is changed then.
+// Errors: GT_CODE_SENSOR_BAD_READING; the sensor is then unchanged.
 gt_code gt_sensor_update(struct gt_sensor *sensor,
                          const struct gt_wrench *raw,
                          struct gt_wrench *load,
                          uint32_t *taring);
 
-// Starts over: tare first, filter at zero. The tool must be unloaded.
+// Starts again with the tare, the filter at zero. The tool must be unloaded.
 gt_code gt_sensor_restart(struct gt_sensor *sensor);
 
 // Fills a configuration with the profile of the thesis: 1 kHz, one lost Command tolerated, position offsets of at most 2 mm that change
@@ -977,20 +1005,22 @@ gt_code gt_sensor_restart(struct gt_sensor *sensor);
 gt_code gt_server_config_thesis(struct gt_server_config *config,
                                 uint32_t axes);
 
-// Checks a configuration, and says how many bytes its server needs here, at most GT_SERVER_SIZE_6_BLACK_BOX.
+// Checks a configuration, and returns the bytes that its server needs on this target, at most GT_SERVER_SIZE_6_BLACK_BOX.
 // `size` may be null.
 //
 // Errors: GT_CODE_BLACK_BOX, GT_CODE_MOTOR_COUNT, those of LIMITS_, CONFIG_ and MOTOR_MAP: the first found.
-gt_code gt_server_config_check(const struct gt_server_config *config, size_t *size, struct gt_error *error);
+gt_code gt_server_config_check(const struct gt_server_config *config,
+                               size_t *size,
+                               struct gt_error *error);
 
-// Makes a server in `memory`, without connections. Offsets that the drives still have in force start in GT_PHASE_SAFE_DISCONNECT.
+// Creates a server in `memory`, without connections. Offsets in force start in GT_PHASE_SAFE_DISCONNECT, a latched stop in GT_PHASE_FAULT.
 // Nothing is to be freed: memory of a server that is no longer used can be used again.
 //
-// `memory`, `size`: aligned to GT_ALIGN (GT_MEMORY, malloc), at least GT_SERVER_SIZE_... bytes; what it holds does not matter.
+// `memory`, `size`: aligned to GT_ALIGN (GT_MEMORY, malloc), at least GT_SERVER_SIZE_... bytes; its contents are overwritten.
 // `server`: receives the handle, which points into `memory`.
 //
 // Errors: those of gt_server_config_check; GT_CODE_MEMORY_TOO_SMALL, GT_CODE_MISALIGNED, GT_CODE_START_OFFSET_IN_FORCE.
-// After an error nothing in the memory is to be used, a server that was there before included.
+// After an error the memory holds no server, not even one that was there before.
 gt_code gt_server_init(void *memory,
                        size_t size,
                        const struct gt_server_config *config,
@@ -1004,74 +1034,74 @@ gt_code gt_server_init(void *memory,
 // Errors: GT_CODE_TRANSPORT; GT_CODE_FULL: GT_MAX_CONNECTIONS are open, send gt_server_refusal and close.
 gt_code gt_server_open(struct gt_server *server, uint32_t transport, uint64_t *connection);
 
-// The frame for a peer for whom there is no room; its `connection` has no meaning.
+// Returns the frame for a peer without room for its connection; the frame's `connection` has no meaning.
 gt_code gt_server_refusal(struct gt_frame *frame);
 
-// Says that a connection is gone: closed by its peer, reset, or because a frame could not be written to it whole.
-// One that is not open is ignored.
+// Takes note that a connection is gone: closed by its peer, reset, or because a frame could not be written to it whole.
+// A connection that is not open is ignored.
 gt_code gt_server_close(struct gt_server *server, uint64_t connection);
 
 // Takes bytes that were read from a connection: for a stream any piece of it, for datagrams exactly one.
-// The work is bounded by `length`; what exceeds a connection's budget of frames per tick is not read (8 of the owner: a ninth ends
+// The work is bounded by `length`. Frames beyond a connection's budget per tick are not read (8 of the owner: a ninth ends
 // the session; 1 of others: they are closed). A connection that is not open is ignored.
 //
-// `frames` receives how many frames the coming tick has of this connection; it may be null.
+// `frames` receives the number of frames of this connection in the coming tick; it may be null.
 gt_code gt_server_feed(struct gt_server *server,
                        uint64_t connection,
                        const uint8_t *bytes,
                        size_t length,
                        uint8_t *frames);
 
-// Lock-step: `answered` receives 1 if the coming tick has what it waits for (a Command that answers the last State, or something of
-// the owner's that ends the session), else 0.
+// Lock-step: `answered` receives 1 if the coming tick has what it waits for (a Command that answers the last State, or an event
+// of the owner that ends the session), else 0.
 gt_code gt_server_owner_has_answered(struct gt_server *server,
                                      uint8_t *answered);
 
-// One cycle: everything that was fed since the last tick is heard, then one step is taken. Its work is bounded, whatever arrived, and
-// it takes the same path of memory every time: no allocation, no lock, no clock.
+// Replaces the epochs that may be granted: a further range, reserved in storage. An epoch is never granted twice.
+gt_code gt_server_set_epochs(struct gt_server *server, uint64_t first, uint64_t last);
+
+// Runs one cycle on everything that was fed since the last tick. Its work is bounded, whatever arrived: no allocation, no lock, no clock.
 //
-// Call it once per cycle, then write `turn->motors` to the drives, then fetch and write the frames, then close what `turn->close` names.
-// What the drives do when no tick comes is their watchdog's business.
+// Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0; then send what gt_server_poll_transmit
+// returns; then close what gt_server_poll_close returns. Drives need a watchdog for the case that no tick comes.
 //
-// An error changes nothing: GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT.
+// Errors: GT_CODE_TICK_INPUT: stop, rearm or last_write is not one of its values; GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED,
+// GT_CODE_NO_OBJECT. After an error nothing has changed.
 gt_code gt_server_tick(struct gt_server *server,
-                       const struct gt_cycle *cycle,
-                       struct gt_turn *turn);
+                       const struct gt_tick_input *input,
+                       struct gt_tick_output *output);
 
-// Frame `index` of the last tick, 0 to frame_count - 1, in the order in which they are to be written: refusals, the Welcome, the State.
-// It is copied; it can be fetched again until the next tick.
+// Returns the next frame of the last tick, in the order in which they are to be sent: Refusals, the Welcome, the State.
+// Frames that are not polled before the next tick are discarded.
 //
-// Errors: GT_CODE_INDEX.
-gt_code gt_server_frame(struct gt_server *server,
-                        uint32_t index,
-                        struct gt_frame *frame);
+// Errors: GT_CODE_DONE after the last one.
+gt_code gt_server_poll_transmit(struct gt_server *server, struct gt_frame *frame);
 
-// The drives did not take the last references, and have these offsets in force instead (GT_MAX_AXES entries, of which the machine's
-// are looked at). The channels go on from them at rest, without a step; the session is over, and the black box begins anew.
+// Returns the next connection to close, after its frames are sent. Poll the frames first. A connection that is not polled keeps its
+// place among GT_MAX_CONNECTIONS.
 //
-// Errors: GT_CODE_START_OFFSET_IN_FORCE; nothing is changed then.
-gt_code gt_server_resume(struct gt_server *server,
-                         const struct gt_offsets *in_force,
-                         struct gt_error *error);
+// Errors: GT_CODE_DONE after the last one.
+gt_code gt_server_poll_close(struct gt_server *server,
+                             uint64_t *connection);
 
-// What the black box holds. Without one: 0 ticks, never frozen.
+// Returns the contents of the black box. Without one: 0 ticks, never frozen.
 gt_code gt_server_black_box(struct gt_server *server, struct gt_black_box *black_box);
 
-// Line `index` of the black box as a file, 0 to `lines` - 1 of gt_black_box: JSON that ends with a newline, without a zero after it.
-// All lines in order are a file that `gantry-tau replay` runs again, bit for bit. A frozen box does not change, so that a
-// program can write a line per cycle; one that still records is to be read between two ticks, whole.
+// Writes part `index` of the black box as a file, 0 to `parts` - 1 of gt_black_box. All parts in order are a file that
+// `gantry-tau replay` runs again, bit for bit. A frozen box does not change, so a program can write a part per cycle; a box
+// that still records is to be read as a whole between two ticks.
 //
-// `buffer`, `size`: initialised memory, GT_BLACK_BOX_LINE bytes at most; null with size 0 to ask for the length.
-// `length`: receives the length of the line, whether it fits or not.
+// `buffer`, `size`: initialised memory, GT_BLACK_BOX_PART bytes at most; null with size 0 to ask for the length.
+// `length`: receives the length of the part, whether it fits or not.
 //
-// Errors: GT_CODE_INDEX; GT_CODE_BUFFER_TOO_SMALL: the buffer has the beginning of the line.
-gt_code gt_server_black_box_line(struct gt_server *server,
+// Errors: GT_CODE_INDEX; GT_CODE_BUFFER_TOO_SMALL: the buffer has the beginning of the part.
+gt_code gt_server_black_box_part(struct gt_server *server,
                                  uint32_t index,
-                                 char *buffer,
+                                 uint8_t *buffer,
                                  size_t size,
                                  size_t *length);
 
-// Forgets what the black box holds, and records again: after its lines are written, and when a new session was granted.
+// Clears the black box and records again: after its parts are written, and when a new session was granted.
 gt_code gt_server_black_box_release(struct gt_server *server);
 
 #ifdef __cplusplus

@@ -2,41 +2,40 @@
 
 use core::ffi::{CStr, c_char};
 
-/// What a call led to. 0 is success; every error of the library has a code of its own, and its details are in gt_error.
-/// Axes, arms, links and motors count from 0.
+/// Result of a call: 0 for success, else the error; gt_error has its details. Axes, arms, links and motors count from 0.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum gt_code {
     /// Done.
     Ok = 0,
 
-    /// A pointer is null that must not be.
+    /// A required pointer is null.
     NullPointer = 1,
-    /// A pointer is not aligned for what it points to.
+    /// A pointer is not aligned for its type.
     Misaligned = 2,
     /// The memory is smaller than the object. `value`: bytes needed.
     MemoryTooSmall = 3,
-    /// This is no such object: not initialised, initialised as another, or overwritten.
+    /// The handle does not refer to a live object of this type.
     NoObject = 4,
-    /// A length is larger than any object can be.
+    /// A length is above the largest size of an object.
     Length = 5,
     /// A buffer is too small. `value`: bytes needed.
     BufferTooSmall = 6,
-    /// There is no entry of this index.
+    /// The index is beyond the last entry.
     Index = 7,
-    /// Neither GT_TRANSPORT_STREAM nor GT_TRANSPORT_DATAGRAM.
+    /// The transport is neither GT_TRANSPORT_STREAM nor GT_TRANSPORT_DATAGRAM.
     Transport = 8,
     /// The number of motors is not 1 to GT_MAX_MOTORS. `value`: the refused number.
     MotorCount = 9,
-    /// Neither GT_BLACK_BOX_NONE nor GT_BLACK_BOX_TICKS. `value`: the refused number.
+    /// black_box_ticks is neither GT_BLACK_BOX_NONE nor GT_BLACK_BOX_TICKS. `value`: the refused number.
     BlackBox = 10,
-    /// A branch or a sign is neither 1 nor -1. `index`: which one.
+    /// A branch or a sign is neither 1 nor -1. `index`: its number.
     Branch = 11,
-    /// `stop`, `rearm` or `last_write` of a gt_tick_input is not one of its values; 0 never is.
+    /// `stop`, `rearm` or `last_write` of a gt_tick_input is not one of its values. 0 is refused.
     TickInput = 12,
-    /// There are no more frames or connections: not an error, the end of a loop.
+    /// All frames or connections have been polled: the end of a loop, not an error.
     Done = 13,
-    /// An error of core that this interface does not know.
+    /// An error of core without a code of its own.
     Other = 14,
 
     /// M of a channel is negative. `index`: axis, `parameter`: channel, `value`: M.
@@ -50,7 +49,7 @@ pub enum gt_code {
 
     /// The number of axes is neither 3 nor 6. `value`: the refused number.
     ConfigAxes = 200,
-    /// The handshake would never or at once time out: handshake_ticks is 0.
+    /// handshake_ticks is 0: every session would time out at once.
     ConfigHandshakeTicks = 201,
     /// The window of the miss budget is above 128 ticks. `value`: the window.
     ConfigBudgetWindow = 202,
@@ -58,73 +57,73 @@ pub enum gt_code {
     ConfigTorqueMax = 203,
     /// A travel has its ends reversed, or beyond 2^61 nm. `index`: axis.
     ConfigTravel = 204,
-    /// The nominal travel lies less than M of the position channel inside the machine's travel. `index`: axis.
+    /// The nominal travel is less than M of the position channel inside the machine's travel. `index`: axis.
     ConfigMargin = 205,
 
-    /// An offset in force is beyond its limits, and the server must not start.
+    /// An offset in force is beyond its limits: the server must not start.
     /// `index`: axis, `value`: its position offset in nm, `lower`: velocity in um/s, `upper`: torque in per mille.
     StartOffsetInForce = 300,
 
-    /// A motor is mapped to an axis that does not exist. `index`: motor, `value`: the axis, `upper`: how many there are.
+    /// A motor is mapped to an axis beyond the last one. `index`: motor, `value`: the axis, `upper`: number of axes.
     MotorMap = 400,
 
-    /// GT_MAX_CONNECTIONS are open already. gt_server_refusal has what the peer should be told.
+    /// GT_MAX_CONNECTIONS are open. Send the frame of gt_server_refusal to the peer.
     Full = 500,
 
-    /// A number of a machine is NaN or infinite. `parameter` and `index`: which.
+    /// A number of a machine is NaN or infinite. `parameter`, `index`: its place.
     RobotNotFinite = 600,
-    /// A number of a machine has a magnitude outside `lower` to `upper`. `parameter` and `index`: which.
+    /// The magnitude of a number of a machine is outside `lower` to `upper`. `parameter`, `index`: its place.
     RobotOutOfRange = 601,
-    /// The lower end of a travel is above its upper end. `parameter` and `index`: which.
+    /// The lower end of a travel is above its upper end. `parameter`, `index`: its place.
     RobotReversed = 602,
 
-    /// The matrix of an orientation is no rotation. `value`: largest deviation of R^T R from the identity.
-    NominalNotRotation = 700,
-    /// The Tau property is violated. `index`: the link that differs from the first of its cluster, `value`: by how much, m.
-    NominalNotTau = 701,
+    /// The matrix of an orientation is not a rotation matrix. `value`: largest deviation of R^T R from the identity.
+    OrientationNotRotation = 700,
+    /// The Tau property is violated. `index`: the link that differs from the first of its cluster, `value`: the difference, m.
+    OrientationNotTau = 701,
 
-    /// The gain is not from 0 to 1.
+    /// The gain is outside 0 to 1.
     CompensatorGain = 800,
     /// A limit is negative. `index`: axis.
     CompensatorLimit = 801,
     /// metres_per_q is not finite or out of range. `index`: axis.
     CompensatorMetresPerQ = 802,
 
-    /// A number given, or one computed from it, is NaN or infinite.
+    /// An argument, or a number computed from it, is NaN or infinite.
     KinematicsNotFinite = 900,
     /// The links of an arm are too short to reach the pose. `index`: arm.
     KinematicsUnreachable = 901,
-    /// The carts stand so that their links cannot meet.
+    /// The links cannot meet for these positions of the carts.
     KinematicsNoAssembly = 902,
-    /// The pose exists only beyond a singularity. `index`: the arm that would be on its other side, -1: the tool would.
+    /// The pose exists only beyond a singularity. `index`: the arm on the other side of it, -1 for the tool.
     KinematicsOtherBranch = 903,
     /// The pose is singular, or too close to it. `value`: the measure, 0 at the singularity.
     KinematicsSingular = 904,
-    /// An axis would leave its travel. `index`: axis, `value`: where it would be, `lower`, `upper`: its travel; q-units.
+    /// An axis would leave its travel. `index`: axis, `value`: its position, `lower`, `upper`: its travel; q-units.
     KinematicsOutOfRange = 905,
-    /// The iteration did not come to an end. `iterations`: made, `value`: largest error of a link's length then, m.
+    /// The iteration did not converge. `iterations`: their number, `value`: largest error of a link's length, m.
     KinematicsNotConverged = 906,
-    /// Without a seed this machine's forward kinematics has no start.
+    /// The forward kinematics of this machine needs a seed.
     KinematicsSeedRequired = 907,
-    /// A pose and positions that were given together do not fit the length of an arm's links. `index`: arm.
+    /// Pose and positions do not match the length of an arm's links. `index`: arm.
     KinematicsInconsistent = 908,
 
-    /// The rotation of a sensor's mounting is none.
+    /// The rotation of a sensor's mounting is not a rotation matrix.
     SensorNotRotation = 1000,
-    /// A number of a sensor is not from `lower` to `upper`. `parameter`: which.
+    /// A number of a sensor is outside `lower` to `upper`. `parameter`: its name.
     SensorOutOfRange = 1001,
     /// A component of a reading is NaN, infinite or beyond 1e6; the reading was not used.
     SensorBadReading = 1002,
-    /// A sensor's state contradicts itself. No function of this interface returns it: a sensor's state is never given from outside.
+    /// The state of a sensor is invalid. Not returned by this interface, where that state never comes from outside.
     SensorInvalidState = 1003,
 
-    /// A length to be converted is NaN or infinite.
+    /// A length to convert is NaN or infinite.
     CrossingNotFinite = 1100,
-    /// A length to be converted is out of range. `upper`: largest magnitude, nm.
+    /// A length to convert is out of range. `upper`: largest magnitude, nm.
     CrossingOutOfRange = 1101,
 }
 
-/// Every code with its name.
+/// Codes and their names.
 const NAMES: [(gt_code, &CStr); 51] = {
     use gt_code as Code;
     [
@@ -165,8 +164,11 @@ const NAMES: [(gt_code, &CStr); 51] = {
         (Code::RobotNotFinite, c"GT_CODE_ROBOT_NOT_FINITE"),
         (Code::RobotOutOfRange, c"GT_CODE_ROBOT_OUT_OF_RANGE"),
         (Code::RobotReversed, c"GT_CODE_ROBOT_REVERSED"),
-        (Code::NominalNotRotation, c"GT_CODE_NOMINAL_NOT_ROTATION"),
-        (Code::NominalNotTau, c"GT_CODE_NOMINAL_NOT_TAU"),
+        (
+            Code::OrientationNotRotation,
+            c"GT_CODE_ORIENTATION_NOT_ROTATION",
+        ),
+        (Code::OrientationNotTau, c"GT_CODE_ORIENTATION_NOT_TAU"),
         (Code::CompensatorGain, c"GT_CODE_COMPENSATOR_GAIN"),
         (Code::CompensatorLimit, c"GT_CODE_COMPENSATOR_LIMIT"),
         (
@@ -213,18 +215,17 @@ const NAMES: [(gt_code, &CStr); 51] = {
 };
 
 impl gt_code {
-    /// The number that C sees.
+    /// Returns the number in C.
     #[expect(
         clippy::as_conversions,
-        reason = "an enum's number; there is no other way to it"
+        reason = "the number of an enum has no other conversion"
     )]
     const fn number(self) -> i32 {
         self as i32
     }
 }
 
-/// The name of a code in this header, such as "GT_CODE_NULL_POINTER"; "GT_CODE_UNKNOWN" for a number that is no code.
-/// Static, never to be freed.
+/// Returns the name of a code, such as "GT_CODE_NULL_POINTER", or "GT_CODE_UNKNOWN": a static string, not to be freed.
 #[unsafe(no_mangle)]
 pub extern "C" fn gt_code_name(code: i32) -> *const c_char {
     let known = NAMES.iter().find(|(known, _)| known.number() == code);
@@ -249,9 +250,9 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_is_no_code_has_a_name() {
+    fn an_unknown_number_has_a_name() {
         for code in [-1, 15, 99, i32::MAX] {
-            // SAFETY: what is returned is static and ends with a zero.
+            // SAFETY: the string is static and ends with a zero.
             let name = unsafe { CStr::from_ptr(gt_code_name(code)) };
             assert_eq!(name, c"GT_CODE_UNKNOWN");
         }

@@ -22,13 +22,13 @@ pub const GT_L2_COMPENSATOR_SIZE: usize = 4096;
 /// Bytes of a gt_f1_compensator.
 pub const GT_F1_COMPENSATOR_SIZE: usize = 2560;
 
-/// How a machine yields, and how much of it is corrected. Of the arrays per axis only the machine's axes are looked at.
+/// Compliances of a machine, and the share of its deflection that is corrected. Array entries beyond the machine's axes are not read.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct gt_compensator_config {
     /// Elongation of each link per newton of tension, m/N, link order; positive.
     pub link_m_per_n: [f64; GT_LINKS],
-    /// How far each axis yields per unit of load, q-units (carts: m/N, plates: rad/(N m)); positive.
+    /// Displacement of each axis per unit of load, q-units (carts: m/N, plates: rad/(N m)); positive.
     pub axis_per_n: [f64; GT_MAX_AXES],
     /// Length of one unit of each q, m: |v_i| for a cart, the screw's law for a plate.
     pub metres_per_q: [f64; GT_MAX_AXES],
@@ -39,13 +39,13 @@ pub struct gt_compensator_config {
     pub gain: f64,
 }
 
-/// What one cycle asks of the axes.
+/// Offsets of one cycle.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct gt_correction {
-    /// Offset of each axis, nm, within its limit; 0 for axes that are not there.
+    /// Offset of each axis, nm, within its limit; 0 beyond the machine's axes.
     pub offsets_nm: [i32; GT_MAX_AXES],
-    /// 1 where the limit cut it short.
+    /// 1 for an offset that its limit has cut.
     pub saturated: [u8; GT_MAX_AXES],
 }
 
@@ -99,7 +99,7 @@ impl<const N: usize> From<Correction<N>> for gt_correction {
     }
 }
 
-/// Makes a compensator of a machine in `memory`. The machine is copied and may go.
+/// Makes a compensator of a machine in `memory`. The machine is copied.
 ///
 /// `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_COMPENSATOR_SIZE bytes. `compensator`: receives the handle.
 ///
@@ -132,7 +132,7 @@ pub unsafe extern "C" fn gt_l2_compensator_init(
 }
 
 /// One cycle: offsets that hold the tool where the nominal positions q (q-units) put it, under `load`; to first order, at constant cost.
-/// Whatever the load, what comes out is within the limits, or an error.
+/// For any load the result is within the limits, or an error.
 ///
 /// Errors: KINEMATICS_: as gt_l2_forward and gt_l2_inverse.
 ///
@@ -157,7 +157,7 @@ pub unsafe extern "C" fn gt_l2_correction(
     unsafe { reply(error, solve()) }
 }
 
-/// As gt_l2_correction, by the exact map: large deflections, a platform that turns as the links let it. At most 10 rounds, each with
+/// As gt_l2_correction, by the exact map, for large deflections with rotation of the platform. At most 10 rounds, each with
 /// two solves of six equations.
 ///
 /// Errors: KINEMATICS_: as gt_l2_forward; SINGULAR, NOT_CONVERGED, NOT_FINITE.
@@ -186,7 +186,7 @@ pub unsafe extern "C" fn gt_l2_exact_correction(
     unsafe { reply(error, solve()) }
 }
 
-/// Makes a compensator of a machine in `memory`. The machine is copied and may go.
+/// Makes a compensator of a machine in `memory`. The machine is copied.
 ///
 /// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_COMPENSATOR_SIZE bytes. `compensator`: receives the handle.
 ///
@@ -219,7 +219,7 @@ pub unsafe extern "C" fn gt_f1_compensator_init(
 }
 
 /// One cycle: offsets that hold `pose`, which belongs to the nominal positions q (q-units), under `load`; to first order. The pose comes
-/// from gt_f1_forward, seeded by that of the cycle before. Whatever the load, what comes out is within the limits, or an error.
+/// from gt_f1_forward, seeded by that of the last cycle. For any load the result is within the limits, or an error.
 ///
 /// Errors: KINEMATICS_: as gt_f1_inverse.
 ///

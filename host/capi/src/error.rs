@@ -1,4 +1,4 @@
-//! From core's errors to codes; what they carry goes with them.
+//! Conversion of core's errors, with all that they carry.
 
 use gantry_tau_core::control::channel::LimitsError;
 use gantry_tau_core::control::endpoint::{Full, MotorMapError};
@@ -13,11 +13,11 @@ use gantry_tau_core::units::CrossingError;
 
 use crate::code::gt_code;
 
-/// Which parameter an error is about.
+/// Parameter that an error is about.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum gt_parameter {
-    /// None, or the code says it.
+    /// None, or implied by the code.
     None = 0,
     /// cart_joints_m; the index is the link.
     CartJoint = 1,
@@ -57,23 +57,23 @@ pub enum gt_parameter {
     Torque = 18,
 }
 
-/// What went wrong, with all that is known of it. What a field means depends on the code; a field that the code does not use is 0.
+/// Details of an error. The meaning of a field depends on the code; a field that the code does not use is 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct gt_error {
     /// The code that the call returned, GT_CODE_OK included.
     pub code: gt_code,
-    /// Which axis, arm, link or motor, counted from 0; -1 for none.
+    /// Axis, arm, link or motor, counted from 0; -1 for none.
     pub index: i32,
-    /// Which parameter.
+    /// Parameter.
     pub parameter: gt_parameter,
-    /// Linear solves made.
+    /// Number of linear solves.
     pub iterations: i32,
-    /// The value that was refused, or a measure of how wrong it is.
+    /// Refused value, or a measure of its error.
     pub value: f64,
-    /// Smallest value that is accepted.
+    /// Smallest accepted value.
     pub lower: f64,
-    /// Largest value that is accepted.
+    /// Largest accepted value.
     pub upper: f64,
 }
 
@@ -81,7 +81,7 @@ impl gt_error {
     /// No error.
     pub(crate) const OK: Self = Self::new(gt_code::Ok);
 
-    /// An error that is known by its code.
+    /// Creates an error without details.
     pub(crate) const fn new(code: gt_code) -> Self {
         Self {
             code,
@@ -94,23 +94,23 @@ impl gt_error {
         }
     }
 
-    /// Of this axis, arm, link or motor.
+    /// Sets the axis, arm, link or motor.
     pub(crate) fn at(self, index: usize) -> Self {
         let index = i32::try_from(index).unwrap_or(-1);
         Self { index, ..self }
     }
 
-    /// Of this parameter.
+    /// Sets the parameter.
     pub(crate) const fn of(self, parameter: gt_parameter) -> Self {
         Self { parameter, ..self }
     }
 
-    /// With this value.
+    /// Sets the value.
     pub(crate) const fn value(self, value: f64) -> Self {
         Self { value, ..self }
     }
 
-    /// With this range.
+    /// Sets the accepted range.
     pub(crate) const fn range(self, lower: f64, upper: f64) -> Self {
         Self {
             lower,
@@ -120,7 +120,7 @@ impl gt_error {
     }
 }
 
-/// A count as a number of an error: those there are lie far below 2^53.
+/// Converts a count; all counts here are far below 2^53.
 #[expect(clippy::as_conversions, reason = "total; rounds above 2^53")]
 pub(crate) const fn count(count: usize) -> f64 {
     count as f64
@@ -246,10 +246,12 @@ impl From<l2::OrientationError> for gt_error {
     fn from(error: l2::OrientationError) -> Self {
         match error {
             l2::OrientationError::NotRotation { deviation } => {
-                Self::new(gt_code::NominalNotRotation).value(deviation)
+                Self::new(gt_code::OrientationNotRotation).value(deviation)
             }
             l2::OrientationError::NotTau { link, mismatch_m } => {
-                Self::new(gt_code::NominalNotTau).at(link).value(mismatch_m)
+                Self::new(gt_code::OrientationNotTau)
+                    .at(link)
+                    .value(mismatch_m)
             }
         }
     }
@@ -323,7 +325,7 @@ impl From<SensorError> for gt_error {
     }
 }
 
-/// Core names the fields of its `SensorConfig`.
+/// Returns the parameter for the name of a field of core's `SensorConfig`.
 fn sensor_parameter(name: &str) -> gt_parameter {
     match name {
         "lever_m" => gt_parameter::Lever,

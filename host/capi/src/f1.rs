@@ -31,13 +31,13 @@ pub struct gt_f1_geometry {
     pub lengths_m: [f64; GT_LINKS],
     /// Side of each guideway the links point to: 1 or -1.
     pub inverse_branch: [i32; GT_ARMS],
-    /// ax: what plates 2 and 3 turn about, of any length.
+    /// ax: axis about which plates 2 and 3 turn, of any length.
     pub turn_axis: [f64; 3],
-    /// ax6: what plate 3 tilts about, axes of the turned plate, of any length.
+    /// ax6: axis about which plate 3 tilts, in axes of the turned plate, of any length.
     pub tilt_axis: [f64; 3],
-    /// sigma4, sigma5: which way plates 2 and 3 turn for positive q4, q5: 1 or -1.
+    /// sigma4, sigma5: directions of plates 2 and 3 for positive q4, q5: 1 or -1.
     pub turn_signs: [i32; 2],
-    /// 0: carts are not checked, and plates within half a turn.
+    /// 0: travel of carts is not checked; plates stay within half a turn.
     pub has_travel: u8,
     /// Range of each q, lower and upper end, q-units; rad for the last three.
     pub travel: [[f64; 2]; 6],
@@ -98,7 +98,7 @@ pub unsafe extern "C" fn gt_f1_init(
     unsafe { reply(error, init()) }
 }
 
-/// CRC-32 over what decides the kinematics, as gt_l2_checksum.
+/// Returns the CRC-32 over the kinematic parameters, as gt_l2_checksum.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_f1_checksum(machine: *const gt_f1, checksum: *mut u32) -> gt_code {
     let ask = || {

@@ -30,7 +30,7 @@ pub struct gt_l2_geometry {
     pub inverse_branch: [i32; GT_ARMS],
     /// Side of the carts' plane the tool is on, sign(n . (T - P_1)), n = (P_2 - P_1) x (P_3 - P_1): 1 or -1.
     pub forward_branch: i32,
-    /// 0: the range of q is not checked.
+    /// 0: the travel of q is not checked.
     pub has_travel: u8,
     /// Range of each q, lower and upper end, q-units.
     pub travel: [[f64; 2]; GT_ARMS],
@@ -73,7 +73,7 @@ impl L2 {
 ///
 /// `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_SIZE bytes. `machine`: receives the handle.
 ///
-/// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (index 3: forward_branch), those of ROBOT_ and NOMINAL_: the first found.
+/// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (index 3: forward_branch), those of ROBOT_ and ORIENTATION_: the first found.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_l2_init(
     memory: *mut c_void,
@@ -94,7 +94,7 @@ pub unsafe extern "C" fn gt_l2_init(
     unsafe { reply(error, init()) }
 }
 
-/// CRC-32 over what decides the kinematics; `checksum` of a server is compared with the client's. wire.md says over what.
+/// Returns the CRC-32 over the kinematic parameters (wire.md), for kinematics_checksum of a server; the client compares it with its own.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_l2_checksum(machine: *const gt_l2, checksum: *mut u32) -> gt_code {
     let ask = || {
@@ -136,7 +136,7 @@ pub unsafe extern "C" fn gt_l2_inverse(
     unsafe { reply(error, solve()) }
 }
 
-/// Forward kinematics: where the tool centre point is (world axes, m) for positions q (q-units). Closed form, constant cost.
+/// Forward kinematics: position of the tool centre point (world axes, m) for positions q (q-units). Closed form, constant cost.
 ///
 /// Errors: KINEMATICS_: NO_ASSEMBLY, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE.
 ///

@@ -1,21 +1,27 @@
-//! The C interface of gantry-tau-core. What a C programmer reads is `include/gantry_tau.h`, which cbindgen writes from these files.
+//! C interface of gantry-tau-core. cbindgen writes `include/gantry_tau.h`, its reference for C programmers, from these files.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
 //! | [`code`] | one code per error |
-//! | [`error`] | from core's errors to codes with their fields |
-//! | [`memory`] | pointers that come from C, and objects in the caller's memory |
-//! | [`server`] | the session, bytes in and references out |
-//! | [`black_box`] | the evidence as lines of text |
+//! | [`error`] | core's errors as codes with their fields |
+//! | [`memory`] | pointers from C, and objects in the caller's memory |
+//! | [`server`] | the session: bytes in, references out, then bytes out |
+//! | [`black_box`] | the recorded ticks as parts of a file |
 //! | [`machine`] | poses, loads and springs |
 //! | [`l2`], [`f1`] | kinematics and statics of three axes and of six |
-//! | [`compensation`] | from a load to offsets |
-//! | [`sensor`] | from a raw reading to a load |
+//! | [`compensation`] | offsets from a load |
+//! | [`sensor`] | loads from raw readings |
 //!
-//! Unsafe code is what a C interface is made of, and it is only here: core forbids it. Every function of the interface takes what it
-//! needs through [`memory`], which refuses null and misaligned pointers and objects that are none; what cannot be seen from a pointer
-//! is the caller's promise, written at the head of the header.
+//! A C interface needs unsafe code; core forbids it. Every function takes its arguments through [`memory`], which refuses null and
+//! misaligned pointers, and handles without a live object of their type. The rest is the caller's promise, at the head of the header.
 #![cfg_attr(not(test), no_std)]
+#![cfg_attr(
+    test,
+    allow(
+        clippy::arithmetic_side_effects,
+        reason = "a test that overflows must panic"
+    )
+)]
 #![allow(
     non_camel_case_types,
     reason = "types have the names they have in C, so that both sides are found by one search"
@@ -39,13 +45,13 @@ pub mod server;
 /// Version of this interface. It changes with every change to a type, a constant or the meaning of a function.
 pub const GT_ABI_VERSION: u32 = 2;
 
-/// GT_ABI_VERSION of the library that is linked: compare it with the header's before anything else.
+/// Returns GT_ABI_VERSION of the linked library. Compare it with the header's before any other call.
 #[unsafe(no_mangle)]
 pub extern "C" fn gt_abi_version() -> u32 {
     GT_ABI_VERSION
 }
 
-/// Version of the library, such as "0.1.0". Static, never to be freed.
+/// Returns the version of the library, such as "0.1.0": a static string, not to be freed.
 #[unsafe(no_mangle)]
 pub extern "C" fn gt_version() -> *const core::ffi::c_char {
     const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");
@@ -57,7 +63,7 @@ unsafe extern "C" {
     fn gantry_tau_panic() -> !;
 }
 
-/// No path leads here: the function it calls does not exist, so a library that could panic would not link into any program.
+/// Never called: the function that it calls does not exist, so a library with a panic path does not link into any program.
 #[cfg(not(test))]
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {

@@ -10,22 +10,22 @@ use crate::code::gt_code;
 use crate::error::gt_error;
 use crate::memory::{Reply, place, reply};
 
-/// Number of links, in the order 11, 21, 22, 31, 32, 33: the first digit is the arm, and how many links it has.
+/// Number of links, in the order 11, 21, 22, 31, 32, 33: the first digit is the arm, and its number of links.
 pub const GT_LINKS: usize = 6;
 /// Number of arms, carts and guideways.
 pub const GT_ARMS: usize = 3;
 const _: () = assert!(GT_LINKS == LINKS && GT_ARMS == ARMS, "core's machines");
 
-/// Linear solves that a seed from the cycle before needs at most, at 1 m/s and 1 kHz.
+/// Largest number of linear solves from the seed of the last cycle, at 1 m/s and 1 kHz.
 pub const GT_WARM_SOLVES: u8 = 2;
-/// Linear solves for any other seed.
+/// Largest number of linear solves from any other seed.
 pub const GT_COLD_SOLVES: u8 = 10;
 const _: () = assert!(
     GT_WARM_SOLVES == WARM_ITERATIONS && GT_COLD_SOLVES == COLD_ITERATIONS,
     "core's numbers"
 );
 
-/// Where the tool is and how it is turned: x_world = T + R x_platform.
+/// Position and orientation of the tool: x_world = T + R x_platform.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct gt_pose {
@@ -45,11 +45,11 @@ pub struct gt_wrench {
     pub moment_nm: [f64; 3],
 }
 
-/// How an iterative answer was come by.
+/// Effort and accuracy of an iterative solution.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct gt_solved {
-    /// Linear solves made.
+    /// Number of linear solves.
     pub iterations: i32,
     /// Largest error of a link's length, m.
     pub residual_m: f64,
@@ -134,7 +134,7 @@ pub(crate) fn travel<const N: usize>(has: u8, ranges: [[f64; 2]; N]) -> Option<[
     (has != 0).then(|| ranges.map(|[lower, upper]| (lower, upper)))
 }
 
-/// A length in whole nanometres: the nearest, halves away from zero. The one way from the float world to references.
+/// Converts a length to whole nanometres, rounded half away from zero. The only conversion from floats to references.
 ///
 /// Errors: those of CROSSING_ (NaN, infinite, or 2^53 nm and more).
 #[unsafe(no_mangle)]

@@ -1,7 +1,7 @@
 //! Pointers that come from C, and objects in the caller's memory.
 //!
-//! What is promised of every pointer stands at the head of the header. Here null and misaligned ones are refused, structs are copied
-//! in and out, so that no reference to the caller's structs is ever held, and objects carry a tag that tells what they are.
+//! The caller's promises about pointers are at the head of the header. Null and misaligned pointers are refused here. Structs are copied
+//! in and out: no reference to a struct of the caller is held. Objects carry a tag with their type.
 
 use core::ffi::c_void;
 use core::ptr::NonNull;
@@ -9,13 +9,13 @@ use core::ptr::NonNull;
 use crate::code::gt_code;
 use crate::error::{count, gt_error};
 
-/// Alignment that is enough for every object on every target; what malloc gives, and GT_MEMORY.
+/// Alignment for every object on every target; that of malloc and GT_MEMORY.
 pub const GT_ALIGN: usize = 16;
 
-/// What a call leads to.
+/// Result of a call.
 pub(crate) type Reply<T = ()> = Result<T, gt_error>;
 
-/// The end of a call: its code, and the whole error where it is wanted.
+/// Ends a call: returns its code, and writes the details if `error` is not null.
 ///
 /// # Safety
 /// `error` is null, or points to a place for a `gt_error`.
@@ -37,7 +37,7 @@ fn checked<T>(pointer: *const T) -> Reply<NonNull<T>> {
     }
 }
 
-/// What a pointer points to, copied.
+/// Copies a value of the caller.
 ///
 /// # Safety
 /// `pointer` is null, or misaligned, or points to a `T`.
@@ -47,7 +47,7 @@ pub(crate) unsafe fn read<T: Copy>(pointer: *const T) -> Reply<T> {
     Ok(unsafe { pointer.read() })
 }
 
-/// As [`read`], where null means that there is nothing.
+/// As [`read`]; `None` for null.
 ///
 /// # Safety
 /// As [`read`].
@@ -59,7 +59,7 @@ pub(crate) unsafe fn read_some<T: Copy>(pointer: *const T) -> Reply<Option<T>> {
     unsafe { read(pointer) }.map(Some)
 }
 
-/// `N` numbers.
+/// Copies `N` numbers.
 ///
 /// # Safety
 /// As [`read`], for `[f64; N]`.
@@ -68,10 +68,10 @@ pub(crate) unsafe fn numbers<const N: usize>(pointer: *const f64) -> Reply<[f64;
     unsafe { read(pointer.cast()) }
 }
 
-/// Bytes, for as long as the call lasts. Null will do where there are none.
+/// Borrows bytes of the caller for the duration of the call. Null is allowed with length 0.
 ///
 /// # Safety
-/// `pointer` is null or points to `length` bytes that nobody writes to before the call is over.
+/// `pointer` is null or points to `length` bytes that are not written to before the call is over.
 pub(crate) unsafe fn bytes<'a>(pointer: *const u8, length: usize) -> Reply<&'a [u8]> {
     if length == 0 {
         return Ok(&[]);
@@ -82,10 +82,10 @@ pub(crate) unsafe fn bytes<'a>(pointer: *const u8, length: usize) -> Reply<&'a [
     Ok(unsafe { core::slice::from_raw_parts(pointer.as_ptr(), length) })
 }
 
-/// A buffer of the caller, for as long as the call lasts. Null will do where it has no length.
+/// Borrows a buffer of the caller for the duration of the call. Null is allowed with length 0.
 ///
 /// # Safety
-/// `pointer` is null or points to `length` initialised bytes that nobody else touches before the call is over.
+/// `pointer` is null or points to `length` initialised bytes that are not used otherwise before the call is over.
 pub(crate) unsafe fn buffer<'a>(pointer: *mut u8, length: usize) -> Reply<&'a mut [u8]> {
     if length == 0 {
         return Ok(&mut []);
@@ -101,10 +101,10 @@ fn check_length(length: usize) -> Reply {
     Ok(())
 }
 
-/// A place of the caller for an answer.
+/// Memory of the caller for a result.
 pub(crate) struct Place<T>(NonNull<T>);
 
-/// The place that a pointer points to. It is looked for before anything is done, so that a call that cannot answer changes nothing.
+/// Checks the pointer to a result. Done first, so that a call that cannot return its result changes nothing.
 ///
 /// # Safety
 /// `pointer` is null, or misaligned, or points to a place for a `T` that is there until the call is over.
@@ -113,24 +113,24 @@ pub(crate) unsafe fn place<T>(pointer: *mut T) -> Reply<Place<T>> {
 }
 
 impl<T> Place<T> {
-    /// Puts the answer there.
+    /// Writes the result.
     pub(crate) fn put(self, answer: T) {
-        // SAFETY: it was promised where the place was made, and it is used up.
+        // SAFETY: the promise to `place`; `self` is consumed.
         unsafe { self.0.write(answer) };
     }
 }
 
-/// What a handle of C stands for.
+/// Object behind a handle of C.
 pub(crate) trait Object: Sized {
-    /// The type that C knows.
+    /// Type in C.
     type Handle;
-    /// Bytes that the header asks for.
+    /// Size in the header, bytes.
     const BYTES: usize;
-    /// Tells it from other objects, and from memory that is none.
+    /// Distinguishes the object from others and from unused memory.
     const TAG: u64;
 }
 
-/// A tag of eight letters; its lowest byte is a small number that tells variants of one kind apart.
+/// Builds a tag of seven letters and, as its lowest byte, a number for variants of a kind.
 pub(crate) const fn tag(letters: &[u8; 7], variant: u8) -> u64 {
     let [a, b, c, d, e, f, g] = *letters;
     u64::from_le_bytes([variant, a, b, c, d, e, f, g])
@@ -143,20 +143,20 @@ pub(crate) struct Tagged<T> {
     object: T,
 }
 
-/// Bytes that an object needs.
+/// Returns the bytes that an object needs.
 pub(crate) const fn size_of<T>() -> usize {
     core::mem::size_of::<Tagged<T>>()
 }
 
-/// Whether the bytes that the header asks for are enough for an object, and [`GT_ALIGN`] for its alignment.
+/// True if the size in the header is enough for an object, and [`GT_ALIGN`] for its alignment.
 const fn fits<T: Object>() -> bool {
     size_of::<T>() <= T::BYTES && align_of::<Tagged<T>>() <= GT_ALIGN
 }
 
-/// Makes an object in memory of the caller.
+/// Creates an object in memory of the caller.
 ///
 /// # Safety
-/// `memory` is null or points to `size` bytes that are the object's from here on, and nobody else's.
+/// `memory` is null or points to `size` bytes that belong to the object alone from now on.
 pub(crate) unsafe fn settle<T: Object>(
     memory: *mut c_void,
     size: usize,
@@ -170,10 +170,10 @@ pub(crate) unsafe fn settle<T: Object>(
     }
 }
 
-/// Makes an object in memory of the caller: `parts` may refuse, `write` writes every field of the object to the place it is given.
+/// Creates an object in memory of the caller: `parts` may refuse, `write` writes every field in place.
 ///
 /// # Safety
-/// As [`settle`]; after `write` the object is whole.
+/// As [`settle`]; `write` initialises the whole object.
 #[inline(always)]
 pub(crate) unsafe fn settle_in_parts<P, T: Object>(
     memory: *mut c_void,
@@ -181,13 +181,18 @@ pub(crate) unsafe fn settle_in_parts<P, T: Object>(
     parts: impl FnOnce() -> Reply<P>,
     write: impl FnOnce(P, *mut T),
 ) -> Reply<*mut T::Handle> {
-    const { assert!(fits::<T>(), "the header asks for enough, on this target") };
+    const {
+        assert!(
+            fits::<T>(),
+            "the size in the header is too small for this target"
+        )
+    };
     let memory = checked(memory.cast::<Tagged<T>>())?;
     if size < size_of::<T>() {
         return Err(gt_error::new(gt_code::MemoryTooSmall).value(count(size_of::<T>())));
     }
     let memory = memory.as_ptr();
-    // SAFETY: the memory is large enough and aligned. Where a part is refused, it holds no object, whatever it held before.
+    // SAFETY: the memory is large enough and aligned. A refusal leaves it without an object, whatever it held before.
     unsafe {
         (&raw mut (*memory).tag).write(0);
         write(parts()?, &raw mut (*memory).object);
@@ -196,7 +201,7 @@ pub(crate) unsafe fn settle_in_parts<P, T: Object>(
     Ok(memory.cast())
 }
 
-/// The tag of what a handle points to.
+/// Reads the tag behind a handle.
 ///
 /// # Safety
 /// `handle` is null, or misaligned, or points to 8 bytes that can be read.
@@ -205,7 +210,7 @@ pub(crate) unsafe fn tag_of<H>(handle: *const H) -> Reply<u64> {
     unsafe { read(handle.cast()) }
 }
 
-/// The object of a handle, to look at.
+/// Borrows the object of a handle.
 ///
 /// # Safety
 /// As [`tag_of`]; an object with this tag was made by [`settle`] and is not written to before the call is over.
@@ -215,20 +220,20 @@ pub(crate) unsafe fn object<'a, T: Object>(handle: *const T::Handle) -> Reply<&'
         return Err(gt_code::NoObject.into());
     }
     let tagged = checked(handle.cast::<Tagged<T>>())?;
-    // SAFETY: the tag says what it is.
+    // SAFETY: the tag is that of a live `T`.
     Ok(unsafe { &tagged.as_ref().object })
 }
 
-/// The object of a handle, to change.
+/// Borrows the object of a handle mutably.
 ///
 /// # Safety
-/// As [`object`]; nobody else looks at it before the call is over.
+/// As [`object`]; no other call uses it before this one is over.
 pub(crate) unsafe fn object_mut<'a, T: Object>(handle: *mut T::Handle) -> Reply<&'a mut T> {
     // SAFETY: the caller's promise.
     if unsafe { tag_of(handle) }? != T::TAG {
         return Err(gt_code::NoObject.into());
     }
     let mut tagged = checked(handle.cast::<Tagged<T>>())?;
-    // SAFETY: the tag says what it is.
+    // SAFETY: the tag is that of a live `T`.
     Ok(unsafe { &mut tagged.as_mut().object })
 }

@@ -13,7 +13,7 @@ use crate::memory::{Object, object_mut, place, read, reply, settle, tag};
 /// Bytes of a gt_sensor.
 pub const GT_SENSOR_SIZE: usize = 512;
 
-/// How a sensor is mounted and filtered.
+/// Mounting and filter of a sensor.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct gt_sensor_config {
@@ -78,7 +78,7 @@ pub unsafe extern "C" fn gt_sensor_init(
 /// `taring` receives the samples that the tare still needs; when it is 0, `load` receives the load on the platform, world axes, about
 /// the tool centre point, filtered, otherwise zeros. Constant cost.
 ///
-/// Errors: GT_CODE_SENSOR_BAD_READING; nothing is changed then.
+/// Errors: GT_CODE_SENSOR_BAD_READING; the sensor is then unchanged.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_sensor_update(
     sensor: *mut gt_sensor,
@@ -108,7 +108,7 @@ pub unsafe extern "C" fn gt_sensor_update(
     unsafe { reply(core::ptr::null_mut(), update()) }
 }
 
-/// Starts over: tare first, filter at zero. The tool must be unloaded.
+/// Starts again with the tare, the filter at zero. The tool must be unloaded.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_sensor_restart(sensor: *mut gt_sensor) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.

@@ -1,4 +1,4 @@
-/* Everything a caller can get wrong that can be seen from outside: an error code, never more. */
+/* Every mistake of a caller that the library can detect returns its error code and has no other effect. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -10,7 +10,7 @@
 static GT_MEMORY(GT_SERVER_SIZE_6_BLACK_BOX) memory;
 static int refused;
 
-/* The call returns this code. */
+/* Requires that a call returned this code. */
 static void expect(int line, gt_code expected, gt_code code)
 {
     if (code != expected) {
@@ -20,7 +20,7 @@ static void expect(int line, gt_code expected, gt_code code)
     refused += code != GT_CODE_OK;
 }
 
-/* The last error is about this index and parameter. */
+/* Requires that an error has this index, parameter and value. */
 static void about(int line, const gt_error *error, int32_t index, gt_parameter parameter, double value)
 {
     if (error->index != index || error->parameter != parameter || error->value != value) {
@@ -88,7 +88,7 @@ static void configurations(void)
     BAD(CONFIG_TRAVEL, config.axis[3].machine_upper_nm = INT64_MAX);
     BAD(CONFIG_MARGIN, config.axis[2].machine_upper_nm = 1999999);
     ABOUT(2, NONE, 0);
-    /* What lies beyond the machine's axes is not looked at. */
+    /* Entries beyond the machine's axes are not read. */
     config = good(3);
     config.axis[3].position.ramp = 0;
     config.axis_of_motor[3] = 200;
@@ -101,19 +101,19 @@ static void servers(void)
     gt_server_config config = good(6);
     gt_start start;
     gt_server *server = NULL, *none = NULL;
-    gt_cycle cycle;
-    gt_turn turn;
+    gt_tick_input input;
+    gt_tick_output output;
     gt_frame frame;
     gt_black_box box;
-    gt_offsets in_force[GT_MAX_AXES];
     uint64_t connection = 0, first = 0;
     uint8_t flag = 0;
     size_t length = 0;
-    char line[8];
+    uint8_t part[GT_BLACK_BOX_PART];
 
     memset(&start, 0, sizeof start);
-    memset(&cycle, 0, sizeof cycle);
-    memset(in_force, 0, sizeof in_force);
+    memset(&input, 0, sizeof input);
+    input.stop = input.rearm = GT_RELEASED;
+    input.last_write = GT_WRITE_ACCEPTED;
     config.black_box_ticks = GT_BLACK_BOX_TICKS;
 
     EXPECT(NULL_POINTER, gt_server_init(NULL, sizeof memory, &config, &start, &server, &error));
@@ -123,19 +123,19 @@ static void servers(void)
     EXPECT(MISALIGNED, gt_server_init(memory.bytes + 4, sizeof memory - 4, &config, &start, &server, &error));
     EXPECT(MEMORY_TOO_SMALL, gt_server_init(&memory, 1024, &config, &start, &server, &error));
     REFUSE(error.value < 1024 || error.value > GT_SERVER_SIZE_6_BLACK_BOX)
-    start.in_force[4].position_nm = 2000001;
+    start.in_force[4].offsets.position_nm = 2000001;
     EXPECT(START_OFFSET_IN_FORCE, gt_server_init(&memory, sizeof memory, &config, &start, &server, &error));
     ABOUT(4, NONE, 2000001);
-    REFUSE(server) /* nothing was handed out */
-    start.in_force[4].position_nm = 0;
+    REFUSE(server) /* no handle was written */
+    start.in_force[4].offsets.position_nm = 0;
 
-    /* Memory that holds no server, though a pointer says so. */
-    EXPECT(NO_OBJECT, gt_server_tick((gt_server *)&memory, &cycle, &turn));
+    /* Memory without a server. */
+    EXPECT(NO_OBJECT, gt_server_tick((gt_server *)&memory, &input, &output));
     EXPECT(OK, gt_server_init(&memory, sizeof memory, &config, &start, &server, &error));
-    start.in_force[0].torque_permille = 1;
+    start.in_force[0].offsets.torque_permille = 1;
     EXPECT(START_OFFSET_IN_FORCE, gt_server_init(&memory, sizeof memory, &config, &start, &none, &error));
-    EXPECT(NO_OBJECT, gt_server_tick(server, &cycle, &turn));
-    start.in_force[0].torque_permille = 0;
+    EXPECT(NO_OBJECT, gt_server_tick(server, &input, &output));
+    start.in_force[0].offsets.torque_permille = 0;
     EXPECT(OK, gt_server_init(&memory, sizeof memory, &config, &start, &server, &error));
 
     EXPECT(NULL_POINTER, gt_server_open(NULL, GT_TRANSPORT_STREAM, &connection));
@@ -161,49 +161,93 @@ static void servers(void)
     EXPECT(NULL_POINTER, gt_server_owner_has_answered(server, NULL));
     EXPECT(OK, gt_server_owner_has_answered(server, &flag));
 
-    EXPECT(NULL_POINTER, gt_server_tick(NULL, &cycle, &turn));
-    EXPECT(NULL_POINTER, gt_server_tick(server, NULL, &turn));
-    EXPECT(NULL_POINTER, gt_server_tick(server, &cycle, NULL));
-    EXPECT(MISALIGNED, gt_server_tick((gt_server *)(memory.bytes + 1), &cycle, &turn));
-    EXPECT(OK, gt_server_tick(server, &cycle, &turn));
-    EXPECT(INDEX, gt_server_frame(server, turn.frame_count, &frame));
-    EXPECT(INDEX, gt_server_frame(server, UINT32_MAX, &frame));
-    EXPECT(NULL_POINTER, gt_server_frame(server, 0, NULL));
-    REFUSE(turn.state.tick != 1) /* refused ticks are none */
+    EXPECT(NULL_POINTER, gt_server_set_epochs(NULL, 1, 2));
+    EXPECT(OK, gt_server_set_epochs(server, 2, 1)); /* an empty range */
 
-    in_force[5].velocity_um_s = 1;
-    EXPECT(START_OFFSET_IN_FORCE, gt_server_resume(server, in_force, &error));
-    ABOUT(5, NONE, 0);
-    REFUSE(error.lower != 1)
-    EXPECT(NULL_POINTER, gt_server_resume(server, NULL, &error));
+    EXPECT(NULL_POINTER, gt_server_tick(NULL, &input, &output));
+    EXPECT(NULL_POINTER, gt_server_tick(server, NULL, &output));
+    EXPECT(NULL_POINTER, gt_server_tick(server, &input, NULL));
+    EXPECT(MISALIGNED, gt_server_tick((gt_server *)(memory.bytes + 1), &input, &output));
+    /* A field that was forgotten is zero, and refused; so is every other value without a meaning. */
+    for (int wrong = 0; wrong <= UINT8_MAX; wrong++) {
+        const uint8_t value = (uint8_t)wrong;
+        if (value != GT_RELEASED && value != GT_PRESSED) {
+            input.stop = value;
+            EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output));
+            input.stop = GT_RELEASED;
+            input.rearm = value;
+            EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output));
+            input.rearm = GT_RELEASED;
+        }
+        if (value != GT_WRITE_ACCEPTED && value != GT_WRITE_REFUSED && value != GT_WRITE_UNKNOWN) {
+            input.last_write = value;
+            EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output));
+            input.last_write = GT_WRITE_ACCEPTED;
+        }
+    }
+    /* Nothing to poll before the first tick. */
+    EXPECT(DONE, gt_server_poll_transmit(server, &frame));
+    EXPECT(DONE, gt_server_poll_close(server, &connection));
+    EXPECT(OK, gt_server_feed(server, 1, (const uint8_t *)"not a frame", 11, &flag));
+    EXPECT(OK, gt_server_tick(server, &input, &output));
+    REFUSE(output.state.tick != 1) /* the refused calls were not ticks */
+    REFUSE(!output.write || output.state.phase != GT_PHASE_LISTENING)
+    EXPECT(NULL_POINTER, gt_server_poll_transmit(NULL, &frame));
+    EXPECT(NULL_POINTER, gt_server_poll_transmit(server, NULL));
+    EXPECT(DONE, gt_server_poll_transmit(server, &frame));
+    EXPECT(DONE, gt_server_poll_transmit(server, &frame));
+    EXPECT(NULL_POINTER, gt_server_poll_close(NULL, &connection));
+    EXPECT(NULL_POINTER, gt_server_poll_close(server, NULL));
+    EXPECT(OK, gt_server_poll_close(server, &connection)); /* a refused call has consumed nothing */
+    REFUSE(connection != 1)
+    EXPECT(DONE, gt_server_poll_close(server, &connection));
+    REFUSE(connection != 1) /* not written at the end */
 
     EXPECT(OK, gt_server_black_box(server, &box));
-    REFUSE(box.ticks != 1 || box.lines != 4 || box.frozen)
-    EXPECT(BUFFER_TOO_SMALL, gt_server_black_box_line(server, 0, NULL, 0, &length));
-    REFUSE(length != strlen("{\"format\":\"gantry-tau black box\",\"version\":1,\"axes\":6,\"ticks\":1}\n"))
-    EXPECT(BUFFER_TOO_SMALL, gt_server_black_box_line(server, 0, line, sizeof line, &length));
-    REFUSE(memcmp(line, "{\"format", 8) != 0)
-    EXPECT(INDEX, gt_server_black_box_line(server, 4, line, sizeof line, &length));
-    EXPECT(INDEX, gt_server_black_box_line(server, UINT32_MAX, line, sizeof line, &length));
-    EXPECT(NULL_POINTER, gt_server_black_box_line(server, 0, line, sizeof line, NULL));
+    REFUSE(box.ticks != 1 || box.parts != 3 || box.frozen)
+    EXPECT(BUFFER_TOO_SMALL, gt_server_black_box_part(server, 0, NULL, 0, &length));
+    REFUSE(length != 10)
+    EXPECT(OK, gt_server_black_box_part(server, 0, part, 10, &length));
+    REFUSE(length != 10 || memcmp(part, "GTBB\2\6\1\0\0\0", 10) != 0)
+    part[8] = 77;
+    EXPECT(BUFFER_TOO_SMALL, gt_server_black_box_part(server, 2, part, 8, &length));
+    REFUSE(length <= 10 || part[8] != 77)
+    EXPECT(NULL_POINTER, gt_server_black_box_part(server, 0, NULL, 1, &length));
+    EXPECT(LENGTH, gt_server_black_box_part(server, 0, part, SIZE_MAX, &length));
+    EXPECT(INDEX, gt_server_black_box_part(server, 3, part, sizeof part, &length));
+    EXPECT(INDEX, gt_server_black_box_part(server, UINT32_MAX, part, sizeof part, &length));
+    EXPECT(NULL_POINTER, gt_server_black_box_part(server, 0, part, sizeof part, NULL));
     EXPECT(NULL_POINTER, gt_server_black_box(server, NULL));
     EXPECT(OK, gt_server_black_box_release(server));
-    EXPECT(INDEX, gt_server_black_box_line(server, 0, line, sizeof line, &length));
+    EXPECT(INDEX, gt_server_black_box_part(server, 0, part, sizeof part, &length));
 
-    /* The machine did not take the references: over from what it has. */
-    in_force[5].velocity_um_s = 0;
-    in_force[5].position_nm = -250;
-    EXPECT(OK, gt_server_resume(server, in_force, &error));
-    EXPECT(OK, gt_server_tick(server, &cycle, &turn));
-    REFUSE(turn.state.phase != GT_PHASE_SAFE_DISCONNECT || turn.motors[5].position_nm != -150)
+    /* The drives refused the references: the server goes on from the values in force. */
+    input.last_write = GT_WRITE_REFUSED;
+    input.in_force[5].offsets.position_nm = -250;
+    EXPECT(OK, gt_server_tick(server, &input, &output));
+    REFUSE(!output.write || output.state.phase != GT_PHASE_SAFE_DISCONNECT || output.motors[5].position_nm != -150)
+    /* With values in force beyond their limits, or unknown, nothing may be written. */
+    input.in_force[5].offsets.velocity_um_s = 1;
+    EXPECT(OK, gt_server_tick(server, &input, &output));
+    REFUSE(output.write || output.motor_count != 6 || output.motors[5].position_nm != 0)
+    input.last_write = GT_WRITE_UNKNOWN;
+    EXPECT(OK, gt_server_tick(server, &input, &output));
+    REFUSE(output.write)
+    input.last_write = GT_WRITE_ACCEPTED;
 
-    /* Every server without a black box has none. */
+    /* A server without a black box. */
     config.black_box_ticks = GT_BLACK_BOX_NONE;
     EXPECT(OK, gt_server_init(&memory, GT_SERVER_SIZE_6, &config, &start, &server, &error));
-    EXPECT(OK, gt_server_tick(server, &cycle, &turn));
+    EXPECT(OK, gt_server_tick(server, &input, &output));
     EXPECT(OK, gt_server_black_box(server, &box));
-    REFUSE(box.ticks != 0 || box.lines != 0 || box.frozen)
+    REFUSE(box.ticks != 0 || box.parts != 0 || box.frozen)
     EXPECT(OK, gt_server_black_box_release(server));
+
+    /* A latched stop starts in Fault. */
+    start.stop_latched = 1;
+    EXPECT(OK, gt_server_init(&memory, GT_SERVER_SIZE_6, &config, &start, &server, &error));
+    EXPECT(OK, gt_server_tick(server, &input, &output));
+    REFUSE(output.state.phase != GT_PHASE_FAULT || output.state.cause != GT_CAUSE_STOP)
 }
 
 static void machines(void)
@@ -263,10 +307,10 @@ static void machines(void)
     ABOUT(1, TRAVEL, 0);
     geometry.travel[1][0] = 0;
     geometry.rotation[0][0] = -1;
-    EXPECT(NOMINAL_NOT_ROTATION, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
+    EXPECT(ORIENTATION_NOT_ROTATION, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
     geometry.rotation[0][0] = 1;
     geometry.cart_joints_m[4][2] += 1e-3;
-    EXPECT(NOMINAL_NOT_TAU, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
+    EXPECT(ORIENTATION_NOT_TAU, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
     REFUSE(error.index != 4 || fabs(error.value - 1e-3) > 1e-12)
 
     EXPECT(NULL_POINTER, gt_l2_inverse(NULL, tcp_m, q, &error));
@@ -278,7 +322,7 @@ static void machines(void)
     tcp_m[1] = 5;
     EXPECT(KINEMATICS_UNREACHABLE, gt_l2_inverse(l2, tcp_m, q, &error));
     ABOUT(0, NONE, 0);
-    REFUSE(q[0] != 7 || q[1] != 7 || q[2] != 7) /* nothing is written with an error */
+    REFUSE(q[0] != 7 || q[1] != 7 || q[2] != 7) /* not written with an error */
     EXPECT(NO_OBJECT, gt_f1_checksum((const gt_f1 *)l2, &taring));
     EXPECT(ROBOT_OUT_OF_RANGE, gt_f1_init(&f1_memory, sizeof f1_memory, (six.inverse_branch[0] = six.inverse_branch[1] = six.inverse_branch[2] = 1, six.turn_signs[0] = six.turn_signs[1] = -1, &six), &f1, &error));
     ABOUT(0, GUIDEWAY, 0);
@@ -322,7 +366,7 @@ static void machines(void)
     mounting.tare_samples = 1;
     EXPECT(OK, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
     EXPECT(SENSOR_BAD_READING, gt_sensor_update(sensor, &load, &out, &taring));
-    EXPECT(NO_OBJECT, gt_l2_correction(compensator, q, &load, &correction, &error)); /* a sensor lives there now */
+    EXPECT(NO_OBJECT, gt_l2_correction(compensator, q, &load, &correction, &error)); /* a sensor is there now */
 
     EXPECT(CROSSING_NOT_FINITE, gt_position_from_metres(NAN, &position_nm, &error));
     EXPECT(CROSSING_OUT_OF_RANGE, gt_position_from_metres(1e10, &position_nm, &error));

@@ -38,41 +38,33 @@ impl<const N: usize> Window<N> {
         lines.push(String::new());
         lines.join("\n")
     }
-
-    /// Reads the window of a file; `name` stands for the file in errors.
-    ///
-    /// # Errors
-    /// [`FileError`]: the first line that cannot be read.
-    pub fn decode(name: &str, bytes: &[u8]) -> Result<Self, FileError> {
-        let lines = Lines::of(name, bytes);
-        let head = lines.head()?;
-        if head.axes != N {
-            return Err(lines.refuse(1, format!("axes is {}, expected {N}", head.axes)));
-        }
-        let before = lines.read(2)?;
-        let last = lines.lines.len();
-        let found = last.saturating_sub(HEAD);
-        if found != head.ticks {
-            let reason = format!(
-                "the file ends with {found} ticks, line 1 announces {}",
-                head.ticks
-            );
-            return Err(lines.refuse(last, reason));
-        }
-        let entries = (1..=head.ticks).map(|number| lines.read(HEAD + number));
-        Ok(Self {
-            before,
-            entries: entries.collect::<Result<_, _>>()?,
-        })
-    }
 }
 
-/// Reads the number of axes that a file announces; `name` stands for the file in errors.
-///
-/// # Errors
-/// [`FileError`] unless the first line is that of a black box.
-pub fn axes(name: &str, bytes: &[u8]) -> Result<usize, FileError> {
+/// As [`super::axes`].
+pub(super) fn axes(name: &str, bytes: &[u8]) -> Result<usize, FileError> {
     Lines::of(name, bytes).head().map(|head| head.axes)
+}
+
+/// As [`Window::decode`].
+pub(super) fn decode<const N: usize>(name: &str, bytes: &[u8]) -> Result<Window<N>, FileError> {
+    let lines = Lines::of(name, bytes);
+    let head = lines.head()?;
+    if head.axes != N {
+        return Err(lines.refuse(1, format!("axes is {}, expected {N}", head.axes)));
+    }
+    let before = lines.read(2)?;
+    let last = lines.lines.len();
+    let found = last.saturating_sub(HEAD);
+    if found != head.ticks {
+        let announced = head.ticks;
+        let reason = format!("the file ends with {found} ticks, line 1 announces {announced}");
+        return Err(lines.refuse(last, reason));
+    }
+    let entries = (1..=head.ticks).map(|number| lines.read(HEAD + number));
+    Ok(Window {
+        before,
+        entries: entries.collect::<Result<_, _>>()?,
+    })
 }
 
 /// Returns the path of the first field in which two outputs differ, and its JSON in each.
@@ -182,7 +174,7 @@ impl<'a> Lines<'a> {
     fn refuse(&self, line: usize, reason: impl Into<String>) -> FileError {
         FileError {
             file: self.name.to_owned(),
-            line: Some(line),
+            place: Some(format!("line {line}")),
             reason: reason.into(),
         }
     }

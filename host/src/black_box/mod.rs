@@ -10,9 +10,12 @@
 //! in µm/s, torques in per mille, times in ticks unless the name says otherwise; an absent value is `null`. Integers are written in
 //! full: a reader must take 64 bits (128 for `history`), not the 53 of a float.
 //!
+//! A program in C writes the same content in a [binary form](binary), which is read as well.
+//!
 //! Core validates a session and its configuration on reading. An edited file is replayed like any other, or refused with line, path
 //! and reason. A change to the layout, a field of core gained or lost included, is a new version.
 
+mod binary;
 mod json;
 pub mod swap_channel;
 pub mod writer;
@@ -24,7 +27,7 @@ use gantry_tau_core::control::message::Cause;
 use gantry_tau_core::control::session::{BlackBox, Entry, Session};
 use gantry_tau_core::units::{Epoch, Tick};
 
-pub use json::{axes, first_difference};
+pub use json::first_difference;
 
 /// Half of a black box, in ticks: at least so many remain before and after a cause.
 pub const HALF: usize = 64;
@@ -51,11 +54,11 @@ pub struct End {
     pub cause: Option<Cause>,
 }
 
-/// Error of a file: its name, the line (counted from 1) if there is one, and the reason.
+/// Error of a file: its name, the line (counted from 1) or the part (counted from 0) if there is one, and the reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileError {
     file: String,
-    line: Option<usize>,
+    place: Option<String>,
     reason: String,
 }
 
@@ -64,7 +67,7 @@ impl FileError {
     fn of(path: &Path, reason: impl fmt::Display) -> Self {
         Self {
             file: path.display().to_string(),
-            line: None,
+            place: None,
             reason: reason.to_string(),
         }
     }
@@ -72,9 +75,13 @@ impl FileError {
 
 impl fmt::Display for FileError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { file, line, reason } = self;
-        match line {
-            Some(line) => write!(f, "{file}, line {line}: {reason}"),
+        let Self {
+            file,
+            place,
+            reason,
+        } = self;
+        match place {
+            Some(place) => write!(f, "{file}, {place}: {reason}"),
             None => write!(f, "{file}: {reason}"),
         }
     }
@@ -89,6 +96,18 @@ impl<const N: usize> Window<N> {
         let before = *black_box.before()?;
         let entries: Vec<_> = black_box.entries().cloned().collect();
         (!entries.is_empty()).then_some(Self { before, entries })
+    }
+
+    /// Reads the window of a file in either form; `name` stands for the file in errors.
+    ///
+    /// # Errors
+    /// [`FileError`]: the first line or part that cannot be read.
+    pub fn decode(name: &str, bytes: &[u8]) -> Result<Self, FileError> {
+        if binary::is_binary(bytes) {
+            binary::decode(name, bytes)
+        } else {
+            json::decode(name, bytes)
+        }
     }
 
     /// Returns the first end in the window, which froze the box; its last entry if there is none.
@@ -112,6 +131,18 @@ impl<const N: usize> Window<N> {
         let end = self.end();
         let cause = end.cause.map_or("NoEnd", Cause::name);
         format!("epoch-{}-tick-{}-{cause}.jsonl", end.epoch.0, end.tick.0)
+    }
+}
+
+/// Reads the number of axes that a file announces; `name` stands for the file in errors.
+///
+/// # Errors
+/// [`FileError`] unless the file begins as a black box.
+pub fn axes(name: &str, bytes: &[u8]) -> Result<usize, FileError> {
+    if binary::is_binary(bytes) {
+        binary::axes(name, bytes)
+    } else {
+        json::axes(name, bytes)
     }
 }
 

@@ -237,6 +237,9 @@ fn round_trip<const N: usize>(seed: u64) {
     assert_eq!(read, window);
     assert_eq!(read.encode(), text);
     assert_eq!(axes("x", text.as_bytes()), Ok(N));
+    let binary = binary(&window);
+    assert_eq!(Window::decode("x", &binary), Ok(read.clone()));
+    assert_eq!(axes("x", &binary), Ok(N));
     assert_eq!(
         replay(&read.before, &read.entries).agreeing,
         read.entries.len()
@@ -257,6 +260,92 @@ fn the_first_difference_is_the_field_that_was_changed() {
     other.state.axes[4].offsets.torque.0 = 7;
     let (field, _, replayed) = first_difference(recorded, &other).unwrap();
     assert_eq!((&*field, &*replayed), ("state.axes[4].offsets.torque", "7"));
+}
+
+/// Returns the file that a program in C would write.
+fn binary<const N: usize>(window: &Window<N>) -> Vec<u8> {
+    let mut file = b"GTBB\x02".to_vec();
+    file.push(u8::try_from(N).unwrap());
+    file.extend(u32::try_from(window.entries.len()).unwrap().to_le_bytes());
+    let mut add = |part: &[u8]| {
+        file.extend(u32::try_from(part.len()).unwrap().to_le_bytes());
+        file.extend(part);
+    };
+    let mut room = [0; 8_192];
+    add(postcard::to_slice(&window.before, &mut room).unwrap());
+    for entry in &window.entries {
+        add(postcard::to_slice(entry, &mut room).unwrap());
+    }
+    file
+}
+
+#[test]
+fn an_edited_binary_file_is_refused_with_part_and_reason() {
+    let mut window = window::<3>(3);
+    window.entries.truncate(5);
+    let file = binary(&window);
+    let session = u32::from_le_bytes(file[10..14].try_into().unwrap());
+    let ticks = 14 + usize::try_from(session).unwrap();
+    let refused = |edit: &dyn Fn(&mut Vec<u8>), words: &str| {
+        let mut file = file.clone();
+        edit(&mut file);
+        let refused = Window::<3>::decode("a", &file).unwrap_err().to_string();
+        assert!(refused.starts_with(words), "{words} is not in: {refused}");
+    };
+    refused(&|file| file[3] = b'b', "a, line 1: this is not a black box");
+    refused(
+        &|file| file[4] = 1,
+        "a, part 0: version is 1; this program reads version 2",
+    );
+    refused(&|file| file[5] = 6, "a, part 0: axes is 6, expected 3");
+    refused(
+        &|file| file[6] = 0,
+        "a, part 0: ticks is 0: there is nothing",
+    );
+    refused(&|file| file[6] = 4, "a, part 5: ");
+    refused(
+        &|file| file[6] = 6,
+        "a, part 7: the file ends before this part",
+    );
+    refused(
+        &|file| file.truncate(9),
+        "a, part 0: the file ends within the first 10 bytes",
+    );
+    refused(
+        &|file| file.truncate(13),
+        "a, part 1: the file ends within the length",
+    );
+    refused(
+        &|file| file.truncate(ticks - 1),
+        "a, part 1: the file ends after ",
+    );
+    refused(
+        &|file| file.truncate(ticks),
+        "a, part 2: the file ends before this part",
+    );
+    refused(
+        &|file| file[ticks + 3] = 1,
+        "a, part 2: the file ends after ",
+    );
+    refused(
+        &|file| file.push(7),
+        "a, part 6: 1 bytes follow the 5 ticks",
+    );
+    let last = file.len() - 1;
+    refused(
+        &|file| file[last] = 99,
+        "a, part 6: the content is not valid: ",
+    );
+    refused(
+        &|file| {
+            file.insert(ticks, 0);
+            file[10..14].copy_from_slice(&(session + 1).to_le_bytes());
+        },
+        "a, part 1: a number is longer than needed, or bytes follow",
+    );
+    for end in 0..file.len() {
+        Window::<3>::decode("x", &file[..end]).unwrap_err();
+    }
 }
 
 /// Replaces `from`, once, in the line of that number.
@@ -443,6 +532,19 @@ proptest::proptest! {
             bytes[place % length] = byte;
         }
         let _ = Window::<3>::decode("x", &bytes);
+    }
+
+    /// As above, of a file in the binary form; what is read is what the file says.
+    #[test]
+    fn noise_in_a_binary_file_is_read_or_refused(seed in 0..8_u64, places: Vec<(usize, u8)>) {
+        let mut bytes = binary(&window::<3>(seed));
+        let length = bytes.len();
+        for (place, byte) in places {
+            bytes[place % length] = byte;
+        }
+        if let Ok(window) = Window::<3>::decode("x", &bytes) {
+            proptest::prop_assert!(binary(&window) == bytes);
+        }
     }
 
     /// A file with other digits is replayed and drawn, whatever its numbers, or refused.

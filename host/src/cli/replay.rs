@@ -10,13 +10,13 @@ use super::fail;
 
 /// Run a black box through the core again and compare every output bit for bit
 ///
-/// Black boxes are written by `serve --black-box` and `demo --black-box`.
+/// Black boxes are written by `serve --black-box`, `demo --black-box` and programs in C.
 ///
 /// Exit codes: 0 all outputs agree; 1 the file is not a black box, or plot or JSON cannot be written; 2 usage; 3 an output differs.
 #[derive(Debug, Args)]
 pub(crate) struct Replay {
     /// Path of the black box
-    #[arg(value_name = "FILE.jsonl")]
+    #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Draw offsets, phases, misses and events over the ticks relative to the cause
     #[arg(long, value_name = "FILE.svg|FILE.html", value_parser = plot)]

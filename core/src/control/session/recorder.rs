@@ -67,7 +67,7 @@ pub struct Segment<S, I, O, const HALF: usize> {
 }
 
 impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Segment<S, I, O, HALF> {
-    #[inline(always)]
+    #[inline(always)] // As `Recorder::new`.
     const fn new() -> Self {
         Self {
             before: None,
@@ -155,7 +155,9 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Default for Recorder<S, I,
 }
 
 impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
-    /// An empty recorder. It may be large: build it in a `static` or on the heap.
+    /// Creates an empty recorder. It may be large: build it in a `static` or on the heap.
+    // Inlined also where the compiler optimises for size: as the result of a call it may be copied from the stack, half a megabyte.
+    #[inline(always)]
     #[must_use]
     pub const fn new() -> Self {
         Self {

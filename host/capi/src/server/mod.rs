@@ -42,22 +42,22 @@ pub const GT_TRANSPORT_DATAGRAM: u32 = 1;
 
 /// No black box.
 pub const GT_BLACK_BOX_NONE: u32 = 0;
-/// A black box: at least so many ticks before the end of a session, and so many after it.
+/// A black box of at least this many ticks before the end of a session, and as many after it.
 pub const GT_BLACK_BOX_TICKS: u32 = 64;
 
 /// Bytes of a server with 3 axes and no black box, on any target.
-pub const GT_SERVER_SIZE_3: usize = 8_448;
+pub const GT_SERVER_SIZE_3: usize = 7_680;
 /// Bytes of a server with 6 axes and no black box.
-pub const GT_SERVER_SIZE_6: usize = 11_008;
+pub const GT_SERVER_SIZE_6: usize = 10_496;
 /// Bytes of a server with 3 axes and a black box.
-pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 368_640;
-/// Bytes of a server with 6 axes and a black box; enough for every server.
-pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 548_864;
+pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 385_024;
+/// Bytes of a server with 6 axes and a black box, the largest server.
+pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 577_536;
 
 /// A server; its memory is the caller's.
 pub struct gt_server(());
 
-/// Calls the server of a handle, of whichever type. A match, not a table of functions, so that a program links only what it calls.
+/// Calls the server of a handle, whatever its type. A match instead of a table of functions, so that a program links only the called ones.
 macro_rules! ask {
     ($handle:expr, $server:ident => $answer:expr) => {
         // SAFETY: the header's rules for pointers; the tag says which server it is.
@@ -174,7 +174,7 @@ pub unsafe extern "C" fn gt_server_init(
     unsafe { reply(error, init()) }
 }
 
-/// A server in its memory.
+/// Creates a server in its memory.
 ///
 /// # Safety
 /// As [`settle_in_parts`].
@@ -219,7 +219,7 @@ pub unsafe extern "C" fn gt_server_open(
     unsafe { reply(core::ptr::null_mut(), open()) }
 }
 
-/// The frame for a peer without room for its connection; its `connection` has no meaning.
+/// Returns the frame for a peer without room for its connection; the frame's `connection` has no meaning.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_refusal(frame: *mut gt_frame) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.
@@ -330,7 +330,7 @@ pub unsafe extern "C" fn gt_server_tick(
 /// Returns the next frame of the last tick, in the order in which they are to be sent: Refusals, the Welcome, the State.
 /// Frames that are not polled before the next tick are discarded.
 ///
-/// Errors: GT_CODE_DONE: there are no more.
+/// Errors: GT_CODE_DONE after the last one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_poll_transmit(
     server: *mut gt_server,
@@ -350,7 +350,7 @@ pub unsafe extern "C" fn gt_server_poll_transmit(
 /// Returns the next connection to close, after its frames are sent. Poll the frames first. A connection that is not polled keeps its
 /// place among GT_MAX_CONNECTIONS.
 ///
-/// Errors: GT_CODE_DONE: there are no more.
+/// Errors: GT_CODE_DONE after the last one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_poll_close(
     server: *mut gt_server,

@@ -15,13 +15,13 @@ use crate::black_box::{gt_black_box, look, write_part};
 use crate::code::gt_code;
 use crate::memory::{Object, Reply, tag};
 
-/// Ticks on either side of an end that a black box keeps, where there is one.
+/// Ticks before and after an end that a black box keeps.
 #[expect(
     clippy::as_conversions,
     reason = "u32 to usize is lossless where this runs; `From` is not const"
 )]
 pub(super) const HALF: usize = GT_BLACK_BOX_TICKS as usize;
-/// The same for none.
+/// The same without a black box.
 #[expect(
     clippy::as_conversions,
     reason = "u32 to usize is lossless where this runs; `From` is not const"

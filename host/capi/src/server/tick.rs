@@ -51,7 +51,7 @@ pub const GT_RELEASED: u8 = 1;
 /// The switch or button is pressed.
 pub const GT_PRESSED: u8 = 2;
 
-/// The drives took the references of the last tick. Also for the first tick.
+/// The drives took the references of the last tick. Also the value for the first tick.
 pub const GT_WRITE_ACCEPTED: u8 = 1;
 /// The drives did not take them; they were read back and have the values of `in_force`.
 pub const GT_WRITE_REFUSED: u8 = 2;
@@ -140,7 +140,7 @@ pub enum gt_cause {
     HandshakeTimeout = 11,
     /// Offsets were in force that the server did not expect: at its start, or after a refused write.
     Restart = 12,
-    /// A cause that this interface does not know.
+    /// A cause without a number of its own here.
     Other = 255,
 }
 

@@ -1,5 +1,5 @@
-//! `examples/compensation.c` and core: every number agrees to the bit. The machines come from `robots/`, so that those of the example
-//! are seen to be the same.
+//! `examples/compensation.c` and core: every number agrees to the bit. The machines come from `robots/`, which shows that the example's
+//! are the same.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::tools::Program;
 
-/// Name of a number to its texts, in order.
+/// Texts of the numbers of each name, in order.
 pub(crate) type Numbers = BTreeMap<String, Vec<String>>;
 
 pub(crate) fn agrees(compiler: &str, flags: &[&str]) -> Result<(), Failed> {
@@ -25,7 +25,7 @@ pub(crate) fn agrees(compiler: &str, flags: &[&str]) -> Result<(), Failed> {
     Ok(())
 }
 
-/// What the program says against core.
+/// Compares the output of the program with core.
 pub(crate) fn compare(said: &str) {
     let mut there = Numbers::new();
     for line in said.lines() {

@@ -1,7 +1,7 @@
-//! The C interface (`host/capi`) as a C programmer meets it: compiled by the usual compilers without a warning, run, and compared with
-//! what core itself gives for the same input.
+//! The C interface (`host/capi`): examples and tests in C are compiled without warnings by the usual compilers and run; their results are
+//! compared with core's for the same input.
 //!
-//! A trial whose tool is not there is reported as ignored, by name; with `GANTRY_TAU_REQUIRE_CAPI=1` it fails instead.
+//! A trial whose tool is missing is reported as ignored, by name; with `GANTRY_TAU_REQUIRE_CAPI=1` it fails instead.
 #![allow(
     clippy::arithmetic_side_effects,
     clippy::indexing_slicing,
@@ -12,7 +12,7 @@
 )]
 
 mod compensation;
-mod play;
+mod scenario;
 mod session;
 mod target;
 mod tools;
@@ -20,7 +20,7 @@ mod tools;
 use libtest_mimic::{Failed, Trial};
 use tools::{Program, has};
 
-/// What both compilers must take without a word.
+/// Flags that both compilers must accept without a warning.
 const STRICT: [&str; 5] = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"];
 const SANITIZED: [&str; 3] = [
     "-g",
@@ -28,7 +28,7 @@ const SANITIZED: [&str; 3] = [
     "-fno-sanitize-recover=all",
 ];
 
-/// All of them, by name.
+/// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
     let mut trials = vec![
         trial("unit_tests_and_header", &[], unit_tests),
@@ -68,7 +68,7 @@ pub(crate) fn trials() -> Vec<Trial> {
                     compensation::agrees(compiler, flags)
                 }),
                 trial(&name("random_traffic"), &needed, move || {
-                    play::agrees(compiler, flags)
+                    scenario::agrees(compiler, flags)
                 }),
                 trial(&name("refusals"), &needed, move || {
                     refusals(compiler, flags)
@@ -80,7 +80,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     trials
 }
 
-/// A trial that needs these tools.
+/// A trial with the tools that it needs.
 fn trial(
     name: &str,
     needed: &[&'static str],
@@ -101,12 +101,12 @@ fn trial(
         .with_ignored_flag(true)
 }
 
-/// Codes, errors, lines of the black box, and that the header is the one that the sources give.
+/// Codes, errors, parts of the black box, and that the header agrees with the sources.
 fn unit_tests() -> Result<(), Failed> {
     tools::cargo(&["test", "--locked", "--quiet"]).map(drop)
 }
 
-/// The library's panic handler calls what does not exist.
+/// The library's panic handler calls a function that does not exist.
 fn no_panic_path(profile: &str) -> Result<(), Failed> {
     let bytes = std::fs::read(tools::library_of(profile))?;
     let mentions = |symbol: &str| {
@@ -122,7 +122,7 @@ fn no_panic_path(profile: &str) -> Result<(), Failed> {
     Ok(())
 }
 
-/// No malloc, no locks, no output: what the library takes from elsewhere are the functions that compilers take for granted.
+/// No malloc, no locks, no output: the library needs only functions that compilers presuppose.
 fn needs_nothing() -> Result<(), Failed> {
     let known = ["memcpy", "memmove", "memset", "memcmp", "bcmp"];
     let listing = tools::run(
@@ -182,7 +182,7 @@ fn refusals(compiler: &'static str, flags: &[&str]) -> Result<(), Failed> {
     Ok(())
 }
 
-/// Memory that was never written, and writes beyond the memory that was given.
+/// Finds reads of uninitialised memory, and accesses beyond the memory of an object.
 fn in_valgrind(name: &str) -> Result<(), Failed> {
     let folder = if name == "session" {
         "examples"

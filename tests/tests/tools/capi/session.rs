@@ -4,16 +4,15 @@ use std::process::Command;
 
 use gantry_tau::black_box::Window;
 use gantry_tau::replay::Findings;
-use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
-use gantry_tau_core::control::channel::Limits;
-use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
-use gantry_tau_core::control::session::Session;
+use gantry_tau_core::control::axis::{Actual, Reference};
+use gantry_tau_core::control::channel::{LimitValues, Limits};
+use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
-use gantry_tau_core::control::session::fsm::Connection;
-use gantry_tau_core::units::{Epoch, PositionNm, Tick, TorquePermille, VelocityUmS};
+use gantry_tau_core::control::session::{BlackBox, LastWrite, Session, Start, TickInput};
+use gantry_tau_core::units::{Epoch, EpochRange, PositionNm, TorquePermille, VelocityUmS};
 use libtest_mimic::Failed;
 
-use super::tools::{Program, run};
+use super::tools::{Program, from_hex, run};
 
 const AXES: usize = 3;
 const MOTORS: usize = 4;
@@ -29,14 +28,14 @@ pub(crate) struct Traced {
 
 pub(crate) fn agrees(compiler: &str, flags: &[&str]) -> Result<(), Failed> {
     let program = Program::compile("examples/session.c", compiler, flags)?;
-    let (trace, black_box) = (program.file("trace"), program.file("jsonl"));
+    let (trace, black_box) = (program.file("trace"), program.file("gtbb"));
     let said = program.run(&[&trace, &black_box])?;
     assert!(said.ends_with("all bounds held over 700 ticks\n"), "{said}");
     compare(&std::fs::read_to_string(trace)?, &std::fs::read(black_box)?);
     Ok(())
 }
 
-/// A server with a black box is half a megabyte: made where it stays, it needs no stack.
+/// A server with a black box has half a megabyte; it is built in place, without a copy on the stack.
 pub(crate) fn on_a_small_stack() -> Result<(), Failed> {
     let program = Program::compile("examples/session.c", "gcc", &["-O2"])?;
     let mut command = Command::new("sh");
@@ -46,40 +45,32 @@ pub(crate) fn on_a_small_stack() -> Result<(), Failed> {
     Ok(())
 }
 
-/// The trace and the black box of the program against core.
+/// Compares the trace and the black box of the program with core's.
 pub(crate) fn compare(trace: &str, black_box: &[u8]) {
     let mut endpoint = core();
     let client = endpoint.open(Transport::Stream).unwrap();
     let traced = read(trace);
     assert_eq!(traced.len(), 700);
-    let mut welcomed = 0;
-    let mut window = None;
+    let mut recorder = Box::new(BlackBox::<AXES, HALF>::new());
     for (index, there) in traced.iter().enumerate() {
         endpoint.feed(client, &there.input);
-        let mut frames = Vec::new();
-        let cycle = cycle(i64::try_from(index).unwrap() + 1, welcomed);
-        let turn = endpoint.tick(&cycle, &mut |_: Connection, bytes| {
-            frames.push(bytes.to_vec())
-        });
+        let input = input(i64::try_from(index).unwrap() + 1);
+        let references = endpoint.tick_recorded(&input, &mut *recorder);
         assert_eq!(
             there.motors,
-            turn.motors,
+            references.unwrap(),
             "references of tick {}",
             index + 1
         );
-        assert_eq!(there.frames, frames, "frames of tick {}", index + 1);
-        if turn.output.welcome.is_some() {
-            welcomed = turn.output.state.epoch.0;
+        let mut frames = Vec::new();
+        while let Some((_, frame)) = endpoint.poll_transmit() {
+            frames.push(frame.to_vec());
         }
-        window = Window::of(endpoint.black_box());
+        assert_eq!(there.frames, frames, "frames of tick {}", index + 1);
+        while endpoint.poll_close().is_some() {}
     }
-    let window = window.unwrap();
-    assert_eq!(
-        String::from_utf8_lossy(black_box),
-        window.encode(),
-        "the black box"
-    );
     let read = Window::<AXES>::decode("the black box", black_box).unwrap();
+    assert!(Some(&read) == Window::of(&recorder).as_ref());
     let findings = Findings::of(&read);
     assert_eq!(findings.difference, None);
     assert_eq!(findings.cause, Some("ClientLate"));
@@ -87,29 +78,43 @@ pub(crate) fn compare(trace: &str, black_box: &[u8]) {
 }
 
 /// The server of the program.
-fn core() -> Endpoint<AXES, MOTORS, HALF> {
-    let limits = Limits::new(2_000_000, 5_000, 10_000, 100).unwrap();
-    let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
+fn core() -> Endpoint<AXES, MOTORS> {
+    let limits = Limits::new(LimitValues {
+        max: 2_000_000,
+        step: 5_000,
+        accel: 10_000,
+        ramp: 100,
+    });
+    let travel = Travel::around_zero(1_000_000_000);
+    let axis = AxisConfig::position_only(limits.unwrap(), travel, 2_000_000);
     let config = Config::new(Parameters::thesis([axis; AXES])).unwrap();
-    let start = [PositionNm(0); AXES];
-    let session = Session::new(
-        config,
-        &[Offsets::default(); AXES],
-        start,
-        Tick(0),
-        Epoch(0),
-    );
-    Endpoint::new(session.unwrap(), MotorMap::new([0, 0, 1, 2]).unwrap())
+    let session = Session::new(config, &Start::at_rest([PositionNm(0); AXES]));
+    let epochs = EpochRange {
+        first: Epoch(1),
+        last: Epoch(1),
+    };
+    Endpoint::new(
+        session.unwrap(),
+        MotorMap::new([0, 0, 1, 2]).unwrap(),
+        epochs,
+    )
 }
 
-/// What the program gives to a tick. Its client learns its epoch from the Welcome, and the next one is one more.
-fn cycle(tick: i64, welcomed: u64) -> Cycle<AXES> {
+/// The program's input of a tick.
+fn input(tick: i64) -> TickInput<AXES> {
     let nominal = [1, 2, 3].map(|axis| PositionNm(tick * 1_000 * axis));
-    let actual = nominal.map(|nominal| Actual {
-        position: PositionNm(nominal.0 - 50),
-        ..Actual::default()
-    });
-    Cycle::on_time(nominal, actual, Epoch(welcomed + 1))
+    TickInput {
+        elapsed_cycles: 1,
+        nominal,
+        actual: nominal.map(|nominal| Actual {
+            position: PositionNm(nominal.0 - 50),
+            ..Actual::default()
+        }),
+        stop: false,
+        rearm: false,
+        last_write: LastWrite::Accepted,
+        arrival_us: 0,
+    }
 }
 
 fn read(trace: &str) -> Vec<Traced> {
@@ -122,8 +127,8 @@ fn read(trace: &str) -> Vec<Traced> {
         }
         let tick = ticks.last_mut().unwrap();
         match what {
-            "in" => tick.input = bytes(rest),
-            "out" => tick.frames.push(bytes(rest)),
+            "in" => tick.input = from_hex(rest),
+            "out" => tick.frames.push(from_hex(rest)),
             "motor" => tick.motors.push(reference(rest)),
             _ => panic!("{line}"),
         }
@@ -141,10 +146,4 @@ fn reference(numbers: &str) -> Reference {
         velocity_offset: VelocityUmS(i32::try_from(next()).unwrap()),
         torque_offset: TorquePermille(i16::try_from(next()).unwrap()),
     }
-}
-
-fn bytes(digits: &str) -> Vec<u8> {
-    let pairs = digits.as_bytes().chunks(2);
-    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
-    pairs.map(byte).collect()
 }

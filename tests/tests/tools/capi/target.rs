@@ -31,20 +31,20 @@ pub(crate) fn trials() -> Vec<Trial> {
     ]
 }
 
-/// C's own library for the target, with output through the emulator.
+/// True if C's standard library for the target is installed, with output through the emulator.
 fn has_newlib() -> bool {
     let asked = run(Command::new(COMPILER).arg("-print-file-name=rdimon.specs"));
     asked.is_ok_and(|path| path.contains('/'))
 }
 
-/// Builds for the target.
+/// Command of the build script for the target.
 fn build_script() -> Command {
     let mut command = Command::new("bash");
     command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("firmware/build.sh"));
     command
 }
 
-/// Rust for the target.
+/// True if Rust can build for the target.
 fn has_toolchain() -> bool {
     run(build_script().arg("check")).is_ok()
 }
@@ -59,7 +59,7 @@ fn library() -> &'static Path {
             .arg(folder().join("Cargo.toml"));
         let built = run(build.env("GANTRY_TAU_FIRMWARE_TARGET", target().join("target")));
         let said = built.unwrap_or_else(|failed| panic!("{}", failed.message().unwrap_or("")));
-        // Its last line is the folder.
+        // The last line is the folder.
         Path::new(said.trim_end().lines().last().unwrap()).join("libgantry_tau.a")
     })
 }
@@ -117,7 +117,7 @@ fn session_agrees() -> Result<(), Failed> {
     let image = compile("session")?;
     let (trace, black_box) = (
         target().join("session-m7.trace"),
-        target().join("session-m7.jsonl"),
+        target().join("session-m7.gtbb"),
     );
     let said = emulate(&image, &[&trace, &black_box])?;
     assert!(said.contains("all bounds held over 700 ticks"), "{said}");

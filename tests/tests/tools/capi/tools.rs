@@ -1,4 +1,4 @@
-//! The library, compilers, and programs made by them.
+//! The library, compilers, and their programs.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -11,12 +11,12 @@ pub(crate) fn required() -> bool {
     std::env::var_os("GANTRY_TAU_REQUIRE_CAPI").is_some_and(|value| value == "1")
 }
 
-/// Whether a program can be started.
+/// True if a program can be started.
 pub(crate) fn has(tool: &str) -> bool {
     Command::new(tool).arg("--version").output().is_ok()
 }
 
-/// Whether a compiler has what these flags ask for: its sanitizers are a package of their own.
+/// True if a compiler takes these flags: its sanitizers are a package of their own.
 pub(crate) fn takes(compiler: &str, flags: &[&str]) -> bool {
     let empty = target().join("empty.c");
     let written = std::fs::create_dir_all(target())
@@ -36,7 +36,7 @@ pub(crate) fn target() -> PathBuf {
     Path::new(env!("CARGO_TARGET_TMPDIR")).join("linked")
 }
 
-/// What a command says, if it succeeds.
+/// Runs a command and returns its output.
 pub(crate) fn run(command: &mut Command) -> Result<String, Failed> {
     let output = command
         .output()
@@ -50,7 +50,7 @@ pub(crate) fn run(command: &mut Command) -> Result<String, Failed> {
     }
 }
 
-/// cargo in the crate of the C interface.
+/// Runs cargo in the crate of the C interface.
 pub(crate) fn cargo(arguments: &[&str]) -> Result<String, Failed> {
     let mut command = Command::new(env!("CARGO"));
     command.current_dir(folder()).args(arguments);
@@ -63,14 +63,14 @@ pub(crate) fn library() -> &'static Path {
     LIBRARY.get_or_init(|| library_of("release"))
 }
 
-/// The static library as a profile of its manifest makes it.
+/// The static library of a profile of its manifest.
 pub(crate) fn library_of(profile: &str) -> PathBuf {
     let built = cargo(&["build", "--profile", profile, "--locked", "--quiet"]);
     built.unwrap_or_else(|failed| panic!("{}", failed.message().unwrap_or("")));
     target().join(profile).join("libgantry_tau.a")
 }
 
-/// A C program with the library in it.
+/// A C program linked with the library.
 pub(crate) struct Program(PathBuf);
 
 impl Program {
@@ -85,7 +85,7 @@ impl Program {
             .args(super::STRICT)
             .args(flags);
         command.args(["-Iinclude", source]).arg(library());
-        // Everything that is not called is left out, as in firmware.
+        // Without functions that are not called, as in firmware.
         run(command.args(["-lm", "-Wl,--gc-sections", "-o"]).arg(&path))?;
         Ok(Self(path))
     }
@@ -94,13 +94,23 @@ impl Program {
         &self.0
     }
 
-    /// What it says.
+    /// Runs it and returns its output.
     pub(crate) fn run(&self, arguments: &[&Path]) -> Result<String, Failed> {
         run(Command::new(&self.0).args(arguments))
     }
 
-    /// A file beside it.
+    /// Path of a file beside it.
     pub(crate) fn file(&self, ending: &str) -> PathBuf {
         self.0.with_extension(ending)
     }
+}
+
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+pub(crate) fn from_hex(digits: &str) -> Vec<u8> {
+    let pairs = digits.as_bytes().chunks(2);
+    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
+    pairs.map(byte).collect()
 }

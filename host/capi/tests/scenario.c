@@ -1,14 +1,15 @@
 /*
- * Plays a script of calls against a server, and prints everything that comes out. The test compares it with what core says.
+ * Makes the calls of a script to a server and prints every result. The test compares them with core's.
  *
- *     axes A black_box B        the server
+ *     axes A black_box B        the server; epochs 1 to 4
  *     o T                       open a connection of transport T
  *     c N                       connection N is gone
  *     f N [HEX]                 feed bytes
- *     r OFFSETS                 resume: position velocity torque, six times
- *     t E S R U P NOMINAL ACTUAL
- *                               tick: elapsed, stop, rearm, arrival_us, next_epoch; six positions; position velocity torque, six times
- *     b                         the black box: its lines, then release
+ *     e FIRST LAST              set epochs
+ *     t E S R W U NOMINAL ACTUAL IN_FORCE
+ *                               tick: elapsed_cycles, stop, rearm, last_write, arrival_us; six positions;
+ *                               position velocity torque, six times; nominal position velocity torque, six times
+ *     b                         the black box: its parts, then release
  */
 #include <inttypes.h>
 #include <stdio.h>
@@ -18,7 +19,7 @@
 #include "gantry_tau.h"
 
 static GT_MEMORY(GT_SERVER_SIZE_6_BLACK_BOX) memory;
-static char line[GT_BLACK_BOX_LINE];
+static uint8_t part[GT_BLACK_BOX_PART];
 static char word[16384];
 static uint8_t bytes[8192];
 
@@ -70,6 +71,15 @@ static void print_hex(const uint8_t *data, size_t length)
     printf("\n");
 }
 
+static gt_offsets offsets(void)
+{
+    gt_offsets offsets;
+    offsets.position_nm = (int32_t)number();
+    offsets.velocity_um_s = (int32_t)number();
+    offsets.torque_permille = (int16_t)number();
+    return offsets;
+}
+
 static void print_offsets(const char *what, const gt_offsets *offsets)
 {
     printf(" %s %" PRId32 " %" PRId32 " %" PRId16, what, offsets->position_nm, offsets->velocity_um_s, offsets->torque_permille);
@@ -81,7 +91,7 @@ static void print_state(const gt_state *state)
     printf("state %llu %llu %llu phase %" PRId32 " cause %" PRId32 " left %" PRIu32 " arrival %u on_time %u\n",
            (unsigned long long)state->tick, (unsigned long long)state->epoch, (unsigned long long)state->accepted, state->phase, state->cause, state->ramp_ticks_left, state->arrival_us, state->on_time_of_100);
     printf("counters %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %u\n",
-           c->received, c->missed, c->late, c->duplicate, c->stale, c->malformed, c->out_of_range, c->limited, c->clamped, c->strangers, c->longest_miss_run);
+           c->received, c->missed, c->late, c->duplicate, c->stale, c->malformed, c->out_of_range, c->limited, c->clamped, c->non_owner, c->longest_miss_run);
     for (uint32_t i = 0; i < state->axis_count; i++) {
         const gt_axis_state *axis = &state->axes[i];
         printf("axis %lld", (long long)axis->nominal_nm);
@@ -93,54 +103,50 @@ static void print_state(const gt_state *state)
 
 static void tick(gt_server *server)
 {
-    gt_cycle cycle;
-    gt_turn turn;
+    gt_tick_input input;
+    gt_tick_output output;
+    gt_frame frame;
+    uint64_t connection;
+    gt_code code;
 
-    memset(&cycle, 0, sizeof cycle);
-    cycle.elapsed = (uint32_t)natural();
-    cycle.stop = (uint8_t)natural();
-    cycle.rearm = (uint8_t)natural();
-    cycle.arrival_us = (uint16_t)natural();
-    cycle.next_epoch = natural();
+    memset(&input, 0, sizeof input);
+    input.elapsed_cycles = (uint32_t)natural();
+    input.stop = (uint8_t)natural();
+    input.rearm = (uint8_t)natural();
+    input.last_write = (uint8_t)natural();
+    input.arrival_us = (uint16_t)natural();
     for (int i = 0; i < GT_MAX_AXES; i++) {
-        cycle.nominal_nm[i] = number();
+        input.nominal_nm[i] = number();
     }
     for (int i = 0; i < GT_MAX_AXES; i++) {
-        cycle.actual[i].position_nm = number();
-        cycle.actual[i].velocity_um_s = (int32_t)number();
-        cycle.actual[i].torque_permille = (int16_t)number();
+        input.actual[i].position_nm = number();
+        input.actual[i].velocity_um_s = (int32_t)number();
+        input.actual[i].torque_permille = (int16_t)number();
     }
-    check(gt_server_tick(server, &cycle, &turn));
-    for (uint32_t i = 0; i < turn.motor_count; i++) {
-        printf("motor %lld %" PRId32 " %" PRId16 "\n", (long long)turn.motors[i].position_nm, turn.motors[i].velocity_offset_um_s, turn.motors[i].torque_offset_permille);
+    for (int i = 0; i < GT_MAX_AXES; i++) {
+        input.in_force[i].nominal_nm = number();
+        input.in_force[i].offsets = offsets();
     }
-    printf("turn refused %" PRIu32 " welcomed %u owner", turn.refused, turn.welcomed);
-    if (turn.has_owner) {
-        printf(" %llu", (unsigned long long)turn.owner);
+    check(gt_server_tick(server, &input, &output));
+    printf("write %u\n", output.write);
+    for (uint32_t i = 0; i < output.motor_count; i++) {
+        printf("motor %lld %" PRId32 " %" PRId16 "\n", (long long)output.motors[i].position_nm, output.motors[i].velocity_offset_um_s, output.motors[i].torque_offset_permille);
     }
-    printf(" ended %" PRId32 " close", turn.ended);
-    for (uint32_t i = 0; i < turn.close_count; i++) {
-        printf(" %llu", (unsigned long long)turn.close[i]);
+    printf("refused %" PRIu32 " welcomed %u owner", output.refused, output.welcomed);
+    if (output.has_owner) {
+        printf(" %llu", (unsigned long long)output.owner);
     }
-    printf("\n");
-    print_state(&turn.state);
-    for (uint32_t i = 0; i < turn.frame_count; i++) {
-        gt_frame frame;
-        check(gt_server_frame(server, i, &frame));
+    printf(" ended %" PRId32 "\n", output.ended);
+    print_state(&output.state);
+    while ((code = gt_server_poll_transmit(server, &frame)) == GT_CODE_OK) {
         printf("frame %llu ", (unsigned long long)frame.connection);
         print_hex(frame.bytes, frame.length);
     }
-}
-
-static void resume(gt_server *server)
-{
-    gt_offsets in_force[GT_MAX_AXES];
-    for (int i = 0; i < GT_MAX_AXES; i++) {
-        in_force[i].position_nm = (int32_t)number();
-        in_force[i].velocity_um_s = (int32_t)number();
-        in_force[i].torque_permille = (int16_t)number();
+    printf("%s\n", gt_code_name(code));
+    while ((code = gt_server_poll_close(server, &connection)) == GT_CODE_OK) {
+        printf("close %llu\n", (unsigned long long)connection);
     }
-    printf("resume %s\n", gt_code_name(gt_server_resume(server, in_force, NULL)));
+    printf("%s\n", gt_code_name(code));
 }
 
 static void black_box(gt_server *server)
@@ -148,10 +154,11 @@ static void black_box(gt_server *server)
     gt_black_box box;
     check(gt_server_black_box(server, &box));
     printf("black box %" PRIu32 " frozen %u\n", box.ticks, box.frozen);
-    for (uint32_t i = 0; i < box.lines; i++) {
+    for (uint32_t i = 0; i < box.parts; i++) {
         size_t length;
-        check(gt_server_black_box_line(server, i, line, sizeof line, &length));
-        fwrite(line, 1, length, stdout);
+        check(gt_server_black_box_part(server, i, part, sizeof part, &length));
+        printf("part ");
+        print_hex(part, length);
     }
     check(gt_server_black_box_release(server));
 }
@@ -164,6 +171,8 @@ static gt_server *begin(void)
     gt_server *server;
 
     memset(&start, 0, sizeof start);
+    start.first_epoch = 1;
+    start.last_epoch = 4;
     next(); /* axes */
     check(gt_server_config_thesis(&config, (uint32_t)natural()));
     next(); /* black_box */
@@ -211,8 +220,9 @@ int main(void)
             check(gt_server_feed(server, connection, bytes, length, &frames));
             printf("fed %u\n", frames);
             break;
-        case 'r':
-            resume(server);
+        case 'e':
+            connection = natural();
+            check(gt_server_set_epochs(server, connection, natural()));
             break;
         case 't':
             tick(server);
