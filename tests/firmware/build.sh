@@ -63,5 +63,5 @@ fi
 echo "firmware for $cpu: $said"
 if [ "$what" = check ]; then exit; fi
 cd "$here"
-"$cargo" build --profile "$profile" --locked "${standard[@]}" --target $target --target-dir "$folder" "$@"
+"$cargo" build --profile "$profile" --locked --quiet "${standard[@]}" --target $target --target-dir "$folder" "$@"
 echo "$folder/$target/$profile"

@@ -1,24 +1,24 @@
-//! The link: the firmware serves a real client over TCP, in lock-step. Emulated time is not real time: a tick is due when the timer
-//! says so AND the answer to the last State has come, or patience has run out.
-
-mod audit;
-mod journal;
+//! Lock-step server of a real client over TCP. Emulated time is not real time: a cycle is due when the timer's interrupt came AND
+//! the owner has answered the last State, or was silent for too long.
 
 use core::mem::MaybeUninit;
 
 use cortex_m::singleton;
-use gantry_tau_core::control::endpoint::Turn;
 use gantry_tau_core::control::message::{Capabilities, Phase};
-use gantry_tau_core::units::{Epoch, PositionNm};
+use gantry_tau_core::control::monitor::{Monitor, Violation};
+use gantry_tau_core::units::PositionNm;
 
 use crate::board::timer::Ticks;
-use crate::machine::{AXES, MOTORS, Machine, Meter, Moment, Motion, Part, Parts, Pose6, Work};
+use crate::board::{clock, stack};
+use crate::machine::{
+    AXES, AXIS_OF_MOTOR, ControlCycle, CycleInput, Machine, Motion, MotorReferences, Parts, Pose6,
+    Unmeasured,
+};
 use crate::net::lan9118::{Lan9118, LanError};
 use crate::net::tcp::{Place, Server, Storage};
-use audit::Audit;
-use journal::Journal;
+use crate::session_log::SessionLog;
 
-/// Where the emulator's network has its guest, and what it calls itself.
+/// Guest of the emulator's network.
 const PLACE: Place = Place {
     hardware: [0x02, 0x00, 0x00, 0x00, 0x00, 0x01],
     address: [10, 0, 2, 15],
@@ -30,25 +30,37 @@ const PLACE: Place = Place {
 const PATIENCE_MS: u32 = 1_000;
 /// Silence that counts as a tick of the handshake, ms; a thousand of them end it.
 const HANDSHAKE_PATIENCE_MS: u32 = 10;
-/// The tool goes this far to and fro, µm, at 1 µm per tick.
+/// Length of the tool's path, to and fro at 1 µm per tick, µm.
 const PATH_UM: u64 = 1_000;
-/// Where the tool is at home, m.
+/// Position of the tool at home, m.
 const HOME_M: [f64; 3] = [0.1, 0.0, 0.3];
-/// The longest run, ms; a test that forgot its firmware.
+/// Longest run, ms: ends a firmware whose test has died.
 const LONGEST_MS: u32 = 600_000;
 
-/// Why the link cannot be served.
+/// Error at the start of the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
-enum Trouble {
+enum LinkError {
     /// The controller.
     Lan(LanError),
     /// A constant of the machine, or its home.
     Machine,
-    /// It was served before: there is one machine.
+    /// A second start: there is one machine.
     Twice,
 }
 
-/// Serves until `sessions` have ended and nobody is connected. Whether every reference of every tick was within its bounds.
+/// References that broke a rule.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
+enum Broken {
+    /// A rule of the monitor.
+    Rule(Violation),
+    /// Motors of one axis have different references, or another reference than their axis.
+    Motors,
+    /// Withheld, though every write was accepted.
+    Withheld,
+}
+
+/// Serves until `sessions` have ended and all connections are closed. Returns true if every reference of every tick was within its
+/// bounds.
 pub(crate) fn run(ticks: Ticks, sessions: Option<&[u8]>) -> bool {
     let Some(sessions) = sessions.and_then(number) else {
         defmt::error!("usage: link SESSIONS");
@@ -56,84 +68,91 @@ pub(crate) fn run(ticks: Ticks, sessions: Option<&[u8]>) -> bool {
     };
     match serve(ticks, sessions) {
         Ok(well) => well,
-        Err(trouble) => {
-            defmt::error!("link trouble={}", trouble);
+        Err(error) => {
+            defmt::error!("error={}", error);
             false
         }
     }
 }
 
-fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, Trouble> {
-    let home = home().ok_or(Trouble::Machine)?;
-    let parts = Parts::new(Capabilities::LOCKSTEP, home).map_err(|_| Trouble::Machine)?;
-    let place = singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()).ok_or(Trouble::Twice)?;
+fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
+    let home = home().ok_or(LinkError::Machine)?;
+    let parts = Parts::new(Capabilities::LOCKSTEP, home).map_err(|_| LinkError::Machine)?;
+    let place =
+        singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()).ok_or(LinkError::Twice)?;
     let machine = place.write(Machine::new(parts));
-    let lan = Lan9118::new(PLACE.hardware).map_err(Trouble::Lan)?;
-    let storage = singleton!(: Storage = Storage::new()).ok_or(Trouble::Twice)?;
-    let seed = u64::from(crate::board::clock::now());
-    let mut link = Link {
-        tcp: Server::new(lan, &PLACE, storage, seed),
-        next_epoch: Epoch(1),
-        path: 0,
-    };
-    let turn = link.tick(machine);
-    let parameters = machine.server().session().config().parameters();
-    let limits = parameters.axes.map(|axis| axis.limits);
-    let mut audit = Audit::new(limits, &turn);
-    let mut journal = Journal::new(sessions);
-    journal.listening(PLACE.port, &turn);
+    let lan = Lan9118::new(PLACE.hardware).map_err(LinkError::Lan)?;
+    let storage = singleton!(: Storage = Storage::new()).ok_or(LinkError::Twice)?;
+    let mut tcp = Server::new(lan, &PLACE, storage, clock::now().into());
+    let axes = &machine.server().session().config().parameters().axes;
+    let mut monitor = Monitor::new(
+        axes.map(|axis| axis.limits),
+        Some(axes.map(|axis| axis.machine_travel)),
+    );
+    let mut log = SessionLog::new();
+    let mut broken_ticks: u32 = 0;
+    defmt::info!("listening={=u16}", PLACE.port);
 
     let mut now_ms: u32 = 0;
-    let mut state_left_ms: u32 = 0;
+    let mut last_tick_ms: u32 = 0;
     while now_ms < LONGEST_MS {
         now_ms = now_ms.saturating_add(ticks.wait());
-        link.tcp.visit(now_ms.into(), machine.server());
-        if !is_due(machine, now_ms.saturating_sub(state_left_ms)) {
+        tcp.visit(now_ms.into(), machine.server());
+        if !is_due(machine, now_ms.saturating_sub(last_tick_ms)) {
             continue;
         }
-        let turn = link.tick(machine);
-        state_left_ms = now_ms;
-        let checked = audit.check(&turn);
-        journal.note(&turn, checked);
-        if journal.is_complete() && link.tcp.is_idle() {
-            break;
-        }
-    }
-    journal.close(now_ms, &audit);
-    Ok(journal.is_complete() && audit.broken_ticks == 0)
-}
-
-/// The server in lock-step, and the machine's path.
-struct Link {
-    tcp: Server,
-    next_epoch: Epoch,
-    path: u64,
-}
-
-impl Link {
-    /// One tick, and what is to be sent and closed after it.
-    fn tick(&mut self, machine: &mut Machine) -> Turn<AXES, MOTORS> {
-        let moment = moment(pose(self.path), self.next_epoch);
-        self.path = self.path.saturating_add(1);
-        let tcp = &mut self.tcp;
-        machine.compute(&moment, &mut Unmeasured);
-        let turn = machine.serve(&moment, &mut Unmeasured, &mut |to, bytes| {
-            tcp.send(to, bytes);
-        });
-        for connection in &turn.close {
-            tcp.close(*connection);
+        last_tick_ms = now_ms;
+        let input = CycleInput::on_time(Motion::F1, pose(log.ticks.into()));
+        machine.compute(&input, &mut Unmeasured);
+        let motors = machine.serve(&mut Unmeasured, &mut |to, frame| tcp.send(to, frame));
+        while let Some(connection) = machine.server().poll_close() {
+            tcp.close(connection);
         }
         tcp.flush();
         tcp.ticked();
-        if turn.output.welcome.is_some() {
-            // An emulated machine has nothing to persist it in; it never runs twice.
-            self.next_epoch = Epoch(self.next_epoch.0.saturating_add(1));
+        if let Err(broken) = check(&mut monitor, machine, &motors) {
+            broken_ticks = broken_ticks.saturating_add(1);
+            defmt::error!("broken={}", broken);
         }
-        turn
+        if let Some(output) = machine.output() {
+            log.note(output);
+        }
+        if log.sessions >= sessions && tcp.is_idle() {
+            break;
+        }
+    }
+    defmt::info!(
+        "ticks={=u32} ms={=u32} sessions={=u32} broken_ticks={=u32} stack={=usize}",
+        log.ticks,
+        now_ms,
+        log.sessions,
+        broken_ticks,
+        stack::high_water()
+    );
+    Ok(log.sessions >= sessions && broken_ticks == 0)
+}
+
+/// Checks State and references of the last tick, from outside of the session.
+fn check(
+    monitor: &mut Monitor<AXES>,
+    machine: &Machine,
+    motors: &MotorReferences,
+) -> Result<(), Broken> {
+    let (Some(output), Some(motors)) = (machine.output(), motors) else {
+        return Err(Broken::Withheld);
+    };
+    monitor
+        .check_tick(&output.state, &output.references)
+        .map_err(Broken::Rule)?;
+    let mut motors = motors.iter().zip(AXIS_OF_MOTOR);
+    if motors.all(|(motor, axis)| output.references.get(axis) == Some(motor)) {
+        Ok(())
+    } else {
+        Err(Broken::Motors)
     }
 }
 
-/// Whether the tick need not wait any longer for the owner's answer, `waited_ms` after the last State left.
+/// True if the cycle need not wait any longer for the owner's answer, `waited_ms` after the last State.
 fn is_due(machine: &mut Machine, waited_ms: u32) -> bool {
     let server = machine.server();
     let patience_ms = match server.session().phase() {
@@ -144,7 +163,7 @@ fn is_due(machine: &mut Machine, waited_ms: u32) -> bool {
     server.owner_has_answered() || waited_ms >= patience_ms
 }
 
-/// The tool along x, to and fro.
+/// Returns a pose on the tool's path, along x, to and fro.
 fn pose(step: u64) -> Pose6 {
     let along = step
         .checked_rem(PATH_UM.saturating_mul(2))
@@ -155,38 +174,18 @@ fn pose(step: u64) -> Pose6 {
     [x + away_m, y, z, 0.0, 0.0, 0.0]
 }
 
-/// The axes at home.
+/// Returns the positions of the axes at home.
 fn home() -> Option<[PositionNm; AXES]> {
-    let (mut work, _) = Work::new().ok()?;
-    work.answer(&moment(pose(0), Epoch(0))).nominal()
+    let (mut cycle, _) = ControlCycle::new().ok()?;
+    cycle
+        .run(&CycleInput::on_time(Motion::F1, pose(0)))
+        .nominal()
 }
 
-/// What a tick depends on beside the bytes: nobody stops, nobody pulls at the tool but the client's sensor.
-const fn moment(pose: Pose6, next_epoch: Epoch) -> Moment {
-    Moment {
-        elapsed: 1,
-        stop: false,
-        rearm: false,
-        next_epoch,
-        arrival_us: 0,
-        motion: Motion::F1,
-        pose,
-        load: [0.0; 6],
-    }
-}
-
-/// A decimal number. (That of a `str` links a panic.)
+/// Reads a decimal number. (That of a `str` links a panic.)
 fn number(digits: &[u8]) -> Option<u32> {
     digits.iter().try_fold(0_u32, |number, digit| {
         let digit = digit.checked_sub(b'0').filter(|digit| *digit < 10)?;
         number.checked_mul(10)?.checked_add(digit.into())
     })
-}
-
-/// Nobody measures here: time that passes on the network is not the core's.
-struct Unmeasured;
-
-impl Meter for Unmeasured {
-    fn begin(&mut self) {}
-    fn end(&mut self, _part: Part) {}
 }

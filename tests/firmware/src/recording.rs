@@ -48,6 +48,11 @@ pub(crate) trait Source {
 pub(crate) trait Sink {
     /// Takes all of `bytes`.
     fn write(&mut self, bytes: &[u8]);
+    /// Takes a sent frame.
+    fn frame(&mut self, to: Connection, frame: &[u8]) {
+        self.write(&to.0.to_le_bytes());
+        self.write(frame);
+    }
 }
 
 /// Observer of a playback.
@@ -170,10 +175,7 @@ fn compute(
 /// Integer half.
 #[inline(never)]
 fn serve(machine: &mut Machine, sink: &mut impl Sink, observer: &mut impl Observer) {
-    let references = machine.serve(observer, &mut |to, frame| {
-        sink.write(&to.0.to_le_bytes());
-        sink.write(frame);
-    });
+    let references = machine.serve(observer, &mut |to, frame| sink.frame(to, frame));
     write_references(sink, &references);
     let mut closed = Vec::<Connection, CONNECTIONS>::new();
     while let Some(connection) = machine.server().poll_close() {
