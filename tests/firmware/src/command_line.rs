@@ -1,5 +1,8 @@
 //! Command line of the emulator.
-#![allow(unsafe_code, reason = "a call of the emulator; the block says why it is sound")]
+#![allow(
+    unsafe_code,
+    reason = "a call of the emulator; the block says why it is sound"
+)]
 
 use cortex_m_semihosting::nr;
 

@@ -32,7 +32,12 @@ impl IngressBudget {
     }
 
     /// Counts bytes that were read of a connection.
-    pub(crate) fn count(&mut self, connection: Connection, owner: Option<Connection>, bytes: usize) {
+    pub(crate) fn count(
+        &mut self,
+        connection: Connection,
+        owner: Option<Connection>,
+        bytes: usize,
+    ) {
         let sum = if owner == Some(connection) {
             &mut self.owner
         } else {

@@ -116,6 +116,9 @@ fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
         }
         if let Some(output) = machine.output() {
             log.note(output);
+            for (_, refusal) in &output.refusals {
+                defmt::info!("tick={=u64} refused={}", output.state.tick.0, refusal);
+            }
         }
         if log.sessions >= sessions && tcp.is_idle() {
             break;

@@ -1,8 +1,9 @@
 //! Playback of a recording: connections, bytes and cycle inputs come from a file, the outcome of every cycle goes to another.
 //! The same file is compiled into the test, which writes recordings and plays them on the host.
 //!
-//! A recording is a sequence of [`Record`]s, each its length (`u16`, little-endian) and its `postcard` bytes: first
-//! [`Record::Start`], last [`Record::End`]. The outcome is compared only: raw numbers, little-endian, in the order of this file.
+//! A recording is a sequence of [`Record`]s, each its length (`u16`, little-endian) and its `postcard` bytes. The first is a
+//! [`Record::Cycle`] that does not run: it has the nominal positions at the start. The last is [`Record::End`]. The outcome is only
+//! compared: raw numbers, little-endian, in the order of this file.
 
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
 use gantry_tau_core::control::session::Connection;
@@ -22,8 +23,6 @@ pub(crate) const MAX_RECORD: usize = 512;
 /// One step of a recording.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 pub(crate) enum Record<'a> {
-    /// Nominal positions at the start.
-    Start([PositionNm; AXES]),
     /// A stream is opened.
     OpenStream,
     /// A connection of datagrams is opened.
@@ -82,7 +81,7 @@ impl Room {
 /// Reads the first record: the nominal positions at the start.
 pub(crate) fn start(room: &mut Room, source: &mut impl Source) -> Option<[PositionNm; AXES]> {
     match read(&mut room.bytes, source)? {
-        Record::Start(nominal) => Some(nominal),
+        Record::Cycle(input) => Some(input.tick.nominal),
         _ => None,
     }
 }
@@ -131,7 +130,6 @@ fn arrive(
                 return Some(true);
             }
             Record::End => return Some(false),
-            Record::Start(_) => false,
         };
         if !is_allowed {
             return None;

@@ -32,9 +32,6 @@ impl SessionLog {
         if output.welcome.is_some() {
             defmt::info!("tick={=u64} welcome={=u64}", tick, state.epoch.0);
         }
-        for (_, refusal) in &output.refusals {
-            defmt::info!("tick={=u64} refused={}", tick, refusal);
-        }
         if let Some(cause) = output.ended {
             defmt::info!("tick={=u64} ended={} {}", tick, cause, state.counters);
         }

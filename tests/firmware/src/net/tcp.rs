@@ -73,11 +73,7 @@ enum Use {
 
 impl Use {
     /// True if a visit looks at it: the owner at every visit.
-    fn is_due(
-        self,
-        has_turn: bool,
-        endpoint: &Endpoint,
-    ) -> bool {
+    fn is_due(self, has_turn: bool, endpoint: &Endpoint) -> bool {
         let owner = endpoint.session().owner();
         has_turn || matches!(self, Self::Peer { connection, .. } if owner == Some(connection))
     }
@@ -154,11 +150,7 @@ impl Server {
     }
 
     /// Receives, opens and closes connections of the endpoint, feeds it, and sends.
-    pub(crate) fn visit(
-        &mut self,
-        now_ms: i64,
-        endpoint: &mut Endpoint,
-    ) {
+    pub(crate) fn visit(&mut self, now_ms: i64, endpoint: &mut Endpoint) {
         self.now_ms = now_ms;
         let now = Instant::from_millis(now_ms);
         for _ in 0..FRAMES {

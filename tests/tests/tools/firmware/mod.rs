@@ -17,9 +17,9 @@ mod budget;
 mod emulator;
 mod host;
 mod image;
-mod link;
 #[path = "../../../firmware/src/ingress_budget.rs"]
 mod ingress_budget;
+mod link;
 #[path = "../../../firmware/src/machine/mod.rs"]
 mod machine;
 #[path = "../../../firmware/src/recording.rs"]
@@ -80,10 +80,7 @@ const ON_HOST: &[(&str, fn())] = &[
         traffic::the_f1_turns_far_and_recovers,
     ),
     ("recordings_replay_on_the_host", host::recordings_replay),
-    (
-        "excess_is_refused",
-        host::excess_is_refused,
-    ),
+    ("excess_is_refused", host::excess_is_refused),
     (
         "the_machines_are_those_of_the_robot_files",
         host::machines_are_those_of_the_files,

@@ -120,7 +120,11 @@ fn accept(listener: &TcpListener, target: SocketAddr, shared: &Arc<Shared>) {
         let target = TcpStream::connect_timeout(&target, PATIENCE).unwrap();
         for stream in [&client, &target] {
             stream.set_nodelay(true).unwrap();
-            shared.open.lock().unwrap().push(stream.try_clone().unwrap());
+            shared
+                .open
+                .lock()
+                .unwrap()
+                .push(stream.try_clone().unwrap());
         }
         let (from, to) = (client.try_clone().unwrap(), target.try_clone().unwrap());
         std::thread::spawn(move || forward(from, to, |_| {}));

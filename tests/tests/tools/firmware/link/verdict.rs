@@ -136,7 +136,10 @@ pub(super) fn check_recording(csv: &Path, states: &[State]) -> u64 {
         expect("ramp_ticks_left", &state.ramp_ticks_left.to_string());
         for (axis, number) in state.axes.iter().zip(1..) {
             let expect = |name: &str, value: i64| {
-                expect(&name.replace('#', &i32::to_string(&number)), &value.to_string());
+                expect(
+                    &name.replace('#', &i32::to_string(&number)),
+                    &value.to_string(),
+                );
             };
             let (nominal, offset) = (axis.nominal.0, i64::from(axis.offsets.position.0));
             expect("nominal_#_nm", nominal);

@@ -337,7 +337,6 @@ impl HostilePeers {
         for client in &mut self.clients {
             *client = client.filter(|connection| !gone.contains(connection));
         }
-        self.others
-            .retain(|connection| !gone.contains(connection));
+        self.others.retain(|connection| !gone.contains(connection));
     }
 }

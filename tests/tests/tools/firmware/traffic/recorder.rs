@@ -77,9 +77,10 @@ impl Sink for Outcome {
 
 impl Recorder {
     pub(super) fn new(motion: Motion, pose: Pose6) -> Self {
-        let input = CycleInput::on_time(motion, pose);
+        let mut input = CycleInput::on_time(motion, pose);
         let nominal = ControlCycle::new().unwrap().0.run(&input).nominal();
         let nominal = nominal.unwrap();
+        input.tick.nominal = nominal;
         let mut recorder = Self {
             machine: Machine::new(Parts::new(Capabilities::NONE, nominal).unwrap()),
             bytes: Vec::new(),
@@ -91,7 +92,7 @@ impl Recorder {
             turn: None,
             seen: Seen::default(),
         };
-        recorder.write(&Record::Start(nominal));
+        recorder.write(&Record::Cycle(input));
         recorder
     }
 
