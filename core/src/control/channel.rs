@@ -119,31 +119,19 @@ impl fmt::Display for LimitsError {
 
 impl core::error::Error for LimitsError {}
 
-impl<U> Limits<U> {
-    /// The smallest limits there are: `M = 0`, so the channel stays at zero.
-    pub const DISABLED: Self = Self {
-        max: 0,
-        step: 1,
-        accel: 2,
-        ramp: NonZeroU32::MIN,
-        unit: PhantomData,
-    };
-
-    /// Checks the four values.
-    ///
-    /// # Errors
-    /// Unless `0 <= M`, `0 < rho <= S` and `S + rho <= A`.
+impl LimitValues {
+    /// Checks the four values as [`Limits::new`] does, and returns `rho`. Not generic, so that the three units share its code.
     #[expect(
         clippy::as_conversions,
         reason = "i32 to i64 is lossless; `From` is not const"
     )]
-    pub const fn new(values: LimitValues) -> Result<Self, LimitsError> {
-        let LimitValues {
+    const fn check(self) -> Result<NonZeroU32, LimitsError> {
+        let Self {
             max,
             step,
             accel,
             ramp,
-        } = values;
+        } = self;
         if max < 0 {
             return Err(LimitsError::NegativeMax { max });
         }
@@ -160,13 +148,35 @@ impl<U> Limits<U> {
         if needed > accel as i64 {
             return Err(LimitsError::AccelTooSmall { accel, needed });
         }
-        Ok(Self {
-            max,
-            step,
-            accel,
-            ramp: magnitude,
-            unit: PhantomData,
-        })
+        Ok(magnitude)
+    }
+}
+
+impl<U> Limits<U> {
+    /// The smallest limits there are: `M = 0`, so the channel stays at zero.
+    pub const DISABLED: Self = Self {
+        max: 0,
+        step: 1,
+        accel: 2,
+        ramp: NonZeroU32::MIN,
+        unit: PhantomData,
+    };
+
+    /// Checks the four values.
+    ///
+    /// # Errors
+    /// Unless `0 <= M`, `0 < rho <= S` and `S + rho <= A`.
+    pub const fn new(values: LimitValues) -> Result<Self, LimitsError> {
+        match values.check() {
+            Ok(ramp) => Ok(Self {
+                max: values.max,
+                step: values.step,
+                accel: values.accel,
+                ramp,
+                unit: PhantomData,
+            }),
+            Err(error) => Err(error),
+        }
     }
 
     /// Returns the four values.
@@ -349,21 +359,27 @@ impl<U: ChannelUnit> Channel<U> {
     #[inline]
     #[must_use]
     pub fn follow(self, target: U, limits: &Limits<U>) -> Self {
-        let change = i64::from(self.change);
-        let accel = i64::from(limits.accel);
-        let step = i64::from(limits.step);
-        // |change| <= S < A, so zero lies between the two ends and the value never overshoots its target.
-        let lowest = change.saturating_sub(accel).max(step.saturating_neg());
-        let highest = change.saturating_add(accel).min(step);
-        // Not `clamp`, which panics on reversed ends: `M >= 0` holds, but the compiler cannot see it.
-        let target = target
-            .count()
-            .max(limits.max.saturating_neg())
-            .min(limits.max);
-        let wanted = i64::from(target).saturating_sub(i64::from(self.value));
-        let change = narrow(wanted.max(lowest).min(highest));
+        let Limits {
+            max, step, accel, ..
+        } = *limits;
+        let change = follow(self.value, self.change, target.count(), max, step, accel);
         Self::moved(self.value.saturating_add(change), change)
     }
+}
+
+/// Returns the change of [`Channel::follow`]. Not generic, so that the three units share one copy of the code.
+#[inline]
+fn follow(value: i32, change: i32, target: i32, max: i32, step: i32, accel: i32) -> i32 {
+    let change = i64::from(change);
+    let accel = i64::from(accel);
+    let step = i64::from(step);
+    // |change| <= S < A, so zero lies between the two ends and the value never overshoots its target.
+    let lowest = change.saturating_sub(accel).max(step.saturating_neg());
+    let highest = change.saturating_add(accel).min(step);
+    // Not `clamp`, which panics on reversed ends: `M >= 0` holds, but the compiler cannot see it.
+    let target = target.max(max.saturating_neg()).min(max);
+    let wanted = i64::from(target).saturating_sub(i64::from(value));
+    narrow(wanted.max(lowest).min(highest))
 }
 
 /// Converts to `i32`. The callers' values lie within ± S, so the fallback, which keeps the value, is never taken.

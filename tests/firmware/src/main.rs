@@ -1,32 +1,21 @@
-//! The complete core on a Cortex-M, driven by a timer interrupt at 1 kHz.
-//!
-//! The emulator's command line says what to do: `firmware replay`. (What serves a real client is `bin/link.rs`.)
+//! The complete core on a Cortex-M, driven by a timer interrupt at 1 kHz: plays the recording `replay.in`.
+//! (`bin/link.rs` serves a real client.)
 #![no_std]
 #![no_main]
 
 mod board;
+mod ingress_budget;
 mod machine;
-mod reading;
 mod recording;
 mod replay;
+mod session_log;
 
-use board::host::{self, CommandLine};
+use board::host;
 use board::timer::Ticks;
 use cortex_m_rt::entry;
 
 #[entry]
 fn main() -> ! {
     let ticks = Ticks::start();
-    host::exit(run(ticks))
-}
-
-/// Does what the command line says; whether it went well.
-fn run(ticks: Ticks) -> bool {
-    match CommandLine::read().words().nth(1) {
-        Some(b"replay") => replay::run(ticks),
-        _ => {
-            defmt::error!("usage: firmware replay");
-            false
-        }
-    }
+    host::exit(replay::run(ticks))
 }

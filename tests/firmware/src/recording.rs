@@ -1,260 +1,242 @@
-//! Playing a recording: what arrived and what happened in every tick comes from a file, what became of it goes to another.
+//! Playback of a recording: connections, bytes and cycle inputs come from a file, the outcome of every cycle goes to another.
 //! The same file is compiled into the test, which writes recordings and plays them on the host.
 //!
-//! All numbers are little-endian. A recording begins with the nominal positions at the start, 6 `i64`, and the number of its ticks
-//! `u32`. Then each tick:
-//! - how many things happened before it `u16`; each: what `u8` (0 a stream opened, 1 datagrams opened, 2 closed, 3 bytes), connection
-//!   `u32`, number of bytes `u16` (at most [`OF_OWNER`]), bytes;
-//!   no more of it than [`super::reading`] lets in;
-//! - elapsed `u32`, stop `u8`, rearm `u8`, next epoch `u64`, arrival `u16`;
-//! - motion `u8` (0 given, 1 L2, 2 F1); if given: nominal positions `i64`, then per axis position `i64`, velocity `i32`, torque `i16`;
-//! - pose and load, 12 `f64`.
-//!
-//! Of every tick is written: the answer of the floats, as bits: `u8` 0 and the error's kind, or 1 (L2) or 2 (F1) and its fields in
-//! their order; then each frame sent (`u8` 1, connection `u32`, number of bytes `u16`, bytes); then `u8` 2, each motor's position `i64`,
-//! velocity `i32` and torque `i16`, how many connections are to be closed `u8` and each `u32`.
+//! A recording is a sequence of [`Record`]s, each its length (`u16`, little-endian) and its `postcard` bytes. The first is a
+//! [`Record::Cycle`] that does not run: it has the nominal positions at the start. The last is [`Record::End`]. The outcome is only
+//! compared: raw numbers, little-endian, in the order of this file.
 
-use gantry_tau_core::control::axis::Actual;
-use gantry_tau_core::control::endpoint::{Transport, Turn};
-use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
+use gantry_tau_core::control::session::Connection;
+use gantry_tau_core::heapless::Vec;
 use gantry_tau_core::model::compensation::Correction;
-use gantry_tau_core::model::kinematics::KinematicsError;
-use gantry_tau_core::units::{Epoch, PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_core::units::PositionNm;
+use serde::{Deserialize, Serialize};
 
-use super::machine::{AXES, Answer, MOTORS, Machine, Meter, Moment, Motion, Part};
-use super::reading::{OF_OWNER, Reading};
+use super::ingress_budget::IngressBudget;
+use super::machine::{
+    AXES, CycleInput, CycleResult, Machine, Meter, Motion, MotorReferences, Part,
+};
 
-/// Where a recording comes from.
+/// Bytes of the longest record.
+pub(crate) const MAX_RECORD: usize = 512;
+
+/// One step of a recording.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+pub(crate) enum Record<'a> {
+    /// A stream is opened.
+    OpenStream,
+    /// A connection of datagrams is opened.
+    OpenDatagram,
+    /// A connection is closed.
+    Close(Connection),
+    /// Bytes of a stream arrive, or one datagram.
+    Bytes(Connection, &'a [u8]),
+    /// A cycle runs.
+    Cycle(CycleInput),
+    /// The recording is complete.
+    End,
+}
+
+/// Bytes of a recording.
 pub(crate) trait Source {
-    /// Fills `bytes`; whether there were that many.
+    /// Fills `bytes`. False if fewer are left.
     fn read(&mut self, bytes: &mut [u8]) -> bool;
 }
 
-/// Where the output goes.
+/// Destination of the outcome.
 pub(crate) trait Sink {
     /// Takes all of `bytes`.
     fn write(&mut self, bytes: &[u8]);
-}
-
-/// Who looks on, tick by tick.
-pub(crate) trait Watch: Meter {
-    /// Before the tick's input is read: the time of the tick.
-    fn wait(&mut self);
-    /// After the floats.
-    fn answered(&mut self, _: &Answer<'_>) {}
-    /// After the tick.
-    fn turned(&mut self, turn: &Turn<AXES, MOTORS>);
-}
-
-/// Room for what arrives.
-pub(crate) type Room = [u8; OF_OWNER];
-
-/// The nominal positions that a recording begins with.
-pub(crate) fn start(source: &mut impl Source) -> Option<[PositionNm; AXES]> {
-    let mut nominal = [PositionNm(0); AXES];
-    for position in &mut nominal {
-        *position = PositionNm(i64::from_le_bytes(take(source)?));
+    /// Takes a sent frame.
+    fn frame(&mut self, to: Connection, frame: &[u8]) {
+        self.write(&to.0.to_le_bytes());
+        self.write(frame);
     }
-    Some(nominal)
 }
 
-/// Plays all that follows [`start`]; `None` when the recording ends too early or is none, or has more in a tick than is let in.
+/// Observer of a playback.
+pub(crate) trait Observer: Meter {
+    /// Called before a cycle: returns when the cycle is due.
+    fn wait(&mut self) {}
+    /// Called after the float part.
+    fn computed(&mut self, _: &CycleResult<'_>) {}
+    /// Called after the tick, with the connections that it closes.
+    fn ticked(&mut self, machine: &Machine, closed: &[Connection]);
+}
+
+/// Memory of a playback: a record, and the input of the cycle. Static, so that the stack is left to the cycle.
+pub(crate) struct Room {
+    bytes: [u8; MAX_RECORD],
+    input: CycleInput,
+}
+
+impl Room {
+    /// Empty memory.
+    pub(crate) const EMPTY: Self = Self {
+        bytes: [0; MAX_RECORD],
+        input: CycleInput::on_time(Motion::Given, [0.0; 6]),
+    };
+}
+
+/// Reads the first record: the nominal positions at the start.
+pub(crate) fn start(room: &mut Room, source: &mut impl Source) -> Option<[PositionNm; AXES]> {
+    match read(&mut room.bytes, source)? {
+        Record::Cycle(input) => Some(input.tick.nominal),
+        _ => None,
+    }
+}
+
+/// Plays the records after [`start`]. `None` for an invalid recording, or if more arrives in a cycle than the budget allows.
 pub(crate) fn play(
     machine: &mut Machine,
     room: &mut Room,
     source: &mut impl Source,
     sink: &mut impl Sink,
-    watch: &mut impl Watch,
+    observer: &mut impl Observer,
 ) -> Option<()> {
-    for _ in 0..u32::from_le_bytes(take(source)?) {
-        watch.wait();
-        let mut reading = Reading::default();
-        for _ in 0..u16::from_le_bytes(take(source)?) {
-            happen(machine, room, &mut reading, source, watch)?;
-        }
-        let moment = moment(source)?;
-        tick(machine, &moment, sink, watch);
+    let mut budget = IngressBudget::default();
+    while arrive(machine, room, &mut budget, source, observer)? {
+        observer.wait();
+        cycle(machine, &room.input, sink, observer);
+        budget = IngressBudget::default();
     }
     Some(())
 }
 
-/// One tick, and what became of it.
-pub(crate) fn tick(
-    machine: &mut Machine,
-    moment: &Moment,
-    sink: &mut impl Sink,
-    watch: &mut impl Watch,
-) {
-    compute(machine, moment, sink, watch);
-    serve(machine, moment, sink, watch);
-}
-
-/// Its first half. Neither half is inlined: together they need as much stack as the larger of them.
+/// Lets everything arrive until the next cycle, whose input is put into the room. Returns false at the end of the recording.
+/// Not inlined, so that its stack is free again when the cycle begins.
 #[inline(never)]
-fn compute(machine: &mut Machine, moment: &Moment, sink: &mut impl Sink, watch: &mut impl Watch) {
-    let answer = machine.compute(moment, watch);
-    answered(sink, &answer);
-    watch.answered(&answer);
-}
-
-/// Its second half.
-#[inline(never)]
-fn serve(machine: &mut Machine, moment: &Moment, sink: &mut impl Sink, watch: &mut impl Watch) {
-    let turn = machine.serve(moment, watch, &mut |to, bytes| sent(sink, to, bytes));
-    turned(sink, &turn);
-    watch.turned(&turn);
-}
-
-/// One of the things that happened before a tick.
-fn happen(
+fn arrive(
     machine: &mut Machine,
     room: &mut Room,
-    reading: &mut Reading,
+    budget: &mut IngressBudget,
     source: &mut impl Source,
-    watch: &mut impl Watch,
-) -> Option<()> {
-    let [what] = take(source)?;
-    let connection = Connection(u64::from(u32::from_le_bytes(take(source)?)));
-    let bytes = room.get_mut(..usize::from(u16::from_le_bytes(take(source)?)))?;
+    observer: &mut impl Observer,
+) -> Option<bool> {
+    let server = machine.server();
+    loop {
+        let record = read(&mut room.bytes, source)?;
+        let owner = server.session().owner();
+        let is_allowed = match record {
+            Record::OpenStream | Record::OpenDatagram => budget.accept(),
+            Record::Bytes(from, bytes) => {
+                let left = budget.left(from, owner);
+                budget.count(from, owner, bytes.len());
+                bytes.len() <= left
+            }
+            Record::Close(_) => true,
+            Record::Cycle(input) => {
+                room.input = input;
+                return Some(true);
+            }
+            Record::End => return Some(false),
+        };
+        if !is_allowed {
+            return None;
+        }
+        observer.begin();
+        match record {
+            Record::OpenStream => _ = server.open(Transport::Stream),
+            Record::OpenDatagram => _ = server.open(Transport::Datagram),
+            Record::Close(connection) => server.close(connection),
+            Record::Bytes(from, bytes) => _ = server.feed(from, bytes),
+            _ => {}
+        }
+        observer.end(Part::Feed);
+    }
+}
+
+/// Runs one cycle, and writes its outcome.
+pub(crate) fn cycle(
+    machine: &mut Machine,
+    input: &CycleInput,
+    sink: &mut impl Sink,
+    observer: &mut impl Observer,
+) {
+    compute(machine, input, sink, observer);
+    serve(machine, sink, observer);
+}
+
+/// Float half. Neither half is inlined, so that their stack use does not add up.
+#[inline(never)]
+fn compute(
+    machine: &mut Machine,
+    input: &CycleInput,
+    sink: &mut impl Sink,
+    observer: &mut impl Observer,
+) {
+    let result = machine.compute(input, observer);
+    write_result(sink, &result);
+    observer.computed(&result);
+}
+
+/// Integer half.
+#[inline(never)]
+fn serve(machine: &mut Machine, sink: &mut impl Sink, observer: &mut impl Observer) {
+    let references = machine.serve(observer, &mut |to, frame| sink.frame(to, frame));
+    write_references(sink, &references);
+    let mut closed = Vec::<Connection, CONNECTIONS>::new();
+    while let Some(connection) = machine.server().poll_close() {
+        sink.write(&connection.0.to_le_bytes());
+        // There is room for all that can be open.
+        closed.push(connection).unwrap_or(());
+    }
+    observer.ticked(machine, &closed);
+}
+
+/// Reads a record.
+fn read<'a>(room: &'a mut [u8; MAX_RECORD], source: &mut impl Source) -> Option<Record<'a>> {
+    let mut length = [0; 2];
+    if !source.read(&mut length) {
+        return None;
+    }
+    let bytes = room.get_mut(..u16::from_le_bytes(length).into())?;
     if !source.read(bytes) {
         return None;
     }
-    let server = machine.server();
-    let owner = server.session().owner();
-    let is_let_in = match what {
-        0 | 1 => reading.accept(),
-        _ => bytes.len() <= reading.left(connection, owner),
-    };
-    reading.note(connection, owner, bytes.len());
-    if !is_let_in {
-        return None;
-    }
-    watch.begin();
-    match what {
-        0 => _ = server.open(Transport::Stream),
-        1 => _ = server.open(Transport::Datagram),
-        2 => server.close(connection),
-        3 => _ = server.feed(connection, bytes),
-        _ => return None,
-    }
-    watch.end(Part::Feed);
-    Some(())
+    postcard::from_bytes(bytes).ok()
 }
 
-/// Not inlined, so that its parts have left the stack when the tick begins.
-#[inline(never)]
-fn moment(source: &mut impl Source) -> Option<Moment> {
-    let elapsed = u32::from_le_bytes(take(source)?);
-    let [stop, rearm] = take(source)?;
-    let next_epoch = Epoch(u64::from_le_bytes(take(source)?));
-    let arrival_us = u16::from_le_bytes(take(source)?);
-    let motion = match take(source)? {
-        [0] => given(source)?,
-        [1] => Motion::L2,
-        [2] => Motion::F1,
-        _ => return None,
-    };
-    Some(Moment {
-        elapsed,
-        stop: stop != 0,
-        rearm: rearm != 0,
-        next_epoch,
-        arrival_us,
-        motion,
-        pose: six(source)?,
-        load: six(source)?,
-    })
-}
-
-fn given(source: &mut impl Source) -> Option<Motion> {
-    let nominal = start(source)?;
-    let mut actual = [Actual::default(); AXES];
-    for actual in &mut actual {
-        *actual = Actual {
-            position: PositionNm(i64::from_le_bytes(take(source)?)),
-            velocity: VelocityUmS(i32::from_le_bytes(take(source)?)),
-            torque: TorquePermille(i16::from_le_bytes(take(source)?)),
-        };
-    }
-    Some(Motion::Given { nominal, actual })
-}
-
-fn six(source: &mut impl Source) -> Option<[f64; 6]> {
-    let mut numbers = [0.0; 6];
-    for number in &mut numbers {
-        *number = f64::from_le_bytes(take(source)?);
-    }
-    Some(numbers)
-}
-
-fn take<const K: usize>(source: &mut impl Source) -> Option<[u8; K]> {
-    let mut bytes = [0; K];
-    source.read(&mut bytes).then_some(bytes)
-}
-
-fn sent(sink: &mut impl Sink, to: Connection, bytes: &[u8]) {
-    sink.write(&[1]);
-    number(sink, to);
-    let length = u16::try_from(bytes.len()).unwrap_or(u16::MAX);
-    sink.write(&length.to_le_bytes());
-    sink.write(bytes);
-}
-
-/// A connection; a recording opens fewer than there are numbers.
-fn number(sink: &mut impl Sink, connection: Connection) {
-    let number = u32::try_from(connection.0).unwrap_or(u32::MAX);
-    sink.write(&number.to_le_bytes());
-}
-
-fn turned(sink: &mut impl Sink, turn: &Turn<AXES, MOTORS>) {
-    sink.write(&[2]);
-    for motor in &turn.motors {
+fn write_references(sink: &mut impl Sink, references: &MotorReferences) {
+    sink.write(&[u8::from(references.is_some())]);
+    for motor in references.iter().flatten() {
         sink.write(&motor.position.0.to_le_bytes());
         sink.write(&motor.velocity_offset.0.to_le_bytes());
         sink.write(&motor.torque_offset.0.to_le_bytes());
     }
-    let closed = u8::try_from(turn.close.len()).unwrap_or(u8::MAX);
-    sink.write(&[closed]);
-    for connection in &turn.close {
-        number(sink, *connection);
+}
+
+fn write_result(sink: &mut impl Sink, result: &CycleResult<'_>) {
+    match result {
+        CycleResult::L2(Ok(result)) => {
+            write_floats(sink, &result.q);
+            write_correction(sink, &result.correction);
+        }
+        CycleResult::F1(Ok(result)) => {
+            let pose = &result.pose.value;
+            sink.write(&[result.q.iterations, result.pose.iterations]);
+            write_floats(sink, &result.q.value);
+            write_floats(sink, &[result.q.residual_m, result.pose.residual_m]);
+            write_floats(sink, pose.position_m.iter());
+            write_floats(sink, pose.rotation.iter());
+            write_floats(sink, result.jacobian.iter());
+            write_floats(sink, &result.forces_n);
+            write_floats(sink, &result.loads);
+            write_correction(sink, &result.correction);
+        }
+        CycleResult::L2(Err(error)) | CycleResult::F1(Err(error)) => {
+            sink.write(error.kind().as_bytes());
+        }
     }
 }
 
-fn answered(sink: &mut impl Sink, answer: &Answer<'_>) {
-    match answer {
-        Answer::L2(Ok(answer)) => {
-            sink.write(&[1]);
-            floats(sink, &answer.q);
-            corrected(sink, &answer.correction);
-        }
-        Answer::F1(Ok(answer)) => {
-            sink.write(&[2, answer.q.iterations, answer.pose.iterations]);
-            let pose = &answer.pose.value;
-            floats(sink, &answer.q.value);
-            floats(sink, &[answer.q.residual_m, answer.pose.residual_m]);
-            floats(sink, pose.position_m.iter());
-            floats(sink, pose.rotation.iter());
-            floats(sink, answer.jacobian.iter());
-            floats(sink, &answer.forces_n);
-            floats(sink, &answer.loads);
-            corrected(sink, &answer.correction);
-        }
-        Answer::L2(Err(error)) | Answer::F1(Err(error)) => failed(sink, error),
-    }
-}
-
-fn failed(sink: &mut impl Sink, error: &KinematicsError) {
-    sink.write(&[0]);
-    sink.write(error.kind().as_bytes());
-}
-
-fn floats<'a>(sink: &mut impl Sink, numbers: impl IntoIterator<Item = &'a f64>) {
+fn write_floats<'a>(sink: &mut impl Sink, numbers: impl IntoIterator<Item = &'a f64>) {
     for number in numbers {
         sink.write(&number.to_bits().to_le_bytes());
     }
 }
 
-fn corrected<const N: usize>(sink: &mut impl Sink, correction: &Correction<N>) {
+fn write_correction<const N: usize>(sink: &mut impl Sink, correction: &Correction<N>) {
     for (offset, saturated) in correction.offsets.iter().zip(correction.saturated) {
         sink.write(&offset.0.to_le_bytes());
         sink.write(&[u8::from(saturated)]);

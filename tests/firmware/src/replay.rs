@@ -1,25 +1,26 @@
-//! Plays the recording `replay.in` of the emulator's working directory, one tick per interrupt. Writes `replay.out`, what became of
-//! it, and `replay.laps`: of every tick the cycles of each part, and at the end the high-water
-//! marks of the stack, that of the start and that of the ticks.
+//! Playback of the recording `replay.in` of the emulator's working directory, one cycle per interrupt.
+//!
+//! Writes the outcome to `replay.out`. Writes to `replay.laps` the clock cycles of each part of every cycle, and at the end the
+//! high-water marks of the stack: of the start, and of the cycles.
 
 use core::mem::MaybeUninit;
 
 use cortex_m::singleton;
-use gantry_tau_core::control::endpoint::Turn;
-use gantry_tau_core::control::message::{Capabilities, Phase};
+use gantry_tau_core::control::message::Capabilities;
+use gantry_tau_core::control::session::Connection;
 use gantry_tau_core::units::PositionNm;
 
 use crate::board::host::File;
 use crate::board::timer::Ticks;
 use crate::board::{clock, copy, stack};
-use crate::machine::{AXES, MOTORS, Machine, Meter, Part, Parts};
-use crate::reading::OF_OWNER;
-use crate::recording::{self, Room, Sink, Source, Watch};
+use crate::machine::{AXES, Machine, Meter, Part, Parts};
+use crate::recording::{self, Observer, Room, Sink, Source};
+use crate::session_log::SessionLog;
 
-/// Plays; whether all went well.
+/// Plays. Returns true if all went well; logs the reason otherwise.
 pub(crate) fn run(ticks: Ticks) -> bool {
     if !copy::is_exact() {
-        defmt::error!("memory is not copied as it should be");
+        defmt::error!("memory is not copied exactly");
         return false;
     }
     let (Some(mut recording), Some(out), Some(laps)) = (
@@ -30,44 +31,46 @@ pub(crate) fn run(ticks: Ticks) -> bool {
         defmt::error!("a file of the replay cannot be opened");
         return false;
     };
-    let Some(nominal) = recording::start(&mut recording) else {
-        defmt::error!("the recording is broken");
-        return false;
-    };
-    let (Some(machine), Some(room), Some(buffer)) = (
-        machine(nominal),
-        singleton!(: Room = [0; OF_OWNER]),
+    let (Some(room), Some(buffer)) = (
+        singleton!(: Room = Room::EMPTY),
         singleton!(: [u8; BUFFER] = [0; BUFFER]),
     ) else {
+        return false;
+    };
+    let Some(nominal) = recording::start(room, &mut recording) else {
+        defmt::error!("the recording is invalid");
+        return false;
+    };
+    let Some(machine) = machine(nominal) else {
         return false;
     };
     let mut out = Buffered {
         file: out,
         buffer,
         used: 0,
-        written: true,
+        is_written: true,
     };
-    let mut watch = Laps {
+    let mut laps = Laps {
         ticks,
         file: laps,
         since: 0,
         cycles: [0; 3],
-        phase: Phase::Listening,
-        written: true,
+        log: SessionLog::new(),
+        is_written: true,
     };
     let to_start = stack::high_water();
     stack::forget();
-    let played = recording::play(machine, room, &mut recording, &mut out, &mut watch).is_some();
-    out.empty();
-    watch.write(to_start);
-    watch.write(stack::high_water());
+    let played = recording::play(machine, room, &mut recording, &mut out, &mut laps).is_some();
+    out.flush();
+    laps.write(to_start);
+    laps.write(stack::high_water());
     if !played {
-        defmt::error!("the recording is broken");
+        defmt::error!("the recording is invalid");
     }
-    played && out.written && watch.written
+    played && out.is_written && laps.is_written
 }
 
-/// The machine at its place. Apart, because what it takes of the stack is given back before the first tick.
+/// Puts the machine into its place. Not inlined, so that its stack is free again before the first cycle.
 #[inline(never)]
 fn machine(nominal: [PositionNm; AXES]) -> Option<&'static mut Machine> {
     let Ok(parts) = Parts::new(Capabilities::NONE, nominal) else {
@@ -92,13 +95,13 @@ struct Buffered {
     file: File,
     buffer: &'static mut [u8; BUFFER],
     used: usize,
-    written: bool,
+    is_written: bool,
 }
 
 impl Buffered {
-    fn empty(&mut self) {
+    fn flush(&mut self) {
         let bytes = self.buffer.get(..self.used).unwrap_or_default();
-        self.written &= self.file.write_all(bytes);
+        self.is_written &= self.file.write_all(bytes);
         self.used = 0;
     }
 }
@@ -106,7 +109,7 @@ impl Buffered {
 impl Sink for Buffered {
     fn write(&mut self, bytes: &[u8]) {
         if self.used.saturating_add(bytes.len()) > BUFFER {
-            self.empty();
+            self.flush();
         }
         // In two steps, so that the compiler knows the lengths are equal, and `copy_from_slice` links no panic.
         let rest = self.buffer.get_mut(self.used..).unwrap_or_default();
@@ -115,24 +118,24 @@ impl Sink for Buffered {
                 room.copy_from_slice(bytes);
                 self.used = self.used.saturating_add(bytes.len());
             }
-            None => self.written &= self.file.write_all(bytes),
+            None => self.is_written &= self.file.write_all(bytes),
         }
     }
 }
 
-/// Measures the parts of every tick, and logs what happens to the session.
+/// Measures the parts of every cycle, and logs the session.
 struct Laps {
     ticks: Ticks,
     file: File,
     since: u32,
     cycles: [u32; 3],
-    phase: Phase,
-    written: bool,
+    log: SessionLog,
+    is_written: bool,
 }
 
 impl Laps {
     fn write(&mut self, number: usize) {
-        self.written &= self.file.write_all(&number.to_le_bytes());
+        self.is_written &= self.file.write_all(&number.to_le_bytes());
     }
 }
 
@@ -155,31 +158,17 @@ impl Meter for Laps {
     }
 }
 
-impl Watch for Laps {
+impl Observer for Laps {
     fn wait(&mut self) {
         self.ticks.wait();
     }
 
-    fn turned(&mut self, turn: &Turn<AXES, MOTORS>) {
+    fn ticked(&mut self, machine: &Machine, _: &[Connection]) {
         for cycles in core::mem::take(&mut self.cycles) {
-            self.written &= self.file.write_all(&cycles.to_le_bytes());
+            self.is_written &= self.file.write_all(&cycles.to_le_bytes());
         }
-        let output = &turn.output;
-        let tick = output.state.tick;
-        if let Some(connection) = output.welcome {
-            defmt::info!(
-                "{}: {} is welcome, {}",
-                tick,
-                connection,
-                output.state.epoch
-            );
-        }
-        if let Some(cause) = output.ended {
-            defmt::info!("{}: ended, {}, {}", tick, cause, output.state.counters);
-        }
-        if self.phase != output.state.phase {
-            self.phase = output.state.phase;
-            defmt::info!("{}: {}", tick, self.phase);
+        if let Some(output) = machine.output() {
+            self.log.note(output);
         }
     }
 }

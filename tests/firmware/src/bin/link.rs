@@ -1,4 +1,4 @@
-//! The firmware with a network: it serves a real client. An image of its own, for TCP is another's code and not free of panics.
+//! The firmware with a network: it serves a real client. An image of its own, because the TCP crate is not free of panics.
 #![no_std]
 #![no_main]
 #![allow(
@@ -8,20 +8,25 @@
 
 #[path = "../board/mod.rs"]
 mod board;
-#[path = "../link/mod.rs"]
+#[path = "../command_line.rs"]
+mod command_line;
+#[path = "../ingress_budget.rs"]
+mod ingress_budget;
+#[path = "../link.rs"]
 mod link;
 #[path = "../machine/mod.rs"]
 mod machine;
 #[path = "../net/mod.rs"]
 mod net;
-#[path = "../reading.rs"]
-mod reading;
+#[path = "../session_log.rs"]
+mod session_log;
 
-use board::host::{self, CommandLine};
+use board::host;
 use board::timer::Ticks;
+use command_line::CommandLine;
 use cortex_m_rt::entry;
 
-/// The emulator's command line says how many sessions there will be: `link 2`.
+/// The emulator's command line gives the number of sessions: `link 2`.
 #[entry]
 fn main() -> ! {
     let ticks = Ticks::start();

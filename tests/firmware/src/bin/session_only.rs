@@ -1,4 +1,4 @@
-//! How large the server is by itself: session, wire and channels of six axes, without kinematics. It is measured, not run.
+//! The server by itself: session, wire and channels of six axes, without kinematics. Its size is measured; it is not run.
 #![no_std]
 #![no_main]
 
@@ -8,39 +8,55 @@ use core::panic::PanicInfo;
 
 use cortex_m::singleton;
 use cortex_m_rt::entry;
-use gantry_tau_core::control::axis::{Actual, Offsets};
-use gantry_tau_core::control::channel::Limits;
-use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Transport};
-use gantry_tau_core::control::session::Session;
-use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
-use gantry_tau_core::control::session::fsm::Connection;
-use gantry_tau_core::units::{Epoch, PositionNm, Tick};
+use gantry_tau_core::control::session::BlackBox;
+use gantry_tau_core::units::Epoch;
+use gantry_tau_core::{
+    Actual, AxisConfig, Config, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap,
+    Parameters, PositionNm, Session, Start, TickInput, Transport, Travel,
+};
 
-/// The server.
-type Server = Endpoint<6, 9, 8>;
+/// The server, and storage for its black box.
+type Server = (Endpoint<6, 9>, BlackBox<6, 8>);
 
-/// What a board would put there: configuration, cycle, bytes.
+/// Input of a board: configuration, start, cycle, bytes.
 struct Board {
     parameters: Parameters<6>,
-    in_force: [Offsets; 6],
-    cycle: Cycle<6>,
+    start: Start<6>,
+    epochs: EpochRange,
+    tick: TickInput<6>,
     transport: Transport,
-    connection: Connection,
     bytes: [u8; 64],
 }
 
 impl Board {
-    /// Before anybody has written to it.
+    /// A board at rest.
     fn new() -> Option<Self> {
-        let limits = Limits::new(2_000_000, 5_000, 10_000, 100).ok()?;
-        let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
+        let limits = Limits::new(LimitValues {
+            max: 2_000_000,
+            step: 5_000,
+            accel: 10_000,
+            ramp: 100,
+        });
+        let travel = Travel::around_zero(1_000_000_000);
+        let axis = AxisConfig::position_only(limits.ok()?, travel, 2_000_000);
         let nominal = [PositionNm(0); 6];
         Some(Self {
             parameters: Parameters::thesis([axis; 6]),
-            in_force: [Offsets::default(); 6],
-            cycle: Cycle::on_time(nominal, [Actual::default(); 6], Epoch(1)),
+            start: Start::at_rest(nominal),
+            epochs: EpochRange {
+                first: Epoch(1),
+                last: Epoch(4_096),
+            },
+            tick: TickInput {
+                elapsed_cycles: 1,
+                nominal,
+                actual: [Actual::ZERO; 6],
+                stop: false,
+                rearm: false,
+                last_write: LastWrite::Accepted,
+                arrival_us: 0,
+            },
             transport: Transport::Stream,
-            connection: Connection(0),
             bytes: [0; 64],
         })
     }
@@ -64,23 +80,29 @@ fn main() -> ! {
     }
 }
 
-/// Start; then open, feed, close and tick for ever. Behind a black box, the compiler has to believe that somebody else writes to the
-/// board and reads what is sent.
+/// Starts the server; then opens, feeds, closes and ticks for ever. Behind a black box the compiler must assume that the board's
+/// memory changes and that references and frames are read.
 fn serve(board: &mut Board, server: &mut MaybeUninit<Server>) -> Option<()> {
     let board = black_box(board);
     let config = Config::new(board.parameters).ok()?;
-    let nominal = board.cycle.nominal;
-    let session = Session::new(config, &board.in_force, nominal, Tick(0), Epoch(0)).ok()?;
+    let session = Session::new(config, &board.start).ok()?;
     let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).ok()?;
-    let server = server.write(Server::new(session, motors));
+    let (server, recorder) = server.write((
+        Endpoint::new(session, motors, board.epochs),
+        BlackBox::new(),
+    ));
     loop {
         let seen = black_box(&mut *board);
-        let _full = server.open(seen.transport);
-        server.feed(seen.connection, &seen.bytes);
-        server.close(seen.connection);
-        let turn = server.tick(&seen.cycle, &mut |_, bytes| {
-            black_box(bytes);
-        });
-        black_box(&turn);
+        if let Ok(connection) = server.open(seen.transport) {
+            server.feed(connection, &seen.bytes);
+            server.close(black_box(connection));
+        }
+        black_box(server.tick_recorded(&seen.tick, recorder));
+        while let Some(frame) = server.poll_transmit() {
+            black_box(frame);
+        }
+        while let Some(connection) = server.poll_close() {
+            black_box(connection);
+        }
     }
 }

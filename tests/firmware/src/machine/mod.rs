@@ -1,40 +1,43 @@
-//! The server and its machine: what one tick of the firmware does. The same file is compiled into the test, which runs it on the host.
+//! The server and its machine: one cycle of the firmware. The same file is compiled into the test, which runs it on the host.
 //!
-//! A tick begins with the work of floats, [`Machine::compute`]: from a pose to the nominal positions of six axes, and from a load to the offsets that would
-//! hold the tool there. Then it is the endpoint's, [`Machine::serve`].
+//! A cycle has two halves. [`Machine::compute`] is the float part: from a pose to the nominal positions of six axes, and from a
+//! load to the offsets that hold the tool there. [`Machine::serve`] is the endpoint's tick.
 
+mod control_cycle;
 mod f1;
 pub(crate) mod robots;
-mod work;
 
-use gantry_tau_core::control::axis::{Actual, Offsets};
-use gantry_tau_core::control::endpoint::{Cycle, Endpoint, MotorMap, Turn};
+use gantry_tau_core::control::axis::{Actual, Reference};
+use gantry_tau_core::control::endpoint::{Endpoint, MotorMap};
 use gantry_tau_core::control::message::Capabilities;
-use gantry_tau_core::control::session::Session;
 use gantry_tau_core::control::session::config::Config;
-use gantry_tau_core::control::session::fsm::Connection;
-use gantry_tau_core::units::{Epoch, PositionNm, Tick, TorquePermille, VelocityUmS};
+use gantry_tau_core::control::session::{
+    BlackBox, Connection, LastWrite, Output, Session, Start, TickInput,
+};
+use gantry_tau_core::units::{EpochRange, PositionNm};
+use serde::{Deserialize, Serialize};
 
-pub(crate) use work::{Answer, Work};
+pub(crate) use control_cycle::{ControlCycle, CycleResult};
 
 /// Axes of the F1.
 pub(crate) const AXES: usize = 6;
-/// Motors: two on each cart, one on each screw.
+/// Motors: two on each cart, one on each screw `[T 1.2.2]`.
 pub(crate) const MOTORS: usize = 9;
-/// Which axis each motor drives.
+/// Axis of each motor.
 pub(crate) const AXIS_OF_MOTOR: [usize; MOTORS] = [0, 0, 1, 1, 2, 2, 3, 4, 5];
 /// A third of the ticks in the black box.
 pub(crate) const HALF: usize = 8;
 
-/// A place, metres, and a rotation vector, radians.
+/// A position, m, and a rotation vector, rad.
 pub(crate) type Pose6 = [f64; 6];
+/// References of the motors; `None` while they are withheld.
+pub(crate) type MotorReferences = Option<[Reference; MOTORS]>;
+/// Endpoint of this machine.
+pub(crate) type Server = Endpoint<AXES, MOTORS>;
 
-/// The endpoint of this machine.
-pub(crate) type Server = Endpoint<AXES, MOTORS, HALF>;
-
-/// A constant of this folder that core does not take.
+/// A constant of this folder that core refuses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Refused {
+pub(crate) enum SetupError {
     /// Limits of a channel.
     Limits,
     /// A robot.
@@ -45,75 +48,91 @@ pub(crate) enum Refused {
     Session,
 }
 
-/// Where the nominal positions of a tick come from.
-#[derive(Clone, Copy, Debug)]
+/// Source of the nominal positions of a cycle.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 pub(crate) enum Motion {
-    /// They are given, and so is what the drives measure.
-    Given {
-        /// Nominal positions.
-        nominal: [PositionNm; AXES],
-        /// What the drives measure.
-        actual: [Actual; AXES],
-    },
-    /// The three carts of the L2 take its tool there; the other axes rest.
+    /// Nominal positions and measurements are those of the [`TickInput`].
+    Given,
+    /// The three carts of the L2 bring its tool to the pose; the other axes rest.
     L2,
-    /// The six axes of the F1 take its tool there.
+    /// The six axes of the F1 bring its tool to the pose.
     F1,
 }
 
-/// What a tick depends on, beside the bytes.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Moment {
-    /// Cycles since the last tick.
-    pub(crate) elapsed: u32,
-    /// The stop at the machine.
-    pub(crate) stop: bool,
-    /// The re-arm at the machine.
-    pub(crate) rearm: bool,
-    /// Epoch for the next session.
-    pub(crate) next_epoch: Epoch,
-    /// When the last command arrived, µs.
-    pub(crate) arrival_us: u16,
-    /// Where the nominal positions come from.
+/// Input of a cycle, beside the bytes.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+pub(crate) struct CycleInput {
+    /// Input of the endpoint; its nominal positions and measurements count for [`Motion::Given`] only.
+    pub(crate) tick: TickInput<AXES>,
+    /// Source of the nominal positions.
     pub(crate) motion: Motion,
-    /// Where the tool shall be, metres and rotation vector; with given positions as well, for the compensation.
+    /// Pose of the tool; with given positions, for the compensation only.
     pub(crate) pose: Pose6,
-    /// What the force sensor reads, N and N m.
+    /// Sample of the force sensor, N and N m.
     pub(crate) load: [f64; 6],
 }
 
-/// What is measured of a tick, one after the other.
+impl CycleInput {
+    /// A cycle on time, without stop and load, after an accepted write.
+    pub(crate) const fn on_time(motion: Motion, pose: Pose6) -> Self {
+        Self {
+            tick: TickInput {
+                elapsed_cycles: 1,
+                nominal: [PositionNm(0); AXES],
+                actual: [Actual::ZERO; AXES],
+                stop: false,
+                rearm: false,
+                last_write: LastWrite::Accepted,
+                arrival_us: 0,
+            },
+            motion,
+            pose,
+            load: [0.0; 6],
+        }
+    }
+}
+
+/// Measured part of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Part {
     /// Bytes into the deframers.
     Feed,
     /// Kinematics, statics, compensation.
     Floats,
-    /// The endpoint's tick, and what it sends.
+    /// The endpoint's tick, and its frames.
     Tick,
 }
 
-/// Who measures.
+/// Measurement of the parts of a cycle.
 pub(crate) trait Meter {
-    /// A part begins.
-    fn begin(&mut self);
-    /// It ends.
-    fn end(&mut self, part: Part);
+    /// Begins a part.
+    #[inline]
+    fn begin(&mut self) {}
+    /// Ends it.
+    #[inline]
+    fn end(&mut self, _: Part) {}
 }
 
-/// The server, and what computes beside it.
+/// Measures nothing.
+#[allow(dead_code, reason = "the images that are measured from outside use it")]
+pub(crate) struct Unmeasured;
+
+impl Meter for Unmeasured {}
+
+/// The server, its black box, and the float part of its cycle.
 pub(crate) struct Machine {
     server: Server,
-    work: Work,
-    nominal: [PositionNm; AXES],
-    actual: [Actual; AXES],
+    black_box: BlackBox<AXES, HALF>,
+    cycle: ControlCycle,
+    /// Input of the coming tick; its nominal positions and measurements stay until new ones are computed.
+    input: TickInput<AXES>,
 }
 
-/// What a [`Machine`] is made of: small, where the machine itself has no place on a stack.
+/// Parts of a [`Machine`] that are small enough for a stack; the machine itself is not.
 pub(crate) struct Parts {
     session: Session<AXES>,
     motors: MotorMap<AXES, MOTORS>,
-    work: Work,
+    cycle: ControlCycle,
     nominal: [PositionNm; AXES],
 }
 
@@ -122,82 +141,86 @@ impl Parts {
     pub(crate) fn new(
         capabilities: Capabilities,
         nominal: [PositionNm; AXES],
-    ) -> Result<Self, Refused> {
-        let (work, checksum) = Work::new()?;
+    ) -> Result<Self, SetupError> {
+        let (cycle, checksum) = ControlCycle::new()?;
         let parameters = robots::parameters(checksum, capabilities)?;
-        let config = Config::new(parameters).map_err(|_| Refused::Session)?;
-        let nothing = [Offsets::default(); AXES];
-        let session = Session::new(config, &nothing, nominal, Tick(0), Epoch(0))
-            .map_err(|_| Refused::Session)?;
-        let motors = MotorMap::new(AXIS_OF_MOTOR).map_err(|_| Refused::Session)?;
+        let config = Config::new(parameters).map_err(|_| SetupError::Session)?;
+        let session =
+            Session::new(config, &Start::at_rest(nominal)).map_err(|_| SetupError::Session)?;
+        let motors = MotorMap::new(AXIS_OF_MOTOR).map_err(|_| SetupError::Session)?;
         Ok(Self {
             session,
             motors,
-            work,
+            cycle,
             nominal,
         })
     }
 }
 
 impl Machine {
-    /// The machine, its server without connections.
-    #[inline]
+    /// Creates the machine, its server without connections. Epochs are not persisted: an emulated machine never runs twice.
+    // Inlined, so that it is written to its place and never lies on the stack.
+    #[inline(always)]
     pub(crate) const fn new(parts: Parts) -> Self {
+        let mut input = CycleInput::on_time(Motion::Given, [0.0; 6]).tick;
+        input.nominal = parts.nominal;
         Self {
-            server: Server::new(parts.session, parts.motors),
-            work: parts.work,
-            nominal: parts.nominal,
-            actual: [Actual {
-                position: PositionNm(0),
-                velocity: VelocityUmS(0),
-                torque: TorquePermille(0),
-            }; AXES],
+            server: Server::new(parts.session, parts.motors, EpochRange::VOLATILE),
+            black_box: BlackBox::new(),
+            cycle: parts.cycle,
+            input,
         }
     }
 
-    /// The endpoint: to open, feed and close.
+    /// Returns the endpoint: to open, feed and close connections, and to poll frames.
     pub(crate) const fn server(&mut self) -> &mut Server {
         &mut self.server
     }
 
-    /// The first half of a tick: floats. Without an answer of the kinematics the nominal positions stay.
-    /// Not inlined, and neither is the second half: together they need as much stack as the larger of them.
-    #[inline(never)]
-    pub(crate) fn compute(&mut self, moment: &Moment, meter: &mut impl Meter) -> Answer<'_> {
-        meter.begin();
-        let answer = self.work.answer(moment);
-        if let Motion::Given { nominal, actual } = &moment.motion {
-            (self.nominal, self.actual) = (*nominal, *actual);
-        } else if let Some(nominal) = answer.nominal() {
-            self.nominal = nominal;
-        }
-        meter.end(Part::Floats);
-        answer
+    /// Returns the output of the last tick; `None` before the first.
+    pub(crate) const fn output(&self) -> Option<&Output<AXES>> {
+        self.server.output()
     }
 
-    /// The second half: the endpoint's tick.
+    /// Runs the float half of a cycle. After an error of the kinematics the nominal positions stay.
+    // Not inlined, nor is the second half, so that their stack use does not add up.
+    #[inline(never)]
+    pub(crate) fn compute(
+        &mut self,
+        input: &CycleInput,
+        meter: &mut impl Meter,
+    ) -> CycleResult<'_> {
+        meter.begin();
+        let result = self.cycle.run(input);
+        let (nominal, actual) = (self.input.nominal, self.input.actual);
+        self.input = input.tick;
+        if !matches!(input.motion, Motion::Given) {
+            self.input.nominal = result.nominal().unwrap_or(nominal);
+            self.input.actual = actual;
+        }
+        meter.end(Part::Floats);
+        result
+    }
+
+    /// Runs the integer half of a cycle: the tick, then its frames. Returns the references of the motors.
     #[inline(never)]
     pub(crate) fn serve(
         &mut self,
-        moment: &Moment,
         meter: &mut impl Meter,
         send: &mut impl FnMut(Connection, &[u8]),
-    ) -> Turn<AXES, MOTORS> {
-        let cycle = Cycle {
-            elapsed: moment.elapsed,
-            nominal: self.nominal,
-            actual: self.actual,
-            stop: moment.stop,
-            rearm: moment.rearm,
-            next_epoch: moment.next_epoch,
-            arrival_us: moment.arrival_us,
-        };
+    ) -> MotorReferences {
         meter.begin();
-        let turn = self.server.tick(&cycle, send);
-        meter.end(Part::Tick);
-        for (actual, reference) in self.actual.iter_mut().zip(&turn.output.references) {
-            actual.position = reference.position;
+        let references = (self.server).tick_recorded(&self.input, &mut self.black_box);
+        while let Some((to, frame)) = self.server.poll_transmit() {
+            send(to, frame);
         }
-        turn
+        meter.end(Part::Tick);
+        // A perfect drive is where it was told to be.
+        if let Some(output) = self.server.output().filter(|output| !output.withheld) {
+            for (actual, reference) in self.input.actual.iter_mut().zip(&output.references) {
+                actual.position = reference.position;
+            }
+        }
+        references
     }
 }

@@ -1,17 +1,17 @@
 //! Machines of the firmware, core's presets, with their server, sensor and compensation. The test compares their checksums with `robots/*.toml`.
 
-use gantry_tau_core::control::channel::Limits;
+use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::message::{AxisLimits, Capabilities};
 use gantry_tau_core::control::session::config::{AxisConfig, Parameters, Travel};
 use gantry_tau_core::model::compensation::CompensatorConfig;
+use gantry_tau_core::model::nalgebra::{Matrix3, Vector3};
 pub(crate) use gantry_tau_core::model::presets::F1_METRES_PER_Q;
 use gantry_tau_core::model::robot::{Compliances, RobotError};
 use gantry_tau_core::model::sensor::SensorConfig;
 use gantry_tau_core::model::{f1, l2, presets};
 use gantry_tau_core::units::OffsetNm;
-use nalgebra::{Matrix3, Vector3};
 
-use super::{AXES, Refused};
+use super::{AXES, SetupError};
 
 /// The L2 and its springs.
 pub(crate) fn l2() -> Result<(l2::Robot, Compliances<{ l2::AXES }>), RobotError> {
@@ -51,9 +51,7 @@ pub(super) fn compensation<const N: usize>(metres_per_q: [f64; N]) -> Compensato
 pub(crate) fn parameters(
     kinematics_checksum: u32,
     capabilities: Capabilities,
-) -> Result<Parameters<AXES>, Refused> {
-    let limits =
-        |max, step, accel, ramp| Limits::new(max, step, accel, ramp).map_err(|_| Refused::Limits);
+) -> Result<Parameters<AXES>, SetupError> {
     let limits = AxisLimits {
         position: limits(4_000_000, 20_000, 40_000, 100)?,
         velocity: limits(5_000, 200, 400, 50)?,
@@ -69,4 +67,14 @@ pub(crate) fn parameters(
         capabilities,
         ..Parameters::thesis([AxisConfig { limits, ..axis }; AXES])
     })
+}
+
+fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Result<Limits<U>, SetupError> {
+    let values = LimitValues {
+        max,
+        step,
+        accel,
+        ramp,
+    };
+    Limits::new(values).map_err(|_| SetupError::Limits)
 }

@@ -1,7 +1,7 @@
-//! TCP: sockets that listen on one port, and what arrives on them handed to an endpoint.
+//! TCP: sockets that listen on one port, and pass what they receive to an endpoint.
 
-use gantry_tau_core::control::endpoint::{Endpoint, Transport};
-use gantry_tau_core::control::session::fsm::Connection;
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::session::Connection;
 use smoltcp::iface::{
     Config, Interface, PollIngressSingleResult, SocketHandle, SocketSet, SocketStorage,
 };
@@ -10,19 +10,20 @@ use smoltcp::time::Instant;
 use smoltcp::wire::{EthernetAddress, IpCidr, Ipv4Address};
 
 use super::lan9118::Lan9118;
-use crate::reading::Reading;
+use crate::ingress_budget::IngressBudget;
+use crate::machine::Server as Endpoint;
 
-/// Connections at once: an owner, two who are refused meanwhile, and one whose peer has gone without a word.
+/// Connections at once: an owner, two that are refused meanwhile, and one whose peer vanished.
 const SOCKETS: usize = 4;
-/// Bytes received and not yet fed; the window that each peer is offered.
+/// Receive buffer, bytes: the window that each peer is offered.
 const RECEIVE: usize = 1_024;
-/// Bytes sent and not yet acknowledged: about a dozen States. Who has not taken so many is too slow.
+/// Send buffer, bytes: about a dozen States that are not acknowledged yet. A slower peer is closed.
 const SEND: usize = 4_096;
-/// Frames taken from the controller per visit; the rest waits for the next.
+/// Frames taken from the controller per visit.
 const FRAMES: usize = 16;
 /// Segments sent per connection and visit.
 const SEGMENTS: usize = 4;
-/// How long the handshakes at the beginning and at the end of a connection may take before it is reset, ms.
+/// Longest handshake at the beginning and at the end of a connection before it is reset, ms.
 const LINGER_MS: i64 = 500;
 
 /// Address and port of the server, and the router of its network.
@@ -57,26 +58,22 @@ impl Storage {
     }
 }
 
-/// What a socket is used for.
+/// Use of a socket.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Use {
-    /// Nobody has connected.
+    /// No peer is connected.
     Free,
-    /// Somebody began to connect; reset unless that is done by then, ms.
+    /// A peer began to connect; reset unless connected by then, ms.
     Arriving { until: i64 },
-    /// A peer of the endpoint. `gone`: a write failed; told to the endpoint in its next turn.
+    /// A peer of the endpoint. `gone`: a write failed; reported to the endpoint in its next turn.
     Peer { connection: Connection, gone: bool },
     /// The endpoint has no further use for it; reset unless it closes by then, ms.
     Closing { until: i64 },
 }
 
 impl Use {
-    /// Whether a visit looks at it: always at the owner.
-    fn is_due<const N: usize, const M: usize, const H: usize>(
-        self,
-        has_turn: bool,
-        endpoint: &Endpoint<N, M, H>,
-    ) -> bool {
+    /// True if a visit looks at it: the owner at every visit.
+    fn is_due(self, has_turn: bool, endpoint: &Endpoint) -> bool {
         let owner = endpoint.session().owner();
         has_turn || matches!(self, Self::Peer { connection, .. } if owner == Some(connection))
     }
@@ -95,13 +92,13 @@ pub(crate) struct Server {
     peers: [Option<Peer>; SOCKETS],
     port: u16,
     now_ms: i64,
-    /// Which socket has its turn: one stranger is taken in, or read, per visit.
+    /// Socket that has its turn: one non-owner is accepted, or read, per visit.
     turn: usize,
-    reading: Reading,
+    budget: IngressBudget,
 }
 
 impl Server {
-    /// Listens. `seed` makes the numbers that TCP begins with.
+    /// Listens. `seed` makes TCP's initial sequence numbers.
     pub(crate) fn new(
         mut lan: Lan9118,
         place: &Place,
@@ -146,18 +143,14 @@ impl Server {
             port: place.port,
             now_ms: 0,
             turn: 0,
-            reading: Reading::default(),
+            budget: IngressBudget::default(),
         };
         server.listen();
         server
     }
 
-    /// Takes in what has come, tells the endpoint of peers that come and go, feeds it, and sends what is to be sent.
-    pub(crate) fn visit<const N: usize, const M: usize, const H: usize>(
-        &mut self,
-        now_ms: i64,
-        endpoint: &mut Endpoint<N, M, H>,
-    ) {
+    /// Receives, opens and closes connections of the endpoint, feeds it, and sends.
+    pub(crate) fn visit(&mut self, now_ms: i64, endpoint: &mut Endpoint) {
         self.now_ms = now_ms;
         let now = Instant::from_millis(now_ms);
         for _ in 0..FRAMES {
@@ -170,19 +163,19 @@ impl Server {
         for (index, peer) in self.peers.iter_mut().flatten().enumerate() {
             let socket = self.sockets.get_mut::<Socket>(peer.socket);
             if peer.used.is_due(index == self.turn, endpoint) {
-                peer.used = next_use(peer.used, socket, now_ms, endpoint, &mut self.reading);
+                peer.used = next_use(peer.used, socket, now_ms, endpoint, &mut self.budget);
             }
         }
         self.listen();
         self.flush();
     }
 
-    /// A tick has been taken: as much may be taken in again.
+    /// Restores the budget after a tick.
     pub(crate) fn ticked(&mut self) {
-        self.reading = Reading::default();
+        self.budget = IngressBudget::default();
     }
 
-    /// Sends what waits, as far as the controller and the peers' windows have room.
+    /// Sends as much as the controller and the peers' windows have room for.
     pub(crate) fn flush(&mut self) {
         let now = Instant::from_millis(self.now_ms);
         for _ in 0..SEGMENTS {
@@ -190,7 +183,7 @@ impl Server {
         }
     }
 
-    /// Writes a whole frame or gives the peer up: a slow reader is a loss, never waited for.
+    /// Writes a whole frame, or gives the peer up: a slow reader is never waited for.
     pub(crate) fn send(&mut self, to: Connection, bytes: &[u8]) {
         for peer in self.peers.iter_mut().flatten() {
             if let Use::Peer { connection, gone } = &mut peer.used {
@@ -212,12 +205,12 @@ impl Server {
         }
     }
 
-    /// Whether nobody is connected.
+    /// True if no peer is connected.
     pub(crate) fn is_idle(&self) -> bool {
         (self.peers.iter().flatten()).all(|peer| peer.used == Use::Free)
     }
 
-    /// Every free socket listens.
+    /// Lets every free socket listen.
     fn listen(&mut self) {
         for peer in self.peers.iter().flatten() {
             let socket = self.sockets.get_mut::<Socket>(peer.socket);
@@ -229,24 +222,24 @@ impl Server {
     }
 }
 
-/// What becomes of a socket after everything that has come.
-fn next_use<const N: usize, const M: usize, const H: usize>(
+/// Returns the use of a socket after everything that was received.
+fn next_use(
     used: Use,
     socket: &mut Socket<'_>,
     now_ms: i64,
-    endpoint: &mut Endpoint<N, M, H>,
-    reading: &mut Reading,
+    endpoint: &mut Endpoint,
+    budget: &mut IngressBudget,
 ) -> Use {
     match used {
         Use::Free if socket.is_active() => {
             let until = now_ms.saturating_add(LINGER_MS);
-            next_use(Use::Arriving { until }, socket, now_ms, endpoint, reading)
+            next_use(Use::Arriving { until }, socket, now_ms, endpoint, budget)
         }
         Use::Free => Use::Free,
-        Use::Arriving { .. } if socket.may_send() && reading.accept() => {
+        Use::Arriving { .. } if socket.may_send() && budget.accept() => {
             let Ok(connection) = endpoint.open(Transport::Stream) else {
                 // Best effort: the peer is about to be closed anyway.
-                let _ = socket.send_slice(&Endpoint::<N, M, H>::full_refusal());
+                let _ = socket.send_slice(&Endpoint::full_refusal());
                 return closing(socket, now_ms);
             };
             let gone = false;
@@ -255,7 +248,7 @@ fn next_use<const N: usize, const M: usize, const H: usize>(
                 socket,
                 now_ms,
                 endpoint,
-                reading,
+                budget,
             )
         }
         Use::Arriving { until } | Use::Closing { until } => {
@@ -273,9 +266,9 @@ fn next_use<const N: usize, const M: usize, const H: usize>(
             // The buffer is a ring: what it holds comes in two pieces at most.
             for _ in 0..2 {
                 let read = socket.recv(|bytes| {
-                    let left = reading.left(connection, owner);
+                    let left = budget.left(connection, owner);
                     let bytes = bytes.get(..left).unwrap_or(bytes);
-                    reading.note(connection, owner, bytes.len());
+                    budget.count(connection, owner, bytes.len());
                     endpoint.feed(connection, bytes);
                     (bytes.len(), ())
                 });

@@ -1,4 +1,4 @@
-//! `tests/firmware/sizes.toml`: what was asked for, and what was measured.
+//! `tests/firmware/sizes.toml`: goals and measurements.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -10,13 +10,13 @@ use super::emulator::{Build, folder};
 /// Numbers by their name.
 pub(crate) type Measured = BTreeMap<String, i64>;
 
-/// Whether what is measured is written down instead of compared.
+/// True if measurements are recorded instead of compared.
 pub(crate) fn recording() -> bool {
     std::env::var_os("GANTRY_TAU_RECORD_SIZES").is_some_and(|value| value == "1")
 }
 
-/// Compares with what is recorded of this subject: nothing may be beyond what was asked for, or more than a fiftieth beyond what was
-/// measured last (another compiler, another rounding of the clock); a digest must be the same.
+/// Compares measurements with those recorded: none may exceed its goal, or the last measurement by more than a fiftieth (another
+/// compiler, another rounding of the clock); a digest must be the same.
 pub(crate) fn judge(build: Build, subject: &str, measured: &Measured) {
     let key = &format!("{}_{subject}", build.name().replace('-', "_"));
     let path = folder().join("sizes.toml");

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 /// Longest run of the emulator; nothing depends on how fast it is.
 const DEADLINE: Duration = Duration::from_secs(300);
 
-/// What `build.sh` builds.
+/// Variant that `build.sh` builds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Build {
     /// Cortex-M7 with a double FPU.
@@ -20,10 +20,10 @@ pub(crate) enum Build {
 }
 
 impl Build {
-    /// All there are.
+    /// All variants.
     pub(crate) const ALL: [Self; 3] = [Self::M7, Self::M7Small, Self::M4f];
 
-    /// As `build.sh` calls it.
+    /// Returns the name of `build.sh`.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::M7 => "m7",
@@ -32,7 +32,7 @@ impl Build {
         }
     }
 
-    /// As the emulator calls its board.
+    /// Returns the emulator's name of its board.
     pub(crate) const fn machine(self) -> &'static str {
         match self {
             Self::M7 | Self::M7Small => "mps2-an500",
@@ -46,7 +46,7 @@ pub(crate) fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("firmware")
 }
 
-/// What is missing to build and run the firmware; `None` when nothing is.
+/// Returns the tool that is missing to build and run the firmware.
 pub(crate) fn missing() -> Option<String> {
     if !runs("qemu-system-arm") {
         return Some("qemu-system-arm".to_owned());
@@ -66,7 +66,7 @@ pub(crate) fn missing() -> Option<String> {
     }
 }
 
-/// The decoder of logs, if it is missing.
+/// Returns the decoder of logs, if it is missing.
 pub(crate) fn decoder_missing() -> Option<String> {
     (!runs("defmt-print")).then(|| "defmt-print".to_owned())
 }
@@ -94,8 +94,8 @@ pub(crate) fn images(build: Build, arguments: &[&str]) -> PathBuf {
     PathBuf::from(said.lines().last().unwrap())
 }
 
-/// Lets the image do `mode` in `place`; returns what it wrote to the console.
-pub(crate) fn run(build: Build, image: &Path, mode: &str, place: &Path) -> Vec<u8> {
+/// Runs an image in `place`. Returns the bytes of its console.
+pub(crate) fn run(build: Build, image: &Path, place: &Path) -> Vec<u8> {
     let mut command = Command::new("qemu-system-arm");
     command
         .args([
@@ -110,12 +110,12 @@ pub(crate) fn run(build: Build, image: &Path, mode: &str, place: &Path) -> Vec<u
         // An instruction takes 32 ns, always: what is counted is the same in every run.
         .args(["-icount", "shift=5,align=off,sleep=off"])
         .arg("-semihosting-config")
-        .arg(format!("enable=on,target=native,arg=firmware,arg={mode}"))
+        .arg("enable=on,target=native")
         .arg("-kernel")
         .arg(image)
         .current_dir(place)
         .stdin(Stdio::null())
-        // A file, because a pipe that nobody reads fills up.
+        // A file, because an unread pipe fills up.
         .stdout(fs::File::create(place.join("console")).unwrap());
     let mut child = command.spawn().unwrap();
     let since = Instant::now();
@@ -139,7 +139,7 @@ pub(crate) fn run(build: Build, image: &Path, mode: &str, place: &Path) -> Vec<u
     console
 }
 
-/// The words of a log.
+/// Decodes a log.
 pub(crate) fn decode(image: &Path, log: &Path) -> String {
     let output = Command::new("defmt-print")
         .arg("-e")

@@ -1,63 +1,62 @@
-//! The same driver on the host.
+//! Playback on the host, by the firmware's sources.
 
 use std::fs;
 use std::path::Path;
 
 use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::RobotFile;
-use gantry_tau_core::control::endpoint::Turn;
 use gantry_tau_core::control::message::{Capabilities, Phase};
+use gantry_tau_core::control::session::Connection;
 
-use super::machine::{AXES, Answer, MOTORS, Machine, Meter, Part, Parts, robots};
-use super::reading::OF_OWNER;
-use super::recording::{self, Sink, Source, Watch};
+use super::machine::{AXES, CycleResult, Machine, Meter, Parts, robots};
+use super::recording::{self, MAX_RECORD, Observer, Record, Room, Sink, Source};
 use super::traffic;
 
-/// What a recording leads to.
+/// Outcome of a recording.
 pub(crate) struct Played {
-    /// The output.
+    /// The outcome.
     pub(crate) output: Vec<u8>,
-    /// What every tick showed.
+    /// Observations of every cycle.
     pub(crate) seen: Seen,
 }
 
-/// What every tick showed.
+/// Observations of every cycle.
 #[derive(Default)]
 pub(crate) struct Seen {
-    /// The phase after it.
+    /// Phase after it.
     pub(crate) phases: Vec<Phase>,
     /// Its floats.
     pub(crate) floats: Vec<Floats>,
 }
 
-/// Whose kinematics a tick had.
+/// Kinematics of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Floats {
     /// The L2's.
     L2,
-    /// The F1's, without an answer.
-    F1Refused,
-    /// The F1's, answered.
+    /// The F1's, with an error.
+    F1Error,
+    /// The F1's.
     F1 {
-        /// The farthest that a plate is turned, radians.
+        /// Largest turn of a plate, rad.
         turned_rad: f64,
     },
 }
 
 /// Plays a recording.
 pub(crate) fn play(recording: &[u8]) -> Played {
-    let mut source = Bytes(recording);
-    let nominal = recording::start(&mut source).unwrap();
+    try_play(recording).expect("the recording is valid")
+}
+
+/// Plays a recording; `None` if it is invalid.
+fn try_play(recording: &[u8]) -> Option<Played> {
+    let (mut source, room) = (Bytes(recording), &mut Room::EMPTY);
+    let nominal = recording::start(room, &mut source)?;
     let mut machine = Machine::new(Parts::new(Capabilities::NONE, nominal).unwrap());
-    let mut output = Vec::new();
-    let mut seen = Seen::default();
-    let room = &mut [0; OF_OWNER];
-    let played = recording::play(&mut machine, room, &mut source, &mut output, &mut seen);
-    assert!(
-        played.is_some() && source.0.is_empty(),
-        "the recording is whole"
-    );
-    Played { output, seen }
+    let (mut output, mut seen) = (Vec::new(), Seen::default());
+    recording::play(&mut machine, room, &mut source, &mut output, &mut seen)?;
+    assert!(source.0.is_empty(), "nothing follows the end");
+    Some(Played { output, seen })
 }
 
 struct Bytes<'a>(&'a [u8]);
@@ -79,30 +78,28 @@ impl Sink for Vec<u8> {
     }
 }
 
-impl Meter for Seen {
-    fn begin(&mut self) {}
-    fn end(&mut self, _: Part) {}
-}
+impl Meter for Seen {}
 
-impl Watch for Seen {
-    fn wait(&mut self) {}
-    fn answered(&mut self, answer: &Answer<'_>) {
-        self.floats.push(match answer {
-            Answer::L2(_) => Floats::L2,
-            Answer::F1(Err(_)) => Floats::F1Refused,
-            Answer::F1(Ok(answer)) => {
-                let [.., q4, q5, q6] = answer.q.value;
+impl Observer for Seen {
+    fn computed(&mut self, result: &CycleResult<'_>) {
+        self.floats.push(match result {
+            CycleResult::L2(_) => Floats::L2,
+            CycleResult::F1(Err(_)) => Floats::F1Error,
+            CycleResult::F1(Ok(result)) => {
+                let [.., q4, q5, q6] = result.q.value;
                 let turned_rad = q4.abs().max(q5.abs()).max(q6.abs());
                 Floats::F1 { turned_rad }
             }
         });
     }
-    fn turned(&mut self, turn: &Turn<AXES, MOTORS>) {
-        self.phases.push(turn.output.state.phase);
+
+    fn ticked(&mut self, machine: &Machine, _: &[Connection]) {
+        let output = machine.output().unwrap();
+        self.phases.push(output.state.phase);
     }
 }
 
-/// What was recorded live is what is played: the format loses nothing.
+/// A recording leads to the outcome of the live play.
 pub(crate) fn recordings_replay() {
     for recording in traffic::all() {
         assert!(
@@ -113,37 +110,34 @@ pub(crate) fn recordings_replay() {
     }
 }
 
-/// A tick in which more arrives than is let in is no recording, on host and target.
-pub(crate) fn what_is_too_much_is_refused() {
-    let whole = &traffic::calm().bytes;
-    let (start, ticks) = whole.split_at(AXES * 8 + 4);
-    // The first tick: a stream is opened, a Hello of 14 bytes arrives; elapsed, stop, rearm, epoch, arrival, motion, pose and load.
-    let (happened, rest) = ticks.split_at(2 + 7 + (7 + 14));
-    let moment = &rest[..4 + 2 + 8 + 2 + 1 + 12 * 8];
-    let plays = |more: &[&[u8]]| {
-        let mut bytes = start[..AXES * 8].to_vec();
-        bytes.extend(1_u32.to_le_bytes());
-        bytes.extend((2 + u16::try_from(more.len()).unwrap()).to_le_bytes());
-        bytes.extend(&happened[2..]);
-        bytes.extend(more.concat());
-        bytes.extend(moment);
-        let mut source = Bytes(&bytes);
-        let nominal = recording::start(&mut source).unwrap();
-        let mut machine = Machine::new(Parts::new(Capabilities::NONE, nominal).unwrap());
-        let (room, seen) = (&mut [0; OF_OWNER], &mut Seen::default());
-        recording::play(&mut machine, room, &mut source, &mut Vec::new(), seen).is_some()
+/// Playback refuses a cycle in which more arrives than its budget.
+pub(crate) fn excess_is_refused() {
+    let mut rest = traffic::calm().bytes.as_slice();
+    // The start, a stream, its Hello, the first cycle.
+    let records: Vec<&[u8]> = std::iter::from_fn(|| {
+        let length = usize::from(u16::from_le_bytes(*rest.first_chunk()?));
+        let (record, more) = rest.split_at(length + 2);
+        rest = more;
+        Some(record)
+    })
+    .take(4)
+    .collect();
+    let [start, open, hello, cycle] = records[..] else {
+        panic!("{} records", records.len());
     };
-    let bytes_of_a_stranger = |count: u8| {
-        let head = [3, 0, 0, 0, 0, count, 0];
-        [head.to_vec(), vec![0; count.into()]].concat()
+    let is_played = |more: &[u8]| {
+        let end = traffic::encode(&Record::End);
+        try_play(&[start, open, hello, more, cycle, &end].concat()).is_some()
     };
-    assert!(plays(&[]));
-    assert!(plays(&[&bytes_of_a_stranger(128 - 14)]));
-    assert!(!plays(&[&bytes_of_a_stranger(128 - 13)]));
-    assert!(!plays(&[&[0, 1, 0, 0, 0, 0, 0]]), "a second connection");
+    let bytes = |count| traffic::encode(&Record::Bytes(Connection(0), &[0; MAX_RECORD][..count]));
+    assert!(is_played(&[]));
+    assert!(is_played(&bytes(128 - 14)));
+    assert!(!is_played(&bytes(128 - 13)));
+    assert!(!is_played(open), "a second connection");
+    assert!(try_play(&[start, open].concat()).is_none(), "no end");
 }
 
-/// A target reads no files; its constants are those of the files.
+/// The constants of the firmware, which reads no files, are those of the files.
 pub(crate) fn machines_are_those_of_the_files() {
     let (f1, springs) = robots::f1().unwrap();
     let file = RobotFile::builtin_f1().unwrap();
@@ -151,20 +145,7 @@ pub(crate) fn machines_are_those_of_the_files() {
     assert_eq!(Some(springs), file.compliances);
     let parameters = robots::parameters(0, Capabilities::NONE).unwrap();
     for (ours, theirs) in parameters.axes.iter().zip(&file.limits) {
-        let ours = [
-            ours.limits.position,
-            ours.limits.velocity,
-            ours.limits.torque,
-        ];
-        for (ours, theirs) in ours
-            .iter()
-            .zip([theirs.position, theirs.velocity, theirs.torque])
-        {
-            assert_eq!(i64::from(ours.ramp()), i64::from(theirs.ramp));
-            let theirs = [theirs.max, theirs.step, theirs.accel].map(i64::from);
-            let ours = [ours.max(), ours.step(), ours.accel()].map(i64::from);
-            assert_eq!(ours, theirs);
-        }
+        assert_eq!(ours.limits, *theirs);
     }
     let (l2, springs) = robots::l2().unwrap();
     let file = RobotFile::builtin_l2().unwrap();

@@ -1,4 +1,4 @@
-//! What is in the images.
+//! Panics and sizes of the images.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -9,13 +9,13 @@ use object::{Object, ObjectSection, ObjectSymbol};
 use super::budget;
 use super::emulator::{Build, images};
 
-/// The images that everything is said of; the others have a network, or a panic on purpose.
+/// Images that are measured and free of panics; the others have a network, or a panic on purpose.
 const IMAGES: [&str; 3] = ["firmware", "whole", "session_only"];
 
-/// Symbols of everything that panics, before they are demangled.
+/// Parts of the mangled names of functions that panic.
 const PANICS: [&str; 3] = ["panicking", "panic_", "_fail"];
 
-/// Names of functions that a panic goes through. The handler itself is in every image, and calls nothing.
+/// Returns the functions of an image that panic. The handler itself is in every image, and is not called.
 fn panics(image: &Path) -> Vec<String> {
     let bytes = fs::read(image).unwrap();
     let file = object::File::parse(&*bytes).unwrap();

@@ -1,12 +1,12 @@
-//! A real client drives the emulated target: the unchanged program over TCP, through a link whose cable is pulled.
+//! A real client drives the emulated target: the unchanged program over TCP, through a cable that is pulled.
 //!
-//!     client - relay (pulls the cable) - tap (hears, and is the force sensor) - emulator - firmware
+//!     client - relay (pulls the cable) - proxy (records, and is the force sensor) - emulator - firmware
 //!
-//! Nothing here depends on how fast anything is: a tick is an answer. The verdict is that three accounts agree: what the target says
-//! about itself, what the tap heard on the way, and what the clients' recordings and exit codes say.
+//! Nothing depends on speed: a tick is an answer. Three records must agree: the target's log, the proxy's States, and the clients'
+//! recordings and exit codes.
 
 mod program;
-mod tap;
+mod proxy;
 mod target;
 mod verdict;
 
@@ -23,9 +23,9 @@ use gantry_tau_tests::client::Client;
 use super::emulator::{self, Build};
 
 use program::{Folder, Running};
-use tap::Tap;
+use proxy::Proxy;
 use target::Target;
-use verdict::Told;
+use verdict::Log;
 
 /// Axes of the F1.
 const AXES: usize = 6;
@@ -33,16 +33,16 @@ const AXES: usize = 6;
 /// A State of the target.
 type State = message::State<AXES>;
 
-/// How long anything may take before the test fails.
+/// Longest wait before the test fails.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// How long to wait before a process is looked at again.
+/// Pause between two looks at a process.
 const LOOK: Duration = Duration::from_millis(5);
-/// What somebody pulls with, N: offsets of about 0.3 mm.
+/// Load, N: offsets of about 0.3 mm.
 const PULL_N: f64 = 50.0;
 /// Ticks in Obtain until the offsets have settled.
 const SETTLED: u64 = 400;
 
-/// Submit, Obtain, a pulled cable, the ramp, and another client that obtains again and leaves. Meanwhile strangers are refused.
+/// Submit, Obtain, a pulled cable, the ramp, and another client that obtains again and leaves. Further clients are refused.
 pub(crate) fn a_real_client_drives_the_target() {
     let image = emulator::images(Build::M7, &["--features", "link", "--bin", "link"]).join("link");
     let program = program::build();
@@ -50,48 +50,45 @@ pub(crate) fn a_real_client_drives_the_target() {
     let cell = Cell {
         program: &program,
         folder: Folder::new("firmware-link"),
-        tap: Tap::before(target.address, PULL_N),
+        proxy: Proxy::before(target.address, PULL_N),
         target,
     };
     let ramping = cell.lose_a_client();
     cell.let_a_client_leave();
     let (code, lines) = cell.target.end();
-    let states = cell.tap.states();
+    let states = cell.proxy.states();
     println!("{}", lines.join("\n"));
-    assert_eq!(code, Some(0), "the target found something broken");
+    assert_eq!(code, Some(0), "the target found broken references");
 
-    let told = Told(&lines);
-    assert_eq!(told.number("ticks", "", "sessions"), 2);
-    assert_eq!(told.number("ticks", "", "broken_ticks"), 0);
-    verdict::check_changes(&told, &states);
-    verdict::check_refusals(&told, &states, ramping);
-    let lost = verdict::check_session(&told, &states, 1, "ClientLate");
+    let log = Log(&lines);
+    assert_eq!((log.total("sessions"), log.total("broken_ticks")), (2, 0));
+    verdict::check_phases(&log, &states);
+    verdict::check_refusals(&log, &states, ramping);
+    let (lost, received) = verdict::check_session(&log, &states, 1, "ClientLate");
     verdict::check_pulled_cable(&lost);
-    let left = verdict::check_session(&told, &states, 2, "Goodbye");
     // The answer to the last State was on the cable, or had arrived.
-    let received = told.number("counters", "1", "received");
     let rows = verdict::check_recording(&cell.folder.path("lost.csv"), &lost);
     assert!(
         (received..=received + 1).contains(&rows),
         "{rows} rows, {received} received"
     );
     // The Goodbye answers no State.
-    let received = told.number("counters", "2", "received");
+    let (left, received) = verdict::check_session(&log, &states, 2, "Goodbye");
     let rows = verdict::check_recording(&cell.folder.path("left.csv"), &left);
     assert_eq!(received, rows + 1);
 }
 
-/// Everything but the clients.
+/// Target and proxy.
 struct Cell<'a> {
     program: &'a Path,
     folder: Folder,
-    tap: Tap,
+    proxy: Proxy,
     target: Target,
 }
 
 impl Cell<'_> {
     fn client(&self, name: &str, server: SocketAddr) -> Running {
-        let (server, sensor) = (server.to_string(), self.tap.sensor.to_string());
+        let (server, sensor) = (server.to_string(), self.proxy.sensor.to_string());
         let recording = self.folder.path(&format!("{name}.csv"));
         let arguments = [
             "client",
@@ -106,28 +103,28 @@ impl Cell<'_> {
         Running::start(self.program, &self.folder, name, &arguments)
     }
 
-    /// Waits until the session of this epoch has obtained, and its offsets have settled.
+    /// Waits until the session of this epoch is in Obtain, and its offsets have settled.
     fn await_settled(&self, epoch: u64) {
         let obtains = |state: &State| state.epoch.0 == epoch && state.phase == Phase::Obtain;
-        let since = self.tap.await_state("Obtain", obtains).tick.0;
+        let since = self.proxy.await_state("Obtain", obtains).tick.0;
         let settled = |state: &State| obtains(state) && state.tick.0 >= since + SETTLED;
-        self.tap.await_state("offsets at rest", settled);
+        self.proxy.await_state("offsets at rest", settled);
     }
 
-    /// Submit, Obtain, a pulled cable, the ramp. Returns the ticks of ramp that a stranger was told to wait.
+    /// Submit, Obtain, a pulled cable, the ramp. Returns the ticks of ramp in the refusal of another client.
     fn lose_a_client(&self) -> u32 {
         let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         let (relay, _) = Relay::spawn(
             any,
-            self.tap.address,
+            self.proxy.address,
             Transport::Stream,
             FaultPlan::default(),
         )
         .unwrap();
         let mut client = self.client("lost", relay.address);
-        self.tap
+        self.proxy
             .await_state("Obtain", |state| state.phase == Phase::Obtain);
-        let (code, said) = self.client("busy", self.tap.address).end();
+        let (code, said) = self.client("busy", self.proxy.address).end();
         assert_eq!(code, Some(4), "{said}");
         assert!(said.contains("another client owns the session"), "{said}");
         self.await_settled(1);
@@ -135,14 +132,14 @@ impl Cell<'_> {
 
         relay.cut();
         let ramps = |state: &State| state.phase == Phase::SafeDisconnect;
-        self.tap.await_state("the ramp", ramps);
-        let mut stranger = Client::<AXES>::connect(self.tap.address);
-        stranger.say_hello();
-        let answer = stranger.receive();
+        self.proxy.await_state("the ramp", ramps);
+        let mut other = Client::<AXES>::connect(self.proxy.address);
+        other.say_hello();
+        let answer = other.receive();
         let Some(ServerMessage::Refusal(Refusal::Ramping { ticks_left })) = answer else {
             panic!("let in during the ramp: {answer:?}");
         };
-        self.tap.await_state("the ramp's end", |state| {
+        self.proxy.await_state("the ramp's end", |state| {
             ramps(state) && state.ramp_ticks_left == 0
         });
         let (code, said) = client.end();
@@ -151,10 +148,10 @@ impl Cell<'_> {
         ticks_left
     }
 
-    /// Another client obtains again, and says goodbye.
+    /// Another client obtains again, and leaves.
     fn let_a_client_leave(&self) {
-        assert!(self.target.await_line("link session=1 ").is_some());
-        let client = self.client("left", self.tap.address);
+        assert!(self.target.await_line("phase=Listening").is_some());
+        let client = self.client("left", self.proxy.address);
         self.await_settled(2);
         client.interrupt();
         let (code, said) = client.end();

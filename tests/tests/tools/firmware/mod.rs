@@ -1,8 +1,8 @@
-//! The firmware of `tests/firmware` on an emulated Cortex-M: it is built, it plays recordings, and what it writes is what the host
-//! writes, bit by bit; how large it is and what a tick costs is compared with `tests/firmware/sizes.toml`.
+//! The firmware of `tests/firmware` on an emulated Cortex-M: it is built, it plays recordings, and its outcome is the host's, bit by
+//! bit; its size and the cost of a cycle are compared with `tests/firmware/sizes.toml`.
 //!
 //! Where the emulator or a toolchain for the target is missing, every test is reported as ignored with the name of what is missing;
-//! with GANTRY_TAU_REQUIRE_FIRMWARE=1 it fails instead. With GANTRY_TAU_RECORD_SIZES=1 what is measured is written to `sizes.toml`.
+//! with GANTRY_TAU_REQUIRE_FIRMWARE=1 it fails instead. With GANTRY_TAU_RECORD_SIZES=1 the measurements are written to `sizes.toml`.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -10,18 +10,18 @@
     clippy::indexing_slicing,
     clippy::arithmetic_side_effects,
     clippy::as_conversions,
-    reason = "helpers of tests fail by panicking; a mean is for people"
+    reason = "helpers of tests fail by panicking; a mean may be rounded"
 )]
 
 mod budget;
 mod emulator;
 mod host;
 mod image;
+#[path = "../../../firmware/src/ingress_budget.rs"]
+mod ingress_budget;
 mod link;
 #[path = "../../../firmware/src/machine/mod.rs"]
 mod machine;
-#[path = "../../../firmware/src/reading.rs"]
-mod reading;
 #[path = "../../../firmware/src/recording.rs"]
 mod recording;
 mod replay;
@@ -63,13 +63,13 @@ const ON_TARGET: &[(&str, fn())] = &[
     ("the_images_are_as_small_as_recorded", image::sizes),
 ];
 
-/// Those of them that read its log, by a tool of its own.
+/// Those of them that need the decoder of its log.
 const WITH_LOG: [&str; 2] = [
     "the_log_tells_the_session",
     "a_real_client_drives_the_target",
 ];
 
-/// Tests of what the host does of it.
+/// Tests that need the host only.
 const ON_HOST: &[(&str, fn())] = &[
     (
         "recordings_show_every_phase",
@@ -80,10 +80,7 @@ const ON_HOST: &[(&str, fn())] = &[
         traffic::the_f1_turns_far_and_recovers,
     ),
     ("recordings_replay_on_the_host", host::recordings_replay),
-    (
-        "what_is_too_much_is_refused",
-        host::what_is_too_much_is_refused,
-    ),
+    ("excess_is_refused", host::excess_is_refused),
     (
         "the_machines_are_those_of_the_robot_files",
         host::machines_are_those_of_the_files,
@@ -94,7 +91,7 @@ const ON_HOST: &[(&str, fn())] = &[
     ),
 ];
 
-/// All of them, by name.
+/// Returns all tests, by name.
 pub(crate) fn trials() -> Vec<Trial> {
     let required =
         std::env::var_os("GANTRY_TAU_REQUIRE_FIRMWARE").is_some_and(|value| value == "1");
@@ -117,7 +114,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     on_host.chain(on_target).collect()
 }
 
-/// A test that fails by panicking, as any other.
+/// Makes a test that fails by panicking.
 fn trial(name: &str, test: fn()) -> Trial {
     // One build at a time; the recordings are made once.
     static ONE: Mutex<()> = Mutex::new(());

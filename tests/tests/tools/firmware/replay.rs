@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use super::budget::{self, Measured};
 use super::emulator::{self, Build};
 use super::host;
+use super::recording::Record;
 use super::traffic::{self, Recording};
 
-/// What the target made of a recording.
+/// Outcome of a recording on the target.
 struct Played {
     output: Vec<u8>,
     laps: Laps,
@@ -45,12 +46,13 @@ pub(crate) fn m4f_calm() {
     is_bit_equal(Build::M4f, traffic::calm());
 }
 
-/// One bit of the last pose, some 1e-12 m: host and target both answer otherwise than before, and again the same.
+/// A changed bit of the last pose, some 1e-12 m, changes the outcome, on host and target in the same way.
 pub(crate) fn a_changed_bit_is_seen() {
     let recording = traffic::calm();
     let mut bytes = recording.bytes.clone();
-    // The last twelve numbers are pose and load; bit 20 of the first.
-    let at = bytes.len() - 12 * 8 + 2;
+    // The last record is the end, the one before ends with twelve numbers, pose and load; bit 20 of the first.
+    let end = traffic::encode(&Record::End).len();
+    let at = bytes.len() - end - 12 * 8 + 2;
     bytes[at] ^= 1 << 4;
     let played = play(Build::M7, "changed_bit", &bytes);
     assert_eq!(played.output.len(), recording.output.len());
@@ -66,7 +68,7 @@ pub(crate) fn a_changed_bit_is_seen() {
     );
 }
 
-/// The words are those of `golden.txt`: who was welcome, what ended, which phase, when.
+/// The log of the calm session is `golden.txt`.
 pub(crate) fn log_tells_the_session() {
     let played = play(Build::M7, "log", &traffic::calm().bytes);
     let log = emulator::decode(&played.image, &played.place.join("console"));
@@ -81,7 +83,7 @@ pub(crate) fn log_tells_the_session() {
     );
 }
 
-/// Every reference, every frame and every float; and what it costs.
+/// Compares every reference, every frame and every float, and judges the cost.
 fn is_bit_equal(build: Build, recording: &Recording) {
     let played = play(build, recording.name, &recording.bytes);
     let expected = host::play(&recording.bytes).output;
@@ -119,10 +121,10 @@ fn play(build: Build, name: &str, recording: &[u8]) -> Played {
     fs::create_dir_all(&place).unwrap();
     fs::write(place.join("replay.in"), recording).unwrap();
     for output in ["replay.out", "replay.laps"] {
-        // Nothing of an earlier run may count.
+        // Files of an earlier run must not count.
         drop(fs::remove_file(place.join(output)));
     }
-    emulator::run(build, &image, "replay", &place);
+    emulator::run(build, &image, &place);
     Played {
         output: fs::read(place.join("replay.out")).unwrap(),
         laps: Laps::read(&fs::read(place.join("replay.laps")).unwrap()),
@@ -131,10 +133,10 @@ fn play(build: Build, name: &str, recording: &[u8]) -> Played {
     }
 }
 
-/// Instructions of every tick, by part, and the stack.
+/// Instructions of every cycle, by part, and the stack.
 struct Laps {
     ticks: Vec<[u32; 3]>,
-    /// High-water marks of the stack: until the server stands, and of the ticks.
+    /// High-water marks of the stack: of the start, and of the cycles.
     stack: [u32; 2],
 }
 
@@ -155,7 +157,7 @@ impl Laps {
         }
     }
 
-    /// Worst and mean; of the whole tick apart by the machine whose kinematics it had.
+    /// Returns worst and mean of each part, for each machine.
     fn measured(&self, f1: &[bool]) -> Measured {
         assert_eq!(self.ticks.len(), f1.len());
         let mut measured = BTreeMap::from([

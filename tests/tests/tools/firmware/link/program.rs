@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use super::{LOOK, PATIENCE};
 
-/// Builds the program as cargo builds it for tests, and returns where it is. Nothing is done when it has been built already.
+/// Builds the program as cargo builds it for tests, unless that is done already. Returns its path.
 pub(super) fn build() -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let profile = test.ancestors().nth(2).unwrap();
@@ -32,7 +32,7 @@ pub(super) fn build() -> PathBuf {
     profile.join("gantry-tau")
 }
 
-/// A folder that is gone when the test is.
+/// A folder that is removed with the test.
 pub(super) struct Folder(PathBuf);
 
 impl Folder {
@@ -61,7 +61,7 @@ pub(super) struct Running {
 }
 
 impl Running {
-    /// Starts it with `arguments`; its words go to files called `name`.
+    /// Starts it with `arguments`; its output goes to files called `name`.
     pub(super) fn start(program: &Path, folder: &Folder, name: &str, arguments: &[&str]) -> Self {
         let [out, errors] = ["out", "err"].map(|end| folder.path(&format!("{name}.{end}")));
         let child = Command::new(program)
@@ -76,7 +76,7 @@ impl Running {
         Self { child, errors }
     }
 
-    /// As Ctrl-C does.
+    /// Interrupts it, as Ctrl-C does.
     pub(super) fn interrupt(&self) {
         let kill = Command::new("kill")
             .args(["-INT", &self.child.id().to_string()])
@@ -84,12 +84,12 @@ impl Running {
         assert!(kill.unwrap().success());
     }
 
-    /// Whether it still runs.
+    /// True if it still runs.
     pub(super) fn is_running(&mut self) -> bool {
         self.child.try_wait().unwrap().is_none()
     }
 
-    /// Waits for its end: exit code, and what it said on stderr.
+    /// Waits for its end. Returns exit code and stderr.
     pub(super) fn end(mut self) -> (Option<i32>, String) {
         let since = Instant::now();
         let status = loop {

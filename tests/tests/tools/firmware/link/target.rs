@@ -1,4 +1,4 @@
-//! The emulator with the firmware in it: its port, its words, its end.
+//! The emulator with the firmware: its port, its log, its exit code.
 
 use std::io::{BufRead, BufReader};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
@@ -14,7 +14,7 @@ use crate::firmware::emulator::Build;
 /// Ports tried until one is free for the emulator as well.
 const TRIES: u32 = 5;
 
-/// Lines, as they come.
+/// Lines of the log, as they arrive.
 #[derive(Default)]
 struct Log {
     said: Mutex<Said>,
@@ -24,13 +24,13 @@ struct Log {
 #[derive(Default)]
 struct Said {
     lines: Vec<String>,
-    /// There will be no more.
+    /// The log is complete.
     all: bool,
 }
 
 /// A running emulator, killed when the test ends before it.
 pub(super) struct Target {
-    /// Where its port 7000 is on this machine.
+    /// Address of its port 7000 on this machine.
     pub(super) address: SocketAddr,
     child: Child,
     /// Turns its log into lines; ends with it.
@@ -40,15 +40,15 @@ pub(super) struct Target {
 }
 
 impl Target {
-    /// Starts the mode `link` of an image for `sessions` sessions, and waits until it listens.
+    /// Starts an image for `sessions` sessions, and waits until it listens.
     pub(super) fn serve(build: Build, image: &Path, sessions: u32) -> Self {
         for _ in 0..TRIES {
-            // Between this and the emulator's own binding somebody else may take the port.
+            // Until the emulator binds it, another program may take the port.
             let free = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
             let address = free.local_addr().unwrap();
             drop(free);
             let target = Self::start(build, image, sessions, address);
-            if target.await_line("link listening=7000 ").is_some() {
+            if target.await_line("listening=7000").is_some() {
                 return target;
             }
             let said = target.words();
@@ -72,7 +72,7 @@ impl Target {
             .arg("-semihosting-config")
             .arg(format!("enable=on,target=native,arg=link,arg={sessions}"))
             .arg("-nic")
-            // The guest can be reached, and reaches nobody.
+            // The guest can be reached, and reaches no other machine.
             .arg(format!(
                 "user,restrict=on,model=lan9118,hostfwd=tcp:{address}-:7000"
             ))
@@ -102,12 +102,12 @@ impl Target {
         }
     }
 
-    /// Waits for a line that begins with `words`; `None` when the emulator ends without it.
+    /// Waits for a line that contains `words`; `None` if the emulator ends without it.
     pub(super) fn await_line(&self, words: &str) -> Option<String> {
         let since = Instant::now();
         let mut said = self.log.said.lock().unwrap();
         loop {
-            if let Some(line) = said.lines.iter().find(|line| line.starts_with(words)) {
+            if let Some(line) = said.lines.iter().find(|line| line.contains(words)) {
                 return Some(line.clone());
             }
             if said.all {
@@ -119,12 +119,12 @@ impl Target {
         }
     }
 
-    /// Everything it has said.
+    /// Returns its log.
     pub(super) fn words(&self) -> String {
         self.log.said.lock().unwrap().lines.join("\n")
     }
 
-    /// Waits for its end: exit code, and everything it has said.
+    /// Waits for its end. Returns exit code and log.
     pub(super) fn end(mut self) -> (Option<i32>, Vec<String>) {
         let since = Instant::now();
         let status = loop {

@@ -1,66 +1,66 @@
-//! Clients that do everything right.
+//! A client that follows the protocol.
 
+use gantry_tau_core::control::client::{Client, Requirements};
 use gantry_tau_core::control::endpoint::Transport;
-use gantry_tau_core::control::message::{Capabilities, ClientMessage, Hello, Mode, Phase};
-use gantry_tau_core::control::session::fsm::Connection;
-use gantry_tau_core::control::wire::encode_client;
-use gantry_tau_core::units::Epoch;
+use gantry_tau_core::control::message::{Mode, Phase};
+use gantry_tau_core::control::session::Connection;
 use gantry_tau_tests::client::Noise;
 
-use super::author::{Author, along, moment, pushing};
-use super::{Recording, TICKS};
-use crate::firmware::machine::{Moment, Motion};
+use super::recorder::{Recorder, along, pushing};
+use super::{CYCLES, Recording};
+use crate::firmware::machine::{AXES, CycleInput, Motion};
 
-/// A client that does everything right, but for a pulled cable; then a second session, which ends with a Goodbye.
+/// A session whose cable is pulled; then a second one, which ends with a Goodbye.
 pub(super) fn record(name: &'static str, motion: Motion) -> Recording {
-    let mut author = Author::new(&motion, along(&motion, 0));
+    let mut recorder = Recorder::new(motion, along(motion, 0));
     let mut noise = Noise::new(7);
-    let mut client = None;
-    while author.ticks < TICKS {
-        let tick = author.ticks;
-        // Pulled without a word; nobody hears of it for 500 ticks.
-        let pulled = (7_000..7_500).contains(&tick);
-        match client {
-            None if !pulled && author.phase() == Phase::Listening && tick < 9_900 => {
-                client = author.open(Transport::Stream);
-                let hello = Hello {
-                    axes: 6,
-                    capabilities: Capabilities::NONE,
-                };
-                author.say(client.unwrap(), &ClientMessage::Hello(hello));
+    let mut client: Option<(Connection, Client<AXES>)> = None;
+    while recorder.cycles < CYCLES {
+        let cycle = recorder.cycles;
+        // For 500 cycles nothing arrives.
+        let is_pulled = (7_000..7_500).contains(&cycle);
+        match &mut client {
+            None if !is_pulled && recorder.phase() == Phase::Listening && cycle < 9_900 => {
+                let connection = recorder.open(Transport::Stream).unwrap();
+                let (_, one) = client.insert((
+                    connection,
+                    Client::new(Transport::Stream, Requirements::default()),
+                ));
+                recorder.feed(connection, &one.hello().unwrap());
             }
-            Some(connection) if !pulled => author.answer_calmly(connection, &mut noise),
+            Some((connection, one)) if !is_pulled => {
+                let mode = if one.phase() == Some(Phase::Obtain) || cycle % 100 == 99 {
+                    Mode::Obtain
+                } else {
+                    Mode::Submit
+                };
+                let frame = if cycle >= 9_900 {
+                    one.goodbye()
+                } else {
+                    let answer = one.answer(mode, &recorder.corrections());
+                    answer.map(|answer| answer.frame)
+                };
+                // In two pieces, cut anywhere.
+                if let Some(frame) = frame {
+                    let (head, tail) = frame.split_at(noise.below(frame.len()));
+                    recorder.feed(*connection, head);
+                    recorder.feed(*connection, tail);
+                }
+            }
             _ => {}
         }
-        let next_epoch = Epoch(author.next_epoch);
-        let gone = author.tick(&Moment {
-            next_epoch,
-            load: pushing(tick, &mut noise),
-            ..moment(motion, along(&motion, tick))
+        let (frames, closed) = recorder.cycle(&CycleInput {
+            load: pushing(cycle, &mut noise),
+            ..CycleInput::on_time(motion, along(motion, cycle))
         });
-        client = client.filter(|connection| !gone.contains(connection));
-    }
-    author.finish(name)
-}
-
-impl Author {
-    fn answer_calmly(&mut self, connection: Connection, noise: &mut Noise) {
-        let tick = self.ticks;
-        if tick == 9_900 {
-            let epoch = self.session().parts().discrete.epoch;
-            return self.say(connection, &ClientMessage::Goodbye(epoch));
+        if let Some((connection, one)) = &mut client {
+            for (_, frame) in frames.iter().filter(|(to, _)| to == connection) {
+                let (consumed, event) = one.feed(frame);
+                assert_eq!(consumed, frame.len());
+                event.unwrap();
+            }
         }
-        let mode = match self.phase() {
-            Phase::Submit if tick % 100 == 99 => Mode::Obtain,
-            Phase::Obtain => Mode::Obtain,
-            _ => Mode::Submit,
-        };
-        let targets = self.corrections();
-        let command = ClientMessage::Command(self.command(mode, targets));
-        let bytes = encode_client(&command);
-        // In two pieces, wherever they are cut.
-        let (one, other) = bytes.split_at(noise.below(bytes.len()));
-        self.feed(connection, one);
-        self.feed(connection, other);
+        client = client.filter(|(connection, _)| !closed.contains(connection));
     }
+    recorder.finish(name)
 }

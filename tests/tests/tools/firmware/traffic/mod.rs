@@ -1,8 +1,8 @@
-//! Recordings: they are made by playing, for what a client says depends on what it is told.
+//! Recordings. They are made by playing, because a client's frames depend on the server's.
 
-mod author;
 mod calm;
 mod hostile;
+mod recorder;
 mod socket;
 
 use std::f64::consts::FRAC_PI_2;
@@ -12,23 +12,24 @@ use gantry_tau_core::control::message::Phase;
 
 use super::host::{Floats, play};
 use super::machine::Motion;
+use super::recording::{MAX_RECORD, Record};
 
-/// Ticks of a recording.
-pub(crate) const TICKS: u32 = 10_000;
+/// Cycles of a recording.
+pub(crate) const CYCLES: u32 = 10_000;
 
-/// What is played on host and target.
+/// Input of host and target.
 pub(crate) struct Recording {
     /// Its name.
     pub(crate) name: &'static str,
     /// As `recording.rs` reads it.
     pub(crate) bytes: Vec<u8>,
-    /// The output while it was made.
+    /// The outcome while it was made.
     pub(crate) output: Vec<u8>,
-    /// Of every tick, whether its floats are those of the F1.
+    /// For every cycle: true if its floats are those of the F1.
     pub(crate) f1: Vec<bool>,
 }
 
-/// A calm session with the L2's kinematics, towards the end of which the cable is pulled.
+/// Two calm sessions with the L2's kinematics; the first ends with a pulled cable.
 pub(crate) fn calm() -> &'static Recording {
     static MADE: OnceLock<Recording> = OnceLock::new();
     MADE.get_or_init(|| calm::record("calm", Motion::L2))
@@ -40,18 +41,26 @@ pub(crate) fn calm_f1() -> &'static Recording {
     MADE.get_or_init(|| calm::record("calm_f1", Motion::F1))
 }
 
-/// Whatever a client, a stranger, a sensor and a machine can do wrong.
+/// Everything that clients, drives, a sensor and a machine can do wrong.
 pub(crate) fn hostile() -> &'static Recording {
     static MADE: OnceLock<Recording> = OnceLock::new();
     MADE.get_or_init(hostile::record)
 }
 
-/// All of them.
+/// Returns a record as it stands in a recording.
+pub(crate) fn encode(record: &Record<'_>) -> Vec<u8> {
+    let mut room = [0; MAX_RECORD];
+    let bytes = postcard::to_slice(record, &mut room).unwrap();
+    let length = u16::try_from(bytes.len()).unwrap();
+    [&length.to_le_bytes(), &*bytes].concat()
+}
+
+/// All recordings.
 pub(crate) fn all() -> [&'static Recording; 3] {
     [calm(), calm_f1(), hostile()]
 }
 
-/// A recording that never leaves Listening would compare nothing.
+/// The recordings reach every phase.
 pub(crate) fn recordings_show_every_phase() {
     let ticks_in = |phases: &[Phase], phase| phases.iter().filter(|one| **one == phase).count();
     for recording in [calm(), calm_f1()] {
@@ -82,17 +91,17 @@ pub(crate) fn recordings_show_every_phase() {
     }
 }
 
-/// Where a cycle of the F1 is deepest, and where it begins anew: plates beyond a quarter turn, whose sine is reduced first, and an answer
-/// after a refusal.
+/// The hostile recording has the deepest cycles of the F1: plates beyond a quarter turn, whose sine is reduced first, and results after
+/// an error.
 pub(crate) fn the_f1_turns_far_and_recovers() {
     let floats = play(&hostile().bytes).seen.floats;
     let is_far =
         |one: &&Floats| matches!(one, Floats::F1 { turned_rad } if *turned_rad > FRAC_PI_2);
     let far = floats.iter().filter(is_far).count();
-    let recovers = |pair: &&[Floats]| matches!(pair, [Floats::F1Refused, Floats::F1 { .. }]);
+    let recovers = |pair: &&[Floats]| matches!(pair, [Floats::F1Error, Floats::F1 { .. }]);
     let recovered = floats.windows(2).filter(recovers).count();
     println!(
-        "hostile: {far} ticks of the F1 beyond a quarter turn, {recovered} answers after a refusal"
+        "hostile: {far} ticks of the F1 beyond a quarter turn, {recovered} results after an error"
     );
     assert!(far > 100 && recovered > 10);
 }

@@ -1,10 +1,10 @@
-//! What has arrived on a connection and was not read yet.
+//! Bytes that have arrived on a connection and are not read yet.
 
 use std::collections::VecDeque;
 
 use gantry_tau_core::control::endpoint::Transport;
 
-/// One end of a connection, as the system has it.
+/// Receive buffer of a connection.
 pub(super) struct Socket {
     transport: Transport,
     /// Pieces of a stream, or datagrams.
@@ -19,7 +19,7 @@ impl Socket {
         }
     }
 
-    /// What is read next: at most `left` bytes. The rest of a datagram is lost.
+    /// Takes at most `left` bytes. The rest of a datagram is lost.
     pub(super) fn take(&mut self, left: usize) -> Option<Vec<u8>> {
         let next = self.waiting.front_mut().filter(|_| left > 0)?;
         let rest = next.split_off(next.len().min(left));

@@ -1,7 +1,7 @@
-//! Between link and target: forwards every byte, hears every State before its client does, and is the force sensor.
+//! Proxy before the target: forwards every byte, records every State before its client receives it, and is the force sensor.
 //!
-//! The sample of a tick leaves before the State of that tick, as in a real cell where one cycle does both; so what the client computes
-//! depends on ticks only.
+//! The sample of a tick leaves before the State of that tick, as in a real cell where one cycle does both; so the client's offsets
+//! depend on ticks only.
 
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -16,14 +16,14 @@ use gantry_tau_core::control::wire::{Deframer, Feed, decode_server};
 
 use super::{LOOK, PATIENCE, State};
 
-/// What the sensor shows unloaded, N and N m, sensor axes; the client tares it.
+/// Wrench of the unloaded sensor, N and N m, sensor axes; the client tares it.
 const BIAS: [f64; 6] = [1.5, -0.8, -18.0, 0.05, -0.1, 0.02];
-/// Ticks in Obtain before somebody pulls at the tool.
+/// Ticks in Obtain before the load acts.
 const PULL_AFTER: u32 = 100;
 
-/// Everything that was heard.
+/// State of the proxy that its threads share.
 #[derive(Default)]
-struct Accepted {
+struct Shared {
     states: Mutex<Vec<State>>,
     more: Condvar,
     quit: AtomicBool,
@@ -32,26 +32,27 @@ struct Accepted {
     sensor: Mutex<Option<Sensor>>,
 }
 
-/// The sensor, and how long its tool has been ready to be pulled at.
+/// The force sensor.
 struct Sensor {
     publisher: SensorPublisher,
     /// Force along x of the world, N: against y of the sensor.
     pull_n: f64,
+    /// Ticks in Obtain so far.
     obtained: u32,
 }
 
-/// The tap; closes everything when dropped.
-pub(super) struct Tap {
-    /// Where the way to the target begins.
+/// The proxy; closes everything when dropped.
+pub(super) struct Proxy {
+    /// Address for clients.
     pub(super) address: SocketAddr,
-    /// Where force samples come from.
+    /// Address of the force sensor.
     pub(super) sensor: SocketAddr,
-    heard: Arc<Accepted>,
+    shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Tap {
-    /// Stands before `target`; pulls with `pull_n` soon after Obtain.
+impl Proxy {
+    /// Starts a proxy before `target`; the load `pull_n` acts soon after Obtain.
     pub(super) fn before(target: SocketAddr, pull_n: f64) -> Self {
         let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         let publisher = SensorPublisher::bind(any).unwrap();
@@ -59,26 +60,26 @@ impl Tap {
         let listener = TcpListener::bind(any).unwrap();
         listener.set_nonblocking(true).unwrap();
         let address = listener.local_addr().unwrap();
-        let heard = Arc::new(Accepted::default());
-        *heard.sensor.lock().unwrap() = Some(Sensor {
+        let shared = Arc::new(Shared::default());
+        *shared.sensor.lock().unwrap() = Some(Sensor {
             publisher,
             pull_n,
             obtained: 0,
         });
-        let shared = Arc::clone(&heard);
-        let thread = std::thread::spawn(move || accept(&listener, target, &shared));
+        let accepting = Arc::clone(&shared);
+        let thread = std::thread::spawn(move || accept(&listener, target, &accepting));
         Self {
             address,
             sensor,
-            heard,
+            shared,
             thread: Some(thread),
         }
     }
 
-    /// Waits for a State like this one, and returns it.
+    /// Waits for the first State that fulfils the condition.
     pub(super) fn await_state(&self, what: &str, is_it: impl Fn(&State) -> bool) -> State {
         let since = Instant::now();
-        let mut states = self.heard.states.lock().unwrap();
+        let mut states = self.shared.states.lock().unwrap();
         let mut looked = 0;
         loop {
             if let Some(found) = states[looked..].iter().find(|state| is_it(state)) {
@@ -87,20 +88,20 @@ impl Tap {
             looked = states.len();
             let left = PATIENCE.checked_sub(since.elapsed());
             let left = left.unwrap_or_else(|| panic!("no State of {what}: {:?}", states.last()));
-            states = self.heard.more.wait_timeout(states, left).unwrap().0;
+            states = self.shared.more.wait_timeout(states, left).unwrap().0;
         }
     }
 
-    /// Every State so far.
+    /// Returns every State so far.
     pub(super) fn states(&self) -> Vec<State> {
-        self.heard.states.lock().unwrap().clone()
+        self.shared.states.lock().unwrap().clone()
     }
 }
 
-impl Drop for Tap {
+impl Drop for Proxy {
     fn drop(&mut self) {
-        self.heard.quit.store(true, Ordering::Relaxed);
-        for stream in self.heard.open.lock().unwrap().iter() {
+        self.shared.quit.store(true, Ordering::Relaxed);
+        for stream in self.shared.open.lock().unwrap().iter() {
             let _ = stream.shutdown(Shutdown::Both);
         }
         if let Some(thread) = self.thread.take() {
@@ -109,8 +110,8 @@ impl Drop for Tap {
     }
 }
 
-fn accept(listener: &TcpListener, target: SocketAddr, heard: &Arc<Accepted>) {
-    while !heard.quit.load(Ordering::Relaxed) {
+fn accept(listener: &TcpListener, target: SocketAddr, shared: &Arc<Shared>) {
+    while !shared.quit.load(Ordering::Relaxed) {
         let Ok((client, _)) = listener.accept() else {
             std::thread::sleep(LOOK);
             continue;
@@ -119,19 +120,23 @@ fn accept(listener: &TcpListener, target: SocketAddr, heard: &Arc<Accepted>) {
         let target = TcpStream::connect_timeout(&target, PATIENCE).unwrap();
         for stream in [&client, &target] {
             stream.set_nodelay(true).unwrap();
-            heard.open.lock().unwrap().push(stream.try_clone().unwrap());
+            shared
+                .open
+                .lock()
+                .unwrap()
+                .push(stream.try_clone().unwrap());
         }
         let (from, to) = (client.try_clone().unwrap(), target.try_clone().unwrap());
         std::thread::spawn(move || forward(from, to, |_| {}));
-        let heard = Arc::clone(heard);
+        let shared = Arc::clone(shared);
         let mut deframer = Deframer::new();
         std::thread::spawn(move || {
-            forward(target, client, |bytes| heard.listen(&mut deframer, bytes));
+            forward(target, client, |bytes| shared.listen(&mut deframer, bytes));
         });
     }
 }
 
-/// One direction, until its sender has closed.
+/// Forwards one direction until its sender has closed.
 fn forward(mut from: TcpStream, mut to: TcpStream, mut first: impl FnMut(&[u8])) {
     let mut buffer = [0; 4_096];
     while let Ok(count @ 1..) = from.read(&mut buffer) {
@@ -143,7 +148,7 @@ fn forward(mut from: TcpStream, mut to: TcpStream, mut first: impl FnMut(&[u8]))
     let _ = to.shutdown(Shutdown::Write);
 }
 
-impl Accepted {
+impl Shared {
     fn listen(&self, deframer: &mut Deframer, mut bytes: &[u8]) {
         loop {
             match deframer.feed(bytes) {
@@ -156,12 +161,12 @@ impl Accepted {
                     }
                     bytes = &bytes[consumed..];
                 }
-                Feed::Broken(error) => panic!("the target sent no frame: {error}"),
+                Feed::Broken(error) => panic!("the target sent an invalid frame: {error}"),
             }
         }
     }
 
-    /// The sensor's part of the tick.
+    /// Publishes the sample of a tick.
     fn measure(&self, state: &State) {
         let mut sensor = self.sensor.lock().unwrap();
         let sensor = sensor.as_mut().unwrap();
