@@ -8,7 +8,7 @@ use gantry_tau::robot_file::RobotFile;
 use gantry_tau_core::control::message::{Capabilities, Phase};
 use gantry_tau_core::control::session::Connection;
 
-use super::machine::{AXES, CycleResult, Machine, Meter, Parts, robots};
+use super::machine::{CycleResult, Machine, Meter, Parts, robots};
 use super::recording::{self, MAX_RECORD, Observer, Record, Room, Sink, Source};
 use super::traffic;
 
@@ -50,7 +50,8 @@ pub(crate) fn play(recording: &[u8]) -> Played {
 
 /// Plays a recording; `None` if it is invalid.
 fn try_play(recording: &[u8]) -> Option<Played> {
-    let (mut source, room) = (Bytes(recording), &mut Room::EMPTY);
+    let mut room = Room::EMPTY;
+    let (mut source, room) = (Bytes(recording), &mut room);
     let nominal = recording::start(room, &mut source)?;
     let mut machine = Machine::new(Parts::new(Capabilities::NONE, nominal).unwrap());
     let (mut output, mut seen) = (Vec::new(), Seen::default());
@@ -144,8 +145,9 @@ pub(crate) fn machines_are_those_of_the_files() {
     assert_eq!(f1.kinematics_checksum(), file.model.checksum());
     assert_eq!(Some(springs), file.compliances);
     let parameters = robots::parameters(0, Capabilities::NONE).unwrap();
-    for (ours, theirs) in parameters.axes.iter().zip(&file.limits) {
-        assert_eq!(ours.limits, *theirs);
+    let config = file.session_config(Capabilities::NONE).unwrap();
+    for (ours, theirs) in parameters.axes.iter().zip(&config.parameters().axes) {
+        assert_eq!(ours.limits, theirs.limits);
     }
     let (l2, springs) = robots::l2().unwrap();
     let file = RobotFile::builtin_l2().unwrap();
