@@ -20,7 +20,7 @@ out=$PWD/target/fuzz-coverage
 rm -rf "$out/profiles"
 mkdir -p "$out/profiles"
 if [ "${1:-}" = corpus ]; then export GANTRY_TAU_REPLAY_CORPUS=1; fi
-# Build scripts and macros are counted too; nobody asks for those.
+# Build scripts and macros are counted too, into a file that is not evaluated.
 export LLVM_PROFILE_FILE=$out/built.profraw
 export RUSTFLAGS="-C instrument-coverage" CARGO_TARGET_DIR=$out CARGO_TERM_COLOR=never
 binary=$(cargo test -q --locked -p gantry-tau-tests --test it --no-run --message-format=json |

@@ -165,7 +165,7 @@ fn run_all<'a>(
 /// Prints a part of a line at once.
 fn show(text: &str) {
     print!("{text}");
-    // A reader that has gone is no reason to stop.
+    // A closed pipe does not stop the run.
     let _ = std::io::stdout().flush();
 }
 

@@ -51,7 +51,7 @@ pub fn holds_the_end<const N: usize, const HALF: usize>(
 /// What is recorded makes no difference to a [`Recorder`]: it is generic, and so can only copy it.
 pub type Numbered<const HALF: usize> = Recorder<u8, (), u8, HALF>;
 
-/// How many entries there are, if they are numbered one after the other from the state before them on, up to `latest`.
+/// Returns the number of entries if they are numbered one after the other from the state before them on, up to `latest`.
 #[must_use]
 pub fn numbered_up_to<const HALF: usize>(recorder: &Numbered<HALF>, latest: u8) -> Option<usize> {
     let mut number = recorder.before().copied();

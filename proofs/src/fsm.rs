@@ -6,7 +6,7 @@ use gantry_tau_core::verification::control::{
     Action, EndReason, FsmInput, FsmState, Rules, decide,
 };
 
-/// Whether something of higher precedence than a miss arrived.
+/// True if something of higher precedence than a miss arrived.
 fn outranks_a_miss(fsm: &FsmInput) -> bool {
     fsm.stop || fsm.nominal_fault || fsm.framing || fsm.flood || fsm.closed || fsm.goodbye
 }

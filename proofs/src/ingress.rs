@@ -6,7 +6,7 @@ use gantry_tau_core::control::session::{Connection, Event};
 use gantry_tau_core::verification::control::{Accepted, Classifier, Diagnostics, Verdict};
 
 /// T7: an event of a non-owner, or of the owner without freshness, decides nothing.
-/// The one exception is a Hello, and only in Listening, where there is no owner.
+/// The one exception is a Hello, and only in Listening, which has no owner.
 ///
 /// # Panics
 /// When it does not hold.

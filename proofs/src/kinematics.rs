@@ -1,4 +1,4 @@
-//! The nominal kinematics: T13. What is handed out is finite, inside the travel, and keeps the links' lengths; or it is an error.
+//! The nominal kinematics: T13. A result is finite, inside the travel, and keeps the links' lengths; or is an error.
 
 use gantry_tau_core::model::kinematics::{Pose, RESIDUAL_TOLERANCE};
 use gantry_tau_core::model::l2;
@@ -19,7 +19,7 @@ pub fn check_is_right(nominal: &l2::Kinematics, q: Three) {
     }
 }
 
-/// T13: positions that were handed out are inside the travel, and therefore no NaN; finite, as [`travel_is_finite`].
+/// T13: returned positions are inside the travel, and therefore no NaN; finite, as [`travel_is_finite`].
 ///
 /// # Panics
 /// When they are not.
@@ -39,10 +39,10 @@ pub fn inverse_in_assembly_is_inside(nominal: &l2::Kinematics, tcp_m: Three) {
     }
 }
 
-/// T13: a tool centre point is handed out for positions inside the travel only.
+/// T13: a tool centre point is returned for positions inside the travel only.
 ///
 /// # Panics
-/// When it is handed out for others.
+/// When it is returned for others.
 pub fn forward_is_inside(nominal: &l2::Kinematics, q: Three) {
     if nominal.forward(&q).is_ok() {
         is_inside(&q, nominal);
@@ -115,7 +115,7 @@ pub fn there_and_back(nominal: &l2::Kinematics, tcp_m: Three, tolerance_m: f64) 
     }
 }
 
-/// T12 and T13, for what is built on the kinematics: no panic on any numbers, and every number that is handed out is finite. Tested.
+/// T12 and T13, for what is built on the kinematics: no panic on any numbers, and every returned number is finite. Tested.
 ///
 /// # Panics
 /// When one is not.

@@ -1,4 +1,4 @@
-//! The kinematics of six axes: T13. What is handed out is finite, inside the travel, and keeps the links' lengths; or it is an error.
+//! The kinematics of six axes: T13. A result is finite, inside the travel, and keeps the links' lengths; or is an error.
 
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::kinematics::{
@@ -77,7 +77,7 @@ fn keeps_lengths(kinematics: &f1::Kinematics, pose: &Pose, q: &Six) {
     );
 }
 
-/// T12 and T13 for what is built on the kinematics: no panic on any numbers, and every number that is handed out is finite. Tested.
+/// T12 and T13 for what is built on the kinematics: no panic on any numbers, and every returned number is finite. Tested.
 ///
 /// # Panics
 /// When one is not.

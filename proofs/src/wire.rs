@@ -11,7 +11,7 @@ use gantry_tau_core::units::Epoch;
 /// From bytes to a message and back: the same bytes.
 ///
 /// # Errors
-/// When the bytes are no message: what is wrong with them.
+/// The reason, if the bytes are not a message.
 ///
 /// # Panics
 /// When the message has another encoding.
@@ -111,7 +111,7 @@ pub fn cut_chunk_is_collected_alike(before: &Collector, chunk: &[u8], cut: usize
 /// Bytes that are exactly one frame hand out their own kind and body.
 ///
 /// # Errors
-/// When they are no frame: why.
+/// The reason, if they are not a frame.
 ///
 /// # Panics
 /// When the frame is made of other bytes.
@@ -147,7 +147,7 @@ pub fn frame_is_canonical<B: Body>(kind: Kind, bytes: &[u8]) -> bool {
     true
 }
 
-/// Whether the bytes are a frame of some message to or from a server of `N` axes; the only one then.
+/// True if the bytes are a frame of some message to or from a server of `N` axes; it is then the only one.
 ///
 /// # Panics
 /// When there is another.
@@ -165,8 +165,8 @@ pub fn message_is_canonical<const N: usize>(bytes: &[u8]) -> bool {
     .contains(&true)
 }
 
-/// One chunk into a deframer: it stays valid; broken stays broken; a frame is handed out when the collector has one, unless its
-/// checksum is wrong, and is made of the collected bytes. Whether one was.
+/// One chunk into a deframer: it stays valid; broken stays broken; a frame is returned when the collector has one, unless its
+/// checksum is wrong, and is made of the collected bytes. True if one was returned.
 ///
 /// # Panics
 /// When one of them does not hold.
@@ -182,7 +182,7 @@ pub fn feed_is_judged(collector: &Collector, stage: Stage, chunk: &[u8]) -> bool
         Stage::Broken(error) => Err(error),
         Stage::Collecting | Stage::Returned => collected.take(chunk),
     };
-    let handed_out = match (deframer.feed(chunk), taken) {
+    let returned = match (deframer.feed(chunk), taken) {
         (Feed::Frame { frame, consumed }, Ok(Some(taken))) => {
             assert!(consumed == taken, "T8: consumed is what was collected");
             let body = frame.body().len();
@@ -196,14 +196,14 @@ pub fn feed_is_judged(collector: &Collector, stage: Stage, chunk: &[u8]) -> bool
             assert!(error == why, "T8: broken stays broken");
             false
         }
-        _ => panic!("T8: a frame is handed out when it is there"),
+        _ => panic!("T8: a frame is returned when it is there"),
     };
     assert!(deframer.is_valid(), "T8: the deframer's invariant is kept");
-    handed_out
+    returned
 }
 
 /// Bytes as long as their header states, cut in two: the deframer says of them what [`Frame::parse`] says, after the second part.
-/// A frame that was handed out is gone when `next` arrives, which is less than a header. Whether one was.
+/// A returned frame is gone when `next` arrives, which is less than a header. True if one was returned.
 ///
 /// # Panics
 /// When one of them does not hold.
@@ -223,10 +223,10 @@ pub fn cut_frame_is_judged_alike(bytes: &[u8], cut: usize, next: &[u8]) -> bool 
         }
         _ => panic!("T8: any split, the same verdict"),
     }
-    assert!(deframer.is_at_boundary(), "T8: handed out, at a boundary");
+    assert!(deframer.is_at_boundary(), "T8: after a frame, at a boundary");
     assert!(
         deframer.feed(next) == Feed::Incomplete,
-        "T8: what was handed out is dropped"
+        "T8: a returned frame is dropped"
     );
     assert!(deframer.is_valid(), "T8: the deframer's invariant is kept");
     true
@@ -282,7 +282,7 @@ pub fn cutting_changes_nothing(stream: &[u8], chunk_lengths: &[u8]) {
     assert!(deframe(chunks) == whole, "T8: any split");
 }
 
-/// What decodes encodes to the same frame again.
+/// A frame that decodes encodes to the same frame again.
 fn decoded_frame_is_canonical<const N: usize>(frame: &Frame<'_>) {
     let (kind, body) = (frame.kind_code(), frame.body());
     for encoded in [
@@ -354,8 +354,8 @@ pub fn sealed_frame_is_judged(version: u8, kind: u8, body: &[u8], cut: u16, bit:
         message_is_canonical::<6>(&bytes),
     );
     let at = usize::from(cut) % bytes.len();
-    let handed_out = cut_frame_is_judged_alike(&bytes, at, b"GT");
-    assert!(handed_out, "T8: what is parsed is handed out");
+    let returned = cut_frame_is_judged_alike(&bytes, at, b"GT");
+    assert!(returned, "T8: a frame that parses is returned");
     let mut damaged = bytes;
     let bit = usize::from(bit) % (damaged.len() * 8);
     damaged[bit / 8] ^= 1 << (bit % 8);

@@ -21,7 +21,7 @@ struct Arguments {
     /// Minutes of real time
     #[arg(long, default_value_t = 10.0)]
     minutes: f64,
-    /// Where every draw comes from
+    /// Seed of every random draw
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }

@@ -7,7 +7,7 @@ use gantry_tau::plant::{Plant, PlantError, Reading};
 use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
 use gantry_tau_core::units::{OffsetNm, PositionNm};
 
-/// What the machine is, and what it has been told.
+/// State of the machine, and the references it was written.
 #[derive(Debug)]
 pub struct Record<const N: usize> {
     /// Nominal references of the coming cycles.
@@ -67,7 +67,7 @@ impl<const N: usize> Bus<N> {
         self.in_force().map(|offsets| offsets.position.0)
     }
 
-    /// How many references have been written.
+    /// Returns the number of references written.
     #[must_use]
     pub fn writes(&self) -> usize {
         self.record().written.len()
@@ -118,7 +118,7 @@ impl<const N: usize> Plant<N, N> for Bus<N> {
     }
 }
 
-/// Whether something has arrived on a stream.
+/// True if something has arrived on a stream.
 fn has_bytes(stream: &TcpStream) -> bool {
     stream.set_nonblocking(true).unwrap();
     let seen = stream.peek(&mut [0]);
@@ -126,7 +126,7 @@ fn has_bytes(stream: &TcpStream) -> bool {
     matches!(seen, Ok(1..))
 }
 
-/// What a reference adds to the nominal.
+/// Returns the offsets that a reference adds to the nominal.
 fn offsets<const N: usize>(reference: &Reference, record: &Record<N>, axis: usize) -> Offsets {
     let position = reference.position.0 - record.nominal[axis].0;
     Offsets {

@@ -3,7 +3,7 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`fake_plant`] | a machine that records every reference it is written |
-//! | [`server_fixture`] | the server's cycle around it, with the bounds of DESIGN 4 asserted in every tick |
+//! | [`server_fixture`] | the server's cycle around it, with the bounds of `docs/design.md` 6 asserted in every tick |
 //! | [`client`] | a client that speaks frames, and anything else |
 //! | [`session_fixture`] | both together: one session, tick by tick |
 //! | [`fuzzed`] | what each target of `../fuzz` does with its bytes; the same bytes are replayed by `cargo test` |
@@ -28,7 +28,7 @@ pub mod soak;
 
 use std::time::{Duration, Instant};
 
-/// How long anything may take before a test fails. Nothing depends on how fast it is.
+/// Longest wait for anything before a test fails. No test depends on speed.
 pub const DEADLINE: Duration = Duration::from_secs(20);
 
 /// Tries until `done`; fails after [`DEADLINE`].

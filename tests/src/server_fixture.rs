@@ -1,6 +1,6 @@
 //! The server's cycle, stepped by hand, listening on a real loopback socket.
 //!
-//! Every step of every test asserts what DESIGN 4 promises for any traffic: see [`ServerFixture::step_with`] and [`Bounds::check`].
+//! Every step of every test asserts what `docs/design.md` 6 promises for any traffic: see [`ServerFixture::step_with`] and [`Bounds::check`].
 
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -158,7 +158,7 @@ impl<const N: usize> ServerFixture<N> {
         (self, windows)
     }
 
-    /// Where clients connect.
+    /// Returns the address to which clients connect.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.cycle.address().unwrap()
@@ -218,14 +218,14 @@ impl<const N: usize> ServerFixture<N> {
         });
     }
 
-    /// How many bytes of the owner lie unread at the server's end, up to `most`.
+    /// Returns the number of the owner's bytes unread at the server's end, up to `most`.
     pub fn unread(&mut self, most: usize) -> usize {
         let mut buffer = vec![0; most];
         let stream = self.cycle.owner_stream().expect("the owner has no stream");
         stream.peek(&mut buffer).unwrap_or(0)
     }
 
-    /// Whether the server still has the owner's connection.
+    /// True if the server still has the owner's connection.
     #[must_use]
     pub fn has_owner(&mut self) -> bool {
         self.cycle.owner_stream().is_some()
@@ -291,7 +291,7 @@ impl<const N: usize> ServerFixture<N> {
         row
     }
 
-    /// The coming ticks, without a word from anybody: positions ramp from `from` to zero in `phase`, to the nanometre.
+    /// Steps ticks without traffic: positions ramp from `from` to zero in `phase`, to the nanometre.
     pub fn assert_ramp(&mut self, from: [i32; N], phase: Phase) -> Vec<Row<N>> {
         let ticks = from.map(|nm| nm.unsigned_abs().div_ceil(100));
         let ticks = ticks.into_iter().max().unwrap();

@@ -156,7 +156,7 @@ impl fmt::Display for KinematicsError {
                 "no answer after {iterations} iterations: a link is {residual_m:e} m off its length"
             ),
             Self::SeedRequired => {
-                f.write_str("a seed is required: there is no closed form to start from")
+                f.write_str("a seed is required: this machine has no closed form to start from")
             }
             Self::Inconsistent { arm } => {
                 write!(

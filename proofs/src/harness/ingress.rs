@@ -37,7 +37,7 @@ harnesses! {
         let classifier = classifier_of(&session, kani::any());
         ingress::only_the_owner_decides(&classifier, connection, &kani::any(), &accepted, &mut any_diagnostics());
         kani::cover!(session.owner() == Some(connection), "an event of the owner");
-        kani::cover!(session.phase() == Phase::Listening, "an event while there is no owner");
+        kani::cover!(session.phase() == Phase::Listening, "an event without an owner");
     }
     sift_fresh_is_as_defined [minisat, unwind 5] {
         let session: Session<AXES> = kani::any();

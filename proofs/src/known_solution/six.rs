@@ -11,13 +11,13 @@ use crate::six_link::answers_are_checked;
 /// Six numbers: positions of the axes, or a place and a rotation vector.
 type Numbers = [f64; 6];
 
-/// How a machine with six axes differs from the vectors' F1, where its tool is, and how far off the seeds are.
+/// A machine with six axes as differences from the vectors' F1, the place of its tool, and the errors of the seeds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Six {
-    /// Where the carts begin.
+    /// Origins of the carts.
     pub carts: [[i16; 3]; 3],
-    /// Where the guideways lead.
+    /// Directions of the guideways.
     pub guideways: [[i16; 3]; 3],
     /// Joints on the plates.
     pub plate_joints: [[i16; 3]; 6],
@@ -31,7 +31,7 @@ pub struct Six {
     pub tool: [i16; 6],
     /// Positions.
     pub positions: [i16; 6],
-    /// How far off the seeds are.
+    /// Errors of the seeds.
     pub off: [i16; 6],
 }
 
@@ -187,7 +187,7 @@ impl Made {
         if regularity(&derivatives(&unknown, &self.tool)) < REGULAR {
             return;
         }
-        // Near enough that there is no other answer on the way.
+        // Near enough that no other answer lies on the way.
         let close = std::array::from_fn(|i| self.tool[i] + 0.01 * off[i]);
         let found = kinematics.forward_from(&self.q, &pose(&close), COLD_ITERATIONS);
         let distance = |found: &Pose| {
@@ -263,7 +263,7 @@ fn pose(tool: &Numbers) -> Pose {
     }
 }
 
-/// How each error changes per unknown, by differences; rows are errors.
+/// Derivatives of the errors by the unknowns, by differences; rows are errors.
 fn derivatives(errors: &dyn Fn(&Numbers) -> Numbers, at: &Numbers) -> [Numbers; 6] {
     const STEP: f64 = 1e-6;
     let mut rows = [[0.0; 6]; 6];

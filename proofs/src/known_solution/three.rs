@@ -8,13 +8,13 @@ use super::{REGULAR, Vector, add, cross, dot, length, less, near, share, times};
 use crate::kinematics::{lengths_are_kept, travel_is_finite};
 use crate::robots;
 
-/// How a machine with three axes differs from `robots/l2.toml`, where its tool is, and what else is asked of it.
+/// A machine with three axes as differences from `robots/l2.toml`, the place of its tool, and two more requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Three {
-    /// Where the arms begin.
+    /// Origins of the arms.
     pub origins: [[i16; 3]; 3],
-    /// Where the guideways lead.
+    /// Directions of the guideways.
     pub guideways: [[i16; 3]; 3],
     /// Joints on the platform.
     pub joints: [[i16; 3]; 6],
@@ -142,7 +142,7 @@ impl Made {
         least
     }
 
-    /// What the machine was made of comes back, both ways.
+    /// Requires the values that the machine was made of, both ways.
     fn answer_is_known(&self, nominal: &l2::Kinematics) {
         if self.regularity(self.tool, self.q) < REGULAR {
             return;
@@ -234,7 +234,7 @@ impl Made {
         }
     }
 
-    /// Where the links can meet: points of the circle about the first two carts that are as far from the third as its link is long.
+    /// Possible meeting points of the links: points of the circle about the first two carts that are as far from the third as its link is long.
     fn walk_round(&self, q: [f64; 3]) -> Vec<Vector> {
         let [one, two, three] = self.carts(q);
         let [l1, l2, l3] = self.lengths;

@@ -327,7 +327,7 @@ fn answer(session: &Session<N>, obtain: bool, targets: Shares) -> ClientAction {
 trait SystemUnderTest {
     /// Returns the session.
     fn session(&self) -> &Session<N>;
-    /// How the machine ops.
+    /// Motion of the machine.
     fn motion(&mut self) -> &mut Motion;
     /// A peer acts before the next tick.
     fn say(&mut self, peer: Peer, action: &ClientAction);

@@ -50,7 +50,7 @@ impl EndpointUnderTest {
         })
     }
 
-    /// Where a client speaks; none when there is no room for it.
+    /// Returns a client's connection, opened if need be; `None` if every place is taken.
     fn connection(&mut self, client: usize) -> Option<Connection> {
         if self.clients[client].is_none() {
             let transport = [Transport::Stream, Transport::Datagram][client];

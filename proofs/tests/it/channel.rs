@@ -1,9 +1,4 @@
 //! The properties on stable Rust: over their whole domain, and over sequences.
-#![allow(
-    clippy::arithmetic_side_effects,
-    clippy::unwrap_used,
-    reason = "a strategy that makes what is not valid must panic"
-)]
 
 use crate::any;
 

@@ -1,10 +1,4 @@
 //! T24 on stable Rust: single steps over their whole domain, and sequences.
-#![allow(
-    clippy::arithmetic_side_effects,
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "a strategy that makes what is not valid must panic"
-)]
 
 use gantry_tau_core::control::client::{Ignored, Requirements};
 use gantry_tau_core::control::message::{

@@ -1,9 +1,4 @@
 //! An endpoint on stable Rust: connections that come and go, frames, noise, bursts and cuts, in any order.
-#![allow(
-    clippy::arithmetic_side_effects,
-    clippy::unwrap_used,
-    reason = "a test that overflows or finds nothing must panic"
-)]
 
 use crate::any;
 

@@ -1,9 +1,4 @@
 //! The properties of the floats on stable Rust: any bit patterns, and the stated grids where a number is what matters.
-#![allow(
-    clippy::arithmetic_side_effects,
-    clippy::unwrap_used,
-    reason = "a strategy that makes what is not valid must panic"
-)]
 
 use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::model::kinematics::Pose;

@@ -1,8 +1,4 @@
 //! The runner, with a `cargo kani` that prints what the real one (0.57) printed.
-#![allow(
-    clippy::unwrap_used,
-    reason = "a test that cannot write its files must panic"
-)]
 
 use std::process::{Command, Output};
 
@@ -220,7 +216,7 @@ proofs/README.md ~ `motors_paired_are_equal` 109.2 ~ `motors_paired_are_equal` 1
         assert!(!workspace.contains("default-members"), "{workspace}");
     }
 
-    /// What Kani does for a harness, what it does for the mutant, and the objection of the runner.
+    /// Rows of Kani's behaviour for a harness, its behaviour for the mutant, and the objection of the runner.
     const OBJECTIONS: &str = "FAILED ~ FAILED ~ failed: T5: exactly min(rho, |value|)
 cat $recorded/unwinding.txt; exit 1 ~ FAILED ~ failed: unwinding assertion loop 0
 cat $recorded/unreached_cover.txt ~ FAILED ~ 1 of 3 covers reached; not: never; not here
@@ -256,10 +252,10 @@ VERIFIED ~ cat $recorded/unwinding.txt; exit 1 ~ failed for another reason";
         }
     }
 
-    /// What a solver does: it goes on alone when Kani is killed.
+    /// Behaviour of a solver: it goes on alone when Kani is killed.
     const ENDLESS: &str = "echo 'Checking harness x...'; sleep 600 & echo $! > ${0%/*}/pid; wait";
 
-    /// The solver goes. Where nobody collects the dead, a zombie stays.
+    /// The solver goes. A zombie stays if no parent waits for it.
     fn assert_solver_goes(toy: &Toy) {
         let pid = toy.read("bin/pid");
         let began = Instant::now();

@@ -1,10 +1,4 @@
 //! T3 to T7, T9 to T11 on stable Rust: one step from any state, and sequences from the beginning.
-#![allow(
-    clippy::arithmetic_side_effects,
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "a test that overflows or finds nothing must panic"
-)]
 
 use crate::any;
 

@@ -1,10 +1,4 @@
 //! T8 on stable Rust: every kind at 1, 3 and 6 axes, full sizes, streams with noise, random cuts.
-#![allow(
-    clippy::arithmetic_side_effects,
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "a strategy that makes what is not valid must panic"
-)]
 
 use gantry_tau_core::control::axis::{Actual, Offsets};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
@@ -287,7 +281,7 @@ proptest! {
         stream.extend_from_slice(&noise);
         let chunk = stream[collector.held().len()..].to_vec();
         for stage in [Stage::Collecting, Stage::Returned, Stage::Broken(FrameError::Magic)] {
-            let _handed_out = feed_is_judged(&collector, stage, &chunk);
+            let _returned = feed_is_judged(&collector, stage, &chunk);
         }
     }
 

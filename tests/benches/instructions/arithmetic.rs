@@ -1,4 +1,4 @@
-//! How many of the instructions are arithmetic on doubles: what a call could not do without, were every formula as short as it is written.
+//! Count of the instructions that are arithmetic on doubles: the lower bound of a call whose formulas are as short as written.
 
 use std::collections::BTreeMap;
 use std::fs;

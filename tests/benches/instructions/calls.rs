@@ -19,7 +19,7 @@ use gantry_tau_core::units::{EpochRange, PositionNm};
 use gantry_tau_proofs::robots;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-/// What is counted, and the most it may be.
+/// A counted call, and its limit.
 pub(crate) struct Call {
     pub(crate) name: &'static str,
     pub(crate) limit: Option<u64>,

@@ -10,11 +10,11 @@ pub struct Sealed<'a> {
     pub version: u8,
     /// Kind of the message.
     pub kind: u8,
-    /// Where it is cut.
+    /// Position of the cut.
     pub cut: u16,
-    /// Which bit flips in the end.
+    /// Index of the bit that flips at last.
     pub bit: u16,
-    /// What is inside.
+    /// Body of the frame.
     pub body: &'a [u8],
 }
 

@@ -1,4 +1,4 @@
-//! What every tick of every server must keep, judged by what it gives out.
+//! Invariants of every tick of every server, judged by its output.
 //!
 //! The counters' relation, for every session and every tick of it:
 //! `received = accepted + late + duplicate + stale + malformed` while it runs, where `accepted` is how often the accepted sequence
@@ -15,7 +15,7 @@ use gantry_tau_core::control::session::config::Travel;
 pub struct Seen<'a, const N: usize> {
     /// The State.
     pub state: &'a State<N>,
-    /// What the drives received.
+    /// References of the drives.
     pub references: &'a [Reference; N],
     /// A session was granted.
     pub welcomed: bool,
@@ -62,7 +62,7 @@ impl<const N: usize> Audit<N> {
         steps.into_iter().max().unwrap_or(0).into()
     }
 
-    /// What was received of the current or last session and is neither accepted nor counted as anything else:
+    /// Received frames of the current or last session that are neither accepted nor counted as anything else:
     /// zero while it runs, then its farewells and perhaps one command without effect.
     #[must_use]
     pub const fn beyond(&self) -> u64 {
@@ -188,7 +188,7 @@ fn grown(before: &Counters, now: &Counters) -> bool {
         .all(|(old, new)| *old <= new)
 }
 
-/// Whether a session is running.
+/// True if a session is running.
 #[must_use]
 pub const fn is_live(phase: Phase) -> bool {
     matches!(phase, Phase::Handshake | Phase::Submit | Phase::Obtain)

@@ -1,4 +1,4 @@
-//! Which deeds and faults explain which cause. A cause without a reason is a bug somewhere.
+//! Causes of a session's end, explained by deeds of clients and faults of links. A cause without a reason is a bug.
 
 use std::time::Duration;
 
@@ -7,23 +7,23 @@ use gantry_tau_core::control::message::Cause;
 
 use super::BUDGET;
 
-/// How long a fault or a deed may have been before the end that it explains: the longest burst or stall, and some ticks.
+/// Longest time from a fault or a deed to the end that it explains: the longest burst or stall, and some ticks.
 const RECENT: Duration = Duration::from_millis(45);
 
-/// What a client does to end its session, or to get it ended.
+/// Deed of a client that ends its session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClientFault {
     /// Says goodbye.
     Goodbye,
     /// Stops the machine's offsets.
     Stop,
-    /// Closes without a word.
+    /// Closes without a Goodbye.
     Close,
     /// Says nothing more.
     Silence,
     /// Sends a dozen frames at once.
     Flood,
-    /// Sends what is no frame.
+    /// Sends random bytes instead of a frame.
     Garbage,
 }
 
@@ -39,16 +39,16 @@ impl ClientFault {
     ];
 }
 
-/// What is known of a session that ended. Times count from the link's beginning.
+/// Evidence about a session that ended. Times count from the link's beginning.
 #[derive(Clone, Copy, Debug)]
 pub struct Evidence<'a> {
-    /// When it ended.
+    /// Time of the end.
     pub at: Duration,
     /// From client to server.
     pub up: &'a FaultStats,
     /// From server to client.
     pub down: &'a FaultStats,
-    /// What the client did last, and when.
+    /// Last deed of the client, and its time.
     pub deed: Option<(ClientFault, Duration)>,
     /// The client has closed, whatever it did last.
     pub closed: bool,
@@ -63,7 +63,7 @@ pub struct Evidence<'a> {
 }
 
 impl Evidence<'_> {
-    /// Whether the end is explained.
+    /// True if the end is explained.
     #[must_use]
     pub fn explains(&self, cause: Cause) -> bool {
         let since = self.at.saturating_sub(RECENT);

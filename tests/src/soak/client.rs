@@ -16,7 +16,7 @@ use crate::client::Noise;
 
 /// Largest offset a client asks for, nm; ramps stay some hundred ticks long.
 const REACH_NM: i32 = 40_000;
-/// Time without a word after which a client gives up.
+/// Silence of the server after which a client gives up.
 const PATIENCE: Duration = Duration::from_millis(60);
 
 /// A client: answers every State, until it has had enough.
@@ -29,7 +29,7 @@ pub(super) struct Client<const N: usize> {
     obtain_from: usize,
     states: usize,
     deed: ClientFault,
-    /// What it did last, and when.
+    /// Its last deed, and the time.
     pub(super) deed_done: Option<(ClientFault, Duration)>,
     last_heard: Option<Duration>,
     /// It has closed.
@@ -52,7 +52,7 @@ impl<const N: usize> Client<N> {
         }
     }
 
-    /// What it says to what it hears.
+    /// Returns its answers to the bytes it receives.
     pub(super) fn live(
         &mut self,
         now: Duration,
@@ -83,7 +83,7 @@ impl<const N: usize> Client<N> {
         said
     }
 
-    /// What the bytes say. A stream that is broken is closed, a datagram that is no frame is lost.
+    /// Returns the messages in the bytes. A broken stream is closed, a broken datagram is lost.
     fn messages(
         &mut self,
         bytes: &[u8],

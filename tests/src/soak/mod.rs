@@ -27,7 +27,7 @@ pub const BUDGET: MissBudget = MissBudget {
     allowed: 4,
 };
 
-/// What a soak has seen. A property that does not hold has ended it before.
+/// Results of a soak. A property that does not hold ends it before.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Summary {
     /// Ticks of the server, each one audited.
@@ -38,9 +38,9 @@ pub struct Summary {
     pub obtained: u64,
     /// Hellos refused.
     pub refused: u64,
-    /// How sessions ended.
+    /// Count of sessions by the cause of their end.
     pub ends: BTreeMap<String, u64>,
-    /// How often each fault acted, both directions.
+    /// Count of each fault, both directions.
     pub faults: BTreeMap<&'static str, u64>,
     /// Frames that met the links.
     pub frames: u64,
@@ -50,7 +50,7 @@ pub struct Summary {
     pub largest_change_nm: u64,
     /// Largest change beyond the nominal's own, nm.
     pub largest_external_change_nm: u64,
-    /// What it may be at most (S), nm.
+    /// Its limit (S), nm.
     pub external_limit_nm: u64,
 }
 
@@ -68,7 +68,7 @@ impl Summary {
         }
     }
 
-    /// What an audit has measured.
+    /// Takes over the measurements of an audit.
     pub fn measured<const N: usize>(&mut self, audit: &audit::Audit<N>) {
         self.largest_change_nm = audit.largest_change_nm;
         self.largest_external_change_nm = audit.largest_external_change_nm;

@@ -35,14 +35,14 @@ use crate::{DEADLINE, wait_for};
 
 /// Axes of the machine.
 const N: usize = 3;
-/// How much later the observer may hear of an end than the link had its fault.
+/// Longest time from a fault of the link until the observer hears of the end.
 const SLACK: Duration = Duration::from_millis(150);
 /// Ticks in which a server hears everything that was sent to it before.
 const TICKS_TO_HEAR: u64 = 20;
-/// Growth of the resident memory that is no leak, KiB: allocators and stacks of threads wander by some hundred.
+/// Growth of the resident memory that does not count as a leak, KiB: allocators and stacks of threads wander by some hundred.
 const MEMORY_SLACK_KIB: u64 = 2_048;
 
-/// What the process holds.
+/// Resources that the process holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Footprint {
     /// Resident memory, KiB.
@@ -64,10 +64,10 @@ impl Footprint {
     }
 }
 
-/// What a soak in real time has seen.
+/// Results of a soak in real time.
 #[derive(Clone, Debug, Serialize)]
 pub struct Minutes {
-    /// What both kinds of soak see.
+    /// Results that both kinds of soak have.
     #[serde(flatten)]
     pub summary: Summary,
     /// Connections of the clients.
@@ -84,7 +84,7 @@ pub struct Minutes {
     pub after: Option<Footprint>,
 }
 
-/// What the observer has seen last.
+/// Latest observation of the observer.
 #[derive(Debug, Default)]
 struct Watch {
     ticks: AtomicU64,
@@ -137,7 +137,7 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
     quit.store(true, Ordering::Relaxed);
     let others = others.join().unwrap();
     drop(relays);
-    assert_eq!(server.quit().unwrap(), 0, "rows that nobody saw");
+    assert_eq!(server.quit().unwrap(), 0, "rows lost before the observer");
     let (audit, seen) = observer.join().unwrap();
     let mut summary = soak.summary;
     summary.measured(&audit);
@@ -249,7 +249,7 @@ fn observe(
             if let (Some(cause), true) = (row.ended, is_live(before)) {
                 let skipped = skipped || row.elapsed > 1;
                 let at = Instant::now();
-                // Nobody waits for the end that comes with the server's own.
+                // At the server's own end the receiver has gone.
                 let _ = ends.send(End { cause, at, skipped });
             }
             if phase == Phase::Fault {

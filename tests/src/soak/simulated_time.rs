@@ -109,7 +109,7 @@ impl<const N: usize> World<N> {
         self.noise.below(n) == 0
     }
 
-    /// Newcomers, more of them where nobody is.
+    /// Lets clients arrive, more of them while there are few.
     fn arrive(&mut self, now: Duration) {
         let rare = if self.links.len() < 2 { 5 } else { 150 };
         if self.links.len() >= CLIENTS || !self.one_in(rare) {
@@ -134,7 +134,7 @@ impl<const N: usize> World<N> {
         self.opened += 1;
     }
 
-    /// What is due reaches the server: bytes, closes, resets.
+    /// Delivers what is due to the server: bytes, closes, resets.
     fn deliver(&mut self, now: Duration) {
         for link in &mut self.links {
             let owns = self.endpoint.session().owner() == Some(link.connection);
@@ -257,7 +257,7 @@ struct Link<const N: usize> {
     up: FaultInjector,
     down: FaultInjector,
     client: Client<N>,
-    /// What a stalled stream does not take yet.
+    /// Frames that a stalled stream does not take yet.
     waiting: VecDeque<Vec<u8>>,
     tap: Tap<N>,
     server_closed: bool,

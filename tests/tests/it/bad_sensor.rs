@@ -1,11 +1,5 @@
 //! The real client against a real server in lock-step, with a force sensor that lies or falls silent: it leaves in good order
-//! and says why, instead of compensating a force that nobody measures.
-#![allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    clippy::arithmetic_side_effects,
-    reason = "a test that cannot be set up must fail"
-)]
+//! and says why, instead of compensating a force that is not measured.
 
 use gantry_tau::client::{self, ClientControls, ClientError, ClientOptions};
 use gantry_tau::model::L2_MOTORS;

@@ -1,12 +1,4 @@
 //! Black boxes of real sessions over real sockets: handed over once, whatever ends them, and replayed bit for bit (T11).
-#![allow(
-    clippy::arithmetic_side_effects,
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests fail by panicking"
-)]
 
 use gantry_tau::black_box::HALF;
 use gantry_tau::black_box::Window;
@@ -44,7 +36,7 @@ fn assert_window<const N: usize>(windows: &mut Receiver<N>, cause: Option<Cause>
 }
 
 fn assert_nothing<const N: usize>(windows: &mut Receiver<N>) {
-    assert!(windows.receive().is_none(), "a black box nobody asked for");
+    assert!(windows.receive().is_none(), "an unexpected black box");
     assert_eq!(windows.take_lost(), 0);
 }
 
@@ -135,7 +127,7 @@ fn a_window_goes_on_across_refused_references() {
     assert_nothing(&mut windows);
 }
 
-/// Nobody empties the boxes: the cycle neither waits nor forgets to count.
+/// The boxes are not emptied: the cycle neither waits nor forgets to count.
 #[test]
 fn what_finds_no_room_waits_until_it_must_go() {
     let (mut server, mut windows) = ServerFixture::<3>::default().handing_over();

@@ -1,12 +1,4 @@
 //! The client over UDP: what comes twice, or has been overtaken, is not answered again.
-#![allow(
-    clippy::arithmetic_side_effects,
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests fail by panicking"
-)]
 
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::Ordering;

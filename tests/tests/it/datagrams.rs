@@ -1,12 +1,4 @@
-//! The same server over UDP: what is lost stays lost, what is late or twice is only counted, and who is no peer gets no answer.
-#![allow(
-    clippy::arithmetic_side_effects,
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests fail by panicking"
-)]
+//! The same server over UDP: what is lost stays lost, what is late or twice is only counted, and an unknown sender gets no answer.
 
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
@@ -175,7 +167,7 @@ fn late_twofold_and_overtaking_datagrams_are_only_counted() {
             .iter()
             .all(|axis| axis.offsets.position == OffsetNm(20_000))
     );
-    // What answers a State of long ago is no answer.
+    // An answer to a State of long ago does not count.
     peer.tick = Tick(peer.tick.0 - 5);
     let late = peer.answer(Mode::Obtain, 0);
     let state = tick(&mut server, &mut peer, &[late]);
@@ -199,7 +191,7 @@ fn broken_datagrams_are_dropped_and_the_session_goes_on() {
         peer.socket.send(&frame[..frame.len() / 2]).unwrap();
         peer.socket.send(&[0x47; MAX_FRAME + 200]).unwrap();
         peer.socket.send(&[]).unwrap();
-        // Two frames in one datagram are no frame.
+        // Two frames in one datagram are refused.
         peer.socket.send(&[&*frame, &*frame].concat()).unwrap();
         let state = tick(&mut server, &mut peer, &[good]);
         assert_eq!(state.phase, Phase::Obtain);
@@ -265,7 +257,7 @@ fn more_peers_than_places_do_not_disturb_the_owner() {
 
 /// Of a flood no more is read per visit than 64 datagrams; beside fewer the owner notices nothing.
 #[test]
-fn a_flood_of_strangers_is_bounded_work() {
+fn a_flood_of_other_peers_is_bounded_work() {
     let (mut server, mut peer) = obtaining();
     let other = Peer::of(server.address());
     for _ in 0..20 {

@@ -1,12 +1,4 @@
 //! Killing client or server at any moment leaves nothing half-done.
-#![allow(
-    clippy::arithmetic_side_effects,
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests fail by panicking"
-)]
 
 use std::path::PathBuf;
 
@@ -87,7 +79,7 @@ fn ramp_ticks(in_force: &[Offsets; 3]) -> u32 {
     in_force.iter().map(one).max().unwrap()
 }
 
-/// The server ramps what is in force in exactly the ticks it takes (the server watches each step), lets nobody in, then listens.
+/// The server ramps what is in force in exactly the ticks it takes (the server watches each step), lets no peer in, then listens.
 fn assert_ramps_down(server: &mut ServerFixture<3>) {
     let ticks = ramp_ticks(&server.bus.in_force());
     for tick in 1..=ticks {

@@ -1,4 +1,12 @@
 //! Tests that cross the crates, in one binary: the server over sockets, recorded vectors, seeds of the fuzz targets, the documents.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking; clippy knows test functions, but not their helpers"
+)]
 
 mod bad_sensor;
 mod black_box;

@@ -1,14 +1,6 @@
 //! After start the cycle allocates nothing: simulated machine, live session, sensor samples, others, ramp, all of it.
 //!
 //! The crate `allocation_counter` is the allocator of this binary; it counts per thread, so tests beside this one do not matter.
-#![allow(
-    clippy::arithmetic_side_effects,
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests fail by panicking"
-)]
 
 use std::net::UdpSocket;
 
@@ -195,7 +187,7 @@ fn allocates_nothing<const N: usize, const M: usize>(mut server: Server<N, M>) {
     }
     crowd.clear();
     let tool = server.tick(false).tool.unwrap();
-    assert!(tool.displacement_m[0] > 1e-5, "nobody pulls: {tool:?}");
+    assert!(tool.displacement_m[0] > 1e-5, "without a pull: {tool:?}");
     let sample = server.sensor.latest().unwrap().expect("no sample came");
     assert!(sample.tick > 300);
     drop(client);

@@ -1,9 +1,4 @@
 //! Core against the oracle vectors, directly. `solve_vectors` asks the same through `solve`.
-#![expect(
-    clippy::unwrap_used,
-    clippy::indexing_slicing,
-    reason = "clippy knows test functions, not their helpers"
-)]
 
 use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::model::kinematics::Pose;

@@ -1,9 +1,5 @@
 //! T12, second leg: the linked core contains no panic path. A release staticlib whose panic handler calls a missing function
 //! is built with cargo; the missing symbol must not be in it. The control build links one panic and must be caught.
-#![allow(
-    clippy::unwrap_used,
-    reason = "a build that cannot run must fail the test"
-)]
 
 use std::path::Path;
 use std::process::Command;

@@ -1,10 +1,5 @@
 //! The six-axis machine over its workspace: there and back, and every pose that is refused has a reason that is looked for
 //! independently.
-#![allow(
-    clippy::unwrap_used,
-    clippy::arithmetic_side_effects,
-    reason = "clippy knows test functions, not their helpers"
-)]
 
 use std::collections::BTreeMap;
 
@@ -35,7 +30,7 @@ impl Draw {
     }
 }
 
-/// Where poses are drawn from.
+/// Range from which poses are drawn.
 struct Workspace {
     /// Largest distance from the middle along each horizontal axis, metres.
     across_m: f64,
@@ -75,7 +70,7 @@ fn found_elsewhere(kinematics: &f1::Kinematics, pose: &Pose) -> bool {
     starts.any(|start| kinematics.inverse_in_assembly(pose, Some(start)).is_ok())
 }
 
-/// What became of [`POSES`] poses.
+/// Count of results of [`POSES`] poses.
 #[derive(Debug, Default)]
 struct Outcome {
     /// Of the inverse, by its code.

@@ -1,5 +1,4 @@
 //! The soak, shortened: `cargo run --release -p gantry-tau-tests --example soak` is the long one.
-#![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 use std::time::Duration;
 

@@ -1,9 +1,4 @@
-//! `solve` against the oracle vectors, and against lines that are no requests.
-#![expect(
-    clippy::unwrap_used,
-    clippy::indexing_slicing,
-    reason = "clippy knows test functions, not their helpers"
-)]
+//! `solve` against the oracle vectors, and against lines that are not requests.
 
 use gantry_tau::solve::{MAX_LINE, answer, run};
 use serde_json::{Value, json};

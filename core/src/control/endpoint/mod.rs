@@ -326,7 +326,7 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         }
     }
 
-    /// Returns the next connection to close; `None` when there are no more. Poll the frames first: the last one may be for it.
+    /// Returns the next connection to close; `None` when none is left. Poll the frames first: the last one may be for it.
     ///
     /// A connection that is not polled keeps its place among the [`CONNECTIONS`].
     pub fn poll_close(&mut self) -> Option<Connection> {

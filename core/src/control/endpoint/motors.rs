@@ -67,8 +67,8 @@ impl<const N: usize, const MOTORS: usize> MotorMap<N, MOTORS> {
         &self.axis_of_motor
     }
 
-    /// Returns the reference of each motor. Every axis of a checked map exists, so `None` is never returned; there is no default
-    /// for a reference.
+    /// Returns the reference of each motor. Every axis of a checked map exists, so `None` is never
+    /// returned; a reference has no default.
     #[must_use]
     pub fn spread(&self, axes: &[Reference; N]) -> Option<[Reference; MOTORS]> {
         let mut motors = [*axes.first()?; MOTORS];

@@ -24,7 +24,7 @@ struct Ticked {
 
 struct Bench {
     endpoint: Tested,
-    /// What was sent in the last tick.
+    /// Messages of the last tick.
     sent: StdVec<(Connection, ServerMessage<2>)>,
     sequence: u64,
 }
@@ -182,7 +182,7 @@ fn a_ninth_frame_in_a_tick_ends_the_session() {
 #[test]
 fn others_cannot_crowd_out_the_owner() {
     let (mut bench, owner) = Bench::obtaining(Transport::Stream);
-    // Strangers come, shout, and leave, far more often than a tick has room for.
+    // Other peers connect, send, and leave, far more often than a tick has room for.
     for _ in 0..50 {
         let other = bench.endpoint.open(Transport::Stream).unwrap();
         bench.endpoint.feed(other, &hello());
@@ -298,9 +298,9 @@ fn the_last_ramp_step_releases_the_old_owner() {
     assert_eq!(bench.endpoint.session().phase(), Phase::Listening);
 }
 
-/// Found by review: a Hello whose connection is gone or expelled by the same tick was granted, and nobody else got in for a second.
+/// Found by review: a Hello whose connection is gone or expelled by the same tick was granted, and no other peer got in for a second.
 #[test]
-fn nobody_is_granted_a_session_without_a_connection() {
+fn a_hello_without_a_connection_is_not_granted() {
     let ways: [fn(&mut Tested, Connection); 3] = [
         |endpoint, peer| endpoint.close(peer),
         |endpoint, peer| {
@@ -325,7 +325,7 @@ fn nobody_is_granted_a_session_without_a_connection() {
 
 /// Found by review: the owner's second Hello closed its connection and kept its session.
 #[test]
-fn closing_again_and_again_crowds_nobody_out() {
+fn closing_again_and_again_crowds_no_peer_out() {
     let (mut bench, owner) = Bench::obtaining(Transport::Stream);
     for _ in 0..20 {
         bench.endpoint.close(owner);
@@ -393,7 +393,7 @@ fn lock_step_waits_for_the_answer_to_the_last_state() {
     bench.endpoint.feed(owner, &old);
     assert!(
         !bench.endpoint.owner_has_answered(),
-        "a repeated command is no answer"
+        "a repeated command counted as an answer"
     );
     let answer = bench.command(Mode::Obtain, 3_000);
     bench.endpoint.feed(owner, &answer);

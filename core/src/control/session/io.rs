@@ -62,7 +62,7 @@ pub enum LastWrite<const N: usize> {
     Unknown,
 }
 
-/// Inputs of one tick from the machine. Every field must be given: there is no default for a stop.
+/// Inputs of one tick from the machine. Every field must be given: a stop has no default.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -114,7 +114,7 @@ mod tests {
     use crate::model::l2::tests::{compliances, geometry, machine, skewed};
     use nalgebra::{Matrix3, Matrix6, Vector6};
 
-    /// Where the tool of the elastic machine stands under a command, by Newton with differences over the pose: every axis where its own
+    /// Returns the tool of the elastic machine under a command, by Newton with differences over the pose: every axis where its own
     /// load leaves it, every link as long as its own tension makes it. Nothing of the map that is tested.
     fn stands(robot: &Robot, command: &[f64; AXES], load: &Wrench, near: &Pose) -> Vector3<f64> {
         let springs = compliances();

@@ -383,14 +383,14 @@ impl Kinematics {
     }
 }
 
-/// What one arm does to reach a point.
+/// One arm that reaches a point.
 pub(super) struct Reach {
     pub(super) q: f64,
     /// Square of the link's length along the guideway, metres squared; negative when the link is too short.
     pub(super) along_squared: f64,
 }
 
-/// Where the links meet, relative to the first cart.
+/// Meeting point of the links, relative to the first cart.
 pub(super) struct Meeting {
     from_1: Vector3<f64>,
     e1: Vector3<f64>,

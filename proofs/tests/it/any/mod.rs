@@ -1,10 +1,5 @@
 //! Strategies: any value of a type, small and huge alike.
-#![allow(
-    dead_code,
-    clippy::arithmetic_side_effects,
-    clippy::unwrap_used,
-    reason = "each test file uses some of them; a strategy that makes what is not valid must panic"
-)]
+#![allow(dead_code, reason = "each test file uses some of the strategies")]
 
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::channel::{Channel, LimitValues, Limits};

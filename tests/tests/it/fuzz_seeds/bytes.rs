@@ -1,4 +1,4 @@
-//! From a value to the bytes that `arbitrary` makes it of. Its format is nobody's promise, so every seed is read back and compared.
+//! From a value to the bytes that `arbitrary` makes it of. Its format may change, so every seed is read back and compared.
 
 use std::fmt::Debug;
 
@@ -77,7 +77,7 @@ impl<T: Put> Put for Vec<T> {
     }
 }
 
-/// Which of `count` variants: the number whose share of all numbers it is.
+/// Writes one of `count` variants as the number whose share of all numbers it is.
 pub(crate) fn put_variant(number: u32, count: u32, bytes: &mut Vec<u8>) {
     let share = (u64::from(number) << 32).div_ceil(count.into());
     u32::try_from(share).unwrap().put(bytes);

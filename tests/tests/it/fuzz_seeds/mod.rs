@@ -1,12 +1,6 @@
 //! The seeds of `../fuzz`: written here, each named by what it means, compared with the files, and replayed on stable Rust.
 //!
 //! `GANTRY_TAU_WRITE_SEEDS=1 cargo test -p gantry-tau-tests --test it fuzz_seeds` writes the files anew.
-#![expect(
-    clippy::unwrap_used,
-    clippy::indexing_slicing,
-    clippy::arithmetic_side_effects,
-    reason = "clippy knows test functions, not their helpers"
-)]
 
 mod bytes;
 mod loads;
@@ -41,7 +35,7 @@ fn folder(kind: &str, target: &str) -> PathBuf {
     Path::new(fuzz).join(kind).join(target)
 }
 
-/// What is in a folder, by name; nothing if there is none.
+/// Returns the files of a folder by name; empty without the folder.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
     let paths = entries.map(|entry| entry.unwrap().path());

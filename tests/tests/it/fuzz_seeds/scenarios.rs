@@ -265,7 +265,7 @@ pub(crate) fn seeds() -> Vec<Seed> {
             ),
         ),
         (
-            "stranger_knocks",
+            "other_peer_knocks",
             usual(&[
                 other(HELLO),
                 other(command(1, 0)),
@@ -460,7 +460,7 @@ pub(crate) fn seeds() -> Vec<Seed> {
         ("skipped_and_lost", usual(&[elapsed(2), silence(2)])),
         ("skipped_for_hours", usual(&[elapsed(u32::MAX), silence(2)])),
         (
-            "stranger_hangs_up",
+            "other_peer_hangs_up",
             usual(&[
                 other(HELLO),
                 other(ClientAction::Closed),

@@ -81,7 +81,7 @@ fn robots_of_six_axes() -> Vec<(&'static str, String)> {
     ]
 }
 
-/// Every operation on the first case of both machines of the oracle's vectors, and lines that are no requests.
+/// Every operation on the first case of both machines of the oracle's vectors, and lines that are not requests.
 pub(crate) fn requests() -> Vec<Seed> {
     let vectors: Value =
         serde_json::from_str(include_str!("../../../data/tau_vectors.json")).unwrap();

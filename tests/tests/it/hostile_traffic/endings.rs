@@ -1,4 +1,4 @@
-//! How sessions end: by a reset, a close, a frozen client, one that never reads, a Goodbye, a Stop, a Hello too many.
+//! Ends of sessions: by a reset, a close, a frozen client, one that never reads, a Goodbye, a Stop, a Hello too many.
 
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal};
 use gantry_tau_tests::client::Client;
@@ -181,7 +181,7 @@ fn rearming_waits_for_zero_and_for_the_release_of_the_stop() {
 }
 
 #[test]
-fn nobody_is_let_in_during_a_ramp() {
+fn no_peer_is_let_in_during_a_ramp() {
     let mut session = SessionFixture::obtained(AT);
     session.say(&ClientMessage::Goodbye(session.client.epoch));
     session.tick();
@@ -225,7 +225,7 @@ fn a_second_hello_of_the_owner_costs_that_frame() {
     assert_eq!((counters.malformed, counters.missed), (1, 0));
 }
 
-/// What a newcomer is told, while the owner keeps silent.
+/// Returns the refusal of a newcomer while the owner keeps silent.
 fn refused(server: &mut ServerFixture<3>) -> Refusal {
     let mut newcomer = Client::<3>::connect(server.address());
     newcomer.say_hello();

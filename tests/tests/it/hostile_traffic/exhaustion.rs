@@ -39,7 +39,7 @@ fn thousands_of_connections_come_and_go() {
             drop(crowd);
         }
     }
-    // What waits in the system's queue comes in, is told that there is no room, and goes.
+    // What waits in the system's queue comes in, is told that all places are taken, and goes.
     for _ in 0..2_000 {
         tick(&mut session);
     }

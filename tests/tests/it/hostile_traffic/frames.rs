@@ -12,9 +12,9 @@ use super::AT;
 
 /// Bytes of a command for three axes.
 const COMMAND: usize = 68;
-/// Which of them is the low byte of the body's length.
+/// Index of the low byte of the body's length.
 const LENGTH_BYTE: usize = 4;
-/// Which of them is the version.
+/// Index of the version.
 const VERSION_BYTE: usize = 2;
 
 #[test]
@@ -63,7 +63,7 @@ fn of_eight_merged_frames_the_last_acts() {
         bytes.extend(session.client.frame(Mode::Obtain, [nm, -nm, 2 * nm]));
     }
     let ninth = session.client.frame(Mode::Obtain, [9; 3]);
-    // A part of a ninth is no ninth.
+    // Half a ninth frame does not count.
     bytes.extend(&ninth[..COMMAND - 1]);
     assert_eq!(session.deliver(&bytes), 8);
     let row = session.tick();

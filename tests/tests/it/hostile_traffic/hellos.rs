@@ -136,7 +136,7 @@ fn a_silent_handshake_ends_after_its_thousand_ticks() {
 }
 
 #[test]
-fn an_impatient_hello_is_not_granted_and_keeps_nobody_out() {
+fn an_impatient_hello_is_not_granted_and_keeps_no_peer_out() {
     // A Hello, and more before the Welcome: the connection is closed, and its Hello goes with it.
     let mut server = ServerFixture::<3>::default();
     let mut client = Client::<3>::connect(server.address());

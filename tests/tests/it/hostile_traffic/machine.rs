@@ -101,7 +101,7 @@ fn a_jump_of_the_nominal_is_passed_through_flagged_and_faults() {
     let written = session.server.bus.last_written();
     assert_eq!(written[0].position, PositionNm(old[0].0 + 12_245));
     assert_eq!(written[1].position, PositionNm(old[1].0 + jump - 6_950));
-    // It stays where it jumped to; nobody smooths it.
+    // It stays where it jumped to; the jump is not smoothed.
     session
         .server
         .assert_ramp([12_245, -6_950, 0], Phase::Fault);

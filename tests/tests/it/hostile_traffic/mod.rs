@@ -1,14 +1,6 @@
-//! Hostile traffic over a real socket. Whatever arrives, the references that the machine is written obey DESIGN 4:
-//! the first miss holds, from the second on positions fall by exactly 100 nm per tick, and nobody is let in before zero.
+//! Hostile traffic over a real socket. Whatever arrives, the references of the machine obey `docs/design.md` 6:
+//! the first miss holds, from the second on positions fall by exactly 100 nm per tick, and no peer is let in before zero.
 //! (The server asserts the bounds in every tick; the tests say what must happen beside that.)
-#![allow(
-    clippy::arithmetic_side_effects,
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests fail by panicking"
-)]
 
 mod content;
 mod endings;

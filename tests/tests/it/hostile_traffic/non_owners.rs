@@ -46,7 +46,7 @@ fn a_second_client_is_told_busy_and_closed() {
 }
 
 #[test]
-fn a_stranger_cannot_stop_leave_or_command_for_the_owner() {
+fn a_non_owner_cannot_stop_leave_or_command_for_the_owner() {
     let mut session = SessionFixture::obtained(AT);
     let epoch = session.client.epoch;
     for count in 1..=9 {
@@ -67,7 +67,7 @@ fn a_stranger_cannot_stop_leave_or_command_for_the_owner() {
 }
 
 #[test]
-fn a_stranger_with_broken_frames_or_too_many_is_closed() {
+fn a_non_owner_with_broken_frames_or_too_many_is_closed() {
     let mut session = SessionFixture::obtained(AT);
     let mut noise = Noise::new(7);
     let frame = encode_client(&ClientMessage::<3>::Stop(session.client.epoch));
@@ -80,7 +80,7 @@ fn a_stranger_with_broken_frames_or_too_many_is_closed() {
 }
 
 #[test]
-fn megabytes_of_a_stranger_cost_it_its_connection() {
+fn megabytes_of_a_non_owner_cost_it_its_connection() {
     let mut session = SessionFixture::obtained(AT);
     for bytes in [
         Noise::new(9).bytes(8 << 20),
@@ -113,7 +113,7 @@ fn for_the_seventh_there_is_no_room_until_somebody_leaves() {
 }
 
 #[test]
-fn there_is_room_again_once_an_idle_stranger_leaves() {
+fn there_is_room_again_once_an_idle_non_owner_leaves() {
     // All places are taken by connections that never speak; one of them leaves.
     let mut server = ServerFixture::<3>::default();
     let mut idle: Vec<_> = (0..CONNECTIONS)

@@ -217,7 +217,7 @@ fn what_has_no_answer_is_named() {
         f1.forward(&apart_carts),
         Err(KinematicsError::NoAssembly)
     ));
-    // Without iterations there is no solution, and the next call works.
+    // Zero iterations find no solution, and the next call works.
     assert!(matches!(
         f1.forward_from(&q, &pose([0.06, -0.1, 0.3, 0.0, 0.1, 0.05]), 0),
         Err(KinematicsError::NotConverged { iterations: 0, .. })
@@ -376,7 +376,7 @@ mod loaded {
         Elastic::new(&kinematics(geometry), &presets::f1_compliances())
     }
 
-    /// Where the elastic machine stands: the pose in which every link is as long as its own force makes it, found by Newton with
+    /// Returns the elastic machine's pose under a command: the one in which every link is as long as its own force makes it, found by Newton with
     /// differences, and with nothing of the map that is tested.
     fn stands(machine: &Elastic, command: &[f64; AXES], load: &Wrench, near: &Pose) -> Pose {
         let (kinematics, springs) = (machine.kinematics(), machine.compliances());
