@@ -12,54 +12,34 @@
 
 use core::fmt;
 
-/// Absolute position of an axis, in nanometres (1 nm steps, ± 9.2e9 m).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(kani, derive(kani::Arbitrary))]
-pub struct PositionNm(pub i64);
+/// Declares integers of a unit.
+macro_rules! counts {
+    ($($(#[$doc:meta])* $name:ident($count:ty);)*) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+        #[cfg_attr(kani, derive(kani::Arbitrary))]
+        pub struct $name(pub $count);
+    )*};
+}
 
-/// Offset added to a position reference, in nanometres (1 nm steps, ± 2.1 m).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(kani, derive(kani::Arbitrary))]
-pub struct OffsetNm(pub i32);
-
-/// Velocity, in micrometres per second (as object 60B1h of CiA 402 with that unit configured).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(kani, derive(kani::Arbitrary))]
-pub struct VelocityUmS(pub i32);
-
-/// Torque, in per mille of the drive's rated torque (as object 60B2h of CiA 402).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(kani, derive(kani::Arbitrary))]
-pub struct TorquePermille(pub i16);
-
-/// Number of a server cycle. It never wraps: 2^64 cycles of 1 ms are 584 million years.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(kani, derive(kani::Arbitrary))]
-pub struct Tick(pub u64);
-
-/// Number of a session. Taken from an [`EpochRange`], so that no old frame can ever match.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(kani, derive(kani::Arbitrary))]
-pub struct Epoch(pub u64);
-
-/// Number of a command within its session, counted by the client from 1.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(kani, derive(kani::Arbitrary))]
-pub struct Sequence(pub u64);
+counts! {
+    /// Absolute position of an axis, in nanometres (1 nm steps, ± 9.2e9 m).
+    PositionNm(i64);
+    /// Offset added to a position reference, in nanometres (1 nm steps, ± 2.1 m).
+    OffsetNm(i32);
+    /// Velocity, in micrometres per second (as object 60B1h of CiA 402 with that unit configured).
+    VelocityUmS(i32);
+    /// Torque, in per mille of the drive's rated torque (as object 60B2h of CiA 402).
+    TorquePermille(i16);
+    /// Number of a server cycle. It never wraps: 2^64 cycles of 1 ms are 584 million years.
+    Tick(u64);
+    /// Number of a session. Taken from an [`EpochRange`], so that no old frame can ever match.
+    Epoch(u64);
+    /// Number of a command within its session, counted by the client from 1.
+    Sequence(u64);
+}
 
 /// Epochs that no other run of the server has given or will give: reserved in a persisted counter before the server starts.
 ///

@@ -24,7 +24,7 @@ use gantry_tau_core::model::l2;
 use gantry_tau_core::model::linalg::LinearError;
 use gantry_tau_core::model::robot::{Branch, Parameter, RobotError};
 use gantry_tau_core::model::sensor::{Reading, SensorError, SensorState};
-use gantry_tau_core::model::statics::{TauFormError, Wrench};
+use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{
     CrossingError, Epoch, EpochRange, Metres, OffsetNm, PositionNm, Sequence, Tick, TorquePermille,
     VelocityUmS,
@@ -45,7 +45,7 @@ macro_rules! all {
 all! {
     // Errors and refusals.
     CompensatorError, ConfigError, ContentError, CrossingError, FrameError, Full, KinematicsError, LimitsError, LinearError,
-    MotorMapError, l2::OrientationError, Refusal, RobotError, SensorError, Short, StartError, TauFormError,
+    MotorMapError, l2::OrientationError, Refusal, RobotError, SensorError, Short, StartError,
     // States, and what they are made of.
     AxisState, Channel<OffsetNm>, Collector, Deframer, Phase, SensorState, Session<6>, Stage, State<6>,
     // Events, inputs, outputs.
@@ -54,7 +54,7 @@ all! {
     // Counters and flags.
     AxisFlags, Counters,
     // Numbers and configuration.
-    Actual, AxisConfig, AxisLimits, Branch, Capabilities, Config<6>, Connection, Correction<6>, Epoch, EpochRange, InForce, LimitValues, Limits<OffsetNm>, Metres, MissBudget,
-    MotorMap<6, 9>, OffsetNm, Offsets, Parameter, Parameters<6>, PositionNm, Reference, Sequence, Tick, TorquePermille, Travel,
+    Actual, AxisConfig, AxisLimits, Branch, Capabilities, Config<6>, Connection, Correction<6>, Epoch, EpochRange, InForce, LimitValues,
+    Limits<OffsetNm>, Metres, MissBudget, MotorMap<6, 9>, OffsetNm, Offsets, Parameter, Parameters<6>, PositionNm, Reference, Sequence, Tick, TorquePermille, Travel,
     VelocityUmS, Wrench,
 }

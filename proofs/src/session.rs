@@ -104,7 +104,7 @@ pub fn discrete_stays_valid<const N: usize>(input: &StepInput<N>) {
     assert!(output.state.phase == after.phase(), "the State says it");
 }
 
-/// T5: without a session, one channel of every axis ops by exactly `min(rho, |value|)` towards zero, whatever arrives.
+/// T5: without a session, one channel of every axis moves by exactly `min(rho, |value|)` towards zero, whatever arrives.
 ///
 /// # Panics
 /// When it does not hold.

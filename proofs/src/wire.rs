@@ -223,7 +223,10 @@ pub fn cut_frame_is_judged_alike(bytes: &[u8], cut: usize, next: &[u8]) -> bool 
         }
         _ => panic!("T8: any split, the same verdict"),
     }
-    assert!(deframer.is_at_boundary(), "T8: after a frame, at a boundary");
+    assert!(
+        deframer.is_at_boundary(),
+        "T8: after a frame, at a boundary"
+    );
     assert!(
         deframer.feed(next) == Feed::Incomplete,
         "T8: a returned frame is dropped"

@@ -1,5 +1,6 @@
 //! The long soak: `cargo run --release -p gantry-tau-tests --example soak -- --ticks 1000000 --minutes 10`.
-//! First simulated ticks, with three axes and with six, then real time over real sockets. Ends with what it has seen, as JSON; a property that does not hold ends it with a panic.
+//! First simulated ticks, with three axes and with six, then real time over real sockets. Prints its results as JSON; a property
+//! that does not hold ends it with a panic.
 #![allow(
     clippy::unwrap_used,
     clippy::arithmetic_side_effects,

@@ -389,7 +389,7 @@ fn narrow(value: i64) -> i32 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::units::OffsetNm;
 
@@ -404,7 +404,12 @@ mod tests {
         Err(_) => panic!("the profile is valid"),
     };
 
-    fn limits(max: i32, step: i32, accel: i32, ramp: i32) -> Result<Limits<OffsetNm>, LimitsError> {
+    fn checked(
+        max: i32,
+        step: i32,
+        accel: i32,
+        ramp: i32,
+    ) -> Result<Limits<OffsetNm>, LimitsError> {
         Limits::new(LimitValues {
             max,
             step,
@@ -413,24 +418,35 @@ mod tests {
         })
     }
 
+    /// Limits from M, S, A and rho.
+    pub(crate) fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
+        Limits::new(LimitValues {
+            max,
+            step,
+            accel,
+            ramp,
+        })
+        .unwrap()
+    }
+
     #[test]
     fn limits_name_what_is_wrong() {
         assert_eq!(
-            limits(-1, 2, 4, 1),
+            checked(-1, 2, 4, 1),
             Err(LimitsError::NegativeMax { max: -1 })
         );
         for ramp in [0, -1, i32::MIN] {
             assert_eq!(
-                limits(1, 2, 4, ramp),
+                checked(1, 2, 4, ramp),
                 Err(LimitsError::RampNotPositive { ramp })
             );
         }
         assert_eq!(
-            limits(1, 2, 9, 3),
+            checked(1, 2, 9, 3),
             Err(LimitsError::RampAboveStep { ramp: 3, step: 2 })
         );
         assert_eq!(
-            limits(1, i32::MAX, i32::MAX, 1),
+            checked(1, i32::MAX, i32::MAX, 1),
             Err(LimitsError::AccelTooSmall {
                 accel: i32::MAX,
                 needed: i64::from(i32::MAX) + 1
@@ -462,13 +478,13 @@ mod tests {
         // Full speed ahead, then a target behind: the reversal is spread over two ticks.
         let fast = Channel::from_parts(OffsetNm(0), 5_000, &LIMITS).unwrap();
         assert_eq!(fast.follow(OffsetNm(i32::MIN), &LIMITS).change(), -5_000);
-        let tight = limits(2_000_000, 5_000, 5_100, 100).unwrap();
+        let tight = checked(2_000_000, 5_000, 5_100, 100).unwrap();
         assert_eq!(fast.follow(OffsetNm(i32::MIN), &tight).change(), -100);
     }
 
     #[test]
     fn a_zero_limit_means_zero() {
-        let zero = limits(0, 5, 10, 1).unwrap();
+        let zero = checked(0, 5, 10, 1).unwrap();
         assert_eq!(
             Channel::ZERO.follow(OffsetNm(i32::MAX), &zero),
             Channel::ZERO

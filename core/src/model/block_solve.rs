@@ -5,7 +5,6 @@
 //!
 //! `A = S_2 S_1^-1`, `N = M_2 - A M_1`: `N y = e_2 - A e_1`, then `S_1 x = e_1 - M_1 y`.
 //!
-//! Where the links of a cluster are parallel (the Tau property) `A` picks each link's own cluster, and `N` is of differences alone.
 //! The same inverses, transposed and in the other order, solve for forces.
 
 use nalgebra::Vector3;
@@ -63,8 +62,8 @@ pub(crate) struct BlockFactors {
     first: Inverse,
     /// `M_1`: of links 11, 21, 31.
     moments_m: [Vector3<f64>; 3],
-    /// `A`: coefficients of links 22, 32, 33 in terms of links 11, 21, 31; `None` where each is its cluster's first.
-    weights: Option<[[f64; 3]; 3]>,
+    /// `A`: coefficients of links 22, 32, 33 in terms of links 11, 21, 31.
+    weights: [[f64; 3]; 3],
     /// `N^-1`.
     second: Inverse,
 }
@@ -86,25 +85,8 @@ impl BlockFactors {
         Some(Self {
             first,
             moments_m: [*m11, *m21, *m31],
-            weights: Some(weights),
+            weights,
             second: Inverse::of_rows([&n22, &n32, &n33])?,
-        })
-    }
-
-    /// As [`new`](Self::new) for links that are parallel within their clusters, which the caller has checked.
-    #[inline]
-    pub(crate) fn of_parallel(
-        directions: &[Vector3<f64>; LINKS],
-        moments_m: &[Vector3<f64>; LINKS],
-    ) -> Option<Self> {
-        let [s11, s21, _, s31, ..] = directions;
-        let [m11, m21, m22, m31, m32, m33] = moments_m;
-        let spreads = [m22 - m21, m32 - m31, m33 - m31];
-        Some(Self {
-            first: Inverse::of_rows([s11, s21, s31])?,
-            moments_m: [*m11, *m21, *m31],
-            weights: None,
-            second: Inverse::of_rows(spreads.each_ref())?,
         })
     }
 
@@ -113,10 +95,7 @@ impl BlockFactors {
     pub(crate) fn solve(&self, e: &[f64; LINKS]) -> (Vector3<f64>, Vector3<f64>) {
         let [e11, e21, e22, e31, e32, e33] = *e;
         let [m11, m21, m31] = &self.moments_m;
-        let [k22, k32, k33] = match &self.weights {
-            None => [e21, e31, e31],
-            Some(weights) => weights.map(|[a1, a2, a3]| a1 * e11 + a2 * e21 + a3 * e31),
-        };
+        let [k22, k32, k33] = (self.weights).map(|[a1, a2, a3]| a1 * e11 + a2 * e21 + a3 * e31);
         let y = self.second.times([e22 - k22, e32 - k32, e33 - k33]);
         let x = self
             .first
@@ -135,15 +114,11 @@ impl BlockFactors {
         let [m11, m21, m31] = &self.moments_m;
         let [p1, p2, p3] = self.first.weights(force);
         let [f22, f32, f33] = (self.second).weights(&(moment - (m11 * p1 + m21 * p2 + m31 * p3)));
-        let [k1, k2, k3] = match &self.weights {
-            None => [0.0, f22, f32 + f33],
-            Some([a, b, c]) => {
-                let [a1, a2, a3] = a.map(|a| a * f22);
-                let [b1, b2, b3] = b.map(|b| b * f32);
-                let [c1, c2, c3] = c.map(|c| c * f33);
-                [a1 + b1 + c1, a2 + b2 + c2, a3 + b3 + c3]
-            }
-        };
+        let [a, b, c] = &self.weights;
+        let [a1, a2, a3] = a.map(|a| a * f22);
+        let [b1, b2, b3] = b.map(|b| b * f32);
+        let [c1, c2, c3] = c.map(|c| c * f33);
+        let [k1, k2, k3] = [a1 + b1 + c1, a2 + b2 + c2, a3 + b3 + c3];
         [p1 - k1, p2 - k2, f22, p3 - k3, f32, f33]
     }
 

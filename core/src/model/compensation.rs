@@ -8,7 +8,7 @@
 //! estimate stays below the machine's compliance plus the workpiece's. Hence a gain of at most 1, and limits.
 //!
 //! [`l2::Compensator`](super::l2::Compensator) and [`f1::Compensator`](super::f1::Compensator) have two maps each, to first order
-//! (`correct`), which is cheap, and exact (`correct_exact`). Both maps end in the same bounded step. Instructions per cycle are counted in
+//! (`correct`), which is cheap, and exact (`correct_exact_at`). Both maps end in the same bounded step. Instructions per cycle are counted in
 //! `tests/benches/instructions/counts.toml`.
 
 use core::fmt;

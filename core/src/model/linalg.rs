@@ -399,10 +399,23 @@ fn put<const N: usize>(values: &mut [f64; N], k: usize, value: f64) {
     }
 }
 
-/// Any numbers. Callers list several vectors by hand: a prover would have to unwind a loop.
+/// Any numbers.
 #[cfg(kani)]
 pub(crate) fn any_vector() -> Vector3<f64> {
     Vector3::from(kani::any::<[f64; 3]>())
+}
+
+/// Three vectors of any numbers. Listed by hand: a prover would have to unwind a loop.
+#[cfg(kani)]
+pub(crate) fn any_three() -> [Vector3<f64>; 3] {
+    [any_vector(), any_vector(), any_vector()]
+}
+
+/// Six vectors of any numbers.
+#[cfg(kani)]
+pub(crate) fn any_six() -> [Vector3<f64>; 6] {
+    let ([a, b, c], [d, e, f]) = (any_three(), any_three());
+    [a, b, c, d, e, f]
 }
 
 #[cfg(test)]

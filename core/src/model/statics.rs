@@ -3,12 +3,11 @@
 //! This is the general path; a machine makes its [`LineMatrix`] (`line_matrix`). `W` is factored by blocks of three, and as a whole, with
 //! pivots, where a block is near singular. The cyclic path of the L2 is [`crate::model::l2::Elastic`].
 
-use core::fmt;
 use nalgebra::{ArrayStorage, Matrix6, SMatrix, Vector3};
 
 use crate::model::block_solve::BlockFactors;
-use crate::model::kinematics::{KinematicsError, Pose, TAU_TOLERANCE};
-use crate::model::linalg::{Lu, norm, times};
+use crate::model::kinematics::{KinematicsError, Pose};
+use crate::model::linalg::{Lu, times};
 use crate::model::robot::LINKS;
 use crate::zip::zip;
 
@@ -103,42 +102,6 @@ enum Factors {
     Full(Lu<LINKS>),
 }
 
-/// Error of the statics in the form that the Tau property gives them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum TauFormError {
-    /// A link is not parallel to the first of its cluster.
-    NotParallel {
-        /// Index of the link, from 0 in link order.
-        link: usize,
-        /// Angle between the two, radians (its chord: `|s - s'|`).
-        angle_rad: f64,
-    },
-    /// The pose has no line matrix.
-    Kinematics(KinematicsError),
-}
-
-impl fmt::Display for TauFormError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotParallel { link, angle_rad } => write!(
-                f,
-                "link[{link}] is {angle_rad:e} rad from parallel to the first of its cluster (Tau property)"
-            ),
-            Self::Kinematics(error) => error.fmt(f),
-        }
-    }
-}
-
-impl core::error::Error for TauFormError {}
-
-impl From<KinematicsError> for TauFormError {
-    fn from(error: KinematicsError) -> Self {
-        Self::Kinematics(error)
-    }
-}
-
 impl<const N: usize> Lines<N> {
     /// Lines of links with these directions (`s_ij`) and drives (`D`), on a platform in this pose.
     #[inline]
@@ -163,22 +126,6 @@ impl<const N: usize> Lines<N> {
     pub(crate) fn factored(&self) -> Result<LineMatrix<N>, KinematicsError> {
         let factors = self.factors();
         self.with(factors.as_ref().map_err(|error| *error)?)
-    }
-
-    /// As [`factored`](Self::factored), with the links of each cluster taken as parallel after a check that they are.
-    pub(crate) fn factored_in_tau_form(&self) -> Result<LineMatrix<N>, TauFormError> {
-        let [_, s21, s22, s31, s32, s33] = &self.directions;
-        for (link, first, other) in [(2, s21, s22), (4, s31, s32), (5, s31, s33)] {
-            let angle_rad = norm(&(other - first));
-            if angle_rad > TAU_TOLERANCE {
-                return Err(TauFormError::NotParallel { link, angle_rad });
-            }
-        }
-        let factors = match BlockFactors::of_parallel(&self.directions, &self.moments_m) {
-            Some(factors) => Factors::Blocks(factors),
-            None => self.full()?,
-        };
-        Ok(self.with(&factors)?)
     }
 
     #[inline(never)]
@@ -300,12 +247,6 @@ impl<const N: usize> LineMatrix<N> {
             *column = finite(self.factors.solve(&driven))?;
         }
         Ok(SMatrix::from_data(ArrayStorage(columns)))
-    }
-
-    /// Returns the smallest pivot of `W` over its largest, 0 at a singularity. Costs a pivoting factorisation.
-    #[must_use]
-    pub fn conditioning(&self) -> f64 {
-        Lu::factor(&self.lines.rows()).map_or(0.0, |factors| factors.pivot_ratio())
     }
 }
 

@@ -12,11 +12,9 @@ pub use crate::control::session::fsm::{
 };
 pub use crate::control::session::ingress::{Accepted, Classifier, Diagnostics, Verdict};
 
-use crate::control::client::Client;
 use crate::control::monitor::Monitor;
 use crate::control::session::config::Config;
 use crate::control::session::{Events, LastWrite, Output, Session, TickInput};
-use crate::control::wire::Deframer;
 use crate::units::EpochRange;
 
 /// The state of a session, and the three parts of its tick.
@@ -53,15 +51,6 @@ impl<const N: usize> Internals<N> for Session<N> {
     fn step(&mut self, tick: &TickInput<N>, events: Accepted<N>, counts: Diagnostics) -> Output<N> {
         self.step(tick, events, counts)
     }
-}
-
-/// Builds a client from its parts, if they satisfy the invariant.
-#[must_use]
-pub fn client_from_parts<const N: usize>(
-    dialogue: Dialogue<N>,
-    deframer: Deframer,
-) -> Option<Client<N>> {
-    Client::from_parts(dialogue, deframer)
 }
 
 /// Builds a monitor from its parts.

@@ -102,7 +102,7 @@ pub enum Op {
     Say(Peer, ClientAction),
     /// A tick in which something is different.
     Tick(Circumstances),
-    /// The nominal reference ops by this much per tick from now on, in hundredths of its limit.
+    /// The nominal reference moves by this much per tick from now on, in hundredths of its limit.
     Drift([i8; N]),
     /// The drives refuse the references of the last tick and have these shares in force; beyond 100, they cannot be read back.
     RefusedWrite(Shares),

@@ -192,7 +192,6 @@ proptest! {
         cycle_is_bounded(config, compensator.correct_exact_at(&pose, &q, &load), &load);
         let nominal = nominal.map(PositionNm);
         cycle_is_bounded(config, compensator.correct(&nominal, &load), &load);
-        cycle_is_bounded(config, compensator.correct_exact(&nominal, &load), &load);
     }
 
     #[test]

@@ -9,13 +9,20 @@ fn points<const K: usize>() -> impl Strategy<Value = [[i16; 3]; K]> {
 }
 
 prop_compose! {
-    fn three()(origins in points(), guideways in points(), joints in points(), tool: [i16; 3], positions: [i16; 3], elsewhere: [i16; 3], moved: [i16; 3]) -> Three {
+    fn three()(
+        origins in points(), guideways in points(), joints in points(), tool: [i16; 3],
+        positions: [i16; 3], elsewhere: [i16; 3], moved: [i16; 3],
+    ) -> Three {
         Three { origins, guideways, joints, tool, positions, elsewhere, moved }
     }
 }
 
 prop_compose! {
-    fn six()(carts in points(), guideways in points(), plate_joints in points(), joints in points(), axes in points(), turn_signs in uniform2(any::<bool>()), tool in uniform6(any::<i16>()), positions in uniform6(any::<i16>()), off in uniform6(any::<i16>())) -> Six {
+    fn six()(
+        carts in points(), guideways in points(), plate_joints in points(), joints in points(), axes in points(),
+        turn_signs in uniform2(any::<bool>()), tool in uniform6(any::<i16>()), positions in uniform6(any::<i16>()),
+        off in uniform6(any::<i16>()),
+    ) -> Six {
         Six { carts, guideways, plate_joints, joints, axes, turn_signs, tool, positions, off }
     }
 }

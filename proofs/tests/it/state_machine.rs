@@ -23,7 +23,10 @@ proptest! {
     }
 
     #[test]
-    fn one_event(session in any::session::<3>(), connection in any::connection(), event in any::event(), next_epoch: Option<u64>, before in proptest::collection::vec((any::connection(), any::event()), 0..4)) {
+    fn one_event(
+        session in any::session::<3>(), connection in any::connection(), event in any::event(), next_epoch: Option<u64>,
+        before in proptest::collection::vec((any::connection(), any::event()), 0..4),
+    ) {
         let classifier = Classifier {
             discrete: &session.parts().discrete,
             parameters: session.config().parameters(),
@@ -68,13 +71,19 @@ proptest! {
     }
 
     #[test]
-    fn one_step(session in any::session::<3>(), tick in any::tick_input(), epochs in any::epochs(), events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS)) {
+    fn one_step(
+        session in any::session::<3>(), tick in any::tick_input(), epochs in any::epochs(),
+        events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS),
+    ) {
         let events = Events::from_slice(&events).unwrap();
         session::step_is_right(&StepInput::after_events(&session, &Input { tick, epochs, events }));
     }
 
     #[test]
-    fn one_reference(config in any::axis_config(), nominal: i64, from in -(1_i64 << 61)..=1 << 61, to in -(1_i64 << 61)..=1 << 61, before in any::offsets(), after in any::offsets()) {
+    fn one_reference(
+        config in any::axis_config(), nominal: i64, from in -(1_i64 << 61)..=1 << 61, to in -(1_i64 << 61)..=1 << 61,
+        before in any::offsets(), after in any::offsets(),
+    ) {
         for nominal in [nominal, nominal % 1_000_000] {
             axis::reference_is_inside_travel(&config, PositionNm(nominal), &before);
         }

@@ -248,7 +248,10 @@ proptest! {
     }
 
     #[test]
-    fn chunks_are_collected(mut draw in draw(), kind in 0..7usize, held in 0..MAX_FRAME, length in 0..500usize, cut in 0..500usize, noise in vec(any::<u8>(), 0..20)) {
+    fn chunks_are_collected(
+        mut draw in draw(), kind in 0..7usize, held in 0..MAX_FRAME, length in 0..500usize, cut in 0..500usize,
+        noise in vec(any::<u8>(), 0..20),
+    ) {
         let mut stream = draw.frames::<6>()[kind].to_vec();
         let collector = collector(&stream, held).unwrap();
         stream.extend_from_slice(&noise);
@@ -286,7 +289,11 @@ proptest! {
     }
 
     #[test]
-    fn sealed_frames_are_judged(mut draw in draw(), version in prop_oneof![9 => Just(1_u8), 1 => any::<u8>()], kind in prop_oneof![9 => 0..9_u8, 1 => any::<u8>()], body in prop::option::of(vec(any::<u8>(), 0..400)), at in 0..400usize, value: u8, cut: u16, bit: u16) {
+    fn sealed_frames_are_judged(
+        mut draw in draw(), version in prop_oneof![9 => Just(1_u8), 1 => any::<u8>()],
+        kind in prop_oneof![9 => 0..9_u8, 1 => any::<u8>()], body in prop::option::of(vec(any::<u8>(), 0..400)),
+        at in 0..400usize, value: u8, cut: u16, bit: u16,
+    ) {
         for frame in draw.frames::<3>() {
             // The seal of this crate is that of core.
             let own = frame[6..frame.len() - 4].to_vec();

@@ -139,12 +139,11 @@ pub extern "C" fn client(
     let inverse = kinematics.inverse(tcp_m).map_or(0.0, |q| q.iter().sum());
     let jacobian = kinematics.jacobian(tcp_m).map_or(0.0, |j| j.sum());
     let correction = compensator.correct(nominal, &load);
-    let exact = compensator.correct_exact(nominal, &load);
-    let exact_at = compensator.correct_exact_at(&Pose::at(*tcp_m), q, &load);
+    let exact = compensator.correct_exact_at(&Pose::at(*tcp_m), q, &load);
     let in_q = compensator.correct_q(q, &load);
     inverse
         + jacobian
-        + [correction, in_q, exact, exact_at]
+        + [correction, in_q, exact]
             .iter()
             .flatten()
             .map(metres)
@@ -201,18 +200,16 @@ pub extern "C" fn client_of_six(
     };
     let lines = kinematics.line_matrix(&pose.value, &there.value);
     let jacobian = lines.and_then(|lines| lines.jacobian());
-    let stiffness = (lines.and_then(|lines| lines.compliance(&compliances)))
-        .and_then(|compliance| compliance.to_stiffness());
-    let exact = compensator.correct_exact(nominal, &load);
+    let compliance = lines.and_then(|lines| lines.compliance(&compliances));
     let correction = compensator.correct(nominal, &load);
     let at = compensator.correct_at(&pose.value, &there.value, &load);
-    let exact_at = compensator.correct_exact_at(&pose.value, &there.value, &load);
+    let exact = compensator.correct_exact_at(&pose.value, &there.value, &load);
     f64::from(robot.kinematics_checksum())
         + synchronised.map_or(0.0, |pose| pose.position_m.sum())
         + jacobian.map_or(0.0, |jacobian| jacobian.sum())
-        + stiffness.map_or(0.0, |stiffness| stiffness.0.sum())
+        + compliance.map_or(0.0, |compliance| compliance.0.sum())
         + fixed.map_or(0.0, |fixed| fixed.value.0.iter().sum())
-        + [correction, at, exact, exact_at]
+        + [correction, at, exact]
             .iter()
             .flatten()
             .map(metres)

@@ -148,13 +148,6 @@ impl<const N: usize> Client<N> {
         }
     }
 
-    /// Builds a client from its parts, if they satisfy the invariant.
-    #[must_use]
-    pub(crate) fn from_parts(dialogue: Dialogue<N>, deframer: Deframer) -> Option<Self> {
-        let client = Self { dialogue, deframer };
-        client.is_valid().then_some(client)
-    }
-
     /// The invariant: dialogue and deframer are valid.
     #[must_use]
     pub fn is_valid(&self) -> bool {

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::control::axis::Actual;
-use crate::control::channel::{LimitValues, Limits};
+use crate::control::channel::tests::limits;
 use crate::control::endpoint::{Endpoint, MotorMap};
 use crate::control::message::{AxisLimits, Cause, Counters, ServerMessage};
 use crate::control::session::config::{AxisConfig, Config, Parameters, Travel};
@@ -20,16 +20,6 @@ use crate::units::{
 type Tested = Client<2>;
 
 const CHECKSUM: u32 = 0xfeed_f00d;
-
-fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
-    Limits::new(LimitValues {
-        max,
-        step,
-        accel,
-        ramp,
-    })
-    .unwrap()
-}
 
 fn axis(max: i32) -> AxisConfig {
     let limits = AxisLimits {

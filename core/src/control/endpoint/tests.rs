@@ -4,7 +4,7 @@ use std::vec::Vec as StdVec;
 
 use super::*;
 use crate::control::axis::{Actual, Offsets};
-use crate::control::channel::{LimitValues, Limits};
+use crate::control::channel::tests::limits;
 use crate::control::message::{Capabilities, Cause, ClientMessage, Command, Hello, Mode, Phase};
 use crate::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use crate::control::session::{LastWrite, Start};
@@ -30,13 +30,7 @@ struct Bench {
 }
 
 fn config() -> Config<2> {
-    let limits = Limits::new(LimitValues {
-        max: 100_000,
-        step: 5_000,
-        accel: 10_000,
-        ramp: 100,
-    })
-    .unwrap();
+    let limits = limits(100_000, 5_000, 10_000, 100);
     let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000), 0);
     Config::new(Parameters::thesis([axis; 2])).unwrap()
 }

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::control::axis::Offsets;
-use crate::control::channel::{LimitValues, Limits};
+use crate::control::channel::tests::limits;
 use crate::control::message::{
     AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode,
 };
@@ -16,16 +16,6 @@ use crate::control::session::{Connection, Event, Input, LastWrite, Output, Sessi
 use crate::units::{EpochRange, OffsetNm, TorquePermille, VelocityUmS};
 
 const OWNER: Connection = Connection(1);
-
-fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
-    Limits::new(LimitValues {
-        max,
-        step,
-        accel,
-        ramp,
-    })
-    .unwrap()
-}
 
 /// Two axes with different limits; the ramp is long enough to be seen.
 fn config() -> Config<2> {

@@ -4,7 +4,8 @@ use std::vec::Vec as StdVec;
 
 use super::config::{AxisConfig, MissBudget, Parameters, Travel};
 use super::*;
-use crate::control::channel::{Channel, LimitValues, Limits};
+use crate::control::channel::tests::limits;
+use crate::control::channel::{Channel, Limits};
 use crate::control::message::{
     AxisFlags, AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode,
 };
@@ -13,17 +14,6 @@ use crate::units::{ChannelUnit, OffsetNm, PositionNm, TorquePermille, VelocityUm
 
 const OWNER: Connection = Connection(1);
 const OTHER: Connection = Connection(2);
-
-/// Limits from M, S, A and rho.
-fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
-    Limits::new(LimitValues {
-        max,
-        step,
-        accel,
-        ramp,
-    })
-    .unwrap()
-}
 
 fn parameters() -> Parameters<2> {
     let limits = AxisLimits {

@@ -109,21 +109,7 @@ impl Compensator {
         self.config.bounded(q, &command)
     }
 
-    /// As [`correct`](Self::correct) by the exact map, which costs up to ten inverses; the share `gain` of its offsets.
-    ///
-    /// # Errors
-    /// As [`Kinematics::forward`] and [`Elastic::exact_command`].
-    pub fn correct_exact(
-        &mut self,
-        nominal: &[PositionNm; AXES],
-        load: &Wrench,
-    ) -> Result<Correction<AXES>, KinematicsError> {
-        let q = self.config.q_of(nominal);
-        let pose = self.track(&q)?.value;
-        self.correct_exact_at(&pose, &q, load)
-    }
-
-    /// As [`correct_exact`](Self::correct_exact), for a known pose and its positions in q-units.
+    /// As [`correct_at`](Self::correct_at) by the exact map, which costs up to ten inverses; the share `gain` of its offsets.
     ///
     /// # Errors
     /// As [`Elastic::exact_command`].

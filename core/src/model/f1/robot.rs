@@ -145,20 +145,10 @@ impl Robot {
 #[cfg(kani)]
 impl kani::Arbitrary for Robot {
     fn any() -> Self {
-        use crate::model::linalg::any_vector;
-        let any_six = || {
-            [
-                any_vector(),
-                any_vector(),
-                any_vector(),
-                any_vector(),
-                any_vector(),
-                any_vector(),
-            ]
-        };
+        use crate::model::linalg::{any_six, any_three, any_vector};
         let geometry = Geometry {
-            carts_m: [any_vector(), any_vector(), any_vector()],
-            guideways: [any_vector(), any_vector(), any_vector()],
+            carts_m: any_three(),
+            guideways: any_three(),
             plate_joints_m: any_six(),
             platform_joints_m: any_six(),
             lengths_m: kani::any(),

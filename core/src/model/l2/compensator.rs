@@ -96,22 +96,7 @@ impl Compensator {
         self.config.bounded(q, &command)
     }
 
-    /// As [`correct`](Self::correct) by the exact map, which costs up to ten solves of six equations; the share `gain` of its offsets.
-    ///
-    /// # Errors
-    /// As [`Kinematics::forward`] and [`Elastic::exact_command`].
-    pub fn correct_exact(
-        &self,
-        nominal: &[PositionNm; AXES],
-        load: &Wrench,
-    ) -> Result<Correction<AXES>, KinematicsError> {
-        let q = self.config.q_of(nominal);
-        let kinematics = self.machine.kinematics();
-        let pose = kinematics.pose(kinematics.forward(&q)?);
-        self.correct_exact_at(&pose, &q, load)
-    }
-
-    /// As [`correct_exact`](Self::correct_exact), for a known pose and its positions in q-units.
+    /// As [`correct_q`](Self::correct_q) by the exact map, for a known pose; the share `gain` of its offsets.
     ///
     /// # Errors
     /// As [`Elastic::exact_command`].
@@ -294,15 +279,9 @@ mod tests {
         let cut = cut.unwrap();
         assert!(cut.saturated.contains(&true), "{cut:?}");
         assert!(cut.offsets.iter().all(|offset| offset.0.abs() <= 100_000));
-        let nominal = [
-            PositionNm(500_000_000),
-            PositionNm(-500_000_000),
-            PositionNm(500_000_000),
-        ];
-        let exact = compensator(1.0, LIMIT)
-            .correct_exact(&nominal, &load)
-            .unwrap();
-        let first_order = compensator(1.0, LIMIT).correct(&nominal, &load).unwrap();
+        let ours = compensator(1.0, LIMIT);
+        let exact = ours.correct_exact_at(&pose, &q, &load).unwrap();
+        let first_order = ours.correct_q(&q, &load).unwrap();
         for (one, other) in exact.offsets.iter().zip(first_order.offsets) {
             assert!(
                 (one.0 - other.0).abs() < other.0.abs() / 50,

@@ -490,7 +490,7 @@ impl Arm {
 #[cfg(kani)]
 impl kani::Arbitrary for Kinematics {
     fn any() -> Self {
-        use crate::model::linalg::any_vector;
+        use crate::model::linalg::{any_six, any_vector};
         let any_arm = || Arm {
             origin_m: any_vector(),
             guideway: any_vector(),
@@ -514,14 +514,7 @@ impl kani::Arbitrary for Kinematics {
             mismatch_max: kani::any(),
             rotation: Matrix3::from(kani::any::<[[f64; 3]; 3]>()),
             robot: kani::any(),
-            levers_m: [
-                any_vector(),
-                any_vector(),
-                any_vector(),
-                any_vector(),
-                any_vector(),
-                any_vector(),
-            ],
+            levers_m: any_six(),
         }
     }
 }

@@ -173,20 +173,10 @@ pub(super) fn links<'a>(
 #[cfg(kani)]
 impl kani::Arbitrary for Robot {
     fn any() -> Self {
-        use crate::model::linalg::any_vector;
-        let any_six = || {
-            [
-                any_vector(),
-                any_vector(),
-                any_vector(),
-                any_vector(),
-                any_vector(),
-                any_vector(),
-            ]
-        };
+        use crate::model::linalg::{any_six, any_three};
         let geometry = Geometry {
             cart_joints_m: any_six(),
-            guideways: [any_vector(), any_vector(), any_vector()],
+            guideways: any_three(),
             platform_joints_m: any_six(),
             lengths_m: kani::any(),
             configuration: Configuration {

@@ -5,14 +5,12 @@
 //! Displacements are small: first order in the load.
 
 mod contact;
-mod reference_point;
 
 pub use contact::contact_loop_gain;
 
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::{Matrix3, Matrix6, Vector3};
 
 use crate::model::kinematics::KinematicsError;
-use crate::model::linalg::Lu;
 use crate::model::robot::{Compliances, LINKS};
 use crate::model::statics::{LineMatrix, Wrench, finite};
 
@@ -45,47 +43,13 @@ impl Displacement {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compliance(pub Matrix6<f64>);
 
-/// Load (N, N m) per displacement (m, rad), world axes, about the tool centre point: `w = K dx`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stiffness(pub Matrix6<f64>);
-
 impl Compliance {
-    /// Returns `dx = C w`.
+    /// `C_tt`: translation of the tool centre point per force at it, m/N. Not the inverse of the stiffness' block, which is that
+    /// of a platform kept from turning.
     #[must_use]
-    pub fn displacement(&self, load: &Wrench) -> Displacement {
-        let dx = self.0 * nalgebra::Vector6::from(load.to_array());
-        let (t, r) = (dx.fixed_rows::<3>(0), dx.fixed_rows::<3>(3));
-        Displacement {
-            translation_m: t.into_owned(),
-            rotation_rad: r.into_owned(),
-        }
+    pub fn translation(&self) -> Matrix3<f64> {
+        self.0.fixed_view::<3, 3>(0, 0).into_owned()
     }
-
-    /// Returns `K = C^-1`. For the compliance of the translation use the block of `C`; the inverse of `K`'s block is that of
-    /// a platform that is kept from turning.
-    ///
-    /// # Errors
-    /// [`KinematicsError::Singular`], `NotFinite`.
-    pub fn to_stiffness(&self) -> Result<Stiffness, KinematicsError> {
-        inverse(&self.0).map(Stiffness)
-    }
-}
-
-impl Stiffness {
-    /// Returns `C = K^-1`.
-    ///
-    /// # Errors
-    /// [`KinematicsError::Singular`], `NotFinite`.
-    pub fn to_compliance(&self) -> Result<Compliance, KinematicsError> {
-        inverse(&self.0).map(Compliance)
-    }
-}
-
-fn inverse(matrix: &Matrix6<f64>) -> Result<Matrix6<f64>, KinematicsError> {
-    // Columns of the transpose are rows.
-    let rows: [[f64; 6]; 6] = matrix.transpose().into();
-    let factors = Lu::factor(&rows)?;
-    from_columns(|unit| finite(factors.solve(unit)))
 }
 
 /// The matrix whose columns are the images of the unit vectors.
@@ -185,27 +149,3 @@ impl<const N: usize> LineMatrix<N> {
 }
 
 const _: () = assert!(LINKS == 6, "displacements and link forces share a size");
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::model::kinematics::Pose;
-    use crate::model::l2::Robot;
-    use crate::model::l2::tests::{close, compliances, geometry, l2};
-
-    #[test]
-    fn stiffness_and_compliance_are_inverses() {
-        let robot = Robot::new(geometry()).unwrap();
-        for position in [[0.0, 0.5, 0.65], [0.3, 0.4, 0.6], [-0.3, 0.55, 0.8]] {
-            let tcp = position.into();
-            let q = l2().inverse(&tcp).unwrap();
-            let lines = robot.line_matrix(&Pose::at(tcp), &q).unwrap();
-            let compliance = lines.compliance(&compliances()).unwrap();
-            let stiffness = compliance.to_stiffness().unwrap();
-            let back = stiffness.to_compliance().unwrap();
-            close(back.0.as_slice(), compliance.0.as_slice(), 1e-9, "C");
-            assert!(stiffness.0.cholesky().is_some(), "positive definite");
-        }
-        assert!(Compliance(Matrix6::zeros()).to_stiffness().is_err());
-    }
-}

@@ -44,7 +44,31 @@ macro_rules! fields {
         }
     };
 }
-pub(crate) use fields;
+
+/// An enum as the number of its variant out of `$count`, and its fields one after the other.
+macro_rules! variants {
+    ($type:ty, $count:literal: $($number:literal => $variant:ident $({$($field:ident),*})? $(($($value:ident),*))?;)*) => {
+        impl crate::fuzz_seeds::bytes::Put for $type {
+            fn put(&self, bytes: &mut Vec<u8>) {
+                match self {$(
+                    Self::$variant $({$($field),*})? $(($($value),*))? => {
+                        crate::fuzz_seeds::bytes::put_variant($number, $count, bytes);
+                        $($($field.put(bytes);)*)?
+                        $($($value.put(bytes);)*)?
+                    }
+                )*}
+            }
+        }
+    };
+}
+
+/// Seeds by name.
+macro_rules! seeds {
+    ($($name:literal => $value:expr;)*) => {
+        vec![$(($name.to_owned(), crate::fuzz_seeds::bytes::bytes_of(&$value))),*]
+    };
+}
+pub(crate) use {fields, seeds, variants};
 
 impl Put for bool {
     fn put(&self, bytes: &mut Vec<u8>) {

@@ -5,7 +5,7 @@ use gantry_tau_proofs::scenario::{
 };
 
 use super::Seed;
-use super::bytes::{Put, bytes_of, fields, put_variant};
+use super::bytes::{Put, fields, seeds, variants};
 
 fields!(Scenario: machine, in_force, late_in_life, ops);
 fields!(Machine: rates, reach, nominal_step, budget, echo_window, handshake_ticks, lockstep);
@@ -19,119 +19,42 @@ impl<A: Put, B: Put> Put for (A, B) {
     }
 }
 
-impl Put for Peer {
-    fn put(&self, bytes: &mut Vec<u8>) {
-        let number = match self {
-            Self::Owner => 0,
-            Self::One => 1,
-            Self::Other => 2,
-        };
-        put_variant(number, 3, bytes);
-    }
+variants!(Peer, 3: 0 => Owner; 1 => One; 2 => Other;);
+variants! { Op, 6:
+    0 => Answer { obtain, targets, times };
+    1 => Silence(ticks);
+    2 => Say(peer, action);
+    3 => Tick(circumstances);
+    4 => Drift(drift);
+    5 => RefusedWrite(shares);
 }
-
-impl Put for Op {
-    fn put(&self, bytes: &mut Vec<u8>) {
-        let mut variant = |number| put_variant(number, 6, bytes);
-        match self {
-            Self::Answer {
-                obtain,
-                targets,
-                times,
-            } => {
-                variant(0);
-                obtain.put(bytes);
-                targets.put(bytes);
-                times.put(bytes);
-            }
-            Self::Silence(ticks) => {
-                variant(1);
-                ticks.put(bytes);
-            }
-            Self::Say(peer, action) => {
-                variant(2);
-                peer.put(bytes);
-                action.put(bytes);
-            }
-            Self::Tick(circumstances) => {
-                variant(3);
-                circumstances.put(bytes);
-            }
-            Self::Drift(drift) => {
-                variant(4);
-                drift.put(bytes);
-            }
-            Self::RefusedWrite(shares) => {
-                variant(5);
-                shares.put(bytes);
-            }
-        }
-    }
-}
-
-impl Put for ClientAction {
-    fn put(&self, bytes: &mut Vec<u8>) {
-        let mut variant = |number| put_variant(number, 9, bytes);
-        match self {
-            Self::Hello { axes, capabilities } => {
-                variant(0);
-                axes.put(bytes);
-                capabilities.put(bytes);
-            }
-            Self::Command {
-                epoch,
-                ahead,
-                behind,
-                obtain,
-                targets,
-            } => {
-                variant(1);
-                epoch.put(bytes);
-                ahead.put(bytes);
-                behind.put(bytes);
-                obtain.put(bytes);
-                targets.put(bytes);
-            }
-            Self::Goodbye { epoch } => {
-                variant(2);
-                epoch.put(bytes);
-            }
-            Self::Stop { epoch } => {
-                variant(3);
-                epoch.put(bytes);
-            }
-            Self::Malformed => variant(4),
-            Self::Dropped => variant(5),
-            Self::Broken => variant(6),
-            Self::Flood => variant(7),
-            Self::Closed => variant(8),
-        }
-    }
+variants! { ClientAction, 9:
+    0 => Hello { axes, capabilities };
+    1 => Command { epoch, ahead, behind, obtain, targets };
+    2 => Goodbye { epoch };
+    3 => Stop { epoch };
+    4 => Malformed;
+    5 => Dropped;
+    6 => Broken;
+    7 => Flood;
+    8 => Closed;
 }
 
 /// The limits of `robots/l2.toml`, about.
 const MACHINE: Machine = {
-    let off = Rates {
-        max: 0,
-        ramp: 0,
-        step: 0,
-        accel: 0,
-        scale: 0,
-    };
-    let position = Rates {
-        max: 3_000,
-        ramp: 99,
-        step: 200,
-        accel: 100,
-        scale: 0,
-    };
-    let push = Rates {
-        max: 500,
-        ramp: 9,
-        step: 40,
-        accel: 0,
-        scale: 0,
-    };
+    const fn rates(max: u16, [ramp, step, accel]: [u8; 3]) -> Rates {
+        let scale = 0;
+        Rates {
+            max,
+            ramp,
+            step,
+            accel,
+            scale,
+        }
+    }
+    let off = rates(0, [0; 3]);
+    let position = rates(3_000, [99, 200, 100]);
+    let push = rates(500, [9, 40, 0]);
     Machine {
         rates: [[position, push, push], [position, off, off]],
         reach: 1_000_000,
@@ -205,367 +128,64 @@ pub(crate) fn seeds() -> Vec<Seed> {
     };
     let usual = |then: &[Op]| scenario(MACHINE, obtained(then));
     let other = |action| Op::Say(Peer::Other, action);
-    let all = [
-        ("silence_ends_it", usual(&[silence(60)])),
-        (
-            "one_miss_does_not",
-            usual(&[silence(1), answers(true, 3), silence(1), answers(true, 3)]),
-        ),
-        (
-            "goodbye",
-            usual(&[owner(ClientAction::Goodbye { epoch: 0 }), silence(60)]),
-        ),
-        (
-            "goodbye_of_another_epoch",
-            usual(&[owner(ClientAction::Goodbye { epoch: -1 }), answers(true, 2)]),
-        ),
-        (
-            "back_to_submit",
-            usual(&[answers(false, 40), answers(true, 5)]),
-        ),
-        (
-            "stop_by_the_owner",
-            usual(&[
-                owner(ClientAction::Stop { epoch: 0 }),
-                silence(60),
-                rearm,
-                silence(2),
-            ]),
-        ),
-        (
-            "stop_at_the_machine_and_rearm",
-            usual(&[
-                stop,
-                silence(60),
-                rearm,
-                Op::Say(Peer::Other, HELLO),
-                silence(2),
-                answers(false, 3),
-            ]),
-        ),
-        (
-            "rearm_that_is_stuck",
-            usual(&[
-                Op::Tick(Circumstances {
-                    stop: true,
-                    rearm: true,
-                    ..TICK
-                }),
-                rearm,
-                rearm,
-                silence(1),
-                rearm,
-            ]),
-        ),
-        (
-            "stop_with_a_hello",
-            scenario(
-                MACHINE,
-                vec![Op::Say(Peer::One, HELLO), stop, other(HELLO), silence(2)],
-            ),
-        ),
-        (
-            "other_peer_knocks",
-            usual(&[
-                other(HELLO),
-                other(command(1, 0)),
-                other(ClientAction::Stop { epoch: 0 }),
-                other(ClientAction::Broken),
-                answers(true, 2),
-            ]),
-        ),
-        (
-            "two_ask_at_once",
-            scenario(
-                MACHINE,
-                vec![
-                    other(HELLO),
-                    Op::Say(Peer::One, HELLO),
-                    silence(1),
-                    answers(false, 4),
-                ],
-            ),
-        ),
-        (
-            "hello_while_it_ramps",
-            usual(&[
-                silence(3),
-                other(HELLO),
-                silence(60),
-                other(HELLO),
-                silence(1),
-            ]),
-        ),
-        (
-            "hello_of_another_machine",
-            scenario(
-                MACHINE,
-                vec![
-                    Op::Say(
-                        Peer::One,
-                        ClientAction::Hello {
-                            axes: 1,
-                            capabilities: 0,
-                        },
-                    ),
-                    silence(2),
-                ],
-            ),
-        ),
-        (
-            "hello_without_lockstep",
-            scenario(
-                Machine {
-                    lockstep: true,
-                    ..MACHINE
-                },
-                vec![Op::Say(Peer::One, HELLO), silence(2)],
-            ),
-        ),
-        (
-            "no_epoch_left",
-            Scenario {
-                late_in_life: true,
-                ..usual(&[silence(90)])
-            },
-        ),
-        (
-            "handshake_takes_too_long",
-            scenario(MACHINE, vec![Op::Say(Peer::One, HELLO), silence(30)]),
-        ),
-        (
-            "obtain_before_submit",
-            scenario(
-                MACHINE,
-                vec![
-                    Op::Say(Peer::One, HELLO),
-                    silence(1),
-                    owner(command(1, 0)),
-                    silence(1),
-                ],
-            ),
-        ),
-        (
-            "server_skips_one_cycle",
-            usual(&[owner(command(1, 0)), elapsed(2), answers(true, 2)]),
-        ),
-        (
-            "server_skips_two_cycles",
-            usual(&[owner(command(1, 0)), elapsed(3), silence(2)]),
-        ),
-        (
-            "answers_to_old_states",
-            usual(&[
-                owner(command(1, 1)),
-                silence(1),
-                owner(command(1, 2)),
-                silence(2),
-            ]),
-        ),
-        (
-            "answers_within_the_window",
-            scenario(
-                Machine {
-                    echo_window: 2,
-                    ..MACHINE
-                },
-                obtained(&[
-                    owner(command(1, 2)),
-                    silence(1),
-                    owner(command(2, 3)),
-                    silence(1),
-                ]),
-            ),
-        ),
-        (
-            "sequence_at_the_end_of_its_window",
-            usual(&[
-                owner(command(65_536, 0)),
-                silence(1),
-                owner(command(65_537, 0)),
-                silence(1),
-            ]),
-        ),
-        (
-            "several_in_one_tick",
-            usual(&[
-                owner(command(5, 0)),
-                owner(command(7, 0)),
-                owner(command(5, 0)),
-                owner(command(0, 0)),
-                owner(command(-1, 0)),
-                silence(1),
-            ]),
-        ),
-        (
-            "target_out_of_range",
-            usual(&[Op::Answer {
-                obtain: true,
-                targets: [[101, 0, 0]; 2],
-                times: 2,
-            }]),
-        ),
-        (
-            "reversal",
-            usual(&[Op::Answer {
-                obtain: true,
-                targets: [[-90, -50, 50], [40, 0, 0]],
-                times: 30,
-            }]),
-        ),
-        (
-            "broken_stream",
-            usual(&[owner(ClientAction::Broken), silence(5)]),
-        ),
-        (
-            "flood_with_a_stop",
-            usual(&[
-                owner(ClientAction::Flood),
-                owner(ClientAction::Stop { epoch: 0 }),
-                silence(5),
-            ]),
-        ),
-        ("flood", usual(&[owner(ClientAction::Flood), silence(5)])),
-        (
-            "goodbye_in_the_handshake",
-            scenario(
-                MACHINE,
-                vec![
-                    Op::Say(Peer::One, HELLO),
-                    silence(1),
-                    owner(ClientAction::Goodbye { epoch: 0 }),
-                    silence(3),
-                ],
-            ),
-        ),
-        (
-            "epoch_that_was_given_before",
-            scenario(
-                MACHINE,
-                vec![
-                    Op::Say(Peer::One, HELLO),
-                    Op::Tick(Circumstances { epoch: -1, ..TICK }),
-                    silence(1),
-                ],
-            ),
-        ),
-        (
-            "answer_to_a_state_that_was_never_sent",
-            usual(&[owner(command(1, -1)), silence(1)]),
-        ),
-        (
-            "one_miss_in_submit",
-            usual(&[answers(false, 40), silence(1), answers(false, 2)]),
-        ),
-        ("skipped_and_lost", usual(&[elapsed(2), silence(2)])),
-        ("skipped_for_hours", usual(&[elapsed(u32::MAX), silence(2)])),
-        (
-            "other_peer_hangs_up",
-            usual(&[
-                other(HELLO),
-                other(ClientAction::Closed),
-                other(ClientAction::Flood),
-                answers(true, 2),
-            ]),
-        ),
-        (
-            "owner_hangs_up_while_it_ramps",
-            usual(&[silence(4), owner(ClientAction::Closed), silence(3)]),
-        ),
-        (
-            "closed",
-            usual(&[
-                owner(ClientAction::Closed),
-                silence(60),
-                Op::Say(Peer::One, HELLO),
-                silence(1),
-            ]),
-        ),
-        (
-            "frames_with_bad_content",
-            usual(&[
-                owner(ClientAction::Malformed),
-                owner(ClientAction::Dropped),
-                owner(HELLO),
-                answers(true, 1),
-            ]),
-        ),
-        (
-            "nominal_moves",
-            scenario(
-                MACHINE,
-                [vec![Op::Drift([100, -100])], obtained(&[silence(3)])].concat(),
-            ),
-        ),
-        (
-            "nominal_steps",
-            usual(&[Op::Drift([101, 0]), answers(true, 2), silence(40)]),
-        ),
-        (
-            "nominal_jumps_out_of_travel",
-            usual(&[
-                Op::Tick(Circumstances {
-                    jump: Some(i64::MIN),
-                    ..TICK
-                }),
-                silence(5),
-            ]),
-        ),
-        (
-            "one_in_four_lost",
-            scenario(
-                Machine {
-                    budget: Some((9, 2)),
-                    ..MACHINE
-                },
-                obtained(&[
-                    silence(1),
-                    answers(true, 3),
-                    silence(1),
-                    answers(true, 3),
-                    silence(1),
-                    answers(true, 3),
-                ]),
-            ),
-        ),
-        (
-            "restart_with_offsets",
-            Scenario {
-                in_force: PUSH,
-                ..scenario(MACHINE, vec![Op::Say(Peer::One, HELLO), silence(60)])
-            },
-        ),
-        (
-            "restart_beyond_the_limits",
-            Scenario {
-                in_force: [[127; 3]; 2],
-                ..scenario(MACHINE, vec![silence(1)])
-            },
-        ),
-        (
-            "machine_did_not_take_them",
-            usual(&[
-                Op::RefusedWrite([[10, 0, 0]; 2]),
-                silence(20),
-                Op::RefusedWrite([[127; 3]; 2]),
-            ]),
-        ),
-        (
-            "datagrams",
-            scenario(
-                MACHINE,
-                vec![
-                    other(HELLO),
-                    silence(1),
-                    answers(false, 3),
-                    owner(ClientAction::Dropped),
-                    answers(true, 4),
-                    owner(ClientAction::Broken),
-                    answers(true, 2),
-                ],
-            ),
-        ),
-    ];
-    all.map(|(name, scenario)| (name.to_owned(), bytes_of(&scenario)))
-        .into()
+    seeds! {
+        "silence_ends_it" => usual(&[silence(60)]);
+        "one_miss_does_not" => usual(&[silence(1), answers(true, 3), silence(1), answers(true, 3)]);
+        "goodbye" => usual(&[owner(ClientAction::Goodbye { epoch: 0 }), silence(60)]);
+        "goodbye_of_another_epoch" => usual(&[owner(ClientAction::Goodbye { epoch: -1 }), answers(true, 2)]);
+        "back_to_submit" => usual(&[answers(false, 40), answers(true, 5)]);
+        "stop_by_the_owner" => usual(&[owner(ClientAction::Stop { epoch: 0 }), silence(60), rearm, silence(2)]);
+        "stop_at_the_machine_and_rearm" => usual(&[stop, silence(60), rearm, Op::Say(Peer::Other, HELLO), silence(2),
+            answers(false, 3)]);
+        "rearm_that_is_stuck" => usual(&[Op::Tick(Circumstances { stop: true, rearm: true, ..TICK }), rearm, rearm, silence(1),
+            rearm]);
+        "stop_with_a_hello" => scenario(MACHINE, vec![Op::Say(Peer::One, HELLO), stop, other(HELLO), silence(2)]);
+        "other_peer_knocks" => usual(&[other(HELLO), other(command(1, 0)), other(ClientAction::Stop { epoch: 0 }),
+            other(ClientAction::Broken), answers(true, 2)]);
+        "two_ask_at_once" => scenario(MACHINE, vec![other(HELLO), Op::Say(Peer::One, HELLO), silence(1), answers(false, 4)]);
+        "hello_while_it_ramps" => usual(&[silence(3), other(HELLO), silence(60), other(HELLO), silence(1)]);
+        "hello_of_another_machine" => scenario(MACHINE, vec![Op::Say(Peer::One, ClientAction::Hello { axes: 1, capabilities: 0 }),
+            silence(2)]);
+        "hello_without_lockstep" => scenario(Machine { lockstep: true, ..MACHINE }, vec![Op::Say(Peer::One, HELLO), silence(2)]);
+        "no_epoch_left" => Scenario { late_in_life: true, ..usual(&[silence(90)]) };
+        "handshake_takes_too_long" => scenario(MACHINE, vec![Op::Say(Peer::One, HELLO), silence(30)]);
+        "obtain_before_submit" => scenario(MACHINE, vec![Op::Say(Peer::One, HELLO), silence(1), owner(command(1, 0)), silence(1)]);
+        "server_skips_one_cycle" => usual(&[owner(command(1, 0)), elapsed(2), answers(true, 2)]);
+        "server_skips_two_cycles" => usual(&[owner(command(1, 0)), elapsed(3), silence(2)]);
+        "answers_to_old_states" => usual(&[owner(command(1, 1)), silence(1), owner(command(1, 2)), silence(2)]);
+        "answers_within_the_window" => scenario(Machine { echo_window: 2, ..MACHINE }, obtained(&[owner(command(1, 2)), silence(1),
+            owner(command(2, 3)), silence(1)]));
+        "sequence_at_the_end_of_its_window" => usual(&[owner(command(65_536, 0)), silence(1), owner(command(65_537, 0)),
+            silence(1)]);
+        "several_in_one_tick" => usual(&[owner(command(5, 0)), owner(command(7, 0)), owner(command(5, 0)), owner(command(0, 0)),
+            owner(command(-1, 0)), silence(1)]);
+        "target_out_of_range" => usual(&[Op::Answer { obtain: true, targets: [[101, 0, 0]; 2], times: 2 }]);
+        "reversal" => usual(&[Op::Answer { obtain: true, targets: [[-90, -50, 50], [40, 0, 0]], times: 30 }]);
+        "broken_stream" => usual(&[owner(ClientAction::Broken), silence(5)]);
+        "flood_with_a_stop" => usual(&[owner(ClientAction::Flood), owner(ClientAction::Stop { epoch: 0 }), silence(5)]);
+        "flood" => usual(&[owner(ClientAction::Flood), silence(5)]);
+        "goodbye_in_the_handshake" => scenario(MACHINE, vec![Op::Say(Peer::One, HELLO), silence(1),
+            owner(ClientAction::Goodbye { epoch: 0 }), silence(3)]);
+        "epoch_that_was_given_before" => scenario(MACHINE, vec![Op::Say(Peer::One, HELLO), Op::Tick(Circumstances { epoch: -1,
+            ..TICK }), silence(1)]);
+        "answer_to_a_state_that_was_never_sent" => usual(&[owner(command(1, -1)), silence(1)]);
+        "one_miss_in_submit" => usual(&[answers(false, 40), silence(1), answers(false, 2)]);
+        "skipped_and_lost" => usual(&[elapsed(2), silence(2)]);
+        "skipped_for_hours" => usual(&[elapsed(u32::MAX), silence(2)]);
+        "other_peer_hangs_up" => usual(&[other(HELLO), other(ClientAction::Closed), other(ClientAction::Flood), answers(true, 2)]);
+        "owner_hangs_up_while_it_ramps" => usual(&[silence(4), owner(ClientAction::Closed), silence(3)]);
+        "closed" => usual(&[owner(ClientAction::Closed), silence(60), Op::Say(Peer::One, HELLO), silence(1)]);
+        "frames_with_bad_content" => usual(&[owner(ClientAction::Malformed), owner(ClientAction::Dropped), owner(HELLO),
+            answers(true, 1)]);
+        "nominal_moves" => scenario(MACHINE, [vec![Op::Drift([100, -100])], obtained(&[silence(3)])].concat());
+        "nominal_steps" => usual(&[Op::Drift([101, 0]), answers(true, 2), silence(40)]);
+        "nominal_jumps_out_of_travel" => usual(&[Op::Tick(Circumstances { jump: Some(i64::MIN), ..TICK }), silence(5)]);
+        "one_in_four_lost" => scenario(Machine { budget: Some((9, 2)), ..MACHINE }, obtained(&[silence(1), answers(true, 3),
+            silence(1), answers(true, 3), silence(1), answers(true, 3)]));
+        "restart_with_offsets" => Scenario { in_force: PUSH, ..scenario(MACHINE, vec![Op::Say(Peer::One, HELLO), silence(60)]) };
+        "restart_beyond_the_limits" => Scenario { in_force: [[127; 3]; 2], ..scenario(MACHINE, vec![silence(1)]) };
+        "machine_did_not_take_them" => usual(&[Op::RefusedWrite([[10, 0, 0]; 2]), silence(20), Op::RefusedWrite([[127; 3]; 2])]);
+        "datagrams" => scenario(MACHINE, vec![other(HELLO), silence(1), answers(false, 3), owner(ClientAction::Dropped),
+            answers(true, 4), owner(ClientAction::Broken), answers(true, 2)]);
+    }
 }

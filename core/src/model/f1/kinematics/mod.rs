@@ -23,7 +23,7 @@ use crate::model::kinematics::{
 };
 use crate::model::linalg::{max_propagating_nan, norm, times};
 use crate::model::robot::{ARM_OF_LINK, ARMS, LINKS};
-use crate::model::statics::{LineMatrix, Lines, TauFormError};
+use crate::model::statics::{LineMatrix, Lines};
 use crate::zip::zip;
 use plates::Plates;
 
@@ -151,20 +151,6 @@ impl Kinematics {
         // their stack use does not add up.
         let lines = self.lines(pose, q);
         lines.as_ref().map_err(|error| *error)?.factored()
-    }
-
-    /// As [`line_matrix`](Self::line_matrix), in a pose with parallel links in each cluster (the Tau property; for the F1: plates in
-    /// step): cluster sums carry the force, and differences of levers the moment. It is as exact as the links are parallel.
-    ///
-    /// # Errors
-    /// [`TauFormError::NotParallel`] by more than [`TAU_TOLERANCE`](crate::model::kinematics::TAU_TOLERANCE); else as
-    /// [`line_matrix`](Self::line_matrix).
-    pub fn line_matrix_in_tau_form(
-        &self,
-        pose: &Pose,
-        q: &[f64; AXES],
-    ) -> Result<LineMatrix<AXES>, TauFormError> {
-        self.lines(pose, q)?.factored_in_tau_form()
     }
 
     #[inline(never)]
@@ -329,14 +315,14 @@ const _: () = assert!(ARMS == 3 && LINKS == AXES, "six links for six axes");
 #[cfg(kani)]
 impl kani::Arbitrary for Kinematics {
     fn any() -> Self {
-        use crate::model::linalg::any_vector;
+        use crate::model::linalg::any_three;
         Self {
             robot: kani::any(),
             plates: kani::any(),
             size_m: kani::any(),
             tolerance_m: kani::any(),
             travel: kani::any(),
-            sides: [any_vector(), any_vector(), any_vector()],
+            sides: any_three(),
             plate_reaches_m: kani::any(),
         }
     }

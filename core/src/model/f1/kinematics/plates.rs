@@ -220,23 +220,16 @@ impl PlatesAt {
 #[cfg(kani)]
 impl kani::Arbitrary for Plates {
     fn any() -> Self {
-        use crate::model::linalg::any_vector;
+        use crate::model::linalg::{any_six, any_three, any_vector};
         let any_axis = || Axis {
             direction: any_vector(),
             k: Matrix3::from(kani::any::<[[f64; 3]; 3]>()),
             k_squared: Matrix3::from(kani::any::<[[f64; 3]; 3]>()),
         };
         Self {
-            carts_m: [any_vector(), any_vector(), any_vector()],
-            guideways: [any_vector(), any_vector(), any_vector()],
-            joints_m: [
-                any_vector(),
-                any_vector(),
-                any_vector(),
-                any_vector(),
-                any_vector(),
-                any_vector(),
-            ],
+            carts_m: any_three(),
+            guideways: any_three(),
+            joints_m: any_six(),
             turn: any_axis(),
             tilt: any_axis(),
             signs: kani::any(),

@@ -88,7 +88,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(2_000))]
         /// Two systems of three, or one of six: the same step, and the same side of the singularity.
         #[test]
-        fn block_solve_are_the_one(
+        fn two_systems_of_three_are_the_one(
             directions in prop::array::uniform6(prop::array::uniform3(-1.0..1.0_f64)),
             levers in prop::array::uniform6(prop::array::uniform3(-1.0..1.0_f64)),
             errors_m in prop::array::uniform6(-1.0..1.0_f64),

@@ -35,7 +35,7 @@ fn skewed() -> Geometry {
 }
 
 mod inverse_fixed_plates;
-mod tau_form;
+mod statics;
 
 fn kinematics(geometry: Geometry) -> Kinematics {
     Kinematics::new(&Robot::new(geometry).unwrap())
