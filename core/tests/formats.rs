@@ -50,11 +50,12 @@ all! {
     AxisState, Channel<OffsetNm>, Collector, Deframer, Phase, SensorState, Session<6>, Stage, State<6>,
     // Events, inputs, outputs.
     Cause, ClientMessage<6>, Command<6>, Entry<Input<6>, Output<6>>, Event<6>, Feed<'static>, Frame<'static>, Hello, Input<6>, Kind,
-    LastWrite<6>, Mode, Output<6>, Reading, Replayed<6>, ServerMessage<6>, Solution<[f64; 6]>, Start<6>, TickInput<6>, Transport, Welcome<6>,
+    LastWrite<6>, Mode, Output<6>, Reading, Replayed<6>, ServerMessage<6>, Solution<[f64; 6]>, Start<6>, TickInput<6>,
+    Transport, Welcome<6>,
     // Counters and flags.
     AxisFlags, Counters,
     // Numbers and configuration.
     Actual, AxisConfig, AxisLimits, Branch, Capabilities, Config<6>, Connection, Correction<6>, Epoch, EpochRange, InForce, LimitValues,
-    Limits<OffsetNm>, Metres, MissBudget, MotorMap<6, 9>, OffsetNm, Offsets, Parameter, Parameters<6>, PositionNm, Reference, Sequence, Tick, TorquePermille, Travel,
-    VelocityUmS, Wrench,
+    Limits<OffsetNm>, Metres, MissBudget, MotorMap<6, 9>, OffsetNm, Offsets, Parameter, Parameters<6>, PositionNm, Reference, Sequence,
+    Tick, TorquePermille, Travel, VelocityUmS, Wrench,
 }

@@ -11,11 +11,12 @@ use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::{MotorMap, Transport};
-use gantry_tau_core::control::message::{AxisLimits, Capabilities, Phase};
+use gantry_tau_core::control::message::{AxisLimits, Phase};
+use gantry_tau_core::control::session::Input;
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::units::{EpochRange, PositionNm};
 use gantry_tau_core::verification::control::Internals;
-use gantry_tau_core::{Actual, InForce, LastWrite, Monitor, Offsets, TickInput};
+use gantry_tau_core::{InForce, Monitor, Offsets, TickInput};
 
 use crate::fake_plant::Bus;
 use crate::wait_for;
@@ -46,42 +47,29 @@ pub fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
 /// The thesis profile: no echo window, no budget, 0.1 µm per tick.
 #[must_use]
 pub fn parameters<const N: usize>() -> Parameters<N> {
-    let travel = |reach: i64| Travel {
-        lower: PositionNm(-reach),
-        upper: PositionNm(reach),
+    let limits = AxisLimits {
+        position: limits(MAX_NM, STEP_NM, 10_000, RAMP_NM),
+        velocity: limits(5_000, 200, 400, 50),
+        torque: limits(50, 5, 10, 1),
     };
+    let travel = Travel::around_zero(1_000_000_000);
     let axis = AxisConfig {
-        limits: AxisLimits {
-            position: limits(MAX_NM, STEP_NM, 10_000, RAMP_NM),
-            velocity: limits(5_000, 200, 400, 50),
-            torque: limits(50, 5, 10, 1),
-        },
-        nominal_travel: travel(1_000_000_000),
-        machine_travel: travel(1_010_000_000),
-        nominal_step_nm: NOMINAL_STEP_NM,
+        limits,
+        machine_travel: Travel::around_zero(1_010_000_000),
+        ..AxisConfig::position_only(limits.position, travel, NOMINAL_STEP_NM)
     };
     Parameters {
-        cycle_us: 1_000,
-        echo_window: 0,
-        handshake_ticks: 1_000,
-        budget: None,
-        capabilities: Capabilities::NONE,
         kinematics_checksum: 0x1234_5678,
-        axes: [axis; N],
+        ..Parameters::thesis([axis; N])
     }
 }
 
 /// Input of a tick on time, in which nothing special happens.
 #[must_use]
-pub const fn on_time<const N: usize>(nominal: [PositionNm; N]) -> TickInput<N> {
+pub fn on_time<const N: usize>(nominal: [PositionNm; N]) -> TickInput<N> {
     TickInput {
-        elapsed_cycles: 1,
         nominal,
-        actual: [Actual::ZERO; N],
-        stop: false,
-        rearm: false,
-        last_write: LastWrite::Accepted,
-        arrival_us: 0,
+        ..Input::empty(EpochRange::VOLATILE).tick
     }
 }
 

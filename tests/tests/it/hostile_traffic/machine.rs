@@ -8,6 +8,9 @@ use gantry_tau_tests::session_fixture::SessionFixture;
 
 use super::AT;
 
+/// [`AT`] after one tick of the ramp.
+const STEPPED: [i32; 3] = [12_245, -6_950, 0];
+
 /// The owner's answer arrives, and the server comes `elapsed` cycles after its last tick.
 fn answer_late(session: &mut SessionFixture<3>, elapsed: u32) -> Row<3> {
     let frame = session.client.frame(Mode::Obtain, AT);
@@ -55,7 +58,7 @@ fn two_skipped_cycles_end_the_session_whatever_came() {
     let row = answer_late(&mut session, 3);
     assert_eq!(row.ended, Some(Cause::ServerLate));
     // One step of the ramp, not three.
-    assert_eq!(session.server.bus.positions(), [12_245, -6_950, 0]);
+    assert_eq!(session.server.bus.positions(), STEPPED);
 }
 
 #[test]
@@ -63,13 +66,13 @@ fn a_skipped_cycle_and_a_miss_are_two_misses() {
     let mut session = SessionFixture::obtained(AT);
     let row = session.server.step_with(2, Demands::default());
     assert_eq!(row.ended, Some(Cause::ServerLate));
-    assert_eq!(session.server.bus.positions(), [12_245, -6_950, 0]);
+    assert_eq!(session.server.bus.positions(), STEPPED);
 
     let mut session = SessionFixture::obtained(AT);
     session.assert_held();
     let row = answer_late(&mut session, 2);
     assert_eq!(row.ended, Some(Cause::ServerLate));
-    assert_eq!(session.server.bus.positions(), [12_245, -6_950, 0]);
+    assert_eq!(session.server.bus.positions(), STEPPED);
 }
 
 #[test]
@@ -102,9 +105,7 @@ fn a_jump_of_the_nominal_is_passed_through_flagged_and_faults() {
     assert_eq!(written[0].position, PositionNm(old[0].0 + 12_245));
     assert_eq!(written[1].position, PositionNm(old[1].0 + jump - 6_950));
     // It stays where it jumped to; the jump is not smoothed.
-    session
-        .server
-        .assert_ramp([12_245, -6_950, 0], Phase::Fault);
+    session.server.assert_ramp(STEPPED, Phase::Fault);
     assert_eq!(session.server.step_rearmed().state.phase, Phase::Listening);
 }
 
@@ -137,9 +138,7 @@ fn a_machine_that_cannot_be_read_is_stopped_in_that_tick() {
     session.deliver(&frame);
     let row = session.tick();
     assert_eq!((row.plant_failed, row.ended), (true, Some(Cause::Stop)));
-    session
-        .server
-        .assert_ramp([12_245, -6_950, 0], Phase::Fault);
+    session.server.assert_ramp(STEPPED, Phase::Fault);
     // While it fails the stop is not released.
     assert_eq!(session.server.step_rearmed().state.phase, Phase::Fault);
     session.server.bus.record().read_fails = false;
@@ -158,9 +157,7 @@ fn a_machine_that_takes_no_reference_is_stopped_in_the_next_tick() {
     session.deliver(&frame);
     let row = session.tick();
     assert_eq!((row.plant_failed, row.ended), (false, Some(Cause::Stop)));
-    session
-        .server
-        .assert_ramp([12_245, -6_950, 0], Phase::Fault);
+    session.server.assert_ramp(STEPPED, Phase::Fault);
     assert_eq!(session.server.step_rearmed().state.phase, Phase::Listening);
 }
 
@@ -189,9 +186,7 @@ fn the_stop_at_the_machine_needs_no_network_and_no_session() {
     let frame = session.client.frame(Mode::Obtain, AT);
     session.deliver(&frame);
     assert_eq!(session.server.step_stopped().ended, Some(Cause::Stop));
-    session
-        .server
-        .assert_ramp([12_245, -6_950, 0], Phase::Fault);
+    session.server.assert_ramp(STEPPED, Phase::Fault);
 
     let mut idle = gantry_tau_tests::server_fixture::ServerFixture::<3>::default();
     assert_eq!(idle.step_stopped().state.phase, Phase::Fault);
