@@ -12,9 +12,8 @@ use gantry_tau_core::verification::control::{
     Accepted, Diagnostics, Dialogue, Granted, Internals, Last, Motion, Stage, Trace,
 };
 use gantry_tau_core::{
-    AxisConfig, AxisLimits, Cause, Config, Connection, EpochRange, LimitValues, Limits, Mode,
-    Offsets, Parameters, Phase, Reference, Refusal, Session, Start, State, TickInput, Transport,
-    Travel,
+    AxisConfig, AxisLimits, Cause, Config, Connection, EpochRange, Limits, Mode, Offsets,
+    Parameters, Phase, Reference, Refusal, Session, Start, State, TickInput, Transport, Travel,
 };
 use gantry_tau_proofs::{client, monitor};
 use proptest::array::{uniform2, uniform3};
@@ -22,6 +21,8 @@ use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::select;
+
+use crate::any::checked;
 
 const N: usize = 2;
 
@@ -41,13 +42,7 @@ fn limits<U: std::fmt::Debug>(most: i32) -> impl Strategy<Value = Limits<U>> {
             let ramp = (ramp / 4).max(1);
             let step = ramp + step / 4;
             let accel = (step + ramp).saturating_add(accel / 8);
-            Limits::new(LimitValues {
-                max,
-                step,
-                accel,
-                ramp,
-            })
-            .unwrap()
+            checked(max, step, accel, ramp)
         })
     })
 }

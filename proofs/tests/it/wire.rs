@@ -1,7 +1,7 @@
 //! T8 on stable Rust: every kind at 1, 3 and 6 axes, full sizes, streams with noise, random cuts.
 
 use gantry_tau_core::control::axis::{Actual, Offsets};
-use gantry_tau_core::control::channel::{LimitValues, Limits};
+use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::control::message::{
     AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello,
     Mode, Phase, Refusal, ServerMessage, State, Welcome,
@@ -19,6 +19,8 @@ use gantry_tau_proofs::wire::{
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
+
+use crate::any::checked;
 
 /// Endless random numbers: a message is drawn from them field by field.
 struct Draw(u64);
@@ -62,13 +64,7 @@ impl Draw {
         let step = ramp + small(self.u32()) / 4;
         let max = small(self.u32());
         let accel = step + ramp;
-        Limits::new(LimitValues {
-            max,
-            step,
-            accel,
-            ramp,
-        })
-        .unwrap()
+        checked(max, step, accel, ramp)
     }
     fn hello(&mut self) -> Hello {
         let [axes, low, high] = self.bytes();

@@ -112,50 +112,20 @@ mod tests {
     use super::*;
     use crate::model::l2::Elastic;
     use crate::model::l2::tests::{compliances, geometry, machine, skewed};
-    use nalgebra::{Matrix3, Matrix6, Vector6};
+    use crate::model::stiffness;
+    use nalgebra::Matrix3;
 
-    /// Returns the tool of the elastic machine under a command, by Newton with differences over the pose: every axis where its own
-    /// load leaves it, every link as long as its own tension makes it. Nothing of the map that is tested.
+    /// Returns the tool of the elastic machine under a command.
     fn stands(robot: &Robot, command: &[f64; AXES], load: &Wrench, near: &Pose) -> Vector3<f64> {
-        let springs = compliances();
-        let errors = |pose: &Pose| {
-            let mut q = *command;
-            for _ in 0..20 {
-                let lines = robot.line_matrix(pose, &q).unwrap();
-                let loads = lines.cart_loads(&lines.link_forces_n(load).unwrap());
-                for axis in 0..AXES {
-                    q[axis] = command[axis] + springs.cart_m_per_n()[axis] * loads[axis];
-                }
-            }
-            let forces = robot
-                .line_matrix(pose, &q)
-                .unwrap()
-                .link_forces_n(load)
-                .unwrap();
-            let mut errors = Vector6::zeros();
-            for (index, link) in links(robot.geometry(), pose, &q).enumerate() {
-                errors[index] = norm(&link.vector_m)
-                    - link.length_m
-                    - springs.link_m_per_n()[index] * forces[index];
-            }
-            errors
+        let too_long = |pose: &Pose, q: &[f64; AXES]| {
+            let mut links = links(robot.geometry(), pose, q);
+            std::array::from_fn(|_| {
+                let link = links.next().unwrap();
+                norm(&link.vector_m) - link.length_m
+            })
         };
-        let step = |pose: &Pose, dx: &Vector6<f64>| Pose {
-            position_m: pose.position_m + dx.fixed_rows::<3>(0),
-            rotation: rotation_from_vector(&dx.fixed_rows::<3>(3).into_owned()).unwrap()
-                * pose.rotation,
-        };
-        let mut pose = *near;
-        for _ in 0..8 {
-            let now = errors(&pose);
-            let derivative = Matrix6::from_fn(|row, column| {
-                let mut dx = Vector6::zeros();
-                dx[column] = 1e-7;
-                (errors(&step(&pose, &dx))[row] - now[row]) / 1e-7
-            });
-            pose = step(&pose, &-(derivative.try_inverse().unwrap() * now));
-        }
-        pose.position_m
+        let lines = |pose: &Pose, q: &_| robot.line_matrix(pose, q).unwrap();
+        stiffness::tests::stands(lines, too_long, &compliances(), command, load, near).position_m
     }
 
     #[test]

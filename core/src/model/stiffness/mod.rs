@@ -52,17 +52,6 @@ impl Compliance {
     }
 }
 
-/// The matrix whose columns are the images of the unit vectors.
-fn from_columns(
-    image: impl Fn(&[f64; 6]) -> Result<[f64; 6], KinematicsError>,
-) -> Result<Matrix6<f64>, KinematicsError> {
-    let mut columns: [[f64; 6]; 6] = Matrix6::identity().into();
-    for column in &mut columns {
-        *column = image(column)?;
-    }
-    Ok(Matrix6::from(columns))
-}
-
 /// Deflection of the machine under a load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Deflection<const N: usize> {
@@ -120,32 +109,70 @@ impl<const N: usize> LineMatrix<N> {
         })
     }
 
-    /// Returns the compliance of the links alone, `W^-T C_link W^-1`.
-    ///
-    /// # Errors
-    /// [`KinematicsError::NotFinite`].
-    pub fn link_compliance(
-        &self,
-        compliances: &Compliances<N>,
-    ) -> Result<Compliance, KinematicsError> {
-        from_columns(|unit| {
-            let load = Wrench::from_array(*unit);
-            Ok(self.deflection(compliances, &load)?.links.to_array())
-        })
-        .map(Compliance)
-    }
-
     /// Returns the compliance of links and carts, `W^-T (C_link + D C_cart D^T) W^-1`.
     ///
     /// # Errors
     /// [`KinematicsError::NotFinite`].
     pub fn compliance(&self, compliances: &Compliances<N>) -> Result<Compliance, KinematicsError> {
-        from_columns(|unit| {
-            let load = Wrench::from_array(*unit);
-            Ok(self.deflection(compliances, &load)?.total.to_array())
-        })
-        .map(Compliance)
+        let mut columns: [[f64; 6]; 6] = Matrix6::identity().into();
+        for column in &mut columns {
+            let load = Wrench::from_array(*column);
+            *column = self.deflection(compliances, &load)?.total.to_array();
+        }
+        Ok(Compliance(Matrix6::from(columns)))
     }
 }
 
 const _: () = assert!(LINKS == 6, "displacements and link forces share a size");
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::model::kinematics::Pose;
+    use crate::model::linalg::rotation_from_vector;
+    use nalgebra::Vector6;
+
+    /// Returns the elastic machine's pose under a command, by Newton with differences over the pose: every axis where its own load
+    /// leaves it, every link as long as its own force makes it. Nothing of the maps that are tested.
+    ///
+    /// `lines` are those of a pose and positions, `too_long` is each link's distance of joints less its length.
+    pub(crate) fn stands<const N: usize>(
+        lines: impl Fn(&Pose, &[f64; N]) -> LineMatrix<N>,
+        too_long: impl Fn(&Pose, &[f64; N]) -> [f64; LINKS],
+        springs: &Compliances<N>,
+        command: &[f64; N],
+        load: &Wrench,
+        near: &Pose,
+    ) -> Pose {
+        let errors = |pose: &Pose| {
+            // The axes yield by r, which depends on where they are: a few rounds are enough.
+            let mut q = *command;
+            for _ in 0..20 {
+                let lines = lines(pose, &q);
+                let loads = lines.cart_loads(&lines.link_forces_n(load).unwrap());
+                for axis in 0..N {
+                    q[axis] = command[axis] + springs.cart_m_per_n()[axis] * loads[axis];
+                }
+            }
+            let forces = lines(pose, &q).link_forces_n(load).unwrap();
+            let too_long = too_long(pose, &q);
+            Vector6::from_fn(|i, _| too_long[i] - springs.link_m_per_n()[i] * forces[i])
+        };
+        let step = |pose: &Pose, dx: &Vector6<f64>| Pose {
+            position_m: pose.position_m + dx.fixed_rows::<3>(0),
+            rotation: rotation_from_vector(&dx.fixed_rows::<3>(3).into_owned()).unwrap()
+                * pose.rotation,
+        };
+        let mut pose = *near;
+        for _ in 0..8 {
+            let now = errors(&pose);
+            let derivative = Matrix6::from_fn(|row, column| {
+                let mut dx = Vector6::zeros();
+                dx[column] = 1e-7;
+                (errors(&step(&pose, &dx))[row] - now[row]) / 1e-7
+            });
+            pose = step(&pose, &-(derivative.try_inverse().unwrap() * now));
+        }
+        pose
+    }
+}

@@ -1,5 +1,4 @@
 //! Strategies: any value of a type, small and huge alike.
-#![allow(dead_code, reason = "each test file uses some of the strategies")]
 
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::channel::{Channel, LimitValues, Limits};
@@ -26,6 +25,17 @@ fn number() -> impl Strategy<Value = u64> {
     prop_oneof![3 => 0..5_u64, 1 => any::<u64>(), 1 => Just(u64::MAX)]
 }
 
+/// Limits from M, S, A and rho.
+pub(crate) fn checked<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
+    Limits::new(LimitValues {
+        max,
+        step,
+        accel,
+        ramp,
+    })
+    .unwrap()
+}
+
 pub(crate) fn limits<U: std::fmt::Debug>() -> impl Strategy<Value = Limits<U>> {
     limits_up_to(i32::MAX)
 }
@@ -38,13 +48,7 @@ fn limits_up_to<U: std::fmt::Debug>(max: i32) -> impl Strategy<Value = Limits<U>
         let step = ramp.saturating_add(b / 4);
         let accel = step.saturating_add(ramp).saturating_add(c / 4);
         let max = m.min(max);
-        Limits::new(LimitValues {
-            max,
-            step,
-            accel,
-            ramp,
-        })
-        .unwrap()
+        checked(max, step, accel, ramp)
     })
 }
 

@@ -4,7 +4,7 @@ use gantry_tau_proofs::known_solution::{Six, Three};
 use gantry_tau_tests::fuzzed::Problem;
 
 use super::Seed;
-use super::bytes::{Put, fields, seeds, variants};
+use super::bytes::{fields, seeds, variants};
 
 fields!(Three: origins, guideways, joints, tool, positions, elsewhere, moved);
 fields!(Six: carts, guideways, plate_joints, joints, axes, turn_signs, tool, positions, off);

@@ -370,53 +370,24 @@ mod loaded {
     use super::*;
     use crate::model::compensation::CompensatorConfig;
     use crate::model::f1::{Compensator, Elastic};
+    use crate::model::stiffness;
     use crate::units::OffsetNm;
 
     fn elastic(geometry: Geometry) -> Elastic {
         Elastic::new(&kinematics(geometry), &presets::f1_compliances())
     }
 
-    /// Returns the elastic machine's pose under a command: the one in which every link is as long as its own force makes it, found by Newton with
-    /// differences, and with nothing of the map that is tested.
+    /// Returns the elastic machine's pose under a command.
     fn stands(machine: &Elastic, command: &[f64; AXES], load: &Wrench, near: &Pose) -> Pose {
-        let (kinematics, springs) = (machine.kinematics(), machine.compliances());
-        let mut pose = *near;
-        let errors = |pose: &Pose| {
-            // The axes yield by r, which depends on where they are: a few rounds are enough.
-            let mut q = *command;
-            for _ in 0..20 {
-                let lines = kinematics.line_matrix(pose, &q).unwrap();
-                let loads = lines.cart_loads(&lines.link_forces_n(load).unwrap());
-                for axis in 0..AXES {
-                    q[axis] = command[axis] + springs.cart_m_per_n()[axis] * loads[axis];
-                }
-            }
-            let forces = kinematics
-                .line_matrix(pose, &q)
-                .unwrap()
-                .link_forces_n(load)
-                .unwrap();
-            let links = kinematics.links_m(pose, &q);
+        let kinematics = machine.kinematics();
+        let too_long = |pose: &Pose, q: &[f64; AXES]| {
             let lengths = kinematics.robot().geometry().lengths_m;
-            let error =
-                |i: usize| norm(&links[i]) - lengths[i] - springs.link_m_per_n()[i] * forces[i];
-            nalgebra::Vector6::from_fn(|i, _| error(i))
+            let links = kinematics.links_m(pose, q);
+            std::array::from_fn(|i| norm(&links[i]) - lengths[i])
         };
-        let step = |pose: &Pose, dx: &nalgebra::Vector6<f64>| Pose {
-            position_m: pose.position_m + dx.fixed_rows::<3>(0),
-            rotation: rotation_from_vector(&dx.fixed_rows::<3>(3).into_owned()).unwrap()
-                * pose.rotation,
-        };
-        for _ in 0..8 {
-            let now = errors(&pose);
-            let derivative = nalgebra::Matrix6::from_fn(|row, column| {
-                let mut dx = nalgebra::Vector6::zeros();
-                dx[column] = 1e-7;
-                (errors(&step(&pose, &dx))[row] - now[row]) / 1e-7
-            });
-            pose = step(&pose, &-(derivative.try_inverse().unwrap() * now));
-        }
-        pose
+        let lines = |pose: &Pose, q: &_| kinematics.line_matrix(pose, q).unwrap();
+        let springs = machine.compliances();
+        stiffness::tests::stands(lines, too_long, springs, command, load, near)
     }
 
     #[test]
