@@ -4,11 +4,12 @@ use std::fs;
 use std::path::Path;
 
 use gantry_tau::model::MachineKind;
-use gantry_tau::robot_file::RobotFile;
+use gantry_tau::robot_file::{ChannelLimits, RobotFile};
+use gantry_tau_core::control::channel::LimitValues;
 use gantry_tau_core::control::message::{Capabilities, Phase};
 use gantry_tau_core::control::session::Connection;
 
-use super::machine::{AXES, CycleResult, Machine, Meter, Parts, robots};
+use super::machine::{CycleResult, Machine, Meter, Parts, robots};
 use super::recording::{self, MAX_RECORD, Observer, Record, Room, Sink, Source};
 use super::traffic;
 
@@ -50,11 +51,11 @@ pub(crate) fn play(recording: &[u8]) -> Played {
 
 /// Plays a recording; `None` if it is invalid.
 fn try_play(recording: &[u8]) -> Option<Played> {
-    let (mut source, room) = (Bytes(recording), &mut Room::EMPTY);
-    let nominal = recording::start(room, &mut source)?;
+    let (mut source, mut room) = (Bytes(recording), Room::EMPTY);
+    let nominal = recording::start(&mut room, &mut source)?;
     let mut machine = Machine::new(Parts::new(Capabilities::NONE, nominal).unwrap());
     let (mut output, mut seen) = (Vec::new(), Seen::default());
-    recording::play(&mut machine, room, &mut source, &mut output, &mut seen)?;
+    recording::play(&mut machine, &mut room, &mut source, &mut output, &mut seen)?;
     assert!(source.0.is_empty(), "nothing follows the end");
     Some(Played { output, seen })
 }
@@ -145,7 +146,16 @@ pub(crate) fn machines_are_those_of_the_files() {
     assert_eq!(Some(springs), file.compliances);
     let parameters = robots::parameters(0, Capabilities::NONE).unwrap();
     for (ours, theirs) in parameters.axes.iter().zip(&file.limits) {
-        assert_eq!(ours.limits, *theirs);
+        let ours = ours.limits;
+        let ours = [
+            ours.position.values(),
+            ours.velocity.values(),
+            ours.torque.values(),
+        ];
+        let theirs = [theirs.position, theirs.velocity, theirs.torque];
+        for (ours, theirs) in ours.into_iter().zip(theirs) {
+            assert_eq!(ours, values(&theirs));
+        }
     }
     let (l2, springs) = robots::l2().unwrap();
     let file = RobotFile::builtin_l2().unwrap();
@@ -178,5 +188,20 @@ pub(crate) fn same_mathematics() {
             !host.is_empty() && host == firmware,
             "{name}: {host:?} and {firmware:?}"
         );
+    }
+}
+
+fn values(limits: &ChannelLimits) -> LimitValues {
+    let ChannelLimits {
+        max,
+        step,
+        accel,
+        ramp,
+    } = *limits;
+    LimitValues {
+        max,
+        step,
+        accel,
+        ramp,
     }
 }
