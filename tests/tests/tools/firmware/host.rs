@@ -4,7 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use gantry_tau::model::MachineKind;
-use gantry_tau::robot_file::RobotFile;
+use gantry_tau::robot_file::{ChannelLimits, RobotFile};
+use gantry_tau_core::control::channel::LimitValues;
 use gantry_tau_core::control::message::{Capabilities, Phase};
 use gantry_tau_core::control::session::Connection;
 
@@ -50,12 +51,11 @@ pub(crate) fn play(recording: &[u8]) -> Played {
 
 /// Plays a recording; `None` if it is invalid.
 fn try_play(recording: &[u8]) -> Option<Played> {
-    let mut room = Room::EMPTY;
-    let (mut source, room) = (Bytes(recording), &mut room);
-    let nominal = recording::start(room, &mut source)?;
+    let (mut source, mut room) = (Bytes(recording), Room::EMPTY);
+    let nominal = recording::start(&mut room, &mut source)?;
     let mut machine = Machine::new(Parts::new(Capabilities::NONE, nominal).unwrap());
     let (mut output, mut seen) = (Vec::new(), Seen::default());
-    recording::play(&mut machine, room, &mut source, &mut output, &mut seen)?;
+    recording::play(&mut machine, &mut room, &mut source, &mut output, &mut seen)?;
     assert!(source.0.is_empty(), "nothing follows the end");
     Some(Played { output, seen })
 }
@@ -145,9 +145,17 @@ pub(crate) fn machines_are_those_of_the_files() {
     assert_eq!(f1.kinematics_checksum(), file.model.checksum());
     assert_eq!(Some(springs), file.compliances);
     let parameters = robots::parameters(0, Capabilities::NONE).unwrap();
-    let config = file.session_config(Capabilities::NONE).unwrap();
-    for (ours, theirs) in parameters.axes.iter().zip(&config.parameters().axes) {
-        assert_eq!(ours.limits, theirs.limits);
+    for (ours, theirs) in parameters.axes.iter().zip(&file.limits) {
+        let ours = ours.limits;
+        let ours = [
+            ours.position.values(),
+            ours.velocity.values(),
+            ours.torque.values(),
+        ];
+        let theirs = [theirs.position, theirs.velocity, theirs.torque];
+        for (ours, theirs) in ours.into_iter().zip(theirs) {
+            assert_eq!(ours, values(&theirs));
+        }
     }
     let (l2, springs) = robots::l2().unwrap();
     let file = RobotFile::builtin_l2().unwrap();
@@ -180,5 +188,20 @@ pub(crate) fn same_mathematics() {
             !host.is_empty() && host == firmware,
             "{name}: {host:?} and {firmware:?}"
         );
+    }
+}
+
+fn values(limits: &ChannelLimits) -> LimitValues {
+    let ChannelLimits {
+        max,
+        step,
+        accel,
+        ramp,
+    } = *limits;
+    LimitValues {
+        max,
+        step,
+        accel,
+        ramp,
     }
 }
