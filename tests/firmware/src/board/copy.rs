@@ -2,7 +2,7 @@
 //! seven thousand bytes (a session, what it is given, what it gives back), and a board's C library would do it like this.
 //!
 //! Sound because only r0 to r3 and r12 are left changed, as the ABI allows, and because single loads and stores may be unaligned: the
-//! memory is normal, and nobody sets CCR.UNALIGN_TRP. At the start the firmware copies and compares all small lengths ([`is_exact`]).
+//! memory is normal, and CCR.UNALIGN_TRP is never set. At the start the firmware copies and compares all small lengths ([`is_exact`]).
 
 use core::arch::global_asm;
 use core::hint::black_box;
@@ -109,7 +109,7 @@ global_asm!(
     ".size __aeabi_memclr8, . - __aeabi_memclr8",
 );
 
-/// Whether every length below 40 is copied and cleared, at every alignment, and nothing beside it.
+/// True if every length below 40 is copied and cleared, at every alignment, and nothing beside it.
 pub(crate) fn is_exact() -> bool {
     // Behind a black box: the compiler shall call what is tried here.
     let mut lengths = (0..40).map(black_box);

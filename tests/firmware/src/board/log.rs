@@ -8,7 +8,7 @@ use super::host::File;
 #[defmt::global_logger]
 struct Console;
 
-/// Where messages go, and the state of their encoding.
+/// Destination of messages, and the state of their encoding.
 struct Stream {
     /// Opened by the first message.
     console: Option<File>,

@@ -1,14 +1,14 @@
-//! How much of the stack was ever used: before main, cortex-m-rt filled it with a pattern.
+//! Largest use of the stack so far: before main, cortex-m-rt filled it with a pattern.
 
 use core::ptr::addr_of;
 
-/// What cortex-m-rt fills the stack with.
+/// Pattern that cortex-m-rt fills the stack with.
 const PATTERN: u32 = 0xcccc_cccc;
 
 unsafe extern "C" {
     /// Lower end of what the stack may use; the linker's script says where.
     static _stack_end: u32;
-    /// Where the stack begins, downwards.
+    /// Upper end of the stack, which grows downwards.
     static _stack_start: u32;
 }
 

@@ -5,7 +5,7 @@ use smoltcp::time::Instant;
 
 use super::registers::{Register, Registers};
 
-/// What `BYTE_TEST` reads.
+/// Content of `BYTE_TEST`.
 pub(super) const BYTE_ORDER: u32 = 0x8765_4321;
 /// Upper half of `ID_REV`.
 const CHIP: u32 = 0x0118;
@@ -23,7 +23,7 @@ const TX_OVERHEAD: usize = 8 + 3;
 const SOFT_RESET: u32 = 1;
 /// `HW_CFG`: a bit that must be one, and 5 KiB of the chip's memory for sending.
 const MUST_BE_ONE_AND_TX_5K: u32 = 1 << 20 | 5 << 16;
-/// `TX_CFG`: the transmitter is on, and goes on when nobody reads its statuses.
+/// `TX_CFG`: the transmitter is on, and goes on when its statuses are not read.
 const TX_ON_AND_ALLOW_STATUS_OVERRUN: u32 = 1 << 1 | 1 << 2;
 /// `MAC_CSR_CMD`: an access is on its way; clears itself.
 const CSR_BUSY: u32 = 1 << 31;
@@ -46,24 +46,24 @@ mod mac {
     pub(super) const RUN: u32 = 1 << 20 | 1 << 3 | 1 << 2;
 }
 
-/// Why the controller cannot be used.
+/// Error of the start: the controller cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
 pub(crate) enum LanError {
-    /// `BYTE_TEST` is not what it must be: nobody is there, or the bytes are swapped.
+    /// `BYTE_TEST` is not what it must be: the device is absent, or the bytes are swapped.
     Absent {
-        /// What was read.
+        /// Value read.
         byte_test: u32,
     },
     /// Another chip.
     Chip {
-        /// What `ID_REV` reads.
+        /// Value of `ID_REV`.
         id_rev: u32,
     },
     /// The reset does not end.
     Reset,
     /// An access to a register of the MAC does not end.
     Mac {
-        /// Which.
+        /// The register.
         register: u32,
     },
 }
@@ -164,7 +164,7 @@ impl Lan9118 {
         }
     }
 
-    /// Whether the longest frame would find room.
+    /// True if the longest frame has room.
     fn has_room(&self) -> bool {
         let free = self.registers.read(Register::TX_FIFO_INF) & 0xffff;
         usize::try_from(free).is_ok_and(|free| free >= MAX_FRAME.saturating_add(TX_OVERHEAD))
