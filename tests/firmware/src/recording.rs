@@ -22,6 +22,10 @@ pub(crate) const MAX_RECORD: usize = 512;
 
 /// One step of a recording.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one at a time, decoded in place; there is no heap to box the large one"
+)]
 pub(crate) enum Record<'a> {
     /// A stream is opened.
     OpenStream,
