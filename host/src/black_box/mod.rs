@@ -10,7 +10,7 @@
 //! in µm/s, torques in per mille, times in ticks unless the name says otherwise; an absent value is `null`. Integers are written in
 //! full: a reader must take 64 bits (128 for `history`), not the 53 of a float.
 //!
-//! A program in C writes the same content in a [binary form](binary), which is read as well.
+//! A program in C writes the same content in a binary form (`black_box/binary.rs`), which is read as well.
 //!
 //! Core validates a session and its configuration on reading. An edited file is replayed like any other, or refused with line, path
 //! and reason. A change to the layout, a field of core gained or lost included, is a new version.
