@@ -1,6 +1,6 @@
 //! The server's cycle, stepped by hand, listening on a real loopback socket.
 //!
-//! Every step of every test asserts what `docs/design.md` 6 promises for any traffic: see [`ServerFixture::step_with`] and [`Bounds::check`].
+//! Every step of every test asserts what `docs/design.md` 6 promises for any traffic: see [`ServerFixture::step_with`] and `control::monitor`.
 
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -256,7 +256,7 @@ impl<const N: usize> ServerFixture<N> {
         )
     }
 
-    /// One tick. Asserts, by what the machine was written, that the State says what the drives got, and what [`Bounds::check`] does.
+    /// One tick. Asserts, by what the machine was written, that the State says what the drives got, and what `control::monitor` does.
     pub fn step_with(&mut self, elapsed: u32, demands: Demands) -> Row<N> {
         let writes = self.bus.writes();
         let row = self.cycle.step(elapsed, demands);

@@ -3,9 +3,9 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`audit`] | what every tick of every server must keep: bounds, counters, deadlines |
-//! | [`reason`] | which deeds and faults explain which cause |
-//! | [`ticks`] | a server in this process, simulated time, links of [`gantry_tau::faults::injector`] |
-//! | [`minutes`] | the server's own thread, real time, real sockets, [`gantry_tau::faults::relay`] |
+//! | [`cause_attribution`] | client faults and link faults that explain a cause |
+//! | [`simulated_time`] | a server in this process, simulated time, links of [`gantry_tau::faults::injector`] |
+//! | [`real_time`] | the server's own thread, real time, real sockets, [`gantry_tau::faults::relay`] |
 
 pub mod audit;
 pub mod cause_attribution;
