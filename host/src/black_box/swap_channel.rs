@@ -1,5 +1,5 @@
 //! Channel of black boxes out of the cycle, without a copy, an allocation, a lock or a wait: a full box is swapped with an empty one.
-//! What travels through the queue is a pointer; the emptied boxes come back the same way.
+//! The queue carries pointers; the emptied boxes come back the same way.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
