@@ -52,11 +52,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(
     not(feature = "verification"),
-    allow(
-        unreachable_pub,
-        dead_code,
-        reason = "internals that only the module `verification` makes public"
-    )
+    allow(unreachable_pub, dead_code, reason = "internals that only the module `verification` makes public")
 )]
 #![cfg_attr(
     test,

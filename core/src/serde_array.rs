@@ -42,8 +42,6 @@ impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for Elements<T, N> {
             array.push(element).map_err(|_| more())?;
         }
         let length = array.len();
-        array
-            .into_array()
-            .map_err(|_| A::Error::invalid_length(length, &self))
+        array.into_array().map_err(|_| A::Error::invalid_length(length, &self))
     }
 }

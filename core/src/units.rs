@@ -64,10 +64,7 @@ pub struct EpochRange {
 
 impl EpochRange {
     /// Every epoch there is: for tests and simulations, whose frames end with them.
-    pub const VOLATILE: Self = Self {
-        first: Epoch(1),
-        last: Epoch(u64::MAX),
-    };
+    pub const VOLATILE: Self = Self { first: Epoch(1), last: Epoch(u64::MAX) };
 
     /// Returns the first epoch of the range above `used`; `None` when the range is used up.
     #[inline]
@@ -200,9 +197,7 @@ impl PositionNm {
             return Err(if count.is_nan() {
                 CrossingError::NotFinite
             } else {
-                CrossingError::OutOfRange {
-                    limit_nm: CROSSING_LIMIT_NM,
-                }
+                CrossingError::OutOfRange { limit_nm: CROSSING_LIMIT_NM }
             });
         }
         #[expect(
@@ -248,11 +243,7 @@ impl OffsetNm {
     #[inline]
     pub fn from_metres(value: Metres) -> Result<Self, CrossingError> {
         let wide = PositionNm::from_metres(value)?;
-        i32::try_from(wide.0)
-            .map(Self)
-            .map_err(|_| CrossingError::OutOfRange {
-                limit_nm: i64::from(i32::MAX),
-            })
+        i32::try_from(wide.0).map(Self).map_err(|_| CrossingError::OutOfRange { limit_nm: i64::from(i32::MAX) })
     }
 
     /// Float to integer, cut to at most `limit` in magnitude (a negative limit is zero), and whether it was cut.
@@ -271,9 +262,7 @@ impl OffsetNm {
         };
         let limit_nm = i64::from(limit.0.max(0));
         let cut_nm = wanted.max(limit_nm.wrapping_neg()).min(limit_nm);
-        i32::try_from(cut_nm)
-            .map(|nm| (Self(nm), cut_nm != wanted))
-            .map_err(|_| CrossingError::OutOfRange { limit_nm })
+        i32::try_from(cut_nm).map(|nm| (Self(nm), cut_nm != wanted)).map_err(|_| CrossingError::OutOfRange { limit_nm })
     }
 
     /// Integer to float; total.
@@ -307,24 +296,17 @@ mod tests {
     #[test]
     fn refuses_what_is_not_a_position() {
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            assert_eq!(
-                PositionNm::from_metres(Metres(bad)),
-                Err(CrossingError::NotFinite)
-            );
+            assert_eq!(PositionNm::from_metres(Metres(bad)), Err(CrossingError::NotFinite));
         }
         for far in [1e7, -1e7, f64::MAX, f64::MIN] {
             assert_eq!(
                 PositionNm::from_metres(Metres(far)),
-                Err(CrossingError::OutOfRange {
-                    limit_nm: CROSSING_LIMIT_NM
-                })
+                Err(CrossingError::OutOfRange { limit_nm: CROSSING_LIMIT_NM })
             );
         }
         assert_eq!(
             OffsetNm::from_metres(Metres(2.2)),
-            Err(CrossingError::OutOfRange {
-                limit_nm: i64::from(i32::MAX)
-            })
+            Err(CrossingError::OutOfRange { limit_nm: i64::from(i32::MAX) })
         );
     }
 

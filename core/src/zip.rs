@@ -5,10 +5,7 @@
 
 /// Element by element.
 #[inline]
-pub(crate) fn zip<'a, A, B, const N: usize>(
-    a: &'a [A; N],
-    b: &'a [B; N],
-) -> impl Iterator<Item = (&'a A, &'a B)> {
+pub(crate) fn zip<'a, A, B, const N: usize>(a: &'a [A; N], b: &'a [B; N]) -> impl Iterator<Item = (&'a A, &'a B)> {
     (0..N).filter_map(|index| Some((a.get(index)?, b.get(index)?)))
 }
 

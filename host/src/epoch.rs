@@ -31,26 +31,15 @@ impl std::error::Error for EpochError {}
 /// # Errors
 /// [`EpochError`] with file and reason. A file that is not a number is not overwritten: restarting from zero could make an old frame valid.
 pub fn reserve(path: &Path) -> Result<EpochRange, EpochError> {
-    let fail = |reason: String| EpochError {
-        path: path.to_owned(),
-        reason,
-    };
+    let fail = |reason: String| EpochError { path: path.to_owned(), reason };
     let used = match std::fs::read_to_string(path) {
-        Ok(text) => text
-            .trim()
-            .parse::<u64>()
-            .map_err(|error| fail(format!("does not contain a counter: {error}")))?,
+        Ok(text) => text.trim().parse::<u64>().map_err(|error| fail(format!("does not contain a counter: {error}")))?,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => 0,
         Err(error) => return Err(fail(error.to_string())),
     };
-    let last = used
-        .checked_add(RESERVE)
-        .ok_or_else(|| fail("the counter is used up".to_owned()))?;
+    let last = used.checked_add(RESERVE).ok_or_else(|| fail("the counter is used up".to_owned()))?;
     persist(path, last).map_err(|error| fail(error.to_string()))?;
-    Ok(EpochRange {
-        first: Epoch(used + 1),
-        last: Epoch(last),
-    })
+    Ok(EpochRange { first: Epoch(used + 1), last: Epoch(last) })
 }
 
 /// Returns the default place of the counter: the user's state folder, which survives a boot. `None` where the system names none.

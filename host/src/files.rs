@@ -23,8 +23,5 @@ impl std::error::Error for WriteError {}
 /// # Errors
 /// [`WriteError`] with path and reason.
 pub fn write(path: &Path, text: &str) -> Result<(), WriteError> {
-    std::fs::write(path, text).map_err(|error| WriteError {
-        path: path.to_owned(),
-        reason: error.to_string(),
-    })
+    std::fs::write(path, text).map_err(|error| WriteError { path: path.to_owned(), reason: error.to_string() })
 }

@@ -40,11 +40,8 @@ pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'stati
     ///
     /// # Errors
     /// A sentence that names the parameter.
-    fn compensator(
-        &self,
-        compliances: &Compliances<N>,
-        config: CompensatorConfig<N>,
-    ) -> Result<Compensator<N>, String>;
+    fn compensator(&self, compliances: &Compliances<N>, config: CompensatorConfig<N>)
+    -> Result<Compensator<N>, String>;
 }
 
 /// A compensator, called once per cycle: returns the offsets that hold the tool where the nominal positions put it, under a load.
@@ -88,11 +85,7 @@ impl MachineKind<{ l2::AXES }> for L2 {
         self.kinematics.inverse_in_assembly(tool_m)
     }
 
-    fn lines(
-        &self,
-        tool_m: &Vector3<f64>,
-        q: &[f64; l2::AXES],
-    ) -> Result<LineMatrix<{ l2::AXES }>, KinematicsError> {
+    fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; l2::AXES]) -> Result<LineMatrix<{ l2::AXES }>, KinematicsError> {
         self.kinematics.line_matrix(&Pose::at(*tool_m), q)
     }
 
@@ -101,11 +94,9 @@ impl MachineKind<{ l2::AXES }> for L2 {
         compliances: &Compliances<{ l2::AXES }>,
         config: CompensatorConfig<{ l2::AXES }>,
     ) -> Result<Compensator<{ l2::AXES }>, String> {
-        let compensator = l2::Compensator::new(&self.kinematics, compliances, config)
-            .map_err(|error| error.to_string())?;
-        Ok(Box::new(move |nominal, load| {
-            compensator.correct(nominal, load)
-        }))
+        let compensator =
+            l2::Compensator::new(&self.kinematics, compliances, config).map_err(|error| error.to_string())?;
+        Ok(Box::new(move |nominal, load| compensator.correct(nominal, load)))
     }
 }
 
@@ -119,9 +110,7 @@ impl F1 {
     /// Creates the machine of a robot.
     #[must_use]
     pub fn new(robot: &f1::Robot) -> Self {
-        Self {
-            kinematics: f1::Kinematics::new(robot),
-        }
+        Self { kinematics: f1::Kinematics::new(robot) }
     }
 
     /// Returns the kinematics.
@@ -145,11 +134,7 @@ impl MachineKind<{ f1::AXES }> for F1 {
         Ok(solution.value)
     }
 
-    fn lines(
-        &self,
-        tool_m: &Vector3<f64>,
-        q: &[f64; f1::AXES],
-    ) -> Result<LineMatrix<{ f1::AXES }>, KinematicsError> {
+    fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; f1::AXES]) -> Result<LineMatrix<{ f1::AXES }>, KinematicsError> {
         self.kinematics.line_matrix(&Pose::at(*tool_m), q)
     }
 
@@ -159,10 +144,8 @@ impl MachineKind<{ f1::AXES }> for F1 {
         config: CompensatorConfig<{ f1::AXES }>,
     ) -> Result<Compensator<{ f1::AXES }>, String> {
         let kinematics = self.kinematics.without_travel();
-        let mut compensator = f1::Compensator::new(&kinematics, compliances, config)
-            .map_err(|error| error.to_string())?;
-        Ok(Box::new(move |nominal, load| {
-            compensator.correct(nominal, load)
-        }))
+        let mut compensator =
+            f1::Compensator::new(&kinematics, compliances, config).map_err(|error| error.to_string())?;
+        Ok(Box::new(move |nominal, load| compensator.correct(nominal, load)))
     }
 }

@@ -69,11 +69,9 @@ impl fmt::Display for Recorded {
         match &self.failure {
             None => write!(f, "recorded {written} rows to {path}, {lost} dropped"),
             // Some of the last rows were still buffered.
-            Some(failure) => write!(
-                f,
-                "recorded at most {written} rows to {path}, at least {lost} dropped ({})",
-                failure.reason
-            ),
+            Some(failure) => {
+                write!(f, "recorded at most {written} rows to {path}, at least {lost} dropped ({})", failure.reason)
+            }
         }
     }
 }
@@ -84,22 +82,11 @@ impl CsvFile {
     /// # Errors
     /// [`RecordError`] naming the path and the reason.
     pub fn create<T: Record>(path: &Path) -> Result<Self, RecordError> {
-        let fail = |reason: String| RecordError {
-            path: path.to_owned(),
-            reason,
-        };
+        let fail = |reason: String| RecordError { path: path.to_owned(), reason };
         let file = File::create(path).map_err(|error| fail(error.to_string()))?;
         let mut writer = csv::Writer::from_writer(file);
-        writer
-            .write_record(T::header())
-            .map_err(|error| fail(error.to_string()))?;
-        Ok(Self {
-            path: path.to_owned(),
-            writer,
-            failure: None,
-            written: 0,
-            lost: 0,
-        })
+        writer.write_record(T::header()).map_err(|error| fail(error.to_string()))?;
+        Ok(Self { path: path.to_owned(), writer, failure: None, written: 0, lost: 0 })
     }
 
     /// Writes a row.
@@ -122,12 +109,7 @@ impl CsvFile {
         if let Err(error) = self.writer.flush() {
             self.fail(error.to_string());
         }
-        Recorded {
-            path: self.path,
-            written: self.written,
-            lost: self.lost + dropped,
-            failure: self.failure,
-        }
+        Recorded { path: self.path, written: self.written, lost: self.lost + dropped, failure: self.failure }
     }
 
     fn fail(&mut self, reason: String) {
@@ -158,15 +140,8 @@ impl<T: Record> Recorder<T> {
                 drain(&mut rows, |row| file.write::<T>(row));
                 file
             })
-            .map_err(|error| RecordError {
-                path: path.to_owned(),
-                reason: error.to_string(),
-            })?;
-        Ok(Self {
-            queue,
-            thread,
-            dropped: 0,
-        })
+            .map_err(|error| RecordError { path: path.to_owned(), reason: error.to_string() })?;
+        Ok(Self { queue, thread, dropped: 0 })
     }
 
     /// Adds a row, or counts it as dropped.
@@ -177,11 +152,7 @@ impl<T: Record> Recorder<T> {
     /// Ends the recording. `None` if the writing thread panicked, which was reported on stderr.
     #[must_use]
     pub fn finish(self) -> Option<Recorded> {
-        let Self {
-            queue,
-            thread,
-            dropped,
-        } = self;
+        let Self { queue, thread, dropped } = self;
         drop(queue);
         thread.join().ok().map(|file| file.finish(dropped))
     }
@@ -201,20 +172,11 @@ pub fn drain<T: Copy>(rows: &mut rtrb::Consumer<T>, mut each: impl FnMut(&T)) {
     }
 }
 
-const LOAD: [&str; 6] = [
-    "force_x_n",
-    "force_y_n",
-    "force_z_n",
-    "moment_x_nm",
-    "moment_y_nm",
-    "moment_z_nm",
-];
+const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
 
 /// Columns common to all recordings, from the State.
 fn state_header(axes: usize) -> Vec<String> {
-    let mut header: Vec<String> = ["tick", "state", "cause", "missed", "ramp_ticks_left"]
-        .map(str::to_owned)
-        .into();
+    let mut header: Vec<String> = ["tick", "state", "cause", "missed", "ramp_ticks_left"].map(str::to_owned).into();
     for axis in 1..=axes {
         header.extend(
             [
@@ -330,10 +292,7 @@ impl<const N: usize> Record for ClientRow<N> {
         fields.extend(self.load.map(|value| value.to_string()));
         // One bit per axis, the first axis lowest.
         let bits = self.saturated.iter().rev();
-        fields.push(
-            bits.fold(0_u32, |bits, cut| 2 * bits + u32::from(*cut))
-                .to_string(),
-        );
+        fields.push(bits.fold(0_u32, |bits, cut| 2 * bits + u32::from(*cut)).to_string());
         fields
     }
 }

@@ -19,22 +19,14 @@ use crate::model::{F1, L2, MachineKind};
 pub use build::CYCLE_US;
 use check::Kind;
 pub use sections::{
-    Axes, AxisLimits, ChannelLimits, Client, Motors, PositionSection, Sensor, Simulation,
-    TorqueSection, VelocitySection,
+    Axes, AxisLimits, ChannelLimits, Client, Motors, PositionSection, Sensor, Simulation, TorqueSection,
+    VelocitySection,
 };
 
 /// The text of `robots/l2.toml`.
-const L2_TEXT: &str = include_str!(concat!(
-    env!("CARGO_MANIFEST_DIR"),
-    env!("GANTRY_TAU_ROBOTS"),
-    "/l2.toml"
-));
+const L2_TEXT: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), env!("GANTRY_TAU_ROBOTS"), "/l2.toml"));
 /// The text of `robots/f1.toml`.
-const F1_TEXT: &str = include_str!(concat!(
-    env!("CARGO_MANIFEST_DIR"),
-    env!("GANTRY_TAU_ROBOTS"),
-    "/f1.toml"
-));
+const F1_TEXT: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), env!("GANTRY_TAU_ROBOTS"), "/f1.toml"));
 
 /// Longest robot file that is read, bytes.
 const MAX_LEN: u64 = 1 << 20;
@@ -238,11 +230,7 @@ fn compliances<const N: usize>(
 /// The branches of the three arms.
 fn branches(signs: [i64; ARMS]) -> Result<[Branch; ARMS], Problem> {
     let [c1, c2, c3] = signs;
-    Ok([
-        branch("c[0]", c1)?,
-        branch("c[1]", c2)?,
-        branch("c[2]", c3)?,
-    ])
+    Ok([branch("c[0]", c1)?, branch("c[1]", c2)?, branch("c[2]", c3)?])
 }
 
 /// Key and description of an error; the file's name is added later.
@@ -253,19 +241,12 @@ struct Problem {
 
 impl Problem {
     fn new(key: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self {
-            key: key.into(),
-            reason: reason.into(),
-        }
+        Self { key: key.into(), reason: reason.into() }
     }
 
     fn in_file(self, file: &str) -> RobotFileError {
         let one_line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
-        RobotFileError {
-            file: one_line(file),
-            key: one_line(&self.key),
-            reason: one_line(&self.reason),
-        }
+        RobotFileError { file: one_line(file), key: one_line(&self.key), reason: one_line(&self.reason) }
     }
 }
 
@@ -281,9 +262,7 @@ fn branch(key: &str, sign: i64) -> Result<Branch, Problem> {
 /// Splits core's error into key and reason. Compliances of axes stand under `axes_key`.
 fn robot_problem(error: RobotError, axes_key: &str) -> Problem {
     let (RobotError::NotFinite { parameter, index }
-    | RobotError::OutOfRange {
-        parameter, index, ..
-    }
+    | RobotError::OutOfRange { parameter, index, .. }
     | RobotError::Reversed { parameter, index }) = error;
     let said = format!("{}[{index}]", parameter.key());
     let text = error.to_string();
@@ -297,12 +276,7 @@ fn robot_problem(error: RobotError, axes_key: &str) -> Problem {
 
 /// A matrix from its rows.
 fn matrix(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
-    Matrix3::from_fn(|row, column| {
-        rows.get(row)
-            .and_then(|row| row.get(column))
-            .copied()
-            .unwrap_or(f64::NAN)
-    })
+    Matrix3::from_fn(|row, column| rows.get(row).and_then(|row| row.get(column)).copied().unwrap_or(f64::NAN))
 }
 
 #[cfg(test)]

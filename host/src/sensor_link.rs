@@ -29,9 +29,7 @@ pub struct Sample {
 impl Sample {
     fn to_bytes(self) -> [u8; RECORD] {
         let mut bytes = [0; RECORD];
-        let fields = [self.tick.to_le_bytes()]
-            .into_iter()
-            .chain(self.wrench.map(f64::to_le_bytes));
+        let fields = [self.tick.to_le_bytes()].into_iter().chain(self.wrench.map(f64::to_le_bytes));
         for (place, field) in bytes.chunks_exact_mut(8).zip(fields) {
             place.copy_from_slice(&field);
         }
@@ -39,14 +37,9 @@ impl Sample {
     }
 
     fn from_bytes(bytes: &[u8; RECORD]) -> Self {
-        let mut fields = bytes
-            .chunks_exact(8)
-            .map(|field| <[u8; 8]>::try_from(field).unwrap_or_default());
+        let mut fields = bytes.chunks_exact(8).map(|field| <[u8; 8]>::try_from(field).unwrap_or_default());
         let mut next = || fields.next().unwrap_or_default();
-        Self {
-            tick: u64::from_le_bytes(next()),
-            wrench: std::array::from_fn(|_| f64::from_le_bytes(next())),
-        }
+        Self { tick: u64::from_le_bytes(next()), wrench: std::array::from_fn(|_| f64::from_le_bytes(next())) }
     }
 }
 
@@ -66,11 +59,7 @@ impl SensorPublisher {
     pub fn bind(address: SocketAddr) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
-        Ok(Self {
-            listener,
-            allowed: Allowed::all(),
-            readers: [const { None }; READERS],
-        })
+        Ok(Self { listener, allowed: Allowed::all(), readers: [const { None }; READERS] })
     }
 
     /// Serves only these peers.
@@ -92,9 +81,7 @@ impl SensorPublisher {
         self.accept();
         let bytes = sample.to_bytes();
         for reader in &mut self.readers {
-            let sent = reader
-                .as_mut()
-                .is_some_and(|stream| matches!(stream.write(&bytes), Ok(RECORD)));
+            let sent = reader.as_mut().is_some_and(|stream| matches!(stream.write(&bytes), Ok(RECORD)));
             if !sent {
                 *reader = None;
             }
@@ -132,12 +119,7 @@ impl SensorReader {
         let stream = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT)?;
         stream.set_nodelay(true)?;
         stream.set_nonblocking(true)?;
-        Ok(Self {
-            stream,
-            buffer: [0; RECORD],
-            filled: 0,
-            latest: None,
-        })
+        Ok(Self { stream, buffer: [0; RECORD], filled: 0, latest: None })
     }
 
     /// Takes everything that has arrived and returns the latest whole sample.
@@ -170,10 +152,7 @@ mod tests {
     fn the_latest_sample_arrives() {
         let mut publisher = SensorPublisher::bind(([127, 0, 0, 1], 0).into()).unwrap();
         let mut reader = SensorReader::connect(publisher.address().unwrap()).unwrap();
-        let sample = |tick| Sample {
-            tick,
-            wrench: [1.0, -2.0, 3.5, 0.1, f64::MIN_POSITIVE, -0.0],
-        };
+        let sample = |tick| Sample { tick, wrench: [1.0, -2.0, 3.5, 0.1, f64::MIN_POSITIVE, -0.0] };
         let mut tick = 0;
         let received = loop {
             tick += 1;

@@ -57,18 +57,11 @@ fn rows_make_sense(manifest: &Manifest) -> Vec<String> {
         for theorem in &row.theorems {
             unproved.remove(theorem);
             if !theorems.contains(theorem) {
-                wrong.push(format!(
-                    "{}: {theorem} is not a theorem of the manifest",
-                    row.name
-                ));
+                wrong.push(format!("{}: {theorem} is not a theorem of the manifest", row.name));
             }
         }
     }
-    wrong.extend(
-        unproved
-            .iter()
-            .map(|name| format!("{name}: no harness proves a part of it")),
-    );
+    wrong.extend(unproved.iter().map(|name| format!("{name}: no harness proves a part of it")));
     wrong
 }
 
@@ -81,9 +74,7 @@ fn harnesses_agree(manifest: &Manifest) -> Vec<String> {
         match declared.remove(name.as_str()) {
             None => wrong.push(format!("{name}: in the manifest, not in the source")),
             Some(harness) if !harness.stubs.is_empty() && row.assumes.is_empty() => {
-                wrong.push(format!(
-                    "{name}: has stubs, and the manifest does not say what it assumes"
-                ));
+                wrong.push(format!("{name}: has stubs, and the manifest does not say what it assumes"));
             }
             Some(_) => {}
         }
@@ -99,10 +90,7 @@ fn mutants_apply(root: &Path, manifest: &Manifest) -> Vec<String> {
     for mutant in &manifest.mutants {
         let name = &mutant.name;
         if manifest.row(&mutant.harness).is_none() {
-            wrong.push(format!(
-                "{name}: its harness {} is not in the manifest",
-                mutant.harness
-            ));
+            wrong.push(format!("{name}: its harness {} is not in the manifest", mutant.harness));
         }
         if mutant.fails.is_empty() {
             wrong.push(format!("{name}: names no check that must fail"));
@@ -122,13 +110,9 @@ fn families_are_tried(root: &Path, manifest: &Manifest) -> Result<Vec<String>, S
     let mut wrong = Vec::new();
     for path in files(&root.join("proofs/src/harness"))? {
         let family = path.file_stem().unwrap_or_default().to_string_lossy();
-        let mut harnesses = declared
-            .values()
-            .filter(|harness| harness.family() == family);
+        let mut harnesses = declared.values().filter(|harness| harness.family() == family);
         if family != "mod" && !harnesses.any(|harness| tried(harness.name)) {
-            wrong.push(format!(
-                "family {family}: no mutant tries any of its harnesses"
-            ));
+            wrong.push(format!("family {family}: no mutant tries any of its harnesses"));
         }
     }
     Ok(wrong)
@@ -138,13 +122,9 @@ fn families_are_tried(root: &Path, manifest: &Manifest) -> Result<Vec<String>, S
 fn uncovered(path: &str, text: &str) -> Vec<String> {
     let (mut line, mut wrong) = (1_usize, Vec::new());
     for (index, part) in text.split("kani::assume(").enumerate() {
-        let next = part
-            .split_once(';')
-            .map_or("", |(_, next)| next.trim_start());
+        let next = part.split_once(';').map_or("", |(_, next)| next.trim_start());
         if index > 0 && !next.starts_with("kani::cover!(") {
-            wrong.push(format!(
-                "{path}:{line}: no kani::cover! after this kani::assume"
-            ));
+            wrong.push(format!("{path}:{line}: no kani::cover! after this kani::assume"));
         }
         line = line.saturating_add(part.matches('\n').count());
     }

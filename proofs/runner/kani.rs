@@ -67,10 +67,7 @@ impl Kani {
         let log = self.logs.join(format!("{}.log", job.name()));
         let file = File::create(&log)?;
         let mut command = self.command(job, proofs);
-        command
-            .stdin(Stdio::null())
-            .stdout(file.try_clone()?)
-            .stderr(file);
+        command.stdin(Stdio::null()).stdout(file.try_clone()?).stderr(file);
         let mut child = command.spawn()?;
         let (mut output, mut text) = (File::open(&log)?, Vec::new());
         let (mut phase, mut since) = (Phase::Building, Instant::now());

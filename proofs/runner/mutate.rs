@@ -44,14 +44,10 @@ impl<'a> Copy<'a> {
 
 /// Checks that the mutant's old text stands exactly once in its file.
 pub(crate) fn fits(root: &Path, mutant: &Mutant) -> Result<(), String> {
-    let Mutant {
-        name, file, old, ..
-    } = mutant;
+    let Mutant { name, file, old, .. } = mutant;
     match read(&root.join(file))?.matches(old.as_str()).count() {
         1 => Ok(()),
-        count => Err(format!(
-            "{name}: `{old}` occurs {count} times in {file}, expected once"
-        )),
+        count => Err(format!("{name}: `{old}` occurs {count} times in {file}, expected once")),
     }
 }
 
@@ -84,10 +80,8 @@ fn workspace(root: &Path) -> Result<String, String> {
     let complain = |error: &dyn std::fmt::Display| format!("Cargo.toml: {error}");
     let text = read(&root.join("Cargo.toml"))?;
     let mut manifest: toml::Table = toml::from_str(&text).map_err(|error| complain(&error))?;
-    let workspace = manifest
-        .get_mut("workspace")
-        .and_then(toml::Value::as_table_mut)
-        .ok_or("Cargo.toml: no [workspace]")?;
+    let workspace =
+        manifest.get_mut("workspace").and_then(toml::Value::as_table_mut).ok_or("Cargo.toml: no [workspace]")?;
     workspace.remove("default-members");
     workspace.remove("exclude");
     let members = ["core", "proofs"].map(toml::Value::from);
@@ -100,19 +94,14 @@ fn mirror(from: &Path, to: &Path) -> Result<(), String> {
     let complain = |path: &Path, error| format!("{}: {error}", path.display());
     fs::create_dir_all(to).map_err(|error| complain(to, error))?;
     for held in files(to)? {
-        let gone = held
-            .strip_prefix(to)
-            .is_ok_and(|part| !from.join(part).exists());
+        let gone = held.strip_prefix(to).is_ok_and(|part| !from.join(part).exists());
         if gone {
             fs::remove_file(&held).map_err(|error| complain(&held, error))?;
         }
     }
     for path in files(from)? {
         let part = path.strip_prefix(from).map_err(|error| error.to_string())?;
-        write(
-            &to.join(part),
-            &fs::read(&path).map_err(|error| complain(&path, error))?,
-        )?;
+        write(&to.join(part), &fs::read(&path).map_err(|error| complain(&path, error))?)?;
     }
     Ok(())
 }
@@ -123,7 +112,5 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
         return Ok(());
     }
     let folder = path.parent().map_or(Ok(()), fs::create_dir_all);
-    folder
-        .and_then(|()| fs::write(path, bytes))
-        .map_err(|error| format!("{}: {error}", path.display()))
+    folder.and_then(|()| fs::write(path, bytes)).map_err(|error| format!("{}: {error}", path.display()))
 }

@@ -38,11 +38,7 @@ fn jobs(manifest: &Manifest) -> Vec<Job<'_>> {
     let job = |row, mutant| {
         let row: &Row = row;
         let harness = declared.get(row.name.as_str())?;
-        Some(Job {
-            harness,
-            row,
-            mutant,
-        })
+        Some(Job { harness, row, mutant })
     };
     let proofs = manifest.harnesses.iter().filter_map(|row| job(row, None));
     let mutants = manifest.mutants.iter();
@@ -51,17 +47,11 @@ fn jobs(manifest: &Manifest) -> Vec<Job<'_>> {
 }
 
 /// Jobs of a tier, or the named ones; an unknown name is an error.
-fn choose<'a>(
-    manifest: &'a Manifest,
-    tier: Tier,
-    names: &[String],
-) -> Result<Vec<Job<'a>>, String> {
+fn choose<'a>(manifest: &'a Manifest, tier: Tier, names: &[String]) -> Result<Vec<Job<'a>>, String> {
     let mut jobs = jobs(manifest);
     let unknown = |name: &&String| jobs.iter().all(|job| job.name() != name.as_str());
     if let Some(name) = names.iter().find(unknown) {
-        return Err(format!(
-            "no harness or mutant is called {name}; `list` shows them"
-        ));
+        return Err(format!("no harness or mutant is called {name}; `list` shows them"));
     }
     jobs.retain(|job| match names {
         [] => job.tier() <= tier,
@@ -72,8 +62,7 @@ fn choose<'a>(
 
 /// Gives every chosen job to Kani.
 pub(crate) fn prove(root: &Path, manifest: &Manifest, options: &Prove) -> Result<(), Failure> {
-    let jobs = choose(manifest, options.tier, &options.names)
-        .map_err(|message| Failure(exit::USAGE, message))?;
+    let jobs = choose(manifest, options.tier, &options.names).map_err(|message| Failure(exit::USAGE, message))?;
     let pinned = read(&root.join("proofs/kani-version"))?;
     let pinned = pinned.trim();
     let version = kani::version().map_err(|reason| missing(pinned, &reason))?;
@@ -84,8 +73,7 @@ pub(crate) fn prove(root: &Path, manifest: &Manifest, options: &Prove) -> Result
         memory_gib: options.memory_gib,
         build_limit: Duration::from_secs(options.build_minutes.saturating_mul(60)),
     };
-    std::fs::create_dir_all(&kani.logs)
-        .map_err(|error| format!("{}: {error}", kani.logs.display()))?;
+    std::fs::create_dir_all(&kani.logs).map_err(|error| format!("{}: {error}", kani.logs.display()))?;
     // Fails only where a handler is set already.
     let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
     let report = Report {
@@ -115,12 +103,7 @@ fn missing(pinned: &str, reason: &str) -> Failure {
     Failure(exit::KANI_MISSING, message)
 }
 
-fn run_all<'a>(
-    root: &Path,
-    kani: &Kani,
-    jobs: &[Job<'a>],
-    seconds: Option<f64>,
-) -> Result<Vec<Outcome<'a>>, String> {
+fn run_all<'a>(root: &Path, kani: &Kani, jobs: &[Job<'a>], seconds: Option<f64>) -> Result<Vec<Outcome<'a>>, String> {
     let mut outcomes = Vec::new();
     let moves = std::io::stdout().is_terminal();
     for (index, &job) in (1..).zip(jobs) {
@@ -133,10 +116,7 @@ fn run_all<'a>(
         let (end, log) = kani
             .run(job, &proofs, time, |phase| {
                 if moves {
-                    show(&format!(
-                        "\r\x1b[K{title}{phase:?}, {} s",
-                        began.elapsed().as_secs()
-                    ));
+                    show(&format!("\r\x1b[K{title}{phase:?}, {} s", began.elapsed().as_secs()));
                 }
             })
             .map_err(|error| format!("{}: {error}", job.name()))?;
@@ -146,13 +126,8 @@ fn run_all<'a>(
         let bytes = std::fs::read(&log).map_err(|error| format!("{}: {error}", log.display()))?;
         let output = String::from_utf8_lossy(&bytes);
         let findings = Findings::read(&output);
-        let outcome = Outcome {
-            job,
-            limit,
-            seconds: findings.seconds,
-            objection: objection(job, end, &findings, limit),
-            log,
-        };
+        let outcome =
+            Outcome { job, limit, seconds: findings.seconds, objection: objection(job, end, &findings, limit), log };
         if moves {
             show(&format!("\r\x1b[K{title}"));
         }
@@ -184,9 +159,9 @@ fn objection(job: Job<'_>, end: kani::End, findings: &Findings, limit: f64) -> O
     match end {
         kani::End::TimedOut(Phase::Solving) => Some(format!("timed out after {limit} s")),
         kani::End::TimedOut(Phase::Building) => Some("timed out while building".to_owned()),
-        kani::End::Exited(status) => findings.objection(job, limit).or_else(|| {
-            (status.success() == job.mutant.is_some()).then(|| format!("Kani ended with {status}"))
-        }),
+        kani::End::Exited(status) => findings
+            .objection(job, limit)
+            .or_else(|| (status.success() == job.mutant.is_some()).then(|| format!("Kani ended with {status}"))),
         kani::End::Interrupted => Some("interrupted".to_owned()),
     }
 }

@@ -27,10 +27,7 @@ impl Outcome<'_> {
     pub(crate) fn line(&self, whole: Duration) -> String {
         let (verdict, time) = (self.verdict(), seconds(self.seconds));
         match &self.objection {
-            None => format!(
-                "{verdict} in {time} ({:.1} s with building)",
-                whole.as_secs_f64()
-            ),
+            None => format!("{verdict} in {time} ({:.1} s with building)", whole.as_secs_f64()),
             Some(_) => format!("{verdict}\n    see {}", self.log.display()),
         }
     }
@@ -52,11 +49,7 @@ impl Outcome<'_> {
     }
 
     fn json(&self) -> Value {
-        let Job {
-            harness,
-            row,
-            mutant,
-        } = self.job;
+        let Job { harness, row, mutant } = self.job;
         let (property, domain) = self.claim();
         json!({
             "name": self.job.name(),
@@ -92,9 +85,7 @@ impl Report<'_> {
     /// Number of runs that ended as expected.
     pub(crate) fn as_expected(&self) -> usize {
         let outcomes = self.outcomes.iter();
-        outcomes
-            .filter(|outcome| outcome.objection.is_none())
-            .count()
+        outcomes.filter(|outcome| outcome.objection.is_none()).count()
     }
 
     /// Numbers of all runs, and the names of those that are not as expected.
@@ -121,10 +112,7 @@ impl Report<'_> {
             "total": self.outcomes.len(),
             "results": self.outcomes.iter().map(Outcome::json).collect::<Value>(),
         });
-        for (name, text) in [
-            ("results.json", format!("{json:#}\n")),
-            ("results.md", self.markdown()),
-        ] {
+        for (name, text) in [("results.json", format!("{json:#}\n")), ("results.md", self.markdown())] {
             let path = folder.join(name);
             std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
         }
@@ -138,19 +126,13 @@ impl Report<'_> {
             self.summary(),
             self.tier
         );
-        header(
-            &mut text,
-            "name | theorems | property | domain; the failing check | verdict | time",
-        );
+        header(&mut text, "name | theorems | property | domain; the failing check | verdict | time");
         for outcome in &self.outcomes {
             let (property, domain) = outcome.claim();
             let name = format!("`{}`", outcome.job.name());
             let theorems = outcome.job.row.theorems.join(" ");
             let (verdict, time) = (outcome.verdict(), seconds(outcome.seconds));
-            line(
-                &mut text,
-                &[&name, &theorems, property, domain, &verdict, &time],
-            );
+            line(&mut text, &[&name, &theorems, property, domain, &verdict, &time]);
         }
         text.push_str("\nNot proved, and not claimed:\n\n");
         header(&mut text, "theorem | statement");
@@ -164,11 +146,7 @@ impl Report<'_> {
 /// Head of a table, cells between bars.
 fn header(text: &mut String, cells: &str) {
     // Writing to a String cannot fail.
-    let _ = writeln!(
-        text,
-        "| {cells} |\n|{}",
-        "---|".repeat(cells.split('|').count())
-    );
+    let _ = writeln!(text, "| {cells} |\n|{}", "---|".repeat(cells.split('|').count()));
 }
 
 fn line(text: &mut String, cells: &[&str]) {
@@ -205,10 +183,7 @@ pub(crate) fn with_table(readme: &str, manifest: &Manifest) -> Result<String, St
 /// Theorems with their harnesses, solver times and mutants.
 fn table(manifest: &Manifest) -> String {
     let mut text = String::from("\n");
-    header(
-        &mut text,
-        "theorem | statement and domain | how | harnesses, s | mutants that fail",
-    );
+    header(&mut text, "theorem | statement and domain | how | harnesses, s | mutants that fail");
     for theorem in &manifest.theorems {
         let proves = |row: &&Row| row.theorems.contains(&theorem.name);
         let rows: Vec<&Row> = manifest.harnesses.iter().filter(proves).collect();
@@ -240,19 +215,14 @@ fn table(manifest: &Manifest) -> String {
 pub(crate) fn list(manifest: &Manifest) {
     let measured = |s: Option<f64>| s.map_or("not run yet".to_owned(), |s| format!("{s} s"));
     for theorem in &manifest.theorems {
-        println!(
-            "{}  {}\n    {}",
-            theorem.name, theorem.statement, theorem.how
-        );
+        println!("{}  {}\n    {}", theorem.name, theorem.statement, theorem.how);
     }
     let declared = check::declared();
     for row in &manifest.harnesses {
         let source = declared.get(row.name.as_str());
-        let solver = source.map_or("not in the source".to_owned(), |harness| {
-            match harness.unwind {
-                Some(bound) => format!("{}, unwind {bound}", harness.solver),
-                None => harness.solver.to_owned(),
-            }
+        let solver = source.map_or("not in the source".to_owned(), |harness| match harness.unwind {
+            Some(bound) => format!("{}, unwind {bound}", harness.solver),
+            None => harness.solver.to_owned(),
         });
         let (theorems, time) = (row.theorems.join(" "), measured(row.measured_s));
         println!("{}  ({theorems}, {}, {time}, {solver})", row.name, row.tier);
@@ -263,10 +233,7 @@ pub(crate) fn list(manifest: &Manifest) {
     }
     for mutant in &manifest.mutants {
         let time = measured(mutant.measured_s);
-        println!(
-            "{}  (mutant, {}, {time})\n    {}",
-            mutant.name, mutant.tier, mutant.change
-        );
+        println!("{}  (mutant, {}, {time})\n    {}", mutant.name, mutant.tier, mutant.change);
         println!("    {} must fail: {}", mutant.harness, mutant.fails);
     }
     for wall in &manifest.walls {

@@ -30,13 +30,7 @@ const NOT_ABOUT_THE_PROPERTY: [&str; 4] = [
 ];
 
 /// Parts of the lines with the reason for a lack of a result.
-const TROUBLE: [&str; 5] = [
-    "error:",
-    "error[",
-    "CBMC failed",
-    "out of memory",
-    "panicked at",
-];
+const TROUBLE: [&str; 5] = ["error:", "error[", "CBMC failed", "out of memory", "panicked at"];
 
 impl<'a> Findings<'a> {
     pub(crate) fn read(output: &'a str) -> Self {
@@ -49,11 +43,7 @@ impl<'a> Findings<'a> {
             } else if let Some(text) = value("- Status: ") {
                 status = text;
             } else if let Some(text) = value("- Description: ") {
-                let kind = if is_cover {
-                    &mut found.covers
-                } else {
-                    &mut found.checks
-                };
+                let kind = if is_cover { &mut found.covers } else { &mut found.checks };
                 kind.push((status, text.trim_matches('"')));
             } else if let Some(result) = value("VERIFICATION:- ") {
                 found.verified = Some(result == "SUCCESSFUL");
@@ -71,9 +61,7 @@ impl<'a> Findings<'a> {
 
     /// Reason why this is not what the job expects; none if it is.
     pub(crate) fn objection(&self, job: Job<'_>, limit: f64) -> Option<String> {
-        let (Some(harnesses), Some(verified), Some(seconds)) =
-            (self.harnesses, self.verified, self.seconds)
-        else {
+        let (Some(harnesses), Some(verified), Some(seconds)) = (self.harnesses, self.verified, self.seconds) else {
             let trouble = self.trouble.unwrap_or("its output is not understood");
             return Some(format!("Kani came to no result: {trouble}"));
         };
@@ -105,10 +93,7 @@ impl<'a> Findings<'a> {
             Some("it has no cover: it may prove nothing".to_owned())
         } else if !missed.is_empty() {
             let (reached, all) = (reached.len(), self.covers.len());
-            Some(format!(
-                "{reached} of {all} covers reached; not: {}",
-                texts(&missed).join("; ")
-            ))
+            Some(format!("{reached} of {all} covers reached; not: {}", texts(&missed).join("; ")))
         } else {
             None
         }
@@ -117,11 +102,7 @@ impl<'a> Findings<'a> {
     /// Objection to a mutant: the named check must fail, and nothing that hides it.
     fn not_caught(&self, verified: bool, expected: &str) -> Option<String> {
         let failed = self.failed();
-        let hides = |text: &&&str| {
-            NOT_ABOUT_THE_PROPERTY
-                .iter()
-                .any(|known| text.contains(known))
-        };
+        let hides = |text: &&&str| NOT_ABOUT_THE_PROPERTY.iter().any(|known| text.contains(known));
         if verified {
             Some("the mutant verifies: the harness does not notice the fault".to_owned())
         } else if let Some(text) = failed.iter().find(hides) {
@@ -130,9 +111,7 @@ impl<'a> Findings<'a> {
             None
         } else {
             let failed = failed.join("; ");
-            Some(format!(
-                "the wrong check failed: {failed} (expected: {expected})"
-            ))
+            Some(format!("the wrong check failed: {failed} (expected: {expected})"))
         }
     }
 

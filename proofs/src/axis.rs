@@ -5,9 +5,7 @@ use gantry_tau_core::control::channel::{Channel, Limits};
 use gantry_tau_core::control::message::AxisLimits;
 use gantry_tau_core::control::session::config::{AxisConfig, MAX_POSITION_NM};
 use gantry_tau_core::units::{ChannelUnit, PositionNm};
-use gantry_tau_core::verification::control::{
-    Action, Axis, AxisChannels, AxisCommand, drive_reference,
-};
+use gantry_tau_core::verification::control::{Action, Axis, AxisChannels, AxisCommand, drive_reference};
 
 /// One of the three channels of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,10 +70,7 @@ struct Shadow {
 
 impl ChannelProperty for Shadow {
     fn check<U: ChannelUnit>(&self, _: Channel<U>, after: Channel<U>, limits: &Limits<U>) {
-        assert!(
-            after.is_valid(limits),
-            "the invariant of the shadow is kept"
-        );
+        assert!(after.is_valid(limits), "the invariant of the shadow is kept");
         let rests = after.count() == 0 && after.change() == 0;
         assert!(self.commanded || rests, "the shadow rests");
     }
@@ -101,10 +96,7 @@ pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfi
         reference.velocity_offset == offsets.velocity && reference.torque_offset == offsets.torque,
         "the drive receives the channel"
     );
-    assert!(
-        i32::from(offsets.torque.0) == after.channels.torque.count(),
-        "the torque channel fits its unit"
-    );
+    assert!(i32::from(offsets.torque.0) == after.channels.torque.count(), "the torque channel fits its unit");
 }
 
 /// The shadow stays within its limits, whatever the command, and rests at zero without one.
@@ -114,9 +106,7 @@ pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfi
 pub fn shadow_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfig, kind: Kind) {
     let mut after = *before;
     let _ = after.act(command, config);
-    let shadow = Shadow {
-        commanded: command.shadow.is_some(),
-    };
+    let shadow = Shadow { commanded: command.shadow.is_some() };
     kind.check((&before.shadow, &after.shadow), &config.limits, &shadow);
 }
 
@@ -134,10 +124,7 @@ pub fn reference_is_inside_travel(axis: &AxisConfig, nominal: PositionNm, offset
     let within = own.lower <= nominal && nominal <= own.upper;
     if within && axis.limits.position.admits(offsets.position) {
         let sum = i128::from(nominal.0) + i128::from(offsets.position.0);
-        assert!(
-            i128::from(reference.position.0) == sum,
-            "T3: only a faulty nominal clamps"
-        );
+        assert!(i128::from(reference.position.0) == sum, "T3: only a faulty nominal clamps");
     }
 }
 
@@ -162,13 +149,6 @@ pub fn reference_moves_no_further(
     let wanted_second = to.0 + i64::from(after.position.0);
     let moved = second.position.0 - first.position.0;
     let wanted = wanted_second - wanted_first;
-    let no_further = if wanted >= 0 {
-        0 <= moved && moved <= wanted
-    } else {
-        wanted <= moved && moved <= 0
-    };
-    assert!(
-        no_further,
-        "T3: no further than nominal and offset together"
-    );
+    let no_further = if wanted >= 0 { 0 <= moved && moved <= wanted } else { wanted <= moved && moved <= 0 };
+    assert!(no_further, "T3: no further than nominal and offset together");
 }

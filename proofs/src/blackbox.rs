@@ -21,26 +21,16 @@ pub fn record<const N: usize, const HALF: usize>(
 ///
 /// # Panics
 /// When it does not hold.
-pub fn holds_the_end<const N: usize, const HALF: usize>(
-    black_box: &BlackBox<N, HALF>,
-    latest: Tick,
-    recorded: usize,
-) {
+pub fn holds_the_end<const N: usize, const HALF: usize>(black_box: &BlackBox<N, HALF>, latest: Tick, recorded: usize) {
     let mut count = 0_usize;
     let mut last = black_box.before().map(Session::last_tick);
     for entry in black_box.entries() {
         let tick = entry.output.state.tick;
-        assert!(
-            last.map(|last| last.0 + 1) == Some(tick.0),
-            "T11: no gap, from the session before the first on"
-        );
+        assert!(last.map(|last| last.0 + 1) == Some(tick.0), "T11: no gap, from the session before the first on");
         last = Some(tick);
         count += 1;
     }
-    assert!(
-        count == 0 || last == Some(latest),
-        "T11: up to the latest tick"
-    );
+    assert!(count == 0 || last == Some(latest), "T11: up to the latest tick");
     assert!(
         count >= recorded.min(2 * HALF) && count <= 3 * HALF,
         "T11: at least 2 HALF ticks, where there were as many"
@@ -104,8 +94,5 @@ pub fn records_a_step<const HALF: usize>(recorder: &mut Numbered<HALF>, latest: 
         Some(left) => Some(left - 1),
         None => ends.then_some(HALF),
     };
-    assert!(
-        recorder.left() == expected,
-        "T11: HALF steps after the end, and no more"
-    );
+    assert!(recorder.left() == expected, "T11: HALF steps after the end, and no more");
 }

@@ -51,26 +51,13 @@ pub fn step_is_bounded(before: Position, op: ChannelOp, limits: &Limits<OffsetNm
 ///
 /// # Panics
 /// When one of them does not hold.
-pub fn change_is_bounded<U: ChannelUnit>(
-    before: Channel<U>,
-    after: Channel<U>,
-    limits: &Limits<U>,
-) {
+pub fn change_is_bounded<U: ChannelUnit>(before: Channel<U>, after: Channel<U>, limits: &Limits<U>) {
     assert!(after.is_valid(limits), "the invariant is kept");
     let change = i64::from(after.count()) - i64::from(before.count());
-    assert!(
-        change == i64::from(after.change()),
-        "the change is what changed"
-    );
-    assert!(
-        change.abs() <= i64::from(limits.step()),
-        "T1: |change| <= S"
-    );
+    assert!(change == i64::from(after.change()), "the change is what changed");
+    assert!(change.abs() <= i64::from(limits.step()), "T1: |change| <= S");
     let bend = change - i64::from(before.change());
-    assert!(
-        bend.abs() <= i64::from(limits.accel()),
-        "T2: |change of change| <= A"
-    );
+    assert!(bend.abs() <= i64::from(limits.accel()), "T2: |change of change| <= A");
     assert!(limits.admits(after.value()), "T3: |value| <= M");
 }
 
@@ -89,10 +76,7 @@ pub fn ramp_is_exact(before: Position, limits: &Limits<OffsetNm>) {
 /// When it does not hold.
 pub fn is_ramp_step<U>(before: Channel<U>, after: Channel<U>, limits: &Limits<U>) {
     let (from, to) = (before.count().unsigned_abs(), after.count().unsigned_abs());
-    assert!(
-        to == from - from.min(limits.ramp()),
-        "T5: exactly min(rho, |value|)"
-    );
+    assert!(to == from - from.min(limits.ramp()), "T5: exactly min(rho, |value|)");
     let same_side = after.count() == 0 || (after.count() > 0) == (before.count() > 0);
     assert!(same_side, "T5: never past zero");
     assert!(to < from || from == 0, "T5: the measure decreases");

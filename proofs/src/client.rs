@@ -27,31 +27,17 @@ pub fn answer_is_right<const N: usize>(before: &Dialogue<N>, mode: Mode, targets
         session.unanswered && !session.ended && session.leaving.is_none(),
         "T24: a command answers a State that waits, before any Goodbye"
     );
-    let Some(last) = session.last else {
-        panic!("T24: a State waits")
-    };
-    assert!(
-        command.echo == last.tick && command.epoch == session.welcome.epoch,
-        "T24: never an old State"
-    );
-    assert!(
-        command.sequence > session.sequence,
-        "T24: the sequence rises"
-    );
+    let Some(last) = session.last else { panic!("T24: a State waits") };
+    assert!(command.echo == last.tick && command.epoch == session.welcome.epoch, "T24: never an old State");
+    assert!(command.sequence > session.sequence, "T24: the sequence rises");
     if command.mode == Mode::Obtain {
         let submitted = matches!(last.phase, Phase::Submit | Phase::Obtain);
-        assert!(
-            mode == Mode::Obtain && session.sequence.0 > 0 && submitted,
-            "T24: never begins with Obtain"
-        );
+        assert!(mode == Mode::Obtain && session.sequence.0 > 0 && submitted, "T24: never begins with Obtain");
     }
     for index in 0..N {
         let (limits, wanted) = (&session.welcome.limits[index], &targets[index]);
         let (target, flags) = (&command.targets[index], saturated[index]);
-        assert!(
-            limits.admits(target),
-            "T24: never beyond the limits it was told"
-        );
+        assert!(limits.admits(target), "T24: never beyond the limits it was told");
         // Not an array: a model checker would unwind the comparison of its bytes.
         let beyond = (
             !limits.position.admits(wanted.position),
@@ -62,15 +48,9 @@ pub fn answer_is_right<const N: usize>(before: &Dialogue<N>, mode: Mode, targets
             beyond == (flags.position, flags.velocity, flags.torque),
             "T24: saturation is flagged, and nothing else"
         );
-        assert!(
-            flags.any() || target == wanted,
-            "T24: targets within the limits are sent as they are"
-        );
+        assert!(flags.any() || target == wanted, "T24: targets within the limits are sent as they are");
     }
-    assert!(
-        after.answer(mode, targets).is_none(),
-        "T24: one answer per State"
-    );
+    assert!(after.answer(mode, targets).is_none(), "T24: one answer per State");
 }
 
 /// T24: a message makes a State wait only if it is a State of this session, in a live phase, newer than every State before.
@@ -83,37 +63,22 @@ pub fn message_is_right<const N: usize>(before: &Dialogue<N>, message: ServerMes
     assert!(after.is_valid(), "the invariant is kept");
     match result {
         Ok(Some(Event::State(state))) => {
-            let Some(welcome) = before.welcome() else {
-                panic!("T24: a session")
-            };
-            assert!(
-                state.epoch == welcome.epoch && state.tick >= welcome.tick,
-                "T24: a State of this session"
-            );
+            let Some(welcome) = before.welcome() else { panic!("T24: a session") };
+            assert!(state.epoch == welcome.epoch && state.tick >= welcome.tick, "T24: a State of this session");
             let newer = before.last().is_none_or(|last| state.tick > last.tick);
             assert!(newer, "T24: newer than any before");
-            assert!(
-                !before.is_over() && after.has_unanswered(),
-                "T24: a new State waits"
-            );
+            assert!(!before.is_over() && after.has_unanswered(), "T24: a new State waits");
         }
         Ok(Some(Event::Ended(_) | Event::Refused(_))) => {
-            assert!(
-                after.is_over() && !after.has_unanswered(),
-                "T24: nothing is answered after the end"
-            );
+            assert!(after.is_over() && !after.has_unanswered(), "T24: nothing is answered after the end");
         }
-        Ok(Some(_)) => assert!(
-            before.welcome().is_none() && !after.has_unanswered(),
-            "T24: a Welcome begins the session"
-        ),
+        Ok(Some(_)) => {
+            assert!(before.welcome().is_none() && !after.has_unanswered(), "T24: a Welcome begins the session")
+        }
         Err(ClientError::GoodbyeUnheard { .. }) => {
             assert!(!after.is_over(), "T24: the session goes on");
         }
-        Ok(None) | Err(_) => assert!(
-            after.stage == before.stage,
-            "T24: what is ignored or refused changes nothing"
-        ),
+        Ok(None) | Err(_) => assert!(after.stage == before.stage, "T24: what is ignored or refused changes nothing"),
     }
 }
 
@@ -129,15 +94,7 @@ pub fn goodbye_is_right<const N: usize>(before: &Dialogue<N>, mode: Mode, target
         assert!(after == *before, "without a Goodbye nothing changes");
         return;
     };
-    let Some(welcome) = before.welcome() else {
-        panic!("T24: a session")
-    };
-    assert!(
-        epoch == welcome.epoch && !before.is_over(),
-        "a Goodbye of the running session"
-    );
-    assert!(
-        after.goodbye().is_none() && after.answer(mode, targets).is_none(),
-        "T24: a State is answered once"
-    );
+    let Some(welcome) = before.welcome() else { panic!("T24: a session") };
+    assert!(epoch == welcome.epoch && !before.is_over(), "a Goodbye of the running session");
+    assert!(after.goodbye().is_none() && after.answer(mode, targets).is_none(), "T24: a State is answered once");
 }

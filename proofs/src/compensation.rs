@@ -2,9 +2,7 @@
 
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
 use gantry_tau_core::model::kinematics::KinematicsError;
-use gantry_tau_core::model::sensor::{
-    ForceSensor, MAX_READING, Reading, SensorConfig, SensorError, SensorState,
-};
+use gantry_tau_core::model::sensor::{ForceSensor, MAX_READING, Reading, SensorConfig, SensorError, SensorState};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, OffsetNm};
 use gantry_tau_core::verification::model::bounded;
@@ -30,11 +28,7 @@ pub fn offset_is_within(metres: f64, limit: OffsetNm) {
 ///
 /// # Panics
 /// When an offset is beyond its limit.
-pub fn correction_is_bounded<const N: usize>(
-    config: &CompensatorConfig<N>,
-    q: &[f64; N],
-    command: &[f64; N],
-) {
+pub fn correction_is_bounded<const N: usize>(config: &CompensatorConfig<N>, q: &[f64; N], command: &[f64; N]) {
     if let Ok(correction) = bounded(config, q, command) {
         offsets_are_within(&correction, config);
     }
@@ -51,10 +45,7 @@ pub fn cycle_is_bounded<const N: usize>(
 ) {
     if let Ok(correction) = answer {
         offsets_are_within(&correction, config);
-        assert!(
-            load.is_finite(),
-            "T14: no correction of a load that is not finite"
-        );
+        assert!(load.is_finite(), "T14: no correction of a load that is not finite");
     }
 }
 
@@ -65,10 +56,7 @@ fn offsets_are_within<const N: usize>(correction: &Correction<N>, config: &Compe
 }
 
 fn is_within(offset: OffsetNm, limit: OffsetNm) {
-    assert!(
-        offset.0.unsigned_abs() <= limit.0.max(0).unsigned_abs(),
-        "T14: within the limit"
-    );
+    assert!(offset.0.unsigned_abs() <= limit.0.max(0).unsigned_abs(), "T14: within the limit");
 }
 
 /// T14, for the load the compensation is fed: the check that every state of the sensor passes before it is kept admits finite
@@ -82,10 +70,7 @@ pub fn sensor_check_admits_finite(config: SensorConfig, state: SensorState) -> b
         let state = sensor.state();
         assert!(state.filtered.is_finite(), "T14: a load is finite");
         assert!(state.tare.is_finite(), "T14: a tare is finite");
-        assert!(
-            state.tare_remaining <= config.tare_samples,
-            "T14: no more samples to go than there are"
-        );
+        assert!(state.tare_remaining <= config.tare_samples, "T14: no more samples to go than there are");
     }
     sensor.is_ok()
 }
@@ -101,15 +86,9 @@ pub fn sensor_stays_valid(before: &ForceSensor, raw: &Wrench) {
     match reading {
         Ok(Reading::Load(load)) => assert!(load.is_finite(), "T14: a load is finite"),
         Ok(Reading::Taring { remaining }) => {
-            assert!(
-                remaining.checked_add(1) == Some(before.state().tare_remaining),
-                "T14: one sample less to go"
-            );
+            assert!(remaining.checked_add(1) == Some(before.state().tare_remaining), "T14: one sample less to go");
         }
-        Err(_) => assert!(
-            after.state() == before.state(),
-            "T14: a bad reading changes nothing"
-        ),
+        Err(_) => assert!(after.state() == before.state(), "T14: a bad reading changes nothing"),
     }
 }
 
@@ -118,13 +97,7 @@ pub fn sensor_stays_valid(before: &ForceSensor, raw: &Wrench) {
 /// # Panics
 /// When it is.
 pub fn sensor_takes_good_readings(before: &ForceSensor, raw: &Wrench) {
-    let good = raw
-        .to_array()
-        .iter()
-        .all(|value| value.abs() <= MAX_READING);
+    let good = raw.to_array().iter().all(|value| value.abs() <= MAX_READING);
     let mut after = *before;
-    assert!(
-        good == (after.update(raw) != Err(SensorError::BadReading)),
-        "T14: refused for its own sake only"
-    );
+    assert!(good == (after.update(raw) != Err(SensorError::BadReading)), "T14: refused for its own sake only");
 }

@@ -10,10 +10,7 @@ pub fn position_is_total(metres: f64) {
     match PositionNm::from_metres(Metres(metres)) {
         Ok(PositionNm(nm)) => {
             assert!(metres.is_finite(), "T15: only a finite float crosses");
-            assert!(
-                nm.unsigned_abs() < CROSSING_LIMIT_NM.unsigned_abs(),
-                "T15: inside the limit"
-            );
+            assert!(nm.unsigned_abs() < CROSSING_LIMIT_NM.unsigned_abs(), "T15: inside the limit");
         }
         Err(CrossingError::NotFinite) => {
             assert!(!metres.is_finite(), "T15: NotFinite only for what is not");
@@ -45,28 +42,18 @@ pub fn offset_is_total(metres: f64) {
 ///
 /// # Panics
 /// When it does not hold.
-#[allow(
-    clippy::as_conversions,
-    reason = "an integer below 2^53 is an f64 exactly"
-)]
+#[allow(clippy::as_conversions, reason = "an integer below 2^53 is an f64 exactly")]
 pub fn rounding_is_exact(count: f64) {
     match PositionNm::from_nanometres(count) {
         Ok(PositionNm(nm)) => {
-            assert!(
-                nm.unsigned_abs() < CROSSING_LIMIT_NM.unsigned_abs(),
-                "T15: inside the limit"
-            );
+            assert!(nm.unsigned_abs() < CROSSING_LIMIT_NM.unsigned_abs(), "T15: inside the limit");
             let error = count - nm as f64;
-            assert!(
-                (-0.5..=0.5).contains(&error),
-                "T15: within half a nanometre"
-            );
+            assert!((-0.5..=0.5).contains(&error), "T15: within half a nanometre");
         }
         Err(CrossingError::NotFinite) => assert!(count.is_nan(), "T15: NotFinite only for NaN"),
-        Err(CrossingError::OutOfRange { .. }) => assert!(
-            count.abs() >= CROSSING_LIMIT_NM as f64,
-            "T15: OutOfRange only beyond the limit"
-        ),
+        Err(CrossingError::OutOfRange { .. }) => {
+            assert!(count.abs() >= CROSSING_LIMIT_NM as f64, "T15: OutOfRange only beyond the limit")
+        }
     }
 }
 
@@ -75,10 +62,7 @@ pub fn rounding_is_exact(count: f64) {
 /// # Panics
 /// When they do.
 pub fn rounding_keeps_order(lower: f64, upper: f64) {
-    let crossed = (
-        PositionNm::from_nanometres(lower),
-        PositionNm::from_nanometres(upper),
-    );
+    let crossed = (PositionNm::from_nanometres(lower), PositionNm::from_nanometres(upper));
     if let (true, (Ok(lower), Ok(upper))) = (lower <= upper, crossed) {
         assert!(lower <= upper, "T15: the order is kept");
     }
@@ -96,20 +80,14 @@ pub fn back_is_finite(position: PositionNm) {
 ///
 /// # Panics
 /// When it is not.
-#[allow(
-    clippy::as_conversions,
-    reason = "an integer below 2^53 is an f64 exactly"
-)]
+#[allow(clippy::as_conversions, reason = "an integer below 2^53 is an f64 exactly")]
 pub fn crossing_is_exact(metres: f64) {
     if let Ok(PositionNm(nm)) = PositionNm::from_metres(Metres(metres)) {
         // An exact product: Dekker's error term through the fused multiply-add.
         let product = metres * 1e9;
         let rest = metres.mul_add(1e9, -product);
         let ulp = (product.abs() * f64::EPSILON).max(f64::MIN_POSITIVE);
-        assert!(
-            ((nm as f64 - product) - rest).abs() <= 0.5 + ulp,
-            "T15: half a nanometre and an ulp"
-        );
+        assert!(((nm as f64 - product) - rest).abs() <= 0.5 + ulp, "T15: half a nanometre and an ulp");
     }
 }
 
@@ -118,8 +96,5 @@ pub fn crossing_is_exact(metres: f64) {
 /// # Panics
 /// When it does not.
 pub fn offset_survives(offset: OffsetNm) {
-    assert!(
-        OffsetNm::from_metres(offset.to_metres()) == Ok(offset),
-        "T15: there and back"
-    );
+    assert!(OffsetNm::from_metres(offset.to_metres()) == Ok(offset), "T15: there and back");
 }

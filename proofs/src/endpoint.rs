@@ -67,13 +67,7 @@ fn tick<const N: usize, const MOTORS: usize>(
     let Some(output) = endpoint.output() else {
         panic!("a tick has an output");
     };
-    assert!(
-        motors.is_none() == output.withheld,
-        "references are withheld exactly where they must be"
-    );
+    assert!(motors.is_none() == output.withheld, "references are withheld exactly where they must be");
     let known = |motor| output.references.iter().any(|reference| reference == motor);
-    assert!(
-        motors.iter().flatten().all(known),
-        "T10: what motors receive is the references of axes"
-    );
+    assert!(motors.iter().flatten().all(known), "T10: what motors receive is the references of axes");
 }

@@ -2,9 +2,7 @@
 //! discrete state.
 
 use gantry_tau_core::control::message::{Cause, Mode, Phase};
-use gantry_tau_core::verification::control::{
-    Action, EndReason, FsmInput, FsmState, Rules, decide,
-};
+use gantry_tau_core::verification::control::{Action, EndReason, FsmInput, FsmState, Rules, decide};
 
 /// True if something of higher precedence than a miss arrived.
 fn outranks_a_miss(fsm: &FsmInput) -> bool {
@@ -17,10 +15,7 @@ fn outranks_a_miss(fsm: &FsmInput) -> bool {
 /// When it does not hold.
 pub fn keeps_the_invariant(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let next = decide(state, fsm, rules).next;
-    assert!(
-        next.is_valid(rules.handshake_ticks),
-        "the invariant is kept"
-    );
+    assert!(next.is_valid(rules.handshake_ticks), "the invariant is kept");
     let cycles = u64::from(fsm.skipped) + 1;
     let expected = state.tick.0.saturating_add(cycles);
     assert!(next.tick.0 == expected, "every cycle is a tick");
@@ -41,25 +36,16 @@ pub fn second_miss_ends(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let missed_now = fsm.command.is_none();
     let two = run >= 2 || (run == 1 && missed_now);
     if two {
-        assert!(
-            decision.next.phase == Phase::SafeDisconnect,
-            "T4: the second consecutive miss ends the session"
-        );
+        assert!(decision.next.phase == Phase::SafeDisconnect, "T4: the second consecutive miss ends the session");
         assert!(decision.action == Action::Ramp, "T4: in that tick");
     } else if decision.end == Some(EndReason::Because(Cause::Budget)) {
-        assert!(
-            rules.budget.is_some(),
-            "T4: a budget only where there is one"
-        );
+        assert!(rules.budget.is_some(), "T4: a budget only where there is one");
     } else {
         let stays = matches!(decision.next.phase, Phase::Submit | Phase::Obtain);
         assert!(stays, "T4: one miss never ends a session");
         let obtains = decision.next.phase == Phase::Obtain;
         if missed_now {
-            assert!(
-                decision.next.phase == state.phase,
-                "T4: one miss never leaves Obtain"
-            );
+            assert!(decision.next.phase == state.phase, "T4: one miss never leaves Obtain");
             assert!(decision.action == Action::Hold, "T4: one miss holds");
         } else if let Some((_, Mode::Obtain)) = fsm.command {
             assert!(obtains, "a request to obtain is granted");
@@ -75,10 +61,7 @@ pub fn second_miss_ends(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
 pub fn authority_needs_zero(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let next = decide(state, fsm, rules).next;
     if next.is_live() && !state.is_live() {
-        assert!(
-            state.phase == Phase::Listening && next.phase == Phase::Handshake,
-            "T6: a session begins in Listening"
-        );
+        assert!(state.phase == Phase::Listening && next.phase == Phase::Handshake, "T6: a session begins in Listening");
         assert!(
             fsm.hello.map(|(owner, epoch)| (Some(owner), epoch)) == Some((next.owner, next.epoch)),
             "T6: it is granted to who asked"
@@ -100,10 +83,7 @@ pub fn authority_needs_zero(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
 pub fn stop_leads_to_fault(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let decision = decide(state, fsm, rules);
     if fsm.stop {
-        assert!(
-            decision.next.phase == Phase::Fault,
-            "T9: a stop ends in Fault"
-        );
+        assert!(decision.next.phase == Phase::Fault, "T9: a stop ends in Fault");
         assert!(decision.action == Action::Ramp, "T9: a stop ramps");
     }
     if state.phase != Phase::Fault {
@@ -135,10 +115,7 @@ pub fn no_session_ramps(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
         assert!(!decision.next.is_live(), "T5: no session meanwhile");
     }
     let ends = state.is_live() && !decision.next.is_live();
-    assert!(
-        !ends || decision.action == Action::Ramp,
-        "T5: the ramp begins in the tick that ends the session"
-    );
+    assert!(!ends || decision.action == Action::Ramp, "T5: the ramp begins in the tick that ends the session");
     let follows = matches!(decision.action, Action::Follow | Action::FollowZero);
     assert!(
         !follows || (decision.next.phase == Phase::Obtain && fsm.command.is_some()),

@@ -32,8 +32,7 @@ pub fn only_the_owner_decides<const N: usize>(
     after.fsm.hello = accepted.fsm.hello;
     assert!(after == *accepted, "T7: a non-owner can only ask");
     assert!(
-        hello == accepted.fsm.hello
-            || hello == classifier.next_epoch.map(|epoch| (connection, epoch)),
+        hello == accepted.fsm.hello || hello == classifier.next_epoch.map(|epoch| (connection, epoch)),
         "T7: and only for itself"
     );
 }
@@ -45,9 +44,7 @@ fn owner_may_decide<const N: usize>(classifier: &Classifier<'_, N>, event: &Even
         Event::Malformed(_) | Event::Dropped(_) => false,
         Event::Message(message) => match message {
             ClientMessage::Command(command) => is_fresh(classifier, command),
-            ClientMessage::Goodbye(epoch) | ClientMessage::Stop(epoch) => {
-                *epoch == classifier.discrete.epoch
-            }
+            ClientMessage::Goodbye(epoch) | ClientMessage::Stop(epoch) => *epoch == classifier.discrete.epoch,
             ClientMessage::Hello(_) => false,
         },
     }
@@ -78,10 +75,7 @@ pub fn is_fresh<const N: usize>(classifier: &Classifier<'_, N>, command: &Comman
 /// When it does not hold.
 pub fn fresh_is_as_defined<const N: usize>(classifier: &Classifier<'_, N>, command: &Command<N>) {
     let fresh = classifier.verdict(command) == Verdict::Fresh;
-    assert!(
-        fresh == is_fresh(classifier, command),
-        "T7: fresh as defined"
-    );
+    assert!(fresh == is_fresh(classifier, command), "T7: fresh as defined");
 }
 
 /// T7's induction: diagnostics do not decide, now or later.

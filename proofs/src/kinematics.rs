@@ -83,21 +83,10 @@ pub fn lengths_are_kept(robot: &l2::Robot, nominal: &l2::Kinematics, tcp_m: Thre
 }
 
 fn keeps_lengths(robot: &l2::Robot, nominal: &l2::Kinematics, tcp_m: Three, q: &Three) {
-    let shortest_m = robot
-        .geometry()
-        .lengths_m
-        .iter()
-        .copied()
-        .fold(f64::INFINITY, f64::min);
-    let pose = Pose {
-        position_m: tcp_m.into(),
-        rotation: *nominal.rotation(),
-    };
+    let shortest_m = robot.geometry().lengths_m.iter().copied().fold(f64::INFINITY, f64::min);
+    let pose = Pose { position_m: tcp_m.into(), rotation: *nominal.rotation() };
     let residual = robot.residual_m(&pose, q);
-    assert!(
-        residual <= RESIDUAL_TOLERANCE * shortest_m + 1e-12,
-        "T13: the links keep their lengths"
-    );
+    assert!(residual <= RESIDUAL_TOLERANCE * shortest_m + 1e-12, "T13: the links keep their lengths");
 }
 
 /// T13: inverse, then forward, leads back: to `tolerance_m` (metres) where the pose is regular. Tested.
@@ -108,10 +97,7 @@ pub fn there_and_back(nominal: &l2::Kinematics, tcp_m: Three, tolerance_m: f64) 
     let there = Pose::at(tcp_m.into()).position_m;
     if let Ok(q) = nominal.inverse_in_assembly(&there) {
         let distance_m = nominal.forward(&q).map(|back| norm(&(back - there)));
-        assert!(
-            distance_m.is_ok_and(|metres| metres <= tolerance_m),
-            "T13: forward leads back"
-        );
+        assert!(distance_m.is_ok_and(|metres| metres <= tolerance_m), "T13: forward leads back");
     }
 }
 
@@ -119,20 +105,11 @@ pub fn there_and_back(nominal: &l2::Kinematics, tcp_m: Three, tolerance_m: f64) 
 ///
 /// # Panics
 /// When one is not.
-pub fn statics_are_finite(
-    robot: &l2::Robot,
-    nominal: &l2::Kinematics,
-    tcp_m: Three,
-    q: Three,
-    load: &Wrench,
-) {
+pub fn statics_are_finite(robot: &l2::Robot, nominal: &l2::Kinematics, tcp_m: Three, q: Three, load: &Wrench) {
     let finite = |values: &[f64]| {
         assert!(values.iter().all(|value| value.is_finite()), "T13: finite");
     };
-    let pose = Pose {
-        position_m: tcp_m.into(),
-        rotation: *nominal.rotation(),
-    };
+    let pose = Pose { position_m: tcp_m.into(), rotation: *nominal.rotation() };
     if let Ok(jacobian) = nominal.jacobian(&pose.position_m) {
         finite(jacobian.as_slice());
     }

@@ -5,8 +5,7 @@ use gantry_tau_core::control::message::{AxisLimits, Phase, State};
 use gantry_tau_core::control::session::{Session, TickInput};
 use gantry_tau_core::units::OffsetNm;
 use gantry_tau_core::verification::control::{
-    Accepted, Bounds, Diagnostics, Internals, Motion, Seen, Trace, drive_reference,
-    monitor_from_parts, monitor_parts,
+    Accepted, Bounds, Diagnostics, Internals, Motion, Seen, Trace, drive_reference, monitor_from_parts, monitor_parts,
 };
 use gantry_tau_core::{Monitor, Offsets, PositionNm, Reference, Travel};
 
@@ -16,13 +15,7 @@ fn ramp_change(value: i128, ramp: i128) -> i128 {
 }
 
 /// True if a sample breaks a limit, from its definition.
-fn breaks(
-    before: Option<&Trace>,
-    value: i64,
-    steps: u64,
-    motion: Motion,
-    limits: LimitValues,
-) -> bool {
+fn breaks(before: Option<&Trace>, value: i64, steps: u64, motion: Motion, limits: LimitValues) -> bool {
     let (max, step) = (i128::from(limits.max), i128::from(limits.step));
     let (accel, ramp) = (i128::from(limits.accel), i128::from(limits.ramp));
     let value = i128::from(value);
@@ -38,9 +31,7 @@ fn breaks(
     if change < -far || change > far {
         return true;
     }
-    let jerks = before
-        .change
-        .is_some_and(|earlier| (change - i128::from(earlier)).abs() > accel);
+    let jerks = before.change.is_some_and(|earlier| (change - i128::from(earlier)).abs() > accel);
     let strays = match motion {
         Motion::Free => false,
         Motion::Hold => change != 0,
@@ -67,19 +58,11 @@ pub fn sample_is_flagged_exactly(
     let value = i64::from(value);
     let result = Trace::advance(&mut trace, value, steps, motion, &Bounds::of(limits));
     let broken = breaks(before.as_ref(), value, steps, motion, limits.values());
-    assert!(
-        result.is_err() == broken,
-        "T24: exactly what breaks a limit"
-    );
-    let Some(now) = trace else {
-        panic!("T24: a sample was taken")
-    };
+    assert!(result.is_err() == broken, "T24: exactly what breaks a limit");
+    let Some(now) = trace else { panic!("T24: a sample was taken") };
     assert!(now.value == value, "T24: the monitor goes on");
     if let (1, Some(before)) = (steps, before) {
-        assert!(
-            now.change == Some(value - before.value),
-            "T24: the change of one step is known"
-        );
+        assert!(now.change == Some(value - before.value), "T24: the change of one step is known");
     }
 }
 
@@ -87,11 +70,7 @@ pub fn sample_is_flagged_exactly(
 ///
 /// # Panics
 /// When it does not hold.
-pub fn state_is_flagged_exactly<const N: usize>(
-    limits: &[AxisLimits; N],
-    before: &State<N>,
-    state: &State<N>,
-) {
+pub fn state_is_flagged_exactly<const N: usize>(limits: &[AxisLimits; N], before: &State<N>, state: &State<N>) {
     let mut monitor = Monitor::new(*limits, None);
     let _ = monitor.check_state(before);
     let flagged = monitor.check_state(state).is_err();
@@ -99,11 +78,7 @@ pub fn state_is_flagged_exactly<const N: usize>(
     let mut broken = false;
     for index in 0..N {
         let (old, new) = (&before.axes[index], &state.axes[index]);
-        let (was, is, shadow) = (
-            counts(&old.offsets),
-            counts(&new.offsets),
-            counts(&new.shadow),
-        );
+        let (was, is, shadow) = (counts(&old.offsets), counts(&new.offsets), counts(&new.shadow));
         let limits = values(&limits[index]);
         for channel in 0..3 {
             let motion = match state.phase {
@@ -113,28 +88,15 @@ pub fn state_is_flagged_exactly<const N: usize>(
                 Phase::Obtain if channel == 0 => Motion::Hold,
                 Phase::Obtain => Motion::Ramp,
             };
-            let last = Trace {
-                value: was[channel],
-                change: None,
-            };
-            let before_obtain = matches!(
-                state.phase,
-                Phase::Listening | Phase::Handshake | Phase::Submit
-            );
-            let reach = if state.phase == Phase::Submit {
-                i64::from(limits[channel].max)
-            } else {
-                0
-            };
+            let last = Trace { value: was[channel], change: None };
+            let before_obtain = matches!(state.phase, Phase::Listening | Phase::Handshake | Phase::Submit);
+            let reach = if state.phase == Phase::Submit { i64::from(limits[channel].max) } else { 0 };
             broken |= breaks(Some(&last), is[channel], 1, motion, limits[channel])
                 || (before_obtain && is[channel] != 0)
                 || shadow[channel].abs() > reach;
         }
     }
-    assert!(
-        flagged == broken,
-        "T24: exactly the States that break a limit"
-    );
+    assert!(flagged == broken, "T24: exactly the States that break a limit");
 }
 
 /// T24: references that the monitor accepts are inside the travel, at most `M` from a nominal reference that is not clamped, and
@@ -156,18 +118,12 @@ pub fn accepted_references_are_bounded<const N: usize>(
     for index in 0..N {
         let position = second.1[index].position;
         let Travel { lower, upper } = travel[index];
-        assert!(
-            lower <= position && position <= upper,
-            "T24: inside the travel"
-        );
+        assert!(lower <= position && position <= upper, "T24: inside the travel");
         let wide = |nm: PositionNm| i128::from(nm.0);
         let step = i128::from(limits[index].position.step());
         let own = (wide(second.0[index]) - wide(first.0[index])).abs();
         let change = (wide(position) - wide(first.1[index].position)).abs();
-        assert!(
-            change <= own + step,
-            "T24: |change| <= |change of nominal| + S"
-        );
+        assert!(change <= own + step, "T24: |change| <= |change of nominal| + S");
         let max = i128::from(limits[index].position.max());
         let clamped = |sum: i128| sum.max(wide(lower)).min(wide(upper));
         let nominal = wide(second.0[index]);
@@ -187,14 +143,8 @@ pub fn accepted_references_are_bounded<const N: usize>(
                 limits[index].torque.values(),
             ),
         ] {
-            let last = Trace {
-                value: was,
-                change: None,
-            };
-            assert!(
-                !breaks(Some(&last), is, 1, Motion::Free, limits),
-                "T24: velocity and torque within M and S"
-            );
+            let last = Trace { value: was, change: None };
+            assert!(!breaks(Some(&last), is, 1, Motion::Free, limits), "T24: velocity and torque within M and S");
         }
     }
 }
@@ -204,11 +154,7 @@ pub fn accepted_references_are_bounded<const N: usize>(
 ///
 /// # Panics
 /// When it does not hold.
-pub fn session_raises_no_alarm<const N: usize>(
-    session: &Session<N>,
-    tick: &TickInput<N>,
-    accepted: Accepted<N>,
-) {
+pub fn session_raises_no_alarm<const N: usize>(session: &Session<N>, tick: &TickInput<N>, accepted: Accepted<N>) {
     let mut monitor = watching(session);
     let mut after = *session;
     let output = after.step(tick, accepted, Diagnostics::default());
@@ -223,21 +169,13 @@ pub fn session_raises_no_alarm<const N: usize>(
 /// A monitor that has seen every tick of a session.
 fn watching<const N: usize>(session: &Session<N>) -> Monitor<N> {
     let axes = &session.config().parameters().axes;
-    let monitor = Monitor::new(
-        axes.map(|axis| axis.limits),
-        Some(axes.map(|axis| axis.machine_travel)),
-    );
+    let monitor = Monitor::new(axes.map(|axis| axis.limits), Some(axes.map(|axis| axis.machine_travel)));
     let mut seen = *monitor_parts(&monitor);
     let inside = session.parts();
     for (index, config) in axes.iter().enumerate() {
         let axis = &inside.axes[index];
         let channels = &axis.channels;
-        let trace = |value: i32, change: i32| {
-            Some(Trace {
-                value: value.into(),
-                change: Some(change.into()),
-            })
-        };
+        let trace = |value: i32, change: i32| Some(Trace { value: value.into(), change: Some(change.into()) });
         let traces = [
             trace(channels.position.count(), channels.position.change()),
             trace(channels.velocity.count(), channels.velocity.change()),
@@ -254,11 +192,8 @@ fn watching<const N: usize>(session: &Session<N>) -> Monitor<N> {
         }
         watched.reference = Some((axis.nominal, reference.position));
     }
-    seen.last = Some(Seen {
-        tick: inside.discrete.tick,
-        epoch: inside.discrete.epoch,
-        accepted: inside.discrete.accepted,
-    });
+    seen.last =
+        Some(Seen { tick: inside.discrete.tick, epoch: inside.discrete.epoch, accepted: inside.discrete.accepted });
     monitor_from_parts(seen)
 }
 
@@ -289,17 +224,9 @@ pub fn gaps_raise_no_alarm(limits: &Limits<OffsetNm>, samples: &[(i32, Motion, b
 }
 
 fn values(limits: &AxisLimits) -> [LimitValues; 3] {
-    [
-        limits.position.values(),
-        limits.velocity.values(),
-        limits.torque.values(),
-    ]
+    [limits.position.values(), limits.velocity.values(), limits.torque.values()]
 }
 
 fn counts(offsets: &Offsets) -> [i64; 3] {
-    [
-        offsets.position.0.into(),
-        offsets.velocity.0.into(),
-        offsets.torque.0.into(),
-    ]
+    [offsets.position.0.into(), offsets.velocity.0.into(), offsets.torque.0.into()]
 }

@@ -22,10 +22,7 @@ pub fn paired_motors_are_equal<const N: usize, const MOTORS: usize>(
         panic!("T10: every motor receives a reference");
     };
     for one in 0..MOTORS {
-        assert!(
-            motors[one] == axes[axis_of_motor[one]],
-            "T10: a motor receives its axis' reference"
-        );
+        assert!(motors[one] == axes[axis_of_motor[one]], "T10: a motor receives its axis' reference");
         for other in 0..one {
             if axis_of_motor[one] == axis_of_motor[other] {
                 assert!(motors[one] == motors[other], "T10: paired motors are equal");

@@ -9,16 +9,11 @@ use std::iter::repeat_n;
 use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
 use gantry_tau_core::control::channel::LimitValues;
 use gantry_tau_core::control::message::{
-    AxisFlags, AxisLimits, AxisState, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
-    Refusal, State,
+    AxisFlags, AxisLimits, AxisState, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase, Refusal, State,
 };
 use gantry_tau_core::control::session::config::Parameters;
-use gantry_tau_core::control::session::{
-    Connection, Event, Input, LastWrite, Output, Refusals, Start,
-};
-use gantry_tau_core::units::{
-    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
-};
+use gantry_tau_core::control::session::{Connection, Event, Input, LastWrite, Output, Refusals, Start};
+use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 
 /// Largest distance of a fresh command's sequence ahead.
 const AHEAD: i128 = 65_536;
@@ -57,11 +52,8 @@ struct Point {
 }
 
 /// References at zero, to be replaced.
-const AT_ZERO: Reference = Reference {
-    position: PositionNm(0),
-    velocity_offset: VelocityUmS(0),
-    torque_offset: TorquePermille(0),
-};
+const AT_ZERO: Reference =
+    Reference { position: PositionNm(0), velocity_offset: VelocityUmS(0), torque_offset: TorquePermille(0) };
 
 /// Expected output of a tick: the fields of [`Output`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -115,12 +107,7 @@ enum ChannelAction<const N: usize> {
 impl<const N: usize> ReferenceModel<N> {
     /// Starts a server; `None` when an offset in force is beyond its limits.
     #[must_use]
-    pub fn new(
-        parameters: Parameters<N>,
-        start: &Start<N>,
-        tick: Tick,
-        last_epoch: Epoch,
-    ) -> Option<Self> {
+    pub fn new(parameters: Parameters<N>, start: &Start<N>, tick: Tick, last_epoch: Epoch) -> Option<Self> {
         let mut model = Self {
             parameters,
             phase: Phase::Listening,
@@ -156,8 +143,7 @@ impl<const N: usize> ReferenceModel<N> {
         if !self.admits(&in_force.map(|axis| axis.offsets)) {
             return false;
         }
-        self.channels =
-            in_force.map(|axis| values(&axis.offsets).map(|value| Point { value, change: 0 }));
+        self.channels = in_force.map(|axis| values(&axis.offsets).map(|value| Point { value, change: 0 }));
         self.nominal = in_force.map(|axis| axis.nominal.0);
         self.interrupt();
         true
@@ -215,9 +201,7 @@ impl<const N: usize> ReferenceModel<N> {
         if let Some(cause) = ended {
             self.cause = cause;
         }
-        let welcome = (before == Phase::Listening && self.phase == Phase::Handshake)
-            .then_some(self.owner)
-            .flatten();
+        let welcome = (before == Phase::Listening && self.phase == Phase::Handshake).then_some(self.owner).flatten();
         if let (None, Some(connection)) = (welcome, accepted.hello) {
             let faulted = Refusal::Faulted { ticks_left: 0 };
             assert!(accepted.refusals.push((connection, faulted)).is_ok());
@@ -275,9 +259,7 @@ impl<const N: usize> ReferenceModel<N> {
                 add(&mut self.counters.received, 1);
                 match message {
                     ClientMessage::Command(command) => self.classify_command(command, accepted),
-                    ClientMessage::Goodbye(epoch) if epoch.0 == self.epoch => {
-                        accepted.goodbye = true
-                    }
+                    ClientMessage::Goodbye(epoch) if epoch.0 == self.epoch => accepted.goodbye = true,
                     ClientMessage::Stop(epoch) if epoch.0 == self.epoch => accepted.stop = true,
                     ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => {
                         add(&mut self.counters.stale, 1);
@@ -311,10 +293,7 @@ impl<const N: usize> ReferenceModel<N> {
             add(&mut self.counters.malformed, 1);
             return add(&mut self.counters.out_of_range, 1);
         }
-        match accepted
-            .command
-            .map(|best| best.sequence.cmp(&command.sequence))
-        {
+        match accepted.command.map(|best| best.sequence.cmp(&command.sequence)) {
             Some(std::cmp::Ordering::Equal) => add(&mut self.counters.duplicate, 1),
             Some(std::cmp::Ordering::Greater) => add(&mut self.counters.late, 1),
             Some(std::cmp::Ordering::Less) => {
@@ -335,9 +314,7 @@ impl<const N: usize> ReferenceModel<N> {
             Phase::Fault => Some(Refusal::Faulted { ticks_left }),
             Phase::Listening if asked => Some(Refusal::Busy),
             Phase::Listening if hello.axes != axes => Some(Refusal::Axes { expected: axes }),
-            Phase::Listening if hello.capabilities.0 & needed.0 != needed.0 => {
-                Some(Refusal::Capability { needed })
-            }
+            Phase::Listening if hello.capabilities.0 & needed.0 != needed.0 => Some(Refusal::Capability { needed }),
             Phase::Listening if next_epoch.is_none() => Some(Refusal::Unavailable),
             Phase::Listening => None,
         }
@@ -367,9 +344,7 @@ impl<const N: usize> ReferenceModel<N> {
             (accepted.closed, Cause::Closed),
             (accepted.goodbye, Cause::Goodbye),
         ];
-        if let (true, Some((_, cause))) =
-            (self.phase_is_live(), ending.iter().find(|(seen, _)| *seen))
-        {
+        if let (true, Some((_, cause))) = (self.phase_is_live(), ending.iter().find(|(seen, _)| *seen)) {
             return self.disconnect(*cause);
         }
         match self.phase {
@@ -408,11 +383,7 @@ impl<const N: usize> ReferenceModel<N> {
         self.counters = Counters::default();
     }
 
-    fn shake_hands(
-        &mut self,
-        accepted: &Accepted<N>,
-        cycles: u64,
-    ) -> (ChannelAction<N>, Option<Cause>) {
+    fn shake_hands(&mut self, accepted: &Accepted<N>, cycles: u64) -> (ChannelAction<N>, Option<Cause>) {
         if let Some(command) = accepted.command {
             self.phase = Phase::Submit;
             self.accepted = command.sequence.0;
@@ -427,12 +398,7 @@ impl<const N: usize> ReferenceModel<N> {
     }
 
     /// A deadline in Submit or Obtain, and one that no client could meet for each skipped cycle.
-    fn run(
-        &mut self,
-        accepted: &Accepted<N>,
-        zero: bool,
-        cycles: u64,
-    ) -> (ChannelAction<N>, Option<Cause>) {
+    fn run(&mut self, accepted: &Accepted<N>, zero: bool, cycles: u64) -> (ChannelAction<N>, Option<Cause>) {
         let skipped = u32::try_from(cycles - 1).unwrap_or(u32::MAX);
         let missed = accepted.command.is_none();
         // No window is longer than 128 deadlines.
@@ -441,10 +407,7 @@ impl<const N: usize> ReferenceModel<N> {
         self.missed.push(missed);
         let consecutive = self.run.saturating_add(skipped);
         let longest = consecutive.saturating_add(u32::from(missed));
-        add(
-            &mut self.counters.missed,
-            skipped.saturating_add(u32::from(missed)),
-        );
+        add(&mut self.counters.missed, skipped.saturating_add(u32::from(missed)));
         let longest_run = &mut self.counters.longest_miss_run;
         *longest_run = (*longest_run).max(u16::try_from(longest).unwrap_or(u16::MAX));
         if consecutive >= 2 || (consecutive == 1 && missed) {
@@ -472,9 +435,7 @@ impl<const N: usize> ReferenceModel<N> {
                 self.phase = Phase::Obtain;
                 (ChannelAction::Follow(command.targets), None)
             }
-            (Mode::Submit, Phase::Obtain) if !zero => {
-                (ChannelAction::Follow([Offsets::ZERO; N]), None)
-            }
+            (Mode::Submit, Phase::Obtain) if !zero => (ChannelAction::Follow([Offsets::ZERO; N]), None),
             (Mode::Submit, _) => {
                 self.phase = Phase::Submit;
                 (ChannelAction::Hold, None)
@@ -514,9 +475,7 @@ impl<const N: usize> ReferenceModel<N> {
             let limited;
             self.channels[axis] = apply(self.channels[axis], action, axis, limits);
             if self.phase == Phase::Submit {
-                let action = command.map_or(ChannelAction::Hold, |command| {
-                    ChannelAction::Follow(command.targets)
-                });
+                let action = command.map_or(ChannelAction::Hold, |command| ChannelAction::Follow(command.targets));
                 self.shadow[axis] = apply(self.shadow[axis], &action, axis, limits);
                 limited = behind(self.shadow[axis], &action, axis);
             } else {
@@ -529,18 +488,11 @@ impl<const N: usize> ReferenceModel<N> {
             let travel = &self.parameters.axes[axis].machine_travel;
             let wanted = i128::from(nominal.0) + i128::from(offsets.position.0);
             let inside = wanted.clamp(travel.lower.0.into(), travel.upper.0.into());
-            let kinds = [
-                AxisFlags::POSITION_LIMITED,
-                AxisFlags::VELOCITY_LIMITED,
-                AxisFlags::TORQUE_LIMITED,
-            ];
+            let kinds = [AxisFlags::POSITION_LIMITED, AxisFlags::VELOCITY_LIMITED, AxisFlags::TORQUE_LIMITED];
             let flags = AxisFlags::default()
                 .with(AxisFlags::TRAVEL, inside != wanted)
                 .with(AxisFlags::NOMINAL_STEP, stepped[axis]);
-            let flags = kinds
-                .iter()
-                .zip(limited)
-                .fold(flags, |flags, (kind, limited)| flags.with(*kind, limited));
+            let flags = kinds.iter().zip(limited).fold(flags, |flags, (kind, limited)| flags.with(*kind, limited));
             add(&mut self.counters.clamped, u32::from(inside != wanted));
             let held_back: u32 = limited.iter().map(|limited| u32::from(*limited)).sum();
             add(&mut self.counters.limited, held_back);
@@ -596,31 +548,18 @@ impl<const N: usize> ReferenceModel<N> {
         let axes = self.parameters.axes.iter().zip(&self.channels);
         let left = axes.flat_map(|(axis, points)| {
             let channels = limits_of(&axis.limits).into_iter().zip(points);
-            channels.map(|(limits, point)| {
-                point
-                    .value
-                    .unsigned_abs()
-                    .div_ceil(limits.ramp.unsigned_abs().into())
-            })
+            channels.map(|(limits, point)| point.value.unsigned_abs().div_ceil(limits.ramp.unsigned_abs().into()))
         });
         u32::try_from(left.max().unwrap_or(0)).unwrap_or(u32::MAX)
     }
 }
 
 fn limits_of(limits: &AxisLimits) -> [LimitValues; 3] {
-    [
-        limits.position.values(),
-        limits.velocity.values(),
-        limits.torque.values(),
-    ]
+    [limits.position.values(), limits.velocity.values(), limits.torque.values()]
 }
 
 fn values(offsets: &Offsets) -> [i64; 3] {
-    [
-        offsets.position.0.into(),
-        offsets.velocity.0.into(),
-        offsets.torque.0.into(),
-    ]
+    [offsets.position.0.into(), offsets.velocity.0.into(), offsets.torque.0.into()]
 }
 
 fn offsets(points: &[Point; 3]) -> Offsets {
@@ -645,9 +584,7 @@ fn apply<const N: usize>(
         match action {
             // Holding a push would not hold the machine.
             ChannelAction::Hold if kind == 0 => moved(point, 0),
-            ChannelAction::Hold | ChannelAction::Ramp => {
-                moved(point, (-point.value).clamp(-ramp, ramp))
-            }
+            ChannelAction::Hold | ChannelAction::Ramp => moved(point, (-point.value).clamp(-ramp, ramp)),
             ChannelAction::Follow(targets) => {
                 let (step, accel) = (i64::from(limits.step), i64::from(limits.accel));
                 let wish = values(&targets[axis])[kind] - point.value;
@@ -660,10 +597,7 @@ fn apply<const N: usize>(
 }
 
 fn moved(point: Point, change: i64) -> Point {
-    Point {
-        value: point.value + change,
-        change,
-    }
+    Point { value: point.value + change, change }
 }
 
 /// Channels that follow and have not reached their target.

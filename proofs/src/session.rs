@@ -3,9 +3,7 @@
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{ClientMessage, Phase};
 use gantry_tau_core::control::session::{Event, Input, LastWrite, Output, Session, TickInput};
-use gantry_tau_core::verification::control::{
-    Accepted, Action, Classifier, Diagnostics, Internals,
-};
+use gantry_tau_core::verification::control::{Accepted, Action, Classifier, Diagnostics, Internals};
 
 use crate::axis::{Bounded, Kind, Ramped};
 
@@ -29,12 +27,7 @@ impl<const N: usize> StepInput<N> {
         let mut session = *session;
         session.settle_write(&input.tick.last_write);
         let (accepted, diagnostics) = session.classify(&input.events, &input.epochs);
-        Self {
-            session,
-            tick: input.tick,
-            accepted,
-            diagnostics,
-        }
+        Self { session, tick: input.tick, accepted, diagnostics }
     }
 
     /// Takes the step: the session after it, and its output.
@@ -69,10 +62,7 @@ pub fn axes_stay_valid<const N: usize>(input: &StepInput<N>) {
     let (after, _) = input.step();
     for index in 0..N {
         let limits = &after.config().parameters().axes[index].limits;
-        assert!(
-            after.parts().axes[index].is_valid(after.phase(), limits),
-            "the invariant is kept"
-        );
+        assert!(after.parts().axes[index].is_valid(after.phase(), limits), "the invariant is kept");
     }
 }
 
@@ -97,10 +87,7 @@ pub fn references_are_inside_travel<const N: usize>(input: &StepInput<N>) {
 pub fn discrete_stays_valid<const N: usize>(input: &StepInput<N>) {
     let (after, output) = input.step();
     let ticks = after.config().parameters().handshake_ticks;
-    assert!(
-        after.parts().discrete.is_valid(ticks),
-        "the discrete state stays valid"
-    );
+    assert!(after.parts().discrete.is_valid(ticks), "the discrete state stays valid");
     assert!(output.state.phase == after.phase(), "the State says it");
 }
 
@@ -172,23 +159,10 @@ pub fn stop_ends_in_fault<const N: usize>(input: &StepInput<N>) {
 pub fn counts_decide_nothing<const N: usize>(input: &StepInput<N>, diagnostics: &Diagnostics) {
     let (one, one_output) = input.step();
     let diagnostics = diagnostics.clone();
-    let (other, other_output) = StepInput {
-        diagnostics,
-        ..input.clone()
-    }
-    .step();
-    assert!(
-        one_output.references == other_output.references,
-        "T7: the same references"
-    );
-    assert!(
-        one.parts().discrete == other.parts().discrete,
-        "T7: the same discrete state"
-    );
-    assert!(
-        one.parts().axes == other.parts().axes,
-        "T7: the same channels"
-    );
+    let (other, other_output) = StepInput { diagnostics, ..input.clone() }.step();
+    assert!(one_output.references == other_output.references, "T7: the same references");
+    assert!(one.parts().discrete == other.parts().discrete, "T7: the same discrete state");
+    assert!(one.parts().axes == other.parts().axes, "T7: the same channels");
 }
 
 /// T12: after a refused write a session is valid and over, and goes on at rest from the values in force; without valid values
@@ -208,25 +182,18 @@ pub fn settles_any_write<const N: usize>(before: &Session<N>, last_write: &LastW
         LastWrite::Refused { in_force } => Some(in_force),
         LastWrite::Unknown => None,
     };
-    assert!(
-        matches!(after.phase(), Phase::SafeDisconnect | Phase::Fault),
-        "T12: the session is over"
-    );
+    assert!(matches!(after.phase(), Phase::SafeDisconnect | Phase::Fault), "T12: the session is over");
     let within = |axis: usize| {
         let limits = &before.config().parameters().axes[axis].limits;
         in_force.is_some_and(|in_force| limits.admits(&in_force[axis].offsets))
     };
     let known = (0..N).all(within);
-    assert!(
-        after.parts().withheld != known,
-        "T12: withheld unless the values in force are known and valid"
-    );
+    assert!(after.parts().withheld != known, "T12: withheld unless the values in force are known and valid");
     for axis in 0..N {
         let (old, new) = (&before.parts().axes[axis], &after.parts().axes[axis]);
         match in_force {
             Some(in_force) if known => assert!(
-                new.channels.offsets() == in_force[axis].offsets
-                    && new.nominal == in_force[axis].nominal,
+                new.channels.offsets() == in_force[axis].offsets && new.nominal == in_force[axis].nominal,
                 "T12: goes on from the values in force"
             ),
             _ => assert!(new.channels == old.channels, "T12: keeps what it believes"),
@@ -245,10 +212,7 @@ pub fn withheld_until_read_back<const N: usize>(input: &StepInput<N>) {
     let (after, output) = input.step();
     assert!(output.withheld, "nothing may be written");
     assert!(output.welcome.is_none(), "no session is granted");
-    assert!(
-        matches!(after.phase(), Phase::SafeDisconnect | Phase::Fault),
-        "the server does not listen"
-    );
+    assert!(matches!(after.phase(), Phase::SafeDisconnect | Phase::Fault), "the server does not listen");
 }
 
 /// Every property of a whole tick but T7's comparison of two inputs: T1 to T6 and T9.
@@ -287,9 +251,7 @@ pub fn essential<const N: usize>(before: &Session<N>, input: &Input<N>) -> Input
             return session.phase() == Phase::Listening;
         }
         match event {
-            Event::Message(ClientMessage::Command(command)) => {
-                crate::ingress::is_fresh(&classifier, command)
-            }
+            Event::Message(ClientMessage::Command(command)) => crate::ingress::is_fresh(&classifier, command),
             _ => true,
         }
     });
@@ -304,16 +266,7 @@ pub fn essential<const N: usize>(before: &Session<N>, input: &Input<N>) -> Input
 pub fn same_outcome<const N: usize>(session: &Session<N>, input: &Input<N>, essential: &Input<N>) {
     let (one, one_output) = StepInput::after_events(session, input).step();
     let (other, other_output) = StepInput::after_events(session, essential).step();
-    assert!(
-        one_output.references == other_output.references,
-        "T7: the same references"
-    );
-    assert!(
-        one.parts().discrete == other.parts().discrete,
-        "T7: the same discrete state"
-    );
-    assert!(
-        one.parts().axes == other.parts().axes,
-        "T7: the same channels"
-    );
+    assert!(one_output.references == other_output.references, "T7: the same references");
+    assert!(one.parts().discrete == other.parts().discrete, "T7: the same discrete state");
+    assert!(one.parts().axes == other.parts().axes, "T7: the same channels");
 }

@@ -1,9 +1,7 @@
 //! The kinematics of six axes: T13. A result is finite, inside the travel, and keeps the links' lengths; or is an error.
 
 use gantry_tau_core::model::f1;
-use gantry_tau_core::model::kinematics::{
-    COLD_ITERATIONS, Pose, RESIDUAL_TOLERANCE, WARM_ITERATIONS,
-};
+use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose, RESIDUAL_TOLERANCE, WARM_ITERATIONS};
 use gantry_tau_core::model::linalg::rotation_deviation;
 use gantry_tau_core::model::statics::Wrench;
 
@@ -26,10 +24,7 @@ fn is_inside(kinematics: &f1::Kinematics, q: &Six) {
     let travel = kinematics.travel();
     for axis in 0..f1::AXES {
         let (lower, upper) = travel[axis];
-        assert!(
-            lower <= q[axis] && q[axis] <= upper,
-            "T13: inside the travel"
-        );
+        assert!(lower <= q[axis] && q[axis] <= upper, "T13: inside the travel");
     }
 }
 
@@ -37,12 +32,7 @@ fn is_inside(kinematics: &f1::Kinematics, q: &Six) {
 ///
 /// # Panics
 /// When it does not.
-pub fn answers_are_checked(
-    kinematics: &f1::Kinematics,
-    pose: &Pose,
-    seed: Option<[f64; 3]>,
-    q: &Six,
-) {
+pub fn answers_are_checked(kinematics: &f1::Kinematics, pose: &Pose, seed: Option<[f64; 3]>, q: &Six) {
     if let Ok(found) = kinematics.inverse(pose, seed) {
         keeps_lengths(kinematics, pose, &found.value);
     }
@@ -65,16 +55,10 @@ pub fn answers_are_checked(
 fn keeps_lengths(kinematics: &f1::Kinematics, pose: &Pose, q: &Six) {
     is_inside(kinematics, q);
     assert!(q.iter().all(|q| q.is_finite()), "T13: finite");
-    assert!(
-        rotation_deviation(&pose.rotation) <= 1e-9,
-        "T13: a rotation"
-    );
+    assert!(rotation_deviation(&pose.rotation) <= 1e-9, "T13: a rotation");
     let lengths_m = &kinematics.robot().geometry().lengths_m;
     let shortest_m = lengths_m.iter().copied().fold(f64::INFINITY, f64::min);
-    assert!(
-        kinematics.residual_m(pose, q) <= RESIDUAL_TOLERANCE * shortest_m,
-        "T13: the links keep their lengths"
-    );
+    assert!(kinematics.residual_m(pose, q) <= RESIDUAL_TOLERANCE * shortest_m, "T13: the links keep their lengths");
 }
 
 /// T12 and T13 for what is built on the kinematics: no panic on any numbers, and every returned number is finite. Tested.
@@ -123,10 +107,7 @@ pub fn tracker_is_checked(kinematics: &f1::Kinematics, near: &Pose, wild: &[Six]
             keeps_lengths(kinematics, &pose, q);
             continue;
         }
-        assert!(
-            tracker.last() == Some(&first),
-            "T13: an error leaves the last pose"
-        );
+        assert!(tracker.last() == Some(&first), "T13: an error leaves the last pose");
         let back = tracker.pose_at(&there.value);
         assert!(
             back.is_ok_and(|pose| (pose.position_m - first.position_m).amax() < 1e-10),

@@ -2,9 +2,8 @@
 
 use gantry_tau_core::control::message::{Command, Hello, Refusal, State, Welcome};
 use gantry_tau_core::control::wire::{
-    Body, Collector, ContentError, Deframer, Feed, Frame, FrameError, HEADER_LEN, Kind, MAX_BODY,
-    PROTOCOL_VERSION, Stage, TRAILER_LEN, decode_client, decode_server, enclose, encode_client,
-    encode_server,
+    Body, Collector, ContentError, Deframer, Feed, Frame, FrameError, HEADER_LEN, Kind, MAX_BODY, PROTOCOL_VERSION,
+    Stage, TRAILER_LEN, decode_client, decode_server, enclose, encode_client, encode_server,
 };
 use gantry_tau_core::units::Epoch;
 
@@ -223,14 +222,8 @@ pub fn cut_frame_is_judged_alike(bytes: &[u8], cut: usize, next: &[u8]) -> bool 
         }
         _ => panic!("T8: any split, the same verdict"),
     }
-    assert!(
-        deframer.is_at_boundary(),
-        "T8: after a frame, at a boundary"
-    );
-    assert!(
-        deframer.feed(next) == Feed::Incomplete,
-        "T8: a returned frame is dropped"
-    );
+    assert!(deframer.is_at_boundary(), "T8: after a frame, at a boundary");
+    assert!(deframer.feed(next) == Feed::Incomplete, "T8: a returned frame is dropped");
     assert!(deframer.is_valid(), "T8: the deframer's invariant is kept");
     true
 }
@@ -272,10 +265,7 @@ pub fn deframe<'a>(chunks: impl Iterator<Item = &'a [u8]>) -> Deframed {
 pub fn cutting_changes_nothing(stream: &[u8], chunk_lengths: &[u8]) {
     let whole = deframe(std::iter::once(stream));
     let mut rest = stream;
-    let mut lengths = chunk_lengths
-        .iter()
-        .cycle()
-        .map(|length| usize::from(*length) + 1);
+    let mut lengths = chunk_lengths.iter().cycle().map(|length| usize::from(*length) + 1);
     let chunks = std::iter::from_fn(|| {
         let length = lengths.next().unwrap_or(1).min(rest.len());
         let (chunk, after) = rest.split_at(length);
@@ -295,8 +285,7 @@ fn decoded_frame_is_canonical<const N: usize>(frame: &Frame<'_>) {
     .into_iter()
     .flatten()
     {
-        let again =
-            Frame::parse(&encoded).map(|frame| (frame.kind_code(), frame.body()) == (kind, body));
+        let again = Frame::parse(&encoded).map(|frame| (frame.kind_code(), frame.body()) == (kind, body));
         assert!(again == Ok(true), "T8: decode(b) = m => encode(m) = b");
     }
 }
@@ -343,27 +332,17 @@ pub fn sealed_frame_is_judged(version: u8, kind: u8, body: &[u8], cut: u16, bit:
     } else {
         Ok(())
     };
-    assert!(
-        frame_is_parsed(&bytes) == expected,
-        "T8: refused for what is wrong with it, and for nothing else"
-    );
+    assert!(frame_is_parsed(&bytes) == expected, "T8: refused for what is wrong with it, and for nothing else");
     cutting_changes_nothing(&[&bytes[..], &bytes[..]].concat(), &cut.to_le_bytes());
     if expected.is_err() {
         return;
     }
-    let _ = (
-        message_is_canonical::<1>(&bytes),
-        message_is_canonical::<3>(&bytes),
-        message_is_canonical::<6>(&bytes),
-    );
+    let _ = (message_is_canonical::<1>(&bytes), message_is_canonical::<3>(&bytes), message_is_canonical::<6>(&bytes));
     let at = usize::from(cut) % bytes.len();
     let returned = cut_frame_is_judged_alike(&bytes, at, b"GT");
     assert!(returned, "T8: a frame that parses is returned");
     let mut damaged = bytes;
     let bit = usize::from(bit) % (damaged.len() * 8);
     damaged[bit / 8] ^= 1 << (bit % 8);
-    assert!(
-        frame_is_parsed(&damaged).is_err(),
-        "T8: one wrong bit is noticed"
-    );
+    assert!(frame_is_parsed(&damaged).is_err(), "T8: one wrong bit is noticed");
 }

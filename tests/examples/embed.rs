@@ -1,8 +1,8 @@
 //! A whole server around the core: bytes in, drive references and bytes out. Timer, sockets and drives are yours.
 //! README.md shows the part between the two lines `// README`.
 use gantry_tau_core::{
-    Actual, AxisConfig, Config, Connection, Endpoint, EpochRange, LastWrite, LimitValues, Limits,
-    MotorMap, Parameters, PositionNm, Reference, Session, Start, TickInput, Transport, Travel,
+    Actual, AxisConfig, Config, Connection, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap, Parameters,
+    PositionNm, Reference, Session, Start, TickInput, Transport, Travel,
 };
 
 #[rustfmt::skip] // the README's part is compact

@@ -1,11 +1,7 @@
 //! The long soak: `cargo run --release -p gantry-tau-tests --example soak -- --ticks 1000000 --minutes 10`.
 //! First simulated ticks, with three axes and with six, then real time over real sockets. Prints its results as JSON; a property
 //! that does not hold ends it with a panic.
-#![allow(
-    clippy::unwrap_used,
-    clippy::arithmetic_side_effects,
-    reason = "a soak fails by panicking"
-)]
+#![allow(clippy::unwrap_used, clippy::arithmetic_side_effects, reason = "a soak fails by panicking")]
 
 use std::time::Duration;
 
@@ -39,18 +35,11 @@ fn main() {
         };
         let (ticks, seed) = (arguments.ticks, arguments.seed);
         let three = simulated_time::run::<3>(None, ticks, seed, progress);
-        let six =
-            simulated_time::run::<6>(Some(BUDGET), ticks, seed, |tick| progress(ticks + tick));
+        let six = simulated_time::run::<6>(Some(BUDGET), ticks, seed, |tick| progress(ticks + tick));
         bar.finish_and_clear();
         eprintln!("{ticks} ticks, twice: every one kept what it must");
-        seen.insert(
-            "three_axes".to_owned(),
-            serde_json::to_value(three).unwrap(),
-        );
-        seen.insert(
-            "six_axes_with_a_budget".to_owned(),
-            serde_json::to_value(six).unwrap(),
-        );
+        seen.insert("three_axes".to_owned(), serde_json::to_value(three).unwrap());
+        seen.insert("six_axes_with_a_budget".to_owned(), serde_json::to_value(six).unwrap());
     }
     if arguments.minutes > 0.0 {
         let duration = Duration::from_secs_f64(60.0 * arguments.minutes);

@@ -48,14 +48,7 @@ impl<const N: usize> Client<N> {
         stream.set_nodelay(true).unwrap();
         stream.set_read_timeout(Some(DEADLINE)).unwrap();
         stream.set_write_timeout(Some(DEADLINE)).unwrap();
-        Self {
-            stream,
-            deframer: Deframer::new(),
-            unread: Vec::new(),
-            epoch: Epoch(0),
-            sequence: 0,
-            tick: Tick(0),
-        }
+        Self { stream, deframer: Deframer::new(), unread: Vec::new(), epoch: Epoch(0), sequence: 0, tick: Tick(0) }
     }
 
     /// Sends bytes, whatever they are.
@@ -81,10 +74,7 @@ impl<const N: usize> Client<N> {
             sequence: Sequence(self.sequence),
             echo: self.tick,
             mode,
-            targets: positions.map(|nm| Offsets {
-                position: OffsetNm(nm),
-                ..Offsets::default()
-            }),
+            targets: positions.map(|nm| Offsets { position: OffsetNm(nm), ..Offsets::default() }),
         }
     }
 
@@ -180,19 +170,14 @@ impl<const N: usize> Client<N> {
 
     /// Resets the connection: no goodbye, not even TCP's.
     pub fn reset(self) {
-        SockRef::from(&self.stream)
-            .set_linger(Some(Duration::ZERO))
-            .unwrap();
+        SockRef::from(&self.stream).set_linger(Some(Duration::ZERO)).unwrap();
     }
 }
 
 /// The Hello of a client of `N` axes.
 #[must_use]
 pub fn hello<const N: usize>() -> ClientMessage<N> {
-    ClientMessage::Hello(Hello {
-        axes: N.try_into().unwrap(),
-        capabilities: Capabilities::NONE,
-    })
+    ClientMessage::Hello(Hello { axes: N.try_into().unwrap(), capabilities: Capabilities::NONE })
 }
 
 /// Any body of any kind in a frame with the right checksum, made without the core's encoder.
@@ -209,9 +194,7 @@ pub fn enclose(version: u8, kind: u8, body: &[u8]) -> Vec<u8> {
 #[must_use]
 pub fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0, |crc, byte| {
-        (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
-            (crc >> 1) ^ (0xedb8_8320 & 0_u32.wrapping_sub(crc & 1))
-        })
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & 0_u32.wrapping_sub(crc & 1)))
     })
 }
 

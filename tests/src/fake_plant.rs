@@ -94,15 +94,8 @@ impl<const N: usize> Plant<N, N> for Bus<N> {
         if record.read_fails {
             return Err(failed("be read"));
         }
-        let actual = record.nominal.map(|position| Actual {
-            position,
-            ..Actual::default()
-        });
-        Ok(Reading {
-            nominal: record.nominal,
-            actual,
-            tool: None,
-        })
+        let actual = record.nominal.map(|position| Actual { position, ..Actual::default() });
+        Ok(Reading { nominal: record.nominal, actual, tool: None })
     }
 
     fn write(&mut self, references: &[Reference; N]) -> Result<(), PlantError> {
@@ -137,8 +130,5 @@ fn offsets<const N: usize>(reference: &Reference, record: &Record<N>, axis: usiz
 }
 
 const fn failed(operation: &'static str) -> PlantError {
-    PlantError {
-        operation,
-        reason: "the test says so",
-    }
+    PlantError { operation, reason: "the test says so" }
 }

@@ -35,12 +35,7 @@ pub const LOOPBACK: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::
 /// Limits from M, S, A and rho.
 #[must_use]
 pub fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
-    let values = LimitValues {
-        max,
-        step,
-        accel,
-        ramp,
-    };
+    let values = LimitValues { max, step, accel, ramp };
     Limits::new(values).unwrap()
 }
 
@@ -58,19 +53,13 @@ pub fn parameters<const N: usize>() -> Parameters<N> {
         machine_travel: Travel::around_zero(1_010_000_000),
         ..AxisConfig::position_only(limits.position, travel, NOMINAL_STEP_NM)
     };
-    Parameters {
-        kinematics_checksum: 0x1234_5678,
-        ..Parameters::thesis([axis; N])
-    }
+    Parameters { kinematics_checksum: 0x1234_5678, ..Parameters::thesis([axis; N]) }
 }
 
 /// Input of a tick on time, in which nothing special happens.
 #[must_use]
 pub fn on_time<const N: usize>(nominal: [PositionNm; N]) -> TickInput<N> {
-    TickInput {
-        nominal,
-        ..Input::empty(EpochRange::VOLATILE).tick
-    }
+    TickInput { nominal, ..Input::empty(EpochRange::VOLATILE).tick }
 }
 
 /// A server of `N` axes with one motor each.
@@ -94,21 +83,14 @@ impl<const N: usize> ServerFixture<N> {
     ///
     /// # Errors
     /// Whatever [`Cycle::new`] says.
-    pub fn start(
-        parameters: Parameters<N>,
-        bus: Bus<N>,
-        epochs: EpochRange,
-    ) -> Result<Self, ServerError> {
+    pub fn start(parameters: Parameters<N>, bus: Bus<N>, epochs: EpochRange) -> Result<Self, ServerError> {
         Self::listen(parameters, bus, epochs, LOOPBACK.into())
     }
 
     /// The same over UDP.
     #[must_use]
     pub fn over_datagrams() -> Self {
-        let listen = Listen {
-            transport: Transport::Datagram,
-            ..LOOPBACK.into()
-        };
+        let listen = Listen { transport: Transport::Datagram, ..LOOPBACK.into() };
         Self::listen(parameters(), Bus::default(), EpochRange::VOLATILE, listen).unwrap()
     }
 
@@ -128,12 +110,7 @@ impl<const N: usize> ServerFixture<N> {
         let limits = parameters.axes.map(|axis| axis.limits);
         let travel = parameters.axes.map(|axis| axis.machine_travel);
         let nominal = bus.record().nominal;
-        let mut fixture = Self {
-            monitor: Monitor::new(limits, Some(travel)),
-            nominal,
-            bus,
-            cycle,
-        };
+        let mut fixture = Self { monitor: Monitor::new(limits, Some(travel)), nominal, bus, cycle };
         fixture.rebase();
         Ok(fixture)
     }
@@ -179,10 +156,7 @@ impl<const N: usize> ServerFixture<N> {
     /// Makes the monitor go on from the values in force at the drives.
     fn rebase(&mut self) {
         let (nominal, offsets) = (self.nominal, self.bus.in_force());
-        let in_force = std::array::from_fn(|axis| InForce {
-            nominal: nominal[axis],
-            offsets: offsets[axis],
-        });
+        let in_force = std::array::from_fn(|axis| InForce { nominal: nominal[axis], offsets: offsets[axis] });
         assert_eq!(self.monitor.rebase(&in_force), Ok(()));
     }
 
@@ -235,25 +209,13 @@ impl<const N: usize> ServerFixture<N> {
     /// One tick with the stop at the machine asserted.
     pub fn step_stopped(&mut self) -> Row<N> {
         let stop = true;
-        self.step_with(
-            1,
-            Demands {
-                stop,
-                ..Demands::default()
-            },
-        )
+        self.step_with(1, Demands { stop, ..Demands::default() })
     }
 
     /// One tick in which somebody at the machine re-arms.
     pub fn step_rearmed(&mut self) -> Row<N> {
         let rearm = true;
-        self.step_with(
-            1,
-            Demands {
-                rearm,
-                ..Demands::default()
-            },
-        )
+        self.step_with(1, Demands { rearm, ..Demands::default() })
     }
 
     /// One tick. Asserts, by what the machine was written, that the State says what the drives got, and what `control::monitor` does.
@@ -296,17 +258,10 @@ impl<const N: usize> ServerFixture<N> {
     }
 
     /// The coming ramp in SafeDisconnect, because of which `cause`; then the server listens again.
-    pub fn assert_disconnect(
-        &mut self,
-        from: [i32; N],
-        cause: gantry_tau_core::control::message::Cause,
-    ) {
+    pub fn assert_disconnect(&mut self, from: [i32; N], cause: gantry_tau_core::control::message::Cause) {
         let rows = self.assert_ramp(from, Phase::SafeDisconnect);
         assert_eq!(rows[0].ended, Some(cause));
-        assert!(
-            rows.iter()
-                .all(|row| row.state.cause == cause && !row.welcomed)
-        );
+        assert!(rows.iter().all(|row| row.state.cause == cause && !row.welcomed));
         assert_eq!(self.step().state.phase, Phase::Listening);
     }
 }

@@ -18,19 +18,12 @@ pub struct Offsets {
 
 impl Offsets {
     /// All three at zero.
-    pub const ZERO: Self = Self {
-        position: OffsetNm(0),
-        velocity: VelocityUmS(0),
-        torque: TorquePermille(0),
-    };
+    pub const ZERO: Self = Self { position: OffsetNm(0), velocity: VelocityUmS(0), torque: TorquePermille(0) };
 
     /// A position offset; velocity and torque at zero.
     #[must_use]
     pub const fn position(position: OffsetNm) -> Self {
-        Self {
-            position,
-            ..Self::ZERO
-        }
+        Self { position, ..Self::ZERO }
     }
 }
 
@@ -50,11 +43,7 @@ pub struct Actual {
 
 impl Actual {
     /// All three at zero.
-    pub const ZERO: Self = Self {
-        position: PositionNm(0),
-        velocity: VelocityUmS(0),
-        torque: TorquePermille(0),
-    };
+    pub const ZERO: Self = Self { position: PositionNm(0), velocity: VelocityUmS(0), torque: TorquePermille(0) };
 }
 
 /// References that a drive receives, once per cycle.
@@ -87,9 +76,6 @@ impl InForce {
     /// A nominal reference without offsets.
     #[must_use]
     pub const fn at(nominal: PositionNm) -> Self {
-        Self {
-            nominal,
-            offsets: Offsets::ZERO,
-        }
+        Self { nominal, offsets: Offsets::ZERO }
     }
 }

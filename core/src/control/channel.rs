@@ -44,10 +44,7 @@ pub struct LimitValues {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(try_from = "LimitValues", into = "LimitValues", bound = "U: Copy")
-)]
+#[cfg_attr(feature = "serde", serde(try_from = "LimitValues", into = "LimitValues", bound = "U: Copy"))]
 pub struct Limits<U> {
     max: i32,
     step: i32,
@@ -104,10 +101,7 @@ pub enum LimitsError {
 impl fmt::Display for LimitsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NegativeMax { max } => write!(
-                f,
-                "max is {max}; it must not be negative (0 disables the channel)"
-            ),
+            Self::NegativeMax { max } => write!(f, "max is {max}; it must not be negative (0 disables the channel)"),
             Self::RampNotPositive { ramp } => write!(f, "ramp is {ramp}; it must be positive"),
             Self::RampAboveStep { ramp, step } => write!(f, "ramp {ramp} is above step {step}"),
             Self::AccelTooSmall { accel, needed } => {
@@ -121,17 +115,9 @@ impl core::error::Error for LimitsError {}
 
 impl LimitValues {
     /// Checks the four values as [`Limits::new`] does, and returns `rho`. Not generic, so that the three units share its code.
-    #[expect(
-        clippy::as_conversions,
-        reason = "i32 to i64 is lossless; `From` is not const"
-    )]
+    #[expect(clippy::as_conversions, reason = "i32 to i64 is lossless; `From` is not const")]
     const fn check(self) -> Result<NonZeroU32, LimitsError> {
-        let Self {
-            max,
-            step,
-            accel,
-            ramp,
-        } = self;
+        let Self { max, step, accel, ramp } = self;
         if max < 0 {
             return Err(LimitsError::NegativeMax { max });
         }
@@ -154,13 +140,7 @@ impl LimitValues {
 
 impl<U> Limits<U> {
     /// The smallest limits there are: `M = 0`, so the channel stays at zero.
-    pub const DISABLED: Self = Self {
-        max: 0,
-        step: 1,
-        accel: 2,
-        ramp: NonZeroU32::MIN,
-        unit: PhantomData,
-    };
+    pub const DISABLED: Self = Self { max: 0, step: 1, accel: 2, ramp: NonZeroU32::MIN, unit: PhantomData };
 
     /// Checks the four values.
     ///
@@ -168,13 +148,7 @@ impl<U> Limits<U> {
     /// Unless `0 <= M`, `0 < rho <= S` and `S + rho <= A`.
     pub const fn new(values: LimitValues) -> Result<Self, LimitsError> {
         match values.check() {
-            Ok(ramp) => Ok(Self {
-                max: values.max,
-                step: values.step,
-                accel: values.accel,
-                ramp,
-                unit: PhantomData,
-            }),
+            Ok(ramp) => Ok(Self { max: values.max, step: values.step, accel: values.accel, ramp, unit: PhantomData }),
             Err(error) => Err(error),
         }
     }
@@ -268,11 +242,7 @@ impl<U> Channel<U> {
     pub const ZERO: Self = Self::moved(0, 0);
 
     const fn moved(value: i32, change: i32) -> Self {
-        Self {
-            value,
-            change,
-            unit: PhantomData,
-        }
+        Self { value, change, unit: PhantomData }
     }
 
     /// Returns the last change of the value.
@@ -309,11 +279,7 @@ impl<U> Channel<U> {
     pub fn ramp(self, limits: &Limits<U>) -> Self {
         let rest = self.value.unsigned_abs();
         let step = narrow(i64::from(limits.ramp().min(rest)));
-        let change = if self.value > 0 {
-            step.saturating_neg()
-        } else {
-            step
-        };
+        let change = if self.value > 0 { step.saturating_neg() } else { step };
         Self::moved(self.value.saturating_add(change), change)
     }
 
@@ -359,9 +325,7 @@ impl<U: ChannelUnit> Channel<U> {
     #[inline]
     #[must_use]
     pub fn follow(self, target: U, limits: &Limits<U>) -> Self {
-        let Limits {
-            max, step, accel, ..
-        } = *limits;
+        let Limits { max, step, accel, .. } = *limits;
         let change = follow(self.value, self.change, target.count(), max, step, accel);
         Self::moved(self.value.saturating_add(change), change)
     }
@@ -394,63 +358,31 @@ pub(crate) mod tests {
     use crate::units::OffsetNm;
 
     /// The thesis profile for positions: 2 mm, 5 µm per tick, ramp 0.1 µm per tick.
-    const LIMITS: Limits<OffsetNm> = match Limits::new(LimitValues {
-        max: 2_000_000,
-        step: 5_000,
-        accel: 10_000,
-        ramp: 100,
-    }) {
-        Ok(limits) => limits,
-        Err(_) => panic!("the profile is valid"),
-    };
+    const LIMITS: Limits<OffsetNm> =
+        match Limits::new(LimitValues { max: 2_000_000, step: 5_000, accel: 10_000, ramp: 100 }) {
+            Ok(limits) => limits,
+            Err(_) => panic!("the profile is valid"),
+        };
 
-    fn checked(
-        max: i32,
-        step: i32,
-        accel: i32,
-        ramp: i32,
-    ) -> Result<Limits<OffsetNm>, LimitsError> {
-        Limits::new(LimitValues {
-            max,
-            step,
-            accel,
-            ramp,
-        })
+    fn checked(max: i32, step: i32, accel: i32, ramp: i32) -> Result<Limits<OffsetNm>, LimitsError> {
+        Limits::new(LimitValues { max, step, accel, ramp })
     }
 
     /// Limits from M, S, A and rho.
     pub(crate) fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
-        Limits::new(LimitValues {
-            max,
-            step,
-            accel,
-            ramp,
-        })
-        .unwrap()
+        Limits::new(LimitValues { max, step, accel, ramp }).unwrap()
     }
 
     #[test]
     fn limits_name_what_is_wrong() {
-        assert_eq!(
-            checked(-1, 2, 4, 1),
-            Err(LimitsError::NegativeMax { max: -1 })
-        );
+        assert_eq!(checked(-1, 2, 4, 1), Err(LimitsError::NegativeMax { max: -1 }));
         for ramp in [0, -1, i32::MIN] {
-            assert_eq!(
-                checked(1, 2, 4, ramp),
-                Err(LimitsError::RampNotPositive { ramp })
-            );
+            assert_eq!(checked(1, 2, 4, ramp), Err(LimitsError::RampNotPositive { ramp }));
         }
-        assert_eq!(
-            checked(1, 2, 9, 3),
-            Err(LimitsError::RampAboveStep { ramp: 3, step: 2 })
-        );
+        assert_eq!(checked(1, 2, 9, 3), Err(LimitsError::RampAboveStep { ramp: 3, step: 2 }));
         assert_eq!(
             checked(1, i32::MAX, i32::MAX, 1),
-            Err(LimitsError::AccelTooSmall {
-                accel: i32::MAX,
-                needed: i64::from(i32::MAX) + 1
-            })
+            Err(LimitsError::AccelTooSmall { accel: i32::MAX, needed: i64::from(i32::MAX) + 1 })
         );
     }
 
@@ -485,10 +417,7 @@ pub(crate) mod tests {
     #[test]
     fn a_zero_limit_means_zero() {
         let zero = checked(0, 5, 10, 1).unwrap();
-        assert_eq!(
-            Channel::ZERO.follow(OffsetNm(i32::MAX), &zero),
-            Channel::ZERO
-        );
+        assert_eq!(Channel::ZERO.follow(OffsetNm(i32::MAX), &zero), Channel::ZERO);
         assert!(!zero.admits(OffsetNm(1)));
     }
 }

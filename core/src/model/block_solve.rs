@@ -28,10 +28,8 @@ impl Inverse {
         let volume_squared = r1.dot(r1) * r2.dot(r2) * r3.dot(r3);
         let least_squared = SINGULARITY_TOLERANCE * SINGULARITY_TOLERANCE * volume_squared;
         let scale = 1.0 / determinant;
-        (determinant * determinant > least_squared).then(|| Self {
-            columns: [c1 * scale, c2 * scale, c3 * scale],
-            det_is_negative: determinant < 0.0,
-        })
+        (determinant * determinant > least_squared)
+            .then(|| Self { columns: [c1 * scale, c2 * scale, c3 * scale], det_is_negative: determinant < 0.0 })
     }
 
     /// True if the determinant is negative; it is never zero.
@@ -71,10 +69,7 @@ pub(crate) struct BlockFactors {
 impl BlockFactors {
     /// Factors the equations, rows in link order; `None` near a singularity of either block, and for NaN.
     #[inline]
-    pub(crate) fn new(
-        directions: &[Vector3<f64>; LINKS],
-        moments_m: &[Vector3<f64>; LINKS],
-    ) -> Option<Self> {
+    pub(crate) fn new(directions: &[Vector3<f64>; LINKS], moments_m: &[Vector3<f64>; LINKS]) -> Option<Self> {
         let [s11, s21, s22, s31, s32, s33] = directions;
         let [m11, m21, m22, m31, m32, m33] = moments_m;
         let first = Inverse::of_rows([s11, s21, s31])?;
@@ -82,12 +77,7 @@ impl BlockFactors {
         let [a22, a32, a33] = weights;
         let left = |m: &Vector3<f64>, [a1, a2, a3]: [f64; 3]| m - (m11 * a1 + m21 * a2 + m31 * a3);
         let (n22, n32, n33) = (left(m22, a22), left(m32, a32), left(m33, a33));
-        Some(Self {
-            first,
-            moments_m: [*m11, *m21, *m31],
-            weights,
-            second: Inverse::of_rows([&n22, &n32, &n33])?,
-        })
+        Some(Self { first, moments_m: [*m11, *m21, *m31], weights, second: Inverse::of_rows([&n22, &n32, &n33])? })
     }
 
     /// Returns `x` and `y` for right sides `e`.
@@ -97,20 +87,14 @@ impl BlockFactors {
         let [m11, m21, m31] = &self.moments_m;
         let [k22, k32, k33] = (self.weights).map(|[a1, a2, a3]| a1 * e11 + a2 * e21 + a3 * e31);
         let y = self.second.times([e22 - k22, e32 - k32, e33 - k33]);
-        let x = self
-            .first
-            .times([e11 - m11.dot(&y), e21 - m21.dot(&y), e31 - m31.dot(&y)]);
+        let x = self.first.times([e11 - m11.dot(&y), e21 - m21.dot(&y), e31 - m31.dot(&y)]);
         (x, y)
     }
 
     /// `f` of `sum f s = force`, `sum f m = moment`, link order: the cluster sums `S_1^-T force` first, then
     /// what of them links 22, 32, 33 take, `N^T f_2 = moment - M_1^T S_1^-T force`.
     #[inline]
-    pub(crate) fn solve_transposed(
-        &self,
-        force: &Vector3<f64>,
-        moment: &Vector3<f64>,
-    ) -> [f64; LINKS] {
+    pub(crate) fn solve_transposed(&self, force: &Vector3<f64>, moment: &Vector3<f64>) -> [f64; LINKS] {
         let [m11, m21, m31] = &self.moments_m;
         let [p1, p2, p3] = self.first.weights(force);
         let [f22, f32, f33] = (self.second).weights(&(moment - (m11 * p1 + m21 * p2 + m31 * p3)));

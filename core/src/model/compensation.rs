@@ -63,11 +63,7 @@ impl<const N: usize> CompensatorConfig<N> {
     /// # Errors
     /// [`KinematicsError::NotFinite`] when an offset is NaN. Infinities are cut.
     #[inline]
-    pub(crate) fn bounded(
-        &self,
-        q: &[f64; N],
-        command: &[f64; N],
-    ) -> Result<Correction<N>, KinematicsError> {
+    pub(crate) fn bounded(&self, q: &[f64; N], command: &[f64; N]) -> Result<Correction<N>, KinematicsError> {
         let mut offsets = [OffsetNm(0); N];
         let mut saturated = [false; N];
         for index in 0..N {
@@ -91,11 +87,7 @@ impl<const N: usize> CompensatorConfig<N> {
     ///
     /// # Errors
     /// As [`bounded`](Self::bounded).
-    pub(super) fn bounded_share(
-        &self,
-        q: &[f64; N],
-        exact: &[f64; N],
-    ) -> Result<Correction<N>, KinematicsError> {
+    pub(super) fn bounded_share(&self, q: &[f64; N], exact: &[f64; N]) -> Result<Correction<N>, KinematicsError> {
         let mut command = *q;
         for (command, exact) in command.iter_mut().zip(exact) {
             *command += self.gain * (exact - *command);
@@ -135,10 +127,7 @@ impl fmt::Display for CompensatorError {
             Self::Limit { axis } => write!(f, "limits[{axis}] must not be negative"),
             Self::MetresPerQ { axis } => {
                 let (lower, upper) = SCALE_RANGE;
-                write!(
-                    f,
-                    "metres_per_q[{axis}] must be from {lower:e} to {upper:e}"
-                )
+                write!(f, "metres_per_q[{axis}] must be from {lower:e} to {upper:e}")
             }
         }
     }
@@ -159,8 +148,5 @@ pub struct Correction<const N: usize> {
 
 impl<const N: usize> Correction<N> {
     /// Zero offsets.
-    pub const ZERO: Self = Self {
-        offsets: [OffsetNm(0); N],
-        saturated: [false; N],
-    };
+    pub const ZERO: Self = Self { offsets: [OffsetNm(0); N], saturated: [false; N] };
 }

@@ -43,17 +43,13 @@ impl Pose {
     /// Pose with the orientation of the world axes.
     #[must_use]
     pub fn at(position_m: Vector3<f64>) -> Self {
-        Self {
-            position_m,
-            rotation: Matrix3::identity(),
-        }
+        Self { position_m, rotation: Matrix3::identity() }
     }
 }
 
 /// True if the position is finite and the rotation orthonormal.
 pub(crate) fn is_pose(pose: &Pose) -> bool {
-    pose.position_m.iter().all(|value| value.is_finite())
-        && rotation_deviation(&pose.rotation) <= ROTATION_TOLERANCE
+    pose.position_m.iter().all(|value| value.is_finite()) && rotation_deviation(&pose.rotation) <= ROTATION_TOLERANCE
 }
 
 /// Error of a kinematic solution. Arms and axes count from 0.
@@ -112,10 +108,9 @@ impl KinematicsError {
     pub const fn kind(&self) -> &'static str {
         match self {
             Self::NotFinite => "not_finite",
-            Self::Unreachable { .. }
-            | Self::NoAssembly
-            | Self::OtherBranch { .. }
-            | Self::Inconsistent { .. } => "unreachable",
+            Self::Unreachable { .. } | Self::NoAssembly | Self::OtherBranch { .. } | Self::Inconsistent { .. } => {
+                "unreachable"
+            }
             Self::Singular { .. } => "singular",
             Self::OutOfRange { .. } => "out_of_range",
             Self::NotConverged { .. } => "not_converged",
@@ -133,36 +128,19 @@ impl fmt::Display for KinematicsError {
             }
             Self::NoAssembly => f.write_str("the links cannot meet from these cart positions"),
             Self::OtherBranch { arm: Some(arm) } => {
-                write!(
-                    f,
-                    "the pose needs arm[{arm}] on the other side of its guideway"
-                )
+                write!(f, "the pose needs arm[{arm}] on the other side of its guideway")
             }
-            Self::OtherBranch { arm: None } => {
-                f.write_str("the pose lies on the other side of the carts' plane")
-            }
+            Self::OtherBranch { arm: None } => f.write_str("the pose lies on the other side of the carts' plane"),
             Self::Singular { measure } => write!(f, "the pose is singular: measure {measure:e}"),
-            Self::OutOfRange {
-                axis,
-                q,
-                lower,
-                upper,
-            } => write!(f, "axis[{axis}] at {q} is outside {lower} to {upper}"),
-            Self::NotConverged {
-                iterations,
-                residual_m,
-            } => write!(
-                f,
-                "no answer after {iterations} iterations: a link is {residual_m:e} m off its length"
-            ),
-            Self::SeedRequired => {
-                f.write_str("a seed is required: this machine has no closed form to start from")
+            Self::OutOfRange { axis, q, lower, upper } => {
+                write!(f, "axis[{axis}] at {q} is outside {lower} to {upper}")
             }
+            Self::NotConverged { iterations, residual_m } => {
+                write!(f, "no answer after {iterations} iterations: a link is {residual_m:e} m off its length")
+            }
+            Self::SeedRequired => f.write_str("a seed is required: this machine has no closed form to start from"),
             Self::Inconsistent { arm } => {
-                write!(
-                    f,
-                    "pose and positions do not fit the link length of arm[{arm}]"
-                )
+                write!(f, "pose and positions do not fit the link length of arm[{arm}]")
             }
         }
     }
@@ -187,11 +165,7 @@ impl<T> Solution<T> {
     /// A solution from its parts.
     #[must_use]
     pub const fn new(value: T, iterations: u8, residual_m: f64) -> Self {
-        Self {
-            value,
-            iterations,
-            residual_m,
-        }
+        Self { value, iterations, residual_m }
     }
 }
 
@@ -205,9 +179,7 @@ impl From<LinearError> for KinematicsError {
 }
 
 /// Returns the unit vectors `s_ij`, from platform to cart.
-pub(crate) fn directions(
-    links_m: &[Vector3<f64>; LINKS],
-) -> Result<[Vector3<f64>; LINKS], KinematicsError> {
+pub(crate) fn directions(links_m: &[Vector3<f64>; LINKS]) -> Result<[Vector3<f64>; LINKS], KinematicsError> {
     let mut directions = *links_m;
     for direction in &mut directions {
         *direction = unit(direction).ok_or(KinematicsError::NotFinite)?;

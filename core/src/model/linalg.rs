@@ -59,11 +59,7 @@ pub fn norm(v: &Vector3<f64>) -> f64 {
 /// The max_propagating_nan of two; NaN where one is, which `f64::max` would drop: a residual that is not known is not small.
 #[inline]
 pub(crate) fn max_propagating_nan(one: f64, other: f64) -> f64 {
-    if one > other || one.is_nan() {
-        one
-    } else {
-        other
-    }
+    if one > other || one.is_nan() { one } else { other }
 }
 
 /// The vector's direction; `None` when it has none (zero, not finite, or too small or large to square).
@@ -113,10 +109,7 @@ pub fn rotation_from_vector(vector: &Vector3<f64>) -> Option<Matrix3<f64>> {
     }
     // sin(t) / t and (1 - cos(t)) / t^2; the latter over the half angle, which does not cancel.
     let (sine, cosine) = if squared < SMALL_ANGLE_SQUARED {
-        (
-            1.0 - squared / 6.0 * (1.0 - squared / 20.0),
-            0.5 - squared / 24.0 * (1.0 - squared / 30.0),
-        )
+        (1.0 - squared / 6.0 * (1.0 - squared / 20.0), 0.5 - squared / 24.0 * (1.0 - squared / 30.0))
     } else {
         let angle = sqrt(squared);
         let half = sin(0.5 * angle);
@@ -136,11 +129,7 @@ pub fn rotation_deviation(rotation: &Matrix3<f64>) -> f64 {
         }
         deviation = deviation.max(entry.abs());
     }
-    if rotation.determinant() > 0.0 {
-        deviation
-    } else {
-        f64::INFINITY
-    }
+    if rotation.determinant() > 0.0 { deviation } else { f64::INFINITY }
 }
 
 /// Error of a linear solve.
@@ -218,25 +207,14 @@ impl<const N: usize> Lu<N> {
             largest = largest.max(head.abs());
             // Also true for a zero pivot, so that nothing below divides by it.
             if smallest <= SINGULAR_PIVOT_RATIO * largest {
-                return Err(LinearError::Singular {
-                    ratio: if largest > 0.0 {
-                        smallest / largest
-                    } else {
-                        0.0
-                    },
-                });
+                return Err(LinearError::Singular { ratio: if largest > 0.0 { smallest / largest } else { 0.0 } });
             }
             for row in below.iter_mut() {
                 eliminate(k, head, pivot, row);
             }
             rest = below;
         }
-        Ok(Self {
-            rows,
-            columns,
-            ratio: smallest / largest,
-            det_is_negative,
-        })
+        Ok(Self { rows, columns, ratio: smallest / largest, det_is_negative })
     }
 
     /// True if the determinant is negative; it is never zero.
@@ -262,10 +240,7 @@ impl<const N: usize> Lu<N> {
         }
         for (k, row) in self.rows.iter().enumerate().rev() {
             let after = k.saturating_add(1);
-            let known: f64 = (row.values.iter().zip(&x))
-                .skip(after)
-                .map(|(u, y)| u * y)
-                .sum();
+            let known: f64 = (row.values.iter().zip(&x)).skip(after).map(|(u, y)| u * y).sum();
             let value = (at(&x, k) - known) / at(&row.values, k);
             put(&mut x, k, value);
         }
@@ -322,15 +297,8 @@ fn column_scales<const N: usize>(matrix: &[[f64; N]; N]) -> Result<[f64; N], Lin
 }
 
 /// The rows with their columns scaled, then each scaled itself.
-fn scaled_rows<const N: usize>(
-    matrix: &[[f64; N]; N],
-    columns: &[f64; N],
-) -> Result<[Row<N>; N], LinearError> {
-    let mut rows = [Row {
-        source: 0,
-        scale: 1.0,
-        values: [0.0; N],
-    }; N];
+fn scaled_rows<const N: usize>(matrix: &[[f64; N]; N], columns: &[f64; N]) -> Result<[Row<N>; N], LinearError> {
+    let mut rows = [Row { source: 0, scale: 1.0, values: [0.0; N] }; N];
     for ((index, row), given) in rows.iter_mut().enumerate().zip(matrix) {
         row.source = index;
         let mut largest = 0.0_f64;
@@ -349,11 +317,7 @@ fn scaled_rows<const N: usize>(
 /// One over a magnitude; a row or column of zeros makes the matrix singular.
 fn inverse_scale(largest: f64) -> Result<f64, LinearError> {
     let scale = 1.0 / largest;
-    if scale.is_finite() {
-        Ok(scale)
-    } else {
-        Err(LinearError::Singular { ratio: 0.0 })
-    }
+    if scale.is_finite() { Ok(scale) } else { Err(LinearError::Singular { ratio: 0.0 }) }
 }
 
 /// Swaps the row with the largest entry in column `k` into the pivot's place; returns true if it swapped.
@@ -495,36 +459,20 @@ mod tests {
     fn singular_matrices_are_refused_whatever_their_scale() {
         for scale in [1e-200, 1e-9, 1.0, 1e9, 1e200] {
             let s = scale;
-            let dependent = [
-                [s, 2.0 * s, 3.0 * s],
-                [4.0 * s, 5.0 * s, 6.0 * s],
-                [7.0 * s, 8.0 * s, 9.0 * s],
-            ];
-            assert!(matches!(
-                Lu::factor(&dependent),
-                Err(LinearError::Singular { .. })
-            ));
+            let dependent = [[s, 2.0 * s, 3.0 * s], [4.0 * s, 5.0 * s, 6.0 * s], [7.0 * s, 8.0 * s, 9.0 * s]];
+            assert!(matches!(Lu::factor(&dependent), Err(LinearError::Singular { .. })));
             let regular = [[0.0, s, 0.0], [s, 0.0, 0.0], [0.0, 0.0, s]];
             assert!(Lu::factor(&regular).is_ok());
         }
-        assert_eq!(
-            Lu::factor(&[[0.0; 3]; 3]),
-            Err(LinearError::Singular { ratio: 0.0 })
-        );
+        assert_eq!(Lu::factor(&[[0.0; 3]; 3]), Err(LinearError::Singular { ratio: 0.0 }));
         assert_eq!(Lu::factor(&[[f64::NAN]]), Err(LinearError::NotFinite));
         assert_eq!(Lu::factor(&[[f64::INFINITY]]), Err(LinearError::NotFinite));
     }
 
     #[test]
     fn the_maximum_keeps_nan() {
-        assert_eq!(
-            (max_propagating_nan(1.0, 2.0), max_propagating_nan(2.0, 1.0)),
-            (2.0, 2.0)
-        );
-        assert!(
-            max_propagating_nan(f64::NAN, 1.0).is_nan()
-                && max_propagating_nan(1.0, f64::NAN).is_nan()
-        );
+        assert_eq!((max_propagating_nan(1.0, 2.0), max_propagating_nan(2.0, 1.0)), (2.0, 2.0));
+        assert!(max_propagating_nan(f64::NAN, 1.0).is_nan() && max_propagating_nan(1.0, f64::NAN).is_nan());
     }
 
     #[test]
@@ -533,15 +481,9 @@ mod tests {
         assert_eq!(unit(&Vector3::new(f64::NAN, 0.0, 0.0)), None);
         assert_eq!(unit(&Vector3::new(f64::INFINITY, 0.0, 0.0)), None);
         assert_eq!(unit(&Vector3::new(0.0, -2.0, 0.0)), Some(-Vector3::y()));
-        assert_eq!(
-            rotation_from_vector(&Vector3::new(f64::NAN, 0.0, 0.0)),
-            None
-        );
+        assert_eq!(rotation_from_vector(&Vector3::new(f64::NAN, 0.0, 0.0)), None);
         assert_eq!(rotation_from_vector(&Vector3::new(1e7, 0.0, 0.0)), None);
-        assert_eq!(
-            rotation_from_vector(&Vector3::zeros()),
-            Some(Matrix3::identity())
-        );
+        assert_eq!(rotation_from_vector(&Vector3::zeros()), Some(Matrix3::identity()));
         assert!(rotation_deviation(&-Matrix3::<f64>::identity()).is_infinite());
     }
 }

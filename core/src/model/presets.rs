@@ -61,10 +61,7 @@ pub fn l2() -> l2::Geometry {
 /// Compliances of the example L2.
 #[must_use]
 pub const fn l2_compliances() -> Compliances<{ l2::AXES }> {
-    Compliances {
-        link_m_per_n: LINKS_M_PER_N,
-        cart_m_per_n: [4.06e-8, 5.09e-8, 6.00e-8],
-    }
+    Compliances { link_m_per_n: LINKS_M_PER_N, cart_m_per_n: [4.06e-8, 5.09e-8, 6.00e-8] }
 }
 
 /// Geometry of the example F1, with its nominal travel.
@@ -104,10 +101,7 @@ pub fn f1() -> f1::Geometry {
 /// Compliances of the example F1; of its carts measured `[T Table 5.3]`.
 #[must_use]
 pub const fn f1_compliances() -> Compliances<{ f1::AXES }> {
-    Compliances {
-        link_m_per_n: LINKS_M_PER_N,
-        cart_m_per_n: [4.2081e-6, 7.5215e-6, 5.5578e-6, 2.0e-6, 2.0e-6, 2.0e-6],
-    }
+    Compliances { link_m_per_n: LINKS_M_PER_N, cart_m_per_n: [4.2081e-6, 7.5215e-6, 5.5578e-6, 2.0e-6, 2.0e-6, 2.0e-6] }
 }
 
 #[cfg(test)]
@@ -119,13 +113,7 @@ mod tests {
         assert!(l2::Robot::new(l2()).is_ok());
         assert!(f1::Robot::new(f1()).is_ok());
         let (three, six) = (l2_compliances(), f1_compliances());
-        assert_eq!(
-            Compliances::new(*three.link_m_per_n(), *three.cart_m_per_n()),
-            Ok(three)
-        );
-        assert_eq!(
-            Compliances::new(*six.link_m_per_n(), *six.cart_m_per_n()),
-            Ok(six)
-        );
+        assert_eq!(Compliances::new(*three.link_m_per_n(), *three.cart_m_per_n()), Ok(three));
+        assert_eq!(Compliances::new(*six.link_m_per_n(), *six.cart_m_per_n()), Ok(six));
     }
 }

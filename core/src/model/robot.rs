@@ -128,22 +128,11 @@ impl fmt::Display for RobotError {
             Self::NotFinite { parameter, index } => {
                 write!(f, "{}[{index}] is not finite", parameter.key())
             }
-            Self::OutOfRange {
-                parameter,
-                index,
-                lower,
-                upper,
-            } => write!(
-                f,
-                "{}[{index}] must have a magnitude from {lower:e} to {upper:e}",
-                parameter.key()
-            ),
+            Self::OutOfRange { parameter, index, lower, upper } => {
+                write!(f, "{}[{index}] must have a magnitude from {lower:e} to {upper:e}", parameter.key())
+            }
             Self::Reversed { parameter, index } => {
-                write!(
-                    f,
-                    "{}[{index}] has its lower end above its upper end",
-                    parameter.key()
-                )
+                write!(f, "{}[{index}] has its lower end above its upper end", parameter.key())
             }
         }
     }
@@ -168,27 +157,12 @@ impl<const N: usize> Compliances<N> {
     /// The first compliance that is not finite, not positive, or too large.
     pub fn new(link_m_per_n: [f64; LINKS], cart_m_per_n: [f64; N]) -> Result<Self, RobotError> {
         for (index, value) in link_m_per_n.iter().enumerate() {
-            check_magnitude(
-                Parameter::LinkCompliance,
-                index,
-                *value,
-                f64::MIN_POSITIVE,
-                MAX_COMPLIANCE_M_PER_N,
-            )?;
+            check_magnitude(Parameter::LinkCompliance, index, *value, f64::MIN_POSITIVE, MAX_COMPLIANCE_M_PER_N)?;
         }
         for (index, value) in cart_m_per_n.iter().enumerate() {
-            check_magnitude(
-                Parameter::CartCompliance,
-                index,
-                *value,
-                f64::MIN_POSITIVE,
-                MAX_COMPLIANCE_M_PER_N,
-            )?;
+            check_magnitude(Parameter::CartCompliance, index, *value, f64::MIN_POSITIVE, MAX_COMPLIANCE_M_PER_N)?;
         }
-        Ok(Self {
-            link_m_per_n,
-            cart_m_per_n,
-        })
+        Ok(Self { link_m_per_n, cart_m_per_n })
     }
 
     /// `c_ij`: elongation of each link per newton of tension, m/N, link order.
@@ -217,17 +191,11 @@ pub(super) fn checksum(numbers: impl Iterator<Item = f64>) -> u32 {
 }
 
 fn check_finite(parameter: Parameter, index: usize, value: f64) -> Result<(), RobotError> {
-    if value.is_finite() {
-        Ok(())
-    } else {
-        Err(RobotError::NotFinite { parameter, index })
-    }
+    if value.is_finite() { Ok(()) } else { Err(RobotError::NotFinite { parameter, index }) }
 }
 
 /// Checks the ranges of motion, axis by axis.
-pub(super) fn check_travel<'a>(
-    ranges: impl Iterator<Item = &'a (f64, f64)>,
-) -> Result<(), RobotError> {
+pub(super) fn check_travel<'a>(ranges: impl Iterator<Item = &'a (f64, f64)>) -> Result<(), RobotError> {
     let parameter = Parameter::Travel;
     for (index, (lower, upper)) in ranges.enumerate() {
         check_finite(parameter, index, *lower)?;
@@ -249,12 +217,7 @@ pub(super) fn check_magnitude(
 ) -> Result<(), RobotError> {
     check_finite(parameter, index, value)?;
     if value < lower || value > upper {
-        return Err(RobotError::OutOfRange {
-            parameter,
-            index,
-            lower,
-            upper,
-        });
+        return Err(RobotError::OutOfRange { parameter, index, lower, upper });
     }
     Ok(())
 }
@@ -273,12 +236,7 @@ pub(super) fn check_vector(
     let squared = value.dot(value);
     // The square of a huge finite component may be infinite, which is out of range too.
     if squared < lower * lower || squared > upper * upper {
-        return Err(RobotError::OutOfRange {
-            parameter,
-            index,
-            lower,
-            upper,
-        });
+        return Err(RobotError::OutOfRange { parameter, index, lower, upper });
     }
     Ok(())
 }

@@ -62,11 +62,9 @@ impl fmt::Display for SensorError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotRotation => f.write_str("rotation is not a rotation matrix"),
-            Self::OutOfRange {
-                parameter,
-                lower,
-                upper,
-            } => write!(f, "{parameter} must be from {lower:e} to {upper:e}"),
+            Self::OutOfRange { parameter, lower, upper } => {
+                write!(f, "{parameter} must be from {lower:e} to {upper:e}")
+            }
             Self::BadReading => f.write_str("reading is not finite or out of range"),
             Self::InvalidState => f.write_str("sensor state is not valid"),
         }
@@ -153,11 +151,7 @@ impl ForceSensor {
         Ok(Self {
             config,
             coefficient: u / (1.0 + u),
-            state: SensorState {
-                tare_remaining: config.tare_samples,
-                tare: Wrench::zero(),
-                filtered: Wrench::zero(),
-            },
+            state: SensorState { tare_remaining: config.tare_samples, tare: Wrench::zero(), filtered: Wrench::zero() },
         })
     }
 
@@ -166,15 +160,8 @@ impl ForceSensor {
     /// # Errors
     /// As [`new`](Self::new); [`SensorError::InvalidState`].
     pub fn from_parts(config: SensorConfig, state: SensorState) -> Result<Self, SensorError> {
-        let sensor = Self {
-            state,
-            ..Self::new(config)?
-        };
-        if sensor.is_valid() {
-            Ok(sensor)
-        } else {
-            Err(SensorError::InvalidState)
-        }
+        let sensor = Self { state, ..Self::new(config)? };
+        if sensor.is_valid() { Ok(sensor) } else { Err(SensorError::InvalidState) }
     }
 
     /// The configuration.
@@ -203,11 +190,8 @@ impl ForceSensor {
 
     /// Restarts the tare; the filter is at zero.
     pub fn restart_tare(&mut self) {
-        self.state = SensorState {
-            tare_remaining: self.config.tare_samples,
-            tare: Wrench::zero(),
-            filtered: Wrench::zero(),
-        };
+        self.state =
+            SensorState { tare_remaining: self.config.tare_samples, tare: Wrench::zero(), filtered: Wrench::zero() };
     }
 
     /// Takes one raw sample (sensor axes, N and N m), once per cycle.
@@ -244,27 +228,18 @@ impl ForceSensor {
         let mut tare = self.state.tare;
         tare.force_n += (raw.force_n - tare.force_n) * share;
         tare.moment_nm += (raw.moment_nm - tare.moment_nm) * share;
-        SensorState {
-            tare_remaining: remaining,
-            tare,
-            ..self.state
-        }
+        SensorState { tare_remaining: remaining, tare, ..self.state }
     }
 
     /// The state with one more sample in the filter.
     fn filtered(&self, raw: &Wrench) -> SensorState {
-        let SensorState {
-            tare, mut filtered, ..
-        } = self.state;
+        let SensorState { tare, mut filtered, .. } = self.state;
         let force_n = times(&self.config.rotation, &(raw.force_n - tare.force_n));
-        let moment_nm = times(&self.config.rotation, &(raw.moment_nm - tare.moment_nm))
-            + self.config.lever_m.cross(&force_n);
+        let moment_nm =
+            times(&self.config.rotation, &(raw.moment_nm - tare.moment_nm)) + self.config.lever_m.cross(&force_n);
         filtered.force_n += (force_n - filtered.force_n) * self.coefficient;
         filtered.moment_nm += (moment_nm - filtered.moment_nm) * self.coefficient;
-        SensorState {
-            filtered,
-            ..self.state
-        }
+        SensorState { filtered, ..self.state }
     }
 }
 
@@ -278,15 +253,7 @@ fn within(wrench: &Wrench, limit: f64) -> bool {
 
 /// Checks `lower <= value <= upper`; NaN is an error.
 fn check(parameter: &'static str, value: f64, lower: f64, upper: f64) -> Result<(), SensorError> {
-    if value >= lower && value <= upper {
-        Ok(())
-    } else {
-        Err(SensorError::OutOfRange {
-            parameter,
-            lower,
-            upper,
-        })
-    }
+    if value >= lower && value <= upper { Ok(()) } else { Err(SensorError::OutOfRange { parameter, lower, upper }) }
 }
 
 #[cfg(test)]
@@ -343,12 +310,7 @@ mod tests {
     #[test]
     fn the_low_pass_has_its_time_constant_and_never_overshoots() {
         for cutoff_hz in [1e-3, 1.0, 20.0, 500.0, 1e5] {
-            let mut sensor = ForceSensor::new(SensorConfig {
-                cutoff_hz,
-                tare_samples: 1,
-                ..config()
-            })
-            .unwrap();
+            let mut sensor = ForceSensor::new(SensorConfig { cutoff_hz, tare_samples: 1, ..config() }).unwrap();
             assert!(sensor.coefficient > 0.0 && sensor.coefficient < 1.0);
             sensor.update(&Wrench::zero()).unwrap();
             let step = Wrench::from_array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
@@ -376,20 +338,14 @@ mod tests {
                     let mut raw = [1.0; 6];
                     raw[index] = bad;
                     let before = sensor;
-                    assert_eq!(
-                        sensor.update(&Wrench::from_array(raw)),
-                        Err(SensorError::BadReading)
-                    );
+                    assert_eq!(sensor.update(&Wrench::from_array(raw)), Err(SensorError::BadReading));
                     assert_eq!(sensor, before);
                 }
             }
             sensor.update(&Wrench::from_array([1e6; 6])).unwrap();
             sensor.update(&Wrench::from_array([-1e6; 6])).unwrap();
             assert!(sensor.is_valid());
-            assert_eq!(
-                ForceSensor::from_parts(config(), *sensor.state()),
-                Ok(sensor)
-            );
+            assert_eq!(ForceSensor::from_parts(config(), *sensor.state()), Ok(sensor));
         }
     }
 

@@ -24,16 +24,7 @@ pub struct Wrench {
 impl defmt::Format for Wrench {
     fn format(&self, f: defmt::Formatter<'_>) {
         let [fx, fy, fz, mx, my, mz] = self.to_array();
-        defmt::write!(
-            f,
-            "({}, {}, {}) N, ({}, {}, {}) N m",
-            fx,
-            fy,
-            fz,
-            mx,
-            my,
-            mz
-        );
+        defmt::write!(f, "({}, {}, {}) N, ({}, {}, {}) N m", fx, fy, fz, mx, my, mz);
     }
 }
 
@@ -41,19 +32,13 @@ impl Wrench {
     /// Zero load.
     #[must_use]
     pub fn zero() -> Self {
-        Self {
-            force_n: Vector3::zeros(),
-            moment_nm: Vector3::zeros(),
-        }
+        Self { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() }
     }
 
     /// From `[Fx, Fy, Fz, Mx, My, Mz]`, N and N m.
     #[must_use]
     pub fn from_array([fx, fy, fz, mx, my, mz]: [f64; 6]) -> Self {
-        Self {
-            force_n: Vector3::new(fx, fy, fz),
-            moment_nm: Vector3::new(mx, my, mz),
-        }
+        Self { force_n: Vector3::new(fx, fy, fz), moment_nm: Vector3::new(mx, my, mz) }
     }
 
     /// As `[Fx, Fy, Fz, Mx, My, Mz]`, N and N m.
@@ -68,12 +53,7 @@ impl Wrench {
     #[must_use]
     pub fn is_finite(&self) -> bool {
         let (f, m) = (&self.force_n, &self.moment_nm);
-        f.x.is_finite()
-            && f.y.is_finite()
-            && f.z.is_finite()
-            && m.x.is_finite()
-            && m.y.is_finite()
-            && m.z.is_finite()
+        f.x.is_finite() && f.y.is_finite() && f.z.is_finite() && m.x.is_finite() && m.y.is_finite() && m.z.is_finite()
     }
 }
 
@@ -115,11 +95,7 @@ impl<const N: usize> Lines<N> {
         for (moment, s) in moments_m.iter_mut().zip(directions) {
             *moment = times(&pose.rotation, moment).cross(s);
         }
-        Self {
-            directions: *directions,
-            moments_m,
-            drives: *drives,
-        }
+        Self { directions: *directions, moments_m, drives: *drives }
     }
 
     #[inline]
@@ -146,10 +122,7 @@ impl<const N: usize> Lines<N> {
     /// Returns a `Result`, so that no caller wraps the line matrix: that would put it on the stack twice.
     #[inline(never)]
     fn with(&self, factors: &Factors) -> Result<LineMatrix<N>, KinematicsError> {
-        Ok(LineMatrix {
-            lines: *self,
-            factors: *factors,
-        })
+        Ok(LineMatrix { lines: *self, factors: *factors })
     }
 
     /// Rows of `W^T`: `[s_ij, l_ij x s_ij]`.
@@ -218,11 +191,7 @@ impl<const N: usize> LineMatrix<N> {
     ///
     /// # Errors
     /// [`KinematicsError::NotFinite`].
-    pub fn displacement(
-        &self,
-        dq: &[f64; N],
-        elongations_m: &[f64; LINKS],
-    ) -> Result<[f64; 6], KinematicsError> {
+    pub fn displacement(&self, dq: &[f64; N], elongations_m: &[f64; LINKS]) -> Result<[f64; 6], KinematicsError> {
         let mut right = [0.0; LINKS];
         let drives = &self.lines.drives;
         for (value, (row, elongation)) in right.iter_mut().zip(zip(drives, elongations_m)) {
@@ -252,11 +221,7 @@ impl<const N: usize> LineMatrix<N> {
 
 /// Returns the numbers if every one is finite.
 pub(crate) fn finite<const N: usize>(values: [f64; N]) -> Result<[f64; N], KinematicsError> {
-    if values.iter().all(|value| value.is_finite()) {
-        Ok(values)
-    } else {
-        Err(KinematicsError::NotFinite)
-    }
+    if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(KinematicsError::NotFinite) }
 }
 
 #[cfg(test)]
@@ -271,10 +236,7 @@ mod tests {
         let robot = Robot::new(geometry).unwrap();
         let position_m = rotation * position_m;
         let q = machine(geometry, &rotation).inverse(&position_m).unwrap();
-        let pose = Pose {
-            position_m,
-            rotation,
-        };
+        let pose = Pose { position_m, rotation };
         robot.line_matrix(&pose, &q).unwrap()
     }
 
@@ -297,15 +259,8 @@ mod tests {
             let mut dq = [0.0; AXES];
             dq[axis] = 1.0;
             let motion = lines.displacement(&dq, &[0.0; LINKS]).unwrap();
-            let work: f64 = motion
-                .iter()
-                .zip(load.to_array())
-                .map(|(dx, w)| dx * w)
-                .sum();
-            assert!(
-                (work - loads[axis]).abs() < 1e-10 * work.abs(),
-                "{work} {loads:?}"
-            );
+            let work: f64 = motion.iter().zip(load.to_array()).map(|(dx, w)| dx * w).sum();
+            assert!((work - loads[axis]).abs() < 1e-10 * work.abs(), "{work} {loads:?}");
         }
     }
 
@@ -313,26 +268,16 @@ mod tests {
     fn dependent_lines_and_wild_numbers_are_refused() {
         let mut flat = geometry();
         // Every platform joint in one point: no link can carry a moment.
-        for (cart, joint) in flat
-            .cart_joints_m
-            .iter_mut()
-            .zip(&mut flat.platform_joints_m)
-        {
+        for (cart, joint) in flat.cart_joints_m.iter_mut().zip(&mut flat.platform_joints_m) {
             *cart -= *joint;
             *joint = Vector3::zeros();
         }
         let robot = Robot::new(flat).unwrap();
         let pose = Pose::at(Vector3::new(0.0, 0.5, 0.65));
         let q = l2().inverse(&pose.position_m).unwrap();
-        assert!(matches!(
-            robot.line_matrix(&pose, &q),
-            Err(KinematicsError::Singular { .. })
-        ));
+        assert!(matches!(robot.line_matrix(&pose, &q), Err(KinematicsError::Singular { .. })));
         let robot = Robot::new(geometry()).unwrap();
-        assert_eq!(
-            robot.line_matrix(&pose, &[f64::NAN, 0.0, 0.0]),
-            Err(KinematicsError::NotFinite)
-        );
+        assert_eq!(robot.line_matrix(&pose, &[f64::NAN, 0.0, 0.0]), Err(KinematicsError::NotFinite));
         let lines = robot.line_matrix(&pose, &q).unwrap();
         let wild = Wrench::from_array([f64::MAX; 6]);
         assert_eq!(lines.link_forces_n(&wild), Err(KinematicsError::NotFinite));

@@ -7,9 +7,7 @@ pub use crate::control::monitor::{Parts as MonitorParts, Seen};
 pub use crate::control::session::Parts;
 pub use crate::control::session::act::{Axis, AxisCommand, drive_reference, nominal_stepped};
 pub use crate::control::session::channels::AxisChannels;
-pub use crate::control::session::fsm::{
-    Action, Decision, EndReason, FsmInput, FsmState, Rules, decide,
-};
+pub use crate::control::session::fsm::{Action, Decision, EndReason, FsmInput, FsmState, Rules, decide};
 pub use crate::control::session::ingress::{Accepted, Classifier, Diagnostics, Verdict};
 
 use crate::control::monitor::Monitor;

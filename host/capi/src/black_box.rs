@@ -33,20 +33,10 @@ pub struct gt_black_box {
 }
 
 /// Returns the contents of a black box.
-pub(crate) fn look<const N: usize, const TICKS: usize>(
-    black_box: &BlackBox<N, TICKS>,
-) -> gt_black_box {
+pub(crate) fn look<const N: usize, const TICKS: usize>(black_box: &BlackBox<N, TICKS>) -> gt_black_box {
     let ticks = ticks(black_box);
-    let parts = if ticks == 0 {
-        0
-    } else {
-        ticks.saturating_add(HEAD)
-    };
-    gt_black_box {
-        ticks: small(ticks),
-        parts: small(parts),
-        frozen: black_box.is_frozen().into(),
-    }
+    let parts = if ticks == 0 { 0 } else { ticks.saturating_add(HEAD) };
+    gt_black_box { ticks: small(ticks), parts: small(parts), frozen: black_box.is_frozen().into() }
 }
 
 fn small(count: usize) -> u32 {
@@ -147,29 +137,18 @@ mod tests {
     };
 
     const FAR: PositionNm = PositionNm(i64::MIN);
-    const OFFSETS: Offsets = Offsets {
-        position: OffsetNm(i32::MIN),
-        velocity: VelocityUmS(i32::MIN),
-        torque: TorquePermille(i16::MIN),
-    };
+    const OFFSETS: Offsets =
+        Offsets { position: OffsetNm(i32::MIN), velocity: VelocityUmS(i32::MIN), torque: TorquePermille(i16::MIN) };
 
     /// Numbers as long as they can be, and full lists.
     fn longest_input() -> Input<6> {
         let most = Epoch(u64::MAX);
-        let mut input = Input::empty(EpochRange {
-            first: most,
-            last: most,
-        });
+        let mut input = Input::empty(EpochRange { first: most, last: most });
         let tick = &mut input.tick;
         tick.elapsed_cycles = u32::MAX;
         tick.nominal = [FAR; 6];
         tick.arrival_us = u16::MAX;
-        tick.last_write = LastWrite::Refused {
-            in_force: [InForce {
-                nominal: FAR,
-                offsets: OFFSETS,
-            }; 6],
-        };
+        tick.last_write = LastWrite::Refused { in_force: [InForce { nominal: FAR, offsets: OFFSETS }; 6] };
         for actual in &mut tick.actual {
             actual.position = FAR;
             actual.velocity = OFFSETS.velocity;
@@ -191,20 +170,12 @@ mod tests {
 
     /// An output with as many Refusals as there can be.
     fn output() -> Output<6> {
-        let limits = Limits::new(LimitValues {
-            max: i32::MAX,
-            step: 1,
-            accel: 2,
-            ramp: 1,
-        });
+        let limits = Limits::new(LimitValues { max: i32::MAX, step: 1, accel: 2, ramp: 1 });
         let axis = AxisConfig::position_only(limits.unwrap(), Travel::around_zero(u32::MAX), 0);
         let config = Config::new(Parameters::thesis([axis; 6])).unwrap();
         let mut session = Session::new(config, &Start::at_rest([PositionNm(0); 6])).unwrap();
         let mut input = Input::empty(EpochRange::VOLATILE);
-        let hello = ClientMessage::Hello(Hello {
-            axes: 0,
-            capabilities: Default::default(),
-        });
+        let hello = ClientMessage::Hello(Hello { axes: 0, capabilities: Default::default() });
         for number in 0..16 {
             let event = (Connection(u64::MAX - number), Event::Message(hello));
             input.events.push(event).unwrap();
@@ -214,17 +185,11 @@ mod tests {
 
     #[test]
     fn no_part_is_longer_than_the_header_says() {
-        let entry = recorder::Entry {
-            input: longest_input(),
-            output: output(),
-        };
+        let entry = recorder::Entry { input: longest_input(), output: output() };
         let mut room = [0; GT_BLACK_BOX_PART];
         let length = sized(&entry, &mut room).unwrap();
         assert!(length < GT_BLACK_BOX_PART, "{length}");
-        assert!(
-            length > GT_BLACK_BOX_PART / 3,
-            "{length}: the bound is too wide"
-        );
+        assert!(length > GT_BLACK_BOX_PART / 3, "{length}: the bound is too wide");
         let read: Entry<6> = postcard::from_bytes(&room[LENGTH..length]).unwrap();
         assert_eq!(read, entry);
     }

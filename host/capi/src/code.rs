@@ -143,17 +143,11 @@ const NAMES: [(gt_code, &CStr); 51] = {
         (Code::Done, c"GT_CODE_DONE"),
         (Code::Other, c"GT_CODE_OTHER"),
         (Code::LimitsNegativeMax, c"GT_CODE_LIMITS_NEGATIVE_MAX"),
-        (
-            Code::LimitsRampNotPositive,
-            c"GT_CODE_LIMITS_RAMP_NOT_POSITIVE",
-        ),
+        (Code::LimitsRampNotPositive, c"GT_CODE_LIMITS_RAMP_NOT_POSITIVE"),
         (Code::LimitsRampAboveStep, c"GT_CODE_LIMITS_RAMP_ABOVE_STEP"),
         (Code::LimitsAccelTooSmall, c"GT_CODE_LIMITS_ACCEL_TOO_SMALL"),
         (Code::ConfigAxes, c"GT_CODE_CONFIG_AXES"),
-        (
-            Code::ConfigHandshakeTicks,
-            c"GT_CODE_CONFIG_HANDSHAKE_TICKS",
-        ),
+        (Code::ConfigHandshakeTicks, c"GT_CODE_CONFIG_HANDSHAKE_TICKS"),
         (Code::ConfigBudgetWindow, c"GT_CODE_CONFIG_BUDGET_WINDOW"),
         (Code::ConfigTorqueMax, c"GT_CODE_CONFIG_TORQUE_MAX"),
         (Code::ConfigTravel, c"GT_CODE_CONFIG_TRAVEL"),
@@ -164,47 +158,20 @@ const NAMES: [(gt_code, &CStr); 51] = {
         (Code::RobotNotFinite, c"GT_CODE_ROBOT_NOT_FINITE"),
         (Code::RobotOutOfRange, c"GT_CODE_ROBOT_OUT_OF_RANGE"),
         (Code::RobotReversed, c"GT_CODE_ROBOT_REVERSED"),
-        (
-            Code::OrientationNotRotation,
-            c"GT_CODE_ORIENTATION_NOT_ROTATION",
-        ),
+        (Code::OrientationNotRotation, c"GT_CODE_ORIENTATION_NOT_ROTATION"),
         (Code::OrientationNotTau, c"GT_CODE_ORIENTATION_NOT_TAU"),
         (Code::CompensatorGain, c"GT_CODE_COMPENSATOR_GAIN"),
         (Code::CompensatorLimit, c"GT_CODE_COMPENSATOR_LIMIT"),
-        (
-            Code::CompensatorMetresPerQ,
-            c"GT_CODE_COMPENSATOR_METRES_PER_Q",
-        ),
+        (Code::CompensatorMetresPerQ, c"GT_CODE_COMPENSATOR_METRES_PER_Q"),
         (Code::KinematicsNotFinite, c"GT_CODE_KINEMATICS_NOT_FINITE"),
-        (
-            Code::KinematicsUnreachable,
-            c"GT_CODE_KINEMATICS_UNREACHABLE",
-        ),
-        (
-            Code::KinematicsNoAssembly,
-            c"GT_CODE_KINEMATICS_NO_ASSEMBLY",
-        ),
-        (
-            Code::KinematicsOtherBranch,
-            c"GT_CODE_KINEMATICS_OTHER_BRANCH",
-        ),
+        (Code::KinematicsUnreachable, c"GT_CODE_KINEMATICS_UNREACHABLE"),
+        (Code::KinematicsNoAssembly, c"GT_CODE_KINEMATICS_NO_ASSEMBLY"),
+        (Code::KinematicsOtherBranch, c"GT_CODE_KINEMATICS_OTHER_BRANCH"),
         (Code::KinematicsSingular, c"GT_CODE_KINEMATICS_SINGULAR"),
-        (
-            Code::KinematicsOutOfRange,
-            c"GT_CODE_KINEMATICS_OUT_OF_RANGE",
-        ),
-        (
-            Code::KinematicsNotConverged,
-            c"GT_CODE_KINEMATICS_NOT_CONVERGED",
-        ),
-        (
-            Code::KinematicsSeedRequired,
-            c"GT_CODE_KINEMATICS_SEED_REQUIRED",
-        ),
-        (
-            Code::KinematicsInconsistent,
-            c"GT_CODE_KINEMATICS_INCONSISTENT",
-        ),
+        (Code::KinematicsOutOfRange, c"GT_CODE_KINEMATICS_OUT_OF_RANGE"),
+        (Code::KinematicsNotConverged, c"GT_CODE_KINEMATICS_NOT_CONVERGED"),
+        (Code::KinematicsSeedRequired, c"GT_CODE_KINEMATICS_SEED_REQUIRED"),
+        (Code::KinematicsInconsistent, c"GT_CODE_KINEMATICS_INCONSISTENT"),
         (Code::SensorNotRotation, c"GT_CODE_SENSOR_NOT_ROTATION"),
         (Code::SensorOutOfRange, c"GT_CODE_SENSOR_OUT_OF_RANGE"),
         (Code::SensorBadReading, c"GT_CODE_SENSOR_BAD_READING"),
@@ -216,10 +183,7 @@ const NAMES: [(gt_code, &CStr); 51] = {
 
 impl gt_code {
     /// Returns the number in C.
-    #[expect(
-        clippy::as_conversions,
-        reason = "the number of an enum has no other conversion"
-    )]
+    #[expect(clippy::as_conversions, reason = "the number of an enum has no other conversion")]
     const fn number(self) -> i32 {
         self as i32
     }
@@ -243,9 +207,7 @@ mod tests {
             let line = format!("  {} = {},", name.to_str().unwrap(), code.number());
             assert!(header.contains(&line), "{line}");
         }
-        let codes = header
-            .lines()
-            .filter(|line| line.starts_with("  GT_CODE_") && line.contains(" = "));
+        let codes = header.lines().filter(|line| line.starts_with("  GT_CODE_") && line.contains(" = "));
         assert_eq!(codes.count(), NAMES.len(), "codes in the header and names");
     }
 

@@ -73,15 +73,12 @@ impl Object for F1Compensator {
 
 impl gt_compensator_config {
     fn checked<const N: usize>(&self) -> Reply<(Compliances<N>, CompensatorConfig<N>)> {
-        let per_axis = |values: &[f64; GT_MAX_AXES]| {
-            core::array::from_fn(|index| values.get(index).copied().unwrap_or(f64::NAN))
-        };
+        let per_axis =
+            |values: &[f64; GT_MAX_AXES]| core::array::from_fn(|index| values.get(index).copied().unwrap_or(f64::NAN));
         let compliances = Compliances::new(self.link_m_per_n, per_axis(&self.axis_per_n))?;
         let config = CompensatorConfig {
             gain: self.gain,
-            limits: core::array::from_fn(|index| {
-                OffsetNm(self.limits_nm.get(index).copied().unwrap_or(0))
-            }),
+            limits: core::array::from_fn(|index| OffsetNm(self.limits_nm.get(index).copied().unwrap_or(0))),
             metres_per_q: per_axis(&self.metres_per_q),
         };
         Ok((compliances, config))
@@ -92,10 +89,7 @@ impl<const N: usize> From<Correction<N>> for gt_correction {
     fn from(correction: Correction<N>) -> Self {
         let offset = |index: usize| correction.offsets.get(index).map_or(0, |offset| offset.0);
         let cut = |index: usize| correction.saturated.get(index).is_some_and(|cut| *cut);
-        Self {
-            offsets_nm: core::array::from_fn(offset),
-            saturated: core::array::from_fn(|index| cut(index).into()),
-        }
+        Self { offsets_nm: core::array::from_fn(offset), saturated: core::array::from_fn(|index| cut(index).into()) }
     }
 }
 
@@ -235,14 +229,7 @@ pub unsafe extern "C" fn gt_f1_correction(
 ) -> gt_code {
     // SAFETY: the header's rules for pointers.
     unsafe {
-        let solve = six(
-            compensator,
-            pose,
-            q,
-            load,
-            correction,
-            f1::Compensator::correct_at,
-        );
+        let solve = six(compensator, pose, q, load, correction, f1::Compensator::correct_at);
         reply(error, solve)
     }
 }
@@ -270,12 +257,8 @@ pub unsafe extern "C" fn gt_f1_exact_correction(
 }
 
 /// One of the maps of a machine with six axes.
-type SixMap = fn(
-    &f1::Compensator,
-    &Pose,
-    &[f64; f1::AXES],
-    &Wrench,
-) -> Result<Correction<{ f1::AXES }>, KinematicsError>;
+type SixMap =
+    fn(&f1::Compensator, &Pose, &[f64; f1::AXES], &Wrench) -> Result<Correction<{ f1::AXES }>, KinematicsError>;
 
 /// A correction by one of the maps.
 ///
@@ -291,8 +274,7 @@ unsafe fn six(
     map: SixMap,
 ) -> Reply {
     // SAFETY: the caller's promise.
-    let (place, pose, q, load) =
-        unsafe { (place(correction)?, read(pose)?, numbers(q)?, read(load)?) };
+    let (place, pose, q, load) = unsafe { (place(correction)?, read(pose)?, numbers(q)?, read(load)?) };
     // SAFETY: as above.
     let compensator = unsafe { object::<F1Compensator>(compensator) }?;
     place.put(map(&compensator.0, &pose.into(), &q, &load.into())?.into());

@@ -83,15 +83,7 @@ impl gt_error {
 
     /// Creates an error without details.
     pub(crate) const fn new(code: gt_code) -> Self {
-        Self {
-            code,
-            index: -1,
-            parameter: gt_parameter::None,
-            iterations: 0,
-            value: 0.0,
-            lower: 0.0,
-            upper: 0.0,
-        }
+        Self { code, index: -1, parameter: gt_parameter::None, iterations: 0, value: 0.0, lower: 0.0, upper: 0.0 }
     }
 
     /// Sets the axis, arm, link or motor.
@@ -112,11 +104,7 @@ impl gt_error {
 
     /// Sets the accepted range.
     pub(crate) const fn range(self, lower: f64, upper: f64) -> Self {
-        Self {
-            lower,
-            upper,
-            ..self
-        }
+        Self { lower, upper, ..self }
     }
 }
 
@@ -141,18 +129,14 @@ impl From<gt_code> for gt_error {
 impl From<LimitsError> for gt_error {
     fn from(error: LimitsError) -> Self {
         match error {
-            LimitsError::NegativeMax { max } => {
-                Self::new(gt_code::LimitsNegativeMax).value(max.into())
+            LimitsError::NegativeMax { max } => Self::new(gt_code::LimitsNegativeMax).value(max.into()),
+            LimitsError::RampNotPositive { ramp } => Self::new(gt_code::LimitsRampNotPositive).value(ramp.into()),
+            LimitsError::RampAboveStep { ramp, step } => {
+                Self::new(gt_code::LimitsRampAboveStep).value(ramp.into()).range(0.0, step.into())
             }
-            LimitsError::RampNotPositive { ramp } => {
-                Self::new(gt_code::LimitsRampNotPositive).value(ramp.into())
+            LimitsError::AccelTooSmall { accel, needed } => {
+                Self::new(gt_code::LimitsAccelTooSmall).value(accel.into()).range(whole(needed), 0.0)
             }
-            LimitsError::RampAboveStep { ramp, step } => Self::new(gt_code::LimitsRampAboveStep)
-                .value(ramp.into())
-                .range(0.0, step.into()),
-            LimitsError::AccelTooSmall { accel, needed } => Self::new(gt_code::LimitsAccelTooSmall)
-                .value(accel.into())
-                .range(whole(needed), 0.0),
             _ => gt_code::Other.into(),
         }
     }
@@ -163,9 +147,7 @@ impl From<ConfigError> for gt_error {
         match error {
             ConfigError::Axes { axes } => Self::new(gt_code::ConfigAxes).value(count(axes)),
             ConfigError::HandshakeTicks => gt_code::ConfigHandshakeTicks.into(),
-            ConfigError::BudgetWindow { window } => {
-                Self::new(gt_code::ConfigBudgetWindow).value(window.into())
-            }
+            ConfigError::BudgetWindow { window } => Self::new(gt_code::ConfigBudgetWindow).value(window.into()),
             ConfigError::TorqueMax { axis } => Self::new(gt_code::ConfigTorqueMax).at(axis),
             ConfigError::Travel { axis } => Self::new(gt_code::ConfigTravel).at(axis),
             ConfigError::Margin { axis } => Self::new(gt_code::ConfigMargin).at(axis),
@@ -189,10 +171,7 @@ impl From<StartError> for gt_error {
 impl From<MotorMapError> for gt_error {
     fn from(error: MotorMapError) -> Self {
         let MotorMapError { motor, axis, axes } = error;
-        Self::new(gt_code::MotorMap)
-            .at(motor)
-            .value(count(axis))
-            .range(0.0, count(axes))
+        Self::new(gt_code::MotorMap).at(motor).value(count(axis)).range(0.0, count(axes))
     }
 }
 
@@ -205,21 +184,15 @@ impl From<Full> for gt_error {
 impl From<RobotError> for gt_error {
     fn from(error: RobotError) -> Self {
         match error {
-            RobotError::NotFinite { parameter, index } => Self::new(gt_code::RobotNotFinite)
-                .of(parameter.into())
-                .at(index),
-            RobotError::OutOfRange {
-                parameter,
-                index,
-                lower,
-                upper,
-            } => Self::new(gt_code::RobotOutOfRange)
-                .of(parameter.into())
-                .at(index)
-                .range(lower, upper),
-            RobotError::Reversed { parameter, index } => Self::new(gt_code::RobotReversed)
-                .of(parameter.into())
-                .at(index),
+            RobotError::NotFinite { parameter, index } => {
+                Self::new(gt_code::RobotNotFinite).of(parameter.into()).at(index)
+            }
+            RobotError::OutOfRange { parameter, index, lower, upper } => {
+                Self::new(gt_code::RobotOutOfRange).of(parameter.into()).at(index).range(lower, upper)
+            }
+            RobotError::Reversed { parameter, index } => {
+                Self::new(gt_code::RobotReversed).of(parameter.into()).at(index)
+            }
         }
     }
 }
@@ -249,9 +222,7 @@ impl From<l2::OrientationError> for gt_error {
                 Self::new(gt_code::OrientationNotRotation).value(deviation)
             }
             l2::OrientationError::NotTau { link, mismatch_m } => {
-                Self::new(gt_code::OrientationNotTau)
-                    .at(link)
-                    .value(mismatch_m)
+                Self::new(gt_code::OrientationNotTau).at(link).value(mismatch_m)
             }
         }
     }
@@ -262,9 +233,7 @@ impl From<CompensatorError> for gt_error {
         match error {
             CompensatorError::Gain => gt_code::CompensatorGain.into(),
             CompensatorError::Limit { axis } => Self::new(gt_code::CompensatorLimit).at(axis),
-            CompensatorError::MetresPerQ { axis } => {
-                Self::new(gt_code::CompensatorMetresPerQ).at(axis)
-            }
+            CompensatorError::MetresPerQ { axis } => Self::new(gt_code::CompensatorMetresPerQ).at(axis),
         }
     }
 }
@@ -273,37 +242,19 @@ impl From<KinematicsError> for gt_error {
     fn from(error: KinematicsError) -> Self {
         match error {
             KinematicsError::NotFinite => gt_code::KinematicsNotFinite.into(),
-            KinematicsError::Unreachable { arm } => {
-                Self::new(gt_code::KinematicsUnreachable).at(arm)
-            }
+            KinematicsError::Unreachable { arm } => Self::new(gt_code::KinematicsUnreachable).at(arm),
             KinematicsError::NoAssembly => gt_code::KinematicsNoAssembly.into(),
-            KinematicsError::OtherBranch { arm: Some(arm) } => {
-                Self::new(gt_code::KinematicsOtherBranch).at(arm)
-            }
+            KinematicsError::OtherBranch { arm: Some(arm) } => Self::new(gt_code::KinematicsOtherBranch).at(arm),
             KinematicsError::OtherBranch { arm: None } => gt_code::KinematicsOtherBranch.into(),
-            KinematicsError::Singular { measure } => {
-                Self::new(gt_code::KinematicsSingular).value(measure)
+            KinematicsError::Singular { measure } => Self::new(gt_code::KinematicsSingular).value(measure),
+            KinematicsError::OutOfRange { axis, q, lower, upper } => {
+                Self::new(gt_code::KinematicsOutOfRange).at(axis).value(q).range(lower, upper)
             }
-            KinematicsError::OutOfRange {
-                axis,
-                q,
-                lower,
-                upper,
-            } => Self::new(gt_code::KinematicsOutOfRange)
-                .at(axis)
-                .value(q)
-                .range(lower, upper),
-            KinematicsError::NotConverged {
-                iterations,
-                residual_m,
-            } => Self {
-                iterations: iterations.into(),
-                ..Self::new(gt_code::KinematicsNotConverged).value(residual_m)
-            },
+            KinematicsError::NotConverged { iterations, residual_m } => {
+                Self { iterations: iterations.into(), ..Self::new(gt_code::KinematicsNotConverged).value(residual_m) }
+            }
             KinematicsError::SeedRequired => gt_code::KinematicsSeedRequired.into(),
-            KinematicsError::Inconsistent { arm } => {
-                Self::new(gt_code::KinematicsInconsistent).at(arm)
-            }
+            KinematicsError::Inconsistent { arm } => Self::new(gt_code::KinematicsInconsistent).at(arm),
         }
     }
 }
@@ -312,13 +263,9 @@ impl From<SensorError> for gt_error {
     fn from(error: SensorError) -> Self {
         match error {
             SensorError::NotRotation => gt_code::SensorNotRotation.into(),
-            SensorError::OutOfRange {
-                parameter,
-                lower,
-                upper,
-            } => Self::new(gt_code::SensorOutOfRange)
-                .of(sensor_parameter(parameter))
-                .range(lower, upper),
+            SensorError::OutOfRange { parameter, lower, upper } => {
+                Self::new(gt_code::SensorOutOfRange).of(sensor_parameter(parameter)).range(lower, upper)
+            }
             SensorError::BadReading => gt_code::SensorBadReading.into(),
             SensorError::InvalidState => gt_code::SensorInvalidState.into(),
         }
@@ -340,8 +287,9 @@ impl From<CrossingError> for gt_error {
     fn from(error: CrossingError) -> Self {
         match error {
             CrossingError::NotFinite => gt_code::CrossingNotFinite.into(),
-            CrossingError::OutOfRange { limit_nm } => Self::new(gt_code::CrossingOutOfRange)
-                .range(whole(limit_nm.saturating_neg()), whole(limit_nm)),
+            CrossingError::OutOfRange { limit_nm } => {
+                Self::new(gt_code::CrossingOutOfRange).range(whole(limit_nm.saturating_neg()), whole(limit_nm))
+            }
         }
     }
 }

@@ -168,14 +168,7 @@ pub unsafe extern "C" fn gt_f1_forward(
 ) -> gt_code {
     let solve = || {
         // SAFETY: the header's rules for pointers.
-        let (pose, q, seed, machine) = unsafe {
-            (
-                place(pose)?,
-                numbers(q)?,
-                read_some(seed)?,
-                object::<F1>(machine)?,
-            )
-        };
+        let (pose, q, seed, machine) = unsafe { (place(pose)?, numbers(q)?, read_some(seed)?, object::<F1>(machine)?) };
         let solution = match seed {
             Some(seed) => machine.0.forward_from(&q, &seed.into(), most_solves)?,
             None => machine.0.forward(&q)?,
@@ -207,12 +200,7 @@ pub unsafe extern "C" fn gt_f1_jacobian(
 ) -> gt_code {
     let solve = || {
         // SAFETY: the header's rules for pointers.
-        let (place, lines) = unsafe {
-            (
-                place(jacobian.cast::<[[f64; f1::AXES]; 6]>())?,
-                lines(machine, pose, q)?,
-            )
-        };
+        let (place, lines) = unsafe { (place(jacobian.cast::<[[f64; f1::AXES]; 6]>())?, lines(machine, pose, q)?) };
         // nalgebra counts by columns.
         place.put(lines.jacobian()?.transpose().into());
         Ok(())
@@ -239,12 +227,8 @@ pub unsafe extern "C" fn gt_f1_statics(
 ) -> gt_code {
     let solve = || {
         // SAFETY: the header's rules for pointers.
-        let (forces, loads) = unsafe {
-            (
-                place(link_forces_n.cast::<[f64; GT_LINKS]>())?,
-                place(axis_loads.cast::<[f64; f1::AXES]>())?,
-            )
-        };
+        let (forces, loads) =
+            unsafe { (place(link_forces_n.cast::<[f64; GT_LINKS]>())?, place(axis_loads.cast::<[f64; f1::AXES]>())?) };
         // SAFETY: as above.
         let (load, lines) = unsafe { (read(load)?, lines(machine, pose, q)?) };
         let tensions = lines.link_forces_n(&load.into())?;
@@ -260,11 +244,7 @@ pub unsafe extern "C" fn gt_f1_statics(
 ///
 /// # Safety
 /// The header's rules for pointers.
-unsafe fn lines(
-    machine: *const gt_f1,
-    pose: *const gt_pose,
-    q: *const f64,
-) -> Reply<LineMatrix<{ f1::AXES }>> {
+unsafe fn lines(machine: *const gt_f1, pose: *const gt_pose, q: *const f64) -> Reply<LineMatrix<{ f1::AXES }>> {
     // SAFETY: the caller's promise.
     let (pose, q, machine) = unsafe { (read(pose)?, numbers(q)?, object::<F1>(machine)?) };
     Ok(machine.0.line_matrix(&Pose::from(pose), &q)?)

@@ -56,16 +56,10 @@ impl L2 {
             guideways: vectors(geometry.guideways),
             platform_joints_m: vectors(geometry.platform_joints_m),
             lengths_m: geometry.lengths_m,
-            configuration: l2::Configuration {
-                inverse: branches(geometry.inverse_branch, 0)?,
-                forward,
-            },
+            configuration: l2::Configuration { inverse: branches(geometry.inverse_branch, 0)?, forward },
             travel: travel(geometry.has_travel, geometry.travel),
         })?;
-        Ok(Self(l2::Kinematics::new(
-            &robot,
-            &matrix(&geometry.rotation),
-        )?))
+        Ok(Self(l2::Kinematics::new(&robot, &matrix(&geometry.rotation))?))
     }
 }
 
@@ -122,13 +116,8 @@ pub unsafe extern "C" fn gt_l2_inverse(
 ) -> gt_code {
     let solve = || {
         // SAFETY: the header's rules for pointers.
-        let (q, tcp_m, machine) = unsafe {
-            (
-                place(q.cast::<[f64; l2::AXES]>())?,
-                numbers::<3>(tcp_m)?,
-                object::<L2>(machine)?,
-            )
-        };
+        let (q, tcp_m, machine) =
+            unsafe { (place(q.cast::<[f64; l2::AXES]>())?, numbers::<3>(tcp_m)?, object::<L2>(machine)?) };
         q.put(machine.0.inverse_in_assembly(&tcp_m.into())?);
         Ok(())
     };
@@ -150,13 +139,7 @@ pub unsafe extern "C" fn gt_l2_forward(
 ) -> gt_code {
     let solve = || {
         // SAFETY: the header's rules for pointers.
-        let (tcp_m, q, machine) = unsafe {
-            (
-                place(tcp_m.cast::<[f64; 3]>())?,
-                numbers(q)?,
-                object::<L2>(machine)?,
-            )
-        };
+        let (tcp_m, q, machine) = unsafe { (place(tcp_m.cast::<[f64; 3]>())?, numbers(q)?, object::<L2>(machine)?) };
         tcp_m.put(machine.0.forward(&q)?.into());
         Ok(())
     };
@@ -178,13 +161,8 @@ pub unsafe extern "C" fn gt_l2_jacobian(
 ) -> gt_code {
     let solve = || {
         // SAFETY: the header's rules for pointers.
-        let (jacobian, tcp_m, machine) = unsafe {
-            (
-                place(jacobian.cast::<[[f64; 3]; 3]>())?,
-                numbers::<3>(tcp_m)?,
-                object::<L2>(machine)?,
-            )
-        };
+        let (jacobian, tcp_m, machine) =
+            unsafe { (place(jacobian.cast::<[[f64; 3]; 3]>())?, numbers::<3>(tcp_m)?, object::<L2>(machine)?) };
         jacobian.put(rows(&machine.0.jacobian(&tcp_m.into())?));
         Ok(())
     };
@@ -210,21 +188,11 @@ pub unsafe extern "C" fn gt_l2_statics(
 ) -> gt_code {
     let solve = || {
         // SAFETY: the header's rules for pointers.
-        let (forces, loads) = unsafe {
-            (
-                place(link_forces_n.cast::<[f64; GT_LINKS]>())?,
-                place(cart_loads.cast::<[f64; l2::AXES]>())?,
-            )
-        };
+        let (forces, loads) =
+            unsafe { (place(link_forces_n.cast::<[f64; GT_LINKS]>())?, place(cart_loads.cast::<[f64; l2::AXES]>())?) };
         // SAFETY: as above.
-        let (tcp_m, q, load, machine) = unsafe {
-            (
-                numbers::<3>(tcp_m)?,
-                numbers(q)?,
-                read(load)?,
-                object::<L2>(machine)?,
-            )
-        };
+        let (tcp_m, q, load, machine) =
+            unsafe { (numbers::<3>(tcp_m)?, numbers(q)?, read(load)?, object::<L2>(machine)?) };
         let lines = machine.0.line_matrix(&machine.0.pose(tcp_m.into()), &q)?;
         let tensions = lines.link_forces_n(&load.into())?;
         forces.put(tensions);

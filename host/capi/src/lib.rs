@@ -15,13 +15,7 @@
 //! A C interface needs unsafe code; core forbids it. Every function takes its arguments through [`memory`], which refuses null and
 //! misaligned pointers, and handles without a live object of their type. The rest is the caller's promise, at the head of the header.
 #![cfg_attr(not(test), no_std)]
-#![cfg_attr(
-    test,
-    allow(
-        clippy::arithmetic_side_effects,
-        reason = "a test that overflows must panic"
-    )
-)]
+#![cfg_attr(test, allow(clippy::arithmetic_side_effects, reason = "a test that overflows must panic"))]
 #![allow(
     non_camel_case_types,
     reason = "types have the names they have in C, so that both sides are found by one search"

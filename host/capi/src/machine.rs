@@ -20,10 +20,7 @@ const _: () = assert!(GT_LINKS == LINKS && GT_ARMS == ARMS, "core's machines");
 pub const GT_WARM_SOLVES: u8 = 2;
 /// Largest number of linear solves from any other seed.
 pub const GT_COLD_SOLVES: u8 = 10;
-const _: () = assert!(
-    GT_WARM_SOLVES == WARM_ITERATIONS && GT_COLD_SOLVES == COLD_ITERATIONS,
-    "core's numbers"
-);
+const _: () = assert!(GT_WARM_SOLVES == WARM_ITERATIONS && GT_COLD_SOLVES == COLD_ITERATIONS, "core's numbers");
 
 /// Position and orientation of the tool: x_world = T + R x_platform.
 #[repr(C)]
@@ -57,46 +54,31 @@ pub struct gt_solved {
 
 impl From<gt_pose> for Pose {
     fn from(pose: gt_pose) -> Self {
-        Self {
-            position_m: pose.position_m.into(),
-            rotation: matrix(&pose.rotation),
-        }
+        Self { position_m: pose.position_m.into(), rotation: matrix(&pose.rotation) }
     }
 }
 
 impl From<Pose> for gt_pose {
     fn from(pose: Pose) -> Self {
-        Self {
-            position_m: pose.position_m.into(),
-            rotation: rows(&pose.rotation),
-        }
+        Self { position_m: pose.position_m.into(), rotation: rows(&pose.rotation) }
     }
 }
 
 impl From<gt_wrench> for Wrench {
     fn from(wrench: gt_wrench) -> Self {
-        Self {
-            force_n: wrench.force_n.into(),
-            moment_nm: wrench.moment_nm.into(),
-        }
+        Self { force_n: wrench.force_n.into(), moment_nm: wrench.moment_nm.into() }
     }
 }
 
 impl From<Wrench> for gt_wrench {
     fn from(wrench: Wrench) -> Self {
-        Self {
-            force_n: wrench.force_n.into(),
-            moment_nm: wrench.moment_nm.into(),
-        }
+        Self { force_n: wrench.force_n.into(), moment_nm: wrench.moment_nm.into() }
     }
 }
 
 impl<T> From<&Solution<T>> for gt_solved {
     fn from(solved: &Solution<T>) -> Self {
-        Self {
-            iterations: solved.iterations.into(),
-            residual_m: solved.residual_m,
-        }
+        Self { iterations: solved.iterations.into(), residual_m: solved.residual_m }
     }
 }
 
@@ -138,11 +120,7 @@ pub(crate) fn travel<const N: usize>(has: u8, ranges: [[f64; 2]; N]) -> Option<[
 ///
 /// Errors: those of CROSSING_ (NaN, infinite, or 2^53 nm and more).
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_position_from_metres(
-    metres: f64,
-    position_nm: *mut i64,
-    error: *mut gt_error,
-) -> gt_code {
+pub unsafe extern "C" fn gt_position_from_metres(metres: f64, position_nm: *mut i64, error: *mut gt_error) -> gt_code {
     let cross = || {
         // SAFETY: the header's rules for pointers.
         let place = unsafe { place(position_nm) }?;

@@ -30,11 +30,7 @@ pub(crate) unsafe fn reply(error: *mut gt_error, result: Reply) -> gt_code {
 
 fn checked<T>(pointer: *const T) -> Reply<NonNull<T>> {
     let pointer = NonNull::new(pointer.cast_mut()).ok_or(gt_code::NullPointer)?;
-    if pointer.is_aligned() {
-        Ok(pointer)
-    } else {
-        Err(gt_code::Misaligned.into())
-    }
+    if pointer.is_aligned() { Ok(pointer) } else { Err(gt_code::Misaligned.into()) }
 }
 
 /// Copies a value of the caller.
@@ -163,11 +159,7 @@ pub(crate) unsafe fn settle<T: Object>(
     make: impl FnOnce() -> Reply<T>,
 ) -> Reply<*mut T::Handle> {
     // SAFETY: the caller's promise; the place is one for a `T`.
-    unsafe {
-        settle_in_parts(memory, size, make, |object, place: *mut T| {
-            place.write(object)
-        })
-    }
+    unsafe { settle_in_parts(memory, size, make, |object, place: *mut T| place.write(object)) }
 }
 
 /// Creates an object in memory of the caller: `parts` may refuse, `write` writes every field in place.
@@ -181,12 +173,7 @@ pub(crate) unsafe fn settle_in_parts<P, T: Object>(
     parts: impl FnOnce() -> Reply<P>,
     write: impl FnOnce(P, *mut T),
 ) -> Reply<*mut T::Handle> {
-    const {
-        assert!(
-            fits::<T>(),
-            "the size in the header is too small for this target"
-        )
-    };
+    const { assert!(fits::<T>(), "the size in the header is too small for this target") };
     let memory = checked(memory.cast::<Tagged<T>>())?;
     if size < size_of::<T>() {
         return Err(gt_error::new(gt_code::MemoryTooSmall).value(count(size_of::<T>())));

@@ -88,14 +88,8 @@ pub unsafe extern "C" fn gt_sensor_update(
 ) -> gt_code {
     let update = || {
         // SAFETY: the header's rules for pointers.
-        let (load, taring, raw, sensor) = unsafe {
-            (
-                place(load)?,
-                place(taring)?,
-                read(raw)?,
-                object_mut::<Sensor>(sensor)?,
-            )
-        };
+        let (load, taring, raw, sensor) =
+            unsafe { (place(load)?, place(taring)?, read(raw)?, object_mut::<Sensor>(sensor)?) };
         let (wrench, remaining) = match sensor.0.update(&raw.into())? {
             Reading::Taring { remaining } => (Wrench::zero(), remaining),
             Reading::Load(wrench) => (wrench, 0),

@@ -54,11 +54,7 @@ struct Parts<'a> {
 
 impl<'a> Parts<'a> {
     const fn of(name: &'a str, bytes: &'a [u8]) -> Self {
-        Self {
-            name,
-            rest: bytes,
-            part: 0,
-        }
+        Self { name, rest: bytes, part: 0 }
     }
 
     /// Reads the numbers of axes and of ticks.
@@ -93,8 +89,8 @@ impl<'a> Parts<'a> {
             let reason = format!("the file ends after {} of {length} bytes", rest.len());
             return Err(self.refuse(reason));
         };
-        let value = postcard::from_bytes(part)
-            .map_err(|error| self.refuse(format!("the content is not valid: {error}")))?;
+        let value =
+            postcard::from_bytes(part).map_err(|error| self.refuse(format!("the content is not valid: {error}")))?;
         let mut room = vec![0; length];
         if postcard::to_slice(&value, &mut room).is_ok_and(|written| written == part) {
             self.rest = rest;
@@ -105,10 +101,6 @@ impl<'a> Parts<'a> {
     }
 
     fn refuse(&self, reason: impl Into<String>) -> FileError {
-        FileError {
-            file: self.name.to_owned(),
-            place: Some(format!("part {}", self.part)),
-            reason: reason.into(),
-        }
+        FileError { file: self.name.to_owned(), place: Some(format!("part {}", self.part)), reason: reason.into() }
     }
 }

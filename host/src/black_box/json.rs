@@ -27,12 +27,7 @@ impl<const N: usize> Window<N> {
     /// Returns the text of a file with this window.
     #[must_use]
     pub fn encode(&self) -> String {
-        let head = Head {
-            format: FORMAT.to_owned(),
-            version: VERSION,
-            axes: N,
-            ticks: self.entries.len(),
-        };
+        let head = Head { format: FORMAT.to_owned(), version: VERSION, axes: N, ticks: self.entries.len() };
         let mut lines = vec![json(&head), json(&self.before)];
         lines.extend(self.entries.iter().map(json));
         lines.push(String::new());
@@ -61,10 +56,7 @@ pub(super) fn decode<const N: usize>(name: &str, bytes: &[u8]) -> Result<Window<
         return Err(lines.refuse(last, reason));
     }
     let entries = (1..=head.ticks).map(|number| lines.read(HEAD + number));
-    Ok(Window {
-        before,
-        entries: entries.collect::<Result<_, _>>()?,
-    })
+    Ok(Window { before, entries: entries.collect::<Result<_, _>>()? })
 }
 
 /// Returns the path of the first field in which two outputs differ, and its JSON in each.
@@ -112,10 +104,7 @@ struct Lines<'a> {
 impl<'a> Lines<'a> {
     fn of(name: &'a str, bytes: &'a [u8]) -> Self {
         let whole = bytes.strip_suffix(b"\n").unwrap_or(bytes);
-        Self {
-            name,
-            lines: whole.split(|byte| *byte == b'\n').collect(),
-        }
+        Self { name, lines: whole.split(|byte| *byte == b'\n').collect() }
     }
 
     /// Reads the first line: format and version before anything else.
@@ -139,9 +128,7 @@ impl<'a> Lines<'a> {
 
     /// Reads a line as one value, which must be written as [`json`] writes it: serde takes an absent field for `None`, and unknown ones.
     fn read<T: Serialize + DeserializeOwned>(&self, number: usize) -> Result<T, FileError> {
-        let line = number
-            .checked_sub(1)
-            .and_then(|index| self.lines.get(index));
+        let line = number.checked_sub(1).and_then(|index| self.lines.get(index));
         let Some(line) = line else {
             let reason = format!("the file ends here, line {number} is missing");
             return Err(self.refuse(self.lines.len(), reason));
@@ -154,28 +141,16 @@ impl<'a> Lines<'a> {
             let reason = format!("{reason} (column {})", error.inner().column());
             let path = error.path().to_string();
             let at_root = path == ".";
-            self.refuse(
-                number,
-                if at_root {
-                    reason
-                } else {
-                    format!("{path}: {reason}")
-                },
-            )
+            self.refuse(number, if at_root { reason } else { format!("{path}: {reason}") })
         })?;
         if json(&value).as_bytes() != *line {
-            let reason =
-                "a field is missing, unknown or out of order, or there is more than one value";
+            let reason = "a field is missing, unknown or out of order, or there is more than one value";
             return Err(self.refuse(number, reason));
         }
         Ok(value)
     }
 
     fn refuse(&self, line: usize, reason: impl Into<String>) -> FileError {
-        FileError {
-            file: self.name.to_owned(),
-            place: Some(format!("line {line}")),
-            reason: reason.into(),
-        }
+        FileError { file: self.name.to_owned(), place: Some(format!("line {line}")), reason: reason.into() }
     }
 }

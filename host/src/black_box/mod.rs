@@ -65,21 +65,13 @@ pub struct FileError {
 impl FileError {
     /// An error of a whole file or folder.
     fn of(path: &Path, reason: impl fmt::Display) -> Self {
-        Self {
-            file: path.display().to_string(),
-            place: None,
-            reason: reason.to_string(),
-        }
+        Self { file: path.display().to_string(), place: None, reason: reason.to_string() }
     }
 }
 
 impl fmt::Display for FileError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            file,
-            place,
-            reason,
-        } = self;
+        let Self { file, place, reason } = self;
         match place {
             Some(place) => write!(f, "{file}, {place}: {reason}"),
             None => write!(f, "{file}: {reason}"),
@@ -103,11 +95,7 @@ impl<const N: usize> Window<N> {
     /// # Errors
     /// [`FileError`]: the first line or part that cannot be read.
     pub fn decode(name: &str, bytes: &[u8]) -> Result<Self, FileError> {
-        if binary::is_binary(bytes) {
-            binary::decode(name, bytes)
-        } else {
-            json::decode(name, bytes)
-        }
+        if binary::is_binary(bytes) { binary::decode(name, bytes) } else { json::decode(name, bytes) }
     }
 
     /// Returns the first end in the window, which froze the box; its last entry if there is none.
@@ -139,11 +127,7 @@ impl<const N: usize> Window<N> {
 /// # Errors
 /// [`FileError`] unless the file begins as a black box.
 pub fn axes(name: &str, bytes: &[u8]) -> Result<usize, FileError> {
-    if binary::is_binary(bytes) {
-        binary::axes(name, bytes)
-    } else {
-        json::axes(name, bytes)
-    }
+    if binary::is_binary(bytes) { binary::axes(name, bytes) } else { json::axes(name, bytes) }
 }
 
 /// Reads the bytes of a file.

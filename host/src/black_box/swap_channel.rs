@@ -41,17 +41,8 @@ pub fn channel<const N: usize>() -> (Sender<N>, Receiver<N>) {
         let _ = empty_in.push(Box::default());
     }
     let lost = Arc::new(AtomicU64::new(0));
-    let sender = Sender {
-        black_box: Box::default(),
-        full,
-        empty,
-        lost: Arc::clone(&lost),
-    };
-    let receiver = Receiver {
-        full: full_out,
-        empty: empty_in,
-        lost,
-    };
+    let sender = Sender { black_box: Box::default(), full, empty, lost: Arc::clone(&lost) };
+    let receiver = Receiver { full: full_out, empty: empty_in, lost };
     (sender, receiver)
 }
 

@@ -5,15 +5,9 @@ use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::message::{
     AxisLimits, Capabilities, ClientMessage, Command, ContentError, FrameError, Hello, Mode,
 };
-use gantry_tau_core::control::session::config::{
-    AxisConfig, Config, MissBudget, Parameters, Travel,
-};
-use gantry_tau_core::control::session::{
-    Connection, Event, Events, Input, LastWrite, Start, TickInput, replay,
-};
-use gantry_tau_core::units::{
-    EpochRange, OffsetNm, PositionNm, Sequence, TorquePermille, VelocityUmS,
-};
+use gantry_tau_core::control::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
+use gantry_tau_core::control::session::{Connection, Event, Events, Input, LastWrite, Start, TickInput, replay};
+use gantry_tau_core::units::{EpochRange, OffsetNm, PositionNm, Sequence, TorquePermille, VelocityUmS};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -24,12 +18,7 @@ use crate::replay::picture::Picture;
 const OWNER: Connection = Connection(u64::MAX);
 
 fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
-    let values = LimitValues {
-        max,
-        step,
-        accel,
-        ramp,
-    };
+    let values = LimitValues { max, step, accel, ramp };
     Limits::new(values).unwrap()
 }
 
@@ -41,14 +30,8 @@ fn config<const N: usize>(random: &mut ChaCha8Rng) -> Config<N> {
         torque: limits(50, 5, 10, 1),
     };
     let reach = Travel::around_zero(random.random_range(1_000..1_000_000_000));
-    let axis = AxisConfig {
-        limits,
-        ..AxisConfig::position_only(limits.position, reach, random.random())
-    };
-    let budget = MissBudget {
-        window: random.random_range(1..=128),
-        allowed: random.random(),
-    };
+    let axis = AxisConfig { limits, ..AxisConfig::position_only(limits.position, reach, random.random()) };
+    let budget = MissBudget { window: random.random_range(1..=128), allowed: random.random() };
     Config::new(Parameters {
         budget: random.random_bool(0.5).then_some(budget),
         capabilities: Capabilities(random.random()),
@@ -73,30 +56,18 @@ fn offsets(random: &mut ChaCha8Rng) -> Offsets {
 }
 
 /// Returns the command that answers the last State; `accepted` is the sequence of the last accepted command.
-fn answer<const N: usize>(
-    session: &Session<N>,
-    accepted: Sequence,
-    random: &mut ChaCha8Rng,
-) -> Event<N> {
+fn answer<const N: usize>(session: &Session<N>, accepted: Sequence, random: &mut ChaCha8Rng) -> Event<N> {
     Event::Message(ClientMessage::Command(Command {
         epoch: session.epoch(),
         sequence: Sequence(accepted.0 + random.random_range(1..3)),
         echo: session.last_tick(),
-        mode: if random.random_bool(0.8) {
-            Mode::Obtain
-        } else {
-            Mode::Submit
-        },
+        mode: if random.random_bool(0.8) { Mode::Obtain } else { Mode::Submit },
         targets: std::array::from_fn(|_| offsets(random)),
     }))
 }
 
 /// Returns an event of any kind.
-fn event<const N: usize>(
-    session: &Session<N>,
-    accepted: Sequence,
-    random: &mut ChaCha8Rng,
-) -> Event<N> {
+fn event<const N: usize>(session: &Session<N>, accepted: Sequence, random: &mut ChaCha8Rng) -> Event<N> {
     let received = random.random();
     match random.random_range(0..19) {
         0 => Event::Flood,
@@ -105,27 +76,18 @@ fn event<const N: usize>(
         3 => Event::Broken(FrameError::Version { received }),
         4 => Event::Dropped(FrameError::Magic),
         5 => Event::Dropped(FrameError::Length),
-        6 => Event::Dropped(FrameError::TooLong {
-            length: random.random(),
-        }),
+        6 => Event::Dropped(FrameError::TooLong { length: random.random() }),
         7 => Event::Malformed(ContentError::Reserved),
         8 => Event::Malformed(ContentError::Limits),
         9 => Event::Malformed(ContentError::Kind { received }),
         10 => Event::Malformed(ContentError::Code { received }),
-        11 => Event::Malformed(ContentError::Axes {
-            expected: N,
-            received,
-        }),
-        12 => Event::Malformed(ContentError::Length {
-            expected: 0,
-            received: random.random_range(0..usize::MAX),
-        }),
+        11 => Event::Malformed(ContentError::Axes { expected: N, received }),
+        12 => Event::Malformed(ContentError::Length { expected: 0, received: random.random_range(0..usize::MAX) }),
         13 => Event::Message(ClientMessage::Stop(Epoch(random.random()))),
         14 => Event::Message(ClientMessage::Goodbye(session.epoch())),
-        15 => Event::Message(ClientMessage::Hello(Hello {
-            axes: received,
-            capabilities: Capabilities(random.random()),
-        })),
+        15 => {
+            Event::Message(ClientMessage::Hello(Hello { axes: received, capabilities: Capabilities(random.random()) }))
+        }
         16 => Event::Message(ClientMessage::Command(Command {
             epoch: Epoch(random.random()),
             sequence: Sequence(random.random()),
@@ -146,10 +108,8 @@ fn input<const N: usize>(
     let mut events = Events::new();
     let parameters = session.config().parameters();
     if session.owner().is_none() && random.random_bool(0.5) {
-        let hello = ClientMessage::Hello(Hello {
-            axes: u8::try_from(N).unwrap(),
-            capabilities: parameters.capabilities,
-        });
+        let hello =
+            ClientMessage::Hello(Hello { axes: u8::try_from(N).unwrap(), capabilities: parameters.capabilities });
         events.push((OWNER, Event::Message(hello))).unwrap();
     } else if random.random_bool(0.9) {
         let answer = answer(session, accepted, random);
@@ -164,20 +124,12 @@ fn input<const N: usize>(
         events.push((other.unwrap_or(OWNER), event)).unwrap();
     }
     let wild = random.random_bool(0.02);
-    let position = |random: &mut ChaCha8Rng| {
-        PositionNm(if wild {
-            random.random()
-        } else {
-            random.random_range(-99..99)
-        })
-    };
+    let position =
+        |random: &mut ChaCha8Rng| PositionNm(if wild { random.random() } else { random.random_range(-99..99) });
     let last_write = match random.random_range(0..100) {
         0 => LastWrite::Unknown,
         1 => LastWrite::Refused {
-            in_force: std::array::from_fn(|_| InForce {
-                nominal: position(random),
-                offsets: offsets(random),
-            }),
+            in_force: std::array::from_fn(|_| InForce { nominal: position(random), offsets: offsets(random) }),
         },
         _ => LastWrite::Accepted,
     };
@@ -194,29 +146,16 @@ fn input<const N: usize>(
         last_write,
         arrival_us: random.random(),
     };
-    Input {
-        tick,
-        epochs,
-        events,
-    }
+    Input { tick, epochs, events }
 }
 
 /// Returns a window of a session with random events.
 fn window<const N: usize>(seed: u64) -> Window<N> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let offsets = Offsets {
-        position: OffsetNm(random.random_range(-9..9)),
-        ..Offsets::default()
-    };
+    let offsets = Offsets { position: OffsetNm(random.random_range(-9..9)), ..Offsets::default() };
     let nominal = PositionNm(0);
-    let start = Start {
-        in_force: [InForce { nominal, offsets }; N],
-        stop_latched: random.random_bool(0.1),
-    };
-    let epochs = EpochRange {
-        first: Epoch(random.random_range(1..u64::MAX / 2)),
-        last: Epoch(u64::MAX),
-    };
+    let start = Start { in_force: [InForce { nominal, offsets }; N], stop_latched: random.random_bool(0.1) };
+    let epochs = EpochRange { first: Epoch(random.random_range(1..u64::MAX / 2)), last: Epoch(u64::MAX) };
     let mut session = Session::new(config(&mut random), &start).unwrap();
     let mut accepted = Sequence(0);
     let mut black_box = Box::new(BlackBox::<N, 16>::new());
@@ -240,10 +179,7 @@ fn round_trip<const N: usize>(seed: u64) {
     let binary = binary(&window);
     assert_eq!(Window::decode("x", &binary), Ok(read.clone()));
     assert_eq!(axes("x", &binary), Ok(N));
-    assert_eq!(
-        replay(&read.before, &read.entries).agreeing,
-        read.entries.len()
-    );
+    assert_eq!(replay(&read.before, &read.entries).agreeing, read.entries.len());
 }
 
 #[test]
@@ -293,49 +229,19 @@ fn an_edited_binary_file_is_refused_with_part_and_reason() {
         assert!(refused.starts_with(words), "{words} is not in: {refused}");
     };
     refused(&|file| file[3] = b'b', "a, line 1: this is not a black box");
-    refused(
-        &|file| file[4] = 1,
-        "a, part 0: version is 1; this program reads version 2",
-    );
+    refused(&|file| file[4] = 1, "a, part 0: version is 1; this program reads version 2");
     refused(&|file| file[5] = 6, "a, part 0: axes is 6, expected 3");
-    refused(
-        &|file| file[6] = 0,
-        "a, part 0: ticks is 0: there is nothing",
-    );
+    refused(&|file| file[6] = 0, "a, part 0: ticks is 0: there is nothing");
     refused(&|file| file[6] = 4, "a, part 5: ");
-    refused(
-        &|file| file[6] = 6,
-        "a, part 7: the file ends before this part",
-    );
-    refused(
-        &|file| file.truncate(9),
-        "a, part 0: the file ends within the first 10 bytes",
-    );
-    refused(
-        &|file| file.truncate(13),
-        "a, part 1: the file ends within the length",
-    );
-    refused(
-        &|file| file.truncate(ticks - 1),
-        "a, part 1: the file ends after ",
-    );
-    refused(
-        &|file| file.truncate(ticks),
-        "a, part 2: the file ends before this part",
-    );
-    refused(
-        &|file| file[ticks + 3] = 1,
-        "a, part 2: the file ends after ",
-    );
-    refused(
-        &|file| file.push(7),
-        "a, part 6: 1 bytes follow the 5 ticks",
-    );
+    refused(&|file| file[6] = 6, "a, part 7: the file ends before this part");
+    refused(&|file| file.truncate(9), "a, part 0: the file ends within the first 10 bytes");
+    refused(&|file| file.truncate(13), "a, part 1: the file ends within the length");
+    refused(&|file| file.truncate(ticks - 1), "a, part 1: the file ends after ");
+    refused(&|file| file.truncate(ticks), "a, part 2: the file ends before this part");
+    refused(&|file| file[ticks + 3] = 1, "a, part 2: the file ends after ");
+    refused(&|file| file.push(7), "a, part 6: 1 bytes follow the 5 ticks");
     let last = file.len() - 1;
-    refused(
-        &|file| file[last] = 99,
-        "a, part 6: the content is not valid: ",
-    );
+    refused(&|file| file[last] = 99, "a, part 6: the content is not valid: ");
     refused(
         &|file| {
             file.insert(ticks, 0);
@@ -352,10 +258,7 @@ fn an_edited_binary_file_is_refused_with_part_and_reason() {
 fn edited(text: &str, line: usize, from: &str, to: &str) -> String {
     let lines = text.lines().enumerate().map(|(index, words)| {
         if index + 1 == line {
-            assert!(
-                words.contains(from),
-                "{from} is not in line {line}: {words}"
-            );
+            assert!(words.contains(from), "{from} is not in line {line}: {words}");
             words.replacen(from, to, 1)
         } else {
             words.to_owned()
@@ -368,104 +271,29 @@ fn edited(text: &str, line: usize, from: &str, to: &str) -> String {
 fn an_edited_file_is_refused_with_line_and_reason() {
     let text = window::<3>(3).encode();
     for (line, from, to, words) in [
-        (
-            1,
-            "black box",
-            "white box",
-            "line 1: this is not a black box",
-        ),
-        (
-            1,
-            "\"version\":2",
-            "\"version\":1",
-            "line 1: version is 1; this program reads version 2",
-        ),
-        (
-            1,
-            "\"axes\":3",
-            "\"axes\":4",
-            "line 1: axes is 4, expected 3",
-        ),
-        (
-            1,
-            "\"axes\":3",
-            "\"axes\":-3",
-            "line 1: axes: invalid value: integer `-3`, expected usize",
-        ),
+        (1, "black box", "white box", "line 1: this is not a black box"),
+        (1, "\"version\":2", "\"version\":1", "line 1: version is 1; this program reads version 2"),
+        (1, "\"axes\":3", "\"axes\":4", "line 1: axes is 4, expected 3"),
+        (1, "\"axes\":3", "\"axes\":-3", "line 1: axes: invalid value: integer `-3`, expected usize"),
         (1, "\"ticks\":", "\"ticks\":1", "line 1 announces 1"),
-        (
-            1,
-            "\"ticks\":",
-            "\"tacks\":",
-            "line 1: missing field `ticks`",
-        ),
-        (
-            1,
-            "}",
-            ",\"more\":1}",
-            "line 1: a field is missing, unknown",
-        ),
+        (1, "\"ticks\":", "\"tacks\":", "line 1: missing field `ticks`"),
+        (1, "}", ",\"more\":1}", "line 1: a field is missing, unknown"),
         (2, "config", "confug", "line 2: missing field `config`"),
-        (
-            2,
-            "\"accel\":400",
-            "\"accel\":1",
-            "line 2: config.axes[0].limits.velocity: accel is 1",
-        ),
-        (
-            2,
-            "\"max\":50,",
-            "\"max\":50000,",
-            "line 2: config: axis 0: torque max",
-        ),
-        (
-            2,
-            "\"handshake_ticks\":1000",
-            "\"handshake_ticks\":0",
-            "line 2: config: handshake_ticks",
-        ),
-        (
-            2,
-            "\"echo_window\":",
-            "\"echo_window\":1000",
-            "line 2: config.echo_window: invalid value: integer `1000",
-        ),
+        (2, "\"accel\":400", "\"accel\":1", "line 2: config.axes[0].limits.velocity: accel is 1"),
+        (2, "\"max\":50,", "\"max\":50000,", "line 2: config: axis 0: torque max"),
+        (2, "\"handshake_ticks\":1000", "\"handshake_ticks\":0", "line 2: config: handshake_ticks"),
+        (2, "\"echo_window\":", "\"echo_window\":1000", "line 2: config.echo_window: invalid value: integer `1000"),
         (
             2,
             "\"torque\":{\"value\":0",
             "\"torque\":{\"value\":51",
             "line 2: the state of the session contradicts its configuration",
         ),
-        (
-            2,
-            "\"phase\":\"",
-            "\"phase\":\"Not",
-            "line 2: parts.discrete.phase: unknown variant `Not",
-        ),
-        (
-            2,
-            "\"history\":",
-            "\"history\":-1",
-            "line 2: parts.discrete.history: ",
-        ),
-        (
-            2,
-            "\"budget\":",
-            "\"badget\":",
-            "line 2: a field is missing",
-        ),
-        (
-            2,
-            "\"misses\":",
-            "\"misses\":2",
-            "line 2: the state of the session contradicts",
-        ),
-        (
-            3,
-            "\"stop\":",
-            "\"stop\":1,\"x\":",
-            "line 3: input.tick.stop: invalid type: integer `1`, expected a boolean",
-        ),
+        (2, "\"phase\":\"", "\"phase\":\"Not", "line 2: parts.discrete.phase: unknown variant `Not"),
+        (2, "\"history\":", "\"history\":-1", "line 2: parts.discrete.history: "),
+        (2, "\"budget\":", "\"badget\":", "line 2: a field is missing"),
+        (2, "\"misses\":", "\"misses\":2", "line 2: the state of the session contradicts"),
+        (3, "\"stop\":", "\"stop\":1,\"x\":", "line 3: input.tick.stop: invalid type: integer `1`, expected a boolean"),
         (
             3,
             "\"elapsed_cycles\":1",
@@ -488,20 +316,13 @@ fn an_edited_file_is_refused_with_line_and_reason() {
         ),
     ] {
         let file = edited(&text, line, from, to);
-        let refused = Window::<3>::decode("a.jsonl", file.as_bytes())
-            .unwrap_err()
-            .to_string();
+        let refused = Window::<3>::decode("a.jsonl", file.as_bytes()).unwrap_err().to_string();
         assert!(refused.starts_with("a.jsonl, line "), "{refused}");
         assert!(refused.contains(words), "{words} is not in: {refused}");
     }
-    let seventeen = format!(
-        "\"events\":[{}],\"x\":[",
-        vec!["[1,\"Flood\"]"; 17].join(",")
-    );
+    let seventeen = format!("\"events\":[{}],\"x\":[", vec!["[1,\"Flood\"]"; 17].join(","));
     let file = edited(&text, 3, "\"events\":[", &seventeen);
-    let refused = Window::<3>::decode("a", file.as_bytes())
-        .unwrap_err()
-        .to_string();
+    let refused = Window::<3>::decode("a", file.as_bytes()).unwrap_err().to_string();
     assert!(refused.contains("line 3: input.events"), "{refused}");
 }
 

@@ -27,13 +27,7 @@ impl<const N: usize> Writer<N> {
     /// [`FileError`] with the folder and the reason.
     pub fn open(folder: &Path, windows: Receiver<N>) -> Result<Self, FileError> {
         std::fs::create_dir_all(folder).map_err(|error| FileError::of(folder, &error))?;
-        Ok(Self {
-            folder: folder.to_owned(),
-            windows,
-            written: 0,
-            lost: 0,
-            failure: None,
-        })
+        Ok(Self { folder: folder.to_owned(), windows, written: 0, lost: 0, failure: None })
     }
 
     /// Writes the windows that have arrived; logs each file, and each loss with its reason.

@@ -23,28 +23,13 @@ pub(crate) struct Demo {
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     robot: String,
     /// Largest force, N. Above 360 N the machine jumps, like the one of the thesis
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 300.0,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "N", default_value_t = 300.0, allow_negative_numbers = true)]
     force_max: f64,
     /// Difference between two force steps, N
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 60.0,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "N", default_value_t = 60.0, allow_negative_numbers = true)]
     force_step: f64,
     /// Length of each force step, s
-    #[arg(
-        long,
-        value_name = "S",
-        default_value_t = 1.0,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
     step_seconds: f64,
     /// Force the pace [default: real time if this machine holds it, else lock-step]
     #[arg(long)]
@@ -72,15 +57,10 @@ impl Demo {
         }
     }
 
-    fn run_with<K: MachineKind<N>, const N: usize, const M: usize>(
-        self,
-        robot: RobotFile<K, N>,
-    ) -> ExitCode {
+    fn run_with<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
         let options = DemoOptions {
             robot,
-            pace: self
-                .pace
-                .map_or(PaceChoice::Auto, |pace| PaceChoice::Only(pace.into())),
+            pace: self.pace.map_or(PaceChoice::Auto, |pace| PaceChoice::Only(pace.into())),
             force_max_n: self.force_max,
             force_step_n: self.force_step,
             step_seconds: self.step_seconds,

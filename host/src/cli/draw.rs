@@ -23,20 +23,10 @@ pub(crate) struct Draw {
     #[arg(long, value_name = "FILE.svg", default_value = "machine.svg")]
     svg: PathBuf,
     /// Direction to the viewer about the z axis, from +x towards +y, degrees
-    #[arg(
-        long,
-        value_name = "DEG",
-        default_value_t = 60.0,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "DEG", default_value_t = 60.0, allow_negative_numbers = true)]
     azimuth: f64,
     /// Height of the viewer above the xy plane, degrees
-    #[arg(
-        long,
-        value_name = "DEG",
-        default_value_t = 30.0,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "DEG", default_value_t = 30.0, allow_negative_numbers = true)]
     elevation: f64,
 }
 
@@ -50,19 +40,10 @@ impl Draw {
     }
 
     fn run_with<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
-        let options = DrawOptions {
-            robot,
-            svg: self.svg,
-            azimuth_deg: self.azimuth,
-            elevation_deg: self.elevation,
-        };
+        let options = DrawOptions { robot, svg: self.svg, azimuth_deg: self.azimuth, elevation_deg: self.elevation };
         match gantry_tau::draw::run(&options) {
             Ok(()) => {
-                say(format_args!(
-                    "{}: drawn to {}",
-                    options.robot.name,
-                    options.svg.display()
-                ));
+                say(format_args!("{}: drawn to {}", options.robot.name, options.svg.display()));
                 ExitCode::SUCCESS
             }
             Err(error) => fail(1, error),

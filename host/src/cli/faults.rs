@@ -116,11 +116,7 @@ impl Faults {
     pub(crate) fn run(self) -> ExitCode {
         match self.relay() {
             Ok(total) => {
-                say(if self.json {
-                    total.json()
-                } else {
-                    total.text()
-                });
+                say(if self.json { total.json() } else { total.text() });
                 ExitCode::SUCCESS
             }
             Err(error) => fail(1, error),
@@ -209,8 +205,7 @@ impl Total {
 
     /// Every fault that occurred, with its counts up and down.
     fn acted(&self) -> impl Iterator<Item = (Fault, u64, u64)> {
-        let times =
-            |stats: &FaultStats, fault| stats.acted.get(&fault).map_or(0, |acted| acted.times);
+        let times = |stats: &FaultStats, fault| stats.acted.get(&fault).map_or(0, |acted| acted.times);
         Fault::ALL
             .into_iter()
             .map(move |fault| (fault, times(&self.up, fault), times(&self.down, fault)))
@@ -218,14 +213,8 @@ impl Total {
     }
 
     fn text(&self) -> String {
-        let mut text = format!(
-            "{} connections\n{:>20} {:>10}\n",
-            self.connections, "up", "down"
-        );
-        text += &format!(
-            "{:10}{:>10} {:>10}",
-            "frames", self.up.frames, self.down.frames
-        );
+        let mut text = format!("{} connections\n{:>20} {:>10}\n", self.connections, "up", "down");
+        text += &format!("{:10}{:>10} {:>10}", "frames", self.up.frames, self.down.frames);
         for (fault, up, down) in self.acted() {
             text += &format!("\n{fault:10}{up:>10} {down:>10}");
         }

@@ -76,12 +76,7 @@ impl From<Pace> for gantry_tau::server::tick_source::TickSource {
 pub(crate) fn main() -> ExitCode {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_target(false)
-        .compact()
-        .init();
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).compact().init();
     match Arguments::parse().command {
         Command::Demo(demo) => demo.run(),
         Command::Serve(serve) => serve.run(),
@@ -112,10 +107,7 @@ fn fail(code: u8, error: impl std::fmt::Display) -> ExitCode {
 
 /// An address or a host name, with a port. Prefers IPv4, on which the server listens by default.
 fn address(text: &str) -> Result<SocketAddr, String> {
-    let all: Vec<SocketAddr> = text
-        .to_socket_addrs()
-        .map_err(|error| error.to_string())?
-        .collect();
+    let all: Vec<SocketAddr> = text.to_socket_addrs().map_err(|error| error.to_string())?.collect();
     let first = all.iter().find(|address| address.is_ipv4()).or(all.first());
     first.copied().ok_or_else(|| "unknown host".to_owned())
 }
@@ -127,9 +119,5 @@ fn robot(name: &str) -> Result<AnyRobotFile, RobotFileError> {
 
 /// Transport selected by `--udp`.
 const fn transport(udp: bool) -> Transport {
-    if udp {
-        Transport::Datagram
-    } else {
-        Transport::Stream
-    }
+    if udp { Transport::Datagram } else { Transport::Stream }
 }

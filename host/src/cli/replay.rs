@@ -28,11 +28,7 @@ pub(crate) struct Replay {
 
 impl Replay {
     pub(crate) fn run(self) -> ExitCode {
-        let options = ReplayOptions {
-            file: self.file,
-            plot: self.plot,
-            json: self.json,
-        };
+        let options = ReplayOptions { file: self.file, plot: self.plot, json: self.json };
         match gantry_tau::replay::run(&options) {
             Ok(findings) if findings.difference.is_none() => ExitCode::SUCCESS,
             Ok(_) => ExitCode::from(3),

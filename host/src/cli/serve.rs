@@ -55,28 +55,13 @@ pub(crate) struct Serve {
     #[arg(long, default_value = "real")]
     pace: Pace,
     /// Largest simulated force, N; 0 for none
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 300.0,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "N", default_value_t = 300.0, allow_negative_numbers = true)]
     force_max: f64,
     /// Length of each force step, s
-    #[arg(
-        long,
-        value_name = "S",
-        default_value_t = 2.0,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "S", default_value_t = 2.0, allow_negative_numbers = true)]
     step_seconds: f64,
     /// Length of a back-and-forth motion of the nominal path on every axis, mm
-    #[arg(
-        long,
-        value_name = "MM",
-        default_value_t = 0.0,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true)]
     motion: f64,
     /// File of the epoch counter, which keeps frames of earlier sessions invalid [default: in the user's state folder]
     #[arg(long, value_name = "FILE")]
@@ -120,14 +105,8 @@ impl Serve {
             .map(|sensor| sensor.for_peers(allowed.clone()))
             .map_err(|error| ServerError::listen(self.sensor, &error))?;
         let sensor_address = sensor.address()?;
-        let listen = Listen {
-            address: self.listen,
-            transport: transport(self.udp),
-            allowed,
-        };
-        let mut cycle = self
-            .cycle::<K, N, M>(robot, tool, listen)?
-            .with_sensor(sensor);
+        let listen = Listen { address: self.listen, transport: transport(self.udp), allowed };
+        let mut cycle = self.cycle::<K, N, M>(robot, tool, listen)?.with_sensor(sensor);
         // After binding, so that a second server started by mistake does not truncate the first one's recording.
         let mut file = match &self.record {
             Some(path) => Some(CsvFile::create::<Row<N>>(path)?),

@@ -41,12 +41,7 @@ impl Workspace {
     }
 
     fn run_with<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
-        let options = WorkspaceOptions {
-            robot,
-            cells: self.cells,
-            plot: self.plot,
-            csv: self.csv,
-        };
+        let options = WorkspaceOptions { robot, cells: self.cells, plot: self.plot, csv: self.csv };
         match gantry_tau::workspace::run(&options) {
             Ok(summary) => {
                 let (plot, csv) = (options.plot.display(), options.csv.display());

@@ -45,10 +45,7 @@ impl<const N: usize> Compensation<N> {
     ///
     /// # Errors
     /// A sentence that names the parameter.
-    pub fn new<K: MachineKind<N>>(
-        robot: &RobotFile<K, N>,
-        welcome: &Welcome<N>,
-    ) -> Result<Self, String> {
+    pub fn new<K: MachineKind<N>>(robot: &RobotFile<K, N>, welcome: &Welcome<N>) -> Result<Self, String> {
         let said = |error: &dyn fmt::Display| format!("{}: {error}", robot.name);
         let compliances = robot
             .compliances
@@ -68,27 +65,15 @@ impl<const N: usize> Compensation<N> {
             tare_samples: robot.sensor.tare_samples,
         })
         .map_err(|error| said(&error))?;
-        Ok(Self {
-            sensor,
-            compensator: compensator.map_err(|error| said(&error))?,
-            load: Wrench::zero(),
-            tared: false,
-        })
+        Ok(Self { sensor, compensator: compensator.map_err(|error| said(&error))?, load: Wrench::zero(), tared: false })
     }
 
     /// Returns the position offsets of one cycle for a raw sample (sensor axes) and nominal positions. Zero while taring.
     ///
     /// # Errors
     /// [`CompensationError`]; the state is unchanged.
-    pub fn cycle(
-        &mut self,
-        raw: &[f64; 6],
-        nominal: &[PositionNm; N],
-    ) -> Result<Correction<N>, CompensationError> {
-        let reading = self
-            .sensor
-            .update(&Wrench::from_array(*raw))
-            .map_err(CompensationError::Sensor)?;
+    pub fn cycle(&mut self, raw: &[f64; 6], nominal: &[PositionNm; N]) -> Result<Correction<N>, CompensationError> {
+        let reading = self.sensor.update(&Wrench::from_array(*raw)).map_err(CompensationError::Sensor)?;
         match reading {
             Reading::Taring { .. } => Ok(Correction::ZERO),
             Reading::Load(load) => {

@@ -51,19 +51,8 @@ impl<const N: usize> Connection<N> {
             Transport::Stream => stream(address, silence),
             Transport::Datagram => datagrams(address, silence),
         };
-        let wire = wire.map_err(|error| ClientError::Unreachable {
-            what: "server",
-            address,
-            error,
-        })?;
-        Ok(Self {
-            wire,
-            client: Client::new(transport, requirements),
-            silence,
-            chunk: [0; CHUNK],
-            from: 0,
-            to: 0,
-        })
+        let wire = wire.map_err(|error| ClientError::Unreachable { what: "server", address, error })?;
+        Ok(Self { wire, client: Client::new(transport, requirements), silence, chunk: [0; CHUNK], from: 0, to: 0 })
     }
 
     /// Sends Hello and waits for the Welcome. Over UDP the Hello is repeated, for as long as `silence`: a server whose Welcome was lost
@@ -91,11 +80,7 @@ impl<const N: usize> Connection<N> {
     ///
     /// # Errors
     /// [`ClientError::Vanished`].
-    pub fn answer(
-        &mut self,
-        mode: Mode,
-        targets: &[Offsets; N],
-    ) -> Result<Option<Answer<N>>, ClientError> {
+    pub fn answer(&mut self, mode: Mode, targets: &[Offsets; N]) -> Result<Option<Answer<N>>, ClientError> {
         let answer = self.client.answer(mode, targets);
         if let Some(answer) = &answer {
             self.send(&answer.frame)?;
@@ -203,10 +188,7 @@ fn datagrams(address: SocketAddr, silence: Duration) -> io::Result<Wire> {
 fn is_nothing(error: &io::Error) -> bool {
     matches!(
         error.kind(),
-        ErrorKind::WouldBlock
-            | ErrorKind::TimedOut
-            | ErrorKind::ConnectionRefused
-            | ErrorKind::ConnectionReset
+        ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::ConnectionRefused | ErrorKind::ConnectionReset
     )
 }
 

@@ -99,9 +99,9 @@ pub enum ClientError {
 impl From<protocol::ClientError> for ClientError {
     fn from(error: protocol::ClientError) -> Self {
         match error {
-            protocol::ClientError::GoodbyeUnheard { states } => Self::Vanished(format!(
-                "it has not acknowledged the Goodbye within {states} States"
-            )),
+            protocol::ClientError::GoodbyeUnheard { states } => {
+                Self::Vanished(format!("it has not acknowledged the Goodbye within {states} States"))
+            }
             error => Self::Incompatible(error.to_string()),
         }
     }
@@ -126,11 +126,9 @@ impl ClientError {
 impl fmt::Display for ClientError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Unreachable {
-                what,
-                address,
-                error,
-            } => write!(f, "the {what} at {address} cannot be reached: {error}"),
+            Self::Unreachable { what, address, error } => {
+                write!(f, "the {what} at {address} cannot be reached: {error}")
+            }
             Self::Refused(refusal) => write!(f, "refused: {refusal}"),
             Self::Incompatible(reason) => write!(f, "incompatible server: {reason}"),
             Self::Ended(cause) => write!(f, "the server ended the session: {cause}"),
@@ -153,10 +151,7 @@ mod tests {
         assert_eq!(lost.exit_code(), 7);
         assert!(lost.to_string().contains("within 100 States"), "{lost}");
         let (expected_us, received_us) = (1_000, 2_000);
-        let broken = ClientError::from(protocol::ClientError::Cycle {
-            expected_us,
-            received_us,
-        });
+        let broken = ClientError::from(protocol::ClientError::Cycle { expected_us, received_us });
         assert_eq!(broken.exit_code(), 5);
         assert!(broken.to_string().contains("2000 us"), "{broken}");
     }

@@ -55,12 +55,11 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         kinematics_checksum: Some(options.robot.model.checksum()),
     };
     let mut link = Connection::open(options.transport, options.server, SILENCE, requirements)?;
-    let sensor =
-        SensorReader::connect(options.sensor).map_err(|error| ClientError::Unreachable {
-            what: "force sensor",
-            address: options.sensor,
-            error,
-        })?;
+    let sensor = SensorReader::connect(options.sensor).map_err(|error| ClientError::Unreachable {
+        what: "force sensor",
+        address: options.sensor,
+        error,
+    })?;
     // After connecting: an absent server must not cost an earlier recording. Before Hello: nothing moves yet.
     let recorder = match &options.record {
         Some(path) => Some(Recorder::start(path).map_err(|e| ClientError::Setup(e.to_string()))?),
@@ -96,12 +95,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
     if let (Err(_), Some(recorded)) = (&result, &recorded) {
         tracing::info!("{recorded}");
     }
-    result.map(|()| ClientReport {
-        states: session.states,
-        held: session.held,
-        saturated: session.saturated,
-        recorded,
-    })
+    result.map(|()| ClientReport { states: session.states, held: session.held, saturated: session.saturated, recorded })
 }
 
 impl<const N: usize> Session<'_, N> {
@@ -149,11 +143,7 @@ impl<const N: usize> Session<'_, N> {
     fn answer(&mut self, state: &State<N>) -> Result<(), ClientError> {
         let tared = self.compensation.is_tared();
         self.controls.tared.store(tared, Ordering::Relaxed);
-        let mode = if tared && self.controls.obtain.load(Ordering::Relaxed) {
-            Mode::Obtain
-        } else {
-            Mode::Submit
-        };
+        let mode = if tared && self.controls.obtain.load(Ordering::Relaxed) { Mode::Obtain } else { Mode::Submit };
         let targets = self.targets.map(Offsets::position);
         let Some(answer) = self.link.answer(mode, &targets)? else {
             return Ok(());

@@ -130,9 +130,7 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     let (pace, recording) = match options.pace {
         PaceChoice::Only(pace) => (pace, play::<K, N, M>(options, pace, false)?),
         PaceChoice::Auto => {
-            say(
-                "real time at 1 kHz; if this machine does not hold it, the demo starts again in lock-step",
-            );
+            say("real time at 1 kHz; if this machine does not hold it, the demo starts again in lock-step");
             match play::<K, N, M>(options, TickSource::RealTime, true) {
                 Ok(recording) => (TickSource::RealTime, recording),
                 Err(DemoError::Lost(reason)) => {
@@ -149,25 +147,18 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     };
     let results = Results::of(options, pace, &recording);
     say(format_args!("\n{}", table::render(&results)));
-    write(
-        &options.report,
-        &report::render(options, &results, &recording),
-    )?;
+    write(&options.report, &report::render(options, &results, &recording))?;
     say(format_args!("report: {}", options.report.display()));
     if let Some(path) = &options.json {
-        let json = serde_json::to_string_pretty(&results)
-            .map_err(|error| DemoError::Failed(error.to_string()))?;
+        let json = serde_json::to_string_pretty(&results).map_err(|error| DemoError::Failed(error.to_string()))?;
         write(path, &json)?;
     }
     if let Some(path) = &options.black_box {
-        let lost =
-            || DemoError::Failed("the black box of the pulled cable was not received".to_owned());
+        let lost = || DemoError::Failed("the black box of the pulled cable was not received".to_owned());
         let window = recording.black_box.as_ref().ok_or_else(lost)?;
         write(path, &window.encode())?;
         let path = path.display();
-        say(format_args!(
-            "black box of the pulled cable: {path}; gantry-tau replay {path} runs it again"
-        ));
+        say(format_args!("black box of the pulled cable: {path}; gantry-tau replay {path} runs it again"));
     }
     Ok(results)
 }
@@ -183,8 +174,7 @@ fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     played.map_err(|failure| match failure {
         Failure::Lost(lost) => DemoError::Lost(format!(
             "this machine does not hold 1 kHz throughout: in tick {} the session ended by itself ({})",
-            lost.tick.0,
-            lost.cause
+            lost.tick.0, lost.cause
         )),
         Failure::Slow { missed } => DemoError::Lost(format!(
             "this machine does not hold 1 kHz: {missed} deadlines missed in the first second, before any step"

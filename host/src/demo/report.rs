@@ -25,10 +25,7 @@ pub(super) fn render<K, const N: usize>(
         String::new()
     } else {
         let text = results.complaints.join("; ");
-        format!(
-            "<p class=\"bad\">Not as it should be: {}</p>",
-            escape(&text)
-        )
+        format!("<p class=\"bad\">Not as it should be: {}</p>", escape(&text))
     };
     let pace = match results.pace {
         "real" => "in real time at 1 kHz",
@@ -64,11 +61,7 @@ pub(super) fn render<K, const N: usize>(
     ];
     if N > ARMS {
         let text = "Rotation vector of the platform relative to its nominal orientation. The same compensation holds all six degrees of freedom.";
-        let turning = (
-            "Turning of the platform over time",
-            text.to_owned(),
-            turning(recording).svg(),
-        );
+        let turning = ("Turning of the platform over time", text.to_owned(), turning(recording).svg());
         sections.insert(2, turning);
     }
     let mut body = format!(
@@ -80,11 +73,7 @@ pub(super) fn render<K, const N: usize>(
         escape(&table::render(results)),
     );
     for (title, text, svg) in sections {
-        let key = if title.contains("force") {
-            String::new()
-        } else {
-            page::key()
-        };
+        let key = if title.contains("force") { String::new() } else { page::key() };
         body.push_str(&format!("<h2>{title}</h2><p>{text}</p>{key}{svg}"));
     }
     page::page("gantry-tau demo", &body)
@@ -107,11 +96,7 @@ fn against_force<K, const N: usize>(options: &DemoOptions<K, N>, results: &Resul
     ];
     if results.steps.iter().any(|step| step.beyond_jump) {
         let jump = options.robot.simulation.jump_force_n;
-        let top = results
-            .steps
-            .iter()
-            .map(|step| step.uncompensated_norm_um)
-            .fold(0.0, f64::max);
+        let top = results.steps.iter().map(|step| step.uncompensated_norm_um).fold(0.0, f64::max);
         let name = format!("the platform leaves cart 3 at {jump:.0} N");
         curves.push(Curve::line(&name, vec![(jump, 0.0), (jump, top)]));
     }
@@ -142,18 +127,13 @@ fn turning<const N: usize>(recording: &Recording<N>) -> Plot {
 fn offsets<const N: usize>(recording: &Recording<N>) -> Plot {
     let ended = recording.ended.tick;
     let mut samples = recording.samples.iter();
-    let listening = samples
-        .find(|s| s.tick > ended && s.phase == Phase::Listening)
-        .map_or(ended, |sample| sample.tick);
+    let listening = samples.find(|s| s.tick > ended && s.phase == Phase::Listening).map_or(ended, |sample| sample.tick);
     let window = ended.saturating_sub(AROUND_TICKS)..listening + AROUND_TICKS;
     let samples = recording.samples.iter();
     let samples: Vec<&Sample<N>> = samples.filter(|s| window.contains(&s.tick)).collect();
     let micrometres = |s: &Sample<N>| s.offset_nm.map(|nm| f64::from(nm) / 1e3);
     let curves = curves_over_time(axis_names(), &samples, micrometres);
-    Plot {
-        key: Corner::LowerRight,
-        ..over_time("position offset, µm", curves, &samples)
-    }
+    Plot { key: Corner::LowerRight, ..over_time("position offset, µm", curves, &samples) }
 }
 
 fn states<const N: usize>(recording: &Recording<N>) -> Plot {
@@ -167,23 +147,13 @@ fn states<const N: usize>(recording: &Recording<N>) -> Plot {
     let curves = vec![
         Curve::line("state", points.collect()),
         // Extends the axis to all six names.
-        Curve {
-            no_line: true,
-            ..Curve::line("", vec![(0.0, 0.0), (0.0, 5.0)])
-        },
+        Curve { no_line: true, ..Curve::line("", vec![(0.0, 0.0), (0.0, 5.0)]) },
     ];
-    Plot {
-        y_names: Phase::ALL.iter().map(|phase| phase.name()).collect(),
-        ..over_time("", curves, &samples)
-    }
+    Plot { y_names: Phase::ALL.iter().map(|phase| phase.name()).collect(), ..over_time("", curves, &samples) }
 }
 
 /// Returns a plot over time, with the phases as bands.
-fn over_time<const N: usize>(
-    y_axis: &'static str,
-    curves: Vec<Curve>,
-    samples: &[&Sample<N>],
-) -> Plot {
+fn over_time<const N: usize>(y_axis: &'static str, curves: Vec<Curve>, samples: &[&Sample<N>]) -> Plot {
     Plot {
         x_axis: "time, s",
         y_axis,

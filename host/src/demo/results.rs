@@ -128,10 +128,7 @@ impl Results {
         let mut complaints = Vec::new();
         for step in self.steps.iter().filter(|step| !step.beyond_jump) {
             let turn = (self.axes > ARMS).then_some(("turning", step.remaining_turn_share));
-            for (what, share) in [("displacement", step.remaining_share)]
-                .into_iter()
-                .chain(turn)
-            {
+            for (what, share) in [("displacement", step.remaining_share)].into_iter().chain(turn) {
                 // NaN is outside of every range.
                 if !(0.0..=ALLOWED_SHARE).contains(&share) {
                     complaints.push(format!(
@@ -145,10 +142,7 @@ impl Results {
         }
         let ramp = &self.ramp;
         if ramp.ticks != ramp.expected_ticks {
-            complaints.push(format!(
-                "the ramp took {} ticks, not {}",
-                ramp.ticks, ramp.expected_ticks
-            ));
+            complaints.push(format!("the ramp took {} ticks, not {}", ramp.ticks, ramp.expected_ticks));
         }
         if let Some((tick, violation)) = recording.violation {
             complaints.push(format!("tick {}: {violation}", tick.0));
@@ -166,10 +160,7 @@ fn steps<K, const N: usize>(options: &DemoOptions<K, N>, samples: &[Sample<N>]) 
         .map(|(number, force_n)| {
             let before = settled(options, samples, number);
             let after = settled(options, samples, COMPENSATED + number);
-            let (u, c) = (
-                mean(&before, |s| s.displacement_um),
-                mean(&after, |s| s.displacement_um),
-            );
+            let (u, c) = (mean(&before, |s| s.displacement_um), mean(&after, |s| s.displacement_um));
             let turn_urad = [&before, &after].map(|half| norm(mean(half, |s| s.turn_urad)));
             let [turned, held] = turn_urad;
             let gauges_um = [&before, &after].map(|half| norm(mean(half, |s| s.gauges_um)));
@@ -198,20 +189,11 @@ fn settled<'a, K, const N: usize>(
     let Some(first) = samples.iter().find(|sample| sample.step == step) else {
         return Vec::new();
     };
-    let (from, to) = (
-        first.tick + options.step_ticks() / 2,
-        first.tick + options.step_ticks(),
-    );
-    samples
-        .iter()
-        .filter(|sample| sample.step == step && (from..=to).contains(&sample.tick))
-        .collect()
+    let (from, to) = (first.tick + options.step_ticks() / 2, first.tick + options.step_ticks());
+    samples.iter().filter(|sample| sample.step == step && (from..=to).contains(&sample.tick)).collect()
 }
 
-fn mean<const N: usize>(
-    samples: &[&Sample<N>],
-    value: impl Fn(&Sample<N>) -> [f64; 3],
-) -> [f64; 3] {
+fn mean<const N: usize>(samples: &[&Sample<N>], value: impl Fn(&Sample<N>) -> [f64; 3]) -> [f64; 3] {
     let mut sum = [0.0; 3];
     let mut count = 0.0;
     for sample in samples {
@@ -245,10 +227,7 @@ fn ramp<K, const N: usize>(options: &DemoOptions<K, N>, recording: &Recording<N>
         }
         last = sample.offset_nm;
     }
-    let rates = options
-        .robot
-        .limits
-        .map(|axis| axis.position.ramp.unsigned_abs().max(1));
+    let rates = options.robot.limits.map(|axis| axis.position.ramp.unsigned_abs().max(1));
     let expected = start_offset_nm.into_iter().zip(rates);
     Ramp {
         cause: (recording.ended.ended).map_or_else(|| "none".to_owned(), |cause| cause.to_string()),
@@ -265,8 +244,7 @@ fn ramp<K, const N: usize>(options: &DemoOptions<K, N>, recording: &Recording<N>
 }
 
 fn link<const N: usize>(samples: &[Sample<N>], ended: u64) -> LinkQuality {
-    let in_session =
-        |s: &&Sample<N>| s.tick < ended && matches!(s.phase, Phase::Submit | Phase::Obtain);
+    let in_session = |s: &&Sample<N>| s.tick < ended && matches!(s.phase, Phase::Submit | Phase::Obtain);
     let session = || samples.iter().filter(in_session);
     // The first of the two misses that end the session is caused by the cable as well.
     let last = session().rev().nth(1);

@@ -85,12 +85,7 @@ pub(super) struct Sampler<const N: usize> {
 
 impl<const N: usize> Sampler<N> {
     pub(super) const fn new(rows: rtrb::Consumer<Row<N>>, monitor: Monitor<N>) -> Self {
-        Self {
-            rows,
-            monitor,
-            samples: Vec::new(),
-            violation: None,
-        }
+        Self { rows, monitor, samples: Vec::new(), violation: None }
     }
 
     /// Waits for the next row that satisfies `found`; every row is kept and passed to `each`.

@@ -38,8 +38,7 @@ const NEWCOMER_SILENCE: Duration = Duration::from_secs(2);
 /// independent misses contain two in a row, which end the session, with a probability of one in four.
 const PROBE_MISSES: u32 = 5;
 /// Any free loopback port.
-const LOOPBACK: SocketAddr =
-    SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 0);
+const LOOPBACK: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 0);
 
 /// Everything that happened in one run.
 pub(super) struct Recording<const N: usize> {
@@ -75,9 +74,7 @@ impl From<Waiting> for Failure {
     fn from(waiting: Waiting) -> Self {
         match waiting {
             Waiting::Lost(lost) => Self::Lost(lost),
-            Waiting::Stuck => Self::Error(DemoError::Failed(
-                "the server delivers no more ticks".to_owned(),
-            )),
+            Waiting::Stuck => Self::Error(DemoError::Failed("the server delivers no more ticks".to_owned())),
         }
     }
 }
@@ -122,24 +119,13 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     let monitor = Monitor::new(axes.map(|axis| axis.limits), Some(travel));
     let sensor = SensorPublisher::bind(LOOPBACK)?;
     let sensor_address = sensor.address()?;
-    let mut cycle: Cycle<N, M, _> = Cycle::new(
-        config,
-        robot.motor_map()?,
-        machine,
-        EpochRange::VOLATILE,
-        LOOPBACK,
-    )?;
+    let mut cycle: Cycle<N, M, _> = Cycle::new(config, robot.motor_map()?, machine, EpochRange::VOLATILE, LOOPBACK)?;
     let (sender, mut black_boxes) = swap_channel::channel();
     if options.black_box.is_some() {
         cycle = cycle.with_black_box(sender);
     }
     let (server, rows) = Server::spawn(cycle.with_sensor(sensor), ticks)?;
-    let (relay, _) = Relay::spawn(
-        LOOPBACK,
-        server.address,
-        Transport::Stream,
-        FaultPlan::default(),
-    )?;
+    let (relay, _) = Relay::spawn(LOOPBACK, server.address, Transport::Stream, FaultPlan::default())?;
     let controls = Arc::new(ClientControls::default());
     let client_options = ClientOptions {
         server: relay.address,
@@ -150,9 +136,8 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
         obtain: false,
     };
     let shared = Arc::clone(&controls);
-    let client = std::thread::Builder::new()
-        .name("client".to_owned())
-        .spawn(move || client::run(&client_options, &shared))?;
+    let client =
+        std::thread::Builder::new().name("client".to_owned()).spawn(move || client::run(&client_options, &shared))?;
     let mut scenario = Scenario {
         options,
         bar,
@@ -167,13 +152,7 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     };
     let played = scenario.run();
     scenario.controls.quit.store(true, Ordering::Relaxed);
-    let Scenario {
-        server,
-        sampler,
-        relay,
-        client,
-        ..
-    } = scenario;
+    let Scenario { server, sampler, relay, client, .. } = scenario;
     let dropped = server.quit();
     drop(relay);
     let client = match client.join() {
@@ -219,9 +198,7 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
     /// The client tares its sensor in Submit for a second. In real time that second also probes this machine.
     fn tare(&mut self) -> Result<(), Failure> {
         match self.ticks {
-            TickSource::RealTime => {
-                self.say("the client tares its sensor; meanwhile: does this machine hold 1 kHz?")
-            }
+            TickSource::RealTime => self.say("the client tares its sensor; meanwhile: does this machine hold 1 kHz?"),
             TickSource::Lockstep => self.say("the client tares its sensor"),
         }
         let (bar, controls, client) = (self.bar, &self.controls, &self.client);
@@ -239,28 +216,20 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
             if self.probe && missed > PROBE_MISSES {
                 return Err(Failure::Slow { missed });
             }
-            self.say(&format!(
-                "it did for that second: {missed} deadlines missed, never two in a row"
-            ));
+            self.say(&format!("it did for that second: {missed} deadlines missed, never two in a row"));
         }
         Ok(())
     }
 
     fn steps(&mut self, base: u32) -> Result<(), Failure> {
         for (number, force_x) in (1..).zip(self.options.forces_n()) {
-            let load = Load {
-                step: base + number,
-                force_n: [force_x, 0.0, 0.0],
-                moment_nm: [0.0; 3],
-            };
+            let load = Load { step: base + number, force_n: [force_x, 0.0, 0.0], moment_nm: [0.0; 3] };
             self.hand.set(&load)?;
             let first = self.wait(|sample| sample.step == load.step)?;
             let last = self.wait_ticks(first.tick, self.options.step_ticks())?;
             let squares = last.displacement_um.map(|d| d * d);
             let norm = squares.iter().sum::<f64>().sqrt();
-            self.say(&format!(
-                "  {force_x:5.0} N: tool displaced by {norm:6.1} um"
-            ));
+            self.say(&format!("  {force_x:5.0} N: tool displaced by {norm:6.1} um"));
         }
         Ok(())
     }
@@ -295,9 +264,9 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
                 Ok(refusal)
             }
             Err(error) => Err(error.into()),
-            Ok(_) => Err(Failure::Error(DemoError::Failed(
-                "a newcomer was granted the session during the ramp".to_owned(),
-            ))),
+            Ok(_) => {
+                Err(Failure::Error(DemoError::Failed("a newcomer was granted the session during the ramp".to_owned())))
+            }
         }
     }
 
@@ -311,10 +280,7 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
             }
             answer => answer?,
         };
-        self.say(&format!(
-            "all offsets are zero: a newcomer is granted session {}",
-            welcome.epoch.0
-        ));
+        self.say(&format!("all offsets are zero: a newcomer is granted session {}", welcome.epoch.0));
         link.goodbye()?;
         for phase in [Phase::SafeDisconnect, Phase::Listening] {
             (self.sampler).until(true, |_| {}, |sample| sample.phase == phase)?;
@@ -324,10 +290,7 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
 
     /// Connects another client.
     fn newcomer(&self) -> Result<Connection<N>, ClientError> {
-        let requirements = Requirements {
-            capabilities: Capabilities::LOCKSTEP,
-            ..Requirements::default()
-        };
+        let requirements = Requirements { capabilities: Capabilities::LOCKSTEP, ..Requirements::default() };
         let address = self.server.address;
         Connection::open(Transport::Stream, address, NEWCOMER_SILENCE, requirements)
     }

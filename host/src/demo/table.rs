@@ -22,28 +22,15 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
     writeln!(text, "{}, {pace}\n", results.robot)?;
     write_steps(text, results)?;
     if results.steps.iter().any(|step| step.beyond_jump) {
-        writeln!(
-            text,
-            "  * in or beyond the jump, which is not compensated (see the thesis, 5.2.2 and 6.1)"
-        )?;
+        writeln!(text, "  * in or beyond the jump, which is not compensated (see the thesis, 5.2.2 and 6.1)")?;
     }
     let ramp = &results.ramp;
-    let offsets: Vec<String> = (ramp.start_offset_nm.iter())
-        .map(|nm| format!("{:.1}", f64::from(*nm) / 1e3))
-        .collect();
+    let offsets: Vec<String> = (ramp.start_offset_nm.iter()).map(|nm| format!("{:.1}", f64::from(*nm) / 1e3)).collect();
     let offsets = offsets.join(", ");
     writeln!(text, "\n  ramp after the pulled cable ({})", ramp.cause)?;
     writeln!(text, "    start offsets               {offsets} um")?;
-    writeln!(
-        text,
-        "    ticks to zero               {} (expected {})",
-        ramp.ticks, ramp.expected_ticks
-    )?;
-    writeln!(
-        text,
-        "    largest change per tick     {} nm",
-        ramp.largest_change_nm
-    )?;
+    writeln!(text, "    ticks to zero               {} (expected {})", ramp.ticks, ramp.expected_ticks)?;
+    writeln!(text, "    largest change per tick     {} nm", ramp.largest_change_nm)?;
     writeln!(text, "    a newcomer meanwhile        {}", ramp.refusal)?;
     let link = &results.link;
     let [p50, p99, max] = link.round_trip_us;
@@ -53,10 +40,7 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
         "    commands on time            {:.5} ({} of {} missed, longest run {})",
         link.on_time_share, link.missed, link.deadlines, link.longest_miss_run
     )?;
-    writeln!(
-        text,
-        "    round trip                  p50 {p50} us, p99 {p99} us, max {max} us"
-    )?;
+    writeln!(text, "    round trip                  p50 {p50} us, p99 {p99} us, max {max} us")?;
     writeln!(
         text,
         "\n  largest change of any drive reference in a tick: {} nm (limit {} nm)",

@@ -57,9 +57,7 @@ impl From<RobotFileError> for DrawError {
 ///
 /// # Errors
 /// [`DrawError`].
-pub fn run<K: MachineKind<N>, const N: usize>(
-    options: &DrawOptions<K, N>,
-) -> Result<(), DrawError> {
+pub fn run<K: MachineKind<N>, const N: usize>(options: &DrawOptions<K, N>) -> Result<(), DrawError> {
     let (azimuth, elevation) = (options.azimuth_deg, options.elevation_deg);
     if !(-360.0..=360.0).contains(&azimuth) {
         let text = format!("--azimuth is {azimuth}; expected from -360 to 360 degrees");

@@ -55,24 +55,16 @@ impl Scene {
     ///
     /// # Errors
     /// [`RobotFileError`] if home cannot be reached.
-    pub(super) fn at_home<K: MachineKind<N>, const N: usize>(
-        robot: &RobotFile<K, N>,
-    ) -> Result<Self, RobotFileError> {
+    pub(super) fn at_home<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Result<Self, RobotFileError> {
         let geometry = robot.model.geometry();
         let tool_m = robot.home_m();
-        let q = robot
-            .model
-            .axes_at(&tool_m)
-            .map_err(|error| RobotFileError {
-                file: robot.name.clone(),
-                key: "simulation.home_m".to_owned(),
-                reason: error.to_string(),
-            })?;
+        let q = robot.model.axes_at(&tool_m).map_err(|error| RobotFileError {
+            file: robot.name.clone(),
+            key: "simulation.home_m".to_owned(),
+            reason: error.to_string(),
+        })?;
         let mut links = Vec::new();
-        let joints = LINK_NAMES
-            .into_iter()
-            .zip(ARM_OF_LINK)
-            .zip(geometry.platform_joints_m);
+        let joints = LINK_NAMES.into_iter().zip(ARM_OF_LINK).zip(geometry.platform_joints_m);
         for (index, ((name, arm), on_platform)) in joints.enumerate() {
             let ends_m = [joint(&geometry, index, &q).place_m, tool_m + on_platform];
             links.push(Link { arm, name, ends_m });
@@ -83,11 +75,7 @@ impl Scene {
             let own = links.iter().filter(|link| link.arm == arm);
             let mut held: Vec<Vector3<f64>> = own.map(|link| link.ends_m[0]).collect();
             // A machine of three axes has its joints on the carts, and the guideway is drawn through their middle.
-            let on_rail = if N > geometry.guideways.len() {
-                start + along * q
-            } else {
-                mean(&held)
-            };
+            let on_rail = if N > geometry.guideways.len() { start + along * q } else { mean(&held) };
             held.push(on_rail);
             let (centre_m, half_edges_m) = enclosing_box(&held, &along, CART_SHARE * longest_m);
             let way = RAIL_SHARE * longest_m / along.norm();
@@ -103,12 +91,7 @@ impl Scene {
             }
         });
         let arms = arms.collect();
-        Ok(Self {
-            arms,
-            links,
-            tool_m,
-            axes: N,
-        })
+        Ok(Self { arms, links, tool_m, axes: N })
     }
 }
 
@@ -119,11 +102,7 @@ fn mean(points: &[Vector3<f64>]) -> Vector3<f64> {
 }
 
 /// Centre and half edges of a box around `points`, one edge along `along`, `margin_m` wider on every side.
-fn enclosing_box(
-    points: &[Vector3<f64>],
-    along: &Vector3<f64>,
-    margin_m: f64,
-) -> (Vector3<f64>, [Vector3<f64>; 3]) {
+fn enclosing_box(points: &[Vector3<f64>], along: &Vector3<f64>, margin_m: f64) -> (Vector3<f64>, [Vector3<f64>; 3]) {
     let first = along.normalize();
     let helper = Vector3::from_fn(|row, _| f64::from(u8::from(row == first.iamin())));
     let second = first.cross(&helper).normalize();
@@ -131,9 +110,7 @@ fn enclosing_box(
     let mut centre_m = Vector3::zeros();
     let half_edges_m = directions.map(|direction| {
         let heights = points.iter().map(|point| point.dot(&direction));
-        let (low, high) = heights.fold((f64::MAX, f64::MIN), |(low, high), height| {
-            (low.min(height), high.max(height))
-        });
+        let (low, high) = heights.fold((f64::MAX, f64::MIN), |(low, high), height| (low.min(height), high.max(height)));
         centre_m += direction * ((low + high) / 2.0);
         direction * ((high - low) / 2.0 + margin_m)
     });

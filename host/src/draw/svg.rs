@@ -57,12 +57,8 @@ impl View {
         }
         let ends = scene.links.iter().flat_map(|link| &link.ends_m);
         points.extend(ends.map(|end| view.point(end)));
-        let low = points
-            .iter()
-            .fold(Point::repeat(f64::MAX), |low, p| low.inf(p));
-        let high = points
-            .iter()
-            .fold(Point::repeat(f64::MIN), |high, p| high.sup(p));
+        let low = points.iter().fold(Point::repeat(f64::MAX), |low, p| low.inf(p));
+        let high = points.iter().fold(Point::repeat(f64::MIN), |high, p| high.sup(p));
         let room = (SIZE.0 - 2.0 * MARGIN, SIZE.1 - 2.0 * MARGIN - TITLE);
         let span = (high - low).add_scalar(1e-9);
         view.scale = (room.0 / span.x).min(room.1 / span.y);
@@ -99,12 +95,7 @@ impl Label {
     fn new(text: impl Into<String>, colour: &'static str, anchor: Point) -> Self {
         let text = text.into();
         let centre = anchor;
-        Self {
-            text,
-            colour,
-            anchor,
-            centre,
-        }
+        Self { text, colour, anchor, centre }
     }
 
     /// Half of width and height.
@@ -162,9 +153,7 @@ impl Label {
                 self.centre = self.anchor + direction * radius + half.component_mul(&direction);
                 let top_left = self.centre - half;
                 let bottom_right = self.centre + half;
-                let outside = top_left.min() < 4.0
-                    || bottom_right.x > SIZE.0 - 4.0
-                    || bottom_right.y > height - 4.0;
+                let outside = top_left.min() < 4.0 || bottom_right.x > SIZE.0 - 4.0 || bottom_right.y > height - 4.0;
                 let overlaps = placed.iter().any(|other| self.overlaps(other));
                 let hidden: f64 = lines.iter().map(|line| self.hides(line)).sum();
                 let forbidden = f64::from(u8::from(outside)) + f64::from(u8::from(overlaps));
@@ -272,9 +261,8 @@ impl Shapes {
         let mut joints: Vec<Point> = platform.map(|joint| view.point(&joint)).collect();
         joints.push(view.point(&scene.tool_m));
         let platform = hull(joints);
-        let carts: Vec<Vec<Point>> = (scene.arms.iter())
-            .map(|arm| hull(corners(arm).iter().map(|c| view.point(c)).collect()))
-            .collect();
+        let carts: Vec<Vec<Point>> =
+            (scene.arms.iter()).map(|arm| hull(corners(arm).iter().map(|c| view.point(c)).collect())).collect();
         let links = scene.links.iter().map(|link| link.ends_m);
         let lines = links.chain(scene.arms.iter().map(|arm| arm.rail_m));
         let mut lines: Vec<[Point; 2]> = lines.map(|ends| view.ends(&ends)).collect();
@@ -286,11 +274,7 @@ impl Shapes {
             let middle = outline.iter().sum::<Point>() / count;
             lines.extend(outline.iter().map(|corner| [*corner, middle]));
         }
-        Self {
-            platform,
-            carts,
-            lines,
-        }
+        Self { platform, carts, lines }
     }
 }
 
@@ -325,12 +309,9 @@ pub(super) fn picture(scene: &Scene, azimuth: f64, elevation: f64) -> String {
     }
     for ((arm, outline), colour) in scene.arms.iter().zip(&shapes.carts).zip(COLOURS) {
         polygon(&mut svg, outline, colour, 0.16);
-        let seen = arm
-            .half_edges_m
-            .map(|edge| edge.dot(&view.towards).signum());
+        let seen = arm.half_edges_m.map(|edge| edge.dot(&view.towards).signum());
         let edges = arm.half_edges_m.iter().zip(seen);
-        let nearest: Vector3<f64> =
-            arm.centre_m + edges.map(|(edge, sign)| edge * sign).sum::<Vector3<f64>>();
+        let nearest: Vector3<f64> = arm.centre_m + edges.map(|(edge, sign)| edge * sign).sum::<Vector3<f64>>();
         for (edge, sign) in arm.half_edges_m.iter().zip(seen) {
             let ends = view.ends(&[nearest, nearest - edge * (2.0 * sign)]);
             line(&mut svg, ends, colour, "stroke-width=\"1\"");
@@ -363,27 +344,13 @@ pub(super) fn picture(scene: &Scene, azimuth: f64, elevation: f64) -> String {
 /// The directions of the world's axes, in the lower left corner.
 fn triad(svg: &mut String, view: &View) {
     let origin = Point::new(66.0, view.height - 62.0);
-    let axes = [
-        (Vector3::x(), "x"),
-        (Vector3::y(), "y"),
-        (Vector3::z(), "z"),
-    ];
+    let axes = [(Vector3::x(), "x"), (Vector3::y(), "y"), (Vector3::z(), "z")];
     for (axis, name) in axes {
         let way = view.direction(&axis);
         // An axis that points at the viewer has no length to be named at.
         if way.norm() > 0.15 {
-            line(
-                svg,
-                [origin, origin + way * TRIAD],
-                INK,
-                "stroke-width=\"1.5\"",
-            );
-            text(
-                svg,
-                origin + way * TRIAD + way.normalize() * 11.0,
-                INK,
-                name,
-            );
+            line(svg, [origin, origin + way * TRIAD], INK, "stroke-width=\"1.5\"");
+            text(svg, origin + way * TRIAD + way.normalize() * 11.0, INK, name);
         }
     }
 }
@@ -396,10 +363,7 @@ fn px(value: f64) -> f64 {
 fn line(svg: &mut String, [from, to]: [Point; 2], colour: &str, style: &str) {
     let [x1, y1, x2, y2] = [from.x, from.y, to.x, to.y].map(px);
     // Writing to a `String` does not fail.
-    let _ = writeln!(
-        svg,
-        "<line x1=\"{x1}\" y1=\"{y1}\" x2=\"{x2}\" y2=\"{y2}\" stroke=\"{colour}\" {style}/>"
-    );
+    let _ = writeln!(svg, "<line x1=\"{x1}\" y1=\"{y1}\" x2=\"{x2}\" y2=\"{y2}\" stroke=\"{colour}\" {style}/>");
 }
 
 fn polygon(svg: &mut String, corners: &[Point], colour: &str, opacity: f64) {

@@ -40,30 +40,18 @@ pub struct FaultInjector {
 impl FaultInjector {
     /// The given direction of the connection with this number.
     #[must_use]
-    pub fn new(
-        plan: &FaultPlan,
-        transport: Transport,
-        connection: u64,
-        direction: Direction,
-    ) -> Self {
+    pub fn new(plan: &FaultPlan, transport: Transport, connection: u64, direction: Direction) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(plan.seed);
         // Each direction draws from its own stream: what happens on one changes nothing on another.
         random.set_stream(2 * connection + u64::from(direction == Direction::Down));
         let applies = plan.direction.include(direction);
         let only = |duration| if applies { duration } else { Duration::ZERO };
-        let script = plan
-            .script
-            .iter()
-            .filter(|entry| entry.direction.include(direction));
+        let script = plan.script.iter().filter(|entry| entry.direction.include(direction));
         Self {
             transport,
             delay: only(plan.delay),
             jitter: only(plan.jitter),
-            rates: if applies {
-                plan.rates.clone()
-            } else {
-                Vec::new()
-            },
+            rates: if applies { plan.rates.clone() } else { Vec::new() },
             script: script.copied().collect(),
             random,
             in_transit: BTreeMap::new(),
@@ -148,12 +136,8 @@ impl FaultInjector {
     /// The scripted fault whose moment has come; a fault of exactly this frame goes first.
     fn scripted(&mut self, now: Duration) -> Option<(Fault, Option<u32>)> {
         let this_frame = When::Frame(self.stats.frames);
-        let on_frame = self
-            .script
-            .iter()
-            .position(|entry| entry.when == this_frame);
-        let is_due =
-            |entry: &ScriptedFault| matches!(entry.when, When::Since(since) if since <= now);
+        let on_frame = self.script.iter().position(|entry| entry.when == this_frame);
+        let is_due = |entry: &ScriptedFault| matches!(entry.when, When::Since(since) if since <= now);
         let index = on_frame.or_else(|| self.script.iter().position(is_due))?;
         let entry = self.script.remove(index);
         Some((entry.fault, entry.parameter))
@@ -168,14 +152,7 @@ impl FaultInjector {
         drawn.map(|(fault, rate)| (*fault, rate.parameter))
     }
 
-    fn inject(
-        &mut self,
-        fault: Fault,
-        parameter: Option<u32>,
-        now: Duration,
-        due: Duration,
-        mut frame: Vec<u8>,
-    ) {
+    fn inject(&mut self, fault: Fault, parameter: Option<u32>, now: Duration, due: Duration, mut frame: Vec<u8>) {
         let ms = |default| Duration::from_millis(parameter.unwrap_or(default).into());
         match fault {
             Fault::Drop => {}
@@ -267,16 +244,8 @@ mod tests {
     /// A plan with one fault, on frame 3.
     fn on_third(direction: Directions, fault: Fault, parameter: Option<u32>) -> FaultPlan {
         let when = When::Frame(3);
-        let script = vec![ScriptedFault {
-            when,
-            direction,
-            fault,
-            parameter,
-        }];
-        FaultPlan {
-            script,
-            ..FaultPlan::default()
-        }
+        let script = vec![ScriptedFault { when, direction, fault, parameter }];
+        FaultPlan { script, ..FaultPlan::default() }
     }
 
     /// Output for ten frames `[n; 4]`, one per ms: (ms, bytes).
@@ -303,10 +272,7 @@ mod tests {
         let plan = FaultPlan::default();
         assert_eq!(played(injector(&plan, Transport::Stream)), undisturbed());
         let other_way = on_third(Directions::Down, Fault::Drop, None);
-        assert_eq!(
-            played(injector(&other_way, Transport::Stream)),
-            undisturbed()
-        );
+        assert_eq!(played(injector(&other_way, Transport::Stream)), undisturbed());
     }
 
     #[test]
@@ -330,11 +296,7 @@ mod tests {
         let mut expected = undisturbed();
         expected[2].1[2] = 3 ^ 2;
         assert_eq!(stream(Fault::Corrupt, Some(17)), expected);
-        assert_eq!(
-            stream(Fault::Corrupt, Some(49)),
-            expected,
-            "modulo the length"
-        );
+        assert_eq!(stream(Fault::Corrupt, Some(49)), expected, "modulo the length");
 
         let mut expected = undisturbed();
         expected[2].1.pop();
@@ -362,10 +324,7 @@ mod tests {
         assert_eq!(stream(Fault::Stall, Some(4)), expected);
 
         assert_eq!(stream(Fault::HalfOpen, None), undisturbed()[..2]);
-        let mut link = injector(
-            &on_third(Directions::Up, Fault::Reset, None),
-            Transport::Stream,
-        );
+        let mut link = injector(&on_third(Directions::Up, Fault::Reset, None), Transport::Stream);
         for _ in 0..3 {
             link.push(MS, b"x");
         }
@@ -375,10 +334,7 @@ mod tests {
 
     #[test]
     fn bytes_in_transit_are_bounded() {
-        let plan = FaultPlan {
-            delay: MS,
-            ..FaultPlan::default()
-        };
+        let plan = FaultPlan { delay: MS, ..FaultPlan::default() };
         let mut stream = injector(&plan, Transport::Stream);
         let mut datagrams = injector(&plan, Transport::Datagram);
         let largest = vec![0; 65_535];
@@ -395,21 +351,13 @@ mod tests {
 
     #[test]
     fn delay_and_jitter_keep_the_order() {
-        let plan = FaultPlan {
-            delay: 5 * MS,
-            jitter: 7 * MS,
-            seed: 3,
-            ..FaultPlan::default()
-        };
+        let plan = FaultPlan { delay: 5 * MS, jitter: 7 * MS, seed: 3, ..FaultPlan::default() };
         let seen = played(injector(&plan, Transport::Datagram));
         let frames: Vec<_> = seen.iter().map(|(_, bytes)| bytes.clone()).collect();
         let sent: Vec<_> = undisturbed().into_iter().map(|(_, bytes)| bytes).collect();
         assert_eq!(frames, sent);
         let lateness: Vec<_> = (1..).zip(&seen).map(|(ms, (at, _))| at - ms).collect();
-        assert!(
-            lateness.iter().all(|ms| (5..=13).contains(ms)),
-            "{lateness:?}"
-        );
+        assert!(lateness.iter().all(|ms| (5..=13).contains(ms)), "{lateness:?}");
         assert!(lateness.iter().any(|ms| *ms != lateness[0]), "{lateness:?}");
     }
 
@@ -418,14 +366,11 @@ mod tests {
         let rates = [(Fault::Drop, "0.1"), (Fault::Corrupt, "0.2")];
         let plan = |seed| FaultPlan {
             seed,
-            rates: rates
-                .map(|(fault, rate)| (fault, rate.parse().unwrap()))
-                .to_vec(),
+            rates: rates.map(|(fault, rate)| (fault, rate.parse().unwrap())).to_vec(),
             ..FaultPlan::default()
         };
         let run = |seed, connection| {
-            let mut link =
-                FaultInjector::new(&plan(seed), Transport::Stream, connection, Direction::Up);
+            let mut link = FaultInjector::new(&plan(seed), Transport::Stream, connection, Direction::Up);
             let mut out = Vec::new();
             for _ in 0..10_000 {
                 link.push(MS, &[0; 8]);
@@ -443,8 +388,7 @@ mod tests {
         assert!(times(Fault::Corrupt).abs_diff(2_000) < 200);
         let lost = 10_000 - times(Fault::Drop);
         assert_eq!(u64::try_from(out.len()).unwrap(), lost);
-        let flipped =
-            |bytes: &&Vec<u8>| bytes.iter().map(|byte| byte.count_ones()).sum::<u32>() == 1;
+        let flipped = |bytes: &&Vec<u8>| bytes.iter().map(|byte| byte.count_ones()).sum::<u32>() == 1;
         let corrupt = u64::try_from(out.iter().filter(flipped).count()).unwrap();
         assert_eq!(corrupt, times(Fault::Corrupt));
     }

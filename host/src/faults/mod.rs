@@ -130,9 +130,7 @@ impl FaultStats {
     /// True if the fault occurred at `since` or later.
     #[must_use]
     pub fn acted_since(&self, fault: Fault, since: Duration) -> bool {
-        self.acted
-            .get(&fault)
-            .is_some_and(|acted| acted.last >= since)
+        self.acted.get(&fault).is_some_and(|acted| acted.last >= since)
     }
 
     /// Adds the counts of another connection.

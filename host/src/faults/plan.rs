@@ -35,9 +35,7 @@ impl Directions {
     }
 
     fn overlap(self, other: Self) -> bool {
-        [Direction::Up, Direction::Down]
-            .into_iter()
-            .any(|one| self.include(one) && other.include(one))
+        [Direction::Up, Direction::Down].into_iter().any(|one| self.include(one) && other.include(one))
     }
 }
 
@@ -76,10 +74,7 @@ impl FromStr for FaultRate {
             return Err("P must be from 0 to 1");
         }
         let parameter = parameter.map(str::parse).transpose();
-        Ok(Self {
-            per_frame,
-            parameter: parameter.map_err(|_| "N is not a whole number")?,
-        })
+        Ok(Self { per_frame, parameter: parameter.map_err(|_| "N is not a whole number")? })
     }
 }
 
@@ -133,14 +128,8 @@ impl FaultPlan {
             let reason = format!("the probabilities of all faults add up to {sum}, more than 1");
             return Err(PlanError(reason));
         }
-        let drawn = self
-            .rates
-            .iter()
-            .map(|(fault, rate)| (*fault, rate.parameter));
-        let scripted = self
-            .script
-            .iter()
-            .map(|entry| (entry.fault, entry.parameter));
+        let drawn = self.rates.iter().map(|(fault, rate)| (*fault, rate.parameter));
+        let scripted = self.script.iter().map(|entry| (entry.fault, entry.parameter));
         for (fault, parameter) in drawn.chain(scripted) {
             if !fault.suits(transport) {
                 return Err(PlanError(match transport {
@@ -207,19 +196,12 @@ pub fn parse_script(text: &str) -> Result<Vec<ScriptedFault>, PlanError> {
             return fail(&format!("`parameter`: {} takes none", entry.kind));
         }
         let same_frame = |other: &ScriptedFault| {
-            matches!(when, When::Frame(_))
-                && other.when == when
-                && other.direction.overlap(entry.direction)
+            matches!(when, When::Frame(_)) && other.when == when && other.direction.overlap(entry.direction)
         };
         if script.iter().any(same_frame) {
             return fail("`at_frame`: this frame already has a fault");
         }
-        script.push(ScriptedFault {
-            when,
-            direction: entry.direction,
-            fault: entry.kind,
-            parameter: entry.parameter,
-        });
+        script.push(ScriptedFault { when, direction: entry.direction, fault: entry.kind, parameter: entry.parameter });
     }
     Ok(script)
 }
@@ -302,10 +284,7 @@ mod tests {
             assert!(text.parse::<FaultRate>().is_err(), "{text}");
         }
         let plan = |all: &[(Fault, &str)]| FaultPlan {
-            rates: all
-                .iter()
-                .map(|(fault, rate)| (*fault, rate.parse().unwrap()))
-                .collect(),
+            rates: all.iter().map(|(fault, rate)| (*fault, rate.parse().unwrap())).collect(),
             ..FaultPlan::default()
         };
         let half = (Fault::Drop, "0.5");

@@ -4,9 +4,7 @@
 //! read. A datagram is one frame, whatever it holds; each UDP client has its own socket towards the server.
 
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::{
-    IpAddr, Ipv4Addr, Ipv6Addr, Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket,
-};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -91,23 +89,12 @@ impl Relay {
             }
         };
         let (ended, receiver) = channel();
-        let exchange = Exchange {
-            server,
-            plan,
-            clients: Vec::new(),
-            opened: 0,
-            ended,
-        };
+        let exchange = Exchange { server, plan, clients: Vec::new(), opened: 0, ended };
         let switches = Arc::new(Switches::default());
         let shared = Arc::clone(&switches);
-        let thread = std::thread::Builder::new()
-            .name("relay".to_owned())
-            .spawn(move || exchange.run(&listener, &shared))?;
-        let relay = Self {
-            address,
-            switches,
-            thread: Some(thread),
-        };
+        let thread =
+            std::thread::Builder::new().name("relay".to_owned()).spawn(move || exchange.run(&listener, &shared))?;
+        let relay = Self { address, switches, thread: Some(thread) };
         Ok((relay, receiver))
     }
 
@@ -197,15 +184,7 @@ impl Exchange {
         };
         let (up, down) = (way(Direction::Up), way(Direction::Down));
         self.opened += 1;
-        self.clients.push(Client {
-            peer,
-            began,
-            last_heard: began,
-            up,
-            down,
-            near,
-            far,
-        });
+        self.clients.push(Client { peer, began, last_heard: began, up, down, near, far });
     }
 
     /// Takes the datagrams of clients.
@@ -265,12 +244,7 @@ impl Exchange {
     fn report(&self, peer: SocketAddr, began: Instant, [up, down]: [FaultStats; 2]) {
         let age = began.elapsed();
         // The receiver may be gone.
-        let _ = self.ended.send(Ended {
-            peer,
-            age,
-            up,
-            down,
-        });
+        let _ = self.ended.send(Ended { peer, age, up, down });
     }
 
     /// Waits until a socket is readable or a piece is due, at most [`POLL`].
@@ -285,9 +259,7 @@ impl Exchange {
             for (way, from) in [(&client.up, &client.near), (&client.down, &client.far)] {
                 wait = wait.min(way.wait(now));
                 match from {
-                    End::Stream(stream) if way.can_read(now) => {
-                        sockets.push(Socket::Stream(stream))
-                    }
+                    End::Stream(stream) if way.can_read(now) => sockets.push(Socket::Stream(stream)),
                     End::Datagram(socket) => sockets.push(Socket::Datagram(socket)),
                     _ => {}
                 }

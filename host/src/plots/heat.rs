@@ -7,13 +7,8 @@ const SIZE: (u32, u32) = (560, 460);
 /// Width of the scale, px.
 const SCALE: u32 = 90;
 /// Colours of the scale from its lower to its upper end (viridis: even in lightness, readable with colour blindness).
-const COLOURS: [(f64, f64, f64); 5] = [
-    (68.0, 1.0, 84.0),
-    (59.0, 82.0, 139.0),
-    (33.0, 145.0, 140.0),
-    (94.0, 201.0, 98.0),
-    (253.0, 231.0, 37.0),
-];
+const COLOURS: [(f64, f64, f64); 5] =
+    [(68.0, 1.0, 84.0), (59.0, 82.0, 139.0), (33.0, 145.0, 140.0), (94.0, 201.0, 98.0), (253.0, 231.0, 37.0)];
 /// Number of shades drawn for the scale.
 const SHADES: u32 = 64;
 
@@ -51,11 +46,8 @@ impl HeatMap {
         // Cells overlap a little, so that no gap shows between neighbours.
         let half = 0.51 * self.pitch;
         let (x, y) = self.ranges();
-        let mut chart = ChartBuilder::on(&map)
-            .margin(10)
-            .x_label_area_size(42)
-            .y_label_area_size(56)
-            .build_cartesian_2d(x, y)?;
+        let mut chart =
+            ChartBuilder::on(&map).margin(10).x_label_area_size(42).y_label_area_size(56).build_cartesian_2d(x, y)?;
         chart
             .configure_mesh()
             .x_desc(self.x_axis)
@@ -115,8 +107,7 @@ impl HeatMap {
     fn ranges(&self) -> (std::ops::Range<f64>, std::ops::Range<f64>) {
         let extent = |of: fn(&Cell) -> f64| {
             let ends = (f64::MAX, f64::MIN);
-            let (low, high) =
-                (self.cells.iter().map(of)).fold(ends, |(low, high), x| (low.min(x), high.max(x)));
+            let (low, high) = (self.cells.iter().map(of)).fold(ends, |(low, high), x| (low.min(x), high.max(x)));
             if low > high { (0.0, 1.0) } else { (low, high) }
         };
         let (x, y) = (extent(|cell| cell.0), extent(|cell| cell.1));
@@ -128,20 +119,13 @@ impl HeatMap {
         (around(x), around(y))
     }
 
-    #[expect(
-        clippy::indexing_slicing,
-        reason = "`below` is at most the last but one"
-    )]
+    #[expect(clippy::indexing_slicing, reason = "`below` is at most the last but one")]
     fn colour(&self, value: f64) -> RGBColor {
         let (low, high) = self.scale;
         let share = (value / low).ln() / (high / low).ln();
         let last = (COLOURS.len() - 1) as f64;
         // NaN becomes the lower end.
-        let place = if share > 0.0 {
-            share.min(1.0) * last
-        } else {
-            0.0
-        };
+        let place = if share > 0.0 { share.min(1.0) * last } else { 0.0 };
         let below = (place as usize).min(COLOURS.len() - 2);
         let part = place - below as f64;
         let (from, to) = (COLOURS[below], COLOURS[below + 1]);

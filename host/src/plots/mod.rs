@@ -31,21 +31,12 @@ pub(crate) struct Curve {
 impl Curve {
     /// Creates a line.
     pub(crate) fn line(name: &str, points: Vec<(f64, f64)>) -> Self {
-        Self {
-            name: name.to_owned(),
-            points,
-            dots: false,
-            no_line: false,
-        }
+        Self { name: name.to_owned(), points, dots: false, no_line: false }
     }
 
     /// Creates dots without a line.
     pub(crate) fn dots(name: &str, points: Vec<(f64, f64)>) -> Self {
-        Self {
-            dots: true,
-            no_line: true,
-            ..Self::line(name, points)
-        }
+        Self { dots: true, no_line: true, ..Self::line(name, points) }
     }
 }
 
@@ -86,10 +77,7 @@ impl Plot {
     }
 
     fn draw(&self, svg: &mut String) -> Result<(), Box<dyn std::error::Error>> {
-        let (x, y) = (
-            self.range(|point| point.0, 0.0),
-            self.range(|point| point.1, 0.06),
-        );
+        let (x, y) = (self.range(|point| point.0, 0.0), self.range(|point| point.1, 0.06));
         let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
         root.fill(&WHITE)?;
         let names = &self.y_names;
@@ -134,9 +122,7 @@ impl Plot {
                 let series = chart.draw_series(curve.points.iter().map(dot))?;
                 if curve.no_line {
                     let colour = *colour;
-                    series
-                        .label(&curve.name)
-                        .legend(move |(x, y)| Circle::new((x + 9, y), 4, colour.filled()));
+                    series.label(&curve.name).legend(move |(x, y)| Circle::new((x + 9, y), 4, colour.filled()));
                 }
             }
         }
@@ -166,16 +152,10 @@ impl Plot {
 
     /// Range of a coordinate, extended by `margin` of its span at both ends.
     fn range(&self, coordinate: impl Fn(&(f64, f64)) -> f64, margin: f64) -> std::ops::Range<f64> {
-        let values = self
-            .curves
-            .iter()
-            .flat_map(|curve| &curve.points)
-            .map(coordinate);
+        let values = self.curves.iter().flat_map(|curve| &curve.points).map(coordinate);
         let (low, high) = values
             .filter(|value| value.is_finite())
-            .fold((f64::MAX, f64::MIN), |(low, high), value| {
-                (low.min(value), high.max(value))
-            });
+            .fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(value), high.max(value)));
         if low > high {
             return 0.0..1.0;
         }

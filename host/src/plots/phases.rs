@@ -44,10 +44,7 @@ pub(crate) fn bands(points: impl IntoIterator<Item = (f64, Phase)>) -> Vec<Band>
     let band = |stretch: Stretch| Band {
         from: stretch.from,
         to: stretch.to,
-        colour: COLOURS
-            .get(usize::from(stretch.phase.code()))
-            .copied()
-            .unwrap_or_default(),
+        colour: COLOURS.get(usize::from(stretch.phase.code())).copied().unwrap_or_default(),
     };
     stretches(points).into_iter().map(band).collect()
 }

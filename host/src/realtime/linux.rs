@@ -64,16 +64,9 @@ fn poll_until_ns(fds: &mut [PollFd<'_>], deadline: u64) -> bool {
 /// [`Denied`] without the privilege or under a limit on locked memory: locking future memory under a limit
 /// would make a later allocation fail, which is worse than a page fault.
 pub fn lock_memory() -> Result<(), Denied> {
-    let denied = |reason: String| Denied {
-        privilege: "locked memory (mlockall)",
-        reason,
-    };
+    let denied = |reason: String| Denied { privilege: "locked memory (mlockall)", reason };
     if let (Some(limit), false) = (getrlimit(Resource::Memlock).current, geteuid().is_root()) {
-        return Err(denied(format!(
-            "it is limited to {} KiB (ulimit -l)",
-            limit / 1024
-        )));
+        return Err(denied(format!("it is limited to {} KiB (ulimit -l)", limit / 1024)));
     }
-    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
-        .map_err(|error| denied(error.to_string()))
+    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|error| denied(error.to_string()))
 }

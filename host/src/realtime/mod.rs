@@ -15,9 +15,7 @@ mod system;
 #[allow(unreachable_pub, reason = "public on the systems it is for")]
 mod portable;
 
-pub use system::{
-    lock_memory, now_ns, sleep_until_ns, wait_any_readable_until_ns, wait_readable_until_ns,
-};
+pub use system::{lock_memory, now_ns, sleep_until_ns, wait_any_readable_until_ns, wait_readable_until_ns};
 
 /// A socket to wait on.
 #[derive(Clone, Copy, Debug)]
@@ -46,12 +44,8 @@ pub struct Denied {
 /// [`Denied`] when the system refuses, as it does for ordinary users.
 pub fn raise_priority() -> Result<(), Denied> {
     use thread_priority::{ThreadPriority, ThreadPriorityValue};
-    let denied = |reason: String| Denied {
-        privilege: "real-time priority (SCHED_FIFO)",
-        reason,
-    };
-    let value =
-        ThreadPriorityValue::try_from(PRIORITY).map_err(|error| denied(error.to_owned()))?;
+    let denied = |reason: String| Denied { privilege: "real-time priority (SCHED_FIFO)", reason };
+    let value = ThreadPriorityValue::try_from(PRIORITY).map_err(|error| denied(error.to_owned()))?;
     let priority = ThreadPriority::Crossplatform(value);
     set_realtime(priority).map_err(|error| denied(error.to_string()))
 }
@@ -59,8 +53,7 @@ pub fn raise_priority() -> Result<(), Denied> {
 #[cfg(unix)]
 fn set_realtime(priority: thread_priority::ThreadPriority) -> Result<(), thread_priority::Error> {
     use thread_priority::unix::{
-        RealtimeThreadSchedulePolicy, ThreadSchedulePolicy, set_thread_priority_and_policy,
-        thread_native_id,
+        RealtimeThreadSchedulePolicy, ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id,
     };
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     set_thread_priority_and_policy(thread_native_id(), priority, fifo)
@@ -84,10 +77,7 @@ impl CycleTimer {
     pub fn starting_now(period_ns: u64) -> Self {
         let period_ns = period_ns.max(1);
         let deadline_ns = now_ns().saturating_add(period_ns);
-        Self {
-            period_ns,
-            deadline_ns,
-        }
+        Self { period_ns, deadline_ns }
     }
 
     /// The next deadline.
@@ -102,9 +92,7 @@ impl CycleTimer {
         sleep_until_ns(self.deadline_ns);
         let late_ns = now_ns().saturating_sub(self.deadline_ns);
         let elapsed = late_ns / self.period_ns + 1;
-        self.deadline_ns = self
-            .deadline_ns
-            .saturating_add(elapsed.saturating_mul(self.period_ns));
+        self.deadline_ns = self.deadline_ns.saturating_add(elapsed.saturating_mul(self.period_ns));
         u32::try_from(elapsed).unwrap_or(u32::MAX)
     }
 }
@@ -126,11 +114,7 @@ mod tests {
     }
 
     /// The clock advances, the sleep is not too short, the wait ends with a byte or with its deadline.
-    fn check(
-        now: fn() -> u64,
-        sleep_until: fn(u64),
-        wait_readable_until: fn(Socket<'_>, u64) -> bool,
-    ) {
+    fn check(now: fn() -> u64, sleep_until: fn(u64), wait_readable_until: fn(Socket<'_>, u64) -> bool) {
         let deadline = now() + 2_000_000;
         sleep_until(deadline);
         assert!(now() >= deadline);
@@ -139,16 +123,10 @@ mod tests {
         assert!(!wait_readable_until(Socket::Stream(&far), deadline));
         assert!(now() >= deadline);
         near.write_all(b"x").unwrap();
-        assert!(wait_readable_until(
-            Socket::Stream(&far),
-            now() + 10_000_000_000
-        ));
+        assert!(wait_readable_until(Socket::Stream(&far), now() + 10_000_000_000));
         let (near, far) = pair();
         drop(near);
-        assert!(
-            wait_readable_until(Socket::Stream(&far), now() + 10_000_000_000),
-            "a closed stream is readable"
-        );
+        assert!(wait_readable_until(Socket::Stream(&far), now() + 10_000_000_000), "a closed stream is readable");
     }
 
     #[test]

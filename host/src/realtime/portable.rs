@@ -63,8 +63,5 @@ pub fn wait_any_readable_until_ns(sockets: &[Socket<'_>], deadline: u64) -> bool
 /// # Errors
 /// [`Denied`], always.
 pub fn lock_memory() -> Result<(), Denied> {
-    Err(Denied {
-        privilege: "locked memory (mlockall)",
-        reason: "not available on this system".to_owned(),
-    })
+    Err(Denied { privilege: "locked memory (mlockall)", reason: "not available on this system".to_owned() })
 }

@@ -103,11 +103,7 @@ pub fn run(options: &ReplayOptions) -> Result<Findings, ReplayError> {
     }
 }
 
-fn examine<const N: usize>(
-    options: &ReplayOptions,
-    name: &str,
-    bytes: &[u8],
-) -> Result<Findings, ReplayError> {
+fn examine<const N: usize>(options: &ReplayOptions, name: &str, bytes: &[u8]) -> Result<Findings, ReplayError> {
     let window = Window::<N>::decode(name, bytes).map_err(ReplayError::File)?;
     let findings = Findings::of(&window);
     let summary = format!("{name}\n{findings}");
@@ -115,11 +111,7 @@ fn examine<const N: usize>(
     if let Some(path) = &options.plot {
         let picture = Picture::of(&window, &findings);
         let is_page = path.extension().is_some_and(|ending| ending == "html");
-        let text = if is_page {
-            picture.page(&summary)
-        } else {
-            picture.svg(name)
-        };
+        let text = if is_page { picture.page(&summary) } else { picture.svg(name) };
         write(path, &text).map_err(ReplayError::Write)?;
     }
     if let Some(path) = &options.json {
@@ -148,12 +140,9 @@ impl Findings {
             ticks: window.entries.len(),
             cause: end.cause.map(|cause| cause.name()),
             cause_tick: end.tick.0,
-            cause_text: end
-                .cause
-                .map_or_else(|| NO_END.to_owned(), |cause| cause.to_string()),
+            cause_text: end.cause.map_or_else(|| NO_END.to_owned(), |cause| cause.to_string()),
             agreeing: replayed.agreeing,
-            difference: difference
-                .map(|(recorded, replayed)| Difference::of(&recorded.output, replayed)),
+            difference: difference.map(|(recorded, replayed)| Difference::of(&recorded.output, replayed)),
         }
     }
 }
@@ -167,13 +156,7 @@ impl Difference {
             .iter()
             .find_map(|list| field.strip_prefix(list)?.split(']').next()?.parse().ok())
             .map(|index: usize| index + 1);
-        Self {
-            tick,
-            field,
-            axis,
-            recorded,
-            replayed,
-        }
+        Self { tick, field, axis, recorded, replayed }
     }
 }
 
@@ -189,10 +172,7 @@ impl fmt::Display for Findings {
             None => write!(f, "all {ticks} ticks agree bit for bit"),
             Some(difference) => {
                 let agreeing = self.agreeing;
-                write!(
-                    f,
-                    "{agreeing} of {ticks} ticks agree, then DIFFERS\n{difference}"
-                )
+                write!(f, "{agreeing} of {ticks} ticks agree, then DIFFERS\n{difference}")
             }
         }
     }

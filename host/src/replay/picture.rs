@@ -29,10 +29,7 @@ impl Picture {
     pub(crate) fn of<const N: usize>(window: &Window<N>, findings: &Findings) -> Self {
         let scene = Scene { window, findings };
         Self(vec![
-            (
-                "Position offsets",
-                scene.offsets("position offset, µm", |_| 0),
-            ),
+            ("Position offsets", scene.offsets("position offset, µm", |_| 0)),
             (
                 "Change of the offsets since the tick before the cause",
                 scene.offsets("change, µm", |axis| scene.offset_before_cause(axis)),
@@ -67,10 +64,7 @@ impl Picture {
         for (title, plot) in &self.0 {
             body.push_str(&text(12, y + 18, title));
             y += LINE;
-            body.push_str(&format!(
-                "<g transform=\"translate(0,{y})\">{}</g>",
-                plot.svg()
-            ));
+            body.push_str(&format!("<g transform=\"translate(0,{y})\">{}</g>", plot.svg()));
             y += height;
         }
         format!(
@@ -82,9 +76,7 @@ impl Picture {
 
 fn text(x: u32, y: u32, text: &str) -> String {
     let text = escape(text);
-    format!(
-        "<text x=\"{x}\" y=\"{y}\" font-family=\"sans-serif\" font-size=\"15\" fill=\"#222\">{text}</text>"
-    )
+    format!("<text x=\"{x}\" y=\"{y}\" font-family=\"sans-serif\" font-size=\"15\" fill=\"#222\">{text}</text>")
 }
 
 /// Data of the plots.
@@ -113,10 +105,7 @@ impl<const N: usize> Scene<'_, N> {
     }
 
     fn bands(&self) -> Vec<Band> {
-        phases::bands(
-            self.points()
-                .map(|(x, entry)| (x, entry.output.state.phase)),
-        )
+        phases::bands(self.points().map(|(x, entry)| (x, entry.output.state.phase)))
     }
 
     /// Position offset of an axis before the cause, nm.
@@ -138,12 +127,7 @@ impl<const N: usize> Scene<'_, N> {
             Curve::line(&format!("axis {}", axis + 1), points.collect())
         };
         let mut curves: Vec<Curve> = (0..N).map(curve).collect();
-        let values = || {
-            curves
-                .iter()
-                .flat_map(|curve| &curve.points)
-                .map(|point| point.1)
-        };
+        let values = || curves.iter().flat_map(|curve| &curve.points).map(|point| point.1);
         let (low, high) = (values().fold(0.0, f64::min), values().fold(0.0, f64::max));
         let vertical = |name: &str, x: f64| Curve::line(name, vec![(x, low), (x, high)]);
         let mut marks = Vec::new();
@@ -154,14 +138,7 @@ impl<const N: usize> Scene<'_, N> {
             marks.push(vertical("replay differs", self.x(Tick(difference.tick))));
         }
         curves.extend(marks);
-        Plot {
-            x_axis: self.x_axis(),
-            y_axis,
-            curves,
-            bands: self.bands(),
-            y_names: Vec::new(),
-            key: Corner::UpperLeft,
-        }
+        Plot { x_axis: self.x_axis(), y_axis, curves, bands: self.bands(), y_names: Vec::new(), key: Corner::UpperLeft }
     }
 
     /// One dot per event.
@@ -169,9 +146,8 @@ impl<const N: usize> Scene<'_, N> {
         let mut dots = Vec::new();
         // The oldest tick has no predecessor to compare with.
         let oldest = self.window.entries.first();
-        let (mut accepted, mut counters) = oldest.map_or_else(Default::default, |entry| {
-            (entry.output.state.accepted, entry.output.state.counters)
-        });
+        let (mut accepted, mut counters) =
+            oldest.map_or_else(Default::default, |entry| (entry.output.state.accepted, entry.output.state.counters));
         for (x, entry) in self.points() {
             let (output, state) = (&entry.output, &entry.output.state);
             let now = state.counters;
@@ -192,23 +168,14 @@ impl<const N: usize> Scene<'_, N> {
             dots.extend(rows.map(|(row, _)| (x, f64::from(row))));
             (accepted, counters) = (state.accepted, now);
         }
-        let (first, last) = (
-            self.x(Tick(self.findings.first_tick)),
-            self.x(Tick(self.findings.last_tick)),
-        );
+        let (first, last) = (self.x(Tick(self.findings.first_tick)), self.x(Tick(self.findings.last_tick)));
         let rows = (0..).zip(EVENTS).map(|(row, _)| f64::from(row));
         // Extends the axes to all rows and the whole window.
         let frame = rows.flat_map(|row| [(first, row), (last, row)]);
         Plot {
             x_axis: self.x_axis(),
             y_axis: "",
-            curves: vec![
-                Curve::dots("events", dots),
-                Curve {
-                    dots: false,
-                    ..Curve::dots("", frame.collect())
-                },
-            ],
+            curves: vec![Curve::dots("events", dots), Curve { dots: false, ..Curve::dots("", frame.collect()) }],
             bands: self.bands(),
             y_names: EVENTS.into(),
             key: Corner::UpperLeft,

@@ -18,11 +18,7 @@ const SENSOR_BIAS: [f64; 6] = [1.5, -0.8, -18.0, 0.05, -0.1, 0.02];
 
 impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
     fn refuse(&self, key: &str, reason: impl std::fmt::Display) -> RobotFileError {
-        RobotFileError {
-            file: self.name.clone(),
-            key: key.to_owned(),
-            reason: reason.to_string(),
-        }
+        RobotFileError { file: self.name.clone(), key: key.to_owned(), reason: reason.to_string() }
     }
 
     /// The session's configuration in the thesis profile: no echo window, no miss budget.
@@ -31,14 +27,9 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
     /// [`RobotFileError`] for limits the core refuses.
     pub fn session_config(&self, capabilities: Capabilities) -> Result<Config<N>, RobotFileError> {
         let axes: Result<Vec<_>, _> = self.limits.iter().map(|axis| self.axis(axis)).collect();
-        let axes = <[AxisConfig; N]>::try_from(axes?)
-            .map_err(|_| self.refuse("axes", "have another number"))?;
-        Config::new(Parameters {
-            capabilities,
-            kinematics_checksum: self.model.checksum(),
-            ..Parameters::thesis(axes)
-        })
-        .map_err(|error| self.refuse("axes", error))
+        let axes = <[AxisConfig; N]>::try_from(axes?).map_err(|_| self.refuse("axes", "have another number"))?;
+        Config::new(Parameters { capabilities, kinematics_checksum: self.model.checksum(), ..Parameters::thesis(axes) })
+            .map_err(|error| self.refuse("axes", error))
     }
 
     fn axis(&self, limits: &super::AxisLimits) -> Result<AxisConfig, RobotFileError> {
@@ -57,12 +48,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
     }
 
     fn channel<U>(&self, key: &str, limits: &ChannelLimits) -> Result<Limits<U>, RobotFileError> {
-        let values = LimitValues {
-            max: limits.max,
-            step: limits.step,
-            accel: limits.accel,
-            ramp: limits.ramp,
-        };
+        let values = LimitValues { max: limits.max, step: limits.step, accel: limits.accel, ramp: limits.ramp };
         Limits::new(values).map_err(|error| self.refuse(key, error))
     }
 
@@ -73,15 +59,8 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
     pub fn motor_map<const M: usize>(&self) -> Result<MotorMap<N, M>, RobotFileError> {
         let key = "motors.axis_of_motor";
         let motors = &self.motors.axis_of_motor;
-        let motors = <[usize; M]>::try_from(motors.as_slice()).map_err(|_| {
-            self.refuse(
-                key,
-                format!(
-                    "lists {} motors, this kind of machine has {M}",
-                    motors.len()
-                ),
-            )
-        })?;
+        let motors = <[usize; M]>::try_from(motors.as_slice())
+            .map_err(|_| self.refuse(key, format!("lists {} motors, this kind of machine has {M}", motors.len())))?;
         MotorMap::new(motors).map_err(|error| self.refuse(key, error))
     }
 
@@ -99,8 +78,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             .as_ref()
             .ok_or_else(|| self.refuse("c_link", "is missing; the simulation needs compliances"))?;
         let s = &self.simulation;
-        let home_q = (self.model.axes_at(&self.home_m()))
-            .map_err(|error| self.refuse("simulation.home_m", error))?;
+        let home_q = (self.model.axes_at(&self.home_m())).map_err(|error| self.refuse("simulation.home_m", error))?;
         let parameters = SimulationParameters {
             seed: s.seed,
             spring_deviation: s.spring_deviation,

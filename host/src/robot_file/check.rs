@@ -37,17 +37,13 @@ pub(super) fn syntax(text: &str, error: &toml::de::Error) -> Problem {
     let line = text.get(line_start..).and_then(|rest| rest.lines().next());
     let section = (before.lines().chain(line))
         .filter_map(|line| line.trim().strip_prefix('[')?.strip_suffix(']'))
-        .rfind(|name| {
-            name.chars()
-                .all(|c| c.is_alphanumeric() || "._".contains(c))
-        });
+        .rfind(|name| name.chars().all(|c| c.is_alphanumeric() || "._".contains(c)));
     // A missing key has no line of its own, the others have.
     let quoted = reason.split('`').nth(1);
     let key = if reason.starts_with("missing field") || reason.starts_with("unknown field") {
         quoted
     } else {
-        (before.lines().chain(line).rev())
-            .find_map(|line| line.split_once('=').map(|(key, _)| key.trim()))
+        (before.lines().chain(line).rev()).find_map(|line| line.split_once('=').map(|(key, _)| key.trim()))
     };
     let key = match (section, key) {
         (Some(section), Some(key)) if key != section => format!("{section}.{key}"),
@@ -76,11 +72,8 @@ pub(super) fn travel_in_q<const N: usize>(
     lengths_m: &[Option<f64>; N],
 ) -> Result<[(f64, f64); N], Problem> {
     let mut travel = [(0.0, 0.0); N];
-    for (index, ((entry, length), (metres, [lower, upper]))) in travel
-        .iter_mut()
-        .zip(lengths_m)
-        .zip(axes.metres_per_q.iter().zip(&axes.nominal_travel_m))
-        .enumerate()
+    for (index, ((entry, length), (metres, [lower, upper]))) in
+        travel.iter_mut().zip(lengths_m).zip(axes.metres_per_q.iter().zip(&axes.nominal_travel_m)).enumerate()
     {
         let key = format!("axes.metres_per_q[{index}]");
         range(&key, *metres, 1e-6, 1e3)?;
@@ -100,8 +93,7 @@ pub(super) fn limits<const N: usize>(axes: &Axes<N>) -> Result<[AxisLimits; N], 
     for index in 0..N {
         limits.push(axis(axes, index)?);
     }
-    <[AxisLimits; N]>::try_from(limits)
-        .map_err(|_| Problem::new("axes", "has another number of axes"))
+    <[AxisLimits; N]>::try_from(limits).map_err(|_| Problem::new("axes", "has another number of axes"))
 }
 
 fn axis<const N: usize>(axes: &Axes<N>, index: usize) -> Result<AxisLimits, Problem> {
@@ -175,15 +167,9 @@ fn pick<T: Copy>(values: &[T], index: usize, refused: T) -> T {
     values.get(index).copied().unwrap_or(refused)
 }
 
-fn travel(
-    key: &str,
-    ends_m: &[[f64; 2]],
-    index: usize,
-) -> Result<(PositionNm, PositionNm), Problem> {
+fn travel(key: &str, ends_m: &[[f64; 2]], index: usize) -> Result<(PositionNm, PositionNm), Problem> {
     let [lower, upper] = pick(ends_m, index, [f64::NAN; 2]);
-    let cross = |value| {
-        PositionNm::from_metres(Metres(value)).map_err(|error| Problem::new(key, error.to_string()))
-    };
+    let cross = |value| PositionNm::from_metres(Metres(value)).map_err(|error| Problem::new(key, error.to_string()));
     let (lower, upper) = (cross(lower)?, cross(upper)?);
     if lower > upper {
         return Err(Problem::new(key, "has its lower end above its upper end"));
@@ -193,8 +179,8 @@ fn travel(
 
 /// Converts micrometres that are a whole number of nanometres.
 fn whole_nm(key: &str, value_um: f64) -> Result<i32, Problem> {
-    let crossed = OffsetNm::from_metres(Metres(value_um * 1e-6))
-        .map_err(|error| Problem::new(key, error.to_string()))?;
+    let crossed =
+        OffsetNm::from_metres(Metres(value_um * 1e-6)).map_err(|error| Problem::new(key, error.to_string()))?;
     if (f64::from(crossed.0) - value_um * 1e3).abs() > WHOLE_NM_TOLERANCE {
         return Err(Problem::new(key, "must be a whole number of nanometres"));
     }
@@ -204,22 +190,13 @@ fn whole_nm(key: &str, value_um: f64) -> Result<i32, Problem> {
 pub(super) fn motors(motors: &Motors, axes: usize) -> Result<(), Problem> {
     let key = "motors.axis_of_motor";
     if motors.axis_of_motor.len() > MAX_MOTORS {
-        return Err(Problem::new(
-            key,
-            format!("has more than {MAX_MOTORS} motors"),
-        ));
+        return Err(Problem::new(key, format!("has more than {MAX_MOTORS} motors")));
     }
     if let Some(axis) = motors.axis_of_motor.iter().find(|axis| **axis >= axes) {
-        return Err(Problem::new(
-            key,
-            format!("names axis {axis} of {axes}, counted from 0"),
-        ));
+        return Err(Problem::new(key, format!("names axis {axis} of {axes}, counted from 0")));
     }
     match (0..axes).find(|axis| !motors.axis_of_motor.contains(axis)) {
-        Some(axis) => Err(Problem::new(
-            key,
-            format!("leaves axis {axis} without a motor"),
-        )),
+        Some(axis) => Err(Problem::new(key, format!("leaves axis {axis} without a motor"))),
         None => Ok(()),
     }
 }
@@ -242,12 +219,7 @@ pub(super) fn simulation(simulation: &Simulation) -> Result<(), Problem> {
     range("simulation.spring_deviation", s.spring_deviation, 0.0, 0.9)?;
     range("simulation.force_noise_n", s.force_noise_n, 0.0, 1e3)?;
     range("simulation.moment_noise_nm", s.moment_noise_nm, 0.0, 1e3)?;
-    range(
-        "simulation.gauge_resolution_m",
-        s.gauge_resolution_m,
-        1e-9,
-        1e-3,
-    )?;
+    range("simulation.gauge_resolution_m", s.gauge_resolution_m, 1e-9, 1e-3)?;
     range("simulation.jump_force_n", s.jump_force_n, 1.0, 1e5)?;
     range("simulation.jump_gap_m", s.jump_gap_m, 0.0, 1e-2)
 }

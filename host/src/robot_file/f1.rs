@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Deserializer};
 
 use super::{
-    Axes, Client, Motors, Problem, RobotFile, Sections, Sensor, Simulation, branch, branches,
-    check, compliances, robot_problem,
+    Axes, Client, Motors, Problem, RobotFile, Sections, Sensor, Simulation, branch, branches, check, compliances,
+    robot_problem,
 };
 use crate::model::F1;
 
@@ -67,10 +67,7 @@ pub(super) fn read(name: &str, text: &str) -> Result<RobotFile<F1, { f1::AXES }>
         configuration: branches(toml.c)?,
         turn_axis: Vector3::from(toml.ax),
         tilt_axis: Vector3::from(toml.ax6),
-        turn_signs: [
-            branch("sigma4", toml.sigma4)?,
-            branch("sigma5", toml.sigma5)?,
-        ],
+        turn_signs: [branch("sigma4", toml.sigma4)?, branch("sigma5", toml.sigma5)?],
         travel: Some(travel),
     })
     .map_err(|error| robot_problem(error, "c_act"))?;

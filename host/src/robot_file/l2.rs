@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 
 use super::{
-    Axes, Client, Motors, Problem, RobotFile, Sections, Sensor, Simulation, branch, branches,
-    check, compliances, robot_problem,
+    Axes, Client, Motors, Problem, RobotFile, Sections, Sensor, Simulation, branch, branches, check, compliances,
+    robot_problem,
 };
 use crate::model::L2;
 
@@ -45,10 +45,7 @@ pub(super) fn read(name: &str, text: &str) -> Result<RobotFile<L2, { l2::AXES }>
         guideways: toml.v.map(Vector3::from),
         platform_joints_m: toml.b.map(Vector3::from),
         lengths_m: toml.l,
-        configuration: l2::Configuration {
-            inverse: branches(toml.c)?,
-            forward: branch("cf", toml.cf)?,
-        },
+        configuration: l2::Configuration { inverse: branches(toml.c)?, forward: branch("cf", toml.cf)? },
         travel: Some(travel),
     })
     .map_err(|error| robot_problem(error, "c_cart"))?;

@@ -7,9 +7,7 @@ use serde::{Deserialize, Deserializer};
 use super::matrix;
 
 /// Reads one entry per axis. serde reads arrays of a fixed length, not of a generic one.
-fn each<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
-    deserializer: D,
-) -> Result<[T; N], D::Error> {
+fn each<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(deserializer: D) -> Result<[T; N], D::Error> {
     let entries = Vec::deserialize(deserializer)?;
     entries.try_into().map_err(|entries: Vec<T>| {
         let count = entries.len();

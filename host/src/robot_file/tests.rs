@@ -32,23 +32,15 @@ fn the_built_in_machine_is_the_vectors_machine() {
         serde_json::from_value::<Vec<[f64; 3]>>(value).unwrap()
     };
     let geometry = file.model.kinematics().robot().geometry();
-    for (key, ours) in [
-        ("A0", geometry.cart_joints_m.as_slice()),
-        ("V", &geometry.guideways),
-        ("b", &geometry.platform_joints_m),
-    ] {
+    for (key, ours) in
+        [("A0", geometry.cart_joints_m.as_slice()), ("V", &geometry.guideways), ("b", &geometry.platform_joints_m)]
+    {
         let theirs: Vec<_> = numbers(key).into_iter().map(Vector3::from).collect();
         assert_eq!(theirs, ours, "{key}");
     }
     let compliances = file.compliances.unwrap();
     let links: [f64; LINKS] = serde_json::from_value(vectors["c_link"].clone()).unwrap();
-    assert!(
-        compliances
-            .link_m_per_n()
-            .iter()
-            .zip(&links)
-            .all(|(a, b)| a.to_bits() == b.to_bits())
-    );
+    assert!(compliances.link_m_per_n().iter().zip(&links).all(|(a, b)| a.to_bits() == b.to_bits()));
     assert_eq!(file.limits[0].position.ramp, 100);
     let q = file.model.axes_at(&file.home_m()).unwrap();
     for (q, said) in q.iter().zip([0.6245, -0.6964, 0.6690]) {
@@ -61,18 +53,9 @@ fn the_checksum_sees_the_kinematics_and_nothing_else() {
     let checksum = |text: &str| RobotFile::l2("x", text).unwrap().model.checksum();
     let ours = checksum(L2_TEXT);
     assert_eq!(ours, checksum(&L2_TEXT.replace("gain = 1.0", "gain = 0.5")));
-    assert_eq!(
-        ours,
-        checksum(&L2_TEXT.replace("0.0, 0.0],\n    [1.0", "-0.0, 0.0],\n    [1.0"))
-    );
-    assert_ne!(
-        ours,
-        checksum(&L2_TEXT.replace("L = [1.0, 1.1", "L = [1.0, 1.1000000000000003"))
-    );
-    assert_ne!(
-        ours,
-        checksum(&L2_TEXT.replace("L = [1.0, 1.1", "L = [1.0, 1.2"))
-    );
+    assert_eq!(ours, checksum(&L2_TEXT.replace("0.0, 0.0],\n    [1.0", "-0.0, 0.0],\n    [1.0")));
+    assert_ne!(ours, checksum(&L2_TEXT.replace("L = [1.0, 1.1", "L = [1.0, 1.1000000000000003")));
+    assert_ne!(ours, checksum(&L2_TEXT.replace("L = [1.0, 1.1", "L = [1.0, 1.2")));
 }
 
 #[test]
@@ -95,71 +78,19 @@ fn every_error_names_its_key() {
         ("gain = 1.0", "gain = \"one\"", "client.gain"),
         ("gain = 1.0", "gain = ", "client.gain"),
         ("seed = 2013", "seed = -1", "simulation.seed"),
-        (
-            "home_m = [0.0, 0.5, 0.65]",
-            "home_m = [0.0, 9.5, 0.65]",
-            "simulation.home_m",
-        ),
-        (
-            "home_m = [0.0, 0.5, 0.65]",
-            "home_m = [0.0, 0.5]",
-            "simulation.home_m",
-        ),
-        (
-            "metres_per_q = [1.0",
-            "metres_per_q = [2.0",
-            "axes.metres_per_q[0]",
-        ),
-        (
-            "ramp_um = [0.1",
-            "ramp_um = [0.1005",
-            "axes.position.ramp_um[0]",
-        ),
-        (
-            "ramp_um = [0.1",
-            "ramp_um = [0.0",
-            "axes.position.ramp_um[0]",
-        ),
-        (
-            "accel_um = [10.0",
-            "accel_um = [5.05",
-            "axes.position.accel_um[0]",
-        ),
-        (
-            "max_um = [2000.0",
-            "max_um = [1e300",
-            "axes.position.max_um[0]",
-        ),
-        (
-            "max_um = [2000.0",
-            "max_um = [10001",
-            "axes.nominal_travel_m[0]",
-        ),
-        (
-            "[[-0.51, 2.01]",
-            "[[2.01, -0.51]",
-            "axes.machine_travel_m[0]",
-        ),
-        (
-            "max_permille = [50",
-            "max_permille = [-1",
-            "axes.torque.max_permille[0]",
-        ),
-        (
-            "max_permille = [50",
-            "max_permille = [99999",
-            "axes.torque.max_permille",
-        ),
-        (
-            "axis_of_motor = [0, 1, 2]",
-            "axis_of_motor = [0, 1, 1]",
-            "motors.axis_of_motor",
-        ),
-        (
-            "axis_of_motor = [0, 1, 2]",
-            "axis_of_motor = [0, 1, 3]",
-            "motors.axis_of_motor",
-        ),
+        ("home_m = [0.0, 0.5, 0.65]", "home_m = [0.0, 9.5, 0.65]", "simulation.home_m"),
+        ("home_m = [0.0, 0.5, 0.65]", "home_m = [0.0, 0.5]", "simulation.home_m"),
+        ("metres_per_q = [1.0", "metres_per_q = [2.0", "axes.metres_per_q[0]"),
+        ("ramp_um = [0.1", "ramp_um = [0.1005", "axes.position.ramp_um[0]"),
+        ("ramp_um = [0.1", "ramp_um = [0.0", "axes.position.ramp_um[0]"),
+        ("accel_um = [10.0", "accel_um = [5.05", "axes.position.accel_um[0]"),
+        ("max_um = [2000.0", "max_um = [1e300", "axes.position.max_um[0]"),
+        ("max_um = [2000.0", "max_um = [10001", "axes.nominal_travel_m[0]"),
+        ("[[-0.51, 2.01]", "[[2.01, -0.51]", "axes.machine_travel_m[0]"),
+        ("max_permille = [50", "max_permille = [-1", "axes.torque.max_permille[0]"),
+        ("max_permille = [50", "max_permille = [99999", "axes.torque.max_permille"),
+        ("axis_of_motor = [0, 1, 2]", "axis_of_motor = [0, 1, 1]", "motors.axis_of_motor"),
+        ("axis_of_motor = [0, 1, 2]", "axis_of_motor = [0, 1, 3]", "motors.axis_of_motor"),
         ("[0.0, -1.0, 0.0]", "[0.0, 1.0, 0.0]", "sensor.rotation"),
         ("cutoff_hz = 20.0", "cutoff_hz = inf", "sensor.cutoff_hz"),
     ] {
@@ -167,10 +98,7 @@ fn every_error_names_its_key() {
         assert_eq!(error.key, key, "{error}");
     }
     let error = AnyRobotFile::load("no/such/robot.toml").unwrap_err();
-    assert!(
-        error.to_string().starts_with("no/such/robot.toml: "),
-        "{error}"
-    );
+    assert!(error.to_string().starts_with("no/such/robot.toml: "), "{error}");
 }
 
 #[test]
@@ -197,10 +125,7 @@ fn the_built_in_six_axis_machine_is_the_vectors_machine() {
         assert_eq!(Vector3::from(theirs), axis, "{key}");
     }
     let lengths: [f64; LINKS] = serde_json::from_value(machine["L"].clone()).unwrap();
-    assert_eq!(
-        geometry.lengths_m.map(f64::to_bits),
-        lengths.map(f64::to_bits)
-    );
+    assert_eq!(geometry.lengths_m.map(f64::to_bits), lengths.map(f64::to_bits));
     let signs = |key: &str| machine[key].as_f64().unwrap();
     assert_eq!(
         geometry.turn_signs.map(|sign| sign.sign().to_bits()),
@@ -230,19 +155,11 @@ fn every_error_of_six_axes_names_its_key() {
         ("ax6 = [0.0, 1.0, 0.0]", "ax6 = [0.0, 0.0, 0.0]", "ax6[0]"),
         ("ax = [0.0, 0.0, 1.0]", "ax = [0.0, 0.0]", "ax"),
         ("L = [1.7, 1.7, 1.7, 1.7, 1.7, 1.7]", "L = [1.7, 1.7]", "L"),
-        (
-            "L = [1.7, 1.7, 1.7, 1.7, 1.7, 1.7]",
-            "L = [1.7, 1.7, -1.0]",
-            "L[3]",
-        ),
+        ("L = [1.7, 1.7, 1.7, 1.7, 1.7, 1.7]", "L = [1.7, 1.7, -1.0]", "L[3]"),
         ("c_act = [4.2081e-6", "c_act = [-4.2081e-6", "c_act[0]"),
         ("c_act = [", "# c_act = [", "c_act"),
         ("c_act = [", "c_cart = [", "c_cart"),
-        (
-            "metres_per_q = [1.0",
-            "metres_per_q = [1.1",
-            "axes.metres_per_q[0]",
-        ),
+        ("metres_per_q = [1.0", "metres_per_q = [1.1", "axes.metres_per_q[0]"),
         ("0.1, 0.1, 0.1]", "0.1, 0.1, 0.0]", "axes.metres_per_q[5]"),
         ("max_um = [4000.0, ", "max_um = [", "axes.position.max_um"),
         (

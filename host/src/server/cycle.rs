@@ -77,16 +77,11 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         listen: impl Into<Listen>,
     ) -> Result<Self, ServerError> {
         let listen = listen.into();
-        let connections = Connections::bind(&listen)
-            .map_err(|error| ServerError::listen(listen.address, &error))?;
+        let connections = Connections::bind(&listen).map_err(|error| ServerError::listen(listen.address, &error))?;
         let offsets = plant.offsets_in_force().map_err(ServerError::Plant)?;
         let last_reading = plant.read(1).map_err(ServerError::Plant)?;
-        let start = Start {
-            in_force: in_force(&last_reading.nominal, offsets),
-            stop_latched: false,
-        };
-        let session =
-            Session::new(config, &start).map_err(|error| ServerError::Start(error.to_string()))?;
+        let start = Start { in_force: in_force(&last_reading.nominal, offsets), stop_latched: false };
+        let session = Session::new(config, &start).map_err(|error| ServerError::Start(error.to_string()))?;
         Ok(Self {
             endpoint: Box::new(Endpoint::new(session, motors, epochs)),
             connections,
@@ -228,21 +223,13 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             return LastWrite::Accepted;
         }
         match self.plant.offsets_in_force() {
-            Ok(offsets) => LastWrite::Refused {
-                in_force: in_force(&self.nominal_in_force, offsets),
-            },
+            Ok(offsets) => LastWrite::Refused { in_force: in_force(&self.nominal_in_force, offsets) },
             Err(_) => LastWrite::Unknown,
         }
     }
 
     /// Summarises the tick that has just run.
-    fn row(
-        &self,
-        reading: &Reading<N>,
-        elapsed: u32,
-        round_trip_us: Option<u32>,
-        read_failed: bool,
-    ) -> Row<N> {
+    fn row(&self, reading: &Reading<N>, elapsed: u32, round_trip_us: Option<u32>, read_failed: bool) -> Row<N> {
         #[expect(clippy::expect_used, reason = "a tick always leaves its output")]
         let output = self.endpoint.output().expect("a tick has run");
         Row {
@@ -289,10 +276,7 @@ mod tests {
     use crate::sim::machine::SimulatedMachine;
     use crate::sim::parameters::Motion;
 
-    const FAILED: PlantError = PlantError {
-        operation: "answer",
-        reason: "the cable is pulled",
-    };
+    const FAILED: PlantError = PlantError { operation: "answer", reason: "the cable is pulled" };
 
     struct Faulty {
         machine: SimulatedMachine<3, 3>,
@@ -337,20 +321,14 @@ mod tests {
         let cycle = Cycle::new(config, motors, plant, EpochRange::VOLATILE, listen);
         let mut cycle = cycle.unwrap().with_black_box(sender);
         let released = Demands::default();
-        let rearm = Demands {
-            rearm: true,
-            ..released
-        };
+        let rearm = Demands { rearm: true, ..released };
         assert!(!cycle.step(1, released).plant_failed);
         cycle.plant.write_fails = true;
         assert!(cycle.step(1, released).plant_failed);
         // The machine takes references again, but nothing is written before its offsets are known.
         (cycle.plant.write_fails, cycle.plant.offsets_fail) = (false, true);
         let row = cycle.step(1, released);
-        assert_eq!(
-            (row.state.phase, row.ended),
-            (Phase::Fault, Some(Cause::Stop))
-        );
+        assert_eq!((row.state.phase, row.ended), (Phase::Fault, Some(Cause::Stop)));
         assert!((0..3).all(|_| cycle.step(1, rearm).plant_failed));
         assert_eq!(cycle.plant.writes, 1);
         cycle.plant.offsets_fail = false;

@@ -14,11 +14,7 @@ pub struct EventLog {
 
 impl Default for EventLog {
     fn default() -> Self {
-        Self {
-            phase: Phase::Listening,
-            counters: Counters::default(),
-            plant_failed: false,
-        }
+        Self { phase: Phase::Listening, counters: Counters::default(), plant_failed: false }
     }
 }
 
@@ -60,12 +56,7 @@ impl EventLog {
         let summary = format!(
             "tick {tick}: session ended (epoch {epoch}): {text}; {left} ticks of ramp left; \
              {} received, {} missed, {} late, {} duplicate, {} stale, {} malformed",
-            counts.received,
-            counts.missed,
-            counts.late,
-            counts.duplicate,
-            counts.stale,
-            counts.malformed
+            counts.received, counts.missed, counts.late, counts.duplicate, counts.stale, counts.malformed
         );
         match cause {
             Cause::Goodbye | Cause::Stop => tracing::info!("{summary}"),
@@ -77,29 +68,18 @@ impl EventLog {
     fn log_counters(&mut self, tick: u64, now: &Counters) {
         type Of = fn(&Counters) -> u32;
         let texts: [(Of, _); 8] = [
-            (
-                |c| c.missed,
-                "no fresh valid command before a deadline (or the server skipped it)",
-            ),
+            (|c| c.missed, "no fresh valid command before a deadline (or the server skipped it)"),
             (|c| c.late, "a command came late"),
             (|c| c.duplicate, "a command came twice"),
             (|c| c.stale, "a frame of another epoch, sequence or tick"),
-            (
-                |c| c.malformed,
-                "a frame with bad content, or not allowed in this phase",
-            ),
+            (|c| c.malformed, "a frame with bad content, or not allowed in this phase"),
             (|c| c.out_of_range, "a target beyond its limit"),
             (|c| c.clamped, "a reference was clamped to the travel"),
-            (
-                |c| c.non_owner,
-                "frames from a connection that does not own the session",
-            ),
+            (|c| c.non_owner, "frames from a connection that does not own the session"),
         ];
         for (of, text) in texts {
             if of(&self.counters) == 0 && of(now) > 0 {
-                tracing::info!(
-                    "tick {tick}: {text}; further ones of this session are only counted"
-                );
+                tracing::info!("tick {tick}: {text}; further ones of this session are only counted");
             }
         }
         self.counters = *now;

@@ -46,9 +46,7 @@ impl ServerError {
     #[must_use]
     pub fn listen(address: SocketAddr, error: &io::Error) -> Self {
         let reason = match error.kind() {
-            io::ErrorKind::AddrInUse => {
-                "the port is in use; is another server running? (--listen, --sensor)"
-            }
+            io::ErrorKind::AddrInUse => "the port is in use; is another server running? (--listen, --sensor)",
             io::ErrorKind::PermissionDenied => "permission denied; choose a port above 1023",
             io::ErrorKind::AddrNotAvailable => "this computer does not have that address",
             _ => &error.to_string(),
@@ -107,9 +105,7 @@ impl Controls {
 
     /// True if the next tick must not wait for the client.
     fn is_urgent(&self) -> bool {
-        [&self.quit, &self.stop, &self.stop_pressed]
-            .iter()
-            .any(|switch| switch.load(Ordering::Relaxed))
+        [&self.quit, &self.stop, &self.stop_pressed].iter().any(|switch| switch.load(Ordering::Relaxed))
     }
 
     /// True if the stop is held, or was pressed since the last tick.
@@ -156,11 +152,7 @@ impl<const N: usize> Server<N> {
             .name("cycle".to_owned())
             .spawn(move || tick_source::run(cycle, ticks, &switches, rows))
             .map_err(thread_error)?;
-        let server = Self {
-            address,
-            controls,
-            thread,
-        };
+        let server = Self { address, controls, thread };
         Ok((server, observer))
     }
 
@@ -206,9 +198,6 @@ mod tests {
         // It stands until the ramp is done and the server listens.
         assert!(controls.take_rearm(Phase::Fault) && controls.take_rearm(Phase::Fault));
         controls.press_stop();
-        assert!(
-            !controls.take_rearm(Phase::Fault),
-            "a new stop takes it back"
-        );
+        assert!(!controls.take_rearm(Phase::Fault), "a new stop takes it back");
     }
 }

@@ -57,10 +57,7 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
         cycle.receive();
         let quit = controls.quit.load(Ordering::Relaxed);
         let stopped = controls.take_stop();
-        let demands = Demands {
-            stop: quit || stopped,
-            rearm: controls.take_rearm(cycle.phase()),
-        };
+        let demands = Demands { stop: quit || stopped, rearm: controls.take_rearm(cycle.phase()) };
         let row = cycle.step(elapsed, demands);
         state_left_ns = now_ns();
         if rows.push(row).is_err() {
@@ -132,10 +129,7 @@ fn wait_for_answer<const N: usize, const M: usize, P: Plant<N, M>>(
     }
 }
 
-fn note_round_trip<const N: usize, const M: usize, P: Plant<N, M>>(
-    cycle: &mut Cycle<N, M, P>,
-    state_left_ns: u64,
-) {
+fn note_round_trip<const N: usize, const M: usize, P: Plant<N, M>>(cycle: &mut Cycle<N, M, P>, state_left_ns: u64) {
     let passed_us = now_ns().saturating_sub(state_left_ns) / 1_000;
     cycle.note_round_trip(u32::try_from(passed_us).unwrap_or(u32::MAX));
 }

@@ -22,10 +22,7 @@ pub struct Backlash {
 
 impl Backlash {
     /// Joint without backlash.
-    pub const NONE: Self = Self {
-        gap_m: 0.0,
-        preload_n: 0.0,
-    };
+    pub const NONE: Self = Self { gap_m: 0.0, preload_n: 0.0 };
 
     /// Backlash of `gap_m` metres, closed by `preload_n` newtons: the sum of the tensions of cluster 3 caused by weight alone.
     /// `None` when the preload is too small to keep it closed at rest.

@@ -132,9 +132,7 @@ impl Drive {
 ///
 /// # Errors
 /// [`CrossingError`] if the axis has run out of the range of positions, or has no motor.
-pub fn report<'a>(
-    drives: impl Iterator<Item = &'a Drive> + Clone,
-) -> Result<Actual, CrossingError> {
+pub fn report<'a>(drives: impl Iterator<Item = &'a Drive> + Clone) -> Result<Actual, CrossingError> {
     let mean = |of: fn(&Drive) -> f64| mean(drives.clone().map(of));
     Ok(Actual {
         position: PositionNm::from_metres(Metres(mean(|drive| drive.position_m)))?,
@@ -154,11 +152,7 @@ mod tests {
     use super::*;
 
     fn reference(nm: i64) -> Reference {
-        Reference {
-            position: PositionNm(nm),
-            velocity_offset: Default::default(),
-            torque_offset: Default::default(),
-        }
+        Reference { position: PositionNm(nm), velocity_offset: Default::default(), torque_offset: Default::default() }
     }
 
     fn error_nm(drive: &Drive, nm: i64) -> i64 {
@@ -194,11 +188,7 @@ mod tests {
         let mut worst = 0;
         for cycle in 1..1000_i64 {
             // Up to 0.5 m/s, at 2 m/s^2.
-            let nm = if cycle < 250 {
-                cycle * cycle * 1000
-            } else {
-                250 * 250 * 1000 + (cycle - 250) * 500_000
-            };
+            let nm = if cycle < 250 { cycle * cycle * 1000 } else { 250 * 250 * 1000 + (cycle - 250) * 500_000 };
             drive.command(&reference(nm));
             drive.advance(0.0);
             worst = worst.max(error_nm(&drive, nm));
@@ -210,10 +200,7 @@ mod tests {
     #[test]
     fn the_position_loop_absorbs_a_torque_offset() {
         let mut drive = Drive::at_rest(&reference(0));
-        let pushed = Reference {
-            torque_offset: TorquePermille(200),
-            ..reference(0)
-        };
+        let pushed = Reference { torque_offset: TorquePermille(200), ..reference(0) };
         drive.command(&pushed);
         for _ in 0..100 {
             drive.advance(0.0);
@@ -225,10 +212,7 @@ mod tests {
     #[test]
     fn a_velocity_offset_shifts_by_one_over_the_gain() {
         let mut drive = Drive::at_rest(&reference(0));
-        drive.command(&Reference {
-            velocity_offset: VelocityUmS(150),
-            ..reference(0)
-        });
+        drive.command(&Reference { velocity_offset: VelocityUmS(150), ..reference(0) });
         for _ in 0..200 {
             drive.advance(0.0);
         }

@@ -73,13 +73,9 @@ impl fmt::Display for ElasticError {
         match self {
             Self::NotFinite => f.write_str("axes, load or start pose are not finite"),
             Self::Singular => f.write_str("the links cannot carry a load in this pose"),
-            Self::NotConverged {
-                iterations,
-                residual_m,
-            } => write!(
-                f,
-                "no equilibrium after {iterations} steps, length error {residual_m:e} m"
-            ),
+            Self::NotConverged { iterations, residual_m } => {
+                write!(f, "no equilibrium after {iterations} steps, length error {residual_m:e} m")
+            }
         }
     }
 }
@@ -98,13 +94,7 @@ impl<const N: usize> Equilibrium<N> {
     /// Returns a start for the search: at `pose`, with nothing loaded.
     #[must_use]
     pub fn unloaded(pose: Pose) -> Self {
-        Self {
-            pose,
-            tensions_n: Vector6::zeros(),
-            axis_loads: SVector::zeros(),
-            iterations: 0,
-            residual_m: 0.0,
-        }
+        Self { pose, tensions_n: Vector6::zeros(), axis_loads: SVector::zeros(), iterations: 0, residual_m: 0.0 }
     }
 
     /// Returns the sum of the tensions of links 31, 32, 33, newtons.
@@ -117,16 +107,8 @@ impl<const N: usize> Equilibrium<N> {
 impl<const N: usize> ElasticMachine<N> {
     /// Creates a machine with its *true* compliances.
     #[must_use]
-    pub const fn new(
-        geometry: f1::Geometry,
-        compliances: Compliances<N>,
-        backlash: Backlash,
-    ) -> Self {
-        Self {
-            geometry,
-            compliances,
-            backlash,
-        }
+    pub const fn new(geometry: f1::Geometry, compliances: Compliances<N>, backlash: Backlash) -> Self {
+        Self { geometry, compliances, backlash }
     }
 
     /// Returns the same machine with another backlash in the joint of arm 3.
@@ -174,30 +156,18 @@ impl<const N: usize> ElasticMachine<N> {
             let errors = self.length_errors(&motors, &now.pose, &tensions_n, &axis_loads);
             // Moving the platform by `step` shortens the links by W^T step.
             let step = inverse.transpose() * errors;
-            let axis_step =
-                self.displaced(&motors, &axis_loads) - self.displaced(&motors, &now.axis_loads);
-            now = Equilibrium {
-                tensions_n,
-                axis_loads,
-                iterations,
-                residual_m: errors.amax(),
-                ..now
-            };
+            let axis_step = self.displaced(&motors, &axis_loads) - self.displaced(&motors, &now.axis_loads);
+            now = Equilibrium { tensions_n, axis_loads, iterations, residual_m: errors.amax(), ..now };
             // `amax` overlooks NaN.
             if !step.iter().chain(axis_loads.iter()).all(|x| x.is_finite()) {
                 return Err(ElasticError::Singular);
             }
-            if step.amax().max(axis_step.amax()) < STEP_TOLERANCE
-                && now.residual_m < RESIDUAL_TOLERANCE_M
-            {
+            if step.amax().max(axis_step.amax()) < STEP_TOLERANCE && now.residual_m < RESIDUAL_TOLERANCE_M {
                 return Ok(now);
             }
             now.pose = moved(&now.pose, &step);
         }
-        Err(ElasticError::NotConverged {
-            iterations: MAX_ITERATIONS,
-            residual_m: now.residual_m,
-        })
+        Err(ElasticError::NotConverged { iterations: MAX_ITERATIONS, residual_m: now.residual_m })
     }
 
     /// Returns the axes behind their springs: `q_i + c_i tau_i`, q-units.
@@ -208,30 +178,20 @@ impl<const N: usize> ElasticMachine<N> {
     /// Returns the vector from platform joint to cart joint of one link (metres), and the latter.
     fn link(&self, link: usize, axes: &SVector<f64, N>, pose: &Pose) -> (Vector3<f64>, Joint<N>) {
         let joint = joint(&self.geometry, link, &(*axes).into());
-        let on_platform =
-            pose.translation_m + pose.rotation * self.geometry.platform_joints_m[link];
+        let on_platform = pose.translation_m + pose.rotation * self.geometry.platform_joints_m[link];
         (joint.place_m - on_platform, joint)
     }
 
     /// Returns `W` and `D` with the axes (not the motors) at `axes`.
     fn lines(&self, axes: &SVector<f64, N>, pose: &Pose) -> Lines<N> {
-        let mut lines = Lines {
-            matrix: Matrix6::zeros(),
-            drives: SMatrix::zeros(),
-        };
+        let mut lines = Lines { matrix: Matrix6::zeros(), drives: SMatrix::zeros() };
         for link in 0..LINKS {
             let (vector, joint) = self.link(link, axes, pose);
             let direction = vector.normalize();
             let lever = pose.rotation * self.geometry.platform_joints_m[link];
             let moment = lever.cross(&direction);
-            lines
-                .matrix
-                .fixed_view_mut::<3, 1>(0, link)
-                .copy_from(&direction);
-            lines
-                .matrix
-                .fixed_view_mut::<3, 1>(3, link)
-                .copy_from(&moment);
+            lines.matrix.fixed_view_mut::<3, 1>(0, link).copy_from(&direction);
+            lines.matrix.fixed_view_mut::<3, 1>(3, link).copy_from(&moment);
             for (axis, slope) in joint.slopes.iter().enumerate() {
                 lines.drives[(link, axis)] = direction.dot(slope);
             }
@@ -248,9 +208,7 @@ impl<const N: usize> ElasticMachine<N> {
         axis_loads: &SVector<f64, N>,
     ) -> Vector6<f64> {
         let axes = self.displaced(motors, axis_loads);
-        let play_m = self
-            .backlash
-            .elongation_m(tensions_n.fixed_rows::<3>(CLUSTER_3).sum());
+        let play_m = self.backlash.elongation_m(tensions_n.fixed_rows::<3>(CLUSTER_3).sum());
         Vector6::from_fn(|link, _| {
             let spring_m = self.compliances.link_m_per_n()[link] * tensions_n[link];
             let joint_m = if link >= CLUSTER_3 { play_m } else { 0.0 };
@@ -279,10 +237,7 @@ fn moved(pose: &Pose, step: &Vector6<f64>) -> Pose {
 
 fn is_finite(pose: &Pose) -> bool {
     let rotation = pose.rotation.coords.iter();
-    pose.translation_m
-        .iter()
-        .chain(rotation)
-        .all(|x| x.is_finite())
+    pose.translation_m.iter().chain(rotation).all(|x| x.is_finite())
 }
 
 #[cfg(test)]
@@ -293,10 +248,7 @@ mod tests {
     use nalgebra::Rotation3;
 
     fn pose_of(case: &fixture::Case) -> Pose {
-        Pose {
-            translation_m: Vector3::from(case.t),
-            rotation: UnitQuaternion::identity(),
-        }
+        Pose { translation_m: Vector3::from(case.t), rotation: UnitQuaternion::identity() }
     }
 
     /// Rigid joints, nominal compliances.
@@ -309,9 +261,7 @@ mod tests {
         for case in fixture::cases() {
             let mut away = pose_of(&case);
             away.translation_m += Vector3::new(0.02, -0.01, 0.015);
-            let found = machine()
-                .equilibrium(&case.q, &Vector6::zeros(), &Equilibrium::unloaded(away))
-                .unwrap();
+            let found = machine().equilibrium(&case.q, &Vector6::zeros(), &Equilibrium::unloaded(away)).unwrap();
             assert!((found.pose.translation_m - Vector3::from(case.t)).amax() < 1e-12);
             assert!(found.pose.rotation.angle() < 1e-12);
             assert!(found.iterations <= 8, "{} steps", found.iterations);
@@ -331,10 +281,7 @@ mod tests {
             let turn = (ahead.rotation * back.rotation.inverse()).scaled_axis() / (2.0 * scale);
             let expected = fixture::matrix6(&case.c_total) * Vector6::from(case.w);
             let found = Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z);
-            assert!(
-                (found - expected).amax() < 1e-6 * expected.amax(),
-                "{found} {expected}"
-            );
+            assert!((found - expected).amax() < 1e-6 * expected.amax(), "{found} {expected}");
         }
     }
 
@@ -421,14 +368,7 @@ mod tests {
             last = now;
         }
         let carts = machine.displaced(&Vector3::from(case.q), &last.axis_loads);
-        let stored = potential(
-            &machine,
-            &case.q,
-            &carts,
-            &last.pose,
-            &load,
-            &Vector6::zeros(),
-        );
+        let stored = potential(&machine, &case.q, &carts, &last.pose, &load, &Vector6::zeros());
         assert!((work - stored).abs() < 1e-5 * stored, "{work} {stored}");
     }
 
@@ -482,8 +422,7 @@ mod tests {
     fn says_why_there_is_no_result() {
         let case = &fixture::cases()[0];
         let start = Equilibrium::unloaded(pose_of(case));
-        let solve =
-            |carts: &[f64; 3], load: &Vector6<f64>| machine().equilibrium(carts, load, &start);
+        let solve = |carts: &[f64; 3], load: &Vector6<f64>| machine().equilibrium(carts, load, &start);
         let mut bad = Vector6::zeros();
         bad[4] = f64::NAN;
         assert_eq!(solve(&case.q, &bad), Err(ElasticError::NotFinite));
@@ -495,19 +434,12 @@ mod tests {
     }
 
     fn six() -> ElasticMachine<6> {
-        ElasticMachine::new(
-            fixture::six_links(),
-            fixture::six_compliances(),
-            Backlash::NONE,
-        )
+        ElasticMachine::new(fixture::six_links(), fixture::six_compliances(), Backlash::NONE)
     }
 
     fn pose_of_six(case: &fixture::SixCase) -> Pose {
         let rotation = Rotation3::from_matrix_unchecked(fixture::matrix3(&case.r));
-        Pose {
-            translation_m: Vector3::from(case.t),
-            rotation: UnitQuaternion::from_rotation_matrix(&rotation),
-        }
+        Pose { translation_m: Vector3::from(case.t), rotation: UnitQuaternion::from_rotation_matrix(&rotation) }
     }
 
     #[test]
@@ -515,9 +447,7 @@ mod tests {
         for case in fixture::six_cases() {
             let there = pose_of_six(&case);
             let away = moved(&there, &Vector6::new(0.02, -0.01, 0.015, 0.02, 0.01, -0.03));
-            let found = six()
-                .equilibrium(&case.q, &Vector6::zeros(), &Equilibrium::unloaded(away))
-                .unwrap();
+            let found = six().equilibrium(&case.q, &Vector6::zeros(), &Equilibrium::unloaded(away)).unwrap();
             assert!((found.pose.translation_m - there.translation_m).amax() < 1e-11);
             assert!(found.pose.rotation.angle_to(&there.rotation) < 1e-11);
         }

@@ -28,9 +28,7 @@ impl ForceSensor {
     ///
     /// # Errors
     /// [`SimulationError`] if the rotation is not one, or a number is not finite, too large, or a negative noise.
-    pub fn new<const N: usize>(
-        parameters: &SimulationParameters<N>,
-    ) -> Result<Self, SimulationError> {
+    pub fn new<const N: usize>(parameters: &SimulationParameters<N>) -> Result<Self, SimulationError> {
         check("force_noise_n", parameters.force_noise_n, 0.0, 1e6)?;
         check("moment_noise_nm", parameters.moment_noise_nm, 0.0, 1e6)?;
         for component in &parameters.sensor_bias {
@@ -43,9 +41,7 @@ impl ForceSensor {
         let product = rotation * rotation.transpose() - Matrix3::identity();
         let orthonormal = product.iter().all(|x| x.abs() < 1e-9);
         if !(orthonormal && rotation.determinant() > 0.0) {
-            return Err(SimulationError::NotARotation {
-                parameter: "sensor_rotation",
-            });
+            return Err(SimulationError::NotARotation { parameter: "sensor_rotation" });
         }
         let mut random = ChaCha8Rng::seed_from_u64(parameters.seed);
         random.set_stream(NOISE_STREAM);
@@ -136,18 +132,10 @@ mod tests {
 
     #[test]
     fn refuses_a_mirror_and_negative_noise() {
-        let mirrored = SimulationParameters {
-            sensor_rotation: -Matrix3::identity(),
-            ..parameters()
-        };
-        let reason = SimulationError::NotARotation {
-            parameter: "sensor_rotation",
-        };
+        let mirrored = SimulationParameters { sensor_rotation: -Matrix3::identity(), ..parameters() };
+        let reason = SimulationError::NotARotation { parameter: "sensor_rotation" };
         assert_eq!(ForceSensor::new(&mirrored).err(), Some(reason));
-        let noisy = SimulationParameters {
-            force_noise_n: -1.0,
-            ..parameters()
-        };
+        let noisy = SimulationParameters { force_noise_n: -1.0, ..parameters() };
         assert!(ForceSensor::new(&noisy).is_err());
     }
 }

@@ -33,21 +33,8 @@ impl<const N: usize> Interpolator<N> {
     /// # Errors
     /// [`SimulationError::OutOfRange`] naming the waypoints, the speed or the acceleration.
     pub fn new(home_m: [f64; N], motion: &Motion<N>) -> Result<Self, SimulationError> {
-        let mut this = Self {
-            stops_m: vec![home_m],
-            legs: Vec::new(),
-            dwell: 0,
-            leg: 0,
-            backwards: false,
-            cycle: 0,
-        };
-        if let Motion::BackAndForth {
-            waypoints_m,
-            speed_m_per_s,
-            acceleration_m_per_s2,
-            dwell_cycles,
-        } = motion
-        {
+        let mut this = Self { stops_m: vec![home_m], legs: Vec::new(), dwell: 0, leg: 0, backwards: false, cycle: 0 };
+        if let Motion::BackAndForth { waypoints_m, speed_m_per_s, acceleration_m_per_s2, dwell_cycles } = motion {
             check("speed_m_per_s", *speed_m_per_s, 1e-6, 10.0)?;
             check("acceleration_m_per_s2", *acceleration_m_per_s2, 1e-6, 1e3)?;
             // A day's dwell is long enough; sums of cycles stay far inside u32.
@@ -71,11 +58,9 @@ impl<const N: usize> Interpolator<N> {
     /// Returns the present axis positions, metres.
     #[must_use]
     pub fn position_m(&self) -> [f64; N] {
-        let (Some(cycles), Some(near), Some(far)) = (
-            self.legs.get(self.leg),
-            self.stops_m.get(self.leg),
-            self.stops_m.get(self.leg + 1),
-        ) else {
+        let (Some(cycles), Some(near), Some(far)) =
+            (self.legs.get(self.leg), self.stops_m.get(self.leg), self.stops_m.get(self.leg + 1))
+        else {
             // Without a leg the position holds.
             return self.stops_m.first().copied().unwrap_or([0.0; N]);
         };
@@ -105,11 +90,7 @@ impl<const N: usize> Interpolator<N> {
 }
 
 fn too_many() -> SimulationError {
-    SimulationError::OutOfRange {
-        parameter: "number of waypoints_m",
-        lower: 0.0,
-        upper: 1e5,
-    }
+    SimulationError::OutOfRange { parameter: "number of waypoints_m", lower: 0.0, upper: 1e5 }
 }
 
 /// Cycles that keep every axis below the speed and the acceleration, at least one.
@@ -126,9 +107,7 @@ fn leg_cycles<const N: usize>(
     }
     let by_speed_s = PEAK_SPEED * longest_m / speed_m_per_s;
     let by_acceleration_s = (PEAK_ACCELERATION * longest_m / acceleration_m_per_s2).sqrt();
-    let cycles = (by_speed_s.max(by_acceleration_s) * CYCLES_PER_SECOND)
-        .ceil()
-        .max(1.0);
+    let cycles = (by_speed_s.max(by_acceleration_s) * CYCLES_PER_SECOND).ceil().max(1.0);
     check("cycles between waypoints_m", cycles, 1.0, MAX_LEG_CYCLES)?;
     let whole = nearest(cycles).unwrap_or(i64::MAX);
     Ok(u32::try_from(whole).unwrap_or(u32::MAX / 2))

@@ -69,9 +69,7 @@ pub struct AppliedLoad {
 #[must_use]
 pub fn load_generator() -> (LoadGenerator, AppliedLoad) {
     let shared = Arc::new(Shared::default());
-    let generator = LoadGenerator {
-        shared: Arc::clone(&shared),
-    };
+    let generator = LoadGenerator { shared: Arc::clone(&shared) };
     let last = Load::default();
     (generator, AppliedLoad { shared, last })
 }
@@ -89,18 +87,14 @@ impl LoadGenerator {
         }
         let shared = &*self.shared;
         let even = shared.sequence.load(Ordering::Relaxed);
-        shared
-            .sequence
-            .store(even.wrapping_add(1), Ordering::Relaxed);
+        shared.sequence.store(even.wrapping_add(1), Ordering::Relaxed);
         // No reader sees a new word without the odd sequence before it.
         fence(Ordering::Release);
         shared.step.store(load.step, Ordering::Relaxed);
         for (word, value) in shared.wrench.iter().zip(wrench) {
             word.store(value.to_bits(), Ordering::Relaxed);
         }
-        shared
-            .sequence
-            .store(even.wrapping_add(2), Ordering::Release);
+        shared.sequence.store(even.wrapping_add(2), Ordering::Release);
         Ok(())
     }
 
@@ -130,11 +124,7 @@ impl Shared {
         let before = self.sequence.load(Ordering::Acquire);
         let step = self.step.load(Ordering::Relaxed);
         let word = |index: usize| f64::from_bits(self.wrench[index].load(Ordering::Relaxed));
-        let load = Load {
-            step,
-            force_n: [word(0), word(1), word(2)],
-            moment_nm: [word(3), word(4), word(5)],
-        };
+        let load = Load { step, force_n: [word(0), word(1), word(2)], moment_nm: [word(3), word(4), word(5)] };
         // The words are read before the sequence is read again.
         fence(Ordering::Acquire);
         let after = self.sequence.load(Ordering::Relaxed);
@@ -148,11 +138,7 @@ mod tests {
 
     fn uniform(step: u32) -> Load {
         let value = f64::from(step);
-        Load {
-            step,
-            force_n: [value; 3],
-            moment_nm: [value; 3],
-        }
+        Load { step, force_n: [value; 3], moment_nm: [value; 3] }
     }
 
     #[test]

@@ -25,10 +25,7 @@ impl LoadProfile {
     #[must_use]
     pub fn new(hand: LoadGenerator, force_max_n: f64, step_seconds: f64) -> Self {
         let steps = std::iter::successors(Some(0.0), |force| Some(force + FORCE_STEP_N));
-        let forces_n = steps
-            .take(MAX_STEPS)
-            .take_while(|force| *force <= force_max_n.max(0.0))
-            .collect();
+        let forces_n = steps.take(MAX_STEPS).take_while(|force| *force <= force_max_n.max(0.0)).collect();
         Self {
             hand,
             forces_n,

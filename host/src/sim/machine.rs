@@ -106,9 +106,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             load: Load::default(),
             sample: Vector6::zeros(),
         };
-        machine
-            .settle_platform()
-            .map_err(SimulationError::Springs)?;
+        machine.settle_platform().map_err(SimulationError::Springs)?;
         machine.sample = machine.sensor.sample(&Vector6::zeros());
         Ok(machine)
     }
@@ -141,12 +139,11 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             // Power is the same in both units: tau dq = F dx.
             drive.advance(self.loaded.axis_loads[axis] / self.metres_per_q[axis] / motors);
         }
-        self.settle_platform()
-            .map_err(|_| "the springs find no equilibrium under this load")?;
+        self.settle_platform().map_err(|_| "the springs find no equilibrium under this load")?;
         self.sample = self.sensor.sample(&Vector6::from(self.load.wrench()));
         self.interpolator.advance();
-        self.nominal = positions_nm(&self.interpolator.position_m())
-            .map_err(|_| "a nominal position is out of range")?;
+        self.nominal =
+            positions_nm(&self.interpolator.position_m()).map_err(|_| "a nominal position is out of range")?;
         Ok(())
     }
 
@@ -163,12 +160,8 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             drive::mean(self.drives_of(axis).map(Drive::position_m)) / self.metres_per_q[axis]
         });
         self.loaded = self.springs.equilibrium(&motors, &load, &self.loaded)?;
-        let nominal = std::array::from_fn(|axis| {
-            self.nominal_in_force[axis].to_metres().0 / self.metres_per_q[axis]
-        });
-        self.rigid = self
-            .springs
-            .equilibrium(&nominal, &Vector6::zeros(), &self.rigid)?;
+        let nominal = std::array::from_fn(|axis| self.nominal_in_force[axis].to_metres().0 / self.metres_per_q[axis]);
+        self.rigid = self.springs.equilibrium(&nominal, &Vector6::zeros(), &self.rigid)?;
         Ok(())
     }
 
@@ -180,9 +173,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             load: self.load.wrench(),
             sensor: self.sample.into(),
             displacement_m: displacement,
-            turn_rad: (loaded.rotation * rigid.rotation.inverse())
-                .scaled_axis()
-                .into(),
+            turn_rad: (loaded.rotation * rigid.rotation.inverse()).scaled_axis().into(),
             gauges_m: displacement.map(|length| self.gauge.show(length)),
         }
     }
@@ -190,28 +181,20 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
     /// Returns the reference of the first motor of an axis; all of them follow equal ones.
     fn reference_of(&self, axis: usize) -> Option<&Reference> {
         let of_motors = self.references.iter().zip(self.motors.axis_of_motor());
-        of_motors
-            .filter_map(|(reference, of)| (*of == axis).then_some(reference))
-            .next()
+        of_motors.filter_map(|(reference, of)| (*of == axis).then_some(reference)).next()
     }
 }
 
 impl<const N: usize, const M: usize> Plant<N, M> for SimulatedMachine<N, M> {
     fn offsets_in_force(&mut self) -> Result<[Offsets; N], PlantError> {
-        let failed = |reason| PlantError {
-            operation: "read the offsets in force",
-            reason,
-        };
+        let failed = |reason| PlantError { operation: "read the offsets in force", reason };
         if !self.offsets_readable {
             return Err(failed("this drive interface cannot read them"));
         }
         let mut offsets = [Offsets::default(); N];
         for (axis, offset) in offsets.iter_mut().enumerate() {
             let reference = (self.reference_of(axis)).ok_or(failed("an axis has no motor"))?;
-            let away = reference
-                .position
-                .0
-                .checked_sub(self.nominal_in_force[axis].0);
+            let away = reference.position.0.checked_sub(self.nominal_in_force[axis].0);
             let position = away.and_then(|nm| i32::try_from(nm).ok()).map(OffsetNm);
             *offset = Offsets {
                 position: position.ok_or(failed("a position offset is beyond its range"))?,
@@ -223,23 +206,16 @@ impl<const N: usize, const M: usize> Plant<N, M> for SimulatedMachine<N, M> {
     }
 
     fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantError> {
-        let failed = |reason| PlantError {
-            operation: "advance the simulation",
-            reason,
-        };
+        let failed = |reason| PlantError { operation: "advance the simulation", reason };
         for _ in 0..elapsed.min(MAX_CYCLES_PER_READ) {
             self.advance().map_err(failed)?;
         }
         let mut actual = [Actual::default(); N];
         for (axis, report) in actual.iter_mut().enumerate() {
-            *report = drive::report(self.drives_of(axis))
-                .map_err(|_| failed("an axis has left the range of positions"))?;
+            *report =
+                drive::report(self.drives_of(axis)).map_err(|_| failed("an axis has left the range of positions"))?;
         }
-        Ok(Reading {
-            nominal: self.nominal,
-            actual,
-            tool: Some(self.tool_reading()),
-        })
+        Ok(Reading { nominal: self.nominal, actual, tool: Some(self.tool_reading()) })
     }
 
     fn write(&mut self, references: &[Reference; M]) -> Result<(), PlantError> {
@@ -261,23 +237,18 @@ fn home<const N: usize>(parameters: &SimulationParameters<N>) -> Result<[f64; N]
         check("home_q", *component, -1e6, 1e6)?;
     }
     let scales = &parameters.metres_per_q;
-    Ok(std::array::from_fn(|axis| {
-        parameters.home_q[axis] * scales[axis]
-    }))
+    Ok(std::array::from_fn(|axis| parameters.home_q[axis] * scales[axis]))
 }
 
 /// Converts metres to the reference path.
-fn positions_nm<const N: usize>(
-    positions_m: &[f64; N],
-) -> Result<[PositionNm; N], SimulationError> {
+fn positions_nm<const N: usize>(positions_m: &[f64; N]) -> Result<[PositionNm; N], SimulationError> {
     let mut positions = [PositionNm(0); N];
     for (nm, metres) in positions.iter_mut().zip(positions_m) {
-        *nm =
-            PositionNm::from_metres(Metres(*metres)).map_err(|_| SimulationError::OutOfRange {
-                parameter: "axis position (q times metres_per_q)",
-                lower: -9e6,
-                upper: 9e6,
-            })?;
+        *nm = PositionNm::from_metres(Metres(*metres)).map_err(|_| SimulationError::OutOfRange {
+            parameter: "axis position (q times metres_per_q)",
+            lower: -9e6,
+            upper: 9e6,
+        })?;
     }
     Ok(positions)
 }
@@ -301,10 +272,7 @@ mod tests {
         let (hand, tool) = load_generator();
         let (geometry, nominal) = (fixture::geometry(), fixture::compliances());
         let motors = MotorMap::new([0, 1, 2]).unwrap();
-        Ok((
-            SimulatedMachine::new(&geometry, &nominal, motors, parameters, tool)?,
-            hand,
-        ))
+        Ok((SimulatedMachine::new(&geometry, &nominal, motors, parameters, tool)?, hand))
     }
 
     fn machine(parameters: &Parameters) -> (Machine, LoadGenerator) {
@@ -312,11 +280,7 @@ mod tests {
     }
 
     fn reference(position: PositionNm) -> Reference {
-        Reference {
-            position,
-            velocity_offset: Default::default(),
-            torque_offset: Default::default(),
-        }
+        Reference { position, velocity_offset: Default::default(), torque_offset: Default::default() }
     }
 
     /// Runs one cycle of a server without offsets.
@@ -327,11 +291,7 @@ mod tests {
     }
 
     fn pull(force_n: [f64; 3]) -> Load {
-        Load {
-            step: 1,
-            force_n,
-            moment_nm: [0.0; 3],
-        }
+        Load { step: 1, force_n, moment_nm: [0.0; 3] }
     }
 
     /// Returns the displacement in x after settling under a force in x, metres.
@@ -369,10 +329,7 @@ mod tests {
         let slope = x(340.0) / 340.0;
         for newtons in [-240.0, -60.0, 60.0, 120.0, 240.0, 350.0] {
             let off = x(newtons) - slope * newtons;
-            assert!(
-                off.abs() < 0.01 * slope * newtons.abs(),
-                "{newtons} N: {off:e}"
-            );
+            assert!(off.abs() < 0.01 * slope * newtons.abs(), "{newtons} N: {off:e}");
         }
         let step = x(370.0) - x(350.0) - 20.0 * slope;
         // By virtual work: the gap times the share of a force in x that cluster 3 takes.
@@ -380,22 +337,13 @@ mod tests {
         let share = machine.equilibrium().cluster_3_n().abs() / 360.0;
         let expected = 40e-6 * share;
         assert!(expected > 5e-6, "{expected:e}");
-        assert!(
-            (step / expected - 1.0).abs() < 0.02,
-            "{step:e} {expected:e}"
-        );
-        assert!(
-            (half / expected - 0.5).abs() < 0.02,
-            "{half:e} {expected:e}"
-        );
+        assert!((step / expected - 1.0).abs() < 0.02, "{step:e} {expected:e}");
+        assert!((half / expected - 0.5).abs() < 0.02, "{half:e} {expected:e}");
     }
 
     #[test]
     fn without_a_gap_there_is_no_jump() {
-        let smooth = SimulationParameters {
-            jump_gap_m: 0.0,
-            ..parameters()
-        };
+        let smooth = SimulationParameters { jump_gap_m: 0.0, ..parameters() };
         let (mut machine, mut hand) = machine(&smooth);
         let slope = settled_x(&mut machine, &mut hand, 100.0) / 100.0;
         let x = settled_x(&mut machine, &mut hand, 600.0);
@@ -451,10 +399,7 @@ mod tests {
             let reading = cycle(&mut machine);
             let tool = reading.tool.unwrap();
             // What remains is the drives' following error while they accelerate.
-            assert!(
-                tool.displacement_m.iter().all(|x| x.abs() < 50e-6),
-                "{tool:?}"
-            );
+            assert!(tool.displacement_m.iter().all(|x| x.abs() < 50e-6), "{tool:?}");
             for axis in 0..ARMS {
                 // 0.2 m/s is 200 µm a cycle; two roundings.
                 let step = reading.nominal[axis].0 - last[axis].0;
@@ -466,14 +411,8 @@ mod tests {
 
     #[test]
     fn offsets_move_the_tool_and_are_read_back() {
-        let left_behind = Offsets {
-            position: OffsetNm(20_000),
-            ..Offsets::default()
-        };
-        let restarted = SimulationParameters {
-            initial_offsets: [left_behind; ARMS],
-            ..parameters()
-        };
+        let left_behind = Offsets { position: OffsetNm(20_000), ..Offsets::default() };
+        let restarted = SimulationParameters { initial_offsets: [left_behind; ARMS], ..parameters() };
         let (mut machine, _hand) = machine(&restarted);
         assert_eq!(machine.offsets_in_force(), Ok([left_behind; ARMS]));
         let reading = machine.read(1).unwrap();
@@ -488,10 +427,7 @@ mod tests {
 
     #[test]
     fn offsets_that_cannot_be_read_are_an_error() {
-        let (mut machine, _hand) = machine(&SimulationParameters {
-            offsets_readable: false,
-            ..parameters()
-        });
+        let (mut machine, _hand) = machine(&SimulationParameters { offsets_readable: false, ..parameters() });
         assert!(machine.offsets_in_force().is_err());
     }
 
@@ -517,12 +453,7 @@ mod tests {
             assert!(displacement.iter().all(|x| x.is_finite()));
         };
         let (mut machine, mut hand) = machine(&parameters());
-        hand.set(&Load {
-            step: 1,
-            force_n: [1e5; 3],
-            moment_nm: [1e5; 3],
-        })
-        .unwrap();
+        hand.set(&Load { step: 1, force_n: [1e5; 3], moment_nm: [1e5; 3] }).unwrap();
         for _ in 0..300 {
             let Ok(reading) = machine.read(1) else { break };
             assert_finite(&reading);
@@ -537,10 +468,7 @@ mod tests {
 
     #[test]
     fn another_scale_of_q_is_the_same_machine() {
-        let scaled = SimulationParameters {
-            metres_per_q: [2.0, 0.5, 1.0],
-            ..parameters()
-        };
+        let scaled = SimulationParameters { metres_per_q: [2.0, 0.5, 1.0], ..parameters() };
         let (mut machine, mut hand) = machine(&scaled);
         settled_x(&mut machine, &mut hand, 100.0);
         let reading = cycle(&mut machine);
@@ -571,9 +499,7 @@ mod tests {
     fn motors_of_one_cart_share_its_load() {
         let file = crate::robot_file::RobotFile::builtin_f1().unwrap();
         let (mut hand, tool) = load_generator();
-        let mut machine = file
-            .simulated_machine::<{ crate::model::F1_MOTORS }>(tool, Motion::Hold)
-            .unwrap();
+        let mut machine = file.simulated_machine::<{ crate::model::F1_MOTORS }>(tool, Motion::Hold).unwrap();
         hand.set(&pull([300.0, 0.0, 0.0])).unwrap();
         let mut reading = None;
         for _ in 0..500 {
@@ -588,10 +514,7 @@ mod tests {
             let load_n = machine.loaded.axis_loads[axis] / machine.metres_per_q[axis];
             let held_n = f64::from(actual[axis].torque.0) * 1e-3 * drive::RATED_FORCE_N * motors;
             // Torques are reported in whole per mille of the rated one: half a newton for each motor.
-            assert!(
-                (held_n + load_n).abs() <= 0.6 * motors,
-                "{axis}: {held_n} {load_n}"
-            );
+            assert!((held_n + load_n).abs() <= 0.6 * motors, "{axis}: {held_n} {load_n}");
         }
         assert!(machine.loaded.axis_loads[1] > 100.0, "hardly a load");
     }

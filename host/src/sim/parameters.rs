@@ -125,11 +125,9 @@ pub enum SimulationError {
 impl fmt::Display for SimulationError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::OutOfRange {
-                parameter,
-                lower,
-                upper,
-            } => write!(f, "{parameter} must be from {lower:e} to {upper:e}"),
+            Self::OutOfRange { parameter, lower, upper } => {
+                write!(f, "{parameter} must be from {lower:e} to {upper:e}")
+            }
             Self::NotARotation { parameter } => write!(f, "{parameter} is not a rotation"),
             Self::NoMotor { axis } => write!(f, "axis {axis} (from 0) has no motor"),
             Self::Compliances(reason) => write!(f, "spring_deviation: {reason}"),
@@ -142,19 +140,6 @@ impl fmt::Display for SimulationError {
 impl std::error::Error for SimulationError {}
 
 /// Checks `lower <= value <= upper`; NaN is refused.
-pub(super) fn check(
-    parameter: &'static str,
-    value: f64,
-    lower: f64,
-    upper: f64,
-) -> Result<(), SimulationError> {
-    if (lower..=upper).contains(&value) {
-        Ok(())
-    } else {
-        Err(SimulationError::OutOfRange {
-            parameter,
-            lower,
-            upper,
-        })
-    }
+pub(super) fn check(parameter: &'static str, value: f64, lower: f64, upper: f64) -> Result<(), SimulationError> {
+    if (lower..=upper).contains(&value) { Ok(()) } else { Err(SimulationError::OutOfRange { parameter, lower, upper }) }
 }

@@ -15,8 +15,7 @@ pub(super) fn nearest(value: f64) -> Result<i64, CrossingError> {
 /// # Errors
 /// [`CrossingError`] when not finite.
 pub(super) fn velocity(metres_per_second: f64) -> Result<VelocityUmS, CrossingError> {
-    let um_per_s =
-        nearest(metres_per_second * 1e6)?.clamp(i64::from(i32::MIN), i64::from(i32::MAX));
+    let um_per_s = nearest(metres_per_second * 1e6)?.clamp(i64::from(i32::MIN), i64::from(i32::MAX));
     Ok(VelocityUmS(i32::try_from(um_per_s).unwrap_or_default()))
 }
 

@@ -22,8 +22,7 @@ pub fn true_springs<const N: usize>(
     let deviation = parameters.spring_deviation;
     check("spring_deviation", deviation, 0.0, 0.99)?;
     let mut random = ChaCha8Rng::seed_from_u64(parameters.seed);
-    let mut deviated =
-        |value: f64| value * (1.0 + deviation * (2.0 * random.random::<f64>() - 1.0));
+    let mut deviated = |value: f64| value * (1.0 + deviation * (2.0 * random.random::<f64>() - 1.0));
     let links: [f64; LINKS] = nominal.link_m_per_n().map(&mut deviated);
     let axes: [f64; N] = nominal.cart_m_per_n().map(&mut deviated);
     let compliances = Compliances::new(links, axes).map_err(SimulationError::Compliances)?;
@@ -46,9 +45,7 @@ fn backlash<const N: usize>(
         rotation: UnitQuaternion::identity(),
     });
     let load = Vector6::new(parameters.jump_force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
-    let at_jump = rigid_joint
-        .equilibrium(&parameters.home_q, &load, &start)
-        .map_err(SimulationError::Springs)?;
+    let at_jump = rigid_joint.equilibrium(&parameters.home_q, &load, &start).map_err(SimulationError::Springs)?;
     Backlash::new(parameters.jump_gap_m, -at_jump.cluster_3_n()).ok_or(SimulationError::NoJump)
 }
 
@@ -64,9 +61,7 @@ mod tests {
             ..SimulationParameters::at_home(fixture::home_m(), fixture::home_q())
         };
         let (geometry, nominal) = (fixture::geometry(), fixture::compliances());
-        *true_springs(&geometry, &nominal, &parameters)
-            .unwrap()
-            .compliances()
+        *true_springs(&geometry, &nominal, &parameters).unwrap().compliances()
     }
 
     #[test]

@@ -25,11 +25,7 @@ pub(super) fn solve(
     compliances: Option<&Compliances<{ f1::AXES }>>,
     request: &Value,
 ) -> Result<Value, Failure> {
-    let task = Task {
-        kinematics,
-        compliances,
-        request,
-    };
+    let task = Task { kinematics, compliances, request };
     match op {
         "ik" => task.ik(),
         "fk" => task.fk(),
@@ -48,14 +44,9 @@ fn pose(object: &Value) -> Result<Pose, Failure> {
     let rotation = optional_field(object, "R")?.map_or_else(Matrix3::identity, matrix);
     let deviation = rotation_deviation(&rotation);
     if deviation > ROTATION_TOLERANCE {
-        return Err(Failure::request(format!(
-            "R is not a rotation matrix (deviation {deviation:e})"
-        )));
+        return Err(Failure::request(format!("R is not a rotation matrix (deviation {deviation:e})")));
     }
-    Ok(Pose {
-        position_m: Vector3::from(position),
-        rotation,
-    })
+    Ok(Pose { position_m: Vector3::from(position), rotation })
 }
 
 impl Task<'_> {

@@ -24,11 +24,7 @@ pub(super) fn solve(
     compliances: Option<&Compliances<{ l2::AXES }>>,
     request: &Value,
 ) -> Result<Value, Failure> {
-    let task = Task {
-        compliances,
-        request,
-        kinematics: l2::Kinematics::new(robot, &orientation(request)?)?,
-    };
+    let task = Task { compliances, request, kinematics: l2::Kinematics::new(robot, &orientation(request)?)? };
     match op {
         "ik" => task.ik(),
         "fk" => task.fk(),
@@ -67,9 +63,7 @@ impl Task<'_> {
     fn lines(&self) -> Result<LineMatrix<{ l2::AXES }>, Failure> {
         let tcp = self.tcp()?;
         let q = self.kinematics.inverse_in_assembly(&tcp)?;
-        Ok(self
-            .kinematics
-            .line_matrix(&self.kinematics.pose(tcp), &q)?)
+        Ok(self.kinematics.line_matrix(&self.kinematics.pose(tcp), &q)?)
     }
 
     fn residual(&self, tcp: Vector3<f64>, q: &[f64; 3]) -> Result<f64, Failure> {

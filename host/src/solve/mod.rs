@@ -54,17 +54,11 @@ struct Failure {
 
 impl Failure {
     fn request(message: impl Into<String>) -> Self {
-        Self {
-            kind: Kind::BadRequest,
-            message: message.into(),
-        }
+        Self { kind: Kind::BadRequest, message: message.into() }
     }
 
     fn robot(message: impl Into<String>) -> Self {
-        Self {
-            kind: Kind::BadRobot,
-            message: message.into(),
-        }
+        Self { kind: Kind::BadRobot, message: message.into() }
     }
 
     fn answer(&self, id: Value) -> String {
@@ -87,8 +81,7 @@ pub fn run(mut input: impl BufRead, mut output: impl Write) -> io::Result<()> {
     loop {
         let answer = match read_line(&mut input, &mut line)? {
             Line::End => return Ok(()),
-            Line::TooLong => Failure::request(format!("line is longer than {MAX_LINE} bytes"))
-                .answer(Value::Null),
+            Line::TooLong => Failure::request(format!("line is longer than {MAX_LINE} bytes")).answer(Value::Null),
             Line::Complete => match std::str::from_utf8(&line) {
                 Ok(text) => solver.answer(text),
                 Err(_) => Failure::request("line is not UTF-8").answer(Value::Null),
@@ -156,14 +149,12 @@ impl Solver {
         }
         let file = AnyRobotFile::load(path).map_err(|error| Failure::robot(error.to_string()))?;
         let machine = match file {
-            AnyRobotFile::L2(file) => Machine::L2 {
-                robot: *file.model.kinematics().robot(),
-                compliances: file.compliances,
-            },
-            AnyRobotFile::F1(file) => Machine::F1 {
-                kinematics: *file.model.kinematics(),
-                compliances: file.compliances,
-            },
+            AnyRobotFile::L2(file) => {
+                Machine::L2 { robot: *file.model.kinematics().robot(), compliances: file.compliances }
+            }
+            AnyRobotFile::F1(file) => {
+                Machine::F1 { kinematics: *file.model.kinematics(), compliances: file.compliances }
+            }
         };
         if self.files.len() >= MAX_CACHED {
             self.files.clear();

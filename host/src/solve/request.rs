@@ -11,19 +11,10 @@ use super::Failure;
 
 /// A robot of a request.
 #[derive(Clone, Copy, Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "a few of them are kept, each for many requests"
-)]
+#[expect(clippy::large_enum_variant, reason = "a few of them are kept, each for many requests")]
 pub(super) enum Machine {
-    L2 {
-        robot: l2::Robot,
-        compliances: Option<Compliances<{ l2::AXES }>>,
-    },
-    F1 {
-        kinematics: f1::Kinematics,
-        compliances: Option<Compliances<{ f1::AXES }>>,
-    },
+    L2 { robot: l2::Robot, compliances: Option<Compliances<{ l2::AXES }>> },
+    F1 { kinematics: f1::Kinematics, compliances: Option<Compliances<{ f1::AXES }>> },
 }
 
 /// Reads a robot given as an object; unknown keys are ignored.
@@ -35,10 +26,7 @@ pub(super) fn inline(robot: &Value) -> Result<Machine, Failure> {
         }),
         Some("f1") => {
             let checked = f1::Robot::new(f1(robot)?).map_err(refused)?;
-            Ok(Machine::F1 {
-                kinematics: f1::Kinematics::new(&checked),
-                compliances: compliances(robot, "c_act")?,
-            })
+            Ok(Machine::F1 { kinematics: f1::Kinematics::new(&checked), compliances: compliances(robot, "c_act")? })
         }
         _ => Err(Failure::robot("model must be \"l2\" or \"f1\"")),
     }
@@ -54,10 +42,7 @@ fn l2(robot: &Value) -> Result<l2::Geometry, Failure> {
         guideways: vectors(robot, "V")?,
         platform_joints_m: vectors(robot, "b")?,
         lengths_m: arm_lengths(robot)?,
-        configuration: l2::Configuration {
-            inverse: branches(robot)?,
-            forward: branch("cf", key(robot, "cf")?)?,
-        },
+        configuration: l2::Configuration { inverse: branches(robot)?, forward: branch("cf", key(robot, "cf")?)? },
         travel: optional_key(robot, "travel")?,
     })
 }
@@ -73,10 +58,7 @@ fn f1(robot: &Value) -> Result<f1::Geometry, Failure> {
         configuration: branches(robot)?,
         turn_axis: axis("ax")?,
         tilt_axis: axis("ax6")?,
-        turn_signs: [
-            branch("sigma4", key(robot, "sigma4")?)?,
-            branch("sigma5", key(robot, "sigma5")?)?,
-        ],
+        turn_signs: [branch("sigma4", key(robot, "sigma4")?)?, branch("sigma5", key(robot, "sigma5")?)?],
         travel: optional_key(robot, "travel")?,
     })
 }
@@ -97,9 +79,7 @@ fn arm_lengths(robot: &Value) -> Result<[f64; ARMS], Failure> {
     if same(l21, l22) && same(l31, l32) && same(l31, l33) {
         return Ok([l11, l21, l31]);
     }
-    Err(Failure::robot(
-        "L: the links of a cluster differ, so the machine has no Tau property",
-    ))
+    Err(Failure::robot("L: the links of a cluster differ, so the machine has no Tau property"))
 }
 
 fn vectors<const K: usize>(robot: &Value, name: &str) -> Result<[Vector3<f64>; K], Failure>
@@ -111,11 +91,7 @@ where
 
 fn branches(robot: &Value) -> Result<[Branch; ARMS], Failure> {
     let [c1, c2, c3]: [f64; ARMS] = key(robot, "c")?;
-    Ok([
-        branch("c[0]", c1)?,
-        branch("c[1]", c2)?,
-        branch("c[2]", c3)?,
-    ])
+    Ok([branch("c[0]", c1)?, branch("c[1]", c2)?, branch("c[2]", c3)?])
 }
 
 /// Reads the compliances; `None` unless both are given. The operations that need them ask.
@@ -157,19 +133,14 @@ pub(super) fn field<T: DeserializeOwned>(request: &Value, name: &str) -> Result<
 }
 
 /// Reads a field of the request that may be absent or null.
-pub(super) fn optional_field<T: DeserializeOwned>(
-    request: &Value,
-    name: &str,
-) -> Result<Option<T>, Failure> {
+pub(super) fn optional_field<T: DeserializeOwned>(request: &Value, name: &str) -> Result<Option<T>, Failure> {
     optional(request, name).map_err(Failure::request)
 }
 
 fn optional<T: DeserializeOwned>(object: &Value, name: &str) -> Result<Option<T>, String> {
     match object.get(name) {
         None | Some(Value::Null) => Ok(None),
-        Some(value) => {
-            (T::deserialize(value).map(Some)).map_err(|error| format!("{name}: {error}"))
-        }
+        Some(value) => (T::deserialize(value).map(Some)).map_err(|error| format!("{name}: {error}")),
     }
 }
 

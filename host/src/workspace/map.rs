@@ -46,10 +46,7 @@ pub struct Reached<const N: usize> {
 impl Grid {
     /// Creates a grid over the box of all places to which all links reach with their carts inside the nominal travel (plates at 0).
     /// Its longest side has `cells` steps.
-    pub(super) fn of<K: MachineKind<N>, const N: usize>(
-        file: &RobotFile<K, N>,
-        cells: u32,
-    ) -> Self {
+    pub(super) fn of<K: MachineKind<N>, const N: usize>(file: &RobotFile<K, N>, cells: u32) -> Self {
         let geometry = file.model.geometry();
         let home_m = file.home_m();
         let (mut lower, mut upper) = (home_m.map(|_| f64::MIN), home_m.map(|_| f64::MAX));
@@ -74,21 +71,14 @@ impl Grid {
         let pitch_m = (upper - lower).max() / f64::from(cells);
         // The conversion rounds down and takes NaN as 0.
         let count = |way_m: f64| ((way_m / pitch_m) as u32).min(cells);
-        Self {
-            home_m,
-            pitch_m,
-            below: (home_m - lower).map(count).into(),
-            above: (upper - home_m).map(count).into(),
-        }
+        Self { home_m, pitch_m, below: (home_m - lower).map(count).into(), above: (upper - home_m).map(count).into() }
     }
 
     /// Returns the number of places.
     #[must_use]
     pub fn count(&self) -> u64 {
         let sides = self.below.iter().zip(&self.above);
-        sides
-            .map(|(below, above)| u64::from(below + above + 1))
-            .product()
+        sides.map(|(below, above)| u64::from(below + above + 1)).product()
     }
 
     /// Returns the offsets from home in steps along one axis of the world, upwards.
@@ -108,10 +98,7 @@ impl Grid {
     /// Returns all places, x slowest, z fastest.
     pub(super) fn places(&self) -> impl Iterator<Item = [i32; 3]> + use<> {
         let this = *self;
-        this.steps(0).flat_map(move |x| {
-            this.steps(1)
-                .flat_map(move |y| this.steps(2).map(move |z| [x, y, z]))
-        })
+        this.steps(0).flat_map(move |x| this.steps(1).flat_map(move |y| this.steps(2).map(move |z| [x, y, z])))
     }
 }
 
@@ -126,10 +113,7 @@ impl<'a, K: MachineKind<N>, const N: usize> Surveyor<'a, K, N> {
     pub(super) fn new(file: &'a RobotFile<K, N>) -> Self {
         let joints = file.model.geometry().platform_joints_m;
         let mean = joints.iter().map(Vector3::norm_squared).sum::<f64>() / 6.0;
-        Self {
-            file,
-            radian_m: mean.sqrt(),
-        }
+        Self { file, radian_m: mean.sqrt() }
     }
 
     pub(super) fn radian_m(&self) -> f64 {
@@ -137,10 +121,7 @@ impl<'a, K: MachineKind<N>, const N: usize> Surveyor<'a, K, N> {
     }
 
     pub(super) fn survey(&self, tool_m: Vector3<f64>) -> Place<N> {
-        Place {
-            tool_m,
-            reached: self.reach(&tool_m),
-        }
+        Place { tool_m, reached: self.reach(&tool_m) }
     }
 
     fn reach(&self, tool_m: &Vector3<f64>) -> Result<Reached<N>, KinematicsError> {
@@ -154,11 +135,7 @@ impl<'a, K: MachineKind<N>, const N: usize> Surveyor<'a, K, N> {
             }
             None => None,
         };
-        Ok(Reached {
-            q,
-            condition,
-            compliance_m_per_n,
-        })
+        Ok(Reached { q, condition, compliance_m_per_n })
     }
 }
 

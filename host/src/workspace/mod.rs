@@ -108,9 +108,7 @@ impl From<WriteError> for WorkspaceError {
 ///
 /// # Errors
 /// [`WorkspaceError`].
-pub fn run<K: MachineKind<N>, const N: usize>(
-    options: &WorkspaceOptions<K, N>,
-) -> Result<Summary, WorkspaceError> {
+pub fn run<K: MachineKind<N>, const N: usize>(options: &WorkspaceOptions<K, N>) -> Result<Summary, WorkspaceError> {
     if !CELLS.contains(&options.cells) {
         return Err(WorkspaceError::Cells(options.cells));
     }
@@ -147,12 +145,7 @@ pub fn survey<K: MachineKind<N>, const N: usize>(
         each(&place);
         place
     });
-    Survey {
-        name: robot.name.clone(),
-        grid,
-        places: places.collect(),
-        radian_m: surveyor.radian_m(),
-    }
+    Survey { name: robot.name.clone(), grid, places: places.collect(), radian_m: surveyor.radian_m() }
 }
 
 impl<const N: usize> Survey<N> {
@@ -165,9 +158,8 @@ impl<const N: usize> Survey<N> {
             *refused.entry(KinematicsError::kind(&error)).or_insert(0) += 1;
         }
         let compliance = |reached: Reached<N>| Some(reached.compliance_m_per_n? * 1e6);
-        let home = (self.places.iter())
-            .find(|place| place.tool_m == self.grid.home_m)
-            .and_then(|place| place.reached.ok());
+        let home =
+            (self.places.iter()).find(|place| place.tool_m == self.grid.home_m).and_then(|place| place.reached.ok());
         let count = reached().count();
         let cubes = f64::from(u32::try_from(count).unwrap_or(u32::MAX));
         Summary {
@@ -193,21 +185,14 @@ fn quantiles(values: impl Iterator<Item = f64>) -> Option<[f64; 3]> {
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (reached, places, volume) = (self.reached, self.places, self.volume_m3);
-        writeln!(
-            f,
-            "reached             {reached} of {places} places, {volume:.2} m^3"
-        )?;
+        writeln!(f, "reached             {reached} of {places} places, {volume:.2} m^3")?;
         for (kind, count) in &self.refused {
             writeln!(f, "{kind:<19} {count} places")?;
         }
         let (home, home_compliance) = self.home;
         let [low, median, high] = self.condition;
-        write!(
-            f,
-            "condition number    {home:.2} at home; smallest {low:.2}, median {median:.2}, largest {high:.3e}"
-        )?;
-        if let (Some([low, median, high]), Some(home)) = (self.compliance_um_per_n, home_compliance)
-        {
+        write!(f, "condition number    {home:.2} at home; smallest {low:.2}, median {median:.2}, largest {high:.3e}")?;
+        if let (Some([low, median, high]), Some(home)) = (self.compliance_um_per_n, home_compliance) {
             write!(
                 f,
                 "\ncompliance, um/N    {home:.3} at home; smallest {low:.3}, median {median:.3}, largest {high:.3e}"
@@ -244,8 +229,5 @@ impl<const N: usize> Record for Place<N> {
 }
 
 #[cfg(test)]
-#[allow(
-    clippy::indexing_slicing,
-    reason = "the tests walk vectors by one axis number"
-)]
+#[allow(clippy::indexing_slicing, reason = "the tests walk vectors by one axis number")]
 mod tests;

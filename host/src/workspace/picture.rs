@@ -70,14 +70,8 @@ fn section<const N: usize>(
 }
 
 /// Returns the smallest value and one that 95 % stay below: near a singularity values are unbounded.
-fn scale<const N: usize>(
-    survey: &Survey<N>,
-    of: impl Fn(&Reached<N>) -> Option<f64>,
-) -> (f64, f64) {
-    let reached = survey
-        .places
-        .iter()
-        .filter_map(|place| place.reached.as_ref().ok());
+fn scale<const N: usize>(survey: &Survey<N>, of: impl Fn(&Reached<N>) -> Option<f64>) -> (f64, f64) {
+    let reached = survey.places.iter().filter_map(|place| place.reached.as_ref().ok());
     let mut values: Vec<f64> = reached.filter_map(of).collect();
     values.sort_by(f64::total_cmp);
     let low = values.first().copied().unwrap_or(1.0);
@@ -95,20 +89,13 @@ fn cells<const N: usize>(
     let in_plane = |place: &&Place<N>| {
         let away = place.tool_m - survey.grid.home_m;
         let across = (0..3).filter(|axis| *axis != right && *axis != up);
-        across
-            .filter_map(|axis| away.get(axis))
-            .all(|away| away.abs() < survey.grid.pitch_m / 2.0)
+        across.filter_map(|axis| away.get(axis)).all(|away| away.abs() < survey.grid.pitch_m / 2.0)
     };
     let cell = |place: &Place<N>| {
         let value = of(place.reached.as_ref().ok()?)?;
         Some((*place.tool_m.get(right)?, *place.tool_m.get(up)?, value))
     };
-    survey
-        .places
-        .iter()
-        .filter(in_plane)
-        .filter_map(cell)
-        .collect()
+    survey.places.iter().filter(in_plane).filter_map(cell).collect()
 }
 
 fn axis(index: usize) -> &'static str {

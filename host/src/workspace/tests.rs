@@ -25,10 +25,7 @@ fn the_condition_number_is_that_of_the_inverse_kinematics() {
         let expected = (squares.max() / squares.min()).sqrt();
         // Differences leave 1e-4 of slopes that bend near a singularity; squaring loses small values there as well.
         if expected < 100.0 {
-            assert!(
-                (reached.condition / expected - 1.0).abs() < 1e-3,
-                "{place:?}"
-            );
+            assert!((reached.condition / expected - 1.0).abs() < 1e-3, "{place:?}");
             compared += 1;
         }
     }
@@ -41,32 +38,20 @@ fn the_compliance_is_the_largest_over_all_directions() {
     let file = RobotFile::builtin_f1().unwrap();
     let home = file.home_m();
     let q = file.model.axes_at(&home).unwrap();
-    let matrix = (file.model.lines(&home, &q).unwrap())
-        .compliance(file.compliances.as_ref().unwrap())
-        .unwrap()
-        .translation();
+    let matrix =
+        (file.model.lines(&home, &q).unwrap()).compliance(file.compliances.as_ref().unwrap()).unwrap().translation();
     let mut largest: f64 = 0.0;
     for polar in 0..180 {
         for around in 0..360 {
-            let (polar, around) = (
-                f64::from(polar).to_radians(),
-                f64::from(around).to_radians(),
-            );
-            let direction = Vector3::new(
-                polar.sin() * around.cos(),
-                polar.sin() * around.sin(),
-                polar.cos(),
-            );
+            let (polar, around) = (f64::from(polar).to_radians(), f64::from(around).to_radians());
+            let direction = Vector3::new(polar.sin() * around.cos(), polar.sin() * around.sin(), polar.cos());
             largest = largest.max((matrix * direction).norm());
         }
     }
     let found = Surveyor::new(&file).survey(home).reached.unwrap();
     let found = found.compliance_m_per_n.unwrap();
     // A degree beside the best direction costs 1 - cos(1 degree).
-    assert!(
-        (0.0..3e-4).contains(&(found / largest - 1.0)),
-        "{found:e} {largest:e}"
-    );
+    assert!((0.0..3e-4).contains(&(found / largest - 1.0)), "{found:e} {largest:e}");
 }
 
 /// Places that count as reached are within the travel; places just outside of the box are not reached.
@@ -91,8 +76,7 @@ fn the_box_holds_the_whole_workspace() {
         // One step beyond the box, on all of its sides.
         let surveyor = Surveyor::new(file);
         for axis in 0..3 {
-            let [lower, upper] =
-                [grid.below, grid.above].map(|ends| i32::try_from(ends[axis]).unwrap());
+            let [lower, upper] = [grid.below, grid.above].map(|ends| i32::try_from(ends[axis]).unwrap());
             for mut steps in grid.places() {
                 for end in [-lower - 1, upper + 1] {
                     steps[axis] = end;

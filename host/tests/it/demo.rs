@@ -84,15 +84,9 @@ fn assert_numbers(results: &Value) {
 fn assert_rows(csv: &str) {
     let mut lines = csv.lines();
     let header: Vec<&str> = lines.next().unwrap().split(',').collect();
-    for column in [
-        "tick",
-        "state",
-        "offset_1_nm",
-        "reference_3_nm",
-        "target_2_nm",
-        "force_x_n",
-        "velocity_offset_1_um_s",
-    ] {
+    for column in
+        ["tick", "state", "offset_1_nm", "reference_3_nm", "target_2_nm", "force_x_n", "velocity_offset_1_um_s"]
+    {
         assert!(header.contains(&column), "{column}: {header:?}");
     }
     let rows: Vec<&str> = lines.collect();

@@ -7,9 +7,7 @@ use crate::process::Folder;
 fn the_committed_pictures_are_what_the_command_writes() {
     let folder = Folder::new("draw");
     for robot in ["l2", "f1"] {
-        folder
-            .run(&["draw", robot, "--svg", "picture.svg"])
-            .success();
+        folder.run(&["draw", robot, "--svg", "picture.svg"]).success();
         let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
         let committed = std::fs::read_to_string(format!("{root}/docs/{robot}.svg")).unwrap();
         assert!(
@@ -19,11 +17,7 @@ fn the_committed_pictures_are_what_the_command_writes() {
         let file = format!("{root}/robots/{robot}.toml");
         folder.run(&["draw", &file, "--svg", "file.svg"]).success();
         assert_eq!(folder.read("file.svg"), committed);
-        assert_eq!(
-            committed.matches("<polygon").count(),
-            4,
-            "three carts and the platform"
-        );
+        assert_eq!(committed.matches("<polygon").count(), 4, "three carts and the platform");
         for name in ["guideway 3", "cart 1", "platform", "tool", ">11<", ">33<"] {
             assert!(committed.contains(name), "{name}");
         }
@@ -38,11 +32,7 @@ fn a_bad_machine_place_or_angle_is_named() {
     folder.write("bad.toml", "model = \"l3\"\n");
     let said = folder.run(&["draw", "bad.toml"]).failure(1);
     assert!(said.contains("bad.toml: model"), "{said}");
-    for (option, value) in [
-        ("--svg", "no/such/picture.svg"),
-        ("--azimuth", "1000"),
-        ("--elevation", "NaN"),
-    ] {
+    for (option, value) in [("--svg", "no/such/picture.svg"), ("--azimuth", "1000"), ("--elevation", "NaN")] {
         let said = folder.run(&["draw", "l2", option, value]).failure(1);
         assert!(said.contains(value), "{said}");
     }

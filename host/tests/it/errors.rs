@@ -6,13 +6,7 @@ use crate::process::Folder;
 
 const L2: &str = include_str!("../../../robots/l2.toml");
 /// A server on free ports.
-const SERVE: [&str; 5] = [
-    "serve",
-    "--listen",
-    "127.0.0.1:0",
-    "--sensor",
-    "127.0.0.1:0",
-];
+const SERVE: [&str; 5] = ["serve", "--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0"];
 
 #[track_caller]
 fn assert_says(line: &str, words: &[&str]) {
@@ -27,20 +21,13 @@ fn a_port_in_use_is_named_and_costs_no_recording() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().to_string();
     folder.write("old.csv", "kept\n");
-    for arguments in [
-        ["--listen", &port, "--sensor", "127.0.0.1:0"],
-        ["--listen", "127.0.0.1:0", "--sensor", &port],
-    ] {
+    for arguments in [["--listen", &port, "--sensor", "127.0.0.1:0"], ["--listen", "127.0.0.1:0", "--sensor", &port]] {
         let mut all = vec!["serve", "--record", "old.csv"];
         all.extend(arguments);
         let line = folder.run(&all).failure(1);
         assert_says(&line, &[&port, "in use"]);
     }
-    assert_eq!(
-        folder.read("old.csv"),
-        "kept\n",
-        "the last recording is gone"
-    );
+    assert_eq!(folder.read("old.csv"), "kept\n", "the last recording is gone");
 }
 
 #[test]
@@ -49,22 +36,14 @@ fn a_server_that_is_not_there_is_named_and_costs_no_recording() {
     folder.write("old.csv", "kept\n");
     // A free port of the system's choice could be another test's a moment later; the system never assigns port 1.
     let address = "127.0.0.1:1";
-    let line = folder
-        .run(&["client", address, "--record", "old.csv"])
-        .failure(3);
+    let line = folder.run(&["client", address, "--record", "old.csv"]).failure(3);
     assert_says(&line, &["server", address, "cannot be reached"]);
     // A server without a sensor.
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let there = server.local_addr().unwrap().to_string();
-    let line = folder
-        .run(&["client", &there, "--sensor", address, "--record", "old.csv"])
-        .failure(3);
+    let line = folder.run(&["client", &there, "--sensor", address, "--record", "old.csv"]).failure(3);
     assert_says(&line, &["force sensor", address, "cannot be reached"]);
-    assert_eq!(
-        folder.read("old.csv"),
-        "kept\n",
-        "the last recording is gone"
-    );
+    assert_eq!(folder.read("old.csv"), "kept\n", "the last recording is gone");
 }
 
 #[test]
@@ -99,16 +78,8 @@ fn a_robot_file_is_refused_with_file_key_and_reason() {
         ("gain = 1.0", "gain = \"much\"", ["gain", "string"]),
         ("gain = 1.0", "gain = ", ["gain", "line"]),
         ("gain = 1.0", "", ["gain", "missing"]),
-        (
-            "ramp_um = [0.1",
-            "ramp_um = [0.0",
-            ["ramp", "axes.position"],
-        ),
-        (
-            "axis_of_motor = [0, 1, 2]",
-            "axis_of_motor = [0, 1]",
-            ["motors.axis_of_motor", "2"],
-        ),
+        ("ramp_um = [0.1", "ramp_um = [0.0", ["ramp", "axes.position"]),
+        ("axis_of_motor = [0, 1, 2]", "axis_of_motor = [0, 1]", ["motors.axis_of_motor", "2"]),
         ("c = [1, -1, 1]", "c = [1, -1, 3]", ["c[2]", "3"]),
     ] {
         assert!(L2.contains(from), "{from}");
@@ -129,15 +100,7 @@ fn a_robot_file_is_refused_with_file_key_and_reason() {
 fn a_file_that_cannot_be_written_is_named() {
     let folder = Folder::new("files");
     folder.write("file", "");
-    let short = [
-        "demo",
-        "--pace",
-        "lockstep",
-        "--step-seconds",
-        "0.2",
-        "--force-max",
-        "60",
-    ];
+    let short = ["demo", "--pace", "lockstep", "--step-seconds", "0.2", "--force-max", "60"];
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = server.local_addr().unwrap().to_string();
     // A folder that does not exist, a folder that is a file, a file that is a folder.

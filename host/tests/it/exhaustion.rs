@@ -18,16 +18,8 @@ fn a_full_disk_costs_the_recording_and_nothing_else() {
     }
     server.interrupt();
     let ended = server.end();
-    assert!(
-        ended.stdout.contains("all offsets are zero; ended"),
-        "{}",
-        ended.stdout
-    );
-    assert!(
-        ended.stdout.contains(" rows to /dev/full, at least "),
-        "{}",
-        ended.stdout
-    );
+    assert!(ended.stdout.contains("all offsets are zero; ended"), "{}", ended.stdout);
+    assert!(ended.stdout.contains(" rows to /dev/full, at least "), "{}", ended.stdout);
     let line = ended.failure(1);
     assert!(line.contains("/dev/full"), "{line}");
 }
@@ -36,14 +28,7 @@ fn a_full_disk_costs_the_recording_and_nothing_else() {
 fn a_client_compensates_although_its_disk_is_full() {
     let folder = Folder::new("full_client");
     let (mut server, [address, sensor]) = serve(&folder, &[]);
-    let arguments = [
-        "client",
-        &address,
-        "--sensor",
-        &sensor,
-        "--record",
-        "/dev/full",
-    ];
+    let arguments = ["client", &address, "--sensor", &sensor, "--record", "/dev/full"];
     let owner = folder.start("owner", &arguments);
     await_obtain(&mut server, 1);
     owner.interrupt();

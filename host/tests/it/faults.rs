@@ -37,10 +37,7 @@ fn a_scripted_fault_ends_the_session_and_is_counted() {
     let said = link.end().success();
     let said: serde_json::Value = serde_json::from_str(&said).unwrap();
     assert_eq!(said["connections"], 1);
-    assert_eq!(
-        said["faults"],
-        serde_json::json!({"corrupt": {"up": 1, "down": 0}})
-    );
+    assert_eq!(said["faults"], serde_json::json!({"corrupt": {"up": 1, "down": 0}}));
     assert!(said["frames"]["up"].as_u64().unwrap() >= 300, "{said}");
     server.interrupt();
     server.end().success();
@@ -53,15 +50,7 @@ fn a_client_tolerates_lost_doubled_and_reordered_datagrams() {
     let folder = Folder::new("faults-udp-session");
     folder.write("script", &entry("at_frame = 1", "up", "drop"));
     let (mut server, [address, sensor]) = serve(&folder, &["--udp"]);
-    let faults = [
-        "--udp",
-        "--duplicate",
-        "0.8:1",
-        "--reorder",
-        "0.1",
-        "--script",
-        "script",
-    ];
+    let faults = ["--udp", "--duplicate", "0.8:1", "--reorder", "0.1", "--script", "script"];
     let (link, through) = link(&folder, &address, &faults);
     let owner = folder.start("owner", &["client", &through, "--udp", "--sensor", &sensor]);
     await_obtain(&mut server, 1);
@@ -71,10 +60,7 @@ fn a_client_tolerates_lost_doubled_and_reordered_datagrams() {
     server.await_words("SafeDisconnect -> Listening");
     link.interrupt();
     let said = link.end().success();
-    assert!(
-        said.contains("drop") && said.contains("duplicate"),
-        "{said}"
-    );
+    assert!(said.contains("drop") && said.contains("duplicate"), "{said}");
     server.interrupt();
     server.end().success();
 }
@@ -83,9 +69,7 @@ fn a_client_tolerates_lost_doubled_and_reordered_datagrams() {
 fn datagrams_are_forwarded_and_lost_as_told() {
     let folder = Folder::new("faults-udp");
     let server = UdpSocket::bind("127.0.0.1:0").unwrap();
-    server
-        .set_read_timeout(Some(Duration::from_secs(20)))
-        .unwrap();
+    server.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
     let to = server.local_addr().unwrap().to_string();
     let (link, through) = link(&folder, &to, &["--udp", "--duplicate", "1:2"]);
     let client = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -99,10 +83,7 @@ fn datagrams_are_forwarded_and_lost_as_told() {
     let said = link.end().success();
     assert!(said.starts_with("1 connections\n"), "{said}");
     let words: Vec<&str> = said.split_whitespace().collect();
-    assert!(
-        words.ends_with(&["frames", "1", "0", "duplicate", "1", "0"]),
-        "{said}"
-    );
+    assert!(words.ends_with(&["frames", "1", "0", "duplicate", "1", "0"]), "{said}");
 }
 
 #[test]
@@ -118,17 +99,9 @@ fn bad_options_and_scripts_are_refused_in_one_line() {
             1,
             "script: line 7, `direction = \"sideways\"`: unknown variant `sideways`, expected one of `up`, `down`, `both`",
         ),
-        (
-            ["--script", "twice"],
-            1,
-            "twice: fault 2: `at_frame`: this frame already has a fault",
-        ),
+        (["--script", "twice"], 1, "twice: fault 2: `at_frame`: this frame already has a fault"),
         (["--script", "nowhere"], 1, "nowhere: "),
-        (
-            ["--reorder", "0.1"],
-            1,
-            "reorder: a stream keeps its order; --udp only",
-        ),
+        (["--reorder", "0.1"], 1, "reorder: a stream keeps its order; --udp only"),
         (["--reset", "0.1:3"], 1, "reset takes no parameter"),
         (["--drop", "2"], 2, "P must be from 0 to 1"),
         (["--delay", "-1"], 2, "must be from 0 to 60000"),

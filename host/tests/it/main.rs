@@ -29,16 +29,7 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    for command in [
-        "demo",
-        "serve",
-        "client",
-        "faults",
-        "replay",
-        "workspace",
-        "draw",
-        "solve",
-    ] {
+    for command in ["demo", "serve", "client", "faults", "replay", "workspace", "draw", "solve"] {
         assert!(all.contains(&format!("\n  {command} ")), "{all}");
         let help = folder.run(&[command, "--help"]).success();
         assert!(help.contains(&format!("gantry-tau {command}")), "{help}");
@@ -49,8 +40,5 @@ fn help_mentions_every_command_and_every_commands_help_works() {
         assert!(help.contains("Usage:"), "{help}");
     }
     let version = folder.run(&["--version"]).success();
-    assert_eq!(
-        version.trim(),
-        concat!("gantry-tau ", env!("CARGO_PKG_VERSION"))
-    );
+    assert_eq!(version.trim(), concat!("gantry-tau ", env!("CARGO_PKG_VERSION")));
 }

@@ -84,9 +84,7 @@ impl Running {
 
     /// Waits until the process has printed `words` on either stream.
     pub(crate) fn await_words(&mut self, words: &str) {
-        self.await_that(words, |process| {
-            process.stdout().contains(words) || process.stderr().contains(words)
-        });
+        self.await_that(words, |process| process.stdout().contains(words) || process.stderr().contains(words));
     }
 
     /// Waits until `done`; the process must live until then.
@@ -95,11 +93,7 @@ impl Running {
         while !done(self) {
             let ended = self.child.try_wait().unwrap();
             let said = || format!("{}\n{}", self.stdout(), self.stderr());
-            assert!(
-                ended.is_none() || done(self),
-                "{what}: {ended:?}\n{}",
-                said()
-            );
+            assert!(ended.is_none() || done(self), "{what}: {ended:?}\n{}", said());
             assert!(since.elapsed() < DEADLINE, "{what}\n{}", said());
             std::thread::sleep(Duration::from_millis(5));
         }
@@ -108,9 +102,7 @@ impl Running {
     /// Interrupts the process, as Ctrl-C does.
     #[cfg(unix)]
     pub(crate) fn interrupt(&self) {
-        let done = Command::new("kill")
-            .args(["-INT", &self.child.id().to_string()])
-            .status();
+        let done = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status();
         assert!(done.unwrap().success());
     }
 
@@ -129,18 +121,10 @@ impl Running {
                 break status.code();
             }
             let said = || format!("{}\n{}", self.stdout(), self.stderr());
-            assert!(
-                since.elapsed() < DEADLINE,
-                "the process does not end\n{}",
-                said()
-            );
+            assert!(since.elapsed() < DEADLINE, "the process does not end\n{}", said());
             std::thread::sleep(Duration::from_millis(5));
         };
-        Ended {
-            code,
-            stdout: self.stdout(),
-            stderr: self.stderr(),
-        }
+        Ended { code, stdout: self.stdout(), stderr: self.stderr() }
     }
 }
 

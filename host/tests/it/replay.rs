@@ -12,10 +12,7 @@ fn pulled_cable(name: &str) -> Folder {
     let mut arguments = vec!["demo", "--pace", "lockstep", "--black-box", "box.jsonl"];
     arguments.extend(short);
     let said = folder.run(&arguments).success();
-    assert!(
-        said.contains("black box of the pulled cable: box.jsonl"),
-        "{said}"
-    );
+    assert!(said.contains("black box of the pulled cable: box.jsonl"), "{said}");
     folder
 }
 
@@ -23,54 +20,29 @@ fn pulled_cable(name: &str) -> Folder {
 fn edit(folder: &Folder, name: &str, number: usize, change: impl Fn(&str) -> String) {
     let text = folder.read("box.jsonl");
     let lines = (1..).zip(text.lines());
-    let lines = lines.map(|(at, line)| {
-        if at == number {
-            change(line)
-        } else {
-            line.to_owned()
-        }
-    });
+    let lines = lines.map(|(at, line)| if at == number { change(line) } else { line.to_owned() });
     folder.write(name, &lines.collect::<Vec<_>>().join("\n"));
 }
 
 #[test]
 fn a_pulled_cable_replays_bit_for_bit_and_an_edited_digit_is_found() {
     let folder = pulled_cable("replay");
-    let arguments = [
-        "replay",
-        "box.jsonl",
-        "--json",
-        "box.json",
-        "--plot",
-        "box.svg",
-    ];
+    let arguments = ["replay", "box.jsonl", "--json", "box.json", "--plot", "box.svg"];
     let said = folder.run(&arguments).success();
     let found: Value = serde_json::from_str(&folder.read("box.json")).unwrap();
     let ticks = found["ticks"].as_u64().unwrap();
     assert!((129..=192).contains(&ticks), "{ticks}");
     for words in [
         "3 axes, epoch 1",
-        &format!(
-            "{ticks} ticks, {} to {}",
-            found["first_tick"], found["last_tick"]
-        ),
+        &format!("{ticks} ticks, {} to {}", found["first_tick"], found["last_tick"]),
         &format!("ClientLate in tick {}", found["cause_tick"]),
         &format!("all {ticks} ticks agree bit for bit"),
     ] {
         assert!(said.contains(words), "{words} is not in: {said}");
     }
-    assert_eq!(
-        (&found["agreeing"], &found["difference"]),
-        (&found["ticks"], &Value::Null)
-    );
+    assert_eq!((&found["agreeing"], &found["difference"]), (&found["ticks"], &Value::Null));
     let drawn = folder.read("box.svg");
-    for words in [
-        "axis 3",
-        "ClientLate",
-        "SafeDisconnect",
-        "deadline missed",
-        "ticks after the cause",
-    ] {
+    for words in ["axis 3", "ClientLate", "SafeDisconnect", "deadline missed", "ticks after the cause"] {
         assert!(drawn.contains(words), "{words} is not drawn");
     }
     assert_edited_digit(&folder);
@@ -79,26 +51,14 @@ fn a_pulled_cable_replays_bit_for_bit_and_an_edited_digit_is_found() {
 fn assert_edited_digit(folder: &Folder) {
     let line = folder.read("box.jsonl").lines().nth(99).unwrap().to_owned();
     let tick: Value = serde_json::from_str(&line).unwrap();
-    let recorded = tick["output"]["state"]["axes"][1]["offsets"]["position"]
-        .as_i64()
-        .unwrap();
-    let axis = format!(
-        "\"nominal\":{},\"offsets\":{{\"position\":",
-        tick["input"]["tick"]["nominal"][1]
-    );
+    let recorded = tick["output"]["state"]["axes"][1]["offsets"]["position"].as_i64().unwrap();
+    let axis = format!("\"nominal\":{},\"offsets\":{{\"position\":", tick["input"]["tick"]["nominal"][1]);
     edit(folder, "edited.jsonl", 100, |line| {
         let [true_words, edited] = [recorded, recorded ^ 1].map(|nm| format!("{axis}{nm},"));
         assert!(line.contains(&true_words), "{true_words} is not in: {line}");
         line.replace(&true_words, &edited)
     });
-    let arguments = [
-        "replay",
-        "edited.jsonl",
-        "--json",
-        "edited.json",
-        "--plot",
-        "edited.html",
-    ];
+    let arguments = ["replay", "edited.jsonl", "--json", "edited.json", "--plot", "edited.html"];
     let ended = folder.run(&arguments);
     assert_eq!(ended.code, Some(3), "{}{}", ended.stdout, ended.stderr);
     let number = &tick["output"]["state"]["tick"];
@@ -110,17 +70,10 @@ fn assert_edited_digit(folder: &Folder) {
             recorded ^ 1
         ),
     ] {
-        assert!(
-            ended.stdout.contains(words),
-            "{words} is not in: {}",
-            ended.stdout
-        );
+        assert!(ended.stdout.contains(words), "{words} is not in: {}", ended.stdout);
     }
     let found: Value = serde_json::from_str(&folder.read("edited.json")).unwrap();
-    assert_eq!(
-        (&found["agreeing"], &found["difference"]["tick"]),
-        (&Value::from(97), number)
-    );
+    assert_eq!((&found["agreeing"], &found["difference"]["tick"]), (&Value::from(97), number));
     let page = folder.read("edited.html");
     assert!(page.contains("replay differs") && page.trim_end().ends_with("</html>"));
 }
@@ -136,35 +89,16 @@ fn another_file_is_refused_with_line_and_reason() {
     };
     type Edit = Box<dyn Fn(&str) -> String>;
     let edits: [(usize, Edit, &str); 6] = [
-        (
-            1,
-            Box::new(swap("\"version\":2", "\"version\":1")),
-            "version is 1; this program reads version 2",
-        ),
+        (1, Box::new(swap("\"version\":2", "\"version\":1")), "version is 1; this program reads version 2"),
         (1, Box::new(swap("\"axes\":3", "\"axes\":5")), "axes is 5"),
+        (2, Box::new(swap("\"ramp\":100", "\"ramp\":0")), "config.axes[0].limits.position: ramp is 0"),
+        (2, Box::new(swap("\"upper\":", "\"upper\":-9")), "config: axis 0: lower end of a travel"),
         (
             2,
-            Box::new(swap("\"ramp\":100", "\"ramp\":0")),
-            "config.axes[0].limits.position: ramp is 0",
-        ),
-        (
-            2,
-            Box::new(swap("\"upper\":", "\"upper\":-9")),
-            "config: axis 0: lower end of a travel",
-        ),
-        (
-            2,
-            Box::new(swap(
-                "\"velocity\":{\"value\":0",
-                "\"velocity\":{\"value\":9999",
-            )),
+            Box::new(swap("\"velocity\":{\"value\":0", "\"velocity\":{\"value\":9999")),
             "the state of the session contradicts its configuration",
         ),
-        (
-            50,
-            Box::new(|line| line[..line.len() / 2].to_owned()),
-            "EOF while parsing",
-        ),
+        (50, Box::new(|line| line[..line.len() / 2].to_owned()), "EOF while parsing"),
     ];
     for (number, change, words) in edits {
         edit(&folder, "bad.jsonl", number, change);
@@ -174,33 +108,18 @@ fn another_file_is_refused_with_line_and_reason() {
         }
     }
     let text = folder.read("box.jsonl");
-    folder.write(
-        "cut.jsonl",
-        &text.lines().take(80).collect::<Vec<_>>().join("\n"),
-    );
+    folder.write("cut.jsonl", &text.lines().take(80).collect::<Vec<_>>().join("\n"));
     let line = folder.run(&["replay", "cut.jsonl"]).failure(1);
-    assert!(
-        line.contains("cut.jsonl, line 80: the file ends with 78 ticks"),
-        "{line}"
-    );
-    for (name, words) in [
-        ("none.jsonl", "os error"),
-        (".", "os error"),
-        ("report.html", "line 1: this is not a black box"),
-    ] {
+    assert!(line.contains("cut.jsonl, line 80: the file ends with 78 ticks"), "{line}");
+    for (name, words) in
+        [("none.jsonl", "os error"), (".", "os error"), ("report.html", "line 1: this is not a black box")]
+    {
         let line = folder.run(&["replay", name]).failure(1);
         assert!(line.contains(name) && line.contains(words), "{line}");
     }
-    let line = folder
-        .run(&["replay", "box.jsonl", "--plot", "no/such.svg"])
-        .failure(1);
-    assert!(
-        line.contains("no/such.svg") && line.contains("os error"),
-        "{line}"
-    );
-    let line = folder
-        .run(&["replay", "box.jsonl", "--plot", "plot.png"])
-        .failure(2);
+    let line = folder.run(&["replay", "box.jsonl", "--plot", "no/such.svg"]).failure(1);
+    assert!(line.contains("no/such.svg") && line.contains("os error"), "{line}");
+    let line = folder.run(&["replay", "box.jsonl", "--plot", "plot.png"]).failure(2);
     assert!(line.contains(".svg or .html"), "{line}");
 }
 
@@ -217,20 +136,13 @@ fn serve_leaves_a_black_box_of_every_end() {
     server.interrupt();
     server.end().success();
     let files = std::fs::read_dir(folder.path("new/boxes")).unwrap();
-    let mut names: Vec<String> = files
-        .map(|file| file.unwrap().file_name().into_string().unwrap())
-        .collect();
+    let mut names: Vec<String> = files.map(|file| file.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     assert_eq!(names.len(), 2, "{names:?}");
     assert!(names[0].starts_with("epoch-1-tick-"), "{names:?}");
-    assert!(
-        names[1].starts_with("epoch-2-tick-") && names[1].ends_with("-Stop.jsonl"),
-        "{names:?}"
-    );
+    assert!(names[1].starts_with("epoch-2-tick-") && names[1].ends_with("-Stop.jsonl"), "{names:?}");
     for name in names {
-        let said = folder
-            .run(&["replay", &format!("new/boxes/{name}")])
-            .success();
+        let said = folder.run(&["replay", &format!("new/boxes/{name}")]).success();
         assert!(said.contains("ticks agree bit for bit"), "{said}");
     }
 }
@@ -240,15 +152,7 @@ fn a_black_box_that_cannot_be_written_is_named() {
     let folder = Folder::new("lost");
     folder.write("file", "");
     for bad in ["file", "file/boxes"] {
-        let arguments = [
-            "serve",
-            "--listen",
-            "127.0.0.1:0",
-            "--sensor",
-            "127.0.0.1:0",
-            "--black-box",
-            bad,
-        ];
+        let arguments = ["serve", "--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0", "--black-box", bad];
         let line = folder.run(&arguments).failure(1);
         assert!(line.contains(bad) && line.contains("os error"), "{line}");
     }
@@ -260,8 +164,5 @@ fn a_black_box_that_cannot_be_written_is_named() {
     server.await_words("black box lost: boxes");
     server.interrupt();
     let line = server.end().failure(1);
-    assert!(
-        line.contains("boxes") && line.contains("os error"),
-        "{line}"
-    );
+    assert!(line.contains("boxes") && line.contains("os error"), "{line}");
 }

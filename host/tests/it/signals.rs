@@ -5,14 +5,7 @@ use crate::process::{Folder, Running};
 /// Starts a server in lock-step on free ports; returns it with the addresses of server and sensor.
 pub(crate) fn serve(folder: &Folder, further: &[&str]) -> (Running, [String; 2]) {
     let mut arguments = vec!["serve", "--pace", "lockstep", "--listen", "127.0.0.1:0"];
-    arguments.extend([
-        "--sensor",
-        "127.0.0.1:0",
-        "--force-max",
-        "60",
-        "--step-seconds",
-        "5",
-    ]);
+    arguments.extend(["--sensor", "127.0.0.1:0", "--force-max", "60", "--step-seconds", "5"]);
     arguments.extend(further);
     let mut server = folder.start("serve", &arguments);
     server.await_words("Ctrl-C");
@@ -24,10 +17,7 @@ pub(crate) fn serve(folder: &Folder, further: &[&str]) -> (Running, [String; 2])
     };
     let addresses = [after("listening on "), after("force sensor on ")];
     for address in &addresses {
-        assert!(
-            address.starts_with("127.0.0.1:") && !address.ends_with(":0"),
-            "{said}"
-        );
+        assert!(address.starts_with("127.0.0.1:") && !address.ends_with(":0"), "{said}");
     }
     (server, addresses)
 }
@@ -38,9 +28,7 @@ pub(crate) fn client(folder: &Folder, name: &str, [server, sensor]: &[String; 2]
 
 /// Waits until the server has seen Obtain `times` times.
 pub(crate) fn await_obtain(server: &mut Running, times: usize) {
-    server.await_that("Obtain", |server| {
-        server.stderr().matches("Submit -> Obtain").count() == times
-    });
+    server.await_that("Obtain", |server| server.stderr().matches("Submit -> Obtain").count() == times);
 }
 
 /// Returns the state and the position offsets of every row so far.
@@ -49,12 +37,9 @@ fn rows(folder: &Folder) -> Vec<(String, [i64; 3])> {
     let mut lines = csv.lines();
     let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
     let column = |name: &str| header.iter().position(|column| *column == name);
-    let (Some(state), Some(a), Some(b), Some(c)) = (
-        column("state"),
-        column("offset_1_nm"),
-        column("offset_2_nm"),
-        column("offset_3_nm"),
-    ) else {
+    let (Some(state), Some(a), Some(b), Some(c)) =
+        (column("state"), column("offset_1_nm"), column("offset_2_nm"), column("offset_3_nm"))
+    else {
         return Vec::new();
     };
     let whole = lines.filter_map(|line| {
@@ -120,10 +105,7 @@ fn a_session_of_two_processes_from_obtain_to_the_servers_end() {
 
     let rows = rows(&folder);
     let recorded = format!("recorded {} rows to serve.csv, ", rows.len());
-    assert!(
-        said.contains(&recorded) && said.contains(" dropped"),
-        "{said}"
-    );
+    assert!(said.contains(&recorded) && said.contains(" dropped"), "{said}");
     assert_eq!(rows.last().unwrap().1, [0; 3]);
     if said.contains(", 0 dropped") {
         assert_no_jump(&rows);
@@ -176,18 +158,11 @@ fn a_reader_that_leaves_early_makes_no_panic() {
         "'{}' demo --pace lockstep --step-seconds 0.2 --force-max 60 --report r.html 2>err | head -n 1",
         env!("CARGO_BIN_EXE_gantry-tau")
     );
-    let done = std::process::Command::new("sh")
-        .args(["-c", &script])
-        .current_dir(folder.path("."))
-        .output()
-        .unwrap();
+    let done = std::process::Command::new("sh").args(["-c", &script]).current_dir(folder.path(".")).output().unwrap();
     assert!(done.status.success());
     let err = folder.read("err");
     assert!(!err.contains("panicked"), "{err}");
-    assert!(
-        folder.path("r.html").exists(),
-        "the demo did not go on: {err}"
-    );
+    assert!(folder.path("r.html").exists(), "the demo did not go on: {err}");
 }
 
 #[test]

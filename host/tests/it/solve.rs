@@ -15,14 +15,8 @@ fn good_and_bad_lines_are_answered_in_order() {
     let far = json!({"id": "b", "robot": robot, "op": "ik", "T": [0.0, 9.0, 0.65]});
     folder.write("in", &format!("{good}\nnonsense\n{far}\n\n{good}"));
     let input = Stdio::from(File::open(folder.path("in")).unwrap());
-    let said = folder
-        .start_with("solve", &["solve"], input)
-        .end()
-        .success();
-    let answers: Vec<Value> = said
-        .lines()
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect();
+    let said = folder.start_with("solve", &["solve"], input).end().success();
+    let answers: Vec<Value> = said.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(answers.len(), 5, "{said}");
     let q = answers[0]["ok"]["q"][0].as_f64().unwrap();
     assert!((q - 0.6245).abs() < 1e-4, "{q}");
@@ -49,12 +43,7 @@ fn six_axes_are_solved_from_their_file() {
     let inverse = solve(json!({"id": 1, "robot": robot, "op": "ik", "T": there}));
     let q = inverse["ok"]["q"].clone();
     let back = solve(json!({"id": 2, "robot": robot, "op": "fk", "q": q}));
-    for (found, wanted) in back["ok"]["T"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .zip([0.15, 0.05, 0.35])
-    {
+    for (found, wanted) in back["ok"]["T"].as_array().unwrap().iter().zip([0.15, 0.05, 0.35]) {
         assert!((found.as_f64().unwrap() - wanted).abs() < 1e-10, "{back}");
     }
     let mut far = q;

@@ -33,11 +33,7 @@ fn the_map_has_a_page_and_a_row_per_place() {
 #[test]
 fn a_bad_grid_or_place_is_named() {
     let folder = Folder::new("workspace_bad");
-    for (option, value) in [
-        ("--cells", "1000"),
-        ("--csv", "no/such/folder.csv"),
-        ("--plot", "no/such/page.html"),
-    ] {
+    for (option, value) in [("--cells", "1000"), ("--csv", "no/such/folder.csv"), ("--plot", "no/such/page.html")] {
         let said = folder.run(&["workspace", "l2", option, value]).failure(1);
         assert!(said.contains(value), "{said}");
     }

@@ -12,10 +12,7 @@ fn any_segment<const HALF: usize>() -> Option<Segment<u8, (), u8, HALF>> {
     for index in 0..HALF {
         if index < written {
             let output = kani::any();
-            assert!(
-                entries.push(Entry { input: (), output }).is_ok(),
-                "there is room"
-            );
+            assert!(entries.push(Entry { input: (), output }).is_ok(), "there is room");
         }
     }
     Segment::from_parts(kani::any(), entries, kani::any())

@@ -10,11 +10,7 @@ use crate::compensation::{correction_is_bounded, offset_is_within, sensor_check_
 
 /// Any configuration, even one that is refused, and any numbers.
 fn any_correction_is_bounded<const N: usize>() {
-    let config = CompensatorConfig {
-        gain: kani::any(),
-        limits: kani::any(),
-        metres_per_q: kani::any(),
-    };
+    let config = CompensatorConfig { gain: kani::any(), limits: kani::any(), metres_per_q: kani::any() };
     correction_is_bounded::<N>(&config, &kani::any(), &kani::any());
 }
 

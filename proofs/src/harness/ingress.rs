@@ -12,11 +12,7 @@ const AXES: usize = 3;
 
 /// Any counts; the refusals are written, never read.
 fn any_diagnostics() -> Diagnostics {
-    Diagnostics {
-        counters: kani::any::<Counters>(),
-        late: kani::any(),
-        ..Diagnostics::default()
-    }
+    Diagnostics { counters: kani::any::<Counters>(), late: kani::any(), ..Diagnostics::default() }
 }
 
 /// The classifier of a session before a tick.

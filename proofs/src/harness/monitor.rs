@@ -14,10 +14,7 @@ use crate::monitor;
 fn any_trace() -> Trace {
     let (earlier, value): (i32, i32) = (kani::any(), kani::any());
     let is_known: bool = kani::any();
-    Trace {
-        value: value.into(),
-        change: is_known.then_some(i64::from(value) - i64::from(earlier)),
-    }
+    Trace { value: value.into(), change: is_known.then_some(i64::from(value) - i64::from(earlier)) }
 }
 
 /// Any State whose axis has offsets and shadow in one channel only.
@@ -32,14 +29,8 @@ fn any_state(kind: ChannelKind) -> State<1> {
 fn only(offsets: Offsets, kind: ChannelKind) -> Offsets {
     match kind {
         ChannelKind::Position => Offsets::position(offsets.position),
-        ChannelKind::Velocity => Offsets {
-            velocity: offsets.velocity,
-            ..Offsets::ZERO
-        },
-        ChannelKind::Torque => Offsets {
-            torque: offsets.torque,
-            ..Offsets::ZERO
-        },
+        ChannelKind::Velocity => Offsets { velocity: offsets.velocity, ..Offsets::ZERO },
+        ChannelKind::Torque => Offsets { torque: offsets.torque, ..Offsets::ZERO },
     }
 }
 
@@ -48,10 +39,7 @@ fn check_states(kind: ChannelKind) {
     let limits: [AxisLimits; 1] = kani::any();
     let (before, state) = (any_state(kind), any_state(kind));
     monitor::state_is_flagged_exactly(&limits, &before, &state);
-    kani::cover!(
-        state.axes[0].offsets != Offsets::ZERO,
-        "some offsets are not zero"
-    );
+    kani::cover!(state.axes[0].offsets != Offsets::ZERO, "some offsets are not zero");
 }
 
 harnesses! {

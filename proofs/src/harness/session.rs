@@ -12,21 +12,12 @@ const AXES: usize = 3;
 
 /// Any counts; the refusals are written, never read.
 fn any_diagnostics() -> Diagnostics {
-    Diagnostics {
-        counters: kani::any::<Counters>(),
-        late: kani::any(),
-        ..Diagnostics::default()
-    }
+    Diagnostics { counters: kani::any::<Counters>(), late: kani::any(), ..Diagnostics::default() }
 }
 
 /// Any step, and more: the accepted input need not follow from any events.
 fn any_input<const N: usize>() -> StepInput<N> {
-    StepInput {
-        session: kani::any(),
-        tick: kani::any(),
-        accepted: kani::any(),
-        diagnostics: any_diagnostics(),
-    }
+    StepInput { session: kani::any(), tick: kani::any(), accepted: kani::any(), diagnostics: any_diagnostics() }
 }
 
 harnesses! {

@@ -2,15 +2,13 @@
 
 use gantry_tau_core::control::message::{Command, Hello, Refusal, State, Welcome};
 use gantry_tau_core::control::wire::{
-    Body, Collector, Frame, HEADER_LEN, Kind, MAX_BODY, MAX_FRAME, PROTOCOL_VERSION, TRAILER_LEN,
-    decode_client, decode_server,
+    Body, Collector, Frame, HEADER_LEN, Kind, MAX_BODY, MAX_FRAME, PROTOCOL_VERSION, TRAILER_LEN, decode_client,
+    decode_server,
 };
 use gantry_tau_core::units::Epoch;
 
 use super::kani;
-use crate::wire::{
-    body_is_canonical, body_survives, chunk_is_collected, frame_is_canonical, frame_is_parsed,
-};
+use crate::wire::{body_is_canonical, body_survives, chunk_is_collected, frame_is_canonical, frame_is_parsed};
 
 /// Any bytes of a body's length.
 fn canonical<B: Body, const LENGTH: usize>() {

@@ -34,11 +34,7 @@ fn length(one: Vector) -> f64 {
 }
 
 fn cross(a: Vector, b: Vector) -> Vector {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// The vector turned about an axis by an angle: Rodrigues.
@@ -46,10 +42,7 @@ fn turned(vector: Vector, axis: Vector, angle: f64) -> Vector {
     let axis = times(axis, 1.0 / length(axis));
     let (sin, cos) = angle.sin_cos();
     let along = times(axis, dot(axis, vector) * (1.0 - cos));
-    add(
-        add(times(vector, cos), times(cross(axis, vector), sin)),
-        along,
-    )
+    add(add(times(vector, cos), times(cross(axis, vector), sin)), along)
 }
 
 /// A small number of a fuzzer: `share` of `most`.

@@ -83,29 +83,13 @@ impl Made {
             let at = if axis < 3 { 1.5 } else { 0.0 };
             at + share(input.positions[axis], 0.5)
         });
-        let [turn_axis, tilt_axis] = near(
-            [base.turn_axis.into(), base.tilt_axis.into()],
-            &input.axes,
-            0.3,
-        );
-        let signs = input.turn_signs.map(|other| {
-            if other {
-                Branch::Negative
-            } else {
-                Branch::Positive
-            }
-        });
+        let [turn_axis, tilt_axis] = near([base.turn_axis.into(), base.tilt_axis.into()], &input.axes, 0.3);
+        let signs = input.turn_signs.map(|other| if other { Branch::Negative } else { Branch::Positive });
         let geometry = f1::Geometry {
             carts_m: near(base.carts_m.map(Into::into), &input.carts, 0.3).map(Into::into),
             guideways: near(base.guideways.map(Into::into), &input.guideways, 0.3).map(Into::into),
-            plate_joints_m: near(
-                base.plate_joints_m.map(Into::into),
-                &input.plate_joints,
-                0.05,
-            )
-            .map(Into::into),
-            platform_joints_m: near(base.platform_joints_m.map(Into::into), &input.joints, 0.05)
-                .map(Into::into),
+            plate_joints_m: near(base.plate_joints_m.map(Into::into), &input.plate_joints, 0.05).map(Into::into),
+            platform_joints_m: near(base.platform_joints_m.map(Into::into), &input.joints, 0.05).map(Into::into),
             turn_axis: turn_axis.into(),
             tilt_axis: tilt_axis.into(),
             turn_signs: signs,
@@ -116,11 +100,7 @@ impl Made {
         made.geometry.lengths_m = made.links(&tool, &q).map(length);
         let sides = made.sides();
         for (arm, first) in [0, 1, 3].into_iter().enumerate() {
-            let branch = if sides[first] < 0.0 {
-                Branch::Negative
-            } else {
-                Branch::Positive
-            };
+            let branch = if sides[first] < 0.0 { Branch::Negative } else { Branch::Positive };
             made.geometry.configuration[arm] = branch;
         }
         let regular = |link: usize| {
@@ -156,10 +136,7 @@ impl Made {
                 1 => turned(joint, turn, sigma4 * q[3]),
                 _ => turned(turned(joint, tilt, q[5]), turn, sigma5 * q[4]),
             };
-            let cart = add(
-                geometry.carts_m[arm].into(),
-                times(self.guideway(arm), q[arm]),
-            );
+            let cart = add(geometry.carts_m[arm].into(), times(self.guideway(arm), q[arm]));
             let platform: Vector = geometry.platform_joints_m[link].into();
             less(add(cart, joint), placed(platform, tool))
         })
@@ -175,10 +152,7 @@ impl Made {
         let ours = self.links(&self.tool, &self.q);
         let theirs = kinematics.links_m(pose, &self.q);
         for (ours, theirs) in ours.iter().zip(&theirs) {
-            assert!(
-                length(less(*ours, (*theirs).into())) < 1e-13,
-                "the links are where the thesis has them"
-            );
+            assert!(length(less(*ours, (*theirs).into())) < 1e-13, "the links are where the thesis has them");
         }
     }
 
@@ -195,15 +169,9 @@ impl Made {
             let place = (found.position_m - known.position_m).norm();
             place.max((found.rotation - known.rotation).norm())
         };
-        assert!(
-            (found.as_ref()).is_ok_and(|found| distance(&found.value) < 1e-7),
-            "T13: the known pose: {found:?}"
-        );
+        assert!((found.as_ref()).is_ok_and(|found| distance(&found.value) < 1e-7), "T13: the known pose: {found:?}");
         let slow = creep(&unknown, close);
-        assert!(
-            slow.is_some_and(|slow| apart(&slow, &self.tool) < 1e-7),
-            "the slow solver finds it too: {slow:?}"
-        );
+        assert!(slow.is_some_and(|slow| apart(&slow, &self.tool) < 1e-7), "the slow solver finds it too: {slow:?}");
         // Farther away it may be another one, but it is one, on the seed's side of every singularity.
         let far: Numbers = std::array::from_fn(|i| self.tool[i] + off[i]);
         if let Ok(found) = kinematics.forward_from(&self.q, &pose(&far), COLD_ITERATIONS) {
@@ -233,10 +201,7 @@ impl Made {
             self.q
         );
         let slow = creep(&unknown, close);
-        assert!(
-            slow.is_some_and(|slow| apart(&slow, &self.q) < 1e-7),
-            "the slow solver finds them too: {slow:?}"
-        );
+        assert!(slow.is_some_and(|slow| apart(&slow, &self.q) < 1e-7), "the slow solver finds them too: {slow:?}");
     }
 }
 
@@ -245,11 +210,7 @@ const ARM_OF_LINK: [usize; 6] = [0, 1, 1, 2, 2, 2];
 /// A point of the platform in the world.
 fn placed(point: Vector, [x, y, z, turn @ ..]: &Numbers) -> Vector {
     let angle = length(*turn);
-    let rotated = if angle > 0.0 {
-        turned(point, *turn, angle)
-    } else {
-        point
-    };
+    let rotated = if angle > 0.0 { turned(point, *turn, angle) } else { point };
     add([*x, *y, *z], rotated)
 }
 
@@ -257,10 +218,7 @@ fn pose(tool: &Numbers) -> Pose {
     let [x, y, z, ..] = *tool;
     let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let columns = axes.map(|axis| less(placed(axis, tool), [x, y, z]));
-    Pose {
-        position_m: [x, y, z].into(),
-        rotation: columns.into(),
-    }
+    Pose { position_m: [x, y, z].into(), rotation: columns.into() }
 }
 
 /// Derivatives of the errors by the unknowns, by differences; rows are errors.
@@ -309,9 +267,7 @@ fn eliminated(mut rows: [Numbers; 6], mut right: Numbers) -> Option<(Numbers, f6
     let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
     for _ in 0..6 {
         let free = |row: &usize| column_of_row[*row].is_none();
-        let places = (0..6)
-            .filter(free)
-            .flat_map(|row| (0..6).map(move |column| (row, column)));
+        let places = (0..6).filter(free).flat_map(|row| (0..6).map(move |column| (row, column)));
         let size = |(row, column): &(usize, usize)| rows[*row][*column].abs();
         let (row, column) = places.max_by(|one, other| size(one).total_cmp(&size(other)))?;
         let pivot = rows[row][column];

@@ -60,19 +60,14 @@ pub fn three_is_solved(input: &Three) {
 }
 
 fn sign(number: f64) -> Branch {
-    if number < 0.0 {
-        Branch::Negative
-    } else {
-        Branch::Positive
-    }
+    if number < 0.0 { Branch::Negative } else { Branch::Positive }
 }
 
 impl Made {
     fn new(input: &Three) -> Self {
         let base = robots::l2_geometry();
         let first_of_arm = [0, 1, 3];
-        let at = first_of_arm
-            .map(|link| <Vector>::from(base.cart_joints_m[link] - base.platform_joints_m[link]));
+        let at = first_of_arm.map(|link| <Vector>::from(base.cart_joints_m[link] - base.platform_joints_m[link]));
         let origins = near(at, &input.origins, 0.3);
         let guideways = near(base.guideways.map(Into::into), &input.guideways, 0.5);
         let [tool] = near([robots::l2_home()], &[input.tool], 0.3);
@@ -80,15 +75,7 @@ impl Made {
             let towards = [1.0, -1.0, 1.0][arm];
             towards * 0.6 + share(input.positions[arm], 1.0)
         });
-        let mut made = Self {
-            origins,
-            guideways,
-            lengths: [0.0; 3],
-            sides: [0.0; 3],
-            height: 0.0,
-            tool,
-            q,
-        };
+        let mut made = Self { origins, guideways, lengths: [0.0; 3], sides: [0.0; 3], height: 0.0, tool, q };
         let links = made.links(tool, q);
         made.lengths = links.map(length);
         made.sides = std::array::from_fn(|arm| dot(links[arm], guideways[arm]));
@@ -100,8 +87,7 @@ impl Made {
         let base = robots::l2_geometry();
         let joints = near(base.platform_joints_m.map(Into::into), &input.joints, 0.2);
         let arm_of_link = [0, 1, 1, 2, 2, 2];
-        let carts: [Vector; 6] =
-            std::array::from_fn(|link| add(self.origins[arm_of_link[link]], joints[link]));
+        let carts: [Vector; 6] = std::array::from_fn(|link| add(self.origins[arm_of_link[link]], joints[link]));
         let mut geometry = l2::Geometry {
             cart_joints_m: carts.map(Into::into),
             platform_joints_m: joints.map(Into::into),
@@ -148,15 +134,9 @@ impl Made {
             return;
         }
         let inverse = nominal.inverse_in_assembly(&self.tool.into());
-        assert!(
-            inverse.is_ok_and(|q| apart(&q, &self.q) < 1e-9),
-            "T13: the known positions: {inverse:?}"
-        );
+        assert!(inverse.is_ok_and(|q| apart(&q, &self.q) < 1e-9), "T13: the known positions: {inverse:?}");
         let forward = nominal.forward(&self.q).map(<Vector>::from);
-        assert!(
-            forward.is_ok_and(|tool| apart(&tool, &self.tool) < 1e-9),
-            "T13: the known tool: {forward:?}"
-        );
+        assert!(forward.is_ok_and(|tool| apart(&tool, &self.tool) < 1e-9), "T13: the known tool: {forward:?}");
     }
 
     fn inverse_is_that_of_bisection(&self, nominal: &l2::Kinematics, tool: Vector) {
@@ -176,10 +156,7 @@ impl Made {
             *slow = q;
         }
         match found {
-            Ok(q) => assert!(
-                grazes || apart(&q, &slow) < 1e-9,
-                "T13: {q:?}, by bisection {slow:?}"
-            ),
+            Ok(q) => assert!(grazes || apart(&q, &slow) < 1e-9, "T13: {q:?}, by bisection {slow:?}"),
             Err(error) => assert!(grazes, "T13: within reach at {slow:?}: {error:?}"),
         }
     }
@@ -211,16 +188,10 @@ impl Made {
     fn forward_is_on_the_circle(&self, nominal: &l2::Kinematics, q: [f64; 3]) {
         let places = self.walk_round(q);
         let found = nominal.forward(&q).map(<Vector>::from);
-        let regular: Vec<&Vector> = places
-            .iter()
-            .filter(|place| self.regularity(**place, q) > REGULAR)
-            .collect();
+        let regular: Vec<&Vector> = places.iter().filter(|place| self.regularity(**place, q) > REGULAR).collect();
         match (&found, regular.first()) {
             (Ok(tool), Some(place)) => {
-                assert!(
-                    apart(tool, place) < 1e-6,
-                    "T13: {tool:?}, on the circle {place:?}"
-                );
+                assert!(apart(tool, place) < 1e-6, "T13: {tool:?}, on the circle {place:?}");
             }
             (Err(error), Some(place)) => panic!("T13: on the circle is {place:?}: {error:?}"),
             (Ok(tool), None) => {

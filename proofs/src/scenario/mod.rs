@@ -11,17 +11,11 @@ pub use on_session::every_tick_is_right;
 
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
-use gantry_tau_core::control::message::{
-    AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode, Phase,
-};
-use gantry_tau_core::control::session::config::{
-    AxisConfig, Config, MissBudget, Parameters, Travel,
-};
+use gantry_tau_core::control::message::{AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode, Phase};
+use gantry_tau_core::control::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
 use gantry_tau_core::control::session::{Event, LastWrite, Session, Start, TickInput};
 use gantry_tau_core::control::wire::{ContentError, FrameError};
-use gantry_tau_core::units::{
-    Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
-};
+use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 use gantry_tau_core::verification::control::{FsmState, Internals, Parts};
 
 /// Axes of the machine; two, so that one can be forgotten.
@@ -200,19 +194,12 @@ impl Machine {
             let axis = AxisConfig::position_only(limits.position, travel, step);
             AxisConfig { limits, ..axis }
         });
-        let budget = self.budget.map(|(window, allowed)| MissBudget {
-            window: window % 128 + 1,
-            allowed,
-        });
+        let budget = self.budget.map(|(window, allowed)| MissBudget { window: window % 128 + 1, allowed });
         let config = Config::new(Parameters {
             budget,
             echo_window: self.echo_window,
             handshake_ticks: u32::from(self.handshake_ticks) + 1,
-            capabilities: if self.lockstep {
-                Capabilities::LOCKSTEP
-            } else {
-                Capabilities::NONE
-            },
+            capabilities: if self.lockstep { Capabilities::LOCKSTEP } else { Capabilities::NONE },
             ..Parameters::thesis(axes)
         });
         config.unwrap_or_else(|error| panic!("a machine of a scenario is refused: {error}"))
@@ -229,14 +216,8 @@ impl Rates {
         let step = ramp + scaled(self.step.into());
         let accel = step + ramp + scaled(self.accel.into());
         let max = scaled(self.max.into()).min(most);
-        let values = LimitValues {
-            max,
-            step,
-            accel,
-            ramp,
-        };
-        Limits::new(values)
-            .unwrap_or_else(|error| panic!("limits of a scenario are refused: {error}"))
+        let values = LimitValues { max, step, accel, ramp };
+        Limits::new(values).unwrap_or_else(|error| panic!("limits of a scenario are refused: {error}"))
     }
 }
 
@@ -244,11 +225,7 @@ impl Rates {
 fn offsets(config: &Config<N>, shares: &Shares) -> [Offsets; N] {
     let axes = &config.parameters().axes;
     std::array::from_fn(|axis| {
-        let AxisLimits {
-            position,
-            velocity,
-            torque,
-        } = &axes[axis].limits;
+        let AxisLimits { position, velocity, torque } = &axes[axis].limits;
         let [p, v, t] = shares[axis];
         let of = |max: i32, share: i8| i64::from(max) * i64::from(share) / 100;
         let number = |value: i64| {
@@ -279,13 +256,7 @@ impl ClientAction {
                 axes: u8::try_from(K).unwrap_or(u8::MAX).wrapping_add(*axes),
                 capabilities: Capabilities(*capabilities),
             })),
-            Self::Command {
-                epoch,
-                ahead,
-                behind,
-                obtain,
-                targets,
-            } => Some(ClientMessage::Command(Command {
+            Self::Command { epoch, ahead, behind, obtain, targets } => Some(ClientMessage::Command(Command {
                 epoch: epoch_at(*epoch),
                 sequence: Sequence(discrete.accepted.0.wrapping_add_signed((*ahead).into())),
                 echo: Tick(discrete.tick.0.wrapping_add_signed(-i64::from(*behind))),
@@ -338,11 +309,7 @@ trait SystemUnderTest {
     fn scenario(&mut self, one: &Op) -> usize {
         let on_time = Circumstances::default();
         match one {
-            Op::Answer {
-                obtain,
-                targets,
-                times,
-            } => {
+            Op::Answer { obtain, targets, times } => {
                 for _ in 0..*times {
                     let action = answer(self.session(), *obtain, *targets);
                     self.say(Peer::Owner, &action);
@@ -388,11 +355,7 @@ struct Motion {
 
 impl Motion {
     /// Input of the next tick, and the epochs it may grant: one.
-    fn input(
-        &mut self,
-        session: &Session<N>,
-        circumstances: &Circumstances,
-    ) -> (TickInput<N>, EpochRange) {
+    fn input(&mut self, session: &Session<N>, circumstances: &Circumstances) -> (TickInput<N>, EpochRange) {
         let parameters = session.config().parameters();
         let in_force = self.nominal;
         for axis in 0..N {
@@ -401,11 +364,7 @@ impl Motion {
             let to = circumstances.jump.unwrap_or(self.nominal[axis]);
             self.nominal[axis] = to.saturating_add(change);
         }
-        let epoch = Epoch(
-            (session.epoch().0)
-                .saturating_add(1)
-                .saturating_add_signed(circumstances.epoch.into()),
-        );
+        let epoch = Epoch((session.epoch().0).saturating_add(1).saturating_add_signed(circumstances.epoch.into()));
         let input = TickInput {
             elapsed_cycles: circumstances.elapsed,
             nominal: self.nominal.map(PositionNm),
@@ -415,10 +374,7 @@ impl Motion {
             last_write: self.last_write(session.config(), &in_force),
             arrival_us: 0,
         };
-        let epochs = EpochRange {
-            first: epoch,
-            last: epoch,
-        };
+        let epochs = EpochRange { first: epoch, last: epoch };
         (input, epochs)
     }
 
@@ -430,35 +386,23 @@ impl Motion {
         if shares.iter().flatten().all(|share| *share > 100) {
             return LastWrite::Unknown;
         }
-        LastWrite::Refused {
-            in_force: in_force(config, &shares, nominal),
-        }
+        LastWrite::Refused { in_force: in_force(config, &shares, nominal) }
     }
 }
 
 /// Values in force at the drives.
 fn in_force(config: &Config<N>, shares: &Shares, nominal: &[i64; N]) -> [InForce; N] {
     let offsets = offsets(config, shares);
-    std::array::from_fn(|axis| InForce {
-        nominal: PositionNm(nominal[axis]),
-        offsets: offsets[axis],
-    })
+    std::array::from_fn(|axis| InForce { nominal: PositionNm(nominal[axis]), offsets: offsets[axis] })
 }
 
 /// The start of a scenario's machine; `None` for offsets beyond their limits.
 fn start(scenario: &Scenario) -> (Config<N>, Start<N>, Option<Session<N>>) {
     let config = scenario.machine.config();
-    let start = Start {
-        in_force: in_force(&config, &scenario.in_force, &[0; N]),
-        stop_latched: false,
-    };
+    let start = Start { in_force: in_force(&config, &scenario.in_force, &[0; N]), stop_latched: false };
     let session = Session::new(config, &start).ok().and_then(|session| {
         let parts = *session.parts();
-        let discrete = FsmState {
-            tick: Tick(life(scenario)),
-            epoch: Epoch(life(scenario)),
-            ..parts.discrete
-        };
+        let discrete = FsmState { tick: Tick(life(scenario)), epoch: Epoch(life(scenario)), ..parts.discrete };
         Session::from_parts(config, Parts { discrete, ..parts })
     });
     (config, start, session)
@@ -466,9 +410,5 @@ fn start(scenario: &Scenario) -> (Config<N>, Start<N>, Option<Session<N>>) {
 
 /// Returns tick and epoch before the first tick: the end of the numbers, or their beginning.
 fn life(scenario: &Scenario) -> u64 {
-    if scenario.late_in_life {
-        u64::MAX - 40
-    } else {
-        0
-    }
+    if scenario.late_in_life { u64::MAX - 40 } else { 0 }
 }

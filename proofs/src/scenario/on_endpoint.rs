@@ -6,10 +6,7 @@ use gantry_tau_core::control::session::{BlackBox, Connection, Event, NoRecorder,
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, EpochRange, Tick};
 
-use super::{
-    Circumstances, ClientAction, Motion, N, Peer, Scenario, SystemUnderTest, answer, event, life,
-    start,
-};
+use super::{Circumstances, ClientAction, Motion, N, Peer, Scenario, SystemUnderTest, answer, event, life, start};
 use crate::endpoint::{EndpointOp, takes_anything};
 use crate::reference_model::{Expected, ReferenceModel};
 use crate::wire::sealed;
@@ -100,11 +97,7 @@ impl SystemUnderTest for EndpointUnderTest {
         };
         if *action == ClientAction::Closed {
             self.clients[client] = None;
-            takes_anything(
-                &mut self.endpoint,
-                &EndpointOp::Close(connection),
-                &mut NoRecorder,
-            );
+            takes_anything(&mut self.endpoint, &EndpointOp::Close(connection), &mut NoRecorder);
             return;
         }
         let bytes = self.bytes(action);
@@ -114,11 +107,7 @@ impl SystemUnderTest for EndpointUnderTest {
             _ => vec![bytes],
         };
         for part in parts {
-            takes_anything(
-                &mut self.endpoint,
-                &EndpointOp::Feed(connection, part),
-                &mut NoRecorder,
-            );
+            takes_anything(&mut self.endpoint, &EndpointOp::Feed(connection, part), &mut NoRecorder);
         }
     }
 

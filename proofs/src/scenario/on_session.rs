@@ -2,13 +2,9 @@
 
 use gantry_tau_core::control::session::{BlackBox, Connection, Events, Input, Session, replay};
 use gantry_tau_core::units::{Epoch, Tick};
-use gantry_tau_core::verification::control::{
-    FsmInput, FsmState, Internals, Rules, nominal_stepped,
-};
+use gantry_tau_core::verification::control::{FsmInput, FsmState, Internals, Rules, nominal_stepped};
 
-use super::{
-    Circumstances, ClientAction, Motion, N, Peer, Scenario, SystemUnderTest, event, life, start,
-};
+use super::{Circumstances, ClientAction, Motion, N, Peer, Scenario, SystemUnderTest, event, life, start};
 use crate::reference_model::{Expected, ReferenceModel};
 use crate::session::StepInput;
 use crate::{blackbox, fsm, motors, session};
@@ -43,10 +39,7 @@ impl SessionUnderTest {
         let (config, start, session) = start(scenario);
         let (tick, epoch) = (Tick(life(scenario)), Epoch(life(scenario)));
         let model = ReferenceModel::new(*config.parameters(), &start, tick, epoch);
-        assert!(
-            session.is_some() == model.is_some(),
-            "a start is refused for offsets beyond their limits only"
-        );
+        assert!(session.is_some() == model.is_some(), "a start is refused for offsets beyond their limits only");
         Some(Self {
             session: session?,
             model: model?,
@@ -94,11 +87,7 @@ impl SessionUnderTest {
 
     fn input(&mut self, circumstances: &Circumstances) -> Input<N> {
         let (tick, epochs) = self.motion.input(&self.session, circumstances);
-        Input {
-            tick,
-            epochs,
-            events: std::mem::take(&mut self.events),
-        }
+        Input { tick, epochs, events: std::mem::take(&mut self.events) }
     }
 }
 
@@ -153,9 +142,6 @@ fn decided_on(input: &StepInput<N>) -> (&FsmState, FsmInput, Rules) {
         nominal_fault: (0..N).any(stepped),
         ..accepted
     };
-    let rules = Rules {
-        handshake_ticks: parameters.handshake_ticks,
-        budget: parameters.budget,
-    };
+    let rules = Rules { handshake_ticks: parameters.handshake_ticks, budget: parameters.budget };
     (&session.parts().discrete, fsm, rules)
 }

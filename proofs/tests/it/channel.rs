@@ -4,9 +4,7 @@ use crate::any;
 
 use gantry_tau_core::control::channel::{Channel, Limits};
 use gantry_tau_core::units::OffsetNm;
-use gantry_tau_proofs::channel::{
-    ChannelOp, ramp_counts_down, ramp_is_exact, step, step_is_bounded,
-};
+use gantry_tau_proofs::channel::{ChannelOp, ramp_counts_down, ramp_is_exact, step, step_is_bounded};
 use proptest::prelude::*;
 
 /// Limits and a channel that is valid under them.

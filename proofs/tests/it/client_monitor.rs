@@ -1,19 +1,15 @@
 //! T24 on stable Rust: single steps over their whole domain, and sequences.
 
 use gantry_tau_core::control::client::{Ignored, Requirements};
-use gantry_tau_core::control::message::{
-    AxisState, Capabilities, Counters, ServerMessage, Welcome,
-};
+use gantry_tau_core::control::message::{AxisState, Capabilities, Counters, ServerMessage, Welcome};
 use gantry_tau_core::control::session::Input;
-use gantry_tau_core::units::{
-    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
-};
+use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 use gantry_tau_core::verification::control::{
     Accepted, Diagnostics, Dialogue, Granted, Internals, Last, Motion, Stage, Trace,
 };
 use gantry_tau_core::{
-    AxisConfig, AxisLimits, Cause, Config, Connection, EpochRange, Limits, Mode, Offsets,
-    Parameters, Phase, Reference, Refusal, Session, Start, State, TickInput, Transport, Travel,
+    AxisConfig, AxisLimits, Cause, Config, Connection, EpochRange, Limits, Mode, Offsets, Parameters, Phase, Reference,
+    Refusal, Session, Start, State, TickInput, Transport, Travel,
 };
 use gantry_tau_proofs::{client, monitor};
 use proptest::array::{uniform2, uniform3};
@@ -49,13 +45,11 @@ fn limits<U: std::fmt::Debug>(most: i32) -> impl Strategy<Value = Limits<U>> {
 
 fn axis_limits() -> impl Strategy<Value = AxisLimits> {
     // Limits of a torque channel that no server has, but a Welcome can state.
-    (limits(i32::MAX), limits(i32::MAX), limits(i32::MAX)).prop_map(
-        |(position, velocity, torque)| AxisLimits {
-            position,
-            velocity,
-            torque,
-        },
-    )
+    (limits(i32::MAX), limits(i32::MAX), limits(i32::MAX)).prop_map(|(position, velocity, torque)| AxisLimits {
+        position,
+        velocity,
+        torque,
+    })
 }
 
 fn offsets() -> impl Strategy<Value = Offsets> {
@@ -79,23 +73,17 @@ fn state() -> impl Strategy<Value = State<N>> {
     // Zero often enough that a State can be right.
     let rare = || prop_oneof![3 => Just(Offsets::ZERO), 1 => offsets()];
     let axes = uniform2((rare(), rare()));
-    (tick(), 0..2_u64, 0..2_u64, phase(), axes).prop_map(|(tick, epoch, accepted, phase, axes)| {
-        State {
-            tick,
-            epoch: Epoch(epoch),
-            accepted: Sequence(accepted),
-            phase,
-            cause: Cause::None,
-            on_time_of_100: 100,
-            arrival_us: 0,
-            ramp_ticks_left: 0,
-            counters: Counters::default(),
-            axes: axes.map(|(offsets, shadow)| AxisState {
-                offsets,
-                shadow,
-                ..AxisState::default()
-            }),
-        }
+    (tick(), 0..2_u64, 0..2_u64, phase(), axes).prop_map(|(tick, epoch, accepted, phase, axes)| State {
+        tick,
+        epoch: Epoch(epoch),
+        accepted: Sequence(accepted),
+        phase,
+        cause: Cause::None,
+        on_time_of_100: 100,
+        arrival_us: 0,
+        ramp_ticks_left: 0,
+        counters: Counters::default(),
+        axes: axes.map(|(offsets, shadow)| AxisState { offsets, shadow, ..AxisState::default() }),
     })
 }
 
@@ -109,36 +97,26 @@ fn ramped(value: i32, ramp: u32) -> i32 {
 fn two_states() -> impl Strategy<Value = ([AxisLimits; N], State<N>, State<N>)> {
     let off = || prop_oneof![12 => Just(0), 1 => -1..=1_i16];
     let moves = uniform2(uniform3(off()));
-    (uniform2(axis_limits()), state(), state(), moves, 0..3_u8).prop_map(
-        |(limits, first, mut second, moves, kind)| {
-            for index in 0..N {
-                let old = first.axes[index].offsets;
-                let [position, velocity, torque] = moves[index];
-                let next = |value: i32, ramp: u32, off: i16| {
-                    let value = if kind == 1 {
-                        ramped(value, ramp)
-                    } else {
-                        value
-                    };
-                    value.saturating_add(off.into())
+    (uniform2(axis_limits()), state(), state(), moves, 0..3_u8).prop_map(|(limits, first, mut second, moves, kind)| {
+        for index in 0..N {
+            let old = first.axes[index].offsets;
+            let [position, velocity, torque] = moves[index];
+            let next = |value: i32, ramp: u32, off: i16| {
+                let value = if kind == 1 { ramped(value, ramp) } else { value };
+                value.saturating_add(off.into())
+            };
+            let limits = &limits[index];
+            if kind > 0 {
+                let torque = next(old.torque.0.into(), limits.torque.ramp(), torque);
+                second.axes[index].offsets = Offsets {
+                    position: OffsetNm(next(old.position.0, limits.position.ramp(), position)),
+                    velocity: VelocityUmS(next(old.velocity.0, limits.velocity.ramp(), velocity)),
+                    torque: TorquePermille(torque.try_into().unwrap_or(i16::MAX)),
                 };
-                let limits = &limits[index];
-                if kind > 0 {
-                    let torque = next(old.torque.0.into(), limits.torque.ramp(), torque);
-                    second.axes[index].offsets = Offsets {
-                        position: OffsetNm(next(old.position.0, limits.position.ramp(), position)),
-                        velocity: VelocityUmS(next(
-                            old.velocity.0,
-                            limits.velocity.ramp(),
-                            velocity,
-                        )),
-                        torque: TorquePermille(torque.try_into().unwrap_or(i16::MAX)),
-                    };
-                }
             }
-            (limits, first, second)
-        },
-    )
+        }
+        (limits, first, second)
+    })
 }
 
 fn welcome() -> impl Strategy<Value = Welcome<N>> {
@@ -165,13 +143,9 @@ fn message() -> impl Strategy<Value = ServerMessage<N>> {
 }
 
 fn requirements() -> impl Strategy<Value = Requirements> {
-    (0..2_u16, option::of(0..2_u32), option::of(0..2_u32)).prop_map(
-        |(bits, cycle_us, kinematics_checksum)| Requirements {
-            capabilities: Capabilities(bits),
-            cycle_us,
-            kinematics_checksum,
-        },
-    )
+    (0..2_u16, option::of(0..2_u32), option::of(0..2_u32)).prop_map(|(bits, cycle_us, kinematics_checksum)| {
+        Requirements { capabilities: Capabilities(bits), cycle_us, kinematics_checksum }
+    })
 }
 
 fn transport() -> impl Strategy<Value = Transport> {
@@ -220,11 +194,7 @@ fn references() -> impl Strategy<Value = ([PositionNm; N], [Reference; N])> {
     let ends = prop_oneof![6 => Just(50), 1 => 40..60_i64];
     let axis = (-60..60_i64, near, ends).prop_map(|(nominal, offsets, end)| {
         let reference = Reference {
-            position: PositionNm(
-                nominal
-                    .saturating_add(offsets.position.0.into())
-                    .clamp(-end, end),
-            ),
+            position: PositionNm(nominal.saturating_add(offsets.position.0.into()).clamp(-end, end)),
             velocity_offset: offsets.velocity,
             torque_offset: offsets.torque,
         };
@@ -238,14 +208,7 @@ fn config() -> impl Strategy<Value = Config<N>> {
     let limits = (limits(i32::MAX), limits(i32::MAX), limits(1_000));
     let axis = (limits, 0..500_u32).prop_map(|((position, velocity, torque), reach)| {
         let axis = AxisConfig::position_only(position, Travel::around_zero(reach), 2_000);
-        AxisConfig {
-            limits: AxisLimits {
-                position,
-                velocity,
-                torque,
-            },
-            ..axis
-        }
+        AxisConfig { limits: AxisLimits { position, velocity, torque }, ..axis }
     });
     uniform2(axis).prop_map(|axes| Config::new(Parameters::thesis(axes)).unwrap())
 }
@@ -254,21 +217,12 @@ fn config() -> impl Strategy<Value = Config<N>> {
 fn tick_of_session() -> impl Strategy<Value = (TickInput<N>, Accepted<N>)> {
     let rare = || prop::bool::weighted(0.03);
     let ends = (rare(), rare(), rare(), any::<bool>());
-    let command = option::weighted(
-        0.9,
-        prop_oneof![1 => Just(Mode::Submit), 6 => Just(Mode::Obtain)],
-    );
+    let command = option::weighted(0.9, prop_oneof![1 => Just(Mode::Submit), 6 => Just(Mode::Obtain)]);
     let nominal = uniform2((-900..900_i64).prop_map(PositionNm));
     let elapsed = prop_oneof![20 => Just(1), 1 => 0..4_u32];
     (ends, command, uniform2(offsets()), nominal, elapsed).prop_map(
         |((stop, goodbye, closed, rearm), command, targets, nominal, elapsed_cycles)| {
-            let tick = TickInput {
-                elapsed_cycles,
-                nominal,
-                stop,
-                rearm,
-                ..Input::empty(EpochRange::VOLATILE).tick
-            };
+            let tick = TickInput { elapsed_cycles, nominal, stop, rearm, ..Input::empty(EpochRange::VOLATILE).tick };
             let mut accepted = Accepted::nothing();
             accepted.fsm.goodbye = goodbye;
             accepted.fsm.closed = closed;

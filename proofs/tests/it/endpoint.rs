@@ -5,9 +5,7 @@ use crate::any;
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{ClientMessage, Command, Hello, Mode, Phase};
-use gantry_tau_core::control::session::{
-    Connection, Event, Input, NoRecorder, Session, Start, TickInput,
-};
+use gantry_tau_core::control::session::{Connection, Event, Input, NoRecorder, Session, Start, TickInput};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{EpochRange, PositionNm, Sequence};
 use gantry_tau_core::verification::control::Internals;
@@ -59,12 +57,7 @@ fn moves() -> impl Strategy<Value = Vec<Move>> {
 fn ops(endpoint: &Tested, one: &Move) -> Vec<EndpointOp<2>> {
     let discrete = &endpoint.session().parts().discrete;
     let owner = discrete.owner.unwrap_or(Connection(0));
-    let frames = |messages: &[ClientMessage<2>]| {
-        messages
-            .iter()
-            .flat_map(|one| encode_client(one).to_vec())
-            .collect()
-    };
+    let frames = |messages: &[ClientMessage<2>]| messages.iter().flat_map(|one| encode_client(one).to_vec()).collect();
     match one {
         Move::Open(transport) => vec![EndpointOp::Open(*transport)],
         Move::Close(connection) => vec![EndpointOp::Close(Connection(*connection))],
@@ -84,10 +77,7 @@ fn ops(endpoint: &Tested, one: &Move) -> Vec<EndpointOp<2>> {
         }
         Move::Hello(from) => {
             let capabilities = endpoint.session().config().parameters().capabilities;
-            let hello = ClientMessage::Hello(Hello {
-                axes: 2,
-                capabilities,
-            });
+            let hello = ClientMessage::Hello(Hello { axes: 2, capabilities });
             vec![EndpointOp::Feed(Connection(*from), frames(&[hello]))]
         }
         Move::Messages(from, messages) => {

@@ -9,16 +9,16 @@ use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2, presets};
 use gantry_tau_core::units::{OffsetNm, PositionNm};
 use gantry_tau_proofs::compensation::{
-    correction_is_bounded, cycle_is_bounded, offset_is_within, sensor_check_admits_finite,
-    sensor_stays_valid, sensor_takes_good_readings,
+    correction_is_bounded, cycle_is_bounded, offset_is_within, sensor_check_admits_finite, sensor_stays_valid,
+    sensor_takes_good_readings,
 };
 use gantry_tau_proofs::crossing::{
-    back_is_finite, crossing_is_exact, offset_is_total, offset_survives, position_is_total,
-    rounding_is_exact, rounding_keeps_order,
+    back_is_finite, crossing_is_exact, offset_is_total, offset_survives, position_is_total, rounding_is_exact,
+    rounding_keeps_order,
 };
 use gantry_tau_proofs::kinematics::{
-    check_is_right, forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside,
-    lengths_are_kept, statics_are_finite, there_and_back, travel_is_finite,
+    check_is_right, forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside, lengths_are_kept,
+    statics_are_finite, there_and_back, travel_is_finite,
 };
 use gantry_tau_proofs::robots;
 use gantry_tau_proofs::six_link;
@@ -70,73 +70,43 @@ fn any_machine() -> impl Strategy<Value = (l2::Robot, l2::Kinematics)> {
     let branch = || prop_oneof![Just(Branch::Positive), Just(Branch::Negative)];
     let origins = (point(), point(), point(), 0..4_u8);
     let lengths = (uniform3(0.5..1.5_f64), prop_oneof![Just(1.0), Just(1e-3)]);
-    (
-        origins,
-        uniform3(point()),
-        lengths,
-        uniform3(branch()),
-        branch(),
+    (origins, uniform3(point()), lengths, uniform3(branch()), branch()).prop_filter_map(
+        "a guideway without direction",
+        |((o1, o2, o3, shared), guideways, (lengths, scale), inverse, forward)| {
+            let o3 = if shared > 0 { o2 } else { o3 };
+            let o1 = if shared > 1 { o2 } else { o1 };
+            let mut machine = l2::Geometry {
+                cart_joints_m: [o1, o2, o2, o3, o3, o3].map(Into::into),
+                guideways: guideways.map(Into::into),
+                platform_joints_m: [[0.0; 3]; 6].map(Into::into),
+                lengths_m: lengths.map(|length| length * scale),
+                travel: None,
+                ..robots::l2_geometry()
+            };
+            machine.configuration.inverse = inverse;
+            machine.configuration.forward = forward;
+            robots::l2(machine)
+        },
     )
-        .prop_filter_map(
-            "a guideway without direction",
-            |((o1, o2, o3, shared), guideways, (lengths, scale), inverse, forward)| {
-                let o3 = if shared > 0 { o2 } else { o3 };
-                let o1 = if shared > 1 { o2 } else { o1 };
-                let mut machine = l2::Geometry {
-                    cart_joints_m: [o1, o2, o2, o3, o3, o3].map(Into::into),
-                    guideways: guideways.map(Into::into),
-                    platform_joints_m: [[0.0; 3]; 6].map(Into::into),
-                    lengths_m: lengths.map(|length| length * scale),
-                    travel: None,
-                    ..robots::l2_geometry()
-                };
-                machine.configuration.inverse = inverse;
-                machine.configuration.forward = forward;
-                robots::l2(machine)
-            },
-        )
 }
 
 /// Positions from 10 nm to a kilometre: one far, two that may nearly meet, as near a singularity as there is.
 fn wild_positions() -> impl Strategy<Value = [f64; 3]> {
-    let any_scale =
-        |scales| (-1.0..1.0_f64, scales).prop_map(|(x, s): (f64, f64)| x * 10.0_f64.powf(s));
-    (
-        any_scale(-1.0..3.0),
-        any_scale(-8.0..1.0),
-        any_scale(-8.0..1.0),
-    )
-        .prop_map(|(a, b, c)| [a, b, c])
+    let any_scale = |scales| (-1.0..1.0_f64, scales).prop_map(|(x, s): (f64, f64)| x * 10.0_f64.powf(s));
+    (any_scale(-1.0..3.0), any_scale(-8.0..1.0), any_scale(-8.0..1.0)).prop_map(|(a, b, c)| [a, b, c])
 }
 
 fn compensator(gain: f64, limits: [i32; 3]) -> l2::Compensator {
     let (_, kinematics) = l2();
-    let config = CompensatorConfig {
-        gain,
-        limits: limits.map(OffsetNm),
-        metres_per_q: [1.0; 3],
-    };
+    let config = CompensatorConfig { gain, limits: limits.map(OffsetNm), metres_per_q: [1.0; 3] };
     l2::Compensator::new(&kinematics, &presets::l2_compliances(), config).unwrap()
 }
 
 /// A sensor in any valid state, its mounting turned.
 fn any_sensor() -> impl Strategy<Value = ForceSensor> {
-    let numbers = || {
-        uniform6(prop_oneof![
-            -1e6..1e6_f64,
-            -10.0..10.0_f64,
-            Just(1e6),
-            Just(-1e6)
-        ])
-    };
-    (
-        1..1_000_u32,
-        any::<u32>(),
-        numbers(),
-        numbers(),
-        -3.0..5.0_f64,
-    )
-        .prop_map(|(tare_samples, to_go, tare, filtered, cutoff)| {
+    let numbers = || uniform6(prop_oneof![-1e6..1e6_f64, -10.0..10.0_f64, Just(1e6), Just(-1e6)]);
+    (1..1_000_u32, any::<u32>(), numbers(), numbers(), -3.0..5.0_f64).prop_map(
+        |(tare_samples, to_go, tare, filtered, cutoff)| {
             let config = SensorConfig {
                 rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
                 lever_m: [0.02, 10.0, -0.08].into(),
@@ -152,7 +122,8 @@ fn any_sensor() -> impl Strategy<Value = ForceSensor> {
                 filtered: Wrench::from_array(filtered),
             };
             ForceSensor::from_parts(config, state).unwrap()
-        })
+        },
+    )
 }
 
 proptest! {
@@ -276,8 +247,7 @@ fn near_a_singularity_rounding_is_no_answer() {
 fn lengths_are_kept_over_the_workspace() {
     let (robot, nominal) = l2();
     let mut reached = 0_u32;
-    let steps =
-        |from: i32, to: i32, by: usize| (from..=to).step_by(by).map(|i| f64::from(i) / 100.0);
+    let steps = |from: i32, to: i32, by: usize| (from..=to).step_by(by).map(|i| f64::from(i) / 100.0);
     for x in steps(-150, 150, 3) {
         for y in steps(-140, 110, 1) {
             for z in steps(-40, 200, 1) {
@@ -300,10 +270,7 @@ fn offsets_survive_the_round_trip() {
     for nm in (i32::MIN..=i32::MAX).step_by(101) {
         offset_survives(OffsetNm(nm));
     }
-    for nm in (-near..=near)
-        .chain(i32::MIN..=i32::MIN + near)
-        .chain(i32::MAX - near..=i32::MAX)
-    {
+    for nm in (-near..=near).chain(i32::MIN..=i32::MIN + near).chain(i32::MAX - near..=i32::MAX) {
         offset_survives(OffsetNm(nm));
     }
 }

@@ -37,17 +37,9 @@ mod on_a_copy {
             let _ = std::fs::remove_dir_all(&root);
             std::fs::create_dir_all(&root).unwrap();
             let source = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-            let parts =
-                ["Cargo.toml", "Cargo.lock", "core", "proofs"].map(|part| source.join(part));
+            let parts = ["Cargo.toml", "Cargo.lock", "core", "proofs"].map(|part| source.join(part));
             let mut copy = Command::new("/bin/cp");
-            assert!(
-                copy.arg("-R")
-                    .args(parts)
-                    .arg(&root)
-                    .status()
-                    .unwrap()
-                    .success()
-            );
+            assert!(copy.arg("-R").args(parts).arg(&root).status().unwrap().success());
             let toy = Self { root };
             toy.write("proofs/kani-version", "0.68.0\n");
             toy
@@ -166,22 +158,17 @@ proofs/README.md ~ `channel_hold_is_bounded` 0 ~ `channel_hold_is_bounded` 7 ~ t
         install(&toy, VERIFIED, FAILED);
         let output = toy.run(&[&NAMES[..], &["--tier", "full"]].concat());
         assert_eq!(output.status.code(), Some(0), "{}", out(&output));
-        let json: serde_json::Value =
-            serde_json::from_str(&toy.read("target/kani/results.json")).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&toy.read("target/kani/results.json")).unwrap();
         assert_eq!(json["kani"], "0.57.0");
         assert_eq!(json["tier"], "full");
-        assert_eq!(
-            (&json["as_expected"], &json["total"]),
-            (&2.into(), &2.into())
-        );
+        assert_eq!((&json["as_expected"], &json["total"]), (&2.into(), &2.into()));
         assert_eq!(json["results"][0]["seconds"], 0.054_763_83);
         assert_eq!(json["results"][1]["expected"], "fails");
         assert_eq!(json["results"][0]["solver"], "minisat");
         let markdown = toy.read("target/kani/results.md");
         assert!(markdown.contains("| `channel_ramp_is_exact` | T5 | Ramp moves by exactly"));
         let arguments = toy.read("bin/arguments");
-        let harness =
-            "--features only,channel --exact --harness harness::channel::channel_ramp_is_exact";
+        let harness = "--features only,channel --exact --harness harness::channel::channel_ramp_is_exact";
         assert_eq!(arguments.matches(harness).count(), 2, "{arguments}");
     }
 
@@ -194,25 +181,14 @@ proofs/README.md ~ `channel_hold_is_bounded` 0 ~ `channel_hold_is_bounded` 7 ~ t
         let original = toy.read("core/src/control/channel.rs");
         for _ in 0..2 {
             let output = toy.run(&["prove", "ramp_past_zero"]);
-            assert!(
-                out(&output).contains("1 of 1 as expected"),
-                "{}",
-                out(&output)
-            );
+            assert!(out(&output).contains("1 of 1 as expected"), "{}", out(&output));
         }
         install(&toy, VERIFIED, &format!("{fault} || {FAILED}"));
         let output = toy.run(&["prove", "accel_ignored"]);
-        assert!(
-            out(&output).contains("the wrong check failed"),
-            "{}",
-            out(&output)
-        );
+        assert!(out(&output).contains("the wrong check failed"), "{}", out(&output));
         assert_eq!(toy.read("core/src/control/channel.rs"), original);
         let workspace = toy.read("target/kani/copy/Cargo.toml");
-        assert!(
-            workspace.contains("members = [\"core\", \"proofs\"]"),
-            "{workspace}"
-        );
+        assert!(workspace.contains("members = [\"core\", \"proofs\"]"), "{workspace}");
         assert!(!workspace.contains("default-members"), "{workspace}");
     }
 
@@ -276,11 +252,7 @@ VERIFIED ~ cat $recorded/unwinding.txt; exit 1 ~ failed for another reason";
         install(&toy, ENDLESS, FAILED);
         let output = toy.run(&[&NAMES[..], &["--seconds", "0.5"]].concat());
         assert_eq!(output.status.code(), Some(1));
-        assert!(
-            out(&output).contains("timed out after 0.5 s"),
-            "{}",
-            out(&output)
-        );
+        assert!(out(&output).contains("timed out after 0.5 s"), "{}", out(&output));
         assert_solver_goes(&toy);
     }
 
@@ -289,11 +261,7 @@ VERIFIED ~ cat $recorded/unwinding.txt; exit 1 ~ failed for another reason";
         let toy = Toy::new("build");
         install(&toy, "sleep 600", FAILED);
         let output = toy.run(&[&NAMES[..], &["--build-minutes", "0"]].concat());
-        assert!(
-            out(&output).contains("timed out while building"),
-            "{}",
-            out(&output)
-        );
+        assert!(out(&output).contains("timed out while building"), "{}", out(&output));
     }
 
     #[test]
@@ -302,19 +270,11 @@ VERIFIED ~ cat $recorded/unwinding.txt; exit 1 ~ failed for another reason";
         install(&toy, ENDLESS, FAILED);
         let mut child = toy.command(&NAMES).spawn().unwrap();
         let began = Instant::now();
-        while !std::fs::read_to_string(toy.root.join("bin/pid"))
-            .is_ok_and(|pid| pid.ends_with('\n'))
-        {
-            assert!(
-                began.elapsed() < Duration::from_secs(60),
-                "the solver did not start"
-            );
+        while !std::fs::read_to_string(toy.root.join("bin/pid")).is_ok_and(|pid| pid.ends_with('\n')) {
+            assert!(began.elapsed() < Duration::from_secs(60), "the solver did not start");
             std::thread::sleep(Duration::from_millis(20));
         }
-        Command::new("/bin/kill")
-            .arg(child.id().to_string())
-            .status()
-            .unwrap();
+        Command::new("/bin/kill").arg(child.id().to_string()).status().unwrap();
         assert_eq!(child.wait().unwrap().code(), Some(1));
         assert_solver_goes(&toy);
     }

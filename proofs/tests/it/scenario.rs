@@ -1,8 +1,7 @@
 //! Sequences with two hostile clients on stable Rust: every tick is right, and is what the model says.
 
 use gantry_tau_proofs::scenario::{
-    Circumstances, ClientAction, Machine, Op, Peer, Rates, Scenario, Shares, endpoint_is_right,
-    every_tick_is_right,
+    Circumstances, ClientAction, Machine, Op, Peer, Rates, Scenario, Shares, endpoint_is_right, every_tick_is_right,
 };
 use proptest::array::{uniform2, uniform3};
 use proptest::collection::vec;
@@ -17,15 +16,13 @@ fn shares() -> impl Strategy<Value = Shares> {
 
 fn rates() -> impl Strategy<Value = Rates> {
     let scale = prop_oneof![4 => Just(0), 1 => any::<u8>()];
-    (0..5_000_u16, any::<u8>(), any::<u8>(), any::<u8>(), scale).prop_map(
-        |(max, ramp, step, accel, scale)| Rates {
-            max,
-            ramp,
-            step,
-            accel,
-            scale,
-        },
-    )
+    (0..5_000_u16, any::<u8>(), any::<u8>(), any::<u8>(), scale).prop_map(|(max, ramp, step, accel, scale)| Rates {
+        max,
+        ramp,
+        step,
+        accel,
+        scale,
+    })
 }
 
 fn machine() -> impl Strategy<Value = Machine> {
@@ -33,27 +30,17 @@ fn machine() -> impl Strategy<Value = Machine> {
     let reach = prop_oneof![0..1_000_000_u32, any::<u32>()];
     let windows = (0..3_u8, prop_oneof![0..20_u8, any::<u8>()]);
     let rates = uniform2(uniform3(rates()));
-    (
-        rates,
-        reach,
-        any::<u16>(),
-        budget,
-        windows,
-        prop::bool::weighted(0.1),
+    (rates, reach, any::<u16>(), budget, windows, prop::bool::weighted(0.1)).prop_map(
+        |(rates, reach, nominal_step, budget, (echo_window, handshake_ticks), lockstep)| Machine {
+            rates,
+            reach,
+            nominal_step,
+            budget,
+            echo_window,
+            handshake_ticks,
+            lockstep,
+        },
     )
-        .prop_map(
-            |(rates, reach, nominal_step, budget, (echo_window, handshake_ticks), lockstep)| {
-                Machine {
-                    rates,
-                    reach,
-                    nominal_step,
-                    budget,
-                    echo_window,
-                    handshake_ticks,
-                    lockstep,
-                }
-            },
-        )
 }
 
 /// Nought most of the time, or the session would hardly ever get anywhere.
@@ -62,22 +49,12 @@ fn off() -> impl Strategy<Value = i8> {
 }
 
 fn action() -> impl Strategy<Value = ClientAction> {
-    let hello = (
-        prop_oneof![9 => Just(0), 1 => any::<u8>()],
-        prop_oneof![4 => Just(1), 1 => any::<u16>()],
-    )
+    let hello = (prop_oneof![9 => Just(0), 1 => any::<u8>()], prop_oneof![4 => Just(1), 1 => any::<u16>()])
         .prop_map(|(axes, capabilities)| ClientAction::Hello { axes, capabilities });
-    let ahead =
-        prop_oneof![6 => 1..4_i32, 2 => -2..2_i32, 1 => 65_534..65_540_i32, 1 => any::<i32>()];
-    let command = (off(), ahead, off(), any::<bool>(), shares()).prop_map(
-        |(epoch, ahead, behind, obtain, targets)| ClientAction::Command {
-            epoch,
-            ahead,
-            behind,
-            obtain,
-            targets,
-        },
-    );
+    let ahead = prop_oneof![6 => 1..4_i32, 2 => -2..2_i32, 1 => 65_534..65_540_i32, 1 => any::<i32>()];
+    let command = (off(), ahead, off(), any::<bool>(), shares()).prop_map(|(epoch, ahead, behind, obtain, targets)| {
+        ClientAction::Command { epoch, ahead, behind, obtain, targets }
+    });
     prop_oneof![
         8 => hello,
         12 => command,
@@ -107,11 +84,7 @@ fn circumstances() -> impl Strategy<Value = Circumstances> {
 fn one_move() -> impl Strategy<Value = Op> {
     let peer = prop_oneof![6 => Just(Peer::Owner), 1 => Just(Peer::One), 1 => Just(Peer::Other)];
     let answer =
-        (any::<bool>(), shares(), 1..20_u8).prop_map(|(obtain, targets, times)| Op::Answer {
-            obtain,
-            targets,
-            times,
-        });
+        (any::<bool>(), shares(), 1..20_u8).prop_map(|(obtain, targets, times)| Op::Answer { obtain, targets, times });
     prop_oneof![
         8 => answer,
         2 => prop_oneof![4 => Just(1_u8), 1 => 0..50_u8].prop_map(Op::Silence),
@@ -129,19 +102,11 @@ fn scenario() -> impl Strategy<Value = Scenario> {
     (machine(), in_force, prop::bool::weighted(0.1), ops).prop_map(
         |(machine, in_force, late_in_life, (mut ops, greeted))| {
             if greeted {
-                let hello = ClientAction::Hello {
-                    axes: 0,
-                    capabilities: 1,
-                };
+                let hello = ClientAction::Hello { axes: 0, capabilities: 1 };
                 ops.insert(0, Op::Silence(1));
                 ops.insert(0, Op::Say(Peer::One, hello));
             }
-            Scenario {
-                machine,
-                in_force,
-                late_in_life,
-                ops,
-            }
+            Scenario { machine, in_force, late_in_life, ops }
         },
     )
 }

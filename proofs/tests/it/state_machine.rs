@@ -158,28 +158,18 @@ fn input_of(session: &Session<2>, ops: &Op, nominal: i64) -> Input<2> {
                 epoch: discrete.epoch,
                 sequence: Sequence(discrete.accepted.0 + 1),
                 echo: discrete.tick,
-                mode: if discrete.phase == Phase::Handshake {
-                    Mode::Submit
-                } else {
-                    *mode
-                },
+                mode: if discrete.phase == Phase::Handshake { Mode::Submit } else { *mode },
                 targets: [*offsets; 2],
             };
             post(owner, Event::Message(ClientMessage::Command(command)));
         }
         Op::Hello(from) => {
             let capabilities = Default::default();
-            let hello = ClientMessage::Hello(Hello {
-                axes: 2,
-                capabilities,
-            });
+            let hello = ClientMessage::Hello(Hello { axes: 2, capabilities });
             post(Connection(*from), Event::Message(hello));
         }
         Op::Noise(from, event) => post(*from, *event),
-        Op::Goodbye => post(
-            owner,
-            Event::Message(ClientMessage::Goodbye(discrete.epoch)),
-        ),
+        Op::Goodbye => post(owner, Event::Message(ClientMessage::Goodbye(discrete.epoch))),
         Op::Stop => post(owner, Event::Message(ClientMessage::Stop(discrete.epoch))),
         Op::LocalStop => tick.stop = true,
         Op::Rearm => tick.rearm = discrete.tick.0 % 2 == 0,

@@ -3,19 +3,14 @@
 use gantry_tau_core::control::axis::{Actual, Offsets};
 use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::control::message::{
-    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello,
-    Mode, Phase, Refusal, ServerMessage, State, Welcome,
+    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
+    Refusal, ServerMessage, State, Welcome,
 };
-use gantry_tau_core::control::wire::{
-    Body, Collector, FrameError, MAX_FRAME, Stage, encode_client, encode_server,
-};
-use gantry_tau_core::units::{
-    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
-};
+use gantry_tau_core::control::wire::{Body, Collector, FrameError, MAX_FRAME, Stage, encode_client, encode_server};
+use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 use gantry_tau_proofs::wire::{
-    body_is_canonical, body_survives, chunk_is_collected, cut_chunk_is_collected_alike,
-    cut_frame_is_judged_alike, cutting_changes_nothing, feed_is_judged, frame_is_parsed,
-    message_is_canonical, sealed, sealed_frame_is_judged,
+    body_is_canonical, body_survives, chunk_is_collected, cut_chunk_is_collected_alike, cut_frame_is_judged_alike,
+    cutting_changes_nothing, feed_is_judged, frame_is_parsed, message_is_canonical, sealed, sealed_frame_is_judged,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -68,10 +63,7 @@ impl Draw {
     }
     fn hello(&mut self) -> Hello {
         let [axes, low, high] = self.bytes();
-        Hello {
-            axes,
-            capabilities: Capabilities(u16::from_le_bytes([low, high])),
-        }
+        Hello { axes, capabilities: Capabilities(u16::from_le_bytes([low, high])) }
     }
     fn command<const N: usize>(&mut self) -> Command<N> {
         Command {
@@ -147,9 +139,7 @@ impl Draw {
             Refusal::Faulted { ticks_left },
             Refusal::Version { supported: byte },
             Refusal::Axes { expected: byte },
-            Refusal::Capability {
-                needed: Capabilities(u16::from(byte)),
-            },
+            Refusal::Capability { needed: Capabilities(u16::from(byte)) },
             Refusal::Unavailable,
         ])
     }

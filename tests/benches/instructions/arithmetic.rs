@@ -10,10 +10,7 @@ use crate::calls;
 /// many operations these do, two where both lanes of a register are used.
 pub(crate) fn report() {
     let lanes = lanes_by_address();
-    println!(
-        "{:<22} {:>9} {:>11} {:>11}",
-        "call", "counted", "arithmetic", "operations"
-    );
+    println!("{:<22} {:>9} {:>11} {:>11}", "call", "counted", "arithmetic", "operations");
     for call in calls::CALLS {
         let (mut counted, mut arithmetic, mut operations) = (0, 0, 0);
         for (address, times) in executed(call.name) {
@@ -24,10 +21,7 @@ pub(crate) fn report() {
             }
         }
         if arithmetic > 0 {
-            println!(
-                "{:<22} {counted:>9} {arithmetic:>11} {operations:>11}",
-                call.name
-            );
+            println!("{:<22} {counted:>9} {arithmetic:>11} {operations:>11}", call.name);
         }
     }
 }

@@ -5,9 +5,7 @@ use std::hint::black_box;
 use crate::setup::{a_command, l2, l2_compensator, load, on_time, six, six_compensator};
 use gantry_tau_core::control::endpoint::Endpoint;
 use gantry_tau_core::control::message::ClientMessage;
-use gantry_tau_core::control::session::{
-    BlackBox, Connection, Event, Input, Output, Session, TickInput,
-};
+use gantry_tau_core::control::session::{BlackBox, Connection, Event, Input, Output, Session, TickInput};
 use gantry_tau_core::control::wire::{
     ContentError, Deframer, Feed, Frame, FrameBytes, decode_client, encode_client, encode_state,
 };
@@ -51,33 +49,21 @@ pub(crate) const CALLS: &[Call] = &[
 /// Makes the call of this name.
 pub(crate) fn run(name: &str) {
     let call = CALLS.iter().find(|call| call.name == name);
-    (call
-        .unwrap_or_else(|| panic!("no call is named {name}"))
-        .run)();
+    (call.unwrap_or_else(|| panic!("no call is named {name}")).run)();
 }
 
 fn nominal_inverse() {
     #[inline(never)]
-    fn measured_nominal_inverse(
-        nominal: &l2::Kinematics,
-        tcp: &Vector3<f64>,
-    ) -> Result<[f64; 3], KinematicsError> {
+    fn measured_nominal_inverse(nominal: &l2::Kinematics, tcp: &Vector3<f64>) -> Result<[f64; 3], KinematicsError> {
         nominal.inverse(tcp)
     }
     let (nominal, tcp, _) = l2();
-    black_box(measured_nominal_inverse(
-        black_box(&nominal),
-        black_box(&tcp),
-    ))
-    .unwrap();
+    black_box(measured_nominal_inverse(black_box(&nominal), black_box(&tcp))).unwrap();
 }
 
 fn nominal_forward() {
     #[inline(never)]
-    fn measured_nominal_forward(
-        nominal: &l2::Kinematics,
-        q: &[f64; 3],
-    ) -> Result<Vector3<f64>, KinematicsError> {
+    fn measured_nominal_forward(nominal: &l2::Kinematics, q: &[f64; 3]) -> Result<Vector3<f64>, KinematicsError> {
         nominal.forward(q)
     }
     let (nominal, _, q) = l2();
@@ -93,11 +79,7 @@ fn nominal_jacobian() {
         nominal.jacobian(tcp)
     }
     let (nominal, tcp, _) = l2();
-    black_box(measured_nominal_jacobian(
-        black_box(&nominal),
-        black_box(&tcp),
-    ))
-    .unwrap();
+    black_box(measured_nominal_jacobian(black_box(&nominal), black_box(&tcp))).unwrap();
 }
 
 fn l2_statics() {
@@ -114,12 +96,7 @@ fn l2_statics() {
     let (robot, _) = robots::l2(robots::l2_geometry()).unwrap();
     let (_, tcp, q) = l2();
     let pose = Pose::at(tcp);
-    let loads = measured_l2_statics(
-        black_box(&robot),
-        black_box(&pose),
-        black_box(&q),
-        black_box(&load()),
-    );
+    let loads = measured_l2_statics(black_box(&robot), black_box(&pose), black_box(&q), black_box(&load()));
     black_box(loads).unwrap();
 }
 
@@ -133,12 +110,7 @@ fn l2_compensation() {
         compensator.correct(nominal, load)
     }
     let (compensator, nominal) = l2_compensator();
-    black_box(measured_l2_compensation(
-        black_box(&compensator),
-        black_box(&nominal),
-        black_box(&load()),
-    ))
-    .unwrap();
+    black_box(measured_l2_compensation(black_box(&compensator), black_box(&nominal), black_box(&load()))).unwrap();
 }
 
 fn six_inverse() {
@@ -153,12 +125,7 @@ fn six_inverse() {
     let (kinematics, _, q, before) = six();
     let [.., q4, q5, q6] = q;
     let seed = Some([q4, q5, q6]);
-    black_box(measured_six_inverse(
-        black_box(&kinematics),
-        black_box(&before),
-        black_box(seed),
-    ))
-    .unwrap();
+    black_box(measured_six_inverse(black_box(&kinematics), black_box(&before), black_box(seed))).unwrap();
 }
 
 fn six_forward_warm() {
@@ -171,13 +138,8 @@ fn six_forward_warm() {
         kinematics.forward_from(q, before, WARM_ITERATIONS)
     }
     let (kinematics, _, q, before) = six();
-    let solved =
-        measured_six_forward_warm(black_box(&kinematics), black_box(&q), black_box(&before))
-            .unwrap();
-    assert!(
-        solved.iterations == 2 && solved.residual_m < 1e-10,
-        "{solved:?}"
-    );
+    let solved = measured_six_forward_warm(black_box(&kinematics), black_box(&q), black_box(&before)).unwrap();
+    assert!(solved.iterations == 2 && solved.residual_m < 1e-10, "{solved:?}");
 }
 
 fn six_jacobian() {
@@ -190,12 +152,7 @@ fn six_jacobian() {
         kinematics.line_matrix(pose, q)?.jacobian()
     }
     let (kinematics, pose, q, _) = six();
-    black_box(measured_six_jacobian(
-        black_box(&kinematics),
-        black_box(&pose),
-        black_box(&q),
-    ))
-    .unwrap();
+    black_box(measured_six_jacobian(black_box(&kinematics), black_box(&pose), black_box(&q))).unwrap();
 }
 
 fn six_compensation() {
@@ -209,12 +166,8 @@ fn six_compensation() {
         compensator.correct_at(pose, q, load)
     }
     let (compensator, pose, q) = six_compensator();
-    let correction = measured_six_compensation(
-        black_box(&compensator),
-        black_box(&pose),
-        black_box(&q),
-        black_box(&load()),
-    );
+    let correction =
+        measured_six_compensation(black_box(&compensator), black_box(&pose), black_box(&q), black_box(&load()));
     black_box(correction).unwrap();
 }
 
@@ -278,10 +231,7 @@ fn encode_a_state() {
         encode_state(state)
     }
     let (mut server, command) = a_command();
-    server.endpoint.feed(
-        server.connection,
-        &encode_client(&ClientMessage::Command(command)),
-    );
+    server.endpoint.feed(server.connection, &encode_client(&ClientMessage::Command(command)));
     let _ = server.endpoint.tick(&on_time());
     let state = server.endpoint.output().unwrap().state;
     black_box(measured_encode_state(black_box(&state)));
@@ -304,8 +254,5 @@ fn deframe_command() {
     }
     let bytes = encode_client(&ClientMessage::Command(a_command().1));
     let mut deframer = Deframer::new();
-    assert!(measured_deframe_command(
-        black_box(&mut deframer),
-        black_box(&bytes)
-    ));
+    assert!(measured_deframe_command(black_box(&mut deframer), black_box(&bytes)));
 }

@@ -25,10 +25,7 @@ use std::path::Path;
 use std::process::{Command, ExitCode};
 
 /// The committed counts.
-const COUNTS: &str = concat!(
-    env!("CARGO_MANIFEST_DIR"),
-    "/benches/instructions/counts.toml"
-);
+const COUNTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/instructions/counts.toml");
 /// A count may differ by so much from the committed one before somebody has to look.
 const TOLERANCE_PERCENT: u64 = 5;
 
@@ -48,10 +45,7 @@ fn main() -> ExitCode {
         arithmetic::report();
         return ExitCode::SUCCESS;
     }
-    let counts: BTreeMap<&str, u64> = calls::CALLS
-        .iter()
-        .map(|call| (call.name, count(call.name)))
-        .collect();
+    let counts: BTreeMap<&str, u64> = calls::CALLS.iter().map(|call| (call.name, count(call.name))).collect();
     if arguments.iter().any(|argument| argument == "--write") {
         std::fs::write(COUNTS, written(&counts)).unwrap();
     }
@@ -68,9 +62,7 @@ fn count(name: &str) -> u64 {
         .output()
         .unwrap();
     let text = String::from_utf8_lossy(&output.stderr);
-    let collected = text
-        .lines()
-        .find_map(|line| line.split_once("Collected : "));
+    let collected = text.lines().find_map(|line| line.split_once("Collected : "));
     let (_, number) = collected.unwrap_or_else(|| panic!("{name}: callgrind says\n{text}"));
     let number = number.trim().parse().unwrap();
     assert!(number > 0, "{name}: the call was not found");
@@ -78,9 +70,7 @@ fn count(name: &str) -> u64 {
 }
 
 fn written(counts: &BTreeMap<&str, u64>) -> String {
-    let lines = counts
-        .iter()
-        .map(|(name, count)| format!("{name} = {count}\n"));
+    let lines = counts.iter().map(|(name, count)| format!("{name} = {count}\n"));
     let head = "# Instructions per call, x86-64 baseline, bench profile; written by `cargo bench -p gantry-tau-tests --bench instructions -- --write`.\n";
     head.to_owned() + &lines.collect::<String>()
 }
@@ -89,27 +79,19 @@ fn written(counts: &BTreeMap<&str, u64>) -> String {
 fn report(counts: &BTreeMap<&str, u64>) -> ExitCode {
     let committed = committed(Path::new(COUNTS));
     let mut good = true;
-    println!(
-        "{:<22} {:>9} {:>9} {:>9}",
-        "call", "counted", "committed", "limit"
-    );
+    println!("{:<22} {:>9} {:>9} {:>9}", "call", "counted", "committed", "limit");
     for call in calls::CALLS {
         let counted = counts.get(call.name).copied().unwrap_or(u64::MAX);
         let before = committed.get(call.name).copied().unwrap_or(0);
         let near = counted.abs_diff(before) * 100 <= before * TOLERANCE_PERCENT;
         let below = call.limit.is_none_or(|limit| counted <= limit);
-        let limit = call
-            .limit
-            .map_or_else(|| "-".to_owned(), |limit| limit.to_string());
+        let limit = call.limit.map_or_else(|| "-".to_owned(), |limit| limit.to_string());
         let remark = match (near, below) {
             (true, true) => "",
             (_, false) => "  ABOVE ITS LIMIT",
             (false, true) => "  differs by more than 5 %: look, then --write",
         };
-        println!(
-            "{:<22} {counted:>9} {before:>9} {limit:>9}{remark}",
-            call.name
-        );
+        println!("{:<22} {counted:>9} {before:>9} {limit:>9}{remark}", call.name);
         good &= near && below;
     }
     ExitCode::from(u8::from(!good))
@@ -119,7 +101,5 @@ fn report(counts: &BTreeMap<&str, u64>) -> ExitCode {
 fn committed(path: &Path) -> BTreeMap<String, u64> {
     let text = std::fs::read_to_string(path).unwrap_or_default();
     let entries = text.lines().filter_map(|line| line.split_once(" = "));
-    entries
-        .map(|(name, number)| (name.to_owned(), number.parse().unwrap()))
-        .collect()
+    entries.map(|(name, number)| (name.to_owned(), number.parse().unwrap())).collect()
 }

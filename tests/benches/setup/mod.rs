@@ -29,21 +29,14 @@ pub(crate) fn load() -> Wrench {
 }
 
 fn config<const N: usize>() -> CompensatorConfig<N> {
-    CompensatorConfig {
-        gain: 1.0,
-        limits: [OffsetNm(2_000_000); N],
-        metres_per_q: [1.0; N],
-    }
+    CompensatorConfig { gain: 1.0, limits: [OffsetNm(2_000_000); N], metres_per_q: [1.0; N] }
 }
 
 /// The F1 in a pose, and the pose of a cycle before at 1 m/s and 1 rad/s.
 pub(crate) fn six() -> (f1::Kinematics, Pose, [f64; 6], Pose) {
     let kinematics = robots::f1(robots::f1_geometry()).unwrap();
     let turn = |x, y, z| rotation_from_vector(&Vector3::new(x, y, z)).unwrap();
-    let pose = Pose {
-        position_m: Vector3::new(0.1, -0.1, 0.4),
-        rotation: turn(0.02, -0.15, 0.2),
-    };
+    let pose = Pose { position_m: Vector3::new(0.1, -0.1, 0.4), rotation: turn(0.02, -0.15, 0.2) };
     let q = kinematics.inverse(&pose, None).unwrap().value;
     // A thousandth in all: metres, and radians.
     let third = 1e-3 / 3.0_f64.sqrt();
@@ -71,16 +64,8 @@ impl Server {
         let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).unwrap();
         let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
         let connection = endpoint.open(Transport::Stream).unwrap();
-        let hello = ClientMessage::Hello(Hello {
-            axes: 6,
-            capabilities: Capabilities::default(),
-        });
-        let mut server = Self {
-            endpoint,
-            black_box: Box::new(BlackBox::new()),
-            connection,
-            sequence: 0,
-        };
+        let hello = ClientMessage::Hello(Hello { axes: 6, capabilities: Capabilities::default() });
+        let mut server = Self { endpoint, black_box: Box::new(BlackBox::new()), connection, sequence: 0 };
         server.cycle(&encode_client::<6>(&hello));
         for mode in [Mode::Submit, Mode::Obtain, Mode::Obtain] {
             let command = server.command(mode);
@@ -93,10 +78,7 @@ impl Server {
     pub(crate) fn command(&mut self, mode: Mode) -> Command<6> {
         self.sequence += 1;
         let discrete = &self.endpoint.session().parts().discrete;
-        let target = Offsets {
-            position: OffsetNm(123_456),
-            ..Offsets::default()
-        };
+        let target = Offsets { position: OffsetNm(123_456), ..Offsets::default() };
         Command {
             epoch: discrete.epoch,
             sequence: Sequence(self.sequence),
@@ -108,9 +90,7 @@ impl Server {
 
     pub(crate) fn cycle(&mut self, bytes: &[u8]) {
         self.endpoint.feed(self.connection, bytes);
-        let _ = self
-            .endpoint
-            .tick_recorded(&on_time(), &mut *self.black_box);
+        let _ = self.endpoint.tick_recorded(&on_time(), &mut *self.black_box);
     }
 }
 

@@ -32,17 +32,8 @@ impl IngressBudget {
     }
 
     /// Counts bytes that were read of a connection.
-    pub(crate) fn count(
-        &mut self,
-        connection: Connection,
-        owner: Option<Connection>,
-        bytes: usize,
-    ) {
-        let sum = if owner == Some(connection) {
-            &mut self.owner
-        } else {
-            &mut self.non_owners
-        };
+    pub(crate) fn count(&mut self, connection: Connection, owner: Option<Connection>, bytes: usize) {
+        let sum = if owner == Some(connection) { &mut self.owner } else { &mut self.non_owners };
         *sum = sum.saturating_add(bytes);
     }
 }

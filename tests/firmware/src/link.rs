@@ -11,8 +11,7 @@ use gantry_tau_core::units::PositionNm;
 use crate::board::timer::Ticks;
 use crate::board::{clock, stack};
 use crate::machine::{
-    AXES, AXIS_OF_MOTOR, ControlCycle, CycleInput, Machine, Motion, MotorReferences, Parts, Pose6,
-    Unmeasured,
+    AXES, AXIS_OF_MOTOR, ControlCycle, CycleInput, Machine, Motion, MotorReferences, Parts, Pose6, Unmeasured,
 };
 use crate::net::lan9118::{Lan9118, LanError};
 use crate::net::tcp::{Place, Server, Storage};
@@ -78,17 +77,13 @@ pub(crate) fn run(ticks: Ticks, sessions: Option<&[u8]>) -> bool {
 fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
     let home = home().ok_or(LinkError::Machine)?;
     let parts = Parts::new(Capabilities::LOCKSTEP, home).map_err(|_| LinkError::Machine)?;
-    let place =
-        singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()).ok_or(LinkError::Twice)?;
+    let place = singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()).ok_or(LinkError::Twice)?;
     let machine = place.write(Machine::new(parts));
     let lan = Lan9118::new(PLACE.hardware).map_err(LinkError::Lan)?;
     let storage = singleton!(: Storage = Storage::new()).ok_or(LinkError::Twice)?;
     let mut tcp = Server::new(lan, &PLACE, storage, clock::now().into());
     let axes = &machine.server().session().config().parameters().axes;
-    let mut monitor = Monitor::new(
-        axes.map(|axis| axis.limits),
-        Some(axes.map(|axis| axis.machine_travel)),
-    );
+    let mut monitor = Monitor::new(axes.map(|axis| axis.limits), Some(axes.map(|axis| axis.machine_travel)));
     let mut log = SessionLog::new();
     let mut broken_ticks: u32 = 0;
     defmt::info!("listening={=u16}", PLACE.port);
@@ -136,23 +131,13 @@ fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
 }
 
 /// Checks State and references of the last tick, from outside of the session.
-fn check(
-    monitor: &mut Monitor<AXES>,
-    machine: &Machine,
-    motors: &MotorReferences,
-) -> Result<(), Broken> {
+fn check(monitor: &mut Monitor<AXES>, machine: &Machine, motors: &MotorReferences) -> Result<(), Broken> {
     let (Some(output), Some(motors)) = (machine.output(), motors) else {
         return Err(Broken::Withheld);
     };
-    monitor
-        .check_tick(&output.state, &output.references)
-        .map_err(Broken::Rule)?;
+    monitor.check_tick(&output.state, &output.references).map_err(Broken::Rule)?;
     let mut motors = motors.iter().zip(AXIS_OF_MOTOR);
-    if motors.all(|(motor, axis)| output.references.get(axis) == Some(motor)) {
-        Ok(())
-    } else {
-        Err(Broken::Motors)
-    }
+    if motors.all(|(motor, axis)| output.references.get(axis) == Some(motor)) { Ok(()) } else { Err(Broken::Motors) }
 }
 
 /// True if the cycle need not wait any longer for the owner's answer, `waited_ms` after the last State.
@@ -168,9 +153,7 @@ fn is_due(machine: &mut Machine, waited_ms: u32) -> bool {
 
 /// Returns a pose on the tool's path, along x, to and fro.
 fn pose(step: u64) -> Pose6 {
-    let along = step
-        .checked_rem(PATH_UM.saturating_mul(2))
-        .unwrap_or_default();
+    let along = step.checked_rem(PATH_UM.saturating_mul(2)).unwrap_or_default();
     let away = along.min(PATH_UM.saturating_mul(2).saturating_sub(along));
     let away_m = f64::from(u32::try_from(away).unwrap_or_default()) * 1e-6;
     let [x, y, z] = HOME_M;
@@ -180,9 +163,7 @@ fn pose(step: u64) -> Pose6 {
 /// Returns the positions of the axes at home.
 fn home() -> Option<[PositionNm; AXES]> {
     let (mut cycle, _) = ControlCycle::new().ok()?;
-    cycle
-        .run(&CycleInput::on_time(Motion::F1, pose(0)))
-        .nominal()
+    cycle.run(&CycleInput::on_time(Motion::F1, pose(0))).nominal()
 }
 
 /// Reads a decimal number. (That of a `str` links a panic.)

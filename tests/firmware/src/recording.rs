@@ -13,19 +13,14 @@ use gantry_tau_core::units::PositionNm;
 use serde::{Deserialize, Serialize};
 
 use super::ingress_budget::IngressBudget;
-use super::machine::{
-    AXES, CycleInput, CycleResult, Machine, Meter, Motion, MotorReferences, Part,
-};
+use super::machine::{AXES, CycleInput, CycleResult, Machine, Meter, Motion, MotorReferences, Part};
 
 /// Bytes of the longest record.
 pub(crate) const MAX_RECORD: usize = 512;
 
 /// One step of a recording.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "one at a time, decoded in place; there is no heap to box the large one"
-)]
+#[expect(clippy::large_enum_variant, reason = "one at a time, decoded in place; there is no heap to box the large one")]
 pub(crate) enum Record<'a> {
     /// A stream is opened.
     OpenStream,
@@ -76,10 +71,7 @@ pub(crate) struct Room {
 
 impl Room {
     /// Empty memory.
-    pub(crate) const EMPTY: Self = Self {
-        bytes: [0; MAX_RECORD],
-        input: CycleInput::on_time(Motion::Given, [0.0; 6]),
-    };
+    pub(crate) const EMPTY: Self = Self { bytes: [0; MAX_RECORD], input: CycleInput::on_time(Motion::Given, [0.0; 6]) };
 }
 
 /// Reads the first record: the nominal positions at the start.
@@ -151,24 +143,14 @@ fn arrive(
 }
 
 /// Runs one cycle, and writes its outcome.
-pub(crate) fn cycle(
-    machine: &mut Machine,
-    input: &CycleInput,
-    sink: &mut impl Sink,
-    observer: &mut impl Observer,
-) {
+pub(crate) fn cycle(machine: &mut Machine, input: &CycleInput, sink: &mut impl Sink, observer: &mut impl Observer) {
     compute(machine, input, sink, observer);
     serve(machine, sink, observer);
 }
 
 /// Float half. Neither half is inlined, so that their stack use does not add up.
 #[inline(never)]
-fn compute(
-    machine: &mut Machine,
-    input: &CycleInput,
-    sink: &mut impl Sink,
-    observer: &mut impl Observer,
-) {
+fn compute(machine: &mut Machine, input: &CycleInput, sink: &mut impl Sink, observer: &mut impl Observer) {
     let result = machine.compute(input, observer);
     write_result(sink, &result);
     observer.computed(&result);

@@ -23,18 +23,14 @@ pub(crate) fn run(ticks: Ticks) -> bool {
         defmt::error!("memory is not copied exactly");
         return false;
     }
-    let (Some(mut recording), Some(out), Some(laps)) = (
-        File::open(c"replay.in"),
-        File::create(c"replay.out"),
-        File::create(c"replay.laps"),
-    ) else {
+    let (Some(mut recording), Some(out), Some(laps)) =
+        (File::open(c"replay.in"), File::create(c"replay.out"), File::create(c"replay.laps"))
+    else {
         defmt::error!("a file of the replay cannot be opened");
         return false;
     };
-    let (Some(room), Some(buffer)) = (
-        singleton!(: Room = Room::EMPTY),
-        singleton!(: [u8; BUFFER] = [0; BUFFER]),
-    ) else {
+    let (Some(room), Some(buffer)) = (singleton!(: Room = Room::EMPTY), singleton!(: [u8; BUFFER] = [0; BUFFER]))
+    else {
         return false;
     };
     let Some(nominal) = recording::start(room, &mut recording) else {
@@ -44,20 +40,8 @@ pub(crate) fn run(ticks: Ticks) -> bool {
     let Some(machine) = machine(nominal) else {
         return false;
     };
-    let mut out = Buffered {
-        file: out,
-        buffer,
-        used: 0,
-        is_written: true,
-    };
-    let mut laps = Laps {
-        ticks,
-        file: laps,
-        since: 0,
-        cycles: [0; 3],
-        log: SessionLog::new(),
-        is_written: true,
-    };
+    let mut out = Buffered { file: out, buffer, used: 0, is_written: true };
+    let mut laps = Laps { ticks, file: laps, since: 0, cycles: [0; 3], log: SessionLog::new(), is_written: true };
     let to_start = stack::high_water();
     stack::forget();
     let played = recording::play(machine, room, &mut recording, &mut out, &mut laps).is_some();

@@ -13,8 +13,8 @@ use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::{
-    BlackBox, Client, Config, Connection, Endpoint, EpochRange, Mode, Monitor, MotorMap, Offsets,
-    Parameters, PositionNm, Session, Start, State, TickInput, Transport,
+    BlackBox, Client, Config, Connection, Endpoint, EpochRange, Mode, Monitor, MotorMap, Offsets, Parameters,
+    PositionNm, Session, Start, State, TickInput, Transport,
 };
 use nalgebra::{Matrix3, Vector3};
 
@@ -30,12 +30,7 @@ fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
 
 /// The server side on six axes: start, open, feed, tick, poll, close, and the black box.
 #[unsafe(no_mangle)]
-pub extern "C" fn server(
-    parameters: &Parameters<6>,
-    start: &Start<6>,
-    bytes: &[u8; 64],
-    input: &TickInput<6>,
-) -> i64 {
+pub extern "C" fn server(parameters: &Parameters<6>, start: &Start<6>, bytes: &[u8; 64], input: &TickInput<6>) -> i64 {
     let Ok(config) = Config::new(*parameters) else {
         return 0;
     };
@@ -47,10 +42,7 @@ pub extern "C" fn server(
     };
     let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
     let mut black_box_of_ticks = BlackBox::<6, 4>::new();
-    let (Ok(stream), Ok(datagrams)) = (
-        endpoint.open(Transport::Stream),
-        endpoint.open(Transport::Datagram),
-    ) else {
+    let (Ok(stream), Ok(datagrams)) = (endpoint.open(Transport::Stream), endpoint.open(Transport::Datagram)) else {
         return 0;
     };
     endpoint.feed(stream, bytes);
@@ -90,11 +82,7 @@ pub extern "C" fn dialogue(
     let answer = client.answer(Mode::Obtain, targets);
     let goodbye = client.goodbye();
     let told = [hello, goodbye, client.stop()];
-    let sent = told
-        .iter()
-        .flatten()
-        .map(|frame| frame.len())
-        .sum::<usize>();
+    let sent = told.iter().flatten().map(|frame| frame.len()).sum::<usize>();
     let checked = monitor.check_state(state).is_ok();
     let heard = event.is_ok() && answer.is_some_and(|answer| answer.is_saturated());
     i64::try_from(sent.wrapping_add(consumed)).unwrap_or(0) + i64::from(checked && heard)
@@ -122,11 +110,7 @@ pub extern "C" fn client(
     let Ok(kinematics) = l2::Kinematics::new(&robot, &Matrix3::identity()) else {
         return 0.0;
     };
-    let config = CompensatorConfig {
-        gain,
-        limits: [Default::default(); 3],
-        metres_per_q: [1.0; 3],
-    };
+    let config = CompensatorConfig { gain, limits: [Default::default(); 3], metres_per_q: [1.0; 3] };
     let Ok(compensator) = l2::Compensator::new(&kinematics, &compliances, config) else {
         return 0.0;
     };
@@ -141,13 +125,7 @@ pub extern "C" fn client(
     let correction = compensator.correct(nominal, &load);
     let exact = compensator.correct_exact_at(&Pose::at(*tcp_m), q, &load);
     let in_q = compensator.correct_q(q, &load);
-    inverse
-        + jacobian
-        + [correction, in_q, exact]
-            .iter()
-            .flatten()
-            .map(metres)
-            .sum::<f64>()
+    inverse + jacobian + [correction, in_q, exact].iter().flatten().map(metres).sum::<f64>()
 }
 
 /// All of a correction, so that none of it is left out.
@@ -188,14 +166,8 @@ pub extern "C" fn client_of_six(
     let (place, near) = (&pose.value.position_m, &seed.rotation);
     let fixed = kinematics.inverse_fixed_plates(place, &[q4, q5, q6], near, WARM_ITERATIONS);
     let load = Wrench::from_array(*raw);
-    let config = CompensatorConfig {
-        gain: 1.0,
-        limits: [Default::default(); 6],
-        metres_per_q: *metres_per_q,
-    };
-    let Ok(mut compensator) =
-        f1::Compensator::new(&kinematics.without_travel(), &compliances, config)
-    else {
+    let config = CompensatorConfig { gain: 1.0, limits: [Default::default(); 6], metres_per_q: *metres_per_q };
+    let Ok(mut compensator) = f1::Compensator::new(&kinematics.without_travel(), &compliances, config) else {
         return 0.0;
     };
     let lines = kinematics.line_matrix(&pose.value, &there.value);
@@ -209,11 +181,7 @@ pub extern "C" fn client_of_six(
         + jacobian.map_or(0.0, |jacobian| jacobian.sum())
         + compliance.map_or(0.0, |compliance| compliance.0.sum())
         + fixed.map_or(0.0, |fixed| fixed.value.0.iter().sum())
-        + [correction, at, exact]
-            .iter()
-            .flatten()
-            .map(metres)
-            .sum::<f64>()
+        + [correction, at, exact].iter().flatten().map(metres).sum::<f64>()
 }
 
 /// The negative control: a panic that is linked.

@@ -110,11 +110,7 @@ fn three_axes(loads: &Loads) {
         };
         for load in loads.loads() {
             cycle_is_bounded(&config, compensator.correct_q(&q, &load), &load);
-            cycle_is_bounded(
-                &config,
-                compensator.correct_exact_at(&pose, &q, &load),
-                &load,
-            );
+            cycle_is_bounded(&config, compensator.correct_exact_at(&pose, &q, &load), &load);
             kinematics::statics_are_finite(&robot, &nominal, tcp, q, &load);
         }
     }
@@ -130,10 +126,7 @@ fn six_axes(loads: &Loads) {
     let Some(rotation) = rotation_from_vector(&turn.into()) else {
         return;
     };
-    let pose = Pose {
-        position_m: place.into(),
-        rotation,
-    };
+    let pose = Pose { position_m: place.into(), rotation };
     let standing = kinematics.inverse(&pose, None).map(|found| found.value);
     let q = loads.lost.unwrap_or(standing.unwrap_or_default());
     let links = *presets::l2_compliances().link_m_per_n();

@@ -20,14 +20,7 @@ pub struct Sealed<'a> {
 
 /// A [`Sealed`] frame.
 pub fn frame(data: &[u8]) {
-    if let Ok(Sealed {
-        version,
-        kind,
-        cut,
-        bit,
-        body,
-    }) = Sealed::arbitrary_take_rest(Unstructured::new(data))
-    {
+    if let Ok(Sealed { version, kind, cut, bit, body }) = Sealed::arbitrary_take_rest(Unstructured::new(data)) {
         sealed_frame_is_judged(version, kind, body, cut, bit);
     }
 }

@@ -5,8 +5,7 @@ use arbitrary::Arbitrary;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_proofs::kinematics::{
-    check_is_right, forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside,
-    lengths_are_kept,
+    check_is_right, forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside, lengths_are_kept,
 };
 use gantry_tau_proofs::known_solution::{Six, Three, six_is_solved, three_is_solved};
 use gantry_tau_proofs::robots;
@@ -37,12 +36,7 @@ pub fn kinematics(data: &[u8]) {
     match super::input(data) {
         Some(Problem::Three(three)) => three_is_solved(&three),
         Some(Problem::Six(six)) => six_is_solved(&six),
-        Some(Problem::Anywhere {
-            place,
-            turn,
-            seed,
-            q,
-        }) => anywhere(place, turn, seed, q),
+        Some(Problem::Anywhere { place, turn, seed, q }) => anywhere(place, turn, seed, q),
         None => {}
     }
 }
@@ -57,10 +51,7 @@ fn anywhere(place: [f64; 3], turn: [f64; 3], seed: Option<[f64; 3]>, q: [f64; 6]
     lengths_are_kept(&robot, &three, place, [q1, q2, q3]);
     let six = robots::f1(robots::f1_geometry()).unwrap();
     let rotation = rotation_from_vector(&turn.into()).unwrap_or_else(|| [turn, turn, turn].into());
-    let pose = Pose {
-        position_m: place.into(),
-        rotation,
-    };
+    let pose = Pose { position_m: place.into(), rotation };
     six_link::check_is_right(&six, &q);
     answers_are_checked(&six, &pose, seed, &q);
     tracker_is_checked(&six, &Pose::at(robots::f1_home().into()), &[q]);

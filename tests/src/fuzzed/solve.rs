@@ -42,18 +42,11 @@ fn answers(data: &[u8]) -> Vec<Value> {
     let mut said = Vec::new();
     assert!(run(data, &mut said).is_ok(), "nothing in a line ends it");
     let said = String::from_utf8(said).unwrap();
-    said.lines()
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect()
+    said.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
 fn is_answer(answer: &Value) {
-    let keys: Vec<&str> = answer
-        .as_object()
-        .unwrap()
-        .keys()
-        .map(String::as_str)
-        .collect();
+    let keys: Vec<&str> = answer.as_object().unwrap().keys().map(String::as_str).collect();
     match answer.get("ok") {
         Some(ok) => {
             assert_eq!(keys, ["id", "ok"], "{answer}");

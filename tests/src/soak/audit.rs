@@ -89,15 +89,8 @@ impl<const N: usize> Audit<N> {
     }
 
     /// Largest changes of the references.
-    fn measure_references(
-        &mut self,
-        before: &State<N>,
-        references: &[Reference; N],
-        seen: &Seen<'_, N>,
-    ) {
-        for (axis, (old_reference, new_reference)) in
-            references.iter().zip(seen.references).enumerate()
-        {
+    fn measure_references(&mut self, before: &State<N>, references: &[Reference; N], seen: &Seen<'_, N>) {
+        for (axis, (old_reference, new_reference)) in references.iter().zip(seen.references).enumerate() {
             let (old, new) = (&before.axes[axis], &seen.state.axes[axis]);
             let nominal = old.nominal.0.abs_diff(new.nominal.0);
             let change = old_reference.position.0.abs_diff(new_reference.position.0);
@@ -112,30 +105,20 @@ impl<const N: usize> Audit<N> {
         if seen.welcomed {
             self.accepted = 0;
             self.beyond = 0;
-            assert_eq!(
-                (state.accepted.0, *now),
-                (0, Counters::default()),
-                "a session begins at zero"
-            );
+            assert_eq!((state.accepted.0, *now), (0, Counters::default()), "a session begins at zero");
             return;
         }
         assert!(grown(&before.counters, now), "a counter went back");
         assert!(now.out_of_range <= now.malformed);
         assert!(state.accepted >= before.accepted);
         self.accepted += u64::from(state.accepted > before.accepted);
-        let counted = self.accepted
-            + [now.late, now.duplicate, now.stale, now.malformed]
-                .map(u64::from)
-                .iter()
-                .sum::<u64>();
+        let counted =
+            self.accepted + [now.late, now.duplicate, now.stale, now.malformed].map(u64::from).iter().sum::<u64>();
         let beyond = u64::from(now.received).checked_sub(counted);
         let beyond = beyond.expect("more is counted than was received");
         if is_live(state.phase) {
             assert_eq!(beyond, 0, "received and not counted: {state:?}");
-            assert!(
-                now.longest_miss_run <= 1,
-                "two misses in a row and still running"
-            );
+            assert!(now.longest_miss_run <= 1, "two misses in a row and still running");
         }
         assert!(beyond >= self.beyond);
         self.beyond = beyond;
@@ -145,14 +128,9 @@ impl<const N: usize> Audit<N> {
 /// While commands are due, each deadline is met or missed; a session that ends for another reason has none in that tick.
 fn check_deadlines<const N: usize>(before: &State<N>, seen: &Seen<'_, N>) {
     let state = seen.state;
-    let late = [
-        Cause::ClientLate,
-        Cause::NetworkLate,
-        Cause::ServerLate,
-        Cause::Budget,
-    ];
-    let due = matches!(before.phase, Phase::Submit | Phase::Obtain)
-        && seen.ended.is_none_or(|cause| late.contains(&cause));
+    let late = [Cause::ClientLate, Cause::NetworkLate, Cause::ServerLate, Cause::Budget];
+    let due =
+        matches!(before.phase, Phase::Submit | Phase::Obtain) && seen.ended.is_none_or(|cause| late.contains(&cause));
     let missed = state.counters.missed - before.counters.missed * u32::from(!seen.welcomed);
     let skipped = seen.elapsed.max(1) - 1;
     if !due {
@@ -182,10 +160,7 @@ fn grown(before: &Counters, now: &Counters) -> bool {
             u32::from(c.longest_miss_run),
         ]
     };
-    all(before)
-        .iter()
-        .zip(all(now))
-        .all(|(old, new)| *old <= new)
+    all(before).iter().zip(all(now)).all(|(old, new)| *old <= new)
 }
 
 /// True if a session is running.

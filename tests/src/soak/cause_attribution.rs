@@ -29,14 +29,7 @@ pub enum ClientFault {
 
 impl ClientFault {
     /// Every one.
-    pub const ALL: [Self; 6] = [
-        Self::Goodbye,
-        Self::Stop,
-        Self::Close,
-        Self::Silence,
-        Self::Flood,
-        Self::Garbage,
-    ];
+    pub const ALL: [Self; 6] = [Self::Goodbye, Self::Stop, Self::Close, Self::Silence, Self::Flood, Self::Garbage];
 }
 
 /// Evidence about a session that ended. Times count from the link's beginning.
@@ -71,15 +64,12 @@ impl Evidence<'_> {
         let did_recently = self.deed.is_some_and(|(_, when)| when >= since);
         let up = |fault| self.up.acted_since(fault, since);
         let down = |fault| self.down.acted_since(fault, since);
-        let ever =
-            |fault| self.up.acted.contains_key(&fault) || self.down.acted.contains_key(&fault);
+        let ever = |fault| self.up.acted.contains_key(&fault) || self.down.acted.contains_key(&fault);
         match cause {
             Cause::Goodbye => did(ClientFault::Goodbye),
             Cause::Stop => did(ClientFault::Stop) || self.stopped,
             Cause::Closed => self.closed || ever(Fault::Reset),
-            Cause::Malformed => {
-                did(ClientFault::Garbage) || up(Fault::Corrupt) || up(Fault::Truncate)
-            }
+            Cause::Malformed => did(ClientFault::Garbage) || up(Fault::Corrupt) || up(Fault::Truncate),
             Cause::Flood => {
                 let at_once = [Fault::Burst, Fault::Stall, Fault::Duplicate];
                 did(ClientFault::Flood) || at_once.into_iter().any(|fault| up(fault) || down(fault))
@@ -101,8 +91,7 @@ impl Evidence<'_> {
     /// The link was slow, or something since then has made a frame late: any fault but one that has it come twice.
     fn made_late(&self, since: Duration) -> bool {
         let late = |fault| {
-            fault != Fault::Duplicate
-                && (self.up.acted_since(fault, since) || self.down.acted_since(fault, since))
+            fault != Fault::Duplicate && (self.up.acted_since(fault, since) || self.down.acted_since(fault, since))
         };
         self.slow || Fault::ALL.into_iter().any(late)
     }

@@ -4,9 +4,7 @@ use std::time::Duration;
 
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::Transport;
-use gantry_tau_core::control::message::{
-    ClientMessage, Command, Mode, Phase, Refusal, ServerMessage, State,
-};
+use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Phase, Refusal, ServerMessage, State};
 use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_server, encode_client};
 use gantry_tau_core::units::{Epoch, OffsetNm, Sequence, TorquePermille, VelocityUmS};
 
@@ -84,12 +82,7 @@ impl<const N: usize> Client<N> {
     }
 
     /// Returns the messages in the bytes. A broken stream is closed, a broken datagram is lost.
-    fn messages(
-        &mut self,
-        bytes: &[u8],
-        transport: Transport,
-        now: Duration,
-    ) -> Vec<ServerMessage<N>> {
+    fn messages(&mut self, bytes: &[u8], transport: Transport, now: Duration) -> Vec<ServerMessage<N>> {
         if transport == Transport::Datagram {
             let message = Frame::parse(bytes).ok().map(|frame| decode_server(&frame));
             return message.into_iter().flatten().collect();
@@ -132,9 +125,7 @@ impl<const N: usize> Client<N> {
         match self.deed {
             ClientFault::Goodbye => vec![frame(ClientMessage::Goodbye(epoch))],
             ClientFault::Stop => vec![frame(ClientMessage::Stop(epoch))],
-            ClientFault::Flood => (0..12)
-                .map(|_| frame(self.command(epoch, state, noise)))
-                .collect(),
+            ClientFault::Flood => (0..12).map(|_| frame(self.command(epoch, state, noise))).collect(),
             ClientFault::Garbage => vec![noise.bytes(20)],
             ClientFault::Close => {
                 self.gone = true;
@@ -155,11 +146,7 @@ impl<const N: usize> Client<N> {
             sequence: Sequence(self.sequence),
             echo: state.tick,
             // Now and then back to Submit for a while.
-            mode: if obtains && self.states % 200 < 170 {
-                Mode::Obtain
-            } else {
-                Mode::Submit
-            },
+            mode: if obtains && self.states % 200 < 170 { Mode::Obtain } else { Mode::Submit },
             targets: std::array::from_fn(|_| Offsets {
                 position: OffsetNm(target(noise)),
                 velocity: VelocityUmS(if pushes { 1_000 } else { 0 }),

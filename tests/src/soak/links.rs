@@ -29,10 +29,7 @@ pub(super) fn plan(kind: usize, noise: &mut Noise, transport: Transport) -> Faul
     ];
     let rates = |factor: f64| {
         let rates = rough.into_iter().map(|(fault, per_frame)| {
-            let rate = FaultRate {
-                per_frame: factor * per_frame,
-                parameter: None,
-            };
+            let rate = FaultRate { per_frame: factor * per_frame, parameter: None };
             (fault, rate)
         });
         rates.filter(|(fault, _)| fault.suits(transport)).collect()
@@ -47,11 +44,7 @@ pub(super) fn plan(kind: usize, noise: &mut Noise, transport: Transport) -> Faul
             _ => Vec::new(),
         },
         direction: [Directions::Both, Directions::Up, Directions::Down][noise.below(3)],
-        script: if kind == 4 {
-            script(noise, transport)
-        } else {
-            Vec::new()
-        },
+        script: if kind == 4 { script(noise, transport) } else { Vec::new() },
     };
     plan.check(transport).unwrap();
     plan
@@ -79,7 +72,5 @@ fn script(noise: &mut Noise, transport: Transport) -> Vec<ScriptedFault> {
             parameter: timed.then(|| u32::try_from(noise.below(30)).unwrap()),
         }
     });
-    script
-        .filter(|entry| entry.fault.suits(transport))
-        .collect()
+    script.filter(|entry| entry.fault.suits(transport)).collect()
 }

@@ -22,10 +22,7 @@ use gantry_tau_core::control::session::config::MissBudget;
 use serde::Serialize;
 
 /// A budget of misses that a rough link exceeds and a clean one does not.
-pub const BUDGET: MissBudget = MissBudget {
-    window: 100,
-    allowed: 4,
-};
+pub const BUDGET: MissBudget = MissBudget { window: 100, allowed: 4 };
 
 /// Results of a soak. A property that does not hold ends it before.
 #[derive(Clone, Debug, Default, Serialize)]

@@ -112,21 +112,14 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
         .map(|index| {
             let plan = plan(index % KINDS, &mut noise, Transport::Stream);
             let slow = is_slow(&plan);
-            let (relay, ended) =
-                Relay::spawn(LOOPBACK, server.address, Transport::Stream, plan).unwrap();
+            let (relay, ended) = Relay::spawn(LOOPBACK, server.address, Transport::Stream, plan).unwrap();
             (slow, relay, ended)
         })
         .collect();
     let quit = Arc::new(AtomicBool::new(false));
     let others = others(server.address, &quit);
     let since = Instant::now();
-    let mut soak = Soak {
-        watch,
-        ends,
-        noise,
-        connections: 0,
-        summary: Summary::default(),
-    };
+    let mut soak = Soak { watch, ends, noise, connections: 0, summary: Summary::default() };
     let mut marks = [None; 10];
     while since.elapsed() < duration {
         let (slow, relay, ended) = &relays[soak.noise.below(relays.len())];
@@ -166,10 +159,7 @@ impl Minutes {
             let most = early.memory_kib + MEMORY_SLACK_KIB;
             // A sanitizer's shadow is memory too, and grows with every page that is touched for the first time.
             let sanitized = std::env::var_os("GANTRY_TAU_SANITIZED").is_some();
-            assert!(
-                sanitized || late.memory_kib <= most,
-                "memory leaks: {self:?}"
-            );
+            assert!(sanitized || late.memory_kib <= most, "memory leaks: {self:?}");
         }
         let files = |footprint: Option<Footprint>| footprint.map(|footprint| footprint.files);
         assert_eq!(files(self.before), files(self.after), "{self:?}");
@@ -206,10 +196,7 @@ fn server() -> (Server<N>, Rows, Audit<N>) {
     let machine = robot.simulated_machine::<L2_MOTORS>(tool, motion).unwrap();
     let config = robot.session_config(Capabilities::NONE).unwrap();
     let axes = config.parameters().axes;
-    let audit = Audit::new(
-        axes.map(|axis| axis.limits),
-        axes.map(|axis| axis.machine_travel),
-    );
+    let audit = Audit::new(axes.map(|axis| axis.limits), axes.map(|axis| axis.machine_travel));
     let motors = robot.motor_map().unwrap();
     let cycle: Cycle<N, L2_MOTORS, SimulatedMachine<N, L2_MOTORS>> =
         Cycle::new(config, motors, machine, EpochRange::VOLATILE, LOOPBACK).unwrap();
@@ -283,9 +270,7 @@ impl Soak {
         // A relay whose server has no room closes at once.
         let peer = live(address, &mut client, began, &mut self.noise);
         self.connections += 1;
-        let link = ended
-            .recv_timeout(DEADLINE)
-            .expect("a link that does not end");
+        let link = ended.recv_timeout(DEADLINE).expect("a link that does not end");
         assert_eq!(link.peer, peer);
         self.summary.link(&link.up);
         self.summary.link(&link.down);
@@ -312,37 +297,19 @@ impl Soak {
                 continue;
             }
             // Two cores shared with everything else: what is late without a fault is so by itself, and counted.
-            let late = [
-                Cause::ClientLate,
-                Cause::NetworkLate,
-                Cause::ServerLate,
-                Cause::Flood,
-            ];
-            assert!(
-                late.contains(&end.cause),
-                "{:?} without a reason: {evidence:?}",
-                end.cause
-            );
+            let late = [Cause::ClientLate, Cause::NetworkLate, Cause::ServerLate, Cause::Flood];
+            assert!(late.contains(&end.cause), "{:?} without a reason: {evidence:?}", end.cause);
             self.summary.machine_late += 1;
         }
     }
 }
 
 /// Connects, says Hello, and lives until it has left or was left. Returns its own address.
-fn live(
-    address: SocketAddr,
-    client: &mut Client<N>,
-    began: Instant,
-    noise: &mut Noise,
-) -> SocketAddr {
+fn live(address: SocketAddr, client: &mut Client<N>, began: Instant, noise: &mut Noise) -> SocketAddr {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.set_nodelay(true).unwrap();
-    stream
-        .set_read_timeout(Some(Duration::from_millis(5)))
-        .unwrap();
-    stream
-        .set_write_timeout(Some(Duration::from_millis(200)))
-        .unwrap();
+    stream.set_read_timeout(Some(Duration::from_millis(5))).unwrap();
+    stream.set_write_timeout(Some(Duration::from_millis(200))).unwrap();
     let own = stream.local_addr().unwrap();
     let mut buffer = [0; 4_096];
     let mut alive = stream.write_all(&encode_client(&hello::<N>())).is_ok();
@@ -350,9 +317,7 @@ fn live(
         let heard = match stream.read(&mut buffer) {
             Ok(0) => break,
             Ok(count) => vec![buffer[..count].to_vec()],
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                Vec::new()
-            }
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => Vec::new(),
             Err(_) => break,
         };
         let said = client.live(began.elapsed(), &heard, Transport::Stream, noise);
@@ -374,19 +339,14 @@ fn others(address: SocketAddr, quit: &Arc<AtomicBool>) -> JoinHandle<u64> {
                 continue;
             };
             count += 1;
-            let wrong = ClientMessage::<N>::Hello(Hello {
-                axes: 5,
-                capabilities: Capabilities::NONE,
-            });
+            let wrong = ClientMessage::<N>::Hello(Hello { axes: 5, capabilities: Capabilities::NONE });
             // The server may have closed already.
             let _ = match noise.below(3) {
                 0 => stream.write_all(&encode_client(&wrong)),
                 1 => stream.write_all(&noise.bytes(100)),
                 _ => Ok(()),
             };
-            std::thread::sleep(Duration::from_millis(
-                u64::try_from(noise.below(60)).unwrap(),
-            ));
+            std::thread::sleep(Duration::from_millis(u64::try_from(noise.below(60)).unwrap()));
         }
         count
     })

@@ -41,12 +41,7 @@ pub fn run<const N: usize>(
         world.tick(tick);
         progress(tick);
     }
-    let World {
-        mut summary,
-        audit,
-        links,
-        ..
-    } = world;
+    let World { mut summary, audit, links, .. } = world;
     summary.measured(&audit);
     for link in &links {
         link.add_to(&mut summary);
@@ -68,10 +63,7 @@ struct World<const N: usize> {
 
 impl<const N: usize> World<N> {
     fn new(budget: Option<MissBudget>, seed: u64) -> Self {
-        let parameters = Parameters {
-            budget,
-            ..parameters::<N>()
-        };
+        let parameters = Parameters { budget, ..parameters::<N>() };
         let nominal = [PositionNm(0); N];
         let config = Config::new(parameters).unwrap();
         let session = Session::new(config, &Start::at_rest(nominal)).unwrap();
@@ -82,10 +74,7 @@ impl<const N: usize> World<N> {
                 MotorMap::new(std::array::from_fn(|axis| axis)).unwrap(),
                 EpochRange::VOLATILE,
             ),
-            audit: Audit::new(
-                parameters.axes.map(|axis| axis.limits),
-                parameters.axes.map(|axis| axis.machine_travel),
-            ),
+            audit: Audit::new(parameters.axes.map(|axis| axis.limits), parameters.axes.map(|axis| axis.machine_travel)),
             links: Vec::new(),
             opened: 0,
             nominal,
@@ -122,14 +111,7 @@ impl<const N: usize> World<N> {
         };
         let kind = self.noise.below(KINDS);
         let plan = plan(kind, &mut self.noise, transport);
-        let link = Link::open(
-            connection,
-            transport,
-            &plan,
-            self.opened,
-            now,
-            &mut self.noise,
-        );
+        let link = Link::open(connection, transport, &plan, self.opened, now, &mut self.noise);
         self.links.push(link);
         self.opened += 1;
     }
@@ -155,11 +137,7 @@ impl<const N: usize> World<N> {
         let owner = self.endpoint.session().owner();
         let stopped = self.one_in(20_000);
         let jumped = self.one_in(30_000);
-        let elapsed = if self.one_in(3_000) {
-            2 + self.noise.below(2)
-        } else {
-            1
-        };
+        let elapsed = if self.one_in(3_000) { 2 + self.noise.below(2) } else { 1 };
         self.move_nominal(jumped);
         let input = TickInput {
             elapsed_cycles: elapsed.try_into().unwrap(),
@@ -202,10 +180,7 @@ impl<const N: usize> World<N> {
                         stopped,
                         jumped,
                     };
-                    assert!(
-                        evidence.explains(cause),
-                        "{cause:?} without a reason: {evidence:?}"
-                    );
+                    assert!(evidence.explains(cause), "{cause:?} without a reason: {evidence:?}");
                     self.summary.end(cause);
                 }
             }
@@ -346,11 +321,7 @@ struct Tap<const N: usize> {
 impl<const N: usize> Tap<N> {
     /// The session of this connection begins.
     fn begin(&mut self, epoch: Epoch) {
-        *self = Self {
-            deframer: std::mem::take(&mut self.deframer),
-            epoch: Some(epoch),
-            ..Self::default()
-        };
+        *self = Self { deframer: std::mem::take(&mut self.deframer), epoch: Some(epoch), ..Self::default() };
     }
 
     fn next_tick(&mut self) {

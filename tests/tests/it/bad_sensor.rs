@@ -64,8 +64,7 @@ fn session(lie: impl Fn(u64) -> Option<Sample> + Send + 'static) -> (ClientError
         reads: 0,
     };
     let sensor = liar.sensor.address().unwrap();
-    let cycle: Cycle<ARMS, L2_MOTORS, _> =
-        Cycle::new(config, motors, liar, EpochRange::VOLATILE, loopback).unwrap();
+    let cycle: Cycle<ARMS, L2_MOTORS, _> = Cycle::new(config, motors, liar, EpochRange::VOLATILE, loopback).unwrap();
     let (server, mut rows) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
     let options = ClientOptions {
         server: server.address,
@@ -111,11 +110,7 @@ fn a_sensor_that_freezes_is_left() {
 #[test]
 fn a_sensor_that_says_nan_is_left() {
     let (error, obtained) = session(|tick| {
-        let wrench = if tick > 2_000 {
-            [f64::NAN; 6]
-        } else {
-            honest(tick).wrench
-        };
+        let wrench = if tick > 2_000 { [f64::NAN; 6] } else { honest(tick).wrench };
         Some(Sample { tick, wrench })
     });
     assert!(obtained);

@@ -28,10 +28,7 @@ fn assert_window<const N: usize>(windows: &mut Receiver<N>, cause: Option<Cause>
     let read = Window::decode(&window.file_name(), text.as_bytes()).unwrap();
     assert_eq!(read, window);
     let findings = Findings::of(&read);
-    assert_eq!(
-        (findings.agreeing, findings.difference),
-        (findings.ticks, None)
-    );
+    assert_eq!((findings.agreeing, findings.difference), (findings.ticks, None));
     window
 }
 
@@ -79,10 +76,7 @@ fn a_newcomer_does_not_cost_the_evidence() {
     let session = SessionFixture::greeted(server, next);
     let window = assert_window(&mut windows, Some(Cause::Goodbye));
     let last = &window.entries.last().unwrap().output;
-    assert!(
-        last.welcome.is_some(),
-        "the newcomer's tick belongs to the old box"
-    );
+    assert!(last.welcome.is_some(), "the newcomer's tick belongs to the old box");
     assert_eq!(last.state.epoch, session.client.epoch);
     assert_eq!(window.end().epoch.0 + 1, session.client.epoch.0);
     assert_nothing(&mut windows);
@@ -98,10 +92,7 @@ fn a_window_goes_on_across_refused_references() {
     session.server.bus.record().write_fails = false;
     session.server.receive();
     let row = session.server.step();
-    assert_eq!(
-        (row.state.phase, row.ended),
-        (Phase::Fault, Some(Cause::Stop))
-    );
+    assert_eq!((row.state.phase, row.ended), (Phase::Fault, Some(Cause::Stop)));
     assert_nothing(&mut windows);
     for _ in 0..HALF {
         session.server.step();
@@ -110,20 +101,13 @@ fn a_window_goes_on_across_refused_references() {
     let end = window.end();
     assert_eq!(end.tick, row.state.tick);
     assert!(end.index >= HALF, "{} ticks before the cause", end.index);
-    let inputs: Vec<_> = window.entries[end.index..]
-        .iter()
-        .map(|entry| entry.input.tick.last_write)
-        .collect();
+    let inputs: Vec<_> = window.entries[end.index..].iter().map(|entry| entry.input.tick.last_write).collect();
     assert!(
         matches!(inputs[0], LastWrite::Refused { in_force } if in_force[0].offsets.position.0 == 5_000),
         "{:?}",
         inputs[0]
     );
-    assert!(
-        inputs[1..]
-            .iter()
-            .all(|last_write| *last_write == LastWrite::Accepted)
-    );
+    assert!(inputs[1..].iter().all(|last_write| *last_write == LastWrite::Accepted));
     assert_nothing(&mut windows);
 }
 

@@ -31,12 +31,7 @@ impl Server {
         let connection = endpoint.open(Transport::Datagram).unwrap();
         let socket = UdpSocket::bind(LOOPBACK).unwrap();
         socket.set_read_timeout(Some(DEADLINE)).unwrap();
-        Self {
-            socket,
-            client: None,
-            endpoint,
-            connection,
-        }
+        Self { socket, client: None, endpoint, connection }
     }
 
     /// Waits for the client's next message, which the coming tick has.

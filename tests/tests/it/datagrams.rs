@@ -29,12 +29,7 @@ impl Peer {
         let socket = UdpSocket::bind(LOOPBACK).unwrap();
         socket.connect(server).unwrap();
         socket.set_read_timeout(Some(DEADLINE)).unwrap();
-        Self {
-            socket,
-            epoch: Epoch(0),
-            sequence: 0,
-            tick: Tick(0),
-        }
+        Self { socket, epoch: Epoch(0), sequence: 0, tick: Tick(0) }
     }
 
     fn send(&self, message: &ClientMessage<3>) {
@@ -42,10 +37,7 @@ impl Peer {
     }
 
     fn say_hello(&self) {
-        self.send(&ClientMessage::Hello(Hello {
-            axes: 3,
-            capabilities: Capabilities::NONE,
-        }));
+        self.send(&ClientMessage::Hello(Hello { axes: 3, capabilities: Capabilities::NONE }));
     }
 
     fn receive(&mut self) -> ServerMessage<3> {
@@ -69,14 +61,9 @@ impl Peer {
 
     /// Nothing has been sent here: loopback delivers at once.
     fn hears_nothing(&self) {
-        self.socket
-            .set_read_timeout(Some(Duration::from_millis(20)))
-            .unwrap();
+        self.socket.set_read_timeout(Some(Duration::from_millis(20))).unwrap();
         let error = self.socket.recv(&mut [0; MAX_FRAME]).unwrap_err();
-        assert!(
-            matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut),
-            "{error}"
-        );
+        assert!(matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut), "{error}");
         self.socket.set_read_timeout(Some(DEADLINE)).unwrap();
     }
 
@@ -88,10 +75,7 @@ impl Peer {
             sequence: Sequence(self.sequence),
             echo: self.tick,
             mode,
-            targets: [Offsets {
-                position: OffsetNm(nm),
-                ..Offsets::default()
-            }; 3],
+            targets: [Offsets { position: OffsetNm(nm), ..Offsets::default() }; 3],
         })
     }
 }
@@ -161,21 +145,12 @@ fn late_twofold_and_overtaking_datagrams_are_only_counted() {
     }
     // The target that is far away never acted.
     let state = tick(&mut server, &mut peer, &[]);
-    assert!(
-        state
-            .axes
-            .iter()
-            .all(|axis| axis.offsets.position == OffsetNm(20_000))
-    );
+    assert!(state.axes.iter().all(|axis| axis.offsets.position == OffsetNm(20_000)));
     // An answer to a State of long ago does not count.
     peer.tick = Tick(peer.tick.0 - 5);
     let late = peer.answer(Mode::Obtain, 0);
     let state = tick(&mut server, &mut peer, &[late]);
-    assert_eq!(
-        state.phase,
-        Phase::SafeDisconnect,
-        "two deadlines without an answer"
-    );
+    assert_eq!(state.phase, Phase::SafeDisconnect, "two deadlines without an answer");
     assert_eq!(state.cause, Cause::NetworkLate);
 }
 
@@ -223,10 +198,7 @@ fn a_goodbye_said_twice_is_one_end() {
     let (mut server, mut peer) = obtaining();
     let goodbye = ClientMessage::Goodbye(peer.epoch);
     let state = tick(&mut server, &mut peer, &[goodbye, goodbye]);
-    assert_eq!(
-        (state.phase, state.cause),
-        (Phase::SafeDisconnect, Cause::Goodbye)
-    );
+    assert_eq!((state.phase, state.cause), (Phase::SafeDisconnect, Cause::Goodbye));
     while server.phase() != Phase::Listening {
         server.receive();
         server.step();
@@ -281,14 +253,10 @@ fn a_flood_of_other_peers_is_bounded_work() {
 #[test]
 fn who_is_not_allowed_is_not_answered() {
     for transport in [Transport::Datagram, Transport::Stream] {
-        let listen = Listen {
-            transport,
-            allowed: Allowed::only(&["192.0.2.0/24".to_owned()]).unwrap(),
-            ..LOOPBACK.into()
-        };
+        let listen =
+            Listen { transport, allowed: Allowed::only(&["192.0.2.0/24".to_owned()]).unwrap(), ..LOOPBACK.into() };
         let mut server =
-            ServerFixture::<3>::listen(parameters(), Bus::default(), EpochRange::VOLATILE, listen)
-                .unwrap();
+            ServerFixture::<3>::listen(parameters(), Bus::default(), EpochRange::VOLATILE, listen).unwrap();
         if transport == Transport::Datagram {
             let peer = Peer::of(server.address());
             peer.say_hello();

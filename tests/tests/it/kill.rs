@@ -72,9 +72,7 @@ fn ramp_ticks(in_force: &[Offsets; 3]) -> u32 {
     let one = |offsets: &Offsets| {
         let position = offsets.position.0.unsigned_abs().div_ceil(100);
         let velocity = offsets.velocity.0.unsigned_abs().div_ceil(50);
-        position
-            .max(velocity)
-            .max(offsets.torque.0.unsigned_abs().into())
+        position.max(velocity).max(offsets.torque.0.unsigned_abs().into())
     };
     in_force.iter().map(one).max().unwrap()
 }
@@ -96,10 +94,7 @@ fn assert_ramps_down(server: &mut ServerFixture<3>) {
 fn a_client_killed_at_any_tick_leaves_a_server_for_the_next() {
     let mut server = ServerFixture::default();
     for killed in 0..=SCRIPT {
-        let SessionFixture {
-            server: mut running,
-            client,
-        } = play(server, killed);
+        let SessionFixture { server: mut running, client } = play(server, killed);
         let ramping = running.phase() == Phase::SafeDisconnect;
         if killed % 2 == 0 {
             client.reset();
@@ -118,10 +113,7 @@ fn a_client_killed_at_any_tick_leaves_a_server_for_the_next() {
         assert_eq!(running.phase(), Phase::Listening, "killed at {killed}");
         server = running;
     }
-    assert_eq!(
-        SessionFixture::submitted_on(server).server.phase(),
-        Phase::Submit
-    );
+    assert_eq!(SessionFixture::submitted_on(server).server.phase(), Phase::Submit);
 }
 
 #[test]
@@ -133,9 +125,7 @@ fn a_client_killed_within_a_frame_leaves_a_server_for_the_next() {
         session.client.send_bytes(&frame[..cut]);
         drop(session.client);
         session.server.await_loss_of_owner();
-        session
-            .server
-            .assert_disconnect([250, -50, 0], Cause::Closed);
+        session.server.assert_disconnect([250, -50, 0], Cause::Closed);
         server = session.server;
     }
 }
@@ -217,9 +207,7 @@ fn a_server_that_cannot_know_its_offsets_does_not_start() {
     let refused = |edit: fn(&mut gantry_tau_tests::fake_plant::Record<3>)| {
         let bus = Bus::<3>::default();
         edit(&mut bus.record());
-        let error = ServerFixture::start(parameters(), bus.clone(), EpochRange::VOLATILE)
-            .err()
-            .expect("it started");
+        let error = ServerFixture::start(parameters(), bus.clone(), EpochRange::VOLATILE).err().expect("it started");
         assert_eq!(bus.writes(), 0, "it has moved the machine");
         assert_eq!(error.to_string().lines().count(), 1);
         error

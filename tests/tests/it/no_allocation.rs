@@ -41,18 +41,10 @@ impl<const N: usize, const M: usize> Server<N, M> {
         let motors = robot.motor_map().unwrap();
         let publisher = SensorPublisher::bind(LOOPBACK).unwrap();
         let sensor = SensorReader::connect(publisher.address().unwrap()).unwrap();
-        let listen = Listen {
-            transport,
-            ..LOOPBACK.into()
-        };
+        let listen = Listen { transport, ..LOOPBACK.into() };
         let cycle = Cycle::new(config, motors, machine, EpochRange::VOLATILE, listen).unwrap();
         let (sender, black_boxes) = swap_channel::channel();
-        Self {
-            cycle: cycle.with_sensor(publisher).with_black_box(sender),
-            hand,
-            sensor,
-            black_boxes,
-        }
+        Self { cycle: cycle.with_sensor(publisher).with_black_box(sender), hand, sensor, black_boxes }
     }
 
     /// One look at the sockets and one tick; neither may allocate.
@@ -62,11 +54,7 @@ impl<const N: usize, const M: usize> Server<N, M> {
             self.cycle.receive();
             row = Some(self.cycle.step(1, Demands { stop, rearm: !stop }));
         });
-        assert_eq!(
-            (counted.count_total, counted.bytes_total),
-            (0, 0),
-            "the cycle allocated"
-        );
+        assert_eq!((counted.count_total, counted.bytes_total), (0, 0), "the cycle allocated");
         row.unwrap()
     }
 
@@ -93,18 +81,12 @@ fn the_counter_counts() {
 
 #[test]
 fn the_cycle_allocates_nothing() {
-    allocates_nothing(Server::<3, L2_MOTORS>::start(
-        &RobotFile::builtin_l2().unwrap(),
-        Transport::Stream,
-    ));
+    allocates_nothing(Server::<3, L2_MOTORS>::start(&RobotFile::builtin_l2().unwrap(), Transport::Stream));
 }
 
 #[test]
 fn nor_does_it_with_six_axes() {
-    allocates_nothing(Server::<6, F1_MOTORS>::start(
-        &RobotFile::builtin_f1().unwrap(),
-        Transport::Stream,
-    ));
+    allocates_nothing(Server::<6, F1_MOTORS>::start(&RobotFile::builtin_f1().unwrap(), Transport::Stream));
 }
 
 /// Datagrams of the owner, of others, broken and empty ones.
@@ -164,11 +146,7 @@ fn allocates_nothing<const N: usize, const M: usize>(mut server: Server<N, M>) {
     for _ in 0..10 {
         server.answered(&mut client, Mode::Submit, 1_000);
     }
-    let pull = Load {
-        step: 1,
-        force_n: [200.0, 0.0, 0.0],
-        moment_nm: [0.0; 3],
-    };
+    let pull = Load { step: 1, force_n: [200.0, 0.0, 0.0], moment_nm: [0.0; 3] };
     server.hand.set(&pull).unwrap();
     let mut noise = Noise::new(5);
     let mut crowd = Vec::new();

@@ -58,10 +58,7 @@ impl Case {
 fn close(ours: &[f64], reference: &[f64], tolerance: f64, what: &str) {
     let magnitude = reference.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     for (a, b) in ours.iter().zip(reference) {
-        assert!(
-            (a - b).abs() <= tolerance * magnitude,
-            "{what}: {ours:?} {reference:?}"
-        );
+        assert!((a - b).abs() <= tolerance * magnitude, "{what}: {ours:?} {reference:?}");
     }
 }
 
@@ -78,11 +75,7 @@ fn l2_agrees() {
     let compensator = l2::Compensator::new(
         &kinematics,
         &springs,
-        CompensatorConfig {
-            gain: 1.0,
-            limits: [OffsetNm(2_000_000); 3],
-            metres_per_q: [1.0; 3],
-        },
+        CompensatorConfig { gain: 1.0, limits: [OffsetNm(2_000_000); 3], metres_per_q: [1.0; 3] },
     )
     .unwrap();
     for case in Case::all("l2") {
@@ -127,19 +120,13 @@ fn l2_agrees() {
 
 #[test]
 fn f1_agrees() {
-    let geometry = f1::Geometry {
-        travel: None,
-        ..presets::f1()
-    };
+    let geometry = f1::Geometry { travel: None, ..presets::f1() };
     let kinematics = f1::Kinematics::new(&f1::Robot::new(geometry).unwrap());
     let actuators = numbers(&vectors()["f1"]["c_act"]);
     let springs = Compliances::new(numbers(&vectors()["c_link"]), actuators).unwrap();
     let elastic = f1::Elastic::new(&kinematics, &springs);
     for case in Case::all("f1") {
-        let pose = Pose {
-            position_m: case.tcp(),
-            rotation: Matrix3::from_row_slice(&case.get::<9>("R")),
-        };
+        let pose = Pose { position_m: case.tcp(), rotation: Matrix3::from_row_slice(&case.get::<9>("R")) };
         let (q, load) = (case.get("q"), case.load());
         let inverse = kinematics.inverse(&pose, None).unwrap();
         case.agrees("q", inverse.value);

@@ -22,27 +22,15 @@ fn six_axes_with_a_budget_and_every_cause() {
 /// Every tick is audited where it is made; what is left is that everything has happened.
 fn everything_has_happened(summary: &Summary, causes: &[Cause]) {
     for cause in causes {
-        assert!(
-            summary.ends.contains_key(&format!("{cause:?}")),
-            "no {cause:?}: {summary:?}"
-        );
+        assert!(summary.ends.contains_key(&format!("{cause:?}")), "no {cause:?}: {summary:?}");
     }
     for fault in Fault::ALL {
-        assert!(
-            summary.faults.contains_key(fault.name()),
-            "no {fault}: {summary:?}"
-        );
+        assert!(summary.faults.contains_key(fault.name()), "no {fault}: {summary:?}");
     }
-    assert!(
-        summary.sessions > 100 && summary.obtained > 50,
-        "{summary:?}"
-    );
+    assert!(summary.sessions > 100 && summary.obtained > 50, "{summary:?}");
     assert!(summary.refused > 10, "{summary:?}");
     // The limit is reached, and not exceeded.
-    assert_eq!(
-        summary.largest_external_change_nm,
-        summary.external_limit_nm
-    );
+    assert_eq!(summary.largest_external_change_nm, summary.external_limit_nm);
 }
 
 #[test]

@@ -55,14 +55,8 @@ fn agree(answer: &Value, name: &str, reference: &Value) {
     flatten(reference, &mut theirs);
     assert_eq!(ours.len(), theirs.len(), "{name}");
     let magnitude = theirs.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    let worst = ours
-        .iter()
-        .zip(&theirs)
-        .fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
-    assert!(
-        worst <= 1e-9 * magnitude,
-        "{name}: {worst:e} of {magnitude:e}"
-    );
+    let worst = ours.iter().zip(&theirs).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+    assert!(worst <= 1e-9 * magnitude, "{name}: {worst:e} of {magnitude:e}");
 }
 
 #[test]
@@ -78,8 +72,7 @@ fn every_l2_case_agrees_inline_and_by_file() {
             agree(&ik, "q", q);
             assert_eq!(ik["ok"]["iterations"], 0);
             assert!(ik["ok"]["residual"].as_f64().unwrap() < 1e-12);
-            let fk =
-                ask(&json!({"robot": robot, "op": "fk", "q": q, "seed": {"T": t, "R": identity}}));
+            let fk = ask(&json!({"robot": robot, "op": "fk", "q": q, "seed": {"T": t, "R": identity}}));
             agree(&fk, "T", t);
             agree(&fk, "R", &identity);
             assert!(fk["ok"]["residual"].as_f64().unwrap() < 1e-12);
@@ -126,11 +119,7 @@ fn every_f1_case_agrees() {
         let deflection = of("deflection");
         agree(&deflection, "r", &case["r"]);
         agree(&deflection, "dx_links", &case["dx_links"]);
-        agree(
-            &deflection,
-            "dx_total",
-            &product(&of("compliance")["ok"]["C"], w),
-        );
+        agree(&deflection, "dx_total", &product(&of("compliance")["ok"]["C"], w));
         agree(&of("compensate"), "q", &case["q_comp"]);
     }
 }
@@ -142,10 +131,7 @@ fn errors_of_the_f1_have_their_kind() {
         robot[key] = value;
         robot
     };
-    let (t, q) = (
-        json!([0.0, 0.0, 0.3]),
-        json!([1.5, 1.5, 1.5, 0.0, 0.0, 0.0]),
-    );
+    let (t, q) = (json!([0.0, 0.0, 0.3]), json!([1.5, 1.5, 1.5, 0.0, 0.0, 0.0]));
     let ik = |robot: Value, t: &Value| json!({"robot": robot, "op": "ik", "T": t});
     let fk = |robot: Value, q: Value| json!({"robot": robot, "op": "fk", "q": q});
     let crossed = json!([[0.1, -0.15, 0.03], [0.2, 0.15, 0.03]]);
@@ -161,27 +147,12 @@ fn errors_of_the_f1_have_their_kind() {
         (ik(with("sigma4", json!(0.5)), &t), "bad_robot"),
         (ik(with("P", json!([[0, 0, 0]])), &t), "bad_robot"),
         (ik(with("L", json!([1.7, 1.7])), &t), "bad_robot"),
-        (
-            json!({"robot": f1(), "op": "ik", "T": t, "R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}),
-            "bad_request",
-        ),
-        (
-            json!({"robot": f1(), "op": "ik", "T": t, "seed": [1, 2]}),
-            "bad_request",
-        ),
-        (
-            fk(f1(), json!([9.0, 1.5, 1.5, 0.0, 0.0, 0.0])),
-            "unreachable",
-        ),
+        (json!({"robot": f1(), "op": "ik", "T": t, "R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}), "bad_request"),
+        (json!({"robot": f1(), "op": "ik", "T": t, "seed": [1, 2]}), "bad_request"),
+        (fk(f1(), json!([9.0, 1.5, 1.5, 0.0, 0.0, 0.0])), "unreachable"),
         (fk(with("b", unequal), q.clone()), "seed_required"),
-        (
-            json!({"robot": f1(), "op": "fk", "q": q, "seed": {"T": [0.0, 0.0, 3.0]}}),
-            "unreachable",
-        ),
-        (
-            json!({"robot": with("c_act", Value::Null), "op": "compliance", "T": t}),
-            "bad_robot",
-        ),
+        (json!({"robot": f1(), "op": "fk", "q": q, "seed": {"T": [0.0, 0.0, 3.0]}}), "unreachable"),
+        (json!({"robot": with("c_act", Value::Null), "op": "compliance", "T": t}), "bad_robot"),
     ] {
         let answer = ask(&request);
         assert_eq!(answer["error"]["kind"], kind, "{request} {answer}");
@@ -221,11 +192,7 @@ fn numbers_survive_the_way_out_and_back() {
         flatten(&again["ok"]["q"], &mut far);
         let text = serde_json::to_string(&far).unwrap();
         let back: Vec<f64> = serde_json::from_str(&text).unwrap();
-        assert!(
-            far.iter()
-                .zip(&back)
-                .all(|(a, b)| a.to_bits() == b.to_bits())
-        );
+        assert!(far.iter().zip(&back).all(|(a, b)| a.to_bits() == b.to_bits()));
         agree(&again, "q", &ik["ok"]["q"]);
     }
 }
@@ -244,68 +211,29 @@ fn errors_have_their_kind() {
         (ik(robot(), json!([0.0, -0.6, 0.6])), "unreachable"),
         (ik(robot(), json!([0.0, 1.0, 1.25])), "singular"),
         (ik(robot(), json!([1e300, 0.5, 0.6])), "unreachable"),
-        (
-            ik(
-                with("travel", json!([[0, 1], [-2, 2], [0, 0.1]])),
-                t.clone(),
-            ),
-            "out_of_range",
-        ),
-        (
-            ik(with("travel", json!([[1, 0], [0, 1], [0, 1]])), t.clone()),
-            "bad_robot",
-        ),
+        (ik(with("travel", json!([[0, 1], [-2, 2], [0, 0.1]])), t.clone()), "out_of_range"),
+        (ik(with("travel", json!([[1, 0], [0, 1], [0, 1]])), t.clone()), "bad_robot"),
         (ik(with("model", "f1".into()), t.clone()), "bad_robot"),
         (ik(with("model", Value::Null), t.clone()), "bad_robot"),
         (ik(with("L", json!([1.0, 1.1])), t.clone()), "bad_robot"),
-        (
-            ik(with("L", json!([1.0, 1.1, -1.0])), t.clone()),
-            "bad_robot",
-        ),
+        (ik(with("L", json!([1.0, 1.1, -1.0])), t.clone()), "bad_robot"),
         (ik(with("c", json!([1, 0, 1])), t.clone()), "bad_robot"),
-        (
-            ik(
-                with("V", json!([[1, 0, 0], [0, 0, 0], [1, 0, 0]])),
-                t.clone(),
-            ),
-            "bad_robot",
-        ),
+        (ik(with("V", json!([[1, 0, 0], [0, 0, 0], [1, 0, 0]])), t.clone()), "bad_robot"),
         (ik("no/such/file.toml".into(), t.clone()), "bad_robot"),
         (ik(7.into(), t.clone()), "bad_request"),
         (ik(robot(), json!([0.0, 0.5])), "bad_request"),
         (ik(robot(), json!([0.0, 0.5, null])), "bad_request"),
         (ik(robot(), Value::Null), "bad_request"),
-        (
-            json!({"robot": robot(), "op": "ik", "T": t, "R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}),
-            "bad_request",
-        ),
-        (
-            json!({"robot": robot(), "op": "ik", "T": t, "R": [[0, -1, 0], [1, 0, 0], [0, 0, 1]]}),
-            "bad_robot",
-        ),
-        (
-            json!({"robot": robot(), "op": "fk", "q": [0, 50, 0]}),
-            "unreachable",
-        ),
-        (
-            json!({"robot": robot(), "op": "dance", "T": t}),
-            "bad_request",
-        ),
+        (json!({"robot": robot(), "op": "ik", "T": t, "R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}), "bad_request"),
+        (json!({"robot": robot(), "op": "ik", "T": t, "R": [[0, -1, 0], [1, 0, 0], [0, 0, 1]]}), "bad_robot"),
+        (json!({"robot": robot(), "op": "fk", "q": [0, 50, 0]}), "unreachable"),
+        (json!({"robot": robot(), "op": "dance", "T": t}), "bad_request"),
         (json!({"robot": robot(), "op": 3, "T": t}), "bad_request"),
         (json!({"robot": robot(), "T": t}), "bad_request"),
         (json!({"op": "ik", "T": t}), "bad_request"),
-        (
-            json!({"robot": robot(), "op": "statics", "T": t}),
-            "bad_request",
-        ),
-        (
-            json!({"robot": with("c_cart", Value::Null), "op": "compliance", "T": t}),
-            "bad_robot",
-        ),
-        (
-            json!({"robot": with("c_cart", json!([1e-8, -1e-8, 1e-8])), "op": "compliance", "T": t}),
-            "bad_robot",
-        ),
+        (json!({"robot": robot(), "op": "statics", "T": t}), "bad_request"),
+        (json!({"robot": with("c_cart", Value::Null), "op": "compliance", "T": t}), "bad_robot"),
+        (json!({"robot": with("c_cart", json!([1e-8, -1e-8, 1e-8])), "op": "compliance", "T": t}), "bad_robot"),
         (
             json!({"robot": robot(), "op": "statics", "T": t, "w": [1e308, 1e308, 1e308, 1e308, 1e308, 1e308]}),
             "not_finite",
@@ -320,9 +248,7 @@ fn errors_have_their_kind() {
 
 #[test]
 fn every_line_is_answered_in_order() {
-    let good = |id: Value| {
-        json!({"id": id, "robot": robot(), "op": "ik", "T": [0.0, 0.5, 0.65]}).to_string()
-    };
+    let good = |id: Value| json!({"id": id, "robot": robot(), "op": "ik", "T": [0.0, 0.5, 0.65]}).to_string();
     let mut input = Vec::new();
     for line in [
         good(json!("first")).into_bytes(),
@@ -344,10 +270,7 @@ fn every_line_is_answered_in_order() {
     let mut output = Vec::new();
     run(input.as_slice(), &mut output).unwrap();
     let text = String::from_utf8(output).unwrap();
-    let answers: Vec<Value> = text
-        .lines()
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect();
+    let answers: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(answers.len(), 10, "{text}");
     let ids: Vec<&Value> = answers.iter().map(|answer| &answer["id"]).collect();
     assert_eq!(*ids[0], json!("first"));

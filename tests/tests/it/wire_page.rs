@@ -22,10 +22,7 @@ fn the_worked_example_of_the_specification_holds() {
         sequence: Sequence(42),
         echo: Tick(1_000),
         mode: Mode::Obtain,
-        targets: [-100_000, 2_500, 0].map(|position| Offsets {
-            position: OffsetNm(position),
-            ..Offsets::default()
-        }),
+        targets: [-100_000, 2_500, 0].map(|position| Offsets { position: OffsetNm(position), ..Offsets::default() }),
     };
     assert_eq!(&*encode_client(&ClientMessage::Command(command)), bytes);
     let frame = Frame::parse(&bytes).unwrap();

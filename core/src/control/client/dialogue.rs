@@ -76,12 +76,7 @@ impl<const N: usize> Dialogue<N> {
             transport,
             requirements,
             stage: Stage::Greeting { said: false },
-            ignored: Ignored {
-                broken: 0,
-                old: 0,
-                other_epoch: 0,
-                unexpected: 0,
-            },
+            ignored: Ignored { broken: 0, old: 0, other_epoch: 0, unexpected: 0 },
         }
     }
 
@@ -113,10 +108,7 @@ impl<const N: usize> Dialogue<N> {
             return None;
         }
         *said = true;
-        Some(Hello {
-            axes: u8::try_from(N).unwrap_or(u8::MAX),
-            capabilities: self.requirements.capabilities,
-        })
+        Some(Hello { axes: u8::try_from(N).unwrap_or(u8::MAX), capabilities: self.requirements.capabilities })
     }
 
     /// Takes a message of the server.
@@ -153,11 +145,7 @@ impl<const N: usize> Dialogue<N> {
     }
 
     /// Returns the command that answers the newest State, and flags for targets that were cut to the limits of the Welcome.
-    pub fn answer(
-        &mut self,
-        mode: Mode,
-        targets: &[Offsets; N],
-    ) -> Option<(Command<N>, [Saturated; N])> {
+    pub fn answer(&mut self, mode: Mode, targets: &[Offsets; N]) -> Option<(Command<N>, [Saturated; N])> {
         let Stage::Granted(session) = &mut self.stage else {
             return None;
         };
@@ -166,8 +154,7 @@ impl<const N: usize> Dialogue<N> {
         }
         let last = session.last?;
         let sequence = Sequence(session.sequence.0.checked_add(1)?);
-        let submitted =
-            session.sequence.0 > 0 && matches!(last.phase, Phase::Submit | Phase::Obtain);
+        let submitted = session.sequence.0 > 0 && matches!(last.phase, Phase::Submit | Phase::Obtain);
         let mut command = Command {
             epoch: session.welcome.epoch,
             sequence,
@@ -271,31 +258,18 @@ impl<const N: usize> Granted<N> {
     fn check(&self, state: &State<N>) -> Result<(), ClientError> {
         let expected = self.welcome.epoch;
         if state.epoch != expected {
-            return Err(ClientError::Epoch {
-                expected,
-                received: state.epoch,
-            });
+            return Err(ClientError::Epoch { expected, received: state.epoch });
         }
         let (is_new, expected) = match self.last {
             None => (state.tick >= self.welcome.tick, self.welcome.tick),
             Some(last) => (state.tick > last.tick, Tick(last.tick.0.saturating_add(1))),
         };
-        if is_new {
-            Ok(())
-        } else {
-            Err(ClientError::OldState {
-                expected,
-                received: state.tick,
-            })
-        }
+        if is_new { Ok(()) } else { Err(ClientError::OldState { expected, received: state.tick }) }
     }
 
     /// Takes note of a new State.
     fn note(&mut self, state: State<N>) -> Result<Event<N>, ClientError> {
-        self.last = Some(Last {
-            tick: state.tick,
-            phase: state.phase,
-        });
+        self.last = Some(Last { tick: state.tick, phase: state.phase });
         self.ended |= !is_live(state.phase);
         self.unanswered = !self.ended;
         if self.ended {
@@ -316,17 +290,12 @@ impl Requirements {
     fn check<const N: usize>(&self, welcome: &Welcome<N>) -> Result<(), ClientError> {
         let (received_us, received) = (welcome.cycle_us, welcome.kinematics_checksum);
         match (self.cycle_us, self.kinematics_checksum) {
-            (Some(expected_us), _) if expected_us != received_us => Err(ClientError::Cycle {
-                expected_us,
-                received_us,
-            }),
-            (_, Some(expected)) if expected != received => {
-                Err(ClientError::Checksum { expected, received })
+            (Some(expected_us), _) if expected_us != received_us => {
+                Err(ClientError::Cycle { expected_us, received_us })
             }
+            (_, Some(expected)) if expected != received => Err(ClientError::Checksum { expected, received }),
             _ if !self.capabilities.contains(welcome.capabilities) => {
-                Err(ClientError::Capability {
-                    needed: welcome.capabilities,
-                })
+                Err(ClientError::Capability { needed: welcome.capabilities })
             }
             _ => Ok(()),
         }
@@ -341,12 +310,8 @@ const fn is_live(phase: Phase) -> bool {
 #[cfg(kani)]
 impl<const N: usize> kani::Arbitrary for Dialogue<N> {
     fn any() -> Self {
-        let dialogue = Self {
-            transport: kani::any(),
-            requirements: kani::any(),
-            stage: kani::any(),
-            ignored: kani::any(),
-        };
+        let dialogue =
+            Self { transport: kani::any(), requirements: kani::any(), stage: kani::any(), ignored: kani::any() };
         kani::assume(dialogue.is_valid());
         kani::cover!(true, "some dialogues are valid");
         dialogue

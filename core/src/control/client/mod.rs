@@ -55,9 +55,7 @@ mod saturation;
 
 use crate::control::axis::Offsets;
 use crate::control::endpoint::Transport;
-use crate::control::message::{
-    Capabilities, ClientMessage, Command, Mode, Phase, Refusal, State, Welcome,
-};
+use crate::control::message::{Capabilities, ClientMessage, Command, Mode, Phase, Refusal, State, Welcome};
 use crate::control::wire::{Deframer, Feed, Frame, FrameBytes, decode_server, encode_client};
 
 use dialogue::Dialogue;
@@ -142,10 +140,7 @@ impl<const N: usize> Client<N> {
     /// Creates a client that has said nothing yet.
     #[must_use]
     pub const fn new(transport: Transport, requirements: Requirements) -> Self {
-        Self {
-            dialogue: Dialogue::new(transport, requirements),
-            deframer: Deframer::new(),
-        }
+        Self { dialogue: Dialogue::new(transport, requirements), deframer: Deframer::new() }
     }
 
     /// The invariant: dialogue and deframer are valid.
@@ -192,11 +187,7 @@ impl<const N: usize> Client<N> {
     #[must_use = "the frame must be sent"]
     pub fn answer(&mut self, mode: Mode, targets: &[Offsets; N]) -> Option<Answer<N>> {
         let (command, saturated) = self.dialogue.answer(mode, targets)?;
-        Some(Answer {
-            frame: encode_client(&ClientMessage::Command(command)),
-            command,
-            saturated,
-        })
+        Some(Answer { frame: encode_client(&ClientMessage::Command(command)), command, saturated })
     }
 
     /// Returns the Goodbye to send: once, and over datagrams again for each State until the session is over. No State is answered
@@ -256,10 +247,7 @@ impl<const N: usize> Client<N> {
 }
 
 /// Passes the message of a frame to the dialogue.
-fn receive<const N: usize>(
-    dialogue: &mut Dialogue<N>,
-    frame: &Frame<'_>,
-) -> Result<Option<Event<N>>, ClientError> {
+fn receive<const N: usize>(dialogue: &mut Dialogue<N>, frame: &Frame<'_>) -> Result<Option<Event<N>>, ClientError> {
     dialogue.receive(decode_server(frame)?)
 }
 

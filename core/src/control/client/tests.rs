@@ -13,9 +13,7 @@ use crate::control::message::{AxisLimits, Cause, Counters, ServerMessage};
 use crate::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use crate::control::session::{Connection, LastWrite, Session, Start, TickInput};
 use crate::control::wire::{Kind, decode_client, encode_server};
-use crate::units::{
-    Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
-};
+use crate::units::{Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 
 type Tested = Client<2>;
 
@@ -32,11 +30,7 @@ fn axis(max: i32) -> AxisConfig {
 }
 
 fn requirements() -> Requirements {
-    Requirements {
-        capabilities: Capabilities::NONE,
-        cycle_us: Some(1_000),
-        kinematics_checksum: Some(CHECKSUM),
-    }
+    Requirements { capabilities: Capabilities::NONE, cycle_us: Some(1_000), kinematics_checksum: Some(CHECKSUM) }
 }
 
 /// The server and its side of the connection.
@@ -48,20 +42,14 @@ struct Server {
 
 impl Server {
     fn new(transport: Transport) -> Self {
-        let parameters = Parameters {
-            kinematics_checksum: CHECKSUM,
-            ..Parameters::thesis([axis(20_000), axis(30_000)])
-        };
+        let parameters =
+            Parameters { kinematics_checksum: CHECKSUM, ..Parameters::thesis([axis(20_000), axis(30_000)]) };
         let config = Config::new(parameters).unwrap();
         let session = Session::new(config, &Start::at_rest([PositionNm(0); 2])).unwrap();
         let motors = MotorMap::new([0, 1]).unwrap();
         let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
         let connection = endpoint.open(transport).unwrap();
-        Self {
-            endpoint,
-            connection,
-            closed: false,
-        }
+        Self { endpoint, connection, closed: false }
     }
 
     fn phase(&self) -> Phase {
@@ -107,11 +95,7 @@ fn feed_stream(client: &mut Tested, bytes: &[u8], piece: usize) -> StdVec<Event<
 }
 
 fn far() -> [Offsets; 2] {
-    let far = Offsets {
-        position: OffsetNm(i32::MIN),
-        velocity: VelocityUmS(1_001),
-        torque: TorquePermille(100),
-    };
+    let far = Offsets { position: OffsetNm(i32::MIN), velocity: VelocityUmS(1_001), torque: TorquePermille(100) };
     [far, Offsets::position(OffsetNm(30_000))]
 }
 
@@ -138,10 +122,7 @@ fn a_session_over_a_stream_split_anywhere() {
                         phases.push(state.phase);
                     }
                     Event::Ended(state) => {
-                        assert_eq!(
-                            (state.cause, state.phase),
-                            (Cause::Goodbye, Phase::SafeDisconnect)
-                        );
+                        assert_eq!((state.cause, state.phase), (Cause::Goodbye, Phase::SafeDisconnect));
                     }
                 }
             }
@@ -159,25 +140,16 @@ fn a_session_over_a_stream_split_anywhere() {
             } else {
                 client.goodbye()
             };
-            assert!(
-                client.answer(Mode::Submit, &far()).is_none(),
-                "one answer per State"
-            );
+            assert!(client.answer(Mode::Submit, &far()).is_none(), "one answer per State");
             if ticks >= 10 {
                 assert!(client.goodbye().is_none(), "one Goodbye per stream");
             }
             outgoing.extend(frame.map(|frame| frame.to_vec()));
         }
-        assert_eq!(
-            phases[..3],
-            [Phase::Handshake, Phase::Submit, Phase::Obtain]
-        );
+        assert_eq!(phases[..3], [Phase::Handshake, Phase::Submit, Phase::Obtain]);
         assert!(client.is_at_boundary());
         assert_eq!(client.ignored(), Ignored::default());
-        assert_eq!(
-            server.endpoint.output().unwrap().state.counters.malformed,
-            0
-        );
+        assert_eq!(server.endpoint.output().unwrap().state.counters.malformed, 0);
     }
 }
 
@@ -188,11 +160,7 @@ struct Path {
 
 impl Path {
     /// Carries datagrams; returns those that arrive now. Fates: lost, doubled, delayed behind the next, in order.
-    fn carry(
-        &mut self,
-        sent: impl IntoIterator<Item = StdVec<u8>>,
-        fate: u8,
-    ) -> StdVec<StdVec<u8>> {
+    fn carry(&mut self, sent: impl IntoIterator<Item = StdVec<u8>>, fate: u8) -> StdVec<StdVec<u8>> {
         let held: StdVec<_> = self.queue.drain(..).collect();
         let mut arriving = StdVec::new();
         for datagram in sent {
@@ -215,10 +183,7 @@ fn check_command(command: &Command<2>, before: Option<&Command<2>>, client: &Tes
     let mut axes = welcome.limits.iter().zip(&command.targets);
     assert!(axes.all(|(limits, target)| limits.admits(target)));
     match before {
-        None => assert_eq!(
-            (command.sequence, command.mode),
-            (Sequence(1), Mode::Submit)
-        ),
+        None => assert_eq!((command.sequence, command.mode), (Sequence(1), Mode::Submit)),
         Some(before) => {
             assert_eq!(command.sequence.0, before.sequence.0 + 1);
             assert!(command.echo > before.echo, "an old State is not answered");
@@ -339,8 +304,7 @@ fn state_of(epoch: Epoch, tick: u64, phase: Phase) -> FrameBytes {
 #[test]
 fn messages_that_do_not_fit_are_errors_over_streams_and_ignored_over_datagrams() {
     let refusal = |_: &Tested| encode_server(&ServerMessage::<2>::Refusal(Refusal::Busy));
-    let welcome =
-        |client: &Tested| encode_server(&ServerMessage::Welcome(*client.welcome().unwrap()));
+    let welcome = |client: &Tested| encode_server(&ServerMessage::Welcome(*client.welcome().unwrap()));
     let same = |client: &Tested| state(client, 1, Phase::Handshake);
     let foreign = |_: &Tested| state_of(Epoch(9), 50, Phase::Handshake);
     type Make<'a> = &'a dyn Fn(&Tested) -> FrameBytes;
@@ -348,22 +312,8 @@ fn messages_that_do_not_fit_are_errors_over_streams_and_ignored_over_datagrams()
     let cases: [(Make<'_>, ClientError, [u32; 3]); 4] = [
         (&refusal, unexpected(Kind::Refusal), [0, 0, 1]),
         (&welcome, unexpected(Kind::Welcome), [0, 0, 1]),
-        (
-            &same,
-            ClientError::OldState {
-                expected: Tick(2),
-                received: Tick(1),
-            },
-            [1, 0, 0],
-        ),
-        (
-            &foreign,
-            ClientError::Epoch {
-                expected: Epoch(1),
-                received: Epoch(9),
-            },
-            [0, 1, 0],
-        ),
+        (&same, ClientError::OldState { expected: Tick(2), received: Tick(1) }, [1, 0, 0]),
+        (&foreign, ClientError::Epoch { expected: Epoch(1), received: Epoch(9) }, [0, 1, 0]),
     ];
     for (make, error, counts) in cases {
         let (mut client, _) = granted(Transport::Stream);
@@ -375,10 +325,7 @@ fn messages_that_do_not_fit_are_errors_over_streams_and_ignored_over_datagrams()
         let frame = make(&client);
         assert_eq!(client.feed(&frame), (frame.len(), Ok(None)));
         let ignored = client.ignored();
-        assert_eq!(
-            [ignored.old, ignored.other_epoch, ignored.unexpected],
-            counts
-        );
+        assert_eq!([ignored.old, ignored.other_epoch, ignored.unexpected], counts);
         assert!(client.has_unanswered());
     }
     for (transport, ignored) in [(Transport::Stream, 0), (Transport::Datagram, 1)] {
@@ -399,29 +346,15 @@ fn a_welcome_is_not_taken_before_a_hello() {
     assert_eq!(silent.feed(&welcome).1, Ok(None));
     assert_eq!(silent.ignored().unexpected, 1);
     let _ = silent.hello();
-    assert!(matches!(
-        silent.feed(&welcome).1,
-        Ok(Some(Event::Welcomed(_)))
-    ));
+    assert!(matches!(silent.feed(&welcome).1, Ok(Some(Event::Welcomed(_)))));
     // A State from before the Welcome is not this session's first.
     let mut later = *client.welcome().unwrap();
     later.tick = Tick(40);
     let mut fresh = Tested::new(Transport::Datagram, requirements());
     let _ = fresh.hello();
-    assert!(
-        fresh
-            .feed(&encode_server(&ServerMessage::Welcome(later)))
-            .1
-            .is_ok()
-    );
-    assert_eq!(
-        fresh.feed(&state(&client, 39, Phase::Handshake)).1,
-        Ok(None)
-    );
-    assert!(matches!(
-        fresh.feed(&state(&client, 40, Phase::Handshake)).1,
-        Ok(Some(Event::State(_)))
-    ));
+    assert!(fresh.feed(&encode_server(&ServerMessage::Welcome(later))).1.is_ok());
+    assert_eq!(fresh.feed(&state(&client, 39, Phase::Handshake)).1, Ok(None));
+    assert!(matches!(fresh.feed(&state(&client, 40, Phase::Handshake)).1, Ok(Some(Event::State(_)))));
 }
 
 #[test]
@@ -432,35 +365,16 @@ fn terms_that_do_not_fit_are_errors_by_name() {
     let needed = Capabilities::LOCKSTEP;
     let cases = [
         (
-            Requirements {
-                cycle_us: Some(2_000),
-                ..any
-            },
+            Requirements { cycle_us: Some(2_000), ..any },
             welcome,
-            ClientError::Cycle {
-                expected_us: 2_000,
-                received_us: 1_000,
-            },
+            ClientError::Cycle { expected_us: 2_000, received_us: 1_000 },
         ),
         (
-            Requirements {
-                kinematics_checksum: Some(1),
-                ..any
-            },
+            Requirements { kinematics_checksum: Some(1), ..any },
             welcome,
-            ClientError::Checksum {
-                expected: 1,
-                received: CHECKSUM,
-            },
+            ClientError::Checksum { expected: 1, received: CHECKSUM },
         ),
-        (
-            any,
-            Welcome {
-                capabilities: needed,
-                ..welcome
-            },
-            ClientError::Capability { needed },
-        ),
+        (any, Welcome { capabilities: needed, ..welcome }, ClientError::Capability { needed }),
     ];
     for (requirements, welcome, error) in cases {
         let mut client = Tested::new(Transport::Stream, requirements);
@@ -483,10 +397,7 @@ fn terms_that_do_not_fit_are_errors_by_name() {
 fn a_refusal_ends_the_client_even_before_its_hello() {
     let frame = encode_server(&ServerMessage::<2>::Refusal(Refusal::Unavailable));
     let mut client = Tested::new(Transport::Stream, requirements());
-    assert_eq!(
-        client.feed(&frame).1,
-        Ok(Some(Event::Refused(Refusal::Unavailable)))
-    );
+    assert_eq!(client.feed(&frame).1, Ok(Some(Event::Refused(Refusal::Unavailable))));
     assert!(client.is_gone() && client.hello().is_none() && client.goodbye().is_none());
 }
 
@@ -510,11 +421,7 @@ fn a_broken_stream_stays_broken_and_a_broken_datagram_is_counted() {
 fn a_stop_stops_and_the_ramp_is_seen() {
     let (mut client, mut server) = granted(Transport::Stream);
     let mut outgoing: StdVec<StdVec<u8>> = StdVec::new();
-    while server.endpoint.output().unwrap().state.axes[0]
-        .offsets
-        .position
-        != OffsetNm(20_000)
-    {
+    while server.endpoint.output().unwrap().state.axes[0].offsets.position != OffsetNm(20_000) {
         let answer = client.answer(Mode::Obtain, &[Offsets::position(OffsetNm(20_000)); 2]);
         outgoing.extend(answer.map(|answer| answer.frame.to_vec()));
         let incoming = server.tick(&outgoing).concat();
@@ -529,9 +436,7 @@ fn a_stop_stops_and_the_ramp_is_seen() {
     assert!(client.is_gone() && client.goodbye().is_none());
     let incoming = server.tick(&[]).concat();
     let events = feed_stream(&mut client, &incoming, 4_096);
-    assert!(
-        matches!(events[..], [Event::Ended(state)] if state.axes[0].offsets.position == OffsetNm(18_000))
-    );
+    assert!(matches!(events[..], [Event::Ended(state)] if state.axes[0].offsets.position == OffsetNm(18_000)));
     assert!(client.stop().is_some(), "a Stop may be repeated");
     assert!(!server.closed);
 }
@@ -539,33 +444,16 @@ fn a_stop_stops_and_the_ramp_is_seen() {
 #[test]
 fn a_session_that_is_over_does_not_come_back() {
     let (mut client, _) = granted(Transport::Datagram);
-    assert!(matches!(
-        client.feed(&state(&client, 2, Phase::SafeDisconnect)).1,
-        Ok(Some(Event::Ended(_)))
-    ));
-    assert!(matches!(
-        client.feed(&state(&client, 3, Phase::Obtain)).1,
-        Ok(Some(Event::Ended(_)))
-    ));
+    assert!(matches!(client.feed(&state(&client, 2, Phase::SafeDisconnect)).1, Ok(Some(Event::Ended(_)))));
+    assert!(matches!(client.feed(&state(&client, 3, Phase::Obtain)).1, Ok(Some(Event::Ended(_)))));
     assert!(client.is_valid() && client.answer(Mode::Submit, &[Offsets::ZERO; 2]).is_none());
 }
 
 #[test]
 fn errors_say_what_and_where() {
     use std::string::ToString;
-    let error = ClientError::Cycle {
-        expected_us: 1_000,
-        received_us: 2_000,
-    };
-    assert_eq!(
-        error.to_string(),
-        "the server's cycle is 2000 us, the client's is 1000 us"
-    );
-    let error = ClientError::Unexpected {
-        received: Kind::Welcome,
-    };
-    assert_eq!(
-        error.to_string(),
-        "unexpected Welcome: expected one answer to Hello, then States"
-    );
+    let error = ClientError::Cycle { expected_us: 1_000, received_us: 2_000 };
+    assert_eq!(error.to_string(), "the server's cycle is 2000 us, the client's is 1000 us");
+    let error = ClientError::Unexpected { received: Kind::Welcome };
+    assert_eq!(error.to_string(), "unexpected Welcome: expected one answer to Hello, then States");
 }

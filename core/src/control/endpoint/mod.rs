@@ -17,9 +17,7 @@ use heapless::Vec;
 
 use crate::control::axis::Reference;
 use crate::control::message::{ClientMessage, PROTOCOL_VERSION, Refusal, ServerMessage};
-use crate::control::session::{
-    Connection, EVENTS, Event, Input, NoRecorder, Output, Record, Session, TickInput,
-};
+use crate::control::session::{Connection, EVENTS, Event, Input, NoRecorder, Output, Record, Session, TickInput};
 use crate::control::wire::{FrameBytes, encode_server, encode_state};
 use crate::units::EpochRange;
 
@@ -114,13 +112,8 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
     pub fn is_valid(&self) -> bool {
         let opened = |slot: &Slot| slot.connection.0 < self.next_connection;
         self.session.is_valid()
-            && self
-                .slots
-                .iter()
-                .all(|slot| slot.is_valid() && opened(slot))
-            && self
-                .slots
-                .is_sorted_by(|one, next| one.connection < next.connection)
+            && self.slots.iter().all(|slot| slot.is_valid() && opened(slot))
+            && self.slots.is_sorted_by(|one, next| one.connection < next.connection)
             && self.inbox_has_room()
     }
 
@@ -234,9 +227,7 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
                     | Event::Broken(_)
                     | Event::Flood
                     | Event::Closed => true,
-                    Event::Message(ClientMessage::Hello(_))
-                    | Event::Malformed(_)
-                    | Event::Dropped(_) => false,
+                    Event::Message(ClientMessage::Hello(_)) | Event::Malformed(_) | Event::Dropped(_) => false,
                 }
         })
     }
@@ -254,20 +245,12 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
 
     /// Runs one cycle as [`Self::tick`] does, and records it.
     #[must_use = "the references must be written to the drives"]
-    pub fn tick_recorded(
-        &mut self,
-        tick: &TickInput<N>,
-        recorder: &mut impl Record<N>,
-    ) -> Option<[Reference; MOTORS]> {
+    pub fn tick_recorded(&mut self, tick: &TickInput<N>, recorder: &mut impl Record<N>) -> Option<[Reference; MOTORS]> {
         self.complete_input(tick);
         recorder.before_tick(&self.session);
         let output = self.output.insert(self.session.tick(&self.input));
         recorder.after_tick(&self.input, output);
-        let references = if output.withheld {
-            None
-        } else {
-            self.motors.spread(&output.references)
-        };
+        let references = if output.withheld { None } else { self.motors.spread(&output.references) };
         self.input.events.clear();
         self.transmit = Transmit::Versions;
         self.mark_closed();
@@ -284,17 +267,13 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         loop {
             let (to, frame) = match self.transmit {
                 Transmit::Versions => {
-                    let Some(slot) = self.slots.iter_mut().find(|slot| slot.version_mismatch)
-                    else {
+                    let Some(slot) = self.slots.iter_mut().find(|slot| slot.version_mismatch) else {
                         self.transmit = Transmit::Refusal(0);
                         continue;
                     };
                     slot.version_mismatch = false;
                     let supported = PROTOCOL_VERSION;
-                    (
-                        slot.connection,
-                        refusal::<N>(Refusal::Version { supported }),
-                    )
+                    (slot.connection, refusal::<N>(Refusal::Version { supported }))
                 }
                 Transmit::Refusal(index) => {
                     let Some((connection, reason)) = output.refusals.get(index) else {

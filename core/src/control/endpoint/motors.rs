@@ -34,10 +34,7 @@ pub struct MotorMapError {
 impl fmt::Display for MotorMapError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { motor, axis, axes } = self;
-        write!(
-            f,
-            "motor {motor} is mapped to axis {axis}, but there are only {axes} axes (counted from 0)"
-        )
+        write!(f, "motor {motor} is mapped to axis {axis}, but there are only {axes} axes (counted from 0)")
     }
 }
 
@@ -51,11 +48,7 @@ impl<const N: usize, const MOTORS: usize> MotorMap<N, MOTORS> {
     pub fn new(axis_of_motor: [usize; MOTORS]) -> Result<Self, MotorMapError> {
         for (motor, axis) in axis_of_motor.into_iter().enumerate() {
             if axis >= N {
-                return Err(MotorMapError {
-                    motor,
-                    axis,
-                    axes: N,
-                });
+                return Err(MotorMapError { motor, axis, axes: N });
             }
         }
         Ok(Self { axis_of_motor })

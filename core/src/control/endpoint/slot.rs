@@ -66,20 +66,12 @@ impl Slot {
     /// Begins a tick: restores the budget, and closes what is over budget or has not owned the session for `patience` ticks.
     pub(super) fn begin_tick(&mut self, is_owner: bool, patience: u32) {
         self.frames = 0;
-        self.idle_ticks = if is_owner {
-            0
-        } else {
-            self.idle_ticks.saturating_add(1)
-        };
+        self.idle_ticks = if is_owner { 0 } else { self.idle_ticks.saturating_add(1) };
         self.closing |= self.over_budget || self.idle_ticks > patience;
     }
 
     /// Takes one frame's worth of bytes. Returns the event that it makes, if any, and the bytes taken; `None` for an incomplete frame.
-    pub(super) fn take<const N: usize>(
-        &mut self,
-        bytes: &[u8],
-        is_owner: bool,
-    ) -> Option<(Option<Event<N>>, usize)> {
+    pub(super) fn take<const N: usize>(&mut self, bytes: &[u8], is_owner: bool) -> Option<(Option<Event<N>>, usize)> {
         if self.transport == Transport::Datagram {
             let event = match Frame::parse(bytes) {
                 Ok(frame) => event(&frame),
@@ -105,16 +97,8 @@ impl Slot {
 
     /// Returns the event itself within the budget. Beyond it, the owner's first excess is a flood, and one Stop is still accepted:
     /// a stop must not get lost behind a burst. A non-owner is closed.
-    fn within_budget<const N: usize>(
-        &mut self,
-        event: Event<N>,
-        is_owner: bool,
-    ) -> Option<Event<N>> {
-        let budget = if is_owner {
-            OWNER_FRAMES
-        } else {
-            NON_OWNER_FRAMES
-        };
+    fn within_budget<const N: usize>(&mut self, event: Event<N>, is_owner: bool) -> Option<Event<N>> {
+        let budget = if is_owner { OWNER_FRAMES } else { NON_OWNER_FRAMES };
         if self.frames < budget {
             self.frames = self.frames.saturating_add(1);
             return Some(event);

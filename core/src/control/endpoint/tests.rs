@@ -60,11 +60,7 @@ impl Bench {
     fn new() -> Self {
         let session = Session::new(config(), &Start::at_rest(NOMINAL)).unwrap();
         let motors = MotorMap::new([0, 0, 1]).unwrap();
-        Self {
-            endpoint: Endpoint::new(session, motors, EpochRange::VOLATILE),
-            sent: StdVec::new(),
-            sequence: 0,
-        }
+        Self { endpoint: Endpoint::new(session, motors, EpochRange::VOLATILE), sent: StdVec::new(), sequence: 0 }
     }
 
     fn input(&self) -> TickInput<2> {
@@ -92,11 +88,7 @@ impl Bench {
         let output = self.endpoint.output().unwrap().clone();
         let close = core::iter::from_fn(|| self.endpoint.poll_close()).collect();
         assert!(self.endpoint.is_valid());
-        Ticked {
-            motors,
-            output,
-            close,
-        }
+        Ticked { motors, output, close }
     }
 
     fn command(&mut self, mode: Mode, position: i32) -> FrameBytes {
@@ -129,10 +121,7 @@ impl Bench {
 }
 
 fn hello() -> FrameBytes {
-    encode_client(&ClientMessage::<2>::Hello(Hello {
-        axes: 2,
-        capabilities: Capabilities::NONE,
-    }))
+    encode_client(&ClientMessage::<2>::Hello(Hello { axes: 2, capabilities: Capabilities::NONE }))
 }
 
 #[test]
@@ -144,23 +133,12 @@ fn paired_motors_receive_equal_references() {
     assert_eq!(turn.motors[0], turn.motors[1]);
     assert_eq!(turn.motors[0].position, PositionNm(-2_000));
     assert_eq!(turn.motors[2].position, PositionNm(1_000 - 2_000));
-    assert_eq!(
-        MotorMap::<2, 2>::new([0, 2]),
-        Err(MotorMapError {
-            motor: 1,
-            axis: 2,
-            axes: 2
-        })
-    );
+    assert_eq!(MotorMap::<2, 2>::new([0, 2]), Err(MotorMapError { motor: 1, axis: 2, axes: 2 }));
 }
 
 #[test]
 fn a_ninth_frame_in_a_tick_ends_the_session() {
-    for (frames, ended) in [
-        (8, None),
-        (9, Some(Cause::Flood)),
-        (100, Some(Cause::Flood)),
-    ] {
+    for (frames, ended) in [(8, None), (9, Some(Cause::Flood)), (100, Some(Cause::Flood))] {
         let (mut bench, owner) = Bench::obtaining(Transport::Stream);
         let mut bytes = StdVec::new();
         for _ in 0..frames {
@@ -203,10 +181,7 @@ fn a_second_client_is_told_and_closed() {
     bench.endpoint.feed(owner, &command);
     let turn = bench.tick();
     assert_eq!(turn.close[..], [other]);
-    assert_eq!(
-        bench.sent[0],
-        (other, ServerMessage::Refusal(Refusal::Busy))
-    );
+    assert_eq!(bench.sent[0], (other, ServerMessage::Refusal(Refusal::Busy)));
     assert!(matches!(bench.sent[1], (to, ServerMessage::State(_)) if to == owner));
 }
 
@@ -219,22 +194,13 @@ fn another_version_is_told_ours_and_closed() {
     bench.endpoint.feed(other, &bytes);
     let turn = bench.tick();
     let supported = PROTOCOL_VERSION;
-    assert_eq!(
-        bench.sent[..],
-        [(
-            other,
-            ServerMessage::Refusal(Refusal::Version { supported })
-        )]
-    );
+    assert_eq!(bench.sent[..], [(other, ServerMessage::Refusal(Refusal::Version { supported }))]);
     assert_eq!(turn.close[..], [other]);
 }
 
 #[test]
 fn a_broken_stream_ends_and_a_broken_datagram_does_not() {
-    for (transport, ended) in [
-        (Transport::Stream, Some(Cause::Malformed)),
-        (Transport::Datagram, None),
-    ] {
+    for (transport, ended) in [(Transport::Stream, Some(Cause::Malformed)), (Transport::Datagram, None)] {
         let (mut bench, owner) = Bench::obtaining(transport);
         let mut broken = bench.command(Mode::Obtain, 3_000).to_vec();
         broken[10] ^= 1;
@@ -255,33 +221,22 @@ fn a_broken_stream_ends_and_a_broken_datagram_does_not() {
 #[test]
 fn connections_are_numbered_once_and_limited() {
     let mut bench = Bench::new();
-    let first: StdVec<_> = (0..CONNECTIONS)
-        .map(|_| bench.endpoint.open(Transport::Stream).unwrap())
-        .collect();
+    let first: StdVec<_> = (0..CONNECTIONS).map(|_| bench.endpoint.open(Transport::Stream).unwrap()).collect();
     assert_eq!(bench.endpoint.open(Transport::Stream), Err(Full));
     bench.endpoint.close(first[0]);
     let next = bench.endpoint.open(Transport::Stream).unwrap();
     assert!(!first.contains(&next));
-    assert_eq!(
-        bench.endpoint.feed(first[0], &hello()),
-        0,
-        "a closed connection has no voice"
-    );
+    assert_eq!(bench.endpoint.feed(first[0], &hello()), 0, "a closed connection has no voice");
     let refusal = Tested::full_refusal();
     let frame = Frame::parse(&refusal).unwrap();
-    assert_eq!(
-        decode_server::<2>(&frame),
-        Ok(ServerMessage::Refusal(Refusal::Unavailable))
-    );
+    assert_eq!(decode_server::<2>(&frame), Ok(ServerMessage::Refusal(Refusal::Unavailable)));
 }
 
 #[test]
 fn the_last_ramp_step_releases_the_old_owner() {
     let (mut bench, owner) = Bench::obtaining(Transport::Stream);
     let epoch = bench.endpoint.session().epoch();
-    bench
-        .endpoint
-        .feed(owner, &encode_client(&ClientMessage::<2>::Goodbye(epoch)));
+    bench.endpoint.feed(owner, &encode_client(&ClientMessage::<2>::Goodbye(epoch)));
     let mut ticks = 0;
     while !bench.tick().close.contains(&owner) {
         assert!(matches!(bench.sent[..], [(to, ServerMessage::State(_))] if to == owner));
@@ -357,11 +312,7 @@ fn a_stop_behind_a_burst_still_stops() {
         bytes.extend_from_slice(&encode_client(&ClientMessage::<2>::Stop(epoch)));
         bench.endpoint.feed(owner, &bytes);
         let turn = bench.tick();
-        assert_eq!(
-            turn.output.ended,
-            Some(Cause::Stop),
-            "behind {frames} frames"
-        );
+        assert_eq!(turn.output.ended, Some(Cause::Stop), "behind {frames} frames");
         assert_eq!(turn.output.state.phase, Phase::Fault);
     }
 }
@@ -385,19 +336,13 @@ fn lock_step_waits_for_the_answer_to_the_last_state() {
     bench.endpoint.feed(owner, &old);
     bench.tick();
     bench.endpoint.feed(owner, &old);
-    assert!(
-        !bench.endpoint.owner_has_answered(),
-        "a repeated command counted as an answer"
-    );
+    assert!(!bench.endpoint.owner_has_answered(), "a repeated command counted as an answer");
     let answer = bench.command(Mode::Obtain, 3_000);
     bench.endpoint.feed(owner, &answer);
     assert!(bench.endpoint.owner_has_answered());
     bench.tick();
     bench.endpoint.close(owner);
-    assert!(
-        bench.endpoint.owner_has_answered(),
-        "nothing more will come"
-    );
+    assert!(bench.endpoint.owner_has_answered(), "nothing more will come");
 }
 
 #[test]

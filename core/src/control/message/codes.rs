@@ -116,14 +116,12 @@ impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Busy => f.write_str("another client owns the session"),
-            Self::Ramping { ticks_left } => write!(
-                f,
-                "offsets are still ramping to zero; try again in {ticks_left} ticks"
-            ),
-            Self::Faulted { ticks_left } => write!(
-                f,
-                "the server is stopped ({ticks_left} ticks of ramp left); it must be re-armed at the machine"
-            ),
+            Self::Ramping { ticks_left } => {
+                write!(f, "offsets are still ramping to zero; try again in {ticks_left} ticks")
+            }
+            Self::Faulted { ticks_left } => {
+                write!(f, "the server is stopped ({ticks_left} ticks of ramp left); it must be re-armed at the machine")
+            }
             Self::Version { supported } => {
                 write!(f, "the server speaks protocol version {supported}")
             }
@@ -131,9 +129,9 @@ impl fmt::Display for Refusal {
             Self::Capability { needed } => {
                 write!(f, "the server needs capabilities {:#06x}", needed.0)
             }
-            Self::Unavailable => f.write_str(
-                "the server has no room for another connection, or its epochs are used up",
-            ),
+            Self::Unavailable => {
+                f.write_str("the server has no room for another connection, or its epochs are used up")
+            }
         }
     }
 }

@@ -33,19 +33,11 @@ impl fmt::Display for FrameError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Magic => f.write_str("the frame does not begin with \"GT\""),
-            Self::Version { received } => write!(
-                f,
-                "protocol version {received}; this side speaks {PROTOCOL_VERSION}"
-            ),
+            Self::Version { received } => write!(f, "protocol version {received}; this side speaks {PROTOCOL_VERSION}"),
             Self::TooLong { length } => {
-                write!(
-                    f,
-                    "the header states a body of {length} bytes; at most {MAX_BODY} are allowed"
-                )
+                write!(f, "the header states a body of {length} bytes; at most {MAX_BODY} are allowed")
             }
-            Self::Length => {
-                f.write_str("the datagram's length differs from the length in its header")
-            }
+            Self::Length => f.write_str("the datagram's length differs from the length in its header"),
             Self::Checksum => f.write_str("the checksum does not match"),
         }
     }

@@ -53,11 +53,8 @@ pub struct AxisLimits {
 
 impl AxisLimits {
     /// All three channels stay at zero.
-    pub const DISABLED: Self = Self {
-        position: Limits::DISABLED,
-        velocity: Limits::DISABLED,
-        torque: Limits::DISABLED,
-    };
+    pub const DISABLED: Self =
+        Self { position: Limits::DISABLED, velocity: Limits::DISABLED, torque: Limits::DISABLED };
 
     /// True if each of the three targets lies within its `M`.
     #[inline]
@@ -279,11 +276,7 @@ impl AxisFlags {
     #[inline]
     #[must_use]
     pub const fn from_bits(bits: u8) -> Option<Self> {
-        if bits & !Self::ALL.0 == 0 {
-            Some(Self(bits))
-        } else {
-            None
-        }
+        if bits & !Self::ALL.0 == 0 { Some(Self(bits)) } else { None }
     }
 
     /// Returns the bits.
@@ -297,11 +290,7 @@ impl AxisFlags {
     #[inline]
     #[must_use]
     pub const fn with(self, other: Self, condition: bool) -> Self {
-        if condition {
-            Self(self.0 | other.0)
-        } else {
-            self
-        }
+        if condition { Self(self.0 | other.0) } else { self }
     }
 
     /// True if every bit of `other` is set.

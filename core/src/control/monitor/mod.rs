@@ -51,10 +51,7 @@ use trace::Motion;
 pub use violation::{ChannelKind, Rule, Violation};
 
 /// Travel that clamps nothing.
-const EVERYWHERE: Travel = Travel {
-    lower: PositionNm(i64::MIN),
-    upper: PositionNm(i64::MAX),
-};
+const EVERYWHERE: Travel = Travel { lower: PositionNm(i64::MIN), upper: PositionNm(i64::MAX) };
 
 /// Check of a stream of States or references of `N` axes. It goes on after a violation, from the sample that broke a rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,13 +99,7 @@ impl<const N: usize> Monitor<N> {
             index = index.wrapping_add(1);
             AxisMonitor::new(&limits, travel)
         });
-        Self {
-            parts: Parts {
-                lossy: false,
-                axes,
-                last: None,
-            },
-        }
+        Self { parts: Parts { lossy: false, axes, last: None } }
     }
 
     /// Creates a monitor that may miss States.
@@ -116,9 +107,7 @@ impl<const N: usize> Monitor<N> {
     pub fn lossy(limits: [AxisLimits; N], travel: Option<[Travel; N]>) -> Self {
         let Parts { axes, last, .. } = Self::new(limits, travel).parts;
         let lossy = true;
-        Self {
-            parts: Parts { lossy, axes, last },
-        }
+        Self { parts: Parts { lossy, axes, last } }
     }
 
     /// Builds a monitor from its parts.
@@ -138,9 +127,7 @@ impl<const N: usize> Monitor<N> {
     /// # Errors
     /// A value beyond its `M`. The monitor then keeps its samples, as the server keeps its channels.
     pub fn rebase(&mut self, in_force: &[InForce; N]) -> Result<(), Violation> {
-        first(&mut self.parts.axes, |axis, index| {
-            Some(axis.check_in_force(in_force.get(index)?))
-        })?;
+        first(&mut self.parts.axes, |axis, index| Some(axis.check_in_force(in_force.get(index)?)))?;
         self.parts.last = None;
         first(&mut self.parts.axes, |axis, index| {
             axis.rebase(in_force.get(index)?);
@@ -154,14 +141,8 @@ impl<const N: usize> Monitor<N> {
     /// The first broken rule, by axis and channel.
     pub fn check_state(&mut self, state: &State<N>) -> Result<(), Violation> {
         let demand = self.demand(state);
-        self.parts.last = Some(Seen {
-            tick: state.tick,
-            epoch: state.epoch,
-            accepted: state.accepted,
-        });
-        first(&mut self.parts.axes, |axis, index| {
-            Some(axis.check_state(state.axes.get(index)?, state.phase, &demand))
-        })
+        self.parts.last = Some(Seen { tick: state.tick, epoch: state.epoch, accepted: state.accepted });
+        first(&mut self.parts.axes, |axis, index| Some(axis.check_state(state.axes.get(index)?, state.phase, &demand)))
     }
 
     /// Checks references that are written to the drives, one step after those before. References that were withheld are not fed.
@@ -180,11 +161,7 @@ impl<const N: usize> Monitor<N> {
     ///
     /// # Errors
     /// The first broken rule: of the State, of the references, of their agreement.
-    pub fn check_tick(
-        &mut self,
-        state: &State<N>,
-        references: &[Reference; N],
-    ) -> Result<(), Violation> {
+    pub fn check_tick(&mut self, state: &State<N>, references: &[Reference; N]) -> Result<(), Violation> {
         let steps = self.demand(state).steps;
         let told = self.check_state(state);
         let nominal = state.axes.map(|axis| axis.nominal);
@@ -216,19 +193,14 @@ impl<const N: usize> Monitor<N> {
             None => u64::MAX,
         };
         // An accepted command raises the sequence; a new session begins with a phase before Obtain.
-        let is_fresh =
-            last.is_none_or(|last| (last.epoch, last.accepted) != (state.epoch, state.accepted));
+        let is_fresh = last.is_none_or(|last| (last.epoch, last.accepted) != (state.epoch, state.accepted));
         let (position, rest) = match state.phase {
             Phase::Listening | Phase::Handshake | Phase::Submit => (Motion::Hold, Motion::Hold),
             Phase::Obtain if is_fresh => (Motion::Free, Motion::Free),
             Phase::Obtain => (Motion::Hold, Motion::Ramp),
             Phase::SafeDisconnect | Phase::Fault => (Motion::Ramp, Motion::Ramp),
         };
-        Demand {
-            steps,
-            position,
-            rest,
-        }
+        Demand { steps, position, rest }
     }
 }
 

@@ -8,9 +8,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::control::axis::Offsets;
 use crate::control::channel::tests::limits;
-use crate::control::message::{
-    AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode,
-};
+use crate::control::message::{AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode};
 use crate::control::session::config::{AxisConfig, Config, Parameters};
 use crate::control::session::{Connection, Event, Input, LastWrite, Output, Session, Start};
 use crate::units::{EpochRange, OffsetNm, TorquePermille, VelocityUmS};
@@ -37,10 +35,7 @@ fn travel() -> [Travel; 2] {
 }
 
 fn monitor() -> Monitor<2> {
-    let mut monitor = Monitor::new(
-        config().parameters().axes.map(|axis| axis.limits),
-        Some(travel()),
-    );
+    let mut monitor = Monitor::new(config().parameters().axes.map(|axis| axis.limits), Some(travel()));
     monitor.rebase(&[InForce::at(PositionNm(0)); 2]).unwrap();
     monitor
 }
@@ -80,11 +75,7 @@ fn moves() -> impl Strategy<Value = (Move, i64)> {
 }
 
 fn offsets(shares: [[i8; 3]; 2]) -> [Offsets; 2] {
-    let mut limits = config()
-        .parameters()
-        .axes
-        .map(|axis| axis.limits)
-        .into_iter();
+    let mut limits = config().parameters().axes.map(|axis| axis.limits).into_iter();
     shares.map(|[position, velocity, torque]| {
         let limits = limits.next().unwrap();
         let part = |max: i32, share: i8| max * i32::from(share) / 100;
@@ -107,11 +98,7 @@ struct Stage {
 impl Stage {
     fn new() -> Self {
         let start = Start::at_rest([PositionNm(0); 2]);
-        Self {
-            session: Session::new(config(), &start).unwrap(),
-            sequence: 0,
-            in_force: None,
-        }
+        Self { session: Session::new(config(), &start).unwrap(), sequence: 0, in_force: None }
     }
 
     fn play(&mut self, one: &Move, nominal: i64) -> Output<2> {
@@ -120,10 +107,7 @@ impl Stage {
         self.in_force = None;
         let epoch = self.session.epoch();
         let message = match one {
-            Move::Hello => Some(ClientMessage::Hello(Hello {
-                axes: 2,
-                capabilities: Capabilities::NONE,
-            })),
+            Move::Hello => Some(ClientMessage::Hello(Hello { axes: 2, capabilities: Capabilities::NONE })),
             Move::Answer(mode, shares) => Some(self.command(*mode, offsets(*shares))),
             Move::Goodbye => Some(ClientMessage::Goodbye(epoch)),
             Move::Silence => None,
@@ -140,10 +124,7 @@ impl Stage {
                 None
             }
             Move::Refused(shares, at) => {
-                let in_force = offsets(*shares).map(|offsets| InForce {
-                    nominal: PositionNm(*at),
-                    offsets,
-                });
+                let in_force = offsets(*shares).map(|offsets| InForce { nominal: PositionNm(*at), offsets });
                 input.tick.last_write = LastWrite::Refused { in_force };
                 self.in_force = Some(in_force);
                 None
@@ -208,10 +189,7 @@ proptest! {
 
 /// A State of both axes at these position offsets.
 fn state(tick: u64, phase: Phase, position: i32) -> State<2> {
-    let axis = AxisState {
-        offsets: Offsets::position(OffsetNm(position)),
-        ..AxisState::default()
-    };
+    let axis = AxisState { offsets: Offsets::position(OffsetNm(position)), ..AxisState::default() };
     State {
         tick: Tick(tick),
         epoch: Epoch(1),
@@ -245,13 +223,7 @@ fn moving() -> Monitor<2> {
 }
 
 fn violation(rule: Rule, limit: i64, found: i64) -> Result<(), Violation> {
-    Err(Violation {
-        axis: 0,
-        channel: ChannelKind::Position,
-        rule,
-        limit,
-        found,
-    })
+    Err(Violation { axis: 0, channel: ChannelKind::Position, rule, limit, found })
 }
 
 #[test]
@@ -259,59 +231,24 @@ fn each_rule_of_a_state_is_found() {
     let cases: [(State<2>, Result<(), Violation>); 13] = [
         (state(4, Phase::Obtain, 2_000), Ok(())),
         (state(4, Phase::Obtain, 1_300), Ok(())),
-        (
-            state(4, Phase::Obtain, 2_001),
-            violation(Rule::Step, 500, 501),
-        ),
-        (
-            state(4, Phase::Obtain, 1_299),
-            violation(Rule::Accel, 700, -701),
-        ),
-        (
-            state(4, Phase::Obtain, -3_001),
-            violation(Rule::Max, 3_000, -3_001),
-        ),
-        (
-            state(4, Phase::SafeDisconnect, 1_500),
-            violation(Rule::Ramp, -90, 0),
-        ),
-        (
-            state(4, Phase::Fault, 1_411),
-            violation(Rule::Ramp, -90, -89),
-        ),
-        (
-            state(4, Phase::Fault, 1_409),
-            violation(Rule::Ramp, -90, -91),
-        ),
-        (
-            state(4, Phase::Submit, 1_500),
-            violation(Rule::Zero, 0, 1_500),
-        ),
-        (
-            state(4, Phase::Listening, 0),
-            violation(Rule::Step, 500, -1_500),
-        ),
+        (state(4, Phase::Obtain, 2_001), violation(Rule::Step, 500, 501)),
+        (state(4, Phase::Obtain, 1_299), violation(Rule::Accel, 700, -701)),
+        (state(4, Phase::Obtain, -3_001), violation(Rule::Max, 3_000, -3_001)),
+        (state(4, Phase::SafeDisconnect, 1_500), violation(Rule::Ramp, -90, 0)),
+        (state(4, Phase::Fault, 1_411), violation(Rule::Ramp, -90, -89)),
+        (state(4, Phase::Fault, 1_409), violation(Rule::Ramp, -90, -91)),
+        (state(4, Phase::Submit, 1_500), violation(Rule::Zero, 0, 1_500)),
+        (state(4, Phase::Listening, 0), violation(Rule::Step, 500, -1_500)),
         (
             // Not a fresh command: held.
-            State {
-                accepted: Sequence(3),
-                ..state(4, Phase::Obtain, 1_500)
-            },
+            State { accepted: Sequence(3), ..state(4, Phase::Obtain, 1_500) },
             Ok(()),
         ),
+        (State { accepted: Sequence(3), ..state(4, Phase::Obtain, 1_501) }, violation(Rule::Hold, 0, 1)),
         (
             State {
-                accepted: Sequence(3),
-                ..state(4, Phase::Obtain, 1_501)
-            },
-            violation(Rule::Hold, 0, 1),
-        ),
-        (
-            State {
-                axes: [AxisState {
-                    shadow: Offsets::position(OffsetNm(1)),
-                    ..state(4, Phase::Obtain, 1_500).axes[0]
-                }; 2],
+                axes: [AxisState { shadow: Offsets::position(OffsetNm(1)), ..state(4, Phase::Obtain, 1_500).axes[0] };
+                    2],
                 ..state(4, Phase::Obtain, 1_500)
             },
             violation(Rule::Shadow, 0, 1),
@@ -326,15 +263,8 @@ fn each_rule_of_a_state_is_found() {
         }
         assert_eq!(monitor.check_state(&state), expected, "{state:?}");
     }
-    let ramp = State {
-        axes: [1_410, 1_320].map(|nm| state(0, Phase::Fault, nm).axes[0]),
-        ..state(4, Phase::Fault, 0)
-    };
-    assert_eq!(
-        moving().check_state(&ramp),
-        Ok(()),
-        "the tick that enters the phase ramps"
-    );
+    let ramp = State { axes: [1_410, 1_320].map(|nm| state(0, Phase::Fault, nm).axes[0]), ..state(4, Phase::Fault, 0) };
+    assert_eq!(moving().check_state(&ramp), Ok(()), "the tick that enters the phase ramps");
 }
 
 #[test]
@@ -342,35 +272,17 @@ fn every_channel_of_every_axis_is_seen() {
     for axis in 0..2 {
         for (channel, offsets) in [
             (ChannelKind::Position, Offsets::position(OffsetNm(1))),
-            (
-                ChannelKind::Velocity,
-                Offsets {
-                    velocity: VelocityUmS(1),
-                    ..Offsets::ZERO
-                },
-            ),
-            (
-                ChannelKind::Torque,
-                Offsets {
-                    torque: TorquePermille(-1),
-                    ..Offsets::ZERO
-                },
-            ),
+            (ChannelKind::Velocity, Offsets { velocity: VelocityUmS(1), ..Offsets::ZERO }),
+            (ChannelKind::Torque, Offsets { torque: TorquePermille(-1), ..Offsets::ZERO }),
         ] {
             let mut told = state(1, Phase::Submit, 0);
             told.axes[axis].offsets = offsets;
             let found = monitor().check_state(&told).unwrap_err();
-            assert_eq!(
-                (found.axis, found.channel, found.rule),
-                (axis, channel, Rule::Zero)
-            );
+            assert_eq!((found.axis, found.channel, found.rule), (axis, channel, Rule::Zero));
             let mut shadowed = state(1, Phase::Handshake, 0);
             shadowed.axes[axis].shadow = offsets;
             let found = monitor().check_state(&shadowed).unwrap_err();
-            assert_eq!(
-                (found.axis, found.channel, found.rule),
-                (axis, channel, Rule::Shadow)
-            );
+            assert_eq!((found.axis, found.channel, found.rule), (axis, channel, Rule::Shadow));
             shadowed.phase = Phase::Submit;
             assert_eq!(monitor().check_state(&shadowed), Ok(()));
             // References that are not those of the State.
@@ -380,19 +292,13 @@ fn every_channel_of_every_axis_is_seen() {
             written[axis].velocity_offset = offsets.velocity;
             written[axis].torque_offset = offsets.torque;
             let found = monitor().check_tick(&told, &written).unwrap_err();
-            assert_eq!(
-                (found.axis, found.channel, found.rule),
-                (axis, channel, Rule::Reference)
-            );
+            assert_eq!((found.axis, found.channel, found.rule), (axis, channel, Rule::Reference));
         }
     }
     let mut shadowed = state(1, Phase::Submit, 0);
     shadowed.axes[1].shadow.torque = TorquePermille(181);
     let found = monitor().check_state(&shadowed).unwrap_err();
-    assert_eq!(
-        (found.rule, found.limit, found.found),
-        (Rule::Shadow, 180, 181)
-    );
+    assert_eq!((found.rule, found.limit, found.found), (Rule::Shadow, 180, 181));
 }
 
 #[test]
@@ -404,10 +310,7 @@ fn velocity_and_torque_ramp_over_a_miss() {
         monitor.check_state(&told).unwrap();
         told.tick = Tick(2);
         told.axes[0].offsets.velocity.0 += change;
-        assert_eq!(
-            monitor.check_state(&told).err().map(|found| found.rule),
-            rule
-        );
+        assert_eq!(monitor.check_state(&told).err().map(|found| found.rule), rule);
     }
 }
 
@@ -415,64 +318,33 @@ fn velocity_and_torque_ramp_over_a_miss() {
 fn each_rule_of_a_reference_is_found() {
     let nominal = |nm| [PositionNm(nm); 2];
     let check = |monitor: &mut Monitor<2>, nm: i64, position: i64| {
-        let mut written = references(&state(0, Phase::Obtain, 0)).map(|reference| Reference {
-            position: PositionNm(nm),
-            ..reference
-        });
+        let mut written = references(&state(0, Phase::Obtain, 0))
+            .map(|reference| Reference { position: PositionNm(nm), ..reference });
         written[0].position = PositionNm(position);
         monitor.check_references(&nominal(nm), &written)
     };
     assert_eq!(check(&mut monitor(), 0, 500), Ok(()));
-    assert_eq!(
-        check(&mut monitor(), 0, 501),
-        violation(Rule::ReferenceStep, 500, 501)
-    );
+    assert_eq!(check(&mut monitor(), 0, 501), violation(Rule::ReferenceStep, 500, 501));
     // The nominal moves by 300: the reference may move by 800, but its offset by 500.
-    assert_eq!(
-        check(&mut monitor(), 300, 801),
-        violation(Rule::ReferenceStep, 800, 801)
-    );
-    assert_eq!(
-        check(&mut monitor(), -300, 400),
-        violation(Rule::Step, 500, 700)
-    );
-    assert_eq!(
-        check(&mut monitor(), 0, 3_001),
-        violation(Rule::Max, 3_000, 3_001)
-    );
+    assert_eq!(check(&mut monitor(), 300, 801), violation(Rule::ReferenceStep, 800, 801));
+    assert_eq!(check(&mut monitor(), -300, 400), violation(Rule::Step, 500, 700));
+    assert_eq!(check(&mut monitor(), 0, 3_001), violation(Rule::Max, 3_000, 3_001));
     // The travel ends at 13 000; a nominal beyond it is clamped.
     assert_eq!(check(&mut monitor(), 14_000, 13_000), Ok(()));
-    assert_eq!(
-        check(&mut monitor(), 14_000, 13_001),
-        violation(Rule::Travel, 13_000, 13_001)
-    );
-    assert_eq!(
-        check(&mut monitor(), -14_000, -13_001),
-        violation(Rule::Travel, -13_000, -13_001)
-    );
-    assert_eq!(
-        check(&mut monitor(), 17_000, 12_999),
-        violation(Rule::Max, 3_000, -4_001)
-    );
-    assert_eq!(
-        check(&mut monitor(), -17_000, -12_999),
-        violation(Rule::Max, 3_000, 4_001)
-    );
+    assert_eq!(check(&mut monitor(), 14_000, 13_001), violation(Rule::Travel, 13_000, 13_001));
+    assert_eq!(check(&mut monitor(), -14_000, -13_001), violation(Rule::Travel, -13_000, -13_001));
+    assert_eq!(check(&mut monitor(), 17_000, 12_999), violation(Rule::Max, 3_000, -4_001));
+    assert_eq!(check(&mut monitor(), -17_000, -12_999), violation(Rule::Max, 3_000, 4_001));
     let mut moving = monitor();
     assert_eq!(check(&mut moving, 0, 500), Ok(()));
-    assert_eq!(
-        check(&mut moving, 0, 299),
-        violation(Rule::Accel, 700, -701)
-    );
+    assert_eq!(check(&mut moving, 0, 299), violation(Rule::Accel, 700, -701));
     for edit in [
         |written: &mut Reference| written.velocity_offset.0 = 201,
         |written: &mut Reference| written.torque_offset.0 = -21,
     ] {
         let mut written = references(&state(0, Phase::Obtain, 0));
         edit(&mut written[0]);
-        let found = monitor()
-            .check_references(&nominal(0), &written)
-            .unwrap_err();
+        let found = monitor().check_references(&nominal(0), &written).unwrap_err();
         assert_eq!(found.rule, Rule::Step);
     }
 }
@@ -492,31 +364,17 @@ fn without_a_travel_nothing_is_clamped() {
 fn a_monitor_goes_on_after_a_violation() {
     let mut monitor = moving();
     let jump = state(4, Phase::Obtain, 2_900);
-    assert_eq!(
-        monitor.check_state(&jump),
-        violation(Rule::Step, 500, 1_400)
-    );
+    assert_eq!(monitor.check_state(&jump), violation(Rule::Step, 500, 1_400));
     let next = state(5, Phase::Obtain, 2_900);
-    assert_eq!(
-        monitor.check_state(&next),
-        violation(Rule::Accel, 700, -1_400)
-    );
+    assert_eq!(monitor.check_state(&next), violation(Rule::Accel, 700, -1_400));
     assert_eq!(monitor.check_state(&state(6, Phase::Obtain, 2_900)), Ok(()));
 }
 
 #[test]
 fn values_read_back_are_checked_and_become_the_base() {
     let mut monitor = moving();
-    let in_force = |nm| {
-        [InForce {
-            nominal: PositionNm(0),
-            offsets: Offsets::position(OffsetNm(nm)),
-        }; 2]
-    };
-    assert_eq!(
-        monitor.rebase(&in_force(3_001)),
-        violation(Rule::Max, 3_000, 3_001)
-    );
+    let in_force = |nm| [InForce { nominal: PositionNm(0), offsets: Offsets::position(OffsetNm(nm)) }; 2];
+    assert_eq!(monitor.rebase(&in_force(3_001)), violation(Rule::Max, 3_000, 3_001));
     let mut unchanged = monitor;
     let next = state(4, Phase::Obtain, 2_000);
     assert_eq!(unchanged.check_state(&next), Ok(()), "nothing changed");
@@ -540,26 +398,11 @@ fn lost_states_widen_the_bounds_and_nothing_else() {
     let cases = [
         (state(4, Phase::Obtain, 2_000), Ok(())),
         (state(4, Phase::Obtain, 0), Ok(())),
-        (
-            state(4, Phase::Obtain, 2_001),
-            violation(Rule::Step, 1_000, 1_001),
-        ),
-        (
-            state(3, Phase::Obtain, 1_501),
-            violation(Rule::Step, 500, 501),
-        ),
-        (
-            state(3, Phase::Obtain, 799),
-            violation(Rule::Accel, 700, -701),
-        ),
-        (
-            state(9, Phase::Obtain, 3_001),
-            violation(Rule::Max, 3_000, 3_001),
-        ),
-        (
-            state(9, Phase::Submit, 1_000),
-            violation(Rule::Zero, 0, 1_000),
-        ),
+        (state(4, Phase::Obtain, 2_001), violation(Rule::Step, 1_000, 1_001)),
+        (state(3, Phase::Obtain, 1_501), violation(Rule::Step, 500, 501)),
+        (state(3, Phase::Obtain, 799), violation(Rule::Accel, 700, -701)),
+        (state(9, Phase::Obtain, 3_001), violation(Rule::Max, 3_000, 3_001)),
+        (state(9, Phase::Submit, 1_000), violation(Rule::Zero, 0, 1_000)),
         (state(2, Phase::Obtain, 1_000), Ok(())),
         (state(2, Phase::Obtain, 1_001), violation(Rule::Step, 0, 1)),
         (state(1, Phase::Obtain, 500), violation(Rule::Step, 0, -500)),
@@ -573,21 +416,15 @@ fn lost_states_widen_the_bounds_and_nothing_else() {
     assert_eq!(monitor.check_state(&state(5, Phase::Obtain, 1_500)), Ok(()));
     let mut monitor = lossy();
     assert_eq!(monitor.check_state(&state(2, Phase::Obtain, 1_000)), Ok(()));
-    assert_eq!(
-        monitor.check_state(&state(3, Phase::Obtain, 799)),
-        violation(Rule::Accel, 700, -701)
-    );
+    assert_eq!(monitor.check_state(&state(3, Phase::Obtain, 799)), violation(Rule::Accel, 700, -701));
 }
 
 #[test]
 fn violations_say_where_and_how_much() {
-    let texts: StdVec<_> = [
-        violation(Rule::Step, 500, -501),
-        violation(Rule::Ramp, -90, 0),
-        violation(Rule::Travel, 13_000, 13_001),
-    ]
-    .map(|found| found.unwrap_err().to_string())
-    .into();
+    let texts: StdVec<_> =
+        [violation(Rule::Step, 500, -501), violation(Rule::Ramp, -90, 0), violation(Rule::Travel, 13_000, 13_001)]
+            .map(|found| found.unwrap_err().to_string())
+            .into();
     assert_eq!(
         texts,
         [

@@ -100,18 +100,9 @@ impl fmt::Display for Violation {
             Rule::Travel => ("reference is", "inside the travel, which ends at"),
             Rule::ReferenceStep => ("reference changed by", "at most"),
         };
-        let Self {
-            axis,
-            channel,
-            limit,
-            found,
-            ..
-        } = self;
+        let Self { axis, channel, limit, found, .. } = self;
         let unit = channel.unit();
-        write!(
-            f,
-            "axis {axis}, {channel}: {is} {found} {unit}; expected {demanded} {limit} {unit}"
-        )
+        write!(f, "axis {axis}, {channel}: {is} {found} {unit}; expected {demanded} {limit} {unit}")
     }
 }
 

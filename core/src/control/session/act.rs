@@ -57,17 +57,9 @@ impl Axis {
     #[must_use]
     pub fn held(&self) -> (Reference, AxisState) {
         let offsets = self.channels.offsets();
-        let everywhere = Travel {
-            lower: PositionNm(i64::MIN),
-            upper: PositionNm(i64::MAX),
-        };
+        let everywhere = Travel { lower: PositionNm(i64::MIN), upper: PositionNm(i64::MAX) };
         let (reference, _) = drive_reference(self.nominal, &offsets, &everywhere);
-        let state = AxisState {
-            nominal: self.nominal,
-            offsets,
-            shadow: self.shadow.offsets(),
-            ..AxisState::default()
-        };
+        let state = AxisState { nominal: self.nominal, offsets, shadow: self.shadow.offsets(), ..AxisState::default() };
         (reference, state)
     }
 
@@ -85,21 +77,16 @@ impl Axis {
                 let shadow = self.shadow.act(action, target, limits);
                 (shadow, shadow.limited(action, target))
             }
-            None => (
-                AxisChannels::ZERO,
-                self.channels.limited(command.action, target),
-            ),
+            None => (AxisChannels::ZERO, self.channels.limited(command.action, target)),
         };
         let offsets = self.channels.offsets();
-        let (reference, clamped) =
-            drive_reference(command.nominal, &offsets, &config.machine_travel);
+        let (reference, clamped) = drive_reference(command.nominal, &offsets, &config.machine_travel);
         let state = AxisState {
             nominal: command.nominal,
             offsets,
             shadow: self.shadow.offsets(),
             actual: command.actual,
-            flags: AxisFlags(limited.0 | clamped.0)
-                .with(AxisFlags::NOMINAL_STEP, command.nominal_stepped),
+            flags: AxisFlags(limited.0 | clamped.0).with(AxisFlags::NOMINAL_STEP, command.nominal_stepped),
         };
         (reference, state)
     }
@@ -109,20 +96,13 @@ impl Axis {
 /// a difference, so for a fixed travel the position changes by at most |change of nominal| + |change of offset| (T3).
 #[inline]
 #[must_use]
-pub fn drive_reference(
-    nominal: PositionNm,
-    offsets: &Offsets,
-    travel: &Travel,
-) -> (Reference, AxisFlags) {
+pub fn drive_reference(nominal: PositionNm, offsets: &Offsets, travel: &Travel) -> (Reference, AxisFlags) {
     let wanted = nominal.0.saturating_add(i64::from(offsets.position.0));
     // Not `clamp`, which would panic on reversed ends; the configuration refuses those.
     let position = wanted.max(travel.lower.0).min(travel.upper.0);
     let flags = AxisFlags::default().with(AxisFlags::TRAVEL, position != wanted);
-    let reference = Reference {
-        position: PositionNm(position),
-        velocity_offset: offsets.velocity,
-        torque_offset: offsets.torque,
-    };
+    let reference =
+        Reference { position: PositionNm(position), velocity_offset: offsets.velocity, torque_offset: offsets.torque };
     (reference, flags)
 }
 

@@ -22,11 +22,7 @@ pub struct AxisChannels {
 
 impl AxisChannels {
     /// All three at zero and at rest.
-    pub const ZERO: Self = Self {
-        position: Channel::ZERO,
-        velocity: Channel::ZERO,
-        torque: Channel::ZERO,
-    };
+    pub const ZERO: Self = Self { position: Channel::ZERO, velocity: Channel::ZERO, torque: Channel::ZERO };
 
     /// Channels at rest at offsets read back from a drive, if these are within the limits.
     #[must_use]
@@ -64,11 +60,7 @@ impl AxisChannels {
     #[inline]
     #[must_use]
     pub fn offsets(&self) -> Offsets {
-        Offsets {
-            position: self.position.value(),
-            velocity: self.velocity.value(),
-            torque: self.torque.value(),
-        }
+        Offsets { position: self.position.value(), velocity: self.velocity.value(), torque: self.torque.value() }
     }
 
     /// Returns the number of ramp ticks until all three are zero.
@@ -120,14 +112,8 @@ impl AxisChannels {
         };
         let short = self.offsets();
         AxisFlags::default()
-            .with(
-                AxisFlags::POSITION_LIMITED,
-                short.position != targets.position,
-            )
-            .with(
-                AxisFlags::VELOCITY_LIMITED,
-                short.velocity != targets.velocity,
-            )
+            .with(AxisFlags::POSITION_LIMITED, short.position != targets.position)
+            .with(AxisFlags::VELOCITY_LIMITED, short.velocity != targets.velocity)
             .with(AxisFlags::TORQUE_LIMITED, short.torque != targets.torque)
     }
 }

@@ -26,15 +26,9 @@ impl Travel {
     /// Travel of `reach_nm` to either side of zero.
     #[must_use]
     pub const fn around_zero(reach_nm: u32) -> Self {
-        #[expect(
-            clippy::as_conversions,
-            reason = "u32 to i64 is lossless; `From` is not const"
-        )]
+        #[expect(clippy::as_conversions, reason = "u32 to i64 is lossless; `From` is not const")]
         let reach = reach_nm as i64;
-        Self {
-            lower: PositionNm(reach.saturating_neg()),
-            upper: PositionNm(reach),
-        }
+        Self { lower: PositionNm(reach.saturating_neg()), upper: PositionNm(reach) }
     }
 }
 
@@ -57,21 +51,11 @@ pub struct AxisConfig {
 impl AxisConfig {
     /// An axis with position offsets only. Its machine travel is wider than `nominal_travel` by `M`.
     #[must_use]
-    pub const fn position_only(
-        position: Limits<OffsetNm>,
-        nominal_travel: Travel,
-        nominal_step_nm: u32,
-    ) -> Self {
-        #[expect(
-            clippy::as_conversions,
-            reason = "i32 to i64 is lossless; `From` is not const"
-        )]
+    pub const fn position_only(position: Limits<OffsetNm>, nominal_travel: Travel, nominal_step_nm: u32) -> Self {
+        #[expect(clippy::as_conversions, reason = "i32 to i64 is lossless; `From` is not const")]
         let reach = position.max() as i64;
         Self {
-            limits: AxisLimits {
-                position,
-                ..AxisLimits::DISABLED
-            },
+            limits: AxisLimits { position, ..AxisLimits::DISABLED },
             nominal_travel,
             machine_travel: Travel {
                 lower: PositionNm(nominal_travel.lower.0.saturating_sub(reach)),
@@ -179,10 +163,7 @@ impl fmt::Display for ConfigError {
                 write!(f, "axis {axis}: torque max is above {} per mille", i16::MAX)
             }
             Self::Travel { axis } => {
-                write!(
-                    f,
-                    "axis {axis}: lower end of a travel is above its upper end, or an end is beyond 2^61 nm"
-                )
+                write!(f, "axis {axis}: lower end of a travel is above its upper end, or an end is beyond 2^61 nm")
             }
             Self::Margin { axis } => write!(
                 f,
@@ -198,10 +179,7 @@ impl core::error::Error for ConfigError {}
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(try_from = "Parameters<N>", into = "Parameters<N>")
-)]
+#[cfg_attr(feature = "serde", serde(try_from = "Parameters<N>", into = "Parameters<N>"))]
 pub struct Config<const N: usize> {
     parameters: Parameters<N>,
 }
@@ -254,9 +232,7 @@ impl<const N: usize> Config<N> {
 #[cfg(kani)]
 impl<const N: usize> kani::Arbitrary for Config<N> {
     fn any() -> Self {
-        let config = Self {
-            parameters: kani::any(),
-        };
+        let config = Self { parameters: kani::any() };
         kani::assume(Self::new(config.parameters).is_ok());
         kani::cover!(true, "some configurations are valid");
         config
@@ -269,8 +245,7 @@ fn check_axis(axis: usize, config: &AxisConfig) -> Result<(), ConfigError> {
     }
     let (nominal, machine) = (config.nominal_travel, config.machine_travel);
     for travel in [nominal, machine] {
-        let far =
-            travel.lower.0 < MAX_POSITION_NM.saturating_neg() || travel.upper.0 > MAX_POSITION_NM;
+        let far = travel.lower.0 < MAX_POSITION_NM.saturating_neg() || travel.upper.0 > MAX_POSITION_NM;
         if far || travel.lower > travel.upper {
             return Err(ConfigError::Travel { axis });
         }

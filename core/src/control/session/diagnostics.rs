@@ -6,13 +6,7 @@ use crate::control::message::{AxisFlags, Cause, Counters, Phase};
 
 impl<const N: usize> Parts<N> {
     /// Updates counters and cause after a tick, beside the counts of [`super::ingress`].
-    pub(super) fn update_diagnostics(
-        &mut self,
-        before: &FsmState,
-        decision: &Decision,
-        fsm: &FsmInput,
-        late: bool,
-    ) {
+    pub(super) fn update_diagnostics(&mut self, before: &FsmState, decision: &Decision, fsm: &FsmInput, late: bool) {
         if before.phase == Phase::Listening && decision.next.phase == Phase::Handshake {
             self.counters = Counters::default();
             self.late = false;

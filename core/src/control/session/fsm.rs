@@ -49,11 +49,7 @@ impl FsmState {
             Phase::SafeDisconnect | Phase::Fault => true,
         };
         let commands_due = matches!(self.phase, Phase::Submit | Phase::Obtain);
-        let misses = if commands_due {
-            u128::from(self.misses) == self.history & 1
-        } else {
-            self.misses == 0
-        };
+        let misses = if commands_due { u128::from(self.misses) == self.history & 1 } else { self.misses == 0 };
         let waited = if self.phase == Phase::Handshake {
             self.waited < handshake_ticks && self.history == 0
         } else {
@@ -155,11 +151,7 @@ pub fn decide(state: &FsmState, input: &FsmInput, rules: &Rules) -> Decision {
     let ticks = u64::from(input.skipped).saturating_add(1);
     let now = FsmState {
         tick: Tick(state.tick.0.saturating_add(ticks)),
-        owner: if input.closed || input.framing || input.flood {
-            None
-        } else {
-            state.owner
-        },
+        owner: if input.closed || input.framing || input.flood { None } else { state.owner },
         ..*state
     };
     if input.stop || input.nominal_fault || state.phase == Phase::Fault {
@@ -182,17 +174,10 @@ fn decide_fault(now: FsmState, input: &FsmInput) -> Decision {
     if now.phase == Phase::Fault && rearmed && input.all_zero && !asserted {
         return listen(now);
     }
-    let cause = if input.stop {
-        Cause::Stop
-    } else {
-        Cause::Nominal
-    };
+    let cause = if input.stop { Cause::Stop } else { Cause::Nominal };
     let end = (now.phase != Phase::Fault).then_some(EndReason::Because(cause));
     Decision {
-        next: FsmState {
-            rearm_released: now.rearm_released || !input.rearm,
-            ..retire(now, Phase::Fault)
-        },
+        next: FsmState { rearm_released: now.rearm_released || !input.rearm, ..retire(now, Phase::Fault) },
         action: Action::Ramp,
         end,
     }
@@ -212,11 +197,7 @@ fn decide_listening(now: FsmState, input: &FsmInput) -> Decision {
         },
         None => now,
     };
-    Decision {
-        next,
-        action: Action::Hold,
-        end: None,
-    }
+    Decision { next, action: Action::Hold, end: None }
 }
 
 fn decide_handshake(now: FsmState, input: &FsmInput, rules: &Rules) -> Decision {
@@ -225,12 +206,7 @@ fn decide_handshake(now: FsmState, input: &FsmInput, rules: &Rules) -> Decision 
     }
     if let Some((sequence, _)) = input.command {
         return Decision {
-            next: FsmState {
-                phase: Phase::Submit,
-                accepted: sequence,
-                waited: 0,
-                ..now
-            },
+            next: FsmState { phase: Phase::Submit, accepted: sequence, waited: 0, ..now },
             action: Action::Hold,
             end: None,
         };
@@ -239,11 +215,7 @@ fn decide_handshake(now: FsmState, input: &FsmInput, rules: &Rules) -> Decision 
     if waited >= rules.handshake_ticks {
         return disconnect(now, EndReason::Because(Cause::HandshakeTimeout));
     }
-    Decision {
-        next: FsmState { waited, ..now },
-        action: Action::Hold,
-        end: None,
-    }
+    Decision { next: FsmState { waited, ..now }, action: Action::Hold, end: None }
 }
 
 /// Submit and Obtain: commands are due.
@@ -260,31 +232,15 @@ fn decide_running(now: FsmState, input: &FsmInput, rules: &Rules) -> Decision {
         return disconnect(now, EndReason::Because(Cause::ServerLate));
     }
     if missed && before >= 1 {
-        let end = if input.skipped > 0 {
-            EndReason::Because(Cause::ServerLate)
-        } else {
-            EndReason::Missed
-        };
+        let end = if input.skipped > 0 { EndReason::Because(Cause::ServerLate) } else { EndReason::Missed };
         return disconnect(now, end);
     }
     if over_budget(history, rules.budget) {
         return disconnect(now, EndReason::Because(Cause::Budget));
     }
     match input.command {
-        None => Decision {
-            next: FsmState { misses: 1, ..now },
-            action: Action::Hold,
-            end: None,
-        },
-        Some((accepted, mode)) => obey(
-            FsmState {
-                misses: 0,
-                accepted,
-                ..now
-            },
-            mode,
-            input.all_zero,
-        ),
+        None => Decision { next: FsmState { misses: 1, ..now }, action: Action::Hold, end: None },
+        Some((accepted, mode)) => obey(FsmState { misses: 0, accepted, ..now }, mode, input.all_zero),
     }
 }
 
@@ -304,24 +260,12 @@ fn obey(now: FsmState, mode: Mode, all_zero: bool) -> Decision {
         (Phase::Obtain, Mode::Submit) if !all_zero => (Phase::Obtain, Action::FollowZero),
         (_, Mode::Submit) => (Phase::Submit, Action::Hold),
     };
-    Decision {
-        next: FsmState { phase, ..now },
-        action,
-        end: None,
-    }
+    Decision { next: FsmState { phase, ..now }, action, end: None }
 }
 
 fn decide_ramping(now: FsmState, input: &FsmInput) -> Decision {
     let done = input.all_zero;
-    if done {
-        listen(now)
-    } else {
-        Decision {
-            next: now,
-            action: Action::Ramp,
-            end: None,
-        }
-    }
+    if done { listen(now) } else { Decision { next: now, action: Action::Ramp, end: None } }
 }
 
 /// Returns the cause of an event that ends a session whatever its commands say, in the order of precedence.
@@ -351,11 +295,7 @@ fn over_budget(history: u128, budget: Option<MissBudget>) -> bool {
 
 /// Ends the session; the ramp begins in this tick.
 fn disconnect(now: FsmState, end: EndReason) -> Decision {
-    Decision {
-        next: retire(now, Phase::SafeDisconnect),
-        action: Action::Ramp,
-        end: Some(end),
-    }
+    Decision { next: retire(now, Phase::SafeDisconnect), action: Action::Ramp, end: Some(end) }
 }
 
 /// Ends the session without a decision: references were not accepted by the drives.
@@ -365,22 +305,13 @@ pub(super) const fn interrupted(state: &FsmState) -> FsmState {
 
 /// Clears the counts of a running session.
 const fn retire(now: FsmState, phase: Phase) -> FsmState {
-    FsmState {
-        phase,
-        misses: 0,
-        waited: 0,
-        ..now
-    }
+    FsmState { phase, misses: 0, waited: 0, ..now }
 }
 
 /// Listens again: every channel is at zero.
 const fn listen(now: FsmState) -> Decision {
     Decision {
-        next: FsmState {
-            owner: None,
-            rearm_released: false,
-            ..retire(now, Phase::Listening)
-        },
+        next: FsmState { owner: None, rearm_released: false, ..retire(now, Phase::Listening) },
         action: Action::Hold,
         end: None,
     }

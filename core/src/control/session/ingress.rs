@@ -27,10 +27,7 @@ impl<const N: usize> Accepted<N> {
     /// No event.
     #[must_use]
     pub fn nothing() -> Self {
-        Self {
-            fsm: FsmInput::default(),
-            targets: [Offsets::default(); N],
-        }
+        Self { fsm: FsmInput::default(), targets: [Offsets::default(); N] }
     }
 }
 
@@ -124,11 +121,7 @@ impl<const N: usize> Classifier<'_, N> {
                     }
                 }
             }
-            Event::Message(_)
-            | Event::Malformed(_)
-            | Event::Dropped(_)
-            | Event::Broken(_)
-            | Event::Flood => {
+            Event::Message(_) | Event::Malformed(_) | Event::Dropped(_) | Event::Broken(_) | Event::Flood => {
                 count(&mut diagnostics.counters.non_owner);
             }
             Event::Closed => {}
@@ -161,12 +154,7 @@ impl<const N: usize> Classifier<'_, N> {
     }
 
     /// Classifies a command of the owner: the highest fresh valid one acts, every other one is counted.
-    fn command(
-        &self,
-        command: &Command<N>,
-        accepted: &mut Accepted<N>,
-        diagnostics: &mut Diagnostics,
-    ) {
+    fn command(&self, command: &Command<N>, accepted: &mut Accepted<N>, diagnostics: &mut Diagnostics) {
         let counters = &mut diagnostics.counters;
         match self.verdict(command) {
             Verdict::Fresh => {}
@@ -217,11 +205,7 @@ impl<const N: usize> Classifier<'_, N> {
             return Verdict::Malformed;
         }
         let mut axes = zip(&self.parameters.axes, &command.targets);
-        if axes.all(|(axis, target)| axis.limits.admits(target)) {
-            Verdict::Fresh
-        } else {
-            Verdict::OutOfRange
-        }
+        if axes.all(|(axis, target)| axis.limits.admits(target)) { Verdict::Fresh } else { Verdict::OutOfRange }
     }
 }
 

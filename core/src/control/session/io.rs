@@ -91,11 +91,7 @@ impl<const N: usize> TickInput<N> {
     #[inline]
     #[must_use]
     pub const fn cycles(&self) -> u32 {
-        if self.elapsed_cycles == 0 {
-            1
-        } else {
-            self.elapsed_cycles
-        }
+        if self.elapsed_cycles == 0 { 1 } else { self.elapsed_cycles }
     }
 }
 
@@ -134,11 +130,7 @@ impl<const N: usize> Input<N> {
 
 impl<const N: usize> Clone for Input<N> {
     fn clone(&self) -> Self {
-        Self {
-            tick: self.tick,
-            epochs: self.epochs,
-            events: self.events.clone(),
-        }
+        Self { tick: self.tick, epochs: self.epochs, events: self.events.clone() }
     }
 
     /// Copies `other` into this place: only the events in use, not the capacity.

@@ -30,16 +30,13 @@ use fsm::{Decision, FsmInput, FsmState};
 use ingress::{Accepted, Classifier, Diagnostics};
 use step::{Step, all_zero, step};
 
-pub use io::{
-    Connection, EVENTS, Event, Events, Input, LastWrite, OWNER_FRAMES, Output, Refusals, TickInput,
-};
+pub use io::{Connection, EVENTS, Event, Events, Input, LastWrite, OWNER_FRAMES, Output, Refusals, TickInput};
 pub use recorder::{NoRecorder, Record};
 pub use replay::{Replayed, replay};
 
 /// Black box: the complete inputs and outputs of the last ticks, the session before the oldest, and the configuration within it.
 /// Replaying the inputs from that session reproduces every output, bit for bit ([`replay()`], T11).
-pub type BlackBox<const N: usize, const HALF: usize> =
-    recorder::Recorder<Session<N>, Input<N>, Output<N>, HALF>;
+pub type BlackBox<const N: usize, const HALF: usize> = recorder::Recorder<Session<N>, Input<N>, Output<N>, HALF>;
 /// One recorded tick.
 pub type Entry<const N: usize> = recorder::Entry<Input<N>, Output<N>>;
 
@@ -58,10 +55,7 @@ impl<const N: usize> Start<N> {
     /// A machine without offsets in force, not stopped, at these nominal references.
     #[must_use]
     pub fn at_rest(nominal: [crate::units::PositionNm; N]) -> Self {
-        Self {
-            in_force: nominal.map(InForce::at),
-            stop_latched: false,
-        }
+        Self { in_force: nominal.map(InForce::at), stop_latched: false }
     }
 }
 
@@ -167,14 +161,7 @@ impl<const N: usize> Session<N> {
             waited: 0,
             rearm_released: false,
         };
-        let parts = Parts {
-            discrete,
-            axes,
-            withheld: false,
-            cause,
-            late: false,
-            counters: Counters::default(),
-        };
+        let parts = Parts { discrete, axes, withheld: false, cause, late: false, counters: Counters::default() };
         Ok(Self { config, parts })
     }
 
@@ -216,8 +203,7 @@ impl<const N: usize> Session<N> {
         let mut axes = zip(&self.parts.axes, &parameters.axes);
         discrete.is_valid(parameters.handshake_ticks)
             && axes.all(|(axis, config)| axis.is_valid(discrete.phase, &config.limits))
-            && (!self.parts.withheld
-                || matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault))
+            && (!self.parts.withheld || matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault))
     }
 
     /// Returns the configuration.
@@ -279,11 +265,7 @@ impl<const N: usize> Session<N> {
 
     /// Classifies the events, in order of arrival.
     #[must_use]
-    pub(crate) fn classify(
-        &self,
-        events: &Events<N>,
-        epochs: &EpochRange,
-    ) -> (Accepted<N>, Diagnostics) {
+    pub(crate) fn classify(&self, events: &Events<N>, epochs: &EpochRange) -> (Accepted<N>, Diagnostics) {
         let classifier = Classifier {
             discrete: &self.parts.discrete,
             parameters: self.config.parameters(),
@@ -291,10 +273,7 @@ impl<const N: usize> Session<N> {
             next_epoch: epochs.after(self.parts.discrete.epoch),
         };
         let mut accepted = Accepted::nothing();
-        let mut diagnostics = Diagnostics {
-            counters: self.parts.counters,
-            ..Diagnostics::default()
-        };
+        let mut diagnostics = Diagnostics { counters: self.parts.counters, ..Diagnostics::default() };
         for (connection, event) in events {
             classifier.classify(*connection, event, &mut accepted, &mut diagnostics);
         }
@@ -302,26 +281,11 @@ impl<const N: usize> Session<N> {
     }
 
     /// Decides and acts. The invariant and every bound hold for anything that can have been accepted.
-    pub(crate) fn step(
-        &mut self,
-        tick: &TickInput<N>,
-        accepted: Accepted<N>,
-        diagnostics: Diagnostics,
-    ) -> Output<N> {
+    pub(crate) fn step(&mut self, tick: &TickInput<N>, accepted: Accepted<N>, diagnostics: Diagnostics) -> Output<N> {
         let parts = &mut self.parts;
         let before = parts.discrete;
-        let Step {
-            decision,
-            fsm,
-            axes,
-        } = step(
-            self.config.parameters(),
-            &mut parts.discrete,
-            &mut parts.axes,
-            parts.withheld,
-            tick,
-            &accepted,
-        );
+        let Step { decision, fsm, axes } =
+            step(self.config.parameters(), &mut parts.discrete, &mut parts.axes, parts.withheld, tick, &accepted);
         parts.counters = diagnostics.counters;
         parts.update_diagnostics(&before, &decision, &fsm, diagnostics.late);
         for (_, axis) in each(&axes) {
@@ -378,10 +342,7 @@ impl<const N: usize> Session<N> {
 #[cfg(kani)]
 impl<const N: usize> kani::Arbitrary for Session<N> {
     fn any() -> Self {
-        let session = Self {
-            config: kani::any(),
-            parts: kani::any(),
-        };
+        let session = Self { config: kani::any(), parts: kani::any() };
         kani::assume(session.is_valid());
         kani::cover!(true, "some sessions are valid");
         session
@@ -408,22 +369,13 @@ fn answers(
 }
 
 /// Builds axes at rest at the values read back from the drives.
-fn axes_at_rest<const N: usize>(
-    config: &Config<N>,
-    in_force: &[InForce; N],
-) -> Result<[Axis; N], StartError> {
-    let mut axes = in_force.map(|in_force| Axis {
-        nominal: in_force.nominal,
-        ..Axis::default()
-    });
+fn axes_at_rest<const N: usize>(config: &Config<N>, in_force: &[InForce; N]) -> Result<[Axis; N], StartError> {
+    let mut axes = in_force.map(|in_force| Axis { nominal: in_force.nominal, ..Axis::default() });
     let rows = zip(&config.parameters().axes, in_force);
     for (index, (config, in_force)) in rows.enumerate() {
         let offsets = in_force.offsets;
-        let channels =
-            AxisChannels::at_rest(&offsets, &config.limits).ok_or(StartError::OffsetInForce {
-                axis: index,
-                offsets,
-            })?;
+        let channels = AxisChannels::at_rest(&offsets, &config.limits)
+            .ok_or(StartError::OffsetInForce { axis: index, offsets })?;
         if let Some(axis) = axes.get_mut(index) {
             axis.channels = channels;
         }
@@ -434,11 +386,7 @@ fn axes_at_rest<const N: usize>(
 /// Returns the number of ramp ticks until every channel is zero.
 fn ramp_ticks_left<const N: usize>(parameters: &Parameters<N>, axes: &[Axis; N]) -> u32 {
     zip(axes, &parameters.axes).fold(0, |most, (axis, config)| {
-        if axis.channels.is_zero() {
-            most
-        } else {
-            most.max(axis.channels.ramp_ticks_left(&config.limits))
-        }
+        if axis.channels.is_zero() { most } else { most.max(axis.channels.ramp_ticks_left(&config.limits)) }
     })
 }
 

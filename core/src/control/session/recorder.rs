@@ -29,9 +29,7 @@ impl<const N: usize> Record<N> for NoRecorder {
     fn after_tick(&mut self, _: &Input<N>, _: &Output<N>) {}
 }
 
-impl<const N: usize, const HALF: usize> Record<N>
-    for Recorder<Session<N>, Input<N>, Output<N>, HALF>
-{
+impl<const N: usize, const HALF: usize> Record<N> for Recorder<Session<N>, Input<N>, Output<N>, HALF> {
     #[inline]
     fn before_tick(&mut self, session: &Session<N>) {
         Self::before_tick(self, session);
@@ -69,25 +67,13 @@ pub struct Segment<S, I, O, const HALF: usize> {
 impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Segment<S, I, O, HALF> {
     #[inline(always)] // As `Recorder::new`.
     const fn new() -> Self {
-        Self {
-            before: None,
-            entries: Vec::new(),
-            used: 0,
-        }
+        Self { before: None, entries: Vec::new(), used: 0 }
     }
 
     /// Builds a segment from its parts, if they satisfy the invariant.
     #[must_use]
-    pub fn from_parts(
-        before: Option<S>,
-        entries: Entries<I, O, HALF>,
-        used: usize,
-    ) -> Option<Self> {
-        let segment = Self {
-            before,
-            entries,
-            used,
-        };
+    pub fn from_parts(before: Option<S>, entries: Entries<I, O, HALF>, used: usize) -> Option<Self> {
+        let segment = Self { before, entries, used };
         segment.is_valid().then_some(segment)
     }
 
@@ -119,10 +105,7 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Segment<S, I, O, HALF> {
             place.input.clone_from(input);
             place.output.clone_from(output);
         } else {
-            let entry = Entry {
-                input: input.clone(),
-                output: output.clone(),
-            };
+            let entry = Entry { input: input.clone(), output: output.clone() };
             // There is room: `before_tick` has just begun a segment if the last one was full.
             self.entries.push(entry).unwrap_or(());
         }
@@ -160,11 +143,7 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
     #[inline(always)]
     #[must_use]
     pub const fn new() -> Self {
-        Self {
-            segments: [Segment::new(), Segment::new(), Segment::new()],
-            latest: 0,
-            countdown: None,
-        }
+        Self { segments: [Segment::new(), Segment::new(), Segment::new()], latest: 0, countdown: None }
     }
 
     /// Builds a recorder from its parts, if they satisfy the invariant.
@@ -174,11 +153,7 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
         latest: usize,
         countdown: Option<usize>,
     ) -> Option<Self> {
-        let recorder = Self {
-            segments,
-            latest,
-            countdown,
-        };
+        let recorder = Self { segments, latest, countdown };
         recorder.is_valid().then_some(recorder)
     }
 
@@ -187,8 +162,7 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let [oldest, newer, _] = self.segments();
-        let whole =
-            |segment: &Segment<S, I, O, HALF>| segment.is_full() || segment.before.is_none();
+        let whole = |segment: &Segment<S, I, O, HALF>| segment.is_full() || segment.before.is_none();
         self.latest < SEGMENTS
             && self.segments.iter().all(Segment::is_valid)
             && whole(oldest)

@@ -15,24 +15,15 @@ pub struct Replayed<const N: usize> {
 /// Runs `entries`, oldest first, from the session `before` the oldest, up to the first tick whose output differs.
 /// Later ticks are not compared: they follow from another state than the recorded one.
 #[must_use]
-pub fn replay<'a, const N: usize>(
-    before: &Session<N>,
-    entries: impl IntoIterator<Item = &'a Entry<N>>,
-) -> Replayed<N> {
+pub fn replay<'a, const N: usize>(before: &Session<N>, entries: impl IntoIterator<Item = &'a Entry<N>>) -> Replayed<N> {
     let mut session = *before;
     let mut agreeing: usize = 0;
     for entry in entries {
         let output = session.tick(&entry.input);
         if output != entry.output {
-            return Replayed {
-                agreeing,
-                differing: Some(output),
-            };
+            return Replayed { agreeing, differing: Some(output) };
         }
         agreeing = agreeing.saturating_add(1);
     }
-    Replayed {
-        agreeing,
-        differing: None,
-    }
+    Replayed { agreeing, differing: None }
 }

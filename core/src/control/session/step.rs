@@ -34,10 +34,7 @@ pub(super) fn step<const N: usize>(
     // Unknown values in force do not count as zero.
     let zero = all_zero(axes) && !withheld;
     let fsm = complete(accepted.fsm, zero, tick, &stepped);
-    let rules = Rules {
-        handshake_ticks: parameters.handshake_ticks,
-        budget: parameters.budget,
-    };
+    let rules = Rules { handshake_ticks: parameters.handshake_ticks, budget: parameters.budget };
     let decision = decide(discrete, &fsm, &rules);
     let shadow = shadow_action(decision.next.phase, fsm.command.is_some());
     let mut index = 0_usize;
@@ -52,11 +49,7 @@ pub(super) fn step<const N: usize>(
         }
     });
     *discrete = decision.next;
-    Step {
-        decision,
-        fsm,
-        axes,
-    }
+    Step { decision, fsm, axes }
 }
 
 /// Command of the tick to the axis at `index`.
@@ -80,11 +73,7 @@ fn command<const N: usize>(
 }
 
 /// Axes whose nominal references moved further than they may.
-fn all_nominal_stepped<const N: usize>(
-    parameters: &Parameters<N>,
-    axes: &[Axis; N],
-    tick: &TickInput<N>,
-) -> [bool; N] {
+fn all_nominal_stepped<const N: usize>(parameters: &Parameters<N>, axes: &[Axis; N], tick: &TickInput<N>) -> [bool; N] {
     let mut stepped = [false; N];
     for (index, (axis, config)) in zip(axes, &parameters.axes).enumerate() {
         if let (Some(stepped), Some(to)) = (stepped.get_mut(index), tick.nominal.get(index)) {
@@ -95,12 +84,7 @@ fn all_nominal_stepped<const N: usize>(
 }
 
 /// The only constructor of a complete input: accepted events, and the tick's own.
-fn complete<const N: usize>(
-    accepted: FsmInput,
-    all_zero: bool,
-    tick: &TickInput<N>,
-    stepped: &[bool; N],
-) -> FsmInput {
+fn complete<const N: usize>(accepted: FsmInput, all_zero: bool, tick: &TickInput<N>, stepped: &[bool; N]) -> FsmInput {
     FsmInput {
         stop: accepted.stop || tick.stop,
         rearm: tick.rearm,

@@ -6,9 +6,7 @@ use super::config::{AxisConfig, MissBudget, Parameters, Travel};
 use super::*;
 use crate::control::channel::tests::limits;
 use crate::control::channel::{Channel, Limits};
-use crate::control::message::{
-    AxisFlags, AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode,
-};
+use crate::control::message::{AxisFlags, AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode};
 use crate::control::wire::FrameError;
 use crate::units::{ChannelUnit, OffsetNm, PositionNm, TorquePermille, VelocityUmS};
 
@@ -27,18 +25,12 @@ fn parameters() -> Parameters<2> {
 }
 
 /// Epochs from 7 on.
-const EPOCHS: EpochRange = EpochRange {
-    first: Epoch(7),
-    last: Epoch(u64::MAX),
-};
+const EPOCHS: EpochRange = EpochRange { first: Epoch(7), last: Epoch(u64::MAX) };
 
 /// A start with these offsets in force, at nominal position zero.
 fn start(offsets: [Offsets; 2]) -> Start<2> {
     let nominal = PositionNm(0);
-    Start {
-        in_force: offsets.map(|offsets| InForce { nominal, offsets }),
-        stop_latched: false,
-    }
+    Start { in_force: offsets.map(|offsets| InForce { nominal, offsets }), stop_latched: false }
 }
 
 /// A session with a client that answers or does not.
@@ -56,18 +48,10 @@ impl Bench {
     fn starting_from(parameters: Parameters<2>, in_force: [Offsets; 2]) -> Self {
         let config = Config::new(parameters).unwrap();
         let session = Session::new(config, &start(in_force)).unwrap();
-        Self {
-            session,
-            sequence: 0,
-            last: None,
-        }
+        Self { session, sequence: 0, last: None }
     }
 
-    fn tick_with(
-        &mut self,
-        events: &[(Connection, Event<2>)],
-        edit: impl FnOnce(&mut TickInput<2>),
-    ) -> Output<2> {
+    fn tick_with(&mut self, events: &[(Connection, Event<2>)], edit: impl FnOnce(&mut TickInput<2>)) -> Output<2> {
         let mut input = Input::empty(EPOCHS);
         edit(&mut input.tick);
         input.events = Events::from_slice(events).unwrap();
@@ -92,10 +76,7 @@ impl Bench {
 
     fn command(&mut self, mode: Mode, position: i32) -> (Connection, Event<2>) {
         self.sequence += 1;
-        let target = Offsets {
-            position: OffsetNm(position),
-            ..Offsets::default()
-        };
+        let target = Offsets { position: OffsetNm(position), ..Offsets::default() };
         let command = Command {
             epoch: self.session.parts().discrete.epoch,
             sequence: Sequence(self.sequence),
@@ -139,19 +120,11 @@ impl Bench {
 }
 
 fn hello() -> Event<2> {
-    Event::Message(ClientMessage::Hello(Hello {
-        axes: 2,
-        capabilities: Capabilities::NONE,
-    }))
+    Event::Message(ClientMessage::Hello(Hello { axes: 2, capabilities: Capabilities::NONE }))
 }
 
 /// T1, T2, T3 and T5 on every tick of every test of this file.
-fn assert_bounds(
-    before: &Session<2>,
-    after: &Session<2>,
-    output: &Output<2>,
-    last: Option<&Output<2>>,
-) {
+fn assert_bounds(before: &Session<2>, after: &Session<2>, output: &Output<2>, last: Option<&Output<2>>) {
     let (old, new) = (before.parts(), after.parts());
     let limits = before.config.parameters().axes[0].limits;
     for (a, b) in old.axes.iter().zip(&new.axes) {
@@ -214,10 +187,7 @@ fn one_miss_holds_and_the_second_ramps_in_its_tick() {
     let mut bench = Bench::obtain(100_000);
     let held = bench.silence();
     assert_eq!((held.state.phase, bench.offset()), (Phase::Obtain, 100_000));
-    assert_eq!(
-        bench.answer(Mode::Obtain, 100_000).state.phase,
-        Phase::Obtain
-    );
+    assert_eq!(bench.answer(Mode::Obtain, 100_000).state.phase, Phase::Obtain);
     bench.silence();
     let ended = bench.silence();
     assert_eq!(ended.ended, Some(Cause::ClientLate));
@@ -228,10 +198,7 @@ fn one_miss_holds_and_the_second_ramps_in_its_tick() {
     while bench.offset() != 0 {
         let refused = bench.hello(OTHER);
         let ticks_left = 1_000 - ticks;
-        assert_eq!(
-            refused.refusals[..],
-            [(OTHER, Refusal::Ramping { ticks_left })]
-        );
+        assert_eq!(refused.refusals[..], [(OTHER, Refusal::Ramping { ticks_left })]);
         ticks += 1;
     }
     assert_eq!(ticks, 1_000);
@@ -243,11 +210,7 @@ fn one_miss_holds_and_the_second_ramps_in_its_tick() {
 fn velocity_and_torque_do_not_hold_over_a_miss() {
     let mut bench = Bench::obtain(0);
     bench.sequence += 1;
-    let target = Offsets {
-        position: OffsetNm(50),
-        velocity: VelocityUmS(60),
-        torque: TorquePermille(-7),
-    };
+    let target = Offsets { position: OffsetNm(50), velocity: VelocityUmS(60), torque: TorquePermille(-7) };
     let command = Command {
         epoch: Epoch(7),
         sequence: Sequence(bench.sequence),
@@ -259,10 +222,7 @@ fn velocity_and_torque_do_not_hold_over_a_miss() {
     assert_eq!(followed.state.axes[0].offsets, target);
     let missed = bench.silence().state.axes[0].offsets;
     assert_eq!(missed.position, OffsetNm(50));
-    assert_eq!(
-        (missed.velocity, missed.torque),
-        (VelocityUmS(50), TorquePermille(-6))
-    );
+    assert_eq!((missed.velocity, missed.torque), (VelocityUmS(50), TorquePermille(-6)));
 }
 
 #[test]
@@ -290,9 +250,7 @@ fn a_skipped_cycle_after_a_miss_ends_the_session() {
 #[test]
 fn only_fresh_commands_count() {
     let mut bench = Bench::obtain(0);
-    let (_, Event::Message(ClientMessage::Command(good))) = bench.command(Mode::Obtain, 9) else {
-        unreachable!()
-    };
+    let (_, Event::Message(ClientMessage::Command(good))) = bench.command(Mode::Obtain, 9) else { unreachable!() };
     let tick = good.echo.0;
     let edits: [fn(&mut Command<2>); 7] = [
         |c| c.epoch = Epoch(6),
@@ -304,11 +262,7 @@ fn only_fresh_commands_count() {
         |c| c.targets[1].position = OffsetNm(1_000_001),
     ];
     for edit in edits {
-        let mut bench = Bench {
-            session: bench.session,
-            last: None,
-            ..bench
-        };
+        let mut bench = Bench { session: bench.session, last: None, ..bench };
         let mut bad = good;
         edit(&mut bad);
         let event = (OWNER, Event::Message(ClientMessage::Command(bad)));
@@ -333,9 +287,7 @@ fn a_late_network_is_told_from_a_late_client() {
 #[test]
 fn the_highest_of_a_burst_acts() {
     let mut bench = Bench::obtain(0);
-    let events: StdVec<_> = [10, 20, 30]
-        .map(|target| bench.command(Mode::Obtain, target))
-        .into();
+    let events: StdVec<_> = [10, 20, 30].map(|target| bench.command(Mode::Obtain, target)).into();
     let shuffled = [events[2], events[0], events[1], events[2]];
     let output = bench.tick(&shuffled);
     assert_eq!(bench.offset(), 30);
@@ -346,23 +298,8 @@ fn the_highest_of_a_burst_acts() {
 #[test]
 fn submit_is_entered_only_at_zero() {
     let mut bench = Bench::obtain(12_000);
-    let down: StdVec<_> = (0..4)
-        .map(|_| {
-            (
-                bench.answer(Mode::Submit, 500_000).state.phase,
-                bench.offset(),
-            )
-        })
-        .collect();
-    assert_eq!(
-        down,
-        [
-            (Phase::Obtain, 7_000),
-            (Phase::Obtain, 2_000),
-            (Phase::Obtain, 0),
-            (Phase::Submit, 0)
-        ]
-    );
+    let down: StdVec<_> = (0..4).map(|_| (bench.answer(Mode::Submit, 500_000).state.phase, bench.offset())).collect();
+    assert_eq!(down, [(Phase::Obtain, 7_000), (Phase::Obtain, 2_000), (Phase::Obtain, 0), (Phase::Submit, 0)]);
 }
 
 #[test]
@@ -406,21 +343,9 @@ fn endings_have_their_causes_and_their_precedence() {
         (&[Event::Broken(FrameError::Checksum)], Cause::Malformed),
         (&[Event::Flood], Cause::Flood),
         (&[Event::Closed], Cause::Closed),
-        (
-            &[Event::Message(ClientMessage::Goodbye(Epoch(7)))],
-            Cause::Goodbye,
-        ),
-        (
-            &[Event::Message(ClientMessage::Stop(Epoch(7)))],
-            Cause::Stop,
-        ),
-        (
-            &[
-                Event::Message(ClientMessage::Goodbye(Epoch(7))),
-                Event::Closed,
-            ],
-            Cause::Closed,
-        ),
+        (&[Event::Message(ClientMessage::Goodbye(Epoch(7)))], Cause::Goodbye),
+        (&[Event::Message(ClientMessage::Stop(Epoch(7)))], Cause::Stop),
+        (&[Event::Message(ClientMessage::Goodbye(Epoch(7))), Event::Closed], Cause::Closed),
     ];
     for (events, cause) in cases {
         let mut bench = Bench::obtain(1_000);
@@ -428,11 +353,7 @@ fn endings_have_their_causes_and_their_precedence() {
         let output = bench.tick(&events);
         assert_eq!(output.ended, Some(cause));
         assert_eq!(bench.offset(), 900);
-        let phase = if cause == Cause::Stop {
-            Phase::Fault
-        } else {
-            Phase::SafeDisconnect
-        };
+        let phase = if cause == Cause::Stop { Phase::Fault } else { Phase::SafeDisconnect };
         assert_eq!(output.state.phase, phase);
     }
 }
@@ -449,10 +370,7 @@ fn a_stop_ramps_and_only_a_local_rearm_leads_out() {
     });
     assert_eq!((bench.session.phase(), bench.offset()), (Phase::Fault, 0));
     let refused = bench.hello(OTHER);
-    assert_eq!(
-        refused.refusals[..],
-        [(OTHER, Refusal::Faulted { ticks_left: 0 })]
-    );
+    assert_eq!(refused.refusals[..], [(OTHER, Refusal::Faulted { ticks_left: 0 })]);
     let armed = bench.tick_with(&[], |input| input.rearm = true);
     assert_eq!(armed.state.phase, Phase::Listening);
 }
@@ -482,10 +400,7 @@ fn the_travel_clamps_a_faulty_nominal() {
 
 #[test]
 fn a_restarted_server_ramps_what_it_finds() {
-    let in_force = Offsets {
-        position: OffsetNm(-250),
-        ..Offsets::default()
-    };
+    let in_force = Offsets { position: OffsetNm(-250), ..Offsets::default() };
     let mut bench = Bench::starting_from(parameters(), [in_force, Offsets::default()]);
     assert_eq!(bench.session.parts().cause, Cause::Restart);
     let values: StdVec<_> = (0..3)
@@ -497,30 +412,18 @@ fn a_restarted_server_ramps_what_it_finds() {
     assert_eq!(values, [-150, -50, 0]);
     bench.silence();
     assert_eq!(bench.hello(OTHER).welcome, Some(OTHER));
-    let far = Offsets {
-        position: OffsetNm(1_000_001),
-        ..Offsets::default()
-    };
+    let far = Offsets { position: OffsetNm(1_000_001), ..Offsets::default() };
     let config = Config::new(parameters()).unwrap();
     assert_eq!(
         Session::new(config, &start([Offsets::ZERO, far])),
-        Err(StartError::OffsetInForce {
-            axis: 1,
-            offsets: far
-        })
+        Err(StartError::OffsetInForce { axis: 1, offsets: far })
     );
 }
 
 #[test]
 fn one_in_two_loss_meets_the_budget() {
-    let budget = Some(MissBudget {
-        window: 100,
-        allowed: 10,
-    });
-    let mut bench = Bench::new(Parameters {
-        budget,
-        ..parameters()
-    });
+    let budget = Some(MissBudget { window: 100, allowed: 10 });
+    let mut bench = Bench::new(Parameters { budget, ..parameters() });
     bench.hello(OWNER);
     bench.answer(Mode::Submit, 0);
     for missed in 1..=10 {
@@ -534,10 +437,7 @@ fn one_in_two_loss_meets_the_budget() {
 #[test]
 fn an_epoch_is_never_granted_twice() {
     let mut bench = Bench::new(parameters());
-    let mut input = Input::empty(EpochRange {
-        first: Epoch(7),
-        last: Epoch(7),
-    });
+    let mut input = Input::empty(EpochRange { first: Epoch(7), last: Epoch(7) });
     input.events = Events::from_slice(&[(OWNER, hello())]).unwrap();
     assert_eq!(bench.session.tick(&input).state.epoch, Epoch(7));
     input.events = Events::from_slice(&[(OWNER, Event::Closed)]).unwrap();
@@ -568,25 +468,16 @@ fn the_black_box_replays_bit_for_bit() {
     assert!(black_box.is_frozen());
     let before = black_box.before().unwrap();
     let mut entries: StdVec<_> = black_box.entries().cloned().collect();
-    let end = entries
-        .iter()
-        .position(|entry| entry.output.ended.is_some())
-        .unwrap();
+    let end = entries.iter().position(|entry| entry.output.ended.is_some()).unwrap();
     assert!(end >= 16, "{end} ticks before the cause");
     assert_eq!(entries.len() - end - 1, 16);
     let replayed = replay(before, &entries);
-    assert_eq!(
-        (replayed.agreeing, replayed.differing),
-        (entries.len(), None)
-    );
+    assert_eq!((replayed.agreeing, replayed.differing), (entries.len(), None));
     // A nanometre more in one recorded output is found in its tick, and nowhere else.
     let recorded = entries[end].output.clone();
     entries[end].output.references[1].position.0 += 1;
     let replayed = replay(before, &entries);
-    assert_eq!(
-        (replayed.agreeing, replayed.differing),
-        (end, Some(recorded))
-    );
+    assert_eq!((replayed.agreeing, replayed.differing), (end, Some(recorded)));
 }
 
 /// Found by review: a re-arm pressed before the stop, or stuck, let a stop pass unnoticed.
@@ -615,9 +506,7 @@ fn a_goodbye_is_no_miss_and_the_ending_miss_is_one() {
     let ended = bench.silence().state;
     assert_eq!((ended.counters.missed, ended.on_time_of_100), (2, 98));
     let mut bench = Bench::obtain(0);
-    let ended = bench
-        .tick_with(&[], |input| input.elapsed_cycles = 40)
-        .state;
+    let ended = bench.tick_with(&[], |input| input.elapsed_cycles = 40).state;
     assert_eq!((ended.counters.missed, ended.on_time_of_100), (40, 60));
 }
 
@@ -626,21 +515,15 @@ fn a_shadow_held_back_is_flagged() {
     let mut bench = Bench::new(parameters());
     bench.hello(OWNER);
     let far = bench.answer(Mode::Submit, 100_000);
-    assert!(
-        far.state.axes[0]
-            .flags
-            .contains(AxisFlags::POSITION_LIMITED)
-    );
+    assert!(far.state.axes[0].flags.contains(AxisFlags::POSITION_LIMITED));
     assert_eq!(far.state.axes[0].shadow.position, OffsetNm(5_000));
 }
 
 /// Found by test: a bus that had lost writes received everything it had missed at once.
 #[test]
 fn the_ramp_begins_at_what_the_drives_have_in_force() {
-    let at = |position, nominal| InForce {
-        nominal: PositionNm(nominal),
-        offsets: Offsets::position(OffsetNm(position)),
-    };
+    let at =
+        |position, nominal| InForce { nominal: PositionNm(nominal), offsets: Offsets::position(OffsetNm(position)) };
     for phase in [Phase::Listening, Phase::Obtain, Phase::Fault] {
         let mut bench = Bench::obtain(9_000);
         if phase == Phase::Listening {
@@ -657,11 +540,7 @@ fn the_ramp_begins_at_what_the_drives_have_in_force() {
         let output = bench.tick_with(&[], refused([at(-1_050, 0); 2]));
         assert!(!output.withheld);
         assert_eq!(bench.offset(), -950);
-        let expected = if phase == Phase::Fault {
-            phase
-        } else {
-            Phase::SafeDisconnect
-        };
+        let expected = if phase == Phase::Fault { phase } else { Phase::SafeDisconnect };
         assert_eq!(output.state.phase, expected);
         // Beyond the limits, or unreadable: nothing may be written until a read-back says what is in force.
         bench.rebase();
@@ -685,25 +564,17 @@ fn no_session_is_granted_while_the_values_in_force_are_unknown() {
     bench.tick_with(&[], |input| input.last_write = LastWrite::Unknown);
     for _ in 0..3 {
         let refused = bench.hello(OTHER);
-        assert!(matches!(
-            refused.refusals[..],
-            [(OTHER, Refusal::Ramping { .. })]
-        ));
+        assert!(matches!(refused.refusals[..], [(OTHER, Refusal::Ramping { .. })]));
     }
     let in_force = [InForce::at(PositionNm(0)); 2];
-    bench.tick_with(&[], |input| {
-        input.last_write = LastWrite::Refused { in_force }
-    });
+    bench.tick_with(&[], |input| input.last_write = LastWrite::Refused { in_force });
     assert_eq!(bench.hello(OTHER).welcome, Some(OTHER));
 }
 
 #[test]
 fn a_latched_stop_starts_in_fault() {
     let config = Config::new(parameters()).unwrap();
-    let start = Start {
-        stop_latched: true,
-        ..start([Offsets::ZERO; 2])
-    };
+    let start = Start { stop_latched: true, ..start([Offsets::ZERO; 2]) };
     let mut bench = Bench::new(parameters());
     bench.session = Session::new(config, &start).unwrap();
     let refused = bench.hello(OWNER);

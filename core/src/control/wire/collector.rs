@@ -23,10 +23,7 @@ impl Collector {
     /// An empty collector.
     #[must_use]
     pub const fn new() -> Self {
-        Self {
-            bytes: [0; MAX_FRAME],
-            held: 0,
-        }
+        Self { bytes: [0; MAX_FRAME], held: 0 }
     }
 
     /// Builds a collector with the first `held` of these bytes, if they satisfy the invariant.
@@ -80,11 +77,8 @@ impl Collector {
     fn whole_len(&self) -> Option<Result<usize, FrameError>> {
         let (header, _) = self.bytes.split_first_chunk::<HEADER_LEN>()?;
         (self.held >= HEADER_LEN).then(|| {
-            parse_header(*header).map(|(_, length)| {
-                HEADER_LEN
-                    .saturating_add(usize::from(length))
-                    .saturating_add(TRAILER_LEN)
-            })
+            parse_header(*header)
+                .map(|(_, length)| HEADER_LEN.saturating_add(usize::from(length)).saturating_add(TRAILER_LEN))
         })
     }
 

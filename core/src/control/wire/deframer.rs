@@ -47,10 +47,7 @@ impl Deframer {
     /// An empty deframer.
     #[must_use]
     pub const fn new() -> Self {
-        Self {
-            collector: Collector::new(),
-            stage: Stage::Collecting,
-        }
+        Self { collector: Collector::new(), stage: Stage::Collecting }
     }
 
     /// Builds a deframer from its parts, if they satisfy the invariant.
@@ -81,9 +78,7 @@ impl Deframer {
         self.stage = Stage::Collecting;
         let frame = match self.collector.take(bytes) {
             Ok(None) => return Feed::Incomplete,
-            Ok(Some(consumed)) => {
-                Frame::parse(self.collector.held()).map(|frame| (frame, consumed))
-            }
+            Ok(Some(consumed)) => Frame::parse(self.collector.held()).map(|frame| (frame, consumed)),
             Err(error) => Err(error),
         };
         match frame {

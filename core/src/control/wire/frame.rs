@@ -25,10 +25,7 @@ pub struct FrameBytes {
 
 impl FrameBytes {
     /// No bytes.
-    pub(crate) const EMPTY: Self = Self {
-        bytes: [0; MAX_FRAME],
-        length: 0,
-    };
+    pub(crate) const EMPTY: Self = Self { bytes: [0; MAX_FRAME], length: 0 };
 }
 
 impl Deref for FrameBytes {
@@ -120,13 +117,9 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// The first error, front to back, the checksum last.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, FrameError> {
-        let (header, rest) = bytes
-            .split_first_chunk::<HEADER_LEN>()
-            .ok_or(FrameError::Length)?;
+        let (header, rest) = bytes.split_first_chunk::<HEADER_LEN>().ok_or(FrameError::Length)?;
         let (kind, length) = parse_header(*header)?;
-        let (body, _) = rest
-            .split_last_chunk::<TRAILER_LEN>()
-            .ok_or(FrameError::Length)?;
+        let (body, _) = rest.split_last_chunk::<TRAILER_LEN>().ok_or(FrameError::Length)?;
         if body.len() != usize::from(length) {
             return Err(FrameError::Length);
         }
@@ -137,11 +130,7 @@ impl<'a> Frame<'a> {
     /// Builds a frame from a kind byte and a body, without a checksum; `None` for a body that is too long.
     #[must_use]
     pub const fn from_parts(kind: u8, body: &'a [u8]) -> Option<Self> {
-        if body.len() <= MAX_BODY {
-            Some(Self { kind, body })
-        } else {
-            None
-        }
+        if body.len() <= MAX_BODY { Some(Self { kind, body }) } else { None }
     }
 
     /// Returns the kind byte.
@@ -196,13 +185,7 @@ fn fill<B: Body>(bytes: &mut [u8; MAX_FRAME], kind: Kind, body: &B) -> Option<us
 
 /// Compares the last bytes with the CRC-32/ISO-HDLC (as in Ethernet and zlib) of those before them.
 fn check_trailer(frame: &[u8]) -> Result<(), FrameError> {
-    let (checked, trailer) = frame
-        .split_last_chunk::<TRAILER_LEN>()
-        .ok_or(FrameError::Length)?;
+    let (checked, trailer) = frame.split_last_chunk::<TRAILER_LEN>().ok_or(FrameError::Length)?;
     let checksum = crc32fast::hash(checked);
-    if checksum == u32::from_le_bytes(*trailer) {
-        Ok(())
-    } else {
-        Err(FrameError::Checksum)
-    }
+    if checksum == u32::from_le_bytes(*trailer) { Ok(()) } else { Err(FrameError::Checksum) }
 }

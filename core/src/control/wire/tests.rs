@@ -7,8 +7,8 @@ use super::*;
 use crate::control::axis::{Actual, Offsets};
 use crate::control::channel::{LimitValues, Limits};
 use crate::control::message::{
-    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello,
-    Mode, Phase, Refusal, ServerMessage, State, Welcome,
+    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
+    Refusal, ServerMessage, State, Welcome,
 };
 use crate::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 
@@ -31,10 +31,8 @@ fn client<const N: usize>() -> impl Strategy<Value = ClientMessage<N>> {
         })
     });
     prop_oneof![
-        (any::<u8>(), any::<u16>()).prop_map(|(axes, bits)| ClientMessage::Hello(Hello {
-            axes,
-            capabilities: Capabilities(bits)
-        })),
+        (any::<u8>(), any::<u16>())
+            .prop_map(|(axes, bits)| ClientMessage::Hello(Hello { axes, capabilities: Capabilities(bits) })),
         command,
         any::<u64>().prop_map(|n| ClientMessage::Goodbye(Epoch(n))),
         any::<u64>().prop_map(|n| ClientMessage::Stop(Epoch(n))),
@@ -48,8 +46,8 @@ fn server<const N: usize>() -> impl Strategy<Value = ServerMessage<N>> {
         accel: 2 * step + more + more,
         ramp: step,
     });
-    let welcome = (any::<[u64; 2]>(), any::<[u32; 2]>(), any::<u8>(), limits).prop_map(
-        |(wide, narrow, window, limits)| {
+    let welcome =
+        (any::<[u64; 2]>(), any::<[u32; 2]>(), any::<u8>(), limits).prop_map(|(wide, narrow, window, limits)| {
             ServerMessage::Welcome(Welcome {
                 epoch: Epoch(wide[0]),
                 tick: Tick(wide[1]),
@@ -63,17 +61,9 @@ fn server<const N: usize>() -> impl Strategy<Value = ServerMessage<N>> {
                     torque: Limits::new(limits).unwrap(),
                 }; N],
             })
-        },
-    );
-    let state = (
-        any::<[u64; 3]>(),
-        any::<[u32; 11]>(),
-        offsets(),
-        offsets(),
-        any::<[i64; 2]>(),
-        0..32u8,
-    )
-        .prop_map(|(wide, counts, offsets, shadow, positions, flags)| {
+        });
+    let state = (any::<[u64; 3]>(), any::<[u32; 11]>(), offsets(), offsets(), any::<[i64; 2]>(), 0..32u8).prop_map(
+        |(wide, counts, offsets, shadow, positions, flags)| {
             ServerMessage::State(State {
                 tick: Tick(wide[0]),
                 epoch: Epoch(wide[1]),
@@ -108,7 +98,8 @@ fn server<const N: usize>() -> impl Strategy<Value = ServerMessage<N>> {
                     flags: AxisFlags::from_bits(flags).unwrap(),
                 }; N],
             })
-        });
+        },
+    );
     let refusal = (1..8u8, any::<u32>()).prop_map(|(code, n)| {
         let small = u8::try_from(n % 256).unwrap();
         ServerMessage::Refusal(match code {
@@ -117,9 +108,7 @@ fn server<const N: usize>() -> impl Strategy<Value = ServerMessage<N>> {
             3 => Refusal::Faulted { ticks_left: n },
             4 => Refusal::Version { supported: small },
             5 => Refusal::Axes { expected: small },
-            6 => Refusal::Capability {
-                needed: Capabilities(u16::from(small)),
-            },
+            6 => Refusal::Capability { needed: Capabilities(u16::from(small)) },
             _ => Refusal::Unavailable,
         })
     });
@@ -201,10 +190,7 @@ fn repair(bytes: &mut StdVec<u8>, at: usize, bit: u32) {
 
 #[test]
 fn the_stream_may_be_cut_anywhere() {
-    let hello = ClientMessage::<3>::Hello(Hello {
-        axes: 3,
-        capabilities: Capabilities::NONE,
-    });
+    let hello = ClientMessage::<3>::Hello(Hello { axes: 3, capabilities: Capabilities::NONE });
     let stop = ClientMessage::<3>::Stop(Epoch(9));
     let mut stream = encode_client(&hello).to_vec();
     stream.extend_from_slice(&encode_client(&stop));
@@ -251,13 +237,7 @@ fn bad_content_is_named() {
     };
     assert_eq!(judge(99, &[]), Err(ContentError::Kind { received: 99 }));
     assert_eq!(judge(4, &[]), Err(ContentError::Kind { received: 4 }));
-    assert_eq!(
-        judge(1, &[1]),
-        Err(ContentError::Length {
-            expected: 4,
-            received: 1
-        })
-    );
+    assert_eq!(judge(1, &[1]), Err(ContentError::Length { expected: 4, received: 1 }));
     assert_eq!(judge(1, &[1, 7, 0, 0]), Err(ContentError::Reserved));
     let mut command = [0_u8; 38];
     command[24] = 3;
@@ -265,23 +245,13 @@ fn bad_content_is_named() {
     assert_eq!(judge(3, &command), Err(ContentError::Code { received: 3 }));
     command[24] = 1;
     command[25] = 2;
-    assert_eq!(
-        judge(3, &command),
-        Err(ContentError::Axes {
-            expected: 1,
-            received: 2
-        })
-    );
+    assert_eq!(judge(3, &command), Err(ContentError::Axes { expected: 1, received: 2 }));
 }
 
 /// The largest message at the largest number of axes fits a frame.
 #[test]
 fn every_message_fits() {
-    let limits = AxisLimits {
-        position: Limits::DISABLED,
-        velocity: Limits::DISABLED,
-        torque: Limits::DISABLED,
-    };
+    let limits = AxisLimits { position: Limits::DISABLED, velocity: Limits::DISABLED, torque: Limits::DISABLED };
     let welcome = ServerMessage::<6>::Welcome(Welcome {
         epoch: Epoch(1),
         tick: Tick(1),

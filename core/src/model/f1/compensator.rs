@@ -27,11 +27,7 @@ impl Compensator {
         config: CompensatorConfig<AXES>,
     ) -> Result<Self, CompensatorError> {
         config.check()?;
-        Ok(Self {
-            machine: Elastic::new(kinematics, compliances),
-            config,
-            seed: Seed::default(),
-        })
+        Ok(Self { machine: Elastic::new(kinematics, compliances), config, seed: Seed::default() })
     }
 
     /// The machine and its springs.
@@ -99,12 +95,7 @@ impl Compensator {
     ///
     /// # Errors
     /// As [`Elastic::command`].
-    pub fn correct_at(
-        &self,
-        pose: &Pose,
-        q: &[f64; AXES],
-        load: &Wrench,
-    ) -> Result<Correction<AXES>, KinematicsError> {
+    pub fn correct_at(&self, pose: &Pose, q: &[f64; AXES], load: &Wrench) -> Result<Correction<AXES>, KinematicsError> {
         let command = self.machine.command(pose, q, load, self.config.gain)?;
         self.config.bounded(q, &command)
     }

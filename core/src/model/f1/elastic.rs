@@ -22,10 +22,7 @@ impl Elastic {
     /// A machine and its springs.
     #[must_use]
     pub const fn new(kinematics: &Kinematics, compliances: &Compliances<AXES>) -> Self {
-        Self {
-            kinematics: *kinematics,
-            compliances: *compliances,
-        }
+        Self { kinematics: *kinematics, compliances: *compliances }
     }
 
     /// The rigid machine.
@@ -55,17 +52,13 @@ impl Elastic {
         gain: f64,
     ) -> Result<[f64; AXES], KinematicsError> {
         let deflection = self.deflection(pose, q, load)?;
-        let turn = rotation_from_vector(&(deflection.links.rotation_rad * -gain))
-            .ok_or(KinematicsError::NotFinite)?;
+        let turn = rotation_from_vector(&(deflection.links.rotation_rad * -gain)).ok_or(KinematicsError::NotFinite)?;
         let corrected = Pose {
             position_m: pose.position_m - deflection.links.translation_m * gain,
             rotation: product(&turn, &pose.rotation),
         };
         let [.., q4, q5, q6] = *q;
-        let mut command = self
-            .kinematics
-            .inverse(&corrected, Some([q4, q5, q6]))?
-            .value;
+        let mut command = self.kinematics.inverse(&corrected, Some([q4, q5, q6]))?.value;
         for (command, yielding) in command.iter_mut().zip(deflection.carts) {
             *command -= gain * yielding;
         }
@@ -74,12 +67,7 @@ impl Elastic {
 
     /// Deflection at `pose`. Not inlined, so that its matrices have left the stack when the inverse begins.
     #[inline(never)]
-    fn deflection(
-        &self,
-        pose: &Pose,
-        q: &[f64; AXES],
-        load: &Wrench,
-    ) -> Result<Deflection<AXES>, KinematicsError> {
+    fn deflection(&self, pose: &Pose, q: &[f64; AXES], load: &Wrench) -> Result<Deflection<AXES>, KinematicsError> {
         // Borrowed: moving the 1 KB matrix out of the `Result` would put a second copy on the stack.
         let lines = self.kinematics.line_matrix(pose, q);
         let lines = lines.as_ref().map_err(|error| *error)?;
@@ -106,16 +94,12 @@ impl Elastic {
             let lines = self.kinematics.line_matrix(pose, &standing)?;
             let forces = lines.link_forces_n(load)?;
             let loaded_m = self.loaded_lengths_m(&forces);
-            residual_m = zip(&loaded_m, &lengths_m).fold(0.0, |most, (now, before)| {
-                max_propagating_nan(most, (now - before).abs())
-            });
+            residual_m = zip(&loaded_m, &lengths_m)
+                .fold(0.0, |most, (now, before)| max_propagating_nan(most, (now - before).abs()));
             lengths_m = loaded_m;
             let [.., q4, q5, q6] = standing;
             let plates = Some([q4, q5, q6]);
-            standing = (self
-                .kinematics
-                .inverse_with_lengths(pose, plates, &lengths_m)?)
-            .value;
+            standing = (self.kinematics.inverse_with_lengths(pose, plates, &lengths_m)?).value;
             if residual_m <= SETTLED_M {
                 return Ok(Solution {
                     value: finite(self.before_yielding(&standing, &lines.cart_loads(&forces)))?,
@@ -124,10 +108,7 @@ impl Elastic {
                 });
             }
         }
-        Err(KinematicsError::NotConverged {
-            iterations: COLD_ITERATIONS,
-            residual_m,
-        })
+        Err(KinematicsError::NotConverged { iterations: COLD_ITERATIONS, residual_m })
     }
 
     /// `L + c f`, metres.

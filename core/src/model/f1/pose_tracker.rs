@@ -57,10 +57,7 @@ impl PoseTracker {
     /// A tracker without a last pose: its first call is cold.
     #[must_use]
     pub const fn new(kinematics: &Kinematics) -> Self {
-        Self {
-            kinematics: *kinematics,
-            seed: Seed(None),
-        }
+        Self { kinematics: *kinematics, seed: Seed(None) }
     }
 
     /// The machine.

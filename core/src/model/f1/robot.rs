@@ -10,8 +10,8 @@ use super::AXES;
 use crate::model::l2;
 use crate::model::linalg::unit;
 use crate::model::robot::{
-    ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE, check_magnitude,
-    check_travel, check_vector, checksum,
+    ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE, check_magnitude, check_travel, check_vector,
+    checksum,
 };
 
 /// Geometry of an F1, not yet checked.
@@ -56,8 +56,7 @@ impl From<&l2::Geometry> for Geometry {
             turn_axis: Vector3::z(),
             tilt_axis: Vector3::y(),
             turn_signs: [Branch::Positive; 2],
-            travel: (geometry.travel)
-                .map(|[one, two, three]| [one, two, three, fixed, fixed, fixed]),
+            travel: (geometry.travel).map(|[one, two, three]| [one, two, three, fixed, fixed, fixed]),
         }
     }
 }
@@ -91,15 +90,9 @@ impl Robot {
         for (index, length) in geometry.lengths_m.iter().enumerate() {
             check_magnitude(Parameter::Length, index, *length, 1e-6, MAX_LENGTH_M)?;
         }
-        for (parameter, axis) in [
-            (TurnAxis, &mut geometry.turn_axis),
-            (TiltAxis, &mut geometry.tilt_axis),
-        ] {
+        for (parameter, axis) in [(TurnAxis, &mut geometry.turn_axis), (TiltAxis, &mut geometry.tilt_axis)] {
             check_vector(parameter, 0, axis, from, to)?;
-            *axis = unit(axis).ok_or(RobotError::NotFinite {
-                parameter,
-                index: 0,
-            })?;
+            *axis = unit(axis).ok_or(RobotError::NotFinite { parameter, index: 0 })?;
         }
         check_travel(geometry.travel.iter().flatten())?;
         Ok(Self { geometry })
@@ -108,10 +101,7 @@ impl Robot {
     /// The machine without limits of travel: carts unchecked, plates within half a turn. For corrections, which may leave the nominal
     /// travel and are bounded elsewhere.
     pub(super) const fn without_travel(&self) -> Self {
-        let geometry = Geometry {
-            travel: None,
-            ..self.geometry
-        };
+        let geometry = Geometry { travel: None, ..self.geometry };
         Self { geometry }
     }
 

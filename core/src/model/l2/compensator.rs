@@ -25,10 +25,7 @@ impl Compensator {
         config: CompensatorConfig<AXES>,
     ) -> Result<Self, CompensatorError> {
         config.check()?;
-        Ok(Self {
-            machine: Elastic::new(kinematics, compliances),
-            config,
-        })
+        Ok(Self { machine: Elastic::new(kinematics, compliances), config })
     }
 
     /// The machine and its springs.
@@ -72,11 +69,7 @@ impl Compensator {
     /// # Ok::<(), Box<dyn core::error::Error>>(())
     /// ```
     #[inline]
-    pub fn correct(
-        &self,
-        nominal: &[PositionNm; AXES],
-        load: &Wrench,
-    ) -> Result<Correction<AXES>, KinematicsError> {
+    pub fn correct(&self, nominal: &[PositionNm; AXES], load: &Wrench) -> Result<Correction<AXES>, KinematicsError> {
         self.correct_q(&self.config.q_of(nominal), load)
     }
 
@@ -85,11 +78,7 @@ impl Compensator {
     /// # Errors
     /// As [`correct`](Self::correct).
     #[inline]
-    pub fn correct_q(
-        &self,
-        q: &[f64; AXES],
-        load: &Wrench,
-    ) -> Result<Correction<AXES>, KinematicsError> {
+    pub fn correct_q(&self, q: &[f64; AXES], load: &Wrench) -> Result<Correction<AXES>, KinematicsError> {
         let (tcp_m, frame) = self.machine.kinematics().forward_frame(q)?;
         let deflection = self.machine.deflection_in(&frame, load)?;
         let command = (self.machine).corrected(&tcp_m, &deflection, self.config.gain)?;
@@ -123,11 +112,7 @@ mod tests {
     const LIMIT: OffsetNm = OffsetNm(2_000_000);
 
     fn compensator(gain: f64, limit: OffsetNm) -> Compensator {
-        let config = CompensatorConfig {
-            gain,
-            limits: [limit; AXES],
-            metres_per_q: [1.0; AXES],
-        };
+        let config = CompensatorConfig { gain, limits: [limit; AXES], metres_per_q: [1.0; AXES] };
         Compensator::new(&l2(), &compliances(), config).unwrap()
     }
 
@@ -144,10 +129,7 @@ mod tests {
             let load = Wrench::from_array([300.0, -50.0, 100.0, 1.0, 2.0, -1.0]);
             let moved = |command: &[f64; 3]| {
                 let there = nominal.forward(command).unwrap();
-                let pose = Pose {
-                    position_m: there,
-                    rotation,
-                };
+                let pose = Pose { position_m: there, rotation };
                 let lines = robot.line_matrix(&pose, command).unwrap();
                 let deflection = lines.deflection(&compliances(), &load).unwrap();
                 norm(&(there + deflection.total.translation_m - tcp))
@@ -172,11 +154,7 @@ mod tests {
         let scaled = machine(geometry, &Matrix3::identity());
         let scaled = Compensator::new(&scaled, &compliances(), config).unwrap();
         let plain = compensator(1.0, LIMIT);
-        let nominal = [
-            PositionNm(500_000_000),
-            PositionNm(-480_000_000),
-            PositionNm(510_000_000),
-        ];
+        let nominal = [PositionNm(500_000_000), PositionNm(-480_000_000), PositionNm(510_000_000)];
         let load = Wrench::from_array([300.0, -50.0, 100.0, 1.0, 2.0, -1.0]);
         let q = nominal.map(|position| position.to_metres().0);
         assert_eq!(plain.correct(&nominal, &load), plain.correct_q(&q, &load));
@@ -189,17 +167,12 @@ mod tests {
     fn home_offsets_are_those_of_the_robot_file() {
         let q = l2().inverse(&Vector3::new(0.0, 0.5, 0.65)).unwrap();
         let load = Wrench::from_array([300.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        let offsets = compensator(1.0, LIMIT)
-            .correct_q(&q, &load)
-            .unwrap()
-            .offsets;
+        let offsets = compensator(1.0, LIMIT).correct_q(&q, &load).unwrap().offsets;
         let micrometres = offsets.map(|offset| offset.0 / 1000);
         assert_eq!(micrometres, [-188, -237, -149]);
         let none = compensator(0.0, LIMIT).correct_q(&q, &load).unwrap();
         assert_eq!(none.offsets, [OffsetNm(0); AXES]);
-        let cut = compensator(1.0, OffsetNm(190_000))
-            .correct_q(&q, &load)
-            .unwrap();
+        let cut = compensator(1.0, OffsetNm(190_000)).correct_q(&q, &load).unwrap();
         assert_eq!(cut.saturated, [false, true, false]);
         assert_eq!(cut.offsets[1], OffsetNm(-190_000));
         let zero = compensator(1.0, OffsetNm(0)).correct_q(&q, &load).unwrap();
@@ -238,10 +211,7 @@ mod tests {
         let refused = |config| Compensator::new(&l2(), &compliances(), config).unwrap_err();
         let good = *ours.config();
         for gain in [f64::NAN, -0.1, 1.1] {
-            assert_eq!(
-                refused(CompensatorConfig { gain, ..good }),
-                CompensatorError::Gain
-            );
+            assert_eq!(refused(CompensatorConfig { gain, ..good }), CompensatorError::Gain);
         }
         let mut bad = good;
         bad.limits[1] = OffsetNm(-1);
@@ -261,13 +231,9 @@ mod tests {
     fn offsets_are_the_share_of_the_exact_map() {
         let (pose, q) = home();
         let load = Wrench::from_array([300.0, -50.0, 100.0, 1.0, 2.0, -1.0]);
-        let exact = Elastic::new(&l2(), &compliances())
-            .exact_command(&pose, &q, &load)
-            .unwrap();
+        let exact = Elastic::new(&l2(), &compliances()).exact_command(&pose, &q, &load).unwrap();
         for gain in [1.0, 0.5, 0.0] {
-            let ours = compensator(gain, LIMIT)
-                .correct_exact_at(&pose, &q, &load)
-                .unwrap();
+            let ours = compensator(gain, LIMIT).correct_exact_at(&pose, &q, &load).unwrap();
             assert_eq!(ours.saturated, [false; AXES]);
             for ((offset, q), held) in ours.offsets.iter().zip(q).zip(exact.value) {
                 let expected_m = gain * (held - q);
@@ -283,10 +249,7 @@ mod tests {
         let exact = ours.correct_exact_at(&pose, &q, &load).unwrap();
         let first_order = ours.correct_q(&q, &load).unwrap();
         for (one, other) in exact.offsets.iter().zip(first_order.offsets) {
-            assert!(
-                (one.0 - other.0).abs() < other.0.abs() / 50,
-                "{exact:?} {first_order:?}"
-            );
+            assert!((one.0 - other.0).abs() < other.0.abs() / 50, "{exact:?} {first_order:?}");
         }
     }
 

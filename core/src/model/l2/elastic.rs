@@ -151,11 +151,7 @@ impl Elastic {
     /// # Errors
     /// [`KinematicsError::Singular`] when the platform could turn without a link changing its length, `NotFinite`.
     #[inline]
-    pub fn deflection_in(
-        &self,
-        frame: &LinkFrame,
-        load: &Wrench,
-    ) -> Result<Deflection, KinematicsError> {
+    pub fn deflection_in(&self, frame: &LinkFrame, load: &Wrench) -> Result<Deflection, KinematicsError> {
         let [w1, w2, w3] = &frame.links_m;
         let [r1, r2, r3] = &frame.inverse_rows;
         let [l11, l22, l31] = &self.levers_m;
@@ -193,12 +189,8 @@ impl Elastic {
 
         let [g1, g2, g3] = frame.drives;
         let [s1, s2, s3] = self.carts;
-        Ok(Deflection {
-            carts: [-s1 * g1 * p1, -s2 * g2 * p2, -s3 * g3 * p3],
-            translation_m,
-            rotation_rad,
-        })
-        .and_then(Deflection::checked)
+        Ok(Deflection { carts: [-s1 * g1 * p1, -s2 * g2 * p2, -s3 * g3 * p3], translation_m, rotation_rad })
+            .and_then(Deflection::checked)
     }
 
     #[cold]
@@ -222,11 +214,7 @@ impl Deflection {
     fn checked(self) -> Result<Self, KinematicsError> {
         let [r1, r2, r3] = self.carts;
         let sum = r1 + r2 + r3 + self.translation_m.sum() + self.rotation_rad.sum();
-        if sum.is_finite() {
-            Ok(self)
-        } else {
-            Err(KinematicsError::NotFinite)
-        }
+        if sum.is_finite() { Ok(self) } else { Err(KinematicsError::NotFinite) }
     }
 }
 
@@ -273,17 +261,11 @@ mod tests {
         let tcp = Vector3::new(0.0, 0.5, 0.65);
         let q = nominal.inverse(&tcp).unwrap();
         let model = Elastic::new(&nominal, &compliances());
-        assert!(matches!(
-            model.deflection(&tcp, &q, &Wrench::zero()),
-            Err(KinematicsError::Singular { .. })
-        ));
+        assert!(matches!(model.deflection(&tcp, &q, &Wrench::zero()), Err(KinematicsError::Singular { .. })));
         let model = Elastic::new(&l2(), &compliances());
         for wild in [f64::NAN, f64::INFINITY, f64::MAX] {
             let load = Wrench::from_array([wild; 6]);
-            assert_eq!(
-                model.deflection(&tcp, &q, &load),
-                Err(KinematicsError::NotFinite)
-            );
+            assert_eq!(model.deflection(&tcp, &q, &load), Err(KinematicsError::NotFinite));
         }
     }
 }

@@ -39,33 +39,23 @@ pub fn exact_command(
         let lines = robot.line_matrix(&pose, &standing)?;
         let forces = lines.link_forces_n(load)?;
         let (errors, rows) = loaded(robot, compliances, &pose, &standing, &forces);
-        residual_m = errors
-            .iter()
-            .fold(0.0, |most, error| max_propagating_nan(most, error.abs()));
+        residual_m = errors.iter().fold(0.0, |most, error| max_propagating_nan(most, error.abs()));
         if residual_m <= SETTLED_M {
             let loads = lines.cart_loads(&forces);
             let springs = zip(compliances.cart_m_per_n(), &loads);
             for ((compliance, tau), q) in springs.zip(&mut standing) {
                 *q -= compliance * tau;
             }
-            return Ok(Solution {
-                value: finite(standing)?,
-                iterations: made,
-                residual_m,
-            });
+            return Ok(Solution { value: finite(standing)?, iterations: made, residual_m });
         }
         let [q1, q2, q3, a, b, c] = Lu::factor(&rows)?.solve(&errors);
         for (q, change) in standing.iter_mut().zip([q1, q2, q3]) {
             *q -= change;
         }
-        let turn =
-            rotation_from_vector(&-Vector3::new(a, b, c)).ok_or(KinematicsError::NotFinite)?;
+        let turn = rotation_from_vector(&-Vector3::new(a, b, c)).ok_or(KinematicsError::NotFinite)?;
         pose.rotation = product(&turn, &pose.rotation);
     }
-    Err(KinematicsError::NotConverged {
-        iterations: COLD_ITERATIONS,
-        residual_m,
-    })
+    Err(KinematicsError::NotConverged { iterations: COLD_ITERATIONS, residual_m })
 }
 
 /// Errors of the link lengths under their tensions, and their derivatives by the carts and the platform's rotation:
@@ -81,28 +71,15 @@ fn loaded(
     let mut rows = [[0.0; 6]; LINKS];
     let springs = zip(compliances.link_m_per_n(), forces_n);
     let described = errors.iter_mut().zip(&mut rows).zip(springs);
-    for (((error, row), (compliance, force)), link) in
-        described.zip(links(robot.geometry(), pose, q))
-    {
+    for (((error, row), (compliance, force)), link) in described.zip(links(robot.geometry(), pose, q)) {
         let length_m = norm(&link.vector_m);
         *error = length_m - link.length_m - compliance * force;
         let s = link.vector_m / length_m;
         let moment = link.lever_m.cross(&s);
         let drive = |arm| {
-            if arm == link.arm {
-                s.dot(&link.guideway)
-            } else {
-                0.0
-            }
+            if arm == link.arm { s.dot(&link.guideway) } else { 0.0 }
         };
-        *row = [
-            drive(0),
-            drive(1),
-            drive(2),
-            -moment.x,
-            -moment.y,
-            -moment.z,
-        ];
+        *row = [drive(0), drive(1), drive(2), -moment.x, -moment.y, -moment.z];
     }
     (errors, rows)
 }
@@ -135,24 +112,17 @@ mod tests {
             let robot = Robot::new(geometry).unwrap();
             let nominal = machine(geometry, &rotation);
             let position_m = rotation * Vector3::new(0.0, 0.5, 0.65);
-            let pose = Pose {
-                position_m,
-                rotation,
-            };
+            let pose = Pose { position_m, rotation };
             let q = nominal.inverse(&position_m).unwrap();
             let load = Wrench::from_array([3000.0, -500.0, 1000.0, 10.0, 20.0, -10.0]);
-            let off =
-                |command: &[f64; AXES]| norm(&(stands(&robot, command, &load, &pose) - position_m));
+            let off = |command: &[f64; AXES]| norm(&(stands(&robot, command, &load, &pose) - position_m));
             let model = Elastic::new(&nominal, &compliances());
             let first_order = off(&model.command(&position_m, &q, &load, 1.0).unwrap());
             let solved = exact_command(&robot, &compliances(), &pose, &q, &load).unwrap();
             assert!(solved.residual_m < 1e-9, "{solved:?}");
             let exact = off(&solved.value);
             assert!(off(&q) > 1e-3, "{}", off(&q));
-            assert!(
-                exact < 1e-9 && exact < 1e-3 * first_order,
-                "{exact} {first_order}"
-            );
+            assert!(exact < 1e-9 && exact < 1e-3 * first_order, "{exact} {first_order}");
         }
     }
 
@@ -160,19 +130,13 @@ mod tests {
     fn wild_loads_are_refused() {
         let robot = Robot::new(geometry()).unwrap();
         let pose = Pose::at(Vector3::new(0.0, 0.5, 0.65));
-        let q = machine(geometry(), &pose.rotation)
-            .inverse(&pose.position_m)
-            .unwrap();
+        let q = machine(geometry(), &pose.rotation).inverse(&pose.position_m).unwrap();
         for wild in [f64::NAN, f64::INFINITY, 1e12, f64::MAX] {
             let load = Wrench::from_array([wild, 0.0, 0.0, 0.0, 0.0, 0.0]);
             assert!(exact_command(&robot, &compliances(), &pose, &q, &load).is_err());
         }
-        let mirrored = Pose {
-            rotation: -Matrix3::identity(),
-            ..pose
-        };
-        let error =
-            exact_command(&robot, &compliances(), &mirrored, &q, &Wrench::zero()).unwrap_err();
+        let mirrored = Pose { rotation: -Matrix3::identity(), ..pose };
+        let error = exact_command(&robot, &compliances(), &mirrored, &q, &Wrench::zero()).unwrap_err();
         assert_eq!(error, KinematicsError::NotFinite);
     }
 }

@@ -25,9 +25,7 @@ impl Kinematics {
             }
             if reach.along_squared <= model.along_squared_min {
                 let cosine_squared = reach.along_squared / model.length_squared;
-                return KinematicsError::Singular {
-                    measure: sqrt(cosine_squared),
-                };
+                return KinematicsError::Singular { measure: sqrt(cosine_squared) };
             }
         }
         for (axis, (model, reach)) in self.arms.iter().zip([&r1, &r2, &r3]).enumerate() {
@@ -63,9 +61,7 @@ impl Kinematics {
             }
             let squared = meeting.determinant_squared;
             let measure = if squared > 0.0 { sqrt(squared) } else { 0.0 };
-            return KinematicsError::Singular {
-                measure: if carts_in_line { 0.0 } else { measure * scale },
-            };
+            return KinematicsError::Singular { measure: if carts_in_line { 0.0 } else { measure * scale } };
         }
         // So near to a singularity that rounding decides.
         if meeting.mismatch > self.mismatch_max {
@@ -77,9 +73,7 @@ impl Kinematics {
                 return KinematicsError::OtherBranch { arm: Some(arm) };
             }
             if along <= model.along_min {
-                return KinematicsError::Singular {
-                    measure: along.abs() * SINGULARITY_TOLERANCE / model.along_min,
-                };
+                return KinematicsError::Singular { measure: along.abs() * SINGULARITY_TOLERANCE / model.along_min };
             }
         }
         KinematicsError::NotFinite
@@ -88,11 +82,6 @@ impl Kinematics {
 
 impl Arm {
     fn out_of_range(&self, axis: usize, q: f64) -> KinematicsError {
-        KinematicsError::OutOfRange {
-            axis,
-            q,
-            lower: self.lower,
-            upper: self.upper,
-        }
+        KinematicsError::OutOfRange { axis, q, lower: self.lower, upper: self.upper }
     }
 }

@@ -5,8 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{AXES, LinkFrame, Robot};
 use crate::model::kinematics::{
-    KinematicsError, Pose, RESIDUAL_TOLERANCE, ROTATION_TOLERANCE, SINGULARITY_TOLERANCE,
-    TAU_TOLERANCE,
+    KinematicsError, Pose, RESIDUAL_TOLERANCE, ROTATION_TOLERANCE, SINGULARITY_TOLERANCE, TAU_TOLERANCE,
 };
 use crate::model::linalg::{norm, rotation_deviation, sqrt, times};
 use crate::model::robot::{ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M};
@@ -42,10 +41,9 @@ impl fmt::Display for OrientationError {
             Self::NotRotation { deviation } => {
                 write!(f, "R is not a rotation matrix (deviation {deviation:e})")
             }
-            Self::NotTau { link, mismatch_m } => write!(
-                f,
-                "A0 - R b of link[{link}] differs by {mismatch_m:e} m within its cluster (Tau property)"
-            ),
+            Self::NotTau { link, mismatch_m } => {
+                write!(f, "A0 - R b of link[{link}] differs by {mismatch_m:e} m within its cluster (Tau property)")
+            }
         }
     }
 }
@@ -126,9 +124,7 @@ impl Kinematics {
             return Err(OrientationError::NotRotation { deviation });
         }
         let geometry = robot.geometry();
-        let levers_m = geometry
-            .platform_joints_m
-            .map(|joint| times(rotation, &joint));
+        let levers_m = geometry.platform_joints_m.map(|joint| times(rotation, &joint));
         let origins = cluster_origins(&geometry.cart_joints_m, &levers_m, &geometry.lengths_m)?;
         let [o1, o2, o3] = origins;
         let [v1, v2, v3] = geometry.guideways;
@@ -140,11 +136,7 @@ impl Kinematics {
         };
         let determinant_min = SINGULARITY_TOLERANCE * l1 * l2 * l3;
         Ok(Self {
-            arms: [
-                Arm::new(o1, v1, l1, c1, t1),
-                Arm::new(o2, v2, l2, c2, t2),
-                Arm::new(o3, v3, l3, c3, t3),
-            ],
+            arms: [Arm::new(o1, v1, l1, c1, t1), Arm::new(o2, v2, l2, c2, t2), Arm::new(o3, v3, l3, c3, t3)],
             side: -geometry.configuration.forward.sign(),
             height_sign: geometry.configuration.forward.sign(),
             squares_less: (l1 * l1 - l2 * l2, l1 * l1 - l3 * l3),
@@ -161,10 +153,7 @@ impl Kinematics {
     /// travel and are bounded elsewhere.
     #[must_use]
     pub fn without_travel(&self) -> Self {
-        Self {
-            arms: self.arms.map(Arm::without_travel),
-            ..*self
-        }
+        Self { arms: self.arms.map(Arm::without_travel), ..*self }
     }
 
     /// The machine.
@@ -177,10 +166,7 @@ impl Kinematics {
     /// Pose with the tool centre point at `position_m` (world axes, metres), in the constant orientation.
     #[must_use]
     pub const fn pose(&self, position_m: Vector3<f64>) -> Pose {
-        Pose {
-            position_m,
-            rotation: self.rotation,
-        }
+        Pose { position_m, rotation: self.rotation }
     }
 
     /// As [`Robot::residual_m`].
@@ -194,11 +180,7 @@ impl Kinematics {
     /// # Errors
     /// As [`Robot::line_matrix`].
     #[inline]
-    pub fn line_matrix(
-        &self,
-        pose: &Pose,
-        q: &[f64; AXES],
-    ) -> Result<LineMatrix<AXES>, KinematicsError> {
+    pub fn line_matrix(&self, pose: &Pose, q: &[f64; AXES]) -> Result<LineMatrix<AXES>, KinematicsError> {
         self.robot.line_matrix(pose, q)
     }
 
@@ -224,11 +206,7 @@ impl Kinematics {
     #[must_use]
     pub fn travel(&self) -> [(f64, f64); AXES] {
         let [a1, a2, a3] = &self.arms;
-        [
-            (a1.lower, a1.upper),
-            (a2.lower, a2.upper),
-            (a3.lower, a3.upper),
-        ]
+        [(a1.lower, a1.upper), (a2.lower, a2.upper), (a3.lower, a3.upper)]
     }
 
     /// `L_i^2`, metres squared.
@@ -271,10 +249,7 @@ impl Kinematics {
     /// # Errors
     /// As [`inverse`](Self::inverse); [`KinematicsError::OtherBranch`] on the other side, `Singular` in the plane.
     #[inline]
-    pub fn inverse_in_assembly(
-        &self,
-        tcp_m: &Vector3<f64>,
-    ) -> Result<[f64; AXES], KinematicsError> {
+    pub fn inverse_in_assembly(&self, tcp_m: &Vector3<f64>) -> Result<[f64; AXES], KinematicsError> {
         let q = self.inverse(tcp_m)?;
         self.link_frame(tcp_m, &q)?;
         Ok(q)
@@ -301,10 +276,7 @@ impl Kinematics {
     /// # Errors
     /// As [`forward`](Self::forward).
     #[inline]
-    pub fn forward_frame(
-        &self,
-        q: &[f64; AXES],
-    ) -> Result<(Vector3<f64>, LinkFrame), KinematicsError> {
+    pub fn forward_frame(&self, q: &[f64; AXES]) -> Result<(Vector3<f64>, LinkFrame), KinematicsError> {
         let meeting = self.meet(q);
         let links_m = meeting.links();
         if !self.assembles(q, &meeting, &links_m) {
@@ -319,23 +291,14 @@ impl Kinematics {
         let frame = LinkFrame {
             links_m,
             inverse_rows: [c1 * scale, c2 * scale, c3 * scale],
-            drives: [
-                a1.along(w1) * a1.signed_scale,
-                a2.along(w2) * a2.signed_scale,
-                a3.along(w3) * a3.signed_scale,
-            ],
+            drives: [a1.along(w1) * a1.signed_scale, a2.along(w2) * a2.signed_scale, a3.along(w3) * a3.signed_scale],
         };
         Ok((meeting.from_1 + meeting.tcp, frame))
     }
 
     /// True if the links meet as the machine is built, inside the travel; false for NaN.
     #[inline]
-    fn assembles(
-        &self,
-        q: &[f64; AXES],
-        meeting: &Meeting,
-        links_m: &[Vector3<f64>; ARMS],
-    ) -> bool {
+    fn assembles(&self, q: &[f64; AXES], meeting: &Meeting, links_m: &[Vector3<f64>; ARMS]) -> bool {
         let [a1, a2, a3] = &self.arms;
         let [w1, w2, w3] = links_m;
         let mismatch = meeting.mismatch;
@@ -441,11 +404,7 @@ impl Arm {
     }
 
     fn without_travel(self) -> Self {
-        Self {
-            lower: -self.widest,
-            upper: self.widest,
-            ..self
-        }
+        Self { lower: -self.widest, upper: self.widest, ..self }
     }
 
     /// `P = A_s + q v` `[T 3.7]`.
@@ -461,10 +420,7 @@ impl Arm {
         let from_origin = tcp_m - self.origin_m;
         let foot = from_origin.dot(&self.direction);
         let along_squared = foot * foot + self.length_squared - from_origin.dot(&from_origin);
-        Reach {
-            q: (foot + sqrt(along_squared)) * self.per_metre,
-            along_squared,
-        }
+        Reach { q: (foot + sqrt(along_squared)) * self.per_metre, along_squared }
     }
 
     /// `c_i (w_i . v_i) / |v_i|`: length of the link along its guideway, to its side, metres.
@@ -528,9 +484,7 @@ fn cluster_origins(
     let [a11, a21, a22, a31, a32, a33] = cart_joints_m;
     let [l11, l21, l22, l31, l32, l33] = levers_m;
     let first = [a11 - l11, a21 - l21, a31 - l31];
-    for (link, ((cart, lever), arm)) in
-        (cart_joints_m.iter().zip(levers_m).zip(ARM_OF_LINK)).enumerate()
-    {
+    for (link, ((cart, lever), arm)) in (cart_joints_m.iter().zip(levers_m).zip(ARM_OF_LINK)).enumerate() {
         let (Some(origin), Some(length)) = (first.get(arm), lengths_m.get(arm)) else {
             continue;
         };
@@ -540,9 +494,5 @@ fn cluster_origins(
         }
     }
     let [one, _, _] = first;
-    Ok([
-        one,
-        (a21 - l21 + a22 - l22) / 2.0,
-        (a31 - l31 + a32 - l32 + a33 - l33) / 3.0,
-    ])
+    Ok([one, (a21 - l21 + a22 - l22) / 2.0, (a31 - l31 + a32 - l32 + a33 - l33) / 3.0])
 }

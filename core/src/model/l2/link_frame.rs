@@ -38,18 +38,10 @@ impl Kinematics {
     /// # Errors
     /// [`KinematicsError::Inconsistent`] when the two do not belong together; `Singular`, `OtherBranch`, `NotFinite`.
     #[inline]
-    pub fn link_frame(
-        &self,
-        tcp_m: &Vector3<f64>,
-        q: &[f64; AXES],
-    ) -> Result<LinkFrame, KinematicsError> {
+    pub fn link_frame(&self, tcp_m: &Vector3<f64>, q: &[f64; AXES]) -> Result<LinkFrame, KinematicsError> {
         let [a1, a2, a3] = &self.arms;
         let [q1, q2, q3] = *q;
-        let (w1, w2, w3) = (
-            a1.cart(q1) - tcp_m,
-            a2.cart(q2) - tcp_m,
-            a3.cart(q3) - tcp_m,
-        );
+        let (w1, w2, w3) = (a1.cart(q1) - tcp_m, a2.cart(q2) - tcp_m, a3.cart(q3) - tcp_m);
         let (c1, c2, c3) = (w2.cross(&w3), w3.cross(&w1), w1.cross(&w2));
         let determinant = w1.dot(&c1);
         // Every comparison fails for NaN.
@@ -64,11 +56,7 @@ impl Kinematics {
         Ok(LinkFrame {
             links_m: [w1, w2, w3],
             inverse_rows: [c1 * scale, c2 * scale, c3 * scale],
-            drives: [
-                w1.dot(&a1.guideway),
-                w2.dot(&a2.guideway),
-                w3.dot(&a3.guideway),
-            ],
+            drives: [w1.dot(&a1.guideway), w2.dot(&a2.guideway), w3.dot(&a3.guideway)],
         })
     }
 
@@ -99,10 +87,7 @@ impl Kinematics {
     #[inline(never)]
     fn diagnose_frame(&self, links_m: &[Vector3<f64>; ARMS]) -> KinematicsError {
         let [w1, w2, w3] = links_m;
-        if !links_m
-            .iter()
-            .all(|link| link.iter().all(|value| value.is_finite()))
-        {
+        if !links_m.iter().all(|link| link.iter().all(|value| value.is_finite())) {
             return KinematicsError::NotFinite;
         }
         for (arm, (model, link)) in self.arms.iter().zip(links_m).enumerate() {
@@ -114,9 +99,7 @@ impl Kinematics {
         if self.side * determinant < -self.determinant_min {
             return KinematicsError::OtherBranch { arm: None };
         }
-        KinematicsError::Singular {
-            measure: determinant.abs() * SINGULARITY_TOLERANCE / self.determinant_min,
-        }
+        KinematicsError::Singular { measure: determinant.abs() * SINGULARITY_TOLERANCE / self.determinant_min }
     }
 }
 

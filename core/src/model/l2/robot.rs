@@ -6,8 +6,8 @@ use super::AXES;
 use crate::model::kinematics::{KinematicsError, Pose, directions};
 use crate::model::linalg::{max_propagating_nan, norm, times};
 use crate::model::robot::{
-    ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE,
-    check_magnitude, check_travel, check_vector, checksum,
+    ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE, check_magnitude, check_travel,
+    check_vector, checksum,
 };
 use crate::model::statics::{LineMatrix, Lines};
 
@@ -79,15 +79,11 @@ impl Robot {
     #[must_use]
     pub fn kinematics_checksum(&self) -> u32 {
         let geometry = &self.geometry;
-        let vectors = (geometry.cart_joints_m.iter())
-            .chain(&geometry.guideways)
-            .chain(&geometry.platform_joints_m);
+        let vectors = (geometry.cart_joints_m.iter()).chain(&geometry.guideways).chain(&geometry.platform_joints_m);
         let branches = (geometry.configuration.inverse.iter())
             .chain([&geometry.configuration.forward])
             .map(|branch| branch.sign());
-        let numbers = (vectors.flat_map(|vector| vector.iter().copied()))
-            .chain(geometry.lengths_m)
-            .chain(branches);
+        let numbers = (vectors.flat_map(|vector| vector.iter().copied())).chain(geometry.lengths_m).chain(branches);
         checksum(numbers)
     }
 
@@ -105,11 +101,7 @@ impl Robot {
     /// # Errors
     /// [`KinematicsError::Singular`] when the lines depend on each other, `NotFinite` when a number given is not finite.
     #[inline]
-    pub fn line_matrix(
-        &self,
-        pose: &Pose,
-        q: &[f64; AXES],
-    ) -> Result<LineMatrix<AXES>, KinematicsError> {
+    pub fn line_matrix(&self, pose: &Pose, q: &[f64; AXES]) -> Result<LineMatrix<AXES>, KinematicsError> {
         let mut links_m = [Vector3::zeros(); LINKS];
         for (vector, link) in links_m.iter_mut().zip(links(&self.geometry, pose, q)) {
             *vector = link.vector_m;
@@ -117,9 +109,7 @@ impl Robot {
         let directions = directions(&links_m)?;
         let mut drives = [[0.0; AXES]; LINKS];
         for ((row, s), arm) in drives.iter_mut().zip(&directions).zip(ARM_OF_LINK) {
-            if let (Some(drive), Some(guideway)) =
-                (row.get_mut(arm), self.geometry.guideways.get(arm))
-            {
+            if let (Some(drive), Some(guideway)) = (row.get_mut(arm), self.geometry.guideways.get(arm)) {
                 *drive = s.dot(guideway);
             }
         }
@@ -144,29 +134,17 @@ pub(super) struct Link {
 }
 
 /// The six links in link order `[T 3.3, 3.5, 3.6]`.
-pub(super) fn links<'a>(
-    geometry: &'a Geometry,
-    pose: &'a Pose,
-    q: &[f64; AXES],
-) -> impl Iterator<Item = Link> + 'a {
+pub(super) fn links<'a>(geometry: &'a Geometry, pose: &'a Pose, q: &[f64; AXES]) -> impl Iterator<Item = Link> + 'a {
     let [q1, q2, q3] = *q;
     let [v1, v2, v3] = geometry.guideways;
     let [l1, l2, l3] = geometry.lengths_m;
     let (one, two, three) = ((0, q1, v1, l1), (1, q2, v2, l2), (2, q3, v3, l3));
-    [one, two, two, three, three, three]
-        .into_iter()
-        .zip(&geometry.cart_joints_m)
-        .zip(&geometry.platform_joints_m)
-        .map(|(((arm, q, guideway, length_m), cart), joint)| {
+    [one, two, two, three, three, three].into_iter().zip(&geometry.cart_joints_m).zip(&geometry.platform_joints_m).map(
+        |(((arm, q, guideway, length_m), cart), joint)| {
             let lever_m = times(&pose.rotation, joint);
-            Link {
-                arm,
-                vector_m: cart + guideway * q - pose.position_m - lever_m,
-                lever_m,
-                guideway,
-                length_m,
-            }
-        })
+            Link { arm, vector_m: cart + guideway * q - pose.position_m - lever_m, lever_m, guideway, length_m }
+        },
+    )
 }
 
 /// Any numbers: more machines than [`Robot::new`] accepts.
@@ -179,10 +157,7 @@ impl kani::Arbitrary for Robot {
             guideways: any_three(),
             platform_joints_m: any_six(),
             lengths_m: kani::any(),
-            configuration: Configuration {
-                inverse: [Branch::Positive; ARMS],
-                forward: Branch::Positive,
-            },
+            configuration: Configuration { inverse: [Branch::Positive; ARMS], forward: Branch::Positive },
             travel: kani::any(),
         };
         Self { geometry }

@@ -34,11 +34,7 @@ pub fn contact_loop_gain(
     // k / (1 + c k) is 1 / (c + 1 / k), and takes k = 0.
     let series = workpiece_n_per_m / (1.0 + along(machine) * workpiece_n_per_m);
     let loop_gain = gain * along(estimated) * series;
-    if loop_gain.is_finite() && workpiece_n_per_m >= 0.0 {
-        Ok(loop_gain)
-    } else {
-        Err(KinematicsError::NotFinite)
-    }
+    if loop_gain.is_finite() && workpiece_n_per_m >= 0.0 { Ok(loop_gain) } else { Err(KinematicsError::NotFinite) }
 }
 
 #[cfg(test)]
@@ -71,23 +67,13 @@ mod tests {
             (0.5, 2e-6, 5e-7, 1e6),
             (1.0, 6e-7, 5e-7, 1e9),
         ] {
-            let loop_gain = contact_loop_gain(
-                gain,
-                &compliance(estimated),
-                &compliance(machine),
-                &normal,
-                workpiece,
-            )
-            .unwrap();
+            let loop_gain =
+                contact_loop_gain(gain, &compliance(estimated), &compliance(machine), &normal, workpiece).unwrap();
             let (soon, late) = (
                 force_after(200, gain, estimated, machine, workpiece),
                 force_after(400, gain, estimated, machine, workpiece),
             );
-            assert_eq!(
-                loop_gain < 1.0,
-                (late - soon).abs() < 1e-3 * soon,
-                "{loop_gain} {soon} {late}"
-            );
+            assert_eq!(loop_gain < 1.0, (late - soon).abs() < 1e-3 * soon, "{loop_gain} {soon} {late}");
         }
     }
 

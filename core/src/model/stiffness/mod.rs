@@ -25,10 +25,7 @@ pub struct Displacement {
 
 impl Displacement {
     fn from_array([x, y, z, a, b, c]: [f64; 6]) -> Self {
-        Self {
-            translation_m: Vector3::new(x, y, z),
-            rotation_rad: Vector3::new(a, b, c),
-        }
+        Self { translation_m: Vector3::new(x, y, z), rotation_rad: Vector3::new(a, b, c) }
     }
 
     /// Translation (m) then rotation (rad).
@@ -86,11 +83,7 @@ impl<const N: usize> LineMatrix<N> {
     /// assert!(deflection.total.translation_m.x > 1e-4);
     /// # Ok::<(), Box<dyn core::error::Error>>(())
     /// ```
-    pub fn deflection(
-        &self,
-        compliances: &Compliances<N>,
-        load: &Wrench,
-    ) -> Result<Deflection<N>, KinematicsError> {
+    pub fn deflection(&self, compliances: &Compliances<N>, load: &Wrench) -> Result<Deflection<N>, KinematicsError> {
         let forces = self.link_forces_n(load)?;
         let mut elongations = forces;
         for (value, compliance) in elongations.iter_mut().zip(compliances.link_m_per_n()) {
@@ -160,8 +153,7 @@ pub(crate) mod tests {
         };
         let step = |pose: &Pose, dx: &Vector6<f64>| Pose {
             position_m: pose.position_m + dx.fixed_rows::<3>(0),
-            rotation: rotation_from_vector(&dx.fixed_rows::<3>(3).into_owned()).unwrap()
-                * pose.rotation,
+            rotation: rotation_from_vector(&dx.fixed_rows::<3>(3).into_owned()).unwrap() * pose.rotation,
         };
         let mut pose = *near;
         for _ in 0..8 {

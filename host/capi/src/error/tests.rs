@@ -22,11 +22,7 @@ macro_rules! examples {
 }
 
 fn all() -> Vec<(&'static str, String, gt_error)> {
-    let offsets = Offsets {
-        position: OffsetNm(-5),
-        velocity: VelocityUmS(6),
-        torque: TorquePermille(-7),
-    };
+    let offsets = Offsets { position: OffsetNm(-5), velocity: VelocityUmS(6), torque: TorquePermille(-7) };
     let parameter = Parameter::Guideway;
     examples! {
         LimitsError:
@@ -121,11 +117,7 @@ fn every_error_of_core_has_its_own_code_named_after_it() {
     }
     let core = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../core/src");
     for (name, examples) in types {
-        assert_eq!(
-            variants_in_core(&core, name),
-            examples,
-            "variants of {name}"
-        );
+        assert_eq!(variants_in_core(&core, name), examples, "variants of {name}");
     }
 }
 
@@ -133,18 +125,9 @@ fn every_error_of_core_has_its_own_code_named_after_it() {
 fn nothing_that_an_error_carries_is_lost() {
     let of = |wanted: &str| {
         let mut found = all().into_iter();
-        let error =
-            found.find(|(family, example, _)| format!("{family}: {example}").contains(wanted));
+        let error = found.find(|(family, example, _)| format!("{family}: {example}").contains(wanted));
         let (_, _, error) = error.unwrap();
-        let gt_error {
-            index,
-            parameter,
-            iterations,
-            value,
-            lower,
-            upper,
-            ..
-        } = error;
+        let gt_error { index, parameter, iterations, value, lower, upper, .. } = error;
         (index, parameter, iterations, [value, lower, upper])
     };
     use gt_parameter::{Cycle, Guideway, None};
@@ -156,24 +139,12 @@ fn nothing_that_an_error_carries_is_lost() {
     assert_eq!(of("Margin"), (3, None, 0, [0.0, 0.0, 0.0]));
     assert_eq!(of("OffsetInForce"), (2, None, 0, [-5.0, 6.0, -7.0]));
     assert_eq!(of("MotorMapError"), (8, None, 0, [7.0, 0.0, 6.0]));
-    assert_eq!(
-        of("RobotError: OutOfRange"),
-        (1, Guideway, 0, [0.0, 0.5, 1.5])
-    );
+    assert_eq!(of("RobotError: OutOfRange"), (1, Guideway, 0, [0.0, 0.5, 1.5]));
     assert_eq!(of("NotTau"), (4, None, 0, [0.125, 0.0, 0.0]));
-    assert_eq!(
-        of("KinematicsError: OutOfRange"),
-        (1, None, 0, [3.0, 1.0, 2.0])
-    );
+    assert_eq!(of("KinematicsError: OutOfRange"), (1, None, 0, [3.0, 1.0, 2.0]));
     assert_eq!(of("NotConverged"), (-1, None, 10, [0.5, 0.0, 0.0]));
-    assert_eq!(
-        of("SensorError: OutOfRange"),
-        (-1, Cycle, 0, [0.0, 1e-6, 10.0])
-    );
-    assert_eq!(
-        of("CrossingError: OutOfRange"),
-        (-1, None, 0, [0.0, -9.0, 9.0])
-    );
+    assert_eq!(of("SensorError: OutOfRange"), (-1, Cycle, 0, [0.0, 1e-6, 10.0]));
+    assert_eq!(of("CrossingError: OutOfRange"), (-1, None, 0, [0.0, -9.0, 9.0]));
 }
 
 #[test]
@@ -204,9 +175,6 @@ fn every_parameter_of_a_sensor_is_known() {
         let mut config = good;
         spoil(&mut config);
         let error = gt_error::from(ForceSensor::new(config).unwrap_err());
-        assert_eq!(
-            (error.code, error.parameter),
-            (gt_code::SensorOutOfRange, parameter)
-        );
+        assert_eq!((error.code, error.parameter), (gt_code::SensorOutOfRange, parameter));
     }
 }

@@ -4,13 +4,9 @@ use gantry_tau_core::control::axis::{InForce, Offsets};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::control::message::{AxisLimits, Capabilities};
-use gantry_tau_core::control::session::config::{
-    AxisConfig, Config, ConfigError, MissBudget, Parameters, Travel,
-};
+use gantry_tau_core::control::session::config::{AxisConfig, Config, ConfigError, MissBudget, Parameters, Travel};
 use gantry_tau_core::control::session::{Session, Start};
-use gantry_tau_core::units::{
-    Epoch, EpochRange, OffsetNm, PositionNm, TorquePermille, VelocityUmS,
-};
+use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, PositionNm, TorquePermille, VelocityUmS};
 
 use super::{GT_BLACK_BOX_NONE, GT_BLACK_BOX_TICKS, GT_MAX_AXES, GT_MAX_MOTORS};
 use crate::code::gt_code;
@@ -132,20 +128,10 @@ pub(super) fn first<T: Copy, U, const M: usize, const N: usize>(
 
 impl gt_limits {
     /// Limits of a channel that stays at zero.
-    const DISABLED: Self = Self {
-        max: 0,
-        step: 1,
-        accel: 2,
-        ramp: 1,
-    };
+    const DISABLED: Self = Self { max: 0, step: 1, accel: 2, ramp: 1 };
 
     fn checked<U>(self, axis: usize, channel: gt_parameter) -> Reply<Limits<U>> {
-        let values = LimitValues {
-            max: self.max,
-            step: self.step,
-            accel: self.accel,
-            ramp: self.ramp,
-        };
+        let values = LimitValues { max: self.max, step: self.step, accel: self.accel, ramp: self.ramp };
         Limits::new(values).map_err(|error| gt_error::from(error).at(axis).of(channel))
     }
 }
@@ -153,12 +139,7 @@ impl gt_limits {
 impl gt_axis_config {
     /// Position offsets of the thesis; an axis without travel.
     const THESIS: Self = Self {
-        position: gt_limits {
-            max: 2_000_000,
-            step: 5_000,
-            accel: 10_000,
-            ramp: 100,
-        },
+        position: gt_limits { max: 2_000_000, step: 5_000, accel: 10_000, ramp: 100 },
         velocity: gt_limits::DISABLED,
         torque: gt_limits::DISABLED,
         nominal_lower_nm: 0,
@@ -177,10 +158,7 @@ impl gt_axis_config {
     };
 
     fn checked(&self, axis: usize) -> Reply<AxisConfig> {
-        let travel = |lower, upper| Travel {
-            lower: PositionNm(lower),
-            upper: PositionNm(upper),
-        };
+        let travel = |lower, upper| Travel { lower: PositionNm(lower), upper: PositionNm(upper) };
         Ok(AxisConfig {
             limits: AxisLimits {
                 position: self.position.checked(axis, gt_parameter::Position)?,
@@ -238,10 +216,8 @@ impl gt_server_config {
         for (index, (place, axis)) in axes.iter_mut().zip(&self.axis).enumerate() {
             *place = axis.checked(index)?;
         }
-        let budget = (self.budget_window > 0).then_some(MissBudget {
-            window: self.budget_window,
-            allowed: self.budget_allowed,
-        });
+        let budget =
+            (self.budget_window > 0).then_some(MissBudget { window: self.budget_window, allowed: self.budget_allowed });
         let config = Config::new(Parameters {
             cycle_us: self.cycle_us,
             echo_window: self.echo_window,
@@ -280,38 +256,25 @@ impl From<gt_offsets> for Offsets {
 
 impl From<Offsets> for gt_offsets {
     fn from(offsets: Offsets) -> Self {
-        Self {
-            position_nm: offsets.position.0,
-            velocity_um_s: offsets.velocity.0,
-            torque_permille: offsets.torque.0,
-        }
+        Self { position_nm: offsets.position.0, velocity_um_s: offsets.velocity.0, torque_permille: offsets.torque.0 }
     }
 }
 
 impl From<gt_in_force> for InForce {
     fn from(in_force: gt_in_force) -> Self {
-        Self {
-            nominal: PositionNm(in_force.nominal_nm),
-            offsets: in_force.offsets.into(),
-        }
+        Self { nominal: PositionNm(in_force.nominal_nm), offsets: in_force.offsets.into() }
     }
 }
 
 impl gt_start {
     /// Returns the session that starts there.
     pub(super) fn session<const N: usize>(&self, config: Config<N>) -> Reply<Session<N>> {
-        let start = Start {
-            in_force: in_force(&self.in_force),
-            stop_latched: self.stop_latched != 0,
-        };
+        let start = Start { in_force: in_force(&self.in_force), stop_latched: self.stop_latched != 0 };
         Ok(Session::new(config, &start)?)
     }
 
     pub(super) const fn epochs(&self) -> EpochRange {
-        EpochRange {
-            first: Epoch(self.first_epoch),
-            last: Epoch(self.last_epoch),
-        }
+        EpochRange { first: Epoch(self.first_epoch), last: Epoch(self.last_epoch) }
     }
 }
 

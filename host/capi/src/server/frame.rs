@@ -25,10 +25,6 @@ impl gt_frame {
         for (to, from) in bytes.iter_mut().zip(frame) {
             *to = *from;
         }
-        Self {
-            connection: connection.0,
-            length: u32::try_from(frame.len()).unwrap_or(0),
-            bytes,
-        }
+        Self { connection: connection.0, length: u32::try_from(frame.len()).unwrap_or(0), bytes }
     }
 }

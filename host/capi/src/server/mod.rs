@@ -13,10 +13,9 @@ use gantry_tau_core::units::{Epoch, EpochRange};
 pub use config::{gt_axis_config, gt_in_force, gt_limits, gt_offsets, gt_server_config, gt_start};
 pub use frame::{GT_MAX_FRAME, gt_frame};
 pub use tick::{
-    GT_FLAG_NOMINAL_STEP, GT_FLAG_POSITION_LIMITED, GT_FLAG_TORQUE_LIMITED, GT_FLAG_TRAVEL,
-    GT_FLAG_VELOCITY_LIMITED, GT_PRESSED, GT_RELEASED, GT_WRITE_ACCEPTED, GT_WRITE_REFUSED,
-    GT_WRITE_UNKNOWN, gt_actual, gt_axis_state, gt_cause, gt_counters, gt_phase, gt_reference,
-    gt_state, gt_tick_input, gt_tick_output,
+    GT_FLAG_NOMINAL_STEP, GT_FLAG_POSITION_LIMITED, GT_FLAG_TORQUE_LIMITED, GT_FLAG_TRAVEL, GT_FLAG_VELOCITY_LIMITED,
+    GT_PRESSED, GT_RELEASED, GT_WRITE_ACCEPTED, GT_WRITE_REFUSED, GT_WRITE_UNKNOWN, gt_actual, gt_axis_state, gt_cause,
+    gt_counters, gt_phase, gt_reference, gt_state, gt_tick_input, gt_tick_output,
 };
 
 use running::{HALF, NONE, Running, full_refusal};
@@ -24,9 +23,7 @@ use running::{HALF, NONE, Running, full_refusal};
 use crate::black_box::gt_black_box;
 use crate::code::gt_code;
 use crate::error::{count, gt_error};
-use crate::memory::{
-    Object, Reply, buffer, bytes, object_mut, place, read, reply, settle_in_parts, size_of, tag_of,
-};
+use crate::memory::{Object, Reply, buffer, bytes, object_mut, place, read, reply, settle_in_parts, size_of, tag_of};
 
 /// Length of arrays per axis.
 pub const GT_MAX_AXES: usize = 6;
@@ -91,10 +88,7 @@ macro_rules! ask {
 ///
 /// Errors: GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_CONFIG_AXES.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_server_config_thesis(
-    config: *mut gt_server_config,
-    axes: u32,
-) -> gt_code {
+pub unsafe extern "C" fn gt_server_config_thesis(config: *mut gt_server_config, axes: u32) -> gt_code {
     let fill = || {
         // SAFETY: the header's rules for pointers.
         let place = unsafe { place(config) }?;
@@ -199,11 +193,7 @@ unsafe fn begin<const N: usize, const TICKS: usize>(
 ///
 /// Errors: GT_CODE_TRANSPORT; GT_CODE_FULL: GT_MAX_CONNECTIONS are open, send gt_server_refusal and close.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_server_open(
-    server: *mut gt_server,
-    transport: u32,
-    connection: *mut u64,
-) -> gt_code {
+pub unsafe extern "C" fn gt_server_open(server: *mut gt_server, transport: u32, connection: *mut u64) -> gt_code {
     let open = || {
         // SAFETY: the header's rules for pointers.
         let connection = unsafe { place(connection) }?;
@@ -271,10 +261,7 @@ pub unsafe extern "C" fn gt_server_feed(
 /// Lock-step: `answered` receives 1 if the coming tick has what it waits for (a Command that answers the last State, or an event
 /// of the owner that ends the session), else 0.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_server_owner_has_answered(
-    server: *mut gt_server,
-    answered: *mut u8,
-) -> gt_code {
+pub unsafe extern "C" fn gt_server_owner_has_answered(server: *mut gt_server, answered: *mut u8) -> gt_code {
     let look = || {
         // SAFETY: the header's rules for pointers.
         let answered = unsafe { place(answered) }?;
@@ -287,15 +274,8 @@ pub unsafe extern "C" fn gt_server_owner_has_answered(
 
 /// Replaces the epochs that may be granted: a further range, reserved in storage. An epoch is never granted twice.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_server_set_epochs(
-    server: *mut gt_server,
-    first: u64,
-    last: u64,
-) -> gt_code {
-    let epochs = EpochRange {
-        first: Epoch(first),
-        last: Epoch(last),
-    };
+pub unsafe extern "C" fn gt_server_set_epochs(server: *mut gt_server, first: u64, last: u64) -> gt_code {
+    let epochs = EpochRange { first: Epoch(first), last: Epoch(last) };
     let set = || {
         ask!(server, server => server.set_epochs(epochs));
         Ok(())
@@ -332,10 +312,7 @@ pub unsafe extern "C" fn gt_server_tick(
 ///
 /// Errors: GT_CODE_DONE after the last one.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_server_poll_transmit(
-    server: *mut gt_server,
-    frame: *mut gt_frame,
-) -> gt_code {
+pub unsafe extern "C" fn gt_server_poll_transmit(server: *mut gt_server, frame: *mut gt_frame) -> gt_code {
     let poll = || {
         // SAFETY: the header's rules for pointers.
         let place = unsafe { place(frame) }?;
@@ -352,10 +329,7 @@ pub unsafe extern "C" fn gt_server_poll_transmit(
 ///
 /// Errors: GT_CODE_DONE after the last one.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_server_poll_close(
-    server: *mut gt_server,
-    connection: *mut u64,
-) -> gt_code {
+pub unsafe extern "C" fn gt_server_poll_close(server: *mut gt_server, connection: *mut u64) -> gt_code {
     let poll = || {
         // SAFETY: the header's rules for pointers.
         let place = unsafe { place(connection) }?;
@@ -369,10 +343,7 @@ pub unsafe extern "C" fn gt_server_poll_close(
 
 /// Returns the contents of the black box. Without one: 0 ticks, never frozen.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_server_black_box(
-    server: *mut gt_server,
-    black_box: *mut gt_black_box,
-) -> gt_code {
+pub unsafe extern "C" fn gt_server_black_box(server: *mut gt_server, black_box: *mut gt_black_box) -> gt_code {
     let look = || {
         // SAFETY: the header's rules for pointers.
         let place = unsafe { place(black_box) }?;

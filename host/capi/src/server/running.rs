@@ -8,24 +8,18 @@ use super::config::{gt_server_config, gt_start};
 use super::frame::gt_frame;
 use super::tick::{gt_tick_input, gt_tick_output};
 use super::{
-    GT_BLACK_BOX_NONE, GT_BLACK_BOX_TICKS, GT_MAX_MOTORS, GT_SERVER_SIZE_3,
-    GT_SERVER_SIZE_3_BLACK_BOX, GT_SERVER_SIZE_6, GT_SERVER_SIZE_6_BLACK_BOX, gt_server,
+    GT_BLACK_BOX_NONE, GT_BLACK_BOX_TICKS, GT_MAX_MOTORS, GT_SERVER_SIZE_3, GT_SERVER_SIZE_3_BLACK_BOX,
+    GT_SERVER_SIZE_6, GT_SERVER_SIZE_6_BLACK_BOX, gt_server,
 };
 use crate::black_box::{gt_black_box, look, write_part};
 use crate::code::gt_code;
 use crate::memory::{Object, Reply, tag};
 
 /// Ticks before and after an end that a black box keeps.
-#[expect(
-    clippy::as_conversions,
-    reason = "u32 to usize is lossless where this runs; `From` is not const"
-)]
+#[expect(clippy::as_conversions, reason = "u32 to usize is lossless where this runs; `From` is not const")]
 pub(super) const HALF: usize = GT_BLACK_BOX_TICKS as usize;
 /// The same without a black box.
-#[expect(
-    clippy::as_conversions,
-    reason = "u32 to usize is lossless where this runs; `From` is not const"
-)]
+#[expect(clippy::as_conversions, reason = "u32 to usize is lossless where this runs; `From` is not const")]
 pub(super) const NONE: usize = GT_BLACK_BOX_NONE as usize;
 
 /// Core's endpoint, and its black box.
@@ -70,12 +64,7 @@ impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
     /// `place` is one for a server.
     #[inline(always)]
     pub(super) unsafe fn write(parts: Parts<N>, place: *mut Self) {
-        let Parts {
-            session,
-            epochs,
-            motor_map,
-            motors,
-        } = parts;
+        let Parts { session, epochs, motor_map, motors } = parts;
         // SAFETY: the caller's promise; these are all fields.
         unsafe {
             (&raw mut (*place).endpoint).write(Endpoint::new(session, motor_map, epochs));
@@ -119,11 +108,7 @@ impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
         let input = input.to_core()?;
         let references = self.endpoint.tick_recorded(&input, &mut self.black_box);
         let output = self.endpoint.output().ok_or(gt_code::NoObject)?;
-        Ok(gt_tick_output::new(
-            references.as_ref(),
-            output,
-            self.motors,
-        ))
+        Ok(gt_tick_output::new(references.as_ref(), output, self.motors))
     }
 
     pub(super) fn poll_transmit(&mut self) -> Option<gt_frame> {
@@ -154,7 +139,4 @@ pub(super) fn full_refusal() -> gt_frame {
     gt_frame::new(Connection(u64::MAX), &refusal)
 }
 
-const _: () = assert!(
-    CONNECTIONS < 255,
-    "a connection is never the number that stands for none"
-);
+const _: () = assert!(CONNECTIONS < 255, "a connection is never the number that stands for none");

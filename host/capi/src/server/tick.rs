@@ -253,9 +253,7 @@ impl gt_tick_input {
     pub(super) fn to_core<const N: usize>(self) -> Reply<TickInput<N>> {
         let last_write = match self.last_write {
             GT_WRITE_ACCEPTED => LastWrite::Accepted,
-            GT_WRITE_REFUSED => LastWrite::Refused {
-                in_force: in_force(&self.in_force),
-            },
+            GT_WRITE_REFUSED => LastWrite::Refused { in_force: in_force(&self.in_force) },
             GT_WRITE_UNKNOWN => LastWrite::Unknown,
             _ => return Err(gt_code::TickInput.into()),
         };
@@ -280,11 +278,7 @@ impl gt_tick_output {
     ) -> Self {
         let small = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
         let mut places = [gt_reference::default(); GT_MAX_MOTORS];
-        for (to, from) in places
-            .iter_mut()
-            .zip(references.into_iter().flatten())
-            .take(motors)
-        {
+        for (to, from) in places.iter_mut().zip(references.into_iter().flatten()).take(motors) {
             *to = (*from).into();
         }
         Self {
@@ -313,11 +307,7 @@ impl From<gt_actual> for Actual {
 
 impl From<Actual> for gt_actual {
     fn from(actual: Actual) -> Self {
-        Self {
-            position_nm: actual.position.0,
-            velocity_um_s: actual.velocity.0,
-            torque_permille: actual.torque.0,
-        }
+        Self { position_nm: actual.position.0, velocity_um_s: actual.velocity.0, torque_permille: actual.torque.0 }
     }
 }
 
@@ -398,13 +388,7 @@ impl From<Counters> for gt_counters {
 
 impl From<AxisState> for gt_axis_state {
     fn from(axis: AxisState) -> Self {
-        let AxisState {
-            nominal,
-            offsets,
-            shadow,
-            actual,
-            flags,
-        } = axis;
+        let AxisState { nominal, offsets, shadow, actual, flags } = axis;
         Self {
             nominal_nm: nominal.0,
             offsets: offsets.into(),

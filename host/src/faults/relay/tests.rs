@@ -20,10 +20,7 @@ fn plan(script: &[(u64, Fault, Option<u32>)]) -> FaultPlan {
         fault,
         parameter,
     };
-    FaultPlan {
-        script: script.iter().map(entry).collect(),
-        ..FaultPlan::default()
-    }
+    FaultPlan { script: script.iter().map(entry).collect(), ..FaultPlan::default() }
 }
 
 fn relay(server: SocketAddr, transport: Transport, plan: FaultPlan) -> (Relay, Receiver<Ended>) {
@@ -46,12 +43,7 @@ fn streams(script: &[(u64, Fault, Option<u32>)]) -> Streams {
     for stream in [&client, &server] {
         stream.set_read_timeout(Some(DEADLINE)).unwrap();
     }
-    Streams {
-        relay,
-        ended,
-        client,
-        server,
-    }
+    Streams { relay, ended, client, server }
 }
 
 fn frame(epoch: u64) -> Vec<u8> {
@@ -70,22 +62,15 @@ fn all(mut stream: &TcpStream) -> Vec<u8> {
 }
 
 fn is_quiet(stream: &TcpStream) -> bool {
-    stream
-        .set_read_timeout(Some(Duration::from_millis(100)))
-        .unwrap();
+    stream.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
     let seen = stream.peek(&mut [0]);
     matches!(seen, Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut))
 }
 
 #[test]
 fn frames_are_found_however_they_are_cut() {
-    let Streams {
-        relay: _relay,
-        mut client,
-        server,
-        ended,
-        ..
-    } = streams(&[(2, Fault::Drop, None), (4, Fault::Duplicate, None)]);
+    let Streams { relay: _relay, mut client, server, ended, .. } =
+        streams(&[(2, Fault::Drop, None), (4, Fault::Duplicate, None)]);
     for piece in frames(1..=5).chunks(7) {
         client.write_all(piece).unwrap();
     }
@@ -97,10 +82,7 @@ fn frames_are_found_however_they_are_cut() {
     drop(server);
     assert_eq!(all(&client), b"not a frame");
     let ended = ended.recv_timeout(DEADLINE).unwrap();
-    assert_eq!(
-        (ended.peer, ended.up.frames, ended.down.frames),
-        (here, 5, 1)
-    );
+    assert_eq!((ended.peer, ended.up.frames, ended.down.frames), (here, 5, 1));
     let times = |fault| ended.up.acted[&fault].times;
     assert_eq!((times(Fault::Drop), times(Fault::Duplicate)), (1, 1));
     assert!(ended.down.acted.is_empty());
@@ -108,12 +90,7 @@ fn frames_are_found_however_they_are_cut() {
 
 #[test]
 fn what_is_delayed_comes_later_and_before_the_close() {
-    let Streams {
-        relay: _relay,
-        mut client,
-        server,
-        ..
-    } = streams(&[(2, Fault::Burst, Some(150))]);
+    let Streams { relay: _relay, mut client, server, .. } = streams(&[(2, Fault::Burst, Some(150))]);
     let since = Instant::now();
     client.write_all(&frames(1..=3)).unwrap();
     drop(client);
@@ -125,12 +102,7 @@ fn what_is_delayed_comes_later_and_before_the_close() {
 
 #[test]
 fn a_reset_is_a_reset_at_both_ends() {
-    let Streams {
-        relay: _relay,
-        mut client,
-        server,
-        ..
-    } = streams(&[(2, Fault::Reset, None)]);
+    let Streams { relay: _relay, mut client, server, .. } = streams(&[(2, Fault::Reset, None)]);
     client.write_all(&frames(1..=3)).unwrap();
     for stream in [&server, &client] {
         let mut stream = stream;
@@ -141,13 +113,7 @@ fn a_reset_is_a_reset_at_both_ends() {
 
 #[test]
 fn a_half_open_link_says_nothing_not_even_that_it_is_closed() {
-    let Streams {
-        relay: _relay,
-        mut client,
-        server,
-        ended,
-        ..
-    } = streams(&[(2, Fault::HalfOpen, None)]);
+    let Streams { relay: _relay, mut client, server, ended, .. } = streams(&[(2, Fault::HalfOpen, None)]);
     client.write_all(&frames(1..=3)).unwrap();
     let mut first = [0; 18];
     (&server).read_exact(&mut first).unwrap();
@@ -161,12 +127,7 @@ fn a_half_open_link_says_nothing_not_even_that_it_is_closed() {
 
 #[test]
 fn a_cut_cable_is_silent_both_ways_and_closes_with_the_relay() {
-    let Streams {
-        relay,
-        mut client,
-        mut server,
-        ..
-    } = streams(&[]);
+    let Streams { relay, mut client, mut server, .. } = streams(&[]);
     client.write_all(&frame(1)).unwrap();
     let mut first = [0; 18];
     server.read_exact(&mut first).unwrap();
@@ -185,15 +146,8 @@ fn a_cut_cable_is_silent_both_ways_and_closes_with_the_relay() {
 
 #[test]
 fn a_stalled_link_fills_its_senders_buffers() {
-    let Streams {
-        relay: _relay,
-        client,
-        server,
-        ..
-    } = streams(&[(1, Fault::Stall, Some(60_000))]);
-    client
-        .set_write_timeout(Some(Duration::from_millis(300)))
-        .unwrap();
+    let Streams { relay: _relay, client, server, .. } = streams(&[(1, Fault::Stall, Some(60_000))]);
+    client.set_write_timeout(Some(Duration::from_millis(300))).unwrap();
     let megabyte = vec![0; 1 << 20];
     let mut written = 0;
     let full = loop {
@@ -203,10 +157,7 @@ fn a_stalled_link_fills_its_senders_buffers() {
         }
         assert!(written < 1 << 28, "the relay reads on");
     };
-    assert!(matches!(
-        full.kind(),
-        ErrorKind::WouldBlock | ErrorKind::TimedOut
-    ));
+    assert!(matches!(full.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut));
     assert!(is_quiet(&server));
 }
 
@@ -218,10 +169,7 @@ fn a_server_that_is_not_there_is_a_closed_connection() {
     client.set_read_timeout(Some(DEADLINE)).unwrap();
     assert_eq!(all(&client), b"");
     let ended = ended.recv_timeout(DEADLINE).unwrap();
-    assert_eq!(
-        (ended.peer, ended.up.frames),
-        (client.local_addr().unwrap(), 0)
-    );
+    assert_eq!((ended.peer, ended.up.frames), (client.local_addr().unwrap(), 0));
 }
 
 fn socket() -> UdpSocket {
@@ -248,10 +196,7 @@ fn every_datagram_client_has_its_own_socket_and_its_own_faults() {
             client.send_to(name, relay.address).unwrap();
         }
         let (first, way) = next(&server);
-        assert_eq!(
-            (first, next(&server)),
-            (name.to_vec(), (name.to_vec(), way))
-        );
+        assert_eq!((first, next(&server)), (name.to_vec(), (name.to_vec(), way)));
         server.send_to(name, way).unwrap();
         assert_eq!(next(client), (name.to_vec(), relay.address));
         assert_eq!(next(client), (name.to_vec(), relay.address));
@@ -270,10 +215,7 @@ fn every_datagram_client_has_its_own_socket_and_its_own_faults() {
 #[test]
 fn a_reordered_datagram_comes_after_its_successors() {
     let server = socket();
-    let plan = plan(&[
-        (1, Fault::Reorder, Some(200)),
-        (3, Fault::Truncate, Some(0)),
-    ]);
+    let plan = plan(&[(1, Fault::Reorder, Some(200)), (3, Fault::Truncate, Some(0))]);
     let (relay, _ended) = relay(server.local_addr().unwrap(), Transport::Datagram, plan);
     let client = socket();
     for bytes in ["one", "two", "three"] {
@@ -304,12 +246,7 @@ fn clients_are_bounded() {
     let listener = TcpListener::bind(LOOPBACK).unwrap();
     let server = listener.local_addr().unwrap();
     let (relay, _ended) = relay(server, Transport::Stream, FaultPlan::default());
-    let connect = || {
-        (
-            TcpStream::connect(relay.address).unwrap(),
-            listener.accept().unwrap().0,
-        )
-    };
+    let connect = || (TcpStream::connect(relay.address).unwrap(), listener.accept().unwrap().0);
     let mut open: Vec<_> = (0..CLIENTS).map(|_| connect()).collect();
     let last = TcpStream::connect(relay.address).unwrap();
     (&last).write_all(&frame(1)).unwrap();

@@ -19,10 +19,7 @@ pub struct NotANetwork(String);
 impl fmt::Display for NotANetwork {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self(text) = self;
-        write!(
-            f,
-            "{text:?} is neither an address (192.168.1.5) nor a network (192.168.1.0/24)"
-        )
+        write!(f, "{text:?} is neither an address (192.168.1.5) nor a network (192.168.1.0/24)")
     }
 }
 
@@ -45,11 +42,7 @@ impl Allowed {
                 .or_else(|_| IpAddr::from_str(text).map(IpNet::from))
                 .map_err(|_| NotANetwork(text.clone()))
         };
-        networks
-            .iter()
-            .map(network)
-            .collect::<Result<_, _>>()
-            .map(Self)
+        networks.iter().map(network).collect::<Result<_, _>>().map(Self)
     }
 
     /// True if a peer is answered. IPv4 inside IPv6 counts as IPv4.

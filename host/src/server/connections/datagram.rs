@@ -31,11 +31,7 @@ impl Datagrams {
     pub(super) fn bind(address: SocketAddr, allowed: Allowed) -> io::Result<Self> {
         let socket = UdpSocket::bind(address)?;
         socket.set_nonblocking(true)?;
-        Ok(Self {
-            socket,
-            allowed,
-            peers: [const { None }; CONNECTIONS],
-        })
+        Ok(Self { socket, allowed, peers: [const { None }; CONNECTIONS] })
     }
 
     pub(super) fn address(&self) -> io::Result<SocketAddr> {
@@ -47,10 +43,7 @@ impl Datagrams {
     }
 
     /// Reads whole datagrams from all peers. Returns the number of frames of the owner in the coming tick.
-    pub(super) fn receive<const N: usize, const M: usize>(
-        &mut self,
-        endpoint: &mut Endpoint<N, M>,
-    ) -> u8 {
+    pub(super) fn receive<const N: usize, const M: usize>(&mut self, endpoint: &mut Endpoint<N, M>) -> u8 {
         // A datagram longer than any frame is cut, and then has the wrong length.
         let mut buffer = [0; MAX_FRAME + 1];
         for _ in 0..READS {
@@ -76,11 +69,7 @@ impl Datagrams {
         from: SocketAddr,
         bytes: &[u8],
     ) -> Option<Connection> {
-        let known = self
-            .peers
-            .iter()
-            .flatten()
-            .find(|peer| peer.address == from);
+        let known = self.peers.iter().flatten().find(|peer| peer.address == from);
         if let Some(peer) = known {
             return Some(peer.connection);
         }
@@ -90,10 +79,7 @@ impl Datagrams {
         let free = self.peers.iter_mut().find(|peer| peer.is_none());
         match (free, endpoint.open(Transport::Datagram)) {
             (Some(free), Ok(connection)) => {
-                *free = Some(Peer {
-                    connection,
-                    address: from,
-                });
+                *free = Some(Peer { connection, address: from });
                 Some(connection)
             }
             (None, Ok(connection)) => {
@@ -126,7 +112,6 @@ impl Datagrams {
 
 /// True if a datagram asks for a session.
 fn is_hello<const N: usize>(bytes: &[u8]) -> bool {
-    let hello =
-        |frame: Frame<'_>| matches!(decode_client::<N>(&frame), Ok(ClientMessage::Hello(_)));
+    let hello = |frame: Frame<'_>| matches!(decode_client::<N>(&frame), Ok(ClientMessage::Hello(_)));
     Frame::parse(bytes).is_ok_and(hello)
 }

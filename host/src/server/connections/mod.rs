@@ -30,11 +30,7 @@ pub struct Listen {
 /// TCP, for every peer.
 impl From<SocketAddr> for Listen {
     fn from(address: SocketAddr) -> Self {
-        Self {
-            address,
-            transport: Transport::Stream,
-            allowed: Allowed::all(),
-        }
+        Self { address, transport: Transport::Stream, allowed: Allowed::all() }
     }
 }
 
@@ -62,10 +58,7 @@ impl Connections {
     }
 
     /// Accepts new peers and reads from all. Returns the number of frames of the owner in the coming tick.
-    pub(super) fn receive<const N: usize, const M: usize>(
-        &mut self,
-        endpoint: &mut Endpoint<N, M>,
-    ) -> u8 {
+    pub(super) fn receive<const N: usize, const M: usize>(&mut self, endpoint: &mut Endpoint<N, M>) -> u8 {
         match self {
             Self::Streams(streams) => {
                 streams.accept(endpoint);
@@ -76,10 +69,7 @@ impl Connections {
     }
 
     /// As [`Self::receive`], of the owner alone as far as the transport can tell it apart.
-    pub(super) fn receive_owner<const N: usize, const M: usize>(
-        &mut self,
-        endpoint: &mut Endpoint<N, M>,
-    ) -> u8 {
+    pub(super) fn receive_owner<const N: usize, const M: usize>(&mut self, endpoint: &mut Endpoint<N, M>) -> u8 {
         let Some(owner) = endpoint.session().owner() else {
             return 0;
         };

@@ -35,11 +35,7 @@ impl Streams {
     pub(super) fn bind(address: SocketAddr, allowed: Allowed) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
-        Ok(Self {
-            listener,
-            allowed,
-            peers: [const { None }; CONNECTIONS],
-        })
+        Ok(Self { listener, allowed, peers: [const { None }; CONNECTIONS] })
     }
 
     pub(super) fn address(&self) -> io::Result<SocketAddr> {
@@ -62,11 +58,7 @@ impl Streams {
             let free = self.peers.iter_mut().find(|peer| peer.is_none());
             match (free, endpoint.open(Transport::Stream)) {
                 (Some(free), Ok(connection)) => {
-                    *free = Some(Peer {
-                        connection,
-                        stream,
-                        gone: false,
-                    });
+                    *free = Some(Peer { connection, stream, gone: false });
                 }
                 (None, Ok(connection)) => endpoint.close(connection),
                 (_, Err(_)) => {
@@ -123,10 +115,7 @@ impl Streams {
     }
 
     fn find(&mut self, connection: Connection) -> Option<&mut Peer> {
-        self.peers
-            .iter_mut()
-            .flatten()
-            .find(|peer| peer.connection == connection)
+        self.peers.iter_mut().flatten().find(|peer| peer.connection == connection)
     }
 }
 

@@ -5,14 +5,11 @@ use gantry_tau_core::control::channel::{Channel, LimitValues, Limits};
 use gantry_tau_core::control::message::{
     AxisLimits, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
 };
-use gantry_tau_core::control::session::config::{
-    AxisConfig, Config, MissBudget, Parameters, Travel,
-};
+use gantry_tau_core::control::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
 use gantry_tau_core::control::session::{Connection, Event, LastWrite, Session, TickInput};
 use gantry_tau_core::control::wire::{ContentError, FrameError};
 use gantry_tau_core::units::{
-    ChannelUnit, Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille,
-    VelocityUmS,
+    ChannelUnit, Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
 use gantry_tau_core::verification::control::{
     Action, Axis, AxisChannels, AxisCommand, FsmInput, FsmState, Internals, Parts, Rules,
@@ -27,13 +24,7 @@ fn number() -> impl Strategy<Value = u64> {
 
 /// Limits from M, S, A and rho.
 pub(crate) fn checked<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
-    Limits::new(LimitValues {
-        max,
-        step,
-        accel,
-        ramp,
-    })
-    .unwrap()
+    Limits::new(LimitValues { max, step, accel, ramp }).unwrap()
 }
 
 pub(crate) fn limits<U: std::fmt::Debug>() -> impl Strategy<Value = Limits<U>> {
@@ -53,36 +44,23 @@ fn limits_up_to<U: std::fmt::Debug>(max: i32) -> impl Strategy<Value = Limits<U>
 }
 
 /// Any channel that is valid under the limits.
-pub(crate) fn channel<U: ChannelUnit + std::fmt::Debug>(
-    limits: Limits<U>,
-) -> impl Strategy<Value = Channel<U>> {
+pub(crate) fn channel<U: ChannelUnit + std::fmt::Debug>(limits: Limits<U>) -> impl Strategy<Value = Channel<U>> {
     let (max, step) = (limits.max(), limits.step());
-    (-max..=max, -step..=step).prop_map(move |(value, change)| {
-        Channel::from_parts(U::saturating_from(value), change, &limits).unwrap()
-    })
+    (-max..=max, -step..=step)
+        .prop_map(move |(value, change)| Channel::from_parts(U::saturating_from(value), change, &limits).unwrap())
 }
 
 pub(crate) fn axis_limits() -> impl Strategy<Value = AxisLimits> {
-    (limits(), limits(), limits_up_to(i32::from(i16::MAX))).prop_map(
-        |(position, velocity, torque)| AxisLimits {
-            position,
-            velocity,
-            torque,
-        },
-    )
-}
-
-pub(crate) fn axis_channels(limits: AxisLimits) -> impl Strategy<Value = AxisChannels> {
-    let parts = (
-        channel(limits.position),
-        channel(limits.velocity),
-        channel(limits.torque),
-    );
-    parts.prop_map(|(position, velocity, torque)| AxisChannels {
+    (limits(), limits(), limits_up_to(i32::from(i16::MAX))).prop_map(|(position, velocity, torque)| AxisLimits {
         position,
         velocity,
         torque,
     })
+}
+
+pub(crate) fn axis_channels(limits: AxisLimits) -> impl Strategy<Value = AxisChannels> {
+    let parts = (channel(limits.position), channel(limits.velocity), channel(limits.torque));
+    parts.prop_map(|(position, velocity, torque)| AxisChannels { position, velocity, torque })
 }
 
 pub(crate) fn axis_config() -> impl Strategy<Value = AxisConfig> {
@@ -95,29 +73,19 @@ pub(crate) fn axis_config() -> impl Strategy<Value = AxisConfig> {
 }
 
 pub(crate) fn budget() -> impl Strategy<Value = Option<MissBudget>> {
-    proptest::option::of(
-        (1..=128_u8, 0..20_u8).prop_map(|(window, allowed)| MissBudget { window, allowed }),
-    )
+    proptest::option::of((1..=128_u8, 0..20_u8).prop_map(|(window, allowed)| MissBudget { window, allowed }))
 }
 
 pub(crate) fn config<const N: usize>() -> impl Strategy<Value = Config<N>> {
     let axes = proptest::array::uniform::<_, N>(axis_config());
     (axes, budget(), 0..3_u8, 1..20_u32).prop_map(|(axes, budget, echo_window, handshake_ticks)| {
-        let parameters = Parameters {
-            budget,
-            echo_window,
-            handshake_ticks,
-            ..Parameters::thesis(axes)
-        };
+        let parameters = Parameters { budget, echo_window, handshake_ticks, ..Parameters::thesis(axes) };
         Config::new(parameters).unwrap()
     })
 }
 
 pub(crate) fn rules() -> impl Strategy<Value = Rules> {
-    (1..20_u32, budget()).prop_map(|(handshake_ticks, budget)| Rules {
-        handshake_ticks,
-        budget,
-    })
+    (1..20_u32, budget()).prop_map(|(handshake_ticks, budget)| Rules { handshake_ticks, budget })
 }
 
 pub(crate) fn connection() -> impl Strategy<Value = Connection> {
@@ -128,36 +96,25 @@ pub(crate) fn connection() -> impl Strategy<Value = Connection> {
 pub(crate) fn discrete(handshake_ticks: u32) -> impl Strategy<Value = FsmState> {
     let numbers = (number(), number(), number());
     let rest = (any::<u128>(), 0..handshake_ticks, any::<bool>());
-    (
-        select(Phase::ALL),
-        connection(),
-        any::<bool>(),
-        numbers,
-        rest,
+    (select(Phase::ALL), connection(), any::<bool>(), numbers, rest).prop_map(
+        |(phase, connection, owned, (epoch, accepted, tick), (history, waited, released))| {
+            let running = matches!(phase, Phase::Submit | Phase::Obtain);
+            let live = running || phase == Phase::Handshake;
+            let owned = (owned || live) && phase != Phase::Listening;
+            let history = if phase == Phase::Handshake { 0 } else { history };
+            FsmState {
+                phase,
+                owner: owned.then_some(connection),
+                epoch: Epoch(epoch),
+                accepted: Sequence(accepted),
+                tick: Tick(tick),
+                misses: u8::from(running && history & 1 == 1),
+                history,
+                waited: if phase == Phase::Handshake { waited } else { 0 },
+                rearm_released: released && phase == Phase::Fault,
+            }
+        },
     )
-        .prop_map(
-            |(phase, connection, owned, (epoch, accepted, tick), (history, waited, released))| {
-                let running = matches!(phase, Phase::Submit | Phase::Obtain);
-                let live = running || phase == Phase::Handshake;
-                let owned = (owned || live) && phase != Phase::Listening;
-                let history = if phase == Phase::Handshake {
-                    0
-                } else {
-                    history
-                };
-                FsmState {
-                    phase,
-                    owner: owned.then_some(connection),
-                    epoch: Epoch(epoch),
-                    accepted: Sequence(accepted),
-                    tick: Tick(tick),
-                    misses: u8::from(running && history & 1 == 1),
-                    history,
-                    waited: if phase == Phase::Handshake { waited } else { 0 },
-                    rearm_released: released && phase == Phase::Fault,
-                }
-            },
-        )
 }
 
 pub(crate) fn mode() -> impl Strategy<Value = Mode> {
@@ -174,19 +131,7 @@ pub(crate) fn fsm() -> impl Strategy<Value = FsmInput> {
     (ends, command, hello, skipped, any::<bool>(), any::<bool>()).prop_map(
         |(ends, command, hello, skipped, rearm, all_zero)| {
             let (stop, nominal_fault, framing, flood, closed, goodbye) = ends;
-            FsmInput {
-                stop,
-                rearm,
-                nominal_fault,
-                framing,
-                flood,
-                closed,
-                goodbye,
-                command,
-                hello,
-                skipped,
-                all_zero,
-            }
+            FsmInput { stop, rearm, nominal_fault, framing, flood, closed, goodbye, command, hello, skipped, all_zero }
         },
     )
 }
@@ -203,22 +148,18 @@ pub(crate) fn offsets() -> impl Strategy<Value = Offsets> {
 
 pub(crate) fn command<const N: usize>() -> impl Strategy<Value = Command<N>> {
     let targets = proptest::array::uniform::<_, N>(offsets());
-    (number(), number(), number(), mode(), targets).prop_map(
-        |(epoch, sequence, echo, mode, targets)| Command {
-            epoch: Epoch(epoch),
-            sequence: Sequence(sequence),
-            echo: Tick(echo),
-            mode,
-            targets,
-        },
-    )
+    (number(), number(), number(), mode(), targets).prop_map(|(epoch, sequence, echo, mode, targets)| Command {
+        epoch: Epoch(epoch),
+        sequence: Sequence(sequence),
+        echo: Tick(echo),
+        mode,
+        targets,
+    })
 }
 
 pub(crate) fn event<const N: usize>() -> impl Strategy<Value = Event<N>> {
-    let hello = (any::<u8>(), any::<u16>()).prop_map(|(axes, bits)| Hello {
-        axes: if axes < 200 { 3 } else { axes },
-        capabilities: Capabilities(bits),
-    });
+    let hello = (any::<u8>(), any::<u16>())
+        .prop_map(|(axes, bits)| Hello { axes: if axes < 200 { 3 } else { axes }, capabilities: Capabilities(bits) });
     prop_oneof![
         6 => command().prop_map(|command| Event::Message(ClientMessage::Command(command))),
         2 => hello.prop_map(|hello| Event::Message(ClientMessage::Hello(hello))),
@@ -238,36 +179,20 @@ pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
         let discrete = discrete(config.parameters().handshake_ticks);
         let axes = config.parameters().axes.map(|axis| {
             let nominal = (-2_000..2_000_i64).prop_map(PositionNm);
-            (
-                axis_channels(axis.limits),
-                axis_channels(axis.limits),
-                nominal,
-            )
+            (axis_channels(axis.limits), axis_channels(axis.limits), nominal)
         });
         let flags = (any::<bool>(), prop::bool::weighted(0.2));
         (discrete, Vec::from(axes), flags).prop_map(move |(discrete, axes, (late, withheld))| {
-            let resting = matches!(
-                discrete.phase,
-                Phase::Listening | Phase::Handshake | Phase::Submit
-            );
+            let resting = matches!(discrete.phase, Phase::Listening | Phase::Handshake | Phase::Submit);
             let mut axes = axes.into_iter().map(|(channels, shadow, nominal)| Axis {
-                channels: if resting {
-                    AxisChannels::ZERO
-                } else {
-                    channels
-                },
-                shadow: if discrete.phase == Phase::Submit {
-                    shadow
-                } else {
-                    AxisChannels::ZERO
-                },
+                channels: if resting { AxisChannels::ZERO } else { channels },
+                shadow: if discrete.phase == Phase::Submit { shadow } else { AxisChannels::ZERO },
                 nominal,
             });
             let parts = Parts {
                 discrete,
                 axes: std::array::from_fn(|_| axes.next().unwrap()),
-                withheld: withheld
-                    && matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault),
+                withheld: withheld && matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault),
                 cause: Cause::None,
                 late,
                 counters: Counters::default(),
@@ -279,10 +204,7 @@ pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
 
 pub(crate) fn in_force() -> impl Strategy<Value = InForce> {
     let at_zero = prop_oneof![Just(Offsets::ZERO), offsets()];
-    (-2_000..2_000_i64, at_zero).prop_map(|(nominal, offsets)| InForce {
-        nominal: PositionNm(nominal),
-        offsets,
-    })
+    (-2_000..2_000_i64, at_zero).prop_map(|(nominal, offsets)| InForce { nominal: PositionNm(nominal), offsets })
 }
 
 pub(crate) fn last_write<const N: usize>() -> impl Strategy<Value = LastWrite<N>> {
@@ -295,10 +217,7 @@ pub(crate) fn last_write<const N: usize>() -> impl Strategy<Value = LastWrite<N>
 }
 
 pub(crate) fn epochs() -> impl Strategy<Value = EpochRange> {
-    (number(), number()).prop_map(|(first, last)| EpochRange {
-        first: Epoch(first),
-        last: Epoch(last),
-    })
+    (number(), number()).prop_map(|(first, last)| EpochRange { first: Epoch(first), last: Epoch(last) })
 }
 
 pub(crate) fn tick_input<const N: usize>() -> impl Strategy<Value = TickInput<N>> {
@@ -306,17 +225,15 @@ pub(crate) fn tick_input<const N: usize>() -> impl Strategy<Value = TickInput<N>
     let nominal = proptest::array::uniform::<_, N>(nominal);
     let elapsed = prop_oneof![8 => Just(1), 1 => 0..4_u32, 1 => any::<u32>()];
     let flags = (prop::bool::weighted(0.1), any::<bool>());
-    (nominal, elapsed, flags, last_write()).prop_map(
-        |(nominal, elapsed_cycles, (stop, rearm), last_write)| TickInput {
-            elapsed_cycles,
-            nominal,
-            actual: [Actual::ZERO; N],
-            stop,
-            rearm,
-            last_write,
-            arrival_us: 0,
-        },
-    )
+    (nominal, elapsed, flags, last_write()).prop_map(|(nominal, elapsed_cycles, (stop, rearm), last_write)| TickInput {
+        elapsed_cycles,
+        nominal,
+        actual: [Actual::ZERO; N],
+        stop,
+        rearm,
+        last_write,
+        arrival_us: 0,
+    })
 }
 
 pub(crate) fn reference() -> impl Strategy<Value = Reference> {
@@ -333,25 +250,13 @@ pub(crate) fn axis() -> impl Strategy<Value = (AxisConfig, Axis)> {
         let channels = (axis_channels(config.limits), axis_channels(config.limits));
         (channels, any::<i64>()).prop_map(move |((channels, shadow), nominal)| {
             let nominal = PositionNm(nominal);
-            (
-                config,
-                Axis {
-                    channels,
-                    shadow,
-                    nominal,
-                },
-            )
+            (config, Axis { channels, shadow, nominal })
         })
     })
 }
 
 fn action() -> impl Strategy<Value = Action> {
-    let all = [
-        Action::Hold,
-        Action::Follow,
-        Action::FollowZero,
-        Action::Ramp,
-    ];
+    let all = [Action::Hold, Action::Follow, Action::FollowZero, Action::Ramp];
     select(all.to_vec())
 }
 

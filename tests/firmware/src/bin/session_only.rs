@@ -11,8 +11,8 @@ use cortex_m_rt::entry;
 use gantry_tau_core::control::session::BlackBox;
 use gantry_tau_core::units::Epoch;
 use gantry_tau_core::{
-    Actual, AxisConfig, Config, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap,
-    Parameters, PositionNm, Session, Start, TickInput, Transport, Travel,
+    Actual, AxisConfig, Config, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap, Parameters, PositionNm,
+    Session, Start, TickInput, Transport, Travel,
 };
 
 /// The server, and storage for its black box.
@@ -31,22 +31,14 @@ struct Board {
 impl Board {
     /// A board at rest.
     fn new() -> Option<Self> {
-        let limits = Limits::new(LimitValues {
-            max: 2_000_000,
-            step: 5_000,
-            accel: 10_000,
-            ramp: 100,
-        });
+        let limits = Limits::new(LimitValues { max: 2_000_000, step: 5_000, accel: 10_000, ramp: 100 });
         let travel = Travel::around_zero(1_000_000_000);
         let axis = AxisConfig::position_only(limits.ok()?, travel, 2_000_000);
         let nominal = [PositionNm(0); 6];
         Some(Self {
             parameters: Parameters::thesis([axis; 6]),
             start: Start::at_rest(nominal),
-            epochs: EpochRange {
-                first: Epoch(1),
-                last: Epoch(4_096),
-            },
+            epochs: EpochRange { first: Epoch(1), last: Epoch(4_096) },
             tick: TickInput {
                 elapsed_cycles: 1,
                 nominal,
@@ -87,10 +79,7 @@ fn serve(board: &mut Board, server: &mut MaybeUninit<Server>) -> Option<()> {
     let config = Config::new(board.parameters).ok()?;
     let session = Session::new(config, &board.start).ok()?;
     let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).ok()?;
-    let (server, recorder) = server.write((
-        Endpoint::new(session, motors, board.epochs),
-        BlackBox::new(),
-    ));
+    let (server, recorder) = server.write((Endpoint::new(session, motors, board.epochs), BlackBox::new()));
     loop {
         let seen = black_box(&mut *board);
         if let Ok(connection) = server.open(seen.transport) {

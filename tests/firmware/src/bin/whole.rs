@@ -2,10 +2,7 @@
 //! (`firmware` also has what plays recordings.)
 #![no_std]
 #![no_main]
-#![allow(
-    dead_code,
-    reason = "the machine is that of the firmware, which uses all of it"
-)]
+#![allow(dead_code, reason = "the machine is that of the firmware, which uses all of it")]
 
 use core::hint::black_box;
 use core::mem::MaybeUninit;
@@ -45,10 +42,9 @@ fn panic(_: &PanicInfo<'_>) -> ! {
 
 #[entry]
 fn main() -> ! {
-    if let (Some(board), Some(machine)) = (
-        singleton!(: Board = BOARD),
-        singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()),
-    ) {
+    if let (Some(board), Some(machine)) =
+        (singleton!(: Board = BOARD), singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()))
+    {
         serve(board, machine);
     }
     loop {

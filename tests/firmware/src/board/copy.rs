@@ -113,9 +113,7 @@ global_asm!(
 pub(crate) fn is_exact() -> bool {
     // Behind a black box: the compiler shall call what is tried here.
     let mut lengths = (0..40).map(black_box);
-    lengths.all(|length| {
-        (0..4).all(|shift| bytes_are_copied(length, shift)) && words_are_copied_and_cleared(length)
-    })
+    lengths.all(|length| (0..4).all(|shift| bytes_are_copied(length, shift)) && words_are_copied_and_cleared(length))
 }
 
 fn bytes_are_copied(length: usize, shift: usize) -> bool {

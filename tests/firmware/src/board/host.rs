@@ -6,11 +6,7 @@ use cortex_m_semihosting::{debug, nr, syscall};
 
 /// Ends the emulator, with exit code 0 if all went well, else 1.
 pub(crate) fn exit(well: bool) -> ! {
-    let status = if well {
-        debug::EXIT_SUCCESS
-    } else {
-        debug::EXIT_FAILURE
-    };
+    let status = if well { debug::EXIT_SUCCESS } else { debug::EXIT_FAILURE };
     loop {
         debug::exit(status);
     }

@@ -42,8 +42,7 @@ impl ControlCycle {
     /// Builds both machines. Returns the checksum of the F1 with them.
     pub(crate) fn new() -> Result<(Self, u32), SetupError> {
         let (robot, springs) = robots::l2().map_err(|_| SetupError::Robot)?;
-        let kinematics =
-            l2::Kinematics::new(&robot, &Matrix3::identity()).map_err(|_| SetupError::Robot)?;
+        let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity()).map_err(|_| SetupError::Robot)?;
         let (f1, checksum) = F1::new()?;
         let cycle = Self {
             sensor: ForceSensor::new(robots::sensor()).map_err(|_| SetupError::Compensation)?,

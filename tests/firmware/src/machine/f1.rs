@@ -52,11 +52,7 @@ impl F1 {
     }
 
     /// Runs one cycle. Its parts are not inlined, so that their stack use does not add up.
-    pub(crate) fn cycle(
-        &mut self,
-        pose: &Pose6,
-        load: &Wrench,
-    ) -> Result<&F1Result, KinematicsError> {
+    pub(crate) fn cycle(&mut self, pose: &Pose6, load: &Wrench) -> Result<&F1Result, KinematicsError> {
         let is_warm = core::mem::take(&mut self.is_solved);
         self.find_positions(pose, is_warm)?;
         self.find_statics(load)?;
@@ -67,16 +63,11 @@ impl F1 {
 
     /// Solves the inverse kinematics, and tracks the pose of the solution.
     #[inline(never)]
-    fn find_positions(
-        &mut self,
-        [x, y, z, a, b, c]: &Pose6,
-        is_warm: bool,
-    ) -> Result<(), KinematicsError> {
+    fn find_positions(&mut self, [x, y, z, a, b, c]: &Pose6, is_warm: bool) -> Result<(), KinematicsError> {
         let (kinematics, result) = (self.compensator.machine().kinematics(), &mut self.result);
         let pose = Pose {
             position_m: Vector3::new(*x, *y, *z),
-            rotation: rotation_from_vector(&Vector3::new(*a, *b, *c))
-                .ok_or(KinematicsError::NotFinite)?,
+            rotation: rotation_from_vector(&Vector3::new(*a, *b, *c)).ok_or(KinematicsError::NotFinite)?,
         };
         let [.., q4, q5, q6] = result.q.value;
         result.q = kinematics.inverse(&pose, is_warm.then_some([q4, q5, q6]))?;

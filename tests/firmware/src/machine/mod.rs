@@ -11,9 +11,7 @@ use gantry_tau_core::control::axis::{Actual, Reference};
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap};
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::control::session::config::Config;
-use gantry_tau_core::control::session::{
-    BlackBox, Connection, LastWrite, Output, Session, Start, TickInput,
-};
+use gantry_tau_core::control::session::{BlackBox, Connection, LastWrite, Output, Session, Start, TickInput};
 use gantry_tau_core::units::{EpochRange, PositionNm};
 use serde::{Deserialize, Serialize};
 
@@ -138,22 +136,13 @@ pub(crate) struct Parts {
 
 impl Parts {
     /// Checks every constant. The axes are at `nominal` when the server starts.
-    pub(crate) fn new(
-        capabilities: Capabilities,
-        nominal: [PositionNm; AXES],
-    ) -> Result<Self, SetupError> {
+    pub(crate) fn new(capabilities: Capabilities, nominal: [PositionNm; AXES]) -> Result<Self, SetupError> {
         let (cycle, checksum) = ControlCycle::new()?;
         let parameters = robots::parameters(checksum, capabilities)?;
         let config = Config::new(parameters).map_err(|_| SetupError::Session)?;
-        let session =
-            Session::new(config, &Start::at_rest(nominal)).map_err(|_| SetupError::Session)?;
+        let session = Session::new(config, &Start::at_rest(nominal)).map_err(|_| SetupError::Session)?;
         let motors = MotorMap::new(AXIS_OF_MOTOR).map_err(|_| SetupError::Session)?;
-        Ok(Self {
-            session,
-            motors,
-            cycle,
-            nominal,
-        })
+        Ok(Self { session, motors, cycle, nominal })
     }
 }
 
@@ -185,11 +174,7 @@ impl Machine {
     /// Runs the float half of a cycle. After an error of the kinematics the nominal positions stay.
     // Not inlined, nor is the second half, so that their stack use does not add up.
     #[inline(never)]
-    pub(crate) fn compute(
-        &mut self,
-        input: &CycleInput,
-        meter: &mut impl Meter,
-    ) -> CycleResult<'_> {
+    pub(crate) fn compute(&mut self, input: &CycleInput, meter: &mut impl Meter) -> CycleResult<'_> {
         meter.begin();
         let result = self.cycle.run(input);
         let (nominal, actual) = (self.input.nominal, self.input.actual);

@@ -20,10 +20,7 @@ pub(crate) fn l2() -> Result<(l2::Robot, Compliances<{ l2::AXES }>), RobotError>
 
 /// The F1, its travel unchecked, and its springs.
 pub(crate) fn f1() -> Result<(f1::Robot, Compliances<AXES>), RobotError> {
-    let robot = f1::Robot::new(f1::Geometry {
-        travel: None,
-        ..presets::f1()
-    })?;
+    let robot = f1::Robot::new(f1::Geometry { travel: None, ..presets::f1() })?;
     Ok((robot, presets::f1_compliances()))
 }
 
@@ -40,41 +37,21 @@ pub(crate) fn sensor() -> SensorConfig {
 
 /// Compensation of either machine, given the length of one unit of each `q`, m.
 pub(super) fn compensation<const N: usize>(metres_per_q: [f64; N]) -> CompensatorConfig<N> {
-    CompensatorConfig {
-        gain: 1.0,
-        limits: [OffsetNm(4_000_000); N],
-        metres_per_q,
-    }
+    CompensatorConfig { gain: 1.0, limits: [OffsetNm(4_000_000); N], metres_per_q }
 }
 
 /// Server of the F1, with its limits of offsets. The travel is one for all axes, and wide enough for both machines.
-pub(crate) fn parameters(
-    kinematics_checksum: u32,
-    capabilities: Capabilities,
-) -> Result<Parameters<AXES>, SetupError> {
+pub(crate) fn parameters(kinematics_checksum: u32, capabilities: Capabilities) -> Result<Parameters<AXES>, SetupError> {
     let limits = AxisLimits {
         position: limits(4_000_000, 20_000, 40_000, 100)?,
         velocity: limits(5_000, 200, 400, 50)?,
         torque: limits(50, 5, 10, 1)?,
     };
-    let axis = AxisConfig::position_only(
-        limits.position,
-        Travel::around_zero(3_100_000_000),
-        2_000_000,
-    );
-    Ok(Parameters {
-        kinematics_checksum,
-        capabilities,
-        ..Parameters::thesis([AxisConfig { limits, ..axis }; AXES])
-    })
+    let axis = AxisConfig::position_only(limits.position, Travel::around_zero(3_100_000_000), 2_000_000);
+    Ok(Parameters { kinematics_checksum, capabilities, ..Parameters::thesis([AxisConfig { limits, ..axis }; AXES]) })
 }
 
 fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Result<Limits<U>, SetupError> {
-    let values = LimitValues {
-        max,
-        step,
-        accel,
-        ramp,
-    };
+    let values = LimitValues { max, step, accel, ramp };
     Limits::new(values).map_err(|_| SetupError::Limits)
 }

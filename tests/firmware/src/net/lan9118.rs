@@ -82,19 +82,14 @@ impl Lan9118 {
     /// # Errors
     /// [`LanError`].
     pub(crate) fn new(address: [u8; 6]) -> Result<Self, LanError> {
-        let mut lan = Self {
-            registers: Registers::of_board(),
-            received: [0; BUFFER],
-            to_send: [0; BUFFER],
-        };
+        let mut lan = Self { registers: Registers::of_board(), received: [0; BUFFER], to_send: [0; BUFFER] };
         lan.find()?;
         lan.reset()?;
         let [a, b, c, d, e, f] = address;
         lan.write_mac(mac::ADDRL, u32::from_le_bytes([a, b, c, d]))?;
         lan.write_mac(mac::ADDRH, u32::from_le_bytes([e, f, 0, 0]))?;
         lan.registers.write(Register::INT_EN, 0);
-        lan.registers
-            .write(Register::TX_CFG, TX_ON_AND_ALLOW_STATUS_OVERRUN);
+        lan.registers.write(Register::TX_CFG, TX_ON_AND_ALLOW_STATUS_OVERRUN);
         lan.write_mac(mac::CR, mac::RUN)?;
         Ok(lan)
     }
@@ -115,29 +110,22 @@ impl Lan9118 {
 
     fn reset(&mut self) -> Result<(), LanError> {
         self.registers.write(Register::HW_CFG, SOFT_RESET);
-        self.await_clear(Register::HW_CFG, SOFT_RESET)
-            .ok_or(LanError::Reset)?;
-        self.registers
-            .write(Register::HW_CFG, MUST_BE_ONE_AND_TX_5K);
+        self.await_clear(Register::HW_CFG, SOFT_RESET).ok_or(LanError::Reset)?;
+        self.registers.write(Register::HW_CFG, MUST_BE_ONE_AND_TX_5K);
         Ok(())
     }
 
     fn write_mac(&mut self, register: u32, value: u32) -> Result<(), LanError> {
         let stuck = LanError::Mac { register };
-        self.await_clear(Register::MAC_CSR_CMD, CSR_BUSY)
-            .ok_or(stuck)?;
+        self.await_clear(Register::MAC_CSR_CMD, CSR_BUSY).ok_or(stuck)?;
         self.registers.write(Register::MAC_CSR_DATA, value);
-        self.registers
-            .write(Register::MAC_CSR_CMD, CSR_BUSY | register);
-        self.await_clear(Register::MAC_CSR_CMD, CSR_BUSY)
-            .ok_or(stuck)
+        self.registers.write(Register::MAC_CSR_CMD, CSR_BUSY | register);
+        self.await_clear(Register::MAC_CSR_CMD, CSR_BUSY).ok_or(stuck)
     }
 
     /// Waits for a bit that clears itself.
     fn await_clear(&self, register: Register, bit: u32) -> Option<()> {
-        (0..PATIENCE)
-            .any(|_| self.registers.read(register) & bit == 0)
-            .then_some(())
+        (0..PATIENCE).any(|_| self.registers.read(register) & bit == 0).then_some(())
     }
 
     /// Takes the next frame out of the FIFOs into the buffer; its length without checksum. A frame with errors is taken and dropped.
@@ -221,18 +209,12 @@ impl Device for Lan9118 {
             return None;
         }
         let length = self.take()?;
-        let sending = TxToken {
-            registers: &mut self.registers,
-            buffer: &mut self.to_send,
-        };
+        let sending = TxToken { registers: &mut self.registers, buffer: &mut self.to_send };
         Some((RxToken(self.received.get(..length)?), sending))
     }
 
     fn transmit(&mut self, _now: Instant) -> Option<TxToken<'_>> {
-        self.has_room().then_some(TxToken {
-            registers: &mut self.registers,
-            buffer: &mut self.to_send,
-        })
+        self.has_room().then_some(TxToken { registers: &mut self.registers, buffer: &mut self.to_send })
     }
 
     fn capabilities(&self) -> DeviceCapabilities {

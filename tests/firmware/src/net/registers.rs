@@ -1,8 +1,6 @@
 //! The registers of the LAN9118, by name; the only volatile accesses of the driver.
 
-use core::ptr::{
-    read_volatile, with_exposed_provenance, with_exposed_provenance_mut, write_volatile,
-};
+use core::ptr::{read_volatile, with_exposed_provenance, with_exposed_provenance_mut, write_volatile};
 
 /// The processor's identity; the same place in every Cortex-M.
 const CPUID: usize = 0xe000_ed00;

@@ -18,10 +18,7 @@ pub(crate) fn seeds() -> Vec<Seed> {
         wrenches: vec![[0.0; 6]],
     };
     let push = [360.0, -50.0, 12.0, 3.0, -2.0, 1.0];
-    let pushed = |wrench: [f64; 6]| Loads {
-        wrenches: vec![[0.0; 6], push, wrench],
-        ..none.clone()
-    };
+    let pushed = |wrench: [f64; 6]| Loads { wrenches: vec![[0.0; 6], push, wrench], ..none.clone() };
     let mut no_moment = push;
     no_moment[3] = f64::NAN;
     seeds! {

@@ -40,9 +40,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
     let paths = entries.map(|entry| entry.unwrap().path());
     let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
-    paths
-        .map(|path| (name(&path), std::fs::read(&path).unwrap()))
-        .collect()
+    paths.map(|path| (name(&path), std::fs::read(&path).unwrap())).collect()
 }
 
 #[test]
@@ -75,10 +73,7 @@ fn every_seed_holds() {
     let with_corpus = std::env::var_os("GANTRY_TAU_REPLAY_CORPUS").is_some();
     for (target, run) in TARGETS {
         let found = with_corpus.then(|| files(&folder("corpus", target)));
-        for (name, bytes) in seeds_of(target)
-            .into_iter()
-            .chain(found.into_iter().flatten())
-        {
+        for (name, bytes) in seeds_of(target).into_iter().chain(found.into_iter().flatten()) {
             println!("{target}/{name}");
             run(&bytes);
         }

@@ -38,12 +38,7 @@ const FAR: i16 = i16::MAX;
 pub(crate) fn seeds() -> Vec<Seed> {
     let three = |three| Problem::Three(three);
     let six = |six| Problem::Six(six);
-    let anywhere = |place, turn, seed, q| Problem::Anywhere {
-        place,
-        turn,
-        seed,
-        q,
-    };
+    let anywhere = |place, turn, seed, q| Problem::Anywhere { place, turn, seed, q };
     let here = [0.0, 0.5, 0.65];
     seeds! {
         "three_at_home" => three(L2);

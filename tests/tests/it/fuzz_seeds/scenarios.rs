@@ -1,8 +1,6 @@
 //! Sequences with two clients, each a thing that the server must get right.
 
-use gantry_tau_proofs::scenario::{
-    Circumstances, ClientAction, Machine, Op, Peer, Rates, Scenario, Shares,
-};
+use gantry_tau_proofs::scenario::{Circumstances, ClientAction, Machine, Op, Peer, Rates, Scenario, Shares};
 
 use super::Seed;
 use super::bytes::{Put, fields, seeds, variants};
@@ -44,13 +42,7 @@ variants! { ClientAction, 9:
 const MACHINE: Machine = {
     const fn rates(max: u16, [ramp, step, accel]: [u8; 3]) -> Rates {
         let scale = 0;
-        Rates {
-            max,
-            ramp,
-            step,
-            accel,
-            scale,
-        }
+        Rates { max, ramp, step, accel, scale }
     }
     let off = rates(0, [0; 3]);
     let position = rates(3_000, [99, 200, 100]);
@@ -67,26 +59,11 @@ const MACHINE: Machine = {
 };
 
 const PUSH: Shares = [[90, 50, -50], [-40, 0, 0]];
-const HELLO: ClientAction = ClientAction::Hello {
-    axes: 0,
-    capabilities: 0,
-};
-const TICK: Circumstances = Circumstances {
-    elapsed: 1,
-    stop: false,
-    rearm: false,
-    jump: None,
-    epoch: 0,
-};
+const HELLO: ClientAction = ClientAction::Hello { axes: 0, capabilities: 0 };
+const TICK: Circumstances = Circumstances { elapsed: 1, stop: false, rearm: false, jump: None, epoch: 0 };
 
 fn command(ahead: i32, behind: i8) -> ClientAction {
-    ClientAction::Command {
-        epoch: 0,
-        ahead,
-        behind,
-        obtain: true,
-        targets: PUSH,
-    }
+    ClientAction::Command { epoch: 0, ahead, behind, obtain: true, targets: PUSH }
 }
 
 fn owner(action: ClientAction) -> Op {
@@ -94,38 +71,21 @@ fn owner(action: ClientAction) -> Op {
 }
 
 fn answers(obtain: bool, times: u8) -> Op {
-    Op::Answer {
-        obtain,
-        targets: PUSH,
-        times,
-    }
+    Op::Answer { obtain, targets: PUSH, times }
 }
 
 /// The first client is welcomed, submits, and obtains; then this.
 fn obtained(then: &[Op]) -> Vec<Op> {
-    let before = [
-        Op::Say(Peer::One, HELLO),
-        Op::Silence(1),
-        answers(false, 3),
-        answers(true, 20),
-    ];
+    let before = [Op::Say(Peer::One, HELLO), Op::Silence(1), answers(false, 3), answers(true, 20)];
     [&before, then].concat()
 }
 
 pub(crate) fn seeds() -> Vec<Seed> {
     let elapsed = |elapsed| Op::Tick(Circumstances { elapsed, ..TICK });
     let stop = Op::Tick(Circumstances { stop: true, ..TICK });
-    let rearm = Op::Tick(Circumstances {
-        rearm: true,
-        ..TICK
-    });
+    let rearm = Op::Tick(Circumstances { rearm: true, ..TICK });
     let silence = Op::Silence;
-    let scenario = |machine, ops| Scenario {
-        machine,
-        in_force: [[0; 3]; 2],
-        late_in_life: false,
-        ops,
-    };
+    let scenario = |machine, ops| Scenario { machine, in_force: [[0; 3]; 2], late_in_life: false, ops };
     let usual = |then: &[Op]| scenario(MACHINE, obtained(then));
     let other = |action| Op::Say(Peer::Other, action);
     seeds! {

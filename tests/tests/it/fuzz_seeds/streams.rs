@@ -3,8 +3,8 @@
 use gantry_tau_core::control::axis::{Actual, Offsets};
 use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::control::message::{
-    AxisLimits, AxisState, Capabilities, ClientMessage, Command, Counters, Hello, Mode, Phase,
-    Refusal, ServerMessage, State, Welcome,
+    AxisLimits, AxisState, Capabilities, ClientMessage, Command, Counters, Hello, Mode, Phase, Refusal, ServerMessage,
+    State, Welcome,
 };
 use gantry_tau_core::control::wire::{encode_client, encode_server};
 use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick};
@@ -16,10 +16,7 @@ const EPOCH: Epoch = Epoch(7);
 /// The worked example of `wire.md`, or the same for so many axes.
 fn command<const N: usize>(sequence: u64) -> Vec<u8> {
     let positions = [-100_000, 2_500, 0, 1, -1, i32::MAX];
-    let targets = std::array::from_fn(|axis| Offsets {
-        position: OffsetNm(positions[axis]),
-        ..Offsets::default()
-    });
+    let targets = std::array::from_fn(|axis| Offsets { position: OffsetNm(positions[axis]), ..Offsets::default() });
     let command = Command::<N> {
         epoch: EPOCH,
         sequence: Sequence(sequence),
@@ -36,11 +33,7 @@ fn client(message: &ClientMessage<3>) -> Vec<u8> {
 
 fn welcome<const N: usize>() -> Vec<u8> {
     let position = gantry_tau_tests::server_fixture::limits(100_000, 1_000, 2_000, 100);
-    let limits = AxisLimits {
-        position,
-        velocity: Limits::DISABLED,
-        torque: Limits::DISABLED,
-    };
+    let limits = AxisLimits { position, velocity: Limits::DISABLED, torque: Limits::DISABLED };
     let welcome = Welcome::<N> {
         epoch: EPOCH,
         tick: Tick(999),
@@ -56,10 +49,7 @@ fn welcome<const N: usize>() -> Vec<u8> {
 fn state<const N: usize>() -> Vec<u8> {
     let axis = AxisState {
         nominal: PositionNm(624_500_000),
-        actual: Actual {
-            position: PositionNm(624_499_950),
-            ..Actual::default()
-        },
+        actual: Actual { position: PositionNm(624_499_950), ..Actual::default() },
         ..AxisState::default()
     };
     let state = State::<N> {
@@ -68,10 +58,7 @@ fn state<const N: usize>() -> Vec<u8> {
         accepted: Sequence(41),
         phase: Phase::Obtain,
         on_time_of_100: 99,
-        counters: Counters {
-            received: 41,
-            ..Counters::default()
-        },
+        counters: Counters { received: 41, ..Counters::default() },
         axes: [axis; N],
         ..state_before()
     };
@@ -95,10 +82,7 @@ fn state_before<const N: usize>() -> State<N> {
 
 /// One frame of every kind.
 fn frames() -> Vec<(&'static str, Vec<u8>)> {
-    let hello = Hello {
-        axes: 3,
-        capabilities: Capabilities::LOCKSTEP,
-    };
+    let hello = Hello { axes: 3, capabilities: Capabilities::LOCKSTEP };
     let ramping = Refusal::Ramping { ticks_left: 2_373 };
     vec![
         ("hello", client(&ClientMessage::Hello(hello))),
@@ -111,10 +95,7 @@ fn frames() -> Vec<(&'static str, Vec<u8>)> {
         ("welcome_six_axes", welcome::<6>()),
         ("state", state::<3>()),
         ("state_six_axes", state::<6>()),
-        (
-            "refusal",
-            encode_server(&ServerMessage::<3>::Refusal(ramping)).to_vec(),
-        ),
+        ("refusal", encode_server(&ServerMessage::<3>::Refusal(ramping)).to_vec()),
     ]
 }
 
@@ -126,22 +107,14 @@ pub(crate) fn streams() -> Vec<Seed> {
     };
     let frames = frames();
     let named = |name: &str| &frames.iter().find(|(known, _)| *known == name).unwrap().1;
-    let session = [
-        &named("hello")[..],
-        &command::<3>(42),
-        &command::<3>(43),
-        named("goodbye"),
-    ]
-    .concat();
+    let session = [&named("hello")[..], &command::<3>(42), &command::<3>(43), named("goodbye")].concat();
     let mut bad_checksum = command::<3>(42);
     *bad_checksum.last_mut().unwrap() ^= 1;
     let mut of_the_next_version = named("hello").clone();
     of_the_next_version[2] = 2;
     let mut too_long = named("hello").clone();
     too_long[5] = 2;
-    let mut seeds: Vec<Seed> = (frames.iter())
-        .map(|(name, frame)| ((*name).to_owned(), cut(&[0, 6], frame)))
-        .collect();
+    let mut seeds: Vec<Seed> = (frames.iter()).map(|(name, frame)| ((*name).to_owned(), cut(&[0, 6], frame))).collect();
     for (name, lengths, stream) in [
         ("session", &[0, 6][..], &session),
         ("session_byte_by_byte", &[0][..], &session),
@@ -149,11 +122,7 @@ pub(crate) fn streams() -> Vec<Seed> {
         ("checksum_wrong", &[30][..], &bad_checksum),
         ("version_of_the_future", &[2][..], &of_the_next_version),
         ("longer_than_any_body", &[3][..], &too_long),
-        (
-            "noise_after_a_frame",
-            &[9][..],
-            &[&named("stop")[..], b"noise"].concat(),
-        ),
+        ("noise_after_a_frame", &[9][..], &[&named("stop")[..], b"noise"].concat()),
     ] {
         seeds.push((name.to_owned(), cut(lengths, stream)));
     }

@@ -28,26 +28,14 @@ pub(crate) fn robots() -> Vec<Seed> {
         ("length_of_text", replaced("L = [1.0", "L = [\"1\"")),
         ("two_lengths", replaced("L = [1.0, ", "L = [")),
         ("length_of_zero", replaced("L = [1.0", "L = [0.0")),
-        (
-            "guideway_that_leads_nowhere",
-            replaced("[1.0, 0.0, 0.0],", "[0.0, 0.0, 0.0],"),
-        ),
+        ("guideway_that_leads_nowhere", replaced("[1.0, 0.0, 0.0],", "[0.0, 0.0, 0.0],")),
         ("travel_reversed", replaced("[[-0.5, 2.0]", "[[2.0, -0.5]")),
-        (
-            "joint_too_far_away",
-            replaced("[ 0.10, -0.05, 1.28]", "[ 0.10, -0.05, 1.28e9]"),
-        ),
-        (
-            "compliance_of_zero",
-            replaced("c_link = [5.0e-7", "c_link = [0.0"),
-        ),
+        ("joint_too_far_away", replaced("[ 0.10, -0.05, 1.28]", "[ 0.10, -0.05, 1.28e9]")),
+        ("compliance_of_zero", replaced("c_link = [5.0e-7", "c_link = [0.0")),
         ("section_missing", replaced("[axes]\n", "[axis]\n")),
     ];
     let seed = |(name, text): (&str, String)| (name.to_owned(), text.into_bytes());
-    all.into_iter()
-        .chain(robots_of_six_axes())
-        .map(seed)
-        .collect()
+    all.into_iter().chain(robots_of_six_axes()).map(seed).collect()
 }
 
 fn robots_of_six_axes() -> Vec<(&'static str, String)> {
@@ -59,32 +47,19 @@ fn robots_of_six_axes() -> Vec<(&'static str, String)> {
     let lengths = "L = [1.7, 1.7, 1.7, 1.7, 1.7, 1.7]";
     vec![
         ("f1", f1.to_owned()),
-        (
-            "f1_length_per_arm",
-            replaced(lengths, "L = [1.7, 1.7, 1.7]"),
-        ),
-        (
-            "f1_four_lengths",
-            replaced(lengths, "L = [1.7, 1.7, 1.7, 1.7]"),
-        ),
-        (
-            "f1_axis_of_zero",
-            replaced("ax6 = [0.0, 1.0, 0.0]", "ax6 = [0.0, 0.0, 0.0]"),
-        ),
+        ("f1_length_per_arm", replaced(lengths, "L = [1.7, 1.7, 1.7]")),
+        ("f1_four_lengths", replaced(lengths, "L = [1.7, 1.7, 1.7, 1.7]")),
+        ("f1_axis_of_zero", replaced("ax6 = [0.0, 1.0, 0.0]", "ax6 = [0.0, 0.0, 0.0]")),
         ("f1_sign_of_two", replaced("sigma4 = -1", "sigma4 = 2")),
         ("f1_motor_of_no_axis", replaced("3, 4, 5]", "3, 4, 6]")),
         ("f1_five_axes", replaced("max_um = [4000.0, ", "max_um = [")),
-        (
-            "f1_home_out_of_reach",
-            replaced("home_m = [0.1,", "home_m = [9.1,"),
-        ),
+        ("f1_home_out_of_reach", replaced("home_m = [0.1,", "home_m = [9.1,")),
     ]
 }
 
 /// Every operation on the first case of both machines of the oracle's vectors, and lines that are not requests.
 pub(crate) fn requests() -> Vec<Seed> {
-    let vectors: Value =
-        serde_json::from_str(include_str!("../../../data/tau_vectors.json")).unwrap();
+    let vectors: Value = serde_json::from_str(include_str!("../../../data/tau_vectors.json")).unwrap();
     let mut seeds = Vec::new();
     for model in ["l2", "f1"] {
         let mut robot = vectors[model].clone();
@@ -92,15 +67,7 @@ pub(crate) fn requests() -> Vec<Seed> {
         robot.as_object_mut().unwrap().remove("cases");
         robot["model"] = model.into();
         robot["c_link"] = vectors["c_link"].clone();
-        for op in [
-            "ik",
-            "fk",
-            "jacobian",
-            "statics",
-            "compliance",
-            "deflection",
-            "compensate",
-        ] {
+        for op in ["ik", "fk", "jacobian", "statics", "compliance", "deflection", "compensate"] {
             let mut request = json!({"id": op, "robot": robot, "op": op, "w": case["w"]});
             if op == "fk" {
                 request["q"] = case["q"].clone();
@@ -115,10 +82,7 @@ pub(crate) fn requests() -> Vec<Seed> {
         let seeded = json!({"robot": robot, "op": "fk", "q": case["q"], "seed": {"T": case["T"], "R": case["R"]}});
         let far = json!({"robot": robot, "op": "ik", "T": [0.0, 9e9, 0.0]});
         let not_finite = format!("{far}").replace("9000000000.0", "1e999");
-        seeds.push((
-            format!("{model}_several"),
-            format!("{seeded}\n{far}\n{not_finite}\n").into_bytes(),
-        ));
+        seeds.push((format!("{model}_several"), format!("{seeded}\n{far}\n{not_finite}\n").into_bytes()));
     }
     let bad = "\n{}\n[1]\nnonsense\n{\"id\":1,\"op\":\"ik\"}\n{\"op\":7}\n{\"op\":\"ik\",\"robot\":7}\n{\"op\":\"ik\",\"robot\":{\"model\":\"l4\"}}";
     seeds.push(("no_requests".to_owned(), bad.into()));

@@ -133,10 +133,7 @@ fn a_target_far_away_is_approached_in_steps_of_s() {
     let mut session = SessionFixture::obtained([0; 3]);
     for tick in 1..=40 {
         let row = session.answer(Mode::Obtain, [MAX_NM, -MAX_NM, 0]);
-        assert_eq!(
-            session.server.bus.positions(),
-            [5_000 * tick, -5_000 * tick, 0]
-        );
+        assert_eq!(session.server.bus.positions(), [5_000 * tick, -5_000 * tick, 0]);
         let limited = row.state.axes.map(|axis| axis.flags.bits());
         assert_eq!(limited, [2, 2, 0]);
     }
@@ -147,9 +144,7 @@ fn a_target_far_away_is_approached_in_steps_of_s() {
 
 #[test]
 fn velocity_and_torque_do_not_hold_over_a_miss() {
-    let mut session = SessionFixture::submitted_on(
-        gantry_tau_tests::server_fixture::ServerFixture::<2>::default(),
-    );
+    let mut session = SessionFixture::submitted_on(gantry_tau_tests::server_fixture::ServerFixture::<2>::default());
     for _ in 0..3 {
         session.answer_all(Mode::Obtain, offsets(1_000, 420, -9));
     }
@@ -209,9 +204,7 @@ fn every_byte_of_a_commands_body_may_be_anything() {
 
 #[test]
 fn no_command_leads_from_submit_to_the_drives_but_obtain() {
-    let mut session = SessionFixture::submitted_on(
-        gantry_tau_tests::server_fixture::ServerFixture::<3>::default(),
-    );
+    let mut session = SessionFixture::submitted_on(gantry_tau_tests::server_fixture::ServerFixture::<3>::default());
     for _ in 0..3 {
         let row = session.answer(Mode::Submit, AT);
         assert_eq!(row.state.phase, Phase::Submit);

@@ -16,10 +16,7 @@ fn a_reset_ramps_in_the_tick_that_sees_it() {
     client.reset();
     server.await_loss_of_owner();
     server.assert_disconnect(AT, Cause::Closed);
-    assert_eq!(
-        SessionFixture::submitted_on(server).server.phase(),
-        Phase::Submit
-    );
+    assert_eq!(SessionFixture::submitted_on(server).server.phase(), Phase::Submit);
 }
 
 #[test]
@@ -46,10 +43,7 @@ fn a_frozen_client_is_held_once_then_ramped_and_told() {
     let mut session = SessionFixture::obtained(AT);
     session.assert_held();
     let server = session.assert_disconnect(AT, Cause::ClientLate);
-    assert_eq!(
-        SessionFixture::submitted_on(server).server.phase(),
-        Phase::Submit
-    );
+    assert_eq!(SessionFixture::submitted_on(server).server.phase(), Phase::Submit);
 }
 
 #[test]
@@ -59,10 +53,7 @@ fn a_frozen_client_at_full_offset_is_ramped_whether_or_not_its_buffers_fill() {
     let mut session = SessionFixture::greeted(server, client);
     session.answer(Mode::Submit, [0; 3]);
     let full = [MAX_NM, -MAX_NM, MAX_NM - 50];
-    let SessionFixture {
-        server: mut running,
-        client: frozen,
-    } = session.obtain(full);
+    let SessionFixture { server: mut running, client: frozen } = session.obtain(full);
     running.step();
     assert_eq!(running.bus.positions(), full);
     running.assert_disconnect(full, Cause::ClientLate);
@@ -104,10 +95,7 @@ fn a_client_that_never_reads_is_closed_and_ramped_in_the_next_tick() {
     }
     assert!(ticks > 10, "{ticks} ticks");
     session.server.assert_disconnect(AT, Cause::Closed);
-    assert_eq!(
-        SessionFixture::submitted_on(session.server).server.phase(),
-        Phase::Submit
-    );
+    assert_eq!(SessionFixture::submitted_on(session.server).server.phase(), Phase::Submit);
 }
 
 #[test]
@@ -154,10 +142,7 @@ fn the_owners_stop_is_a_fault_that_only_the_machine_s_side_ends() {
     let refusal = refused(&mut session.server);
     assert_eq!(refusal, Refusal::Faulted { ticks_left: 0 });
     assert_eq!(session.server.step_rearmed().state.phase, Phase::Listening);
-    assert_eq!(
-        SessionFixture::submitted_on(session.server).server.phase(),
-        Phase::Submit
-    );
+    assert_eq!(SessionFixture::submitted_on(session.server).server.phase(), Phase::Submit);
 }
 
 #[test]
@@ -172,10 +157,7 @@ fn rearming_waits_for_zero_and_for_the_release_of_the_stop() {
     }
     session.server.step_rearmed();
     assert_eq!(session.server.bus.positions(), [0; 3]);
-    let both = gantry_tau::server::cycle::Demands {
-        stop: true,
-        rearm: true,
-    };
+    let both = gantry_tau::server::cycle::Demands { stop: true, rearm: true };
     assert_eq!(session.server.step_with(1, both).state.phase, Phase::Fault);
     assert_eq!(session.server.step_rearmed().state.phase, Phase::Listening);
 }

@@ -28,9 +28,7 @@ fn thousands_of_connections_come_and_go() {
     #[cfg(target_os = "linux")]
     let before = descriptors();
     for round in 0..300 {
-        let crowd: Vec<TcpStream> = (0..10)
-            .map(|_| TcpStream::connect(session.server.address()).unwrap())
-            .collect();
+        let crowd: Vec<TcpStream> = (0..10).map(|_| TcpStream::connect(session.server.address()).unwrap()).collect();
         for _ in 0..5 {
             tick(&mut session);
         }
@@ -55,9 +53,7 @@ fn thousands_of_connections_come_and_go() {
 fn who_hardly_speaks_is_closed_and_a_newcomer_is_served() {
     let mut session = SessionFixture::obtained(AT);
     let hello = gantry_tau_core::control::wire::encode_client(&hello::<3>());
-    let mut slow: Vec<Client<3>> = (0..5)
-        .map(|_| Client::connect(session.server.address()))
-        .collect();
+    let mut slow: Vec<Client<3>> = (0..5).map(|_| Client::connect(session.server.address())).collect();
     // A byte each now and then: never a whole Hello within the thousand ticks that another has.
     for at in 0..5 {
         for client in &mut slow {
@@ -77,8 +73,5 @@ fn who_hardly_speaks_is_closed_and_a_newcomer_is_served() {
         tick(&mut session);
         !next.is_quiet()
     });
-    assert_eq!(
-        next.refusal(),
-        gantry_tau_core::control::message::Refusal::Busy
-    );
+    assert_eq!(next.refusal(), gantry_tau_core::control::message::Refusal::Busy);
 }

@@ -68,10 +68,7 @@ fn of_eight_merged_frames_the_last_acts() {
     assert_eq!(session.deliver(&bytes), 8);
     let row = session.tick();
     assert_eq!(session.server.bus.positions(), [8, -8, 16]);
-    assert_eq!(
-        (row.state.phase, row.state.counters.late),
-        (Phase::Obtain, 7)
-    );
+    assert_eq!((row.state.phase, row.state.counters.late), (Phase::Obtain, 7));
     assert_eq!(session.deliver(&ninth[COMMAND - 1..]), 1);
     assert_eq!(session.assert_held().state.counters.late, 8);
 }

@@ -1,8 +1,6 @@
 //! From connecting to the first command: who is let in, and what the others are told.
 
-use gantry_tau_core::control::message::{
-    Capabilities, Cause, ClientMessage, Hello, Mode, Phase, Refusal,
-};
+use gantry_tau_core::control::message::{Capabilities, Cause, ClientMessage, Hello, Mode, Phase, Refusal};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, EpochRange};
 use gantry_tau_tests::client::{Client, enclose, hello};
@@ -35,8 +33,7 @@ fn hello_with(axes: u8, capabilities: u16) -> Vec<u8> {
 fn a_hello_is_refused_with_its_reason() {
     let mut parameters = parameters();
     parameters.capabilities = Capabilities::LOCKSTEP;
-    let mut server =
-        ServerFixture::start(parameters, Bus::default(), EpochRange::VOLATILE).unwrap();
+    let mut server = ServerFixture::start(parameters, Bus::default(), EpochRange::VOLATILE).unwrap();
     for axes in [0, 2, 4, 6, 255] {
         let said = refusal(&mut server, &hello_with(axes, 1));
         assert_eq!(said, Refusal::Axes { expected: 3 });
@@ -61,10 +58,7 @@ fn a_hello_is_refused_with_its_reason() {
 
 #[test]
 fn a_server_without_an_epoch_to_give_says_so() {
-    let epochs = EpochRange {
-        first: Epoch(8),
-        last: Epoch(7),
-    };
+    let epochs = EpochRange { first: Epoch(8), last: Epoch(7) };
     let mut server = ServerFixture::start(parameters(), Bus::default(), epochs).unwrap();
     let said = refusal(&mut server, &hello_with(3, 0));
     assert_eq!(said, Refusal::Unavailable);
@@ -98,10 +92,7 @@ fn obtain_straight_from_the_handshake_costs_the_frame() {
         assert_eq!(row.state.counters.malformed, count);
         assert_eq!(session.server.bus.positions(), [0; 3]);
     }
-    assert_eq!(
-        session.answer(Mode::Submit, [0; 3]).state.phase,
-        Phase::Submit
-    );
+    assert_eq!(session.answer(Mode::Submit, [0; 3]).state.phase, Phase::Submit);
     session.answer(Mode::Obtain, [5_000; 3]);
     assert_eq!(session.server.bus.positions(), [5_000; 3]);
 }
@@ -146,10 +137,7 @@ fn an_impatient_hello_is_not_granted_and_keeps_no_peer_out() {
         assert!(!server.step().welcomed);
         !client.is_quiet()
     });
-    assert_eq!(
-        SessionFixture::submitted_on(server).server.phase(),
-        Phase::Submit
-    );
+    assert_eq!(SessionFixture::submitted_on(server).server.phase(), Phase::Submit);
 }
 
 #[test]
@@ -160,8 +148,5 @@ fn a_second_hello_in_the_handshake_costs_that_frame() {
     session.say(&hello());
     let row = session.tick();
     assert_eq!((row.refused, row.state.counters.malformed), (0, 1));
-    assert_eq!(
-        session.answer(Mode::Submit, [0; 3]).state.phase,
-        Phase::Submit
-    );
+    assert_eq!(session.answer(Mode::Submit, [0; 3]).state.phase, Phase::Submit);
 }

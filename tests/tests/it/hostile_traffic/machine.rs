@@ -43,10 +43,7 @@ fn one_skipped_cycle_is_one_miss() {
     let before = session.client.tick.0;
     let row = answer_late(&mut session, 2);
     assert_eq!((row.state.phase, row.ended), (Phase::Obtain, None));
-    assert_eq!(
-        (row.state.counters.missed, row.state.tick.0),
-        (1, before + 2)
-    );
+    assert_eq!((row.state.counters.missed, row.state.tick.0), (1, before + 2));
     // The answer that came resets the misses.
     session.assert_held();
     session.answer(Mode::Obtain, AT);
@@ -96,10 +93,7 @@ fn a_jump_of_the_nominal_is_passed_through_flagged_and_faults() {
     let row = session.tick();
     assert_eq!(row.ended, Some(Cause::Nominal));
     assert_eq!(row.state.phase, Phase::Fault);
-    let stepped = row
-        .state
-        .axes
-        .map(|axis| axis.flags.contains(AxisFlags::NOMINAL_STEP));
+    let stepped = row.state.axes.map(|axis| axis.flags.contains(AxisFlags::NOMINAL_STEP));
     assert_eq!(stepped, [false, true, false]);
     let written = session.server.bus.last_written();
     assert_eq!(written[0].position, PositionNm(old[0].0 + 12_245));
@@ -118,10 +112,7 @@ fn a_nominal_at_its_limit_moves_on_in_peace() {
             nominal.0 += direction * i64::from(NOMINAL_STEP_NM);
         }
         let row = session.answer(Mode::Obtain, AT);
-        assert_eq!(
-            (row.state.phase, session.server.bus.positions()),
-            (Phase::Obtain, AT)
-        );
+        assert_eq!((row.state.phase, session.server.bus.positions()), (Phase::Obtain, AT));
     }
     // Two cycles may move it twice as far.
     for nominal in &mut session.server.bus.record().nominal {

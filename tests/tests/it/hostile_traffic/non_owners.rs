@@ -15,11 +15,7 @@ use gantry_tau_tests::wait_for;
 use super::AT;
 
 /// The session goes on until `done`; its references do not move.
-fn answer_until(
-    session: &mut SessionFixture<3>,
-    what: &str,
-    mut done: impl FnMut(&mut SessionFixture<3>) -> bool,
-) {
+fn answer_until(session: &mut SessionFixture<3>, what: &str, mut done: impl FnMut(&mut SessionFixture<3>) -> bool) {
     wait_for(what, || {
         assert_eq!(session.answer(Mode::Obtain, AT).state.phase, Phase::Obtain);
         assert_eq!(session.server.bus.positions(), AT);
@@ -59,9 +55,7 @@ fn a_non_owner_cannot_stop_leave_or_command_for_the_owner() {
             1 => ClientMessage::Goodbye(epoch),
             _ => ClientMessage::Command(command),
         });
-        answer_until(&mut session, "the other's frame", |session| {
-            session.server.non_owner() == count
-        });
+        answer_until(&mut session, "the other's frame", |session| session.server.non_owner() == count);
         assert!(other.is_quiet());
     }
 }
@@ -82,10 +76,7 @@ fn a_non_owner_with_broken_frames_or_too_many_is_closed() {
 #[test]
 fn megabytes_of_a_non_owner_cost_it_its_connection() {
     let mut session = SessionFixture::obtained(AT);
-    for bytes in [
-        Noise::new(9).bytes(8 << 20),
-        enclose(1, 6, &session.client.epoch.0.to_le_bytes()).repeat(1 << 18),
-    ] {
+    for bytes in [Noise::new(9).bytes(8 << 20), enclose(1, 6, &session.client.epoch.0.to_le_bytes()).repeat(1 << 18)] {
         let mut writer = other(&session).writer();
         let flood = std::thread::spawn(move || writer.write_all(&bytes).is_err());
         answer_until(&mut session, "the flood's end", |_| flood.is_finished());
@@ -99,9 +90,7 @@ fn for_the_seventh_there_is_no_room_until_somebody_leaves() {
     let idle: Vec<_> = (1..CONNECTIONS).map(|_| other(&session)).collect();
     for _ in 0..5 {
         let mut seventh = other(&session);
-        answer_until(&mut session, "the word for the seventh", |_| {
-            !seventh.is_quiet()
-        });
+        answer_until(&mut session, "the word for the seventh", |_| !seventh.is_quiet());
         assert_eq!(seventh.refusal(), Refusal::Unavailable);
     }
     for mut other in idle {
@@ -116,9 +105,7 @@ fn for_the_seventh_there_is_no_room_until_somebody_leaves() {
 fn there_is_room_again_once_an_idle_non_owner_leaves() {
     // All places are taken by connections that never speak; one of them leaves.
     let mut server = ServerFixture::<3>::default();
-    let mut idle: Vec<_> = (0..CONNECTIONS)
-        .map(|_| Client::<3>::connect(server.address()))
-        .collect();
+    let mut idle: Vec<_> = (0..CONNECTIONS).map(|_| Client::<3>::connect(server.address())).collect();
     let mut late = Client::<3>::connect(server.address());
     wait_for("the word for the seventh", || {
         server.receive();
@@ -144,9 +131,7 @@ fn there_is_room_again_once_an_idle_non_owner_leaves() {
 }
 
 /// A session of 120 ticks with moving targets, misses and a ramp; beside each tick, `beside` is called.
-fn play(
-    mut beside: impl FnMut(&SessionFixture<3>, usize),
-) -> (SessionFixture<3>, Vec<[Reference; 3]>) {
+fn play(mut beside: impl FnMut(&SessionFixture<3>, usize)) -> (SessionFixture<3>, Vec<[Reference; 3]>) {
     let mut session = SessionFixture::submitted_on(ServerFixture::default());
     let from = session.server.bus.writes();
     for tick in 0..120 {
@@ -220,8 +205,5 @@ fn a_crowd_before_the_first_session_is_no_session() {
         server.receive();
         assert_eq!(server.step().state.phase, Phase::Listening);
     }
-    assert_eq!(
-        SessionFixture::submitted_on(server).server.phase(),
-        Phase::Submit
-    );
+    assert_eq!(SessionFixture::submitted_on(server).server.phase(), Phase::Submit);
 }

@@ -31,10 +31,7 @@ pub(crate) fn compare(said: &str) {
     for line in said.lines() {
         let (name, rest) = line.split_at(20);
         let number = rest.split_whitespace().nth(1).unwrap();
-        there
-            .entry(name.trim().to_owned())
-            .or_default()
-            .push(number.to_owned());
+        there.entry(name.trim().to_owned()).or_default().push(number.to_owned());
     }
     let mut here = Numbers::new();
     three_axes(&mut here);
@@ -45,10 +42,7 @@ pub(crate) fn compare(said: &str) {
         assert_eq!(there.get(name), Some(here), "{name}");
     }
     assert_eq!(there.len(), here.len());
-    assert!(
-        said.contains("l2 correction        1  -150000 nm (limit)\n"),
-        "{said}"
-    );
+    assert!(said.contains("l2 correction        1  -150000 nm (limit)\n"), "{said}");
 }
 
 /// A number as its bits.
@@ -86,23 +80,12 @@ fn three_axes(numbers: &mut Numbers) {
     put(numbers, "l2 cart load", &lines.cart_loads(&forces));
 
     let springs = presets::l2_compliances();
-    let config = CompensatorConfig {
-        gain: 1.0,
-        limits: [2_000_000, 150_000, 2_000_000].map(OffsetNm),
-        metres_per_q: [1.0; 3],
-    };
+    let config =
+        CompensatorConfig { gain: 1.0, limits: [2_000_000, 150_000, 2_000_000].map(OffsetNm), metres_per_q: [1.0; 3] };
     let compensator = l2::Compensator::new(&nominal, &springs, config).unwrap();
     let pose = Pose::at(nominal.forward(&q).unwrap());
-    put_offsets(
-        numbers,
-        "l2 correction",
-        &compensator.correct_q(&q, &load()).unwrap(),
-    );
-    put_offsets(
-        numbers,
-        "l2 exact",
-        &compensator.correct_exact_at(&pose, &q, &load()).unwrap(),
-    );
+    put_offsets(numbers, "l2 correction", &compensator.correct_q(&q, &load()).unwrap());
+    put_offsets(numbers, "l2 exact", &compensator.correct_exact_at(&pose, &q, &load()).unwrap());
 }
 
 /// The machine of `robots/f1.toml`, turned by 0.1 rad about z.
@@ -119,23 +102,15 @@ fn six_axes(numbers: &mut Numbers) {
     let lines = kinematics.line_matrix(&pose, &q).unwrap();
     let forces = lines.link_forces_n(&load()).unwrap();
     assert!(solved.iterations > 0, "a pose that takes some work");
-    numbers.insert(
-        "f1 iterations".to_owned(),
-        vec![solved.iterations.to_string()],
-    );
+    numbers.insert("f1 iterations".to_owned(), vec![solved.iterations.to_string()]);
     put(numbers, "f1 q", &q);
     put(numbers, "f1 position", back.value.position_m.as_slice());
-    put(
-        numbers,
-        "f1 jacobian",
-        lines.jacobian().unwrap().transpose().as_slice(),
-    );
+    put(numbers, "f1 jacobian", lines.jacobian().unwrap().transpose().as_slice());
     put(numbers, "f1 link force", &forces);
     put(numbers, "f1 axis load", &lines.cart_loads(&forces));
 
     let links = *presets::f1_compliances().link_m_per_n();
-    let springs =
-        Compliances::new(links, [4.0e-6, 5.0e-6, 6.0e-6, 2.0e-6, 2.0e-6, 2.0e-6]).unwrap();
+    let springs = Compliances::new(links, [4.0e-6, 5.0e-6, 6.0e-6, 2.0e-6, 2.0e-6, 2.0e-6]).unwrap();
     let config = CompensatorConfig {
         gain: 1.0,
         limits: [OffsetNm(5_000_000); 6],

@@ -22,36 +22,20 @@ use tools::{Program, has};
 
 /// Flags that both compilers must accept without a warning.
 const STRICT: [&str; 5] = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"];
-const SANITIZED: [&str; 3] = [
-    "-g",
-    "-fsanitize=address,undefined",
-    "-fno-sanitize-recover=all",
-];
+const SANITIZED: [&str; 3] = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
 
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
     let mut trials = vec![
         trial("unit_tests_and_header", &[], unit_tests),
         trial("no_panic_path_is_linked", &[], || no_panic_path("release")),
-        trial("no_panic_path_is_linked_when_small", &[], || {
-            no_panic_path("small")
-        }),
+        trial("no_panic_path_is_linked_when_small", &[], || no_panic_path("small")),
         trial("only_memory_functions_are_needed", &["nm"], needs_nothing),
         trial("header_as_cpp_by_g++", &["g++"], || header_as_cpp("g++")),
-        trial("header_as_cpp_by_clang++", &["clang++"], || {
-            header_as_cpp("clang++")
-        }),
-        trial("session_in_valgrind", &["gcc", "valgrind"], || {
-            in_valgrind("session")
-        }),
-        trial("refusals_in_valgrind", &["gcc", "valgrind"], || {
-            in_valgrind("refusals")
-        }),
-        trial(
-            "half_a_megabyte_is_not_on_the_stack",
-            &["gcc", "sh"],
-            session::on_a_small_stack,
-        ),
+        trial("header_as_cpp_by_clang++", &["clang++"], || header_as_cpp("clang++")),
+        trial("session_in_valgrind", &["gcc", "valgrind"], || in_valgrind("session")),
+        trial("refusals_in_valgrind", &["gcc", "valgrind"], || in_valgrind("refusals")),
+        trial("half_a_megabyte_is_not_on_the_stack", &["gcc", "sh"], session::on_a_small_stack),
     ];
     for compiler in ["gcc", "clang"] {
         for (how, flags) in [("", ["-O2"].as_slice()), ("_sanitized", &SANITIZED)] {
@@ -61,18 +45,10 @@ pub(crate) fn trials() -> Vec<Trial> {
             }
             let name = |what: &str| format!("{what}_by_{compiler}{how}");
             trials.extend([
-                trial(&name("session"), &needed, move || {
-                    session::agrees(compiler, flags)
-                }),
-                trial(&name("compensation"), &needed, move || {
-                    compensation::agrees(compiler, flags)
-                }),
-                trial(&name("random_traffic"), &needed, move || {
-                    scenario::agrees(compiler, flags)
-                }),
-                trial(&name("refusals"), &needed, move || {
-                    refusals(compiler, flags)
-                }),
+                trial(&name("session"), &needed, move || session::agrees(compiler, flags)),
+                trial(&name("compensation"), &needed, move || compensation::agrees(compiler, flags)),
+                trial(&name("random_traffic"), &needed, move || scenario::agrees(compiler, flags)),
+                trial(&name("refusals"), &needed, move || refusals(compiler, flags)),
             ]);
         }
     }
@@ -81,11 +57,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 }
 
 /// A trial with the tools that it needs.
-fn trial(
-    name: &str,
-    needed: &[&'static str],
-    run: impl FnOnce() -> Result<(), Failed> + Send + 'static,
-) -> Trial {
+fn trial(name: &str, needed: &[&'static str], run: impl FnOnce() -> Result<(), Failed> + Send + 'static) -> Trial {
     let missing = needed.iter().find(|tool| !has(tool));
     let name = format!("capi::{name}");
     let Some(missing) = missing else {
@@ -96,9 +68,7 @@ fn trial(
         let reason = kind.clone();
         return Trial::test(name, move || Err(Failed::from(reason))).with_kind(kind);
     }
-    Trial::test(name, run)
-        .with_kind(kind)
-        .with_ignored_flag(true)
+    Trial::test(name, run).with_kind(kind).with_ignored_flag(true)
 }
 
 /// Codes, errors, parts of the black box, and that the header agrees with the sources.
@@ -109,52 +79,30 @@ fn unit_tests() -> Result<(), Failed> {
 /// The library's panic handler calls a function that does not exist.
 fn no_panic_path(profile: &str) -> Result<(), Failed> {
     let bytes = std::fs::read(tools::library_of(profile))?;
-    let mentions = |symbol: &str| {
-        bytes
-            .windows(symbol.len())
-            .any(|window| window == symbol.as_bytes())
-    };
+    let mentions = |symbol: &str| bytes.windows(symbol.len()).any(|window| window == symbol.as_bytes());
     assert!(mentions("gt_server_tick"), "the library is there");
-    assert!(
-        !mentions("gantry_tau_panic"),
-        "some path of the library can panic"
-    );
+    assert!(!mentions("gantry_tau_panic"), "some path of the library can panic");
     Ok(())
 }
 
 /// No malloc, no locks, no output: the library needs only functions that compilers presuppose.
 fn needs_nothing() -> Result<(), Failed> {
     let known = ["memcpy", "memmove", "memset", "memcmp", "bcmp"];
-    let listing = tools::run(
-        std::process::Command::new("nm")
-            .arg("-g")
-            .arg(tools::library()),
-    )?;
+    let listing = tools::run(std::process::Command::new("nm").arg("-g").arg(tools::library()))?;
     let symbols = |wanted: &str| {
-        let lines = listing
-            .lines()
-            .filter_map(|line| line.trim_start().split_once(' '));
-        let lines = lines.map(|(left, right)| {
-            if left == "U" {
-                (left, right)
-            } else {
-                right.split_once(' ').unwrap_or(("", ""))
-            }
-        });
-        let named = lines
-            .filter(|(kind, _)| *kind == wanted)
-            .map(|(_, name)| name.trim().to_owned());
+        let lines = listing.lines().filter_map(|line| line.trim_start().split_once(' '));
+        let lines = lines.map(
+            |(left, right)| {
+                if left == "U" { (left, right) } else { right.split_once(' ').unwrap_or(("", "")) }
+            },
+        );
+        let named = lines.filter(|(kind, _)| *kind == wanted).map(|(_, name)| name.trim().to_owned());
         named.collect::<std::collections::BTreeSet<_>>()
     };
-    let own = |name: &String| {
-        symbols("T").contains(name) || symbols("W").contains(name) || name.starts_with("__")
-    };
+    let own = |name: &String| symbols("T").contains(name) || symbols("W").contains(name) || name.starts_with("__");
     let foreign: Vec<_> = symbols("U").into_iter().filter(|name| !own(name)).collect();
     assert!(symbols("T").contains("gt_server_tick"), "{listing}");
-    let unknown: Vec<_> = foreign
-        .iter()
-        .filter(|name| !known.contains(&name.as_str()))
-        .collect();
+    let unknown: Vec<_> = foreign.iter().filter(|name| !known.contains(&name.as_str())).collect();
     assert!(unknown.is_empty(), "{unknown:?}");
     Ok(())
 }
@@ -162,16 +110,7 @@ fn needs_nothing() -> Result<(), Failed> {
 fn header_as_cpp(compiler: &str) -> Result<(), Failed> {
     let header = tools::folder().join("include/gantry_tau.h");
     let mut command = std::process::Command::new(compiler);
-    command.args([
-        "-std=c++17",
-        "-Wall",
-        "-Wextra",
-        "-Wpedantic",
-        "-Werror",
-        "-fsyntax-only",
-        "-x",
-        "c++",
-    ]);
+    command.args(["-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "-x", "c++"]);
     tools::run(command.arg(header)).map(drop)
 }
 
@@ -184,11 +123,7 @@ fn refusals(compiler: &'static str, flags: &[&str]) -> Result<(), Failed> {
 
 /// Finds reads of uninitialised memory, and accesses beyond the memory of an object.
 fn in_valgrind(name: &str) -> Result<(), Failed> {
-    let folder = if name == "session" {
-        "examples"
-    } else {
-        "tests"
-    };
+    let folder = if name == "session" { "examples" } else { "tests" };
     let program = Program::compile(&format!("{folder}/{name}.c"), "gcc", &["-O1", "-g"])?;
     let mut command = std::process::Command::new("valgrind");
     command.args(["--quiet", "--error-exitcode=9", "--leak-check=full"]);

@@ -13,16 +13,10 @@ use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{
     AxisLimits, Capabilities, ClientMessage, Command as Wanted, Hello, Mode, Phase, State,
 };
-use gantry_tau_core::control::session::config::{
-    AxisConfig, Config, MissBudget, Parameters, Travel,
-};
-use gantry_tau_core::control::session::{
-    BlackBox, Connection, LastWrite, Output, Session, Start, TickInput,
-};
+use gantry_tau_core::control::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
+use gantry_tau_core::control::session::{BlackBox, Connection, LastWrite, Output, Session, Start, TickInput};
 use gantry_tau_core::control::wire::encode_client;
-use gantry_tau_core::units::{
-    Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
-};
+use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 use libtest_mimic::Failed;
 
 use super::tools::{Program, from_hex, hex};
@@ -47,10 +41,7 @@ struct Recorded<const N: usize> {
 }
 
 fn compare<const N: usize>(program: &Program, recorded: &Recorded<N>) -> Result<(), Failed> {
-    let mut child = Command::new(program.path())
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()?;
+    let mut child = Command::new(program.path()).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
     let mut input = child.stdin.take().unwrap();
     let script = recorded.script.clone();
     let writer = std::thread::spawn(move || input.write_all(script.as_bytes()));
@@ -94,12 +85,7 @@ struct Scenario<const N: usize, const HALF: usize> {
 }
 
 fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
-    let values = LimitValues {
-        max,
-        step,
-        accel,
-        ramp,
-    };
+    let values = LimitValues { max, step, accel, ramp };
     Limits::new(values).unwrap()
 }
 
@@ -107,27 +93,17 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
     fn new(seed: u64) -> Self {
         let position = limits(2_000_000, 5_000, 10_000, 100);
         let axis = AxisConfig {
-            limits: AxisLimits {
-                position,
-                velocity: limits(5_000, 200, 400, 50),
-                torque: limits(50, 5, 10, 1),
-            },
+            limits: AxisLimits { position, velocity: limits(5_000, 200, 400, 50), torque: limits(50, 5, 10, 1) },
             ..AxisConfig::position_only(position, Travel::around_zero(1_000_000_000), 2_000_000)
         };
         let config = Config::new(Parameters {
             handshake_ticks: 40,
-            budget: Some(MissBudget {
-                window: 100,
-                allowed: 20,
-            }),
+            budget: Some(MissBudget { window: 100, allowed: 20 }),
             ..Parameters::thesis([axis; N])
         });
         let session = Session::new(config.unwrap(), &Start::at_rest([PositionNm(0); N]));
         let motors = MotorMap::new(std::array::from_fn(|motor| motor % N));
-        let epochs = EpochRange {
-            first: Epoch(1),
-            last: Epoch(4),
-        };
+        let epochs = EpochRange { first: Epoch(1), last: Epoch(4) };
         Self {
             endpoint: Endpoint::new(session.unwrap(), motors.unwrap(), epochs),
             black_box: Box::new(BlackBox::new()),
@@ -182,16 +158,10 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
     fn connections(&mut self) {
         if self.open.is_empty() || self.one_in(20) {
             let datagram = self.one_in(3);
-            let transport = if datagram {
-                Transport::Datagram
-            } else {
-                Transport::Stream
-            };
+            let transport = if datagram { Transport::Datagram } else { Transport::Stream };
             writeln!(self.recorded.script, "o {}", u8::from(datagram)).unwrap();
             let opened = self.endpoint.open(transport);
-            let (code, number) = opened.map_or(("GT_CODE_FULL", 0), |connection| {
-                ("GT_CODE_OK", connection.0)
-            });
+            let (code, number) = opened.map_or(("GT_CODE_FULL", 0), |connection| ("GT_CODE_OK", connection.0));
             self.open.extend(opened);
             writeln!(self.recorded.expected, "open {code} {number}").unwrap();
         }
@@ -216,11 +186,7 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         if owns && self.one_in(25) {
             return;
         }
-        let mut bytes = if owns {
-            self.command().to_vec()
-        } else {
-            self.hello()
-        };
+        let mut bytes = if owns { self.command().to_vec() } else { self.hello() };
         if self.one_in(70) {
             bytes = self.anything(&bytes);
         }
@@ -237,21 +203,13 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
 
     fn feed(&mut self, connection: Connection, bytes: &[u8]) {
         let fed = self.endpoint.feed(connection, bytes);
-        let text = if bytes.is_empty() {
-            "-".to_owned()
-        } else {
-            hex(bytes)
-        };
+        let text = if bytes.is_empty() { "-".to_owned() } else { hex(bytes) };
         writeln!(self.recorded.script, "f {} {text}", connection.0).unwrap();
         writeln!(self.recorded.expected, "fed {fed}").unwrap();
     }
 
     fn hello(&mut self) -> Vec<u8> {
-        let axes = if self.one_in(10) {
-            5
-        } else {
-            u8::try_from(N).unwrap()
-        };
+        let axes = if self.one_in(10) { 5 } else { u8::try_from(N).unwrap() };
         let capabilities = Capabilities::NONE;
         encode_client(&ClientMessage::<N>::Hello(Hello { axes, capabilities })).to_vec()
     }
@@ -263,14 +221,8 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         let accepted = output.map_or(0, |output| output.state.accepted.0);
         let late = u64::from(self.one_in(30));
         let beyond = if self.one_in(40) { 1_000 } else { 1 };
-        let mode = if accepted < 3 || self.one_in(60) {
-            Mode::Submit
-        } else {
-            Mode::Obtain
-        };
-        let mut target = |max: u64| {
-            i64::try_from(self.below(2 * max + 1)).unwrap() - i64::try_from(max).unwrap()
-        };
+        let mode = if accepted < 3 || self.one_in(60) { Mode::Submit } else { Mode::Obtain };
+        let mut target = |max: u64| i64::try_from(self.below(2 * max + 1)).unwrap() - i64::try_from(max).unwrap();
         let targets = std::array::from_fn(|_| Offsets {
             position: OffsetNm(i32::try_from(target(3_000) * beyond).unwrap()),
             velocity: VelocityUmS(i32::try_from(target(5_000)).unwrap()),
@@ -299,16 +251,8 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
             4 => right.get(..index).unwrap().to_vec(),
             5 => (0..index).map(|_| byte).collect(),
             // Another version, which is answered.
-            6 => right
-                .iter()
-                .enumerate()
-                .map(|(at, there)| if at == 2 { 9 } else { *there })
-                .collect(),
-            _ => right
-                .iter()
-                .enumerate()
-                .map(|(at, there)| if at == index { byte } else { *there })
-                .collect(),
+            6 => right.iter().enumerate().map(|(at, there)| if at == 2 { 9 } else { *there }).collect(),
+            _ => right.iter().enumerate().map(|(at, there)| if at == index { byte } else { *there }).collect(),
         }
     }
 
@@ -368,15 +312,8 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         };
         // The ramp takes a tick per 100 nm: a short one, so that a session can follow.
         let position = i32::try_from(self.below(6_000)).unwrap() - 3_000 + beyond;
-        let offsets = Offsets {
-            position: OffsetNm(position),
-            velocity: VelocityUmS(17),
-            torque: TorquePermille(-2),
-        };
-        let in_force = self.nominal.map(|nominal| InForce {
-            nominal: PositionNm(nominal),
-            offsets,
-        });
+        let offsets = Offsets { position: OffsetNm(position), velocity: VelocityUmS(17), torque: TorquePermille(-2) };
+        let in_force = self.nominal.map(|nominal| InForce { nominal: PositionNm(nominal), offsets });
         LastWrite::Refused { in_force }
     }
 
@@ -402,21 +339,13 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
             numbers.push(input.nominal.get(index).map_or(1, |nominal| nominal.0));
         }
         for index in 0..6 {
-            let Actual {
-                position,
-                velocity,
-                torque,
-            } = input.actual.get(index).copied().unwrap_or_default();
+            let Actual { position, velocity, torque } = input.actual.get(index).copied().unwrap_or_default();
             numbers.extend([position.0, velocity.0.into(), torque.0.into()]);
         }
         for index in 0..6 {
             let unused = InForce::at(PositionNm(5));
             let in_force = in_force.get(index).copied().unwrap_or(unused);
-            let Offsets {
-                position,
-                velocity,
-                torque,
-            } = in_force.offsets;
+            let Offsets { position, velocity, torque } = in_force.offsets;
             let offsets = [position.0, velocity.0, torque.0.into()].map(i64::from);
             numbers.push(in_force.nominal.0);
             numbers.extend(offsets);
@@ -433,10 +362,7 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         let used = self.endpoint.session().epoch().0;
         let first = used + self.below(3);
         let last = (first + self.below(5)).saturating_sub(1);
-        self.endpoint.set_epochs(EpochRange {
-            first: Epoch(first),
-            last: Epoch(last),
-        });
+        self.endpoint.set_epochs(EpochRange { first: Epoch(first), last: Epoch(last) });
         writeln!(self.recorded.script, "e {first} {last}").unwrap();
     }
 
@@ -452,44 +378,26 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
     }
 }
 
-fn expect_output<const N: usize>(
-    text: &mut String,
-    references: Option<&[Reference; MOTORS]>,
-    output: &Output<N>,
-) {
+fn expect_output<const N: usize>(text: &mut String, references: Option<&[Reference; MOTORS]>, output: &Output<N>) {
     writeln!(text, "write {}", u8::from(references.is_some())).unwrap();
     for motor in 0..MOTORS {
         let numbers = references.map_or((0, 0, 0), |references| {
             let reference = references[motor];
-            (
-                reference.position.0,
-                reference.velocity_offset.0,
-                reference.torque_offset.0,
-            )
+            (reference.position.0, reference.velocity_offset.0, reference.torque_offset.0)
         });
         writeln!(text, "motor {} {} {}", numbers.0, numbers.1, numbers.2).unwrap();
     }
-    let owner = output
-        .owner
-        .map_or_else(String::new, |owner| format!(" {}", owner.0));
+    let owner = output.owner.map_or_else(String::new, |owner| format!(" {}", owner.0));
     let (refused, welcomed) = (output.refusals.len(), u8::from(output.welcome.is_some()));
     let ended = output.ended.unwrap_or_default().code();
-    writeln!(
-        text,
-        "refused {refused} welcomed {welcomed} owner{owner} ended {ended}"
-    )
-    .unwrap();
+    writeln!(text, "refused {refused} welcomed {welcomed} owner{owner} ended {ended}").unwrap();
     expect_state(text, &output.state);
 }
 
 fn expect_state<const N: usize>(text: &mut String, state: &State<N>) {
     let (phase, cause) = (state.phase.code(), state.cause.code());
     let (tick, epoch, accepted) = (state.tick.0, state.epoch.0, state.accepted.0);
-    let (left, arrival, on_time) = (
-        state.ramp_ticks_left,
-        state.arrival_us,
-        state.on_time_of_100,
-    );
+    let (left, arrival, on_time) = (state.ramp_ticks_left, state.arrival_us, state.on_time_of_100);
     writeln!(
         text,
         "state {tick} {epoch} {accepted} phase {phase} cause {cause} left {left} arrival {arrival} on_time {on_time}"
@@ -511,23 +419,11 @@ fn expect_state<const N: usize>(text: &mut String, state: &State<N>) {
     ];
     let counters: String = counters.iter().map(|count| format!(" {count}")).collect();
     writeln!(text, "counters{counters}").unwrap();
-    let offsets = |offsets: &Offsets| {
-        format!(
-            "{} {} {}",
-            offsets.position.0, offsets.velocity.0, offsets.torque.0
-        )
-    };
+    let offsets = |offsets: &Offsets| format!("{} {} {}", offsets.position.0, offsets.velocity.0, offsets.torque.0);
     for axis in &state.axes {
         let (nominal, flags, actual) = (axis.nominal.0, axis.flags.bits(), &axis.actual);
         let (in_force, shadow) = (offsets(&axis.offsets), offsets(&axis.shadow));
-        let actual = format!(
-            "{} {} {}",
-            actual.position.0, actual.velocity.0, actual.torque.0
-        );
-        writeln!(
-            text,
-            "axis {nominal} offsets {in_force} shadow {shadow} actual {actual} flags {flags}"
-        )
-        .unwrap();
+        let actual = format!("{} {} {}", actual.position.0, actual.velocity.0, actual.torque.0);
+        writeln!(text, "axis {nominal} offsets {in_force} shadow {shadow} actual {actual} flags {flags}").unwrap();
     }
 }

@@ -56,12 +56,7 @@ pub(crate) fn compare(trace: &str, black_box: &[u8]) {
         endpoint.feed(client, &there.input);
         let input = input(i64::try_from(index).unwrap() + 1);
         let references = endpoint.tick_recorded(&input, &mut *recorder);
-        assert_eq!(
-            there.motors,
-            references.unwrap(),
-            "references of tick {}",
-            index + 1
-        );
+        assert_eq!(there.motors, references.unwrap(), "references of tick {}", index + 1);
         let mut frames = Vec::new();
         while let Some((_, frame)) = endpoint.poll_transmit() {
             frames.push(frame.to_vec());
@@ -79,25 +74,13 @@ pub(crate) fn compare(trace: &str, black_box: &[u8]) {
 
 /// The server of the program.
 fn core() -> Endpoint<AXES, MOTORS> {
-    let limits = Limits::new(LimitValues {
-        max: 2_000_000,
-        step: 5_000,
-        accel: 10_000,
-        ramp: 100,
-    });
+    let limits = Limits::new(LimitValues { max: 2_000_000, step: 5_000, accel: 10_000, ramp: 100 });
     let travel = Travel::around_zero(1_000_000_000);
     let axis = AxisConfig::position_only(limits.unwrap(), travel, 2_000_000);
     let config = Config::new(Parameters::thesis([axis; AXES])).unwrap();
     let session = Session::new(config, &Start::at_rest([PositionNm(0); AXES]));
-    let epochs = EpochRange {
-        first: Epoch(1),
-        last: Epoch(1),
-    };
-    Endpoint::new(
-        session.unwrap(),
-        MotorMap::new([0, 0, 1, 2]).unwrap(),
-        epochs,
-    )
+    let epochs = EpochRange { first: Epoch(1), last: Epoch(1) };
+    Endpoint::new(session.unwrap(), MotorMap::new([0, 0, 1, 2]).unwrap(), epochs)
 }
 
 /// The program's input of a tick.
@@ -106,10 +89,7 @@ fn input(tick: i64) -> TickInput<AXES> {
     TickInput {
         elapsed_cycles: 1,
         nominal,
-        actual: nominal.map(|nominal| Actual {
-            position: PositionNm(nominal.0 - 50),
-            ..Actual::default()
-        }),
+        actual: nominal.map(|nominal| Actual { position: PositionNm(nominal.0 - 50), ..Actual::default() }),
         stop: false,
         rearm: false,
         last_write: LastWrite::Accepted,
@@ -137,9 +117,7 @@ fn read(trace: &str) -> Vec<Traced> {
 }
 
 fn reference(numbers: &str) -> Reference {
-    let mut numbers = numbers
-        .split(' ')
-        .map(|number| number.parse::<i64>().unwrap());
+    let mut numbers = numbers.split(' ').map(|number| number.parse::<i64>().unwrap());
     let mut next = || numbers.next().unwrap();
     Reference {
         position: PositionNm(next()),

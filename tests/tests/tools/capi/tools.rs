@@ -19,8 +19,8 @@ pub(crate) fn has(tool: &str) -> bool {
 /// True if a compiler takes these flags: its sanitizers are a package of their own.
 pub(crate) fn takes(compiler: &str, flags: &[&str]) -> bool {
     let empty = target().join("empty.c");
-    let written = std::fs::create_dir_all(target())
-        .and_then(|()| std::fs::write(&empty, "int main(void) { return 0; }\n"));
+    let written =
+        std::fs::create_dir_all(target()).and_then(|()| std::fs::write(&empty, "int main(void) { return 0; }\n"));
     let mut command = Command::new(compiler);
     command.args(flags).arg(&empty).args(["-o", "/dev/null"]);
     written.is_ok() && run(&mut command).is_ok()
@@ -38,9 +38,7 @@ pub(crate) fn target() -> PathBuf {
 
 /// Runs a command and returns its output.
 pub(crate) fn run(command: &mut Command) -> Result<String, Failed> {
-    let output = command
-        .output()
-        .map_err(|error| format!("{command:?}: {error}"))?;
+    let output = command.output().map_err(|error| format!("{command:?}: {error}"))?;
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     if output.status.success() {
         Ok(text(&output.stdout))
@@ -80,10 +78,7 @@ impl Program {
         let how = flags.concat().replace(['=', ',', '/'], "-");
         let path = target().join(format!("{name}-{compiler}{how}"));
         let mut command = Command::new(compiler);
-        command
-            .current_dir(folder())
-            .args(super::STRICT)
-            .args(flags);
+        command.current_dir(folder()).args(super::STRICT).args(flags);
         command.args(["-Iinclude", source]).arg(library());
         // Without functions that are not called, as in firmware.
         run(command.args(["-lm", "-Wl,--gc-sections", "-o"]).arg(&path))?;

@@ -27,9 +27,7 @@ pub(crate) fn judge(build: Build, subject: &str, measured: &Measured) {
         println!("{key}: {name} = {value}");
     }
     if recording() {
-        let numbers = measured
-            .iter()
-            .map(|(name, value)| (name.clone(), Value::Integer(*value)));
+        let numbers = measured.iter().map(|(name, value)| (name.clone(), Value::Integer(*value)));
         let entry = section(&mut file, "measured");
         entry.insert(key.to_owned(), Value::Table(numbers.collect()));
         fs::write(&path, format!("{head}\n{file}")).unwrap();
@@ -42,10 +40,7 @@ pub(crate) fn judge(build: Build, subject: &str, measured: &Measured) {
         if name.ends_with("crc32") {
             assert_eq!(*value, last, "{key}: {name} is not the recorded one");
         } else {
-            assert!(
-                *value <= last + last / 50,
-                "{key}: {name} is {value}, recorded {last}"
-            );
+            assert!(*value <= last + last / 50, "{key}: {name} is {value}, recorded {last}");
         }
     }
     let subjects = section(&mut file, "measured").clone();
@@ -55,16 +50,11 @@ pub(crate) fn judge(build: Build, subject: &str, measured: &Measured) {
     let goals = goals.get(key).cloned();
     for (name, goal) in goals.iter().filter_map(Value::as_table).flatten() {
         let (value, goal) = (measured[name], goal.as_integer().unwrap());
-        assert!(
-            value <= goal,
-            "{key}: {name} is {value}, the goal is {goal}"
-        );
+        assert!(value <= goal, "{key}: {name} is {value}, the goal is {goal}");
     }
 }
 
 fn section<'a>(file: &'a mut Table, name: &str) -> &'a mut Table {
-    let entry = file
-        .entry(name)
-        .or_insert_with(|| Value::Table(Table::new()));
+    let entry = file.entry(name).or_insert_with(|| Value::Table(Table::new()));
     entry.as_table_mut().unwrap()
 }

@@ -147,11 +147,7 @@ pub(crate) fn machines_are_those_of_the_files() {
     let parameters = robots::parameters(0, Capabilities::NONE).unwrap();
     for (ours, theirs) in parameters.axes.iter().zip(&file.limits) {
         let ours = ours.limits;
-        let ours = [
-            ours.position.values(),
-            ours.velocity.values(),
-            ours.torque.values(),
-        ];
+        let ours = [ours.position.values(), ours.velocity.values(), ours.torque.values()];
         let theirs = [theirs.position, theirs.velocity, theirs.torque];
         for (ours, theirs) in ours.into_iter().zip(theirs) {
             assert_eq!(ours, values(&theirs));
@@ -166,42 +162,19 @@ pub(crate) fn machines_are_those_of_the_files() {
 /// Bit-equality stands on equal arithmetic: the lock files of host and firmware name the same versions of what computes.
 pub(crate) fn same_mathematics() {
     let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let [host, firmware] = [
-        tests.join("../Cargo.lock"),
-        tests.join("firmware/Cargo.lock"),
-    ]
-    .map(|path| {
-        fs::read_to_string(path)
-            .unwrap()
-            .parse::<toml::Table>()
-            .unwrap()
-    });
+    let [host, firmware] = [tests.join("../Cargo.lock"), tests.join("firmware/Cargo.lock")]
+        .map(|path| fs::read_to_string(path).unwrap().parse::<toml::Table>().unwrap());
     for name in ["libm", "nalgebra", "simba", "crc32fast", "heapless"] {
         let [host, firmware] = [&host, &firmware].map(|lock| {
             let packages = lock["package"].as_array().unwrap().iter();
             let versions = packages.filter(|package| package["name"].as_str() == Some(name));
-            versions
-                .map(|package| package["version"].to_string())
-                .collect::<Vec<_>>()
+            versions.map(|package| package["version"].to_string()).collect::<Vec<_>>()
         });
-        assert!(
-            !host.is_empty() && host == firmware,
-            "{name}: {host:?} and {firmware:?}"
-        );
+        assert!(!host.is_empty() && host == firmware, "{name}: {host:?} and {firmware:?}");
     }
 }
 
 fn values(limits: &ChannelLimits) -> LimitValues {
-    let ChannelLimits {
-        max,
-        step,
-        accel,
-        ramp,
-    } = *limits;
-    LimitValues {
-        max,
-        step,
-        accel,
-        ramp,
-    }
+    let ChannelLimits { max, step, accel, ramp } = *limits;
+    LimitValues { max, step, accel, ramp }
 }

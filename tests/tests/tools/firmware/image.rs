@@ -19,17 +19,9 @@ const PANICS: [&str; 3] = ["panicking", "panic_", "_fail"];
 fn panics(image: &Path) -> Vec<String> {
     let bytes = fs::read(image).unwrap();
     let file = object::File::parse(&*bytes).unwrap();
-    let names: Vec<String> = file
-        .symbols()
-        .map(|symbol| symbol.name().unwrap().to_owned())
-        .collect();
-    assert!(
-        names.iter().any(|name| name == "main"),
-        "the image has its symbols"
-    );
-    let panics = names
-        .into_iter()
-        .filter(|name| PANICS.iter().any(|panic| name.contains(panic)));
+    let names: Vec<String> = file.symbols().map(|symbol| symbol.name().unwrap().to_owned()).collect();
+    assert!(names.iter().any(|name| name == "main"), "the image has its symbols");
+    let panics = names.into_iter().filter(|name| PANICS.iter().any(|panic| name.contains(panic)));
     panics.collect()
 }
 
@@ -58,8 +50,7 @@ pub(crate) fn sizes() {
                 let section = file.section_by_name(name);
                 i64::try_from(section.map_or(0, |section| section.size())).unwrap()
             };
-            let measured = ["text", "rodata", "data", "bss"]
-                .map(|name| (name.to_owned(), size(&format!(".{name}"))));
+            let measured = ["text", "rodata", "data", "bss"].map(|name| (name.to_owned(), size(&format!(".{name}"))));
             budget::judge(build, image, &BTreeMap::from(measured));
         }
     }

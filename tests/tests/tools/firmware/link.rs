@@ -68,10 +68,7 @@ pub(crate) fn a_real_client_drives_the_target() {
     verdict::check_pulled_cable(&lost);
     // The answer to the last State was on the cable, or had arrived.
     let rows = verdict::check_recording(&cell.folder.path("lost.csv"), &lost);
-    assert!(
-        (received..=received + 1).contains(&rows),
-        "{rows} rows, {received} received"
-    );
+    assert!((received..=received + 1).contains(&rows), "{rows} rows, {received} received");
     // The Goodbye answers no State.
     let (left, received) = verdict::check_session(&log, &states, 2, "Goodbye");
     let rows = verdict::check_recording(&cell.folder.path("left.csv"), &left);
@@ -90,16 +87,8 @@ impl Cell<'_> {
     fn client(&self, name: &str, server: SocketAddr) -> Running {
         let (server, sensor) = (server.to_string(), self.proxy.sensor.to_string());
         let recording = self.folder.path(&format!("{name}.csv"));
-        let arguments = [
-            "client",
-            "--robot",
-            "f1",
-            &server,
-            "--sensor",
-            &sensor,
-            "--record",
-            recording.to_str().unwrap(),
-        ];
+        let arguments =
+            ["client", "--robot", "f1", &server, "--sensor", &sensor, "--record", recording.to_str().unwrap()];
         Running::start(self.program, &self.folder, name, &arguments)
     }
 
@@ -114,16 +103,9 @@ impl Cell<'_> {
     /// Submit, Obtain, a pulled cable, the ramp. Returns the ticks of ramp in the refusal of another client.
     fn lose_a_client(&self) -> u32 {
         let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let (relay, _) = Relay::spawn(
-            any,
-            self.proxy.address,
-            Transport::Stream,
-            FaultPlan::default(),
-        )
-        .unwrap();
+        let (relay, _) = Relay::spawn(any, self.proxy.address, Transport::Stream, FaultPlan::default()).unwrap();
         let mut client = self.client("lost", relay.address);
-        self.proxy
-            .await_state("Obtain", |state| state.phase == Phase::Obtain);
+        self.proxy.await_state("Obtain", |state| state.phase == Phase::Obtain);
         let (code, said) = self.client("busy", self.proxy.address).end();
         assert_eq!(code, Some(4), "{said}");
         assert!(said.contains("another client owns the session"), "{said}");
@@ -139,9 +121,7 @@ impl Cell<'_> {
         let Some(ServerMessage::Refusal(Refusal::Ramping { ticks_left })) = answer else {
             panic!("let in during the ramp: {answer:?}");
         };
-        self.proxy.await_state("the ramp's end", |state| {
-            ramps(state) && state.ramp_ticks_left == 0
-        });
+        self.proxy.await_state("the ramp's end", |state| ramps(state) && state.ramp_ticks_left == 0);
         let (code, said) = client.end();
         assert_eq!(code, Some(7), "{said}");
         assert!(said.contains("the server vanished"), "{said}");

@@ -34,80 +34,47 @@ use libtest_mimic::Trial;
 /// Tests that need the emulator and a toolchain for the target.
 const ON_TARGET: &[(&str, fn())] = &[
     ("m7_is_bit_equal_in_a_calm_session", replay::m7_calm),
-    (
-        "m7_is_bit_equal_in_a_calm_session_of_the_f1",
-        replay::m7_calm_f1,
-    ),
+    ("m7_is_bit_equal_in_a_calm_session_of_the_f1", replay::m7_calm_f1),
     ("m7_is_bit_equal_in_hostile_traffic", replay::m7_hostile),
-    (
-        "m7_small_is_bit_equal_in_a_calm_session",
-        replay::m7_small_calm,
-    ),
-    (
-        "m7_small_is_bit_equal_in_a_calm_session_of_the_f1",
-        replay::m7_small_calm_f1,
-    ),
-    (
-        "m7_small_is_bit_equal_in_hostile_traffic",
-        replay::m7_small_hostile,
-    ),
+    ("m7_small_is_bit_equal_in_a_calm_session", replay::m7_small_calm),
+    ("m7_small_is_bit_equal_in_a_calm_session_of_the_f1", replay::m7_small_calm_f1),
+    ("m7_small_is_bit_equal_in_hostile_traffic", replay::m7_small_hostile),
     ("m4f_is_bit_equal_in_a_calm_session", replay::m4f_calm),
     ("a_changed_bit_is_seen", replay::a_changed_bit_is_seen),
     ("the_log_tells_the_session", replay::log_tells_the_session),
-    (
-        "a_real_client_drives_the_target",
-        link::a_real_client_drives_the_target,
-    ),
+    ("a_real_client_drives_the_target", link::a_real_client_drives_the_target),
     ("the_image_has_no_panic", image::no_panic),
     ("a_linked_panic_is_seen", image::control_is_seen),
     ("the_images_are_as_small_as_recorded", image::sizes),
 ];
 
 /// Those of them that need the decoder of its log.
-const WITH_LOG: [&str; 2] = [
-    "the_log_tells_the_session",
-    "a_real_client_drives_the_target",
-];
+const WITH_LOG: [&str; 2] = ["the_log_tells_the_session", "a_real_client_drives_the_target"];
 
 /// Tests that need the host only.
 const ON_HOST: &[(&str, fn())] = &[
-    (
-        "recordings_show_every_phase",
-        traffic::recordings_show_every_phase,
-    ),
-    (
-        "the_f1_turns_far_and_recovers",
-        traffic::the_f1_turns_far_and_recovers,
-    ),
+    ("recordings_show_every_phase", traffic::recordings_show_every_phase),
+    ("the_f1_turns_far_and_recovers", traffic::the_f1_turns_far_and_recovers),
     ("recordings_replay_on_the_host", host::recordings_replay),
     ("excess_is_refused", host::excess_is_refused),
-    (
-        "the_machines_are_those_of_the_robot_files",
-        host::machines_are_those_of_the_files,
-    ),
-    (
-        "host_and_firmware_lock_the_same_mathematics",
-        host::same_mathematics,
-    ),
+    ("the_machines_are_those_of_the_robot_files", host::machines_are_those_of_the_files),
+    ("host_and_firmware_lock_the_same_mathematics", host::same_mathematics),
 ];
 
 /// Returns all tests, by name.
 pub(crate) fn trials() -> Vec<Trial> {
-    let required =
-        std::env::var_os("GANTRY_TAU_REQUIRE_FIRMWARE").is_some_and(|value| value == "1");
+    let required = std::env::var_os("GANTRY_TAU_REQUIRE_FIRMWARE").is_some_and(|value| value == "1");
     let missing = emulator::missing();
     let on_target = ON_TARGET.iter().map(|(name, test)| {
-        let missing = missing
-            .clone()
-            .or_else(|| WITH_LOG.contains(name).then(emulator::decoder_missing)?);
+        let missing = missing.clone().or_else(|| WITH_LOG.contains(name).then(emulator::decoder_missing)?);
         match (missing, required) {
             (None, _) => trial(name, *test),
-            (Some(what), true) => Trial::test(format!("firmware::{name}"), move || {
-                Err(format!("missing: {what}").into())
-            }),
-            (Some(what), false) => trial(name, *test)
-                .with_kind(format!("ignored: missing {what}"))
-                .with_ignored_flag(true),
+            (Some(what), true) => {
+                Trial::test(format!("firmware::{name}"), move || Err(format!("missing: {what}").into()))
+            }
+            (Some(what), false) => {
+                trial(name, *test).with_kind(format!("ignored: missing {what}")).with_ignored_flag(true)
+            }
         }
     });
     let on_host = ON_HOST.iter().map(|(name, test)| trial(name, *test));

@@ -62,10 +62,7 @@ pub(crate) fn a_changed_bit_is_seen() {
         Some(true),
         "the bit is seen, and where it is"
     );
-    assert_eq!(
-        first_difference(&played.output, &host::play(&bytes).output),
-        None
-    );
+    assert_eq!(first_difference(&played.output, &host::play(&bytes).output), None);
 }
 
 /// The log of the calm session is `golden.txt`.
@@ -76,11 +73,7 @@ pub(crate) fn log_tells_the_session() {
     if budget::recording() {
         fs::write(&golden, &log).unwrap();
     }
-    assert_eq!(
-        log,
-        fs::read_to_string(&golden).unwrap(),
-        "the log is not that of golden.txt"
-    );
+    assert_eq!(log, fs::read_to_string(&golden).unwrap(), "the log is not that of golden.txt");
 }
 
 /// Compares every reference, every frame and every float, and judges the cost.
@@ -88,24 +81,11 @@ fn is_bit_equal(build: Build, recording: &Recording) {
     let played = play(build, recording.name, &recording.bytes);
     let expected = host::play(&recording.bytes).output;
     if let Some(at) = first_difference(&played.output, &expected) {
-        panic!(
-            "{} on {}: differs from the host from byte {at} of {}",
-            recording.name,
-            build.name(),
-            expected.len()
-        );
+        panic!("{} on {}: differs from the host from byte {at} of {}", recording.name, build.name(), expected.len());
     }
-    println!(
-        "{} on {}: {} bytes are equal",
-        recording.name,
-        build.name(),
-        expected.len()
-    );
+    println!("{} on {}: {} bytes are equal", recording.name, build.name(), expected.len());
     let mut measured = played.laps.measured(&recording.f1);
-    measured.insert(
-        "output_crc32".to_owned(),
-        i64::from(gantry_tau_tests::client::crc32(&expected)),
-    );
+    measured.insert("output_crc32".to_owned(), i64::from(gantry_tau_tests::client::crc32(&expected)));
     budget::judge(build, recording.name, &measured);
 }
 
@@ -116,8 +96,7 @@ fn first_difference(one: &[u8], other: &[u8]) -> Option<usize> {
 
 fn play(build: Build, name: &str, recording: &[u8]) -> Played {
     let image = emulator::images(build, &[]).join("firmware");
-    let place =
-        Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("replay-{}-{name}", build.name()));
+    let place = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("replay-{}-{name}", build.name()));
     fs::create_dir_all(&place).unwrap();
     fs::write(place.join("replay.in"), recording).unwrap();
     for output in ["replay.out", "replay.laps"] {
@@ -142,19 +121,13 @@ struct Laps {
 
 impl Laps {
     fn read(bytes: &[u8]) -> Self {
-        let numbers: Vec<u32> = bytes
-            .chunks_exact(4)
-            .map(|four| u32::from_le_bytes(four.try_into().unwrap()))
-            .collect();
+        let numbers: Vec<u32> =
+            bytes.chunks_exact(4).map(|four| u32::from_le_bytes(four.try_into().unwrap())).collect();
         let (cycles, stack) = numbers.split_last_chunk().unwrap();
         // A cycle of the board's clock takes 40 ns, an instruction 32 ns.
-        let ticks = cycles
-            .chunks_exact(3)
-            .map(|parts| [parts[0], parts[1], parts[2]].map(|cycles| cycles + cycles / 4));
-        Self {
-            ticks: ticks.collect(),
-            stack: *stack,
-        }
+        let ticks =
+            cycles.chunks_exact(3).map(|parts| [parts[0], parts[1], parts[2]].map(|cycles| cycles + cycles / 4));
+        Self { ticks: ticks.collect(), stack: *stack }
     }
 
     /// Returns worst and mean of each part, for each machine.
@@ -172,8 +145,7 @@ impl Laps {
             }
             let mut record = |what: &str, of: &dyn Fn(&[u32; 3]) -> u32| {
                 let worst = ticks.iter().map(of).max().unwrap();
-                let mean = ticks.iter().map(|parts| u64::from(of(parts))).sum::<u64>()
-                    / ticks.len() as u64;
+                let mean = ticks.iter().map(|parts| u64::from(of(parts))).sum::<u64>() / ticks.len() as u64;
                 measured.insert(format!("{machine}_{what}_worst"), worst.into());
                 measured.insert(format!("{machine}_{what}_mean"), mean.try_into().unwrap());
             };

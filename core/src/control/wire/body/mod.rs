@@ -32,40 +32,22 @@ pub trait Body: Sized {
 /// Unreachable after the length check; reported as `Length` because core must not panic.
 impl From<Short> for ContentError {
     fn from(_: Short) -> Self {
-        Self::Length {
-            expected: 0,
-            received: 0,
-        }
+        Self::Length { expected: 0, received: 0 }
     }
 }
 
 /// Returns a reader of a body with the expected length.
 fn reader<B: Body>(body: &[u8]) -> Result<Reader<'_>, ContentError> {
     let (expected, received) = (B::LENGTH, body.len());
-    if received == expected {
-        Ok(Reader::new(body))
-    } else {
-        Err(ContentError::Length { expected, received })
-    }
+    if received == expected { Ok(Reader::new(body)) } else { Err(ContentError::Length { expected, received }) }
 }
 
 fn check_axes<const N: usize>(received: u8) -> Result<(), ContentError> {
-    if usize::from(received) == N {
-        Ok(())
-    } else {
-        Err(ContentError::Axes {
-            expected: N,
-            received,
-        })
-    }
+    if usize::from(received) == N { Ok(()) } else { Err(ContentError::Axes { expected: N, received }) }
 }
 
 const fn check_reserved(value: u16) -> Result<(), ContentError> {
-    if value == 0 {
-        Ok(())
-    } else {
-        Err(ContentError::Reserved)
-    }
+    if value == 0 { Ok(()) } else { Err(ContentError::Reserved) }
 }
 
 /// Returns the byte for the number of axes. Sessions refuse more than `MAX_AXES`.
@@ -90,11 +72,7 @@ impl Body for Epoch {
 const OFFSETS: usize = 4 + 4 + 2;
 
 fn read_offsets(r: &mut Reader<'_>) -> Result<Offsets, Short> {
-    Ok(Offsets {
-        position: OffsetNm(r.i32()?),
-        velocity: VelocityUmS(r.i32()?),
-        torque: TorquePermille(r.i16()?),
-    })
+    Ok(Offsets { position: OffsetNm(r.i32()?), velocity: VelocityUmS(r.i32()?), torque: TorquePermille(r.i16()?) })
 }
 
 fn write_offsets(w: &mut Writer<'_>, offsets: &Offsets) -> Result<(), Short> {

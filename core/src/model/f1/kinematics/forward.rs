@@ -46,20 +46,14 @@ impl Kinematics {
             let system = self.system(&pose, &joints);
             if made == iterations || system.is_settled(CONVERGED * self.size_m) {
                 pose.rotation = orthonormal(&pose.rotation);
-                let residual_m =
-                    (self.checked(&pose, q, &joints)).map_err(|refused| refused.after(made))?;
-                return Ok(Solution {
-                    value: pose,
-                    iterations: made,
-                    residual_m,
-                });
+                let residual_m = (self.checked(&pose, q, &joints)).map_err(|refused| refused.after(made))?;
+                return Ok(Solution { value: pose, iterations: made, residual_m });
             }
             let step = system.solve()?;
             if *mode.get_or_insert(step.det_is_negative) != step.det_is_negative {
                 return Err(KinematicsError::OtherBranch { arm: None });
             }
-            let turn =
-                rotation_from_vector(&step.rotation_rad).ok_or(KinematicsError::NotFinite)?;
+            let turn = rotation_from_vector(&step.rotation_rad).ok_or(KinematicsError::NotFinite)?;
             pose.position_m += step.translation_m;
             pose.rotation = product(&turn, &pose.rotation);
         }
@@ -101,8 +95,7 @@ impl Kinematics {
         if self.plates.out_of_step(q4, q5).abs() > SYNCHRONISED_TOLERANCE {
             return Err(KinematicsError::Inconsistent { arm: 1 });
         }
-        (self.checked(&pose, q, &self.plates.at(q).joints_m()))
-            .map_err(|refused| refused.after(0))?;
+        (self.checked(&pose, q, &self.plates.at(q).joints_m())).map_err(|refused| refused.after(0))?;
         Ok(pose)
     }
 
@@ -114,11 +107,7 @@ impl Kinematics {
         q: &[f64; AXES],
         joints_m: &[Vector3<f64>; LINKS],
     ) -> Result<f64, Rejected> {
-        self.check(
-            &self.links_between(pose, joints_m),
-            q,
-            &self.robot.geometry().lengths_m,
-        )
+        self.check(&self.links_between(pose, joints_m), q, &self.robot.geometry().lengths_m)
     }
 
     /// Pose of the synchronised form with plate 3 as it is; a start where plate 2 is not in step.
@@ -145,10 +134,7 @@ impl Kinematics {
             c2 + v2 * q2 + times(&turned, &p21) - times(&rotation, &b21),
             c3 + v3 * q3 + times(&rotation, &(p31 - b31)),
         ];
-        let poses = three_spheres(&centres, &[l1, l2, l3])?.map(|position_m| Pose {
-            position_m,
-            rotation,
-        });
+        let poses = three_spheres(&centres, &[l1, l2, l3])?.map(|position_m| Pose { position_m, rotation });
         let joints = self.plates.at(q).joints_m();
         let sides = |pose: &Pose| self.on_their_sides(&self.links_between(pose, &joints));
         let [one, other] = poses.map(|pose| (sides(&pose), pose));
@@ -215,10 +201,7 @@ pub(super) fn orthonormal(rotation: &Matrix3<f64>) -> Matrix3<f64> {
 }
 
 /// Returns both points at the given distances from three centres.
-fn three_spheres(
-    centres_m: &[Vector3<f64>; 3],
-    radii_m: &[f64; 3],
-) -> Result<[Vector3<f64>; 2], KinematicsError> {
+fn three_spheres(centres_m: &[Vector3<f64>; 3], radii_m: &[f64; 3]) -> Result<[Vector3<f64>; 2], KinematicsError> {
     let [p1, p2, p3] = centres_m;
     let [l1, l2, l3] = *radii_m;
     let (e1, e2) = (p2 - p1, p3 - p1);
@@ -234,11 +217,7 @@ fn three_spheres(
     }
     let height = normal * sqrt(height_squared);
     // Carts in one line leave a circle.
-    if !height
-        .iter()
-        .chain(base.iter())
-        .all(|value| value.is_finite())
-    {
+    if !height.iter().chain(base.iter()).all(|value| value.is_finite()) {
         return Err(KinematicsError::Singular { measure: 0.0 });
     }
     Ok([p1 + base + height, p1 + base - height])

@@ -36,11 +36,7 @@ impl Kinematics {
     /// assert!(kinematics.residual_m(&next, &solution.value) < 1e-9);
     /// # Ok::<(), Box<dyn core::error::Error>>(())
     /// ```
-    pub fn inverse(
-        &self,
-        pose: &Pose,
-        seed: Option<[f64; 3]>,
-    ) -> Result<Solution<[f64; AXES]>, KinematicsError> {
+    pub fn inverse(&self, pose: &Pose, seed: Option<[f64; 3]>) -> Result<Solution<[f64; AXES]>, KinematicsError> {
         self.inverse_with_lengths(pose, seed, &self.robot.geometry().lengths_m)
     }
 
@@ -62,27 +58,17 @@ impl Kinematics {
         let [l11, l21, l22, l31, l32, l33] = *lengths_m;
         let q1 = self.cart_one(&b11, l11)?;
         let ((q2, q4), made_2) = self.cluster_two(&[b21, b22], &[l21, l22], q4)?;
-        let ((q3, q5, q6), made_3) =
-            self.cluster_three(&[b31, b32, b33], &[l31, l32, l33], (q5, q6))?;
+        let ((q3, q5, q6), made_3) = self.cluster_three(&[b31, b32, b33], &[l31, l32, l33], (q5, q6))?;
         let value = [q1, q2, q3, q4, q5, q6];
         let iterations = made_2.max(made_3);
         let links = self.links_m(pose, &value);
-        let residual_m =
-            (self.check(&links, &value, lengths_m)).map_err(|refused| refused.after(iterations))?;
-        Ok(Solution {
-            value,
-            iterations,
-            residual_m,
-        })
+        let residual_m = (self.check(&links, &value, lengths_m)).map_err(|refused| refused.after(iterations))?;
+        Ok(Solution { value, iterations, residual_m })
     }
 
     /// Checks that every link reaches its plate: it must be as long as the distance of its end from the line that the plate runs along,
     /// less the plate's own reach.
-    fn reaches(
-        &self,
-        ends_m: &[Vector3<f64>; LINKS],
-        lengths_m: &[f64; LINKS],
-    ) -> Result<(), KinematicsError> {
+    fn reaches(&self, ends_m: &[Vector3<f64>; LINKS], lengths_m: &[f64; LINKS]) -> Result<(), KinematicsError> {
         let carts_m = &self.robot.geometry().carts_m;
         let reaches = zip(&self.plate_reaches_m, &ARM_OF_LINK);
         for ((end, length), (reach, arm)) in zip(ends_m, lengths_m).zip(reaches) {
@@ -122,19 +108,15 @@ impl Kinematics {
         let (q2, along_squared) = cart(&(first - a21), v2, length, c2);
         let place = |&[_, q4]: &[f64; 2]| self.plates.two(q4);
         let equations = |&[q2, _]: &[f64; 2], plate: &PlateTwo| {
-            let link =
-                |joint: &Vector3<f64>, end: &Vector3<f64>, turn: &Vector3<f64>, length: f64| {
-                    let w = joint + v2 * q2 - end;
-                    let (error, s) = stretch(&w, length);
-                    (error, [s.dot(v2), s.dot(turn)])
-                };
+            let link = |joint: &Vector3<f64>, end: &Vector3<f64>, turn: &Vector3<f64>, length: f64| {
+                let w = joint + v2 * q2 - end;
+                let (error, s) = stretch(&w, length);
+                (error, [s.dot(v2), s.dot(turn)])
+            };
             let ([a1, a2], [t1, t2]) = (&plate.joints_m, &plate.turns);
             let ([b1, b2], [l1, l2]) = (ends_m, *lengths_m);
             let (one, two) = (link(a1, b1, t1, l1), link(a2, b2, t2, l2));
-            Equations {
-                errors_m: [one.0, two.0],
-                rows: [one.1, two.1],
-            }
+            Equations { errors_m: [one.0, two.0], rows: [one.1, two.1] }
         };
         let ([q2, q4], made) = newton([q2, q4], plate, &self.criterion(), place, equations)
             .map_err(|error| from_the_foot(1, along_squared, error))?;
@@ -155,24 +137,17 @@ impl Kinematics {
         let (q3, along_squared) = cart(&(first - a31), v3, length, c3);
         let place = |&[_, q5, q6]: &[f64; 3]| self.plates.three(q5, q6);
         let equations = |&[q3, _, _]: &[f64; 3], plate: &PlateThree| {
-            let link = |joint: &Vector3<f64>,
-                        end: &Vector3<f64>,
-                        rates: [&Vector3<f64>; 2],
-                        length: f64| {
+            let link = |joint: &Vector3<f64>, end: &Vector3<f64>, rates: [&Vector3<f64>; 2], length: f64| {
                 let w = joint + v3 * q3 - end;
                 let (error, s) = stretch(&w, length);
                 (error, [s.dot(v3), s.dot(rates[0]), s.dot(rates[1])])
             };
-            let ([a1, a2, a3], [t1, t2, t3], [k1, k2, k3]) =
-                (&plate.joints_m, &plate.turns, &plate.tilts);
+            let ([a1, a2, a3], [t1, t2, t3], [k1, k2, k3]) = (&plate.joints_m, &plate.turns, &plate.tilts);
             let ([b1, b2, b3], [l1, l2, l3]) = (ends_m, *lengths_m);
             let one = link(a1, b1, [t1, k1], l1);
             let two = link(a2, b2, [t2, k2], l2);
             let three = link(a3, b3, [t3, k3], l3);
-            Equations {
-                errors_m: [one.0, two.0, three.0],
-                rows: [one.1, two.1, three.1],
-            }
+            Equations { errors_m: [one.0, two.0, three.0], rows: [one.1, two.1, three.1] }
         };
         let ([q3, q5, q6], made) = newton([q3, q5, q6], plate, &self.criterion(), place, equations)
             .map_err(|error| from_the_foot(2, along_squared, error))?;
@@ -180,10 +155,7 @@ impl Kinematics {
     }
 
     pub(super) const fn criterion(&self) -> StopCriterion {
-        StopCriterion {
-            iterations: COLD_ITERATIONS,
-            converged_m: CONVERGED * self.size_m,
-        }
+        StopCriterion { iterations: COLD_ITERATIONS, converged_m: CONVERGED * self.size_m }
     }
 }
 
@@ -191,21 +163,14 @@ impl Kinematics {
 /// guideway, which looks like a singularity, but the cause is that the link does not reach with its plate at the start.
 fn from_the_foot(arm: usize, along_squared: f64, error: KinematicsError) -> KinematicsError {
     match error {
-        KinematicsError::Singular { .. } if along_squared < 0.0 => {
-            KinematicsError::Unreachable { arm }
-        }
+        KinematicsError::Singular { .. } if along_squared < 0.0 => KinematicsError::Unreachable { arm },
         error => error,
     }
 }
 
 /// Position of the cart of one link whose end is at `from_origin_m` from the joint at `q = 0`: `q`, and the square of the link's length
 /// along the guideway (metres squared), below zero where the link is too short; then `q` is the nearest point.
-pub(super) fn cart(
-    from_origin_m: &Vector3<f64>,
-    guideway: &Vector3<f64>,
-    length_m: f64,
-    branch: Branch,
-) -> (f64, f64) {
+pub(super) fn cart(from_origin_m: &Vector3<f64>, guideway: &Vector3<f64>, length_m: f64, branch: Branch) -> (f64, f64) {
     let scale_squared = guideway.dot(guideway);
     let foot = from_origin_m.dot(guideway) / scale_squared;
     let across = from_origin_m - guideway * foot;

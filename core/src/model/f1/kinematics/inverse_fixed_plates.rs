@@ -39,10 +39,7 @@ impl Kinematics {
         near: &Matrix3<f64>,
         iterations: u8,
     ) -> Result<Solution<([f64; AXES], Pose)>, KinematicsError> {
-        let mut pose = Pose {
-            position_m: *position_m,
-            rotation: *near,
-        };
+        let mut pose = Pose { position_m: *position_m, rotation: *near };
         if !is_pose(&pose) || !plates.iter().all(|value| value.is_finite()) {
             return Err(KinematicsError::NotFinite);
         }
@@ -56,13 +53,8 @@ impl Kinematics {
             let system = self.system(&pose, &joints);
             if made == iterations || system.is_settled(CONVERGED * self.size_m) {
                 pose.rotation = orthonormal(&pose.rotation);
-                let residual_m =
-                    (self.checked(&pose, &q, &joints)).map_err(|refused| refused.after(made))?;
-                return Ok(Solution {
-                    value: (q, pose),
-                    iterations: made,
-                    residual_m,
-                });
+                let residual_m = (self.checked(&pose, &q, &joints)).map_err(|refused| refused.after(made))?;
+                return Ok(Solution { value: (q, pose), iterations: made, residual_m });
             }
             self.on_their_sides(&self.links_between(&pose, &joints))?;
             let step = self.step_of_carts(&system)?;
@@ -72,8 +64,7 @@ impl Kinematics {
             for (cart, change) in carts.iter_mut().zip(step.carts) {
                 *cart += change;
             }
-            let turn =
-                rotation_from_vector(&step.rotation_rad).ok_or(KinematicsError::NotFinite)?;
+            let turn = rotation_from_vector(&step.rotation_rad).ok_or(KinematicsError::NotFinite)?;
             pose.rotation = product(&turn, &pose.rotation);
         }
         // Not reached: the last round returns.
@@ -81,11 +72,7 @@ impl Kinematics {
     }
 
     /// Carts where links 11, 21 and 31 just fit.
-    fn first_carts(
-        &self,
-        pose: &Pose,
-        &[q4, q5, q6]: &[f64; 3],
-    ) -> Result<[f64; ARMS], KinematicsError> {
+    fn first_carts(&self, pose: &Pose, &[q4, q5, q6]: &[f64; 3]) -> Result<[f64; ARMS], KinematicsError> {
         let geometry = self.robot.geometry();
         let joints = self.plates.at(&[0.0, 0.0, 0.0, q4, q5, q6]).joints_m();
         let [a11, a21, _, a31, ..] = joints;
@@ -99,11 +86,7 @@ impl Kinematics {
             }
             Ok(q)
         };
-        Ok([
-            fit(0, b11 - a11, v1, l11, c1)?,
-            fit(1, b21 - a21, v2, l21, c2)?,
-            fit(2, b31 - a31, v3, l31, c3)?,
-        ])
+        Ok([fit(0, b11 - a11, v1, l11, c1)?, fit(1, b21 - a21, v2, l21, c2)?, fit(2, b31 - a31, v3, l31, c3)?])
     }
 
     /// `e + (s . V) dq - m . dtheta = 0` for every link: the carts are eliminated by links 11, 21, 31, and with `a = s . V / s_1 . V`

@@ -18,9 +18,7 @@ mod tests;
 use nalgebra::Vector3;
 
 use super::{AXES, Robot};
-use crate::model::kinematics::{
-    KinematicsError, Pose, RESIDUAL_TOLERANCE, SINGULARITY_TOLERANCE, directions,
-};
+use crate::model::kinematics::{KinematicsError, Pose, RESIDUAL_TOLERANCE, SINGULARITY_TOLERANCE, directions};
 use crate::model::linalg::{max_propagating_nan, norm, times};
 use crate::model::robot::{ARM_OF_LINK, ARMS, LINKS};
 use crate::model::statics::{LineMatrix, Lines};
@@ -60,9 +58,7 @@ impl Kinematics {
         let shortest = l11.min(l21).min(l22).min(l31).min(l32).min(l33);
         let longest = l11.max(l21).max(l22).max(l31).max(l32).max(l33);
         let [c1, c2, c3] = geometry.carts_m.map(|cart| norm(&cart));
-        let [v1, v2, v3] = geometry
-            .guideways
-            .map(|guideway| guideway / norm(&guideway));
+        let [v1, v2, v3] = geometry.guideways.map(|guideway| guideway / norm(&guideway));
         let [side1, side2, side3] = geometry.configuration.map(|branch| branch.sign());
         let free = (f64::NEG_INFINITY, f64::INFINITY);
         let plate = (-HALF_TURN_RAD, HALF_TURN_RAD);
@@ -71,9 +67,7 @@ impl Kinematics {
             plates: Plates::new(geometry),
             size_m: longest + c1.max(c2).max(c3),
             tolerance_m: RESIDUAL_TOLERANCE * shortest,
-            travel: geometry
-                .travel
-                .unwrap_or([free, free, free, plate, plate, plate]),
+            travel: geometry.travel.unwrap_or([free, free, free, plate, plate, plate]),
             sides: [v1 * side1, v2 * side2, v3 * side3],
             plate_reaches_m: geometry.plate_joints_m.map(|joint| norm(&joint)),
         }
@@ -107,21 +101,10 @@ impl Kinematics {
 
     /// As [`links_m`](Self::links_m), for known plate joints.
     #[inline]
-    fn links_between(
-        &self,
-        pose: &Pose,
-        joints_m: &[Vector3<f64>; LINKS],
-    ) -> [Vector3<f64>; LINKS] {
+    fn links_between(&self, pose: &Pose, joints_m: &[Vector3<f64>; LINKS]) -> [Vector3<f64>; LINKS] {
         let [a11, a21, a22, a31, a32, a33] = joints_m;
         let [b11, b21, b22, b31, b32, b33] = self.ends_m(pose);
-        [
-            a11 - b11,
-            a21 - b21,
-            a22 - b22,
-            a31 - b31,
-            a32 - b32,
-            a33 - b33,
-        ]
+        [a11 - b11, a21 - b21, a22 - b22, a31 - b31, a32 - b32, a33 - b33]
     }
 
     /// `B_ij = T + R b_ij`: the platform joints, world axes, metres, link order.
@@ -142,11 +125,7 @@ impl Kinematics {
     /// # Errors
     /// [`KinematicsError::Singular`] when the lines depend on each other, `NotFinite` when a number given is not finite.
     #[inline(never)]
-    pub fn line_matrix(
-        &self,
-        pose: &Pose,
-        q: &[f64; AXES],
-    ) -> Result<LineMatrix<AXES>, KinematicsError> {
+    pub fn line_matrix(&self, pose: &Pose, q: &[f64; AXES]) -> Result<LineMatrix<AXES>, KinematicsError> {
         // Borrowed: moving half a kilobyte out of the `Result` would put a second copy on the stack. The steps are not inlined, so that
         // their stack use does not add up.
         let lines = self.lines(pose, q);
@@ -158,12 +137,7 @@ impl Kinematics {
         let plates = self.plates.at(q);
         let directions = directions(&self.links_between(pose, &plates.joints_m()))?;
         let joints = &self.robot.geometry().platform_joints_m;
-        Ok(Lines::new(
-            &directions,
-            &plates.drives(&directions),
-            joints,
-            pose,
-        ))
+        Ok(Lines::new(&directions, &plates.drives(&directions), joints, pose))
     }
 
     /// Last check of every solution: links of the right length, axes inside their travel, arms on their side.
@@ -204,12 +178,9 @@ impl Kinematics {
         let mut axes = zip(q, &self.travel).enumerate();
         let outside = axes.find(|(_, (q, range))| !within(**q, range));
         match outside {
-            Some((axis, (q, (lower, upper)))) => KinematicsError::OutOfRange {
-                axis,
-                q: *q,
-                lower: *lower,
-                upper: *upper,
-            },
+            Some((axis, (q, (lower, upper)))) => {
+                KinematicsError::OutOfRange { axis, q: *q, lower: *lower, upper: *upper }
+            }
             None => KinematicsError::NotFinite,
         }
     }
@@ -222,9 +193,8 @@ impl Kinematics {
         let [l11, l21, l22, l31, l32, l33] = lengths_m;
         let [w11, w21, w22, w31, w32, w33] = links_m;
         // False for NaN.
-        let regular = |side: &Vector3<f64>, link: &Vector3<f64>, length: &f64| {
-            side.dot(link) > SINGULARITY_TOLERANCE * length
-        };
+        let regular =
+            |side: &Vector3<f64>, link: &Vector3<f64>, length: &f64| side.dot(link) > SINGULARITY_TOLERANCE * length;
         if regular(side1, w11, l11)
             && regular(side2, w21, l21)
             && regular(side2, w22, l22)
@@ -241,17 +211,12 @@ impl Kinematics {
     fn diagnose_on_their_sides(&self, links_m: &[Vector3<f64>; LINKS]) -> KinematicsError {
         let lengths = zip(links_m, &self.robot.geometry().lengths_m);
         for ((link, length), arm) in lengths.zip(ARM_OF_LINK) {
-            let cosine = self
-                .sides
-                .get(arm)
-                .map_or(0.0, |side| side.dot(link) / length);
+            let cosine = self.sides.get(arm).map_or(0.0, |side| side.dot(link) / length);
             if cosine < -SINGULARITY_TOLERANCE {
                 return KinematicsError::OtherBranch { arm: Some(arm) };
             }
             if cosine <= SINGULARITY_TOLERANCE {
-                return KinematicsError::Singular {
-                    measure: cosine.abs(),
-                };
+                return KinematicsError::Singular { measure: cosine.abs() };
             }
         }
         KinematicsError::NotFinite
@@ -275,10 +240,9 @@ impl Rejected {
     /// The error, after this number of iterations.
     fn after(self, iterations: u8) -> KinematicsError {
         match self {
-            Self::Residual(residual_m) if residual_m.is_finite() => KinematicsError::NotConverged {
-                iterations,
-                residual_m,
-            },
+            Self::Residual(residual_m) if residual_m.is_finite() => {
+                KinematicsError::NotConverged { iterations, residual_m }
+            }
             Self::Residual(_) => KinematicsError::NotFinite,
             Self::Final(error) => error,
         }
@@ -301,10 +265,7 @@ fn largest_error(links_m: &[Vector3<f64>; LINKS], lengths_m: &[f64; LINKS]) -> f
     let error = |link: &Vector3<f64>, length: &f64| (norm(link) - length).abs();
     let (two, three) = (
         max_propagating_nan(error(w21, l21), error(w22, l22)),
-        max_propagating_nan(
-            error(w31, l31),
-            max_propagating_nan(error(w32, l32), error(w33, l33)),
-        ),
+        max_propagating_nan(error(w31, l31), max_propagating_nan(error(w32, l32), error(w33, l33))),
     );
     max_propagating_nan(error(w11, l11), max_propagating_nan(two, three))
 }

@@ -34,8 +34,7 @@ impl Solve<2> for Equations<2> {
         let lengths_squared = (a * a + b * b) * (c * c + d * d);
         let least_squared = SINGULARITY_TOLERANCE * SINGULARITY_TOLERANCE * lengths_squared;
         let scale = 1.0 / determinant;
-        (determinant * determinant > least_squared)
-            .then_some([(d * e1 - b * e2) * scale, (a * e2 - c * e1) * scale])
+        (determinant * determinant > least_squared).then_some([(d * e1 - b * e2) * scale, (a * e2 - c * e1) * scale])
     }
 }
 

@@ -29,11 +29,7 @@ struct Axis {
 impl Axis {
     fn new(direction: Vector3<f64>) -> Self {
         let k = cross_matrix(&direction);
-        Self {
-            direction,
-            k,
-            k_squared: product(&k, &k),
-        }
+        Self { direction, k, k_squared: product(&k, &k) }
     }
 
     #[inline]
@@ -112,10 +108,7 @@ impl Plates {
         let q_2 = self.turn_of_two(q4);
         let levers = [p21, p22].map(|joint| times(&q_2, &joint));
         let axis = self.turn.direction * sigma4;
-        PlateTwo {
-            joints_m: levers.map(|lever| c2 + lever),
-            turns: levers.map(|lever| axis.cross(&lever)),
-        }
+        PlateTwo { joints_m: levers.map(|lever| c2 + lever), turns: levers.map(|lever| axis.cross(&lever)) }
     }
 
     /// Plate 3, turned by `q_5` and tilted by `q_6`.
@@ -169,20 +162,14 @@ impl Plates {
 impl PlateTwo {
     #[inline]
     fn moved(self, by_m: &Vector3<f64>) -> Self {
-        Self {
-            joints_m: self.joints_m.map(|joint| joint + by_m),
-            ..self
-        }
+        Self { joints_m: self.joints_m.map(|joint| joint + by_m), ..self }
     }
 }
 
 impl PlateThree {
     #[inline]
     fn moved(self, by_m: &Vector3<f64>) -> Self {
-        Self {
-            joints_m: self.joints_m.map(|joint| joint + by_m),
-            ..self
-        }
+        Self { joints_m: self.joints_m.map(|joint| joint + by_m), ..self }
     }
 }
 
@@ -200,8 +187,7 @@ impl PlatesAt {
         let [v1, v2, v3] = &self.guideways;
         let [t21, t22] = self.two.turns;
         let ([t31, t32, t33], [k31, k32, k33]) = (self.three.turns, self.three.tilts);
-        let two =
-            |s: &Vector3<f64>, turn: Vector3<f64>| [0.0, s.dot(v2), 0.0, s.dot(&turn), 0.0, 0.0];
+        let two = |s: &Vector3<f64>, turn: Vector3<f64>| [0.0, s.dot(v2), 0.0, s.dot(&turn), 0.0, 0.0];
         let three = |s: &Vector3<f64>, turn: Vector3<f64>, tilt: Vector3<f64>| {
             [0.0, 0.0, s.dot(v3), 0.0, s.dot(&turn), s.dot(&tilt)]
         };

@@ -54,11 +54,7 @@ impl System {
     fn solve_block(&self) -> Option<Step> {
         let factors = BlockFactors::new(&self.directions, &self.moments_m)?;
         let (translation_m, rotation_rad) = factors.solve(&self.errors_m);
-        Some(Step {
-            translation_m,
-            rotation_rad,
-            det_is_negative: factors.det_is_negative(),
-        })
+        Some(Step { translation_m, rotation_rad, det_is_negative: factors.det_is_negative() })
     }
 
     #[cold]
@@ -114,20 +110,10 @@ mod tests {
     fn dependent_links_are_singular() {
         let directions = [Vector3::x(); LINKS];
         let moments_m = [Vector3::z(); LINKS];
-        let system = System {
-            directions,
-            moments_m,
-            errors_m: [0.0; LINKS],
-        };
-        assert!(matches!(
-            system.solve(),
-            Err(KinematicsError::Singular { .. })
-        ));
+        let system = System { directions, moments_m, errors_m: [0.0; LINKS] };
+        assert!(matches!(system.solve(), Err(KinematicsError::Singular { .. })));
         let directions = [Vector3::x() * f64::NAN; LINKS];
-        let system = System {
-            directions,
-            ..system
-        };
+        let system = System { directions, ..system };
         assert_eq!(system.solve().unwrap_err(), KinematicsError::NotFinite);
     }
 }

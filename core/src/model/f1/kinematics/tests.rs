@@ -13,20 +13,14 @@ use proptest::prelude::*;
 
 /// The example machine, its travel unchecked.
 fn geometry() -> Geometry {
-    Geometry {
-        travel: None,
-        ..presets::f1()
-    }
+    Geometry { travel: None, ..presets::f1() }
 }
 
 /// The same machine with guideways that are neither parallel nor of unit length, other axes, and links that are not alike.
 fn skewed() -> Geometry {
     let mut geometry = geometry();
-    geometry.guideways = [
-        Vector3::new(0.02, -0.03, 0.9),
-        Vector3::new(-0.05, 0.04, 1.3),
-        Vector3::new(0.0001, 0.0, -0.004),
-    ];
+    geometry.guideways =
+        [Vector3::new(0.02, -0.03, 0.9), Vector3::new(-0.05, 0.04, 1.3), Vector3::new(0.0001, 0.0, -0.004)];
     geometry.configuration[2] = Branch::Negative;
     geometry.turn_axis = Vector3::new(0.05, -0.02, 2.0);
     geometry.tilt_axis = Vector3::new(0.1, 1.0, 0.03);
@@ -48,10 +42,7 @@ fn f1() -> Kinematics {
 /// Six numbers of one pose: where the tool stands, and its rotation vector.
 fn pose(x: [f64; 6]) -> Pose {
     let [x, y, z, a, b, c] = x;
-    Pose {
-        position_m: Vector3::new(x, y, z),
-        rotation: rotation_from_vector(&Vector3::new(a, b, c)).unwrap(),
-    }
+    Pose { position_m: Vector3::new(x, y, z), rotation: rotation_from_vector(&Vector3::new(a, b, c)).unwrap() }
 }
 
 /// Largest difference of two poses: metres, radians.
@@ -64,17 +55,13 @@ fn apart(one: &Pose, other: &Pose) -> f64 {
 fn workspace() -> impl Strategy<Value = Pose> {
     let (turn, small) = (|| -0.3..0.3_f64, || -0.03..0.03_f64);
     let position = (-0.3..0.3_f64, -0.3..0.3_f64, 0.0..1.0_f64);
-    (position, turn(), turn(), small(), small(), small()).prop_map(
-        |((x, y, z), yaw, tilt, a, b, c)| {
-            let turned = |v| rotation_from_vector(&v).unwrap();
-            Pose {
-                position_m: Vector3::new(x, y, z),
-                rotation: turned(Vector3::z() * yaw)
-                    * turned(Vector3::y() * tilt)
-                    * turned(Vector3::new(a, b, c)),
-            }
-        },
-    )
+    (position, turn(), turn(), small(), small(), small()).prop_map(|((x, y, z), yaw, tilt, a, b, c)| {
+        let turned = |v| rotation_from_vector(&v).unwrap();
+        Pose {
+            position_m: Vector3::new(x, y, z),
+            rotation: turned(Vector3::z() * yaw) * turned(Vector3::y() * tilt) * turned(Vector3::new(a, b, c)),
+        }
+    })
 }
 
 #[test]
@@ -91,22 +78,15 @@ fn the_jacobian_is_the_derivative() {
             let moved = |by: f64| {
                 let mut q = q;
                 q[axis] += by;
-                machine
-                    .forward_from(&q, &at, COLD_ITERATIONS)
-                    .unwrap()
-                    .value
+                machine.forward_from(&q, &at, COLD_ITERATIONS).unwrap().value
             };
             let (ahead, behind) = (moved(step), moved(-step));
             let translation = (ahead.position_m - behind.position_m) / (2.0 * step);
-            let turn =
-                (ahead.rotation * behind.rotation.transpose() - Matrix3::identity()) / (2.0 * step);
+            let turn = (ahead.rotation * behind.rotation.transpose() - Matrix3::identity()) / (2.0 * step);
             let rotation = Vector3::new(turn[(2, 1)], turn[(0, 2)], turn[(1, 0)]);
             let column = jacobian.column(axis);
             for (row, value) in translation.iter().chain(rotation.iter()).enumerate() {
-                assert!(
-                    (column[row] - value).abs() < 1e-4,
-                    "{axis} {row} {value} {column}"
-                );
+                assert!((column[row] - value).abs() < 1e-4, "{axis} {row} {value} {column}");
             }
         }
     }
@@ -124,14 +104,8 @@ fn the_synchronised_form_is_the_general_one() {
     assert!(apart(&closed, &general.value) < 1e-12, "{general:?}");
     let mut out_of_step = turned;
     out_of_step[3] = -0.2001;
-    assert_eq!(
-        f1.forward_synchronised(&out_of_step),
-        Err(KinematicsError::Inconsistent { arm: 1 })
-    );
-    assert_eq!(
-        kinematics(skewed()).forward(&turned).unwrap_err(),
-        KinematicsError::SeedRequired
-    );
+    assert_eq!(f1.forward_synchronised(&out_of_step), Err(KinematicsError::Inconsistent { arm: 1 }));
+    assert_eq!(kinematics(skewed()).forward(&turned).unwrap_err(), KinematicsError::SeedRequired);
 }
 
 proptest! {
@@ -167,45 +141,27 @@ fn what_has_no_answer_is_named() {
     let at = pose([0.05, -0.1, 0.3, 0.0, 0.1, 0.05]);
     let q = f1.inverse(&at, None).unwrap().value;
     let far = pose([5.0, 0.0, 0.3, 0.0, 0.0, 0.0]);
-    assert!(matches!(
-        f1.inverse(&far, None),
-        Err(KinematicsError::Unreachable { .. })
-    ));
+    assert!(matches!(f1.inverse(&far, None), Err(KinematicsError::Unreachable { .. })));
     // Within reach of arm 1, and of the others' plates, but not of their links: found on a map of the workspace as "singular".
     for place in [[-0.5, -0.69, 0.3], [-0.594, -0.617, -0.5]] {
         let beside = Pose::at(place.into());
-        assert!(matches!(
-            f1.inverse(&beside, None),
-            Err(KinematicsError::Unreachable { arm: 1 | 2 })
-        ));
+        assert!(matches!(f1.inverse(&beside, None), Err(KinematicsError::Unreachable { arm: 1 | 2 })));
     }
     for wild in [f64::NAN, f64::INFINITY] {
         let mut bad = at;
         bad.position_m.y = wild;
-        assert_eq!(
-            f1.inverse(&bad, None).unwrap_err(),
-            KinematicsError::NotFinite
-        );
-        assert_eq!(
-            f1.forward_from(&q, &bad, 10).unwrap_err(),
-            KinematicsError::NotFinite
-        );
+        assert_eq!(f1.inverse(&bad, None).unwrap_err(), KinematicsError::NotFinite);
+        assert_eq!(f1.forward_from(&q, &bad, 10).unwrap_err(), KinematicsError::NotFinite);
         let mut bad = q;
         bad[4] = wild;
         assert_eq!(f1.forward(&bad).unwrap_err(), KinematicsError::NotFinite);
-        assert_eq!(
-            f1.inverse(&at, Some([0.0, wild, 0.0])).unwrap_err(),
-            KinematicsError::NotFinite
-        );
+        assert_eq!(f1.inverse(&at, Some([0.0, wild, 0.0])).unwrap_err(), KinematicsError::NotFinite);
     }
     // The tool mirrored in the carts' plane: another assembly, with every arm on its other side.
     let mut mirrored = at;
     mirrored.position_m.z = 2.0 * q[0] - at.position_m.z;
     let error = f1.forward_from(&q, &mirrored, COLD_ITERATIONS).unwrap_err();
-    assert!(
-        matches!(error, KinematicsError::OtherBranch { .. }),
-        "{error:?}"
-    );
+    assert!(matches!(error, KinematicsError::OtherBranch { .. }), "{error:?}");
     // Far away: an answer there is the right one, or none.
     let away = pose([0.4, 0.4, -0.4, 1.2, -1.0, 2.0]);
     if let Ok(found) = f1.forward_from(&q, &away, COLD_ITERATIONS) {
@@ -213,10 +169,7 @@ fn what_has_no_answer_is_named() {
     }
     let mut apart_carts = q;
     apart_carts[0] += 5.0;
-    assert!(matches!(
-        f1.forward(&apart_carts),
-        Err(KinematicsError::NoAssembly)
-    ));
+    assert!(matches!(f1.forward(&apart_carts), Err(KinematicsError::NoAssembly)));
     // Zero iterations find no solution, and the next call works.
     assert!(matches!(
         f1.forward_from(&q, &pose([0.06, -0.1, 0.3, 0.0, 0.1, 0.05]), 0),
@@ -235,21 +188,15 @@ fn travel_and_sides_are_kept() {
         travel[axis] = (q[axis] + 1e-3, q[axis] + 1.0);
         narrow.travel = Some(travel);
         let narrow = kinematics(narrow);
-        for error in [
-            narrow.inverse(&at, None).unwrap_err(),
-            narrow.forward_from(&q, &at, WARM_ITERATIONS).unwrap_err(),
-        ] {
-            assert!(
-                matches!(error, KinematicsError::OutOfRange { axis: named, .. } if named == axis),
-                "{error:?}"
-            );
+        for error in
+            [narrow.inverse(&at, None).unwrap_err(), narrow.forward_from(&q, &at, WARM_ITERATIONS).unwrap_err()]
+        {
+            assert!(matches!(error, KinematicsError::OutOfRange { axis: named, .. } if named == axis), "{error:?}");
         }
     }
     let mut other = geometry();
     other.configuration[1] = Branch::Negative;
-    let error = kinematics(other)
-        .forward_from(&q, &at, WARM_ITERATIONS)
-        .unwrap_err();
+    let error = kinematics(other).forward_from(&q, &at, WARM_ITERATIONS).unwrap_err();
     assert_eq!(error, KinematicsError::OtherBranch { arm: Some(1) });
 }
 
@@ -261,18 +208,12 @@ fn singular_machines_are_refused() {
     let flat = kinematics(flat);
     let at = pose([0.0, 0.0, 0.3, 0.0, 0.0, 0.0]);
     let q = [1.5, 1.5, 1.5, 0.0, 0.0, 0.0];
-    assert!(matches!(
-        flat.forward_from(&q, &at, COLD_ITERATIONS),
-        Err(KinematicsError::Singular { .. })
-    ));
+    assert!(matches!(flat.forward_from(&q, &at, COLD_ITERATIONS), Err(KinematicsError::Singular { .. })));
     // Plate 2's joints on its axis: turning it changes nothing.
     let mut idle = geometry();
     idle.plate_joints_m[1] = Vector3::zeros();
     idle.plate_joints_m[2] = Vector3::z() * 0.1;
-    assert!(matches!(
-        kinematics(idle).inverse(&at, None),
-        Err(KinematicsError::Singular { .. })
-    ));
+    assert!(matches!(kinematics(idle).inverse(&at, None), Err(KinematicsError::Singular { .. })));
 }
 
 #[test]
@@ -284,54 +225,17 @@ fn machines_are_validated() {
         Robot::new(geometry).unwrap_err()
     };
     let error = refused(|g| g.carts_m[1].x = f64::NAN);
-    assert_eq!(
-        error,
-        RobotError::NotFinite {
-            parameter: Parameter::Cart,
-            index: 1
-        }
-    );
+    assert_eq!(error, RobotError::NotFinite { parameter: Parameter::Cart, index: 1 });
     let error = refused(|g| g.turn_axis = Vector3::zeros());
-    assert!(matches!(
-        error,
-        RobotError::OutOfRange {
-            parameter: Parameter::TurnAxis,
-            ..
-        }
-    ));
+    assert!(matches!(error, RobotError::OutOfRange { parameter: Parameter::TurnAxis, .. }));
     let error = refused(|g| g.tilt_axis = Vector3::zeros());
-    assert!(matches!(
-        error,
-        RobotError::OutOfRange {
-            parameter: Parameter::TiltAxis,
-            ..
-        }
-    ));
+    assert!(matches!(error, RobotError::OutOfRange { parameter: Parameter::TiltAxis, .. }));
     let error = refused(|g| g.lengths_m[5] = 0.0);
-    assert!(matches!(
-        error,
-        RobotError::OutOfRange {
-            parameter: Parameter::Length,
-            index: 5,
-            ..
-        }
-    ));
+    assert!(matches!(error, RobotError::OutOfRange { parameter: Parameter::Length, index: 5, .. }));
     let error = refused(|g| g.plate_joints_m[3].y = f64::INFINITY);
-    assert_eq!(
-        error,
-        RobotError::NotFinite {
-            parameter: Parameter::PlateJoint,
-            index: 3
-        }
-    );
+    assert_eq!(error, RobotError::NotFinite { parameter: Parameter::PlateJoint, index: 3 });
     let error = refused(|g| g.travel = Some([(1.0, -1.0); AXES]));
-    assert_eq!(
-        error,
-        RobotError::Reversed {
-            parameter: Parameter::Travel,
-            index: 0
-        }
-    );
+    assert_eq!(error, RobotError::Reversed { parameter: Parameter::Travel, index: 0 });
     let checksum = |change: fn(&mut Geometry)| {
         let mut geometry = geometry();
         change(&mut geometry);
@@ -419,14 +323,10 @@ mod loaded {
             limits: [OffsetNm(300_000); AXES],
             metres_per_q: [1.0, 1.0, 1.0, 0.1, 0.1, 0.1],
         };
-        let compensator =
-            Compensator::new(machine.kinematics(), machine.compliances(), config).unwrap();
+        let compensator = Compensator::new(machine.kinematics(), machine.compliances(), config).unwrap();
         let load = |n: f64| Wrench::from_array([n, -n, n, 0.05 * n, 0.0, 0.0]);
         let light = compensator.correct_at(&at, &q, &load(30.0)).unwrap();
-        assert!(
-            light.offsets.iter().all(|offset| offset.0 != 0),
-            "{light:?}"
-        );
+        assert!(light.offsets.iter().all(|offset| offset.0 != 0), "{light:?}");
         assert_eq!(light.saturated, [false; AXES]);
         let heavy = compensator.correct_at(&at, &q, &load(3_000.0)).unwrap();
         assert!(heavy.saturated.contains(&true), "{heavy:?}");
@@ -440,10 +340,7 @@ mod loaded {
         let heavy = heavy.unwrap();
         assert!(heavy.saturated.contains(&true), "{heavy:?}");
         assert!(heavy.offsets.iter().all(|offset| offset.0.abs() <= 300_000));
-        let half = CompensatorConfig {
-            gain: 0.5,
-            ..config
-        };
+        let half = CompensatorConfig { gain: 0.5, ..config };
         let half = Compensator::new(machine.kinematics(), machine.compliances(), half).unwrap();
         let half = half.correct_exact_at(&at, &q, &load(30.0)).unwrap();
         for (half, all) in half.offsets.iter().zip(exact.offsets) {
@@ -453,10 +350,7 @@ mod loaded {
             assert!(compensator.correct_at(&at, &q, &load(wild)).is_err());
             assert!(compensator.correct_exact_at(&at, &q, &load(wild)).is_err());
         }
-        let refused = CompensatorConfig {
-            gain: 1.1,
-            ..config
-        };
+        let refused = CompensatorConfig { gain: 1.1, ..config };
         assert!(Compensator::new(machine.kinematics(), machine.compliances(), refused).is_err());
     }
 }

@@ -13,15 +13,7 @@ pub(super) fn build() -> PathBuf {
     let profile = test.ancestors().nth(2).unwrap();
     let is_debug = profile.ends_with("debug");
     let status = Command::new(env!("CARGO"))
-        .args([
-            "build",
-            "--quiet",
-            "--locked",
-            "--package",
-            "gantry-tau",
-            "--bin",
-            "gantry-tau",
-        ])
+        .args(["build", "--quiet", "--locked", "--package", "gantry-tau", "--bin", "gantry-tau"])
         .args(["--profile", if is_debug { "test" } else { "release" }])
         .arg("--target-dir")
         .arg(profile.parent().unwrap())
@@ -78,9 +70,7 @@ impl Running {
 
     /// Interrupts it, as Ctrl-C does.
     pub(super) fn interrupt(&self) {
-        let kill = Command::new("kill")
-            .args(["-INT", &self.child.id().to_string()])
-            .status();
+        let kill = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status();
         assert!(kill.unwrap().success());
     }
 
@@ -96,11 +86,7 @@ impl Running {
             if let Some(status) = self.child.try_wait().unwrap() {
                 break status;
             }
-            assert!(
-                since.elapsed() < PATIENCE,
-                "it does not end: {}",
-                self.words()
-            );
+            assert!(since.elapsed() < PATIENCE, "it does not end: {}", self.words());
             std::thread::sleep(LOOK);
         };
         (status.code(), self.words())

@@ -61,19 +61,10 @@ impl Proxy {
         listener.set_nonblocking(true).unwrap();
         let address = listener.local_addr().unwrap();
         let shared = Arc::new(Shared::default());
-        *shared.sensor.lock().unwrap() = Some(Sensor {
-            publisher,
-            pull_n,
-            obtained: 0,
-        });
+        *shared.sensor.lock().unwrap() = Some(Sensor { publisher, pull_n, obtained: 0 });
         let accepting = Arc::clone(&shared);
         let thread = std::thread::spawn(move || accept(&listener, target, &accepting));
-        Self {
-            address,
-            sensor,
-            shared,
-            thread: Some(thread),
-        }
+        Self { address, sensor, shared, thread: Some(thread) }
     }
 
     /// Waits for the first State that fulfils the condition.
@@ -120,11 +111,7 @@ fn accept(listener: &TcpListener, target: SocketAddr, shared: &Arc<Shared>) {
         let target = TcpStream::connect_timeout(&target, PATIENCE).unwrap();
         for stream in [&client, &target] {
             stream.set_nodelay(true).unwrap();
-            shared
-                .open
-                .lock()
-                .unwrap()
-                .push(stream.try_clone().unwrap());
+            shared.open.lock().unwrap().push(stream.try_clone().unwrap());
         }
         let (from, to) = (client.try_clone().unwrap(), target.try_clone().unwrap());
         std::thread::spawn(move || forward(from, to, |_| {}));
@@ -178,9 +165,6 @@ impl Shared {
         if sensor.obtained > PULL_AFTER {
             wrench[1] -= sensor.pull_n;
         }
-        sensor.publisher.publish(&Sample {
-            tick: state.tick.0,
-            wrench,
-        });
+        sensor.publisher.publish(&Sample { tick: state.tick.0, wrench });
     }
 }

@@ -59,23 +59,12 @@ impl Target {
 
     fn start(build: Build, image: &Path, sessions: u32, address: SocketAddr) -> Self {
         let mut child = Command::new("qemu-system-arm")
-            .args([
-                "-machine",
-                build.machine(),
-                "-display",
-                "none",
-                "-monitor",
-                "none",
-                "-serial",
-                "none",
-            ])
+            .args(["-machine", build.machine(), "-display", "none", "-monitor", "none", "-serial", "none"])
             .arg("-semihosting-config")
             .arg(format!("enable=on,target=native,arg=link,arg={sessions}"))
             .arg("-nic")
             // The guest can be reached, and reaches no other machine.
-            .arg(format!(
-                "user,restrict=on,model=lan9118,hostfwd=tcp:{address}-:7000"
-            ))
+            .arg(format!("user,restrict=on,model=lan9118,hostfwd=tcp:{address}-:7000"))
             .arg("-kernel")
             .arg(image)
             .stdin(Stdio::null())
@@ -93,13 +82,7 @@ impl Target {
         let log = Arc::new(Log::default());
         let (shared, out) = (Arc::clone(&log), decoder.stdout.take().unwrap());
         let reader = std::thread::spawn(move || read(out, &shared));
-        Self {
-            address,
-            child,
-            decoder,
-            log,
-            reader: Some(reader),
-        }
+        Self { address, child, decoder, log, reader: Some(reader) }
     }
 
     /// Waits for a line that contains `words`; `None` if the emulator ends without it.
@@ -131,11 +114,7 @@ impl Target {
             if let Some(status) = self.child.try_wait().unwrap() {
                 break status;
             }
-            assert!(
-                since.elapsed() < PATIENCE,
-                "it does not end:\n{}",
-                self.words()
-            );
+            assert!(since.elapsed() < PATIENCE, "it does not end:\n{}", self.words());
             std::thread::sleep(LOOK);
         };
         self.reader.take().unwrap().join().unwrap();

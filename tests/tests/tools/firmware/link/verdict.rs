@@ -43,12 +43,7 @@ pub(super) fn check_phases(log: &Log<'_>, states: &[State]) {
 
 /// Checks a session: no State is missing, none breaks a rule of the monitor, and it ends by `cause`. Returns its States, and the
 /// number of received commands.
-pub(super) fn check_session(
-    log: &Log<'_>,
-    states: &[State],
-    epoch: u64,
-    cause: &str,
-) -> (Vec<State>, u64) {
+pub(super) fn check_session(log: &Log<'_>, states: &[State], epoch: u64, cause: &str) -> (Vec<State>, u64) {
     let states = states.iter().filter(|state| state.epoch.0 == epoch);
     let states: Vec<State> = states.copied().collect();
     let parameters = robots::parameters(0, Capabilities::NONE).unwrap();
@@ -69,10 +64,7 @@ pub(super) fn check_session(
     assert!(moved > 100 * ramp, "the offsets moved by {moved} nm only");
 
     let welcomes = log.events("welcome");
-    let welcome = welcomes
-        .iter()
-        .find(|(_, one)| **one == epoch.to_string())
-        .unwrap();
+    let welcome = welcomes.iter().find(|(_, one)| **one == epoch.to_string()).unwrap();
     let ends = log.events("ended");
     let (tick, end) = ends.range(welcome.0..).next().unwrap();
     assert!(end.starts_with(&format!("{cause} ")), "{end}");
@@ -87,9 +79,7 @@ pub(super) fn check_session(
 /// Checks the end of a session whose cable was pulled: two misses end it, and the proxy received the whole ramp. The monitor has
 /// checked that the first miss holds the positions, and every step of the ramp.
 pub(super) fn check_pulled_cable(states: &[State]) {
-    let end = states
-        .iter()
-        .position(|state| state.phase == Phase::SafeDisconnect);
+    let end = states.iter().position(|state| state.phase == Phase::SafeDisconnect);
     let (before, ramp) = states.split_at(end.unwrap());
     let [.., answered, held] = before else {
         panic!("a session of {} States", states.len());
@@ -136,10 +126,7 @@ pub(super) fn check_recording(csv: &Path, states: &[State]) -> u64 {
         expect("ramp_ticks_left", &state.ramp_ticks_left.to_string());
         for (axis, number) in state.axes.iter().zip(1..) {
             let expect = |name: &str, value: i64| {
-                expect(
-                    &name.replace('#', &i32::to_string(&number)),
-                    &value.to_string(),
-                );
+                expect(&name.replace('#', &i32::to_string(&number)), &value.to_string());
             };
             let (nominal, offset) = (axis.nominal.0, i64::from(axis.offsets.position.0));
             expect("nominal_#_nm", nominal);

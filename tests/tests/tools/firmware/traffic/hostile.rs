@@ -15,11 +15,8 @@ use super::{CYCLES, Recording};
 use crate::firmware::machine::{AXES, CycleInput, Motion};
 
 /// Measurements that no drive has.
-const ACTUAL: Actual = Actual {
-    position: PositionNm(i64::MIN),
-    velocity: VelocityUmS(i32::MAX),
-    torque: TorquePermille(i16::MIN),
-};
+const ACTUAL: Actual =
+    Actual { position: PositionNm(i64::MIN), velocity: VelocityUmS(i32::MAX), torque: TorquePermille(i16::MIN) };
 /// Bytes that arrive at once.
 const BURST: usize = 1_024;
 
@@ -64,11 +61,7 @@ struct HostilePeers {
 impl HostilePeers {
     fn play(&mut self, one: &Op) {
         match one {
-            Op::Answer {
-                obtain,
-                targets,
-                times,
-            } => {
+            Op::Answer { obtain, targets, times } => {
                 for _ in 0..times % 40 {
                     self.answer(*obtain, targets);
                     self.tick(1, false, false, None);
@@ -97,10 +90,7 @@ impl HostilePeers {
             match self.recorder.phase() {
                 Phase::Listening => {
                     let client = self.connection(0);
-                    let hello = ClientAction::Hello {
-                        axes: 0,
-                        capabilities: 0,
-                    };
+                    let hello = ClientAction::Hello { axes: 0, capabilities: 0 };
                     if client.is_some() {
                         self.say(Peer::One, &hello);
                     }
@@ -131,16 +121,11 @@ impl HostilePeers {
         let kind = self.noise.below(6);
         for other in self.others.clone() {
             let mut bytes = match self.noise.below(3) {
-                0 => encode_client::<AXES>(&ClientMessage::Hello(Hello {
-                    axes: 6,
-                    capabilities: Capabilities::NONE,
-                }))
-                .to_vec(),
+                0 => encode_client::<AXES>(&ClientMessage::Hello(Hello { axes: 6, capabilities: Capabilities::NONE }))
+                    .to_vec(),
                 1 => enclose(1, 3, &self.noise.bytes(384)),
                 _ => {
-                    let command = self
-                        .recorder
-                        .command(Mode::Obtain, [Offsets::default(); AXES]);
+                    let command = self.recorder.command(Mode::Obtain, [Offsets::default(); AXES]);
                     encode_client(&ClientMessage::Command(command)).to_vec()
                 }
             };
@@ -192,13 +177,7 @@ impl HostilePeers {
         let first = self.recorder.phase() == Phase::Handshake;
         self.say(
             Peer::Owner,
-            &ClientAction::Command {
-                epoch: 0,
-                ahead: 1,
-                behind: 0,
-                obtain: obtain && !first,
-                targets: *targets,
-            },
+            &ClientAction::Command { epoch: 0, ahead: 1, behind: 0, obtain: obtain && !first, targets: *targets },
         );
     }
 
@@ -228,17 +207,13 @@ impl HostilePeers {
 
     fn bytes(&mut self, action: &ClientAction) -> Vec<u8> {
         let session = *self.recorder.session();
-        let offsets = |targets: &Shares| {
-            std::array::from_fn(|axis| self.share_of_limits(targets[axis % 2], true))
-        };
+        let offsets = |targets: &Shares| std::array::from_fn(|axis| self.share_of_limits(targets[axis % 2], true));
         match (action.message(&session, offsets), action) {
             (Some(message), _) => encode_client(&message).to_vec(),
             (None, ClientAction::Malformed) => enclose(1, 3, b"no command"),
             (None, ClientAction::Dropped) => enclose(2, 1, b"a client of the next version"),
             (None, ClientAction::Flood) => {
-                let command = self
-                    .recorder
-                    .command(Mode::Obtain, [Offsets::default(); AXES]);
+                let command = self.recorder.command(Mode::Obtain, [Offsets::default(); AXES]);
                 encode_client(&ClientMessage::Command(command)).repeat(9)
             }
             (None, _) => self.noise.bytes(64),
@@ -309,9 +284,7 @@ impl HostilePeers {
     /// Returns the nominal positions of the last cycle.
     fn nominal(&self) -> [i64; AXES] {
         let output = self.recorder.output();
-        output.map_or([0; AXES], |output| {
-            output.state.axes.map(|axis| axis.nominal.0)
-        })
+        output.map_or([0; AXES], |output| output.state.axes.map(|axis| axis.nominal.0))
     }
 
     /// Returns the fate of the last references. What cannot be read back, or is beyond its limits, is mended after some cycles.

@@ -68,23 +68,13 @@ pub(crate) fn recordings_show_every_phase() {
         assert_eq!(phases.len(), 10_000);
         assert!(ticks_in(&phases, Phase::Obtain) > 5_000);
         for phase in [Phase::Listening, Phase::Submit, Phase::SafeDisconnect] {
-            assert!(
-                ticks_in(&phases, phase) > 0,
-                "{}: no {phase:?}",
-                recording.name
-            );
+            assert!(ticks_in(&phases, phase) > 0, "{}: no {phase:?}", recording.name);
         }
     }
     let phases = play(&hostile().bytes).seen.phases;
     assert!(phases.len() >= 10_000);
-    for phase in [
-        Phase::Listening,
-        Phase::Handshake,
-        Phase::Submit,
-        Phase::Obtain,
-        Phase::SafeDisconnect,
-        Phase::Fault,
-    ] {
+    for phase in [Phase::Listening, Phase::Handshake, Phase::Submit, Phase::Obtain, Phase::SafeDisconnect, Phase::Fault]
+    {
         let ticks = ticks_in(&phases, phase);
         println!("hostile: {ticks} ticks in {phase:?}");
         assert!(ticks > 50, "hostile: hardly any {phase:?}");
@@ -95,13 +85,10 @@ pub(crate) fn recordings_show_every_phase() {
 /// an error.
 pub(crate) fn the_f1_turns_far_and_recovers() {
     let floats = play(&hostile().bytes).seen.floats;
-    let is_far =
-        |one: &&Floats| matches!(one, Floats::F1 { turned_rad } if *turned_rad > FRAC_PI_2);
+    let is_far = |one: &&Floats| matches!(one, Floats::F1 { turned_rad } if *turned_rad > FRAC_PI_2);
     let far = floats.iter().filter(is_far).count();
     let recovers = |pair: &&[Floats]| matches!(pair, [Floats::F1Error, Floats::F1 { .. }]);
     let recovered = floats.windows(2).filter(recovers).count();
-    println!(
-        "hostile: {far} ticks of the F1 beyond a quarter turn, {recovered} results after an error"
-    );
+    println!("hostile: {far} ticks of the F1 beyond a quarter turn, {recovered} results after an error");
     assert!(far > 100 && recovered > 10);
 }

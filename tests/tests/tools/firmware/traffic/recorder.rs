@@ -12,9 +12,7 @@ use gantry_tau_tests::client::Noise;
 use super::Recording;
 use super::socket::Socket;
 use crate::firmware::ingress_budget::IngressBudget;
-use crate::firmware::machine::{
-    AXES, ControlCycle, CycleInput, CycleResult, Machine, Meter, Motion, Parts, Pose6,
-};
+use crate::firmware::machine::{AXES, ControlCycle, CycleInput, CycleResult, Machine, Meter, Motion, Parts, Pose6};
 use crate::firmware::recording::{Observer, Record, Sink, cycle};
 
 /// Plays live, and writes down what it plays.
@@ -98,12 +96,7 @@ impl Recorder {
 
     pub(super) fn finish(mut self, name: &'static str) -> Recording {
         self.write(&Record::End);
-        Recording {
-            name,
-            bytes: self.bytes,
-            output: self.outcome,
-            f1: self.f1,
-        }
+        Recording { name, bytes: self.bytes, output: self.outcome, f1: self.f1 }
     }
 
     fn write(&mut self, record: &Record<'_>) {
@@ -158,10 +151,7 @@ impl Recorder {
     }
 
     /// Runs one cycle. Returns the frames that were sent, and the connections that were closed.
-    pub(super) fn cycle(
-        &mut self,
-        input: &CycleInput,
-    ) -> (Vec<(Connection, Vec<u8>)>, Vec<Connection>) {
+    pub(super) fn cycle(&mut self, input: &CycleInput) -> (Vec<(Connection, Vec<u8>)>, Vec<Connection>) {
         self.write(&Record::Cycle(*input));
         let mut outcome = Outcome::default();
         cycle(&mut self.machine, input, &mut outcome, &mut self.seen);
@@ -169,8 +159,7 @@ impl Recorder {
         self.cycles += 1;
         self.f1.push(self.seen.is_f1);
         let closed = self.seen.closed.clone();
-        self.sockets
-            .retain(|connection, _| !closed.contains(connection));
+        self.sockets.retain(|connection, _| !closed.contains(connection));
         self.read_on();
         (outcome.frames, closed)
     }
@@ -209,13 +198,7 @@ impl Recorder {
     pub(super) fn command(&mut self, mode: Mode, targets: [Offsets; AXES]) -> Command<AXES> {
         let accepted = self.output().map_or(0, |output| output.state.accepted.0);
         let session = self.session();
-        Command {
-            epoch: session.epoch(),
-            sequence: Sequence(accepted + 1),
-            echo: session.last_tick(),
-            mode,
-            targets,
-        }
+        Command { epoch: session.epoch(), sequence: Sequence(accepted + 1), echo: session.last_tick(), mode, targets }
     }
 
     /// Returns the correction of the last cycle, as offsets.
@@ -236,14 +219,7 @@ pub(super) fn along(motion: Motion, cycle: u32) -> Pose6 {
         Motion::F1 => [0.0, 0.0, 0.3],
         Motion::L2 | Motion::Given => [0.0, 0.5, 0.65],
     };
-    [
-        x + wave(0.05, 1.1),
-        y + wave(0.04, 0.7),
-        z + wave(0.03, 1.7),
-        wave(0.02, 0.9),
-        wave(0.1, 0.5),
-        wave(0.1, 1.3),
-    ]
+    [x + wave(0.05, 1.1), y + wave(0.04, 0.7), z + wave(0.03, 1.7), wave(0.02, 0.9), wave(0.1, 0.5), wave(0.1, 1.3)]
 }
 
 /// Returns the sample of the force sensor of a tool that pushes, with some noise.

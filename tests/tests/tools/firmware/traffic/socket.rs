@@ -13,10 +13,7 @@ pub(super) struct Socket {
 
 impl Socket {
     pub(super) const fn new(transport: Transport) -> Self {
-        Self {
-            transport,
-            waiting: VecDeque::new(),
-        }
+        Self { transport, waiting: VecDeque::new() }
     }
 
     /// Takes at most `left` bytes. The rest of a datagram is lost.

@@ -9,10 +9,7 @@ const STILL: [f64; 3] = [0.0; 3];
 /// Changes of the links' lengths by up to 5 mm, and of their joints by up to 1 mm.
 fn errors() -> impl Strategy<Value = ([f64; LINKS], [[f64; 3]; LINKS])> {
     let joints = prop::array::uniform3(-1e-3..1e-3_f64);
-    (
-        prop::array::uniform6(-5e-3..5e-3_f64),
-        prop::array::uniform6(joints),
-    )
+    (prop::array::uniform6(-5e-3..5e-3_f64), prop::array::uniform6(joints))
 }
 
 fn uneven((lengths, joints): ([f64; LINKS], [[f64; 3]; LINKS])) -> Geometry {
@@ -110,30 +107,16 @@ fn what_is_not_to_be_had_is_refused_by_its_code() {
     let upright = Matrix3::identity();
     let place = Vector3::new(0.05, 0.5, 0.6);
     let refused = |geometry, place: Vector3<f64>, near, iterations| {
-        kinematics(geometry)
-            .inverse_fixed_plates(&place, &STILL, &near, iterations)
-            .unwrap_err()
+        kinematics(geometry).inverse_fixed_plates(&place, &STILL, &near, iterations).unwrap_err()
     };
     for wild in [f64::NAN, f64::INFINITY] {
         let place = Vector3::new(wild, 0.5, 0.6);
-        assert_eq!(
-            refused(geometry, place, upright, 10),
-            KinematicsError::NotFinite
-        );
-        assert_eq!(
-            refused(geometry, Vector3::zeros(), upright * wild, 10),
-            KinematicsError::NotFinite
-        );
+        assert_eq!(refused(geometry, place, upright, 10), KinematicsError::NotFinite);
+        assert_eq!(refused(geometry, Vector3::zeros(), upright * wild, 10), KinematicsError::NotFinite);
     }
-    assert_eq!(
-        refused(geometry, place, -upright, 10),
-        KinematicsError::NotFinite
-    );
+    assert_eq!(refused(geometry, place, -upright, 10), KinematicsError::NotFinite);
     let far = Vector3::new(0.0, 2.0, 0.6);
-    assert_eq!(
-        refused(geometry, far, upright, 10),
-        KinematicsError::Unreachable { arm: 0 }
-    );
+    assert_eq!(refused(geometry, far, upright, 10), KinematicsError::Unreachable { arm: 0 });
     let early = refused(geometry, place, upright, 1);
     assert!(
         matches!(early, KinematicsError::NotConverged { iterations: 1, residual_m } if residual_m > 1e-9),
@@ -146,21 +129,8 @@ fn what_is_not_to_be_had_is_refused_by_its_code() {
     flat.platform_joints_m[5] += shift;
     flat.lengths_m[5] = flat.lengths_m[4];
     let error = refused(flat, place, upright, 10);
-    assert!(
-        matches!(error, KinematicsError::Singular { .. }),
-        "{error:?}"
-    );
-    geometry.travel = Some([
-        (-2.0, 0.0),
-        (-2.0, 2.0),
-        (-2.0, 2.0),
-        (0.0, 0.0),
-        (0.0, 0.0),
-        (0.0, 0.0),
-    ]);
+    assert!(matches!(error, KinematicsError::Singular { .. }), "{error:?}");
+    geometry.travel = Some([(-2.0, 0.0), (-2.0, 2.0), (-2.0, 2.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)]);
     let error = refused(geometry, place, upright, 10);
-    assert!(
-        matches!(error, KinematicsError::OutOfRange { axis: 0, .. }),
-        "{error:?}"
-    );
+    assert!(matches!(error, KinematicsError::OutOfRange { axis: 0, .. }), "{error:?}");
 }
