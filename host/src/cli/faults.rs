@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use clap::Args;
 use gantry_tau::faults::plan::{Directions, FaultPlan, FaultRate, parse_script};
-use gantry_tau::faults::relay::{Ended, Relay};
+use gantry_tau::faults::relay::{LinkReport, Relay};
 use gantry_tau::faults::{Fault, FaultStats};
 use gantry_tau::server::ServerError;
 use gantry_tau::terminal::say;
@@ -187,7 +187,7 @@ struct Total {
 
 impl Total {
     /// Adds connections as they end, until `stop` or until the relay is gone.
-    fn count(&mut self, ended: &Receiver<Ended>, stop: impl Fn() -> bool) {
+    fn count(&mut self, ended: &Receiver<LinkReport>, stop: impl Fn() -> bool) {
         while !stop() {
             match ended.recv_timeout(POLL) {
                 Ok(ended) => {
@@ -204,8 +204,8 @@ impl Total {
     }
 
     /// Every fault that occurred, with its counts up and down.
-    fn acted(&self) -> impl Iterator<Item = (Fault, u64, u64)> {
-        let times = |stats: &FaultStats, fault| stats.acted.get(&fault).map_or(0, |acted| acted.times);
+    fn occurred(&self) -> impl Iterator<Item = (Fault, u64, u64)> {
+        let times = |stats: &FaultStats, fault| stats.faults.get(&fault).map_or(0, |occurrences| occurrences.times);
         Fault::ALL
             .into_iter()
             .map(move |fault| (fault, times(&self.up, fault), times(&self.down, fault)))
@@ -215,24 +215,21 @@ impl Total {
     fn text(&self) -> String {
         let mut text = format!("{} connections\n{:>20} {:>10}\n", self.connections, "up", "down");
         text += &format!("{:10}{:>10} {:>10}", "frames", self.up.frames, self.down.frames);
-        for (fault, up, down) in self.acted() {
+        for (fault, up, down) in self.occurred() {
             text += &format!("\n{fault:10}{up:>10} {down:>10}");
         }
         text
     }
 
     fn json(&self) -> String {
-        let acted: serde_json::Map<_, _> = self
-            .acted()
-            .map(|(fault, up, down)| {
-                let times = serde_json::json!({"up": up, "down": down});
-                (fault.name().to_owned(), times)
-            })
+        let faults: serde_json::Map<_, _> = self
+            .occurred()
+            .map(|(fault, up, down)| (fault.to_string(), serde_json::json!({"up": up, "down": down})))
             .collect();
         serde_json::json!({
             "connections": self.connections,
             "frames": {"up": self.up.frames, "down": self.down.frames},
-            "faults": acted,
+            "faults": faults,
         })
         .to_string()
     }

@@ -1,11 +1,11 @@
 //! Compensation of one cycle, from a raw force sample and the nominal positions to offsets, with core's sensor and compensator.
 
+use std::error::Error;
 use std::fmt;
 
 use gantry_tau_core::control::message::Welcome;
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
-use gantry_tau_core::model::kinematics::KinematicsError;
-use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, SensorError};
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{OffsetNm, PositionNm};
 
@@ -16,29 +16,9 @@ use crate::robot_file::RobotFile;
 pub struct Compensation<const N: usize> {
     sensor: ForceSensor,
     compensator: Compensator<N>,
-    load: Wrench,
-    tared: bool,
+    /// Load of the last cycle; `None` while taring.
+    load: Option<Wrench>,
 }
-
-/// Error of a cycle.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum CompensationError {
-    /// The sample is invalid.
-    Sensor(SensorError),
-    /// The positions have no solution.
-    Kinematics(KinematicsError),
-}
-
-impl fmt::Display for CompensationError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Sensor(error) => error.fmt(f),
-            Self::Kinematics(error) => error.fmt(f),
-        }
-    }
-}
-
-impl std::error::Error for CompensationError {}
 
 impl<const N: usize> Compensation<N> {
     /// Creates the compensation for the machine of a robot file, within the limits that the server announced.
@@ -65,21 +45,19 @@ impl<const N: usize> Compensation<N> {
             tare_samples: robot.sensor.tare_samples,
         })
         .map_err(|error| said(&error))?;
-        Ok(Self { sensor, compensator: compensator.map_err(|error| said(&error))?, load: Wrench::zero(), tared: false })
+        Ok(Self { sensor, compensator: compensator.map_err(|error| said(&error))?, load: None })
     }
 
     /// Returns the position offsets of one cycle for a raw sample (sensor axes) and nominal positions. Zero while taring.
     ///
     /// # Errors
-    /// [`CompensationError`]; the state is unchanged.
-    pub fn cycle(&mut self, raw: &[f64; 6], nominal: &[PositionNm; N]) -> Result<Correction<N>, CompensationError> {
-        let reading = self.sensor.update(&Wrench::from_array(*raw)).map_err(CompensationError::Sensor)?;
-        match reading {
+    /// The sample is invalid, or the positions have no solution.
+    pub fn cycle(&mut self, raw: &[f64; 6], nominal: &[PositionNm; N]) -> Result<Correction<N>, Box<dyn Error>> {
+        match self.sensor.update(&Wrench::from_array(*raw))? {
             Reading::Taring { .. } => Ok(Correction::ZERO),
             Reading::Load(load) => {
-                self.tared = true;
-                self.load = load;
-                (self.compensator)(nominal, &load).map_err(CompensationError::Kinematics)
+                self.load = Some(load);
+                Ok((self.compensator)(nominal, &load)?)
             }
         }
     }
@@ -87,13 +65,12 @@ impl<const N: usize> Compensation<N> {
     /// True if the tare is done.
     #[must_use]
     pub const fn is_tared(&self) -> bool {
-        self.tared
+        self.load.is_some()
     }
 
-    /// Returns the load of the last cycle: force (N) and moment (N m), world axes.
+    /// Returns the load of the last cycle: force (N) and moment (N m), world axes; zero while taring.
     #[must_use]
     pub fn load(&self) -> [f64; 6] {
-        let (f, m) = (&self.load.force_n, &self.load.moment_nm);
-        [f.x, f.y, f.z, m.x, m.y, m.z]
+        self.load.map_or([0.0; 6], |Wrench { force_n: f, moment_nm: m }| [f.x, f.y, f.z, m.x, m.y, m.z])
     }
 }

@@ -172,16 +172,21 @@ fn stream(address: SocketAddr, silence: Duration) -> io::Result<Wire> {
     Ok(Wire::Stream(stream))
 }
 
-/// Opens a socket that receives from this server only.
 fn datagrams(address: SocketAddr, silence: Duration) -> io::Result<Wire> {
-    let any: SocketAddr = match address {
+    let socket = connected_datagrams(address)?;
+    socket.set_write_timeout(Some(silence))?;
+    Ok(Wire::Datagrams(socket))
+}
+
+/// Opens a socket that receives from this server only.
+pub(crate) fn connected_datagrams(server: SocketAddr) -> io::Result<UdpSocket> {
+    let any: SocketAddr = match server {
         SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
         SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
     };
     let socket = UdpSocket::bind(any)?;
-    socket.connect(address)?;
-    socket.set_write_timeout(Some(silence))?;
-    Ok(Wire::Datagrams(socket))
+    socket.connect(server)?;
+    Ok(socket)
 }
 
 /// True if no datagram came: the time is over, or the server was absent when an earlier datagram was sent.

@@ -8,7 +8,7 @@ use std::fmt;
 use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use gantry_tau_core::control::client as protocol;
 use gantry_tau_core::control::endpoint::Transport;
@@ -17,8 +17,9 @@ use gantry_tau_core::control::message::{Cause, Refusal};
 use crate::record::Recorded;
 use crate::robot_file::RobotFile;
 
-pub use compensate::{Compensation, CompensationError};
+pub use compensate::Compensation;
 pub use connection::Connection;
+pub(crate) use connection::connected_datagrams;
 pub use run::run;
 
 /// Options of a client.
@@ -51,14 +52,8 @@ pub struct ClientControls {
     pub commands: AtomicU64,
 }
 
-impl ClientControls {
-    fn wants_to_quit(&self) -> bool {
-        self.quit.load(Ordering::Relaxed)
-    }
-}
-
 /// Summary of a client's session.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ClientReport {
     /// States received.
     pub states: u64,

@@ -1,5 +1,6 @@
 //! A client's session from Hello to Goodbye.
 
+use std::error::Error;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -8,7 +9,7 @@ use gantry_tau_core::control::client::{Event, Requirements};
 use gantry_tau_core::control::message::{Capabilities, Cause, Mode, State};
 use gantry_tau_core::units::OffsetNm;
 
-use super::compensate::{Compensation, CompensationError};
+use super::compensate::Compensation;
 use super::connection::Connection;
 use super::{ClientControls, ClientError, ClientOptions, ClientReport};
 use crate::model::MachineKind;
@@ -33,11 +34,9 @@ struct Session<'a, const N: usize> {
     cut: [bool; N],
     controls: &'a ClientControls,
     recorder: Option<Recorder<ClientRow<N>>>,
-    states: u64,
+    report: ClientReport,
     states_without_sample: u64,
-    held: u64,
     held_in_a_row: u64,
-    saturated: u64,
     obtaining: bool,
 }
 
@@ -61,10 +60,8 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         error,
     })?;
     // After connecting: an absent server must not cost an earlier recording. Before Hello: nothing moves yet.
-    let recorder = match &options.record {
-        Some(path) => Some(Recorder::start(path).map_err(|e| ClientError::Setup(e.to_string()))?),
-        None => None,
-    };
+    let recorder = options.record.as_deref().map(Recorder::start).transpose();
+    let recorder = recorder.map_err(|error| ClientError::Setup(error.to_string()))?;
     let welcome = link.greet()?;
     if let Err(denied) = crate::realtime::raise_priority() {
         tracing::warn!("client: no {}: {}", denied.privilege, denied.reason);
@@ -83,19 +80,17 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         cut: [false; N],
         controls,
         recorder,
-        states: 0,
+        report: ClientReport::default(),
         states_without_sample: 0,
-        held: 0,
         held_in_a_row: 0,
-        saturated: 0,
         obtaining: false,
     };
     let result = session.answer_until_done();
-    let recorded = session.recorder.take().and_then(Recorder::finish);
+    let recorded = session.recorder.and_then(Recorder::finish);
     if let (Err(_), Some(recorded)) = (&result, &recorded) {
         tracing::info!("{recorded}");
     }
-    result.map(|()| ClientReport { states: session.states, held: session.held, saturated: session.saturated, recorded })
+    result.map(|()| ClientReport { recorded, ..session.report })
 }
 
 impl<const N: usize> Session<'_, N> {
@@ -106,7 +101,7 @@ impl<const N: usize> Session<'_, N> {
                 Event::Ended(state) => return Err(ended(&state)),
                 _ => continue,
             };
-            if self.controls.wants_to_quit() {
+            if self.controls.quit.load(Ordering::Relaxed) {
                 return self.leave();
             }
             if self.link.has_unread_bytes() {
@@ -136,7 +131,7 @@ impl<const N: usize> Session<'_, N> {
     /// Waits for the next State of the session or its end.
     fn next_event(&mut self) -> Result<Event<N>, ClientError> {
         let event = self.link.next_event()?;
-        self.states += 1;
+        self.report.states += 1;
         Ok(event)
     }
 
@@ -197,7 +192,7 @@ impl<const N: usize> Session<'_, N> {
                 self.note_saturation(&correction.saturated);
                 Ok(())
             }
-            Err(error) => self.hold(&error),
+            Err(error) => self.hold(&*error),
         }
     }
 
@@ -207,21 +202,21 @@ impl<const N: usize> Session<'_, N> {
         let Some(axis) = saturated.iter().position(|cut| *cut) else {
             return;
         };
-        if self.saturated == 0 {
+        if self.report.saturated == 0 {
             tracing::warn!(
                 "axis {}: the correction is cut at the limit of the offset; the load is beyond what the offsets can compensate",
                 axis + 1
             );
         }
-        self.saturated += 1;
+        self.report.saturated += 1;
     }
 
     /// Keeps the last targets: logs the first such cycle, counts each, and fails after too many in a row.
-    fn hold(&mut self, error: &CompensationError) -> Result<(), ClientError> {
-        if self.held == 0 {
+    fn hold(&mut self, error: &dyn Error) -> Result<(), ClientError> {
+        if self.report.held == 0 {
             tracing::warn!("a correction cannot be computed, the last one is held: {error}");
         }
-        self.held += 1;
+        self.report.held += 1;
         self.held_in_a_row += 1;
         if self.held_in_a_row > SAMPLE_STATES {
             let reason = format!("{SAMPLE_STATES} in a row could not be used: {error}");

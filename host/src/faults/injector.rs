@@ -7,7 +7,7 @@ use gantry_tau_core::control::endpoint::Transport;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::plan::{FaultPlan, FaultRate, ScriptedFault, When};
+use super::plan::{FaultPlan, ScriptedFault, When};
 use super::{Direction, Fault, FaultStats};
 
 /// Bytes in transit above which a stream is not read.
@@ -19,11 +19,8 @@ const DATAGRAMS_FULL: usize = 1 << 26;
 #[derive(Clone, Debug)]
 pub struct FaultInjector {
     transport: Transport,
-    delay: Duration,
-    jitter: Duration,
-    rates: Vec<(Fault, FaultRate)>,
-    /// Scripted faults still to come.
-    script: Vec<ScriptedFault>,
+    /// Of this direction; of the script, the faults still to come.
+    plan: FaultPlan,
     random: ChaCha8Rng,
     /// Pieces in transit by due time, then by order of insertion.
     in_transit: BTreeMap<(Duration, u64), Vec<u8>>,
@@ -44,15 +41,14 @@ impl FaultInjector {
         let mut random = ChaCha8Rng::seed_from_u64(plan.seed);
         // Each direction draws from its own stream: what happens on one changes nothing on another.
         random.set_stream(2 * connection + u64::from(direction == Direction::Down));
-        let applies = plan.direction.include(direction);
-        let only = |duration| if applies { duration } else { Duration::ZERO };
-        let script = plan.script.iter().filter(|entry| entry.direction.include(direction));
+        let mut plan = plan.clone();
+        plan.script.retain(|entry| entry.direction.include(direction));
+        if !plan.direction.include(direction) {
+            plan = FaultPlan { script: plan.script, ..FaultPlan::default() };
+        }
         Self {
             transport,
-            delay: only(plan.delay),
-            jitter: only(plan.jitter),
-            rates: if applies { plan.rates.clone() } else { Vec::new() },
-            script: script.copied().collect(),
+            plan,
             random,
             in_transit: BTreeMap::new(),
             bytes: 0,
@@ -74,8 +70,8 @@ impl FaultInjector {
         self.stats.frames += 1;
         // Drawn for every frame, so that a scripted fault does not change later draws.
         let drawn = self.draw();
-        let later = self.jitter.mul_f64(self.random.random());
-        let due = now + self.delay + later;
+        let later = self.plan.jitter.mul_f64(self.random.random());
+        let due = now + self.plan.delay + later;
         match self.scripted(now).or(drawn) {
             None => self.send(due, frame.to_vec()),
             Some((fault, parameter)) => {
@@ -104,8 +100,8 @@ impl FaultInjector {
 
     /// True if a stream must not be read now: it is stalled, or too much is in transit.
     #[must_use]
-    pub const fn is_deaf(&self, now: Duration) -> bool {
-        now.as_nanos() < self.deaf_until.as_nanos() || self.bytes > STREAM_FULL
+    pub fn is_deaf(&self, now: Duration) -> bool {
+        now < self.deaf_until || self.bytes > STREAM_FULL
     }
 
     /// Makes this direction half-open: pieces not yet due and all later frames are lost.
@@ -136,16 +132,17 @@ impl FaultInjector {
     /// The scripted fault whose moment has come; a fault of exactly this frame goes first.
     fn scripted(&mut self, now: Duration) -> Option<(Fault, Option<u32>)> {
         let this_frame = When::Frame(self.stats.frames);
-        let on_frame = self.script.iter().position(|entry| entry.when == this_frame);
+        let script = &mut self.plan.script;
+        let on_frame = script.iter().position(|entry| entry.when == this_frame);
         let is_due = |entry: &ScriptedFault| matches!(entry.when, When::Since(since) if since <= now);
-        let index = on_frame.or_else(|| self.script.iter().position(is_due))?;
-        let entry = self.script.remove(index);
+        let index = on_frame.or_else(|| script.iter().position(is_due))?;
+        let entry = script.remove(index);
         Some((entry.fault, entry.parameter))
     }
 
     fn draw(&mut self) -> Option<(Fault, Option<u32>)> {
         let mut left: f64 = self.random.random();
-        let drawn = self.rates.iter().find(|(_, rate)| {
+        let drawn = self.plan.rates.iter().find(|(_, rate)| {
             left -= rate.per_frame;
             left < 0.0
         });
@@ -181,13 +178,11 @@ impl FaultInjector {
                 self.send(due, frame);
                 self.send(due, rest);
             }
-            Fault::Burst => {
+            Fault::Burst | Fault::Stall => {
                 self.held_until = self.held_until.max(now + ms(10));
-                self.send(due, frame);
-            }
-            Fault::Stall => {
-                self.held_until = self.held_until.max(now + ms(10));
-                self.deaf_until = self.held_until;
+                if fault == Fault::Stall {
+                    self.deaf_until = self.held_until;
+                }
                 self.send(due, frame);
             }
             Fault::HalfOpen => self.silence(now),
@@ -241,15 +236,19 @@ mod tests {
         FaultInjector::new(plan, transport, 0, Direction::Up)
     }
 
-    /// A plan with one fault, on frame 3.
-    fn on_third(direction: Directions, fault: Fault, parameter: Option<u32>) -> FaultPlan {
-        let when = When::Frame(3);
+    fn scripted(when: When, direction: Directions, fault: Fault, parameter: Option<u32>) -> FaultPlan {
         let script = vec![ScriptedFault { when, direction, fault, parameter }];
         FaultPlan { script, ..FaultPlan::default() }
     }
 
-    /// Output for ten frames `[n; 4]`, one per ms: (ms, bytes).
-    fn played(mut link: FaultInjector) -> Vec<(u32, Vec<u8>)> {
+    /// A fault of frame 3, its parameter, and what it changes.
+    type Case = (Fault, Option<u32>, fn(&mut Seen));
+
+    /// Pieces as they came out, with their times in ms.
+    type Seen = Vec<(u32, Vec<u8>)>;
+
+    /// Output for ten frames `[n; 4]`, one per ms.
+    fn played(mut link: FaultInjector) -> Seen {
         let mut seen = Vec::new();
         for ms in 1..40_u8 {
             if ms <= 10 && !link.is_deaf(MS * ms.into()) {
@@ -263,7 +262,7 @@ mod tests {
         seen
     }
 
-    fn undisturbed() -> Vec<(u32, Vec<u8>)> {
+    fn undisturbed() -> Seen {
         (1..=10).map(|ms: u8| (ms.into(), vec![ms; 4])).collect()
     }
 
@@ -271,60 +270,55 @@ mod tests {
     fn a_harmless_link_only_forwards() {
         let plan = FaultPlan::default();
         assert_eq!(played(injector(&plan, Transport::Stream)), undisturbed());
-        let other_way = on_third(Directions::Down, Fault::Drop, None);
+        let other_way = scripted(When::Frame(3), Directions::Down, Fault::Drop, None);
         assert_eq!(played(injector(&other_way, Transport::Stream)), undisturbed());
     }
 
     #[test]
     fn each_fault_has_its_effect_and_no_other() {
-        let stream = |fault, parameter| {
-            let plan = on_third(Directions::Up, fault, parameter);
-            played(injector(&plan, Transport::Stream))
-        };
-        let mut expected = undisturbed();
-        expected.remove(2);
-        assert_eq!(stream(Fault::Drop, None), expected);
-
-        let mut expected = undisturbed();
-        for _ in 0..2 {
-            expected.insert(2, (3, vec![3; 4]));
+        let cases: [Case; 11] = [
+            (Fault::Drop, None, |seen| drop(seen.remove(2))),
+            (Fault::Duplicate, Some(2), |seen| {
+                let third = seen[2].clone();
+                seen.splice(2..2, [third.clone(), third]);
+            }),
+            (Fault::Corrupt, Some(17), |seen| seen[2].1[2] ^= 2),
+            // Modulo the length.
+            (Fault::Corrupt, Some(49), |seen| seen[2].1[2] ^= 2),
+            (Fault::Truncate, Some(3), |seen| seen[2].1.truncate(3)),
+            (Fault::Split, Some(3), |seen| {
+                seen[2].1.truncate(3);
+                seen.insert(3, (3, vec![3]));
+            }),
+            // Held back until 6 ms, where it is first: it was put there before frame 6.
+            (Fault::Reorder, Some(3), |seen| {
+                let late = seen.remove(2);
+                seen.insert(4, (6, late.1));
+            }),
+            (Fault::Burst, Some(4), |seen| seen[2..=5].iter_mut().for_each(|(ms, _)| *ms = 7)),
+            // Not read while it lasts, so 4, 5 and 6 never came in.
+            (Fault::Stall, Some(4), |seen| {
+                seen.drain(3..=5);
+                seen[2].0 = 7;
+            }),
+            (Fault::HalfOpen, None, |seen| seen.truncate(2)),
+            (Fault::Reset, None, |seen| seen.truncate(2)),
+        ];
+        for (fault, parameter, change) in cases {
+            let transport = if fault == Fault::Reorder { Transport::Datagram } else { Transport::Stream };
+            let mut expected = undisturbed();
+            change(&mut expected);
+            for (when, direction) in [(When::Frame(3), Directions::Up), (When::Since(3 * MS), Directions::Both)] {
+                let plan = scripted(when, direction, fault, parameter);
+                assert_eq!(played(injector(&plan, transport)), expected, "{fault} {parameter:?} {when:?}");
+            }
         }
-        let mut plan = on_third(Directions::Both, Fault::Duplicate, Some(2));
-        plan.script[0].when = When::Since(3 * MS);
-        assert_eq!(played(injector(&plan, Transport::Stream)), expected);
+    }
 
-        let mut expected = undisturbed();
-        expected[2].1[2] = 3 ^ 2;
-        assert_eq!(stream(Fault::Corrupt, Some(17)), expected);
-        assert_eq!(stream(Fault::Corrupt, Some(49)), expected, "modulo the length");
-
-        let mut expected = undisturbed();
-        expected[2].1.pop();
-        assert_eq!(stream(Fault::Truncate, Some(3)), expected);
-        expected.insert(3, (3, vec![3]));
-        assert_eq!(stream(Fault::Split, Some(3)), expected);
-
-        // Held back until 6 ms, where it is first: it was put there before frame 6.
-        let mut expected = undisturbed();
-        let late = expected.remove(2);
-        expected.insert(4, (6, late.1));
-        let plan = on_third(Directions::Up, Fault::Reorder, Some(3));
-        assert_eq!(played(injector(&plan, Transport::Datagram)), expected);
-
-        let mut expected = undisturbed();
-        for (ms, _) in &mut expected[2..=5] {
-            *ms = 7;
-        }
-        assert_eq!(stream(Fault::Burst, Some(4)), expected);
-
-        // Not read while it lasts, so 4, 5 and 6 never came in.
-        let mut expected = undisturbed();
-        expected.drain(3..=5);
-        expected[2].0 = 7;
-        assert_eq!(stream(Fault::Stall, Some(4)), expected);
-
-        assert_eq!(stream(Fault::HalfOpen, None), undisturbed()[..2]);
-        let mut link = injector(&on_third(Directions::Up, Fault::Reset, None), Transport::Stream);
+    #[test]
+    fn a_reset_loses_what_is_in_transit() {
+        let plan = scripted(When::Frame(3), Directions::Up, Fault::Reset, None);
+        let mut link = injector(&plan, Transport::Stream);
         for _ in 0..3 {
             link.push(MS, b"x");
         }
@@ -382,7 +376,7 @@ mod tests {
         assert_ne!(run(1, 0).0, run(2, 0).0);
         assert_ne!(run(1, 0).0, run(1, 1).0);
         let (out, stats) = run(1, 0);
-        let times = |fault| stats.acted[&fault].times;
+        let times = |fault| stats.faults[&fault].times;
         // Five standard deviations of 10 000 draws: 150 and 200.
         assert!(times(Fault::Drop).abs_diff(1_000) < 150);
         assert!(times(Fault::Corrupt).abs_diff(2_000) < 200);

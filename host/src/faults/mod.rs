@@ -60,23 +60,6 @@ impl Fault {
         Self::Reset,
     ];
 
-    /// Name in scripts, options and reports.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Drop => "drop",
-            Self::Duplicate => "duplicate",
-            Self::Reorder => "reorder",
-            Self::Corrupt => "corrupt",
-            Self::Truncate => "truncate",
-            Self::Split => "split",
-            Self::Burst => "burst",
-            Self::Stall => "stall",
-            Self::HalfOpen => "half-open",
-            Self::Reset => "reset",
-        }
-    }
-
     /// True if the fault takes a parameter.
     #[must_use]
     pub const fn has_parameter(self) -> bool {
@@ -93,9 +76,10 @@ impl Fault {
     }
 }
 
+/// Name in scripts, options and reports.
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
+        self.serialize(f)
     }
 }
 
@@ -110,8 +94,8 @@ pub enum Direction {
 
 /// Occurrences of one fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Acted {
-    /// Number of occurrences.
+pub struct Occurrences {
+    /// Number.
     pub times: u64,
     /// Time of the last one, since the connection began.
     pub last: Duration,
@@ -123,29 +107,29 @@ pub struct FaultStats {
     /// Frames that came in; of a stream without frames, pieces as they were read.
     pub frames: u64,
     /// Faults that occurred.
-    pub acted: BTreeMap<Fault, Acted>,
+    pub faults: BTreeMap<Fault, Occurrences>,
 }
 
 impl FaultStats {
     /// True if the fault occurred at `since` or later.
     #[must_use]
-    pub fn acted_since(&self, fault: Fault, since: Duration) -> bool {
-        self.acted.get(&fault).is_some_and(|acted| acted.last >= since)
+    pub fn occurred_since(&self, fault: Fault, since: Duration) -> bool {
+        self.faults.get(&fault).is_some_and(|occurrences| occurrences.last >= since)
     }
 
     /// Adds the counts of another connection.
     pub fn add(&mut self, other: &Self) {
         self.frames += other.frames;
-        for (fault, theirs) in &other.acted {
-            let ours = self.acted.entry(*fault).or_default();
+        for (fault, theirs) in &other.faults {
+            let ours = self.faults.entry(*fault).or_default();
             ours.times += theirs.times;
             ours.last = ours.last.max(theirs.last);
         }
     }
 
     fn count(&mut self, fault: Fault, now: Duration) {
-        let acted = self.acted.entry(fault).or_default();
-        acted.times += 1;
-        acted.last = now;
+        let occurrences = self.faults.entry(fault).or_default();
+        occurrences.times += 1;
+        occurrences.last = now;
     }
 }

@@ -1,6 +1,5 @@
 //! Faults to inject: probabilities per frame, and a script in TOML.
 
-use std::fmt;
 use std::num::NonZeroU64;
 use std::str::FromStr;
 use std::time::Duration;
@@ -35,7 +34,7 @@ impl Directions {
     }
 
     fn overlap(self, other: Self) -> bool {
-        [Direction::Up, Direction::Down].into_iter().any(|one| self.include(one) && other.include(one))
+        self == other || self == Self::Both || other == Self::Both
     }
 }
 
@@ -121,43 +120,29 @@ impl FaultPlan {
     /// Checks that the plan can be carried out on this transport.
     ///
     /// # Errors
-    /// The first fault that does not exist there, a parameter that its fault does not take, or probabilities above 1 together.
-    pub fn check(&self, transport: Transport) -> Result<(), PlanError> {
+    /// The first fault that does not exist there, a parameter that its fault does not take, or probabilities above 1 together;
+    /// in one line.
+    pub fn check(&self, transport: Transport) -> Result<(), String> {
         let sum: f64 = self.rates.iter().map(|(_, rate)| rate.per_frame).sum();
         if sum > 1.0 {
-            let reason = format!("the probabilities of all faults add up to {sum}, more than 1");
-            return Err(PlanError(reason));
+            return Err(format!("the probabilities of all faults add up to {sum}, more than 1"));
         }
         let drawn = self.rates.iter().map(|(fault, rate)| (*fault, rate.parameter));
         let scripted = self.script.iter().map(|entry| (entry.fault, entry.parameter));
         for (fault, parameter) in drawn.chain(scripted) {
             if !fault.suits(transport) {
-                return Err(PlanError(match transport {
+                return Err(match transport {
                     Transport::Stream => format!("{fault}: a stream keeps its order; --udp only"),
-                    Transport::Datagram => {
-                        format!("{fault}: a datagram has no connection; not with --udp")
-                    }
-                }));
+                    Transport::Datagram => format!("{fault}: a datagram has no connection; not with --udp"),
+                });
             }
             if parameter.is_some() && !fault.has_parameter() {
-                return Err(PlanError(format!("{fault} takes no parameter")));
+                return Err(format!("{fault} takes no parameter"));
             }
         }
         Ok(())
     }
 }
-
-/// Reason why a plan or a script is refused, in one line.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PlanError(String);
-
-impl fmt::Display for PlanError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for PlanError {}
 
 /// A script as it is written.
 #[derive(Deserialize)]
@@ -181,12 +166,12 @@ struct Entry {
 /// Reads a script: a list of `[[fault]]` with `at_frame` or `at_ms`, `direction`, `kind` and, where the kind takes one, `parameter`.
 ///
 /// # Errors
-/// [`PlanError`] naming the line and its key, or the entry (counted from 1) and its key.
-pub fn parse_script(text: &str) -> Result<Vec<ScriptedFault>, PlanError> {
+/// A line that names the line and its key, or the entry (counted from 1) and its key.
+pub fn parse_script(text: &str) -> Result<Vec<ScriptedFault>, String> {
     let written: Script = toml::from_str(text).map_err(|error| syntax(text, &error))?;
     let mut script: Vec<ScriptedFault> = Vec::new();
     for (number, entry) in (1..).zip(written.fault) {
-        let fail = |reason: &str| Err(PlanError(format!("fault {number}: {reason}")));
+        let fail = |reason: &str| Err(format!("fault {number}: {reason}"));
         let when = match (entry.at_frame, entry.at_ms) {
             (Some(frame), None) => When::Frame(frame.get()),
             (None, Some(ms)) => When::Since(Duration::from_millis(ms)),
@@ -207,12 +192,12 @@ pub fn parse_script(text: &str) -> Result<Vec<ScriptedFault>, PlanError> {
 }
 
 /// The TOML reader's reason, with number and text of the line.
-fn syntax(text: &str, error: &toml::de::Error) -> PlanError {
+fn syntax(text: &str, error: &toml::de::Error) -> String {
     let start = error.span().map_or(0, |span| span.start);
     let number = text.get(..start).unwrap_or(text).matches('\n').count();
     let line = text.lines().nth(number).unwrap_or_default().trim();
     let reason = error.message().replace('\n', "; ");
-    PlanError(format!("line {}, `{line}`: {reason}", number + 1))
+    format!("line {}, `{line}`: {reason}", number + 1)
 }
 
 #[cfg(test)]
@@ -267,7 +252,7 @@ mod tests {
             (complete, &again, "fault 2: `at_frame`: ", "already"),
         ] {
             let text = format!("[[fault]]\n{before}{entry}");
-            let said = parse_script(&text).unwrap_err().to_string();
+            let said = parse_script(&text).unwrap_err();
             assert!(said.starts_with(place) && said.contains(reason), "{said}");
             assert!(!said.contains('\n'), "{said}");
         }
@@ -289,7 +274,7 @@ mod tests {
         };
         let half = (Fault::Drop, "0.5");
         assert!(plan(&[half, half]).check(Transport::Stream).is_ok());
-        let said = |plan: FaultPlan, transport| plan.check(transport).unwrap_err().to_string();
+        let said = |plan: FaultPlan, transport| plan.check(transport).unwrap_err();
         assert!(said(plan(&[half, half, half]), Transport::Stream).contains("more than 1"));
         assert!(said(plan(&[(Fault::Reorder, "0")]), Transport::Stream).contains("--udp only"));
         assert!(said(plan(&[(Fault::Reset, "0")]), Transport::Datagram).contains("no connection"));

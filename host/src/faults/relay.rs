@@ -4,7 +4,7 @@
 //! read. A datagram is one frame, whatever it holds; each UDP client has its own socket towards the server.
 
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -18,6 +18,7 @@ use socket2::SockRef;
 use super::injector::FaultInjector;
 use super::plan::FaultPlan;
 use super::{Direction, FaultStats};
+use crate::client::connected_datagrams;
 use crate::realtime::{Socket, now_ns, wait_any_readable_until_ns};
 
 /// Longest wait before the relay looks for new connections and at its switches.
@@ -35,13 +36,11 @@ const READS: usize = 64;
 /// Size of the largest datagram, bytes.
 const LARGEST: usize = 65_535;
 
-/// A connection that has ended.
+/// Report of a connection that has ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Ended {
+pub struct LinkReport {
     /// Address of the client.
     pub peer: SocketAddr,
-    /// Time from its beginning to its end.
-    pub age: Duration,
     /// From client to server.
     pub up: FaultStats,
     /// From server to client.
@@ -73,7 +72,7 @@ impl Relay {
         server: SocketAddr,
         transport: Transport,
         plan: FaultPlan,
-    ) -> io::Result<(Self, Receiver<Ended>)> {
+    ) -> io::Result<(Self, Receiver<LinkReport>)> {
         let (listener, address) = match transport {
             Transport::Stream => {
                 let listener = TcpListener::bind(listen)?;
@@ -125,7 +124,7 @@ struct Exchange {
     clients: Vec<Client>,
     /// Connections so far.
     opened: u64,
-    ended: Sender<Ended>,
+    ended: Sender<LinkReport>,
 }
 
 impl Exchange {
@@ -165,7 +164,7 @@ impl Exchange {
             match far {
                 Ok(far) => self.open(peer, began, End::Stream(near), End::Stream(far)),
                 // The client's stream is closed. The next one waits for a round, so that quitting never waits for many.
-                Err(_) => return self.report(peer, began, Default::default()),
+                Err(_) => return self.report(peer, Default::default()),
             }
         }
     }
@@ -199,7 +198,8 @@ impl Exchange {
             let mut known = self.clients.iter().position(|client| client.peer == peer);
             // Without room or a socket the datagram is lost.
             if known.is_none() && self.clients.len() < CLIENTS {
-                if let Ok(far) = self.socket_to_server() {
+                let far = connected_datagrams(self.server).and_then(|far| far.set_nonblocking(true).map(|()| far));
+                if let Ok(far) = far {
                     let near = End::Client(Arc::clone(socket), peer);
                     self.open(peer, Instant::now(), near, End::Datagram(far));
                     known = Some(self.clients.len() - 1);
@@ -213,17 +213,6 @@ impl Exchange {
         }
     }
 
-    fn socket_to_server(&self) -> io::Result<UdpSocket> {
-        let any = match self.server {
-            SocketAddr::V4(_) => IpAddr::V4(Ipv4Addr::UNSPECIFIED),
-            SocketAddr::V6(_) => IpAddr::V6(Ipv6Addr::UNSPECIFIED),
-        };
-        let socket = UdpSocket::bind((any, 0))?;
-        socket.connect(self.server)?;
-        socket.set_nonblocking(true)?;
-        Ok(socket)
-    }
-
     fn remove(&mut self, over: impl Fn(&Client) -> bool) {
         let (over, open): (Vec<_>, _) = (self.clients.drain(..)).partition(over);
         self.clients = open;
@@ -235,16 +224,15 @@ impl Exchange {
                 }
             }
             let stats = [&client.up, &client.down].map(|way| way.injector.stats().clone());
-            let (peer, began) = (client.peer, client.began);
+            let peer = client.peer;
             drop(client);
-            self.report(peer, began, stats);
+            self.report(peer, stats);
         }
     }
 
-    fn report(&self, peer: SocketAddr, began: Instant, [up, down]: [FaultStats; 2]) {
-        let age = began.elapsed();
+    fn report(&self, peer: SocketAddr, [up, down]: [FaultStats; 2]) {
         // The receiver may be gone.
-        let _ = self.ended.send(Ended { peer, age, up, down });
+        let _ = self.ended.send(LinkReport { peer, up, down });
     }
 
     /// Waits until a socket is readable or a piece is due, at most [`POLL`].

@@ -2,14 +2,15 @@
 
 pub(crate) mod picture;
 
+use std::error::Error;
 use std::fmt;
 use std::path::PathBuf;
 
 use gantry_tau_core::control::session::{Entry, Output, replay};
 use serde::Serialize;
 
-use crate::black_box::{self, FileError, Window};
-use crate::files::{WriteError, write};
+use crate::black_box::{self, Window};
+use crate::files::write;
 use crate::terminal::say;
 use picture::Picture;
 
@@ -26,26 +27,6 @@ pub struct ReplayOptions {
     /// Path of the findings as JSON, if wanted.
     pub json: Option<PathBuf>,
 }
-
-/// Reason why a replay failed.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum ReplayError {
-    /// The file is not a black box.
-    File(FileError),
-    /// A file cannot be written.
-    Write(WriteError),
-}
-
-impl fmt::Display for ReplayError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::File(error) => error.fmt(f),
-            Self::Write(error) => error.fmt(f),
-        }
-    }
-}
-
-impl std::error::Error for ReplayError {}
 
 /// Findings of a replay. The JSON layout is stable: fields are added, never renamed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -92,19 +73,19 @@ pub struct Difference {
 /// Replays a file, prints the findings, writes the files that are wanted.
 ///
 /// # Errors
-/// [`ReplayError`].
-pub fn run(options: &ReplayOptions) -> Result<Findings, ReplayError> {
+/// The file is not a black box ([`black_box::FileError`]), or a file cannot be written ([`crate::files::WriteError`]).
+pub fn run(options: &ReplayOptions) -> Result<Findings, Box<dyn Error>> {
     let name = options.file.display().to_string();
-    let bytes = black_box::bytes(&options.file).map_err(ReplayError::File)?;
-    match black_box::axes(&name, &bytes).map_err(ReplayError::File)? {
+    let bytes = black_box::bytes(&options.file)?;
+    match black_box::axes(&name, &bytes)? {
         6 => examine::<6>(options, &name, &bytes),
         // Refuses any other number of axes, with its line.
         _ => examine::<3>(options, &name, &bytes),
     }
 }
 
-fn examine<const N: usize>(options: &ReplayOptions, name: &str, bytes: &[u8]) -> Result<Findings, ReplayError> {
-    let window = Window::<N>::decode(name, bytes).map_err(ReplayError::File)?;
+fn examine<const N: usize>(options: &ReplayOptions, name: &str, bytes: &[u8]) -> Result<Findings, Box<dyn Error>> {
+    let window = Window::<N>::decode(name, bytes)?;
     let findings = Findings::of(&window);
     let summary = format!("{name}\n{findings}");
     say(&summary);
@@ -112,12 +93,12 @@ fn examine<const N: usize>(options: &ReplayOptions, name: &str, bytes: &[u8]) ->
         let picture = Picture::of(&window, &findings);
         let is_page = path.extension().is_some_and(|ending| ending == "html");
         let text = if is_page { picture.page(&summary) } else { picture.svg(name) };
-        write(path, &text).map_err(ReplayError::Write)?;
+        write(path, &text)?;
     }
     if let Some(path) = &options.json {
         let json = serde_json::to_string_pretty(&findings);
         let json = json.unwrap_or_else(|error| error.to_string());
-        write(path, &json).map_err(ReplayError::Write)?;
+        write(path, &json)?;
     }
     Ok(findings)
 }

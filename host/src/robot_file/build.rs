@@ -13,8 +13,6 @@ use crate::sim::parameters::{Motion, SimulationParameters};
 
 /// Length of a cycle, µs.
 pub const CYCLE_US: u32 = 1_000;
-/// Reading of the unloaded simulated sensor, N and N m, sensor axes: weight of the tool and zero error. ASSUMED; the client tares it.
-const SENSOR_BIAS: [f64; 6] = [1.5, -0.8, -18.0, 0.05, -0.1, 0.02];
 
 impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
     fn refuse(&self, key: &str, reason: impl std::fmt::Display) -> RobotFileError {
@@ -77,22 +75,13 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             .compliances
             .as_ref()
             .ok_or_else(|| self.refuse("c_link", "is missing; the simulation needs compliances"))?;
-        let s = &self.simulation;
         let home_q = (self.model.axes_at(&self.home_m())).map_err(|error| self.refuse("simulation.home_m", error))?;
         let parameters = SimulationParameters {
-            seed: s.seed,
-            spring_deviation: s.spring_deviation,
-            force_noise_n: s.force_noise_n,
-            moment_noise_nm: s.moment_noise_nm,
-            sensor_bias: SENSOR_BIAS,
-            gauge_resolution_m: s.gauge_resolution_m,
-            jump_force_n: s.jump_force_n,
-            jump_gap_m: s.jump_gap_m,
-            sensor_rotation: self.sensor.rotation_matrix(),
-            sensor_lever_m: self.sensor.lever_m.into(),
+            simulation: self.simulation.clone(),
+            sensor: self.sensor.clone(),
+            home_q,
             metres_per_q: self.axes.metres_per_q,
             motion,
-            ..SimulationParameters::at_home(s.home_m, home_q)
         };
         let motors = self.motor_map()?;
         let geometry = self.model.geometry();

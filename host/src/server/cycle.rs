@@ -132,12 +132,15 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     /// Accepts new connections and reads what has arrived on all of them.
     /// Returns the number of frames of the owner in the coming tick.
     pub fn receive(&mut self) -> u8 {
-        self.connections.receive(&mut self.endpoint)
+        self.connections.receive(&mut self.endpoint, None)
     }
 
     /// Reads what has arrived from the owner. Returns the number of its frames in the coming tick.
     pub fn receive_owner(&mut self) -> u8 {
-        self.connections.receive_owner(&mut self.endpoint)
+        match self.endpoint.session().owner() {
+            Some(owner) => self.connections.receive(&mut self.endpoint, Some(owner)),
+            None => 0,
+        }
     }
 
     /// True if the coming tick has what a server in lock-step waits for.
@@ -193,7 +196,9 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         }
         let row = self.row(&reading, elapsed, round_trip_us, read_failed);
         // The sample leaves before the State of the same tick, so that a client has it when it answers.
-        self.publish(&row);
+        if let (Some(sensor), Some(tool)) = (&mut self.sensor, &row.tool) {
+            sensor.publish(&Sample { tick: row.state.tick.0, wrench: tool.sensor });
+        }
         while let Some((to, frame)) = self.endpoint.poll_transmit() {
             self.connections.send(to, frame);
         }
@@ -244,14 +249,6 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             plant_failed: read_failed || self.write_failed,
         }
     }
-
-    fn publish(&mut self, row: &Row<N>) {
-        if let (Some(sensor), Some(tool)) = (&mut self.sensor, &row.tool) {
-            let tick = row.state.tick.0;
-            let wrench = tool.sensor;
-            sensor.publish(&Sample { tick, wrench });
-        }
-    }
 }
 
 /// Joins nominal references and offsets, axis by axis.
@@ -261,96 +258,4 @@ fn in_force<const N: usize>(nominal: &[PositionNm; N], offsets: [Offsets; N]) ->
         axis.offsets = offsets;
     }
     in_force
-}
-
-#[cfg(test)]
-mod tests {
-    use gantry_tau_core::control::message::Capabilities;
-
-    use super::*;
-    use crate::black_box::{HALF, Window, swap_channel};
-    use crate::plant::PlantError;
-    use crate::replay::Findings;
-    use crate::robot_file::RobotFile;
-    use crate::sim::load_generator::load_generator;
-    use crate::sim::machine::SimulatedMachine;
-    use crate::sim::parameters::Motion;
-
-    const FAILED: PlantError = PlantError { operation: "answer", reason: "the cable is pulled" };
-
-    struct Faulty {
-        machine: SimulatedMachine<3, 3>,
-        offsets_fail: bool,
-        write_fails: bool,
-        writes: usize,
-    }
-
-    impl Plant<3, 3> for Faulty {
-        fn offsets_in_force(&mut self) -> Result<[Offsets; 3], PlantError> {
-            let offsets = self.machine.offsets_in_force();
-            offsets.and_then(|offsets| (!self.offsets_fail).then_some(offsets).ok_or(FAILED))
-        }
-
-        fn read(&mut self, elapsed: u64) -> Result<Reading<3>, PlantError> {
-            self.machine.read(elapsed)
-        }
-
-        fn write(&mut self, references: &[Reference; 3]) -> Result<(), PlantError> {
-            if self.write_fails {
-                return Err(FAILED);
-            }
-            self.writes += 1;
-            self.machine.write(references)
-        }
-    }
-
-    #[test]
-    fn an_outage_stops_is_recorded_and_replays() {
-        let robot = RobotFile::builtin_l2().unwrap();
-        let (_hand, tool) = load_generator();
-        let plant = Faulty {
-            machine: robot.simulated_machine(tool, Motion::Hold).unwrap(),
-            offsets_fail: false,
-            write_fails: false,
-            writes: 0,
-        };
-        let config = robot.session_config(Capabilities::NONE).unwrap();
-        let listen = SocketAddr::from(([127, 0, 0, 1], 0));
-        let (sender, mut windows) = swap_channel::channel();
-        let motors = robot.motor_map().unwrap();
-        let cycle = Cycle::new(config, motors, plant, EpochRange::VOLATILE, listen);
-        let mut cycle = cycle.unwrap().with_black_box(sender);
-        let released = Demands::default();
-        let rearm = Demands { rearm: true, ..released };
-        assert!(!cycle.step(1, released).plant_failed);
-        cycle.plant.write_fails = true;
-        assert!(cycle.step(1, released).plant_failed);
-        // The machine takes references again, but nothing is written before its offsets are known.
-        (cycle.plant.write_fails, cycle.plant.offsets_fail) = (false, true);
-        let row = cycle.step(1, released);
-        assert_eq!((row.state.phase, row.ended), (Phase::Fault, Some(Cause::Stop)));
-        assert!((0..3).all(|_| cycle.step(1, rearm).plant_failed));
-        assert_eq!(cycle.plant.writes, 1);
-        cycle.plant.offsets_fail = false;
-        let row = cycle.step(1, rearm);
-        assert_eq!(
-            (row.plant_failed, row.state.phase, cycle.plant.writes),
-            (false, Phase::Fault, 2),
-            "the outage asserts the stop until the machine has been read back"
-        );
-        assert_eq!(cycle.step(1, rearm).state.phase, Phase::Listening);
-        for _ in 0..HALF {
-            cycle.step(1, released);
-        }
-        let window = windows.receive().unwrap();
-        let end = window.end();
-        assert_eq!((end.index, end.cause), (2, Some(Cause::Stop)));
-        let entries = window.entries.iter().skip(end.index);
-        let fates: Vec<_> = entries.map(|entry| entry.input.tick.last_write).collect();
-        assert_eq!(fates[..4], [LastWrite::Unknown; 4]);
-        assert!(matches!(fates[4], LastWrite::Refused { .. }));
-        assert_eq!(fates[5], LastWrite::Accepted);
-        let read = Window::<3>::decode("x", window.encode().as_bytes()).unwrap();
-        assert_eq!(Findings::of(&read).difference, None);
-    }
 }

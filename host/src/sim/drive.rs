@@ -14,8 +14,6 @@
 use gantry_tau_core::control::axis::{Actual, Reference};
 use gantry_tau_core::units::{CrossingError, Metres, PositionNm, TorquePermille, VelocityUmS};
 
-use super::rounding;
-
 /// Length of a cycle, s.
 pub const CYCLE_S: f64 = 1e-3;
 /// Integration steps per cycle.
@@ -118,14 +116,6 @@ impl Drive {
     pub const fn position_m(&self) -> f64 {
         self.position_m
     }
-
-    /// Returns the report of this drive alone.
-    ///
-    /// # Errors
-    /// As [`report`].
-    pub fn actual(&self) -> Result<Actual, CrossingError> {
-        report(std::slice::from_ref(self).iter())
-    }
 }
 
 /// Returns the report of all drives of one axis: the mean over its motors, which share cart and load.
@@ -136,8 +126,8 @@ pub fn report<'a>(drives: impl Iterator<Item = &'a Drive> + Clone) -> Result<Act
     let mean = |of: fn(&Drive) -> f64| mean(drives.clone().map(of));
     Ok(Actual {
         position: PositionNm::from_metres(Metres(mean(|drive| drive.position_m)))?,
-        velocity: rounding::velocity(mean(|drive| drive.velocity_m_per_s))?,
-        torque: rounding::torque(mean(|drive| drive.force_n / RATED_FORCE_N))?,
+        velocity: velocity(mean(|drive| drive.velocity_m_per_s))?,
+        torque: torque(mean(|drive| drive.force_n / RATED_FORCE_N))?,
     })
 }
 
@@ -147,39 +137,69 @@ pub(super) fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / count
 }
 
+/// Nearest integer, halves away from zero; an error when not finite or beyond 2^53. Through the one crossing of [`gantry_tau_core::units`].
+fn nearest(value: f64) -> Result<i64, CrossingError> {
+    PositionNm::from_metres(Metres(value * 1e-9)).map(|nm| nm.0)
+}
+
+/// m/s to µm/s; beyond ± 2.1 km/s it reports the end of the range, as a drive does.
+fn velocity(metres_per_second: f64) -> Result<VelocityUmS, CrossingError> {
+    let um_per_s = nearest(metres_per_second * 1e6)?.clamp(i32::MIN.into(), i32::MAX.into());
+    Ok(VelocityUmS(um_per_s as i32))
+}
+
+/// Fraction of rated torque to per mille; beyond ± 32 times rated it reports the end of the range.
+fn torque(fraction: f64) -> Result<TorquePermille, CrossingError> {
+    let permille = nearest(fraction * 1e3)?.clamp(i16::MIN.into(), i16::MAX.into());
+    Ok(TorquePermille(permille as i16))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn reports_are_rounded_and_saturate() {
+        assert_eq!(nearest(2.5), Ok(3));
+        assert_eq!(velocity(-0.001_234_4), Ok(VelocityUmS(-1234)));
+        assert_eq!(velocity(1e6), Ok(VelocityUmS(i32::MAX)));
+        assert_eq!(torque(-0.25), Ok(TorquePermille(-250)));
+        assert_eq!(torque(1e3), Ok(TorquePermille(i16::MAX)));
+        assert_eq!(torque(f64::NAN), Err(CrossingError::NotFinite));
+    }
 
     fn reference(nm: i64) -> Reference {
         Reference { position: PositionNm(nm), velocity_offset: Default::default(), torque_offset: Default::default() }
     }
 
+    fn actual(drive: &Drive) -> Actual {
+        report(std::iter::once(drive)).unwrap()
+    }
+
     fn error_nm(drive: &Drive, nm: i64) -> i64 {
-        (drive.actual().unwrap().position.0 - nm).abs()
+        (actual(drive).position.0 - nm).abs()
     }
 
     #[test]
-    fn settles_after_a_step_of_the_reference() {
-        let mut drive = Drive::at_rest(&reference(0));
-        drive.command(&reference(20_000));
-        let mut highest = 0;
-        for _ in 0..60 {
-            drive.advance(0.0);
-            highest = highest.max(drive.actual().unwrap().position.0);
+    fn settles_after_a_step() {
+        let pushed = Reference { torque_offset: TorquePermille(200), ..reference(0) };
+        // By one over the gain of the position loop.
+        let shifted = Reference { velocity_offset: VelocityUmS(150), ..reference(0) };
+        for (of, reference_after, load_n, cycles, (nm, within_nm), permille) in [
+            ("the reference", reference(20_000), 0.0, 60, (20_000, 100), None),
+            ("the load", reference(0), 300.0, 80, (0, 100), Some(-300)),
+            ("the torque offset, absorbed by the position loop", pushed, 0.0, 100, (0, 100), Some(0)),
+            ("the velocity offset", shifted, 0.0, 200, (1_000, 10), None),
+        ] {
+            let mut drive = Drive::at_rest(&reference(0));
+            drive.command(&reference_after);
+            for _ in 0..cycles {
+                drive.advance(load_n);
+                assert!(actual(&drive).position.0 < 40_000, "{of}: {drive:?}");
+            }
+            assert!(error_nm(&drive, nm) < within_nm, "{of}: {drive:?}");
+            assert!(permille.is_none_or(|permille| actual(&drive).torque.0 == permille), "{of}: {drive:?}");
         }
-        assert!(error_nm(&drive, 20_000) < 100, "{drive:?}");
-        assert!(highest < 40_000, "{highest}");
-    }
-
-    #[test]
-    fn settles_after_a_step_of_the_load() {
-        let mut drive = Drive::at_rest(&reference(0));
-        for _ in 0..80 {
-            drive.advance(300.0);
-        }
-        assert!(error_nm(&drive, 0) < 100, "{drive:?}");
-        assert_eq!(drive.actual().unwrap().torque, TorquePermille(-300));
     }
 
     #[test]
@@ -198,33 +218,11 @@ mod tests {
     }
 
     #[test]
-    fn the_position_loop_absorbs_a_torque_offset() {
-        let mut drive = Drive::at_rest(&reference(0));
-        let pushed = Reference { torque_offset: TorquePermille(200), ..reference(0) };
-        drive.command(&pushed);
-        for _ in 0..100 {
-            drive.advance(0.0);
-        }
-        assert!(error_nm(&drive, 0) < 100);
-        assert_eq!(drive.actual().unwrap().torque, TorquePermille(0));
-    }
-
-    #[test]
-    fn a_velocity_offset_shifts_by_one_over_the_gain() {
-        let mut drive = Drive::at_rest(&reference(0));
-        drive.command(&Reference { velocity_offset: VelocityUmS(150), ..reference(0) });
-        for _ in 0..200 {
-            drive.advance(0.0);
-        }
-        assert!(error_nm(&drive, 1000) < 10, "{drive:?}");
-    }
-
-    #[test]
     fn overload_is_limited_and_recovered_from() {
         let mut drive = Drive::at_rest(&reference(0));
         for _ in 0..20 {
             drive.advance(1.2 * TORQUE_LIMIT * RATED_FORCE_N);
-            assert!(drive.actual().unwrap().torque.0 >= -3000);
+            assert!(actual(&drive).torque.0 >= -3000);
         }
         for _ in 0..400 {
             drive.advance(0.0);

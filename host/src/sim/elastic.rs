@@ -61,8 +61,6 @@ pub enum ElasticError {
     Singular,
     /// No equilibrium within [`MAX_ITERATIONS`].
     NotConverged {
-        /// Steps taken.
-        iterations: u32,
         /// Largest remaining length error, metres.
         residual_m: f64,
     },
@@ -73,8 +71,8 @@ impl fmt::Display for ElasticError {
         match self {
             Self::NotFinite => f.write_str("axes, load or start pose are not finite"),
             Self::Singular => f.write_str("the links cannot carry a load in this pose"),
-            Self::NotConverged { iterations, residual_m } => {
-                write!(f, "no equilibrium after {iterations} steps, length error {residual_m:e} m")
+            Self::NotConverged { residual_m } => {
+                write!(f, "no equilibrium after {MAX_ITERATIONS} steps, length error {residual_m:e} m")
             }
         }
     }
@@ -97,6 +95,12 @@ impl<const N: usize> Equilibrium<N> {
         Self { pose, tensions_n: Vector6::zeros(), axis_loads: SVector::zeros(), iterations: 0, residual_m: 0.0 }
     }
 
+    /// Returns a start for the search: the platform unturned with the TCP at `home_m`, with nothing loaded.
+    #[must_use]
+    pub fn at_home(home_m: [f64; 3]) -> Self {
+        Self::unloaded(Pose { translation_m: home_m.into(), rotation: UnitQuaternion::identity() })
+    }
+
     /// Returns the sum of the tensions of links 31, 32, 33, newtons.
     #[must_use]
     pub fn cluster_3_n(&self) -> f64 {
@@ -109,18 +113,6 @@ impl<const N: usize> ElasticMachine<N> {
     #[must_use]
     pub const fn new(geometry: f1::Geometry, compliances: Compliances<N>, backlash: Backlash) -> Self {
         Self { geometry, compliances, backlash }
-    }
-
-    /// Returns the same machine with another backlash in the joint of arm 3.
-    #[must_use]
-    pub const fn with_backlash(self, backlash: Backlash) -> Self {
-        Self { backlash, ..self }
-    }
-
-    /// Returns the geometry.
-    #[must_use]
-    pub const fn geometry(&self) -> &f1::Geometry {
-        &self.geometry
     }
 
     /// Returns the true compliances.
@@ -167,7 +159,7 @@ impl<const N: usize> ElasticMachine<N> {
             }
             now.pose = moved(&now.pose, &step);
         }
-        Err(ElasticError::NotConverged { iterations: MAX_ITERATIONS, residual_m: now.residual_m })
+        Err(ElasticError::NotConverged { residual_m: now.residual_m })
     }
 
     /// Returns the axes behind their springs: `q_i + c_i tau_i`, q-units.
@@ -243,60 +235,57 @@ fn is_finite(pose: &Pose) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::fixture;
+    use crate::sim::fixture::{Case, Vectors};
     use gantry_tau_core::model::robot::ARMS;
-    use nalgebra::Rotation3;
 
-    fn pose_of(case: &fixture::Case) -> Pose {
-        Pose { translation_m: Vector3::from(case.t), rotation: UnitQuaternion::identity() }
+    /// Equilibrium of a case with a share of its load, from its own pose.
+    fn under_load<const N: usize>(vectors: &Vectors<N>, case: &Case<N>, axes: &[f64; N], share: f64) -> Equilibrium<N> {
+        let start = Equilibrium::unloaded(case.pose);
+        vectors.machine().equilibrium(axes, &(case.load * share), &start).unwrap()
     }
 
-    /// Rigid joints, nominal compliances.
-    fn machine() -> ElasticMachine<ARMS> {
-        ElasticMachine::new(fixture::geometry(), fixture::compliances(), Backlash::NONE)
+    fn finds_the_unloaded_pose<const N: usize>(vectors: &Vectors<N>, away: [f64; 6], tolerance: f64, steps: u32) {
+        for case in &vectors.cases {
+            let start = Equilibrium::unloaded(moved(&case.pose, &away.into()));
+            let found = vectors.machine().equilibrium(&case.q, &Vector6::zeros(), &start).unwrap();
+            assert!((found.pose.translation_m - case.pose.translation_m).amax() < tolerance);
+            assert!(found.pose.rotation.angle_to(&case.pose.rotation) < tolerance);
+            assert!(found.iterations <= steps, "{} steps", found.iterations);
+        }
     }
 
     #[test]
     fn unloaded_it_is_the_forward_kinematics() {
-        for case in fixture::cases() {
-            let mut away = pose_of(&case);
-            away.translation_m += Vector3::new(0.02, -0.01, 0.015);
-            let found = machine().equilibrium(&case.q, &Vector6::zeros(), &Equilibrium::unloaded(away)).unwrap();
-            assert!((found.pose.translation_m - Vector3::from(case.t)).amax() < 1e-12);
-            assert!(found.pose.rotation.angle() < 1e-12);
-            assert!(found.iterations <= 8, "{} steps", found.iterations);
+        finds_the_unloaded_pose(&Vectors::l2(), [0.02, -0.01, 0.015, 0.0, 0.0, 0.0], 1e-12, 8);
+        finds_the_unloaded_pose(&Vectors::f1(), [0.02, -0.01, 0.015, 0.02, 0.01, -0.03], 1e-11, MAX_ITERATIONS);
+    }
+
+    /// Both signs of a share of the load, so that the second order cancels; a small one, so that the third vanishes.
+    fn agrees_to_first_order<const N: usize>(vectors: &Vectors<N>, share: f64) {
+        for case in &vectors.cases {
+            let [ahead, back] = [share, -share].map(|share| under_load(vectors, case, &case.q, share));
+            let tensions = (ahead.tensions_n - back.tensions_n) / (2.0 * share);
+            let loads = (ahead.axis_loads - back.axis_loads) / (2.0 * share);
+            assert!((tensions - case.tensions_n).amax() < 1e-6 * case.tensions_n.amax());
+            assert!((loads - case.axis_loads).amax() < 1e-6 * case.axis_loads.amax());
+            if let Some(compliance) = &case.compliance {
+                let (ahead, back) = (ahead.pose, back.pose);
+                let shift = (ahead.translation_m - back.translation_m) / (2.0 * share);
+                let turn = (ahead.rotation * back.rotation.inverse()).scaled_axis() / (2.0 * share);
+                let expected = compliance * case.load;
+                let found = Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z);
+                assert!((found - expected).amax() < 1e-6 * expected.amax(), "{found} {expected}");
+            }
         }
     }
 
     #[test]
-    fn small_loads_follow_the_first_order_map() {
-        for case in fixture::cases() {
-            let start = Equilibrium::unloaded(pose_of(&case));
-            // Both signs, so that the second order cancels; small, so that the third vanishes.
-            let scale = 1e-3;
-            let load = Vector6::from(case.w) * scale;
-            let ahead = machine().equilibrium(&case.q, &load, &start).unwrap().pose;
-            let back = machine().equilibrium(&case.q, &-load, &start).unwrap().pose;
-            let shift = (ahead.translation_m - back.translation_m) / (2.0 * scale);
-            let turn = (ahead.rotation * back.rotation.inverse()).scaled_axis() / (2.0 * scale);
-            let expected = fixture::matrix6(&case.c_total) * Vector6::from(case.w);
-            let found = Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z);
-            assert!((found - expected).amax() < 1e-6 * expected.amax(), "{found} {expected}");
-        }
-    }
-
-    #[test]
-    fn tensions_and_axis_loads_agree_with_the_vectors_to_first_order() {
-        for case in fixture::cases() {
-            let start = Equilibrium::unloaded(pose_of(&case));
-            let load = Vector6::from(case.w) * 1e-3;
-            let ahead = machine().equilibrium(&case.q, &load, &start).unwrap();
-            let back = machine().equilibrium(&case.q, &-load, &start).unwrap();
-            let tensions = (ahead.tensions_n - back.tensions_n) * 500.0 - Vector6::from(case.f);
-            let loads = (ahead.axis_loads - back.axis_loads) * 500.0 - Vector3::from(case.tau);
-            assert!(tensions.amax() < 1e-6 * Vector6::from(case.f).amax());
-            assert!(loads.amax() < 1e-6 * Vector3::from(case.tau).amax());
-        }
+    fn small_loads_agree_with_the_vectors_to_first_order() {
+        let l2 = Vectors::l2();
+        assert!(l2.cases.iter().all(|case| case.compliance.is_some()));
+        agrees_to_first_order(&l2, 1e-3);
+        // The axes of the F1 yield by millimetres under the full load.
+        agrees_to_first_order(&Vectors::f1(), 1e-6);
     }
 
     /// Energy of links and carts less the work of the load, with the platform moved and the carts shifted.
@@ -311,7 +300,7 @@ mod tests {
         let compliances = machine.compliances();
         let mut energy = -load.dot(moved_by);
         for link in 0..LINKS {
-            let length = machine.geometry().lengths_m[link];
+            let length = machine.geometry.lengths_m[link];
             let elongation = machine.link(link, carts, pose).0.norm() - length;
             energy += elongation * elongation / (2.0 * compliances.link_m_per_n()[link]);
         }
@@ -324,11 +313,10 @@ mod tests {
 
     #[test]
     fn the_potential_is_stationary() {
-        for case in fixture::cases() {
-            let machine = machine();
-            let load = Vector6::from(case.w);
-            let start = Equilibrium::unloaded(pose_of(&case));
-            let found = machine.equilibrium(&case.q, &load, &start).unwrap();
+        let l2 = Vectors::l2();
+        let machine = l2.machine();
+        for case in &l2.cases {
+            let found = under_load(&l2, case, &case.q, 1.0);
             let carts = machine.displaced(&Vector3::from(case.q), &found.axis_loads);
             let h = 1e-7;
             for direction in 0..LINKS + ARMS {
@@ -341,7 +329,7 @@ mod tests {
                         carts[direction - LINKS] += sign * h;
                     }
                     let pose = moved(&found.pose, &step);
-                    potential(&machine, &case.q, &carts, &pose, &load, &step)
+                    potential(&machine, &case.q, &carts, &pose, &case.load, &step)
                 };
                 let slope = (at(1.0) - at(-1.0)) / (2.0 * h);
                 // A force or moment left over, against loads of hundreds of newtons.
@@ -352,15 +340,14 @@ mod tests {
 
     #[test]
     fn the_work_of_a_slow_load_is_stored_in_the_springs() {
-        let case = &fixture::cases()[0];
-        let machine = machine();
-        let load = Vector6::from(case.w);
-        let mut last = Equilibrium::unloaded(pose_of(case));
+        let l2 = Vectors::l2();
+        let (machine, case) = (l2.machine(), &l2.cases[0]);
+        let mut last = Equilibrium::unloaded(case.pose);
         let steps = 200;
         let mut work = 0.0;
         for step in 1..=steps {
-            let middle = load * ((f64::from(step) - 0.5) / f64::from(steps));
-            let full = load * (f64::from(step) / f64::from(steps));
+            let middle = case.load * ((f64::from(step) - 0.5) / f64::from(steps));
+            let full = case.load * (f64::from(step) / f64::from(steps));
             let now = machine.equilibrium(&case.q, &full, &last).unwrap();
             let shift = now.pose.translation_m - last.pose.translation_m;
             let turn = (now.pose.rotation * last.pose.rotation.inverse()).scaled_axis();
@@ -368,126 +355,71 @@ mod tests {
             last = now;
         }
         let carts = machine.displaced(&Vector3::from(case.q), &last.axis_loads);
-        let stored = potential(&machine, &case.q, &carts, &last.pose, &load, &Vector6::zeros());
+        let stored = potential(&machine, &case.q, &carts, &last.pose, &case.load, &Vector6::zeros());
         assert!((work - stored).abs() < 1e-5 * stored, "{work} {stored}");
     }
 
     #[test]
     fn forces_balance_at_the_deflected_pose() {
-        for case in fixture::cases() {
-            let machine = machine();
-            let load = Vector6::from(case.w);
-            let start = Equilibrium::unloaded(pose_of(&case));
-            let found = machine.equilibrium(&case.q, &load, &start).unwrap();
+        let l2 = Vectors::l2();
+        let machine = l2.machine();
+        for case in &l2.cases {
+            let found = under_load(&l2, case, &case.q, 1.0);
             let carts = machine.displaced(&Vector3::from(case.q), &found.axis_loads);
             let lines = machine.lines(&carts, &found.pose);
-            let left = (lines.matrix * found.tensions_n + load).amax();
+            let left = (lines.matrix * found.tensions_n + case.load).amax();
             assert!(left < 1e-9, "{left:e} N");
             assert!(found.residual_m < RESIDUAL_TOLERANCE_M);
             assert!(found.iterations <= 10, "{} steps", found.iterations);
         }
     }
 
-    /// The sign test between this model and the compensation: the vectors' `q_comp` must bring the tool back.
-    #[test]
-    fn the_compensation_of_the_vectors_brings_the_tool_back() {
-        for case in fixture::cases() {
-            let start = Equilibrium::unloaded(pose_of(&case));
-            let at = |carts: &[f64; 3], scale: f64| {
-                let load = Vector6::from(case.w) * scale;
-                let found = machine().equilibrium(carts, &load, &start).unwrap();
-                (found.pose.translation_m - Vector3::from(case.t)).norm()
-            };
+    /// The sign test between this model and the compensation: the vectors' `q_comp` must bring back the tool, and six axes the platform.
+    fn is_brought_back<const N: usize>(vectors: &Vectors<N>) {
+        for case in &vectors.cases {
             // First order, so a hundredth of load and correction leaves a hundredth of the share.
             let scale = 0.01;
-            let correction = |arm: usize| scale * (case.q_comp[arm] - case.q[arm]);
-            let compensated = std::array::from_fn(|arm| case.q[arm] + correction(arm));
-            let (before, after) = (at(&case.q, scale), at(&compensated, scale));
-            assert!(after < 0.01 * before, "{before:e} m, then {after:e} m");
+            let off = |axes: &[f64; N]| {
+                let pose = under_load(vectors, case, axes, scale).pose;
+                let shift = (pose.translation_m - case.pose.translation_m).norm();
+                (shift, pose.rotation.angle_to(&case.pose.rotation))
+            };
+            let correction = |axis: usize| scale * (case.q_compensated[axis] - case.q[axis]);
+            let compensated = std::array::from_fn(|axis| case.q[axis] + correction(axis));
+            let (before, after) = (off(&case.q), off(&compensated));
+            assert!(after.0 < 0.01 * before.0, "{before:?}, then {after:?}");
+            assert!(N == ARMS || after.1 < 0.01 * before.1, "{before:?}, then {after:?}");
         }
     }
 
     #[test]
+    fn the_compensation_of_the_vectors_brings_the_tool_back() {
+        is_brought_back(&Vectors::l2());
+        is_brought_back(&Vectors::f1());
+    }
+
+    #[test]
     fn a_warm_start_changes_nothing_but_the_effort() {
-        let case = &fixture::cases()[0];
-        let load = Vector6::from(case.w);
-        let cold = Equilibrium::unloaded(pose_of(case));
-        let first = machine().equilibrium(&case.q, &load, &cold).unwrap();
-        let again = machine().equilibrium(&case.q, &load, &first).unwrap();
+        let l2 = Vectors::l2();
+        let case = &l2.cases[0];
+        let first = under_load(&l2, case, &case.q, 1.0);
+        let again = l2.machine().equilibrium(&case.q, &case.load, &first).unwrap();
         assert_eq!(again.iterations, 0);
         assert_eq!(again.pose, first.pose);
     }
 
     #[test]
     fn says_why_there_is_no_result() {
-        let case = &fixture::cases()[0];
-        let start = Equilibrium::unloaded(pose_of(case));
-        let solve = |carts: &[f64; 3], load: &Vector6<f64>| machine().equilibrium(carts, load, &start);
+        let l2 = Vectors::l2();
+        let case = &l2.cases[0];
+        let start = Equilibrium::unloaded(case.pose);
+        let solve = |carts: &[f64; 3], load: &Vector6<f64>| l2.machine().equilibrium(carts, load, &start);
         let mut bad = Vector6::zeros();
         bad[4] = f64::NAN;
         assert_eq!(solve(&case.q, &bad), Err(ElasticError::NotFinite));
         // Carts too far apart for the links.
         let apart = [case.q[0] + 5.0, case.q[1] - 5.0, case.q[2]];
         assert!(solve(&apart, &Vector6::zeros()).is_err());
-        let huge = Vector6::repeat(1e300);
-        assert!(solve(&case.q, &huge).is_err());
-    }
-
-    fn six() -> ElasticMachine<6> {
-        ElasticMachine::new(fixture::six_links(), fixture::six_compliances(), Backlash::NONE)
-    }
-
-    fn pose_of_six(case: &fixture::SixCase) -> Pose {
-        let rotation = Rotation3::from_matrix_unchecked(fixture::matrix3(&case.r));
-        Pose { translation_m: Vector3::from(case.t), rotation: UnitQuaternion::from_rotation_matrix(&rotation) }
-    }
-
-    #[test]
-    fn six_axes_unloaded_are_the_forward_kinematics() {
-        for case in fixture::six_cases() {
-            let there = pose_of_six(&case);
-            let away = moved(&there, &Vector6::new(0.02, -0.01, 0.015, 0.02, 0.01, -0.03));
-            let found = six().equilibrium(&case.q, &Vector6::zeros(), &Equilibrium::unloaded(away)).unwrap();
-            assert!((found.pose.translation_m - there.translation_m).amax() < 1e-11);
-            assert!(found.pose.rotation.angle_to(&there.rotation) < 1e-11);
-        }
-    }
-
-    #[test]
-    fn loads_of_six_axes_agree_with_the_vectors_to_first_order() {
-        for case in fixture::six_cases() {
-            let start = Equilibrium::unloaded(pose_of_six(&case));
-            // The axes yield by millimetres under the full load, so its millionth, of both signs.
-            let load = Vector6::from(case.w) * 1e-6;
-            let ahead = six().equilibrium(&case.q, &load, &start).unwrap();
-            let back = six().equilibrium(&case.q, &-load, &start).unwrap();
-            let tensions = (ahead.tensions_n - back.tensions_n) / 2e-6;
-            let loads = (ahead.axis_loads - back.axis_loads) / 2e-6;
-            let (f, tau) = (Vector6::from(case.f), Vector6::from(case.tau));
-            assert!((tensions - f).amax() < 1e-6 * f.amax());
-            assert!((loads - tau).amax() < 1e-6 * tau.amax());
-        }
-    }
-
-    /// The sign test in all six degrees of freedom: the vectors' `q_comp` must bring tool and platform back.
-    #[test]
-    fn the_compensation_of_the_vectors_brings_all_six_back() {
-        for case in fixture::six_cases() {
-            let there = pose_of_six(&case);
-            let start = Equilibrium::unloaded(there);
-            // First order, so a hundredth of load and correction leaves a hundredth of the share.
-            let scale = 0.01;
-            let off = |axes: &[f64; 6]| {
-                let load = Vector6::from(case.w) * scale;
-                let pose = six().equilibrium(axes, &load, &start).unwrap().pose;
-                let shift = (pose.translation_m - there.translation_m).norm();
-                (shift, pose.rotation.angle_to(&there.rotation))
-            };
-            let correction = |axis: usize| scale * (case.q_comp[axis] - case.q[axis]);
-            let compensated = std::array::from_fn(|axis| case.q[axis] + correction(axis));
-            let (before, after) = (off(&case.q), off(&compensated));
-            assert!(after.0 < 0.01 * before.0, "{before:?}, then {after:?}");
-            assert!(after.1 < 0.01 * before.1, "{before:?}, then {after:?}");
-        }
+        assert!(solve(&case.q, &Vector6::repeat(1e300)).is_err());
     }
 }

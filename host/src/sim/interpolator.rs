@@ -1,8 +1,9 @@
 //! Nominal references in place of the NC kernel `[T 4.1.1]`: rest, or a walk along waypoints and back.
 
-use super::parameters::{MAX_WAYPOINTS, Motion, SimulationError, check};
-use super::rounding::nearest;
+use super::parameters::{Motion, SimulationError, check};
 
+/// Longest list of waypoints.
+const MAX_WAYPOINTS: f64 = 1e5;
 /// Cycles per second.
 const CYCLES_PER_SECOND: f64 = 1000.0;
 /// Peak speed of the quintic, times distance over time.
@@ -15,16 +16,22 @@ const MAX_LEG_CYCLES: f64 = 86_400_000.0;
 /// One sample of the nominal axis positions per cycle, in metres. Positions, speeds and accelerations are continuous.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interpolator<const N: usize> {
-    /// Home, then the waypoints.
-    stops_m: Vec<[f64; N]>,
-    /// Cycles of each leg, from a stop to the next one.
-    legs: Vec<u32>,
+    home_m: [f64; N],
+    /// The way out, leg by leg.
+    legs: Vec<Leg<N>>,
     dwell: u32,
-    /// Leg being walked.
-    leg: usize,
-    backwards: bool,
+    /// Legs walked since home, out and back.
+    walked: usize,
     /// Cycles since the leg began, its dwell first.
     cycle: u32,
+}
+
+/// The way from one stop to the next.
+#[derive(Clone, Debug, PartialEq)]
+struct Leg<const N: usize> {
+    near_m: [f64; N],
+    far_m: [f64; N],
+    cycles: u32,
 }
 
 impl<const N: usize> Interpolator<N> {
@@ -33,84 +40,73 @@ impl<const N: usize> Interpolator<N> {
     /// # Errors
     /// [`SimulationError::OutOfRange`] naming the waypoints, the speed or the acceleration.
     pub fn new(home_m: [f64; N], motion: &Motion<N>) -> Result<Self, SimulationError> {
-        let mut this = Self { stops_m: vec![home_m], legs: Vec::new(), dwell: 0, leg: 0, backwards: false, cycle: 0 };
+        let mut this = Self { home_m, legs: Vec::new(), dwell: 0, walked: 0, cycle: 0 };
         if let Motion::BackAndForth { waypoints_m, speed_m_per_s, acceleration_m_per_s2, dwell_cycles } = motion {
             check("speed_m_per_s", *speed_m_per_s, 1e-6, 10.0)?;
             check("acceleration_m_per_s2", *acceleration_m_per_s2, 1e-6, 1e3)?;
             // A day's dwell is long enough; sums of cycles stay far inside u32.
-            let dwell = f64::from(*dwell_cycles);
-            check("dwell_cycles", dwell, 0.0, MAX_LEG_CYCLES)?;
-            if waypoints_m.len() > MAX_WAYPOINTS {
-                return Err(too_many());
-            }
+            check("dwell_cycles", (*dwell_cycles).into(), 0.0, MAX_LEG_CYCLES)?;
+            check("number of waypoints_m", waypoints_m.len() as f64, 0.0, MAX_WAYPOINTS)?;
             this.dwell = *dwell_cycles;
-            let mut from = home_m;
-            for to in waypoints_m {
-                let cycles = leg_cycles(&from, to, *speed_m_per_s, *acceleration_m_per_s2)?;
-                this.legs.push(cycles);
-                this.stops_m.push(*to);
-                from = *to;
+            let mut near_m = home_m;
+            for &far_m in waypoints_m {
+                let cycles = leg_cycles(&near_m, &far_m, *speed_m_per_s, *acceleration_m_per_s2)?;
+                this.legs.push(Leg { near_m, far_m, cycles });
+                near_m = far_m;
             }
         }
         Ok(this)
     }
 
+    /// Returns the leg being walked, and true on the way back. `None` if there are no waypoints.
+    fn leg(&self) -> Option<(&Leg<N>, bool)> {
+        let back = self.walked >= self.legs.len();
+        let index = if back { (2 * self.legs.len()).checked_sub(self.walked + 1)? } else { self.walked };
+        Some((self.legs.get(index)?, back))
+    }
+
     /// Returns the present axis positions, metres.
     #[must_use]
     pub fn position_m(&self) -> [f64; N] {
-        let (Some(cycles), Some(near), Some(far)) =
-            (self.legs.get(self.leg), self.stops_m.get(self.leg), self.stops_m.get(self.leg + 1))
-        else {
-            // Without a leg the position holds.
-            return self.stops_m.first().copied().unwrap_or([0.0; N]);
+        let Some((Leg { near_m, far_m, cycles }, back)) = self.leg() else {
+            return self.home_m;
         };
         let walked = f64::from(self.cycle.saturating_sub(self.dwell)) / f64::from(*cycles);
-        let share = quintic(if self.backwards { 1.0 - walked } else { walked });
-        std::array::from_fn(|axis| near[axis] + (far[axis] - near[axis]) * share)
+        let share = quintic(if back { 1.0 - walked } else { walked });
+        std::array::from_fn(|axis| near_m[axis] + (far_m[axis] - near_m[axis]) * share)
     }
 
     /// Advances by one cycle.
     pub fn advance(&mut self) {
-        let Some(cycles) = self.legs.get(self.leg) else {
+        let Some((leg, _)) = self.leg() else {
             return;
         };
+        let end = self.dwell + leg.cycles;
         self.cycle += 1;
-        if self.cycle < self.dwell + cycles {
-            return;
-        }
-        self.cycle = 0;
-        let last = self.legs.len() - 1;
-        match (self.backwards, self.leg) {
-            (false, leg) if leg == last => self.backwards = true,
-            (false, leg) => self.leg = leg + 1,
-            (true, 0) => self.backwards = false,
-            (true, leg) => self.leg = leg - 1,
+        if self.cycle >= end {
+            self.cycle = 0;
+            self.walked = (self.walked + 1) % (2 * self.legs.len());
         }
     }
 }
 
-fn too_many() -> SimulationError {
-    SimulationError::OutOfRange { parameter: "number of waypoints_m", lower: 0.0, upper: 1e5 }
-}
-
 /// Cycles that keep every axis below the speed and the acceleration, at least one.
 fn leg_cycles<const N: usize>(
-    from: &[f64; N],
-    to: &[f64; N],
+    near_m: &[f64; N],
+    far_m: &[f64; N],
     speed_m_per_s: f64,
     acceleration_m_per_s2: f64,
 ) -> Result<u32, SimulationError> {
     let mut longest_m = 0.0_f64;
-    for (start, end) in from.iter().zip(to) {
-        check("waypoints_m", *end, -1e3, 1e3)?;
-        longest_m = longest_m.max((end - start).abs());
+    for (near, far) in near_m.iter().zip(far_m) {
+        check("waypoints_m", *far, -1e3, 1e3)?;
+        longest_m = longest_m.max((far - near).abs());
     }
     let by_speed_s = PEAK_SPEED * longest_m / speed_m_per_s;
     let by_acceleration_s = (PEAK_ACCELERATION * longest_m / acceleration_m_per_s2).sqrt();
     let cycles = (by_speed_s.max(by_acceleration_s) * CYCLES_PER_SECOND).ceil().max(1.0);
     check("cycles between waypoints_m", cycles, 1.0, MAX_LEG_CYCLES)?;
-    let whole = nearest(cycles).unwrap_or(i64::MAX);
-    Ok(u32::try_from(whole).unwrap_or(u32::MAX / 2))
+    Ok(cycles as u32)
 }
 
 /// From 0 to 1 with speed and acceleration zero at both ends.
@@ -121,16 +117,11 @@ fn quintic(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::fixture::motion;
     use gantry_tau_core::model::robot::ARMS;
 
     fn walk() -> Interpolator<ARMS> {
-        let motion = Motion::BackAndForth {
-            waypoints_m: vec![[0.1, 0.0, -0.05], [0.1, 0.2, 0.0]],
-            speed_m_per_s: 0.5,
-            acceleration_m_per_s2: 2.0,
-            dwell_cycles: 20,
-        };
-        Interpolator::new([0.0; 3], &motion).unwrap()
+        Interpolator::new([0.0; 3], &motion(&[[0.1, 0.0, -0.05], [0.1, 0.2, 0.0]], 0.5, 2.0, 20)).unwrap()
     }
 
     #[test]
@@ -170,13 +161,7 @@ mod tests {
 
     #[test]
     fn waypoints_that_do_not_move_are_accepted() {
-        let motion = Motion::BackAndForth {
-            waypoints_m: vec![[0.0; 3]; 2],
-            speed_m_per_s: 0.5,
-            acceleration_m_per_s2: 2.0,
-            dwell_cycles: 0,
-        };
-        let mut walk = Interpolator::new([0.0; 3], &motion).unwrap();
+        let mut walk = Interpolator::new([0.0; 3], &motion(&[[0.0; 3]; 2], 0.5, 2.0, 0)).unwrap();
         for _ in 0..10 {
             walk.advance();
             assert_eq!(walk.position_m(), [0.0; 3]);
@@ -185,17 +170,12 @@ mod tests {
 
     #[test]
     fn refuses_by_name() {
-        let bad = |waypoint: f64, speed: f64, acceleration: f64| {
-            let motion = Motion::BackAndForth {
-                waypoints_m: vec![[waypoint; 3]],
-                speed_m_per_s: speed,
-                acceleration_m_per_s2: acceleration,
-                dwell_cycles: 0,
-            };
-            match Interpolator::new([0.0; 3], &motion) {
-                Err(SimulationError::OutOfRange { parameter, .. }) => parameter,
-                other => panic!("{other:?}"),
-            }
+        let bad = |waypoint: f64, speed: f64, acceleration: f64| match Interpolator::new(
+            [0.0; 3],
+            &motion(&[[waypoint; 3]], speed, acceleration, 0),
+        ) {
+            Err(SimulationError::OutOfRange { parameter, .. }) => parameter,
+            other => panic!("{other:?}"),
         };
         assert_eq!(bad(f64::NAN, 1.0, 1.0), "waypoints_m");
         assert_eq!(bad(0.1, 0.0, 1.0), "speed_m_per_s");

@@ -49,13 +49,13 @@ pub fn joint<const N: usize>(geometry: &f1::Geometry, link: usize, q: &[f64; N])
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::fixture;
+    use crate::sim::fixture::Vectors;
     use gantry_tau_core::model::robot::LINKS;
 
     /// The slopes against differences: those of a rotation by 1e-5 rad leave 1e-10 of the lever.
     #[test]
     fn slopes_are_the_differences_of_places() {
-        let geometry = fixture::six_links();
+        let geometry = Vectors::f1().geometry;
         let q = [1.5, 1.7, 1.6, 0.11, -0.07, 0.05];
         for link in 0..LINKS {
             let here = joint(&geometry, link, &q);

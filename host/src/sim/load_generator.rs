@@ -1,16 +1,12 @@
 //! Load on the tool, set by another thread while the cycle runs: the ratchet strap of `[T 4.2.9]`.
 //!
-//! A sequence lock of atomics. The cycle never waits: while a load is being set it reads the one before. There is one [`LoadGenerator`] for
-//! each [`AppliedLoad`] and setting takes it mutably, so there is one writer, without a lock. Every word is an atomic: no torn word, no `unsafe`.
+//! The cycle never waits: while a load is being set it keeps the one before. A load is taken over whole or not at all.
 
 use std::fmt;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Largest magnitude of any component, N or N m.
 pub const MAX_LOAD: f64 = 1e5;
-/// Reads the cycle tries before it keeps the load it had.
-const READ_ATTEMPTS: u32 = 4;
 
 /// Load on the tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,34 +40,25 @@ impl fmt::Display for LoadRefused {
 
 impl std::error::Error for LoadRefused {}
 
-/// Shared words. `sequence` is odd while they change.
-#[derive(Debug, Default)]
-struct Shared {
-    sequence: AtomicU64,
-    step: AtomicU32,
-    wrench: [AtomicU64; 6],
-}
-
 /// Sets the load on the tool, from any thread.
 #[derive(Debug)]
 pub struct LoadGenerator {
-    shared: Arc<Shared>,
+    shared: Arc<Mutex<Load>>,
 }
 
 /// Reads the load on the tool, in the cycle.
 #[derive(Debug)]
 pub struct AppliedLoad {
-    shared: Arc<Shared>,
+    shared: Arc<Mutex<Load>>,
     last: Load,
 }
 
 /// Creates a load generator and the load it applies, which is zero.
 #[must_use]
 pub fn load_generator() -> (LoadGenerator, AppliedLoad) {
-    let shared = Arc::new(Shared::default());
-    let generator = LoadGenerator { shared: Arc::clone(&shared) };
     let last = Load::default();
-    (generator, AppliedLoad { shared, last })
+    let shared = Arc::new(Mutex::new(last));
+    (LoadGenerator { shared: Arc::clone(&shared) }, AppliedLoad { shared, last })
 }
 
 impl LoadGenerator {
@@ -80,21 +67,11 @@ impl LoadGenerator {
     /// # Errors
     /// [`LoadRefused`]; then the load before stays.
     pub fn set(&mut self, load: &Load) -> Result<(), LoadRefused> {
-        let wrench = load.wrench();
         // `contains` refuses NaN.
-        if !wrench.iter().all(|x| (-MAX_LOAD..=MAX_LOAD).contains(x)) {
+        if !load.wrench().iter().all(|x| (-MAX_LOAD..=MAX_LOAD).contains(x)) {
             return Err(LoadRefused);
         }
-        let shared = &*self.shared;
-        let even = shared.sequence.load(Ordering::Relaxed);
-        shared.sequence.store(even.wrapping_add(1), Ordering::Relaxed);
-        // No reader sees a new word without the odd sequence before it.
-        fence(Ordering::Release);
-        shared.step.store(load.step, Ordering::Relaxed);
-        for (word, value) in shared.wrench.iter().zip(wrench) {
-            word.store(value.to_bits(), Ordering::Relaxed);
-        }
-        shared.sequence.store(even.wrapping_add(2), Ordering::Release);
+        *self.shared.lock().unwrap_or_else(PoisonError::into_inner) = *load;
         Ok(())
     }
 
@@ -106,29 +83,12 @@ impl LoadGenerator {
 }
 
 impl AppliedLoad {
-    /// Returns the present load, all of one `set`. Bounded; during a write, the load before.
+    /// Returns the present load; while one is being set, the load before. It never waits.
     pub fn load(&mut self) -> Load {
-        for _ in 0..READ_ATTEMPTS {
-            if let Some(load) = self.shared.try_read() {
-                self.last = load;
-                break;
-            }
+        if let Ok(load) = self.shared.try_lock() {
+            self.last = *load;
         }
         self.last
-    }
-}
-
-impl Shared {
-    /// Returns the words if none of them changed while they were read.
-    fn try_read(&self) -> Option<Load> {
-        let before = self.sequence.load(Ordering::Acquire);
-        let step = self.step.load(Ordering::Relaxed);
-        let word = |index: usize| f64::from_bits(self.wrench[index].load(Ordering::Relaxed));
-        let load = Load { step, force_n: [word(0), word(1), word(2)], moment_nm: [word(3), word(4), word(5)] };
-        // The words are read before the sequence is read again.
-        fence(Ordering::Acquire);
-        let after = self.sequence.load(Ordering::Relaxed);
-        (before == after && before % 2 == 0).then_some(load)
     }
 }
 

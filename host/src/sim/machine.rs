@@ -13,16 +13,15 @@ use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::robot::Compliances;
-use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
-use nalgebra::{UnitQuaternion, Vector3, Vector6};
+use gantry_tau_core::units::{Metres, OffsetNm, PositionNm, TorquePermille, VelocityUmS};
+use nalgebra::Vector6;
 
 use super::drive::{self, Drive};
-use super::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
+use super::elastic::{ElasticError, ElasticMachine, Equilibrium};
 use super::force_sensor::ForceSensor;
-use super::gauge::Gauge;
 use super::interpolator::Interpolator;
 use super::load_generator::{AppliedLoad, Load};
-use super::parameters::{SimulationError, SimulationParameters, check};
+use super::parameters::{SimulationError, SimulationParameters};
 use super::springs::true_springs;
 use crate::plant::{Plant, PlantError, Reading, ToolReading};
 
@@ -37,10 +36,9 @@ pub struct SimulatedMachine<const N: usize, const M: usize> {
     drives: [Drive; M],
     interpolator: Interpolator<N>,
     sensor: ForceSensor,
-    gauge: Gauge,
+    gauge_resolution_m: f64,
     tool: AppliedLoad,
     metres_per_q: [f64; N],
-    offsets_readable: bool,
     /// Nominal of the last reading.
     nominal: [PositionNm; N],
     /// Nominal to which the references in force belong.
@@ -65,39 +63,20 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         parameters: &SimulationParameters<N>,
         tool: AppliedLoad,
     ) -> Result<Self, SimulationError> {
-        for scale in &parameters.metres_per_q {
-            check("metres_per_q", *scale, 1e-6, 1e3)?;
-        }
-        if let Some(axis) = (0..N).find(|axis| !motors.axis_of_motor().contains(axis)) {
-            return Err(SimulationError::NoMotor { axis });
-        }
-        let home_m = home(parameters)?;
+        let home_m = std::array::from_fn(|axis| parameters.home_q[axis] * parameters.metres_per_q[axis]);
         let springs = true_springs(geometry, nominal, parameters)?;
         let at_home = positions_nm(&home_m)?;
-        let spread = motors.spread(&std::array::from_fn(|axis| {
-            let offsets = &parameters.initial_offsets[axis];
-            Reference {
-                position: PositionNm(at_home[axis].0 + i64::from(offsets.position.0)),
-                velocity_offset: offsets.velocity,
-                torque_offset: offsets.torque,
-            }
-        }));
-        // A checked map always spreads.
-        let references = spread.ok_or(SimulationError::NoMotor { axis: 0 })?;
-        let start = Equilibrium::unloaded(Pose {
-            translation_m: Vector3::from(parameters.home_m),
-            rotation: UnitQuaternion::identity(),
-        });
+        let references = motors.axis_of_motor().map(|axis| without_offsets(at_home[axis]));
+        let start = Equilibrium::at_home(parameters.simulation.home_m);
         let mut machine = Self {
             springs,
             motors,
             drives: references.each_ref().map(Drive::at_rest),
             interpolator: Interpolator::new(home_m, &parameters.motion)?,
-            sensor: ForceSensor::new(parameters)?,
-            gauge: Gauge::new(parameters.gauge_resolution_m)?,
+            sensor: ForceSensor::new(&parameters.sensor, &parameters.simulation),
+            gauge_resolution_m: parameters.simulation.gauge_resolution_m,
             tool,
             metres_per_q: parameters.metres_per_q,
-            offsets_readable: parameters.offsets_readable,
             nominal: at_home,
             nominal_in_force: at_home,
             references,
@@ -111,31 +90,12 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         Ok(machine)
     }
 
-    /// Returns the true compliances: those that an identification should find.
-    #[must_use]
-    pub const fn true_compliances(&self) -> &Compliances<N> {
-        self.springs.compliances()
-    }
-
-    /// Returns the nominal axis positions of the last reading; before the first one, home.
-    #[must_use]
-    pub const fn nominal(&self) -> &[PositionNm; N] {
-        &self.nominal
-    }
-
-    /// Returns the tool under load in the last reading.
-    #[must_use]
-    pub const fn equilibrium(&self) -> &Equilibrium<N> {
-        &self.loaded
-    }
-
     /// Runs one cycle of 1 ms.
     fn advance(&mut self) -> Result<(), &'static str> {
         self.load = self.tool.load();
         let axis_of_motor = self.motors.axis_of_motor();
         for (drive, &axis) in self.drives.iter_mut().zip(axis_of_motor) {
-            let share = axis_of_motor.iter().filter(|other| **other == axis);
-            let motors = share.fold(0.0, |count, _| count + 1.0);
+            let motors = axis_of_motor.iter().filter(|other| **other == axis).count() as f64;
             // Power is the same in both units: tau dq = F dx.
             drive.advance(self.loaded.axis_loads[axis] / self.metres_per_q[axis] / motors);
         }
@@ -174,23 +134,20 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             sensor: self.sample.into(),
             displacement_m: displacement,
             turn_rad: (loaded.rotation * rigid.rotation.inverse()).scaled_axis().into(),
-            gauges_m: displacement.map(|length| self.gauge.show(length)),
+            gauges_m: displacement.map(|length| whole_steps(length, self.gauge_resolution_m)),
         }
     }
 
     /// Returns the reference of the first motor of an axis; all of them follow equal ones.
     fn reference_of(&self, axis: usize) -> Option<&Reference> {
-        let of_motors = self.references.iter().zip(self.motors.axis_of_motor());
-        of_motors.filter_map(|(reference, of)| (*of == axis).then_some(reference)).next()
+        let motor = self.motors.axis_of_motor().iter().position(|of| *of == axis)?;
+        self.references.get(motor)
     }
 }
 
 impl<const N: usize, const M: usize> Plant<N, M> for SimulatedMachine<N, M> {
     fn offsets_in_force(&mut self) -> Result<[Offsets; N], PlantError> {
         let failed = |reason| PlantError { operation: "read the offsets in force", reason };
-        if !self.offsets_readable {
-            return Err(failed("this drive interface cannot read them"));
-        }
         let mut offsets = [Offsets::default(); N];
         for (axis, offset) in offsets.iter_mut().enumerate() {
             let reference = (self.reference_of(axis)).ok_or(failed("an axis has no motor"))?;
@@ -228,18 +185,6 @@ impl<const N: usize, const M: usize> Plant<N, M> for SimulatedMachine<N, M> {
     }
 }
 
-/// Returns the axis positions at home, metres.
-fn home<const N: usize>(parameters: &SimulationParameters<N>) -> Result<[f64; N], SimulationError> {
-    for component in &parameters.home_m {
-        check("home_m", *component, -1e3, 1e3)?;
-    }
-    for component in &parameters.home_q {
-        check("home_q", *component, -1e6, 1e6)?;
-    }
-    let scales = &parameters.metres_per_q;
-    Ok(std::array::from_fn(|axis| parameters.home_q[axis] * scales[axis]))
-}
-
 /// Converts metres to the reference path.
 fn positions_nm<const N: usize>(positions_m: &[f64; N]) -> Result<[PositionNm; N], SimulationError> {
     let mut positions = [PositionNm(0); N];
@@ -253,41 +198,42 @@ fn positions_nm<const N: usize>(positions_m: &[f64; N]) -> Result<[PositionNm; N
     Ok(positions)
 }
 
+fn without_offsets(position: PositionNm) -> Reference {
+    Reference { position, velocity_offset: VelocityUmS(0), torque_offset: TorquePermille(0) }
+}
+
+/// Returns what an incremental length gauge shows: the nearest whole step, in metres.
+fn whole_steps(length_m: f64, step_m: f64) -> f64 {
+    (length_m / step_m).round() * step_m
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::fixture;
+    use crate::sim::fixture::{Vectors, motion, parameters};
     use crate::sim::load_generator::{LoadGenerator, load_generator};
     use crate::sim::parameters::Motion;
     use gantry_tau_core::model::robot::ARMS;
+    use nalgebra::Vector3;
 
     type Machine = SimulatedMachine<ARMS, ARMS>;
-    type Parameters = SimulationParameters<ARMS>;
 
-    fn parameters() -> Parameters {
-        SimulationParameters::at_home(fixture::home_m(), fixture::home_q())
-    }
-
-    fn try_machine(parameters: &Parameters) -> Result<(Machine, LoadGenerator), SimulationError> {
+    fn machine(parameters: &SimulationParameters<ARMS>) -> (Machine, LoadGenerator) {
         let (hand, tool) = load_generator();
-        let (geometry, nominal) = (fixture::geometry(), fixture::compliances());
-        let motors = MotorMap::new([0, 1, 2]).unwrap();
-        Ok((SimulatedMachine::new(&geometry, &nominal, motors, parameters, tool)?, hand))
-    }
-
-    fn machine(parameters: &Parameters) -> (Machine, LoadGenerator) {
-        try_machine(parameters).unwrap()
-    }
-
-    fn reference(position: PositionNm) -> Reference {
-        Reference { position, velocity_offset: Default::default(), torque_offset: Default::default() }
+        let (l2, motors) = (Vectors::l2(), MotorMap::new([0, 1, 2]).unwrap());
+        (SimulatedMachine::new(&l2.geometry, &l2.compliances, motors, parameters, tool).unwrap(), hand)
     }
 
     /// Runs one cycle of a server without offsets.
     fn cycle(machine: &mut Machine) -> Reading<ARMS> {
         let reading = machine.read(1).unwrap();
-        machine.write(&reading.nominal.map(reference)).unwrap();
+        machine.write(&reading.nominal.map(without_offsets)).unwrap();
         reading
+    }
+
+    /// Actual minus nominal positions, nm.
+    fn off_nm(reading: &Reading<ARMS>) -> [i64; ARMS] {
+        std::array::from_fn(|axis| reading.actual[axis].position.0 - reading.nominal[axis].0)
     }
 
     fn pull(force_n: [f64; 3]) -> Load {
@@ -312,14 +258,21 @@ mod tests {
             let tool = reading.tool.unwrap();
             assert!(tool.displacement_m.iter().all(|x| x.abs() < 1e-12));
             assert_eq!(tool.gauges_m.map(f64::abs), [0.0; 3]);
-            for axis in 0..ARMS {
-                let off = reading.actual[axis].position.0 - reading.nominal[axis].0;
-                assert_eq!(off, 0);
-            }
+            assert_eq!(off_nm(&reading), [0; ARMS]);
         }
-        let home = Vector3::from(fixture::home_m());
-        let off = machine.equilibrium().pose.translation_m - home;
+        let off = machine.loaded.pose.translation_m - Vector3::from(parameters().simulation.home_m);
         assert!(off.amax() < 2e-9);
+    }
+
+    #[test]
+    fn a_gauge_shows_whole_steps_within_half_a_step() {
+        for nanometre in -3000..3000 {
+            let length = f64::from(nanometre) * 1e-9;
+            let shown = whole_steps(length, 0.5e-6);
+            let steps = shown / 0.5e-6;
+            assert!((steps - steps.round()).abs() < 1e-9);
+            assert!((shown - length).abs() <= 0.25e-6 + 1e-15);
+        }
     }
 
     #[test]
@@ -334,7 +287,7 @@ mod tests {
         let step = x(370.0) - x(350.0) - 20.0 * slope;
         // By virtual work: the gap times the share of a force in x that cluster 3 takes.
         let half = x(360.0) - 360.0 * slope;
-        let share = machine.equilibrium().cluster_3_n().abs() / 360.0;
+        let share = machine.loaded.cluster_3_n().abs() / 360.0;
         let expected = 40e-6 * share;
         assert!(expected > 5e-6, "{expected:e}");
         assert!((step / expected - 1.0).abs() < 0.02, "{step:e} {expected:e}");
@@ -343,7 +296,8 @@ mod tests {
 
     #[test]
     fn without_a_gap_there_is_no_jump() {
-        let smooth = SimulationParameters { jump_gap_m: 0.0, ..parameters() };
+        let mut smooth = parameters();
+        smooth.simulation.jump_gap_m = 0.0;
         let (mut machine, mut hand) = machine(&smooth);
         let slope = settled_x(&mut machine, &mut hand, 100.0) / 100.0;
         let x = settled_x(&mut machine, &mut hand, 600.0);
@@ -353,16 +307,9 @@ mod tests {
     #[test]
     fn the_same_calls_give_the_same_bits() {
         let run = |seed: u64| {
-            let walking = SimulationParameters {
-                seed,
-                motion: Motion::BackAndForth {
-                    waypoints_m: vec![[0.8, -0.3, 1.0]],
-                    speed_m_per_s: 0.5,
-                    acceleration_m_per_s2: 5.0,
-                    dwell_cycles: 10,
-                },
-                ..parameters()
-            };
+            let motion = motion(&[[0.8, -0.3, 1.0]], 0.5, 5.0, 10);
+            let mut walking = SimulationParameters { motion, ..parameters() };
+            walking.simulation.seed = seed;
             let (mut machine, mut hand) = machine(&walking);
             let mut bits = Vec::new();
             for tick in 0..400 {
@@ -384,17 +331,10 @@ mod tests {
 
     #[test]
     fn motion_is_not_displacement() {
-        let walking = SimulationParameters {
-            motion: Motion::BackAndForth {
-                waypoints_m: vec![[0.8, -0.3, 1.0]],
-                speed_m_per_s: 0.2,
-                acceleration_m_per_s2: 1.0,
-                dwell_cycles: 100,
-            },
-            ..parameters()
-        };
+        let motion = motion(&[[0.8, -0.3, 1.0]], 0.2, 1.0, 100);
+        let walking = SimulationParameters { motion, ..parameters() };
         let (mut machine, _hand) = machine(&walking);
-        let mut last = *machine.nominal();
+        let mut last = machine.nominal;
         for _ in 0..3000 {
             let reading = cycle(&mut machine);
             let tool = reading.tool.unwrap();
@@ -411,24 +351,19 @@ mod tests {
 
     #[test]
     fn offsets_move_the_tool_and_are_read_back() {
-        let left_behind = Offsets { position: OffsetNm(20_000), ..Offsets::default() };
-        let restarted = SimulationParameters { initial_offsets: [left_behind; ARMS], ..parameters() };
-        let (mut machine, _hand) = machine(&restarted);
-        assert_eq!(machine.offsets_in_force(), Ok([left_behind; ARMS]));
-        let reading = machine.read(1).unwrap();
-        for axis in 0..ARMS {
-            let away = reading.actual[axis].position.0 - reading.nominal[axis].0;
-            assert_eq!(away, 20_000);
+        let (mut machine, _hand) = machine(&parameters());
+        let offsets = Offsets { position: OffsetNm(20_000), ..Offsets::default() };
+        let mut reading = machine.read(1).unwrap();
+        for _ in 0..200 {
+            let away = reading.nominal.map(|nominal| without_offsets(PositionNm(nominal.0 + 20_000)));
+            machine.write(&away).unwrap();
+            reading = machine.read(1).unwrap();
         }
+        assert_eq!(machine.offsets_in_force(), Ok([offsets; ARMS]));
+        assert_eq!(off_nm(&reading), [20_000; ARMS]);
         assert!(reading.tool.unwrap().displacement_m[0] > 10e-6);
         cycle(&mut machine);
         assert_eq!(machine.offsets_in_force(), Ok([Offsets::default(); ARMS]));
-    }
-
-    #[test]
-    fn offsets_that_cannot_be_read_are_an_error() {
-        let (mut machine, _hand) = machine(&SimulationParameters { offsets_readable: false, ..parameters() });
-        assert!(machine.offsets_in_force().is_err());
     }
 
     #[test]
@@ -472,26 +407,7 @@ mod tests {
         let (mut machine, mut hand) = machine(&scaled);
         settled_x(&mut machine, &mut hand, 100.0);
         let reading = cycle(&mut machine);
-        for axis in 0..ARMS {
-            let off = reading.actual[axis].position.0 - reading.nominal[axis].0;
-            assert!(off.abs() < 100);
-        }
-    }
-
-    #[test]
-    fn refuses_by_name() {
-        let refused = |change: fn(&mut Parameters)| {
-            let mut bad = parameters();
-            change(&mut bad);
-            try_machine(&bad).err().unwrap().to_string()
-        };
-        assert!(refused(|p| p.spring_deviation = 1.0).contains("spring_deviation"));
-        assert!(refused(|p| p.jump_gap_m = f64::NAN).contains("jump_gap_m"));
-        assert!(refused(|p| p.jump_force_n = -1.0).contains("jump_force_n"));
-        assert!(refused(|p| p.jump_force_n = 0.0).contains("jump_force_n"));
-        assert!(refused(|p| p.metres_per_q[1] = 0.0).contains("metres_per_q"));
-        assert!(refused(|p| p.home_q[2] = 9.0).contains("home_m"));
-        assert!(refused(|p| p.gauge_resolution_m = 0.0).contains("gauge_resolution_m"));
+        assert!(off_nm(&reading).iter().all(|off| off.abs() < 100));
     }
 
     /// Two motors on a cart carry half of its load each: at rest the sum of their torques holds it.
@@ -504,7 +420,7 @@ mod tests {
         let mut reading = None;
         for _ in 0..500 {
             let now = machine.read(1).unwrap();
-            let motors = machine.motors.spread(&now.nominal.map(reference));
+            let motors = machine.motors.spread(&now.nominal.map(without_offsets));
             let motors = motors.unwrap();
             machine.write(&motors).unwrap();
             reading = Some(now);

@@ -15,10 +15,9 @@
 //! | [`interpolator`] | nominal references, in place of the NC kernel `[T 4.1.1]` |
 //! | [`load_generator`] | the load on the tool, set from another thread `[T 4.2.9]` |
 //! | [`load_profile`] | force steps during Obtain |
-//! | [`gauge`] | length gauges `[T 4.2.6]` |
 //! | [`force_sensor`] | six-axis force sensor `[T 4.2.5]` |
 //! | [`parameters`] | parameters of a simulation, and their errors |
-//! | [`machine`] | all of it behind [`crate::plant::Plant`] |
+//! | [`machine`] | all of it behind [`crate::plant::Plant`], with length gauges at the tool `[T 4.2.6]` |
 //!
 //! Everything is deterministic: equal parameters and equal calls give bit-equal readings.
 #![expect(
@@ -39,14 +38,12 @@ pub mod backlash;
 pub mod drive;
 pub mod elastic;
 pub mod force_sensor;
-pub mod gauge;
 pub mod interpolator;
 pub mod joints;
 pub mod load_generator;
 pub mod load_profile;
 pub mod machine;
 pub mod parameters;
-mod rounding;
 pub mod springs;
 
 #[cfg(test)]

@@ -62,9 +62,9 @@ impl Evidence<'_> {
         let since = self.at.saturating_sub(RECENT);
         let did = |deed| self.deed.is_some_and(|(done, _)| done == deed);
         let did_recently = self.deed.is_some_and(|(_, when)| when >= since);
-        let up = |fault| self.up.acted_since(fault, since);
-        let down = |fault| self.down.acted_since(fault, since);
-        let ever = |fault| self.up.acted.contains_key(&fault) || self.down.acted.contains_key(&fault);
+        let up = |fault| self.up.occurred_since(fault, since);
+        let down = |fault| self.down.occurred_since(fault, since);
+        let ever = |fault| self.up.faults.contains_key(&fault) || self.down.faults.contains_key(&fault);
         match cause {
             Cause::Goodbye => did(ClientFault::Goodbye),
             Cause::Stop => did(ClientFault::Stop) || self.stopped,
@@ -91,7 +91,8 @@ impl Evidence<'_> {
     /// The link was slow, or something since then has made a frame late: any fault but one that has it come twice.
     fn made_late(&self, since: Duration) -> bool {
         let late = |fault| {
-            fault != Fault::Duplicate && (self.up.acted_since(fault, since) || self.down.acted_since(fault, since))
+            fault != Fault::Duplicate
+                && (self.up.occurred_since(fault, since) || self.down.occurred_since(fault, since))
         };
         self.slow || Fault::ALL.into_iter().any(late)
     }

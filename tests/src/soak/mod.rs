@@ -38,7 +38,7 @@ pub struct Summary {
     /// Count of sessions by the cause of their end.
     pub ends: BTreeMap<String, u64>,
     /// Count of each fault, both directions.
-    pub faults: BTreeMap<&'static str, u64>,
+    pub faults: BTreeMap<String, u64>,
     /// Frames that met the links.
     pub frames: u64,
     /// Ends that no fault explains but this machine's own lateness; in simulated time there are none.
@@ -60,8 +60,8 @@ impl Summary {
     /// A link ended.
     pub fn link(&mut self, stats: &FaultStats) {
         self.frames += stats.frames;
-        for (fault, acted) in &stats.acted {
-            *self.faults.entry(fault.name()).or_default() += acted.times;
+        for (fault, occurrences) in &stats.faults {
+            *self.faults.entry(fault.to_string()).or_default() += occurrences.times;
         }
     }
 

@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use gantry_tau::faults::relay::{Ended, Relay};
+use gantry_tau::faults::relay::{LinkReport, Relay};
 use gantry_tau::model::{L2, L2_MOTORS, MachineKind};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::server::cycle::{Cycle, Row};
@@ -108,7 +108,7 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
     let watch = Arc::new(Watch::default());
     let (ends_to, ends) = channel();
     let observer = observe(rows, audit, &server.controls, &watch, ends_to);
-    let relays: Vec<(bool, Relay, Receiver<Ended>)> = (0..2 * KINDS)
+    let relays: Vec<(bool, Relay, Receiver<LinkReport>)> = (0..2 * KINDS)
         .map(|index| {
             let plan = plan(index % KINDS, &mut noise, Transport::Stream);
             let slow = is_slow(&plan);
@@ -264,7 +264,7 @@ struct Soak {
 
 impl Soak {
     /// One client from its Hello to the server's listening again; its end must have a reason.
-    fn session(&mut self, address: SocketAddr, slow: bool, ended: &Receiver<Ended>) {
+    fn session(&mut self, address: SocketAddr, slow: bool, ended: &Receiver<LinkReport>) {
         let began = Instant::now();
         let mut client = Client::new(&mut self.noise);
         // A relay whose server has no room closes at once.

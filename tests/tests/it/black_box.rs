@@ -111,6 +111,36 @@ fn a_window_goes_on_across_refused_references() {
     assert_nothing(&mut windows);
 }
 
+/// Until a machine that took no references tells what it has in force, nothing is written and a re-arm does nothing.
+#[test]
+fn a_window_goes_on_across_an_outage() {
+    let (mut server, mut windows) = ServerFixture::<3>::default().handing_over();
+    server.step();
+    server.bus.record().write_fails = true;
+    assert!(server.step().plant_failed);
+    server.bus.record().write_fails = false;
+    server.bus.record().offsets_fail = true;
+    let writes = server.bus.writes();
+    let row = server.step();
+    assert_eq!((row.state.phase, row.ended), (Phase::Fault, Some(Cause::Stop)));
+    assert!((0..3).all(|_| server.step_rearmed().plant_failed));
+    assert_eq!(server.bus.writes(), writes);
+    server.bus.record().offsets_fail = false;
+    // The outage asserts the stop until the machine has been read back.
+    let row = server.step_rearmed();
+    assert_eq!((row.plant_failed, row.state.phase, server.bus.writes()), (false, Phase::Fault, writes + 1));
+    assert_eq!(server.step_rearmed().state.phase, Phase::Listening);
+    for _ in 0..HALF {
+        server.step();
+    }
+    let window = assert_window(&mut windows, Some(Cause::Stop));
+    assert_eq!(window.end().index, 2);
+    let fates: Vec<_> = window.entries[2..].iter().map(|entry| entry.input.tick.last_write).collect();
+    assert_eq!(fates[..4], [LastWrite::Unknown; 4]);
+    assert!(matches!(fates[4], LastWrite::Refused { .. }));
+    assert_eq!(fates[5], LastWrite::Accepted);
+}
+
 /// The boxes are not emptied: the cycle neither waits nor forgets to count.
 #[test]
 fn what_finds_no_room_waits_until_it_must_go() {

@@ -25,7 +25,7 @@ fn everything_has_happened(summary: &Summary, causes: &[Cause]) {
         assert!(summary.ends.contains_key(&format!("{cause:?}")), "no {cause:?}: {summary:?}");
     }
     for fault in Fault::ALL {
-        assert!(summary.faults.contains_key(fault.name()), "no {fault}: {summary:?}");
+        assert!(summary.faults.contains_key(&fault.to_string()), "no {fault}: {summary:?}");
     }
     assert!(summary.sessions > 100 && summary.obtained > 50, "{summary:?}");
     assert!(summary.refused > 10, "{summary:?}");

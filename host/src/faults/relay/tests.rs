@@ -23,13 +23,13 @@ fn plan(script: &[(u64, Fault, Option<u32>)]) -> FaultPlan {
     FaultPlan { script: script.iter().map(entry).collect(), ..FaultPlan::default() }
 }
 
-fn relay(server: SocketAddr, transport: Transport, plan: FaultPlan) -> (Relay, Receiver<Ended>) {
+fn relay(server: SocketAddr, transport: Transport, plan: FaultPlan) -> (Relay, Receiver<LinkReport>) {
     Relay::spawn(LOOPBACK.parse().unwrap(), server, transport, plan).unwrap()
 }
 
 struct Streams {
     relay: Relay,
-    ended: Receiver<Ended>,
+    ended: Receiver<LinkReport>,
     client: TcpStream,
     server: TcpStream,
 }
@@ -52,6 +52,12 @@ fn frame(epoch: u64) -> Vec<u8> {
 
 fn frames(epochs: impl IntoIterator<Item = u64>) -> Vec<u8> {
     epochs.into_iter().flat_map(frame).collect()
+}
+
+fn first_frame(mut stream: &TcpStream) -> [u8; 18] {
+    let mut bytes = [0; 18];
+    stream.read_exact(&mut bytes).unwrap();
+    bytes
 }
 
 /// Every byte up to the close.
@@ -83,9 +89,9 @@ fn frames_are_found_however_they_are_cut() {
     assert_eq!(all(&client), b"not a frame");
     let ended = ended.recv_timeout(DEADLINE).unwrap();
     assert_eq!((ended.peer, ended.up.frames, ended.down.frames), (here, 5, 1));
-    let times = |fault| ended.up.acted[&fault].times;
+    let times = |fault| ended.up.faults[&fault].times;
     assert_eq!((times(Fault::Drop), times(Fault::Duplicate)), (1, 1));
-    assert!(ended.down.acted.is_empty());
+    assert!(ended.down.faults.is_empty());
 }
 
 #[test]
@@ -94,8 +100,7 @@ fn what_is_delayed_comes_later_and_before_the_close() {
     let since = Instant::now();
     client.write_all(&frames(1..=3)).unwrap();
     drop(client);
-    let mut first = [0; 18];
-    (&server).read_exact(&mut first).unwrap();
+    first_frame(&server);
     assert_eq!(all(&server), frames([2, 3]));
     assert!(since.elapsed() >= Duration::from_millis(150));
 }
@@ -115,9 +120,7 @@ fn a_reset_is_a_reset_at_both_ends() {
 fn a_half_open_link_says_nothing_not_even_that_it_is_closed() {
     let Streams { relay: _relay, mut client, server, ended, .. } = streams(&[(2, Fault::HalfOpen, None)]);
     client.write_all(&frames(1..=3)).unwrap();
-    let mut first = [0; 18];
-    (&server).read_exact(&mut first).unwrap();
-    assert_eq!(first[..], frame(1));
+    assert_eq!(first_frame(&server)[..], frame(1));
     drop(client);
     assert!(is_quiet(&server));
     // It ends when both ends have closed.
@@ -129,8 +132,7 @@ fn a_half_open_link_says_nothing_not_even_that_it_is_closed() {
 fn a_cut_cable_is_silent_both_ways_and_closes_with_the_relay() {
     let Streams { relay, mut client, mut server, .. } = streams(&[]);
     client.write_all(&frame(1)).unwrap();
-    let mut first = [0; 18];
-    server.read_exact(&mut first).unwrap();
+    first_frame(&server);
     relay.cut();
     client.write_all(&frame(2)).unwrap();
     server.write_all(&frame(3)).unwrap();
@@ -202,13 +204,13 @@ fn every_datagram_client_has_its_own_socket_and_its_own_faults() {
         assert_eq!(next(client), (name.to_vec(), relay.address));
     }
     drop(relay);
-    let ended: Vec<Ended> = ended.iter().collect();
+    let ended: Vec<LinkReport> = ended.iter().collect();
     let peers: Vec<SocketAddr> = ended.iter().map(|ended| ended.peer).collect();
     assert_eq!(peers, clients.map(|client| client.local_addr().unwrap()));
     for ended in ended {
         assert_eq!((ended.up.frames, ended.down.frames), (3, 1));
-        assert_eq!(ended.up.acted[&Fault::Drop].times, 1);
-        assert_eq!(ended.down.acted[&Fault::Duplicate].times, 1);
+        assert_eq!(ended.up.faults[&Fault::Drop].times, 1);
+        assert_eq!(ended.down.faults[&Fault::Duplicate].times, 1);
     }
 }
 
@@ -257,7 +259,5 @@ fn clients_are_bounded() {
     listener.set_nonblocking(false).unwrap();
     let (server, _) = listener.accept().unwrap();
     server.set_read_timeout(Some(DEADLINE)).unwrap();
-    let mut first = [0; 18];
-    (&server).read_exact(&mut first).unwrap();
-    assert_eq!(first[..], frame(1));
+    assert_eq!(first_frame(&server)[..], frame(1));
 }

@@ -3,7 +3,7 @@
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
-use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, Transport};
+use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, Full, Transport};
 use gantry_tau_core::control::message::ClientMessage;
 use gantry_tau_core::control::session::Connection;
 use gantry_tau_core::control::wire::{Frame, MAX_FRAME, decode_client};
@@ -22,24 +22,17 @@ struct Peer {
 /// Socket and peers.
 #[derive(Debug)]
 pub(in crate::server) struct Datagrams {
-    socket: UdpSocket,
+    pub(super) socket: UdpSocket,
     allowed: Allowed,
-    peers: [Option<Peer>; CONNECTIONS],
+    /// As many as the endpoint has opened.
+    peers: Vec<Peer>,
 }
 
 impl Datagrams {
     pub(super) fn bind(address: SocketAddr, allowed: Allowed) -> io::Result<Self> {
         let socket = UdpSocket::bind(address)?;
         socket.set_nonblocking(true)?;
-        Ok(Self { socket, allowed, peers: [const { None }; CONNECTIONS] })
-    }
-
-    pub(super) fn address(&self) -> io::Result<SocketAddr> {
-        self.socket.local_addr()
-    }
-
-    pub(super) fn socket(&self) -> &UdpSocket {
-        &self.socket
+        Ok(Self { socket, allowed, peers: Vec::with_capacity(CONNECTIONS) })
     }
 
     /// Reads whole datagrams from all peers. Returns the number of frames of the owner in the coming tick.
@@ -69,24 +62,18 @@ impl Datagrams {
         from: SocketAddr,
         bytes: &[u8],
     ) -> Option<Connection> {
-        let known = self.peers.iter().flatten().find(|peer| peer.address == from);
-        if let Some(peer) = known {
+        if let Some(peer) = self.peers.iter().find(|peer| peer.address == from) {
             return Some(peer.connection);
         }
         if !self.allowed.admits(from.ip()) || !is_hello::<N>(bytes) {
             return None;
         }
-        let free = self.peers.iter_mut().find(|peer| peer.is_none());
-        match (free, endpoint.open(Transport::Datagram)) {
-            (Some(free), Ok(connection)) => {
-                *free = Some(Peer { connection, address: from });
+        match endpoint.open(Transport::Datagram) {
+            Ok(connection) => {
+                self.peers.push(Peer { connection, address: from });
                 Some(connection)
             }
-            (None, Ok(connection)) => {
-                endpoint.close(connection);
-                None
-            }
-            (_, Err(_)) => {
+            Err(Full) => {
                 let refusal = Endpoint::<N, M>::full_refusal();
                 // Best effort. The answer is at most as long as the Hello: a forged address gains nothing.
                 let _ = self.socket.send_to(&refusal, from);
@@ -97,16 +84,13 @@ impl Datagrams {
 
     /// Sends a datagram. One that the system does not take is lost, like any other on its way.
     pub(super) fn send(&mut self, connection: Connection, bytes: &[u8]) {
-        let peer = (self.peers.iter().flatten()).find(|peer| peer.connection == connection);
-        if let Some(peer) = peer {
+        if let Some(peer) = self.peers.iter().find(|peer| peer.connection == connection) {
             let _ = self.socket.send_to(bytes, peer.address);
         }
     }
 
     pub(super) fn close(&mut self, connection: Connection) {
-        for place in &mut self.peers {
-            place.take_if(|peer| peer.connection == connection);
-        }
+        self.peers.retain(|peer| peer.connection != connection);
     }
 }
 

@@ -14,7 +14,7 @@ use crate::realtime::Socket;
 use datagram::Datagrams;
 use stream::Streams;
 
-pub use allowed::{Allowed, NotANetwork};
+pub use allowed::Allowed;
 
 /// Address, transport and allowed peers of a server.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -52,29 +52,25 @@ impl Connections {
 
     pub(super) fn address(&self) -> io::Result<SocketAddr> {
         match self {
-            Self::Streams(streams) => streams.address(),
-            Self::Datagrams(datagrams) => datagrams.address(),
+            Self::Streams(streams) => streams.listener.local_addr(),
+            Self::Datagrams(datagrams) => datagrams.socket.local_addr(),
         }
     }
 
-    /// Accepts new peers and reads from all. Returns the number of frames of the owner in the coming tick.
-    pub(super) fn receive<const N: usize, const M: usize>(&mut self, endpoint: &mut Endpoint<N, M>) -> u8 {
+    /// Accepts new peers and reads from all; or reads from `only`, as far as the transport can tell it apart.
+    /// Returns the number of frames of the owner in the coming tick.
+    pub(super) fn receive<const N: usize, const M: usize>(
+        &mut self,
+        endpoint: &mut Endpoint<N, M>,
+        only: Option<Connection>,
+    ) -> u8 {
         match self {
             Self::Streams(streams) => {
-                streams.accept(endpoint);
-                streams.receive(endpoint, None)
+                if only.is_none() {
+                    streams.accept(endpoint);
+                }
+                streams.receive(endpoint, only)
             }
-            Self::Datagrams(datagrams) => datagrams.receive(endpoint),
-        }
-    }
-
-    /// As [`Self::receive`], of the owner alone as far as the transport can tell it apart.
-    pub(super) fn receive_owner<const N: usize, const M: usize>(&mut self, endpoint: &mut Endpoint<N, M>) -> u8 {
-        let Some(owner) = endpoint.session().owner() else {
-            return 0;
-        };
-        match self {
-            Self::Streams(streams) => streams.receive(endpoint, Some(owner)),
             Self::Datagrams(datagrams) => datagrams.receive(endpoint),
         }
     }
@@ -107,7 +103,7 @@ impl Connections {
     pub(super) fn socket(&mut self, connection: Connection) -> Option<Socket<'_>> {
         match self {
             Self::Streams(streams) => streams.stream(connection).map(Socket::Stream),
-            Self::Datagrams(datagrams) => Some(Socket::Datagram(datagrams.socket())),
+            Self::Datagrams(datagrams) => Some(Socket::Datagram(&datagrams.socket)),
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 
-use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, Transport};
+use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, Full, Transport};
 use gantry_tau_core::control::session::Connection;
 
 use super::Allowed;
@@ -26,20 +26,17 @@ struct Peer {
 /// Listener and peers.
 #[derive(Debug)]
 pub(in crate::server) struct Streams {
-    listener: TcpListener,
+    pub(super) listener: TcpListener,
     allowed: Allowed,
-    peers: [Option<Peer>; CONNECTIONS],
+    /// As many as the endpoint has opened.
+    peers: Vec<Peer>,
 }
 
 impl Streams {
     pub(super) fn bind(address: SocketAddr, allowed: Allowed) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
-        Ok(Self { listener, allowed, peers: [const { None }; CONNECTIONS] })
-    }
-
-    pub(super) fn address(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
+        Ok(Self { listener, allowed, peers: Vec::with_capacity(CONNECTIONS) })
     }
 
     /// Accepts new peers; refuses those without room.
@@ -55,16 +52,10 @@ impl Streams {
             {
                 continue;
             }
-            let free = self.peers.iter_mut().find(|peer| peer.is_none());
-            match (free, endpoint.open(Transport::Stream)) {
-                (Some(free), Ok(connection)) => {
-                    *free = Some(Peer { connection, stream, gone: false });
-                }
-                (None, Ok(connection)) => endpoint.close(connection),
-                (_, Err(_)) => {
-                    // Best effort: the peer is about to be closed anyway.
-                    let _ = stream.write(&Endpoint::<N, M>::full_refusal());
-                }
+            match endpoint.open(Transport::Stream) {
+                Ok(connection) => self.peers.push(Peer { connection, stream, gone: false }),
+                // Best effort: the peer is about to be closed anyway.
+                Err(Full) => drop(stream.write(&Endpoint::<N, M>::full_refusal())),
             }
         }
     }
@@ -77,10 +68,9 @@ impl Streams {
     ) -> u8 {
         let owner = endpoint.session().owner();
         let mut owner_frames = 0;
-        for place in &mut self.peers {
-            let Some(peer) = place else { continue };
+        self.peers.retain_mut(|peer| {
             if only.is_some_and(|only| only != peer.connection) {
-                continue;
+                return true;
             }
             let frames = peer.read(endpoint);
             if owner == Some(peer.connection) {
@@ -88,9 +78,9 @@ impl Streams {
             }
             if peer.gone {
                 endpoint.close(peer.connection);
-                *place = None;
             }
-        }
+            !peer.gone
+        });
         owner_frames
     }
 
@@ -104,9 +94,7 @@ impl Streams {
 
     /// Closes a connection. Its last frame is already with the system.
     pub(super) fn close(&mut self, connection: Connection) {
-        for place in &mut self.peers {
-            place.take_if(|peer| peer.connection == connection);
-        }
+        self.peers.retain(|peer| peer.connection != connection);
     }
 
     /// Returns the stream of a connection, to wait on.
@@ -115,7 +103,7 @@ impl Streams {
     }
 
     fn find(&mut self, connection: Connection) -> Option<&mut Peer> {
-        self.peers.iter_mut().flatten().find(|peer| peer.connection == connection)
+        self.peers.iter_mut().find(|peer| peer.connection == connection)
     }
 }
 
