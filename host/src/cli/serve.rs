@@ -198,7 +198,7 @@ impl Serve {
         }
         let home = (robot.model.axes_at(&robot.home_m()))
             .map_err(|error| format!("{}: simulation.home_m: {error}", robot.name))?;
-        let scales = robot.axes.metres_per_q;
+        let scales = robot.metres_per_q;
         let away = self.motion * 1e-3;
         let mut waypoint = [0.0; N];
         for ((place, q), scale) in waypoint.iter_mut().zip(home).zip(scales) {

@@ -32,7 +32,7 @@ pub(super) fn render<K, const N: usize>(
         _ => "in lock-step (the server waits for its client; link times mean nothing)",
     };
     let springs = 100.0 * options.robot.simulation.spring_deviation;
-    let steps = options.robot.limits.map(|axis| axis.position.step);
+    let steps = options.robot.limits.map(|axis| axis.limits.position.step());
     let step_um = f64::from(steps.into_iter().max().unwrap_or(0)) / 1e3;
     let mut sections = vec![
         (

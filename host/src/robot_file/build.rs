@@ -1,11 +1,10 @@
 //! Configurations of core and simulation, built from a robot file.
 
-use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::MotorMap;
-use gantry_tau_core::control::message::{AxisLimits, Capabilities};
-use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
+use gantry_tau_core::control::message::Capabilities;
+use gantry_tau_core::control::session::config::{Config, Parameters};
 
-use super::{ChannelLimits, RobotFile, RobotFileError};
+use super::{RobotFile, RobotFileError};
 use crate::model::MachineKind;
 use crate::sim::load_generator::AppliedLoad;
 use crate::sim::machine::SimulatedMachine;
@@ -26,30 +25,9 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
     /// # Errors
     /// [`RobotFileError`] for limits the core refuses.
     pub fn session_config(&self, capabilities: Capabilities) -> Result<Config<N>, RobotFileError> {
-        let axes: Result<Vec<_>, _> = self.limits.iter().map(|axis| self.axis(axis)).collect();
-        let axes = <[AxisConfig; N]>::try_from(axes?).map_err(|_| self.refuse("axes", "have another number"))?;
-        Config::new(Parameters { capabilities, kinematics_checksum: self.model.checksum(), ..Parameters::thesis(axes) })
+        let thesis = Parameters::thesis(self.limits);
+        Config::new(Parameters { capabilities, kinematics_checksum: self.model.checksum(), ..thesis })
             .map_err(|error| self.refuse("axes", error))
-    }
-
-    fn axis(&self, limits: &super::AxisLimits) -> Result<AxisConfig, RobotFileError> {
-        let travel = |(lower, upper)| Travel { lower, upper };
-        Ok(AxisConfig {
-            limits: AxisLimits {
-                position: self.channel("axes.position", &limits.position)?,
-                velocity: self.channel("axes.velocity", &limits.velocity)?,
-                torque: self.channel("axes.torque", &limits.torque)?,
-            },
-            nominal_travel: travel(limits.nominal_travel),
-            machine_travel: travel(limits.machine_travel),
-            nominal_step_nm: u32::try_from(limits.nominal_step_nm)
-                .map_err(|error| self.refuse("axes.nominal_step_um", error))?,
-        })
-    }
-
-    fn channel<U>(&self, key: &str, limits: &ChannelLimits) -> Result<Limits<U>, RobotFileError> {
-        let values = LimitValues { max: limits.max, step: limits.step, accel: limits.accel, ramp: limits.ramp };
-        Limits::new(values).map_err(|error| self.refuse(key, error))
     }
 
     /// Returns the axis of each motor.
@@ -90,7 +68,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             jump_gap_m: s.jump_gap_m,
             sensor_rotation: self.sensor.rotation_matrix(),
             sensor_lever_m: self.sensor.lever_m.into(),
-            metres_per_q: self.axes.metres_per_q,
+            metres_per_q: self.metres_per_q,
             motion,
             ..SimulationParameters::at_home(s.home_m, home_q)
         };

@@ -13,13 +13,13 @@ fn refused(text: &str, from: &str, to: &str) -> RobotFileError {
 #[test]
 fn the_built_in_machines_are_the_presets() {
     let file = RobotFile::builtin_l2().unwrap();
-    assert_eq!(*file.model.kinematics().robot().geometry(), presets::l2());
+    assert_eq!(*file.model.robot().geometry(), presets::l2());
     assert_eq!(file.compliances, Some(presets::l2_compliances()));
     let file = RobotFile::builtin_f1().unwrap();
-    assert_eq!(*file.model.kinematics().robot().geometry(), presets::f1());
+    assert_eq!(*file.model.robot().geometry(), presets::f1());
     assert_eq!(file.compliances, Some(presets::f1_compliances()));
     let bits = |scales: [f64; 6]| scales.map(f64::to_bits);
-    assert_eq!(bits(file.axes.metres_per_q), bits(presets::F1_METRES_PER_Q));
+    assert_eq!(bits(file.metres_per_q), bits(presets::F1_METRES_PER_Q));
 }
 
 #[test]
@@ -31,7 +31,7 @@ fn the_built_in_machine_is_the_vectors_machine() {
         let value = vectors["l2"].get(key).unwrap_or(&vectors[key]).clone();
         serde_json::from_value::<Vec<[f64; 3]>>(value).unwrap()
     };
-    let geometry = file.model.kinematics().robot().geometry();
+    let geometry = file.model.robot().geometry();
     for (key, ours) in
         [("A0", geometry.cart_joints_m.as_slice()), ("V", &geometry.guideways), ("b", &geometry.platform_joints_m)]
     {
@@ -41,7 +41,7 @@ fn the_built_in_machine_is_the_vectors_machine() {
     let compliances = file.compliances.unwrap();
     let links: [f64; LINKS] = serde_json::from_value(vectors["c_link"].clone()).unwrap();
     assert!(compliances.link_m_per_n().iter().zip(&links).all(|(a, b)| a.to_bits() == b.to_bits()));
-    assert_eq!(file.limits[0].position.ramp, 100);
+    assert_eq!(file.limits[0].limits.position.ramp(), 100);
     let q = file.model.axes_at(&file.home_m()).unwrap();
     for (q, said) in q.iter().zip([0.6245, -0.6964, 0.6690]) {
         assert!((q - said).abs() < 6e-5, "{q}");
@@ -50,7 +50,7 @@ fn the_built_in_machine_is_the_vectors_machine() {
 
 #[test]
 fn the_checksum_sees_the_kinematics_and_nothing_else() {
-    let checksum = |text: &str| RobotFile::l2("x", text).unwrap().model.checksum();
+    let checksum = |text: &str| RobotFile::read::<L2Keys>("x", text).unwrap().model.checksum();
     let ours = checksum(L2_TEXT);
     assert_eq!(ours, checksum(&L2_TEXT.replace("gain = 1.0", "gain = 0.5")));
     assert_eq!(ours, checksum(&L2_TEXT.replace("0.0, 0.0],\n    [1.0", "-0.0, 0.0],\n    [1.0")));
@@ -179,7 +179,7 @@ fn every_error_of_six_axes_names_its_key() {
 #[test]
 fn lengths_may_be_given_per_arm() {
     let text = F1_TEXT.replace("L = [1.7, 1.7, 1.7, 1.7, 1.7, 1.7]", "L = [1.6, 1.7, 1.8]");
-    let file = RobotFile::f1("x", &text).unwrap();
+    let file = RobotFile::read::<F1Keys>("x", &text).unwrap();
     let expected = [1.6, 1.7, 1.7, 1.8, 1.8, 1.8].map(f64::to_bits);
     assert_eq!(file.model.geometry().lengths_m.map(f64::to_bits), expected);
 }

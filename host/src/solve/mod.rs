@@ -135,7 +135,7 @@ impl Solver {
         }
         let machine = match request.get("robot") {
             Some(Value::String(path)) => self.file(path)?,
-            Some(robot @ Value::Object(_)) => request::inline(robot)?,
+            Some(Value::Object(robot)) => request::inline(robot)?,
             Some(_) => return Err(Failure::request("robot is neither an object nor a path")),
             None => return Err(Failure::request("robot is missing")),
         };
@@ -150,10 +150,10 @@ impl Solver {
         let file = AnyRobotFile::load(path).map_err(|error| Failure::robot(error.to_string()))?;
         let machine = match file {
             AnyRobotFile::L2(file) => {
-                Machine::L2 { robot: *file.model.kinematics().robot(), compliances: file.compliances }
+                Machine::L2 { robot: *file.model.robot(), compliances: file.compliances }
             }
             AnyRobotFile::F1(file) => {
-                Machine::F1 { kinematics: *file.model.kinematics(), compliances: file.compliances }
+                Machine::F1 { kinematics: file.model, compliances: file.compliances }
             }
         };
         if self.files.len() >= MAX_CACHED {

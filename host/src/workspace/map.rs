@@ -127,7 +127,7 @@ impl<'a, K: MachineKind<N>, const N: usize> Surveyor<'a, K, N> {
     fn reach(&self, tool_m: &Vector3<f64>) -> Result<Reached<N>, KinematicsError> {
         let q = self.file.model.axes_at(tool_m)?;
         let lines = self.file.model.lines(tool_m, &q)?;
-        let condition = condition(&lines, &self.file.axes.metres_per_q, self.radian_m)?;
+        let condition = condition(&lines, &self.file.metres_per_q, self.radian_m)?;
         let compliance_m_per_n = match &self.file.compliances {
             Some(springs) => {
                 let translation = lines.compliance(springs)?.translation();

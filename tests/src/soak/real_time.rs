@@ -183,7 +183,7 @@ fn server() -> (Server<N>, Rows, Audit<N>) {
     let robot = RobotFile::<L2, N>::builtin_l2().unwrap();
     let home = robot.model.axes_at(&robot.home_m()).unwrap();
     let mut waypoint = home;
-    for (place, scale) in waypoint.iter_mut().zip(robot.axes.metres_per_q) {
+    for (place, scale) in waypoint.iter_mut().zip(robot.metres_per_q) {
         *place = *place * scale + 0.01;
     }
     let motion = Motion::BackAndForth {
