@@ -76,8 +76,7 @@ impl MachineKind<{ l2::AXES }> for L2 {
         compliances: &Compliances<{ l2::AXES }>,
         config: CompensatorConfig<{ l2::AXES }>,
     ) -> Result<Compensator<{ l2::AXES }>, String> {
-        let compensator =
-            l2::Compensator::new(self, compliances, config).map_err(|error| error.to_string())?;
+        let compensator = l2::Compensator::new(self, compliances, config).map_err(|error| error.to_string())?;
         Ok(Box::new(move |nominal, load| compensator.correct(nominal, load)))
     }
 }

@@ -25,19 +25,12 @@ pub trait Record: Copy + Send + 'static {
 }
 
 /// Reason why a recording failed.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("recording {path}: {reason}")]
 pub struct RecordError {
     path: PathBuf,
     reason: String,
 }
-
-impl fmt::Display for RecordError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "recording {}: {}", self.path.display(), self.reason)
-    }
-}
-
-impl std::error::Error for RecordError {}
 
 /// CSV file. After its first failure (for instance a full disk) it only counts lost rows.
 #[derive(Debug)]

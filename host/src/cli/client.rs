@@ -9,10 +9,10 @@ use std::sync::atomic::Ordering;
 use clap::Args;
 use gantry_tau::client::{ClientControls, ClientOptions};
 use gantry_tau::model::MachineKind;
-use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::robot_file::RobotFile;
 use gantry_tau::terminal::say;
 
-use super::{address, fail, robot, transport};
+use super::{MachineCommand, Outcome, address, fail, transport};
 
 /// Connect to a server, compensate the measured force, leave with Ctrl-C
 ///
@@ -42,21 +42,16 @@ pub(crate) struct Client {
     record: Option<PathBuf>,
 }
 
-impl Client {
-    pub(crate) fn run(self) -> ExitCode {
-        match robot(&self.robot) {
-            Ok(AnyRobotFile::L2(robot)) => self.run_with(*robot),
-            Ok(AnyRobotFile::F1(robot)) => self.run_with(*robot),
-            Err(error) => fail(1, error),
-        }
+impl MachineCommand for Client {
+    fn robot(&self) -> &str {
+        &self.robot
     }
 
-    fn run_with<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
+    fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let controls = Arc::new(ClientControls::default());
         let shared = Arc::clone(&controls);
-        if let Err(error) = ctrlc::set_handler(move || shared.quit.store(true, Ordering::Relaxed)) {
-            return fail(1, format!("cannot listen for Ctrl-C: {error}"));
-        }
+        ctrlc::set_handler(move || shared.quit.store(true, Ordering::Relaxed))
+            .map_err(|error| format!("cannot listen for Ctrl-C: {error}"))?;
         let options = ClientOptions {
             server: self.server,
             transport: transport(self.udp),
@@ -74,9 +69,9 @@ impl Client {
                 if let Some(recorded) = report.recorded {
                     say(recorded);
                 }
-                ExitCode::SUCCESS
+                Ok(ExitCode::SUCCESS)
             }
-            Err(error) => fail(error.exit_code(), &error),
+            Err(error) => Ok(fail(error.exit_code(), &error)),
         }
     }
 }

@@ -6,10 +6,10 @@ use std::process::ExitCode;
 use clap::Args;
 use gantry_tau::draw::DrawOptions;
 use gantry_tau::model::MachineKind;
-use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::robot_file::RobotFile;
 use gantry_tau::terminal::say;
 
-use super::{fail, robot};
+use super::{MachineCommand, Outcome};
 
 /// Draw a machine at home: guideways, carts, links, platform and tool, as a wireframe in SVG
 ///
@@ -30,23 +30,15 @@ pub(crate) struct Draw {
     elevation: f64,
 }
 
-impl Draw {
-    pub(crate) fn run(self) -> ExitCode {
-        match robot(&self.robot) {
-            Ok(AnyRobotFile::L2(robot)) => self.run_with(*robot),
-            Ok(AnyRobotFile::F1(robot)) => self.run_with(*robot),
-            Err(error) => fail(1, error),
-        }
+impl MachineCommand for Draw {
+    fn robot(&self) -> &str {
+        &self.robot
     }
 
-    fn run_with<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
+    fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let options = DrawOptions { robot, svg: self.svg, azimuth_deg: self.azimuth, elevation_deg: self.elevation };
-        match gantry_tau::draw::run(&options) {
-            Ok(()) => {
-                say(format_args!("{}: drawn to {}", options.robot.name, options.svg.display()));
-                ExitCode::SUCCESS
-            }
-            Err(error) => fail(1, error),
-        }
+        gantry_tau::draw::run(&options)?;
+        say(format_args!("{}: drawn to {}", options.robot.name, options.svg.display()));
+        Ok(ExitCode::SUCCESS)
     }
 }

@@ -6,7 +6,6 @@ mod sampler;
 mod scenario;
 mod table;
 
-use std::fmt;
 use std::path::PathBuf;
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -16,7 +15,7 @@ use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 use crate::server::tick_source::TickSource;
 use crate::terminal::say;
-use scenario::{Failure, Recording};
+use scenario::Recording;
 
 pub use results::{ALLOWED_SHARE, LinkQuality, Ramp, Results, Step};
 
@@ -53,25 +52,18 @@ pub struct DemoOptions<K, const N: usize> {
 }
 
 /// Reason why a demo failed.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DemoError {
     /// An option is out of range.
+    #[error("{0}")]
     Option(String),
     /// The session ended by itself: this machine does not hold 1 kHz.
+    #[error("{0}")]
     Lost(String),
     /// Any other failure.
+    #[error("{0}")]
     Failed(String),
 }
-
-impl fmt::Display for DemoError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Option(text) | Self::Lost(text) | Self::Failed(text) => f.write_str(text),
-        }
-    }
-}
-
-impl std::error::Error for DemoError {}
 
 impl From<WriteError> for DemoError {
     fn from(error: WriteError) -> Self {
@@ -171,16 +163,7 @@ fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     let bar = progress_bar(options);
     let played = scenario::play::<K, N, M>(options, ticks, probe, &bar);
     bar.finish_and_clear();
-    played.map_err(|failure| match failure {
-        Failure::Lost(lost) => DemoError::Lost(format!(
-            "this machine does not hold 1 kHz throughout: in tick {} the session ended by itself ({})",
-            lost.tick.0, lost.cause
-        )),
-        Failure::Slow { missed } => DemoError::Lost(format!(
-            "this machine does not hold 1 kHz: {missed} deadlines missed in the first second, before any step"
-        )),
-        Failure::Error(error) => error,
-    })
+    Ok(played?)
 }
 
 fn progress_bar<K, const N: usize>(options: &DemoOptions<K, N>) -> ProgressBar {

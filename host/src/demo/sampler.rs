@@ -19,7 +19,6 @@ pub(super) struct Sample<const N: usize> {
     pub(super) tick: u64,
     pub(super) phase: Phase,
     pub(super) step: u32,
-    pub(super) force_n: [f64; 3],
     pub(super) offset_nm: [i32; N],
     pub(super) reference_nm: [i64; N],
     pub(super) displacement_um: [f64; 3],
@@ -29,20 +28,16 @@ pub(super) struct Sample<const N: usize> {
     pub(super) longest_miss_run: u16,
     pub(super) round_trip_us: Option<u32>,
     pub(super) ended: Option<Cause>,
-    pub(super) refused: u8,
-    pub(super) welcomed: bool,
 }
 
 impl<const N: usize> Sample<N> {
     fn of(row: &Row<N>) -> Self {
         let tool = row.tool;
-        let [fx, fy, fz, ..] = tool.map_or([f64::NAN; 6], |tool| tool.load);
         let millionths = |values: [f64; 3]| values.map(|value| value * 1e6);
         Self {
             tick: row.state.tick.0,
             phase: row.state.phase,
             step: tool.map_or(0, |tool| tool.step),
-            force_n: [fx, fy, fz],
             offset_nm: row.state.axes.map(|axis| axis.offsets.position.0),
             reference_nm: row.references.map(|reference| reference.position.0),
             displacement_um: tool.map_or([f64::NAN; 3], |tool| millionths(tool.displacement_m)),
@@ -52,24 +47,15 @@ impl<const N: usize> Sample<N> {
             longest_miss_run: row.state.counters.longest_miss_run,
             round_trip_us: row.round_trip_us,
             ended: row.ended,
-            refused: row.refused,
-            welcomed: row.welcomed,
         }
     }
-}
-
-/// End of a session that the demo did not cause.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Lost {
-    pub(super) tick: Tick,
-    pub(super) cause: Cause,
 }
 
 /// Reason why waiting failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Waiting {
-    /// The session ended by itself.
-    Lost(Lost),
+    /// The session ended, and the demo did not end it.
+    Lost { tick: Tick, cause: Cause },
     /// The server delivers no more rows.
     Stuck,
 }
@@ -114,8 +100,7 @@ impl<const N: usize> Sampler<N> {
             self.samples.push(sample);
             each(&sample);
             if let (Some(cause), false) = (sample.ended, may_end) {
-                let tick = row.state.tick;
-                return Err(Waiting::Lost(Lost { tick, cause }));
+                return Err(Waiting::Lost { tick: row.state.tick, cause });
             }
             if found(&sample) {
                 return Ok(sample);
@@ -132,7 +117,6 @@ mod tests {
 
     use super::*;
     use crate::robot_file::RobotFile;
-
     use crate::server::cycle::{Cycle, Demands};
     use crate::sim::load_generator::load_generator;
     use crate::sim::parameters::Motion;

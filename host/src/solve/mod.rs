@@ -149,12 +149,8 @@ impl Solver {
         }
         let file = AnyRobotFile::load(path).map_err(|error| Failure::robot(error.to_string()))?;
         let machine = match file {
-            AnyRobotFile::L2(file) => {
-                Machine::L2 { robot: *file.model.robot(), compliances: file.compliances }
-            }
-            AnyRobotFile::F1(file) => {
-                Machine::F1 { kinematics: file.model, compliances: file.compliances }
-            }
+            AnyRobotFile::L2(file) => Machine::L2 { robot: *file.model.robot(), compliances: file.compliances },
+            AnyRobotFile::F1(file) => Machine::F1 { kinematics: file.model, compliances: file.compliances },
         };
         if self.files.len() >= MAX_CACHED {
             self.files.clear();

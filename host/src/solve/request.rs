@@ -45,8 +45,8 @@ where
 {
     let known = robot.iter().filter(|(name, value)| K::NAMES.contains(&name.as_str()) && !value.is_null());
     let known = known.map(|(name, value)| (name.clone(), value.clone())).collect();
-    let keys: K = serde_path_to_error::deserialize(Value::Object(known))
-        .map_err(|error| Failure::robot(error.to_string()))?;
+    let keys: K =
+        serde_path_to_error::deserialize(Value::Object(known)).map_err(|error| Failure::robot(error.to_string()))?;
     let travel = optional(robot.get("travel"), "travel").map_err(Failure::robot)?;
     Ok((keys.robot(travel)?, keys.compliances()?))
 }

@@ -67,41 +67,17 @@ pub struct Summary {
 }
 
 /// Reason why a survey failed.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WorkspaceError {
     /// `cells` is out of [`CELLS`].
+    #[error("--cells is {cells}; expected from {from} to {to}", cells = .0, from = CELLS.start(), to = CELLS.end())]
     Cells(u32),
     /// The table cannot be written.
-    Csv(RecordError),
+    #[error(transparent)]
+    Csv(#[from] RecordError),
     /// The page cannot be written.
-    Plot(WriteError),
-}
-
-impl fmt::Display for WorkspaceError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Cells(cells) => {
-                let (from, to) = (CELLS.start(), CELLS.end());
-                write!(f, "--cells is {cells}; expected from {from} to {to}")
-            }
-            Self::Csv(error) => error.fmt(f),
-            Self::Plot(error) => error.fmt(f),
-        }
-    }
-}
-
-impl std::error::Error for WorkspaceError {}
-
-impl From<RecordError> for WorkspaceError {
-    fn from(error: RecordError) -> Self {
-        Self::Csv(error)
-    }
-}
-
-impl From<WriteError> for WorkspaceError {
-    fn from(error: WriteError) -> Self {
-        Self::Plot(error)
-    }
+    #[error(transparent)]
+    Plot(#[from] WriteError),
 }
 
 /// Runs a survey, and writes table and page.
