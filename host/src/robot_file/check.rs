@@ -40,6 +40,12 @@ pub(super) fn model(text: &str) -> Result<Kind, Problem> {
 pub(super) fn tables<K: Keys<N>, const N: usize>(text: &str) -> Result<(K, Sections<N>), Problem> {
     let root = DeTable::parse(text).map_err(|error| syntax(text, &error))?;
     let is_section = |name: &str| Sections::<N>::NAMES.contains(&name);
+    let names: Vec<&str> = ["model"].iter().chain(K::NAMES).chain(&Sections::<N>::NAMES).copied().collect();
+    if let Some(unknown) = root.get_ref().keys().find(|name| !names.contains(&name.get_ref().as_ref())) {
+        let (name, line) = (unknown.get_ref(), line_of(text, unknown.span().start));
+        let reason = format!("unknown field `{name}`, expected one of `{}` (line {line})", names.join("`, `"));
+        return Err(Problem::new(name.as_ref(), reason));
+    }
     let keys = table(text, &root, |name| name != "model" && !is_section(name))?;
     Ok((keys, table(text, &root, is_section)?))
 }
@@ -77,8 +83,12 @@ fn syntax(text: &str, error: &toml::de::Error) -> Problem {
         (Some(section), _) => section.to_owned(),
         (None, None) => String::new(),
     };
-    let number = before.matches('\n').count().saturating_add(1);
-    Problem::new(key, format!("{reason} (line {number})"))
+    Problem::new(key, format!("{reason} (line {})", line_of(text, before.len())))
+}
+
+/// Number of the line of a byte, from 1.
+fn line_of(text: &str, byte: usize) -> usize {
+    text.get(..byte).unwrap_or("").matches('\n').count().saturating_add(1)
 }
 
 /// Checks `lower <= value <= upper`; NaN is refused.

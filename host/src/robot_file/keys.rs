@@ -44,7 +44,6 @@ pub(crate) trait Keys<const N: usize>: DeserializeOwned {
 
 /// `model = "l2"`: three axes.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct L2Keys {
     #[serde(rename = "A0")]
     a0: [[f64; 3]; LINKS],
@@ -92,7 +91,6 @@ impl Keys<{ l2::AXES }> for L2Keys {
 
 /// `model = "f1"`: six axes.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct F1Keys {
     #[serde(rename = "C")]
     c0: [[f64; 3]; ARMS],

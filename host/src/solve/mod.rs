@@ -135,7 +135,7 @@ impl Solver {
         }
         let machine = match request.get("robot") {
             Some(Value::String(path)) => self.file(path)?,
-            Some(Value::Object(robot)) => request::inline(robot)?,
+            Some(robot @ Value::Object(_)) => request::inline(robot)?,
             Some(_) => return Err(Failure::request("robot is neither an object nor a path")),
             None => return Err(Failure::request("robot is missing")),
         };

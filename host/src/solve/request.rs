@@ -4,7 +4,7 @@ use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::{f1, l2};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::Failure;
 use crate::robot_file::{F1Keys, Keys, L2Keys, Problem};
@@ -24,7 +24,7 @@ impl From<Problem> for Failure {
 }
 
 /// Reads a robot given as an object with the keys of a robot file.
-pub(super) fn inline(robot: &Map<String, Value>) -> Result<Machine, Failure> {
+pub(super) fn inline(robot: &Value) -> Result<Machine, Failure> {
     match robot.get("model").and_then(Value::as_str) {
         Some("l2") => {
             let (robot, compliances) = read::<L2Keys, _>(robot)?;
@@ -38,15 +38,12 @@ pub(super) fn inline(robot: &Map<String, Value>) -> Result<Machine, Failure> {
     }
 }
 
-/// Reads the keys of a machine, and `travel` in q-units. Keys that are unknown or null are ignored.
-fn read<K: Keys<N>, const N: usize>(robot: &Map<String, Value>) -> Result<(K::Robot, Option<Compliances<N>>), Failure>
+/// Reads the keys of a machine, and `travel` in q-units. Unknown keys are ignored.
+fn read<K: Keys<N>, const N: usize>(robot: &Value) -> Result<(K::Robot, Option<Compliances<N>>), Failure>
 where
     [(f64, f64); N]: DeserializeOwned,
 {
-    let known = robot.iter().filter(|(name, value)| K::NAMES.contains(&name.as_str()) && !value.is_null());
-    let known = known.map(|(name, value)| (name.clone(), value.clone())).collect();
-    let keys: K =
-        serde_path_to_error::deserialize(Value::Object(known)).map_err(|error| Failure::robot(error.to_string()))?;
+    let keys: K = serde_path_to_error::deserialize(robot).map_err(|error| Failure::robot(error.to_string()))?;
     let travel = optional(robot.get("travel"), "travel").map_err(Failure::robot)?;
     Ok((keys.robot(travel)?, keys.compliances()?))
 }

@@ -167,4 +167,3 @@ pub(crate) fn same_mathematics() {
         assert!(!host.is_empty() && host == firmware, "{name}: {host:?} and {firmware:?}");
     }
 }
-}
