@@ -30,7 +30,7 @@ pub(crate) struct Client {
     sensor: SocketAddr,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
-    robot: String,
+    pub(super) robot: String,
     /// UDP datagrams instead of a TCP stream; the server needs --udp as well
     #[arg(long)]
     udp: bool,
@@ -43,10 +43,6 @@ pub(crate) struct Client {
 }
 
 impl MachineCommand for Client {
-    fn robot(&self) -> &str {
-        &self.robot
-    }
-
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let controls = Arc::new(ClientControls::default());
         let shared = Arc::clone(&controls);

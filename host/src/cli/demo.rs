@@ -20,7 +20,7 @@ use super::{MachineCommand, Outcome, Pace};
 pub(crate) struct Demo {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
-    robot: String,
+    pub(super) robot: String,
     /// Largest force, N. Above 360 N the machine jumps, like the one of the thesis
     #[arg(long, value_name = "N", default_value_t = 300.0, allow_negative_numbers = true)]
     force_max: f64,
@@ -48,10 +48,6 @@ pub(crate) struct Demo {
 }
 
 impl MachineCommand for Demo {
-    fn robot(&self) -> &str {
-        &self.robot
-    }
-
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let options = DemoOptions {
             robot,

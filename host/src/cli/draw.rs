@@ -18,7 +18,7 @@ use super::{MachineCommand, Outcome};
 pub(crate) struct Draw {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(value_name = "l2|f1|FILE")]
-    robot: String,
+    pub(super) robot: String,
     /// Output file
     #[arg(long, value_name = "FILE.svg", default_value = "machine.svg")]
     svg: PathBuf,
@@ -31,10 +31,6 @@ pub(crate) struct Draw {
 }
 
 impl MachineCommand for Draw {
-    fn robot(&self) -> &str {
-        &self.robot
-    }
-
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let options = DrawOptions { robot, svg: self.svg, azimuth_deg: self.azimuth, elevation_deg: self.elevation };
         gantry_tau::draw::run(&options)?;

@@ -13,7 +13,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
-use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::robot_file::{AnyRobotFile, RobotFile, RobotFileError};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::model::{f1, l2};
 
@@ -80,13 +80,13 @@ pub(crate) fn main() -> ExitCode {
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info"));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).compact().init();
     let outcome = match Arguments::parse().command {
-        Command::Demo(demo) => demo.run(),
-        Command::Serve(serve) => serve.run(),
-        Command::Client(client) => client.run(),
+        Command::Demo(demo) => run_on(AnyRobotFile::named(&demo.robot), demo),
+        Command::Serve(serve) => run_on(AnyRobotFile::named(&serve.robot), serve),
+        Command::Client(client) => run_on(AnyRobotFile::named(&client.robot), client),
         Command::Faults(faults) => faults.run(),
         Command::Replay(replay) => replay.run(),
-        Command::Workspace(workspace) => workspace.run(),
-        Command::Draw(draw) => draw.run(),
+        Command::Workspace(workspace) => run_on(AnyRobotFile::named(&workspace.robot), workspace),
+        Command::Draw(draw) => run_on(AnyRobotFile::named(&draw.robot), draw),
         Command::Solve => solve(),
     };
     outcome.unwrap_or_else(|error| fail(1, error))
@@ -96,17 +96,15 @@ pub(crate) fn main() -> ExitCode {
 type Outcome = Result<ExitCode, Box<dyn std::error::Error>>;
 
 /// A command for a machine of either kind.
-trait MachineCommand: Sized {
-    /// Returns the built-in machine `l2` or `f1`, or the path of a robot file.
-    fn robot(&self) -> &str;
-
+trait MachineCommand {
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome;
+}
 
-    fn run(self) -> Outcome {
-        match AnyRobotFile::named(self.robot())? {
-            AnyRobotFile::L2(robot) => self.run_on::<_, { l2::AXES }, L2_MOTORS>(*robot),
-            AnyRobotFile::F1(robot) => self.run_on::<_, { f1::AXES }, F1_MOTORS>(*robot),
-        }
+/// Runs a command on the machine that it names.
+fn run_on(robot: Result<AnyRobotFile, RobotFileError>, command: impl MachineCommand) -> Outcome {
+    match robot? {
+        AnyRobotFile::L2(robot) => command.run_on::<_, { l2::AXES }, L2_MOTORS>(*robot),
+        AnyRobotFile::F1(robot) => command.run_on::<_, { f1::AXES }, F1_MOTORS>(*robot),
     }
 }
 

@@ -13,7 +13,7 @@ use gantry_tau::black_box::writer::Writer;
 use gantry_tau::epoch;
 use gantry_tau::model::MachineKind;
 use gantry_tau::record::{CsvFile, drain};
-use gantry_tau::robot_file::RobotFile;
+use gantry_tau::robot_file::{RobotFile, RobotFileError};
 use gantry_tau::sensor_link::SensorPublisher;
 use gantry_tau::server::connections::{Allowed, Listen};
 use gantry_tau::server::cycle::{Cycle, Row};
@@ -49,7 +49,7 @@ pub(crate) struct Serve {
     sensor: SocketAddr,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
-    robot: String,
+    pub(super) robot: String,
     /// Source of the ticks
     #[arg(long, default_value = "real")]
     pace: Pace,
@@ -74,10 +74,6 @@ pub(crate) struct Serve {
 }
 
 impl MachineCommand for Serve {
-    fn robot(&self) -> &str {
-        &self.robot
-    }
-
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         self.check()?;
         let (hand, tool) = load_generator();
@@ -180,20 +176,13 @@ impl Serve {
         Ok(())
     }
 
-    fn motion<K: MachineKind<N>, const N: usize>(
-        &self,
-        robot: &RobotFile<K, N>,
-    ) -> Result<Motion<N>, Box<dyn std::error::Error>> {
+    fn motion<K: MachineKind<N>, const N: usize>(&self, robot: &RobotFile<K, N>) -> Result<Motion<N>, RobotFileError> {
         if self.motion == 0.0 {
             return Ok(Motion::Hold);
         }
-        let home = (robot.model.axes_at(&robot.home_m()))
-            .map_err(|error| format!("{}: simulation.home_m: {error}", robot.name))?;
-        let scales = robot.metres_per_q;
-        let away = self.motion * 1e-3;
-        let mut waypoint = [0.0; N];
-        for ((place, q), scale) in waypoint.iter_mut().zip(home).zip(scales) {
-            *place = q * scale + away;
+        let mut waypoint = robot.home_q()?;
+        for (place, scale) in waypoint.iter_mut().zip(robot.metres_per_q) {
+            *place = *place * scale + self.motion * 1e-3;
         }
         Ok(Motion::BackAndForth {
             waypoints_m: vec![waypoint],

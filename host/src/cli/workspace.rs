@@ -19,7 +19,7 @@ use super::{MachineCommand, Outcome};
 pub(crate) struct Workspace {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(value_name = "l2|f1|FILE")]
-    robot: String,
+    pub(super) robot: String,
     /// Steps along the longest side of the grid
     #[arg(long, value_name = "N", default_value_t = 80)]
     cells: u32,
@@ -32,10 +32,6 @@ pub(crate) struct Workspace {
 }
 
 impl MachineCommand for Workspace {
-    fn robot(&self) -> &str {
-        &self.robot
-    }
-
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let options = WorkspaceOptions { robot, cells: self.cells, plot: self.plot, csv: self.csv };
         let summary = gantry_tau::workspace::run(&options)?;

@@ -20,6 +20,14 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         RobotFileError { file: self.name.clone(), key: key.to_owned(), reason: reason.to_string() }
     }
 
+    /// Positions of the axes with the tool at home and the platform unturned, q-units.
+    ///
+    /// # Errors
+    /// None for a file that was read: it is checked.
+    pub fn home_q(&self) -> Result<[f64; N], RobotFileError> {
+        self.model.axes_at(&self.home_m()).map_err(|error| self.refuse("simulation.home_m", error))
+    }
+
     /// The session's configuration in the thesis profile: no echo window, no miss budget.
     ///
     /// # Errors
@@ -56,7 +64,6 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             .as_ref()
             .ok_or_else(|| self.refuse("c_link", "is missing; the simulation needs compliances"))?;
         let s = &self.simulation;
-        let home_q = (self.model.axes_at(&self.home_m())).map_err(|error| self.refuse("simulation.home_m", error))?;
         let parameters = SimulationParameters {
             seed: s.seed,
             spring_deviation: s.spring_deviation,
@@ -70,7 +77,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             sensor_lever_m: self.sensor.lever_m.into(),
             metres_per_q: self.metres_per_q,
             motion,
-            ..SimulationParameters::at_home(s.home_m, home_q)
+            ..SimulationParameters::at_home(s.home_m, self.home_q()?)
         };
         let motors = self.motor_map()?;
         let geometry = self.model.geometry();

@@ -96,7 +96,7 @@ fn another_file_is_refused_with_line_and_reason() {
         (
             2,
             Box::new(swap("\"velocity\":{\"value\":0", "\"velocity\":{\"value\":9999")),
-            "the state of the session contradicts its configuration",
+            "the state of the session contradicts its configuration: axis 0 has an offset beyond its limits",
         ),
         (50, Box::new(|line| line[..line.len() / 2].to_owned()), "EOF while parsing"),
     ];
