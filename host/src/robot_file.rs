@@ -180,7 +180,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         check::range("client.gain", sections.client.gain, 0.0, 1.0)?;
         check::simulation(&sections.simulation)?;
         (model.axes_at(&sections.simulation.home_m.into()))
-            .map_err(|error| Problem::new("simulation.home_m", error.to_string()))?;
+            .map_err(|error| Problem::new("simulation.home_m", error))?;
         Ok(Self {
             name: name.to_owned(),
             model,
@@ -202,8 +202,8 @@ pub(crate) struct Problem {
 }
 
 impl Problem {
-    fn new(key: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self { key: key.into(), reason: reason.into() }
+    fn new(key: impl Into<String>, reason: impl ToString) -> Self {
+        Self { key: key.into(), reason: reason.to_string() }
     }
 
     fn in_file(self, file: &str) -> RobotFileError {

@@ -8,13 +8,11 @@ mod table;
 
 use std::path::PathBuf;
 
-use indicatif::{ProgressBar, ProgressStyle};
-
 use crate::files::{WriteError, write};
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 use crate::server::tick_source::TickSource;
-use crate::terminal::say;
+use crate::terminal::{progress_bar, say};
 use scenario::Recording;
 
 pub use results::{ALLOWED_SHARE, LinkQuality, Ramp, Results, Step};
@@ -160,19 +158,11 @@ fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     ticks: TickSource,
     probe: bool,
 ) -> Result<Recording<N>, DemoError> {
-    let bar = progress_bar(options);
-    let played = scenario::play::<K, N, M>(options, ticks, probe, &bar);
-    bar.finish_and_clear();
-    Ok(played?)
-}
-
-fn progress_bar<K, const N: usize>(options: &DemoOptions<K, N>) -> ProgressBar {
     let steps = 2 * options.forces_n().len() as u64;
     let tare = u64::from(options.robot.sensor.tare_samples);
     // Half a second of rests, three of ramp.
-    let bar = ProgressBar::new(tare + steps * options.step_ticks() + 3_500);
-    if let Ok(style) = ProgressStyle::with_template("[{elapsed}] {bar:40} {pos}/{len} ticks") {
-        bar.set_style(style);
-    }
-    bar
+    let bar = progress_bar(tare + steps * options.step_ticks() + 3_500, "ticks");
+    let played = scenario::play::<K, N, M>(options, ticks, probe, &bar);
+    bar.finish_and_clear();
+    Ok(played?)
 }

@@ -80,14 +80,9 @@ pub(super) fn render<K, const N: usize>(
 }
 
 fn against_force<K, const N: usize>(options: &DemoOptions<K, N>, results: &Results) -> Plot {
-    let line = |name: &str, value: fn(&super::Step) -> f64| {
-        let points = results.steps.iter().map(|step| (step.force_n, value(step)));
-        Curve::line(name, std::iter::once((0.0, 0.0)).chain(points).collect())
-    };
-    let dots = |name: &str, value: fn(&super::Step) -> f64| {
-        let points = results.steps.iter().map(|step| (step.force_n, value(step)));
-        Curve::dots(name, points.collect())
-    };
+    let points = |value: fn(&super::Step) -> f64| results.steps.iter().map(move |step| (step.force_n, value(step)));
+    let line = |name: &str, value| Curve::line(name, std::iter::once((0.0, 0.0)).chain(points(value)).collect());
+    let dots = |name: &str, value| Curve::dots(name, points(value).collect());
     let mut curves = vec![
         line("uncompensated", |step| step.uncompensated_norm_um),
         line("compensated", |step| step.compensated_norm_um),

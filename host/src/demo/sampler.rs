@@ -6,6 +6,7 @@ use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_core::control::monitor::{Monitor, Violation};
 use gantry_tau_core::units::Tick;
 
+use crate::plant::ToolReading;
 use crate::server::cycle::Row;
 
 /// Pause when no row is waiting.
@@ -33,16 +34,18 @@ pub(super) struct Sample<const N: usize> {
 impl<const N: usize> Sample<N> {
     fn of(row: &Row<N>) -> Self {
         let tool = row.tool;
-        let millionths = |values: [f64; 3]| values.map(|value| value * 1e6);
+        let millionths = |values: fn(&ToolReading) -> [f64; 3]| {
+            tool.as_ref().map_or([f64::NAN; 3], |tool| values(tool).map(|value| value * 1e6))
+        };
         Self {
             tick: row.state.tick.0,
             phase: row.state.phase,
             step: tool.map_or(0, |tool| tool.step),
             offset_nm: row.state.axes.map(|axis| axis.offsets.position.0),
             reference_nm: row.references.map(|reference| reference.position.0),
-            displacement_um: tool.map_or([f64::NAN; 3], |tool| millionths(tool.displacement_m)),
-            turn_urad: tool.map_or([f64::NAN; 3], |tool| millionths(tool.turn_rad)),
-            gauges_um: tool.map_or([f64::NAN; 3], |tool| millionths(tool.gauges_m)),
+            displacement_um: millionths(|tool| tool.displacement_m),
+            turn_urad: millionths(|tool| tool.turn_rad),
+            gauges_um: millionths(|tool| tool.gauges_m),
             missed: row.state.counters.missed,
             longest_miss_run: row.state.counters.longest_miss_run,
             round_trip_us: row.round_trip_us,

@@ -93,8 +93,7 @@ impl Scene {
 
 /// Mean of some points; zero of none.
 fn mean(points: &[Vector3<f64>]) -> Vector3<f64> {
-    let count = points.iter().fold(0.0, |count, _| count + 1.0_f64).max(1.0);
-    points.iter().sum::<Vector3<f64>>() / count
+    points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64
 }
 
 /// Centre and half edges of a box around `points`, one edge along `along`, `margin_m` wider on every side.

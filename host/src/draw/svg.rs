@@ -100,8 +100,7 @@ impl Label {
 
     /// Half of width and height.
     fn half(&self) -> Point {
-        let count = self.text.chars().fold(0.0, |count, _| count + 1.0);
-        Point::new(count * CHARACTER * FONT / 2.0, 0.6 * FONT)
+        Point::new(self.text.chars().count() as f64 * CHARACTER * FONT / 2.0, 0.6 * FONT)
     }
 
     /// True if the boxes of two labels have a point in common.
@@ -120,8 +119,7 @@ impl Label {
             away.x < half.x && away.y < half.y
         };
         let shares = (0..=SAMPLES).map(|step| f64::from(step) / f64::from(SAMPLES));
-        let count = shares.filter(inside).fold(0.0, |count, _| count + 1.0);
-        (to - from).norm() * count / f64::from(SAMPLES)
+        (to - from).norm() * shares.filter(inside).count() as f64 / f64::from(SAMPLES)
     }
 
     /// Moves to the candidate of least cost: what the label costs there, and a cost of the candidate itself. Of equals the first counts.
@@ -272,8 +270,7 @@ impl Shapes {
             let next = outline.iter().cycle().skip(1);
             lines.extend(outline.iter().zip(next).map(|(from, to)| [*from, *to]));
             // The inside of an outline: lines to its middle.
-            let count = outline.iter().fold(0.0, |count, _| count + 1.0);
-            let middle = outline.iter().sum::<Point>() / count;
+            let middle = outline.iter().sum::<Point>() / outline.len() as f64;
             lines.extend(outline.iter().map(|corner| [*corner, middle]));
         }
         Self { platform, carts, lines }

@@ -190,7 +190,7 @@ fn pick<T: Copy, const N: usize>(values: &Each<T, N>, index: usize, refused: T) 
 
 fn travel<const N: usize>(key: &str, ends_m: &Each<[f64; 2], N>, index: usize) -> Result<Travel, Problem> {
     let [lower, upper] = pick(ends_m, index, [f64::NAN; 2]);
-    let cross = |value| PositionNm::from_metres(Metres(value)).map_err(|error| Problem::new(key, error.to_string()));
+    let cross = |value| PositionNm::from_metres(Metres(value)).map_err(|error| Problem::new(key, error));
     let travel = Travel { lower: cross(lower)?, upper: cross(upper)? };
     if travel.lower > travel.upper {
         return Err(Problem::new(key, "has its lower end above its upper end"));
@@ -200,8 +200,7 @@ fn travel<const N: usize>(key: &str, ends_m: &Each<[f64; 2], N>, index: usize) -
 
 /// Converts micrometres that are a whole number of nanometres.
 fn whole_nm(key: &str, value_um: f64) -> Result<i32, Problem> {
-    let crossed =
-        OffsetNm::from_metres(Metres(value_um * 1e-6)).map_err(|error| Problem::new(key, error.to_string()))?;
+    let crossed = OffsetNm::from_metres(Metres(value_um * 1e-6)).map_err(|error| Problem::new(key, error))?;
     if (f64::from(crossed.0) - value_um * 1e3).abs() > WHOLE_NM_TOLERANCE {
         return Err(Problem::new(key, "must be a whole number of nanometres"));
     }

@@ -81,7 +81,7 @@ impl Keys<{ l2::AXES }> for L2Keys {
     }
 
     fn model(robot: &l2::Robot) -> Result<L2, Problem> {
-        L2::new(robot, &Matrix3::identity()).map_err(|error| Problem::new("A0", error.to_string()))
+        L2::new(robot, &Matrix3::identity()).map_err(|error| Problem::new("A0", error))
     }
 
     fn springs(&self) -> (Option<[f64; LINKS]>, Option<[f64; l2::AXES]>) {

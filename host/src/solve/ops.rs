@@ -8,14 +8,14 @@ use nalgebra::SMatrix;
 use serde_json::{Value, json};
 
 use super::request::{Machine, field};
-use super::{Failure, Kind, l2};
+use super::{Failure, l2};
 
 /// Names of all operations.
 pub(super) const NAMES: [&str; 7] = ["ik", "fk", "jacobian", "statics", "compliance", "deflection", "compensate"];
 
 impl From<KinematicsError> for Failure {
     fn from(error: KinematicsError) -> Self {
-        Self { kind: Kind::Core(error.kind()), message: error.to_string() }
+        Self { kind: error.kind(), message: error.to_string() }
     }
 }
 

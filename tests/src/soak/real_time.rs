@@ -181,8 +181,7 @@ type Rows = rtrb::Consumer<Row<N>>;
 
 fn server() -> (Server<N>, Rows, Audit<N>) {
     let robot = RobotFile::<L2, N>::builtin_l2().unwrap();
-    let home = robot.model.axes_at(&robot.home_m()).unwrap();
-    let mut waypoint = home;
+    let mut waypoint = robot.home_q().unwrap();
     for (place, scale) in waypoint.iter_mut().zip(robot.metres_per_q) {
         *place = *place * scale + 0.01;
     }
