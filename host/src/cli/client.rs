@@ -56,18 +56,17 @@ impl MachineCommand for Client {
             record: self.record,
             obtain: !self.submit_only,
         };
-        match gantry_tau::client::run(&options, &controls) {
-            Ok(report) => {
-                say(format_args!(
-                    "left with Goodbye after {} ticks ({} without a correction of their own, {} with a saturated one); the server ramps the offsets to zero",
-                    report.states, report.held, report.saturated
-                ));
-                if let Some(recorded) = report.recorded {
-                    say(recorded);
-                }
-                Ok(ExitCode::SUCCESS)
-            }
-            Err(error) => Ok(fail(error.exit_code(), &error)),
+        let report = match gantry_tau::client::run(&options, &controls) {
+            Ok(report) => report,
+            Err(error) => return Ok(fail(error.exit_code(), &error)),
+        };
+        say(format_args!(
+            "left with Goodbye after {} ticks ({} without a correction of their own, {} with a saturated one); the server ramps the offsets to zero",
+            report.states, report.held, report.saturated
+        ));
+        if let Some(recorded) = report.recorded {
+            say(recorded);
         }
+        Ok(ExitCode::SUCCESS)
     }
 }

@@ -6,6 +6,7 @@ use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_core::control::monitor::{Monitor, Violation};
 use gantry_tau_core::units::Tick;
 
+use super::scenario::Failure;
 use crate::plant::ToolReading;
 use crate::server::cycle::Row;
 
@@ -54,15 +55,6 @@ impl<const N: usize> Sample<N> {
     }
 }
 
-/// Reason why waiting failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Waiting {
-    /// The session ended, and the demo did not end it.
-    Lost { tick: Tick, cause: Cause },
-    /// The server delivers no more rows.
-    Stuck,
-}
-
 /// Collects every row, and checks it against the limits.
 pub(super) struct Sampler<const N: usize> {
     rows: rtrb::Consumer<Row<N>>,
@@ -84,12 +76,12 @@ impl<const N: usize> Sampler<N> {
         may_end: bool,
         mut each: impl FnMut(&Sample<N>),
         mut found: impl FnMut(&Sample<N>) -> bool,
-    ) -> Result<Sample<N>, Waiting> {
+    ) -> Result<Sample<N>, Failure> {
         let mut idle = Duration::ZERO;
         loop {
             let Ok(row) = self.rows.pop() else {
                 if idle >= PATIENCE || self.rows.is_abandoned() {
-                    return Err(Waiting::Stuck);
+                    return Err(Failure::Failed("the server delivers no more ticks".to_owned()));
                 }
                 std::thread::sleep(REST);
                 idle += REST;
@@ -103,7 +95,10 @@ impl<const N: usize> Sampler<N> {
             self.samples.push(sample);
             each(&sample);
             if let (Some(cause), false) = (sample.ended, may_end) {
-                return Err(Waiting::Lost { tick: row.state.tick, cause });
+                return Err(Failure::Lost(format!(
+                    "this machine does not hold 1 kHz throughout: in tick {} the session ended by itself ({cause})",
+                    sample.tick
+                )));
             }
             if found(&sample) {
                 return Ok(sample);

@@ -13,7 +13,7 @@ use gantry_tau_core::control::monitor::{Monitor, Violation};
 use gantry_tau_core::units::{EpochRange, Tick};
 use indicatif::ProgressBar;
 
-use super::sampler::{Sample, Sampler, Waiting};
+use super::sampler::{Sample, Sampler};
 use super::{DemoError, DemoOptions};
 use crate::black_box::{Window, swap_channel};
 use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientReport, Connection};
@@ -71,18 +71,6 @@ impl From<Failure> for DemoError {
         match failure {
             Failure::Lost(reason) => Self::Lost(reason),
             Failure::Failed(reason) => Self::Failed(reason),
-        }
-    }
-}
-
-impl From<Waiting> for Failure {
-    fn from(waiting: Waiting) -> Self {
-        match waiting {
-            Waiting::Lost { tick, cause } => Self::Lost(format!(
-                "this machine does not hold 1 kHz throughout: in tick {} the session ended by itself ({cause})",
-                tick.0
-            )),
-            Waiting::Stuck => Self::Failed("the server delivers no more ticks".to_owned()),
         }
     }
 }
@@ -308,7 +296,7 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
 
     fn wait(&mut self, found: impl FnMut(&Sample<N>) -> bool) -> Result<Sample<N>, Failure> {
         let bar = self.bar;
-        Ok(self.sampler.until(false, |_| bar.inc(1), found)?)
+        self.sampler.until(false, |_| bar.inc(1), found)
     }
 
     fn say(&self, line: &str) {

@@ -5,8 +5,6 @@ use gantry_tau_core::control::message::AxisLimits;
 use gantry_tau_core::control::session::config::{AxisConfig, Travel};
 use gantry_tau_core::model::linalg::rotation_deviation;
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
-use serde::de::DeserializeOwned;
-use toml::Spanned;
 use toml::de::DeTable;
 
 use super::sections::{Axes, Each, Sections};
@@ -36,29 +34,17 @@ pub(super) fn model(text: &str) -> Result<Kind, Problem> {
     }
 }
 
-/// Reads the keys of the machine, then the sections.
+/// Reads the keys of the machine, then the sections; neither knows the other's names.
 pub(super) fn tables<K: Keys<N>, const N: usize>(text: &str) -> Result<(K, Sections<N>), Problem> {
-    let root = DeTable::parse(text).map_err(|error| syntax(text, &error))?;
-    let is_section = |name: &str| Sections::<N>::NAMES.contains(&name);
+    let refused = |error| syntax(text, &error);
+    let root = DeTable::parse(text).map_err(refused)?;
     let names: Vec<&str> = ["model"].iter().chain(K::NAMES).chain(&Sections::<N>::NAMES).copied().collect();
     if let Some(unknown) = root.get_ref().keys().find(|name| !names.contains(&name.get_ref().as_ref())) {
         let (name, line) = (unknown.get_ref(), line_of(text, unknown.span().start));
         let reason = format!("unknown field `{name}`, expected one of `{}` (line {line})", names.join("`, `"));
         return Err(Problem::new(name.as_ref(), reason));
     }
-    let keys = table(text, &root, |name| name != "model" && !is_section(name))?;
-    Ok((keys, table(text, &root, is_section)?))
-}
-
-/// Reads the part of a table whose names are `wanted`.
-fn table<T: DeserializeOwned>(
-    text: &str,
-    root: &Spanned<DeTable<'_>>,
-    wanted: impl Fn(&str) -> bool,
-) -> Result<T, Problem> {
-    let entries = root.get_ref().iter().filter(|(name, _)| wanted(name.get_ref()));
-    let part: DeTable<'_> = entries.map(|(name, value)| (name.clone(), value.clone())).collect();
-    T::deserialize(toml::Deserializer::from(Spanned::new(root.span(), part))).map_err(|error| syntax(text, &error))
+    Ok((toml::from_str(text).map_err(refused)?, toml::from_str(text).map_err(refused)?))
 }
 
 /// Returns the error of the TOML reader with the key that it concerns.
