@@ -1,6 +1,5 @@
 //! Epochs from a counter that is persisted before use, so that frames of earlier sessions stay invalid.
 
-use std::fmt;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -10,20 +9,12 @@ use gantry_tau_core::units::{Epoch, EpochRange};
 const RESERVE: u64 = 1 << 32;
 
 /// Error of [`reserve`].
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
+#[error("epoch file {path} (--epoch-file): {reason}")]
 pub struct EpochError {
     path: PathBuf,
     reason: String,
 }
-
-impl fmt::Display for EpochError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { path, reason } = self;
-        write!(f, "epoch file {} (--epoch-file): {reason}", path.display())
-    }
-}
-
-impl std::error::Error for EpochError {}
 
 /// Reserves epochs that no other run of the server uses: reads the counter, writes it back with the reserve added, and only then
 /// returns the range. A missing file counts as zero.

@@ -1,22 +1,14 @@
 //! Files of results.
 
-use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// A file that cannot be written.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("cannot write {path}: {reason}")]
 pub struct WriteError {
     path: PathBuf,
     reason: String,
 }
-
-impl fmt::Display for WriteError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "cannot write {}: {}", self.path.display(), self.reason)
-    }
-}
-
-impl std::error::Error for WriteError {}
 
 /// Writes a whole file.
 ///

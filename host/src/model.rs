@@ -8,7 +8,7 @@ use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::units::PositionNm;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 /// Motors of the L2: one on each cart.
 pub const L2_MOTORS: usize = 3;
@@ -49,44 +49,26 @@ pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'stati
 pub type Compensator<const N: usize> =
     Box<dyn FnMut(&[PositionNm; N], &Wrench) -> Result<Correction<N>, KinematicsError> + Send>;
 
-/// An L2 in the orientation of the world.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct L2 {
-    kinematics: l2::Kinematics,
-}
-
-impl L2 {
-    /// Creates the machine of a robot.
-    ///
-    /// # Errors
-    /// [`l2::OrientationError`] without the Tau property.
-    pub fn new(robot: &l2::Robot) -> Result<Self, l2::OrientationError> {
-        let kinematics = l2::Kinematics::new(robot, &Matrix3::identity())?;
-        Ok(Self { kinematics })
-    }
-
-    /// Returns the kinematics.
-    #[must_use]
-    pub const fn kinematics(&self) -> &l2::Kinematics {
-        &self.kinematics
-    }
-}
+/// An L2; of a robot file, in the orientation of the world.
+pub type L2 = l2::Kinematics;
+/// An F1.
+pub type F1 = f1::Kinematics;
 
 impl MachineKind<{ l2::AXES }> for L2 {
     fn checksum(&self) -> u32 {
-        self.kinematics.robot().kinematics_checksum()
+        self.robot().kinematics_checksum()
     }
 
     fn geometry(&self) -> f1::Geometry {
-        self.kinematics.robot().geometry().into()
+        self.robot().geometry().into()
     }
 
     fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; l2::AXES], KinematicsError> {
-        self.kinematics.inverse_in_assembly(tool_m)
+        self.inverse_in_assembly(tool_m)
     }
 
     fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; l2::AXES]) -> Result<LineMatrix<{ l2::AXES }>, KinematicsError> {
-        self.kinematics.line_matrix(&Pose::at(*tool_m), q)
+        self.line_matrix(&Pose::at(*tool_m), q)
     }
 
     fn compensator(
@@ -94,48 +76,27 @@ impl MachineKind<{ l2::AXES }> for L2 {
         compliances: &Compliances<{ l2::AXES }>,
         config: CompensatorConfig<{ l2::AXES }>,
     ) -> Result<Compensator<{ l2::AXES }>, String> {
-        let compensator =
-            l2::Compensator::new(&self.kinematics, compliances, config).map_err(|error| error.to_string())?;
+        let compensator = l2::Compensator::new(self, compliances, config).map_err(|error| error.to_string())?;
         Ok(Box::new(move |nominal, load| compensator.correct(nominal, load)))
-    }
-}
-
-/// An F1.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct F1 {
-    kinematics: f1::Kinematics,
-}
-
-impl F1 {
-    /// Creates the machine of a robot.
-    #[must_use]
-    pub fn new(robot: &f1::Robot) -> Self {
-        Self { kinematics: f1::Kinematics::new(robot) }
-    }
-
-    /// Returns the kinematics.
-    #[must_use]
-    pub const fn kinematics(&self) -> &f1::Kinematics {
-        &self.kinematics
     }
 }
 
 impl MachineKind<{ f1::AXES }> for F1 {
     fn checksum(&self) -> u32 {
-        self.kinematics.robot().kinematics_checksum()
+        self.robot().kinematics_checksum()
     }
 
     fn geometry(&self) -> f1::Geometry {
-        *self.kinematics.robot().geometry()
+        *self.robot().geometry()
     }
 
     fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; f1::AXES], KinematicsError> {
-        let solution = (self.kinematics).inverse_in_assembly(&Pose::at(*tool_m), None)?;
+        let solution = self.inverse_in_assembly(&Pose::at(*tool_m), None)?;
         Ok(solution.value)
     }
 
     fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; f1::AXES]) -> Result<LineMatrix<{ f1::AXES }>, KinematicsError> {
-        self.kinematics.line_matrix(&Pose::at(*tool_m), q)
+        self.line_matrix(&Pose::at(*tool_m), q)
     }
 
     fn compensator(
@@ -143,7 +104,7 @@ impl MachineKind<{ f1::AXES }> for F1 {
         compliances: &Compliances<{ f1::AXES }>,
         config: CompensatorConfig<{ f1::AXES }>,
     ) -> Result<Compensator<{ f1::AXES }>, String> {
-        let kinematics = self.kinematics.without_travel();
+        let kinematics = self.without_travel();
         let mut compensator =
             f1::Compensator::new(&kinematics, compliances, config).map_err(|error| error.to_string())?;
         Ok(Box::new(move |nominal, load| compensator.correct(nominal, load)))

@@ -1,7 +1,5 @@
 //! The machine as the server's cycle sees it. A real drive implements [`Plant`].
 
-use std::fmt;
-
 use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
 use gantry_tau_core::units::PositionNm;
 
@@ -59,19 +57,11 @@ pub struct ToolReading {
 }
 
 /// Error of a call to a [`Plant`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the machine could not {operation}: {reason}")]
 pub struct PlantError {
     /// The failed operation: "read the drives", say.
     pub operation: &'static str,
     /// The reason.
     pub reason: &'static str,
 }
-
-impl fmt::Display for PlantError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { operation, reason } = self;
-        write!(f, "the machine could not {operation}: {reason}")
-    }
-}
-
-impl std::error::Error for PlantError {}

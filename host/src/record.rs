@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gantry_tau_core::control::message::State;
+use gantry_tau_core::control::message::{AxisState, State};
 use gantry_tau_core::units::OffsetNm;
 
+use crate::plant::ToolReading;
 use crate::server::cycle::Row;
 
 /// Pause of the writing thread when the queue is empty.
@@ -25,19 +26,12 @@ pub trait Record: Copy + Send + 'static {
 }
 
 /// Reason why a recording failed.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("recording {path}: {reason}")]
 pub struct RecordError {
     path: PathBuf,
     reason: String,
 }
-
-impl fmt::Display for RecordError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "recording {}: {}", self.path.display(), self.reason)
-    }
-}
-
-impl std::error::Error for RecordError {}
 
 /// CSV file. After its first failure (for instance a full disk) it only counts lost rows.
 #[derive(Debug)]
@@ -174,24 +168,27 @@ pub fn drain<T: Copy>(rows: &mut rtrb::Consumer<T>, mut each: impl FnMut(&T)) {
 
 const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
 
+/// Name and value of a column.
+type Column = (&'static str, fn(&AxisState) -> i64);
+
+/// Columns of an axis, whose number stands for `{}`.
+const AXIS: [Column; 9] = [
+    ("nominal_{}_nm", |axis| axis.nominal.0),
+    ("offset_{}_nm", |axis| axis.offsets.position.0.into()),
+    ("velocity_offset_{}_um_s", |axis| axis.offsets.velocity.0.into()),
+    ("torque_offset_{}_permille", |axis| axis.offsets.torque.0.into()),
+    ("shadow_{}_nm", |axis| axis.shadow.position.0.into()),
+    ("actual_{}_nm", |axis| axis.actual.position.0),
+    ("actual_velocity_{}_um_s", |axis| axis.actual.velocity.0.into()),
+    ("actual_torque_{}_permille", |axis| axis.actual.torque.0.into()),
+    ("flags_{}", |axis| axis.flags.bits().into()),
+];
+
 /// Columns common to all recordings, from the State.
 fn state_header(axes: usize) -> Vec<String> {
     let mut header: Vec<String> = ["tick", "state", "cause", "missed", "ramp_ticks_left"].map(str::to_owned).into();
     for axis in 1..=axes {
-        header.extend(
-            [
-                "nominal_{}_nm",
-                "offset_{}_nm",
-                "velocity_offset_{}_um_s",
-                "torque_offset_{}_permille",
-                "shadow_{}_nm",
-                "actual_{}_nm",
-                "actual_velocity_{}_um_s",
-                "actual_torque_{}_permille",
-                "flags_{}",
-            ]
-            .map(|name| name.replace("{}", &axis.to_string())),
-        );
+        header.extend(AXIS.map(|(name, _)| name.replace("{}", &axis.to_string())));
     }
     header
 }
@@ -205,24 +202,14 @@ fn state_fields<const N: usize>(state: &State<N>) -> Vec<String> {
         state.ramp_ticks_left.to_string(),
     ];
     for axis in &state.axes {
-        fields.extend([
-            axis.nominal.0.to_string(),
-            axis.offsets.position.0.to_string(),
-            axis.offsets.velocity.0.to_string(),
-            axis.offsets.torque.0.to_string(),
-            axis.shadow.position.0.to_string(),
-            axis.actual.position.0.to_string(),
-            axis.actual.velocity.0.to_string(),
-            axis.actual.torque.0.to_string(),
-            axis.flags.bits().to_string(),
-        ]);
+        fields.extend(AXIS.map(|(_, value)| value(axis).to_string()));
     }
     fields
 }
 
-/// Text of an optional number; empty for `None`.
-fn optional(value: Option<impl ToString>) -> String {
-    value.map_or_else(String::new, |value| value.to_string())
+/// Names of a vector's three columns; the axis stands for `{}`.
+fn vector(name: &str) -> [String; 3] {
+    ["x", "y", "z"].map(|axis| name.replace("{}", axis))
 }
 
 /// The server's recording.
@@ -231,28 +218,27 @@ impl<const N: usize> Record for Row<N> {
         let mut header = state_header(N);
         header.extend((1..=N).map(|axis| format!("reference_{axis}_nm")));
         header.extend(LOAD.map(str::to_owned));
-        header.extend(["x", "y", "z"].map(|axis| format!("displacement_{axis}_um")));
-        header.extend(["x", "y", "z"].map(|axis| format!("gauge_{axis}_um")));
+        header.extend(vector("displacement_{}_um"));
+        header.extend(vector("gauge_{}_um"));
         header.extend(["elapsed_ticks", "round_trip_us"].map(str::to_owned));
-        header.extend(["x", "y", "z"].map(|axis| format!("turn_{axis}_urad")));
+        header.extend(vector("turn_{}_urad"));
         header
     }
 
     fn fields(&self) -> Vec<String> {
+        // Without instruments at the tool their columns are empty.
+        let millionths = |values: fn(&ToolReading) -> [f64; 3]| match &self.tool {
+            Some(tool) => values(tool).map(|value| (value * 1e6).to_string()),
+            None => Default::default(),
+        };
         let mut fields = state_fields(&self.state);
         fields.extend(self.references.iter().map(|r| r.position.0.to_string()));
-        let tool = self.tool;
-        let load = tool.map_or([None; 6], |tool| tool.load.map(Some));
-        fields.extend(load.map(optional));
-        let millionths = |values: [f64; 3]| values.map(|value| Some(value * 1e6));
-        let displacement = tool.map_or([None; 3], |tool| millionths(tool.displacement_m));
-        fields.extend(displacement.map(optional));
-        let gauges = tool.map_or([None; 3], |tool| millionths(tool.gauges_m));
-        fields.extend(gauges.map(optional));
+        fields.extend(self.tool.map_or_else(Default::default, |tool| tool.load.map(|value| value.to_string())));
+        fields.extend(millionths(|tool| tool.displacement_m));
+        fields.extend(millionths(|tool| tool.gauges_m));
         fields.push(self.elapsed.to_string());
-        fields.push(optional(self.round_trip_us));
-        let turn = tool.map_or([None; 3], |tool| millionths(tool.turn_rad));
-        fields.extend(turn.map(optional));
+        fields.push(self.round_trip_us.map_or_else(String::new, |time| time.to_string()));
+        fields.extend(millionths(|tool| tool.turn_rad));
         fields
     }
 }
@@ -283,7 +269,7 @@ impl<const N: usize> Record for ClientRow<N> {
 
     fn fields(&self) -> Vec<String> {
         let mut fields = state_fields(&self.state);
-        let reference = |axis: &gantry_tau_core::control::message::AxisState| {
+        let reference = |axis: &AxisState| {
             let offset = i64::from(axis.offsets.position.0);
             axis.nominal.0.saturating_add(offset).to_string()
         };
@@ -294,5 +280,36 @@ impl<const N: usize> Record for ClientRow<N> {
         let bits = self.saturated.iter().rev();
         fields.push(bits.fold(0_u32, |bits, cut| 2 * bits + u32::from(*cut)).to_string());
         fields
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use gantry_tau_core::control::message::{Cause, Counters, Phase};
+    use gantry_tau_core::units::{Epoch, Sequence, Tick};
+
+    use super::*;
+
+    #[test]
+    fn every_saturated_axis_has_its_bit() {
+        let state = State {
+            tick: Tick(7),
+            epoch: Epoch(1),
+            accepted: Sequence(1),
+            phase: Phase::Obtain,
+            cause: Cause::None,
+            on_time_of_100: 100,
+            arrival_us: 0,
+            ramp_ticks_left: 0,
+            counters: Counters::default(),
+            axes: [AxisState::default(); 3],
+        };
+        let header = ClientRow::<3>::header();
+        for (saturated, bits) in [([false; 3], "0"), ([true, false, false], "1"), ([true, false, true], "5")] {
+            let row = ClientRow { state, targets: [OffsetNm(0); 3], saturated, load: [0.0; 6] };
+            let fields = row.fields();
+            assert_eq!(fields.len(), header.len());
+            assert_eq!((header.last(), fields.last()), (Some(&"saturated_axes".to_owned()), Some(&bits.to_owned())));
+        }
     }
 }

@@ -2,8 +2,7 @@
 
 mod build;
 mod check;
-mod f1;
-mod l2;
+mod keys;
 mod sections;
 
 use std::fmt;
@@ -11,17 +10,16 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use gantry_tau_core::model::robot::{ARMS, Branch, Compliances, LINKS, Parameter, RobotError};
-use gantry_tau_core::model::{f1 as core_f1, l2 as core_l2};
+use gantry_tau_core::control::session::config::AxisConfig;
+use gantry_tau_core::model::robot::Compliances;
+use gantry_tau_core::model::{f1, l2};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::model::{F1, L2, MachineKind};
 pub use build::CYCLE_US;
 use check::Kind;
-pub use sections::{
-    Axes, AxisLimits, ChannelLimits, Client, Motors, PositionSection, Sensor, Simulation, TorqueSection,
-    VelocitySection,
-};
+pub(crate) use keys::{F1Keys, Keys, L2Keys};
+pub use sections::{Client, Motors, Sensor, Simulation};
 
 /// The text of `robots/l2.toml`.
 const L2_TEXT: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), env!("GANTRY_TAU_ROBOTS"), "/l2.toml"));
@@ -40,10 +38,10 @@ pub struct RobotFile<K, const N: usize> {
     pub model: K,
     /// Compliances of links and axes; absent when the file has none.
     pub compliances: Option<Compliances<N>>,
-    /// `[axes]`, as written.
-    pub axes: Axes<N>,
-    /// `[axes]` in the units of the reference path, one per axis.
-    pub limits: [AxisLimits; N],
+    /// Length of one unit of each `q`, m: `|v_i|` of a cart.
+    pub metres_per_q: [f64; N],
+    /// `[axes]` in the units of the reference path.
+    pub limits: [AxisConfig; N],
     /// `[motors]`.
     pub motors: Motors,
     /// `[sensor]`.
@@ -58,9 +56,9 @@ pub struct RobotFile<K, const N: usize> {
 #[derive(Clone, Debug, PartialEq)]
 pub enum AnyRobotFile {
     /// `model = "l2"`: three axes.
-    L2(Box<RobotFile<L2, { core_l2::AXES }>>),
+    L2(Box<RobotFile<L2, { l2::AXES }>>),
     /// `model = "f1"`: six axes.
-    F1(Box<RobotFile<F1, { core_f1::AXES }>>),
+    F1(Box<RobotFile<F1, { f1::AXES }>>),
 }
 
 /// Error of a robot file, in one line.
@@ -105,8 +103,8 @@ impl AnyRobotFile {
     pub fn parse(name: &str, text: &str) -> Result<Self, RobotFileError> {
         let kind = check::model(text).map_err(|problem| problem.in_file(name))?;
         Ok(match kind {
-            Kind::L2 => Self::L2(Box::new(RobotFile::l2(name, text)?)),
-            Kind::F1 => Self::F1(Box::new(RobotFile::f1(name, text)?)),
+            Kind::L2 => Self::L2(Box::new(RobotFile::read::<L2Keys>(name, text)?)),
+            Kind::F1 => Self::F1(Box::new(RobotFile::read::<F1Keys>(name, text)?)),
         })
     }
 
@@ -136,31 +134,23 @@ fn read_text(path: &Path) -> Result<String, String> {
     }
 }
 
-impl RobotFile<L2, { core_l2::AXES }> {
+impl RobotFile<L2, { l2::AXES }> {
     /// The built-in L2, `robots/l2.toml`.
     ///
     /// # Errors
     /// None in a build that passed its tests.
     pub fn builtin_l2() -> Result<Self, RobotFileError> {
-        Self::l2("robots/l2.toml (built in)", L2_TEXT)
-    }
-
-    fn l2(name: &str, text: &str) -> Result<Self, RobotFileError> {
-        l2::read(name, text).map_err(|problem| problem.in_file(name))
+        Self::read::<L2Keys>("robots/l2.toml (built in)", L2_TEXT)
     }
 }
 
-impl RobotFile<F1, { core_f1::AXES }> {
+impl RobotFile<F1, { f1::AXES }> {
     /// The built-in F1, `robots/f1.toml`.
     ///
     /// # Errors
     /// None in a build that passed its tests.
     pub fn builtin_f1() -> Result<Self, RobotFileError> {
-        Self::f1("robots/f1.toml (built in)", F1_TEXT)
-    }
-
-    fn f1(name: &str, text: &str) -> Result<Self, RobotFileError> {
-        f1::read(name, text).map_err(|problem| problem.in_file(name))
+        Self::read::<F1Keys>("robots/f1.toml (built in)", F1_TEXT)
     }
 }
 
@@ -168,80 +158,52 @@ impl<K, const N: usize> RobotFile<K, N> {
     /// Home of the tool centre point, world axes, m.
     #[must_use]
     pub fn home_m(&self) -> Vector3<f64> {
-        Vector3::from(self.simulation.home_m)
+        self.simulation.home_m.into()
     }
 }
 
-/// Sections of every kind of machine.
-struct Sections<const N: usize> {
-    axes: Axes<N>,
-    motors: Motors,
-    sensor: Sensor,
-    client: Client,
-    simulation: Simulation,
-}
+impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
+    /// Reads the text of a machine with the keys `T`.
+    fn read<T: Keys<N, Model = K>>(name: &str, text: &str) -> Result<Self, RobotFileError> {
+        Self::checked::<T>(name, text).map_err(|problem| problem.in_file(name))
+    }
 
-impl<const N: usize> Sections<N> {
-    /// Checks the sections against the machine.
-    fn complete<K: MachineKind<N>>(
-        self,
-        name: &str,
-        model: K,
-        compliances: Option<Compliances<N>>,
-    ) -> Result<RobotFile<K, N>, Problem> {
-        let limits = check::limits(&self.axes)?;
-        check::motors(&self.motors, N)?;
-        check::sensor(&self.sensor)?;
-        check::range("client.gain", self.client.gain, 0.0, 1.0)?;
-        check::simulation(&self.simulation)?;
-        (model.axes_at(&Vector3::from(self.simulation.home_m)))
-            .map_err(|error| Problem::new("simulation.home_m", error.to_string()))?;
-        Ok(RobotFile {
+    fn checked<T: Keys<N, Model = K>>(name: &str, text: &str) -> Result<Self, Problem> {
+        let (keys, sections) = check::tables::<T, N>(text)?;
+        let travel = check::travel_in_q(&sections.axes, &keys.metres_per_q())?;
+        let model = T::model(&keys.robot(Some(travel))?)?;
+        check::springs(&keys)?;
+        let compliances = keys.compliances()?;
+        let limits = check::limits(&sections.axes)?;
+        check::motors(&sections.motors, N)?;
+        check::sensor(&sections.sensor)?;
+        check::range("client.gain", sections.client.gain, 0.0, 1.0)?;
+        check::simulation(&sections.simulation)?;
+        (model.axes_at(&sections.simulation.home_m.into()))
+            .map_err(|error| Problem::new("simulation.home_m", error))?;
+        Ok(Self {
             name: name.to_owned(),
             model,
             compliances,
-            axes: self.axes,
+            metres_per_q: sections.axes.metres_per_q.0,
             limits,
-            motors: self.motors,
-            sensor: self.sensor,
-            client: self.client,
-            simulation: self.simulation,
+            motors: sections.motors,
+            sensor: sections.sensor,
+            client: sections.client,
+            simulation: sections.simulation,
         })
     }
 }
 
-/// Compliances of the links and of the axes (under `key`): both, or neither.
-fn compliances<const N: usize>(
-    links: Option<[f64; LINKS]>,
-    key: &str,
-    axes: Option<[f64; N]>,
-) -> Result<Option<Compliances<N>>, Problem> {
-    match (links, axes) {
-        (Some(links), Some(axes)) => match Compliances::new(links, axes) {
-            Ok(compliances) => Ok(Some(compliances)),
-            Err(error) => Err(robot_problem(error, key)),
-        },
-        (None, None) => Ok(None),
-        (None, Some(_)) => Err(Problem::new("c_link", format!("is missing beside {key}"))),
-        (Some(_), None) => Err(Problem::new(key, "is missing beside c_link")),
-    }
-}
-
-/// The branches of the three arms.
-fn branches(signs: [i64; ARMS]) -> Result<[Branch; ARMS], Problem> {
-    let [c1, c2, c3] = signs;
-    Ok([branch("c[0]", c1)?, branch("c[1]", c2)?, branch("c[2]", c3)?])
-}
-
 /// Key and description of an error; the file's name is added later.
-struct Problem {
-    key: String,
-    reason: String,
+pub(crate) struct Problem {
+    pub(crate) key: String,
+    pub(crate) reason: String,
 }
 
 impl Problem {
-    fn new(key: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self { key: key.into(), reason: reason.into() }
+    fn new(key: impl Into<String>, reason: impl ToString) -> Self {
+        Self { key: key.into(), reason: reason.to_string() }
     }
 
     fn in_file(self, file: &str) -> RobotFileError {
@@ -250,33 +212,9 @@ impl Problem {
     }
 }
 
-/// Branch of a sign.
-fn branch(key: &str, sign: i64) -> Result<Branch, Problem> {
-    match sign {
-        1 => Ok(Branch::Positive),
-        -1 => Ok(Branch::Negative),
-        _ => Err(Problem::new(key, format!("is {sign}; expected 1 or -1"))),
-    }
-}
-
-/// Splits core's error into key and reason. Compliances of axes stand under `axes_key`.
-fn robot_problem(error: RobotError, axes_key: &str) -> Problem {
-    let (RobotError::NotFinite { parameter, index }
-    | RobotError::OutOfRange { parameter, index, .. }
-    | RobotError::Reversed { parameter, index }) = error;
-    let said = format!("{}[{index}]", parameter.key());
-    let text = error.to_string();
-    let reason = text.strip_prefix(&said).unwrap_or(&text).trim_start();
-    let key = match parameter {
-        Parameter::CartCompliance => format!("{axes_key}[{index}]"),
-        _ => said.clone(),
-    };
-    Problem::new(key, reason)
-}
-
 /// A matrix from its rows.
-fn matrix(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
-    Matrix3::from_fn(|row, column| rows.get(row).and_then(|row| row.get(column)).copied().unwrap_or(f64::NAN))
+pub(crate) fn matrix(rows: [[f64; 3]; 3]) -> Matrix3<f64> {
+    Matrix3::from(rows).transpose()
 }
 
 #[cfg(test)]

@@ -101,6 +101,6 @@ impl<'a> Parts<'a> {
     }
 
     fn refuse(&self, reason: impl Into<String>) -> FileError {
-        FileError { file: self.name.to_owned(), place: Some(format!("part {}", self.part)), reason: reason.into() }
+        FileError { place: format!("{}, part {}", self.name, self.part), reason: reason.into() }
     }
 }

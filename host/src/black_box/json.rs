@@ -151,6 +151,6 @@ impl<'a> Lines<'a> {
     }
 
     fn refuse(&self, line: usize, reason: impl Into<String>) -> FileError {
-        FileError { file: self.name.to_owned(), place: Some(format!("line {line}")), reason: reason.into() }
+        FileError { place: format!("{}, line {line}", self.name), reason: reason.into() }
     }
 }

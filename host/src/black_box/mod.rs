@@ -20,7 +20,6 @@ mod json;
 pub mod swap_channel;
 pub mod writer;
 
-use std::fmt;
 use std::path::Path;
 
 use gantry_tau_core::control::message::Cause;
@@ -55,31 +54,19 @@ pub struct End {
 }
 
 /// Error of a file: its name, the line (counted from 1) or the part (counted from 0) if there is one, and the reason.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{place}: {reason}")]
 pub struct FileError {
-    file: String,
-    place: Option<String>,
+    place: String,
     reason: String,
 }
 
 impl FileError {
     /// An error of a whole file or folder.
-    fn of(path: &Path, reason: impl fmt::Display) -> Self {
-        Self { file: path.display().to_string(), place: None, reason: reason.to_string() }
+    fn of(path: &Path, reason: impl ToString) -> Self {
+        Self { place: path.display().to_string(), reason: reason.to_string() }
     }
 }
-
-impl fmt::Display for FileError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { file, place, reason } = self;
-        match place {
-            Some(place) => write!(f, "{file}, {place}: {reason}"),
-            None => write!(f, "{file}: {reason}"),
-        }
-    }
-}
-
-impl std::error::Error for FileError {}
 
 impl<const N: usize> Window<N> {
     /// Copies the content of a black box; `None` if it is empty.

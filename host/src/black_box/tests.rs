@@ -287,7 +287,7 @@ fn an_edited_file_is_refused_with_line_and_reason() {
             2,
             "\"torque\":{\"value\":0",
             "\"torque\":{\"value\":51",
-            "line 2: the state of the session contradicts its configuration",
+            "line 2: the state of the session contradicts its configuration: axis 0 has an offset beyond its limits",
         ),
         (2, "\"phase\":\"", "\"phase\":\"Not", "line 2: parts.discrete.phase: unknown variant `Not"),
         (2, "\"history\":", "\"history\":-1", "line 2: parts.discrete.history: "),

@@ -26,7 +26,7 @@ impl<const N: usize> Writer<N> {
     /// # Errors
     /// [`FileError`] with the folder and the reason.
     pub fn open(folder: &Path, windows: Receiver<N>) -> Result<Self, FileError> {
-        std::fs::create_dir_all(folder).map_err(|error| FileError::of(folder, &error))?;
+        std::fs::create_dir_all(folder).map_err(|error| FileError::of(folder, error))?;
         Ok(Self { folder: folder.to_owned(), windows, written: 0, lost: 0, failure: None })
     }
 

@@ -9,10 +9,10 @@ use std::sync::atomic::Ordering;
 use clap::Args;
 use gantry_tau::client::{ClientControls, ClientOptions};
 use gantry_tau::model::MachineKind;
-use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::robot_file::RobotFile;
 use gantry_tau::terminal::say;
 
-use super::{address, fail, robot, transport};
+use super::{MachineCommand, Outcome, address, fail, transport};
 
 /// Connect to a server, compensate the measured force, leave with Ctrl-C
 ///
@@ -30,7 +30,7 @@ pub(crate) struct Client {
     sensor: SocketAddr,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
-    robot: String,
+    pub(super) robot: String,
     /// UDP datagrams instead of a TCP stream; the server needs --udp as well
     #[arg(long)]
     udp: bool,
@@ -42,21 +42,12 @@ pub(crate) struct Client {
     record: Option<PathBuf>,
 }
 
-impl Client {
-    pub(crate) fn run(self) -> ExitCode {
-        match robot(&self.robot) {
-            Ok(AnyRobotFile::L2(robot)) => self.run_with(*robot),
-            Ok(AnyRobotFile::F1(robot)) => self.run_with(*robot),
-            Err(error) => fail(1, error),
-        }
-    }
-
-    fn run_with<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
+impl MachineCommand for Client {
+    fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let controls = Arc::new(ClientControls::default());
         let shared = Arc::clone(&controls);
-        if let Err(error) = ctrlc::set_handler(move || shared.quit.store(true, Ordering::Relaxed)) {
-            return fail(1, format!("cannot listen for Ctrl-C: {error}"));
-        }
+        ctrlc::set_handler(move || shared.quit.store(true, Ordering::Relaxed))
+            .map_err(|error| format!("cannot listen for Ctrl-C: {error}"))?;
         let options = ClientOptions {
             server: self.server,
             transport: transport(self.udp),
@@ -65,18 +56,17 @@ impl Client {
             record: self.record,
             obtain: !self.submit_only,
         };
-        match gantry_tau::client::run(&options, &controls) {
-            Ok(report) => {
-                say(format_args!(
-                    "left with Goodbye after {} ticks ({} without a correction of their own, {} with a saturated one); the server ramps the offsets to zero",
-                    report.states, report.held, report.saturated
-                ));
-                if let Some(recorded) = report.recorded {
-                    say(recorded);
-                }
-                ExitCode::SUCCESS
-            }
-            Err(error) => fail(error.exit_code(), &error),
+        let report = match gantry_tau::client::run(&options, &controls) {
+            Ok(report) => report,
+            Err(error) => return Ok(fail(error.exit_code(), &error)),
+        };
+        say(format_args!(
+            "left with Goodbye after {} ticks ({} without a correction of their own, {} with a saturated one); the server ramps the offsets to zero",
+            report.states, report.held, report.saturated
+        ));
+        if let Some(recorded) = report.recorded {
+            say(recorded);
         }
+        Ok(ExitCode::SUCCESS)
     }
 }

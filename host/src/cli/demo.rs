@@ -5,11 +5,10 @@ use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::demo::{DemoOptions, PaceChoice};
-use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
-use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
-use gantry_tau_core::model::{f1, l2};
+use gantry_tau::model::MachineKind;
+use gantry_tau::robot_file::RobotFile;
 
-use super::{Pace, fail, robot};
+use super::{MachineCommand, Outcome, Pace};
 
 /// Server, simulated machine and client in one: force steps, compensation, a pulled cable; ends with a table and report.html
 ///
@@ -21,7 +20,7 @@ use super::{Pace, fail, robot};
 pub(crate) struct Demo {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
-    robot: String,
+    pub(super) robot: String,
     /// Largest force, N. Above 360 N the machine jumps, like the one of the thesis
     #[arg(long, value_name = "N", default_value_t = 300.0, allow_negative_numbers = true)]
     force_max: f64,
@@ -48,16 +47,8 @@ pub(crate) struct Demo {
     black_box: Option<PathBuf>,
 }
 
-impl Demo {
-    pub(crate) fn run(self) -> ExitCode {
-        match robot(&self.robot) {
-            Ok(AnyRobotFile::L2(robot)) => self.run_with::<_, { l2::AXES }, L2_MOTORS>(*robot),
-            Ok(AnyRobotFile::F1(robot)) => self.run_with::<_, { f1::AXES }, F1_MOTORS>(*robot),
-            Err(error) => fail(1, error),
-        }
-    }
-
-    fn run_with<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
+impl MachineCommand for Demo {
+    fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let options = DemoOptions {
             robot,
             pace: self.pace.map_or(PaceChoice::Auto, |pace| PaceChoice::Only(pace.into())),
@@ -69,10 +60,7 @@ impl Demo {
             record: self.record,
             black_box: self.black_box,
         };
-        match gantry_tau::demo::run::<K, N, M>(&options) {
-            Ok(results) if results.complaints.is_empty() => ExitCode::SUCCESS,
-            Ok(_) => ExitCode::from(3),
-            Err(error) => fail(1, error),
-        }
+        let results = gantry_tau::demo::run::<K, N, M>(&options)?;
+        Ok(ExitCode::from(if results.complaints.is_empty() { 0 } else { 3 }))
     }
 }

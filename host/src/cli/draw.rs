@@ -6,10 +6,10 @@ use std::process::ExitCode;
 use clap::Args;
 use gantry_tau::draw::DrawOptions;
 use gantry_tau::model::MachineKind;
-use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::robot_file::RobotFile;
 use gantry_tau::terminal::say;
 
-use super::{fail, robot};
+use super::{MachineCommand, Outcome};
 
 /// Draw a machine at home: guideways, carts, links, platform and tool, as a wireframe in SVG
 ///
@@ -18,7 +18,7 @@ use super::{fail, robot};
 pub(crate) struct Draw {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(value_name = "l2|f1|FILE")]
-    robot: String,
+    pub(super) robot: String,
     /// Output file
     #[arg(long, value_name = "FILE.svg", default_value = "machine.svg")]
     svg: PathBuf,
@@ -30,23 +30,11 @@ pub(crate) struct Draw {
     elevation: f64,
 }
 
-impl Draw {
-    pub(crate) fn run(self) -> ExitCode {
-        match robot(&self.robot) {
-            Ok(AnyRobotFile::L2(robot)) => self.run_with(*robot),
-            Ok(AnyRobotFile::F1(robot)) => self.run_with(*robot),
-            Err(error) => fail(1, error),
-        }
-    }
-
-    fn run_with<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
+impl MachineCommand for Draw {
+    fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let options = DrawOptions { robot, svg: self.svg, azimuth_deg: self.azimuth, elevation_deg: self.elevation };
-        match gantry_tau::draw::run(&options) {
-            Ok(()) => {
-                say(format_args!("{}: drawn to {}", options.robot.name, options.svg.display()));
-                ExitCode::SUCCESS
-            }
-            Err(error) => fail(1, error),
-        }
+        gantry_tau::draw::run(&options)?;
+        say(format_args!("{}: drawn to {}", options.robot.name, options.svg.display()));
+        Ok(ExitCode::SUCCESS)
     }
 }

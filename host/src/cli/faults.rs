@@ -15,7 +15,7 @@ use gantry_tau::faults::{Fault, FaultStats};
 use gantry_tau::server::ServerError;
 use gantry_tau::terminal::say;
 
-use super::{address, fail, transport};
+use super::{Outcome, address, transport};
 
 /// Longest wait for an ended connection before looking for Ctrl-C.
 const POLL: Duration = Duration::from_millis(50);
@@ -113,17 +113,7 @@ fn milliseconds(text: &str) -> Result<Duration, &'static str> {
 }
 
 impl Faults {
-    pub(crate) fn run(self) -> ExitCode {
-        match self.relay() {
-            Ok(total) => {
-                say(if self.json { total.json() } else { total.text() });
-                ExitCode::SUCCESS
-            }
-            Err(error) => fail(1, error),
-        }
-    }
-
-    fn relay(&self) -> Result<Total, Box<dyn std::error::Error>> {
+    pub(crate) fn run(self) -> Outcome {
         let plan = self.plan()?;
         let transport = transport(self.udp);
         plan.check(transport)?;
@@ -139,7 +129,8 @@ impl Faults {
         total.count(&ended, || quit.load(Ordering::Relaxed));
         drop(relay);
         total.count(&ended, || false);
-        Ok(total)
+        say(if self.json { total.json() } else { total.text() });
+        Ok(ExitCode::SUCCESS)
     }
 
     fn plan(&self) -> Result<FaultPlan, String> {

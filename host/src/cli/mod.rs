@@ -12,8 +12,10 @@ use std::net::{SocketAddr, ToSocketAddrs};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
-use gantry_tau::robot_file::{AnyRobotFile, RobotFileError};
+use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
+use gantry_tau::robot_file::{AnyRobotFile, RobotFile, RobotFileError};
 use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::model::{f1, l2};
 
 /// Stiffness compensation and external control of Gantry-Tau parallel robots.
 ///
@@ -77,25 +79,41 @@ pub(crate) fn main() -> ExitCode {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info"));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).compact().init();
-    match Arguments::parse().command {
-        Command::Demo(demo) => demo.run(),
-        Command::Serve(serve) => serve.run(),
-        Command::Client(client) => client.run(),
+    let outcome = match Arguments::parse().command {
+        Command::Demo(demo) => run_on(AnyRobotFile::named(&demo.robot), demo),
+        Command::Serve(serve) => run_on(AnyRobotFile::named(&serve.robot), serve),
+        Command::Client(client) => run_on(AnyRobotFile::named(&client.robot), client),
         Command::Faults(faults) => faults.run(),
         Command::Replay(replay) => replay.run(),
-        Command::Workspace(workspace) => workspace.run(),
-        Command::Draw(draw) => draw.run(),
+        Command::Workspace(workspace) => run_on(AnyRobotFile::named(&workspace.robot), workspace),
+        Command::Draw(draw) => run_on(AnyRobotFile::named(&draw.robot), draw),
         Command::Solve => solve(),
+    };
+    outcome.unwrap_or_else(|error| fail(1, error))
+}
+
+/// Exit code of a command; an error is printed and becomes 1.
+type Outcome = Result<ExitCode, Box<dyn std::error::Error>>;
+
+/// A command for a machine of either kind.
+trait MachineCommand {
+    fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome;
+}
+
+/// Runs a command on the machine that it names.
+fn run_on(robot: Result<AnyRobotFile, RobotFileError>, command: impl MachineCommand) -> Outcome {
+    match robot? {
+        AnyRobotFile::L2(robot) => command.run_on::<_, { l2::AXES }, L2_MOTORS>(*robot),
+        AnyRobotFile::F1(robot) => command.run_on::<_, { f1::AXES }, F1_MOTORS>(*robot),
     }
 }
 
-fn solve() -> ExitCode {
+fn solve() -> Outcome {
     let stdin = std::io::stdin().lock();
     match gantry_tau::solve::run(stdin, std::io::stdout().lock()) {
-        Ok(()) => ExitCode::SUCCESS,
         // The reader of the answers has ended, for instance `head`.
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
-        Err(error) => fail(1, error),
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(ExitCode::SUCCESS),
     }
 }
 
@@ -110,11 +128,6 @@ fn address(text: &str) -> Result<SocketAddr, String> {
     let all: Vec<SocketAddr> = text.to_socket_addrs().map_err(|error| error.to_string())?.collect();
     let first = all.iter().find(|address| address.is_ipv4()).or(all.first());
     first.copied().ok_or_else(|| "unknown host".to_owned())
-}
-
-/// Built-in machine `l2` or `f1`, or a robot file by its path.
-fn robot(name: &str) -> Result<AnyRobotFile, RobotFileError> {
-    AnyRobotFile::named(name)
 }
 
 /// Transport selected by `--udp`.

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 use gantry_tau::replay::ReplayOptions;
 
-use super::fail;
+use super::Outcome;
 
 /// Run a black box through the core again and compare every output bit for bit
 ///
@@ -27,13 +27,10 @@ pub(crate) struct Replay {
 }
 
 impl Replay {
-    pub(crate) fn run(self) -> ExitCode {
+    pub(crate) fn run(self) -> Outcome {
         let options = ReplayOptions { file: self.file, plot: self.plot, json: self.json };
-        match gantry_tau::replay::run(&options) {
-            Ok(findings) if findings.difference.is_none() => ExitCode::SUCCESS,
-            Ok(_) => ExitCode::from(3),
-            Err(error) => fail(1, error),
-        }
+        let findings = gantry_tau::replay::run(&options)?;
+        Ok(ExitCode::from(if findings.difference.is_none() { 0 } else { 3 }))
     }
 }
 

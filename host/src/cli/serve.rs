@@ -11,9 +11,9 @@ use clap::Args;
 use gantry_tau::black_box::swap_channel;
 use gantry_tau::black_box::writer::Writer;
 use gantry_tau::epoch;
-use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
+use gantry_tau::model::MachineKind;
 use gantry_tau::record::{CsvFile, drain};
-use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::robot_file::{RobotFile, RobotFileError};
 use gantry_tau::sensor_link::SensorPublisher;
 use gantry_tau::server::connections::{Allowed, Listen};
 use gantry_tau::server::cycle::{Cycle, Row};
@@ -25,9 +25,8 @@ use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::Capabilities;
-use gantry_tau_core::model::{f1, l2};
 
-use super::{Pace, address, fail, robot, transport};
+use super::{MachineCommand, Outcome, Pace, address, transport};
 
 /// Run the server with the simulated machine, for this program's client or any other
 ///
@@ -50,7 +49,7 @@ pub(crate) struct Serve {
     sensor: SocketAddr,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
-    robot: String,
+    pub(super) robot: String,
     /// Source of the ticks
     #[arg(long, default_value = "real")]
     pace: Pace,
@@ -74,23 +73,8 @@ pub(crate) struct Serve {
     black_box: Option<PathBuf>,
 }
 
-impl Serve {
-    pub(crate) fn run(self) -> ExitCode {
-        let served = match robot(&self.robot) {
-            Ok(AnyRobotFile::L2(robot)) => self.serve::<_, { l2::AXES }, L2_MOTORS>(&robot),
-            Ok(AnyRobotFile::F1(robot)) => self.serve::<_, { f1::AXES }, F1_MOTORS>(&robot),
-            Err(error) => Err(error.into()),
-        };
-        match served {
-            Ok(()) => ExitCode::SUCCESS,
-            Err(error) => fail(1, error),
-        }
-    }
-
-    fn serve<K: MachineKind<N>, const N: usize, const M: usize>(
-        &self,
-        robot: &RobotFile<K, N>,
-    ) -> Result<(), Box<dyn std::error::Error>> {
+impl MachineCommand for Serve {
+    fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         self.check()?;
         let (hand, tool) = load_generator();
         let allowed = Allowed::only(&self.allow)?;
@@ -106,7 +90,7 @@ impl Serve {
             .map_err(|error| ServerError::listen(self.sensor, &error))?;
         let sensor_address = sensor.address()?;
         let listen = Listen { address: self.listen, transport: transport(self.udp), allowed };
-        let mut cycle = self.cycle::<K, N, M>(robot, tool, listen)?.with_sensor(sensor);
+        let mut cycle = self.cycle::<K, N, M>(&robot, tool, listen)?.with_sensor(sensor);
         // After binding, so that a second server started by mistake does not truncate the first one's recording.
         let mut file = match &self.record {
             Some(path) => Some(CsvFile::create::<Row<N>>(path)?),
@@ -151,9 +135,12 @@ impl Serve {
                 return Err(failure.into());
             }
         }
-        Ok(boxes_written?)
+        boxes_written?;
+        Ok(ExitCode::SUCCESS)
     }
+}
 
+impl Serve {
     fn cycle<K: MachineKind<N>, const N: usize, const M: usize>(
         &self,
         robot: &RobotFile<K, N>,
@@ -189,20 +176,13 @@ impl Serve {
         Ok(())
     }
 
-    fn motion<K: MachineKind<N>, const N: usize>(
-        &self,
-        robot: &RobotFile<K, N>,
-    ) -> Result<Motion<N>, Box<dyn std::error::Error>> {
+    fn motion<K: MachineKind<N>, const N: usize>(&self, robot: &RobotFile<K, N>) -> Result<Motion<N>, RobotFileError> {
         if self.motion == 0.0 {
             return Ok(Motion::Hold);
         }
-        let home = (robot.model.axes_at(&robot.home_m()))
-            .map_err(|error| format!("{}: simulation.home_m: {error}", robot.name))?;
-        let scales = robot.axes.metres_per_q;
-        let away = self.motion * 1e-3;
-        let mut waypoint = [0.0; N];
-        for ((place, q), scale) in waypoint.iter_mut().zip(home).zip(scales) {
-            *place = q * scale + away;
+        let mut waypoint = robot.home_q()?;
+        for (place, scale) in waypoint.iter_mut().zip(robot.metres_per_q) {
+            *place = *place * scale + self.motion * 1e-3;
         }
         Ok(Motion::BackAndForth {
             waypoints_m: vec![waypoint],

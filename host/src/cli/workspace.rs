@@ -5,11 +5,11 @@ use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::model::MachineKind;
-use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::robot_file::RobotFile;
 use gantry_tau::terminal::say;
 use gantry_tau::workspace::WorkspaceOptions;
 
-use super::{fail, robot};
+use super::{MachineCommand, Outcome};
 
 /// Map reach, condition number and compliance of a machine, as a page with plots and a CSV table
 ///
@@ -19,7 +19,7 @@ use super::{fail, robot};
 pub(crate) struct Workspace {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(value_name = "l2|f1|FILE")]
-    robot: String,
+    pub(super) robot: String,
     /// Steps along the longest side of the grid
     #[arg(long, value_name = "N", default_value_t = 80)]
     cells: u32,
@@ -31,25 +31,12 @@ pub(crate) struct Workspace {
     csv: PathBuf,
 }
 
-impl Workspace {
-    pub(crate) fn run(self) -> ExitCode {
-        match robot(&self.robot) {
-            Ok(AnyRobotFile::L2(robot)) => self.run_with(*robot),
-            Ok(AnyRobotFile::F1(robot)) => self.run_with(*robot),
-            Err(error) => fail(1, error),
-        }
-    }
-
-    fn run_with<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>) -> ExitCode {
+impl MachineCommand for Workspace {
+    fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let options = WorkspaceOptions { robot, cells: self.cells, plot: self.plot, csv: self.csv };
-        match gantry_tau::workspace::run(&options) {
-            Ok(summary) => {
-                let (plot, csv) = (options.plot.display(), options.csv.display());
-                say(format_args!("{}\n\n{summary}", options.robot.name));
-                say(format_args!("maps: {plot}; table: {csv}"));
-                ExitCode::SUCCESS
-            }
-            Err(error) => fail(1, error),
-        }
+        let summary = gantry_tau::workspace::run(&options)?;
+        let (plot, csv) = (options.plot.display(), options.csv.display());
+        say(format_args!("{}\n\n{summary}\nmaps: {plot}; table: {csv}", options.robot.name));
+        Ok(ExitCode::SUCCESS)
     }
 }

@@ -34,7 +34,7 @@ impl<const N: usize> Compensation<N> {
         let config = CompensatorConfig {
             gain: robot.client.gain,
             limits: welcome.limits.map(|axis| OffsetNm(axis.position.max())),
-            metres_per_q: robot.axes.metres_per_q,
+            metres_per_q: robot.metres_per_q,
         };
         let compensator = robot.model.compensator(compliances, config);
         let sensor = ForceSensor::new(SensorConfig {

@@ -6,17 +6,14 @@ mod sampler;
 mod scenario;
 mod table;
 
-use std::fmt;
 use std::path::PathBuf;
-
-use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::files::{WriteError, write};
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 use crate::server::tick_source::TickSource;
-use crate::terminal::say;
-use scenario::{Failure, Recording};
+use crate::terminal::{progress_bar, say};
+use scenario::Recording;
 
 pub use results::{ALLOWED_SHARE, LinkQuality, Ramp, Results, Step};
 
@@ -53,25 +50,18 @@ pub struct DemoOptions<K, const N: usize> {
 }
 
 /// Reason why a demo failed.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DemoError {
     /// An option is out of range.
+    #[error("{0}")]
     Option(String),
     /// The session ended by itself: this machine does not hold 1 kHz.
+    #[error("{0}")]
     Lost(String),
     /// Any other failure.
+    #[error("{0}")]
     Failed(String),
 }
-
-impl fmt::Display for DemoError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Option(text) | Self::Lost(text) | Self::Failed(text) => f.write_str(text),
-        }
-    }
-}
-
-impl std::error::Error for DemoError {}
 
 impl From<WriteError> for DemoError {
     fn from(error: WriteError) -> Self {
@@ -168,28 +158,11 @@ fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     ticks: TickSource,
     probe: bool,
 ) -> Result<Recording<N>, DemoError> {
-    let bar = progress_bar(options);
-    let played = scenario::play::<K, N, M>(options, ticks, probe, &bar);
-    bar.finish_and_clear();
-    played.map_err(|failure| match failure {
-        Failure::Lost(lost) => DemoError::Lost(format!(
-            "this machine does not hold 1 kHz throughout: in tick {} the session ended by itself ({})",
-            lost.tick.0, lost.cause
-        )),
-        Failure::Slow { missed } => DemoError::Lost(format!(
-            "this machine does not hold 1 kHz: {missed} deadlines missed in the first second, before any step"
-        )),
-        Failure::Error(error) => error,
-    })
-}
-
-fn progress_bar<K, const N: usize>(options: &DemoOptions<K, N>) -> ProgressBar {
     let steps = 2 * options.forces_n().len() as u64;
     let tare = u64::from(options.robot.sensor.tare_samples);
     // Half a second of rests, three of ramp.
-    let bar = ProgressBar::new(tare + steps * options.step_ticks() + 3_500);
-    if let Ok(style) = ProgressStyle::with_template("[{elapsed}] {bar:40} {pos}/{len} ticks") {
-        bar.set_style(style);
-    }
-    bar
+    let bar = progress_bar(tare + steps * options.step_ticks() + 3_500, "ticks");
+    let played = scenario::play::<K, N, M>(options, ticks, probe, &bar);
+    bar.finish_and_clear();
+    Ok(played?)
 }

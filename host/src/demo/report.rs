@@ -32,7 +32,7 @@ pub(super) fn render<K, const N: usize>(
         _ => "in lock-step (the server waits for its client; link times mean nothing)",
     };
     let springs = 100.0 * options.robot.simulation.spring_deviation;
-    let steps = options.robot.limits.map(|axis| axis.position.step);
+    let steps = options.robot.limits.map(|axis| axis.limits.position.step());
     let step_um = f64::from(steps.into_iter().max().unwrap_or(0)) / 1e3;
     let mut sections = vec![
         (
@@ -46,7 +46,7 @@ pub(super) fn render<K, const N: usize>(
                 "The same steps over time, then the ramp after the pulled cable, under the last force. \
                  In Obtain each step shows as a short spike: the sensor is filtered, and offsets move by at most {step_um:.0} µm per tick."
             ),
-            displacement(recording).svg(),
+            displacement(&recording.samples).svg(),
         ),
         (
             "Offsets through the disconnect",
@@ -56,12 +56,12 @@ pub(super) fn render<K, const N: usize>(
         (
             "State of the server over time",
             "The short session of the newcomer is at the end.".to_owned(),
-            states(recording).svg(),
+            states(&recording.samples).svg(),
         ),
     ];
     if N > ARMS {
         let text = "Rotation vector of the platform relative to its nominal orientation. The same compensation holds all six degrees of freedom.";
-        let turning = ("Turning of the platform over time", text.to_owned(), turning(recording).svg());
+        let turning = ("Turning of the platform over time", text.to_owned(), turning(&recording.samples).svg());
         sections.insert(2, turning);
     }
     let mut body = format!(
@@ -80,14 +80,9 @@ pub(super) fn render<K, const N: usize>(
 }
 
 fn against_force<K, const N: usize>(options: &DemoOptions<K, N>, results: &Results) -> Plot {
-    let line = |name: &str, value: fn(&super::Step) -> f64| {
-        let points = results.steps.iter().map(|step| (step.force_n, value(step)));
-        Curve::line(name, std::iter::once((0.0, 0.0)).chain(points).collect())
-    };
-    let dots = |name: &str, value: fn(&super::Step) -> f64| {
-        let points = results.steps.iter().map(|step| (step.force_n, value(step)));
-        Curve::dots(name, points.collect())
-    };
+    let points = |value: fn(&super::Step) -> f64| results.steps.iter().map(move |step| (step.force_n, value(step)));
+    let line = |name: &str, value| Curve::line(name, std::iter::once((0.0, 0.0)).chain(points(value)).collect());
+    let dots = |name: &str, value| Curve::dots(name, points(value).collect());
     let mut curves = vec![
         line("uncompensated", |step| step.uncompensated_norm_um),
         line("compensated", |step| step.compensated_norm_um),
@@ -110,18 +105,14 @@ fn against_force<K, const N: usize>(options: &DemoOptions<K, N>, results: &Resul
     }
 }
 
-fn displacement<const N: usize>(recording: &Recording<N>) -> Plot {
-    let samples: Vec<&Sample<N>> = recording.samples.iter().collect();
+fn displacement<const N: usize>(samples: &[Sample<N>]) -> Plot {
     let names = ["x", "y", "z"].map(str::to_owned);
-    let curves = curves_over_time(names, &samples, |s| s.displacement_um);
-    over_time("displacement, µm", curves, &samples)
+    over_time("displacement, µm", curves_over_time(names, samples, |s| s.displacement_um), samples)
 }
 
-fn turning<const N: usize>(recording: &Recording<N>) -> Plot {
-    let samples: Vec<&Sample<N>> = recording.samples.iter().collect();
+fn turning<const N: usize>(samples: &[Sample<N>]) -> Plot {
     let names = ["about x", "about y", "about z"].map(str::to_owned);
-    let curves = curves_over_time(names, &samples, |s| s.turn_urad);
-    over_time("turning, µrad", curves, &samples)
+    over_time("turning, µrad", curves_over_time(names, samples, |s| s.turn_urad), samples)
 }
 
 fn offsets<const N: usize>(recording: &Recording<N>) -> Plot {
@@ -129,17 +120,16 @@ fn offsets<const N: usize>(recording: &Recording<N>) -> Plot {
     let mut samples = recording.samples.iter();
     let listening = samples.find(|s| s.tick > ended && s.phase == Phase::Listening).map_or(ended, |sample| sample.tick);
     let window = ended.saturating_sub(AROUND_TICKS)..listening + AROUND_TICKS;
-    let samples = recording.samples.iter();
-    let samples: Vec<&Sample<N>> = samples.filter(|s| window.contains(&s.tick)).collect();
+    let samples = recording.samples.iter().copied();
+    let samples: Vec<Sample<N>> = samples.filter(|s| window.contains(&s.tick)).collect();
     let micrometres = |s: &Sample<N>| s.offset_nm.map(|nm| f64::from(nm) / 1e3);
     let curves = curves_over_time(axis_names(), &samples, micrometres);
     Plot { key: Corner::LowerRight, ..over_time("position offset, µm", curves, &samples) }
 }
 
-fn states<const N: usize>(recording: &Recording<N>) -> Plot {
-    let samples: Vec<&Sample<N>> = recording.samples.iter().collect();
+fn states<const N: usize>(samples: &[Sample<N>]) -> Plot {
     // Two points per stretch draw a step, however short.
-    let stretches = phases::stretches(phases_over_time(&samples));
+    let stretches = phases::stretches(phases_over_time(samples));
     let points = stretches.iter().flat_map(|stretch| {
         let level = f64::from(stretch.phase.code());
         [(stretch.from, level), (stretch.to, level)]
@@ -149,11 +139,11 @@ fn states<const N: usize>(recording: &Recording<N>) -> Plot {
         // Extends the axis to all six names.
         Curve { no_line: true, ..Curve::line("", vec![(0.0, 0.0), (0.0, 5.0)]) },
     ];
-    Plot { y_names: Phase::ALL.iter().map(|phase| phase.name()).collect(), ..over_time("", curves, &samples) }
+    Plot { y_names: Phase::ALL.iter().map(|phase| phase.name()).collect(), ..over_time("", curves, samples) }
 }
 
 /// Returns a plot over time, with the phases as bands.
-fn over_time<const N: usize>(y_axis: &'static str, curves: Vec<Curve>, samples: &[&Sample<N>]) -> Plot {
+fn over_time<const N: usize>(y_axis: &'static str, curves: Vec<Curve>, samples: &[Sample<N>]) -> Plot {
     Plot {
         x_axis: "time, s",
         y_axis,
@@ -172,7 +162,7 @@ fn axis_names<const N: usize>() -> [String; N] {
 /// Returns a curve over time for each of `C` values, of at most [`CURVE_POINTS`] evenly chosen samples.
 fn curves_over_time<const N: usize, const C: usize>(
     names: [String; C],
-    samples: &[&Sample<N>],
+    samples: &[Sample<N>],
     values: impl Fn(&Sample<N>) -> [f64; C],
 ) -> Vec<Curve> {
     let every = samples.len().div_ceil(CURVE_POINTS).max(1);
@@ -185,9 +175,8 @@ fn curves_over_time<const N: usize, const C: usize>(
     curves.into()
 }
 
-fn phases_over_time<const N: usize>(samples: &[&Sample<N>]) -> impl Iterator<Item = (f64, Phase)> {
-    let point = |sample: &&Sample<N>| (seconds(sample.tick), sample.phase);
-    samples.iter().map(point)
+fn phases_over_time<const N: usize>(samples: &[Sample<N>]) -> impl Iterator<Item = (f64, Phase)> {
+    samples.iter().map(|sample| (seconds(sample.tick), sample.phase))
 }
 
 /// Converts ticks of 1 ms to seconds.

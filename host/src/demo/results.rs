@@ -104,7 +104,7 @@ impl Results {
     ) -> Self {
         let samples = &recording.samples;
         let limits = options.robot.limits.iter();
-        let largest_step = limits.map(|axis| axis.position.step.unsigned_abs()).max();
+        let largest_step = limits.map(|axis| axis.limits.position.step().unsigned_abs()).max();
         let mut results = Self {
             layout: 1,
             pace: match pace {
@@ -227,7 +227,7 @@ fn ramp<K, const N: usize>(options: &DemoOptions<K, N>, recording: &Recording<N>
         }
         last = sample.offset_nm;
     }
-    let rates = options.robot.limits.map(|axis| axis.position.ramp.unsigned_abs().max(1));
+    let rates = options.robot.limits.map(|axis| axis.limits.position.ramp());
     let expected = start_offset_nm.into_iter().zip(rates);
     Ramp {
         cause: (recording.ended.ended).map_or_else(|| "none".to_owned(), |cause| cause.to_string()),

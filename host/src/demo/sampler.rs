@@ -6,6 +6,8 @@ use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_core::control::monitor::{Monitor, Violation};
 use gantry_tau_core::units::Tick;
 
+use super::scenario::Failure;
+use crate::plant::ToolReading;
 use crate::server::cycle::Row;
 
 /// Pause when no row is waiting.
@@ -19,7 +21,6 @@ pub(super) struct Sample<const N: usize> {
     pub(super) tick: u64,
     pub(super) phase: Phase,
     pub(super) step: u32,
-    pub(super) force_n: [f64; 3],
     pub(super) offset_nm: [i32; N],
     pub(super) reference_nm: [i64; N],
     pub(super) displacement_um: [f64; 3],
@@ -29,49 +30,29 @@ pub(super) struct Sample<const N: usize> {
     pub(super) longest_miss_run: u16,
     pub(super) round_trip_us: Option<u32>,
     pub(super) ended: Option<Cause>,
-    pub(super) refused: u8,
-    pub(super) welcomed: bool,
 }
 
 impl<const N: usize> Sample<N> {
     fn of(row: &Row<N>) -> Self {
         let tool = row.tool;
-        let [fx, fy, fz, ..] = tool.map_or([f64::NAN; 6], |tool| tool.load);
-        let millionths = |values: [f64; 3]| values.map(|value| value * 1e6);
+        let millionths = |values: fn(&ToolReading) -> [f64; 3]| {
+            tool.as_ref().map_or([f64::NAN; 3], |tool| values(tool).map(|value| value * 1e6))
+        };
         Self {
             tick: row.state.tick.0,
             phase: row.state.phase,
             step: tool.map_or(0, |tool| tool.step),
-            force_n: [fx, fy, fz],
             offset_nm: row.state.axes.map(|axis| axis.offsets.position.0),
             reference_nm: row.references.map(|reference| reference.position.0),
-            displacement_um: tool.map_or([f64::NAN; 3], |tool| millionths(tool.displacement_m)),
-            turn_urad: tool.map_or([f64::NAN; 3], |tool| millionths(tool.turn_rad)),
-            gauges_um: tool.map_or([f64::NAN; 3], |tool| millionths(tool.gauges_m)),
+            displacement_um: millionths(|tool| tool.displacement_m),
+            turn_urad: millionths(|tool| tool.turn_rad),
+            gauges_um: millionths(|tool| tool.gauges_m),
             missed: row.state.counters.missed,
             longest_miss_run: row.state.counters.longest_miss_run,
             round_trip_us: row.round_trip_us,
             ended: row.ended,
-            refused: row.refused,
-            welcomed: row.welcomed,
         }
     }
-}
-
-/// End of a session that the demo did not cause.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Lost {
-    pub(super) tick: Tick,
-    pub(super) cause: Cause,
-}
-
-/// Reason why waiting failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Waiting {
-    /// The session ended by itself.
-    Lost(Lost),
-    /// The server delivers no more rows.
-    Stuck,
 }
 
 /// Collects every row, and checks it against the limits.
@@ -95,12 +76,12 @@ impl<const N: usize> Sampler<N> {
         may_end: bool,
         mut each: impl FnMut(&Sample<N>),
         mut found: impl FnMut(&Sample<N>) -> bool,
-    ) -> Result<Sample<N>, Waiting> {
+    ) -> Result<Sample<N>, Failure> {
         let mut idle = Duration::ZERO;
         loop {
             let Ok(row) = self.rows.pop() else {
                 if idle >= PATIENCE || self.rows.is_abandoned() {
-                    return Err(Waiting::Stuck);
+                    return Err(Failure::Failed("the server delivers no more ticks".to_owned()));
                 }
                 std::thread::sleep(REST);
                 idle += REST;
@@ -114,8 +95,10 @@ impl<const N: usize> Sampler<N> {
             self.samples.push(sample);
             each(&sample);
             if let (Some(cause), false) = (sample.ended, may_end) {
-                let tick = row.state.tick;
-                return Err(Waiting::Lost(Lost { tick, cause }));
+                return Err(Failure::Lost(format!(
+                    "this machine does not hold 1 kHz throughout: in tick {} the session ended by itself ({cause})",
+                    sample.tick
+                )));
             }
             if found(&sample) {
                 return Ok(sample);
@@ -132,7 +115,6 @@ mod tests {
 
     use super::*;
     use crate::robot_file::RobotFile;
-
     use crate::server::cycle::{Cycle, Demands};
     use crate::sim::load_generator::load_generator;
     use crate::sim::parameters::Motion;

@@ -13,7 +13,7 @@ use gantry_tau_core::control::monitor::{Monitor, Violation};
 use gantry_tau_core::units::{EpochRange, Tick};
 use indicatif::ProgressBar;
 
-use super::sampler::{Lost, Sample, Sampler, Waiting};
+use super::sampler::{Sample, Sampler};
 use super::{DemoError, DemoOptions};
 use crate::black_box::{Window, swap_channel};
 use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientReport, Connection};
@@ -58,30 +58,26 @@ pub(super) struct Recording<const N: usize> {
 }
 
 /// Reason why a run failed.
+#[derive(Debug, PartialEq)]
 pub(super) enum Failure {
-    /// The session ended by itself: this machine does not hold 1 kHz.
-    Lost(Lost),
-    /// So many deadlines were missed in the first second that the session would hardly survive the steps.
-    Slow {
-        /// Deadlines missed in that second.
-        missed: u32,
-    },
+    /// This machine does not hold 1 kHz.
+    Lost(String),
     /// Any other reason.
-    Error(DemoError),
+    Failed(String),
 }
 
-impl From<Waiting> for Failure {
-    fn from(waiting: Waiting) -> Self {
-        match waiting {
-            Waiting::Lost(lost) => Self::Lost(lost),
-            Waiting::Stuck => Self::Error(DemoError::Failed("the server delivers no more ticks".to_owned())),
+impl From<Failure> for DemoError {
+    fn from(failure: Failure) -> Self {
+        match failure {
+            Failure::Lost(reason) => Self::Lost(reason),
+            Failure::Failed(reason) => Self::Failed(reason),
         }
     }
 }
 
 impl<E: std::error::Error> From<E> for Failure {
     fn from(error: E) -> Self {
-        Self::Error(DemoError::Failed(error.to_string()))
+        Self::Failed(error.to_string())
     }
 }
 
@@ -158,7 +154,7 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     let client = match client.join() {
         Ok(Ok(_)) => "left in good order".to_owned(),
         Ok(Err(error @ ClientError::Setup(_))) => {
-            return Err(Failure::Error(DemoError::Failed(error.to_string())));
+            return Err(error.into());
         }
         Ok(Err(error)) => error.to_string(),
         Err(_) => "panicked".to_owned(),
@@ -207,14 +203,13 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
         let has_failed = || client.is_finished() && controls.commands.load(Ordering::Relaxed) == 0;
         (self.sampler).until(false, |_| bar.inc(1), |_| tared() || has_failed())?;
         if has_failed() {
-            let reason = "the client ended before its first command".to_owned();
-            return Err(Failure::Error(DemoError::Failed(reason)));
+            return Err(Failure::Failed("the client ended before its first command".to_owned()));
         }
         if self.ticks == TickSource::RealTime {
             let last = self.sampler.samples.last();
             let missed = last.map_or(0, |sample| sample.missed);
-            if self.probe && missed > PROBE_MISSES {
-                return Err(Failure::Slow { missed });
+            if self.probe {
+                judge(missed)?;
             }
             self.say(&format!("it did for that second: {missed} deadlines missed, never two in a row"));
         }
@@ -264,9 +259,7 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
                 Ok(refusal)
             }
             Err(error) => Err(error.into()),
-            Ok(_) => {
-                Err(Failure::Error(DemoError::Failed("a newcomer was granted the session during the ramp".to_owned())))
-            }
+            Ok(_) => Err(Failure::Failed("a newcomer was granted the session during the ramp".to_owned())),
         }
     }
 
@@ -274,9 +267,7 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
         let mut link = self.newcomer()?;
         let welcome = match link.greet() {
             Err(ClientError::Refused(_)) => {
-                return Err(Failure::Error(DemoError::Failed(
-                    "a newcomer was not granted the session after the ramp".to_owned(),
-                )));
+                return Err(Failure::Failed("a newcomer was not granted the session after the ramp".to_owned()));
             }
             answer => answer?,
         };
@@ -305,10 +296,34 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
 
     fn wait(&mut self, found: impl FnMut(&Sample<N>) -> bool) -> Result<Sample<N>, Failure> {
         let bar = self.bar;
-        Ok(self.sampler.until(false, |_| bar.inc(1), found)?)
+        self.sampler.until(false, |_| bar.inc(1), found)
     }
 
     fn say(&self, line: &str) {
         self.bar.suspend(|| say(line));
+    }
+}
+
+/// Judges the probe: the deadlines missed in the first second, before any step.
+fn judge(missed: u32) -> Result<(), Failure> {
+    if missed <= PROBE_MISSES {
+        return Ok(());
+    }
+    Err(Failure::Lost(format!(
+        "this machine does not hold 1 kHz: {missed} deadlines missed in the first second, before any step"
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_than_five_misses_of_the_probe_are_too_many() {
+        assert_eq!(judge(5), Ok(()));
+        let Err(Failure::Lost(reason)) = judge(6) else {
+            panic!("6 misses are taken");
+        };
+        assert!(reason.contains("6 deadlines missed in the first second"), "{reason}");
     }
 }

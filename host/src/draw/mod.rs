@@ -3,7 +3,6 @@
 mod scene;
 mod svg;
 
-use std::fmt;
 use std::path::PathBuf;
 
 use crate::files::{WriteError, write};
@@ -25,32 +24,17 @@ pub struct DrawOptions<K, const N: usize> {
 }
 
 /// Failures of [`run`].
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DrawError {
     /// An option is out of range.
+    #[error("{0}")]
     Option(String),
     /// The machine cannot be drawn at its home.
-    Robot(RobotFileError),
+    #[error(transparent)]
+    Robot(#[from] RobotFileError),
     /// The picture cannot be written.
-    File(WriteError),
-}
-
-impl fmt::Display for DrawError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Option(text) => f.write_str(text),
-            Self::Robot(error) => error.fmt(f),
-            Self::File(error) => error.fmt(f),
-        }
-    }
-}
-
-impl std::error::Error for DrawError {}
-
-impl From<RobotFileError> for DrawError {
-    fn from(error: RobotFileError) -> Self {
-        Self::Robot(error)
-    }
+    #[error(transparent)]
+    File(#[from] WriteError),
 }
 
 /// Draws the machine and writes the picture.
@@ -69,7 +53,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(options: &DrawOptions<K, N>) -> Re
     }
     let scene = Scene::at_home(&options.robot)?;
     let picture = svg::picture(&scene, azimuth.to_radians(), elevation.to_radians());
-    write(&options.svg, &picture).map_err(DrawError::File)
+    Ok(write(&options.svg, &picture)?)
 }
 
 #[cfg(test)]

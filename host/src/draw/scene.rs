@@ -58,11 +58,7 @@ impl Scene {
     pub(super) fn at_home<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Result<Self, RobotFileError> {
         let geometry = robot.model.geometry();
         let tool_m = robot.home_m();
-        let q = robot.model.axes_at(&tool_m).map_err(|error| RobotFileError {
-            file: robot.name.clone(),
-            key: "simulation.home_m".to_owned(),
-            reason: error.to_string(),
-        })?;
+        let q = robot.home_q()?;
         let mut links = Vec::new();
         let joints = LINK_NAMES.into_iter().zip(ARM_OF_LINK).zip(geometry.platform_joints_m);
         for (index, ((name, arm), on_platform)) in joints.enumerate() {
@@ -97,8 +93,7 @@ impl Scene {
 
 /// Mean of some points; zero of none.
 fn mean(points: &[Vector3<f64>]) -> Vector3<f64> {
-    let count = points.iter().fold(0.0, |count, _| count + 1.0_f64).max(1.0);
-    points.iter().sum::<Vector3<f64>>() / count
+    points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64
 }
 
 /// Centre and half edges of a box around `points`, one edge along `along`, `margin_m` wider on every side.

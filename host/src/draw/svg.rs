@@ -100,8 +100,7 @@ impl Label {
 
     /// Half of width and height.
     fn half(&self) -> Point {
-        let count = self.text.chars().fold(0.0, |count, _| count + 1.0);
-        Point::new(count * CHARACTER * FONT / 2.0, 0.6 * FONT)
+        Point::new(self.text.chars().count() as f64 * CHARACTER * FONT / 2.0, 0.6 * FONT)
     }
 
     /// True if the boxes of two labels have a point in common.
@@ -120,67 +119,68 @@ impl Label {
             away.x < half.x && away.y < half.y
         };
         let shares = (0..=SAMPLES).map(|step| f64::from(step) / f64::from(SAMPLES));
-        let count = shares.filter(inside).fold(0.0, |count, _| count + 1.0);
-        (to - from).norm() * count / f64::from(SAMPLES)
+        (to - from).norm() * shares.filter(inside).count() as f64 / f64::from(SAMPLES)
+    }
+
+    /// Moves to the candidate of least cost: what the label costs there, and a cost of the candidate itself. Of equals the first counts.
+    fn settle(&mut self, candidates: impl IntoIterator<Item = (Point, f64)>, cost: impl Fn(&Self) -> f64) {
+        let mut best = (f64::MAX, self.anchor);
+        for (centre, own) in candidates {
+            self.centre = centre;
+            let cost = cost(self) + own;
+            if cost < best.0 - TIE {
+                best = (cost, centre);
+            }
+        }
+        self.centre = best.1;
+    }
+
+    /// 1 if the label overlaps another, else 0.
+    fn overlap(&self, placed: &[Self]) -> f64 {
+        f64::from(u8::from(placed.iter().any(|other| self.overlaps(other))))
     }
 
     /// Moves along the line that the label names, to the place that hides least of the other lines.
     fn place_on(&mut self, own: &[Point; 2], placed: &[Self], lines: &[[Point; 2]]) {
         let [from, to] = own;
-        let mut best = (f64::MAX, self.anchor);
-        for step in 0..=20_u32 {
+        let candidates = (0..=20_u32).map(|step| {
             let share = 0.3 + 0.02 * f64::from(step);
-            self.centre = from + (to - from) * share;
+            (from + (to - from) * share, 10.0 * (share - 0.5).abs())
+        });
+        self.settle(candidates, |label| {
             let others = lines.iter().filter(|line| *line != own);
-            let hidden: f64 = others.map(|line| self.hides(line)).sum();
-            let overlaps = placed.iter().any(|other| self.overlaps(other));
-            let cost = 1e4 * f64::from(u8::from(overlaps)) + hidden + 10.0 * (share - 0.5).abs();
-            if cost < best.0 - TIE {
-                best = (cost, self.centre);
-            }
-        }
-        (self.anchor, self.centre) = (best.1, best.1);
+            1e4 * label.overlap(placed) + others.map(|line| label.hides(line)).sum::<f64>()
+        });
+        self.anchor = self.centre;
     }
 
     /// Moves to the place near the anchor that hides least: far places, lines, other labels and the picture's edge cost.
     fn place(&mut self, placed: &[Self], lines: &[[Point; 2]], height: f64) {
-        let half = self.half();
-        let mut best = (f64::MAX, self.anchor);
-        for radius in [9.0, 16.0, 26.0, 40.0, 58.0] {
-            for step in 0..16_u32 {
+        let (anchor, half) = (self.anchor, self.half());
+        let around = |radius: f64| {
+            (0..16_u32).map(move |step| {
                 let angle = f64::from(step) * std::f64::consts::FRAC_PI_8;
                 let direction = Point::new(angle.cos(), angle.sin());
-                self.centre = self.anchor + direction * radius + half.component_mul(&direction);
-                let top_left = self.centre - half;
-                let bottom_right = self.centre + half;
-                let outside = top_left.min() < 4.0 || bottom_right.x > SIZE.0 - 4.0 || bottom_right.y > height - 4.0;
-                let overlaps = placed.iter().any(|other| self.overlaps(other));
-                let hidden: f64 = lines.iter().map(|line| self.hides(line)).sum();
-                let forbidden = f64::from(u8::from(outside)) + f64::from(u8::from(overlaps));
-                let cost = 1e4 * forbidden + 3.0 * hidden + radius;
-                if cost < best.0 - TIE {
-                    best = (cost, self.centre);
-                }
-            }
-        }
-        self.centre = best.1;
+                (anchor + direction * radius + half.component_mul(&direction), radius)
+            })
+        };
+        self.settle([9.0, 16.0, 26.0, 40.0, 58.0].into_iter().flat_map(around), |label| {
+            let (top_left, bottom_right) = (label.centre - half, label.centre + half);
+            let outside = top_left.min() < 4.0 || bottom_right.x > SIZE.0 - 4.0 || bottom_right.y > height - 4.0;
+            let hidden: f64 = lines.iter().map(|line| label.hides(line)).sum();
+            1e4 * (f64::from(u8::from(outside)) + label.overlap(placed)) + 3.0 * hidden
+        });
     }
 }
 
 /// Corners of a cart's box.
 fn corners(arm: &Arm) -> Vec<Vector3<f64>> {
-    let signs = [-1.0, 1.0];
-    let mut corners = Vec::new();
-    for a in signs {
-        for b in signs {
-            for c in signs {
-                let edges = arm.half_edges_m.iter().zip([a, b, c]);
-                let away: Vector3<f64> = edges.map(|(edge, sign)| edge * sign).sum();
-                corners.push(arm.centre_m + away);
-            }
-        }
-    }
-    corners
+    let corner = |number: u32| {
+        let signs = [4, 2, 1].map(|bit| if number & bit == 0 { -1.0 } else { 1.0 });
+        let away: Vector3<f64> = arm.half_edges_m.iter().zip(signs).map(|(edge, sign)| edge * sign).sum();
+        arm.centre_m + away
+    };
+    (0..8).map(corner).collect()
 }
 
 /// The convex hull, in order (Andrew's monotone chain).
@@ -270,8 +270,7 @@ impl Shapes {
             let next = outline.iter().cycle().skip(1);
             lines.extend(outline.iter().zip(next).map(|(from, to)| [*from, *to]));
             // The inside of an outline: lines to its middle.
-            let count = outline.iter().fold(0.0, |count, _| count + 1.0);
-            let middle = outline.iter().sum::<Point>() / count;
+            let middle = outline.iter().sum::<Point>() / outline.len() as f64;
             lines.extend(outline.iter().map(|corner| [*corner, middle]));
         }
         Self { platform, carts, lines }

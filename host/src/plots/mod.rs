@@ -4,6 +4,7 @@ pub(crate) mod heat;
 pub(crate) mod page;
 pub(crate) mod phases;
 
+pub(crate) use plotters::chart::SeriesLabelPosition as Corner;
 use plotters::prelude::*;
 
 /// Size of a plot, px.
@@ -57,13 +58,6 @@ pub(crate) struct Plot {
     pub(crate) y_names: Vec<&'static str>,
     /// Corner for the names of the curves.
     pub(crate) key: Corner,
-}
-
-/// A corner of a plot.
-#[derive(Clone, Copy)]
-pub(crate) enum Corner {
-    UpperLeft,
-    LowerRight,
 }
 
 impl Plot {
@@ -130,10 +124,7 @@ impl Plot {
         if named.count() > 1 {
             chart
                 .configure_series_labels()
-                .position(match self.key {
-                    Corner::UpperLeft => SeriesLabelPosition::UpperLeft,
-                    Corner::LowerRight => SeriesLabelPosition::LowerRight,
-                })
+                .position(self.key.clone())
                 .background_style(WHITE.mix(0.85))
                 .border_style(BLACK.mix(0.3))
                 .label_font(("sans-serif", 14))

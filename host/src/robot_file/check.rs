@@ -1,9 +1,14 @@
 //! Checks of a robot file, one per section.
 
+use gantry_tau_core::control::channel::{LimitValues, Limits, LimitsError};
+use gantry_tau_core::control::message::AxisLimits;
+use gantry_tau_core::control::session::config::{AxisConfig, Travel};
 use gantry_tau_core::model::linalg::rotation_deviation;
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
+use toml::de::DeTable;
 
-use super::{Axes, AxisLimits, ChannelLimits, Motors, Problem, Sensor, Simulation, matrix};
+use super::sections::{Axes, Each, Sections};
+use super::{Keys, Motors, Problem, Sensor, Simulation};
 
 /// Largest deviation of `metres_per_q` from `|v_i|`, relative.
 const SCALE_TOLERANCE: f64 = 1e-9;
@@ -29,8 +34,21 @@ pub(super) fn model(text: &str) -> Result<Kind, Problem> {
     }
 }
 
+/// Reads the keys of the machine, then the sections; neither knows the other's names.
+pub(super) fn tables<K: Keys<N>, const N: usize>(text: &str) -> Result<(K, Sections<N>), Problem> {
+    let refused = |error| syntax(text, &error);
+    let root = DeTable::parse(text).map_err(refused)?;
+    let names: Vec<&str> = ["model"].iter().chain(K::NAMES).chain(&Sections::<N>::NAMES).copied().collect();
+    if let Some(unknown) = root.get_ref().keys().find(|name| !names.contains(&name.get_ref().as_ref())) {
+        let (name, line) = (unknown.get_ref(), line_of(text, unknown.span().start));
+        let reason = format!("unknown field `{name}`, expected one of `{}` (line {line})", names.join("`, `"));
+        return Err(Problem::new(name.as_ref(), reason));
+    }
+    Ok((toml::from_str(text).map_err(refused)?, toml::from_str(text).map_err(refused)?))
+}
+
 /// Returns the error of the TOML reader with the key that it concerns.
-pub(super) fn syntax(text: &str, error: &toml::de::Error) -> Problem {
+fn syntax(text: &str, error: &toml::de::Error) -> Problem {
     let reason = error.message();
     let before = (error.span()).map_or("", |span| text.get(..span.start).unwrap_or(""));
     let line_start = before.rfind('\n').map_or(0, |end| end.saturating_add(1));
@@ -51,8 +69,12 @@ pub(super) fn syntax(text: &str, error: &toml::de::Error) -> Problem {
         (Some(section), _) => section.to_owned(),
         (None, None) => String::new(),
     };
-    let number = before.matches('\n').count().saturating_add(1);
-    Problem::new(key, format!("{reason} (line {number})"))
+    Problem::new(key, format!("{reason} (line {})", line_of(text, before.len())))
+}
+
+/// Number of the line of a byte, from 1.
+fn line_of(text: &str, byte: usize) -> usize {
+    text.get(..byte).unwrap_or("").matches('\n').count().saturating_add(1)
 }
 
 /// Checks `lower <= value <= upper`; NaN is refused.
@@ -73,7 +95,7 @@ pub(super) fn travel_in_q<const N: usize>(
 ) -> Result<[(f64, f64); N], Problem> {
     let mut travel = [(0.0, 0.0); N];
     for (index, ((entry, length), (metres, [lower, upper]))) in
-        travel.iter_mut().zip(lengths_m).zip(axes.metres_per_q.iter().zip(&axes.nominal_travel_m)).enumerate()
+        travel.iter_mut().zip(lengths_m).zip(axes.metres_per_q.0.iter().zip(&axes.nominal_travel_m.0)).enumerate()
     {
         let key = format!("axes.metres_per_q[{index}]");
         range(&key, *metres, 1e-6, 1e3)?;
@@ -88,103 +110,97 @@ pub(super) fn travel_in_q<const N: usize>(
 }
 
 /// Returns every axis in the units of the reference path.
-pub(super) fn limits<const N: usize>(axes: &Axes<N>) -> Result<[AxisLimits; N], Problem> {
-    let mut limits = Vec::with_capacity(N);
-    for index in 0..N {
-        limits.push(axis(axes, index)?);
-    }
-    <[AxisLimits; N]>::try_from(limits).map_err(|_| Problem::new("axes", "has another number of axes"))
+pub(super) fn limits<const N: usize>(axes: &Axes<N>) -> Result<[AxisConfig; N], Problem> {
+    let limits: Vec<_> = (0..N).map(|index| axis(axes, index)).collect::<Result<_, _>>()?;
+    limits.try_into().map_err(|_| Problem::new("axes", "has another number of axes"))
 }
 
-fn axis<const N: usize>(axes: &Axes<N>, index: usize) -> Result<AxisLimits, Problem> {
+fn axis<const N: usize>(axes: &Axes<N>, index: usize) -> Result<AxisConfig, Problem> {
     let keyed = |key: &str| format!("axes.{key}[{index}]");
     let (p, v, t) = (&axes.position, &axes.velocity, &axes.torque);
-    let um = |key: &str, values: &[f64; N]| whole_nm(&keyed(key), pick(values, index, f64::NAN));
-    let position = ChannelLimits {
+    let um = |key: &str, values: &Each<f64, N>| whole_nm(&keyed(key), pick(values, index, f64::NAN));
+    let position = LimitValues {
         max: um("position.max_um", &p.max_um)?,
         step: um("position.step_um", &p.step_um)?,
         accel: um("position.accel_um", &p.accel_um)?,
         ramp: um("position.ramp_um", &p.ramp_um)?,
     };
-    let velocity = ChannelLimits {
+    let velocity = LimitValues {
         max: pick(&v.max_um_s, index, -1),
         step: pick(&v.step_um_s, index, 0),
         accel: pick(&v.accel_um_s, index, 0),
         ramp: pick(&v.ramp_um_s, index, 0),
     };
-    let torque = ChannelLimits {
+    let torque = LimitValues {
         max: pick(&t.max_permille, index, -1).into(),
         step: pick(&t.step_permille, index, 0).into(),
         accel: pick(&t.accel_permille, index, 0).into(),
         ramp: pick(&t.ramp_permille, index, 0).into(),
     };
-    channel("position", "um", index, &position)?;
-    channel("velocity", "um_s", index, &velocity)?;
-    channel("torque", "permille", index, &torque)?;
+    let limits = AxisLimits {
+        position: channel("position", "um", index, position)?,
+        velocity: channel("velocity", "um_s", index, velocity)?,
+        torque: channel("torque", "permille", index, torque)?,
+    };
     let machine_travel = travel(&keyed("machine_travel_m"), &axes.machine_travel_m, index)?;
     let nominal_travel = travel(&keyed("nominal_travel_m"), &axes.nominal_travel_m, index)?;
     let margin = i64::from(position.max);
-    let below = nominal_travel.0.0.saturating_sub(margin) < machine_travel.0.0;
-    if below || nominal_travel.1.0.saturating_add(margin) > machine_travel.1.0 {
+    let below = nominal_travel.lower.0.saturating_sub(margin) < machine_travel.lower.0;
+    if below || nominal_travel.upper.0.saturating_add(margin) > machine_travel.upper.0 {
         let reason = "must lie inside machine_travel_m by position.max_um on either side";
         return Err(Problem::new(keyed("nominal_travel_m"), reason));
     }
-    let nominal_step_nm = um("nominal_step_um", &axes.nominal_step_um)?;
-    if nominal_step_nm <= 0 {
-        return Err(Problem::new(keyed("nominal_step_um"), "must be positive"));
+    match u32::try_from(um("nominal_step_um", &axes.nominal_step_um)?) {
+        Ok(nominal_step_nm @ 1..) => Ok(AxisConfig { limits, nominal_travel, machine_travel, nominal_step_nm }),
+        _ => Err(Problem::new(keyed("nominal_step_um"), "must be positive")),
     }
-    Ok(AxisLimits {
-        nominal_travel,
-        machine_travel,
-        nominal_step_nm: i64::from(nominal_step_nm),
-        position,
-        velocity,
-        torque,
+}
+
+/// Checks the limits of a channel as core does, and names the key that breaks them.
+fn channel<U>(section: &str, unit: &str, index: usize, values: LimitValues) -> Result<Limits<U>, Problem> {
+    Limits::new(values).map_err(|error| {
+        let (name, reason) = match error {
+            LimitsError::NegativeMax { .. } => ("max", "must not be negative; 0 disables the channel"),
+            LimitsError::RampNotPositive { .. } => ("ramp", "must be positive"),
+            LimitsError::RampAboveStep { .. } => ("ramp", "must not be above step"),
+            _ => ("accel", "must be at least step + ramp"),
+        };
+        Problem::new(format!("axes.{section}.{name}_{unit}[{index}]"), reason)
     })
 }
 
-/// Checks `0 <= max`, `0 < ramp <= step`, `step + ramp <= accel`.
-fn channel(section: &str, unit: &str, index: usize, c: &ChannelLimits) -> Result<(), Problem> {
-    let refuse = |name: &str, reason: &str| {
-        let key = format!("axes.{section}.{name}_{unit}[{index}]");
-        Err(Problem::new(key, reason))
-    };
-    if c.max < 0 {
-        refuse("max", "must not be negative; 0 disables the channel")
-    } else if c.ramp <= 0 {
-        refuse("ramp", "must be positive")
-    } else if c.ramp > c.step {
-        refuse("ramp", "must not be above step")
-    } else if i64::from(c.step).saturating_add(i64::from(c.ramp)) > i64::from(c.accel) {
-        refuse("accel", "must be at least step + ramp")
-    } else {
-        Ok(())
-    }
-}
-
 /// Returns entry `index`, or a value that its check refuses.
-fn pick<T: Copy>(values: &[T], index: usize, refused: T) -> T {
-    values.get(index).copied().unwrap_or(refused)
+fn pick<T: Copy, const N: usize>(values: &Each<T, N>, index: usize, refused: T) -> T {
+    values.0.get(index).copied().unwrap_or(refused)
 }
 
-fn travel(key: &str, ends_m: &[[f64; 2]], index: usize) -> Result<(PositionNm, PositionNm), Problem> {
+fn travel<const N: usize>(key: &str, ends_m: &Each<[f64; 2], N>, index: usize) -> Result<Travel, Problem> {
     let [lower, upper] = pick(ends_m, index, [f64::NAN; 2]);
-    let cross = |value| PositionNm::from_metres(Metres(value)).map_err(|error| Problem::new(key, error.to_string()));
-    let (lower, upper) = (cross(lower)?, cross(upper)?);
-    if lower > upper {
+    let cross = |value| PositionNm::from_metres(Metres(value)).map_err(|error| Problem::new(key, error));
+    let travel = Travel { lower: cross(lower)?, upper: cross(upper)? };
+    if travel.lower > travel.upper {
         return Err(Problem::new(key, "has its lower end above its upper end"));
     }
-    Ok((lower, upper))
+    Ok(travel)
 }
 
 /// Converts micrometres that are a whole number of nanometres.
 fn whole_nm(key: &str, value_um: f64) -> Result<i32, Problem> {
-    let crossed =
-        OffsetNm::from_metres(Metres(value_um * 1e-6)).map_err(|error| Problem::new(key, error.to_string()))?;
+    let crossed = OffsetNm::from_metres(Metres(value_um * 1e-6)).map_err(|error| Problem::new(key, error))?;
     if (f64::from(crossed.0) - value_um * 1e3).abs() > WHOLE_NM_TOLERANCE {
         return Err(Problem::new(key, "must be a whole number of nanometres"));
     }
     Ok(crossed.0)
+}
+
+/// Compliances are given of links and axes, or of neither.
+pub(super) fn springs<K: Keys<N>, const N: usize>(keys: &K) -> Result<(), Problem> {
+    let key = K::AXIS_COMPLIANCES;
+    match keys.springs() {
+        (None, Some(_)) => Err(Problem::new("c_link", format!("is missing beside {key}"))),
+        (Some(_), None) => Err(Problem::new(key, "is missing beside c_link")),
+        _ => Ok(()),
+    }
 }
 
 pub(super) fn motors(motors: &Motors, axes: usize) -> Result<(), Problem> {
@@ -202,7 +218,7 @@ pub(super) fn motors(motors: &Motors, axes: usize) -> Result<(), Problem> {
 }
 
 pub(super) fn sensor(sensor: &Sensor) -> Result<(), Problem> {
-    let deviation = rotation_deviation(&matrix(&sensor.rotation));
+    let deviation = rotation_deviation(&sensor.rotation_matrix());
     if deviation > 1e-9 {
         let reason = format!("is not a rotation matrix (deviation {deviation:.0e})");
         return Err(Problem::new("sensor.rotation", reason));

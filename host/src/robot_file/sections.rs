@@ -1,96 +1,79 @@
 //! Sections of a robot file, as they are written.
 
-use gantry_tau_core::units::PositionNm;
 use nalgebra::Matrix3;
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
 
 use super::matrix;
 
-/// Reads one entry per axis. serde reads arrays of a fixed length, not of a generic one.
-fn each<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(deserializer: D) -> Result<[T; N], D::Error> {
-    let entries = Vec::deserialize(deserializer)?;
-    entries.try_into().map_err(|entries: Vec<T>| {
-        let count = entries.len();
-        serde::de::Error::custom(format!("has {count} entries, the machine has {N} axes"))
-    })
+/// Sections of every kind of machine.
+#[derive(Deserialize)]
+pub(super) struct Sections<const N: usize> {
+    pub(super) axes: Axes<N>,
+    pub(super) motors: Motors,
+    pub(super) sensor: Sensor,
+    pub(super) client: Client,
+    pub(super) simulation: Simulation,
 }
 
-/// `[axes]`: one entry per axis.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Axes<const N: usize> {
-    /// Range of the nominal path, `[lower, upper]`, m.
-    #[serde(deserialize_with = "each")]
-    pub nominal_travel_m: [[f64; 2]; N],
-    /// Range of the machine, `[lower, upper]`, m: wider than the nominal travel by at least the position offset's limit.
-    #[serde(deserialize_with = "each")]
-    pub machine_travel_m: [[f64; 2]; N],
-    /// Length of one unit of `q`, m: `|v_i|`.
-    #[serde(deserialize_with = "each")]
-    pub metres_per_q: [f64; N],
-    /// Largest step of the nominal reference, µm per tick.
-    #[serde(deserialize_with = "each")]
-    pub nominal_step_um: [f64; N],
-    /// Limits of the position offset.
-    pub position: PositionSection<N>,
-    /// Limits of the velocity offset.
-    pub velocity: VelocitySection<N>,
-    /// Limits of the torque offset.
-    pub torque: TorqueSection<N>,
+impl<const N: usize> Sections<N> {
+    pub(super) const NAMES: [&'static str; 5] = ["axes", "motors", "sensor", "client", "simulation"];
 }
 
-/// `[axes.position]`, µm per tick where a rate; whole nanometres.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PositionSection<const N: usize> {
-    /// Largest magnitude, µm; 0 disables the channel.
-    #[serde(deserialize_with = "each")]
-    pub max_um: [f64; N],
-    /// Largest change per tick, µm.
-    #[serde(deserialize_with = "each")]
-    pub step_um: [f64; N],
-    /// Largest change of the change, µm.
-    #[serde(deserialize_with = "each")]
-    pub accel_um: [f64; N],
-    /// Change per tick on the way back to zero, µm.
-    #[serde(deserialize_with = "each")]
-    pub ramp_um: [f64; N],
+/// One entry per axis. serde reads arrays of a fixed length, not of a generic one.
+#[derive(Deserialize)]
+#[serde(try_from = "Vec<T>")]
+pub(super) struct Each<T, const N: usize>(pub(super) [T; N]);
+
+impl<T, const N: usize> TryFrom<Vec<T>> for Each<T, N> {
+    type Error = String;
+
+    fn try_from(entries: Vec<T>) -> Result<Self, String> {
+        let entries = <[T; N]>::try_from(entries);
+        entries.map(Self).map_err(|entries| format!("has {} entries, the machine has {N} axes", entries.len()))
+    }
 }
 
-/// `[axes.velocity]`, µm/s.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// `[axes]`. Travels are `[lower, upper]`, m; a step is a change per tick.
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct VelocitySection<const N: usize> {
-    /// Largest magnitude, µm/s; 0 disables the channel.
-    #[serde(deserialize_with = "each")]
-    pub max_um_s: [i32; N],
-    /// Largest change per tick, µm/s.
-    #[serde(deserialize_with = "each")]
-    pub step_um_s: [i32; N],
-    /// Largest change of the change, µm/s.
-    #[serde(deserialize_with = "each")]
-    pub accel_um_s: [i32; N],
-    /// Change per tick on the way back to zero, µm/s.
-    #[serde(deserialize_with = "each")]
-    pub ramp_um_s: [i32; N],
+pub(super) struct Axes<const N: usize> {
+    pub(super) nominal_travel_m: Each<[f64; 2], N>,
+    pub(super) machine_travel_m: Each<[f64; 2], N>,
+    pub(super) metres_per_q: Each<f64, N>,
+    pub(super) nominal_step_um: Each<f64, N>,
+    pub(super) position: Position<N>,
+    pub(super) velocity: Velocity<N>,
+    pub(super) torque: Torque<N>,
 }
 
-/// `[axes.torque]`, per mille of rated torque.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// `[axes.position]`: the limits `M`, `S`, `A`, `rho` of the position offset, whole nanometres.
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TorqueSection<const N: usize> {
-    /// Largest magnitude, ‰; 0 disables the channel.
-    #[serde(deserialize_with = "each")]
-    pub max_permille: [i16; N],
-    /// Largest change per tick, ‰.
-    #[serde(deserialize_with = "each")]
-    pub step_permille: [i16; N],
-    /// Largest change of the change, ‰.
-    #[serde(deserialize_with = "each")]
-    pub accel_permille: [i16; N],
-    /// Change per tick on the way back to zero, ‰.
-    #[serde(deserialize_with = "each")]
-    pub ramp_permille: [i16; N],
+pub(super) struct Position<const N: usize> {
+    pub(super) max_um: Each<f64, N>,
+    pub(super) step_um: Each<f64, N>,
+    pub(super) accel_um: Each<f64, N>,
+    pub(super) ramp_um: Each<f64, N>,
+}
+
+/// `[axes.velocity]`, as [`Position`].
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Velocity<const N: usize> {
+    pub(super) max_um_s: Each<i32, N>,
+    pub(super) step_um_s: Each<i32, N>,
+    pub(super) accel_um_s: Each<i32, N>,
+    pub(super) ramp_um_s: Each<i32, N>,
+}
+
+/// `[axes.torque]`, per mille of rated torque, as [`Position`].
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Torque<const N: usize> {
+    pub(super) max_permille: Each<i16, N>,
+    pub(super) step_permille: Each<i16, N>,
+    pub(super) accel_permille: Each<i16, N>,
+    pub(super) ramp_permille: Each<i16, N>,
 }
 
 /// `[motors]`.
@@ -119,7 +102,7 @@ impl Sensor {
     /// World axes from sensor axes.
     #[must_use]
     pub fn rotation_matrix(&self) -> Matrix3<f64> {
-        matrix(&self.rotation)
+        matrix(self.rotation)
     }
 }
 
@@ -151,34 +134,4 @@ pub struct Simulation {
     pub jump_gap_m: f64,
     /// Home of the tool centre point, world axes, m.
     pub home_m: [f64; 3],
-}
-
-/// The four limits of one channel, in the channel's integer unit (nm, µm/s or ‰): `0 <= max`, `0 < ramp <= step`, `step + ramp <= accel`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ChannelLimits {
-    /// Largest magnitude; 0 disables the channel.
-    pub max: i32,
-    /// Largest change per tick.
-    pub step: i32,
-    /// Largest change of the change.
-    pub accel: i32,
-    /// Change per tick on the way back to zero.
-    pub ramp: i32,
-}
-
-/// Everything about one axis, in the units of the reference path.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AxisLimits {
-    /// Lower and upper end of the nominal travel.
-    pub nominal_travel: (PositionNm, PositionNm),
-    /// Lower and upper end of the machine's travel.
-    pub machine_travel: (PositionNm, PositionNm),
-    /// Largest step of the nominal reference per tick, nm.
-    pub nominal_step_nm: i64,
-    /// Position offset, nm.
-    pub position: ChannelLimits,
-    /// Velocity offset, µm/s.
-    pub velocity: ChannelLimits,
-    /// Torque offset, ‰.
-    pub torque: ChannelLimits,
 }

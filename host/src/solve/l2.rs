@@ -1,44 +1,17 @@
 //! Operations of the L2.
 
 use gantry_tau_core::model::l2;
-use gantry_tau_core::model::robot::Compliances;
-use gantry_tau_core::model::statics::{LineMatrix, Wrench};
+use gantry_tau_core::model::statics::LineMatrix;
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 
 use super::Failure;
-use super::ops::{deflected, finite, rows, springs};
-use super::request::{field, matrix, optional_field};
+use super::ops::{Operations, Task, finite, rows};
+use super::request::{field, optional_field};
+use crate::robot_file::matrix;
 
-/// A request whose orientation is known.
-struct Task<'a> {
-    compliances: Option<&'a Compliances<{ l2::AXES }>>,
-    request: &'a Value,
-    kinematics: l2::Kinematics,
-}
-
-/// One of [`super::ops::NAMES`].
-pub(super) fn solve(
-    op: &str,
-    robot: &l2::Robot,
-    compliances: Option<&Compliances<{ l2::AXES }>>,
-    request: &Value,
-) -> Result<Value, Failure> {
-    let task = Task { compliances, request, kinematics: l2::Kinematics::new(robot, &orientation(request)?)? };
-    match op {
-        "ik" => task.ik(),
-        "fk" => task.fk(),
-        "jacobian" => task.jacobian(),
-        "statics" => task.statics(),
-        "compliance" => task.compliance(),
-        "deflection" => task.deflection(),
-        "compensate" => task.compensate(),
-        _ => Err(Failure::request(format!("op {op:?} is unknown"))),
-    }
-}
-
-/// `R`, else that of a seed, else the identity.
-fn orientation(request: &Value) -> Result<Matrix3<f64>, Failure> {
+/// Kinematics in the orientation of a request: `R`, else that of a seed, else the identity.
+pub(super) fn kinematics(robot: &l2::Robot, request: &Value) -> Result<l2::Kinematics, Failure> {
     let seeded = || match request.get("seed") {
         Some(seed) if seed.is_object() => optional_field(seed, "R"),
         _ => Ok(None),
@@ -47,29 +20,26 @@ fn orientation(request: &Value) -> Result<Matrix3<f64>, Failure> {
         Some(rows) => Some(rows),
         None => seeded()?,
     };
-    Ok(rows.map_or_else(Matrix3::identity, matrix))
+    Ok(l2::Kinematics::new(robot, &rows.map_or_else(Matrix3::identity, matrix))?)
 }
 
-impl Task<'_> {
+impl Task<'_, l2::Kinematics, { l2::AXES }> {
     fn tcp(&self) -> Result<Vector3<f64>, Failure> {
         field(self.request, "T").map(|t: [f64; 3]| Vector3::from(t))
-    }
-
-    fn load(&self) -> Result<Wrench, Failure> {
-        field(self.request, "w").map(Wrench::from_array)
-    }
-
-    /// The six links where `T` puts them, by the general path.
-    fn lines(&self) -> Result<LineMatrix<{ l2::AXES }>, Failure> {
-        let tcp = self.tcp()?;
-        let q = self.kinematics.inverse_in_assembly(&tcp)?;
-        Ok(self.kinematics.line_matrix(&self.kinematics.pose(tcp), &q)?)
     }
 
     fn residual(&self, tcp: Vector3<f64>, q: &[f64; 3]) -> Result<f64, Failure> {
         let residual = self.kinematics.residual_m(&self.kinematics.pose(tcp), q);
         finite([residual])?;
         Ok(residual)
+    }
+}
+
+impl Operations<{ l2::AXES }> for Task<'_, l2::Kinematics, { l2::AXES }> {
+    fn lines(&self) -> Result<LineMatrix<{ l2::AXES }>, Failure> {
+        let tcp = self.tcp()?;
+        let q = self.kinematics.inverse_in_assembly(&tcp)?;
+        Ok(self.kinematics.line_matrix(&self.kinematics.pose(tcp), &q)?)
     }
 
     fn ik(&self) -> Result<Value, Failure> {
@@ -106,18 +76,8 @@ impl Task<'_> {
         Ok(json!({"f": forces, "tau": tau}))
     }
 
-    fn compliance(&self) -> Result<Value, Failure> {
-        let springs = springs(self.compliances)?;
-        let compliance = self.lines()?.compliance(springs)?;
-        Ok(json!({"C": rows(&compliance.0)}))
-    }
-
-    fn deflection(&self) -> Result<Value, Failure> {
-        deflected(&self.lines()?, springs(self.compliances)?, &self.load()?)
-    }
-
     fn compensate(&self) -> Result<Value, Failure> {
-        let model = l2::Elastic::new(&self.kinematics, springs(self.compliances)?);
+        let model = l2::Elastic::new(self.kinematics, self.springs()?);
         let tcp = self.tcp()?;
         let load = self.load()?;
         let q = self.kinematics.inverse_in_assembly(&tcp)?;

@@ -24,7 +24,7 @@ mod ops;
 mod request;
 
 use std::collections::HashMap;
-use std::io::{self, BufRead, Write};
+use std::io::{self, BufRead, Read, Write};
 
 use serde_json::{Value, json};
 
@@ -36,38 +36,25 @@ pub const MAX_LINE: usize = 1 << 20;
 /// Largest number of robot files that are kept.
 const MAX_CACHED: usize = 64;
 
-/// Classes of errors, as an answer names them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    BadRequest,
-    BadRobot,
-    /// An error of core: see [`gantry_tau_core::model::kinematics::KinematicsError::kind`].
-    Core(&'static str),
-}
-
 /// Reason why a request has no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Failure {
-    kind: Kind,
+    /// Class of the error: that of core ([`gantry_tau_core::model::kinematics::KinematicsError::kind`]), or one of two more.
+    kind: &'static str,
     message: String,
 }
 
 impl Failure {
     fn request(message: impl Into<String>) -> Self {
-        Self { kind: Kind::BadRequest, message: message.into() }
+        Self { kind: "bad_request", message: message.into() }
     }
 
     fn robot(message: impl Into<String>) -> Self {
-        Self { kind: Kind::BadRobot, message: message.into() }
+        Self { kind: "bad_robot", message: message.into() }
     }
 
     fn answer(&self, id: Value) -> String {
-        let kind = match self.kind {
-            Kind::BadRequest => "bad_request",
-            Kind::BadRobot => "bad_robot",
-            Kind::Core(kind) => kind,
-        };
-        json!({"id": id, "error": {"kind": kind, "message": self.message}}).to_string()
+        json!({"id": id, "error": {"kind": self.kind, "message": self.message}}).to_string()
     }
 }
 
@@ -149,12 +136,8 @@ impl Solver {
         }
         let file = AnyRobotFile::load(path).map_err(|error| Failure::robot(error.to_string()))?;
         let machine = match file {
-            AnyRobotFile::L2(file) => {
-                Machine::L2 { robot: *file.model.kinematics().robot(), compliances: file.compliances }
-            }
-            AnyRobotFile::F1(file) => {
-                Machine::F1 { kinematics: *file.model.kinematics(), compliances: file.compliances }
-            }
+            AnyRobotFile::L2(file) => Machine::L2 { robot: *file.model.robot(), compliances: file.compliances },
+            AnyRobotFile::F1(file) => Machine::F1 { kinematics: file.model, compliances: file.compliances },
         };
         if self.files.len() >= MAX_CACHED {
             self.files.clear();
@@ -175,34 +158,14 @@ enum Line {
 /// Reads up to the next newline, without it; keeps at most [`MAX_LINE`] bytes.
 fn read_line(input: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<Line> {
     line.clear();
-    let mut too_long = false;
-    let mut empty = true;
-    loop {
-        let chunk = match input.fill_buf() {
-            Ok(chunk) => chunk,
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-            Err(error) => return Err(error),
-        };
-        let (part, ended) = match chunk.iter().position(|byte| *byte == b'\n') {
-            Some(end) => (chunk.get(..end).unwrap_or(chunk), true),
-            None => (chunk, chunk.is_empty()),
-        };
-        let at_end = chunk.is_empty();
-        too_long |= line.len().saturating_add(part.len()) > MAX_LINE;
-        if !too_long {
-            line.extend_from_slice(part);
-        }
-        let used = part.len().saturating_add(usize::from(ended && !at_end));
-        empty &= used == 0;
-        input.consume(used);
-        if ended {
-            return Ok(if empty {
-                Line::End
-            } else if too_long {
-                Line::TooLong
-            } else {
-                Line::Complete
-            });
-        }
+    input.by_ref().take(MAX_LINE as u64 + 1).read_until(b'\n', line)?;
+    if line.last() == Some(&b'\n') {
+        line.pop();
+    } else if line.len() > MAX_LINE {
+        input.skip_until(b'\n')?;
+        return Ok(Line::TooLong);
+    } else if line.is_empty() {
+        return Ok(Line::End);
     }
+    Ok(Line::Complete)
 }

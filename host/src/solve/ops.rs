@@ -7,15 +7,15 @@ use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use nalgebra::SMatrix;
 use serde_json::{Value, json};
 
-use super::request::Machine;
-use super::{Failure, Kind, f1, l2};
+use super::request::{Machine, field};
+use super::{Failure, l2};
 
 /// Names of all operations.
 pub(super) const NAMES: [&str; 7] = ["ik", "fk", "jacobian", "statics", "compliance", "deflection", "compensate"];
 
 impl From<KinematicsError> for Failure {
     fn from(error: KinematicsError) -> Self {
-        Self { kind: Kind::Core(error.kind()), message: error.to_string() }
+        Self { kind: error.kind(), message: error.to_string() }
     }
 }
 
@@ -31,29 +31,75 @@ impl From<OrientationError> for Failure {
 /// Runs one of [`NAMES`].
 pub(super) fn solve(op: &str, machine: &Machine, request: &Value) -> Result<Value, Failure> {
     match machine {
-        Machine::L2 { robot, compliances } => l2::solve(op, robot, compliances.as_ref(), request),
-        Machine::F1 { kinematics, compliances } => f1::solve(op, kinematics, compliances.as_ref(), request),
+        Machine::L2 { robot, compliances } => {
+            let kinematics = l2::kinematics(robot, request)?;
+            Task { kinematics: &kinematics, compliances: compliances.as_ref(), request }.solve(op)
+        }
+        Machine::F1 { kinematics, compliances } => {
+            Task { kinematics, compliances: compliances.as_ref(), request }.solve(op)
+        }
     }
 }
 
-/// Returns the compliances for an operation that needs them.
-pub(super) fn springs<const N: usize>(compliances: Option<&Compliances<N>>) -> Result<&Compliances<N>, Failure> {
-    let axes = if N == 3 { "c_cart" } else { "c_act" };
-    compliances.ok_or_else(|| Failure::robot(format!("c_link and {axes} are missing, and this op needs them")))
+/// A request to a machine with `N` axes.
+pub(super) struct Task<'a, K, const N: usize> {
+    pub(super) kinematics: &'a K,
+    pub(super) compliances: Option<&'a Compliances<N>>,
+    pub(super) request: &'a Value,
 }
 
-/// Returns the deflection under a load as JSON.
-pub(super) fn deflected<const N: usize>(
-    lines: &LineMatrix<N>,
-    springs: &Compliances<N>,
-    load: &Wrench,
-) -> Result<Value, Failure> {
-    let deflection = lines.deflection(springs, load)?;
-    Ok(json!({
-        "r": deflection.carts.as_slice(),
-        "dx_links": deflection.links.to_array(),
-        "dx_total": deflection.total.to_array(),
-    }))
+/// Operations of one kind of machine.
+pub(super) trait Operations<const N: usize> {
+    fn ik(&self) -> Result<Value, Failure>;
+    fn fk(&self) -> Result<Value, Failure>;
+    fn jacobian(&self) -> Result<Value, Failure>;
+    fn statics(&self) -> Result<Value, Failure>;
+    fn compensate(&self) -> Result<Value, Failure>;
+
+    /// The six links where `T` puts them.
+    fn lines(&self) -> Result<LineMatrix<N>, Failure>;
+}
+
+impl<K, const N: usize> Task<'_, K, N>
+where
+    Self: Operations<N>,
+{
+    fn solve(&self, op: &str) -> Result<Value, Failure> {
+        match op {
+            "ik" => self.ik(),
+            "fk" => self.fk(),
+            "jacobian" => self.jacobian(),
+            "statics" => self.statics(),
+            "compliance" => self.compliance(),
+            "deflection" => self.deflection(),
+            "compensate" => self.compensate(),
+            _ => Err(Failure::request(format!("op {op:?} is unknown"))),
+        }
+    }
+
+    pub(super) fn load(&self) -> Result<Wrench, Failure> {
+        field(self.request, "w").map(Wrench::from_array)
+    }
+
+    /// Returns the compliances for an operation that needs them.
+    pub(super) fn springs(&self) -> Result<&Compliances<N>, Failure> {
+        let axes = if N == 3 { "c_cart" } else { "c_act" };
+        self.compliances.ok_or_else(|| Failure::robot(format!("c_link and {axes} are missing, and this op needs them")))
+    }
+
+    fn compliance(&self) -> Result<Value, Failure> {
+        let compliance = self.lines()?.compliance(self.springs()?)?;
+        Ok(json!({"C": rows(&compliance.0)}))
+    }
+
+    fn deflection(&self) -> Result<Value, Failure> {
+        let deflection = self.lines()?.deflection(self.springs()?, &self.load()?)?;
+        Ok(json!({
+            "r": deflection.carts.as_slice(),
+            "dx_links": deflection.links.to_array(),
+            "dx_total": deflection.total.to_array(),
+        }))
+    }
 }
 
 /// Checks that all values are finite: JSON cannot represent others.

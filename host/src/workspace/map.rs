@@ -1,7 +1,7 @@
 //! Reach, condition and compliance of a machine at each place of a grid.
 
 use gantry_tau_core::model::kinematics::KinematicsError;
-use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
+use gantry_tau_core::model::robot::ARM_OF_LINK;
 use gantry_tau_core::model::statics::LineMatrix;
 use nalgebra::{Matrix6, Vector3};
 
@@ -50,11 +50,8 @@ impl Grid {
         let geometry = file.model.geometry();
         let home_m = file.home_m();
         let (mut lower, mut upper) = (home_m.map(|_| f64::MIN), home_m.map(|_| f64::MAX));
-        for link in 0..LINKS {
-            let arm = ARM_OF_LINK.get(link).copied().unwrap_or(0);
-            let (lengths, joints) = (&geometry.lengths_m, &geometry.platform_joints_m);
-            let length = lengths.get(link).copied().unwrap_or(0.0);
-            let on_platform = joints.get(link).copied().unwrap_or_default();
+        let links = ARM_OF_LINK.into_iter().zip(geometry.lengths_m).zip(geometry.platform_joints_m);
+        for (link, ((arm, length), on_platform)) in links.enumerate() {
             let travel = geometry.travel.and_then(|all| all.get(arm).copied());
             let (from, to) = travel.unwrap_or((0.0, 0.0));
             let ends = [from, to].map(|position| {
@@ -127,7 +124,7 @@ impl<'a, K: MachineKind<N>, const N: usize> Surveyor<'a, K, N> {
     fn reach(&self, tool_m: &Vector3<f64>) -> Result<Reached<N>, KinematicsError> {
         let q = self.file.model.axes_at(tool_m)?;
         let lines = self.file.model.lines(tool_m, &q)?;
-        let condition = condition(&lines, &self.file.axes.metres_per_q, self.radian_m)?;
+        let condition = condition(&lines, &self.file.metres_per_q, self.radian_m)?;
         let compliance_m_per_n = match &self.file.compliances {
             Some(springs) => {
                 let translation = lines.compliance(springs)?.translation();

@@ -8,12 +8,12 @@ use std::fmt;
 use std::path::PathBuf;
 
 use gantry_tau_core::model::kinematics::KinematicsError;
-use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::files::{WriteError, write};
 use crate::model::MachineKind;
 use crate::record::{CsvFile, Record, RecordError};
 use crate::robot_file::RobotFile;
+use crate::terminal::progress_bar;
 use map::Surveyor;
 
 pub use map::{Grid, Place, Reached, condition};
@@ -67,41 +67,17 @@ pub struct Summary {
 }
 
 /// Reason why a survey failed.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WorkspaceError {
     /// `cells` is out of [`CELLS`].
+    #[error("--cells is {cells}; expected from {from} to {to}", cells = .0, from = CELLS.start(), to = CELLS.end())]
     Cells(u32),
     /// The table cannot be written.
-    Csv(RecordError),
+    #[error(transparent)]
+    Csv(#[from] RecordError),
     /// The page cannot be written.
-    Plot(WriteError),
-}
-
-impl fmt::Display for WorkspaceError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Cells(cells) => {
-                let (from, to) = (CELLS.start(), CELLS.end());
-                write!(f, "--cells is {cells}; expected from {from} to {to}")
-            }
-            Self::Csv(error) => error.fmt(f),
-            Self::Plot(error) => error.fmt(f),
-        }
-    }
-}
-
-impl std::error::Error for WorkspaceError {}
-
-impl From<RecordError> for WorkspaceError {
-    fn from(error: RecordError) -> Self {
-        Self::Csv(error)
-    }
-}
-
-impl From<WriteError> for WorkspaceError {
-    fn from(error: WriteError) -> Self {
-        Self::Plot(error)
-    }
+    #[error(transparent)]
+    Plot(#[from] WriteError),
 }
 
 /// Runs a survey, and writes table and page.
@@ -116,10 +92,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(options: &WorkspaceOptions<K, N>) 
     write(&options.plot, "")?;
     let mut table = CsvFile::create::<Place<N>>(&options.csv)?;
     let grid = Grid::of(&options.robot, options.cells);
-    let bar = ProgressBar::new(grid.count());
-    if let Ok(style) = ProgressStyle::with_template("[{elapsed}] {bar:40} {pos}/{len} places") {
-        bar.set_style(style);
-    }
+    let bar = progress_bar(grid.count(), "places");
     let survey = survey(&options.robot, grid, |place| {
         table.write(place);
         bar.inc(1);
@@ -204,8 +177,8 @@ impl fmt::Display for Summary {
 
 impl<const N: usize> Record for Place<N> {
     fn header() -> Vec<String> {
-        let mut header: Vec<String> = ["x_m", "y_m", "z_m", "code"].map(str::to_owned).into();
-        header.extend(["condition", "compliance_um_per_n"].map(str::to_owned));
+        let names = ["x_m", "y_m", "z_m", "code", "condition", "compliance_um_per_n"];
+        let mut header: Vec<String> = names.map(str::to_owned).into();
         header.extend((1..=N).map(|axis| format!("q{axis}")));
         header
     }

@@ -7,23 +7,9 @@ use crate::process::Folder;
 #[test]
 fn the_demo_compensates_ramps_and_reports() {
     let folder = Folder::new("demo");
-    let said = folder
-        .run(&[
-            "demo",
-            "--pace",
-            "lockstep",
-            "--step-seconds",
-            "0.2",
-            "--force-max",
-            "120",
-            "--json",
-            "demo.json",
-            "--report",
-            "demo.html",
-            "--record",
-            "demo.csv",
-        ])
-        .success();
+    let mut arguments = vec!["demo", "--pace", "lockstep", "--step-seconds", "0.2", "--force-max", "120"];
+    arguments.extend(["--json", "demo.json", "--report", "demo.html", "--record", "demo.csv"]);
+    let said = folder.run(&arguments).success();
     assert!(said.contains("All as it should be."), "{said}");
     assert!(said.contains("demo.html"), "{said}");
     assert_numbers(&serde_json::from_str(&folder.read("demo.json")).unwrap());

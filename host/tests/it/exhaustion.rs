@@ -1,7 +1,7 @@
 //! A full disk: lost rows are counted and reported, and the session goes on.
 
 use crate::process::Folder;
-use crate::signals::{await_obtain, client, serve};
+use crate::signals::{await_obtain, client, leave, serve};
 
 #[test]
 fn a_full_disk_costs_the_recording_and_nothing_else() {
@@ -10,14 +10,9 @@ fn a_full_disk_costs_the_recording_and_nothing_else() {
     for times in 1..=2 {
         let owner = client(&folder, &format!("owner{times}"), &addresses);
         await_obtain(&mut server, times);
-        owner.interrupt();
-        let said = owner.end().success();
-        assert!(said.starts_with("left with Goodbye after "), "{said}");
-        // A client during the ramp is refused.
-        server.await_words("SafeDisconnect -> Listening");
+        leave(owner, &mut server);
     }
-    server.interrupt();
-    let ended = server.end();
+    let ended = server.stop();
     assert!(ended.stdout.contains("all offsets are zero; ended"), "{}", ended.stdout);
     assert!(ended.stdout.contains(" rows to /dev/full, at least "), "{}", ended.stdout);
     let line = ended.failure(1);
@@ -31,9 +26,7 @@ fn a_client_compensates_although_its_disk_is_full() {
     let arguments = ["client", &address, "--sensor", &sensor, "--record", "/dev/full"];
     let owner = folder.start("owner", &arguments);
     await_obtain(&mut server, 1);
-    owner.interrupt();
-    let said = owner.end().success();
+    let said = owner.stop().success();
     assert!(said.contains("/dev/full"), "{said}");
-    server.interrupt();
-    server.end().success();
+    server.stop().success();
 }

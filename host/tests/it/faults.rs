@@ -4,7 +4,7 @@ use std::net::UdpSocket;
 use std::time::Duration;
 
 use crate::process::{Folder, Running};
-use crate::signals::{await_obtain, client, serve};
+use crate::signals::{await_obtain, client, leave, serve};
 
 /// Returns one entry of a script.
 fn entry(at: &str, direction: &str, kind: &str) -> String {
@@ -33,14 +33,12 @@ fn a_scripted_fault_ends_the_session_and_is_counted() {
     assert!(line.contains("the server vanished"), "{line}");
     server.await_words("broken frame boundary or checksum");
     server.await_words("SafeDisconnect -> Listening");
-    link.interrupt();
-    let said = link.end().success();
+    let said = link.stop().success();
     let said: serde_json::Value = serde_json::from_str(&said).unwrap();
     assert_eq!(said["connections"], 1);
     assert_eq!(said["faults"], serde_json::json!({"corrupt": {"up": 1, "down": 0}}));
     assert!(said["frames"]["up"].as_u64().unwrap() >= 300, "{said}");
-    server.interrupt();
-    server.end().success();
+    server.stop().success();
 }
 
 /// The first Hello is lost, most frames come twice, some are reordered: the client repeats the Hello, answers each State once, and its
@@ -54,15 +52,10 @@ fn a_client_tolerates_lost_doubled_and_reordered_datagrams() {
     let (link, through) = link(&folder, &address, &faults);
     let owner = folder.start("owner", &["client", &through, "--udp", "--sensor", &sensor]);
     await_obtain(&mut server, 1);
-    owner.interrupt();
-    let said = owner.end().success();
-    assert!(said.starts_with("left with Goodbye after "), "{said}");
-    server.await_words("SafeDisconnect -> Listening");
-    link.interrupt();
-    let said = link.end().success();
+    leave(owner, &mut server);
+    let said = link.stop().success();
     assert!(said.contains("drop") && said.contains("duplicate"), "{said}");
-    server.interrupt();
-    server.end().success();
+    server.stop().success();
 }
 
 #[test]
@@ -79,8 +72,7 @@ fn datagrams_are_forwarded_and_lost_as_told() {
         let count = server.recv(&mut buffer).unwrap();
         assert_eq!(&buffer[..count], b"thrice");
     }
-    link.interrupt();
-    let said = link.end().success();
+    let said = link.stop().success();
     assert!(said.starts_with("1 connections\n"), "{said}");
     let words: Vec<&str> = said.split_whitespace().collect();
     assert!(words.ends_with(&["frames", "1", "0", "duplicate", "1", "0"]), "{said}");

@@ -106,6 +106,13 @@ impl Running {
         assert!(done.unwrap().success());
     }
 
+    /// Interrupts the process and waits for its end.
+    #[cfg(unix)]
+    pub(crate) fn stop(self) -> Ended {
+        self.interrupt();
+        self.end()
+    }
+
     /// Kills the process, as a power failure does.
     #[cfg(unix)]
     pub(crate) fn kill(mut self) {

@@ -96,7 +96,7 @@ fn another_file_is_refused_with_line_and_reason() {
         (
             2,
             Box::new(swap("\"velocity\":{\"value\":0", "\"velocity\":{\"value\":9999")),
-            "the state of the session contradicts its configuration",
+            "the state of the session contradicts its configuration: axis 0 has an offset beyond its limits",
         ),
         (50, Box::new(|line| line[..line.len() / 2].to_owned()), "EOF while parsing"),
     ];
@@ -133,8 +133,7 @@ fn serve_leaves_a_black_box_of_every_end() {
     server.await_words("black box: ");
     let _second = client(&folder, "second", &addresses);
     await_obtain(&mut server, 2);
-    server.interrupt();
-    server.end().success();
+    server.stop().success();
     let files = std::fs::read_dir(folder.path("new/boxes")).unwrap();
     let mut names: Vec<String> = files.map(|file| file.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
@@ -162,7 +161,6 @@ fn a_black_box_that_cannot_be_written_is_named() {
     await_obtain(&mut server, 1);
     only.kill();
     server.await_words("black box lost: boxes");
-    server.interrupt();
-    let line = server.end().failure(1);
+    let line = server.stop().failure(1);
     assert!(line.contains("boxes") && line.contains("os error"), "{line}");
 }

@@ -31,6 +31,13 @@ pub(crate) fn await_obtain(server: &mut Running, times: usize) {
     server.await_that("Obtain", |server| server.stderr().matches("Submit -> Obtain").count() == times);
 }
 
+/// Ends a client by Ctrl-C, and waits for the end of its ramp: a client during the ramp is refused.
+pub(crate) fn leave(owner: Running, server: &mut Running) {
+    let said = owner.stop().success();
+    assert!(said.starts_with("left with Goodbye after "), "{said}");
+    server.await_words("SafeDisconnect -> Listening");
+}
+
 /// Returns the state and the position offsets of every row so far.
 fn rows(folder: &Folder) -> Vec<(String, [i64; 3])> {
     let csv = folder.read("serve.csv");
@@ -85,10 +92,7 @@ fn a_session_of_two_processes_from_obtain_to_the_servers_end() {
     await_obtain(&mut server, 1);
     let line = client(&folder, "second", &addresses).end().failure(4);
     assert!(line.contains("another client owns the session"), "{line}");
-    owner.interrupt();
-    let said = owner.end().success();
-    assert!(said.starts_with("left with Goodbye after "), "{said}");
-    server.await_words("SafeDisconnect -> Listening");
+    leave(owner, &mut server);
 
     let third = client(&folder, "third", &addresses);
     await_obtain(&mut server, 2);
@@ -134,18 +138,15 @@ fn a_server_whose_client_is_killed_ramps_and_takes_the_next() {
     server.await_words("SafeDisconnect -> Listening");
     let next = client(&folder, "next", &addresses);
     await_obtain(&mut server, 2);
-    next.interrupt();
-    next.end().success();
-    server.interrupt();
-    server.end().success();
+    next.stop().success();
+    server.stop().success();
 }
 
 #[test]
 fn a_server_without_clients_ends_at_once_and_loses_no_row() {
     let folder = Folder::new("alone");
     let (server, _) = serve(&folder, &["--record", "serve.csv"]);
-    server.interrupt();
-    let said = server.end().success();
+    let said = server.stop().success();
     let recorded = format!("recorded {} rows to serve.csv", rows(&folder).len());
     assert!(said.contains(&recorded), "{said}");
 }
@@ -174,17 +175,13 @@ fn the_same_over_datagrams() {
     await_obtain(&mut server, 1);
     let line = folder.run(&arguments).failure(4);
     assert!(line.contains("another client owns the session"), "{line}");
-    owner.interrupt();
-    let said = owner.end().success();
-    assert!(said.starts_with("left with Goodbye after "), "{said}");
-    server.await_words("SafeDisconnect -> Listening");
+    leave(owner, &mut server);
     // Killed, it cannot close a connection: the server only sees silence.
     let killed = folder.start("killed", &arguments);
     await_obtain(&mut server, 2);
     killed.kill();
     server.await_words("no command arrived before two consecutive deadlines");
-    server.interrupt();
-    server.end().success();
+    server.stop().success();
 }
 
 #[test]
@@ -192,8 +189,7 @@ fn a_peer_that_is_not_allowed_is_closed_silently() {
     let folder = Folder::new("allow");
     let (server, addresses) = serve(&folder, &["--allow", "192.0.2.7", "--allow", "10.0.0.0/8"]);
     client(&folder, "refused", &addresses).end().failure(7);
-    server.interrupt();
-    server.end().success();
+    server.stop().success();
     let line = folder.run(&["serve", "--allow", "nowhere"]).failure(1);
     assert!(line.contains("nowhere"), "{line}");
 }

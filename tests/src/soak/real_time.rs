@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use gantry_tau::faults::relay::{LinkReport, Relay};
-use gantry_tau::model::{L2, L2_MOTORS, MachineKind};
+use gantry_tau::model::{L2, L2_MOTORS};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::server::cycle::{Cycle, Row};
 use gantry_tau::server::tick_source::TickSource;
@@ -181,9 +181,8 @@ type Rows = rtrb::Consumer<Row<N>>;
 
 fn server() -> (Server<N>, Rows, Audit<N>) {
     let robot = RobotFile::<L2, N>::builtin_l2().unwrap();
-    let home = robot.model.axes_at(&robot.home_m()).unwrap();
-    let mut waypoint = home;
-    for (place, scale) in waypoint.iter_mut().zip(robot.axes.metres_per_q) {
+    let mut waypoint = robot.home_q().unwrap();
+    for (place, scale) in waypoint.iter_mut().zip(robot.metres_per_q) {
         *place = *place * scale + 0.01;
     }
     let motion = Motion::BackAndForth {

@@ -107,11 +107,29 @@ struct Unchecked<const N: usize> {
 
 #[cfg(feature = "serde")]
 impl<const N: usize> TryFrom<Unchecked<N>> for Session<N> {
-    type Error = &'static str;
+    type Error = Contradiction;
 
-    fn try_from(unchecked: Unchecked<N>) -> Result<Self, Self::Error> {
-        Self::from_parts(unchecked.config, unchecked.parts)
-            .ok_or("the state of the session contradicts its configuration")
+    fn try_from(Unchecked { config, parts }: Unchecked<N>) -> Result<Self, Self::Error> {
+        let phase = parts.discrete.phase;
+        let mut axes = zip(&parts.axes, &config.parameters().axes);
+        let axis = axes.position(|(axis, config)| !axis.is_valid(phase, &config.limits));
+        Self::from_parts(config, parts).ok_or(Contradiction { axis })
+    }
+}
+
+/// Reason why what was read is not a session.
+#[cfg(feature = "serde")]
+struct Contradiction {
+    /// Index of the first axis that is not valid; without one the discrete state is not.
+    axis: Option<usize>,
+}
+
+#[cfg(feature = "serde")]
+impl fmt::Display for Contradiction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the state of the session contradicts its configuration")?;
+        self.axis
+            .map_or(Ok(()), |axis| write!(f, ": axis {axis} has an offset beyond its limits, or in the wrong phase"))
     }
 }
 

@@ -66,7 +66,7 @@ fn load() -> Wrench {
 
 /// The machine of `robots/l2.toml`, first order and exact.
 fn three_axes(numbers: &mut Numbers) {
-    let robot: l2::Robot = *RobotFile::builtin_l2().unwrap().model.kinematics().robot();
+    let robot: l2::Robot = *RobotFile::builtin_l2().unwrap().model.robot();
     let nominal = l2::Kinematics::new(&robot, &Matrix3::identity()).unwrap();
     let tcp_m = Vector3::new(0.0, 0.5, 0.65);
     let q = nominal.inverse_in_assembly(&tcp_m).unwrap();
@@ -90,7 +90,7 @@ fn three_axes(numbers: &mut Numbers) {
 
 /// The machine of `robots/f1.toml`, turned by 0.1 rad about z.
 fn six_axes(numbers: &mut Numbers) {
-    let kinematics = *RobotFile::builtin_f1().unwrap().model.kinematics();
+    let kinematics = RobotFile::builtin_f1().unwrap().model;
     let (sine, cosine) = (0.09983341664682815, 0.995_004_165_278_025_8);
     let pose = Pose {
         position_m: Vector3::new(0.05, 0.02, 0.45),
