@@ -8,6 +8,7 @@ use postcard::ser_flavors::Flavor;
 use serde::Serialize;
 
 use crate::code::gt_code;
+use crate::error::small;
 use crate::memory::Reply;
 
 /// Longest part of a black box, bytes.
@@ -37,10 +38,6 @@ pub(crate) fn look<const N: usize, const TICKS: usize>(black_box: &BlackBox<N, T
     let ticks = ticks(black_box);
     let parts = if ticks == 0 { 0 } else { ticks.saturating_add(HEAD) };
     gt_black_box { ticks: small(ticks), parts: small(parts), frozen: black_box.is_frozen().into() }
-}
-
-fn small(count: usize) -> u32 {
-    u32::try_from(count).unwrap_or(u32::MAX)
 }
 
 fn ticks<const N: usize, const TICKS: usize>(black_box: &BlackBox<N, TICKS>) -> usize {

@@ -55,6 +55,14 @@ pub enum gt_parameter {
     Velocity = 17,
     /// The torque channel; the index is the axis.
     Torque = 18,
+    /// metres_per_q; the index is the axis.
+    MetresPerQ = 19,
+    /// `stop` of a gt_tick_input.
+    Stop = 20,
+    /// `rearm` of a gt_tick_input.
+    Rearm = 21,
+    /// `last_write` of a gt_tick_input.
+    LastWrite = 22,
 }
 
 /// Details of an error. The meaning of a field depends on the code; a field that the code does not use is 0.
@@ -112,6 +120,11 @@ impl gt_error {
 #[expect(clippy::as_conversions, reason = "total; rounds above 2^53")]
 pub(crate) const fn count(count: usize) -> f64 {
     count as f64
+}
+
+/// Converts a count; all counts here are far below 2^32.
+pub(crate) fn small(count: usize) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
 }
 
 /// As [`count`].
@@ -197,23 +210,9 @@ impl From<RobotError> for gt_error {
     }
 }
 
-impl From<Parameter> for gt_parameter {
-    fn from(parameter: Parameter) -> Self {
-        match parameter {
-            Parameter::CartJoint => Self::CartJoint,
-            Parameter::Guideway => Self::Guideway,
-            Parameter::PlatformJoint => Self::PlatformJoint,
-            Parameter::Length => Self::Length,
-            Parameter::Travel => Self::Travel,
-            Parameter::LinkCompliance => Self::LinkCompliance,
-            Parameter::CartCompliance => Self::CartCompliance,
-            Parameter::Cart => Self::Cart,
-            Parameter::PlateJoint => Self::PlateJoint,
-            Parameter::TurnAxis => Self::TurnAxis,
-            Parameter::TiltAxis => Self::TiltAxis,
-        }
-    }
-}
+by_name!(Parameter => gt_parameter {
+    CartJoint Guideway PlatformJoint Length Travel LinkCompliance CartCompliance Cart PlateJoint TurnAxis TiltAxis
+});
 
 impl From<l2::OrientationError> for gt_error {
     fn from(error: l2::OrientationError) -> Self {
