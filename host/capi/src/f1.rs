@@ -189,9 +189,10 @@ unsafe fn lines(
     positions_nm: *const i64,
 ) -> Reply<LineMatrix<{ f1::AXES }>> {
     // SAFETY: the caller's promise.
-    let (pose, machine) = unsafe { (read(pose)?, object::<F1>(machine)?) };
-    // SAFETY: as above.
-    Ok(machine.kinematics.line_matrix(&pose.into(), &unsafe { machine.q(positions_nm) }?)?)
+    unsafe {
+        let machine = object::<F1>(machine)?;
+        Ok(machine.kinematics.line_matrix(&read(pose)?.into(), &machine.q(positions_nm)?)?)
+    }
 }
 
 /// Forward kinematics of a machine with six axes, cycle by cycle: each pose is found from the last one, which is kept inside.

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::code::gt_code;
 use crate::error::{gt_error, gt_parameter};
-use crate::memory::{Reply, answer, place, read};
+use crate::memory::{Reply, answer, checked, read};
 
 /// Number of links, in the order 11, 21, 22, 31, 32, 33: the first digit is the arm, and its number of links.
 pub const GT_LINKS: usize = 6;
@@ -175,10 +175,10 @@ pub(crate) unsafe fn statics<const N: usize>(
     // SAFETY: the caller's promise.
     unsafe {
         answer(axis_loads, error, || {
-            let forces = place(link_forces_n.cast::<[f64; GT_LINKS]>())?;
+            let forces = checked(link_forces_n.cast::<[f64; GT_LINKS]>())?;
             let (load, lines) = (read(load)?, lines()?);
             let tensions = lines.link_forces_n(&load.into())?;
-            forces.put(tensions);
+            forces.write(tensions);
             Ok(lines.cart_loads(&tensions))
         })
     }

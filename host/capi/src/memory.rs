@@ -27,23 +27,24 @@ pub(crate) unsafe fn reply(error: *mut gt_error, call: impl FnOnce() -> Reply) -
     answer.code
 }
 
-/// As [`reply`], for a call with a result. Its place is checked first: a call that cannot return its result changes nothing.
+/// As [`reply`], for a call with a result. A call that cannot return its result changes nothing.
 ///
 /// # Safety
-/// As [`reply`] and [`place`].
+/// As [`reply`], for `result` too.
 #[inline(always)]
 pub(crate) unsafe fn answer<T>(result: *mut T, error: *mut gt_error, call: impl FnOnce() -> Reply<T>) -> gt_code {
     // SAFETY: the caller's promise.
     unsafe {
         reply(error, || {
-            let place = place(result)?;
-            place.put(call()?);
+            let place = checked(result)?;
+            place.write(call()?);
             Ok(())
         })
     }
 }
 
-fn checked<T>(pointer: *const T) -> Reply<NonNull<T>> {
+/// Refuses null and misaligned pointers. Places for results are checked first, before anything is changed.
+pub(crate) fn checked<T>(pointer: *const T) -> Reply<NonNull<T>> {
     let pointer = NonNull::new(pointer.cast_mut()).ok_or(gt_code::NullPointer)?;
     if pointer.is_aligned() { Ok(pointer) } else { Err(gt_code::Misaligned.into()) }
 }
@@ -63,11 +64,8 @@ pub(crate) unsafe fn read<T: Copy>(pointer: *const T) -> Reply<T> {
 /// # Safety
 /// As [`read`].
 pub(crate) unsafe fn read_some<T: Copy>(pointer: *const T) -> Reply<Option<T>> {
-    if pointer.is_null() {
-        return Ok(None);
-    }
     // SAFETY: the caller's promise.
-    unsafe { read(pointer) }.map(Some)
+    if pointer.is_null() { Ok(None) } else { unsafe { read(pointer) }.map(Some) }
 }
 
 /// Borrows bytes of the caller for the duration of the call. Null is allowed with length 0.
@@ -99,33 +97,14 @@ fn start(pointer: *const u8, length: usize) -> Reply<NonNull<u8>> {
     Ok(pointer)
 }
 
-/// Memory of the caller for a result.
-pub(crate) struct Place<T>(NonNull<T>);
-
-/// Checks the pointer to a result. Done first, so that a call that cannot return its result changes nothing.
-///
-/// # Safety
-/// `pointer` is null, or misaligned, or points to a place for a `T` that is there until the call is over.
-pub(crate) unsafe fn place<T>(pointer: *mut T) -> Reply<Place<T>> {
-    checked(pointer).map(Place)
-}
-
-impl<T> Place<T> {
-    /// Writes the result.
-    pub(crate) fn put(self, answer: T) {
-        // SAFETY: the promise to `place`; `self` is consumed.
-        unsafe { self.0.write(answer) };
-    }
-}
-
 /// Writes a result that the caller may not want.
 ///
 /// # Safety
-/// As [`place`].
+/// `pointer` is null, or misaligned, or points to a place for a `T`.
 pub(crate) unsafe fn put_some<T>(pointer: *mut T, answer: T) {
-    // SAFETY: the caller's promise.
-    if let Ok(place) = unsafe { place(pointer) } {
-        place.put(answer);
+    if let Ok(place) = checked(pointer) {
+        // SAFETY: neither null nor misaligned, so it points to such a place.
+        unsafe { place.write(answer) };
     }
 }
 

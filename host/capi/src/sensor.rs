@@ -9,7 +9,7 @@ use gantry_tau_core::model::statics::Wrench;
 use crate::code::gt_code;
 use crate::error::gt_error;
 use crate::machine::{gt_wrench, matrix};
-use crate::memory::{Object, answer, create, object_mut, place, read, reply, tag};
+use crate::memory::{Object, answer, checked, create, object_mut, read, reply, tag};
 
 /// Bytes of a gt_sensor.
 pub const GT_SENSOR_SIZE: usize = 512;
@@ -82,12 +82,12 @@ pub unsafe extern "C" fn gt_sensor_update(
     // SAFETY: the header's rules for pointers; null is allowed for the error.
     unsafe {
         answer(load, null_mut(), || {
-            let (taring, raw, sensor) = (place(taring)?, read(raw)?, object_mut::<ForceSensor>(sensor)?);
+            let (taring, raw, sensor) = (checked(taring)?, read(raw)?, object_mut::<ForceSensor>(sensor)?);
             let (wrench, remaining) = match sensor.update(&raw.into())? {
                 Reading::Taring { remaining } => (Wrench::zero(), remaining),
                 Reading::Load(wrench) => (wrench, 0),
             };
-            taring.put(remaining);
+            taring.write(remaining);
             Ok(wrench.into())
         })
     }

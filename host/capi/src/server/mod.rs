@@ -8,7 +8,7 @@ mod tick;
 use core::ffi::c_void;
 use core::ptr::null_mut;
 
-use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::endpoint::{Endpoint, Transport};
 use gantry_tau_core::control::session::Connection;
 use gantry_tau_core::units::{Epoch, EpochRange};
 
@@ -20,12 +20,12 @@ pub use tick::{
     gt_counters, gt_phase, gt_reference, gt_state, gt_tick_input, gt_tick_output,
 };
 
-use running::{HALF, NONE, Running, full_refusal};
+use running::{HALF, NONE, Running};
 
 use crate::black_box::{gt_black_box, look, write_part};
 use crate::code::gt_code;
 use crate::error::{count, gt_error};
-use crate::memory::{Object, answer, buffer, bytes, object_mut, place, put_some, read, reply, tag_of};
+use crate::memory::{Object, answer, buffer, bytes, checked, object_mut, put_some, read, reply, tag_of};
 
 /// Length of arrays per axis.
 pub const GT_MAX_AXES: usize = 6;
@@ -172,7 +172,12 @@ pub unsafe extern "C" fn gt_server_open(server: *mut gt_server, transport: u32, 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_refusal(frame: *mut gt_frame) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.
-    unsafe { answer(frame, null_mut(), || Ok(full_refusal())) }
+    unsafe {
+        answer(frame, null_mut(), || {
+            // The same for any number of axes.
+            Ok(gt_frame::new(Connection(u64::MAX), &Endpoint::<3, GT_MAX_MOTORS>::full_refusal()))
+        })
+    }
 }
 
 /// Takes note that a connection is gone: closed by its peer, reset, or because a frame could not be written to it whole.
@@ -310,10 +315,10 @@ pub unsafe extern "C" fn gt_server_black_box_part(
     // SAFETY: the header's rules for pointers; null is allowed for the error.
     unsafe {
         reply(null_mut(), || {
-            let (place, room) = (place(length)?, self::buffer(buffer, size)?);
+            let (place, room) = (checked(length)?, self::buffer(buffer, size)?);
             let index = usize::try_from(index).map_err(|_| gt_code::Index)?;
             let length = ask!(server, server => write_part(&server.black_box, index, room)?);
-            place.put(length);
+            place.write(length);
             if length > size {
                 return Err(gt_error::new(gt_code::BufferTooSmall).value(count(length)));
             }

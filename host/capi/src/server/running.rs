@@ -2,11 +2,10 @@
 
 use core::ffi::c_void;
 
-use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint};
-use gantry_tau_core::control::session::{BlackBox, Connection};
+use gantry_tau_core::control::endpoint::Endpoint;
+use gantry_tau_core::control::session::BlackBox;
 
 use super::config::{gt_server_config, gt_start};
-use super::frame::gt_frame;
 use super::tick::{gt_tick_input, gt_tick_output};
 use super::{
     GT_BLACK_BOX_NONE, GT_BLACK_BOX_TICKS, GT_MAX_MOTORS, GT_SERVER_SIZE_3, GT_SERVER_SIZE_3_BLACK_BOX,
@@ -86,11 +85,3 @@ impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
         Ok(gt_tick_output::new(references.as_ref(), output, self.motors))
     }
 }
-
-/// Returns the frame for a peer without room for its connection; it is the same for any number of axes.
-pub(super) fn full_refusal() -> gt_frame {
-    let refusal = Endpoint::<3, GT_MAX_MOTORS>::full_refusal();
-    gt_frame::new(Connection(u64::MAX), &refusal)
-}
-
-const _: () = assert!(CONNECTIONS < 255, "a connection is never the number that stands for none");

@@ -331,44 +331,30 @@ by_name!(Cause => gt_cause {
 
 impl From<Counters> for gt_counters {
     fn from(counters: Counters) -> Self {
-        let Counters {
-            received,
-            missed,
-            late,
-            duplicate,
-            stale,
-            malformed,
-            out_of_range,
-            limited,
-            clamped,
-            non_owner,
-            longest_miss_run,
-        } = counters;
         Self {
-            received,
-            missed,
-            late,
-            duplicate,
-            stale,
-            malformed,
-            out_of_range,
-            limited,
-            clamped,
-            non_owner,
-            longest_miss_run,
+            received: counters.received,
+            missed: counters.missed,
+            late: counters.late,
+            duplicate: counters.duplicate,
+            stale: counters.stale,
+            malformed: counters.malformed,
+            out_of_range: counters.out_of_range,
+            limited: counters.limited,
+            clamped: counters.clamped,
+            non_owner: counters.non_owner,
+            longest_miss_run: counters.longest_miss_run,
         }
     }
 }
 
 impl From<AxisState> for gt_axis_state {
     fn from(axis: AxisState) -> Self {
-        let AxisState { nominal, offsets, shadow, actual, flags } = axis;
         Self {
-            nominal_nm: nominal.0,
-            offsets: offsets.into(),
-            shadow: shadow.into(),
-            actual: actual.into(),
-            flags: flags.bits(),
+            nominal_nm: axis.nominal.0,
+            offsets: axis.offsets.into(),
+            shadow: axis.shadow.into(),
+            actual: axis.actual.into(),
+            flags: axis.flags.bits(),
         }
     }
 }
