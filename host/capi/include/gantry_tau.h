@@ -10,7 +10,7 @@
  *     gt_code code = gt_server_init(&memory, sizeof memory, &config, &start, &server, &error);
  *
  * An object must not be moved, copied or written to. All else is copied: no pointer is kept beyond its call. After an error of
- * gt_..._init the memory holds no object, not even one that was there before.
+ * gt_..._init the memory holds no object, not even one that was there before, unless the error is that of a pointer or of the size.
  *
  * POINTERS. A pointer must point to a value of its type for the duration of the call. Null is refused with GT_CODE_NULL_POINTER unless
  * documented as allowed, a misaligned pointer with GT_CODE_MISALIGNED, a handle without a live object of its type with
@@ -925,8 +925,8 @@ gt_code gt_f1_tracker_init(void *memory,
                            struct gt_f1_tracker **tracker,
                            struct gt_error *error);
 
-// Forward kinematics: the pose for positions in nm, found from the last pose of the tracker: at most 2 linear solves at 1 m/s and 1 kHz,
-// 10 from a farther pose, 10 more without a use for it. The pose is then the last one; after an error the last one stays.
+// Forward kinematics: the pose for positions in nm, found from the tracker's last pose: by at most 2 linear solves where it is near
+// (1 m/s at 1 kHz), else by 10 more, else by 10 from the synchronised form. It is then the last pose; after an error that one stays.
 // `solved` may be null.
 //
 // Errors: KINEMATICS_: NO_ASSEMBLY, NOT_CONVERGED, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; SEED_REQUIRED: the machine has no

@@ -3,7 +3,7 @@
 use core::ffi::c_void;
 
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
-use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
+use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2};
@@ -195,7 +195,12 @@ pub unsafe extern "C" fn gt_f1_correction(
     error: *mut gt_error,
 ) -> gt_code {
     // SAFETY: the header's rules for pointers.
-    unsafe { answer(correction, error, || six(compensator, tracker, nominal_nm, load, f1::Compensator::correct_at)) }
+    unsafe {
+        answer(correction, error, || {
+            let (compensator, pose, q, load) = cycle(compensator, tracker, nominal_nm, load)?;
+            Ok(compensator.correct_at(&pose, &q, &load)?.into())
+        })
+    }
 }
 
 /// As gt_f1_correction, by the exact map: at most 10 inverses.
@@ -214,32 +219,29 @@ pub unsafe extern "C" fn gt_f1_exact_correction(
 ) -> gt_code {
     // SAFETY: the header's rules for pointers.
     unsafe {
-        answer(correction, error, || six(compensator, tracker, nominal_nm, load, f1::Compensator::correct_exact_at))
+        answer(correction, error, || {
+            let (compensator, pose, q, load) = cycle(compensator, tracker, nominal_nm, load)?;
+            Ok(compensator.correct_exact_at(&pose, &q, &load)?.into())
+        })
     }
 }
 
-/// One of the maps of a machine with six axes.
-type SixMap =
-    fn(&f1::Compensator, &Pose, &[f64; f1::AXES], &Wrench) -> Result<Correction<{ f1::AXES }>, KinematicsError>;
-
-/// A correction by one of the maps.
+/// Compensator, pose, positions in q-units, and load of a cycle.
 ///
 /// # Safety
 /// The header's rules for pointers.
 #[inline(always)]
-unsafe fn six(
+unsafe fn cycle<'a>(
     compensator: *const gt_f1_compensator,
     tracker: *mut gt_f1_tracker,
     nominal_nm: *const i64,
     load: *const gt_wrench,
-    map: SixMap,
-) -> Reply<gt_correction> {
+) -> Reply<(&'a f1::Compensator, Pose, [f64; f1::AXES], Wrench)> {
     // SAFETY: the caller's promise.
     unsafe {
         let (load, compensator) = (read(load)?.into(), object::<f1::Compensator>(compensator)?);
         let tracker = object_mut::<Tracker>(tracker)?;
         let q = tracker.q(nominal_nm)?;
-        let pose = tracker.kinematics.track(&q)?.value;
-        Ok(map(compensator, &pose, &q, &load)?.into())
+        Ok((compensator, tracker.kinematics.track(&q)?.value, q, load))
     }
 }

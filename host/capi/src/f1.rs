@@ -229,8 +229,8 @@ pub unsafe extern "C" fn gt_f1_tracker_init(
     }
 }
 
-/// Forward kinematics: the pose for positions in nm, found from the last pose of the tracker: at most 2 linear solves at 1 m/s and 1 kHz,
-/// 10 from a farther pose, 10 more without a use for it. The pose is then the last one; after an error the last one stays.
+/// Forward kinematics: the pose for positions in nm, found from the tracker's last pose: by at most 2 linear solves where it is near
+/// (1 m/s at 1 kHz), else by 10 more, else by 10 from the synchronised form. It is then the last pose; after an error that one stays.
 /// `solved` may be null.
 ///
 /// Errors: KINEMATICS_: NO_ASSEMBLY, NOT_CONVERGED, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; SEED_REQUIRED: the machine has no

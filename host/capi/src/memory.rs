@@ -136,11 +136,6 @@ pub(crate) const fn size_of<T>() -> usize {
     core::mem::size_of::<Tagged<T>>()
 }
 
-/// True if the size in the header is enough for an object, and [`GT_ALIGN`] for its alignment.
-const fn fits<T: Object>() -> bool {
-    size_of::<T>() <= T::BYTES && align_of::<Tagged<T>>() <= GT_ALIGN
-}
-
 /// Creates an object in memory of the caller, who receives its handle.
 ///
 /// # Safety
@@ -168,7 +163,8 @@ pub(crate) unsafe fn settle<P, T: Object>(
     parts: impl FnOnce() -> Reply<P>,
     write: impl FnOnce(P, *mut T),
 ) -> Reply<*mut T::Handle> {
-    const { assert!(fits::<T>(), "the size in the header is too small for this target") };
+    const { assert!(size_of::<T>() <= T::BYTES, "the size in the header is too small for this target") };
+    const { assert!(align_of::<Tagged<T>>() <= GT_ALIGN, "the alignment in the header is too small for this target") };
     let memory = checked(memory.cast::<Tagged<T>>())?;
     if size < size_of::<T>() {
         return Err(gt_error::new(gt_code::MemoryTooSmall).value(count(size_of::<T>())));

@@ -108,8 +108,8 @@ static void servers(void)
     gt_black_box box;
     uint64_t connection = 0, first = 0;
     uint8_t flag = 0;
-    size_t length = 0;
-    uint8_t part[GT_BLACK_BOX_PART];
+    size_t length = 0, whole = 0;
+    uint8_t part[GT_BLACK_BOX_PART], beginning[8];
 
     memset(&start, 0, sizeof start);
     memset(&input, 0, sizeof input);
@@ -213,9 +213,11 @@ static void servers(void)
     REFUSE(length != 10)
     EXPECT(OK, gt_server_black_box_part(server, 0, part, 10, &length));
     REFUSE(length != 10 || memcmp(part, "GTBB\2\6\1\0\0\0", 10) != 0)
-    part[8] = 77;
+    EXPECT(OK, gt_server_black_box_part(server, 2, part, sizeof part, &whole));
+    memcpy(beginning, part, 8);
+    memset(part, 77, sizeof part);
     EXPECT(BUFFER_TOO_SMALL, gt_server_black_box_part(server, 2, part, 8, &length));
-    REFUSE(length <= 10 || part[8] != 77)
+    REFUSE(length <= 10 || length != whole || memcmp(part, beginning, 8) != 0 || part[8] != 77)
     EXPECT(NULL_POINTER, gt_server_black_box_part(server, 0, NULL, 1, &length));
     EXPECT(LENGTH, gt_server_black_box_part(server, 0, part, SIZE_MAX, &length));
     EXPECT(INDEX, gt_server_black_box_part(server, 3, part, sizeof part, &length));
@@ -358,6 +360,14 @@ static void machines(void)
     EXPECT(SENSOR_OUT_OF_RANGE, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
     ABOUT(-1, TARE_SAMPLES, 0);
     mounting.tare_samples = 1;
+#define OUT_OF_RANGE(field, wrong, right, parameter)                                                                   \
+    mounting.field = wrong;                                                                                            \
+    EXPECT(SENSOR_OUT_OF_RANGE, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));                  \
+    ABOUT(-1, parameter, 0);                                                                                           \
+    mounting.field = right
+    OUT_OF_RANGE(lever_m[1], 11, 0, LEVER);
+    OUT_OF_RANGE(cutoff_hz, 0, 20, CUTOFF);
+    OUT_OF_RANGE(cycle_s, 0, 1e-3, CYCLE);
     EXPECT(OK, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
     EXPECT(SENSOR_BAD_READING, gt_sensor_update(sensor, &load, &out, &taring));
     EXPECT(NO_OBJECT, gt_l2_correction(compensator, nm, &load, &correction, &error)); /* a sensor is there now */
@@ -373,6 +383,15 @@ static void tracker(void)
     static GT_MEMORY(GT_F1_SIZE) f1_memory;
     static GT_MEMORY(GT_F1_TRACKER_SIZE) tracker_memory;
     static const gt_pose start = {.position_m = {0, 0, 0.3}, .rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    static const gt_wrench load = {.force_n = {0, 0, -200}};
+    static const gt_compensator_config config = {
+        .link_m_per_n = {5e-7, 5e-7, 5e-7, 5e-7, 5e-7, 5e-7},
+        .axis_per_n = {5e-8, 5e-8, 5e-8, 2e-6, 2e-6, 2e-6},
+        .limits_nm = {1000000, 1000000, 1000000, 1000000, 1000000, 1000000},
+        .gain = 1,
+    };
+    gt_f1_compensator *compensator = NULL;
+    gt_correction correction;
     gt_error error;
     gt_f1_geometry geometry = f1_geometry;
     gt_f1 *f1 = NULL;
@@ -406,6 +425,20 @@ static void tracker(void)
     EXPECT(OK, gt_f1_tracker_start_from(tracker, NULL));
     EXPECT(KINEMATICS_SEED_REQUIRED, gt_f1_tracker_pose(tracker, nm, &pose, NULL, &error));
     EXPECT(NULL_POINTER, gt_f1_tracker_start_from(NULL, &start));
+
+    /* A correction uses the tracker's last pose, and leaves its own there. */
+    EXPECT(OK, gt_f1_compensator_init(&memory, sizeof memory, f1, &config, &compensator, &error));
+    EXPECT(KINEMATICS_SEED_REQUIRED, gt_f1_correction(compensator, tracker, nm, &load, &correction, &error));
+    EXPECT(OK, gt_f1_tracker_start_from(tracker, &start));
+    EXPECT(NULL_POINTER, gt_f1_correction(compensator, NULL, nm, &load, &correction, &error));
+    EXPECT(NULL_POINTER, gt_f1_exact_correction(compensator, tracker, NULL, &load, &correction, &error));
+    EXPECT(NO_OBJECT, gt_f1_correction((gt_f1_compensator *)f1, tracker, nm, &load, &correction, &error));
+    EXPECT(OK, gt_f1_correction(compensator, tracker, nm, &load, &correction, &error));
+    REFUSE(correction.offsets_nm[0] <= 0) /* the carts lift the load */
+    nm[0] += 1000000;
+    EXPECT(OK, gt_f1_exact_correction(compensator, tracker, nm, &load, &correction, &error));
+    EXPECT(OK, gt_f1_tracker_pose(tracker, nm, &pose, &solved, &error));
+    REFUSE(solved.iterations > 1)
 }
 
 int main(void)
@@ -414,6 +447,7 @@ int main(void)
     servers();
     machines();
     tracker();
+    REFUSE(strcmp(gt_code_name(-1), "GT_CODE_UNKNOWN") != 0 || strcmp(gt_code_name(15), "GT_CODE_UNKNOWN") != 0)
     printf("%d refusals\n", refused);
     return 0;
 }
