@@ -1,7 +1,7 @@
 /*
  * Kinematics and compensation of both machines: the offset of each axis for a pose and a load.
  *
- * The machines are those of robots/l2.toml and robots/f1.toml. Every number is printed as its 64 bits and rounded.
+ * Every number is printed as its 64 bits and rounded.
  */
 #include <inttypes.h>
 #include <stdio.h>
@@ -9,40 +9,14 @@
 #include <string.h>
 
 #include "gantry_tau.h"
+#include "machines.h"
 
 static GT_MEMORY(GT_L2_SIZE) l2_memory;
 static GT_MEMORY(GT_F1_SIZE) f1_memory;
+static GT_MEMORY(GT_F1_TRACKER_SIZE) f1_tracker_memory;
 static GT_MEMORY(GT_L2_COMPENSATOR_SIZE) l2_compensator_memory;
 static GT_MEMORY(GT_F1_COMPENSATOR_SIZE) f1_compensator_memory;
 static GT_MEMORY(GT_SENSOR_SIZE) sensor_memory;
-
-#define UPRIGHT {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}
-
-static const gt_l2_geometry l2_geometry = {
-    .cart_joints_m = {{0.10, -0.05, 1.28}, {-0.10, -0.29, 0.75}, {0.10, -0.29, 0.75},
-                      {-0.12, -0.05, 0.05}, {0.12, -0.05, 0.05}, {0.00, 0.08, 0.05}},
-    .guideways = {{1, 0, 0}, {1, 0, 0}, {1, 0, 0}},
-    .platform_joints_m = {{0.10, -0.05, 0.03}, {-0.10, 0.06, 0.05}, {0.10, 0.06, 0.05},
-                          {-0.12, -0.05, -0.05}, {0.12, -0.05, -0.05}, {0.00, 0.08, -0.05}},
-    .lengths_m = {1.0, 1.1, 1.0},
-    .rotation = UPRIGHT,
-    .inverse_branch = {1, -1, 1},
-    .forward_branch = -1,
-};
-
-static const gt_f1_geometry f1_geometry = {
-    .carts_m = {{-0.25, -1.12, 0}, {1.15, 0.05, 0}, {-1.00, 0.55, 0}},
-    .guideways = {{0, 0, 1}, {0, 0, 1}, {0, 0, 1}},
-    .plate_joints_m = {{-0.05, -0.10, 0.02}, {0, -0.15, 0}, {0, 0.15, 0},
-                       {0.11, -0.04, 0}, {-0.11, -0.04, 0}, {0, 0.10, 0}},
-    .platform_joints_m = {{-0.05, -0.10, 0.02}, {0.10, -0.15, 0.03}, {0.10, 0.15, 0.03},
-                          {0.06, 0.10, 0}, {-0.16, 0.10, 0}, {-0.05, 0.24, 0}},
-    .lengths_m = {1.7, 1.7, 1.7, 1.7, 1.7, 1.7},
-    .inverse_branch = {1, 1, 1},
-    .turn_axis = {0, 0, 1},
-    .tilt_axis = {0, 1, 0},
-    .turn_signs = {-1, 1},
-};
 
 /* 300 N along x and smaller components, applied by the environment to the platform. */
 static const gt_wrench load = {.force_n = {300, -50, 100}, .moment_nm = {1, 2, -1}};
@@ -64,6 +38,13 @@ static void print(const char *what, const double *numbers, int count)
     }
 }
 
+static void print_positions(const char *what, const int64_t *positions_nm, int axes)
+{
+    for (int i = 0; i < axes; i++) {
+        printf("%-20s %d  %lld nm\n", what, i, (long long)positions_nm[i]);
+    }
+}
+
 static void print_correction(const char *what, const gt_correction *correction, int axes)
 {
     for (int i = 0; i < axes; i++) {
@@ -76,32 +57,32 @@ static void three_axes(void)
     const gt_compensator_config config = {
         .link_m_per_n = {5.0e-7, 6.0e-7, 5.5e-7, 7.0e-7, 6.5e-7, 6.0e-7},
         .axis_per_n = {4.06e-8, 5.09e-8, 6.00e-8},
-        .metres_per_q = {1, 1, 1},
         .limits_nm = {2000000, 150000, 2000000}, /* the second one is reached */
         .gain = 1,
     };
     const double tcp_m[3] = {0.0, 0.5, 0.65};
-    double q[3], back_m[3], jacobian[9], forces_n[6], loads[3];
+    int64_t positions_nm[3];
+    double back_m[3], jacobian[9], forces_n[6], loads[3];
     gt_l2 *machine;
     gt_l2_compensator *compensator;
     gt_correction correction;
     gt_error error;
 
     check("l2", gt_l2_init(&l2_memory, sizeof l2_memory, &l2_geometry, &machine, &error), &error);
-    check("inverse", gt_l2_inverse(machine, tcp_m, q, &error), &error);
-    check("forward", gt_l2_forward(machine, q, back_m, &error), &error);
+    check("inverse", gt_l2_inverse(machine, tcp_m, positions_nm, &error), &error);
+    check("forward", gt_l2_forward(machine, positions_nm, back_m, &error), &error);
     check("jacobian", gt_l2_jacobian(machine, tcp_m, jacobian, &error), &error);
-    check("statics", gt_l2_statics(machine, tcp_m, q, &load, forces_n, loads, &error), &error);
-    print("l2 q", q, 3);
+    check("statics", gt_l2_statics(machine, tcp_m, positions_nm, &load, forces_n, loads, &error), &error);
+    print_positions("l2 positions", positions_nm, 3);
     print("l2 tcp", back_m, 3);
     print("l2 jacobian", jacobian, 9);
     print("l2 link force", forces_n, 6);
     print("l2 cart load", loads, 3);
 
     check("l2 compensator", gt_l2_compensator_init(&l2_compensator_memory, sizeof l2_compensator_memory, machine, &config, &compensator, &error), &error);
-    check("correction", gt_l2_correction(compensator, q, &load, &correction, &error), &error);
+    check("correction", gt_l2_correction(compensator, positions_nm, &load, &correction, &error), &error);
     print_correction("l2 correction", &correction, 3);
-    check("exact", gt_l2_exact_correction(compensator, q, &load, &correction, &error), &error);
+    check("exact", gt_l2_exact_correction(compensator, positions_nm, &load, &correction, &error), &error);
     print_correction("l2 exact", &correction, 3);
 }
 
@@ -110,7 +91,6 @@ static void six_axes(void)
     const gt_compensator_config config = {
         .link_m_per_n = {5.0e-7, 6.0e-7, 5.5e-7, 7.0e-7, 6.5e-7, 6.0e-7},
         .axis_per_n = {4.0e-6, 5.0e-6, 6.0e-6, 2.0e-6, 2.0e-6, 2.0e-6},
-        .metres_per_q = {1, 1, 1, 0.05, 0.05, 0.05},
         .limits_nm = {5000000, 5000000, 5000000, 5000000, 5000000, 5000000},
         .gain = 1,
     };
@@ -119,8 +99,10 @@ static void six_axes(void)
         .position_m = {0.05, 0.02, 0.45},
         .rotation = {{0.99500416527802577, -0.09983341664682815, 0}, {0.09983341664682815, 0.99500416527802577, 0}, {0, 0, 1}},
     };
-    double q[6], jacobian[36], forces_n[6], loads[6];
+    int64_t positions_nm[6];
+    double jacobian[36], forces_n[6], loads[6];
     gt_f1 *machine;
+    gt_f1_tracker *tracker;
     gt_f1_compensator *compensator;
     gt_correction correction;
     gt_solved solved;
@@ -128,21 +110,31 @@ static void six_axes(void)
     gt_error error;
 
     check("f1", gt_f1_init(&f1_memory, sizeof f1_memory, &f1_geometry, &machine, &error), &error);
-    check("inverse", gt_f1_inverse(machine, &pose, NULL, q, &solved, &error), &error);
-    check("forward", gt_f1_forward(machine, q, &pose, GT_WARM_SOLVES, &back, NULL, &error), &error);
-    check("jacobian", gt_f1_jacobian(machine, &pose, q, jacobian, &error), &error);
-    check("statics", gt_f1_statics(machine, &pose, q, &load, forces_n, loads, &error), &error);
+    check("inverse", gt_f1_inverse(machine, &pose, NULL, positions_nm, &solved, &error), &error);
     printf("f1 iterations        0  %" PRId32 "\n", solved.iterations);
-    print("f1 q", q, 6);
-    print("f1 position", back.position_m, 3);
+    print_positions("f1 positions", positions_nm, 6);
+    /* The first pose is found from the synchronised form, every other one from the pose before it. */
+    check("tracker", gt_f1_tracker_init(&f1_tracker_memory, sizeof f1_tracker_memory, machine, &tracker, &error), &error);
+    for (int cycle = 0; cycle < 3; cycle++) {
+        positions_nm[0] += 500000;
+        check("pose", gt_f1_tracker_pose(tracker, positions_nm, &back, &solved, &error), &error);
+        printf("f1 tracked           %d  %" PRId32 "\n", cycle, solved.iterations);
+        print("f1 position", back.position_m, 3);
+    }
+    /* Back, seeded by the plates' positions. */
+    check("inverse", gt_f1_inverse(machine, &back, positions_nm, positions_nm, &solved, &error), &error);
+    print_positions("f1 positions", positions_nm, 6);
+
+    check("jacobian", gt_f1_jacobian(machine, &back, positions_nm, jacobian, &error), &error);
+    check("statics", gt_f1_statics(machine, &back, positions_nm, &load, forces_n, loads, &error), &error);
     print("f1 jacobian", jacobian, 36);
     print("f1 link force", forces_n, 6);
     print("f1 axis load", loads, 6);
 
     check("f1 compensator", gt_f1_compensator_init(&f1_compensator_memory, sizeof f1_compensator_memory, machine, &config, &compensator, &error), &error);
-    check("correction", gt_f1_correction(compensator, &pose, q, &load, &correction, &error), &error);
+    check("correction", gt_f1_correction(compensator, tracker, positions_nm, &load, &correction, &error), &error);
     print_correction("f1 correction", &correction, 6);
-    check("exact", gt_f1_exact_correction(compensator, &pose, q, &load, &correction, &error), &error);
+    check("exact", gt_f1_exact_correction(compensator, tracker, positions_nm, &load, &correction, &error), &error);
     print_correction("f1 exact", &correction, 6);
 }
 

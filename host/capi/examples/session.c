@@ -192,7 +192,10 @@ int main(int argc, char **argv)
             input.nominal_nm[axis] = (int64_t)tick * 1000 * (axis + 1);
             input.actual[axis].position_nm = input.nominal_nm[axis] - 50;
         }
-        check("tick", gt_server_tick(server, &input, &output));
+        if (gt_server_tick(server, &input, &output, &error) != GT_CODE_OK) {
+            printf("parameter %" PRId32 ": %g\n", error.parameter, error.value);
+            fail("tick", error.code);
+        }
         if (trace) {
             fprintf(trace, "tick %llu\n", (unsigned long long)tick);
             trace_bytes(trace, "in", read.bytes, read.length);

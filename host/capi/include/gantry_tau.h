@@ -2,30 +2,32 @@
  * gantry_tau.h: the C interface of gantry-tau, the controller core of Gantry-Tau parallel robots.
  * Written by cbindgen from host/capi/src. Do not edit. First steps: host/capi/README.md. The protocol on the wire: wire.md.
  *
- * MEMORY. The library allocates nothing and frees nothing. Objects (gt_server, gt_l2, gt_f1, gt_..._compensator, gt_sensor) live in
- * memory of the caller, of GT_..._SIZE bytes (bounds for every target), aligned to GT_ALIGN:
+ * MEMORY. The library allocates nothing and frees nothing. Objects (gt_server, gt_l2, gt_f1, gt_f1_tracker, gt_..._compensator,
+ * gt_sensor) live in memory of the caller, of GT_..._SIZE bytes (bounds for every target), aligned to GT_ALIGN:
  *
  *     static GT_MEMORY(GT_SERVER_SIZE_3) memory;
  *     gt_server *server;
  *     gt_code code = gt_server_init(&memory, sizeof memory, &config, &start, &server, &error);
  *
- * An object must not be moved, copied or written to. All else is copied: no pointer is kept beyond its call.
+ * An object must not be moved, copied or written to. All else is copied: no pointer is kept beyond its call. After an error of
+ * gt_..._init the memory holds no object, not even one that was there before, unless the error is that of a pointer or of the size.
  *
  * POINTERS. A pointer must point to a value of its type for the duration of the call. Null is refused with GT_CODE_NULL_POINTER unless
  * documented as allowed, a misaligned pointer with GT_CODE_MISALIGNED, a handle without a live object of its type with
  * GT_CODE_NO_OBJECT. `error` may always be null; it receives the details of the returned code, GT_CODE_OK included.
  * A call that returns an error writes no other results and changes nothing, unless documented otherwise.
  *
- * THREADS. The library has no global state. Calls on different objects are independent. Calls on one gt_server or gt_sensor must not
- * overlap; no call changes a machine or a compensator, so threads may share them.
+ * THREADS. The library has no global state. Calls on different objects are independent. Calls on one gt_server, gt_f1_tracker or
+ * gt_sensor must not overlap; no call changes a machine or a compensator, so threads may share them.
  *
  * TIME. No call blocks, locks, allocates, or calls back into C. Every loop is bounded by a constant or by a length from the caller.
  *
  * FLOATING POINT. Any number may be passed, NaN and infinities included: the result is an error, never undefined behaviour. Results are
  * finite. All functions may be called from interrupts that save the floating-point registers.
  *
- * UNITS. References in nm, um/s and per mille of rated torque, all integers. Kinematics in SI units; q in q-units: metres for a cart
- * whose guideway has unit length, radians for plates. Axes, arms, links and motors count from 0.
+ * UNITS. References, and positions of axes in kinematics and compensation, are integers: nm, um/s and per mille of rated torque. Poses
+ * and loads are in SI units. Data of a machine, Jacobians, and loads on axes are per q-unit: metres for a cart whose guideway has unit
+ * length, radians for plates; metres_per_q of a geometry converts. Axes, arms, links and motors count from 0.
  */
 
 
@@ -54,6 +56,9 @@
 // Bytes of a gt_f1.
 #define GT_F1_SIZE 2048
 
+// Bytes of a gt_f1_tracker.
+#define GT_F1_TRACKER_SIZE 2048
+
 // Bytes of a gt_l2.
 #define GT_L2_SIZE 2048
 
@@ -62,12 +67,6 @@
 
 // Number of arms, carts and guideways.
 #define GT_ARMS 3
-
-// Largest number of linear solves from the seed of the last cycle, at 1 m/s and 1 kHz.
-#define GT_WARM_SOLVES 2
-
-// Largest number of linear solves from any other seed.
-#define GT_COLD_SOLVES 10
 
 // Alignment for every object on every target; that of malloc and GT_MEMORY.
 #define GT_ALIGN 16
@@ -171,7 +170,8 @@ enum gt_code
   GT_CODE_BLACK_BOX = 10,
   // A branch or a sign is neither 1 nor -1. `index`: its number.
   GT_CODE_BRANCH = 11,
-  // `stop`, `rearm` or `last_write` of a gt_tick_input is not one of its values. 0 is refused.
+  // A field of a gt_tick_input is not one of its values; 0 is refused. `parameter`: GT_PARAMETER_STOP, GT_PARAMETER_REARM or
+  // GT_PARAMETER_LAST_WRITE, `value`: the refused number.
   GT_CODE_TICK_INPUT = 12,
   // All frames or connections have been polled: the end of a loop, not an error.
   GT_CODE_DONE = 13,
@@ -218,7 +218,7 @@ enum gt_code
   GT_CODE_COMPENSATOR_GAIN = 800,
   // A limit is negative. `index`: axis.
   GT_CODE_COMPENSATOR_LIMIT = 801,
-  // metres_per_q is not finite or out of range. `index`: axis.
+  // metres_per_q is not finite or out of range. `index`: axis. Not returned by this interface, where a machine has checked it.
   GT_CODE_COMPENSATOR_METRES_PER_Q = 802,
   // An argument, or a number computed from it, is NaN or infinite.
   GT_CODE_KINEMATICS_NOT_FINITE = 900,
@@ -234,7 +234,7 @@ enum gt_code
   GT_CODE_KINEMATICS_OUT_OF_RANGE = 905,
   // The iteration did not converge. `iterations`: their number, `value`: largest error of a link's length, m.
   GT_CODE_KINEMATICS_NOT_CONVERGED = 906,
-  // The forward kinematics of this machine needs a seed.
+  // The machine has no synchronised form: a tracker needs gt_f1_tracker_start_from.
   GT_CODE_KINEMATICS_SEED_REQUIRED = 907,
   // Pose and positions do not match the length of an arm's links. `index`: arm.
   GT_CODE_KINEMATICS_INCONSISTENT = 908,
@@ -303,6 +303,14 @@ enum gt_parameter
   GT_PARAMETER_VELOCITY = 17,
   // The torque channel; the index is the axis.
   GT_PARAMETER_TORQUE = 18,
+  // metres_per_q; the index is the axis.
+  GT_PARAMETER_METRES_PER_Q = 19,
+  // `stop` of a gt_tick_input.
+  GT_PARAMETER_STOP = 20,
+  // `rearm` of a gt_tick_input.
+  GT_PARAMETER_REARM = 21,
+  // `last_write` of a gt_tick_input.
+  GT_PARAMETER_LAST_WRITE = 22,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -388,6 +396,9 @@ typedef struct gt_f1 gt_f1;
 // A compensator of a machine with six axes; no call changes it: threads may share it.
 typedef struct gt_f1_compensator gt_f1_compensator;
 
+// Forward kinematics of a machine with six axes, cycle by cycle: each pose is found from the last one, which is kept inside.
+typedef struct gt_f1_tracker gt_f1_tracker;
+
 // A machine with three axes; its memory is the caller's, and no call changes it: threads may share it.
 typedef struct gt_l2 gt_l2;
 
@@ -406,8 +417,6 @@ typedef struct gt_compensator_config {
   double link_m_per_n[GT_LINKS];
   // Displacement of each axis per unit of load, q-units (carts: m/N, plates: rad/(N m)); positive.
   double axis_per_n[GT_MAX_AXES];
-  // Length of one unit of each q, m: |v_i| for a cart, the screw's law for a plate.
-  double metres_per_q[GT_MAX_AXES];
   // Largest magnitude of each axis' offset, nm; 0 means 0.
   int32_t limits_nm[GT_MAX_AXES];
   // Share of the computed displacement that is corrected, 0 to 1. Against a workpiece of stiffness K a measured load fed back is stable
@@ -449,14 +458,6 @@ typedef struct gt_correction {
   uint8_t saturated[GT_MAX_AXES];
 } gt_correction;
 
-// Position and orientation of the tool: x_world = T + R x_platform.
-typedef struct gt_pose {
-  // T: tool centre point, world axes, m.
-  double position_m[3];
-  // R: world axes from platform axes, row by row.
-  double rotation[3][3];
-} gt_pose;
-
 // Geometry of a machine with six axes. Joints on the plates: A_ij = C_i + q_i V_i + Q_i P_ij, where plate 2 is turned by
 // Rot(ax, sigma4 q4), plate 3 by Rot(ax, sigma5 q5) Rot(ax6, q6), plate 1 not at all. World axes, m.
 typedef struct gt_f1_geometry {
@@ -482,7 +483,17 @@ typedef struct gt_f1_geometry {
   uint8_t has_travel;
   // Range of each q, lower and upper end, q-units; rad for the last three.
   double travel[6][2];
+  // Length of one unit of each q, m: |V_i| for a cart, the screw's law for a plate.
+  double metres_per_q[6];
 } gt_f1_geometry;
+
+// Position and orientation of the tool: x_world = T + R x_platform.
+typedef struct gt_pose {
+  // T: tool centre point, world axes, m.
+  double position_m[3];
+  // R: world axes from platform axes, row by row.
+  double rotation[3][3];
+} gt_pose;
 
 // Effort and accuracy of an iterative solution.
 typedef struct gt_solved {
@@ -512,6 +523,8 @@ typedef struct gt_l2_geometry {
   uint8_t has_travel;
   // Range of each q, lower and upper end, q-units.
   double travel[GT_ARMS][2];
+  // Length of one unit of each q, m: |v_i|.
+  double metres_per_q[GT_ARMS];
 } gt_l2_geometry;
 
 // Mounting and filter of a sensor.
@@ -793,13 +806,13 @@ gt_code gt_l2_compensator_init(void *memory,
                                struct gt_l2_compensator **compensator,
                                struct gt_error *error);
 
-// One cycle: offsets that hold the tool where the nominal positions q (q-units) put it, under `load`; to first order, at constant cost.
+// One cycle: offsets that hold the tool where the nominal positions put it, under `load`; to first order, at constant cost.
 // For any load the result is within the limits, or an error.
 //
 // Errors: KINEMATICS_: as gt_l2_forward and gt_l2_inverse.
 //
 gt_code gt_l2_correction(const struct gt_l2_compensator *compensator,
-                         const double q[3],
+                         const int64_t nominal_nm[3],
                          const struct gt_wrench *load,
                          struct gt_correction *correction,
                          struct gt_error *error);
@@ -810,7 +823,7 @@ gt_code gt_l2_correction(const struct gt_l2_compensator *compensator,
 // Errors: KINEMATICS_: as gt_l2_forward; SINGULAR, NOT_CONVERGED, NOT_FINITE.
 //
 gt_code gt_l2_exact_correction(const struct gt_l2_compensator *compensator,
-                               const double q[3],
+                               const int64_t nominal_nm[3],
                                const struct gt_wrench *load,
                                struct gt_correction *correction,
                                struct gt_error *error);
@@ -827,25 +840,25 @@ gt_code gt_f1_compensator_init(void *memory,
                                struct gt_f1_compensator **compensator,
                                struct gt_error *error);
 
-// One cycle: offsets that hold `pose`, which belongs to the nominal positions q (q-units), under `load`; to first order. The pose comes
-// from gt_f1_forward, seeded by that of the last cycle. For any load the result is within the limits, or an error.
+// One cycle: offsets that hold the pose of the nominal positions under `load`; to first order. The pose is found by `tracker`, which is
+// one of the same machine. For any load the result is within the limits, or an error.
 //
-// Errors: KINEMATICS_: as gt_f1_inverse.
+// Errors: KINEMATICS_: as gt_f1_tracker_pose and gt_f1_inverse.
 //
 gt_code gt_f1_correction(const struct gt_f1_compensator *compensator,
-                         const struct gt_pose *pose,
-                         const double q[6],
+                         struct gt_f1_tracker *tracker,
+                         const int64_t nominal_nm[6],
                          const struct gt_wrench *load,
                          struct gt_correction *correction,
                          struct gt_error *error);
 
 // As gt_f1_correction, by the exact map: at most 10 inverses.
 //
-// Errors: KINEMATICS_: as gt_f1_inverse.
+// Errors: as gt_f1_correction.
 //
 gt_code gt_f1_exact_correction(const struct gt_f1_compensator *compensator,
-                               const struct gt_pose *pose,
-                               const double q[6],
+                               struct gt_f1_tracker *tracker,
+                               const int64_t nominal_nm[6],
                                const struct gt_wrench *load,
                                struct gt_correction *correction,
                                struct gt_error *error);
@@ -864,56 +877,69 @@ gt_code gt_f1_init(void *memory,
 // Returns the CRC-32 over the kinematic parameters, as gt_l2_checksum.
 gt_code gt_f1_checksum(const struct gt_f1 *machine, uint32_t *checksum);
 
-// Inverse kinematics: positions q (q-units; rad for the last three) for a pose.
-// `seed`: q4, q5, q6 to start from, those of the last cycle; null: 0. `solved` may be null.
-// Bounded: at most GT_COLD_SOLVES linear solves of each cluster, fewer from a near seed.
+// Inverse kinematics: positions (nm, rounded) for a pose.
+// `near_nm`: positions from which the search starts, such as those of the last cycle; null: plates at 0. `solved` may be null.
+// Bounded: at most 10 linear solves of each cluster, fewer from near positions.
 //
-// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, NOT_CONVERGED, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE. `q` is then not written.
+// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, NOT_CONVERGED, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE. `positions_nm` is then not written.
 //
 gt_code gt_f1_inverse(const struct gt_f1 *machine,
                       const struct gt_pose *pose,
-                      const double seed[3],
-                      double q[6],
-                      struct gt_solved *solved,
-                      struct gt_error *error);
-
-// Forward kinematics: the pose for positions q (q-units).
-// `seed`: a pose nearby, that of the last cycle, from which at most `most_solves` linear solves are made (GT_WARM_SOLVES,
-// GT_COLD_SOLVES); null: start from the synchronised form, with GT_COLD_SOLVES. `solved` may be null; `pose` may be `seed`.
-//
-// Errors: KINEMATICS_: SEED_REQUIRED, NO_ASSEMBLY, NOT_CONVERGED, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE.
-//
-gt_code gt_f1_forward(const struct gt_f1 *machine,
-                      const double q[6],
-                      const struct gt_pose *seed,
-                      uint8_t most_solves,
-                      struct gt_pose *pose,
+                      const int64_t near_nm[6],
+                      int64_t positions_nm[6],
                       struct gt_solved *solved,
                       struct gt_error *error);
 
 // The Jacobian: the platform's twist (translation over rotation, world axes) per axis, 36 numbers row by row; m and rad per q-unit.
-// `pose` and `q` belong together (gt_f1_inverse, gt_f1_forward); that is not checked.
+// `pose` and positions_nm belong together (gt_f1_inverse, gt_f1_tracker_pose); that is not checked.
 //
 // Errors: KINEMATICS_: SINGULAR, NOT_FINITE.
 //
 gt_code gt_f1_jacobian(const struct gt_f1 *machine,
                        const struct gt_pose *pose,
-                       const double q[6],
+                       const int64_t positions_nm[6],
                        double jacobian[36],
                        struct gt_error *error);
 
 // Statics: tensions of the links (N, link order) and loads on the axes (N times m per q-unit, N m for plates; positive along +q).
-// `pose` and `q` belong together; that is not checked.
+// `pose` and positions_nm belong together; that is not checked.
 //
 // Errors: KINEMATICS_: SINGULAR, NOT_FINITE.
 //
 gt_code gt_f1_statics(const struct gt_f1 *machine,
                       const struct gt_pose *pose,
-                      const double q[6],
+                      const int64_t positions_nm[6],
                       const struct gt_wrench *load,
                       double link_forces_n[6],
                       double axis_loads[6],
                       struct gt_error *error);
+
+// Makes a tracker of a machine in `memory`, without a last pose. The machine is copied.
+//
+// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_TRACKER_SIZE bytes. `tracker`: receives the handle.
+//
+// Errors: GT_CODE_MEMORY_TOO_SMALL.
+gt_code gt_f1_tracker_init(void *memory,
+                           size_t size,
+                           const struct gt_f1 *machine,
+                           struct gt_f1_tracker **tracker,
+                           struct gt_error *error);
+
+// Forward kinematics: the pose for positions in nm, found from the tracker's last pose: by at most 2 linear solves where it is near
+// (1 m/s at 1 kHz), else by 10 more, else by 10 from the synchronised form. It is then the last pose; after an error that one stays.
+// `solved` may be null.
+//
+// Errors: KINEMATICS_: NO_ASSEMBLY, NOT_CONVERGED, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; SEED_REQUIRED: the machine has no
+// synchronised form, so gt_f1_tracker_start_from must be called first.
+//
+gt_code gt_f1_tracker_pose(struct gt_f1_tracker *tracker,
+                           const int64_t positions_nm[6],
+                           struct gt_pose *pose,
+                           struct gt_solved *solved,
+                           struct gt_error *error);
+
+// Takes a pose as the last one; null: forgets the last one, and the next pose is found from the synchronised form.
+gt_code gt_f1_tracker_start_from(struct gt_f1_tracker *tracker, const struct gt_pose *pose);
 
 // Makes a machine in `memory`: checks every number and the Tau property, once.
 //
@@ -930,22 +956,22 @@ gt_code gt_l2_init(void *memory,
 gt_code gt_l2_checksum(const struct gt_l2 *machine,
                        uint32_t *checksum);
 
-// Inverse kinematics: positions q (q-units) that put the tool centre point at tcp_m (world axes, m), for a tool on the machine's side
-// of the carts' plane. Closed form, constant cost.
+// Inverse kinematics: positions (nm, rounded) that put the tool centre point at tcp_m (world axes, m), for a tool on the machine's
+// side of the carts' plane. Closed form, constant cost.
 //
-// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE. `q` is then not written.
+// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE. `positions_nm` is then not written.
 //
 gt_code gt_l2_inverse(const struct gt_l2 *machine,
                       const double tcp_m[3],
-                      double q[3],
+                      int64_t positions_nm[3],
                       struct gt_error *error);
 
-// Forward kinematics: position of the tool centre point (world axes, m) for positions q (q-units). Closed form, constant cost.
+// Forward kinematics: position of the tool centre point (world axes, m) for positions in nm. Closed form, constant cost.
 //
-// Errors: KINEMATICS_: NO_ASSEMBLY, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE.
+// Errors: KINEMATICS_: NO_ASSEMBLY, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH.
 //
 gt_code gt_l2_forward(const struct gt_l2 *machine,
-                      const double q[3],
+                      const int64_t positions_nm[3],
                       double tcp_m[3],
                       struct gt_error *error);
 
@@ -956,13 +982,13 @@ gt_code gt_l2_forward(const struct gt_l2 *machine,
 gt_code gt_l2_jacobian(const struct gt_l2 *machine, const double tcp_m[3], double jacobian[9], struct gt_error *error);
 
 // Statics: tensions of the links (N, link order) and loads on the carts (N times m per q-unit, positive along +q), under a load.
-// tcp_m and q belong together (gt_l2_inverse, gt_l2_forward); that is not checked.
+// tcp_m and positions_nm belong together (gt_l2_inverse, gt_l2_forward); that is not checked.
 //
 // Errors: KINEMATICS_: SINGULAR, NOT_FINITE.
 //
 gt_code gt_l2_statics(const struct gt_l2 *machine,
                       const double tcp_m[3],
-                      const double q[3],
+                      const int64_t positions_nm[3],
                       const struct gt_wrench *load,
                       double link_forces_n[6],
                       double cart_loads[3],
@@ -1065,11 +1091,12 @@ gt_code gt_server_set_epochs(struct gt_server *server, uint64_t first, uint64_t 
 // Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0; then send what gt_server_poll_transmit
 // returns; then close what gt_server_poll_close returns. Drives need a watchdog for the case that no tick comes.
 //
-// Errors: GT_CODE_TICK_INPUT: stop, rearm or last_write is not one of its values; GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED,
-// GT_CODE_NO_OBJECT. After an error nothing has changed.
+// Errors: GT_CODE_TICK_INPUT: stop, rearm or last_write, in this order, is not one of its values, and `error` says which;
+// GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT. After an error nothing has changed.
 gt_code gt_server_tick(struct gt_server *server,
                        const struct gt_tick_input *input,
-                       struct gt_tick_output *output);
+                       struct gt_tick_output *output,
+                       struct gt_error *error);
 
 // Returns the next frame of the last tick, in the order in which they are to be sent: Refusals, the Welcome, the State.
 // Frames that are not polled before the next tick are discarded.

@@ -12,6 +12,7 @@ use gantry_tau_core::model::sensor::SensorError;
 use gantry_tau_core::units::CrossingError;
 
 use crate::code::gt_code;
+use gt_code as Code;
 
 /// Parameter that an error is about.
 #[repr(i32)]
@@ -55,6 +56,14 @@ pub enum gt_parameter {
     Velocity = 17,
     /// The torque channel; the index is the axis.
     Torque = 18,
+    /// metres_per_q; the index is the axis.
+    MetresPerQ = 19,
+    /// `stop` of a gt_tick_input.
+    Stop = 20,
+    /// `rearm` of a gt_tick_input.
+    Rearm = 21,
+    /// `last_write` of a gt_tick_input.
+    LastWrite = 22,
 }
 
 /// Details of an error. The meaning of a field depends on the code; a field that the code does not use is 0.
@@ -79,7 +88,7 @@ pub struct gt_error {
 
 impl gt_error {
     /// No error.
-    pub(crate) const OK: Self = Self::new(gt_code::Ok);
+    pub(crate) const OK: Self = Self::new(Code::Ok);
 
     /// Creates an error without details.
     pub(crate) const fn new(code: gt_code) -> Self {
@@ -114,6 +123,11 @@ pub(crate) const fn count(count: usize) -> f64 {
     count as f64
 }
 
+/// Converts a count; all counts here are far below 2^32.
+pub(crate) fn small(count: usize) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
+}
+
 /// As [`count`].
 #[expect(clippy::as_conversions, reason = "total; rounds above 2^53")]
 const fn whole(number: i64) -> f64 {
@@ -129,15 +143,15 @@ impl From<gt_code> for gt_error {
 impl From<LimitsError> for gt_error {
     fn from(error: LimitsError) -> Self {
         match error {
-            LimitsError::NegativeMax { max } => Self::new(gt_code::LimitsNegativeMax).value(max.into()),
-            LimitsError::RampNotPositive { ramp } => Self::new(gt_code::LimitsRampNotPositive).value(ramp.into()),
+            LimitsError::NegativeMax { max } => Self::new(Code::LimitsNegativeMax).value(max.into()),
+            LimitsError::RampNotPositive { ramp } => Self::new(Code::LimitsRampNotPositive).value(ramp.into()),
             LimitsError::RampAboveStep { ramp, step } => {
-                Self::new(gt_code::LimitsRampAboveStep).value(ramp.into()).range(0.0, step.into())
+                Self::new(Code::LimitsRampAboveStep).value(ramp.into()).range(0.0, step.into())
             }
             LimitsError::AccelTooSmall { accel, needed } => {
-                Self::new(gt_code::LimitsAccelTooSmall).value(accel.into()).range(whole(needed), 0.0)
+                Self::new(Code::LimitsAccelTooSmall).value(accel.into()).range(whole(needed), 0.0)
             }
-            _ => gt_code::Other.into(),
+            _ => Code::Other.into(),
         }
     }
 }
@@ -145,13 +159,13 @@ impl From<LimitsError> for gt_error {
 impl From<ConfigError> for gt_error {
     fn from(error: ConfigError) -> Self {
         match error {
-            ConfigError::Axes { axes } => Self::new(gt_code::ConfigAxes).value(count(axes)),
-            ConfigError::HandshakeTicks => gt_code::ConfigHandshakeTicks.into(),
-            ConfigError::BudgetWindow { window } => Self::new(gt_code::ConfigBudgetWindow).value(window.into()),
-            ConfigError::TorqueMax { axis } => Self::new(gt_code::ConfigTorqueMax).at(axis),
-            ConfigError::Travel { axis } => Self::new(gt_code::ConfigTravel).at(axis),
-            ConfigError::Margin { axis } => Self::new(gt_code::ConfigMargin).at(axis),
-            _ => gt_code::Other.into(),
+            ConfigError::Axes { axes } => Self::new(Code::ConfigAxes).value(count(axes)),
+            ConfigError::HandshakeTicks => Code::ConfigHandshakeTicks.into(),
+            ConfigError::BudgetWindow { window } => Self::new(Code::ConfigBudgetWindow).value(window.into()),
+            ConfigError::TorqueMax { axis } => Self::new(Code::ConfigTorqueMax).at(axis),
+            ConfigError::Travel { axis } => Self::new(Code::ConfigTravel).at(axis),
+            ConfigError::Margin { axis } => Self::new(Code::ConfigMargin).at(axis),
+            _ => Code::Other.into(),
         }
     }
 }
@@ -159,11 +173,11 @@ impl From<ConfigError> for gt_error {
 impl From<StartError> for gt_error {
     fn from(error: StartError) -> Self {
         match error {
-            StartError::OffsetInForce { axis, offsets } => Self::new(gt_code::StartOffsetInForce)
+            StartError::OffsetInForce { axis, offsets } => Self::new(Code::StartOffsetInForce)
                 .at(axis)
                 .value(offsets.position.0.into())
                 .range(offsets.velocity.0.into(), offsets.torque.0.into()),
-            _ => gt_code::Other.into(),
+            _ => Code::Other.into(),
         }
     }
 }
@@ -171,13 +185,13 @@ impl From<StartError> for gt_error {
 impl From<MotorMapError> for gt_error {
     fn from(error: MotorMapError) -> Self {
         let MotorMapError { motor, axis, axes } = error;
-        Self::new(gt_code::MotorMap).at(motor).value(count(axis)).range(0.0, count(axes))
+        Self::new(Code::MotorMap).at(motor).value(count(axis)).range(0.0, count(axes))
     }
 }
 
 impl From<Full> for gt_error {
     fn from(Full: Full) -> Self {
-        gt_code::Full.into()
+        Code::Full.into()
     }
 }
 
@@ -185,44 +199,26 @@ impl From<RobotError> for gt_error {
     fn from(error: RobotError) -> Self {
         match error {
             RobotError::NotFinite { parameter, index } => {
-                Self::new(gt_code::RobotNotFinite).of(parameter.into()).at(index)
+                Self::new(Code::RobotNotFinite).of(parameter.into()).at(index)
             }
             RobotError::OutOfRange { parameter, index, lower, upper } => {
-                Self::new(gt_code::RobotOutOfRange).of(parameter.into()).at(index).range(lower, upper)
+                Self::new(Code::RobotOutOfRange).of(parameter.into()).at(index).range(lower, upper)
             }
-            RobotError::Reversed { parameter, index } => {
-                Self::new(gt_code::RobotReversed).of(parameter.into()).at(index)
-            }
+            RobotError::Reversed { parameter, index } => Self::new(Code::RobotReversed).of(parameter.into()).at(index),
         }
     }
 }
 
-impl From<Parameter> for gt_parameter {
-    fn from(parameter: Parameter) -> Self {
-        match parameter {
-            Parameter::CartJoint => Self::CartJoint,
-            Parameter::Guideway => Self::Guideway,
-            Parameter::PlatformJoint => Self::PlatformJoint,
-            Parameter::Length => Self::Length,
-            Parameter::Travel => Self::Travel,
-            Parameter::LinkCompliance => Self::LinkCompliance,
-            Parameter::CartCompliance => Self::CartCompliance,
-            Parameter::Cart => Self::Cart,
-            Parameter::PlateJoint => Self::PlateJoint,
-            Parameter::TurnAxis => Self::TurnAxis,
-            Parameter::TiltAxis => Self::TiltAxis,
-        }
-    }
-}
+by_name!(Parameter => gt_parameter {
+    CartJoint Guideway PlatformJoint Length Travel LinkCompliance CartCompliance Cart PlateJoint TurnAxis TiltAxis
+});
 
 impl From<l2::OrientationError> for gt_error {
     fn from(error: l2::OrientationError) -> Self {
         match error {
-            l2::OrientationError::NotRotation { deviation } => {
-                Self::new(gt_code::OrientationNotRotation).value(deviation)
-            }
+            l2::OrientationError::NotRotation { deviation } => Self::new(Code::OrientationNotRotation).value(deviation),
             l2::OrientationError::NotTau { link, mismatch_m } => {
-                Self::new(gt_code::OrientationNotTau).at(link).value(mismatch_m)
+                Self::new(Code::OrientationNotTau).at(link).value(mismatch_m)
             }
         }
     }
@@ -231,9 +227,9 @@ impl From<l2::OrientationError> for gt_error {
 impl From<CompensatorError> for gt_error {
     fn from(error: CompensatorError) -> Self {
         match error {
-            CompensatorError::Gain => gt_code::CompensatorGain.into(),
-            CompensatorError::Limit { axis } => Self::new(gt_code::CompensatorLimit).at(axis),
-            CompensatorError::MetresPerQ { axis } => Self::new(gt_code::CompensatorMetresPerQ).at(axis),
+            CompensatorError::Gain => Code::CompensatorGain.into(),
+            CompensatorError::Limit { axis } => Self::new(Code::CompensatorLimit).at(axis),
+            CompensatorError::MetresPerQ { axis } => Self::new(Code::CompensatorMetresPerQ).at(axis),
         }
     }
 }
@@ -241,20 +237,20 @@ impl From<CompensatorError> for gt_error {
 impl From<KinematicsError> for gt_error {
     fn from(error: KinematicsError) -> Self {
         match error {
-            KinematicsError::NotFinite => gt_code::KinematicsNotFinite.into(),
-            KinematicsError::Unreachable { arm } => Self::new(gt_code::KinematicsUnreachable).at(arm),
-            KinematicsError::NoAssembly => gt_code::KinematicsNoAssembly.into(),
-            KinematicsError::OtherBranch { arm: Some(arm) } => Self::new(gt_code::KinematicsOtherBranch).at(arm),
-            KinematicsError::OtherBranch { arm: None } => gt_code::KinematicsOtherBranch.into(),
-            KinematicsError::Singular { measure } => Self::new(gt_code::KinematicsSingular).value(measure),
+            KinematicsError::NotFinite => Code::KinematicsNotFinite.into(),
+            KinematicsError::Unreachable { arm } => Self::new(Code::KinematicsUnreachable).at(arm),
+            KinematicsError::NoAssembly => Code::KinematicsNoAssembly.into(),
+            KinematicsError::OtherBranch { arm: Some(arm) } => Self::new(Code::KinematicsOtherBranch).at(arm),
+            KinematicsError::OtherBranch { arm: None } => Code::KinematicsOtherBranch.into(),
+            KinematicsError::Singular { measure } => Self::new(Code::KinematicsSingular).value(measure),
             KinematicsError::OutOfRange { axis, q, lower, upper } => {
-                Self::new(gt_code::KinematicsOutOfRange).at(axis).value(q).range(lower, upper)
+                Self::new(Code::KinematicsOutOfRange).at(axis).value(q).range(lower, upper)
             }
             KinematicsError::NotConverged { iterations, residual_m } => {
-                Self { iterations: iterations.into(), ..Self::new(gt_code::KinematicsNotConverged).value(residual_m) }
+                Self { iterations: iterations.into(), ..Self::new(Code::KinematicsNotConverged).value(residual_m) }
             }
-            KinematicsError::SeedRequired => gt_code::KinematicsSeedRequired.into(),
-            KinematicsError::Inconsistent { arm } => Self::new(gt_code::KinematicsInconsistent).at(arm),
+            KinematicsError::SeedRequired => Code::KinematicsSeedRequired.into(),
+            KinematicsError::Inconsistent { arm } => Self::new(Code::KinematicsInconsistent).at(arm),
         }
     }
 }
@@ -262,12 +258,12 @@ impl From<KinematicsError> for gt_error {
 impl From<SensorError> for gt_error {
     fn from(error: SensorError) -> Self {
         match error {
-            SensorError::NotRotation => gt_code::SensorNotRotation.into(),
+            SensorError::NotRotation => Code::SensorNotRotation.into(),
             SensorError::OutOfRange { parameter, lower, upper } => {
-                Self::new(gt_code::SensorOutOfRange).of(sensor_parameter(parameter)).range(lower, upper)
+                Self::new(Code::SensorOutOfRange).of(sensor_parameter(parameter)).range(lower, upper)
             }
-            SensorError::BadReading => gt_code::SensorBadReading.into(),
-            SensorError::InvalidState => gt_code::SensorInvalidState.into(),
+            SensorError::BadReading => Code::SensorBadReading.into(),
+            SensorError::InvalidState => Code::SensorInvalidState.into(),
         }
     }
 }
@@ -286,9 +282,9 @@ fn sensor_parameter(name: &str) -> gt_parameter {
 impl From<CrossingError> for gt_error {
     fn from(error: CrossingError) -> Self {
         match error {
-            CrossingError::NotFinite => gt_code::CrossingNotFinite.into(),
+            CrossingError::NotFinite => Code::CrossingNotFinite.into(),
             CrossingError::OutOfRange { limit_nm } => {
-                Self::new(gt_code::CrossingOutOfRange).range(whole(limit_nm.saturating_neg()), whole(limit_nm))
+                Self::new(Code::CrossingOutOfRange).range(whole(limit_nm.saturating_neg()), whole(limit_nm))
             }
         }
     }

@@ -1,18 +1,22 @@
-//! The machine with six axes (F1): kinematics by Newton's method with checked answers, and statics.
+//! The machine with six axes (F1): kinematics by Newton's method with checked answers, tracked from cycle to cycle, and statics.
 
 use core::ffi::c_void;
+use core::ptr::null_mut;
 
 use gantry_tau_core::model::f1;
-use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::statics::LineMatrix;
 
 use crate::code::gt_code;
 use crate::error::gt_error;
-use crate::machine::{GT_ARMS, GT_LINKS, branches, gt_pose, gt_solved, gt_wrench, travel, vectors};
-use crate::memory::{Object, Reply, numbers, object, place, read, read_some, reply, settle, tag};
+use crate::machine::{
+    GT_ARMS, GT_LINKS, Machine, Scale, branches, gt_pose, gt_solved, gt_wrench, statics, travel, vectors,
+};
+use crate::memory::{Object, Reply, answer, create, object, object_mut, put_some, read, read_some, reply, tag};
 
 /// Bytes of a gt_f1.
 pub const GT_F1_SIZE: usize = 2048;
+/// Bytes of a gt_f1_tracker.
+pub const GT_F1_TRACKER_SIZE: usize = 2048;
 
 /// Geometry of a machine with six axes. Joints on the plates: A_ij = C_i + q_i V_i + Q_i P_ij, where plate 2 is turned by
 /// Rot(ax, sigma4 q4), plate 3 by Rot(ax, sigma5 q5) Rot(ax6, q6), plate 1 not at all. World axes, m.
@@ -41,13 +45,15 @@ pub struct gt_f1_geometry {
     pub has_travel: u8,
     /// Range of each q, lower and upper end, q-units; rad for the last three.
     pub travel: [[f64; 2]; 6],
+    /// Length of one unit of each q, m: |V_i| for a cart, the screw's law for a plate.
+    pub metres_per_q: [f64; 6],
 }
 
 /// A machine with six axes; its memory is the caller's, and no call changes it: threads may share it.
 pub struct gt_f1(());
 
 /// Object behind a handle.
-pub(crate) struct F1(pub(crate) f1::Kinematics);
+pub(crate) type F1 = Machine<f1::Kinematics, { f1::AXES }>;
 
 impl Object for F1 {
     type Handle = gt_f1;
@@ -69,7 +75,7 @@ impl F1 {
             turn_signs: branches(geometry.turn_signs, GT_ARMS)?,
             travel: travel(geometry.has_travel, geometry.travel),
         })?;
-        Ok(Self(f1::Kinematics::new(&robot)))
+        Ok(Self { kinematics: f1::Kinematics::new(&robot), scale: Scale::new(geometry.metres_per_q)? })
     }
 }
 
@@ -86,166 +92,183 @@ pub unsafe extern "C" fn gt_f1_init(
     machine: *mut *mut gt_f1,
     error: *mut gt_error,
 ) -> gt_code {
-    let init = || {
-        // SAFETY: the header's rules for pointers.
-        unsafe {
-            let (machine, geometry) = (place(machine)?, read(geometry)?);
-            machine.put(settle(memory, size, || F1::new(&geometry))?);
-        }
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, init()) }
+    // SAFETY: the header's rules for pointers.
+    unsafe { create(memory, size, machine, error, || F1::new(&read(geometry)?)) }
 }
 
 /// Returns the CRC-32 over the kinematic parameters, as gt_l2_checksum.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_f1_checksum(machine: *const gt_f1, checksum: *mut u32) -> gt_code {
-    let ask = || {
-        // SAFETY: the header's rules for pointers.
-        let (place, machine) = unsafe { (place(checksum)?, object::<F1>(machine)?) };
-        place.put(machine.0.robot().kinematics_checksum());
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), ask()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe { answer(checksum, null_mut(), || Ok(object::<F1>(machine)?.kinematics.robot().kinematics_checksum())) }
 }
 
-/// Inverse kinematics: positions q (q-units; rad for the last three) for a pose.
-/// `seed`: q4, q5, q6 to start from, those of the last cycle; null: 0. `solved` may be null.
-/// Bounded: at most GT_COLD_SOLVES linear solves of each cluster, fewer from a near seed.
+/// Inverse kinematics: positions (nm, rounded) for a pose.
+/// `near_nm`: positions from which the search starts, such as those of the last cycle; null: plates at 0. `solved` may be null.
+/// Bounded: at most 10 linear solves of each cluster, fewer from near positions.
 ///
-/// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, NOT_CONVERGED, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE. `q` is then not written.
+/// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, NOT_CONVERGED, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE. `positions_nm` is then not written.
 ///
-/// cbindgen:ptrs-as-arrays=[[q;6], [seed;3]]
+/// cbindgen:ptrs-as-arrays=[[near_nm;6], [positions_nm;6]]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_f1_inverse(
     machine: *const gt_f1,
     pose: *const gt_pose,
-    seed: *const f64,
-    q: *mut f64,
+    near_nm: *const i64,
+    positions_nm: *mut i64,
     solved: *mut gt_solved,
     error: *mut gt_error,
 ) -> gt_code {
-    let solve = || {
-        // SAFETY: the header's rules for pointers.
-        let (q, pose, seed, machine) = unsafe {
-            (
-                place(q.cast::<[f64; f1::AXES]>())?,
-                read(pose)?,
-                read_some(seed.cast::<[f64; 3]>())?,
-                object::<F1>(machine)?,
-            )
-        };
-        let solution = machine.0.inverse(&pose.into(), seed)?;
-        q.put(solution.value);
-        // SAFETY: as above; null is allowed.
-        if let Ok(place) = unsafe { place(solved) } {
-            place.put((&solution).into());
-        }
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, solve()) }
-}
-
-/// Forward kinematics: the pose for positions q (q-units).
-/// `seed`: a pose nearby, that of the last cycle, from which at most `most_solves` linear solves are made (GT_WARM_SOLVES,
-/// GT_COLD_SOLVES); null: start from the synchronised form, with GT_COLD_SOLVES. `solved` may be null; `pose` may be `seed`.
-///
-/// Errors: KINEMATICS_: SEED_REQUIRED, NO_ASSEMBLY, NOT_CONVERGED, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE.
-///
-/// cbindgen:ptrs-as-arrays=[[q;6]]
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_f1_forward(
-    machine: *const gt_f1,
-    q: *const f64,
-    seed: *const gt_pose,
-    most_solves: u8,
-    pose: *mut gt_pose,
-    solved: *mut gt_solved,
-    error: *mut gt_error,
-) -> gt_code {
-    let solve = || {
-        // SAFETY: the header's rules for pointers.
-        let (pose, q, seed, machine) = unsafe { (place(pose)?, numbers(q)?, read_some(seed)?, object::<F1>(machine)?) };
-        let solution = match seed {
-            Some(seed) => machine.0.forward_from(&q, &seed.into(), most_solves)?,
-            None => machine.0.forward(&q)?,
-        };
-        pose.put(solution.value.into());
-        // SAFETY: as above; null is allowed.
-        if let Ok(place) = unsafe { place(solved) } {
-            place.put((&solution).into());
-        }
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, solve()) }
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        answer(positions_nm.cast(), error, || {
+            let machine = object::<F1>(machine)?;
+            let plates = |near_nm| {
+                let [_, _, _, q4, q5, q6] = machine.scale.q(near_nm);
+                [q4, q5, q6]
+            };
+            let near = read_some(near_nm.cast())?.map(plates);
+            let solution = machine.kinematics.inverse(&read(pose)?.into(), near)?;
+            let positions_nm = machine.scale.positions_nm(&solution.value)?;
+            put_some(solved, (&solution).into());
+            Ok(positions_nm)
+        })
+    }
 }
 
 /// The Jacobian: the platform's twist (translation over rotation, world axes) per axis, 36 numbers row by row; m and rad per q-unit.
-/// `pose` and `q` belong together (gt_f1_inverse, gt_f1_forward); that is not checked.
+/// `pose` and positions_nm belong together (gt_f1_inverse, gt_f1_tracker_pose); that is not checked.
 ///
 /// Errors: KINEMATICS_: SINGULAR, NOT_FINITE.
 ///
-/// cbindgen:ptrs-as-arrays=[[q;6], [jacobian;36]]
+/// cbindgen:ptrs-as-arrays=[[positions_nm;6], [jacobian;36]]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_f1_jacobian(
     machine: *const gt_f1,
     pose: *const gt_pose,
-    q: *const f64,
+    positions_nm: *const i64,
     jacobian: *mut f64,
     error: *mut gt_error,
 ) -> gt_code {
-    let solve = || {
-        // SAFETY: the header's rules for pointers.
-        let (place, lines) = unsafe { (place(jacobian.cast::<[[f64; f1::AXES]; 6]>())?, lines(machine, pose, q)?) };
-        // nalgebra counts by columns.
-        place.put(lines.jacobian()?.transpose().into());
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, solve()) }
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        answer(jacobian.cast::<[[f64; f1::AXES]; 6]>(), error, || {
+            // nalgebra counts by columns.
+            Ok(lines(machine, pose, positions_nm)?.jacobian()?.transpose().into())
+        })
+    }
 }
 
 /// Statics: tensions of the links (N, link order) and loads on the axes (N times m per q-unit, N m for plates; positive along +q).
-/// `pose` and `q` belong together; that is not checked.
+/// `pose` and positions_nm belong together; that is not checked.
 ///
 /// Errors: KINEMATICS_: SINGULAR, NOT_FINITE.
 ///
-/// cbindgen:ptrs-as-arrays=[[q;6], [link_forces_n;6], [axis_loads;6]]
+/// cbindgen:ptrs-as-arrays=[[positions_nm;6], [link_forces_n;6], [axis_loads;6]]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_f1_statics(
     machine: *const gt_f1,
     pose: *const gt_pose,
-    q: *const f64,
+    positions_nm: *const i64,
     load: *const gt_wrench,
     link_forces_n: *mut f64,
     axis_loads: *mut f64,
     error: *mut gt_error,
 ) -> gt_code {
-    let solve = || {
-        // SAFETY: the header's rules for pointers.
-        let (forces, loads) =
-            unsafe { (place(link_forces_n.cast::<[f64; GT_LINKS]>())?, place(axis_loads.cast::<[f64; f1::AXES]>())?) };
-        // SAFETY: as above.
-        let (load, lines) = unsafe { (read(load)?, lines(machine, pose, q)?) };
-        let tensions = lines.link_forces_n(&load.into())?;
-        forces.put(tensions);
-        loads.put(lines.cart_loads(&tensions));
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, solve()) }
+    // SAFETY: the header's rules for pointers.
+    unsafe { statics(link_forces_n, axis_loads.cast(), load, error, || lines(machine, pose, positions_nm)) }
 }
 
 /// The lines of a pose.
 ///
 /// # Safety
 /// The header's rules for pointers.
-unsafe fn lines(machine: *const gt_f1, pose: *const gt_pose, q: *const f64) -> Reply<LineMatrix<{ f1::AXES }>> {
+unsafe fn lines(
+    machine: *const gt_f1,
+    pose: *const gt_pose,
+    positions_nm: *const i64,
+) -> Reply<LineMatrix<{ f1::AXES }>> {
     // SAFETY: the caller's promise.
-    let (pose, q, machine) = unsafe { (read(pose)?, numbers(q)?, object::<F1>(machine)?) };
-    Ok(machine.0.line_matrix(&Pose::from(pose), &q)?)
+    unsafe {
+        let machine = object::<F1>(machine)?;
+        Ok(machine.kinematics.line_matrix(&read(pose)?.into(), &machine.q(positions_nm)?)?)
+    }
+}
+
+/// Forward kinematics of a machine with six axes, cycle by cycle: each pose is found from the last one, which is kept inside.
+pub struct gt_f1_tracker(());
+
+/// Object behind a handle.
+pub(crate) type Tracker = Machine<f1::PoseTracker, { f1::AXES }>;
+
+impl Object for Tracker {
+    type Handle = gt_f1_tracker;
+    const BYTES: usize = GT_F1_TRACKER_SIZE;
+    const TAG: u64 = tag(b"gttrack", 6);
+}
+
+/// Makes a tracker of a machine in `memory`, without a last pose. The machine is copied.
+///
+/// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_TRACKER_SIZE bytes. `tracker`: receives the handle.
+///
+/// Errors: GT_CODE_MEMORY_TOO_SMALL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_f1_tracker_init(
+    memory: *mut c_void,
+    size: usize,
+    machine: *const gt_f1,
+    tracker: *mut *mut gt_f1_tracker,
+    error: *mut gt_error,
+) -> gt_code {
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        create(memory, size, tracker, error, || {
+            let machine = object::<F1>(machine)?;
+            Ok(Tracker { kinematics: f1::PoseTracker::new(&machine.kinematics), scale: machine.scale })
+        })
+    }
+}
+
+/// Forward kinematics: the pose for positions in nm, found from the tracker's last pose: by at most 2 linear solves where it is near
+/// (1 m/s at 1 kHz), else by 10 more, else by 10 from the synchronised form. It is then the last pose; after an error that one stays.
+/// `solved` may be null.
+///
+/// Errors: KINEMATICS_: NO_ASSEMBLY, NOT_CONVERGED, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; SEED_REQUIRED: the machine has no
+/// synchronised form, so gt_f1_tracker_start_from must be called first.
+///
+/// cbindgen:ptrs-as-arrays=[[positions_nm;6]]
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_f1_tracker_pose(
+    tracker: *mut gt_f1_tracker,
+    positions_nm: *const i64,
+    pose: *mut gt_pose,
+    solved: *mut gt_solved,
+    error: *mut gt_error,
+) -> gt_code {
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        answer(pose, error, || {
+            let tracker = object_mut::<Tracker>(tracker)?;
+            let q = tracker.q(positions_nm)?;
+            let solution = tracker.kinematics.track(&q)?;
+            put_some(solved, (&solution).into());
+            Ok(solution.value.into())
+        })
+    }
+}
+
+/// Takes a pose as the last one; null: forgets the last one, and the next pose is found from the synchronised form.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_f1_tracker_start_from(tracker: *mut gt_f1_tracker, pose: *const gt_pose) -> gt_code {
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        reply(null_mut(), || {
+            let (pose, tracker) = (read_some(pose)?, object_mut::<Tracker>(tracker)?);
+            match pose {
+                Some(pose) => tracker.kinematics.start_from(&pose.into()),
+                None => tracker.kinematics.reset(),
+            }
+            Ok(())
+        })
+    }
 }

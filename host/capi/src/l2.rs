@@ -1,13 +1,14 @@
 //! The machine with three axes (L2) in a constant orientation: kinematics in closed form, and statics.
 
 use core::ffi::c_void;
+use core::ptr::null_mut;
 
 use gantry_tau_core::model::l2;
 
 use crate::code::gt_code;
 use crate::error::gt_error;
-use crate::machine::{GT_ARMS, GT_LINKS, branches, gt_wrench, matrix, rows, travel, vectors};
-use crate::memory::{Object, Reply, numbers, object, place, read, reply, settle, tag};
+use crate::machine::{GT_ARMS, GT_LINKS, Machine, Scale, branches, gt_wrench, matrix, rows, statics, travel, vectors};
+use crate::memory::{Object, Reply, answer, create, object, read, tag};
 
 /// Bytes of a gt_l2.
 pub const GT_L2_SIZE: usize = 2048;
@@ -34,13 +35,15 @@ pub struct gt_l2_geometry {
     pub has_travel: u8,
     /// Range of each q, lower and upper end, q-units.
     pub travel: [[f64; 2]; GT_ARMS],
+    /// Length of one unit of each q, m: |v_i|.
+    pub metres_per_q: [f64; GT_ARMS],
 }
 
 /// A machine with three axes; its memory is the caller's, and no call changes it: threads may share it.
 pub struct gt_l2(());
 
 /// Object behind a handle.
-pub(crate) struct L2(pub(crate) l2::Kinematics);
+pub(crate) type L2 = Machine<l2::Kinematics, { l2::AXES }>;
 
 impl Object for L2 {
     type Handle = gt_l2;
@@ -59,7 +62,8 @@ impl L2 {
             configuration: l2::Configuration { inverse: branches(geometry.inverse_branch, 0)?, forward },
             travel: travel(geometry.has_travel, geometry.travel),
         })?;
-        Ok(Self(l2::Kinematics::new(&robot, &matrix(&geometry.rotation))?))
+        let kinematics = l2::Kinematics::new(&robot, &matrix(&geometry.rotation))?;
+        Ok(Self { kinematics, scale: Scale::new(geometry.metres_per_q)? })
     }
 }
 
@@ -76,75 +80,59 @@ pub unsafe extern "C" fn gt_l2_init(
     machine: *mut *mut gt_l2,
     error: *mut gt_error,
 ) -> gt_code {
-    let init = || {
-        // SAFETY: the header's rules for pointers.
-        unsafe {
-            let (machine, geometry) = (place(machine)?, read(geometry)?);
-            machine.put(settle(memory, size, || L2::new(&geometry))?);
-        }
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, init()) }
+    // SAFETY: the header's rules for pointers.
+    unsafe { create(memory, size, machine, error, || L2::new(&read(geometry)?)) }
 }
 
 /// Returns the CRC-32 over the kinematic parameters (wire.md), for kinematics_checksum of a server; the client compares it with its own.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_l2_checksum(machine: *const gt_l2, checksum: *mut u32) -> gt_code {
-    let ask = || {
-        // SAFETY: the header's rules for pointers.
-        let (place, machine) = unsafe { (place(checksum)?, object::<L2>(machine)?) };
-        place.put(machine.0.robot().kinematics_checksum());
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), ask()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe { answer(checksum, null_mut(), || Ok(object::<L2>(machine)?.kinematics.robot().kinematics_checksum())) }
 }
 
-/// Inverse kinematics: positions q (q-units) that put the tool centre point at tcp_m (world axes, m), for a tool on the machine's side
-/// of the carts' plane. Closed form, constant cost.
+/// Inverse kinematics: positions (nm, rounded) that put the tool centre point at tcp_m (world axes, m), for a tool on the machine's
+/// side of the carts' plane. Closed form, constant cost.
 ///
-/// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE. `q` is then not written.
+/// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE. `positions_nm` is then not written.
 ///
-/// cbindgen:ptrs-as-arrays=[[tcp_m;3], [q;3]]
+/// cbindgen:ptrs-as-arrays=[[tcp_m;3], [positions_nm;3]]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_l2_inverse(
     machine: *const gt_l2,
     tcp_m: *const f64,
-    q: *mut f64,
+    positions_nm: *mut i64,
     error: *mut gt_error,
 ) -> gt_code {
-    let solve = || {
-        // SAFETY: the header's rules for pointers.
-        let (q, tcp_m, machine) =
-            unsafe { (place(q.cast::<[f64; l2::AXES]>())?, numbers::<3>(tcp_m)?, object::<L2>(machine)?) };
-        q.put(machine.0.inverse_in_assembly(&tcp_m.into())?);
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, solve()) }
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        answer(positions_nm.cast(), error, || {
+            let machine = object::<L2>(machine)?;
+            let tcp_m: [f64; 3] = read(tcp_m.cast())?;
+            machine.scale.positions_nm(&machine.kinematics.inverse_in_assembly(&tcp_m.into())?)
+        })
+    }
 }
 
-/// Forward kinematics: position of the tool centre point (world axes, m) for positions q (q-units). Closed form, constant cost.
+/// Forward kinematics: position of the tool centre point (world axes, m) for positions in nm. Closed form, constant cost.
 ///
-/// Errors: KINEMATICS_: NO_ASSEMBLY, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE.
+/// Errors: KINEMATICS_: NO_ASSEMBLY, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH.
 ///
-/// cbindgen:ptrs-as-arrays=[[q;3], [tcp_m;3]]
+/// cbindgen:ptrs-as-arrays=[[positions_nm;3], [tcp_m;3]]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_l2_forward(
     machine: *const gt_l2,
-    q: *const f64,
+    positions_nm: *const i64,
     tcp_m: *mut f64,
     error: *mut gt_error,
 ) -> gt_code {
-    let solve = || {
-        // SAFETY: the header's rules for pointers.
-        let (tcp_m, q, machine) = unsafe { (place(tcp_m.cast::<[f64; 3]>())?, numbers(q)?, object::<L2>(machine)?) };
-        tcp_m.put(machine.0.forward(&q)?.into());
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, solve()) }
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        answer(tcp_m.cast::<[f64; 3]>(), error, || {
+            let machine = object::<L2>(machine)?;
+            Ok(machine.kinematics.forward(&machine.q(positions_nm)?)?.into())
+        })
+    }
 }
 
 /// The Jacobian dT/dq at tcp_m, 9 numbers row by row: m per q-unit, world axes.
@@ -159,46 +147,38 @@ pub unsafe extern "C" fn gt_l2_jacobian(
     jacobian: *mut f64,
     error: *mut gt_error,
 ) -> gt_code {
-    let solve = || {
-        // SAFETY: the header's rules for pointers.
-        let (jacobian, tcp_m, machine) =
-            unsafe { (place(jacobian.cast::<[[f64; 3]; 3]>())?, numbers::<3>(tcp_m)?, object::<L2>(machine)?) };
-        jacobian.put(rows(&machine.0.jacobian(&tcp_m.into())?));
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, solve()) }
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        answer(jacobian.cast(), error, || {
+            let tcp_m: [f64; 3] = read(tcp_m.cast())?;
+            Ok(rows(&object::<L2>(machine)?.kinematics.jacobian(&tcp_m.into())?))
+        })
+    }
 }
 
 /// Statics: tensions of the links (N, link order) and loads on the carts (N times m per q-unit, positive along +q), under a load.
-/// tcp_m and q belong together (gt_l2_inverse, gt_l2_forward); that is not checked.
+/// tcp_m and positions_nm belong together (gt_l2_inverse, gt_l2_forward); that is not checked.
 ///
 /// Errors: KINEMATICS_: SINGULAR, NOT_FINITE.
 ///
-/// cbindgen:ptrs-as-arrays=[[tcp_m;3], [q;3], [link_forces_n;6], [cart_loads;3]]
+/// cbindgen:ptrs-as-arrays=[[tcp_m;3], [positions_nm;3], [link_forces_n;6], [cart_loads;3]]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_l2_statics(
     machine: *const gt_l2,
     tcp_m: *const f64,
-    q: *const f64,
+    positions_nm: *const i64,
     load: *const gt_wrench,
     link_forces_n: *mut f64,
     cart_loads: *mut f64,
     error: *mut gt_error,
 ) -> gt_code {
-    let solve = || {
-        // SAFETY: the header's rules for pointers.
-        let (forces, loads) =
-            unsafe { (place(link_forces_n.cast::<[f64; GT_LINKS]>())?, place(cart_loads.cast::<[f64; l2::AXES]>())?) };
-        // SAFETY: as above.
-        let (tcp_m, q, load, machine) =
-            unsafe { (numbers::<3>(tcp_m)?, numbers(q)?, read(load)?, object::<L2>(machine)?) };
-        let lines = machine.0.line_matrix(&machine.0.pose(tcp_m.into()), &q)?;
-        let tensions = lines.link_forces_n(&load.into())?;
-        forces.put(tensions);
-        loads.put(lines.cart_loads(&tensions));
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, solve()) }
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        statics(link_forces_n, cart_loads.cast(), load, error, || {
+            let machine = object::<L2>(machine)?;
+            let tcp_m: [f64; 3] = read(tcp_m.cast())?;
+            let pose = machine.kinematics.pose(tcp_m.into());
+            Ok(machine.kinematics.line_matrix(&pose, &machine.q(positions_nm)?)?)
+        })
+    }
 }

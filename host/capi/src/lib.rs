@@ -25,6 +25,20 @@
     reason = "the rules for pointers are the same for every function and stand once, at the head of the header"
 )]
 
+/// Converts an enum of core to that of C: by the same names, and what has no name there to `else`.
+macro_rules! by_name {
+    ($core:ident => $c:ident { $($name:ident)+ $(; else $other:ident)? }) => {
+        impl From<$core> for $c {
+            fn from(value: $core) -> Self {
+                match value {
+                    $($core::$name => Self::$name,)+
+                    $(_ => Self::$other,)?
+                }
+            }
+        }
+    };
+}
+
 pub mod black_box;
 pub mod code;
 pub mod compensation;

@@ -1,26 +1,20 @@
 //! Poses, loads and helpers that both machines share.
 
-use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose, Solution, WARM_ITERATIONS};
-use gantry_tau_core::model::robot::{ARMS, Branch, LINKS};
-use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::kinematics::{Pose, Solution};
+use gantry_tau_core::model::robot::{ARMS, Branch, LINKS, SCALE_RANGE};
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use gantry_tau_core::units::{Metres, PositionNm};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::code::gt_code;
-use crate::error::gt_error;
-use crate::memory::{Reply, place, reply};
+use crate::error::{gt_error, gt_parameter};
+use crate::memory::{Reply, answer, checked, read};
 
 /// Number of links, in the order 11, 21, 22, 31, 32, 33: the first digit is the arm, and its number of links.
 pub const GT_LINKS: usize = 6;
 /// Number of arms, carts and guideways.
 pub const GT_ARMS: usize = 3;
 const _: () = assert!(GT_LINKS == LINKS && GT_ARMS == ARMS, "core's machines");
-
-/// Largest number of linear solves from the seed of the last cycle, at 1 m/s and 1 kHz.
-pub const GT_WARM_SOLVES: u8 = 2;
-/// Largest number of linear solves from any other seed.
-pub const GT_COLD_SOLVES: u8 = 10;
-const _: () = assert!(GT_WARM_SOLVES == WARM_ITERATIONS && GT_COLD_SOLVES == COLD_ITERATIONS, "core's numbers");
 
 /// Position and orientation of the tool: x_world = T + R x_platform.
 #[repr(C)]
@@ -116,17 +110,85 @@ pub(crate) fn travel<const N: usize>(has: u8, ranges: [[f64; 2]; N]) -> Option<[
     (has != 0).then(|| ranges.map(|[lower, upper]| (lower, upper)))
 }
 
+/// Length of one unit of each q, m: converts between nanometres and q-units.
+#[derive(Clone, Copy)]
+pub(crate) struct Scale<const N: usize>(pub(crate) [f64; N]);
+
+impl<const N: usize> Scale<N> {
+    pub(crate) fn new(metres_per_q: [f64; N]) -> Reply<Self> {
+        let (lower, upper) = SCALE_RANGE;
+        let refused = |axis| gt_error::new(gt_code::RobotOutOfRange).of(gt_parameter::MetresPerQ).at(axis);
+        match metres_per_q.iter().position(|metres| !(lower..=upper).contains(metres)) {
+            Some(axis) => Err(refused(axis).range(lower, upper)),
+            None => Ok(Self(metres_per_q)),
+        }
+    }
+
+    /// Returns positions in q-units.
+    pub(crate) fn q(&self, positions_nm: [i64; N]) -> [f64; N] {
+        let mut q = positions_nm.map(|position| PositionNm(position).to_metres().0);
+        for (q, metres) in q.iter_mut().zip(&self.0) {
+            *q /= metres;
+        }
+        q
+    }
+
+    /// Returns positions in nm, rounded.
+    pub(crate) fn positions_nm(&self, q: &[f64; N]) -> Reply<[i64; N]> {
+        let mut positions_nm = [0; N];
+        for ((position, q), metres) in positions_nm.iter_mut().zip(q).zip(&self.0) {
+            *position = PositionNm::from_metres(Metres(q * metres))?.0;
+        }
+        Ok(positions_nm)
+    }
+}
+
+/// A machine: its kinematics, and the conversion of its positions.
+pub(crate) struct Machine<K, const N: usize> {
+    pub(crate) kinematics: K,
+    pub(crate) scale: Scale<N>,
+}
+
+impl<K, const N: usize> Machine<K, N> {
+    /// Copies positions of the caller, in q-units.
+    ///
+    /// # Safety
+    /// As [`read`], for `[i64; N]`.
+    pub(crate) unsafe fn q(&self, positions_nm: *const i64) -> Reply<[f64; N]> {
+        // SAFETY: the caller's promise.
+        Ok(self.scale.q(unsafe { read(positions_nm.cast()) }?))
+    }
+}
+
+/// Statics: writes the tensions of the links and the loads on the axes.
+///
+/// # Safety
+/// The header's rules for pointers.
+#[inline(always)]
+pub(crate) unsafe fn statics<const N: usize>(
+    link_forces_n: *mut f64,
+    axis_loads: *mut [f64; N],
+    load: *const gt_wrench,
+    error: *mut gt_error,
+    lines: impl FnOnce() -> Reply<LineMatrix<N>>,
+) -> gt_code {
+    // SAFETY: the caller's promise.
+    unsafe {
+        answer(axis_loads, error, || {
+            let forces = checked(link_forces_n.cast::<[f64; GT_LINKS]>())?;
+            let (load, lines) = (read(load)?, lines()?);
+            let tensions = lines.link_forces_n(&load.into())?;
+            forces.write(tensions);
+            Ok(lines.cart_loads(&tensions))
+        })
+    }
+}
+
 /// Converts a length to whole nanometres, rounded half away from zero. The only conversion from floats to references.
 ///
 /// Errors: those of CROSSING_ (NaN, infinite, or 2^53 nm and more).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_position_from_metres(metres: f64, position_nm: *mut i64, error: *mut gt_error) -> gt_code {
-    let cross = || {
-        // SAFETY: the header's rules for pointers.
-        let place = unsafe { place(position_nm) }?;
-        place.put(PositionNm::from_metres(Metres(metres))?.0);
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, cross()) }
+    // SAFETY: the header's rules for pointers.
+    unsafe { answer(position_nm, error, || Ok(PositionNm::from_metres(Metres(metres))?.0)) }
 }

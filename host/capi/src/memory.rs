@@ -15,20 +15,36 @@ pub const GT_ALIGN: usize = 16;
 /// Result of a call.
 pub(crate) type Reply<T = ()> = Result<T, gt_error>;
 
-/// Ends a call: returns its code, and writes the details if `error` is not null.
+/// Makes a call: returns its code, and writes the details if `error` is not null.
 ///
 /// # Safety
-/// `error` is null, or points to a place for a `gt_error`.
-pub(crate) unsafe fn reply(error: *mut gt_error, result: Reply) -> gt_code {
-    let answer = result.err().unwrap_or(gt_error::OK);
+/// As [`put_some`].
+#[inline(always)]
+pub(crate) unsafe fn reply(error: *mut gt_error, call: impl FnOnce() -> Reply) -> gt_code {
+    let answer = call().err().unwrap_or(gt_error::OK);
     // SAFETY: the caller's promise.
-    if let Ok(place) = unsafe { place(error) } {
-        place.put(answer);
-    }
+    unsafe { put_some(error, answer) };
     answer.code
 }
 
-fn checked<T>(pointer: *const T) -> Reply<NonNull<T>> {
+/// As [`reply`], for a call with a result. A call that cannot return its result changes nothing.
+///
+/// # Safety
+/// As [`reply`], for `result` too.
+#[inline(always)]
+pub(crate) unsafe fn answer<T>(result: *mut T, error: *mut gt_error, call: impl FnOnce() -> Reply<T>) -> gt_code {
+    // SAFETY: the caller's promise.
+    unsafe {
+        reply(error, || {
+            let place = checked(result)?;
+            place.write(call()?);
+            Ok(())
+        })
+    }
+}
+
+/// Refuses null and misaligned pointers. Places for results are checked first, before anything is changed.
+pub(crate) fn checked<T>(pointer: *const T) -> Reply<NonNull<T>> {
     let pointer = NonNull::new(pointer.cast_mut()).ok_or(gt_code::NullPointer)?;
     if pointer.is_aligned() { Ok(pointer) } else { Err(gt_code::Misaligned.into()) }
 }
@@ -48,20 +64,8 @@ pub(crate) unsafe fn read<T: Copy>(pointer: *const T) -> Reply<T> {
 /// # Safety
 /// As [`read`].
 pub(crate) unsafe fn read_some<T: Copy>(pointer: *const T) -> Reply<Option<T>> {
-    if pointer.is_null() {
-        return Ok(None);
-    }
     // SAFETY: the caller's promise.
-    unsafe { read(pointer) }.map(Some)
-}
-
-/// Copies `N` numbers.
-///
-/// # Safety
-/// As [`read`], for `[f64; N]`.
-pub(crate) unsafe fn numbers<const N: usize>(pointer: *const f64) -> Reply<[f64; N]> {
-    // SAFETY: the caller's promise.
-    unsafe { read(pointer.cast()) }
+    if pointer.is_null() { Ok(None) } else { unsafe { read(pointer) }.map(Some) }
 }
 
 /// Borrows bytes of the caller for the duration of the call. Null is allowed with length 0.
@@ -69,13 +73,9 @@ pub(crate) unsafe fn numbers<const N: usize>(pointer: *const f64) -> Reply<[f64;
 /// # Safety
 /// `pointer` is null or points to `length` bytes that are not written to before the call is over.
 pub(crate) unsafe fn bytes<'a>(pointer: *const u8, length: usize) -> Reply<&'a [u8]> {
-    if length == 0 {
-        return Ok(&[]);
-    }
-    let pointer = checked(pointer)?;
-    check_length(length)?;
+    let start = start(pointer, length)?;
     // SAFETY: not null, and no longer than an object can be.
-    Ok(unsafe { core::slice::from_raw_parts(pointer.as_ptr(), length) })
+    Ok(unsafe { core::slice::from_raw_parts(start.as_ptr(), length) })
 }
 
 /// Borrows a buffer of the caller for the duration of the call. Null is allowed with length 0.
@@ -83,36 +83,28 @@ pub(crate) unsafe fn bytes<'a>(pointer: *const u8, length: usize) -> Reply<&'a [
 /// # Safety
 /// `pointer` is null or points to `length` initialised bytes that are not used otherwise before the call is over.
 pub(crate) unsafe fn buffer<'a>(pointer: *mut u8, length: usize) -> Reply<&'a mut [u8]> {
+    let start = start(pointer, length)?;
+    // SAFETY: not null, and no longer than an object can be.
+    Ok(unsafe { core::slice::from_raw_parts_mut(start.as_ptr(), length) })
+}
+
+fn start(pointer: *const u8, length: usize) -> Reply<NonNull<u8>> {
     if length == 0 {
-        return Ok(&mut []);
+        return Ok(NonNull::dangling());
     }
     let pointer = checked(pointer)?;
-    check_length(length)?;
-    // SAFETY: not null, and no longer than an object can be.
-    Ok(unsafe { core::slice::from_raw_parts_mut(pointer.as_ptr(), length) })
-}
-
-fn check_length(length: usize) -> Reply {
     isize::try_from(length).map_err(|_| gt_code::Length)?;
-    Ok(())
+    Ok(pointer)
 }
 
-/// Memory of the caller for a result.
-pub(crate) struct Place<T>(NonNull<T>);
-
-/// Checks the pointer to a result. Done first, so that a call that cannot return its result changes nothing.
+/// Writes a result that the caller may not want.
 ///
 /// # Safety
-/// `pointer` is null, or misaligned, or points to a place for a `T` that is there until the call is over.
-pub(crate) unsafe fn place<T>(pointer: *mut T) -> Reply<Place<T>> {
-    checked(pointer).map(Place)
-}
-
-impl<T> Place<T> {
-    /// Writes the result.
-    pub(crate) fn put(self, answer: T) {
-        // SAFETY: the promise to `place`; `self` is consumed.
-        unsafe { self.0.write(answer) };
+/// `pointer` is null, or misaligned, or points to a place for a `T`.
+pub(crate) unsafe fn put_some<T>(pointer: *mut T, answer: T) {
+    if let Ok(place) = checked(pointer) {
+        // SAFETY: neither null nor misaligned, so it points to such a place.
+        unsafe { place.write(answer) };
     }
 }
 
@@ -144,36 +136,35 @@ pub(crate) const fn size_of<T>() -> usize {
     core::mem::size_of::<Tagged<T>>()
 }
 
-/// True if the size in the header is enough for an object, and [`GT_ALIGN`] for its alignment.
-const fn fits<T: Object>() -> bool {
-    size_of::<T>() <= T::BYTES && align_of::<Tagged<T>>() <= GT_ALIGN
-}
-
-/// Creates an object in memory of the caller.
+/// Creates an object in memory of the caller, who receives its handle.
 ///
 /// # Safety
-/// `memory` is null or points to `size` bytes that belong to the object alone from now on.
-pub(crate) unsafe fn settle<T: Object>(
+/// As [`settle`] and [`answer`].
+#[inline(always)]
+pub(crate) unsafe fn create<T: Object>(
     memory: *mut c_void,
     size: usize,
+    handle: *mut *mut T::Handle,
+    error: *mut gt_error,
     make: impl FnOnce() -> Reply<T>,
-) -> Reply<*mut T::Handle> {
+) -> gt_code {
     // SAFETY: the caller's promise; the place is one for a `T`.
-    unsafe { settle_in_parts(memory, size, make, |object, place: *mut T| place.write(object)) }
+    unsafe { answer(handle, error, || settle(memory, size, make, |object, place: *mut T| place.write(object))) }
 }
 
 /// Creates an object in memory of the caller: `parts` may refuse, `write` writes every field in place.
 ///
 /// # Safety
-/// As [`settle`]; `write` initialises the whole object.
+/// `memory` is null or points to `size` bytes that belong to the object alone from now on; `write` initialises the whole object.
 #[inline(always)]
-pub(crate) unsafe fn settle_in_parts<P, T: Object>(
+pub(crate) unsafe fn settle<P, T: Object>(
     memory: *mut c_void,
     size: usize,
     parts: impl FnOnce() -> Reply<P>,
     write: impl FnOnce(P, *mut T),
 ) -> Reply<*mut T::Handle> {
-    const { assert!(fits::<T>(), "the size in the header is too small for this target") };
+    const { assert!(size_of::<T>() <= T::BYTES, "the size in the header is too small for this target") };
+    const { assert!(align_of::<Tagged<T>>() <= GT_ALIGN, "the alignment in the header is too small for this target") };
     let memory = checked(memory.cast::<Tagged<T>>())?;
     if size < size_of::<T>() {
         return Err(gt_error::new(gt_code::MemoryTooSmall).value(count(size_of::<T>())));
@@ -203,12 +194,7 @@ pub(crate) unsafe fn tag_of<H>(handle: *const H) -> Reply<u64> {
 /// As [`tag_of`]; an object with this tag was made by [`settle`] and is not written to before the call is over.
 pub(crate) unsafe fn object<'a, T: Object>(handle: *const T::Handle) -> Reply<&'a T> {
     // SAFETY: the caller's promise.
-    if unsafe { tag_of(handle) }? != T::TAG {
-        return Err(gt_code::NoObject.into());
-    }
-    let tagged = checked(handle.cast::<Tagged<T>>())?;
-    // SAFETY: the tag is that of a live `T`.
-    Ok(unsafe { &tagged.as_ref().object })
+    unsafe { Ok(&tagged::<T>(handle)?.as_ref().object) }
 }
 
 /// Borrows the object of a handle mutably.
@@ -217,10 +203,22 @@ pub(crate) unsafe fn object<'a, T: Object>(handle: *const T::Handle) -> Reply<&'
 /// As [`object`]; no other call uses it before this one is over.
 pub(crate) unsafe fn object_mut<'a, T: Object>(handle: *mut T::Handle) -> Reply<&'a mut T> {
     // SAFETY: the caller's promise.
+    unsafe { Ok(&mut tagged::<T>(handle)?.as_mut().object) }
+}
+
+/// The live object of a handle.
+///
+/// # Safety
+/// As [`tag_of`].
+unsafe fn tagged<T: Object>(handle: *const T::Handle) -> Reply<NonNull<Tagged<T>>> {
+    // SAFETY: the caller's promise.
     if unsafe { tag_of(handle) }? != T::TAG {
         return Err(gt_code::NoObject.into());
     }
-    let mut tagged = checked(handle.cast::<Tagged<T>>())?;
-    // SAFETY: the tag is that of a live `T`.
-    Ok(unsafe { &mut tagged.as_mut().object })
+    checked(handle.cast())
+}
+
+/// Returns the first `N` entries of an array, or all of them and then `rest`.
+pub(crate) fn resized<T: Copy, const M: usize, const N: usize>(all: &[T; M], rest: T) -> [T; N] {
+    core::array::from_fn(|index| all.get(index).copied().unwrap_or(rest))
 }

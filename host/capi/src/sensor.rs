@@ -1,6 +1,7 @@
 //! The force sensor: tare, frame, low-pass.
 
 use core::ffi::c_void;
+use core::ptr::null_mut;
 
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::Wrench;
@@ -8,7 +9,7 @@ use gantry_tau_core::model::statics::Wrench;
 use crate::code::gt_code;
 use crate::error::gt_error;
 use crate::machine::{gt_wrench, matrix};
-use crate::memory::{Object, object_mut, place, read, reply, settle, tag};
+use crate::memory::{Object, answer, checked, create, object_mut, read, reply, tag};
 
 /// Bytes of a gt_sensor.
 pub const GT_SENSOR_SIZE: usize = 512;
@@ -32,9 +33,7 @@ pub struct gt_sensor_config {
 /// A force sensor.
 pub struct gt_sensor(());
 
-struct Sensor(ForceSensor);
-
-impl Object for Sensor {
+impl Object for ForceSensor {
     type Handle = gt_sensor;
     const BYTES: usize = GT_SENSOR_SIZE;
     const TAG: u64 = tag(b"gtsenso", 0);
@@ -53,25 +52,19 @@ pub unsafe extern "C" fn gt_sensor_init(
     sensor: *mut *mut gt_sensor,
     error: *mut gt_error,
 ) -> gt_code {
-    let init = || {
-        // SAFETY: the header's rules for pointers.
-        unsafe {
-            let (place, config) = (place(sensor)?, read(config)?);
-            let make = || {
-                Ok(Sensor(ForceSensor::new(SensorConfig {
-                    rotation: matrix(&config.rotation),
-                    lever_m: config.lever_m.into(),
-                    cutoff_hz: config.cutoff_hz,
-                    cycle_s: config.cycle_s,
-                    tare_samples: config.tare_samples,
-                })?))
-            };
-            place.put(settle(memory, size, make)?);
-        }
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, init()) }
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        create(memory, size, sensor, error, || {
+            let config = read(config)?;
+            Ok(ForceSensor::new(SensorConfig {
+                rotation: matrix(&config.rotation),
+                lever_m: config.lever_m.into(),
+                cutoff_hz: config.cutoff_hz,
+                cycle_s: config.cycle_s,
+                tare_samples: config.tare_samples,
+            })?)
+        })
+    }
 }
 
 /// Takes one raw sample (sensor axes, about the sensor's origin), once per cycle.
@@ -86,20 +79,18 @@ pub unsafe extern "C" fn gt_sensor_update(
     load: *mut gt_wrench,
     taring: *mut u32,
 ) -> gt_code {
-    let update = || {
-        // SAFETY: the header's rules for pointers.
-        let (load, taring, raw, sensor) =
-            unsafe { (place(load)?, place(taring)?, read(raw)?, object_mut::<Sensor>(sensor)?) };
-        let (wrench, remaining) = match sensor.0.update(&raw.into())? {
-            Reading::Taring { remaining } => (Wrench::zero(), remaining),
-            Reading::Load(wrench) => (wrench, 0),
-        };
-        load.put(wrench.into());
-        taring.put(remaining);
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), update()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        answer(load, null_mut(), || {
+            let (taring, raw, sensor) = (checked(taring)?, read(raw)?, object_mut::<ForceSensor>(sensor)?);
+            let (wrench, remaining) = match sensor.update(&raw.into())? {
+                Reading::Taring { remaining } => (Wrench::zero(), remaining),
+                Reading::Load(wrench) => (wrench, 0),
+            };
+            taring.write(remaining);
+            Ok(wrench.into())
+        })
+    }
 }
 
 /// Starts again with the tare, the filter at zero. The tool must be unloaded.
@@ -107,7 +98,9 @@ pub unsafe extern "C" fn gt_sensor_update(
 pub unsafe extern "C" fn gt_sensor_restart(sensor: *mut gt_sensor) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.
     unsafe {
-        let restart = object_mut::<Sensor>(sensor).map(|sensor| sensor.0.restart_tare());
-        reply(core::ptr::null_mut(), restart)
+        reply(null_mut(), || {
+            object_mut::<ForceSensor>(sensor)?.restart_tare();
+            Ok(())
+        })
     }
 }

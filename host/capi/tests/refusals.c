@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "gantry_tau.h"
+#include "../examples/machines.h"
 
 static GT_MEMORY(GT_SERVER_SIZE_6_BLACK_BOX) memory;
 static int refused;
@@ -107,8 +108,8 @@ static void servers(void)
     gt_black_box box;
     uint64_t connection = 0, first = 0;
     uint8_t flag = 0;
-    size_t length = 0;
-    uint8_t part[GT_BLACK_BOX_PART];
+    size_t length = 0, whole = 0;
+    uint8_t part[GT_BLACK_BOX_PART], beginning[8];
 
     memset(&start, 0, sizeof start);
     memset(&input, 0, sizeof input);
@@ -130,11 +131,11 @@ static void servers(void)
     start.in_force[4].offsets.position_nm = 0;
 
     /* Memory without a server. */
-    EXPECT(NO_OBJECT, gt_server_tick((gt_server *)&memory, &input, &output));
+    EXPECT(NO_OBJECT, gt_server_tick((gt_server *)&memory, &input, &output, &error));
     EXPECT(OK, gt_server_init(&memory, sizeof memory, &config, &start, &server, &error));
     start.in_force[0].offsets.torque_permille = 1;
     EXPECT(START_OFFSET_IN_FORCE, gt_server_init(&memory, sizeof memory, &config, &start, &none, &error));
-    EXPECT(NO_OBJECT, gt_server_tick(server, &input, &output));
+    EXPECT(NO_OBJECT, gt_server_tick(server, &input, &output, &error));
     start.in_force[0].offsets.torque_permille = 0;
     EXPECT(OK, gt_server_init(&memory, sizeof memory, &config, &start, &server, &error));
 
@@ -164,24 +165,27 @@ static void servers(void)
     EXPECT(NULL_POINTER, gt_server_set_epochs(NULL, 1, 2));
     EXPECT(OK, gt_server_set_epochs(server, 2, 1)); /* an empty range */
 
-    EXPECT(NULL_POINTER, gt_server_tick(NULL, &input, &output));
-    EXPECT(NULL_POINTER, gt_server_tick(server, NULL, &output));
-    EXPECT(NULL_POINTER, gt_server_tick(server, &input, NULL));
-    EXPECT(MISALIGNED, gt_server_tick((gt_server *)(memory.bytes + 1), &input, &output));
+    EXPECT(NULL_POINTER, gt_server_tick(NULL, &input, &output, &error));
+    EXPECT(NULL_POINTER, gt_server_tick(server, NULL, &output, NULL));
+    EXPECT(NULL_POINTER, gt_server_tick(server, &input, NULL, &error));
+    EXPECT(MISALIGNED, gt_server_tick((gt_server *)(memory.bytes + 1), &input, &output, &error));
     /* A field that was forgotten is zero, and refused; so is every other value without a meaning. */
     for (int wrong = 0; wrong <= UINT8_MAX; wrong++) {
         const uint8_t value = (uint8_t)wrong;
         if (value != GT_RELEASED && value != GT_PRESSED) {
             input.stop = value;
-            EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output));
+            EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output, &error));
+            ABOUT(-1, STOP, value);
             input.stop = GT_RELEASED;
             input.rearm = value;
-            EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output));
+            EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output, &error));
+            ABOUT(-1, REARM, value);
             input.rearm = GT_RELEASED;
         }
         if (value != GT_WRITE_ACCEPTED && value != GT_WRITE_REFUSED && value != GT_WRITE_UNKNOWN) {
             input.last_write = value;
-            EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output));
+            EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output, &error));
+            ABOUT(-1, LAST_WRITE, value);
             input.last_write = GT_WRITE_ACCEPTED;
         }
     }
@@ -189,7 +193,7 @@ static void servers(void)
     EXPECT(DONE, gt_server_poll_transmit(server, &frame));
     EXPECT(DONE, gt_server_poll_close(server, &connection));
     EXPECT(OK, gt_server_feed(server, 1, (const uint8_t *)"not a frame", 11, &flag));
-    EXPECT(OK, gt_server_tick(server, &input, &output));
+    EXPECT(OK, gt_server_tick(server, &input, &output, &error));
     REFUSE(output.state.tick != 1) /* the refused calls were not ticks */
     REFUSE(!output.write || output.state.phase != GT_PHASE_LISTENING)
     EXPECT(NULL_POINTER, gt_server_poll_transmit(NULL, &frame));
@@ -209,9 +213,11 @@ static void servers(void)
     REFUSE(length != 10)
     EXPECT(OK, gt_server_black_box_part(server, 0, part, 10, &length));
     REFUSE(length != 10 || memcmp(part, "GTBB\2\6\1\0\0\0", 10) != 0)
-    part[8] = 77;
+    EXPECT(OK, gt_server_black_box_part(server, 2, part, sizeof part, &whole));
+    memcpy(beginning, part, 8);
+    memset(part, 77, sizeof part);
     EXPECT(BUFFER_TOO_SMALL, gt_server_black_box_part(server, 2, part, 8, &length));
-    REFUSE(length <= 10 || part[8] != 77)
+    REFUSE(length <= 10 || length != whole || memcmp(part, beginning, 8) != 0 || part[8] != 77)
     EXPECT(NULL_POINTER, gt_server_black_box_part(server, 0, NULL, 1, &length));
     EXPECT(LENGTH, gt_server_black_box_part(server, 0, part, SIZE_MAX, &length));
     EXPECT(INDEX, gt_server_black_box_part(server, 3, part, sizeof part, &length));
@@ -224,21 +230,21 @@ static void servers(void)
     /* The drives refused the references: the server goes on from the values in force. */
     input.last_write = GT_WRITE_REFUSED;
     input.in_force[5].offsets.position_nm = -250;
-    EXPECT(OK, gt_server_tick(server, &input, &output));
+    EXPECT(OK, gt_server_tick(server, &input, &output, &error));
     REFUSE(!output.write || output.state.phase != GT_PHASE_SAFE_DISCONNECT || output.motors[5].position_nm != -150)
     /* With values in force beyond their limits, or unknown, nothing may be written. */
     input.in_force[5].offsets.velocity_um_s = 1;
-    EXPECT(OK, gt_server_tick(server, &input, &output));
+    EXPECT(OK, gt_server_tick(server, &input, &output, &error));
     REFUSE(output.write || output.motor_count != 6 || output.motors[5].position_nm != 0)
     input.last_write = GT_WRITE_UNKNOWN;
-    EXPECT(OK, gt_server_tick(server, &input, &output));
+    EXPECT(OK, gt_server_tick(server, &input, &output, &error));
     REFUSE(output.write)
     input.last_write = GT_WRITE_ACCEPTED;
 
     /* A server without a black box. */
     config.black_box_ticks = GT_BLACK_BOX_NONE;
     EXPECT(OK, gt_server_init(&memory, GT_SERVER_SIZE_6, &config, &start, &server, &error));
-    EXPECT(OK, gt_server_tick(server, &input, &output));
+    EXPECT(OK, gt_server_tick(server, &input, &output, &error));
     EXPECT(OK, gt_server_black_box(server, &box));
     REFUSE(box.ticks != 0 || box.parts != 0 || box.frozen)
     EXPECT(OK, gt_server_black_box_release(server));
@@ -246,7 +252,7 @@ static void servers(void)
     /* A latched stop starts in Fault. */
     start.stop_latched = 1;
     EXPECT(OK, gt_server_init(&memory, GT_SERVER_SIZE_6, &config, &start, &server, &error));
-    EXPECT(OK, gt_server_tick(server, &input, &output));
+    EXPECT(OK, gt_server_tick(server, &input, &output, &error));
     REFUSE(output.state.phase != GT_PHASE_FAULT || output.state.cause != GT_CAUSE_STOP)
 }
 
@@ -255,17 +261,7 @@ static void machines(void)
     static GT_MEMORY(GT_L2_SIZE) l2_memory;
     static GT_MEMORY(GT_F1_SIZE) f1_memory;
     gt_error error;
-    gt_l2_geometry geometry = {
-        .cart_joints_m = {{0.10, -0.05, 1.28}, {-0.10, -0.29, 0.75}, {0.10, -0.29, 0.75},
-                          {-0.12, -0.05, 0.05}, {0.12, -0.05, 0.05}, {0.00, 0.08, 0.05}},
-        .guideways = {{1, 0, 0}, {1, 0, 0}, {1, 0, 0}},
-        .platform_joints_m = {{0.10, -0.05, 0.03}, {-0.10, 0.06, 0.05}, {0.10, 0.06, 0.05},
-                              {-0.12, -0.05, -0.05}, {0.12, -0.05, -0.05}, {0.00, 0.08, -0.05}},
-        .lengths_m = {1.0, 1.1, 1.0},
-        .rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
-        .inverse_branch = {1, -1, 1},
-        .forward_branch = -1,
-    };
+    gt_l2_geometry geometry = l2_geometry;
     gt_f1_geometry six;
     gt_compensator_config config;
     gt_sensor_config mounting;
@@ -275,7 +271,8 @@ static void machines(void)
     gt_sensor *sensor = NULL;
     gt_correction correction;
     gt_wrench load, out;
-    double q[3] = {7, 7, 7}, tcp_m[3] = {0, 0.5, 0.65};
+    double tcp_m[3] = {0, 0.5, 0.65};
+    int64_t nm[3] = {7, 7, 7};
     int64_t position_nm;
     uint32_t taring;
 
@@ -309,20 +306,24 @@ static void machines(void)
     geometry.rotation[0][0] = -1;
     EXPECT(ORIENTATION_NOT_ROTATION, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
     geometry.rotation[0][0] = 1;
+    geometry.metres_per_q[1] = NAN;
+    EXPECT(ROBOT_OUT_OF_RANGE, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
+    ABOUT(1, METRES_PER_Q, 0);
+    geometry.metres_per_q[1] = 1;
     geometry.cart_joints_m[4][2] += 1e-3;
     EXPECT(ORIENTATION_NOT_TAU, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
     REFUSE(error.index != 4 || fabs(error.value - 1e-3) > 1e-12)
 
-    EXPECT(NULL_POINTER, gt_l2_inverse(NULL, tcp_m, q, &error));
-    EXPECT(NULL_POINTER, gt_l2_inverse(l2, NULL, q, &error));
+    EXPECT(NULL_POINTER, gt_l2_inverse(NULL, tcp_m, nm, &error));
+    EXPECT(NULL_POINTER, gt_l2_inverse(l2, NULL, nm, &error));
     EXPECT(NULL_POINTER, gt_l2_inverse(l2, tcp_m, NULL, &error));
     tcp_m[0] = INFINITY;
-    EXPECT(KINEMATICS_NOT_FINITE, gt_l2_inverse(l2, tcp_m, q, &error));
+    EXPECT(KINEMATICS_NOT_FINITE, gt_l2_inverse(l2, tcp_m, nm, &error));
     tcp_m[0] = 0;
     tcp_m[1] = 5;
-    EXPECT(KINEMATICS_UNREACHABLE, gt_l2_inverse(l2, tcp_m, q, &error));
+    EXPECT(KINEMATICS_UNREACHABLE, gt_l2_inverse(l2, tcp_m, nm, &error));
     ABOUT(0, NONE, 0);
-    REFUSE(q[0] != 7 || q[1] != 7 || q[2] != 7) /* not written with an error */
+    REFUSE(nm[0] != 7 || nm[1] != 7 || nm[2] != 7) /* not written with an error */
     EXPECT(NO_OBJECT, gt_f1_checksum((const gt_f1 *)l2, &taring));
     EXPECT(ROBOT_OUT_OF_RANGE, gt_f1_init(&f1_memory, sizeof f1_memory, (six.inverse_branch[0] = six.inverse_branch[1] = six.inverse_branch[2] = 1, six.turn_signs[0] = six.turn_signs[1] = -1, &six), &f1, &error));
     ABOUT(0, GUIDEWAY, 0);
@@ -335,7 +336,6 @@ static void machines(void)
     for (int i = 0; i < 6; i++) {
         config.link_m_per_n[i] = 5e-7;
         config.axis_per_n[i] = 5e-8;
-        config.metres_per_q[i] = 1;
         config.limits_nm[i] = 1000000;
     }
     config.gain = NAN;
@@ -345,17 +345,13 @@ static void machines(void)
     EXPECT(COMPENSATOR_LIMIT, gt_l2_compensator_init(&memory, sizeof memory, l2, &config, &compensator, &error));
     ABOUT(2, NONE, 0);
     config.limits_nm[2] = 0;
-    config.metres_per_q[1] = 0;
-    EXPECT(COMPENSATOR_METRES_PER_Q, gt_l2_compensator_init(&memory, sizeof memory, l2, &config, &compensator, &error));
-    ABOUT(1, NONE, 0);
-    config.metres_per_q[1] = 1;
     EXPECT(OK, gt_l2_compensator_init(&memory, sizeof memory, l2, &config, &compensator, &error));
     load.force_n[1] = NAN;
     tcp_m[1] = 0.5;
-    EXPECT(OK, gt_l2_inverse(l2, tcp_m, q, &error));
-    EXPECT(KINEMATICS_NOT_FINITE, gt_l2_correction(compensator, q, &load, &correction, &error));
-    EXPECT(KINEMATICS_NOT_FINITE, gt_l2_exact_correction(compensator, q, &load, &correction, &error));
-    EXPECT(NULL_POINTER, gt_l2_correction(compensator, q, NULL, &correction, NULL));
+    EXPECT(OK, gt_l2_inverse(l2, tcp_m, nm, &error));
+    EXPECT(KINEMATICS_NOT_FINITE, gt_l2_correction(compensator, nm, &load, &correction, &error));
+    EXPECT(KINEMATICS_NOT_FINITE, gt_l2_exact_correction(compensator, nm, &load, &correction, &error));
+    EXPECT(NULL_POINTER, gt_l2_correction(compensator, nm, NULL, &correction, NULL));
 
     EXPECT(SENSOR_NOT_ROTATION, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
     mounting.rotation[0][0] = mounting.rotation[1][1] = mounting.rotation[2][2] = 1;
@@ -364,13 +360,85 @@ static void machines(void)
     EXPECT(SENSOR_OUT_OF_RANGE, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
     ABOUT(-1, TARE_SAMPLES, 0);
     mounting.tare_samples = 1;
+#define OUT_OF_RANGE(field, wrong, right, parameter)                                                                   \
+    mounting.field = wrong;                                                                                            \
+    EXPECT(SENSOR_OUT_OF_RANGE, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));                  \
+    ABOUT(-1, parameter, 0);                                                                                           \
+    mounting.field = right
+    OUT_OF_RANGE(lever_m[1], 11, 0, LEVER);
+    OUT_OF_RANGE(cutoff_hz, 0, 20, CUTOFF);
+    OUT_OF_RANGE(cycle_s, 0, 1e-3, CYCLE);
     EXPECT(OK, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
     EXPECT(SENSOR_BAD_READING, gt_sensor_update(sensor, &load, &out, &taring));
-    EXPECT(NO_OBJECT, gt_l2_correction(compensator, q, &load, &correction, &error)); /* a sensor is there now */
+    EXPECT(NO_OBJECT, gt_l2_correction(compensator, nm, &load, &correction, &error)); /* a sensor is there now */
 
     EXPECT(CROSSING_NOT_FINITE, gt_position_from_metres(NAN, &position_nm, &error));
     EXPECT(CROSSING_OUT_OF_RANGE, gt_position_from_metres(1e10, &position_nm, &error));
     REFUSE(error.upper != 9007199254740992.0)
+}
+
+/* A tracker keeps its last pose: after an error too, until it is told another one, or none. */
+static void tracker(void)
+{
+    static GT_MEMORY(GT_F1_SIZE) f1_memory;
+    static GT_MEMORY(GT_F1_TRACKER_SIZE) tracker_memory;
+    static const gt_pose start = {.position_m = {0, 0, 0.3}, .rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    static const gt_wrench load = {.force_n = {0, 0, -200}};
+    static const gt_compensator_config config = {
+        .link_m_per_n = {5e-7, 5e-7, 5e-7, 5e-7, 5e-7, 5e-7},
+        .axis_per_n = {5e-8, 5e-8, 5e-8, 2e-6, 2e-6, 2e-6},
+        .limits_nm = {1000000, 1000000, 1000000, 1000000, 1000000, 1000000},
+        .gain = 1,
+    };
+    gt_f1_compensator *compensator = NULL;
+    gt_correction correction;
+    gt_error error;
+    gt_f1_geometry geometry = f1_geometry;
+    gt_f1 *f1 = NULL;
+    gt_f1_tracker *tracker = NULL;
+    gt_pose pose = start;
+    gt_solved solved;
+    int64_t nm[6], far_nm[6];
+
+    geometry.lengths_m[2] += 1e-3; /* without a synchronised form */
+    EXPECT(NO_OBJECT, gt_f1_tracker_init(&tracker_memory, sizeof tracker_memory, (gt_f1 *)&f1_memory, &tracker, &error));
+    EXPECT(OK, gt_f1_init(&f1_memory, sizeof f1_memory, &geometry, &f1, &error));
+    EXPECT(MEMORY_TOO_SMALL, gt_f1_tracker_init(&tracker_memory, 64, f1, &tracker, &error));
+    EXPECT(OK, gt_f1_tracker_init(&tracker_memory, sizeof tracker_memory, f1, &tracker, &error));
+    EXPECT(NULL_POINTER, gt_f1_inverse(f1, NULL, NULL, nm, NULL, &error));
+    EXPECT(OK, gt_f1_inverse(f1, &start, NULL, nm, NULL, &error));
+    EXPECT(NULL_POINTER, gt_f1_tracker_pose(NULL, nm, &pose, NULL, &error));
+    EXPECT(NULL_POINTER, gt_f1_tracker_pose(tracker, NULL, &pose, NULL, &error));
+    EXPECT(NULL_POINTER, gt_f1_tracker_pose(tracker, nm, NULL, NULL, &error));
+    EXPECT(NO_OBJECT, gt_f1_tracker_pose((gt_f1_tracker *)f1, nm, &pose, NULL, &error));
+    EXPECT(KINEMATICS_SEED_REQUIRED, gt_f1_tracker_pose(tracker, nm, &pose, NULL, &error));
+    EXPECT(OK, gt_f1_tracker_start_from(tracker, &start));
+    EXPECT(OK, gt_f1_tracker_pose(tracker, nm, &pose, &solved, &error));
+    REFUSE(fabs(pose.position_m[2] - 0.3) > 1e-8)
+    memcpy(far_nm, nm, sizeof nm);
+    far_nm[0] = INT64_MAX;
+    solved.iterations = 77;
+    REFUSE(gt_f1_tracker_pose(tracker, far_nm, &pose, &solved, &error) == GT_CODE_OK)
+    REFUSE(solved.iterations != 77 || fabs(pose.position_m[2] - 0.3) > 1e-8) /* not written with an error */
+    EXPECT(OK, gt_f1_tracker_pose(tracker, nm, &pose, &solved, &error));
+    REFUSE(solved.iterations > 1)
+    EXPECT(OK, gt_f1_tracker_start_from(tracker, NULL));
+    EXPECT(KINEMATICS_SEED_REQUIRED, gt_f1_tracker_pose(tracker, nm, &pose, NULL, &error));
+    EXPECT(NULL_POINTER, gt_f1_tracker_start_from(NULL, &start));
+
+    /* A correction uses the tracker's last pose, and leaves its own there. */
+    EXPECT(OK, gt_f1_compensator_init(&memory, sizeof memory, f1, &config, &compensator, &error));
+    EXPECT(KINEMATICS_SEED_REQUIRED, gt_f1_correction(compensator, tracker, nm, &load, &correction, &error));
+    EXPECT(OK, gt_f1_tracker_start_from(tracker, &start));
+    EXPECT(NULL_POINTER, gt_f1_correction(compensator, NULL, nm, &load, &correction, &error));
+    EXPECT(NULL_POINTER, gt_f1_exact_correction(compensator, tracker, NULL, &load, &correction, &error));
+    EXPECT(NO_OBJECT, gt_f1_correction((gt_f1_compensator *)f1, tracker, nm, &load, &correction, &error));
+    EXPECT(OK, gt_f1_correction(compensator, tracker, nm, &load, &correction, &error));
+    REFUSE(correction.offsets_nm[0] <= 0) /* the carts lift the load */
+    nm[0] += 1000000;
+    EXPECT(OK, gt_f1_exact_correction(compensator, tracker, nm, &load, &correction, &error));
+    EXPECT(OK, gt_f1_tracker_pose(tracker, nm, &pose, &solved, &error));
+    REFUSE(solved.iterations > 1)
 }
 
 int main(void)
@@ -378,6 +446,8 @@ int main(void)
     configurations();
     servers();
     machines();
+    tracker();
+    REFUSE(strcmp(gt_code_name(-1), "GT_CODE_UNKNOWN") != 0 || strcmp(gt_code_name(15), "GT_CODE_UNKNOWN") != 0)
     printf("%d refusals\n", refused);
     return 0;
 }

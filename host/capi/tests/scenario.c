@@ -6,9 +6,9 @@
  *     c N                       connection N is gone
  *     f N [HEX]                 feed bytes
  *     e FIRST LAST              set epochs
- *     t E S R W U NOMINAL ACTUAL IN_FORCE
- *                               tick: elapsed_cycles, stop, rearm, last_write, arrival_us; six positions;
- *                               position velocity torque, six times; nominal position velocity torque, six times
+ *     t E S R W U AXIS... [IN_FORCE...]
+ *                               tick: elapsed_cycles, stop, rearm, last_write, arrival_us; of each axis nominal and actual position,
+ *                               velocity, torque; after a refused write of each axis nominal, position, velocity, torque
  *     b                         the black box: its parts, then release
  */
 #include <inttypes.h>
@@ -22,6 +22,17 @@ static GT_MEMORY(GT_SERVER_SIZE_6_BLACK_BOX) memory;
 static uint8_t part[GT_BLACK_BOX_PART];
 static char word[16384];
 static uint8_t bytes[8192];
+
+static const char *const phases[] = {
+    [GT_PHASE_LISTENING] = "Listening", [GT_PHASE_HANDSHAKE] = "Handshake", [GT_PHASE_SUBMIT] = "Submit",
+    [GT_PHASE_OBTAIN] = "Obtain", [GT_PHASE_SAFE_DISCONNECT] = "SafeDisconnect", [GT_PHASE_FAULT] = "Fault",
+};
+static const char *const causes[] = {
+    [GT_CAUSE_NONE] = "None", [GT_CAUSE_CLIENT_LATE] = "ClientLate", [GT_CAUSE_NETWORK_LATE] = "NetworkLate",
+    [GT_CAUSE_SERVER_LATE] = "ServerLate", [GT_CAUSE_MALFORMED] = "Malformed", [GT_CAUSE_CLOSED] = "Closed",
+    [GT_CAUSE_GOODBYE] = "Goodbye", [GT_CAUSE_BUDGET] = "Budget", [GT_CAUSE_STOP] = "Stop", [GT_CAUSE_NOMINAL] = "Nominal",
+    [GT_CAUSE_FLOOD] = "Flood", [GT_CAUSE_HANDSHAKE_TIMEOUT] = "HandshakeTimeout", [GT_CAUSE_RESTART] = "Restart",
+};
 
 static void check(gt_code code)
 {
@@ -80,28 +91,34 @@ static gt_offsets offsets(void)
     return offsets;
 }
 
-static void print_offsets(const char *what, const gt_offsets *offsets)
+static void print_channels(const char *what, int64_t position, int32_t velocity, int16_t torque)
 {
-    printf(" %s %" PRId32 " %" PRId32 " %" PRId16, what, offsets->position_nm, offsets->velocity_um_s, offsets->torque_permille);
+    printf("\"%s\":{\"position\":%lld,\"velocity\":%" PRId32 ",\"torque\":%" PRId16 "},", what, (long long)position, velocity, torque);
 }
 
+/* The JSON that core's `serde` types give. */
 static void print_state(const gt_state *state)
 {
     const gt_counters *c = &state->counters;
-    printf("state %llu %llu %llu phase %" PRId32 " cause %" PRId32 " left %" PRIu32 " arrival %u on_time %u\n",
-           (unsigned long long)state->tick, (unsigned long long)state->epoch, (unsigned long long)state->accepted, state->phase, state->cause, state->ramp_ticks_left, state->arrival_us, state->on_time_of_100);
-    printf("counters %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %u\n",
-           c->received, c->missed, c->late, c->duplicate, c->stale, c->malformed, c->out_of_range, c->limited, c->clamped, c->non_owner, c->longest_miss_run);
+    printf("{\"tick\":%llu,\"epoch\":%llu,\"accepted\":%llu,\"phase\":\"%s\",\"cause\":\"%s\",",
+           (unsigned long long)state->tick, (unsigned long long)state->epoch, (unsigned long long)state->accepted, phases[state->phase], causes[state->cause]);
+    printf("\"on_time_of_100\":%u,\"arrival_us\":%u,\"ramp_ticks_left\":%" PRIu32 ",", state->on_time_of_100, state->arrival_us, state->ramp_ticks_left);
+    printf("\"counters\":{\"received\":%" PRIu32 ",\"missed\":%" PRIu32 ",\"late\":%" PRIu32 ",\"duplicate\":%" PRIu32 ",\"stale\":%" PRIu32 ",",
+           c->received, c->missed, c->late, c->duplicate, c->stale);
+    printf("\"malformed\":%" PRIu32 ",\"out_of_range\":%" PRIu32 ",\"limited\":%" PRIu32 ",\"clamped\":%" PRIu32 ",\"non_owner\":%" PRIu32 ",\"longest_miss_run\":%u},\"axes\":[",
+           c->malformed, c->out_of_range, c->limited, c->clamped, c->non_owner, c->longest_miss_run);
     for (uint32_t i = 0; i < state->axis_count; i++) {
         const gt_axis_state *axis = &state->axes[i];
-        printf("axis %lld", (long long)axis->nominal_nm);
-        print_offsets("offsets", &axis->offsets);
-        print_offsets("shadow", &axis->shadow);
-        printf(" actual %lld %" PRId32 " %" PRId16 " flags %u\n", (long long)axis->actual.position_nm, axis->actual.velocity_um_s, axis->actual.torque_permille, axis->flags);
+        printf("%s{\"nominal\":%lld,", i ? "," : "", (long long)axis->nominal_nm);
+        print_channels("offsets", axis->offsets.position_nm, axis->offsets.velocity_um_s, axis->offsets.torque_permille);
+        print_channels("shadow", axis->shadow.position_nm, axis->shadow.velocity_um_s, axis->shadow.torque_permille);
+        print_channels("actual", axis->actual.position_nm, axis->actual.velocity_um_s, axis->actual.torque_permille);
+        printf("\"flags\":%u}", axis->flags);
     }
+    printf("]}\n");
 }
 
-static void tick(gt_server *server)
+static void tick(gt_server *server, uint32_t axes)
 {
     gt_tick_input input;
     gt_tick_output output;
@@ -109,34 +126,28 @@ static void tick(gt_server *server)
     uint64_t connection;
     gt_code code;
 
-    memset(&input, 0, sizeof input);
+    memset(&input, 0x55, sizeof input); /* entries beyond the axes are not read */
     input.elapsed_cycles = (uint32_t)natural();
     input.stop = (uint8_t)natural();
     input.rearm = (uint8_t)natural();
     input.last_write = (uint8_t)natural();
     input.arrival_us = (uint16_t)natural();
-    for (int i = 0; i < GT_MAX_AXES; i++) {
+    for (uint32_t i = 0; i < axes; i++) {
         input.nominal_nm[i] = number();
-    }
-    for (int i = 0; i < GT_MAX_AXES; i++) {
         input.actual[i].position_nm = number();
         input.actual[i].velocity_um_s = (int32_t)number();
         input.actual[i].torque_permille = (int16_t)number();
     }
-    for (int i = 0; i < GT_MAX_AXES; i++) {
+    for (uint32_t i = 0; input.last_write == GT_WRITE_REFUSED && i < axes; i++) {
         input.in_force[i].nominal_nm = number();
         input.in_force[i].offsets = offsets();
     }
-    check(gt_server_tick(server, &input, &output));
+    check(gt_server_tick(server, &input, &output, NULL));
     printf("write %u\n", output.write);
     for (uint32_t i = 0; i < output.motor_count; i++) {
         printf("motor %lld %" PRId32 " %" PRId16 "\n", (long long)output.motors[i].position_nm, output.motors[i].velocity_offset_um_s, output.motors[i].torque_offset_permille);
     }
-    printf("refused %" PRIu32 " welcomed %u owner", output.refused, output.welcomed);
-    if (output.has_owner) {
-        printf(" %llu", (unsigned long long)output.owner);
-    }
-    printf(" ended %" PRId32 "\n", output.ended);
+    printf("refused %" PRIu32 " welcomed %u owner %u %llu ended %s\n", output.refused, output.welcomed, output.has_owner, (unsigned long long)output.owner, causes[output.ended]);
     print_state(&output.state);
     while ((code = gt_server_poll_transmit(server, &frame)) == GT_CODE_OK) {
         printf("frame %llu ", (unsigned long long)frame.connection);
@@ -163,7 +174,7 @@ static void black_box(gt_server *server)
     check(gt_server_black_box_release(server));
 }
 
-static gt_server *begin(void)
+static gt_server *begin(uint32_t *axes)
 {
     static const gt_limits velocity = {5000, 200, 400, 50}, torque = {50, 5, 10, 1};
     gt_server_config config;
@@ -174,7 +185,8 @@ static gt_server *begin(void)
     start.first_epoch = 1;
     start.last_epoch = 4;
     next(); /* axes */
-    check(gt_server_config_thesis(&config, (uint32_t)natural()));
+    *axes = (uint32_t)natural();
+    check(gt_server_config_thesis(&config, *axes));
     next(); /* black_box */
     config.black_box_ticks = (uint32_t)natural();
     config.motors = 9;
@@ -187,10 +199,11 @@ static gt_server *begin(void)
         axis->torque = torque;
         axis->nominal_lower_nm = -1000000000;
         axis->nominal_upper_nm = 1000000000;
-        axis->machine_lower_nm = -1002000000;
-        axis->machine_upper_nm = 1002000000;
-        axis->nominal_step_nm = 2000000;
+        axis->machine_lower_nm = -1010000000;
+        axis->machine_upper_nm = 1010000000;
+        axis->nominal_step_nm = 100000;
     }
+    config.kinematics_checksum = 0x12345678;
     config.handshake_ticks = 40;
     config.budget_window = 100;
     config.budget_allowed = 20;
@@ -200,7 +213,8 @@ static gt_server *begin(void)
 
 int main(void)
 {
-    gt_server *server = begin();
+    uint32_t axes;
+    gt_server *server = begin(&axes);
     char call[2];
     while (scanf("%1s", call) == 1) {
         uint64_t connection = 0;
@@ -225,7 +239,7 @@ int main(void)
             check(gt_server_set_epochs(server, connection, natural()));
             break;
         case 't':
-            tick(server);
+            tick(server, axes);
             break;
         case 'b':
             black_box(server);

@@ -8,10 +8,10 @@ use gantry_tau_core::control::session::config::{AxisConfig, Config, ConfigError,
 use gantry_tau_core::control::session::{Session, Start};
 use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, PositionNm, TorquePermille, VelocityUmS};
 
-use super::{GT_BLACK_BOX_NONE, GT_BLACK_BOX_TICKS, GT_MAX_AXES, GT_MAX_MOTORS};
+use super::{GT_BLACK_BOX_NONE, GT_MAX_AXES, GT_MAX_MOTORS};
 use crate::code::gt_code;
 use crate::error::{count, gt_error, gt_parameter};
-use crate::memory::Reply;
+use crate::memory::{Reply, resized};
 
 /// Limits of one offset channel: 0 < ramp <= step, step + ramp <= accel, max >= 0.
 /// Units: nm, um/s or per mille of rated torque, by the channel; per tick.
@@ -117,15 +117,6 @@ pub struct gt_start {
     pub stop_latched: u8,
 }
 
-/// Returns the first `N` entries of an array of C.
-pub(super) fn first<T: Copy, U, const M: usize, const N: usize>(
-    all: &[T; M],
-    otherwise: T,
-    convert: impl Fn(T) -> U,
-) -> [U; N] {
-    core::array::from_fn(|index| convert(all.get(index).copied().unwrap_or(otherwise)))
-}
-
 impl gt_limits {
     /// Limits of a channel that stays at zero.
     const DISABLED: Self = Self { max: 0, step: 1, accel: 2, ramp: 1 };
@@ -146,14 +137,6 @@ impl gt_axis_config {
         nominal_upper_nm: 0,
         machine_lower_nm: -2_000_000,
         machine_upper_nm: 2_000_000,
-        nominal_step_nm: 0,
-    };
-
-    /// Placeholder, to be overwritten.
-    const NOTHING: AxisConfig = AxisConfig {
-        limits: AxisLimits::DISABLED,
-        nominal_travel: Travel::around_zero(0),
-        machine_travel: Travel::around_zero(0),
         nominal_step_nm: 0,
     };
 
@@ -191,19 +174,6 @@ impl gt_server_config {
         }
     }
 
-    /// Checks everything.
-    pub(super) fn check(&self) -> Reply {
-        match self.black_box_ticks {
-            GT_BLACK_BOX_NONE | GT_BLACK_BOX_TICKS => {}
-            other => return Err(gt_error::new(gt_code::BlackBox).value(other.into())),
-        }
-        match self.axes {
-            3 => self.checked::<3>().map(drop),
-            6 => self.checked::<6>().map(drop),
-            _ => Err(self.refused_axes()),
-        }
-    }
-
     /// Error for a number of axes that this interface is not built for.
     pub(super) fn refused_axes(&self) -> gt_error {
         let axes = usize::try_from(self.axes).unwrap_or(usize::MAX);
@@ -212,7 +182,7 @@ impl gt_server_config {
 
     /// Converts to core's configuration.
     pub(super) fn checked<const N: usize>(&self) -> Reply<(Config<N>, MotorMap<N, GT_MAX_MOTORS>)> {
-        let mut axes = [gt_axis_config::NOTHING; N];
+        let mut axes = [AxisConfig::position_only(Limits::DISABLED, Travel::around_zero(0), 0); N];
         for (index, (place, axis)) in axes.iter_mut().zip(&self.axis).enumerate() {
             *place = axis.checked(index)?;
         }
@@ -280,5 +250,5 @@ impl gt_start {
 
 /// Returns the values in force of `N` axes.
 pub(super) fn in_force<const N: usize>(all: &[gt_in_force; GT_MAX_AXES]) -> [InForce; N] {
-    first(all, gt_in_force::default(), InForce::from)
+    resized(all, gt_in_force::default()).map(InForce::from)
 }

@@ -6,8 +6,10 @@ mod running;
 mod tick;
 
 use core::ffi::c_void;
+use core::ptr::null_mut;
 
-use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::endpoint::{Endpoint, Transport};
+use gantry_tau_core::control::session::Connection;
 use gantry_tau_core::units::{Epoch, EpochRange};
 
 pub use config::{gt_axis_config, gt_in_force, gt_limits, gt_offsets, gt_server_config, gt_start};
@@ -18,12 +20,12 @@ pub use tick::{
     gt_counters, gt_phase, gt_reference, gt_state, gt_tick_input, gt_tick_output,
 };
 
-use running::{HALF, NONE, Running, full_refusal};
+use running::{HALF, NONE, Running};
 
-use crate::black_box::gt_black_box;
+use crate::black_box::{gt_black_box, look, write_part};
 use crate::code::gt_code;
 use crate::error::{count, gt_error};
-use crate::memory::{Object, Reply, buffer, bytes, object_mut, place, read, reply, settle_in_parts, size_of, tag_of};
+use crate::memory::{Object, answer, buffer, bytes, checked, object_mut, put_some, read, reply, tag_of};
 
 /// Length of arrays per axis.
 pub const GT_MAX_AXES: usize = 6;
@@ -57,27 +59,29 @@ pub struct gt_server(());
 /// Calls the server of a handle, whatever its type. A match instead of a table of functions, so that a program links only the called ones.
 macro_rules! ask {
     ($handle:expr, $server:ident => $answer:expr) => {
-        // SAFETY: the header's rules for pointers; the tag says which server it is.
-        unsafe {
-            match tag_of($handle)? {
-                <Running<3, NONE>>::TAG => {
-                    let $server = object_mut::<Running<3, NONE>>($handle)?;
-                    $answer
-                }
-                <Running<3, HALF>>::TAG => {
-                    let $server = object_mut::<Running<3, HALF>>($handle)?;
-                    $answer
-                }
-                <Running<6, NONE>>::TAG => {
-                    let $server = object_mut::<Running<6, NONE>>($handle)?;
-                    $answer
-                }
-                <Running<6, HALF>>::TAG => {
-                    let $server = object_mut::<Running<6, HALF>>($handle)?;
-                    $answer
-                }
-                _ => return Err(gt_code::NoObject.into()),
-            }
+        ask!($handle, $server => $answer, 3 NONE, 3 HALF, 6 NONE, 6 HALF)
+    };
+    ($handle:expr, $server:ident => $answer:expr, $($axes:literal $ticks:ident),+) => {
+        match tag_of($handle)? {
+            $(<Running<$axes, $ticks>>::TAG => {
+                let $server = object_mut::<Running<$axes, $ticks>>($handle)?;
+                $answer
+            })+
+            _ => return Err(gt_code::NoObject.into()),
+        }
+    };
+}
+
+/// Calls a function of the type of server that a configuration wants.
+macro_rules! of_type {
+    ($config:expr, $function:ident($($argument:expr),+)) => {
+        match ($config.axes, $config.black_box_ticks) {
+            (3, GT_BLACK_BOX_NONE) => Running::<3, NONE>::$function($($argument),+)?,
+            (3, GT_BLACK_BOX_TICKS) => Running::<3, HALF>::$function($($argument),+)?,
+            (6, GT_BLACK_BOX_NONE) => Running::<6, NONE>::$function($($argument),+)?,
+            (6, GT_BLACK_BOX_TICKS) => Running::<6, HALF>::$function($($argument),+)?,
+            (_, GT_BLACK_BOX_NONE | GT_BLACK_BOX_TICKS) => return Err($config.refused_axes()),
+            (_, other) => return Err(gt_error::new(gt_code::BlackBox).value(other.into())),
         }
     };
 }
@@ -89,18 +93,13 @@ macro_rules! ask {
 /// Errors: GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_CONFIG_AXES.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_config_thesis(config: *mut gt_server_config, axes: u32) -> gt_code {
-    let fill = || {
-        // SAFETY: the header's rules for pointers.
-        let place = unsafe { place(config) }?;
-        let thesis = gt_server_config::thesis(axes);
-        if !matches!(axes, 3 | 6) {
-            return Err(thesis.refused_axes());
-        }
-        place.put(thesis);
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), fill()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        answer(config, null_mut(), || {
+            let thesis = gt_server_config::thesis(axes);
+            if matches!(axes, 3 | 6) { Ok(thesis) } else { Err(thesis.refused_axes()) }
+        })
+    }
 }
 
 /// Checks a configuration, and returns the bytes that its server needs on this target, at most GT_SERVER_SIZE_6_BLACK_BOX.
@@ -113,23 +112,14 @@ pub unsafe extern "C" fn gt_server_config_check(
     size: *mut usize,
     error: *mut gt_error,
 ) -> gt_code {
-    let check = || {
-        // SAFETY: the header's rules for pointers.
-        let config = unsafe { read(config) }?;
-        config.check()?;
-        // SAFETY: as above; null is allowed.
-        if let Ok(place) = unsafe { place(size) } {
-            place.put(match (config.axes, config.black_box_ticks) {
-                (3, GT_BLACK_BOX_NONE) => size_of::<Running<3, NONE>>(),
-                (3, _) => size_of::<Running<3, HALF>>(),
-                (_, GT_BLACK_BOX_NONE) => size_of::<Running<6, NONE>>(),
-                (_, _) => size_of::<Running<6, HALF>>(),
-            });
-        }
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, check()) }
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        reply(error, || {
+            let config = read(config)?;
+            put_some(size, of_type!(config, check(&config)));
+            Ok(())
+        })
+    }
 }
 
 /// Creates a server in `memory`, without connections. Offsets in force start in GT_PHASE_SAFE_DISCONNECT, a latched stop in GT_PHASE_FAULT.
@@ -149,41 +139,12 @@ pub unsafe extern "C" fn gt_server_init(
     server: *mut *mut gt_server,
     error: *mut gt_error,
 ) -> gt_code {
-    let init = || {
-        // SAFETY: the header's rules for pointers.
-        unsafe {
-            let server = place(server)?;
-            let (config, start) = (read(config)?, read(start)?);
-            config.check()?;
-            server.put(match (config.axes, config.black_box_ticks) {
-                (3, GT_BLACK_BOX_NONE) => begin::<3, NONE>(memory, size, &config, &start)?,
-                (3, _) => begin::<3, HALF>(memory, size, &config, &start)?,
-                (_, GT_BLACK_BOX_NONE) => begin::<6, NONE>(memory, size, &config, &start)?,
-                (_, _) => begin::<6, HALF>(memory, size, &config, &start)?,
-            });
-        }
-        Ok(())
-    };
-    // SAFETY: as above.
-    unsafe { reply(error, init()) }
-}
-
-/// Creates a server in its memory.
-///
-/// # Safety
-/// As [`settle_in_parts`].
-#[inline(never)]
-unsafe fn begin<const N: usize, const TICKS: usize>(
-    memory: *mut c_void,
-    size: usize,
-    config: &gt_server_config,
-    start: &gt_start,
-) -> Reply<*mut gt_server> {
-    let parts = || Running::<N, TICKS>::parts(config, start);
-    // SAFETY: the caller's promise, and `write` writes a whole server.
+    // SAFETY: the header's rules for pointers.
     unsafe {
-        settle_in_parts(memory, size, parts, |parts, place| {
-            Running::<N, TICKS>::write(parts, place);
+        answer(server, error, || {
+            let (config, start) = (read(config)?, read(start)?);
+            of_type!(config, check(&config));
+            Ok(of_type!(config, begin(memory, size, &config, &start)))
         })
     }
 }
@@ -194,19 +155,17 @@ unsafe fn begin<const N: usize, const TICKS: usize>(
 /// Errors: GT_CODE_TRANSPORT; GT_CODE_FULL: GT_MAX_CONNECTIONS are open, send gt_server_refusal and close.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_open(server: *mut gt_server, transport: u32, connection: *mut u64) -> gt_code {
-    let open = || {
-        // SAFETY: the header's rules for pointers.
-        let connection = unsafe { place(connection) }?;
-        let transport = match transport {
-            GT_TRANSPORT_STREAM => Transport::Stream,
-            GT_TRANSPORT_DATAGRAM => Transport::Datagram,
-            _ => return Err(gt_code::Transport.into()),
-        };
-        connection.put(ask!(server, server => server.open(transport)?));
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), open()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        answer(connection, null_mut(), || {
+            let transport = match transport {
+                GT_TRANSPORT_STREAM => Transport::Stream,
+                GT_TRANSPORT_DATAGRAM => Transport::Datagram,
+                _ => return Err(gt_code::Transport.into()),
+            };
+            Ok(ask!(server, server => server.endpoint.open(transport)?.0))
+        })
+    }
 }
 
 /// Returns the frame for a peer without room for its connection; the frame's `connection` has no meaning.
@@ -214,8 +173,10 @@ pub unsafe extern "C" fn gt_server_open(server: *mut gt_server, transport: u32, 
 pub unsafe extern "C" fn gt_server_refusal(frame: *mut gt_frame) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.
     unsafe {
-        let put = place(frame).map(|place| place.put(full_refusal()));
-        reply(core::ptr::null_mut(), put)
+        answer(frame, null_mut(), || {
+            // The same for any number of axes.
+            Ok(gt_frame::new(Connection(u64::MAX), &Endpoint::<3, GT_MAX_MOTORS>::full_refusal()))
+        })
     }
 }
 
@@ -223,12 +184,13 @@ pub unsafe extern "C" fn gt_server_refusal(frame: *mut gt_frame) -> gt_code {
 /// A connection that is not open is ignored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_close(server: *mut gt_server, connection: u64) -> gt_code {
-    let close = || {
-        ask!(server, server => server.close(connection));
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), close()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        reply(null_mut(), || {
+            ask!(server, server => server.endpoint.close(Connection(connection)));
+            Ok(())
+        })
+    }
 }
 
 /// Takes bytes that were read from a connection: for a stream any piece of it, for datagrams exactly one.
@@ -244,44 +206,35 @@ pub unsafe extern "C" fn gt_server_feed(
     length: usize,
     frames: *mut u8,
 ) -> gt_code {
-    let feed = || {
-        // SAFETY: the header's rules for pointers.
-        let bytes = unsafe { self::bytes(bytes, length) }?;
-        let taken = ask!(server, server => server.feed(connection, bytes));
-        // SAFETY: as above; null is allowed.
-        if let Ok(place) = unsafe { place(frames) } {
-            place.put(taken);
-        }
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), feed()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        reply(null_mut(), || {
+            let bytes = self::bytes(bytes, length)?;
+            put_some(frames, ask!(server, server => server.endpoint.feed(Connection(connection), bytes)));
+            Ok(())
+        })
+    }
 }
 
 /// Lock-step: `answered` receives 1 if the coming tick has what it waits for (a Command that answers the last State, or an event
 /// of the owner that ends the session), else 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_owner_has_answered(server: *mut gt_server, answered: *mut u8) -> gt_code {
-    let look = || {
-        // SAFETY: the header's rules for pointers.
-        let answered = unsafe { place(answered) }?;
-        answered.put(ask!(server, server => server.owner_has_answered().into()));
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), look()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe { answer(answered, null_mut(), || Ok(ask!(server, server => server.endpoint.owner_has_answered().into()))) }
 }
 
 /// Replaces the epochs that may be granted: a further range, reserved in storage. An epoch is never granted twice.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_set_epochs(server: *mut gt_server, first: u64, last: u64) -> gt_code {
     let epochs = EpochRange { first: Epoch(first), last: Epoch(last) };
-    let set = || {
-        ask!(server, server => server.set_epochs(epochs));
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), set()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        reply(null_mut(), || {
+            ask!(server, server => server.endpoint.set_epochs(epochs));
+            Ok(())
+        })
+    }
 }
 
 /// Runs one cycle on everything that was fed since the last tick. Its work is bounded, whatever arrived: no allocation, no lock, no clock.
@@ -289,22 +242,22 @@ pub unsafe extern "C" fn gt_server_set_epochs(server: *mut gt_server, first: u64
 /// Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0; then send what gt_server_poll_transmit
 /// returns; then close what gt_server_poll_close returns. Drives need a watchdog for the case that no tick comes.
 ///
-/// Errors: GT_CODE_TICK_INPUT: stop, rearm or last_write is not one of its values; GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED,
-/// GT_CODE_NO_OBJECT. After an error nothing has changed.
+/// Errors: GT_CODE_TICK_INPUT: stop, rearm or last_write, in this order, is not one of its values, and `error` says which;
+/// GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT. After an error nothing has changed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_tick(
     server: *mut gt_server,
     input: *const gt_tick_input,
     output: *mut gt_tick_output,
+    error: *mut gt_error,
 ) -> gt_code {
-    let tick = || {
-        // SAFETY: the header's rules for pointers.
-        let (output, input) = unsafe { (place(output)?, read(input)?) };
-        output.put(ask!(server, server => server.tick(input)?));
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), tick()) }
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        answer(output, error, || {
+            let input = read(input)?;
+            ask!(server, server => server.tick(input))
+        })
+    }
 }
 
 /// Returns the next frame of the last tick, in the order in which they are to be sent: Refusals, the Welcome, the State.
@@ -313,15 +266,13 @@ pub unsafe extern "C" fn gt_server_tick(
 /// Errors: GT_CODE_DONE after the last one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_poll_transmit(server: *mut gt_server, frame: *mut gt_frame) -> gt_code {
-    let poll = || {
-        // SAFETY: the header's rules for pointers.
-        let place = unsafe { place(frame) }?;
-        let frame = ask!(server, server => server.poll_transmit());
-        place.put(frame.ok_or(gt_code::Done)?);
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), poll()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        answer(frame, null_mut(), || {
+            let (to, frame) = ask!(server, server => server.endpoint.poll_transmit().ok_or(gt_code::Done)?);
+            Ok(gt_frame::new(to, frame))
+        })
+    }
 }
 
 /// Returns the next connection to close, after its frames are sent. Poll the frames first. A connection that is not polled keeps its
@@ -330,28 +281,19 @@ pub unsafe extern "C" fn gt_server_poll_transmit(server: *mut gt_server, frame: 
 /// Errors: GT_CODE_DONE after the last one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_poll_close(server: *mut gt_server, connection: *mut u64) -> gt_code {
-    let poll = || {
-        // SAFETY: the header's rules for pointers.
-        let place = unsafe { place(connection) }?;
-        let connection = ask!(server, server => server.poll_close());
-        place.put(connection.ok_or(gt_code::Done)?);
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), poll()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        answer(connection, null_mut(), || {
+            Ok(ask!(server, server => server.endpoint.poll_close().ok_or(gt_code::Done)?.0))
+        })
+    }
 }
 
 /// Returns the contents of the black box. Without one: 0 ticks, never frozen.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_black_box(server: *mut gt_server, black_box: *mut gt_black_box) -> gt_code {
-    let look = || {
-        // SAFETY: the header's rules for pointers.
-        let place = unsafe { place(black_box) }?;
-        place.put(ask!(server, server => server.black_box()));
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), look()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe { answer(black_box, null_mut(), || Ok(ask!(server, server => look(&server.black_box)))) }
 }
 
 /// Writes part `index` of the black box as a file, 0 to `parts` - 1 of gt_black_box. All parts in order are a file that
@@ -370,28 +312,29 @@ pub unsafe extern "C" fn gt_server_black_box_part(
     size: usize,
     length: *mut usize,
 ) -> gt_code {
-    let write = || {
-        // SAFETY: the header's rules for pointers.
-        let (place, room) = unsafe { (place(length)?, self::buffer(buffer, size)?) };
-        let index = usize::try_from(index).map_err(|_| gt_code::Index)?;
-        let length = ask!(server, server => server.write_black_box(index, room)?);
-        place.put(length);
-        if length > size {
-            return Err(gt_error::new(gt_code::BufferTooSmall).value(count(length)));
-        }
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), write()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        reply(null_mut(), || {
+            let (place, room) = (checked(length)?, self::buffer(buffer, size)?);
+            let index = usize::try_from(index).map_err(|_| gt_code::Index)?;
+            let length = ask!(server, server => write_part(&server.black_box, index, room)?);
+            place.write(length);
+            if length > size {
+                return Err(gt_error::new(gt_code::BufferTooSmall).value(count(length)));
+            }
+            Ok(())
+        })
+    }
 }
 
 /// Clears the black box and records again: after its parts are written, and when a new session was granted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_black_box_release(server: *mut gt_server) -> gt_code {
-    let release = || {
-        ask!(server, server => server.release_black_box());
-        Ok(())
-    };
-    // SAFETY: null is allowed.
-    unsafe { reply(core::ptr::null_mut(), release()) }
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        reply(null_mut(), || {
+            ask!(server, server => server.black_box.release());
+            Ok(())
+        })
+    }
 }

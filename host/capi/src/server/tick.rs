@@ -6,11 +6,11 @@ use gantry_tau_core::control::message::{AxisFlags, AxisState, Cause, Counters, P
 use gantry_tau_core::control::session::{LastWrite, Output, TickInput};
 use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
 
-use super::config::{first, gt_in_force, gt_offsets, in_force};
+use super::config::{gt_in_force, gt_offsets, in_force};
 use super::{GT_MAX_AXES, GT_MAX_CONNECTIONS, GT_MAX_MOTORS};
 use crate::code::gt_code;
-use crate::error::gt_error;
-use crate::memory::Reply;
+use crate::error::{gt_error, gt_parameter, small};
+use crate::memory::{Reply, resized};
 
 const _: () = assert!(GT_MAX_CONNECTIONS == CONNECTIONS, "the constant is core's");
 
@@ -241,29 +241,32 @@ pub struct gt_tick_output {
 }
 
 /// Reads a switch or button.
-const fn pressed(value: u8) -> Reply<bool> {
+fn pressed(value: u8, field: gt_parameter) -> Reply<bool> {
     match value {
         GT_RELEASED => Ok(false),
         GT_PRESSED => Ok(true),
-        _ => Err(gt_error::new(gt_code::TickInput)),
+        _ => Err(refused(value, field)),
     }
+}
+
+fn refused(value: u8, field: gt_parameter) -> gt_error {
+    gt_error::new(gt_code::TickInput).of(field).value(value.into())
 }
 
 impl gt_tick_input {
     pub(super) fn to_core<const N: usize>(self) -> Reply<TickInput<N>> {
-        let last_write = match self.last_write {
-            GT_WRITE_ACCEPTED => LastWrite::Accepted,
-            GT_WRITE_REFUSED => LastWrite::Refused { in_force: in_force(&self.in_force) },
-            GT_WRITE_UNKNOWN => LastWrite::Unknown,
-            _ => return Err(gt_code::TickInput.into()),
-        };
         Ok(TickInput {
             elapsed_cycles: self.elapsed_cycles,
-            nominal: first(&self.nominal_nm, 0, PositionNm),
-            actual: first(&self.actual, gt_actual::default(), Actual::from),
-            stop: pressed(self.stop)?,
-            rearm: pressed(self.rearm)?,
-            last_write,
+            nominal: resized(&self.nominal_nm, 0).map(PositionNm),
+            actual: resized(&self.actual, gt_actual::default()).map(Actual::from),
+            stop: pressed(self.stop, gt_parameter::Stop)?,
+            rearm: pressed(self.rearm, gt_parameter::Rearm)?,
+            last_write: match self.last_write {
+                GT_WRITE_ACCEPTED => LastWrite::Accepted,
+                GT_WRITE_REFUSED => LastWrite::Refused { in_force: in_force(&self.in_force) },
+                GT_WRITE_UNKNOWN => LastWrite::Unknown,
+                other => return Err(refused(other, gt_parameter::LastWrite)),
+            },
             arrival_us: self.arrival_us,
         })
     }
@@ -276,7 +279,6 @@ impl gt_tick_output {
         output: &Output<N>,
         motors: usize,
     ) -> Self {
-        let small = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
         let mut places = [gt_reference::default(); GT_MAX_MOTORS];
         for (to, from) in places.iter_mut().zip(references.into_iter().flatten()).take(motors) {
             *to = (*from).into();
@@ -321,90 +323,44 @@ impl From<Reference> for gt_reference {
     }
 }
 
-impl From<Phase> for gt_phase {
-    fn from(phase: Phase) -> Self {
-        match phase {
-            Phase::Listening => Self::Listening,
-            Phase::Handshake => Self::Handshake,
-            Phase::Submit => Self::Submit,
-            Phase::Obtain => Self::Obtain,
-            Phase::SafeDisconnect => Self::SafeDisconnect,
-            Phase::Fault => Self::Fault,
-        }
-    }
-}
+by_name!(Phase => gt_phase { Listening Handshake Submit Obtain SafeDisconnect Fault });
 
-impl From<Cause> for gt_cause {
-    fn from(cause: Cause) -> Self {
-        match cause {
-            Cause::None => Self::None,
-            Cause::ClientLate => Self::ClientLate,
-            Cause::NetworkLate => Self::NetworkLate,
-            Cause::ServerLate => Self::ServerLate,
-            Cause::Malformed => Self::Malformed,
-            Cause::Closed => Self::Closed,
-            Cause::Goodbye => Self::Goodbye,
-            Cause::Budget => Self::Budget,
-            Cause::Stop => Self::Stop,
-            Cause::Nominal => Self::Nominal,
-            Cause::Flood => Self::Flood,
-            Cause::HandshakeTimeout => Self::HandshakeTimeout,
-            Cause::Restart => Self::Restart,
-            _ => Self::Other,
-        }
-    }
-}
+by_name!(Cause => gt_cause {
+    None ClientLate NetworkLate ServerLate Malformed Closed Goodbye Budget Stop Nominal Flood HandshakeTimeout Restart; else Other
+});
 
 impl From<Counters> for gt_counters {
     fn from(counters: Counters) -> Self {
-        let Counters {
-            received,
-            missed,
-            late,
-            duplicate,
-            stale,
-            malformed,
-            out_of_range,
-            limited,
-            clamped,
-            non_owner,
-            longest_miss_run,
-        } = counters;
         Self {
-            received,
-            missed,
-            late,
-            duplicate,
-            stale,
-            malformed,
-            out_of_range,
-            limited,
-            clamped,
-            non_owner,
-            longest_miss_run,
+            received: counters.received,
+            missed: counters.missed,
+            late: counters.late,
+            duplicate: counters.duplicate,
+            stale: counters.stale,
+            malformed: counters.malformed,
+            out_of_range: counters.out_of_range,
+            limited: counters.limited,
+            clamped: counters.clamped,
+            non_owner: counters.non_owner,
+            longest_miss_run: counters.longest_miss_run,
         }
     }
 }
 
 impl From<AxisState> for gt_axis_state {
     fn from(axis: AxisState) -> Self {
-        let AxisState { nominal, offsets, shadow, actual, flags } = axis;
         Self {
-            nominal_nm: nominal.0,
-            offsets: offsets.into(),
-            shadow: shadow.into(),
-            actual: actual.into(),
-            flags: flags.bits(),
+            nominal_nm: axis.nominal.0,
+            offsets: axis.offsets.into(),
+            shadow: axis.shadow.into(),
+            actual: axis.actual.into(),
+            flags: axis.flags.bits(),
         }
     }
 }
 
 impl<const N: usize> From<&State<N>> for gt_state {
     fn from(state: &State<N>) -> Self {
-        let axes = core::array::from_fn(|index| {
-            let axis = state.axes.get(index).copied();
-            axis.unwrap_or_default().into()
-        });
         Self {
             tick: state.tick.0,
             epoch: state.epoch.0,
@@ -415,8 +371,8 @@ impl<const N: usize> From<&State<N>> for gt_state {
             arrival_us: state.arrival_us,
             on_time_of_100: state.on_time_of_100,
             counters: state.counters.into(),
-            axis_count: u32::try_from(N).unwrap_or(0),
-            axes,
+            axis_count: small(N),
+            axes: resized(&state.axes, AxisState::default()).map(gt_axis_state::from),
         }
     }
 }

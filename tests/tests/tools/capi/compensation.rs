@@ -1,23 +1,23 @@
 //! `examples/compensation.c` and core: every number agrees to the bit. The machines come from `robots/`, which shows that the example's
 //! are the same.
 
-use std::collections::BTreeMap;
+use std::fmt::Write as _;
 
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
-use gantry_tau_core::model::kinematics::{Pose, WARM_ITERATIONS};
+use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
-use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use gantry_tau_core::model::{f1, l2, presets};
-use gantry_tau_core::units::OffsetNm;
+use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
 use libtest_mimic::Failed;
 use nalgebra::{Matrix3, Vector3};
 
-use super::tools::Program;
+use super::tools::{Program, assert_lines};
 
-/// Texts of the numbers of each name, in order.
-pub(crate) type Numbers = BTreeMap<String, Vec<String>>;
+/// Length of one q-unit of each axis of the F1, m.
+const METRES_PER_Q: [f64; 6] = [1.0, 1.0, 1.0, 0.05, 0.05, 0.05];
 
 pub(crate) fn agrees(compiler: &str, flags: &[&str]) -> Result<(), Failed> {
     let program = Program::compile("examples/compensation.c", compiler, flags)?;
@@ -27,69 +27,78 @@ pub(crate) fn agrees(compiler: &str, flags: &[&str]) -> Result<(), Failed> {
 
 /// Compares the output of the program with core.
 pub(crate) fn compare(said: &str) {
-    let mut there = Numbers::new();
-    for line in said.lines() {
-        let (name, rest) = line.split_at(20);
-        let number = rest.split_whitespace().nth(1).unwrap();
-        there.entry(name.trim().to_owned()).or_default().push(number.to_owned());
-    }
-    let mut here = Numbers::new();
+    let mut here = String::new();
     three_axes(&mut here);
     six_axes(&mut here);
     sensor(&mut here);
-    here.insert("crossing".to_owned(), vec!["1250000".to_owned()]);
-    for (name, here) in &here {
-        assert_eq!(there.get(name), Some(here), "{name}");
-    }
-    assert_eq!(there.len(), here.len());
+    put(&mut here, "crossing", ["1250000 nm"]);
+    assert_lines(said, &here);
     assert!(said.contains("l2 correction        1  -150000 nm (limit)\n"), "{said}");
 }
 
-/// A number as its bits.
-fn float(value: f64) -> String {
-    format!("{:016x}", value.to_bits())
+/// Writes numbered lines.
+fn put<T: std::fmt::Display>(text: &mut String, name: &str, values: impl IntoIterator<Item = T>) {
+    for (index, value) in values.into_iter().enumerate() {
+        writeln!(text, "{name:<20} {index}  {value}").unwrap();
+    }
 }
 
-fn put(numbers: &mut Numbers, name: &str, values: &[f64]) {
-    let texts = values.iter().map(|value| float(*value)).collect();
-    numbers.insert(name.to_owned(), texts);
+/// Writes numbers, as their bits and rounded.
+fn put_floats(text: &mut String, name: &str, values: &[f64]) {
+    put(text, name, values.iter().map(|value| format!("{:016x}  ({value:.9})", value.to_bits())));
 }
 
-fn put_offsets<const N: usize>(numbers: &mut Numbers, name: &str, correction: &Correction<N>) {
-    let texts = correction.offsets.iter().map(|offset| offset.0.to_string());
-    numbers.insert(name.to_owned(), texts.collect());
+fn put_positions<const N: usize>(text: &mut String, name: &str, positions: &[PositionNm; N]) {
+    put(text, name, positions.map(|position| format!("{} nm", position.0)));
+}
+
+fn put_offsets<const N: usize>(text: &mut String, name: &str, correction: &Correction<N>) {
+    let cut = |cut| if cut { " (limit)" } else { "" };
+    let offsets = correction.offsets.iter().zip(correction.saturated);
+    put(text, name, offsets.map(|(offset, saturated)| format!("{} nm{}", offset.0, cut(saturated))));
+}
+
+fn put_statics<const N: usize>(text: &mut String, machine: &str, axis: &str, lines: &LineMatrix<N>) {
+    let forces = lines.link_forces_n(&load()).unwrap();
+    put_floats(text, &format!("{machine} link force"), &forces);
+    put_floats(text, &format!("{machine} {axis} load"), &lines.cart_loads(&forces));
 }
 
 fn load() -> Wrench {
     Wrench::from_array([300.0, -50.0, 100.0, 1.0, 2.0, -1.0])
 }
 
+/// Positions in nm, rounded, and the q-units that they stand for.
+fn rounded<const N: usize>(q: [f64; N], metres_per_q: [f64; N]) -> ([PositionNm; N], [f64; N]) {
+    let positions = std::array::from_fn(|axis| PositionNm::from_metres(Metres(q[axis] * metres_per_q[axis])).unwrap());
+    (positions, q_units(&positions, metres_per_q))
+}
+
+fn q_units<const N: usize>(positions: &[PositionNm; N], metres_per_q: [f64; N]) -> [f64; N] {
+    std::array::from_fn(|axis| positions[axis].to_metres().0 / metres_per_q[axis])
+}
+
 /// The machine of `robots/l2.toml`, first order and exact.
-fn three_axes(numbers: &mut Numbers) {
+fn three_axes(text: &mut String) {
     let robot: l2::Robot = *RobotFile::builtin_l2().unwrap().model.robot();
     let nominal = l2::Kinematics::new(&robot, &Matrix3::identity()).unwrap();
     let tcp_m = Vector3::new(0.0, 0.5, 0.65);
-    let q = nominal.inverse_in_assembly(&tcp_m).unwrap();
-    let jacobian = nominal.jacobian(&tcp_m).unwrap();
-    let lines = robot.line_matrix(&Pose::at(tcp_m), &q).unwrap();
-    let forces = lines.link_forces_n(&load()).unwrap();
-    put(numbers, "l2 q", &q);
-    put(numbers, "l2 tcp", nominal.forward(&q).unwrap().as_slice());
-    put(numbers, "l2 jacobian", jacobian.transpose().as_slice());
-    put(numbers, "l2 link force", &forces);
-    put(numbers, "l2 cart load", &lines.cart_loads(&forces));
-
-    let springs = presets::l2_compliances();
-    let config =
-        CompensatorConfig { gain: 1.0, limits: [2_000_000, 150_000, 2_000_000].map(OffsetNm), metres_per_q: [1.0; 3] };
-    let compensator = l2::Compensator::new(&nominal, &springs, config).unwrap();
+    let (positions, q) = rounded(nominal.inverse_in_assembly(&tcp_m).unwrap(), [1.0; 3]);
     let pose = Pose::at(nominal.forward(&q).unwrap());
-    put_offsets(numbers, "l2 correction", &compensator.correct_q(&q, &load()).unwrap());
-    put_offsets(numbers, "l2 exact", &compensator.correct_exact_at(&pose, &q, &load()).unwrap());
+    put_positions(text, "l2 positions", &positions);
+    put_floats(text, "l2 tcp", pose.position_m.as_slice());
+    put_floats(text, "l2 jacobian", nominal.jacobian(&tcp_m).unwrap().transpose().as_slice());
+    put_statics(text, "l2", "cart", &robot.line_matrix(&Pose::at(tcp_m), &q).unwrap());
+
+    let limits = [2_000_000, 150_000, 2_000_000].map(OffsetNm);
+    let config = CompensatorConfig { gain: 1.0, limits, metres_per_q: [1.0; 3] };
+    let compensator = l2::Compensator::new(&nominal, &presets::l2_compliances(), config).unwrap();
+    put_offsets(text, "l2 correction", &compensator.correct(&positions, &load()).unwrap());
+    put_offsets(text, "l2 exact", &compensator.correct_exact_at(&pose, &q, &load()).unwrap());
 }
 
-/// The machine of `robots/f1.toml`, turned by 0.1 rad about z.
-fn six_axes(numbers: &mut Numbers) {
+/// The machine of `robots/f1.toml`, turned by 0.1 rad about z; three cycles of a tracker, and compensation by the same one.
+fn six_axes(text: &mut String) {
     let kinematics = RobotFile::builtin_f1().unwrap().model;
     let (sine, cosine) = (0.09983341664682815, 0.995_004_165_278_025_8);
     let pose = Pose {
@@ -97,34 +106,37 @@ fn six_axes(numbers: &mut Numbers) {
         rotation: Matrix3::new(cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0),
     };
     let solved = kinematics.inverse(&pose, None).unwrap();
-    let q = solved.value;
-    let back = kinematics.forward_from(&q, &pose, WARM_ITERATIONS).unwrap();
-    let lines = kinematics.line_matrix(&pose, &q).unwrap();
-    let forces = lines.link_forces_n(&load()).unwrap();
     assert!(solved.iterations > 0, "a pose that takes some work");
-    numbers.insert("f1 iterations".to_owned(), vec![solved.iterations.to_string()]);
-    put(numbers, "f1 q", &q);
-    put(numbers, "f1 position", back.value.position_m.as_slice());
-    put(numbers, "f1 jacobian", lines.jacobian().unwrap().transpose().as_slice());
-    put(numbers, "f1 link force", &forces);
-    put(numbers, "f1 axis load", &lines.cart_loads(&forces));
+    let (mut positions, _) = rounded(solved.value, METRES_PER_Q);
+    put(text, "f1 iterations", [solved.iterations]);
+    put_positions(text, "f1 positions", &positions);
+    let mut tracker = f1::PoseTracker::new(&kinematics);
+    for cycle in 0..3 {
+        positions[0].0 += 500_000;
+        let tracked = tracker.track(&q_units(&positions, METRES_PER_Q)).unwrap();
+        writeln!(text, "{:<20} {cycle}  {}", "f1 tracked", tracked.iterations).unwrap();
+        put_floats(text, "f1 position", tracked.value.position_m.as_slice());
+    }
+    let pose = *tracker.last().unwrap();
+    let [_, _, _, q4, q5, q6] = q_units(&positions, METRES_PER_Q);
+    let (positions, q) = rounded(kinematics.inverse(&pose, Some([q4, q5, q6])).unwrap().value, METRES_PER_Q);
+    put_positions(text, "f1 positions", &positions);
+    let lines = kinematics.line_matrix(&pose, &q).unwrap();
+    put_floats(text, "f1 jacobian", lines.jacobian().unwrap().transpose().as_slice());
+    put_statics(text, "f1", "axis", &lines);
 
     let links = *presets::f1_compliances().link_m_per_n();
     let springs = Compliances::new(links, [4.0e-6, 5.0e-6, 6.0e-6, 2.0e-6, 2.0e-6, 2.0e-6]).unwrap();
-    let config = CompensatorConfig {
-        gain: 1.0,
-        limits: [OffsetNm(5_000_000); 6],
-        metres_per_q: [1.0, 1.0, 1.0, 0.05, 0.05, 0.05],
-    };
+    let config = CompensatorConfig { gain: 1.0, limits: [OffsetNm(5_000_000); 6], metres_per_q: METRES_PER_Q };
     let compensator = f1::Compensator::new(&kinematics, &springs, config).unwrap();
-    let first_order = compensator.correct_at(&pose, &q, &load()).unwrap();
-    let exact = compensator.correct_exact_at(&pose, &q, &load()).unwrap();
-    put_offsets(numbers, "f1 correction", &first_order);
-    put_offsets(numbers, "f1 exact", &exact);
+    let first_order = compensator.correct_at(&tracker.pose_at(&q).unwrap(), &q, &load());
+    put_offsets(text, "f1 correction", &first_order.unwrap());
+    let exact = compensator.correct_exact_at(&tracker.pose_at(&q).unwrap(), &q, &load());
+    put_offsets(text, "f1 exact", &exact.unwrap());
 }
 
 /// Two samples of tare, then 48 of the load.
-fn sensor(numbers: &mut Numbers) {
+fn sensor(text: &mut String) {
     let mut sensor = ForceSensor::new(SensorConfig {
         rotation: Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0),
         lever_m: Vector3::new(0.0, 0.0, -0.08),
@@ -141,6 +153,6 @@ fn sensor(numbers: &mut Numbers) {
             load = wrench;
         }
     }
-    put(numbers, "sensor force", load.force_n.as_slice());
-    put(numbers, "sensor moment", load.moment_nm.as_slice());
+    put_floats(text, "sensor force", load.force_n.as_slice());
+    put_floats(text, "sensor moment", load.moment_nm.as_slice());
 }

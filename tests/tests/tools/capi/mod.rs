@@ -17,6 +17,8 @@ mod session;
 mod target;
 mod tools;
 
+use std::collections::BTreeSet;
+
 use libtest_mimic::{Failed, Trial};
 use tools::{Program, has};
 
@@ -87,22 +89,15 @@ fn no_panic_path(profile: &str) -> Result<(), Failed> {
 
 /// No malloc, no locks, no output: the library needs only functions that compilers presuppose.
 fn needs_nothing() -> Result<(), Failed> {
-    let known = ["memcpy", "memmove", "memset", "memcmp", "bcmp"];
-    let listing = tools::run(std::process::Command::new("nm").arg("-g").arg(tools::library()))?;
-    let symbols = |wanted: &str| {
-        let lines = listing.lines().filter_map(|line| line.trim_start().split_once(' '));
-        let lines = lines.map(
-            |(left, right)| {
-                if left == "U" { (left, right) } else { right.split_once(' ').unwrap_or(("", "")) }
-            },
-        );
-        let named = lines.filter(|(kind, _)| *kind == wanted).map(|(_, name)| name.trim().to_owned());
-        named.collect::<std::collections::BTreeSet<_>>()
+    let symbols = |which: &str| -> Result<BTreeSet<String>, Failed> {
+        let listing = tools::run(std::process::Command::new("nm").args(["-g", which]).arg(tools::library()))?;
+        Ok(listing.lines().filter_map(|line| Some(line.rsplit_once(' ')?.1.to_owned())).collect())
     };
-    let own = |name: &String| symbols("T").contains(name) || symbols("W").contains(name) || name.starts_with("__");
-    let foreign: Vec<_> = symbols("U").into_iter().filter(|name| !own(name)).collect();
-    assert!(symbols("T").contains("gt_server_tick"), "{listing}");
-    let unknown: Vec<_> = foreign.iter().filter(|name| !known.contains(&name.as_str())).collect();
+    let (own, needed) = (symbols("--defined-only")?, symbols("--undefined-only")?);
+    assert!(own.contains("gt_server_tick") && needed.contains("memcpy"), "{own:?} {needed:?}");
+    let known = ["memcpy", "memmove", "memset", "memcmp", "bcmp"];
+    let foreign = needed.difference(&own).filter(|name| !name.starts_with("__"));
+    let unknown: Vec<_> = foreign.filter(|name| !known.contains(&name.as_str())).collect();
     assert!(unknown.is_empty(), "{unknown:?}");
     Ok(())
 }

@@ -1,25 +1,24 @@
 //! Random traffic, valid and hostile, through `tests/scenario.c` and through core: all results agree, for every kind of server in C.
 //! The C program receives a script of calls; its output is compared line by line, and its black boxes with core's.
 
-use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::process::{Command, Stdio};
 
 use gantry_tau::black_box::Window;
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
-use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
-use gantry_tau_core::control::message::{
-    AxisLimits, Capabilities, ClientMessage, Command as Wanted, Hello, Mode, Phase, State,
-};
-use gantry_tau_core::control::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
+use gantry_tau_core::control::message::{Cause, ClientMessage, Phase};
+use gantry_tau_core::control::session::config::{Config, MissBudget, Parameters};
 use gantry_tau_core::control::session::{BlackBox, Connection, LastWrite, Output, Session, Start, TickInput};
 use gantry_tau_core::control::wire::encode_client;
-use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_proofs::scenario::ClientAction;
+use gantry_tau_tests::client::Noise;
+use gantry_tau_tests::server_fixture::parameters;
 use libtest_mimic::Failed;
 
-use super::tools::{Program, from_hex, hex};
+use super::tools::{Program, assert_lines, from_hex, hex, motor_line};
 
 const MOTORS: usize = 9;
 const TICKS: u32 = 4_000;
@@ -49,10 +48,7 @@ fn compare<const N: usize>(program: &Program, recorded: &Recorded<N>) -> Result<
     writer.join().unwrap()?;
     let text = String::from_utf8(output.stdout)?;
     let (parts, lines): (Vec<_>, Vec<_>) = text.lines().partition(|line| line.starts_with("part "));
-    for (number, (there, here)) in lines.iter().zip(recorded.expected.lines()).enumerate() {
-        assert_eq!(*there, here, "line {}", number + 1);
-    }
-    assert_eq!(lines.len(), recorded.expected.lines().count());
+    assert_lines(&lines.join("\n"), &recorded.expected);
     assert!(output.status.success(), "{}", output.status);
     let mut files: Vec<Vec<u8>> = Vec::new();
     for part in parts {
@@ -75,32 +71,16 @@ struct Scenario<const N: usize, const HALF: usize> {
     black_box: Box<BlackBox<N, HALF>>,
     open: Vec<Connection>,
     nominal: [i64; N],
-    random: u64,
+    noise: Noise,
     /// Ticks left in which no client sends.
-    silent: u64,
-    phases: BTreeSet<&'static str>,
-    causes: BTreeSet<&'static str>,
-    withheld: usize,
+    silent: usize,
     recorded: Recorded<N>,
-}
-
-fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
-    let values = LimitValues { max, step, accel, ramp };
-    Limits::new(values).unwrap()
 }
 
 impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
     fn new(seed: u64) -> Self {
-        let position = limits(2_000_000, 5_000, 10_000, 100);
-        let axis = AxisConfig {
-            limits: AxisLimits { position, velocity: limits(5_000, 200, 400, 50), torque: limits(50, 5, 10, 1) },
-            ..AxisConfig::position_only(position, Travel::around_zero(1_000_000_000), 2_000_000)
-        };
-        let config = Config::new(Parameters {
-            handshake_ticks: 40,
-            budget: Some(MissBudget { window: 100, allowed: 20 }),
-            ..Parameters::thesis([axis; N])
-        });
+        let budget = Some(MissBudget { window: 100, allowed: 20 });
+        let config = Config::new(Parameters { handshake_ticks: 40, budget, ..parameters() });
         let session = Session::new(config.unwrap(), &Start::at_rest([PositionNm(0); N]));
         let motors = MotorMap::new(std::array::from_fn(|motor| motor % N));
         let epochs = EpochRange { first: Epoch(1), last: Epoch(4) };
@@ -109,11 +89,8 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
             black_box: Box::new(BlackBox::new()),
             open: Vec::new(),
             nominal: [0; N],
+            noise: Noise::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15)),
             silent: 0,
-            random: seed.wrapping_mul(0x9e37_79b9_7f4a_7c15),
-            phases: BTreeSet::new(),
-            causes: BTreeSet::new(),
-            withheld: 0,
             recorded: Recorded {
                 script: format!("axes {N} black_box {HALF}\n"),
                 expected: String::new(),
@@ -137,22 +114,24 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
             }
         }
         // A scenario must reach all phases, and most causes.
-        assert_eq!(self.phases.len(), 6, "{:?}", self.phases);
-        assert!(self.causes.len() >= 5, "{:?}", self.causes);
-        assert!(self.withheld > 0, "references were never withheld");
+        let expected = &self.recorded.expected;
+        for phase in Phase::ALL {
+            assert!(expected.contains(&format!("\"phase\":\"{}\"", phase.name())), "{phase} was never reached");
+        }
+        let ended = |cause: &&Cause| **cause != Cause::None && expected.contains(&format!("ended {}\n", cause.name()));
+        assert!(Cause::ALL.iter().filter(ended).count() >= 5, "few causes");
+        assert!(expected.contains("write 0\n"), "references were never withheld");
         self.recorded
     }
 
-    /// xorshift64*.
-    fn below(&mut self, end: u64) -> u64 {
-        self.random ^= self.random >> 12;
-        self.random ^= self.random << 25;
-        self.random ^= self.random >> 27;
-        (self.random.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33) % end
+    fn one_in(&mut self, count: usize) -> bool {
+        self.noise.below(count) == 0
     }
 
-    fn one_in(&mut self, count: u64) -> bool {
-        self.below(count) == 0
+    /// A number of either sign.
+    fn within(&mut self, most: i32) -> i32 {
+        let most_index = usize::try_from(2 * most + 1).unwrap();
+        i32::try_from(self.noise.below(most_index)).unwrap() - most
     }
 
     fn connections(&mut self) {
@@ -166,7 +145,7 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
             writeln!(self.recorded.expected, "open {code} {number}").unwrap();
         }
         if self.one_in(150) {
-            let index = usize::try_from(self.below(6)).unwrap();
+            let index = self.noise.below(6);
             let connection = self.open.get(index).copied().unwrap_or(Connection(99_999));
             self.endpoint.close(connection);
             self.open.retain(|open| *open != connection);
@@ -177,23 +156,18 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
     /// Sends the bytes of a connection in this tick: mostly valid ones.
     fn speak(&mut self, connection: Connection) {
         let owns = self.endpoint.session().owner() == Some(connection);
-        if self.silent > 0 {
+        let speaks = if owns { !self.one_in(25) } else { self.one_in(6) };
+        if self.silent > 0 || !speaks {
             return;
         }
-        if !owns && !self.one_in(6) {
-            return;
-        }
-        if owns && self.one_in(25) {
-            return;
-        }
-        let mut bytes = if owns { self.command().to_vec() } else { self.hello() };
+        let mut bytes = if owns { self.command() } else { self.hello() };
         if self.one_in(70) {
             bytes = self.anything(&bytes);
         }
         // Now and then in pieces, as streams are read; a datagram in pieces is broken.
         if self.one_in(8) {
-            let cut = usize::try_from(self.below(40)).unwrap();
-            let (first, rest) = bytes.split_at(cut.min(bytes.len()));
+            let cut = self.noise.below(40).min(bytes.len());
+            let (first, rest) = bytes.split_at(cut);
             self.feed(connection, first);
             self.feed(connection, rest);
         } else {
@@ -209,57 +183,59 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
     }
 
     fn hello(&mut self) -> Vec<u8> {
-        let axes = if self.one_in(10) { 5 } else { u8::try_from(N).unwrap() };
-        let capabilities = Capabilities::NONE;
-        encode_client(&ClientMessage::<N>::Hello(Hello { axes, capabilities })).to_vec()
+        let axes = u8::from(self.one_in(10));
+        self.encoded(&ClientAction::Hello { axes, capabilities: 0 }, [Offsets::ZERO; N])
     }
 
     /// The right answer to the last State, or nearly.
     fn command(&mut self) -> Vec<u8> {
-        let (session, output) = (self.endpoint.session(), self.endpoint.output());
-        let (epoch, last_tick) = (session.epoch(), session.last_tick());
-        let accepted = output.map_or(0, |output| output.state.accepted.0);
-        let late = u64::from(self.one_in(30));
+        let late = i8::from(self.one_in(30));
         let beyond = if self.one_in(40) { 1_000 } else { 1 };
-        let mode = if accepted < 3 || self.one_in(60) { Mode::Submit } else { Mode::Obtain };
-        let mut target = |max: u64| i64::try_from(self.below(2 * max + 1)).unwrap() - i64::try_from(max).unwrap();
+        let accepted = self.endpoint.output().map_or(0, |output| output.state.accepted.0);
+        let obtain = accepted >= 3 && !self.one_in(60);
         let targets = std::array::from_fn(|_| Offsets {
-            position: OffsetNm(i32::try_from(target(3_000) * beyond).unwrap()),
-            velocity: VelocityUmS(i32::try_from(target(5_000)).unwrap()),
-            torque: TorquePermille(i16::try_from(target(50)).unwrap()),
+            position: OffsetNm(self.within(3_000) * beyond),
+            velocity: VelocityUmS(self.within(5_000)),
+            torque: TorquePermille(i16::try_from(self.within(50)).unwrap()),
         });
-        encode_client(&ClientMessage::<N>::Command(Wanted {
-            epoch,
-            sequence: Sequence(accepted + 1 - late),
-            echo: Tick(last_tick.0 - late),
-            mode,
+        let ahead = i32::from(1 - late);
+        self.encoded(
+            &ClientAction::Command { epoch: 0, ahead, behind: late, obtain, targets: Default::default() },
             targets,
-        }))
-        .to_vec()
+        )
+    }
+
+    fn encoded(&self, action: &ClientAction, targets: [Offsets; N]) -> Vec<u8> {
+        encode_client(&action.message(self.endpoint.session(), |_| targets).unwrap()).to_vec()
     }
 
     /// Returns other bytes instead.
     fn anything(&mut self, right: &[u8]) -> Vec<u8> {
         let epoch = self.endpoint.session().epoch();
-        let index = usize::try_from(self.below(u64::try_from(right.len()).unwrap())).unwrap();
-        let byte = u8::try_from(self.below(256)).unwrap();
-        match self.below(8) {
+        let index = self.noise.below(right.len());
+        let byte = u8::try_from(self.noise.below(256)).unwrap();
+        let with = |place: usize, byte: u8| {
+            let mut bytes = right.to_vec();
+            bytes[place] = byte;
+            bytes
+        };
+        match self.noise.below(8) {
             0 => encode_client(&ClientMessage::<N>::Goodbye(epoch)).to_vec(),
             1 => encode_client(&ClientMessage::<N>::Stop(epoch)).to_vec(),
             2 => right.repeat(2),
             3 => right.repeat(12),
-            4 => right.get(..index).unwrap().to_vec(),
-            5 => (0..index).map(|_| byte).collect(),
+            4 => right[..index].to_vec(),
+            5 => vec![byte; index],
             // Another version, which is answered.
-            6 => right.iter().enumerate().map(|(at, there)| if at == 2 { 9 } else { *there }).collect(),
-            _ => right.iter().enumerate().map(|(at, there)| if at == index { byte } else { *there }).collect(),
+            6 => with(2, 9),
+            _ => with(index, byte),
         }
     }
 
     fn tick(&mut self) {
         self.silent = self.silent.saturating_sub(1);
         if self.one_in(120) {
-            self.silent = self.below(60);
+            self.silent = self.noise.below(60);
         }
         let faulted = self.endpoint.session().phase() == Phase::Fault;
         let last_write = self.last_write();
@@ -277,16 +253,12 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
             stop: self.one_in(if faulted { 8 } else { 500 }),
             rearm: self.one_in(if faulted { 2 } else { 100 }),
             last_write,
-            arrival_us: u16::try_from(self.below(1_000)).unwrap(),
+            arrival_us: u16::try_from(self.noise.below(1_000)).unwrap(),
         };
-        self.script_tick(&input);
+        self.recorded.script_tick(&input);
         let references = self.endpoint.tick_recorded(&input, &mut *self.black_box);
-        let output = self.endpoint.output().unwrap().clone();
-        self.phases.insert(output.state.phase.name());
-        self.causes.extend(output.ended.map(|cause| cause.name()));
-        self.withheld += usize::from(references.is_none());
+        self.recorded.expect_output(references.as_ref(), self.endpoint.output().unwrap());
         let expected = &mut self.recorded.expected;
-        expect_output(expected, references.as_ref(), &output);
         while let Some((to, frame)) = self.endpoint.poll_transmit() {
             writeln!(expected, "frame {} {}", to.0, hex(frame)).unwrap();
         }
@@ -305,63 +277,24 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         if !self.one_in(if withheld { 3 } else { 700 }) {
             return LastWrite::Accepted;
         }
-        let beyond = match self.below(4) {
+        let beyond = match self.noise.below(4) {
             0 => return LastWrite::Unknown,
             1 => 2_010_000,
             _ => 0,
         };
         // The ramp takes a tick per 100 nm: a short one, so that a session can follow.
-        let position = i32::try_from(self.below(6_000)).unwrap() - 3_000 + beyond;
-        let offsets = Offsets { position: OffsetNm(position), velocity: VelocityUmS(17), torque: TorquePermille(-2) };
+        let position = OffsetNm(self.within(3_000) + beyond);
+        let offsets = Offsets { position, velocity: VelocityUmS(17), torque: TorquePermille(-2) };
         let in_force = self.nominal.map(|nominal| InForce { nominal: PositionNm(nominal), offsets });
         LastWrite::Refused { in_force }
-    }
-
-    fn script_tick(&mut self, input: &TickInput<N>) {
-        let mut in_force = [InForce::at(PositionNm(0)); N];
-        let last_write = match input.last_write {
-            LastWrite::Accepted => 1,
-            LastWrite::Refused { in_force: there } => {
-                in_force = there;
-                2
-            }
-            LastWrite::Unknown => 3,
-        };
-        let switch = |pressed| if pressed { 2 } else { 1 };
-        let mut numbers: Vec<i64> = vec![
-            input.elapsed_cycles.into(),
-            switch(input.stop),
-            switch(input.rearm),
-            last_write,
-            input.arrival_us.into(),
-        ];
-        for index in 0..6 {
-            numbers.push(input.nominal.get(index).map_or(1, |nominal| nominal.0));
-        }
-        for index in 0..6 {
-            let Actual { position, velocity, torque } = input.actual.get(index).copied().unwrap_or_default();
-            numbers.extend([position.0, velocity.0.into(), torque.0.into()]);
-        }
-        for index in 0..6 {
-            let unused = InForce::at(PositionNm(5));
-            let in_force = in_force.get(index).copied().unwrap_or(unused);
-            let Offsets { position, velocity, torque } = in_force.offsets;
-            let offsets = [position.0, velocity.0, torque.0.into()].map(i64::from);
-            numbers.push(in_force.nominal.0);
-            numbers.extend(offsets);
-        }
-        self.recorded.script.push('t');
-        for number in numbers {
-            write!(self.recorded.script, " {number}").unwrap();
-        }
-        self.recorded.script.push('\n');
     }
 
     /// Gives a further range of epochs; now and then one that is used up already, or empty.
     fn epochs(&mut self) {
         let used = self.endpoint.session().epoch().0;
-        let first = used + self.below(3);
-        let last = (first + self.below(5)).saturating_sub(1);
+        let mut below = |end| u64::try_from(self.noise.below(end)).unwrap();
+        let first = used + below(3);
+        let last = (first + below(5)).saturating_sub(1);
         self.endpoint.set_epochs(EpochRange { first: Epoch(first), last: Epoch(last) });
         writeln!(self.recorded.script, "e {first} {last}").unwrap();
     }
@@ -378,52 +311,36 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
     }
 }
 
-fn expect_output<const N: usize>(text: &mut String, references: Option<&[Reference; MOTORS]>, output: &Output<N>) {
-    writeln!(text, "write {}", u8::from(references.is_some())).unwrap();
-    for motor in 0..MOTORS {
-        let numbers = references.map_or((0, 0, 0), |references| {
-            let reference = references[motor];
-            (reference.position.0, reference.velocity_offset.0, reference.torque_offset.0)
-        });
-        writeln!(text, "motor {} {} {}", numbers.0, numbers.1, numbers.2).unwrap();
+impl<const N: usize> Recorded<N> {
+    fn script_tick(&mut self, input: &TickInput<N>) {
+        let (last_write, in_force) = match &input.last_write {
+            LastWrite::Accepted => (1, None),
+            LastWrite::Refused { in_force } => (2, Some(in_force)),
+            LastWrite::Unknown => (3, None),
+        };
+        let switch = |pressed| if pressed { 2 } else { 1 };
+        let (stop, rearm) = (switch(input.stop), switch(input.rearm));
+        write!(self.script, "t {} {stop} {rearm} {last_write} {}", input.elapsed_cycles, input.arrival_us).unwrap();
+        for (nominal, Actual { position, velocity, torque }) in input.nominal.iter().zip(&input.actual) {
+            write!(self.script, " {} {} {} {}", nominal.0, position.0, velocity.0, torque.0).unwrap();
+        }
+        for InForce { nominal, offsets: Offsets { position, velocity, torque } } in in_force.into_iter().flatten() {
+            write!(self.script, " {} {} {} {}", nominal.0, position.0, velocity.0, torque.0).unwrap();
+        }
+        self.script.push('\n');
     }
-    let owner = output.owner.map_or_else(String::new, |owner| format!(" {}", owner.0));
-    let (refused, welcomed) = (output.refusals.len(), u8::from(output.welcome.is_some()));
-    let ended = output.ended.unwrap_or_default().code();
-    writeln!(text, "refused {refused} welcomed {welcomed} owner{owner} ended {ended}").unwrap();
-    expect_state(text, &output.state);
-}
 
-fn expect_state<const N: usize>(text: &mut String, state: &State<N>) {
-    let (phase, cause) = (state.phase.code(), state.cause.code());
-    let (tick, epoch, accepted) = (state.tick.0, state.epoch.0, state.accepted.0);
-    let (left, arrival, on_time) = (state.ramp_ticks_left, state.arrival_us, state.on_time_of_100);
-    writeln!(
-        text,
-        "state {tick} {epoch} {accepted} phase {phase} cause {cause} left {left} arrival {arrival} on_time {on_time}"
-    )
-    .unwrap();
-    let c = &state.counters;
-    let counters = [
-        c.received,
-        c.missed,
-        c.late,
-        c.duplicate,
-        c.stale,
-        c.malformed,
-        c.out_of_range,
-        c.limited,
-        c.clamped,
-        c.non_owner,
-        u32::from(c.longest_miss_run),
-    ];
-    let counters: String = counters.iter().map(|count| format!(" {count}")).collect();
-    writeln!(text, "counters{counters}").unwrap();
-    let offsets = |offsets: &Offsets| format!("{} {} {}", offsets.position.0, offsets.velocity.0, offsets.torque.0);
-    for axis in &state.axes {
-        let (nominal, flags, actual) = (axis.nominal.0, axis.flags.bits(), &axis.actual);
-        let (in_force, shadow) = (offsets(&axis.offsets), offsets(&axis.shadow));
-        let actual = format!("{} {} {}", actual.position.0, actual.velocity.0, actual.torque.0);
-        writeln!(text, "axis {nominal} offsets {in_force} shadow {shadow} actual {actual} flags {flags}").unwrap();
+    fn expect_output(&mut self, references: Option<&[Reference; MOTORS]>, output: &Output<N>) {
+        let text = &mut self.expected;
+        writeln!(text, "write {}", u8::from(references.is_some())).unwrap();
+        match references {
+            Some(references) => text.extend(references.iter().map(motor_line)),
+            None => text.push_str(&"motor 0 0 0\n".repeat(MOTORS)),
+        }
+        let (has_owner, owner) = output.owner.map_or((0, 0), |owner| (1, owner.0));
+        let (refused, welcomed) = (output.refusals.len(), u8::from(output.welcome.is_some()));
+        let ended = output.ended.unwrap_or_default().name();
+        writeln!(text, "refused {refused} welcomed {welcomed} owner {has_owner} {owner} ended {ended}").unwrap();
+        writeln!(text, "{}", serde_json::to_string(&output.state).unwrap()).unwrap();
     }
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
+use gantry_tau_core::control::axis::Reference;
 use libtest_mimic::Failed;
 
 /// A missing tool is a failure.
@@ -98,6 +99,20 @@ impl Program {
     pub(crate) fn file(&self, ending: &str) -> PathBuf {
         self.0.with_extension(ending)
     }
+}
+
+/// Requires that two texts have the same lines.
+pub(crate) fn assert_lines(there: &str, here: &str) {
+    for (number, (there, here)) in there.lines().zip(here.lines()).enumerate() {
+        assert_eq!(there, here, "line {}", number + 1);
+    }
+    assert_eq!(there.lines().count(), here.lines().count());
+}
+
+/// References of a motor, as the C programs print them.
+pub(crate) fn motor_line(reference: &Reference) -> String {
+    let Reference { position, velocity_offset, torque_offset } = reference;
+    format!("motor {} {} {}\n", position.0, velocity_offset.0, torque_offset.0)
 }
 
 pub(crate) fn hex(bytes: &[u8]) -> String {
