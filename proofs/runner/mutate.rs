@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::manifest::Mutant;
-use crate::{files, read};
+use crate::{at, files, read};
 
 /// Workspace of core and proofs alone, equal to the sources but for the mutants applied.
 pub(crate) struct Copy<'a> {
     root: &'a Path,
-    folder: PathBuf,
+    pub(crate) folder: PathBuf,
 }
 
 impl<'a> Copy<'a> {
@@ -24,11 +24,6 @@ impl<'a> Copy<'a> {
         // Cargo leaves out of the copy's lock what the other members need.
         write(&folder.join("Cargo.lock"), lock.as_bytes())?;
         Ok(Self { root, folder })
-    }
-
-    /// Folder of the copied `proofs/`.
-    pub(crate) fn proofs(&self) -> PathBuf {
-        self.folder.join("proofs")
     }
 
     /// Applies a mutant beside those applied before.
@@ -77,31 +72,29 @@ pub(crate) fn compile(root: &Path, mutants: &[Mutant]) -> Result<(), String> {
 
 /// Manifest of the workspace with core and proofs as its only members.
 fn workspace(root: &Path) -> Result<String, String> {
-    let complain = |error: &dyn std::fmt::Display| format!("Cargo.toml: {error}");
-    let text = read(&root.join("Cargo.toml"))?;
-    let mut manifest: toml::Table = toml::from_str(&text).map_err(|error| complain(&error))?;
+    let path = root.join("Cargo.toml");
+    let mut manifest: toml::Table = toml::from_str(&read(&path)?).map_err(at(&path))?;
     let workspace =
         manifest.get_mut("workspace").and_then(toml::Value::as_table_mut).ok_or("Cargo.toml: no [workspace]")?;
     workspace.remove("default-members");
     workspace.remove("exclude");
     let members = ["core", "proofs"].map(toml::Value::from);
     workspace.insert("members".to_owned(), members.to_vec().into());
-    toml::to_string(&manifest).map_err(|error| complain(&error))
+    toml::to_string(&manifest).map_err(at(&path))
 }
 
 /// Makes a folder's files those of another.
 fn mirror(from: &Path, to: &Path) -> Result<(), String> {
-    let complain = |path: &Path, error| format!("{}: {error}", path.display());
-    fs::create_dir_all(to).map_err(|error| complain(to, error))?;
+    fs::create_dir_all(to).map_err(at(to))?;
     for held in files(to)? {
         let gone = held.strip_prefix(to).is_ok_and(|part| !from.join(part).exists());
         if gone {
-            fs::remove_file(&held).map_err(|error| complain(&held, error))?;
+            fs::remove_file(&held).map_err(at(&held))?;
         }
     }
     for path in files(from)? {
         let part = path.strip_prefix(from).map_err(|error| error.to_string())?;
-        write(&to.join(part), &fs::read(&path).map_err(|error| complain(&path, error))?)?;
+        write(&to.join(part), &fs::read(&path).map_err(at(&path))?)?;
     }
     Ok(())
 }
@@ -112,5 +105,5 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
         return Ok(());
     }
     let folder = path.parent().map_or(Ok(()), fs::create_dir_all);
-    folder.and_then(|()| fs::write(path, bytes)).map_err(|error| format!("{}: {error}", path.display()))
+    folder.and_then(|()| fs::write(path, bytes)).map_err(at(path))
 }

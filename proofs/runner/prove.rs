@@ -12,7 +12,7 @@ use crate::manifest::{Manifest, Mutant, Row, Tier};
 use crate::mutate::Copy;
 use crate::report::{Outcome, Report};
 use crate::verdict::Findings;
-use crate::{Failure, Prove, check, exit, read};
+use crate::{Failure, Prove, at, check, exit, read};
 
 /// One run of Kani: a harness, with or without a mutant.
 #[derive(Clone, Copy)]
@@ -73,7 +73,7 @@ pub(crate) fn prove(root: &Path, manifest: &Manifest, options: &Prove) -> Result
         memory_gib: options.memory_gib,
         build_limit: Duration::from_secs(options.build_minutes.saturating_mul(60)),
     };
-    std::fs::create_dir_all(&kani.logs).map_err(|error| format!("{}: {error}", kani.logs.display()))?;
+    std::fs::create_dir_all(&kani.logs).map_err(at(&kani.logs))?;
     // Fails only where a handler is set already.
     let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
     let report = Report {
@@ -120,10 +120,7 @@ fn run_all<'a>(root: &Path, kani: &Kani, jobs: &[Job<'a>], seconds: Option<f64>)
                 }
             })
             .map_err(|error| format!("{}: {error}", job.name()))?;
-        if matches!(end, kani::End::Interrupted) {
-            return Err("interrupted; Kani and its solvers were ended".to_owned());
-        }
-        let bytes = std::fs::read(&log).map_err(|error| format!("{}: {error}", log.display()))?;
+        let bytes = std::fs::read(&log).map_err(at(&log))?;
         let output = String::from_utf8_lossy(&bytes);
         let findings = Findings::read(&output);
         let outcome =
@@ -151,17 +148,16 @@ fn sources(root: &Path, kani: &Kani, mutant: Option<&Mutant>) -> Result<PathBuf,
     };
     let copy = Copy::new(root, kani.target.join("copy"))?;
     copy.apply(mutant)?;
-    Ok(copy.proofs())
+    Ok(copy.folder.join("proofs"))
 }
 
 /// Reason why a run is not as expected; none if it is.
 fn objection(job: Job<'_>, end: kani::End, findings: &Findings, limit: f64) -> Option<String> {
     match end {
-        kani::End::TimedOut(Phase::Solving) => Some(format!("timed out after {limit} s")),
-        kani::End::TimedOut(Phase::Building) => Some("timed out while building".to_owned()),
-        kani::End::Exited(status) => findings
+        Err(Phase::Solving) => Some(format!("timed out after {limit} s")),
+        Err(Phase::Building) => Some("timed out while building".to_owned()),
+        Ok(status) => findings
             .objection(job, limit)
             .or_else(|| (status.success() == job.mutant.is_some()).then(|| format!("Kani ended with {status}"))),
-        kani::End::Interrupted => Some("interrupted".to_owned()),
     }
 }

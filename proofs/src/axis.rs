@@ -1,11 +1,21 @@
 //! Second half of a tick, for one axis and any command: T1, T2, T3 and T5.
 
 use gantry_tau_core::control::axis::Offsets;
-use gantry_tau_core::control::channel::{Channel, Limits};
+use gantry_tau_core::control::channel::{Channel, LimitValues, Limits};
 use gantry_tau_core::control::message::AxisLimits;
 use gantry_tau_core::control::session::config::{AxisConfig, MAX_POSITION_NM};
 use gantry_tau_core::units::{ChannelUnit, PositionNm};
 use gantry_tau_core::verification::control::{Action, Axis, AxisChannels, AxisCommand, drive_reference};
+
+/// Limits of the three channels of an axis.
+pub(crate) fn limit_values(limits: &AxisLimits) -> [LimitValues; 3] {
+    [limits.position.values(), limits.velocity.values(), limits.torque.values()]
+}
+
+/// Offsets as the counts of the three channels.
+pub(crate) fn counts(offsets: &Offsets) -> [i64; 3] {
+    [offsets.position.0.into(), offsets.velocity.0.into(), offsets.torque.0.into()]
+}
 
 /// One of the three channels of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

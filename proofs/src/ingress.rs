@@ -2,8 +2,20 @@
 //! arbitrary, and depends on nothing that only counts.
 
 use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Phase};
-use gantry_tau_core::control::session::{Connection, Event};
-use gantry_tau_core::verification::control::{Accepted, Classifier, Diagnostics, Verdict};
+use gantry_tau_core::control::session::{Connection, Event, Session};
+use gantry_tau_core::units::Epoch;
+use gantry_tau_core::verification::control::{Accepted, Classifier, Diagnostics, Internals, Verdict};
+
+/// Returns the classifier of a session before a tick.
+#[must_use]
+pub fn classifier<const N: usize>(session: &Session<N>, next_epoch: Option<Epoch>) -> Classifier<'_, N> {
+    Classifier {
+        discrete: &session.parts().discrete,
+        parameters: session.config().parameters(),
+        axes: &session.parts().axes,
+        next_epoch,
+    }
+}
 
 /// T7: an event of a non-owner, or of the owner without freshness, decides nothing.
 /// The one exception is a Hello, and only in Listening, which has no owner.

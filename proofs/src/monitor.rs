@@ -7,7 +7,9 @@ use gantry_tau_core::units::OffsetNm;
 use gantry_tau_core::verification::control::{
     Accepted, Bounds, Diagnostics, Internals, Motion, Seen, Trace, drive_reference, monitor_from_parts, monitor_parts,
 };
-use gantry_tau_core::{Monitor, Offsets, PositionNm, Reference, Travel};
+use gantry_tau_core::{Monitor, PositionNm, Reference, Travel};
+
+use crate::axis;
 
 /// Change that one ramp step demands: towards zero, never past it.
 fn ramp_change(value: i128, ramp: i128) -> i128 {
@@ -78,8 +80,8 @@ pub fn state_is_flagged_exactly<const N: usize>(limits: &[AxisLimits; N], before
     let mut broken = false;
     for index in 0..N {
         let (old, new) = (&before.axes[index], &state.axes[index]);
-        let (was, is, shadow) = (counts(&old.offsets), counts(&new.offsets), counts(&new.shadow));
-        let limits = values(&limits[index]);
+        let (was, is, shadow) = (axis::counts(&old.offsets), axis::counts(&new.offsets), axis::counts(&new.shadow));
+        let limits = axis::limit_values(&limits[index]);
         for channel in 0..3 {
             let motion = match state.phase {
                 Phase::Listening | Phase::Handshake | Phase::Submit => Motion::Hold,
@@ -221,12 +223,4 @@ pub fn gaps_raise_no_alarm(limits: &Limits<OffsetNm>, samples: &[(i32, Motion, b
             gap = 0;
         }
     }
-}
-
-fn values(limits: &AxisLimits) -> [LimitValues; 3] {
-    [limits.position.values(), limits.velocity.values(), limits.torque.values()]
-}
-
-fn counts(offsets: &Offsets) -> [i64; 3] {
-    [offsets.position.0.into(), offsets.velocity.0.into(), offsets.torque.0.into()]
 }

@@ -3,9 +3,10 @@
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{ClientMessage, Phase};
 use gantry_tau_core::control::session::{Event, Input, LastWrite, Output, Session, TickInput};
-use gantry_tau_core::verification::control::{Accepted, Action, Classifier, Diagnostics, Internals};
+use gantry_tau_core::verification::control::{Accepted, Action, Diagnostics, Internals};
 
 use crate::axis::{Bounded, Kind, Ramped};
+use crate::ingress;
 
 /// A session whose last write is settled, and everything else that its step depends on.
 #[derive(Clone, Debug)]
@@ -157,9 +158,13 @@ pub fn stop_ends_in_fault<const N: usize>(input: &StepInput<N>) {
 /// # Panics
 /// When they do not.
 pub fn counts_decide_nothing<const N: usize>(input: &StepInput<N>, diagnostics: &Diagnostics) {
-    let (one, one_output) = input.step();
     let diagnostics = diagnostics.clone();
-    let (other, other_output) = StepInput { diagnostics, ..input.clone() }.step();
+    decide_alike(input, &StepInput { diagnostics, ..input.clone() });
+}
+
+/// Two inputs lead to the same references, the same channels and the same discrete state.
+fn decide_alike<const N: usize>(one: &StepInput<N>, other: &StepInput<N>) {
+    let ((one, one_output), (other, other_output)) = (one.step(), other.step());
     assert!(one_output.references == other_output.references, "T7: the same references");
     assert!(one.parts().discrete == other.parts().discrete, "T7: the same discrete state");
     assert!(one.parts().axes == other.parts().axes, "T7: the same channels");
@@ -239,19 +244,14 @@ pub fn step_is_right<const N: usize>(input: &StepInput<N>) {
 pub fn essential<const N: usize>(before: &Session<N>, input: &Input<N>) -> Input<N> {
     let mut session = *before;
     session.settle_write(&input.tick.last_write);
-    let classifier = Classifier {
-        discrete: &session.parts().discrete,
-        parameters: session.config().parameters(),
-        axes: &session.parts().axes,
-        next_epoch: input.epochs.after(session.epoch()),
-    };
+    let classifier = ingress::classifier(&session, input.epochs.after(session.epoch()));
     let mut without = input.clone();
     without.events.retain(|(from, event)| {
         if session.owner() != Some(*from) {
             return session.phase() == Phase::Listening;
         }
         match event {
-            Event::Message(ClientMessage::Command(command)) => crate::ingress::is_fresh(&classifier, command),
+            Event::Message(ClientMessage::Command(command)) => ingress::is_fresh(&classifier, command),
             _ => true,
         }
     });
@@ -264,9 +264,5 @@ pub fn essential<const N: usize>(before: &Session<N>, input: &Input<N>) -> Input
 /// # Panics
 /// When it does not.
 pub fn same_outcome<const N: usize>(session: &Session<N>, input: &Input<N>, essential: &Input<N>) {
-    let (one, one_output) = StepInput::after_events(session, input).step();
-    let (other, other_output) = StepInput::after_events(session, essential).step();
-    assert!(one_output.references == other_output.references, "T7: the same references");
-    assert!(one.parts().discrete == other.parts().discrete, "T7: the same discrete state");
-    assert!(one.parts().axes == other.parts().axes, "T7: the same channels");
+    decide_alike(&StepInput::after_events(session, input), &StepInput::after_events(session, essential));
 }
