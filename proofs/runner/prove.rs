@@ -9,10 +9,9 @@ use gantry_tau_proofs::harness::Harness;
 
 use crate::kani::{self, INTERRUPTED, Kani, Phase};
 use crate::manifest::{Manifest, Mutant, Row, Tier};
-use crate::mutate::Copy;
 use crate::report::{Outcome, Report};
 use crate::verdict::Findings;
-use crate::{Failure, Prove, at, check, exit, read};
+use crate::{Failure, Prove, at, check, exit, mutate, read};
 
 /// One run of Kani: a harness, with or without a mutant.
 #[derive(Clone, Copy)]
@@ -34,16 +33,13 @@ impl Job<'_> {
 
 /// Every job. Harnesses first: a proof that fails explains why its mutants do.
 fn jobs(manifest: &Manifest) -> Vec<Job<'_>> {
-    let declared = check::declared();
-    let job = |row, mutant| {
-        let row: &Row = row;
-        let harness = declared.get(row.name.as_str())?;
-        Some(Job { harness, row, mutant })
-    };
-    let proofs = manifest.harnesses.iter().filter_map(|row| job(row, None));
-    let mutants = manifest.mutants.iter();
-    let controls = mutants.filter_map(|mutant| job(manifest.row(&mutant.harness)?, Some(mutant)));
-    proofs.chain(controls).collect()
+    let proofs = manifest.harnesses.iter().map(|row| (Some(row), None));
+    let mutants = manifest.mutants.iter().map(|mutant| (manifest.row(&mutant.harness), Some(mutant)));
+    let jobs = proofs.chain(mutants).filter_map(|(row, mutant)| {
+        let row = row?;
+        Some(Job { harness: check::harness(&row.name)?, row, mutant })
+    });
+    jobs.collect()
 }
 
 /// Jobs of a tier, or the named ones; an unknown name is an error.
@@ -146,9 +142,10 @@ fn sources(root: &Path, kani: &Kani, mutant: Option<&Mutant>) -> Result<PathBuf,
     let Some(mutant) = mutant else {
         return Ok(root.join("proofs"));
     };
-    let copy = Copy::new(root, kani.target.join("copy"))?;
-    copy.apply(mutant)?;
-    Ok(copy.folder.join("proofs"))
+    let copy = kani.target.join("copy");
+    mutate::copy(root, &copy)?;
+    mutate::apply(&copy, mutant)?;
+    Ok(copy.join("proofs"))
 }
 
 /// Reason why a run is not as expected; none if it is.

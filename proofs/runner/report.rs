@@ -201,10 +201,8 @@ pub(crate) fn list(manifest: &Manifest) {
     for theorem in &manifest.theorems {
         println!("{}  {}\n    {}", theorem.name, theorem.statement, theorem.how);
     }
-    let declared = check::declared();
     for row in &manifest.harnesses {
-        let source = declared.get(row.name.as_str());
-        let solver = source.map_or("not in the source".to_owned(), |harness| match harness.unwind {
+        let solver = check::harness(&row.name).map_or("not in the source".to_owned(), |harness| match harness.unwind {
             Some(bound) => format!("{}, unwind {bound}", harness.solver),
             None => harness.solver.to_owned(),
         });

@@ -87,9 +87,6 @@ impl ChannelProperty for Shadow {
 }
 
 /// T1, T2, T3 for one channel in force of an axis, whatever the command; and the drive receives what the channel says.
-///
-/// # Panics
-/// When one of them does not hold.
 pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfig, kind: Kind) {
     let mut after = *before;
     let (reference, _) = after.act(command, config);
@@ -110,9 +107,6 @@ pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfi
 }
 
 /// The shadow stays within its limits, whatever the command, and rests at zero without one.
-///
-/// # Panics
-/// When it does not hold.
 pub fn shadow_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfig, kind: Kind) {
     let mut after = *before;
     let _ = after.act(command, config);
@@ -122,9 +116,6 @@ pub fn shadow_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConf
 
 /// T3: what reaches a drive is inside the machine's travel, whatever the nominal reference and the offset; and it is
 /// nominal plus offset wherever the nominal reference keeps to its own travel and the offset to `M`.
-///
-/// # Panics
-/// When it does not hold.
 pub fn reference_is_inside_travel(axis: &AxisConfig, nominal: PositionNm, offsets: &Offsets) {
     let travel = &axis.machine_travel;
     let (reference, _) = drive_reference(nominal, offsets, travel);
@@ -140,9 +131,6 @@ pub fn reference_is_inside_travel(axis: &AxisConfig, nominal: PositionNm, offset
 
 /// T3: from one tick to the next, with a fixed travel, the reference moves the way that nominal plus offset move, and no further:
 /// so by at most |change of nominal| + |change of offset|. `|nominal| <= 2^61` nm.
-///
-/// # Panics
-/// When it does not hold.
 pub fn reference_moves_no_further(
     axis: &AxisConfig,
     (from, to): (PositionNm, PositionNm),

@@ -19,9 +19,6 @@ pub fn classifier<const N: usize>(session: &Session<N>, next_epoch: Option<Epoch
 
 /// T7: an event of a non-owner, or of the owner without freshness, decides nothing.
 /// The one exception is a Hello, and only in Listening, which has no owner.
-///
-/// # Panics
-/// When it does not hold.
 pub fn only_the_owner_decides<const N: usize>(
     classifier: &Classifier<'_, N>,
     connection: Connection,
@@ -82,18 +79,12 @@ pub fn is_fresh<const N: usize>(classifier: &Classifier<'_, N>, command: &Comman
 }
 
 /// Fresh is what the definition says, both ways.
-///
-/// # Panics
-/// When it does not hold.
 pub fn fresh_is_as_defined<const N: usize>(classifier: &Classifier<'_, N>, command: &Command<N>) {
     let fresh = classifier.verdict(command) == Verdict::Fresh;
     assert!(fresh == is_fresh(classifier, command), "T7: fresh as defined");
 }
 
 /// T7's induction: diagnostics do not decide, now or later.
-///
-/// # Panics
-/// When it does not hold.
 pub fn counts_decide_nothing<const N: usize>(
     classifier: &Classifier<'_, N>,
     connection: Connection,

@@ -11,7 +11,7 @@ use gantry_tau_core::control::message::{
     AxisFlags, AxisLimits, AxisState, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase, Refusal, State,
 };
 use gantry_tau_core::control::session::config::Parameters;
-use gantry_tau_core::control::session::{Connection, Event, Input, LastWrite, Output, Refusals, Start};
+use gantry_tau_core::control::session::{Connection, Event, Input, LastWrite, Output, Refusals, Start, TickInput};
 use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 
 use crate::axis;
@@ -52,10 +52,6 @@ struct Point {
     change: i64,
 }
 
-/// References at zero, to be replaced.
-const AT_ZERO: Reference =
-    Reference { position: PositionNm(0), velocity_offset: VelocityUmS(0), torque_offset: TorquePermille(0) };
-
 /// What a tick decides: an action, and why the session ended in it.
 type Decision<const N: usize> = (ChannelAction<N>, Option<Cause>);
 
@@ -65,7 +61,6 @@ struct Accepted<const N: usize> {
     stop: bool,
     /// What the owner ended the session with: of [`ENDS`].
     ends: Vec<Cause>,
-    late: bool,
     command: Option<Command<N>>,
     hello: Option<Connection>,
     refusals: Refusals,
@@ -163,7 +158,6 @@ impl<const N: usize> ReferenceModel<N> {
             let change = i128::from(cycle.nominal[axis].0) - i128::from(self.nominal[axis]);
             change.unsigned_abs() > limit
         });
-        self.late |= accepted.late;
         self.tick = self.tick.saturating_add(cycles);
         let stop = accepted.stop || cycle.stop;
         let before = self.phase;
@@ -187,12 +181,13 @@ impl<const N: usize> ReferenceModel<N> {
             let faulted = Refusal::Faulted { ticks_left: 0 };
             assert!(accepted.refusals.push((connection, faulted)).is_ok());
         }
-        let (references, axes) = self.act(&action, accepted.command.as_ref(), input, &stepped);
+        let command = accepted.command.as_ref();
+        let axes: [_; N] = std::array::from_fn(|axis| self.act(axis, &action, command, cycle, stepped[axis]));
         // Only core can make an output; every field of this one is the model's.
         let mut expected = output.clone();
-        expected.references = references;
+        expected.references = axes.map(|(reference, _)| reference);
         expected.withheld = self.withheld;
-        expected.state = self.state(axes, cycle.arrival_us);
+        expected.state = self.state(axes.map(|(_, state)| state), cycle.arrival_us);
         expected.owner = self.owner;
         expected.welcome = welcome;
         expected.refusals = accepted.refusals;
@@ -256,7 +251,7 @@ impl<const N: usize> ReferenceModel<N> {
             return add(&mut self.counters.stale, 1);
         }
         if ahead < 0 || behind > i128::from(self.parameters.echo_window) {
-            accepted.late = true;
+            self.late = true;
             return add(&mut self.counters.late, 1);
         }
         if self.phase == Phase::Handshake && command.mode == Mode::Obtain {
@@ -381,8 +376,7 @@ impl<const N: usize> ReferenceModel<N> {
             return self.disconnect(cause);
         }
         if let Some(budget) = self.parameters.budget {
-            let window = self.missed.iter().rev().take(usize::from(budget.window));
-            if window.filter(|missed| **missed).count() > usize::from(budget.allowed) {
+            if self.missed_of(budget.window) > usize::from(budget.allowed) {
                 return self.disconnect(Cause::Budget);
             }
         }
@@ -423,72 +417,66 @@ impl<const N: usize> ReferenceModel<N> {
         self.rearm_released = false;
     }
 
-    /// Applies the action to every channel; in Submit, the shadow does what the channel would.
+    /// Applies the action to the channels of an axis; in Submit, the shadow does what the channel would.
     fn act(
         &mut self,
+        axis: usize,
         action: &ChannelAction<N>,
         command: Option<&Command<N>>,
-        input: &Input<N>,
-        stepped: &[bool; N],
-    ) -> ([Reference; N], [AxisState; N]) {
-        let (mut references, mut states) = ([AT_ZERO; N], [AxisState::default(); N]);
-        for axis in 0..N {
-            let limits = &self.parameters.axes[axis].limits;
-            self.channels[axis] = apply(self.channels[axis], action, axis, limits);
-            let limited = if self.phase == Phase::Submit {
-                let action = command.map_or(ChannelAction::Hold, |command| ChannelAction::Follow(command.targets));
-                self.shadow[axis] = apply(self.shadow[axis], &action, axis, limits);
-                behind(self.shadow[axis], &action, axis)
-            } else {
-                self.shadow[axis] = [Point::default(); 3];
-                behind(self.channels[axis], action, axis)
-            };
-            let nominal = input.tick.nominal[axis];
-            self.nominal[axis] = nominal.0;
-            let offsets = offsets(&self.channels[axis]);
-            let travel = &self.parameters.axes[axis].machine_travel;
-            let wanted = i128::from(nominal.0) + i128::from(offsets.position.0);
-            let inside = wanted.clamp(travel.lower.0.into(), travel.upper.0.into());
-            let [position, velocity, torque] = limited;
-            let flags = AxisFlags::default()
-                .with(AxisFlags::TRAVEL, inside != wanted)
-                .with(AxisFlags::NOMINAL_STEP, stepped[axis])
-                .with(AxisFlags::POSITION_LIMITED, position)
-                .with(AxisFlags::VELOCITY_LIMITED, velocity)
-                .with(AxisFlags::TORQUE_LIMITED, torque);
-            add(&mut self.counters.clamped, u32::from(inside != wanted));
-            add(&mut self.counters.limited, limited.map(u32::from).iter().sum());
-            references[axis] = Reference {
-                position: PositionNm(i64::try_from(inside).unwrap_or(i64::MAX)),
-                velocity_offset: offsets.velocity,
-                torque_offset: offsets.torque,
-            };
-            states[axis] = AxisState {
-                nominal,
-                offsets,
-                shadow: self::offsets(&self.shadow[axis]),
-                actual: input.tick.actual[axis],
-                flags,
-            };
-        }
-        (references, states)
+        cycle: &TickInput<N>,
+        stepped: bool,
+    ) -> (Reference, AxisState) {
+        let config = &self.parameters.axes[axis];
+        self.channels[axis] = apply(self.channels[axis], action, axis, &config.limits);
+        let limited = if self.phase == Phase::Submit {
+            let action = command.map_or(ChannelAction::Hold, |command| ChannelAction::Follow(command.targets));
+            self.shadow[axis] = apply(self.shadow[axis], &action, axis, &config.limits);
+            behind(self.shadow[axis], &action, axis)
+        } else {
+            self.shadow[axis] = [Point::default(); 3];
+            behind(self.channels[axis], action, axis)
+        };
+        let nominal = cycle.nominal[axis];
+        self.nominal[axis] = nominal.0;
+        let (offsets, shadow) = (offsets(&self.channels[axis]), offsets(&self.shadow[axis]));
+        let travel = &config.machine_travel;
+        let wanted = i128::from(nominal.0) + i128::from(offsets.position.0);
+        let inside = wanted.clamp(travel.lower.0.into(), travel.upper.0.into());
+        add(&mut self.counters.clamped, u32::from(inside != wanted));
+        add(&mut self.counters.limited, limited.map(u32::from).iter().sum());
+        let [position, velocity, torque] = limited;
+        let flags = AxisFlags::default()
+            .with(AxisFlags::TRAVEL, inside != wanted)
+            .with(AxisFlags::NOMINAL_STEP, stepped)
+            .with(AxisFlags::POSITION_LIMITED, position)
+            .with(AxisFlags::VELOCITY_LIMITED, velocity)
+            .with(AxisFlags::TORQUE_LIMITED, torque);
+        let reference = Reference {
+            position: PositionNm(i64::try_from(inside).unwrap_or(i64::MAX)),
+            velocity_offset: offsets.velocity,
+            torque_offset: offsets.torque,
+        };
+        (reference, AxisState { nominal, offsets, shadow, actual: cycle.actual[axis], flags })
     }
 
     fn state(&self, axes: [AxisState; N], arrival_us: u16) -> State<N> {
-        let last = self.missed.iter().rev().take(100);
-        let missed = last.filter(|missed| **missed).count();
         State {
             tick: Tick(self.tick),
             epoch: Epoch(self.epoch),
             accepted: Sequence(self.accepted),
             phase: self.phase,
             cause: self.cause,
-            on_time_of_100: u8::try_from(100 - missed).unwrap_or(0),
+            on_time_of_100: u8::try_from(100 - self.missed_of(100)).unwrap_or(0),
             arrival_us,
             ramp_ticks_left: self.ticks_left(),
             counters: self.counters,
             axes,
         }
+    }
+
+    /// Number of missed deadlines among the latest.
+    fn missed_of(&self, latest: u8) -> usize {
+        self.missed.iter().rev().take(latest.into()).filter(|missed| **missed).count()
     }
 
     fn phase_is_live(&self) -> bool {

@@ -45,9 +45,6 @@ struct Made {
 
 /// T13: seeded near the answer that the machine was made of, core finds it, both ways, as the slow solver does; seeded farther away or
 /// not at all it finds an answer of this machine, or says why not.
-///
-/// # Panics
-/// When it does not.
 pub fn six_is_solved(input: &Six) {
     let Some(made) = Made::new(input) else {
         return;

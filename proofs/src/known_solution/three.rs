@@ -39,9 +39,6 @@ struct Made {
 }
 
 /// T13: core finds the answers that the machine was made of, what the slow solvers find and nothing else, and says why not.
-///
-/// # Panics
-/// When it does not.
 pub fn three_is_solved(input: &Three) {
     let made = Made::new(input);
     let Some((robot, nominal)) = made.machine(input) else {

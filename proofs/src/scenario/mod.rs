@@ -194,9 +194,7 @@ impl Machine {
                 torque: torque.limits(i16::MAX.into()),
             };
             let travel = Travel::around_zero(self.reach);
-            let step = u32::from(self.nominal_step);
-            let axis = AxisConfig::position_only(limits.position, travel, step);
-            AxisConfig { limits, ..axis }
+            AxisConfig { limits, ..AxisConfig::position_only(limits.position, travel, self.nominal_step.into()) }
         });
         let budget = self.budget.map(|(window, allowed)| MissBudget { window: window % 128 + 1, allowed });
         let config = Config::new(Parameters {

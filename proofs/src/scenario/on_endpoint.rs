@@ -15,9 +15,6 @@ use crate::wire::sealed;
 type Tested = Endpoint<N, 3>;
 
 /// Plays by bytes. The first client is on a stream, the other sends datagrams.
-///
-/// # Panics
-/// When something does not hold.
 pub fn endpoint_is_right(scenario: &Scenario) {
     let (Some((session, model)), Ok(motors)) = (start(scenario), MotorMap::new([0, 0, 1])) else {
         return;

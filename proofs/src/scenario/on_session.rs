@@ -2,17 +2,14 @@
 
 use gantry_tau_core::control::session::{BlackBox, Connection, Events, Input, Session, TickInput, replay};
 use gantry_tau_core::units::{EpochRange, Tick};
-use gantry_tau_core::verification::control::{FsmInput, FsmState, Internals, Rules, nominal_stepped};
+use gantry_tau_core::verification::control::Internals;
 
 use super::{ClientAction, N, Peer, Scenario, SystemUnderTest, event, play, start};
 use crate::reference_model::ReferenceModel;
 use crate::session::StepInput;
-use crate::{blackbox, fsm, motors, session};
+use crate::{blackbox, motors, session};
 
 /// Plays, and checks every tick: T1 to T11, and every output against the model's.
-///
-/// # Panics
-/// When something does not hold.
 pub fn every_tick_is_right(scenario: &Scenario) {
     let Some((session, model)) = start(scenario) else {
         return;
@@ -44,7 +41,9 @@ impl SessionUnderTest {
     /// The tick itself: into the black box, and the same as the model's.
     fn record(&mut self, input: &Input<N>) {
         let frozen = self.black_box.is_frozen();
-        let output = blackbox::record(&mut self.black_box, &mut self.session, input);
+        self.black_box.before_tick(&self.session);
+        let output = self.session.tick(input);
+        self.black_box.after_tick(input, &output, output.ended.is_some());
         self.model.tick(input, &output);
         assert!(self.session.is_valid(), "the session stays valid");
         motors::paired_motors_are_equal([0, 0, 1], &output.references);
@@ -91,34 +90,9 @@ impl SystemUnderTest for SessionUnderTest {
     fn tick(&mut self, tick: TickInput<N>, epochs: EpochRange) {
         let input = Input { tick, epochs, events: std::mem::take(&mut self.events) };
         session::settles_any_write(&self.session, &input.tick.last_write);
-        let step = StepInput::after_events(&self.session, &input);
-        session::step_is_right(&step);
-        let (discrete, fsm, rules) = decided_on(&step);
-        fsm::decision_is_right(discrete, &fsm, &rules);
+        session::step_is_right(&StepInput::after_events(&self.session, &input));
         let essential = session::essential(&self.session, &input);
         session::same_outcome(&self.session, &input, &essential);
         self.record(&input);
     }
-}
-
-/// Returns the complete input of the decision, derived again.
-fn decided_on(input: &StepInput<N>) -> (&FsmState, FsmInput, Rules) {
-    let (session, cycle) = (&input.session, &input.tick);
-    let parameters = session.config().parameters();
-    let axes = &session.parts().axes;
-    let stepped = |axis: usize| {
-        let (from, to) = (axes[axis].nominal, cycle.nominal[axis]);
-        nominal_stepped(from, to, &parameters.axes[axis], cycle.cycles())
-    };
-    let accepted = input.accepted.fsm;
-    let fsm = FsmInput {
-        stop: accepted.stop || cycle.stop,
-        rearm: cycle.rearm,
-        skipped: cycle.cycles() - 1,
-        all_zero: axes.iter().all(|axis| axis.channels.is_zero()) && !session.parts().withheld,
-        nominal_fault: (0..N).any(stepped),
-        ..accepted
-    };
-    let rules = Rules { handshake_ticks: parameters.handshake_ticks, budget: parameters.budget };
-    (&session.parts().discrete, fsm, rules)
 }

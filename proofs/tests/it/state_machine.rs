@@ -8,7 +8,7 @@ use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick};
 use gantry_tau_core::verification::control::{Accepted, Diagnostics, Internals};
 use gantry_tau_proofs::axis::Kind;
 use gantry_tau_proofs::session::StepInput;
-use gantry_tau_proofs::{axis, blackbox, fsm, ingress, motors, session};
+use gantry_tau_proofs::{axis, blackbox, channel, fsm, ingress, motors, session};
 use proptest::prelude::*;
 
 proptest! {
@@ -83,6 +83,12 @@ proptest! {
             axis::order_is_bounded(&axis, &command, &config, kind);
             axis::shadow_is_bounded(&axis, &command, &config, kind);
         }
+    }
+
+    #[test]
+    fn one_ramp_step((limits, before) in any::limits().prop_flat_map(|limits| (Just(limits), any::channel(limits)))) {
+        channel::ramp_is_exact(before, &limits);
+        channel::ramp_counts_down(before, &limits);
     }
 
     #[test]

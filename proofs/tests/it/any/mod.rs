@@ -75,8 +75,7 @@ prop_compose! {
 
 /// An axis with these limits.
 pub(crate) fn axis_of(limits: AxisLimits, reach: u32, nominal_step_nm: u32) -> AxisConfig {
-    let axis = AxisConfig::position_only(limits.position, Travel::around_zero(reach), nominal_step_nm);
-    AxisConfig { limits, ..axis }
+    AxisConfig { limits, ..AxisConfig::position_only(limits.position, Travel::around_zero(reach), nominal_step_nm) }
 }
 
 prop_compose! {
@@ -191,25 +190,27 @@ pub(crate) fn event<const N: usize>() -> impl Strategy<Value = Event<N>> {
     ]
 }
 
+/// An axis whose channels and shadow are within their limits.
+fn axis_within(limits: AxisLimits, nominal: impl Strategy<Value = i64>) -> impl Strategy<Value = Axis> {
+    (axis_channels(limits), axis_channels(limits), nominal.prop_map(PositionNm))
+        .prop_map(|(channels, shadow, nominal)| Axis { channels, shadow, nominal })
+}
+
 /// A session in any valid state.
 pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
     config::<N>().prop_flat_map(|config| {
         let discrete = discrete(config.parameters().handshake_ticks);
-        let axes = config.parameters().axes.map(|axis| {
-            let nominal = (-2_000..2_000_i64).prop_map(PositionNm);
-            (axis_channels(axis.limits), axis_channels(axis.limits), nominal)
-        });
+        let axes = config.parameters().axes.map(|axis| axis_within(axis.limits, -2_000..2_000_i64));
         let flags = (any::<bool>(), prop::bool::weighted(0.2));
-        (discrete, Vec::from(axes), flags).prop_map(move |(discrete, axes, (late, withheld))| {
+        (discrete, axes, flags).prop_map(move |(discrete, axes, (late, withheld))| {
             let resting = matches!(discrete.phase, Phase::Listening | Phase::Handshake | Phase::Submit);
-            let mut axes = axes.into_iter().map(|(channels, shadow, nominal)| Axis {
-                channels: if resting { AxisChannels::ZERO } else { channels },
-                shadow: if discrete.phase == Phase::Submit { shadow } else { AxisChannels::ZERO },
-                nominal,
-            });
             let parts = Parts {
                 discrete,
-                axes: std::array::from_fn(|_| axes.next().unwrap()),
+                axes: axes.map(|axis| Axis {
+                    channels: if resting { AxisChannels::ZERO } else { axis.channels },
+                    shadow: if discrete.phase == Phase::Submit { axis.shadow } else { AxisChannels::ZERO },
+                    ..axis
+                }),
                 withheld: withheld && matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault),
                 cause: Cause::None,
                 late,
@@ -220,17 +221,12 @@ pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
     })
 }
 
-prop_compose! {
-    pub(crate) fn in_force()(nominal in -2_000..2_000_i64, offsets in prop_oneof![Just(Offsets::ZERO), offsets()]) -> InForce {
-        InForce { nominal: PositionNm(nominal), offsets }
-    }
-}
-
 pub(crate) fn last_write<const N: usize>() -> impl Strategy<Value = LastWrite<N>> {
+    let in_force = (-2_000..2_000_i64, prop_oneof![Just(Offsets::ZERO), offsets()])
+        .prop_map(|(nominal, offsets)| InForce { nominal: PositionNm(nominal), offsets });
     prop_oneof![
         8 => Just(LastWrite::Accepted),
-        2 => uniform::<_, N>(in_force())
-            .prop_map(|in_force| LastWrite::Refused { in_force }),
+        2 => uniform::<_, N>(in_force).prop_map(|in_force| LastWrite::Refused { in_force }),
         1 => Just(LastWrite::Unknown),
     ]
 }
@@ -256,24 +252,14 @@ pub(crate) fn tick_input<const N: usize>() -> impl Strategy<Value = TickInput<N>
 }
 
 prop_compose! {
-    pub(crate) fn reference()(position: i64, offsets in offsets()) -> Reference {
-        Reference {
-            position: PositionNm(position),
-            velocity_offset: offsets.velocity,
-            torque_offset: offsets.torque,
-        }
+    pub(crate) fn reference()(position: i64, Offsets { velocity, torque, .. } in offsets()) -> Reference {
+        Reference { position: PositionNm(position), velocity_offset: velocity, torque_offset: torque }
     }
 }
 
 /// An axis with its configuration.
 pub(crate) fn axis() -> impl Strategy<Value = (AxisConfig, Axis)> {
-    axis_config().prop_flat_map(|config| {
-        let channels = (axis_channels(config.limits), axis_channels(config.limits));
-        (channels, any::<i64>()).prop_map(move |((channels, shadow), nominal)| {
-            let nominal = PositionNm(nominal);
-            (config, Axis { channels, shadow, nominal })
-        })
-    })
+    axis_config().prop_flat_map(|config| (Just(config), axis_within(config.limits, any::<i64>())))
 }
 
 fn action() -> impl Strategy<Value = Action> {
