@@ -40,10 +40,8 @@ pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, Str
 fn rows_make_sense(manifest: &Manifest) -> Vec<String> {
     let mut wrong = Vec::new();
     let mut seen = BTreeSet::new();
-    let harnesses = manifest.harnesses.iter();
-    let rows = harnesses.map(|row| (&row.name, row.tier, row.measured_s));
-    let mutants = manifest.mutants.iter();
-    let mutants = mutants.map(|mutant| (&mutant.name, mutant.tier, mutant.measured_s));
+    let rows = manifest.harnesses.iter().map(|row| (&row.name, row.tier, row.measured_s));
+    let mutants = manifest.mutants.iter().map(|mutant| (&mutant.name, mutant.tier, mutant.measured_s));
     for (name, tier, measured_s) in rows.chain(mutants) {
         if !seen.insert(name) {
             wrong.push(format!("{name}: stands twice in the manifest"));

@@ -139,9 +139,7 @@ fn show(text: &str) {
 
 /// Folder of the proofs to run: the sources, or for a mutant a copy with its fault.
 fn sources(root: &Path, kani: &Kani, mutant: Option<&Mutant>) -> Result<PathBuf, String> {
-    let Some(mutant) = mutant else {
-        return Ok(root.join("proofs"));
-    };
+    let Some(mutant) = mutant else { return Ok(root.join("proofs")) };
     let copy = kani.target.join("copy");
     mutate::copy(root, &copy)?;
     mutate::apply(&copy, mutant)?;

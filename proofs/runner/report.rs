@@ -84,8 +84,7 @@ pub(crate) struct Report<'a> {
 impl Report<'_> {
     /// Number of runs that ended as expected.
     pub(crate) fn as_expected(&self) -> usize {
-        let outcomes = self.outcomes.iter();
-        outcomes.filter(|outcome| outcome.objection.is_none()).count()
+        self.outcomes.iter().filter(|outcome| outcome.objection.is_none()).count()
     }
 
     /// Numbers of all runs, and the names of those that are not as expected.
@@ -186,8 +185,8 @@ fn table(manifest: &Manifest) -> String {
             Some((named, _)) => named == theorem.name,
             None => rows.iter().any(|row| row.name == mutant.harness),
         };
-        let mutants = manifest.mutants.iter().filter(falls);
-        let mutants: Vec<String> = mutants.map(|mutant| format!("`{}`", mutant.name)).collect();
+        let mutants: Vec<String> =
+            manifest.mutants.iter().filter(falls).map(|mutant| format!("`{}`", mutant.name)).collect();
         let (names, mutants) = (names.join(", "), mutants.join(", "));
         line(&mut text, &[&theorem.name, &theorem.statement, &theorem.how, &names, &mutants]);
     }

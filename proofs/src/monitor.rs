@@ -24,9 +24,7 @@ fn breaks(before: Option<&Trace>, value: i64, steps: u64, motion: Motion, limits
     if value < -max || value > max {
         return true;
     }
-    let Some(before) = before else {
-        return false;
-    };
+    let Some(before) = before else { return false };
     let last = i128::from(before.value);
     let change = value - last;
     let far = i128::from(steps) * step;

@@ -80,13 +80,9 @@ pub fn statics_are_finite(machine: &f1::Elastic, pose: &Pose, q: &Six, load: &Wr
 /// T13: for any positions, the tracker returns an error or a pose that satisfies the links; after an error the last pose stays, and the
 /// next reachable positions (those of `near`) lead to it. Tested.
 pub fn tracker_is_checked(kinematics: &f1::Kinematics, near: &Pose, wild: &[Six]) {
-    let Ok(there) = kinematics.inverse(near, None) else {
-        return;
-    };
+    let Ok(there) = kinematics.inverse(near, None) else { return };
     let mut tracker = f1::PoseTracker::new(kinematics);
-    let Ok(first) = tracker.pose_at(&there.value) else {
-        return;
-    };
+    let Ok(first) = tracker.pose_at(&there.value) else { return };
     for q in wild {
         tracker.start_from(&first);
         if let Ok(pose) = tracker.pose_at(q) {

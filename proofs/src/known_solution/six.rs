@@ -46,12 +46,8 @@ struct Made {
 /// T13: seeded near the answer that the machine was made of, core finds it, both ways, as the slow solver does; seeded farther away or
 /// not at all it finds an answer of this machine, or says why not.
 pub fn six_is_solved(input: &Six) {
-    let Some(made) = Made::new(input) else {
-        return;
-    };
-    let Some(kinematics) = robots::f1(made.geometry) else {
-        return;
-    };
+    let Some(made) = Made::new(input) else { return };
+    let Some(kinematics) = robots::f1(made.geometry) else { return };
     let pose = pose(&made.tool);
     made.equations_are_these(&kinematics, &pose);
     for seed in [None, Some(plates(&made.q))] {

@@ -41,9 +41,7 @@ struct Made {
 /// T13: core finds the answers that the machine was made of, what the slow solvers find and nothing else, and says why not.
 pub fn three_is_solved(input: &Three) {
     let made = Made::new(input);
-    let Some((robot, nominal)) = made.machine(input) else {
-        return;
-    };
+    let Some((robot, nominal)) = made.machine(input) else { return };
     travel_is_finite(&nominal);
     let [elsewhere] = near([made.tool], &[input.elsewhere], 2.0);
     let moved = std::array::from_fn(|arm| made.q[arm] + share(input.moved[arm], 2.0));

@@ -16,9 +16,7 @@ type Tested = Endpoint<N, 3>;
 
 /// Plays by bytes. The first client is on a stream, the other sends datagrams.
 pub fn endpoint_is_right(scenario: &Scenario) {
-    let (Some((session, model)), Ok(motors)) = (start(scenario), MotorMap::new([0, 0, 1])) else {
-        return;
-    };
+    let (Some((session, model)), Ok(motors)) = (start(scenario), MotorMap::new([0, 0, 1])) else { return };
     let endpoint = Tested::new(session, motors, EpochRange::VOLATILE);
     play(&mut EndpointUnderTest { endpoint, model, clients: [None; 2] }, &scenario.ops);
 }
@@ -66,9 +64,7 @@ impl SystemUnderTest for EndpointUnderTest {
                 usize::from(owner.is_some() && owner == self.clients[1])
             }
         };
-        let Some(connection) = self.connection(client) else {
-            return;
-        };
+        let Some(connection) = self.connection(client) else { return };
         if *action == ClientAction::Closed {
             self.clients[client] = None;
             takes_anything(&mut self.endpoint, &EndpointOp::Close(connection), &mut NoRecorder);
@@ -90,9 +86,7 @@ impl SystemUnderTest for EndpointUnderTest {
         // A fresh one for every tick: it shows what the endpoint made of the bytes.
         let mut black_box = BlackBox::<N, 1>::new();
         takes_anything(&mut self.endpoint, &EndpointOp::Tick(input), &mut black_box);
-        let Some(entry) = black_box.entries().last() else {
-            panic!("a tick is recorded");
-        };
+        let Some(entry) = black_box.entries().last() else { panic!("a tick is recorded") };
         self.model.tick(&entry.input, &entry.output);
         while let Some(gone) = self.endpoint.poll_close() {
             for client in &mut self.clients {

@@ -2,7 +2,6 @@
 
 use gantry_tau_core::control::session::{BlackBox, Connection, Events, Input, Session, TickInput, replay};
 use gantry_tau_core::units::{EpochRange, Tick};
-use gantry_tau_core::verification::control::Internals;
 
 use super::{ClientAction, N, Peer, Scenario, SystemUnderTest, event, play, start};
 use crate::reference_model::ReferenceModel;
@@ -11,9 +10,7 @@ use crate::{blackbox, motors, session};
 
 /// Plays, and checks every tick: T1 to T11, and every output against the model's.
 pub fn every_tick_is_right(scenario: &Scenario) {
-    let Some((session, model)) = start(scenario) else {
-        return;
-    };
+    let Some((session, model)) = start(scenario) else { return };
     let mut system = SessionUnderTest {
         session,
         model,

@@ -96,9 +96,7 @@ proofs/README.md ~ `channel_hold_is_bounded` 0 ~ `channel_hold_is_bounded` 7 ~ t
         assert_eq!(toy.run(&["check"]).status.code(), Some(0));
         for case in CASES.lines() {
             let cells: Vec<&str> = case.split(" ~ ").collect();
-            let [file, from, to, said] = cells[..] else {
-                panic!("{case}");
-            };
+            let [file, from, to, said] = cells[..] else { panic!("{case}") };
             let text = toy.read(file);
             assert!(text.contains(from), "{file}: {from}");
             toy.write(file, &text.replacen(from, to, 1));
@@ -215,9 +213,7 @@ VERIFIED ~ cat $recorded/unwinding.txt; exit 1 ~ failed for another reason";
         for case in OBJECTIONS.lines() {
             let case = case.replace("VERIFIED", VERIFIED).replace("FAILED", FAILED);
             let cells: Vec<&str> = case.split(" ~ ").collect();
-            let [proof, mutant, objection] = cells[..] else {
-                panic!("{case}");
-            };
+            let [proof, mutant, objection] = cells[..] else { panic!("{case}") };
             install(&toy, proof, mutant);
             let output = toy.run(&NAMES);
             let said = out(&output);
