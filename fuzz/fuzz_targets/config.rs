@@ -1,7 +1,4 @@
 //! [`gantry_tau_tests::fuzzed::config`].
 #![no_main]
 
-use gantry_tau_tests::fuzzed::config;
-use libfuzzer_sys::fuzz_target;
-
-fuzz_target!(|data: &[u8]| config(data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| gantry_tau_tests::fuzzed::config(data));

@@ -1,7 +1,4 @@
 //! [`gantry_tau_tests::fuzzed::kinematics`].
 #![no_main]
 
-use gantry_tau_tests::fuzzed::kinematics;
-use libfuzzer_sys::fuzz_target;
-
-fuzz_target!(|data: &[u8]| kinematics(data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| gantry_tau_tests::fuzzed::kinematics(data));

@@ -1,7 +1,4 @@
 //! [`gantry_tau_tests::fuzzed::session`].
 #![no_main]
 
-use gantry_tau_tests::fuzzed::session;
-use libfuzzer_sys::fuzz_target;
-
-fuzz_target!(|data: &[u8]| session(data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| gantry_tau_tests::fuzzed::session(data));

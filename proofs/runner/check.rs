@@ -1,6 +1,6 @@
 //! Agreement of manifest, mutants, sources and the README's table. Every disagreement is a sentence.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use gantry_tau_proofs::harness::{HARNESSES, Harness};
@@ -8,10 +8,14 @@ use gantry_tau_proofs::harness::{HARNESSES, Harness};
 use crate::manifest::Manifest;
 use crate::{files, mutate, read, report};
 
-/// Every harness of the source, by its name.
-pub(crate) fn declared() -> BTreeMap<&'static str, &'static Harness> {
-    let harnesses = HARNESSES.iter().copied().flatten();
-    harnesses.map(|harness| (harness.name, harness)).collect()
+/// Every harness of the source.
+fn declared() -> impl Iterator<Item = &'static Harness> {
+    HARNESSES.iter().copied().flatten()
+}
+
+/// Harness of the source with this name.
+pub(crate) fn harness(name: &str) -> Option<&'static Harness> {
+    declared().find(|harness| harness.name == name)
 }
 
 /// Everything that disagrees.
@@ -36,10 +40,8 @@ pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, Str
 fn rows_make_sense(manifest: &Manifest) -> Vec<String> {
     let mut wrong = Vec::new();
     let mut seen = BTreeSet::new();
-    let harnesses = manifest.harnesses.iter();
-    let rows = harnesses.map(|row| (&row.name, row.tier, row.measured_s));
-    let mutants = manifest.mutants.iter();
-    let mutants = mutants.map(|mutant| (&mutant.name, mutant.tier, mutant.measured_s));
+    let rows = manifest.harnesses.iter().map(|row| (&row.name, row.tier, row.measured_s));
+    let mutants = manifest.mutants.iter().map(|mutant| (&mutant.name, mutant.tier, mutant.measured_s));
     for (name, tier, measured_s) in rows.chain(mutants) {
         if !seen.insert(name) {
             wrong.push(format!("{name}: stands twice in the manifest"));
@@ -67,11 +69,10 @@ fn rows_make_sense(manifest: &Manifest) -> Vec<String> {
 
 /// Manifest and source name the same harnesses.
 fn harnesses_agree(manifest: &Manifest) -> Vec<String> {
-    let mut declared = declared();
     let mut wrong = Vec::new();
     for row in &manifest.harnesses {
         let name = &row.name;
-        match declared.remove(name.as_str()) {
+        match harness(name) {
             None => wrong.push(format!("{name}: in the manifest, not in the source")),
             Some(harness) if !harness.stubs.is_empty() && row.assumes.is_empty() => {
                 wrong.push(format!("{name}: has stubs, and the manifest does not say what it assumes"));
@@ -79,8 +80,8 @@ fn harnesses_agree(manifest: &Manifest) -> Vec<String> {
             Some(_) => {}
         }
     }
-    let missing = declared.keys();
-    wrong.extend(missing.map(|name| format!("{name}: in the source, not in the manifest")));
+    let missing = declared().filter(|harness| manifest.row(harness.name).is_none());
+    wrong.extend(missing.map(|harness| format!("{}: in the source, not in the manifest", harness.name)));
     wrong
 }
 
@@ -105,12 +106,11 @@ fn mutants_apply(root: &Path, manifest: &Manifest) -> Vec<String> {
 
 /// Each file of the harnesses is compiled, and a mutant tries one of its harnesses.
 fn families_are_tried(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
-    let declared = declared();
     let tried = |name: &str| manifest.mutants.iter().any(|mutant| mutant.harness == name);
     let mut wrong = Vec::new();
     for path in files(&root.join("proofs/src/harness"))? {
         let family = path.file_stem().unwrap_or_default().to_string_lossy();
-        let mut harnesses = declared.values().filter(|harness| harness.family() == family);
+        let mut harnesses = declared().filter(|harness| harness.family() == family);
         if family != "mod" && !harnesses.any(|harness| tried(harness.name)) {
             wrong.push(format!("family {family}: no mutant tries any of its harnesses"));
         }

@@ -36,13 +36,8 @@ pub(crate) enum Phase {
     Solving,
 }
 
-/// End of a run.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum End {
-    Exited(ExitStatus),
-    TimedOut(Phase),
-    Interrupted,
-}
+/// End of a run; the phase that took too long otherwise.
+pub(crate) type End = Result<ExitStatus, Phase>;
 
 /// Version of the installed Kani, or Cargo's message.
 pub(crate) fn version() -> Result<String, String> {
@@ -66,14 +61,12 @@ impl Kani {
     ) -> std::io::Result<(End, PathBuf)> {
         let log = self.logs.join(format!("{}.log", job.name()));
         let file = File::create(&log)?;
-        let mut command = self.command(job, proofs);
-        command.stdin(Stdio::null()).stdout(file.try_clone()?).stderr(file);
-        let mut child = command.spawn()?;
+        let mut child = self.command(job, proofs).stdout(file.try_clone()?).stderr(file).spawn()?;
         let (mut output, mut text) = (File::open(&log)?, Vec::new());
         let (mut phase, mut since) = (Phase::Building, Instant::now());
-        let end = loop {
+        loop {
             if let Some(status) = child.try_wait()? {
-                return Ok((End::Exited(status), log));
+                return Ok((Ok(status), log));
             }
             if phase == Phase::Building {
                 output.read_to_end(&mut text)?;
@@ -86,21 +79,27 @@ impl Kani {
                 Phase::Building => self.build_limit,
                 Phase::Solving => limit,
             };
-            if INTERRUPTED.load(Ordering::Relaxed) {
-                break End::Interrupted;
-            }
-            if since.elapsed() > allowed {
-                break End::TimedOut(phase);
+            let interrupted = INTERRUPTED.load(Ordering::Relaxed);
+            if interrupted || since.elapsed() > allowed {
+                kill(&mut child)?;
+                let error = std::io::Error::other("interrupted; Kani and its solvers were ended");
+                return if interrupted { Err(error) } else { Ok((Err(phase), log)) };
             }
             std::thread::sleep(POLL);
-        };
-        kill(&mut child)?;
-        Ok((end, log))
+        }
     }
 
+    /// Kani in a process group of its own.
     fn command(&self, job: Job<'_>, proofs: &Path) -> Command {
-        let mut command = limited(self.memory_gib);
+        // Memory of each process is limited.
+        let kib = u64::from(self.memory_gib).saturating_mul(1 << 20);
+        let script = format!("ulimit -v {kib} || echo 'no memory limit on this system'; exec \"$@\"");
+        let mut command = Command::new("/bin/sh");
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
         command
+            .args(["-c", &script, "sh"])
+            .arg(cargo())
             .args(["kani", "--lib", "--no-default-features", "-Z", "stubbing"])
             .args(["--features", &format!("only,{}", job.harness.family())])
             .args(["--exact", "--harness", &job.harness.path()])
@@ -111,7 +110,8 @@ impl Kani {
             // Kani hands these on to every build: a user's own must not change what is proved.
             .env_remove("RUSTFLAGS")
             .env_remove("RUSTC_WRAPPER")
-            .env_remove("RUSTC_WORKSPACE_WRAPPER");
+            .env_remove("RUSTC_WORKSPACE_WRAPPER")
+            .stdin(Stdio::null());
         command
     }
 }
@@ -119,17 +119,6 @@ impl Kani {
 /// Path of the Cargo that runs this program, or any.
 pub(crate) fn cargo() -> OsString {
     std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
-}
-
-/// Cargo in a process group of its own, each process with limited memory.
-fn limited(memory_gib: u32) -> Command {
-    let kib = u64::from(memory_gib).saturating_mul(1 << 20);
-    let script = format!("ulimit -v {kib} || echo 'no memory limit on this system'; exec \"$@\"");
-    let mut command = Command::new("/bin/sh");
-    command.args(["-c", &script, "sh"]).arg(cargo());
-    #[cfg(unix)]
-    std::os::unix::process::CommandExt::process_group(&mut command, 0);
-    command
 }
 
 /// Ends a run with everything it has started: Kani's solvers outlive it.

@@ -12,6 +12,7 @@ mod prove;
 mod report;
 mod verdict;
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -120,10 +121,13 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Table => {
             let path = root.join("proofs/README.md");
             let text = report::with_table(&read(&path)?, &manifest)?;
-            std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+            std::fs::write(&path, text).map_err(at(&path))?;
         }
         Command::Prove(options) => {
-            report::forget(&options.out(&root));
+            for name in ["results.json", "results.md"] {
+                // A run that comes to no result must not look like an earlier one; most often there is none.
+                let _ = std::fs::remove_file(options.out(&root).join(name));
+            }
             files_agree(&root, &manifest)?;
             prove::prove(&root, &manifest, &options)?;
         }
@@ -146,17 +150,21 @@ fn files_agree(root: &Path, manifest: &Manifest) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Names the file of an error.
+fn at<E: Display>(path: &Path) -> impl Fn(E) -> String {
+    move |error| format!("{}: {error}", path.display())
+}
+
 /// Text of a file.
 fn read(path: &Path) -> Result<String, String> {
-    std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
+    std::fs::read_to_string(path).map_err(at(path))
 }
 
 /// Every file below a folder, but for those of Cargo's `target`. A link that leads nowhere (a licence, in a copy) is left out.
 fn files(folder: &Path) -> Result<Vec<PathBuf>, String> {
-    let complain = |error: std::io::Error| format!("{}: {error}", folder.display());
     let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(complain)? {
-        let path = entry.map_err(complain)?.path();
+    for entry in std::fs::read_dir(folder).map_err(at(folder))? {
+        let path = entry.map_err(at(folder))?.path();
         if path.is_file() {
             found.push(path);
         } else if path.is_dir() && !path.ends_with("target") {

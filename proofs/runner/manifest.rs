@@ -125,5 +125,5 @@ impl Manifest {
 
 fn parse<T: DeserializeOwned>(path: &Path) -> Result<T, String> {
     let text = crate::read(path)?;
-    toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
+    toml::from_str(&text).map_err(crate::at(path))
 }

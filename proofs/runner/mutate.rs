@@ -1,45 +1,29 @@
 //! Copy of core and proofs in which mutants are applied: the sources themselves are never changed.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use crate::manifest::Mutant;
-use crate::{files, read};
+use crate::{at, files, read};
 
-/// Workspace of core and proofs alone, equal to the sources but for the mutants applied.
-pub(crate) struct Copy<'a> {
-    root: &'a Path,
-    folder: PathBuf,
+/// Brings a workspace of core and proofs alone up to date, without mutants.
+/// Files that are equal are left alone, so that Cargo builds only what a mutant changes.
+pub(crate) fn copy(root: &Path, folder: &Path) -> Result<(), String> {
+    for part in ["core", "proofs"] {
+        mirror(&root.join(part), &folder.join(part))?;
+    }
+    write(&folder.join("Cargo.toml"), workspace(root)?.as_bytes())?;
+    // Cargo leaves out of the copy's lock what the other members need.
+    write(&folder.join("Cargo.lock"), read(&root.join("Cargo.lock"))?.as_bytes())
 }
 
-impl<'a> Copy<'a> {
-    /// Brings a copy up to date. Files that are equal are left alone, so that Cargo builds only what a mutant changes.
-    pub(crate) fn new(root: &'a Path, folder: PathBuf) -> Result<Self, String> {
-        for part in ["core", "proofs"] {
-            mirror(&root.join(part), &folder.join(part))?;
-        }
-        write(&folder.join("Cargo.toml"), workspace(root)?.as_bytes())?;
-        let lock = read(&root.join("Cargo.lock"))?;
-        // Cargo leaves out of the copy's lock what the other members need.
-        write(&folder.join("Cargo.lock"), lock.as_bytes())?;
-        Ok(Self { root, folder })
-    }
-
-    /// Folder of the copied `proofs/`.
-    pub(crate) fn proofs(&self) -> PathBuf {
-        self.folder.join("proofs")
-    }
-
-    /// Applies a mutant beside those applied before.
-    pub(crate) fn apply(&self, mutant: &Mutant) -> Result<(), String> {
-        // An earlier mutant may have put in a second one.
-        fits(self.root, mutant)?;
-        fits(&self.folder, mutant)?;
-        let path = self.folder.join(&mutant.file);
-        let text = read(&path)?.replacen(&mutant.old, &mutant.new, 1);
-        write(&path, text.as_bytes())
-    }
+/// Applies a mutant to a copy, beside those applied before, which may have put in its old text once more.
+pub(crate) fn apply(copy: &Path, mutant: &Mutant) -> Result<(), String> {
+    fits(copy, mutant)?;
+    let path = copy.join(&mutant.file);
+    let text = read(&path)?.replacen(&mutant.old, &mutant.new, 1);
+    write(&path, text.as_bytes())
 }
 
 /// Checks that the mutant's old text stands exactly once in its file.
@@ -53,17 +37,18 @@ pub(crate) fn fits(root: &Path, mutant: &Mutant) -> Result<(), String> {
 
 /// Compiles core with every mutant: all at once in one copy, in several rounds where two change the same text.
 pub(crate) fn compile(root: &Path, mutants: &[Mutant]) -> Result<(), String> {
+    let folder = root.join("target/mutants/copy");
     let mut left: Vec<&Mutant> = mutants.iter().collect();
     while let Some(first) = left.first() {
-        let copy = Copy::new(root, root.join("target/mutants/copy"))?;
-        copy.apply(first)?;
+        copy(root, &folder)?;
+        apply(&folder, first)?;
         left.remove(0);
-        left.retain(|mutant| copy.apply(mutant).is_err());
+        left.retain(|mutant| apply(&folder, mutant).is_err());
         let mut cargo = Command::new(crate::kani::cargo());
         cargo
             .args(["check", "--quiet", "-p", "gantry-tau-core", "--target-dir"])
             .arg(root.join("target/mutants"))
-            .current_dir(&copy.folder)
+            .current_dir(&folder)
             // The fault may leave something unused.
             .env("RUSTFLAGS", "--cap-lints=warn");
         let output = cargo.output().map_err(|error| format!("cargo: {error}"))?;
@@ -77,31 +62,29 @@ pub(crate) fn compile(root: &Path, mutants: &[Mutant]) -> Result<(), String> {
 
 /// Manifest of the workspace with core and proofs as its only members.
 fn workspace(root: &Path) -> Result<String, String> {
-    let complain = |error: &dyn std::fmt::Display| format!("Cargo.toml: {error}");
-    let text = read(&root.join("Cargo.toml"))?;
-    let mut manifest: toml::Table = toml::from_str(&text).map_err(|error| complain(&error))?;
+    let path = root.join("Cargo.toml");
+    let mut manifest: toml::Table = toml::from_str(&read(&path)?).map_err(at(&path))?;
     let workspace =
         manifest.get_mut("workspace").and_then(toml::Value::as_table_mut).ok_or("Cargo.toml: no [workspace]")?;
     workspace.remove("default-members");
     workspace.remove("exclude");
     let members = ["core", "proofs"].map(toml::Value::from);
     workspace.insert("members".to_owned(), members.to_vec().into());
-    toml::to_string(&manifest).map_err(|error| complain(&error))
+    toml::to_string(&manifest).map_err(at(&path))
 }
 
 /// Makes a folder's files those of another.
 fn mirror(from: &Path, to: &Path) -> Result<(), String> {
-    let complain = |path: &Path, error| format!("{}: {error}", path.display());
-    fs::create_dir_all(to).map_err(|error| complain(to, error))?;
+    fs::create_dir_all(to).map_err(at(to))?;
     for held in files(to)? {
         let gone = held.strip_prefix(to).is_ok_and(|part| !from.join(part).exists());
         if gone {
-            fs::remove_file(&held).map_err(|error| complain(&held, error))?;
+            fs::remove_file(&held).map_err(at(&held))?;
         }
     }
     for path in files(from)? {
         let part = path.strip_prefix(from).map_err(|error| error.to_string())?;
-        write(&to.join(part), &fs::read(&path).map_err(|error| complain(&path, error))?)?;
+        write(&to.join(part), &fs::read(&path).map_err(at(&path))?)?;
     }
     Ok(())
 }
@@ -112,5 +95,5 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
         return Ok(());
     }
     let folder = path.parent().map_or(Ok(()), fs::create_dir_all);
-    folder.and_then(|()| fs::write(path, bytes)).map_err(|error| format!("{}: {error}", path.display()))
+    folder.and_then(|()| fs::write(path, bytes)).map_err(at(path))
 }

@@ -9,10 +9,9 @@ use gantry_tau_proofs::harness::Harness;
 
 use crate::kani::{self, INTERRUPTED, Kani, Phase};
 use crate::manifest::{Manifest, Mutant, Row, Tier};
-use crate::mutate::Copy;
 use crate::report::{Outcome, Report};
 use crate::verdict::Findings;
-use crate::{Failure, Prove, check, exit, read};
+use crate::{Failure, Prove, at, check, exit, mutate, read};
 
 /// One run of Kani: a harness, with or without a mutant.
 #[derive(Clone, Copy)]
@@ -34,16 +33,13 @@ impl Job<'_> {
 
 /// Every job. Harnesses first: a proof that fails explains why its mutants do.
 fn jobs(manifest: &Manifest) -> Vec<Job<'_>> {
-    let declared = check::declared();
-    let job = |row, mutant| {
-        let row: &Row = row;
-        let harness = declared.get(row.name.as_str())?;
-        Some(Job { harness, row, mutant })
-    };
-    let proofs = manifest.harnesses.iter().filter_map(|row| job(row, None));
-    let mutants = manifest.mutants.iter();
-    let controls = mutants.filter_map(|mutant| job(manifest.row(&mutant.harness)?, Some(mutant)));
-    proofs.chain(controls).collect()
+    let proofs = manifest.harnesses.iter().map(|row| (Some(row), None));
+    let mutants = manifest.mutants.iter().map(|mutant| (manifest.row(&mutant.harness), Some(mutant)));
+    let jobs = proofs.chain(mutants).filter_map(|(row, mutant)| {
+        let row = row?;
+        Some(Job { harness: check::harness(&row.name)?, row, mutant })
+    });
+    jobs.collect()
 }
 
 /// Jobs of a tier, or the named ones; an unknown name is an error.
@@ -73,7 +69,7 @@ pub(crate) fn prove(root: &Path, manifest: &Manifest, options: &Prove) -> Result
         memory_gib: options.memory_gib,
         build_limit: Duration::from_secs(options.build_minutes.saturating_mul(60)),
     };
-    std::fs::create_dir_all(&kani.logs).map_err(|error| format!("{}: {error}", kani.logs.display()))?;
+    std::fs::create_dir_all(&kani.logs).map_err(at(&kani.logs))?;
     // Fails only where a handler is set already.
     let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
     let report = Report {
@@ -120,10 +116,7 @@ fn run_all<'a>(root: &Path, kani: &Kani, jobs: &[Job<'a>], seconds: Option<f64>)
                 }
             })
             .map_err(|error| format!("{}: {error}", job.name()))?;
-        if matches!(end, kani::End::Interrupted) {
-            return Err("interrupted; Kani and its solvers were ended".to_owned());
-        }
-        let bytes = std::fs::read(&log).map_err(|error| format!("{}: {error}", log.display()))?;
+        let bytes = std::fs::read(&log).map_err(at(&log))?;
         let output = String::from_utf8_lossy(&bytes);
         let findings = Findings::read(&output);
         let outcome =
@@ -146,22 +139,20 @@ fn show(text: &str) {
 
 /// Folder of the proofs to run: the sources, or for a mutant a copy with its fault.
 fn sources(root: &Path, kani: &Kani, mutant: Option<&Mutant>) -> Result<PathBuf, String> {
-    let Some(mutant) = mutant else {
-        return Ok(root.join("proofs"));
-    };
-    let copy = Copy::new(root, kani.target.join("copy"))?;
-    copy.apply(mutant)?;
-    Ok(copy.proofs())
+    let Some(mutant) = mutant else { return Ok(root.join("proofs")) };
+    let copy = kani.target.join("copy");
+    mutate::copy(root, &copy)?;
+    mutate::apply(&copy, mutant)?;
+    Ok(copy.join("proofs"))
 }
 
 /// Reason why a run is not as expected; none if it is.
 fn objection(job: Job<'_>, end: kani::End, findings: &Findings, limit: f64) -> Option<String> {
     match end {
-        kani::End::TimedOut(Phase::Solving) => Some(format!("timed out after {limit} s")),
-        kani::End::TimedOut(Phase::Building) => Some("timed out while building".to_owned()),
-        kani::End::Exited(status) => findings
+        Err(Phase::Solving) => Some(format!("timed out after {limit} s")),
+        Err(Phase::Building) => Some("timed out while building".to_owned()),
+        Ok(status) => findings
             .objection(job, limit)
             .or_else(|| (status.success() == job.mutant.is_some()).then(|| format!("Kani ended with {status}"))),
-        kani::End::Interrupted => Some("interrupted".to_owned()),
     }
 }

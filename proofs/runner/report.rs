@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use crate::check;
 use crate::manifest::{Manifest, Mutant, Row, Tier, Wall};
 use crate::prove::Job;
+use crate::{at, check};
 
 /// Result of one run.
 pub(crate) struct Outcome<'a> {
@@ -84,8 +84,7 @@ pub(crate) struct Report<'a> {
 impl Report<'_> {
     /// Number of runs that ended as expected.
     pub(crate) fn as_expected(&self) -> usize {
-        let outcomes = self.outcomes.iter();
-        outcomes.filter(|outcome| outcome.objection.is_none()).count()
+        self.outcomes.iter().filter(|outcome| outcome.objection.is_none()).count()
     }
 
     /// Numbers of all runs, and the names of those that are not as expected.
@@ -114,7 +113,7 @@ impl Report<'_> {
         });
         for (name, text) in [("results.json", format!("{json:#}\n")), ("results.md", self.markdown())] {
             let path = folder.join(name);
-            std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+            std::fs::write(&path, text).map_err(at(&path))?;
         }
         println!("results: {}", folder.join("results.{json,md}").display());
         Ok(())
@@ -158,14 +157,6 @@ fn seconds(time: Option<f64>) -> String {
     time.map_or("-".to_owned(), |time| format!("{time:.1} s"))
 }
 
-/// Removes the results of an earlier run: a run that comes to no result must not look like it.
-pub(crate) fn forget(folder: &Path) {
-    for name in ["results.json", "results.md"] {
-        // Most often there is none.
-        let _ = std::fs::remove_file(folder.join(name));
-    }
-}
-
 /// Markers of the generated part of proofs/README.md.
 const BEGIN: &str = "<!-- table: written by `cargo run -p gantry-tau-proofs -- table` -->\n";
 const END: &str = "<!-- end of table -->\n";
@@ -187,25 +178,17 @@ fn table(manifest: &Manifest) -> String {
     for theorem in &manifest.theorems {
         let proves = |row: &&Row| row.theorems.contains(&theorem.name);
         let rows: Vec<&Row> = manifest.harnesses.iter().filter(proves).collect();
-        let names = rows.iter().map(|row| match row.measured_s {
-            Some(seconds) => format!("`{}` {seconds}", row.name),
-            None => format!("`{}` (not run yet)", row.name),
-        });
+        let time = |row: &Row| row.measured_s.map_or("(not run yet)".to_owned(), |seconds| seconds.to_string());
+        let names: Vec<String> = rows.iter().map(|row| format!("`{}` {}", row.name, time(row))).collect();
         // The failing check names its theorem, unless it belongs to all of its harness.
         let falls = |mutant: &&Mutant| match mutant.fails.split_once(':') {
             Some((named, _)) => named == theorem.name,
             None => rows.iter().any(|row| row.name == mutant.harness),
         };
-        let mutants = manifest.mutants.iter().filter(falls);
-        let mutants: Vec<String> = mutants.map(|mutant| format!("`{}`", mutant.name)).collect();
-        let cells = [
-            &theorem.name,
-            &theorem.statement,
-            &theorem.how,
-            &names.collect::<Vec<_>>().join(", "),
-            &mutants.join(", "),
-        ];
-        line(&mut text, &cells.map(String::as_str));
+        let mutants: Vec<String> =
+            manifest.mutants.iter().filter(falls).map(|mutant| format!("`{}`", mutant.name)).collect();
+        let (names, mutants) = (names.join(", "), mutants.join(", "));
+        line(&mut text, &[&theorem.name, &theorem.statement, &theorem.how, &names, &mutants]);
     }
     text.push('\n');
     text
@@ -217,10 +200,8 @@ pub(crate) fn list(manifest: &Manifest) {
     for theorem in &manifest.theorems {
         println!("{}  {}\n    {}", theorem.name, theorem.statement, theorem.how);
     }
-    let declared = check::declared();
     for row in &manifest.harnesses {
-        let source = declared.get(row.name.as_str());
-        let solver = source.map_or("not in the source".to_owned(), |harness| match harness.unwind {
+        let solver = check::harness(&row.name).map_or("not in the source".to_owned(), |harness| match harness.unwind {
             Some(bound) => format!("{}, unwind {bound}", harness.solver),
             None => harness.solver.to_owned(),
         });

@@ -80,8 +80,7 @@ impl<'a> Findings<'a> {
     /// Objection to a proof: every check must hold, every cover must be reached, and there must be some of both.
     fn not_proved(&self, verified: bool) -> Option<String> {
         let failed = self.failed();
-        let reached = |(status, _): &Check<'_>| *status == "SATISFIED";
-        let (reached, missed): (Vec<_>, Vec<_>) = self.covers.iter().copied().partition(reached);
+        let missed = texts(&self.covers, |status| status != "SATISFIED");
         let decided = |(status, _): &Check<'_>| ["SUCCESS", "UNREACHABLE"].contains(status);
         if !verified || !failed.is_empty() {
             Some(format!("failed: {}", failed.join("; ")))
@@ -92,8 +91,9 @@ impl<'a> Findings<'a> {
         } else if self.covers.is_empty() {
             Some("it has no cover: it may prove nothing".to_owned())
         } else if !missed.is_empty() {
-            let (reached, all) = (reached.len(), self.covers.len());
-            Some(format!("{reached} of {all} covers reached; not: {}", texts(&missed).join("; ")))
+            let all = self.covers.len();
+            let reached = all.saturating_sub(missed.len());
+            Some(format!("{reached} of {all} covers reached; not: {}", missed.join("; ")))
         } else {
             None
         }
@@ -117,12 +117,11 @@ impl<'a> Findings<'a> {
 
     /// Texts of the checks that failed.
     fn failed(&self) -> Vec<&'a str> {
-        let mut failed = self.checks.clone();
-        failed.retain(|(status, _)| *status == "FAILURE");
-        texts(&failed)
+        texts(&self.checks, |status| status == "FAILURE")
     }
 }
 
-fn texts<'a>(checks: &[Check<'a>]) -> Vec<&'a str> {
-    checks.iter().map(|(_, text)| *text).collect()
+/// Texts of the checks with such a status.
+fn texts<'a>(checks: &[Check<'a>], such: impl Fn(&str) -> bool) -> Vec<&'a str> {
+    checks.iter().filter(|(status, _)| such(status)).map(|(_, text)| *text).collect()
 }

@@ -1,11 +1,21 @@
 //! Second half of a tick, for one axis and any command: T1, T2, T3 and T5.
 
 use gantry_tau_core::control::axis::Offsets;
-use gantry_tau_core::control::channel::{Channel, Limits};
+use gantry_tau_core::control::channel::{Channel, LimitValues, Limits};
 use gantry_tau_core::control::message::AxisLimits;
 use gantry_tau_core::control::session::config::{AxisConfig, MAX_POSITION_NM};
 use gantry_tau_core::units::{ChannelUnit, PositionNm};
 use gantry_tau_core::verification::control::{Action, Axis, AxisChannels, AxisCommand, drive_reference};
+
+/// Limits of the three channels of an axis.
+pub(crate) fn limit_values(limits: &AxisLimits) -> [LimitValues; 3] {
+    [limits.position.values(), limits.velocity.values(), limits.torque.values()]
+}
+
+/// Offsets as the counts of the three channels.
+pub(crate) fn counts(offsets: &Offsets) -> [i64; 3] {
+    [offsets.position.0.into(), offsets.velocity.0.into(), offsets.torque.0.into()]
+}
 
 /// One of the three channels of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,9 +87,6 @@ impl ChannelProperty for Shadow {
 }
 
 /// T1, T2, T3 for one channel in force of an axis, whatever the command; and the drive receives what the channel says.
-///
-/// # Panics
-/// When one of them does not hold.
 pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfig, kind: Kind) {
     let mut after = *before;
     let (reference, _) = after.act(command, config);
@@ -100,9 +107,6 @@ pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfi
 }
 
 /// The shadow stays within its limits, whatever the command, and rests at zero without one.
-///
-/// # Panics
-/// When it does not hold.
 pub fn shadow_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfig, kind: Kind) {
     let mut after = *before;
     let _ = after.act(command, config);
@@ -112,9 +116,6 @@ pub fn shadow_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConf
 
 /// T3: what reaches a drive is inside the machine's travel, whatever the nominal reference and the offset; and it is
 /// nominal plus offset wherever the nominal reference keeps to its own travel and the offset to `M`.
-///
-/// # Panics
-/// When it does not hold.
 pub fn reference_is_inside_travel(axis: &AxisConfig, nominal: PositionNm, offsets: &Offsets) {
     let travel = &axis.machine_travel;
     let (reference, _) = drive_reference(nominal, offsets, travel);
@@ -130,9 +131,6 @@ pub fn reference_is_inside_travel(axis: &AxisConfig, nominal: PositionNm, offset
 
 /// T3: from one tick to the next, with a fixed travel, the reference moves the way that nominal plus offset move, and no further:
 /// so by at most |change of nominal| + |change of offset|. `|nominal| <= 2^61` nm.
-///
-/// # Panics
-/// When it does not hold.
 pub fn reference_moves_no_further(
     axis: &AxisConfig,
     (from, to): (PositionNm, PositionNm),

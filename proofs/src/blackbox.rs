@@ -1,26 +1,11 @@
 //! T11: contents of a black box.
 
 use gantry_tau_core::control::session::recorder::Recorder;
-use gantry_tau_core::control::session::{BlackBox, Input, Output, Session};
+use gantry_tau_core::control::session::{BlackBox, Session};
 use gantry_tau_core::units::Tick;
-
-/// Runs one tick and records it, as the endpoint does.
-pub fn record<const N: usize, const HALF: usize>(
-    black_box: &mut BlackBox<N, HALF>,
-    session: &mut Session<N>,
-    input: &Input<N>,
-) -> Output<N> {
-    black_box.before_tick(session);
-    let output = session.tick(input);
-    black_box.after_tick(input, &output, output.ended.is_some());
-    output
-}
 
 /// T11, the bookkeeping: the entries are ticks that follow each other without a gap, up to the latest recorded one; the session
 /// they begin with is the one before the first; and there are enough of them.
-///
-/// # Panics
-/// When it does not hold.
 pub fn holds_the_end<const N: usize, const HALF: usize>(black_box: &BlackBox<N, HALF>, latest: Tick, recorded: usize) {
     let mut count = 0_usize;
     let mut last = black_box.before().map(Session::last_tick);
@@ -67,9 +52,6 @@ pub fn numbered_up_to<const HALF: usize>(recorder: &Numbered<HALF>, latest: u8) 
 
 /// T11, one step: a valid recorder of numbered steps stays one; only what is older than `2 HALF` steps is forgotten; recording
 /// goes on for `HALF` steps after an end, and what is frozen does not change.
-///
-/// # Panics
-/// When it does not hold.
 pub fn records_a_step<const HALF: usize>(recorder: &mut Numbered<HALF>, latest: u8, ends: bool) {
     let Some(count) = numbered_up_to(recorder, latest) else {
         return;

@@ -1,4 +1,4 @@
-//! One bounded channel: T1, T2, T3, T5, as one-step induction: valid, and any input, one step, valid, and the bound.
+//! One bounded channel: T1, T2, T3, T5, as one-step induction: valid, any step (hold, follow, ramp), valid, and the bound.
 
 use gantry_tau_core::control::channel::{Channel, Limits};
 use gantry_tau_core::units::{ChannelUnit, OffsetNm};
@@ -6,51 +6,7 @@ use gantry_tau_core::units::{ChannelUnit, OffsetNm};
 /// Channel of position offsets; the arithmetic of the others is the same.
 pub type Position = Channel<OffsetNm>;
 
-/// Operation on a channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ChannelOp {
-    /// Keep the value.
-    Hold,
-    /// Approach a target, any target.
-    Follow(OffsetNm),
-    /// One step towards zero.
-    Ramp,
-}
-
-impl ChannelOp {
-    /// Returns the operation with this number; every number has one.
-    #[must_use]
-    pub const fn from_number(number: u8, target: OffsetNm) -> Self {
-        match number % 3 {
-            0 => Self::Hold,
-            1 => Self::Follow(target),
-            _ => Self::Ramp,
-        }
-    }
-}
-
-/// Takes one step.
-#[must_use]
-pub fn step(channel: Position, op: ChannelOp, limits: &Limits<OffsetNm>) -> Position {
-    match op {
-        ChannelOp::Hold => channel.hold(),
-        ChannelOp::Follow(target) => channel.follow(target, limits),
-        ChannelOp::Ramp => channel.ramp(limits),
-    }
-}
-
-/// T1, T2, T3 and the invariant, for one step of a valid channel.
-///
-/// # Panics
-/// When one of them does not hold.
-pub fn step_is_bounded(before: Position, op: ChannelOp, limits: &Limits<OffsetNm>) {
-    change_is_bounded(before, step(before, op, limits), limits);
-}
-
 /// T1, T2, T3 and the invariant, for any two values of a channel that follow each other.
-///
-/// # Panics
-/// When one of them does not hold.
 pub fn change_is_bounded<U: ChannelUnit>(before: Channel<U>, after: Channel<U>, limits: &Limits<U>) {
     assert!(after.is_valid(limits), "the invariant is kept");
     let change = i64::from(after.count()) - i64::from(before.count());
@@ -62,18 +18,12 @@ pub fn change_is_bounded<U: ChannelUnit>(before: Channel<U>, after: Channel<U>, 
 }
 
 /// T5, for one step.
-///
-/// # Panics
-/// When it does not hold.
 pub fn ramp_is_exact(before: Position, limits: &Limits<OffsetNm>) {
     is_ramp_step(before, before.ramp(limits), limits);
 }
 
 /// T5, for any two values that follow each other: `min(rho, |value|)` towards zero, never past it.
 /// The magnitude is the measure that decreases until it is zero.
-///
-/// # Panics
-/// When it does not hold.
 pub fn is_ramp_step<U>(before: Channel<U>, after: Channel<U>, limits: &Limits<U>) {
     let (from, to) = (before.count().unsigned_abs(), after.count().unsigned_abs());
     assert!(to == from - from.min(limits.ramp()), "T5: exactly min(rho, |value|)");
@@ -84,9 +34,6 @@ pub fn is_ramp_step<U>(before: Channel<U>, after: Channel<U>, limits: &Limits<U>
 
 /// T5, the count: the number of ticks left, `ceil(|value| / rho)`, falls by one per step and is zero exactly at zero.
 /// A quotient of two unknowns is beyond the SAT solvers Kani brings along: this one is tested, and has no harness.
-///
-/// # Panics
-/// When it does not hold.
 pub fn ramp_counts_down(before: Position, limits: &Limits<OffsetNm>) {
     let left = before.ramp_ticks_left(limits);
     let left_after = before.ramp(limits).ramp_ticks_left(limits);

@@ -9,9 +9,6 @@ use gantry_tau_core::verification::control::{Dialogue, Stage};
 /// T24: an answer is a command for the newest State, which no command has answered, with the next sequence; its targets are the
 /// wanted ones, cut to the limits of the Welcome; it asks for Obtain only after a command, and after a State in Submit or Obtain.
 /// There is one answer per State.
-///
-/// # Panics
-/// When it does not hold.
 pub fn answer_is_right<const N: usize>(before: &Dialogue<N>, mode: Mode, targets: &[Offsets; N]) {
     let mut after = *before;
     let answer = after.answer(mode, targets);
@@ -54,9 +51,6 @@ pub fn answer_is_right<const N: usize>(before: &Dialogue<N>, mode: Mode, targets
 }
 
 /// T24: a message makes a State wait only if it is a State of this session, in a live phase, newer than every State before.
-///
-/// # Panics
-/// When it does not hold.
 pub fn message_is_right<const N: usize>(before: &Dialogue<N>, message: ServerMessage<N>) {
     let mut after = *before;
     let result = after.receive(message);
@@ -83,9 +77,6 @@ pub fn message_is_right<const N: usize>(before: &Dialogue<N>, message: ServerMes
 }
 
 /// T24: after a Goodbye no State is answered; it carries the epoch of the session, once per State.
-///
-/// # Panics
-/// When it does not hold.
 pub fn goodbye_is_right<const N: usize>(before: &Dialogue<N>, mode: Mode, targets: &[Offsets; N]) {
     let mut after = *before;
     let goodbye = after.goodbye();

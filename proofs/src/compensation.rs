@@ -8,9 +8,6 @@ use gantry_tau_core::units::{Metres, OffsetNm};
 use gantry_tau_core::verification::model::bounded;
 
 /// T14, for one axis: for any float, the offset is within the limit or the float was NaN.
-///
-/// # Panics
-/// When it is not.
 pub fn offset_is_within(metres: f64, limit: OffsetNm) {
     match OffsetNm::from_metres_within(Metres(metres), limit) {
         Ok((offset, cut)) => {
@@ -25,9 +22,6 @@ pub fn offset_is_within(metres: f64, limit: OffsetNm) {
 }
 
 /// T14, for the last step of every correction: any numbers, any configuration.
-///
-/// # Panics
-/// When an offset is beyond its limit.
 pub fn correction_is_bounded<const N: usize>(config: &CompensatorConfig<N>, q: &[f64; N], command: &[f64; N]) {
     if let Ok(correction) = bounded(config, q, command) {
         offsets_are_within(&correction, config);
@@ -35,9 +29,6 @@ pub fn correction_is_bounded<const N: usize>(config: &CompensatorConfig<N>, q: &
 }
 
 /// T14, for a whole cycle of any compensator: its result under this load. Tested.
-///
-/// # Panics
-/// When an offset is beyond its limit.
 pub fn cycle_is_bounded<const N: usize>(
     config: &CompensatorConfig<N>,
     answer: Result<Correction<N>, KinematicsError>,
@@ -61,9 +52,6 @@ fn is_within(offset: OffsetNm, limit: OffsetNm) {
 
 /// T14, for the load the compensation is fed: the check that every state of the sensor passes before it is kept admits finite
 /// numbers only. Returns true if it admitted these.
-///
-/// # Panics
-/// When it admits others.
 pub fn sensor_check_admits_finite(config: SensorConfig, state: SensorState) -> bool {
     let sensor = ForceSensor::from_parts(config, state);
     if let Ok(sensor) = &sensor {
@@ -76,9 +64,6 @@ pub fn sensor_check_admits_finite(config: SensorConfig, state: SensorState) -> b
 }
 
 /// T14, for the load the compensation is fed: valid, and any reading, one update, valid; a load is finite; an error changes nothing. Tested.
-///
-/// # Panics
-/// When it does not hold.
 pub fn sensor_stays_valid(before: &ForceSensor, raw: &Wrench) {
     let mut after = *before;
     let reading = after.update(raw);
@@ -93,9 +78,6 @@ pub fn sensor_stays_valid(before: &ForceSensor, raw: &Wrench) {
 }
 
 /// A reading within its range is never refused by a valid sensor. Tested.
-///
-/// # Panics
-/// When it is.
 pub fn sensor_takes_good_readings(before: &ForceSensor, raw: &Wrench) {
     let good = raw.to_array().iter().all(|value| value.abs() <= MAX_READING);
     let mut after = *before;

@@ -3,9 +3,6 @@
 use gantry_tau_core::units::{CROSSING_LIMIT_NM, CrossingError, Metres, OffsetNm, PositionNm};
 
 /// T15: every float leads to a position inside the limit, or to the error that names what is wrong with it.
-///
-/// # Panics
-/// When it does not.
 pub fn position_is_total(metres: f64) {
     match PositionNm::from_metres(Metres(metres)) {
         Ok(PositionNm(nm)) => {
@@ -23,9 +20,6 @@ pub fn position_is_total(metres: f64) {
 }
 
 /// T15, for offsets.
-///
-/// # Panics
-/// When it does not hold.
 pub fn offset_is_total(metres: f64) {
     match OffsetNm::from_metres(Metres(metres)) {
         Ok(_) => assert!(metres.is_finite(), "T15: only a finite float crosses"),
@@ -39,9 +33,6 @@ pub fn offset_is_total(metres: f64) {
 }
 
 /// T15: the nearest whole nanometre, or beyond the limit. The difference of two neighbours is exact, so this has no tolerance.
-///
-/// # Panics
-/// When it does not hold.
 #[allow(clippy::as_conversions, reason = "an integer below 2^53 is an f64 exactly")]
 pub fn rounding_is_exact(count: f64) {
     match PositionNm::from_nanometres(count) {
@@ -58,9 +49,6 @@ pub fn rounding_is_exact(count: f64) {
 }
 
 /// T15: more nanometres never become fewer.
-///
-/// # Panics
-/// When they do.
 pub fn rounding_keeps_order(lower: f64, upper: f64) {
     let crossed = (PositionNm::from_nanometres(lower), PositionNm::from_nanometres(upper));
     if let (true, (Ok(lower), Ok(upper))) = (lower <= upper, crossed) {
@@ -69,17 +57,11 @@ pub fn rounding_keeps_order(lower: f64, upper: f64) {
 }
 
 /// T15: every position is a finite float.
-///
-/// # Panics
-/// When it is not.
 pub fn back_is_finite(position: PositionNm) {
     assert!(position.to_metres().0.is_finite(), "T15: back is finite");
 }
 
 /// T15: to half a nanometre plus one ulp of the product `metres * 1e9`. Tested.
-///
-/// # Panics
-/// When it is not.
 #[allow(clippy::as_conversions, reason = "an integer below 2^53 is an f64 exactly")]
 pub fn crossing_is_exact(metres: f64) {
     if let Ok(PositionNm(nm)) = PositionNm::from_metres(Metres(metres)) {
@@ -92,9 +74,6 @@ pub fn crossing_is_exact(metres: f64) {
 }
 
 /// T15: every offset survives the way to metres and back. Tested.
-///
-/// # Panics
-/// When it does not.
 pub fn offset_survives(offset: OffsetNm) {
     assert!(OffsetNm::from_metres(offset.to_metres()) == Ok(offset), "T15: there and back");
 }

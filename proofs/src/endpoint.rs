@@ -20,9 +20,6 @@ pub enum EndpointOp<const N: usize> {
 }
 
 /// Any operation keeps the invariant, and with accepted writes no offset changes by more than its limit.
-///
-/// # Panics
-/// When it does not hold.
 pub fn takes_anything<const N: usize, const MOTORS: usize>(
     endpoint: &mut Endpoint<N, MOTORS>,
     op: &EndpointOp<N>,

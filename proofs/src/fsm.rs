@@ -10,9 +10,6 @@ fn outranks_a_miss(fsm: &FsmInput) -> bool {
 }
 
 /// The invariant of the discrete state is kept, and the tick advances by one for each cycle.
-///
-/// # Panics
-/// When it does not hold.
 pub fn keeps_the_invariant(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let next = decide(state, fsm, rules).next;
     assert!(next.is_valid(rules.handshake_ticks), "the invariant is kept");
@@ -23,9 +20,6 @@ pub fn keeps_the_invariant(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
 
 /// T4, both ways: with nothing of higher precedence, Submit and Obtain survive a single miss and end with the second consecutive one,
 /// in that tick. A cycle that the server skipped is a miss like any other.
-///
-/// # Panics
-/// When it does not hold.
 pub fn second_miss_ends(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let running = matches!(state.phase, Phase::Submit | Phase::Obtain);
     if !running || outranks_a_miss(fsm) {
@@ -55,9 +49,6 @@ pub fn second_miss_ends(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
 
 /// T6, the half that decides: a session is granted only to a Hello that arrives in Listening, and Listening and Submit
 /// are entered only when every channel is zero.
-///
-/// # Panics
-/// When it does not hold.
 pub fn authority_needs_zero(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let next = decide(state, fsm, rules).next;
     if next.is_live() && !state.is_live() {
@@ -77,9 +68,6 @@ pub fn authority_needs_zero(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
 
 /// T9: a stop leads to Fault from everywhere, and takes the first ramp step at once; nothing leads out of Fault but a re-arm
 /// that was released before, with the stop gone and every channel at zero; until then nothing follows a target.
-///
-/// # Panics
-/// When it does not hold.
 pub fn stop_leads_to_fault(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let decision = decide(state, fsm, rules);
     if fsm.stop {
@@ -104,9 +92,6 @@ pub fn stop_leads_to_fault(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
 }
 
 /// T5, the half that decides: without a session, and with a channel that is not zero, every tick is a ramp step.
-///
-/// # Panics
-/// When it does not hold.
 pub fn no_session_ramps(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let decision = decide(state, fsm, rules);
     let ramping = matches!(state.phase, Phase::SafeDisconnect | Phase::Fault);
@@ -124,9 +109,6 @@ pub fn no_session_ramps(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
 }
 
 /// Every property of a decision.
-///
-/// # Panics
-/// When one of them does not hold.
 pub fn decision_is_right(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     keeps_the_invariant(state, fsm, rules);
     second_miss_ends(state, fsm, rules);

@@ -2,14 +2,23 @@
 //! arbitrary, and depends on nothing that only counts.
 
 use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Phase};
-use gantry_tau_core::control::session::{Connection, Event};
-use gantry_tau_core::verification::control::{Accepted, Classifier, Diagnostics, Verdict};
+use gantry_tau_core::control::session::{Connection, Event, Session};
+use gantry_tau_core::units::Epoch;
+use gantry_tau_core::verification::control::{Accepted, Classifier, Diagnostics, Internals, Verdict};
+
+/// Returns the classifier of a session before a tick.
+#[must_use]
+pub fn classifier<const N: usize>(session: &Session<N>, next_epoch: Option<Epoch>) -> Classifier<'_, N> {
+    Classifier {
+        discrete: &session.parts().discrete,
+        parameters: session.config().parameters(),
+        axes: &session.parts().axes,
+        next_epoch,
+    }
+}
 
 /// T7: an event of a non-owner, or of the owner without freshness, decides nothing.
 /// The one exception is a Hello, and only in Listening, which has no owner.
-///
-/// # Panics
-/// When it does not hold.
 pub fn only_the_owner_decides<const N: usize>(
     classifier: &Classifier<'_, N>,
     connection: Connection,
@@ -70,18 +79,12 @@ pub fn is_fresh<const N: usize>(classifier: &Classifier<'_, N>, command: &Comman
 }
 
 /// Fresh is what the definition says, both ways.
-///
-/// # Panics
-/// When it does not hold.
 pub fn fresh_is_as_defined<const N: usize>(classifier: &Classifier<'_, N>, command: &Command<N>) {
     let fresh = classifier.verdict(command) == Verdict::Fresh;
     assert!(fresh == is_fresh(classifier, command), "T7: fresh as defined");
 }
 
 /// T7's induction: diagnostics do not decide, now or later.
-///
-/// # Panics
-/// When it does not hold.
 pub fn counts_decide_nothing<const N: usize>(
     classifier: &Classifier<'_, N>,
     connection: Connection,

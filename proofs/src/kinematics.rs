@@ -10,9 +10,6 @@ use gantry_tau_core::model::statics::Wrench;
 type Three = [f64; ARMS];
 
 /// T13: the check that every position passes last admits only what is inside the travel, and therefore no NaN.
-///
-/// # Panics
-/// When it admits something else.
 pub fn check_is_right(nominal: &l2::Kinematics, q: Three) {
     if nominal.travels(&q) {
         is_inside(&q, nominal);
@@ -20,9 +17,6 @@ pub fn check_is_right(nominal: &l2::Kinematics, q: Three) {
 }
 
 /// T13: returned positions are inside the travel, and therefore no NaN; finite, as [`travel_is_finite`].
-///
-/// # Panics
-/// When they are not.
 pub fn inverse_is_inside(nominal: &l2::Kinematics, tcp_m: Three) {
     if let Ok(q) = nominal.inverse(&tcp_m.into()) {
         is_inside(&q, nominal);
@@ -30,9 +24,6 @@ pub fn inverse_is_inside(nominal: &l2::Kinematics, tcp_m: Three) {
 }
 
 /// T13, for poses of unknown origin.
-///
-/// # Panics
-/// When the positions are not inside the travel.
 pub fn inverse_in_assembly_is_inside(nominal: &l2::Kinematics, tcp_m: Three) {
     if let Ok(q) = nominal.inverse_in_assembly(&tcp_m.into()) {
         is_inside(&q, nominal);
@@ -40,9 +31,6 @@ pub fn inverse_in_assembly_is_inside(nominal: &l2::Kinematics, tcp_m: Three) {
 }
 
 /// T13: a tool centre point is returned for positions inside the travel only.
-///
-/// # Panics
-/// When it is returned for others.
 pub fn forward_is_inside(nominal: &l2::Kinematics, q: Three) {
     if nominal.forward(&q).is_ok() {
         is_inside(&q, nominal);
@@ -58,9 +46,6 @@ fn is_inside(q: &Three, nominal: &l2::Kinematics) {
 }
 
 /// T13: every machine there is has a finite travel, so that what is inside is finite too. Tested.
-///
-/// # Panics
-/// When it has not.
 pub fn travel_is_finite(nominal: &l2::Kinematics) {
     for (lower, upper) in nominal.travel() {
         assert!(lower.is_finite() && upper.is_finite(), "T13: finite travel");
@@ -69,17 +54,19 @@ pub fn travel_is_finite(nominal: &l2::Kinematics) {
 
 /// T13: whatever inverse and forward answer keeps the lengths of all six links, to [`RESIDUAL_TOLERANCE`] and the rounding
 /// of coordinates up to a kilometre. Tested.
-///
-/// # Panics
-/// When it does not.
 pub fn lengths_are_kept(robot: &l2::Robot, nominal: &l2::Kinematics, tcp_m: Three, q: Three) {
     if let Ok(found) = nominal.inverse(&tcp_m.into()) {
         keeps_lengths(robot, nominal, tcp_m, &found);
     }
     if let Ok(found) = nominal.forward(&q) {
-        assert!(found.iter().all(|x| x.is_finite()), "T13: finite");
+        finite(found.as_slice());
         keeps_lengths(robot, nominal, found.into(), &q);
     }
+}
+
+/// T13: no number is NaN or infinite.
+pub(crate) fn finite(values: &[f64]) {
+    assert!(values.iter().all(|value| value.is_finite()), "T13: finite");
 }
 
 fn keeps_lengths(robot: &l2::Robot, nominal: &l2::Kinematics, tcp_m: Three, q: &Three) {
@@ -90,9 +77,6 @@ fn keeps_lengths(robot: &l2::Robot, nominal: &l2::Kinematics, tcp_m: Three, q: &
 }
 
 /// T13: inverse, then forward, leads back: to `tolerance_m` (metres) where the pose is regular. Tested.
-///
-/// # Panics
-/// When it does not.
 pub fn there_and_back(nominal: &l2::Kinematics, tcp_m: Three, tolerance_m: f64) {
     let there = Pose::at(tcp_m.into()).position_m;
     if let Ok(q) = nominal.inverse_in_assembly(&there) {
@@ -102,13 +86,7 @@ pub fn there_and_back(nominal: &l2::Kinematics, tcp_m: Three, tolerance_m: f64) 
 }
 
 /// T12 and T13, for what is built on the kinematics: no panic on any numbers, and every returned number is finite. Tested.
-///
-/// # Panics
-/// When one is not.
 pub fn statics_are_finite(robot: &l2::Robot, nominal: &l2::Kinematics, tcp_m: Three, q: Three, load: &Wrench) {
-    let finite = |values: &[f64]| {
-        assert!(values.iter().all(|value| value.is_finite()), "T13: finite");
-    };
     let pose = Pose { position_m: tcp_m.into(), rotation: *nominal.rotation() };
     if let Ok(jacobian) = nominal.jacobian(&pose.position_m) {
         finite(jacobian.as_slice());

@@ -1,5 +1,5 @@
-//! Properties of the core, each a plain function that panics when it does not hold, with three thin drivers:
-//! Kani harnesses (`harness`), property tests on stable Rust (`tests/`), and fuzz targets (`../fuzz`).
+//! Properties of the core, each a plain function that panics when it does not hold (no function's own text says so again), with three
+//! thin drivers: Kani harnesses (`harness`), property tests on stable Rust (`tests/`), and fuzz targets (`../fuzz`).
 //!
 //! `cargo run -p gantry-tau-proofs -- prove` runs the harnesses of `manifest.toml` and the mutants of `mutants.toml`.
 //! One harness by hand, in this folder:

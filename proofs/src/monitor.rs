@@ -7,7 +7,9 @@ use gantry_tau_core::units::OffsetNm;
 use gantry_tau_core::verification::control::{
     Accepted, Bounds, Diagnostics, Internals, Motion, Seen, Trace, drive_reference, monitor_from_parts, monitor_parts,
 };
-use gantry_tau_core::{Monitor, Offsets, PositionNm, Reference, Travel};
+use gantry_tau_core::{Monitor, PositionNm, Reference, Travel};
+
+use crate::axis;
 
 /// Change that one ramp step demands: towards zero, never past it.
 fn ramp_change(value: i128, ramp: i128) -> i128 {
@@ -22,9 +24,7 @@ fn breaks(before: Option<&Trace>, value: i64, steps: u64, motion: Motion, limits
     if value < -max || value > max {
         return true;
     }
-    let Some(before) = before else {
-        return false;
-    };
+    let Some(before) = before else { return false };
     let last = i128::from(before.value);
     let change = value - last;
     let far = i128::from(steps) * step;
@@ -44,9 +44,6 @@ fn breaks(before: Option<&Trace>, value: i64, steps: u64, motion: Motion, limits
 /// the phase demands; flagged or not, the monitor goes on from it.
 ///
 /// Values are those of a channel, `i32`; changes are differences of two of them.
-///
-/// # Panics
-/// When it does not hold.
 pub fn sample_is_flagged_exactly(
     before: Option<Trace>,
     value: i32,
@@ -67,9 +64,6 @@ pub fn sample_is_flagged_exactly(
 }
 
 /// T24, a whole State: it is flagged exactly if an offset breaks the rule of its phase, or a shadow its own, given the State before it.
-///
-/// # Panics
-/// When it does not hold.
 pub fn state_is_flagged_exactly<const N: usize>(limits: &[AxisLimits; N], before: &State<N>, state: &State<N>) {
     let mut monitor = Monitor::new(*limits, None);
     let _ = monitor.check_state(before);
@@ -78,8 +72,8 @@ pub fn state_is_flagged_exactly<const N: usize>(limits: &[AxisLimits; N], before
     let mut broken = false;
     for index in 0..N {
         let (old, new) = (&before.axes[index], &state.axes[index]);
-        let (was, is, shadow) = (counts(&old.offsets), counts(&new.offsets), counts(&new.shadow));
-        let limits = values(&limits[index]);
+        let (was, is, shadow) = (axis::counts(&old.offsets), axis::counts(&new.offsets), axis::counts(&new.shadow));
+        let limits = axis::limit_values(&limits[index]);
         for channel in 0..3 {
             let motion = match state.phase {
                 Phase::Listening | Phase::Handshake | Phase::Submit => Motion::Hold,
@@ -101,9 +95,6 @@ pub fn state_is_flagged_exactly<const N: usize>(limits: &[AxisLimits; N], before
 
 /// T24: references that the monitor accepts are inside the travel, at most `M` from a nominal reference that is not clamped, and
 /// changed by at most the change of the nominal reference plus `S`.
-///
-/// # Panics
-/// When it does not hold.
 pub fn accepted_references_are_bounded<const N: usize>(
     limits: &[AxisLimits; N],
     travel: &[Travel; N],
@@ -116,13 +107,14 @@ pub fn accepted_references_are_bounded<const N: usize>(
         return;
     }
     for index in 0..N {
-        let position = second.1[index].position;
+        let (was, is) = (&first.1[index], &second.1[index]);
+        let position = is.position;
         let Travel { lower, upper } = travel[index];
         assert!(lower <= position && position <= upper, "T24: inside the travel");
         let wide = |nm: PositionNm| i128::from(nm.0);
         let step = i128::from(limits[index].position.step());
         let own = (wide(second.0[index]) - wide(first.0[index])).abs();
-        let change = (wide(position) - wide(first.1[index].position)).abs();
+        let change = (wide(position) - wide(was.position)).abs();
         assert!(change <= own + step, "T24: |change| <= |change of nominal| + S");
         let max = i128::from(limits[index].position.max());
         let clamped = |sum: i128| sum.max(wide(lower)).min(wide(upper));
@@ -131,29 +123,17 @@ pub fn accepted_references_are_bounded<const N: usize>(
             clamped(nominal - max) <= wide(position) && wide(position) <= clamped(nominal + max),
             "T24: an offset within M, before the clamp to the travel"
         );
-        for (was, is, limits) in [
-            (
-                i64::from(first.1[index].velocity_offset.0),
-                i64::from(second.1[index].velocity_offset.0),
-                limits[index].velocity.values(),
-            ),
-            (
-                i64::from(first.1[index].torque_offset.0),
-                i64::from(second.1[index].torque_offset.0),
-                limits[index].torque.values(),
-            ),
-        ] {
+        let keep = |was: i64, is: i64, limits: LimitValues| {
             let last = Trace { value: was, change: None };
             assert!(!breaks(Some(&last), is, 1, Motion::Free, limits), "T24: velocity and torque within M and S");
-        }
+        };
+        keep(was.velocity_offset.0.into(), is.velocity_offset.0.into(), limits[index].velocity.values());
+        keep(was.torque_offset.0.into(), is.torque_offset.0.into(), limits[index].torque.values());
     }
 }
 
 /// T24: one tick of any session raises no alarm in a monitor that has seen the ticks before. An accepted command has a sequence
 /// above the accepted one, which the classification ensures.
-///
-/// # Panics
-/// When it does not hold.
 pub fn session_raises_no_alarm<const N: usize>(session: &Session<N>, tick: &TickInput<N>, accepted: Accepted<N>) {
     let mut monitor = watching(session);
     let mut after = *session;
@@ -198,9 +178,6 @@ fn watching<const N: usize>(session: &Session<N>) -> Monitor<N> {
 }
 
 /// T24, a lossy link: samples of a channel that keeps its limits raise no alarm, whichever of them are lost.
-///
-/// # Panics
-/// When it does not hold.
 pub fn gaps_raise_no_alarm(limits: &Limits<OffsetNm>, samples: &[(i32, Motion, bool)]) {
     let bounds = Bounds::of(limits);
     let mut every = Some(Trace::at_rest(0));
@@ -221,12 +198,4 @@ pub fn gaps_raise_no_alarm(limits: &Limits<OffsetNm>, samples: &[(i32, Motion, b
             gap = 0;
         }
     }
-}
-
-fn values(limits: &AxisLimits) -> [LimitValues; 3] {
-    [limits.position.values(), limits.velocity.values(), limits.torque.values()]
-}
-
-fn counts(offsets: &Offsets) -> [i64; 3] {
-    [offsets.position.0.into(), offsets.velocity.0.into(), offsets.torque.0.into()]
 }

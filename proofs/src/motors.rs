@@ -5,9 +5,6 @@ use gantry_tau_core::control::endpoint::MotorMap;
 
 /// T10: every motor receives its axis' reference, so motors of one axis receive equal ones; and a map to an axis that does not
 /// exist is refused.
-///
-/// # Panics
-/// When it does not hold.
 pub fn paired_motors_are_equal<const N: usize, const MOTORS: usize>(
     axis_of_motor: [usize; MOTORS],
     axes: &[Reference; N],

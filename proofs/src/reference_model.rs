@@ -7,13 +7,14 @@
 use std::iter::repeat_n;
 
 use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
-use gantry_tau_core::control::channel::LimitValues;
 use gantry_tau_core::control::message::{
     AxisFlags, AxisLimits, AxisState, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase, Refusal, State,
 };
 use gantry_tau_core::control::session::config::Parameters;
-use gantry_tau_core::control::session::{Connection, Event, Input, LastWrite, Output, Refusals, Start};
+use gantry_tau_core::control::session::{Connection, Event, Input, LastWrite, Output, Refusals, Start, TickInput};
 use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+
+use crate::axis;
 
 /// Largest distance of a fresh command's sequence ahead.
 const AHEAD: i128 = 65_536;
@@ -51,50 +52,22 @@ struct Point {
     change: i64,
 }
 
-/// References at zero, to be replaced.
-const AT_ZERO: Reference =
-    Reference { position: PositionNm(0), velocity_offset: VelocityUmS(0), torque_offset: TorquePermille(0) };
-
-/// Expected output of a tick: the fields of [`Output`].
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Expected<const N: usize> {
-    references: [Reference; N],
-    withheld: bool,
-    state: State<N>,
-    owner: Option<Connection>,
-    welcome: Option<Connection>,
-    refusals: Refusals,
-    close: Option<Connection>,
-    ended: Option<Cause>,
-}
-
-impl<const N: usize> From<&Output<N>> for Expected<N> {
-    fn from(output: &Output<N>) -> Self {
-        Self {
-            references: output.references,
-            withheld: output.withheld,
-            state: output.state,
-            owner: output.owner,
-            welcome: output.welcome,
-            refusals: output.refusals.clone(),
-            close: output.close,
-            ended: output.ended,
-        }
-    }
-}
+/// What a tick decides: an action, and why the session ended in it.
+type Decision<const N: usize> = (ChannelAction<N>, Option<Cause>);
 
 /// Accepted events of a tick.
+#[derive(Default)]
 struct Accepted<const N: usize> {
     stop: bool,
-    framing: bool,
-    flood: bool,
-    closed: bool,
-    goodbye: bool,
-    late: bool,
+    /// What the owner ended the session with: of [`ENDS`].
+    ends: Vec<Cause>,
     command: Option<Command<N>>,
     hello: Option<Connection>,
     refusals: Refusals,
 }
+
+/// What ends a session besides stop and misses, the first of them first.
+const ENDS: [Cause; 4] = [Cause::Malformed, Cause::Flood, Cause::Closed, Cause::Goodbye];
 
 /// Action of every channel.
 #[derive(Clone, Copy)]
@@ -143,7 +116,7 @@ impl<const N: usize> ReferenceModel<N> {
         if !self.admits(&in_force.map(|axis| axis.offsets)) {
             return false;
         }
-        self.channels = in_force.map(|axis| values(&axis.offsets).map(|value| Point { value, change: 0 }));
+        self.channels = in_force.map(|axis| axis::counts(&axis.offsets).map(|value| Point { value, change: 0 }));
         self.nominal = in_force.map(|axis| axis.nominal.0);
         self.interrupt();
         true
@@ -169,8 +142,11 @@ impl<const N: usize> ReferenceModel<N> {
         }
     }
 
-    /// Runs one tick.
-    pub fn tick(&mut self, input: &Input<N>) -> Expected<N> {
+    /// Runs a tick that core has run, with the same output.
+    ///
+    /// # Panics
+    /// When core's is another.
+    pub fn tick(&mut self, input: &Input<N>, output: &Output<N>) {
         let cycle = &input.tick;
         self.settle(&cycle.last_write);
         let cycles = u64::from(cycle.elapsed_cycles.max(1));
@@ -182,7 +158,6 @@ impl<const N: usize> ReferenceModel<N> {
             let change = i128::from(cycle.nominal[axis].0) - i128::from(self.nominal[axis]);
             change.unsigned_abs() > limit
         });
-        self.late |= accepted.late;
         self.tick = self.tick.saturating_add(cycles);
         let stop = accepted.stop || cycle.stop;
         let before = self.phase;
@@ -192,7 +167,7 @@ impl<const N: usize> ReferenceModel<N> {
         } else {
             self.go_on(&accepted, zero, cycles, input)
         };
-        if accepted.framing || accepted.flood || accepted.closed {
+        if accepted.ends.iter().any(|cause| *cause != Cause::Goodbye) {
             self.owner = None;
         }
         if accepted.command.is_some() {
@@ -206,31 +181,26 @@ impl<const N: usize> ReferenceModel<N> {
             let faulted = Refusal::Faulted { ticks_left: 0 };
             assert!(accepted.refusals.push((connection, faulted)).is_ok());
         }
-        let (references, axes) = self.act(&action, accepted.command.as_ref(), input, &stepped);
-        Expected {
-            references,
-            withheld: self.withheld,
-            state: self.state(axes, cycle.arrival_us),
-            owner: self.owner,
-            welcome,
-            refusals: accepted.refusals,
-            close: owner_before.filter(|_| self.owner != owner_before),
-            ended,
-        }
+        let command = accepted.command.as_ref();
+        let axes: [_; N] = std::array::from_fn(|axis| self.act(axis, &action, command, cycle, stepped[axis]));
+        // Only core can make an output; every field of this one is the model's.
+        let mut expected = output.clone();
+        expected.references = axes.map(|(reference, _)| reference);
+        expected.withheld = self.withheld;
+        expected.state = self.state(axes.map(|(_, state)| state), cycle.arrival_us);
+        expected.owner = self.owner;
+        expected.welcome = welcome;
+        expected.refusals = accepted.refusals;
+        expected.close = owner_before.filter(|_| self.owner != owner_before);
+        expected.ended = ended;
+        assert!(
+            *output == expected,
+            "the model says otherwise:\n core   {output:?}\n model  {expected:?}\n input  {input:?}"
+        );
     }
 
     fn classify(&mut self, input: &Input<N>) -> Accepted<N> {
-        let mut accepted = Accepted {
-            stop: false,
-            framing: false,
-            flood: false,
-            closed: false,
-            goodbye: false,
-            late: false,
-            command: None,
-            hello: None,
-            refusals: Refusals::new(),
-        };
+        let mut accepted = Accepted::default();
         for (from, event) in &input.events {
             if self.owner == Some(*from) {
                 self.classify_owner(event, &mut accepted);
@@ -248,9 +218,9 @@ impl<const N: usize> ReferenceModel<N> {
 
     fn classify_owner(&mut self, event: &Event<N>, accepted: &mut Accepted<N>) {
         match event {
-            Event::Broken(_) => accepted.framing = true,
-            Event::Flood => accepted.flood = true,
-            Event::Closed => accepted.closed = true,
+            Event::Broken(_) => accepted.ends.push(Cause::Malformed),
+            Event::Flood => accepted.ends.push(Cause::Flood),
+            Event::Closed => accepted.ends.push(Cause::Closed),
             Event::Malformed(_) | Event::Dropped(_) => {
                 add(&mut self.counters.received, 1);
                 add(&mut self.counters.malformed, 1);
@@ -259,11 +229,9 @@ impl<const N: usize> ReferenceModel<N> {
                 add(&mut self.counters.received, 1);
                 match message {
                     ClientMessage::Command(command) => self.classify_command(command, accepted),
-                    ClientMessage::Goodbye(epoch) if epoch.0 == self.epoch => accepted.goodbye = true,
+                    ClientMessage::Goodbye(epoch) if epoch.0 == self.epoch => accepted.ends.push(Cause::Goodbye),
                     ClientMessage::Stop(epoch) if epoch.0 == self.epoch => accepted.stop = true,
-                    ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => {
-                        add(&mut self.counters.stale, 1);
-                    }
+                    ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => add(&mut self.counters.stale, 1),
                     ClientMessage::Hello(_) => add(&mut self.counters.malformed, 1),
                 }
             }
@@ -283,7 +251,7 @@ impl<const N: usize> ReferenceModel<N> {
             return add(&mut self.counters.stale, 1);
         }
         if ahead < 0 || behind > i128::from(self.parameters.echo_window) {
-            accepted.late = true;
+            self.late = true;
             return add(&mut self.counters.late, 1);
         }
         if self.phase == Phase::Handshake && command.mode == Mode::Obtain {
@@ -321,7 +289,7 @@ impl<const N: usize> ReferenceModel<N> {
     }
 
     /// Stopped, or the nominal reference stepped. The re-arm must be seen released in Fault, from its first tick on.
-    fn fault(&mut self, cause: Cause, rearm: bool) -> (ChannelAction<N>, Option<Cause>) {
+    fn fault(&mut self, cause: Cause, rearm: bool) -> Decision<N> {
         let entered = self.phase != Phase::Fault;
         if entered {
             self.leave(Phase::Fault);
@@ -331,21 +299,10 @@ impl<const N: usize> ReferenceModel<N> {
     }
 
     /// Neither stop nor fault.
-    fn go_on(
-        &mut self,
-        accepted: &Accepted<N>,
-        zero: bool,
-        cycles: u64,
-        input: &Input<N>,
-    ) -> (ChannelAction<N>, Option<Cause>) {
-        let ending = [
-            (accepted.framing, Cause::Malformed),
-            (accepted.flood, Cause::Flood),
-            (accepted.closed, Cause::Closed),
-            (accepted.goodbye, Cause::Goodbye),
-        ];
-        if let (true, Some((_, cause))) = (self.phase_is_live(), ending.iter().find(|(seen, _)| *seen)) {
-            return self.disconnect(*cause);
+    fn go_on(&mut self, accepted: &Accepted<N>, zero: bool, cycles: u64, input: &Input<N>) -> Decision<N> {
+        let end = ENDS.into_iter().find(|cause| accepted.ends.contains(cause));
+        if let (true, Some(cause)) = (self.phase_is_live(), end) {
+            return self.disconnect(cause);
         }
         match self.phase {
             Phase::Listening => {
@@ -383,7 +340,7 @@ impl<const N: usize> ReferenceModel<N> {
         self.counters = Counters::default();
     }
 
-    fn shake_hands(&mut self, accepted: &Accepted<N>, cycles: u64) -> (ChannelAction<N>, Option<Cause>) {
+    fn shake_hands(&mut self, accepted: &Accepted<N>, cycles: u64) -> Decision<N> {
         if let Some(command) = accepted.command {
             self.phase = Phase::Submit;
             self.accepted = command.sequence.0;
@@ -398,7 +355,7 @@ impl<const N: usize> ReferenceModel<N> {
     }
 
     /// A deadline in Submit or Obtain, and one that no client could meet for each skipped cycle.
-    fn run(&mut self, accepted: &Accepted<N>, zero: bool, cycles: u64) -> (ChannelAction<N>, Option<Cause>) {
+    fn run(&mut self, accepted: &Accepted<N>, zero: bool, cycles: u64) -> Decision<N> {
         let skipped = u32::try_from(cycles - 1).unwrap_or(u32::MAX);
         let missed = accepted.command.is_none();
         // No window is longer than 128 deadlines.
@@ -419,8 +376,7 @@ impl<const N: usize> ReferenceModel<N> {
             return self.disconnect(cause);
         }
         if let Some(budget) = self.parameters.budget {
-            let window = self.missed.iter().rev().take(usize::from(budget.window));
-            if window.filter(|missed| **missed).count() > usize::from(budget.allowed) {
+            if self.missed_of(budget.window) > usize::from(budget.allowed) {
                 return self.disconnect(Cause::Budget);
             }
         }
@@ -443,12 +399,12 @@ impl<const N: usize> ReferenceModel<N> {
         }
     }
 
-    fn disconnect(&mut self, cause: Cause) -> (ChannelAction<N>, Option<Cause>) {
+    fn disconnect(&mut self, cause: Cause) -> Decision<N> {
         self.leave(Phase::SafeDisconnect);
         (ChannelAction::Ramp, Some(cause))
     }
 
-    fn listen(&mut self) -> (ChannelAction<N>, Option<Cause>) {
+    fn listen(&mut self) -> Decision<N> {
         self.leave(Phase::Listening);
         self.owner = None;
         (ChannelAction::Hold, None)
@@ -461,72 +417,66 @@ impl<const N: usize> ReferenceModel<N> {
         self.rearm_released = false;
     }
 
-    /// Applies the action to every channel; in Submit, the shadow does what the channel would.
+    /// Applies the action to the channels of an axis; in Submit, the shadow does what the channel would.
     fn act(
         &mut self,
+        axis: usize,
         action: &ChannelAction<N>,
         command: Option<&Command<N>>,
-        input: &Input<N>,
-        stepped: &[bool; N],
-    ) -> ([Reference; N], [AxisState; N]) {
-        let (mut references, mut states) = ([AT_ZERO; N], [AxisState::default(); N]);
-        for axis in 0..N {
-            let limits = &self.parameters.axes[axis].limits;
-            let limited;
-            self.channels[axis] = apply(self.channels[axis], action, axis, limits);
-            if self.phase == Phase::Submit {
-                let action = command.map_or(ChannelAction::Hold, |command| ChannelAction::Follow(command.targets));
-                self.shadow[axis] = apply(self.shadow[axis], &action, axis, limits);
-                limited = behind(self.shadow[axis], &action, axis);
-            } else {
-                self.shadow[axis] = [Point::default(); 3];
-                limited = behind(self.channels[axis], action, axis);
-            }
-            let nominal = input.tick.nominal[axis];
-            self.nominal[axis] = nominal.0;
-            let offsets = offsets(&self.channels[axis]);
-            let travel = &self.parameters.axes[axis].machine_travel;
-            let wanted = i128::from(nominal.0) + i128::from(offsets.position.0);
-            let inside = wanted.clamp(travel.lower.0.into(), travel.upper.0.into());
-            let kinds = [AxisFlags::POSITION_LIMITED, AxisFlags::VELOCITY_LIMITED, AxisFlags::TORQUE_LIMITED];
-            let flags = AxisFlags::default()
-                .with(AxisFlags::TRAVEL, inside != wanted)
-                .with(AxisFlags::NOMINAL_STEP, stepped[axis]);
-            let flags = kinds.iter().zip(limited).fold(flags, |flags, (kind, limited)| flags.with(*kind, limited));
-            add(&mut self.counters.clamped, u32::from(inside != wanted));
-            let held_back: u32 = limited.iter().map(|limited| u32::from(*limited)).sum();
-            add(&mut self.counters.limited, held_back);
-            references[axis] = Reference {
-                position: PositionNm(i64::try_from(inside).unwrap_or(i64::MAX)),
-                velocity_offset: offsets.velocity,
-                torque_offset: offsets.torque,
-            };
-            states[axis] = AxisState {
-                nominal,
-                offsets,
-                shadow: self::offsets(&self.shadow[axis]),
-                actual: input.tick.actual[axis],
-                flags,
-            };
-        }
-        (references, states)
+        cycle: &TickInput<N>,
+        stepped: bool,
+    ) -> (Reference, AxisState) {
+        let config = &self.parameters.axes[axis];
+        self.channels[axis] = apply(self.channels[axis], action, axis, &config.limits);
+        let limited = if self.phase == Phase::Submit {
+            let action = command.map_or(ChannelAction::Hold, |command| ChannelAction::Follow(command.targets));
+            self.shadow[axis] = apply(self.shadow[axis], &action, axis, &config.limits);
+            behind(self.shadow[axis], &action, axis)
+        } else {
+            self.shadow[axis] = [Point::default(); 3];
+            behind(self.channels[axis], action, axis)
+        };
+        let nominal = cycle.nominal[axis];
+        self.nominal[axis] = nominal.0;
+        let (offsets, shadow) = (offsets(&self.channels[axis]), offsets(&self.shadow[axis]));
+        let travel = &config.machine_travel;
+        let wanted = i128::from(nominal.0) + i128::from(offsets.position.0);
+        let inside = wanted.clamp(travel.lower.0.into(), travel.upper.0.into());
+        add(&mut self.counters.clamped, u32::from(inside != wanted));
+        add(&mut self.counters.limited, limited.map(u32::from).iter().sum());
+        let [position, velocity, torque] = limited;
+        let flags = AxisFlags::default()
+            .with(AxisFlags::TRAVEL, inside != wanted)
+            .with(AxisFlags::NOMINAL_STEP, stepped)
+            .with(AxisFlags::POSITION_LIMITED, position)
+            .with(AxisFlags::VELOCITY_LIMITED, velocity)
+            .with(AxisFlags::TORQUE_LIMITED, torque);
+        let reference = Reference {
+            position: PositionNm(i64::try_from(inside).unwrap_or(i64::MAX)),
+            velocity_offset: offsets.velocity,
+            torque_offset: offsets.torque,
+        };
+        (reference, AxisState { nominal, offsets, shadow, actual: cycle.actual[axis], flags })
     }
 
     fn state(&self, axes: [AxisState; N], arrival_us: u16) -> State<N> {
-        let last = self.missed.iter().rev().take(100);
-        let missed = last.filter(|missed| **missed).count();
         State {
             tick: Tick(self.tick),
             epoch: Epoch(self.epoch),
             accepted: Sequence(self.accepted),
             phase: self.phase,
             cause: self.cause,
-            on_time_of_100: u8::try_from(100 - missed).unwrap_or(0),
+            on_time_of_100: u8::try_from(100 - self.missed_of(100)).unwrap_or(0),
             arrival_us,
             ramp_ticks_left: self.ticks_left(),
             counters: self.counters,
             axes,
         }
+    }
+
+    /// Number of missed deadlines among the latest.
+    fn missed_of(&self, latest: u8) -> usize {
+        self.missed.iter().rev().take(latest.into()).filter(|missed| **missed).count()
     }
 
     fn phase_is_live(&self) -> bool {
@@ -539,27 +489,19 @@ impl<const N: usize> ReferenceModel<N> {
 
     fn admits(&self, targets: &[Offsets; N]) -> bool {
         let axes = self.parameters.axes.iter().zip(targets);
-        axes.map(|(axis, target)| limits_of(&axis.limits).into_iter().zip(values(target)))
-            .all(|mut channels| channels.all(|(limits, value)| value.abs() <= limits.max.into()))
+        axes.flat_map(|(axis, target)| axis::limit_values(&axis.limits).into_iter().zip(axis::counts(target)))
+            .all(|(limits, value)| value.abs() <= limits.max.into())
     }
 
     /// The longest ramp of all channels.
     fn ticks_left(&self) -> u32 {
         let axes = self.parameters.axes.iter().zip(&self.channels);
         let left = axes.flat_map(|(axis, points)| {
-            let channels = limits_of(&axis.limits).into_iter().zip(points);
+            let channels = axis::limit_values(&axis.limits).into_iter().zip(points);
             channels.map(|(limits, point)| point.value.unsigned_abs().div_ceil(limits.ramp.unsigned_abs().into()))
         });
         u32::try_from(left.max().unwrap_or(0)).unwrap_or(u32::MAX)
     }
-}
-
-fn limits_of(limits: &AxisLimits) -> [LimitValues; 3] {
-    [limits.position.values(), limits.velocity.values(), limits.torque.values()]
-}
-
-fn values(offsets: &Offsets) -> [i64; 3] {
-    [offsets.position.0.into(), offsets.velocity.0.into(), offsets.torque.0.into()]
 }
 
 fn offsets(points: &[Point; 3]) -> Offsets {
@@ -577,7 +519,7 @@ fn apply<const N: usize>(
     axis: usize,
     limits: &AxisLimits,
 ) -> [Point; 3] {
-    let limits = limits_of(limits);
+    let limits = axis::limit_values(limits);
     std::array::from_fn(|kind| {
         let (point, limits) = (points[kind], &limits[kind]);
         let ramp = i64::from(limits.ramp);
@@ -587,7 +529,7 @@ fn apply<const N: usize>(
             ChannelAction::Hold | ChannelAction::Ramp => moved(point, (-point.value).clamp(-ramp, ramp)),
             ChannelAction::Follow(targets) => {
                 let (step, accel) = (i64::from(limits.step), i64::from(limits.accel));
-                let wish = values(&targets[axis])[kind] - point.value;
+                let wish = axis::counts(&targets[axis])[kind] - point.value;
                 let fastest = (point.change + accel).min(step);
                 let slowest = (point.change - accel).max(-step);
                 moved(point, wish.clamp(slowest, fastest))
@@ -604,7 +546,7 @@ fn moved(point: Point, change: i64) -> Point {
 fn behind<const N: usize>(points: [Point; 3], action: &ChannelAction<N>, axis: usize) -> [bool; 3] {
     match action {
         ChannelAction::Follow(targets) => {
-            let targets = values(&targets[axis]);
+            let targets = axis::counts(&targets[axis]);
             std::array::from_fn(|kind| points[kind].value != targets[kind])
         }
         ChannelAction::Hold | ChannelAction::Ramp => [false; 3],

@@ -3,9 +3,10 @@
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{ClientMessage, Phase};
 use gantry_tau_core::control::session::{Event, Input, LastWrite, Output, Session, TickInput};
-use gantry_tau_core::verification::control::{Accepted, Action, Classifier, Diagnostics, Internals};
+use gantry_tau_core::verification::control::{Accepted, Action, Diagnostics, Internals};
 
 use crate::axis::{Bounded, Kind, Ramped};
+use crate::ingress;
 
 /// A session whose last write is settled, and everything else that its step depends on.
 #[derive(Clone, Debug)]
@@ -40,9 +41,6 @@ impl<const N: usize> StepInput<N> {
 }
 
 /// T1, T2, T3 of one channel of every axis.
-///
-/// # Panics
-/// When one of them does not hold.
 pub fn channels_are_bounded<const N: usize>(input: &StepInput<N>, kind: Kind) {
     let (after, _) = input.step();
     let before = &input.session;
@@ -55,9 +53,6 @@ pub fn channels_are_bounded<const N: usize>(input: &StepInput<N>, kind: Kind) {
 }
 
 /// The invariant of every axis: channels and shadow within their limits, at rest where the phase says so.
-///
-/// # Panics
-/// When it does not hold.
 pub fn axes_stay_valid<const N: usize>(input: &StepInput<N>) {
     let (after, _) = input.step();
     for index in 0..N {
@@ -67,9 +62,6 @@ pub fn axes_stay_valid<const N: usize>(input: &StepInput<N>) {
 }
 
 /// T3: every drive's reference is inside the travel.
-///
-/// # Panics
-/// When it does not hold.
 pub fn references_are_inside_travel<const N: usize>(input: &StepInput<N>) {
     let (after, output) = input.step();
     for index in 0..N {
@@ -81,9 +73,6 @@ pub fn references_are_inside_travel<const N: usize>(input: &StepInput<N>) {
 }
 
 /// The rest of the invariant: the discrete state.
-///
-/// # Panics
-/// When it does not hold.
 pub fn discrete_stays_valid<const N: usize>(input: &StepInput<N>) {
     let (after, output) = input.step();
     let ticks = after.config().parameters().handshake_ticks;
@@ -92,9 +81,6 @@ pub fn discrete_stays_valid<const N: usize>(input: &StepInput<N>) {
 }
 
 /// T5: without a session, one channel of every axis moves by exactly `min(rho, |value|)` towards zero, whatever arrives.
-///
-/// # Panics
-/// When it does not hold.
 pub fn channels_ramp<const N: usize>(input: &StepInput<N>, kind: Kind) {
     let before = &input.session;
     if !matches!(before.phase(), Phase::SafeDisconnect | Phase::Fault) {
@@ -110,9 +96,6 @@ pub fn channels_ramp<const N: usize>(input: &StepInput<N>, kind: Kind) {
 }
 
 /// T6: whoever is welcomed finds every channel of every axis at zero, before and after.
-///
-/// # Panics
-/// When it does not hold.
 pub fn authority_needs_zero<const N: usize>(input: &StepInput<N>) {
     let before = &input.session;
     let (after, output) = input.step();
@@ -133,9 +116,6 @@ pub fn authority_needs_zero<const N: usize>(input: &StepInput<N>) {
 }
 
 /// T9: a step with the stop asserted ends in Fault, and every channel ramps.
-///
-/// # Panics
-/// When it does not hold.
 pub fn stop_ends_in_fault<const N: usize>(input: &StepInput<N>) {
     let before = &input.session;
     if !input.tick.stop {
@@ -153,13 +133,14 @@ pub fn stop_ends_in_fault<const N: usize>(input: &StepInput<N>) {
 }
 
 /// T7, for a whole tick: two inputs that are accepted alike lead to the same references and the same discrete state.
-///
-/// # Panics
-/// When they do not.
 pub fn counts_decide_nothing<const N: usize>(input: &StepInput<N>, diagnostics: &Diagnostics) {
-    let (one, one_output) = input.step();
     let diagnostics = diagnostics.clone();
-    let (other, other_output) = StepInput { diagnostics, ..input.clone() }.step();
+    decide_alike(input, &StepInput { diagnostics, ..input.clone() });
+}
+
+/// Two inputs lead to the same references, the same channels and the same discrete state.
+fn decide_alike<const N: usize>(one: &StepInput<N>, other: &StepInput<N>) {
+    let ((one, one_output), (other, other_output)) = (one.step(), other.step());
     assert!(one_output.references == other_output.references, "T7: the same references");
     assert!(one.parts().discrete == other.parts().discrete, "T7: the same discrete state");
     assert!(one.parts().axes == other.parts().axes, "T7: the same channels");
@@ -167,9 +148,6 @@ pub fn counts_decide_nothing<const N: usize>(input: &StepInput<N>, diagnostics: 
 
 /// T12: after a refused write a session is valid and over, and goes on at rest from the values in force; without valid values
 /// nothing may be written, and no session is granted.
-///
-/// # Panics
-/// When it does not hold.
 pub fn settles_any_write<const N: usize>(before: &Session<N>, last_write: &LastWrite<N>) {
     let mut after = *before;
     after.settle_write(last_write);
@@ -202,9 +180,6 @@ pub fn settles_any_write<const N: usize>(before: &Session<N>, last_write: &LastW
 }
 
 /// Nothing is granted, and nothing may be written, until a read-back has said what is in force.
-///
-/// # Panics
-/// When it does not hold.
 pub fn withheld_until_read_back<const N: usize>(input: &StepInput<N>) {
     if !input.session.parts().withheld {
         return;
@@ -216,9 +191,6 @@ pub fn withheld_until_read_back<const N: usize>(input: &StepInput<N>) {
 }
 
 /// Every property of a whole tick but T7's comparison of two inputs: T1 to T6 and T9.
-///
-/// # Panics
-/// When one of them does not hold.
 pub fn step_is_right<const N: usize>(input: &StepInput<N>) {
     for kind in Kind::ALL {
         channels_are_bounded(input, kind);
@@ -239,19 +211,14 @@ pub fn step_is_right<const N: usize>(input: &StepInput<N>) {
 pub fn essential<const N: usize>(before: &Session<N>, input: &Input<N>) -> Input<N> {
     let mut session = *before;
     session.settle_write(&input.tick.last_write);
-    let classifier = Classifier {
-        discrete: &session.parts().discrete,
-        parameters: session.config().parameters(),
-        axes: &session.parts().axes,
-        next_epoch: input.epochs.after(session.epoch()),
-    };
+    let classifier = ingress::classifier(&session, input.epochs.after(session.epoch()));
     let mut without = input.clone();
     without.events.retain(|(from, event)| {
         if session.owner() != Some(*from) {
             return session.phase() == Phase::Listening;
         }
         match event {
-            Event::Message(ClientMessage::Command(command)) => crate::ingress::is_fresh(&classifier, command),
+            Event::Message(ClientMessage::Command(command)) => ingress::is_fresh(&classifier, command),
             _ => true,
         }
     });
@@ -260,13 +227,6 @@ pub fn essential<const N: usize>(before: &Session<N>, input: &Input<N>) -> Input
 
 /// T7, from the events on: an input without what does not come from the owner, or is not fresh, leads to the same references,
 /// the same channels and the same discrete state.
-///
-/// # Panics
-/// When it does not.
 pub fn same_outcome<const N: usize>(session: &Session<N>, input: &Input<N>, essential: &Input<N>) {
-    let (one, one_output) = StepInput::after_events(session, input).step();
-    let (other, other_output) = StepInput::after_events(session, essential).step();
-    assert!(one_output.references == other_output.references, "T7: the same references");
-    assert!(one.parts().discrete == other.parts().discrete, "T7: the same discrete state");
-    assert!(one.parts().axes == other.parts().axes, "T7: the same channels");
+    decide_alike(&StepInput::after_events(session, input), &StepInput::after_events(session, essential));
 }

@@ -6,14 +6,12 @@ use gantry_tau_core::model::linalg::rotation_deviation;
 use gantry_tau_core::model::statics::Wrench;
 
 use crate::compensation::cycle_is_bounded;
+use crate::kinematics::finite;
 
 /// Positions of the axes, q-units.
 type Six = [f64; f1::AXES];
 
 /// T13: the check of the axes that every answer passes admits only what is inside the travel, and therefore no NaN.
-///
-/// # Panics
-/// When it admits something else.
 pub fn check_is_right(kinematics: &f1::Kinematics, q: &Six) {
     if kinematics.travels(q) {
         is_inside(kinematics, q);
@@ -29,9 +27,6 @@ fn is_inside(kinematics: &f1::Kinematics, q: &Six) {
 }
 
 /// T13: whatever inverse and forward answer, from whatever numbers, is finite, inside the travel, and keeps the links' lengths. Tested.
-///
-/// # Panics
-/// When it does not.
 pub fn answers_are_checked(kinematics: &f1::Kinematics, pose: &Pose, seed: Option<[f64; 3]>, q: &Six) {
     if let Ok(found) = kinematics.inverse(pose, seed) {
         keeps_lengths(kinematics, pose, &found.value);
@@ -54,7 +49,7 @@ pub fn answers_are_checked(kinematics: &f1::Kinematics, pose: &Pose, seed: Optio
 
 fn keeps_lengths(kinematics: &f1::Kinematics, pose: &Pose, q: &Six) {
     is_inside(kinematics, q);
-    assert!(q.iter().all(|q| q.is_finite()), "T13: finite");
+    finite(q);
     assert!(rotation_deviation(&pose.rotation) <= 1e-9, "T13: a rotation");
     let lengths_m = &kinematics.robot().geometry().lengths_m;
     let shortest_m = lengths_m.iter().copied().fold(f64::INFINITY, f64::min);
@@ -62,13 +57,7 @@ fn keeps_lengths(kinematics: &f1::Kinematics, pose: &Pose, q: &Six) {
 }
 
 /// T12 and T13 for what is built on the kinematics: no panic on any numbers, and every returned number is finite. Tested.
-///
-/// # Panics
-/// When one is not.
 pub fn statics_are_finite(machine: &f1::Elastic, pose: &Pose, q: &Six, load: &Wrench) {
-    let finite = |values: &[f64]| {
-        assert!(values.iter().all(|value| value.is_finite()), "T13: finite");
-    };
     if let Ok(lines) = machine.kinematics().line_matrix(pose, q) {
         if let Ok(jacobian) = lines.jacobian() {
             finite(jacobian.as_slice());
@@ -90,17 +79,10 @@ pub fn statics_are_finite(machine: &f1::Elastic, pose: &Pose, q: &Six, load: &Wr
 
 /// T13: for any positions, the tracker returns an error or a pose that satisfies the links; after an error the last pose stays, and the
 /// next reachable positions (those of `near`) lead to it. Tested.
-///
-/// # Panics
-/// When it does not hold.
 pub fn tracker_is_checked(kinematics: &f1::Kinematics, near: &Pose, wild: &[Six]) {
-    let Ok(there) = kinematics.inverse(near, None) else {
-        return;
-    };
+    let Ok(there) = kinematics.inverse(near, None) else { return };
     let mut tracker = f1::PoseTracker::new(kinematics);
-    let Ok(first) = tracker.pose_at(&there.value) else {
-        return;
-    };
+    let Ok(first) = tracker.pose_at(&there.value) else { return };
     for q in wild {
         tracker.start_from(&first);
         if let Ok(pose) = tracker.pose_at(q) {
@@ -117,9 +99,6 @@ pub fn tracker_is_checked(kinematics: &f1::Kinematics, near: &Pose, wild: &[Six]
 }
 
 /// T14, for a whole cycle of six axes, by either map. Tested.
-///
-/// # Panics
-/// When an offset is beyond its limit.
 pub fn cycles_are_bounded(compensator: &f1::Compensator, pose: &Pose, q: &Six, load: &Wrench) {
     let config = compensator.config();
     cycle_is_bounded(config, compensator.correct_at(pose, q, load), load);

@@ -11,9 +11,6 @@ use gantry_tau_core::units::Epoch;
 ///
 /// # Errors
 /// The reason, if the bytes are not a message.
-///
-/// # Panics
-/// When the message has another encoding.
 pub fn body_is_canonical<B: Body>(bytes: &[u8]) -> Result<(), ContentError> {
     let body = B::read(bytes)?;
     assert!(bytes.len() == B::LENGTH, "T8: one length");
@@ -25,9 +22,6 @@ pub fn body_is_canonical<B: Body>(bytes: &[u8]) -> Result<(), ContentError> {
 }
 
 /// From a message to bytes and back: the same message.
-///
-/// # Panics
-/// When it is not.
 pub fn body_survives<B: Body + PartialEq>(body: &B) {
     let mut scratch = [0; MAX_BODY];
     let bytes = &mut scratch[..B::LENGTH];
@@ -43,9 +37,6 @@ pub fn body_survives<B: Body + PartialEq>(body: &B) {
 ///
 /// # Errors
 /// When the header is bad.
-///
-/// # Panics
-/// When one of them does not hold.
 pub fn chunk_is_collected(before: &Collector, chunk: &[u8], at: usize) -> Result<bool, FrameError> {
     let mut after = before.clone();
     let outcome = after.take(chunk);
@@ -87,33 +78,10 @@ fn header_is_bad(header: [Option<u8>; 5], error: FrameError) {
     assert!(error == wrong, "T8: the first thing wrong is named");
 }
 
-/// A chunk in one piece and cut in two: the same outcome, the same bytes. The byte `at` speaks for every byte.
-///
-/// # Panics
-/// When they are not.
-pub fn cut_chunk_is_collected_alike(before: &Collector, chunk: &[u8], cut: usize, at: usize) {
-    let (first, second) = chunk.split_at(cut);
-    let (mut whole, mut halves) = (before.clone(), before.clone());
-    let outcome = whole.take(chunk);
-    let outcome_of_halves = match halves.take(first) {
-        Ok(None) => halves.take(second).map(|taken| taken.map(|n| cut + n)),
-        early => early,
-    };
-    assert!(outcome_of_halves == outcome, "T8: any split, same outcome");
-    if outcome.is_ok() {
-        let (whole, halves) = (whole.held(), halves.held());
-        assert!(whole.len() == halves.len(), "T8: any split, same length");
-        assert!(whole.get(at) == halves.get(at), "T8: any split, same bytes");
-    }
-}
-
 /// Bytes that are exactly one frame hand out their own kind and body.
 ///
 /// # Errors
 /// The reason, if they are not a frame.
-///
-/// # Panics
-/// When the frame is made of other bytes.
 pub fn frame_is_parsed(bytes: &[u8]) -> Result<(), FrameError> {
     let frame = Frame::parse(bytes)?;
     assert!(frame.kind_code() == bytes[3], "T8: the kind byte");
@@ -124,9 +92,6 @@ pub fn frame_is_parsed(bytes: &[u8]) -> Result<(), FrameError> {
 }
 
 /// Bytes that are a frame with this kind and this body are its only frame, checksum included. Whether they are one.
-///
-/// # Panics
-/// When there is another.
 pub fn frame_is_canonical<B: Body>(kind: Kind, bytes: &[u8]) -> bool {
     let Ok(frame) = Frame::parse(bytes) else {
         return false;
@@ -147,9 +112,6 @@ pub fn frame_is_canonical<B: Body>(kind: Kind, bytes: &[u8]) -> bool {
 }
 
 /// True if the bytes are a frame of some message to or from a server of `N` axes; it is then the only one.
-///
-/// # Panics
-/// When there is another.
 #[must_use]
 pub fn message_is_canonical<const N: usize>(bytes: &[u8]) -> bool {
     [
@@ -166,9 +128,6 @@ pub fn message_is_canonical<const N: usize>(bytes: &[u8]) -> bool {
 
 /// One chunk into a deframer: it stays valid; broken stays broken; a frame is returned when the collector has one, unless its
 /// checksum is wrong, and is made of the collected bytes. True if one was returned.
-///
-/// # Panics
-/// When one of them does not hold.
 pub fn feed_is_judged(collector: &Collector, stage: Stage, chunk: &[u8]) -> bool {
     let Some(mut deframer) = Deframer::from_parts(collector.clone(), stage) else {
         return false;
@@ -203,9 +162,6 @@ pub fn feed_is_judged(collector: &Collector, stage: Stage, chunk: &[u8]) -> bool
 
 /// Bytes as long as their header states, cut in two: the deframer says of them what [`Frame::parse`] says, after the second part.
 /// A returned frame is gone when `next` arrives, which is less than a header. True if one was returned.
-///
-/// # Panics
-/// When one of them does not hold.
 pub fn cut_frame_is_judged_alike(bytes: &[u8], cut: usize, next: &[u8]) -> bool {
     let (first, second) = bytes.split_at(cut);
     let mut deframer = Deframer::new();
@@ -232,9 +188,6 @@ pub fn cut_frame_is_judged_alike(bytes: &[u8], cut: usize, next: &[u8]) -> bool 
 type Deframed = (Vec<(u8, Vec<u8>)>, Option<FrameError>);
 
 /// Feeds a stream in the given chunks.
-///
-/// # Panics
-/// When the deframer claims bytes it was not given.
 #[must_use]
 pub fn deframe<'a>(chunks: impl Iterator<Item = &'a [u8]>) -> Deframed {
     let mut deframer = Deframer::new();
@@ -259,9 +212,6 @@ pub fn deframe<'a>(chunks: impl Iterator<Item = &'a [u8]>) -> Deframed {
 }
 
 /// A stream means the same however it is cut.
-///
-/// # Panics
-/// When it does not.
 pub fn cutting_changes_nothing(stream: &[u8], chunk_lengths: &[u8]) {
     let whole = deframe(std::iter::once(stream));
     let mut rest = stream;
@@ -319,9 +269,6 @@ fn crc_32(bytes: &[u8]) -> u32 {
 
 /// A sealed frame is refused for its version or its length, or is parsed; its message has no other encoding; it is the same however
 /// it is cut; and it is a frame no more when one bit of it flips. The first cut lies at `cut`, the bit is number `bit`.
-///
-/// # Panics
-/// When one of them does not hold.
 pub fn sealed_frame_is_judged(version: u8, kind: u8, body: &[u8], cut: u16, bit: u16) {
     let bytes = sealed(version, kind, body);
     let expected = if version != PROTOCOL_VERSION {

@@ -4,7 +4,7 @@ use gantry_tau_core::control::channel::{Channel, Limits};
 use gantry_tau_core::units::OffsetNm;
 
 use super::kani;
-use crate::channel::{ChannelOp, Position, ramp_is_exact, step_is_bounded};
+use crate::channel::{Position, change_is_bounded, ramp_is_exact};
 
 /// Any channel that is valid under the limits.
 fn any_channel(limits: &Limits<OffsetNm>) -> Position {
@@ -13,15 +13,16 @@ fn any_channel(limits: &Limits<OffsetNm>) -> Position {
     channel.unwrap_or(Channel::ZERO)
 }
 
-fn any_step_is_bounded(op: ChannelOp) {
+fn any_step_is_bounded(step: impl Fn(Position, &Limits<OffsetNm>) -> Position) {
     let limits: Limits<OffsetNm> = kani::any();
-    step_is_bounded(any_channel(&limits), op, &limits);
+    let before = any_channel(&limits);
+    change_is_bounded(before, step(before, &limits), &limits);
 }
 
 harnesses! {
-    channel_hold_is_bounded [minisat] { any_step_is_bounded(ChannelOp::Hold); }
-    channel_follow_is_bounded [minisat] { any_step_is_bounded(ChannelOp::Follow(kani::any())); }
-    channel_ramp_is_bounded [minisat] { any_step_is_bounded(ChannelOp::Ramp); }
+    channel_hold_is_bounded [minisat] { any_step_is_bounded(|before, _| before.hold()); }
+    channel_follow_is_bounded [minisat] { any_step_is_bounded(|before, limits| before.follow(kani::any(), limits)); }
+    channel_ramp_is_bounded [minisat] { any_step_is_bounded(|before, limits| before.ramp(limits)); }
     channel_ramp_is_exact [minisat] {
         let limits: Limits<OffsetNm> = kani::any();
         ramp_is_exact(any_channel(&limits), &limits);

@@ -2,8 +2,7 @@
 
 use gantry_tau_core::control::message::{Counters, Phase};
 use gantry_tau_core::control::session::{Connection, Session};
-use gantry_tau_core::units::Epoch;
-use gantry_tau_core::verification::control::{Accepted, Classifier, Diagnostics, Internals};
+use gantry_tau_core::verification::control::{Accepted, Diagnostics};
 
 use super::kani;
 use crate::ingress;
@@ -15,29 +14,19 @@ fn any_diagnostics() -> Diagnostics {
     Diagnostics { counters: kani::any::<Counters>(), late: kani::any(), ..Diagnostics::default() }
 }
 
-/// The classifier of a session before a tick.
-fn classifier_of(session: &Session<AXES>, next_epoch: Option<Epoch>) -> Classifier<'_, AXES> {
-    Classifier {
-        discrete: &session.parts().discrete,
-        parameters: session.config().parameters(),
-        axes: &session.parts().axes,
-        next_epoch,
-    }
-}
-
 harnesses! {
     sift_only_the_owner_decides [minisat, unwind 5] {
         let session: Session<AXES> = kani::any();
         let connection: Connection = kani::any();
         let accepted: Accepted<AXES> = kani::any();
-        let classifier = classifier_of(&session, kani::any());
+        let classifier = ingress::classifier(&session, kani::any());
         ingress::only_the_owner_decides(&classifier, connection, &kani::any(), &accepted, &mut any_diagnostics());
         kani::cover!(session.owner() == Some(connection), "an event of the owner");
         kani::cover!(session.phase() == Phase::Listening, "an event without an owner");
     }
     sift_fresh_is_as_defined [minisat, unwind 5] {
         let session: Session<AXES> = kani::any();
-        let classifier = classifier_of(&session, kani::any());
+        let classifier = ingress::classifier(&session, kani::any());
         let command = kani::any();
         ingress::fresh_is_as_defined(&classifier, &command);
         kani::cover!(ingress::is_fresh(&classifier, &command), "some commands are fresh");
@@ -45,7 +34,7 @@ harnesses! {
     sift_counts_decide_nothing [minisat, unwind 5] {
         let session: Session<AXES> = kani::any();
         let accepted: Accepted<AXES> = kani::any();
-        let classifier = classifier_of(&session, kani::any());
+        let classifier = ingress::classifier(&session, kani::any());
         let (mut one, mut other) = (any_diagnostics(), any_diagnostics());
         let notes = (&mut one, &mut other);
         ingress::counts_decide_nothing(&classifier, kani::any(), &kani::any(), &accepted, notes);

@@ -5,44 +5,24 @@
 mod six;
 mod three;
 
+use gantry_tau_core::model::robot::Branch;
+use nalgebra::Vector3;
+
 pub use six::{Six, six_is_solved};
 pub use three::{Three, three_is_solved};
 
-type Vector = [f64; 3];
+type Vector = Vector3<f64>;
 
 /// Below this the made pose counts as singular, and nothing is said of its answers but what is said of all.
 const REGULAR: f64 = 0.02;
 
-fn add(one: Vector, other: Vector) -> Vector {
-    std::array::from_fn(|i| one[i] + other[i])
-}
-
-fn less(one: Vector, other: Vector) -> Vector {
-    std::array::from_fn(|i| one[i] - other[i])
-}
-
-fn times(one: Vector, by: f64) -> Vector {
-    one.map(|x| x * by)
-}
-
-fn dot(one: Vector, other: Vector) -> f64 {
-    one.iter().zip(other).map(|(x, y)| x * y).sum()
-}
-
-fn length(one: Vector) -> f64 {
-    dot(one, one).sqrt()
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
+const ARM_OF_LINK: [usize; 6] = [0, 1, 1, 2, 2, 2];
 
 /// The vector turned about an axis by an angle: Rodrigues.
 fn turned(vector: Vector, axis: Vector, angle: f64) -> Vector {
-    let axis = times(axis, 1.0 / length(axis));
+    let axis = axis / axis.norm();
     let (sin, cos) = angle.sin_cos();
-    let along = times(axis, dot(axis, vector) * (1.0 - cos));
-    add(add(times(vector, cos), times(cross(axis, vector), sin)), along)
+    vector * cos + axis.cross(&vector) * sin + axis * (axis.dot(&vector) * (1.0 - cos))
 }
 
 /// A small number of a fuzzer: `share` of `most`.
@@ -52,5 +32,14 @@ fn share(of: i16, most: f64) -> f64 {
 
 /// Each near the given one.
 fn near<const K: usize>(at: [Vector; K], by: &[[i16; 3]; K], most: f64) -> [Vector; K] {
-    std::array::from_fn(|k| std::array::from_fn(|i| at[k][i] + share(by[k][i], most)))
+    std::array::from_fn(|k| at[k] + Vector::from(by[k].map(|step| share(step, most))))
+}
+
+fn sign(number: f64) -> Branch {
+    if number < 0.0 { Branch::Negative } else { Branch::Positive }
+}
+
+/// True if each number is nearer to the other than this; NaN is near to nothing.
+fn close<'a>(one: impl IntoIterator<Item = &'a f64>, other: impl IntoIterator<Item = &'a f64>, distance: f64) -> bool {
+    one.into_iter().zip(other).all(|(x, y)| (x - y).abs() < distance)
 }

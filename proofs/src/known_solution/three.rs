@@ -2,9 +2,8 @@
 
 use gantry_tau_core::model::kinematics::KinematicsError;
 use gantry_tau_core::model::l2;
-use gantry_tau_core::model::robot::Branch;
 
-use super::{REGULAR, Vector, add, cross, dot, length, less, near, share, times};
+use super::{ARM_OF_LINK, REGULAR, Vector, close, near, share, sign, turned};
 use crate::kinematics::{lengths_are_kept, travel_is_finite};
 use crate::robots;
 
@@ -40,58 +39,47 @@ struct Made {
 }
 
 /// T13: core finds the answers that the machine was made of, what the slow solvers find and nothing else, and says why not.
-///
-/// # Panics
-/// When it does not.
 pub fn three_is_solved(input: &Three) {
     let made = Made::new(input);
-    let Some((robot, nominal)) = made.machine(input) else {
-        return;
-    };
+    let Some((robot, nominal)) = made.machine(input) else { return };
     travel_is_finite(&nominal);
-    let elsewhere = add(made.tool, input.elsewhere.map(|step| share(step, 2.0)));
+    let [elsewhere] = near([made.tool], &[input.elsewhere], 2.0);
     let moved = std::array::from_fn(|arm| made.q[arm] + share(input.moved[arm], 2.0));
     for (tool, q) in [(made.tool, made.q), (elsewhere, moved)] {
-        lengths_are_kept(&robot, &nominal, tool, q);
+        lengths_are_kept(&robot, &nominal, tool.into(), q);
         made.inverse_is_that_of_bisection(&nominal, tool);
         made.forward_is_on_the_circle(&nominal, q);
     }
     made.answer_is_known(&nominal);
 }
 
-fn sign(number: f64) -> Branch {
-    if number < 0.0 { Branch::Negative } else { Branch::Positive }
-}
-
 impl Made {
     fn new(input: &Three) -> Self {
         let base = robots::l2_geometry();
         let first_of_arm = [0, 1, 3];
-        let at = first_of_arm.map(|link| <Vector>::from(base.cart_joints_m[link] - base.platform_joints_m[link]));
+        let at = first_of_arm.map(|link| base.cart_joints_m[link] - base.platform_joints_m[link]);
         let origins = near(at, &input.origins, 0.3);
-        let guideways = near(base.guideways.map(Into::into), &input.guideways, 0.5);
-        let [tool] = near([robots::l2_home()], &[input.tool], 0.3);
+        let guideways = near(base.guideways, &input.guideways, 0.5);
+        let [tool] = near([robots::l2_home().into()], &[input.tool], 0.3);
         let q = std::array::from_fn(|arm| {
             let towards = [1.0, -1.0, 1.0][arm];
             towards * 0.6 + share(input.positions[arm], 1.0)
         });
         let mut made = Self { origins, guideways, lengths: [0.0; 3], sides: [0.0; 3], height: 0.0, tool, q };
         let links = made.links(tool, q);
-        made.lengths = links.map(length);
-        made.sides = std::array::from_fn(|arm| dot(links[arm], guideways[arm]));
+        made.lengths = links.map(|link| link.norm());
+        made.sides = std::array::from_fn(|arm| links[arm].dot(&guideways[arm]));
         made.height = made.height_of(tool, q);
         made
     }
 
     fn machine(&self, input: &Three) -> Option<(l2::Robot, l2::Kinematics)> {
         let base = robots::l2_geometry();
-        let joints = near(base.platform_joints_m.map(Into::into), &input.joints, 0.2);
-        let arm_of_link = [0, 1, 1, 2, 2, 2];
-        let carts: [Vector; 6] = std::array::from_fn(|link| add(self.origins[arm_of_link[link]], joints[link]));
+        let joints = near(base.platform_joints_m, &input.joints, 0.2);
         let mut geometry = l2::Geometry {
-            cart_joints_m: carts.map(Into::into),
-            platform_joints_m: joints.map(Into::into),
-            guideways: self.guideways.map(Into::into),
+            cart_joints_m: std::array::from_fn(|link| self.origins[ARM_OF_LINK[link]] + joints[link]),
+            platform_joints_m: joints,
+            guideways: self.guideways,
             lengths_m: self.lengths,
             travel: None,
             ..base
@@ -102,28 +90,28 @@ impl Made {
     }
 
     fn carts(&self, q: [f64; 3]) -> [Vector; 3] {
-        std::array::from_fn(|arm| add(self.origins[arm], times(self.guideways[arm], q[arm])))
+        std::array::from_fn(|arm| self.origins[arm] + self.guideways[arm] * q[arm])
     }
 
     /// From the tool to each cart.
     fn links(&self, tool: Vector, q: [f64; 3]) -> [Vector; 3] {
-        self.carts(q).map(|cart| less(cart, tool))
+        self.carts(q).map(|cart| cart - tool)
     }
 
     /// On which side of the carts' plane the tool is.
     fn height_of(&self, tool: Vector, q: [f64; 3]) -> f64 {
         let [one, two, three] = self.carts(q);
-        dot(cross(less(two, one), less(three, one)), less(tool, one))
+        (two - one).cross(&(three - one)).dot(&(tool - one))
     }
 
     /// The smallest of the relative measures of regularity, negative in another configuration than the machine's.
     fn regularity(&self, tool: Vector, q: [f64; 3]) -> f64 {
         let links = self.links(tool, q);
         let mut least = self.height_of(tool, q) * self.height.signum();
-        least /= links.map(length).iter().product::<f64>();
+        least /= links.iter().map(Vector::norm).product::<f64>();
         for (arm, link) in links.iter().enumerate() {
-            let along = dot(*link, self.guideways[arm]) * self.sides[arm].signum();
-            least = least.min(along / length(*link) / length(self.guideways[arm]));
+            let along = link.dot(&self.guideways[arm]) * self.sides[arm].signum();
+            least = least.min(along / link.norm() / self.guideways[arm].norm());
         }
         least
     }
@@ -133,14 +121,14 @@ impl Made {
         if self.regularity(self.tool, self.q) < REGULAR {
             return;
         }
-        let inverse = nominal.inverse_in_assembly(&self.tool.into());
-        assert!(inverse.is_ok_and(|q| apart(&q, &self.q) < 1e-9), "T13: the known positions: {inverse:?}");
-        let forward = nominal.forward(&self.q).map(<Vector>::from);
-        assert!(forward.is_ok_and(|tool| apart(&tool, &self.tool) < 1e-9), "T13: the known tool: {forward:?}");
+        let inverse = nominal.inverse_in_assembly(&self.tool);
+        assert!(inverse.is_ok_and(|q| close(&q, &self.q, 1e-9)), "T13: the known positions: {inverse:?}");
+        let forward = nominal.forward(&self.q);
+        assert!(forward.is_ok_and(|tool| close(&tool, &self.tool, 1e-9)), "T13: the known tool: {forward:?}");
     }
 
     fn inverse_is_that_of_bisection(&self, nominal: &l2::Kinematics, tool: Vector) {
-        let found = nominal.inverse(&tool.into());
+        let found = nominal.inverse(&tool);
         let mut slow = [0.0; 3];
         let mut grazes = false;
         for (arm, slow) in slow.iter_mut().enumerate() {
@@ -156,46 +144,32 @@ impl Made {
             *slow = q;
         }
         match found {
-            Ok(q) => assert!(grazes || apart(&q, &slow) < 1e-9, "T13: {q:?}, by bisection {slow:?}"),
+            Ok(q) => assert!(grazes || close(&q, &slow, 1e-9), "T13: {q:?}, by bisection {slow:?}"),
             Err(error) => assert!(grazes, "T13: within reach at {slow:?}: {error:?}"),
         }
     }
 
     /// The position of one arm, and by how much of its length it reaches further than it must.
     fn bisect(&self, arm: usize, tool: Vector) -> (f64, f64) {
-        let scale = length(self.guideways[arm]);
-        let from_origin = less(tool, self.origins[arm]);
-        let foot = dot(from_origin, self.guideways[arm]) / (scale * scale);
-        let distance = |q: f64| {
-            let cart = add(self.origins[arm], times(self.guideways[arm], q));
-            length(less(cart, tool))
-        };
-        let reach = self.lengths[arm];
-        let outwards = self.sides[arm].signum() / scale;
-        let (mut near, mut far) = (0.0, 2.0 * reach);
-        for _ in 0..200 {
-            let middle = 0.5 * (near + far);
-            if distance(foot + outwards * middle) < reach {
-                near = middle;
-            } else {
-                far = middle;
-            }
-        }
-        (foot + outwards * near, 1.0 - distance(foot) / reach)
+        let (origin, guideway, reach) = (self.origins[arm], self.guideways[arm], self.lengths[arm]);
+        let foot = guideway.dot(&(tool - origin)) / guideway.norm_squared();
+        let distance = |q: f64| (origin + guideway * q - tool).norm();
+        let outwards = self.sides[arm].signum() / guideway.norm();
+        let along = bisected((0.0, 2.0 * reach), 200, |along| distance(foot + outwards * along) < reach);
+        (foot + outwards * along, 1.0 - distance(foot) / reach)
     }
 
     /// Every regular place of the tool is found that there is, and no other.
     fn forward_is_on_the_circle(&self, nominal: &l2::Kinematics, q: [f64; 3]) {
         let places = self.walk_round(q);
-        let found = nominal.forward(&q).map(<Vector>::from);
-        let regular: Vec<&Vector> = places.iter().filter(|place| self.regularity(**place, q) > REGULAR).collect();
-        match (&found, regular.first()) {
+        let regular = places.iter().find(|place| self.regularity(**place, q) > REGULAR);
+        match (nominal.forward(&q), regular) {
             (Ok(tool), Some(place)) => {
-                assert!(apart(tool, place) < 1e-6, "T13: {tool:?}, on the circle {place:?}");
+                assert!(close(&tool, place, 1e-6), "T13: {tool:?}, on the circle {place:?}");
             }
             (Err(error), Some(place)) => panic!("T13: on the circle is {place:?}: {error:?}"),
             (Ok(tool), None) => {
-                let measure = self.regularity(*tool, q);
+                let measure = self.regularity(tool, q);
                 assert!(
                     measure > 0.0 && measure < 2.0 * REGULAR,
                     "T13: {tool:?} is in this configuration, and hardly regular: {measure}"
@@ -209,43 +183,33 @@ impl Made {
     fn walk_round(&self, q: [f64; 3]) -> Vec<Vector> {
         let [one, two, three] = self.carts(q);
         let [l1, l2, l3] = self.lengths;
-        let apart = length(less(two, one));
-        let axis = times(less(two, one), 1.0 / apart);
+        let apart = (two - one).norm();
+        let axis = (two - one) / apart;
         let along = (l1 * l1 - l2 * l2 + apart * apart) / (2.0 * apart);
         let radius = (l1 * l1 - along * along).sqrt();
         if radius.is_nan() || apart < 1e-3 {
             return Vec::new();
         }
-        let smallest = (0..3).min_by(|i, j| axis[*i].abs().total_cmp(&axis[*j].abs()));
-        let mut aside = [0.0; 3];
-        aside[smallest.unwrap_or(0)] = 1.0;
-        let across = cross(axis, aside);
-        let across = times(across, radius / length(across));
-        let centre = add(one, times(axis, along));
-        let point = |angle: f64| add(centre, super::turned(across, axis, angle));
-        let error = |angle: f64| length(less(point(angle), three)) - l3;
+        let across = axis.cross(&Vector::ith(axis.iamin(), 1.0));
+        let across = across * (radius / across.norm());
+        let point = |angle: f64| one + axis * along + turned(across, axis, angle);
+        let too_near = |angle: f64| (point(angle) - three).norm() - l3 < 0.0;
         let step = std::f64::consts::TAU / 500.0;
-        let mut places = Vec::new();
-        for number in 0..500 {
-            let (mut low, mut high) = (f64::from(number) * step, f64::from(number + 1) * step);
-            if (error(low) < 0.0) == (error(high) < 0.0) {
-                continue;
-            }
-            for _ in 0..60 {
-                let middle = 0.5 * (low + high);
-                if (error(low) < 0.0) == (error(middle) < 0.0) {
-                    low = middle;
-                } else {
-                    high = middle;
-                }
-            }
-            places.push(point(low));
-        }
-        places
+        let angles = (0..500).map(|number| (f64::from(number) * step, f64::from(number + 1) * step));
+        let changes = angles.filter(|(low, high)| too_near(*low) != too_near(*high));
+        changes.map(|(low, high)| point(bisected((low, high), 60, |at| too_near(at) == too_near(low)))).collect()
     }
 }
 
-fn apart(one: &[f64; 3], other: &[f64; 3]) -> f64 {
-    let pairs = one.iter().zip(other);
-    pairs.fold(0.0, |most, (x, y)| f64::max(most, (x - y).abs()))
+/// The end of the numbers that are like the lowest.
+fn bisected((mut low, mut high): (f64, f64), times: usize, is_low: impl Fn(f64) -> bool) -> f64 {
+    for _ in 0..times {
+        let middle = 0.5 * (low + high);
+        if is_low(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
 }

@@ -15,8 +15,12 @@ use gantry_tau_core::control::message::{AxisLimits, Capabilities, ClientMessage,
 use gantry_tau_core::control::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
 use gantry_tau_core::control::session::{Event, LastWrite, Session, Start, TickInput};
 use gantry_tau_core::control::wire::{ContentError, FrameError};
-use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+use gantry_tau_core::units::{
+    ChannelUnit, Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+};
 use gantry_tau_core::verification::control::{FsmState, Internals, Parts};
+
+use crate::reference_model::ReferenceModel;
 
 /// Axes of the machine; two, so that one can be forgotten.
 pub const N: usize = 2;
@@ -190,9 +194,7 @@ impl Machine {
                 torque: torque.limits(i16::MAX.into()),
             };
             let travel = Travel::around_zero(self.reach);
-            let step = u32::from(self.nominal_step);
-            let axis = AxisConfig::position_only(limits.position, travel, step);
-            AxisConfig { limits, ..axis }
+            AxisConfig { limits, ..AxisConfig::position_only(limits.position, travel, self.nominal_step.into()) }
         });
         let budget = self.budget.map(|(window, allowed)| MissBudget { window: window % 128 + 1, allowed });
         let config = Config::new(Parameters {
@@ -227,17 +229,14 @@ fn offsets(config: &Config<N>, shares: &Shares) -> [Offsets; N] {
     std::array::from_fn(|axis| {
         let AxisLimits { position, velocity, torque } = &axes[axis].limits;
         let [p, v, t] = shares[axis];
-        let of = |max: i32, share: i8| i64::from(max) * i64::from(share) / 100;
-        let number = |value: i64| {
-            let most = if value < 0 { i32::MIN } else { i32::MAX };
-            i32::try_from(value).unwrap_or(most)
+        let of = |max: i32, share: i8| {
+            let most = if share < 0 { i32::MIN } else { i32::MAX };
+            i32::try_from(i64::from(max) * i64::from(share) / 100).unwrap_or(most)
         };
-        let torque = of(torque.max(), t);
-        let most = if torque < 0 { i16::MIN } else { i16::MAX };
         Offsets {
-            position: OffsetNm(number(of(position.max(), p))),
-            velocity: VelocityUmS(number(of(velocity.max(), v))),
-            torque: TorquePermille(i16::try_from(torque).unwrap_or(most)),
+            position: OffsetNm(of(position.max(), p)),
+            velocity: VelocityUmS(of(velocity.max(), v)),
+            torque: TorquePermille::saturating_from(of(torque.max(), t)),
         }
     })
 }
@@ -298,48 +297,19 @@ fn answer(session: &Session<N>, obtain: bool, targets: Shares) -> ClientAction {
 trait SystemUnderTest {
     /// Returns the session.
     fn session(&self) -> &Session<N>;
-    /// Motion of the machine.
-    fn motion(&mut self) -> &mut Motion;
     /// A peer acts before the next tick.
     fn say(&mut self, peer: Peer, action: &ClientAction);
-    /// Runs one tick, with its checks.
-    fn tick(&mut self, circumstances: &Circumstances);
+    /// Runs one tick that may grant these epochs, with its checks.
+    fn tick(&mut self, tick: TickInput<N>, epochs: EpochRange);
+}
 
-    /// Runs one operation. Returns its number of ticks.
-    fn scenario(&mut self, one: &Op) -> usize {
-        let on_time = Circumstances::default();
-        match one {
-            Op::Answer { obtain, targets, times } => {
-                for _ in 0..*times {
-                    let action = answer(self.session(), *obtain, *targets);
-                    self.say(Peer::Owner, &action);
-                    self.tick(&on_time);
-                }
-                return (*times).into();
-            }
-            Op::Silence(ticks) => {
-                (0..*ticks).for_each(|_| self.tick(&on_time));
-                return (*ticks).into();
-            }
-            Op::Tick(circumstances) => {
-                self.tick(circumstances);
-                return 1;
-            }
-            Op::Say(peer, action) => self.say(*peer, action),
-            Op::Drift(drift) => self.motion().drift = *drift,
-            Op::RefusedWrite(shares) => self.motion().refused = Some(*shares),
-        }
-        0
-    }
-
-    /// Runs all operations, up to [`MOST_TICKS`].
-    fn play_all(&mut self, ops: &[Op]) {
-        let mut ticks = 0;
-        for one in ops {
-            ticks += self.scenario(one);
-            if ticks >= MOST_TICKS {
-                return;
-            }
+/// Runs all operations, up to [`MOST_TICKS`].
+fn play(system: &mut impl SystemUnderTest, ops: &[Op]) {
+    let (mut motion, mut ticks) = (Motion::default(), 0);
+    for one in ops {
+        ticks += motion.run(system, one);
+        if ticks >= MOST_TICKS {
+            return;
         }
     }
 }
@@ -354,13 +324,39 @@ struct Motion {
 }
 
 impl Motion {
-    /// Input of the next tick, and the epochs it may grant: one.
-    fn input(&mut self, session: &Session<N>, circumstances: &Circumstances) -> (TickInput<N>, EpochRange) {
-        let parameters = session.config().parameters();
-        let in_force = self.nominal;
-        for axis in 0..N {
-            let step = i64::from(parameters.axes[axis].nominal_step_nm);
-            let change = step * i64::from(self.drift[axis]) / 100;
+    /// Runs one operation. Returns its number of ticks.
+    fn run(&mut self, system: &mut impl SystemUnderTest, one: &Op) -> usize {
+        let on_time = Circumstances::default();
+        match one {
+            Op::Answer { obtain, targets, times } => {
+                for _ in 0..*times {
+                    let action = answer(system.session(), *obtain, *targets);
+                    system.say(Peer::Owner, &action);
+                    self.tick(system, &on_time);
+                }
+                return (*times).into();
+            }
+            Op::Silence(ticks) => {
+                (0..*ticks).for_each(|_| self.tick(system, &on_time));
+                return (*ticks).into();
+            }
+            Op::Tick(circumstances) => {
+                self.tick(system, circumstances);
+                return 1;
+            }
+            Op::Say(peer, action) => system.say(*peer, action),
+            Op::Drift(drift) => self.drift = *drift,
+            Op::RefusedWrite(shares) => self.refused = Some(*shares),
+        }
+        0
+    }
+
+    /// The next tick, which may grant one epoch.
+    fn tick(&mut self, system: &mut impl SystemUnderTest, circumstances: &Circumstances) {
+        let session = system.session();
+        let last_write = self.last_write(session.config());
+        for (axis, config) in session.config().parameters().axes.iter().enumerate() {
+            let change = i64::from(config.nominal_step_nm) * i64::from(self.drift[axis]) / 100;
             let to = circumstances.jump.unwrap_or(self.nominal[axis]);
             self.nominal[axis] = to.saturating_add(change);
         }
@@ -371,22 +367,19 @@ impl Motion {
             actual: [Actual::ZERO; N],
             stop: circumstances.stop,
             rearm: circumstances.rearm,
-            last_write: self.last_write(session.config(), &in_force),
+            last_write,
             arrival_us: 0,
         };
-        let epochs = EpochRange { first: epoch, last: epoch };
-        (input, epochs)
+        system.tick(input, EpochRange { first: epoch, last: epoch });
     }
 
     /// Fate of the last references; the nominal in force at the drives is that of the last tick.
-    fn last_write(&mut self, config: &Config<N>, nominal: &[i64; N]) -> LastWrite<N> {
-        let Some(shares) = self.refused.take() else {
-            return LastWrite::Accepted;
-        };
-        if shares.iter().flatten().all(|share| *share > 100) {
-            return LastWrite::Unknown;
+    fn last_write(&mut self, config: &Config<N>) -> LastWrite<N> {
+        match self.refused.take() {
+            None => LastWrite::Accepted,
+            Some(shares) if shares.iter().flatten().all(|share| *share > 100) => LastWrite::Unknown,
+            Some(shares) => LastWrite::Refused { in_force: in_force(config, &shares, &self.nominal) },
         }
-        LastWrite::Refused { in_force: in_force(config, &shares, nominal) }
     }
 }
 
@@ -396,19 +389,18 @@ fn in_force(config: &Config<N>, shares: &Shares, nominal: &[i64; N]) -> [InForce
     std::array::from_fn(|axis| InForce { nominal: PositionNm(nominal[axis]), offsets: offsets[axis] })
 }
 
-/// The start of a scenario's machine; `None` for offsets beyond their limits.
-fn start(scenario: &Scenario) -> (Config<N>, Start<N>, Option<Session<N>>) {
+/// The start of a scenario's machine; `None` for offsets beyond their limits, on which core and model agree.
+fn start(scenario: &Scenario) -> Option<(Session<N>, ReferenceModel<N>)> {
     let config = scenario.machine.config();
     let start = Start { in_force: in_force(&config, &scenario.in_force, &[0; N]), stop_latched: false };
+    // Before the first tick: the end of the numbers, or their beginning.
+    let last = if scenario.late_in_life { u64::MAX - 40 } else { 0 };
+    let (tick, epoch) = (Tick(last), Epoch(last));
     let session = Session::new(config, &start).ok().and_then(|session| {
         let parts = *session.parts();
-        let discrete = FsmState { tick: Tick(life(scenario)), epoch: Epoch(life(scenario)), ..parts.discrete };
-        Session::from_parts(config, Parts { discrete, ..parts })
+        Session::from_parts(config, Parts { discrete: FsmState { tick, epoch, ..parts.discrete }, ..parts })
     });
-    (config, start, session)
-}
-
-/// Returns tick and epoch before the first tick: the end of the numbers, or their beginning.
-fn life(scenario: &Scenario) -> u64 {
-    if scenario.late_in_life { u64::MAX - 40 } else { 0 }
+    let model = ReferenceModel::new(*config.parameters(), &start, tick, epoch);
+    assert!(session.is_some() == model.is_some(), "a start is refused for offsets beyond their limits only");
+    session.zip(model)
 }

@@ -8,8 +8,8 @@ use gantry_tau_core::verification::control::{
     Accepted, Diagnostics, Dialogue, Granted, Internals, Last, Motion, Stage, Trace,
 };
 use gantry_tau_core::{
-    AxisConfig, AxisLimits, Cause, Config, Connection, EpochRange, Limits, Mode, Offsets, Parameters, Phase, Reference,
-    Refusal, Session, Start, State, TickInput, Transport, Travel,
+    AxisLimits, Cause, Config, Connection, EpochRange, Limits, Mode, Offsets, Parameters, Phase, Reference, Refusal,
+    Session, Start, State, TickInput, Transport, Travel,
 };
 use gantry_tau_proofs::{client, monitor};
 use proptest::array::{uniform2, uniform3};
@@ -18,7 +18,7 @@ use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-use crate::any::checked;
+use crate::any;
 
 const N: usize = 2;
 
@@ -32,59 +32,54 @@ fn tick() -> impl Strategy<Value = Tick> {
 }
 
 fn limits<U: std::fmt::Debug>(most: i32) -> impl Strategy<Value = Limits<U>> {
-    let magnitude = move || prop_oneof![4 => 0..=most.min(40), 1 => 0..=most];
-    uniform3(magnitude()).prop_flat_map(move |[max, ramp, step]| {
-        (0..=most).prop_map(move |accel| {
-            let ramp = (ramp / 4).max(1);
-            let step = ramp + step / 4;
-            let accel = (step + ramp).saturating_add(accel / 8);
-            checked(max, step, accel, ramp)
-        })
-    })
+    any::limits_of(prop_oneof![4 => 0..=most.min(40), 1 => 0..=most], most)
 }
 
-fn axis_limits() -> impl Strategy<Value = AxisLimits> {
-    // Limits of a torque channel that no server has, but a Welcome can state.
-    (limits(i32::MAX), limits(i32::MAX), limits(i32::MAX)).prop_map(|(position, velocity, torque)| AxisLimits {
-        position,
-        velocity,
-        torque,
-    })
+prop_compose! {
+    /// A server's torque is `i16`; a Welcome can state other limits.
+    fn axis_limits(most_torque: i32)(
+        position in limits(i32::MAX), velocity in limits(i32::MAX), torque in limits(most_torque),
+    ) -> AxisLimits {
+        AxisLimits { position, velocity, torque }
+    }
 }
 
-fn offsets() -> impl Strategy<Value = Offsets> {
-    let torque = prop_oneof![4 => -40..=40_i16, 1 => any::<i16>(), 1 => Just(i16::MIN)];
-    (count(40), count(40), torque).prop_map(|(position, velocity, torque)| Offsets {
-        position: OffsetNm(position),
-        velocity: VelocityUmS(velocity),
-        torque: TorquePermille(torque),
-    })
+prop_compose! {
+    fn offsets()(
+        position in count(40), velocity in count(40),
+        torque in prop_oneof![4 => -40..=40_i16, 1 => any::<i16>(), 1 => Just(i16::MIN)],
+    ) -> Offsets {
+        Offsets { position: OffsetNm(position), velocity: VelocityUmS(velocity), torque: TorquePermille(torque) }
+    }
 }
 
-fn phase() -> impl Strategy<Value = Phase> {
-    select(Phase::ALL)
+prop_compose! {
+    /// Zero often enough that it can be right.
+    fn axis_state()(
+        offsets in prop_oneof![3 => Just(Offsets::ZERO), 1 => offsets()],
+        shadow in prop_oneof![3 => Just(Offsets::ZERO), 1 => offsets()],
+    ) -> AxisState {
+        AxisState { offsets, shadow, ..AxisState::default() }
+    }
 }
 
-fn mode() -> impl Strategy<Value = Mode> {
-    select(Mode::ALL)
-}
-
-fn state() -> impl Strategy<Value = State<N>> {
-    // Zero often enough that a State can be right.
-    let rare = || prop_oneof![3 => Just(Offsets::ZERO), 1 => offsets()];
-    let axes = uniform2((rare(), rare()));
-    (tick(), 0..2_u64, 0..2_u64, phase(), axes).prop_map(|(tick, epoch, accepted, phase, axes)| State {
-        tick,
-        epoch: Epoch(epoch),
-        accepted: Sequence(accepted),
-        phase,
-        cause: Cause::None,
-        on_time_of_100: 100,
-        arrival_us: 0,
-        ramp_ticks_left: 0,
-        counters: Counters::default(),
-        axes: axes.map(|(offsets, shadow)| AxisState { offsets, shadow, ..AxisState::default() }),
-    })
+prop_compose! {
+    fn state()(
+        tick in tick(), epoch in 0..2_u64, accepted in 0..2_u64, phase in select(Phase::ALL), axes in uniform2(axis_state()),
+    ) -> State<N> {
+        State {
+            tick,
+            epoch: Epoch(epoch),
+            accepted: Sequence(accepted),
+            phase,
+            cause: Cause::None,
+            on_time_of_100: 100,
+            arrival_us: 0,
+            ramp_ticks_left: 0,
+            counters: Counters::default(),
+            axes,
+        }
+    }
 }
 
 /// A value one ramp step nearer to zero.
@@ -93,19 +88,19 @@ fn ramped(value: i32, ramp: u32) -> i32 {
     value.saturating_sub(value.signum().saturating_mul(ramp))
 }
 
-/// Limits and two States, the second often one step of ramp or hold after the first, or almost.
-fn two_states() -> impl Strategy<Value = ([AxisLimits; N], State<N>, State<N>)> {
-    let off = || prop_oneof![12 => Just(0), 1 => -1..=1_i16];
-    let moves = uniform2(uniform3(off()));
-    (uniform2(axis_limits()), state(), state(), moves, 0..3_u8).prop_map(|(limits, first, mut second, moves, kind)| {
+prop_compose! {
+    /// Limits and two States, the second often one step of ramp or hold after the first, or almost.
+    fn two_states()(
+        limits in uniform2(axis_limits(i32::MAX)), first in state(), mut second in state(), kind in 0..3_u8,
+        off in uniform2(uniform3(prop_oneof![12 => Just(0), 1 => -1..=1_i32])),
+    ) -> ([AxisLimits; N], State<N>, State<N>) {
+        let next = |value: i32, ramp: u32, off: i32| {
+            let value = if kind == 1 { ramped(value, ramp) } else { value };
+            value.saturating_add(off)
+        };
         for index in 0..N {
-            let old = first.axes[index].offsets;
-            let [position, velocity, torque] = moves[index];
-            let next = |value: i32, ramp: u32, off: i16| {
-                let value = if kind == 1 { ramped(value, ramp) } else { value };
-                value.saturating_add(off.into())
-            };
-            let limits = &limits[index];
+            let (limits, old) = (&limits[index], first.axes[index].offsets);
+            let [position, velocity, torque] = off[index];
             if kind > 0 {
                 let torque = next(old.torque.0.into(), limits.torque.ramp(), torque);
                 second.axes[index].offsets = Offsets {
@@ -116,22 +111,17 @@ fn two_states() -> impl Strategy<Value = ([AxisLimits; N], State<N>, State<N>)> 
             }
         }
         (limits, first, second)
-    })
+    }
 }
 
-fn welcome() -> impl Strategy<Value = Welcome<N>> {
-    let terms = (0..2_u32, 0..2_u32, 0..2_u16);
-    (0..2_u64, tick(), terms, uniform2(axis_limits())).prop_map(
-        |(epoch, tick, (cycle_us, kinematics_checksum, bits), limits)| Welcome {
-            epoch: Epoch(epoch),
-            tick,
-            cycle_us,
-            echo_window: 0,
-            capabilities: Capabilities(bits),
-            kinematics_checksum,
-            limits,
-        },
-    )
+prop_compose! {
+    fn welcome()(
+        epoch in 0..2_u64, tick in tick(), cycle_us in 0..2_u32, kinematics_checksum in 0..2_u32, bits in 0..2_u16,
+        limits in uniform2(axis_limits(i32::MAX)),
+    ) -> Welcome<N> {
+        let (epoch, capabilities) = (Epoch(epoch), Capabilities(bits));
+        Welcome { epoch, tick, cycle_us, echo_window: 0, capabilities, kinematics_checksum, limits }
+    }
 }
 
 fn message() -> impl Strategy<Value = ServerMessage<N>> {
@@ -142,30 +132,26 @@ fn message() -> impl Strategy<Value = ServerMessage<N>> {
     ]
 }
 
-fn requirements() -> impl Strategy<Value = Requirements> {
-    (0..2_u16, option::of(0..2_u32), option::of(0..2_u32)).prop_map(|(bits, cycle_us, kinematics_checksum)| {
+prop_compose! {
+    fn requirements()(
+        bits in 0..2_u16, cycle_us in option::of(0..2_u32), kinematics_checksum in option::of(0..2_u32),
+    ) -> Requirements {
         Requirements { capabilities: Capabilities(bits), cycle_us, kinematics_checksum }
-    })
+    }
 }
 
 fn transport() -> impl Strategy<Value = Transport> {
     select(vec![Transport::Stream, Transport::Datagram])
 }
 
-fn granted() -> impl Strategy<Value = Granted<N>> {
-    let sequence = prop_oneof![Just(0), Just(1), any::<u64>(), Just(u64::MAX)];
-    let last = option::weighted(0.9, (tick(), phase()));
-    let flags = (any::<bool>(), any::<bool>());
-    (welcome(), sequence, last, flags, option::of(0..=100_u8)).prop_map(
-        |(welcome, sequence, last, (unanswered, ended), leaving)| Granted {
-            welcome,
-            sequence: Sequence(sequence),
-            last: last.map(|(tick, phase)| Last { tick, phase }),
-            unanswered,
-            leaving,
-            ended,
-        },
-    )
+prop_compose! {
+    fn granted()(
+        welcome in welcome(), sequence in prop_oneof![Just(0), Just(1), any::<u64>(), Just(u64::MAX)],
+        last in option::weighted(0.9, (tick(), select(Phase::ALL))), unanswered: bool, leaving in option::of(0..=100_u8), ended: bool,
+    ) -> Granted<N> {
+        let last = last.map(|(tick, phase)| Last { tick, phase });
+        Granted { welcome, sequence: Sequence(sequence), last, unanswered, leaving, ended }
+    }
 }
 
 /// A dialogue in any valid state.
@@ -175,13 +161,9 @@ fn dialogue() -> impl Strategy<Value = Dialogue<N>> {
         10 => granted().prop_map(Stage::Granted),
         1 => Just(Stage::Refused),
     ];
+    let ignored = Ignored::default();
     (transport(), requirements(), stage)
-        .prop_map(|(transport, requirements, stage)| Dialogue {
-            transport,
-            requirements,
-            stage,
-            ignored: Ignored::default(),
-        })
+        .prop_map(move |(transport, requirements, stage)| Dialogue { transport, requirements, stage, ignored })
         .prop_filter("a valid dialogue", Dialogue::is_valid)
 }
 
@@ -205,58 +187,34 @@ fn references() -> impl Strategy<Value = ([PositionNm; N], [Reference; N])> {
 
 /// A configuration whose ramps take some ticks.
 fn config() -> impl Strategy<Value = Config<N>> {
-    let limits = (limits(i32::MAX), limits(i32::MAX), limits(1_000));
-    let axis = (limits, 0..500_u32).prop_map(|((position, velocity, torque), reach)| {
-        let axis = AxisConfig::position_only(position, Travel::around_zero(reach), 2_000);
-        AxisConfig { limits: AxisLimits { position, velocity, torque }, ..axis }
-    });
+    let axis = (axis_limits(1_000), 0..500_u32).prop_map(|(limits, reach)| any::axis_of(limits, reach, 2_000));
     uniform2(axis).prop_map(|axes| Config::new(Parameters::thesis(axes)).unwrap())
 }
 
-/// Anything that can happen to a session in a tick; a command is the next in sequence.
-fn tick_of_session() -> impl Strategy<Value = (TickInput<N>, Accepted<N>)> {
-    let rare = || prop::bool::weighted(0.03);
-    let ends = (rare(), rare(), rare(), any::<bool>());
-    let command = option::weighted(0.9, prop_oneof![1 => Just(Mode::Submit), 6 => Just(Mode::Obtain)]);
-    let nominal = uniform2((-900..900_i64).prop_map(PositionNm));
-    let elapsed = prop_oneof![20 => Just(1), 1 => 0..4_u32];
-    (ends, command, uniform2(offsets()), nominal, elapsed).prop_map(
-        |((stop, goodbye, closed, rearm), command, targets, nominal, elapsed_cycles)| {
-            let tick = TickInput { elapsed_cycles, nominal, stop, rearm, ..Input::empty(EpochRange::VOLATILE).tick };
-            let mut accepted = Accepted::nothing();
-            accepted.fsm.goodbye = goodbye;
-            accepted.fsm.closed = closed;
-            accepted.fsm.command = command.map(|mode| (Sequence(0), mode));
-            accepted.fsm.hello = Some((Connection(0), Epoch(0)));
-            accepted.targets = targets;
-            (tick, accepted)
-        },
-    )
-}
-
-/// Something that happens to a client.
-#[derive(Clone, Debug)]
-enum Turn {
-    Hello,
-    Receive(ServerMessage<N>),
-    Answer(Mode, [Offsets; N]),
-    Goodbye,
-}
-
-fn turn() -> impl Strategy<Value = Turn> {
-    prop_oneof![
-        2 => Just(Turn::Hello),
-        10 => message().prop_map(Turn::Receive),
-        10 => (mode(), uniform2(offsets())).prop_map(|(mode, targets)| Turn::Answer(mode, targets)),
-        1 => Just(Turn::Goodbye),
-    ]
+prop_compose! {
+    /// Anything that can happen to a session in a tick; a command is the next in sequence.
+    fn tick_of_session()(
+        [stop, goodbye, closed] in uniform3(prop::bool::weighted(0.03)), rearm: bool, targets in uniform2(offsets()),
+        command in option::weighted(0.9, prop_oneof![1 => Just(Mode::Submit), 6 => Just(Mode::Obtain)]),
+        nominal in uniform2(-900..900_i64), elapsed_cycles in prop_oneof![20 => Just(1), 1 => 0..4_u32],
+    ) -> (TickInput<N>, Accepted<N>) {
+        let nominal = nominal.map(PositionNm);
+        let tick = TickInput { elapsed_cycles, nominal, stop, rearm, ..Input::empty(EpochRange::VOLATILE).tick };
+        let mut accepted = Accepted::nothing();
+        accepted.fsm.goodbye = goodbye;
+        accepted.fsm.closed = closed;
+        accepted.fsm.command = command.map(|mode| (Sequence(0), mode));
+        accepted.fsm.hello = Some((Connection(0), Epoch(0)));
+        accepted.targets = targets;
+        (tick, accepted)
+    }
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(4_000))]
 
     #[test]
-    fn one_answer_is_right(dialogue in dialogue(), mode in mode(), targets in uniform2(offsets())) {
+    fn one_answer_is_right(dialogue in dialogue(), mode in any::mode(), targets in uniform2(offsets())) {
         client::answer_is_right(&dialogue, mode, &targets);
         client::goodbye_is_right(&dialogue, mode, &targets);
     }
@@ -270,27 +228,25 @@ proptest! {
     fn every_turn_of_a_dialogue_is_right(
         transport in transport(),
         requirements in requirements(),
-        turns in vec(turn(), 0..40),
+        turns in vec((any::<bool>(), option::of(message()), option::of((any::mode(), uniform2(offsets()))), 0..20_u8), 0..40),
     ) {
         let mut dialogue = Dialogue::<N>::new(transport, requirements);
         prop_assert!(dialogue.is_valid());
-        for turn in turns {
-            match turn {
-                Turn::Hello => {
-                    let _ = dialogue.hello();
-                }
-                Turn::Receive(message) => {
-                    client::message_is_right(&dialogue, message);
-                    let _ = dialogue.receive(message);
-                }
-                Turn::Answer(mode, targets) => {
-                    client::answer_is_right(&dialogue, mode, &targets);
-                    let _ = dialogue.answer(mode, &targets);
-                }
-                Turn::Goodbye => {
-                    client::goodbye_is_right(&dialogue, Mode::Submit, &[Offsets::ZERO; N]);
-                    let _ = dialogue.goodbye();
-                }
+        for (greets, message, answer, leaves) in turns {
+            if greets {
+                let _ = dialogue.hello();
+            }
+            if let Some(message) = message {
+                client::message_is_right(&dialogue, message);
+                let _ = dialogue.receive(message);
+            }
+            if let Some((mode, targets)) = answer {
+                client::answer_is_right(&dialogue, mode, &targets);
+                let _ = dialogue.answer(mode, &targets);
+            }
+            if leaves == 0 {
+                client::goodbye_is_right(&dialogue, Mode::Submit, &[Offsets::ZERO; N]);
+                let _ = dialogue.goodbye();
             }
         }
     }
@@ -324,7 +280,7 @@ proptest! {
 
     #[test]
     fn accepted_references_are_bounded(
-        limits in uniform2(axis_limits()),
+        limits in uniform2(axis_limits(i32::MAX)),
         first in references(),
         second in references(),
     ) {

@@ -28,11 +28,6 @@ use proptest::prelude::*;
 /// Any bit pattern, with an inclination to those that hurt.
 fn any_float() -> impl Strategy<Value = f64> {
     let special = vec![
-        0.0,
-        -0.0,
-        f64::NAN,
-        f64::INFINITY,
-        f64::NEG_INFINITY,
         f64::MAX,
         f64::MIN,
         f64::MIN_POSITIVE,
@@ -48,7 +43,7 @@ fn any_float() -> impl Strategy<Value = f64> {
     ];
     prop_oneof![
         any::<u64>().prop_map(f64::from_bits),
-        any::<u64>().prop_map(f64::from_bits),
+        proptest::num::f64::ANY,
         proptest::sample::select(special),
         -3.0..3.0_f64,
         (-3.0..3.0_f64, -12..12_i32).prop_map(|(x, scale)| x * 10.0_f64.powi(scale)),
@@ -94,12 +89,6 @@ fn any_machine() -> impl Strategy<Value = (l2::Robot, l2::Kinematics)> {
 fn wild_positions() -> impl Strategy<Value = [f64; 3]> {
     let any_scale = |scales| (-1.0..1.0_f64, scales).prop_map(|(x, s): (f64, f64)| x * 10.0_f64.powf(s));
     (any_scale(-1.0..3.0), any_scale(-8.0..1.0), any_scale(-8.0..1.0)).prop_map(|(a, b, c)| [a, b, c])
-}
-
-fn compensator(gain: f64, limits: [i32; 3]) -> l2::Compensator {
-    let (_, kinematics) = l2();
-    let config = CompensatorConfig { gain, limits: limits.map(OffsetNm), metres_per_q: [1.0; 3] };
-    l2::Compensator::new(&kinematics, &presets::l2_compliances(), config).unwrap()
 }
 
 /// A sensor in any valid state, its mounting turned.
@@ -155,10 +144,11 @@ proptest! {
         standing: bool, gain in 0.0..=1.0_f64, limits in uniform3(0..=i32::MAX), nominal: [i64; 3],
     ) {
         let pose = Pose::at([0.0, 0.5, 0.65].into());
-        let home = l2().1.inverse(&pose.position_m).unwrap();
+        let (_, kinematics) = l2();
+        let home = kinematics.inverse(&pose.position_m).unwrap();
         let (q, load) = (if standing { home } else { q }, Wrench::from_array(load));
-        let compensator = compensator(gain, limits);
-        let config = compensator.config();
+        let config = &CompensatorConfig { gain, limits: limits.map(OffsetNm), metres_per_q: [1.0; 3] };
+        let compensator = l2::Compensator::new(&kinematics, &presets::l2_compliances(), *config).unwrap();
         cycle_is_bounded(config, compensator.correct_q(&q, &load), &load);
         cycle_is_bounded(config, compensator.correct_exact_at(&pose, &q, &load), &load);
         let nominal = nominal.map(PositionNm);

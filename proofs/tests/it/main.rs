@@ -7,7 +7,6 @@
 )]
 
 mod any;
-mod channel;
 mod client_monitor;
 mod endpoint;
 mod floats;

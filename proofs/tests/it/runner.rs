@@ -96,9 +96,7 @@ proofs/README.md ~ `channel_hold_is_bounded` 0 ~ `channel_hold_is_bounded` 7 ~ t
         assert_eq!(toy.run(&["check"]).status.code(), Some(0));
         for case in CASES.lines() {
             let cells: Vec<&str> = case.split(" ~ ").collect();
-            let [file, from, to, said] = cells[..] else {
-                panic!("{case}");
-            };
+            let [file, from, to, said] = cells[..] else { panic!("{case}") };
             let text = toy.read(file);
             assert!(text.contains(from), "{file}: {from}");
             toy.write(file, &text.replacen(from, to, 1));
@@ -215,9 +213,7 @@ VERIFIED ~ cat $recorded/unwinding.txt; exit 1 ~ failed for another reason";
         for case in OBJECTIONS.lines() {
             let case = case.replace("VERIFIED", VERIFIED).replace("FAILED", FAILED);
             let cells: Vec<&str> = case.split(" ~ ").collect();
-            let [proof, mutant, objection] = cells[..] else {
-                panic!("{case}");
-            };
+            let [proof, mutant, objection] = cells[..] else { panic!("{case}") };
             install(&toy, proof, mutant);
             let output = toy.run(&NAMES);
             let said = out(&output);
@@ -231,19 +227,21 @@ VERIFIED ~ cat $recorded/unwinding.txt; exit 1 ~ failed for another reason";
     /// Behaviour of a solver: it goes on alone when Kani is killed.
     const ENDLESS: &str = "echo 'Checking harness x...'; sleep 600 & echo $! > ${0%/*}/pid; wait";
 
+    fn wait_until(what: &str, is_so: impl Fn() -> bool) {
+        let began = Instant::now();
+        while !is_so() {
+            assert!(began.elapsed() < Duration::from_secs(60), "not so in a minute: {what}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
     /// The solver goes. A zombie stays if no parent waits for it.
     fn assert_solver_goes(toy: &Toy) {
         let pid = toy.read("bin/pid");
-        let began = Instant::now();
-        loop {
-            let mut ps = Command::new("/bin/ps");
-            let state = ps.args(["-o", "stat=", "-p", pid.trim()]).output().unwrap();
-            if state.stdout.trim_ascii().is_empty() || state.stdout.trim_ascii().starts_with(b"Z") {
-                return;
-            }
-            assert!(began.elapsed() < Duration::from_secs(60), "it lives on");
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        wait_until("the solver is gone", || {
+            let state = Command::new("/bin/ps").args(["-o", "stat=", "-p", pid.trim()]).output().unwrap();
+            state.stdout.trim_ascii().is_empty() || state.stdout.trim_ascii().starts_with(b"Z")
+        });
     }
 
     #[test]
@@ -269,11 +267,8 @@ VERIFIED ~ cat $recorded/unwinding.txt; exit 1 ~ failed for another reason";
         let toy = Toy::new("interrupt");
         install(&toy, ENDLESS, FAILED);
         let mut child = toy.command(&NAMES).spawn().unwrap();
-        let began = Instant::now();
-        while !std::fs::read_to_string(toy.root.join("bin/pid")).is_ok_and(|pid| pid.ends_with('\n')) {
-            assert!(began.elapsed() < Duration::from_secs(60), "the solver did not start");
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        let pid = toy.root.join("bin/pid");
+        wait_until("the solver runs", || std::fs::read_to_string(&pid).is_ok_and(|pid| pid.ends_with('\n')));
         Command::new("/bin/kill").arg(child.id().to_string()).status().unwrap();
         assert_eq!(child.wait().unwrap().code(), Some(1));
         assert_solver_goes(&toy);

@@ -14,33 +14,22 @@ fn shares() -> impl Strategy<Value = Shares> {
     uniform2(uniform3(share))
 }
 
-fn rates() -> impl Strategy<Value = Rates> {
-    let scale = prop_oneof![4 => Just(0), 1 => any::<u8>()];
-    (0..5_000_u16, any::<u8>(), any::<u8>(), any::<u8>(), scale).prop_map(|(max, ramp, step, accel, scale)| Rates {
-        max,
-        ramp,
-        step,
-        accel,
-        scale,
-    })
+prop_compose! {
+    fn rates()(
+        max in 0..5_000_u16, ramp: u8, step: u8, accel: u8, scale in prop_oneof![4 => Just(0), 1 => any::<u8>()],
+    ) -> Rates {
+        Rates { max, ramp, step, accel, scale }
+    }
 }
 
-fn machine() -> impl Strategy<Value = Machine> {
-    let budget = option::of((any::<u8>(), 0..20_u8));
-    let reach = prop_oneof![0..1_000_000_u32, any::<u32>()];
-    let windows = (0..3_u8, prop_oneof![0..20_u8, any::<u8>()]);
-    let rates = uniform2(uniform3(rates()));
-    (rates, reach, any::<u16>(), budget, windows, prop::bool::weighted(0.1)).prop_map(
-        |(rates, reach, nominal_step, budget, (echo_window, handshake_ticks), lockstep)| Machine {
-            rates,
-            reach,
-            nominal_step,
-            budget,
-            echo_window,
-            handshake_ticks,
-            lockstep,
-        },
-    )
+prop_compose! {
+    fn machine()(
+        rates in uniform2(uniform3(rates())), reach in prop_oneof![0..1_000_000_u32, any::<u32>()], nominal_step: u16,
+        budget in option::of((any::<u8>(), 0..20_u8)), echo_window in 0..3_u8,
+        handshake_ticks in prop_oneof![0..20_u8, any::<u8>()], lockstep in prop::bool::weighted(0.1),
+    ) -> Machine {
+        Machine { rates, reach, nominal_step, budget, echo_window, handshake_ticks, lockstep }
+    }
 }
 
 /// Nought most of the time, or the session would hardly ever get anywhere.
@@ -68,17 +57,13 @@ fn action() -> impl Strategy<Value = ClientAction> {
     ]
 }
 
-fn circumstances() -> impl Strategy<Value = Circumstances> {
-    let elapsed = prop_oneof![8 => Just(1), 4 => 0..4_u32, 1 => any::<u32>()];
-    let flags = (prop::bool::weighted(0.1), any::<bool>());
-    let jump = option::weighted(0.05, any::<i64>());
-    (elapsed, flags, jump, off()).prop_map(|(elapsed, (stop, rearm), jump, epoch)| Circumstances {
-        elapsed,
-        stop,
-        rearm,
-        jump,
-        epoch,
-    })
+prop_compose! {
+    fn circumstances()(
+        elapsed in prop_oneof![8 => Just(1), 4 => 0..4_u32, 1 => any::<u32>()], stop in prop::bool::weighted(0.1), rearm: bool,
+        jump in option::weighted(0.05, any::<i64>()), epoch in off(),
+    ) -> Circumstances {
+        Circumstances { elapsed, stop, rearm, jump, epoch }
+    }
 }
 
 fn one_move() -> impl Strategy<Value = Op> {
@@ -95,20 +80,18 @@ fn one_move() -> impl Strategy<Value = Op> {
     ]
 }
 
-/// A scenario; half of them begin with a handshake.
-fn scenario() -> impl Strategy<Value = Scenario> {
-    let in_force = prop_oneof![4 => Just([[0; 3]; 2]), 1 => shares()];
-    let ops = (vec(one_move(), 0..40), any::<bool>());
-    (machine(), in_force, prop::bool::weighted(0.1), ops).prop_map(
-        |(machine, in_force, late_in_life, (mut ops, greeted))| {
-            if greeted {
-                let hello = ClientAction::Hello { axes: 0, capabilities: 1 };
-                ops.insert(0, Op::Silence(1));
-                ops.insert(0, Op::Say(Peer::One, hello));
-            }
-            Scenario { machine, in_force, late_in_life, ops }
-        },
-    )
+prop_compose! {
+    /// A scenario; half of them begin with a handshake.
+    fn scenario()(
+        machine in machine(), in_force in prop_oneof![4 => Just([[0; 3]; 2]), 1 => shares()],
+        late_in_life in prop::bool::weighted(0.1), mut ops in vec(one_move(), 0..40), greeted: bool,
+    ) -> Scenario {
+        if greeted {
+            let hello = ClientAction::Hello { axes: 0, capabilities: 1 };
+            ops.splice(..0, [Op::Say(Peer::One, hello), Op::Silence(1)]);
+        }
+        Scenario { machine, in_force, late_in_life, ops }
+    }
 }
 
 proptest! {

@@ -1,17 +1,14 @@
-//! T3 to T7, T9 to T11 on stable Rust: one step from any state, and sequences from the beginning.
+//! T3 to T7, T9 to T11 on stable Rust: one step from any state. (Sequences from the beginning: `scenario.rs`.)
 
 use crate::any;
 
-use gantry_tau_core::control::axis::Offsets;
-use gantry_tau_core::control::message::{ClientMessage, Command, Hello, Mode, Phase};
-use gantry_tau_core::control::session::{
-    BlackBox, Connection, EVENTS, Event, Events, Input, Output, Session, Start, replay,
-};
-use gantry_tau_core::units::{Epoch, EpochRange, PositionNm, Sequence, Tick};
-use gantry_tau_core::verification::control::{Accepted, Classifier, Diagnostics, Internals};
+use gantry_tau_core::control::message::{ClientMessage, Command};
+use gantry_tau_core::control::session::{EVENTS, Event, Events, Input};
+use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick};
+use gantry_tau_core::verification::control::{Accepted, Diagnostics, Internals};
 use gantry_tau_proofs::axis::Kind;
 use gantry_tau_proofs::session::StepInput;
-use gantry_tau_proofs::{axis, blackbox, fsm, ingress, motors, session};
+use gantry_tau_proofs::{axis, blackbox, channel, fsm, ingress, motors, session};
 use proptest::prelude::*;
 
 proptest! {
@@ -27,12 +24,7 @@ proptest! {
         session in any::session::<3>(), connection in any::connection(), event in any::event(), next_epoch: Option<u64>,
         before in proptest::collection::vec((any::connection(), any::event()), 0..4),
     ) {
-        let classifier = Classifier {
-            discrete: &session.parts().discrete,
-            parameters: session.config().parameters(),
-            axes: &session.parts().axes,
-            next_epoch: next_epoch.map(Epoch),
-        };
+        let classifier = ingress::classifier(&session, next_epoch.map(Epoch));
         let mut accepted = Accepted::nothing();
         let mut diagnostics = Diagnostics::default();
         for (connection, event) in &before {
@@ -56,13 +48,7 @@ proptest! {
             echo: Tick(discrete.tick.0.wrapping_sub(behind)),
             ..command
         };
-        let classifier = Classifier {
-            discrete,
-            parameters: session.config().parameters(),
-            axes: &session.parts().axes,
-            next_epoch: None,
-        };
-        ingress::fresh_is_as_defined(&classifier, &command);
+        ingress::fresh_is_as_defined(&ingress::classifier(&session, None), &command);
     }
 
     #[test]
@@ -100,116 +86,19 @@ proptest! {
     }
 
     #[test]
+    fn one_ramp_step((limits, before) in any::limits().prop_flat_map(|limits| (Just(limits), any::channel(limits)))) {
+        channel::ramp_is_exact(before, &limits);
+        channel::ramp_counts_down(before, &limits);
+    }
+
+    #[test]
     fn any_map_of_motors(map in proptest::array::uniform9(0..7_usize), axes in proptest::array::uniform6(any::reference())) {
         motors::paired_motors_are_equal::<6, 9>(map, &axes);
     }
 }
 
-/// Operation in a tick of a sequence; it makes sense in most states.
-#[derive(Clone, Debug)]
-enum Op {
-    /// Nothing arrives.
-    Silence,
-    /// The owner answers the last State.
-    Answer(Mode, Offsets),
-    /// A connection asks for a session.
-    Hello(u64),
-    /// Any event on any connection.
-    Noise(Connection, Event<2>),
-    /// The owner says goodbye, or stops.
-    Goodbye,
-    Stop,
-    /// The stop at the machine; the re-arm.
-    LocalStop,
-    Rearm,
-    /// The server is late by so many cycles.
-    Overrun(u32),
-}
-
-fn ops() -> impl Strategy<Value = Vec<Op>> {
-    let one = prop_oneof![
-        3 => Just(Op::Silence),
-        12 => (any::mode(), any::offsets()).prop_map(|(mode, offsets)| Op::Answer(mode, offsets)),
-        3 => (0..3_u64).prop_map(Op::Hello),
-        3 => (any::connection(), any::event()).prop_map(|(from, event)| Op::Noise(from, event)),
-        1 => Just(Op::Goodbye),
-        1 => Just(Op::Stop),
-        1 => Just(Op::LocalStop),
-        2 => Just(Op::Rearm),
-        1 => (0..3_u32).prop_map(Op::Overrun),
-    ];
-    // Runs of the same: an offset has to grow, and a ramp to end.
-    let run = (one, 1..12_usize).prop_map(|(one, times)| vec![one; times]);
-    proptest::collection::vec(run, 1..25).prop_map(|runs| runs.concat())
-}
-
-/// The input of a move in this state.
-fn input_of(session: &Session<2>, ops: &Op, nominal: i64) -> Input<2> {
-    let discrete = &session.parts().discrete;
-    let mut input = Input::empty(EpochRange::VOLATILE);
-    let tick = &mut input.tick;
-    tick.nominal = [PositionNm(nominal), PositionNm(-nominal)];
-    let owner = discrete.owner.unwrap_or(Connection(0));
-    let mut post = |from, event| input.events.push((from, event)).unwrap();
-    match ops {
-        Op::Silence => {}
-        Op::Answer(mode, offsets) => {
-            let command = Command {
-                epoch: discrete.epoch,
-                sequence: Sequence(discrete.accepted.0 + 1),
-                echo: discrete.tick,
-                mode: if discrete.phase == Phase::Handshake { Mode::Submit } else { *mode },
-                targets: [*offsets; 2],
-            };
-            post(owner, Event::Message(ClientMessage::Command(command)));
-        }
-        Op::Hello(from) => {
-            let capabilities = Default::default();
-            let hello = ClientMessage::Hello(Hello { axes: 2, capabilities });
-            post(Connection(*from), Event::Message(hello));
-        }
-        Op::Noise(from, event) => post(*from, *event),
-        Op::Goodbye => post(owner, Event::Message(ClientMessage::Goodbye(discrete.epoch))),
-        Op::Stop => post(owner, Event::Message(ClientMessage::Stop(discrete.epoch))),
-        Op::LocalStop => tick.stop = true,
-        Op::Rearm => tick.rearm = discrete.tick.0 % 2 == 0,
-        Op::Overrun(cycles) => tick.elapsed_cycles = *cycles,
-    }
-    input
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
-
-    /// Every step of a sequence has every property, events that must not matter do not, and the black box holds and replays the end.
-    #[test]
-    fn a_sequence(config in any::config::<2>(), ops in ops(), drift in -3_i64..3) {
-        let mut session = Session::new(config, &Start::at_rest([PositionNm(0); 2])).unwrap();
-        let mut black_box = BlackBox::<2, 6>::new();
-        let (mut at, mut recorded, mut latest) = (0, 0, Tick(0));
-        for one in &ops {
-            at += drift;
-            let input = input_of(&session, one, at);
-            session::step_is_right(&StepInput::after_events(&session, &input));
-            session::same_outcome(&session, &input, &session::essential(&session, &input));
-            let frozen = black_box.is_frozen();
-            let output: Output<2> = blackbox::record(&mut black_box, &mut session, &input);
-            if !frozen {
-                (recorded, latest) = (recorded + 1, output.state.tick);
-            }
-            if input.tick.cycles() > 1 || (frozen && output.welcome.is_some()) {
-                // Skipped cycles leave a gap in the ticks' numbers.
-                black_box.release();
-                recorded = 0;
-            }
-            blackbox::holds_the_end(&black_box, latest, recorded);
-        }
-        if let Some(before) = black_box.before() {
-            let replayed = replay(before, black_box.entries());
-            prop_assert!(replayed.differing.is_none(), "T11: every output again");
-            prop_assert_eq!(replayed.agreeing, black_box.entries().count());
-        }
-    }
 
     /// The recorder of any sequence of numbered steps, ends and releases.
     #[test]

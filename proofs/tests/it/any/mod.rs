@@ -14,6 +14,8 @@ use gantry_tau_core::units::{
 use gantry_tau_core::verification::control::{
     Action, Axis, AxisChannels, AxisCommand, FsmInput, FsmState, Internals, Parts, Rules,
 };
+use proptest::array::{uniform, uniform4};
+use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::select;
 
@@ -31,15 +33,20 @@ pub(crate) fn limits<U: std::fmt::Debug>() -> impl Strategy<Value = Limits<U>> {
     limits_up_to(i32::MAX)
 }
 
-/// Limits that validation accepts, with `M` of at most `max`.
-fn limits_up_to<U: std::fmt::Debug>(max: i32) -> impl Strategy<Value = Limits<U>> {
-    let magnitude = || prop_oneof![0..1_000_i32, any::<i32>().prop_map(i32::saturating_abs)];
-    (magnitude(), magnitude(), magnitude(), magnitude()).prop_map(move |(m, a, b, c)| {
+fn limits_up_to<U: std::fmt::Debug>(most: i32) -> impl Strategy<Value = Limits<U>> {
+    limits_of(prop_oneof![0..1_000_i32, any::<i32>().prop_map(i32::saturating_abs)], most)
+}
+
+/// Limits that validation accepts, made of four numbers, with `M` of at most `most`.
+pub(crate) fn limits_of<U: std::fmt::Debug>(
+    number: impl Strategy<Value = i32>,
+    most: i32,
+) -> impl Strategy<Value = Limits<U>> {
+    uniform4(number).prop_map(move |[m, a, b, c]| {
         let ramp = (a / 4).max(1);
         let step = ramp.saturating_add(b / 4);
         let accel = step.saturating_add(ramp).saturating_add(c / 4);
-        let max = m.min(max);
-        checked(max, step, accel, ramp)
+        checked(m.min(most), step, accel, ramp)
     })
 }
 
@@ -50,90 +57,100 @@ pub(crate) fn channel<U: ChannelUnit + std::fmt::Debug>(limits: Limits<U>) -> im
         .prop_map(move |(value, change)| Channel::from_parts(U::saturating_from(value), change, &limits).unwrap())
 }
 
-pub(crate) fn axis_limits() -> impl Strategy<Value = AxisLimits> {
-    (limits(), limits(), limits_up_to(i32::from(i16::MAX))).prop_map(|(position, velocity, torque)| AxisLimits {
-        position,
-        velocity,
-        torque,
-    })
+prop_compose! {
+    pub(crate) fn axis_limits()(
+        position in limits(), velocity in limits(), torque in limits_up_to(i16::MAX.into()),
+    ) -> AxisLimits {
+        AxisLimits { position, velocity, torque }
+    }
 }
 
-pub(crate) fn axis_channels(limits: AxisLimits) -> impl Strategy<Value = AxisChannels> {
-    let parts = (channel(limits.position), channel(limits.velocity), channel(limits.torque));
-    parts.prop_map(|(position, velocity, torque)| AxisChannels { position, velocity, torque })
+prop_compose! {
+    pub(crate) fn axis_channels(limits: AxisLimits)(
+        position in channel(limits.position), velocity in channel(limits.velocity), torque in channel(limits.torque),
+    ) -> AxisChannels {
+        AxisChannels { position, velocity, torque }
+    }
 }
 
-pub(crate) fn axis_config() -> impl Strategy<Value = AxisConfig> {
-    let travel = prop_oneof![0..1_000_000_u32, any::<u32>()];
-    (axis_limits(), travel, 0..5_000_u32).prop_map(|(limits, reach, nominal_step_nm)| {
-        let travel = Travel::around_zero(reach);
-        let axis = AxisConfig::position_only(limits.position, travel, nominal_step_nm);
-        AxisConfig { limits, ..axis }
-    })
+/// An axis with these limits.
+pub(crate) fn axis_of(limits: AxisLimits, reach: u32, nominal_step_nm: u32) -> AxisConfig {
+    AxisConfig { limits, ..AxisConfig::position_only(limits.position, Travel::around_zero(reach), nominal_step_nm) }
+}
+
+prop_compose! {
+    pub(crate) fn axis_config()(
+        limits in axis_limits(), reach in prop_oneof![0..1_000_000_u32, any::<u32>()], step in 0..5_000_u32,
+    ) -> AxisConfig {
+        axis_of(limits, reach, step)
+    }
 }
 
 pub(crate) fn budget() -> impl Strategy<Value = Option<MissBudget>> {
-    proptest::option::of((1..=128_u8, 0..20_u8).prop_map(|(window, allowed)| MissBudget { window, allowed }))
+    option::of((1..=128_u8, 0..20_u8).prop_map(|(window, allowed)| MissBudget { window, allowed }))
 }
 
 pub(crate) fn config<const N: usize>() -> impl Strategy<Value = Config<N>> {
-    let axes = proptest::array::uniform::<_, N>(axis_config());
+    let axes = uniform::<_, N>(axis_config());
     (axes, budget(), 0..3_u8, 1..20_u32).prop_map(|(axes, budget, echo_window, handshake_ticks)| {
         let parameters = Parameters { budget, echo_window, handshake_ticks, ..Parameters::thesis(axes) };
         Config::new(parameters).unwrap()
     })
 }
 
-pub(crate) fn rules() -> impl Strategy<Value = Rules> {
-    (1..20_u32, budget()).prop_map(|(handshake_ticks, budget)| Rules { handshake_ticks, budget })
+prop_compose! {
+    pub(crate) fn rules()(handshake_ticks in 1..20_u32, budget in budget()) -> Rules {
+        Rules { handshake_ticks, budget }
+    }
 }
 
 pub(crate) fn connection() -> impl Strategy<Value = Connection> {
     prop_oneof![4 => 0..3_u64, 1 => any::<u64>()].prop_map(Connection)
 }
 
-/// Any valid discrete state; fields that the phase excludes are corrected.
-pub(crate) fn discrete(handshake_ticks: u32) -> impl Strategy<Value = FsmState> {
-    let numbers = (number(), number(), number());
-    let rest = (any::<u128>(), 0..handshake_ticks, any::<bool>());
-    (select(Phase::ALL), connection(), any::<bool>(), numbers, rest).prop_map(
-        |(phase, connection, owned, (epoch, accepted, tick), (history, waited, released))| {
-            let running = matches!(phase, Phase::Submit | Phase::Obtain);
-            let live = running || phase == Phase::Handshake;
-            let owned = (owned || live) && phase != Phase::Listening;
-            let history = if phase == Phase::Handshake { 0 } else { history };
-            FsmState {
-                phase,
-                owner: owned.then_some(connection),
-                epoch: Epoch(epoch),
-                accepted: Sequence(accepted),
-                tick: Tick(tick),
-                misses: u8::from(running && history & 1 == 1),
-                history,
-                waited: if phase == Phase::Handshake { waited } else { 0 },
-                rearm_released: released && phase == Phase::Fault,
-            }
-        },
-    )
+prop_compose! {
+    /// Any valid discrete state; fields that the phase excludes are corrected.
+    pub(crate) fn discrete(handshake_ticks: u32)(
+        phase in select(Phase::ALL), connection in connection(), owned: bool, epoch in number(), accepted in number(),
+        tick in number(), history: u128, waited in 0..handshake_ticks, released: bool,
+    ) -> FsmState {
+        let running = matches!(phase, Phase::Submit | Phase::Obtain);
+        let live = running || phase == Phase::Handshake;
+        let owned = (owned || live) && phase != Phase::Listening;
+        let history = if phase == Phase::Handshake { 0 } else { history };
+        FsmState {
+            phase,
+            owner: owned.then_some(connection),
+            epoch: Epoch(epoch),
+            accepted: Sequence(accepted),
+            tick: Tick(tick),
+            misses: u8::from(running && history & 1 == 1),
+            history,
+            waited: if phase == Phase::Handshake { waited } else { 0 },
+            rearm_released: released && phase == Phase::Fault,
+        }
+    }
 }
 
 pub(crate) fn mode() -> impl Strategy<Value = Mode> {
-    prop_oneof![Just(Mode::Submit), Just(Mode::Obtain)]
+    select(Mode::ALL)
 }
 
-pub(crate) fn fsm() -> impl Strategy<Value = FsmInput> {
-    // Each by itself is rare, or a miss would never be seen.
-    let rare = || prop::bool::weighted(0.1);
-    let ends = (rare(), rare(), rare(), rare(), rare(), rare());
-    let command = proptest::option::of((number().prop_map(Sequence), mode()));
-    let hello = proptest::option::of((connection(), number().prop_map(Epoch)));
-    let skipped = prop_oneof![6 => Just(0), 1 => 1..3_u32, 1 => any::<u32>()];
-    (ends, command, hello, skipped, any::<bool>(), any::<bool>()).prop_map(
-        |(ends, command, hello, skipped, rearm, all_zero)| {
-            let (stop, nominal_fault, framing, flood, closed, goodbye) = ends;
-            FsmInput { stop, rearm, nominal_fault, framing, flood, closed, goodbye, command, hello, skipped, all_zero }
-        },
-    )
+/// Rare, or a miss would never be seen.
+fn rare() -> impl Strategy<Value = bool> {
+    prop::bool::weighted(0.1)
+}
+
+prop_compose! {
+    pub(crate) fn fsm()(
+        stop in rare(), nominal_fault in rare(), framing in rare(), flood in rare(), closed in rare(), goodbye in rare(),
+        command in option::of((number().prop_map(Sequence), mode())),
+        hello in option::of((connection(), number().prop_map(Epoch))),
+        skipped in prop_oneof![6 => Just(0), 1 => 1..3_u32, 1 => any::<u32>()],
+        (rearm, all_zero) in any::<(bool, bool)>(),
+    ) -> FsmInput {
+        FsmInput { stop, rearm, nominal_fault, framing, flood, closed, goodbye, command, hello, skipped, all_zero }
+    }
 }
 
 pub(crate) fn offsets() -> impl Strategy<Value = Offsets> {
@@ -147,7 +164,7 @@ pub(crate) fn offsets() -> impl Strategy<Value = Offsets> {
 }
 
 pub(crate) fn command<const N: usize>() -> impl Strategy<Value = Command<N>> {
-    let targets = proptest::array::uniform::<_, N>(offsets());
+    let targets = uniform::<_, N>(offsets());
     (number(), number(), number(), mode(), targets).prop_map(|(epoch, sequence, echo, mode, targets)| Command {
         epoch: Epoch(epoch),
         sequence: Sequence(sequence),
@@ -173,25 +190,27 @@ pub(crate) fn event<const N: usize>() -> impl Strategy<Value = Event<N>> {
     ]
 }
 
+/// An axis whose channels and shadow are within their limits.
+fn axis_within(limits: AxisLimits, nominal: impl Strategy<Value = i64>) -> impl Strategy<Value = Axis> {
+    (axis_channels(limits), axis_channels(limits), nominal.prop_map(PositionNm))
+        .prop_map(|(channels, shadow, nominal)| Axis { channels, shadow, nominal })
+}
+
 /// A session in any valid state.
 pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
     config::<N>().prop_flat_map(|config| {
         let discrete = discrete(config.parameters().handshake_ticks);
-        let axes = config.parameters().axes.map(|axis| {
-            let nominal = (-2_000..2_000_i64).prop_map(PositionNm);
-            (axis_channels(axis.limits), axis_channels(axis.limits), nominal)
-        });
+        let axes = config.parameters().axes.map(|axis| axis_within(axis.limits, -2_000..2_000_i64));
         let flags = (any::<bool>(), prop::bool::weighted(0.2));
-        (discrete, Vec::from(axes), flags).prop_map(move |(discrete, axes, (late, withheld))| {
+        (discrete, axes, flags).prop_map(move |(discrete, axes, (late, withheld))| {
             let resting = matches!(discrete.phase, Phase::Listening | Phase::Handshake | Phase::Submit);
-            let mut axes = axes.into_iter().map(|(channels, shadow, nominal)| Axis {
-                channels: if resting { AxisChannels::ZERO } else { channels },
-                shadow: if discrete.phase == Phase::Submit { shadow } else { AxisChannels::ZERO },
-                nominal,
-            });
             let parts = Parts {
                 discrete,
-                axes: std::array::from_fn(|_| axes.next().unwrap()),
+                axes: axes.map(|axis| Axis {
+                    channels: if resting { AxisChannels::ZERO } else { axis.channels },
+                    shadow: if discrete.phase == Phase::Submit { axis.shadow } else { AxisChannels::ZERO },
+                    ..axis
+                }),
                 withheld: withheld && matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault),
                 cause: Cause::None,
                 late,
@@ -202,16 +221,12 @@ pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
     })
 }
 
-pub(crate) fn in_force() -> impl Strategy<Value = InForce> {
-    let at_zero = prop_oneof![Just(Offsets::ZERO), offsets()];
-    (-2_000..2_000_i64, at_zero).prop_map(|(nominal, offsets)| InForce { nominal: PositionNm(nominal), offsets })
-}
-
 pub(crate) fn last_write<const N: usize>() -> impl Strategy<Value = LastWrite<N>> {
+    let in_force = (-2_000..2_000_i64, prop_oneof![Just(Offsets::ZERO), offsets()])
+        .prop_map(|(nominal, offsets)| InForce { nominal: PositionNm(nominal), offsets });
     prop_oneof![
         8 => Just(LastWrite::Accepted),
-        2 => proptest::array::uniform::<_, N>(in_force())
-            .prop_map(|in_force| LastWrite::Refused { in_force }),
+        2 => uniform::<_, N>(in_force).prop_map(|in_force| LastWrite::Refused { in_force }),
         1 => Just(LastWrite::Unknown),
     ]
 }
@@ -222,9 +237,9 @@ pub(crate) fn epochs() -> impl Strategy<Value = EpochRange> {
 
 pub(crate) fn tick_input<const N: usize>() -> impl Strategy<Value = TickInput<N>> {
     let nominal = prop_oneof![8 => -2_000..2_000_i64, 1 => any::<i64>()].prop_map(PositionNm);
-    let nominal = proptest::array::uniform::<_, N>(nominal);
+    let nominal = uniform::<_, N>(nominal);
     let elapsed = prop_oneof![8 => Just(1), 1 => 0..4_u32, 1 => any::<u32>()];
-    let flags = (prop::bool::weighted(0.1), any::<bool>());
+    let flags = (rare(), any::<bool>());
     (nominal, elapsed, flags, last_write()).prop_map(|(nominal, elapsed_cycles, (stop, rearm), last_write)| TickInput {
         elapsed_cycles,
         nominal,
@@ -236,40 +251,25 @@ pub(crate) fn tick_input<const N: usize>() -> impl Strategy<Value = TickInput<N>
     })
 }
 
-pub(crate) fn reference() -> impl Strategy<Value = Reference> {
-    (any::<i64>(), offsets()).prop_map(|(position, offsets)| Reference {
-        position: PositionNm(position),
-        velocity_offset: offsets.velocity,
-        torque_offset: offsets.torque,
-    })
+prop_compose! {
+    pub(crate) fn reference()(position: i64, Offsets { velocity, torque, .. } in offsets()) -> Reference {
+        Reference { position: PositionNm(position), velocity_offset: velocity, torque_offset: torque }
+    }
 }
 
 /// An axis with its configuration.
 pub(crate) fn axis() -> impl Strategy<Value = (AxisConfig, Axis)> {
-    axis_config().prop_flat_map(|config| {
-        let channels = (axis_channels(config.limits), axis_channels(config.limits));
-        (channels, any::<i64>()).prop_map(move |((channels, shadow), nominal)| {
-            let nominal = PositionNm(nominal);
-            (config, Axis { channels, shadow, nominal })
-        })
-    })
+    axis_config().prop_flat_map(|config| (Just(config), axis_within(config.limits, any::<i64>())))
 }
 
 fn action() -> impl Strategy<Value = Action> {
-    let all = [Action::Hold, Action::Follow, Action::FollowZero, Action::Ramp];
-    select(all.to_vec())
+    select(vec![Action::Hold, Action::Follow, Action::FollowZero, Action::Ramp])
 }
 
-pub(crate) fn axis_command() -> impl Strategy<Value = AxisCommand> {
-    let shadow = proptest::option::of(action());
-    (action(), shadow, offsets(), any::<i64>(), any::<bool>()).prop_map(
-        |(action, shadow, target, nominal, nominal_stepped)| AxisCommand {
-            action,
-            shadow,
-            target,
-            nominal: PositionNm(nominal),
-            nominal_stepped,
-            actual: Actual::ZERO,
-        },
-    )
+prop_compose! {
+    pub(crate) fn axis_command()(
+        action in action(), shadow in option::of(action()), target in offsets(), nominal: i64, nominal_stepped: bool,
+    ) -> AxisCommand {
+        AxisCommand { action, shadow, target, nominal: PositionNm(nominal), nominal_stepped, actual: Actual::ZERO }
+    }
 }
