@@ -19,7 +19,7 @@ use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
-use gantry_tau_core::control::message::{Capabilities, Cause, ClientMessage, Hello, Phase};
+use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::EpochRange;
 use serde::Serialize;
@@ -266,7 +266,7 @@ impl Soak {
     /// One client from its Hello to the server's listening again; its end must have a reason.
     fn session(&mut self, address: SocketAddr, slow: bool, ended: &Receiver<Ended>) {
         let began = Instant::now();
-        let mut client = Client::new(&mut self.noise);
+        let mut client = Client::new(Transport::Stream, &mut self.noise);
         // A relay whose server has no room closes at once.
         let peer = live(address, &mut client, began, &mut self.noise);
         self.connections += 1;
@@ -312,7 +312,7 @@ fn live(address: SocketAddr, client: &mut Client<N>, began: Instant, noise: &mut
     stream.set_write_timeout(Some(Duration::from_millis(200))).unwrap();
     let own = stream.local_addr().unwrap();
     let mut buffer = [0; 4_096];
-    let mut alive = stream.write_all(&encode_client(&hello::<N>())).is_ok();
+    let mut alive = stream.write_all(&client.hello()).is_ok();
     while alive && !client.gone {
         let heard = match stream.read(&mut buffer) {
             Ok(0) => break,
@@ -320,7 +320,7 @@ fn live(address: SocketAddr, client: &mut Client<N>, began: Instant, noise: &mut
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => Vec::new(),
             Err(_) => break,
         };
-        let said = client.live(began.elapsed(), &heard, Transport::Stream, noise);
+        let said = client.live(began.elapsed(), &heard, noise);
         alive = said.iter().all(|bytes| stream.write_all(bytes).is_ok());
     }
     // A write that fails or takes too long is a reason to leave.
@@ -339,10 +339,9 @@ fn others(address: SocketAddr, quit: &Arc<AtomicBool>) -> JoinHandle<u64> {
                 continue;
             };
             count += 1;
-            let wrong = ClientMessage::<N>::Hello(Hello { axes: 5, capabilities: Capabilities::NONE });
             // The server may have closed already.
             let _ = match noise.below(3) {
-                0 => stream.write_all(&encode_client(&wrong)),
+                0 => stream.write_all(&encode_client(&hello::<5>())),
                 1 => stream.write_all(&noise.bytes(100)),
                 _ => Ok(()),
             };

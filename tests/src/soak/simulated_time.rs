@@ -13,7 +13,7 @@ use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{Cause, ClientMessage, Phase, State};
 use gantry_tau_core::control::session::config::{Config, MissBudget, Parameters};
 use gantry_tau_core::control::session::{Connection, OWNER_FRAMES, Session, Start, TickInput};
-use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client, encode_client};
+use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client};
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm};
 
 use super::Summary;
@@ -21,7 +21,7 @@ use super::audit::{Audit, Seen, is_live};
 use super::cause_attribution::Evidence;
 use super::client::Client;
 use super::links::{KINDS, is_slow, plan};
-use crate::client::{Noise, hello};
+use crate::client::Noise;
 use crate::server_fixture::{NOMINAL_STEP_NM, on_time, parameters};
 
 const MS: Duration = Duration::from_millis(1);
@@ -248,7 +248,8 @@ impl<const N: usize> Link<N> {
         opened: Duration,
         noise: &mut Noise,
     ) -> Self {
-        let client = Client::new(noise);
+        let mut client = Client::new(transport, noise);
+        let hello = client.hello();
         Self {
             connection,
             transport,
@@ -257,7 +258,7 @@ impl<const N: usize> Link<N> {
             up: FaultInjector::new(plan, transport, number, Direction::Up),
             down: FaultInjector::new(plan, transport, number, Direction::Down),
             client,
-            waiting: VecDeque::from([encode_client(&hello::<N>()).to_vec()]),
+            waiting: VecDeque::from([hello]),
             tap: Tap::default(),
             server_closed: false,
             over: false,
@@ -277,16 +278,13 @@ impl<const N: usize> Link<N> {
     /// The client's half of a tick.
     fn live(&mut self, now: Duration, noise: &mut Noise) {
         let age = now - self.opened;
-        let mut heard = Vec::new();
-        while let Some(bytes) = self.down.pop(age) {
-            heard.push(bytes);
-        }
+        let heard: Vec<_> = std::iter::from_fn(|| self.down.pop(age)).collect();
         let closed = self.server_closed
             && self.transport == Transport::Stream
             && self.down.next_due().is_none()
             && !self.down.is_silent();
         if !self.client.gone {
-            let said = self.client.live(age, &heard, self.transport, noise);
+            let said = self.client.live(age, &heard, noise);
             self.waiting.extend(said);
             self.client.gone |= closed;
         }

@@ -121,27 +121,14 @@ fn random_bytes_end_the_session_even_after_a_good_frame() {
 }
 
 #[test]
-fn a_ninth_frame_in_a_tick_ends_the_session_in_that_tick() {
-    let mut session = SessionFixture::obtained(AT);
-    let mut bytes = Vec::new();
-    for _ in 0..9 {
-        bytes.extend(session.client.frame(Mode::Obtain, AT));
-    }
-    assert_eq!(session.deliver(&bytes), 8);
-    session.server.assert_disconnect(AT, Cause::Flood);
-    session.client.assert_closed();
-}
-
-#[test]
 fn a_ninth_frame_counts_across_visits_to_the_socket() {
     let mut session = SessionFixture::obtained(AT);
     for count in 1..=8 {
-        let frame = session.client.frame(Mode::Obtain, AT);
-        assert_eq!(session.deliver(&frame), count);
+        assert_eq!(session.deliver_answer(AT), count);
     }
-    let frame = session.client.frame(Mode::Obtain, AT);
-    assert_eq!(session.deliver(&frame), 8);
+    assert_eq!(session.deliver_answer(AT), 8);
     session.server.assert_disconnect(AT, Cause::Flood);
+    session.client.assert_closed();
 }
 
 #[test]
