@@ -105,15 +105,6 @@ impl<const N: usize> SessionFixture<N> {
         self.tick()
     }
 
-    /// The owner answers behind `frames` others of this tick; one tick.
-    pub fn answer_after(&mut self, frames: u8, positions: [i32; N]) -> Row<N> {
-        assert_eq!(self.deliver_answer(positions), frames + 1);
-        let row = self.tick();
-        assert_eq!(row.state.phase, Phase::Obtain);
-        assert_eq!(self.server.bus.positions(), positions);
-        row
-    }
-
     /// The owner asks for the same offsets on every axis; one tick.
     pub fn answer_all(&mut self, mode: Mode, target: Offsets) -> Row<N> {
         let mut command = self.client.command(mode, [0; N]);

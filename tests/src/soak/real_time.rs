@@ -25,7 +25,7 @@ use gantry_tau_core::units::EpochRange;
 use serde::Serialize;
 
 use super::Summary;
-use super::audit::{Audit, Seen, is_live};
+use super::audit::{Audit, Seen};
 use super::cause_attribution::Evidence;
 use super::client::Client;
 use super::links::{KINDS, is_slow, plan};
@@ -131,13 +131,9 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
     let others = others.join().unwrap();
     drop(relays);
     assert_eq!(server.quit().unwrap(), 0, "rows lost before the observer");
-    let (audit, seen) = observer.join().unwrap();
-    let mut summary = soak.summary;
-    summary.measured(&audit);
-    (summary.ticks, summary.sessions) = (seen.ticks, seen.sessions);
-    (summary.obtained, summary.refused) = (seen.obtained, seen.refused);
+    let Summary { ends, faults, frames, machine_late, .. } = soak.summary;
     let minutes = Minutes {
-        summary,
+        summary: Summary { ends, faults, frames, machine_late, ..observer.join().unwrap() },
         connections: soak.connections,
         others,
         before,
@@ -211,45 +207,40 @@ fn observe(
     controls: &Arc<Controls>,
     watch: &Arc<Watch>,
     ends: Sender<End>,
-) -> JoinHandle<(Audit<N>, Summary)> {
+) -> JoinHandle<Summary> {
     let (controls, watch) = (Arc::clone(controls), Arc::clone(watch));
     std::thread::spawn(move || {
-        let mut seen = Summary::default();
-        let (mut before, mut skipped) = (Phase::Listening, false);
+        let mut skipped = false;
         loop {
             let row: Row<N> = match rows.pop() {
                 Ok(row) => row,
-                Err(_) if rows.is_abandoned() && rows.is_empty() => return (audit, seen),
+                Err(_) if rows.is_abandoned() && rows.is_empty() => return audit.summary,
                 Err(_) => {
                     std::thread::sleep(Duration::from_millis(1));
                     continue;
                 }
             };
-            audit.see(&Seen {
+            let ended = audit.see(&Seen {
                 state: &row.state,
                 references: &row.references,
                 welcomed: row.welcomed,
                 ended: row.ended,
                 elapsed: row.elapsed,
             });
-            let phase = row.state.phase;
-            if let (Some(cause), true) = (row.ended, is_live(before)) {
+            if let Some(cause) = ended {
                 let skipped = skipped || row.elapsed > 1;
                 let at = Instant::now();
                 // At the server's own end the receiver has gone.
                 let _ = ends.send(End { cause, at, skipped });
             }
-            if phase == Phase::Fault {
+            if row.state.phase == Phase::Fault {
                 controls.release_and_rearm();
             }
-            let listening = phase == Phase::Listening;
+            let listening = row.state.phase == Phase::Listening;
             watch.listening.store(listening, Ordering::Release);
             watch.ticks.fetch_add(1, Ordering::Release);
-            seen.ticks += 1;
-            seen.sessions += u64::from(row.welcomed);
-            seen.refused += u64::from(row.refused);
-            seen.obtained += u64::from(phase == Phase::Obtain && before == Phase::Submit);
-            (before, skipped) = (phase, row.elapsed > 1);
+            audit.summary.refused += u64::from(row.refused);
+            skipped = row.elapsed > 1;
         }
     })
 }

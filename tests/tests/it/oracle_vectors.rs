@@ -13,27 +13,37 @@ use serde_json::Value;
 /// One case of the vectors.
 struct Case(Value);
 
-fn vectors() -> Value {
+pub(crate) fn vectors() -> Value {
     serde_json::from_str(include_str!("../../data/tau_vectors.json")).unwrap()
 }
 
-fn numbers<const K: usize>(value: &Value) -> [f64; K] {
-    fn flatten(value: &Value, into: &mut Vec<f64>) {
-        match value.as_array() {
-            Some(list) => list.iter().for_each(|entry| flatten(entry, into)),
-            None => into.push(value.as_f64().unwrap()),
-        }
+/// A machine of the vectors as `solve` takes it in a request, and its cases.
+pub(crate) fn machine(model: &str) -> (Value, Vec<Value>) {
+    let vectors = vectors();
+    let mut robot = vectors[model].clone();
+    let cases = robot["cases"].take().as_array().unwrap().clone();
+    assert_eq!(cases.len(), 10);
+    robot.as_object_mut().unwrap().remove("cases");
+    robot["model"] = model.into();
+    robot["c_link"] = vectors["c_link"].clone();
+    (robot, cases)
+}
+
+/// The numbers of nested arrays, in their order.
+pub(crate) fn flatten(value: &Value) -> Vec<f64> {
+    match value.as_array() {
+        Some(list) => list.iter().flat_map(flatten).collect(),
+        None => vec![value.as_f64().unwrap()],
     }
-    let mut numbers = Vec::new();
-    flatten(value, &mut numbers);
-    numbers.try_into().unwrap()
+}
+
+fn numbers<const K: usize>(value: &Value) -> [f64; K] {
+    flatten(value).try_into().unwrap()
 }
 
 impl Case {
     fn all(model: &str) -> Vec<Self> {
-        let cases = vectors()[model]["cases"].as_array().unwrap().clone();
-        assert_eq!(cases.len(), 10);
-        cases.into_iter().map(Self).collect()
+        machine(model).1.into_iter().map(Self).collect()
     }
 
     /// The numbers of a field, a matrix by rows.
@@ -55,8 +65,9 @@ impl Case {
 }
 
 /// Largest difference over largest magnitude of the reference.
-fn close(ours: &[f64], reference: &[f64], tolerance: f64, what: &str) {
+pub(crate) fn close(ours: &[f64], reference: &[f64], tolerance: f64, what: &str) {
     let magnitude = reference.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    assert_eq!(ours.len(), reference.len(), "{what}");
     for (a, b) in ours.iter().zip(reference) {
         assert!((a - b).abs() <= tolerance * magnitude, "{what}: {ours:?} {reference:?}");
     }

@@ -1,20 +1,12 @@
 //! The inside of frames: duplicated, reordered, of another session, out of range, nonsense. Each costs its frame and no more.
 
 use gantry_tau_core::control::message::{Cause, ClientMessage, Command, Counters, Mode, Phase};
-use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::Epoch;
-use gantry_tau_tests::client::{Noise, crc32, enclose};
+use gantry_tau_tests::client::{Noise, enclose};
 use gantry_tau_tests::server_fixture::MAX_NM;
 use gantry_tau_tests::session_fixture::{SessionFixture, offsets};
 
 use super::AT;
-
-#[test]
-fn the_helpers_checksum_is_the_specified_one() {
-    assert_eq!(crc32(b"123456789"), 0xcbf4_3926);
-    let goodbye = encode_client(&ClientMessage::<3>::Goodbye(Epoch(7)));
-    assert_eq!(enclose(1, 5, &7_u64.to_le_bytes()), goodbye[..]);
-}
 
 #[test]
 fn a_command_that_is_no_fresh_answer_is_a_miss() {

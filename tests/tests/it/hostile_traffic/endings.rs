@@ -66,17 +66,6 @@ fn a_frozen_client_at_full_offset_is_ramped_whether_or_not_its_buffers_fill() {
 }
 
 #[test]
-fn one_in_two_loss_lives_and_two_in_three_does_not() {
-    let mut session = SessionFixture::obtained(AT);
-    for _ in 0..100 {
-        session.assert_held();
-        session.answer(Mode::Obtain, AT);
-    }
-    session.assert_held();
-    let _ = session.assert_disconnect(AT, Cause::ClientLate);
-}
-
-#[test]
 fn a_client_that_never_reads_is_closed_and_ramped_in_the_next_tick() {
     let mut session = narrow().obtain(AT);
     let mut ticks = 0;
