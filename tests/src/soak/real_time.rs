@@ -157,8 +157,9 @@ impl Minutes {
             let sanitized = std::env::var_os("GANTRY_TAU_SANITIZED").is_some();
             assert!(sanitized || late.memory_kib <= most, "memory leaks: {self:?}");
         }
+        // Fewer where a test beside this one has ended meanwhile.
         let files = |footprint: Option<Footprint>| footprint.map(|footprint| footprint.files);
-        assert_eq!(files(self.before), files(self.after), "{self:?}");
+        assert!(files(self.after) <= files(self.before), "{self:?}");
     }
 }
 

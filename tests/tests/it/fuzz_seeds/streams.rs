@@ -13,7 +13,7 @@ use gantry_tau_tests::server_fixture::{on_time, parameters};
 use super::Seed;
 
 /// The worked example of `wire.md`, or the same for so many axes.
-fn command<const N: usize>(sequence: u64) -> Vec<u8> {
+pub(crate) fn command<const N: usize>(sequence: u64) -> Vec<u8> {
     let positions = [-100_000, 2_500, 0, 1, -1, i32::MAX];
     let command = Command::<N> {
         epoch: Epoch(7),

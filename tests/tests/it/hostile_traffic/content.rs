@@ -10,8 +10,8 @@ use super::AT;
 
 #[test]
 fn a_command_that_is_no_fresh_answer_is_a_miss() {
-    type Change = fn(&mut Command<3>);
-    let cases: [(&str, Change, fn(&Counters) -> u32); 18] = [
+    type Case = (&'static str, fn(&mut Command<3>), fn(&Counters) -> u32);
+    let cases: [Case; 18] = [
         ("of the last sequence", |c| c.sequence.0 -= 1, |n| n.duplicate),
         ("overtaken", |c| c.sequence.0 -= 2, |n| n.late),
         ("65 537 ahead", |c| c.sequence.0 += 65_536, |n| n.stale),
