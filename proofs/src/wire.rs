@@ -252,7 +252,8 @@ pub fn sealed(version: u8, kind: u8, body: &[u8]) -> Vec<u8> {
 }
 
 /// CRC-32/ISO-HDLC, bit by bit.
-fn crc_32(bytes: &[u8]) -> u32 {
+#[must_use]
+pub fn crc_32(bytes: &[u8]) -> u32 {
     let mut register = u32::MAX;
     for byte in bytes {
         register ^= u32::from(*byte);

@@ -1,23 +1,28 @@
 //! A client that speaks frames, and any other bytes, over a real socket.
 
 use std::io::{ErrorKind, Read, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::mem::MaybeUninit;
+use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::time::Duration;
 
 use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{
     Capabilities, ClientMessage, Command, Hello, Mode, Refusal, ServerMessage, State, Welcome,
 };
-use gantry_tau_core::control::wire::{Deframer, Feed, decode_server, encode_client};
+use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_server, encode_client};
 use gantry_tau_core::units::{Epoch, OffsetNm, Sequence, Tick};
-use socket2::{Domain, SockRef, Socket, Type};
+use socket2::{Domain, Socket, Type};
+
+pub use gantry_tau_proofs::wire::{crc_32 as crc32, sealed as enclose};
 
 use crate::DEADLINE;
 
 /// One connection, and what a well-behaved client would remember of it.
 #[derive(Debug)]
 pub struct Client<const N: usize> {
-    stream: TcpStream,
+    socket: Socket,
+    transport: Transport,
     deframer: Deframer,
     unread: Vec<u8>,
     /// Epoch of the session.
@@ -32,7 +37,9 @@ impl<const N: usize> Client<N> {
     /// Connects.
     #[must_use]
     pub fn connect(address: SocketAddr) -> Self {
-        Self::over(TcpStream::connect_timeout(&address, DEADLINE).unwrap())
+        let socket = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
+        socket.connect_timeout(&address.into(), DEADLINE).unwrap();
+        Self::over(socket, Transport::Stream)
     }
 
     /// Connects with the smallest receive buffer there is.
@@ -41,19 +48,33 @@ impl<const N: usize> Client<N> {
         let socket = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
         socket.set_recv_buffer_size(1).unwrap();
         socket.connect(&address.into()).unwrap();
-        Self::over(socket.into())
+        Self::over(socket, Transport::Stream)
     }
 
-    fn over(stream: TcpStream) -> Self {
-        stream.set_nodelay(true).unwrap();
-        stream.set_read_timeout(Some(DEADLINE)).unwrap();
-        stream.set_write_timeout(Some(DEADLINE)).unwrap();
-        Self { stream, deframer: Deframer::new(), unread: Vec::new(), epoch: Epoch(0), sequence: 0, tick: Tick(0) }
+    /// Takes a UDP port; sends to this address, and hears it only.
+    #[must_use]
+    pub fn over_datagrams(address: SocketAddr) -> Self {
+        let socket = Socket::new(Domain::IPV4, Type::DGRAM, None).unwrap();
+        socket.connect(&address.into()).unwrap();
+        Self::over(socket, Transport::Datagram)
     }
 
-    /// Sends bytes, whatever they are.
+    fn over(socket: Socket, transport: Transport) -> Self {
+        if transport == Transport::Stream {
+            socket.set_tcp_nodelay(true).unwrap();
+        }
+        socket.set_read_timeout(Some(DEADLINE)).unwrap();
+        socket.set_write_timeout(Some(DEADLINE)).unwrap();
+        let (deframer, unread) = (Deframer::new(), Vec::new());
+        Self { socket, transport, deframer, unread, epoch: Epoch(0), sequence: 0, tick: Tick(0) }
+    }
+
+    /// Sends bytes, whatever they are; over datagrams in one.
     pub fn send_bytes(&mut self, bytes: &[u8]) {
-        self.stream.write_all(bytes).unwrap();
+        match self.transport {
+            Transport::Stream => self.socket.write_all(bytes).unwrap(),
+            Transport::Datagram => assert_eq!(self.socket.send(bytes).unwrap(), bytes.len()),
+        }
     }
 
     /// Sends one message.
@@ -91,8 +112,10 @@ impl<const N: usize> Client<N> {
                 Feed::Frame { frame, consumed } => {
                     let message = decode_server(&frame).unwrap();
                     self.unread.drain(..consumed);
-                    if let ServerMessage::State(state) = message {
-                        self.tick = state.tick;
+                    match message {
+                        ServerMessage::Welcome(welcome) => self.epoch = welcome.epoch,
+                        ServerMessage::State(state) => self.tick = state.tick,
+                        ServerMessage::Refusal(_) => {}
                     }
                     return Some(message);
                 }
@@ -100,7 +123,11 @@ impl<const N: usize> Client<N> {
                 Feed::Broken(error) => panic!("the server sent no frame: {error}"),
             }
             let mut chunk = [0; 4_096];
-            match self.stream.read(&mut chunk) {
+            match self.socket.read(&mut chunk) {
+                Ok(count) if self.transport == Transport::Datagram => {
+                    assert!(Frame::parse(&chunk[..count]).is_ok(), "a datagram is one frame");
+                    self.unread.extend(&chunk[..count]);
+                }
                 Ok(0) => {
                     assert!(self.deframer.is_at_boundary(), "closed within a frame");
                     return None;
@@ -123,10 +150,7 @@ impl<const N: usize> Client<N> {
     /// The Welcome that comes next; from here on the client knows its epoch.
     pub fn welcome(&mut self) -> Welcome<N> {
         match self.receive() {
-            Some(ServerMessage::Welcome(welcome)) => {
-                self.epoch = welcome.epoch;
-                welcome
-            }
+            Some(ServerMessage::Welcome(welcome)) => welcome,
             other => panic!("not a Welcome: {other:?}"),
         }
     }
@@ -151,26 +175,26 @@ impl<const N: usize> Client<N> {
     /// Nothing has come, and the connection is still open. Only what has arrived by now can be seen.
     #[must_use]
     pub fn is_quiet(&mut self) -> bool {
-        self.stream.set_nonblocking(true).unwrap();
-        let seen = self.stream.peek(&mut [0]);
-        self.stream.set_nonblocking(false).unwrap();
+        self.socket.set_nonblocking(true).unwrap();
+        let seen = self.socket.peek(&mut [MaybeUninit::uninit()]);
+        self.socket.set_nonblocking(false).unwrap();
         matches!(seen, Err(error) if error.kind() == ErrorKind::WouldBlock)
     }
 
     /// Another handle of the same stream, for a thread that only writes.
     #[must_use]
     pub fn writer(&self) -> TcpStream {
-        self.stream.try_clone().unwrap()
+        self.socket.try_clone().unwrap().into()
     }
 
     /// Says that it will send no more, and keeps reading.
     pub fn close_half(&self) {
-        self.stream.shutdown(std::net::Shutdown::Write).unwrap();
+        self.socket.shutdown(Shutdown::Write).unwrap();
     }
 
     /// Resets the connection: no goodbye, not even TCP's.
     pub fn reset(self) {
-        SockRef::from(&self.stream).set_linger(Some(Duration::ZERO)).unwrap();
+        self.socket.set_linger(Some(Duration::ZERO)).unwrap();
     }
 }
 
@@ -178,24 +202,6 @@ impl<const N: usize> Client<N> {
 #[must_use]
 pub fn hello<const N: usize>() -> ClientMessage<N> {
     ClientMessage::Hello(Hello { axes: N.try_into().unwrap(), capabilities: Capabilities::NONE })
-}
-
-/// Any body of any kind in a frame with the right checksum, made without the core's encoder.
-#[must_use]
-pub fn enclose(version: u8, kind: u8, body: &[u8]) -> Vec<u8> {
-    let length = u16::try_from(body.len()).unwrap().to_le_bytes();
-    let mut frame = vec![b'G', b'T', version, kind, length[0], length[1]];
-    frame.extend(body);
-    frame.extend(crc32(&frame).to_le_bytes());
-    frame
-}
-
-/// CRC-32/ISO-HDLC, bit by bit.
-#[must_use]
-pub fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0, |crc, byte| {
-        (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & 0_u32.wrapping_sub(crc & 1)))
-    })
 }
 
 /// Seeded bytes, the same on every machine (xorshift64*).

@@ -11,13 +11,14 @@ use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::{MotorMap, Transport};
-use gantry_tau_core::control::message::{AxisLimits, Phase};
+use gantry_tau_core::control::message::{AxisLimits, Cause, Phase, Refusal};
 use gantry_tau_core::control::session::Input;
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::units::{EpochRange, PositionNm};
 use gantry_tau_core::verification::control::Internals;
 use gantry_tau_core::{InForce, Monitor, Offsets, TickInput};
 
+use crate::client::Client;
 use crate::fake_plant::Bus;
 use crate::wait_for;
 
@@ -201,6 +202,30 @@ impl<const N: usize> ServerFixture<N> {
         });
     }
 
+    /// Takes in what arrives and steps, tick by tick, until a tick is as wanted.
+    pub fn step_until(&mut self, what: &str, mut wanted: impl FnMut(&Row<N>) -> bool) -> Row<N> {
+        let mut last = None;
+        wait_for(what, || {
+            self.receive();
+            let row = self.step();
+            let is_wanted = wanted(&row);
+            last = Some(row);
+            is_wanted
+        });
+        last.unwrap()
+    }
+
+    /// A newcomer sends bytes; the server goes on until it has been told something, which must be a refusal.
+    pub fn refusal(&mut self, bytes: &[u8]) -> Refusal {
+        let mut newcomer = Client::<N>::connect(self.address());
+        newcomer.send_bytes(bytes);
+        self.step_until("a refusal", |row| {
+            assert!(!row.welcomed);
+            !newcomer.is_quiet()
+        });
+        newcomer.refusal()
+    }
+
     /// One tick, on time.
     pub fn step(&mut self) -> Row<N> {
         self.step_with(1, Demands::default())
@@ -208,14 +233,12 @@ impl<const N: usize> ServerFixture<N> {
 
     /// One tick with the stop at the machine asserted.
     pub fn step_stopped(&mut self) -> Row<N> {
-        let stop = true;
-        self.step_with(1, Demands { stop, ..Demands::default() })
+        self.step_with(1, Demands { stop: true, ..Demands::default() })
     }
 
     /// One tick in which somebody at the machine re-arms.
     pub fn step_rearmed(&mut self) -> Row<N> {
-        let rearm = true;
-        self.step_with(1, Demands { rearm, ..Demands::default() })
+        self.step_with(1, Demands { rearm: true, ..Demands::default() })
     }
 
     /// One tick. Asserts, by what the machine was written, that the State says what the drives got, and what `control::monitor` does.
@@ -258,7 +281,7 @@ impl<const N: usize> ServerFixture<N> {
     }
 
     /// The coming ramp in SafeDisconnect, because of which `cause`; then the server listens again.
-    pub fn assert_disconnect(&mut self, from: [i32; N], cause: gantry_tau_core::control::message::Cause) {
+    pub fn assert_disconnect(&mut self, from: [i32; N], cause: Cause) {
         let rows = self.assert_ramp(from, Phase::SafeDisconnect);
         assert_eq!(rows[0].ended, Some(cause));
         assert!(rows.iter().all(|row| row.state.cause == cause && !row.welcomed));

@@ -2,13 +2,12 @@
 
 use gantry_tau::server::cycle::Row;
 use gantry_tau_core::control::axis::Offsets;
-use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase};
+use gantry_tau_core::control::message::{Cause, ClientMessage, Command, Mode, Phase};
 use gantry_tau_core::control::wire::encode_client;
-use gantry_tau_core::units::OffsetNm;
+use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
 
 use crate::client::Client;
 use crate::server_fixture::{STEP_NM, ServerFixture};
-use crate::wait_for;
 
 /// A session in progress.
 pub struct SessionFixture<const N: usize> {
@@ -19,20 +18,19 @@ pub struct SessionFixture<const N: usize> {
 }
 
 impl<const N: usize> SessionFixture<N> {
-    /// `client` says Hello, and is let in; everybody else keeps silent.
+    /// A new client says Hello, and is let in; everybody else keeps silent.
     #[must_use]
-    pub fn greeted(mut server: ServerFixture<N>, mut client: Client<N>) -> Self {
+    pub fn greeted(server: ServerFixture<N>) -> Self {
+        let client = Client::connect(server.address());
+        Self::greeted_by(client, server)
+    }
+
+    /// The same for this client.
+    #[must_use]
+    pub fn greeted_by(mut client: Client<N>, mut server: ServerFixture<N>) -> Self {
         client.say_hello();
-        let mut granted = None;
-        wait_for("the Welcome", || {
-            server.receive();
-            let row = server.step();
-            granted = row.welcomed.then_some(row);
-            row.welcomed
-        });
-        let row = granted.unwrap();
-        let welcome = client.welcome();
-        assert_eq!(welcome.epoch, row.state.epoch);
+        let row = server.step_until("the Welcome", |row| row.welcomed);
+        assert_eq!(client.welcome().epoch, row.state.epoch);
         assert_eq!(client.state(), row.state);
         assert_eq!(row.state.phase, Phase::Handshake);
         Self { server, client }
@@ -41,11 +39,14 @@ impl<const N: usize> SessionFixture<N> {
     /// A new client on a running server, in Submit.
     #[must_use]
     pub fn submitted_on(server: ServerFixture<N>) -> Self {
-        let client = Client::connect(server.address());
-        let mut session = Self::greeted(server, client);
-        let row = session.answer(Mode::Submit, [0; N]);
-        assert_eq!(row.state.phase, Phase::Submit);
-        session
+        Self::greeted(server).submit()
+    }
+
+    /// To Submit.
+    #[must_use]
+    pub fn submit(mut self) -> Self {
+        assert_eq!(self.answer(Mode::Submit, [0; N]).state.phase, Phase::Submit);
+        self
     }
 
     /// A new server and a client, in Obtain, the offsets at `positions`.
@@ -78,6 +79,18 @@ impl<const N: usize> SessionFixture<N> {
         self.deliver(&encode_client(message))
     }
 
+    /// The owner's answer to the last State, in Obtain, arrives; returns how many of its frames the coming tick has.
+    pub fn deliver_answer(&mut self, positions: [i32; N]) -> u8 {
+        self.deliver_changed(positions, |_| {})
+    }
+
+    /// The same, after a change of the command.
+    pub fn deliver_changed(&mut self, positions: [i32; N], change: impl FnOnce(&mut Command<N>)) -> u8 {
+        let mut command = self.client.command(Mode::Obtain, positions);
+        change(&mut command);
+        self.say(&ClientMessage::Command(command))
+    }
+
     /// One tick; the owner reads its State.
     pub fn tick(&mut self) -> Row<N> {
         let row = self.server.step();
@@ -90,16 +103,6 @@ impl<const N: usize> SessionFixture<N> {
         let frame = self.client.frame(mode, positions);
         assert_eq!(self.deliver(&frame), 1);
         self.tick()
-    }
-
-    /// The owner answers behind `frames` others of this tick; one tick.
-    pub fn answer_after(&mut self, frames: u8, positions: [i32; N]) -> Row<N> {
-        let frame = self.client.frame(Mode::Obtain, positions);
-        assert_eq!(self.deliver(&frame), frames + 1);
-        let row = self.tick();
-        assert_eq!(row.state.phase, Phase::Obtain);
-        assert_eq!(self.server.bus.positions(), positions);
-        row
     }
 
     /// The owner asks for the same offsets on every axis; one tick.
@@ -138,9 +141,5 @@ impl<const N: usize> SessionFixture<N> {
 /// Offsets of one axis.
 #[must_use]
 pub const fn offsets(position: i32, velocity: i32, torque: i16) -> Offsets {
-    Offsets {
-        position: OffsetNm(position),
-        velocity: gantry_tau_core::units::VelocityUmS(velocity),
-        torque: gantry_tau_core::units::TorquePermille(torque),
-    }
+    Offsets { position: OffsetNm(position), velocity: VelocityUmS(velocity), torque: TorquePermille(torque) }
 }

@@ -51,7 +51,7 @@ fn lanes_by_address() -> BTreeMap<u64, u64> {
         .collect()
 }
 
-/// Every instruction that the call of `measured_NAME` executes in this program, and how often. What it executes elsewhere (libc
+/// Every instruction that the call of this name executes in this program, and how often. What it executes elsewhere (libc
 /// copies and compares) has an address of its own object, and is under 0.
 fn executed(name: &str) -> Vec<(u64, u64)> {
     let program = std::env::current_exe().unwrap();
@@ -60,7 +60,7 @@ fn executed(name: &str) -> Vec<(u64, u64)> {
         .args(["--tool=callgrind", "--dump-instr=yes", "-q"])
         .args(["--compress-pos=no", "--compress-strings=no"])
         .arg(format!("--callgrind-out-file={}", file.display()))
-        .arg(format!("--toggle-collect=*measured_{name}*"))
+        .arg("--toggle-collect=*calls*measured*")
         .arg(&program)
         .args(["--run", name])
         .status()

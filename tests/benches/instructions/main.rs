@@ -52,11 +52,11 @@ fn main() -> ExitCode {
     report(&counts)
 }
 
-/// Instructions of the one call of `measured_NAME` in a run of this program.
+/// Instructions of the call of this name.
 fn count(name: &str) -> u64 {
     let output = Command::new("valgrind")
         .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
-        .arg(format!("--toggle-collect=*measured_{name}*"))
+        .arg("--toggle-collect=*calls*measured*")
         .arg(std::env::current_exe().unwrap())
         .args(["--run", name])
         .output()

@@ -2,7 +2,7 @@
 
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
-use gantry_tau_core::control::message::{Capabilities, ClientMessage, Command, Hello, Mode, Phase};
+use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::control::session::{BlackBox, Connection, Session, Start, TickInput};
 use gantry_tau_core::control::wire::encode_client;
@@ -15,6 +15,8 @@ use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::units::{EpochRange, Metres, OffsetNm, PositionNm, Sequence};
 use gantry_tau_core::verification::control::Internals;
 use gantry_tau_proofs::robots;
+use gantry_tau_tests::client::hello;
+use gantry_tau_tests::server_fixture;
 use nalgebra::Vector3;
 
 pub(crate) fn l2() -> (l2::Kinematics, Vector3<f64>, [f64; 3]) {
@@ -57,16 +59,15 @@ pub(crate) struct Server {
 
 impl Server {
     pub(crate) fn in_obtain() -> Self {
-        let limits = gantry_tau_tests::server_fixture::limits(2_000_000, 5_000, 10_000, 100);
+        let limits = server_fixture::limits(2_000_000, 5_000, 10_000, 100);
         let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
         let config = Config::new(Parameters::thesis([axis; 6])).unwrap();
         let session = Session::new(config, &Start::at_rest([PositionNm(0); 6])).unwrap();
         let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).unwrap();
         let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
         let connection = endpoint.open(Transport::Stream).unwrap();
-        let hello = ClientMessage::Hello(Hello { axes: 6, capabilities: Capabilities::default() });
         let mut server = Self { endpoint, black_box: Box::new(BlackBox::new()), connection, sequence: 0 };
-        server.cycle(&encode_client::<6>(&hello));
+        server.cycle(&encode_client(&hello::<6>()));
         for mode in [Mode::Submit, Mode::Obtain, Mode::Obtain] {
             let command = server.command(mode);
             server.cycle(&encode_client(&ClientMessage::Command(command)));
@@ -95,7 +96,7 @@ impl Server {
 }
 
 pub(crate) fn on_time() -> TickInput<6> {
-    gantry_tau_tests::server_fixture::on_time([PositionNm(0); 6])
+    server_fixture::on_time([PositionNm(0); 6])
 }
 
 pub(crate) fn a_command() -> (Server, Command<6>) {

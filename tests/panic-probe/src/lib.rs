@@ -31,20 +31,16 @@ fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
 /// The server side on six axes: start, open, feed, tick, poll, close, and the black box.
 #[unsafe(no_mangle)]
 pub extern "C" fn server(parameters: &Parameters<6>, start: &Start<6>, bytes: &[u8; 64], input: &TickInput<6>) -> i64 {
-    let Ok(config) = Config::new(*parameters) else {
-        return 0;
-    };
-    let Ok(session) = Session::new(config, start) else {
-        return 0;
-    };
-    let Ok(motors) = MotorMap::<6, 9>::new([0, 0, 1, 1, 2, 2, 3, 4, 5]) else {
-        return 0;
-    };
+    serve(parameters, start, bytes, input).unwrap_or(0)
+}
+
+fn serve(parameters: &Parameters<6>, start: &Start<6>, bytes: &[u8; 64], input: &TickInput<6>) -> Option<i64> {
+    let session = Session::new(Config::new(*parameters).ok()?, start).ok()?;
+    let motors = MotorMap::<6, 9>::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).ok()?;
     let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
     let mut black_box_of_ticks = BlackBox::<6, 4>::new();
-    let (Ok(stream), Ok(datagrams)) = (endpoint.open(Transport::Stream), endpoint.open(Transport::Datagram)) else {
-        return 0;
-    };
+    let stream = endpoint.open(Transport::Stream).ok()?;
+    let datagrams = endpoint.open(Transport::Datagram).ok()?;
     endpoint.feed(stream, bytes);
     endpoint.feed(datagrams, bytes);
     endpoint.close(Connection(black_box(1)));
@@ -60,7 +56,7 @@ pub extern "C" fn server(parameters: &Parameters<6>, start: &Start<6>, bytes: &[
         sum = sum.wrapping_add(i64::from(number != 0));
     }
     black_box_of_ticks.release();
-    sum
+    Some(sum)
 }
 
 /// The client's half of the protocol, and the monitor.
@@ -100,32 +96,24 @@ pub extern "C" fn client(
     nominal: &[PositionNm; 3],
     tcp_m: &Vector3<f64>,
 ) -> f64 {
-    let [a, b, c, d, e, f, x, y, z] = *compliances;
-    let Ok(robot) = l2::Robot::new(*geometry) else {
-        return 0.0;
+    let compensate = || {
+        let [a, b, c, d, e, f, x, y, z] = *compliances;
+        let robot = l2::Robot::new(*geometry).ok()?;
+        let compliances = Compliances::new([a, b, c, d, e, f], [x, y, z]).ok()?;
+        let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity()).ok()?;
+        let config = CompensatorConfig { gain, limits: [Default::default(); 3], metres_per_q: [1.0; 3] };
+        let compensator = l2::Compensator::new(&kinematics, &compliances, config).ok()?;
+        let Reading::Load(load) = ForceSensor::new(*mounting).ok()?.update(&Wrench::from_array(*raw)).ok()? else {
+            return None;
+        };
+        let inverse = kinematics.inverse(tcp_m).map_or(0.0, |q| q.iter().sum());
+        let jacobian = kinematics.jacobian(tcp_m).map_or(0.0, |j| j.sum());
+        let correction = compensator.correct(nominal, &load);
+        let exact = compensator.correct_exact_at(&Pose::at(*tcp_m), q, &load);
+        let in_q = compensator.correct_q(q, &load);
+        Some(inverse + jacobian + [correction, in_q, exact].iter().flatten().map(metres).sum::<f64>())
     };
-    let Ok(compliances) = Compliances::new([a, b, c, d, e, f], [x, y, z]) else {
-        return 0.0;
-    };
-    let Ok(kinematics) = l2::Kinematics::new(&robot, &Matrix3::identity()) else {
-        return 0.0;
-    };
-    let config = CompensatorConfig { gain, limits: [Default::default(); 3], metres_per_q: [1.0; 3] };
-    let Ok(compensator) = l2::Compensator::new(&kinematics, &compliances, config) else {
-        return 0.0;
-    };
-    let Ok(mut sensor) = ForceSensor::new(*mounting) else {
-        return 0.0;
-    };
-    let Ok(Reading::Load(load)) = sensor.update(&Wrench::from_array(*raw)) else {
-        return 0.0;
-    };
-    let inverse = kinematics.inverse(tcp_m).map_or(0.0, |q| q.iter().sum());
-    let jacobian = kinematics.jacobian(tcp_m).map_or(0.0, |j| j.sum());
-    let correction = compensator.correct(nominal, &load);
-    let exact = compensator.correct_exact_at(&Pose::at(*tcp_m), q, &load);
-    let in_q = compensator.correct_q(q, &load);
-    inverse + jacobian + [correction, in_q, exact].iter().flatten().map(metres).sum::<f64>()
+    compensate().unwrap_or(0.0)
 }
 
 /// All of a correction, so that none of it is left out.
@@ -145,43 +133,37 @@ pub extern "C" fn client_of_six(
     seed: &Pose,
     metres_per_q: &[f64; 6],
 ) -> f64 {
-    let Ok(robot) = f1::Robot::new(*geometry) else {
-        return 0.0;
+    let compensate = || {
+        let robot = f1::Robot::new(*geometry).ok()?;
+        let [links, axes] = *compliances;
+        let compliances = Compliances::new(links, axes).ok()?;
+        let kinematics = f1::Kinematics::new(&robot);
+        let synchronised = kinematics.forward_synchronised(q);
+        let mut tracker = f1::PoseTracker::new(&kinematics);
+        tracker.start_from(seed);
+        let pose = tracker.track(q).ok()?;
+        let there = kinematics.inverse(&pose.value, None).ok()?;
+        let [.., q4, q5, q6] = there.value;
+        let (place, near) = (&pose.value.position_m, &seed.rotation);
+        let fixed = kinematics.inverse_fixed_plates(place, &[q4, q5, q6], near, WARM_ITERATIONS);
+        let load = Wrench::from_array(*raw);
+        let config = CompensatorConfig { gain: 1.0, limits: [Default::default(); 6], metres_per_q: *metres_per_q };
+        let mut compensator = f1::Compensator::new(&kinematics.without_travel(), &compliances, config).ok()?;
+        let lines = kinematics.line_matrix(&pose.value, &there.value);
+        let jacobian = lines.and_then(|lines| lines.jacobian());
+        let compliance = lines.and_then(|lines| lines.compliance(&compliances));
+        let correction = compensator.correct(nominal, &load);
+        let at = compensator.correct_at(&pose.value, &there.value, &load);
+        let exact = compensator.correct_exact_at(&pose.value, &there.value, &load);
+        let sum = f64::from(robot.kinematics_checksum())
+            + synchronised.map_or(0.0, |pose| pose.position_m.sum())
+            + jacobian.map_or(0.0, |jacobian| jacobian.sum())
+            + compliance.map_or(0.0, |compliance| compliance.0.sum())
+            + fixed.map_or(0.0, |fixed| fixed.value.0.iter().sum())
+            + [correction, at, exact].iter().flatten().map(metres).sum::<f64>();
+        Some(sum)
     };
-    let [links, axes] = *compliances;
-    let Ok(compliances) = Compliances::new(links, axes) else {
-        return 0.0;
-    };
-    let kinematics = f1::Kinematics::new(&robot);
-    let synchronised = kinematics.forward_synchronised(q);
-    let mut tracker = f1::PoseTracker::new(&kinematics);
-    tracker.start_from(seed);
-    let Ok(pose) = tracker.track(q) else {
-        return 0.0;
-    };
-    let Ok(there) = kinematics.inverse(&pose.value, None) else {
-        return 0.0;
-    };
-    let [.., q4, q5, q6] = there.value;
-    let (place, near) = (&pose.value.position_m, &seed.rotation);
-    let fixed = kinematics.inverse_fixed_plates(place, &[q4, q5, q6], near, WARM_ITERATIONS);
-    let load = Wrench::from_array(*raw);
-    let config = CompensatorConfig { gain: 1.0, limits: [Default::default(); 6], metres_per_q: *metres_per_q };
-    let Ok(mut compensator) = f1::Compensator::new(&kinematics.without_travel(), &compliances, config) else {
-        return 0.0;
-    };
-    let lines = kinematics.line_matrix(&pose.value, &there.value);
-    let jacobian = lines.and_then(|lines| lines.jacobian());
-    let compliance = lines.and_then(|lines| lines.compliance(&compliances));
-    let correction = compensator.correct(nominal, &load);
-    let at = compensator.correct_at(&pose.value, &there.value, &load);
-    let exact = compensator.correct_exact_at(&pose.value, &there.value, &load);
-    f64::from(robot.kinematics_checksum())
-        + synchronised.map_or(0.0, |pose| pose.position_m.sum())
-        + jacobian.map_or(0.0, |jacobian| jacobian.sum())
-        + compliance.map_or(0.0, |compliance| compliance.0.sum())
-        + fixed.map_or(0.0, |fixed| fixed.value.0.iter().sum())
-        + [correction, at, exact].iter().flatten().map(metres).sum::<f64>()
+    compensate().unwrap_or(0.0)
 }
 
 /// The negative control: a panic that is linked.

@@ -10,6 +10,8 @@ use gantry_tau_core::control::message::{AxisLimits, Cause, Counters, Phase, Stat
 use gantry_tau_core::control::monitor::Monitor;
 use gantry_tau_core::control::session::config::Travel;
 
+use super::Summary;
+
 /// One tick, as the server gives it out.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen<'a, const N: usize> {
@@ -28,38 +30,23 @@ pub struct Seen<'a, const N: usize> {
 /// Looks at every tick; panics where one does not keep what it must.
 #[derive(Clone, Debug)]
 pub struct Audit<const N: usize> {
-    limits: [AxisLimits; N],
     monitor: Monitor<N>,
     last: Option<(State<N>, [Reference; N])>,
     accepted: u64,
     /// Farewells, and perhaps one command without effect, of a session that is over.
     beyond: u64,
-    /// See [`super::Summary`].
-    pub largest_change_nm: u64,
-    /// See [`super::Summary`].
-    pub largest_external_change_nm: u64,
+    /// What the ticks tell: their number, sessions, and changes.
+    pub summary: Summary,
 }
 
 impl<const N: usize> Audit<N> {
     /// For a server with these limits that starts with all offsets at zero.
     #[must_use]
     pub fn new(limits: [AxisLimits; N], travel: [Travel; N]) -> Self {
-        Self {
-            limits,
-            monitor: Monitor::new(limits, Some(travel)),
-            last: None,
-            accepted: 0,
-            beyond: 0,
-            largest_change_nm: 0,
-            largest_external_change_nm: 0,
-        }
-    }
-
-    /// S of the position channels, the largest of all axes, nm.
-    #[must_use]
-    pub fn external_limit_nm(&self) -> u64 {
-        let steps = self.limits.map(|axis| axis.position.step().unsigned_abs());
-        steps.into_iter().max().unwrap_or(0).into()
+        let steps = limits.map(|axis| axis.position.step().unsigned_abs());
+        let external_limit_nm = steps.into_iter().max().unwrap_or(0).into();
+        let summary = Summary { external_limit_nm, ..Summary::default() };
+        Self { monitor: Monitor::new(limits, Some(travel)), last: None, accepted: 0, beyond: 0, summary }
     }
 
     /// Received frames of the current or last session that are neither accepted nor counted as anything else:
@@ -69,9 +56,13 @@ impl<const N: usize> Audit<N> {
         self.beyond
     }
 
-    /// One tick.
-    pub fn see(&mut self, seen: &Seen<'_, N>) {
+    /// One tick. Returns the cause that ended a session in it.
+    pub fn see(&mut self, seen: &Seen<'_, N>) -> Option<Cause> {
         let state = seen.state;
+        let before = self.last.map_or(Phase::Listening, |(state, _)| state.phase);
+        self.summary.ticks += 1;
+        self.summary.sessions += u64::from(seen.welcomed);
+        self.summary.obtained += u64::from(state.phase == Phase::Obtain && before == Phase::Submit);
         let checked = self.monitor.check_tick(state, seen.references);
         assert_eq!(checked, Ok(()), "{state:?}");
         if seen.welcomed {
@@ -86,6 +77,7 @@ impl<const N: usize> Audit<N> {
             check_deadlines(&before, seen);
         }
         self.last = Some((*state, *seen.references));
+        seen.ended.filter(|_| is_live(before))
     }
 
     /// Largest changes of the references.
@@ -95,8 +87,9 @@ impl<const N: usize> Audit<N> {
             let nominal = old.nominal.0.abs_diff(new.nominal.0);
             let change = old_reference.position.0.abs_diff(new_reference.position.0);
             let external = change.saturating_sub(nominal);
-            self.largest_change_nm = self.largest_change_nm.max(change);
-            self.largest_external_change_nm = self.largest_external_change_nm.max(external);
+            let summary = &mut self.summary;
+            summary.largest_change_nm = summary.largest_change_nm.max(change);
+            summary.largest_external_change_nm = summary.largest_external_change_nm.max(external);
         }
     }
 

@@ -3,12 +3,12 @@
 use std::time::Duration;
 
 use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::client::{Client as Dialogue, ClientError, Event, Requirements};
 use gantry_tau_core::control::endpoint::Transport;
-use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Phase, Refusal, ServerMessage, State};
-use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_server, encode_client};
-use gantry_tau_core::units::{Epoch, OffsetNm, Sequence, TorquePermille, VelocityUmS};
+use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Refusal};
+use gantry_tau_core::control::wire::encode_client;
+use gantry_tau_core::units::{OffsetNm, Sequence, TorquePermille, VelocityUmS};
 
-use super::audit::is_live;
 use super::cause_attribution::ClientFault;
 use crate::client::Noise;
 
@@ -19,9 +19,7 @@ const PATIENCE: Duration = Duration::from_millis(60);
 
 /// A client: answers every State, until it has had enough.
 pub(super) struct Client<const N: usize> {
-    deframer: Deframer,
-    epoch: Option<Epoch>,
-    sequence: u64,
+    dialogue: Dialogue<N>,
     /// States after which it does its deed; the first of them that it wants to obtain from.
     life: usize,
     obtain_from: usize,
@@ -35,11 +33,9 @@ pub(super) struct Client<const N: usize> {
 }
 
 impl<const N: usize> Client<N> {
-    pub(super) fn new(noise: &mut Noise) -> Self {
+    pub(super) fn new(transport: Transport, noise: &mut Noise) -> Self {
         Self {
-            deframer: Deframer::new(),
-            epoch: None,
-            sequence: 0,
+            dialogue: Dialogue::new(transport, Requirements::default()),
             life: noise.below(600),
             obtain_from: noise.below(60),
             states: 0,
@@ -50,14 +46,13 @@ impl<const N: usize> Client<N> {
         }
     }
 
+    /// Returns its first word.
+    pub(super) fn hello(&mut self) -> Vec<u8> {
+        self.dialogue.hello().expect("nothing was said before").to_vec()
+    }
+
     /// Returns its answers to the bytes it receives.
-    pub(super) fn live(
-        &mut self,
-        now: Duration,
-        heard: &[Vec<u8>],
-        transport: Transport,
-        noise: &mut Noise,
-    ) -> Vec<Vec<u8>> {
+    pub(super) fn live(&mut self, now: Duration, heard: &[Vec<u8>], noise: &mut Noise) -> Vec<Vec<u8>> {
         let mut said = Vec::new();
         let last_heard = *self.last_heard.get_or_insert(now);
         if !heard.is_empty() {
@@ -66,43 +61,26 @@ impl<const N: usize> Client<N> {
             self.leave(now);
         }
         for bytes in heard {
-            for message in self.messages(bytes, transport, now) {
-                match message {
-                    ServerMessage::Welcome(welcome) => self.epoch = Some(welcome.epoch),
-                    ServerMessage::Refusal(refusal) => {
+            let mut rest = bytes.as_slice();
+            while !rest.is_empty() && !self.gone {
+                let (consumed, event) = self.dialogue.feed(rest);
+                rest = &rest[consumed..];
+                match event {
+                    Ok(Some(Event::State(_))) => said.extend(self.answer(now, noise)),
+                    Ok(Some(Event::Refused(refusal))) => {
                         // A corrupt Hello may be of another version; its axes are behind a checksum.
                         assert!(!matches!(refusal, Refusal::Axes { .. }));
                         self.leave(now);
                     }
-                    ServerMessage::State(state) => said.extend(self.answer(&state, now, noise)),
+                    // Links say things twice.
+                    Ok(_) | Err(ClientError::OldState { .. } | ClientError::Unexpected { .. }) => {}
+                    // Links break frames, and fall silent in one direction.
+                    Err(ClientError::Frame(_) | ClientError::GoodbyeUnheard { .. }) => self.leave(now),
+                    Err(error) => panic!("the server breaks the protocol: {error}"),
                 }
             }
         }
         said
-    }
-
-    /// Returns the messages in the bytes. A broken stream is closed, a broken datagram is lost.
-    fn messages(&mut self, bytes: &[u8], transport: Transport, now: Duration) -> Vec<ServerMessage<N>> {
-        if transport == Transport::Datagram {
-            let message = Frame::parse(bytes).ok().map(|frame| decode_server(&frame));
-            return message.into_iter().flatten().collect();
-        }
-        let mut messages = Vec::new();
-        let mut rest = bytes;
-        while !rest.is_empty() {
-            match self.deframer.feed(rest) {
-                Feed::Incomplete => break,
-                Feed::Frame { frame, consumed } => {
-                    messages.extend(decode_server(&frame));
-                    rest = &rest[consumed..];
-                }
-                Feed::Broken(_) => {
-                    self.leave(now);
-                    break;
-                }
-            }
-        }
-        messages
     }
 
     /// Closes; a deed of its own, unless another one was the last.
@@ -111,21 +89,28 @@ impl<const N: usize> Client<N> {
         self.deed_done.get_or_insert((ClientFault::Close, now));
     }
 
-    fn answer(&mut self, state: &State<N>, now: Duration, noise: &mut Noise) -> Vec<Vec<u8>> {
+    /// Returns the answer to the newest State.
+    fn answer(&mut self, now: Duration, noise: &mut Noise) -> Vec<Vec<u8>> {
         self.states += 1;
-        let over = !is_live(state.phase) || self.gone;
-        let (Some(epoch), None, false) = (self.epoch, self.deed_done, over) else {
-            return Vec::new();
-        };
-        let frame = |message: ClientMessage<N>| encode_client(&message).to_vec();
-        if self.states < self.life {
-            return vec![frame(self.command(epoch, state, noise))];
+        match self.deed_done {
+            None if self.states < self.life => {
+                return self.command(noise).iter().map(frame).collect();
+            }
+            None => self.deed_done = Some((self.deed, now)),
+            // Over datagrams it is repeated.
+            Some((ClientFault::Goodbye, _)) => {}
+            Some(_) => return Vec::new(),
         }
-        self.deed_done = Some((self.deed, now));
         match self.deed {
-            ClientFault::Goodbye => vec![frame(ClientMessage::Goodbye(epoch))],
-            ClientFault::Stop => vec![frame(ClientMessage::Stop(epoch))],
-            ClientFault::Flood => (0..12).map(|_| frame(self.command(epoch, state, noise))).collect(),
+            ClientFault::Goodbye => self.dialogue.goodbye().iter().map(|frame| frame.to_vec()).collect(),
+            ClientFault::Stop => self.dialogue.stop().iter().map(|frame| frame.to_vec()).collect(),
+            ClientFault::Flood => {
+                let first = self.command(noise);
+                let all = first.iter().flat_map(|first| {
+                    (0..12).map(move |ahead| Command { sequence: Sequence(first.sequence.0 + ahead), ..*first })
+                });
+                all.map(|command| frame(&command)).collect()
+            }
             ClientFault::Garbage => vec![noise.bytes(20)],
             ClientFault::Close => {
                 self.gone = true;
@@ -135,24 +120,26 @@ impl<const N: usize> Client<N> {
         }
     }
 
-    fn command(&mut self, epoch: Epoch, state: &State<N>, noise: &mut Noise) -> ClientMessage<N> {
-        self.sequence += 1;
-        let obtains = self.states > self.obtain_from && state.phase != Phase::Handshake;
+    fn command(&mut self, noise: &mut Noise) -> Option<Command<N>> {
         let span = usize::try_from(2 * REACH_NM).unwrap();
-        let target = |noise: &mut Noise| i32::try_from(noise.below(span)).unwrap() - REACH_NM;
         let pushes = noise.below(10) == 0;
-        ClientMessage::Command(Command {
-            epoch,
-            sequence: Sequence(self.sequence),
-            echo: state.tick,
-            // Now and then back to Submit for a while.
-            mode: if obtains && self.states % 200 < 170 { Mode::Obtain } else { Mode::Submit },
-            targets: std::array::from_fn(|_| Offsets {
-                position: OffsetNm(target(noise)),
-                velocity: VelocityUmS(if pushes { 1_000 } else { 0 }),
-                // Beyond the limit now and then, never twice in a row: it costs the frame.
-                torque: TorquePermille(if self.sequence % 97 == 50 { 51 } else { 0 }),
-            }),
-        })
+        let targets = std::array::from_fn(|_| Offsets {
+            position: OffsetNm(i32::try_from(noise.below(span)).unwrap() - REACH_NM),
+            velocity: VelocityUmS(if pushes { 1_000 } else { 0 }),
+            torque: TorquePermille(0),
+        });
+        // Now and then back to Submit for a while.
+        let obtains = self.states > self.obtain_from && self.states % 200 < 170;
+        let mode = if obtains { Mode::Obtain } else { Mode::Submit };
+        let mut command = self.dialogue.answer(mode, &targets)?.command;
+        // Beyond the limit now and then, never twice in a row: it costs the frame.
+        if command.sequence.0 % 97 == 50 {
+            command.targets.iter_mut().for_each(|target| target.torque = TorquePermille(51));
+        }
+        Some(command)
     }
+}
+
+fn frame<const N: usize>(command: &Command<N>) -> Vec<u8> {
+    encode_client(&ClientMessage::Command(*command)).to_vec()
 }

@@ -64,11 +64,4 @@ impl Summary {
             *self.faults.entry(fault.to_string()).or_default() += occurrences.times;
         }
     }
-
-    /// Takes over the measurements of an audit.
-    pub fn measured<const N: usize>(&mut self, audit: &audit::Audit<N>) {
-        self.largest_change_nm = audit.largest_change_nm;
-        self.largest_external_change_nm = audit.largest_external_change_nm;
-        self.external_limit_nm = audit.external_limit_nm();
-    }
 }

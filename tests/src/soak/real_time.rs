@@ -19,13 +19,13 @@ use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
-use gantry_tau_core::control::message::{Capabilities, Cause, ClientMessage, Hello, Phase};
+use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::EpochRange;
 use serde::Serialize;
 
 use super::Summary;
-use super::audit::{Audit, Seen, is_live};
+use super::audit::{Audit, Seen};
 use super::cause_attribution::Evidence;
 use super::client::Client;
 use super::links::{KINDS, is_slow, plan};
@@ -131,13 +131,9 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
     let others = others.join().unwrap();
     drop(relays);
     assert_eq!(server.quit().unwrap(), 0, "rows lost before the observer");
-    let (audit, seen) = observer.join().unwrap();
-    let mut summary = soak.summary;
-    summary.measured(&audit);
-    (summary.ticks, summary.sessions) = (seen.ticks, seen.sessions);
-    (summary.obtained, summary.refused) = (seen.obtained, seen.refused);
+    let Summary { ends, faults, frames, machine_late, .. } = soak.summary;
     let minutes = Minutes {
-        summary,
+        summary: Summary { ends, faults, frames, machine_late, ..observer.join().unwrap() },
         connections: soak.connections,
         others,
         before,
@@ -161,8 +157,9 @@ impl Minutes {
             let sanitized = std::env::var_os("GANTRY_TAU_SANITIZED").is_some();
             assert!(sanitized || late.memory_kib <= most, "memory leaks: {self:?}");
         }
+        // Fewer where a test beside this one has ended meanwhile.
         let files = |footprint: Option<Footprint>| footprint.map(|footprint| footprint.files);
-        assert_eq!(files(self.before), files(self.after), "{self:?}");
+        assert!(files(self.after) <= files(self.before), "{self:?}");
     }
 }
 
@@ -210,45 +207,40 @@ fn observe(
     controls: &Arc<Controls>,
     watch: &Arc<Watch>,
     ends: Sender<End>,
-) -> JoinHandle<(Audit<N>, Summary)> {
+) -> JoinHandle<Summary> {
     let (controls, watch) = (Arc::clone(controls), Arc::clone(watch));
     std::thread::spawn(move || {
-        let mut seen = Summary::default();
-        let (mut before, mut skipped) = (Phase::Listening, false);
+        let mut skipped = false;
         loop {
             let row: Row<N> = match rows.pop() {
                 Ok(row) => row,
-                Err(_) if rows.is_abandoned() && rows.is_empty() => return (audit, seen),
+                Err(_) if rows.is_abandoned() && rows.is_empty() => return audit.summary,
                 Err(_) => {
                     std::thread::sleep(Duration::from_millis(1));
                     continue;
                 }
             };
-            audit.see(&Seen {
+            let ended = audit.see(&Seen {
                 state: &row.state,
                 references: &row.references,
                 welcomed: row.welcomed,
                 ended: row.ended,
                 elapsed: row.elapsed,
             });
-            let phase = row.state.phase;
-            if let (Some(cause), true) = (row.ended, is_live(before)) {
+            if let Some(cause) = ended {
                 let skipped = skipped || row.elapsed > 1;
                 let at = Instant::now();
                 // At the server's own end the receiver has gone.
                 let _ = ends.send(End { cause, at, skipped });
             }
-            if phase == Phase::Fault {
+            if row.state.phase == Phase::Fault {
                 controls.release_and_rearm();
             }
-            let listening = phase == Phase::Listening;
+            let listening = row.state.phase == Phase::Listening;
             watch.listening.store(listening, Ordering::Release);
             watch.ticks.fetch_add(1, Ordering::Release);
-            seen.ticks += 1;
-            seen.sessions += u64::from(row.welcomed);
-            seen.refused += u64::from(row.refused);
-            seen.obtained += u64::from(phase == Phase::Obtain && before == Phase::Submit);
-            (before, skipped) = (phase, row.elapsed > 1);
+            audit.summary.refused += u64::from(row.refused);
+            skipped = row.elapsed > 1;
         }
     })
 }
@@ -265,7 +257,7 @@ impl Soak {
     /// One client from its Hello to the server's listening again; its end must have a reason.
     fn session(&mut self, address: SocketAddr, slow: bool, ended: &Receiver<LinkReport>) {
         let began = Instant::now();
-        let mut client = Client::new(&mut self.noise);
+        let mut client = Client::new(Transport::Stream, &mut self.noise);
         // A relay whose server has no room closes at once.
         let peer = live(address, &mut client, began, &mut self.noise);
         self.connections += 1;
@@ -311,7 +303,7 @@ fn live(address: SocketAddr, client: &mut Client<N>, began: Instant, noise: &mut
     stream.set_write_timeout(Some(Duration::from_millis(200))).unwrap();
     let own = stream.local_addr().unwrap();
     let mut buffer = [0; 4_096];
-    let mut alive = stream.write_all(&encode_client(&hello::<N>())).is_ok();
+    let mut alive = stream.write_all(&client.hello()).is_ok();
     while alive && !client.gone {
         let heard = match stream.read(&mut buffer) {
             Ok(0) => break,
@@ -319,7 +311,7 @@ fn live(address: SocketAddr, client: &mut Client<N>, began: Instant, noise: &mut
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => Vec::new(),
             Err(_) => break,
         };
-        let said = client.live(began.elapsed(), &heard, Transport::Stream, noise);
+        let said = client.live(began.elapsed(), &heard, noise);
         alive = said.iter().all(|bytes| stream.write_all(bytes).is_ok());
     }
     // A write that fails or takes too long is a reason to leave.
@@ -338,10 +330,9 @@ fn others(address: SocketAddr, quit: &Arc<AtomicBool>) -> JoinHandle<u64> {
                 continue;
             };
             count += 1;
-            let wrong = ClientMessage::<N>::Hello(Hello { axes: 5, capabilities: Capabilities::NONE });
             // The server may have closed already.
             let _ = match noise.below(3) {
-                0 => stream.write_all(&encode_client(&wrong)),
+                0 => stream.write_all(&encode_client(&hello::<5>())),
                 1 => stream.write_all(&noise.bytes(100)),
                 _ => Ok(()),
             };

@@ -13,15 +13,15 @@ use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{Cause, ClientMessage, Phase, State};
 use gantry_tau_core::control::session::config::{Config, MissBudget, Parameters};
 use gantry_tau_core::control::session::{Connection, OWNER_FRAMES, Session, Start, TickInput};
-use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client, encode_client};
+use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client};
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm};
 
 use super::Summary;
-use super::audit::{Audit, Seen, is_live};
+use super::audit::{Audit, Seen};
 use super::cause_attribution::Evidence;
 use super::client::Client;
 use super::links::{KINDS, is_slow, plan};
-use crate::client::{Noise, hello};
+use crate::client::Noise;
 use crate::server_fixture::{NOMINAL_STEP_NM, on_time, parameters};
 
 const MS: Duration = Duration::from_millis(1);
@@ -41,13 +41,11 @@ pub fn run<const N: usize>(
         world.tick(tick);
         progress(tick);
     }
-    let World { mut summary, audit, links, .. } = world;
-    summary.measured(&audit);
+    let World { mut audit, links, .. } = world;
     for link in &links {
-        link.add_to(&mut summary);
+        link.add_to(&mut audit.summary);
     }
-    summary.ticks = ticks;
-    summary
+    audit.summary
 }
 
 struct World<const N: usize> {
@@ -58,7 +56,6 @@ struct World<const N: usize> {
     opened: u64,
     nominal: [PositionNm; N],
     skipped_before: bool,
-    summary: Summary,
 }
 
 impl<const N: usize> World<N> {
@@ -79,7 +76,6 @@ impl<const N: usize> World<N> {
             opened: 0,
             nominal,
             skipped_before: false,
-            summary: Summary::default(),
         }
     }
 
@@ -107,7 +103,7 @@ impl<const N: usize> World<N> {
         let transport = [Transport::Stream, Transport::Datagram][self.noise.below(2)];
         // Without room the host says so and closes.
         let Ok(connection) = self.endpoint.open(transport) else {
-            return self.summary.refused += 1;
+            return self.audit.summary.refused += 1;
         };
         let kind = self.noise.below(KINDS);
         let plan = plan(kind, &mut self.noise, transport);
@@ -133,7 +129,7 @@ impl<const N: usize> World<N> {
     }
 
     fn step(&mut self, now: Duration) {
-        let before = self.endpoint.session().phase();
+        let faulted = self.endpoint.session().phase() == Phase::Fault;
         let owner = self.endpoint.session().owner();
         let stopped = self.one_in(20_000);
         let jumped = self.one_in(30_000);
@@ -142,7 +138,7 @@ impl<const N: usize> World<N> {
         let input = TickInput {
             elapsed_cycles: elapsed.try_into().unwrap(),
             stop: stopped,
-            rearm: before == Phase::Fault && self.one_in(20),
+            rearm: faulted && self.one_in(20),
             ..on_time(self.nominal)
         };
         let references = self.endpoint.tick(&input).unwrap();
@@ -157,7 +153,7 @@ impl<const N: usize> World<N> {
             }
         }
         let output = self.endpoint.output().unwrap();
-        self.audit.see(&Seen {
+        let ended = self.audit.see(&Seen {
             state: &output.state,
             references: &references,
             welcomed: output.welcome.is_some(),
@@ -168,7 +164,7 @@ impl<const N: usize> World<N> {
         for link in &mut self.links {
             if owner == Some(link.connection) {
                 link.tap.check(&output.state, self.audit.beyond());
-                if let (Some(cause), true) = (output.ended, is_live(before)) {
+                if let Some(cause) = ended {
                     let evidence = Evidence {
                         at: now - link.opened,
                         up: link.up.stats(),
@@ -181,7 +177,7 @@ impl<const N: usize> World<N> {
                         jumped,
                     };
                     assert!(evidence.explains(cause), "{cause:?} without a reason: {evidence:?}");
-                    self.summary.end(cause);
+                    self.audit.summary.end(cause);
                 }
             }
             if output.welcome == Some(link.connection) {
@@ -190,10 +186,7 @@ impl<const N: usize> World<N> {
             link.tap.next_tick();
         }
         self.skipped_before = skipped;
-        self.summary.sessions += u64::from(output.welcome.is_some());
-        self.summary.refused += u64::try_from(output.refusals.len()).unwrap();
-        let obtains = output.state.phase == Phase::Obtain;
-        self.summary.obtained += u64::from(obtains && before == Phase::Submit);
+        self.audit.summary.refused += u64::try_from(output.refusals.len()).unwrap();
         self.bury();
     }
 
@@ -212,7 +205,7 @@ impl<const N: usize> World<N> {
 
     /// Links that are of no use to either end.
     fn bury(&mut self) {
-        let summary = &mut self.summary;
+        let summary = &mut self.audit.summary;
         self.links.retain(|link| {
             let keep = !(link.over || link.server_closed && link.client.gone);
             if !keep {
@@ -248,7 +241,8 @@ impl<const N: usize> Link<N> {
         opened: Duration,
         noise: &mut Noise,
     ) -> Self {
-        let client = Client::new(noise);
+        let mut client = Client::new(transport, noise);
+        let hello = client.hello();
         Self {
             connection,
             transport,
@@ -257,7 +251,7 @@ impl<const N: usize> Link<N> {
             up: FaultInjector::new(plan, transport, number, Direction::Up),
             down: FaultInjector::new(plan, transport, number, Direction::Down),
             client,
-            waiting: VecDeque::from([encode_client(&hello::<N>()).to_vec()]),
+            waiting: VecDeque::from([hello]),
             tap: Tap::default(),
             server_closed: false,
             over: false,
@@ -277,16 +271,13 @@ impl<const N: usize> Link<N> {
     /// The client's half of a tick.
     fn live(&mut self, now: Duration, noise: &mut Noise) {
         let age = now - self.opened;
-        let mut heard = Vec::new();
-        while let Some(bytes) = self.down.pop(age) {
-            heard.push(bytes);
-        }
+        let heard: Vec<_> = std::iter::from_fn(|| self.down.pop(age)).collect();
         let closed = self.server_closed
             && self.transport == Transport::Stream
             && self.down.next_due().is_none()
             && !self.down.is_silent();
         if !self.client.gone {
-            let said = self.client.live(age, &heard, self.transport, noise);
+            let said = self.client.live(age, &heard, noise);
             self.waiting.extend(said);
             self.client.gone |= closed;
         }

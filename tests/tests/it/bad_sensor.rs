@@ -22,15 +22,18 @@ use gantry_tau_core::units::EpochRange;
 const TARE: u32 = 50;
 const LOAD: [f64; 6] = [30.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
+/// A sensor's sample of each tick.
+type Lie = fn(u64) -> Option<Sample>;
+
 /// The simulated machine, with a sensor that sends what `lie` makes of each tick, in the cycle as an honest one would.
-struct Liar<F> {
+struct Liar {
     machine: SimulatedMachine<ARMS, L2_MOTORS>,
     sensor: SensorPublisher,
-    lie: F,
+    lie: Lie,
     reads: u64,
 }
 
-impl<F: Fn(u64) -> Option<Sample> + Send> Plant<ARMS, L2_MOTORS> for Liar<F> {
+impl Plant<ARMS, L2_MOTORS> for Liar {
     fn offsets_in_force(&mut self) -> Result<[Offsets; ARMS], PlantError> {
         self.machine.offsets_in_force()
     }
@@ -50,7 +53,7 @@ impl<F: Fn(u64) -> Option<Sample> + Send> Plant<ARMS, L2_MOTORS> for Liar<F> {
 }
 
 /// Runs a client whose sensor lies; returns how it ended, and whether it ever reached Obtain.
-fn session(lie: impl Fn(u64) -> Option<Sample> + Send + 'static) -> (ClientError, bool) {
+fn session(lie: Lie) -> (ClientError, bool) {
     let loopback = ([127, 0, 0, 1], 0).into();
     let mut robot = RobotFile::builtin_l2().unwrap();
     robot.sensor.tare_samples = TARE;
@@ -94,49 +97,29 @@ fn honest(tick: u64) -> Sample {
     Sample { tick, wrench: load }
 }
 
-fn assert_silent(error: &ClientError, reason: &str) {
-    assert!(matches!(error, ClientError::SensorSilent(_)), "{error}");
-    assert!(error.to_string().contains(reason), "{error}");
-    assert_eq!(error.exit_code(), 8);
-}
-
 #[test]
-fn a_sensor_that_freezes_is_left() {
-    let (error, obtained) = session(|tick| Some(honest(tick.min(2_000))));
-    assert!(obtained);
-    assert_silent(&error, "none has come for too long");
-}
-
-#[test]
-fn a_sensor_that_says_nan_is_left() {
-    let (error, obtained) = session(|tick| {
+fn a_sensor_that_lies_or_falls_silent_is_left() {
+    fn nan_later(tick: u64) -> Option<Sample> {
         let wrench = if tick > 2_000 { [f64::NAN; 6] } else { honest(tick).wrench };
         Some(Sample { tick, wrench })
-    });
-    assert!(obtained);
-    assert_silent(&error, "could not be used");
-}
-
-#[test]
-fn a_sensor_with_another_clock_is_left() {
-    let (error, obtained) = session(|tick| {
-        let tick = tick + if tick > 2_000 { 1_000_000 } else { 0 };
-        Some(honest(tick))
-    });
-    assert!(obtained);
-    assert_silent(&error, "not the server's");
-}
-
-#[test]
-fn a_sensor_that_never_speaks_gives_no_obtain() {
-    let (error, obtained) = session(|_| None);
-    assert!(!obtained);
-    assert_silent(&error, "none has come");
-}
-
-#[test]
-fn one_sample_repeated_is_no_tare() {
-    let (error, obtained) = session(|tick| Some(honest(tick.min(5))));
-    assert!(!obtained);
-    assert_silent(&error, "none has come for too long");
+    }
+    let cases: [(&str, Lie, bool, &str); 5] = [
+        ("freezes", |tick| Some(honest(tick.min(2_000))), true, "none has come for too long"),
+        ("says NaN", nan_later, true, "could not be used"),
+        (
+            "gets another clock",
+            |tick| Some(honest(if tick > 2_000 { tick + 1_000_000 } else { tick })),
+            true,
+            "not the server's",
+        ),
+        ("never speaks", |_| None, false, "none has come"),
+        ("repeats one sample", |tick| Some(honest(tick.min(5))), false, "none has come for too long"),
+    ];
+    for (case, lie, obtains, reason) in cases {
+        let (error, obtained) = session(lie);
+        assert_eq!(obtained, obtains, "{case}");
+        assert!(matches!(error, ClientError::SensorSilent(_)), "{case}: {error}");
+        assert!(error.to_string().contains(reason), "{case}: {error}");
+        assert_eq!(error.exit_code(), 8, "{case}");
+    }
 }

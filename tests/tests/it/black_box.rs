@@ -6,7 +6,6 @@ use gantry_tau::black_box::swap_channel::Receiver;
 use gantry_tau::replay::Findings;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase};
 use gantry_tau_core::control::session::LastWrite;
-use gantry_tau_tests::client::Client;
 use gantry_tau_tests::server_fixture::{NOMINAL_STEP_NM, ServerFixture};
 use gantry_tau_tests::session_fixture::SessionFixture;
 
@@ -68,12 +67,10 @@ fn a_silent_client_leaves_a_black_box() {
 #[test]
 fn a_newcomer_does_not_cost_the_evidence() {
     let (mut session, mut windows) = obtained([300; 3]);
-    let goodbye = ClientMessage::Goodbye(session.client.epoch);
-    session.say(&goodbye);
+    session.say(&ClientMessage::Goodbye(session.client.epoch));
     let server = session.assert_disconnect([300; 3], Cause::Goodbye);
     assert_nothing(&mut windows);
-    let next = Client::connect(server.address());
-    let session = SessionFixture::greeted(server, next);
+    let session = SessionFixture::greeted(server);
     let window = assert_window(&mut windows, Some(Cause::Goodbye));
     let last = &window.entries.last().unwrap().output;
     assert!(last.welcome.is_some(), "the newcomer's tick belongs to the old box");
@@ -171,8 +168,7 @@ fn what_finds_no_room_waits_until_it_must_go() {
 fn what_must_go_and_finds_no_room_is_counted() {
     let (mut server, mut windows) = ServerFixture::<3>::default().handing_over();
     for _ in 0..6 {
-        let client = Client::connect(server.address());
-        let mut session = SessionFixture::greeted(server, client);
+        let mut session = SessionFixture::greeted(server);
         session.say(&ClientMessage::Goodbye(session.client.epoch));
         assert_eq!(session.tick().ended, Some(Cause::Goodbye));
         server = session.server;

@@ -6,12 +6,12 @@ use gantry_tau::epoch;
 use gantry_tau::server::ServerError;
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal};
-use gantry_tau_core::units::{Epoch, EpochRange};
-use gantry_tau_tests::client::Client;
-use gantry_tau_tests::fake_plant::Bus;
+use gantry_tau_core::control::wire::encode_client;
+use gantry_tau_core::units::{Epoch, EpochRange, Sequence};
+use gantry_tau_tests::client::hello;
+use gantry_tau_tests::fake_plant::{Bus, Record};
 use gantry_tau_tests::server_fixture::{MAX_NM, ServerFixture, parameters};
 use gantry_tau_tests::session_fixture::{SessionFixture, offsets};
-use gantry_tau_tests::wait_for;
 
 /// Ticks of the scripted session: Submit, Obtain with all three channels moving, back to Submit, Obtain again, Goodbye.
 const SCRIPT: u32 = 60;
@@ -37,8 +37,7 @@ fn act(session: &mut SessionFixture<3>, tick: u32) {
 
 /// The script until tick `killed`.
 fn play(server: ServerFixture<3>, killed: u32) -> SessionFixture<3> {
-    let client = Client::connect(server.address());
-    let mut session = SessionFixture::greeted(server, client);
+    let mut session = SessionFixture::greeted(server);
     for tick in 0..killed {
         act(&mut session, tick);
     }
@@ -113,7 +112,7 @@ fn a_client_killed_at_any_tick_leaves_a_server_for_the_next() {
         assert_eq!(running.phase(), Phase::Listening, "killed at {killed}");
         server = running;
     }
-    assert_eq!(SessionFixture::submitted_on(server).server.phase(), Phase::Submit);
+    let _ = SessionFixture::submitted_on(server);
 }
 
 #[test]
@@ -163,23 +162,15 @@ fn a_restarted_server_refuses_everybody_until_zero() {
     let from = [12_345, -7_050, 30];
     bus.record().in_force = from.map(|nm| offsets(nm, 0, 0));
     let mut server = ServerFixture::start(parameters(), bus, EpochRange::VOLATILE).unwrap();
-    let mut newcomer = Client::<3>::connect(server.address());
-    newcomer.say_hello();
-    wait_for("the refusal", || {
-        server.receive();
-        let row = server.step();
-        assert_eq!(row.state.phase, Phase::SafeDisconnect);
-        row.refused > 0
-    });
-    assert!(matches!(newcomer.refusal(), Refusal::Ramping { .. }));
+    let refusal = server.refusal(&encode_client(&hello::<3>()));
+    assert!(matches!(refusal, Refusal::Ramping { .. }), "{refusal:?}");
     let ticks = ramp_ticks(&server.bus.in_force());
     for _ in 0..ticks {
         assert_eq!(server.step().state.phase, Phase::SafeDisconnect);
     }
     assert_eq!(server.bus.positions(), [0; 3]);
     assert_eq!(server.step().state.phase, Phase::Listening);
-    let session = SessionFixture::submitted_on(server);
-    assert_eq!(session.server.phase(), Phase::Submit);
+    let _ = SessionFixture::submitted_on(server);
 }
 
 #[test]
@@ -204,7 +195,7 @@ fn a_restarted_server_ramps_every_channel_from_what_it_found() {
 
 #[test]
 fn a_server_that_cannot_know_its_offsets_does_not_start() {
-    let refused = |edit: fn(&mut gantry_tau_tests::fake_plant::Record<3>)| {
+    let refused = |edit: fn(&mut Record<3>)| {
         let bus = Bus::<3>::default();
         edit(&mut bus.record());
         let error = ServerFixture::start(parameters(), bus.clone(), EpochRange::VOLATILE).err().expect("it started");
@@ -216,7 +207,7 @@ fn a_server_that_cannot_know_its_offsets_does_not_start() {
     assert!(matches!(unreadable, ServerError::Plant(_)), "{unreadable}");
     let dead = refused(|record| record.read_fails = true);
     assert!(matches!(dead, ServerError::Plant(_)), "{dead}");
-    let edits: [fn(&mut gantry_tau_tests::fake_plant::Record<3>); 5] = [
+    let edits: [fn(&mut Record<3>); 5] = [
         |record| record.in_force[1] = offsets(MAX_NM + 1, 0, 0),
         |record| record.in_force[1] = offsets(i32::MIN, 0, 0),
         |record| record.in_force[1] = offsets(0, -5_001, 0),
@@ -242,10 +233,10 @@ fn the_frames_of_a_dead_servers_session_do_not_revive() {
     assert_ramps_down(&mut second);
     assert_eq!(second.step().state.phase, Phase::Listening);
     let mut session = SessionFixture::submitted_on(second).obtain([1_000; 3]);
-    let mut old = session.client.command(Mode::Obtain, [0; 3]);
-    old.epoch = epoch;
-    old.sequence = gantry_tau_core::units::Sequence(sequence + 1);
-    session.say(&ClientMessage::Command(old));
+    session.deliver_changed([0; 3], |old| {
+        old.epoch = epoch;
+        old.sequence = Sequence(sequence + 1);
+    });
     session.say(&ClientMessage::Stop(epoch));
     session.say(&ClientMessage::Goodbye(epoch));
     assert_eq!(session.assert_held().state.counters.stale, 3);

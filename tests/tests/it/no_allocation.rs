@@ -2,8 +2,6 @@
 //!
 //! The crate `allocation_counter` is the allocator of this binary; it counts per thread, so tests beside this one do not matter.
 
-use std::net::UdpSocket;
-
 use allocation_counter::measure;
 use gantry_tau::black_box::swap_channel::{self, Receiver};
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
@@ -14,14 +12,10 @@ use gantry_tau::server::cycle::{Cycle, Demands, Row};
 use gantry_tau::sim::load_generator::{Load, LoadGenerator, load_generator};
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::Transport;
-use gantry_tau_core::control::message::{
-    Capabilities, Cause, ClientMessage, Command, Mode, Phase, Refusal, ServerMessage,
-};
-use gantry_tau_core::control::wire::{Frame, decode_server, encode_client};
-use gantry_tau_core::units::{EpochRange, Sequence};
-use gantry_tau_tests::client::{Client, Noise, hello};
+use gantry_tau_core::control::message::{Capabilities, Cause, Mode, Phase, Refusal, ServerMessage};
+use gantry_tau_core::units::EpochRange;
+use gantry_tau_tests::client::{Client, Noise};
 use gantry_tau_tests::server_fixture::LOOPBACK;
 use gantry_tau_tests::wait_for;
 
@@ -94,43 +88,31 @@ fn nor_does_it_with_six_axes() {
 fn nor_does_it_over_udp() {
     let robot = RobotFile::builtin_l2().unwrap();
     let mut server = Server::<3, L2_MOTORS>::start(&robot, Transport::Datagram);
-    let sockets: [UdpSocket; 9] = std::array::from_fn(|_| {
-        let socket = UdpSocket::bind(LOOPBACK).unwrap();
-        socket.connect(server.cycle.address().unwrap()).unwrap();
-        socket
-    });
-    let [owner, others @ ..] = &sockets;
-    owner.send(&encode_client(&hello::<3>())).unwrap();
+    let peer = || Client::<3>::over_datagrams(server.cycle.address().unwrap());
+    let (mut owner, mut others): (_, [_; 8]) = (peer(), std::array::from_fn(|_| peer()));
+    owner.say_hello();
     wait_for("the Welcome", || server.tick(false).welcomed);
+    owner.welcome();
     let mut noise = Noise::new(7);
     let mut row = server.tick(false);
     for tick in 0..300 {
-        let other = &others[tick % others.len()];
-        other.send(&encode_client(&hello::<3>())).unwrap();
+        let other = &mut others[tick % 8];
+        other.say_hello();
         if tick % 2 == 0 {
             // Noise behind the Hello costs the other its place.
-            other.send(&noise.bytes(tick)).unwrap();
+            other.send_bytes(&noise.bytes(tick));
         }
-        owner.send(&noise.bytes(tick % 3)).unwrap();
-        let command = Command {
-            epoch: row.state.epoch,
-            sequence: Sequence(u64::try_from(tick).unwrap() + 1),
-            echo: row.state.tick,
-            mode: Mode::Submit,
-            targets: [Offsets::default(); 3],
-        };
-        let command = encode_client(&ClientMessage::Command(command));
-        owner.send(&command).unwrap();
+        owner.send_bytes(&noise.bytes(tick % 3));
+        owner.tick = row.state.tick;
+        let answer = owner.frame(Mode::Submit, [0; 3]);
+        owner.send_bytes(&answer);
         row = server.tick(false);
     }
     let counters = row.state.counters;
     assert!(counters.malformed > 100, "{counters:?}");
     assert_eq!(row.state.phase, Phase::Submit);
-    let mut answer = [0; 100];
-    let count = others[1].recv(&mut answer).unwrap();
-    let answer = decode_server::<3>(&Frame::parse(&answer[..count]).unwrap());
-    assert_eq!(answer, Ok(ServerMessage::Refusal(Refusal::Busy)));
-    owner.send(&[]).unwrap();
+    assert_eq!(others[1].receive(), Some(ServerMessage::Refusal(Refusal::Busy)));
+    owner.send_bytes(&[]);
     wait_for("the silence's end", || server.tick(false).ended.is_some());
 }
 

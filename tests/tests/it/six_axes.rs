@@ -7,21 +7,18 @@ use gantry_tau_core::model::f1;
 use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, WARM_ITERATIONS};
 use gantry_tau_core::model::linalg::{norm, rotation_from_vector};
 use gantry_tau_proofs::robots;
+use gantry_tau_tests::client::Noise;
 use nalgebra::Vector3;
 
 /// Poses asked for.
 const POSES: u32 = 120_000;
 
-/// Endless numbers from -1 to 1, the same on every machine.
-struct Draw(u64);
+/// Endless numbers from -1 to 1.
+struct Draw(Noise);
 
 impl Draw {
     fn next(&mut self) -> f64 {
-        // SplitMix64.
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        let high = u32::try_from((mixed ^ (mixed >> 31)) >> 32).unwrap();
+        let high = u32::try_from(self.0.number() >> 32).unwrap();
         f64::from(high) / f64::from(u32::MAX) * 2.0 - 1.0
     }
 
@@ -76,7 +73,7 @@ struct Outcome {
 }
 
 fn there_and_back(kinematics: &f1::Kinematics, workspace: &Workspace, elsewhere: impl Fn(&Pose) -> bool) -> Outcome {
-    let mut draw = Draw(1);
+    let mut draw = Draw(Noise::new(1));
     let mut outcome = Outcome::default();
     for _ in 0..POSES {
         let pose = workspace.draw(&mut draw);

@@ -3,31 +3,15 @@
 use gantry_tau::solve::{MAX_LINE, answer, run};
 use serde_json::{Value, json};
 
-fn vectors() -> Value {
-    serde_json::from_str(include_str!("../../data/tau_vectors.json")).unwrap()
-}
+use crate::oracle_vectors::{close, flatten, machine};
 
 /// The vectors' L2 as an inline robot; its further keys are ignored.
 fn robot() -> Value {
-    inline("l2")
+    machine("l2").0
 }
 
 fn f1() -> Value {
-    inline("f1")
-}
-
-fn inline(model: &str) -> Value {
-    let vectors = vectors();
-    let mut robot = vectors[model].clone();
-    let object = robot.as_object_mut().unwrap();
-    object.remove("cases");
-    object.insert("model".into(), model.into());
-    object.insert("c_link".into(), vectors["c_link"].clone());
-    robot
-}
-
-fn cases() -> Vec<Value> {
-    vectors()["l2"]["cases"].as_array().unwrap().clone()
+    machine("f1").0
 }
 
 fn robot_path() -> &'static str {
@@ -40,29 +24,15 @@ fn ask(request: &Value) -> Value {
     serde_json::from_str(&line).unwrap()
 }
 
-fn flatten(value: &Value, into: &mut Vec<f64>) {
-    match value.as_array() {
-        Some(list) => list.iter().for_each(|entry| flatten(entry, into)),
-        None => into.push(value.as_f64().unwrap()),
-    }
-}
-
-/// Largest difference over largest magnitude of the reference array, at most 1e-9.
+/// The answer has these numbers, to a relative 1e-9.
 fn agree(answer: &Value, name: &str, reference: &Value) {
-    let (mut ours, mut theirs) = (Vec::new(), Vec::new());
     assert!(!answer["ok"][name].is_null(), "{answer}");
-    flatten(&answer["ok"][name], &mut ours);
-    flatten(reference, &mut theirs);
-    assert_eq!(ours.len(), theirs.len(), "{name}");
-    let magnitude = theirs.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    let worst = ours.iter().zip(&theirs).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
-    assert!(worst <= 1e-9 * magnitude, "{name}: {worst:e} of {magnitude:e}");
+    close(&flatten(&answer["ok"][name]), &flatten(reference), 1e-9, name);
 }
 
 #[test]
 fn every_l2_case_agrees_inline_and_by_file() {
-    let cases = cases();
-    assert_eq!(cases.len(), 10);
+    let (_, cases) = machine("l2");
     let identity = json!([[1, 0, 0], [0, 1.0, 0], [0, 0, 1]]);
     for case in cases {
         let (t, q, w) = (&case["T"], &case["q"], &case["w"]);
@@ -95,10 +65,7 @@ fn every_l2_case_agrees_inline_and_by_file() {
 
 #[test]
 fn every_f1_case_agrees() {
-    let vectors = vectors();
-    let cases = vectors["f1"]["cases"].as_array().unwrap();
-    assert_eq!(cases.len(), 10);
-    for case in cases {
+    for case in machine("f1").1 {
         let (t, r, q, w) = (&case["T"], &case["R"], &case["q"], &case["w"]);
         for seed in [Value::Null, json!([1, 1, 1, 0.1, -0.1, 0.1])] {
             let ik = ask(&json!({"robot": f1(), "op": "ik", "T": t, "R": r, "seed": seed}));
@@ -170,26 +137,20 @@ fn errors_of_the_f1_have_their_kind() {
 }
 
 fn product(matrix: &Value, vector: &Value) -> Value {
-    let mut x = Vec::new();
-    flatten(vector, &mut x);
-    let rows = matrix.as_array().unwrap().iter().map(|row| {
-        let mut entries = Vec::new();
-        flatten(row, &mut entries);
-        entries.iter().zip(&x).map(|(a, b)| a * b).sum::<f64>()
-    });
+    let x = flatten(vector);
+    let matrix = flatten(matrix);
+    let rows = matrix.chunks(x.len()).map(|row| row.iter().zip(&x).map(|(a, b)| a * b).sum::<f64>());
     rows.collect::<Vec<_>>().into()
 }
 
 #[test]
 fn numbers_survive_the_way_out_and_back() {
-    let robot = robot();
-    for case in cases() {
+    let (robot, cases) = machine("l2");
+    for case in cases {
         let ik = ask(&json!({"robot": robot, "op": "ik", "T": case["T"]}));
         let fk = ask(&json!({"robot": robot, "op": "fk", "q": ik["ok"]["q"]}));
         let again = ask(&json!({"robot": robot, "op": "ik", "T": fk["ok"]["T"]}));
-        let mut far = Vec::new();
-        flatten(&fk["ok"]["T"], &mut far);
-        flatten(&again["ok"]["q"], &mut far);
+        let far = [flatten(&fk["ok"]["T"]), flatten(&again["ok"]["q"])].concat();
         let text = serde_json::to_string(&far).unwrap();
         let back: Vec<f64> = serde_json::from_str(&text).unwrap();
         assert!(far.iter().zip(&back).all(|(a, b)| a.to_bits() == b.to_bits()));

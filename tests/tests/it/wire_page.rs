@@ -1,9 +1,8 @@
 //! `wire.md` against the encoder and decoder.
 
-use gantry_tau_core::control::axis::Offsets;
-use gantry_tau_core::control::message::{ClientMessage, Command, Mode};
 use gantry_tau_core::control::wire::{Frame, decode_client, encode_client};
-use gantry_tau_core::units::{Epoch, OffsetNm, Sequence, Tick};
+
+use crate::fuzz_seeds::streams::command;
 
 /// The worked example of `wire.md`, byte for byte.
 #[test]
@@ -17,14 +16,7 @@ fn the_worked_example_of_the_specification_holds() {
         .flat_map(str::split_whitespace)
         .map(|byte| u8::from_str_radix(byte, 16).unwrap())
         .collect();
-    let command = Command::<3> {
-        epoch: Epoch(7),
-        sequence: Sequence(42),
-        echo: Tick(1_000),
-        mode: Mode::Obtain,
-        targets: [-100_000, 2_500, 0].map(|position| Offsets { position: OffsetNm(position), ..Offsets::default() }),
-    };
-    assert_eq!(&*encode_client(&ClientMessage::Command(command)), bytes);
-    let frame = Frame::parse(&bytes).unwrap();
-    assert_eq!(decode_client(&frame), Ok(ClientMessage::Command(command)));
+    assert_eq!(command::<3>(42), bytes);
+    let message = decode_client::<3>(&Frame::parse(&bytes).unwrap()).unwrap();
+    assert_eq!(&*encode_client(&message), bytes);
 }

@@ -6,7 +6,7 @@ mod bytes;
 mod loads;
 mod problems;
 mod scenarios;
-mod streams;
+pub(crate) mod streams;
 mod texts;
 
 use std::collections::BTreeMap;

@@ -1,101 +1,70 @@
 //! Frames and streams of them, as clients and servers send them.
 
-use gantry_tau_core::control::axis::{Actual, Offsets};
-use gantry_tau_core::control::channel::Limits;
-use gantry_tau_core::control::message::{
-    AxisLimits, AxisState, Capabilities, ClientMessage, Command, Counters, Hello, Mode, Phase, Refusal, ServerMessage,
-    State, Welcome,
-};
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::client::{Client, Requirements};
+use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Refusal, ServerMessage};
+use gantry_tau_core::control::session::config::Config;
+use gantry_tau_core::control::session::{Session, Start};
 use gantry_tau_core::control::wire::{encode_client, encode_server};
-use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick};
+use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick};
+use gantry_tau_tests::server_fixture::{on_time, parameters};
 
 use super::Seed;
 
-const EPOCH: Epoch = Epoch(7);
-
 /// The worked example of `wire.md`, or the same for so many axes.
-fn command<const N: usize>(sequence: u64) -> Vec<u8> {
+pub(crate) fn command<const N: usize>(sequence: u64) -> Vec<u8> {
     let positions = [-100_000, 2_500, 0, 1, -1, i32::MAX];
-    let targets = std::array::from_fn(|axis| Offsets { position: OffsetNm(positions[axis]), ..Offsets::default() });
     let command = Command::<N> {
-        epoch: EPOCH,
+        epoch: Epoch(7),
         sequence: Sequence(sequence),
         echo: Tick(958 + sequence),
         mode: Mode::Obtain,
-        targets,
+        targets: std::array::from_fn(|axis| Offsets::position(OffsetNm(positions[axis]))),
     };
     encode_client(&ClientMessage::Command(command)).to_vec()
 }
 
-fn client(message: &ClientMessage<3>) -> Vec<u8> {
-    encode_client(message).to_vec()
-}
-
-fn welcome<const N: usize>() -> Vec<u8> {
-    let position = gantry_tau_tests::server_fixture::limits(100_000, 1_000, 2_000, 100);
-    let limits = AxisLimits { position, velocity: Limits::DISABLED, torque: Limits::DISABLED };
-    let welcome = Welcome::<N> {
-        epoch: EPOCH,
-        tick: Tick(999),
-        cycle_us: 1_000,
-        echo_window: 0,
-        capabilities: Capabilities::NONE,
-        kinematics_checksum: 0x1234_5678,
-        limits: [limits; N],
-    };
-    encode_server(&ServerMessage::Welcome(welcome)).to_vec()
-}
-
-fn state<const N: usize>() -> Vec<u8> {
-    let axis = AxisState {
-        nominal: PositionNm(624_500_000),
-        actual: Actual { position: PositionNm(624_499_950), ..Actual::default() },
-        ..AxisState::default()
-    };
-    let state = State::<N> {
-        tick: Tick(1_000),
-        epoch: EPOCH,
-        accepted: Sequence(41),
-        phase: Phase::Obtain,
-        on_time_of_100: 99,
-        counters: Counters { received: 41, ..Counters::default() },
-        axes: [axis; N],
-        ..state_before()
-    };
-    encode_server(&ServerMessage::State(state)).to_vec()
-}
-
-fn state_before<const N: usize>() -> State<N> {
-    State {
-        tick: Tick(0),
-        epoch: Epoch(0),
-        accepted: Sequence(0),
-        phase: Phase::Listening,
-        cause: gantry_tau_core::control::message::Cause::None,
-        on_time_of_100: 100,
-        arrival_us: 0,
-        ramp_ticks_left: 0,
-        counters: Counters::default(),
-        axes: [AxisState::default(); N],
+/// Frames of a session of so many axes: Hello, Welcome, a State of Obtain, Goodbye, Stop.
+fn session<const N: usize>() -> [Vec<u8>; 5] {
+    let nominal = [PositionNm(624_500_000); N];
+    let session = Session::new(Config::new(parameters()).unwrap(), &Start::at_rest(nominal)).unwrap();
+    let motors = MotorMap::new(std::array::from_fn(|axis| axis)).unwrap();
+    let mut server = Endpoint::<N, N>::new(session, motors, EpochRange::VOLATILE);
+    let connection = server.open(Transport::Stream).unwrap();
+    let mut client = Client::<N>::new(Transport::Stream, Requirements::default());
+    let hello = client.hello().unwrap();
+    let (mut said, mut heard) = (hello.clone(), Vec::new());
+    for _ in 0..4 {
+        server.feed(connection, &said);
+        assert!(server.tick(&on_time(nominal)).is_some());
+        while let Some((_, frame)) = server.poll_transmit() {
+            assert!(client.feed(frame).1.is_ok());
+            heard.push(frame.to_vec());
+        }
+        said = client.answer(Mode::Obtain, &[Offsets::position(OffsetNm(-100_000)); N]).unwrap().frame;
     }
+    let (stop, goodbye) = (client.stop().unwrap(), client.goodbye().unwrap());
+    [hello.to_vec(), heard.remove(0), heard.pop().unwrap(), goodbye.to_vec(), stop.to_vec()]
 }
 
 /// One frame of every kind.
 fn frames() -> Vec<(&'static str, Vec<u8>)> {
-    let hello = Hello { axes: 3, capabilities: Capabilities::LOCKSTEP };
-    let ramping = Refusal::Ramping { ticks_left: 2_373 };
+    let [hello, welcome, state, goodbye, stop] = session::<3>();
+    let [_, welcome_six_axes, state_six_axes, ..] = session::<6>();
+    let ramping = ServerMessage::<3>::Refusal(Refusal::Ramping { ticks_left: 2_373 });
     vec![
-        ("hello", client(&ClientMessage::Hello(hello))),
+        ("hello", hello),
         ("command", command::<3>(42)),
         ("command_one_axis", command::<1>(42)),
         ("command_six_axes", command::<6>(42)),
-        ("goodbye", client(&ClientMessage::Goodbye(EPOCH))),
-        ("stop", client(&ClientMessage::Stop(EPOCH))),
-        ("welcome", welcome::<3>()),
-        ("welcome_six_axes", welcome::<6>()),
-        ("state", state::<3>()),
-        ("state_six_axes", state::<6>()),
-        ("refusal", encode_server(&ServerMessage::<3>::Refusal(ramping)).to_vec()),
+        ("goodbye", goodbye),
+        ("stop", stop),
+        ("welcome", welcome),
+        ("welcome_six_axes", welcome_six_axes),
+        ("state", state),
+        ("state_six_axes", state_six_axes),
+        ("refusal", encode_server(&ramping).to_vec()),
     ]
 }
 

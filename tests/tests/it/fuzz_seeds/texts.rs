@@ -1,16 +1,19 @@
 //! Robot files, and requests to `solve`.
 
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::Seed;
+use crate::oracle_vectors::machine;
+
+fn replaced(robot: &str, from: &str, to: &str) -> String {
+    assert!(robot.contains(from), "{from} is not in the robot file:\n{robot}");
+    robot.replacen(from, to, 1)
+}
 
 /// The repository's robot files, and one with each kind of mistake.
 pub(crate) fn robots() -> Vec<Seed> {
     let l2 = include_str!("../../../../robots/l2.toml");
-    let replaced = |from: &str, to: &str| {
-        assert!(l2.contains(from), "robots/l2.toml has {from}");
-        l2.replacen(from, to, 1)
-    };
+    let replaced = |from, to| replaced(l2, from, to);
     let (first_half, _) = l2.split_at(l2.len() / 2);
     let all = [
         ("l2", l2.to_owned()),
@@ -40,10 +43,7 @@ pub(crate) fn robots() -> Vec<Seed> {
 
 fn robots_of_six_axes() -> Vec<(&'static str, String)> {
     let f1 = include_str!("../../../../robots/f1.toml");
-    let replaced = |from: &str, to: &str| {
-        assert!(f1.contains(from), "robots/f1.toml has {from}");
-        f1.replacen(from, to, 1)
-    };
+    let replaced = |from, to| replaced(f1, from, to);
     let lengths = "L = [1.7, 1.7, 1.7, 1.7, 1.7, 1.7]";
     vec![
         ("f1", f1.to_owned()),
@@ -59,14 +59,10 @@ fn robots_of_six_axes() -> Vec<(&'static str, String)> {
 
 /// Every operation on the first case of both machines of the oracle's vectors, and lines that are not requests.
 pub(crate) fn requests() -> Vec<Seed> {
-    let vectors: Value = serde_json::from_str(include_str!("../../../data/tau_vectors.json")).unwrap();
     let mut seeds = Vec::new();
     for model in ["l2", "f1"] {
-        let mut robot = vectors[model].clone();
-        let case = robot["cases"][0].clone();
-        robot.as_object_mut().unwrap().remove("cases");
-        robot["model"] = model.into();
-        robot["c_link"] = vectors["c_link"].clone();
+        let (robot, cases) = machine(model);
+        let case = &cases[0];
         for op in ["ik", "fk", "jacobian", "statics", "compliance", "deflection", "compensate"] {
             let mut request = json!({"id": op, "robot": robot, "op": op, "w": case["w"]});
             if op == "fk" {

@@ -1,14 +1,22 @@
 //! Ends of sessions: by a reset, a close, a frozen client, one that never reads, a Goodbye, a Stop, a Hello too many.
 
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal};
-use gantry_tau_tests::client::Client;
+use gantry_tau_core::control::wire::encode_client;
+use gantry_tau_tests::client::{Client, hello};
 use gantry_tau_tests::server_fixture::{MAX_NM, ServerFixture};
 use gantry_tau_tests::session_fixture::SessionFixture;
+use gantry_tau_tests::wait_for;
 
 use super::AT;
 
 /// Ticks after which a client that never reads must have been noticed: its States are 220 bytes, no system buffers 100 MB of them.
 const PATIENCE: usize = 500_000;
+
+/// A session in Submit whose client buffers as little as can be.
+fn narrow() -> SessionFixture<3> {
+    let server = ServerFixture::default();
+    SessionFixture::greeted_by(Client::connect_narrow(server.address()), server).submit()
+}
 
 #[test]
 fn a_reset_ramps_in_the_tick_that_sees_it() {
@@ -16,7 +24,7 @@ fn a_reset_ramps_in_the_tick_that_sees_it() {
     client.reset();
     server.await_loss_of_owner();
     server.assert_disconnect(AT, Cause::Closed);
-    assert_eq!(SessionFixture::submitted_on(server).server.phase(), Phase::Submit);
+    let _ = SessionFixture::submitted_on(server);
 }
 
 #[test]
@@ -43,48 +51,27 @@ fn a_frozen_client_is_held_once_then_ramped_and_told() {
     let mut session = SessionFixture::obtained(AT);
     session.assert_held();
     let server = session.assert_disconnect(AT, Cause::ClientLate);
-    assert_eq!(SessionFixture::submitted_on(server).server.phase(), Phase::Submit);
+    let _ = SessionFixture::submitted_on(server);
 }
 
 #[test]
 fn a_frozen_client_at_full_offset_is_ramped_whether_or_not_its_buffers_fill() {
-    let mut server = ServerFixture::default();
-    let client = Client::connect_narrow(server.address());
-    let mut session = SessionFixture::greeted(server, client);
-    session.answer(Mode::Submit, [0; 3]);
     let full = [MAX_NM, -MAX_NM, MAX_NM - 50];
-    let SessionFixture { server: mut running, client: frozen } = session.obtain(full);
-    running.step();
-    assert_eq!(running.bus.positions(), full);
-    running.assert_disconnect(full, Cause::ClientLate);
+    let SessionFixture { mut server, client: frozen } = narrow().obtain(full);
+    server.step();
+    assert_eq!(server.bus.positions(), full);
+    server.assert_disconnect(full, Cause::ClientLate);
     drop(frozen);
-    server = SessionFixture::submitted_on(running).server;
-    assert_eq!(server.phase(), Phase::Submit);
-}
-
-#[test]
-fn one_in_two_loss_lives_and_two_in_three_does_not() {
-    let mut session = SessionFixture::obtained(AT);
-    for _ in 0..100 {
-        session.assert_held();
-        session.answer(Mode::Obtain, AT);
-    }
-    session.assert_held();
-    let _ = session.assert_disconnect(AT, Cause::ClientLate);
+    let _ = SessionFixture::submitted_on(server);
 }
 
 #[test]
 fn a_client_that_never_reads_is_closed_and_ramped_in_the_next_tick() {
-    let server = ServerFixture::default();
-    let client = Client::connect_narrow(server.address());
-    let mut session = SessionFixture::greeted(server, client);
-    session.answer(Mode::Submit, [0; 3]);
-    let mut session = session.obtain(AT);
+    let mut session = narrow().obtain(AT);
     let mut ticks = 0;
     // It knows its ticks without reading, and answers each of them in time.
     loop {
-        let frame = session.client.frame(Mode::Obtain, AT);
-        session.deliver(&frame);
+        session.deliver_answer(AT);
         if !session.server.has_owner() {
             break;
         }
@@ -95,14 +82,13 @@ fn a_client_that_never_reads_is_closed_and_ramped_in_the_next_tick() {
     }
     assert!(ticks > 10, "{ticks} ticks");
     session.server.assert_disconnect(AT, Cause::Closed);
-    assert_eq!(SessionFixture::submitted_on(session.server).server.phase(), Phase::Submit);
+    let _ = SessionFixture::submitted_on(session.server);
 }
 
 #[test]
 fn a_goodbye_ramps_even_beside_an_answer() {
     let mut session = SessionFixture::obtained(AT);
-    let frame = session.client.frame(Mode::Obtain, [0; 3]);
-    session.deliver(&frame);
+    session.deliver_answer([0; 3]);
     session.say(&ClientMessage::Goodbye(session.client.epoch));
     let _ = session.assert_disconnect(AT, Cause::Goodbye);
 }
@@ -114,8 +100,7 @@ fn commands_during_the_ramp_change_nothing() {
     for tick in 1..=10 {
         session.tick();
         assert_eq!(session.server.bus.positions(), [1_000 - 100 * tick; 3]);
-        let frame = session.client.frame(Mode::Obtain, [5_000; 3]);
-        session.deliver(&frame);
+        session.deliver_answer([5_000; 3]);
     }
     assert_eq!(session.server.step().state.phase, Phase::Listening);
     session.client.assert_closed();
@@ -125,8 +110,7 @@ fn commands_during_the_ramp_change_nothing() {
 fn the_owners_stop_is_a_fault_that_only_the_machine_s_side_ends() {
     let mut session = SessionFixture::obtained(AT);
     let epoch = session.client.epoch;
-    let frame = session.client.frame(Mode::Obtain, [0; 3]);
-    session.deliver(&frame);
+    session.deliver_answer([0; 3]);
     session.say(&ClientMessage::Stop(epoch));
     let rows = session.server.assert_ramp(AT, Phase::Fault);
     assert_eq!(rows[0].ended, Some(Cause::Stop));
@@ -135,85 +119,39 @@ fn the_owners_stop_is_a_fault_that_only_the_machine_s_side_ends() {
     }
     // No word of the client's leads out, and a newcomer is told.
     for _ in 0..20 {
-        let frame = session.client.frame(Mode::Obtain, AT);
-        session.deliver(&frame);
+        session.deliver_answer(AT);
         assert_eq!(session.tick().state.phase, Phase::Fault);
     }
-    let refusal = refused(&mut session.server);
-    assert_eq!(refusal, Refusal::Faulted { ticks_left: 0 });
+    assert_eq!(session.server.refusal(&encode_client(&hello::<3>())), Refusal::Faulted { ticks_left: 0 });
     assert_eq!(session.server.step_rearmed().state.phase, Phase::Listening);
-    assert_eq!(SessionFixture::submitted_on(session.server).server.phase(), Phase::Submit);
-}
-
-#[test]
-fn rearming_waits_for_zero_and_for_the_release_of_the_stop() {
-    let mut session = SessionFixture::obtained([1_050; 3]);
-    assert_eq!(session.server.step_stopped().ended, Some(Cause::Stop));
-    assert_eq!(session.server.bus.positions(), [950; 3]);
-    for tick in 1..=9 {
-        let row = session.server.step_rearmed();
-        assert_eq!(row.state.phase, Phase::Fault);
-        assert_eq!(session.server.bus.positions(), [950 - 100 * tick; 3]);
-    }
-    session.server.step_rearmed();
-    assert_eq!(session.server.bus.positions(), [0; 3]);
-    let both = gantry_tau::server::cycle::Demands { stop: true, rearm: true };
-    assert_eq!(session.server.step_with(1, both).state.phase, Phase::Fault);
-    assert_eq!(session.server.step_rearmed().state.phase, Phase::Listening);
+    let _ = SessionFixture::submitted_on(session.server);
 }
 
 #[test]
 fn no_peer_is_let_in_during_a_ramp() {
     let mut session = SessionFixture::obtained(AT);
     session.say(&ClientMessage::Goodbye(session.client.epoch));
-    session.tick();
-    let mut seen = 0;
-    let mut newcomer = Client::<3>::connect(session.server.address());
-    newcomer.say_hello();
-    for tick in 2..=124_u32 {
-        session.server.receive();
-        let row = session.server.step();
+    let mut before = session.tick().state;
+    let mut server = session.server;
+    let asking = |address| {
+        let mut newcomer = Client::<3>::connect(address);
+        newcomer.say_hello();
+        newcomer
+    };
+    let mut newcomer = asking(server.address());
+    let mut refused = 0;
+    wait_for("the newcomer's session", || {
+        server.receive();
+        let row = server.step();
         if row.refused > 0 {
-            seen += 1;
+            refused += 1;
             // It is told what was left when it asked: the coming tick's step is not yet in it.
-            let ticks_left = 125 - tick;
-            assert_eq!(newcomer.refusal(), Refusal::Ramping { ticks_left });
-            newcomer = Client::connect(session.server.address());
-            newcomer.say_hello();
+            assert_eq!(newcomer.refusal(), Refusal::Ramping { ticks_left: before.ramp_ticks_left });
+            newcomer = asking(server.address());
         }
-    }
-    assert!(seen > 0, "no Hello arrived within 124 ticks");
-    gantry_tau_tests::wait_for("the last newcomer", || {
-        session.server.receive();
-        let row = session.server.step();
-        if row.refused > 0 {
-            // It asked in the very tick that went from zero to Listening.
-            assert_eq!(newcomer.refusal(), Refusal::Ramping { ticks_left: 0 });
-            newcomer = Client::connect(session.server.address());
-            newcomer.say_hello();
-        }
+        before = row.state;
         row.welcomed
     });
+    assert!(refused > 0, "no Hello arrived within the ramp");
     newcomer.welcome();
-}
-
-#[test]
-fn a_second_hello_of_the_owner_costs_that_frame() {
-    let mut session = SessionFixture::obtained(AT);
-    session.say(&gantry_tau_tests::client::hello());
-    let row = session.answer_after(1, AT);
-    assert_eq!((row.state.phase, row.refused), (Phase::Obtain, 0));
-    let counters = row.state.counters;
-    assert_eq!((counters.malformed, counters.missed), (1, 0));
-}
-
-/// Returns the refusal of a newcomer while the owner keeps silent.
-fn refused(server: &mut ServerFixture<3>) -> Refusal {
-    let mut newcomer = Client::<3>::connect(server.address());
-    newcomer.say_hello();
-    gantry_tau_tests::wait_for("a refusal", || {
-        server.receive();
-        server.step().refused > 0
-    });
-    newcomer.refusal()
 }

@@ -2,18 +2,14 @@
 
 use std::net::TcpStream;
 
-use gantry_tau_core::control::message::{Mode, Phase};
+use gantry_tau_core::control::message::{Mode, Phase, Refusal};
+use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_tests::client::{Client, hello};
 use gantry_tau_tests::session_fixture::SessionFixture;
+use gantry_tau_tests::soak::real_time::Footprint;
 use gantry_tau_tests::wait_for;
 
 use super::AT;
-
-/// Open file descriptors of this process.
-#[cfg(target_os = "linux")]
-fn descriptors() -> usize {
-    std::fs::read_dir("/proc/self/fd").unwrap().count()
-}
 
 fn tick(session: &mut SessionFixture<3>) {
     let row = session.answer(Mode::Obtain, AT);
@@ -25,8 +21,7 @@ fn tick(session: &mut SessionFixture<3>) {
 #[test]
 fn thousands_of_connections_come_and_go() {
     let mut session = SessionFixture::obtained(AT);
-    #[cfg(target_os = "linux")]
-    let before = descriptors();
+    let before = Footprint::now();
     for round in 0..300 {
         let crowd: Vec<TcpStream> = (0..10).map(|_| TcpStream::connect(session.server.address()).unwrap()).collect();
         for _ in 0..5 {
@@ -42,17 +37,16 @@ fn thousands_of_connections_come_and_go() {
         tick(&mut session);
     }
     // This process holds both ends of the connections, and those of the tests beside this one until they end.
-    #[cfg(target_os = "linux")]
     wait_for("the descriptors of thousands", || {
         tick(&mut session);
-        descriptors() <= before + 8
+        before.is_none_or(|before| Footprint::now().unwrap().files <= before.files + 8)
     });
 }
 
 #[test]
 fn who_hardly_speaks_is_closed_and_a_newcomer_is_served() {
     let mut session = SessionFixture::obtained(AT);
-    let hello = gantry_tau_core::control::wire::encode_client(&hello::<3>());
+    let hello = encode_client(&hello::<3>());
     let mut slow: Vec<Client<3>> = (0..5).map(|_| Client::connect(session.server.address())).collect();
     // A byte each now and then: never a whole Hello within the thousand ticks that another has.
     for at in 0..5 {
@@ -73,5 +67,5 @@ fn who_hardly_speaks_is_closed_and_a_newcomer_is_served() {
         tick(&mut session);
         !next.is_quiet()
     });
-    assert_eq!(next.refusal(), gantry_tau_core::control::message::Refusal::Busy);
+    assert_eq!(next.refusal(), Refusal::Busy);
 }

@@ -49,28 +49,12 @@ fn a_frame_that_straddles_a_tick_is_late_and_not_broken() {
             // The late one alone does not help.
             let _ = session.assert_disconnect([300, 0, 0], Cause::NetworkLate);
         } else {
-            let row = session.answer_after(1, [400, 0, 0]);
+            assert_eq!(session.deliver_answer([400, 0, 0]), 2);
+            let row = session.tick();
+            assert_eq!((row.state.phase, session.server.bus.positions()), (Phase::Obtain, [400, 0, 0]));
             assert_eq!((row.state.counters.late, row.state.counters.missed), (1, 1));
         }
     }
-}
-
-#[test]
-fn of_eight_merged_frames_the_last_acts() {
-    let mut session = SessionFixture::obtained([0; 3]);
-    let mut bytes = Vec::new();
-    for nm in 1..=8 {
-        bytes.extend(session.client.frame(Mode::Obtain, [nm, -nm, 2 * nm]));
-    }
-    let ninth = session.client.frame(Mode::Obtain, [9; 3]);
-    // Half a ninth frame does not count.
-    bytes.extend(&ninth[..COMMAND - 1]);
-    assert_eq!(session.deliver(&bytes), 8);
-    let row = session.tick();
-    assert_eq!(session.server.bus.positions(), [8, -8, 16]);
-    assert_eq!((row.state.phase, row.state.counters.late), (Phase::Obtain, 7));
-    assert_eq!(session.deliver(&ninth[COMMAND - 1..]), 1);
-    assert_eq!(session.assert_held().state.counters.late, 8);
 }
 
 #[test]
@@ -121,27 +105,14 @@ fn random_bytes_end_the_session_even_after_a_good_frame() {
 }
 
 #[test]
-fn a_ninth_frame_in_a_tick_ends_the_session_in_that_tick() {
-    let mut session = SessionFixture::obtained(AT);
-    let mut bytes = Vec::new();
-    for _ in 0..9 {
-        bytes.extend(session.client.frame(Mode::Obtain, AT));
-    }
-    assert_eq!(session.deliver(&bytes), 8);
-    session.server.assert_disconnect(AT, Cause::Flood);
-    session.client.assert_closed();
-}
-
-#[test]
 fn a_ninth_frame_counts_across_visits_to_the_socket() {
     let mut session = SessionFixture::obtained(AT);
     for count in 1..=8 {
-        let frame = session.client.frame(Mode::Obtain, AT);
-        assert_eq!(session.deliver(&frame), count);
+        assert_eq!(session.deliver_answer(AT), count);
     }
-    let frame = session.client.frame(Mode::Obtain, AT);
-    assert_eq!(session.deliver(&frame), 8);
+    assert_eq!(session.deliver_answer(AT), 8);
     session.server.assert_disconnect(AT, Cause::Flood);
+    session.client.assert_closed();
 }
 
 #[test]

@@ -1,13 +1,12 @@
 //! Everybody else: others beside a session get their answers, and the session is what it would be without them (T7).
 
 use std::io::Write;
-use std::net::SocketAddr;
 
 use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::control::endpoint::CONNECTIONS;
 use gantry_tau_core::control::message::{ClientMessage, Mode, Phase, Refusal};
 use gantry_tau_core::control::wire::encode_client;
-use gantry_tau_tests::client::{Client, Noise, enclose};
+use gantry_tau_tests::client::{Client, Noise, enclose, hello};
 use gantry_tau_tests::server_fixture::ServerFixture;
 use gantry_tau_tests::session_fixture::SessionFixture;
 use gantry_tau_tests::wait_for;
@@ -107,25 +106,17 @@ fn there_is_room_again_once_an_idle_non_owner_leaves() {
     let mut server = ServerFixture::<3>::default();
     let mut idle: Vec<_> = (0..CONNECTIONS).map(|_| Client::<3>::connect(server.address())).collect();
     let mut late = Client::<3>::connect(server.address());
-    wait_for("the word for the seventh", || {
-        server.receive();
-        server.step();
-        !late.is_quiet()
-    });
+    server.step_until("the word for the seventh", |_| !late.is_quiet());
     assert_eq!(late.refusal(), Refusal::Unavailable);
     idle.pop();
-    let mut server = Some(server);
     wait_for("room", || {
-        let mut running = server.take().unwrap();
-        let mut client = Client::<3>::connect(running.address());
+        let mut client = Client::<3>::connect(server.address());
         client.say_hello();
         let mut welcomed = false;
-        wait_for("an answer", || {
-            running.receive();
-            welcomed |= running.step().welcomed;
+        server.step_until("an answer", |row| {
+            welcomed |= row.welcomed;
             !client.is_quiet()
         });
-        server = Some(running);
         welcomed
     });
 }
@@ -152,7 +143,7 @@ fn play(mut beside: impl FnMut(&SessionFixture<3>, usize)) -> (SessionFixture<3>
 fn mischief(noise: &mut Noise, session: &SessionFixture<3>) -> Vec<u8> {
     let epoch = session.client.epoch;
     match noise.below(6) {
-        0 => encode_client(&gantry_tau_tests::client::hello::<3>()).to_vec(),
+        0 => encode_client(&hello::<3>()).to_vec(),
         1 => encode_client(&ClientMessage::<3>::Stop(epoch)).to_vec(),
         2 => encode_client(&ClientMessage::<3>::Goodbye(epoch)).to_vec(),
         3 => {
@@ -196,14 +187,13 @@ fn a_crowd_changes_no_reference() {
 #[test]
 fn a_crowd_before_the_first_session_is_no_session() {
     let mut server = ServerFixture::<3>::default();
-    let address: SocketAddr = server.address();
     let mut noise = Noise::new(99);
     for _ in 0..200 {
-        let mut other = Client::<3>::connect(address);
+        let mut other = Client::<3>::connect(server.address());
         let count = 6 + noise.below(300);
         other.send_bytes(&noise.bytes(count));
         server.receive();
         assert_eq!(server.step().state.phase, Phase::Listening);
     }
-    assert_eq!(SessionFixture::submitted_on(server).server.phase(), Phase::Submit);
+    let _ = SessionFixture::submitted_on(server);
 }
