@@ -80,9 +80,7 @@ impl fmt::Display for ClientError {
             Self::Checksum { expected, received } => {
                 write!(f, "the server's machine has checksum {received:08x}, the client's has {expected:08x}")
             }
-            Self::Capability { needed } => {
-                write!(f, "the server needs capabilities {:#06x}", needed.0)
-            }
+            Self::Capability { needed } => write!(f, "the server needs capabilities {:#06x}", needed.0),
             Self::GoodbyeUnheard { states } => {
                 write!(f, "the session goes on {states} States after the Goodbye; close the connection")
             }

@@ -8,6 +8,8 @@
 //! 3. [`Endpoint::poll_transmit`] until it returns `None`, and send the frames;
 //! 4. [`Endpoint::poll_close`] until it returns `None`, and close the connections.
 
+#[cfg(test)]
+pub(crate) mod bench;
 mod motors;
 mod slot;
 

@@ -122,13 +122,9 @@ impl fmt::Display for Refusal {
             Self::Faulted { ticks_left } => {
                 write!(f, "the server is stopped ({ticks_left} ticks of ramp left); it must be re-armed at the machine")
             }
-            Self::Version { supported } => {
-                write!(f, "the server speaks protocol version {supported}")
-            }
+            Self::Version { supported } => write!(f, "the server speaks protocol version {supported}"),
             Self::Axes { expected } => write!(f, "the server has {expected} axes"),
-            Self::Capability { needed } => {
-                write!(f, "the server needs capabilities {:#06x}", needed.0)
-            }
+            Self::Capability { needed } => write!(f, "the server needs capabilities {:#06x}", needed.0),
             Self::Unavailable => {
                 f.write_str("the server has no room for another connection, or its epochs are used up")
             }

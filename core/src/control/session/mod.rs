@@ -5,6 +5,8 @@
 //! Counters and causes are kept apart from all three.
 
 pub(crate) mod act;
+#[cfg(test)]
+pub(crate) mod bench;
 pub(crate) mod channels;
 pub mod config;
 mod diagnostics;
