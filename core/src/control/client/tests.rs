@@ -32,7 +32,6 @@ fn greeted(transport: Transport, requirements: Requirements) -> Tested {
 struct Server {
     bench: Bench,
     connection: Connection,
-    closed: bool,
 }
 
 impl Server {
@@ -47,7 +46,7 @@ impl Server {
         });
         let mut bench = Bench::new(Parameters { kinematics_checksum: CHECKSUM, ..Parameters::thesis(axes) });
         let connection = bench.open(transport);
-        Self { bench, connection, closed: false }
+        Self { bench, connection }
     }
 
     /// The State of the last tick.
@@ -61,24 +60,24 @@ impl Server {
             self.bench.endpoint.feed(self.connection, bytes);
         }
         let ticked = self.bench.tick();
-        self.closed |= !ticked.close.is_empty();
         assert!(ticked.sent.iter().all(|(to, _)| *to == self.connection));
         ticked.sent.into_iter().map(|(_, frame)| frame).collect()
     }
-}
 
-/// Feeds bytes as a stream, in pieces of `piece` bytes.
-fn feed_stream(client: &mut Tested, bytes: &[u8], piece: usize) -> StdVec<Event<2>> {
-    let mut events = StdVec::new();
-    for mut rest in bytes.chunks(piece) {
-        while !rest.is_empty() {
-            let (consumed, event) = client.feed(rest);
-            assert!(client.is_valid());
-            events.extend(event.unwrap());
-            rest = &rest[consumed..];
+    /// One tick over a stream that the client reads in pieces; returns what the client makes of it.
+    fn turn(&mut self, client: &mut Tested, frame: Option<FrameBytes>, piece: usize) -> StdVec<Event<2>> {
+        let received: StdVec<_> = frame.iter().map(|frame| frame.to_vec()).collect();
+        let mut events = StdVec::new();
+        for mut rest in self.tick(&received).concat().chunks(piece) {
+            while !rest.is_empty() {
+                let (consumed, event) = client.feed(rest);
+                assert!(client.is_valid());
+                events.extend(event.unwrap());
+                rest = &rest[consumed..];
+            }
         }
+        events
     }
-    events
 }
 
 fn far() -> [Offsets; 2] {
@@ -92,15 +91,11 @@ fn a_session_over_a_stream_split_anywhere() {
         let mut client = Tested::new(Transport::Stream, requirements());
         let mut server = Server::new(Transport::Stream);
         assert!(client.goodbye().is_none() && client.stop().is_none());
-        let mut outgoing = std::vec![client.hello().unwrap().to_vec()];
+        let mut outgoing = client.hello();
         assert!(client.hello().is_none(), "one Hello per stream");
         let mut phases = StdVec::new();
-        let mut ticks = 0;
         while !client.is_gone() {
-            ticks += 1;
-            let incoming = server.tick(&outgoing).concat();
-            outgoing.clear();
-            for event in feed_stream(&mut client, &incoming, piece) {
+            for event in server.turn(&mut client, outgoing.take(), piece) {
                 match event {
                     Event::Welcomed(welcome) => assert_eq!(client.welcome(), Some(&welcome)),
                     Event::Refused(refusal) => panic!("{refusal}"),
@@ -113,25 +108,18 @@ fn a_session_over_a_stream_split_anywhere() {
                     }
                 }
             }
-            let frame = if ticks < 10 {
-                client.answer(Mode::Obtain, &far()).map(|answer| {
-                    assert!(answer.is_saturated());
-                    let [first, second] = answer.saturated;
-                    assert!(first.position && first.velocity && !first.torque && !second.any());
-                    assert_eq!(answer.command.targets[0].position, OffsetNm(-20_000));
-                    assert_eq!(answer.command.targets[0].velocity, VelocityUmS(1_000));
-                    assert_eq!(answer.command.targets[0].torque, TorquePermille(100));
-                    assert_eq!(answer.command.targets[1], far()[1]);
-                    answer.frame
-                })
+            outgoing = if phases.len() < 10 {
+                let answer = client.answer(Mode::Obtain, &far()).unwrap();
+                let [first, second] = answer.saturated;
+                assert!(answer.is_saturated() && !second.any());
+                assert!(first.position && first.velocity && !first.torque);
+                let cut = Offsets { position: OffsetNm(-20_000), velocity: VelocityUmS(1_000), ..far()[0] };
+                assert_eq!(answer.command.targets, [cut, far()[1]]);
+                Some(answer.frame)
             } else {
-                client.goodbye()
+                client.goodbye().inspect(|_| assert!(client.goodbye().is_none(), "one Goodbye per stream"))
             };
             assert!(client.answer(Mode::Submit, &far()).is_none(), "one answer per State");
-            if ticks >= 10 {
-                assert!(client.goodbye().is_none(), "one Goodbye per stream");
-            }
-            outgoing.extend(frame.map(|frame| frame.to_vec()));
         }
         assert_eq!(phases[..3], [Phase::Handshake, Phase::Submit, Phase::Obtain]);
         assert!(client.is_at_boundary());
@@ -364,26 +352,16 @@ fn a_broken_stream_stays_broken_and_a_broken_datagram_is_counted() {
 #[test]
 fn a_stop_stops_and_the_ramp_is_seen() {
     let (mut client, mut server) = granted(Transport::Stream);
-    let mut turn = |client: &mut Tested, frame: Option<FrameBytes>| {
-        let outgoing: StdVec<_> = frame.iter().map(|frame| frame.to_vec()).collect();
-        let incoming = server.tick(&outgoing).concat();
-        assert!(!server.closed);
-        feed_stream(client, &incoming, 4_096)
-    };
-    let position = |state: &State<2>| state.axes[0].offsets.position.0;
-    loop {
+    while server.state().axes[0].offsets.position != OffsetNm(20_000) {
         let answer = client.answer(Mode::Obtain, &at(20_000)).map(|answer| answer.frame);
-        let events = turn(&mut client, answer);
-        if matches!(events[..], [Event::State(state)] if position(&state) == 20_000) {
-            break;
-        }
+        server.turn(&mut client, answer, 4_096);
     }
     let stop = client.stop();
-    let events = turn(&mut client, stop);
+    let events = server.turn(&mut client, stop, 4_096);
     assert!(matches!(events[..], [Event::Ended(state)] if (state.cause, state.phase) == (Cause::Stop, Phase::Fault)));
     assert!(client.is_gone() && client.goodbye().is_none());
-    let events = turn(&mut client, None);
-    assert!(matches!(events[..], [Event::Ended(state)] if position(&state) == 18_000));
+    let events = server.turn(&mut client, None, 4_096);
+    assert!(matches!(events[..], [Event::Ended(state)] if state.axes[0].offsets.position == OffsetNm(18_000)));
     assert!(client.stop().is_some(), "a Stop may be repeated");
 }
 

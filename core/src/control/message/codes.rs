@@ -131,24 +131,3 @@ impl fmt::Display for Refusal {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_code_is_read_back() {
-        for code in 0..=u8::MAX {
-            assert!(Phase::from_code(code).is_none_or(|phase| phase.code() == code));
-            assert!(Mode::from_code(code).is_none_or(|mode| mode.code() == code));
-            assert!(Cause::from_code(code).is_none_or(|cause| cause.code() == code));
-        }
-        for phase in Phase::ALL {
-            assert_eq!(Phase::from_code(phase.code()), Some(*phase));
-        }
-        for cause in Cause::ALL {
-            assert_eq!(Cause::from_code(cause.code()), Some(*cause));
-        }
-        assert_eq!((Phase::ALL.len(), Cause::ALL.len()), (6, 13));
-    }
-}

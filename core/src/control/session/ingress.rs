@@ -87,15 +87,9 @@ impl<const N: usize> Classifier<'_, N> {
                 count(&mut counters.received);
                 match message {
                     ClientMessage::Command(command) => self.command(command, accepted, diagnostics),
-                    ClientMessage::Goodbye(epoch) if *epoch == self.discrete.epoch => {
-                        fsm.goodbye = true;
-                    }
-                    ClientMessage::Stop(epoch) if *epoch == self.discrete.epoch => {
-                        fsm.stop = true;
-                    }
-                    ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => {
-                        count(&mut counters.stale);
-                    }
+                    ClientMessage::Goodbye(epoch) if *epoch == self.discrete.epoch => fsm.goodbye = true,
+                    ClientMessage::Stop(epoch) if *epoch == self.discrete.epoch => fsm.stop = true,
+                    ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => count(&mut counters.stale),
                     ClientMessage::Hello(_) => count(&mut counters.malformed),
                 }
             }
