@@ -164,28 +164,24 @@ impl<U> Limits<U> {
     }
 
     /// M: largest magnitude; 0 disables the channel.
-    #[inline]
     #[must_use]
     pub const fn max(&self) -> i32 {
         self.max
     }
 
     /// S: largest change per tick.
-    #[inline]
     #[must_use]
     pub const fn step(&self) -> i32 {
         self.step
     }
 
     /// A: largest change of the change, per tick.
-    #[inline]
     #[must_use]
     pub const fn accel(&self) -> i32 {
         self.accel
     }
 
     /// rho: change per tick of the ramp to zero.
-    #[inline]
     #[must_use]
     pub const fn ramp(&self) -> u32 {
         self.ramp.get()
@@ -244,21 +240,18 @@ impl<U> Channel<U> {
     }
 
     /// Returns the last change of the value.
-    #[inline]
     #[must_use]
     pub const fn change(&self) -> i32 {
         self.change
     }
 
     /// Returns the count of the value in force.
-    #[inline]
     #[must_use]
     pub const fn count(&self) -> i32 {
         self.value
     }
 
     /// True at zero. (The last change may still have been the step that brought it there.)
-    #[inline]
     #[must_use]
     pub const fn is_zero(&self) -> bool {
         self.value == 0

@@ -16,10 +16,14 @@ pub(crate) fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U>
     Limits::new(LimitValues { max, step, accel, ramp }).unwrap()
 }
 
-/// An axis whose machine travel is wider than its nominal travel by the `M` of its positions.
-pub(crate) fn axis(limits: AxisLimits, nominal_reach_nm: u32, nominal_step_nm: u32) -> AxisConfig {
+/// An axis with all three channels, whose machine travel is wider than its nominal travel by the `M` of its positions.
+pub(crate) fn axis(position: Limits<OffsetNm>, nominal_reach_nm: u32, nominal_step_nm: u32) -> AxisConfig {
+    let (velocity, torque) = (limits(1_000, 100, 200, 10), limits(100, 10, 20, 1));
     let travel = Travel::around_zero(nominal_reach_nm);
-    AxisConfig { limits, ..AxisConfig::position_only(limits.position, travel, nominal_step_nm) }
+    AxisConfig {
+        limits: AxisLimits { position, velocity, torque },
+        ..AxisConfig::position_only(position, travel, nominal_step_nm)
+    }
 }
 
 /// The same position offset at both axes.

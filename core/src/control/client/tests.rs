@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::control::endpoint::bench::Bench;
 use crate::control::fixture::{self, at, axis, limits};
-use crate::control::message::{AxisLimits, Cause, ServerMessage};
+use crate::control::message::{Cause, ServerMessage};
 use crate::control::session::Connection;
 use crate::control::session::config::Parameters;
 use crate::control::wire::{Kind, encode_server};
@@ -36,14 +36,7 @@ struct Server {
 
 impl Server {
     fn new(transport: Transport) -> Self {
-        let axes = [20_000, 30_000].map(|max| {
-            let limits = AxisLimits {
-                position: limits(max, 5_000, 10_000, 1_000),
-                velocity: limits(1_000, 100, 200, 10),
-                torque: limits(100, 10, 20, 1),
-            };
-            axis(limits, 1_000_000, 0)
-        });
+        let axes = [20_000, 30_000].map(|max| axis(limits(max, 5_000, 10_000, 1_000), 1_000_000, 0));
         let mut bench = Bench::new(Parameters { kinematics_checksum: CHECKSUM, ..Parameters::thesis(axes) });
         let connection = bench.open(transport);
         Self { bench, connection }

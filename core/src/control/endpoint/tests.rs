@@ -5,14 +5,13 @@ use std::vec::Vec as StdVec;
 use super::bench::{Bench, Ticked};
 use super::*;
 use crate::control::fixture::{HELLO, at, axis, limits};
-use crate::control::message::{AxisLimits, Cause, Mode, Phase};
+use crate::control::message::{Cause, Mode, Phase};
 use crate::control::session::config::Parameters;
 use crate::control::wire::{Frame, decode_server, encode_client};
 use crate::units::PositionNm;
 
 fn bench() -> Bench {
-    let limits = AxisLimits { position: limits(100_000, 5_000, 10_000, 100), ..AxisLimits::DISABLED };
-    Bench::new(Parameters::thesis([axis(limits, 1_000_000, 0); 2]))
+    Bench::new(Parameters::thesis([axis(limits(100_000, 5_000, 10_000, 100), 1_000_000, 0); 2]))
 }
 
 /// A session in Obtain, and the connection of its owner.

@@ -12,7 +12,7 @@ use crate::control::fixture::{self, axis, limits};
 use crate::control::message::Mode;
 use crate::control::session::LastWrite;
 use crate::control::session::bench::{Bench, Move, REARM, STOP};
-use crate::control::session::config::Parameters;
+use crate::control::session::config::{AxisConfig, Parameters};
 use crate::units::{OffsetNm, TorquePermille, VelocityUmS};
 
 /// Two axes with different limits; the ramp is long enough to be seen.
@@ -23,7 +23,7 @@ fn parameters() -> Parameters<2> {
             velocity: limits(900 * scale, 200 * scale, 230 * scale, 30 * scale),
             torque: limits(90 * scale, 20 * scale, 23 * scale, 3 * scale),
         };
-        axis(limits, 10_000, 40_000)
+        AxisConfig { limits, ..axis(limits.position, 10_000, 40_000) }
     }))
 }
 

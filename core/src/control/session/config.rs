@@ -218,7 +218,6 @@ impl<const N: usize> Config<N> {
     }
 
     /// Returns the validated parameters.
-    #[inline]
     #[must_use]
     pub const fn parameters(&self) -> &Parameters<N> {
         &self.parameters

@@ -2,7 +2,6 @@
 
 use std::vec::Vec as StdVec;
 
-use Cause::{ClientLate, ServerLate};
 use Move::{Goodbye, Hello, Late, Silence, Written};
 use Phase::{Fault, Handshake, Listening, Obtain, SafeDisconnect, Submit};
 
@@ -10,19 +9,14 @@ use super::bench::{BOTH, Bench, EPOCHS, Move, OWNER, REARM, STOP, obtain, start,
 use super::config::{MissBudget, Parameters};
 use super::*;
 use crate::control::fixture::{HELLO, at, axis, limits};
-use crate::control::message::{AxisFlags, AxisLimits, ClientMessage, Command, Mode};
+use crate::control::message::{AxisFlags, ClientMessage, Command, Mode};
 use crate::control::wire::FrameError;
 use crate::units::{OffsetNm, PositionNm, TorquePermille, VelocityUmS};
 
 const OTHER: Connection = Connection(2);
 
 fn parameters() -> Parameters<2> {
-    let limits = AxisLimits {
-        position: limits(1_000_000, 5_000, 10_000, 100),
-        velocity: limits(1_000, 100, 200, 10),
-        torque: limits(100, 10, 20, 1),
-    };
-    Parameters::thesis([axis(limits, 1_000_000_000, 1_000_000); 2])
+    Parameters::thesis([axis(limits(1_000_000, 5_000, 10_000, 100), 1_000_000_000, 1_000_000); 2])
 }
 
 /// A session in Obtain, with the offsets at `position`.
@@ -50,11 +44,14 @@ fn ask(bench: &mut Bench) -> Output<2> {
 /// A move; phase, position offset and end of a session after it.
 type Row = (Move, Phase, i32, Option<Cause>);
 
-fn check(name: &str, bench: &mut Bench, rows: &[Row]) {
-    for (index, (one, phase, offset, ended)) in rows.iter().enumerate() {
-        let output = bench.play(one);
-        let found = (output.state.phase, bench.offset(), output.ended);
-        assert_eq!(found, (*phase, *offset, *ended), "{name}: move {index}, {one:?}");
+impl Bench {
+    /// Plays the moves, and compares what they show.
+    fn shows(&mut self, rows: &[Row]) {
+        for (index, (one, phase, offset, ended)) in rows.iter().enumerate() {
+            let output = self.play(one);
+            let found = (output.state.phase, self.offset(), output.ended);
+            assert_eq!(found, (*phase, *offset, *ended), "move {index}, {one:?}");
+        }
     }
 }
 
@@ -84,63 +81,53 @@ fn a_session_from_hello_to_goodbye() {
 }
 
 #[test]
-fn a_session_moves_by_the_rules() {
-    let server_late = Some(ServerLate);
-    let scripts: [(&str, &[Row]); 5] = [
-        (
-            "one miss holds, the second in a row ramps in its tick",
-            &[
-                (Silence, Obtain, 12_000, None),
-                (obtain(12_000), Obtain, 12_000, None),
-                (Silence, Obtain, 12_000, None),
-                (Silence, SafeDisconnect, 11_900, Some(ClientLate)),
-            ],
-        ),
-        (
-            "a skipped cycle is a miss, and two end the session",
-            &[(Late(2, at(12_000)), Obtain, 12_000, None), (Late(3, at(12_000)), SafeDisconnect, 11_900, server_late)],
-        ),
-        (
-            "a skipped cycle after a miss ends the session",
-            &[(Silence, Obtain, 12_000, None), (Late(2, at(12_000)), SafeDisconnect, 11_900, server_late)],
-        ),
-        (
-            "Submit is entered only at zero",
-            &[
-                (submit(500_000), Obtain, 7_000, None),
-                (submit(500_000), Obtain, 2_000, None),
-                (submit(500_000), Obtain, 0, None),
-                (submit(500_000), Submit, 0, None),
-            ],
-        ),
-        ("a stop ramps", &[(STOP, Fault, 11_900, Some(Cause::Stop)), (Silence, Fault, 11_800, None)]),
-    ];
-    for (name, rows) in scripts {
-        check(name, &mut obtaining(12_000), rows);
-    }
+fn one_miss_holds_and_the_second_in_a_row_ramps_in_its_tick() {
+    obtaining(12_000).shows(&[
+        (Silence, Obtain, 12_000, None),
+        (obtain(12_000), Obtain, 12_000, None),
+        (Silence, Obtain, 12_000, None),
+        (Silence, SafeDisconnect, 11_900, Some(Cause::ClientLate)),
+    ]);
 }
 
 #[test]
-fn a_fault_is_left_by_a_local_rearm_only() {
+fn a_skipped_cycle_is_a_miss_and_two_end_the_session() {
+    let late = |cycles| Late(cycles, at(12_000));
+    let ended = Some(Cause::ServerLate);
+    obtaining(12_000).shows(&[(late(2), Obtain, 12_000, None), (late(3), SafeDisconnect, 11_900, ended)]);
+    obtaining(12_000).shows(&[(Silence, Obtain, 12_000, None), (late(2), SafeDisconnect, 11_900, ended)]);
+}
+
+#[test]
+fn submit_is_entered_only_at_zero() {
+    obtaining(12_000).shows(&[
+        (submit(500_000), Obtain, 7_000, None),
+        (submit(500_000), Obtain, 2_000, None),
+        (submit(500_000), Obtain, 0, None),
+        (submit(500_000), Submit, 0, None),
+    ]);
+}
+
+#[test]
+fn a_stop_ramps_and_only_a_local_rearm_leads_out() {
     let mut bench = obtaining(200);
     // Re-arming is refused while the stop is asserted or an offset remains.
-    check("before", &mut bench, &[(STOP, Fault, 100, Some(Cause::Stop)), (BOTH, Fault, 0, None)]);
+    bench.shows(&[(STOP, Fault, 100, Some(Cause::Stop)), (BOTH, Fault, 0, None)]);
     assert_eq!(ask(&mut bench).refusals[..], [(OTHER, Refusal::Faulted { ticks_left: 0 })]);
-    check("after", &mut bench, &[(REARM, Listening, 0, None)]);
+    bench.shows(&[(REARM, Listening, 0, None)]);
 }
 
 /// Found by review: a re-arm pressed before the stop, or stuck, let a stop pass unnoticed.
 #[test]
 fn a_stuck_rearm_leads_nowhere() {
-    let rows = [
+    obtaining(0).shows(&[
         (BOTH, Fault, 0, Some(Cause::Stop)),
         (REARM, Fault, 0, None),
         (REARM, Fault, 0, None),
         (REARM, Fault, 0, None),
         (Silence, Fault, 0, None),
         (REARM, Listening, 0, None),
-    ];
-    check("stuck", &mut obtaining(0), &rows);
+    ]);
 }
 
 #[test]
