@@ -1,8 +1,6 @@
-//! A client against a real endpoint, in memory: over streams split anywhere, and over datagrams that get lost, doubled and reordered.
+//! A client against a real endpoint, in memory, over streams and datagrams. Any turns in any order: `proofs`.
 
 use std::vec::Vec as StdVec;
-
-use proptest::prelude::*;
 
 use super::*;
 use crate::control::endpoint::bench::Bench;
@@ -118,56 +116,6 @@ fn a_session_over_a_stream_split_anywhere() {
         assert!(client.is_at_boundary());
         assert_eq!(client.ignored(), Ignored::default());
         assert_eq!(server.state().counters.malformed, 0);
-    }
-}
-
-/// Carries datagrams by their fate: lost, doubled, delayed to the next turn, in order. Returns those that arrive now.
-fn carry(delayed: &mut StdVec<StdVec<u8>>, sent: StdVec<StdVec<u8>>, fate: u8) -> StdVec<StdVec<u8>> {
-    let late = core::mem::take(delayed);
-    let mut arriving = match fate {
-        0 => StdVec::new(),
-        1 => sent.into_iter().flat_map(|datagram| [datagram.clone(), datagram]).collect(),
-        2 => {
-            *delayed = sent;
-            StdVec::new()
-        }
-        _ => sent,
-    };
-    arriving.extend(late);
-    arriving
-}
-
-proptest! {
-    #[test]
-    fn a_session_over_datagrams_of_any_fate(
-        fates in proptest::collection::vec((0..12_u8, 0..12_u8, any::<bool>(), any::<i32>()), 1..120),
-    ) {
-        let mut client = Tested::new(Transport::Datagram, requirements());
-        let mut server = Server::new(Transport::Datagram);
-        let (mut up, mut down, mut outgoing) = (StdVec::new(), StdVec::new(), StdVec::new());
-        let mut newest = None;
-        for (up_fate, down_fate, obtain, position) in fates {
-            outgoing.extend(client.hello().map(|frame| frame.to_vec()));
-            let sent = server.tick(&carry(&mut up, core::mem::take(&mut outgoing), up_fate));
-            for datagram in carry(&mut down, sent, down_fate) {
-                let (consumed, event) = client.feed(&datagram);
-                prop_assert_eq!(consumed, datagram.len());
-                prop_assert!(client.is_valid());
-                if let Some(Event::State(state) | Event::Ended(state)) = event.unwrap() {
-                    prop_assert!(newest < Some(state.tick));
-                    newest = Some(state.tick);
-                }
-            }
-            let mode = if obtain { Mode::Obtain } else { Mode::Submit };
-            if let Some(answer) = client.answer(mode, &at(position)) {
-                prop_assert_eq!(Some(answer.command.echo), newest);
-                let submitted = matches!(client.phase(), Some(Phase::Submit | Phase::Obtain));
-                prop_assert!(answer.command.mode == Mode::Submit || submitted);
-                outgoing.push(answer.frame.to_vec());
-            }
-            prop_assert!(client.answer(mode, &at(position)).is_none());
-        }
-        prop_assert_eq!(server.state().counters.out_of_range, 0);
     }
 }
 
