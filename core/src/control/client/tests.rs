@@ -120,6 +120,20 @@ fn a_session_over_a_stream_split_anywhere() {
 }
 
 #[test]
+fn submit_is_asked_for_until_the_server_has_accepted_it() {
+    let (mut client, mut server) = granted(Transport::Datagram);
+    let modes = [true, true, false, false].map(|is_lost| {
+        let answer = client.answer(Mode::Obtain, &at(0)).unwrap();
+        let received = if is_lost { StdVec::new() } else { std::vec![answer.frame.to_vec()] };
+        for frame in server.tick(&received) {
+            client.feed(&frame).1.unwrap();
+        }
+        answer.command.mode
+    });
+    assert_eq!(modes, [Mode::Submit, Mode::Submit, Mode::Submit, Mode::Obtain]);
+}
+
+#[test]
 fn a_goodbye_over_datagrams_is_repeated_per_state() {
     let (mut client, mut server) = granted(Transport::Datagram);
     for _ in 0..3 {
@@ -222,7 +236,7 @@ fn a_welcome_is_not_taken_before_a_hello() {
     let mut client = Tested::new(Transport::Datagram, requirements());
     assert_eq!(client.feed(&welcomed).1, Ok(None));
     assert_eq!(client.ignored().unexpected, 1);
-    assert!(client.hello().is_some());
+    assert!(client.hello().is_some() && client.hello().is_some(), "as often as asked");
     assert!(matches!(client.feed(&welcomed).1, Ok(Some(Event::Welcomed(_)))));
 }
 

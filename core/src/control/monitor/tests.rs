@@ -120,14 +120,18 @@ fn references(state: &State<2>) -> [Reference; 2] {
     })
 }
 
-/// Axis 0 in Obtain: 500, 1 000 and 1 500 nm, at full speed.
-fn moving() -> Monitor<2> {
-    let mut monitor = monitor();
-    for tick in 1..=3_u8 {
+/// Both axes in Obtain, 500 nm further per tick: full speed for the first.
+fn moved(mut monitor: Monitor<2>, ticks: u8) -> Monitor<2> {
+    for tick in 1..=ticks {
         let state = state(tick.into(), Phase::Obtain, 500 * i32::from(tick));
         monitor.check_tick(&state, &references(&state)).unwrap();
     }
     monitor
+}
+
+/// A monitor that has seen 500, 1 000 and 1 500 nm.
+fn moving() -> Monitor<2> {
+    moved(monitor(), 3)
 }
 
 fn violation(rule: Rule, limit: i64, found: i64) -> Result<(), Violation> {
@@ -286,14 +290,7 @@ fn values_read_back_are_checked_and_become_the_base() {
 
 #[test]
 fn lost_states_widen_the_bounds_and_nothing_else() {
-    let lossy = || {
-        let mut monitor = Monitor::lossy(axis_limits(), Some(travel()));
-        for tick in 1..=2_u8 {
-            let state = state(tick.into(), Phase::Obtain, 500 * i32::from(tick));
-            monitor.check_state(&state).unwrap();
-        }
-        monitor
-    };
+    let lossy = || moved(Monitor::lossy(axis_limits(), Some(travel())), 2);
     let cases = [
         (state(4, Phase::Obtain, 2_000), Ok(())),
         (state(4, Phase::Obtain, 0), Ok(())),

@@ -189,9 +189,7 @@ impl<const N: usize> Classifier<'_, N> {
         }
         match self.discrete.tick.0.checked_sub(command.echo.0) {
             None => return Verdict::Stale,
-            Some(behind) if behind > u64::from(self.parameters.echo_window) => {
-                return Verdict::Late;
-            }
+            Some(behind) if behind > u64::from(self.parameters.echo_window) => return Verdict::Late,
             Some(_) => {}
         }
         // Content that the wire format cannot check: the mode in this phase, the targets' magnitude.
