@@ -104,9 +104,7 @@ impl fmt::Display for LimitsError {
             Self::NegativeMax { max } => write!(f, "max is {max}; it must not be negative (0 disables the channel)"),
             Self::RampNotPositive { ramp } => write!(f, "ramp is {ramp}; it must be positive"),
             Self::RampAboveStep { ramp, step } => write!(f, "ramp {ramp} is above step {step}"),
-            Self::AccelTooSmall { accel, needed } => {
-                write!(f, "accel is {accel}; step + ramp needs at least {needed}")
-            }
+            Self::AccelTooSmall { accel, needed } => write!(f, "accel is {accel}; step + ramp needs at least {needed}"),
         }
     }
 }
@@ -166,28 +164,24 @@ impl<U> Limits<U> {
     }
 
     /// M: largest magnitude; 0 disables the channel.
-    #[inline]
     #[must_use]
     pub const fn max(&self) -> i32 {
         self.max
     }
 
     /// S: largest change per tick.
-    #[inline]
     #[must_use]
     pub const fn step(&self) -> i32 {
         self.step
     }
 
     /// A: largest change of the change, per tick.
-    #[inline]
     #[must_use]
     pub const fn accel(&self) -> i32 {
         self.accel
     }
 
     /// rho: change per tick of the ramp to zero.
-    #[inline]
     #[must_use]
     pub const fn ramp(&self) -> u32 {
         self.ramp.get()
@@ -246,21 +240,18 @@ impl<U> Channel<U> {
     }
 
     /// Returns the last change of the value.
-    #[inline]
     #[must_use]
     pub const fn change(&self) -> i32 {
         self.change
     }
 
     /// Returns the count of the value in force.
-    #[inline]
     #[must_use]
     pub const fn count(&self) -> i32 {
         self.value
     }
 
     /// True at zero. (The last change may still have been the step that brought it there.)
-    #[inline]
     #[must_use]
     pub const fn is_zero(&self) -> bool {
         self.value == 0
@@ -353,24 +344,18 @@ fn narrow(value: i64) -> i32 {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
+    use crate::control::fixture;
     use crate::units::OffsetNm;
 
     /// The thesis profile for positions: 2 mm, 5 µm per tick, ramp 0.1 µm per tick.
-    const LIMITS: Limits<OffsetNm> =
-        match Limits::new(LimitValues { max: 2_000_000, step: 5_000, accel: 10_000, ramp: 100 }) {
-            Ok(limits) => limits,
-            Err(_) => panic!("the profile is valid"),
-        };
+    fn limits() -> Limits<OffsetNm> {
+        fixture::limits(2_000_000, 5_000, 10_000, 100)
+    }
 
     fn checked(max: i32, step: i32, accel: i32, ramp: i32) -> Result<Limits<OffsetNm>, LimitsError> {
         Limits::new(LimitValues { max, step, accel, ramp })
-    }
-
-    /// Limits from M, S, A and rho.
-    pub(crate) fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
-        Limits::new(LimitValues { max, step, accel, ramp }).unwrap()
     }
 
     #[test]
@@ -388,15 +373,15 @@ pub(crate) mod tests {
 
     #[test]
     fn ramps_to_the_nanometre() {
-        let mut channel = Channel::from_parts(OffsetNm(-100_050), 0, &LIMITS).unwrap();
-        assert_eq!(channel.ramp_ticks_left(&LIMITS), 1001);
+        let mut channel = Channel::from_parts(OffsetNm(-100_050), 0, &limits()).unwrap();
+        assert_eq!(channel.ramp_ticks_left(&limits()), 1001);
         for tick in 1..=1000 {
-            channel = channel.ramp(&LIMITS);
+            channel = channel.ramp(&limits());
             assert_eq!(channel.count(), -100_050 + 100 * tick);
         }
-        channel = channel.ramp(&LIMITS);
+        channel = channel.ramp(&limits());
         assert_eq!((channel.count(), channel.change()), (0, 50));
-        channel = channel.ramp(&LIMITS);
+        channel = channel.ramp(&limits());
         assert_eq!(channel, Channel::ZERO);
     }
 
@@ -404,19 +389,19 @@ pub(crate) mod tests {
     fn follows_as_fast_as_allowed_and_arrives() {
         let mut channel = Channel::ZERO;
         for _ in 0..3 {
-            channel = channel.follow(OffsetNm(12_345), &LIMITS);
+            channel = channel.follow(OffsetNm(12_345), &limits());
         }
         assert_eq!((channel.count(), channel.change()), (12_345, 2_345));
         // Full speed ahead, then a target behind: the reversal is spread over two ticks.
-        let fast = Channel::from_parts(OffsetNm(0), 5_000, &LIMITS).unwrap();
-        assert_eq!(fast.follow(OffsetNm(i32::MIN), &LIMITS).change(), -5_000);
-        let tight = checked(2_000_000, 5_000, 5_100, 100).unwrap();
+        let fast = Channel::from_parts(OffsetNm(0), 5_000, &limits()).unwrap();
+        assert_eq!(fast.follow(OffsetNm(i32::MIN), &limits()).change(), -5_000);
+        let tight = fixture::limits(2_000_000, 5_000, 5_100, 100);
         assert_eq!(fast.follow(OffsetNm(i32::MIN), &tight).change(), -100);
     }
 
     #[test]
     fn a_zero_limit_means_zero() {
-        let zero = checked(0, 5, 10, 1).unwrap();
+        let zero = fixture::limits(0, 5, 10, 1);
         assert_eq!(Channel::ZERO.follow(OffsetNm(i32::MAX), &zero), Channel::ZERO);
         assert!(!zero.admits(OffsetNm(1)));
     }

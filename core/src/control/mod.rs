@@ -15,6 +15,8 @@ pub mod axis;
 pub mod channel;
 pub mod client;
 pub mod endpoint;
+#[cfg(test)]
+mod fixture;
 pub mod message;
 pub mod monitor;
 pub mod session;

@@ -85,9 +85,7 @@ impl<const N: usize> Dialogue<N> {
     /// the count of the Goodbye is bounded.
     #[must_use]
     pub fn is_valid(&self) -> bool {
-        let Stage::Granted(session) = &self.stage else {
-            return true;
-        };
+        let Stage::Granted(session) = &self.stage else { return true };
         let states = match session.last {
             None => !session.unanswered && !session.ended,
             Some(last) => {
@@ -101,9 +99,7 @@ impl<const N: usize> Dialogue<N> {
 
     /// Returns the Hello to send. Over streams a second one would be a protocol error.
     pub fn hello(&mut self) -> Option<Hello> {
-        let Stage::Greeting { said } = &mut self.stage else {
-            return None;
-        };
+        let Stage::Greeting { said } = &mut self.stage else { return None };
         if *said && self.transport == Transport::Stream {
             return None;
         }
@@ -146,9 +142,7 @@ impl<const N: usize> Dialogue<N> {
 
     /// Returns the command that answers the newest State, and flags for targets that were cut to the limits of the Welcome.
     pub fn answer(&mut self, mode: Mode, targets: &[Offsets; N]) -> Option<(Command<N>, [Saturated; N])> {
-        let Stage::Granted(session) = &mut self.stage else {
-            return None;
-        };
+        let Stage::Granted(session) = &mut self.stage else { return None };
         if !session.unanswered || session.leaving.is_some() {
             return None;
         }
@@ -180,9 +174,7 @@ impl<const N: usize> Dialogue<N> {
 
     /// Returns the epoch of the Goodbye to send: the first, and over datagrams one for each State after it.
     pub fn goodbye(&mut self) -> Option<Epoch> {
-        let Stage::Granted(session) = &mut self.stage else {
-            return None;
-        };
+        let Stage::Granted(session) = &mut self.stage else { return None };
         let again = self.transport == Transport::Datagram && session.unanswered;
         if session.ended || (session.leaving.is_some() && !again) {
             return None;

@@ -66,7 +66,7 @@ impl fmt::Display for ClientError {
             Self::Frame(error) => write!(f, "the stream is broken: {error}"),
             Self::Content(error) => write!(f, "invalid message: {error}"),
             Self::Unexpected { received } => {
-                write!(f, "unexpected {}: expected one answer to Hello, then States", name(*received))
+                write!(f, "unexpected {received:?}: expected one answer to Hello, then States")
             }
             Self::OldState { expected, received } => {
                 write!(f, "expected a State of tick {} or later, got tick {}", expected.0, received.0)
@@ -80,9 +80,7 @@ impl fmt::Display for ClientError {
             Self::Checksum { expected, received } => {
                 write!(f, "the server's machine has checksum {received:08x}, the client's has {expected:08x}")
             }
-            Self::Capability { needed } => {
-                write!(f, "the server needs capabilities {:#06x}", needed.0)
-            }
+            Self::Capability { needed } => write!(f, "the server needs capabilities {:#06x}", needed.0),
             Self::GoodbyeUnheard { states } => {
                 write!(f, "the session goes on {states} States after the Goodbye; close the connection")
             }
@@ -95,18 +93,5 @@ impl core::error::Error for ClientError {}
 impl From<ContentError> for ClientError {
     fn from(error: ContentError) -> Self {
         Self::Content(error)
-    }
-}
-
-/// Returns the name of a message kind.
-const fn name(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Hello => "Hello",
-        Kind::Welcome => "Welcome",
-        Kind::Command => "Command",
-        Kind::State => "State",
-        Kind::Goodbye => "Goodbye",
-        Kind::Stop => "Stop",
-        Kind::Refusal => "Refusal",
     }
 }

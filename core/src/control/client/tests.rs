@@ -1,97 +1,74 @@
-//! A client against a real endpoint, in memory: over streams split anywhere, and over datagrams that get lost, doubled and reordered.
+//! A client against a real endpoint, in memory, over streams and datagrams. Any turns in any order: `proofs`.
 
-use std::collections::VecDeque;
 use std::vec::Vec as StdVec;
 
-use proptest::prelude::*;
-
 use super::*;
-use crate::control::axis::Actual;
-use crate::control::channel::tests::limits;
-use crate::control::endpoint::{Endpoint, MotorMap};
-use crate::control::message::{AxisLimits, Cause, Counters, ServerMessage};
-use crate::control::session::config::{AxisConfig, Config, Parameters, Travel};
-use crate::control::session::{Connection, LastWrite, Session, Start, TickInput};
-use crate::control::wire::{Kind, decode_client, encode_server};
-use crate::units::{Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+use crate::control::endpoint::bench::Bench;
+use crate::control::fixture::{self, at, axis, limits};
+use crate::control::message::{Cause, ServerMessage};
+use crate::control::session::Connection;
+use crate::control::session::config::Parameters;
+use crate::control::wire::{Kind, encode_server};
+use crate::units::{Epoch, OffsetNm, Tick, TorquePermille, VelocityUmS};
 
 type Tested = Client<2>;
 
 const CHECKSUM: u32 = 0xfeed_f00d;
 
-fn axis(max: i32) -> AxisConfig {
-    let limits = AxisLimits {
-        position: limits(max, 5_000, 10_000, 1_000),
-        velocity: limits(1_000, 100, 200, 10),
-        torque: limits(100, 10, 20, 1),
-    };
-    let axis = AxisConfig::position_only(limits.position, Travel::around_zero(1_000_000), 0);
-    AxisConfig { limits, ..axis }
-}
-
 fn requirements() -> Requirements {
     Requirements { capabilities: Capabilities::NONE, cycle_us: Some(1_000), kinematics_checksum: Some(CHECKSUM) }
 }
 
+/// A client that has said Hello.
+fn greeted(transport: Transport, requirements: Requirements) -> Tested {
+    let mut client = Tested::new(transport, requirements);
+    assert!(client.hello().is_some());
+    client
+}
+
 /// The server and its side of the connection.
 struct Server {
-    endpoint: Endpoint<2, 2>,
+    bench: Bench,
     connection: Connection,
-    closed: bool,
 }
 
 impl Server {
     fn new(transport: Transport) -> Self {
-        let parameters =
-            Parameters { kinematics_checksum: CHECKSUM, ..Parameters::thesis([axis(20_000), axis(30_000)]) };
-        let config = Config::new(parameters).unwrap();
-        let session = Session::new(config, &Start::at_rest([PositionNm(0); 2])).unwrap();
-        let motors = MotorMap::new([0, 1]).unwrap();
-        let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
-        let connection = endpoint.open(transport).unwrap();
-        Self { endpoint, connection, closed: false }
+        let axes = [20_000, 30_000].map(|max| axis(limits(max, 5_000, 10_000, 1_000), 1_000_000, 0));
+        let mut bench = Bench::new(Parameters { kinematics_checksum: CHECKSUM, ..Parameters::thesis(axes) });
+        let connection = bench.open(transport);
+        Self { bench, connection }
     }
 
-    fn phase(&self) -> Phase {
-        self.endpoint.session().phase()
+    /// The State of the last tick.
+    fn state(&self) -> &State<2> {
+        &self.bench.endpoint.output().unwrap().state
     }
 
     /// One tick; returns the frames for the client.
     fn tick(&mut self, received: &[StdVec<u8>]) -> StdVec<StdVec<u8>> {
         for bytes in received {
-            self.endpoint.feed(self.connection, bytes);
+            self.bench.endpoint.feed(self.connection, bytes);
         }
-        let _ = self.endpoint.tick(&TickInput {
-            elapsed_cycles: 1,
-            nominal: [PositionNm(0); 2],
-            actual: [Actual::ZERO; 2],
-            stop: false,
-            rearm: false,
-            last_write: LastWrite::Accepted,
-            arrival_us: 0,
-        });
-        let mut sent = StdVec::new();
-        while let Some((to, frame)) = self.endpoint.poll_transmit() {
-            assert_eq!(to, self.connection);
-            sent.push(frame.to_vec());
-        }
-        self.closed |= core::iter::from_fn(|| self.endpoint.poll_close()).count() > 0;
-        sent
+        let ticked = self.bench.tick();
+        assert!(ticked.sent.iter().all(|(to, _)| *to == self.connection));
+        ticked.sent.into_iter().map(|(_, frame)| frame).collect()
     }
-}
 
-/// Feeds bytes as a stream, in pieces of `piece` bytes.
-fn feed_stream(client: &mut Tested, bytes: &[u8], piece: usize) -> StdVec<Event<2>> {
-    let mut events = StdVec::new();
-    for mut rest in bytes.chunks(piece) {
-        while !rest.is_empty() {
-            let (consumed, event) = client.feed(rest);
-            assert!(client.is_valid());
-            events.extend(event.unwrap());
-            rest = &rest[consumed..];
+    /// One tick over a stream that the client reads in pieces; returns what the client makes of it.
+    fn turn(&mut self, client: &mut Tested, frame: Option<FrameBytes>, piece: usize) -> StdVec<Event<2>> {
+        let received: StdVec<_> = frame.iter().map(|frame| frame.to_vec()).collect();
+        let mut events = StdVec::new();
+        for mut rest in self.tick(&received).concat().chunks(piece) {
+            while !rest.is_empty() {
+                let (consumed, event) = client.feed(rest);
+                assert!(client.is_valid());
+                events.extend(event.unwrap());
+                rest = &rest[consumed..];
+            }
         }
+        events
     }
-    events
 }
 
 fn far() -> [Offsets; 2] {
@@ -105,15 +82,11 @@ fn a_session_over_a_stream_split_anywhere() {
         let mut client = Tested::new(Transport::Stream, requirements());
         let mut server = Server::new(Transport::Stream);
         assert!(client.goodbye().is_none() && client.stop().is_none());
-        let mut outgoing = std::vec![client.hello().unwrap().to_vec()];
+        let mut outgoing = client.hello();
         assert!(client.hello().is_none(), "one Hello per stream");
         let mut phases = StdVec::new();
-        let mut ticks = 0;
         while !client.is_gone() {
-            ticks += 1;
-            let incoming = server.tick(&outgoing).concat();
-            outgoing.clear();
-            for event in feed_stream(&mut client, &incoming, piece) {
+            for event in server.turn(&mut client, outgoing.take(), piece) {
                 match event {
                     Event::Welcomed(welcome) => assert_eq!(client.welcome(), Some(&welcome)),
                     Event::Refused(refusal) => panic!("{refusal}"),
@@ -126,110 +99,38 @@ fn a_session_over_a_stream_split_anywhere() {
                     }
                 }
             }
-            let frame = if ticks < 10 {
-                client.answer(Mode::Obtain, &far()).map(|answer| {
-                    assert!(answer.is_saturated());
-                    let [first, second] = answer.saturated;
-                    assert!(first.position && first.velocity && !first.torque && !second.any());
-                    assert_eq!(answer.command.targets[0].position, OffsetNm(-20_000));
-                    assert_eq!(answer.command.targets[0].velocity, VelocityUmS(1_000));
-                    assert_eq!(answer.command.targets[0].torque, TorquePermille(100));
-                    assert_eq!(answer.command.targets[1], far()[1]);
-                    answer.frame
-                })
+            outgoing = if phases.len() < 10 {
+                let answer = client.answer(Mode::Obtain, &far()).unwrap();
+                let [first, second] = answer.saturated;
+                assert!(answer.is_saturated() && !second.any());
+                assert!(first.position && first.velocity && !first.torque);
+                let cut = Offsets { position: OffsetNm(-20_000), velocity: VelocityUmS(1_000), ..far()[0] };
+                assert_eq!(answer.command.targets, [cut, far()[1]]);
+                Some(answer.frame)
             } else {
-                client.goodbye()
+                client.goodbye().inspect(|_| assert!(client.goodbye().is_none(), "one Goodbye per stream"))
             };
             assert!(client.answer(Mode::Submit, &far()).is_none(), "one answer per State");
-            if ticks >= 10 {
-                assert!(client.goodbye().is_none(), "one Goodbye per stream");
-            }
-            outgoing.extend(frame.map(|frame| frame.to_vec()));
         }
         assert_eq!(phases[..3], [Phase::Handshake, Phase::Submit, Phase::Obtain]);
         assert!(client.is_at_boundary());
         assert_eq!(client.ignored(), Ignored::default());
-        assert_eq!(server.endpoint.output().unwrap().state.counters.malformed, 0);
+        assert_eq!(server.state().counters.malformed, 0);
     }
 }
 
-/// A path that loses, doubles and delays datagrams.
-struct Path {
-    queue: VecDeque<StdVec<u8>>,
-}
-
-impl Path {
-    /// Carries datagrams; returns those that arrive now. Fates: lost, doubled, delayed behind the next, in order.
-    fn carry(&mut self, sent: impl IntoIterator<Item = StdVec<u8>>, fate: u8) -> StdVec<StdVec<u8>> {
-        let held: StdVec<_> = self.queue.drain(..).collect();
-        let mut arriving = StdVec::new();
-        for datagram in sent {
-            match fate {
-                0 => {}
-                1 => arriving.extend([datagram.clone(), datagram]),
-                2 => self.queue.push_back(datagram),
-                _ => arriving.push(datagram),
-            }
+#[test]
+fn submit_is_asked_for_until_the_server_has_accepted_it() {
+    let (mut client, mut server) = granted(Transport::Datagram);
+    let modes = [true, true, false, false].map(|is_lost| {
+        let answer = client.answer(Mode::Obtain, &at(0)).unwrap();
+        let received = if is_lost { StdVec::new() } else { std::vec![answer.frame.to_vec()] };
+        for frame in server.tick(&received) {
+            client.feed(&frame).1.unwrap();
         }
-        arriving.extend(held);
-        arriving
-    }
-}
-
-/// T24 on a command: newer echo and sequence, limits kept, Obtain only after Submit was accepted.
-fn check_command(command: &Command<2>, before: Option<&Command<2>>, client: &Tested) {
-    let welcome = client.welcome().unwrap();
-    assert_eq!(command.epoch, welcome.epoch);
-    let mut axes = welcome.limits.iter().zip(&command.targets);
-    assert!(axes.all(|(limits, target)| limits.admits(target)));
-    match before {
-        None => assert_eq!((command.sequence, command.mode), (Sequence(1), Mode::Submit)),
-        Some(before) => {
-            assert_eq!(command.sequence.0, before.sequence.0 + 1);
-            assert!(command.echo > before.echo, "an old State is not answered");
-        }
-    }
-    let submitted = matches!(client.phase(), Some(Phase::Submit | Phase::Obtain));
-    assert!(command.mode == Mode::Submit || submitted);
-}
-
-proptest! {
-    #[test]
-    fn a_session_over_datagrams_of_any_fate(
-        fates in proptest::collection::vec((0..12_u8, 0..12_u8, any::<bool>(), any::<i32>()), 1..120),
-    ) {
-        let mut client = Tested::new(Transport::Datagram, requirements());
-        let mut server = Server::new(Transport::Datagram);
-        let (mut up, mut down) = (Path { queue: VecDeque::new() }, Path { queue: VecDeque::new() });
-        let mut outgoing: StdVec<StdVec<u8>> = StdVec::new();
-        let mut before = None;
-        let mut newest = None;
-        for (up_fate, down_fate, obtain, position) in fates {
-            outgoing.extend(client.hello().map(|frame| frame.to_vec()));
-            let sent = server.tick(&up.carry(outgoing.drain(..), up_fate));
-            for datagram in down.carry(sent, down_fate) {
-                let (consumed, event) = client.feed(&datagram);
-                prop_assert_eq!(consumed, datagram.len());
-                prop_assert!(client.is_valid());
-                if let Some(Event::State(state) | Event::Ended(state)) = event.unwrap() {
-                    prop_assert!(newest < Some(state.tick));
-                    newest = Some(state.tick);
-                }
-            }
-            let mode = if obtain { Mode::Obtain } else { Mode::Submit };
-            let targets = [Offsets::position(OffsetNm(position)); 2];
-            if let Some(answer) = client.answer(mode, &targets) {
-                check_command(&answer.command, before.as_ref(), &client);
-                prop_assert_eq!(Some(answer.command.echo), newest);
-                let frame = Frame::parse(&answer.frame).unwrap();
-                prop_assert_eq!(decode_client(&frame), Ok(ClientMessage::Command(answer.command)));
-                before = Some(answer.command);
-                outgoing.push(answer.frame.to_vec());
-            }
-            prop_assert!(client.answer(mode, &targets).is_none());
-        }
-        prop_assert_eq!(server.endpoint.session().parts().counters.out_of_range, 0);
-    }
+        answer.command.mode
+    });
+    assert_eq!(modes, [Mode::Submit, Mode::Submit, Mode::Submit, Mode::Obtain]);
 }
 
 #[test]
@@ -239,7 +140,7 @@ fn a_goodbye_over_datagrams_is_repeated_per_state() {
         // The Goodbye is lost; the server counts a miss, or waits for its first command.
         assert!(client.goodbye().is_some());
         assert!(client.goodbye().is_none(), "once per State");
-        assert!(client.answer(Mode::Submit, &[Offsets::ZERO; 2]).is_none());
+        assert!(client.answer(Mode::Submit, &at(0)).is_none());
         for frame in server.tick(&[]) {
             assert!(client.feed(&frame).1.is_ok());
         }
@@ -264,147 +165,133 @@ fn granted(transport: Transport) -> (Tested, Server) {
     (client, server)
 }
 
+/// The frame of a State of the server's first session.
+fn state(tick: u64, phase: Phase) -> FrameBytes {
+    state_of(Epoch(1), tick, phase)
+}
+
+fn state_of(epoch: Epoch, tick: u64, phase: Phase) -> FrameBytes {
+    encode_server(&ServerMessage::State(fixture::state(epoch, tick, phase, 0)))
+}
+
+/// The frame of a Welcome on the server's terms, but for what `edit` changes.
+fn welcome(edit: impl FnOnce(&mut Welcome<2>)) -> FrameBytes {
+    let mut welcome = *granted(Transport::Stream).0.welcome().unwrap();
+    edit(&mut welcome);
+    encode_server(&ServerMessage::Welcome(welcome))
+}
+
+fn refusal(reason: Refusal) -> FrameBytes {
+    encode_server(&ServerMessage::<2>::Refusal(reason))
+}
+
 #[test]
 fn a_goodbye_without_effect_is_an_error() {
     let (mut client, _) = granted(Transport::Stream);
     assert!(client.goodbye().is_some());
     let first = client.welcome().unwrap().tick.0;
-    for count in 1..=u64::from(GOODBYE_STATES) {
-        let event = client.feed(&state(&client, first + count, Phase::Obtain)).1;
-        if count == u64::from(GOODBYE_STATES) {
-            assert_eq!(event, Err(ClientError::GoodbyeUnheard { states: 100 }));
-        } else {
-            assert!(matches!(event, Ok(Some(Event::State(_)))));
-        }
+    for count in 1..u64::from(GOODBYE_STATES) {
+        assert!(matches!(client.feed(&state(first + count, Phase::Obtain)).1, Ok(Some(Event::State(_)))));
     }
+    let last = client.feed(&state(first + u64::from(GOODBYE_STATES), Phase::Obtain)).1;
+    assert_eq!(last, Err(ClientError::GoodbyeUnheard { states: 100 }));
     assert!(client.is_valid() && !client.is_gone());
-}
-
-/// The frame of a State of the client's session.
-fn state(client: &Tested, tick: u64, phase: Phase) -> FrameBytes {
-    let epoch = client.welcome().map_or(Epoch(1), |welcome| welcome.epoch);
-    state_of(epoch, tick, phase)
-}
-
-fn state_of(epoch: Epoch, tick: u64, phase: Phase) -> FrameBytes {
-    encode_server(&ServerMessage::State(State::<2> {
-        tick: Tick(tick),
-        epoch,
-        accepted: Sequence(0),
-        phase,
-        cause: Cause::None,
-        on_time_of_100: 100,
-        arrival_us: 0,
-        ramp_ticks_left: 0,
-        counters: Counters::default(),
-        axes: [crate::control::message::AxisState::default(); 2],
-    }))
 }
 
 #[test]
 fn messages_that_do_not_fit_are_errors_over_streams_and_ignored_over_datagrams() {
-    let refusal = |_: &Tested| encode_server(&ServerMessage::<2>::Refusal(Refusal::Busy));
-    let welcome = |client: &Tested| encode_server(&ServerMessage::Welcome(*client.welcome().unwrap()));
-    let same = |client: &Tested| state(client, 1, Phase::Handshake);
-    let foreign = |_: &Tested| state_of(Epoch(9), 50, Phase::Handshake);
-    type Make<'a> = &'a dyn Fn(&Tested) -> FrameBytes;
     let unexpected = |received| ClientError::Unexpected { received };
-    let cases: [(Make<'_>, ClientError, [u32; 3]); 4] = [
-        (&refusal, unexpected(Kind::Refusal), [0, 0, 1]),
-        (&welcome, unexpected(Kind::Welcome), [0, 0, 1]),
-        (&same, ClientError::OldState { expected: Tick(2), received: Tick(1) }, [1, 0, 0]),
-        (&foreign, ClientError::Epoch { expected: Epoch(1), received: Epoch(9) }, [0, 1, 0]),
+    let cases = [
+        (refusal(Refusal::Busy), unexpected(Kind::Refusal), [0, 0, 1]),
+        (welcome(|_| {}), unexpected(Kind::Welcome), [0, 0, 1]),
+        (state(1, Phase::Handshake), ClientError::OldState { expected: Tick(2), received: Tick(1) }, [1, 0, 0]),
+        (
+            state_of(Epoch(9), 50, Phase::Handshake),
+            ClientError::Epoch { expected: Epoch(1), received: Epoch(9) },
+            [0, 1, 0],
+        ),
     ];
-    for (make, error, counts) in cases {
+    for (frame, error, counts) in cases {
         let (mut client, _) = granted(Transport::Stream);
         let before = client.dialogue;
-        let frame = make(&client);
         assert_eq!(client.feed(&frame), (frame.len(), Err(error)));
         assert_eq!(client.dialogue, before, "{error}");
         let (mut client, _) = granted(Transport::Datagram);
-        let frame = make(&client);
-        assert_eq!(client.feed(&frame), (frame.len(), Ok(None)));
+        assert_eq!(client.feed(&frame), (frame.len(), Ok(None)), "{error}");
         let ignored = client.ignored();
-        assert_eq!([ignored.old, ignored.other_epoch, ignored.unexpected], counts);
+        assert_eq!([ignored.old, ignored.other_epoch, ignored.unexpected], counts, "{error}");
         assert!(client.has_unanswered());
     }
-    for (transport, ignored) in [(Transport::Stream, 0), (Transport::Datagram, 1)] {
+    let error = Err(unexpected(Kind::State));
+    for (transport, expected, ignored) in [(Transport::Stream, error, 0), (Transport::Datagram, Ok(None), 1)] {
         let mut early = Tested::new(transport, requirements());
-        let frame = state(&early, 1, Phase::Handshake);
-        let error = Err(unexpected(Kind::State));
-        let expected = if ignored == 0 { error } else { Ok(None) };
-        assert_eq!(early.feed(&frame).1, expected, "a State before the Welcome");
+        assert_eq!(early.feed(&state(1, Phase::Handshake)).1, expected, "a State before the Welcome");
         assert_eq!(early.ignored().unexpected, ignored);
     }
 }
 
 #[test]
 fn a_welcome_is_not_taken_before_a_hello() {
-    let (client, _) = granted(Transport::Datagram);
-    let welcome = encode_server(&ServerMessage::Welcome(*client.welcome().unwrap()));
-    let mut silent = Tested::new(Transport::Datagram, requirements());
-    assert_eq!(silent.feed(&welcome).1, Ok(None));
-    assert_eq!(silent.ignored().unexpected, 1);
-    let _ = silent.hello();
-    assert!(matches!(silent.feed(&welcome).1, Ok(Some(Event::Welcomed(_)))));
-    // A State from before the Welcome is not this session's first.
-    let mut later = *client.welcome().unwrap();
-    later.tick = Tick(40);
-    let mut fresh = Tested::new(Transport::Datagram, requirements());
-    let _ = fresh.hello();
-    assert!(fresh.feed(&encode_server(&ServerMessage::Welcome(later))).1.is_ok());
-    assert_eq!(fresh.feed(&state(&client, 39, Phase::Handshake)).1, Ok(None));
-    assert!(matches!(fresh.feed(&state(&client, 40, Phase::Handshake)).1, Ok(Some(Event::State(_)))));
+    let welcomed = welcome(|_| {});
+    let mut client = Tested::new(Transport::Datagram, requirements());
+    assert_eq!(client.feed(&welcomed).1, Ok(None));
+    assert_eq!(client.ignored().unexpected, 1);
+    assert!(client.hello().is_some() && client.hello().is_some(), "as often as asked");
+    assert!(matches!(client.feed(&welcomed).1, Ok(Some(Event::Welcomed(_)))));
+}
+
+#[test]
+fn a_state_from_before_the_welcome_is_not_of_this_session() {
+    let mut client = greeted(Transport::Datagram, requirements());
+    assert!(client.feed(&welcome(|welcome| welcome.tick = Tick(40))).1.is_ok());
+    assert_eq!(client.feed(&state(39, Phase::Handshake)).1, Ok(None));
+    assert!(matches!(client.feed(&state(40, Phase::Handshake)).1, Ok(Some(Event::State(_)))));
 }
 
 #[test]
 fn terms_that_do_not_fit_are_errors_by_name() {
-    let (client, _) = granted(Transport::Stream);
-    let welcome = *client.welcome().unwrap();
     let any = Requirements::default();
+    let terms = *granted(Transport::Stream).0.welcome().unwrap();
+    let usual = encode_server(&ServerMessage::Welcome(terms));
     let needed = Capabilities::LOCKSTEP;
     let cases = [
         (
             Requirements { cycle_us: Some(2_000), ..any },
-            welcome,
+            usual.clone(),
             ClientError::Cycle { expected_us: 2_000, received_us: 1_000 },
         ),
         (
             Requirements { kinematics_checksum: Some(1), ..any },
-            welcome,
+            usual.clone(),
             ClientError::Checksum { expected: 1, received: CHECKSUM },
         ),
-        (any, Welcome { capabilities: needed, ..welcome }, ClientError::Capability { needed }),
+        (any, welcome(|welcome| welcome.capabilities = needed), ClientError::Capability { needed }),
     ];
-    for (requirements, welcome, error) in cases {
-        let mut client = Tested::new(Transport::Stream, requirements);
-        let _ = client.hello();
-        let frame = encode_server(&ServerMessage::Welcome(welcome));
+    for (requirements, frame, error) in cases {
+        let mut client = greeted(Transport::Stream, requirements);
         assert_eq!(client.feed(&frame).1, Err(error));
         assert!(client.welcome().is_none());
     }
-    let mut client = Tested::new(Transport::Stream, any);
-    let _ = client.hello();
-    let frame = encode_server(&ServerMessage::Welcome(welcome));
-    assert_eq!(client.feed(&frame).1, Ok(Some(Event::Welcomed(welcome))));
+    let mut client = greeted(Transport::Stream, any);
+    assert_eq!(client.feed(&usual).1, Ok(Some(Event::Welcomed(terms))));
     // A server of another number of axes.
     let mut other = Client::<3>::new(Transport::Stream, any);
     let _ = other.hello();
-    assert!(matches!(other.feed(&frame).1, Err(ClientError::Content(_))));
+    assert!(matches!(other.feed(&usual).1, Err(ClientError::Content(_))));
 }
 
 #[test]
 fn a_refusal_ends_the_client_even_before_its_hello() {
-    let frame = encode_server(&ServerMessage::<2>::Refusal(Refusal::Unavailable));
     let mut client = Tested::new(Transport::Stream, requirements());
-    assert_eq!(client.feed(&frame).1, Ok(Some(Event::Refused(Refusal::Unavailable))));
+    let event = client.feed(&refusal(Refusal::Unavailable)).1;
+    assert_eq!(event, Ok(Some(Event::Refused(Refusal::Unavailable))));
     assert!(client.is_gone() && client.hello().is_none() && client.goodbye().is_none());
 }
 
 #[test]
 fn a_broken_stream_stays_broken_and_a_broken_datagram_is_counted() {
     let (mut client, _) = granted(Transport::Stream);
-    let mut bytes = state(&client, 2, Phase::Handshake).to_vec();
+    let mut bytes = state(2, Phase::Handshake).to_vec();
     bytes[20] ^= 1;
     for _ in 0..2 {
         let (consumed, event) = client.feed(&bytes);
@@ -420,33 +307,26 @@ fn a_broken_stream_stays_broken_and_a_broken_datagram_is_counted() {
 #[test]
 fn a_stop_stops_and_the_ramp_is_seen() {
     let (mut client, mut server) = granted(Transport::Stream);
-    let mut outgoing: StdVec<StdVec<u8>> = StdVec::new();
-    while server.endpoint.output().unwrap().state.axes[0].offsets.position != OffsetNm(20_000) {
-        let answer = client.answer(Mode::Obtain, &[Offsets::position(OffsetNm(20_000)); 2]);
-        outgoing.extend(answer.map(|answer| answer.frame.to_vec()));
-        let incoming = server.tick(&outgoing).concat();
-        outgoing.clear();
-        feed_stream(&mut client, &incoming, 4_096);
+    while server.state().axes[0].offsets.position != OffsetNm(20_000) {
+        let answer = client.answer(Mode::Obtain, &at(20_000)).map(|answer| answer.frame);
+        server.turn(&mut client, answer, 4_096);
     }
-    let stop = client.stop().unwrap().to_vec();
-    let incoming = server.tick(&[stop]).concat();
-    let events = feed_stream(&mut client, &incoming, 4_096);
-    assert!(matches!(events[..], [Event::Ended(state)] if state.cause == Cause::Stop));
-    assert_eq!(server.phase(), Phase::Fault);
+    let stop = client.stop();
+    let events = server.turn(&mut client, stop, 4_096);
+    assert!(matches!(events[..], [Event::Ended(state)] if (state.cause, state.phase) == (Cause::Stop, Phase::Fault)));
     assert!(client.is_gone() && client.goodbye().is_none());
-    let incoming = server.tick(&[]).concat();
-    let events = feed_stream(&mut client, &incoming, 4_096);
+    let events = server.turn(&mut client, None, 4_096);
     assert!(matches!(events[..], [Event::Ended(state)] if state.axes[0].offsets.position == OffsetNm(18_000)));
     assert!(client.stop().is_some(), "a Stop may be repeated");
-    assert!(!server.closed);
 }
 
 #[test]
 fn a_session_that_is_over_does_not_come_back() {
     let (mut client, _) = granted(Transport::Datagram);
-    assert!(matches!(client.feed(&state(&client, 2, Phase::SafeDisconnect)).1, Ok(Some(Event::Ended(_)))));
-    assert!(matches!(client.feed(&state(&client, 3, Phase::Obtain)).1, Ok(Some(Event::Ended(_)))));
-    assert!(client.is_valid() && client.answer(Mode::Submit, &[Offsets::ZERO; 2]).is_none());
+    for (tick, phase) in [(2, Phase::SafeDisconnect), (3, Phase::Obtain)] {
+        assert!(matches!(client.feed(&state(tick, phase)).1, Ok(Some(Event::Ended(_)))));
+    }
+    assert!(client.is_valid() && client.answer(Mode::Submit, &at(0)).is_none());
 }
 
 #[test]

@@ -8,6 +8,8 @@
 //! 3. [`Endpoint::poll_transmit`] until it returns `None`, and send the frames;
 //! 4. [`Endpoint::poll_close`] until it returns `None`, and close the connections.
 
+#[cfg(test)]
+pub(crate) mod bench;
 mod motors;
 mod slot;
 
@@ -182,18 +184,14 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         let mut rest = bytes;
         let mut begun = false;
         loop {
-            let Some(slot) = find(&mut self.slots, connection) else {
-                return 0;
-            };
+            let Some(slot) = find(&mut self.slots, connection) else { return 0 };
             // An empty read of a stream has no frame; an empty datagram is a broken one.
             let nothing = rest.is_empty() && (begun || slot.transport == Transport::Stream);
             if nothing || !slot.is_read() {
                 return slot.frames;
             }
             begun = true;
-            let Some((event, consumed)) = slot.take(rest, is_owner) else {
-                return slot.frames;
-            };
+            let Some((event, consumed)) = slot.take(rest, is_owner) else { return slot.frames };
             let expelled = slot.closing && !is_owner;
             rest = rest.get(consumed..).unwrap_or_default();
             if expelled {
@@ -285,17 +283,13 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
                 }
                 Transmit::Welcome => {
                     self.transmit = Transmit::State;
-                    let Some(connection) = output.welcome else {
-                        continue;
-                    };
+                    let Some(connection) = output.welcome else { continue };
                     let welcome = ServerMessage::Welcome(self.session.welcome());
                     (connection, encode_server(&welcome))
                 }
                 Transmit::State => {
                     self.transmit = Transmit::Done;
-                    let Some(owner) = output.owner else {
-                        continue;
-                    };
+                    let Some(owner) = output.owner else { continue };
                     (owner, encode_state(&output.state))
                 }
                 Transmit::Done => return None,
@@ -350,9 +344,7 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
 
     /// Marks the connections without further use for [`Self::poll_close`].
     fn mark_closed(&mut self) {
-        let Some(output) = &self.output else {
-            return;
-        };
+        let Some(output) = &self.output else { return };
         for slot in &mut self.slots {
             let connection = slot.connection;
             let refused = output.refusals.iter().any(|(to, _)| *to == connection);
@@ -362,9 +354,7 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
 
     /// Closes a session in the coming tick whose owner has no connection any more.
     fn close_lost_owner(&mut self) {
-        let Some(owner) = self.session.owner() else {
-            return;
-        };
+        let Some(owner) = self.session.owner() else { return };
         let connected = find(&mut self.slots, owner).is_some_and(|slot| !slot.closed);
         if !connected {
             self.post(owner, Event::Closed);

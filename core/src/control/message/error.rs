@@ -85,15 +85,9 @@ pub enum ContentError {
 impl fmt::Display for ContentError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Kind { received } => {
-                write!(f, "kind {received} is unknown or not received by this side")
-            }
-            Self::Length { expected, received } => {
-                write!(f, "expected a body of {expected} bytes, got {received}")
-            }
-            Self::Axes { expected, received } => {
-                write!(f, "expected {expected} axes, got {received}")
-            }
+            Self::Kind { received } => write!(f, "kind {received} is unknown or not received by this side"),
+            Self::Length { expected, received } => write!(f, "expected a body of {expected} bytes, got {received}"),
+            Self::Axes { expected, received } => write!(f, "expected {expected} axes, got {received}"),
             Self::Code { received } => write!(f, "unknown code {received}"),
             Self::Reserved => f.write_str("reserved bits are set"),
             Self::Limits => f.write_str("the limits contradict each other"),

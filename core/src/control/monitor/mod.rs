@@ -211,9 +211,7 @@ fn first<const N: usize>(
 ) -> Result<(), Violation> {
     let mut result = Ok(());
     for index in 0..N {
-        let Some(axis) = axes.get_mut(index) else {
-            continue;
-        };
+        let Some(axis) = axes.get_mut(index) else { continue };
         if let Some(Err((channel, breach))) = check(axis, index) {
             result = result.and(Err(Violation {
                 axis: index,

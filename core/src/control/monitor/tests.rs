@@ -3,185 +3,105 @@
 use std::string::ToString;
 use std::vec::Vec as StdVec;
 
+use proptest::array::{uniform2, uniform3};
 use proptest::prelude::*;
 
 use super::*;
 use crate::control::axis::Offsets;
-use crate::control::channel::tests::limits;
-use crate::control::message::{AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode};
-use crate::control::session::config::{AxisConfig, Config, Parameters};
-use crate::control::session::{Connection, Event, Input, LastWrite, Output, Session, Start};
-use crate::units::{EpochRange, OffsetNm, TorquePermille, VelocityUmS};
-
-const OWNER: Connection = Connection(1);
+use crate::control::fixture::{self, axis, limits};
+use crate::control::message::Mode;
+use crate::control::session::LastWrite;
+use crate::control::session::bench::{Bench, Move, REARM, STOP};
+use crate::control::session::config::{AxisConfig, Parameters};
+use crate::units::{OffsetNm, TorquePermille, VelocityUmS};
 
 /// Two axes with different limits; the ramp is long enough to be seen.
-fn config() -> Config<2> {
-    let axis = |scale: i32| {
+fn parameters() -> Parameters<2> {
+    Parameters::thesis([1, 2].map(|scale| {
         let limits = AxisLimits {
             position: limits(3_000 * scale, 500 * scale, 700 * scale, 90 * scale),
             velocity: limits(900 * scale, 200 * scale, 230 * scale, 30 * scale),
             torque: limits(90 * scale, 20 * scale, 23 * scale, 3 * scale),
         };
-        let travel = Travel::around_zero(10_000);
-        let axis = AxisConfig::position_only(limits.position, travel, 40_000);
-        AxisConfig { limits, ..axis }
-    };
-    Config::new(Parameters::thesis([axis(1), axis(2)])).unwrap()
+        AxisConfig { limits, ..axis(limits.position, 10_000, 40_000) }
+    }))
+}
+
+fn axis_limits() -> [AxisLimits; 2] {
+    parameters().axes.map(|axis| axis.limits)
 }
 
 fn travel() -> [Travel; 2] {
-    config().parameters().axes.map(|axis| axis.machine_travel)
+    parameters().axes.map(|axis| axis.machine_travel)
 }
 
 fn monitor() -> Monitor<2> {
-    let mut monitor = Monitor::new(config().parameters().axes.map(|axis| axis.limits), Some(travel()));
+    let mut monitor = Monitor::new(axis_limits(), Some(travel()));
     monitor.rebase(&[InForce::at(PositionNm(0)); 2]).unwrap();
     monitor
 }
 
-/// One tick of a play.
-#[derive(Clone, Debug)]
-enum Move {
-    Hello,
-    Answer(Mode, [[i8; 3]; 2]),
-    Silence,
-    Late(u32),
-    Goodbye,
-    Stop,
-    Rearm,
-    /// Percent of each limit in force, nominal position.
-    Refused([[i8; 3]; 2], i64),
-    Unknown,
+/// Offsets within the limits.
+fn offsets() -> impl Strategy<Value = [Offsets; 2]> {
+    uniform2(uniform3(-100..=100_i32)).prop_map(|percents| {
+        let mut limits = axis_limits().into_iter();
+        percents.map(|[position, velocity, torque]| {
+            let limits = limits.next().unwrap();
+            Offsets {
+                position: OffsetNm(limits.position.max() * position / 100),
+                velocity: VelocityUmS(limits.velocity.max() * velocity / 100),
+                torque: TorquePermille((limits.torque.max() * torque / 100).try_into().unwrap()),
+            }
+        })
+    })
 }
 
+/// A move, and the nominal position at which it happens.
 fn moves() -> impl Strategy<Value = (Move, i64)> {
-    let share = || proptest::array::uniform2(proptest::array::uniform3(-100..=100_i8));
     let mode = prop_oneof![1 => Just(Mode::Submit), 6 => Just(Mode::Obtain)];
+    let refused = (offsets(), -9_000..9_000_i64).prop_map(|(offsets, nominal)| {
+        let in_force = offsets.map(|offsets| InForce { nominal: PositionNm(nominal), offsets });
+        Move::Written(LastWrite::Refused { in_force })
+    });
     let one = prop_oneof![
         8 => Just(Move::Hello),
-        60 => (mode, share()).prop_map(|(mode, shares)| Move::Answer(mode, shares)),
+        60 => (mode, offsets()).prop_map(|(mode, targets)| Move::Answer(mode, targets)),
         4 => Just(Move::Silence),
-        2 => (0..4_u32).prop_map(Move::Late),
+        2 => (0..4_u32).prop_map(|cycles| Move::Late(cycles, [Offsets::ZERO; 2])),
         1 => Just(Move::Goodbye),
-        1 => Just(Move::Stop),
-        6 => Just(Move::Rearm),
-        1 => (share(), -9_000..9_000_i64).prop_map(|(shares, nominal)| Move::Refused(shares, nominal)),
-        1 => Just(Move::Unknown),
+        1 => Just(STOP),
+        6 => Just(REARM),
+        1 => refused,
+        1 => Just(Move::Written(LastWrite::Unknown)),
     ];
     // Now and then the nominal reference leaves its travel, and the machine travel clamps.
     let nominal = prop_oneof![6 => Just(0), 6 => -9_000..9_000_i64, 1 => 9_000..18_000_i64];
     (one, nominal)
 }
 
-fn offsets(shares: [[i8; 3]; 2]) -> [Offsets; 2] {
-    let mut limits = config().parameters().axes.map(|axis| axis.limits).into_iter();
-    shares.map(|[position, velocity, torque]| {
-        let limits = limits.next().unwrap();
-        let part = |max: i32, share: i8| max * i32::from(share) / 100;
-        Offsets {
-            position: OffsetNm(part(limits.position.max(), position)),
-            velocity: VelocityUmS(part(limits.velocity.max(), velocity)),
-            torque: TorquePermille(part(limits.torque.max(), torque).try_into().unwrap()),
-        }
-    })
-}
-
-/// A session that is played with.
-struct Stage {
-    session: Session<2>,
-    sequence: u64,
-    /// Values read back, if the next tick begins with a refused write.
-    in_force: Option<[InForce; 2]>,
-}
-
-impl Stage {
-    fn new() -> Self {
-        let start = Start::at_rest([PositionNm(0); 2]);
-        Self { session: Session::new(config(), &start).unwrap(), sequence: 0, in_force: None }
-    }
-
-    fn play(&mut self, one: &Move, nominal: i64) -> Output<2> {
-        let mut input = Input::empty(EpochRange::VOLATILE);
-        input.tick.nominal = [PositionNm(nominal), PositionNm(-nominal)];
-        self.in_force = None;
-        let epoch = self.session.epoch();
-        let message = match one {
-            Move::Hello => Some(ClientMessage::Hello(Hello { axes: 2, capabilities: Capabilities::NONE })),
-            Move::Answer(mode, shares) => Some(self.command(*mode, offsets(*shares))),
-            Move::Goodbye => Some(ClientMessage::Goodbye(epoch)),
-            Move::Silence => None,
-            Move::Late(elapsed) => {
-                input.tick.elapsed_cycles = *elapsed;
-                Some(self.command(Mode::Obtain, [Offsets::ZERO; 2]))
-            }
-            Move::Stop => {
-                input.tick.stop = true;
-                None
-            }
-            Move::Rearm => {
-                input.tick.rearm = true;
-                None
-            }
-            Move::Refused(shares, at) => {
-                let in_force = offsets(*shares).map(|offsets| InForce { nominal: PositionNm(*at), offsets });
-                input.tick.last_write = LastWrite::Refused { in_force };
-                self.in_force = Some(in_force);
-                None
-            }
-            Move::Unknown => {
-                input.tick.last_write = LastWrite::Unknown;
-                None
-            }
-        };
-        if let Some(message) = message {
-            input.events.push((OWNER, Event::Message(message))).unwrap();
-        }
-        self.session.tick(&input)
-    }
-
-    fn command(&mut self, mode: Mode, targets: [Offsets; 2]) -> ClientMessage<2> {
-        self.sequence = self.session.parts().discrete.accepted.0 + 1;
-        ClientMessage::Command(Command {
-            epoch: self.session.epoch(),
-            sequence: Sequence(self.sequence),
-            echo: self.session.last_tick(),
-            mode,
-            targets,
-        })
-    }
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(600))]
 
     #[test]
-    fn no_alarm_on_a_session(play in proptest::collection::vec((moves(), 0..4_u8), 1..200)) {
-        let mut stage = Stage::new();
-        let mut every = monitor();
+    fn no_alarm_on_a_session(play in proptest::collection::vec((moves(), 0..4_usize), 1..200)) {
+        // The bench has a monitor that receives every State and every reference.
+        let mut bench = Bench::new(parameters());
         let mut bus = monitor();
-        let limits = config().parameters().axes.map(|axis| axis.limits);
-        let mut lossy = Monitor::lossy(limits, Some(travel()));
+        let mut lossy = Monitor::lossy(axis_limits(), Some(travel()));
         for ((one, nominal), fate) in play {
-            let output = stage.play(&one, nominal);
-            if let Some(in_force) = &stage.in_force {
-                for monitor in [&mut every, &mut bus, &mut lossy] {
-                    prop_assert_eq!(monitor.rebase(in_force), Ok(()));
-                }
+            let output = bench.play_at(&one, [PositionNm(nominal), PositionNm(-nominal)]);
+            if let Move::Written(LastWrite::Refused { in_force }) = &one {
+                prop_assert_eq!(bus.rebase(in_force), Ok(()));
+                prop_assert_eq!(lossy.rebase(in_force), Ok(()));
             }
             let state = &output.state;
-            if output.withheld {
-                prop_assert_eq!(every.check_state(state), Ok(()));
-            } else {
-                prop_assert_eq!(every.check_tick(state, &output.references), Ok(()));
+            if !output.withheld {
                 let nominal = state.axes.map(|axis| axis.nominal);
                 prop_assert_eq!(bus.check_references(&nominal, &output.references), Ok(()));
             }
-            if fate > 0 {
+            // Lost, doubled, or in order.
+            for _ in 0..[0, 2, 1, 1][fate] {
                 prop_assert_eq!(lossy.check_state(state), Ok(()), "{:?}", state);
-            }
-            if fate == 1 {
-                prop_assert_eq!(lossy.check_state(state), Ok(()), "a duplicate");
             }
         }
     }
@@ -189,19 +109,7 @@ proptest! {
 
 /// A State of both axes at these position offsets.
 fn state(tick: u64, phase: Phase, position: i32) -> State<2> {
-    let axis = AxisState { offsets: Offsets::position(OffsetNm(position)), ..AxisState::default() };
-    State {
-        tick: Tick(tick),
-        epoch: Epoch(1),
-        accepted: Sequence(tick),
-        phase,
-        cause: Cause::None,
-        on_time_of_100: 100,
-        arrival_us: 0,
-        ramp_ticks_left: 0,
-        counters: Counters::default(),
-        axes: [axis; 2],
-    }
+    fixture::state(Epoch(1), tick, phase, position)
 }
 
 fn references(state: &State<2>) -> [Reference; 2] {
@@ -212,14 +120,18 @@ fn references(state: &State<2>) -> [Reference; 2] {
     })
 }
 
-/// Axis 0 in Obtain: 500, 1 000 and 1 500 nm, at full speed.
-fn moving() -> Monitor<2> {
-    let mut monitor = monitor();
-    for tick in 1..=3_u8 {
+/// Both axes in Obtain, 500 nm further per tick: full speed for the first.
+fn moved(mut monitor: Monitor<2>, ticks: u8) -> Monitor<2> {
+    for tick in 1..=ticks {
         let state = state(tick.into(), Phase::Obtain, 500 * i32::from(tick));
         monitor.check_tick(&state, &references(&state)).unwrap();
     }
     monitor
+}
+
+/// A monitor that has seen 500, 1 000 and 1 500 nm.
+fn moving() -> Monitor<2> {
+    moved(monitor(), 3)
 }
 
 fn violation(rule: Rule, limit: i64, found: i64) -> Result<(), Violation> {
@@ -228,7 +140,10 @@ fn violation(rule: Rule, limit: i64, found: i64) -> Result<(), Violation> {
 
 #[test]
 fn each_rule_of_a_state_is_found() {
-    let cases: [(State<2>, Result<(), Violation>); 13] = [
+    let unanswered = |position| State { accepted: Sequence(3), ..state(4, Phase::Obtain, position) };
+    let mut shadowed = state(4, Phase::Obtain, 1_500);
+    shadowed.axes[0].shadow.position = OffsetNm(1);
+    let cases = [
         (state(4, Phase::Obtain, 2_000), Ok(())),
         (state(4, Phase::Obtain, 1_300), Ok(())),
         (state(4, Phase::Obtain, 2_001), violation(Rule::Step, 500, 501)),
@@ -239,20 +154,9 @@ fn each_rule_of_a_state_is_found() {
         (state(4, Phase::Fault, 1_409), violation(Rule::Ramp, -90, -91)),
         (state(4, Phase::Submit, 1_500), violation(Rule::Zero, 0, 1_500)),
         (state(4, Phase::Listening, 0), violation(Rule::Step, 500, -1_500)),
-        (
-            // Not a fresh command: held.
-            State { accepted: Sequence(3), ..state(4, Phase::Obtain, 1_500) },
-            Ok(()),
-        ),
-        (State { accepted: Sequence(3), ..state(4, Phase::Obtain, 1_501) }, violation(Rule::Hold, 0, 1)),
-        (
-            State {
-                axes: [AxisState { shadow: Offsets::position(OffsetNm(1)), ..state(4, Phase::Obtain, 1_500).axes[0] };
-                    2],
-                ..state(4, Phase::Obtain, 1_500)
-            },
-            violation(Rule::Shadow, 0, 1),
-        ),
+        (unanswered(1_500), Ok(())),
+        (unanswered(1_501), violation(Rule::Hold, 0, 1)),
+        (shadowed, violation(Rule::Shadow, 0, 1)),
     ];
     for (state, expected) in cases {
         let mut monitor = moving();
@@ -351,7 +255,7 @@ fn each_rule_of_a_reference_is_found() {
 
 #[test]
 fn without_a_travel_nothing_is_clamped() {
-    let mut monitor = Monitor::new(config().parameters().axes.map(|axis| axis.limits), None);
+    let mut monitor = Monitor::new(axis_limits(), None);
     let mut told = state(1, Phase::Submit, 0);
     told.axes[0].nominal = PositionNm(14_000);
     let mut written = references(&told);
@@ -386,15 +290,7 @@ fn values_read_back_are_checked_and_become_the_base() {
 
 #[test]
 fn lost_states_widen_the_bounds_and_nothing_else() {
-    let lossy = || {
-        let limits = config().parameters().axes.map(|axis| axis.limits);
-        let mut monitor = Monitor::lossy(limits, Some(travel()));
-        for tick in 1..=2_u8 {
-            let state = state(tick.into(), Phase::Obtain, 500 * i32::from(tick));
-            monitor.check_state(&state).unwrap();
-        }
-        monitor
-    };
+    let lossy = || moved(Monitor::lossy(axis_limits(), Some(travel())), 2);
     let cases = [
         (state(4, Phase::Obtain, 2_000), Ok(())),
         (state(4, Phase::Obtain, 0), Ok(())),

@@ -85,9 +85,7 @@ impl Trace {
     ) -> Result<(), Breach> {
         let last = before.replace(Self { value, change: None });
         let result = within(Rule::Max, bounds.max, value);
-        let Some(last) = last else {
-            return result;
-        };
+        let Some(last) = last else { return result };
         let change = value.saturating_sub(last.value);
         if steps != 1 {
             // Lost steps: only their sum is known.

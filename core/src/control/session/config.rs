@@ -156,12 +156,8 @@ impl fmt::Display for ConfigError {
         match self {
             Self::Axes { axes } => write!(f, "{axes} axes; 1 to {MAX_AXES} are possible"),
             Self::HandshakeTicks => f.write_str("handshake_ticks must be at least 1"),
-            Self::BudgetWindow { window } => {
-                write!(f, "budget window is {window} ticks; 1 to 128 are possible")
-            }
-            Self::TorqueMax { axis } => {
-                write!(f, "axis {axis}: torque max is above {} per mille", i16::MAX)
-            }
+            Self::BudgetWindow { window } => write!(f, "budget window is {window} ticks; 1 to 128 are possible"),
+            Self::TorqueMax { axis } => write!(f, "axis {axis}: torque max is above {} per mille", i16::MAX),
             Self::Travel { axis } => {
                 write!(f, "axis {axis}: lower end of a travel is above its upper end, or an end is beyond 2^61 nm")
             }
@@ -222,7 +218,6 @@ impl<const N: usize> Config<N> {
     }
 
     /// Returns the validated parameters.
-    #[inline]
     #[must_use]
     pub const fn parameters(&self) -> &Parameters<N> {
         &self.parameters

@@ -284,9 +284,7 @@ const fn ending(input: &FsmInput) -> Option<Cause> {
 }
 
 fn over_budget(history: u128, budget: Option<MissBudget>) -> bool {
-    let Some(MissBudget { window, allowed }) = budget else {
-        return false;
-    };
+    let Some(MissBudget { window, allowed }) = budget else { return false };
     let outside = 128_u32.saturating_sub(u32::from(window));
     // The latest `window` deadlines are the lowest bits; a shift by 128 cannot occur, the window is at least 1.
     let inside = history.checked_shl(outside).unwrap_or(0);

@@ -87,15 +87,9 @@ impl<const N: usize> Classifier<'_, N> {
                 count(&mut counters.received);
                 match message {
                     ClientMessage::Command(command) => self.command(command, accepted, diagnostics),
-                    ClientMessage::Goodbye(epoch) if *epoch == self.discrete.epoch => {
-                        fsm.goodbye = true;
-                    }
-                    ClientMessage::Stop(epoch) if *epoch == self.discrete.epoch => {
-                        fsm.stop = true;
-                    }
-                    ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => {
-                        count(&mut counters.stale);
-                    }
+                    ClientMessage::Goodbye(epoch) if *epoch == self.discrete.epoch => fsm.goodbye = true,
+                    ClientMessage::Stop(epoch) if *epoch == self.discrete.epoch => fsm.stop = true,
+                    ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => count(&mut counters.stale),
                     ClientMessage::Hello(_) => count(&mut counters.malformed),
                 }
             }
@@ -195,9 +189,7 @@ impl<const N: usize> Classifier<'_, N> {
         }
         match self.discrete.tick.0.checked_sub(command.echo.0) {
             None => return Verdict::Stale,
-            Some(behind) if behind > u64::from(self.parameters.echo_window) => {
-                return Verdict::Late;
-            }
+            Some(behind) if behind > u64::from(self.parameters.echo_window) => return Verdict::Late,
             Some(_) => {}
         }
         // Content that the wire format cannot check: the mode in this phase, the targets' magnitude.

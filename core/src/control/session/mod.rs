@@ -5,6 +5,8 @@
 //! Counters and causes are kept apart from all three.
 
 pub(crate) mod act;
+#[cfg(test)]
+pub(crate) mod bench;
 pub(crate) mod channels;
 pub mod config;
 mod diagnostics;
@@ -225,49 +227,42 @@ impl<const N: usize> Session<N> {
     }
 
     /// Returns the configuration.
-    #[inline]
     #[must_use]
     pub const fn config(&self) -> &Config<N> {
         &self.config
     }
 
     /// Returns the parts of the state.
-    #[inline]
     #[must_use]
     pub(crate) const fn parts(&self) -> &Parts<N> {
         &self.parts
     }
 
     /// Returns the phase.
-    #[inline]
     #[must_use]
     pub const fn phase(&self) -> Phase {
         self.parts.discrete.phase
     }
 
     /// Returns the owner: the connection whose frames count, and which receives the States.
-    #[inline]
     #[must_use]
     pub const fn owner(&self) -> Option<Connection> {
         self.parts.discrete.owner
     }
 
     /// True while a session is granted and not over.
-    #[inline]
     #[must_use]
     pub const fn is_live(&self) -> bool {
         self.parts.discrete.is_live()
     }
 
     /// Returns the tick of the last State.
-    #[inline]
     #[must_use]
     pub const fn last_tick(&self) -> Tick {
         self.parts.discrete.tick
     }
 
     /// Returns the epoch of the current or last session.
-    #[inline]
     #[must_use]
     pub const fn epoch(&self) -> Epoch {
         self.parts.discrete.epoch

@@ -60,9 +60,7 @@ impl Collector {
     /// An invalid header.
     pub fn take(&mut self, bytes: &[u8]) -> Result<Option<usize>, FrameError> {
         let header_part = self.top_up(bytes, HEADER_LEN);
-        let Some(whole) = self.whole_len().transpose()? else {
-            return Ok(None);
-        };
+        let Some(whole) = self.whole_len().transpose()? else { return Ok(None) };
         let rest = bytes.get(header_part..).unwrap_or_default();
         let taken = header_part.saturating_add(self.top_up(rest, whole));
         Ok((self.held == whole).then_some(taken))

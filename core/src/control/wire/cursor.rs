@@ -32,41 +32,6 @@ impl<'a> Reader<'a> {
         self.rest = rest;
         Ok(*field)
     }
-
-    #[inline]
-    pub(super) fn u8(&mut self) -> Result<u8, Short> {
-        self.take().map(u8::from_le_bytes)
-    }
-
-    #[inline]
-    pub(super) fn u16(&mut self) -> Result<u16, Short> {
-        self.take().map(u16::from_le_bytes)
-    }
-
-    #[inline]
-    pub(super) fn i16(&mut self) -> Result<i16, Short> {
-        self.take().map(i16::from_le_bytes)
-    }
-
-    #[inline]
-    pub(super) fn u32(&mut self) -> Result<u32, Short> {
-        self.take().map(u32::from_le_bytes)
-    }
-
-    #[inline]
-    pub(super) fn i32(&mut self) -> Result<i32, Short> {
-        self.take().map(i32::from_le_bytes)
-    }
-
-    #[inline]
-    pub(super) fn u64(&mut self) -> Result<u64, Short> {
-        self.take().map(u64::from_le_bytes)
-    }
-
-    #[inline]
-    pub(super) fn i64(&mut self) -> Result<i64, Short> {
-        self.take().map(i64::from_le_bytes)
-    }
 }
 
 /// Puts fields into a slice, front to back.
@@ -80,46 +45,32 @@ impl<'a> Writer<'a> {
     }
 
     #[inline]
-    pub(super) fn bytes<const K: usize>(&mut self, field: [u8; K]) -> Result<(), Short> {
+    fn bytes<const K: usize>(&mut self, field: [u8; K]) -> Result<(), Short> {
         let whole = core::mem::take(&mut self.rest);
         let (place, rest) = whole.split_first_chunk_mut::<K>().ok_or(Short)?;
         *place = field;
         self.rest = rest;
         Ok(())
     }
-
-    #[inline]
-    pub(super) fn u8(&mut self, value: u8) -> Result<(), Short> {
-        self.bytes(value.to_le_bytes())
-    }
-
-    #[inline]
-    pub(super) fn u16(&mut self, value: u16) -> Result<(), Short> {
-        self.bytes(value.to_le_bytes())
-    }
-
-    #[inline]
-    pub(super) fn i16(&mut self, value: i16) -> Result<(), Short> {
-        self.bytes(value.to_le_bytes())
-    }
-
-    #[inline]
-    pub(super) fn u32(&mut self, value: u32) -> Result<(), Short> {
-        self.bytes(value.to_le_bytes())
-    }
-
-    #[inline]
-    pub(super) fn i32(&mut self, value: i32) -> Result<(), Short> {
-        self.bytes(value.to_le_bytes())
-    }
-
-    #[inline]
-    pub(super) fn u64(&mut self, value: u64) -> Result<(), Short> {
-        self.bytes(value.to_le_bytes())
-    }
-
-    #[inline]
-    pub(super) fn i64(&mut self, value: i64) -> Result<(), Short> {
-        self.bytes(value.to_le_bytes())
-    }
 }
+
+/// Gives reader and writer one method for each of these integers.
+macro_rules! integers {
+    ($($integer:ident)*) => {
+        impl Reader<'_> {$(
+            #[inline]
+            pub(super) fn $integer(&mut self) -> Result<$integer, Short> {
+                self.take().map($integer::from_le_bytes)
+            }
+        )*}
+
+        impl Writer<'_> {$(
+            #[inline]
+            pub(super) fn $integer(&mut self, value: $integer) -> Result<(), Short> {
+                self.bytes(value.to_le_bytes())
+            }
+        )*}
+    };
+}
+
+integers!(u8 u16 i16 u32 i32 u64 i64);

@@ -1,0 +1,71 @@
+//! An endpoint for tests, with three motors, and its ticks as a host sees them.
+
+use std::vec::Vec as StdVec;
+
+use super::{Endpoint, FRAMES, MotorMap, Transport};
+use crate::control::axis::{Offsets, Reference};
+use crate::control::fixture::{command, on_time};
+use crate::control::message::{ClientMessage, Mode, ServerMessage};
+use crate::control::session::config::{Config, Parameters};
+use crate::control::session::{Connection, Output, Session, Start, TickInput};
+use crate::control::wire::{Frame, FrameBytes, decode_server, encode_client};
+use crate::units::{EpochRange, PositionNm};
+
+pub(crate) const NOMINAL: [PositionNm; 2] = [PositionNm(0), PositionNm(1_000)];
+
+/// One tick.
+pub(crate) struct Ticked {
+    pub(crate) motors: [Reference; 3],
+    pub(crate) output: Output<2>,
+    pub(crate) sent: StdVec<(Connection, StdVec<u8>)>,
+    pub(crate) close: StdVec<Connection>,
+}
+
+impl Ticked {
+    /// The sent messages and their recipients.
+    pub(crate) fn messages(&self) -> StdVec<(Connection, ServerMessage<2>)> {
+        let message = |bytes: &[u8]| decode_server(&Frame::parse(bytes).unwrap()).unwrap();
+        self.sent.iter().map(|(to, bytes)| (*to, message(bytes))).collect()
+    }
+}
+
+pub(crate) struct Bench {
+    pub(crate) endpoint: Endpoint<2, 3>,
+    sequence: u64,
+}
+
+impl Bench {
+    pub(crate) fn new(parameters: Parameters<2>) -> Self {
+        let session = Session::new(Config::new(parameters).unwrap(), &Start::at_rest(NOMINAL)).unwrap();
+        let motors = MotorMap::new([0, 0, 1]).unwrap();
+        Self { endpoint: Endpoint::new(session, motors, EpochRange::VOLATILE), sequence: 0 }
+    }
+
+    pub(crate) fn open(&mut self, transport: Transport) -> Connection {
+        self.endpoint.open(transport).unwrap()
+    }
+
+    /// The next command to answer the last State.
+    pub(crate) fn command(&mut self, mode: Mode, targets: [Offsets; 2]) -> FrameBytes {
+        self.sequence += 1;
+        encode_client(&ClientMessage::Command(command(self.endpoint.session(), self.sequence, mode, targets)))
+    }
+
+    pub(crate) fn input() -> TickInput<2> {
+        TickInput { nominal: NOMINAL, ..on_time() }
+    }
+
+    pub(crate) fn tick(&mut self) -> Ticked {
+        let motors = self.endpoint.tick(&Self::input()).unwrap();
+        assert!(self.endpoint.is_valid());
+        let mut sent = StdVec::new();
+        while let Some((to, frame)) = self.endpoint.poll_transmit() {
+            sent.push((to, frame.to_vec()));
+        }
+        assert!(sent.len() <= FRAMES);
+        let output = self.endpoint.output().unwrap().clone();
+        let close = core::iter::from_fn(|| self.endpoint.poll_close()).collect();
+        assert!(self.endpoint.is_valid());
+        Ticked { motors, output, sent, close }
+    }
+}
