@@ -1,7 +1,7 @@
 //! The kinematics of six axes: T13. A result is finite, inside the travel, and keeps the links' lengths; or is an error.
 
 use gantry_tau_core::model::f1;
-use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose, RESIDUAL_TOLERANCE, WARM_ITERATIONS};
+use gantry_tau_core::model::kinematics::{Pose, RESIDUAL_TOLERANCE, WARM_ITERATIONS};
 use gantry_tau_core::model::linalg::rotation_deviation;
 use gantry_tau_core::model::statics::Wrench;
 
@@ -36,19 +36,10 @@ pub fn answers_are_checked(kinematics: &f1::Kinematics, pose: &Pose, seed: Optio
     if let Ok(found) = kinematics.inverse(pose, seed) {
         keeps_lengths(kinematics, pose, &found.value);
     }
-    let plates = seed.unwrap_or_default();
-    let (place, near) = (&pose.position_m, &pose.rotation);
-    if let Ok(found) = kinematics.inverse_fixed_plates(place, &plates, near, COLD_ITERATIONS) {
-        let (q, pose) = &found.value;
-        keeps_lengths(kinematics, pose, q);
-    }
     let unseeded = kinematics.forward(q);
     let seeded = kinematics.forward_from(q, pose, WARM_ITERATIONS);
     for found in [unseeded, seeded].iter().flatten() {
         keeps_lengths(kinematics, &found.value, q);
-    }
-    if let Ok(found) = kinematics.forward_synchronised(q) {
-        keeps_lengths(kinematics, &found, q);
     }
 }
 
@@ -97,20 +88,20 @@ pub fn tracker_is_checked(kinematics: &f1::Kinematics, near: &Pose, wild: &[Six]
     let Ok(there) = kinematics.inverse(near, None) else {
         return;
     };
-    let mut tracker = f1::PoseTracker::new(kinematics);
-    let Ok(first) = tracker.pose_at(&there.value) else {
+    let mut tracker = f1::PoseTracker::default();
+    let Ok(first) = tracker.track(kinematics, &there.value) else {
         return;
     };
     for q in wild {
-        tracker.start_from(&first);
-        if let Ok(pose) = tracker.pose_at(q) {
-            keeps_lengths(kinematics, &pose, q);
+        tracker.last = Some(first.value);
+        if let Ok(found) = tracker.track(kinematics, q) {
+            keeps_lengths(kinematics, &found.value, q);
             continue;
         }
-        assert!(tracker.last() == Some(&first), "T13: an error leaves the last pose");
-        let back = tracker.pose_at(&there.value);
+        assert!(tracker.last == Some(first.value), "T13: an error leaves the last pose");
+        let back = tracker.track(kinematics, &there.value);
         assert!(
-            back.is_ok_and(|pose| (pose.position_m - first.position_m).amax() < 1e-10),
+            back.is_ok_and(|back| (back.value.position_m - first.value.position_m).amax() < 1e-10),
             "T13: the next reachable positions work"
         );
     }

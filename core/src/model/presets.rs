@@ -109,9 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_examples_are_valid() {
-        assert!(l2::Robot::new(l2()).is_ok());
-        assert!(f1::Robot::new(f1()).is_ok());
+    fn the_compliances_are_valid() {
         let (three, six) = (l2_compliances(), f1_compliances());
         assert_eq!(Compliances::new(*three.link_m_per_n(), *three.cart_m_per_n()), Ok(three));
         assert_eq!(Compliances::new(*six.link_m_per_n(), *six.cart_m_per_n()), Ok(six));

@@ -7,7 +7,7 @@ use core::hint::black_box;
 use gantry_tau_core::control::client::Requirements;
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
-use gantry_tau_core::model::kinematics::{Pose, WARM_ITERATIONS};
+use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::Wrench;
@@ -153,18 +153,13 @@ pub extern "C" fn client_of_six(
         return 0.0;
     };
     let kinematics = f1::Kinematics::new(&robot);
-    let synchronised = kinematics.forward_synchronised(q);
-    let mut tracker = f1::PoseTracker::new(&kinematics);
-    tracker.start_from(seed);
-    let Ok(pose) = tracker.track(q) else {
+    let mut tracker = f1::PoseTracker { last: Some(*seed) };
+    let Ok(pose) = tracker.track(&kinematics, q) else {
         return 0.0;
     };
     let Ok(there) = kinematics.inverse(&pose.value, None) else {
         return 0.0;
     };
-    let [.., q4, q5, q6] = there.value;
-    let (place, near) = (&pose.value.position_m, &seed.rotation);
-    let fixed = kinematics.inverse_fixed_plates(place, &[q4, q5, q6], near, WARM_ITERATIONS);
     let load = Wrench::from_array(*raw);
     let config = CompensatorConfig { gain: 1.0, limits: [Default::default(); 6], metres_per_q: *metres_per_q };
     let Ok(mut compensator) = f1::Compensator::new(&kinematics.without_travel(), &compliances, config) else {
@@ -177,10 +172,8 @@ pub extern "C" fn client_of_six(
     let at = compensator.correct_at(&pose.value, &there.value, &load);
     let exact = compensator.correct_exact_at(&pose.value, &there.value, &load);
     f64::from(robot.kinematics_checksum())
-        + synchronised.map_or(0.0, |pose| pose.position_m.sum())
         + jacobian.map_or(0.0, |jacobian| jacobian.sum())
         + compliance.map_or(0.0, |compliance| compliance.0.sum())
-        + fixed.map_or(0.0, |fixed| fixed.value.0.iter().sum())
         + [correction, at, exact].iter().flatten().map(metres).sum::<f64>()
 }
 

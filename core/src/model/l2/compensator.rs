@@ -99,15 +99,15 @@ impl Compensator {
         self.config.bounded_share(q, &exact.value)
     }
 }
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::model::l2::Robot;
-    use crate::model::l2::tests::{compliances, geometry, l2, machine, skewed};
+    use crate::model::l2::tests::{compliances, geometry, l2, machine, machines};
     use crate::model::linalg::norm;
     use crate::units::OffsetNm;
     use nalgebra::{Matrix3, Vector3};
-    use proptest::prelude::*;
 
     const LIMIT: OffsetNm = OffsetNm(2_000_000);
 
@@ -119,8 +119,7 @@ mod tests {
     #[test]
     fn a_corrected_machine_stands_where_the_nominal_one_does() {
         // The elastic machine itself: carts yield by r, then the links by W^T dx = -e. No sign can hide from this.
-        let (skewed, turn) = skewed();
-        for (geometry, rotation) in [(geometry(), Matrix3::identity()), (skewed, turn)] {
+        for (geometry, rotation) in machines() {
             let nominal = machine(geometry, &rotation);
             let model = Elastic::new(&nominal, &compliances());
             let robot = Robot::new(geometry).unwrap();
@@ -179,21 +178,6 @@ mod tests {
         assert_eq!(zero.offsets, [OffsetNm(0); AXES]);
     }
 
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(20_000))]
-        #[test]
-        fn the_output_is_bounded_for_any_load(
-            load in prop::array::uniform6(prop_oneof![any::<f64>(), -1e7..1e7_f64, Just(f64::NAN)]),
-            q in prop::array::uniform3(prop_oneof![any::<f64>(), -2.0..2.0_f64]),
-            standing: bool, gain in 0.0..=1.0_f64, limit in 0..=i32::MAX,
-        ) {
-            let q = if standing { l2().inverse(&Vector3::new(0.0, 0.5, 0.65)).unwrap() } else { q };
-            if let Ok(correction) = compensator(gain, OffsetNm(limit)).correct_q(&q, &Wrench::from_array(load)) {
-                prop_assert!(correction.offsets.iter().all(|offset| offset.0.abs() <= limit));
-            }
-        }
-    }
-
     #[test]
     fn wild_loads_and_configurations_are_refused() {
         let q = l2().inverse(&Vector3::new(0.0, 0.5, 0.65)).unwrap();
@@ -221,15 +205,10 @@ mod tests {
         assert_eq!(refused(bad), CompensatorError::MetresPerQ { axis: 2 });
     }
 
-    fn home() -> (Pose, [f64; AXES]) {
-        let pose = Pose::at(Vector3::new(0.0, 0.5, 0.65));
-        let q = l2().inverse(&pose.position_m).unwrap();
-        (pose, q)
-    }
-
     #[test]
     fn offsets_are_the_share_of_the_exact_map() {
-        let (pose, q) = home();
+        let pose = Pose::at(Vector3::new(0.0, 0.5, 0.65));
+        let q = l2().inverse(&pose.position_m).unwrap();
         let load = Wrench::from_array([300.0, -50.0, 100.0, 1.0, 2.0, -1.0]);
         let exact = Elastic::new(&l2(), &compliances()).exact_command(&pose, &q, &load).unwrap();
         for gain in [1.0, 0.5, 0.0] {
@@ -241,8 +220,7 @@ mod tests {
                 assert!((offset.to_metres().0 - expected_m).abs() < 1e-9);
             }
         }
-        let cut = compensator(1.0, OffsetNm(100_000)).correct_exact_at(&pose, &q, &load);
-        let cut = cut.unwrap();
+        let cut = compensator(1.0, OffsetNm(100_000)).correct_exact_at(&pose, &q, &load).unwrap();
         assert!(cut.saturated.contains(&true), "{cut:?}");
         assert!(cut.offsets.iter().all(|offset| offset.0.abs() <= 100_000));
         let ours = compensator(1.0, LIMIT);
@@ -250,23 +228,6 @@ mod tests {
         let first_order = ours.correct_q(&q, &load).unwrap();
         for (one, other) in exact.offsets.iter().zip(first_order.offsets) {
             assert!((one.0 - other.0).abs() < other.0.abs() / 50, "{exact:?} {first_order:?}");
-        }
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(5_000))]
-        #[test]
-        fn the_exact_output_is_bounded_for_any_load(
-            load in prop::array::uniform6(prop_oneof![any::<f64>(), -1e7..1e7_f64, Just(f64::NAN)]),
-            moved in -1e-3..1e-3_f64, gain in 0.0..=1.0_f64, limit in 0..=i32::MAX,
-        ) {
-            let (mut pose, q) = home();
-            pose.position_m.x += moved;
-            let corrected = compensator(gain, OffsetNm(limit)).correct_exact_at(&pose, &q, &Wrench::from_array(load));
-            if let Ok(correction) = corrected {
-                prop_assert!(correction.offsets.iter().all(|offset| offset.0.abs() <= limit));
-                prop_assert!(load.iter().all(|value| value.is_finite()));
-            }
         }
     }
 }

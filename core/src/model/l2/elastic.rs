@@ -222,7 +222,7 @@ impl Deflection {
 mod tests {
     use super::*;
     use crate::model::l2::Robot;
-    use crate::model::l2::tests::{close, compliances, geometry, l2, machine, skewed};
+    use crate::model::l2::tests::{close, compliances, geometry, l2, machine, machines};
     use nalgebra::Matrix3;
     use proptest::prelude::*;
 
@@ -233,7 +233,7 @@ mod tests {
             x in -0.4..0.4_f64, y in 0.2..0.6_f64, z in 0.5..0.8_f64, skew: bool,
             load in prop::array::uniform6(-500.0..500.0_f64),
         ) {
-            let (geometry, rotation) = if skew { skewed() } else { (geometry(), Matrix3::identity()) };
+            let (geometry, rotation) = machines()[usize::from(skew)];
             let nominal = machine(geometry, &rotation);
             let position_m = rotation * Vector3::new(x, y, z);
             let Ok(q) = nominal.inverse(&position_m) else { return Ok(()); };

@@ -33,7 +33,7 @@ fn agree(lines: &LineMatrix<AXES>, w: Matrix6<f64>, drives: &Matrix6<f64>, toler
 
 fn drives(kinematics: &Kinematics, pose: &Pose, q: &[f64; AXES]) -> Matrix6<f64> {
     let directions = kinematics.links_m(pose, q).map(|link| link / norm(&link));
-    let rows = kinematics.drives(q, &directions);
+    let rows = kinematics.plates.at(q).drives(&directions);
     Matrix6::from_fn(|row, column| rows[row][column])
 }
 
