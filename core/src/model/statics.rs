@@ -7,7 +7,8 @@ use nalgebra::{ArrayStorage, Matrix6, SMatrix, Vector3};
 
 use crate::model::block_solve::BlockFactors;
 use crate::model::kinematics::{KinematicsError, Pose};
-use crate::model::linalg::{Lu, times};
+use crate::model::linalg::times;
+use crate::model::lu::Lu;
 use crate::model::robot::{ARMS, LINKS};
 use crate::zip::zip;
 

@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 use super::robot::links;
 use super::{AXES, Robot};
 use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution, is_pose};
-use crate::model::linalg::{Lu, max_propagating_nan, norm, product, rotation_from_vector};
+use crate::model::linalg::{max_propagating_nan, norm, product, rotation_from_vector};
+use crate::model::lu::Lu;
 use crate::model::robot::{Compliances, LINKS};
 use crate::model::statics::{Wrench, finite};
 use crate::zip::zip;
@@ -97,15 +98,20 @@ mod tests {
             let position_m = rotation * Vector3::new(0.0, 0.5, 0.65);
             let pose = Pose { position_m, rotation };
             let q = nominal.inverse(&position_m).unwrap();
-            let load = Wrench::from_array([3000.0, -500.0, 1000.0, 10.0, 20.0, -10.0]);
-            let off = |command: &[f64; AXES]| norm(&(stands(&robot, command, &load, &pose) - position_m));
             let model = Elastic::new(&nominal, &compliances());
-            let first_order = off(&model.command(&position_m, &q, &load, 1.0).unwrap());
-            let solved = exact_command(&robot, &compliances(), &pose, &q, &load).unwrap();
-            assert!(solved.residual_m < 1e-9, "{solved:?}");
-            let exact = off(&solved.value);
-            assert!(off(&q) > 1e-3, "{}", off(&q));
-            assert!(exact < 1e-9 && exact < 1e-3 * first_order, "{exact} {first_order}");
+            let load = [300.0, -50.0, 100.0, 1.0, 2.0, -1.0];
+            // What is left to first order grows with the load.
+            for (times, left) in [(1.0, 6e-3), (10.0, 6e-2)] {
+                let load = Wrench::from_array(load.map(|component| component * times));
+                let off = |command: &[f64; AXES]| norm(&(stands(&robot, command, &load, &pose) - position_m));
+                let share = |gain| off(&model.command(&position_m, &q, &load, gain).unwrap()) / off(&q);
+                assert!(off(&q) > 1e-4 && share(1.0) < left, "{} {}", off(&q), share(1.0));
+                assert!((share(0.5) - 0.5).abs() < left, "{}", share(0.5));
+                let solved = exact_command(&robot, &compliances(), &pose, &q, &load).unwrap();
+                assert!(solved.residual_m < 1e-9, "{solved:?}");
+                let exact = off(&solved.value) / off(&q);
+                assert!(off(&solved.value) < 1e-9 && exact < 1e-3 * share(1.0), "{exact}");
+            }
         }
     }
 

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::model::block_solve::Inverse;
 use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, SINGULARITY_TOLERANCE};
-use crate::model::linalg::Lu;
+use crate::model::lu::Lu;
 
 /// Equations, evaluated: errors (metres), and their derivatives (row per error, metres per unit).
 pub(super) struct Equations<const K: usize> {

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use crate::model::block_solve::BlockFactors;
 use crate::model::kinematics::KinematicsError;
-use crate::model::linalg::Lu;
+use crate::model::lu::Lu;
 use crate::model::robot::LINKS;
 use crate::model::statics::rows;
 
