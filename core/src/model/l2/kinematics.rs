@@ -192,12 +192,6 @@ impl Kinematics {
         &self.levers_m
     }
 
-    /// `A_s`: each cart's nominal point at `q = 0` `[T 3.7]`, world axes, metres.
-    #[must_use]
-    pub fn origins_m(&self) -> [Vector3<f64>; ARMS] {
-        self.arms.map(|arm| arm.origin_m)
-    }
-
     /// Travel of each axis in force, `(lower, upper)`, q-units.
     #[must_use]
     pub fn travel(&self) -> [(f64, f64); AXES] {
