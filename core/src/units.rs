@@ -309,19 +309,4 @@ mod tests {
             Err(CrossingError::OutOfRange { limit_nm: i64::from(i32::MAX) })
         );
     }
-
-    proptest::proptest! {
-        #[test]
-        fn every_offset_survives_the_round_trip(nm: i32) {
-            proptest::prop_assert_eq!(OffsetNm::from_metres(OffsetNm(nm).to_metres()), Ok(OffsetNm(nm)));
-        }
-
-        #[test]
-        fn within_half_a_nanometre(metres in -9e6..9e6f64) {
-            let nm = PositionNm::from_metres(Metres(metres)).unwrap();
-            let product = metres * NM_PER_METRE;
-            let ulp = (product.abs() * f64::EPSILON).max(f64::MIN_POSITIVE);
-            proptest::prop_assert!((nm.as_f64() - product).abs() <= 0.5 + ulp);
-        }
-    }
 }

@@ -19,7 +19,6 @@ use gantry_tau_core::control::wire::{Collector, Deframer, Feed, Frame, Kind, Sho
 use gantry_tau_core::model::compensation::{CompensatorError, Correction};
 use gantry_tau_core::model::kinematics::{KinematicsError, Solution};
 use gantry_tau_core::model::l2;
-use gantry_tau_core::model::linalg::LinearError;
 use gantry_tau_core::model::robot::{Branch, Parameter, RobotError};
 use gantry_tau_core::model::sensor::{Reading, SensorError, SensorState};
 use gantry_tau_core::model::statics::Wrench;
@@ -41,7 +40,7 @@ macro_rules! all {
 
 all! {
     // Errors and refusals.
-    CompensatorError, ConfigError, ContentError, CrossingError, FrameError, Full, KinematicsError, LimitsError, LinearError,
+    CompensatorError, ConfigError, ContentError, CrossingError, FrameError, Full, KinematicsError, LimitsError,
     MotorMapError, l2::OrientationError, Refusal, RobotError, SensorError, Short, StartError,
     // States, and what they are made of.
     AxisState, Channel<OffsetNm>, Collector, Deframer, Phase, SensorState, Session<6>, Stage, State<6>,

@@ -16,7 +16,8 @@ use crate::model::robot::LINKS;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Inverse {
     columns: [Vector3<f64>; 3],
-    det_is_negative: bool,
+    /// True if the determinant is negative; it is never zero.
+    pub(crate) det_is_negative: bool,
 }
 
 impl Inverse {
@@ -30,12 +31,6 @@ impl Inverse {
         let scale = 1.0 / determinant;
         (determinant * determinant > least_squared)
             .then(|| Self { columns: [c1 * scale, c2 * scale, c3 * scale], det_is_negative: determinant < 0.0 })
-    }
-
-    /// True if the determinant is negative; it is never zero.
-    #[inline]
-    pub(crate) const fn det_is_negative(&self) -> bool {
-        self.det_is_negative
     }
 
     /// The inverse times `y`.

@@ -78,7 +78,9 @@ impl<const N: usize> CompensatorConfig<N> {
             ) else {
                 continue;
             };
-            (*offset, *cut) = within((command - q) * scale, *limit)?;
+            // Its only error is NaN.
+            (*offset, *cut) = OffsetNm::from_metres_within(Metres((command - q) * scale), *limit)
+                .map_err(|_| KinematicsError::NotFinite)?;
         }
         Ok(Correction { offsets, saturated })
     }
@@ -94,12 +96,6 @@ impl<const N: usize> CompensatorConfig<N> {
         }
         self.bounded(q, &command)
     }
-}
-
-/// [`OffsetNm::from_metres_within`], whose only error is NaN.
-#[inline]
-fn within(offset_m: f64, limit: OffsetNm) -> Result<(OffsetNm, bool), KinematicsError> {
-    OffsetNm::from_metres_within(Metres(offset_m), limit).map_err(|_| KinematicsError::NotFinite)
 }
 
 /// Error in the configuration of a compensator.

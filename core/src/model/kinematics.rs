@@ -7,7 +7,7 @@
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::model::linalg::{LinearError, rotation_deviation, unit};
+use crate::model::linalg::{rotation_deviation, unit};
 use crate::model::robot::LINKS;
 
 /// Linear solves that suffice from the seed of the cycle before: at 1 m/s and 1 rad/s, sampled at 1 kHz, the second
@@ -19,6 +19,10 @@ pub const COLD_ITERATIONS: u8 = 10;
 /// Smallest conditioning that a pose may have, of the carts (`|s_i . v_i| / |v_i|`) and of the links (`|det(s_1, s_2, s_3)|`).
 /// Below it a micrometre at one end is a centimetre at the other.
 pub const SINGULARITY_TOLERANCE: f64 = 1e-4;
+
+/// Smallest ratio of pivots that a solve of six unknowns with pivoting accepts, after equilibration: beyond it fewer than four digits
+/// of a result would be left.
+pub const SINGULAR_PIVOT_RATIO: f64 = 1e-12;
 
 /// Largest error of a link's length in an answer, over the length of the shortest link: a nanometre per metre.
 pub const RESIDUAL_TOLERANCE: f64 = 1e-9;
@@ -72,7 +76,7 @@ pub enum KinematicsError {
     },
     /// The pose is singular, or too close to it.
     Singular {
-        /// Conditioning, 0 at the singularity; see [`SINGULARITY_TOLERANCE`] and [`crate::model::linalg::SINGULAR_PIVOT_RATIO`].
+        /// Conditioning, 0 at the singularity; see [`SINGULARITY_TOLERANCE`] and [`SINGULAR_PIVOT_RATIO`].
         measure: f64,
     },
     /// An axis would leave its travel.
@@ -166,15 +170,6 @@ impl<T> Solution<T> {
     #[must_use]
     pub const fn new(value: T, iterations: u8, residual_m: f64) -> Self {
         Self { value, iterations, residual_m }
-    }
-}
-
-impl From<LinearError> for KinematicsError {
-    fn from(error: LinearError) -> Self {
-        match error {
-            LinearError::NotFinite => Self::NotFinite,
-            LinearError::Singular { ratio } => Self::Singular { measure: ratio },
-        }
     }
 }
 

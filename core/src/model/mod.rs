@@ -12,7 +12,7 @@
 //! | [`stiffness`] | compliances to displacement `[T 3.3.1]` |
 //! | [`sensor`] | force sensor: tare, frame, low-pass filter `[T 4.2.5]` |
 //! | [`compensation`] | configuration and output of the compensators `[T 5.2.3]` |
-//! | [`linalg`] | the maths seam (`sqrt`, `sin`, `cos`) and small linear solves |
+//! | [`linalg`] | the maths seam (`sqrt`, `sin`, `cos`) and rotations |
 //!
 //! Vectors and matrices are nalgebra's, which is re-exported.
 
@@ -22,6 +22,7 @@ pub mod f1;
 pub mod kinematics;
 pub mod l2;
 pub mod linalg;
+mod lu;
 pub mod presets;
 pub mod robot;
 pub mod sensor;

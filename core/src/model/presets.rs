@@ -1,20 +1,4 @@
 //! Example machines, those of `robots/l2.toml` and `robots/f1.toml`. Their dimensions are assumed: plausible, not measured.
-//!
-//! From positions in q-units to the reference path, by the crossing:
-//!
-//! ```
-//! use gantry_tau_core::model::nalgebra::{Matrix3, Vector3};
-//! use gantry_tau_core::model::{l2, presets};
-//! use gantry_tau_core::units::{Metres, PositionNm};
-//!
-//! let robot = l2::Robot::new(presets::l2())?;
-//! let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity())?;
-//! let [q1, ..] = kinematics.inverse(&Vector3::new(0.0, 0.5, 0.65))?;
-//! let nominal = PositionNm::from_metres(Metres(q1))?;
-//! assert!((nominal.to_metres().0 - q1).abs() < 1e-9);
-//! assert!(PositionNm::from_metres(Metres(f64::NAN)).is_err());
-//! # Ok::<(), Box<dyn core::error::Error>>(())
-//! ```
 
 use nalgebra::Vector3;
 
@@ -102,18 +86,4 @@ pub fn f1() -> f1::Geometry {
 #[must_use]
 pub const fn f1_compliances() -> Compliances<{ f1::AXES }> {
     Compliances { link_m_per_n: LINKS_M_PER_N, cart_m_per_n: [4.2081e-6, 7.5215e-6, 5.5578e-6, 2.0e-6, 2.0e-6, 2.0e-6] }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_examples_are_valid() {
-        assert!(l2::Robot::new(l2()).is_ok());
-        assert!(f1::Robot::new(f1()).is_ok());
-        let (three, six) = (l2_compliances(), f1_compliances());
-        assert_eq!(Compliances::new(*three.link_m_per_n(), *three.cart_m_per_n()), Ok(three));
-        assert_eq!(Compliances::new(*six.link_m_per_n(), *six.cart_m_per_n()), Ok(six));
-    }
 }

@@ -7,6 +7,8 @@
 use core::fmt;
 use nalgebra::Vector3;
 
+use crate::zip::zip;
+
 /// Number of arms (carts, guideways).
 pub const ARMS: usize = 3;
 /// Number of links, in the order 11, 21, 22, 31, 32, 33.
@@ -156,12 +158,8 @@ impl<const N: usize> Compliances<N> {
     /// # Errors
     /// The first compliance that is not finite, not positive, or too large.
     pub fn new(link_m_per_n: [f64; LINKS], cart_m_per_n: [f64; N]) -> Result<Self, RobotError> {
-        for (index, value) in link_m_per_n.iter().enumerate() {
-            check_magnitude(Parameter::LinkCompliance, index, *value, f64::MIN_POSITIVE, MAX_COMPLIANCE_M_PER_N)?;
-        }
-        for (index, value) in cart_m_per_n.iter().enumerate() {
-            check_magnitude(Parameter::CartCompliance, index, *value, f64::MIN_POSITIVE, MAX_COMPLIANCE_M_PER_N)?;
-        }
+        check_magnitudes(Parameter::LinkCompliance, &link_m_per_n, f64::MIN_POSITIVE, MAX_COMPLIANCE_M_PER_N)?;
+        check_magnitudes(Parameter::CartCompliance, &cart_m_per_n, f64::MIN_POSITIVE, MAX_COMPLIANCE_M_PER_N)?;
         Ok(Self { link_m_per_n, cart_m_per_n })
     }
 
@@ -177,6 +175,15 @@ impl<const N: usize> Compliances<N> {
     #[must_use]
     pub const fn cart_m_per_n(&self) -> &[f64; N] {
         &self.cart_m_per_n
+    }
+
+    /// `q - c tau`: the command whose axes stand at `q` (q-units) under these loads.
+    pub(super) fn before_yielding(&self, q: &[f64; N], loads: &[f64; N]) -> [f64; N] {
+        let mut command = *q;
+        for (axis, (compliance, load)) in command.iter_mut().zip(zip(&self.cart_m_per_n, loads)) {
+            *axis -= compliance * load;
+        }
+        command
     }
 }
 
@@ -207,36 +214,33 @@ pub(super) fn check_travel<'a>(ranges: impl Iterator<Item = &'a (f64, f64)>) -> 
     Ok(())
 }
 
-/// Checks `lower <= value <= upper`, for quantities that must be positive.
-pub(super) fn check_magnitude(
-    parameter: Parameter,
-    index: usize,
-    value: f64,
-    lower: f64,
-    upper: f64,
-) -> Result<(), RobotError> {
-    check_finite(parameter, index, value)?;
-    if value < lower || value > upper {
-        return Err(RobotError::OutOfRange { parameter, index, lower, upper });
+/// Checks `lower <= value <= upper`, value by value, for quantities that must be positive.
+pub(super) fn check_magnitudes(parameter: Parameter, values: &[f64], lower: f64, upper: f64) -> Result<(), RobotError> {
+    for (index, value) in values.iter().enumerate() {
+        check_finite(parameter, index, *value)?;
+        if *value < lower || *value > upper {
+            return Err(RobotError::OutOfRange { parameter, index, lower, upper });
+        }
     }
     Ok(())
 }
 
-/// Checks that the length of a vector is from `lower` to `upper`; squares are compared, which needs no root.
-pub(super) fn check_vector(
+/// Checks that the length of each vector is from `lower` to `upper`; squares are compared, which needs no root.
+pub(super) fn check_vectors(
     parameter: Parameter,
-    index: usize,
-    value: &Vector3<f64>,
+    vectors: &[Vector3<f64>],
     lower: f64,
     upper: f64,
 ) -> Result<(), RobotError> {
-    for component in value.iter() {
-        check_finite(parameter, index, *component)?;
-    }
-    let squared = value.dot(value);
-    // The square of a huge finite component may be infinite, which is out of range too.
-    if squared < lower * lower || squared > upper * upper {
-        return Err(RobotError::OutOfRange { parameter, index, lower, upper });
+    for (index, vector) in vectors.iter().enumerate() {
+        for component in vector.iter() {
+            check_finite(parameter, index, *component)?;
+        }
+        let squared = vector.dot(vector);
+        // The square of a huge finite component may be infinite, which is out of range too.
+        if squared < lower * lower || squared > upper * upper {
+            return Err(RobotError::OutOfRange { parameter, index, lower, upper });
+        }
     }
     Ok(())
 }

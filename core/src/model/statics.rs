@@ -7,8 +7,9 @@ use nalgebra::{ArrayStorage, Matrix6, SMatrix, Vector3};
 
 use crate::model::block_solve::BlockFactors;
 use crate::model::kinematics::{KinematicsError, Pose};
-use crate::model::linalg::{Lu, times};
-use crate::model::robot::LINKS;
+use crate::model::linalg::times;
+use crate::model::lu::Lu;
+use crate::model::robot::{ARMS, LINKS};
 use crate::zip::zip;
 
 /// Load on the platform: applied by the environment to the platform, world axes, moment about the tool centre point.
@@ -125,14 +126,31 @@ impl<const N: usize> Lines<N> {
         Ok(LineMatrix { lines: *self, factors: *factors })
     }
 
-    /// Rows of `W^T`: `[s_ij, l_ij x s_ij]`.
+    /// Rows of `W^T`.
     fn rows(&self) -> [[f64; LINKS]; LINKS] {
+        rows(&self.directions, &self.moments_m)
+    }
+}
+
+impl LineMatrix<ARMS> {
+    /// `[D_(ij), -(l_ij x s_ij)]`: derivatives of the link lengths by the carts and the platform's rotation.
+    pub(crate) fn rows_by_carts(&self) -> [[f64; LINKS]; LINKS] {
         let mut rows = [[0.0; LINKS]; LINKS];
-        for (row, (s, m)) in (rows.iter_mut()).zip(zip(&self.directions, &self.moments_m)) {
-            *row = [s.x, s.y, s.z, m.x, m.y, m.z];
+        for (row, (drives, m)) in rows.iter_mut().zip(zip(&self.lines.drives, &self.lines.moments_m)) {
+            let [d1, d2, d3] = *drives;
+            *row = [d1, d2, d3, -m.x, -m.y, -m.z];
         }
         rows
     }
+}
+
+/// Rows `[s_ij, l_ij x s_ij]` of `W^T`, from these vectors in link order.
+pub(crate) fn rows(directions: &[Vector3<f64>; LINKS], moments_m: &[Vector3<f64>; LINKS]) -> [[f64; LINKS]; LINKS] {
+    let mut rows = [[0.0; LINKS]; LINKS];
+    for (row, (s, m)) in rows.iter_mut().zip(zip(directions, moments_m)) {
+        *row = [s.x, s.y, s.z, m.x, m.y, m.z];
+    }
+    rows
 }
 
 impl Factors {
@@ -227,42 +245,8 @@ pub(crate) fn finite<const N: usize>(values: [f64; N]) -> Result<[f64; N], Kinem
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::l2::tests::{close, geometry, l2, machine, skewed};
-    use crate::model::l2::{AXES, Robot};
-
-    /// The lines of a turned machine with nonparallel, scaled guideways, the tool at `position_m` in the machine's own axes.
-    fn skewed_lines(position_m: Vector3<f64>) -> LineMatrix<AXES> {
-        let (geometry, rotation) = skewed();
-        let robot = Robot::new(geometry).unwrap();
-        let position_m = rotation * position_m;
-        let q = machine(geometry, &rotation).inverse(&position_m).unwrap();
-        let pose = Pose { position_m, rotation };
-        robot.line_matrix(&pose, &q).unwrap()
-    }
-
-    #[test]
-    fn the_links_balance_the_load() {
-        let lines = skewed_lines(Vector3::new(0.1, 0.5, 0.6));
-        let load = [120.0, -80.0, 250.0, 3.0, -5.0, 7.0];
-        let forces = lines.link_forces_n(&Wrench::from_array(load)).unwrap();
-        let sum = lines.matrix() * nalgebra::Vector6::from(forces);
-        close(sum.as_slice(), &load.map(|value| -value), 1e-13, "W f + w");
-    }
-
-    #[test]
-    fn cart_loads_do_the_work_of_the_load() {
-        // Virtual work: tau . dq = F . dT + M . dtheta for every motion of the carts with rigid links.
-        let lines = skewed_lines(Vector3::new(-0.1, 0.4, 0.7));
-        let load = Wrench::from_array([120.0, -80.0, 250.0, 3.0, -5.0, 7.0]);
-        let loads = lines.cart_loads(&lines.link_forces_n(&load).unwrap());
-        for axis in 0..AXES {
-            let mut dq = [0.0; AXES];
-            dq[axis] = 1.0;
-            let motion = lines.displacement(&dq, &[0.0; LINKS]).unwrap();
-            let work: f64 = motion.iter().zip(load.to_array()).map(|(dx, w)| dx * w).sum();
-            assert!((work - loads[axis]).abs() < 1e-10 * work.abs(), "{work} {loads:?}");
-        }
-    }
+    use crate::model::l2::Robot;
+    use crate::model::l2::tests::{geometry, l2};
 
     #[test]
     fn dependent_lines_and_wild_numbers_are_refused() {

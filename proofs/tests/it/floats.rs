@@ -214,8 +214,8 @@ proptest! {
         travel_is_finite(&nominal);
         lengths_are_kept(&robot, &nominal, tcp, q);
         // And where a link just reaches: straight across its guideway.
-        let [origin, ..] = nominal.origins_m();
-        lengths_are_kept(&robot, &nominal, (origin + robot.geometry().guideways[0] * q[0]).into(), q);
+        let (cart, guideway) = (robot.geometry().cart_joints_m[0], robot.geometry().guideways[0]);
+        lengths_are_kept(&robot, &nominal, (cart + guideway * q[0]).into(), q);
     }
 }
 

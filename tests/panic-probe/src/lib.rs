@@ -138,10 +138,8 @@ pub extern "C" fn client_of_six(
         let [links, axes] = *compliances;
         let compliances = Compliances::new(links, axes).ok()?;
         let kinematics = f1::Kinematics::new(&robot);
-        let synchronised = kinematics.forward_synchronised(q);
-        let mut tracker = f1::PoseTracker::new(&kinematics);
-        tracker.start_from(seed);
-        let pose = tracker.track(q).ok()?;
+        let mut tracker = f1::PoseTracker { last: Some(*seed) };
+        let pose = tracker.track(&kinematics, q).ok()?;
         let there = kinematics.inverse(&pose.value, None).ok()?;
         let [.., q4, q5, q6] = there.value;
         let (place, near) = (&pose.value.position_m, &seed.rotation);
@@ -156,7 +154,6 @@ pub extern "C" fn client_of_six(
         let at = compensator.correct_at(&pose.value, &there.value, &load);
         let exact = compensator.correct_exact_at(&pose.value, &there.value, &load);
         let sum = f64::from(robot.kinematics_checksum())
-            + synchronised.map_or(0.0, |pose| pose.position_m.sum())
             + jacobian.map_or(0.0, |jacobian| jacobian.sum())
             + compliance.map_or(0.0, |compliance| compliance.0.sum())
             + fixed.map_or(0.0, |fixed| fixed.value.0.iter().sum())

@@ -101,11 +101,8 @@ impl Elastic {
             let plates = Some([q4, q5, q6]);
             standing = (self.kinematics.inverse_with_lengths(pose, plates, &lengths_m)?).value;
             if residual_m <= SETTLED_M {
-                return Ok(Solution {
-                    value: finite(self.before_yielding(&standing, &lines.cart_loads(&forces)))?,
-                    iterations: round,
-                    residual_m,
-                });
+                let value = finite(self.compliances.before_yielding(&standing, &lines.cart_loads(&forces)))?;
+                return Ok(Solution { value, iterations: round, residual_m });
             }
         }
         Err(KinematicsError::NotConverged { iterations: COLD_ITERATIONS, residual_m })
@@ -119,15 +116,5 @@ impl Elastic {
             *length += compliance * force;
         }
         lengths_m
-    }
-
-    /// `q - c tau`: the command whose axes stand at `q` under these loads.
-    fn before_yielding(&self, q: &[f64; AXES], loads: &[f64; AXES]) -> [f64; AXES] {
-        let mut command = *q;
-        let springs = zip(self.compliances.cart_m_per_n(), loads);
-        for (axis, (compliance, load)) in command.iter_mut().zip(springs) {
-            *axis -= compliance * load;
-        }
-        command
     }
 }

@@ -4,14 +4,15 @@
 //! `Q_1 = I`, `Q_2 = Rot(a, sigma_4 q_4)`, `Q_3 = Rot(a, sigma_5 q_5) Rot(a_6, q_6)`. The thesis gives no axis directions,
 //! zero pose or screw law: they are parameters here.
 
+use core::slice;
 use nalgebra::Vector3;
 
 use super::AXES;
 use crate::model::l2;
 use crate::model::linalg::unit;
 use crate::model::robot::{
-    ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE, check_magnitude, check_travel, check_vector,
-    checksum,
+    ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE, check_magnitudes, check_travel,
+    check_vectors, checksum,
 };
 
 /// Geometry of an F1, not yet checked.
@@ -73,36 +74,19 @@ impl Robot {
     /// # Errors
     /// The first parameter, in the order of [`Geometry`]'s fields, that is not finite, out of range or reversed.
     pub fn new(mut geometry: Geometry) -> Result<Self, RobotError> {
-        use Parameter::{Cart, Guideway, PlateJoint, PlatformJoint, TiltAxis, TurnAxis};
         let (from, to) = SCALE_RANGE;
-        for (index, cart) in geometry.carts_m.iter().enumerate() {
-            check_vector(Cart, index, cart, 0.0, MAX_LENGTH_M)?;
-        }
-        for (index, direction) in geometry.guideways.iter().enumerate() {
-            check_vector(Guideway, index, direction, from, to)?;
-        }
-        for (index, joint) in geometry.plate_joints_m.iter().enumerate() {
-            check_vector(PlateJoint, index, joint, 0.0, MAX_LENGTH_M)?;
-        }
-        for (index, joint) in geometry.platform_joints_m.iter().enumerate() {
-            check_vector(PlatformJoint, index, joint, 0.0, MAX_LENGTH_M)?;
-        }
-        for (index, length) in geometry.lengths_m.iter().enumerate() {
-            check_magnitude(Parameter::Length, index, *length, 1e-6, MAX_LENGTH_M)?;
-        }
-        for (parameter, axis) in [(TurnAxis, &mut geometry.turn_axis), (TiltAxis, &mut geometry.tilt_axis)] {
-            check_vector(parameter, 0, axis, from, to)?;
+        check_vectors(Parameter::Cart, &geometry.carts_m, 0.0, MAX_LENGTH_M)?;
+        check_vectors(Parameter::Guideway, &geometry.guideways, from, to)?;
+        check_vectors(Parameter::PlateJoint, &geometry.plate_joints_m, 0.0, MAX_LENGTH_M)?;
+        check_vectors(Parameter::PlatformJoint, &geometry.platform_joints_m, 0.0, MAX_LENGTH_M)?;
+        check_magnitudes(Parameter::Length, &geometry.lengths_m, 1e-6, MAX_LENGTH_M)?;
+        let axes = [(Parameter::TurnAxis, &mut geometry.turn_axis), (Parameter::TiltAxis, &mut geometry.tilt_axis)];
+        for (parameter, axis) in axes {
+            check_vectors(parameter, slice::from_ref(axis), from, to)?;
             *axis = unit(axis).ok_or(RobotError::NotFinite { parameter, index: 0 })?;
         }
         check_travel(geometry.travel.iter().flatten())?;
         Ok(Self { geometry })
-    }
-
-    /// The machine without limits of travel: carts unchecked, plates within half a turn. For corrections, which may leave the nominal
-    /// travel and are bounded elsewhere.
-    pub(super) const fn without_travel(&self) -> Self {
-        let geometry = Geometry { travel: None, ..self.geometry };
-        Self { geometry }
     }
 
     /// The validated geometry; its axes have unit length.

@@ -11,8 +11,8 @@
 
 use nalgebra::Vector3;
 
-use super::{AXES, Kinematics, LinkFrame, exact_command};
-use crate::model::kinematics::{KinematicsError, Pose, SINGULARITY_TOLERANCE, Solution};
+use super::{AXES, Kinematics, LinkFrame};
+use crate::model::kinematics::{KinematicsError, SINGULARITY_TOLERANCE};
 use crate::model::linalg::{norm, sqrt};
 use crate::model::robot::{ARMS, Compliances, LINKS};
 use crate::model::statics::Wrench;
@@ -41,8 +41,6 @@ pub struct Elastic {
     spreads_m: [Vector3<f64>; ARMS],
     /// `c_ij L_i^2`: elongation times `L_i` per `phi_ij`, link order.
     links: [f64; LINKS],
-    /// `c_i`, arm order.
-    carts: [f64; ARMS],
     /// Smallest determinant of the moments' matrix that is not singular, m^6.
     moments_min: f64,
 }
@@ -65,7 +63,6 @@ impl Elastic {
             levers_m: [l11, l22, l31],
             spreads_m,
             links: [c11 * a1, c21 * a2, c22 * a2, c31 * a3, c32 * a3, c33 * a3],
-            carts: *compliances.cart_m_per_n(),
             moments_min: SINGULARITY_TOLERANCE * scale,
         }
     }
@@ -115,19 +112,6 @@ impl Elastic {
         let [q1, q2, q3] = self.corrections.inverse(&corrected_m)?;
         let [r1, r2, r3] = deflection.carts;
         Ok([q1 - gain * r1, q2 - gain * r2, q3 - gain * r3])
-    }
-
-    /// Returns the exact command, as [`exact_command`].
-    ///
-    /// # Errors
-    /// As [`exact_command`].
-    pub fn exact_command(
-        &self,
-        pose: &Pose,
-        q: &[f64; AXES],
-        load: &Wrench,
-    ) -> Result<Solution<[f64; AXES]>, KinematicsError> {
-        exact_command(self.kinematics.robot(), &self.compliances, pose, q, load)
     }
 
     /// Returns the deflection by `load` at `tcp_m` (world axes, metres) with the carts at `q` (q-units).
@@ -188,7 +172,7 @@ impl Elastic {
         let translation_m = -(r1 * y1 + r2 * y2 + r3 * y3);
 
         let [g1, g2, g3] = frame.drives;
-        let [s1, s2, s3] = self.carts;
+        let [s1, s2, s3] = *self.compliances.cart_m_per_n();
         Ok(Deflection { carts: [-s1 * g1 * p1, -s2 * g2 * p2, -s3 * g3 * p3], translation_m, rotation_rad })
             .and_then(Deflection::checked)
     }
@@ -221,8 +205,9 @@ impl Deflection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::kinematics::Pose;
     use crate::model::l2::Robot;
-    use crate::model::l2::tests::{close, compliances, geometry, l2, machine, skewed};
+    use crate::model::l2::tests::{close, compliances, geometry, l2, machine, machines};
     use nalgebra::Matrix3;
     use proptest::prelude::*;
 
@@ -233,7 +218,7 @@ mod tests {
             x in -0.4..0.4_f64, y in 0.2..0.6_f64, z in 0.5..0.8_f64, skew: bool,
             load in prop::array::uniform6(-500.0..500.0_f64),
         ) {
-            let (geometry, rotation) = if skew { skewed() } else { (geometry(), Matrix3::identity()) };
+            let (geometry, rotation) = machines()[usize::from(skew)];
             let nominal = machine(geometry, &rotation);
             let position_m = rotation * Vector3::new(x, y, z);
             let Ok(q) = nominal.inverse(&position_m) else { return Ok(()); };

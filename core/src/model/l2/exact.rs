@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 use super::robot::links;
 use super::{AXES, Robot};
 use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution, is_pose};
-use crate::model::linalg::{Lu, max_propagating_nan, norm, product, rotation_from_vector};
+use crate::model::linalg::{max_propagating_nan, norm, product, rotation_from_vector};
+use crate::model::lu::Lu;
 use crate::model::robot::{Compliances, LINKS};
 use crate::model::statics::{Wrench, finite};
 use crate::zip::zip;
@@ -38,17 +39,13 @@ pub fn exact_command(
     for made in 0..=COLD_ITERATIONS {
         let lines = robot.line_matrix(&pose, &standing)?;
         let forces = lines.link_forces_n(load)?;
-        let (errors, rows) = loaded(robot, compliances, &pose, &standing, &forces);
+        let errors = errors_m(robot, compliances, &pose, &standing, &forces);
         residual_m = errors.iter().fold(0.0, |most, error| max_propagating_nan(most, error.abs()));
         if residual_m <= SETTLED_M {
-            let loads = lines.cart_loads(&forces);
-            let springs = zip(compliances.cart_m_per_n(), &loads);
-            for ((compliance, tau), q) in springs.zip(&mut standing) {
-                *q -= compliance * tau;
-            }
-            return Ok(Solution { value: finite(standing)?, iterations: made, residual_m });
+            let value = finite(compliances.before_yielding(&standing, &lines.cart_loads(&forces)))?;
+            return Ok(Solution { value, iterations: made, residual_m });
         }
-        let [q1, q2, q3, a, b, c] = Lu::factor(&rows)?.solve(&errors);
+        let [q1, q2, q3, a, b, c] = Lu::factor(&lines.rows_by_carts())?.solve(&errors);
         for (q, change) in standing.iter_mut().zip([q1, q2, q3]) {
             *q -= change;
         }
@@ -58,37 +55,28 @@ pub fn exact_command(
     Err(KinematicsError::NotConverged { iterations: COLD_ITERATIONS, residual_m })
 }
 
-/// Errors of the link lengths under their tensions, and their derivatives by the carts and the platform's rotation:
-/// rows `[s.v_1, s.v_2, s.v_3, -(l x s)]`, zero but for the link's own arm.
-fn loaded(
+/// Errors of the link lengths under their tensions, metres.
+fn errors_m(
     robot: &Robot,
     compliances: &Compliances<AXES>,
     pose: &Pose,
     q: &[f64; AXES],
     forces_n: &[f64; LINKS],
-) -> ([f64; LINKS], [[f64; 6]; LINKS]) {
+) -> [f64; LINKS] {
     let mut errors = [0.0; LINKS];
-    let mut rows = [[0.0; 6]; LINKS];
     let springs = zip(compliances.link_m_per_n(), forces_n);
-    let described = errors.iter_mut().zip(&mut rows).zip(springs);
-    for (((error, row), (compliance, force)), link) in described.zip(links(robot.geometry(), pose, q)) {
-        let length_m = norm(&link.vector_m);
-        *error = length_m - link.length_m - compliance * force;
-        let s = link.vector_m / length_m;
-        let moment = link.lever_m.cross(&s);
-        let drive = |arm| {
-            if arm == link.arm { s.dot(&link.guideway) } else { 0.0 }
-        };
-        *row = [drive(0), drive(1), drive(2), -moment.x, -moment.y, -moment.z];
+    let links = links(robot.geometry(), pose, q);
+    for ((error, (link_m, length_m)), (compliance, force)) in errors.iter_mut().zip(links).zip(springs) {
+        *error = norm(&link_m) - length_m - compliance * force;
     }
-    (errors, rows)
+    errors
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::model::l2::Elastic;
-    use crate::model::l2::tests::{compliances, geometry, machine, skewed};
+    use crate::model::l2::tests::{compliances, geometry, machine, machines};
     use crate::model::stiffness;
     use nalgebra::Matrix3;
 
@@ -96,10 +84,7 @@ mod tests {
     fn stands(robot: &Robot, command: &[f64; AXES], load: &Wrench, near: &Pose) -> Vector3<f64> {
         let too_long = |pose: &Pose, q: &[f64; AXES]| {
             let mut links = links(robot.geometry(), pose, q);
-            std::array::from_fn(|_| {
-                let link = links.next().unwrap();
-                norm(&link.vector_m) - link.length_m
-            })
+            std::array::from_fn(|_| links.next().map(|(link_m, length_m)| norm(&link_m) - length_m).unwrap())
         };
         let lines = |pose: &Pose, q: &_| robot.line_matrix(pose, q).unwrap();
         stiffness::tests::stands(lines, too_long, &compliances(), command, load, near).position_m
@@ -107,22 +92,26 @@ mod tests {
 
     #[test]
     fn a_corrected_tool_stands_where_it_should() {
-        let (skewed, turn) = skewed();
-        for (geometry, rotation) in [(geometry(), Matrix3::identity()), (skewed, turn)] {
+        for (geometry, rotation) in machines() {
             let robot = Robot::new(geometry).unwrap();
             let nominal = machine(geometry, &rotation);
             let position_m = rotation * Vector3::new(0.0, 0.5, 0.65);
             let pose = Pose { position_m, rotation };
             let q = nominal.inverse(&position_m).unwrap();
-            let load = Wrench::from_array([3000.0, -500.0, 1000.0, 10.0, 20.0, -10.0]);
-            let off = |command: &[f64; AXES]| norm(&(stands(&robot, command, &load, &pose) - position_m));
             let model = Elastic::new(&nominal, &compliances());
-            let first_order = off(&model.command(&position_m, &q, &load, 1.0).unwrap());
-            let solved = exact_command(&robot, &compliances(), &pose, &q, &load).unwrap();
-            assert!(solved.residual_m < 1e-9, "{solved:?}");
-            let exact = off(&solved.value);
-            assert!(off(&q) > 1e-3, "{}", off(&q));
-            assert!(exact < 1e-9 && exact < 1e-3 * first_order, "{exact} {first_order}");
+            let load = [300.0, -50.0, 100.0, 1.0, 2.0, -1.0];
+            // What is left to first order grows with the load.
+            for (times, left) in [(1.0, 6e-3), (10.0, 6e-2)] {
+                let load = Wrench::from_array(load.map(|component| component * times));
+                let off = |command: &[f64; AXES]| norm(&(stands(&robot, command, &load, &pose) - position_m));
+                let share = |gain| off(&model.command(&position_m, &q, &load, gain).unwrap()) / off(&q);
+                assert!(off(&q) > 1e-4 && share(1.0) < left, "{} {}", off(&q), share(1.0));
+                assert!((share(0.5) - 0.5).abs() < left, "{}", share(0.5));
+                let solved = exact_command(&robot, &compliances(), &pose, &q, &load).unwrap();
+                assert!(solved.residual_m < 1e-9, "{solved:?}");
+                let exact = off(&solved.value) / off(&q);
+                assert!(off(&solved.value) < 1e-9 && exact < 1e-3 * share(1.0), "{exact}");
+            }
         }
     }
 

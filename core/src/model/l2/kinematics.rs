@@ -130,10 +130,7 @@ impl Kinematics {
         let [v1, v2, v3] = geometry.guideways;
         let [l1, l2, l3] = geometry.lengths_m;
         let [c1, c2, c3] = geometry.configuration.inverse;
-        let [t1, t2, t3] = match geometry.travel {
-            Some([t1, t2, t3]) => [Some(t1), Some(t2), Some(t3)],
-            None => [None; ARMS],
-        };
+        let [t1, t2, t3] = geometry.travel.map_or([None; ARMS], |ranges| ranges.map(Some));
         let determinant_min = SINGULARITY_TOLERANCE * l1 * l2 * l3;
         Ok(Self {
             arms: [Arm::new(o1, v1, l1, c1, t1), Arm::new(o2, v2, l2, c2, t2), Arm::new(o3, v3, l3, c3, t3)],
@@ -191,15 +188,8 @@ impl Kinematics {
     }
 
     /// `l_ij = R b_ij`: from the tool centre point to each platform joint, world axes, metres, link order.
-    #[must_use]
-    pub const fn levers_m(&self) -> &[Vector3<f64>; LINKS] {
+    pub(super) const fn levers_m(&self) -> &[Vector3<f64>; LINKS] {
         &self.levers_m
-    }
-
-    /// `A_s`: each cart's nominal point at `q = 0` `[T 3.7]`, world axes, metres.
-    #[must_use]
-    pub fn origins_m(&self) -> [Vector3<f64>; ARMS] {
-        self.arms.map(|arm| arm.origin_m)
     }
 
     /// Travel of each axis in force, `(lower, upper)`, q-units.

@@ -6,8 +6,8 @@ use super::AXES;
 use crate::model::kinematics::{KinematicsError, Pose, directions};
 use crate::model::linalg::{max_propagating_nan, norm, times};
 use crate::model::robot::{
-    ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE, check_magnitude, check_travel,
-    check_vector, checksum,
+    ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE, check_magnitudes, check_travel,
+    check_vectors, checksum,
 };
 use crate::model::statics::{LineMatrix, Lines};
 
@@ -50,19 +50,11 @@ impl Robot {
     /// # Errors
     /// The first parameter, in the order of [`Geometry`]'s fields, that is not finite, out of range or reversed.
     pub fn new(geometry: Geometry) -> Result<Self, RobotError> {
-        use Parameter::{CartJoint, Guideway, Length, PlatformJoint};
-        for (index, joint) in geometry.cart_joints_m.iter().enumerate() {
-            check_vector(CartJoint, index, joint, 0.0, MAX_LENGTH_M)?;
-        }
-        for (index, direction) in geometry.guideways.iter().enumerate() {
-            check_vector(Guideway, index, direction, SCALE_RANGE.0, SCALE_RANGE.1)?;
-        }
-        for (index, joint) in geometry.platform_joints_m.iter().enumerate() {
-            check_vector(PlatformJoint, index, joint, 0.0, MAX_LENGTH_M)?;
-        }
-        for (index, length) in geometry.lengths_m.iter().enumerate() {
-            check_magnitude(Length, index, *length, 1e-6, MAX_LENGTH_M)?;
-        }
+        let (from, to) = SCALE_RANGE;
+        check_vectors(Parameter::CartJoint, &geometry.cart_joints_m, 0.0, MAX_LENGTH_M)?;
+        check_vectors(Parameter::Guideway, &geometry.guideways, from, to)?;
+        check_vectors(Parameter::PlatformJoint, &geometry.platform_joints_m, 0.0, MAX_LENGTH_M)?;
+        check_magnitudes(Parameter::Length, &geometry.lengths_m, 1e-6, MAX_LENGTH_M)?;
         check_travel(geometry.travel.iter().flatten())?;
         Ok(Self { geometry })
     }
@@ -92,7 +84,7 @@ impl Robot {
     #[must_use]
     pub fn residual_m(&self, pose: &Pose, q: &[f64; AXES]) -> f64 {
         links(&self.geometry, pose, q)
-            .map(|link| (norm(&link.vector_m) - link.length_m).abs())
+            .map(|(link_m, length_m)| (norm(&link_m) - length_m).abs())
             .fold(0.0, max_propagating_nan)
     }
 
@@ -103,8 +95,8 @@ impl Robot {
     #[inline]
     pub fn line_matrix(&self, pose: &Pose, q: &[f64; AXES]) -> Result<LineMatrix<AXES>, KinematicsError> {
         let mut links_m = [Vector3::zeros(); LINKS];
-        for (vector, link) in links_m.iter_mut().zip(links(&self.geometry, pose, q)) {
-            *vector = link.vector_m;
+        for (slot, (link_m, _)) in links_m.iter_mut().zip(links(&self.geometry, pose, q)) {
+            *slot = link_m;
         }
         let directions = directions(&links_m)?;
         let mut drives = [[0.0; AXES]; LINKS];
@@ -118,33 +110,20 @@ impl Robot {
     }
 }
 
-/// Link of the machine in a pose, in world axes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Link {
-    /// Index of its arm.
-    pub(super) arm: usize,
-    /// `A_ij - B_ij`: from its platform joint to its cart joint, metres.
-    pub(super) vector_m: Vector3<f64>,
-    /// `l_ij = R b_ij`: from the tool centre point to its platform joint, metres.
-    pub(super) lever_m: Vector3<f64>,
-    /// `v_i`: direction of its guideway, metres per q-unit.
-    pub(super) guideway: Vector3<f64>,
-    /// `L_i`: its nominal length, metres.
-    pub(super) length_m: f64,
-}
-
-/// The six links in link order `[T 3.3, 3.5, 3.6]`.
-pub(super) fn links<'a>(geometry: &'a Geometry, pose: &'a Pose, q: &[f64; AXES]) -> impl Iterator<Item = Link> + 'a {
+/// The six links in link order `[T 3.3, 3.5, 3.6]`: `A_ij - B_ij`, from platform joint to cart joint, world axes, and `L_i`; metres.
+pub(super) fn links<'a>(
+    geometry: &'a Geometry,
+    pose: &'a Pose,
+    q: &[f64; AXES],
+) -> impl Iterator<Item = (Vector3<f64>, f64)> + 'a {
     let [q1, q2, q3] = *q;
     let [v1, v2, v3] = geometry.guideways;
     let [l1, l2, l3] = geometry.lengths_m;
-    let (one, two, three) = ((0, q1, v1, l1), (1, q2, v2, l2), (2, q3, v3, l3));
-    [one, two, two, three, three, three].into_iter().zip(&geometry.cart_joints_m).zip(&geometry.platform_joints_m).map(
-        |(((arm, q, guideway, length_m), cart), joint)| {
-            let lever_m = times(&pose.rotation, joint);
-            Link { arm, vector_m: cart + guideway * q - pose.position_m - lever_m, lever_m, guideway, length_m }
-        },
-    )
+    let (one, two, three) = ((v1 * q1, l1), (v2 * q2, l2), (v3 * q3, l3));
+    let joints = geometry.cart_joints_m.iter().zip(&geometry.platform_joints_m);
+    [one, two, two, three, three, three].into_iter().zip(joints).map(|((moved_m, length_m), (cart, joint))| {
+        (cart + moved_m - pose.position_m - times(&pose.rotation, joint), length_m)
+    })
 }
 
 /// Any numbers: more machines than [`Robot::new`] accepts.

@@ -67,12 +67,9 @@ mod tests {
             (0.5, 2e-6, 5e-7, 1e6),
             (1.0, 6e-7, 5e-7, 1e9),
         ] {
-            let loop_gain =
-                contact_loop_gain(gain, &compliance(estimated), &compliance(machine), &normal, workpiece).unwrap();
-            let (soon, late) = (
-                force_after(200, gain, estimated, machine, workpiece),
-                force_after(400, gain, estimated, machine, workpiece),
-            );
+            let [ours, theirs] = [estimated, machine].map(compliance);
+            let loop_gain = contact_loop_gain(gain, &ours, &theirs, &normal, workpiece).unwrap();
+            let [soon, late] = [200, 400].map(|rounds| force_after(rounds, gain, estimated, machine, workpiece));
             assert_eq!(loop_gain < 1.0, (late - soon).abs() < 1e-3 * soon, "{loop_gain} {soon} {late}");
         }
     }

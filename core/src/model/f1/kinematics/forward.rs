@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::step::System;
-use super::{CONVERGED, Kinematics, Rejected, stretch};
+use super::{Kinematics, stretch};
 use crate::model::f1::{AXES, Geometry};
 use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution, is_pose};
 use crate::model::linalg::{norm, product, rotation_from_vector, sqrt, times};
@@ -13,10 +13,12 @@ use crate::model::robot::LINKS;
 const SYNCHRONISED_TOLERANCE: f64 = 1e-9;
 
 impl Kinematics {
-    /// Forward kinematics without a seed: from the synchronised form, whatever the plates do.
+    /// Forward kinematics without a seed: from the synchronised form, whatever the plates do. Where they turn together
+    /// (`q_4 = -q_5` for drives of opposite signs) that form is the solution, after no iteration.
     ///
     /// # Errors
-    /// `SeedRequired` where the machine has no such form, `NoAssembly` where the links cannot meet, else as
+    /// `SeedRequired` where the machine has no such form (`b_22 - b_21` is not parallel to `a_6`, or the links of a cluster do not
+    /// run parallel), `NoAssembly` where the links cannot meet, else as
     /// [`forward_from`](Self::forward_from).
     pub fn forward(&self, q: &[f64; AXES]) -> Result<Solution<Pose>, KinematicsError> {
         let start = self.start(q)?;
@@ -39,14 +41,15 @@ impl Kinematics {
         if !q.iter().all(|value| value.is_finite()) || !is_pose(seed) {
             return Err(KinematicsError::NotFinite);
         }
-        let joints = self.plates.at(q).joints_m();
+        let joints = self.plates.at(q).joints_m;
         let mut pose = *seed;
         let mut mode = None;
         for made in 0..=iterations {
             let system = self.system(&pose, &joints);
-            if made == iterations || system.is_settled(CONVERGED * self.size_m) {
+            if made == iterations || system.is_settled(self.converged_m()) {
                 pose.rotation = orthonormal(&pose.rotation);
-                let residual_m = (self.checked(&pose, q, &joints)).map_err(|refused| refused.after(made))?;
+                let links_m = self.links_between(&pose, &joints);
+                let residual_m = self.check(&links_m, q, &self.robot.geometry().lengths_m, made)?;
                 return Ok(Solution { value: pose, iterations: made, residual_m });
             }
             let step = system.solve()?;
@@ -72,7 +75,7 @@ impl Kinematics {
         seed: Option<[f64; 3]>,
     ) -> Result<Solution<[f64; AXES]>, KinematicsError> {
         let found = self.inverse(pose, seed)?;
-        let joints = self.plates.at(&found.value).joints_m();
+        let joints = self.plates.at(&found.value).joints_m;
         let det_is_negative = self.system(pose, &joints).solve()?.det_is_negative;
         if self.is_synchronisable() {
             let start = self.start(&found.value)?;
@@ -83,34 +86,8 @@ impl Kinematics {
         Ok(found)
     }
 
-    /// The closed form of the synchronised machine (`q_4 = -q_5` where the drives' signs are opposite: both plates turn
-    /// together): then `R = Rot(a, theta) Rot(a_6, q_6)` and three spheres give `T` `[T 3.1.2]`.
-    ///
-    /// # Errors
-    /// `SeedRequired` where the machine is not built for it: `b_22 - b_21` is not parallel to `a_6`, or the links of a cluster
-    /// do not run parallel; `Inconsistent` where the plates are out of step; as [`forward`](Self::forward) else.
-    pub fn forward_synchronised(&self, q: &[f64; AXES]) -> Result<Pose, KinematicsError> {
-        let [_, _, _, q4, q5, _] = *q;
-        let pose = self.start(q)?;
-        if self.plates.out_of_step(q4, q5).abs() > SYNCHRONISED_TOLERANCE {
-            return Err(KinematicsError::Inconsistent { arm: 1 });
-        }
-        (self.checked(&pose, q, &self.plates.at(q).joints_m())).map_err(|refused| refused.after(0))?;
-        Ok(pose)
-    }
-
-    /// Last check of a pose.
-    #[inline]
-    pub(super) fn checked(
-        &self,
-        pose: &Pose,
-        q: &[f64; AXES],
-        joints_m: &[Vector3<f64>; LINKS],
-    ) -> Result<f64, Rejected> {
-        self.check(&self.links_between(pose, joints_m), q, &self.robot.geometry().lengths_m)
-    }
-
-    /// Pose of the synchronised form with plate 3 as it is; a start where plate 2 is not in step.
+    /// Pose of the synchronised form with plate 3 as it is (`[T 3.1.2]`: plates that turn together leave `R = Rot(a, theta) Rot(a_6, q_6)`, and
+    /// three spheres give `T`); a start where plate 2 is not in step.
     /// Not inlined: a solution from a seed needs none of its stack.
     #[inline(never)]
     fn start(&self, q: &[f64; AXES]) -> Result<Pose, KinematicsError> {
@@ -135,7 +112,7 @@ impl Kinematics {
             c3 + v3 * q3 + times(&rotation, &(p31 - b31)),
         ];
         let poses = three_spheres(&centres, &[l1, l2, l3])?.map(|position_m| Pose { position_m, rotation });
-        let joints = self.plates.at(q).joints_m();
+        let joints = self.plates.at(q).joints_m;
         let sides = |pose: &Pose| self.on_their_sides(&self.links_between(pose, &joints));
         let [one, other] = poses.map(|pose| (sides(&pose), pose));
         match (one, other) {

@@ -2,11 +2,11 @@
 
 use nalgebra::Vector3;
 
-use super::newton::{Equations, StopCriterion, newton};
+use super::newton::{Equations, newton};
 use super::plates::{PlateThree, PlateTwo};
-use super::{CONVERGED, Kinematics, stretch};
+use super::{Kinematics, stretch};
 use crate::model::f1::AXES;
-use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution, is_pose};
+use crate::model::kinematics::{KinematicsError, Pose, Solution, is_pose};
 use crate::model::linalg::sqrt;
 use crate::model::robot::{ARM_OF_LINK, Branch, LINKS};
 use crate::zip::zip;
@@ -62,7 +62,7 @@ impl Kinematics {
         let value = [q1, q2, q3, q4, q5, q6];
         let iterations = made_2.max(made_3);
         let links = self.links_m(pose, &value);
-        let residual_m = (self.check(&links, &value, lengths_m)).map_err(|refused| refused.after(iterations))?;
+        let residual_m = self.check(&links, &value, lengths_m, iterations)?;
         Ok(Solution { value, iterations, residual_m })
     }
 
@@ -118,7 +118,7 @@ impl Kinematics {
             let (one, two) = (link(a1, b1, t1, l1), link(a2, b2, t2, l2));
             Equations { errors_m: [one.0, two.0], rows: [one.1, two.1] }
         };
-        let ([q2, q4], made) = newton([q2, q4], plate, &self.criterion(), place, equations)
+        let ([q2, q4], made) = newton([q2, q4], plate, self.converged_m(), place, equations)
             .map_err(|error| from_the_foot(1, along_squared, error))?;
         Ok(((q2, q4), made))
     }
@@ -149,13 +149,9 @@ impl Kinematics {
             let three = link(a3, b3, [t3, k3], l3);
             Equations { errors_m: [one.0, two.0, three.0], rows: [one.1, two.1, three.1] }
         };
-        let ([q3, q5, q6], made) = newton([q3, q5, q6], plate, &self.criterion(), place, equations)
+        let ([q3, q5, q6], made) = newton([q3, q5, q6], plate, self.converged_m(), place, equations)
             .map_err(|error| from_the_foot(2, along_squared, error))?;
         Ok(((q3, q5, q6), made))
-    }
-
-    pub(super) const fn criterion(&self) -> StopCriterion {
-        StopCriterion { iterations: COLD_ITERATIONS, converged_m: CONVERGED * self.size_m }
     }
 }
 

@@ -2,14 +2,15 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::Kinematics;
 use super::forward::orthonormal;
 use super::inverse::cart;
 use super::step::System;
-use super::{CONVERGED, Kinematics};
 use crate::model::block_solve::Inverse;
 use crate::model::f1::AXES;
 use crate::model::kinematics::{KinematicsError, Pose, Solution, is_pose};
-use crate::model::linalg::{Lu, product, rotation_from_vector};
+use crate::model::linalg::{product, rotation_from_vector};
+use crate::model::lu::Lu;
 use crate::model::robot::{ARMS, LINKS};
 
 /// One step: of the carts (q-units) and of the platform's turn (world axes, radians).
@@ -49,11 +50,12 @@ impl Kinematics {
         for made in 0..=iterations {
             let [q1, q2, q3] = carts;
             let q = [q1, q2, q3, q4, q5, q6];
-            let joints = self.plates.at(&q).joints_m();
+            let joints = self.plates.at(&q).joints_m;
             let system = self.system(&pose, &joints);
-            if made == iterations || system.is_settled(CONVERGED * self.size_m) {
+            if made == iterations || system.is_settled(self.converged_m()) {
                 pose.rotation = orthonormal(&pose.rotation);
-                let residual_m = (self.checked(&pose, &q, &joints)).map_err(|refused| refused.after(made))?;
+                let links_m = self.links_between(&pose, &joints);
+                let residual_m = self.check(&links_m, &q, &self.robot.geometry().lengths_m, made)?;
                 return Ok(Solution { value: (q, pose), iterations: made, residual_m });
             }
             self.on_their_sides(&self.links_between(&pose, &joints))?;
@@ -74,7 +76,7 @@ impl Kinematics {
     /// Carts where links 11, 21 and 31 just fit.
     fn first_carts(&self, pose: &Pose, &[q4, q5, q6]: &[f64; 3]) -> Result<[f64; ARMS], KinematicsError> {
         let geometry = self.robot.geometry();
-        let joints = self.plates.at(&[0.0, 0.0, 0.0, q4, q5, q6]).joints_m();
+        let joints = self.plates.at(&[0.0, 0.0, 0.0, q4, q5, q6]).joints_m;
         let [a11, a21, _, a31, ..] = joints;
         let [b11, b21, _, b31, ..] = self.ends_m(pose);
         let [l11, l21, _, l31, ..] = geometry.lengths_m;
@@ -101,7 +103,7 @@ impl Kinematics {
         let rows = [m22 - m21 * a22, m32 - m31 * a32, m33 - m31 * a33];
         let right = [e22 - a22 * e21, e32 - a32 * e31, e33 - a33 * e31];
         let (rotation_rad, det_is_negative) = match Inverse::of_rows(rows.each_ref()) {
-            Some(inverse) => (inverse.times(right), inverse.det_is_negative()),
+            Some(inverse) => (inverse.times(right), inverse.det_is_negative),
             None => {
                 let factors = Lu::factor(&rows.map(Into::into))?;
                 (factors.solve(&right).into(), factors.det_is_negative())

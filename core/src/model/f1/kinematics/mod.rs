@@ -27,11 +27,12 @@ use plates::Plates;
 
 /// Convergence threshold of the residual over the machine's size; below it, iterations are limited by round-off.
 const CONVERGED: f64 = 1e-14;
-/// Half a turn: travel of a plate to either side where none is given.
-const HALF_TURN_RAD: f64 = core::f64::consts::PI;
-
-/// `D`: rows in link order, columns in axis order.
-type Drives = [[f64; AXES]; LINKS];
+/// Travel where none is given: carts unchecked, plates within half a turn.
+const UNLIMITED: [(f64, f64); AXES] = {
+    let cart = (f64::NEG_INFINITY, f64::INFINITY);
+    let plate = (-core::f64::consts::PI, core::f64::consts::PI);
+    [cart, cart, cart, plate, plate, plate]
+};
 
 /// Kinematics of a machine; built once, its methods keep no state.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,14 +61,12 @@ impl Kinematics {
         let [c1, c2, c3] = geometry.carts_m.map(|cart| norm(&cart));
         let [v1, v2, v3] = geometry.guideways.map(|guideway| guideway / norm(&guideway));
         let [side1, side2, side3] = geometry.configuration.map(|branch| branch.sign());
-        let free = (f64::NEG_INFINITY, f64::INFINITY);
-        let plate = (-HALF_TURN_RAD, HALF_TURN_RAD);
         Self {
             robot: *robot,
             plates: Plates::new(geometry),
             size_m: longest + c1.max(c2).max(c3),
             tolerance_m: RESIDUAL_TOLERANCE * shortest,
-            travel: geometry.travel.unwrap_or([free, free, free, plate, plate, plate]),
+            travel: geometry.travel.unwrap_or(UNLIMITED),
             sides: [v1 * side1, v2 * side2, v3 * side3],
             plate_reaches_m: geometry.plate_joints_m.map(|joint| norm(&joint)),
         }
@@ -76,8 +75,8 @@ impl Kinematics {
     /// As [`new`](Self::new), without limits of travel: carts unchecked, plates within half a turn. For corrections, which may leave
     /// the nominal travel and are bounded elsewhere.
     #[must_use]
-    pub fn without_travel(&self) -> Self {
-        Self::new(&self.robot.without_travel())
+    pub const fn without_travel(&self) -> Self {
+        Self { travel: UNLIMITED, ..*self }
     }
 
     /// The machine.
@@ -96,7 +95,7 @@ impl Kinematics {
     /// Returns the links `A_ij - B_ij`, from platform joint to plate joint, world axes, metres, link order.
     #[must_use]
     pub fn links_m(&self, pose: &Pose, q: &[f64; AXES]) -> [Vector3<f64>; LINKS] {
-        self.links_between(pose, &self.plates.at(q).joints_m())
+        self.links_between(pose, &self.plates.at(q).joints_m)
     }
 
     /// As [`links_m`](Self::links_m), for known plate joints.
@@ -111,13 +110,6 @@ impl Kinematics {
     fn ends_m(&self, pose: &Pose) -> [Vector3<f64>; LINKS] {
         let joints = &self.robot.geometry().platform_joints_m;
         joints.map(|joint| pose.position_m + times(&pose.rotation, &joint))
-    }
-
-    /// Returns `D`, the elongation of each link per axis, `D_(ij),k = s_ij . dA_ij/dq_k`; rows in link order, columns in axis order.
-    /// `directions`: `s_ij`, from platform to plate, unit vectors.
-    #[must_use]
-    pub fn drives(&self, q: &[f64; AXES], directions: &[Vector3<f64>; LINKS]) -> Drives {
-        self.plates.at(q).drives(directions)
     }
 
     /// Returns the line matrix `[T 3.17]` in this pose with these positions (q-units).
@@ -135,29 +127,37 @@ impl Kinematics {
     #[inline(never)]
     fn lines(&self, pose: &Pose, q: &[f64; AXES]) -> Result<Lines<AXES>, KinematicsError> {
         let plates = self.plates.at(q);
-        let directions = directions(&self.links_between(pose, &plates.joints_m()))?;
+        let directions = directions(&self.links_between(pose, &plates.joints_m))?;
         let joints = &self.robot.geometry().platform_joints_m;
         Ok(Lines::new(&directions, &plates.drives(&directions), joints, pose))
     }
 
-    /// Last check of every solution: links of the right length, axes inside their travel, arms on their side.
+    /// Convergence threshold of a link's error, metres.
+    const fn converged_m(&self) -> f64 {
+        CONVERGED * self.size_m
+    }
+
+    /// Last check of every solution, found after `iterations`: links of the right length, axes inside their travel, arms on their side.
+    /// Returns the residual, metres.
     #[inline]
     fn check(
         &self,
         links_m: &[Vector3<f64>; LINKS],
         q: &[f64; AXES],
         lengths_m: &[f64; LINKS],
-    ) -> Result<f64, Rejected> {
+        iterations: u8,
+    ) -> Result<f64, KinematicsError> {
         let residual_m = largest_error(links_m, lengths_m);
-        // Not within for NaN.
-        let within = residual_m <= self.tolerance_m;
-        if !within {
-            return Err(Rejected::Residual(residual_m));
+        if !residual_m.is_finite() {
+            return Err(KinematicsError::NotFinite);
+        }
+        if residual_m > self.tolerance_m {
+            return Err(KinematicsError::NotConverged { iterations, residual_m });
         }
         if !self.travels(q) {
-            return Err(Rejected::Final(self.out_of_range(q)));
+            return Err(self.out_of_range(q));
         }
-        self.on_their_sides(links_m).map_err(Rejected::Final)?;
+        self.on_their_sides(links_m)?;
         Ok(residual_m)
     }
 
@@ -226,27 +226,6 @@ impl Kinematics {
 /// True if `q` is inside its range; false for NaN.
 fn within(q: f64, (lower, upper): &(f64, f64)) -> bool {
     *lower <= q && q <= *upper
-}
-
-/// Reason to reject a solution.
-enum Rejected {
-    /// A link does not have its length; its error, metres.
-    Residual(f64),
-    /// Any other error; further iterations cannot help.
-    Final(KinematicsError),
-}
-
-impl Rejected {
-    /// The error, after this number of iterations.
-    fn after(self, iterations: u8) -> KinematicsError {
-        match self {
-            Self::Residual(residual_m) if residual_m.is_finite() => {
-                KinematicsError::NotConverged { iterations, residual_m }
-            }
-            Self::Residual(_) => KinematicsError::NotFinite,
-            Self::Final(error) => error,
-        }
-    }
 }
 
 /// Error of a link's length to first order, `(|w|^2 - L^2) / 2L`, and its gradient `w / L`; needs no root.

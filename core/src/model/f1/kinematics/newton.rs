@@ -3,17 +3,8 @@
 use nalgebra::Vector3;
 
 use crate::model::block_solve::Inverse;
-use crate::model::kinematics::{KinematicsError, SINGULARITY_TOLERANCE};
-use crate::model::linalg::Lu;
-
-/// End of an iteration.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct StopCriterion {
-    /// Largest number of linear solves.
-    pub(super) iterations: u8,
-    /// Convergence threshold, metres; below it, iterations are limited by round-off.
-    pub(super) converged_m: f64,
-}
+use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, SINGULARITY_TOLERANCE};
+use crate::model::lu::Lu;
 
 /// Equations, evaluated: errors (metres), and their derivatives (row per error, metres per unit).
 pub(super) struct Equations<const K: usize> {
@@ -47,14 +38,14 @@ impl Solve<3> for Equations<3> {
     }
 }
 
-/// Returns unknowns for which every error is as small as rounding allows, or the last ones within the cap, and the solves made.
+/// Returns unknowns for which every error is at most `converged_m`, or those after [`COLD_ITERATIONS`] solves, and the solves made.
 /// The caller checks them.
 ///
 /// `place` computes the quantities that the equations share, and `placed` are those of `start`.
 pub(super) fn newton<P, const K: usize>(
     start: [f64; K],
     placed: P,
-    stop: &StopCriterion,
+    converged_m: f64,
     place: impl Fn(&[f64; K]) -> P,
     evaluate: impl Fn(&[f64; K], &P) -> Equations<K>,
 ) -> Result<([f64; K], u8), KinematicsError>
@@ -62,10 +53,10 @@ where
     Equations<K>: Solve<K>,
 {
     let (mut unknowns, mut placed) = (start, placed);
-    for made in 0..stop.iterations {
+    for made in 0..COLD_ITERATIONS {
         let equations = evaluate(&unknowns, &placed);
         // Not true for NaN, which the factors then refuse.
-        if (equations.errors_m.iter()).all(|error| error.abs() <= stop.converged_m) {
+        if (equations.errors_m.iter()).all(|error| error.abs() <= converged_m) {
             return Ok((unknowns, made));
         }
         let step = match equations.solve() {
@@ -77,7 +68,7 @@ where
         }
         placed = place(&unknowns);
     }
-    Ok((unknowns, stop.iterations))
+    Ok((unknowns, COLD_ITERATIONS))
 }
 
 /// Pivoting solve, where the determinant is small.

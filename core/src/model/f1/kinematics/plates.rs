@@ -64,10 +64,12 @@ pub(super) struct PlateThree {
 /// Plates at given positions: every joint, and its derivatives.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlatesAt {
+    /// `A_ij`: world axes, metres, link order.
+    pub(super) joints_m: [Vector3<f64>; LINKS],
     guideways: [Vector3<f64>; ARMS],
-    one: Vector3<f64>,
-    two: PlateTwo,
-    three: PlateThree,
+    two_turns: [Vector3<f64>; 2],
+    three_turns: [Vector3<f64>; 3],
+    three_tilts: [Vector3<f64>; 3],
 }
 
 impl Plates {
@@ -94,18 +96,12 @@ impl Plates {
         c1 + p11
     }
 
-    /// `Q_2 = Rot(a, sigma_4 q_4)`.
-    pub(super) fn turn_of_two(&self, q4: f64) -> Matrix3<f64> {
-        let [sigma4, _] = self.signs;
-        self.turn.rotation(sigma4 * q4)
-    }
-
     /// Plate 2, turned by `q_4`.
     pub(super) fn two(&self, q4: f64) -> PlateTwo {
         let [_, c2, _] = self.carts_m;
         let [_, p21, p22, ..] = self.joints_m;
         let [sigma4, _] = self.signs;
-        let q_2 = self.turn_of_two(q4);
+        let q_2 = self.turn.rotation(sigma4 * q4);
         let levers = [p21, p22].map(|joint| times(&q_2, &joint));
         let axis = self.turn.direction * sigma4;
         PlateTwo { joints_m: levers.map(|lever| c2 + lever), turns: levers.map(|lever| axis.cross(&lever)) }
@@ -139,54 +135,31 @@ impl Plates {
         &self.tilt.direction
     }
 
-    /// Angle by which the plates are out of step, `sigma_4 q_4 - sigma_5 q_5`, radians.
-    pub(super) const fn out_of_step(&self, q4: f64, q5: f64) -> f64 {
-        let [sigma4, sigma5] = self.signs;
-        sigma4 * q4 - sigma5 * q5
-    }
-
     /// All plates, at these positions.
     #[inline]
     pub(super) fn at(&self, q: &[f64; AXES]) -> PlatesAt {
         let [q1, q2, q3, q4, q5, q6] = *q;
         let [v1, v2, v3] = self.guideways;
+        let (two, three) = (self.two(q4), self.three(q5, q6));
+        let ([a21, a22], [a31, a32, a33]) = (two.joints_m, three.joints_m);
+        let (moved2, moved3) = (v2 * q2, v3 * q3);
         PlatesAt {
+            joints_m: [self.one() + v1 * q1, a21 + moved2, a22 + moved2, a31 + moved3, a32 + moved3, a33 + moved3],
             guideways: self.guideways,
-            one: self.one() + v1 * q1,
-            two: self.two(q4).moved(&(v2 * q2)),
-            three: self.three(q5, q6).moved(&(v3 * q3)),
+            two_turns: two.turns,
+            three_turns: three.turns,
+            three_tilts: three.tilts,
         }
     }
 }
 
-impl PlateTwo {
-    #[inline]
-    fn moved(self, by_m: &Vector3<f64>) -> Self {
-        Self { joints_m: self.joints_m.map(|joint| joint + by_m), ..self }
-    }
-}
-
-impl PlateThree {
-    #[inline]
-    fn moved(self, by_m: &Vector3<f64>) -> Self {
-        Self { joints_m: self.joints_m.map(|joint| joint + by_m), ..self }
-    }
-}
-
 impl PlatesAt {
-    /// `A_ij`: the plate joints, world axes, metres, link order.
-    #[inline]
-    pub(super) fn joints_m(&self) -> [Vector3<f64>; LINKS] {
-        let ([a21, a22], [a31, a32, a33]) = (self.two.joints_m, self.three.joints_m);
-        [self.one, a21, a22, a31, a32, a33]
-    }
-
     /// `D_(ij),k = s_ij . dA_ij/dq_k`.
     pub(super) fn drives(&self, directions: &[Vector3<f64>; LINKS]) -> [[f64; AXES]; LINKS] {
         let [s11, s21, s22, s31, s32, s33] = directions;
         let [v1, v2, v3] = &self.guideways;
-        let [t21, t22] = self.two.turns;
-        let ([t31, t32, t33], [k31, k32, k33]) = (self.three.turns, self.three.tilts);
+        let [t21, t22] = self.two_turns;
+        let ([t31, t32, t33], [k31, k32, k33]) = (self.three_turns, self.three_tilts);
         let two = |s: &Vector3<f64>, turn: Vector3<f64>| [0.0, s.dot(v2), 0.0, s.dot(&turn), 0.0, 0.0];
         let three = |s: &Vector3<f64>, turn: Vector3<f64>, tilt: Vector3<f64>| {
             [0.0, 0.0, s.dot(v3), 0.0, s.dot(&turn), s.dot(&tilt)]

@@ -6,8 +6,9 @@ use nalgebra::Vector3;
 
 use crate::model::block_solve::BlockFactors;
 use crate::model::kinematics::KinematicsError;
-use crate::model::linalg::Lu;
+use crate::model::lu::Lu;
 use crate::model::robot::LINKS;
+use crate::model::statics::rows;
 
 /// The system, row by row in link order.
 #[derive(Clone, Copy, Debug)]
@@ -60,12 +61,7 @@ impl System {
     #[cold]
     #[inline(never)]
     fn solve_full(&self) -> Result<Step, KinematicsError> {
-        let mut rows = [[0.0; 6]; LINKS];
-        let links = self.directions.iter().zip(&self.moments_m);
-        for (row, (s, m)) in rows.iter_mut().zip(links) {
-            *row = [s.x, s.y, s.z, m.x, m.y, m.z];
-        }
-        let factors = Lu::factor(&rows)?;
+        let factors = Lu::factor(&rows(&self.directions, &self.moments_m))?;
         let [x, y, z, a, b, c] = factors.solve(&self.errors_m);
         Ok(Step {
             translation_m: Vector3::new(x, y, z),

@@ -59,7 +59,7 @@ fn the_tau_machine_is_not_turned() {
     let upright = Matrix3::identity();
     for (geometry, rotation) in [(l2_geometry(), upright), (skewed, turn)] {
         let place = rotation * Vector3::new(0.05, 0.5, 0.6);
-        let nominal = crate::model::l2::tests::machine(geometry, &rotation);
+        let nominal = l2::tests::machine(geometry, &rotation);
         let machine = kinematics(Geometry::from(&geometry));
         // From a platform that is a little turned.
         let near = rotation_from_vector(&Vector3::new(0.02, -0.01, 0.03)).unwrap() * rotation;
@@ -78,7 +78,7 @@ fn it_is_what_the_loaded_machine_does_without_load() {
     geometry.platform_joints_m[4].z -= 3e-3;
     let at = Pose::at(Vector3::new(0.05, 0.5, 0.6));
     let near = l2().inverse(&at.position_m).unwrap();
-    let robot = crate::model::l2::Robot::new(geometry).unwrap();
+    let robot = l2::Robot::new(geometry).unwrap();
     let unloaded = exact_command(&robot, &compliances(), &at, &near, &Wrench::zero()).unwrap();
     let machine = kinematics(Geometry::from(&geometry));
     let found = machine.inverse_fixed_plates(&at.position_m, &STILL, &at.rotation, COLD_ITERATIONS);
