@@ -97,20 +97,20 @@ pub fn tracker_is_checked(kinematics: &f1::Kinematics, near: &Pose, wild: &[Six]
     let Ok(there) = kinematics.inverse(near, None) else {
         return;
     };
-    let mut tracker = f1::PoseTracker::new(kinematics);
-    let Ok(first) = tracker.pose_at(&there.value) else {
+    let mut tracker = f1::PoseTracker::default();
+    let Ok(first) = tracker.track(kinematics, &there.value) else {
         return;
     };
     for q in wild {
-        tracker.start_from(&first);
-        if let Ok(pose) = tracker.pose_at(q) {
-            keeps_lengths(kinematics, &pose, q);
+        tracker.last = Some(first.value);
+        if let Ok(found) = tracker.track(kinematics, q) {
+            keeps_lengths(kinematics, &found.value, q);
             continue;
         }
-        assert!(tracker.last() == Some(&first), "T13: an error leaves the last pose");
-        let back = tracker.pose_at(&there.value);
+        assert!(tracker.last == Some(first.value), "T13: an error leaves the last pose");
+        let back = tracker.track(kinematics, &there.value);
         assert!(
-            back.is_ok_and(|pose| (pose.position_m - first.position_m).amax() < 1e-10),
+            back.is_ok_and(|back| (back.value.position_m - first.value.position_m).amax() < 1e-10),
             "T13: the next reachable positions work"
         );
     }

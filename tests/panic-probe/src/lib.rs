@@ -154,9 +154,9 @@ pub extern "C" fn client_of_six(
     };
     let kinematics = f1::Kinematics::new(&robot);
     let synchronised = kinematics.forward_synchronised(q);
-    let mut tracker = f1::PoseTracker::new(&kinematics);
-    tracker.start_from(seed);
-    let Ok(pose) = tracker.track(q) else {
+    let mut tracker = f1::PoseTracker::default();
+    tracker.last = Some(*seed);
+    let Ok(pose) = tracker.track(&kinematics, q) else {
         return 0.0;
     };
     let Ok(there) = kinematics.inverse(&pose.value, None) else {

@@ -1,7 +1,6 @@
 //! Compensation of all six degrees of freedom: from a wrench to bounded offsets of the axes.
 
-use super::pose_tracker::Seed;
-use super::{AXES, Elastic, Kinematics};
+use super::{AXES, Elastic, Kinematics, PoseTracker};
 use crate::model::compensation::{CompensatorConfig, CompensatorError, Correction};
 use crate::model::kinematics::{KinematicsError, Pose, Solution};
 use crate::model::robot::Compliances;
@@ -13,7 +12,7 @@ use crate::units::PositionNm;
 pub struct Compensator {
     machine: Elastic,
     config: CompensatorConfig<AXES>,
-    seed: Seed,
+    tracker: PoseTracker,
 }
 
 impl Compensator {
@@ -27,7 +26,7 @@ impl Compensator {
         config: CompensatorConfig<AXES>,
     ) -> Result<Self, CompensatorError> {
         config.check()?;
-        Ok(Self { machine: Elastic::new(kinematics, compliances), config, seed: Seed::default() })
+        Ok(Self { machine: Elastic::new(kinematics, compliances), config, tracker: PoseTracker::default() })
     }
 
     /// The machine and its springs.
@@ -43,10 +42,10 @@ impl Compensator {
     }
 
     /// Returns the offsets of one cycle, which hold the pose of the nominal positions under `load`; to first order. The pose is tracked as
-    /// by a [`PoseTracker`](super::PoseTracker). Whatever the load, the offsets are within the limits.
+    /// by a [`PoseTracker`]. Whatever the load, the offsets are within the limits.
     ///
     /// # Errors
-    /// As [`Kinematics::forward`] and [`Elastic::command`]; the next call works.
+    /// As [`PoseTracker::track`] and [`Elastic::command`].
     ///
     /// # Examples
     /// ```
@@ -86,9 +85,9 @@ impl Compensator {
     /// Returns the pose for positions `q` (q-units), tracked from that of the last call.
     ///
     /// # Errors
-    /// As [`PoseTracker::track`](super::PoseTracker::track).
+    /// As [`PoseTracker::track`].
     pub fn track(&mut self, q: &[f64; AXES]) -> Result<Solution<Pose>, KinematicsError> {
-        self.seed.track(self.machine.kinematics(), q)
+        self.tracker.track(self.machine.kinematics(), q)
     }
 
     /// As [`correct`](Self::correct), for a known pose and its positions in q-units.

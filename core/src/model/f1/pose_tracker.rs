@@ -3,33 +3,11 @@
 use super::{AXES, Kinematics};
 use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution, WARM_ITERATIONS};
 
-/// Last pose of a machine; the seed of the next.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Seed(Option<Pose>);
-
-impl Seed {
-    /// As [`PoseTracker::track`].
-    pub(super) fn track(
-        &mut self,
-        kinematics: &Kinematics,
-        q: &[f64; AXES],
-    ) -> Result<Solution<Pose>, KinematicsError> {
-        let solution = match &self.0 {
-            Some(seed) => kinematics
-                .forward_from(q, seed, WARM_ITERATIONS)
-                .or_else(|_| kinematics.forward_from(q, seed, COLD_ITERATIONS))
-                .or_else(|_| kinematics.forward(q))?,
-            None => kinematics.forward(q)?,
-        };
-        self.0 = Some(solution.value);
-        Ok(solution)
-    }
-}
-
-/// Tracks the pose of an F1 from cycle to cycle.
+/// Tracks the pose of an F1 from cycle to cycle, by one attempt per call, so that no call takes longer than one from nothing.
 ///
-/// Each call solves from the last pose: warm ([`WARM_ITERATIONS`], enough at 1 m/s and 1 kHz), then with [`COLD_ITERATIONS`] from the same
-/// pose, then cold. After an error the last pose stays, and the next call works.
+/// A call starts from the last pose and is warm ([`WARM_ITERATIONS`], enough at 1 m/s and 1 kHz); without a last pose it is cold. After an
+/// error the next call is patient ([`COLD_ITERATIONS`] from the last pose), the one after it cold, and so in turn until one succeeds. So
+/// the pose is back with the third call at the latest that is given positions which it can be found for, patiently or cold.
 ///
 /// # Examples
 /// ```
@@ -37,65 +15,52 @@ impl Seed {
 /// use gantry_tau_core::model::{f1, nalgebra::Vector3, presets};
 ///
 /// let kinematics = f1::Kinematics::new(&f1::Robot::new(presets::f1())?);
-/// let mut tracker = f1::PoseTracker::new(&kinematics);
+/// let mut tracker = f1::PoseTracker::default();
 /// for step in 0..5 {
 ///     let there = Pose::at(Vector3::new(0.0, 0.0, 0.3 + 1e-3 * f64::from(step)));
 ///     let q = kinematics.inverse(&there, None)?.value;
-///     let pose = tracker.pose_at(&q)?;
+///     let pose = tracker.track(&kinematics, &q)?.value;
 ///     assert!((pose.position_m - there.position_m).amax() < 1e-9);
 /// }
-/// assert!(tracker.pose_at(&[f64::NAN; 6]).is_err());
+/// assert!(tracker.track(&kinematics, &[f64::NAN; 6]).is_err());
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PoseTracker {
-    kinematics: Kinematics,
-    seed: Seed,
+    /// Last pose found, the seed of the next call. With `None` that call is cold, which needs a machine with a synchronised form.
+    pub last: Option<Pose>,
+    attempt: Attempt,
+}
+
+/// Way of the next call to a solution.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Attempt {
+    /// From the last pose, with few iterations.
+    #[default]
+    Warm,
+    /// From the last pose.
+    Patient,
+    /// From the synchronised form.
+    Cold,
 }
 
 impl PoseTracker {
-    /// A tracker without a last pose: its first call is cold.
-    #[must_use]
-    pub const fn new(kinematics: &Kinematics) -> Self {
-        Self { kinematics: *kinematics, seed: Seed(None) }
-    }
-
-    /// The machine.
-    #[must_use]
-    pub const fn kinematics(&self) -> &Kinematics {
-        &self.kinematics
-    }
-
-    /// The last pose found.
-    #[must_use]
-    pub const fn last(&self) -> Option<&Pose> {
-        self.seed.0.as_ref()
-    }
-
-    /// Takes a pose as the last one: the seed of the next call, for a machine without a synchronised form.
-    pub const fn start_from(&mut self, pose: &Pose) {
-        self.seed = Seed(Some(*pose));
-    }
-
-    /// Forgets the last pose: the next call is cold.
-    pub const fn reset(&mut self) {
-        self.seed = Seed(None);
-    }
-
-    /// Returns the pose for positions `q` (q-units).
+    /// Returns the pose of the machine for positions `q` (q-units).
     ///
     /// # Errors
-    /// As [`Kinematics::forward`]; the last pose stays.
-    pub fn pose_at(&mut self, q: &[f64; AXES]) -> Result<Pose, KinematicsError> {
-        Ok(self.track(q)?.value)
-    }
-
-    /// As [`pose_at`](Self::pose_at), with iterations and residual.
-    ///
-    /// # Errors
-    /// As [`pose_at`](Self::pose_at).
-    pub fn track(&mut self, q: &[f64; AXES]) -> Result<Solution<Pose>, KinematicsError> {
-        self.seed.track(&self.kinematics, q)
+    /// As [`Kinematics::forward`] or [`Kinematics::forward_from`], of this attempt; the last pose stays.
+    pub fn track(&mut self, kinematics: &Kinematics, q: &[f64; AXES]) -> Result<Solution<Pose>, KinematicsError> {
+        let solution = match (&self.last, self.attempt) {
+            (Some(seed), Attempt::Warm) => kinematics.forward_from(q, seed, WARM_ITERATIONS),
+            (Some(seed), Attempt::Patient) => kinematics.forward_from(q, seed, COLD_ITERATIONS),
+            (Some(_), Attempt::Cold) | (None, _) => kinematics.forward(q),
+        };
+        match (&solution, self.attempt) {
+            (Ok(found), _) => *self = Self { last: Some(found.value), attempt: Attempt::Warm },
+            (Err(_), Attempt::Patient) => self.attempt = Attempt::Cold,
+            (Err(_), Attempt::Warm | Attempt::Cold) => self.attempt = Attempt::Patient,
+        }
+        solution
     }
 }
 
@@ -110,39 +75,45 @@ mod tests {
         Pose::at(Vector3::new(x, 0.0, z))
     }
 
-    fn fresh() -> PoseTracker {
-        PoseTracker::new(&Kinematics::new(&Robot::new(presets::f1()).unwrap()))
-    }
-
     #[test]
-    fn a_near_pose_is_warm_and_a_far_one_is_found() {
-        let mut tracker = fresh();
-        let kinematics = *tracker.kinematics();
-        let q = |pose: &Pose| kinematics.inverse(pose, None).unwrap().value;
-        assert_eq!(tracker.last(), None);
-        let cold = tracker.track(&q(&at(0.0, 0.3))).unwrap();
-        assert_eq!(tracker.last(), Some(&cold.value));
-        let near = tracker.track(&q(&at(1e-3, 0.3))).unwrap();
+    fn a_near_pose_is_warm_and_a_far_one_is_found_by_the_second_call() {
+        let kinematics = Kinematics::new(&Robot::new(presets::f1()).unwrap());
+        let mut tracker = PoseTracker::default();
+        let mut track = |pose: &Pose| {
+            let q = kinematics.inverse(pose, None).unwrap().value;
+            let found = tracker.track(&kinematics, &q);
+            for found in &found {
+                assert_eq!(tracker.last, Some(found.value));
+                assert!((found.value.position_m - pose.position_m).amax() < 1e-9);
+            }
+            found
+        };
+        track(&at(0.0, 0.3)).unwrap();
+        let near = track(&at(1e-3, 0.3)).unwrap();
         assert!(near.iterations <= WARM_ITERATIONS, "{near:?}");
         let far = at(-0.2, 0.6);
-        let found = tracker.pose_at(&q(&far)).unwrap();
-        assert!((found.position_m - far.position_m).amax() < 1e-9);
-        tracker.reset();
-        assert_eq!(tracker, fresh());
+        assert!(matches!(track(&far), Err(KinematicsError::NotConverged { iterations: WARM_ITERATIONS, .. })));
+        track(&far).unwrap();
     }
 
     #[test]
-    fn an_error_leaves_the_last_pose() {
-        let mut tracker = fresh();
-        let q = (tracker.kinematics().inverse(&at(0.0, 0.3), None)).unwrap();
-        let pose = tracker.pose_at(&q.value).unwrap();
+    fn calls_after_an_error_are_patient_and_cold_in_turn() {
+        let kinematics = Kinematics::new(&Robot::new(presets::f1()).unwrap());
+        let q = kinematics.inverse(&at(0.0, 0.3), None).unwrap().value;
         for wild in [f64::NAN, f64::INFINITY, 1e6] {
-            let mut lost = q.value;
+            let mut tracker = PoseTracker::default();
+            let pose = tracker.track(&kinematics, &q).unwrap().value;
+            let mut lost = q;
             lost[0] = wild;
-            assert!(tracker.pose_at(&lost).is_err());
-            assert_eq!(tracker.last(), Some(&pose));
+            let from_last = |iterations| kinematics.forward_from(&lost, &pose, iterations);
+            let (patient, cold) = (from_last(COLD_ITERATIONS), kinematics.forward(&lost));
+            for attempt in [from_last(WARM_ITERATIONS), patient, cold, patient, cold] {
+                assert!(attempt.is_err());
+                assert_eq!(tracker.track(&kinematics, &lost), attempt);
+                assert_eq!(tracker.last, Some(pose), "an error leaves the last pose");
+            }
+            assert_eq!(tracker.track(&kinematics, &q).map(|found| found.value), Ok(pose));
         }
-        assert_eq!(tracker.pose_at(&q.value), Ok(pose));
     }
 
     #[test]
@@ -150,11 +121,11 @@ mod tests {
         let mut geometry = presets::f1();
         geometry.lengths_m[2] += 1e-3;
         let kinematics = Kinematics::new(&Robot::new(geometry).unwrap());
-        let mut tracker = PoseTracker::new(&kinematics);
         let q = kinematics.inverse(&at(0.0, 0.3), None).unwrap().value;
-        assert_eq!(tracker.pose_at(&q), Err(KinematicsError::SeedRequired));
-        tracker.start_from(&at(0.0, 0.3));
-        let pose = tracker.pose_at(&q).unwrap();
+        let mut tracker = PoseTracker::default();
+        assert_eq!(tracker.track(&kinematics, &q), Err(KinematicsError::SeedRequired));
+        tracker.last = Some(at(0.0, 0.3));
+        let pose = tracker.track(&kinematics, &q).unwrap().value;
         assert!((pose.position_m - at(0.0, 0.3).position_m).amax() < 1e-9);
     }
 }
