@@ -5,6 +5,10 @@ use nalgebra::Vector3;
 use super::robot::{Branch, Compliances, LINKS};
 use super::{f1, l2};
 
+const fn v(x: f64, y: f64, z: f64) -> Vector3<f64> {
+    Vector3::new(x, y, z)
+}
+
 /// Compliances of the links of both, m/N, link order; assumed.
 const LINKS_M_PER_N: [f64; LINKS] = [5.0e-7, 6.0e-7, 5.5e-7, 7.0e-7, 6.5e-7, 6.0e-7];
 
@@ -13,8 +17,7 @@ pub const F1_METRES_PER_Q: [f64; f1::AXES] = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1];
 
 /// Geometry of the example L2, with its nominal travel.
 #[must_use]
-pub fn l2() -> l2::Geometry {
-    let v = Vector3::new;
+pub const fn l2() -> l2::Geometry {
     l2::Geometry {
         cart_joints_m: [
             v(0.10, -0.05, 1.28),
@@ -24,7 +27,7 @@ pub fn l2() -> l2::Geometry {
             v(0.12, -0.05, 0.05),
             v(0.00, 0.08, 0.05),
         ],
-        guideways: [Vector3::x(); 3],
+        guideways: [v(1.0, 0.0, 0.0); 3],
         platform_joints_m: [
             v(0.10, -0.05, 0.03),
             v(-0.10, 0.06, 0.05),
@@ -50,13 +53,12 @@ pub const fn l2_compliances() -> Compliances<{ l2::AXES }> {
 
 /// Geometry of the example F1, with its nominal travel.
 #[must_use]
-pub fn f1() -> f1::Geometry {
-    let v = Vector3::new;
+pub const fn f1() -> f1::Geometry {
     let cart = (0.2, 3.0);
     let plate = (-0.04 / 0.1, 0.04 / 0.1);
     f1::Geometry {
         carts_m: [v(-0.25, -1.12, 0.0), v(1.15, 0.05, 0.0), v(-1.0, 0.55, 0.0)],
-        guideways: [Vector3::z(); 3],
+        guideways: [v(0.0, 0.0, 1.0); 3],
         plate_joints_m: [
             v(-0.05, -0.1, 0.02),
             v(0.0, -0.15, 0.0),
@@ -75,8 +77,8 @@ pub fn f1() -> f1::Geometry {
         ],
         lengths_m: [1.7; LINKS],
         configuration: [Branch::Positive; 3],
-        turn_axis: Vector3::z(),
-        tilt_axis: Vector3::y(),
+        turn_axis: v(0.0, 0.0, 1.0),
+        tilt_axis: v(0.0, 1.0, 0.0),
         turn_signs: [Branch::Negative, Branch::Positive],
         travel: Some([cart, cart, cart, plate, plate, plate]),
     }

@@ -4,6 +4,7 @@ use core::ffi::c_void;
 use core::ptr::null_mut;
 
 use gantry_tau_core::model::f1;
+use gantry_tau_core::model::kinematics::{KinematicsError, Pose, Solution};
 use gantry_tau_core::model::statics::LineMatrix;
 
 use crate::code::gt_code;
@@ -198,8 +199,20 @@ unsafe fn lines(
 /// Forward kinematics of a machine with six axes, cycle by cycle: each pose is found from the last one, which is kept inside.
 pub struct gt_f1_tracker(());
 
+/// Kinematics with the last pose.
+pub(crate) struct Tracked {
+    pub(crate) machine: f1::Kinematics,
+    pub(crate) poses: f1::PoseTracker,
+}
+
+impl Tracked {
+    pub(crate) fn track(&mut self, q: &[f64; f1::AXES]) -> Result<Solution<Pose>, KinematicsError> {
+        self.poses.track(&self.machine, q)
+    }
+}
+
 /// Object behind a handle.
-pub(crate) type Tracker = Machine<f1::PoseTracker, { f1::AXES }>;
+pub(crate) type Tracker = Machine<Tracked, { f1::AXES }>;
 
 impl Object for Tracker {
     type Handle = gt_f1_tracker;
@@ -224,14 +237,15 @@ pub unsafe extern "C" fn gt_f1_tracker_init(
     unsafe {
         create(memory, size, tracker, error, || {
             let machine = object::<F1>(machine)?;
-            Ok(Tracker { kinematics: f1::PoseTracker::new(&machine.kinematics), scale: machine.scale })
+            let kinematics = Tracked { machine: machine.kinematics, poses: f1::PoseTracker::default() };
+            Ok(Tracker { kinematics, scale: machine.scale })
         })
     }
 }
 
-/// Forward kinematics: the pose for positions in nm, found from the tracker's last pose: by at most 2 linear solves where it is near
-/// (1 m/s at 1 kHz), else by 10 more, else by 10 from the synchronised form. It is then the last pose; after an error that one stays.
-/// `solved` may be null.
+/// Forward kinematics: the pose for positions in nm, found from the tracker's last pose by at most 2 linear solves, enough at 1 m/s and
+/// 1 kHz. One attempt per call: after an error, where the last pose stays, the next call makes up to 10 solves from it, the one after
+/// that up to 10 from the synchronised form, and so in turn until one succeeds. `solved` may be null.
 ///
 /// Errors: KINEMATICS_: NO_ASSEMBLY, NOT_CONVERGED, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; SEED_REQUIRED: the machine has no
 /// synchronised form, so gt_f1_tracker_start_from must be called first.
@@ -264,10 +278,8 @@ pub unsafe extern "C" fn gt_f1_tracker_start_from(tracker: *mut gt_f1_tracker, p
     unsafe {
         reply(null_mut(), || {
             let (pose, tracker) = (read_some(pose)?, object_mut::<Tracker>(tracker)?);
-            match pose {
-                Some(pose) => tracker.kinematics.start_from(&pose.into()),
-                None => tracker.kinematics.reset(),
-            }
+            tracker.kinematics.poses = f1::PoseTracker::default();
+            tracker.kinematics.poses.last = pose.map(Into::into);
             Ok(())
         })
     }

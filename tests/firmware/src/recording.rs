@@ -1,26 +1,26 @@
 //! Playback of a recording: connections, bytes and cycle inputs come from a file, the outcome of every cycle goes to another.
 //! The same file is compiled into the test, which writes recordings and plays them on the host.
 //!
-//! A recording is a sequence of [`Record`]s, each its length (`u16`, little-endian) and its `postcard` bytes. The first is a
-//! [`Record::Cycle`] that does not run: it has the nominal positions at the start. The last is [`Record::End`]. The outcome is only
-//! compared: raw numbers, little-endian, in the order of this file.
+//! A recording is a sequence of [`Record`]s, each its length (`u16`, little-endian), its kind (one byte) and its content: the number of
+//! a connection (`u64`) and bytes, or the words of a cycle ([`transfer`]). The first is a [`Record::Cycle`] that does not run: it has the
+//! nominal positions at the start. The last is [`Record::End`]. The outcome is only compared: raw numbers, little-endian, in the order of
+//! this file.
 
+use gantry_tau_core::control::axis::InForce;
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
-use gantry_tau_core::control::session::Connection;
+use gantry_tau_core::control::session::{Connection, LastWrite};
 use gantry_tau_core::heapless::Vec;
 use gantry_tau_core::model::compensation::Correction;
 use gantry_tau_core::units::PositionNm;
-use serde::{Deserialize, Serialize};
 
 use super::ingress_budget::IngressBudget;
 use super::machine::{AXES, CycleInput, CycleResult, Machine, Meter, Motion, MotorReferences, Part};
 
-/// Bytes of the longest record.
-pub(crate) const MAX_RECORD: usize = 512;
+/// Bytes of the longest record: the kind and the words of a cycle.
+pub(crate) const MAX_RECORD: usize = 1 + 8 * 66;
 
 /// One step of a recording.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
-#[expect(clippy::large_enum_variant, reason = "one at a time, decoded in place; there is no heap to box the large one")]
+#[derive(Clone, Copy, Debug)]
 pub(crate) enum Record<'a> {
     /// A stream is opened.
     OpenStream,
@@ -31,7 +31,7 @@ pub(crate) enum Record<'a> {
     /// Bytes of a stream arrive, or one datagram.
     Bytes(Connection, &'a [u8]),
     /// A cycle runs.
-    Cycle(CycleInput),
+    Cycle(&'a CycleInput),
     /// The recording is complete.
     End,
 }
@@ -76,7 +76,7 @@ impl Room {
 
 /// Reads the first record: the nominal positions at the start.
 pub(crate) fn start(room: &mut Room, source: &mut impl Source) -> Option<[PositionNm; AXES]> {
-    match read(&mut room.bytes, source)? {
+    match read(room, source)? {
         Record::Cycle(input) => Some(input.tick.nominal),
         _ => None,
     }
@@ -111,7 +111,7 @@ fn arrive(
 ) -> Option<bool> {
     let server = machine.server();
     loop {
-        let record = read(&mut room.bytes, source)?;
+        let record = read(room, source)?;
         let owner = server.session().owner();
         let is_allowed = match record {
             Record::OpenStream | Record::OpenDatagram => budget.accept(),
@@ -121,10 +121,8 @@ fn arrive(
                 bytes.len() <= left
             }
             Record::Close(_) => true,
-            Record::Cycle(input) => {
-                room.input = input;
-                return Some(true);
-            }
+            // It is in the room.
+            Record::Cycle(_) => return Some(true),
             Record::End => return Some(false),
         };
         if !is_allowed {
@@ -170,17 +168,93 @@ fn serve(machine: &mut Machine, sink: &mut impl Sink, observer: &mut impl Observ
     observer.ticked(machine, &closed);
 }
 
-/// Reads a record.
-fn read<'a>(room: &'a mut [u8; MAX_RECORD], source: &mut impl Source) -> Option<Record<'a>> {
+/// Reads a record; the input of a cycle into the room.
+#[inline(never)]
+fn read<'a>(room: &'a mut Room, source: &mut impl Source) -> Option<Record<'a>> {
     let mut length = [0; 2];
     if !source.read(&mut length) {
         return None;
     }
-    let bytes = room.get_mut(..u16::from_le_bytes(length).into())?;
+    let bytes = room.bytes.get_mut(..u16::from_le_bytes(length).into())?;
     if !source.read(bytes) {
         return None;
     }
-    postcard::from_bytes(bytes).ok()
+    let (kind, mut bytes) = bytes.split_first()?;
+    let mut word = |_| take(&mut bytes);
+    Some(match kind {
+        0 => Record::OpenStream,
+        1 => Record::OpenDatagram,
+        2 => Record::Close(Connection(u64::from_le_bytes(word([0; 8])?))),
+        3 => Record::Bytes(Connection(u64::from_le_bytes(word([0; 8])?)), bytes),
+        4 => {
+            transfer(&mut room.input, &mut word)?;
+            Record::Cycle(&room.input)
+        }
+        5 => Record::End,
+        _ => return None,
+    })
+}
+
+/// Takes eight bytes.
+fn take(bytes: &mut &[u8]) -> Option<[u8; 8]> {
+    let (first, rest) = bytes.split_first_chunk()?;
+    *bytes = rest;
+    Some(*first)
+}
+
+/// Passage of the eight bytes of a number: to a recording, which returns them, or from one, which returns others.
+type Word<'a> = &'a mut dyn FnMut([u8; 8]) -> Option<[u8; 8]>;
+
+/// Passes the numbers of a cycle, one by one, to or from a recording. `None` if one does not fit its place.
+pub(crate) fn transfer(input: &mut CycleInput, word: Word<'_>) -> Option<()> {
+    let CycleInput { tick, motion, pose, load } = input;
+    whole(&mut tick.elapsed_cycles, word)?;
+    whole(&mut tick.arrival_us, word)?;
+    for flag in [&mut tick.stop, &mut tick.rearm] {
+        let mut number = u8::from(*flag);
+        whole(&mut number, word)?;
+        *flag = number == 1;
+    }
+    let motions = [Motion::Given, Motion::L2, Motion::F1];
+    let mut kind = motions.iter().position(|one| one == motion).and_then(|at| u8::try_from(at).ok())?;
+    whole(&mut kind, word)?;
+    *motion = *motions.get(usize::from(kind))?;
+    for nominal in &mut tick.nominal {
+        whole(&mut nominal.0, word)?;
+    }
+    for actual in &mut tick.actual {
+        whole(&mut actual.position.0, word)?;
+        whole(&mut actual.velocity.0, word)?;
+        whole(&mut actual.torque.0, word)?;
+    }
+    let (mut kind, mut in_force) = match tick.last_write {
+        LastWrite::Accepted => (0_u8, [InForce::at(PositionNm(0)); AXES]),
+        LastWrite::Unknown => (1, [InForce::at(PositionNm(0)); AXES]),
+        LastWrite::Refused { in_force } => (2, in_force),
+    };
+    whole(&mut kind, word)?;
+    for one in &mut in_force {
+        whole(&mut one.nominal.0, word)?;
+        whole(&mut one.offsets.position.0, word)?;
+        whole(&mut one.offsets.velocity.0, word)?;
+        whole(&mut one.offsets.torque.0, word)?;
+    }
+    tick.last_write = match kind {
+        0 => LastWrite::Accepted,
+        1 => LastWrite::Unknown,
+        _ => LastWrite::Refused { in_force },
+    };
+    for number in pose.iter_mut().chain(load) {
+        *number = f64::from_le_bytes(word(number.to_le_bytes())?);
+    }
+    Some(())
+}
+
+/// Passes an integer.
+fn whole<T: Copy + Into<i64> + TryFrom<i64>>(number: &mut T, word: Word<'_>) -> Option<()> {
+    let passed = word(Into::<i64>::into(*number).to_le_bytes())?;
+    *number = i64::from_le_bytes(passed).try_into().ok()?;
+    Some(())
 }
 
 fn write_references(sink: &mut impl Sink, references: &MotorReferences) {

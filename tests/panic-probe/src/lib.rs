@@ -138,7 +138,8 @@ pub extern "C" fn client_of_six(
         let [links, axes] = *compliances;
         let compliances = Compliances::new(links, axes).ok()?;
         let kinematics = f1::Kinematics::new(&robot);
-        let mut tracker = f1::PoseTracker { last: Some(*seed) };
+        let mut tracker = f1::PoseTracker::default();
+        tracker.last = Some(*seed);
         let pose = tracker.track(&kinematics, q).ok()?;
         let there = kinematics.inverse(&pose.value, None).ok()?;
         let [.., q4, q5, q6] = there.value;

@@ -45,7 +45,7 @@ impl Compensator {
     /// by a [`PoseTracker`]. Whatever the load, the offsets are within the limits.
     ///
     /// # Errors
-    /// As [`Kinematics::forward`] and [`Elastic::command`]; the next call works.
+    /// As [`PoseTracker::track`] and [`Elastic::command`].
     ///
     /// # Examples
     /// ```

@@ -3,7 +3,11 @@
 use super::{AXES, Kinematics};
 use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution, WARM_ITERATIONS};
 
-/// Tracks the pose of an F1 from cycle to cycle.
+/// Tracks the pose of an F1 from cycle to cycle, by one attempt per call, so that no call takes longer than one from nothing.
+///
+/// A call starts from the last pose and is warm ([`WARM_ITERATIONS`], enough at 1 m/s and 1 kHz); without a last pose it is cold. After an
+/// error the next call is patient ([`COLD_ITERATIONS`] from the last pose), the one after it cold, and so in turn until one succeeds. So
+/// the pose is back with the third call at the latest that is given positions which it can be found for, patiently or cold.
 ///
 /// # Examples
 /// ```
@@ -25,24 +29,38 @@ use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution,
 pub struct PoseTracker {
     /// Last pose found, the seed of the next call. With `None` that call is cold, which needs a machine with a synchronised form.
     pub last: Option<Pose>,
+    attempt: Attempt,
+}
+
+/// Way of the next call to a solution.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Attempt {
+    /// From the last pose, with few iterations.
+    #[default]
+    Warm,
+    /// From the last pose.
+    Patient,
+    /// From the synchronised form.
+    Cold,
 }
 
 impl PoseTracker {
-    /// Returns the pose of the machine for positions `q` (q-units), solved from the last pose: warm ([`WARM_ITERATIONS`], enough at 1 m/s
-    /// and 1 kHz), then with [`COLD_ITERATIONS`] from the same pose, then cold.
+    /// Returns the pose of the machine for positions `q` (q-units).
     ///
     /// # Errors
-    /// As [`Kinematics::forward`]; the last pose stays, and the next call works.
+    /// As [`Kinematics::forward`] or [`Kinematics::forward_from`], of this attempt; the last pose stays.
     pub fn track(&mut self, kinematics: &Kinematics, q: &[f64; AXES]) -> Result<Solution<Pose>, KinematicsError> {
-        let solution = match &self.last {
-            Some(seed) => kinematics
-                .forward_from(q, seed, WARM_ITERATIONS)
-                .or_else(|_| kinematics.forward_from(q, seed, COLD_ITERATIONS))
-                .or_else(|_| kinematics.forward(q))?,
-            None => kinematics.forward(q)?,
+        let solution = match (&self.last, self.attempt) {
+            (Some(seed), Attempt::Warm) => kinematics.forward_from(q, seed, WARM_ITERATIONS),
+            (Some(seed), Attempt::Patient) => kinematics.forward_from(q, seed, COLD_ITERATIONS),
+            (Some(_), Attempt::Cold) | (None, _) => kinematics.forward(q),
         };
-        self.last = Some(solution.value);
-        Ok(solution)
+        match (&solution, self.attempt) {
+            (Ok(found), _) => *self = Self { last: Some(found.value), attempt: Attempt::Warm },
+            (Err(_), Attempt::Patient) => self.attempt = Attempt::Cold,
+            (Err(_), Attempt::Warm | Attempt::Cold) => self.attempt = Attempt::Patient,
+        }
+        solution
     }
 }
 
@@ -58,20 +76,44 @@ mod tests {
     }
 
     #[test]
-    fn a_near_pose_is_warm_and_a_far_one_is_found() {
+    fn a_near_pose_is_warm_and_a_far_one_is_found_by_the_second_call() {
         let kinematics = Kinematics::new(&Robot::new(presets::f1()).unwrap());
         let mut tracker = PoseTracker::default();
         let mut track = |pose: &Pose| {
             let q = kinematics.inverse(pose, None).unwrap().value;
-            let found = tracker.track(&kinematics, &q).unwrap();
-            assert_eq!(tracker.last, Some(found.value));
-            assert!((found.value.position_m - pose.position_m).amax() < 1e-9);
+            let found = tracker.track(&kinematics, &q);
+            for found in &found {
+                assert_eq!(tracker.last, Some(found.value));
+                assert!((found.value.position_m - pose.position_m).amax() < 1e-9);
+            }
             found
         };
-        track(&at(0.0, 0.3));
-        let near = track(&at(1e-3, 0.3));
+        track(&at(0.0, 0.3)).unwrap();
+        let near = track(&at(1e-3, 0.3)).unwrap();
         assert!(near.iterations <= WARM_ITERATIONS, "{near:?}");
-        track(&at(-0.2, 0.6));
+        let far = at(-0.2, 0.6);
+        assert!(matches!(track(&far), Err(KinematicsError::NotConverged { iterations: WARM_ITERATIONS, .. })));
+        track(&far).unwrap();
+    }
+
+    #[test]
+    fn calls_after_an_error_are_patient_and_cold_in_turn() {
+        let kinematics = Kinematics::new(&Robot::new(presets::f1()).unwrap());
+        let q = kinematics.inverse(&at(0.0, 0.3), None).unwrap().value;
+        for wild in [f64::NAN, f64::INFINITY, 1e6] {
+            let mut tracker = PoseTracker::default();
+            let pose = tracker.track(&kinematics, &q).unwrap().value;
+            let mut lost = q;
+            lost[0] = wild;
+            let from_last = |iterations| kinematics.forward_from(&lost, &pose, iterations);
+            let (patient, cold) = (from_last(COLD_ITERATIONS), kinematics.forward(&lost));
+            for attempt in [from_last(WARM_ITERATIONS), patient, cold, patient, cold] {
+                assert!(attempt.is_err());
+                assert_eq!(tracker.track(&kinematics, &lost), attempt);
+                assert_eq!(tracker.last, Some(pose), "an error leaves the last pose");
+            }
+            assert_eq!(tracker.track(&kinematics, &q).map(|found| found.value), Ok(pose));
+        }
     }
 
     #[test]

@@ -30,8 +30,8 @@ pub(crate) struct F1 {
     compensator: f1::Compensator,
     /// Last cycle; kept here to save stack.
     result: F1Result,
-    /// True if the last cycle succeeded; then the next one starts from its plates.
-    is_solved: bool,
+    /// True if the last inverse succeeded; then the next one starts from its plates.
+    has_plates: bool,
 }
 
 impl F1 {
@@ -46,24 +46,23 @@ impl F1 {
             )
             .map_err(|_| SetupError::Compensation)?,
             result: UNSOLVED,
-            is_solved: false,
+            has_plates: false,
         };
         Ok((f1, robot.kinematics_checksum()))
     }
 
     /// Runs one cycle. Its parts are not inlined, so that their stack use does not add up.
     pub(crate) fn cycle(&mut self, pose: &Pose6, load: &Wrench) -> Result<&F1Result, KinematicsError> {
-        let is_warm = core::mem::take(&mut self.is_solved);
-        self.find_positions(pose, is_warm)?;
+        self.find_positions(pose)?;
         self.find_statics(load)?;
         self.find_correction(load)?;
-        self.is_solved = true;
         Ok(&self.result)
     }
 
     /// Solves the inverse kinematics, and tracks the pose of the solution.
     #[inline(never)]
-    fn find_positions(&mut self, [x, y, z, a, b, c]: &Pose6, is_warm: bool) -> Result<(), KinematicsError> {
+    fn find_positions(&mut self, [x, y, z, a, b, c]: &Pose6) -> Result<(), KinematicsError> {
+        let is_warm = core::mem::take(&mut self.has_plates);
         let (kinematics, result) = (self.compensator.machine().kinematics(), &mut self.result);
         let pose = Pose {
             position_m: Vector3::new(*x, *y, *z),
@@ -71,8 +70,8 @@ impl F1 {
         };
         let [.., q4, q5, q6] = result.q.value;
         result.q = kinematics.inverse(&pose, is_warm.then_some([q4, q5, q6]))?;
-        let q = &result.q.value;
-        result.pose = self.compensator.track(q)?;
+        self.has_plates = true;
+        result.pose = self.compensator.track(&result.q.value)?;
         Ok(())
     }
 

@@ -13,7 +13,6 @@ use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::control::session::{BlackBox, Connection, LastWrite, Output, Session, Start, TickInput};
 use gantry_tau_core::units::{EpochRange, PositionNm};
-use serde::{Deserialize, Serialize};
 
 pub(crate) use control_cycle::{ControlCycle, CycleResult};
 
@@ -47,7 +46,7 @@ pub(crate) enum SetupError {
 }
 
 /// Source of the nominal positions of a cycle.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Motion {
     /// Nominal positions and measurements are those of the [`TickInput`].
     Given,
@@ -58,7 +57,7 @@ pub(crate) enum Motion {
 }
 
 /// Input of a cycle, beside the bytes.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct CycleInput {
     /// Input of the endpoint; its nominal positions and measurements count for [`Motion::Given`] only.
     pub(crate) tick: TickInput<AXES>,

@@ -13,15 +13,19 @@ use gantry_tau_core::units::OffsetNm;
 
 use super::{AXES, SetupError};
 
+/// The L2. A constant, so that it is copied; a function builds it number by number, which takes twice the memory.
+const L2: l2::Geometry = presets::l2();
+/// The F1, its travel unchecked.
+const F1: f1::Geometry = f1::Geometry { travel: None, ..presets::f1() };
+
 /// The L2 and its springs.
 pub(crate) fn l2() -> Result<(l2::Robot, Compliances<{ l2::AXES }>), RobotError> {
-    Ok((l2::Robot::new(presets::l2())?, presets::l2_compliances()))
+    Ok((l2::Robot::new(L2)?, presets::l2_compliances()))
 }
 
-/// The F1, its travel unchecked, and its springs.
+/// The F1 and its springs.
 pub(crate) fn f1() -> Result<(f1::Robot, Compliances<AXES>), RobotError> {
-    let robot = f1::Robot::new(f1::Geometry { travel: None, ..presets::f1() })?;
-    Ok((robot, presets::f1_compliances()))
+    Ok((f1::Robot::new(F1)?, presets::f1_compliances()))
 }
 
 /// Mounting of the force sensor; the tare is shorter than that of the files, so that a recording need not wait for it.

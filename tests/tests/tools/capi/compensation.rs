@@ -110,14 +110,14 @@ fn six_axes(text: &mut String) {
     let (mut positions, _) = rounded(solved.value, METRES_PER_Q);
     put(text, "f1 iterations", [solved.iterations]);
     put_positions(text, "f1 positions", &positions);
-    let mut tracker = f1::PoseTracker::new(&kinematics);
+    let mut tracker = f1::PoseTracker::default();
     for cycle in 0..3 {
         positions[0].0 += 500_000;
-        let tracked = tracker.track(&q_units(&positions, METRES_PER_Q)).unwrap();
+        let tracked = tracker.track(&kinematics, &q_units(&positions, METRES_PER_Q)).unwrap();
         writeln!(text, "{:<20} {cycle}  {}", "f1 tracked", tracked.iterations).unwrap();
         put_floats(text, "f1 position", tracked.value.position_m.as_slice());
     }
-    let pose = *tracker.last().unwrap();
+    let pose = tracker.last.unwrap();
     let [_, _, _, q4, q5, q6] = q_units(&positions, METRES_PER_Q);
     let (positions, q) = rounded(kinematics.inverse(&pose, Some([q4, q5, q6])).unwrap().value, METRES_PER_Q);
     put_positions(text, "f1 positions", &positions);
@@ -129,9 +129,9 @@ fn six_axes(text: &mut String) {
     let springs = Compliances::new(links, [4.0e-6, 5.0e-6, 6.0e-6, 2.0e-6, 2.0e-6, 2.0e-6]).unwrap();
     let config = CompensatorConfig { gain: 1.0, limits: [OffsetNm(5_000_000); 6], metres_per_q: METRES_PER_Q };
     let compensator = f1::Compensator::new(&kinematics, &springs, config).unwrap();
-    let first_order = compensator.correct_at(&tracker.pose_at(&q).unwrap(), &q, &load());
+    let first_order = compensator.correct_at(&tracker.track(&kinematics, &q).unwrap().value, &q, &load());
     put_offsets(text, "f1 correction", &first_order.unwrap());
-    let exact = compensator.correct_exact_at(&tracker.pose_at(&q).unwrap(), &q, &load());
+    let exact = compensator.correct_exact_at(&tracker.track(&kinematics, &q).unwrap().value, &q, &load());
     put_offsets(text, "f1 exact", &exact.unwrap());
 }
 

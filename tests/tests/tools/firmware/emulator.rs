@@ -3,7 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use super::process::Process;
 
 /// Longest run of the emulator; nothing depends on how fast it is.
 const DEADLINE: Duration = Duration::from_secs(300);
@@ -44,6 +46,15 @@ impl Build {
 /// The firmware's folder.
 pub(crate) fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("firmware")
+}
+
+/// Returns an empty folder of this name.
+pub(crate) fn place(name: &str) -> PathBuf {
+    let place = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    // Files of an earlier run must not count.
+    let _ = fs::remove_dir_all(&place);
+    fs::create_dir_all(&place).unwrap();
+    place
 }
 
 /// Returns the tool that is missing to build and run the firmware.
@@ -100,19 +111,7 @@ pub(crate) fn run(build: Build, image: &Path, place: &Path) -> Vec<u8> {
         .stdin(Stdio::null())
         // A file, because an unread pipe fills up.
         .stdout(fs::File::create(place.join("console")).unwrap());
-    let mut child = command.spawn().unwrap();
-    let since = Instant::now();
-    let status = loop {
-        if let Some(status) = child.try_wait().unwrap() {
-            break status;
-        }
-        if since.elapsed() > DEADLINE {
-            child.kill().unwrap();
-            child.wait().unwrap();
-            panic!("the emulator ran longer than {DEADLINE:?}");
-        }
-        std::thread::sleep(Duration::from_millis(20));
-    };
+    let status = Process::start(&mut command).end(DEADLINE, String::new);
     let console = fs::read(place.join("console")).unwrap();
     assert!(status.success(), "the firmware ends with {status}; {} bytes of log", console.len());
     console

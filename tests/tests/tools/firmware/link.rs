@@ -5,13 +5,14 @@
 //! Nothing depends on speed: a tick is an answer. Three records must agree: the target's log, the proxy's States, and the clients'
 //! recordings and exit codes.
 
+mod journal;
 mod program;
 mod proxy;
 mod target;
 mod verdict;
 
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use gantry_tau::faults::plan::FaultPlan;
@@ -22,7 +23,7 @@ use gantry_tau_tests::client::Client;
 
 use super::emulator::{self, Build};
 
-use program::{Folder, Running};
+use program::Running;
 use proxy::Proxy;
 use target::Target;
 use verdict::Log;
@@ -35,8 +36,6 @@ type State = message::State<AXES>;
 
 /// Longest wait before the test fails.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Pause between two looks at a process.
-const LOOK: Duration = Duration::from_millis(5);
 /// Load, N: offsets of about 0.3 mm.
 const PULL_N: f64 = 50.0;
 /// Ticks in Obtain until the offsets have settled.
@@ -49,7 +48,7 @@ pub(crate) fn a_real_client_drives_the_target() {
     let target = Target::serve(Build::M7, &image, 2);
     let cell = Cell {
         program: &program,
-        folder: Folder::new("firmware-link"),
+        place: emulator::place("link"),
         proxy: Proxy::before(target.address, PULL_N),
         target,
     };
@@ -67,18 +66,18 @@ pub(crate) fn a_real_client_drives_the_target() {
     let (lost, received) = verdict::check_session(&log, &states, 1, "ClientLate");
     verdict::check_pulled_cable(&lost);
     // The answer to the last State was on the cable, or had arrived.
-    let rows = verdict::check_recording(&cell.folder.path("lost.csv"), &lost);
+    let rows = verdict::check_recording(&cell.place.join("lost.csv"), &lost);
     assert!((received..=received + 1).contains(&rows), "{rows} rows, {received} received");
     // The Goodbye answers no State.
     let (left, received) = verdict::check_session(&log, &states, 2, "Goodbye");
-    let rows = verdict::check_recording(&cell.folder.path("left.csv"), &left);
+    let rows = verdict::check_recording(&cell.place.join("left.csv"), &left);
     assert_eq!(received, rows + 1);
 }
 
 /// Target and proxy.
 struct Cell<'a> {
     program: &'a Path,
-    folder: Folder,
+    place: PathBuf,
     proxy: Proxy,
     target: Target,
 }
@@ -86,10 +85,10 @@ struct Cell<'a> {
 impl Cell<'_> {
     fn client(&self, name: &str, server: SocketAddr) -> Running {
         let (server, sensor) = (server.to_string(), self.proxy.sensor.to_string());
-        let recording = self.folder.path(&format!("{name}.csv"));
+        let recording = self.place.join(format!("{name}.csv"));
         let arguments =
             ["client", "--robot", "f1", &server, "--sensor", &sensor, "--record", recording.to_str().unwrap()];
-        Running::start(self.program, &self.folder, name, &arguments)
+        Running::start(self.program, &self.place, name, &arguments)
     }
 
     /// Waits until the session of this epoch is in Obtain, and its offsets have settled.
@@ -110,7 +109,7 @@ impl Cell<'_> {
         assert_eq!(code, Some(4), "{said}");
         assert!(said.contains("another client owns the session"), "{said}");
         self.await_settled(1);
-        assert!(client.is_running());
+        assert!(client.process.is_running());
 
         relay.cut();
         let ramps = |state: &State| state.phase == Phase::SafeDisconnect;
@@ -133,7 +132,7 @@ impl Cell<'_> {
         assert!(self.target.await_line("phase=Listening").is_some());
         let client = self.client("left", self.proxy.address);
         self.await_settled(2);
-        client.interrupt();
+        client.process.interrupt();
         let (code, said) = client.end();
         assert_eq!(code, Some(0), "{said}");
     }

@@ -22,6 +22,7 @@ mod ingress_budget;
 mod link;
 #[path = "../../../firmware/src/machine/mod.rs"]
 mod machine;
+mod process;
 #[path = "../../../firmware/src/recording.rs"]
 mod recording;
 mod replay;
@@ -31,15 +32,18 @@ use std::sync::{Mutex, PoisonError};
 
 use libtest_mimic::Trial;
 
+use emulator::Build;
+use replay::is_bit_equal;
+
 /// Tests that need the emulator and a toolchain for the target.
 const ON_TARGET: &[(&str, fn())] = &[
-    ("m7_is_bit_equal_in_a_calm_session", replay::m7_calm),
-    ("m7_is_bit_equal_in_a_calm_session_of_the_f1", replay::m7_calm_f1),
-    ("m7_is_bit_equal_in_hostile_traffic", replay::m7_hostile),
-    ("m7_small_is_bit_equal_in_a_calm_session", replay::m7_small_calm),
-    ("m7_small_is_bit_equal_in_a_calm_session_of_the_f1", replay::m7_small_calm_f1),
-    ("m7_small_is_bit_equal_in_hostile_traffic", replay::m7_small_hostile),
-    ("m4f_is_bit_equal_in_a_calm_session", replay::m4f_calm),
+    ("m7_is_bit_equal_in_a_calm_session", || is_bit_equal(Build::M7, traffic::calm())),
+    ("m7_is_bit_equal_in_a_calm_session_of_the_f1", || is_bit_equal(Build::M7, traffic::calm_f1())),
+    ("m7_is_bit_equal_in_hostile_traffic", || is_bit_equal(Build::M7, traffic::hostile())),
+    ("m7_small_is_bit_equal_in_a_calm_session", || is_bit_equal(Build::M7Small, traffic::calm())),
+    ("m7_small_is_bit_equal_in_a_calm_session_of_the_f1", || is_bit_equal(Build::M7Small, traffic::calm_f1())),
+    ("m7_small_is_bit_equal_in_hostile_traffic", || is_bit_equal(Build::M7Small, traffic::hostile())),
+    ("m4f_is_bit_equal_in_a_calm_session", || is_bit_equal(Build::M4f, traffic::calm())),
     ("a_changed_bit_is_seen", replay::a_changed_bit_is_seen),
     ("the_log_tells_the_session", replay::log_tells_the_session),
     ("a_real_client_drives_the_target", link::a_real_client_drives_the_target),

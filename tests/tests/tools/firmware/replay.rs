@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::budget::{self, Measured};
 use super::emulator::{self, Build};
@@ -16,34 +16,6 @@ struct Played {
     laps: Laps,
     place: PathBuf,
     image: PathBuf,
-}
-
-pub(crate) fn m7_calm() {
-    is_bit_equal(Build::M7, traffic::calm());
-}
-
-pub(crate) fn m7_calm_f1() {
-    is_bit_equal(Build::M7, traffic::calm_f1());
-}
-
-pub(crate) fn m7_hostile() {
-    is_bit_equal(Build::M7, traffic::hostile());
-}
-
-pub(crate) fn m7_small_calm() {
-    is_bit_equal(Build::M7Small, traffic::calm());
-}
-
-pub(crate) fn m7_small_calm_f1() {
-    is_bit_equal(Build::M7Small, traffic::calm_f1());
-}
-
-pub(crate) fn m7_small_hostile() {
-    is_bit_equal(Build::M7Small, traffic::hostile());
-}
-
-pub(crate) fn m4f_calm() {
-    is_bit_equal(Build::M4f, traffic::calm());
 }
 
 /// A changed bit of the last pose, some 1e-12 m, changes the outcome, on host and target in the same way.
@@ -77,7 +49,7 @@ pub(crate) fn log_tells_the_session() {
 }
 
 /// Compares every reference, every frame and every float, and judges the cost.
-fn is_bit_equal(build: Build, recording: &Recording) {
+pub(crate) fn is_bit_equal(build: Build, recording: &Recording) {
     let played = play(build, recording.name, &recording.bytes);
     let expected = host::play(&recording.bytes).output;
     if let Some(at) = first_difference(&played.output, &expected) {
@@ -96,13 +68,8 @@ fn first_difference(one: &[u8], other: &[u8]) -> Option<usize> {
 
 fn play(build: Build, name: &str, recording: &[u8]) -> Played {
     let image = emulator::images(build, &[]).join("firmware");
-    let place = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("replay-{}-{name}", build.name()));
-    fs::create_dir_all(&place).unwrap();
+    let place = emulator::place(&format!("replay-{}-{name}", build.name()));
     fs::write(place.join("replay.in"), recording).unwrap();
-    for output in ["replay.out", "replay.laps"] {
-        // Files of an earlier run must not count.
-        drop(fs::remove_file(place.join(output)));
-    }
     emulator::run(build, &image, &place);
     Played {
         output: fs::read(place.join("replay.out")).unwrap(),

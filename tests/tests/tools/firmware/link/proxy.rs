@@ -6,15 +6,16 @@
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::Duration;
 
 use gantry_tau::sensor_link::{Sample, SensorPublisher};
 use gantry_tau_core::control::message::{Phase, ServerMessage};
 use gantry_tau_core::control::wire::{Deframer, Feed, decode_server};
 
-use super::{LOOK, PATIENCE, State};
+use super::journal::Journal;
+use super::{PATIENCE, State};
 
 /// Wrench of the unloaded sensor, N and N m, sensor axes; the client tares it.
 const BIAS: [f64; 6] = [1.5, -0.8, -18.0, 0.05, -0.1, 0.02];
@@ -24,8 +25,7 @@ const PULL_AFTER: u32 = 100;
 /// State of the proxy that its threads share.
 #[derive(Default)]
 struct Shared {
-    states: Mutex<Vec<State>>,
-    more: Condvar,
+    states: Journal<State>,
     quit: AtomicBool,
     /// Both ends of every connection, to be shut at the end.
     open: Mutex<Vec<TcpStream>>,
@@ -69,23 +69,12 @@ impl Proxy {
 
     /// Waits for the first State that fulfils the condition.
     pub(super) fn await_state(&self, what: &str, is_it: impl Fn(&State) -> bool) -> State {
-        let since = Instant::now();
-        let mut states = self.shared.states.lock().unwrap();
-        let mut looked = 0;
-        loop {
-            if let Some(found) = states[looked..].iter().find(|state| is_it(state)) {
-                return *found;
-            }
-            looked = states.len();
-            let left = PATIENCE.checked_sub(since.elapsed());
-            let left = left.unwrap_or_else(|| panic!("no State of {what}: {:?}", states.last()));
-            states = self.shared.more.wait_timeout(states, left).unwrap().0;
-        }
+        self.shared.states.find(what, is_it).unwrap()
     }
 
     /// Returns every State so far.
     pub(super) fn states(&self) -> Vec<State> {
-        self.shared.states.lock().unwrap().clone()
+        self.shared.states.entries()
     }
 }
 
@@ -104,7 +93,7 @@ impl Drop for Proxy {
 fn accept(listener: &TcpListener, target: SocketAddr, shared: &Arc<Shared>) {
     while !shared.quit.load(Ordering::Relaxed) {
         let Ok((client, _)) = listener.accept() else {
-            std::thread::sleep(LOOK);
+            std::thread::sleep(Duration::from_millis(5));
             continue;
         };
         client.set_nonblocking(false).unwrap();
@@ -143,8 +132,7 @@ impl Shared {
                 Feed::Frame { frame, consumed } => {
                     if let ServerMessage::State(state) = decode_server(&frame).unwrap() {
                         self.measure(&state);
-                        self.states.lock().unwrap().push(state);
-                        self.more.notify_all();
+                        self.states.push(state);
                     }
                     bytes = &bytes[consumed..];
                 }

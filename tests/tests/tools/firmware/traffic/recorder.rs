@@ -90,7 +90,7 @@ impl Recorder {
             turn: None,
             seen: Seen::default(),
         };
-        recorder.write(&Record::Cycle(input));
+        recorder.write(&Record::Cycle(&input));
         recorder
     }
 
@@ -152,7 +152,7 @@ impl Recorder {
 
     /// Runs one cycle. Returns the frames that were sent, and the connections that were closed.
     pub(super) fn cycle(&mut self, input: &CycleInput) -> (Vec<(Connection, Vec<u8>)>, Vec<Connection>) {
-        self.write(&Record::Cycle(*input));
+        self.write(&Record::Cycle(input));
         let mut outcome = Outcome::default();
         cycle(&mut self.machine, input, &mut outcome, &mut self.seen);
         self.outcome.extend(outcome.bytes);
