@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use gantry_tau::faults::relay::{Ended, Relay};
-use gantry_tau::model::{L2, L2_MOTORS, MachineKind};
+use gantry_tau::model::{L2, L2_MOTORS};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::server::cycle::{Cycle, Row};
 use gantry_tau::server::tick_source::TickSource;
