@@ -28,6 +28,7 @@ use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution,
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PoseTracker {
     /// Last pose found, the seed of the next call. With `None` that call is cold, which needs a machine with a synchronised form.
+    /// To begin at a known pose, set it in a default tracker.
     pub last: Option<Pose>,
     attempt: Attempt,
 }
