@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::newton::{Equations, newton};
-use super::plates::Plate;
+use super::plates::{PlateThree, PlateTwo};
 use super::{Kinematics, stretch};
 use crate::model::f1::AXES;
 use crate::model::kinematics::{KinematicsError, Pose, Solution, is_pose};
@@ -57,8 +57,8 @@ impl Kinematics {
         let [b11, b21, b22, b31, b32, b33] = ends;
         let [l11, l21, l22, l31, l32, l33] = *lengths_m;
         let q1 = self.cart_one(&b11, l11)?;
-        let ([q2, q4], made_2) = self.cluster_two(&[b21, b22], &[l21, l22], q4)?;
-        let ([q3, q5, q6], made_3) = self.cluster_three(&[b31, b32, b33], &[l31, l32, l33], [q5, q6])?;
+        let ((q2, q4), made_2) = self.cluster_two(&[b21, b22], &[l21, l22], q4)?;
+        let ((q3, q5, q6), made_3) = self.cluster_three(&[b31, b32, b33], &[l31, l32, l33], (q5, q6))?;
         let value = [q1, q2, q3, q4, q5, q6];
         let iterations = made_2.max(made_3);
         let links = self.links_m(pose, &value);
@@ -94,61 +94,65 @@ impl Kinematics {
         Ok(q)
     }
 
-    /// Cluster 2: `q_2`, `q_4`, and the solves made.
+    /// Cluster 2: `(q_2, q_4)`, and the solves made.
     fn cluster_two(
         &self,
         ends_m: &[Vector3<f64>; 2],
         lengths_m: &[f64; 2],
         q4: f64,
-    ) -> Result<([f64; 2], u8), KinematicsError> {
+    ) -> Result<((f64, f64), u8), KinematicsError> {
         let [_, v2, _] = self.plates.guideways();
         let [_, c2, _] = self.robot.geometry().configuration;
         let plate = self.plates.two(q4);
         let ([first, _], [a21, _], [length, _]) = (ends_m, plate.joints_m, *lengths_m);
         let (q2, along_squared) = cart(&(first - a21), v2, length, c2);
         let place = |&[_, q4]: &[f64; 2]| self.plates.two(q4);
-        let evaluate = |&[q2, _]: &[f64; 2], plate: &Plate<2>| equations(plate, &(v2 * q2), ends_m, lengths_m);
-        newton([q2, q4], plate, self.converged_m(), place, evaluate)
-            .map_err(|error| from_the_foot(1, along_squared, error))
+        let equations = |&[q2, _]: &[f64; 2], plate: &PlateTwo| {
+            let link = |joint: &Vector3<f64>, end: &Vector3<f64>, turn: &Vector3<f64>, length: f64| {
+                let w = joint + v2 * q2 - end;
+                let (error, s) = stretch(&w, length);
+                (error, [s.dot(v2), s.dot(turn)])
+            };
+            let ([a1, a2], [t1, t2]) = (&plate.joints_m, &plate.turns);
+            let ([b1, b2], [l1, l2]) = (ends_m, *lengths_m);
+            let (one, two) = (link(a1, b1, t1, l1), link(a2, b2, t2, l2));
+            Equations { errors_m: [one.0, two.0], rows: [one.1, two.1] }
+        };
+        let ([q2, q4], made) = newton([q2, q4], plate, self.converged_m(), place, equations)
+            .map_err(|error| from_the_foot(1, along_squared, error))?;
+        Ok(((q2, q4), made))
     }
 
-    /// Cluster 3: `q_3`, `q_5`, `q_6`, and the solves made.
+    /// Cluster 3: `(q_3, q_5, q_6)`, and the solves made.
     fn cluster_three(
         &self,
         ends_m: &[Vector3<f64>; 3],
         lengths_m: &[f64; 3],
-        [q5, q6]: [f64; 2],
-    ) -> Result<([f64; 3], u8), KinematicsError> {
+        (q5, q6): (f64, f64),
+    ) -> Result<((f64, f64, f64), u8), KinematicsError> {
         let [_, _, v3] = self.plates.guideways();
         let [_, _, c3] = self.robot.geometry().configuration;
         let plate = self.plates.three(q5, q6);
         let ([first, ..], [a31, ..], [length, ..]) = (ends_m, plate.joints_m, *lengths_m);
         let (q3, along_squared) = cart(&(first - a31), v3, length, c3);
         let place = |&[_, q5, q6]: &[f64; 3]| self.plates.three(q5, q6);
-        let evaluate = |&[q3, _, _]: &[f64; 3], plate: &Plate<3>| equations(plate, &(v3 * q3), ends_m, lengths_m);
-        newton([q3, q5, q6], plate, self.converged_m(), place, evaluate)
-            .map_err(|error| from_the_foot(2, along_squared, error))
+        let equations = |&[q3, _, _]: &[f64; 3], plate: &PlateThree| {
+            let link = |joint: &Vector3<f64>, end: &Vector3<f64>, rates: [&Vector3<f64>; 2], length: f64| {
+                let w = joint + v3 * q3 - end;
+                let (error, s) = stretch(&w, length);
+                (error, [s.dot(v3), s.dot(rates[0]), s.dot(rates[1])])
+            };
+            let ([a1, a2, a3], [t1, t2, t3], [k1, k2, k3]) = (&plate.joints_m, &plate.turns, &plate.tilts);
+            let ([b1, b2, b3], [l1, l2, l3]) = (ends_m, *lengths_m);
+            let one = link(a1, b1, [t1, k1], l1);
+            let two = link(a2, b2, [t2, k2], l2);
+            let three = link(a3, b3, [t3, k3], l3);
+            Equations { errors_m: [one.0, two.0, three.0], rows: [one.1, two.1, three.1] }
+        };
+        let ([q3, q5, q6], made) = newton([q3, q5, q6], plate, self.converged_m(), place, equations)
+            .map_err(|error| from_the_foot(2, along_squared, error))?;
+        Ok(((q3, q5, q6), made))
     }
-}
-
-/// Errors of a cluster's links, whose cart has moved by `moved_m`, and their derivatives.
-#[inline]
-fn equations<const K: usize>(
-    plate: &Plate<K>,
-    moved_m: &Vector3<f64>,
-    ends_m: &[Vector3<f64>; K],
-    lengths_m: &[f64; K],
-) -> Equations<K> {
-    let mut equations = Equations { errors_m: [0.0; K], rows: [[0.0; K]; K] };
-    let joints = zip(&plate.joints_m, &plate.rates).zip(zip(ends_m, lengths_m));
-    for ((error, row), ((joint, rates), (end, length))) in
-        equations.errors_m.iter_mut().zip(&mut equations.rows).zip(joints)
-    {
-        let (stretched, s) = stretch(&(joint + moved_m - end), *length);
-        *error = stretched;
-        *row = rates.map(|rate| s.dot(&rate));
-    }
-    equations
 }
 
 /// Error of a cluster that started with its first link too short, at the foot of the perpendicular: there the link is across its

@@ -41,13 +41,24 @@ impl Axis {
     }
 }
 
-/// Joints of a cluster's plate with its cart at 0, and their derivatives.
+/// Joints of plate 2, and their derivatives by `q_4`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Plate<const K: usize> {
-    /// `A_ij`, metres.
-    pub(super) joints_m: [Vector3<f64>; K],
-    /// `dA_ij/dq` of each joint by the `K` axes of its cluster, the cart's first; metres per q-unit.
-    pub(super) rates: [[Vector3<f64>; K]; K],
+pub(super) struct PlateTwo {
+    /// `A_21`, `A_22` at `q_2 = 0`, metres.
+    pub(super) joints_m: [Vector3<f64>; 2],
+    /// `dA/dq_4`, metres per radian.
+    pub(super) turns: [Vector3<f64>; 2],
+}
+
+/// Joints of plate 3, and their derivatives by `q_5` and `q_6`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlateThree {
+    /// `A_31`, `A_32`, `A_33` at `q_3 = 0`, metres.
+    pub(super) joints_m: [Vector3<f64>; 3],
+    /// `dA/dq_5`, metres per radian.
+    pub(super) turns: [Vector3<f64>; 3],
+    /// `dA/dq_6`, metres per radian.
+    pub(super) tilts: [Vector3<f64>; 3],
 }
 
 /// Plates at given positions: every joint, and its derivatives.
@@ -55,9 +66,10 @@ pub(super) struct Plate<const K: usize> {
 pub(super) struct PlatesAt {
     /// `A_ij`: world axes, metres, link order.
     pub(super) joints_m: [Vector3<f64>; LINKS],
-    one: Vector3<f64>,
-    two: [[Vector3<f64>; 2]; 2],
-    three: [[Vector3<f64>; 3]; 3],
+    guideways: [Vector3<f64>; ARMS],
+    two_turns: [Vector3<f64>; 2],
+    three_turns: [Vector3<f64>; 3],
+    three_tilts: [Vector3<f64>; 3],
 }
 
 impl Plates {
@@ -85,19 +97,19 @@ impl Plates {
     }
 
     /// Plate 2, turned by `q_4`.
-    pub(super) fn two(&self, q4: f64) -> Plate<2> {
-        let ([_, c2, _], [_, v2, _]) = (self.carts_m, self.guideways);
+    pub(super) fn two(&self, q4: f64) -> PlateTwo {
+        let [_, c2, _] = self.carts_m;
         let [_, p21, p22, ..] = self.joints_m;
         let [sigma4, _] = self.signs;
         let q_2 = self.turn.rotation(sigma4 * q4);
         let levers = [p21, p22].map(|joint| times(&q_2, &joint));
         let axis = self.turn.direction * sigma4;
-        Plate { joints_m: levers.map(|lever| c2 + lever), rates: levers.map(|lever| [v2, axis.cross(&lever)]) }
+        PlateTwo { joints_m: levers.map(|lever| c2 + lever), turns: levers.map(|lever| axis.cross(&lever)) }
     }
 
     /// Plate 3, turned by `q_5` and tilted by `q_6`.
-    pub(super) fn three(&self, q5: f64, q6: f64) -> Plate<3> {
-        let ([_, _, c3], [_, _, v3]) = (self.carts_m, self.guideways);
+    pub(super) fn three(&self, q5: f64, q6: f64) -> PlateThree {
+        let [_, _, c3] = self.carts_m;
         let [_, _, _, p31, p32, p33] = self.joints_m;
         let [_, sigma5] = self.signs;
         let turned = self.turn.rotation(sigma5 * q5);
@@ -105,9 +117,10 @@ impl Plates {
         let levers = [p31, p32, p33].map(|joint| times(&q_3, &joint));
         let turn_axis = self.turn.direction * sigma5;
         let tilt_axis = times(&turned, &self.tilt.direction);
-        Plate {
+        PlateThree {
             joints_m: levers.map(|lever| c3 + lever),
-            rates: levers.map(|lever| [v3, turn_axis.cross(&lever), tilt_axis.cross(&lever)]),
+            turns: levers.map(|lever| turn_axis.cross(&lever)),
+            tilts: levers.map(|lever| tilt_axis.cross(&lever)),
         }
     }
 
@@ -132,9 +145,10 @@ impl Plates {
         let (moved2, moved3) = (v2 * q2, v3 * q3);
         PlatesAt {
             joints_m: [self.one() + v1 * q1, a21 + moved2, a22 + moved2, a31 + moved3, a32 + moved3, a33 + moved3],
-            one: v1,
-            two: two.rates,
-            three: three.rates,
+            guideways: self.guideways,
+            two_turns: two.turns,
+            three_turns: three.turns,
+            three_tilts: three.tilts,
         }
     }
 }
@@ -143,18 +157,20 @@ impl PlatesAt {
     /// `D_(ij),k = s_ij . dA_ij/dq_k`.
     pub(super) fn drives(&self, directions: &[Vector3<f64>; LINKS]) -> [[f64; AXES]; LINKS] {
         let [s11, s21, s22, s31, s32, s33] = directions;
-        let ([r21, r22], [r31, r32, r33]) = (&self.two, &self.three);
-        let two = |s: &Vector3<f64>, [cart, turn]: &[Vector3<f64>; 2]| [0.0, s.dot(cart), 0.0, s.dot(turn), 0.0, 0.0];
-        let three = |s: &Vector3<f64>, [cart, turn, tilt]: &[Vector3<f64>; 3]| {
-            [0.0, 0.0, s.dot(cart), 0.0, s.dot(turn), s.dot(tilt)]
+        let [v1, v2, v3] = &self.guideways;
+        let [t21, t22] = self.two_turns;
+        let ([t31, t32, t33], [k31, k32, k33]) = (self.three_turns, self.three_tilts);
+        let two = |s: &Vector3<f64>, turn: Vector3<f64>| [0.0, s.dot(v2), 0.0, s.dot(&turn), 0.0, 0.0];
+        let three = |s: &Vector3<f64>, turn: Vector3<f64>, tilt: Vector3<f64>| {
+            [0.0, 0.0, s.dot(v3), 0.0, s.dot(&turn), s.dot(&tilt)]
         };
         [
-            [s11.dot(&self.one), 0.0, 0.0, 0.0, 0.0, 0.0],
-            two(s21, r21),
-            two(s22, r22),
-            three(s31, r31),
-            three(s32, r32),
-            three(s33, r33),
+            [s11.dot(v1), 0.0, 0.0, 0.0, 0.0, 0.0],
+            two(s21, t21),
+            two(s22, t22),
+            three(s31, t31, k31),
+            three(s32, t32, k32),
+            three(s33, t33, k33),
         ]
     }
 }
