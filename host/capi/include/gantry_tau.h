@@ -925,9 +925,9 @@ gt_code gt_f1_tracker_init(void *memory,
                            struct gt_f1_tracker **tracker,
                            struct gt_error *error);
 
-// Forward kinematics: the pose for positions in nm, found from the tracker's last pose: by at most 2 linear solves where it is near
-// (1 m/s at 1 kHz), else by 10 more, else by 10 from the synchronised form. It is then the last pose; after an error that one stays.
-// `solved` may be null.
+// Forward kinematics: the pose for positions in nm, found from the tracker's last pose by at most 2 linear solves, enough at 1 m/s and
+// 1 kHz. One attempt per call: after an error, where the last pose stays, the next call makes up to 10 solves from it, the one after
+// that up to 10 from the synchronised form, and so in turn until one succeeds. `solved` may be null.
 //
 // Errors: KINEMATICS_: NO_ASSEMBLY, NOT_CONVERGED, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; SEED_REQUIRED: the machine has no
 // synchronised form, so gt_f1_tracker_start_from must be called first.
