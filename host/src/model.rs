@@ -45,7 +45,7 @@ pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'stati
 }
 
 /// A compensator, called once per cycle: returns the offsets that hold the tool where the nominal positions put it, under a load.
-/// After an error the next call works.
+/// An error leaves it usable; an F1 finds its pose again by the third call.
 pub type Compensator<const N: usize> =
     Box<dyn FnMut(&[PositionNm; N], &Wrench) -> Result<Correction<N>, KinematicsError> + Send>;
 

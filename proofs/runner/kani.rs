@@ -36,7 +36,7 @@ pub(crate) enum Phase {
     Solving,
 }
 
-/// End of a run; the phase that took too long otherwise.
+/// End of a run: its exit status, or the phase that took too long.
 pub(crate) type End = Result<ExitStatus, Phase>;
 
 /// Version of the installed Kani, or Cargo's message.

@@ -1,4 +1,4 @@
-//! Properties of the core, each a plain function that panics when it does not hold (no function's own text says so again), with three
+//! Properties of the core, each a plain function that panics when it does not hold (the text of a property does not say so again), with three
 //! thin drivers: Kani harnesses (`harness`), property tests on stable Rust (`tests/`), and fuzz targets (`../fuzz`).
 //!
 //! `cargo run -p gantry-tau-proofs -- prove` runs the harnesses of `manifest.toml` and the mutants of `mutants.toml`.
@@ -8,7 +8,7 @@
 //! cargo kani --lib --no-default-features -Z stubbing --harness channel_ramp_is_exact
 //! ```
 //!
-//! The theorems T1 to T15 are listed and explained in this folder's README.
+//! The theorems, T1 to T15 and T24, are listed and explained in this folder's README.
 #![forbid(unsafe_code)]
 #![allow(
     clippy::arithmetic_side_effects,

@@ -52,21 +52,21 @@ struct Point {
     change: i64,
 }
 
-/// What a tick decides: an action, and why the session ended in it.
+/// Decision of a tick: an action, and the cause if a session ended in it.
 type Decision<const N: usize> = (ChannelAction<N>, Option<Cause>);
 
 /// Accepted events of a tick.
 #[derive(Default)]
 struct Accepted<const N: usize> {
     stop: bool,
-    /// What the owner ended the session with: of [`ENDS`].
+    /// Ends of the session by the owner, of [`ENDS`].
     ends: Vec<Cause>,
     command: Option<Command<N>>,
     hello: Option<Connection>,
     refusals: Refusals,
 }
 
-/// What ends a session besides stop and misses, the first of them first.
+/// Causes that end a session besides stop and misses, in their precedence.
 const ENDS: [Cause; 4] = [Cause::Malformed, Cause::Flood, Cause::Closed, Cause::Goodbye];
 
 /// Action of every channel.

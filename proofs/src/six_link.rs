@@ -82,11 +82,16 @@ pub fn tracker_is_checked(kinematics: &f1::Kinematics, near: &Pose, wild: &[Six]
     let Ok(first) = tracker.track(kinematics, &there.value) else { return };
     for q in wild {
         tracker.last = Some(first.value);
-        if let Ok(found) = tracker.track(kinematics, q) {
+        // Warm, patient, cold.
+        let found = (0..3).find_map(|_| {
+            let found = tracker.track(kinematics, q).ok();
+            assert!(found.is_some() || tracker.last == Some(first.value), "T13: an error leaves the last pose");
+            found
+        });
+        if let Some(found) = found {
             keeps_lengths(kinematics, &found.value, q);
             continue;
         }
-        assert!(tracker.last == Some(first.value), "T13: an error leaves the last pose");
         let back = tracker.track(kinematics, &there.value);
         assert!(
             back.is_ok_and(|back| (back.value.position_m - first.value.position_m).amax() < 1e-10),

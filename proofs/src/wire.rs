@@ -91,7 +91,7 @@ pub fn frame_is_parsed(bytes: &[u8]) -> Result<(), FrameError> {
     Ok(())
 }
 
-/// Bytes that are a frame with this kind and this body are its only frame, checksum included. Whether they are one.
+/// Bytes that are a frame with this kind and this body are its only frame, checksum included. True if they are one.
 pub fn frame_is_canonical<B: Body>(kind: Kind, bytes: &[u8]) -> bool {
     let Ok(frame) = Frame::parse(bytes) else {
         return false;

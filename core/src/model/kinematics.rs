@@ -20,8 +20,8 @@ pub const COLD_ITERATIONS: u8 = 10;
 /// Below it a micrometre at one end is a centimetre at the other.
 pub const SINGULARITY_TOLERANCE: f64 = 1e-4;
 
-/// Smallest ratio of pivots that a solve of six unknowns with pivoting accepts, after equilibration: beyond it fewer than four digits
-/// of a result would be left.
+/// Ratio of the smallest pivot to the largest, after equilibration, up to which a solve with pivoting is refused as singular: there fewer
+/// than four digits of a result would be left.
 pub const SINGULAR_PIVOT_RATIO: f64 = 1e-12;
 
 /// Largest error of a link's length in an answer, over the length of the shortest link: a nanometre per metre.

@@ -10,11 +10,11 @@
  *     gt_code code = gt_server_init(&memory, sizeof memory, &config, &start, &server, &error);
  *
  * An object must not be moved, copied or written to. All else is copied: no pointer is kept beyond its call. After an error of
- * gt_..._init the memory holds no object, not even one that was there before, unless the error is that of a pointer or of the size.
+ * gt_..._init do not use an object that was in the memory before.
  *
  * POINTERS. A pointer must point to a value of its type for the duration of the call. Null is refused with GT_CODE_NULL_POINTER unless
- * documented as allowed, a misaligned pointer with GT_CODE_MISALIGNED, a handle without a live object of its type with
- * GT_CODE_NO_OBJECT. `error` may always be null; it receives the details of the returned code, GT_CODE_OK included.
+ * documented as allowed, a misaligned pointer with GT_CODE_MISALIGNED (one that may be null counts as null), a handle without a live
+ * object of its type with GT_CODE_NO_OBJECT. `error` may always be null; it receives the details of the returned code, GT_CODE_OK included.
  * A call that returns an error writes no other results and changes nothing, unless documented otherwise.
  *
  * THREADS. The library has no global state. Calls on different objects are independent. Calls on one gt_server, gt_f1_tracker or
@@ -843,7 +843,8 @@ gt_code gt_f1_compensator_init(void *memory,
 // One cycle: offsets that hold the pose of the nominal positions under `load`; to first order. The pose is found by `tracker`, which is
 // one of the same machine. For any load the result is within the limits, or an error.
 //
-// Errors: KINEMATICS_: as gt_f1_tracker_pose and gt_f1_inverse.
+// Errors: KINEMATICS_: as gt_f1_tracker_pose and gt_f1_inverse. After an error of the correction itself the tracker has the pose found;
+// after one of the tracking it is as after gt_f1_tracker_pose.
 //
 gt_code gt_f1_correction(const struct gt_f1_compensator *compensator,
                          struct gt_f1_tracker *tracker,
@@ -881,7 +882,8 @@ gt_code gt_f1_checksum(const struct gt_f1 *machine, uint32_t *checksum);
 // `near_nm`: positions from which the search starts, such as those of the last cycle; null: plates at 0. `solved` may be null.
 // Bounded: at most 10 linear solves of each cluster, fewer from near positions.
 //
-// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, NOT_CONVERGED, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE. `positions_nm` is then not written.
+// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, NOT_CONVERGED, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; CROSSING_OUT_OF_RANGE: a
+// position of 2^53 nm or more. `positions_nm` is then not written.
 //
 gt_code gt_f1_inverse(const struct gt_f1 *machine,
                       const struct gt_pose *pose,
@@ -938,8 +940,10 @@ gt_code gt_f1_tracker_pose(struct gt_f1_tracker *tracker,
                            struct gt_solved *solved,
                            struct gt_error *error);
 
-// Takes a pose as the last one; null: forgets the last one, and the next pose is found from the synchronised form.
-gt_code gt_f1_tracker_start_from(struct gt_f1_tracker *tracker, const struct gt_pose *pose);
+// Takes a pose as the last one; null: forgets the last one, and the next pose is found from the synchronised form. The pose is not
+// checked: from one that is not finite or far away the next calls are errors.
+gt_code gt_f1_tracker_start_from(struct gt_f1_tracker *tracker,
+                                 const struct gt_pose *pose);
 
 // Makes a machine in `memory`: checks every number and the Tau property, once.
 //
@@ -959,7 +963,8 @@ gt_code gt_l2_checksum(const struct gt_l2 *machine,
 // Inverse kinematics: positions (nm, rounded) that put the tool centre point at tcp_m (world axes, m), for a tool on the machine's
 // side of the carts' plane. Closed form, constant cost.
 //
-// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE. `positions_nm` is then not written.
+// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; CROSSING_OUT_OF_RANGE: a position of
+// 2^53 nm or more. `positions_nm` is then not written.
 //
 gt_code gt_l2_inverse(const struct gt_l2 *machine,
                       const double tcp_m[3],
@@ -1046,7 +1051,7 @@ gt_code gt_server_config_check(const struct gt_server_config *config,
 // `server`: receives the handle, which points into `memory`.
 //
 // Errors: those of gt_server_config_check; GT_CODE_MEMORY_TOO_SMALL, GT_CODE_MISALIGNED, GT_CODE_START_OFFSET_IN_FORCE.
-// After an error the memory holds no server, not even one that was there before.
+// After an error do not use a server that was in the memory before.
 gt_code gt_server_init(void *memory,
                        size_t size,
                        const struct gt_server_config *config,

@@ -182,7 +182,8 @@ pub unsafe extern "C" fn gt_f1_compensator_init(
 /// One cycle: offsets that hold the pose of the nominal positions under `load`; to first order. The pose is found by `tracker`, which is
 /// one of the same machine. For any load the result is within the limits, or an error.
 ///
-/// Errors: KINEMATICS_: as gt_f1_tracker_pose and gt_f1_inverse.
+/// Errors: KINEMATICS_: as gt_f1_tracker_pose and gt_f1_inverse. After an error of the correction itself the tracker has the pose found;
+/// after one of the tracking it is as after gt_f1_tracker_pose.
 ///
 /// cbindgen:ptrs-as-arrays=[[nominal_nm;6]]
 #[unsafe(no_mangle)]

@@ -76,7 +76,10 @@ impl F1 {
             turn_signs: branches(geometry.turn_signs, GT_ARMS)?,
             travel: travel(geometry.has_travel, geometry.travel),
         })?;
-        Ok(Self { kinematics: f1::Kinematics::new(&robot), scale: Scale::new(geometry.metres_per_q)? })
+        Ok(Self {
+            kinematics: f1::Kinematics::new(&robot),
+            scale: Scale::new(geometry.metres_per_q, &geometry.guideways)?,
+        })
     }
 }
 
@@ -108,7 +111,8 @@ pub unsafe extern "C" fn gt_f1_checksum(machine: *const gt_f1, checksum: *mut u3
 /// `near_nm`: positions from which the search starts, such as those of the last cycle; null: plates at 0. `solved` may be null.
 /// Bounded: at most 10 linear solves of each cluster, fewer from near positions.
 ///
-/// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, NOT_CONVERGED, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE. `positions_nm` is then not written.
+/// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, NOT_CONVERGED, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; CROSSING_OUT_OF_RANGE: a
+/// position of 2^53 nm or more. `positions_nm` is then not written.
 ///
 /// cbindgen:ptrs-as-arrays=[[near_nm;6], [positions_nm;6]]
 #[unsafe(no_mangle)]
@@ -271,7 +275,8 @@ pub unsafe extern "C" fn gt_f1_tracker_pose(
     }
 }
 
-/// Takes a pose as the last one; null: forgets the last one, and the next pose is found from the synchronised form.
+/// Takes a pose as the last one; null: forgets the last one, and the next pose is found from the synchronised form. The pose is not
+/// checked: from one that is not finite or far away the next calls are errors.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_f1_tracker_start_from(tracker: *mut gt_f1_tracker, pose: *const gt_pose) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.

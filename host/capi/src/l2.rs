@@ -63,7 +63,7 @@ impl L2 {
             travel: travel(geometry.has_travel, geometry.travel),
         })?;
         let kinematics = l2::Kinematics::new(&robot, &matrix(&geometry.rotation))?;
-        Ok(Self { kinematics, scale: Scale::new(geometry.metres_per_q)? })
+        Ok(Self { kinematics, scale: Scale::new(geometry.metres_per_q, &geometry.guideways)? })
     }
 }
 
@@ -94,7 +94,8 @@ pub unsafe extern "C" fn gt_l2_checksum(machine: *const gt_l2, checksum: *mut u3
 /// Inverse kinematics: positions (nm, rounded) that put the tool centre point at tcp_m (world axes, m), for a tool on the machine's
 /// side of the carts' plane. Closed form, constant cost.
 ///
-/// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE. `positions_nm` is then not written.
+/// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; CROSSING_OUT_OF_RANGE: a position of
+/// 2^53 nm or more. `positions_nm` is then not written.
 ///
 /// cbindgen:ptrs-as-arrays=[[tcp_m;3], [positions_nm;3]]
 #[unsafe(no_mangle)]

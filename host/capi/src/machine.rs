@@ -1,6 +1,7 @@
 //! Poses, loads and helpers that both machines share.
 
 use gantry_tau_core::model::kinematics::{Pose, Solution};
+use gantry_tau_core::model::linalg::norm;
 use gantry_tau_core::model::robot::{ARMS, Branch, LINKS, SCALE_RANGE};
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use gantry_tau_core::units::{Metres, PositionNm};
@@ -115,13 +116,21 @@ pub(crate) fn travel<const N: usize>(has: u8, ranges: [[f64; 2]; N]) -> Option<[
 pub(crate) struct Scale<const N: usize>(pub(crate) [f64; N]);
 
 impl<const N: usize> Scale<N> {
-    pub(crate) fn new(metres_per_q: [f64; N]) -> Reply<Self> {
-        let (lower, upper) = SCALE_RANGE;
-        let refused = |axis| gt_error::new(gt_code::RobotOutOfRange).of(gt_parameter::MetresPerQ).at(axis);
-        match metres_per_q.iter().position(|metres| !(lower..=upper).contains(metres)) {
-            Some(axis) => Err(refused(axis).range(lower, upper)),
-            None => Ok(Self(metres_per_q)),
+    /// Checks the conversion; a cart's is the length of its guideway.
+    pub(crate) fn new(metres_per_q: [f64; N], guideways: &[[f64; 3]; GT_ARMS]) -> Reply<Self> {
+        let mut lengths = guideways.iter().map(|guideway| norm(&Vector3::from(*guideway)));
+        for (axis, metres) in metres_per_q.iter().enumerate() {
+            let (lower, upper) =
+                lengths.next().map_or(SCALE_RANGE, |length| (length * (1.0 - 1e-9), length * (1.0 + 1e-9)));
+            let refused = |code| gt_error::new(code).of(gt_parameter::MetresPerQ).at(axis);
+            if !metres.is_finite() {
+                return Err(refused(gt_code::RobotNotFinite));
+            }
+            if !(lower..=upper).contains(metres) {
+                return Err(refused(gt_code::RobotOutOfRange).range(lower, upper));
+            }
         }
+        Ok(Self(metres_per_q))
     }
 
     /// Returns positions in q-units.

@@ -307,6 +307,9 @@ static void machines(void)
     EXPECT(ORIENTATION_NOT_ROTATION, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
     geometry.rotation[0][0] = 1;
     geometry.metres_per_q[1] = NAN;
+    EXPECT(ROBOT_NOT_FINITE, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
+    ABOUT(1, METRES_PER_Q, 0);
+    geometry.metres_per_q[1] = 1000; /* in millimetres beside a guideway of one metre */
     EXPECT(ROBOT_OUT_OF_RANGE, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
     ABOUT(1, METRES_PER_Q, 0);
     geometry.metres_per_q[1] = 1;

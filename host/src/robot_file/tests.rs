@@ -79,6 +79,8 @@ fn every_error_names_its_key() {
         ("cf = -1", "cf = 0", "cf"),
         ("c = [1, -1, 1]", "c = [1, -1, 2]", "c[2]"),
         ("L = [1.0, 1.1", "L = [1.0, nan", "L[1]"),
+        ("L = [1.0, 1.1, 1.0]", "L = [1.0, 1.1, 1.2, 1.0, 1.0, 1.0]", "L"),
+        ("L = [1.0, 1.1, 1.0]", "L = [1.0, 1.1]", "L"),
         ("L = [1.0, 1.1", "L = [1.0, -1.1", "L[1]"),
         ("c_link = [5.0e-7", "c_link = [-5.0e-7", "c_link[0]"),
         ("c_cart = [", "# c_cart = [", "c_cart"),
@@ -148,6 +150,10 @@ fn lengths_may_be_given_per_arm() {
     let file = RobotFile::read::<F1Keys>("x", &text).unwrap();
     let expected = [1.6, 1.7, 1.7, 1.8, 1.8, 1.8].map(f64::to_bits);
     assert_eq!(file.model.geometry().lengths_m.map(f64::to_bits), expected);
+    // Of an L2 per link as well, where a cluster's are equal.
+    let per_link = L2_TEXT.replace("L = [1.0, 1.1, 1.0]", "L = [1.0, 1.1, 1.1, 1.0, 1.0, 1.0]");
+    assert_ne!(per_link, L2_TEXT);
+    assert_eq!(RobotFile::read::<L2Keys>("x", &per_link).unwrap().model, RobotFile::builtin_l2().unwrap().model);
 }
 
 #[test]

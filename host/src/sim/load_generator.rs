@@ -3,7 +3,7 @@
 //! The cycle never waits: while a load is being set it keeps the one before. A load is taken over whole or not at all.
 
 use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, TryLockError};
 
 /// Largest magnitude of any component, N or N m.
 pub const MAX_LOAD: f64 = 1e5;
@@ -85,8 +85,10 @@ impl LoadGenerator {
 impl AppliedLoad {
     /// Returns the present load; while one is being set, the load before. It never waits.
     pub fn load(&mut self) -> Load {
-        if let Ok(load) = self.shared.try_lock() {
-            self.last = *load;
+        match self.shared.try_lock() {
+            Ok(load) => self.last = *load,
+            Err(TryLockError::Poisoned(load)) => self.last = *load.into_inner(),
+            Err(TryLockError::WouldBlock) => {}
         }
         self.last
     }

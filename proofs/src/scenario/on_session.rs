@@ -2,11 +2,12 @@
 
 use gantry_tau_core::control::session::{BlackBox, Connection, Events, Input, Session, TickInput, replay};
 use gantry_tau_core::units::{EpochRange, Tick};
+use gantry_tau_core::verification::control::{FsmInput, FsmState, Internals as _, Rules, nominal_stepped};
 
 use super::{ClientAction, N, Peer, Scenario, SystemUnderTest, event, play, start};
 use crate::reference_model::ReferenceModel;
 use crate::session::StepInput;
-use crate::{blackbox, motors, session};
+use crate::{blackbox, fsm, motors, session};
 
 /// Plays, and checks every tick: T1 to T11, and every output against the model's.
 pub fn every_tick_is_right(scenario: &Scenario) {
@@ -87,9 +88,34 @@ impl SystemUnderTest for SessionUnderTest {
     fn tick(&mut self, tick: TickInput<N>, epochs: EpochRange) {
         let input = Input { tick, epochs, events: std::mem::take(&mut self.events) };
         session::settles_any_write(&self.session, &input.tick.last_write);
-        session::step_is_right(&StepInput::after_events(&self.session, &input));
+        let step = StepInput::after_events(&self.session, &input);
+        session::step_is_right(&step);
+        let (discrete, fsm, rules) = decided_on(&step);
+        fsm::decision_is_right(discrete, &fsm, &rules);
         let essential = session::essential(&self.session, &input);
         session::same_outcome(&self.session, &input, &essential);
         self.record(&input);
     }
+}
+
+/// Returns the complete input of the decision, derived again.
+fn decided_on(input: &StepInput<N>) -> (&FsmState, FsmInput, Rules) {
+    let (session, cycle) = (&input.session, &input.tick);
+    let parameters = session.config().parameters();
+    let axes = &session.parts().axes;
+    let stepped = |axis: usize| {
+        let (from, to) = (axes[axis].nominal, cycle.nominal[axis]);
+        nominal_stepped(from, to, &parameters.axes[axis], cycle.cycles())
+    };
+    let accepted = input.accepted.fsm;
+    let fsm = FsmInput {
+        stop: accepted.stop || cycle.stop,
+        rearm: cycle.rearm,
+        skipped: cycle.cycles() - 1,
+        all_zero: axes.iter().all(|axis| axis.channels.is_zero()) && !session.parts().withheld,
+        nominal_fault: (0..N).any(stepped),
+        ..accepted
+    };
+    let rules = Rules { handshake_ticks: parameters.handshake_ticks, budget: parameters.budget };
+    (&session.parts().discrete, fsm, rules)
 }

@@ -213,7 +213,11 @@ pub(crate) fn transfer(input: &mut CycleInput, word: Word<'_>) -> Option<()> {
     for flag in [&mut tick.stop, &mut tick.rearm] {
         let mut number = u8::from(*flag);
         whole(&mut number, word)?;
-        *flag = number == 1;
+        *flag = match number {
+            0 => false,
+            1 => true,
+            _ => return None,
+        };
     }
     let motions = [Motion::Given, Motion::L2, Motion::F1];
     let mut kind = motions.iter().position(|one| one == motion).and_then(|at| u8::try_from(at).ok())?;
@@ -242,7 +246,8 @@ pub(crate) fn transfer(input: &mut CycleInput, word: Word<'_>) -> Option<()> {
     tick.last_write = match kind {
         0 => LastWrite::Accepted,
         1 => LastWrite::Unknown,
-        _ => LastWrite::Refused { in_force },
+        2 => LastWrite::Refused { in_force },
+        _ => return None,
     };
     for number in pose.iter_mut().chain(load) {
         *number = f64::from_le_bytes(word(number.to_le_bytes())?);

@@ -35,7 +35,7 @@ pub struct Audit<const N: usize> {
     accepted: u64,
     /// Farewells, and perhaps one command without effect, of a session that is over.
     beyond: u64,
-    /// What the ticks tell: their number, sessions, and changes.
+    /// Numbers of ticks and sessions, and largest changes, so far.
     pub summary: Summary,
 }
 

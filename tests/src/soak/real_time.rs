@@ -159,6 +159,8 @@ impl Minutes {
         }
         // Fewer where a test beside this one has ended meanwhile.
         let files = |footprint: Option<Footprint>| footprint.map(|footprint| footprint.files);
+        assert!(files(self.after).is_some() == files(self.before).is_some(), "{self:?}");
+        // Tests beside it may have closed theirs meanwhile.
         assert!(files(self.after) <= files(self.before), "{self:?}");
     }
 }

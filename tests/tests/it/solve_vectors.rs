@@ -208,6 +208,23 @@ fn errors_have_their_kind() {
 }
 
 #[test]
+fn errors_of_a_robot_name_the_key() {
+    for (key, value, said) in [
+        ("L", json!([1.0, 1.1]), "L: "),
+        ("L", json!([1.0, 1.1, 1.2, 1.0, 1.0, 1.0]), "L differs within a cluster"),
+        ("c", json!([1, 0, 1]), "c[1] is 0; expected 1 or -1"),
+        ("V", json!([[1, 0, 0], [0, 0, 0], [1, 0, 0]]), "V[1] "),
+        ("c_cart", json!([1e-8, -1e-8, 1e-8]), "c_cart[1] "),
+    ] {
+        let mut robot = robot();
+        robot[key] = value;
+        let answer = ask(&json!({"robot": robot, "op": "compliance", "T": [0.0, 0.5, 0.65]}));
+        let message = answer["error"]["message"].as_str().unwrap();
+        assert!(message.starts_with(said), "{said}: {message}");
+    }
+}
+
+#[test]
 fn every_line_is_answered_in_order() {
     let good = |id: Value| json!({"id": id, "robot": robot(), "op": "ik", "T": [0.0, 0.5, 0.65]}).to_string();
     let mut input = Vec::new();

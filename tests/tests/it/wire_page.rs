@@ -17,6 +17,8 @@ fn the_worked_example_of_the_specification_holds() {
         .map(|byte| u8::from_str_radix(byte, 16).unwrap())
         .collect();
     assert_eq!(command::<3>(42), bytes);
+    // The check value of this CRC-32, as its catalogues have it.
+    assert_eq!(gantry_tau_tests::client::crc32(b"123456789"), 0xcbf4_3926);
     let message = decode_client::<3>(&Frame::parse(&bytes).unwrap()).unwrap();
     assert_eq!(&*encode_client(&message), bytes);
 }

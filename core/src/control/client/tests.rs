@@ -1,4 +1,5 @@
-//! A client against a real endpoint, in memory, over streams and datagrams. Any turns in any order: `proofs`.
+//! A client against a real endpoint, in memory, over streams and datagrams. Any turns in any order: `proofs`; lost,
+//! doubled and reordered datagrams: the soak of `tests`.
 
 use std::vec::Vec as StdVec;
 

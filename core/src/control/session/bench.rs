@@ -14,7 +14,7 @@ pub(crate) const OWNER: Connection = Connection(1);
 /// Epochs from 7 on.
 pub(super) const EPOCHS: EpochRange = EpochRange { first: Epoch(7), last: Epoch(u64::MAX) };
 
-/// What happens in one tick.
+/// Event of one tick, of the client, the server or the machine.
 #[derive(Clone, Debug)]
 pub(crate) enum Move {
     /// The owner sends nothing.

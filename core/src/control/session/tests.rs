@@ -111,8 +111,8 @@ fn submit_is_entered_only_at_zero() {
 #[test]
 fn a_stop_ramps_and_only_a_local_rearm_leads_out() {
     let mut bench = obtaining(200);
-    // Re-arming is refused while the stop is asserted or an offset remains.
-    bench.shows(&[(STOP, Fault, 100, Some(Cause::Stop)), (BOTH, Fault, 0, None)]);
+    // Not while an offset remains, and not while the stop is asserted.
+    bench.shows(&[(STOP, Fault, 100, Some(Cause::Stop)), (REARM, Fault, 0, None), (BOTH, Fault, 0, None)]);
     assert_eq!(ask(&mut bench).refusals[..], [(OTHER, Refusal::Faulted { ticks_left: 0 })]);
     bench.shows(&[(REARM, Listening, 0, None)]);
 }

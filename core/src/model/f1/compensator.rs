@@ -42,7 +42,7 @@ impl Compensator {
     }
 
     /// Returns the offsets of one cycle, which hold the pose of the nominal positions under `load`; to first order. The pose is tracked as
-    /// by a [`PoseTracker`]. Whatever the load, the offsets are within the limits.
+    /// by a [`PoseTracker`], which an error leaves as its text says. Whatever the load, the offsets are within the limits.
     ///
     /// # Errors
     /// As [`PoseTracker::track`] and [`Elastic::command`].

@@ -7,7 +7,8 @@ use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution,
 ///
 /// A call starts from the last pose and is warm ([`WARM_ITERATIONS`], enough at 1 m/s and 1 kHz); without a last pose it is cold. After an
 /// error the next call is patient ([`COLD_ITERATIONS`] from the last pose), the one after it cold, and so in turn until one succeeds. So
-/// the pose is back with the third call at the latest that is given positions which it can be found for, patiently or cold.
+/// the pose is back with the third call at the latest that is given positions which it can be found for, patiently or cold. Without a
+/// synchronised form a cold call with a last pose is patient too.
 ///
 /// # Examples
 /// ```
@@ -27,8 +28,8 @@ use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution,
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PoseTracker {
-    /// Last pose found, the seed of the next call. With `None` that call is cold, which needs a machine with a synchronised form.
-    /// To begin at a known pose, set it in a default tracker.
+    /// Last pose found, the seed of the next call unless that is a cold one. With `None` every call is cold, which needs a machine with a
+    /// synchronised form. To begin at a known pose, set it in a default tracker: one that has failed may be about to make a cold call.
     pub last: Option<Pose>,
     attempt: Attempt,
 }
@@ -54,7 +55,12 @@ impl PoseTracker {
         let solution = match (&self.last, self.attempt) {
             (Some(seed), Attempt::Warm) => kinematics.forward_from(q, seed, WARM_ITERATIONS),
             (Some(seed), Attempt::Patient) => kinematics.forward_from(q, seed, COLD_ITERATIONS),
-            (Some(_), Attempt::Cold) | (None, _) => kinematics.forward(q),
+            (Some(seed), Attempt::Cold) => match kinematics.forward(q) {
+                // Known before any iteration.
+                Err(KinematicsError::SeedRequired) => kinematics.forward_from(q, seed, COLD_ITERATIONS),
+                found => found,
+            },
+            (None, _) => kinematics.forward(q),
         };
         match (&solution, self.attempt) {
             (Ok(found), _) => *self = Self { last: Some(found.value), attempt: Attempt::Warm },
@@ -118,6 +124,16 @@ mod tests {
     }
 
     #[test]
+    fn a_cold_call_needs_no_last_pose_nearby() {
+        let kinematics = Kinematics::new(&Robot::new(presets::f1()).unwrap());
+        let q = kinematics.inverse(&at(-0.2, 0.6), None).unwrap().value;
+        let mut tracker = PoseTracker { last: Some(at(0.0, 0.3)), attempt: Attempt::Cold };
+        let found = tracker.track(&kinematics, &q);
+        assert_eq!(found, kinematics.forward(&q));
+        assert_eq!(tracker, PoseTracker { last: Some(found.unwrap().value), attempt: Attempt::Warm });
+    }
+
+    #[test]
     fn without_a_synchronised_form_it_needs_no_seed_but_the_first() {
         let mut geometry = presets::f1();
         geometry.lengths_m[2] += 1e-3;
@@ -128,5 +144,9 @@ mod tests {
         tracker.last = Some(at(0.0, 0.3));
         let pose = tracker.track(&kinematics, &q).unwrap().value;
         assert!((pose.position_m - at(0.0, 0.3).position_m).amax() < 1e-9);
+        // Each call has a seed, so no error says that one is required.
+        for _ in 0..4 {
+            assert_eq!(tracker.track(&kinematics, &[f64::NAN; 6]), Err(KinematicsError::NotFinite));
+        }
     }
 }

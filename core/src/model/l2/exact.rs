@@ -100,7 +100,7 @@ mod tests {
             let q = nominal.inverse(&position_m).unwrap();
             let model = Elastic::new(&nominal, &compliances());
             let load = [300.0, -50.0, 100.0, 1.0, 2.0, -1.0];
-            // What is left to first order grows with the load.
+            // The error left to first order grows with the load.
             for (times, left) in [(1.0, 6e-3), (10.0, 6e-2)] {
                 let load = Wrench::from_array(load.map(|component| component * times));
                 let off = |command: &[f64; AXES]| norm(&(stands(&robot, command, &load, &pose) - position_m));

@@ -318,7 +318,7 @@ impl Kinematics {
         let per_normal = 1.0 / normal_squared;
         let a = (k1 * e22 - k2 * e12) * per_normal;
         let b = (k2 * e11 - k1 * e12) * per_normal;
-        // What the two equations gave, put back into them. With `|x|^2` taken from it, link 1 keeps its length whatever `a` and `b`
+        // The result of the two equations, put back into them. With `|x|^2` taken from it, link 1 keeps its length whatever `a` and `b`
         // are, and the squared lengths of the others are wrong by twice the mismatch.
         let (g1, g2) = (a * e11 + b * e12, a * e12 + b * e22);
         let height_squared = a1.length_squared - (a * g1 + b * g2);

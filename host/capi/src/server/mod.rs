@@ -129,7 +129,7 @@ pub unsafe extern "C" fn gt_server_config_check(
 /// `server`: receives the handle, which points into `memory`.
 ///
 /// Errors: those of gt_server_config_check; GT_CODE_MEMORY_TOO_SMALL, GT_CODE_MISALIGNED, GT_CODE_START_OFFSET_IN_FORCE.
-/// After an error the memory holds no server, not even one that was there before.
+/// After an error do not use a server that was in the memory before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_init(
     memory: *mut c_void,

@@ -8,10 +8,19 @@ use gantry_tau_tests::session_fixture::{SessionFixture, offsets};
 
 use super::AT;
 
+/// A session at [`AT`], after another one, whose epoch was given to a client.
+fn second_session() -> SessionFixture<3> {
+    let SessionFixture { mut server, client } = SessionFixture::obtained(AT);
+    client.reset();
+    server.await_loss_of_owner();
+    server.assert_disconnect(AT, Cause::Closed);
+    SessionFixture::submitted_on(server).obtain(AT)
+}
+
 #[test]
 fn a_command_that_is_no_fresh_answer_is_a_miss() {
     type Case = (&'static str, fn(&mut Command<3>), fn(&Counters) -> u32);
-    let cases: [Case; 18] = [
+    let cases: [Case; 19] = [
         ("of the last sequence", |c| c.sequence.0 -= 1, |n| n.duplicate),
         ("overtaken", |c| c.sequence.0 -= 2, |n| n.late),
         ("65 537 ahead", |c| c.sequence.0 += 65_536, |n| n.stale),
@@ -21,6 +30,7 @@ fn a_command_that_is_no_fresh_answer_is_a_miss() {
         ("to the next State", |c| c.echo.0 += 1, |n| n.stale),
         ("to the last State there can be", |c| c.echo.0 = u64::MAX, |n| n.stale),
         ("of no session", |c| c.epoch.0 = 0, |n| n.stale),
+        ("of the session before", |c| c.epoch.0 -= 1, |n| n.stale),
         ("of the next session", |c| c.epoch.0 += 1, |n| n.stale),
         ("of the last session there can be", |c| c.epoch.0 = u64::MAX, |n| n.stale),
         ("too far", |c| c.targets[2] = offsets(MAX_NM + 1, 0, 0), |n| n.out_of_range),
@@ -31,11 +41,12 @@ fn a_command_that_is_no_fresh_answer_is_a_miss() {
         ("too strong", |c| c.targets[2] = offsets(0, 0, -51), |n| n.out_of_range),
         ("too strong and too far", |c| c.targets[0] = offsets(MAX_NM + 1, 0, 51), |n| n.out_of_range),
     ];
-    let mut session = SessionFixture::obtained(AT);
+    let mut session = second_session();
     // 65 536 ahead is fresh.
     session.client.sequence += 65_535;
     let mut counters = session.answer(Mode::Obtain, AT).state.counters;
     for (case, change, count) in cases {
+        // Names the case if the next assertion fails.
         println!("{case}");
         session.deliver_changed([0; 3], change);
         let before = std::mem::replace(&mut counters, session.assert_held().state.counters);
@@ -48,7 +59,7 @@ fn a_command_that_is_no_fresh_answer_is_a_miss() {
 
 #[test]
 fn a_goodbye_and_a_stop_of_another_epoch_change_nothing() {
-    let mut session = SessionFixture::obtained(AT);
+    let mut session = second_session();
     let own = session.client.epoch.0;
     for (count, epoch) in (1..).zip([0, own - 1, own + 1, u64::MAX]) {
         session.say(&ClientMessage::Goodbye(Epoch(epoch)));

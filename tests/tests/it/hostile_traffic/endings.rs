@@ -149,6 +149,9 @@ fn no_peer_is_let_in_during_a_ramp() {
             assert_eq!(newcomer.refusal(), Refusal::Ramping { ticks_left: before.ramp_ticks_left });
             newcomer = asking(server.address());
         }
+        if row.welcomed {
+            assert_eq!((before.phase, before.ramp_ticks_left), (Phase::Listening, 0), "let in during the ramp");
+        }
         before = row.state;
         row.welcomed
     });

@@ -110,7 +110,7 @@ pub(crate) fn recordings_replay() {
     }
 }
 
-/// Playback refuses a cycle in which more arrives than its budget.
+/// Playback refuses a cycle in which more arrives than its budget, and what is no recording.
 pub(crate) fn excess_is_refused() {
     let mut rest = traffic::calm().bytes.as_slice();
     // The start, a stream, its Hello, the first cycle.
@@ -133,6 +133,17 @@ pub(crate) fn excess_is_refused() {
     assert!(is_played(&[]));
     assert!(is_played(&bytes(128 - 14)));
     assert!(!is_played(&bytes(128 - 13)));
+    // Nor does it take a recording that is cut, or a cycle with a kind or a flag that does not exist.
+    for kept in 0..cycle.len() {
+        assert!(try_play(&[start, open, hello, &cycle[..kept]].concat()).is_none(), "{kept} bytes of a cycle");
+    }
+    let word = |number: usize| 3 + 8 * number;
+    let (stop, rearm, motion, last_write) = (word(2), word(3), word(4), word(5 + 6 + 18));
+    for at in [2, stop, rearm, motion, last_write] {
+        let mut damaged = cycle.to_vec();
+        damaged[at] = 9;
+        assert!(!is_played(&damaged), "byte {at} of a cycle");
+    }
     assert!(!is_played(open), "a second connection");
     assert!(try_play(&[start, open].concat()).is_none(), "no end");
 }

@@ -9,12 +9,13 @@ use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution,
 use crate::model::linalg::{norm, product, rotation_from_vector, sqrt, times};
 use crate::model::robot::LINKS;
 
-/// Largest deviation from the synchronised form: angles in radians, lengths over the machine's size.
+/// Largest deviation from the synchronised form, over the machine's size.
 const SYNCHRONISED_TOLERANCE: f64 = 1e-9;
 
 impl Kinematics {
     /// Forward kinematics without a seed: from the synchronised form, whatever the plates do. Where they turn together
-    /// (`q_4 = -q_5` for drives of opposite signs) that form is the solution, after no iteration.
+    /// (`q_4 = -q_5` for drives of opposite signs) that form is the solution, and no iteration is needed unless
+    /// the links of a cluster are parallel only to the tolerance.
     ///
     /// # Errors
     /// `SeedRequired` where the machine has no such form (`b_22 - b_21` is not parallel to `a_6`, or the links of a cluster do not

@@ -73,7 +73,7 @@ impl Kinematics {
     }
 
     /// As [`new`](Self::new), without limits of travel: carts unchecked, plates within half a turn. For corrections, which may leave
-    /// the nominal travel and are bounded elsewhere.
+    /// the nominal travel and are bounded elsewhere. [`robot`](Self::robot) keeps its own; [`travel`](Self::travel) is the one in force.
     #[must_use]
     pub const fn without_travel(&self) -> Self {
         Self { travel: UNLIMITED, ..*self }
