@@ -52,15 +52,15 @@ impl PoseTracker {
     /// # Errors
     /// As [`Kinematics::forward`] or [`Kinematics::forward_from`], of this attempt; the last pose stays.
     pub fn track(&mut self, kinematics: &Kinematics, q: &[f64; AXES]) -> Result<Solution<Pose>, KinematicsError> {
-        let solution = match (&self.last, self.attempt) {
-            (Some(seed), Attempt::Warm) => kinematics.forward_from(q, seed, WARM_ITERATIONS),
-            (Some(seed), Attempt::Patient) => kinematics.forward_from(q, seed, COLD_ITERATIONS),
-            (Some(seed), Attempt::Cold) => match kinematics.forward(q) {
-                // Known before any iteration.
-                Err(KinematicsError::SeedRequired) => kinematics.forward_from(q, seed, COLD_ITERATIONS),
-                found => found,
-            },
-            (None, _) => kinematics.forward(q),
+        let start = match (&self.last, self.attempt) {
+            (Some(seed), Attempt::Warm) => Some((seed, WARM_ITERATIONS)),
+            (Some(seed), Attempt::Patient) => Some((seed, COLD_ITERATIONS)),
+            (Some(seed), Attempt::Cold) if !kinematics.is_synchronisable() => Some((seed, COLD_ITERATIONS)),
+            (Some(_), Attempt::Cold) | (None, _) => None,
+        };
+        let solution = match start {
+            Some((seed, iterations)) => kinematics.forward_from(q, seed, iterations),
+            None => kinematics.forward(q),
         };
         match (&solution, self.attempt) {
             (Ok(found), _) => *self = Self { last: Some(found.value), attempt: Attempt::Warm },

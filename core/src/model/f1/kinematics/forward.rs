@@ -124,7 +124,7 @@ impl Kinematics {
     }
 
     /// True if plates in step leave every cluster's links parallel.
-    fn is_synchronisable(&self) -> bool {
+    pub(in crate::model::f1) fn is_synchronisable(&self) -> bool {
         let geometry = self.robot.geometry();
         let tolerance = SYNCHRONISED_TOLERANCE * self.size_m;
         let [_, p21, p22, p31, p32, p33] = geometry.plate_joints_m;
