@@ -27,11 +27,11 @@ impl From<Problem> for Failure {
 pub(super) fn inline(robot: &Value) -> Result<Machine, Failure> {
     match robot.get("model").and_then(Value::as_str) {
         Some("l2") => {
-            let (robot, compliances) = read::<L2Keys, _>(robot)?;
+            let (robot, compliances) = read::<L2Keys, { l2::AXES }>(robot)?;
             Ok(Machine::L2 { robot, compliances })
         }
         Some("f1") => {
-            let (robot, compliances) = read::<F1Keys, _>(robot)?;
+            let (robot, compliances) = read::<F1Keys, { f1::AXES }>(robot)?;
             Ok(Machine::F1 { kinematics: f1::Kinematics::new(&robot), compliances })
         }
         _ => Err(Failure::robot("model must be \"l2\" or \"f1\"")),
