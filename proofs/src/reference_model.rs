@@ -145,7 +145,7 @@ impl<const N: usize> ReferenceModel<N> {
     /// Runs a tick that core has run, with the same output.
     ///
     /// # Panics
-    /// When core's is another.
+    /// On any difference.
     pub fn tick(&mut self, input: &Input<N>, output: &Output<N>) {
         let cycle = &input.tick;
         self.settle(&cycle.last_write);

@@ -144,9 +144,14 @@ mod tests {
         tracker.last = Some(at(0.0, 0.3));
         let pose = tracker.track(&kinematics, &q).unwrap().value;
         assert!((pose.position_m - at(0.0, 0.3).position_m).amax() < 1e-9);
-        // Each call has a seed, so no error says that one is required.
-        for _ in 0..4 {
-            assert_eq!(tracker.track(&kinematics, &[f64::NAN; 6]), Err(KinematicsError::NotFinite));
+        // Every call has a seed, so none says that one is required: warm, patient, and patient in place of cold.
+        let mut lost = q;
+        lost[0] = 1e6;
+        let attempts = [WARM_ITERATIONS, COLD_ITERATIONS, COLD_ITERATIONS, COLD_ITERATIONS];
+        for iterations in attempts {
+            let found = tracker.track(&kinematics, &lost);
+            assert!(!matches!(found, Ok(_) | Err(KinematicsError::SeedRequired)), "{found:?}");
+            assert_eq!(found, kinematics.forward_from(&lost, &pose, iterations));
         }
     }
 }
