@@ -8,6 +8,6 @@ use libtest_mimic::Arguments;
 
 fn main() {
     let arguments = Arguments::from_args();
-    let trials = capi::trials().into_iter().chain(firmware::trials());
+    let trials = firmware::trials().into_iter().chain(capi::trials());
     libtest_mimic::run(&arguments, trials.collect()).exit();
 }

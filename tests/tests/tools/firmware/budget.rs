@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::sync::{Mutex, PoisonError};
 
 use toml::{Table, Value};
 
@@ -18,6 +19,9 @@ pub(crate) fn recording() -> bool {
 /// Compares measurements with those recorded: none may exceed its goal, or the last measurement by more than a fiftieth (another
 /// compiler, another rounding of the clock); a digest must be the same.
 pub(crate) fn judge(build: Build, subject: &str, measured: &Measured) {
+    // Tests run side by side, and each writes the whole file.
+    static FILE: Mutex<()> = Mutex::new(());
+    let _file = FILE.lock().unwrap_or_else(PoisonError::into_inner);
     let key = &format!("{}_{subject}", build.name().replace('-', "_"));
     let path = folder().join("sizes.toml");
     let text = fs::read_to_string(&path).unwrap();

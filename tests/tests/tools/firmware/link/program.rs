@@ -7,13 +7,13 @@ use std::process::{Command, Stdio};
 use super::PATIENCE;
 use crate::firmware::process::Process;
 
-/// Builds the program as cargo builds it for tests, unless that is done already. Returns its path.
+/// Builds the program as `cargo test` does, with whose features nothing is built twice. Returns its path.
 pub(super) fn build() -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let profile = test.ancestors().nth(2).unwrap();
     let is_debug = profile.ends_with("debug");
     let status = Command::new(env!("CARGO"))
-        .args(["build", "--quiet", "--locked", "--package", "gantry-tau", "--bin", "gantry-tau"])
+        .args(["test", "--quiet", "--locked", "--workspace", "--no-run", "--test", "it"])
         .args(["--profile", if is_debug { "test" } else { "release" }])
         .arg("--target-dir")
         .arg(profile.parent().unwrap())
