@@ -49,8 +49,9 @@ fn library() -> &'static Path {
     static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
     LIBRARY.get_or_init(|| {
         let mut build = build_script();
-        // Beside the firmware, with whose profile most dependencies are the same.
-        let built = run(build.args(["m7-small", "--manifest-path"]).arg(folder().join("Cargo.toml")));
+        build.args(["m7", "--manifest-path"]).arg(folder().join("Cargo.toml"));
+        // Beside the firmware and at its level, so that most dependencies are the same.
+        let built = run(build.args(["--config", "profile.release.opt-level=2"]));
         let said = built.unwrap_or_else(|failed| panic!("{}", failed.message().unwrap_or("")));
         // The last line is the folder.
         Path::new(said.trim_end().lines().last().unwrap()).join("libgantry_tau.a")
