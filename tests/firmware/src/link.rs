@@ -75,8 +75,10 @@ pub(crate) fn run(ticks: Ticks, sessions: Option<&[u8]>) -> bool {
 }
 
 fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
-    let home = home().ok_or(LinkError::Machine)?;
-    let parts = Parts::new(Capabilities::LOCKSTEP, home).map_err(|_| LinkError::Machine)?;
+    let place = singleton!(: MaybeUninit<ControlCycle> = MaybeUninit::uninit()).ok_or(LinkError::Twice)?;
+    let cycle = ControlCycle::write(place).map_err(|_| LinkError::Machine)?;
+    let home = cycle.run(&CycleInput::on_time(Motion::F1, pose(0))).nominal().ok_or(LinkError::Machine)?;
+    let parts = Parts::new(cycle, Capabilities::LOCKSTEP, home).map_err(|_| LinkError::Machine)?;
     let place = singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()).ok_or(LinkError::Twice)?;
     let machine = place.write(Machine::new(parts));
     let lan = Lan9118::new(PLACE.hardware).map_err(LinkError::Lan)?;
@@ -158,12 +160,6 @@ fn pose(step: u64) -> Pose6 {
     let away_m = f64::from(u32::try_from(away).unwrap_or_default()) * 1e-6;
     let [x, y, z] = HOME_M;
     [x + away_m, y, z, 0.0, 0.0, 0.0]
-}
-
-/// Returns the positions of the axes at home.
-fn home() -> Option<[PositionNm; AXES]> {
-    let (mut cycle, _) = ControlCycle::new().ok()?;
-    cycle.run(&CycleInput::on_time(Motion::F1, pose(0))).nominal()
 }
 
 /// Reads a decimal number. (That of a `str` links a panic.)

@@ -13,7 +13,7 @@ use gantry_tau_core::units::PositionNm;
 use crate::board::host::File;
 use crate::board::timer::Ticks;
 use crate::board::{clock, copy, stack};
-use crate::machine::{AXES, Machine, Meter, Part, Parts};
+use crate::machine::{AXES, ControlCycle, Machine, Meter, Part, Parts};
 use crate::recording::{self, Observer, Room, Sink, Source};
 use crate::session_log::SessionLog;
 
@@ -57,7 +57,8 @@ pub(crate) fn run(ticks: Ticks) -> bool {
 /// Puts the machine into its place. Not inlined, so that its stack is free again before the first cycle.
 #[inline(never)]
 fn machine(nominal: [PositionNm; AXES]) -> Option<&'static mut Machine> {
-    let Ok(parts) = Parts::new(Capabilities::NONE, nominal) else {
+    let cycle = ControlCycle::write(singleton!(: MaybeUninit<ControlCycle> = MaybeUninit::uninit())?);
+    let Ok(parts) = cycle.and_then(|cycle| Parts::new(cycle, Capabilities::NONE, nominal)) else {
         defmt::error!("core refuses the machine");
         return None;
     };

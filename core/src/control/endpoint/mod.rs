@@ -162,10 +162,8 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
 
     /// Takes note that a connection is gone: closed by its peer, reset, or closed by the host because a write failed.
     pub fn close(&mut self, connection: Connection) {
-        let open = self.slots.len();
-        self.slots.retain(|slot| slot.connection != connection);
         // Only the first time: repeated, it would fill the inbox.
-        if self.slots.len() == open {
+        if !self.remove(connection) {
             return;
         }
         if self.session.owner() == Some(connection) {
@@ -303,8 +301,16 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
     ///
     /// A connection that is not polled keeps its place among the [`CONNECTIONS`].
     pub fn poll_close(&mut self) -> Option<Connection> {
-        let index = self.slots.iter().position(|slot| slot.closed)?;
-        Some(self.slots.remove(index).connection)
+        let connection = self.slots.iter().find(|slot| slot.closed)?.connection;
+        self.remove(connection);
+        Some(connection)
+    }
+
+    /// Removes the slot of a connection. Returns true if it had one.
+    fn remove(&mut self, connection: Connection) -> bool {
+        let open = self.slots.len();
+        self.slots.retain(|slot| slot.connection != connection);
+        self.slots.len() < open
     }
 
     /// Queues an event, a non-owner's only within the common budget of non-owners; beyond it the non-owner is closed.

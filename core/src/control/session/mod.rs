@@ -161,6 +161,8 @@ impl<const N: usize> Session<N> {
     ///
     /// # Errors
     /// [`StartError::OffsetInForce`] when an offset in force is beyond its limits.
+    // Not inlined: the copies that it makes stay out of its caller.
+    #[inline(never)]
     pub fn new(config: Config<N>, start: &Start<N>) -> Result<Self, StartError> {
         let axes = axes_at_rest(&config, &start.in_force)?;
         let (phase, cause) = if start.stop_latched {

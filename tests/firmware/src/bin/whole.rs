@@ -17,7 +17,7 @@ use gantry_tau_core::units::PositionNm;
 #[path = "../machine/mod.rs"]
 mod machine;
 
-use machine::{AXES, CycleInput, Machine, Motion, Parts, Unmeasured};
+use machine::{AXES, ControlCycle, CycleInput, Machine, Motion, Parts, Unmeasured};
 
 /// Input of a board: positions of the axes, bytes, input of a cycle.
 struct Board {
@@ -56,7 +56,8 @@ fn main() -> ! {
 /// board's memory changes and that references and frames are read.
 fn serve(board: &mut Board, machine: &mut MaybeUninit<Machine>) -> Option<()> {
     let board = black_box(board);
-    let parts = Parts::new(Capabilities::NONE, board.nominal).ok()?;
+    let cycle = ControlCycle::write(singleton!(: MaybeUninit<ControlCycle> = MaybeUninit::uninit())?).ok()?;
+    let parts = Parts::new(cycle, Capabilities::NONE, board.nominal).ok()?;
     let machine = machine.write(Machine::new(parts));
     loop {
         let seen = black_box(&mut *board);

@@ -1,5 +1,7 @@
 //! Float part of a cycle: nominal positions from a pose, offsets from a load.
 
+use core::mem::MaybeUninit;
+
 use gantry_tau_core::model::compensation::Correction;
 use gantry_tau_core::model::kinematics::KinematicsError;
 use gantry_tau_core::model::l2;
@@ -39,19 +41,24 @@ pub(crate) struct L2Result {
 }
 
 impl ControlCycle {
-    /// Builds both machines. Returns the checksum of the F1 with them.
-    pub(crate) fn new() -> Result<(Self, u32), SetupError> {
+    /// Builds both machines in `place`. Not inlined, so that its stack is free again before the server is built.
+    #[inline(never)]
+    pub(crate) fn write(place: &mut MaybeUninit<Self>) -> Result<&mut Self, SetupError> {
         let (robot, springs) = robots::l2().map_err(|_| SetupError::Robot)?;
         let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity()).map_err(|_| SetupError::Robot)?;
-        let (f1, checksum) = F1::new()?;
         let cycle = Self {
             sensor: ForceSensor::new(robots::sensor()).map_err(|_| SetupError::Compensation)?,
             load: Wrench::zero(),
             l2: l2::Compensator::new(&kinematics, &springs, robots::compensation([1.0; 3]))
                 .map_err(|_| SetupError::Compensation)?,
-            f1,
+            f1: F1::new()?,
         };
-        Ok((cycle, checksum))
+        Ok(place.write(cycle))
+    }
+
+    /// Returns the checksum of the F1.
+    pub(crate) const fn checksum(&self) -> u32 {
+        self.f1.checksum
     }
 
     /// Runs one cycle. An invalid sample of the sensor leaves the load as it was.

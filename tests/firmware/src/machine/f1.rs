@@ -27,6 +27,8 @@ pub(crate) struct F1Result {
 
 /// Compensator of the F1, and the result of the last cycle.
 pub(crate) struct F1 {
+    /// Checksum of its kinematics.
+    pub(super) checksum: u32,
     compensator: f1::Compensator,
     /// Last cycle; kept here to save stack.
     result: F1Result,
@@ -35,10 +37,11 @@ pub(crate) struct F1 {
 }
 
 impl F1 {
-    /// Builds the machine of `robots/f1.toml`. Returns its checksum with it.
-    pub(crate) fn new() -> Result<(Self, u32), SetupError> {
+    /// Builds the machine of `robots/f1.toml`.
+    pub(crate) fn new() -> Result<Self, SetupError> {
         let (robot, springs) = robots::f1().map_err(|_| SetupError::Robot)?;
-        let f1 = Self {
+        Ok(Self {
+            checksum: robot.kinematics_checksum(),
             compensator: f1::Compensator::new(
                 &f1::Kinematics::new(&robot),
                 &springs,
@@ -47,8 +50,7 @@ impl F1 {
             .map_err(|_| SetupError::Compensation)?,
             result: UNSOLVED,
             has_plates: false,
-        };
-        Ok((f1, robot.kinematics_checksum()))
+        })
     }
 
     /// Runs one cycle. Its parts are not inlined, so that their stack use does not add up.

@@ -120,7 +120,7 @@ impl Meter for Unmeasured {}
 pub(crate) struct Machine {
     server: Server,
     black_box: BlackBox<AXES, HALF>,
-    cycle: ControlCycle,
+    cycle: &'static mut ControlCycle,
     /// Input of the coming tick; its nominal positions and measurements stay until new ones are computed.
     input: TickInput<AXES>,
 }
@@ -129,15 +129,18 @@ pub(crate) struct Machine {
 pub(crate) struct Parts {
     session: Session<AXES>,
     motors: MotorMap<AXES, MOTORS>,
-    cycle: ControlCycle,
+    cycle: &'static mut ControlCycle,
     nominal: [PositionNm; AXES],
 }
 
 impl Parts {
     /// Checks every constant. The axes are at `nominal` when the server starts.
-    pub(crate) fn new(capabilities: Capabilities, nominal: [PositionNm; AXES]) -> Result<Self, SetupError> {
-        let (cycle, checksum) = ControlCycle::new()?;
-        let parameters = robots::parameters(checksum, capabilities)?;
+    pub(crate) fn new(
+        cycle: &'static mut ControlCycle,
+        capabilities: Capabilities,
+        nominal: [PositionNm; AXES],
+    ) -> Result<Self, SetupError> {
+        let parameters = robots::parameters(cycle.checksum(), capabilities)?;
         let config = Config::new(parameters).map_err(|_| SetupError::Session)?;
         let session = Session::new(config, &Start::at_rest(nominal)).map_err(|_| SetupError::Session)?;
         let motors = MotorMap::new(AXIS_OF_MOTOR).map_err(|_| SetupError::Session)?;

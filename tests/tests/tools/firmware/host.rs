@@ -1,6 +1,7 @@
 //! Playback on the host, by the firmware's sources.
 
 use std::fs;
+use std::mem::MaybeUninit;
 use std::path::Path;
 
 use gantry_tau::model::MachineKind;
@@ -8,7 +9,7 @@ use gantry_tau::robot_file::RobotFile;
 use gantry_tau_core::control::message::{Capabilities, Phase};
 use gantry_tau_core::control::session::Connection;
 
-use super::machine::{CycleResult, Machine, Meter, Parts, robots};
+use super::machine::{ControlCycle, CycleResult, Machine, Meter, Parts, robots};
 use super::recording::{self, MAX_RECORD, Observer, Record, Room, Sink, Source};
 use super::traffic;
 
@@ -43,6 +44,11 @@ pub(crate) enum Floats {
     },
 }
 
+/// Returns the float part of a machine. It is never freed: some kilobytes per machine.
+pub(crate) fn control_cycle() -> &'static mut ControlCycle {
+    ControlCycle::write(Box::leak(Box::new(MaybeUninit::uninit()))).unwrap()
+}
+
 /// Plays a recording.
 pub(crate) fn play(recording: &[u8]) -> Played {
     try_play(recording).expect("the recording is valid")
@@ -52,7 +58,7 @@ pub(crate) fn play(recording: &[u8]) -> Played {
 fn try_play(recording: &[u8]) -> Option<Played> {
     let (mut source, mut room) = (Bytes(recording), Room::EMPTY);
     let nominal = recording::start(&mut room, &mut source)?;
-    let mut machine = Machine::new(Parts::new(Capabilities::NONE, nominal).unwrap());
+    let mut machine = Machine::new(Parts::new(control_cycle(), Capabilities::NONE, nominal).unwrap());
     let (mut output, mut seen) = (Vec::new(), Seen::default());
     recording::play(&mut machine, &mut room, &mut source, &mut output, &mut seen)?;
     assert!(source.0.is_empty(), "nothing follows the end");

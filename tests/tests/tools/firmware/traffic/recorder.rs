@@ -11,8 +11,9 @@ use gantry_tau_tests::client::Noise;
 
 use super::Recording;
 use super::socket::Socket;
+use crate::firmware::host::control_cycle;
 use crate::firmware::ingress_budget::IngressBudget;
-use crate::firmware::machine::{AXES, ControlCycle, CycleInput, CycleResult, Machine, Meter, Motion, Parts, Pose6};
+use crate::firmware::machine::{AXES, CycleInput, CycleResult, Machine, Meter, Motion, Parts, Pose6};
 use crate::firmware::recording::{Observer, Record, Sink, cycle};
 
 /// Plays live, and writes down what it plays.
@@ -76,11 +77,11 @@ impl Sink for Outcome {
 impl Recorder {
     pub(super) fn new(motion: Motion, pose: Pose6) -> Self {
         let mut input = CycleInput::on_time(motion, pose);
-        let nominal = ControlCycle::new().unwrap().0.run(&input).nominal();
+        let nominal = control_cycle().run(&input).nominal();
         let nominal = nominal.unwrap();
         input.tick.nominal = nominal;
         let mut recorder = Self {
-            machine: Machine::new(Parts::new(Capabilities::NONE, nominal).unwrap()),
+            machine: Machine::new(Parts::new(control_cycle(), Capabilities::NONE, nominal).unwrap()),
             bytes: Vec::new(),
             cycles: 0,
             outcome: Vec::new(),
