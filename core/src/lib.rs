@@ -86,7 +86,7 @@ pub use control::endpoint::{Endpoint, MotorMap, Transport};
 pub use control::message::{AxisLimits, AxisState, Cause, Mode, Phase, Refusal, State};
 pub use control::monitor::Monitor;
 pub use control::session::config::{AxisConfig, Config, Parameters, Travel};
-pub use control::session::{BlackBox, Connection, LastWrite, Session, Start, TickInput};
+pub use control::session::{BlackBox, Connection, LastWrite, Reading, Session, Start, TickInput};
 /// The bounded vectors of the public interface.
 pub use heapless;
 pub use units::{Epoch, EpochRange, OffsetNm, PositionNm, Tick};

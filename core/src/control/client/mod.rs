@@ -12,7 +12,7 @@
 //! use gantry_tau_core::control::client::{Client, Event, Requirements};
 //! use gantry_tau_core::{Mode, Offsets, Transport};
 //! # use gantry_tau_core::{AxisConfig, Config, Endpoint, EpochRange, LimitValues, Limits, MotorMap, Parameters, PositionNm};
-//! # use gantry_tau_core::{Session, Start, Travel, TickInput, LastWrite, Actual, OffsetNm};
+//! # use gantry_tau_core::{Session, Start, Travel, TickInput, LastWrite, Reading, OffsetNm};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let limits = Limits::new(LimitValues { max: 2_000_000, step: 5_000, accel: 10_000, ramp: 100 })?;
 //! # let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
@@ -24,8 +24,8 @@
 //! let mut outgoing: Vec<u8> = client.hello().unwrap().to_vec();
 //! for _ in 0..5 {
 //! #    server.feed(connection, &outgoing);
-//! #    let tick = TickInput { elapsed_cycles: 1, nominal: [PositionNm(0)], actual: [Actual::ZERO], stop: false, rearm: false,
-//! #        last_write: LastWrite::Accepted, arrival_us: 0 };
+//! #    let tick = TickInput { elapsed_cycles: 1, reading: Some(Reading::unmeasured([PositionNm(0)])), stop: false,
+//! #        rearm: false, last_write: LastWrite::Accepted, arrival_us: 0 };
 //! #    let _ = server.tick(&tick);
 //! #    let mut incoming = Vec::new();
 //! #    while let Some((_, frame)) = server.poll_transmit() { incoming.extend_from_slice(frame); }

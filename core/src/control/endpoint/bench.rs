@@ -7,7 +7,7 @@ use crate::control::axis::{Offsets, Reference};
 use crate::control::fixture::{command, on_time};
 use crate::control::message::{ClientMessage, Mode, ServerMessage};
 use crate::control::session::config::{Config, Parameters};
-use crate::control::session::{Connection, Output, Session, Start, TickInput};
+use crate::control::session::{Connection, Output, Reading, Session, Start, TickInput};
 use crate::control::wire::{Frame, FrameBytes, decode_server, encode_client};
 use crate::units::{EpochRange, PositionNm};
 
@@ -52,7 +52,7 @@ impl Bench {
     }
 
     pub(crate) fn input() -> TickInput<2> {
-        TickInput { nominal: NOMINAL, ..on_time() }
+        TickInput { reading: Some(Reading::unmeasured(NOMINAL)), ..on_time() }
     }
 
     pub(crate) fn tick(&mut self) -> Ticked {

@@ -19,6 +19,8 @@ pub struct Axis {
     pub shadow: AxisChannels,
     /// Nominal reference of the last tick.
     pub nominal: PositionNm,
+    /// Last measurements of the drive; reported only.
+    pub actual: Actual,
 }
 
 /// Command to one axis in a tick.
@@ -59,7 +61,8 @@ impl Axis {
         let offsets = self.channels.offsets();
         let everywhere = Travel { lower: PositionNm(i64::MIN), upper: PositionNm(i64::MAX) };
         let (reference, _) = drive_reference(self.nominal, &offsets, &everywhere);
-        let state = AxisState { nominal: self.nominal, offsets, shadow: self.shadow.offsets(), ..AxisState::default() };
+        let (shadow, flags) = (self.shadow.offsets(), AxisFlags::default());
+        let state = AxisState { nominal: self.nominal, offsets, shadow, actual: self.actual, flags };
         (reference, state)
     }
 
@@ -70,6 +73,7 @@ impl Axis {
         let target = &command.target;
         self.channels = self.channels.act(command.action, target, limits);
         self.nominal = command.nominal;
+        self.actual = command.actual;
         // In Submit it is the shadow that approaches its target.
         let limited;
         (self.shadow, limited) = match command.shadow {

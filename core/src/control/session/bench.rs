@@ -3,7 +3,7 @@
 use std::vec::Vec as StdVec;
 
 use super::config::{Config, Parameters};
-use super::{Connection, Event, Events, Input, LastWrite, Output, Session, Start, TickInput};
+use super::{Connection, Event, Events, Input, LastWrite, Output, Reading, Session, Start, TickInput};
 use crate::control::axis::{InForce, Offsets};
 use crate::control::fixture::{HELLO, at, command};
 use crate::control::message::{ClientMessage, Mode};
@@ -93,7 +93,7 @@ impl Bench {
         };
         let events: StdVec<_> = message.into_iter().map(|message| (OWNER, Event::Message(message))).collect();
         self.tick_with(&events, |tick| {
-            tick.nominal = nominal;
+            tick.reading = Some(Reading::unmeasured(nominal));
             match one {
                 Move::Late(cycles, _) => tick.elapsed_cycles = *cycles,
                 Move::Switches { stop, rearm } => (tick.stop, tick.rearm) = (*stop, *rearm),

@@ -62,6 +62,28 @@ pub enum LastWrite<const N: usize> {
     Unknown,
 }
 
+/// What was read from the machine in one cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct Reading<const N: usize> {
+    /// Nominal references of this cycle.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
+    pub nominal: [PositionNm; N],
+    /// Measurements of the drives.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
+    pub actual: [Actual; N],
+}
+
+impl<const N: usize> Reading<N> {
+    /// A machine that measures nothing: its actual values are reported as zero.
+    #[must_use]
+    pub const fn unmeasured(nominal: [PositionNm; N]) -> Self {
+        Self { nominal, actual: [Actual::ZERO; N] }
+    }
+}
+
 /// Inputs of one tick from the machine. Every field must be given: a stop has no default.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -70,12 +92,9 @@ pub enum LastWrite<const N: usize> {
 pub struct TickInput<const N: usize> {
     /// Cycles since the last tick: 1 when on time; 0 counts as 1. Each further cycle is a missed deadline.
     pub elapsed_cycles: u32,
-    /// Nominal references of this cycle.
-    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
-    pub nominal: [PositionNm; N],
-    /// Measurements of the drives.
-    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
-    pub actual: [Actual; N],
+    /// Nominal references and measurements; `None` when the machine could not be read, which stops: the last nominal references
+    /// stand, and count as in force until the machine is read again.
+    pub reading: Option<Reading<N>>,
     /// The stop at the machine is asserted.
     pub stop: bool,
     /// The re-arm at the machine is pressed. It counts only after it was seen released in the fault: a stuck one re-arms nothing.
@@ -115,8 +134,7 @@ impl<const N: usize> Input<N> {
         Self {
             tick: TickInput {
                 elapsed_cycles: 1,
-                nominal: [PositionNm(0); N],
-                actual: [Actual::ZERO; N],
+                reading: Some(Reading::unmeasured([PositionNm(0); N])),
                 stop: false,
                 rearm: false,
                 last_write: LastWrite::Accepted,

@@ -30,9 +30,9 @@ use config::{Config, Parameters};
 use diagnostics::{count_flags, on_time_of_100};
 use fsm::{Decision, FsmInput, FsmState};
 use ingress::{Accepted, Classifier, Diagnostics};
-use step::{Step, all_zero, step};
+use step::{Known, Step, all_zero, step};
 
-pub use io::{Connection, EVENTS, Event, Events, Input, LastWrite, OWNER_FRAMES, Output, Refusals, TickInput};
+pub use io::{Connection, EVENTS, Event, Events, Input, LastWrite, OWNER_FRAMES, Output, Reading, Refusals, TickInput};
 pub use recorder::{NoRecorder, Record};
 pub use replay::{Replayed, replay};
 
@@ -148,6 +148,9 @@ pub struct Parts<const N: usize> {
     pub axes: [Axis; N],
     /// The values in force at the drives are unknown: only a read-back ends this.
     pub withheld: bool,
+    /// The nominal references in force at the drives need not be those of the path: after a start, a refused write or a failed read.
+    /// It ends when the path is within its step limit of them; until then they stand.
+    pub off_path: bool,
     /// Cause of the end of the last session; diagnostics.
     pub cause: Cause,
     /// A late command arrived since the last fresh one; diagnostics that tell a late network from a late client.
@@ -183,7 +186,15 @@ impl<const N: usize> Session<N> {
             waited: 0,
             rearm_released: false,
         };
-        let parts = Parts { discrete, axes, withheld: false, cause, late: false, counters: Counters::default() };
+        let parts = Parts {
+            discrete,
+            axes,
+            withheld: false,
+            off_path: true,
+            cause,
+            late: false,
+            counters: Counters::default(),
+        };
         Ok(Self { config, parts })
     }
 
@@ -199,6 +210,7 @@ impl<const N: usize> Session<N> {
         parts.withheld = axes.is_none();
         if let Some(axes) = axes {
             parts.axes = axes;
+            parts.off_path = true;
         }
         if parts.discrete.phase != Phase::Fault {
             parts.discrete = fsm::interrupted(&parts.discrete);
@@ -299,8 +311,10 @@ impl<const N: usize> Session<N> {
     pub(crate) fn step(&mut self, tick: &TickInput<N>, accepted: Accepted<N>, diagnostics: Diagnostics) -> Output<N> {
         let parts = &mut self.parts;
         let before = parts.discrete;
-        let Step { decision, fsm, axes } =
-            step(self.config.parameters(), &mut parts.discrete, &mut parts.axes, parts.withheld, tick, &accepted);
+        let known = Known { withheld: parts.withheld, off_path: parts.off_path };
+        let Step { decision, fsm, axes, off_path } =
+            step(self.config.parameters(), &mut parts.discrete, &mut parts.axes, known, tick, &accepted);
+        parts.off_path = off_path;
         parts.counters = diagnostics.counters;
         parts.update_diagnostics(&before, &decision, &fsm, diagnostics.late);
         for (_, axis) in each(&axes) {

@@ -6,7 +6,7 @@ use super::act::{Axis, AxisCommand, nominal_stepped};
 use super::config::Parameters;
 use super::fsm::{Action, Decision, FsmInput, FsmState, Rules, decide};
 use super::ingress::Accepted;
-use super::io::TickInput;
+use super::io::{Reading, TickInput};
 use crate::control::axis::Reference;
 use crate::control::message::{AxisState, Phase};
 use crate::zip::{each, zip};
@@ -19,6 +19,17 @@ pub(super) struct Step<const N: usize> {
     pub(super) fsm: FsmInput,
     /// Reference and State of each axis.
     pub(super) axes: [(Reference, AxisState); N],
+    /// The axes were held at the nominal references in force.
+    pub(super) off_path: bool,
+}
+
+/// Knowledge of the drives.
+#[derive(Clone, Copy)]
+pub(super) struct Known {
+    /// The values in force are unknown.
+    pub(super) withheld: bool,
+    /// The nominal references in force need not be those of the path.
+    pub(super) off_path: bool,
 }
 
 /// Decides, and lets every axis carry the decision out.
@@ -26,20 +37,22 @@ pub(super) fn step<const N: usize>(
     parameters: &Parameters<N>,
     discrete: &mut FsmState,
     axes: &mut [Axis; N],
-    withheld: bool,
+    known: Known,
     tick: &TickInput<N>,
     accepted: &Accepted<N>,
 ) -> Step<N> {
     let stepped = all_nominal_stepped(parameters, axes, tick);
     // Unknown values in force do not count as zero.
-    let zero = all_zero(axes) && !withheld;
+    let zero = all_zero(axes) && !known.withheld;
     let fsm = complete(accepted.fsm, zero, tick, &stepped);
+    let holds = tick.reading.is_none() || known.off_path && fsm.nominal_fault;
+    let reading = reading(axes, tick, holds);
     let rules = Rules { handshake_ticks: parameters.handshake_ticks, budget: parameters.budget };
     let decision = decide(discrete, &fsm, &rules);
     let shadow = shadow_action(decision.next.phase, fsm.command.is_some());
     let mut index = 0_usize;
     let axes = axes.each_mut().map(|axis| {
-        let command = command(index, decision.action, shadow, &stepped, tick, accepted);
+        let command = command(index, decision.action, shadow, &stepped, &reading, accepted);
         let config = parameters.axes.get(index);
         index = index.wrapping_add(1);
         match (command, config) {
@@ -49,7 +62,18 @@ pub(super) fn step<const N: usize>(
         }
     });
     *discrete = decision.next;
-    Step { decision, fsm, axes }
+    Step { decision, fsm, axes, off_path: holds }
+}
+
+/// Returns the reading that the axes act on. All axes hold their nominal references together: some of them moved and some not could be
+/// a pose that the machine does not have.
+fn reading<const N: usize>(axes: &[Axis; N], tick: &TickInput<N>, holds: bool) -> Reading<N> {
+    let nominal = axes.each_ref().map(|axis| axis.nominal);
+    match tick.reading {
+        Some(reading) if holds => Reading { nominal, ..reading },
+        Some(reading) => reading,
+        None => Reading { nominal, actual: axes.each_ref().map(|axis| axis.actual) },
+    }
 }
 
 /// Command of the tick to the axis at `index`.
@@ -59,24 +83,25 @@ fn command<const N: usize>(
     action: Action,
     shadow: Option<Action>,
     stepped: &[bool; N],
-    tick: &TickInput<N>,
+    reading: &Reading<N>,
     accepted: &Accepted<N>,
 ) -> Option<AxisCommand> {
     Some(AxisCommand {
         action,
         shadow,
         target: *accepted.targets.get(index)?,
-        nominal: *tick.nominal.get(index)?,
+        nominal: *reading.nominal.get(index)?,
         nominal_stepped: *stepped.get(index)?,
-        actual: *tick.actual.get(index)?,
+        actual: *reading.actual.get(index)?,
     })
 }
 
 /// Axes whose nominal references moved further than they may.
 fn all_nominal_stepped<const N: usize>(parameters: &Parameters<N>, axes: &[Axis; N], tick: &TickInput<N>) -> [bool; N] {
     let mut stepped = [false; N];
+    let Some(reading) = &tick.reading else { return stepped };
     for (index, (axis, config)) in zip(axes, &parameters.axes).enumerate() {
-        if let (Some(stepped), Some(to)) = (stepped.get_mut(index), tick.nominal.get(index)) {
+        if let (Some(stepped), Some(to)) = (stepped.get_mut(index), reading.nominal.get(index)) {
             *stepped = nominal_stepped(axis.nominal, *to, config, tick.cycles());
         }
     }
@@ -86,7 +111,7 @@ fn all_nominal_stepped<const N: usize>(parameters: &Parameters<N>, axes: &[Axis;
 /// The only constructor of a complete input: accepted events, and the tick's own.
 fn complete<const N: usize>(accepted: FsmInput, all_zero: bool, tick: &TickInput<N>, stepped: &[bool; N]) -> FsmInput {
     FsmInput {
-        stop: accepted.stop || tick.stop,
+        stop: accepted.stop || tick.stop || tick.reading.is_none(),
         rearm: tick.rearm,
         skipped: tick.cycles().saturating_sub(1),
         all_zero,

@@ -8,6 +8,7 @@ use Phase::{Fault, Handshake, Listening, Obtain, SafeDisconnect, Submit};
 use super::bench::{BOTH, Bench, EPOCHS, Move, OWNER, REARM, STOP, obtain, start, submit};
 use super::config::{MissBudget, Parameters};
 use super::*;
+use crate::control::axis::Actual;
 use crate::control::fixture::{HELLO, at, axis, limits};
 use crate::control::message::{AxisFlags, ClientMessage, Command, Mode};
 use crate::control::wire::FrameError;
@@ -347,7 +348,7 @@ fn the_black_box_replays_bit_for_bit() {
     let mut black_box = BlackBox::<2, 16>::new();
     for tick in 0..200 {
         let mut input = Input::empty(EPOCHS);
-        input.tick.nominal = [PositionNm(tick * 10); 2];
+        input.tick.reading = Some(Reading::unmeasured([PositionNm(tick * 10); 2]));
         if tick < 100 {
             let command = bench.command(Mode::Obtain, at(3_000 + i32::try_from(tick).unwrap()));
             input.events.push(message(command)).unwrap();
@@ -414,4 +415,70 @@ fn no_session_is_granted_while_the_values_in_force_are_unknown() {
     }
     bench.play(&Written(LastWrite::Refused { in_force: [InForce::at(PositionNm(0)); 2] }));
     assert_eq!(ask(&mut bench).welcome, Some(OTHER));
+}
+
+/// Values in force at both drives, without offsets.
+fn in_force(nm: i64) -> [InForce; 2] {
+    [InForce::at(PositionNm(nm)); 2]
+}
+
+/// Plays one tick at these nominal references. Returns the output and the position references.
+fn play_at(bench: &mut Bench, one: &Move, nominal: [i64; 2]) -> (Output<2>, [i64; 2]) {
+    let output = bench.play_at(one, nominal.map(PositionNm));
+    let positions = output.references.map(|reference| reference.position.0);
+    (output, positions)
+}
+
+/// The path has moved on while the drives took nothing.
+#[test]
+fn after_an_outage_the_reference_waits_for_the_path() {
+    let step = 1_000_000;
+    let mut bench = obtaining(0);
+    bench.play_at(&Written(LastWrite::Unknown), [PositionNm(900_000); 2]);
+    let refused = Written(LastWrite::Refused { in_force: in_force(0) });
+    // Both hold, though one could follow: an axis that moves alone bends the machine.
+    let (output, positions) = play_at(&mut bench, &refused, [step + 1, step]);
+    assert_eq!((output.state.phase, output.state.cause), (Fault, Cause::Nominal));
+    assert_eq!((positions, output.state.axes.map(|axis| axis.nominal.0)), ([0; 2], [0; 2]));
+    let flagged = output.state.axes.map(|axis| axis.flags.contains(AxisFlags::NOMINAL_STEP));
+    assert_eq!(flagged, [true, false]);
+    // No re-arm leads out, and a path that moves on is not caught up with.
+    for (one, nominal) in [(&Silence, 2 * step), (&REARM, 3 * step), (&Silence, i64::MAX), (&REARM, step + 1)] {
+        let (output, positions) = play_at(&mut bench, one, [nominal; 2]);
+        assert_eq!((output.state.phase, positions), (Fault, [0; 2]));
+    }
+    let (output, positions) = play_at(&mut bench, &REARM, [step; 2]);
+    assert_eq!((output.state.phase, positions), (Listening, [step; 2]));
+    // From here on the path is in force again, and what it does is passed on.
+    let (output, positions) = play_at(&mut bench, &Silence, [step + step + 1; 2]);
+    assert_eq!((output.state.phase, positions), (Fault, [step + step + 1; 2]));
+}
+
+#[test]
+fn a_restarted_server_waits_for_the_path() {
+    let found =
+        Start { in_force: [InForce { nominal: PositionNm(5_000_000), offsets: at(-250)[0] }; 2], stop_latched: false };
+    let mut bench = Bench::starting(parameters(), &found);
+    for offset in [-150, -50, 0, 0] {
+        let (output, positions) = play_at(&mut bench, &Silence, [0; 2]);
+        assert_eq!((output.state.phase, positions), (Fault, [5_000_000 + offset; 2]));
+    }
+    let (output, positions) = play_at(&mut bench, &REARM, [4_500_000; 2]);
+    assert_eq!((output.state.phase, positions), (Listening, [4_500_000; 2]));
+}
+
+#[test]
+fn a_machine_that_cannot_be_read_stops_and_waits_for_the_path() {
+    let mut bench = obtaining(0);
+    let measured = Actual { position: PositionNm(77), ..Actual::ZERO };
+    let seen = Reading { nominal: [PositionNm(300); 2], actual: [measured; 2] };
+    bench.tick_with(&[], |tick| tick.reading = Some(seen));
+    let blind = bench.tick_with(&[], |tick| tick.reading = None);
+    assert_eq!((blind.state.phase, blind.ended), (Fault, Some(Cause::Stop)));
+    assert_eq!(blind.references.map(|reference| reference.position.0), [300; 2]);
+    assert_eq!(blind.state.axes.map(|axis| axis.actual), [measured; 2]);
+    let (output, positions) = play_at(&mut bench, &Silence, [1_000_301; 2]);
+    assert_eq!((output.state.phase, positions), (Fault, [300; 2]));
+    let (_, positions) = play_at(&mut bench, &Silence, [1_000_300; 2]);
+    assert_eq!(positions, [1_000_300; 2]);
 }
