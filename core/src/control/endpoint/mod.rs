@@ -17,11 +17,12 @@ use core::fmt;
 
 use heapless::Vec;
 
-use crate::control::axis::Reference;
+use crate::control::axis::{Offsets, Reference};
 use crate::control::message::{ClientMessage, PROTOCOL_VERSION, Refusal, ServerMessage};
 use crate::control::session::{Connection, EVENTS, Event, Input, NoRecorder, Output, Record, Session, TickInput};
 use crate::control::wire::{FrameBytes, encode_server, encode_state};
 use crate::units::EpochRange;
+use crate::zip::each;
 
 use slot::Slot;
 
@@ -80,6 +81,8 @@ pub struct Endpoint<const N: usize, const MOTORS: usize> {
     next_connection: u64,
     /// Output of the last tick.
     output: Option<Output<N>>,
+    /// The references of the last tick are not in force: withheld or refused.
+    refused: bool,
     transmit: Transmit,
     /// The frame that was polled last.
     frame: FrameBytes,
@@ -97,6 +100,7 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
             non_owner_events: 0,
             next_connection: 0,
             output: None,
+            refused: false,
             transmit: Transmit::Done,
             frame: FrameBytes::EMPTY,
         }
@@ -109,7 +113,7 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
 
     /// The invariant, clause by clause: the session and every deframer are valid; connections are in the order of their numbers,
     /// which is that of their opening; no connection was read beyond its budget; events that may still arrive before the tick
-    /// find room.
+    /// find room; the owner has a connection, or its Closed waits.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let opened = |slot: &Slot| slot.connection.0 < self.next_connection;
@@ -117,6 +121,14 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
             && self.slots.iter().all(|slot| slot.is_valid() && opened(slot))
             && self.slots.is_sorted_by(|one, next| one.connection < next.connection)
             && self.inbox_has_room()
+            && self.owner_is_connected()
+    }
+
+    /// True if the owner has a connection that is not to be closed, or the coming tick learns that it has none.
+    fn owner_is_connected(&self) -> bool {
+        let Some(owner) = self.session.owner() else { return true };
+        self.slots.iter().any(|slot| slot.connection == owner && !slot.closed)
+            || self.input.events.contains(&(owner, Event::Closed))
     }
 
     /// True if the inbox holds at most [`OWNER_EVENTS`] of the owner and [`NON_OWNER_EVENTS`] of others.
@@ -136,7 +148,7 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         &self.session
     }
 
-    /// Returns the output of the last tick; `None` before the first.
+    /// Returns the output of the last tick, with the State as it is sent; `None` before the first.
     #[must_use]
     pub const fn output(&self) -> Option<&Output<N>> {
         self.output.as_ref()
@@ -248,10 +260,33 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         recorder.after_tick(&self.input, output);
         let references = if output.withheld { None } else { self.motors.spread(&output.references) };
         self.input.events.clear();
+        self.refused = false;
+        if references.is_none() {
+            self.write_refused();
+        }
         self.transmit = Transmit::Versions;
         self.mark_closed();
         self.close_lost_owner();
         references
+    }
+
+    /// Takes note that the drives did not take the references of the last tick: its State then reports the values that are still in
+    /// force. Call it before [`Self::poll_transmit`]; the next tick is told by [`TickInput::last_write`].
+    pub fn write_refused(&mut self) {
+        self.refused = true;
+        let Some(output) = &mut self.output else { return };
+        for (axis, in_force) in output.state.axes.iter_mut().zip(self.session.in_force()) {
+            axis.nominal = in_force.nominal;
+            axis.offsets = in_force.offsets;
+        }
+    }
+
+    /// True if the drives took references without offsets in the last tick: the server may end. After a refused write it may not,
+    /// whatever was in force before: the drives may have taken a part of it.
+    #[must_use]
+    pub fn is_at_zero(&self) -> bool {
+        let at_zero = |output: &Output<N>| each(&output.state.axes).all(|axis| axis.offsets == Offsets::ZERO);
+        !self.refused && self.output.as_ref().is_some_and(at_zero)
     }
 
     /// Returns the next frame to send and its recipient: Refusals, the Welcome, the State. `None` when all are sent.

@@ -6,6 +6,7 @@ use super::bench::{Bench, Ticked};
 use super::*;
 use crate::control::fixture::{HELLO, at, axis, limits};
 use crate::control::message::{Cause, Mode, Phase};
+use crate::control::session::LastWrite;
 use crate::control::session::config::Parameters;
 use crate::control::wire::{Frame, decode_server, encode_client};
 use crate::units::PositionNm;
@@ -285,4 +286,42 @@ fn lock_step_waits_for_the_answer_to_the_last_state() {
     bench.tick();
     bench.endpoint.close(owner);
     assert!(bench.endpoint.owner_has_answered(), "nothing more will come");
+}
+
+/// While nothing reaches the drives, the State reports what they have, and the server does not end.
+#[test]
+fn a_refused_write_is_not_reported_as_in_force() {
+    let (mut bench, owner) = obtaining(Transport::Stream);
+    let reported = |bench: &mut Bench| {
+        let (_, frame) = bench.endpoint.poll_transmit().unwrap();
+        let Ok(ServerMessage::<2>::State(state)) = decode_server(&Frame::parse(frame).unwrap()) else { panic!() };
+        state.axes.map(|axis| (axis.nominal.0, axis.offsets.position.0))
+    };
+    let command = bench.command(Mode::Obtain, at(-1_000));
+    bench.endpoint.feed(owner, &command);
+    let _ = bench.endpoint.tick(&Bench::input());
+    bench.endpoint.write_refused();
+    assert_eq!(reported(&mut bench), [(0, 3_000), (1_000, 3_000)]);
+    let in_force = *bench.endpoint.session().in_force();
+    // At the drives nothing moves, whatever the ramp would do.
+    for last_write in [LastWrite::Refused { in_force }, LastWrite::Unknown, LastWrite::Refused { in_force }] {
+        let input = TickInput { last_write, ..Bench::input() };
+        if bench.endpoint.tick(&input).is_some() {
+            bench.endpoint.write_refused();
+        }
+        assert_eq!(reported(&mut bench), [(0, 3_000), (1_000, 3_000)], "{last_write:?}");
+    }
+    // Taken again: the ramp goes on from there, and the server may end when its zero was taken.
+    let input = TickInput { last_write: LastWrite::Refused { in_force }, ..Bench::input() };
+    assert!(bench.endpoint.tick(&input).is_some());
+    assert_eq!(reported(&mut bench), [(0, 2_900), (1_000, 2_900)]);
+    for _ in 0..28 {
+        bench.tick();
+    }
+    assert!(!bench.endpoint.is_at_zero());
+    bench.tick();
+    assert!(bench.endpoint.is_at_zero());
+    let _ = bench.endpoint.tick(&Bench::input());
+    bench.endpoint.write_refused();
+    assert!(!bench.endpoint.is_at_zero());
 }

@@ -3,7 +3,7 @@
 use super::channels::AxisChannels;
 use super::config::{AxisConfig, Travel};
 use super::fsm::Action;
-use crate::control::axis::{Actual, Offsets, Reference};
+use crate::control::axis::{Actual, InForce, Offsets, Reference};
 use crate::control::message::{AxisFlags, AxisLimits, AxisState, Phase};
 use crate::units::PositionNm;
 
@@ -64,6 +64,13 @@ impl Axis {
         let (shadow, flags) = (self.shadow.offsets(), AxisFlags::default());
         let state = AxisState { nominal: self.nominal, offsets, shadow, actual: self.actual, flags };
         (reference, state)
+    }
+
+    /// Returns the values in force after references that the drive took.
+    #[inline]
+    #[must_use]
+    pub fn in_force(&self) -> InForce {
+        InForce { nominal: self.nominal, offsets: self.channels.offsets() }
     }
 
     /// Carries out a command. Returns the drive's reference and the axis' part of the State.

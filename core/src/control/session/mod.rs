@@ -151,6 +151,9 @@ pub struct Parts<const N: usize> {
     /// The nominal references in force at the drives need not be those of the path: after a start, a refused write or a failed read.
     /// It ends when the path is within its step limit of them; until then they stand.
     pub off_path: bool,
+    /// Values in force at the drives when the last tick began, as far as known.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
+    pub in_force: [InForce; N],
     /// Cause of the end of the last session; diagnostics.
     pub cause: Cause,
     /// A late command arrived since the last fresh one; diagnostics that tell a late network from a late client.
@@ -191,6 +194,7 @@ impl<const N: usize> Session<N> {
             axes,
             withheld: false,
             off_path: true,
+            in_force: start.in_force,
             cause,
             late: false,
             counters: Counters::default(),
@@ -252,6 +256,13 @@ impl<const N: usize> Session<N> {
         &self.parts
     }
 
+    /// Returns the values in force at the drives when the last tick began, as far as known. They stay in force if the references of
+    /// that tick are refused.
+    #[must_use]
+    pub const fn in_force(&self) -> &[InForce; N] {
+        &self.parts.in_force
+    }
+
     /// Returns the phase.
     #[must_use]
     pub const fn phase(&self) -> Phase {
@@ -310,6 +321,9 @@ impl<const N: usize> Session<N> {
     /// Decides and acts. The invariant and every bound hold for anything that can have been accepted.
     pub(crate) fn step(&mut self, tick: &TickInput<N>, accepted: Accepted<N>, diagnostics: Diagnostics) -> Output<N> {
         let parts = &mut self.parts;
+        if !parts.withheld {
+            parts.in_force = parts.axes.map(|axis| axis.in_force());
+        }
         let before = parts.discrete;
         let known = Known { withheld: parts.withheld, off_path: parts.off_path };
         let Step { decision, fsm, axes, off_path } =
