@@ -1,6 +1,6 @@
 //! The machine as the server's cycle sees it. A real drive implements [`Plant`].
 
-use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
+use gantry_tau_core::control::axis::{Actual, InForce, Reference};
 use gantry_tau_core::units::PositionNm;
 
 /// A machine with `AXES` axes and `MOTORS` motors. The cycle thread calls `read`, then `write`, once per cycle.
@@ -8,24 +8,26 @@ use gantry_tau_core::units::PositionNm;
 ///
 /// No call may block, allocate or lock. The first implementation is the simulated machine of [`crate::sim`].
 pub trait Plant<const AXES: usize, const MOTORS: usize>: Send {
-    /// Reads the external offsets in force at the drives: those of the last references they took.
-    /// Called before the first cycle, and after every failed `write`: the server goes on from these offsets, without a step.
+    /// Reads the values in force at the drives: those of the last references they took. Nominal reference plus position offset must be the
+    /// position reference in force; drives that know only their sum leave the rest of it to the nominal reference.
+    /// Called before the first cycle, and after every failed `write`: the server goes on from these values, without a step.
     ///
     /// # Errors
     /// [`PlantError`] when they cannot be read: the server refuses to start, or writes nothing until they can.
-    fn offsets_in_force(&mut self) -> Result<[Offsets; AXES], PlantError>;
+    fn in_force(&mut self) -> Result<[InForce; AXES], PlantError>;
 
     /// Reads the nominal references of this cycle and the measurements of the drives, `elapsed` cycles after the last call (1 when on time).
     ///
     /// # Errors
-    /// [`PlantError`] when the bus does not answer: the server asserts its stop.
+    /// [`PlantError`] when the bus does not answer: the server stops, and the last nominal references stand.
     fn read(&mut self, elapsed: u64) -> Result<Reading<AXES>, PlantError>;
 
-    /// Writes the reference of every motor.
+    /// Writes the reference of every motor. `parts` are the nominal references and offsets that they are made of, for drives that
+    /// take them apart. The nominal references need not be those that were read: after an outage the last ones stand.
     ///
     /// # Errors
     /// [`PlantError`] when the bus does not take them: the server asserts its stop from the next cycle on.
-    fn write(&mut self, references: &[Reference; MOTORS]) -> Result<(), PlantError>;
+    fn write(&mut self, references: &[Reference; MOTORS], parts: &[InForce; AXES]) -> Result<(), PlantError>;
 }
 
 /// Measurements of one cycle.

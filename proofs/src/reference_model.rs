@@ -6,7 +6,7 @@
 
 use std::iter::repeat_n;
 
-use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
+use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::message::{
     AxisFlags, AxisLimits, AxisState, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase, Refusal, State,
 };
@@ -40,7 +40,11 @@ pub struct ReferenceModel<const N: usize> {
     counters: Counters,
     /// The values in force at the drives are unknown.
     withheld: bool,
+    /// The path has not been met since a start, a refused write or a failed read.
+    off_path: bool,
     nominal: [i64; N],
+    /// Last measurements.
+    actual: [Actual; N],
     channels: [[Point; 3]; N],
     shadow: [[Point; 3]; N],
 }
@@ -96,6 +100,8 @@ impl<const N: usize> ReferenceModel<N> {
             cause: Cause::None,
             counters: Counters::default(),
             withheld: false,
+            off_path: true,
+            actual: [Actual::ZERO; N],
             nominal: start.in_force.map(|axis| axis.nominal.0),
             channels: [[Point::default(); 3]; N],
             shadow: [[Point::default(); 3]; N],
@@ -118,6 +124,7 @@ impl<const N: usize> ReferenceModel<N> {
         }
         self.channels = in_force.map(|axis| axis::counts(&axis.offsets).map(|value| Point { value, change: 0 }));
         self.nominal = in_force.map(|axis| axis.nominal.0);
+        self.off_path = true;
         self.interrupt();
         true
     }
@@ -153,13 +160,9 @@ impl<const N: usize> ReferenceModel<N> {
         let owner_before = self.owner;
         let mut accepted = self.classify(input);
         let zero = self.is_zero() && !self.withheld;
-        let stepped: [bool; N] = std::array::from_fn(|axis| {
-            let limit = u128::from(self.parameters.axes[axis].nominal_step_nm) * u128::from(cycles);
-            let change = i128::from(cycle.nominal[axis].0) - i128::from(self.nominal[axis]);
-            change.unsigned_abs() > limit
-        });
+        let stepped = self.follow_path(cycle, cycles);
         self.tick = self.tick.saturating_add(cycles);
-        let stop = accepted.stop || cycle.stop;
+        let stop = accepted.stop || cycle.stop || cycle.reading.is_none();
         let before = self.phase;
         let (action, ended) = if stop || stepped.contains(&true) {
             let cause = if stop { Cause::Stop } else { Cause::Nominal };
@@ -182,7 +185,7 @@ impl<const N: usize> ReferenceModel<N> {
             assert!(accepted.refusals.push((connection, faulted)).is_ok());
         }
         let command = accepted.command.as_ref();
-        let axes: [_; N] = std::array::from_fn(|axis| self.act(axis, &action, command, cycle, stepped[axis]));
+        let axes: [_; N] = std::array::from_fn(|axis| self.act(axis, &action, command, stepped[axis]));
         // Only core can make an output; every field of this one is the model's.
         let mut expected = output.clone();
         expected.references = axes.map(|(reference, _)| reference);
@@ -417,13 +420,31 @@ impl<const N: usize> ReferenceModel<N> {
         self.rearm_released = false;
     }
 
+    /// Takes the nominal references and measurements of the tick. Returns the axes whose nominal reference is beyond its limit.
+    fn follow_path(&mut self, cycle: &TickInput<N>, cycles: u64) -> [bool; N] {
+        let Some(reading) = &cycle.reading else {
+            self.off_path = true;
+            return [false; N];
+        };
+        self.actual = reading.actual;
+        let stepped = std::array::from_fn(|axis| {
+            let limit = u128::from(self.parameters.axes[axis].nominal_step_nm) * u128::from(cycles);
+            let change = i128::from(reading.nominal[axis].0) - i128::from(self.nominal[axis]);
+            change.unsigned_abs() > limit
+        });
+        self.off_path &= stepped.contains(&true);
+        if !self.off_path {
+            self.nominal = reading.nominal.map(|nominal| nominal.0);
+        }
+        stepped
+    }
+
     /// Applies the action to the channels of an axis; in Submit, the shadow does what the channel would.
     fn act(
         &mut self,
         axis: usize,
         action: &ChannelAction<N>,
         command: Option<&Command<N>>,
-        cycle: &TickInput<N>,
         stepped: bool,
     ) -> (Reference, AxisState) {
         let config = &self.parameters.axes[axis];
@@ -436,8 +457,7 @@ impl<const N: usize> ReferenceModel<N> {
             self.shadow[axis] = [Point::default(); 3];
             behind(self.channels[axis], action, axis)
         };
-        let nominal = cycle.nominal[axis];
-        self.nominal[axis] = nominal.0;
+        let nominal = PositionNm(self.nominal[axis]);
         let (offsets, shadow) = (offsets(&self.channels[axis]), offsets(&self.shadow[axis]));
         let travel = &config.machine_travel;
         let wanted = i128::from(nominal.0) + i128::from(offsets.position.0);
@@ -456,7 +476,7 @@ impl<const N: usize> ReferenceModel<N> {
             velocity_offset: offsets.velocity,
             torque_offset: offsets.torque,
         };
-        (reference, AxisState { nominal, offsets, shadow, actual: cycle.actual[axis], flags })
+        (reference, AxisState { nominal, offsets, shadow, actual: self.actual[axis], flags })
     }
 
     fn state(&self, axes: [AxisState; N], arrival_us: u16) -> State<N> {

@@ -2,7 +2,7 @@
 //! README.md shows the part between the two lines `// README`.
 use gantry_tau_core::{
     Actual, AxisConfig, Config, Connection, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap, Parameters,
-    PositionNm, Reference, Session, Start, TickInput, Transport, Travel,
+    PositionNm, Reading, Reference, Session, Start, TickInput, Transport, Travel,
 };
 
 #[rustfmt::skip] // the README's part is compact
@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     })?;
     let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
     let config = Config::new(Parameters::thesis([axis; 3]))?;
-    let nominal = [PositionNm(0); 3]; // as interpolated along the path
+    let (nominal, actual) = ([PositionNm(0); 3], [Actual::ZERO; 3]); // as interpolated along the path, and as measured
     let session = Session::new(config, &Start::at_rest(nominal))?; // a real machine: as read back from its drives
     let motor_map = MotorMap::<3, 3>::new([0, 1, 2])?;
     let epochs = EpochRange::VOLATILE; // a real machine: a range that is reserved in storage
@@ -28,8 +28,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         server.feed(client, b""); // what the client's socket has
         let references = server.tick(&TickInput {
             elapsed_cycles: 1, // more after an overrun
-            nominal, actual: [Actual::ZERO; 3], stop: false, rearm: false,
-            last_write, arrival_us: 0,
+            reading: Some(Reading { nominal, actual }), // None: the machine could not be read
+            stop: false, rearm: false, last_write, arrival_us: 0,
         });
         last_write = write_to_drives(references); // first of all; a refusal is an input of the next tick
         while let Some((to, frame)) = server.poll_transmit() { send(to, frame); }

@@ -4,7 +4,7 @@ use std::net::TcpStream;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use gantry_tau::plant::{Plant, PlantError, Reading};
-use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
+use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::units::{OffsetNm, PositionNm};
 
 /// State of the machine, and the references it was written.
@@ -14,6 +14,8 @@ pub struct Record<const N: usize> {
     pub nominal: [PositionNm; N],
     /// Offsets in force: what the last `write` left, or what a test puts there.
     pub in_force: [Offsets; N],
+    /// Nominal references in force.
+    pub nominal_in_force: [PositionNm; N],
     /// Every `write`.
     pub written: Vec<[Reference; N]>,
     /// The offsets in force cannot be read.
@@ -28,16 +30,24 @@ pub struct Record<const N: usize> {
     pub late_writes: usize,
 }
 
+impl<const N: usize> Record<N> {
+    /// Nominal references and offsets in force.
+    #[must_use]
+    pub fn parts_in_force(&self) -> [InForce; N] {
+        std::array::from_fn(|axis| InForce { nominal: self.nominal_in_force[axis], offsets: self.in_force[axis] })
+    }
+}
+
 /// A bus with the machine on it; a test keeps one end, the server has the other. It outlives the server, as drives do.
 #[derive(Clone, Debug)]
 pub struct Bus<const N: usize>(Arc<Mutex<Record<N>>>);
 
 impl<const N: usize> Default for Bus<N> {
     fn default() -> Self {
+        let home = |axis| PositionNm(500_000_000 * (1 - 2 * i64::try_from(axis % 2).unwrap_or(0)));
         Self(Arc::new(Mutex::new(Record {
-            nominal: std::array::from_fn(|axis| {
-                PositionNm(500_000_000 * (1 - 2 * i64::try_from(axis % 2).unwrap_or(0)))
-            }),
+            nominal: std::array::from_fn(home),
+            nominal_in_force: std::array::from_fn(home),
             in_force: [Offsets::default(); N],
             written: Vec::new(),
             offsets_fail: false,
@@ -81,12 +91,12 @@ impl<const N: usize> Bus<N> {
 }
 
 impl<const N: usize> Plant<N, N> for Bus<N> {
-    fn offsets_in_force(&mut self) -> Result<[Offsets; N], PlantError> {
+    fn in_force(&mut self) -> Result<[InForce; N], PlantError> {
         let record = self.record();
         if record.offsets_fail {
-            return Err(failed("read back the offsets in force"));
+            return Err(failed("read back the values in force"));
         }
-        Ok(record.in_force)
+        Ok(record.parts_in_force())
     }
 
     fn read(&mut self, _elapsed: u64) -> Result<Reading<N>, PlantError> {
@@ -98,14 +108,15 @@ impl<const N: usize> Plant<N, N> for Bus<N> {
         Ok(Reading { nominal: record.nominal, actual, tool: None })
     }
 
-    fn write(&mut self, references: &[Reference; N]) -> Result<(), PlantError> {
+    fn write(&mut self, references: &[Reference; N], parts: &[InForce; N]) -> Result<(), PlantError> {
         let mut record = self.record();
         if record.write_fails {
             return Err(failed("be written"));
         }
         let told = record.ear.as_ref().is_some_and(has_bytes);
         record.late_writes += usize::from(told);
-        record.in_force = std::array::from_fn(|axis| offsets(&references[axis], &record, axis));
+        record.nominal_in_force = parts.map(|part| part.nominal);
+        record.in_force = std::array::from_fn(|axis| offsets(&references[axis], parts[axis].nominal));
         record.written.push(*references);
         Ok(())
     }
@@ -120,8 +131,8 @@ fn has_bytes(stream: &TcpStream) -> bool {
 }
 
 /// Returns the offsets that a reference adds to the nominal.
-fn offsets<const N: usize>(reference: &Reference, record: &Record<N>, axis: usize) -> Offsets {
-    let position = reference.position.0 - record.nominal[axis].0;
+fn offsets(reference: &Reference, nominal: PositionNm) -> Offsets {
+    let position = reference.position.0 - nominal.0;
     Offsets {
         position: OffsetNm(position.try_into().unwrap()),
         velocity: reference.velocity_offset,

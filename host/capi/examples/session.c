@@ -149,7 +149,11 @@ int main(int argc, char **argv)
     FILE *trace = argc > 1 ? fopen(argv[1], "wb") : NULL;
     gt_server_config config;
     gt_start start = {.first_epoch = 1, .last_epoch = 1}; /* reserved in storage that survives a restart */
-    gt_tick_input input = {.elapsed_cycles = 1, .stop = GT_RELEASED, .rearm = GT_RELEASED, .last_write = GT_WRITE_ACCEPTED};
+    gt_tick_input input = {.elapsed_cycles = 1,
+                           .reading = GT_READING_DONE,
+                           .stop = GT_RELEASED,
+                           .rearm = GT_RELEASED,
+                           .last_write = GT_WRITE_ACCEPTED};
     gt_tick_output output;
     gt_frame frame;
     gt_error error;

@@ -115,7 +115,7 @@ mod tests {
     use gantry_tau_core::control::message::{ClientMessage, Command, Hello, Mode};
     use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
     use gantry_tau_core::control::session::{
-        Connection, Entry, Event, Input, LastWrite, Output, Session, Start, TickInput, recorder,
+        Connection, Entry, Event, Input, LastWrite, Output, Reading, Session, Start, TickInput, recorder,
     };
     use gantry_tau_core::units::{
         Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
@@ -131,8 +131,10 @@ mod tests {
         let mut input = Input::empty(EpochRange { first: most, last: most });
         input.tick = TickInput {
             elapsed_cycles: u32::MAX,
-            nominal: [FAR; 6],
-            actual: [Actual { position: FAR, velocity: OFFSETS.velocity, torque: OFFSETS.torque }; 6],
+            reading: Some(Reading {
+                nominal: [FAR; 6],
+                actual: [Actual { position: FAR, velocity: OFFSETS.velocity, torque: OFFSETS.torque }; 6],
+            }),
             last_write: LastWrite::Refused { in_force: [InForce { nominal: FAR, offsets: OFFSETS }; 6] },
             arrival_us: u16::MAX,
             ..input.tick

@@ -64,6 +64,8 @@ pub enum gt_parameter {
     Rearm = 21,
     /// `last_write` of a gt_tick_input.
     LastWrite = 22,
+    /// `reading` of a gt_tick_input.
+    Reading = 23,
 }
 
 /// Details of an error. The meaning of a field depends on the code; a field that the code does not use is 0.

@@ -51,7 +51,7 @@ pub mod sensor;
 pub mod server;
 
 /// Version of this interface. It changes with every change to a type, a constant or the meaning of a function.
-pub const GT_ABI_VERSION: u32 = 2;
+pub const GT_ABI_VERSION: u32 = 3;
 
 /// Returns GT_ABI_VERSION of the linked library. Compare it with the header's before any other call.
 #[unsafe(no_mangle)]

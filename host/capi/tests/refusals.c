@@ -107,12 +107,13 @@ static void servers(void)
     gt_frame frame;
     gt_black_box box;
     uint64_t connection = 0, first = 0;
-    uint8_t flag = 0;
+    uint8_t flag = 0, at_zero = 1;
     size_t length = 0, whole = 0;
     uint8_t part[GT_BLACK_BOX_PART], beginning[8];
 
     memset(&start, 0, sizeof start);
     memset(&input, 0, sizeof input);
+    input.reading = GT_READING_DONE;
     input.stop = input.rearm = GT_RELEASED;
     input.last_write = GT_WRITE_ACCEPTED;
     config.black_box_ticks = GT_BLACK_BOX_TICKS;
@@ -182,6 +183,12 @@ static void servers(void)
             ABOUT(-1, REARM, value);
             input.rearm = GT_RELEASED;
         }
+        if (value != GT_READING_DONE && value != GT_READING_FAILED) {
+            input.reading = value;
+            EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output, &error));
+            ABOUT(-1, READING, value);
+            input.reading = GT_READING_DONE;
+        }
         if (value != GT_WRITE_ACCEPTED && value != GT_WRITE_REFUSED && value != GT_WRITE_UNKNOWN) {
             input.last_write = value;
             EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output, &error));
@@ -232,6 +239,10 @@ static void servers(void)
     input.in_force[5].offsets.position_nm = -250;
     EXPECT(OK, gt_server_tick(server, &input, &output, &error));
     REFUSE(!output.write || output.state.phase != GT_PHASE_SAFE_DISCONNECT || output.motors[5].position_nm != -150)
+    /* Refused again: the program must not end, and the next State says what is in force. */
+    EXPECT(OK, gt_server_write_refused(server));
+    EXPECT(OK, gt_server_is_at_zero(server, &at_zero));
+    REFUSE(at_zero)
     /* With values in force beyond their limits, or unknown, nothing may be written. */
     input.in_force[5].offsets.velocity_um_s = 1;
     EXPECT(OK, gt_server_tick(server, &input, &output, &error));

@@ -6,8 +6,8 @@
  *     c N                       connection N is gone
  *     f N [HEX]                 feed bytes
  *     e FIRST LAST              set epochs
- *     t E S R W U AXIS... [IN_FORCE...]
- *                               tick: elapsed_cycles, stop, rearm, last_write, arrival_us; of each axis nominal and actual position,
+ *     t E D S R W U AXIS... [IN_FORCE...]
+ *                               tick: elapsed_cycles, reading, stop, rearm, last_write, arrival_us; of each axis nominal and actual position,
  *                               velocity, torque; after a refused write of each axis nominal, position, velocity, torque
  *     b                         the black box: its parts, then release
  */
@@ -128,6 +128,7 @@ static void tick(gt_server *server, uint32_t axes)
 
     memset(&input, 0x55, sizeof input); /* entries beyond the axes are not read */
     input.elapsed_cycles = (uint32_t)natural();
+    input.reading = (uint8_t)natural();
     input.stop = (uint8_t)natural();
     input.rearm = (uint8_t)natural();
     input.last_write = (uint8_t)natural();

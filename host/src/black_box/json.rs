@@ -10,7 +10,7 @@ use super::{FileError, Window};
 /// Name of the format, in the first line.
 const FORMAT: &str = "gantry-tau black box";
 /// Version of the layout.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Number of lines before the first tick.
 const HEAD: usize = 2;
 

@@ -6,7 +6,9 @@ use gantry_tau_core::control::message::{
     AxisLimits, Capabilities, ClientMessage, Command, ContentError, FrameError, Hello, Mode,
 };
 use gantry_tau_core::control::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
-use gantry_tau_core::control::session::{Connection, Event, Events, Input, LastWrite, Start, TickInput, replay};
+use gantry_tau_core::control::session::{
+    Connection, Event, Events, Input, LastWrite, Reading, Start, TickInput, replay,
+};
 use gantry_tau_core::units::{EpochRange, OffsetNm, PositionNm, Sequence, TorquePermille, VelocityUmS};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -135,11 +137,13 @@ fn input<const N: usize>(
     };
     let tick = TickInput {
         elapsed_cycles: if wild { random.random() } else { 1 },
-        nominal: std::array::from_fn(|_| position(random)),
-        actual: std::array::from_fn(|_| Actual {
-            position: PositionNm(random.random()),
-            velocity: VelocityUmS(random.random()),
-            torque: TorquePermille(random.random()),
+        reading: random.random_bool(0.98).then(|| Reading {
+            nominal: std::array::from_fn(|_| position(random)),
+            actual: std::array::from_fn(|_| Actual {
+                position: PositionNm(random.random()),
+                velocity: VelocityUmS(random.random()),
+                torque: TorquePermille(random.random()),
+            }),
         }),
         stop: random.random_bool(0.02),
         rearm: random.random_bool(0.5),

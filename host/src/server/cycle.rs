@@ -3,12 +3,12 @@
 use std::io;
 use std::net::{SocketAddr, TcpStream};
 
-use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
+use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap};
 use gantry_tau_core::control::message::{Cause, Phase, State};
 use gantry_tau_core::control::session::config::Config;
-use gantry_tau_core::control::session::{LastWrite, Session, Start, TickInput};
-use gantry_tau_core::units::{EpochRange, PositionNm};
+use gantry_tau_core::control::session::{self, LastWrite, Session, Start, TickInput};
+use gantry_tau_core::units::EpochRange;
 
 use super::ServerError;
 use super::connections::{Connections, Listen};
@@ -55,9 +55,6 @@ pub struct Cycle<const N: usize, const M: usize, P> {
     connections: Connections,
     sensor: Option<SensorPublisher>,
     plant: P,
-    last_reading: Reading<N>,
-    /// Nominal references of the last write that the machine took.
-    nominal_in_force: [PositionNm; N],
     /// The machine has not taken the last references: it must be read back, and the coming tick stops.
     write_failed: bool,
     round_trip_us: Option<u32>,
@@ -65,10 +62,10 @@ pub struct Cycle<const N: usize, const M: usize, P> {
 }
 
 impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
-    /// Reads the offsets in force, starts the session from them, and listens. `epochs` must not be used by another run.
+    /// Reads the values in force, starts the session from them, and listens. `epochs` must not be used by another run.
     ///
     /// # Errors
-    /// [`ServerError`]: the address cannot be bound, or the machine's offsets are unreadable or beyond their limits.
+    /// [`ServerError`]: the address cannot be bound, or the machine's values in force are unreadable or beyond their limits.
     pub fn new(
         config: Config<N>,
         motors: MotorMap<N, M>,
@@ -78,17 +75,16 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     ) -> Result<Self, ServerError> {
         let listen = listen.into();
         let connections = Connections::bind(&listen).map_err(|error| ServerError::listen(listen.address, &error))?;
-        let offsets = plant.offsets_in_force().map_err(ServerError::Plant)?;
-        let last_reading = plant.read(1).map_err(ServerError::Plant)?;
-        let start = Start { in_force: in_force(&last_reading.nominal, offsets), stop_latched: false };
+        let in_force = plant.in_force().map_err(ServerError::Plant)?;
+        // Not needed: a machine that does not answer is found before the server listens.
+        plant.read(1).map_err(ServerError::Plant)?;
+        let start = Start { in_force, stop_latched: false };
         let session = Session::new(config, &start).map_err(|error| ServerError::Start(error.to_string()))?;
         Ok(Self {
             endpoint: Box::new(Endpoint::new(session, motors, epochs)),
             connections,
             sensor: None,
             plant,
-            last_reading,
-            nominal_in_force: last_reading.nominal,
             write_failed: false,
             round_trip_us: None,
             black_boxes: None,
@@ -170,17 +166,12 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     pub fn step(&mut self, elapsed: u32, demands: Demands) -> Row<N> {
         let outage = self.write_failed;
         let last_write = self.last_write();
-        let read = self.plant.read(u64::from(elapsed));
-        let read_failed = read.is_err();
-        // A machine that does not answer is stopped; its last nominal references stand.
-        let reading = read.unwrap_or(self.last_reading);
-        self.last_reading = reading;
+        let reading = self.plant.read(u64::from(elapsed)).ok();
         let round_trip_us = self.round_trip_us.take();
         let input = TickInput {
             elapsed_cycles: elapsed,
-            nominal: reading.nominal,
-            actual: reading.actual,
-            stop: demands.stop || read_failed || outage,
+            reading: reading.map(|reading| session::Reading { nominal: reading.nominal, actual: reading.actual }),
+            stop: demands.stop || outage,
             rearm: demands.rearm,
             last_write,
             arrival_us: u16::try_from(round_trip_us.unwrap_or(0)).unwrap_or(u16::MAX),
@@ -189,12 +180,13 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             Some(sender) => self.endpoint.tick_recorded(&input, sender.black_box()),
             None => self.endpoint.tick(&input),
         };
-        let written = references.map(|references| self.plant.write(&references));
+        let parts = self.endpoint.session().demanded();
+        let written = references.map(|references| self.plant.write(&references, &parts));
         self.write_failed = !matches!(written, Some(Ok(())));
-        if !self.write_failed {
-            self.nominal_in_force = reading.nominal;
+        if self.write_failed {
+            self.endpoint.write_refused();
         }
-        let row = self.row(&reading, elapsed, round_trip_us, read_failed);
+        let row = self.row(reading.as_ref(), elapsed, round_trip_us);
         // The sample leaves before the State of the same tick, so that a client has it when it answers.
         if let (Some(sensor), Some(tool)) = (&mut self.sensor, &row.tool) {
             sensor.publish(&Sample { tick: row.state.tick.0, wrench: tool.sensor });
@@ -227,35 +219,23 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         if !self.write_failed {
             return LastWrite::Accepted;
         }
-        match self.plant.offsets_in_force() {
-            Ok(offsets) => LastWrite::Refused { in_force: in_force(&self.nominal_in_force, offsets) },
-            Err(_) => LastWrite::Unknown,
-        }
+        self.plant.in_force().map_or(LastWrite::Unknown, |in_force| LastWrite::Refused { in_force })
     }
 
     /// Summarises the tick that has just run.
-    fn row(&self, reading: &Reading<N>, elapsed: u32, round_trip_us: Option<u32>, read_failed: bool) -> Row<N> {
+    fn row(&self, reading: Option<&Reading<N>>, elapsed: u32, round_trip_us: Option<u32>) -> Row<N> {
         #[expect(clippy::expect_used, reason = "a tick always leaves its output")]
         let output = self.endpoint.output().expect("a tick has run");
         Row {
             state: output.state,
             references: output.references,
-            tool: reading.tool,
+            tool: reading.and_then(|reading| reading.tool),
             ended: output.ended,
             welcomed: output.welcome.is_some(),
             refused: u8::try_from(output.refusals.len()).unwrap_or(u8::MAX),
             elapsed,
             round_trip_us,
-            plant_failed: read_failed || self.write_failed,
+            plant_failed: reading.is_none() || self.write_failed,
         }
     }
-}
-
-/// Joins nominal references and offsets, axis by axis.
-fn in_force<const N: usize>(nominal: &[PositionNm; N], offsets: [Offsets; N]) -> [InForce; N] {
-    let mut in_force = nominal.map(InForce::at);
-    for (axis, offsets) in in_force.iter_mut().zip(offsets) {
-        axis.offsets = offsets;
-    }
-    in_force
 }

@@ -9,11 +9,11 @@
 //!
 //! Motors of one axis share its cart: its position is their mean, and each carries an equal part of the load.
 
-use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
+use gantry_tau_core::control::axis::{Actual, InForce, Reference};
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::robot::Compliances;
-use gantry_tau_core::units::{Metres, OffsetNm, PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_core::units::{Metres, PositionNm, TorquePermille, VelocityUmS};
 use nalgebra::Vector6;
 
 use super::drive::{self, Drive};
@@ -41,10 +41,10 @@ pub struct SimulatedMachine<const N: usize, const M: usize> {
     metres_per_q: [f64; N],
     /// Nominal of the last reading.
     nominal: [PositionNm; N],
-    /// Nominal to which the references in force belong.
-    nominal_in_force: [PositionNm; N],
+    /// Parts of the references in force.
+    in_force: [InForce; N],
     references: [Reference; M],
-    /// The tool under load, and on the rigid machine at `nominal_in_force`.
+    /// The tool under load, and on the rigid machine at the nominal references in force.
     loaded: Equilibrium<N>,
     rigid: Equilibrium<N>,
     load: Load,
@@ -78,7 +78,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             tool,
             metres_per_q: parameters.metres_per_q,
             nominal: at_home,
-            nominal_in_force: at_home,
+            in_force: at_home.map(InForce::at),
             references,
             loaded: start,
             rigid: start,
@@ -120,7 +120,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             drive::mean(self.drives_of(axis).map(Drive::position_m)) / self.metres_per_q[axis]
         });
         self.loaded = self.springs.equilibrium(&motors, &load, &self.loaded)?;
-        let nominal = std::array::from_fn(|axis| self.nominal_in_force[axis].to_metres().0 / self.metres_per_q[axis]);
+        let nominal = std::array::from_fn(|axis| self.in_force[axis].nominal.to_metres().0 / self.metres_per_q[axis]);
         self.rigid = self.springs.equilibrium(&nominal, &Vector6::zeros(), &self.rigid)?;
         Ok(())
     }
@@ -137,29 +137,11 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             gauges_m: displacement.map(|length| whole_steps(length, self.gauge_resolution_m)),
         }
     }
-
-    /// Returns the reference of the first motor of an axis; all of them follow equal ones.
-    fn reference_of(&self, axis: usize) -> Option<&Reference> {
-        let motor = self.motors.axis_of_motor().iter().position(|of| *of == axis)?;
-        self.references.get(motor)
-    }
 }
 
 impl<const N: usize, const M: usize> Plant<N, M> for SimulatedMachine<N, M> {
-    fn offsets_in_force(&mut self) -> Result<[Offsets; N], PlantError> {
-        let failed = |reason| PlantError { operation: "read the offsets in force", reason };
-        let mut offsets = [Offsets::default(); N];
-        for (axis, offset) in offsets.iter_mut().enumerate() {
-            let reference = (self.reference_of(axis)).ok_or(failed("an axis has no motor"))?;
-            let away = reference.position.0.checked_sub(self.nominal_in_force[axis].0);
-            let position = away.and_then(|nm| i32::try_from(nm).ok()).map(OffsetNm);
-            *offset = Offsets {
-                position: position.ok_or(failed("a position offset is beyond its range"))?,
-                velocity: reference.velocity_offset,
-                torque: reference.torque_offset,
-            };
-        }
-        Ok(offsets)
+    fn in_force(&mut self) -> Result<[InForce; N], PlantError> {
+        Ok(self.in_force)
     }
 
     fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantError> {
@@ -175,12 +157,12 @@ impl<const N: usize, const M: usize> Plant<N, M> for SimulatedMachine<N, M> {
         Ok(Reading { nominal: self.nominal, actual, tool: Some(self.tool_reading()) })
     }
 
-    fn write(&mut self, references: &[Reference; M]) -> Result<(), PlantError> {
+    fn write(&mut self, references: &[Reference; M], parts: &[InForce; N]) -> Result<(), PlantError> {
         for (drive, reference) in self.drives.iter_mut().zip(references) {
             drive.command(reference);
         }
         self.references = *references;
-        self.nominal_in_force = self.nominal;
+        self.in_force = *parts;
         Ok(())
     }
 }
@@ -213,7 +195,9 @@ mod tests {
     use crate::sim::fixture::{Vectors, motion, parameters};
     use crate::sim::load_generator::{LoadGenerator, load_generator};
     use crate::sim::parameters::Motion;
+    use gantry_tau_core::control::axis::Offsets;
     use gantry_tau_core::model::robot::ARMS;
+    use gantry_tau_core::units::OffsetNm;
     use nalgebra::Vector3;
 
     type Machine = SimulatedMachine<ARMS, ARMS>;
@@ -227,7 +211,7 @@ mod tests {
     /// Runs one cycle of a server without offsets.
     fn cycle(machine: &mut Machine) -> Reading<ARMS> {
         let reading = machine.read(1).unwrap();
-        machine.write(&reading.nominal.map(without_offsets)).unwrap();
+        machine.write(&reading.nominal.map(without_offsets), &reading.nominal.map(InForce::at)).unwrap();
         reading
     }
 
@@ -356,14 +340,15 @@ mod tests {
         let mut reading = machine.read(1).unwrap();
         for _ in 0..200 {
             let away = reading.nominal.map(|nominal| without_offsets(PositionNm(nominal.0 + 20_000)));
-            machine.write(&away).unwrap();
+            let parts = reading.nominal.map(|nominal| InForce { nominal, offsets });
+            machine.write(&away, &parts).unwrap();
             reading = machine.read(1).unwrap();
         }
-        assert_eq!(machine.offsets_in_force(), Ok([offsets; ARMS]));
+        assert_eq!(machine.in_force().unwrap().map(|parts| parts.offsets), [offsets; ARMS]);
         assert_eq!(off_nm(&reading), [20_000; ARMS]);
         assert!(reading.tool.unwrap().displacement_m[0] > 10e-6);
         cycle(&mut machine);
-        assert_eq!(machine.offsets_in_force(), Ok([Offsets::default(); ARMS]));
+        assert_eq!(machine.in_force().unwrap().map(|parts| parts.offsets), [Offsets::ZERO; ARMS]);
     }
 
     #[test]
@@ -422,7 +407,7 @@ mod tests {
             let now = machine.read(1).unwrap();
             let motors = machine.motors.spread(&now.nominal.map(without_offsets));
             let motors = motors.unwrap();
-            machine.write(&motors).unwrap();
+            machine.write(&motors, &now.nominal.map(InForce::at)).unwrap();
             reading = Some(now);
         }
         let actual = reading.unwrap().actual;

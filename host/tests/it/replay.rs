@@ -52,7 +52,7 @@ fn assert_edited_digit(folder: &Folder) {
     let line = folder.read("box.jsonl").lines().nth(99).unwrap().to_owned();
     let tick: Value = serde_json::from_str(&line).unwrap();
     let recorded = tick["output"]["state"]["axes"][1]["offsets"]["position"].as_i64().unwrap();
-    let axis = format!("\"nominal\":{},\"offsets\":{{\"position\":", tick["input"]["tick"]["nominal"][1]);
+    let axis = format!("\"nominal\":{},\"offsets\":{{\"position\":", tick["input"]["tick"]["reading"]["nominal"][1]);
     edit(folder, "edited.jsonl", 100, |line| {
         let [true_words, edited] = [recorded, recorded ^ 1].map(|nm| format!("{axis}{nm},"));
         assert!(line.contains(&true_words), "{true_words} is not in: {line}");

@@ -9,11 +9,11 @@ mod on_session;
 pub use on_endpoint::endpoint_is_right;
 pub use on_session::every_tick_is_right;
 
-use gantry_tau_core::control::axis::{Actual, InForce, Offsets};
+use gantry_tau_core::control::axis::{InForce, Offsets};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::message::{AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
-use gantry_tau_core::control::session::{Event, LastWrite, Session, Start, TickInput};
+use gantry_tau_core::control::session::{Event, LastWrite, Reading, Session, Start, TickInput};
 use gantry_tau_core::control::wire::{ContentError, FrameError};
 use gantry_tau_core::units::{
     ChannelUnit, Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
@@ -354,7 +354,7 @@ impl Motion {
     /// The next tick, which may grant one epoch.
     fn tick(&mut self, system: &mut impl SystemUnderTest, circumstances: &Circumstances) {
         let session = system.session();
-        let last_write = self.last_write(session.config());
+        let last_write = self.last_write(session);
         for (axis, config) in session.config().parameters().axes.iter().enumerate() {
             let change = i64::from(config.nominal_step_nm) * i64::from(self.drift[axis]) / 100;
             let to = circumstances.jump.unwrap_or(self.nominal[axis]);
@@ -363,8 +363,7 @@ impl Motion {
         let epoch = Epoch((session.epoch().0).saturating_add(1).saturating_add_signed(circumstances.epoch.into()));
         let input = TickInput {
             elapsed_cycles: circumstances.elapsed,
-            nominal: self.nominal.map(PositionNm),
-            actual: [Actual::ZERO; N],
+            reading: Some(Reading::unmeasured(self.nominal.map(PositionNm))),
             stop: circumstances.stop,
             rearm: circumstances.rearm,
             last_write,
@@ -373,12 +372,13 @@ impl Motion {
         system.tick(input, EpochRange { first: epoch, last: epoch });
     }
 
-    /// Fate of the last references; the nominal in force at the drives is that of the last tick.
-    fn last_write(&mut self, config: &Config<N>) -> LastWrite<N> {
+    /// Fate of the last references. After a refused write the nominal references stay in force that were so before it.
+    fn last_write(&mut self, session: &Session<N>) -> LastWrite<N> {
+        let nominal = session.in_force().map(|axis| axis.nominal.0);
         match self.refused.take() {
             None => LastWrite::Accepted,
             Some(shares) if shares.iter().flatten().all(|share| *share > 100) => LastWrite::Unknown,
-            Some(shares) => LastWrite::Refused { in_force: in_force(config, &shares, &self.nominal) },
+            Some(shares) => LastWrite::Refused { in_force: in_force(session.config(), &shares, &nominal) },
         }
     }
 }

@@ -104,12 +104,12 @@ fn decided_on(input: &StepInput<N>) -> (&FsmState, FsmInput, Rules) {
     let parameters = session.config().parameters();
     let axes = &session.parts().axes;
     let stepped = |axis: usize| {
-        let (from, to) = (axes[axis].nominal, cycle.nominal[axis]);
-        nominal_stepped(from, to, &parameters.axes[axis], cycle.cycles())
+        let (from, config) = (axes[axis].nominal, &parameters.axes[axis]);
+        cycle.reading.is_some_and(|reading| nominal_stepped(from, reading.nominal[axis], config, cycle.cycles()))
     };
     let accepted = input.accepted.fsm;
     let fsm = FsmInput {
-        stop: accepted.stop || cycle.stop,
+        stop: accepted.stop || cycle.stop || cycle.reading.is_none(),
         rearm: cycle.rearm,
         skipped: cycle.cycles() - 1,
         all_zero: axes.iter().all(|axis| axis.channels.is_zero()) && !session.parts().withheld,

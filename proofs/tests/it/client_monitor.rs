@@ -2,7 +2,7 @@
 
 use gantry_tau_core::control::client::{Ignored, Requirements};
 use gantry_tau_core::control::message::{AxisState, Capabilities, Counters, ServerMessage, Welcome};
-use gantry_tau_core::control::session::Input;
+use gantry_tau_core::control::session::{Input, Reading};
 use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 use gantry_tau_core::verification::control::{
     Accepted, Diagnostics, Dialogue, Granted, Internals, Last, Motion, Stage, Trace,
@@ -198,8 +198,8 @@ prop_compose! {
         command in option::weighted(0.9, prop_oneof![1 => Just(Mode::Submit), 6 => Just(Mode::Obtain)]),
         nominal in uniform2(-900..900_i64), elapsed_cycles in prop_oneof![20 => Just(1), 1 => 0..4_u32],
     ) -> (TickInput<N>, Accepted<N>) {
-        let nominal = nominal.map(PositionNm);
-        let tick = TickInput { elapsed_cycles, nominal, stop, rearm, ..Input::empty(EpochRange::VOLATILE).tick };
+        let reading = Some(Reading::unmeasured(nominal.map(PositionNm)));
+        let tick = TickInput { elapsed_cycles, reading, stop, rearm, ..Input::empty(EpochRange::VOLATILE).tick };
         let mut accepted = Accepted::nothing();
         accepted.fsm.goodbye = goodbye;
         accepted.fsm.closed = closed;

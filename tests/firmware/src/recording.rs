@@ -10,7 +10,7 @@
 
 use gantry_tau_core::control::axis::InForce;
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
-use gantry_tau_core::control::session::{Connection, LastWrite};
+use gantry_tau_core::control::session::{Connection, LastWrite, Reading};
 use gantry_tau_core::heapless::Vec;
 use gantry_tau_core::model::compensation::Correction;
 use gantry_tau_core::units::PositionNm;
@@ -79,7 +79,7 @@ impl Room {
 /// Reads the first record: the nominal positions at the start.
 pub(crate) fn start(room: &mut Room, source: &mut impl Source) -> Option<[PositionNm; AXES]> {
     match read(room, source)? {
-        Record::Cycle(input) => Some(input.tick.nominal),
+        Record::Cycle(input) => Some(input.tick.reading?.nominal),
         _ => None,
     }
 }
@@ -225,14 +225,24 @@ pub(crate) fn transfer(input: &mut CycleInput, word: Word<'_>) -> Option<()> {
     let mut kind = motions.iter().position(|one| one == motion).and_then(|at| u8::try_from(at).ok())?;
     whole(&mut kind, word)?;
     *motion = *motions.get(usize::from(kind))?;
-    for nominal in &mut tick.nominal {
+    let (mut is_read, mut reading) = match tick.reading {
+        Some(reading) => (1_u8, reading),
+        None => (0, Reading::unmeasured([PositionNm(0); AXES])),
+    };
+    whole(&mut is_read, word)?;
+    for nominal in &mut reading.nominal {
         whole(&mut nominal.0, word)?;
     }
-    for actual in &mut tick.actual {
+    for actual in &mut reading.actual {
         whole(&mut actual.position.0, word)?;
         whole(&mut actual.velocity.0, word)?;
         whole(&mut actual.torque.0, word)?;
     }
+    tick.reading = match is_read {
+        0 => None,
+        1 => Some(reading),
+        _ => return None,
+    };
     let (mut kind, mut in_force) = match tick.last_write {
         LastWrite::Accepted => (0_u8, [InForce::at(PositionNm(0)); AXES]),
         LastWrite::Unknown => (1, [InForce::at(PositionNm(0)); AXES]),

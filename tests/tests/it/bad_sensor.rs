@@ -12,7 +12,7 @@ use gantry_tau::server::tick_source::TickSource;
 use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau_core::control::axis::{Offsets, Reference};
+use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::model::robot::ARMS;
@@ -34,8 +34,8 @@ struct Liar {
 }
 
 impl Plant<ARMS, L2_MOTORS> for Liar {
-    fn offsets_in_force(&mut self) -> Result<[Offsets; ARMS], PlantError> {
-        self.machine.offsets_in_force()
+    fn in_force(&mut self) -> Result<[InForce; ARMS], PlantError> {
+        self.machine.in_force()
     }
 
     fn read(&mut self, elapsed: u64) -> Result<Reading<ARMS>, PlantError> {
@@ -47,8 +47,8 @@ impl Plant<ARMS, L2_MOTORS> for Liar {
         self.machine.read(elapsed)
     }
 
-    fn write(&mut self, references: &[Reference; L2_MOTORS]) -> Result<(), PlantError> {
-        self.machine.write(references)
+    fn write(&mut self, references: &[Reference; L2_MOTORS], parts: &[InForce; ARMS]) -> Result<(), PlantError> {
+        self.machine.write(references, parts)
     }
 }
 

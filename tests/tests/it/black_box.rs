@@ -143,6 +143,8 @@ fn a_window_goes_on_across_an_outage() {
 fn what_finds_no_room_waits_until_it_must_go() {
     let (mut server, mut windows) = ServerFixture::<3>::default().handing_over();
     let mut nominal = server.bus.record().nominal;
+    // The path is met first.
+    server.step();
     for _ in 0..6 {
         // A nominal step ends nothing but is a cause; then a re-arm, and another.
         nominal[0].0 += 2 * i64::from(NOMINAL_STEP_NM);

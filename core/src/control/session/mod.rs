@@ -263,6 +263,12 @@ impl<const N: usize> Session<N> {
         &self.parts.in_force
     }
 
+    /// Returns the parts of the references of the last tick: what is in force once the drives have taken them.
+    #[must_use]
+    pub fn demanded(&self) -> [InForce; N] {
+        self.parts.axes.map(|axis| axis.in_force())
+    }
+
     /// Returns the phase.
     #[must_use]
     pub const fn phase(&self) -> Phase {
@@ -320,10 +326,10 @@ impl<const N: usize> Session<N> {
 
     /// Decides and acts. The invariant and every bound hold for anything that can have been accepted.
     pub(crate) fn step(&mut self, tick: &TickInput<N>, accepted: Accepted<N>, diagnostics: Diagnostics) -> Output<N> {
-        let parts = &mut self.parts;
-        if !parts.withheld {
-            parts.in_force = parts.axes.map(|axis| axis.in_force());
+        if !self.parts.withheld {
+            self.parts.in_force = self.demanded();
         }
+        let parts = &mut self.parts;
         let before = parts.discrete;
         let known = Known { withheld: parts.withheld, off_path: parts.off_path };
         let Step { decision, fsm, axes, off_path } =

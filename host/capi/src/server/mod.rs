@@ -16,8 +16,8 @@ pub use config::{gt_axis_config, gt_in_force, gt_limits, gt_offsets, gt_server_c
 pub use frame::{GT_MAX_FRAME, gt_frame};
 pub use tick::{
     GT_FLAG_NOMINAL_STEP, GT_FLAG_POSITION_LIMITED, GT_FLAG_TORQUE_LIMITED, GT_FLAG_TRAVEL, GT_FLAG_VELOCITY_LIMITED,
-    GT_PRESSED, GT_RELEASED, GT_WRITE_ACCEPTED, GT_WRITE_REFUSED, GT_WRITE_UNKNOWN, gt_actual, gt_axis_state, gt_cause,
-    gt_counters, gt_phase, gt_reference, gt_state, gt_tick_input, gt_tick_output,
+    GT_PRESSED, GT_READING_DONE, GT_READING_FAILED, GT_RELEASED, GT_WRITE_ACCEPTED, GT_WRITE_REFUSED, GT_WRITE_UNKNOWN,
+    gt_actual, gt_axis_state, gt_cause, gt_counters, gt_phase, gt_reference, gt_state, gt_tick_input, gt_tick_output,
 };
 
 use running::{HALF, NONE, Running};
@@ -242,7 +242,7 @@ pub unsafe extern "C" fn gt_server_set_epochs(server: *mut gt_server, first: u64
 /// Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0; then send what gt_server_poll_transmit
 /// returns; then close what gt_server_poll_close returns. Drives need a watchdog for the case that no tick comes.
 ///
-/// Errors: GT_CODE_TICK_INPUT: stop, rearm or last_write, in this order, is not one of its values, and `error` says which;
+/// Errors: GT_CODE_TICK_INPUT: reading, stop, rearm or last_write, in this order, is not one of its values, and `error` says which;
 /// GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT. After an error nothing has changed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_tick(
@@ -258,6 +258,27 @@ pub unsafe extern "C" fn gt_server_tick(
             ask!(server, server => server.tick(input))
         })
     }
+}
+
+/// Takes note that the drives did not take the references of the last tick: its State then reports the values that are still in force.
+/// Call it before gt_server_poll_transmit; `last_write` tells the next tick.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_server_write_refused(server: *mut gt_server) -> gt_code {
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        reply(null_mut(), || {
+            ask!(server, server => server.endpoint.write_refused());
+            Ok(())
+        })
+    }
+}
+
+/// `at_zero` receives 1 if the drives took references without offsets in the last tick, so that the program may end; else 0. After a refused
+/// write it is 0, whatever was in force before: the drives may have taken a part of it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_server_is_at_zero(server: *mut gt_server, at_zero: *mut u8) -> gt_code {
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe { answer(at_zero, null_mut(), || Ok(ask!(server, server => server.endpoint.is_at_zero().into()))) }
 }
 
 /// Returns the next frame of the last tick, in the order in which they are to be sent: Refusals, the Welcome, the State.

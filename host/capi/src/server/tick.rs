@@ -3,7 +3,7 @@
 use gantry_tau_core::control::axis::{Actual, Reference};
 use gantry_tau_core::control::endpoint::CONNECTIONS;
 use gantry_tau_core::control::message::{AxisFlags, AxisState, Cause, Counters, Phase, State};
-use gantry_tau_core::control::session::{LastWrite, Output, TickInput};
+use gantry_tau_core::control::session::{LastWrite, Output, Reading, TickInput};
 use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
 
 use super::config::{gt_in_force, gt_offsets, in_force};
@@ -51,6 +51,11 @@ pub const GT_RELEASED: u8 = 1;
 /// The switch or button is pressed.
 pub const GT_PRESSED: u8 = 2;
 
+/// The machine was read.
+pub const GT_READING_DONE: u8 = 1;
+/// The machine could not be read: `nominal_nm` and `actual` are not looked at.
+pub const GT_READING_FAILED: u8 = 2;
+
 /// The drives took the references of the last tick. Also the value for the first tick.
 pub const GT_WRITE_ACCEPTED: u8 = 1;
 /// The drives did not take them; they were read back and have the values of `in_force`.
@@ -64,6 +69,8 @@ pub const GT_WRITE_UNKNOWN: u8 = 3;
 pub struct gt_tick_input {
     /// Cycles since the last tick: 1 when on time; each further one is a missed deadline. 0 counts as 1.
     pub elapsed_cycles: u32,
+    /// GT_READING_DONE, or GT_READING_FAILED: then the server stops, and the last nominal references stand until the path comes back to them.
+    pub reading: u8,
     /// The stop at the machine: GT_RELEASED or GT_PRESSED.
     pub stop: u8,
     /// The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen released in Fault.
@@ -257,8 +264,14 @@ impl gt_tick_input {
     pub(super) fn to_core<const N: usize>(self) -> Reply<TickInput<N>> {
         Ok(TickInput {
             elapsed_cycles: self.elapsed_cycles,
-            nominal: resized(&self.nominal_nm, 0).map(PositionNm),
-            actual: resized(&self.actual, gt_actual::default()).map(Actual::from),
+            reading: match self.reading {
+                GT_READING_DONE => Some(Reading {
+                    nominal: resized(&self.nominal_nm, 0).map(PositionNm),
+                    actual: resized(&self.actual, gt_actual::default()).map(Actual::from),
+                }),
+                GT_READING_FAILED => None,
+                other => return Err(refused(other, gt_parameter::Reading)),
+            },
             stop: pressed(self.stop, gt_parameter::Stop)?,
             rearm: pressed(self.rearm, gt_parameter::Rearm)?,
             last_write: match self.last_write {

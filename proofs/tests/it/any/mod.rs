@@ -6,7 +6,7 @@ use gantry_tau_core::control::message::{
     AxisLimits, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
 };
 use gantry_tau_core::control::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
-use gantry_tau_core::control::session::{Connection, Event, LastWrite, Session, TickInput};
+use gantry_tau_core::control::session::{Connection, Event, LastWrite, Reading, Session, TickInput};
 use gantry_tau_core::control::wire::{ContentError, FrameError};
 use gantry_tau_core::units::{
     ChannelUnit, Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
@@ -192,8 +192,14 @@ pub(crate) fn event<const N: usize>() -> impl Strategy<Value = Event<N>> {
 
 /// An axis whose channels and shadow are within their limits.
 fn axis_within(limits: AxisLimits, nominal: impl Strategy<Value = i64>) -> impl Strategy<Value = Axis> {
-    (axis_channels(limits), axis_channels(limits), nominal.prop_map(PositionNm))
-        .prop_map(|(channels, shadow, nominal)| Axis { channels, shadow, nominal })
+    (axis_channels(limits), axis_channels(limits), nominal.prop_map(PositionNm), actual())
+        .prop_map(|(channels, shadow, nominal, actual)| Axis { channels, shadow, nominal, actual })
+}
+
+prop_compose! {
+    fn actual()(position: i64, velocity: i32, torque: i16) -> Actual {
+        Actual { position: PositionNm(position), velocity: VelocityUmS(velocity), torque: TorquePermille(torque) }
+    }
 }
 
 /// A session in any valid state.
@@ -201,32 +207,40 @@ pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
     config::<N>().prop_flat_map(|config| {
         let discrete = discrete(config.parameters().handshake_ticks);
         let axes = config.parameters().axes.map(|axis| axis_within(axis.limits, -2_000..2_000_i64));
-        let flags = (any::<bool>(), prop::bool::weighted(0.2));
-        (discrete, axes, flags).prop_map(move |(discrete, axes, (late, withheld))| {
-            let resting = matches!(discrete.phase, Phase::Listening | Phase::Handshake | Phase::Submit);
-            let parts = Parts {
-                discrete,
-                axes: axes.map(|axis| Axis {
-                    channels: if resting { AxisChannels::ZERO } else { axis.channels },
-                    shadow: if discrete.phase == Phase::Submit { axis.shadow } else { AxisChannels::ZERO },
-                    ..axis
-                }),
-                withheld: withheld && matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault),
-                cause: Cause::None,
-                late,
-                counters: Counters::default(),
-            };
-            Session::from_parts(config, parts).unwrap()
-        })
+        let flags = (any::<bool>(), prop::bool::weighted(0.2), prop::bool::weighted(0.3));
+        (discrete, axes, uniform(in_force()), flags).prop_map(
+            move |(discrete, axes, in_force, (late, withheld, off_path))| {
+                let resting = matches!(discrete.phase, Phase::Listening | Phase::Handshake | Phase::Submit);
+                let parts = Parts {
+                    discrete,
+                    axes: axes.map(|axis| Axis {
+                        channels: if resting { AxisChannels::ZERO } else { axis.channels },
+                        shadow: if discrete.phase == Phase::Submit { axis.shadow } else { AxisChannels::ZERO },
+                        ..axis
+                    }),
+                    withheld: withheld && matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault),
+                    off_path,
+                    in_force,
+                    cause: Cause::None,
+                    late,
+                    counters: Counters::default(),
+                };
+                Session::from_parts(config, parts).unwrap()
+            },
+        )
     })
 }
 
+prop_compose! {
+    fn in_force()(nominal in -2_000..2_000_i64, offsets in prop_oneof![Just(Offsets::ZERO), offsets()]) -> InForce {
+        InForce { nominal: PositionNm(nominal), offsets }
+    }
+}
+
 pub(crate) fn last_write<const N: usize>() -> impl Strategy<Value = LastWrite<N>> {
-    let in_force = (-2_000..2_000_i64, prop_oneof![Just(Offsets::ZERO), offsets()])
-        .prop_map(|(nominal, offsets)| InForce { nominal: PositionNm(nominal), offsets });
     prop_oneof![
         8 => Just(LastWrite::Accepted),
-        2 => uniform::<_, N>(in_force).prop_map(|in_force| LastWrite::Refused { in_force }),
+        2 => uniform::<_, N>(in_force()).prop_map(|in_force| LastWrite::Refused { in_force }),
         1 => Just(LastWrite::Unknown),
     ]
 }
@@ -237,17 +251,19 @@ pub(crate) fn epochs() -> impl Strategy<Value = EpochRange> {
 
 pub(crate) fn tick_input<const N: usize>() -> impl Strategy<Value = TickInput<N>> {
     let nominal = prop_oneof![8 => -2_000..2_000_i64, 1 => any::<i64>()].prop_map(PositionNm);
-    let nominal = uniform::<_, N>(nominal);
+    let reading =
+        (uniform::<_, N>(nominal), uniform::<_, N>(actual())).prop_map(|(nominal, actual)| Reading { nominal, actual });
+    let reading = option::weighted(0.95, reading);
     let elapsed = prop_oneof![8 => Just(1), 1 => 0..4_u32, 1 => any::<u32>()];
     let flags = (rare(), any::<bool>());
-    (nominal, elapsed, flags, last_write()).prop_map(|(nominal, elapsed_cycles, (stop, rearm), last_write)| TickInput {
+    let rest = (flags, last_write(), any::<u16>());
+    (reading, elapsed, rest).prop_map(|(reading, elapsed_cycles, ((stop, rearm), last_write, arrival_us))| TickInput {
         elapsed_cycles,
-        nominal,
-        actual: [Actual::ZERO; N],
+        reading,
         stop,
         rearm,
         last_write,
-        arrival_us: 0,
+        arrival_us,
     })
 }
 

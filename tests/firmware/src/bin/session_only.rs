@@ -11,8 +11,8 @@ use cortex_m_rt::entry;
 use gantry_tau_core::control::session::BlackBox;
 use gantry_tau_core::units::Epoch;
 use gantry_tau_core::{
-    Actual, AxisConfig, Config, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap, Parameters, PositionNm,
-    Session, Start, TickInput, Transport, Travel,
+    AxisConfig, Config, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap, Parameters, PositionNm,
+    Reading, Session, Start, TickInput, Transport, Travel,
 };
 
 /// The server, and storage for its black box.
@@ -41,8 +41,7 @@ impl Board {
             epochs: EpochRange { first: Epoch(1), last: Epoch(4_096) },
             tick: TickInput {
                 elapsed_cycles: 1,
-                nominal,
-                actual: [Actual::ZERO; 6],
+                reading: Some(Reading::unmeasured(nominal)),
                 stop: false,
                 rearm: false,
                 last_write: LastWrite::Accepted,

@@ -7,11 +7,11 @@ mod control_cycle;
 mod f1;
 pub(crate) mod robots;
 
-use gantry_tau_core::control::axis::{Actual, Reference};
+use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap};
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::control::session::config::Config;
-use gantry_tau_core::control::session::{BlackBox, Connection, LastWrite, Output, Session, Start, TickInput};
+use gantry_tau_core::control::session::{BlackBox, Connection, LastWrite, Output, Reading, Session, Start, TickInput};
 use gantry_tau_core::units::{EpochRange, PositionNm};
 
 pub(crate) use control_cycle::{ControlCycle, CycleResult};
@@ -75,8 +75,7 @@ impl CycleInput {
         Self {
             tick: TickInput {
                 elapsed_cycles: 1,
-                nominal: [PositionNm(0); AXES],
-                actual: [Actual::ZERO; AXES],
+                reading: Some(Reading::unmeasured([PositionNm(0); AXES])),
                 stop: false,
                 rearm: false,
                 last_write: LastWrite::Accepted,
@@ -121,8 +120,10 @@ pub(crate) struct Machine {
     server: Server,
     black_box: BlackBox<AXES, HALF>,
     cycle: &'static mut ControlCycle,
-    /// Input of the coming tick; its nominal positions and measurements stay until new ones are computed.
+    /// Input of the coming tick.
     input: TickInput<AXES>,
+    /// Last nominal positions and measurements; they stay until new ones are computed.
+    last: Reading<AXES>,
 }
 
 /// Parts of a [`Machine`] that are small enough for a stack; the machine itself is not.
@@ -153,13 +154,12 @@ impl Machine {
     // Inlined, so that it is written to its place and never lies on the stack.
     #[inline(always)]
     pub(crate) const fn new(parts: Parts) -> Self {
-        let mut input = CycleInput::on_time(Motion::Given, [0.0; 6]).tick;
-        input.nominal = parts.nominal;
         Self {
             server: Server::new(parts.session, parts.motors, EpochRange::VOLATILE),
             black_box: BlackBox::new(),
             cycle: parts.cycle,
-            input,
+            input: CycleInput::on_time(Motion::Given, [0.0; 6]).tick,
+            last: Reading::unmeasured(parts.nominal),
         }
     }
 
@@ -179,11 +179,12 @@ impl Machine {
     pub(crate) fn compute(&mut self, input: &CycleInput, meter: &mut impl Meter) -> CycleResult<'_> {
         meter.begin();
         let result = self.cycle.run(input);
-        let (nominal, actual) = (self.input.nominal, self.input.actual);
         self.input = input.tick;
         if !matches!(input.motion, Motion::Given) {
-            self.input.nominal = result.nominal().unwrap_or(nominal);
-            self.input.actual = actual;
+            self.last.nominal = result.nominal().unwrap_or(self.last.nominal);
+            self.input.reading = Some(self.last);
+        } else if let Some(reading) = input.tick.reading {
+            self.last = reading;
         }
         meter.end(Part::Floats);
         result
@@ -204,7 +205,7 @@ impl Machine {
         meter.end(Part::Tick);
         // A perfect drive is where it was told to be.
         if let Some(output) = self.server.output().filter(|output| !output.withheld) {
-            for (actual, reference) in self.input.actual.iter_mut().zip(&output.references) {
+            for (actual, reference) in self.last.actual.iter_mut().zip(&output.references) {
                 actual.position = reference.position;
             }
         }

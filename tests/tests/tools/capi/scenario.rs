@@ -10,7 +10,7 @@ use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{Cause, ClientMessage, Phase};
 use gantry_tau_core::control::session::config::{Config, MissBudget, Parameters};
-use gantry_tau_core::control::session::{BlackBox, Connection, LastWrite, Output, Session, Start, TickInput};
+use gantry_tau_core::control::session::{BlackBox, Connection, LastWrite, Output, Reading, Session, Start, TickInput};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, PositionNm, TorquePermille, VelocityUmS};
 use gantry_tau_proofs::scenario::ClientAction;
@@ -243,11 +243,13 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         self.nominal = self.nominal.map(|nominal| (nominal + jump) % 900_000_000);
         let input = TickInput {
             elapsed_cycles: if self.one_in(300) { 2 } else { 1 },
-            nominal: self.nominal.map(PositionNm),
-            actual: self.nominal.map(|nominal| Actual {
-                position: PositionNm(nominal - 77),
-                velocity: VelocityUmS(-5),
-                torque: TorquePermille(3),
+            reading: (!self.one_in(200)).then(|| Reading {
+                nominal: self.nominal.map(PositionNm),
+                actual: self.nominal.map(|nominal| Actual {
+                    position: PositionNm(nominal - 77),
+                    velocity: VelocityUmS(-5),
+                    torque: TorquePermille(3),
+                }),
             }),
             // In the fault both at once, too.
             stop: self.one_in(if faulted { 8 } else { 500 }),
@@ -320,8 +322,11 @@ impl<const N: usize> Recorded<N> {
         };
         let switch = |pressed| if pressed { 2 } else { 1 };
         let (stop, rearm) = (switch(input.stop), switch(input.rearm));
-        write!(self.script, "t {} {stop} {rearm} {last_write} {}", input.elapsed_cycles, input.arrival_us).unwrap();
-        for (nominal, Actual { position, velocity, torque }) in input.nominal.iter().zip(&input.actual) {
+        let read = if input.reading.is_some() { 1 } else { 2 };
+        let first = format!("t {} {read} {stop} {rearm} {last_write} {}", input.elapsed_cycles, input.arrival_us);
+        self.script.push_str(&first);
+        let reading = input.reading.unwrap_or(Reading::unmeasured([PositionNm(-1); N]));
+        for (nominal, Actual { position, velocity, torque }) in reading.nominal.iter().zip(&reading.actual) {
             write!(self.script, " {} {} {} {}", nominal.0, position.0, velocity.0, torque.0).unwrap();
         }
         for InForce { nominal, offsets: Offsets { position, velocity, torque } } in in_force.into_iter().flatten() {

@@ -8,7 +8,7 @@ use gantry_tau::replay::Findings;
 use gantry_tau_core::control::axis::Actual;
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
-use gantry_tau_core::control::session::{BlackBox, Session, Start, TickInput};
+use gantry_tau_core::control::session::{BlackBox, Reading, Session, Start, TickInput};
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm};
 use gantry_tau_tests::server_fixture::{limits, on_time};
 use libtest_mimic::Failed;
@@ -79,5 +79,5 @@ fn core() -> Endpoint<AXES, MOTORS> {
 fn input(tick: i64) -> TickInput<AXES> {
     let nominal = [1, 2, 3].map(|axis| PositionNm(tick * 1_000 * axis));
     let actual = nominal.map(|nominal| Actual { position: PositionNm(nominal.0 - 50), ..Actual::ZERO });
-    TickInput { actual, ..on_time(nominal) }
+    TickInput { reading: Some(Reading { nominal, actual }), ..on_time(nominal) }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Command, Mode, Phase};
-use gantry_tau_core::control::session::{Connection, Output, Session};
+use gantry_tau_core::control::session::{Connection, Output, Reading, Session};
 use gantry_tau_core::units::{OffsetNm, Sequence};
 use gantry_tau_tests::client::Noise;
 
@@ -79,7 +79,7 @@ impl Recorder {
         let mut input = CycleInput::on_time(motion, pose);
         let nominal = control_cycle().run(&input).nominal();
         let nominal = nominal.unwrap();
-        input.tick.nominal = nominal;
+        input.tick.reading = Some(Reading::unmeasured(nominal));
         let mut recorder = Self {
             machine: Machine::new(Parts::new(control_cycle(), Capabilities::NONE, nominal).unwrap()),
             bytes: Vec::new(),
