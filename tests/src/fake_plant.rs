@@ -24,6 +24,8 @@ pub struct Record<const N: usize> {
     pub read_fails: bool,
     /// `write` fails.
     pub write_fails: bool,
+    /// Writes and read-backs that failed.
+    pub failures: usize,
     /// A client's end of its connection, at which every `write` listens.
     pub ear: Option<TcpStream>,
     /// Writes that came after the client had been told something.
@@ -53,6 +55,7 @@ impl<const N: usize> Default for Bus<N> {
             offsets_fail: false,
             read_fails: false,
             write_fails: false,
+            failures: 0,
             ear: None,
             late_writes: 0,
         })))
@@ -92,8 +95,9 @@ impl<const N: usize> Bus<N> {
 
 impl<const N: usize> Plant<N, N> for Bus<N> {
     fn in_force(&mut self) -> Result<[InForce; N], PlantError> {
-        let record = self.record();
+        let mut record = self.record();
         if record.offsets_fail {
+            record.failures += 1;
             return Err(failed("read back the values in force"));
         }
         Ok(record.parts_in_force())
@@ -111,6 +115,7 @@ impl<const N: usize> Plant<N, N> for Bus<N> {
     fn write(&mut self, references: &[Reference; N], parts: &[InForce; N]) -> Result<(), PlantError> {
         let mut record = self.record();
         if record.write_fails {
+            record.failures += 1;
             return Err(failed("be written"));
         }
         let told = record.ear.as_ref().is_some_and(has_bytes);

@@ -6,9 +6,10 @@ use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};
 
 use gantry_tau::black_box::swap_channel::{self, Receiver};
-use gantry_tau::server::ServerError;
 use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
+use gantry_tau::server::tick_source::TickSource;
+use gantry_tau::server::{Server, ServerError};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::{MotorMap, Transport};
 use gantry_tau_core::control::message::{AxisLimits, Cause, Phase, Refusal};
@@ -154,6 +155,13 @@ impl<const N: usize> ServerFixture<N> {
     /// Makes the monitor go on from the values in force at the drives.
     fn rebase(&mut self) {
         assert_eq!(self.monitor.rebase(&self.bus.record().parts_in_force()), Ok(()));
+    }
+
+    /// Runs the server in a thread of its own. Its rows are not looked at.
+    #[must_use]
+    pub fn spawn(self) -> Server<N> {
+        let (server, _rows) = Server::spawn(self.cycle, TickSource::Lockstep).unwrap();
+        server
     }
 
     /// Takes in what has arrived; returns the owner's frames that the coming tick has.

@@ -26,7 +26,7 @@ use gantry_tau::sim::parameters::Motion;
 use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::Capabilities;
 
-use super::{MachineCommand, Outcome, Pace, address, transport};
+use super::{MachineCommand, Outcome, Pace, address, fail, transport};
 
 /// Run the server with the simulated machine, for this program's client or any other
 ///
@@ -126,8 +126,16 @@ impl MachineCommand for Serve {
                 black_boxes.write_waiting();
             }
         });
-        let dropped = server.quit()?;
-        say("all offsets are zero; ended");
+        let controls = Arc::clone(&server.controls);
+        let code = match server.quit() {
+            Ok(_) => {
+                say("all offsets are zero; ended");
+                ExitCode::SUCCESS
+            }
+            Err(error @ ServerError::StillInForce { .. }) => fail(3, error),
+            Err(error) => return Err(error.into()),
+        };
+        let dropped = controls.dropped_rows.load(Ordering::Relaxed);
         let boxes_written = black_boxes.map_or(Ok(()), Writer::finish);
         if let Some(recorded) = file.map(|file| file.finish(dropped)) {
             say(&recorded);
@@ -136,7 +144,7 @@ impl MachineCommand for Serve {
             }
         }
         boxes_written?;
-        Ok(ExitCode::SUCCESS)
+        Ok(code)
     }
 }
 

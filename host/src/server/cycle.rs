@@ -3,7 +3,7 @@
 use std::io;
 use std::net::{SocketAddr, TcpStream};
 
-use gantry_tau_core::control::axis::Reference;
+use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap};
 use gantry_tau_core::control::message::{Cause, Phase, State};
 use gantry_tau_core::control::session::config::Config;
@@ -117,6 +117,24 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     #[must_use]
     pub const fn endpoint(&self) -> &Endpoint<N, M> {
         &self.endpoint
+    }
+
+    /// True if the machine took references without offsets in the last step: the server may end.
+    #[must_use]
+    pub fn is_at_zero(&self) -> bool {
+        self.endpoint.is_at_zero()
+    }
+
+    /// True if the machine did not take the references of the last step.
+    #[must_use]
+    pub const fn write_failed(&self) -> bool {
+        self.write_failed
+    }
+
+    /// Returns the values in force before the last step; they still are if the machine did not take its references.
+    #[must_use]
+    pub fn in_force(&self) -> &[InForce; N] {
+        self.endpoint.session().in_force()
     }
 
     /// Returns the phase after the last step.

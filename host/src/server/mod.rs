@@ -12,6 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
+use gantry_tau_core::control::axis::{InForce, Offsets};
 use gantry_tau_core::control::message::Phase;
 
 use crate::plant::{Plant, PlantError};
@@ -39,9 +40,18 @@ pub enum ServerError {
     Thread(String),
     /// The cycle thread panicked.
     Panicked,
+    /// The server has ended, and the machine did not take the references that bring its offsets to zero.
+    StillInForce {
+        /// Offsets that the machine had in force when it was heard of last, axis order.
+        offsets: Vec<Offsets>,
+    },
 }
 
 impl ServerError {
+    fn still_in_force<const N: usize>(in_force: &[InForce; N]) -> Self {
+        Self::StillInForce { offsets: in_force.iter().map(|axis| axis.offsets).collect() }
+    }
+
     /// Returns the error of an address, with what to do about it.
     #[must_use]
     pub fn listen(address: SocketAddr, error: &io::Error) -> Self {
@@ -65,6 +75,16 @@ impl fmt::Display for ServerError {
             Self::Panicked => f.write_str(
                 "the cycle thread panicked; the offsets in force are unknown and the drives' watchdog must act",
             ),
+            Self::StillInForce { offsets } => {
+                f.write_str(
+                    "the machine takes no references; when it was heard of last, it had these offsets in force:",
+                )?;
+                for (axis, Offsets { position, velocity, torque }) in offsets.iter().enumerate() {
+                    let (position, velocity, torque) = (position.0, velocity.0, torque.0);
+                    write!(f, "\n  axis {}: {position} nm, {velocity} um/s, {torque} per mille", axis + 1)?;
+                }
+                f.write_str("\nStop it at the machine; a server that is started again ramps what it then finds")
+            }
             Self::Thread(reason) => write!(f, "the cycle thread cannot start: {reason}"),
         }
     }
@@ -131,7 +151,7 @@ pub struct Server<const N: usize> {
     pub address: SocketAddr,
     /// Switches.
     pub controls: Arc<Controls>,
-    thread: JoinHandle<()>,
+    thread: JoinHandle<Result<(), ServerError>>,
 }
 
 impl<const N: usize> Server<N> {
@@ -159,11 +179,12 @@ impl<const N: usize> Server<N> {
     /// Ramps to zero, ends the thread, and returns the number of rows that its observer missed.
     ///
     /// # Errors
+    /// [`ServerError::StillInForce`]: the machine took no references for two seconds, and may have offsets in force.
     /// [`ServerError::Panicked`]: the offsets in force are unknown, and the drives' watchdog must act.
     pub fn quit(self) -> Result<u64, ServerError> {
         self.controls.quit.store(true, Ordering::Relaxed);
         let panicked = |_| ServerError::Panicked;
-        self.thread.join().map_err(panicked)?;
+        self.thread.join().map_err(panicked)??;
         Ok(self.controls.dropped_rows.load(Ordering::Relaxed))
     }
 }

@@ -4,8 +4,8 @@ use std::sync::atomic::Ordering;
 
 use gantry_tau_core::control::message::Phase;
 
-use super::Controls;
 use super::cycle::{Cycle, Demands, Row};
+use super::{Controls, ServerError};
 use crate::plant::Plant;
 use crate::realtime::{CycleTimer, now_ns, sleep_until_ns, wait_readable_until_ns};
 
@@ -17,6 +17,8 @@ const SILENCE_NS: u64 = 1_000_000_000;
 const HANDSHAKE_SILENCE_NS: u64 = 10_000_000;
 /// Lock-step: longest wait between two polls of the sockets, ns.
 const POLL_NS: u64 = 500_000;
+/// Ticks in a row without an accepted write after which a server that is to end gives up.
+const QUIT_PATIENCE: u32 = 2_000;
 /// Frames of the owner per tick that are timed; further ones wait for the deadline.
 const ENOUGH_FRAMES: u8 = 4;
 
@@ -29,13 +31,16 @@ pub enum TickSource {
     Lockstep,
 }
 
-/// Runs cycles until quit is requested and every offset is zero.
+/// Runs cycles until quit is requested and the drives have taken references without offsets.
+///
+/// # Errors
+/// [`ServerError::StillInForce`]: quit is requested, and the machine has taken nothing for two seconds.
 pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
     mut cycle: Cycle<N, M, P>,
     ticks: TickSource,
     controls: &Controls,
     mut rows: rtrb::Producer<Row<N>>,
-) {
+) -> Result<(), ServerError> {
     if ticks == TickSource::RealTime {
         if let Err(denied) = crate::realtime::raise_priority() {
             tracing::warn!("cycle thread: no {}: {}", denied.privilege, denied.reason);
@@ -43,6 +48,7 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
     }
     let mut timer = CycleTimer::starting_now(PERIOD_NS);
     let mut state_left_ns = now_ns();
+    let mut refused = 0;
     loop {
         let elapsed = match ticks {
             TickSource::RealTime => {
@@ -63,9 +69,11 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
         if rows.push(row).is_err() {
             controls.dropped_rows.fetch_add(1, Ordering::Relaxed);
         }
-        if quit && row.state.ramp_ticks_left == 0 {
+        refused = if cycle.write_failed() { refused + 1 } else { 0 };
+        let is_lost = refused >= QUIT_PATIENCE;
+        if quit && (cycle.is_at_zero() || is_lost) {
             cycle.send_end();
-            return;
+            return if is_lost { Err(ServerError::still_in_force(cycle.in_force())) } else { Ok(()) };
         }
     }
 }

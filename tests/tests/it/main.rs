@@ -19,6 +19,7 @@ mod kill;
 mod no_allocation;
 mod oracle_vectors;
 mod panic_free;
+mod quit;
 mod six_axes;
 mod soak;
 mod solve_vectors;
