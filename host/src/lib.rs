@@ -26,5 +26,6 @@ pub mod sensor_link;
 pub mod server;
 pub mod sim;
 pub mod solve;
+pub mod stop_latch;
 pub mod terminal;
 pub mod workspace;

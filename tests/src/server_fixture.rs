@@ -10,6 +10,7 @@ use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
 use gantry_tau::server::tick_source::TickSource;
 use gantry_tau::server::{Server, ServerError};
+use gantry_tau::stop_latch::StopLatch;
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::{MotorMap, Transport};
 use gantry_tau_core::control::message::{AxisLimits, Cause, Phase, Refusal};
@@ -84,14 +85,20 @@ impl<const N: usize> ServerFixture<N> {
     /// # Errors
     /// Whatever [`Cycle::new`] says.
     pub fn start(parameters: Parameters<N>, bus: Bus<N>, epochs: EpochRange) -> Result<Self, ServerError> {
-        Self::listen(parameters, bus, epochs, LOOPBACK.into())
+        Self::listen(parameters, bus, epochs, StopLatch::volatile(), LOOPBACK.into())
+    }
+
+    /// Starts a server that keeps its stop latch.
+    #[must_use]
+    pub fn with_latch(bus: Bus<N>, latch: StopLatch) -> Self {
+        Self::listen(parameters(), bus, EpochRange::VOLATILE, latch, LOOPBACK.into()).unwrap()
     }
 
     /// The same over UDP.
     #[must_use]
     pub fn over_datagrams() -> Self {
         let listen = Listen { transport: Transport::Datagram, ..LOOPBACK.into() };
-        Self::listen(parameters(), Bus::default(), EpochRange::VOLATILE, listen).unwrap()
+        Self::listen(parameters(), Bus::default(), EpochRange::VOLATILE, StopLatch::volatile(), listen).unwrap()
     }
 
     /// Starts a server wherever it shall listen.
@@ -102,11 +109,12 @@ impl<const N: usize> ServerFixture<N> {
         parameters: Parameters<N>,
         bus: Bus<N>,
         epochs: EpochRange,
+        latch: StopLatch,
         listen: Listen,
     ) -> Result<Self, ServerError> {
         let motors = MotorMap::new(std::array::from_fn(|motor| motor)).unwrap();
         let config = Config::new(parameters).unwrap();
-        let cycle = Cycle::new(config, motors, bus.clone(), epochs, listen)?;
+        let cycle = Cycle::new(config, motors, bus.clone(), epochs, latch, listen)?;
         let limits = parameters.axes.map(|axis| axis.limits);
         let travel = parameters.axes.map(|axis| axis.machine_travel);
         let mut fixture = Self { monitor: Monitor::new(limits, Some(travel)), bus, cycle };

@@ -42,7 +42,7 @@
 
 
 // Version of this interface. It changes with every change to a type, a constant or the meaning of a function.
-#define GT_ABI_VERSION 2
+#define GT_ABI_VERSION 3
 
 // Longest part of a black box, bytes.
 #define GT_BLACK_BOX_PART 4096
@@ -130,6 +130,12 @@
 
 // The switch or button is pressed.
 #define GT_PRESSED 2
+
+// The machine was read.
+#define GT_READING_DONE 1
+
+// The machine could not be read: `nominal_nm` and `actual` are not looked at.
+#define GT_READING_FAILED 2
 
 // The drives took the references of the last tick. Also the value for the first tick.
 #define GT_WRITE_ACCEPTED 1
@@ -311,6 +317,8 @@ enum gt_parameter
   GT_PARAMETER_REARM = 21,
   // `last_write` of a gt_tick_input.
   GT_PARAMETER_LAST_WRITE = 22,
+  // `reading` of a gt_tick_input.
+  GT_PARAMETER_READING = 23,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -657,6 +665,8 @@ typedef struct gt_actual {
 typedef struct gt_tick_input {
   // Cycles since the last tick: 1 when on time; each further one is a missed deadline. 0 counts as 1.
   uint32_t elapsed_cycles;
+  // GT_READING_DONE, or GT_READING_FAILED: then the server stops, and the last nominal references stand until the path comes back to them.
+  uint8_t reading;
   // The stop at the machine: GT_RELEASED or GT_PRESSED.
   uint8_t stop;
   // The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen released in Fault.
@@ -1096,12 +1106,21 @@ gt_code gt_server_set_epochs(struct gt_server *server, uint64_t first, uint64_t 
 // Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0; then send what gt_server_poll_transmit
 // returns; then close what gt_server_poll_close returns. Drives need a watchdog for the case that no tick comes.
 //
-// Errors: GT_CODE_TICK_INPUT: stop, rearm or last_write, in this order, is not one of its values, and `error` says which;
+// Errors: GT_CODE_TICK_INPUT: reading, stop, rearm or last_write, in this order, is not one of its values, and `error` says which;
 // GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT. After an error nothing has changed.
 gt_code gt_server_tick(struct gt_server *server,
                        const struct gt_tick_input *input,
                        struct gt_tick_output *output,
                        struct gt_error *error);
+
+// Takes note that the drives did not take the references of the last tick: its State then reports the values that are still in force.
+// Call it before gt_server_poll_transmit; `last_write` tells the next tick.
+gt_code gt_server_write_refused(struct gt_server *server);
+
+// `at_zero` receives 1 if the drives took references without offsets in the last tick, so that the program may end; else 0. After a refused
+// write it is 0, whatever was in force before: the drives may have taken a part of it.
+gt_code gt_server_is_at_zero(struct gt_server *server,
+                             uint8_t *at_zero);
 
 // Returns the next frame of the last tick, in the order in which they are to be sent: Refusals, the Welcome, the State.
 // Frames that are not polled before the next tick are discarded.

@@ -204,7 +204,7 @@ fn the_first_difference_is_the_field_that_was_changed() {
 
 /// Returns the file that a program in C would write.
 fn binary<const N: usize>(window: &Window<N>) -> Vec<u8> {
-    let mut file = b"GTBB\x02".to_vec();
+    let mut file = b"GTBB\x03".to_vec();
     file.push(u8::try_from(N).unwrap());
     file.extend(u32::try_from(window.entries.len()).unwrap().to_le_bytes());
     let mut add = |part: &[u8]| {

@@ -23,8 +23,10 @@ use gantry_tau::sim::load_generator::{AppliedLoad, load_generator};
 use gantry_tau::sim::load_profile::LoadProfile;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
+use gantry_tau::stop_latch::{LatchFlusher, StopLatch};
 use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::Capabilities;
+use gantry_tau_core::units::Epoch;
 
 use super::{MachineCommand, Outcome, Pace, address, fail, transport};
 
@@ -105,6 +107,7 @@ impl MachineCommand for Serve {
         if let Err(denied) = gantry_tau::realtime::lock_memory() {
             tracing::warn!("no {}: {}", denied.privilege, denied.reason);
         }
+        let mut flusher = LatchFlusher::of(cycle.latch());
         let (server, mut rows) = Server::spawn(cycle, self.pace.into())?;
         say(format_args!(
             "listening on {}{}, force sensor on {sensor_address}; Ctrl-C ramps to zero and ends",
@@ -119,6 +122,7 @@ impl MachineCommand for Serve {
         drain(&mut rows, |row| {
             load.update(row.state.phase, row.state.tick);
             events.see(row);
+            flusher.see(row.state.phase);
             if let Some(file) = &mut file {
                 file.write(row);
             }
@@ -135,6 +139,7 @@ impl MachineCommand for Serve {
             Err(error @ ServerError::StillInForce { .. }) => fail(3, error),
             Err(error) => return Err(error.into()),
         };
+        flusher.flush();
         let dropped = controls.dropped_rows.load(Ordering::Relaxed);
         let boxes_written = black_boxes.map_or(Ok(()), Writer::finish);
         if let Some(recorded) = file.map(|file| file.finish(dropped)) {
@@ -167,8 +172,12 @@ impl Serve {
             .or_else(epoch::default_path)
             .ok_or("the user's state folder is unknown; name a file with --epoch-file")?;
         let epochs = epoch::reserve(&path)?;
+        let latch = StopLatch::open(&path, epochs.first == Epoch(1))?;
+        if latch.is_latched() {
+            tracing::warn!("a stop was not re-armed before this server started: it starts in Fault");
+        }
         let motors = robot.motor_map()?;
-        Ok(Cycle::new(config, motors, machine, epochs, listen)?)
+        Ok(Cycle::new(config, motors, machine, epochs, latch, listen)?)
     }
 
     fn check(&self) -> Result<(), &'static str> {

@@ -127,7 +127,9 @@ mod tests {
         let machine = robot.simulated_machine(load_generator().1, Motion::Hold);
         let (motors, machine) = (robot.motor_map::<3>().unwrap(), machine.unwrap());
         let any = std::net::SocketAddr::from(([127, 0, 0, 1], 0));
-        let mut cycle = Cycle::new(config, motors, machine, EpochRange::VOLATILE, any).unwrap();
+        let mut cycle =
+            Cycle::new(config, motors, machine, EpochRange::VOLATILE, crate::stop_latch::StopLatch::volatile(), any)
+                .unwrap();
         let (mut sender, rows) = rtrb::RingBuffer::new(8);
         let mut sampler = Sampler::new(rows, Monitor::new(limits, None));
         for jump in [0, 0, 1, 2_000_000, 0] {

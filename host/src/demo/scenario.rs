@@ -26,6 +26,7 @@ use crate::server::cycle::Cycle;
 use crate::server::tick_source::TickSource;
 use crate::sim::load_generator::{Load, LoadGenerator, load_generator};
 use crate::sim::parameters::Motion;
+use crate::stop_latch::StopLatch;
 use crate::terminal::say;
 
 /// Added to the number of a step when it is compensated.
@@ -115,7 +116,8 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     let monitor = Monitor::new(axes.map(|axis| axis.limits), Some(travel));
     let sensor = SensorPublisher::bind(LOOPBACK)?;
     let sensor_address = sensor.address()?;
-    let mut cycle: Cycle<N, M, _> = Cycle::new(config, robot.motor_map()?, machine, EpochRange::VOLATILE, LOOPBACK)?;
+    let mut cycle: Cycle<N, M, _> =
+        Cycle::new(config, robot.motor_map()?, machine, EpochRange::VOLATILE, StopLatch::volatile(), LOOPBACK)?;
     let (sender, mut black_boxes) = swap_channel::channel();
     if options.black_box.is_some() {
         cycle = cycle.with_black_box(sender);

@@ -16,6 +16,7 @@ use crate::black_box::swap_channel::Sender;
 use crate::plant::{Plant, Reading, ToolReading};
 use crate::realtime::Socket;
 use crate::sensor_link::{Sample, SensorPublisher};
+use crate::stop_latch::StopLatch;
 
 /// Result of one cycle, for observers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +39,8 @@ pub struct Row<const N: usize> {
     pub round_trip_us: Option<u32>,
     /// The machine could not be read, or has not taken the references.
     pub plant_failed: bool,
+    /// The stop latch could not be written: this stop would not outlive the server.
+    pub latch_lost: bool,
 }
 
 /// Switches at the machine in one tick.
@@ -58,11 +61,13 @@ pub struct Cycle<const N: usize, const M: usize, P> {
     /// The machine has not taken the last references: it must be read back, and the coming tick stops.
     write_failed: bool,
     round_trip_us: Option<u32>,
+    latch: StopLatch,
     black_boxes: Option<Sender<N>>,
 }
 
 impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
-    /// Reads the values in force, starts the session from them, and listens. `epochs` must not be used by another run.
+    /// Reads the values in force, starts the session from them, and listens. `epochs` must not be used by another run; a `latch` that is
+    /// latched starts in Fault.
     ///
     /// # Errors
     /// [`ServerError`]: the address cannot be bound, or the machine's values in force are unreadable or beyond their limits.
@@ -71,6 +76,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         motors: MotorMap<N, M>,
         mut plant: P,
         epochs: EpochRange,
+        latch: StopLatch,
         listen: impl Into<Listen>,
     ) -> Result<Self, ServerError> {
         let listen = listen.into();
@@ -78,7 +84,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         let in_force = plant.in_force().map_err(ServerError::Plant)?;
         // Not needed: a machine that does not answer is found before the server listens.
         plant.read(1).map_err(ServerError::Plant)?;
-        let start = Start { in_force, stop_latched: false };
+        let start = Start { in_force, stop_latched: latch.is_latched() };
         let session = Session::new(config, &start).map_err(|error| ServerError::Start(error.to_string()))?;
         Ok(Self {
             endpoint: Box::new(Endpoint::new(session, motors, epochs)),
@@ -87,6 +93,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             plant,
             write_failed: false,
             round_trip_us: None,
+            latch,
             black_boxes: None,
         })
     }
@@ -198,6 +205,8 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             Some(sender) => self.endpoint.tick_recorded(&input, sender.black_box()),
             None => self.endpoint.tick(&input),
         };
+        // Before anything acts, so that no crash can undo a stop.
+        self.latch.set(self.phase() == Phase::Fault);
         let parts = self.endpoint.session().demanded();
         let written = references.map(|references| self.plant.write(&references, &parts));
         self.write_failed = !matches!(written, Some(Ok(())));
@@ -223,6 +232,17 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             }
         }
         row
+    }
+
+    /// Returns the stop latch.
+    #[must_use]
+    pub const fn latch(&self) -> &StopLatch {
+        &self.latch
+    }
+
+    /// Releases the stop latch: the stop that was latched was no more than a quit.
+    pub fn release_latch(&mut self) {
+        self.latch.set(false);
     }
 
     /// Sends the black box if it has an end: nothing more will be added to it.
@@ -254,6 +274,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             elapsed,
             round_trip_us,
             plant_failed: reading.is_none() || self.write_failed,
+            latch_lost: self.latch.is_lost(),
         }
     }
 }

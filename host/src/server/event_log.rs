@@ -10,11 +10,12 @@ pub struct EventLog {
     phase: Phase,
     counters: Counters,
     plant_failed: bool,
+    latch_lost: bool,
 }
 
 impl Default for EventLog {
     fn default() -> Self {
-        Self { phase: Phase::Listening, counters: Counters::default(), plant_failed: false }
+        Self { phase: Phase::Listening, counters: Counters::default(), plant_failed: false, latch_lost: false }
     }
 }
 
@@ -42,6 +43,10 @@ impl EventLog {
             tracing::error!("tick {tick}: the machine did not answer; stopped");
         }
         self.plant_failed = row.plant_failed;
+        if row.latch_lost && !self.latch_lost {
+            tracing::error!("tick {tick}: the stop latch cannot be written: do not restart the server before a re-arm");
+        }
+        self.latch_lost = row.latch_lost;
         self.log_counters(tick, &state.counters);
     }
 

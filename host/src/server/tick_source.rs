@@ -49,6 +49,8 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
     let mut timer = CycleTimer::starting_now(PERIOD_NS);
     let mut state_left_ns = now_ns();
     let mut refused = 0;
+    // In Fault, and not only because of the quit.
+    let mut is_stopped = cycle.phase() == Phase::Fault;
     loop {
         let elapsed = match ticks {
             TickSource::RealTime => {
@@ -64,6 +66,7 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
         let quit = controls.quit.load(Ordering::Relaxed);
         let stopped = controls.take_stop();
         let demands = Demands { stop: quit || stopped, rearm: controls.take_rearm(cycle.phase()) };
+        is_stopped = stopped || cycle.phase() == Phase::Fault && (is_stopped || !quit);
         let row = cycle.step(elapsed, demands);
         state_left_ns = now_ns();
         if rows.push(row).is_err() {
@@ -73,6 +76,9 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
         let is_lost = refused >= QUIT_PATIENCE;
         if quit && (cycle.is_at_zero() || is_lost) {
             cycle.send_end();
+            if !is_stopped && !is_lost {
+                cycle.release_latch();
+            }
             return if is_lost { Err(ServerError::still_in_force(cycle.in_force())) } else { Ok(()) };
         }
     }

@@ -18,6 +18,7 @@ use gantry_tau::server::{Controls, Server};
 use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
+use gantry_tau::stop_latch::StopLatch;
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
 use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::control::wire::encode_client;
@@ -197,7 +198,7 @@ fn server() -> (Server<N>, Rows, Audit<N>) {
     let audit = Audit::new(axes.map(|axis| axis.limits), axes.map(|axis| axis.machine_travel));
     let motors = robot.motor_map().unwrap();
     let cycle: Cycle<N, L2_MOTORS, SimulatedMachine<N, L2_MOTORS>> =
-        Cycle::new(config, motors, machine, EpochRange::VOLATILE, LOOPBACK).unwrap();
+        Cycle::new(config, motors, machine, EpochRange::VOLATILE, StopLatch::volatile(), LOOPBACK).unwrap();
     let (server, rows) = Server::spawn(cycle, TickSource::RealTime).unwrap();
     (server, rows, audit)
 }

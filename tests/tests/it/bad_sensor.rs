@@ -12,6 +12,7 @@ use gantry_tau::server::tick_source::TickSource;
 use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
+use gantry_tau::stop_latch::StopLatch;
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
@@ -67,7 +68,8 @@ fn session(lie: Lie) -> (ClientError, bool) {
         reads: 0,
     };
     let sensor = liar.sensor.address().unwrap();
-    let cycle: Cycle<ARMS, L2_MOTORS, _> = Cycle::new(config, motors, liar, EpochRange::VOLATILE, loopback).unwrap();
+    let cycle: Cycle<ARMS, L2_MOTORS, _> =
+        Cycle::new(config, motors, liar, EpochRange::VOLATILE, StopLatch::volatile(), loopback).unwrap();
     let (server, mut rows) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
     let options = ClientOptions {
         server: server.address,

@@ -1,6 +1,7 @@
 //! The same server over UDP: what is lost stays lost, what is late or twice is only counted, and an unknown sender gets no answer.
 
 use gantry_tau::server::connections::{Allowed, Listen};
+use gantry_tau::stop_latch::StopLatch;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal, ServerMessage, State};
 use gantry_tau_core::control::wire::{MAX_FRAME, encode_client};
@@ -169,8 +170,14 @@ fn who_is_not_allowed_is_not_answered() {
     for transport in [Transport::Datagram, Transport::Stream] {
         let allowed = Allowed::only(&["192.0.2.0/24".to_owned()]).unwrap();
         let listen = Listen { transport, allowed, ..LOOPBACK.into() };
-        let mut server =
-            ServerFixture::<3>::listen(parameters(), Bus::default(), EpochRange::VOLATILE, listen).unwrap();
+        let mut server = ServerFixture::<3>::listen(
+            parameters(),
+            Bus::default(),
+            EpochRange::VOLATILE,
+            StopLatch::volatile(),
+            listen,
+        )
+        .unwrap();
         if transport == Transport::Datagram {
             let mut client = Client::<3>::over_datagrams(server.address());
             client.say_hello();

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use gantry_tau::epoch;
 use gantry_tau::server::ServerError;
+use gantry_tau::stop_latch::StopLatch;
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal};
 use gantry_tau_core::control::wire::encode_client;
@@ -63,6 +64,7 @@ impl EpochFile {
 impl Drop for EpochFile {
     fn drop(&mut self) {
         let _ = std::fs::remove_file(&self.0);
+        let _ = std::fs::remove_file(self.0.with_extension("stop"));
     }
 }
 
@@ -219,6 +221,34 @@ fn a_server_that_cannot_know_its_offsets_does_not_start() {
         assert!(matches!(beyond, ServerError::Start(_)), "{beyond}");
         assert!(beyond.to_string().contains("axis 1"), "{beyond}");
     }
+}
+
+/// Found by audit: after a crash the next Hello obtained, as if nobody had pressed the stop.
+#[test]
+fn a_stop_outlives_the_server() {
+    let file = EpochFile::new("latch");
+    let bus = Bus::default();
+    let start = || ServerFixture::<3>::with_latch(bus.clone(), StopLatch::open(&file.0, true).unwrap());
+    // A stop by the owner, and one at the machine.
+    let mut session = SessionFixture::submitted_on(start()).obtain([150; 3]);
+    session.say(&ClientMessage::Stop(session.client.epoch));
+    let mut server = session.server;
+    server.step_until("the stop", |row| row.ended == Some(Cause::Stop));
+    drop(server);
+    for _restart in 0..2 {
+        let mut server = start();
+        let refusal = server.refusal(&encode_client(&hello::<3>()));
+        assert!(matches!(refusal, Refusal::Faulted { .. }), "{refusal:?}");
+    }
+    let mut server = start();
+    server.step_until("zero", |row| row.state.ramp_ticks_left == 0);
+    assert_eq!(server.step_rearmed().state.phase, Phase::Listening);
+    drop(server);
+    let mut server = start();
+    assert_eq!(server.step().state.phase, Phase::Listening);
+    server.step_stopped();
+    drop(server);
+    assert_eq!(start().step().state.phase, Phase::Fault);
 }
 
 #[test]

@@ -12,6 +12,7 @@ use gantry_tau::server::cycle::{Cycle, Demands, Row};
 use gantry_tau::sim::load_generator::{Load, LoadGenerator, load_generator};
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
+use gantry_tau::stop_latch::StopLatch;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Cause, Mode, Phase, Refusal, ServerMessage};
 use gantry_tau_core::units::EpochRange;
@@ -36,7 +37,7 @@ impl<const N: usize, const M: usize> Server<N, M> {
         let publisher = SensorPublisher::bind(LOOPBACK).unwrap();
         let sensor = SensorReader::connect(publisher.address().unwrap()).unwrap();
         let listen = Listen { transport, ..LOOPBACK.into() };
-        let cycle = Cycle::new(config, motors, machine, EpochRange::VOLATILE, listen).unwrap();
+        let cycle = Cycle::new(config, motors, machine, EpochRange::VOLATILE, StopLatch::volatile(), listen).unwrap();
         let (sender, black_boxes) = swap_channel::channel();
         Self { cycle: cycle.with_sensor(publisher).with_black_box(sender), hand, sensor, black_boxes }
     }

@@ -1,6 +1,7 @@
 //! A server that is told to end: it does when zero is in force at the drives, and otherwise says what is not.
 
 use gantry_tau::server::ServerError;
+use gantry_tau::stop_latch::StopLatch;
 use gantry_tau_core::units::EpochRange;
 use gantry_tau_tests::fake_plant::Bus;
 use gantry_tau_tests::server_fixture::{ServerFixture, parameters};
@@ -44,4 +45,19 @@ fn it_waits_for_a_bus_that_comes_back() {
     drop(record);
     assert!(quitting.join().unwrap().is_ok());
     assert_eq!(bus.in_force(), [offsets(0, 0, 0); 2]);
+}
+
+/// A quit ramps as a stop does, and is none; one that was pressed before stays.
+#[test]
+fn a_quit_is_no_stop() {
+    let file = std::env::temp_dir().join(format!("gantry-tau-quit-{}", std::process::id()));
+    let open = || StopLatch::open(&file, true).unwrap();
+    let server = ServerFixture::<2>::with_latch(Bus::default(), open()).spawn();
+    assert!(server.quit().is_ok());
+    assert!(!open().is_latched());
+    let mut server = ServerFixture::<2>::with_latch(Bus::default(), open());
+    server.step_stopped();
+    assert!(server.spawn().quit().is_ok());
+    assert!(open().is_latched());
+    std::fs::remove_file(file.with_file_name(format!("gantry-tau-quit-{}.stop", std::process::id()))).unwrap();
 }
