@@ -26,6 +26,7 @@ pub mod channel;
 pub mod client;
 pub mod compensation;
 pub mod crossing;
+pub mod drive;
 pub mod endpoint;
 pub mod fsm;
 pub mod harness;

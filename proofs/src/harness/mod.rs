@@ -108,6 +108,8 @@ mod client;
 mod compensation;
 #[cfg(any(not(feature = "only"), feature = "crossing"))]
 mod crossing;
+#[cfg(any(not(feature = "only"), feature = "drive"))]
+mod drive;
 #[cfg(any(not(feature = "only"), feature = "fsm"))]
 mod fsm;
 #[cfg(any(not(feature = "only"), feature = "ingress"))]
@@ -134,6 +136,7 @@ pub const HARNESSES: &[&[Harness]] = &[
     client::HARNESSES,
     compensation::HARNESSES,
     crossing::HARNESSES,
+    drive::HARNESSES,
     fsm::HARNESSES,
     ingress::HARNESSES,
     kinematics::HARNESSES,

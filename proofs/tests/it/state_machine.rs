@@ -7,6 +7,7 @@ use gantry_tau_core::control::session::{EVENTS, Event, Events, Input};
 use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick};
 use gantry_tau_core::verification::control::{Accepted, Diagnostics, Internals};
 use gantry_tau_proofs::axis::Kind;
+use gantry_tau_proofs::drive::{self, Before};
 use gantry_tau_proofs::session::StepInput;
 use gantry_tau_proofs::{axis, blackbox, channel, fsm, ingress, motors, session};
 use proptest::prelude::*;
@@ -49,6 +50,18 @@ proptest! {
             ..command
         };
         ingress::fresh_is_as_defined(&ingress::classifier(&session, None), &command);
+    }
+
+    #[test]
+    fn one_cycle_at_the_drives(
+        session in any::session::<3>(), found in any::axes_in_force(), fate in any::fate(), tick in any::tick_input(), epochs in any::epochs(),
+        events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS),
+    ) {
+        let before = Before::new(session, found, fate, tick, Accepted::nothing());
+        let events = Events::from_slice(&events).unwrap();
+        let input = Input { tick: before.tick, epochs, events };
+        let accepted = StepInput::after_events(&session, &input).accepted;
+        drive::nothing_jumps(&Before { accepted, ..before });
     }
 
     #[test]

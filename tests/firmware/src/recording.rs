@@ -19,7 +19,7 @@ use super::ingress_budget::IngressBudget;
 use super::machine::{AXES, CycleInput, CycleResult, Machine, Meter, Motion, MotorReferences, Part};
 
 /// Bytes of the longest record: the kind and the words of a cycle.
-pub(crate) const MAX_RECORD: usize = 1 + 8 * 66;
+pub(crate) const MAX_RECORD: usize = 1 + 8 * 67;
 
 /// One step of a recording.
 #[derive(Clone, Copy, Debug)]

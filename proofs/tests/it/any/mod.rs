@@ -14,6 +14,7 @@ use gantry_tau_core::units::{
 use gantry_tau_core::verification::control::{
     Action, Axis, AxisChannels, AxisCommand, FsmInput, FsmState, Internals, Parts, Rules,
 };
+use gantry_tau_proofs::drive::Fate;
 use proptest::array::{uniform, uniform4};
 use proptest::option;
 use proptest::prelude::*;
@@ -235,6 +236,14 @@ prop_compose! {
     fn in_force()(nominal in -2_000..2_000_i64, offsets in prop_oneof![Just(Offsets::ZERO), offsets()]) -> InForce {
         InForce { nominal: PositionNm(nominal), offsets }
     }
+}
+
+pub(crate) fn axes_in_force<const N: usize>() -> impl Strategy<Value = [InForce; N]> {
+    uniform(in_force())
+}
+
+pub(crate) fn fate() -> impl Strategy<Value = Fate> {
+    prop_oneof![4 => Just(Fate::Taken), 4 => Just(Fate::Refused), 1 => Just(Fate::Unread)]
 }
 
 pub(crate) fn last_write<const N: usize>() -> impl Strategy<Value = LastWrite<N>> {
