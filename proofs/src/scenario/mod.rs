@@ -9,7 +9,7 @@ mod on_session;
 pub use on_endpoint::endpoint_is_right;
 pub use on_session::every_tick_is_right;
 
-use gantry_tau_core::control::axis::{InForce, Offsets};
+use gantry_tau_core::control::axis::{Actual, InForce, Offsets};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::message::{AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
@@ -51,10 +51,10 @@ pub struct Scenario {
 pub struct Machine {
     /// Limits of position, velocity and torque offset of each axis.
     pub rates: [[Rates; 3]; N],
-    /// Nominal travel to either side of zero, nm.
-    pub reach: u32,
-    /// Largest step of the nominal reference, nm.
-    pub nominal_step: u16,
+    /// Nominal travel of each axis below and above zero, nm.
+    pub reach: [[u32; 2]; N],
+    /// Largest step of the nominal reference of each axis, nm.
+    pub nominal_step: [u16; N],
     /// Window and allowed misses.
     pub budget: Option<(u8, u8)>,
     /// Echo window.
@@ -174,6 +174,8 @@ pub struct Circumstances {
     pub stop: bool,
     /// The re-arm at the machine.
     pub rearm: bool,
+    /// The machine cannot be read.
+    pub unread: bool,
     /// The nominal reference jumps there.
     pub jump: Option<i64>,
     /// Epoch for the next session, from the one after the last.
@@ -187,14 +189,17 @@ impl Machine {
     /// When core refuses it.
     #[must_use]
     pub fn config(&self) -> Config<N> {
-        let axes = self.rates.map(|[position, velocity, torque]| {
+        let axes = std::array::from_fn(|axis| {
+            let [position, velocity, torque] = self.rates[axis];
             let limits = AxisLimits {
                 position: position.limits(i32::MAX),
                 velocity: velocity.limits(i32::MAX),
                 torque: torque.limits(i16::MAX.into()),
             };
-            let travel = Travel::around_zero(self.reach);
-            AxisConfig { limits, ..AxisConfig::position_only(limits.position, travel, self.nominal_step.into()) }
+            let [below, above] = self.reach[axis].map(i64::from);
+            let travel = Travel { lower: PositionNm(-below), upper: PositionNm(above) };
+            let nominal_step = self.nominal_step[axis].into();
+            AxisConfig { limits, ..AxisConfig::position_only(limits.position, travel, nominal_step) }
         });
         let budget = self.budget.map(|(window, allowed)| MissBudget { window: window % 128 + 1, allowed });
         let config = Config::new(Parameters {
@@ -360,16 +365,28 @@ impl Motion {
             let to = circumstances.jump.unwrap_or(self.nominal[axis]);
             self.nominal[axis] = to.saturating_add(change);
         }
+        // Any numbers: they decide nothing.
+        let noise = session.last_tick().0.wrapping_mul(0x9E37_79B9_7F4A_7C15).to_ne_bytes();
         let epoch = Epoch((session.epoch().0).saturating_add(1).saturating_add_signed(circumstances.epoch.into()));
         let input = TickInput {
             elapsed_cycles: circumstances.elapsed,
-            reading: Some(Reading::unmeasured(self.nominal.map(PositionNm))),
+            reading: (!circumstances.unread).then_some(self.reading(noise)),
             stop: circumstances.stop,
             rearm: circumstances.rearm,
             last_write,
-            arrival_us: 0,
+            arrival_us: u16::from_ne_bytes([noise[6], noise[7]]),
         };
         system.tick(input, EpochRange { first: epoch, last: epoch });
+    }
+
+    fn reading(&self, noise: [u8; 8]) -> Reading<N> {
+        let [.., a, b, c, d] = noise;
+        let actual = self.nominal.map(|nominal| Actual {
+            position: PositionNm(nominal.wrapping_add(i64::from_ne_bytes(noise))),
+            velocity: VelocityUmS(i32::from_ne_bytes([a, b, c, d])),
+            torque: TorquePermille(i16::from_ne_bytes([b, d])),
+        });
+        Reading { nominal: self.nominal.map(PositionNm), actual }
     }
 
     /// Fate of the last references. After a refused write the nominal references stay in force that were so before it.

@@ -24,7 +24,7 @@ prop_compose! {
 
 prop_compose! {
     fn machine()(
-        rates in uniform2(uniform3(rates())), reach in prop_oneof![0..1_000_000_u32, any::<u32>()], nominal_step: u16,
+        rates in uniform2(uniform3(rates())), reach in uniform2(uniform2(prop_oneof![0..1_000_000_u32, any::<u32>()])), nominal_step in uniform2(any::<u16>()),
         budget in option::of((any::<u8>(), 0..20_u8)), echo_window in 0..3_u8,
         handshake_ticks in prop_oneof![0..20_u8, any::<u8>()], lockstep in prop::bool::weighted(0.1),
     ) -> Machine {
@@ -60,9 +60,9 @@ fn action() -> impl Strategy<Value = ClientAction> {
 prop_compose! {
     fn circumstances()(
         elapsed in prop_oneof![8 => Just(1), 4 => 0..4_u32, 1 => any::<u32>()], stop in prop::bool::weighted(0.1), rearm: bool,
-        jump in option::weighted(0.05, any::<i64>()), epoch in off(),
+        unread in prop::bool::weighted(0.05), jump in option::weighted(0.05, any::<i64>()), epoch in off(),
     ) -> Circumstances {
-        Circumstances { elapsed, stop, rearm, jump, epoch }
+        Circumstances { elapsed, stop, rearm, unread, jump, epoch }
     }
 }
 

@@ -62,7 +62,7 @@ pub enum LastWrite<const N: usize> {
     Unknown,
 }
 
-/// What was read from the machine in one cycle.
+/// Reading of the machine in one cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -8,7 +8,7 @@ use super::bytes::{Put, fields, seeds, variants};
 fields!(Scenario: machine, in_force, late_in_life, ops);
 fields!(Machine: rates, reach, nominal_step, budget, echo_window, handshake_ticks, lockstep);
 fields!(Rates: max, ramp, step, accel, scale);
-fields!(Circumstances: elapsed, stop, rearm, jump, epoch);
+fields!(Circumstances: elapsed, stop, rearm, unread, jump, epoch);
 
 impl<A: Put, B: Put> Put for (A, B) {
     fn put(&self, bytes: &mut Vec<u8>) {
@@ -49,8 +49,8 @@ const MACHINE: Machine = {
     let push = rates(500, [9, 40, 0]);
     Machine {
         rates: [[position, push, push], [position, off, off]],
-        reach: 1_000_000,
-        nominal_step: 2_000,
+        reach: [[1_000_000; 2], [400_000, 1_000_000]],
+        nominal_step: [2_000, 3_000],
         budget: None,
         echo_window: 0,
         handshake_ticks: 9,
@@ -60,7 +60,8 @@ const MACHINE: Machine = {
 
 const PUSH: Shares = [[90, 50, -50], [-40, 0, 0]];
 const HELLO: ClientAction = ClientAction::Hello { axes: 0, capabilities: 0 };
-const TICK: Circumstances = Circumstances { elapsed: 1, stop: false, rearm: false, jump: None, epoch: 0 };
+const TICK: Circumstances =
+    Circumstances { elapsed: 1, stop: false, rearm: false, unread: false, jump: None, epoch: 0 };
 
 fn command(ahead: i32, behind: i8) -> ClientAction {
     ClientAction::Command { epoch: 0, ahead, behind, obtain: true, targets: PUSH }
@@ -84,6 +85,8 @@ pub(crate) fn seeds() -> Vec<Seed> {
     let elapsed = |elapsed| Op::Tick(Circumstances { elapsed, ..TICK });
     let stop = Op::Tick(Circumstances { stop: true, ..TICK });
     let rearm = Op::Tick(Circumstances { rearm: true, ..TICK });
+    let unread = Op::Tick(Circumstances { unread: true, ..TICK });
+    let refused = |share| Op::RefusedWrite([[share; 3]; 2]);
     let silence = Op::Silence;
     let scenario = |machine, ops| Scenario { machine, in_force: [[0; 3]; 2], late_in_life: false, ops };
     let usual = |then: &[Op]| scenario(MACHINE, obtained(then));
@@ -145,6 +148,9 @@ pub(crate) fn seeds() -> Vec<Seed> {
         "restart_with_offsets" => Scenario { in_force: PUSH, ..scenario(MACHINE, vec![Op::Say(Peer::One, HELLO), silence(60)]) };
         "restart_beyond_the_limits" => Scenario { in_force: [[127; 3]; 2], ..scenario(MACHINE, vec![silence(1)]) };
         "machine_did_not_take_them" => usual(&[Op::RefusedWrite([[10, 0, 0]; 2]), silence(20), Op::RefusedWrite([[127; 3]; 2])]);
+        "machine_cannot_be_read" => usual(&[Op::Drift([50, -50]), unread, answers(true, 2), unread, silence(30), rearm, rearm]);
+        "path_moves_on_in_an_outage" => usual(&[Op::Drift([60, -60]), refused(127), silence(3), refused(10), silence(5), Op::Drift([0; 2]),
+            Op::Tick(Circumstances { jump: Some(0), ..TICK }), silence(3)]);
         "datagrams" => scenario(MACHINE, vec![other(HELLO), silence(1), answers(false, 3), owner(ClientAction::Dropped),
             answers(true, 4), owner(ClientAction::Broken), answers(true, 2)]);
     }
