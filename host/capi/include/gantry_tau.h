@@ -96,16 +96,16 @@
 #define GT_BLACK_BOX_TICKS 64
 
 // Bytes of a server with 3 axes and no black box, on any target.
-#define GT_SERVER_SIZE_3 7680
+#define GT_SERVER_SIZE_3 8192
 
 // Bytes of a server with 6 axes and no black box.
-#define GT_SERVER_SIZE_6 10496
+#define GT_SERVER_SIZE_6 11520
 
 // Bytes of a server with 3 axes and a black box.
-#define GT_SERVER_SIZE_3_BLACK_BOX 385024
+#define GT_SERVER_SIZE_3_BLACK_BOX 387328
 
 // Bytes of a server with 6 axes and a black box, the largest server.
-#define GT_SERVER_SIZE_6_BLACK_BOX 577536
+#define GT_SERVER_SIZE_6_BLACK_BOX 580096
 
 // Longest frame, bytes.
 #define GT_MAX_FRAME 394

@@ -45,13 +45,13 @@ pub const GT_BLACK_BOX_NONE: u32 = 0;
 pub const GT_BLACK_BOX_TICKS: u32 = 64;
 
 /// Bytes of a server with 3 axes and no black box, on any target.
-pub const GT_SERVER_SIZE_3: usize = 7_680;
+pub const GT_SERVER_SIZE_3: usize = 8_192;
 /// Bytes of a server with 6 axes and no black box.
-pub const GT_SERVER_SIZE_6: usize = 10_496;
+pub const GT_SERVER_SIZE_6: usize = 11_520;
 /// Bytes of a server with 3 axes and a black box.
-pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 385_024;
+pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 387_328;
 /// Bytes of a server with 6 axes and a black box, the largest server.
-pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 577_536;
+pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 580_096;
 
 /// A server; its memory is the caller's.
 pub struct gt_server(());
