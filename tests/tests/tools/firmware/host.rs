@@ -144,8 +144,8 @@ pub(crate) fn excess_is_refused() {
         assert!(try_play(&[start, open, hello, &cycle[..kept]].concat()).is_none(), "{kept} bytes of a cycle");
     }
     let word = |number: usize| 3 + 8 * number;
-    let (stop, rearm, motion, last_write) = (word(2), word(3), word(4), word(5 + 6 + 18));
-    for at in [2, stop, rearm, motion, last_write] {
+    let (stop, rearm, motion, reading, last_write) = (word(2), word(3), word(4), word(5), word(6 + 6 + 18));
+    for at in [2, stop, rearm, motion, reading, last_write] {
         let mut damaged = cycle.to_vec();
         damaged[at] = 9;
         assert!(!is_played(&damaged), "byte {at} of a cycle");
