@@ -4,12 +4,13 @@
 //! not taken; they cannot be read back; nothing reaches the network, or anything. One tick is one step of an induction over all runs:
 //! it begins with any values in force and any valid session that has them, or will be told them, and ends with the same.
 
-use gantry_tau_core::control::axis::InForce;
-use gantry_tau_core::control::message::{AxisLimits, Phase};
-use gantry_tau_core::control::session::config::{AxisConfig, MAX_POSITION_NM};
+use gantry_tau_core::control::axis::{InForce, Offsets};
+use gantry_tau_core::control::message::Phase;
+use gantry_tau_core::control::session::config::AxisConfig;
 use gantry_tau_core::control::session::{LastWrite, Output, Session, TickInput};
-use gantry_tau_core::verification::control::{Accepted, Internals, drive_reference};
+use gantry_tau_core::verification::control::{Accepted, Diagnostics, Internals, drive_reference};
 
+use crate::axis::Kind;
 use crate::session::StepInput;
 
 /// Fate of the last references, as the drives know it.
@@ -61,77 +62,87 @@ impl<const N: usize> Before<N> {
     fn run(&self) -> (Session<N>, Session<N>, Output<N>) {
         let mut settled = self.session;
         settled.settle_write(&self.tick.last_write);
-        let input =
-            StepInput { session: settled, tick: self.tick, accepted: self.accepted, diagnostics: Default::default() };
+        let diagnostics = Diagnostics::default();
+        let input = StepInput { session: settled, tick: self.tick, accepted: self.accepted, diagnostics };
         let (after, output) = input.step();
         (settled, after, output)
     }
+
+    fn config(&self, axis: usize) -> &AxisConfig {
+        &self.session.config().parameters().axes[axis]
+    }
 }
 
-/// T21, one tick:
-/// - nothing is written while the values in force are unknown or beyond their limits;
-/// - what is written changes each offset at the drive by at most its `S`;
-/// - and the position reference by at most the change of the nominal reference plus `S`, where a nominal reference that is further from
-///   the one in force than its limit is not written after a start, a refused write or a failed read, and otherwise is a fault;
-/// - a session is granted only at zero in force;
-/// - and what the server then takes for demanded is what was written.
-pub fn nothing_jumps<const N: usize>(before: &Before<N>) {
-    let (settled, after, output) = before.run();
-    let axes = &before.session.config().parameters().axes;
+/// T21: nothing is written while the values in force are unknown or beyond their limits.
+pub fn unknown_is_not_written<const N: usize>(before: &Before<N>) {
+    let (_, _, output) = before.run();
     let known = before.tick.last_write != LastWrite::Unknown
-        && (0..N).all(|axis| axes[axis].limits.admits(&before.drives[axis].offsets));
-    if !known {
-        assert!(output.withheld, "T21: nothing is written while it is unknown what is in force");
-    }
-    assert!(
-        output.welcome.is_none() || (0..N).all(|axis| is_zero(&before.drives[axis])),
-        "T21: granted only at zero in force"
-    );
+        && (0..N).all(|axis| before.config(axis).limits.admits(&before.drives[axis].offsets));
+    assert!(known || output.withheld, "T21: nothing is written while it is unknown what is in force");
+}
+
+/// T21: a session is granted only while every offset in force at the drives is zero.
+pub fn granted_at_zero_in_force<const N: usize>(before: &Before<N>) {
+    let (_, _, output) = before.run();
+    let at_zero = (0..N).all(|axis| before.drives[axis].offsets == Offsets::ZERO);
+    assert!(at_zero || output.welcome.is_none(), "T21: granted only at zero in force");
+}
+
+/// T21: what is written changes an offset at the drive by at most its `S`.
+pub fn offset_changes_by_a_step<const N: usize>(before: &Before<N>, kind: Kind) {
+    let (_, after, output) = before.run();
     if output.withheld {
         return;
     }
-    let off_path = settled.parts().off_path || before.tick.reading.is_none();
+    let demanded = after.demanded();
     for axis in 0..N {
-        let (from, to) = (&before.drives[axis], &after.demanded()[axis]);
-        offsets_change_by_a_step(from, to, &axes[axis].limits);
-        let nominal_nm = u128::from(from.nominal.0.abs_diff(to.nominal.0));
-        let limit_nm = u128::from(axes[axis].nominal_step_nm) * u128::from(before.tick.cycles());
-        let faulted = after.phase() == Phase::Fault && !off_path;
-        assert!(nominal_nm <= limit_nm || faulted, "T21: a nominal reference that is far away waits, or is a fault");
-        reference_is_what_is_demanded(to, &output, axis, &axes[axis]);
-        reference_changes_by_a_step(from, to, &axes[axis]);
+        let limits = &before.config(axis).limits;
+        let (from, to) = (&before.drives[axis].offsets, &demanded[axis].offsets);
+        let (change, step) = match kind {
+            Kind::Position => (to.position.0.abs_diff(from.position.0), limits.position.step()),
+            Kind::Velocity => (to.velocity.0.abs_diff(from.velocity.0), limits.velocity.step()),
+            Kind::Torque => (to.torque.0.abs_diff(from.torque.0).into(), limits.torque.step()),
+        };
+        assert!(change <= step.unsigned_abs(), "T21: an offset at the drive changes by at most S");
     }
 }
 
-fn is_zero(axis: &InForce) -> bool {
-    axis.offsets == Default::default()
-}
-
-/// Each offset at the drive changes by at most its `S`.
-fn offsets_change_by_a_step(from: &InForce, to: &InForce, limits: &AxisLimits) {
-    let (from, to) = (&from.offsets, &to.offsets);
-    let position = to.position.0.abs_diff(from.position.0) <= limits.position.step().unsigned_abs();
-    let velocity = to.velocity.0.abs_diff(from.velocity.0) <= limits.velocity.step().unsigned_abs();
-    let torque = u32::from(to.torque.0.abs_diff(from.torque.0)) <= limits.torque.step().unsigned_abs();
-    assert!(position, "T21: the position offset changes by at most S");
-    assert!(velocity, "T21: the velocity offset changes by at most S");
-    assert!(torque, "T21: the torque offset changes by at most S");
-}
-
-/// What is written is nominal plus offset, clamped to the travel.
-fn reference_is_what_is_demanded<const N: usize>(to: &InForce, output: &Output<N>, axis: usize, config: &AxisConfig) {
-    let (reference, _) = drive_reference(to.nominal, &to.offsets, &config.machine_travel);
-    assert!(output.references[axis] == reference, "T21: what is written is what is demanded");
-}
-
-/// The position reference changes by at most the change of the nominal reference plus `S`, for `|nominal| <= 2^61` nm.
-fn reference_changes_by_a_step(from: &InForce, to: &InForce, config: &AxisConfig) {
-    let representable = |axis: &InForce| axis.nominal.0.unsigned_abs() <= MAX_POSITION_NM.unsigned_abs();
-    if !representable(from) || !representable(to) {
+/// T21: a nominal reference that is further from the one in force than its limit is not written after a start, a refused write or a
+/// failed read; otherwise it is a fault.
+pub fn path_is_waited_for<const N: usize>(before: &Before<N>) {
+    let (settled, after, output) = before.run();
+    if output.withheld {
         return;
     }
-    let reference = |axis: &InForce| drive_reference(axis.nominal, &axis.offsets, &config.machine_travel).0.position.0;
-    let moved = reference(to).abs_diff(reference(from));
-    let allowed = to.nominal.0.abs_diff(from.nominal.0) + u64::from(config.limits.position.step().unsigned_abs());
-    assert!(moved <= allowed, "T21: the reference changes by at most the change of the nominal one plus S");
+    let waits = settled.parts().off_path || before.tick.reading.is_none();
+    let demanded = after.demanded();
+    for axis in 0..N {
+        let change = before.drives[axis].nominal.0.abs_diff(demanded[axis].nominal.0);
+        let limit = u64::from(before.config(axis).nominal_step_nm).saturating_mul(before.tick.cycles().into());
+        let is_fault = after.phase() == Phase::Fault && !waits;
+        assert!(change <= limit || is_fault, "T21: a nominal reference that is far away waits, or is a fault");
+    }
+}
+
+/// T21: what is written is what the server takes for demanded: nominal plus offset, clamped to the travel. So by
+/// [`crate::axis::reference_moves_no_further`] the reference changes by at most the changes of nominal and offset.
+pub fn demanded_is_written<const N: usize>(before: &Before<N>) {
+    let (_, after, output) = before.run();
+    let demanded = after.demanded();
+    for axis in 0..N {
+        let InForce { nominal, offsets } = demanded[axis];
+        let (reference, _) = drive_reference(nominal, &offsets, &before.config(axis).machine_travel);
+        assert!(output.references[axis] == reference, "T21: what is written is what is demanded");
+    }
+}
+
+/// T21, all of it.
+pub fn nothing_jumps<const N: usize>(before: &Before<N>) {
+    unknown_is_not_written(before);
+    granted_at_zero_in_force(before);
+    for kind in Kind::ALL {
+        offset_changes_by_a_step(before, kind);
+    }
+    path_is_waited_for(before);
+    demanded_is_written(before);
 }

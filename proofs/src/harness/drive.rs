@@ -1,7 +1,11 @@
 //! Any session, any drives, any fate of the last references, any cycle.
 
 use super::kani;
-use crate::drive::{Before, Fate, nothing_jumps};
+use crate::axis::Kind;
+use crate::drive::{self, Before, Fate};
+
+/// Axes of a session whose axes could affect each other.
+const AXES: usize = 3;
 
 /// Server and drives that belong together.
 fn any_before<const N: usize>() -> Before<N> {
@@ -12,6 +16,11 @@ fn any_before<const N: usize>() -> Before<N> {
 }
 
 harnesses! {
-    drive_sees_no_jump [minisat, unwind 3] { nothing_jumps(&any_before::<1>()); }
-    drive_sees_no_jump_of_three_axes [minisat, unwind 5] { nothing_jumps(&any_before::<3>()); }
+    drive_position_changes_by_a_step [minisat, unwind 3] { drive::offset_changes_by_a_step(&any_before::<1>(), Kind::Position); }
+    drive_velocity_changes_by_a_step [minisat, unwind 3] { drive::offset_changes_by_a_step(&any_before::<1>(), Kind::Velocity); }
+    drive_torque_changes_by_a_step [minisat, unwind 3] { drive::offset_changes_by_a_step(&any_before::<1>(), Kind::Torque); }
+    drive_waits_for_the_path [minisat, unwind 5] { drive::path_is_waited_for(&any_before::<AXES>()); }
+    drive_gets_what_is_demanded [minisat, unwind 5] { drive::demanded_is_written(&any_before::<AXES>()); }
+    drive_gets_nothing_while_unknown [minisat, unwind 5] { drive::unknown_is_not_written(&any_before::<AXES>()); }
+    drive_is_at_zero_when_granted [minisat, unwind 5] { drive::granted_at_zero_in_force(&any_before::<AXES>()); }
 }

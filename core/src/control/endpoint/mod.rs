@@ -272,10 +272,11 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
 
     /// Takes note that the drives did not take the references of the last tick: its State then reports the values that are still in
     /// force. Call it before [`Self::poll_transmit`]; the next tick is told by [`TickInput::last_write`].
+    #[inline(never)]
     pub fn write_refused(&mut self) {
         self.refused = true;
         let Some(output) = &mut self.output else { return };
-        for (axis, in_force) in output.state.axes.iter_mut().zip(self.session.in_force()) {
+        for (axis, in_force) in output.state.axes.iter_mut().zip(*self.session.in_force()) {
             axis.nominal = in_force.nominal;
             axis.offsets = in_force.offsets;
         }

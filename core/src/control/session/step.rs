@@ -6,9 +6,10 @@ use super::act::{Axis, AxisCommand, nominal_stepped};
 use super::config::Parameters;
 use super::fsm::{Action, Decision, FsmInput, FsmState, Rules, decide};
 use super::ingress::Accepted;
-use super::io::{Reading, TickInput};
-use crate::control::axis::Reference;
+use super::io::TickInput;
+use crate::control::axis::{Actual, Reference};
 use crate::control::message::{AxisState, Phase};
+use crate::units::PositionNm;
 use crate::zip::{each, zip};
 
 /// Result of a step.
@@ -45,14 +46,15 @@ pub(super) fn step<const N: usize>(
     // Unknown values in force do not count as zero.
     let zero = all_zero(axes) && !known.withheld;
     let fsm = complete(accepted.fsm, zero, tick, &stepped);
+    // All axes together: some of them moved and some not could be a pose that the machine does not have.
     let holds = tick.reading.is_none() || known.off_path && fsm.nominal_fault;
-    let reading = reading(axes, tick, holds);
     let rules = Rules { handshake_ticks: parameters.handshake_ticks, budget: parameters.budget };
     let decision = decide(discrete, &fsm, &rules);
     let shadow = shadow_action(decision.next.phase, fsm.command.is_some());
     let mut index = 0_usize;
     let axes = axes.each_mut().map(|axis| {
-        let command = command(index, decision.action, shadow, &stepped, &reading, accepted);
+        let reading = reading(index, axis, tick, holds);
+        let command = command(index, decision.action, shadow, &stepped, reading, accepted);
         let config = parameters.axes.get(index);
         index = index.wrapping_add(1);
         match (command, config) {
@@ -65,15 +67,17 @@ pub(super) fn step<const N: usize>(
     Step { decision, fsm, axes, off_path: holds }
 }
 
-/// Returns the reading that the axes act on. All axes hold their nominal references together: some of them moved and some not could be
-/// a pose that the machine does not have.
-fn reading<const N: usize>(axes: &[Axis; N], tick: &TickInput<N>, holds: bool) -> Reading<N> {
-    let nominal = axes.each_ref().map(|axis| axis.nominal);
-    match tick.reading {
-        Some(reading) if holds => Reading { nominal, ..reading },
-        Some(reading) => reading,
-        None => Reading { nominal, actual: axes.each_ref().map(|axis| axis.actual) },
-    }
+/// Returns the nominal reference and the measurements that an axis acts on: what was read, or its last ones.
+#[inline]
+fn reading<const N: usize>(
+    index: usize,
+    axis: &Axis,
+    tick: &TickInput<N>,
+    holds: bool,
+) -> Option<(PositionNm, Actual)> {
+    let Some(reading) = &tick.reading else { return Some((axis.nominal, axis.actual)) };
+    let nominal = if holds { axis.nominal } else { *reading.nominal.get(index)? };
+    Some((nominal, *reading.actual.get(index)?))
 }
 
 /// Command of the tick to the axis at `index`.
@@ -83,16 +87,17 @@ fn command<const N: usize>(
     action: Action,
     shadow: Option<Action>,
     stepped: &[bool; N],
-    reading: &Reading<N>,
+    reading: Option<(PositionNm, Actual)>,
     accepted: &Accepted<N>,
 ) -> Option<AxisCommand> {
+    let (nominal, actual) = reading?;
     Some(AxisCommand {
         action,
         shadow,
         target: *accepted.targets.get(index)?,
-        nominal: *reading.nominal.get(index)?,
+        nominal,
         nominal_stepped: *stepped.get(index)?,
-        actual: *reading.actual.get(index)?,
+        actual,
     })
 }
 
