@@ -32,6 +32,15 @@ pub fn is_ramp_step<U>(before: Channel<U>, after: Channel<U>, limits: &Limits<U>
     assert!(to < from || from == 0, "T5: the measure decreases");
 }
 
+/// T5's count and T22, without a quotient: whatever bounds a magnitude before a ramp step, less `rho` bounds it after, from above and from
+/// below. So after `k` steps `|value|` is `max(|value at the beginning| - k rho, 0)`: zero after exactly `ceil(|value| / rho)` of them.
+pub fn ramp_lowers_any_bound(before: Position, bound: u32, limits: &Limits<OffsetNm>) {
+    let (from, to) = (before.count().unsigned_abs(), before.ramp(limits).count().unsigned_abs());
+    let lowered = bound.saturating_sub(limits.ramp());
+    assert!(from > bound || to <= lowered, "T22: a bound from above falls by rho");
+    assert!(from < bound || to >= lowered, "T5: a bound from below falls by rho");
+}
+
 /// T5, the count: the number of ticks left, `ceil(|value| / rho)`, falls by one per step and is zero exactly at zero.
 /// A quotient of two unknowns is beyond the SAT solvers Kani brings along: this one is tested, and has no harness.
 pub fn ramp_counts_down(before: Position, limits: &Limits<OffsetNm>) {

@@ -2,7 +2,7 @@
 //! discrete state.
 
 use gantry_tau_core::control::message::{Cause, Mode, Phase};
-use gantry_tau_core::verification::control::{Action, EndReason, FsmInput, FsmState, Rules, decide};
+use gantry_tau_core::verification::control::{Action, Decision, EndReason, FsmInput, FsmState, Rules, decide};
 
 /// True if something of higher precedence than a miss arrived.
 fn outranks_a_miss(fsm: &FsmInput) -> bool {
@@ -108,6 +108,55 @@ pub fn no_session_ramps(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     );
 }
 
+/// T22, the half that decides: in silence a session that runs ends with the second tick, ramping in it; a ramp goes on while a channel is
+/// not zero, and the first tick that begins at zero listens. A handshake counts to its end; only Fault waits, for a re-arm.
+pub fn silence_leads_to_listening(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
+    let silence = FsmInput { all_zero: fsm.all_zero, ..FsmInput::default() };
+    let Decision { next, action, .. } = decide(state, &silence, rules);
+    let is_over = next.phase == Phase::SafeDisconnect && action == Action::Ramp;
+    match state.phase {
+        Phase::Listening => assert!(next.phase == Phase::Listening, "T22: a server that listens goes on"),
+        Phase::Handshake => {
+            let waits = next.phase == Phase::Handshake && next.waited == state.waited + 1;
+            assert!(waits || is_over, "T22: a handshake counts to its end");
+        }
+        Phase::Submit | Phase::Obtain => {
+            let first = state.misses == 0 && next.misses == 1 && next.phase == state.phase;
+            assert!(first || is_over, "T22: the second tick of silence ends the session");
+        }
+        Phase::SafeDisconnect if fsm.all_zero => assert!(next.phase == Phase::Listening, "T22: at zero it listens"),
+        Phase::SafeDisconnect => assert!(is_over, "T22: the ramp goes on"),
+        Phase::Fault => assert!(next.phase == Phase::Fault && action == Action::Ramp, "T22: Fault waits for a re-arm"),
+    }
+}
+
+/// T23, the half that decides: a grant raises the epoch, and nothing else changes it; within an epoch the accepted sequence never falls,
+/// and rises with every command that acts: a command acts once. The classification lets only new ones arrive
+/// ([`crate::ingress::accepts_only_what_is_new`]).
+pub fn epochs_and_sequences_rise(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
+    if !is_new(state, fsm) {
+        return;
+    }
+    let decision = decide(state, fsm, rules);
+    let next = &decision.next;
+    if next.epoch != state.epoch {
+        assert!(next.epoch > state.epoch, "T23: an epoch is never given twice");
+        assert!(state.phase == Phase::Listening && next.phase == Phase::Handshake, "T23: a grant changes the epoch");
+        return;
+    }
+    assert!(next.phase != Phase::Handshake || state.phase == Phase::Handshake, "T23: a grant raises the epoch");
+    assert!(next.accepted >= state.accepted, "T23: the accepted sequence never falls");
+    let acts = matches!(decision.action, Action::Follow | Action::FollowZero);
+    assert!(!acts || next.accepted > state.accepted, "T23: a command acts once");
+}
+
+/// True if epoch and sequence of an input are above those of the state.
+#[must_use]
+pub fn is_new(state: &FsmState, fsm: &FsmInput) -> bool {
+    fsm.hello.is_none_or(|(_, epoch)| epoch > state.epoch)
+        && fsm.command.is_none_or(|(sequence, _)| sequence > state.accepted)
+}
+
 /// Every property of a decision.
 pub fn decision_is_right(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     keeps_the_invariant(state, fsm, rules);
@@ -115,4 +164,6 @@ pub fn decision_is_right(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     authority_needs_zero(state, fsm, rules);
     stop_leads_to_fault(state, fsm, rules);
     no_session_ramps(state, fsm, rules);
+    epochs_and_sequences_rise(state, fsm, rules);
+    silence_leads_to_listening(state, fsm, rules);
 }

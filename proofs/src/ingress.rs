@@ -3,8 +3,10 @@
 
 use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Phase};
 use gantry_tau_core::control::session::{Connection, Event, Session};
-use gantry_tau_core::units::Epoch;
+use gantry_tau_core::units::{Epoch, EpochRange};
 use gantry_tau_core::verification::control::{Accepted, Classifier, Diagnostics, Internals, Verdict};
+
+use crate::fsm;
 
 /// Returns the classifier of a session before a tick.
 #[must_use]
@@ -82,6 +84,23 @@ pub fn is_fresh<const N: usize>(classifier: &Classifier<'_, N>, command: &Comman
 pub fn fresh_is_as_defined<const N: usize>(classifier: &Classifier<'_, N>, command: &Command<N>) {
     let fresh = classifier.verdict(command) == Verdict::Fresh;
     assert!(fresh == is_fresh(classifier, command), "T7: fresh as defined");
+}
+
+/// T23, one event after any others: what is accepted has an epoch above every one before, and a sequence above the last.
+pub fn accepts_only_what_is_new<const N: usize>(
+    session: &Session<N>,
+    epochs: &EpochRange,
+    (connection, event): (Connection, &Event<N>),
+    accepted: &Accepted<N>,
+    diagnostics: &mut Diagnostics,
+) {
+    let classifier = classifier(session, epochs.after(session.epoch()));
+    if !fsm::is_new(classifier.discrete, &accepted.fsm) {
+        return;
+    }
+    let mut after = *accepted;
+    classifier.classify(connection, event, &mut after, diagnostics);
+    assert!(fsm::is_new(classifier.discrete, &after.fsm), "T23: only new epochs and sequences are accepted");
 }
 
 /// T7's induction: diagnostics do not decide, now or later.

@@ -4,7 +4,7 @@ use gantry_tau_core::control::channel::{Channel, Limits};
 use gantry_tau_core::units::OffsetNm;
 
 use super::kani;
-use crate::channel::{Position, change_is_bounded, ramp_is_exact};
+use crate::channel::{Position, change_is_bounded, ramp_is_exact, ramp_lowers_any_bound};
 
 /// Any channel that is valid under the limits.
 fn any_channel(limits: &Limits<OffsetNm>) -> Position {
@@ -26,5 +26,9 @@ harnesses! {
     channel_ramp_is_exact [minisat] {
         let limits: Limits<OffsetNm> = kani::any();
         ramp_is_exact(any_channel(&limits), &limits);
+    }
+    channel_ramp_lowers_any_bound [minisat] {
+        let limits: Limits<OffsetNm> = kani::any();
+        ramp_lowers_any_bound(any_channel(&limits), kani::any(), &limits);
     }
 }

@@ -31,5 +31,7 @@ harnesses! {
     decide_second_miss_ends [minisat] { check(fsm::second_miss_ends); }
     decide_authority_needs_zero [minisat] { check(fsm::authority_needs_zero); }
     decide_stop_leads_to_fault [minisat] { check(fsm::stop_leads_to_fault); }
+    decide_silence_leads_to_listening [minisat] { check(fsm::silence_leads_to_listening); }
+    decide_epochs_and_sequences_rise [minisat] { check(fsm::epochs_and_sequences_rise); }
     decide_no_session_ramps [minisat] { check(fsm::no_session_ramps); }
 }

@@ -1,7 +1,7 @@
 //! Any event on any connection, after any earlier events: three axes.
 
 use gantry_tau_core::control::message::{Counters, Phase};
-use gantry_tau_core::control::session::{Connection, Session};
+use gantry_tau_core::control::session::{Connection, Event, Session};
 use gantry_tau_core::verification::control::{Accepted, Diagnostics};
 
 use super::kani;
@@ -30,6 +30,13 @@ harnesses! {
         let command = kani::any();
         ingress::fresh_is_as_defined(&classifier, &command);
         kani::cover!(ingress::is_fresh(&classifier, &command), "some commands are fresh");
+    }
+    sift_accepts_only_what_is_new [minisat, unwind 5] {
+        let session: Session<AXES> = kani::any();
+        let accepted: Accepted<AXES> = kani::any();
+        let event: Event<AXES> = kani::any();
+        let from = (kani::any(), &event);
+        ingress::accepts_only_what_is_new(&session, &kani::any(), from, &accepted, &mut any_diagnostics());
     }
     sift_counts_decide_nothing [minisat, unwind 5] {
         let session: Session<AXES> = kani::any();

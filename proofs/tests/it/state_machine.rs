@@ -4,7 +4,7 @@ use crate::any;
 
 use gantry_tau_core::control::message::{ClientMessage, Command};
 use gantry_tau_core::control::session::{EVENTS, Event, Events, Input};
-use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick};
+use gantry_tau_core::units::{Epoch, EpochRange, PositionNm, Sequence, Tick};
 use gantry_tau_core::verification::control::{Accepted, Diagnostics, Internals};
 use gantry_tau_proofs::axis::Kind;
 use gantry_tau_proofs::drive::{self, Before};
@@ -32,6 +32,9 @@ proptest! {
             classifier.classify(*connection, event, &mut accepted, &mut diagnostics);
         }
         ingress::only_the_owner_decides(&classifier, connection, &event, &accepted, &mut diagnostics.clone());
+        let epochs = EpochRange { first: Epoch(1), last: Epoch(u64::MAX) };
+        let from = (connection, &event);
+        ingress::accepts_only_what_is_new(&session, &epochs, from, &Accepted::nothing(), &mut diagnostics.clone());
         let notes = (&mut diagnostics, &mut Diagnostics::default());
         ingress::counts_decide_nothing(&classifier, connection, &event, &accepted, notes);
         if let Event::Message(ClientMessage::Command(command)) = event {
@@ -99,9 +102,15 @@ proptest! {
     }
 
     #[test]
-    fn one_ramp_step((limits, before) in any::limits().prop_flat_map(|limits| (Just(limits), any::channel(limits)))) {
+    fn one_ramp_step(
+        (limits, before) in any::limits().prop_flat_map(|limits| (Just(limits), any::channel(limits))), bound in 0..500_u32,
+    ) {
         channel::ramp_is_exact(before, &limits);
         channel::ramp_counts_down(before, &limits);
+        let magnitude = before.count().unsigned_abs();
+        for bound in [magnitude, magnitude.saturating_add(bound), magnitude.saturating_sub(bound)] {
+            channel::ramp_lowers_any_bound(before, bound, &limits);
+        }
     }
 
     #[test]
