@@ -61,7 +61,7 @@ pub(crate) fn unproved(root: &Path, manifest: &Manifest) -> Result<Vec<String>, 
     let open = jobs.iter().filter(|job| job.mutant.is_none() && !current(job));
     let open: BTreeSet<&str> = open.flat_map(|job| job.row.theorems.iter().map(String::as_str)).collect();
     let mut pages = if root.join("docs").is_dir() { files(&root.join("docs"))? } else { Vec::new() };
-    pages.push(root.join("README.md"));
+    pages.extend(["README.md", "proofs/README.md"].map(|page| root.join(page)));
     pages.retain(|path| path.is_file() && path.extension().is_some_and(|end| end == "md"));
     for path in pages {
         let name = path.strip_prefix(root).unwrap_or(&path).display().to_string();

@@ -83,8 +83,9 @@ impl Kani {
         let text = kept.iter().find_map(|path| std::fs::read_to_string(path).ok())?;
         let info: serde_json::Value = serde_json::from_str(&text).ok()?;
         let mut outputs = info.get("outputs")?.as_object()?.values();
-        outputs
-            .find_map(|output| Some(output.get("stdout")?.as_str()?.strip_prefix("rustc ")?.lines().next()?.to_owned()))
+        outputs.find_map(|output| {
+            Some(output.get("stdout")?.as_str()?.strip_prefix("rustc ")?.split(' ').next()?.to_owned())
+        })
     }
 
     /// Runs one job on a folder of proofs to its end, and reports its phase now and then. Returns the end and the log.
