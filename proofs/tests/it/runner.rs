@@ -329,14 +329,14 @@ VERIFIED ~ recorded unwinding; exit 1 ~ failed for another reason";
     /// File, text in it, replacement, and whether the result of a harness of `channel` is stale then.
     const EDITS: &str = r#"core/src/control/channel.rs ~ //! ~ //! Words. ~ current
 core/src/control/channel.rs ~ mod tests { ~ mod tests {\nconst NEW: u32 = 0; ~ current
-core/src/model/lu.rs ~ use ~ use core::any as _; use ~ current
-proofs/src/session.rs ~ use ~ use core::any as _; use ~ current
-proofs/src/harness/wire.rs ~ use ~ use core::any as _; use ~ current
+core/src/model/lu.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ current
+proofs/src/session.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ current
+proofs/src/harness/wire.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ current
 proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = ["T10", "T9"] ~ current
 proofs/mutants.toml ~ new = "let accel = i64::MAX;" ~ new = "let accel = i64::MIN;" ~ current
 Cargo.lock ~ name = "clap" ~ name = "clasp" ~ current
-core/src/control/channel.rs ~ use ~ use core::any as _; use ~ stale
-core/src/units.rs ~ use ~ use core::any as _; use ~ stale
+core/src/control/channel.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ stale
+core/src/units.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ stale
 proofs/src/channel.rs ~ "T5: never past zero" ~ "T5: never" ~ stale
 proofs/src/harness/channel.rs ~ [minisat] ~ [kissat] ~ stale
 proofs/src/harness/mod.rs ~ kani::assume($condition); ~ kani::assume(true); ~ stale
