@@ -54,8 +54,8 @@ pub(crate) fn version() -> Result<String, String> {
 }
 
 impl Kani {
-    /// Folder of the builds of core, or of its mutants. Cargo names both alike, for their places in their workspaces are the same: in one
-    /// folder it would take the build of a mutant for that of core, whose files are older.
+    /// Folder of the builds of core, or of its mutants. Cargo names both alike, for their places in their workspaces
+    /// are the same: in one folder it would take the build of a mutant for that of core, whose files are older.
     fn builds(&self, of_mutants: bool) -> PathBuf {
         if of_mutants { self.target.join("mutants") } else { self.target.clone() }
     }

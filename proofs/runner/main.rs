@@ -1,7 +1,8 @@
 //! Runs the proofs: `cargo run -p gantry-tau-proofs -- prove`.
 //!
-//! Every harness of `src/harness/` has a row in `manifest.toml`, every mutant of core one in `mutants.toml`. The runner first compares
-//! them with the sources, then gives Kani one row at a time, and fails whenever Kani finds anything but what the row expects.
+//! Every harness of `src/harness/` has a row in `manifest.toml`, every mutant of core one in `mutants.toml`. The runner
+//! first compares them with the sources, then gives Kani one row at a time, and fails whenever Kani finds anything but
+//! what the row expects.
 #![forbid(unsafe_code)]
 
 mod check;
@@ -27,8 +28,8 @@ use crate::sources::Sources;
 
 /// The proofs of gantry-tau-core.
 ///
-/// Exit codes: 0 all as expected; 1 something not; 2 usage; 3 Kani is missing, nothing was proved; 4 the files disagree;
-/// 5 the files agree, and `check --strict` misses results on this source.
+/// Exit codes: 0 all as expected; 1 something not; 2 usage; 3 Kani is missing, nothing was proved; 4 the files
+/// disagree; 5 the files agree, and `check --strict` misses results on this source.
 #[derive(Debug, Parser)]
 #[command(name = "gantry-tau-proofs", version, max_term_width = 100)]
 struct Arguments {
@@ -43,8 +44,8 @@ struct Arguments {
 enum Command {
     /// Give every harness and every mutant to Kani, one at a time; begins with `check`
     Prove(Prove),
-    /// Compare manifest, harnesses, mutants, results and the table in proofs/README.md, and name the rows without a result on this
-    /// source (STALE); needs no Kani
+    /// Compare manifest, harnesses, mutants, results and the table in proofs/README.md, and name the rows without a
+    /// result on this source (STALE); needs no Kani
     Check {
         /// Also fail when a row has no result on this source, or a table says "proved" of its theorem: for a release
         #[arg(long)]
@@ -188,7 +189,8 @@ fn read(path: &Path) -> Result<String, String> {
     std::fs::read_to_string(path).map_err(at(path))
 }
 
-/// Every file below a folder, but for those of Cargo's `target`. A link that leads nowhere (a licence, in a copy) is left out.
+/// Every file below a folder, but for those of Cargo's `target`. A link that leads nowhere (a licence, in a copy) is
+/// left out.
 fn files(folder: &Path) -> Result<Vec<PathBuf>, String> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(at(folder))? {

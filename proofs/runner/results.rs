@@ -1,4 +1,5 @@
-//! `proofs/results.json`: the latest result of every harness and mutant, and the sources it is of. `prove` writes it, and nothing else.
+//! `proofs/results.json`: the latest result of every harness and mutant, and the sources it is of. `prove` writes it,
+//! and nothing else.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -108,7 +109,8 @@ impl Results {
         Ok(Self(written.rows.into_iter().map(|entry| (entry.name.clone(), entry)).collect()))
     }
 
-    /// Replaces the result of one row. A result that says the same of the same sources leaves the file, and the seconds, as they are.
+    /// Replaces the result of one row. A result that says the same of the same sources leaves the file, and the
+    /// seconds, as they are.
     pub(crate) fn merge(&mut self, entry: Entry) {
         let same = |old: &Entry| Entry { seconds: old.seconds, ..entry.clone() } == *old;
         if !self.0.get(&entry.name).is_some_and(same) {

@@ -7,9 +7,10 @@
 //! - the row itself: its theorems and named checks; of a mutant, its fault;
 //! - the flags of Kani, and the rules of this program.
 //!
-//! A wing is the finest part of core that can be told from the text alone. Core compiles without the feature `model` (CI does it), so
-//! nothing else depends on that wing. Inside a wing, an `impl` in any file may decide what another one does.
-//! Of the properties that could be so too, therefore [`strays`] wants every `impl` in the file of its trait or its type.
+//! A wing is the finest part of core that can be told from the text alone. Core compiles without the feature `model`
+//! (CI does it), so nothing else depends on that wing. Inside a wing, an `impl` in any file may decide what another one
+//! does. Of the properties that could be so too, therefore [`strays`] wants every `impl` in the file of its trait or
+//! its type.
 //!
 //! Comments, blank lines, tests, and the lists of modules do not count.
 

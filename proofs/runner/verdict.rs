@@ -37,7 +37,8 @@ struct Check<'a> {
 impl Check<'_> {
     /// True for an `assert!` of the proofs: its message, or its condition.
     ///
-    /// A `panic!` is not one. It must not be reached, so UNREACHABLE is as good as SUCCESS; Kani reports its message without quotes.
+    /// A `panic!` is not one. It must not be reached, so UNREACHABLE is as good as SUCCESS; Kani reports its message
+    /// without quotes.
     fn is_stated(&self) -> bool {
         self.place.contains("proofs/src/")
             && (self.text.starts_with('"') || self.text.starts_with("assertion failed: "))
@@ -136,8 +137,8 @@ impl<'a> Findings<'a> {
         }
     }
 
-    /// Objection to a proof whose checks hold: one that it states is not reached, a cover does not say what it covers, or nothing is
-    /// said about a theorem.
+    /// Objection to a proof whose checks hold: one that it states is not reached, a cover does not say what it covers,
+    /// or nothing is said about a theorem.
     fn not_stated(&self, job: Job<'_>) -> Option<String> {
         let unreached = self.unreached();
         let left_out = &job.row.leaves_out;
@@ -164,7 +165,8 @@ impl<'a> Findings<'a> {
         Some(format!("no check says {silent}, and the manifest requires none by its text"))
     }
 
-    /// Stated checks that are reached nowhere. A generic function has one for each of its instances: one of them is enough.
+    /// Stated checks that are reached nowhere. A generic function has one for each of its instances: one of them is
+    /// enough.
     fn unreached(&self) -> Vec<&'a str> {
         let mut sites = BTreeMap::new();
         for check in self.checks.iter().filter(|check| check.is_stated()) {
