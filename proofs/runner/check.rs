@@ -6,7 +6,10 @@ use std::path::Path;
 use gantry_tau_proofs::harness::{HARNESSES, Harness};
 
 use crate::manifest::Manifest;
-use crate::{files, mutate, read, report};
+use crate::prove::{self, Job};
+use crate::results::{Results, Standing};
+use crate::sources::{self, Sources};
+use crate::{files, flags, mutate, read, report, verdict};
 
 /// Every harness of the source.
 fn declared() -> impl Iterator<Item = &'static Harness> {
@@ -26,28 +29,87 @@ pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, Str
     wrong.extend(families_are_tried(root, manifest)?);
     for folder in ["core/src", "proofs/src"] {
         for path in files(&root.join(folder))? {
-            wrong.extend(uncovered(&path.display().to_string(), &read(&path)?));
+            let (path, text) = (path.display().to_string(), read(&path)?);
+            wrong.extend(uncovered(&path, &text));
+            wrong.extend(speechless(&path, &text));
         }
     }
+    wrong.extend(sources::strays(root)?);
+    wrong.extend(flags::in_manifests(root)?);
+    let results = Results::load(root)?;
+    let unknown = results.unknown(manifest);
+    wrong.extend(unknown.iter().map(|name| format!("proofs/results.json: {name} is not in the manifest; run `table`")));
     let readme = read(&root.join("proofs/README.md"))?;
-    if report::with_table(&readme, manifest)? != readme {
+    let cells = report::cells(manifest, &results, &Sources::read(root)?);
+    if report::with_table(&readme, manifest, &report::shown(&readme, manifest, &results, cells))? != readme {
         wrong.push("proofs/README.md: the table of harnesses is stale; run `table`".to_owned());
     }
     Ok(wrong)
 }
 
-/// Names are unique, times fit their tiers, theorems exist and have harnesses.
+/// Everything that has no result on this source: rows by their names, and texts that claim more.
+pub(crate) fn unproved(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
+    let (results, sources) = (Results::load(root)?, Sources::read(root)?);
+    let jobs = prove::jobs(manifest);
+    let complaint = |job: &Job<'_>| results.standing(&sources, *job).complaint(job.name());
+    let mut said: Vec<String> = jobs.iter().filter_map(complaint).collect();
+    let readme = read(&root.join("proofs/README.md"))?;
+    if report::with_table(&readme, manifest, &report::cells(manifest, &results, &sources))? != readme {
+        said.push("proofs/README.md: the table shows results of other sources; run `table`".to_owned());
+    }
+    let current = |job: &Job<'_>| matches!(results.standing(&sources, *job), Standing::Current(_));
+    let open = jobs.iter().filter(|job| job.mutant.is_none() && !current(job));
+    let open: BTreeSet<&str> = open.flat_map(|job| job.row.theorems.iter().map(String::as_str)).collect();
+    let mut pages = if root.join("docs").is_dir() { files(&root.join("docs"))? } else { Vec::new() };
+    pages.extend(["README.md", "proofs/README.md"].map(|page| root.join(page)));
+    pages.retain(|path| path.is_file() && path.extension().is_some_and(|end| end == "md"));
+    for path in pages {
+        let name = path.strip_prefix(root).unwrap_or(&path).display().to_string();
+        said.extend(claims(&name, &read(&path)?, &open));
+    }
+    Ok(said)
+}
+
+/// Lines of tables that say "proved" of a theorem without results.
+fn claims(path: &str, text: &str, open: &BTreeSet<&str>) -> Vec<String> {
+    let mut said = Vec::new();
+    for (number, line) in (1..).zip(text.lines()) {
+        let claims = line.starts_with('|') && line.to_lowercase().replace("not proved", "").contains("proved");
+        let named: Vec<&str> = named(line).into_iter().filter_map(|name| open.get(name.as_str()).copied()).collect();
+        if claims && !named.is_empty() {
+            let named = named.join(", ");
+            said.push(format!(
+                "{path}:{number}: says \"proved\" of {named}, which has rows without a result on this source"
+            ));
+        }
+    }
+    said
+}
+
+/// Theorems that a line names: `T4, T5`, or `T13 to T15`.
+fn named(line: &str) -> BTreeSet<String> {
+    let number = |word: &str| word.strip_prefix('T')?.parse::<u32>().ok();
+    let words: Vec<&str> =
+        line.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+    let mut found: BTreeSet<u32> = words.iter().filter_map(|word| number(word)).collect();
+    for part in words.windows(3) {
+        if let [first, "to", last] = part
+            && let (Some(first), Some(last)) = (number(first), number(last))
+        {
+            found.extend(first..=last);
+        }
+    }
+    found.into_iter().map(|number| format!("T{number}")).collect()
+}
+
+/// Names are unique, theorems exist and have harnesses.
 fn rows_make_sense(manifest: &Manifest) -> Vec<String> {
     let mut wrong = Vec::new();
     let mut seen = BTreeSet::new();
-    let rows = manifest.harnesses.iter().map(|row| (&row.name, row.tier, row.measured_s));
-    let mutants = manifest.mutants.iter().map(|mutant| (&mutant.name, mutant.tier, mutant.measured_s));
-    for (name, tier, measured_s) in rows.chain(mutants) {
+    let mutants = manifest.mutants.iter().map(|mutant| &mutant.name);
+    for name in manifest.harnesses.iter().map(|row| &row.name).chain(mutants) {
         if !seen.insert(name) {
             wrong.push(format!("{name}: stands twice in the manifest"));
-        }
-        if measured_s > Some(tier.seconds()) {
-            wrong.push(format!("{name}: slower than its tier"));
         }
     }
     let mut unproved: BTreeSet<&String> = manifest.theorems.iter().map(|row| &row.name).collect();
@@ -127,6 +189,24 @@ fn uncovered(path: &str, text: &str) -> Vec<String> {
             wrong.push(format!("{path}:{line}: no kani::cover! after this kani::assume"));
         }
         line = line.saturating_add(part.matches('\n').count());
+    }
+    wrong
+}
+
+/// Covers whose text does not say what they cover. (In a harness `assume!` brings its own.)
+fn speechless(path: &str, text: &str) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for start in ["cover!(", "assume!("] {
+        let mut line = 1_usize;
+        for (index, part) in text.split(start).enumerate() {
+            let call = part.split_once(");").map_or(part, |(call, _)| call);
+            let said = call.trim_end().strip_suffix('"').and_then(|call| call.rsplit('"').next());
+            // The macros' own covers take their text from the caller.
+            if index > 0 && !call.contains('$') && !said.is_some_and(verdict::says_what) {
+                wrong.push(format!("{path}:{line}: a cover does not say what it covers"));
+            }
+            line = line.saturating_add(part.matches('\n').count());
+        }
     }
     wrong
 }

@@ -16,6 +16,9 @@ pub(crate) static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// Line that Kani prints when the solver starts.
 const SOLVING: &str = "Checking harness";
 
+/// Flags of every run, beside the family, the harness and the folders. Changed, they make every result stale.
+pub(crate) const FLAGS: [&str; 4] = ["--lib", "--no-default-features", "-Z", "stubbing"];
+
 /// Interval of looking at a run.
 const POLL: Duration = Duration::from_millis(50);
 
@@ -51,6 +54,40 @@ pub(crate) fn version() -> Result<String, String> {
 }
 
 impl Kani {
+    /// Folder of the builds of core, or of its mutants. Cargo names both alike, for their places in their workspaces
+    /// are the same: in one folder it would take the build of a mutant for that of core, whose files are older.
+    fn builds(&self, of_mutants: bool) -> PathBuf {
+        if of_mutants { self.target.join("mutants") } else { self.target.clone() }
+    }
+
+    /// Makes Cargo build core and proofs anew: it goes by the times of files, which a checkout or a copy may set back.
+    pub(crate) fn forget_builds(&self) -> std::io::Result<()> {
+        for folder in [self.builds(false), self.builds(true)].map(|folder| folder.join("kani")) {
+            // One folder per target; there is none before the first run.
+            for target in std::fs::read_dir(folder).into_iter().flatten() {
+                let builds = target?.path().join("debug/.fingerprint");
+                for build in std::fs::read_dir(builds).into_iter().flatten() {
+                    let build = build?;
+                    if build.file_name().to_string_lossy().starts_with("gantry-tau-") {
+                        std::fs::remove_dir_all(build.path())?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Version of the compiler in Kani, which Cargo keeps beside its builds.
+    pub(crate) fn rustc(&self) -> Option<String> {
+        let kept = [self.builds(false), self.builds(true)].map(|builds| builds.join("kani/.rustc_info.json"));
+        let text = kept.iter().find_map(|path| std::fs::read_to_string(path).ok())?;
+        let info: serde_json::Value = serde_json::from_str(&text).ok()?;
+        let mut outputs = info.get("outputs")?.as_object()?.values();
+        outputs.find_map(|output| {
+            Some(output.get("stdout")?.as_str()?.strip_prefix("rustc ")?.split(' ').next()?.to_owned())
+        })
+    }
+
     /// Runs one job on a folder of proofs to its end, and reports its phase now and then. Returns the end and the log.
     pub(crate) fn run(
         &self,
@@ -100,13 +137,16 @@ impl Kani {
         command
             .args(["-c", &script, "sh"])
             .arg(cargo())
-            .args(["kani", "--lib", "--no-default-features", "-Z", "stubbing"])
+            .arg("kani")
+            .args(FLAGS)
             .args(["--features", &format!("only,{}", job.harness.family())])
             .args(["--exact", "--harness", &job.harness.path()])
             .arg("--manifest-path")
             .arg(proofs.join("Cargo.toml"))
             .arg("--target-dir")
-            .arg(&self.target)
+            .arg(self.builds(job.mutant.is_some()))
+            // Kani reports places from here.
+            .current_dir(proofs.parent().unwrap_or(proofs))
             // Kani hands these on to every build: a user's own must not change what is proved.
             .env_remove("RUSTFLAGS")
             .env_remove("RUSTC_WRAPPER")

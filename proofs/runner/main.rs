@@ -1,15 +1,19 @@
 //! Runs the proofs: `cargo run -p gantry-tau-proofs -- prove`.
 //!
-//! Every harness of `src/harness/` has a row in `manifest.toml`, every mutant of core one in `mutants.toml`. The runner first compares
-//! them with the sources, then gives Kani one row at a time, and fails whenever Kani finds anything but what the row expects.
+//! Every harness of `src/harness/` has a row in `manifest.toml`, every mutant of core one in `mutants.toml`. The runner
+//! first compares them with the sources, then gives Kani one row at a time, and fails whenever Kani finds anything but
+//! what the row expects.
 #![forbid(unsafe_code)]
 
 mod check;
+mod flags;
 mod kani;
 mod manifest;
 mod mutate;
 mod prove;
 mod report;
+mod results;
+mod sources;
 mod verdict;
 
 use std::fmt::Display;
@@ -19,10 +23,13 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 
 use crate::manifest::{Manifest, Tier};
+use crate::results::Results;
+use crate::sources::Sources;
 
 /// The proofs of gantry-tau-core.
 ///
-/// Exit codes: 0 all as expected; 1 something not; 2 usage; 3 Kani is missing, nothing was proved; 4 the files disagree.
+/// Exit codes: 0 all as expected; 1 something not; 2 usage; 3 Kani is missing, nothing was proved; 4 the files
+/// disagree; 5 the files agree, and `check --strict` misses results on this source.
 #[derive(Debug, Parser)]
 #[command(name = "gantry-tau-proofs", version, max_term_width = 100)]
 struct Arguments {
@@ -37,15 +44,19 @@ struct Arguments {
 enum Command {
     /// Give every harness and every mutant to Kani, one at a time; begins with `check`
     Prove(Prove),
-    /// Compare manifest, harnesses, mutants and the table in proofs/README.md; needs no Kani
+    /// Compare manifest, harnesses, mutants, results and the table in proofs/README.md, and name the rows without a
+    /// result on this source (STALE); needs no Kani
     Check {
+        /// Also fail when a row has no result on this source, or a table says "proved" of its theorem: for a release
+        #[arg(long)]
+        strict: bool,
         /// Also compile core with the mutants
         #[arg(long)]
         compile: bool,
     },
     /// Show theorems, harnesses, mutants and walls
     List,
-    /// Write the table of harnesses into proofs/README.md
+    /// Write the table of harnesses into proofs/README.md, and drop results of rows that the manifest does not have
     Table,
 }
 
@@ -54,7 +65,7 @@ struct Prove {
     /// `fast`: what ends within 30 s; `full`: that, and what takes up to 10 minutes
     #[arg(long, value_enum, default_value_t = Tier::Fast)]
     tier: Tier,
-    /// Folder for results.json, results.md and logs/ [default: target/kani]
+    /// Folder for results.md and logs/ [default: target/kani]. Verdicts go to proofs/results.json, row by row
     #[arg(long)]
     out: Option<PathBuf>,
     /// Memory one process of Kani may take (macOS does not enforce it)
@@ -66,6 +77,9 @@ struct Prove {
     /// Time limit instead of the tier's, for tests of this program
     #[arg(long, hide = true)]
     seconds: Option<f64>,
+    /// Only rows without a result on this source
+    #[arg(long)]
+    stale: bool,
     /// Only these harnesses and mutants, whatever their tier
     names: Vec<String>,
 }
@@ -83,6 +97,7 @@ mod exit {
     pub(crate) const USAGE: u8 = 2;
     pub(crate) const KANI_MISSING: u8 = 3;
     pub(crate) const FILES_DISAGREE: u8 = 4;
+    pub(crate) const STALE: u8 = 5;
 }
 
 /// Exit code and message of a run that did not end as expected.
@@ -110,24 +125,27 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     let root = std::path::absolute(root.unwrap_or_default()).map_err(|error| error.to_string())?;
     let manifest = Manifest::load(&root)?;
     match arguments.command {
-        Command::List => report::list(&manifest),
-        Command::Check { compile } => {
+        Command::List => {
+            let cells = report::cells(&manifest, &Results::load(&root)?, &Sources::read(&root)?);
+            report::list(&manifest, &cells);
+        }
+        Command::Check { strict, compile } => {
             files_agree(&root, &manifest)?;
+            results_exist(&root, &manifest, strict)?;
             if compile {
                 mutate::compile(&root, &manifest.mutants)?;
                 println!("check: core compiles with every mutant");
             }
         }
         Command::Table => {
-            let path = root.join("proofs/README.md");
-            let text = report::with_table(&read(&path)?, &manifest)?;
-            std::fs::write(&path, text).map_err(at(&path))?;
+            let mut results = Results::load(&root)?;
+            results.prune(&manifest);
+            results.save(&root, read(&root.join("proofs/kani-version"))?.trim())?;
+            report::write_table(&root, &manifest, &results, &Sources::read(&root)?)?;
         }
         Command::Prove(options) => {
-            for name in ["results.json", "results.md"] {
-                // A run that comes to no result must not look like an earlier one; most often there is none.
-                let _ = std::fs::remove_file(options.out(&root).join(name));
-            }
+            // A run that comes to no result must not look like an earlier one; most often there is none.
+            let _ = std::fs::remove_file(options.out(&root).join("results.md"));
             files_agree(&root, &manifest)?;
             prove::prove(&root, &manifest, &options)?;
         }
@@ -150,6 +168,17 @@ fn files_agree(root: &Path, manifest: &Manifest) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Names everything without a result on this source; fails for it if that is strict.
+fn results_exist(root: &Path, manifest: &Manifest, strict: bool) -> Result<(), Failure> {
+    let unproved = check::unproved(root, manifest)?;
+    unproved.iter().for_each(|line| println!("{line}"));
+    if strict && !unproved.is_empty() {
+        let message = "check --strict: not every row has a result on this source; `prove --stale --tier full`";
+        return Err(Failure(exit::STALE, message.to_owned()));
+    }
+    Ok(())
+}
+
 /// Names the file of an error.
 fn at<E: Display>(path: &Path) -> impl Fn(E) -> String {
     move |error| format!("{}: {error}", path.display())
@@ -160,7 +189,8 @@ fn read(path: &Path) -> Result<String, String> {
     std::fs::read_to_string(path).map_err(at(path))
 }
 
-/// Every file below a folder, but for those of Cargo's `target`. A link that leads nowhere (a licence, in a copy) is left out.
+/// Every file below a folder, but for those of Cargo's `target`. A link that leads nowhere (a licence, in a copy) is
+/// left out.
 fn files(folder: &Path) -> Result<Vec<PathBuf>, String> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(at(folder))? {

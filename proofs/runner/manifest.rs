@@ -41,8 +41,12 @@ pub(crate) struct Row {
     pub(crate) property: String,
     pub(crate) domain: String,
     pub(crate) tier: Tier,
-    /// Solver time, s, where the row was written; `None`: the row has not run, and is not claimed.
-    pub(crate) measured_s: Option<f64>,
+    /// Texts of checks or covers that must hold, where no check begins with the name of one of the theorems.
+    #[serde(default)]
+    pub(crate) requires: Vec<String>,
+    /// Texts of checks of its property that the domain does not reach.
+    #[serde(default)]
+    pub(crate) leaves_out: Vec<String>,
     /// Assumptions behind the functions that the harness replaces, in words.
     #[serde(default)]
     pub(crate) assumes: Vec<String>,
@@ -65,7 +69,6 @@ pub(crate) struct Mutant {
     /// Check that must fail, or a part of its text.
     pub(crate) fails: String,
     pub(crate) tier: Tier,
-    pub(crate) measured_s: Option<f64>,
 }
 
 /// Statement that no solver could carry, and that is not claimed.
@@ -115,6 +118,11 @@ impl Manifest {
         let mut manifest: Self = parse(&root.join("proofs/manifest.toml"))?;
         manifest.mutants = parse::<Mutants>(&root.join("proofs/mutants.toml"))?.mutant;
         Ok(manifest)
+    }
+
+    /// Rows that prove a part of a theorem.
+    pub(crate) fn rows_of<'a>(&'a self, theorem: &'a Theorem) -> impl Iterator<Item = &'a Row> {
+        self.harnesses.iter().filter(|row| row.theorems.contains(&theorem.name))
     }
 
     /// Row of a harness.

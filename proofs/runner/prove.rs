@@ -9,9 +9,11 @@ use gantry_tau_proofs::harness::Harness;
 
 use crate::kani::{self, INTERRUPTED, Kani, Phase};
 use crate::manifest::{Manifest, Mutant, Row, Tier};
-use crate::report::{Outcome, Report};
+use crate::report::{self, Outcome, Report};
+use crate::results::{self, Entry, Results, Standing, Verdict};
+use crate::sources::Sources;
 use crate::verdict::Findings;
-use crate::{Failure, Prove, at, check, exit, mutate, read};
+use crate::{Failure, Prove, at, check, exit, flags, mutate, read};
 
 /// One run of Kani: a harness, with or without a mutant.
 #[derive(Clone, Copy)]
@@ -29,10 +31,15 @@ impl Job<'_> {
     pub(crate) fn tier(&self) -> Tier {
         self.mutant.map_or(self.row.tier, |mutant| mutant.tier)
     }
+
+    /// Hash of the sources that its verdict depends on.
+    pub(crate) fn sources(&self, sources: &Sources) -> String {
+        sources.hash(self.harness.family(), self.row, self.mutant)
+    }
 }
 
 /// Every job. Harnesses first: a proof that fails explains why its mutants do.
-fn jobs(manifest: &Manifest) -> Vec<Job<'_>> {
+pub(crate) fn jobs(manifest: &Manifest) -> Vec<Job<'_>> {
     let proofs = manifest.harnesses.iter().map(|row| (Some(row), None));
     let mutants = manifest.mutants.iter().map(|mutant| (manifest.row(&mutant.harness), Some(mutant)));
     let jobs = proofs.chain(mutants).filter_map(|(row, mutant)| {
@@ -42,14 +49,20 @@ fn jobs(manifest: &Manifest) -> Vec<Job<'_>> {
     jobs.collect()
 }
 
-/// Jobs of a tier, or the named ones; an unknown name is an error.
-fn choose<'a>(manifest: &'a Manifest, tier: Tier, names: &[String]) -> Result<Vec<Job<'a>>, String> {
+/// Jobs of a tier, or the named ones, or of these the ones without a current result; an unknown name is an error.
+fn choose<'a>(
+    manifest: &'a Manifest,
+    options: &Prove,
+    current: impl Fn(Job<'_>) -> bool,
+) -> Result<Vec<Job<'a>>, String> {
+    let (tier, names) = (options.tier, &options.names);
     let mut jobs = jobs(manifest);
     let unknown = |name: &&String| jobs.iter().all(|job| job.name() != name.as_str());
     if let Some(name) = names.iter().find(unknown) {
         return Err(format!("no harness or mutant is called {name}; `list` shows them"));
     }
-    jobs.retain(|job| match names {
+    jobs.retain(|job| !options.stale || !current(*job));
+    jobs.retain(|job| match names.as_slice() {
         [] => job.tier() <= tier,
         names => names.iter().any(|name| job.name() == name),
     });
@@ -58,11 +71,23 @@ fn choose<'a>(manifest: &'a Manifest, tier: Tier, names: &[String]) -> Result<Ve
 
 /// Gives every chosen job to Kani.
 pub(crate) fn prove(root: &Path, manifest: &Manifest, options: &Prove) -> Result<(), Failure> {
-    let jobs = choose(manifest, options.tier, &options.names).map_err(|message| Failure(exit::USAGE, message))?;
+    let foreign = flags::in_environment();
+    if !foreign.is_empty() {
+        return Err(Failure(exit::USAGE, foreign.join("\n  ")));
+    }
+    let (mut results, sources) = (Results::load(root)?, Sources::read(root)?);
+    results.prune(manifest);
+    let current = |job: Job<'_>| matches!(results.standing(&sources, job), Standing::Current(_));
+    let jobs = choose(manifest, options, current).map_err(|message| Failure(exit::USAGE, message))?;
     let pinned = read(&root.join("proofs/kani-version"))?;
     let pinned = pinned.trim();
     let version = kani::version().map_err(|reason| missing(pinned, &reason))?;
-    println!("Kani {version} (proofs/kani-version: {pinned})");
+    println!("Kani {version}");
+    if version != pinned {
+        println!(
+            "Kani {version} is not the one that proofs/kani-version names, {pinned}: the results will say {version}"
+        );
+    }
     let kani = Kani {
         target: root.join("target/kani"),
         logs: options.out(root).join("logs"),
@@ -70,19 +95,25 @@ pub(crate) fn prove(root: &Path, manifest: &Manifest, options: &Prove) -> Result
         build_limit: Duration::from_secs(options.build_minutes.saturating_mul(60)),
     };
     std::fs::create_dir_all(&kani.logs).map_err(at(&kani.logs))?;
+    kani.forget_builds().map_err(at(&kani.target))?;
     // Fails only where a handler is set already.
     let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
-    let report = Report {
-        kani: &version,
-        pinned,
-        tier: options.tier,
-        outcomes: run_all(root, &kani, &jobs, options.seconds)?,
-        walls: &manifest.walls,
-    };
+    let mut outcomes = Vec::new();
+    for (index, &job) in (1..).zip(&jobs) {
+        let title = format!("[{index}/{}] {} ... ", jobs.len(), job.name());
+        let (outcome, entry) = run(root, &kani, job, &title, options.seconds, &version)?;
+        // At once: an interrupt loses no result.
+        results.merge(entry);
+        results.save(root, pinned)?;
+        outcomes.push(outcome);
+    }
+    report::write_table(root, manifest, &results, &Sources::read(root)?)?;
+    println!("results: {}, and the table in proofs/README.md", results::PATH);
+    let report = Report { kani: &version, tier: options.tier, outcomes, walls: &manifest.walls };
     report.write(&options.out(root))?;
     let summary = report.summary();
-    // An empty run proves nothing.
-    if jobs.is_empty() || report.as_expected() < jobs.len() {
+    // An empty run proves nothing, unless there is nothing left to prove.
+    if (jobs.is_empty() && !options.stale) || report.as_expected() < jobs.len() {
         return Err(summary.into());
     }
     println!("{summary}");
@@ -99,35 +130,64 @@ fn missing(pinned: &str, reason: &str) -> Failure {
     Failure(exit::KANI_MISSING, message)
 }
 
-fn run_all<'a>(root: &Path, kani: &Kani, jobs: &[Job<'a>], seconds: Option<f64>) -> Result<Vec<Outcome<'a>>, String> {
-    let mut outcomes = Vec::new();
+/// Runs one job. Its result is of the sources before the run, unless they changed meanwhile.
+fn run<'a>(
+    root: &Path,
+    kani: &Kani,
+    job: Job<'a>,
+    title: &str,
+    seconds: Option<f64>,
+    version: &str,
+) -> Result<(Outcome<'a>, Entry), String> {
     let moves = std::io::stdout().is_terminal();
-    for (index, &job) in (1..).zip(jobs) {
-        let title = format!("[{index}/{}] {} ... ", jobs.len(), job.name());
-        show(&title);
-        let limit = seconds.unwrap_or(job.tier().seconds());
-        let began = Instant::now();
-        let proofs = sources(root, kani, job.mutant)?;
-        let time = Duration::from_secs_f64(limit);
-        let (end, log) = kani
-            .run(job, &proofs, time, |phase| {
-                if moves {
-                    show(&format!("\r\x1b[K{title}{phase:?}, {} s", began.elapsed().as_secs()));
-                }
-            })
-            .map_err(|error| format!("{}: {error}", job.name()))?;
-        let bytes = std::fs::read(&log).map_err(at(&log))?;
-        let output = String::from_utf8_lossy(&bytes);
-        let findings = Findings::read(&output);
-        let outcome =
-            Outcome { job, limit, seconds: findings.seconds, objection: objection(job, end, &findings, limit), log };
-        if moves {
-            show(&format!("\r\x1b[K{title}"));
-        }
-        println!("{}", outcome.line(began.elapsed()));
-        outcomes.push(outcome);
+    show(title);
+    let limit = seconds.unwrap_or(job.tier().seconds());
+    let (began, before) = (Instant::now(), Sources::read(root)?);
+    let proofs = sources(root, kani, job.mutant)?;
+    let (end, log) = kani
+        .run(job, &proofs, Duration::from_secs_f64(limit), |phase| {
+            if moves {
+                show(&format!("\r\x1b[K{title}{phase:?}, {} s", began.elapsed().as_secs()));
+            }
+        })
+        .map_err(|error| format!("{}: {error}", job.name()))?;
+    let bytes = std::fs::read(&log).map_err(at(&log))?;
+    let output = String::from_utf8_lossy(&bytes);
+    let findings = Findings::read(&output);
+    let changed = (Sources::read(root)? != before).then(|| "the sources changed while it ran".to_owned());
+    let objection = changed.or_else(|| objection(job, end, &findings, limit));
+    let entry = entry(job, &findings, objection.clone(), job.sources(&before));
+    let rustc = kani.rustc().unwrap_or(entry.rustc);
+    let entry = Entry { kani: version.to_owned(), rustc, ..entry };
+    let outcome = Outcome { job, seconds: findings.seconds, objection, log };
+    if moves {
+        show(&format!("\r\x1b[K{title}"));
     }
-    Ok(outcomes)
+    println!("{}", outcome.line(began.elapsed()));
+    Ok((outcome, entry))
+}
+
+/// Row of results.json for a run.
+fn entry(job: Job<'_>, findings: &Findings, objection: Option<String>, sources: String) -> Entry {
+    let (checks, covers) = findings.counts();
+    let unknown = || "unknown".to_owned();
+    Entry {
+        name: job.name().to_owned(),
+        verdict: match (&objection, job.mutant) {
+            (Some(_), _) => Verdict::Failed,
+            (None, None) => Verdict::Verified,
+            (None, Some(_)) => Verdict::Caught,
+        },
+        objection,
+        seconds: findings.seconds.map(|seconds| (seconds * 100.0).round() / 100.0),
+        checks,
+        covers,
+        states: findings.stated().into_iter().map(str::to_owned).collect(),
+        kani: unknown(),
+        cbmc: findings.cbmc.map_or_else(unknown, str::to_owned),
+        rustc: unknown(),
+        sources,
+    }
 }
 
 /// Prints a part of a line at once.

@@ -1,20 +1,20 @@
-//! Results as a table, `results.json` and `results.md`; contents of the manifest for `list` and for the README.
+//! Runs as a table, `results.md`; contents of manifest and results for `list` and for the README.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use serde_json::{Value, json};
-
-use crate::manifest::{Manifest, Mutant, Row, Tier, Wall};
-use crate::prove::Job;
-use crate::{at, check};
+use crate::manifest::{Manifest, Mutant, Row, Theorem, Tier, Wall};
+use crate::prove::{self, Job};
+use crate::results::{Results, Standing, Verdict};
+use crate::sources::Sources;
+use crate::{at, check, read};
 
 /// Result of one run.
 pub(crate) struct Outcome<'a> {
     pub(crate) job: Job<'a>,
-    /// Time limit and time of the solver, s; no time if there was no result.
-    pub(crate) limit: f64,
+    /// Time of the solver, s; none if there was no result.
     pub(crate) seconds: Option<f64>,
     /// Reason for a result that is not as expected.
     pub(crate) objection: Option<String>,
@@ -47,35 +47,12 @@ impl Outcome<'_> {
             Some(mutant) => (&mutant.change, &mutant.fails),
         }
     }
-
-    fn json(&self) -> Value {
-        let Job { harness, row, mutant } = self.job;
-        let (property, domain) = self.claim();
-        json!({
-            "name": self.job.name(),
-            "harness": harness.name,
-            "solver": harness.solver,
-            "unwind": harness.unwind,
-            "theorems": row.theorems,
-            "property": property,
-            "domain": domain,
-            "assumes": row.assumes,
-            "tier": self.job.tier().to_string(),
-            "expected": if mutant.is_some() { "fails" } else { "verified" },
-            "as_expected": self.objection.is_none(),
-            "objection": self.objection,
-            "seconds": self.seconds,
-            "limit_seconds": self.limit,
-            "log": self.log,
-        })
-    }
 }
 
 /// Results of all runs.
 pub(crate) struct Report<'a> {
-    /// Kani that ran, and the one that `proofs/kani-version` names.
+    /// Kani that ran.
     pub(crate) kani: &'a str,
-    pub(crate) pinned: &'a str,
     pub(crate) tier: Tier,
     pub(crate) outcomes: Vec<Outcome<'a>>,
     pub(crate) walls: &'a [Wall],
@@ -99,23 +76,11 @@ impl Report<'_> {
         text
     }
 
-    /// Writes `results.json` and `results.md`.
+    /// Writes `results.md`.
     pub(crate) fn write(&self, folder: &Path) -> Result<(), String> {
-        let json = json!({
-            // Raised when a field goes or changes its meaning.
-            "format": 2,
-            "kani": self.kani,
-            "kani_pinned": self.pinned,
-            "tier": self.tier.to_string(),
-            "as_expected": self.as_expected(),
-            "total": self.outcomes.len(),
-            "results": self.outcomes.iter().map(Outcome::json).collect::<Value>(),
-        });
-        for (name, text) in [("results.json", format!("{json:#}\n")), ("results.md", self.markdown())] {
-            let path = folder.join(name);
-            std::fs::write(&path, text).map_err(at(&path))?;
-        }
-        println!("results: {}", folder.join("results.{json,md}").display());
+        let path = folder.join("results.md");
+        std::fs::write(&path, self.markdown()).map_err(at(&path))?;
+        println!("report: {}", path.display());
         Ok(())
     }
 
@@ -161,51 +126,126 @@ fn seconds(time: Option<f64>) -> String {
 const BEGIN: &str = "<!-- table: written by `cargo run -p gantry-tau-proofs -- table` -->\n";
 const END: &str = "<!-- end of table -->\n";
 
-/// Text of proofs/README.md with the table of the manifest between the markers.
-pub(crate) fn with_table(readme: &str, manifest: &Manifest) -> Result<String, String> {
+/// Cell of the table beside the name of a row: seconds of a harness, nothing for a mutant; or why there is no result on this source.
+const STALE: &str = "(stale)";
+const NOT_RUN: &str = "(not run)";
+const FAILED: &str = "(failed)";
+
+/// Cells of all rows, by name.
+pub(crate) type Cells = BTreeMap<String, String>;
+
+/// Cells that the results justify on these sources.
+pub(crate) fn cells(manifest: &Manifest, results: &Results, sources: &Sources) -> Cells {
+    let cell = |job: &Job<'_>| match results.standing(sources, *job) {
+        Standing::Current(entry) => taken(job.mutant, entry.seconds),
+        Standing::Failed(_) => FAILED.to_owned(),
+        Standing::Stale => STALE.to_owned(),
+        Standing::NotRun => NOT_RUN.to_owned(),
+    };
+    prove::jobs(manifest).iter().map(|job| (job.name().to_owned(), cell(job))).collect()
+}
+
+/// Cells that the README shows, where the results of any sources justify them; otherwise those that a new table would have.
+/// A change of the sources makes results stale, and must not make the README wrong until the next table.
+pub(crate) fn shown(readme: &str, manifest: &Manifest, results: &Results, cells: Cells) -> Cells {
+    let justified = |job: &Job<'_>, cell: &str| match results.get(job.name()) {
+        None => cell == NOT_RUN,
+        Some(entry) if entry.verdict == Verdict::Failed => [FAILED, STALE, NOT_RUN].contains(&cell),
+        Some(entry) => [STALE, NOT_RUN, FAILED].contains(&cell) || cell == taken(job.mutant, entry.seconds),
+    };
+    let mut cells = cells;
+    for job in prove::jobs(manifest) {
+        let rest = readme.split_once(&format!("`{}`", job.name())).map(|(_, rest)| rest);
+        let cell = rest.and_then(|rest| rest.split([',', '|']).next()).map(str::trim);
+        if let Some(cell) = cell.filter(|cell| justified(&job, cell)) {
+            cells.insert(job.name().to_owned(), cell.to_owned());
+        }
+    }
+    cells
+}
+
+/// Cell of a row that ran.
+fn taken(mutant: Option<&Mutant>, seconds: Option<f64>) -> String {
+    mutant.map_or_else(|| seconds.map_or(String::new(), |seconds| format!("{seconds:.1}")), |_| String::new())
+}
+
+/// Writes the table into proofs/README.md.
+pub(crate) fn write_table(
+    root: &Path,
+    manifest: &Manifest,
+    results: &Results,
+    sources: &Sources,
+) -> Result<(), String> {
+    let path = root.join("proofs/README.md");
+    let text = with_table(&read(&path)?, manifest, &cells(manifest, results, sources))?;
+    std::fs::write(&path, text).map_err(at(&path))
+}
+
+/// Text of proofs/README.md with the table between the markers.
+pub(crate) fn with_table(readme: &str, manifest: &Manifest, cells: &Cells) -> Result<String, String> {
     let parts = readme.split_once(BEGIN).and_then(|(before, rest)| {
         let (_, after) = rest.split_once(END)?;
         Some((before, after))
     });
     let (before, after) = parts.ok_or("proofs/README.md: no markers of the table")?;
-    Ok(format!("{before}{BEGIN}{}{END}{after}", table(manifest)))
+    Ok(format!("{before}{BEGIN}{}{END}{after}", table(manifest, cells)))
 }
 
 /// Theorems with their harnesses, solver times and mutants.
-fn table(manifest: &Manifest) -> String {
+fn table(manifest: &Manifest, cells: &Cells) -> String {
     let mut text = String::from("\n");
     header(&mut text, "theorem | statement and domain | how | harnesses, s | mutants that fail");
+    let shown = |name: &String| match cells.get(name).map_or(NOT_RUN, String::as_str) {
+        "" => format!("`{name}`"),
+        cell => format!("`{name}` {cell}"),
+    };
     for theorem in &manifest.theorems {
-        let proves = |row: &&Row| row.theorems.contains(&theorem.name);
-        let rows: Vec<&Row> = manifest.harnesses.iter().filter(proves).collect();
-        let time = |row: &Row| row.measured_s.map_or("(not run yet)".to_owned(), |seconds| seconds.to_string());
-        let names: Vec<String> = rows.iter().map(|row| format!("`{}` {}", row.name, time(row))).collect();
+        let rows: Vec<&Row> = manifest.rows_of(theorem).collect();
+        let names: Vec<String> = rows.iter().map(|row| shown(&row.name)).collect();
         // The failing check names its theorem, unless it belongs to all of its harness.
         let falls = |mutant: &&Mutant| match mutant.fails.split_once(':') {
             Some((named, _)) => named == theorem.name,
             None => rows.iter().any(|row| row.name == mutant.harness),
         };
-        let mutants: Vec<String> =
-            manifest.mutants.iter().filter(falls).map(|mutant| format!("`{}`", mutant.name)).collect();
-        let (names, mutants) = (names.join(", "), mutants.join(", "));
-        line(&mut text, &[&theorem.name, &theorem.statement, &theorem.how, &names, &mutants]);
+        let mutants: Vec<String> = manifest.mutants.iter().filter(falls).map(|mutant| shown(&mutant.name)).collect();
+        let (how, names, mutants) = (how(theorem, &rows, cells), names.join(", "), mutants.join(", "));
+        line(&mut text, &[&theorem.name, &theorem.statement, &how, &names, &mutants]);
     }
     text.push('\n');
     text
 }
 
+/// Evidence of a theorem: "proved" stands only where every row has a result.
+fn how(theorem: &Theorem, rows: &[&Row], cells: &Cells) -> String {
+    let has_run = |row: &&Row| cells.get(&row.name).is_some_and(|cell| !cell.starts_with('('));
+    if rows.iter().all(has_run) {
+        theorem.how.clone()
+    } else {
+        theorem.how.replace("proved", "not proved on this source")
+    }
+}
+
 /// Prints theorems, harnesses, mutants and walls.
-pub(crate) fn list(manifest: &Manifest) {
-    let measured = |s: Option<f64>| s.map_or("not run yet".to_owned(), |s| format!("{s} s"));
+pub(crate) fn list(manifest: &Manifest, cells: &Cells) {
+    let cell = |name: &String| match cells.get(name).map_or(NOT_RUN, String::as_str) {
+        "" => "caught".to_owned(),
+        cell if cell.starts_with('(') => cell.trim_matches(['(', ')']).to_owned(),
+        cell => format!("{cell} s"),
+    };
     for theorem in &manifest.theorems {
-        println!("{}  {}\n    {}", theorem.name, theorem.statement, theorem.how);
+        println!(
+            "{}  {}\n    {}",
+            theorem.name,
+            theorem.statement,
+            how(theorem, &manifest.rows_of(theorem).collect::<Vec<_>>(), cells)
+        );
     }
     for row in &manifest.harnesses {
         let solver = check::harness(&row.name).map_or("not in the source".to_owned(), |harness| match harness.unwind {
             Some(bound) => format!("{}, unwind {bound}", harness.solver),
             None => harness.solver.to_owned(),
         });
-        let (theorems, time) = (row.theorems.join(" "), measured(row.measured_s));
+        let (theorems, time) = (row.theorems.join(" "), cell(&row.name));
         println!("{}  ({theorems}, {}, {time}, {solver})", row.name, row.tier);
         println!("    {}\n    for {}", row.property, row.domain);
         for assumption in &row.assumes {
@@ -213,7 +253,7 @@ pub(crate) fn list(manifest: &Manifest) {
         }
     }
     for mutant in &manifest.mutants {
-        let time = measured(mutant.measured_s);
+        let time = cell(&mutant.name);
         println!("{}  (mutant, {}, {time})\n    {}", mutant.name, mutant.tier, mutant.change);
         println!("    {} must fail: {}", mutant.harness, mutant.fails);
     }

@@ -1,5 +1,7 @@
 //! Findings in Kani's output, and their comparison with what a job expects.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use crate::prove::Job;
 
 /// Findings in Kani's output. A field that the output lacks stays empty, and then nothing is as expected.
@@ -7,8 +9,9 @@ use crate::prove::Job;
 pub(crate) struct Findings<'a> {
     /// True for `VERIFICATION:- SUCCESSFUL`.
     verified: Option<bool>,
-    /// Number of harnesses that ran.
+    /// Number of harnesses that ran, and the path of the first.
     harnesses: Option<u32>,
+    harness: Option<&'a str>,
     /// Assertions, and other checks of Kani.
     checks: Vec<Check<'a>>,
     covers: Vec<Check<'a>>,
@@ -16,10 +19,31 @@ pub(crate) struct Findings<'a> {
     trouble: Option<&'a str>,
     /// Solver time, s.
     pub(crate) seconds: Option<f64>,
+    /// Version of CBMC.
+    pub(crate) cbmc: Option<&'a str>,
 }
 
-/// Status of one check, such as FAILURE, and its text.
-type Check<'a> = (&'a str, &'a str);
+/// One check or cover.
+#[derive(Debug)]
+struct Check<'a> {
+    /// Such as FAILURE.
+    status: &'a str,
+    /// Description. Kani puts the literal message of an `assert!` between quotes of its own.
+    text: &'a str,
+    /// File, line, column and function; empty where Kani names none.
+    place: &'a str,
+}
+
+impl Check<'_> {
+    /// True for an `assert!` of the proofs: its message, or its condition.
+    ///
+    /// A `panic!` is not one. It must not be reached, so UNREACHABLE is as good as SUCCESS; Kani reports its message
+    /// without quotes.
+    fn is_stated(&self) -> bool {
+        self.place.contains("proofs/src/")
+            && (self.text.starts_with('"') || self.text.starts_with("assertion failed: "))
+    }
+}
 
 /// Failures that say nothing about the property: the loop bound is too small, or Kani cannot read the code.
 const NOT_ABOUT_THE_PROPERTY: [&str; 4] = [
@@ -44,7 +68,17 @@ impl<'a> Findings<'a> {
                 status = text;
             } else if let Some(text) = value("- Description: ") {
                 let kind = if is_cover { &mut found.covers } else { &mut found.checks };
-                kind.push((status, text.trim_matches('"')));
+                let text = text.strip_prefix('"').and_then(|text| text.strip_suffix('"')).unwrap_or(text);
+                kind.push(Check { status, text, place: "" });
+            } else if let Some(place) = value("- Location: ") {
+                let kind = if is_cover { &mut found.covers } else { &mut found.checks };
+                if let Some(check) = kind.last_mut() {
+                    check.place = place;
+                }
+            } else if let Some(path) = value("Checking harness ") {
+                found.harness.get_or_insert(path.trim_end_matches('.'));
+            } else if let Some(version) = value("CBMC version ") {
+                found.cbmc = version.split(' ').next();
             } else if let Some(result) = value("VERIFICATION:- ") {
                 found.verified = Some(result == "SUCCESSFUL");
             } else if let Some(time) = value("Verification Time: ") {
@@ -68,11 +102,15 @@ impl<'a> Findings<'a> {
         if harnesses != 1 {
             return Some(format!("{harnesses} harnesses ran instead of one"));
         }
+        let path = job.harness.path();
+        if self.harness != Some(path.as_str()) {
+            return Some(format!("{} ran instead of {path}", self.harness.unwrap_or("no harness")));
+        }
         if seconds > limit {
             return Some(format!("took {seconds:.1} s, its tier allows {limit} s"));
         }
         match job.mutant {
-            None => self.not_proved(verified),
+            None => self.not_proved(verified).or_else(|| self.not_stated(job)),
             Some(mutant) => self.not_caught(verified, &mutant.fails),
         }
     }
@@ -81,7 +119,7 @@ impl<'a> Findings<'a> {
     fn not_proved(&self, verified: bool) -> Option<String> {
         let failed = self.failed();
         let missed = texts(&self.covers, |status| status != "SATISFIED");
-        let decided = |(status, _): &Check<'_>| ["SUCCESS", "UNREACHABLE"].contains(status);
+        let decided = |check: &Check<'_>| ["SUCCESS", "UNREACHABLE"].contains(&check.status);
         if !verified || !failed.is_empty() {
             Some(format!("failed: {}", failed.join("; ")))
         } else if self.checks.is_empty() {
@@ -97,6 +135,58 @@ impl<'a> Findings<'a> {
         } else {
             None
         }
+    }
+
+    /// Objection to a proof whose checks hold: one that it states is not reached, a cover does not say what it covers,
+    /// or nothing is said about a theorem.
+    fn not_stated(&self, job: Job<'_>) -> Option<String> {
+        let unreached = self.unreached();
+        let left_out = &job.row.leaves_out;
+        let forgotten = |text: &&str| !left_out.iter().any(|left_out| left_out == text);
+        let forgotten: Vec<&str> = unreached.iter().copied().filter(forgotten).collect();
+        if !forgotten.is_empty() {
+            return Some(format!("never reached: {}", forgotten.join("; ")));
+        }
+        if let Some(text) = left_out.iter().find(|text| !unreached.contains(&text.as_str())) {
+            return Some(format!("left out by the manifest, and not among the checks that are never reached: {text}"));
+        }
+        if let Some(cover) = self.covers.iter().find(|cover| !says_what(cover.text)) {
+            return Some(format!("a cover does not say what it covers: {}", cover.place));
+        }
+        let stated = self.stated();
+        let covers = texts(&self.covers, |_| true);
+        let holds = |text: &String| stated.contains(text.as_str()) || covers.contains(&text.as_str());
+        if let Some(missing) = job.row.requires.iter().find(|text| !holds(text)) {
+            return Some(format!("required, and not among its checks: {missing}"));
+        }
+        let named =
+            |theorem: &String| stated.iter().any(|text| text.split_once(':').is_some_and(|(name, _)| name == theorem));
+        let silent = job.row.theorems.iter().find(|theorem| !named(theorem) && job.row.requires.is_empty())?;
+        Some(format!("no check says {silent}, and the manifest requires none by its text"))
+    }
+
+    /// Stated checks that are reached nowhere. A generic function has one for each of its instances: one of them is
+    /// enough.
+    fn unreached(&self) -> Vec<&'a str> {
+        let mut sites = BTreeMap::new();
+        for check in self.checks.iter().filter(|check| check.is_stated()) {
+            let site = check.place.split(" in function ").next().unwrap_or_default();
+            let reached: &mut bool = sites.entry((site, check.text)).or_default();
+            *reached |= check.status == "SUCCESS";
+        }
+        sites.into_iter().filter(|(_, reached)| !reached).map(|((_, text), _)| text.trim_matches('"')).collect()
+    }
+
+    /// Texts of the stated checks that hold.
+    pub(crate) fn stated(&self) -> BTreeSet<&'a str> {
+        let holds = self.checks.iter().filter(|check| check.is_stated() && check.status == "SUCCESS");
+        holds.map(|check| check.text.trim_matches('"')).collect()
+    }
+
+    /// Number of checks that hold, and of covers that are reached.
+    pub(crate) fn counts(&self) -> (usize, usize) {
+        let count = |checks: &[Check<'_>], status| checks.iter().filter(|check| check.status == status).count();
+        (count(&self.checks, "SUCCESS"), count(&self.covers, "SATISFIED"))
     }
 
     /// Objection to a mutant: the named check must fail, and nothing that hides it.
@@ -123,5 +213,10 @@ impl<'a> Findings<'a> {
 
 /// Texts of the checks with such a status.
 fn texts<'a>(checks: &[Check<'a>], such: impl Fn(&str) -> bool) -> Vec<&'a str> {
-    checks.iter().filter(|(status, _)| such(status)).map(|(_, text)| *text).collect()
+    checks.iter().filter(|check| such(check.status)).map(|check| check.text.trim_matches('"')).collect()
+}
+
+/// True unless a cover's text is empty, a bare condition, or one word.
+pub(crate) fn says_what(text: &str) -> bool {
+    !text.starts_with("cover condition:") && text.split_whitespace().count() > 1
 }
