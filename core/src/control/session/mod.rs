@@ -212,7 +212,10 @@ impl<const N: usize> Session<N> {
         };
         let parts = &mut self.parts;
         parts.withheld = axes.is_none();
-        if let Some(axes) = axes {
+        if let Some(mut axes) = axes {
+            for (axis, old) in axes.iter_mut().zip(&parts.axes) {
+                axis.actual = old.actual;
+            }
             parts.axes = axes;
             parts.off_path = true;
         }
