@@ -3,7 +3,7 @@
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{ClientMessage, Phase};
 use gantry_tau_core::control::session::{Event, Input, LastWrite, Output, Session, TickInput};
-use gantry_tau_core::verification::control::{Accepted, Action, Diagnostics, Internals};
+use gantry_tau_core::verification::control::{Accepted, Action, AxisCommand, Diagnostics, Internals, Order, carry_out};
 
 use crate::axis::{Bounded, Kind, Ramped};
 use crate::ingress;
@@ -38,6 +38,28 @@ impl<const N: usize> StepInput<N> {
         let output = after.step(&self.tick, self.accepted, self.diagnostics.clone());
         (after, output)
     }
+}
+
+/// The whole step at one axis is that axis by itself: whatever is ordered, an axis acts on its own target, nominal reference, measurement and
+/// configuration, and on no other's. So what is proved of an axis under any order holds for every axis of a session.
+pub fn axis_acts_by_itself<const N: usize>(input: &StepInput<N>, order: &Order<N>, axis: usize) {
+    let parameters = input.session.config().parameters();
+    let mut axes = input.session.parts().axes;
+    let done = carry_out(parameters, &mut axes, order, &input.tick, &input.accepted);
+    let mut alone = input.session.parts().axes[axis];
+    let (read, held) = (input.tick.reading, (alone.nominal, alone.actual));
+    let (nominal, actual) = read.map_or(held, |reading| (reading.nominal[axis], reading.actual[axis]));
+    let command = AxisCommand {
+        action: order.action,
+        shadow: order.shadow,
+        target: input.accepted.targets[axis],
+        nominal: if order.holds { alone.nominal } else { nominal },
+        nominal_stepped: order.stepped[axis],
+        actual,
+    };
+    let expected = alone.act(&command, &parameters.axes[axis]);
+    assert!(done[axis] == expected, "T1: an axis acts by itself");
+    assert!(axes[axis] == alone, "T1: an axis goes on by itself");
 }
 
 /// T1, T2, T3 of one channel of every axis.

@@ -74,11 +74,15 @@ proptest! {
 
     #[test]
     fn one_step(
-        session in any::session::<3>(), tick in any::tick_input(), epochs in any::epochs(),
+        session in any::session::<3>(), tick in any::tick_input(), epochs in any::epochs(), order in any::order(),
         events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS),
     ) {
         let events = Events::from_slice(&events).unwrap();
-        session::step_is_right(&StepInput::after_events(&session, &Input { tick, epochs, events }));
+        let input = StepInput::after_events(&session, &Input { tick, epochs, events });
+        session::step_is_right(&input);
+        for axis in 0..3 {
+            session::axis_acts_by_itself(&input, &order, axis);
+        }
     }
 
     #[test]

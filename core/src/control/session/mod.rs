@@ -15,7 +15,7 @@ pub(crate) mod ingress;
 mod io;
 pub mod recorder;
 mod replay;
-mod step;
+pub(crate) mod step;
 
 use core::fmt;
 

@@ -51,10 +51,37 @@ pub(super) fn step<const N: usize>(
     let rules = Rules { handshake_ticks: parameters.handshake_ticks, budget: parameters.budget };
     let decision = decide(discrete, &fsm, &rules);
     let shadow = shadow_action(decision.next.phase, fsm.command.is_some());
+    let order = Order { action: decision.action, shadow, stepped, holds };
+    let axes = carry_out(parameters, axes, &order, tick, accepted);
+    *discrete = decision.next;
+    Step { decision, fsm, axes, off_path: holds }
+}
+
+/// Order of a tick to all axes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct Order<const N: usize> {
+    /// Action of the channels in force.
+    pub action: Action,
+    /// Action of the shadows; `None`: they rest at zero.
+    pub shadow: Option<Action>,
+    /// Axes whose nominal reference is further from the last one than its limit.
+    pub stepped: [bool; N],
+    /// The nominal references in force stand.
+    pub holds: bool,
+}
+
+/// Lets every axis carry out an order with its own target, nominal reference and configuration. Returns reference and State of each.
+pub fn carry_out<const N: usize>(
+    parameters: &Parameters<N>,
+    axes: &mut [Axis; N],
+    order: &Order<N>,
+    tick: &TickInput<N>,
+    accepted: &Accepted<N>,
+) -> [(Reference, AxisState); N] {
     let mut index = 0_usize;
-    let axes = axes.each_mut().map(|axis| {
-        let reading = reading(index, axis, tick, holds);
-        let command = command(index, decision.action, shadow, &stepped, reading, accepted);
+    axes.each_mut().map(|axis| {
+        let command = command(index, axis, order, tick, accepted);
         let config = parameters.axes.get(index);
         index = index.wrapping_add(1);
         match (command, config) {
@@ -62,9 +89,27 @@ pub(super) fn step<const N: usize>(
             // Unreachable, every array has N elements; and harmless: the axis holds.
             _ => axis.held(),
         }
-    });
-    *discrete = decision.next;
-    Step { decision, fsm, axes, off_path: holds }
+    })
+}
+
+/// Command of the tick to the axis at `index`.
+#[inline]
+fn command<const N: usize>(
+    index: usize,
+    axis: &Axis,
+    order: &Order<N>,
+    tick: &TickInput<N>,
+    accepted: &Accepted<N>,
+) -> Option<AxisCommand> {
+    let (nominal, actual) = reading(index, axis, tick, order.holds)?;
+    Some(AxisCommand {
+        action: order.action,
+        shadow: order.shadow,
+        target: *accepted.targets.get(index)?,
+        nominal,
+        nominal_stepped: *order.stepped.get(index)?,
+        actual,
+    })
 }
 
 /// Returns the nominal reference and the measurements that an axis acts on: what was read, or its last ones.
@@ -78,27 +123,6 @@ fn reading<const N: usize>(
     let Some(reading) = &tick.reading else { return Some((axis.nominal, axis.actual)) };
     let nominal = if holds { axis.nominal } else { *reading.nominal.get(index)? };
     Some((nominal, *reading.actual.get(index)?))
-}
-
-/// Command of the tick to the axis at `index`.
-#[inline]
-fn command<const N: usize>(
-    index: usize,
-    action: Action,
-    shadow: Option<Action>,
-    stepped: &[bool; N],
-    reading: Option<(PositionNm, Actual)>,
-    accepted: &Accepted<N>,
-) -> Option<AxisCommand> {
-    let (nominal, actual) = reading?;
-    Some(AxisCommand {
-        action,
-        shadow,
-        target: *accepted.targets.get(index)?,
-        nominal,
-        nominal_stepped: *stepped.get(index)?,
-        actual,
-    })
 }
 
 /// Axes whose nominal references moved further than they may.

@@ -12,7 +12,7 @@ use gantry_tau_core::units::{
     ChannelUnit, Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
 use gantry_tau_core::verification::control::{
-    Action, Axis, AxisChannels, AxisCommand, FsmInput, FsmState, Internals, Parts, Rules,
+    Action, Axis, AxisChannels, AxisCommand, FsmInput, FsmState, Internals, Order, Parts, Rules,
 };
 use gantry_tau_proofs::drive::Fate;
 use proptest::array::{uniform, uniform4};
@@ -240,6 +240,11 @@ prop_compose! {
 
 pub(crate) fn axes_in_force<const N: usize>() -> impl Strategy<Value = [InForce; N]> {
     uniform(in_force())
+}
+
+pub(crate) fn order<const N: usize>() -> impl Strategy<Value = Order<N>> {
+    (action(), option::of(action()), uniform(any::<bool>()), any::<bool>())
+        .prop_map(|(action, shadow, stepped, holds)| Order { action, shadow, stepped, holds })
 }
 
 pub(crate) fn fate() -> impl Strategy<Value = Fate> {
