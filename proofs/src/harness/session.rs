@@ -20,16 +20,17 @@ fn any_input<const N: usize>() -> StepInput<N> {
     StepInput { session: kani::any(), tick: kani::any(), accepted: kani::any(), diagnostics: any_diagnostics() }
 }
 
-/// Checks one axis, any of them, under any order.
-fn check_axis<const N: usize>() {
-    let axis: usize = kani::any();
-    assume!(axis < N, axis + 1 == N, "the last axis");
-    session::axis_acts_by_itself(&any_input::<N>(), &kani::any(), axis);
+/// Checks every axis under any order, one after the other: an axis that is unknown as well makes two copies of an act hard to compare.
+fn check_axes<const N: usize>() {
+    let (input, order) = (any_input::<N>(), kani::any());
+    for axis in 0..N {
+        session::axis_acts_by_itself(&input, &order, axis);
+    }
 }
 
 harnesses! {
-    session_of_3_axes_acts_axis_by_axis [minisat, unwind 5] { check_axis::<3>(); }
-    session_of_6_axes_acts_axis_by_axis [minisat, unwind 8] { check_axis::<6>(); }
+    session_of_3_axes_acts_axis_by_axis [minisat, unwind 5] { check_axes::<3>(); }
+    session_of_6_axes_acts_axis_by_axis [minisat, unwind 8] { check_axes::<6>(); }
     session_position_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Position); }
     session_velocity_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Velocity); }
     session_torque_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Torque); }
