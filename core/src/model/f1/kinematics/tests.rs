@@ -358,12 +358,12 @@ mod loaded {
     }
 }
 
-/// A machine whose answer is `q`, with the first link of an arm at this cosine to its guideway.
-fn nearly_across(at: &Pose, mut q: [f64; AXES], arm: usize, cosine: f64) -> (Kinematics, [f64; AXES]) {
+/// A machine whose answer is `q`, with the first link of an arm at this slope against across its guideway.
+fn nearly_across(at: &Pose, mut q: [f64; AXES], arm: usize, slope: f64) -> (Kinematics, [f64; AXES]) {
     let mut made = geometry();
     let first = [0, 1, 3][arm];
     let link = f1().links_m(at, &q)[first];
-    q[arm] += cosine / (1.0 - cosine * cosine).sqrt() * link.x.hypot(link.y) - link.z;
+    q[arm] += slope * norm(&link.cross(&Vector3::z())) - link.z;
     made.lengths_m = f1().links_m(at, &q).map(|link| norm(&link));
     (kinematics(made), q)
 }
@@ -372,13 +372,13 @@ fn nearly_across(at: &Pose, mut q: [f64; AXES], arm: usize, cosine: f64) -> (Kin
 #[test]
 fn a_link_nearly_across_its_guideway_is_solved() {
     let at = pose([0.05, -0.1, 0.3, 0.0, 0.1, 0.05]);
-    for cosine in [1e-3, 0.01, 0.02, 0.025, 0.03, 0.05] {
+    for slope in [1e-3, 0.01, 0.02, 0.025, 0.03, 0.05] {
         for turn in [-0.05, 0.0, 0.1] {
-            let (machine, q) = nearly_across(&at, [1.5, 1.5, 1.5, -turn, turn, -0.1], 1, cosine);
+            let (machine, q) = nearly_across(&at, [1.5, 1.5, 1.5, -turn, turn, -0.1], 1, slope);
             for off in [-0.002, -0.001, 0.0, 0.001, 0.002] {
                 let found = machine.inverse(&at, Some([q[3] + off, q[4] + off, q[5]]));
                 let known = found.is_ok_and(|found| zip(&found.value, &q).all(|(x, y)| (x - y).abs() < 1e-9));
-                assert!(known, "{cosine} {turn} {off}: {q:?}, not {found:?}");
+                assert!(known, "{slope} {turn} {off}: {q:?}, not {found:?}");
             }
         }
     }
