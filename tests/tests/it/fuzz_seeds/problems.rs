@@ -49,6 +49,12 @@ pub(crate) fn seeds() -> Vec<Seed> {
         "three_other_side" => three(Three { positions: [-FAR, FAR, -FAR], ..L2 });
         "three_nearly_singular" => three(Three { positions: [-19_600, 19_650, -19_700], elsewhere: [100, 0, 0], moved: [10, -10,
             10], ..L2 });
+        // Found by fuzzing: both places of the tool lie within one hundredth of a radian on the circle about the first two carts.
+        "three_with_places_side_by_side" => three(Three { origins: [[-26_214, -26_215, -26_215], [16_313, 0, 0], [0, 20_224,
+            26_214]], guideways: [[-26_183, 26_265, 16_281], [-26_214, -26_215, -26_215], [16_313, -26_214, -26_215]], joints:
+            [[-26_215, -26_214, -26_215], [-26_215, -26_183, -26_215], [16_329, -26_111, -26_215], [-26_215, -18_023, 63], [0; 3],
+            [26_191, -18_074, -26_215]], tool: [-26_266, -26_049, -26_215], positions: [-26_215, -18_023, -26_049], elsewhere:
+            [-26_215, -26_215, -25_959], moved: [-26_215, -26_215, -18_023] });
         "six_at_home" => six(F1);
         "six_turned" => six(Six { tool: [2_000, -9_000, 4_000, 9_000, -7_000, 12_000], positions: [900, -900, 4_000, 12_000,
             -12_000, 5_000], off: [1_000, -1_000, 1_000, 1_000, -1_000, 1_000], ..F1 });
