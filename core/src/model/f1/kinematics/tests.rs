@@ -384,7 +384,7 @@ fn a_link_nearly_across_its_guideway_is_solved() {
     }
 }
 
-/// The seed fits every link, but has two of them on the other side: an answer farther away does not replace that verdict.
+/// The seed fits every link, but arm 3 is not on its side: an answer farther away does not replace that verdict.
 #[test]
 fn a_verdict_from_a_fitting_seed_stands() {
     let at = pose([0.05, -0.1, 0.3, -0.05, 0.1, 0.05]);
