@@ -21,7 +21,7 @@ impl Kinematics {
     ///
     /// Plates start from `seed` (`q_4`, `q_5`, `q_6`), else from 0; carts on the side that the configuration names, where the first link
     /// of their cluster has its length with the plates as they start. Where that link is there within 3 degrees of across its guideway and
-    /// the attempt makes a detour or fails, a second one starts at 3 degrees, so that such a call takes up to twice as long. Of two
+    /// the attempt takes more than 4 solves or fails, a second one starts at 3 degrees, and the call takes up to twice as long. Of two
     /// answers the one whose plates turned clearly less is returned, of two errors the first.
     ///
     /// # Errors
