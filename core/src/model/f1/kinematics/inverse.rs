@@ -16,6 +16,14 @@ const DIRECT: u8 = 4;
 /// Square of the cosine of a link to its guideway below which a start counts as across, and of the second attempt's: 0.05, 3 degrees.
 const ACROSS_SQUARED: f64 = 0.05 * 0.05;
 
+/// Course of an attempt.
+struct Course {
+    /// Linear solves made; untouched where an arm has no answer.
+    made: u8,
+    /// True if cluster 2 or 3 started with its first link nearly across its guideway.
+    across: bool,
+}
+
 impl Kinematics {
     /// Inverse kinematics: positions `q` (q-units: metres for carts on a guideway of unit length, radians for plates) for a pose.
     ///
@@ -54,23 +62,22 @@ impl Kinematics {
         lengths_m: &[f64; LINKS],
     ) -> Result<Solution<[f64; AXES]>, KinematicsError> {
         let seed = seed.unwrap_or_default();
-        let mut made = u8::MAX;
-        let mut found = self.solve_arms(pose, &seed, lengths_m, 0.0, &mut made);
-        if made > if found.is_ok() { DIRECT } else { WARM_ITERATIONS } {
+        let mut course = Course { made: u8::MAX, across: false };
+        let mut found = self.solve_arms(pose, &seed, lengths_m, 0.0, &mut course);
+        if course.across && course.made > if found.is_ok() { DIRECT } else { WARM_ITERATIONS } {
             self.solve_arms_again(pose, &seed, lengths_m, &mut found);
         }
         found
     }
 
     /// Solves all arms; the first link of clusters 2 and 3 starts at a squared cosine to its guideway of at least `least_squared`.
-    /// `made` is set to the solves made, unless an arm has no answer.
     fn solve_arms(
         &self,
         pose: &Pose,
         seed: &[f64; 3],
         lengths_m: &[f64; LINKS],
         least_squared: f64,
-        made: &mut u8,
+        course: &mut Course,
     ) -> Result<Solution<[f64; AXES]>, KinematicsError> {
         if !is_pose(pose) || !seed.iter().all(|value| value.is_finite()) {
             return Err(KinematicsError::NotFinite);
@@ -81,17 +88,18 @@ impl Kinematics {
         let [b11, b21, b22, b31, b32, b33] = ends;
         let [l11, l21, l22, l31, l32, l33] = *lengths_m;
         let q1 = self.cart_one(&b11, l11)?;
-        let ((q2, q4), made_2) = self.cluster_two(&[b21, b22], &[l21, l22], q4, least_squared)?;
-        let ((q3, q5, q6), made_3) = self.cluster_three(&[b31, b32, b33], &[l31, l32, l33], (q5, q6), least_squared)?;
+        let ((q2, q4), made_2) = self.cluster_two(&[b21, b22], &[l21, l22], q4, least_squared, &mut course.across)?;
+        let ((q3, q5, q6), made_3) =
+            self.cluster_three(&[b31, b32, b33], &[l31, l32, l33], (q5, q6), least_squared, &mut course.across)?;
         let value = [q1, q2, q3, q4, q5, q6];
         let iterations = made_2.max(made_3);
-        *made = iterations;
+        course.made = iterations;
         let links = self.links_m(pose, &value);
         let residual_m = self.check(&links, &value, lengths_m, iterations)?;
         Ok(Solution { value, iterations, residual_m })
     }
 
-    /// Replaces the result of a first attempt by that of a second, if cluster 2 or 3 started with its first link nearly across its
+    /// Replaces the result of a first attempt by that of a second, for a start of cluster 2 or 3 with its first link nearly across its
     /// guideway. There the link's length hardly depends on the cart: a plate slightly off moves the cart far, and the first step may lead
     /// to the other side or to another answer. Farther from across the steps come down to the answer from one side.
     ///
@@ -106,28 +114,14 @@ impl Kinematics {
         lengths_m: &[f64; LINKS],
         found: &mut Result<Solution<[f64; AXES]>, KinematicsError>,
     ) {
-        if !self.starts_across(pose, seed, lengths_m) {
-            return;
-        }
-        let Ok(second) = self.solve_arms(pose, seed, lengths_m, ACROSS_SQUARED, &mut 0) else {
+        let mut course = Course { made: 0, across: true };
+        let Ok(second) = self.solve_arms(pose, seed, lengths_m, ACROSS_SQUARED, &mut course) else {
             return;
         };
         // Half: two attempts with one answer differ by rounding.
         if moved(&second.value, seed) < 0.5 * moved_at_least(found, seed) {
             *found = Ok(second);
         }
-    }
-
-    /// True if the first link of cluster 2 or 3 starts nearly across its guideway, or too short.
-    fn starts_across(&self, pose: &Pose, &[q4, q5, q6]: &[f64; 3], lengths_m: &[f64; LINKS]) -> bool {
-        let ([a21, _], [a31, ..]) = (self.plates.two(q4).joints_m, self.plates.three(q5, q6).joints_m);
-        let ([_, b21, _, b31, ..], [_, l21, _, l31, ..]) = (self.ends_m(pose), *lengths_m);
-        let ([_, v2, v3], [_, c2, c3]) = (self.plates.guideways(), self.robot.geometry().configuration);
-        let across = |from_origin_m: &Vector3<f64>, guideway, length_m, branch| {
-            let (_, along_squared) = cart(from_origin_m, guideway, length_m, branch);
-            along_squared < ACROSS_SQUARED * length_m * length_m
-        };
-        across(&(b21 - a21), v2, l21, c2) || across(&(b31 - a31), v3, l31, c3)
     }
 
     /// Checks that every link reaches its plate: it must be as long as the distance of its end from the line that the plate runs along,
@@ -165,12 +159,14 @@ impl Kinematics {
         lengths_m: &[f64; 2],
         q4: f64,
         least_squared: f64,
+        across: &mut bool,
     ) -> Result<((f64, f64), u8), KinematicsError> {
         let [_, v2, _] = self.plates.guideways();
         let [_, c2, _] = self.robot.geometry().configuration;
         let plate = self.plates.two(q4);
         let ([first, _], [a21, _], [length, _]) = (ends_m, plate.joints_m, *lengths_m);
         let (q2, along_squared) = cart_beyond(&(first - a21), v2, length, c2, least_squared);
+        *across |= is_across(along_squared, length);
         let place = |&[_, q4]: &[f64; 2]| self.plates.two(q4);
         let equations = |&[q2, _]: &[f64; 2], plate: &PlateTwo| {
             let link = |joint: &Vector3<f64>, end: &Vector3<f64>, turn: &Vector3<f64>, length: f64| {
@@ -195,12 +191,14 @@ impl Kinematics {
         lengths_m: &[f64; 3],
         (q5, q6): (f64, f64),
         least_squared: f64,
+        across: &mut bool,
     ) -> Result<((f64, f64, f64), u8), KinematicsError> {
         let [_, _, v3] = self.plates.guideways();
         let [_, _, c3] = self.robot.geometry().configuration;
         let plate = self.plates.three(q5, q6);
         let ([first, ..], [a31, ..], [length, ..]) = (ends_m, plate.joints_m, *lengths_m);
         let (q3, along_squared) = cart_beyond(&(first - a31), v3, length, c3, least_squared);
+        *across |= is_across(along_squared, length);
         let place = |&[_, q5, q6]: &[f64; 3]| self.plates.three(q5, q6);
         let equations = |&[q3, _, _]: &[f64; 3], plate: &PlateThree| {
             let link = |joint: &Vector3<f64>, end: &Vector3<f64>, rates: [&Vector3<f64>; 2], length: f64| {
@@ -219,6 +217,12 @@ impl Kinematics {
             .map_err(|error| from_the_foot(2, along_squared, error))?;
         Ok(((q3, q5, q6), made))
     }
+}
+
+/// True if a link is nearly across its guideway, or a little too short to be so. One that is shorter does not reach: no second attempt is
+/// made of it.
+fn is_across(along_squared: f64, length_m: f64) -> bool {
+    along_squared.abs() < ACROSS_SQUARED * length_m * length_m
 }
 
 /// Largest turn of a plate from where it started, radians.
