@@ -156,12 +156,7 @@ impl Made {
         if regularity(derivatives(&unknown, &self.q)) < REGULAR {
             return;
         }
-        // The inverse begins where the first link of a cluster would put its cart with the plate as it is seeded, and that link, nearly
-        // across its guideway, is too short when the plate is off by more than `L cos^2 / (2 lever)`.
-        let [_, side2, _, side3, ..] = self.sides();
-        let least = side2.abs().min(side3.abs());
-        let near = (2.0 * least * least).min(0.01);
-        let nearby = self.q + near * off;
+        let nearby = self.q + 0.01 * off;
         let found = kinematics.inverse(pose, Some(plates(&nearby)));
         assert!(
             (found.as_ref()).is_ok_and(|found| close(&found.value, &self.q, 1e-7)),

@@ -190,13 +190,14 @@ impl Made {
         if radius.is_nan() || apart < 1e-3 {
             return Vec::new();
         }
-        let across = axis.cross(&Vector::ith(axis.iamin(), 1.0));
-        let across = across * (radius / across.norm());
+        // Half a turn from the point nearest to the third cart is the farthest, and between them the distance changes one way.
+        let towards = three - one - axis * axis.dot(&(three - one));
+        let across = towards * (radius / towards.norm());
         let point = |angle: f64| one + axis * along + turned(across, axis, angle);
         let too_near = |angle: f64| (point(angle) - three).norm() - l3 < 0.0;
-        let step = std::f64::consts::TAU / 500.0;
-        let angles = (0..500).map(|number| (f64::from(number) * step, f64::from(number + 1) * step));
-        let changes = angles.filter(|(low, high)| too_near(*low) != too_near(*high));
+        let half = std::f64::consts::PI;
+        let changes =
+            [(0.0, half), (half, 2.0 * half)].into_iter().filter(|(low, high)| too_near(*low) != too_near(*high));
         changes.map(|(low, high)| point(bisected((low, high), 60, |at| too_near(at) == too_near(low)))).collect()
     }
 }

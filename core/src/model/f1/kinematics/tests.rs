@@ -357,3 +357,38 @@ mod loaded {
         assert!(Compensator::new(machine.kinematics(), machine.compliances(), refused).is_err());
     }
 }
+
+/// A machine whose answer is `q`, with the first link of an arm at this slope against across its guideway.
+fn nearly_across(at: &Pose, mut q: [f64; AXES], arm: usize, slope: f64) -> (Kinematics, [f64; AXES]) {
+    let mut made = geometry();
+    let first = [0, 1, 3][arm];
+    let link = f1().links_m(at, &q)[first];
+    q[arm] += slope * norm(&link.cross(&Vector3::z())) - link.z;
+    made.lengths_m = f1().links_m(at, &q).map(|link| norm(&link));
+    (kinematics(made), q)
+}
+
+/// The plates of the seed are a little off, and the cart starts too near to the foot of the perpendicular, or would start beyond it.
+#[test]
+fn a_link_nearly_across_its_guideway_is_solved() {
+    let at = pose([0.05, -0.1, 0.3, 0.0, 0.1, 0.05]);
+    for slope in [1e-3, 0.01, 0.02, 0.025, 0.03, 0.05] {
+        for turn in [-0.05, 0.0, 0.1] {
+            let (machine, q) = nearly_across(&at, [1.5, 1.5, 1.5, -turn, turn, -0.1], 1, slope);
+            for off in [-0.002, -0.001, 0.0, 0.001, 0.002] {
+                let found = machine.inverse(&at, Some([q[3] + off, q[4] + off, q[5]]));
+                let known = found.is_ok_and(|found| zip(&found.value, &q).all(|(x, y)| (x - y).abs() < 1e-9));
+                assert!(known, "{slope} {turn} {off}: {q:?}, not {found:?}");
+            }
+        }
+    }
+}
+
+/// The seed fits every link, but arm 3 is not on its side: an answer farther away does not replace that verdict.
+#[test]
+fn a_verdict_from_a_fitting_seed_stands() {
+    let at = pose([0.05, -0.1, 0.3, -0.05, 0.1, 0.05]);
+    let (machine, q) = nearly_across(&at, [1.5, 1.5, 1.5, 0.0, 0.0, 0.0], 2, 0.01);
+    let found = machine.inverse(&at, Some([q[3], q[4], q[5]]));
+    assert_eq!(found, Err(KinematicsError::OtherBranch { arm: Some(2) }));
+}
