@@ -106,7 +106,8 @@ impl Kani {
             .arg("--manifest-path")
             .arg(proofs.join("Cargo.toml"))
             .arg("--target-dir")
-            .arg(&self.target)
+            // Apart: Cargo goes by names and times of files, and once took a mutant's core for core.
+            .arg(self.target.join(if job.mutant.is_some() { "mutants" } else { "harnesses" }))
             // Kani hands these on to every build: a user's own must not change what is proved.
             .env_remove("RUSTFLAGS")
             .env_remove("RUSTC_WRAPPER")
