@@ -7,8 +7,8 @@
 //!
 //! ```
 //! use gantry_tau_core::{
-//!     Actual, AxisConfig, Config, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap, Parameters, PositionNm, Session,
-//!     Start, TickInput, Transport, Travel,
+//!     AxisConfig, Config, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap, Parameters, PositionNm, Reading,
+//!     Session, Start, TickInput, Transport, Travel,
 //! };
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! // Offsets of at most 2 mm, 5 µm per tick, and 0.1 µm per tick on the way back to zero; all in nm.
@@ -23,8 +23,7 @@
 //!     server.feed(client, b""); // what the client's socket had
 //!     let references = server.tick(&TickInput {
 //!         elapsed_cycles: 1,
-//!         nominal,
-//!         actual: [Actual::ZERO; 3],
+//!         reading: Some(Reading::unmeasured(nominal)),
 //!         stop: false,
 //!         rearm: false,
 //!         last_write: LastWrite::Accepted,

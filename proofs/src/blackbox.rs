@@ -1,7 +1,7 @@
 //! T11: contents of a black box.
 
 use gantry_tau_core::control::session::recorder::Recorder;
-use gantry_tau_core::control::session::{BlackBox, Session};
+use gantry_tau_core::control::session::{BlackBox, Input, Session};
 use gantry_tau_core::units::Tick;
 
 /// T11, the bookkeeping: the entries are ticks that follow each other without a gap, up to the latest recorded one; the session
@@ -77,4 +77,28 @@ pub fn records_a_step<const HALF: usize>(recorder: &mut Numbered<HALF>, latest: 
         None => ends.then_some(HALF),
     };
     assert!(recorder.left() == expected, "T11: HALF steps after the end, and no more");
+}
+
+/// T11, released: a recorder is empty, and records as a new one does.
+pub fn releases<const HALF: usize>(recorder: &mut Numbered<HALF>, next: u8, ends: bool) {
+    recorder.release();
+    assert!(recorder.is_valid() && !recorder.is_frozen(), "T11: released, it records");
+    assert!(recorder.before().is_none() && recorder.left().is_none(), "T11: released, it is empty");
+    let latest = next.wrapping_sub(1);
+    assert!(numbered_up_to(recorder, latest) == Some(0), "T11: released, it holds no step");
+    recorder.before_tick(&latest);
+    recorder.after_tick(&(), &next, ends);
+    let begins = recorder.before() == Some(&latest) && numbered_up_to(recorder, next) == Some(1);
+    assert!(begins, "T11: released, it begins with the state before the step");
+    assert!(recorder.left() == ends.then_some(HALF), "T11: released, it freezes again");
+}
+
+/// T11: what is written over an older entry is what was given, whatever the place held before.
+pub fn input_is_copied<const N: usize>(mut place: Input<N>, given: &Input<N>) {
+    place.clone_from(given);
+    assert!(place.tick == given.tick && place.epochs == given.epochs, "T11: the cycle is copied");
+    assert!(place.events.len() == given.events.len(), "T11: as many events");
+    for index in 0..given.events.len() {
+        assert!(place.events.get(index) == given.events.get(index), "T11: every event is copied");
+    }
 }

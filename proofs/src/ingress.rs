@@ -61,6 +61,36 @@ fn owner_may_decide<const N: usize>(classifier: &Classifier<'_, N>, event: &Even
     }
 }
 
+/// T7, the other way: an event of the owner decides what it says, and nothing else. The highest fresh command of a tick stands, with its
+/// mode and its targets.
+pub fn owner_decides_what_it_says<const N: usize>(
+    classifier: &Classifier<'_, N>,
+    event: &Event<N>,
+    accepted: &Accepted<N>,
+    diagnostics: &mut Diagnostics,
+) {
+    let Some(owner) = classifier.discrete.owner else { return };
+    let mut after = *accepted;
+    classifier.classify(owner, event, &mut after, diagnostics);
+    let mut expected = *accepted;
+    let of_session = |epoch: &Epoch| *epoch == classifier.discrete.epoch;
+    match event {
+        Event::Broken(_) => expected.fsm.framing = true,
+        Event::Flood => expected.fsm.flood = true,
+        Event::Closed => expected.fsm.closed = true,
+        Event::Message(ClientMessage::Goodbye(epoch)) if of_session(epoch) => expected.fsm.goodbye = true,
+        Event::Message(ClientMessage::Stop(epoch)) if of_session(epoch) => expected.fsm.stop = true,
+        Event::Message(ClientMessage::Command(command)) if is_fresh(classifier, command) => {
+            if accepted.fsm.command.is_none_or(|(best, _)| best < command.sequence) {
+                expected.fsm.command = Some((command.sequence, command.mode));
+                expected.targets = command.targets;
+            }
+        }
+        Event::Message(_) | Event::Malformed(_) | Event::Dropped(_) => {}
+    }
+    assert!(after == expected, "T7: an event of the owner decides what it says");
+}
+
 /// The definition of fresh (docs/design.md), for a command of the owner, in integers that cannot overflow.
 #[must_use]
 pub fn is_fresh<const N: usize>(classifier: &Classifier<'_, N>, command: &Command<N>) -> bool {

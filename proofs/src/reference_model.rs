@@ -162,7 +162,8 @@ impl<const N: usize> ReferenceModel<N> {
         let zero = self.is_zero() && !self.withheld;
         let stepped = self.follow_path(cycle, cycles);
         self.tick = self.tick.saturating_add(cycles);
-        let stop = accepted.stop || cycle.stop || cycle.reading.is_none();
+        let outage = cycle.reading.is_none() || cycle.last_write != LastWrite::Accepted;
+        let stop = accepted.stop || cycle.stop || outage;
         let before = self.phase;
         let (action, ended) = if stop || stepped.contains(&true) {
             let cause = if stop { Cause::Stop } else { Cause::Nominal };

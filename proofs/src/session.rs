@@ -1,9 +1,15 @@
 //! A whole tick of the session, over its whole state: one-step induction. Valid, and any input, one tick, valid, and the bounds.
 
+use core::array;
+
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{ClientMessage, Phase};
-use gantry_tau_core::control::session::{Event, Input, LastWrite, Output, Session, TickInput};
-use gantry_tau_core::verification::control::{Accepted, Action, AxisCommand, Diagnostics, Internals, Order, carry_out};
+use gantry_tau_core::control::session::config::{AxisConfig, Config};
+use gantry_tau_core::control::session::{Event, Input, LastWrite, Output, Session, Start, TickInput};
+use gantry_tau_core::verification::control::{
+    Accepted, Action, Axis, AxisCommand, Diagnostics, FsmInput, Internals, Known, Order, Rules, carry_out, decide,
+    nominal_stepped, order,
+};
 
 use crate::axis::{Bounded, Kind, Ramped};
 use crate::ingress;
@@ -40,26 +46,83 @@ impl<const N: usize> StepInput<N> {
     }
 }
 
-/// The whole step at one axis is that axis by itself: whatever is ordered, an axis acts on its own target, nominal reference, measurement and
-/// configuration, and on no other's. So what is proved of an axis under any order holds for every axis of a session.
-pub fn axis_acts_by_itself<const N: usize>(input: &StepInput<N>, order: &Order<N>, axis: usize) {
-    let parameters = input.session.config().parameters();
-    let mut axes = input.session.parts().axes;
-    let done = carry_out(parameters, &mut axes, order, &input.tick, &input.accepted);
-    let mut alone = input.session.parts().axes[axis];
-    let (read, held) = (input.tick.reading, (alone.nominal, alone.actual));
-    let (nominal, actual) = read.map_or(held, |reading| (reading.nominal[axis], reading.actual[axis]));
-    let command = AxisCommand {
-        action: order.action,
-        shadow: order.shadow,
-        target: input.accepted.targets[axis],
-        nominal: if order.holds { alone.nominal } else { nominal },
-        nominal_stepped: order.stepped[axis],
-        actual,
+/// Returns the complete input of the decision, and its rules, by their definition: what was accepted, the cycle and the drives.
+#[must_use]
+pub fn decided_on<const N: usize>(input: &StepInput<N>) -> (FsmInput, Rules) {
+    let StepInput { session, tick, accepted, .. } = input;
+    let (parts, parameters) = (session.parts(), session.config().parameters());
+    let cycles = tick.elapsed_cycles.max(1);
+    let outage = tick.reading.is_none() || tick.last_write != LastWrite::Accepted;
+    let fsm = FsmInput {
+        stop: accepted.fsm.stop || tick.stop || outage,
+        rearm: tick.rearm,
+        nominal_fault: (0..N).any(|axis| has_stepped(input, axis)),
+        skipped: cycles - 1,
+        all_zero: !parts.withheld && (0..N).all(|axis| parts.axes[axis].channels.offsets() == Offsets::ZERO),
+        ..accepted.fsm
     };
-    let expected = alone.act(&command, &parameters.axes[axis]);
-    assert!(done[axis] == expected, "T1: an axis acts by itself");
-    assert!(axes[axis] == alone, "T1: an axis goes on by itself");
+    (fsm, Rules { handshake_ticks: parameters.handshake_ticks, budget: parameters.budget })
+}
+
+/// True if the nominal reference that was read of an axis is further from its last one than the cycles allow.
+fn has_stepped<const N: usize>(input: &StepInput<N>, axis: usize) -> bool {
+    let (config, last) = (&input.session.config().parameters().axes[axis], input.session.parts().axes[axis].nominal);
+    // Core's own comparison: a second product of two unknowns is beyond the solver.
+    let is_far = |to| nominal_stepped(last, to, config, input.tick.elapsed_cycles.max(1));
+    input.tick.reading.as_ref().is_some_and(|reading| is_far(reading.nominal[axis]))
+}
+
+/// The doors of the decision: it sees what was accepted, the cycle and the drives, and nothing else; and the order is what it says.
+pub fn order_is_of_the_decision<const N: usize>(input: &StepInput<N>) {
+    let StepInput { session, tick, accepted, .. } = input;
+    let (parts, parameters) = (session.parts(), session.config().parameters());
+    let known = Known { withheld: parts.withheld, off_path: parts.off_path };
+    let (decision, complete, ordered) = order(parameters, &parts.discrete, &parts.axes, known, tick, accepted);
+    let (fsm, rules) = decided_on(input);
+    assert!(complete == fsm, "T9: the decision sees what is known");
+    assert!(decision == decide(&parts.discrete, &fsm, &rules), "T9: and decides by its rules");
+    let shadow = match (decision.next.phase, fsm.command) {
+        (Phase::Submit, Some(_)) => Some(Action::Follow),
+        (Phase::Submit, None) => Some(Action::Hold),
+        _ => None,
+    };
+    let holds = tick.reading.is_none() || parts.off_path && fsm.nominal_fault;
+    let stepped = array::from_fn(|axis| has_stepped(input, axis));
+    let expected = Order { action: decision.action, shadow, stepped, holds };
+    assert!(ordered == expected, "T9: ordered is what is decided");
+}
+
+/// What reaches an axis: its state, the command to it, and its configuration.
+type Reached = (Axis, Option<(AxisCommand, AxisConfig)>);
+
+/// Every axis acts by itself: whatever is ordered, what reaches an axis is its own target, nominal reference, measurements and configuration,
+/// and no other's; and the axis goes on as it acted. So what is proved of an axis under any command holds for every axis of a session.
+pub fn axes_act_by_themselves<const N: usize>(input: &StepInput<N>, order: &Order<N>, acted: &Axis) {
+    let StepInput { session, tick, accepted, .. } = input;
+    let parameters = session.config().parameters();
+    let before = session.parts().axes;
+    let mut after = before;
+    let reached = carry_out(parameters, &mut after, order, tick, accepted, |axis, command| -> Reached {
+        let before = *axis;
+        *axis = Axis { nominal: before.nominal, ..*acted };
+        (before, command.map(|(command, config)| (command, *config)))
+    });
+    for axis in 0..N {
+        let own = before[axis];
+        let held = (own.nominal, own.actual);
+        let (nominal, actual) = tick.reading.map_or(held, |reading| (reading.nominal[axis], reading.actual[axis]));
+        let command = AxisCommand {
+            action: order.action,
+            shadow: order.shadow,
+            target: accepted.targets[axis],
+            nominal: if order.holds { own.nominal } else { nominal },
+            nominal_stepped: order.stepped[axis],
+            actual,
+        };
+        assert!(reached[axis].0 == own, "T1: an axis acts from its own state");
+        assert!(reached[axis].1 == Some((command, parameters.axes[axis])), "T1: an axis acts on its own command");
+        assert!(after[axis] == Axis { nominal: own.nominal, ..*acted }, "T1: an axis goes on as it acted");
+    }
 }
 
 /// T1, T2, T3 of one channel of every axis.
@@ -154,6 +217,49 @@ pub fn stop_ends_in_fault<const N: usize>(input: &StepInput<N>) {
     }
 }
 
+/// T9, over the lives of a server: as long as the stop is latched, the phase being Fault, no offset follows a target, nobody is welcomed, and
+/// only a re-arm that was seen released ends it, at zero. A server that starts with the latch is in Fault ([`starts_as_told`]).
+pub fn latch_holds<const N: usize>(input: &StepInput<N>) {
+    let before = &input.session;
+    if before.phase() != Phase::Fault {
+        return;
+    }
+    let (after, output) = input.step();
+    assert!(output.welcome.is_none() && !after.is_live(), "T9: nobody is welcomed in Fault");
+    let rearmed = input.tick.rearm && before.parts().discrete.rearm_released;
+    let at_zero = (0..N).all(|axis| before.parts().axes[axis].channels.is_zero());
+    let may_leave = rearmed && at_zero && !input.tick.stop && input.tick.reading.is_some();
+    assert!(after.phase() == Phase::Fault || may_leave, "T9: only a re-arm leads out of Fault");
+    for index in 0..N {
+        let limits = &before.config().parameters().axes[index].limits;
+        let (old, new) = (&before.parts().axes[index].channels, &after.parts().axes[index].channels);
+        let ramped = old.act(Action::Ramp, &Offsets::ZERO, limits);
+        assert!(*new == ramped || old.is_zero() && new.is_zero(), "T9: no target acts in Fault");
+    }
+}
+
+/// The start of a server: it has the values in force at the drives, off the path until it meets it; it is in Fault with a latched stop, and listens
+/// only at zero. Offsets beyond their limits refuse it.
+pub fn starts_as_told<const N: usize>(config: Config<N>, start: &Start<N>) {
+    let axes = &config.parameters().axes;
+    let within = (0..N).all(|axis| axes[axis].limits.admits(&start.in_force[axis].offsets));
+    let Ok(session) = Session::new(config, start) else {
+        assert!(!within, "T12: only offsets beyond their limits are refused");
+        return;
+    };
+    assert!(within && session.is_valid(), "T12: a session starts valid");
+    assert!(session.demanded() == start.in_force, "T21: a server starts with what is in force");
+    assert!(session.parts().off_path, "T21: and waits for the path");
+    let at_zero = (0..N).all(|axis| start.in_force[axis].offsets == Offsets::ZERO);
+    let expected = match (start.stop_latched, at_zero) {
+        (true, _) => Phase::Fault,
+        (false, true) => Phase::Listening,
+        (false, false) => Phase::SafeDisconnect,
+    };
+    assert!(session.phase() == expected, "T9: a latched stop outlives the server");
+    assert!(!session.parts().discrete.rearm_released, "T9: a stuck re-arm leads nowhere");
+}
+
 /// T7, for a whole tick: two inputs that are accepted alike lead to the same references and the same discrete state.
 pub fn counts_decide_nothing<const N: usize>(input: &StepInput<N>, diagnostics: &Diagnostics) {
     let diagnostics = diagnostics.clone();
@@ -223,6 +329,8 @@ pub fn step_is_right<const N: usize>(input: &StepInput<N>) {
     discrete_stays_valid(input);
     authority_needs_zero(input);
     stop_ends_in_fault(input);
+    latch_holds(input);
+    order_is_of_the_decision(input);
     withheld_until_read_back(input);
     counts_decide_nothing(input, &Diagnostics::default());
 }

@@ -9,7 +9,7 @@ pub use crate::control::session::act::{Axis, AxisCommand, drive_reference, nomin
 pub use crate::control::session::channels::AxisChannels;
 pub use crate::control::session::fsm::{Action, Decision, EndReason, FsmInput, FsmState, Rules, decide};
 pub use crate::control::session::ingress::{Accepted, Classifier, Diagnostics, Verdict};
-pub use crate::control::session::step::{Order, carry_out};
+pub use crate::control::session::step::{Known, Order, carry_out, order};
 
 use crate::control::monitor::Monitor;
 use crate::control::session::config::Config;

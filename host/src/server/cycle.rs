@@ -58,7 +58,7 @@ pub struct Cycle<const N: usize, const M: usize, P> {
     connections: Connections,
     sensor: Option<SensorPublisher>,
     plant: P,
-    /// The machine has not taken the last references: it must be read back, and the coming tick stops.
+    /// The machine has not taken the last references: it must be read back.
     write_failed: bool,
     round_trip_us: Option<u32>,
     latch: StopLatch,
@@ -189,14 +189,13 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
 
     /// Runs one tick, `elapsed` cycles after the last, on what was received since.
     pub fn step(&mut self, elapsed: u32, demands: Demands) -> Row<N> {
-        let outage = self.write_failed;
         let last_write = self.last_write();
         let reading = self.plant.read(u64::from(elapsed)).ok();
         let round_trip_us = self.round_trip_us.take();
         let input = TickInput {
             elapsed_cycles: elapsed,
             reading: reading.map(|reading| session::Reading { nominal: reading.nominal, actual: reading.actual }),
-            stop: demands.stop || outage,
+            stop: demands.stop,
             rearm: demands.rearm,
             last_write,
             arrival_us: u16::try_from(round_trip_us.unwrap_or(0)).unwrap_or(u16::MAX),

@@ -24,6 +24,15 @@ harnesses! {
         kani::cover!(session.owner() == Some(connection), "an event of the owner");
         kani::cover!(session.phase() == Phase::Listening, "an event without an owner");
     }
+    sift_owner_decides_what_it_says [minisat, unwind 5] {
+        let session: Session<AXES> = kani::any();
+        let accepted: Accepted<AXES> = kani::any();
+        let event: Event<AXES> = kani::any();
+        let classifier = ingress::classifier(&session, kani::any());
+        ingress::owner_decides_what_it_says(&classifier, &event, &accepted, &mut any_diagnostics());
+        kani::cover!(accepted.fsm.command.is_some(), "a command after another one");
+        kani::cover!(matches!(event, Event::Closed), "a connection that is gone");
+    }
     sift_fresh_is_as_defined [minisat, unwind 5] {
         let session: Session<AXES> = kani::any();
         let classifier = ingress::classifier(&session, kani::any());

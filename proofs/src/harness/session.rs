@@ -20,17 +20,10 @@ fn any_input<const N: usize>() -> StepInput<N> {
     StepInput { session: kani::any(), tick: kani::any(), accepted: kani::any(), diagnostics: any_diagnostics() }
 }
 
-/// Checks every axis under any order, one after the other: an axis that is unknown as well makes two copies of an act hard to compare.
-fn check_axes<const N: usize>() {
-    let (input, order) = (any_input::<N>(), kani::any());
-    for axis in 0..N {
-        session::axis_acts_by_itself(&input, &order, axis);
-    }
-}
-
 harnesses! {
-    session_of_3_axes_acts_axis_by_axis [minisat, unwind 5] { check_axes::<3>(); }
-    session_of_6_axes_acts_axis_by_axis [minisat, unwind 8] { check_axes::<6>(); }
+    session_of_3_axes_acts_axis_by_axis [minisat, unwind 5] { session::axes_act_by_themselves(&any_input::<3>(), &kani::any(), &kani::any()); }
+    session_of_6_axes_acts_axis_by_axis [minisat, unwind 8] { session::axes_act_by_themselves(&any_input::<6>(), &kani::any(), &kani::any()); }
+    session_orders_what_is_decided [minisat, unwind 5] { session::order_is_of_the_decision(&any_input::<AXES>()); }
     session_position_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Position); }
     session_velocity_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Velocity); }
     session_torque_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Torque); }
@@ -42,5 +35,6 @@ harnesses! {
     session_references_are_inside_travel [minisat, unwind 5] { session::references_are_inside_travel(&any_input::<AXES>()); }
     session_authority_needs_zero [minisat, unwind 5] { session::authority_needs_zero(&any_input::<AXES>()); }
     session_stop_ends_in_fault [minisat, unwind 5] { session::stop_ends_in_fault(&any_input::<AXES>()); }
+    session_latch_holds [minisat, unwind 5] { session::latch_holds(&any_input::<AXES>()); }
     session_withheld_until_read_back [minisat, unwind 5] { session::withheld_until_read_back(&any_input::<AXES>()); }
 }

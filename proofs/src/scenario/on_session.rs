@@ -2,7 +2,7 @@
 
 use gantry_tau_core::control::session::{BlackBox, Connection, Events, Input, Session, TickInput, replay};
 use gantry_tau_core::units::{EpochRange, Tick};
-use gantry_tau_core::verification::control::{FsmInput, FsmState, Internals as _, Rules, nominal_stepped};
+use gantry_tau_core::verification::control::Internals as _;
 
 use super::{ClientAction, N, Peer, Scenario, SystemUnderTest, event, play, start};
 use crate::reference_model::ReferenceModel;
@@ -90,32 +90,10 @@ impl SystemUnderTest for SessionUnderTest {
         session::settles_any_write(&self.session, &input.tick.last_write);
         let step = StepInput::after_events(&self.session, &input);
         session::step_is_right(&step);
-        let (discrete, fsm, rules) = decided_on(&step);
-        fsm::decision_is_right(discrete, &fsm, &rules);
+        let (fsm, rules) = session::decided_on(&step);
+        fsm::decision_is_right(&step.session.parts().discrete, &fsm, &rules);
         let essential = session::essential(&self.session, &input);
         session::same_outcome(&self.session, &input, &essential);
         self.record(&input);
     }
-}
-
-/// Returns the complete input of the decision, derived again.
-fn decided_on(input: &StepInput<N>) -> (&FsmState, FsmInput, Rules) {
-    let (session, cycle) = (&input.session, &input.tick);
-    let parameters = session.config().parameters();
-    let axes = &session.parts().axes;
-    let stepped = |axis: usize| {
-        let (from, config) = (axes[axis].nominal, &parameters.axes[axis]);
-        cycle.reading.is_some_and(|reading| nominal_stepped(from, reading.nominal[axis], config, cycle.cycles()))
-    };
-    let accepted = input.accepted.fsm;
-    let fsm = FsmInput {
-        stop: accepted.stop || cycle.stop || cycle.reading.is_none(),
-        rearm: cycle.rearm,
-        skipped: cycle.cycles() - 1,
-        all_zero: axes.iter().all(|axis| axis.channels.is_zero()) && !session.parts().withheld,
-        nominal_fault: (0..N).any(stepped),
-        ..accepted
-    };
-    let rules = Rules { handshake_ticks: parameters.handshake_ticks, budget: parameters.budget };
-    (&session.parts().discrete, fsm, rules)
 }

@@ -3,7 +3,7 @@
 use crate::any;
 
 use gantry_tau_core::control::message::{ClientMessage, Command};
-use gantry_tau_core::control::session::{EVENTS, Event, Events, Input};
+use gantry_tau_core::control::session::{EVENTS, Event, Events, Input, Start};
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm, Sequence, Tick};
 use gantry_tau_core::verification::control::{Accepted, Diagnostics, Internals};
 use gantry_tau_proofs::axis::Kind;
@@ -32,6 +32,7 @@ proptest! {
             classifier.classify(*connection, event, &mut accepted, &mut diagnostics);
         }
         ingress::only_the_owner_decides(&classifier, connection, &event, &accepted, &mut diagnostics.clone());
+        ingress::owner_decides_what_it_says(&classifier, &event, &accepted, &mut diagnostics.clone());
         let epochs = EpochRange { first: Epoch(1), last: Epoch(u64::MAX) };
         let from = (connection, &event);
         ingress::accepts_only_what_is_new(&session, &epochs, from, &Accepted::nothing(), &mut diagnostics.clone());
@@ -68,6 +69,12 @@ proptest! {
     }
 
     #[test]
+    fn one_start(session in any::session::<3>(), in_force in any::axes_in_force(), stop_latched: bool) {
+        session::starts_as_told(*session.config(), &Start { in_force, stop_latched });
+        session::starts_as_told(*session.config(), &Start { in_force: session.demanded(), stop_latched });
+    }
+
+    #[test]
     fn one_write(session in any::session::<3>(), last_write in any::last_write()) {
         session::settles_any_write(&session, &last_write);
     }
@@ -75,14 +82,12 @@ proptest! {
     #[test]
     fn one_step(
         session in any::session::<3>(), tick in any::tick_input(), epochs in any::epochs(), order in any::order(),
-        events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS),
+        (_, acted) in any::axis(), events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS),
     ) {
         let events = Events::from_slice(&events).unwrap();
         let input = StepInput::after_events(&session, &Input { tick, epochs, events });
         session::step_is_right(&input);
-        for axis in 0..3 {
-            session::axis_acts_by_itself(&input, &order, axis);
-        }
+        session::axes_act_by_themselves(&input, &order, &acted);
     }
 
     #[test]
@@ -130,10 +135,11 @@ proptest! {
     #[test]
     fn a_recording(steps in prop::collection::vec((any::<bool>(), 0..40_u8), 0..80)) {
         let mut recorder = blackbox::Numbered::<3>::new();
-        let mut latest = 0;
+        let mut latest = 0_u8;
         for (ends, release) in steps {
             if release == 0 {
-                recorder.release();
+                latest = latest.wrapping_add(1);
+                blackbox::releases(&mut recorder, latest, ends);
             }
             let frozen = recorder.is_frozen();
             blackbox::records_a_step(&mut recorder, latest, ends && release < 4);
@@ -141,5 +147,18 @@ proptest! {
                 latest = latest.wrapping_add(1);
             }
         }
+    }
+
+    #[test]
+    fn a_copied_input(
+        ticks in [any::tick_input(), any::tick_input()], epochs in [any::epochs(), any::epochs()],
+        events in [proptest::collection::vec((any::connection(), any::event()), 0..=EVENTS),
+            proptest::collection::vec((any::connection(), any::event()), 0..=EVENTS)],
+    ) {
+        let input = |which: usize| {
+            let events = Events::from_slice(&events[which]).unwrap();
+            Input::<3> { tick: ticks[which], epochs: epochs[which], events }
+        };
+        blackbox::input_is_copied(input(0), &input(1));
     }
 }

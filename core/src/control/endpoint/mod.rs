@@ -19,7 +19,9 @@ use heapless::Vec;
 
 use crate::control::axis::{Offsets, Reference};
 use crate::control::message::{ClientMessage, PROTOCOL_VERSION, Refusal, ServerMessage};
-use crate::control::session::{Connection, EVENTS, Event, Input, NoRecorder, Output, Record, Session, TickInput};
+use crate::control::session::{
+    Connection, EVENTS, Event, Input, LastWrite, NoRecorder, Output, Record, Session, TickInput,
+};
 use crate::control::wire::{FrameBytes, encode_server, encode_state};
 use crate::units::EpochRange;
 use crate::zip::each;
@@ -271,7 +273,8 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
     }
 
     /// Takes note that the drives did not take the references of the last tick: its State then reports the values that are still in
-    /// force. Call it before [`Self::poll_transmit`]; the next tick is told by [`TickInput::last_write`].
+    /// force. Call it before [`Self::poll_transmit`]. The next tick is told by [`TickInput::last_write`]; one that says `Accepted` all the
+    /// same is taken for [`LastWrite::Unknown`].
     #[inline(never)]
     pub fn write_refused(&mut self) {
         self.refused = true;
@@ -382,6 +385,9 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         }
         self.non_owner_events = 0;
         self.input.tick = *tick;
+        if self.refused && tick.last_write == LastWrite::Accepted {
+            self.input.tick.last_write = LastWrite::Unknown;
+        }
     }
 
     /// Marks the connections without further use for [`Self::poll_close`].

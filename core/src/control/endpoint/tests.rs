@@ -325,3 +325,18 @@ fn a_refused_write_is_not_reported_as_in_force() {
     bench.endpoint.write_refused();
     assert!(!bench.endpoint.is_at_zero());
 }
+
+/// A host that forgets to tell of a refused write does not go on from references that nobody took.
+#[test]
+fn a_refused_write_is_not_accepted_afterwards() {
+    let (mut bench, _) = obtaining(Transport::Stream);
+    let _ = bench.endpoint.tick(&Bench::input());
+    bench.endpoint.write_refused();
+    for _ in 0..2 {
+        assert!(bench.endpoint.tick(&Bench::input()).is_none());
+        assert_eq!(bench.endpoint.session().phase(), Phase::Fault);
+    }
+    let last_write = LastWrite::Refused { in_force: *bench.endpoint.session().in_force() };
+    assert!(bench.endpoint.tick(&TickInput { last_write, ..Bench::input() }).is_some());
+    assert!(bench.endpoint.tick(&Bench::input()).is_some(), "this one was taken");
+}

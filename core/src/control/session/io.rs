@@ -52,13 +52,13 @@ pub type Refusals = Vec<(Connection, Refusal), EVENTS>;
 pub enum LastWrite<const N: usize> {
     /// The drives took them. Also the input of the first tick.
     Accepted,
-    /// The drives did not take them; they were read back and have these values in force.
+    /// The drives did not take them, which stops; they were read back and have these values in force.
     Refused {
         /// Values in force, axis order.
         #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
         in_force: [InForce; N],
     },
-    /// The drives did not take them, and cannot be read back. No references are written until they can.
+    /// The drives did not take them, which stops, and cannot be read back. No references are written until they can.
     Unknown,
 }
 

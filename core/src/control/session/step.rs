@@ -3,10 +3,10 @@
 //! [`step`] receives no counter, no cause and no clock: diagnostics cannot decide anything (T7).
 
 use super::act::{Axis, AxisCommand, nominal_stepped};
-use super::config::Parameters;
+use super::config::{AxisConfig, Parameters};
 use super::fsm::{Action, Decision, FsmInput, FsmState, Rules, decide};
 use super::ingress::Accepted;
-use super::io::TickInput;
+use super::io::{LastWrite, TickInput};
 use crate::control::axis::{Actual, Reference};
 use crate::control::message::{AxisState, Phase};
 use crate::units::PositionNm;
@@ -25,12 +25,12 @@ pub(super) struct Step<const N: usize> {
 }
 
 /// Knowledge of the drives.
-#[derive(Clone, Copy)]
-pub(super) struct Known {
+#[derive(Clone, Copy, Debug)]
+pub struct Known {
     /// The values in force are unknown.
-    pub(super) withheld: bool,
+    pub withheld: bool,
     /// The nominal references in force need not be those of the path.
-    pub(super) off_path: bool,
+    pub off_path: bool,
 }
 
 /// Decides, and lets every axis carry the decision out.
@@ -42,19 +42,13 @@ pub(super) fn step<const N: usize>(
     tick: &TickInput<N>,
     accepted: &Accepted<N>,
 ) -> Step<N> {
-    let stepped = all_nominal_stepped(parameters, axes, tick);
-    // Unknown values in force do not count as zero.
-    let zero = all_zero(axes) && !known.withheld;
-    let fsm = complete(accepted.fsm, zero, tick, &stepped);
-    // All axes together: some of them moved and some not could be a pose that the machine does not have.
-    let holds = tick.reading.is_none() || known.off_path && fsm.nominal_fault;
-    let rules = Rules { handshake_ticks: parameters.handshake_ticks, budget: parameters.budget };
-    let decision = decide(discrete, &fsm, &rules);
-    let shadow = shadow_action(decision.next.phase, fsm.command.is_some());
-    let order = Order { action: decision.action, shadow, stepped, holds };
-    let axes = carry_out(parameters, axes, &order, tick, accepted);
+    let (decision, fsm, order) = order(parameters, discrete, axes, known, tick, accepted);
+    let axes = carry_out(parameters, axes, &order, tick, accepted, |axis, command| match command {
+        Some((command, config)) => axis.act(&command, config),
+        None => axis.held(),
+    });
     *discrete = decision.next;
-    Step { decision, fsm, axes, off_path: holds }
+    Step { decision, fsm, axes, off_path: order.holds }
 }
 
 /// Order of a tick to all axes.
@@ -71,24 +65,44 @@ pub struct Order<const N: usize> {
     pub holds: bool,
 }
 
-/// Lets every axis carry out an order with its own target, nominal reference and configuration. Returns reference and State of each.
-pub fn carry_out<const N: usize>(
+/// Completes the input of the decision, decides, and makes the order of the decision.
+pub fn order<const N: usize>(
+    parameters: &Parameters<N>,
+    discrete: &FsmState,
+    axes: &[Axis; N],
+    known: Known,
+    tick: &TickInput<N>,
+    accepted: &Accepted<N>,
+) -> (Decision, FsmInput, Order<N>) {
+    let stepped = all_nominal_stepped(parameters, axes, tick);
+    // Unknown values in force do not count as zero.
+    let zero = all_zero(axes) && !known.withheld;
+    let fsm = complete(accepted.fsm, zero, tick, &stepped);
+    // All axes together: some of them moved and some not could be a pose that the machine does not have.
+    let holds = tick.reading.is_none() || known.off_path && fsm.nominal_fault;
+    let rules = Rules { handshake_ticks: parameters.handshake_ticks, budget: parameters.budget };
+    let decision = decide(discrete, &fsm, &rules);
+    let shadow = shadow_action(decision.next.phase, fsm.command.is_some());
+    (decision, fsm, Order { action: decision.action, shadow, stepped, holds })
+}
+
+/// Lets every axis `act` on an order with its own target, nominal reference, measurements and configuration. Returns what they return.
+///
+/// It knows nothing of what an axis does, so whatever is proved of one axis holds for each of them.
+pub fn carry_out<const N: usize, T>(
     parameters: &Parameters<N>,
     axes: &mut [Axis; N],
     order: &Order<N>,
     tick: &TickInput<N>,
     accepted: &Accepted<N>,
-) -> [(Reference, AxisState); N] {
+    act: impl Fn(&mut Axis, Option<(AxisCommand, &AxisConfig)>) -> T,
+) -> [T; N] {
     let mut index = 0_usize;
     axes.each_mut().map(|axis| {
-        let command = command(index, axis, order, tick, accepted);
-        let config = parameters.axes.get(index);
+        // Never `None`: every array has N elements. The compiler cannot see it.
+        let command = command(index, axis, order, tick, accepted).zip(parameters.axes.get(index));
         index = index.wrapping_add(1);
-        match (command, config) {
-            (Some(command), Some(config)) => axis.act(&command, config),
-            // Unreachable, every array has N elements; and harmless: the axis holds.
-            _ => axis.held(),
-        }
+        act(axis, command)
     })
 }
 
@@ -139,8 +153,10 @@ fn all_nominal_stepped<const N: usize>(parameters: &Parameters<N>, axes: &[Axis;
 
 /// The only constructor of a complete input: accepted events, and the tick's own.
 fn complete<const N: usize>(accepted: FsmInput, all_zero: bool, tick: &TickInput<N>, stepped: &[bool; N]) -> FsmInput {
+    // Somebody must look at a machine that was not read, or did not take its references.
+    let outage = tick.reading.is_none() || tick.last_write != LastWrite::Accepted;
     FsmInput {
-        stop: accepted.stop || tick.stop || tick.reading.is_none(),
+        stop: accepted.stop || tick.stop || outage,
         rearm: tick.rearm,
         skipped: tick.cycles().saturating_sub(1),
         all_zero,

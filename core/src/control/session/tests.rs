@@ -394,8 +394,8 @@ fn the_ramp_begins_at_what_the_drives_have_in_force() {
             bench.play(&STOP);
         }
         let output = bench.play(&refused([-1_050; 2], 0));
-        let expected = if phase == Fault { phase } else { SafeDisconnect };
-        assert_eq!((output.withheld, output.state.phase, bench.offset()), (false, expected, -950));
+        assert_eq!((output.withheld, output.state.phase, bench.offset()), (false, Fault, -950));
+        assert_eq!(output.ended, (phase != Fault).then_some(Cause::Stop));
         // Beyond the limits, or unreadable: nothing may be written until a read-back says what is in force.
         assert!(bench.play(&refused([0, i32::MIN], 0)).withheld);
         assert!(bench.play(&Silence).withheld, "accepted is not a read-back");
@@ -411,9 +411,11 @@ fn no_session_is_granted_while_the_values_in_force_are_unknown() {
     let mut bench = Bench::new(parameters());
     bench.play(&Written(LastWrite::Unknown));
     for _ in 0..3 {
-        assert!(matches!(ask(&mut bench).refusals[..], [(OTHER, Refusal::Ramping { .. })]));
+        assert!(matches!(ask(&mut bench).refusals[..], [(OTHER, Refusal::Faulted { .. })]));
+        bench.play(&REARM);
     }
     bench.play(&Written(LastWrite::Refused { in_force: [InForce::at(PositionNm(0)); 2] }));
+    bench.play(&REARM);
     assert_eq!(ask(&mut bench).welcome, Some(OTHER));
 }
 
@@ -438,7 +440,7 @@ fn after_an_outage_the_reference_waits_for_the_path() {
     let refused = Written(LastWrite::Refused { in_force: in_force(0) });
     // Both hold, though one could follow: an axis that moves alone bends the machine.
     let (output, positions) = play_at(&mut bench, &refused, [step + 1, step]);
-    assert_eq!((output.state.phase, output.state.cause), (Fault, Cause::Nominal));
+    assert_eq!((output.state.phase, output.state.cause), (Fault, Cause::Stop));
     assert_eq!((positions, output.state.axes.map(|axis| axis.nominal.0)), ([0; 2], [0; 2]));
     let flagged = output.state.axes.map(|axis| axis.flags.contains(AxisFlags::NOMINAL_STEP));
     assert_eq!(flagged, [true, false]);

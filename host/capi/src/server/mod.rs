@@ -261,7 +261,7 @@ pub unsafe extern "C" fn gt_server_tick(
 }
 
 /// Takes note that the drives did not take the references of the last tick: its State then reports the values that are still in force.
-/// Call it before gt_server_poll_transmit; `last_write` tells the next tick.
+/// Call it before gt_server_poll_transmit. `last_write` tells the next tick; GT_WRITE_ACCEPTED is then taken for GT_WRITE_UNKNOWN.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_write_refused(server: *mut gt_server) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.

@@ -58,9 +58,9 @@ pub const GT_READING_FAILED: u8 = 2;
 
 /// The drives took the references of the last tick. Also the value for the first tick.
 pub const GT_WRITE_ACCEPTED: u8 = 1;
-/// The drives did not take them; they were read back and have the values of `in_force`.
+/// The drives did not take them, which stops; they were read back and have the values of `in_force`.
 pub const GT_WRITE_REFUSED: u8 = 2;
-/// The drives did not take them, and cannot be read back.
+/// The drives did not take them, which stops, and cannot be read back.
 pub const GT_WRITE_UNKNOWN: u8 = 3;
 
 /// Inputs of one tick. Zero is refused where a forgotten value would be dangerous: stop, rearm, last_write.
