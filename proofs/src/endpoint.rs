@@ -1,8 +1,8 @@
 //! The endpoint: bytes of any connections in, bounded references out.
 
 use gantry_tau_core::control::endpoint::{Endpoint, FRAMES, Transport};
-use gantry_tau_core::control::session::{Connection, LastWrite, Record, TickInput};
-use gantry_tau_core::verification::control::Internals;
+use gantry_tau_core::control::session::{Connection, EVENTS, Event, LastWrite, Record, TickInput};
+use gantry_tau_core::verification::control::{Internals, inbox, is_open};
 
 use crate::axis::{Bounded, Kind};
 
@@ -25,17 +25,87 @@ pub fn takes_anything<const N: usize, const MOTORS: usize>(
     op: &EndpointOp<N>,
     recorder: &mut impl Record<N>,
 ) {
+    inbox_has_room(endpoint);
     match op {
-        EndpointOp::Open(transport) => {
-            let _ = endpoint.open(*transport);
-        }
-        EndpointOp::Close(connection) => endpoint.close(*connection),
+        EndpointOp::Open(transport) => opens(endpoint, *transport),
+        EndpointOp::Close(connection) => closes(endpoint, *connection),
         EndpointOp::Feed(connection, bytes) => {
+            for at in 0..EVENTS {
+                feeds(&mut endpoint.clone(), *connection, bytes, at);
+            }
             let _ = endpoint.feed(*connection, bytes);
         }
         EndpointOp::Tick(input) => tick(endpoint, input, recorder),
     }
-    assert!(endpoint.is_valid(), "the endpoint stays valid");
+    assert!(endpoint.is_valid(), "T25: the endpoint stays valid");
+}
+
+/// T25: an event that may still be posted before the tick finds room: of the owner as long as it has a connection, of others within their
+/// common budget. A session that has an owner can hear from it, or of its end.
+pub fn inbox_has_room<const N: usize, const MOTORS: usize>(endpoint: &Endpoint<N, MOTORS>) {
+    let Some(owner) = endpoint.session().owner() else { return };
+    let has_closed = inbox(endpoint).iter().any(|event| *event == (owner, Event::Closed));
+    assert!(is_open(endpoint, owner) || has_closed, "T25: an owner is connected, or its end is known");
+    assert!(!is_open(endpoint, owner) || inbox(endpoint).len() < EVENTS, "T25: an event of the owner finds room");
+}
+
+/// T25: a new connection keeps the invariant, and has a number of its own.
+pub fn opens<const N: usize, const MOTORS: usize>(endpoint: &mut Endpoint<N, MOTORS>, transport: Transport) {
+    let before = inbox(endpoint).len();
+    if let Ok(connection) = endpoint.open(transport) {
+        assert!(endpoint.session().owner() != Some(connection), "T25: a new connection owns nothing");
+    }
+    assert!(endpoint.is_valid(), "T25: an opening keeps the invariant");
+    assert!(inbox(endpoint).len() == before, "T25: an opening is no event");
+}
+
+/// T25: a connection that is gone keeps the invariant; the owner's end is an event.
+pub fn closes<const N: usize, const MOTORS: usize>(endpoint: &mut Endpoint<N, MOTORS>, connection: Connection) {
+    let (before, was_open) = (inbox(endpoint).len(), is_open(endpoint, connection));
+    endpoint.close(connection);
+    assert!(endpoint.is_valid(), "T25: a closing keeps the invariant");
+    assert!(!is_open(endpoint, connection), "T25: closed is closed");
+    if was_open && endpoint.session().owner() == Some(connection) {
+        let last = (inbox(endpoint).len() == before + 1).then(|| inbox(endpoint).last()).flatten();
+        assert!(last == Some(&(connection, Event::Closed)), "T25: the owner's end is an event");
+    }
+}
+
+/// T25: what is read from a connection keeps the invariant; it adds events of that connection only, and takes none of the owner's away.
+/// The event `at` speaks for every one.
+pub fn feeds<const N: usize, const MOTORS: usize>(
+    endpoint: &mut Endpoint<N, MOTORS>,
+    connection: Connection,
+    bytes: &[u8],
+    at: usize,
+) {
+    let owner = endpoint.session().owner();
+    let (length, before) = (inbox(endpoint).len(), inbox(endpoint).get(at).cloned());
+    let _ = endpoint.feed(connection, bytes);
+    assert!(endpoint.is_valid(), "T25: a read keeps the invariant");
+    let after = inbox(endpoint).get(at);
+    if owner == Some(connection) {
+        assert!(before.is_none() || before.as_ref() == after, "T25: earlier events stand");
+        let is_new = at >= length;
+        assert!(!is_new || after.is_none_or(|(from, _)| *from == connection), "T25: an event has its connection");
+    } else {
+        // One that is closed takes its own back, so that others may move forward.
+        let of = |which: Connection| inbox(endpoint).iter().filter(|(from, _)| *from == which).count();
+        let is_kept = before.is_none_or(|(from, event)| {
+            from == connection || inbox(endpoint).iter().any(|kept| *kept == (from, event.clone()))
+        });
+        assert!(is_kept, "T25: events of others stand");
+        assert!(inbox(endpoint).len() <= length + of(connection), "T25: only its own are added");
+    }
+}
+
+/// T25: a tick, whatever the session makes of it, keeps the invariant and empties the inbox; an owner without a connection is closed next.
+pub fn ticks<const N: usize, const MOTORS: usize>(endpoint: &mut Endpoint<N, MOTORS>, input: &TickInput<N>) {
+    let _ = endpoint.tick(input);
+    assert!(endpoint.is_valid(), "T25: a tick keeps the invariant");
+    let owner = endpoint.session().owner();
+    let only_closed = inbox(endpoint).iter().all(|(from, event)| owner == Some(*from) && *event == Event::Closed);
+    assert!(inbox(endpoint).len() <= 1 && only_closed, "T25: a tick takes every event");
 }
 
 /// A tick; T1 for every axis, T10, and no more frames than a tick has.

@@ -43,4 +43,5 @@ pub mod robots;
 pub mod scenario;
 pub mod session;
 pub mod six_link;
+pub mod stand_in;
 pub mod wire;

@@ -6,6 +6,7 @@ use gantry_tau_core::control::wire::{
     Stage, TRAILER_LEN, decode_client, decode_server, enclose, encode_client, encode_server,
 };
 use gantry_tau_core::units::Epoch;
+use gantry_tau_core::verification::control::checksum;
 
 /// From bytes to a message and back: the same bytes.
 ///
@@ -78,17 +79,57 @@ fn header_is_bad(header: [Option<u8>; 5], error: FrameError) {
     assert!(error == wrong, "T8: the first thing wrong is named");
 }
 
-/// Bytes that are exactly one frame hand out their own kind and body.
+/// Bytes are a frame, with the kind and the body that lie in them, exactly if nothing is wrong with them; and the first thing wrong is named.
+/// The byte `at` speaks for every byte of the body.
 ///
 /// # Errors
 /// The reason, if they are not a frame.
-pub fn frame_is_parsed(bytes: &[u8]) -> Result<(), FrameError> {
-    let frame = Frame::parse(bytes)?;
+pub fn frame_is_parsed(bytes: &[u8], at: usize) -> Result<(), FrameError> {
+    let wrong = first_wrong(bytes);
+    let frame = match Frame::parse(bytes) {
+        Ok(frame) => frame,
+        Err(error) => {
+            assert!(Some(error) == wrong, "T8: the first thing wrong with a frame is named");
+            return Err(error);
+        }
+    };
+    assert!(wrong.is_none(), "T8: only good frames pass");
     assert!(frame.kind_code() == bytes[3], "T8: the kind byte");
-    let body = &bytes[HEADER_LEN..bytes.len() - TRAILER_LEN];
-    assert!(frame.body() == body, "T8: what lies between");
-    assert!(body.len() <= MAX_BODY, "T8: bounded");
+    let (body, outside) = (frame.body(), HEADER_LEN + TRAILER_LEN);
+    assert!(body.len() == bytes.len() - outside && body.len() <= MAX_BODY, "T8: between header and checksum");
+    assert!(at >= body.len() || body[at] == bytes[HEADER_LEN + at], "T8: what lies between");
     Ok(())
+}
+
+/// First thing wrong with bytes that should be one frame, front to back, the checksum last.
+fn first_wrong(bytes: &[u8]) -> Option<FrameError> {
+    let Some((&[m0, m1, version, _, l0, l1], _)) = bytes.split_first_chunk() else {
+        return Some(FrameError::Length);
+    };
+    let length = u16::from_le_bytes([l0, l1]);
+    let body = usize::from(length);
+    if [m0, m1] != *b"GT" {
+        return Some(FrameError::Magic);
+    } else if version != PROTOCOL_VERSION {
+        return Some(FrameError::Version { received: version });
+    } else if body > MAX_BODY {
+        return Some(FrameError::TooLong { length });
+    } else if bytes.len() != HEADER_LEN + body + TRAILER_LEN {
+        return Some(FrameError::Length);
+    }
+    let (checked, trailer) = bytes.split_last_chunk()?;
+    (checksum(checked) != u32::from_le_bytes(*trailer)).then_some(FrameError::Checksum)
+}
+
+/// A message in a frame is that message, of its kind.
+pub fn frame_survives<B: Body + PartialEq>(kind: Kind, body: &B) {
+    let bytes = enclose(kind, body);
+    let Ok(frame) = Frame::parse(&bytes) else {
+        panic!("T8: what is enclosed is a frame");
+    };
+    assert!(frame.kind_code() == kind.code(), "T8: a frame keeps its kind");
+    let read = B::read(frame.body());
+    assert!(read.as_ref() == Ok(body), "T8: a frame keeps its message");
 }
 
 /// Bytes that are a frame with this kind and this body are its only frame, checksum included. True if they are one.
@@ -280,7 +321,10 @@ pub fn sealed_frame_is_judged(version: u8, kind: u8, body: &[u8], cut: u16, bit:
     } else {
         Ok(())
     };
-    assert!(frame_is_parsed(&bytes) == expected, "T8: refused for what is wrong with it, and for nothing else");
+    assert!(
+        frame_is_parsed(&bytes, bit.into()) == expected,
+        "T8: refused for what is wrong with it, and for nothing else"
+    );
     cutting_changes_nothing(&[&bytes[..], &bytes[..]].concat(), &cut.to_le_bytes());
     if expected.is_err() {
         return;
@@ -292,5 +336,5 @@ pub fn sealed_frame_is_judged(version: u8, kind: u8, body: &[u8], cut: u16, bit:
     let mut damaged = bytes;
     let bit = usize::from(bit) % (damaged.len() * 8);
     damaged[bit / 8] ^= 1 << (bit % 8);
-    assert!(frame_is_parsed(&damaged).is_err(), "T8: one wrong bit is noticed");
+    assert!(frame_is_parsed(&damaged, 0).is_err(), "T8: one wrong bit is noticed");
 }

@@ -10,10 +10,12 @@ pub use crate::control::session::channels::AxisChannels;
 pub use crate::control::session::fsm::{Action, Decision, EndReason, FsmInput, FsmState, Rules, decide};
 pub use crate::control::session::ingress::{Accepted, Classifier, Diagnostics, Verdict};
 pub use crate::control::session::step::{Known, Order, carry_out, order};
+pub use crate::control::wire::frame::checksum;
 
+use crate::control::endpoint::Endpoint;
 use crate::control::monitor::Monitor;
 use crate::control::session::config::Config;
-use crate::control::session::{Events, LastWrite, Output, Session, TickInput};
+use crate::control::session::{Connection, Event, Events, LastWrite, Output, Session, TickInput};
 use crate::units::EpochRange;
 
 /// The state of a session, and the three parts of its tick.
@@ -62,4 +64,16 @@ pub const fn monitor_from_parts<const N: usize>(parts: MonitorParts<N>) -> Monit
 #[must_use]
 pub const fn monitor_parts<const N: usize>(monitor: &Monitor<N>) -> &MonitorParts<N> {
     monitor.parts()
+}
+
+/// Returns the events that wait for the coming tick of an endpoint.
+#[must_use]
+pub fn inbox<const N: usize, const MOTORS: usize>(endpoint: &Endpoint<N, MOTORS>) -> &[(Connection, Event<N>)] {
+    endpoint.inbox()
+}
+
+/// True if a connection has its place in an endpoint.
+#[must_use]
+pub fn is_open<const N: usize, const MOTORS: usize>(endpoint: &Endpoint<N, MOTORS>, connection: Connection) -> bool {
+    endpoint.is_open(connection)
 }

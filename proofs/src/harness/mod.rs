@@ -110,6 +110,8 @@ mod compensation;
 mod crossing;
 #[cfg(any(not(feature = "only"), feature = "drive"))]
 mod drive;
+#[cfg(any(not(feature = "only"), feature = "endpoint"))]
+mod endpoint;
 #[cfg(any(not(feature = "only"), feature = "fsm"))]
 mod fsm;
 #[cfg(any(not(feature = "only"), feature = "ingress"))]
@@ -137,6 +139,7 @@ pub const HARNESSES: &[&[Harness]] = &[
     compensation::HARNESSES,
     crossing::HARNESSES,
     drive::HARNESSES,
+    endpoint::HARNESSES,
     fsm::HARNESSES,
     ingress::HARNESSES,
     kinematics::HARNESSES,

@@ -6,6 +6,7 @@ use gantry_tau_core::verification::control::Diagnostics;
 use super::kani;
 use crate::axis::Kind;
 use crate::session::{self, StepInput};
+use crate::stand_in;
 
 /// Axes of a session whose axes could affect each other.
 const AXES: usize = 3;
@@ -23,7 +24,10 @@ fn any_input<const N: usize>() -> StepInput<N> {
 harnesses! {
     session_of_3_axes_acts_axis_by_axis [minisat, unwind 5] { session::axes_act_by_themselves(&any_input::<3>(), &kani::any(), &kani::any()); }
     session_of_6_axes_acts_axis_by_axis [minisat, unwind 8] { session::axes_act_by_themselves(&any_input::<6>(), &kani::any(), &kani::any()); }
-    session_orders_what_is_decided [minisat, unwind 5] { session::order_is_of_the_decision(&any_input::<AXES>()); }
+    session_orders_what_is_decided [minisat, unwind 5, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped)] {
+        stand_in::choose_bit(kani::any());
+        session::order_is_of_the_decision(&any_input::<AXES>());
+    }
     session_position_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Position); }
     session_velocity_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Velocity); }
     session_torque_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Torque); }

@@ -2,13 +2,17 @@
 
 use gantry_tau_core::control::message::{Command, Hello, Refusal, State, Welcome};
 use gantry_tau_core::control::wire::{
-    Body, Collector, Frame, HEADER_LEN, Kind, MAX_BODY, MAX_FRAME, PROTOCOL_VERSION, TRAILER_LEN, decode_client,
-    decode_server,
+    Body, Collector, Frame, FrameError, HEADER_LEN, Kind, MAX_BODY, MAX_FRAME, PROTOCOL_VERSION, TRAILER_LEN,
+    decode_client, decode_server,
 };
 use gantry_tau_core::units::Epoch;
 
 use super::kani;
-use crate::wire::{body_is_canonical, body_survives, chunk_is_collected, frame_is_canonical, frame_is_parsed};
+use crate::stand_in;
+use crate::wire::{
+    body_is_canonical, body_survives, chunk_is_collected, feed_is_judged, frame_is_canonical, frame_is_parsed,
+    frame_survives,
+};
 
 /// Any bytes of a body's length.
 fn canonical<B: Body, const LENGTH: usize>() {
@@ -28,6 +32,17 @@ fn canonical_frame<B: Body, const LENGTH: usize>(kind: Kind) {
     bytes[5] = 0;
     let decoded = frame_is_canonical::<B>(kind, &bytes);
     kani::cover!(decoded, "some bytes are one");
+}
+
+/// Every message of a session of `N` axes, in a frame.
+fn frames_survive<const N: usize>() {
+    stand_in::choose_checksum(kani::any(), kani::any());
+    frame_survives::<Hello>(Kind::Hello, &kani::any());
+    frame_survives::<Epoch>(if kani::any() { Kind::Goodbye } else { Kind::Stop }, &kani::any());
+    frame_survives::<Refusal>(Kind::Refusal, &kani::any());
+    frame_survives::<Command<N>>(Kind::Command, &kani::any());
+    frame_survives::<Welcome<N>>(Kind::Welcome, &kani::any());
+    frame_survives::<State<N>>(Kind::State, &kani::any());
 }
 
 /// Length of a whole frame.
@@ -93,19 +108,37 @@ harnesses! {
         let bytes: [u8; 18] = kani::any();
         let mut frames = 0;
         for length in 0..=18 {
-            frames += u8::from(frame_is_parsed(&bytes[..length]).is_ok());
+            frames += u8::from(frame_is_parsed(&bytes[..length], kani::any()).is_ok());
         }
         kani::cover!(frames == 1, "some bytes are a frame");
     }
     wire_frame_64_is_parsed [minisat, unwind 65] {
         let bytes: [u8; 64] = kani::any();
-        let parsed = frame_is_parsed(&bytes);
+        let parsed = frame_is_parsed(&bytes, kani::any());
         kani::cover!(parsed.is_ok(), "some bytes are a frame");
     }
     wire_frame_of_hello_is_canonical [minisat] { canonical_frame::<Hello, { framed(Hello::LENGTH) }>(Kind::Hello); }
     wire_frame_of_goodbye_is_canonical [minisat] { canonical_frame::<Epoch, { framed(Epoch::LENGTH) }>(Kind::Goodbye); }
     wire_frame_of_refusal_is_canonical [minisat] { canonical_frame::<Refusal, { framed(Refusal::LENGTH) }>(Kind::Refusal); }
     wire_frame_of_command_1_is_canonical [minisat] { canonical_frame::<Command<1>, { framed(Command::<1>::LENGTH) }>(Kind::Command); }
+    wire_any_frame_is_parsed [minisat, stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] {
+        stand_in::choose_checksum(kani::any(), kani::any());
+        let bytes: [u8; MAX_FRAME + 1] = kani::any();
+        let length = any_length(bytes.len());
+        let parsed = frame_is_parsed(&bytes[..length], kani::any());
+        kani::cover!(parsed.is_ok() && length == MAX_FRAME, "the longest frame");
+        kani::cover!(parsed == Err(FrameError::Checksum), "a wrong checksum");
+    }
+    wire_frames_of_1_axis_survive [minisat, stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] { frames_survive::<1>(); }
+    wire_frames_of_3_axes_survive [minisat, stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] { frames_survive::<3>(); }
+    wire_frames_of_6_axes_survive [minisat, stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] { frames_survive::<6>(); }
+    wire_feed_is_judged [minisat, unwind 9, stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] {
+        stand_in::choose_checksum(kani::any(), kani::any());
+        let chunk: [u8; 8] = kani::any();
+        let chunk = &chunk[..any_length(8)];
+        let returned = feed_is_judged(&any_collector(), kani::any(), chunk);
+        kani::cover!(returned, "a frame is returned");
+    }
     wire_chunk_is_collected [minisat, unwind 9] {
         let chunk: [u8; 8] = kani::any();
         let chunk = &chunk[..any_length(8)];

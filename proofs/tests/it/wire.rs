@@ -6,11 +6,13 @@ use gantry_tau_core::control::message::{
     AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
     Refusal, ServerMessage, State, Welcome,
 };
-use gantry_tau_core::control::wire::{Body, Collector, FrameError, MAX_FRAME, Stage, encode_client, encode_server};
+use gantry_tau_core::control::wire::{
+    Body, Collector, FrameError, Kind, MAX_FRAME, Stage, encode_client, encode_server,
+};
 use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 use gantry_tau_proofs::wire::{
     body_is_canonical, body_survives, chunk_is_collected, cut_frame_is_judged_alike, cutting_changes_nothing,
-    feed_is_judged, frame_is_parsed, message_is_canonical, sealed, sealed_frame_is_judged,
+    feed_is_judged, frame_is_parsed, frame_survives, message_is_canonical, sealed, sealed_frame_is_judged,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -140,20 +142,21 @@ fn draw() -> impl Strategy<Value = Draw> {
 
 /// Every body survives, and is the only one of its bytes; so are the bytes with one of them damaged, if they are a body.
 fn bodies_are_canonical<const N: usize>(draw: &mut Draw, at: usize, value: u8) {
-    fn judge<B: Body + PartialEq>(body: &B, at: usize, value: u8) {
+    fn judge<B: Body + PartialEq>(kind: Kind, body: &B, at: usize, value: u8) {
         body_survives(body);
+        frame_survives(kind, body);
         let mut bytes = vec![0; B::LENGTH];
         body.write(&mut bytes).unwrap();
         body_is_canonical::<B>(&bytes).unwrap();
         bytes[at % B::LENGTH] = value;
         let _judged = body_is_canonical::<B>(&bytes);
     }
-    judge(&draw.hello(), at, value);
-    judge(&draw.command::<N>(), at, value);
-    judge(&Epoch(draw.0.random()), at, value);
-    judge(&draw.welcome::<N>(), at, value);
-    judge(&draw.state::<N>(), at, value);
-    judge(&draw.refusal(), at, value);
+    judge(Kind::Hello, &draw.hello(), at, value);
+    judge(Kind::Command, &draw.command::<N>(), at, value);
+    judge(Kind::Stop, &Epoch(draw.0.random()), at, value);
+    judge(Kind::Welcome, &draw.welcome::<N>(), at, value);
+    judge(Kind::State, &draw.state::<N>(), at, value);
+    judge(Kind::Refusal, &draw.refusal(), at, value);
 }
 
 /// A collector that holds the first bytes of a frame, or of noise.
@@ -184,7 +187,7 @@ proptest! {
             }
             let canonical = message_is_canonical::<1>(&frame) || message_is_canonical::<3>(&frame) || message_is_canonical::<6>(&frame);
             // A changed byte changes the checksum; what parses is what was encoded.
-            prop_assert_eq!(frame_is_parsed(&frame).is_ok(), frame == good);
+            prop_assert_eq!(frame_is_parsed(&frame, at).is_ok(), frame == good);
             prop_assert_eq!(canonical, frame == good);
         }
     }
@@ -242,7 +245,7 @@ proptest! {
 
     #[test]
     fn any_bytes_are_judged(bytes in vec(any::<u8>(), 0..500), lengths in vec(any::<u8>(), 1..9)) {
-        let _judged = frame_is_parsed(&bytes);
+        let _judged = frame_is_parsed(&bytes, bytes.len() / 2);
         let _canonical = message_is_canonical::<3>(&bytes);
         cutting_changes_nothing(&bytes, &lengths);
     }

@@ -114,8 +114,8 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
     }
 
     /// The invariant, clause by clause: the session and every deframer are valid; connections are in the order of their numbers,
-    /// which is that of their opening; no connection was read beyond its budget; events that may still arrive before the tick
-    /// find room; the owner has a connection, or its Closed waits.
+    /// which is that of their opening; no connection was read beyond its budget, and none has more events than it was read for, so that
+    /// those that may still arrive before the tick find room; the owner has a connection, or its Closed waits.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let opened = |slot: &Slot| slot.connection.0 < self.next_connection;
@@ -133,13 +133,14 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
             || self.input.events.contains(&(owner, Event::Closed))
     }
 
-    /// True if the inbox holds at most [`OWNER_EVENTS`] of the owner and [`NON_OWNER_EVENTS`] of others.
+    /// True if the inbox holds no more events of the owner than it was read for, and its Closed; and at most [`NON_OWNER_EVENTS`] of others.
     fn inbox_has_room(&self) -> bool {
         let owner = self.session.owner();
         let events = self.input.events.iter();
         let of_owner = events.filter(|(from, _)| owner == Some(*from)).count();
         let of_others = self.input.events.len().saturating_sub(of_owner);
-        of_owner <= OWNER_EVENTS
+        let slot = self.slots.iter().find(|slot| owner == Some(slot.connection));
+        of_owner <= slot.map_or(OWNER_EVENTS, Slot::most_events)
             && of_others <= usize::from(self.non_owner_events)
             && self.non_owner_events <= NON_OWNER_EVENTS
     }
@@ -154,6 +155,18 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
     #[must_use]
     pub const fn output(&self) -> Option<&Output<N>> {
         self.output.as_ref()
+    }
+
+    /// Returns the events that wait for the coming tick.
+    #[must_use]
+    pub(crate) fn inbox(&self) -> &[(Connection, Event<N>)] {
+        &self.input.events
+    }
+
+    /// True if a connection has its place.
+    #[must_use]
+    pub(crate) fn is_open(&self, connection: Connection) -> bool {
+        self.slots.iter().any(|slot| slot.connection == connection)
     }
 
     /// Registers a new connection.
@@ -407,6 +420,39 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         if !connected {
             self.post(owner, Event::Closed);
         }
+    }
+}
+
+/// Any valid endpoint: any connections, any events in the inbox.
+#[cfg(kani)]
+impl<const N: usize, const MOTORS: usize> kani::Arbitrary for Endpoint<N, MOTORS> {
+    fn any() -> Self {
+        let (open, waiting): (usize, usize) = (kani::any(), kani::any());
+        let mut endpoint = Self {
+            session: kani::any(),
+            motors: MotorMap::FIRST,
+            slots: Vec::new(),
+            input: Input { tick: kani::any(), epochs: kani::any(), events: Vec::new() },
+            non_owner_events: kani::any(),
+            next_connection: kani::any(),
+            output: None,
+            refused: kani::any(),
+            transmit: Transmit::Done,
+            frame: FrameBytes::EMPTY,
+        };
+        for index in 0..CONNECTIONS {
+            if index < open {
+                endpoint.slots.push(kani::any()).unwrap_or(());
+            }
+        }
+        for index in 0..EVENTS {
+            if index < waiting {
+                endpoint.input.events.push(kani::any()).unwrap_or(());
+            }
+        }
+        kani::assume(endpoint.is_valid());
+        kani::cover!(endpoint.input.events.len() == EVENTS, "a full inbox");
+        endpoint
     }
 }
 

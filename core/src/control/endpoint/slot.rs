@@ -20,6 +20,7 @@ const NON_OWNER_FRAMES: u8 = 1;
 
 /// State of one connection.
 #[derive(Clone, Debug)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub(super) struct Slot {
     pub(super) connection: Connection,
     pub(super) transport: Transport,
@@ -56,6 +57,13 @@ impl Slot {
     /// The invariant: the deframer is valid, and no more frames were read than the budget allows.
     pub(super) fn is_valid(&self) -> bool {
         self.deframer.is_valid() && self.frames <= OWNER_FRAMES
+    }
+
+    /// Largest number of events of this connection in the inbox while it owns the session: its frames, the flood after them, and a Stop behind
+    /// a flood or a broken stream. Of a closed one that it is closed.
+    pub(super) fn most_events(&self) -> usize {
+        let [flood, last] = [self.over_budget, self.closing].map(usize::from);
+        if self.closed { 1 } else { usize::from(self.frames).saturating_add(flood).saturating_add(last) }
     }
 
     /// True if bytes of this connection are still read.

@@ -5,6 +5,7 @@ use crate::control::message::FrameError;
 
 /// Collects the bytes of one frame.
 #[derive(Clone, Debug)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Collector {
     bytes: [u8; MAX_FRAME],
     /// Number of bytes in use.

@@ -38,6 +38,7 @@ pub enum Stage {
 /// Collects one frame at a time.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Deframer {
     collector: Collector,
     stage: Stage,

@@ -179,13 +179,19 @@ fn fill<B: Body>(bytes: &mut [u8; MAX_FRAME], kind: Kind, body: &B) -> Option<us
     *header = [m0, m1, PROTOCOL_VERSION, kind.code(), l0, l1];
     body.write(rest.get_mut(..B::LENGTH)?).ok()?;
     let (checked, rest) = bytes.split_at_mut_checked(HEADER_LEN.checked_add(B::LENGTH)?)?;
-    *rest.first_chunk_mut::<TRAILER_LEN>()? = crc32fast::hash(checked).to_le_bytes();
+    *rest.first_chunk_mut::<TRAILER_LEN>()? = checksum(checked).to_le_bytes();
     checked.len().checked_add(TRAILER_LEN)
 }
 
-/// Compares the last bytes with the CRC-32/ISO-HDLC (as in Ethernet and zlib) of those before them.
+/// Returns the CRC-32/ISO-HDLC of header and body, as in Ethernet and zlib.
+#[inline]
+#[must_use]
+pub fn checksum(bytes: &[u8]) -> u32 {
+    crc32fast::hash(bytes)
+}
+
+/// Compares the last bytes with the checksum of those before them.
 fn check_trailer(frame: &[u8]) -> Result<(), FrameError> {
     let (checked, trailer) = frame.split_last_chunk::<TRAILER_LEN>().ok_or(FrameError::Length)?;
-    let checksum = crc32fast::hash(checked);
-    if checksum == u32::from_le_bytes(*trailer) { Ok(()) } else { Err(FrameError::Checksum) }
+    if checksum(checked) == u32::from_le_bytes(*trailer) { Ok(()) } else { Err(FrameError::Checksum) }
 }

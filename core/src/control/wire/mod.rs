@@ -8,7 +8,7 @@ mod body;
 mod collector;
 mod cursor;
 mod deframer;
-mod frame;
+pub(crate) mod frame;
 
 pub use super::message::{ContentError, FrameError, MAX_BODY, PROTOCOL_VERSION};
 pub use body::{Body, decode_client, decode_server, encode_client, encode_server, encode_state};
