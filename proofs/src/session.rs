@@ -7,8 +7,8 @@ use gantry_tau_core::control::message::{ClientMessage, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, Config};
 use gantry_tau_core::control::session::{Event, Input, LastWrite, Output, Session, Start, TickInput};
 use gantry_tau_core::verification::control::{
-    Accepted, Action, Axis, AxisCommand, Diagnostics, FsmInput, Internals, Known, Order, Rules, carry_out, decide,
-    nominal_stepped, order,
+    Accepted, Action, Axis, AxisCommand, Decision, Diagnostics, FsmInput, FsmState, Internals, Known, Order, Rules,
+    carry_out, decide, nominal_stepped, order,
 };
 
 use crate::axis::{Bounded, Kind, Ramped};
@@ -80,11 +80,7 @@ pub fn order_is_of_the_decision<const N: usize>(input: &StepInput<N>) {
     let (decision, complete, ordered) = order(parameters, &parts.discrete, &parts.axes, known, tick, accepted);
     let (fsm, _) = decided_on(input);
     assert!(complete == fsm, "T9: the decision sees what is known");
-    let shadow = match (decision.next.phase, fsm.command) {
-        (Phase::Submit, Some(_)) => Some(Action::Follow),
-        (Phase::Submit, None) => Some(Action::Hold),
-        _ => None,
-    };
+    let shadow = shadow_of(decision.next.phase, &fsm);
     let holds = tick.reading.is_none() || parts.off_path && fsm.nominal_fault;
     let stepped = array::from_fn(|axis| has_stepped(input, axis));
     let expected = Order { action: decision.action, shadow, stepped, holds };
@@ -130,6 +126,35 @@ pub fn axes_act_by_themselves<const N: usize>(input: &StepInput<N>, order: &Orde
         assert!(reached[axis].0 == own, "T1: an axis acts from its own state");
         assert!(reached[axis].1 == Some((command, parameters.axes[axis])), "T1: an axis acts on its own command");
         assert!(after[axis] == Axis { nominal: own.nominal, ..*acted }, "T1: an axis goes on as it acted");
+    }
+}
+
+/// One of any number of axes, which keeps its part of the invariant, whatever the others do: of these the decision knows no more than that
+/// all axes are at zero, which this one then is. With [`axes_act_by_themselves`] that is the invariant of every axis of a session.
+pub fn axis_of_many_stays_valid(
+    axis: &Axis,
+    config: &AxisConfig,
+    (discrete, fsm, rules): (&FsmState, &FsmInput, &Rules),
+    command: &AxisCommand,
+) {
+    let mut after = *axis;
+    if !after.is_valid(discrete.phase, &config.limits) || (fsm.all_zero && !after.channels.is_zero()) {
+        return;
+    }
+    let Decision { next, action, .. } = decide(discrete, fsm, rules);
+    let _ = after.act(&AxisCommand { action, shadow: shadow_of(next.phase, fsm), ..*command }, config);
+    assert!(after.is_valid(next.phase, &config.limits), "T6: an axis stays valid, whatever the others do");
+    if next.is_live() && !discrete.is_live() {
+        assert!(after.channels.is_zero() && axis.channels.is_zero(), "T6: authority only at zero, on every axis");
+    }
+}
+
+/// Action of the shadow: fresh commands in Submit are followed, a miss holds; elsewhere it rests.
+fn shadow_of(phase: Phase, fsm: &FsmInput) -> Option<Action> {
+    match (phase, fsm.command) {
+        (Phase::Submit, Some(_)) => Some(Action::Follow),
+        (Phase::Submit, None) => Some(Action::Hold),
+        _ => None,
     }
 }
 

@@ -1,7 +1,8 @@
 //! Any session in any valid state, any accepted input, any cycle.
 
-use gantry_tau_core::control::message::Counters;
-use gantry_tau_core::verification::control::Diagnostics;
+use gantry_tau_core::control::message::{Counters, Phase};
+use gantry_tau_core::control::session::config::Config;
+use gantry_tau_core::verification::control::{Axis, Diagnostics, FsmState, Rules};
 
 use super::kani;
 use crate::axis::Kind;
@@ -27,6 +28,14 @@ harnesses! {
     session_orders_what_is_decided [minisat, unwind 5, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped)] {
         stand_in::choose_bit(kani::any());
         session::order_is_of_the_decision(&any_input::<AXES>());
+    }
+    session_axis_of_many_stays_valid [minisat, unwind 3] {
+        let config: Config<1> = kani::any();
+        let ([axis], discrete, rules) = (config.parameters().axes, kani::any::<FsmState>(), kani::any::<Rules>());
+        assume!(discrete.is_valid(rules.handshake_ticks), discrete.phase == Phase::Obtain, "Obtain is a valid state");
+        let state: Axis = kani::any();
+        kani::cover!(!state.channels.is_zero(), "an axis that is not at zero");
+        session::axis_of_many_stays_valid(&state, &axis, (&discrete, &kani::any(), &rules), &kani::any());
     }
     session_position_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Position); }
     session_velocity_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Velocity); }

@@ -5,7 +5,7 @@ use crate::any;
 use gantry_tau_core::control::message::{ClientMessage, Command};
 use gantry_tau_core::control::session::{EVENTS, Event, Events, Input, Start};
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm, Sequence, Tick};
-use gantry_tau_core::verification::control::{Accepted, Diagnostics, Internals};
+use gantry_tau_core::verification::control::{Accepted, Axis, Diagnostics, FsmInput, Internals};
 use gantry_tau_proofs::axis::Kind;
 use gantry_tau_proofs::drive::{self, Before};
 use gantry_tau_proofs::session::StepInput;
@@ -88,6 +88,20 @@ proptest! {
         let input = StepInput::after_events(&session, &Input { tick, epochs, events });
         session::step_is_right(&input);
         session::axes_act_by_themselves(&input, &order, &acted);
+    }
+
+    #[test]
+    fn one_of_many_axes(
+        session in any::session::<1>(), (config, mut axis) in any::axis(), command in any::axis_command(), tick in any::tick_input(),
+        events in proptest::collection::vec((any::connection(), any::event()), 0..4), all_zero: bool, rests: bool,
+    ) {
+        let input = Input { tick, epochs: EpochRange::VOLATILE, events: Events::from_slice(&events).unwrap() };
+        let (fsm, rules) = session::decided_on(&StepInput::after_events(&session, &input));
+        if rests {
+            axis = Axis { nominal: axis.nominal, ..Axis::default() };
+        }
+        let fsm = FsmInput { all_zero, ..fsm };
+        session::axis_of_many_stays_valid(&axis, &config, (&session.parts().discrete, &fsm, &rules), &command);
     }
 
     #[test]
