@@ -9,7 +9,7 @@ use crate::manifest::Manifest;
 use crate::prove::{self, Job};
 use crate::results::{Results, Standing};
 use crate::sources::{self, Sources};
-use crate::{files, flags, mutate, read, report, verdict};
+use crate::{composition, files, flags, mutate, read, report, verdict};
 
 /// Every harness of the source.
 fn declared() -> impl Iterator<Item = &'static Harness> {
@@ -36,6 +36,7 @@ pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, Str
     }
     wrong.extend(sources::strays(root)?);
     wrong.extend(flags::in_manifests(root)?);
+    wrong.extend(composition::disagreements(&read(&root.join("proofs/composition.md"))?, manifest));
     let results = Results::load(root)?;
     let unknown = results.unknown(manifest);
     wrong.extend(unknown.iter().map(|name| format!("proofs/results.json: {name} is not in the manifest; run `table`")));

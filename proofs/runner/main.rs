@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod check;
+mod composition;
 mod flags;
 mod kani;
 mod manifest;

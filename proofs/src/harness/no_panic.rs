@@ -7,24 +7,28 @@ use gantry_tau_core::verification::control::Internals;
 use super::kani;
 use crate::session;
 
-const AXES: usize = 3;
+/// Any parameters, valid or not, are judged; a session starts from any offsets, or refuses, and is then valid.
+fn start_any<const N: usize>() {
+    let parameters: Parameters<N> = kani::any();
+    if let Ok(config) = Config::new(parameters) {
+        let start: Start<N> = kani::any();
+        session::starts_as_told(config, &start);
+        kani::cover!(start.stop_latched, "some stops are latched");
+    }
+}
+
+/// The fate of the last references is settled, whatever it is.
+fn write_any<const N: usize>() {
+    let last_write: LastWrite<N> = kani::any();
+    session::settles_any_write::<N>(&kani::any(), &last_write);
+    kani::cover!(matches!(last_write, LastWrite::Refused { .. }), "some writes are refused");
+}
 
 harnesses! {
-    /// Any parameters, valid or not, are judged; a session starts from any offsets, or refuses, and is then valid.
-    total_start [minisat, unwind 5] {
-        let parameters: Parameters<AXES> = kani::any();
-        if let Ok(config) = Config::new(parameters) {
-            let start: Start<AXES> = kani::any();
-            session::starts_as_told(config, &start);
-            kani::cover!(start.stop_latched, "some stops are latched");
-        }
-    }
-    /// The fate of the last references is settled, whatever it is.
-    total_write [minisat, unwind 5] {
-        let last_write: LastWrite<AXES> = kani::any();
-        session::settles_any_write::<AXES>(&kani::any(), &last_write);
-        kani::cover!(matches!(last_write, LastWrite::Refused { .. }), "some writes are refused");
-    }
+    total_start [minisat, unwind 5] { start_any::<3>(); }
+    total_start_of_six [minisat, unwind 8] { start_any::<6>(); }
+    total_write [minisat, unwind 5] { write_any::<3>(); }
+    total_write_of_six [minisat, unwind 8] { write_any::<6>(); }
     /// Events are classified one after the other; there is room for every refusal.
     total_hear [minisat, unwind 5] {
         let session: Session<1> = kani::any();

@@ -29,6 +29,10 @@ harnesses! {
         stand_in::choose_bit(kani::any());
         session::order_is_of_the_decision(&any_input::<AXES>());
     }
+    session_of_6_axes_orders_what_is_decided [minisat, unwind 8, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped)] {
+        stand_in::choose_bit(kani::any());
+        session::order_is_of_the_decision(&any_input::<6>());
+    }
     session_axis_of_many_stays_valid [minisat, unwind 3] {
         let config: Config<1> = kani::any();
         let ([axis], discrete, rules) = (config.parameters().axes, kani::any::<FsmState>(), kani::any::<Rules>());

@@ -81,7 +81,9 @@ mod on_a_copy {
     }
 
     /// File, text in it, replacement, and what `check` says then.
-    const CASES: &str = r#"proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "ramp" ~ channel_ramp_is_exact: in the source, not in the manifest
+    const CASES: &str = r#"proofs/composition.md ~ | three axes | `total_start` ~ | six axes | `total_start` ~ total_start is of three axes
+proofs/composition.md ~ `total_write_of_six` ~ `total_write_of_seven` ~ total_write_of_seven is not a row
+proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "ramp" ~ channel_ramp_is_exact: in the source, not in the manifest
 proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "ramp" ~ ramp: in the manifest, not in the source
 proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "channel_ramp_is_bounded" ~ channel_ramp_is_bounded: stands twice
 proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = [] ~ motors_paired_are_equal: proves no theorem
