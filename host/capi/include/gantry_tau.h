@@ -140,10 +140,10 @@
 // The drives took the references of the last tick. Also the value for the first tick.
 #define GT_WRITE_ACCEPTED 1
 
-// The drives did not take them; they were read back and have the values of `in_force`.
+// The drives did not take them, which stops; they were read back and have the values of `in_force`.
 #define GT_WRITE_REFUSED 2
 
-// The drives did not take them, and cannot be read back.
+// The drives did not take them, which stops, and cannot be read back.
 #define GT_WRITE_UNKNOWN 3
 
 // Result of a call: 0 for success, else the error; gt_error has its details. Axes, arms, links and motors count from 0.
@@ -1114,7 +1114,7 @@ gt_code gt_server_tick(struct gt_server *server,
                        struct gt_error *error);
 
 // Takes note that the drives did not take the references of the last tick: its State then reports the values that are still in force.
-// Call it before gt_server_poll_transmit; `last_write` tells the next tick.
+// Call it before gt_server_poll_transmit. `last_write` tells the next tick; GT_WRITE_ACCEPTED is then taken for GT_WRITE_UNKNOWN.
 gt_code gt_server_write_refused(struct gt_server *server);
 
 // `at_zero` receives 1 if the drives took references without offsets in the last tick, so that the program may end; else 0. After a refused

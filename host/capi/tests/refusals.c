@@ -238,7 +238,7 @@ static void servers(void)
     input.last_write = GT_WRITE_REFUSED;
     input.in_force[5].offsets.position_nm = -250;
     EXPECT(OK, gt_server_tick(server, &input, &output, &error));
-    REFUSE(!output.write || output.state.phase != GT_PHASE_SAFE_DISCONNECT || output.motors[5].position_nm != -150)
+    REFUSE(!output.write || output.state.phase != GT_PHASE_FAULT || output.motors[5].position_nm != -150)
     /* Refused again: the program must not end, and the next State says what is in force. */
     EXPECT(OK, gt_server_write_refused(server));
     EXPECT(OK, gt_server_is_at_zero(server, &at_zero));
@@ -250,7 +250,10 @@ static void servers(void)
     input.last_write = GT_WRITE_UNKNOWN;
     EXPECT(OK, gt_server_tick(server, &input, &output, &error));
     REFUSE(output.write)
+    /* Only a read-back ends that. */
     input.last_write = GT_WRITE_ACCEPTED;
+    EXPECT(OK, gt_server_tick(server, &input, &output, &error));
+    REFUSE(output.write)
 
     /* A server without a black box. */
     config.black_box_ticks = GT_BLACK_BOX_NONE;
