@@ -86,7 +86,8 @@ impl ChannelProperty for Shadow {
     }
 }
 
-/// T1, T2, T3 for one channel in force of an axis, whatever the command; and the drive receives what the channel says.
+/// T1, T2, T3 for one channel in force of an axis, whatever the command; and the drive receives what the channel says, on top of this tick's
+/// nominal reference.
 pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfig, kind: Kind) {
     let mut after = *before;
     let (reference, _) = after.act(command, config);
@@ -99,6 +100,12 @@ pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfi
     let inside = travel.lower <= reference.position && reference.position <= travel.upper;
     assert!(inside, "T3: inside the travel");
     let offsets = after.channels.offsets();
+    let sum = i128::from(command.nominal.0) + i128::from(offsets.position.0);
+    let clamped = sum.max(travel.lower.0.into()).min(travel.upper.0.into());
+    assert!(
+        i128::from(reference.position.0) == clamped,
+        "T3: the reference is nominal plus offset, clamped to the travel"
+    );
     assert!(
         reference.velocity_offset == offsets.velocity && reference.torque_offset == offsets.torque,
         "the drive receives the channel"

