@@ -16,12 +16,13 @@ pub fn choose_bit(bit: u32) {
     BIT.store(bit, Ordering::Relaxed);
 }
 
-/// Comparison of a nominal reference with its limit, which is a product of two unknowns: an unknown bit of the arguments.
+/// Comparison of a nominal reference with its limit, which is a product of two unknowns: an unknown bit of the arguments. One that stands still is
+/// within any limit.
 #[must_use]
 pub fn nominal_stepped(from: PositionNm, to: PositionNm, axis: &AxisConfig, cycles: u32) -> bool {
     let limit = i64::from(axis.nominal_step_nm).rotate_left(32);
     let mixed = from.0 ^ to.0.rotate_left(16) ^ limit ^ i64::from(cycles);
-    mixed.rotate_right(BIT.load(Ordering::Relaxed)) & 1 == 1
+    from != to && mixed.rotate_right(BIT.load(Ordering::Relaxed)) & 1 == 1
 }
 
 /// Chooses the byte that [`checksum`] depends on, and a key.
