@@ -44,7 +44,7 @@ pub fn takes_anything<const N: usize, const MOTORS: usize>(
 /// common budget. A session that has an owner can hear from it, or of its end.
 pub fn inbox_has_room<const N: usize, const MOTORS: usize>(endpoint: &Endpoint<N, MOTORS>) {
     let Some(owner) = endpoint.session().owner() else { return };
-    let has_closed = inbox(endpoint).iter().any(|event| *event == (owner, Event::Closed));
+    let has_closed = inbox(endpoint).contains(&(owner, Event::Closed));
     assert!(is_open(endpoint, owner) || has_closed, "T25: an owner is connected, or its end is known");
     assert!(!is_open(endpoint, owner) || inbox(endpoint).len() < EVENTS, "T25: an event of the owner finds room");
 }
@@ -80,7 +80,7 @@ pub fn feeds<const N: usize, const MOTORS: usize>(
     at: usize,
 ) {
     let owner = endpoint.session().owner();
-    let (length, before) = (inbox(endpoint).len(), inbox(endpoint).get(at).cloned());
+    let (length, before) = (inbox(endpoint).len(), inbox(endpoint).get(at).copied());
     let _ = endpoint.feed(connection, bytes);
     assert!(endpoint.is_valid(), "T25: a read keeps the invariant");
     let after = inbox(endpoint).get(at);
@@ -91,9 +91,7 @@ pub fn feeds<const N: usize, const MOTORS: usize>(
     } else {
         // One that is closed takes its own back, so that others may move forward.
         let of = |which: Connection| inbox(endpoint).iter().filter(|(from, _)| *from == which).count();
-        let is_kept = before.is_none_or(|(from, event)| {
-            from == connection || inbox(endpoint).iter().any(|kept| *kept == (from, event.clone()))
-        });
+        let is_kept = before.is_none_or(|(from, event)| from == connection || inbox(endpoint).contains(&(from, event)));
         assert!(is_kept, "T25: events of others stand");
         assert!(inbox(endpoint).len() <= length + of(connection), "T25: only its own are added");
     }
