@@ -144,7 +144,7 @@ fn draw() -> impl Strategy<Value = Draw> {
 fn bodies_are_canonical<const N: usize>(draw: &mut Draw, at: usize, value: u8) {
     fn judge<B: Body + PartialEq>(kind: Kind, body: &B, at: usize, value: u8) {
         body_survives(body);
-        frame_survives(kind, body);
+        frame_survives(kind, body, at);
         let mut bytes = vec![0; B::LENGTH];
         body.write(&mut bytes).unwrap();
         body_is_canonical::<B>(&bytes).unwrap();
