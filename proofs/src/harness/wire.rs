@@ -2,7 +2,7 @@
 
 use gantry_tau_core::control::message::{Command, Hello, Refusal, State, Welcome};
 use gantry_tau_core::control::wire::{
-    Body, Collector, ContentError, Frame, FrameError, HEADER_LEN, Kind, MAX_BODY, MAX_FRAME, PROTOCOL_VERSION,
+    Body, Collector, ContentError, Frame, FrameError, HEADER_LEN, Kind, MAX_BODY, MAX_FRAME, PROTOCOL_VERSION, Short,
     TRAILER_LEN, decode_client, decode_server,
 };
 use gantry_tau_core::units::Epoch;
