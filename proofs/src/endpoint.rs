@@ -2,7 +2,7 @@
 
 use gantry_tau_core::control::endpoint::{Endpoint, FRAMES, Transport};
 use gantry_tau_core::control::session::{Connection, EVENTS, Event, LastWrite, Record, TickInput};
-use gantry_tau_core::verification::control::{Internals, inbox, is_open};
+use gantry_tau_core::verification::control::{Internals, Slot, inbox, is_open};
 
 use crate::axis::{Bounded, Kind};
 
@@ -97,13 +97,18 @@ pub fn feeds<const N: usize, const MOTORS: usize>(
     }
 }
 
-/// T25: a tick, whatever the session makes of it, keeps the invariant and empties the inbox; an owner without a connection is closed next.
-pub fn ticks<const N: usize, const MOTORS: usize>(endpoint: &mut Endpoint<N, MOTORS>, input: &TickInput<N>) {
-    let _ = endpoint.tick(input);
-    assert!(endpoint.is_valid(), "T25: a tick keeps the invariant");
-    let owner = endpoint.session().owner();
-    let only_closed = inbox(endpoint).iter().all(|(from, event)| owner == Some(*from) && *event == Event::Closed);
-    assert!(inbox(endpoint).len() <= 1 && only_closed, "T25: a tick takes every event");
+/// T25, one connection: every event of an owner is counted, so that its events before a tick are as many as it was read for, and at most 10.
+/// With its Closed and the five of all others that is what the inbox has room for.
+pub fn events_are_counted(slot: &Slot, bytes: &[u8]) {
+    let mut after = slot.clone();
+    let taken = after.take::<1>(bytes, true);
+    let (event, consumed) = taken.unwrap_or((None, 0));
+    assert!(after.is_valid(), "T25: a connection stays within its budget");
+    assert!(consumed <= bytes.len(), "T25: no more is consumed than given");
+    let posted = usize::from(event.is_some());
+    assert!(slot.most_events() + posted <= after.most_events(), "T25: every event is counted");
+    assert!(after.most_events() <= 10, "T25: an owner has at most ten events");
+    assert!(after.is_read() || after.closing, "T25: a connection is read until it closes");
 }
 
 /// A tick; T1 for every axis, T10, and no more frames than a tick has.

@@ -1,6 +1,7 @@
 //! Rooms of a session's tick, of a client, and of a monitor.
 
 pub use crate::control::client::dialogue::{Dialogue, Granted, Last, Stage};
+pub use crate::control::endpoint::slot::Slot;
 pub use crate::control::monitor::axis::AxisMonitor;
 pub use crate::control::monitor::trace::{Bounds, Breach, Motion, Trace};
 pub use crate::control::monitor::{Parts as MonitorParts, Seen};

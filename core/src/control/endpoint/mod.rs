@@ -11,7 +11,7 @@
 #[cfg(test)]
 pub(crate) mod bench;
 mod motors;
-mod slot;
+pub(crate) mod slot;
 
 use core::fmt;
 
@@ -41,6 +41,9 @@ pub const FRAMES: usize = REFUSALS + 2;
 const NON_OWNER_EVENTS: u8 = 5;
 /// Events of the owner that reach a tick: its frames, the flood or broken stream after them, one Stop behind a flood, its closing.
 const OWNER_EVENTS: usize = 11;
+#[expect(clippy::as_conversions, reason = "u8 to usize is lossless; `From` is not const")]
+const _: () =
+    assert!(OWNER_EVENTS.saturating_add(NON_OWNER_EVENTS as usize) <= EVENTS, "the inbox has room for every event");
 
 /// Error of [`Endpoint::open`]: all [`CONNECTIONS`] are in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -420,39 +423,6 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         if !connected {
             self.post(owner, Event::Closed);
         }
-    }
-}
-
-/// Any valid endpoint: any connections, any events in the inbox.
-#[cfg(kani)]
-impl<const N: usize, const MOTORS: usize> kani::Arbitrary for Endpoint<N, MOTORS> {
-    fn any() -> Self {
-        let (open, waiting): (usize, usize) = (kani::any(), kani::any());
-        let mut endpoint = Self {
-            session: kani::any(),
-            motors: MotorMap::FIRST,
-            slots: Vec::new(),
-            input: Input { tick: kani::any(), epochs: kani::any(), events: Vec::new() },
-            non_owner_events: kani::any(),
-            next_connection: kani::any(),
-            output: None,
-            refused: kani::any(),
-            transmit: Transmit::Done,
-            frame: FrameBytes::EMPTY,
-        };
-        for index in 0..CONNECTIONS {
-            if index < open {
-                endpoint.slots.push(kani::any()).unwrap_or(());
-            }
-        }
-        for index in 0..EVENTS {
-            if index < waiting {
-                endpoint.input.events.push(kani::any()).unwrap_or(());
-            }
-        }
-        kani::assume(endpoint.is_valid());
-        kani::cover!(endpoint.input.events.len() == EVENTS, "a full inbox");
-        endpoint
     }
 }
 

@@ -41,10 +41,6 @@ impl fmt::Display for MotorMapError {
 impl core::error::Error for MotorMapError {}
 
 impl<const N: usize, const MOTORS: usize> MotorMap<N, MOTORS> {
-    /// Every motor has the first axis.
-    #[cfg(kani)]
-    pub(super) const FIRST: Self = Self { axis_of_motor: [0; MOTORS] };
-
     /// Checks a map from motors to axes.
     ///
     /// # Errors

@@ -21,26 +21,30 @@ const NON_OWNER_FRAMES: u8 = 1;
 /// State of one connection.
 #[derive(Clone, Debug)]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
-pub(super) struct Slot {
-    pub(super) connection: Connection,
-    pub(super) transport: Transport,
+pub struct Slot {
+    /// Its name.
+    pub connection: Connection,
+    /// Carrier of its frames.
+    pub transport: Transport,
     deframer: Deframer,
     /// Frames taken since the last tick.
-    pub(super) frames: u8,
+    pub frames: u8,
     /// The owner has exceeded its frames; only a Stop is still accepted.
     over_budget: bool,
     /// Nothing more is read, and the connection is closed after the coming tick.
-    pub(super) closing: bool,
+    pub closing: bool,
     /// The connection has no further use and waits for [`super::Endpoint::poll_close`].
-    pub(super) closed: bool,
+    pub closed: bool,
     /// The peer uses another version of the protocol and is to be told so.
-    pub(super) version_mismatch: bool,
+    pub version_mismatch: bool,
     /// Ticks without owning the session.
     idle_ticks: u32,
 }
 
 impl Slot {
-    pub(super) const fn new(connection: Connection, transport: Transport) -> Self {
+    /// A new connection.
+    #[must_use]
+    pub const fn new(connection: Connection, transport: Transport) -> Self {
         Self {
             connection,
             transport,
@@ -55,31 +59,31 @@ impl Slot {
     }
 
     /// The invariant: the deframer is valid, and no more frames were read than the budget allows.
-    pub(super) fn is_valid(&self) -> bool {
+    pub fn is_valid(&self) -> bool {
         self.deframer.is_valid() && self.frames <= OWNER_FRAMES
     }
 
     /// Largest number of events of this connection in the inbox while it owns the session: its frames, the flood after them, and a Stop behind
     /// a flood or a broken stream. Of a closed one that it is closed.
-    pub(super) fn most_events(&self) -> usize {
+    pub fn most_events(&self) -> usize {
         let [flood, last] = [self.over_budget, self.closing].map(usize::from);
         if self.closed { 1 } else { usize::from(self.frames).saturating_add(flood).saturating_add(last) }
     }
 
     /// True if bytes of this connection are still read.
-    pub(super) const fn is_read(&self) -> bool {
+    pub const fn is_read(&self) -> bool {
         !self.closing && !self.closed
     }
 
     /// Begins a tick: restores the budget, and closes what is over budget or has not owned the session for `patience` ticks.
-    pub(super) fn begin_tick(&mut self, is_owner: bool, patience: u32) {
+    pub fn begin_tick(&mut self, is_owner: bool, patience: u32) {
         self.frames = 0;
         self.idle_ticks = if is_owner { 0 } else { self.idle_ticks.saturating_add(1) };
         self.closing |= self.over_budget || self.idle_ticks > patience;
     }
 
     /// Takes one frame's worth of bytes. Returns the event that it makes, if any, and the bytes taken; `None` for an incomplete frame.
-    pub(super) fn take<const N: usize>(&mut self, bytes: &[u8], is_owner: bool) -> Option<(Option<Event<N>>, usize)> {
+    pub fn take<const N: usize>(&mut self, bytes: &[u8], is_owner: bool) -> Option<(Option<Event<N>>, usize)> {
         if self.transport == Transport::Datagram {
             let event = match Frame::parse(bytes) {
                 Ok(frame) => event(&frame),

@@ -1,5 +1,6 @@
 //! A monitor beside a real session: no alarm on anything that the session does, and an alarm by name on everything that it must not do.
 
+use std::format;
 use std::string::ToString;
 use std::vec::Vec as StdVec;
 
@@ -329,4 +330,32 @@ fn violations_say_where_and_how_much() {
             "axis 0, position: reference is 13001 nm; expected inside the travel, which ends at 13000 nm",
         ]
     );
+}
+
+#[test]
+fn a_violation_names_axis_channel_rule_and_both_numbers() {
+    let cases = [
+        (ChannelKind::Position, Rule::Max, "position: offset is -9 nm; expected at most 8 nm"),
+        (ChannelKind::Velocity, Rule::Step, "velocity: offset changed by -9 um/s; expected at most 8 um/s"),
+        (
+            ChannelKind::Torque,
+            Rule::Accel,
+            "torque: change of the offset changed by -9 per mille; expected at most 8 per mille",
+        ),
+        (ChannelKind::Position, Rule::Ramp, "position: offset changed on its ramp by -9 nm; expected exactly 8 nm"),
+        (ChannelKind::Position, Rule::Hold, "position: held offset changed by -9 nm; expected exactly 8 nm"),
+        (ChannelKind::Position, Rule::Zero, "position: offset before Obtain is -9 nm; expected exactly 8 nm"),
+        (ChannelKind::Position, Rule::Shadow, "position: shadow is -9 nm; expected at most 8 nm"),
+        (ChannelKind::Position, Rule::Reference, "position: reference is -9 nm; expected exactly 8 nm"),
+        (
+            ChannelKind::Position,
+            Rule::Travel,
+            "position: reference is -9 nm; expected inside the travel, which ends at 8 nm",
+        ),
+        (ChannelKind::Position, Rule::ReferenceStep, "position: reference changed by -9 nm; expected at most 8 nm"),
+    ];
+    for (channel, rule, text) in cases {
+        let violation = Violation { axis: 2, channel, rule, limit: 8, found: -9 };
+        assert_eq!(violation.to_string(), format!("axis 2, {text}"));
+    }
 }

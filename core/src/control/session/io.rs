@@ -185,26 +185,3 @@ pub struct Output<const N: usize> {
     /// Cause of an end of a session, or of a stop, in this tick.
     pub ended: Option<Cause>,
 }
-
-/// Any output with up to two refusals.
-#[cfg(kani)]
-impl<const N: usize> kani::Arbitrary for Output<N> {
-    fn any() -> Self {
-        let mut refusals = Refusals::new();
-        for _ in 0..2 {
-            if kani::any() {
-                refusals.push(kani::any()).unwrap_or(());
-            }
-        }
-        Self {
-            references: kani::any(),
-            withheld: kani::any(),
-            state: kani::any(),
-            owner: kani::any(),
-            welcome: kani::any(),
-            refusals,
-            close: kani::any(),
-            ended: kani::any(),
-        }
-    }
-}
