@@ -71,6 +71,23 @@ pub(crate) fn unproved(root: &Path, manifest: &Manifest) -> Result<Vec<String>, 
     Ok(said)
 }
 
+/// Checks of verified harnesses that no caught mutant makes fail: a proof of them may be of nothing.
+pub(crate) fn untried(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
+    let (results, sources) = (Results::load(root)?, Sources::read(root)?);
+    let (mut fell, mut stated) = (BTreeSet::new(), BTreeSet::new());
+    for job in prove::jobs(manifest) {
+        let Standing::Current(entry) = results.standing(&sources, job) else { continue };
+        match job.mutant {
+            Some(_) => fell.extend(entry.fell.iter().cloned()),
+            None => stated.extend(entry.states.iter().map(|text| (text.clone(), job.name().to_owned()))),
+        }
+    }
+    // One of several harnesses with this check is enough.
+    let mut open = stated.into_iter().filter(|(text, _)| !fell.contains(text)).collect::<Vec<_>>();
+    open.dedup_by(|next, one| next.0 == one.0);
+    Ok(open.into_iter().map(|(text, name)| format!("UNTRIED: \"{text}\" of {name}: no mutant makes it fail")).collect())
+}
+
 /// Lines of tables that say "proved" of a theorem without results.
 fn claims(path: &str, text: &str, open: &BTreeSet<&str>) -> Vec<String> {
     let mut said = Vec::new();

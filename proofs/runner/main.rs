@@ -173,6 +173,7 @@ fn files_agree(root: &Path, manifest: &Manifest) -> Result<(), Failure> {
 fn results_exist(root: &Path, manifest: &Manifest, strict: bool) -> Result<(), Failure> {
     let unproved = check::unproved(root, manifest)?;
     unproved.iter().for_each(|line| println!("{line}"));
+    check::untried(root, manifest)?.iter().for_each(|line| println!("{line}"));
     if strict && !unproved.is_empty() {
         let message = "check --strict: not every row has a result on this source; `prove --stale --tier full`";
         return Err(Failure(exit::STALE, message.to_owned()));

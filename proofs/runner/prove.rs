@@ -183,6 +183,7 @@ fn entry(job: Job<'_>, findings: &Findings, objection: Option<String>, sources: 
         checks,
         covers,
         states: findings.stated().into_iter().map(str::to_owned).collect(),
+        fell: findings.fell().into_iter().filter(|_| job.mutant.is_some()).map(str::to_owned).collect(),
         kani: unknown(),
         cbmc: findings.cbmc.map_or_else(unknown, str::to_owned),
         rustc: unknown(),

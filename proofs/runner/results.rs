@@ -35,6 +35,9 @@ pub(crate) struct Entry {
     pub(crate) covers: usize,
     /// Texts of the proofs' own assertions that are reached and hold.
     pub(crate) states: Vec<String>,
+    /// Of a mutant: texts of those that fail.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) fell: Vec<String>,
     /// Versions that ran.
     pub(crate) kani: String,
     pub(crate) cbmc: String,

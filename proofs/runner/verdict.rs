@@ -179,8 +179,17 @@ impl<'a> Findings<'a> {
 
     /// Texts of the stated checks that hold.
     pub(crate) fn stated(&self) -> BTreeSet<&'a str> {
-        let holds = self.checks.iter().filter(|check| check.is_stated() && check.status == "SUCCESS");
-        holds.map(|check| check.text.trim_matches('"')).collect()
+        self.stated_as("SUCCESS")
+    }
+
+    /// Texts of the stated checks that fail.
+    pub(crate) fn fell(&self) -> BTreeSet<&'a str> {
+        self.stated_as("FAILURE")
+    }
+
+    fn stated_as(&self, status: &str) -> BTreeSet<&'a str> {
+        let such = self.checks.iter().filter(|check| check.is_stated() && check.status == status);
+        such.map(|check| check.text.trim_matches('"')).collect()
     }
 
     /// Number of checks that hold, and of covers that are reached.
