@@ -84,7 +84,8 @@ fn family(root: &Path, name: &str, mut hash: Hash) -> Result<Hash, String> {
             texts.insert(name, text);
         }
     }
-    let with_model = texts.values().any(|text| words(text).any(|word| word == "model"));
+    // A path; the word alone may stand in a text.
+    let with_model = texts.values().any(|text| text.contains("model::") || text.contains("::model"));
     wing(&root.join("core/src/lib.rs"), with_model, &mut texts)?;
     for (name, text) in &texts {
         hash.add(name.trim_start_matches(&root.display().to_string()));
