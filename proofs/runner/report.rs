@@ -154,8 +154,10 @@ pub(crate) fn shown(readme: &str, manifest: &Manifest, results: &Results, cells:
         Some(entry) => [STALE, NOT_RUN, FAILED].contains(&cell) || cell == taken(job.mutant, entry.seconds),
     };
     let mut cells = cells;
+    // The text before the table may name a row as well.
+    let table = readme.split_once(BEGIN).map_or("", |(_, rest)| rest);
     for job in prove::jobs(manifest) {
-        let rest = readme.split_once(&format!("`{}`", job.name())).map(|(_, rest)| rest);
+        let rest = table.split_once(&format!("`{}`", job.name())).map(|(_, rest)| rest);
         let cell = rest.and_then(|rest| rest.split([',', '|']).next()).map(str::trim);
         if let Some(cell) = cell.filter(|cell| justified(&job, cell)) {
             cells.insert(job.name().to_owned(), cell.to_owned());
