@@ -111,9 +111,8 @@ fn named(line: &str) -> BTreeSet<String> {
         line.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
     let mut found: BTreeSet<u32> = words.iter().filter_map(|word| number(word)).collect();
     for part in words.windows(3) {
-        if let [first, "to", last] = part
-            && let (Some(first), Some(last)) = (number(first), number(last))
-        {
+        let [first, "to", last] = part else { continue };
+        if let (Some(first), Some(last)) = (number(first), number(last)) {
             found.extend(first..=last);
         }
     }
