@@ -1,4 +1,4 @@
-//! What a user reads when something is wrong: every error of the control half names what, where and why.
+//! Texts of errors: every one of the control half names what, where and why.
 
 use std::error::Error;
 

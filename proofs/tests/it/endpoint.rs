@@ -4,12 +4,12 @@ use crate::any;
 
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
-use gantry_tau_core::control::message::{ClientMessage, Command, Hello, Mode, Phase};
+use gantry_tau_core::control::message::{Capabilities, ClientMessage, Command, Hello, Mode, Phase};
 use gantry_tau_core::control::session::{Connection, Event, Input, NoRecorder, Session, Start};
 use gantry_tau_core::control::wire::encode_client;
-use gantry_tau_core::units::{EpochRange, PositionNm, Sequence};
-use gantry_tau_core::verification::control::Internals;
-use gantry_tau_proofs::endpoint::{EndpointOp, takes_anything};
+use gantry_tau_core::units::{Epoch, EpochRange, PositionNm, Sequence};
+use gantry_tau_core::verification::control::{Internals, Slot};
+use gantry_tau_proofs::endpoint::{EndpointOp, events_are_counted, takes_anything};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -88,6 +88,29 @@ proptest! {
                 takes_anything(&mut endpoint, &op, &mut NoRecorder);
             }
             while endpoint.poll_close().is_some() {}
+        }
+    }
+
+    /// An owner's connection by itself, beyond its budget: a Stop, another frame, noise, or a tick.
+    #[test]
+    fn one_connection(
+        stream: bool, steps in vec((0..24_u8, vec(any::<u8>(), 0..12)), 0..60), patience in 0..4_u32,
+    ) {
+        let mut slot = Slot::new(Connection(0), if stream { Transport::Stream } else { Transport::Datagram });
+        for (kind, noise) in steps {
+            let bytes = match kind {
+                0..4 => frames(&[ClientMessage::Stop(Epoch(1))]),
+                4..20 => frames(&[ClientMessage::Hello(Hello { axes: 2, capabilities: Capabilities(0) })]),
+                20..22 => noise,
+                _ => {
+                    slot.begin_tick(noise.len() < 6, patience);
+                    continue;
+                }
+            };
+            if slot.is_read() {
+                events_are_counted(&slot, &bytes);
+                let _ = slot.take::<2>(&bytes, true);
+            }
         }
     }
 }
