@@ -6,15 +6,16 @@ use gantry_tau_core::units::{ChannelUnit, OffsetNm};
 /// Channel of position offsets; the arithmetic of the others is the same.
 pub type Position = Channel<OffsetNm>;
 
-/// T1, T2, T3 and the invariant, for any two values of a channel that follow each other.
+/// T1, T2, T3 and the invariant, for any two values of a channel that follow each other. A check that fails ends the path, so the theorems
+/// stand before the invariant, which implies T3.
 pub fn change_is_bounded<U: ChannelUnit>(before: Channel<U>, after: Channel<U>, limits: &Limits<U>) {
-    assert!(after.is_valid(limits), "the invariant is kept");
     let change = i64::from(after.count()) - i64::from(before.count());
-    assert!(change == i64::from(after.change()), "the change is what changed");
     assert!(change.abs() <= i64::from(limits.step()), "T1: |change| <= S");
+    assert!(limits.admits(after.value()), "T3: |value| <= M");
+    assert!(after.is_valid(limits), "the invariant is kept");
+    assert!(change == i64::from(after.change()), "the change is what changed");
     let bend = change - i64::from(before.change());
     assert!(bend.abs() <= i64::from(limits.accel()), "T2: |change of change| <= A");
-    assert!(limits.admits(after.value()), "T3: |value| <= M");
 }
 
 /// T5, for one step.
@@ -26,10 +27,10 @@ pub fn ramp_is_exact(before: Position, limits: &Limits<OffsetNm>) {
 /// The magnitude is the measure that decreases until it is zero.
 pub fn is_ramp_step<U>(before: Channel<U>, after: Channel<U>, limits: &Limits<U>) {
     let (from, to) = (before.count().unsigned_abs(), after.count().unsigned_abs());
-    assert!(to == from - from.min(limits.ramp()), "T5: exactly min(rho, |value|)");
     let same_side = after.count() == 0 || (after.count() > 0) == (before.count() > 0);
     assert!(same_side, "T5: never past zero");
     assert!(to < from || from == 0, "T5: the measure decreases");
+    assert!(to == from - from.min(limits.ramp()), "T5: exactly min(rho, |value|)");
 }
 
 /// T5's count and T22, without a quotient: whatever bounds a magnitude before a ramp step, less `rho` bounds it after, from above and from
