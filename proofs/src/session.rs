@@ -230,7 +230,7 @@ pub fn authority_needs_zero<const N: usize>(input: &StepInput<N>) {
     }
     assert!(
         output.welcome == after.owner() && after.phase() == Phase::Handshake,
-        "T6: peer is welcomed owns the session"
+        "T6: who is welcomed owns the session"
     );
 }
 
