@@ -83,9 +83,9 @@ pub fn records_a_step<const HALF: usize>(recorder: &mut Numbered<HALF>, latest: 
 pub fn releases<const HALF: usize>(recorder: &mut Numbered<HALF>, next: u8, ends: bool) {
     recorder.release();
     assert!(recorder.is_valid() && !recorder.is_frozen(), "T11: released, it records");
-    assert!(recorder.before().is_none() && recorder.left().is_none(), "T11: released, it is empty");
     let latest = next.wrapping_sub(1);
     assert!(numbered_up_to(recorder, latest) == Some(0), "T11: released, it holds no step");
+    assert!(recorder.before().is_none() && recorder.left().is_none(), "T11: released, it is empty");
     recorder.before_tick(&latest);
     recorder.after_tick(&(), &next, ends);
     let begins = recorder.before() == Some(&latest) && numbered_up_to(recorder, next) == Some(1);

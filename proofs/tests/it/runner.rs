@@ -89,9 +89,9 @@ proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "channel_ramp_is_
 proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = [] ~ motors_paired_are_equal: proves no theorem
 proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = ["T1"] ~ T10: no harness proves a part of it
 proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = ["T16"] ~ T16 is not a theorem
-proofs/mutants.toml ~ harness = "motors_paired_are_equal" ~ harness = "motors" ~ its harness motors is not in the manifest
-proofs/mutants.toml ~ harness = "motors_paired_are_equal" ~ harness = "total_start" ~ family motors: no mutant tries any
-proofs/mutants.toml ~ fails = "T5: exactly min(rho, |value|)" ~ fails = "" ~ names no check that must fail
+proofs/mutants.toml ~ harness = "endpoint_events_are_counted" ~ harness = "endpoint" ~ its harness endpoint is not in the manifest
+proofs/mutants.toml ~ harness = "endpoint_events_are_counted" ~ harness = "total_start" ~ family endpoint: no mutant tries any
+proofs/mutants.toml ~ fails = "T5: never past zero" ~ fails = "" ~ names no check that must fail
 proofs/mutants.toml ~ new = "let rest = u32::MAX;" ~ new = "let rest = self.value.unsigned_abs();" ~ changes nothing
 core/src/control/channel.rs ~ let rest = self.value.unsigned_abs(); ~ let rest = 0; ~ occurs 0 times in core/src/control/channel.rs, expected once
 core/src/control/channel.rs ~ //! ~ //! let rest = self.value.unsigned_abs(); ~ occurs 2 times
@@ -186,7 +186,7 @@ proofs/README.md ~ `motors_paired_are_equal` ~ `motors_paired_are_equal` 77, ~ t
         assert!(out(&output).contains("Kani 0.57.0 is not the one that proofs/kani-version names, 0.68.0"));
         let proof = row(&toy, NAMES[1]);
         assert_eq!((&proof["verdict"], &proof["seconds"]), (&"verified".into(), &0.05.into()));
-        assert_eq!((&proof["checks"], &proof["covers"]), (&2.into(), &2.into()));
+        assert_eq!((&proof["checks"], &proof["covers"]), (&3.into(), &2.into()));
         assert_eq!(proof["states"], serde_json::json!(["T5: fine", "T5: one instance is enough"]));
         assert_eq!((&proof["kani"], &proof["cbmc"]), (&"0.57.0".into(), &"6.6.0".into()));
         assert_eq!(row(&toy, NAMES[2])["verdict"], "caught");
@@ -241,7 +241,7 @@ proofs/README.md ~ `motors_paired_are_equal` ~ `motors_paired_are_equal` 77, ~ t
     }
 
     /// Rows of Kani's behaviour for a harness, its behaviour for the mutant, and the objection of the runner.
-    const OBJECTIONS: &str = "FAILED ~ FAILED ~ failed: T5: exactly min(rho, |value|)
+    const OBJECTIONS: &str = "FAILED ~ FAILED ~ failed: T5: never past zero
 recorded unwinding; exit 1 ~ FAILED ~ failed: unwinding assertion loop 0
 recorded unreached_cover ~ FAILED ~ 1 of 3 covers reached; not: never; not here
 recorded no_cover ~ FAILED ~ it has no cover
@@ -294,6 +294,7 @@ VERIFIED ~ recorded unwinding; exit 1 ~ failed for another reason";
             ("requires = [\"T5: fine\"]", VERIFIED, None),
             ("requires = [\"the end\"]", VERIFIED, None),
             ("requires = [\"T5: fin\"]", VERIFIED, Some("required, and not among its checks: T5: fin")),
+            ("requires = [\"assertion failed: iter.len() == N\"]", VERIFIED, Some("not among its checks")),
             ("leaves_out = [\"T5: fine\"]", VERIFIED, Some("not among the checks that are never reached: T5: fine")),
             ("leaves_out = [\"T5: fine\"]", unreached, Some("never reached: T5: one instance is enough")),
             ("leaves_out = [\"T5: fine\"]", PARTLY, None),
@@ -409,8 +410,8 @@ Cargo.lock ~ name = "heapless"\nversion = "0.8 ~ name = "heapless"\nversion = "0
         assert_eq!(row(&toy, NAMES[2]), mutant);
         let failed = row(&toy, NAMES[1]);
         assert_eq!(failed["verdict"], "failed");
-        assert_eq!(failed["objection"], "failed: T5: exactly min(rho, |value|)");
-        assert_eq!(standing(&toy, NAMES[1]), "failed: failed: T5: exactly min(rho, |value|))");
+        assert_eq!(failed["objection"], "failed: T5: never past zero");
+        assert_eq!(standing(&toy, NAMES[1]), "failed: failed: T5: never past zero)");
         assert!(toy.read("proofs/README.md").contains("`channel_ramp_is_exact` (failed)"));
         // Nothing else is left to prove of the two.
         let output = toy.run(&[&NAMES[..], &["--stale"]].concat());
@@ -471,8 +472,10 @@ Cargo.lock ~ name = "heapless"\nversion = "0.8 ~ name = "heapless"\nversion = "0
         assert!(said.contains("README.md:1: says \"proved\" of T2, T3, which"), "{said}");
         assert!(!said.contains("README.md:2"), "{said}");
         assert!(toy.run(&["prove", "--stale", "--tier", "full"]).status.success());
-        // The harness and its mutant, twice.
-        assert_eq!(toy.read("bin/arguments").matches("axis_shadow_is_bounded").count(), 4);
+        // The harness and its mutants, twice.
+        let name = "axis_shadow_is_bounded";
+        let mutants = texts("harness = ", "proofs/mutants.toml").iter().filter(|harness| *harness == name).count();
+        assert_eq!(toy.read("bin/arguments").matches(name).count(), 2 * (1 + mutants));
         assert_eq!(strict().status.code(), Some(0), "{}", out(&strict()));
     }
 
