@@ -11,6 +11,9 @@ use crate::results::{Results, Standing};
 use crate::sources::{self, Sources};
 use crate::{composition, files, flags, mutate, read, report, verdict};
 
+/// Folders of what is proved.
+const SOURCES: [&str; 2] = ["core/src/", "host/capi/src/"];
+
 /// Every harness of the source.
 fn declared() -> impl Iterator<Item = &'static Harness> {
     HARNESSES.iter().copied().flatten()
@@ -27,7 +30,7 @@ pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, Str
     wrong.extend(harnesses_agree(manifest));
     wrong.extend(mutants_apply(root, manifest));
     wrong.extend(families_are_tried(root, manifest)?);
-    for folder in ["core/src", "proofs/src"] {
+    for folder in SOURCES.iter().chain(&["proofs/src"]) {
         for path in files(&root.join(folder))? {
             let (path, text) = (path.display().to_string(), read(&path)?);
             wrong.extend(uncovered(&path, &text));
@@ -164,7 +167,7 @@ fn harnesses_agree(manifest: &Manifest) -> Vec<String> {
     wrong
 }
 
-/// Each mutant changes one place of core, and names a harness and a check.
+/// Each mutant changes one place of what is proved, and names a harness and a check.
 fn mutants_apply(root: &Path, manifest: &Manifest) -> Vec<String> {
     let mut wrong = Vec::new();
     for mutant in &manifest.mutants {
@@ -175,8 +178,8 @@ fn mutants_apply(root: &Path, manifest: &Manifest) -> Vec<String> {
         if mutant.fails.is_empty() {
             wrong.push(format!("{name}: names no check that must fail"));
         }
-        if mutant.old == mutant.new || !mutant.file.starts_with("core/src/") {
-            wrong.push(format!("{name}: changes nothing in core/src"));
+        if mutant.old == mutant.new || !SOURCES.iter().any(|folder| mutant.file.starts_with(folder)) {
+            wrong.push(format!("{name}: changes nothing in {}", SOURCES.join(" or ")));
         }
         wrong.extend(mutate::fits(root, mutant).err());
     }

@@ -52,14 +52,14 @@ pub(crate) struct Row {
     pub(crate) assumes: Vec<String>,
 }
 
-/// Core with one line wrong on purpose; its harness must fail.
+/// Core, or the C interface, with one line wrong on purpose; its harness must fail.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Mutant {
     pub(crate) name: String,
     /// The fault, in words.
     pub(crate) change: String,
-    /// Source of core, from the repository's root.
+    /// Source of core or of the C interface, from the repository's root.
     pub(crate) file: String,
     /// Text that stands exactly once in the file, and its replacement.
     pub(crate) old: String,

@@ -3,6 +3,7 @@
 //! A row depends on
 //! - the wing of core that its family names: all of it but `model`, or all of it;
 //! - the file of its family, the properties that file names, and those that they name;
+//! - the C interface, where these name it;
 //! - of the manifests and of Cargo.lock, the parts that concern core and what it is made of;
 //! - the row itself: its theorems and named checks; of a mutant, its fault;
 //! - the flags of Kani, and the rules of this program.
@@ -84,6 +85,9 @@ fn family(root: &Path, name: &str, mut hash: Hash) -> Result<Hash, String> {
             texts.insert(name, text);
         }
     }
+    if texts.values().any(|text| text.contains("gantry_tau_capi::")) {
+        interface(root, &mut texts)?;
+    }
     // A path; the word alone may stand in a text.
     let with_model = texts.values().any(|text| text.contains("model::") || text.contains("::model"));
     wing(&root.join("core/src/lib.rs"), with_model, &mut texts)?;
@@ -92,6 +96,17 @@ fn family(root: &Path, name: &str, mut hash: Hash) -> Result<Hash, String> {
         hash.add(text);
     }
     Ok(hash)
+}
+
+/// Adds the files of the C interface, and the manifest that compiles them for the proofs.
+fn interface(root: &Path, texts: &mut BTreeMap<String, String>) -> Result<(), String> {
+    for path in files(&root.join("host/capi/src"))? {
+        let name = path.strip_prefix(root).unwrap_or(&path).display().to_string();
+        texts.insert(name, significant(&read(&path)?).text);
+    }
+    let manifest = "proofs/capi/Cargo.toml";
+    texts.insert(manifest.to_owned(), read(&root.join(manifest))?);
+    Ok(())
 }
 
 /// Files of a module of the proofs; none if the name is not one of a module.

@@ -8,7 +8,7 @@
 //! cargo kani --lib --no-default-features -Z stubbing --harness channel_ramp_is_exact
 //! ```
 //!
-//! The theorems, T1 to T15 and T21 to T25, are listed and explained in this folder's README.
+//! The theorems, T1 to T15 and T21 to T26, are listed and explained in this folder's README.
 #![forbid(unsafe_code)]
 #![allow(
     clippy::arithmetic_side_effects,
@@ -26,6 +26,8 @@ extern crate kani;
 
 pub mod axis;
 pub mod blackbox;
+#[cfg(feature = "capi")]
+pub mod capi;
 pub mod channel;
 pub mod client;
 pub mod compensation;

@@ -14,7 +14,7 @@
 //!
 //! A C interface needs unsafe code; core forbids it. Every function takes its arguments through [`memory`], which refuses null and
 //! misaligned pointers, and handles without a live object of their type. The rest is the caller's promise, at the head of the header.
-#![cfg_attr(not(test), no_std)]
+#![cfg_attr(not(any(test, feature = "verification")), no_std)]
 #![cfg_attr(test, allow(clippy::arithmetic_side_effects, reason = "a test that overflows must panic"))]
 #![allow(
     non_camel_case_types,
@@ -49,6 +49,8 @@ pub mod machine;
 pub mod memory;
 pub mod sensor;
 pub mod server;
+#[cfg(feature = "verification")]
+pub mod verification;
 
 /// Version of this interface. It changes with every change to a type, a constant or the meaning of a function.
 pub const GT_ABI_VERSION: u32 = 3;
@@ -66,13 +68,14 @@ pub extern "C" fn gt_version() -> *const core::ffi::c_char {
     VERSION.as_ptr().cast()
 }
 
-#[cfg(not(test))]
+// The proofs and the tests bring the standard library, which has a panic handler.
+#[cfg(not(any(test, feature = "verification")))]
 unsafe extern "C" {
     fn gantry_tau_panic() -> !;
 }
 
 /// Never called: the function that it calls does not exist, so a library with a panic path does not link into any program.
-#[cfg(not(test))]
+#[cfg(not(any(test, feature = "verification")))]
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
     // SAFETY: never called; the symbol only marks that a panic is reachable.

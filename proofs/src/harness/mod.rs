@@ -100,6 +100,8 @@ use ::kani;
 mod axis;
 #[cfg(any(not(feature = "only"), feature = "blackbox"))]
 mod blackbox;
+#[cfg(feature = "capi")]
+mod capi;
 #[cfg(any(not(feature = "only"), feature = "channel"))]
 mod channel;
 #[cfg(any(not(feature = "only"), feature = "client"))]
@@ -134,6 +136,7 @@ mod wire;
 pub const HARNESSES: &[&[Harness]] = &[
     axis::HARNESSES,
     blackbox::HARNESSES,
+    capi::HARNESSES,
     channel::HARNESSES,
     client::HARNESSES,
     compensation::HARNESSES,

@@ -17,6 +17,7 @@ use crate::memory::{Reply, resized};
 /// Units: nm, um/s or per mille of rated torque, by the channel; per tick.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct gt_limits {
     /// M: largest magnitude; 0 disables the channel.
     pub max: i32,
@@ -31,6 +32,7 @@ pub struct gt_limits {
 /// Limits of one axis.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct gt_axis_config {
     /// Position offset, nm.
     pub position: gt_limits,
@@ -53,6 +55,7 @@ pub struct gt_axis_config {
 /// Configuration of a server. gt_server_config_thesis fills one.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct gt_server_config {
     /// Number of axes, 3 (L2) or 6 (F1). Of every array per axis, only the first `axes` entries are read.
     pub axes: u32,
@@ -83,6 +86,7 @@ pub struct gt_server_config {
 /// The external offsets of one axis.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct gt_offsets {
     /// Added to the position reference (CiA 402 object 60B0h), nm.
     pub position_nm: i32,
@@ -95,6 +99,7 @@ pub struct gt_offsets {
 /// Values in force at the drive of one axis.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct gt_in_force {
     /// Nominal reference, without offset, nm.
     pub nominal_nm: i64,
@@ -105,6 +110,7 @@ pub struct gt_in_force {
 /// State of the machine at the start of a server.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct gt_start {
     /// Values in force at the drives, read back from them. Nonzero offsets ramp to zero before a session is granted.
     pub in_force: [gt_in_force; GT_MAX_AXES],
@@ -181,7 +187,7 @@ impl gt_server_config {
     }
 
     /// Converts to core's configuration.
-    pub(super) fn checked<const N: usize>(&self) -> Reply<(Config<N>, MotorMap<N, GT_MAX_MOTORS>)> {
+    pub(crate) fn checked<const N: usize>(&self) -> Reply<(Config<N>, MotorMap<N, GT_MAX_MOTORS>)> {
         let mut axes = [AxisConfig::position_only(Limits::DISABLED, Travel::around_zero(0), 0); N];
         for (index, (place, axis)) in axes.iter_mut().zip(&self.axis).enumerate() {
             *place = axis.checked(index)?;
@@ -238,7 +244,7 @@ impl From<gt_in_force> for InForce {
 
 impl gt_start {
     /// Returns the session that starts there.
-    pub(super) fn session<const N: usize>(&self, config: Config<N>) -> Reply<Session<N>> {
+    pub(crate) fn session<const N: usize>(&self, config: Config<N>) -> Reply<Session<N>> {
         let start = Start { in_force: in_force(&self.in_force), stop_latched: self.stop_latched != 0 };
         Ok(Session::new(config, &start)?)
     }

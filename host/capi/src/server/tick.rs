@@ -37,6 +37,7 @@ const _: () = assert!(
 /// Measurements of a drive.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct gt_actual {
     /// Position of the motor side of the axis, nm.
     pub position_nm: i64,
@@ -66,6 +67,7 @@ pub const GT_WRITE_UNKNOWN: u8 = 3;
 /// Inputs of one tick. Zero is refused where a forgotten value would be dangerous: stop, rearm, last_write.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct gt_tick_input {
     /// Cycles since the last tick: 1 when on time; each further one is a missed deadline. 0 counts as 1.
     pub elapsed_cycles: u32,
@@ -261,7 +263,7 @@ fn refused(value: u8, field: gt_parameter) -> gt_error {
 }
 
 impl gt_tick_input {
-    pub(super) fn to_core<const N: usize>(self) -> Reply<TickInput<N>> {
+    pub(crate) fn to_core<const N: usize>(self) -> Reply<TickInput<N>> {
         Ok(TickInput {
             elapsed_cycles: self.elapsed_cycles,
             reading: match self.reading {
@@ -287,7 +289,7 @@ impl gt_tick_input {
 
 impl gt_tick_output {
     /// Converts the references and the output of a tick, with `motors` motors in use.
-    pub(super) fn new<const N: usize>(
+    pub(crate) fn new<const N: usize>(
         references: Option<&[Reference; GT_MAX_MOTORS]>,
         output: &Output<N>,
         motors: usize,
