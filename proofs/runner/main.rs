@@ -135,7 +135,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
             results_exist(&root, &manifest, strict)?;
             if compile {
                 mutate::compile(&root, &manifest.mutants)?;
-                println!("check: core compiles with every mutant");
+                println!("check: core and C interface compile with every mutant");
             }
         }
         Command::Table => {

@@ -72,6 +72,7 @@ impl Room {
     /// # Errors
     /// A null pointer, or a length that no object has.
     pub fn borrow(&mut self, place: Option<usize>, length: usize) -> Reply<usize> {
+        let place = place.filter(|place| *place <= Self::BYTES);
         // A length that an object can have must be true.
         let room = place.map_or(length, |place| Self::BYTES.saturating_sub(place));
         let length = if isize::try_from(length).is_ok() { length.min(room) } else { length };

@@ -7,6 +7,7 @@
 )]
 
 mod any;
+mod capi;
 mod client_monitor;
 mod endpoint;
 mod floats;
