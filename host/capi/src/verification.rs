@@ -33,6 +33,8 @@ impl Object for Held {
 
 impl Room {
     /// Bytes of a room.
+    ///
+    /// cbindgen:ignore
     pub const BYTES: usize = 48;
     /// Bytes that its object needs.
     pub const OBJECT: usize = memory::size_of::<Held>();
