@@ -45,9 +45,13 @@ mod on_a_copy {
             let _ = std::fs::remove_dir_all(&root);
             std::fs::create_dir_all(&root).unwrap();
             let source = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-            let parts = ["Cargo.toml", "Cargo.lock", "core", "proofs"].map(|part| source.join(part));
-            let mut copy = Command::new("/bin/cp");
-            assert!(copy.arg("-R").args(parts).arg(&root).status().unwrap().success());
+            for part in ["Cargo.toml", "Cargo.lock", "core", "proofs", "host/capi/src"] {
+                let folder = root.join(part);
+                let folder = folder.parent().unwrap();
+                std::fs::create_dir_all(folder).unwrap();
+                let mut copy = Command::new("/bin/cp");
+                assert!(copy.arg("-R").arg(source.join(part)).arg(folder).status().unwrap().success());
+            }
             let toy = Self { root };
             toy.write("proofs/kani-version", "0.68.0\n");
             toy
@@ -438,7 +442,7 @@ Cargo.lock ~ name = "heapless"\nversion = "0.8 ~ name = "heapless"\nversion = "0
         let reached = manifest.lines().filter(|line| !line.starts_with("leaves_out"));
         toy.write("proofs/manifest.toml", &reached.map(|line| format!("{line}\n")).collect::<String>());
         let check = "Check 9: x.assertion.1\n\t - Status: STATUS\n\t - Description: \"\"TEXT\"\"\n\t - Location: proofs/src/x.rs:1:1 in function x\n";
-        let theorems: String = (1..=25)
+        let theorems: String = (1..=26)
             .map(|number| check.replace("STATUS", "SUCCESS").replace("TEXT", &format!("T{number}: all")))
             .collect();
         let texts = |key: &str, path: &str| -> Vec<String> {
