@@ -4,13 +4,13 @@ use gantry_tau_capi::code::gt_code;
 use gantry_tau_capi::error::gt_error;
 use gantry_tau_capi::server::{
     GT_MAX_AXES, GT_MAX_MOTORS, GT_PRESSED, GT_READING_DONE, GT_READING_FAILED, GT_RELEASED, GT_WRITE_ACCEPTED,
-    GT_WRITE_REFUSED, GT_WRITE_UNKNOWN, gt_actual, gt_axis_config, gt_axis_state, gt_in_force, gt_limits, gt_offsets,
-    gt_reference, gt_server_config, gt_start, gt_tick_input,
+    GT_WRITE_REFUSED, GT_WRITE_UNKNOWN, gt_actual, gt_axis_config, gt_axis_state, gt_cause, gt_counters, gt_in_force,
+    gt_limits, gt_offsets, gt_reference, gt_server_config, gt_start, gt_tick_input,
 };
 use gantry_tau_capi::verification::{self, Room};
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
-use gantry_tau_core::control::message::{AxisState, Phase};
+use gantry_tau_core::control::message::{AxisState, Counters, Phase, State};
 use gantry_tau_core::control::session::config::{AxisConfig, Config};
 use gantry_tau_core::control::session::{LastWrite, Output};
 
@@ -110,12 +110,12 @@ pub fn input_arrives<const N: usize>(input: &gt_tick_input, axis: usize) {
     assert!(fate == input.last_write, "T26: the fate of the last references arrives");
 }
 
-/// T26: the output of a tick arrives: the reference of every motor in use, and the State; `axis` and `motor` speak for every one, in use or not.
+/// T26: the output of a tick arrives: the reference of every motor in use, and the State; `motor` speaks for every one, in use or not.
 pub fn output_arrives<const N: usize>(
     references: Option<&[Reference; GT_MAX_MOTORS]>,
     output: &Output<N>,
     motors: usize,
-    (axis, motor): (usize, usize),
+    motor: usize,
 ) {
     let c = verification::to_c(references, output, motors);
     assert!((c.write != 0) == references.is_some(), "T26: references are written where there are some");
@@ -131,38 +131,35 @@ pub fn output_arrives<const N: usize>(
     assert!(owner == output.owner.map(|owner| owner.0), "T26: the owner arrives");
     assert!((c.welcomed != 0) == output.welcome.is_some(), "T26: a grant arrives");
     assert!(usize::try_from(c.refused) == Ok(output.refusals.len()), "T26: refusals are counted");
-    let (state, told) = (&output.state, &c.state);
+    assert!(number_of(c.ended) == output.ended.map_or(0, |cause| cause.code()), "T26: an end arrives");
+    assert!(c.state == verification::state_to_c(&output.state), "T26: the State is that of the output");
+}
+
+/// T26: a State arrives field by field; `axis` speaks for every one, in use or not.
+pub fn state_arrives<const N: usize>(state: &State<N>, axis: usize) {
+    let told = verification::state_to_c(state);
     let numbers = told.tick == state.tick.0 && told.epoch == state.epoch.0 && told.accepted == state.accepted.0;
     assert!(numbers, "T26: tick, epoch and sequence arrive");
     let rest = told.ramp_ticks_left == state.ramp_ticks_left
         && told.arrival_us == state.arrival_us
         && told.on_time_of_100 == state.on_time_of_100;
     assert!(rest, "T26: ramp, arrival and on-time share arrive");
-    // The numbers of C are those of the wire.
     #[allow(clippy::as_conversions, reason = "the number of a variant without fields")]
-    let (phase, cause) = (told.phase as i32, told.cause as i32);
+    let phase = told.phase as i32;
     assert!(phase == i32::from(state.phase.code()), "T26: the phase arrives");
-    assert!(cause == i32::from(state.cause.code()), "T26: the cause arrives");
-    let counts = &told.counters;
-    let counted = &state.counters;
-    let counts = [
-        counts.received == counted.received,
-        counts.missed == counted.missed,
-        counts.late == counted.late,
-        counts.duplicate == counted.duplicate,
-        counts.stale == counted.stale,
-        counts.malformed == counted.malformed,
-        counts.out_of_range == counted.out_of_range,
-        counts.limited == counted.limited,
-        counts.clamped == counted.clamped,
-        counts.non_owner == counted.non_owner,
-        counts.longest_miss_run == counted.longest_miss_run,
-    ];
-    assert!(!counts.contains(&false), "T26: counters arrive");
+    assert!(number_of(told.cause) == state.cause.code(), "T26: the cause arrives");
+    assert!(same_counters(&state.counters, &told.counters), "T26: counters arrive");
     assert!(usize::try_from(told.axis_count) == Ok(N), "T26: the number of axes arrives");
     let (is, unused) = (&told.axes[axis], AxisState::default());
     let was = state.axes.get(axis).unwrap_or(&unused);
     assert!(same_axis(was, is), "T26: an axis arrives, and an unused one is zero");
+}
+
+/// Number of a cause of C, which is that of the wire.
+fn number_of(cause: gt_cause) -> u8 {
+    #[allow(clippy::as_conversions, reason = "the number of a variant without fields")]
+    let number = cause as i32;
+    u8::try_from(number).unwrap_or(u8::MAX)
 }
 
 /// T26: a configuration that is accepted has every field, and its motors their axes; `axis` and `motor` speak for every one.
@@ -202,6 +199,13 @@ fn same_actual(core: &Actual, c: &gt_actual) -> bool {
 
 fn same_in_force(core: &InForce, c: &gt_in_force) -> bool {
     core.nominal.0 == c.nominal_nm && same_offsets(&core.offsets, &c.offsets)
+}
+
+fn same_counters(core: &Counters, c: &gt_counters) -> bool {
+    (core.received, core.missed, core.late) == (c.received, c.missed, c.late)
+        && (core.duplicate, core.stale, core.malformed) == (c.duplicate, c.stale, c.malformed)
+        && (core.out_of_range, core.limited, core.clamped) == (c.out_of_range, c.limited, c.clamped)
+        && (core.non_owner, core.longest_miss_run) == (c.non_owner, c.longest_miss_run)
 }
 
 fn same_axis(core: &AxisState, c: &gt_axis_state) -> bool {

@@ -30,10 +30,10 @@ fn first_output<const N: usize>() -> Option<Output<N>> {
     Some(session.tick(&Input::empty(EpochRange::VOLATILE)))
 }
 
-/// Any output of a tick, with none or one refusal.
+/// Any output of a tick, with the State of a first one, and none or one refusal.
 fn check_output<const N: usize>() {
     let Some(mut output) = first_output::<N>() else { return };
-    (output.state, output.owner, output.welcome) = (kani::any(), kani::any(), kani::any());
+    (output.owner, output.welcome, output.ended) = (kani::any(), kani::any(), kani::any());
     let is_refused = kani::any();
     if is_refused {
         let refused = output.refusals.push(kani::any());
@@ -41,12 +41,7 @@ fn check_output<const N: usize>() {
     }
     let references: Option<[Reference; MOTORS]> = kani::any();
     kani::cover!(references.is_some(), "some references are written");
-    capi::output_arrives::<N>(
-        references.as_ref(),
-        &output,
-        any_index(MOTORS + 1),
-        (any_index(AXES), any_index(MOTORS)),
-    );
+    capi::output_arrives::<N>(references.as_ref(), &output, any_index(MOTORS + 1), any_index(MOTORS));
 }
 
 harnesses! {
@@ -62,6 +57,8 @@ harnesses! {
     capi_input_of_6_arrives [minisat, unwind 8] { check_input::<6>(); }
     capi_output_of_3_arrives [minisat, unwind 14] { check_output::<3>(); }
     capi_output_of_6_arrives [minisat, unwind 14] { check_output::<6>(); }
+    capi_state_of_3_arrives [minisat, unwind 8] { capi::state_arrives::<3>(&kani::any(), any_index(AXES)); }
+    capi_state_of_6_arrives [minisat, unwind 8] { capi::state_arrives::<6>(&kani::any(), any_index(AXES)); }
     capi_configuration_arrives [minisat, unwind 14] { capi::configuration_arrives::<1>(&kani::any(), 0, any_index(MOTORS)); }
     capi_start_of_3_arrives [minisat, unwind 8] { capi::start_arrives::<3>(kani::any(), &kani::any(), any_index(3)); }
     capi_start_of_6_arrives [minisat, unwind 8] { capi::start_arrives::<6>(kani::any(), &kani::any(), any_index(6)); }

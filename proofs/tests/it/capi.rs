@@ -139,7 +139,8 @@ proptest! {
         input.events.extend(events);
         let output = { session }.tick(&input);
         let references = [reference; capi::MOTORS];
-        capi::output_arrives(used.then_some(&references), &output, motors, (axis, motor));
+        capi::output_arrives(used.then_some(&references), &output, motors, motor);
+        capi::state_arrives(&output.state, axis);
     }
 
     #[test]
