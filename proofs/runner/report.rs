@@ -86,7 +86,7 @@ impl Report<'_> {
 
     fn markdown(&self) -> String {
         let mut text = format!(
-            "# Proofs of gantry-tau-core\n\n{}\n\nTier {}. A mutant is core with one line wrong on purpose; it must fail in the named check.\n\n",
+            "# Proofs of gantry-tau-core\n\n{}\n\nTier {}. A mutant is core, or the C interface, with one line wrong on purpose; it must fail in the named check.\n\n",
             self.summary(),
             self.tier
         );

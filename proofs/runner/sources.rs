@@ -98,14 +98,16 @@ fn family(root: &Path, name: &str, mut hash: Hash) -> Result<Hash, String> {
     Ok(hash)
 }
 
-/// Adds the files of the C interface, and the manifest that compiles them for the proofs.
+/// Adds the sources of the C interface, the manifest that compiles them for the proofs, and what that takes from elsewhere.
 fn interface(root: &Path, texts: &mut BTreeMap<String, String>) -> Result<(), String> {
-    for path in files(&root.join("host/capi/src"))? {
-        let name = path.strip_prefix(root).unwrap_or(&path).display().to_string();
-        texts.insert(name, significant(&read(&path)?).text);
-    }
-    let manifest = "proofs/capi/Cargo.toml";
-    texts.insert(manifest.to_owned(), read(&root.join(manifest))?);
+    wing(&root.join("host/capi/src/lib.rs"), true, texts)?;
+    let path = root.join("proofs/capi/Cargo.toml");
+    let manifest = read(&path)?;
+    let needed = needed(&toml::from_str(&manifest).map_err(at(&path))?);
+    let path = root.join("Cargo.lock");
+    let lock = toml::from_str(&read(&path)?).map_err(at(&path))?;
+    texts.insert("proofs/capi".to_owned(), manifest);
+    texts.insert("Cargo.lock".to_owned(), Vec::from_iter(locked(&lock, needed)).concat());
     Ok(())
 }
 

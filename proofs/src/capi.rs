@@ -1,4 +1,4 @@
-//! The C interface: T26. It refuses pointers that are no pointers and memory without an object; every field arrives, in both directions.
+//! The C interface: T26. Null and misaligned pointers and memory without an object are refused; fields arrive, in both directions.
 
 use gantry_tau_capi::code::gt_code;
 use gantry_tau_capi::error::gt_error;
@@ -13,6 +13,7 @@ use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::message::{AxisState, Counters, Phase, State};
 use gantry_tau_core::control::session::config::{AxisConfig, Config};
 use gantry_tau_core::control::session::{LastWrite, Output};
+use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
 
 /// Code of an answer.
 fn code<T>(answer: &Result<T, gt_error>) -> gt_code {
@@ -29,8 +30,8 @@ pub fn pointer_is_judged(address: usize) {
     assert!(code(&verification::judge(address)) == expected, "T26: null and misaligned pointers are refused");
 }
 
-/// T26: an object is made exactly where there is aligned memory for it, and then found there with its value; memory in which none was made has
-/// none, whatever was there before.
+/// T26: an object is made exactly where there is aligned memory for it, and then found there with its value; after a refused value there is none,
+/// whatever was there before.
 pub fn object_is_made(room: &mut Room, place: Option<usize>, value: Option<u32>) {
     let made = room.create(place, value);
     let expected = match place.filter(|place| *place <= Room::BYTES) {
@@ -41,10 +42,11 @@ pub fn object_is_made(room: &mut Room, place: Option<usize>, value: Option<u32>)
         Some(_) => gt_code::Ok,
     };
     assert!(code(&made) == expected, "T26: an object has aligned memory, and enough of it");
+    assert!(made.is_err() || made.ok() == place, "T26: the handle is where the object is");
     let found = room.find(place);
     match expected {
         gt_code::Ok => assert!(found.ok() == value, "T26: an object is found where it was made"),
-        gt_code::Length => assert!(code(&found) == gt_code::NoObject, "T26: a refusal leaves no object"),
+        gt_code::Length => assert!(code(&found) == gt_code::NoObject, "T26: a refused value leaves no object"),
         _ => {}
     }
 }
@@ -62,23 +64,26 @@ pub fn object_is_found(room: &mut Room, place: Option<usize>) {
     assert!(code(&found) == expected, "T26: an object is found by its tag alone");
 }
 
-/// T26: bytes are borrowed from a pointer, and never more than an object can have; no bytes need no pointer.
-pub fn bytes_are_borrowed(room: &mut Room, place: Option<usize>, length: usize) {
-    let borrowed = room.borrow(place, length);
-    let expected = match place.filter(|place| *place <= Room::BYTES) {
+/// T26: the bytes at a pointer are borrowed, and never more than an object can have; zero bytes need no pointer. The byte `at` speaks for every one.
+pub fn bytes_are_borrowed(room: &mut Room, place: Option<usize>, length: usize, at: usize) {
+    let bytes = room.0;
+    let place = place.filter(|place| *place <= Room::BYTES);
+    let expected = match place {
         _ if length == 0 => gt_code::Ok,
         None => gt_code::NullPointer,
         Some(_) if isize::try_from(length).is_err() => gt_code::Length,
         Some(_) => gt_code::Ok,
     };
-    assert!(code(&borrowed) == expected, "T26: bytes are borrowed from a pointer, and no more than there can be");
-    assert!(
-        borrowed.is_ok_and(|borrowed| borrowed <= length.min(Room::BYTES)) || expected != gt_code::Ok,
-        "T26: no more is borrowed than asked for"
-    );
+    let borrowed = room.borrow(place, length);
+    assert!(code(&borrowed) == expected, "T26: bytes are borrowed from a pointer, null only for zero bytes");
+    let Ok(borrowed) = borrowed else { return };
+    let place = place.unwrap_or(Room::BYTES);
+    let same = borrowed.len() == length.min(Room::BYTES - place)
+        && (at >= borrowed.len() || borrowed[at] == bytes[place + at]);
+    assert!(same, "T26: the bytes at the pointer are borrowed");
 }
 
-/// T26: the input of a tick is refused exactly if a switch or a code is none, and otherwise arrives field by field; `axis` speaks for every one.
+/// T26: the input of a tick is refused exactly if a switch or a code is invalid, and otherwise arrives field by field; `axis` speaks for every one.
 pub fn input_arrives<const N: usize>(input: &gt_tick_input, axis: usize) {
     let switch = |value: u8| [GT_RELEASED, GT_PRESSED].contains(&value);
     let known = [GT_READING_DONE, GT_READING_FAILED].contains(&input.reading)
@@ -86,7 +91,7 @@ pub fn input_arrives<const N: usize>(input: &gt_tick_input, axis: usize) {
         && switch(input.rearm)
         && [GT_WRITE_ACCEPTED, GT_WRITE_REFUSED, GT_WRITE_UNKNOWN].contains(&input.last_write);
     let answer = verification::to_core::<N>(input);
-    assert!(answer.is_ok() == known, "T26: an input is refused for a value that is none, and for nothing else");
+    assert!(answer.is_ok() == known, "T26: an input is refused for an invalid value, and for nothing else");
     let Ok(tick) = answer else { return };
     assert!(
         tick.elapsed_cycles == input.elapsed_cycles && tick.arrival_us == input.arrival_us,
@@ -128,7 +133,8 @@ pub fn output_arrives<const N: usize>(
     assert!(c.motors[motor] == expected, "T26: a motor receives its reference, and no other one does");
     assert!(usize::try_from(c.motor_count) == Ok(motors), "T26: the number of motors arrives");
     let owner = (c.has_owner != 0).then_some(c.owner);
-    assert!(owner == output.owner.map(|owner| owner.0), "T26: the owner arrives");
+    let expected = output.owner.map(|owner| owner.0);
+    assert!(owner == expected && c.owner == expected.unwrap_or(0), "T26: the owner arrives, and none is zero");
     assert!((c.welcomed != 0) == output.welcome.is_some(), "T26: a grant arrives");
     assert!(usize::try_from(c.refused) == Ok(output.refusals.len()), "T26: refusals are counted");
     assert!(number_of(c.ended) == output.ended.map_or(0, |cause| cause.code()), "T26: an end arrives");
@@ -184,7 +190,20 @@ pub fn configuration_arrives<const N: usize>(config: &gt_server_config, axis: us
 
 /// T26: a server starts with the values in force that were given, and in Fault with a latched stop; `axis` speaks for every one.
 pub fn start_arrives<const N: usize>(config: Config<N>, start: &gt_start, axis: usize) {
-    let Ok(session) = verification::start(config, start) else { return };
+    let within = |axis: usize| {
+        let (limits, gt_offsets { position_nm, velocity_um_s, torque_permille }) =
+            (&config.parameters().axes[axis].limits, start.in_force[axis].offsets);
+        limits.position.admits(OffsetNm(position_nm))
+            && limits.velocity.admits(VelocityUmS(velocity_um_s))
+            && limits.torque.admits(TorquePermille(torque_permille))
+    };
+    let all_within = (0..N).all(within);
+    let session = verification::start(config, start);
+    assert!(
+        session.is_ok() == all_within,
+        "T26: a start is refused for offsets beyond their limits, and for nothing else"
+    );
+    let Ok(session) = session else { return };
     assert!(same_in_force(&session.demanded()[axis], &start.in_force[axis]), "T26: a start has the values in force");
     assert!((session.phase() == Phase::Fault) == (start.stop_latched != 0), "T26: a latched stop arrives");
 }

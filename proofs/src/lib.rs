@@ -8,6 +8,8 @@
 //! cargo kani --lib --no-default-features -Z stubbing --harness channel_ramp_is_exact
 //! ```
 //!
+//! (and `--features capi` for one of the C interface).
+//!
 //! The theorems, T1 to T15 and T21 to T26, are listed and explained in this folder's README.
 #![forbid(unsafe_code)]
 #![allow(

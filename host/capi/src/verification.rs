@@ -48,16 +48,17 @@ impl Room {
         bytes.map_or(null_mut(), |bytes| bytes.as_mut_ptr().cast())
     }
 
-    /// Creates an object at `place`, in the bytes behind it, as a function of the interface does.
+    /// Creates an object at `place`, in the bytes behind it, as a function of the interface does. Returns the place of its handle.
     ///
     /// # Errors
     /// A null or misaligned pointer, too little memory, or no value.
-    pub fn create(&mut self, place: Option<usize>, value: Option<u32>) -> Reply {
+    pub fn create(&mut self, place: Option<usize>, value: Option<u32>) -> Reply<usize> {
         let size = place.map_or(0, |place| Self::BYTES.saturating_sub(place));
         let make = || value.ok_or(gt_code::Length.into());
+        let memory = self.pointer(place);
         // SAFETY: null, or `size` bytes of the room; the object is written as a whole.
-        unsafe { memory::settle(self.pointer(place), size, make, |value, to: *mut Held| to.write(Held(value))) }?;
-        Ok(())
+        let handle = unsafe { memory::settle(memory, size, make, |value, to: *mut Held| to.write(Held(value))) }?;
+        Ok(handle.addr().wrapping_sub(self.0.as_ptr().addr()))
     }
 
     /// Returns the value of the object at `place`.
@@ -70,17 +71,17 @@ impl Room {
         unsafe { memory::object::<Held>(self.pointer(place).cast()) }.map(|held| held.0)
     }
 
-    /// Returns the number of bytes that a function of the interface borrows at `place`.
+    /// Returns the bytes that a function of the interface borrows at `place`: `length`, or all behind the place if these are fewer.
     ///
     /// # Errors
     /// A null pointer, or a length that no object has.
-    pub fn borrow(&mut self, place: Option<usize>, length: usize) -> Reply<usize> {
+    pub fn borrow(&mut self, place: Option<usize>, length: usize) -> Reply<&[u8]> {
         let place = place.filter(|place| *place <= Self::BYTES);
-        // A length that an object can have must be true.
+        // A length that is not refused is cut to the room, because the bytes must exist.
         let room = place.map_or(length, |place| Self::BYTES.saturating_sub(place));
         let length = if isize::try_from(length).is_ok() { length.min(room) } else { length };
         // SAFETY: null, or `length` bytes of the room, or a length that is refused.
-        unsafe { memory::bytes(self.pointer(place).cast(), length) }.map(<[u8]>::len)
+        unsafe { memory::bytes(self.pointer(place).cast(), length) }
     }
 }
 

@@ -22,7 +22,7 @@ fn check_input<const N: usize>() {
     capi::input_arrives::<N>(&kani::any(), any_index(N));
 }
 
-/// Output of a first tick; none if there is no such server, which a cover would not pass.
+/// Output of a first tick; `None` would leave the covers unreached.
 fn first_output<const N: usize>() -> Option<Output<N>> {
     let axis = AxisConfig::position_only(Limits::DISABLED, Travel::around_zero(0), 0);
     let config = Config::new(Parameters::thesis([axis; N])).ok()?;
@@ -52,7 +52,7 @@ harnesses! {
         capi::object_is_found(&mut room, kani::any());
         kani::cover!(room.find(Some(0)).is_ok(), "an object at the beginning");
     }
-    capi_bytes_are_borrowed [minisat] { capi::bytes_are_borrowed(&mut kani::any(), kani::any(), kani::any()); }
+    capi_bytes_are_borrowed [minisat] { capi::bytes_are_borrowed(&mut kani::any(), kani::any(), kani::any(), kani::any()); }
     capi_input_of_3_arrives [minisat, unwind 8] { check_input::<3>(); }
     capi_input_of_6_arrives [minisat, unwind 8] { check_input::<6>(); }
     capi_output_of_3_arrives [minisat, unwind 14] { check_output::<3>(); }

@@ -112,14 +112,14 @@ proptest! {
     #[test]
     fn memory(
         bytes: [u8; Room::BYTES], is_tagged: bool, made in place(), sought in place(), value: Option<u32>,
-        length in prop_oneof![0..60_usize, any::<usize>()],
+        length in prop_oneof![0..60_usize, any::<usize>()], at in 0..Room::BYTES,
     ) {
         let mut room = Room(bytes);
         if is_tagged {
             room.0[16..24].copy_from_slice(&Room::TAG);
         }
         capi::object_is_found(&mut room, sought);
-        capi::bytes_are_borrowed(&mut room, sought, length);
+        capi::bytes_are_borrowed(&mut room, sought, length, at);
         capi::object_is_made(&mut room, made, value);
     }
 
