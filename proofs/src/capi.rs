@@ -168,6 +168,15 @@ fn number_of(cause: gt_cause) -> u8 {
     u8::try_from(number).unwrap_or(u8::MAX)
 }
 
+/// T26: the limits and the travel of an axis arrive field by field, or are refused with core's limits.
+pub fn axis_arrives(axis: &gt_axis_config) {
+    let answer = verification::configure_axis(axis);
+    let is_valid = |limits: &gt_limits| Limits::<OffsetNm>::new(values(limits)).is_ok();
+    let valid = is_valid(&axis.position) && is_valid(&axis.velocity) && is_valid(&axis.torque);
+    assert!(answer.is_ok() == valid, "T26: an axis is refused for its limits, and for nothing else");
+    assert!(answer.is_ok_and(|core| same_limits(&core, axis)) || !valid, "T26: limits and travel of an axis arrive");
+}
+
 /// T26: a configuration that is accepted has every field, and its motors their axes; `axis` and `motor` speak for every one.
 pub fn configuration_arrives<const N: usize>(config: &gt_server_config, axis: usize, motor: usize) {
     let motors = usize::try_from(config.motors).unwrap_or(usize::MAX);
@@ -182,7 +191,7 @@ pub fn configuration_arrives<const N: usize>(config: &gt_server_config, axis: us
     let budget = parameters.budget.map_or((0, None), |budget| (budget.window, Some(budget.allowed)));
     let expected = (config.budget_window, (config.budget_window > 0).then_some(config.budget_allowed));
     assert!(budget == expected, "T26: a budget of misses arrives");
-    assert!(same_limits(&parameters.axes[axis], &config.axis[axis]), "T26: limits and travel of an axis arrive");
+    assert!(same_limits(&parameters.axes[axis], &config.axis[axis]), "T26: every axis has its own limits and travel");
     assert!(0 < motors && motors <= GT_MAX_MOTORS, "T26: there are motors, and room for them");
     let expected = if motor < motors { usize::from(config.axis_of_motor[motor]) } else { 0 };
     assert!(map.axis_of_motor()[motor] == expected, "T26: a motor has its axis");
@@ -236,7 +245,11 @@ fn same_axis(core: &AxisState, c: &gt_axis_state) -> bool {
 }
 
 fn same_channel<U>(core: &Limits<U>, c: &gt_limits) -> bool {
-    core.values() == LimitValues { max: c.max, step: c.step, accel: c.accel, ramp: c.ramp }
+    core.values() == values(c)
+}
+
+const fn values(limits: &gt_limits) -> LimitValues {
+    LimitValues { max: limits.max, step: limits.step, accel: limits.accel, ramp: limits.ramp }
 }
 
 fn same_limits(core: &AxisConfig, c: &gt_axis_config) -> bool {

@@ -6,13 +6,15 @@ use core::ptr::null_mut;
 use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::control::message::State;
-use gantry_tau_core::control::session::config::Config;
+use gantry_tau_core::control::session::config::{AxisConfig, Config};
 use gantry_tau_core::control::session::{Output, Session, TickInput};
 
 use crate::code::gt_code;
 use crate::error::gt_error;
 use crate::memory::{self, Object, Reply, tag};
-use crate::server::{GT_MAX_MOTORS, gt_server_config, gt_start, gt_state, gt_tick_input, gt_tick_output};
+use crate::server::{
+    GT_MAX_MOTORS, gt_axis_config, gt_server_config, gt_start, gt_state, gt_tick_input, gt_tick_output,
+};
 
 /// Memory of a caller, aligned to [`memory::GT_ALIGN`].
 #[repr(C, align(16))]
@@ -115,6 +117,14 @@ pub fn to_c<const N: usize>(
 #[must_use]
 pub fn state_to_c<const N: usize>(state: &State<N>) -> gt_state {
     state.into()
+}
+
+/// Limits and travel of an axis for core.
+///
+/// # Errors
+/// As core's.
+pub fn configure_axis(axis: &gt_axis_config) -> Reply<AxisConfig> {
+    axis.checked(0)
 }
 
 /// Configuration and motor map for core.

@@ -145,6 +145,7 @@ proptest! {
 
     #[test]
     fn configurations(three in configuration::<3>(), six in configuration::<6>(), axis in 0..6_usize, motor in 0..capi::MOTORS) {
+        capi::axis_arrives(&three.axis[axis]);
         capi::configuration_arrives::<3>(&three, axis % 3, motor);
         capi::configuration_arrives::<6>(&six, axis, motor);
     }

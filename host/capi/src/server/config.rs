@@ -146,7 +146,7 @@ impl gt_axis_config {
         nominal_step_nm: 0,
     };
 
-    fn checked(&self, axis: usize) -> Reply<AxisConfig> {
+    pub(crate) fn checked(&self, axis: usize) -> Reply<AxisConfig> {
         let travel = |lower, upper| Travel { lower: PositionNm(lower), upper: PositionNm(upper) };
         Ok(AxisConfig {
             limits: AxisLimits {
