@@ -177,7 +177,7 @@ pub fn axis_arrives(axis: &gt_axis_config) {
     assert!(answer.is_ok_and(|core| same_limits(&core, axis)) || !valid, "T26: limits and travel of an axis arrive");
 }
 
-/// T26: a configuration that is accepted has every field, and its motors their axes; `axis` and `motor` speak for every one.
+/// T26: a configuration that is accepted has every field, and its motors their axes; tested. `axis` and `motor` speak for every one.
 pub fn configuration_arrives<const N: usize>(config: &gt_server_config, axis: usize, motor: usize) {
     let motors = usize::try_from(config.motors).unwrap_or(usize::MAX);
     let Ok((checked, map)) = verification::configure::<N>(config) else { return };

@@ -1,6 +1,5 @@
 //! Any address, any memory of a caller, any value of a struct of C.
 
-use gantry_tau_capi::server::{gt_axis_config, gt_limits, gt_server_config};
 use gantry_tau_capi::verification::Room;
 use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::control::channel::Limits;
@@ -45,25 +44,6 @@ fn check_output<const N: usize>() {
     capi::output_arrives::<N>(references.as_ref(), &output, any_index(MOTORS + 1), any_index(MOTORS));
 }
 
-/// Any configuration whose axes are known, and different.
-fn check_configuration<const N: usize>() {
-    let mut config: gt_server_config = kani::any();
-    let limits = gt_limits { max: 100, step: 5, accel: 10, ramp: 1 };
-    for (nm, axis) in (1..).zip(&mut config.axis) {
-        *axis = gt_axis_config {
-            position: gt_limits { max: nm, ..limits },
-            velocity: limits,
-            torque: limits,
-            nominal_lower_nm: 0,
-            nominal_upper_nm: nm.into(),
-            machine_lower_nm: -1_000,
-            machine_upper_nm: 1_000,
-            nominal_step_nm: nm.unsigned_abs(),
-        };
-    }
-    capi::configuration_arrives::<N>(&config, any_index(N), any_index(MOTORS));
-}
-
 harnesses! {
     capi_pointer_is_judged [minisat] { capi::pointer_is_judged(kani::any()); }
     capi_object_is_made [minisat, unwind 10] { capi::object_is_made(&mut kani::any(), kani::any(), kani::any()); }
@@ -79,8 +59,6 @@ harnesses! {
     capi_state_of_3_arrives [minisat, unwind 8] { capi::state_arrives::<3>(&kani::any(), any_index(AXES)); }
     capi_state_of_6_arrives [minisat, unwind 8] { capi::state_arrives::<6>(&kani::any(), any_index(AXES)); }
     capi_axis_arrives [minisat] { capi::axis_arrives(&kani::any()); }
-    capi_configuration_of_3_arrives [minisat, unwind 14] { check_configuration::<3>(); }
-    capi_configuration_of_6_arrives [minisat, unwind 14] { check_configuration::<6>(); }
     capi_start_of_3_arrives [minisat, unwind 8] { capi::start_arrives::<3>(kani::any(), &kani::any(), any_index(3)); }
     capi_start_of_6_arrives [minisat, unwind 8] { capi::start_arrives::<6>(kani::any(), &kani::any(), any_index(6)); }
 }
