@@ -3,6 +3,7 @@
 
 use std::vec::Vec as StdVec;
 
+use super::dialogue::{Granted, Stage};
 use super::*;
 use crate::control::endpoint::bench::Bench;
 use crate::control::fixture::{self, at, axis, limits};
@@ -107,6 +108,7 @@ fn a_session_over_a_stream_split_anywhere() {
                 assert!(first.position && first.velocity && !first.torque);
                 let cut = Offsets { position: OffsetNm(-20_000), velocity: VelocityUmS(1_000), ..far()[0] };
                 assert_eq!(answer.command.targets, [cut, far()[1]]);
+                assert!(!client.has_unanswered());
                 Some(answer.frame)
             } else {
                 client.goodbye().inspect(|_| assert!(client.goodbye().is_none(), "one Goodbye per stream"))
@@ -337,4 +339,62 @@ fn errors_say_what_and_where() {
     assert_eq!(error.to_string(), "the server's cycle is 2000 us, the client's is 1000 us");
     let error = ClientError::Unexpected { received: Kind::Welcome };
     assert_eq!(error.to_string(), "unexpected Welcome: expected one answer to Hello, then States");
+}
+
+#[test]
+fn every_clause_of_the_invariant_counts() {
+    let (mut client, mut server) = granted(Transport::Stream);
+    let tick = client.welcome().unwrap().tick;
+    let breaks: [fn(&mut Granted<2>); 6] = [
+        |session| session.last = None,
+        |session| (session.last, session.unanswered, session.ended) = (None, false, true),
+        |session| session.welcome.tick.0 += 9,
+        |session| session.last.as_mut().unwrap().phase = Phase::SafeDisconnect,
+        |session| session.ended = true,
+        |session| session.leaving = Some(GOODBYE_STATES + 1),
+    ];
+    let answer = client.answer(Mode::Submit, &at(0)).unwrap();
+    assert!(!answer.is_saturated());
+    for frame in server.tick(&[answer.frame.to_vec()]) {
+        client.feed(&frame).1.unwrap();
+    }
+    assert!(client.is_valid() && client.dialogue.last().unwrap().tick > tick);
+    for (clause, spoil) in breaks.iter().enumerate() {
+        let mut spoilt = client.clone();
+        let Stage::Granted(session) = &mut spoilt.dialogue.stage else { panic!() };
+        spoil(session);
+        assert!(!spoilt.is_valid(), "{clause}");
+    }
+}
+
+#[test]
+fn a_frame_in_pieces_is_no_boundary() {
+    let (mut client, mut server) = granted(Transport::Stream);
+    let frame = server.tick(&[]).concat();
+    assert!(client.is_at_boundary());
+    assert_eq!(client.feed(&frame[..9]).1, Ok(None));
+    assert!(!client.is_at_boundary());
+    assert!(matches!(client.feed(&frame[9..]).1, Ok(Some(Event::State(_)))));
+    assert!(client.is_at_boundary());
+}
+
+/// A server that is in Submit before it had a command is not taken at its word.
+#[test]
+fn the_first_command_asks_for_submit_whatever_the_server_says() {
+    let (mut client, _) = granted(Transport::Stream);
+    let tick = client.welcome().unwrap().tick.0;
+    client.feed(&state(tick + 1, Phase::Submit)).1.unwrap();
+    assert_eq!(client.answer(Mode::Obtain, &at(0)).unwrap().command.mode, Mode::Submit);
+}
+
+#[test]
+fn a_cut_of_any_channel_is_a_cut() {
+    let none = Saturated::default();
+    assert!(!none.any());
+    let one = [
+        Saturated { position: true, ..none },
+        Saturated { velocity: true, ..none },
+        Saturated { torque: true, ..none },
+    ];
+    assert!(one.iter().all(|saturated| saturated.any()));
 }

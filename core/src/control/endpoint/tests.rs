@@ -9,7 +9,7 @@ use crate::control::message::{Cause, Mode, Phase};
 use crate::control::session::LastWrite;
 use crate::control::session::config::Parameters;
 use crate::control::wire::{Frame, decode_server, encode_client};
-use crate::units::PositionNm;
+use crate::units::{Epoch, PositionNm};
 
 fn bench() -> Bench {
     Bench::new(Parameters::thesis([axis(limits(100_000, 5_000, 10_000, 100), 1_000_000, 0); 2]))
@@ -339,4 +339,77 @@ fn a_refused_write_is_not_accepted_afterwards() {
     let last_write = LastWrite::Refused { in_force: *bench.endpoint.session().in_force() };
     assert!(bench.endpoint.tick(&TickInput { last_write, ..Bench::input() }).is_some());
     assert!(bench.endpoint.tick(&Bench::input()).is_some(), "this one was taken");
+}
+
+/// One clause broken at a time, all others kept.
+#[test]
+fn every_clause_of_the_invariant_counts() {
+    type Break = fn(&mut Endpoint<2, 3>);
+    let breaks: [(&str, Break); 9] = [
+        ("slot", |endpoint| endpoint.slots[0].frames = 9),
+        ("number", |endpoint| endpoint.next_connection = endpoint.slots[1].connection.0),
+        ("order", |endpoint| endpoint.slots[1].connection = endpoint.slots[0].connection),
+        ("events of the owner", |endpoint| endpoint.slots[0].frames = 2),
+        ("events of others", |endpoint| endpoint.non_owner_events = 0),
+        ("budget of others", |endpoint| endpoint.non_owner_events = 6),
+        ("owner gone", |endpoint| {
+            endpoint.input.events.clear();
+            endpoint.slots.remove(0);
+        }),
+        ("owner to be closed", |endpoint| {
+            endpoint.input.events.truncate(1);
+            endpoint.slots[0].closed = true;
+        }),
+        ("owner of others", |endpoint| {
+            endpoint.input.events.clear();
+            endpoint.slots[0].connection = Connection(u64::MAX);
+            endpoint.slots.swap(0, 1);
+            endpoint.next_connection = u64::MAX;
+        }),
+    ];
+    let (mut bench, owner) = obtaining(Transport::Stream);
+    let bytes = bench.burst(3);
+    assert_eq!(bench.endpoint.feed(owner, &bytes), 3);
+    bench.ask();
+    assert!(bench.endpoint.is_valid());
+    for (clause, spoil) in breaks {
+        let mut spoilt = bench.endpoint.clone();
+        spoil(&mut spoilt);
+        assert!(!spoilt.is_valid(), "{clause}");
+    }
+    bench.endpoint.close(owner);
+    assert!(bench.endpoint.is_valid(), "its Closed waits");
+}
+
+#[test]
+fn six_others_have_five_events_and_the_last_is_shown_out() {
+    let mut bench = bench();
+    let peers = [(); CONNECTIONS].map(|()| bench.ask());
+    assert!(bench.endpoint.is_valid());
+    let turn = bench.tick();
+    assert_eq!(turn.output.welcome, Some(peers[0]));
+    let refused: StdVec<_> = turn.output.refusals.iter().map(|(peer, _)| *peer).collect();
+    assert_eq!(refused[..], peers[1..5]);
+    assert_eq!(turn.close[..], peers[1..]);
+}
+
+/// One frame per tick is read of a connection that does not own the session; a second one costs it the first, whatever it says.
+#[test]
+fn a_stop_of_another_has_no_way_round_its_budget() {
+    let (mut bench, owner) = obtaining(Transport::Stream);
+    let other = bench.ask();
+    let stop = ClientMessage::<2>::Stop(bench.endpoint.session().epoch());
+    assert_eq!(bench.endpoint.feed(other, &encode_client(&stop)), 1);
+    bench.answer(owner);
+    let turn = bench.tick();
+    assert_eq!((turn.output.state.phase, turn.output.state.counters.non_owner), (Phase::Obtain, 0));
+    assert_eq!(turn.close, [other]);
+}
+
+#[test]
+fn epochs_may_be_replaced_while_it_runs() {
+    let mut bench = bench();
+    bench.endpoint.set_epochs(EpochRange { first: Epoch(40), last: Epoch(41) });
+    bench.ask();
+    assert_eq!(bench.tick().output.state.epoch, Epoch(40));
 }

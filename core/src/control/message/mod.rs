@@ -406,3 +406,6 @@ pub enum ServerMessage<const N: usize> {
     /// Refuses a Hello.
     Refusal(Refusal),
 }
+
+#[cfg(test)]
+mod tests;

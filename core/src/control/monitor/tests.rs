@@ -265,6 +265,27 @@ fn without_a_travel_nothing_is_clamped() {
     assert!(monitor.check_tick(&told, &written).is_err());
 }
 
+/// A distance of up to 65 bits is reported as the nearest number of 64.
+#[test]
+fn the_furthest_references_are_reported_as_far_as_they_go() {
+    for (nominal, position, reported) in
+        [(i64::MIN, i64::MAX - 1, i64::MAX), (i64::MAX, i64::MIN + 1, i64::MIN), (0, i64::MIN + 1, i64::MIN + 1)]
+    {
+        let mut told = state(1, Phase::Submit, 0);
+        told.axes[0].nominal = PositionNm(nominal);
+        let mut written = references(&told);
+        written[0].position = PositionNm(position);
+        let found = Monitor::new(axis_limits(), None).check_tick(&told, &written);
+        assert_eq!(found, violation(Rule::Max, 3_000, reported));
+    }
+}
+
+/// Only lost States widen the bounds: a server that was late takes one step all the same.
+#[test]
+fn a_late_server_takes_one_step() {
+    assert_eq!(moving().check_state(&state(5, Phase::Obtain, 2_001)), violation(Rule::Step, 500, 501));
+}
+
 #[test]
 fn a_monitor_goes_on_after_a_violation() {
     let mut monitor = moving();

@@ -257,3 +257,77 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec as StdVec;
+
+    use super::*;
+
+    type Numbers = Segment<u8, (), u8, 2>;
+
+    /// A segment of `used` steps after the state `before`, in storage for as many.
+    fn segment(before: Option<u8>, used: usize) -> Numbers {
+        let numbers = (1..).map(|number| Entry { input: (), output: before.unwrap_or(0) + number });
+        Segment { before, entries: numbers.take(used).collect(), used }
+    }
+
+    #[test]
+    fn a_recorder_of_the_wrong_shape_is_none() {
+        let parts = |segment: Numbers, used| Segment::from_parts(segment.before, segment.entries, used).is_some();
+        assert!(parts(segment(None, 0), 0) && parts(segment(Some(1), 0), 0) && parts(segment(Some(1), 2), 1));
+        assert!(!parts(segment(Some(1), 1), 2), "more than there are");
+        assert!(!parts(segment(None, 1), 1), "no state to begin with");
+        let (empty, full, partial) = (segment(None, 0), segment(Some(3), 2), segment(Some(5), 1));
+        // Oldest, newer, latest.
+        let good = [&empty, &full, &partial].map(Clone::clone);
+        let cases = [
+            (good.clone(), None, true),
+            (good.clone(), Some(2), true),
+            (good.clone(), Some(3), false),
+            ([&full, &full, &empty].map(Clone::clone), None, true),
+            ([&empty, &empty, &partial].map(Clone::clone), None, true),
+            ([&partial, &full, &empty].map(Clone::clone), None, false),
+            ([&empty, &partial, &empty].map(Clone::clone), None, false),
+            ([&full, &empty, &empty].map(Clone::clone), None, false),
+            ([empty.clone(), full.clone(), Segment { used: 2, ..partial.clone() }], None, false),
+        ];
+        for (segments, countdown, is_valid) in cases {
+            let found = Recorder::from_parts(segments.clone(), 2, countdown);
+            assert_eq!(found.is_some(), is_valid, "{segments:?} {countdown:?}");
+            if let Some(recorder) = found {
+                assert_eq!(recorder.left(), countdown);
+                let count: usize = segments.iter().map(|segment| segment.used).sum();
+                assert_eq!(recorder.entries().count(), count);
+            }
+        }
+        assert!(Recorder::from_parts(good, SEGMENTS, None).is_none());
+    }
+
+    #[test]
+    fn it_freezes_half_its_steps_after_an_end_until_released() {
+        let mut recorder = Recorder::<u8, (), u8, 2>::new();
+        let record = |recorder: &mut Recorder<u8, (), u8, 2>, number: u8, ends| {
+            recorder.before_tick(&(number - 1));
+            recorder.after_tick(&(), &number, ends);
+            assert!(recorder.is_valid());
+            recorder.left()
+        };
+        assert_eq!((1..=7).find_map(|number| record(&mut recorder, number, false)), None);
+        assert_eq!([8, 9, 10, 11].map(|number| record(&mut recorder, number, number == 8)), [2, 1, 0, 0].map(Some));
+        let kept: StdVec<_> = recorder.entries().map(|entry| entry.output).collect();
+        assert_eq!((recorder.before(), &kept[..]), (Some(&4), &[5, 6, 7, 8, 9, 10][..]));
+        recorder.release();
+        assert_eq!((recorder.left(), recorder.before(), recorder.entries().count()), (None, None, 0));
+        assert_eq!(record(&mut recorder, 1, true), Some(2));
+        assert_eq!((recorder.before(), recorder.entries().count()), (Some(&0), 1));
+    }
+
+    #[test]
+    fn a_recorder_of_no_steps_records_none() {
+        let mut recorder = Recorder::<u8, (), u8, 0>::new();
+        recorder.before_tick(&0);
+        recorder.after_tick(&(), &1, true);
+        assert!(recorder.is_valid() && recorder.before().is_none() && recorder.left().is_none());
+    }
+}

@@ -9,10 +9,12 @@ use super::bench::{BOTH, Bench, EPOCHS, Move, OWNER, REARM, STOP, obtain, start,
 use super::config::{MissBudget, Parameters};
 use super::*;
 use crate::control::axis::Actual;
-use crate::control::fixture::{HELLO, at, axis, limits};
+use crate::control::fixture::{HELLO, at, axis, command, limits};
 use crate::control::message::{AxisFlags, ClientMessage, Command, Mode};
 use crate::control::wire::FrameError;
 use crate::units::{OffsetNm, PositionNm, TorquePermille, VelocityUmS};
+
+mod invariant;
 
 const OTHER: Connection = Connection(2);
 
@@ -353,9 +355,9 @@ fn the_black_box_replays_bit_for_bit() {
             let command = bench.command(Mode::Obtain, at(3_000 + i32::try_from(tick).unwrap()));
             input.events.push(message(command)).unwrap();
         }
-        black_box.before_tick(&bench.session);
+        Record::before_tick(&mut black_box, &bench.session);
         let output = bench.session.tick(&input);
-        black_box.after_tick(&input, &output, output.ended.is_some());
+        Record::after_tick(&mut black_box, &input, &output);
     }
     assert!(black_box.is_frozen());
     let before = black_box.before().unwrap();
@@ -483,4 +485,67 @@ fn a_machine_that_cannot_be_read_stops_and_waits_for_the_path() {
     assert_eq!((output.state.phase, positions), (Fault, [300; 2]));
     let (_, positions) = play_at(&mut bench, &Silence, [1_000_300; 2]);
     assert_eq!(positions, [1_000_300; 2]);
+}
+
+#[test]
+fn a_session_has_its_own_counts_and_sequence() {
+    let mut bench = obtaining(20_000);
+    let last = bench.play(&obtain(20_000)).state;
+    assert_eq!((last.accepted, last.counters.limited), (Sequence(6), 2 * 3));
+    bench.tick(&[(OWNER, Event::Flood)]);
+    while bench.session.phase() != Listening {
+        bench.play(&Silence);
+    }
+    let ended = bench.play(&Silence).state;
+    assert_eq!(ended.counters.limited, last.counters.limited, "counts stay until the next grant");
+    let next = bench.play(&Hello).state;
+    assert_eq!((next.accepted, next.counters), (Sequence(0), Counters::default()));
+    // Its first command has a sequence below those of the session before.
+    let command = command(&bench.session, 1, Mode::Submit, at(0));
+    let state = bench.tick(&[message(ClientMessage::Command(command))]).state;
+    assert_eq!((state.phase, state.accepted, state.counters.received), (Submit, Sequence(1), 1));
+}
+
+#[test]
+fn every_limited_channel_and_every_clamp_is_counted() {
+    let mut bench = obtaining(0);
+    let far = Offsets { position: OffsetNm(5_001), velocity: VelocityUmS(-101), torque: TorquePermille(11) };
+    let near = Offsets { position: OffsetNm(5_000), velocity: VelocityUmS(100), torque: TorquePermille(10) };
+    let state = bench.play(&Move::Answer(Mode::Obtain, [near, far])).state;
+    assert_eq!(state.axes.map(|axis| axis.flags), [AxisFlags::default(), AxisFlags::LIMITED]);
+    assert_eq!((state.counters.limited, state.counters.clamped), (3, 0));
+    let state = bench.play_at(&Silence, [PositionNm(i64::MAX), PositionNm(0)]).state;
+    assert_eq!((state.counters.limited, state.counters.clamped), (3, 1));
+}
+
+#[test]
+fn a_shadow_holds_over_a_miss() {
+    let mut bench = Bench::new(parameters());
+    bench.play(&Hello);
+    for one in [submit(3_000), Silence] {
+        assert_eq!(bench.play(&one).state.axes[0].shadow.position, OffsetNm(3_000));
+    }
+}
+
+#[test]
+fn messages_of_another_epoch_end_nothing() {
+    let mut bench = obtaining(1_000);
+    let other = [ClientMessage::Goodbye(Epoch(6)), ClientMessage::Stop(Epoch(8))].map(message);
+    let output = bench.tick(&other);
+    assert_eq!((output.state.phase, output.ended, output.state.counters.stale), (Obtain, None, 2));
+}
+
+#[test]
+fn the_last_of_a_burst_in_order_acts() {
+    let mut bench = obtaining(0);
+    let burst = [10, 20, 30].map(|target| message(bench.command(Mode::Obtain, at(target))));
+    let output = bench.tick(&burst);
+    assert_eq!((bench.offset(), output.state.counters.late), (30, 2));
+}
+
+/// The server's own lateness is no miss of the client, and its cause is another.
+#[test]
+fn a_miss_in_a_late_tick_is_the_servers() {
+    let output = obtaining(0).tick_with(&[], |tick| tick.elapsed_cycles = 2);
+    assert_eq!(output.ended, Some(Cause::ServerLate));
 }

@@ -232,3 +232,72 @@ fn bad_content_is_named() {
 fn bodies_have_their_lengths() {
     assert_eq!((Welcome::<6>::LENGTH, State::<6>::LENGTH, Command::<6>::LENGTH), (316, 340, 88));
 }
+
+/// A frame of kind 1 with a body of zeros.
+fn zeros(length: u16) -> StdVec<u8> {
+    let [low, high] = length.to_le_bytes();
+    let header = [b'G', b'T', PROTOCOL_VERSION, 1, low, high];
+    sealed([&header[..], &std::vec![0; usize::from(length) + TRAILER_LEN]].concat())
+}
+
+#[test]
+fn the_longest_frame_passes_and_no_longer_one() {
+    let most = u16::try_from(MAX_BODY).unwrap();
+    assert_eq!(zeros(most).len(), MAX_FRAME);
+    assert_eq!(Frame::parse(&zeros(most)).map(|frame| frame.body().len()), Ok(MAX_BODY));
+    let body = StdVec::from([0; MAX_BODY + 1]);
+    assert!(Frame::from_parts(1, &body[1..]).is_some() && Frame::from_parts(1, &body).is_none());
+    let stream = [zeros(most), zeros(0)].concat();
+    assert_eq!(deframe(&stream, &[]).unwrap().len(), 2);
+    let error = FrameError::TooLong { length: most + 1 };
+    assert_eq!((Frame::parse(&zeros(most + 1)), deframe(&zeros(most + 1), &[])), (Err(error), Err(error)));
+}
+
+#[test]
+fn frames_are_equal_by_their_bytes() {
+    let [one, other] = [1, 2].map(|epoch| encode_client(&ClientMessage::<1>::Stop(Epoch(epoch))));
+    assert!(one == one.clone() && one != other);
+    assert_eq!(std::format!("{one:?}"), std::format!("{:?}", &one[..]));
+}
+
+/// The first `held` bytes of a frame; what follows them is noise.
+fn collected(frame: &[u8], held: usize, noise: u8) -> Option<Collector> {
+    let mut bytes = [noise; MAX_FRAME];
+    bytes[..frame.len()].copy_from_slice(frame);
+    Collector::from_parts(bytes, held)
+}
+
+#[test]
+fn a_collector_holds_part_of_one_frame_and_no_more() {
+    let frame = zeros(4);
+    for held in 0..=frame.len() {
+        let collector = collected(&frame, held, 7).unwrap();
+        assert_eq!((collector.held(), collector.is_whole()), (&frame[..held], held == frame.len()));
+        assert_eq!(Some(&collector), collected(&frame, held, 8).as_ref());
+        assert_ne!(Some(collector), collected(&frame, (held + 1) % frame.len(), 7));
+    }
+    assert_eq!(collected(&frame, frame.len() + 1, 7), None);
+    assert_eq!(collected(b"no frame", HEADER_LEN, 7), None);
+    assert!(collected(b"no frame", HEADER_LEN - 1, 7).is_some());
+}
+
+#[test]
+fn a_deframer_has_returned_what_is_whole() {
+    let frame = zeros(4);
+    let [part, whole] = [9, frame.len()].map(|held| collected(&frame, held, 7).unwrap());
+    let broken = Stage::Broken(FrameError::Magic);
+    let cases = [
+        (&part, Stage::Collecting, true),
+        (&whole, Stage::Collecting, false),
+        (&part, Stage::Returned, false),
+        (&whole, Stage::Returned, true),
+        (&part, broken, true),
+        (&whole, broken, true),
+    ];
+    for (collector, stage, is_valid) in cases {
+        let deframer = Deframer::from_parts(collector.clone(), stage);
+        assert_eq!(deframer.is_some(), is_valid, "{stage:?}");
+        let rest = deframer.filter(|_| stage == Stage::Collecting);
+        assert!(rest.is_none_or(|mut deframer| matches!(deframer.feed(&frame[9..]), Feed::Frame { consumed: 5, .. })));
+    }
+}

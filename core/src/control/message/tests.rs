@@ -1,0 +1,50 @@
+//! Flags and names, which are read beside the wire: in files, by scripts.
+
+use std::collections::BTreeSet;
+use std::format;
+
+use super::*;
+
+#[test]
+fn bits_without_a_name_are_no_flags() {
+    let named = [
+        AxisFlags::TRAVEL,
+        AxisFlags::POSITION_LIMITED,
+        AxisFlags::VELOCITY_LIMITED,
+        AxisFlags::TORQUE_LIMITED,
+        AxisFlags::NOMINAL_STEP,
+    ];
+    let mut all = AxisFlags::default();
+    for flag in named {
+        assert!(!all.contains(flag));
+        assert_eq!(AxisFlags::LIMITED.contains(flag), named[1..4].contains(&flag));
+        all = all.with(flag, true);
+        assert_eq!(all.with(flag, true), all, "set twice is set");
+        assert_eq!(all.with(AxisFlags::ALL, false), all);
+    }
+    assert_eq!(all, AxisFlags::ALL);
+    for bits in 0..=u8::MAX {
+        let read = AxisFlags::try_from(bits);
+        let expected = if bits < 32 { Ok(bits) } else { Err(ContentError::Reserved) };
+        assert_eq!(read.map(u8::from), expected);
+    }
+}
+
+#[test]
+fn a_refusal_has_the_name_of_its_variant() {
+    let refusals = [
+        Refusal::Busy,
+        Refusal::Ramping { ticks_left: 1 },
+        Refusal::Faulted { ticks_left: 1 },
+        Refusal::Version { supported: 1 },
+        Refusal::Axes { expected: 1 },
+        Refusal::Capability { needed: Capabilities::NONE },
+        Refusal::Unavailable,
+    ];
+    let names: BTreeSet<_> = refusals.iter().map(Refusal::name).collect();
+    assert_eq!(names.len(), refusals.len());
+    for refusal in refusals {
+        let debug = format!("{refusal:?}");
+        assert_eq!(debug.split(' ').next(), Some(refusal.name()));
+    }
+}
