@@ -52,14 +52,16 @@ prop_compose! {
 }
 
 prop_compose! {
-    /// Any limits, most of them small, so that core accepts some.
-    fn any_limits()([max, ramp] in [count(), count()], [step, accel] in [count(), count()]) -> gt_limits {
-        gt_limits { max, step, accel: accel.saturating_mul(4), ramp }
+    /// Limits that core accepts, the smallest of every kind among them.
+    fn accepted_limits()(max in 0..3_i32, ramp in 1..4_i32, above_ramp in 0..4_i32, above_both in 0..4_i32) -> gt_limits {
+        let step = ramp + above_ramp;
+        gt_limits { max, step, accel: step + ramp + above_both, ramp }
     }
 }
 
-fn count() -> impl Strategy<Value = i32> {
-    prop_oneof![20 => 0..9_i32, 1 => any::<i32>()]
+fn any_limits() -> impl Strategy<Value = gt_limits> {
+    let any = any::<[i32; 4]>().prop_map(|[max, step, accel, ramp]| gt_limits { max, step, accel, ramp });
+    prop_oneof![4 => accepted_limits(), 1 => any]
 }
 
 prop_compose! {
