@@ -254,6 +254,19 @@ fn endings_have_their_causes_and_their_precedence() {
     }
 }
 
+/// Nothing is sent to it during the ramp; after a Goodbye the States go on.
+#[test]
+fn a_connection_that_is_gone_owns_nothing() {
+    for event in [Event::Broken(FrameError::Checksum), Event::Flood, Event::Closed] {
+        let mut bench = obtaining(1_000);
+        let output = bench.tick(&[(OWNER, event)]);
+        assert_eq!((output.owner, bench.session.owner()), (None, None), "{event:?}");
+    }
+    let mut bench = obtaining(1_000);
+    let output = bench.play(&Goodbye);
+    assert_eq!((output.owner, bench.session.owner()), (Some(OWNER), Some(OWNER)));
+}
+
 #[test]
 fn a_jump_of_the_nominal_is_passed_through_flagged_and_faults() {
     let mut bench = obtaining(1_000);
