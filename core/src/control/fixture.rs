@@ -3,11 +3,22 @@
 use crate::control::axis::Offsets;
 use crate::control::channel::{LimitValues, Limits};
 use crate::control::message::{
-    AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase, State,
+    AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase, Refusal, State,
 };
 use crate::control::session::config::{AxisConfig, Travel};
 use crate::control::session::{Input, Session, TickInput};
 use crate::units::{Epoch, EpochRange, OffsetNm, Sequence, Tick};
+
+/// Every reason for a refusal, each number another one.
+pub(crate) const REFUSALS: [Refusal; 7] = [
+    Refusal::Busy,
+    Refusal::Ramping { ticks_left: 0x0102_0304 },
+    Refusal::Faulted { ticks_left: 0x0506_0708 },
+    Refusal::Version { supported: 9 },
+    Refusal::Axes { expected: 10 },
+    Refusal::Capability { needed: Capabilities(0x0b0c) },
+    Refusal::Unavailable,
+];
 
 pub(crate) const HELLO: ClientMessage<2> = ClientMessage::Hello(Hello { axes: 2, capabilities: Capabilities::NONE });
 

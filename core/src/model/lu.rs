@@ -18,7 +18,7 @@ struct Row<const N: usize> {
 /// Triangular factors of a square matrix: factored once, solved many times, as it stands and transposed.
 ///
 /// Columns, then rows, are scaled to a largest entry of 1 first, so that the measure of singularity does not depend on the units
-/// of the columns (metres and radians). It may on those of the rows, which are links here, and in metres all.
+/// of the columns (metres and radians). It may depend on those of the rows, which are all in metres here.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Lu<const N: usize> {
     rows: [Row<N>; N],
@@ -213,8 +213,8 @@ mod tests {
 
     /// `(|L| |U|)` of the matrix that was factored, its rows as they were given, in its units.
     ///
-    /// What rounding leaves of a solve is bounded by it (Higham, "Accuracy and Stability of Numerical Algorithms", theorem 9.4),
-    /// and not by the matrix: a row whose largest entry is alone in its column may lose digits of its others.
+    /// The rounding of a solve is bounded by it (Higham, "Accuracy and Stability of Numerical Algorithms", theorem 9.4), and not by the
+    /// matrix itself: a row whose largest entry is alone in its column may lose digits of its others.
     fn magnitudes(lu: &Lu<6>) -> [[f64; 6]; 6] {
         let mut magnitudes = [[0.0; 6]; 6];
         for (k, row) in lu.rows.iter().enumerate() {

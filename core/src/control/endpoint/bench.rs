@@ -2,7 +2,7 @@
 
 use std::vec::Vec as StdVec;
 
-use super::{Endpoint, FRAMES, MotorMap, Transport};
+use super::{CONNECTIONS, Endpoint, FRAMES, MotorMap, Transport};
 use crate::control::axis::{Offsets, Reference};
 use crate::control::fixture::{command, on_time};
 use crate::control::message::{ClientMessage, Mode, ServerMessage};
@@ -61,10 +61,10 @@ impl Bench {
         let mut sent = StdVec::new();
         while let Some((to, frame)) = self.endpoint.poll_transmit() {
             sent.push((to, frame.to_vec()));
+            assert!(sent.len() <= FRAMES);
         }
-        assert!(sent.len() <= FRAMES);
         let output = self.endpoint.output().unwrap().clone();
-        let close = core::iter::from_fn(|| self.endpoint.poll_close()).collect();
+        let close = core::iter::from_fn(|| self.endpoint.poll_close()).take(CONNECTIONS + 1).collect();
         assert!(self.endpoint.is_valid());
         Ticked { motors, output, sent, close }
     }

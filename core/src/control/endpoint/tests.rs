@@ -269,7 +269,7 @@ fn silent_others_are_shown_out() {
     for _ in 0..CONNECTIONS {
         bench.open(Transport::Stream);
     }
-    let ticks = (1..).find(|_| !bench.tick().close.is_empty()).unwrap();
+    let ticks = (1..=2_000).find(|_| !bench.tick().close.is_empty()).unwrap();
     assert_eq!(ticks, 1_001);
     bench.open(Transport::Stream);
 }
@@ -345,7 +345,7 @@ fn a_refused_write_is_not_accepted_afterwards() {
 #[test]
 fn every_clause_of_the_invariant_counts() {
     type Break = fn(&mut Endpoint<2, 3>);
-    let breaks: [(&str, Break); 9] = [
+    let breaks: [(&str, Break); 8] = [
         ("slot", |endpoint| endpoint.slots[0].frames = 9),
         ("number", |endpoint| endpoint.next_connection = endpoint.slots[1].connection.0),
         ("order", |endpoint| endpoint.slots[1].connection = endpoint.slots[0].connection),
@@ -359,12 +359,6 @@ fn every_clause_of_the_invariant_counts() {
         ("owner to be closed", |endpoint| {
             endpoint.input.events.truncate(1);
             endpoint.slots[0].closed = true;
-        }),
-        ("owner of others", |endpoint| {
-            endpoint.input.events.clear();
-            endpoint.slots[0].connection = Connection(u64::MAX);
-            endpoint.slots.swap(0, 1);
-            endpoint.next_connection = u64::MAX;
         }),
     ];
     let (mut bench, owner) = obtaining(Transport::Stream);

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::format;
 
 use super::*;
+use crate::control::fixture::REFUSALS;
 
 #[test]
 fn bits_without_a_name_are_no_flags() {
@@ -32,18 +33,9 @@ fn bits_without_a_name_are_no_flags() {
 
 #[test]
 fn a_refusal_has_the_name_of_its_variant() {
-    let refusals = [
-        Refusal::Busy,
-        Refusal::Ramping { ticks_left: 1 },
-        Refusal::Faulted { ticks_left: 1 },
-        Refusal::Version { supported: 1 },
-        Refusal::Axes { expected: 1 },
-        Refusal::Capability { needed: Capabilities::NONE },
-        Refusal::Unavailable,
-    ];
-    let names: BTreeSet<_> = refusals.iter().map(Refusal::name).collect();
-    assert_eq!(names.len(), refusals.len());
-    for refusal in refusals {
+    let names: BTreeSet<_> = REFUSALS.iter().map(Refusal::name).collect();
+    assert_eq!(names.len(), REFUSALS.len());
+    for refusal in REFUSALS {
         let debug = format!("{refusal:?}");
         assert_eq!(debug.split(' ').next(), Some(refusal.name()));
     }

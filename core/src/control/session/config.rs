@@ -263,37 +263,27 @@ mod tests {
 
     #[test]
     fn a_configuration_is_refused_by_name() {
-        let far = Travel { lower: PositionNm(-MAX_POSITION_NM), upper: PositionNm(MAX_POSITION_NM) };
         let good = fixture::axis(fixture::limits(1_000_000, 5_000, 10_000, 100), 1_000_000_000, 1_000_000);
-        let nominal = |lower, upper| AxisConfig {
-            nominal_travel: Travel { lower: PositionNm(lower), upper: PositionNm(upper) },
-            ..good
-        };
-        let machine = |lower, upper| AxisConfig {
-            machine_travel: Travel { lower: PositionNm(lower), upper: PositionNm(upper) },
-            ..good
-        };
+        let between = |lower, upper| Travel { lower: PositionNm(lower), upper: PositionNm(upper) };
+        let nominal = |lower, upper| AxisConfig { nominal_travel: between(lower, upper), ..good };
+        let machine = |lower, upper| AxisConfig { machine_travel: between(lower, upper), ..good };
+        let torque =
+            |max| AxisConfig { limits: AxisLimits { torque: fixture::limits(max, 3, 5, 1), ..good.limits }, ..good };
         let (travel, margin) = (Err(ConfigError::Travel { axis: 1 }), Err(ConfigError::Margin { axis: 1 }));
         // 1 m of nominal travel to both sides, and 1 mm of offset.
         let (most, beyond) = (1_001_000_000, MAX_POSITION_NM + 1);
         let cases = [
-            (AxisConfig { machine_travel: far, ..good }, Ok(())),
+            (machine(-MAX_POSITION_NM, MAX_POSITION_NM), Ok(())),
             (machine(-beyond, MAX_POSITION_NM), travel),
             (machine(-MAX_POSITION_NM, beyond), travel),
-            (AxisConfig { machine_travel: far, ..nominal(5, 5) }, Ok(())),
+            (nominal(5, 5), Ok(())),
             (nominal(5, 4), travel),
             (machine(-most, most), Ok(())),
             (machine(1 - most, most), margin),
             (machine(-most, most - 1), margin),
             (nominal(-MAX_POSITION_NM, 0), margin),
-            (
-                AxisConfig { limits: AxisLimits { torque: fixture::limits(32_767, 3, 5, 1), ..good.limits }, ..good },
-                Ok(()),
-            ),
-            (
-                AxisConfig { limits: AxisLimits { torque: fixture::limits(32_768, 3, 5, 1), ..good.limits }, ..good },
-                Err(ConfigError::TorqueMax { axis: 1 }),
-            ),
+            (torque(32_767), Ok(())),
+            (torque(32_768), Err(ConfigError::TorqueMax { axis: 1 })),
         ];
         for (axis, expected) in cases {
             assert_eq!(Config::new(Parameters::thesis([good, axis])).map(|_| ()), expected, "{axis:?}");

@@ -306,8 +306,9 @@ mod tests {
 
     #[test]
     fn it_freezes_half_its_steps_after_an_end_until_released() {
-        let mut recorder = Recorder::<u8, (), u8, 2>::new();
-        let record = |recorder: &mut Recorder<u8, (), u8, 2>, number: u8, ends| {
+        type Numbered = Recorder<u8, (), u8, 2>;
+        let mut recorder = Numbered::new();
+        let record = |recorder: &mut Numbered, number: u8, ends| {
             recorder.before_tick(&(number - 1));
             recorder.after_tick(&(), &number, ends);
             assert!(recorder.is_valid());

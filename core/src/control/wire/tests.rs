@@ -6,10 +6,10 @@ use std::vec::Vec as StdVec;
 use super::*;
 use crate::control::axis::{Actual, Offsets};
 use crate::control::channel::Limits;
-use crate::control::fixture::limits;
+use crate::control::fixture::{REFUSALS, limits};
 use crate::control::message::{
     AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
-    Refusal, ServerMessage, State, Welcome,
+    ServerMessage, State, Welcome,
 };
 use crate::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 
@@ -84,17 +84,8 @@ fn from_server<const N: usize>() -> StdVec<ServerMessage<N>> {
             torque: limits(100, 3, 5, 2),
         }; N],
     };
-    let refusals = [
-        Refusal::Busy,
-        Refusal::Ramping { ticks_left: 0x0102_0304 },
-        Refusal::Faulted { ticks_left: 0x0506_0708 },
-        Refusal::Version { supported: 9 },
-        Refusal::Axes { expected: 10 },
-        Refusal::Capability { needed: Capabilities(0x0b0c) },
-        Refusal::Unavailable,
-    ];
     let mut messages = std::vec![ServerMessage::Welcome(welcome)];
-    messages.extend(refusals.map(ServerMessage::Refusal));
+    messages.extend(REFUSALS.map(ServerMessage::Refusal));
     messages.extend(Phase::ALL.iter().map(|phase| ServerMessage::State(State { phase: *phase, ..state })));
     messages.extend(Cause::ALL.iter().map(|cause| ServerMessage::State(State { cause: *cause, ..state })));
     messages
@@ -155,7 +146,7 @@ fn deframe(stream: &[u8], cuts: &[usize]) -> Result<StdVec<StdVec<u8>>, FrameErr
                 Feed::Incomplete => break,
                 Feed::Frame { frame, consumed } => {
                     frames.push(frame.body().to_vec());
-                    assert!(consumed <= chunk.len());
+                    assert!(0 < consumed && consumed <= chunk.len());
                     chunk = &chunk[consumed..];
                 }
                 Feed::Broken(error) => return Err(error),
