@@ -40,14 +40,60 @@ pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'stati
     ///
     /// # Errors
     /// A sentence that names the parameter.
-    fn compensator(&self, compliances: &Compliances<N>, config: CompensatorConfig<N>)
-    -> Result<Compensator<N>, String>;
+    fn compensator(
+        &self,
+        compliances: &Compliances<N>,
+        config: CompensatorConfig<N>,
+    ) -> Result<Box<dyn Compensator<N>>, String>;
 }
 
-/// A compensator, called once per cycle: returns the offsets that hold the tool where the nominal positions put it, under a load.
-/// An error leaves it usable; an F1 finds its pose again by the third call.
-pub type Compensator<const N: usize> =
-    Box<dyn FnMut(&[PositionNm; N], &Wrench) -> Result<Correction<N>, KinematicsError> + Send>;
+/// A compensator, used once per cycle: it locates the platform, with which a force sensor's reading becomes a load, and then corrects for
+/// the load.
+pub trait Compensator<const N: usize>: Send {
+    /// Returns the pose that the nominal positions stand for.
+    ///
+    /// # Errors
+    /// [`KinematicsError`]. It leaves the compensator usable; an F1 finds its pose again by the third call.
+    fn locate(&mut self, nominal: &[PositionNm; N]) -> Result<Pose, KinematicsError>;
+
+    /// Returns the offsets that hold the tool where the nominal positions put it, in `pose`, under a load.
+    ///
+    /// # Errors
+    /// [`KinematicsError`].
+    fn correct(&self, pose: &Pose, nominal: &[PositionNm; N], load: &Wrench) -> Result<Correction<N>, KinematicsError>;
+}
+
+impl Compensator<{ l2::AXES }> for l2::Compensator {
+    fn locate(&mut self, nominal: &[PositionNm; l2::AXES]) -> Result<Pose, KinematicsError> {
+        let kinematics = self.machine().kinematics();
+        Ok(kinematics.pose(kinematics.forward(&self.config().q_of(nominal))?))
+    }
+
+    fn correct(
+        &self,
+        _: &Pose,
+        nominal: &[PositionNm; l2::AXES],
+        load: &Wrench,
+    ) -> Result<Correction<{ l2::AXES }>, KinematicsError> {
+        self.correct(nominal, load)
+    }
+}
+
+impl Compensator<{ f1::AXES }> for f1::Compensator {
+    fn locate(&mut self, nominal: &[PositionNm; f1::AXES]) -> Result<Pose, KinematicsError> {
+        let q = self.config().q_of(nominal);
+        Ok(self.track(&q)?.value)
+    }
+
+    fn correct(
+        &self,
+        pose: &Pose,
+        nominal: &[PositionNm; f1::AXES],
+        load: &Wrench,
+    ) -> Result<Correction<{ f1::AXES }>, KinematicsError> {
+        self.correct_at(pose, &self.config().q_of(nominal), load)
+    }
+}
 
 /// An L2; of a robot file, in the orientation of the world.
 pub type L2 = l2::Kinematics;
@@ -75,9 +121,9 @@ impl MachineKind<{ l2::AXES }> for L2 {
         &self,
         compliances: &Compliances<{ l2::AXES }>,
         config: CompensatorConfig<{ l2::AXES }>,
-    ) -> Result<Compensator<{ l2::AXES }>, String> {
+    ) -> Result<Box<dyn Compensator<{ l2::AXES }>>, String> {
         let compensator = l2::Compensator::new(self, compliances, config).map_err(|error| error.to_string())?;
-        Ok(Box::new(move |nominal, load| compensator.correct(nominal, load)))
+        Ok(Box::new(compensator))
     }
 }
 
@@ -103,10 +149,9 @@ impl MachineKind<{ f1::AXES }> for F1 {
         &self,
         compliances: &Compliances<{ f1::AXES }>,
         config: CompensatorConfig<{ f1::AXES }>,
-    ) -> Result<Compensator<{ f1::AXES }>, String> {
+    ) -> Result<Box<dyn Compensator<{ f1::AXES }>>, String> {
         let kinematics = self.without_travel();
-        let mut compensator =
-            f1::Compensator::new(&kinematics, compliances, config).map_err(|error| error.to_string())?;
-        Ok(Box::new(move |nominal, load| compensator.correct(nominal, load)))
+        let compensator = f1::Compensator::new(&kinematics, compliances, config).map_err(|error| error.to_string())?;
+        Ok(Box::new(compensator))
     }
 }

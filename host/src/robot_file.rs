@@ -19,7 +19,7 @@ use crate::model::{F1, L2, MachineKind};
 pub use build::CYCLE_US;
 use check::Kind;
 pub(crate) use keys::{F1Keys, Keys, L2Keys};
-pub use sections::{Client, Motors, Sensor, Simulation};
+pub use sections::{Client, Motors, Sensor, Simulation, Tool};
 
 /// The text of `robots/l2.toml`.
 const L2_TEXT: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), env!("GANTRY_TAU_ROBOTS"), "/l2.toml"));

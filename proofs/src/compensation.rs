@@ -2,6 +2,7 @@
 
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
 use gantry_tau_core::model::kinematics::KinematicsError;
+use gantry_tau_core::model::nalgebra::Matrix3;
 use gantry_tau_core::model::sensor::{ForceSensor, MAX_READING, Reading, SensorConfig, SensorError, SensorState};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, OffsetNm};
@@ -64,9 +65,9 @@ pub fn sensor_check_admits_finite(config: SensorConfig, state: SensorState) -> b
 }
 
 /// T14, for the load the compensation is fed: valid, and any reading, one update, valid; a load is finite; an error changes nothing. Tested.
-pub fn sensor_stays_valid(before: &ForceSensor, raw: &Wrench) {
+pub fn sensor_stays_valid(before: &ForceSensor, raw: &Wrench, platform: &Matrix3<f64>) {
     let mut after = *before;
-    let reading = after.update(raw);
+    let reading = after.update(raw, platform);
     assert!(after.is_valid(), "T14: the sensor stays valid");
     match reading {
         Ok(Reading::Load(load)) => assert!(load.is_finite(), "T14: a load is finite"),
@@ -77,9 +78,12 @@ pub fn sensor_stays_valid(before: &ForceSensor, raw: &Wrench) {
     }
 }
 
-/// A reading within its range is never refused by a valid sensor. Tested.
-pub fn sensor_takes_good_readings(before: &ForceSensor, raw: &Wrench) {
+/// A reading within its range is never refused by a valid sensor, however the platform is turned. Tested.
+pub fn sensor_takes_good_readings(before: &ForceSensor, raw: &Wrench, platform: &Matrix3<f64>) {
     let good = raw.to_array().iter().all(|value| value.abs() <= MAX_READING);
     let mut after = *before;
-    assert!(good == (after.update(raw) != Err(SensorError::BadReading)), "T14: refused for its own sake only");
+    assert!(
+        good == (after.update(raw, platform) != Err(SensorError::BadReading)),
+        "T14: refused for its own sake only"
+    );
 }

@@ -48,7 +48,8 @@ impl<const N: usize> CompensatorConfig<N> {
 
     /// Converts nominal positions to q-units.
     #[inline]
-    pub(super) fn q_of(&self, nominal: &[PositionNm; N]) -> [f64; N] {
+    #[must_use]
+    pub fn q_of(&self, nominal: &[PositionNm; N]) -> [f64; N] {
         let mut q = nominal.map(|position| position.to_metres().0);
         for (q, scale) in q.iter_mut().zip(&self.metres_per_q) {
             *q /= scale;

@@ -1,8 +1,17 @@
-//! Six-axis force sensor: tare, frame, low-pass `[T 4.2.5]`.
+//! Six-axis force sensor on the platform: tare, weight of the tool, frame, low-pass `[T 4.2.5]`.
 //!
-//! A reading is the load of the environment on the platform, in sensor axes about the sensor's origin. Out comes the same load
-//! in world axes about the tool centre point, `F = R F_s`, `M = R M_s + p x F`, filtered by a first-order low-pass.
-//! Inertia is not taken out: at speed, a sensor in the tool measures its acceleration too.
+//! The sensor turns with the platform, whose rotation is `R`, world axes from platform axes. Its mounting is constant: `R_s`, platform axes
+//! from sensor axes, and `p`, from the tool centre point to its origin, platform axes. It carries a tool of weight `G` (world axes), whose
+//! centre of gravity is at `c` from the tool centre point (platform axes), and reads, about its origin and with a zero error `b`,
+//!
+//! - `F_s = R_s^T R^T (F + G) + b_F`,
+//! - `M_s = R_s^T (R^T M + c x R^T G - p x R^T (F + G)) + b_M`.
+//!
+//! Out comes the load `(F, M)` of the environment on the platform, world axes, about the tool centre point, filtered by a first-order
+//! low-pass. The tare finds `b` alone, so that it holds in every orientation; a weight that is not known becomes part of `b`, which is
+//! right as long as the platform does not turn. (The thesis' three-axis machine never turns it; there the weight is tared `[T 4.2.5]`.)
+//!
+//! Inertia is not taken out: a tool of mass `m` accelerated by `a` reads `-m a` too, 5 N for 5 kg at 1 m/s².
 
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
@@ -14,21 +23,46 @@ use crate::model::statics::Wrench;
 pub const MAX_READING: f64 = 1e6;
 /// Largest number of samples of a tare.
 pub const MAX_TARE_SAMPLES: u32 = 1_000_000;
-/// Longest lever, m.
+/// Longest lever, and distance of a centre of gravity, per component, m.
 pub const MAX_LEVER_M: f64 = 10.0;
+/// Largest component of a tool's weight, N.
+pub const MAX_WEIGHT_N: f64 = 1e5;
+/// Largest deviation of a platform's rotation from an orthonormal one (largest component of `R^T R - 1`).
+pub const MAX_ROTATION_DEVIATION: f64 = 1e-6;
 
-/// A mean of readings and its rounding.
-const WIDEST_TARE: f64 = MAX_READING * (1.0 + 1e-9);
-/// A reading less its tare is at most 2 [`MAX_READING`] per component, 2 sqrt(3) turned; the lever adds its moment.
-const WIDEST_LOAD: f64 = 4.0 * MAX_READING * (1.0 + 2.0 * MAX_LEVER_M);
+/// A weight's force and moment about the sensor's origin: sqrt(3) turned, on a lever of at most 2 sqrt(3) [`MAX_LEVER_M`].
+const WIDEST_WEIGHT: f64 = 2.0 * MAX_WEIGHT_N * (1.0 + 4.0 * MAX_LEVER_M);
+/// A mean of readings less a weight, and its rounding.
+const WIDEST_TARE: f64 = (MAX_READING + WIDEST_WEIGHT) * (1.0 + 1e-9);
+/// A reading less its tare, sqrt(3) turned; the lever adds its moment, and the weight comes off again.
+const WIDEST_LOAD: f64 = 2.0 * (MAX_READING + WIDEST_TARE) * (1.0 + 4.0 * MAX_LEVER_M) + WIDEST_WEIGHT;
+
+/// Weight of what the sensor carries.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tool {
+    /// `G`: its weight, a force, world axes, N. At most [`MAX_WEIGHT_N`] per component.
+    pub weight_n: Vector3<f64>,
+    /// `c`: from the tool centre point to its centre of gravity, platform axes, m. At most [`MAX_LEVER_M`] per component.
+    pub centre_m: Vector3<f64>,
+}
+
+impl Tool {
+    /// A tool whose weight is not known, and so is tared.
+    #[must_use]
+    pub fn weightless() -> Self {
+        Self { weight_n: Vector3::zeros(), centre_m: Vector3::zeros() }
+    }
+}
 
 /// Mounting and filter of the sensor, not yet checked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorConfig {
-    /// `R`: world axes from sensor axes. Constant, as the 3-DOF machine does not turn its platform.
+    /// `R_s`: platform axes from sensor axes.
     pub rotation: Matrix3<f64>,
-    /// `p`: from the tool centre point to the sensor's origin, world axes, m.
+    /// `p`: from the tool centre point to the sensor's origin, platform axes, m. At most [`MAX_LEVER_M`] per component.
     pub lever_m: Vector3<f64>,
+    /// What the sensor carries.
+    pub tool: Tool,
     /// Cut-off frequency of the low-pass, Hz.
     pub cutoff_hz: f64,
     /// Time between two samples, s.
@@ -41,8 +75,10 @@ pub struct SensorConfig {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SensorError {
-    /// `rotation` is not a rotation matrix.
+    /// `rotation` of the configuration is not a rotation matrix.
     NotRotation,
+    /// The platform's rotation is not a rotation matrix, to [`MAX_ROTATION_DEVIATION`]; the reading was not used.
+    PlatformNotRotation,
     /// A parameter is not finite or outside its range.
     OutOfRange {
         /// Parameter, by its name in [`SensorConfig`].
@@ -62,6 +98,7 @@ impl fmt::Display for SensorError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotRotation => f.write_str("rotation is not a rotation matrix"),
+            Self::PlatformNotRotation => f.write_str("rotation of the platform is not a rotation matrix"),
             Self::OutOfRange { parameter, lower, upper } => {
                 write!(f, "{parameter} must be from {lower:e} to {upper:e}")
             }
@@ -92,7 +129,7 @@ pub enum Reading {
 pub struct SensorState {
     /// Samples the tare still needs; 0 once it is done.
     pub tare_remaining: u32,
-    /// Mean of the samples the tare has taken, zero before the first. Sensor axes.
+    /// `b`: mean of the samples the tare has taken, less the tool's weight; zero before the first. Sensor axes.
     pub tare: Wrench,
     /// Output of the low-pass, world axes, about the tool centre point.
     pub filtered: Wrench,
@@ -109,21 +146,28 @@ impl SensorState {
 /// # Examples
 /// ```
 /// use gantry_tau_core::model::nalgebra::{Matrix3, Vector3};
-/// use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
+/// use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, Tool};
 /// use gantry_tau_core::model::statics::Wrench;
 ///
+/// let sensor_m = Vector3::new(0.0, 0.0, -0.08);
 /// let mut sensor = ForceSensor::new(SensorConfig {
 ///     rotation: Matrix3::identity(),
-///     lever_m: Vector3::new(0.0, 0.0, -0.08),
+///     lever_m: sensor_m,
+///     // 18 N, centred in the sensor.
+///     tool: Tool { weight_n: Vector3::new(0.0, 0.0, -18.0), centre_m: sensor_m },
 ///     cutoff_hz: 20.0,
 ///     cycle_s: 1e-3,
 ///     tare_samples: 2,
 /// })?;
-/// // The weight of the tool, which the tare takes off.
-/// let unloaded = Wrench::from_array([0.0, 0.0, -18.0, 0.0, 0.0, 0.0]);
-/// assert_eq!(sensor.update(&unloaded)?, Reading::Taring { remaining: 1 });
-/// assert_eq!(sensor.update(&unloaded)?, Reading::Taring { remaining: 0 });
-/// assert_eq!(sensor.update(&unloaded)?, Reading::Load(Wrench::zero()));
+/// // The weight, and a zero error of 1 N, which the tare finds.
+/// let (upright, unloaded) = (Matrix3::identity(), Wrench::from_array([1.0, 0.0, -18.0, 0.0, 0.0, 0.0]));
+/// assert_eq!(sensor.update(&unloaded, &upright)?, Reading::Taring { remaining: 1 });
+/// assert_eq!(sensor.update(&unloaded, &upright)?, Reading::Taring { remaining: 0 });
+/// assert_eq!(sensor.update(&unloaded, &upright)?, Reading::Load(Wrench::zero()));
+/// // Turned by a right angle about y, the weight points along x of the platform.
+/// let turned = Matrix3::new(0.0, 0.0, 1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0);
+/// let unloaded = Wrench::from_array([1.0 + 18.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+/// assert_eq!(sensor.update(&unloaded, &turned)?, Reading::Load(Wrench::zero()));
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -148,6 +192,12 @@ impl ForceSensor {
         }
         for value in config.lever_m.iter() {
             check("lever_m", *value, -MAX_LEVER_M, MAX_LEVER_M)?;
+        }
+        for value in config.tool.weight_n.iter() {
+            check("tool.weight_n", *value, -MAX_WEIGHT_N, MAX_WEIGHT_N)?;
+        }
+        for value in config.tool.centre_m.iter() {
+            check("tool.centre_m", *value, -MAX_LEVER_M, MAX_LEVER_M)?;
         }
         check("cutoff_hz", config.cutoff_hz, 1e-3, 1e5)?;
         check("cycle_s", config.cycle_s, 1e-6, 10.0)?;
@@ -195,21 +245,25 @@ impl ForceSensor {
         self.state = SensorState::untared(&self.config);
     }
 
-    /// Takes one raw sample (sensor axes, N and N m), once per cycle.
+    /// Takes one raw sample (sensor axes, N and N m), once per cycle, with the platform turned by `rotation` (world axes from platform axes):
+    /// of the three-axis machine a constant, of the six-axis machine that of the tracked pose.
     ///
     /// The filter starts from zero, which the tare has just defined: no step when the first load is computed.
     /// The new state is checked before it is kept, so that the invariant does not depend on the arithmetic.
     ///
     /// # Errors
-    /// [`SensorError::BadReading`]; the state is what it was.
-    pub fn update(&mut self, raw: &Wrench) -> Result<Reading, SensorError> {
+    /// [`SensorError::BadReading`] and [`SensorError::PlatformNotRotation`]; the state is what it was.
+    pub fn update(&mut self, raw: &Wrench, rotation: &Matrix3<f64>) -> Result<Reading, SensorError> {
         if !within(raw, MAX_READING) {
             return Err(SensorError::BadReading);
         }
+        if rotation_deviation(rotation) > MAX_ROTATION_DEVIATION {
+            return Err(SensorError::PlatformNotRotation);
+        }
         let taring = self.state.tare_remaining.checked_sub(1);
         let state = match taring {
-            Some(remaining) => self.tared(raw, remaining),
-            None => self.filtered(raw),
+            Some(remaining) => self.tared(raw, rotation, remaining),
+            None => self.filtered(raw, rotation),
         };
         let next = Self { state, ..*self };
         if !next.is_valid() {
@@ -223,24 +277,35 @@ impl ForceSensor {
     }
 
     /// The state with one more sample in the tare, and `remaining` to go.
-    fn tared(&self, raw: &Wrench, remaining: u32) -> SensorState {
+    fn tared(&self, raw: &Wrench, rotation: &Matrix3<f64>, remaining: u32) -> SensorState {
         let taken = self.config.tare_samples.saturating_sub(remaining);
         let share = 1.0 / f64::from(taken);
+        let weight = self.weight(rotation);
         let mut tare = self.state.tare;
-        tare.force_n += (raw.force_n - tare.force_n) * share;
-        tare.moment_nm += (raw.moment_nm - tare.moment_nm) * share;
+        tare.force_n += (raw.force_n - weight.force_n - tare.force_n) * share;
+        tare.moment_nm += (raw.moment_nm - weight.moment_nm - tare.moment_nm) * share;
         SensorState { tare_remaining: remaining, tare, ..self.state }
     }
 
     /// The state with one more sample in the filter.
-    fn filtered(&self, raw: &Wrench) -> SensorState {
+    fn filtered(&self, raw: &Wrench, rotation: &Matrix3<f64>) -> SensorState {
         let SensorState { tare, mut filtered, .. } = self.state;
-        let force_n = times(&self.config.rotation, &(raw.force_n - tare.force_n));
-        let moment_nm =
-            times(&self.config.rotation, &(raw.moment_nm - tare.moment_nm)) + self.config.lever_m.cross(&force_n);
+        let weight = self.weight(rotation);
+        let turned = |v: Vector3<f64>| times(rotation, &times(&self.config.rotation, &v));
+        let force_n = turned(raw.force_n - tare.force_n - weight.force_n);
+        let lever_m = times(rotation, &self.config.lever_m);
+        let moment_nm = turned(raw.moment_nm - tare.moment_nm - weight.moment_nm) + lever_m.cross(&force_n);
         filtered.force_n += (force_n - filtered.force_n) * self.coefficient;
         filtered.moment_nm += (moment_nm - filtered.moment_nm) * self.coefficient;
         SensorState { filtered, ..self.state }
+    }
+
+    /// The weight as the sensor reads it: `R_s^T R^T G`, `R_s^T ((c - p) x R^T G)`.
+    fn weight(&self, rotation: &Matrix3<f64>) -> Wrench {
+        let SensorConfig { rotation: mounting, lever_m, tool, .. } = &self.config;
+        let in_sensor = |v: &Vector3<f64>| times(&mounting.transpose(), v);
+        let platform_n = times(&rotation.transpose(), &tool.weight_n);
+        Wrench { force_n: in_sensor(&platform_n), moment_nm: in_sensor(&(tool.centre_m - lever_m).cross(&platform_n)) }
     }
 }
 
@@ -261,22 +326,39 @@ fn check(parameter: &'static str, value: f64, lower: f64, upper: f64) -> Result<
 mod tests {
     use super::*;
     use crate::model::l2::tests::close;
+    use crate::model::linalg::rotation_from_vector;
 
     fn config() -> SensorConfig {
         SensorConfig {
             // x of the sensor points along y of the world.
             rotation: Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0),
             lever_m: Vector3::new(0.0, 0.0, -0.08),
+            tool: Tool::weightless(),
             cutoff_hz: 20.0,
             cycle_s: 1e-3,
             tare_samples: 4,
         }
     }
 
+    fn turned(x: f64, y: f64, z: f64) -> Matrix3<f64> {
+        rotation_from_vector(&Vector3::new(x, y, z)).unwrap()
+    }
+
+    /// Reading of the sensor under a load, by transfer of moments in world axes, with a zero error.
+    fn reading(config: &SensorConfig, rotation: &Matrix3<f64>, load: &Wrench, bias: &Wrench) -> Wrench {
+        let at = |v: Vector3<f64>| rotation * v;
+        let weight_nm = at(config.tool.centre_m).cross(&config.tool.weight_n);
+        let force_n = load.force_n + config.tool.weight_n;
+        let moment_nm = load.moment_nm + weight_nm - at(config.lever_m).cross(&force_n);
+        let axes = (rotation * config.rotation).transpose();
+        Wrench { force_n: axes * force_n + bias.force_n, moment_nm: axes * moment_nm + bias.moment_nm }
+    }
+
     fn settled(sensor: &mut ForceSensor, raw: [f64; 6]) -> [f64; 6] {
         let mut load = Wrench::zero();
         for _ in 0..2000 {
-            if let Reading::Load(wrench) = sensor.update(&Wrench::from_array(raw)).unwrap() {
+            let reading = sensor.update(&Wrench::from_array(raw), &Matrix3::identity()).unwrap();
+            if let Reading::Load(wrench) = reading {
                 load = wrench;
             }
         }
@@ -289,7 +371,7 @@ mod tests {
         let bias = [3.0, -2.0, 40.0, 0.5, 0.1, -0.2];
         for (index, noise) in [0.3, -0.3, 0.1, -0.1].into_iter().enumerate() {
             let raw = Wrench::from_array(bias.map(|value| value + noise));
-            let reading = sensor.update(&raw).unwrap();
+            let reading = sensor.update(&raw, &Matrix3::identity()).unwrap();
             let remaining = u32::try_from(3 - index).unwrap();
             assert_eq!(reading, Reading::Taring { remaining });
         }
@@ -309,15 +391,49 @@ mod tests {
     }
 
     #[test]
+    fn the_load_is_the_same_however_the_platform_is_turned() {
+        let tool = Tool { weight_n: Vector3::new(0.5, -1.0, -49.0), centre_m: Vector3::new(0.03, -0.02, -0.2) };
+        // Nearly no filter, so that one sample is enough.
+        let config = SensorConfig { tool, cutoff_hz: 1e5, cycle_s: 10.0, ..config() };
+        let bias = Wrench::from_array([3.0, -2.0, 40.0, 0.5, 0.1, -0.2]);
+        let poses = [turned(0.0, 0.0, 0.0), turned(0.3, 0.0, 0.0), turned(0.3, -0.3, 0.1), turned(-1.0, 2.0, 0.5)];
+        let loads = [Wrench::zero(), Wrench::from_array([300.0, -100.0, 50.0, 4.0, -8.0, 15.0])];
+        let mut sensor = ForceSensor::new(config).unwrap();
+        // The tare may even be taken while the platform turns.
+        for pose in &poses {
+            sensor.update(&reading(&config, pose, &Wrench::zero(), &bias), pose).unwrap();
+        }
+        close(&sensor.state().tare.to_array(), &bias.to_array(), 1e-12, "bias");
+        for (pose, load) in poses.iter().flat_map(|pose| loads.map(|load| (pose, load))) {
+            let raw = reading(&config, pose, &load, &bias);
+            let Reading::Load(found) = sensor.update(&raw, pose).unwrap() else { panic!("still taring") };
+            // The filter keeps 2e-7 of the load before.
+            let off = (found.force_n - load.force_n).amax().max((found.moment_nm - load.moment_nm).amax());
+            assert!(off < 1e-4, "{found:?} {load:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_rotation_is_refused() {
+        let mut sensor = ForceSensor::new(config()).unwrap();
+        let before = sensor;
+        let mirrored = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
+        for wrong in [mirrored, Matrix3::identity() * 1.001, Matrix3::zeros(), Matrix3::repeat(f64::NAN)] {
+            assert_eq!(sensor.update(&Wrench::zero(), &wrong), Err(SensorError::PlatformNotRotation));
+            assert_eq!(sensor, before);
+        }
+    }
+
+    #[test]
     fn the_low_pass_has_its_time_constant_and_never_overshoots() {
         for cutoff_hz in [1e-3, 1.0, 20.0, 500.0, 1e5] {
             let mut sensor = ForceSensor::new(SensorConfig { cutoff_hz, tare_samples: 1, ..config() }).unwrap();
             assert!(sensor.coefficient > 0.0 && sensor.coefficient < 1.0);
-            sensor.update(&Wrench::zero()).unwrap();
+            sensor.update(&Wrench::zero(), &Matrix3::identity()).unwrap();
             let step = Wrench::from_array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
             let mut last = 0.0;
             for k in 1..2000 {
-                let Reading::Load(load) = sensor.update(&step).unwrap() else {
+                let Reading::Load(load) = sensor.update(&step, &Matrix3::identity()).unwrap() else {
                     panic!("still taring");
                 };
                 assert!(load.force_n.z >= last && load.force_n.z <= 1.0 + 1e-12);
@@ -333,8 +449,12 @@ mod tests {
     #[test]
     fn configurations_are_refused_by_name() {
         let lever_m = Vector3::new(0.0, f64::NAN, 0.0);
+        let heavy = Tool { weight_n: Vector3::new(0.0, 0.0, -1.1e5), ..Tool::weightless() };
+        let far = Tool { centre_m: Vector3::new(11.0, 0.0, 0.0), ..Tool::weightless() };
         let one_each = [
             (SensorConfig { lever_m, ..config() }, "lever_m"),
+            (SensorConfig { tool: heavy, ..config() }, "tool.weight_n"),
+            (SensorConfig { tool: far, ..config() }, "tool.centre_m"),
             (SensorConfig { tare_samples: 0, ..config() }, "tare_samples"),
         ];
         let wild = [f64::NAN, f64::INFINITY, -1.0, 0.0].map(|bad| {
@@ -348,7 +468,7 @@ mod tests {
         }
         let rotation = config().rotation * 1.001;
         assert_eq!(ForceSensor::new(SensorConfig { rotation, ..config() }), Err(SensorError::NotRotation));
-        for (remaining, value) in [(5, 0.0), (0, 1.1e6), (4, 1.0), (0, f64::NAN)] {
+        for (remaining, value) in [(5, 0.0), (0, 1.0e7), (4, 1.0), (0, f64::NAN)] {
             let mut state = *ForceSensor::new(config()).unwrap().state();
             state.tare_remaining = remaining;
             state.tare.force_n.x = value;

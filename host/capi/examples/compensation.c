@@ -144,10 +144,13 @@ static void sensor(void)
     const gt_sensor_config config = {
         .rotation = {{0, -1, 0}, {1, 0, 0}, {0, 0, 1}},
         .lever_m = {0, 0, -0.08},
+        .tool_weight_n = {0, 0, -18},
+        .tool_centre_m = {0.01, 0, -0.12},
         .cutoff_hz = 20,
         .cycle_s = 1e-3,
         .tare_samples = 2,
     };
+    const gt_pose upright = {.rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}; /* of an F1: gt_f1_tracker_pose */
     gt_wrench raw = {.force_n = {1, 2, 3}, .moment_nm = {0, 0, 0}}, out;
     gt_sensor *object;
     gt_error error;
@@ -160,7 +163,7 @@ static void sensor(void)
         }
         error.index = -1;
         error.value = 0;
-        check("sample", gt_sensor_update(object, &raw, &out, &taring), &error);
+        check("sample", gt_sensor_update(object, &raw, &upright, &out, &taring), &error);
     }
     print("sensor force", out.force_n, 3);
     print("sensor moment", out.moment_nm, 3);

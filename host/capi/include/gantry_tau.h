@@ -252,6 +252,8 @@ enum gt_code
   GT_CODE_SENSOR_BAD_READING = 1002,
   // The state of a sensor is invalid. Not returned by this interface, where that state never comes from outside.
   GT_CODE_SENSOR_INVALID_STATE = 1003,
+  // The platform's rotation is not a rotation matrix.
+  GT_CODE_SENSOR_PLATFORM_NOT_ROTATION = 1004,
   // A length to convert is NaN or infinite.
   GT_CODE_CROSSING_NOT_FINITE = 1100,
   // A length to convert is out of range. `upper`: largest magnitude, nm.
@@ -319,6 +321,10 @@ enum gt_parameter
   GT_PARAMETER_LAST_WRITE = 22,
   // `reading` of a gt_tick_input.
   GT_PARAMETER_READING = 23,
+  // tool_weight_n of a sensor.
+  GT_PARAMETER_TOOL_WEIGHT = 24,
+  // tool_centre_m of a sensor.
+  GT_PARAMETER_TOOL_CENTRE = 25,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -537,10 +543,14 @@ typedef struct gt_l2_geometry {
 
 // Mounting and filter of a sensor.
 typedef struct gt_sensor_config {
-  // R: world axes from sensor axes, row by row.
+  // R_s: platform axes from sensor axes, row by row.
   double rotation[3][3];
-  // p: from the tool centre point to the sensor's origin, world axes, m; at most 10.
+  // p: from the tool centre point to the sensor's origin, platform axes, m; at most 10.
   double lever_m[3];
+  // G: weight of what the sensor carries, a force, world axes, N; at most 1e5. Zero where it is not known, and so is tared.
+  double tool_weight_n[3];
+  // c: from the tool centre point to its centre of gravity, platform axes, m; at most 10.
+  double tool_centre_m[3];
   // Cut-off frequency of the low-pass, Hz, 1e-3 to 1e5.
   double cutoff_hz;
   // Time between two samples, s, 1e-6 to 10.
@@ -1025,13 +1035,15 @@ gt_code gt_sensor_init(void *memory,
                        struct gt_sensor **sensor,
                        struct gt_error *error);
 
-// Takes one raw sample (sensor axes, about the sensor's origin), once per cycle.
+// Takes one raw sample (sensor axes, about the sensor's origin), once per cycle, with the platform in `pose`, of which only the rotation is
+// read: of an L2 it is constant, of an F1 see gt_f1_tracker_pose.
 // `taring` receives the samples that the tare still needs; when it is 0, `load` receives the load on the platform, world axes, about
 // the tool centre point, filtered, otherwise zeros. Constant cost.
 //
-// Errors: GT_CODE_SENSOR_BAD_READING; the sensor is then unchanged.
+// Errors: GT_CODE_SENSOR_BAD_READING, GT_CODE_SENSOR_PLATFORM_NOT_ROTATION; the sensor is then unchanged.
 gt_code gt_sensor_update(struct gt_sensor *sensor,
                          const struct gt_wrench *raw,
+                         const struct gt_pose *pose,
                          struct gt_wrench *load,
                          uint32_t *taring);
 

@@ -117,6 +117,8 @@ pub enum gt_code {
     SensorBadReading = 1002,
     /// The state of a sensor is invalid. Not returned by this interface, where that state never comes from outside.
     SensorInvalidState = 1003,
+    /// The platform's rotation is not a rotation matrix.
+    SensorPlatformNotRotation = 1004,
 
     /// A length to convert is NaN or infinite.
     CrossingNotFinite = 1100,
@@ -125,7 +127,7 @@ pub enum gt_code {
 }
 
 /// Codes and their names.
-const NAMES: [(gt_code, &CStr); 51] = {
+const NAMES: [(gt_code, &CStr); 52] = {
     use gt_code as Code;
     [
         (Code::Ok, c"GT_CODE_OK"),
@@ -177,6 +179,7 @@ const NAMES: [(gt_code, &CStr); 51] = {
         (Code::SensorOutOfRange, c"GT_CODE_SENSOR_OUT_OF_RANGE"),
         (Code::SensorBadReading, c"GT_CODE_SENSOR_BAD_READING"),
         (Code::SensorInvalidState, c"GT_CODE_SENSOR_INVALID_STATE"),
+        (Code::SensorPlatformNotRotation, c"GT_CODE_SENSOR_PLATFORM_NOT_ROTATION"),
         (Code::CrossingNotFinite, c"GT_CODE_CROSSING_NOT_FINITE"),
         (Code::CrossingOutOfRange, c"GT_CODE_CROSSING_OUT_OF_RANGE"),
     ]

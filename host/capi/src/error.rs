@@ -66,6 +66,10 @@ pub enum gt_parameter {
     LastWrite = 22,
     /// `reading` of a gt_tick_input.
     Reading = 23,
+    /// tool_weight_n of a sensor.
+    ToolWeight = 24,
+    /// tool_centre_m of a sensor.
+    ToolCentre = 25,
 }
 
 /// Details of an error. The meaning of a field depends on the code; a field that the code does not use is 0.
@@ -266,6 +270,7 @@ impl From<SensorError> for gt_error {
             }
             SensorError::BadReading => Code::SensorBadReading.into(),
             SensorError::InvalidState => Code::SensorInvalidState.into(),
+            SensorError::PlatformNotRotation => Code::SensorPlatformNotRotation.into(),
         }
     }
 }
@@ -277,6 +282,8 @@ fn sensor_parameter(name: &str) -> gt_parameter {
         "cutoff_hz" => gt_parameter::Cutoff,
         "cycle_s" => gt_parameter::Cycle,
         "tare_samples" => gt_parameter::TareSamples,
+        "tool.weight_n" => gt_parameter::ToolWeight,
+        "tool.centre_m" => gt_parameter::ToolCentre,
         _ => gt_parameter::None,
     }
 }

@@ -3,12 +3,12 @@
 use core::ffi::c_void;
 use core::ptr::null_mut;
 
-use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, Tool};
 use gantry_tau_core::model::statics::Wrench;
 
 use crate::code::gt_code;
 use crate::error::gt_error;
-use crate::machine::{gt_wrench, matrix};
+use crate::machine::{gt_pose, gt_wrench, matrix};
 use crate::memory::{Object, answer, checked, create, object_mut, read, reply, tag};
 
 /// Bytes of a gt_sensor.
@@ -18,10 +18,14 @@ pub const GT_SENSOR_SIZE: usize = 512;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct gt_sensor_config {
-    /// R: world axes from sensor axes, row by row.
+    /// R_s: platform axes from sensor axes, row by row.
     pub rotation: [[f64; 3]; 3],
-    /// p: from the tool centre point to the sensor's origin, world axes, m; at most 10.
+    /// p: from the tool centre point to the sensor's origin, platform axes, m; at most 10.
     pub lever_m: [f64; 3],
+    /// G: weight of what the sensor carries, a force, world axes, N; at most 1e5. Zero where it is not known, and so is tared.
+    pub tool_weight_n: [f64; 3],
+    /// c: from the tool centre point to its centre of gravity, platform axes, m; at most 10.
+    pub tool_centre_m: [f64; 3],
     /// Cut-off frequency of the low-pass, Hz, 1e-3 to 1e5.
     pub cutoff_hz: f64,
     /// Time between two samples, s, 1e-6 to 10.
@@ -59,6 +63,7 @@ pub unsafe extern "C" fn gt_sensor_init(
             Ok(ForceSensor::new(SensorConfig {
                 rotation: matrix(&config.rotation),
                 lever_m: config.lever_m.into(),
+                tool: Tool { weight_n: config.tool_weight_n.into(), centre_m: config.tool_centre_m.into() },
                 cutoff_hz: config.cutoff_hz,
                 cycle_s: config.cycle_s,
                 tare_samples: config.tare_samples,
@@ -67,15 +72,17 @@ pub unsafe extern "C" fn gt_sensor_init(
     }
 }
 
-/// Takes one raw sample (sensor axes, about the sensor's origin), once per cycle.
+/// Takes one raw sample (sensor axes, about the sensor's origin), once per cycle, with the platform in `pose`, of which only the rotation is
+/// read: of an L2 it is constant, of an F1 see gt_f1_tracker_pose.
 /// `taring` receives the samples that the tare still needs; when it is 0, `load` receives the load on the platform, world axes, about
 /// the tool centre point, filtered, otherwise zeros. Constant cost.
 ///
-/// Errors: GT_CODE_SENSOR_BAD_READING; the sensor is then unchanged.
+/// Errors: GT_CODE_SENSOR_BAD_READING, GT_CODE_SENSOR_PLATFORM_NOT_ROTATION; the sensor is then unchanged.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_sensor_update(
     sensor: *mut gt_sensor,
     raw: *const gt_wrench,
+    pose: *const gt_pose,
     load: *mut gt_wrench,
     taring: *mut u32,
 ) -> gt_code {
@@ -83,7 +90,8 @@ pub unsafe extern "C" fn gt_sensor_update(
     unsafe {
         answer(load, null_mut(), || {
             let (taring, raw, sensor) = (checked(taring)?, read(raw)?, object_mut::<ForceSensor>(sensor)?);
-            let (wrench, remaining) = match sensor.update(&raw.into())? {
+            let rotation = matrix(&read(pose)?.rotation);
+            let (wrench, remaining) = match sensor.update(&raw.into(), &rotation)? {
                 Reading::Taring { remaining } => (Wrench::zero(), remaining),
                 Reading::Load(wrench) => (wrench, 0),
             };

@@ -285,6 +285,7 @@ static void machines(void)
     gt_sensor *sensor = NULL;
     gt_correction correction;
     gt_wrench load, out;
+    gt_pose pose = {.rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     double tcp_m[3] = {0, 0.5, 0.65};
     int64_t nm[3] = {7, 7, 7};
     int64_t position_nm;
@@ -383,10 +384,17 @@ static void machines(void)
     ABOUT(-1, parameter, 0);                                                                                           \
     mounting.field = right
     OUT_OF_RANGE(lever_m[1], 11, 0, LEVER);
+    OUT_OF_RANGE(tool_weight_n[2], -1.1e5, 0, TOOL_WEIGHT);
+    OUT_OF_RANGE(tool_centre_m[0], NAN, 0, TOOL_CENTRE);
     OUT_OF_RANGE(cutoff_hz, 0, 20, CUTOFF);
     OUT_OF_RANGE(cycle_s, 0, 1e-3, CYCLE);
     EXPECT(OK, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
-    EXPECT(SENSOR_BAD_READING, gt_sensor_update(sensor, &load, &out, &taring));
+    EXPECT(SENSOR_BAD_READING, gt_sensor_update(sensor, &load, &pose, &out, &taring));
+    load.force_n[1] = 0;
+    pose.rotation[1][1] = -1; /* a mirror */
+    EXPECT(SENSOR_PLATFORM_NOT_ROTATION, gt_sensor_update(sensor, &load, &pose, &out, &taring));
+    EXPECT(NULL_POINTER, gt_sensor_update(sensor, &load, NULL, &out, &taring));
+    load.force_n[1] = NAN;
     EXPECT(NO_OBJECT, gt_l2_correction(compensator, nm, &load, &correction, &error)); /* a sensor is there now */
 
     EXPECT(CROSSING_NOT_FINITE, gt_position_from_metres(NAN, &position_nm, &error));

@@ -15,7 +15,7 @@ use crate::robot_file::RobotFile;
 /// Tare, filter and compensation, once per cycle.
 pub struct Compensation<const N: usize> {
     sensor: ForceSensor,
-    compensator: Compensator<N>,
+    compensator: Box<dyn Compensator<N>>,
     /// Load of the last cycle; `None` while taring.
     load: Option<Wrench>,
 }
@@ -40,6 +40,7 @@ impl<const N: usize> Compensation<N> {
         let sensor = ForceSensor::new(SensorConfig {
             rotation: robot.sensor.rotation_matrix(),
             lever_m: robot.sensor.lever_m.into(),
+            tool: robot.sensor.tool.into(),
             cutoff_hz: robot.sensor.cutoff_hz,
             cycle_s: f64::from(welcome.cycle_us) * 1e-6,
             tare_samples: robot.sensor.tare_samples,
@@ -53,11 +54,12 @@ impl<const N: usize> Compensation<N> {
     /// # Errors
     /// The sample is invalid, or the positions have no solution.
     pub fn cycle(&mut self, raw: &[f64; 6], nominal: &[PositionNm; N]) -> Result<Correction<N>, Box<dyn Error>> {
-        match self.sensor.update(&Wrench::from_array(*raw))? {
+        let pose = self.compensator.locate(nominal)?;
+        match self.sensor.update(&Wrench::from_array(*raw), &pose.rotation)? {
             Reading::Taring { .. } => Ok(Correction::ZERO),
             Reading::Load(load) => {
                 self.load = Some(load);
-                Ok((self.compensator)(nominal, &load)?)
+                Ok(self.compensator.correct(&pose, nominal, &load)?)
             }
         }
     }

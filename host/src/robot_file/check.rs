@@ -4,6 +4,7 @@ use gantry_tau_core::control::channel::{LimitValues, Limits, LimitsError};
 use gantry_tau_core::control::message::AxisLimits;
 use gantry_tau_core::control::session::config::{AxisConfig, Travel};
 use gantry_tau_core::model::linalg::rotation_deviation;
+use gantry_tau_core::model::sensor::{MAX_LEVER_M, MAX_WEIGHT_N};
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
 use toml::de::DeTable;
 
@@ -224,7 +225,13 @@ pub(super) fn sensor(sensor: &Sensor) -> Result<(), Problem> {
         return Err(Problem::new("sensor.rotation", reason));
     }
     for (index, value) in sensor.lever_m.iter().enumerate() {
-        range(&format!("sensor.lever_m[{index}]"), *value, -10.0, 10.0)?;
+        range(&format!("sensor.lever_m[{index}]"), *value, -MAX_LEVER_M, MAX_LEVER_M)?;
+    }
+    for (index, value) in sensor.tool.weight_n.iter().enumerate() {
+        range(&format!("sensor.tool.weight_n[{index}]"), *value, -MAX_WEIGHT_N, MAX_WEIGHT_N)?;
+    }
+    for (index, value) in sensor.tool.centre_m.iter().enumerate() {
+        range(&format!("sensor.tool.centre_m[{index}]"), *value, -MAX_LEVER_M, MAX_LEVER_M)?;
     }
     range("sensor.cutoff_hz", sensor.cutoff_hz, 1e-3, 1e5)?;
     range("sensor.tare_samples", sensor.tare_samples.into(), 1.0, 1e6)

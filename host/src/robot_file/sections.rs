@@ -1,5 +1,6 @@
 //! Sections of a robot file, as they are written.
 
+use gantry_tau_core::model::sensor;
 use nalgebra::Matrix3;
 use serde::Deserialize;
 
@@ -88,18 +89,37 @@ pub struct Motors {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sensor {
-    /// World axes from sensor axes, by rows.
+    /// Platform axes from sensor axes, by rows.
     pub rotation: [[f64; 3]; 3],
-    /// From the tool centre point to the sensor's origin, world axes, m.
+    /// From the tool centre point to the sensor's origin, platform axes, m.
     pub lever_m: [f64; 3],
+    /// What the sensor carries; without it the weight is part of the tare.
+    #[serde(default)]
+    pub tool: Tool,
     /// Cut-off of the low-pass, Hz.
     pub cutoff_hz: f64,
     /// Samples that the tare averages.
     pub tare_samples: u32,
 }
 
+/// `[sensor.tool]`: the weight that the sensor carries.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tool {
+    /// Its weight, a force, world axes, N.
+    pub weight_n: [f64; 3],
+    /// From the tool centre point to its centre of gravity, platform axes, m.
+    pub centre_m: [f64; 3],
+}
+
+impl From<Tool> for sensor::Tool {
+    fn from(Tool { weight_n, centre_m }: Tool) -> Self {
+        Self { weight_n: weight_n.into(), centre_m: centre_m.into() }
+    }
+}
+
 impl Sensor {
-    /// World axes from sensor axes.
+    /// Platform axes from sensor axes.
     #[must_use]
     pub fn rotation_matrix(&self) -> Matrix3<f64> {
         matrix(self.rotation)

@@ -1,6 +1,6 @@
 //! Six-axis force sensor at the tool: ATI Mini85 `[T 4.2.5]`.
 
-use nalgebra::{Matrix3, Vector3, Vector6};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector6};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -9,17 +9,17 @@ use crate::robot_file::{Sensor, Simulation};
 
 /// Stream of the seeded generator, apart from the springs' stream.
 const NOISE_STREAM: u64 = 2;
-/// Reading without a load, N and N m, sensor axes: weight of the tool and zero error. ASSUMED; a client tares it.
-const BIAS: [f64; 6] = [1.5, -0.8, -18.0, 0.05, -0.1, 0.02];
+/// Zero error, N and N m, sensor axes. ASSUMED; a client tares it.
+const BIAS: [f64; 6] = [1.5, -0.8, 2.0, 0.05, -0.1, 0.02];
 
-/// A sensor at `p` from the tool centre point with axes `R` (sensor to world): `F_s = R^T F`, `M_s = R^T (M - p x F)`.
-///
-/// It shows the load on the tool with the sign of that load. Its axes do not turn with the platform, which turns by about 2 mrad at
-/// 300 N: that would show as half a newton across the load.
+/// A sensor on the platform, at `p` from the tool centre point with axes `R_s` (sensor to platform). It shows the load on the tool, and the
+/// tool's weight, with their sign: `F_s = R_s^T R^T F`, `M_s = R_s^T (R^T M - p x R^T F)`, with `R` of the platform under load.
 #[derive(Clone, Debug)]
 pub struct ForceSensor {
     rotation: Matrix3<f64>,
     lever_m: Vector3<f64>,
+    weight_n: Vector3<f64>,
+    centre_m: Vector3<f64>,
     noise: Vector6<f64>,
     random: ChaCha8Rng,
 }
@@ -34,22 +34,27 @@ impl ForceSensor {
         Self {
             rotation: mounting.rotation_matrix(),
             lever_m: mounting.lever_m.into(),
+            weight_n: mounting.tool.weight_n.into(),
+            centre_m: mounting.tool.centre_m.into(),
             noise: Vector6::new(force, force, force, moment, moment, moment),
             random,
         }
     }
 
-    /// Returns a raw sample under `load` (force N, moment N m about the tool centre point, world axes), in sensor axes.
-    pub fn sample(&mut self, load: &Vector6<f64>) -> Vector6<f64> {
+    /// Returns a raw sample under `load` (force N, moment N m about the tool centre point, world axes), in sensor axes, with the platform
+    /// turned by `platform` (platform to world).
+    pub fn sample(&mut self, load: &Vector6<f64>, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
         let random = &mut self.random;
         let unit = Vector6::from_fn(|_, _| StandardNormal.sample(random));
-        self.seen(load) + Vector6::from(BIAS) + self.noise.component_mul(&unit)
+        self.seen(load, platform) + Vector6::from(BIAS) + self.noise.component_mul(&unit)
     }
 
-    /// Returns the load in the sensor's axes, about its origin.
-    fn seen(&self, load: &Vector6<f64>) -> Vector6<f64> {
-        let force = load.fixed_rows::<3>(0).into_owned();
-        let moment = load.fixed_rows::<3>(3).into_owned();
+    /// Returns load and weight in the sensor's axes, about its origin.
+    fn seen(&self, load: &Vector6<f64>, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
+        let [load_n, load_nm] = [0, 3].map(|row| platform.inverse() * load.fixed_rows::<3>(row).into_owned());
+        let weight_n = platform.inverse() * self.weight_n;
+        let force = load_n + weight_n;
+        let moment = load_nm + self.centre_m.cross(&weight_n);
         let force_seen = self.rotation.transpose() * force;
         let moment_seen = self.rotation.transpose() * (moment - self.lever_m.cross(&force));
         let mut seen = Vector6::zeros();
@@ -70,6 +75,7 @@ mod tests {
         ForceSensor {
             rotation: Rotation3::from_euler_angles(0.3, -1.1, 2.0).into_inner(),
             lever_m: Vector3::new(0.02, -0.05, 0.11),
+            weight_n: Vector3::zeros(),
             ..ForceSensor::new(&parameters.sensor, &parameters.simulation)
         }
     }
@@ -78,11 +84,24 @@ mod tests {
     fn the_load_can_be_got_back() {
         let sensor = mounted();
         let load = Vector6::new(100.0, -50.0, 20.0, 3.0, 4.0, -5.0);
-        let seen = sensor.seen(&load);
-        let force = sensor.rotation * seen.fixed_rows::<3>(0);
-        let moment = sensor.rotation * seen.fixed_rows::<3>(3) + sensor.lever_m.cross(&force);
+        let platform = UnitQuaternion::from_euler_angles(0.3, 0.2, -0.1);
+        let seen = sensor.seen(&load, &platform);
+        let force = platform * (sensor.rotation * seen.fixed_rows::<3>(0));
+        let lever_m = platform * sensor.lever_m;
+        let moment = platform * (sensor.rotation * seen.fixed_rows::<3>(3)) + lever_m.cross(&force);
         assert!((force - load.fixed_rows::<3>(0)).amax() < 1e-12);
         assert!((moment - load.fixed_rows::<3>(3)).amax() < 1e-12);
+    }
+
+    #[test]
+    fn a_weight_is_a_load_at_its_centre() {
+        let centre_m = Vector3::new(0.1, 0.02, -0.3);
+        let sensor = ForceSensor { weight_n: Vector3::new(0.0, 0.0, -49.0), centre_m, ..mounted() };
+        let platform = UnitQuaternion::from_euler_angles(0.3, 0.2, -0.1);
+        let moment = (platform * centre_m).cross(&sensor.weight_n);
+        let load = Vector6::new(0.0, 0.0, -49.0, moment.x, moment.y, moment.z);
+        let off = sensor.seen(&Vector6::zeros(), &platform) - mounted().seen(&load, &platform);
+        assert!(off.amax() < 1e-12, "{off}");
     }
 
     #[test]
@@ -91,7 +110,7 @@ mod tests {
         let force = Vector3::new(10.0, 20.0, -30.0);
         let moment = sensor.lever_m.cross(&force);
         let load = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
-        assert!(sensor.seen(&load).fixed_rows::<3>(3).amax() < 1e-12);
+        assert!(sensor.seen(&load, &UnitQuaternion::identity()).fixed_rows::<3>(3).amax() < 1e-12);
     }
 
     #[test]
@@ -100,7 +119,7 @@ mod tests {
         let count = 20_000;
         let (mut sum, mut squares) = (Vector6::zeros(), Vector6::zeros());
         for _ in 0..count {
-            let off = sensor.sample(&Vector6::zeros()) - Vector6::from(BIAS);
+            let off = sensor.sample(&Vector6::zeros(), &UnitQuaternion::identity()) - Vector6::from(BIAS);
             sum += off;
             squares += off.component_mul(&off);
         }

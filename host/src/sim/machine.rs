@@ -86,7 +86,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             sample: Vector6::zeros(),
         };
         machine.settle_platform().map_err(SimulationError::Springs)?;
-        machine.sample = machine.sensor.sample(&Vector6::zeros());
+        machine.sample = machine.sensor.sample(&Vector6::zeros(), &machine.loaded.pose.rotation);
         Ok(machine)
     }
 
@@ -100,7 +100,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             drive.advance(self.loaded.axis_loads[axis] / self.metres_per_q[axis] / motors);
         }
         self.settle_platform().map_err(|_| "the springs find no equilibrium under this load")?;
-        self.sample = self.sensor.sample(&Vector6::from(self.load.wrench()));
+        self.sample = self.sensor.sample(&Vector6::from(self.load.wrench()), &self.loaded.pose.rotation);
         self.interpolator.advance();
         self.nominal =
             positions_nm(&self.interpolator.position_m()).map_err(|_| "a nominal position is out of range")?;

@@ -1,7 +1,7 @@
 //! Kani harnesses of the compensation's last step and of the force sensor.
 
 use gantry_tau_core::model::compensation::CompensatorConfig;
-use gantry_tau_core::model::sensor::{SensorConfig, SensorState};
+use gantry_tau_core::model::sensor::{SensorConfig, SensorState, Tool};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, OffsetNm};
 
@@ -34,6 +34,7 @@ harnesses! {
         let config = SensorConfig {
             rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
             lever_m: [0.0, 0.0, -0.08].into(),
+            tool: Tool { weight_n: [0.0, 0.0, -18.0].into(), centre_m: [0.01, 0.0, -0.12].into() },
             cutoff_hz: 20.0,
             cycle_s: 1e-3,
             tare_samples: 1000,

@@ -3,8 +3,9 @@
 use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
+use gantry_tau_core::model::nalgebra::Matrix3;
 use gantry_tau_core::model::robot::{Branch, Compliances};
-use gantry_tau_core::model::sensor::{ForceSensor, SensorConfig, SensorState};
+use gantry_tau_core::model::sensor::{ForceSensor, SensorConfig, SensorState, Tool};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2, presets};
 use gantry_tau_core::units::{OffsetNm, PositionNm};
@@ -22,7 +23,7 @@ use gantry_tau_proofs::kinematics::{
 };
 use gantry_tau_proofs::robots;
 use gantry_tau_proofs::six_link;
-use proptest::array::{uniform3, uniform6};
+use proptest::array::{uniform3, uniform6, uniform9};
 use proptest::prelude::*;
 
 /// Any bit pattern, with an inclination to those that hurt.
@@ -99,6 +100,7 @@ fn any_sensor() -> impl Strategy<Value = ForceSensor> {
             let config = SensorConfig {
                 rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
                 lever_m: [0.02, 10.0, -0.08].into(),
+                tool: Tool { weight_n: [-1e5, 20.0, 1e5].into(), centre_m: [10.0, -0.2, 0.0].into() },
                 cutoff_hz: 10.0_f64.powf(cutoff),
                 cycle_s: 1e-3,
                 tare_samples,
@@ -158,12 +160,16 @@ proptest! {
     #[test]
     fn the_sensor_stays_valid(
         sensor in any_sensor(), raw in uniform6(any_float()), good in uniform6(-1e6..=1e6_f64), tare_remaining in 0..9_u32,
+        turn in uniform3(-4.0..4.0_f64), columns in uniform9(any_float()),
     ) {
+        let turned = rotation_from_vector(&turn.into()).unwrap();
+        sensor_takes_good_readings(&sensor, &Wrench::from_array(good), &turned);
         let filtered = Wrench::from_array(raw);
         sensor_check_admits_finite(*sensor.config(), SensorState { tare_remaining, filtered, ..*sensor.state() });
         for raw in [raw, good].map(Wrench::from_array) {
-            sensor_stays_valid(&sensor, &raw);
-            sensor_takes_good_readings(&sensor, &raw);
+            for platform in [turned, Matrix3::from_column_slice(&columns)] {
+                sensor_stays_valid(&sensor, &raw, &platform);
+            }
         }
     }
 

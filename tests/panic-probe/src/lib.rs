@@ -90,6 +90,7 @@ pub extern "C" fn client(
     geometry: &l2::Geometry,
     compliances: &[f64; 9],
     mounting: &SensorConfig,
+    platform: &Matrix3<f64>,
     gain: f64,
     raw: &[f64; 6],
     q: &[f64; 3],
@@ -103,7 +104,7 @@ pub extern "C" fn client(
         let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity()).ok()?;
         let config = CompensatorConfig { gain, limits: [Default::default(); 3], metres_per_q: [1.0; 3] };
         let compensator = l2::Compensator::new(&kinematics, &compliances, config).ok()?;
-        let Reading::Load(load) = ForceSensor::new(*mounting).ok()?.update(&Wrench::from_array(*raw)).ok()? else {
+        let Reading::Load(load) = ForceSensor::new(*mounting).ok()?.update(&Wrench::from_array(*raw), platform).ok()? else {
             return None;
         };
         let inverse = kinematics.inverse(tcp_m).map_or(0.0, |q| q.iter().sum());

@@ -5,7 +5,7 @@ use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_core::model::robot::Compliances;
-use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, Tool};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2, presets};
 use gantry_tau_core::units::OffsetNm;
@@ -64,17 +64,20 @@ impl Loads {
         let mut sensor = ForceSensor::new(SensorConfig {
             rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
             lever_m: [0.02, 0.0, -0.08].into(),
+            tool: Tool { weight_n: [0.0, 0.0, -49.0].into(), centre_m: [0.01, 0.0, -0.12].into() },
             cutoff_hz: f64::from(self.cutoff_hz.max(1)),
             cycle_s: 1e-3,
             tare_samples: 1,
         })
         .unwrap();
+        let turn = [3, 4, 5].map(|axis| 100.0 * self.step(axis));
+        let platform = rotation_from_vector(&turn.into()).unwrap_or_default();
         let mut loads = Vec::new();
         for raw in self.wrenches.iter().copied().map(Wrench::from_array) {
-            sensor_stays_valid(&sensor, &raw);
-            sensor_takes_good_readings(&sensor, &raw);
+            sensor_stays_valid(&sensor, &raw, &platform);
+            sensor_takes_good_readings(&sensor, &raw, &platform);
             loads.push(raw);
-            if let Ok(Reading::Load(load)) = sensor.update(&raw) {
+            if let Ok(Reading::Load(load)) = sensor.update(&raw, &platform) {
                 loads.push(load);
             }
         }

@@ -23,4 +23,5 @@ mod quit;
 mod six_axes;
 mod soak;
 mod solve_vectors;
+mod turned_platform;
 mod wire_page;

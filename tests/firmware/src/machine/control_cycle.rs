@@ -63,13 +63,20 @@ impl ControlCycle {
 
     /// Runs one cycle. An invalid sample of the sensor leaves the load as it was.
     pub(crate) fn run(&mut self, input: &CycleInput) -> CycleResult<'_> {
-        if let Ok(Reading::Load(load)) = self.sensor.update(&Wrench::from_array(input.load)) {
-            self.load = load;
-        }
+        let sample = Wrench::from_array(input.load);
         match input.motion {
-            Motion::Given | Motion::L2 => CycleResult::L2(self.run_l2(&input.pose)),
-            Motion::F1 => CycleResult::F1(self.f1.cycle(&input.pose, &self.load)),
+            Motion::Given | Motion::L2 => {
+                // Its platform never turns.
+                measure(&mut self.sensor, &mut self.load, &sample, &Matrix3::identity());
+                CycleResult::L2(self.run_l2(&input.pose))
+            }
+            Motion::F1 => CycleResult::F1(self.run_f1(&input.pose, &sample)),
         }
+    }
+
+    fn run_f1(&mut self, pose: &Pose6, sample: &Wrench) -> Result<&F1Result, KinematicsError> {
+        measure(&mut self.sensor, &mut self.load, sample, self.f1.locate(pose)?);
+        self.f1.carry(&self.load)
     }
 
     fn run_l2(&self, [x, y, z, ..]: &Pose6) -> Result<L2Result, KinematicsError> {
@@ -77,6 +84,12 @@ impl ControlCycle {
         let q = self.l2.machine().kinematics().inverse(&tcp_m)?;
         let correction = self.l2.correct_q(&q, &self.load)?;
         Ok(L2Result { q, correction })
+    }
+}
+
+fn measure(sensor: &mut ForceSensor, load: &mut Wrench, sample: &Wrench, rotation: &Matrix3<f64>) {
+    if let Ok(Reading::Load(measured)) = sensor.update(sample, rotation) {
+        *load = measured;
     }
 }
 

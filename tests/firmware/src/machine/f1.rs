@@ -53,9 +53,14 @@ impl F1 {
         })
     }
 
-    /// Runs one cycle. Its parts are not inlined, so that their stack use does not add up.
-    pub(crate) fn cycle(&mut self, pose: &Pose6, load: &Wrench) -> Result<&F1Result, KinematicsError> {
+    /// Begins a cycle: returns the rotation of the platform. The parts of a cycle are not inlined, so that their stack use does not add up.
+    pub(crate) fn locate(&mut self, pose: &Pose6) -> Result<&Matrix3<f64>, KinematicsError> {
         self.find_positions(pose)?;
+        Ok(&self.result.pose.value.rotation)
+    }
+
+    /// Ends a cycle, under this load.
+    pub(crate) fn carry(&mut self, load: &Wrench) -> Result<&F1Result, KinematicsError> {
         self.find_statics(load)?;
         self.find_correction(load)?;
         Ok(&self.result)

@@ -7,7 +7,7 @@ use gantry_tau::robot_file::RobotFile;
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::robot::Compliances;
-use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, Tool};
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use gantry_tau_core::model::{f1, l2, presets};
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
@@ -140,6 +140,7 @@ fn sensor(text: &mut String) {
     let mut sensor = ForceSensor::new(SensorConfig {
         rotation: Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0),
         lever_m: Vector3::new(0.0, 0.0, -0.08),
+        tool: Tool { weight_n: Vector3::new(0.0, 0.0, -18.0), centre_m: Vector3::new(0.01, 0.0, -0.12) },
         cutoff_hz: 20.0,
         cycle_s: 1e-3,
         tare_samples: 2,
@@ -149,7 +150,7 @@ fn sensor(text: &mut String) {
     for sample in 0..50 {
         let force = if sample < 2 { 1.0 } else { 11.0 };
         let raw = Wrench::from_array([force, 2.0, 3.0, 0.0, 0.0, 0.0]);
-        if let Reading::Load(wrench) = sensor.update(&raw).unwrap() {
+        if let Reading::Load(wrench) = sensor.update(&raw, &Matrix3::identity()).unwrap() {
             load = wrench;
         }
     }

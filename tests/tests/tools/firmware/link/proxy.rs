@@ -18,7 +18,7 @@ use super::journal::Journal;
 use super::{PATIENCE, State};
 
 /// Wrench of the unloaded sensor, N and N m, sensor axes; the client tares it.
-const BIAS: [f64; 6] = [1.5, -0.8, -18.0, 0.05, -0.1, 0.02];
+const BIAS: [f64; 6] = [1.5, -0.8, -16.0, 0.05, 0.08, 0.02];
 /// Ticks in Obtain before the load acts.
 const PULL_AFTER: u32 = 100;
 
