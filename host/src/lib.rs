@@ -15,6 +15,8 @@ pub mod draw;
 pub mod epoch;
 pub mod faults;
 pub mod files;
+pub mod fit;
+pub mod geometry;
 pub mod model;
 pub mod plant;
 mod plots;

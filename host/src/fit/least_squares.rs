@@ -1,0 +1,395 @@
+//! Damped Gauss-Newton (Levenberg and Marquardt) on whitened rows, without the directions that the rows cannot see.
+//!
+//! A round solves `J y = r` in scaled parameters `y` through the singular values of `J`. A direction whose standard deviation is above its
+//! scale is *lost*: no step has a component along it, so that the start's value stays. There is no other regularisation.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::statistics::float;
+use super::svd::Svd;
+
+/// Rounds, damped ones included, after which a fit has failed.
+pub const MAX_ROUNDS: u32 = 200;
+/// Longest step of a fit that has converged, in standard deviations.
+pub const CONVERGED_SD: f64 = 1e-6;
+/// Relative standard deviation above which a direction is weak: known, but to one digit at most.
+pub const WEAK: f64 = 0.1;
+/// Relative standard deviation above which a direction is lost.
+pub const LOST: f64 = 1.0;
+
+/// Damping of the first step that is not taken, in squares of the largest singular value; a factor between tries.
+const FIRST_DAMPING: f64 = 1e-8;
+const DAMPING_FACTOR: f64 = 10.0;
+/// Damping at which no step is left.
+const MOST_DAMPING: f64 = 1e12;
+
+/// Whitened rows at a state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rows {
+    /// What was measured less what the state predicts, in standard deviations.
+    pub residuals: DVector<f64>,
+    /// `J`: derivatives of the predictions by the parameters, column per parameter, in standard deviations per unit of the parameter.
+    pub derivatives: DMatrix<f64>,
+    /// Number of readings, less that of the unknowns that were projected out.
+    pub degrees: usize,
+}
+
+impl Rows {
+    /// Rows of independent readings.
+    #[must_use]
+    pub fn new(residuals: DVector<f64>, derivatives: DMatrix<f64>) -> Self {
+        let degrees = residuals.len();
+        Self { residuals, derivatives, degrees }
+    }
+
+    /// Sum of the squares of the residuals.
+    #[must_use]
+    pub fn chi_squared(&self) -> f64 {
+        self.residuals.norm_squared()
+    }
+
+    /// Removes unknowns that nobody asks for, exactly: what is left is orthogonal to their columns, as if they had been estimated along.
+    #[must_use]
+    pub fn without(self, unknowns: &DMatrix<f64>) -> Self {
+        let Self { mut residuals, mut derivatives, degrees } = self;
+        let svd = Svd::new(unknowns.clone());
+        let floor = 1e-12 * svd.values.get(0).copied().unwrap_or(0.0);
+        let mut removed = 0_usize;
+        for (value, image) in svd.values.iter().zip(svd.images.column_iter()) {
+            if *value <= floor {
+                continue;
+            }
+            removed += 1;
+            let direction = image / *value;
+            residuals -= &direction * direction.dot(&residuals);
+            let shares = derivatives.tr_mul(&direction);
+            derivatives -= &direction * shares.transpose();
+        }
+        Self { residuals, derivatives, degrees: degrees.saturating_sub(removed) }
+    }
+
+    fn is_finite(&self) -> bool {
+        self.residuals.iter().chain(self.derivatives.iter()).all(|number| number.is_finite())
+    }
+}
+
+/// Reason why there is no fit. `E` is that of the model.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FitError<E> {
+    /// The model has no prediction at the start.
+    #[error("the start has no prediction: {0}")]
+    Start(E),
+    /// A prediction or a derivative is not finite.
+    #[error("a prediction is not finite")]
+    NotFinite,
+    /// Fewer readings than parameters.
+    #[error("{readings} readings are too few for {parameters} parameters")]
+    TooFew {
+        /// Readings, less the unknowns that were projected out.
+        readings: usize,
+        /// Parameters.
+        parameters: usize,
+    },
+    /// It still moves after [`MAX_ROUNDS`].
+    #[error("no convergence after {MAX_ROUNDS} rounds: the last step is {step_sd:.1e} standard deviations long")]
+    NotConverged {
+        /// Length of the last step, in standard deviations.
+        step_sd: f64,
+    },
+}
+
+/// The answer of a fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit<S> {
+    /// State that fits best.
+    pub state: S,
+    /// Rows there.
+    pub rows: Rows,
+    /// What they see, in scaled parameters.
+    pub seen: Seen,
+    /// Rounds that it took.
+    pub rounds: u32,
+}
+
+impl<S> Fit<S> {
+    /// Sum of the squares of the residuals, in standard deviations.
+    #[must_use]
+    pub fn chi_squared(&self) -> f64 {
+        self.rows.chi_squared()
+    }
+
+    /// Degrees of freedom: readings less estimated unknowns.
+    #[must_use]
+    pub fn degrees(&self) -> usize {
+        self.rows.degrees.saturating_sub(self.seen.kept())
+    }
+
+    /// Chi-squared per degree of freedom; NaN without one.
+    #[must_use]
+    pub fn reduced_chi_squared(&self) -> f64 {
+        self.chi_squared() / float(self.degrees())
+    }
+}
+
+/// What rows see of their parameters: a decomposition of `J diag(scales)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seen {
+    svd: Svd,
+    scales: DVector<f64>,
+    /// Shares of the residuals along the images, per singular value.
+    shares: DVector<f64>,
+}
+
+/// A combination of parameters, in scales.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Direction {
+    /// Its standard deviation, in scales.
+    pub relative_sd: f64,
+    /// Unit vector, one component per parameter.
+    pub components: DVector<f64>,
+}
+
+impl Seen {
+    /// Decomposes rows, with the parameters in these scales.
+    #[must_use]
+    pub fn new(rows: &Rows, scales: &DVector<f64>) -> Self {
+        let mut scaled = rows.derivatives.clone();
+        for (mut column, scale) in scaled.column_iter_mut().zip(scales) {
+            column *= *scale;
+        }
+        // The rotations then work on a square of the size of the parameters.
+        let factors = scaled.qr();
+        let mut explained = rows.residuals.clone();
+        factors.q_tr_mul(&mut explained);
+        let triangle = factors.r();
+        let svd = Svd::new(triangle);
+        let explained = explained.rows(0, svd.images.nrows());
+        let shares = DVector::from_iterator(
+            svd.values.len(),
+            svd.values.iter().zip(svd.images.column_iter()).map(|(value, image)| image.dot(&explained) / value),
+        );
+        Self { svd, scales: scales.clone(), shares }
+    }
+
+    /// Singular values of the rows in scaled parameters, the largest first.
+    #[must_use]
+    pub fn singular_values(&self) -> &DVector<f64> {
+        &self.svd.values
+    }
+
+    /// Number of directions that are not lost.
+    #[must_use]
+    pub fn kept(&self) -> usize {
+        self.svd.values.iter().filter(|value| 1.0 / **value <= LOST).count()
+    }
+
+    /// Directions with a relative standard deviation from `above` to `below`, the worst first.
+    fn directions(&self, above: f64, below: f64) -> Vec<Direction> {
+        let pairs = self.svd.values.iter().zip(self.svd.directions.column_iter());
+        let mut found: Vec<Direction> = pairs
+            .map(|(value, direction)| Direction { relative_sd: 1.0 / value, components: direction.into_owned() })
+            .filter(|direction| direction.relative_sd > above && direction.relative_sd <= below)
+            .collect();
+        found.reverse();
+        found
+    }
+
+    /// Directions that cannot be seen.
+    #[must_use]
+    pub fn lost(&self) -> Vec<Direction> {
+        self.directions(LOST, f64::INFINITY)
+    }
+
+    /// Directions that are seen badly.
+    #[must_use]
+    pub fn weak(&self) -> Vec<Direction> {
+        self.directions(WEAK, LOST)
+    }
+
+    /// Covariance of the parameters along the directions that are seen.
+    #[must_use]
+    pub fn covariance(&self) -> DMatrix<f64> {
+        let mut half = self.svd.directions.columns(0, self.kept()).into_owned();
+        for (mut column, value) in half.column_iter_mut().zip(&self.svd.values) {
+            column /= *value;
+        }
+        for (mut row, scale) in half.row_iter_mut().zip(&self.scales) {
+            row *= *scale;
+        }
+        &half * half.transpose()
+    }
+
+    /// Share of a parameter's variance that lies in lost directions, 0 to 1: how much of the parameter's axis they take.
+    #[must_use]
+    pub fn lost_share(&self, parameter: usize) -> f64 {
+        self.lost().iter().map(|direction| direction.components[parameter].powi(2)).sum()
+    }
+
+    /// Length of the whole step, in standard deviations.
+    fn step_sd(&self) -> f64 {
+        self.shares.rows(0, self.kept()).norm()
+    }
+
+    /// Step of the parameters, damped.
+    fn step(&self, damping: f64) -> DVector<f64> {
+        let mut step = DVector::zeros(self.scales.len());
+        let largest = self.svd.values.get(0).copied().unwrap_or(0.0);
+        for (index, (value, share)) in self.svd.values.iter().zip(&self.shares).take(self.kept()).enumerate() {
+            let damped = value * share / (value * value + damping * largest * largest);
+            step += self.svd.directions.column(index) * damped;
+        }
+        step.component_mul(&self.scales)
+    }
+}
+
+/// Fits a state to measurements: `evaluate` predicts them at a state, `moved` changes a state by a step of its parameters.
+/// `scales`: change of each parameter that would matter.
+///
+/// # Errors
+/// [`FitError`].
+pub fn fit<S, E>(
+    start: S,
+    scales: &DVector<f64>,
+    mut evaluate: impl FnMut(&S) -> Result<Rows, E>,
+    moved: impl Fn(&S, &DVector<f64>) -> S,
+) -> Result<Fit<S>, FitError<E>> {
+    let rows = evaluate(&start).map_err(FitError::Start)?;
+    if !rows.is_finite() {
+        return Err(FitError::NotFinite);
+    }
+    if rows.degrees < scales.len() {
+        return Err(FitError::TooFew { readings: rows.degrees, parameters: scales.len() });
+    }
+    let seen = Seen::new(&rows, scales);
+    let mut best = Fit { state: start, rows, seen, rounds: 0 };
+    let mut damping = 0.0;
+    while best.rounds < MAX_ROUNDS {
+        if best.seen.step_sd() < CONVERGED_SD {
+            return Ok(best);
+        }
+        best.rounds += 1;
+        let state = moved(&best.state, &best.seen.step(damping));
+        // A state without a prediction is a step too far.
+        let tried = evaluate(&state).ok().filter(Rows::is_finite);
+        match tried.filter(|rows| rows.chi_squared() <= best.rows.chi_squared()) {
+            Some(rows) => {
+                let seen = Seen::new(&rows, scales);
+                best = Fit { state, rows, seen, rounds: best.rounds };
+                damping = if damping > FIRST_DAMPING { damping / DAMPING_FACTOR } else { 0.0 };
+            }
+            // The rest of the way is below the rounding of the residuals.
+            None if damping > MOST_DAMPING => break,
+            None => damping = (damping * DAMPING_FACTOR).max(FIRST_DAMPING),
+        }
+    }
+    let step_sd = best.seen.step_sd();
+    // Rounding may be all that is left: of residuals, whose squares no step makes smaller.
+    if step_sd < ROUNDING_SD { Ok(best) } else { Err(FitError::NotConverged { step_sd }) }
+}
+
+/// Returns the least squares solution of linear equations; `None` where it is not unique.
+#[must_use]
+pub fn solve_linear(rows: DMatrix<f64>, mut right: DVector<f64>) -> Option<DVector<f64>> {
+    let unknowns = rows.ncols();
+    if rows.nrows() < unknowns {
+        return None;
+    }
+    let factors = rows.qr();
+    factors.q_tr_mul(&mut right);
+    let solution = factors.r().solve_upper_triangular(&right.rows(0, unknowns).into_owned())?;
+    solution.iter().all(|number| number.is_finite()).then_some(solution)
+}
+
+/// Length of a step, in standard deviations, that rounding may leave where readings are known to many more digits than they are good for.
+const ROUNDING_SD: f64 = 1e-3;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::convert::Infallible;
+
+    /// Rows of `y = a exp(b x)`, measured without error at ten places.
+    fn exponential(truth: [f64; 2], at: &[f64; 2]) -> Rows {
+        let places = (0..10_u8).map(f64::from);
+        let predicted = |[a, b]: [f64; 2], x: f64| a * (b * x).exp();
+        let residuals = places.clone().map(|x| (predicted(truth, x) - predicted(*at, x)) / 0.01);
+        let derivatives = places.flat_map(|x| [(at[1] * x).exp(), at[0] * x * (at[1] * x).exp()]).map(|d| d / 0.01);
+        let residuals = DVector::from_iterator(10, residuals);
+        Rows::new(residuals, DMatrix::from_row_iterator(10, 2, derivatives))
+    }
+
+    fn moved(state: &[f64; 2], step: &DVector<f64>) -> [f64; 2] {
+        [state[0] + step[0], state[1] + step[1]]
+    }
+
+    #[test]
+    fn a_curve_is_found_from_far_away() {
+        let truth = [2.0, -0.3];
+        for start in [[1.0, 0.0], [5.0, -2.0], [0.1, 0.2]] {
+            let evaluate = |state: &[f64; 2]| Ok::<_, Infallible>(exponential(truth, state));
+            let fit = fit(start, &DVector::from_vec(vec![1.0, 1.0]), evaluate, moved).unwrap();
+            // The last step is shorter than 1e-6 standard deviations of 0.01.
+            assert!((fit.state[0] - 2.0).abs() < 1e-8 && (fit.state[1] + 0.3).abs() < 1e-8, "{fit:?}");
+            assert_eq!((fit.degrees(), fit.seen.kept()), (8, 2));
+        }
+    }
+
+    #[test]
+    fn the_covariance_is_that_of_the_normal_equations() {
+        let rows = exponential([2.0, -0.3], &[2.0, -0.3]);
+        let seen = Seen::new(&rows, &DVector::from_vec(vec![3.0, 0.7]));
+        let expected = (rows.derivatives.transpose() * &rows.derivatives).try_inverse().unwrap();
+        assert!((seen.covariance() - &expected).amax() < 1e-12 * expected.amax());
+    }
+
+    #[test]
+    fn a_lost_direction_keeps_its_value_and_is_named() {
+        // Only a sum is measured.
+        let evaluate = |state: &[f64; 2]| {
+            let residuals = DVector::repeat(5, (10.0 - state[0] - state[1]) / 0.1);
+            Ok::<_, Infallible>(Rows::new(residuals, DMatrix::repeat(5, 2, 10.0)))
+        };
+        let fit = fit([1.0, 3.0], &DVector::repeat(2, 1.0), evaluate, moved).unwrap();
+        assert!((fit.state[0] - 4.0).abs() < 1e-12 && (fit.state[1] - 6.0).abs() < 1e-12, "the difference stays");
+        let lost = fit.seen.lost();
+        assert_eq!((lost.len(), fit.degrees()), (1, 4));
+        assert!((lost[0].components[0] + lost[0].components[1]).abs() < 1e-12);
+        assert!((fit.seen.lost_share(0) - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_nuisance_is_projected_out_as_if_it_had_been_estimated() {
+        // A line with an offset that nobody asks for.
+        let measured = [0.3, 1.1, 2.4, 2.9, 4.2];
+        let evaluate = |slope: &f64| {
+            let residuals = DVector::from_iterator(5, (0..5_u8).zip(measured).map(|(x, y)| y - slope * f64::from(x)));
+            let rows = Rows::new(residuals, DMatrix::from_iterator(5, 1, (0..5_u8).map(f64::from)));
+            Ok::<_, Infallible>(rows.without(&DMatrix::repeat(5, 1, 1.0)))
+        };
+        let fit = fit(0.0, &DVector::repeat(1, 1.0), evaluate, |slope, step| slope + step[0]).unwrap();
+        // Textbook: sum (x - 2) y / sum (x - 2)^2, and its variance 1 / sum (x - 2)^2.
+        let expected = (-2.0 * 0.3 - 1.1 + 2.9 + 2.0 * 4.2) / 10.0;
+        assert!((fit.state - expected).abs() < 1e-12);
+        assert!((fit.seen.covariance()[(0, 0)] - 0.1).abs() < 1e-12);
+        assert_eq!(fit.degrees(), 3);
+    }
+
+    #[test]
+    fn what_cannot_be_fitted_is_named() {
+        let few = |_: &[f64; 2]| Ok::<_, Infallible>(Rows::new(DVector::zeros(1), DMatrix::zeros(1, 2)));
+        let scales = DVector::repeat(2, 1.0);
+        assert_eq!(fit([0.0; 2], &scales, few, moved).unwrap_err(), FitError::TooFew { readings: 1, parameters: 2 });
+        let wild = |_: &[f64; 2]| Ok::<_, Infallible>(Rows::new(DVector::repeat(3, f64::NAN), DMatrix::zeros(3, 2)));
+        assert_eq!(fit([0.0; 2], &scales, wild, moved).unwrap_err(), FitError::NotFinite);
+        assert_eq!(
+            fit([0.0; 2], &scales, |_| Err("no such pose"), moved).unwrap_err(),
+            FitError::Start("no such pose")
+        );
+        // Derivatives of the wrong sign: no step helps.
+        let reversed = |state: &[f64; 2]| {
+            let rows = exponential([2.0, -0.3], state);
+            Ok::<_, Infallible>(Rows { derivatives: -rows.derivatives, ..rows })
+        };
+        assert!(matches!(fit([1.0, 0.0], &scales, reversed, moved), Err(FitError::NotConverged { .. })));
+    }
+}

@@ -1,0 +1,275 @@
+//! Calibration of an L2: the 21 parameters of the nominal model `[T 3.10]`.
+//!
+//! A place is predicted by the forward kinematics at the measured positions of the axes, and
+//!
+//!     dT/dtheta = S^-T [ s_i . (dA_i + q_i dv_i) - dL_i ],    S = [s_1 s_2 s_3]
+//!
+//! there. (The thesis' cost, (3.10), takes the error of a squared length at the *measured* place: a third to a half further off.)
+
+use gantry_tau_core::model::kinematics::KinematicsError;
+use gantry_tau_core::model::l2::{self, Configuration, OrientationError};
+use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS, LINKS, RobotError};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Vector3};
+
+use super::MeasuredPose;
+use super::frames::apply;
+use crate::fit::least_squares::{Fit, FitError, Rows, fit, solve_linear};
+use crate::fit::statistics::{float, median};
+
+/// Parameters per arm: `A_s` (3), `V` (3), `L`.
+pub const PER_ARM: usize = 7;
+/// All of them.
+pub const PARAMETERS: usize = ARMS * PER_ARM;
+/// Change of a place or a length that would matter, m.
+const TOLERANCE_M: f64 = 0.01;
+/// Change of a guideway's direction that would matter, rad.
+const TOLERANCE_RAD: f64 = 0.01;
+/// Places that a calibration needs: 24 numbers for 21.
+pub const LEAST_PLACES: usize = 8;
+/// Length of a residual, in standard deviations, beyond which a place is an outlier.
+const OUTLIER_SD: f64 = 4.5;
+/// Rounds of leaving out what does not agree.
+const MAX_TRIMS: u32 = 20;
+/// Median of such lengths where nothing is wrong: three degrees of freedom.
+const MEDIAN_SD: f64 = 1.538;
+
+/// Nominal model in some frame: where arm `i` would hold a single point, `|A_i + q_i v_i - T| = L_i`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nominal {
+    /// `A_s`: of each arm at `q = 0`, m.
+    pub origins_m: [Vector3<f64>; ARMS],
+    /// `v`: direction of each guideway, m per unit of `q`.
+    pub guideways: [Vector3<f64>; ARMS],
+    /// `L`: length of the links of each arm, m.
+    pub lengths_m: [f64; ARMS],
+}
+
+/// Reason why a nominal model predicts no place.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PredictionError {
+    /// Its parameters are refused.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// The same.
+    #[error(transparent)]
+    Orientation(#[from] OrientationError),
+    /// A place cannot be reached.
+    #[error("pose {index}: {error}")]
+    Unreachable {
+        /// Index of the pose.
+        index: usize,
+        /// What the kinematics say.
+        error: KinematicsError,
+    },
+}
+
+impl Nominal {
+    /// Nominal model of a machine whose platform stands in the axes of the world.
+    #[must_use]
+    pub fn of(geometry: &l2::Geometry) -> Self {
+        let origin = |link: usize| geometry.cart_joints_m[link] - geometry.platform_joints_m[link];
+        Self {
+            origins_m: [origin(0), origin(1), origin(3)],
+            guideways: geometry.guideways,
+            lengths_m: geometry.lengths_m,
+        }
+    }
+
+    /// The same machine, moved by a rigid motion.
+    #[must_use]
+    pub fn moved(&self, motion: &Isometry3<f64>) -> Self {
+        Self {
+            origins_m: self.origins_m.map(|origin| apply(motion, &origin)),
+            guideways: self.guideways.map(|guideway| motion.rotation * guideway),
+            lengths_m: self.lengths_m,
+        }
+    }
+
+    /// Returns the kinematics of the point: joints on the carts, none on the platform.
+    ///
+    /// # Errors
+    /// [`PredictionError::Robot`], [`PredictionError::Orientation`].
+    pub fn kinematics(&self, configuration: Configuration) -> Result<l2::Kinematics, PredictionError> {
+        let robot = l2::Robot::new(l2::Geometry {
+            cart_joints_m: ARM_OF_LINK.map(|arm| self.origins_m[arm]),
+            guideways: self.guideways,
+            platform_joints_m: [Vector3::zeros(); LINKS],
+            lengths_m: self.lengths_m,
+            configuration,
+            travel: None,
+        })?;
+        Ok(l2::Kinematics::new(&robot, &Matrix3::identity())?)
+    }
+
+    /// Returns the change by a step of the parameters.
+    fn stepped(&self, step: &DVector<f64>) -> Self {
+        let vector = |arm: usize, first: usize| step.fixed_rows::<3>(PER_ARM * arm + first).into_owned();
+        Self {
+            origins_m: std::array::from_fn(|arm| self.origins_m[arm] + vector(arm, 0)),
+            guideways: std::array::from_fn(|arm| self.guideways[arm] + vector(arm, 3)),
+            lengths_m: std::array::from_fn(|arm| self.lengths_m[arm] + step[PER_ARM * arm + 6]),
+        }
+    }
+
+    /// The parameters: `A_s` (3), `V` (3), `L` per arm.
+    #[must_use]
+    pub fn parameters(&self) -> DVector<f64> {
+        let arms = (0..ARMS).flat_map(|arm| {
+            let (origin, guideway) = (self.origins_m[arm], self.guideways[arm]);
+            [origin.x, origin.y, origin.z, guideway.x, guideway.y, guideway.z, self.lengths_m[arm]]
+        });
+        DVector::from_iterator(PARAMETERS, arms)
+    }
+
+    /// Change of each parameter that would matter.
+    #[must_use]
+    pub fn scales(&self) -> DVector<f64> {
+        let arms = self.guideways.iter().flat_map(|guideway| {
+            let turn = TOLERANCE_RAD * guideway.norm();
+            [TOLERANCE_M, TOLERANCE_M, TOLERANCE_M, turn, turn, turn, TOLERANCE_M]
+        });
+        DVector::from_iterator(PARAMETERS, arms)
+    }
+
+    /// Derivative of the place by the parameters, 3 x 21, with the machine at `place_m`.
+    #[must_use]
+    pub fn derivative(&self, q: &[f64; ARMS], place_m: &Vector3<f64>) -> DMatrix<f64> {
+        let directions: [Vector3<f64>; ARMS] = std::array::from_fn(|arm| {
+            (self.origins_m[arm] + self.guideways[arm] * q[arm] - place_m) / self.lengths_m[arm]
+        });
+        let rows = Matrix3::from_rows(&directions.map(|direction| direction.transpose()));
+        let inverse = rows.try_inverse().unwrap_or_else(|| Matrix3::repeat(f64::NAN));
+        let mut derivative = DMatrix::zeros(3, PARAMETERS);
+        for arm in 0..ARMS {
+            let along = inverse.column(arm) * directions[arm].transpose();
+            derivative.view_mut((0, PER_ARM * arm), (3, 3)).copy_from(&along);
+            derivative.view_mut((0, PER_ARM * arm + 3), (3, 3)).copy_from(&(along * q[arm]));
+            derivative.view_mut((0, PER_ARM * arm + 6), (3, 1)).copy_from(&(-inverse.column(arm)));
+        }
+        derivative
+    }
+}
+
+/// Measured places, and what the device's noise is.
+#[derive(Clone, Copy, Debug)]
+pub struct Places<'a> {
+    /// The places; their orientations are not used.
+    pub poses: &'a [MeasuredPose<ARMS>],
+    /// Whitening matrix `W`: `W^T W` is the inverse of the covariance of a place, 1/m.
+    pub whitening: Matrix3<f64>,
+    /// Solution of the kinematics that the machine is built in.
+    pub configuration: Configuration,
+}
+
+impl Places<'_> {
+    /// Rows of the places that are `used`, at a model.
+    ///
+    /// # Errors
+    /// [`PredictionError`].
+    pub fn rows(&self, nominal: &Nominal, used: &[usize]) -> Result<Rows, PredictionError> {
+        let kinematics = nominal.kinematics(self.configuration)?;
+        let mut residuals = DVector::zeros(3 * used.len());
+        let mut derivatives = DMatrix::zeros(3 * used.len(), PARAMETERS);
+        for (row, &index) in used.iter().enumerate() {
+            let pose = &self.poses[index];
+            let place_m = kinematics.forward(&pose.q).map_err(|error| PredictionError::Unreachable { index, error })?;
+            let residual = self.whitening * (pose.position_m - place_m);
+            residuals.fixed_rows_mut::<3>(3 * row).copy_from(&residual);
+            let derivative = self.whitening * nominal.derivative(&pose.q, &place_m);
+            derivatives.view_mut((3 * row, 0), (3, PARAMETERS)).copy_from(&derivative);
+        }
+        Ok(Rows::new(residuals, derivatives))
+    }
+
+    /// Lengths of all residuals, in standard deviations; infinite where a place cannot be predicted.
+    fn lengths_sd(&self, nominal: &Nominal) -> Vec<f64> {
+        let length = |index| self.rows(nominal, &[index]).map_or(f64::INFINITY, |rows| rows.residuals.norm());
+        (0..self.poses.len()).map(length).collect()
+    }
+
+    /// Indices of the places that agree with a model.
+    fn agreeing(&self, nominal: &Nominal) -> Vec<usize> {
+        let lengths = self.lengths_sd(nominal);
+        let scale = (median(lengths.clone()) / MEDIAN_SD).max(1.0);
+        (0..lengths.len()).filter(|index| lengths[*index] <= OUTLIER_SD * scale).collect()
+    }
+}
+
+/// A calibrated machine, in the frame of the device.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Calibrated {
+    /// The fit to the places that agree.
+    pub fit: Fit<Nominal>,
+    /// Indices of the places that do not.
+    pub outliers: Vec<usize>,
+}
+
+/// Fits the model to places, from `start`. Places that do not agree are left out, until nothing changes.
+///
+/// # Errors
+/// [`FitError`].
+pub fn calibrate(places: &Places<'_>, start: Nominal) -> Result<Calibrated, FitError<PredictionError>> {
+    let mut used: Vec<usize> = (0..places.poses.len()).collect();
+    let mut model = start;
+    let mut rounds = 0;
+    loop {
+        let scales = model.scales();
+        let fit = fit(model, &scales, |nominal| places.rows(nominal, &used), Nominal::stepped)?;
+        let agreeing = places.agreeing(&fit.state);
+        rounds += 1;
+        // It may also turn in a circle.
+        if agreeing == used || rounds == MAX_TRIMS {
+            let outliers = (0..places.poses.len()).filter(|index| !used.contains(index)).collect();
+            return Ok(Calibrated { fit, outliers });
+        }
+        model = fit.state;
+        used = agreeing;
+    }
+}
+
+/// Returns a model from places alone, by nine linear unknowns per arm: `|A + q v - T|^2 = L^2` is linear in `A`, `v`, `|A|^2 - L^2`, `A . v`
+/// and `|v|^2`. It takes their dependence for no dependence, and is a start, not an answer. `None` where they do not follow.
+#[must_use]
+pub fn closed_form(poses: &[MeasuredPose<ARMS>]) -> Option<Nominal> {
+    let arm = |arm: usize| {
+        let mut rows = DMatrix::zeros(poses.len(), 9);
+        let mut right = DVector::zeros(poses.len());
+        for (index, pose) in poses.iter().enumerate() {
+            let (t, q) = (pose.position_m, pose.q[arm]);
+            let row = [2.0 * t.x, 2.0 * t.y, 2.0 * t.z, 2.0 * q * t.x, 2.0 * q * t.y, 2.0 * q * t.z, -1.0, -q, -q * q];
+            rows.row_mut(index).copy_from_slice(&row);
+            right[index] = t.norm_squared();
+        }
+        let solved = solve_linear(rows, right)?;
+        let (origin, guideway) = (solved.fixed_rows::<3>(0).into_owned(), solved.fixed_rows::<3>(3).into_owned());
+        let length_squared = origin.norm_squared() - solved[6];
+        (length_squared > 0.0).then(|| (origin, guideway, length_squared.sqrt()))
+    };
+    let arms = [arm(0)?, arm(1)?, arm(2)?];
+    Some(Nominal {
+        origins_m: arms.map(|(origin, ..)| origin),
+        guideways: arms.map(|(_, guideway, _)| guideway),
+        lengths_m: arms.map(|(.., length)| length),
+    })
+}
+
+/// Predicted error of a place, root mean square over places: `sqrt(mean trace(G C G^T))`, m. NaN where a place cannot be predicted.
+#[must_use]
+pub fn predicted_rms_m(
+    nominal: &Nominal,
+    configuration: Configuration,
+    covariance: &DMatrix<f64>,
+    at_q: &[[f64; ARMS]],
+) -> f64 {
+    let Ok(kinematics) = nominal.kinematics(configuration) else { return f64::NAN };
+    let variance = |q: &[f64; ARMS]| {
+        kinematics.forward(q).map_or(f64::NAN, |place_m| {
+            let derivative = nominal.derivative(q, &place_m);
+            (&derivative * covariance * derivative.transpose()).trace()
+        })
+    };
+    (at_q.iter().map(variance).sum::<f64>() / float(at_q.len())).sqrt()
+}
+
+#[cfg(test)]
+mod tests;

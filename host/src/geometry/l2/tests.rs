@@ -1,0 +1,186 @@
+//! Calibration of simulated machines whose truth is known: seeded campaigns, against the Cramer-Rao bound.
+
+use gantry_tau_core::model::presets;
+use nalgebra::{Translation3, UnitQuaternion};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::*;
+use crate::fit::least_squares::Seen;
+use crate::fit::statistics::NORMAL_95;
+use crate::geometry::frames::rigid_trimmed;
+
+/// Noise of a device, m.
+const SIGMA_M: f64 = 50e-6;
+
+fn configuration() -> Configuration {
+    presets::l2().configuration
+}
+
+/// A device somewhere, and a machine that is not quite the one of the file.
+struct Campaign {
+    random: ChaCha8Rng,
+    /// In the frame of the device.
+    truth: Nominal,
+    file: Nominal,
+}
+
+impl Campaign {
+    fn new(seed: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let file = Nominal::of(&presets::l2());
+        let mut step = DVector::zeros(PARAMETERS);
+        for (value, scale) in step.iter_mut().zip(&file.scales()) {
+            *value = 0.3 * scale * random.random_range(-1.0..1.0_f64);
+        }
+        let turn = Vector3::from_fn(|_, _| random.random_range(-2.0..2.0_f64));
+        let shift = Translation3::from(Vector3::from_fn(|_, _| random.random_range(-3.0..3.0_f64)));
+        let device = Isometry3::from_parts(shift, UnitQuaternion::from_scaled_axis(turn));
+        Self { random, truth: file.stepped(&step).moved(&device), file }
+    }
+
+    /// Positions that put the machine of the file anywhere in its reach, away from singular poses.
+    fn positions(&mut self, count: usize) -> Vec<[f64; ARMS]> {
+        let kinematics = self.file.kinematics(configuration()).unwrap();
+        let mut found = Vec::new();
+        while found.len() < count {
+            let mut between = |lower: f64, upper: f64| self.random.random_range(lower..upper);
+            let place_m = Vector3::new(between(-1.0, 1.2), between(-0.1, 0.7), between(0.3, 1.0));
+            let Ok(q) = kinematics.inverse_in_assembly(&place_m) else { continue };
+            if [&self.file, &self.truth].into_iter().all(|nominal| is_regular(nominal, &q)) {
+                found.push(q);
+            }
+        }
+        found
+    }
+
+    /// What the device sees with the axes there.
+    fn measured(&mut self, positions: &[[f64; ARMS]], sigma_m: Vector3<f64>) -> Vec<MeasuredPose<ARMS>> {
+        let kinematics = self.truth.kinematics(configuration()).unwrap();
+        let pose = |(index, q): (usize, &[f64; ARMS])| {
+            let noise = Vector3::from_fn(|_, _| StandardNormal.sample(&mut self.random));
+            MeasuredPose {
+                name: index.to_string(),
+                q: *q,
+                position_m: kinematics.forward(q).unwrap() + sigma_m.component_mul(&noise),
+                rotation: None,
+            }
+        };
+        positions.iter().enumerate().map(pose).collect()
+    }
+
+    /// The machine of the file, where the device sees it.
+    fn start(&self, poses: &[MeasuredPose<ARMS>]) -> Nominal {
+        let kinematics = self.file.kinematics(configuration()).unwrap();
+        let pairs: Vec<_> = poses.iter().map(|pose| (kinematics.forward(&pose.q).unwrap(), pose.position_m)).collect();
+        self.file.moved(&rigid_trimmed(&pairs).unwrap())
+    }
+
+    /// Root mean square distance of the model's places from the true ones.
+    fn error_m(&self, nominal: &Nominal, at_q: &[[f64; ARMS]]) -> f64 {
+        let [model, truth] = [nominal, &self.truth].map(|nominal| nominal.kinematics(configuration()).unwrap());
+        let squares = at_q.iter().map(|q| (model.forward(q).unwrap() - truth.forward(q).unwrap()).norm_squared());
+        (squares.sum::<f64>() / float(at_q.len())).sqrt()
+    }
+}
+
+/// True well away from singular poses.
+fn is_regular(nominal: &Nominal, q: &[f64; ARMS]) -> bool {
+    let Ok(place_m) = nominal.kinematics(configuration()).unwrap().forward(q) else { return false };
+    let cart = |arm: usize| nominal.origins_m[arm] + nominal.guideways[arm] * q[arm];
+    let directions = [0, 1, 2].map(|arm| (cart(arm) - place_m) / nominal.lengths_m[arm]);
+    let sides = (0..ARMS).all(|arm| directions[arm].dot(&nominal.guideways[arm]).abs() > 0.1);
+    sides && Matrix3::from_columns(&directions).determinant().abs() > 0.1
+}
+
+fn places(poses: &[MeasuredPose<ARMS>], sigma_m: Vector3<f64>) -> Places<'_> {
+    let whitening = Matrix3::from_diagonal(&sigma_m.map(|sigma| 1.0 / sigma));
+    Places { poses, whitening, configuration: configuration() }
+}
+
+#[test]
+fn the_derivatives_are_those_of_the_forward_kinematics() {
+    let mut campaign = Campaign::new(1);
+    let step = 1e-6;
+    for q in campaign.positions(20) {
+        let place = |nominal: &Nominal| nominal.kinematics(configuration()).unwrap().forward(&q).unwrap();
+        let derivative = campaign.truth.derivative(&q, &place(&campaign.truth));
+        for parameter in 0..PARAMETERS {
+            let moved = |by: f64| {
+                let mut change = DVector::zeros(PARAMETERS);
+                change[parameter] = by;
+                place(&campaign.truth.stepped(&change))
+            };
+            // Central differences: step^2 of truncation, and 1e-16 / step of rounding.
+            let difference = (moved(step) - moved(-step)) / (2.0 * step);
+            assert!((difference - derivative.column(parameter)).amax() < 1e-7, "{parameter}");
+        }
+    }
+}
+
+#[test]
+fn places_without_noise_give_the_machine() {
+    for seed in 0..20 {
+        let mut campaign = Campaign::new(seed);
+        let positions = campaign.positions(20);
+        let poses = campaign.measured(&positions, Vector3::zeros());
+        for start in [campaign.start(&poses), closed_form(&poses).unwrap()] {
+            let found = calibrate(&places(&poses, Vector3::repeat(SIGMA_M)), start).unwrap();
+            let off = (found.fit.state.parameters() - campaign.truth.parameters()).amax();
+            assert!(
+                off < 1e-9 && found.outliers.is_empty() && found.fit.rounds <= 8,
+                "{seed}: {off:e} {}",
+                found.fit.rounds
+            );
+        }
+    }
+}
+
+/// Share of the bound that the error reaches over campaigns, and how often each interval holds the truth.
+fn campaigns(count: u64, sigma_m: Vector3<f64>) -> (f64, [u32; PARAMETERS]) {
+    let (mut squares, mut bounds, mut held) = (0.0, 0.0, [0; PARAMETERS]);
+    for seed in 0..count {
+        let mut campaign = Campaign::new(1_000 + seed);
+        let (positions, unseen) = (campaign.positions(60), campaign.positions(200));
+        let poses = campaign.measured(&positions, sigma_m);
+        let places = places(&poses, sigma_m);
+        let found = calibrate(&places, campaign.start(&poses)).unwrap();
+        squares += campaign.error_m(&found.fit.state, &unseen).powi(2);
+        let all: Vec<usize> = (0..poses.len()).collect();
+        let at_truth = Seen::new(&places.rows(&campaign.truth, &all).unwrap(), &campaign.truth.scales()).covariance();
+        bounds += predicted_rms_m(&campaign.truth, configuration(), &at_truth, &unseen).powi(2);
+        let covariance = found.fit.seen.covariance();
+        let off = found.fit.state.parameters() - campaign.truth.parameters();
+        for (parameter, held) in held.iter_mut().enumerate() {
+            *held += u32::from(off[parameter].abs() <= NORMAL_95 * covariance[(parameter, parameter)].sqrt());
+        }
+    }
+    ((squares / bounds).sqrt(), held)
+}
+
+#[test]
+fn the_error_reaches_the_bound_and_the_intervals_hold() {
+    for sigma_m in [Vector3::repeat(SIGMA_M), Vector3::new(30e-6, 30e-6, 90e-6)] {
+        let (share, held) = campaigns(200, sigma_m);
+        assert!(share < 1.1, "{share}");
+        // 95 % of 200, and 99.9 % of what such counts do.
+        assert!(held.iter().all(|held| (178..=199).contains(held)), "{held:?}");
+    }
+}
+
+#[test]
+fn wrong_places_are_found_and_left_out() {
+    let (mut found, mut accused) = (0, 0);
+    for seed in 0..50 {
+        let mut campaign = Campaign::new(5_000 + seed);
+        let positions = campaign.positions(40);
+        let mut poses = campaign.measured(&positions, Vector3::repeat(SIGMA_M));
+        poses[7].position_m.y += 1e-3;
+        poses[23].position_m.z -= 0.4e-3;
+        let calibrated = calibrate(&places(&poses, Vector3::repeat(SIGMA_M)), campaign.start(&poses)).unwrap();
+        found += calibrated.outliers.iter().filter(|index| [7, 23].contains(index)).count();
+        accused += calibrated.outliers.iter().filter(|index| ![7, 23].contains(index)).count();
+    }
+    assert!(found >= 95 && accused <= 5, "{found} of 100 found, {accused} of 1900 accused wrongly");
+}

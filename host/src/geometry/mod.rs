@@ -1,0 +1,19 @@
+//! Calibration: the geometry of a machine from measured poses `[T 3.2]`.
+
+pub mod frames;
+pub mod l2;
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// A pose that a device outside of the robot has measured, in the axes of the device.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeasuredPose<const N: usize> {
+    /// Its name in the file.
+    pub name: String,
+    /// Positions of the axes, q-units.
+    pub q: [f64; N],
+    /// Place of the target, m.
+    pub position_m: Vector3<f64>,
+    /// Orientation of the target, where the device sees it.
+    pub rotation: Option<UnitQuaternion<f64>>,
+}
