@@ -17,6 +17,7 @@ pub mod faults;
 pub mod files;
 pub mod fit;
 pub mod geometry;
+pub mod measurements;
 pub mod model;
 pub mod plant;
 mod plots;

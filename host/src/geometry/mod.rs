@@ -1,5 +1,7 @@
 //! Calibration: the geometry of a machine from measured poses `[T 3.2]`.
 
+#![expect(clippy::indexing_slicing, reason = "arms, axes and parameters are counted by the arrays themselves")]
+
 pub mod frames;
 pub mod l2;
 

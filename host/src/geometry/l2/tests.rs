@@ -9,6 +9,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::*;
 use crate::fit::least_squares::Seen;
 use crate::fit::statistics::NORMAL_95;
+use crate::fit::svd::Svd;
 use crate::geometry::frames::rigid_trimmed;
 
 /// Noise of a device, m.
@@ -167,6 +168,48 @@ fn the_error_reaches_the_bound_and_the_intervals_hold() {
         // 95 % of 200, and 99.9 % of what such counts do.
         assert!(held.iter().all(|held| (178..=199).contains(held)), "{held:?}");
     }
+}
+
+/// The frame is fitted along: what is left are the errors that the tool sees.
+#[test]
+fn in_the_frame_of_the_file_the_file_comes_back() {
+    for seed in 0..10 {
+        let mut campaign = Campaign::new(9_000 + seed);
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -2.0, 1.0));
+        let device = Isometry3::from_parts(Translation3::new(1.0, -2.0, 0.5), turn);
+        campaign.truth = campaign.file.moved(&device);
+        let positions = campaign.positions(30);
+        let exact = campaign.measured(&positions, Vector3::zeros());
+        let places = places(&exact, Vector3::repeat(SIGMA_M));
+        let found = calibrate(&places, campaign.start(&exact)).unwrap().in_frame_of(&campaign.file, &places).unwrap();
+        assert!((found.nominal.parameters() - campaign.file.parameters()).amax() < 1e-9);
+        assert!((found.motion.to_homogeneous() - device.to_homogeneous()).amax() < 1e-9);
+        let values = Svd::new(found.covariance.clone()).values;
+        assert!(values[14] > 1e-12 && values[15] < 1e-9 * values[14], "rank 15: {values}");
+    }
+}
+
+/// `(x - truth) / sd` of what the frame leaves, for the lengths, which no motion changes, and for places.
+#[test]
+fn the_covariance_in_the_frame_of_the_file_is_right() {
+    let (mut squares, mut expected) = (0.0, 0.0);
+    for seed in 0..100 {
+        let mut campaign = Campaign::new(7_000 + seed);
+        let (positions, unseen) = (campaign.positions(40), campaign.positions(50));
+        let noise = Vector3::repeat(SIGMA_M);
+        let poses = campaign.measured(&positions, noise);
+        let places = places(&poses, noise);
+        let calibrated = calibrate(&places, campaign.start(&poses)).unwrap();
+        let found = calibrated.in_frame_of(&campaign.file, &places).unwrap();
+        // The same frame of the truth: without noise.
+        let truth = Calibrated { fit: Fit { state: campaign.truth, ..calibrated.fit.clone() }, ..calibrated.clone() };
+        let truth = truth.in_frame_of(&campaign.file, &places).unwrap().nominal;
+        campaign.truth = truth;
+        squares += campaign.error_m(&found.nominal, &unseen).powi(2);
+        expected += predicted_rms_m(&truth, configuration(), &found.covariance, &unseen).powi(2);
+    }
+    let ratio = (squares / expected).sqrt();
+    assert!((0.9..1.1).contains(&ratio), "{ratio}");
 }
 
 #[test]

@@ -1,0 +1,52 @@
+//! Files of measurements: a set-up (TOML) and its table (CSV), read strictly. An unknown or missing key or column, or a number that cannot
+//! be, is an error that names file, line and column.
+
+pub mod poses;
+mod setup;
+mod table;
+
+use std::fmt;
+
+pub use table::MAX_ROWS;
+
+/// Error of a file of measurements, in one line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FileError {
+    /// Path of the file.
+    pub file: String,
+    /// Line, counted from 1.
+    pub line: Option<u64>,
+    /// Column or key.
+    pub column: Option<String>,
+    /// Description of the error.
+    pub reason: String,
+}
+
+impl FileError {
+    fn whole(file: &str, reason: impl fmt::Display) -> Self {
+        Self { file: file.to_owned(), line: None, column: None, reason: one_line(&reason.to_string()) }
+    }
+
+    fn at(file: &str, line: u64, column: &str, reason: impl fmt::Display) -> Self {
+        Self { line: Some(line), column: (!column.is_empty()).then(|| column.to_owned()), ..Self::whole(file, reason) }
+    }
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+impl fmt::Display for FileError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.file)?;
+        if let Some(line) = self.line {
+            write!(f, ":{line}")?;
+        }
+        if let Some(column) = &self.column {
+            write!(f, ": {column}")?;
+        }
+        write!(f, ": {}", self.reason)
+    }
+}
+
+impl std::error::Error for FileError {}

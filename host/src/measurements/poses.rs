@@ -1,0 +1,157 @@
+//! Measured poses: what a camera, an arm or a tracker says of a target on the platform.
+
+use std::path::Path;
+
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use serde::Deserialize;
+
+use super::table::{Row, Table};
+use super::{FileError, setup};
+use crate::geometry::MeasuredPose;
+
+/// First line of a set-up.
+pub const FORMAT: &str = "gantry-tau poses 1";
+/// Largest position of an axis, q-units, and of a target, m.
+const MOST: f64 = 1e3;
+/// Largest deviation of a quaternion from unit length.
+const UNIT: f64 = 1e-6;
+/// Range of a standard deviation, µm or µrad.
+const NOISE: (f64, f64) = (1e-6, 1e6);
+
+/// `format = "gantry-tau poses 1"`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SetupFile {
+    format: String,
+    model: String,
+    measurements: String,
+    noise: NoiseSection,
+}
+
+/// `[noise]`: of one measured pose, in the axes of the device.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NoiseSection {
+    position_um: Option<[f64; 3]>,
+    rotation_urad: Option<[f64; 3]>,
+    covariance: Option<Vec<Vec<f64>>>,
+}
+
+/// Covariance of a measured pose, in the axes of the device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Noise {
+    /// Of the place, m^2.
+    pub position_m2: Matrix3<f64>,
+    /// Of the rotation vector, rad^2, where orientations are measured.
+    pub rotation_rad2: Option<Matrix3<f64>>,
+}
+
+/// Poses and their noise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Poses<const N: usize> {
+    /// `model` of the set-up.
+    pub model: String,
+    /// Path of the table, as messages name it.
+    pub table: String,
+    /// Noise of one pose.
+    pub noise: Noise,
+    /// The poses.
+    pub poses: Vec<MeasuredPose<N>>,
+}
+
+/// Reads a set-up and its table, for a machine of `model` with `N` axes.
+///
+/// # Errors
+/// [`FileError`].
+pub fn read<const N: usize>(path: &Path, model: &str) -> Result<Poses<N>, FileError> {
+    let name = path.display().to_string();
+    let file: SetupFile = setup::read(path)?;
+    let refused =
+        |key: &str, reason: String| FileError { column: Some(key.to_owned()), ..FileError::whole(&name, reason) };
+    if file.format != FORMAT {
+        return Err(refused("format", format!("is {:?}; this program reads {FORMAT:?}", file.format)));
+    }
+    if file.model != model {
+        return Err(refused("model", format!("is {:?}, and the robot file's is {model:?}", file.model)));
+    }
+    let noise = noise(&file.noise).map_err(|(key, reason)| refused(key, reason))?;
+    let table = setup::beside(path, &file.measurements);
+    Ok(Poses { model: file.model, table: table.display().to_string(), noise, poses: rows(&table)? })
+}
+
+fn noise(section: &NoiseSection) -> Result<Noise, (&'static str, String)> {
+    let squares = |key: &'static str, deviations: &[f64; 3]| {
+        let (least, most) = NOISE;
+        match deviations.iter().find(|value| !(least..=most).contains(*value)) {
+            Some(wrong) => Err((key, format!("{wrong} is not from {least:e} to {most:e}"))),
+            None => Ok(Matrix3::from_diagonal(&Vector3::from(deviations.map(|value| (value * 1e-6).powi(2))))),
+        }
+    };
+    let Some(given) = &section.covariance else {
+        let position_um = section.position_um.ok_or(("noise.position_um", "is missing".to_owned()))?;
+        let rotation = section.rotation_urad.map(|urad| squares("noise.rotation_urad", &urad)).transpose()?;
+        return Ok(Noise { position_m2: squares("noise.position_um", &position_um)?, rotation_rad2: rotation });
+    };
+    let key = "noise.covariance";
+    let size = given.len();
+    if (size != 3 && size != 6) || given.iter().any(|row| row.len() != size) {
+        return Err((key, "must be 3 x 3 (places, m^2) or 6 x 6 (and rotations, rad^2)".to_owned()));
+    }
+    let entry = |row: usize, column: usize| given.get(row).and_then(|row| row.get(column)).copied().unwrap_or(f64::NAN);
+    let block = |first: usize| Matrix3::from_fn(|row, column| entry(first + row, first + column));
+    let checked = |block: Matrix3<f64>| {
+        let is_symmetric = (block - block.transpose()).amax() <= 1e-9 * block.amax();
+        if is_symmetric && block.cholesky().is_some() {
+            Ok(block)
+        } else {
+            Err((key, "is not symmetric and positive definite".to_owned()))
+        }
+    };
+    let rotation_rad2 = if size == 6 { Some(checked(block(3))?) } else { None };
+    Ok(Noise { position_m2: checked(block(0))?, rotation_rad2 })
+}
+
+fn rows<const N: usize>(path: &Path) -> Result<Vec<MeasuredPose<N>>, FileError> {
+    let axes: [String; N] = std::array::from_fn(|axis| format!("q_{}", axis + 1));
+    let mut required: Vec<String> = ["pose", "x_m", "y_m", "z_m"].map(str::to_owned).to_vec();
+    required.extend(axes.iter().cloned());
+    let table = Table::open(path, &required, |column| QUATERNION.contains(&column))?;
+    let turned = QUATERNION.map(|column| table.has(column));
+    if turned != [turned[0]; 4] {
+        return Err(FileError::at(
+            &path.display().to_string(),
+            1,
+            "rot_w",
+            "a quaternion has four columns: rot_w, rot_x, rot_y, rot_z",
+        ));
+    }
+    let mut names = std::collections::HashSet::new();
+    table.rows(|row| {
+        let name = row.text("pose").to_owned();
+        if name.is_empty() || !names.insert(name.clone()) {
+            return Err(row.error("pose", format_args!("{name:?} is empty, or stands twice")));
+        }
+        let mut q = [0.0; N];
+        for (q, column) in q.iter_mut().zip(&axes) {
+            *q = row.number(column, MOST)?;
+        }
+        let position_m = Vector3::new(row.number("x_m", MOST)?, row.number("y_m", MOST)?, row.number("z_m", MOST)?);
+        let rotation = if turned[0] { Some(rotation(row)?) } else { None };
+        Ok(MeasuredPose { name, q, position_m, rotation })
+    })
+}
+
+const QUATERNION: [&str; 4] = ["rot_w", "rot_x", "rot_y", "rot_z"];
+
+fn rotation(row: &Row<'_>) -> Result<UnitQuaternion<f64>, FileError> {
+    let mut parts = [0.0; 4];
+    for (part, column) in parts.iter_mut().zip(QUATERNION) {
+        *part = row.number(column, 1.0 + UNIT)?;
+    }
+    let [w, x, y, z] = parts;
+    let quaternion = Quaternion::new(w, x, y, z);
+    if (quaternion.norm() - 1.0).abs() > UNIT {
+        return Err(row.error("rot_w", format_args!("the quaternion has length {}, not 1", quaternion.norm())));
+    }
+    Ok(UnitQuaternion::new_normalize(quaternion))
+}

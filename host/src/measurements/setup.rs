@@ -1,0 +1,41 @@
+//! Set-up files: TOML beside the table that they name.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+
+use super::FileError;
+
+/// Longest set-up file that is read, bytes.
+const MAX_LEN: u64 = 1 << 20;
+
+/// Reads a set-up file.
+///
+/// # Errors
+/// [`FileError`], with the line that TOML or its keys are wrong in.
+pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> {
+    let name = path.display().to_string();
+    let file = File::open(path).map_err(|error| FileError::whole(&name, error))?;
+    let mut text = String::new();
+    file.take(MAX_LEN + 1).read_to_string(&mut text).map_err(|error| FileError::whole(&name, error))?;
+    if u64::try_from(text.len()).is_ok_and(|length| length > MAX_LEN) {
+        return Err(FileError::whole(&name, format_args!("is longer than {MAX_LEN} bytes")));
+    }
+    parse(&name, &text)
+}
+
+/// As [`read`], from a text.
+pub(super) fn parse<T: DeserializeOwned>(name: &str, text: &str) -> Result<T, FileError> {
+    toml::from_str(text).map_err(|error| {
+        let line = error.span().and_then(|span| text.get(..span.start)).map(|before| before.matches('\n').count());
+        let line = line.and_then(|line| u64::try_from(line).ok()).map_or(1, |line| line + 1);
+        FileError::at(name, line, "", error.message())
+    })
+}
+
+/// Returns the path of a file that a set-up names, beside the set-up.
+pub(super) fn beside(setup: &Path, named: &str) -> PathBuf {
+    setup.parent().map_or_else(|| PathBuf::from(named), |folder| folder.join(named))
+}
