@@ -2,6 +2,7 @@
 
 mod build;
 mod check;
+pub mod edit;
 mod keys;
 mod sections;
 

@@ -11,8 +11,9 @@ use toml::de::DeTable;
 use super::sections::{Axes, Each, Sections};
 use super::{Keys, Motors, Problem, Sensor, Simulation};
 
-/// Largest deviation of `metres_per_q` from `|v_i|`, relative.
-const SCALE_TOLERANCE: f64 = 1e-9;
+/// Largest deviation of `metres_per_q`, the length of a unit of `q` by the drive's count, from `|v_i|`, which calibration finds; relative.
+/// More is a wrong unit.
+const SCALE_TOLERANCE: f64 = 0.01;
 /// Largest distance of a micrometre value from a whole nanometre, nm: rounding of the decimal.
 const WHOLE_NM_TOLERANCE: f64 = 1e-3;
 /// Largest number of motors.

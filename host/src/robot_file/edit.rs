@@ -1,0 +1,106 @@
+//! Changes of a robot file that keep its comments and its order.
+
+use toml_edit::{Array, DocumentMut, Item, Table, Value};
+
+/// A robot file that is being changed.
+pub struct RobotText {
+    document: DocumentMut,
+    /// Word that takes the place of "ASSUMED" above a changed key.
+    provenance: String,
+}
+
+impl RobotText {
+    /// Begins with the text of a file. `provenance` says where changed values come from: it replaces "ASSUMED" in the comments above them.
+    ///
+    /// # Errors
+    /// The text is not TOML.
+    pub fn new(text: &str, provenance: &str) -> Result<Self, toml_edit::TomlError> {
+        Ok(Self { document: text.parse()?, provenance: provenance.to_owned() })
+    }
+
+    /// Replaces a list of numbers.
+    pub fn set_numbers(&mut self, key: &str, values: &[f64]) {
+        self.set(key, Value::Array(values.iter().copied().map(number).collect()));
+    }
+
+    /// Replaces a list of rows, one per line.
+    pub fn set_rows(&mut self, key: &str, rows: &[[f64; 3]]) {
+        let mut array = Array::new();
+        for row in rows {
+            let mut row = Value::Array(row.iter().copied().map(number).collect());
+            row.decor_mut().set_prefix("\n    ");
+            array.push_formatted(row);
+        }
+        array.set_trailing_comma(true);
+        array.set_trailing("\n");
+        self.set(key, Value::Array(array));
+    }
+
+    fn set(&mut self, key: &str, mut value: Value) {
+        let table = self.document.as_table_mut();
+        // The comment behind the old value stays.
+        if let Some(old) = table.get(key).and_then(Item::as_value) {
+            *value.decor_mut() = old.decor().clone();
+        }
+        match table.get_mut(key) {
+            Some(item) => *item = Item::Value(value),
+            None => _ = table.insert(key, Item::Value(value)),
+        }
+        if let Some(mut key) = table.key_mut(key) {
+            let decor = key.leaf_decor_mut();
+            let above = decor.prefix().and_then(toml_edit::RawString::as_str).unwrap_or_default();
+            let above = above.replace("ASSUMED", &self.provenance);
+            decor.set_prefix(above);
+        }
+    }
+
+    /// Adds a section, in place of the one with its name.
+    pub fn set_section(&mut self, name: &str, mut section: Table) {
+        section.decor_mut().set_prefix("\n");
+        self.document.as_table_mut().insert(name, Item::Table(section));
+    }
+
+    /// Returns the text.
+    #[must_use]
+    pub fn text(&self) -> String {
+        self.document.to_string()
+    }
+}
+
+/// A number that reads back to the bit; with an exponent where zeros would hide its digits.
+#[must_use]
+pub fn number(value: f64) -> Value {
+    let plain = value == 0.0 || (1e-3..1e6).contains(&value.abs());
+    let text = if plain { format!("{value:?}") } else { format!("{value:e}") };
+    text.parse().unwrap_or_else(|_| Value::from(value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot_file::{AnyRobotFile, L2_TEXT};
+
+    #[test]
+    fn a_changed_file_differs_in_what_was_changed() {
+        let mut robot = RobotText::new(L2_TEXT, "CALIBRATED with poses.csv").unwrap();
+        robot.set_numbers("L", &[1.001, 1.1, 0.999_5]);
+        robot.set_rows("V", &[[1.0, 0.0, 1e-4], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]);
+        robot.set_numbers("c_link", &[1e-7; 6]);
+        let text = robot.text();
+        let differing = |text: &str, other: &str| {
+            text.lines()
+                .filter(|line| !other.lines().any(|other| other == *line))
+                .map(str::to_owned)
+                .collect::<Vec<_>>()
+        };
+        let added = differing(&text, L2_TEXT);
+        assert_eq!(added.len(), 4, "{added:#?}");
+        assert_eq!(added[0], "    [1.0, 0.0, 1e-4],");
+        assert_eq!(added[1], "L = [1.001, 1.1, 0.9995]");
+        assert!(added[2].starts_with("# Compliances, m/N. c_link is CALIBRATED with poses.csv; c_cart"), "{added:#?}");
+        assert_eq!(added[3], "c_link = [1e-7, 1e-7, 1e-7, 1e-7, 1e-7, 1e-7]");
+        assert_eq!(text.lines().count(), L2_TEXT.lines().count());
+        let AnyRobotFile::L2(robot) = AnyRobotFile::parse("changed", &text).unwrap() else { panic!() };
+        assert_eq!(robot.compliances.unwrap().link_m_per_n(), &[1e-7; 6]);
+    }
+}
