@@ -20,7 +20,7 @@ use crate::model::{F1, L2, MachineKind};
 pub use build::CYCLE_US;
 use check::Kind;
 pub(crate) use keys::{F1Keys, Keys, L2Keys};
-pub use sections::{Client, Motors, Sensor, Simulation, Tool};
+pub use sections::{Calibrated, Client, Motors, Sensor, Simulation, Tool};
 
 /// The text of `robots/l2.toml`.
 const L2_TEXT: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), env!("GANTRY_TAU_ROBOTS"), "/l2.toml"));
@@ -51,6 +51,8 @@ pub struct RobotFile<K, const N: usize> {
     pub client: Client,
     /// `[simulation]`.
     pub simulation: Simulation,
+    /// `[calibrated]`; absent in a file that was not calibrated.
+    pub calibrated: Option<Calibrated>,
 }
 
 /// A machine of either kind.
@@ -119,6 +121,18 @@ impl AnyRobotFile {
             "f1" => Ok(Self::F1(Box::new(RobotFile::builtin_f1()?))),
             path => Self::load(path),
         }
+    }
+}
+
+/// Returns the text of a robot file, by its name as of [`AnyRobotFile::named`].
+///
+/// # Errors
+/// [`RobotFileError`], naming file and reason.
+pub fn text_of(name: &str) -> Result<String, RobotFileError> {
+    match name {
+        "l2" => Ok(L2_TEXT.to_owned()),
+        "f1" => Ok(F1_TEXT.to_owned()),
+        path => read_text(Path::new(path)).map_err(|reason| Problem::new("", reason).in_file(path)),
     }
 }
 
@@ -192,6 +206,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             sensor: sections.sensor,
             client: sections.client,
             simulation: sections.simulation,
+            calibrated: sections.calibrated,
         })
     }
 }

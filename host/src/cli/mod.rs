@@ -1,5 +1,6 @@
 //! Commands, their options and their output.
 
+mod calibrate;
 mod client;
 mod demo;
 mod draw;
@@ -39,6 +40,7 @@ enum Command {
     Replay(replay::Replay),
     Workspace(workspace::Workspace),
     Draw(draw::Draw),
+    Calibrate(calibrate::Calibrate),
     /// Kinematics, statics and compensation for scripts: one JSON request per line in, one JSON answer per line out
     ///
     /// Example: echo '{"id":1,"robot":"robots/l2.toml","op":"ik","T":[0.0,0.5,0.65]}' | gantry-tau solve
@@ -87,6 +89,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Replay(replay) => replay.run(),
         Command::Workspace(workspace) => run_on(AnyRobotFile::named(&workspace.robot), workspace),
         Command::Draw(draw) => run_on(AnyRobotFile::named(&draw.robot), draw),
+        Command::Calibrate(calibrate) => calibrate.run(),
         Command::Solve => solve(),
     };
     outcome.unwrap_or_else(|error| fail(1, error))

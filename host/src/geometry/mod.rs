@@ -2,6 +2,8 @@
 
 #![expect(clippy::indexing_slicing, reason = "arms, axes and parameters are counted by the arrays themselves")]
 
+pub mod answer;
+pub mod calibrate;
 pub mod frames;
 pub mod l2;
 

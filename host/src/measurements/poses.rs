@@ -53,6 +53,8 @@ pub struct Poses<const N: usize> {
     pub model: String,
     /// Path of the table, as messages name it.
     pub table: String,
+    /// CRC-32 of the table.
+    pub crc: u32,
     /// Noise of one pose.
     pub noise: Noise,
     /// The poses.
@@ -76,7 +78,9 @@ pub fn read<const N: usize>(path: &Path, model: &str) -> Result<Poses<N>, FileEr
     }
     let noise = noise(&file.noise).map_err(|(key, reason)| refused(key, reason))?;
     let table = setup::beside(path, &file.measurements);
-    Ok(Poses { model: file.model, table: table.display().to_string(), noise, poses: rows(&table)? })
+    let poses = rows(&table)?;
+    let bytes = std::fs::read(&table).map_err(|error| FileError::whole(&table.display().to_string(), error))?;
+    Ok(Poses { model: file.model, table: table.display().to_string(), crc: crc32fast::hash(&bytes), noise, poses })
 }
 
 fn noise(section: &NoiseSection) -> Result<Noise, (&'static str, String)> {

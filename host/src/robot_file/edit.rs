@@ -101,6 +101,7 @@ mod tests {
         assert_eq!(added[3], "c_link = [1e-7, 1e-7, 1e-7, 1e-7, 1e-7, 1e-7]");
         assert_eq!(text.lines().count(), L2_TEXT.lines().count());
         let AnyRobotFile::L2(robot) = AnyRobotFile::parse("changed", &text).unwrap() else { panic!() };
-        assert_eq!(robot.compliances.unwrap().link_m_per_n(), &[1e-7; 6]);
+        let bits = |values: &[f64; 6]| values.map(f64::to_bits);
+        assert_eq!(bits(robot.compliances.unwrap().link_m_per_n()), bits(&[1e-7; 6]));
     }
 }

@@ -2,7 +2,7 @@
 
 use gantry_tau_core::model::sensor;
 use nalgebra::Matrix3;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::matrix;
 
@@ -14,10 +14,39 @@ pub(super) struct Sections<const N: usize> {
     pub(super) sensor: Sensor,
     pub(super) client: Client,
     pub(super) simulation: Simulation,
+    pub(super) calibrated: Option<Calibrated>,
 }
 
 impl<const N: usize> Sections<N> {
-    pub(super) const NAMES: [&'static str; 5] = ["axes", "motors", "sensor", "client", "simulation"];
+    pub(super) const NAMES: [&'static str; 6] = ["axes", "motors", "sensor", "client", "simulation", "calibrated"];
+}
+
+/// `[calibrated]`: where the geometry comes from, and how well it is known. The cycle does not read it.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibrated {
+    /// Name of the table of poses.
+    pub measurements: String,
+    /// Its CRC-32.
+    pub crc: u32,
+    /// Number of poses, those left out included.
+    pub poses: usize,
+    /// Sum of the squares of the residuals, in standard deviations.
+    pub chi2: f64,
+    /// Degrees of freedom.
+    pub dof: usize,
+    /// Expected error of a place over the workspace, root mean square, µm.
+    pub predicted_rms_um: f64,
+    /// Frame that the geometry is in: `nominal`, `measured`, or a file.
+    pub frame: String,
+    /// Rotation from the robot's frame to the device's, by rows.
+    pub rotation: [[f64; 3]; 3],
+    /// Origin of the robot's frame in the device's, m.
+    pub translation_m: [f64; 3],
+    /// Standard deviations of the parameters, arm by arm: `A_s` (3), `V` (3), `L`; SI.
+    pub sd: Vec<f64>,
+    /// Their covariance, by rows.
+    pub covariance: Vec<Vec<f64>>,
 }
 
 /// One entry per axis. serde reads arrays of a fixed length, not of a generic one.

@@ -46,7 +46,8 @@ pub struct Reached<const N: usize> {
 impl Grid {
     /// Creates a grid over the box of all places to which all links reach with their carts inside the nominal travel (plates at 0).
     /// Its longest side has `cells` steps.
-    pub(super) fn of<K: MachineKind<N>, const N: usize>(file: &RobotFile<K, N>, cells: u32) -> Self {
+    #[must_use]
+    pub fn of<K: MachineKind<N>, const N: usize>(file: &RobotFile<K, N>, cells: u32) -> Self {
         let geometry = file.model.geometry();
         let home_m = file.home_m();
         let (mut lower, mut upper) = (home_m.map(|_| f64::MIN), home_m.map(|_| f64::MAX));
