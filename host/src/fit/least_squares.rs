@@ -17,11 +17,13 @@ pub const WEAK: f64 = 0.1;
 /// Relative standard deviation above which a direction is lost.
 pub const LOST: f64 = 1.0;
 
-/// Damping of the first step that is not taken, in squares of the largest singular value; a factor between tries.
-const FIRST_DAMPING: f64 = 1e-8;
-const DAMPING_FACTOR: f64 = 10.0;
-/// Damping at which no step is left.
+/// Damping of the first step, in squares of the largest singular value, and damping at which no step is left.
+const FIRST_DAMPING: f64 = 1e-6;
 const MOST_DAMPING: f64 = 1e12;
+/// Growth of the damping after a step that is not taken, itself growing; and its least factor after one that gained what it promised.
+/// (H. B. Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05, Technical University of Denmark.)
+const GROWTH: f64 = 2.0;
+const LEAST_DECREASE: f64 = 0.1;
 
 /// Whitened rows at a state.
 #[derive(Clone, Debug, PartialEq)]
@@ -230,6 +232,18 @@ impl Seen {
         self.shares.rows(0, self.kept()).norm()
     }
 
+    /// Decrease of chi-squared that a damped step promises.
+    fn promised(&self, damping: f64) -> f64 {
+        let largest = self.svd.values.get(0).copied().unwrap_or(0.0);
+        let pairs = self.svd.values.iter().zip(&self.shares).take(self.kept());
+        pairs
+            .map(|(value, share)| {
+                let left = damping * largest * largest / (value * value + damping * largest * largest);
+                share * share * (1.0 - left * left)
+            })
+            .sum()
+    }
+
     /// Step of the parameters, damped.
     fn step(&self, damping: f64) -> DVector<f64> {
         let mut step = DVector::zeros(self.scales.len());
@@ -262,8 +276,8 @@ pub fn fit<S, E>(
     }
     let seen = Seen::new(&rows, scales);
     let mut best = Fit { state: start, rows, seen, rounds: 0 };
-    let mut damping = 0.0;
-    while best.rounds < MAX_ROUNDS {
+    let (mut damping, mut growth) = (FIRST_DAMPING, GROWTH);
+    while best.rounds < MAX_ROUNDS && damping < MOST_DAMPING {
         if best.seen.step_sd() < CONVERGED_SD {
             return Ok(best);
         }
@@ -271,15 +285,19 @@ pub fn fit<S, E>(
         let state = moved(&best.state, &best.seen.step(damping));
         // A state without a prediction is a step too far.
         let tried = evaluate(&state).ok().filter(Rows::is_finite);
-        match tried.filter(|rows| rows.chi_squared() <= best.rows.chi_squared()) {
+        let gained = |rows: &Rows| best.rows.chi_squared() - rows.chi_squared();
+        match tried.filter(|rows| gained(rows) >= 0.0) {
             Some(rows) => {
+                let ratio = gained(&rows) / best.seen.promised(damping);
+                damping *= (1.0 - (2.0 * ratio - 1.0).powi(3)).clamp(LEAST_DECREASE, GROWTH);
+                growth = GROWTH;
                 let seen = Seen::new(&rows, scales);
                 best = Fit { state, rows, seen, rounds: best.rounds };
-                damping = if damping > FIRST_DAMPING { damping / DAMPING_FACTOR } else { 0.0 };
             }
-            // The rest of the way is below the rounding of the residuals.
-            None if damping > MOST_DAMPING => break,
-            None => damping = (damping * DAMPING_FACTOR).max(FIRST_DAMPING),
+            None => {
+                damping *= growth;
+                growth *= GROWTH;
+            }
         }
     }
     let step_sd = best.seen.step_sd();

@@ -83,10 +83,9 @@ impl Turn {
     }
 
     fn apply(&self, matrix: &mut DMatrix<f64>, one: usize, other: usize) {
-        for row in 0..matrix.nrows() {
-            let (a, b) = (matrix[(row, one)], matrix[(row, other)]);
-            matrix[(row, one)] = self.cosine * a - self.sine * b;
-            matrix[(row, other)] = self.sine * a + self.cosine * b;
+        let (mut left, mut right) = matrix.columns_range_pair_mut(one, other);
+        for (a, b) in left.iter_mut().zip(right.iter_mut()) {
+            (*a, *b) = (self.cosine * *a - self.sine * *b, self.sine * *a + self.cosine * *b);
         }
     }
 }

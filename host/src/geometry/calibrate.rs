@@ -6,11 +6,10 @@ use gantry_tau_core::model::l2;
 use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
 use nalgebra::{DMatrix, Isometry3, Matrix3};
 
+use super::agreement::fit_agreeing;
 use super::answer::{Answer, FORMAT, InRobotFrame, L2Machine, Outlier, Parameter, Status, Unobservable};
 use super::frames::rigid_trimmed;
-use super::l2::{
-    Calibrated as Fitted, LEAST_PLACES, Nominal, Places, PredictionError, calibrate, closed_form, predicted_rms_m,
-};
+use super::l2::{Calibrated as Fitted, LEAST_PLACES, Nominal, Places, PredictionError, closed_form, predicted_rms_m};
 use crate::fit::least_squares::FitError;
 use crate::fit::statistics::{chi_squared_above, float};
 use crate::measurements::FileError;
@@ -165,8 +164,8 @@ fn best_start(file: &Nominal, places: &Places<'_>) -> Result<Fitted, FitError<Pr
     let pairs: Vec<_> =
         (places.poses.iter()).filter_map(|pose| Some((kinematics.forward(&pose.q).ok()?, pose.position_m))).collect();
     let start = rigid_trimmed(&pairs).map_or(*file, |motion| file.moved(&motion));
-    let from_file = calibrate(places, start);
-    let Some(alone) = closed_form(places.poses).and_then(|start| calibrate(places, start).ok()) else {
+    let from_file = fit_agreeing(places, start);
+    let Some(alone) = closed_form(places.poses).and_then(|start| fit_agreeing(places, start).ok()) else {
         return from_file;
     };
     let cost = |found: &Fitted| (found.outliers.len(), found.fit.reduced_chi_squared());

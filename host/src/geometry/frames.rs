@@ -51,6 +51,16 @@ pub fn rigid_trimmed(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Isometry3
     Some(motion)
 }
 
+/// Returns the rotation vector of a rotation by less than half a turn, small ones to the last digit (unlike the arc cosine of the trace).
+#[must_use]
+pub fn rotation_vector(rotation: &Matrix3<f64>) -> Vector3<f64> {
+    let r = rotation;
+    let skew = Vector3::new(r.m32 - r.m23, r.m13 - r.m31, r.m21 - r.m12) / 2.0;
+    let (sine, cosine) = (skew.norm(), (r.trace() - 1.0) / 2.0);
+    // The limit of angle / sine is 1.
+    if sine > 0.0 { skew * (sine.atan2(cosine) / sine) } else { skew }
+}
+
 /// Returns where a motion takes a place.
 #[must_use]
 pub fn apply(motion: &Isometry3<f64>, place: &Vector3<f64>) -> Vector3<f64> {

@@ -13,9 +13,10 @@ use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS, LINKS, RobotError};
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Matrix3x6, Matrix6, UnitQuaternion, Vector3};
 
 use super::MeasuredPose;
+use super::agreement::{Agreement, Model};
 use super::frames::{apply, rigid};
-use crate::fit::least_squares::{Fit, FitError, Rows, fit, solve_linear};
-use crate::fit::statistics::{float, median};
+use crate::fit::least_squares::{Rows, solve_linear};
+use crate::fit::statistics::float;
 
 /// Parameters per arm: `A_s` (3), `V` (3), `L`.
 pub const PER_ARM: usize = 7;
@@ -27,13 +28,6 @@ const TOLERANCE_M: f64 = 0.01;
 const TOLERANCE_RAD: f64 = 0.01;
 /// Places that a calibration needs: 24 numbers for 21.
 pub const LEAST_PLACES: usize = 8;
-/// Length of a residual, in standard deviations, beyond which a place is an outlier.
-const OUTLIER_SD: f64 = 4.5;
-/// Rounds of leaving out what does not agree.
-const MAX_TRIMS: u32 = 20;
-/// Median of such lengths where nothing is wrong: three degrees of freedom.
-const MEDIAN_SD: f64 = 1.538;
-
 /// Nominal model in some frame: where arm `i` would hold a single point, `|A_i + q_i v_i - T| = L_i`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nominal {
@@ -162,12 +156,16 @@ pub struct Places<'a> {
     pub configuration: Configuration,
 }
 
-impl Places<'_> {
-    /// Rows of the places that are `used`, at a model.
-    ///
-    /// # Errors
-    /// [`PredictionError`].
-    pub fn rows(&self, nominal: &Nominal, used: &[usize]) -> Result<Rows, PredictionError> {
+impl Model for Places<'_> {
+    type State = Nominal;
+    type Error = PredictionError;
+    const COMPONENTS: usize = 3;
+
+    fn count(&self) -> usize {
+        self.poses.len()
+    }
+
+    fn rows(&self, nominal: &Nominal, used: &[usize]) -> Result<Rows, PredictionError> {
         let kinematics = nominal.kinematics(self.configuration)?;
         let mut residuals = DVector::zeros(3 * used.len());
         let mut derivatives = DMatrix::zeros(3 * used.len(), PARAMETERS);
@@ -182,51 +180,21 @@ impl Places<'_> {
         Ok(Rows::new(residuals, derivatives))
     }
 
-    /// Lengths of all residuals, in standard deviations; infinite where a place cannot be predicted.
-    fn lengths_sd(&self, nominal: &Nominal) -> Vec<f64> {
-        let length = |index| self.rows(nominal, &[index]).map_or(f64::INFINITY, |rows| rows.residuals.norm());
-        (0..self.poses.len()).map(length).collect()
+    fn length_sd(&self, nominal: &Nominal, index: usize) -> f64 {
+        self.rows(nominal, &[index]).map_or(f64::INFINITY, |rows| rows.residuals.norm())
     }
 
-    /// Indices of the places that agree with a model.
-    fn agreeing(&self, nominal: &Nominal) -> Vec<usize> {
-        let lengths = self.lengths_sd(nominal);
-        let scale = (median(lengths.clone()) / MEDIAN_SD).max(1.0);
-        (0..lengths.len()).filter(|index| lengths[*index] <= OUTLIER_SD * scale).collect()
+    fn scales(&self, nominal: &Nominal) -> DVector<f64> {
+        nominal.scales()
+    }
+
+    fn stepped(nominal: &Nominal, step: &DVector<f64>) -> Nominal {
+        nominal.stepped(step)
     }
 }
 
 /// A calibrated machine, in the frame of the device.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Calibrated {
-    /// The fit to the places that agree.
-    pub fit: Fit<Nominal>,
-    /// Indices of the places that do not.
-    pub outliers: Vec<usize>,
-}
-
-/// Fits the model to places, from `start`. Places that do not agree are left out, until nothing changes.
-///
-/// # Errors
-/// [`FitError`].
-pub fn calibrate(places: &Places<'_>, start: Nominal) -> Result<Calibrated, FitError<PredictionError>> {
-    let mut used: Vec<usize> = (0..places.poses.len()).collect();
-    let mut model = start;
-    let mut rounds = 0;
-    loop {
-        let scales = model.scales();
-        let fit = fit(model, &scales, |nominal| places.rows(nominal, &used), Nominal::stepped)?;
-        let agreeing = places.agreeing(&fit.state);
-        rounds += 1;
-        // It may also turn in a circle.
-        if agreeing == used || rounds == MAX_TRIMS {
-            let outliers = (0..places.poses.len()).filter(|index| !used.contains(index)).collect();
-            return Ok(Calibrated { fit, outliers });
-        }
-        model = fit.state;
-        used = agreeing;
-    }
-}
+pub type Calibrated = Agreement<Nominal>;
 
 /// A calibrated machine moved into the robot's frame `[T 3.11]`.
 #[derive(Clone, Debug, PartialEq)]

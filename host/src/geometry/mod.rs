@@ -2,8 +2,10 @@
 
 #![expect(clippy::indexing_slicing, reason = "arms, axes and parameters are counted by the arrays themselves")]
 
+pub mod agreement;
 pub mod answer;
 pub mod calibrate;
+pub mod f1;
 pub mod frames;
 pub mod l2;
 

@@ -7,9 +7,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
-use crate::fit::least_squares::Seen;
+use crate::fit::least_squares::{Fit, Seen};
 use crate::fit::statistics::NORMAL_95;
 use crate::fit::svd::Svd;
+use crate::geometry::agreement::fit_agreeing;
 use crate::geometry::frames::rigid_trimmed;
 
 /// Noise of a device, m.
@@ -127,7 +128,7 @@ fn places_without_noise_give_the_machine() {
         let positions = campaign.positions(20);
         let poses = campaign.measured(&positions, Vector3::zeros());
         for start in [campaign.start(&poses), closed_form(&poses).unwrap()] {
-            let found = calibrate(&places(&poses, Vector3::repeat(SIGMA_M)), start).unwrap();
+            let found = fit_agreeing(&places(&poses, Vector3::repeat(SIGMA_M)), start).unwrap();
             let off = (found.fit.state.parameters() - campaign.truth.parameters()).amax();
             assert!(
                 off < 1e-9 && found.outliers.is_empty() && found.fit.rounds <= 8,
@@ -146,7 +147,7 @@ fn campaigns(count: u64, sigma_m: Vector3<f64>) -> (f64, [u32; PARAMETERS]) {
         let (positions, unseen) = (campaign.positions(60), campaign.positions(200));
         let poses = campaign.measured(&positions, sigma_m);
         let places = places(&poses, sigma_m);
-        let found = calibrate(&places, campaign.start(&poses)).unwrap();
+        let found = fit_agreeing(&places, campaign.start(&poses)).unwrap();
         squares += campaign.error_m(&found.fit.state, &unseen).powi(2);
         let all: Vec<usize> = (0..poses.len()).collect();
         let at_truth = Seen::new(&places.rows(&campaign.truth, &all).unwrap(), &campaign.truth.scales()).covariance();
@@ -181,7 +182,8 @@ fn in_the_frame_of_the_file_the_file_comes_back() {
         let positions = campaign.positions(30);
         let exact = campaign.measured(&positions, Vector3::zeros());
         let places = places(&exact, Vector3::repeat(SIGMA_M));
-        let found = calibrate(&places, campaign.start(&exact)).unwrap().in_frame_of(&campaign.file, &places).unwrap();
+        let found =
+            fit_agreeing(&places, campaign.start(&exact)).unwrap().in_frame_of(&campaign.file, &places).unwrap();
         assert!((found.nominal.parameters() - campaign.file.parameters()).amax() < 1e-9);
         assert!((found.motion.to_homogeneous() - device.to_homogeneous()).amax() < 1e-9);
         let values = Svd::new(found.covariance.clone()).values;
@@ -199,7 +201,7 @@ fn the_covariance_in_the_frame_of_the_file_is_right() {
         let noise = Vector3::repeat(SIGMA_M);
         let poses = campaign.measured(&positions, noise);
         let places = places(&poses, noise);
-        let calibrated = calibrate(&places, campaign.start(&poses)).unwrap();
+        let calibrated = fit_agreeing(&places, campaign.start(&poses)).unwrap();
         let found = calibrated.in_frame_of(&campaign.file, &places).unwrap();
         // The same frame of the truth: without noise.
         let truth = Calibrated { fit: Fit { state: campaign.truth, ..calibrated.fit.clone() }, ..calibrated.clone() };
@@ -221,7 +223,7 @@ fn wrong_places_are_found_and_left_out() {
         let mut poses = campaign.measured(&positions, Vector3::repeat(SIGMA_M));
         poses[7].position_m.y += 1e-3;
         poses[23].position_m.z -= 0.4e-3;
-        let calibrated = calibrate(&places(&poses, Vector3::repeat(SIGMA_M)), campaign.start(&poses)).unwrap();
+        let calibrated = fit_agreeing(&places(&poses, Vector3::repeat(SIGMA_M)), campaign.start(&poses)).unwrap();
         found += calibrated.outliers.iter().filter(|index| [7, 23].contains(index)).count();
         accused += calibrated.outliers.iter().filter(|index| ![7, 23].contains(index)).count();
     }

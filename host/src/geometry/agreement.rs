@@ -1,0 +1,81 @@
+//! Fits to the poses that agree with each other.
+
+use crate::fit::least_squares::{Fit, FitError, Rows, fit};
+use crate::fit::statistics::{chi_squared_above, chi_squared_quantile, median};
+use nalgebra::DVector;
+
+/// Length of a residual of three components, in standard deviations, beyond which a pose is an outlier; of other numbers of components the
+/// length that is as rare.
+const OUTLIER_SD: f64 = 4.5;
+/// Rounds of leaving out what does not agree.
+const MAX_TRIMS: u32 = 20;
+
+/// Measured poses, and the model that they are fitted with.
+pub trait Model {
+    /// The machine.
+    type State: Clone;
+    /// Reason why a machine predicts no pose.
+    type Error;
+    /// Number of components of a pose.
+    const COMPONENTS: usize;
+
+    /// Number of poses.
+    fn count(&self) -> usize;
+
+    /// Rows of the poses that are `used`, at a machine.
+    ///
+    /// # Errors
+    /// A pose cannot be predicted.
+    fn rows(&self, state: &Self::State, used: &[usize]) -> Result<Rows, Self::Error>;
+
+    /// Length of the residual of one pose, in standard deviations; infinite where it cannot be predicted.
+    fn length_sd(&self, state: &Self::State, index: usize) -> f64;
+
+    /// Change of each parameter that would matter.
+    fn scales(&self, state: &Self::State) -> DVector<f64>;
+
+    /// Returns a machine changed by a step of its parameters.
+    fn stepped(state: &Self::State, step: &DVector<f64>) -> Self::State;
+}
+
+/// A fit, and what it leaves out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Agreement<S> {
+    /// The fit to the poses that agree.
+    pub fit: Fit<S>,
+    /// Indices of the poses that do not.
+    pub outliers: Vec<usize>,
+}
+
+/// Fits a machine from `start`. Poses that do not agree are left out, until nothing changes.
+///
+/// # Errors
+/// [`FitError`].
+pub fn fit_agreeing<M: Model>(model: &M, start: M::State) -> Result<Agreement<M::State>, FitError<M::Error>> {
+    let mut used: Vec<usize> = (0..model.count()).collect();
+    let mut state = start;
+    let mut rounds = 0;
+    loop {
+        let scales = model.scales(&state);
+        let fit = fit(state, &scales, |state| model.rows(state, &used), M::stepped)?;
+        let agreeing = agreeing(model, &fit.state);
+        rounds += 1;
+        // It may also turn in a circle.
+        if agreeing == used || rounds == MAX_TRIMS {
+            let outliers = (0..model.count()).filter(|index| !used.contains(index)).collect();
+            return Ok(Agreement { fit, outliers });
+        }
+        state = fit.state;
+        used = agreeing;
+    }
+}
+
+/// Indices of the poses that agree with a machine. Where the stated noise is too small for most of them, it is what most of them say.
+fn agreeing<M: Model>(model: &M, state: &M::State) -> Vec<usize> {
+    let lengths: Vec<f64> = (0..model.count()).map(|index| model.length_sd(state, index)).collect();
+    let usual = chi_squared_quantile(0.5, M::COMPONENTS).sqrt();
+    let rare = chi_squared_above(OUTLIER_SD * OUTLIER_SD, 3);
+    let limit = chi_squared_quantile(1.0 - rare, M::COMPONENTS).sqrt();
+    let scale = (median(lengths.clone()) / usual).max(1.0);
+    (0..lengths.len()).filter(|index| lengths[*index] <= limit * scale).collect()
+}

@@ -1,0 +1,239 @@
+//! Calibration of simulated machines whose truth is known.
+
+use gantry_tau_core::model::presets;
+use nalgebra::Translation3;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::*;
+use crate::fit::least_squares::Seen;
+use crate::fit::statistics::NORMAL_95;
+use crate::geometry::agreement::fit_agreeing;
+
+/// Noise of a tracker: m, rad.
+const SIGMA: [f64; 2] = [50e-6, 100e-6];
+
+fn file() -> f1::Geometry {
+    f1::Geometry { travel: None, ..presets::f1() }
+}
+
+struct Campaign {
+    random: ChaCha8Rng,
+    /// As the device sees it.
+    truth: f1::Geometry,
+    /// The file's machine, as the device sees it: the start.
+    start: f1::Geometry,
+}
+
+impl Campaign {
+    /// A machine whose places are up to 5 mm off, its directions 3 mrad, its lengths 2 mm.
+    fn new(seed: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut step = DVector::zeros(PARAMETERS);
+        for (parameter, value) in step.iter_mut().enumerate() {
+            let most = match parameter {
+                V..P | AX.. => 3e-3,
+                L..AX => 2e-3,
+                _ => 5e-3,
+            };
+            *value = most * random.random_range(-1.0..1.0_f64);
+        }
+        // What cannot be seen is not changed.
+        step.fixed_rows_mut::<3>(P).fill(0.0);
+        let along = file().turn_axis.normalize();
+        let mean = (step.fixed_rows::<3>(P + 3) + step.fixed_rows::<3>(P + 6)).dot(&along) / 2.0;
+        for link in [1, 2] {
+            let mut joint = step.fixed_rows_mut::<3>(P + 3 * link);
+            joint -= along * mean;
+        }
+        let mut motion = |turn: f64, shift: f64| {
+            let [turn, shift] = [turn, shift].map(|most| Vector3::from_fn(|_, _| random.random_range(-most..most)));
+            Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn))
+        };
+        let (device, target) = (motion(2.0, 3.0), motion(1.0, 0.1));
+        let [truth, start] = [stepped(&file(), &step), file()].map(|machine| seen_by(&machine, &device, &target));
+        Self { random, truth, start }
+    }
+
+    /// Positions of the axes all over the workspace, plates turned out of step.
+    fn positions(&mut self, count: usize) -> Vec<[f64; AXES]> {
+        let kinematics = f1::Kinematics::new(&f1::Robot::new(file()).unwrap());
+        let mut found = Vec::new();
+        while found.len() < count {
+            let mut within = |most: f64| self.random.random_range(-most..most);
+            let position_m = Vector3::new(within(0.4), within(0.3), 0.4 + within(0.3));
+            let turn = |vector: Vector3<f64>| UnitQuaternion::from_scaled_axis(vector);
+            let rotation = turn(Vector3::z() * within(0.3)) * turn(Vector3::y() * within(0.3));
+            let rotation = rotation * turn(Vector3::from_fn(|_, _| within(0.15)));
+            let pose = Pose { position_m, rotation: rotation.to_rotation_matrix().into_inner() };
+            let Ok(solution) = kinematics.inverse_in_assembly(&pose, None) else { continue };
+            // A machine that is millimetres off may be at its end where that of the file is not.
+            let truth = Poses::kinematics(&self.truth).unwrap();
+            if forward(&truth, &solution.value, &self.nearby(&solution.value)).is_ok() {
+                found.push(solution.value);
+            }
+        }
+        found
+    }
+
+    /// Pose of the target with the axes there.
+    fn pose(machine: &f1::Geometry, q: &[f64; AXES], seed: &Pose) -> Pose {
+        let kinematics = Poses::kinematics(machine).unwrap();
+        forward(&kinematics, q, seed).unwrap()
+    }
+
+    /// Pose of the start's machine: from its own synchronised form, if it has one, or from the file's.
+    fn nearby(&self, q: &[f64; AXES]) -> Pose {
+        // The same motion that made the start from the file.
+        let kinematics = f1::Kinematics::new(&f1::Robot::new(file()).unwrap());
+        let at_home = kinematics.forward(q).unwrap().value;
+        let device = rigid_of(&file().carts_m, &self.start.carts_m);
+        let on_platform = rigid_of(&self.start.platform_joints_m, &file().platform_joints_m);
+        let rotation = UnitQuaternion::from_matrix(&at_home.rotation);
+        let platform = Isometry3::from_parts(Translation3::from(at_home.position_m), rotation);
+        let seen = device * platform * on_platform;
+        Pose { position_m: seen.translation.vector, rotation: seen.rotation.to_rotation_matrix().into_inner() }
+    }
+
+    fn measured(&mut self, positions: &[[f64; AXES]], sigma: [f64; 2]) -> Vec<MeasuredPose<AXES>> {
+        let mut poses = Vec::new();
+        for q in positions {
+            let pose = Self::pose(&self.truth, q, &self.nearby(q));
+            let mut noise = |sigma: f64| {
+                Vector3::from_fn(|_, _| sigma * Distribution::<f64>::sample(&StandardNormal, &mut self.random))
+            };
+            let turn = UnitQuaternion::from_scaled_axis(noise(sigma[1]));
+            poses.push(MeasuredPose {
+                name: String::new(),
+                q: *q,
+                position_m: pose.position_m + noise(sigma[0]),
+                rotation: Some(turn * UnitQuaternion::from_matrix(&pose.rotation)),
+            });
+        }
+        poses
+    }
+}
+
+/// The motion between two sets of points that are the same but for it.
+fn rigid_of(from: &[Vector3<f64>], to: &[Vector3<f64>]) -> Isometry3<f64> {
+    let pairs: Vec<_> = from.iter().copied().zip(to.iter().copied()).collect();
+    crate::geometry::frames::rigid(&pairs).unwrap()
+}
+
+fn poses(measured: &[MeasuredPose<AXES>]) -> Poses<'_> {
+    let [place, turn] = SIGMA.map(|sigma| 1.0 / sigma);
+    Poses { poses: measured, whitening: Matrix6::from_diagonal(&Vector6::new(place, place, place, turn, turn, turn)) }
+}
+
+#[test]
+fn the_derivatives_are_those_of_the_forward_kinematics() {
+    let mut campaign = Campaign::new(1);
+    let step = 1e-6;
+    for q in campaign.positions(10) {
+        let here = Campaign::pose(&campaign.truth, &q, &campaign.nearby(&q));
+        let derivative = derivative(&campaign.truth, &q, &here);
+        for parameter in 0..PARAMETERS {
+            let moved = |by: f64| {
+                let mut change = DVector::zeros(PARAMETERS);
+                change[parameter] = by;
+                Campaign::pose(&stepped(&campaign.truth, &change), &q, &here)
+            };
+            let (ahead, behind) = (moved(step), moved(-step));
+            let place = (ahead.position_m - behind.position_m) / (2.0 * step);
+            let turn = rotation_vector(&(ahead.rotation * behind.rotation.transpose())) / (2.0 * step);
+            let column = derivative.column(parameter);
+            let off = (column.fixed_rows::<3>(0) - place).amax().max((column.fixed_rows::<3>(3) - turn).amax());
+            assert!(off < 1e-6, "{parameter}: {off:e}");
+        }
+    }
+}
+
+#[test]
+fn poses_without_noise_give_the_machine() {
+    for seed in 0..5 {
+        let mut campaign = Campaign::new(seed);
+        let positions = campaign.positions(40);
+        let measured = campaign.measured(&positions, [0.0; 2]);
+        let found = fit_agreeing(&poses(&measured), campaign.start).unwrap();
+        assert_eq!((found.fit.seen.kept(), found.outliers.len()), (PARAMETERS, 0));
+        assert_eq!(found.fit.degrees(), 6 * 40 - OBSERVABLE);
+        for q in campaign.positions(20) {
+            let [model, truth] =
+                [&found.fit.state, &campaign.truth].map(|machine| Campaign::pose(machine, &q, &campaign.nearby(&q)));
+            let off = (model.position_m - truth.position_m).norm();
+            assert!(off < 1e-9, "{seed}: {off:e} after {}", found.fit.rounds);
+        }
+    }
+}
+
+#[test]
+fn four_combinations_cannot_be_seen() {
+    let mut campaign = Campaign::new(3);
+    let positions = campaign.positions(60);
+    let measured = campaign.measured(&positions, SIGMA);
+    let all: Vec<usize> = (0..measured.len()).collect();
+    let mut rows = poses(&measured).rows(&campaign.truth, &all).unwrap();
+    let readings = 6 * measured.len();
+    rows.derivatives = rows.derivatives.rows(0, readings).into_owned();
+    rows.residuals = rows.residuals.rows(0, readings).into_owned();
+    let seen = Seen::new(&rows, &scales(&campaign.truth));
+    let values = seen.singular_values();
+    assert!(values[OBSERVABLE] < 1e-10 * values[0] && values[OBSERVABLE - 1] > 1e-6 * values[0], "{values}");
+    // They lie where the page of this module says.
+    let along = campaign.truth.turn_axis.normalize();
+    for direction in seen.lost() {
+        let d = &direction.components;
+        let block = |first: usize| d.fixed_rows::<3>(first).into_owned();
+        let mut rest = d.clone();
+        for first in [C, P] {
+            rest.fixed_rows_mut::<3>(first).fill(0.0);
+        }
+        assert!((block(C) + block(P)).norm() < 1e-6);
+        for first in [C + 3, P + 3, P + 6] {
+            let part = block(first).dot(&along) * along;
+            let mut rest = rest.fixed_rows_mut::<3>(first);
+            rest -= part;
+        }
+        assert!(rest.norm() < 1e-6, "{rest}");
+    }
+}
+
+#[test]
+fn the_error_reaches_the_bound_and_the_intervals_hold() {
+    let (mut squares, mut bounds) = ([0.0; 2], [0.0; 2]);
+    let (mut held, mut asked) = (0_u32, 0_u32);
+    for seed in 0..60 {
+        let mut campaign = Campaign::new(1_000 + seed);
+        let (positions, unseen) = (campaign.positions(60), campaign.positions(40));
+        let measured = campaign.measured(&positions, SIGMA);
+        let found = fit_agreeing(&poses(&measured), campaign.start).unwrap();
+        let covariance = found.fit.seen.covariance();
+        for q in &unseen {
+            let seed = campaign.nearby(q);
+            let [model, truth] = [&found.fit.state, &campaign.truth].map(|machine| Campaign::pose(machine, q, &seed));
+            squares[0] += (model.position_m - truth.position_m).norm_squared();
+            let turn = rotation_vector(&(model.rotation * truth.rotation.transpose())).norm();
+            squares[1] += turn * turn;
+            let derivative = derivative(&campaign.truth, q, &truth);
+            let expected = derivative * &covariance * derivative.transpose();
+            bounds[0] += expected.fixed_view::<3, 3>(0, 0).trace();
+            bounds[1] += expected.fixed_view::<3, 3>(3, 3).trace();
+        }
+        let mut count = |off: f64, parameter: usize| {
+            held += u32::from(off.abs() <= NORMAL_95 * covariance[(parameter, parameter)].sqrt());
+            asked += 1;
+        };
+        for link in 0..LINKS {
+            let off = found.fit.state.platform_joints_m[link] - campaign.truth.platform_joints_m[link];
+            for axis in 0..3 {
+                count(off[axis], B + 3 * link + axis);
+            }
+            count(found.fit.state.lengths_m[link] - campaign.truth.lengths_m[link], L + link);
+        }
+    }
+    let ratios = [0, 1].map(|kind| (squares[kind] / bounds[kind]).sqrt());
+    assert!(ratios.iter().all(|ratio| *ratio < 1.1), "{ratios:?}");
+    let share = f64::from(held) / f64::from(asked);
+    assert!((0.93..0.97).contains(&share), "{share} of {asked}");
+}
