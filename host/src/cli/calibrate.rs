@@ -5,8 +5,8 @@ use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::files::write;
-use gantry_tau::geometry::calibrate::{CalibrateOptions, calibrate_l2};
-use gantry_tau::robot_file::{AnyRobotFile, text_of};
+use gantry_tau::geometry::calibrate::{CalibrateOptions, calibrate_f1, calibrate_l2};
+use gantry_tau::robot_file::AnyRobotFile;
 use gantry_tau::terminal::say;
 
 use super::{Outcome, fail};
@@ -44,28 +44,19 @@ impl Calibrate {
         if self.output.exists() && !self.force {
             return Err(format!("{} exists; --force replaces it", self.output.display()).into());
         }
-        let AnyRobotFile::L2(robot) = AnyRobotFile::named(&self.robot)? else {
-            return Err("calibrate: only the l2 so far".into());
+        let robot = AnyRobotFile::named(&self.robot)?;
+        let options = CalibrateOptions { poses: self.poses, robot: self.robot, tolerance_m: self.tolerance * 1e-3 };
+        let calibration = match robot {
+            AnyRobotFile::L2(robot) => calibrate_l2(&robot, &options)?,
+            AnyRobotFile::F1(robot) => calibrate_f1(&robot, &options)?,
         };
-        let options = CalibrateOptions { poses: self.poses, tolerance_m: self.tolerance * 1e-3 };
-        let calibration = calibrate_l2(&robot, &options)?;
-        let text = calibration.robot_file(&text_of(&self.robot)?, &robot)?;
         // What is written can be read, or nothing is.
-        AnyRobotFile::parse(&self.output.display().to_string(), &text)?;
-        write(&self.output, &text)?;
-        let answer = &calibration.answer;
+        AnyRobotFile::parse(&self.output.display().to_string(), &calibration.robot_file)?;
+        write(&self.output, &calibration.robot_file)?;
         if let Some(path) = &self.json {
-            write(path, &serde_json::to_string_pretty(answer)?)?;
+            write(path, &calibration.json)?;
         }
-        say(format_args!(
-            "{}: {} of 21 parameters seen; chi2/dof {:.2}, p {:.2}; {} poses left out; a place over the workspace is expected to be {:.1} um off",
-            self.output.display(),
-            answer.observable,
-            answer.chi2 / f64::from(u32::try_from(answer.dof)?),
-            answer.p,
-            answer.outliers.len(),
-            answer.predicted_rms_m * 1e6
-        ));
+        say(format_args!("{}: {}", self.output.display(), calibration.summary));
         if calibration.doubts.is_empty() {
             return Ok(ExitCode::SUCCESS);
         }

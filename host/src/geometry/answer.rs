@@ -133,6 +133,44 @@ pub struct InRobotFrame<M> {
     pub rotation: [[f64; 3]; 3],
     /// m.
     pub translation_m: [f64; 3],
+    /// The target on the platform, where its orientation was measured.
+    #[serde(flatten)]
+    pub target: Option<Target>,
+}
+
+/// Target on the platform: its centre and axes in those of the platform.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Target {
+    /// By rows.
+    pub rotation_target: [[f64; 3]; 3],
+    /// m.
+    pub translation_target_m: [f64; 3],
+}
+
+/// An F1 in some frame, with the keys of a robot file.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct F1Machine {
+    /// `C`, m.
+    #[serde(rename = "C")]
+    pub carts_m: [[f64; 3]; 3],
+    /// `V`, m per unit of `q`.
+    #[serde(rename = "V")]
+    pub guideways: [[f64; 3]; 3],
+    /// `P`, m.
+    #[serde(rename = "P")]
+    pub plate_joints_m: [[f64; 3]; 6],
+    /// `b`, m.
+    #[serde(rename = "b")]
+    pub platform_joints_m: [[f64; 3]; 6],
+    /// `L`, m.
+    #[serde(rename = "L")]
+    pub lengths_m: [f64; 6],
+    /// `ax`.
+    #[serde(rename = "ax")]
+    pub turn_axis: [f64; 3],
+    /// `ax6`.
+    #[serde(rename = "ax6")]
+    pub tilt_axis: [f64; 3],
 }
 
 /// An L2 in some frame.

@@ -14,13 +14,15 @@ use gantry_tau_core::model::f1::{self, AXES};
 use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose};
 use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS, LINKS, RobotError};
 use nalgebra::{
-    DMatrix, DVector, Isometry3, Matrix3, Matrix6, Rotation3, SMatrix, Unit, UnitQuaternion, Vector3, Vector6,
+    DMatrix, DVector, Isometry3, Matrix3, Matrix6, Rotation3, SMatrix, Translation3, Unit, UnitQuaternion, Vector3,
+    Vector6,
 };
 
 use super::MeasuredPose;
-use super::agreement::Model;
-use super::frames::{apply, rotation_vector};
+use super::agreement::{Agreement, Model};
+use super::frames::{Frames, apply, rotation_vector};
 use crate::fit::least_squares::Rows;
+use crate::fit::statistics::float;
 use crate::sim::joints::joint;
 
 /// First parameters of the groups `C` (9), `V` (9), `P` (18), `b` (18), `L` (6), `ax` (2), `ax6` (2), and their number.
@@ -48,6 +50,9 @@ pub enum PredictionError {
     /// Its parameters are refused.
     #[error(transparent)]
     Robot(#[from] RobotError),
+    /// The frames of device and target do not follow from the poses.
+    #[error("the poses turn too little: where device and target are cannot be told apart")]
+    Frames,
     /// A pose cannot be reached.
     #[error("pose {index}: {error}")]
     Unreachable {
@@ -196,13 +201,12 @@ fn fixed(geometry: &f1::Geometry) -> SMatrix<f64, 4, PARAMETERS> {
     rows
 }
 
+/// Residual and derivative of one pose.
+type PoseRow = (Vector6<f64>, SMatrix<f64, 6, PARAMETERS>);
+
 impl Poses<'_> {
     /// Residual and derivative of one pose, whitened; `None` for a pose without an orientation.
-    fn row(
-        &self,
-        kinematics: &f1::Kinematics,
-        index: usize,
-    ) -> Result<Option<(Vector6<f64>, SMatrix<f64, 6, PARAMETERS>)>, PredictionError> {
+    fn row(&self, kinematics: &f1::Kinematics, index: usize) -> Result<Option<PoseRow>, PredictionError> {
         let measured = &self.poses[index];
         let Some(rotation) = measured.rotation else { return Ok(None) };
         let seed = Pose { position_m: measured.position_m, rotation: rotation.to_rotation_matrix().into_inner() };
@@ -261,7 +265,135 @@ impl Model for Poses<'_> {
     }
 }
 
-/// Names of the carts' origins, for the parameters' list: there are as many as arms.
+/// A calibrated machine, as the device sees it.
+pub type Calibrated = Agreement<f1::Geometry>;
+
+/// A calibrated machine in the robot's frame, its tool centre point where the robot file has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InRobotFrame {
+    /// How the frames lie.
+    pub frames: Frames,
+    /// The machine.
+    pub geometry: f1::Geometry,
+    /// Covariance of its parameters, in the order of this module; of rank 48: four combinations are the file's, twelve are the frames'.
+    pub covariance: DMatrix<f64>,
+}
+
+impl Poses<'_> {
+    /// Moves a machine that the device sees into the frames of the robot file: those in which the poses of both agree best.
+    fn moved_to(
+        &self,
+        file: &f1::Geometry,
+        seen: &f1::Geometry,
+        used: &[usize],
+    ) -> Result<(Frames, f1::Geometry), PredictionError> {
+        let (of_file, of_seen) = (Self::kinematics(file)?, Self::kinematics(seen)?);
+        let mut pairs = Vec::new();
+        let mut last = of_file.forward(&self.poses[used[0]].q).map(|solution| solution.value);
+        for &index in used {
+            let unreachable = |error| PredictionError::Unreachable { index, error };
+            let measured = &self.poses[index];
+            let Some(rotation) = measured.rotation else { continue };
+            let seed = Pose { position_m: measured.position_m, rotation: rotation.to_rotation_matrix().into_inner() };
+            let seen = forward(&of_seen, &measured.q, &seed).map_err(unreachable)?;
+            last = of_file
+                .forward(&measured.q)
+                .map(|solution| solution.value)
+                .or_else(|_| forward(&of_file, &measured.q, &last?));
+            pairs.push((isometry(&last.map_err(unreachable)?), isometry(&seen)));
+        }
+        let frames = Frames::fitted(&pairs).ok_or(PredictionError::Frames)?;
+        let mut geometry = seen_by(seen, &frames.device.inverse(), &frames.target.inverse());
+        // What cannot be seen is the file's.
+        let lever = geometry.plate_joints_m[0] - file.plate_joints_m[0];
+        geometry.plate_joints_m[0] -= lever;
+        geometry.carts_m[0] += lever;
+        let along = geometry.turn_axis.normalize();
+        let off = |link: usize| (geometry.plate_joints_m[link] - file.plate_joints_m[link]).dot(&along);
+        let shift = along * f64::midpoint(off(1), off(2));
+        geometry.plate_joints_m[1] -= shift;
+        geometry.plate_joints_m[2] -= shift;
+        geometry.carts_m[1] += shift;
+        Ok((frames, geometry))
+    }
+
+    /// Moves a calibrated machine to where the robot's file says it is. The covariance follows by differences of that motion.
+    ///
+    /// # Errors
+    /// [`PredictionError`].
+    pub fn in_frame_of(&self, calibrated: &Calibrated, file: &f1::Geometry) -> Result<InRobotFrame, PredictionError> {
+        let used: Vec<usize> = (0..self.poses.len()).filter(|index| !calibrated.outliers.contains(index)).collect();
+        let state = &calibrated.fit.state;
+        let (frames, geometry) = self.moved_to(file, state, &used)?;
+        let mut by_parameter = DMatrix::zeros(PARAMETERS, PARAMETERS);
+        for parameter in 0..PARAMETERS {
+            let mut step = DVector::zeros(PARAMETERS);
+            step[parameter] = DIFFERENCE;
+            let ahead = self.moved_to(file, &stepped(state, &step), &used)?.1;
+            let behind = self.moved_to(file, &stepped(state, &-step), &used)?.1;
+            let column = (parameters(&ahead, &geometry) - parameters(&behind, &geometry)) / (2.0 * DIFFERENCE);
+            by_parameter.set_column(parameter, &column);
+        }
+        let covariance = &by_parameter * calibrated.fit.seen.covariance() * by_parameter.transpose();
+        Ok(InRobotFrame { frames, geometry, covariance })
+    }
+}
+
+/// Expected error of a place, root mean square over positions, m, each with a pose near by; NaN where there are none. Positions that the
+/// machine cannot stand in are left out.
+#[must_use]
+pub fn predicted_rms_m(
+    moved: &InRobotFrame,
+    seen: &f1::Geometry,
+    covariance: &DMatrix<f64>,
+    stands: &[([f64; AXES], Pose)],
+) -> f64 {
+    let [Ok(in_robot_frame), Ok(as_seen)] = [&moved.geometry, seen].map(Poses::kinematics) else { return f64::NAN };
+    let variance = |(q, near): &([f64; AXES], Pose)| {
+        let pose = moved.frames.device * isometry(&forward(&in_robot_frame, q, near).ok()?) * moved.frames.target;
+        let seed =
+            Pose { position_m: pose.translation.vector, rotation: pose.rotation.to_rotation_matrix().into_inner() };
+        let pose = forward(&as_seen, q, &seed).ok()?;
+        let places = derivative(seen, q, &pose).fixed_rows::<3>(0).into_owned();
+        Some((places * covariance * places.transpose()).trace())
+    };
+    let variances: Vec<f64> = stands.iter().filter_map(variance).collect();
+    (variances.iter().sum::<f64>() / float(variances.len())).sqrt()
+}
+
+/// Step of the differences by which the covariance follows the frames, m and rad.
+const DIFFERENCE: f64 = 1e-5;
+
+fn isometry(pose: &Pose) -> Isometry3<f64> {
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(pose.rotation));
+    Isometry3::from_parts(Translation3::from(pose.position_m), rotation)
+}
+
+/// Parameters of a machine near `origin`, whose axes' own are zero.
+#[must_use]
+pub fn parameters(geometry: &f1::Geometry, origin: &f1::Geometry) -> DVector<f64> {
+    let mut parameters = DVector::zeros(PARAMETERS);
+    let mut set = |first: usize, vectors: &[Vector3<f64>]| {
+        for (index, vector) in vectors.iter().enumerate() {
+            parameters.fixed_rows_mut::<3>(first + 3 * index).copy_from(vector);
+        }
+    };
+    set(C, &geometry.carts_m);
+    set(V, &geometry.guideways);
+    set(P, &geometry.plate_joints_m);
+    set(B, &geometry.platform_joints_m);
+    parameters.fixed_rows_mut::<LINKS>(L).copy_from_slice(&geometry.lengths_m);
+    let axes = [(AX, geometry.turn_axis, origin.turn_axis), (AX6, geometry.tilt_axis, origin.tilt_axis)];
+    for (first, axis, from) in axes {
+        // The rotation vector from one unit vector to one near it.
+        let turn = from.normalize().cross(&axis.normalize());
+        for (index, direction) in across(&from).iter().enumerate() {
+            parameters[first + index] = turn.dot(direction);
+        }
+    }
+    parameters
+}
+
 const _: () =
     assert!(V == 3 * ARMS && P == V + 3 * ARMS && B == P + 3 * LINKS && L == B + 3 * LINKS && AX == L + LINKS);
 

@@ -1,7 +1,11 @@
 //! Rigid motions between a device's frame and the robot's.
 
-use nalgebra::{Isometry3, Matrix3, Matrix4, Quaternion, SymmetricEigen, Translation3, UnitQuaternion, Vector3};
+use gantry_tau_core::model::linalg::cross_matrix;
+use nalgebra::{
+    DMatrix, DVector, Isometry3, Matrix3, Matrix4, Quaternion, SymmetricEigen, Translation3, UnitQuaternion, Vector3,
+};
 
+use crate::fit::least_squares::{Rows, fit};
 use crate::fit::statistics::{float, median};
 
 /// Returns the motion `H` with the smallest sum of squares of `to - H from`; `None` for fewer than three pairs.
@@ -51,6 +55,68 @@ pub fn rigid_trimmed(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Isometry3
     Some(motion)
 }
 
+/// Where the robot's frame lies in the device's, and the target on the platform.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frames {
+    /// Takes a place of the robot's frame to the device's.
+    pub device: Isometry3<f64>,
+    /// The target's centre and axes in those of the platform.
+    pub target: Isometry3<f64>,
+}
+
+impl Frames {
+    /// The same frame, and the target at the tool centre point.
+    #[must_use]
+    pub fn identity() -> Self {
+        Self { device: Isometry3::identity(), target: Isometry3::identity() }
+    }
+
+    /// Returns the frames with the smallest sum of squares of what is left between `device pose target` and the measured pose: `pairs` are
+    /// poses of the robot's model and measured ones. A radian counts as a metre. `None` where they do not follow from the poses.
+    #[must_use]
+    pub fn fitted(pairs: &[(Isometry3<f64>, Isometry3<f64>)]) -> Option<Self> {
+        let places: Vec<_> =
+            pairs.iter().map(|(pose, seen)| (pose.translation.vector, seen.translation.vector)).collect();
+        let device = rigid_trimmed(&places)?;
+        // Of the target the first pose has an opinion; the fit hears the others.
+        let (pose, seen) = pairs.first()?;
+        let target = (device * pose).rotation.inverse() * seen.rotation;
+        let start = Self { device, target: Isometry3::from_parts(Translation3::identity(), target) };
+        let rows = |frames: &Self| Ok::<_, std::convert::Infallible>(frames.rows(pairs));
+        let scales = DVector::repeat(12, 1.0);
+        fit(start, &scales, rows, Self::stepped).ok().filter(|fit| fit.seen.kept() == 12).map(|fit| fit.state)
+    }
+
+    fn rows(&self, pairs: &[(Isometry3<f64>, Isometry3<f64>)]) -> Rows {
+        let mut residuals = DVector::zeros(6 * pairs.len());
+        let mut derivatives = DMatrix::zeros(6 * pairs.len(), 12);
+        for (row, (pose, seen)) in pairs.iter().enumerate() {
+            let predicted = self.device * pose * self.target;
+            let turned = predicted.rotation.to_rotation_matrix().into_inner();
+            let left = seen.rotation.to_rotation_matrix().into_inner() * turned.transpose();
+            residuals.fixed_rows_mut::<3>(6 * row).copy_from(&(seen.translation.vector - predicted.translation.vector));
+            residuals.fixed_rows_mut::<3>(6 * row + 3).copy_from(&rotation_vector(&left));
+            let mut block = derivatives.view_mut((6 * row, 0), (6, 12));
+            block.view_mut((0, 0), (3, 3)).fill_with_identity();
+            block.view_mut((0, 3), (3, 3)).copy_from(&-cross_matrix(&predicted.translation.vector));
+            block.view_mut((3, 3), (3, 3)).fill_with_identity();
+            block.view_mut((0, 6), (3, 3)).copy_from(&turned);
+            block.view_mut((3, 9), (3, 3)).copy_from(&turned);
+        }
+        // A thousandth of a metre is what the rows are told to know.
+        Rows::new(residuals * 1e3, derivatives * 1e3)
+    }
+
+    fn stepped(&self, step: &DVector<f64>) -> Self {
+        let motion = |first: usize| {
+            let vector = |first: usize| step.fixed_rows::<3>(first).into_owned();
+            let turn = UnitQuaternion::from_scaled_axis(vector(first + 3));
+            Isometry3::from_parts(Translation3::from(vector(first)), turn)
+        };
+        Self { device: motion(0) * self.device, target: self.target * motion(6) }
+    }
+}
+
 /// Returns the rotation vector of a rotation by less than half a turn, small ones to the last digit (unlike the arc cosine of the trace).
 #[must_use]
 pub fn rotation_vector(rotation: &Matrix3<f64>) -> Vector3<f64> {
@@ -91,5 +157,28 @@ mod tests {
         assert!(off(rigid(&pairs).unwrap()) > 1e-3);
         assert!(off(rigid_trimmed(&pairs).unwrap()) < 1e-9);
         assert!(rigid(&pairs[..2]).is_none());
+    }
+
+    #[test]
+    fn device_and_target_are_found_together() {
+        let motion = |turn: [f64; 3], shift: [f64; 3]| {
+            Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn.into()))
+        };
+        let frames = Frames {
+            device: motion([1.0, -1.5, 0.7], [3.0, -2.0, 7.0]),
+            target: motion([0.5, 2.0, -0.3], [0.05, -0.1, 0.02]),
+        };
+        let turns = (0..20_u8).map(f64::from).map(|k| [0.3 * k.sin(), 0.3 * (1.3 * k).cos(), 0.2 * (2.1 * k).sin()]);
+        let pairs: Vec<_> = (cloud().into_iter().zip(turns))
+            .map(|(place, turn)| motion(turn, place.into()))
+            .map(|pose| (pose, frames.device * pose * frames.target))
+            .collect();
+        let found = Frames::fitted(&pairs).unwrap();
+        let off = |one: &Isometry3<f64>, other: &Isometry3<f64>| (one.to_homogeneous() - other.to_homogeneous()).amax();
+        assert!(off(&found.device, &frames.device) < 1e-8 && off(&found.target, &frames.target) < 1e-8, "{found:?}");
+        // Without turns the target's place cannot be told from the device's.
+        let upright: Vec<_> =
+            cloud().into_iter().map(|place| (motion([0.0; 3], place.into()), motion([0.0; 3], place.into()))).collect();
+        assert_eq!(Frames::fitted(&upright), None);
     }
 }

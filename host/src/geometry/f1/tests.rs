@@ -9,6 +9,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::*;
 use crate::fit::least_squares::Seen;
 use crate::fit::statistics::NORMAL_95;
+use crate::fit::svd::Svd;
 use crate::geometry::agreement::fit_agreeing;
 
 /// Noise of a tracker: m, rad.
@@ -236,4 +237,22 @@ fn the_error_reaches_the_bound_and_the_intervals_hold() {
     assert!(ratios.iter().all(|ratio| *ratio < 1.1), "{ratios:?}");
     let share = f64::from(held) / f64::from(asked);
     assert!((0.93..0.97).contains(&share), "{share} of {asked}");
+}
+
+/// Machine, device and target: sixteen combinations are the file's, and what is left is what moves the tool.
+#[test]
+fn in_the_frame_of_the_file_the_file_comes_back() {
+    let mut campaign = Campaign::new(11);
+    campaign.truth = campaign.start;
+    let positions = campaign.positions(40);
+    let measured = campaign.measured(&positions, [0.0; 2]);
+    let poses = poses(&measured);
+    let calibrated = fit_agreeing(&poses, campaign.start).unwrap();
+    let found = poses.in_frame_of(&calibrated, &file()).unwrap();
+    let off = (parameters(&found.geometry, &file()) - parameters(&file(), &file())).amax();
+    assert!(off < 1e-7, "{off:e}");
+    let back = seen_by(&found.geometry, &found.frames.device, &found.frames.target);
+    assert!((parameters(&back, &campaign.start) - parameters(&campaign.start, &campaign.start)).amax() < 1e-7);
+    let values = Svd::new(found.covariance).values;
+    assert!(values[47] > 1e-13 && values[48] < 1e-6 * values[47], "{values}");
 }

@@ -1,0 +1,225 @@
+//! `calibrate`: from measured poses and a robot file to the file of this machine.
+
+mod f1;
+mod l2;
+
+use std::path::PathBuf;
+
+use nalgebra::{DMatrix, Isometry3};
+use serde::Serialize;
+
+use super::agreement::Agreement;
+use super::answer::{Answer, FORMAT, InRobotFrame, Outlier, Parameter, Status, Unobservable};
+use crate::fit::statistics::{chi_squared_above, float};
+use crate::measurements::FileError;
+use crate::measurements::poses::Poses;
+use crate::robot_file::edit::RobotText;
+use crate::robot_file::{Calibrated, RobotFileError};
+
+pub use f1::calibrate_f1;
+pub use l2::calibrate_l2;
+
+/// Steps along the longest side of the grid that the expected error is a mean over.
+const GRID_CELLS: u32 = 16;
+/// Smallest probability of the residuals at which a model is believed.
+const LEAST_P: f64 = 1e-3;
+/// Largest share of poses that may be left out.
+const MOST_OUTLIERS: f64 = 0.1;
+
+/// Options of a calibration.
+#[derive(Clone, Debug)]
+pub struct CalibrateOptions {
+    /// Set-up of the measurements.
+    pub poses: PathBuf,
+    /// Name of the robot file to begin with, as of [`crate::robot_file::AnyRobotFile::named`].
+    pub robot: String,
+    /// Largest expected error of a place over the workspace, m.
+    pub tolerance_m: f64,
+}
+
+/// Reason why there is no calibration.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CalibrateError {
+    /// A file of measurements is wrong.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The robot file is wrong.
+    #[error(transparent)]
+    Robot(#[from] RobotFileError),
+    /// Too few poses.
+    #[error("{table}: {poses} poses are too few; {least} are needed, and twice as many are a start")]
+    TooFew {
+        /// The table.
+        table: String,
+        /// Number of poses.
+        poses: usize,
+        /// Smallest number.
+        least: usize,
+    },
+    /// The poses have no orientations.
+    #[error(
+        "{table}: rot_w: an F1 needs orientations (rot_w, rot_x, rot_y, rot_z); places alone do not show its plates"
+    )]
+    NoOrientations {
+        /// The table.
+        table: String,
+    },
+    /// No start fits.
+    #[error("{table}: neither the robot file nor the measurements alone lead to a machine: {reason}")]
+    NoStart {
+        /// The table.
+        table: String,
+        /// What the better of them ended in.
+        reason: String,
+    },
+    /// The robot file's machine cannot stand where it was measured.
+    #[error("{table}: {reason}")]
+    Prediction {
+        /// The table.
+        table: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The robot file cannot be changed.
+    #[error("the robot file cannot be changed: {0}")]
+    Edit(String),
+}
+
+/// Result of a calibration.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Calibration {
+    /// The answer for programs, JSON.
+    pub json: String,
+    /// Text of the robot file of this machine: that of the file that the calibration began with, its geometry replaced.
+    pub robot_file: String,
+    /// What was found, in one line.
+    pub summary: String,
+    /// Reasons not to trust it as it is; empty where there are none.
+    pub doubts: Vec<String>,
+}
+
+/// What a kind of machine says of itself: names and values of its parameters, in the frame of the device.
+struct Found<'a, S, M> {
+    model: &'static str,
+    agreement: &'a Agreement<S>,
+    names: Vec<(String, &'static str)>,
+    values: nalgebra::DVector<f64>,
+    /// Parameters that can be seen in any poses.
+    observable: usize,
+    measured_frame: M,
+    robot_frame: InRobotFrame<M>,
+    covariance: DMatrix<f64>,
+    predicted_rms_m: f64,
+}
+
+impl<S, M: Serialize> Found<'_, S, M> {
+    /// Writes the results; `edit` replaces the geometry in the robot file.
+    fn calibration<const N: usize>(
+        self,
+        measured: &Poses<N>,
+        options: &CalibrateOptions,
+        edit: impl FnOnce(&mut RobotText),
+    ) -> Result<Calibration, CalibrateError> {
+        let (fit, covariance) = (&self.agreement.fit, &self.covariance);
+        let seen = &fit.seen;
+        let status =
+            |parameter: usize| if seen.lost_share(parameter) > 0.5 { Status::Kept } else { Status::Identified };
+        let mut unobservable = seen.lost();
+        unobservable.extend(seen.weak());
+        let fixed = self.values.len() - self.observable;
+        let answer = Answer {
+            format: FORMAT,
+            model: self.model,
+            measured_frame: self.measured_frame,
+            robot_frame: self.robot_frame,
+            parameters: Parameter::list(&self.names, &self.values, &seen.covariance(), status),
+            observable: seen.kept().saturating_sub(fixed),
+            unobservable: Unobservable::list(&self.names, &unobservable),
+            predicted_rms_m: self.predicted_rms_m,
+            chi2: fit.chi_squared(),
+            dof: fit.degrees(),
+            p: chi_squared_above(fit.chi_squared(), fit.degrees()),
+            outliers: (self.agreement.outliers.iter())
+                .filter_map(|index| Some(Outlier { pose: measured.poses.get(*index)?.name.clone() }))
+                .collect(),
+        };
+        let calibrated = Calibrated {
+            measurements: measured.table.clone(),
+            crc: measured.crc,
+            poses: measured.poses.len(),
+            chi2: answer.chi2,
+            dof: answer.dof,
+            predicted_rms_um: answer.predicted_rms_m * 1e6,
+            frame: "nominal".to_owned(),
+            rotation: answer.robot_frame.rotation,
+            translation_m: answer.robot_frame.translation_m,
+            sd: covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect(),
+            covariance: covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
+        };
+        let summary = format!(
+            "{} of {} parameters seen; chi2/dof {:.2}, p {:.2}; {} of {} poses left out; a place over the workspace is expected to be {:.1} um off",
+            answer.observable,
+            self.values.len(),
+            fit.reduced_chi_squared(),
+            answer.p,
+            answer.outliers.len(),
+            measured.poses.len(),
+            answer.predicted_rms_m * 1e6
+        );
+        Ok(Calibration {
+            json: serde_json::to_string_pretty(&answer).map_err(|error| CalibrateError::Edit(error.to_string()))?,
+            robot_file: robot_file(&options.robot, &calibrated, edit)?,
+            summary,
+            doubts: doubts(&answer, measured.poses.len(), self.observable, options.tolerance_m),
+        })
+    }
+}
+
+/// Returns the text of the changed robot file.
+fn robot_file(
+    name: &str,
+    calibrated: &Calibrated,
+    edit: impl FnOnce(&mut RobotText),
+) -> Result<String, CalibrateError> {
+    let said = |error: &dyn std::fmt::Display| CalibrateError::Edit(error.to_string());
+    let Calibrated { measurements, crc, .. } = calibrated;
+    let text = crate::robot_file::text_of(name)?;
+    let provenance = format!("CALIBRATED with {measurements} (CRC-32 {crc:08x})");
+    let mut robot = RobotText::new(&text, &provenance).map_err(|error| said(&error))?;
+    edit(&mut robot);
+    let section = toml::to_string(calibrated).map_err(|error| said(&error))?;
+    let section: toml_edit::DocumentMut = section.parse().map_err(|error: toml_edit::TomlError| said(&error))?;
+    robot.set_section("calibrated", section.as_table().clone());
+    Ok(robot.text())
+}
+
+/// Rows of a rotation, and the translation.
+fn rows(motion: &Isometry3<f64>) -> ([[f64; 3]; 3], [f64; 3]) {
+    (motion.rotation.to_rotation_matrix().into_inner().transpose().into(), motion.translation.vector.into())
+}
+
+fn doubts<M>(answer: &Answer<M>, poses: usize, observable: usize, tolerance_m: f64) -> Vec<String> {
+    let mut doubts = Vec::new();
+    if answer.p < LEAST_P {
+        let reduced = answer.chi2 / float(answer.dof);
+        doubts.push(format!("the model or the stated noise is wrong: chi2/dof is {reduced:.2} (p = {:.1e})", answer.p));
+    }
+    let lost = observable.saturating_sub(answer.observable);
+    if lost > 0 {
+        doubts.push(format!(
+            "{lost} combinations of parameters cannot be seen in these poses, and keep the file's values"
+        ));
+    }
+    if float(answer.outliers.len()) > MOST_OUTLIERS * float(poses) {
+        doubts.push(format!("{} of {poses} poses do not agree with the others", answer.outliers.len()));
+    }
+    // NaN is not below.
+    let is_tolerated = answer.predicted_rms_m <= tolerance_m;
+    if !is_tolerated {
+        let (expected, tolerated) = (answer.predicted_rms_m * 1e3, tolerance_m * 1e3);
+        doubts.push(format!(
+            "over the workspace a place is expected to be {expected:.3} mm off; {tolerated:.3} mm are tolerated"
+        ));
+    }
+    doubts
+}
