@@ -305,7 +305,8 @@ pub fn closed_form(poses: &[MeasuredPose<ARMS>]) -> Option<Nominal> {
     })
 }
 
-/// Predicted error of a place, root mean square over places: `sqrt(mean trace(G C G^T))`, m. NaN where a place cannot be predicted.
+/// Expected error of a place, root mean square over positions: `sqrt(mean trace(G C G^T))`, m; NaN where there are none. Positions that the
+/// machine cannot stand in are left out.
 #[must_use]
 pub fn predicted_rms_m(
     nominal: &Nominal,
@@ -315,12 +316,11 @@ pub fn predicted_rms_m(
 ) -> f64 {
     let Ok(kinematics) = nominal.kinematics(configuration) else { return f64::NAN };
     let variance = |q: &[f64; ARMS]| {
-        kinematics.forward(q).map_or(f64::NAN, |place_m| {
-            let derivative = nominal.derivative(q, &place_m);
-            (&derivative * covariance * derivative.transpose()).trace()
-        })
+        let derivative = nominal.derivative(q, &kinematics.forward(q).ok()?);
+        Some((&derivative * covariance * derivative.transpose()).trace())
     };
-    (at_q.iter().map(variance).sum::<f64>() / float(at_q.len())).sqrt()
+    let variances: Vec<f64> = at_q.iter().filter_map(variance).collect();
+    (variances.iter().sum::<f64>() / float(variances.len())).sqrt()
 }
 
 #[cfg(test)]

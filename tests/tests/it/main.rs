@@ -10,6 +10,7 @@
 
 mod bad_sensor;
 mod black_box;
+mod calibration;
 mod client_over_datagrams;
 mod datagrams;
 mod embedding;

@@ -1,0 +1,202 @@
+//! `calibrate` from files: a simulated tracker, the machine that comes out, and files that are wrong.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use gantry_tau::geometry::calibrate::{CalibrateError, CalibrateOptions, Calibration, calibrate_f1, calibrate_l2};
+use gantry_tau::geometry::frames::{apply, rigid};
+use gantry_tau::model::L2;
+use gantry_tau::robot_file::edit::RobotText;
+use gantry_tau::robot_file::{AnyRobotFile, RobotFile, text_of};
+use gantry_tau_core::model::l2::AXES;
+use gantry_tau_tests::client::Noise;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+
+/// A folder of its own for a test.
+fn folder(test: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("calibration").join(test);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// Endless numbers from -1 to 1.
+struct Draw(Noise);
+
+impl Draw {
+    fn next(&mut self) -> f64 {
+        f64::from(u32::try_from(self.0.number() >> 32).unwrap()) / f64::from(u32::MAX) * 2.0 - 1.0
+    }
+
+    /// A normal variable, nearly: the sum of twelve uniform ones.
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.next()).sum::<f64>() / 2.0
+    }
+
+    fn vector(&mut self, size: f64) -> Vector3<f64> {
+        Vector3::new(self.next(), self.next(), self.next()) * size
+    }
+}
+
+/// The machine that stands there: joints up to 4 mm, guideways 2 mrad, links 2 mm off the file.
+fn true_machine(draw: &mut Draw) -> RobotFile<L2, AXES> {
+    let file = RobotFile::builtin_l2().unwrap();
+    let geometry = file.model.robot().geometry();
+    let shifts = [(); 3].map(|()| draw.vector(4e-3));
+    let carts: Vec<[f64; 3]> = (geometry.cart_joints_m.iter())
+        .zip([0, 1, 1, 2, 2, 2])
+        .map(|(joint, arm): (_, usize)| (joint + shifts[arm]).into())
+        .collect();
+    let guideways = geometry.guideways.map(|guideway| (guideway + draw.vector(2e-3)).into());
+    let lengths = geometry.lengths_m.map(|length| length + draw.next() * 2e-3);
+    let mut text = RobotText::new(&text_of("l2").unwrap(), "TRUE").unwrap();
+    text.set_rows("A0", &carts);
+    text.set_rows("V", &guideways);
+    text.set_numbers("L", &lengths);
+    l2("true", &text.text())
+}
+
+fn l2(name: &str, text: &str) -> RobotFile<L2, AXES> {
+    let AnyRobotFile::L2(robot) = AnyRobotFile::parse(name, text).unwrap() else { panic!("not an L2") };
+    *robot
+}
+
+/// Positions of the axes that put the tool of the file's machine anywhere in the middle of its reach.
+fn positions(draw: &mut Draw, count: usize) -> Vec<[f64; AXES]> {
+    let file = RobotFile::builtin_l2().unwrap();
+    let mut found = Vec::new();
+    while found.len() < count {
+        let place_m = Vector3::new(0.1, 0.3, 0.65) + draw.vector(1.0).component_mul(&Vector3::new(0.9, 0.3, 0.25));
+        if let Ok(q) = file.model.inverse_in_assembly(&place_m) {
+            found.push(q);
+        }
+    }
+    found
+}
+
+/// Writes what a tracker with a noise of 50 um sees of the machine, and returns the set-up.
+fn measure(folder: &Path, machine: &RobotFile<L2, AXES>, positions: &[[f64; AXES]], draw: &mut Draw) -> PathBuf {
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -1.0, 2.0));
+    let tracker = Isometry3::from_parts(Translation3::new(2.0, -1.0, 0.5), turn);
+    let mut table = "pose,q_1,q_2,q_3,x_m,y_m,z_m\n".to_owned();
+    for (index, q) in positions.iter().enumerate() {
+        let place = apply(&tracker, &machine.model.forward(q).unwrap());
+        let [x, y, z]: [f64; 3] = place.map(|coordinate| coordinate + 50e-6 * draw.normal()).into();
+        writeln!(table, "p{index},{:?},{:?},{:?},{x:?},{y:?},{z:?}", q[0], q[1], q[2]).unwrap();
+    }
+    fs::write(folder.join("poses.csv"), table).unwrap();
+    let setup = folder.join("poses.toml");
+    let text = "format = \"gantry-tau poses 1\"\nmodel = \"l2\"\nmeasurements = \"poses.csv\"\n\
+                [noise]\nposition_um = [50.0, 50.0, 50.0]\n";
+    fs::write(&setup, text).unwrap();
+    setup
+}
+
+fn calibrate(setup: &Path) -> Result<Calibration, CalibrateError> {
+    let options = CalibrateOptions { poses: setup.to_owned(), robot: "l2".to_owned(), tolerance_m: 1e-3 };
+    calibrate_l2(&RobotFile::builtin_l2().unwrap(), &options)
+}
+
+/// Largest distance of the places of two machines, wherever they stand.
+fn apart_m(one: &RobotFile<L2, AXES>, other: &RobotFile<L2, AXES>, positions: &[[f64; AXES]]) -> f64 {
+    let place = |robot: &RobotFile<L2, AXES>, q| robot.model.forward(q).unwrap();
+    let pairs: Vec<_> = positions.iter().map(|q| (place(one, q), place(other, q))).collect();
+    let motion = rigid(&pairs).unwrap();
+    pairs.iter().map(|(from, to)| (to - apply(&motion, from)).norm()).fold(0.0, f64::max)
+}
+
+/// The walk of the documentation: error of places before and after.
+#[test]
+fn a_calibrated_machine_knows_where_it_is() {
+    let mut draw = Draw(Noise::new(7));
+    let machine = true_machine(&mut draw);
+    let (seen, unseen) = (positions(&mut draw, 40), positions(&mut draw, 200));
+    let folder = folder("l2");
+    let calibration = calibrate(&measure(&folder, &machine, &seen, &mut draw)).unwrap();
+    assert_eq!(calibration.doubts, [""; 0], "{}", calibration.summary);
+    let calibrated = l2("calibrated", &calibration.robot_file);
+    let file = RobotFile::builtin_l2().unwrap();
+    let (before, after) = (apart_m(&file, &machine, &unseen), apart_m(&calibrated, &machine, &unseen));
+    assert!(before > 2e-3 && after < 0.2e-3, "{before:e} {after:e}");
+    // Where the robot is stays as it was: home, travel, sensor.
+    let home = |robot: &RobotFile<L2, AXES>| robot.model.inverse_in_assembly(&robot.home_m()).unwrap();
+    let moved = home(&file).iter().zip(home(&calibrated)).map(|(one, other)| (one - other).abs()).fold(0.0, f64::max);
+    assert!(moved < 0.02, "{moved}");
+    // What the file says of where it comes from can be read again.
+    let provenance = calibrated.calibrated.unwrap();
+    assert_eq!((provenance.poses, provenance.sd.len(), provenance.dof), (40, 21, 99));
+    let json: serde_json::Value = serde_json::from_str(&calibration.json).unwrap();
+    assert_eq!(json["format"], "gantry-tau calibrated 1");
+    assert_eq!((json["observable"].as_u64(), json["parameters"].as_array().unwrap().len()), (Some(21), 21));
+}
+
+#[test]
+fn wrong_files_are_refused_by_line_and_column() {
+    let mut draw = Draw(Noise::new(8));
+    let machine = true_machine(&mut draw);
+    let seen = positions(&mut draw, 20);
+    let folder = folder("wrong");
+    let setup = measure(&folder, &machine, &seen, &mut draw);
+    let (good_setup, good_table) =
+        (fs::read_to_string(&setup).unwrap(), fs::read_to_string(folder.join("poses.csv")).unwrap());
+    let set = |setup_text: &str, table: &str| {
+        fs::write(&setup, setup_text).unwrap();
+        fs::write(folder.join("poses.csv"), table).unwrap();
+        calibrate(&setup).map(|_| ()).map_err(|error| error.to_string())
+    };
+    assert_eq!(set(&good_setup, &good_table), Ok(()));
+    let tables: [(&str, &str, &str); 8] = [
+        ("z_m", "z_mm", "poses.csv:1: z_mm: this column is unknown"),
+        ("q_3,", "", "poses.csv:1: q_3: this column is missing"),
+        ("q_2", "q_1", "poses.csv:1: q_1: this column stands twice"),
+        ("p3,", "p2,", "poses.csv:5: pose: \"p2\" is empty, or stands twice"),
+        ("p4,", "p4,x", "poses.csv:6: q_1: \"x"),
+        ("p4,", "p4,1e4", "poses.csv:6: q_1: "),
+        ("p5,", "p5,NaN,", "poses.csv:7: "),
+        ("z_m", "z_m,rot_w", "poses.csv:1: rot_w: a quaternion has four columns"),
+    ];
+    for (from, to, expected) in tables {
+        let error = set(&good_setup, &good_table.replacen(from, to, 1)).unwrap_err();
+        assert!(error.contains(expected), "{error:?}, expected {expected:?}");
+        assert!(!error.contains('\n'), "{error:?}");
+    }
+    let setups = [
+        ("poses 1", "poses 2", "poses.toml: format: is \"gantry-tau poses 2\""),
+        ("\"l2\"", "\"f1\"", "poses.toml: model: is \"f1\", and the robot file's is \"l2\""),
+        ("poses.csv", "nowhere.csv", "nowhere.csv: "),
+        ("position_um", "position_mm", "poses.toml:5: unknown field `position_mm`"),
+        ("[50.0,", "[0.0,", "poses.toml: noise.position_um: 0 is not from"),
+        ("[50.0, 50.0, 50.0]", "[50.0, 50.0]", "poses.toml:5: "),
+    ];
+    for (from, to, expected) in setups {
+        let error = set(&good_setup.replacen(from, to, 1), &good_table).unwrap_err();
+        assert!(error.contains(expected), "{error:?}, expected {expected:?}");
+    }
+    let few: String = good_table.lines().take(8).map(|line| format!("{line}\n")).collect();
+    assert!(set(&good_setup, &few).unwrap_err().contains("7 poses are too few; 8 are needed"));
+    let f1_setup = good_setup.replace("\"l2\"", "\"f1\"");
+    let columns = ",q_4,q_5,q_6,x_m,y_m,z_m";
+    let six: String = (good_table.lines().enumerate())
+        .map(|(index, line)| if index == 0 { line.replace(",x_m,y_m,z_m", columns) } else { format!("{line},0,0,0") } + "\n")
+        .collect();
+    fs::write(&setup, f1_setup).unwrap();
+    fs::write(folder.join("poses.csv"), six).unwrap();
+    let options = CalibrateOptions { poses: setup, robot: "f1".to_owned(), tolerance_m: 1e-3 };
+    let error = calibrate_f1(&RobotFile::builtin_f1().unwrap(), &options).unwrap_err().to_string();
+    assert!(error.contains("rot_w: an F1 needs orientations"), "{error}");
+}
+
+/// Places on a line, or in a plane, do not show a machine.
+#[test]
+fn poses_that_cannot_show_the_machine_are_doubted() {
+    let mut draw = Draw(Noise::new(9));
+    let machine = true_machine(&mut draw);
+    let file = RobotFile::builtin_l2().unwrap();
+    let on_a_line: Vec<_> = (0..20_u8)
+        .map(|step| Vector3::new(-0.5 + 0.05 * f64::from(step), 0.3, 0.65))
+        .map(|place_m| file.model.inverse_in_assembly(&place_m).unwrap())
+        .collect();
+    let calibration = calibrate(&measure(&folder("line"), &machine, &on_a_line, &mut draw)).unwrap();
+    let lost = calibration.doubts.iter().find(|doubt| doubt.contains("cannot be seen"));
+    assert!(lost.is_some(), "{:?}, {}", calibration.doubts, calibration.summary);
+}
