@@ -3,9 +3,9 @@
 use gantry_tau_capi::code::gt_code;
 use gantry_tau_capi::error::gt_error;
 use gantry_tau_capi::server::{
-    GT_MAX_AXES, GT_MAX_MOTORS, GT_PRESSED, GT_READING_DONE, GT_READING_FAILED, GT_RELEASED, GT_WRITE_ACCEPTED,
-    GT_WRITE_REFUSED, GT_WRITE_UNKNOWN, gt_actual, gt_axis_config, gt_axis_state, gt_cause, gt_counters, gt_in_force,
-    gt_limits, gt_offsets, gt_reference, gt_server_config, gt_start, gt_tick_input,
+    GT_MAX_MOTORS, GT_PRESSED, GT_READING_DONE, GT_READING_FAILED, GT_RELEASED, GT_WRITE_ACCEPTED, GT_WRITE_REFUSED,
+    GT_WRITE_UNKNOWN, gt_actual, gt_axis_config, gt_axis_state, gt_cause, gt_counters, gt_in_force, gt_limits,
+    gt_offsets, gt_reference, gt_server_config, gt_start, gt_tick_input,
 };
 use gantry_tau_capi::verification::{self, Room};
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
@@ -260,8 +260,3 @@ fn same_limits(core: &AxisConfig, c: &gt_axis_config) -> bool {
         && (core.machine_travel.lower.0, core.machine_travel.upper.0) == (c.machine_lower_nm, c.machine_upper_nm)
         && core.nominal_step_nm == c.nominal_step_nm
 }
-
-/// Largest number of axes.
-pub const AXES: usize = GT_MAX_AXES;
-/// Largest number of motors.
-pub const MOTORS: usize = GT_MAX_MOTORS;

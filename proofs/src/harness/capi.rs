@@ -1,5 +1,6 @@
 //! Any address, any memory of a caller, any value of a struct of C.
 
+use gantry_tau_capi::server::{GT_MAX_AXES, GT_MAX_MOTORS};
 use gantry_tau_capi::verification::Room;
 use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::control::channel::Limits;
@@ -8,7 +9,7 @@ use gantry_tau_core::control::session::{Input, Output, Session, Start};
 use gantry_tau_core::units::{EpochRange, PositionNm};
 
 use super::kani;
-use crate::capi::{self, AXES, MOTORS};
+use crate::capi;
 
 /// Any index below a bound.
 fn any_index(bound: usize) -> usize {
@@ -39,9 +40,9 @@ fn check_output<const N: usize>() {
         let refused = output.refusals.push(kani::any());
         kani::cover!(refused.is_ok(), "one refusal");
     }
-    let references: Option<[Reference; MOTORS]> = kani::any();
+    let references: Option<[Reference; GT_MAX_MOTORS]> = kani::any();
     kani::cover!(references.is_some(), "some references are written");
-    capi::output_arrives::<N>(references.as_ref(), &output, any_index(MOTORS + 1), any_index(MOTORS));
+    capi::output_arrives::<N>(references.as_ref(), &output, any_index(GT_MAX_MOTORS + 1), any_index(GT_MAX_MOTORS));
 }
 
 harnesses! {
@@ -56,8 +57,8 @@ harnesses! {
     capi_input_of_3_arrives [minisat, unwind 8] { check_input::<3>(); }
     capi_input_of_6_arrives [minisat, unwind 8] { check_input::<6>(); }
     capi_output_arrives [minisat, unwind 14] { check_output::<1>(); }
-    capi_state_of_3_arrives [minisat, unwind 8] { capi::state_arrives::<3>(&kani::any(), any_index(AXES)); }
-    capi_state_of_6_arrives [minisat, unwind 8] { capi::state_arrives::<6>(&kani::any(), any_index(AXES)); }
+    capi_state_of_3_arrives [minisat, unwind 8] { capi::state_arrives::<3>(&kani::any(), any_index(GT_MAX_AXES)); }
+    capi_state_of_6_arrives [minisat, unwind 8] { capi::state_arrives::<6>(&kani::any(), any_index(GT_MAX_AXES)); }
     capi_axis_arrives [minisat] { capi::axis_arrives(&kani::any()); }
     capi_start_of_3_arrives [minisat, unwind 8] { capi::start_arrives::<3>(kani::any(), &kani::any(), any_index(3)); }
     capi_start_of_6_arrives [minisat, unwind 8] { capi::start_arrives::<6>(kani::any(), &kani::any(), any_index(6)); }

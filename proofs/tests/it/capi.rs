@@ -1,6 +1,8 @@
 //! T26 on stable Rust: the C interface's pointers and fields.
 
-use gantry_tau_capi::server::{gt_actual, gt_axis_config, gt_in_force, gt_limits, gt_offsets, gt_server_config};
+use gantry_tau_capi::server::{
+    GT_MAX_AXES, GT_MAX_MOTORS, gt_actual, gt_axis_config, gt_in_force, gt_limits, gt_offsets, gt_server_config,
+};
 use gantry_tau_capi::server::{gt_start, gt_tick_input};
 use gantry_tau_capi::verification::Room;
 use gantry_tau_core::EpochRange;
@@ -158,8 +160,8 @@ proptest! {
     fn outputs(
         session in any::session::<3>(), tick in any::tick_input::<3>(), used: bool,
         references in uniform12(any::reference()),
-        events in collection::vec((any::connection(), any::event::<3>()), 0..6), motors in 0..=capi::MOTORS,
-        axis in 0..capi::AXES, motor in 0..capi::MOTORS,
+        events in collection::vec((any::connection(), any::event::<3>()), 0..6), motors in 0..=GT_MAX_MOTORS,
+        axis in 0..GT_MAX_AXES, motor in 0..GT_MAX_MOTORS,
     ) {
         let mut input = Input { tick, ..Input::empty(EpochRange::VOLATILE) };
         input.events.extend(events);
@@ -173,7 +175,7 @@ proptest! {
     }
 
     #[test]
-    fn configurations(three in configuration::<3>(), six in configuration::<6>(), axis in 0..6_usize, motor in 0..capi::MOTORS) {
+    fn configurations(three in configuration::<3>(), six in configuration::<6>(), axis in 0..6_usize, motor in 0..GT_MAX_MOTORS) {
         capi::configuration_arrives::<3>(&three, axis % 3, motor);
         capi::configuration_arrives::<6>(&six, axis, motor);
     }

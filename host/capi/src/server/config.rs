@@ -55,7 +55,6 @@ pub struct gt_axis_config {
 /// Configuration of a server. gt_server_config_thesis fills one.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct gt_server_config {
     /// Number of axes, 3 (L2) or 6 (F1). Of every array per axis, only the first `axes` entries are read.
     pub axes: u32,
