@@ -186,17 +186,19 @@ fn wrong_files_are_refused_by_line_and_column() {
     assert!(error.contains("rot_w: an F1 needs orientations"), "{error}");
 }
 
-/// Places on a line, or in a plane, do not show a machine.
+/// Places on a line, in a plane or in a small cube do not show a machine.
 #[test]
 fn poses_that_cannot_show_the_machine_are_doubted() {
     let mut draw = Draw(Noise::new(9));
     let machine = true_machine(&mut draw);
     let file = RobotFile::builtin_l2().unwrap();
-    let on_a_line: Vec<_> = (0..20_u8)
-        .map(|step| Vector3::new(-0.5 + 0.05 * f64::from(step), 0.3, 0.65))
-        .map(|place_m| file.model.inverse_in_assembly(&place_m).unwrap())
-        .collect();
-    let calibration = calibrate(&measure(&folder("line"), &machine, &on_a_line, &mut draw)).unwrap();
-    let lost = calibration.doubts.iter().find(|doubt| doubt.contains("cannot be seen"));
-    assert!(lost.is_some(), "{:?}, {}", calibration.doubts, calibration.summary);
+    let middle = Vector3::new(0.1, 0.3, 0.65);
+    for (shape, sides) in [("line", [0.5, 0.0, 0.0]), ("plane", [0.5, 0.25, 0.0]), ("cube", [0.025; 3])] {
+        let positions: Vec<[f64; AXES]> = (0..30)
+            .map(|_| -> Vector3<f64> { middle + draw.vector(1.0).component_mul(&Vector3::from(sides)) })
+            .map(|place_m| file.model.inverse_in_assembly(&place_m).unwrap())
+            .collect();
+        let calibration = calibrate(&measure(&folder(shape), &machine, &positions, &mut draw)).unwrap();
+        assert_ne!(calibration.doubts, [""; 0], "{shape}: {}", calibration.summary);
+    }
 }
