@@ -12,6 +12,7 @@ pub mod black_box;
 pub mod client;
 pub mod demo;
 pub mod draw;
+pub mod elastic;
 pub mod epoch;
 pub mod faults;
 pub mod files;

@@ -3,9 +3,9 @@
 use gantry_tau_core::model::robot::ARM_OF_LINK;
 use nalgebra::Vector3;
 
+use crate::elastic::joints::joint;
 use crate::model::MachineKind;
 use crate::robot_file::{RobotFile, RobotFileError};
-use crate::sim::joints::joint;
 
 /// Names of the links, in link order.
 const LINK_NAMES: [&str; 6] = ["11", "21", "22", "31", "32", "33"];

@@ -21,9 +21,9 @@ use nalgebra::{
 use super::MeasuredPose;
 use super::agreement::{Agreement, Model};
 use super::frames::{Frames, apply, rotation_vector};
+use crate::elastic::joints::joint;
 use crate::fit::least_squares::Rows;
 use crate::fit::statistics::float;
-use crate::sim::joints::joint;
 
 /// First parameters of the groups `C` (9), `V` (9), `P` (18), `b` (18), `L` (6), `ax` (2), `ax6` (2), and their number.
 const C: usize = 0;

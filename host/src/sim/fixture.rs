@@ -5,9 +5,9 @@ use gantry_tau_core::model::robot::{ARMS, Compliances};
 use nalgebra::{Matrix3, Matrix6, Rotation3, SVector, UnitQuaternion, Vector3, Vector6};
 use serde_json::Value;
 
-use super::backlash::Backlash;
-use super::elastic::{ElasticMachine, Pose};
 use super::parameters::{Motion, SimulationParameters};
+use crate::elastic::backlash::Backlash;
+use crate::elastic::{ElasticMachine, Pose};
 use crate::model::MachineKind;
 use crate::robot_file::{RobotFile, Simulation};
 

@@ -17,12 +17,12 @@ use gantry_tau_core::units::{Metres, PositionNm, TorquePermille, VelocityUmS};
 use nalgebra::Vector6;
 
 use super::drive::{self, Drive};
-use super::elastic::{ElasticError, ElasticMachine, Equilibrium};
 use super::force_sensor::ForceSensor;
 use super::interpolator::Interpolator;
 use super::load_generator::{AppliedLoad, Load};
 use super::parameters::{SimulationError, SimulationParameters};
 use super::springs::true_springs;
+use crate::elastic::{ElasticError, ElasticMachine, Equilibrium};
 use crate::plant::{Plant, PlantError, Reading, ToolReading};
 
 /// Largest number of cycles that one `read` simulates; further time is skipped.

@@ -1,15 +1,12 @@
 //! The simulated machine of the demo: the first implementation of [`crate::plant::Plant`].
 //!
 //! It is deliberately *not* built from the compensator's model. The compensator linearises at the nominal pose
-//! ([`gantry_tau_core::model::l2::Elastic`]); here springs, joints and motors find their own nonlinear equilibrium with their own code,
+//! ([`gantry_tau_core::model::l2::Elastic`]); here springs, joints and motors find their own nonlinear equilibrium ([`crate::elastic`]),
 //! their true compliances differ from the assumed ones, and a joint has backlash. The two share the description of the
 //! machine ([`gantry_tau_core::model::robot`]) and the units.
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`elastic`] | platform, links, axes as springs: pose under load `[T 3.3]` |
-//! | [`joints`] | carts and plates: joints of the links, and their motion by the axes `[T 3.1]` |
-//! | [`backlash`] | the jump near 360 N `[T 5.2.2, 6.1]` |
 //! | [`springs`] | the true compliances of one machine |
 //! | [`drive`] | cascade of an axis `[T 4.1.7]` |
 //! | [`interpolator`] | nominal references, in place of the NC kernel `[T 4.1.1]` |
@@ -34,12 +31,9 @@
     )
 )]
 
-pub mod backlash;
 pub mod drive;
-pub mod elastic;
 pub mod force_sensor;
 pub mod interpolator;
-pub mod joints;
 pub mod load_generator;
 pub mod load_profile;
 pub mod machine;
@@ -47,4 +41,4 @@ pub mod parameters;
 pub mod springs;
 
 #[cfg(test)]
-mod fixture;
+pub(crate) mod fixture;

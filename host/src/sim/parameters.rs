@@ -4,7 +4,7 @@ use std::fmt;
 
 use gantry_tau_core::model::robot::RobotError;
 
-use super::elastic::ElasticError;
+use crate::elastic::ElasticError;
 use crate::robot_file::{Sensor, Simulation};
 
 /// Parameters of a [`super::machine::SimulatedMachine`] with `N` axes. The sections of its robot file have been checked there.

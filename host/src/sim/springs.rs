@@ -6,9 +6,9 @@ use nalgebra::Vector6;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::backlash::Backlash;
-use super::elastic::{ElasticMachine, Equilibrium};
 use super::parameters::{SimulationError, SimulationParameters};
+use crate::elastic::backlash::Backlash;
+use crate::elastic::{ElasticMachine, Equilibrium};
 use crate::robot_file::Simulation;
 
 /// Deviates every nominal spring by its own seeded share, and gives the joint of arm 3 its backlash.

@@ -5,9 +5,9 @@ use gantry_tau_core::model::robot::ARM_OF_LINK;
 use gantry_tau_core::model::statics::LineMatrix;
 use nalgebra::{Matrix6, Vector3};
 
+use crate::elastic::joints::joint;
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
-use crate::sim::joints::joint;
 
 /// Places in a box, a cube of side `pitch_m` around each; one of them is home.
 #[derive(Clone, Copy, Debug, PartialEq)]

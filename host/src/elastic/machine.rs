@@ -5,7 +5,7 @@
 //!
 //! - balance `W f + w = 0` with `W = [s; l x s]` `[T 3.24]`, so the tensions follow from the pose alone `[T 3.25]`;
 //! - length of a link: `L_i + c_ij f_ij`, plus the backlash in cluster 3 ([`Backlash`]);
-//! - position of an axis: `q_i + c_i tau_i`, with `tau = -D^T f` `[T 3.26]`.
+//! - position of an axis: `q_i + c_i tau_i`, with `tau = t - D^T f` `[T 3.26]`, `t` what pushes at the axis itself.
 //!
 //! All three are evaluated at the *deflected* pose, which is found by stepping on the six length errors. No mass, no damping:
 //! the platform is in equilibrium in every cycle (its first resonance is far above what 1 kHz drives excite).
@@ -134,9 +134,24 @@ impl<const N: usize> ElasticMachine<N> {
         load: &Vector6<f64>,
         start: &Equilibrium<N>,
     ) -> Result<Equilibrium<N>, ElasticError> {
+        self.pushed_equilibrium(axes, load, &SVector::zeros(), start)
+    }
+
+    /// As [`equilibrium`](Self::equilibrium), with loads on the axes besides, such as a strap around a cart `[T 4.2.10]`: generalised, positive
+    /// along `+q`, newtons times metres per unit of `q`.
+    ///
+    /// # Errors
+    /// As [`equilibrium`](Self::equilibrium).
+    pub fn pushed_equilibrium(
+        &self,
+        axes: &[f64; N],
+        load: &Vector6<f64>,
+        pushes: &SVector<f64, N>,
+        start: &Equilibrium<N>,
+    ) -> Result<Equilibrium<N>, ElasticError> {
         let motors = SVector::from(*axes);
         let mut now = *start;
-        let given = motors.iter().chain(load.iter());
+        let given = motors.iter().chain(load.iter()).chain(pushes.iter());
         if !given.chain(now.axis_loads.iter()).all(|x| x.is_finite()) || !is_finite(&now.pose) {
             return Err(ElasticError::NotFinite);
         }
@@ -144,7 +159,7 @@ impl<const N: usize> ElasticMachine<N> {
             let lines = self.lines(&self.displaced(&motors, &now.axis_loads), &now.pose);
             let inverse = lines.matrix.try_inverse().ok_or(ElasticError::Singular)?;
             let tensions_n = -(inverse * load);
-            let axis_loads = -(lines.drives.transpose() * tensions_n);
+            let axis_loads = pushes - lines.drives.transpose() * tensions_n;
             let errors = self.length_errors(&motors, &now.pose, &tensions_n, &axis_loads);
             // Moving the platform by `step` shortens the links by W^T step.
             let step = inverse.transpose() * errors;
@@ -421,5 +436,24 @@ mod tests {
         let apart = [case.q[0] + 5.0, case.q[1] - 5.0, case.q[2]];
         assert!(solve(&apart, &Vector6::zeros()).is_err());
         assert!(solve(&case.q, &Vector6::repeat(1e300)).is_err());
+    }
+
+    /// Without a load on the tool no link is under tension, so a push only moves its own axis, by `c t`.
+    #[test]
+    fn a_push_moves_its_axis() {
+        let vectors = Vectors::f1();
+        let machine = vectors.machine();
+        let case = &vectors.cases[0];
+        let start = Equilibrium::unloaded(case.pose);
+        for axis in 0..6 {
+            let mut pushes = SVector::zeros();
+            pushes[axis] = 700.0;
+            let pushed = machine.pushed_equilibrium(&case.q, &Vector6::zeros(), &pushes, &start).unwrap();
+            let mut moved = case.q;
+            moved[axis] += 700.0 * machine.compliances().cart_m_per_n()[axis];
+            let expected = machine.equilibrium(&moved, &Vector6::zeros(), &start).unwrap();
+            assert!((pushed.pose.translation_m - expected.pose.translation_m).amax() < 1e-11, "axis {axis}");
+            assert!(pushed.tensions_n.amax() < 1e-9 && (pushed.axis_loads - pushes).amax() < 1e-9);
+        }
     }
 }

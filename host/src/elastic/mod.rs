@@ -1,0 +1,24 @@
+//! A machine whose links and axes are springs: what the simulation moves, and what the identification of springs predicts with.
+//!
+//! Its code is apart from core's models, which the compensation uses; both share the description of the machine.
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`machine`] | platform, links, axes as springs: pose under load `[T 3.3]` |
+//! | [`joints`] | carts and plates: joints of the links, and their motion by the axes `[T 3.1]` |
+//! | [`backlash`] | the jump near 360 N `[T 5.2.2, 6.1]` |
+#![expect(clippy::indexing_slicing, reason = "off the reference path: floats cannot panic, arrays have fixed lengths")]
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::needless_range_loop,
+        reason = "the tests compare floats that must be bit-equal, and walk several arrays by one axis number"
+    )
+)]
+
+pub mod backlash;
+pub mod joints;
+pub mod machine;
+
+pub use machine::{ElasticError, ElasticMachine, Equilibrium, Pose};
