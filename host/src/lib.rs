@@ -30,6 +30,7 @@ pub mod sensor_link;
 pub mod server;
 pub mod sim;
 pub mod solve;
+pub mod springs;
 pub mod stop_latch;
 pub mod terminal;
 pub mod workspace;

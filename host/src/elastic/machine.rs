@@ -177,6 +177,13 @@ impl<const N: usize> ElasticMachine<N> {
         Err(ElasticError::NotConverged { residual_m: now.residual_m })
     }
 
+    /// Returns how loads go through the machine in an equilibrium with the motors at `axes`; `None` where the links cannot take them.
+    #[must_use]
+    pub fn transmission(&self, axes: &[f64; N], at: &Equilibrium<N>) -> Option<Transmission<N>> {
+        let lines = self.lines(&self.displaced(&SVector::from(*axes), &at.axis_loads), &at.pose);
+        Some(Transmission { inverse: lines.matrix.try_inverse()?, drives: lines.drives })
+    }
+
     /// Returns the axes behind their springs: `q_i + c_i tau_i`, q-units.
     fn displaced(&self, motors: &SVector<f64, N>, axis_loads: &SVector<f64, N>) -> SVector<f64, N> {
         motors + SVector::from(*self.compliances.cart_m_per_n()).component_mul(axis_loads)
@@ -222,6 +229,27 @@ impl<const N: usize> ElasticMachine<N> {
             let length_m = self.geometry.lengths_m[link];
             self.link(link, &axes, pose).0.norm() - (length_m + spring_m + joint_m)
         })
+    }
+}
+
+/// How loads go through the machine in one pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Transmission<const N: usize> {
+    inverse: Matrix6<f64>,
+    drives: SMatrix<f64, 6, N>,
+}
+
+impl<const N: usize> Transmission<N> {
+    /// Tensions of the links under a load on the platform (about the tool centre point, world axes), newtons: `-W^-1 w`.
+    #[must_use]
+    pub fn tensions_n(&self, load: &Vector6<f64>) -> Vector6<f64> {
+        -(self.inverse * load)
+    }
+
+    /// Loads of the axes under these tensions, and pushed at: `t - D^T f`.
+    #[must_use]
+    pub fn axis_loads(&self, tensions_n: &Vector6<f64>, pushes: &SVector<f64, N>) -> SVector<f64, N> {
+        pushes - self.drives.transpose() * tensions_n
     }
 }
 

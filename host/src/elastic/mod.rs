@@ -21,4 +21,4 @@ pub mod backlash;
 pub mod joints;
 pub mod machine;
 
-pub use machine::{ElasticError, ElasticMachine, Equilibrium, Pose};
+pub use machine::{ElasticError, ElasticMachine, Equilibrium, Pose, Transmission};
