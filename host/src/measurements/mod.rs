@@ -3,6 +3,7 @@
 
 pub mod poses;
 mod setup;
+pub mod springs;
 mod table;
 
 use std::fmt;

@@ -96,6 +96,11 @@ impl Row<'_> {
         FileError::at(self.table, self.line, column, reason)
     }
 
+    /// Line of this row.
+    pub(super) const fn line(&self) -> u64 {
+        self.line
+    }
+
     /// Returns a text; empty where the column does not exist.
     pub(super) fn text(&self, column: &str) -> &str {
         let place = self.header.iter().position(|other| other == column);

@@ -11,6 +11,7 @@
 mod bad_sensor;
 mod black_box;
 mod calibration;
+mod campaigns;
 mod client_over_datagrams;
 mod datagrams;
 mod embedding;

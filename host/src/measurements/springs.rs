@@ -1,0 +1,390 @@
+//! Campaigns of forces and gauges: windows of a load, and what the gauges showed.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use nalgebra::{Matrix3, SVector, Vector3, Vector6};
+use serde::Deserialize;
+
+use gantry_tau_core::model::kinematics::Pose;
+use gantry_tau_core::model::linalg::rotation_deviation;
+
+use super::table::{Row, Table};
+use super::{FileError, setup};
+use crate::robot_file::matrix;
+use crate::springs::gauge::Gauge;
+
+/// First line of a set-up.
+pub const FORMAT: &str = "gantry-tau springs 1";
+/// Largest number of gauges.
+pub const MAX_GAUGES: usize = 16;
+/// Largest position of an axis, q-units; reading, µm; force, N; moment, N m; time, s.
+const MOST: [f64; 5] = [1e3, 2e4, 1e5, 1e5, 1e9];
+/// Range of a standard deviation, in the unit of its key.
+const NOISE: (f64, f64) = (1e-6, 1e6);
+
+/// `format = "gantry-tau springs 1"`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SetupFile {
+    format: String,
+    model: String,
+    measurements: String,
+    noise: Noise,
+    setup: Option<SetupNoise>,
+    pose: Vec<PoseEntry>,
+    gauge: Vec<GaugeEntry>,
+    /// Of a plan.
+    #[serde(default)]
+    series: Vec<SeriesEntry>,
+}
+
+/// `[noise]`: standard deviations of the mean of a window.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Noise {
+    /// Of a gauge, µm.
+    pub gauge_um: f64,
+    /// Of each component of the force, N.
+    pub force_n: f64,
+    /// Of each component of the moment, N m.
+    pub moment_nm: f64,
+}
+
+/// `[setup]`: standard deviations of what is known of the set-up. A key that is absent is exact.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SetupNoise {
+    /// Each coordinate of the point that a gauge touches, per mounting, mm.
+    pub gauge_point_mm: Option<f64>,
+    /// Each turn of a gauge's direction, per mounting, mrad.
+    pub gauge_axis_mrad: Option<f64>,
+    /// Each coordinate of the sensor's origin, mm.
+    pub sensor_lever_mm: Option<f64>,
+    /// Each turn of the sensor's axes, mrad.
+    pub sensor_axes_mrad: Option<f64>,
+    /// Each of the sensor's six gains, relative.
+    pub sensor_gain: Option<f64>,
+}
+
+/// `[[pose]]`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PoseEntry {
+    name: String,
+    #[serde(rename = "T")]
+    position_m: [f64; 3],
+    #[serde(rename = "R", default = "identity")]
+    rotation: [[f64; 3]; 3],
+}
+
+const fn identity() -> [[f64; 3]; 3] {
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+}
+
+/// `[[gauge]]`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GaugeEntry {
+    name: String,
+    on: String,
+    point_m: Option<[f64; 3]>,
+    axis: Option<[f64; 3]>,
+    axis_number: Option<usize>,
+}
+
+/// `[[series]]` of a plan.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SeriesEntry {
+    /// Its name.
+    pub name: String,
+    /// Pose of the machine, by its name.
+    pub pose: String,
+    /// Mounting of strap and gauges, by its name.
+    pub mounting: String,
+    /// Where the strap pulls, from the tool centre point, world axes, m.
+    pub hook_m: [f64; 3],
+    /// Direction of its pull, world axes.
+    pub direction: [f64; 3],
+    /// Forces, in order, N.
+    pub levels_n: Vec<f64>,
+    /// Gauges that are read, by their names.
+    pub gauges: Vec<String>,
+}
+
+/// A gauge with its name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedGauge {
+    /// Its name: the column `NAME_um`.
+    pub name: String,
+    /// The gauge.
+    pub gauge: Gauge,
+}
+
+/// One window.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Window<const N: usize> {
+    /// Line of the table.
+    pub line: u64,
+    /// Series, by index: one mounting of strap and gauges, whose zeros are its own.
+    pub series: usize,
+    /// Mounting, by index.
+    pub mounting: usize,
+    /// Pose, by index.
+    pub pose: usize,
+    /// Name or number of the window in its series.
+    pub window: String,
+    /// 1 rising, -1 falling, 0 start.
+    pub stroke: i8,
+    /// Positions of the axes, q-units.
+    pub q: [f64; N],
+    /// Load on the platform, about the tool centre point where it is, world axes, tared; N, N m.
+    pub load: Vector6<f64>,
+    /// Loads on the axes, newtons along `+q`.
+    pub pushes_n: SVector<f64, N>,
+    /// Readings, m, gauge by gauge.
+    pub readings_m: Vec<Option<f64>>,
+    /// Standard deviations of the readings, m, where the table has its own.
+    pub sds_m: Vec<Option<f64>>,
+    /// Time, s.
+    pub time_s: Option<f64>,
+}
+
+/// A campaign.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Campaign<const N: usize> {
+    /// Path of the table, as messages name it.
+    pub table: String,
+    /// CRC-32 of the table.
+    pub crc: u32,
+    /// Noise of a window.
+    pub noise: Noise,
+    /// What is known of the set-up.
+    pub setup: SetupNoise,
+    /// Poses, with their names.
+    pub poses: Vec<(String, Pose)>,
+    /// Gauges.
+    pub gauges: Vec<NamedGauge>,
+    /// Names of the series.
+    pub series: Vec<String>,
+    /// Names of the mountings.
+    pub mountings: Vec<String>,
+    /// The windows.
+    pub windows: Vec<Window<N>>,
+    /// The plan, if the set-up is one.
+    pub plan: Vec<SeriesEntry>,
+}
+
+/// Reads a set-up and its table, for a machine of `model` whose axes are `metres_per_q` long.
+///
+/// # Errors
+/// [`FileError`].
+pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -> Result<Campaign<N>, FileError> {
+    let name = path.display().to_string();
+    let file: SetupFile = setup::read(path)?;
+    let refused =
+        |key: &str, reason: String| FileError { column: Some(key.to_owned()), ..FileError::whole(&name, reason) };
+    if file.format != FORMAT {
+        return Err(refused("format", format!("is {:?}; this program reads {FORMAT:?}", file.format)));
+    }
+    if file.model != model {
+        return Err(refused("model", format!("is {:?}, and the robot file's is {model:?}", file.model)));
+    }
+    check_noise(&file).map_err(|(key, reason)| refused(&key, reason))?;
+    let poses = poses(&file.pose).map_err(|(key, reason)| refused(&key, reason))?;
+    let gauges = gauges(&file.gauge, metres_per_q).map_err(|(key, reason)| refused(&key, reason))?;
+    let table = setup::beside(path, &file.measurements);
+    let mut reader = Windows { poses: &poses, gauges: &gauges, series: Vec::new(), mountings: Vec::new() };
+    let windows = reader.read::<N>(&table)?;
+    let (series, mountings) = (reader.series, reader.mountings);
+    let named = table.display().to_string();
+    let bytes = std::fs::read(&table).map_err(|error| FileError::whole(&named, error))?;
+    Ok(Campaign {
+        table: named,
+        crc: crc32fast::hash(&bytes),
+        noise: file.noise,
+        setup: file.setup.unwrap_or_default(),
+        poses,
+        gauges,
+        series,
+        mountings,
+        windows,
+        plan: file.series,
+    })
+}
+
+type Refused = (String, String);
+
+fn check_noise(file: &SetupFile) -> Result<(), Refused> {
+    let Noise { gauge_um, force_n, moment_nm } = file.noise;
+    let noise = [("noise.gauge_um", gauge_um), ("noise.force_n", force_n), ("noise.moment_nm", moment_nm)];
+    let setup = file.setup.unwrap_or_default();
+    let setup = [
+        ("setup.gauge_point_mm", setup.gauge_point_mm),
+        ("setup.gauge_axis_mrad", setup.gauge_axis_mrad),
+        ("setup.sensor_lever_mm", setup.sensor_lever_mm),
+        ("setup.sensor_axes_mrad", setup.sensor_axes_mrad),
+        ("setup.sensor_gain", setup.sensor_gain),
+    ];
+    let setup = setup.into_iter().filter_map(|(key, value)| Some((key, value?)));
+    let (least, most) = NOISE;
+    match noise.into_iter().chain(setup).find(|(_, value)| !(least..=most).contains(value)) {
+        Some((key, value)) => Err((key.to_owned(), format!("{value} is not from {least:e} to {most:e}"))),
+        None => Ok(()),
+    }
+}
+
+fn poses(entries: &[PoseEntry]) -> Result<Vec<(String, Pose)>, Refused> {
+    let mut poses: Vec<(String, Pose)> = Vec::new();
+    for entry in entries {
+        let key = |name: &str| format!("pose.{}.{name}", entry.name);
+        if poses.iter().any(|(name, _)| *name == entry.name) {
+            return Err((key("name"), "stands twice".to_owned()));
+        }
+        let rotation: Matrix3<f64> = matrix(entry.rotation);
+        if rotation_deviation(&rotation) > 1e-6 {
+            return Err((key("R"), "is not a rotation matrix".to_owned()));
+        }
+        if !entry.position_m.iter().all(|coordinate| coordinate.abs() <= 1e3) {
+            return Err((key("T"), "is not within a kilometre; it is in metres".to_owned()));
+        }
+        poses.push((entry.name.clone(), Pose { position_m: entry.position_m.into(), rotation }));
+    }
+    Ok(poses)
+}
+
+fn gauges<const N: usize>(entries: &[GaugeEntry], metres_per_q: &[f64; N]) -> Result<Vec<NamedGauge>, Refused> {
+    if entries.len() > MAX_GAUGES {
+        return Err(("gauge".to_owned(), format!("has {} entries; {MAX_GAUGES} are possible", entries.len())));
+    }
+    let mut gauges: Vec<NamedGauge> = Vec::new();
+    for entry in entries {
+        let key = |name: &str| format!("gauge.{}.{name}", entry.name);
+        if gauges.iter().any(|gauge| gauge.name == entry.name) {
+            return Err((key("name"), "stands twice".to_owned()));
+        }
+        let gauge = match (entry.on.as_str(), entry.point_m, entry.axis, entry.axis_number) {
+            ("platform", Some(point_m), Some(axis), None) => {
+                let axis = Vector3::from(axis);
+                if (axis.norm() - 1.0).abs() > 1e-6 {
+                    return Err((key("axis"), format!("has length {}, not 1", axis.norm())));
+                }
+                if !point_m.iter().all(|coordinate| coordinate.abs() <= 10.0) {
+                    return Err((key("point_m"), "is more than 10 m away; it is in metres".to_owned()));
+                }
+                Gauge::Platform { point_m: point_m.into(), axis: axis.normalize() }
+            }
+            ("axis", None, None, Some(number)) => {
+                let metres =
+                    number.checked_sub(1).and_then(|index| metres_per_q.get(index).map(|metres| (index, metres)));
+                let Some((axis, metres_per_q)) = metres else {
+                    return Err((key("axis_number"), format!("is {number}; the machine has axes 1 to {N}")));
+                };
+                Gauge::Axis { axis, metres_per_q: *metres_per_q }
+            }
+            ("platform", ..) => return Err((key("on"), "a gauge on the platform has point_m and axis".to_owned())),
+            ("axis", ..) => return Err((key("on"), "a gauge on an axis has axis_number".to_owned())),
+            (other, ..) => return Err((key("on"), format!("is {other:?}; \"platform\" or \"axis\" are possible"))),
+        };
+        gauges.push(NamedGauge { name: entry.name.clone(), gauge });
+    }
+    Ok(gauges)
+}
+
+/// Reader of the table.
+struct Windows<'a> {
+    poses: &'a [(String, Pose)],
+    gauges: &'a [NamedGauge],
+    series: Vec<String>,
+    mountings: Vec<String>,
+}
+
+/// Columns of the load.
+const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
+
+impl Windows<'_> {
+    fn read<const N: usize>(&mut self, path: &Path) -> Result<Vec<Window<N>>, FileError> {
+        let axes: [String; N] = std::array::from_fn(|axis| format!("q_{}", axis + 1));
+        let pushes: [String; N] = std::array::from_fn(|axis| format!("push_{}_n", axis + 1));
+        let mut required: Vec<String> = ["series", "mounting", "pose", "window", "stroke"].map(str::to_owned).to_vec();
+        required.extend(axes.iter().cloned().chain(LOAD.map(str::to_owned)));
+        let columns: Vec<[String; 2]> =
+            self.gauges.iter().map(|gauge| [format!("{}_um", gauge.name), format!("{}_sd_um", gauge.name)]).collect();
+        required.extend(columns.iter().map(|[reading, _]| reading.clone()));
+        let known = |column: &str| {
+            ["time_s", "samples"].contains(&column)
+                || pushes.iter().any(|push| push == column)
+                || columns.iter().any(|[_, sd]| sd == column)
+        };
+        let table = Table::open(path, &required, known)?;
+        let has_time = table.has("time_s");
+        let pushed: Vec<usize> = (0..N).filter(|axis| pushes.get(*axis).is_some_and(|push| table.has(push))).collect();
+        let has_sd: Vec<bool> = columns.iter().map(|[_, sd]| table.has(sd)).collect();
+        let mut seen = HashMap::new();
+        table.rows(|row| {
+            let [most_q, most_um, most_n, most_nm, most_s] = MOST;
+            let series = index_of(row, "series", &mut self.series)?;
+            let mounting = index_of(row, "mounting", &mut self.mountings)?;
+            let pose_name = row.text("pose");
+            let Some(pose) = self.poses.iter().position(|(name, _)| name == pose_name) else {
+                return Err(row.error("pose", format_args!("{pose_name:?} is not in the set-up")));
+            };
+            if *seen.entry(series).or_insert((mounting, pose)) != (mounting, pose) {
+                return Err(row.error("series", "a series has one mounting and one pose"));
+            }
+            let mut q = [0.0; N];
+            for (q, column) in q.iter_mut().zip(&axes) {
+                *q = row.number(column, most_q)?;
+            }
+            let mut load = Vector6::zeros();
+            for (component, (value, column)) in load.iter_mut().zip(LOAD).enumerate() {
+                *value = row.number(column, if component < 3 { most_n } else { most_nm })?;
+            }
+            let mut pushes_n = SVector::<f64, N>::zeros();
+            for axis in &pushed {
+                if let (Some(push), Some(column)) = (pushes_n.get_mut(*axis), pushes.get(*axis)) {
+                    *push = row.number(column, most_n)?;
+                }
+            }
+            let optional = |column: &str, most: f64| match row.text(column) {
+                "" => Ok(None),
+                _ => row.number(column, most).map(|value| Some(value * 1e-6)),
+            };
+            let mut readings_m = Vec::with_capacity(columns.len());
+            let mut sds_m = Vec::with_capacity(columns.len());
+            for ([reading, sd], has_sd) in columns.iter().zip(&has_sd) {
+                readings_m.push(optional(reading, most_um)?);
+                sds_m.push(if *has_sd { optional(sd, most_um)? } else { None });
+                if sds_m.last().is_some_and(|sd| sd.is_some_and(|sd| sd <= 0.0)) {
+                    return Err(row.error(sd, "a standard deviation is above 0"));
+                }
+            }
+            let stroke = match row.text("stroke") {
+                "1" | "+1" => 1,
+                "-1" => -1,
+                "0" => 0,
+                other => {
+                    return Err(row.error("stroke", format_args!("{other:?} is not 1 (rising), -1 (falling) or 0")));
+                }
+            };
+            let time_s =
+                if has_time && !row.text("time_s").is_empty() { Some(row.number("time_s", most_s)?) } else { None };
+            let window = row.text("window").to_owned();
+            let line = row.line();
+            Ok(Window { line, series, mounting, pose, window, stroke, q, load, pushes_n, readings_m, sds_m, time_s })
+        })
+    }
+}
+
+/// Returns the index of a name, which is added where it is new.
+fn index_of(row: &Row<'_>, column: &str, names: &mut Vec<String>) -> Result<usize, FileError> {
+    let name = row.text(column);
+    if name.is_empty() {
+        return Err(row.error(column, "is empty"));
+    }
+    Ok(names.iter().position(|other| other == name).unwrap_or_else(|| {
+        names.push(name.to_owned());
+        names.len() - 1
+    }))
+}
