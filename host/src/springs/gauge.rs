@@ -3,9 +3,9 @@
 //! By the unit-load theorem (Maxwell, Mohr) a reading `y` changes with a compliance by the product of two forces in its spring: that of the
 //! load, and that of a *virtual* load, which does the work of the reading,
 //!
-//!     dy/dc_ij = f_ij f'_ij,    dy/dc_k = tau_k tau'_k,    dy/dw = -sum c_ij f'_ij (W^-1)_ij + sum c_k tau'_k (D^T W^-1)_k
+//!     dy/dc_ij = f_ij g_ij,    dy/dc_k = tau_k h_k,    dy/dw = -sum c_ij g_ij (W^-1)_ij + sum c_k h_k (D^T W^-1)_k
 //!
-//! both in the pose under load. No differences are taken. What the change of that pose with the spring would add is left out: up to a
+//! with `f`, `tau` under the load and `g`, `h` under the virtual one, both in the pose under load. No differences are taken. What the change of that pose with the spring would add is left out: up to a
 //! percent of a derivative, which costs a fit one more round; the reading itself is exact.
 
 use gantry_tau_core::model::robot::LINKS;
