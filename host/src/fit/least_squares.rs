@@ -228,7 +228,7 @@ impl Seen {
     }
 
     /// Length of the whole step, in standard deviations.
-    fn step_sd(&self) -> f64 {
+    pub(crate) fn step_sd(&self) -> f64 {
         self.shares.rows(0, self.kept()).norm()
     }
 
@@ -245,7 +245,7 @@ impl Seen {
     }
 
     /// Step of the parameters, damped.
-    fn step(&self, damping: f64) -> DVector<f64> {
+    pub(crate) fn step(&self, damping: f64) -> DVector<f64> {
         let mut step = DVector::zeros(self.scales.len());
         let largest = self.svd.values.get(0).copied().unwrap_or(0.0);
         for (index, (value, share)) in self.svd.values.iter().zip(&self.shares).take(self.kept()).enumerate() {

@@ -158,6 +158,8 @@ pub struct Campaign<const N: usize> {
     pub table: String,
     /// CRC-32 of the table.
     pub crc: u32,
+    /// Length of each axis per unit of `q`, m.
+    pub metres_per_q: [f64; N],
     /// Noise of a window.
     pub noise: Noise,
     /// What is known of the set-up.
@@ -203,6 +205,7 @@ pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -
     Ok(Campaign {
         table: named,
         crc: crc32fast::hash(&bytes),
+        metres_per_q: *metres_per_q,
         noise: file.noise,
         setup: file.setup.unwrap_or_default(),
         poses,
