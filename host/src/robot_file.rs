@@ -4,6 +4,7 @@ mod build;
 mod check;
 pub mod edit;
 mod keys;
+mod learned;
 mod sections;
 
 use std::fmt;
@@ -12,7 +13,7 @@ use std::io::Read;
 use std::path::Path;
 
 use gantry_tau_core::control::session::config::AxisConfig;
-use gantry_tau_core::model::robot::Compliances;
+use gantry_tau_core::model::robot::{Compliances, LINKS};
 use gantry_tau_core::model::{f1, l2};
 use nalgebra::{Matrix3, Vector3};
 
@@ -20,7 +21,8 @@ use crate::model::{F1, L2, MachineKind};
 pub use build::CYCLE_US;
 use check::Kind;
 pub(crate) use keys::{F1Keys, Keys, L2Keys};
-pub use sections::{Calibrated, Client, Motors, Sensor, Simulation, Tool};
+pub use learned::{Calibrated, Identified, Play, WristJoint};
+pub use sections::{Client, CorrectionKind, Motors, Sensor, Simulation, Tool};
 
 /// The text of `robots/l2.toml`.
 const L2_TEXT: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), env!("GANTRY_TAU_ROBOTS"), "/l2.toml"));
@@ -53,6 +55,12 @@ pub struct RobotFile<K, const N: usize> {
     pub simulation: Simulation,
     /// `[calibrated]`; absent in a file that was not calibrated.
     pub calibrated: Option<Calibrated>,
+    /// `[identified]`; absent in a file whose springs were not measured.
+    pub identified: Option<Identified>,
+    /// `[play]`; absent where none was found.
+    pub play: Option<Play>,
+    /// `[[wrist]]`, from the platform to the tool.
+    pub wrist: Vec<WristJoint>,
 }
 
 /// A machine of either kind.
@@ -170,6 +178,13 @@ impl RobotFile<F1, { f1::AXES }> {
 }
 
 impl<K, const N: usize> RobotFile<K, N> {
+    /// How a client computes corrections for this machine.
+    #[must_use]
+    pub fn correction(&self) -> CorrectionKind {
+        let usual = if self.identified.is_some() { CorrectionKind::Exact } else { CorrectionKind::FirstOrder };
+        self.client.correction.unwrap_or(usual)
+    }
+
     /// Home of the tool centre point, world axes, m.
     #[must_use]
     pub fn home_m(&self) -> Vector3<f64> {
@@ -194,6 +209,10 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         check::sensor(&sections.sensor)?;
         check::range("client.gain", sections.client.gain, 0.0, 1.0)?;
         check::simulation(&sections.simulation)?;
+        learned::wrist(&sections.wrist)?;
+        if let Some(identified) = &sections.identified {
+            learned::identified(identified, LINKS + N + sections.wrist.len())?;
+        }
         (model.axes_at(&sections.simulation.home_m.into()))
             .map_err(|error| Problem::new("simulation.home_m", error))?;
         Ok(Self {
@@ -207,6 +226,9 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             client: sections.client,
             simulation: sections.simulation,
             calibrated: sections.calibrated,
+            identified: sections.identified,
+            play: sections.play,
+            wrist: sections.wrist,
         })
     }
 }

@@ -2,8 +2,9 @@
 
 use gantry_tau_core::model::sensor;
 use nalgebra::Matrix3;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
+use super::learned::{Calibrated, Identified, Play, WristJoint};
 use super::matrix;
 
 /// Sections of every kind of machine.
@@ -15,38 +16,15 @@ pub(super) struct Sections<const N: usize> {
     pub(super) client: Client,
     pub(super) simulation: Simulation,
     pub(super) calibrated: Option<Calibrated>,
+    pub(super) identified: Option<Identified>,
+    pub(super) play: Option<Play>,
+    #[serde(default)]
+    pub(super) wrist: Vec<WristJoint>,
 }
 
 impl<const N: usize> Sections<N> {
-    pub(super) const NAMES: [&'static str; 6] = ["axes", "motors", "sensor", "client", "simulation", "calibrated"];
-}
-
-/// `[calibrated]`: where the geometry comes from, and how well it is known. The cycle does not read it.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct Calibrated {
-    /// Name of the table of poses.
-    pub measurements: String,
-    /// Its CRC-32.
-    pub crc: u32,
-    /// Number of poses, those left out included.
-    pub poses: usize,
-    /// Sum of the squares of the residuals, in standard deviations.
-    pub chi2: f64,
-    /// Degrees of freedom.
-    pub dof: usize,
-    /// Expected error of a place over the workspace, root mean square, µm.
-    pub predicted_rms_um: f64,
-    /// Frame that the geometry is in: `nominal`, `measured`, or a file.
-    pub frame: String,
-    /// Rotation from the robot's frame to the device's, by rows.
-    pub rotation: [[f64; 3]; 3],
-    /// Origin of the robot's frame in the device's, m.
-    pub translation_m: [f64; 3],
-    /// Standard deviations of the parameters, arm by arm: `A_s` (3), `V` (3), `L`; SI.
-    pub sd: Vec<f64>,
-    /// Their covariance, by rows.
-    pub covariance: Vec<Vec<f64>>,
+    pub(super) const NAMES: [&'static str; 9] =
+        ["axes", "motors", "sensor", "client", "simulation", "calibrated", "identified", "play", "wrist"];
 }
 
 /// One entry per axis. serde reads arrays of a fixed length, not of a generic one.
@@ -161,6 +139,18 @@ impl Sensor {
 pub struct Client {
     /// Share of the computed correction that is asked for, 0 to 1.
     pub gain: f64,
+    /// How it is computed; absent: exactly with identified springs, else to first order.
+    pub correction: Option<CorrectionKind>,
+}
+
+/// Computation of a correction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CorrectionKind {
+    /// By the compliance at the unloaded pose; a few instructions less, some 2 % of the displacement left.
+    FirstOrder,
+    /// In the pose under load.
+    Exact,
 }
 
 /// `[simulation]`: the simulated machine.
@@ -183,4 +173,16 @@ pub struct Simulation {
     pub jump_gap_m: f64,
     /// Home of the tool centre point, world axes, m.
     pub home_m: [f64; 3],
+    /// Standard deviation of each coordinate of the point that a gauge of a campaign touches, mm.
+    #[serde(default)]
+    pub gauge_point_mm: f64,
+    /// Standard deviation of each turn of its plunger, mrad.
+    #[serde(default)]
+    pub gauge_axis_mrad: f64,
+    /// How much earlier the play closes on the way back than it opened, N in x.
+    #[serde(default)]
+    pub jump_hysteresis_n: f64,
+    /// Drift of the gauges of a campaign, um per minute.
+    #[serde(default)]
+    pub drift_um_per_min: f64,
 }

@@ -113,6 +113,7 @@ pub(crate) fn parameters() -> SimulationParameters<ARMS> {
             jump_force_n: 360.0,
             jump_gap_m: 40e-6,
             home_m: home.into(),
+            ..robot.simulation
         },
         sensor: robot.sensor,
         home_q: robot.model.axes_at(&home).unwrap(),

@@ -1,0 +1,112 @@
+//! Sections that measurements have written: what is known of the machine, and how well. The cycle does not read them.
+
+use serde::{Deserialize, Serialize};
+
+use super::Problem;
+use super::check::range;
+
+/// `[calibrated]`: where the geometry comes from, and how well it is known. The cycle does not read it.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibrated {
+    /// Name of the table of poses.
+    pub measurements: String,
+    /// Its CRC-32.
+    pub crc: u32,
+    /// Number of poses, those left out included.
+    pub poses: usize,
+    /// Sum of the squares of the residuals, in standard deviations.
+    pub chi2: f64,
+    /// Degrees of freedom.
+    pub dof: usize,
+    /// Expected error of a place over the workspace, root mean square, µm.
+    pub predicted_rms_um: f64,
+    /// Frame that the geometry is in: `nominal`, `measured`, or a file.
+    pub frame: String,
+    /// Rotation from the robot's frame to the device's, by rows.
+    pub rotation: [[f64; 3]; 3],
+    /// Origin of the robot's frame in the device's, m.
+    pub translation_m: [f64; 3],
+    /// Standard deviations of the parameters; SI. L2: arm by arm `A_s` (3), `V` (3), `L`. F1: `C`, `V`, `P`, `b`, `L`, two turns of `ax`, two of `ax6`.
+    pub sd: Vec<f64>,
+    /// Their covariance, by rows.
+    pub covariance: Vec<Vec<f64>>,
+}
+
+/// `[identified]`: where the compliances come from, and how well they are known.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Identified {
+    /// Name of the table of forces and gauges.
+    pub measurements: String,
+    /// Its CRC-32.
+    pub crc: u32,
+    /// Number of windows.
+    pub windows: usize,
+    /// Sum of the squares of the residuals, in standard deviations.
+    pub chi2: f64,
+    /// Degrees of freedom.
+    pub dof: usize,
+    /// Standard deviations of the compliances: links, axes, joints of the wrist; in the units of their keys.
+    pub sd: Vec<f64>,
+    /// Their covariance, by rows.
+    pub covariance: Vec<Vec<f64>>,
+}
+
+/// `[play]`: the play of the joint of cluster 3. Compensation does not use it.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Play {
+    /// How far the joint moves, m.
+    pub gap_m: f64,
+    /// Its standard deviation, m.
+    pub sd_m: f64,
+    /// Sum of the tensions of cluster 3 that its weight causes, as rising forces show it: between these, N.
+    pub preload_rising_n: [f64; 2],
+    /// As falling forces show it, N.
+    pub preload_falling_n: [f64; 2],
+}
+
+/// `[[wrist]]`: a joint between platform and tool, as a spring `[T 6.1, 7.1]`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct WristJoint {
+    /// Its axis with the wrist at its zero, world axes; a unit vector.
+    pub axis: [f64; 3],
+    /// A point on the axis, from the tool centre point, world axes, m.
+    pub point_m: [f64; 3],
+    /// Its compliance, rad/(N m).
+    pub c_rad_per_nm: f64,
+}
+
+/// Checks what a file says of its own uncertainty; `springs` are its compliances.
+pub(super) fn identified(identified: &Identified, springs: usize) -> Result<(), Problem> {
+    let Identified { sd, covariance, .. } = identified;
+    if sd.len() != springs || !sd.iter().all(|sd| sd.is_finite() && *sd >= 0.0) {
+        return Err(Problem::new("identified.sd", format!("must have {springs} entries, none negative")));
+    }
+    let is_row = |row: &Vec<f64>| row.len() == springs && row.iter().all(|entry| entry.is_finite());
+    if covariance.len() != springs || !covariance.iter().all(is_row) {
+        return Err(Problem::new("identified.covariance", format!("must have {springs} rows of {springs} numbers")));
+    }
+    Ok(())
+}
+
+/// Checks the joints of a wrist.
+pub(super) fn wrist(joints: &[WristJoint]) -> Result<(), Problem> {
+    if joints.len() > MAX_WRIST_JOINTS {
+        return Err(Problem::new("wrist", format!("has more than {MAX_WRIST_JOINTS} joints")));
+    }
+    for (index, joint) in joints.iter().enumerate() {
+        let length = joint.axis.iter().map(|component| component * component).sum::<f64>().sqrt();
+        range(&format!("wrist[{index}].axis (its length)"), length, 1.0 - 1e-6, 1.0 + 1e-6)?;
+        for (component, value) in joint.point_m.iter().enumerate() {
+            range(&format!("wrist[{index}].point_m[{component}]"), *value, -10.0, 10.0)?;
+        }
+        range(&format!("wrist[{index}].c_rad_per_nm"), joint.c_rad_per_nm, 0.0, 1.0)?;
+    }
+    Ok(())
+}
+
+/// Largest number of joints of a wrist.
+const MAX_WRIST_JOINTS: usize = 3;
