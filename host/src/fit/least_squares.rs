@@ -32,16 +32,19 @@ pub struct Rows {
     pub residuals: DVector<f64>,
     /// `J`: derivatives of the predictions by the parameters, column per parameter, in standard deviations per unit of the parameter.
     pub derivatives: DMatrix<f64>,
-    /// Number of readings, less that of the unknowns that were projected out.
-    pub degrees: usize,
 }
 
 impl Rows {
     /// Rows of independent readings.
     #[must_use]
-    pub fn new(residuals: DVector<f64>, derivatives: DMatrix<f64>) -> Self {
-        let degrees = residuals.len();
-        Self { residuals, derivatives, degrees }
+    pub const fn new(residuals: DVector<f64>, derivatives: DMatrix<f64>) -> Self {
+        Self { residuals, derivatives }
+    }
+
+    /// Number of independent readings, less that of the unknowns that were eliminated.
+    #[must_use]
+    pub fn degrees(&self) -> usize {
+        self.residuals.len()
     }
 
     /// Sum of the squares of the residuals.
@@ -52,22 +55,12 @@ impl Rows {
 
     /// Removes unknowns that nobody asks for, exactly: what is left is orthogonal to their columns, as if they had been estimated along.
     #[must_use]
-    pub fn without(self, unknowns: &DMatrix<f64>) -> Self {
-        let Self { mut residuals, mut derivatives, degrees } = self;
-        let svd = Svd::new(unknowns.clone());
-        let floor = 1e-12 * svd.values.get(0).copied().unwrap_or(0.0);
-        let mut removed = 0_usize;
-        for (value, image) in svd.values.iter().zip(svd.images.column_iter()) {
-            if *value <= floor {
-                continue;
-            }
-            removed += 1;
-            let direction = image / *value;
-            residuals -= &direction * direction.dot(&residuals);
-            let shares = derivatives.tr_mul(&direction);
-            derivatives -= &direction * shares.transpose();
-        }
-        Self { residuals, derivatives, degrees: degrees.saturating_sub(removed) }
+    pub fn without(self, unknowns: DMatrix<f64>) -> Self {
+        let columns = self.derivatives.ncols();
+        let mut rows = self.derivatives.insert_column(columns, 0.0);
+        rows.set_column(columns, &self.residuals);
+        let left = eliminated(unknowns, rows);
+        Self::new(left.column(columns).into_owned(), left.columns(0, columns).into_owned())
     }
 
     fn is_finite(&self) -> bool {
@@ -123,7 +116,7 @@ impl<S> Fit<S> {
     /// Degrees of freedom: readings less estimated unknowns.
     #[must_use]
     pub fn degrees(&self) -> usize {
-        self.rows.degrees.saturating_sub(self.seen.kept())
+        self.rows.degrees().saturating_sub(self.seen.kept())
     }
 
     /// Chi-squared per degree of freedom; NaN without one.
@@ -211,6 +204,13 @@ impl Seen {
     /// Covariance of the parameters along the directions that are seen.
     #[must_use]
     pub fn covariance(&self) -> DMatrix<f64> {
+        let half = self.half_covariance();
+        &half * half.transpose()
+    }
+
+    /// `X` of the covariance `X X^T`.
+    #[must_use]
+    pub fn half_covariance(&self) -> DMatrix<f64> {
         let mut half = self.svd.directions.columns(0, self.kept()).into_owned();
         for (mut column, value) in half.column_iter_mut().zip(&self.svd.values) {
             column /= *value;
@@ -218,7 +218,7 @@ impl Seen {
         for (mut row, scale) in half.row_iter_mut().zip(&self.scales) {
             row *= *scale;
         }
-        &half * half.transpose()
+        half
     }
 
     /// Share of a parameter's variance that lies in lost directions, 0 to 1: how much of the parameter's axis they take.
@@ -271,8 +271,8 @@ pub fn fit<S, E>(
     if !rows.is_finite() {
         return Err(FitError::NotFinite);
     }
-    if rows.degrees < scales.len() {
-        return Err(FitError::TooFew { readings: rows.degrees, parameters: scales.len() });
+    if rows.degrees() < scales.len() {
+        return Err(FitError::TooFew { readings: rows.degrees(), parameters: scales.len() });
     }
     let seen = Seen::new(&rows, scales);
     let mut best = Fit { state: start, rows, seen, rounds: 0 };
@@ -305,18 +305,54 @@ pub fn fit<S, E>(
     if step_sd < ROUNDING_SD { Ok(best) } else { Err(FitError::NotConverged { step_sd }) }
 }
 
+/// Returns `rows` without what the columns of `unknowns` explain: an orthogonal complement, in as many rows less as the columns are
+/// independent.
+#[must_use]
+pub fn eliminated(unknowns: DMatrix<f64>, mut rows: DMatrix<f64>) -> DMatrix<f64> {
+    if unknowns.is_empty() {
+        return rows;
+    }
+    let factors = unknowns.col_piv_qr();
+    factors.q_tr_mul(&mut rows);
+    rows.remove_rows(0, rank(&factors.r()))
+}
+
+/// Returns a least squares solution of linear equations, zero in unknowns that the others can stand for, and the number of independent ones.
+#[must_use]
+pub fn solve(rows: DMatrix<f64>, mut right: DVector<f64>) -> (DVector<f64>, usize) {
+    let mut solution = DVector::zeros(rows.ncols());
+    if rows.is_empty() {
+        return (solution, 0);
+    }
+    let factors = rows.col_piv_qr();
+    factors.q_tr_mul(&mut right);
+    let triangle = factors.r();
+    let rank = rank(&triangle);
+    let top = triangle.view((0, 0), (rank, rank)).solve_upper_triangular(&right.rows(0, rank));
+    if let Some(top) = top {
+        solution.rows_mut(0, rank).copy_from(&top);
+    }
+    factors.p().inv_permute_rows(&mut solution);
+    (solution, rank)
+}
+
 /// Returns the least squares solution of linear equations; `None` where it is not unique.
 #[must_use]
-pub fn solve_linear(rows: DMatrix<f64>, mut right: DVector<f64>) -> Option<DVector<f64>> {
+pub fn solve_linear(rows: DMatrix<f64>, right: DVector<f64>) -> Option<DVector<f64>> {
     let unknowns = rows.ncols();
-    if rows.nrows() < unknowns {
-        return None;
-    }
-    let factors = rows.qr();
-    factors.q_tr_mul(&mut right);
-    let solution = factors.r().solve_upper_triangular(&right.rows(0, unknowns).into_owned())?;
-    solution.iter().all(|number| number.is_finite()).then_some(solution)
+    let (solution, rank) = solve(rows, right);
+    (rank == unknowns && solution.iter().all(|number| number.is_finite())).then_some(solution)
 }
+
+/// Number of independent columns behind a pivoted triangle.
+fn rank(triangle: &DMatrix<f64>) -> usize {
+    let pivots = triangle.diagonal();
+    let floor = INDEPENDENT * pivots.amax();
+    pivots.iter().filter(|pivot| pivot.abs() > floor).count()
+}
+
+/// Smallest pivot of an independent column, in largest pivots.
+const INDEPENDENT: f64 = 1e-12;
 
 /// Length of a step, in standard deviations, that rounding may leave where readings are known to many more digits than they are good for.
 const ROUNDING_SD: f64 = 1e-3;
@@ -382,7 +418,7 @@ mod tests {
         let evaluate = |slope: &f64| {
             let residuals = DVector::from_iterator(5, (0..5_u8).zip(measured).map(|(x, y)| y - slope * f64::from(x)));
             let rows = Rows::new(residuals, DMatrix::from_iterator(5, 1, (0..5_u8).map(f64::from)));
-            Ok::<_, Infallible>(rows.without(&DMatrix::repeat(5, 1, 1.0)))
+            Ok::<_, Infallible>(rows.without(DMatrix::repeat(5, 1, 1.0)))
         };
         let fit = fit(0.0, &DVector::repeat(1, 1.0), evaluate, |slope, step| slope + step[0]).unwrap();
         // Textbook: sum (x - 2) y / sum (x - 2)^2, and its variance 1 / sum (x - 2)^2.

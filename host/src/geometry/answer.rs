@@ -1,91 +1,11 @@
 //! Answers of a calibration for programs: `"gantry-tau calibrated 1"`. SI units.
 
-use std::collections::BTreeMap;
-
-use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use crate::fit::least_squares::Direction;
-use crate::fit::statistics::NORMAL_95;
+use crate::fit::answer::{Parameter, Unobservable};
 
 /// First field of an answer.
 pub const FORMAT: &str = "gantry-tau calibrated 1";
-/// Smallest component of a direction that is named.
-const NAMED: f64 = 0.01;
-
-/// One parameter with its interval.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Parameter {
-    /// Its name, as in the robot file, with its place: `A_s[0].x`.
-    pub name: String,
-    /// Its value.
-    pub value: f64,
-    /// Unit of value, deviation and interval.
-    pub unit: &'static str,
-    /// Standard deviation.
-    pub sd: f64,
-    /// Lower end of the central 95 % interval.
-    pub low95: f64,
-    /// Upper end.
-    pub high95: f64,
-    /// What the measurements say of it.
-    pub status: Status,
-}
-
-/// What measurements say of a parameter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Status {
-    /// Known.
-    Identified,
-    /// Known to one digit at most.
-    Weak,
-    /// Not seen: the value of the robot file.
-    Kept,
-}
-
-/// A combination of parameters that the measurements do not see, or hardly.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Unobservable {
-    /// Its standard deviation, in changes that would matter.
-    pub relative_sd: f64,
-    /// Components of the unit vector, by the names of the parameters; those above 0.01.
-    pub direction: BTreeMap<String, f64>,
-}
-
-impl Parameter {
-    /// Parameters of a fit, in its order.
-    #[must_use]
-    pub fn list(
-        names: &[(String, &'static str)],
-        values: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-        status: impl Fn(usize) -> Status,
-    ) -> Vec<Self> {
-        let parameter = |(index, (name, unit)): (usize, &(String, &'static str))| {
-            let (value, sd) = (values[index], covariance[(index, index)].max(0.0).sqrt());
-            let reach = NORMAL_95 * sd;
-            let (low95, high95) = (value - reach, value + reach);
-            Self { name: name.clone(), value, unit, sd, low95, high95, status: status(index) }
-        };
-        names.iter().enumerate().map(parameter).collect()
-    }
-}
-
-impl Unobservable {
-    /// Names the components of directions.
-    #[must_use]
-    pub fn list(names: &[(String, &'static str)], directions: &[Direction]) -> Vec<Self> {
-        let named = |direction: &Direction| Self {
-            relative_sd: direction.relative_sd,
-            direction: (names.iter().zip(&direction.components))
-                .filter(|(_, component)| component.abs() > NAMED)
-                .map(|((name, _), component)| (name.clone(), *component))
-                .collect(),
-        };
-        directions.iter().map(named).collect()
-    }
-}
 
 /// A pose that does not agree with the others.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]

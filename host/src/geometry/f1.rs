@@ -235,20 +235,18 @@ impl Model for Poses<'_> {
 
     fn rows(&self, geometry: &f1::Geometry, used: &[usize]) -> Result<Rows, PredictionError> {
         let kinematics = Self::kinematics(geometry)?;
-        let size = 6 * used.len();
+        let rows = used.iter().map(|index| self.row(&kinematics, *index)).collect::<Result<Vec<_>, _>>()?;
+        let rows: Vec<_> = rows.into_iter().flatten().collect();
+        let size = 6 * rows.len();
+        // Four rows more fix the combinations that no pose shows: they are no readings, and take away none.
         let mut residuals = DVector::zeros(size + 4);
         let mut derivatives = DMatrix::zeros(size + 4, PARAMETERS);
-        let mut degrees = 0;
-        for (row, &index) in used.iter().enumerate() {
-            if let Some((residual, derivative)) = self.row(&kinematics, index)? {
-                residuals.fixed_rows_mut::<6>(6 * row).copy_from(&residual);
-                derivatives.fixed_view_mut::<6, PARAMETERS>(6 * row, 0).copy_from(&derivative);
-                degrees += 6;
-            }
+        for (place, (residual, derivative)) in rows.into_iter().enumerate() {
+            residuals.fixed_rows_mut::<6>(6 * place).copy_from(&residual);
+            derivatives.fixed_view_mut::<6, PARAMETERS>(6 * place, 0).copy_from(&derivative);
         }
         derivatives.fixed_view_mut::<4, PARAMETERS>(size, 0).copy_from(&fixed(geometry));
-        // The four fixed combinations are no readings, and take away none.
-        Ok(Rows { residuals, derivatives, degrees: degrees + (PARAMETERS - OBSERVABLE) })
+        Ok(Rows::new(residuals, derivatives))
     }
 
     fn length_sd(&self, geometry: &f1::Geometry, index: usize) -> f64 {

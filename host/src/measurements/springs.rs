@@ -30,7 +30,7 @@ struct SetupFile {
     format: String,
     model: String,
     measurements: String,
-    noise: Noise,
+    noise: Option<Noise>,
     setup: Option<SetupNoise>,
     pose: Vec<PoseEntry>,
     gauge: Vec<GaugeEntry>,
@@ -49,6 +49,11 @@ pub struct Noise {
     pub force_n: f64,
     /// Of each component of the moment, N m.
     pub moment_nm: f64,
+}
+
+impl Noise {
+    /// Noise of good instruments: a gauge that repeats to a micrometre, forces to a newton.
+    pub const USUAL: Self = Self { gauge_um: 1.0, force_n: 1.0, moment_nm: 0.05 };
 }
 
 /// `[setup]`: standard deviations of what is known of the set-up. A key that is absent is exact.
@@ -162,6 +167,8 @@ pub struct Campaign<const N: usize> {
     pub metres_per_q: [f64; N],
     /// Noise of a window.
     pub noise: Noise,
+    /// False if the set-up states none: then [`Noise::USUAL`], which is good for ratios only.
+    pub is_noise_stated: bool,
     /// What is known of the set-up.
     pub setup: SetupNoise,
     /// Poses, with their names.
@@ -176,6 +183,14 @@ pub struct Campaign<const N: usize> {
     pub windows: Vec<Window<N>>,
     /// The plan, if the set-up is one.
     pub plan: Vec<SeriesEntry>,
+}
+
+impl<const N: usize> Campaign<N> {
+    /// Returns an error about a column of a window.
+    #[must_use]
+    pub fn error(&self, window: &Window<N>, column: &str, reason: impl std::fmt::Display) -> FileError {
+        FileError::at(&self.table, window.line, column, reason)
+    }
 }
 
 /// Reads a set-up and its table, for a machine of `model` whose axes are `metres_per_q` long.
@@ -206,7 +221,8 @@ pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -
         table: named,
         crc: crc32fast::hash(&bytes),
         metres_per_q: *metres_per_q,
-        noise: file.noise,
+        noise: file.noise.unwrap_or(Noise::USUAL),
+        is_noise_stated: file.noise.is_some(),
         setup: file.setup.unwrap_or_default(),
         poses,
         gauges,
@@ -220,7 +236,7 @@ pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -
 type Refused = (String, String);
 
 fn check_noise(file: &SetupFile) -> Result<(), Refused> {
-    let Noise { gauge_um, force_n, moment_nm } = file.noise;
+    let Noise { gauge_um, force_n, moment_nm } = file.noise.unwrap_or(Noise::USUAL);
     let noise = [("noise.gauge_um", gauge_um), ("noise.force_n", force_n), ("noise.moment_nm", moment_nm)];
     let setup = file.setup.unwrap_or_default();
     let setup = [

@@ -1,6 +1,7 @@
 //! Changes of a robot file that keep its comments and its order.
 
-use toml_edit::{Array, DocumentMut, Item, Table, Value};
+use serde::Serialize;
+use toml_edit::{Array, DocumentMut, Item, Value};
 
 /// A robot file that is being changed.
 pub struct RobotText {
@@ -55,9 +56,27 @@ impl RobotText {
     }
 
     /// Adds a section, in place of the one with its name.
-    pub fn set_section(&mut self, name: &str, mut section: Table) {
-        section.decor_mut().set_prefix("\n");
-        self.document.as_table_mut().insert(name, Item::Table(section));
+    ///
+    /// # Errors
+    /// A sentence about what cannot be written as TOML.
+    pub fn set_serialized(&mut self, name: &str, section: &impl Serialize) -> Result<(), String> {
+        let text = toml::to_string(section).map_err(|error| error.to_string())?;
+        let document: DocumentMut = text.parse().map_err(|error: toml_edit::TomlError| error.to_string())?;
+        let mut table = document.as_table().clone();
+        table.decor_mut().set_prefix("\n");
+        self.document.as_table_mut().insert(name, Item::Table(table));
+        Ok(())
+    }
+
+    /// Replaces a number in a section that exists.
+    pub fn set_number_in(&mut self, section: &str, key: &str, value: f64) {
+        if let Some(old) = self.document.get_mut(section).and_then(|section| section.get_mut(key)) {
+            let mut new = number(value);
+            if let Some(old) = old.as_value() {
+                *new.decor_mut() = old.decor().clone();
+            }
+            *old = Item::Value(new);
+        }
     }
 
     /// Returns the text.

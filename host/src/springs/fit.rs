@@ -1,49 +1,68 @@
-//! Maximum likelihood of the compliances, where gauges *and* loads are measured (the Gauss-Helmert model).
+//! Maximum likelihood of the compliances, where gauges *and* loads are measured (the Gauss-Helmert model), and what is known of the set-up
+//! has a prior.
 //!
-//! Minimised is `sum |y - h(c, w*) - z|^2 / sigma^2 + |w - w*|^2 / Sigma_w` over the compliances `c`, the true loads `w*` and the zero `z` of each
-//! gauge in each series. (Weighted least squares at the measured loads is off by up to 0.8 standard deviations.) A round linearises at `w*`:
+//! Minimised is `sum |y - h(c, z, w*) - zero|^2 / sigma^2 + |w - S z - w*|^2 / Sigma_w + |z|^2` over the compliances `c`, the constants `z` of
+//! the set-up, the true loads `w*` and the zero of each gauge in each series. (Weighted least squares at the measured loads is off by up to 0.8
+//! standard deviations.) A round linearises at `w*`:
 //!
-//!     r = y - h(c, w*) - H (w - w*),    Cov = diag(sigma^2) + H Sigma_w H^T,    w* <- w + Sigma_w H^T Cov^-1 (r - J dc - z)
+//!     r = y - h(c, z, w*) - H (w - S z - w*),    Cov = diag(sigma^2) + H Sigma_w H^T
+//!     w* <- w - S z + Sigma_w H^T Cov^-1 (r - J dc - B dz - zeros)
 //!
-//! with one block of `Cov` per window, whose gauges share the error of its load. The zeros are projected out.
+//! with one block of `Cov` per window, whose gauges share the error of its load. Zeros and constants are eliminated ([`super::blocks`]).
 
-use gantry_tau_core::model::f1;
-use gantry_tau_core::model::robot::{Compliances, LINKS, RobotError};
-use nalgebra::{DMatrix, DVector, SVector, UnitQuaternion, Vector6};
+use gantry_tau_core::model::robot::{LINKS, RobotError};
+use nalgebra::{DMatrix, DVector};
 
-use crate::elastic::backlash::Backlash;
-use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
-use crate::fit::least_squares::{Rows, Seen, solve_linear};
-use crate::measurements::springs::{Campaign, Window};
+use super::blocks::{Blocks, Eliminated};
+use super::choice::Choice;
+use super::lines::{Lines, LinesError, Question, State, compliances_of, vector};
+use crate::fit::least_squares::{Rows, Seen};
+use crate::fit::statistics::float;
 
 /// Rounds after which a fit has failed; three to five are usual.
 const MAX_ROUNDS: u32 = 30;
-/// Longest step of a fit that has converged, in standard deviations.
+/// Longest step of a fit that has converged, in standard deviations; of a constant of the set-up, in those of its prior.
 const CONVERGED_SD: f64 = 1e-4;
+const CONVERGED_PRIOR_SD: f64 = 1e-3;
 /// Largest factor that a compliance changes by in a round: none becomes negative.
 const MOST_CHANGE: f64 = 20.0;
+/// Change of a compliance, in file's values, that a result is refused at: it runs away to zero or to infinity.
+const AT_BOUND: f64 = 1e3;
+/// Elongation that is a scale of the play before one is known, and hysteresis of a gauge that would matter; m.
+const PLAY_SCALE_M: f64 = 20e-6;
+const HYSTERESIS_SCALE_M: f64 = 10e-6;
 
 /// Reason why there is no fit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SpringsError {
+    /// A window cannot be predicted.
+    #[error(transparent)]
+    Lines(#[from] LinesError),
     /// The compliances have left their range.
     #[error("the compliances leave their range: {0}")]
     Compliances(#[from] RobotError),
-    /// A window has no equilibrium.
-    #[error("line {line}: {error}")]
-    Window {
-        /// Line of the table.
-        line: u64,
-        /// What the elastic model says.
-        error: ElasticError,
-    },
+    /// A covariance is not positive.
+    #[error("the noise of a window is not positive")]
+    Noise,
     /// Fewer readings than unknowns.
-    #[error("{readings} readings are too few for {parameters} springs")]
+    #[error(
+        "{readings} readings besides the zeros of the gauges are too few for {parameters} springs; measure more windows"
+    )]
     TooFew {
         /// Readings, less the zeros.
         readings: usize,
         /// Springs.
         parameters: usize,
+    },
+    /// A compliance at the end of its range: the model is wrong.
+    #[error(
+        "spring {index} is {factor:.1e} times that of the robot file: the model does not fit the readings; check signs and units of gauges and forces"
+    )]
+    AtBound {
+        /// Index of the spring: links, then axes.
+        index: usize,
+        /// Value, in file's values.
+        factor: f64,
     },
     /// It still moves.
     #[error("no convergence after {MAX_ROUNDS} rounds: the last step is {step_sd:.1e} standard deviations long")]
@@ -53,232 +72,145 @@ pub enum SpringsError {
     },
 }
 
-/// Springs that fit a campaign.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SpringsFit<const N: usize> {
-    /// The compliances.
-    pub compliances: Compliances<N>,
-    /// Whitened rows there, the zeros projected out.
-    pub rows: Rows,
+/// Springs that fit the readings of a choice.
+#[derive(Clone, Debug)]
+pub(super) struct Solved<const N: usize> {
+    pub(super) state: State<N>,
+    /// Half-widths of the hysteresis of each gauge, m; empty if not fitted.
+    pub(super) hysteresis_m: DVector<f64>,
+    /// The campaign, linearised there.
+    pub(super) lines: Vec<Lines>,
+    /// Misclosures less the zeros, m; by window and row of its lines.
+    pub(super) left: Vec<DVector<f64>>,
+    /// Rows for the parameters: compliances, play, hysteresis.
+    pub(super) rows: Rows,
     /// What they see, in shares of the file's compliances.
-    pub seen: Seen,
-    /// True load of each window, as far as the gauges know better than the sensor.
-    pub loads: Vec<Vector6<f64>>,
-    /// Rounds.
-    pub rounds: u32,
+    pub(super) seen: Seen,
+    pub(super) rounds: u32,
 }
 
-/// Fits the springs of a machine to a campaign; `file` are those that the search starts from, and that stay where nothing is seen.
-///
-/// # Errors
-/// [`SpringsError`].
-pub fn fit_springs<const N: usize>(
-    geometry: &f1::Geometry,
-    file: &Compliances<N>,
-    campaign: &Campaign<N>,
-) -> Result<SpringsFit<N>, SpringsError> {
-    let scales = vector(file);
-    let mut compliances = *file;
-    let mut loads: Vec<Vector6<f64>> = campaign.windows.iter().map(|window| window.load).collect();
+impl<const N: usize> Solved<N> {
+    /// Values of the parameters: compliances, elongation by the play, hysteresis.
+    pub(super) fn values(&self, choice: &Choice) -> DVector<f64> {
+        let play = choice.has_play().then_some(self.state.elongation_m);
+        let springs = vector(&self.state.compliances);
+        let all: Vec<f64> = springs.iter().copied().chain(play).chain(self.hysteresis_m.iter().copied()).collect();
+        DVector::from_vec(all)
+    }
+
+    /// Degrees of freedom: readings that are used, less zeros and parameters.
+    pub(super) fn degrees(&self) -> usize {
+        self.rows.degrees().saturating_sub(self.seen.kept())
+    }
+
+    /// Covariance of the parameters if every constant of the set-up were exact.
+    pub(super) fn covariance_of_noise(&self, question: &Question<'_, N>, choice: &Choice) -> Option<DMatrix<f64>> {
+        let exact = Question { setup: question.setup.exact(), ..*question };
+        let lines: Vec<Lines> = self.lines.iter().map(Lines::without_setup).collect();
+        let blocks = Blocks::new(&exact, choice, &lines, &DVector::zeros(0), &[])?;
+        Some(Seen::new(&blocks.rows, &scales(question, choice, &self.state)).covariance())
+    }
+}
+
+/// Changes of the parameters that would matter.
+fn scales<const N: usize>(question: &Question<'_, N>, choice: &Choice, state: &State<N>) -> DVector<f64> {
+    let springs = vector(question.file);
+    let play = choice.has_play().then(|| state.elongation_m.abs().max(PLAY_SCALE_M));
+    let mut all: Vec<f64> = springs.iter().copied().chain(play).collect();
+    all.resize(springs.len() + choice.besides_springs(question.campaign), HYSTERESIS_SCALE_M);
+    DVector::from_vec(all)
+}
+
+/// Fits the springs of a machine to the readings of a choice.
+pub(super) fn fit<const N: usize>(
+    question: &Question<'_, N>,
+    choice: &Choice,
+    start: State<N>,
+) -> Result<Solved<N>, SpringsError> {
+    let springs = LINKS + N;
+    let mut state = start;
+    let hysteresis = if choice.has_hysteresis { question.campaign.gauges.len() } else { 0 };
+    let mut hysteresis_m = DVector::zeros(hysteresis);
+    let mut step_sd = f64::INFINITY;
     for rounds in 1..=MAX_ROUNDS {
-        let machine = ElasticMachine::new(*geometry, compliances, Backlash::NONE);
-        let blocks = blocks(&machine, campaign, &loads)?;
-        let rows = stacked(&blocks, scales.len());
-        if rows.degrees < scales.len() {
-            return Err(SpringsError::TooFew { readings: rows.degrees, parameters: scales.len() });
+        let mut lines = question.lines(&state, &choice.is_crossed)?;
+        take_off_hysteresis(question, &mut lines, &hysteresis_m);
+        let blocks = Blocks::new(question, choice, &lines, &state.setup, &[]).ok_or(SpringsError::Noise)?;
+        let scales = scales(question, choice, &state);
+        if blocks.rows.degrees() < scales.len() {
+            return Err(SpringsError::TooFew { readings: blocks.rows.degrees(), parameters: scales.len() });
         }
-        let seen = Seen::new(&rows, &scales);
-        let step_sd = seen.step_sd();
-        if step_sd < CONVERGED_SD {
-            return Ok(SpringsFit { compliances, rows, seen, loads, rounds });
+        let seen = Seen::new(&blocks.rows, &scales);
+        step_sd = seen.step_sd();
+        let step = seen.step(0.0);
+        let step = bounded(&vector(&state.compliances), step);
+        let Eliminated { setup, loads, left } = blocks.eliminated(question, &lines, &state, &step);
+        if step_sd < CONVERGED_SD && (setup.is_empty() || setup.amax() < CONVERGED_PRIOR_SD) {
+            at_bound(question, &state)?;
+            return Ok(Solved { state, hysteresis_m, lines, left, rows: blocks.rows, seen, rounds });
         }
-        if rounds == MAX_ROUNDS {
-            return Err(SpringsError::NotConverged { step_sd });
-        }
-        let step = bounded(&vector(&compliances), seen.step(0.0));
-        compliances = compliances_of(&(vector(&compliances) + &step))?;
-        for block in &blocks {
-            block.update(campaign, &step, &mut loads);
+        state.compliances = compliances_of(&(vector(&state.compliances) + step.rows(0, springs)))?;
+        state.elongation_m += if choice.has_play() { step[springs] } else { 0.0 };
+        hysteresis_m += step.rows(step.len() - hysteresis, hysteresis);
+        state.setup += setup;
+        state.loads = loads;
+    }
+    Err(SpringsError::NotConverged { step_sd })
+}
+
+/// A compliance that has left the file's by orders of magnitude is a model error, not a result.
+fn at_bound<const N: usize>(question: &Question<'_, N>, state: &State<N>) -> Result<(), SpringsError> {
+    let factors = vector(&state.compliances).component_div(&vector(question.file));
+    match factors.iter().position(|factor| !(1.0 / AT_BOUND..=AT_BOUND).contains(factor)) {
+        Some(index) => Err(SpringsError::AtBound { index, factor: factors[index] }),
+        None => Ok(()),
+    }
+}
+
+/// Readings rise with the force by half the width of the hysteresis late, and fall by as much early.
+fn take_off_hysteresis<const N: usize>(question: &Question<'_, N>, lines: &mut [Lines], half_widths_m: &DVector<f64>) {
+    for lines in lines.iter_mut().filter(|_| !half_widths_m.is_empty()) {
+        let stroke = f64::from(question.campaign.windows[lines.window].stroke);
+        for (misclosure, gauge) in lines.misclosures.iter_mut().zip(&lines.gauges) {
+            *misclosure -= stroke * half_widths_m[*gauge];
         }
     }
-    Err(SpringsError::NotConverged { step_sd: f64::INFINITY })
-}
-
-fn vector<const N: usize>(compliances: &Compliances<N>) -> DVector<f64> {
-    let all = compliances.link_m_per_n().iter().chain(compliances.cart_m_per_n());
-    DVector::from_iterator(LINKS + N, all.copied())
-}
-
-fn compliances_of<const N: usize>(vector: &DVector<f64>) -> Result<Compliances<N>, RobotError> {
-    let links = std::array::from_fn(|link| vector[link]);
-    let axes = std::array::from_fn(|axis| vector[LINKS + axis]);
-    Compliances::new(links, axes)
 }
 
 /// Cuts a step, so that no compliance changes by more than [`MOST_CHANGE`].
-fn bounded(from: &DVector<f64>, step: DVector<f64>) -> DVector<f64> {
-    let cut = |from: f64, step: f64| (from + step).clamp(from / MOST_CHANGE, from * MOST_CHANGE) - from;
-    from.zip_map(&step, cut)
-}
-
-/// One window of a series, linearised and whitened.
-struct WindowRows {
-    index: usize,
-    /// Gauges that were read.
-    gauges: Vec<usize>,
-    residuals: DVector<f64>,
-    springs: DMatrix<f64>,
-    /// `L^-1`, `Cov = L L^T`: also the columns of the zeros.
-    whitening: DMatrix<f64>,
-    /// `L^-1 H`.
-    load: DMatrix<f64>,
-}
-
-/// All windows of one series: they share the zeros of their gauges.
-struct Series {
-    windows: Vec<WindowRows>,
-    gauges: usize,
-}
-
-/// Linearises the campaign, series by series.
-fn blocks<const N: usize>(
-    machine: &ElasticMachine<N>,
-    campaign: &Campaign<N>,
-    loads: &[Vector6<f64>],
-) -> Result<Vec<Series>, SpringsError> {
-    let mut series: Vec<Series> =
-        (campaign.series.iter()).map(|_| Series { windows: Vec::new(), gauges: campaign.gauges.len() }).collect();
-    let mut began: Vec<Option<Equilibrium<N>>> = vec![None; series.len()];
-    let mut last: Vec<Option<Equilibrium<N>>> = vec![None; series.len()];
-    for (index, window) in campaign.windows.iter().enumerate() {
-        let failed = |error| SpringsError::Window { line: window.line, error };
-        let first = match began[window.series] {
-            Some(first) => first,
-            None => unloaded(machine, campaign, window).map_err(failed)?,
-        };
-        began[window.series] = Some(first);
-        let start = last[window.series].unwrap_or(first);
-        let pushes = generalised(campaign, window);
-        let now = machine.pushed_equilibrium(&window.q, &loads[index], &pushes, &start).map_err(failed)?;
-        last[window.series] = Some(now);
-        let rows = linearised(machine, campaign, index, &first.pose, &now, &loads[index]);
-        series[window.series].windows.push(rows.ok_or_else(|| failed(ElasticError::Singular))?);
+fn bounded(from: &DVector<f64>, mut step: DVector<f64>) -> DVector<f64> {
+    for (step, from) in step.iter_mut().zip(from) {
+        *step = (from + *step).clamp(from / MOST_CHANGE, from * MOST_CHANGE) - from;
     }
-    Ok(series)
+    step
 }
 
-/// The machine in the pose of a window, unloaded.
-fn unloaded<const N: usize>(
-    machine: &ElasticMachine<N>,
-    campaign: &Campaign<N>,
-    window: &Window<N>,
-) -> Result<Equilibrium<N>, ElasticError> {
-    let (_, seed) = &campaign.poses[window.pose];
-    let rotation = UnitQuaternion::from_matrix(&seed.rotation);
-    let start = Equilibrium::unloaded(Pose { translation_m: seed.position_m, rotation });
-    machine.equilibrium(&window.q, &Vector6::zeros(), &start)
+/// Sum of the squares of the prediction errors of each series by the others, in standard deviations, per reading; `None` for a series that
+/// shows a parameter alone. Exact, by block leverages `(I - H_bb)^-1 e_b`; the constants of the set-up are taken as found.
+pub(super) fn left_out_errors<const N: usize>(
+    question: &Question<'_, N>,
+    choice: &Choice,
+    solved: &Solved<N>,
+) -> Option<Vec<Option<f64>>> {
+    let exact = Question { setup: question.setup.exact(), ..*question };
+    let lines: Vec<Lines> = solved.lines.iter().map(Lines::without_setup).collect();
+    let scales = scales(question, choice, &solved.state);
+    let blocks = Blocks::new(&exact, choice, &lines, &DVector::zeros(0), &[])?;
+    let half = Seen::new(&blocks.rows, &scales).half_covariance();
+    let errors = blocks.series_rows().into_iter().map(|rows| {
+        let size = rows.degrees();
+        let image = &rows.derivatives * &half;
+        let remaining = DMatrix::identity(size, size) - &image * image.transpose();
+        let least = remaining.clone().symmetric_eigenvalues().min();
+        // Alone in showing a parameter: nothing is predicted.
+        let solved = (least > ALONE).then(|| remaining.cholesky().map(|factor| factor.solve(&rows.residuals)));
+        solved.flatten().map(|errors| errors.norm_squared() / float(size.max(1)))
+    });
+    Some(errors.collect())
 }
 
-/// Pushes at the axes, per unit of `q`.
-fn generalised<const N: usize>(campaign: &Campaign<N>, window: &Window<N>) -> SVector<f64, N> {
-    window.pushes_n.component_mul(&SVector::from(campaign.metres_per_q))
-}
-
-fn linearised<const N: usize>(
-    machine: &ElasticMachine<N>,
-    campaign: &Campaign<N>,
-    index: usize,
-    began: &Pose,
-    now: &Equilibrium<N>,
-    load: &Vector6<f64>,
-) -> Option<WindowRows> {
-    let window = &campaign.windows[index];
-    let through = machine.transmission(&window.q, now)?;
-    let gauges: Vec<usize> = (0..campaign.gauges.len()).filter(|gauge| window.readings_m[*gauge].is_some()).collect();
-    let count = gauges.len();
-    let (mut residuals, mut springs) = (DVector::zeros(count), DMatrix::zeros(count, LINKS + N));
-    let (mut by_load, mut covariance) = (DMatrix::zeros(count, 6), DMatrix::zeros(count, count));
-    for (row, &gauge) in gauges.iter().enumerate() {
-        let reading = campaign.gauges[gauge].gauge.read(machine, began, now);
-        let derivatives = reading.derivatives(machine, &through, now);
-        springs.view_mut((row, 0), (1, LINKS)).copy_from(&derivatives.links.transpose());
-        springs.view_mut((row, LINKS), (1, N)).copy_from(&derivatives.axes.transpose());
-        by_load.view_mut((row, 0), (1, 6)).copy_from(&derivatives.load.transpose());
-        residuals[row] = window.readings_m[gauge]? - reading.length_m - derivatives.load.dot(&(window.load - load));
-        covariance[(row, row)] = window.sds_m[gauge].unwrap_or(campaign.noise.gauge_um * 1e-6).powi(2);
-    }
-    covariance += &by_load * DMatrix::from_diagonal(&load_variances(campaign)) * by_load.transpose();
-    let whitening = covariance.cholesky()?.l().try_inverse()?;
-    let (residuals, springs, load) = (&whitening * residuals, &whitening * springs, &whitening * by_load);
-    Some(WindowRows { index, gauges, residuals, springs, whitening, load })
-}
-
-/// Variances of a load's components: N^2, (N m)^2.
-fn load_variances<const N: usize>(campaign: &Campaign<N>) -> DVector<f64> {
-    let (force, moment) = (campaign.noise.force_n.powi(2), campaign.noise.moment_nm.powi(2));
-    DVector::from_vec(vec![force, force, force, moment, moment, moment])
-}
-
-/// The rows of all series, the zeros projected out.
-fn stacked(series: &[Series], springs: usize) -> Rows {
-    let all: Vec<Rows> = series.iter().map(Series::without_zeros).collect();
-    let size = all.iter().map(|rows| rows.residuals.len()).sum();
-    let (mut residuals, mut derivatives) = (DVector::zeros(size), DMatrix::zeros(size, springs));
-    let (mut first, mut degrees) = (0, 0);
-    for rows in &all {
-        let count = rows.residuals.len();
-        residuals.rows_mut(first, count).copy_from(&rows.residuals);
-        derivatives.rows_mut(first, count).copy_from(&rows.derivatives);
-        first += count;
-        degrees += rows.degrees;
-    }
-    Rows { residuals, derivatives, degrees }
-}
-
-impl Series {
-    /// Rows, and the columns of the zeros.
-    fn rows(&self) -> (Rows, DMatrix<f64>) {
-        let size: usize = self.windows.iter().map(|window| window.gauges.len()).sum();
-        let springs = self.windows.first().map_or(0, |window| window.springs.ncols());
-        let (mut residuals, mut derivatives) = (DVector::zeros(size), DMatrix::zeros(size, springs));
-        let mut zeros = DMatrix::zeros(size, self.gauges);
-        let mut first = 0;
-        for window in &self.windows {
-            let count = window.gauges.len();
-            residuals.rows_mut(first, count).copy_from(&window.residuals);
-            derivatives.rows_mut(first, count).copy_from(&window.springs);
-            for (column, &gauge) in window.gauges.iter().enumerate() {
-                zeros.view_mut((first, gauge), (count, 1)).copy_from(&window.whitening.column(column));
-            }
-            first += count;
-        }
-        (Rows::new(residuals, derivatives), zeros)
-    }
-
-    fn without_zeros(&self) -> Rows {
-        let (rows, zeros) = self.rows();
-        rows.without(&zeros)
-    }
-
-    /// Takes the loads to where gauges and sensor together put them, after a step of the springs.
-    fn update<const N: usize>(&self, campaign: &Campaign<N>, step: &DVector<f64>, loads: &mut [Vector6<f64>]) {
-        let (rows, zeros) = self.rows();
-        let left = &rows.residuals - &rows.derivatives * step;
-        let read: Vec<usize> = (0..self.gauges).filter(|gauge| zeros.column(*gauge).amax() > 0.0).collect();
-        let columns = zeros.select_columns(&read);
-        let Some(found) = solve_linear(columns.clone(), left.clone()) else { return };
-        let left = left - columns * found;
-        let variances = load_variances(campaign);
-        let mut first = 0;
-        for window in &self.windows {
-            let count = window.gauges.len();
-            let shift = window.load.transpose() * left.rows(first, count);
-            let shift = Vector6::from_fn(|component, _| variances[component] * shift[component]);
-            loads[window.index] = campaign.windows[window.index].load + shift;
-            first += count;
-        }
-    }
-}
+/// Smallest share of a direction of a series' readings that the other series leave open.
+const ALONE: f64 = 1e-6;
 
 #[cfg(test)]
 mod tests;

@@ -9,7 +9,8 @@ use nalgebra::{DMatrix, Isometry3};
 use serde::Serialize;
 
 use super::agreement::Agreement;
-use super::answer::{Answer, FORMAT, InRobotFrame, Outlier, Parameter, Status, Unobservable};
+use super::answer::{Answer, FORMAT, InRobotFrame, Outlier};
+use crate::fit::answer::{Parameter, Status, Unobservable};
 use crate::fit::statistics::{chi_squared_above, float};
 use crate::measurements::FileError;
 use crate::measurements::poses::Poses;
@@ -122,8 +123,7 @@ impl<S, M: Serialize> Found<'_, S, M> {
     ) -> Result<Calibration, CalibrateError> {
         let (fit, covariance) = (&self.agreement.fit, &self.covariance);
         let seen = &fit.seen;
-        let status =
-            |parameter: usize| if seen.lost_share(parameter) > 0.5 { Status::Kept } else { Status::Identified };
+        let status = |parameter: usize| Status::of(seen, parameter);
         let mut unobservable = seen.lost();
         unobservable.extend(seen.weak());
         let fixed = self.values.len() - self.observable;
@@ -187,9 +187,7 @@ fn robot_file(
     let provenance = format!("CALIBRATED with {measurements} (CRC-32 {crc:08x})");
     let mut robot = RobotText::new(&text, &provenance).map_err(|error| said(&error))?;
     edit(&mut robot);
-    let section = toml::to_string(calibrated).map_err(|error| said(&error))?;
-    let section: toml_edit::DocumentMut = section.parse().map_err(|error: toml_edit::TomlError| said(&error))?;
-    robot.set_section("calibrated", section.as_table().clone());
+    robot.set_serialized("calibrated", calibrated).map_err(|error| said(&error))?;
     Ok(robot.text())
 }
 

@@ -1,0 +1,204 @@
+//! Campaigns of simulated machines of known springs, for tests.
+
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::robot::Compliances;
+use nalgebra::{DVector, SVector, Vector3, Vector6};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::gauge::Gauge;
+use super::lines::{Question, compliances_of, vector};
+use super::setup::SetupConstants;
+use crate::elastic::backlash::Backlash;
+use crate::elastic::{ElasticMachine, Equilibrium};
+use crate::measurements::springs::{Campaign, NamedGauge, Noise, SetupNoise, Window};
+use crate::model::MachineKind;
+use crate::robot_file::RobotFile;
+
+pub(super) const HOME: [f64; 3] = [0.0, 0.5, 0.65];
+/// Hooks, from the tool centre point, m.
+pub(super) const HOOKS: [[f64; 3]; 3] = [[0.0, 0.0, -0.08], [0.15, 0.0, -0.08], [0.0, 0.15, -0.08]];
+pub(super) const FINE: Noise = Noise { gauge_um: 1.0, force_n: 1.0, moment_nm: 0.05 };
+/// Levels of a strap up and down, N.
+pub(super) const LEVELS: [f64; 11] = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 240.0, 180.0, 120.0, 60.0, 0.0];
+
+/// Six gauges on the platform, 3-2-1, and one on each axis.
+pub(super) fn gauges<const N: usize>(metres_per_q: &[f64; N]) -> Vec<NamedGauge> {
+    let platform = [
+        ([0.12, -0.06, 0.10], Vector3::z()),
+        ([-0.12, -0.06, 0.10], Vector3::z()),
+        ([0.0, 0.10, 0.10], Vector3::z()),
+        ([0.10, 0.12, 0.05], Vector3::y()),
+        ([-0.10, 0.12, 0.05], Vector3::y()),
+        ([0.14, 0.0, 0.05], Vector3::x()),
+    ];
+    let platform = platform.into_iter().map(|(point, axis)| Gauge::Platform { point_m: Vector3::from(point), axis });
+    let axes = metres_per_q.iter().enumerate().map(|(axis, metres)| Gauge::Axis { axis, metres_per_q: *metres });
+    let named = |(index, gauge): (usize, Gauge)| NamedGauge { name: format!("g{index}"), gauge };
+    platform.chain(axes).enumerate().map(named).collect()
+}
+
+/// A machine and a campaign on it.
+pub(super) struct Bench<const N: usize> {
+    pub(super) geometry: f1::Geometry,
+    pub(super) file: Compliances<N>,
+    pub(super) campaign: Campaign<N>,
+}
+
+/// A strap: pose, hook, direction, and its levels.
+pub(super) struct Strap {
+    pub(super) pose: usize,
+    pub(super) hook: [f64; 3],
+    pub(super) direction: Vector3<f64>,
+    pub(super) levels: Vec<f64>,
+}
+
+/// Straps at each hook of each pose, along x, y and z.
+pub(super) fn straps(poses: usize, hooks: &[[f64; 3]]) -> Vec<Strap> {
+    let mut straps = Vec::new();
+    for pose in 0..poses {
+        for hook in hooks {
+            for direction in [Vector3::x(), Vector3::y(), Vector3::z()] {
+                straps.push(Strap { pose, hook: *hook, direction, levels: LEVELS.to_vec() });
+            }
+        }
+    }
+    straps
+}
+
+impl<const N: usize> Bench<N> {
+    /// A campaign without readings, loads exact.
+    pub(super) fn new<K: MachineKind<N>>(
+        robot: &RobotFile<K, N>,
+        places: &[[f64; 3]],
+        straps: &[Strap],
+        noise: Noise,
+    ) -> Self {
+        let gauges = gauges(&robot.metres_per_q);
+        let mut windows = Vec::new();
+        for (series, strap) in straps.iter().enumerate() {
+            let q = robot.model.axes_at(&Vector3::from(places[strap.pose])).unwrap();
+            let top = strap.levels.iter().copied().fold(0.0, f64::max);
+            let first_top = strap.levels.iter().position(|level| *level >= top).unwrap();
+            for (window, level) in strap.levels.iter().enumerate() {
+                let force = strap.direction * *level;
+                let moment = Vector3::from(strap.hook).cross(&force);
+                windows.push(Window {
+                    line: 0,
+                    series,
+                    mounting: series,
+                    pose: strap.pose,
+                    window: window.to_string(),
+                    stroke: if window <= first_top { 1 } else { -1 },
+                    q,
+                    load: Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z),
+                    pushes_n: SVector::zeros(),
+                    readings_m: vec![Some(0.0); gauges.len()],
+                    sds_m: vec![None; gauges.len()],
+                    time_s: None,
+                });
+            }
+        }
+        let poses = places.iter().map(|place| gantry_tau_core::model::kinematics::Pose::at(Vector3::from(*place)));
+        let series: Vec<String> = (0..straps.len()).map(|series| series.to_string()).collect();
+        let campaign = Campaign {
+            table: String::new(),
+            crc: 0,
+            metres_per_q: robot.metres_per_q,
+            noise,
+            is_noise_stated: true,
+            setup: SetupNoise::default(),
+            poses: poses.map(|pose| (String::new(), pose)).collect(),
+            gauges,
+            mountings: series.clone(),
+            series,
+            windows,
+            plan: Vec::new(),
+        };
+        Self { geometry: robot.model.geometry(), file: robot.compliances.unwrap(), campaign }
+    }
+
+    pub(super) fn question(&self) -> Question<'_, N> {
+        Question {
+            geometry: &self.geometry,
+            file: &self.file,
+            campaign: &self.campaign,
+            setup: SetupConstants::of(&self.campaign),
+        }
+    }
+
+    /// The file's compliances, each up to 30 % off.
+    pub(super) fn true_springs(&self, random: &mut ChaCha8Rng) -> Compliances<N> {
+        let off = vector(&self.file).map(|value| value * (1.0 + random.random_range(-0.3..0.3)));
+        compliances_of(&off).unwrap()
+    }
+
+    /// Measures: gauges with zeros, noise and errors of where they stand, loads with noise and errors of the sensor. `is_crossed`: beyond the jump,
+    /// by the sum of the tensions of cluster 3 and the stroke; there the links of the cluster are `gap_m` longer.
+    pub(super) fn measure(
+        &mut self,
+        truth: &Compliances<N>,
+        random: &mut ChaCha8Rng,
+        gap_m: f64,
+        beyond: impl Fn(f64, i8) -> f64,
+    ) {
+        let question = self.question();
+        let campaign = &self.campaign;
+        let machine = ElasticMachine::new(self.geometry, *truth, Backlash::NONE);
+        let constants = DVector::from_fn(question.setup.count(), |_, _| normal(random));
+        let of_sensor = constants.rows(question.setup.first_of_sensor(), question.setup.of_sensor()).into_owned();
+        let zeros: Vec<Vec<f64>> =
+            campaign.series.iter().map(|_| campaign.gauges.iter().map(|_| 1e-3 * normal(random)).collect()).collect();
+        let noise = campaign.noise;
+        let mut measured = Vec::new();
+        for window in &campaign.windows {
+            let began = question.unloaded(&machine, window).unwrap();
+            let rigid = machine.equilibrium(&window.q, &window.load, &began).unwrap();
+            let mut longer = self.geometry;
+            let share = beyond(rigid.cluster_3_n(), window.stroke);
+            longer.lengths_m.iter_mut().skip(3).for_each(|length| *length += gap_m * share);
+            let machine = ElasticMachine::new(longer, *truth, Backlash::NONE);
+            let now: Equilibrium<N> = machine.equilibrium(&window.q, &window.load, &rigid).unwrap();
+            let read = |gauge: usize| {
+                let placed = question.setup.placed(campaign, &constants, window.mounting, gauge);
+                placed.read(&machine, &began.pose, &now).length_m
+            };
+            let exact: Vec<f64> = (0..campaign.gauges.len()).map(read).collect();
+            let zeros = &zeros[window.series];
+            let readings: Vec<Option<f64>> = exact
+                .iter()
+                .zip(zeros)
+                .map(|(exact, zero)| Some(exact + zero + noise.gauge_um * 1e-6 * normal(random)))
+                .collect();
+            let mut load = window.load;
+            let effect = question.setup.effect(&window.load) * &of_sensor;
+            for component in 0..6 {
+                let sd = if component < 3 { noise.force_n } else { noise.moment_nm };
+                load[component] += effect[component] + sd * normal(random);
+            }
+            measured.push((readings, load));
+        }
+        for (window, (readings, load)) in self.campaign.windows.iter_mut().zip(measured) {
+            (window.readings_m, window.load) = (readings, load);
+        }
+    }
+}
+
+/// No window is beyond a jump.
+pub(super) const fn never(_: f64, _: i8) -> f64 {
+    0.0
+}
+
+pub(super) fn normal(random: &mut ChaCha8Rng) -> f64 {
+    StandardNormal.sample(random)
+}
+
+/// The L2 and its campaign A: nine straps at home.
+pub(super) fn campaign_a(noise: Noise) -> Bench<3> {
+    Bench::new(&RobotFile::builtin_l2().unwrap(), &[HOME], &straps(1, &HOOKS), noise)
+}
+
+pub(super) fn seeded(seed: u64) -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(seed)
+}

@@ -1,0 +1,50 @@
+//! Readings that a fit uses, and unknowns that it has besides the springs.
+
+use crate::measurements::springs::Campaign;
+
+/// Readings that a fit uses, and unknowns that it has besides the springs.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Choice {
+    /// Weight of each reading by window and gauge, which divides its variance; 0: it is not used.
+    pub(super) weights: Vec<Vec<f64>>,
+    /// Gauges that somebody moved.
+    pub(super) shifts: Vec<Shift>,
+    /// Windows beyond the jump. The play is fitted if there are any.
+    pub(super) is_crossed: Vec<bool>,
+    /// The half-width of the hysteresis of each gauge is fitted.
+    pub(super) has_hysteresis: bool,
+    /// A drift of each gauge in each series is fitted.
+    pub(super) has_drift: bool,
+}
+
+/// A gauge that stays shifted from a window of its series on: it has another zero from there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Shift {
+    pub(super) series: usize,
+    pub(super) gauge: usize,
+    /// Index of the first window that is shifted.
+    pub(super) window: usize,
+}
+
+impl Choice {
+    /// Every reading, nothing besides the springs.
+    pub(super) fn all<const N: usize>(campaign: &Campaign<N>) -> Self {
+        Self {
+            weights: campaign.windows.iter().map(|window| vec![1.0; window.readings_m.len()]).collect(),
+            shifts: Vec::new(),
+            is_crossed: vec![false; campaign.windows.len()],
+            has_hysteresis: false,
+            has_drift: false,
+        }
+    }
+
+    /// True if the play is fitted.
+    pub(super) fn has_play(&self) -> bool {
+        self.is_crossed.contains(&true)
+    }
+
+    /// Unknowns of the fit besides the springs: the play, and the hysteresis of each gauge.
+    pub(super) fn besides_springs<const N: usize>(&self, campaign: &Campaign<N>) -> usize {
+        usize::from(self.has_play()) + if self.has_hysteresis { campaign.gauges.len() } else { 0 }
+    }
+}

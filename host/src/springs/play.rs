@@ -1,0 +1,325 @@
+//! The jump `[T 5.2.2, 6.1]`: play of the joint of cluster 3, found as windows beyond a force of its links.
+//!
+//! The joint rests at one end of its play by the preload `P0`, the sum of the tensions of links 31, 32, 33 that the weight causes. It crosses
+//! where that sum, with the sum `F3` by the load, changes its sign: at one `F3` while the force rises, and at another, with hysteresis, while it falls.
+//! Every pair of such thresholds is tried, one projection each. A window inside the crossing belongs to neither side.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::agreement::{Agreement, fit_agreeing};
+use super::blocks::Blocks;
+use super::choice::Choice;
+use super::fit::{Solved, SpringsError, fit, left_out_errors};
+use super::lines::{Lines, Question, State};
+
+/// Decrease of chi-squared that a play must bring: three unknowns.
+const LEAST_GAIN: f64 = 50.0;
+/// Decrease of chi-squared that leaving out a window beside a crossing must bring.
+const LEAST_GAIN_OF_WINDOW: f64 = 30.0;
+/// Windows of the largest forces that are tried, per stroke.
+const MAX_CANDIDATES: usize = 80;
+/// Standard deviations of the cluster force that an interval of the preload is wider on either side.
+const MARGIN_SD: f64 = 3.0;
+/// Rounds of looking for the thresholds again with the play fitted.
+const MAX_ROUNDS: u32 = 4;
+
+/// Windows beyond a jump.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Crossing {
+    /// Sign of the cluster force that opens the play.
+    sign: f64,
+    /// Windows by falling magnitude of the cluster force; rising strokes, falling strokes.
+    candidates: [Vec<usize>; 2],
+    /// Number of candidates that are beyond; rising, falling.
+    beyond: [usize; 2],
+}
+
+/// The play as it was found.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct FoundPlay {
+    /// How far the joint moves, m.
+    pub(super) gap_m: f64,
+    /// Sign of the elongation of the links beyond the jump.
+    pub(super) sign: f64,
+    /// Interval of the preload, N: while the force rises, while it falls.
+    pub(super) preload_n: [[f64; 2]; 2],
+    /// Windows inside a crossing, which belong to neither side.
+    pub(super) inside: Vec<usize>,
+}
+
+impl Crossing {
+    fn is_crossed(&self, windows: usize) -> Vec<bool> {
+        let mut is_crossed = vec![false; windows];
+        for (candidates, beyond) in self.candidates.iter().zip(self.beyond) {
+            candidates.iter().take(beyond).for_each(|window| is_crossed[*window] = true);
+        }
+        is_crossed
+    }
+
+    /// The windows beside the crossing of a stroke: the last before it, the first behind it.
+    fn beside(&self, stroke: usize, inside: &[usize]) -> [Option<usize>; 2] {
+        let (candidates, beyond) = (&self.candidates[stroke], self.beyond[stroke]);
+        let is_clear = |window: &&usize| !inside.contains(window);
+        let before = candidates.iter().skip(beyond).find(is_clear);
+        [before.copied(), candidates.iter().take(beyond).rev().find(is_clear).copied()]
+    }
+}
+
+/// Looks for a play, and fits with it where it is there; `without` is the fit without it.
+pub(super) fn with_play<const N: usize>(
+    question: &Question<'_, N>,
+    without: &Agreement<N>,
+    is_robust: bool,
+) -> Result<Option<(Agreement<N>, FoundPlay)>, SpringsError> {
+    let mut choice = everything(without, question);
+    let Some(mut crossing) = thresholds(question, &choice, &without.solved) else { return Ok(None) };
+    let mut found = None;
+    for _ in 0..MAX_ROUNDS {
+        choice.is_crossed = crossing.is_crossed(choice.is_crossed.len());
+        let start = State { elongation_m: 0.0, ..without.solved.state.clone() };
+        let agreement = if is_robust {
+            fit_agreeing(question, &choice, start)?
+        } else {
+            Agreement { solved: fit(question, &choice, start)?, choice: choice.clone(), refused: Vec::new() }
+        };
+        // Windows that disagree as a whole may only be on the wrong side.
+        let again = with_whole_windows(&agreement.choice, question);
+        let next = thresholds(question, &again, &agreement.solved);
+        found = Some(agreement);
+        match next {
+            Some(next) if next != crossing => crossing = next,
+            _ => break,
+        }
+    }
+    let Some(agreement) = found else { return Ok(None) };
+    let Some(agreement) = without_inside(question, &crossing, agreement, is_robust)? else { return Ok(None) };
+    let (agreement, inside) = agreement;
+    let gap_m = agreement.solved.state.elongation_m * crossing.sign;
+    let is_play = gap_m > 0.0 && without.cost() - agreement.cost() > LEAST_GAIN;
+    if !is_play || !predicts_better(question, &agreement)? {
+        return Ok(None);
+    }
+    let preload_n = [0, 1].map(|stroke| preload(&crossing, &agreement.solved, &inside, stroke));
+    let preload_n = match preload_n {
+        [Some(rising), Some(falling)] => [rising, falling],
+        // One stroke only has crossed.
+        [Some(only), None] | [None, Some(only)] => [only, only],
+        [None, None] => return Ok(None),
+    };
+    Ok(Some((agreement, FoundPlay { gap_m, sign: crossing.sign, preload_n, inside })))
+}
+
+/// Every reading again, nothing shifted.
+fn everything<const N: usize>(without: &Agreement<N>, question: &Question<'_, N>) -> Choice {
+    Choice {
+        has_drift: without.choice.has_drift,
+        has_hysteresis: without.choice.has_hysteresis,
+        ..Choice::all(question.campaign)
+    }
+}
+
+/// The readings of a choice, and all of every window that has lost a third of them.
+fn with_whole_windows<const N: usize>(choice: &Choice, question: &Question<'_, N>) -> Choice {
+    let mut choice = choice.clone();
+    for (weights, window) in choice.weights.iter_mut().zip(&question.campaign.windows) {
+        let read = window.readings_m.iter().flatten().count();
+        let lost =
+            weights.iter().zip(&window.readings_m).filter(|(weight, reading)| reading.is_some() && **weight <= 0.0);
+        if lost.count() * 3 >= read {
+            weights.fill(1.0);
+        }
+    }
+    choice
+}
+
+/// Finds the pair of thresholds whose play explains most.
+fn thresholds<const N: usize>(question: &Question<'_, N>, choice: &Choice, solved: &Solved<N>) -> Option<Crossing> {
+    [-1.0, 1.0]
+        .into_iter()
+        .filter_map(|sign| {
+            let candidates = [true, false].map(|rising| candidates(question, &solved.lines, sign, rising));
+            best(question, choice, solved, sign, candidates)
+        })
+        .max_by(|(one, _), (other, _)| one.total_cmp(other))
+        .filter(|(explained, _)| *explained > LEAST_GAIN)
+        .map(|(_, crossing)| crossing)
+}
+
+/// Windows of a stroke whose cluster force has this sign, the largest force first.
+fn candidates<const N: usize>(question: &Question<'_, N>, lines: &[Lines], sign: f64, rising: bool) -> Vec<usize> {
+    let of_stroke = |lines: &&Lines| (question.campaign.windows[lines.window].stroke >= 0) == rising;
+    let force = |lines: &Lines| sign * lines.cluster_3_n[0];
+    let loaded = |lines: &&Lines| force(lines) > MARGIN_SD * lines.cluster_3_n[1];
+    let mut windows: Vec<(f64, usize)> =
+        lines.iter().filter(of_stroke).filter(loaded).map(|lines| (force(lines), lines.window)).collect();
+    windows.sort_by(|(one, _), (other, _)| other.total_cmp(one));
+    windows.into_iter().take(MAX_CANDIDATES).map(|(_, window)| window).collect()
+}
+
+/// Tries all pairs of numbers of candidates beyond. Returns what the best explains of chi-squared.
+fn best<const N: usize>(
+    question: &Question<'_, N>,
+    choice: &Choice,
+    solved: &Solved<N>,
+    sign: f64,
+    candidates: [Vec<usize>; 2],
+) -> Option<(f64, Crossing)> {
+    let extras: Vec<usize> = candidates.iter().flatten().copied().collect();
+    let plain = Choice { is_crossed: vec![false; choice.is_crossed.len()], ..choice.clone() };
+    // What the fitted play explains already is put back.
+    let mut lines = solved.lines.clone();
+    for lines in lines.iter_mut().filter(|lines| choice.is_crossed[lines.window]) {
+        lines.misclosures += &lines.play * solved.state.elongation_m;
+    }
+    let blocks = Blocks::new(question, &plain, &lines, &solved.state.setup, &extras)?;
+    let mut together = blocks.extras.clone().insert_column(extras.len(), 0.0);
+    together.set_column(extras.len(), &blocks.rows.residuals);
+    let left = crate::fit::least_squares::eliminated(blocks.rows.derivatives.clone(), together);
+    let columns = left.columns(0, extras.len());
+    let (shares, overlaps) = (columns.tr_mul(&left.column(extras.len())), columns.tr_mul(&columns));
+    let (rising, falling) = (candidates[0].len(), candidates[1].len());
+    let sums = Sums::new(&shares, &overlaps, rising);
+    let mut best: Option<(f64, [usize; 2])> = None;
+    for risen in 0..=rising {
+        for fallen in 0..=falling {
+            let (share, overlap) = sums.of(risen, fallen);
+            // A play adds to the displacement along the force, never against it.
+            if overlap <= 0.0 || share * sign <= 0.0 {
+                continue;
+            }
+            let explained = share * share / overlap;
+            if best.is_none_or(|(most, _)| explained > most) {
+                best = Some((explained, [risen, fallen]));
+            }
+        }
+    }
+    best.map(|(explained, beyond)| (explained, Crossing { sign, candidates, beyond }))
+}
+
+/// Sums over the first rising and the first falling candidates.
+struct Sums {
+    rising: usize,
+    shares: [Vec<f64>; 2],
+    overlaps: [Vec<f64>; 2],
+    across: DMatrix<f64>,
+}
+
+impl Sums {
+    fn new(shares: &DVector<f64>, overlaps: &DMatrix<f64>, rising: usize) -> Self {
+        let count = shares.len();
+        let ranges = [0..rising, rising..count];
+        let of_shares = |range: std::ops::Range<usize>| {
+            let sums = range.scan(0.0, |sum, index| {
+                *sum += shares[index];
+                Some(*sum)
+            });
+            [0.0].into_iter().chain(sums).collect()
+        };
+        let of_overlaps = |range: std::ops::Range<usize>| {
+            let first = range.start;
+            let sums = range.scan(0.0, |sum, index| {
+                let with_earlier: f64 = (first..index).map(|earlier| overlaps[(earlier, index)]).sum();
+                *sum += overlaps[(index, index)] + 2.0 * with_earlier;
+                Some(*sum)
+            });
+            [0.0].into_iter().chain(sums).collect()
+        };
+        let mut across = DMatrix::zeros(rising + 1, count - rising + 1);
+        for row in 0..rising {
+            for column in 0..count - rising {
+                across[(row + 1, column + 1)] =
+                    overlaps[(row, rising + column)] + across[(row, column + 1)] + across[(row + 1, column)]
+                        - across[(row, column)];
+            }
+        }
+        Self { rising, shares: ranges.clone().map(of_shares), overlaps: ranges.map(of_overlaps), across }
+    }
+
+    /// Share and overlap of the play in so many rising and falling candidates.
+    fn of(&self, risen: usize, fallen: usize) -> (f64, f64) {
+        debug_assert!(risen <= self.rising);
+        let share = self.shares[0][risen] + self.shares[1][fallen];
+        (share, self.overlaps[0][risen] + self.overlaps[1][fallen] + 2.0 * self.across[(risen, fallen)])
+    }
+}
+
+/// Leaves out the windows inside the crossing: beside each threshold none, the last before or the first behind, whatever brings most.
+fn without_inside<const N: usize>(
+    question: &Question<'_, N>,
+    crossing: &Crossing,
+    agreement: Agreement<N>,
+    is_robust: bool,
+) -> Result<Option<(Agreement<N>, Vec<usize>)>, SpringsError> {
+    let beside: Vec<[Option<usize>; 2]> = (0..2).map(|stroke| crossing.beside(stroke, &[])).collect();
+    let mut choice = agreement.choice.clone();
+    for window in beside.iter().flatten().flatten() {
+        choice.weights[*window].fill(1.0);
+    }
+    let mut best: Option<(f64, Vec<usize>, Choice)> = None;
+    let one_of = |stroke: usize| [None, beside[stroke][0], beside[stroke][1]];
+    for rising in one_of(0) {
+        for falling in one_of(1) {
+            let inside: Vec<usize> = rising.into_iter().chain(falling).collect();
+            let mut tried = choice.clone();
+            inside.iter().for_each(|window| tried.weights[*window].fill(0.0));
+            let Ok(solved) = fit(question, &tried, agreement.solved.state.clone()) else { continue };
+            let price = LEAST_GAIN_OF_WINDOW * crate::fit::statistics::float(inside.len());
+            let cost = solved.rows.chi_squared() + price;
+            if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
+                best = Some((cost, inside, tried));
+            }
+        }
+    }
+    let Some((_, inside, _)) = best else { return Ok(None) };
+    if inside.is_empty() {
+        return Ok(Some((agreement, inside)));
+    }
+    let mut choice = Choice { is_crossed: agreement.choice.is_crossed.clone(), ..everything(&agreement, question) };
+    inside.iter().for_each(|window| choice.weights[*window].fill(0.0));
+    // A threshold may have had only this window beyond it.
+    inside.iter().for_each(|window| choice.is_crossed[*window] = false);
+    if !choice.has_play() {
+        return Ok(None);
+    }
+    let start = agreement.solved.state;
+    let agreement = if is_robust {
+        fit_agreeing(question, &choice, start)?
+    } else {
+        Agreement { solved: fit(question, &choice, start)?, choice, refused: Vec::new() }
+    };
+    Ok(Some((agreement, inside)))
+}
+
+/// True if the series that do not cross, or more than one that does, are predicted better by the others with the play than without it, from
+/// the same readings.
+fn predicts_better<const N: usize>(question: &Question<'_, N>, with: &Agreement<N>) -> Result<bool, SpringsError> {
+    let choice = Choice { is_crossed: vec![false; with.choice.is_crossed.len()], ..with.choice.clone() };
+    let start = State { elongation_m: 0.0, ..with.solved.state.clone() };
+    let without = fit(question, &choice, start)?;
+    let without = left_out_errors(question, &choice, &without);
+    let with = left_out_errors(question, &with.choice, &with.solved);
+    let (Some(without), Some(with)) = (without, with) else { return Ok(false) };
+    let pairs = without.into_iter().zip(with).filter_map(|(without, with)| Some((without?, with?)));
+    let (without, with) = pairs.fold((0.0, 0.0), |sums, pair| (sums.0 + pair.0, sums.1 + pair.1));
+    Ok(with <= without)
+}
+
+/// Interval of the preload by the windows beside a crossing, N.
+fn preload<const N: usize>(
+    crossing: &Crossing,
+    solved: &Solved<N>,
+    inside: &[usize],
+    stroke: usize,
+) -> Option<[f64; 2]> {
+    if crossing.beyond[stroke] == 0 {
+        return None;
+    }
+    let [before, behind] = crossing.beside(stroke, inside);
+    let line = |window: usize| solved.lines.iter().find(|lines| lines.window == window);
+    // Without a window before it the joint has crossed somewhere above no force at all.
+    let [near, near_sd] = before.and_then(line).map_or([0.0, 0.0], |lines| lines.cluster_3_n);
+    let [far, far_sd] = behind.and_then(line)?.cluster_3_n;
+    // The preload is minus the force that takes it away.
+    let ends = [-(near - crossing.sign * MARGIN_SD * near_sd), -(far + crossing.sign * MARGIN_SD * far_sd)];
+    Some([ends[0].min(ends[1]), ends[0].max(ends[1])])
+}
