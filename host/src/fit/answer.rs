@@ -1,6 +1,7 @@
 //! Parts of an answer that every fit has: parameters with their intervals, and directions that are not seen.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -88,6 +89,16 @@ impl Unobservable {
             Self { relative_sd: direction.relative_sd, direction: direction_named }
         };
         directions.iter().map(named).collect()
+    }
+}
+
+impl fmt::Display for Unobservable {
+    /// The components, the largest first: `c_cart[0] +1.000, c_link[0] -0.020`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut shares: Vec<_> = self.direction.iter().collect();
+        shares.sort_by(|(_, one), (_, other)| other.abs().total_cmp(&one.abs()));
+        let shares: Vec<String> = shares.into_iter().map(|(name, share)| format!("{name} {share:+.3}")).collect();
+        f.write_str(&shares.join(", "))
     }
 }
 

@@ -27,7 +27,7 @@ const CONVERGED_PRIOR_SD: f64 = 1e-3;
 /// Largest factor that a compliance changes by in a round: none becomes negative.
 const MOST_CHANGE: f64 = 20.0;
 /// Change of a compliance, in file's values, that a result is refused at: it runs away to zero or to infinity.
-const AT_BOUND: f64 = 1e3;
+const MOST_FACTOR: f64 = 100.0;
 /// Elongation that is a scale of the play before one is known, and hysteresis of a gauge that would matter; m.
 const PLAY_SCALE_M: f64 = 20e-6;
 const HYSTERESIS_SCALE_M: f64 = 10e-6;
@@ -86,7 +86,10 @@ pub(super) struct Solved<const N: usize> {
     pub(super) rows: Rows,
     /// What they see, in shares of the file's compliances.
     pub(super) seen: Seen,
+    /// Rounds that it took.
     pub(super) rounds: u32,
+    /// The next step would be none.
+    pub(super) is_settled: bool,
 }
 
 impl<const N: usize> Solved<N> {
@@ -127,12 +130,29 @@ pub(super) fn fit<const N: usize>(
     choice: &Choice,
     start: State<N>,
 ) -> Result<Solved<N>, SpringsError> {
+    let solved = rounds(question, choice, start, MAX_ROUNDS)?;
+    let factors = vector(&solved.state.compliances).component_div(&vector(question.file));
+    // A compliance that has left the file's by orders of magnitude is a model error, not a result.
+    if let Some(index) = factors.iter().position(|factor| !(1.0 / MOST_FACTOR..=MOST_FACTOR).contains(factor)) {
+        return Err(SpringsError::AtBound { index, factor: factors[index] });
+    }
+    let step_sd = solved.seen.step_sd();
+    if solved.is_settled { Ok(solved) } else { Err(SpringsError::NotConverged { step_sd }) }
+}
+
+/// Steps towards the fit, at most so many, until it has settled.
+pub(super) fn rounds<const N: usize>(
+    question: &Question<'_, N>,
+    choice: &Choice,
+    start: State<N>,
+    most: u32,
+) -> Result<Solved<N>, SpringsError> {
     let springs = LINKS + N;
     let mut state = start;
     let hysteresis = if choice.has_hysteresis { question.campaign.gauges.len() } else { 0 };
     let mut hysteresis_m = DVector::zeros(hysteresis);
-    let mut step_sd = f64::INFINITY;
-    for rounds in 1..=MAX_ROUNDS {
+    let mut rounds = 1;
+    loop {
         let mut lines = question.lines(&state, &choice.is_crossed)?;
         take_off_hysteresis(question, &mut lines, &hysteresis_m);
         let blocks = Blocks::new(question, choice, &lines, &state.setup, &[]).ok_or(SpringsError::Noise)?;
@@ -141,29 +161,18 @@ pub(super) fn fit<const N: usize>(
             return Err(SpringsError::TooFew { readings: blocks.rows.degrees(), parameters: scales.len() });
         }
         let seen = Seen::new(&blocks.rows, &scales);
-        step_sd = seen.step_sd();
-        let step = seen.step(0.0);
-        let step = bounded(&vector(&state.compliances), step);
+        let step = bounded(question, &state, seen.step(0.0));
         let Eliminated { setup, loads, left } = blocks.eliminated(question, &lines, &state, &step);
-        if step_sd < CONVERGED_SD && (setup.is_empty() || setup.amax() < CONVERGED_PRIOR_SD) {
-            at_bound(question, &state)?;
-            return Ok(Solved { state, hysteresis_m, lines, left, rows: blocks.rows, seen, rounds });
+        let is_settled = seen.step_sd() < CONVERGED_SD && (setup.is_empty() || setup.amax() < CONVERGED_PRIOR_SD);
+        if is_settled || rounds == most {
+            return Ok(Solved { state, hysteresis_m, lines, left, rows: blocks.rows, seen, rounds, is_settled });
         }
         state.compliances = compliances_of(&(vector(&state.compliances) + step.rows(0, springs)))?;
         state.elongation_m += if choice.has_play() { step[springs] } else { 0.0 };
         hysteresis_m += step.rows(step.len() - hysteresis, hysteresis);
         state.setup += setup;
         state.loads = loads;
-    }
-    Err(SpringsError::NotConverged { step_sd })
-}
-
-/// A compliance that has left the file's by orders of magnitude is a model error, not a result.
-fn at_bound<const N: usize>(question: &Question<'_, N>, state: &State<N>) -> Result<(), SpringsError> {
-    let factors = vector(&state.compliances).component_div(&vector(question.file));
-    match factors.iter().position(|factor| !(1.0 / AT_BOUND..=AT_BOUND).contains(factor)) {
-        Some(index) => Err(SpringsError::AtBound { index, factor: factors[index] }),
-        None => Ok(()),
+        rounds += 1;
     }
 }
 
@@ -177,10 +186,12 @@ fn take_off_hysteresis<const N: usize>(question: &Question<'_, N>, lines: &mut [
     }
 }
 
-/// Cuts a step, so that no compliance changes by more than [`MOST_CHANGE`].
-fn bounded(from: &DVector<f64>, mut step: DVector<f64>) -> DVector<f64> {
-    for (step, from) in step.iter_mut().zip(from) {
-        *step = (from + *step).clamp(from / MOST_CHANGE, from * MOST_CHANGE) - from;
+/// Cuts a step, so that no compliance changes by more than [`MOST_CHANGE`] nor leaves the file's by more than [`MOST_FACTOR`], and a bit.
+fn bounded<const N: usize>(question: &Question<'_, N>, state: &State<N>, mut step: DVector<f64>) -> DVector<f64> {
+    let most = 1.1 * MOST_FACTOR;
+    for ((step, from), file) in step.iter_mut().zip(&vector(&state.compliances)).zip(&vector(question.file)) {
+        let to = (from + *step).clamp(from / MOST_CHANGE, from * MOST_CHANGE);
+        *step = to.clamp(file / most, file * most) - from;
     }
     step
 }

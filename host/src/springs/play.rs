@@ -323,3 +323,85 @@ fn preload<const N: usize>(
     let ends = [-(near - crossing.sign * MARGIN_SD * near_sd), -(far + crossing.sign * MARGIN_SD * far_sd)];
     Some([ends[0].min(ends[1]), ends[0].max(ends[1])])
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+    use rand::Rng;
+
+    use super::*;
+    use crate::robot_file::RobotFile;
+    use crate::springs::agreement::fit_agreeing;
+    use crate::springs::campaigns::{Bench, FINE, HOME, HOOKS, Strap, campaign_a, never, seeded, straps};
+    use crate::springs::lines::vector;
+
+    /// Campaign A, and a strap in x up to 460 N and back in steps of 20 N.
+    fn with_long_series() -> Bench<3> {
+        let mut all = straps(1, &HOOKS);
+        let up = (0..=23).map(|step| f64::from(step) * 20.0);
+        let levels: Vec<f64> = up.clone().chain(up.rev().skip(1)).collect();
+        all.push(Strap { pose: 0, hook: HOOKS[0], direction: Vector3::x(), levels });
+        Bench::new(&RobotFile::builtin_l2().unwrap(), &[HOME], &all, FINE)
+    }
+
+    fn found(bench: &Bench<3>) -> (Agreement<3>, Option<FoundPlay>) {
+        let question = bench.question();
+        let without = fit_agreeing(&question, &Choice::all(&bench.campaign), State::start(&question)).unwrap();
+        match with_play(&question, &without, true).unwrap() {
+            Some((agreement, play)) => (agreement, Some(play)),
+            None => (without, None),
+        }
+    }
+
+    /// Jump at 330 to 390 N in x, up to 25 N earlier on the way back, of 25 to 55 um, in most campaigns with a window inside the crossing.
+    #[test]
+    fn a_jump_is_found_with_its_preload() {
+        let campaigns = 200;
+        let (mut squares, mut reduced, mut largest) = (0.0, 0.0_f64, 0.0_f64);
+        for seed in 0..campaigns {
+            let mut random = seeded(seed);
+            let mut bench = with_long_series();
+            let truth = bench.true_springs(&mut random);
+            // 300 N in x are -141 N of the cluster at the file's springs and at any others: forces balance.
+            let rising = random.random_range(330.0..390.0) * 0.47;
+            let falling = rising - random.random_range(0.0..25.0) * 0.47;
+            let gap = random.random_range(25e-6..55e-6);
+            // The joint crosses within 2 N of cluster force.
+            let beyond = |force: f64, stroke: i8| {
+                let threshold = if stroke >= 0 { rising } else { falling };
+                ((-force - threshold) / 2.0 + 0.5).clamp(0.0, 1.0)
+            };
+            bench.measure(&truth, &mut random, -gap, beyond);
+            let (agreement, play) = found(&bench);
+            let play = play.unwrap_or_else(|| panic!("{seed}: no play"));
+            let sd = agreement.solved.seen.covariance()[(9, 9)].sqrt();
+            let score = (play.gap_m - gap) / sd;
+            largest = largest.max(score.abs());
+            squares += score * score / campaigns as f64;
+            let [[low_up, high_up], [low_down, high_down]] = play.preload_n;
+            assert!((low_up..=high_up).contains(&rising), "{seed}: rising {rising} {play:?}");
+            assert!((low_down..=high_down).contains(&falling), "{seed}: falling {falling} {play:?}");
+            let chi = agreement.solved.rows.chi_squared() / crate::fit::statistics::float(agreement.solved.degrees());
+            reduced = reduced.max(chi);
+            let off = vector(&agreement.solved.state.compliances) - vector(&truth);
+            let covariance = agreement.solved.seen.covariance();
+            assert!(
+                off.iter().enumerate().all(|(spring, off)| off.abs() < 5.0 * covariance[(spring, spring)].sqrt()),
+                "{seed}"
+            );
+        }
+        assert!(largest < 4.0 && squares.sqrt() < 1.35, "{largest} {squares}");
+        assert!(reduced < 1.25, "{reduced}");
+    }
+
+    #[test]
+    fn no_play_is_invented() {
+        for seed in 0..200 {
+            let mut random = seeded(seed);
+            let mut bench = if seed % 2 == 0 { campaign_a(FINE) } else { with_long_series() };
+            let truth = bench.true_springs(&mut random);
+            bench.measure(&truth, &mut random, 0.0, never);
+            assert_eq!(found(&bench).1, None, "{seed}");
+        }
+    }
+}

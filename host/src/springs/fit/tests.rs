@@ -107,3 +107,45 @@ fn an_f1_with_gauges_on_every_axis_and_a_set_up_that_is_known_about() {
     assert!((0.91..=0.985).contains(&pooled), "{pooled}: {}", coverage.held);
     assert!((0.98..1.02).contains(&coverage.reduced), "{}", coverage.reduced);
 }
+
+/// Without gauges on the carts, link 11 and cart 1 are one spring at one pose: `c_11 + c_1 (s_11 . v_1)^2`.
+#[test]
+fn cart_1_cannot_be_told_from_link_11_without_its_gauge() {
+    let mut random = seeded(1);
+    let mut bench = campaign_a(FINE);
+    let truth = bench.true_springs(&mut random);
+    bench.measure(&truth, &mut random, 0.0, never);
+    for window in &mut bench.campaign.windows {
+        window.readings_m[6..].fill(None);
+    }
+    let found = fitted(&bench);
+    let lost = found.seen.lost();
+    let [direction] = lost.as_slice() else { panic!("{lost:?}") };
+    let mut expected = DVector::zeros(9);
+    (expected[6], expected[0]) = (1.0, -0.032);
+    let cosine = direction.components.dot(&expected) / expected.norm();
+    assert!(cosine.abs() >= 0.99, "{cosine}");
+    assert_eq!(crate::fit::answer::Status::of(&found.seen, 6), crate::fit::answer::Status::Kept);
+    let kept = found.state.compliances.cart_m_per_n()[0] / bench.file.cart_m_per_n()[0];
+    assert!((kept - 1.0).abs() < 0.01, "the file's value stays: {kept}");
+}
+
+/// `[T 4.2.9]`: home, one strap in x, three gauges at one point; the carts are measured besides. Three numbers, not six springs.
+#[test]
+fn the_measurement_of_the_thesis_gives_three_of_six_links() {
+    let robot = RobotFile::builtin_l2().unwrap();
+    let mut bench = Bench::new(&robot, &[HOME], &straps(1, &HOOKS[..1])[..1], FINE);
+    for (gauge, axis) in
+        [nalgebra::Vector3::x(), nalgebra::Vector3::y(), nalgebra::Vector3::z()].into_iter().enumerate()
+    {
+        bench.campaign.gauges[gauge].gauge =
+            crate::springs::gauge::Gauge::Platform { point_m: nalgebra::Vector3::new(0.0, 0.0, 0.1), axis };
+    }
+    for window in &mut bench.campaign.windows {
+        window.readings_m[3..6].fill(None);
+    }
+    let question = bench.question();
+    let lost = rounds(&question, &Choice::all(&bench.campaign), State::start(&question), 1).unwrap().seen.lost();
+    let of_links = lost.iter().filter(|direction| direction.components.rows(0, 6).norm() > 0.9).count();
+    assert_eq!(of_links, 3, "{lost:?}");
+}

@@ -5,12 +5,13 @@ mod plausible;
 
 use std::path::PathBuf;
 
+use gantry_tau_core::model::l2::AXES;
 use gantry_tau_core::model::robot::LINKS;
 use nalgebra::{DMatrix, Vector6};
 
 use super::agreement::{Agreement, fit_agreeing};
 use super::choice::Choice;
-use super::fit::{SpringsError, fit};
+use super::fit::{SpringsError, fit, rounds};
 use super::lines::{Question, State};
 use super::play::{FoundPlay, with_play};
 use super::setup::SetupConstants;
@@ -72,6 +73,16 @@ pub enum IdentifyError {
         /// What is wrong.
         reason: SpringsError,
     },
+    /// A spring runs away, and there are combinations of springs that the campaign does not show.
+    #[error("{table}: {reason}; the campaign does not show {unseen}: add straps, gauges or poses (gantry-tau plan)")]
+    Unseen {
+        /// The table.
+        table: String,
+        /// What is wrong.
+        reason: SpringsError,
+        /// Combinations that are not seen.
+        unseen: String,
+    },
     /// The robot file cannot be changed.
     #[error("the robot file cannot be changed: {0}")]
     Edit(String),
@@ -116,10 +127,7 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     let geometry = robot.model.geometry();
     let question = Question { geometry: &geometry, file, campaign: &campaign, setup };
     plausible::check(&question)?;
-    let found = find(question, options).map_err(|error| match error {
-        IdentifyError::Fit { reason, .. } => IdentifyError::Fit { table: campaign.table.clone(), reason },
-        other => other,
-    })?;
+    let found = find(question, options)?;
     let answer = found.answer(model, options);
     let doubts = found.doubts(&answer);
     let mut warnings = found.warnings(&answer);
@@ -137,19 +145,32 @@ fn find<'a, const N: usize>(
     question: Question<'a, N>,
     options: &IdentifyOptions,
 ) -> Result<Found<'a, N>, IdentifyError> {
-    let failed = |reason: SpringsError| IdentifyError::Fit { table: String::new(), reason };
+    let table = question.campaign.table.clone();
+    let failed = |reason: SpringsError| IdentifyError::Fit { table: table.clone(), reason };
     let choice = Choice {
         has_hysteresis: options.has_hysteresis,
         has_drift: options.has_drift,
         ..Choice::all(question.campaign)
     };
-    let start = State::start(&question);
-    let lines = question.lines(&start, &choice.is_crossed).map_err(|error| failed(error.into()))?;
-    plausible::gauges(&question, &lines)?;
+    let first = rounds(&question, &choice, State::start(&question), 1).map_err(failed)?;
+    plausible::gauges(&question, &first.lines)?;
+    let failed = |reason: SpringsError| match (reason, first.seen.lost().as_slice()) {
+        (reason @ (SpringsError::AtBound { .. } | SpringsError::NotConverged { .. }), [_, ..]) => {
+            let unseen = Unobservable::list(&names(question.campaign, &choice, false), &first.seen.lost());
+            let unseen = unseen.iter().map(Unobservable::to_string).collect::<Vec<_>>().join("; ");
+            IdentifyError::Unseen { table: table.clone(), reason, unseen }
+        }
+        (reason, _) => IdentifyError::Fit { table: table.clone(), reason },
+    };
+    let start = first.state.clone();
     let without = if options.is_robust {
         fit_agreeing(&question, &choice, start).map_err(failed)?
     } else {
-        Agreement { solved: fit(&question, &choice, start).map_err(failed)?, choice, refused: Vec::new() }
+        Agreement {
+            solved: fit(&question, &choice, start).map_err(failed)?,
+            choice: choice.clone(),
+            refused: Vec::new(),
+        }
     };
     let (agreement, play) = match with_play(&question, &without, options.is_robust).map_err(failed)? {
         Some((agreement, play)) => (agreement, Some(play)),
@@ -158,18 +179,22 @@ fn find<'a, const N: usize>(
     Ok(Found { question, agreement, play })
 }
 
-impl<const N: usize> Found<'_, N> {
-    /// Names and units of the parameters.
-    fn names(&self) -> Vec<(String, &'static str)> {
-        let axes = if N == 3 { "c_cart" } else { "c_act" };
-        let links = (0..LINKS).map(|link| (format!("c_link[{link}]"), "m/N"));
-        let axes = (0..N).map(|axis| (format!("{axes}[{axis}]"), "m/N"));
-        let play = self.play.as_ref().map(|_| ("play.gap_m".to_owned(), "m"));
-        let gauges = self.question.campaign.gauges.iter().filter(|_| self.agreement.choice.has_hysteresis);
-        let hysteresis = gauges.map(|gauge| (format!("hysteresis[{}]", gauge.name), "m"));
-        links.chain(axes).chain(play).chain(hysteresis).collect()
-    }
+/// Names and units of the parameters.
+fn names<const N: usize>(campaign: &Campaign<N>, choice: &Choice, has_play: bool) -> Vec<(String, &'static str)> {
+    let links = (0..LINKS).map(|link| (format!("c_link[{link}]"), "m/N"));
+    let axes = (0..N).map(|axis| (format!("{}[{axis}]", axes_key::<N>()), "m/N"));
+    let play = has_play.then(|| ("play.gap_m".to_owned(), "m"));
+    let gauges = campaign.gauges.iter().filter(|_| choice.has_hysteresis);
+    let hysteresis = gauges.map(|gauge| (format!("hysteresis[{}]", gauge.name), "m"));
+    links.chain(axes).chain(play).chain(hysteresis).collect()
+}
 
+/// Key of the compliances of the axes.
+const fn axes_key<const N: usize>() -> &'static str {
+    if N == AXES { "c_cart" } else { "c_act" }
+}
+
+impl<const N: usize> Found<'_, N> {
     fn answer(&self, model: &'static str, options: &IdentifyOptions) -> Answer {
         let Agreement { solved, choice, refused } = &self.agreement;
         let (mut values, mut covariance) = (solved.values(choice), solved.seen.covariance());
@@ -184,7 +209,7 @@ impl<const N: usize> Found<'_, N> {
         if is_scaled {
             covariance *= chi2 / float(dof);
         }
-        let names = self.names();
+        let names = names(self.question.campaign, choice, self.play.is_some());
         let mut parameters = Parameter::list(&names, &values, &covariance, |index| Status::of(&solved.seen, index));
         if is_scaled {
             parameters.iter_mut().for_each(|parameter| parameter.set_reach(students_t_95(dof)));
@@ -273,9 +298,7 @@ impl<const N: usize> Found<'_, N> {
             ));
         }
         for direction in answer.unobservable.iter().filter(|direction| direction.relative_sd > 1.0) {
-            let shares: Vec<String> =
-                direction.direction.iter().map(|(name, share)| format!("{name} {share:+.3}")).collect();
-            doubts.push(format!("not observable, kept at the file's value: {}", shares.join(", ")));
+            doubts.push(format!("not observable, kept at the file's value: {direction}"));
         }
         let readings = readings(self.question.campaign);
         if float(answer.outliers.len()) > MOST_OUTLIERS * float(readings) {
@@ -323,7 +346,7 @@ impl<const N: usize> Found<'_, N> {
         let values: Vec<f64> = answer.parameters.iter().map(|parameter| parameter.value).collect();
         let (links, axes) = values.split_at(LINKS);
         text.set_numbers("c_link", links);
-        text.set_numbers(if N == 3 { "c_cart" } else { "c_act" }, &axes[..N]);
+        text.set_numbers(axes_key::<N>(), &axes[..N]);
         let springs = LINKS + N;
         let identified = Identified {
             measurements: campaign.table.clone(),
