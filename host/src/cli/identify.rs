@@ -31,6 +31,9 @@ pub(crate) struct Identify {
     /// Replace an existing robot file
     #[arg(long)]
     force: bool,
+    /// Page with springs, intervals and plots
+    #[arg(long, value_name = "PAGE.html")]
+    report: Option<PathBuf>,
     /// The answer for programs: parameters, intervals, covariance, outliers, play
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -71,6 +74,9 @@ impl Identify {
         write(&self.output, &identification.robot_file)?;
         if let Some(path) = &self.json {
             write(path, &identification.json)?;
+        }
+        if let Some(path) = &self.report {
+            write(path, &identification.report)?;
         }
         say(format_args!("{}: {}", self.output.display(), identification.summary));
         for warning in &identification.warnings {

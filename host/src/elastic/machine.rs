@@ -14,7 +14,7 @@ use std::fmt;
 
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::robot::{Compliances, LINKS};
-use nalgebra::{Matrix6, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix6, Matrix6x3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 use super::backlash::Backlash;
 use super::joints::{Joint, joint};
@@ -181,7 +181,8 @@ impl<const N: usize> ElasticMachine<N> {
     #[must_use]
     pub fn transmission(&self, axes: &[f64; N], at: &Equilibrium<N>) -> Option<Transmission<N>> {
         let lines = self.lines(&self.displaced(&SVector::from(*axes), &at.axis_loads), &at.pose);
-        Some(Transmission { inverse: lines.matrix.try_inverse()?, drives: lines.drives })
+        let directions = lines.matrix.fixed_rows::<3>(0).transpose();
+        Some(Transmission { inverse: lines.matrix.try_inverse()?, directions, drives: lines.drives })
     }
 
     /// Returns the axes behind their springs: `q_i + c_i tau_i`, q-units.
@@ -236,6 +237,8 @@ impl<const N: usize> ElasticMachine<N> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transmission<const N: usize> {
     inverse: Matrix6<f64>,
+    /// `s_ij`, by rows.
+    directions: Matrix6x3<f64>,
     drives: SMatrix<f64, 6, N>,
 }
 
@@ -244,6 +247,12 @@ impl<const N: usize> Transmission<N> {
     #[must_use]
     pub fn tensions_n(&self, load: &Vector6<f64>) -> Vector6<f64> {
         -(self.inverse * load)
+    }
+
+    /// Elongations of the links with the platform moved and not turned, and the axes shifted (q-units), m: `s . (dA - dT)`.
+    #[must_use]
+    pub fn elongations_m(&self, moved_m: &Vector3<f64>, shifts: &SVector<f64, N>) -> Vector6<f64> {
+        self.drives * shifts - self.directions * moved_m
     }
 
     /// Loads of the axes under these tensions, and pushed at: `t - D^T f`.

@@ -103,6 +103,16 @@ impl fmt::Display for Unobservable {
 }
 
 impl Status {
+    /// Its name, as in an answer.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Identified => "identified",
+            Self::Weak => "weak",
+            Self::Kept => "kept",
+        }
+    }
+
     /// Of one parameter of a fit: kept, where more than half of its axis lies in lost directions, weak, where it does in weak ones.
     #[must_use]
     pub fn of(seen: &Seen, parameter: usize) -> Self {

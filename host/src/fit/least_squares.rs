@@ -189,6 +189,12 @@ impl Seen {
         found
     }
 
+    /// All directions, the worst first.
+    #[must_use]
+    pub fn all(&self) -> Vec<Direction> {
+        self.directions(0.0, f64::INFINITY)
+    }
+
     /// Directions that cannot be seen.
     #[must_use]
     pub fn lost(&self) -> Vec<Direction> {

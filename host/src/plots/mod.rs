@@ -27,12 +27,14 @@ pub(crate) struct Curve {
     pub(crate) dots: bool,
     /// Draws no line between the points.
     pub(crate) no_line: bool,
+    /// Number of its colour; without one, its place among the curves.
+    pub(crate) colour: Option<usize>,
 }
 
 impl Curve {
     /// Creates a line.
     pub(crate) fn line(name: &str, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.to_owned(), points, dots: false, no_line: false }
+        Self { name: name.to_owned(), points, dots: false, no_line: false, colour: None }
     }
 
     /// Creates dots without a line.
@@ -102,21 +104,23 @@ impl Plot {
             mesh.y_labels(names.len() + 1).y_label_formatter(&name);
         }
         mesh.draw()?;
-        for (curve, colour) in self.curves.iter().zip(COLOURS.iter().cycle()) {
+        for (place, curve) in self.curves.iter().enumerate() {
+            let mut colours = COLOURS.iter().cycle().skip(curve.colour.unwrap_or(place));
+            let Some(colour) = colours.next() else { continue };
             let style = colour.stroke_width(2);
+            let is_named = !curve.name.is_empty();
             if !curve.no_line {
-                let line = LineSeries::new(curve.points.iter().copied(), style);
-                chart
-                    .draw_series(line)?
-                    .label(&curve.name)
-                    .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+                let line = chart.draw_series(LineSeries::new(curve.points.iter().copied(), style))?;
+                if is_named {
+                    line.label(&curve.name).legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+                }
             }
             if curve.dots {
                 let dot = |point: &(f64, f64)| Circle::new(*point, 4, colour.filled());
-                let series = chart.draw_series(curve.points.iter().map(dot))?;
-                if curve.no_line {
+                let dots = chart.draw_series(curve.points.iter().map(dot))?;
+                if is_named && curve.no_line {
                     let colour = *colour;
-                    series.label(&curve.name).legend(move |(x, y)| Circle::new((x + 9, y), 4, colour.filled()));
+                    dots.label(&curve.name).legend(move |(x, y)| Circle::new((x + 9, y), 4, colour.filled()));
                 }
             }
         }

@@ -140,7 +140,11 @@ fn scale(deviations: &[Vec<f64>], possible: &[Vec<f64>]) -> f64 {
 
 /// Deviation of each reading from what the other readings of its window let expect, in standard deviations; by window and gauge, NaN where
 /// there is no reading.
-fn deviations<const N: usize>(question: &Question<'_, N>, choice: &Choice, solved: &Solved<N>) -> Vec<Vec<f64>> {
+pub(super) fn deviations<const N: usize>(
+    question: &Question<'_, N>,
+    choice: &Choice,
+    solved: &Solved<N>,
+) -> Vec<Vec<f64>> {
     let load_variances = DMatrix::from_diagonal(&DVector::from_column_slice(question.load_variances().as_slice()));
     let gauges = question.campaign.gauges.len();
     let of_window = |(lines, left): (&Lines, &DVector<f64>)| {

@@ -2,6 +2,8 @@
 
 pub mod answer;
 mod plausible;
+mod report;
+mod thesis;
 
 use std::path::PathBuf;
 
@@ -95,6 +97,8 @@ pub struct Identification {
     pub json: String,
     /// Text of the robot file of this machine: that of the file that the identification began with, its compliances replaced.
     pub robot_file: String,
+    /// Page with plots.
+    pub report: String,
     /// What was found, in one line.
     pub summary: String,
     /// What a person should look at; empty where there is nothing.
@@ -135,6 +139,7 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     Ok(Identification {
         json: serde_json::to_string_pretty(&answer).map_err(|error| IdentifyError::Edit(error.to_string()))?,
         robot_file,
+        report: found.report(&answer, options, &doubts, &warnings),
         summary: found.summary(&answer),
         warnings,
         doubts,
