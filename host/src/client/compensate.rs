@@ -9,7 +9,7 @@ use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{OffsetNm, PositionNm};
 
-use crate::model::{Compensator, MachineKind};
+use crate::model::{Compensator, CompensatorSetup, MachineKind};
 use crate::robot_file::RobotFile;
 
 /// Tare, filter and compensation, once per cycle.
@@ -36,7 +36,13 @@ impl<const N: usize> Compensation<N> {
             limits: welcome.limits.map(|axis| OffsetNm(axis.position.max())),
             metres_per_q: robot.metres_per_q,
         };
-        let compensator = robot.model.compensator(compliances, config);
+        let compensator = robot.model.compensator(&CompensatorSetup {
+            compliances,
+            config,
+            correction: robot.correction(),
+            wrist: &robot.wrist,
+            home_m: robot.home_m(),
+        });
         let sensor = ForceSensor::new(SensorConfig {
             rotation: robot.sensor.rotation_matrix(),
             lever_m: robot.sensor.lever_m.into(),
