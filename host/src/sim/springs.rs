@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::parameters::{SimulationError, SimulationParameters};
 use crate::elastic::backlash::Backlash;
-use crate::elastic::{ElasticMachine, Equilibrium};
+use crate::elastic::{ElasticError, ElasticMachine, Equilibrium};
 use crate::robot_file::Simulation;
 
 /// Deviates every nominal spring by its own seeded share, and gives the joint of arm 3 its backlash.
@@ -35,14 +35,23 @@ fn backlash<const N: usize>(
     rigid_joint: &ElasticMachine<N>,
     parameters: &SimulationParameters<N>,
 ) -> Result<Backlash, SimulationError> {
-    let Simulation { jump_gap_m, jump_force_n, home_m, .. } = parameters.simulation;
-    if jump_gap_m <= 0.0 {
+    let gap_m = parameters.simulation.jump_gap_m;
+    if gap_m <= 0.0 {
         return Ok(Backlash::NONE);
     }
-    let start = Equilibrium::at_home(home_m);
-    let load = Vector6::new(jump_force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
-    let at_jump = rigid_joint.equilibrium(&parameters.home_q, &load, &start).map_err(SimulationError::Springs)?;
-    Backlash::new(jump_gap_m, -at_jump.cluster_3_n()).ok_or(SimulationError::NoJump)
+    let preload_n = preload_n(rigid_joint, &parameters.simulation, &parameters.home_q);
+    Backlash::new(gap_m, preload_n.map_err(SimulationError::Springs)?).ok_or(SimulationError::NoJump)
+}
+
+/// Returns the sum of the tensions of cluster 3 that a force of `jump_force_n` in x cancels at home, N.
+pub(crate) fn preload_n<const N: usize>(
+    rigid_joint: &ElasticMachine<N>,
+    simulation: &Simulation,
+    home_q: &[f64; N],
+) -> Result<f64, ElasticError> {
+    let load = Vector6::new(simulation.jump_force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let at_jump = rigid_joint.equilibrium(home_q, &load, &Equilibrium::at_home(simulation.home_m))?;
+    Ok(-at_jump.cluster_3_n())
 }
 
 #[cfg(test)]

@@ -43,7 +43,7 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     let agreement = fit_agreeing(&model, seen_by(&file, &frames.device, &frames.target))
         .map_err(|error| no_start(error.to_string()))?;
     let moved = model
-        .in_frame_of(&agreement, &file)
+        .in_frame_of(&agreement, &file, &robot.home_m())
         .map_err(|reason| CalibrateError::Prediction { table: table.clone(), reason: reason.to_string() })?;
     let state = &agreement.fit.state;
     let reached = survey(robot, Grid::of(robot, GRID_CELLS), |_| ()).places.into_iter();
