@@ -282,7 +282,12 @@ pub struct InRobotFrame {
 
 impl Poses<'_> {
     /// Poses of the robot file's machine, whose home is at `home_m`.
-    fn of_file(&self, file: &f1::Geometry, home_m: &Vector3<f64>, used: &[usize]) -> Result<Vec<Pose>, PredictionError> {
+    fn of_file(
+        &self,
+        file: &f1::Geometry,
+        home_m: &Vector3<f64>,
+        used: &[usize],
+    ) -> Result<Vec<Pose>, PredictionError> {
         let kinematics = Self::kinematics(file)?;
         let mut poses: Vec<Pose> = Vec::new();
         for &index in used {

@@ -42,4 +42,3 @@ impl<const N: usize> FileModel<N> {
         Some(1.0 / loop_gain)
     }
 }
-

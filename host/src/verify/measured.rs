@@ -123,7 +123,11 @@ impl<'a, const N: usize> Series<'a, N> {
     }
 
     fn failed(&self, [_, on]: &[usize; 2]) -> VerifyError {
-        failed(self.campaign, &self.campaign.windows[*on], &"the gauges of the window have no zero, or its links no equilibrium")
+        failed(
+            self.campaign,
+            &self.campaign.windows[*on],
+            &"the gauges of the window have no zero, or its links no equilibrium",
+        )
     }
 
     /// Mean residual of a gauge without load, and the number of readings behind it.
@@ -179,9 +183,9 @@ impl<'a, const N: usize> Series<'a, N> {
             interval95_m: [(predicted_m - half_m).max(0.0), predicted_m + half_m],
             z: deviation(&more, &covariance),
             changes_sides: [off, on].into_iter().any(|linear| self.model.changes_sides(&linear.now)),
-            largest_gain: force.try_normalize(1e-9).and_then(|normal| {
-                self.model.largest_gain(&window.q, &self.began, &normal, workpiece_n_per_m)
-            }),
+            largest_gain: force
+                .try_normalize(1e-9)
+                .and_then(|normal| self.model.largest_gain(&window.q, &self.began, &normal, workpiece_n_per_m)),
         })
     }
 

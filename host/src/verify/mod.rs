@@ -40,15 +40,22 @@ pub enum VerifyError {
         reason: String,
     },
     /// There is no pair.
-    #[error("{table}: there is no pair of windows; two rows of a series with the same window and a load are one, with compensation off and on")]
+    #[error(
+        "{table}: there is no pair of windows; two rows of a series with the same window and a load are one, with compensation off and on"
+    )]
     NoPairs {
         /// The table.
         table: String,
     },
     /// The file carries no covariance.
-    #[error("{file}: has no [identified] with a covariance, so there is no uncertainty to predict with; identify writes one")]
+    #[error(
+        "{file}: has no [identified] with a covariance, so there is no uncertainty to predict with; identify writes one"
+    )]
     NotIdentified {
         /// The robot file.
         file: String,
     },
 }
+
+#[cfg(test)]
+mod tests;

@@ -41,11 +41,14 @@ fn of_series<const N: usize>(campaign: &Campaign<N>, series: usize) -> Result<Se
     let zero_q = windows().find(|(_, window)| is_unloaded(campaign, window)).map(|(_, window)| window.q);
     let loaded: Vec<(usize, &Window<N>)> = windows().filter(|(_, window)| !is_unloaded(campaign, window)).collect();
     for (at, &(index, window)) in loaded.iter().enumerate() {
-        let zero_q = zero_q.ok_or_else(|| refused(window, "its series has no row without a load, so its gauges have no zero".to_owned()))?;
+        let zero_q = zero_q.ok_or_else(|| {
+            refused(window, "its series has no row without a load, so its gauges have no zero".to_owned())
+        })?;
         let is_partner = |other: &&(usize, &Window<N>)| other.1.window == window.window && other.0 != index;
         let mut partners = loaded.iter().filter(is_partner);
         let (Some(&(partner, other)), None) = (partners.next(), partners.next()) else {
-            let reason = format!("window {:?} must stand twice in its series, with compensation off and on", window.window);
+            let reason =
+                format!("window {:?} must stand twice in its series, with compensation off and on", window.window);
             return Err(refused(window, reason));
         };
         if loaded.iter().take(at).any(|(earlier, _)| *earlier == partner) {
@@ -81,5 +84,9 @@ fn is_same_load<const N: usize>(campaign: &Campaign<N>, one: &Vector6<f64>, othe
     let sizes = [force, force, force, moment, moment, moment];
     let differences = (one - other).abs();
     let allowed = noise(campaign) * (2.0 * UNLOADED_SD);
-    differences.iter().zip(&allowed).zip(sizes).all(|((difference, noise), size)| *difference <= noise + SAME_LOAD * size)
+    differences
+        .iter()
+        .zip(&allowed)
+        .zip(sizes)
+        .all(|((difference, noise), size)| *difference <= noise + SAME_LOAD * size)
 }

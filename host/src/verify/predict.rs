@@ -12,7 +12,10 @@ use crate::elastic::{Equilibrium, Pose};
 use crate::fit::statistics::NORMAL_95;
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
-use crate::workspace::{Grid, survey};
+use crate::workspace::{Grid, Surveyor, survey};
+
+/// Largest compliance of a place that is judged, over that at home. Near a singularity displacements have no bound.
+const MOST_COMPLIANT: f64 = 10.0;
 
 /// Loads of a prediction, and the workpiece of its feedback margin.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,6 +45,8 @@ pub struct Remainder {
     pub high95_m: f64,
     /// True where cluster 3 may change sides: its play is not compensated.
     pub changes_sides: bool,
+    /// True where a limit of the offsets cuts the correction.
+    pub saturated: bool,
 }
 
 impl Remainder {
@@ -49,6 +54,12 @@ impl Remainder {
     #[must_use]
     pub fn expected_m(&self) -> f64 {
         self.after_m.hypot(self.sd_m)
+    }
+
+    /// True if neither play nor limits take part.
+    #[must_use]
+    pub const fn is_judged(&self) -> bool {
+        !self.changes_sides && !self.saturated
     }
 }
 
@@ -64,11 +75,9 @@ pub struct PlacePrediction {
 }
 
 impl PlacePrediction {
-    /// Returns the largest expected displacement over the loads under which cluster 3 stays on its side, m.
-    #[must_use]
-    pub fn worst_m(&self) -> Option<f64> {
-        let judged = self.loads.iter().filter(|load| !load.changes_sides);
-        judged.map(Remainder::expected_m).max_by(f64::total_cmp)
+    /// Returns the largest value over the loads that are judged.
+    pub(super) fn worst(&self, value: impl Fn(&Remainder) -> f64) -> Option<f64> {
+        self.loads.iter().filter(|load| load.is_judged()).map(value).max_by(f64::total_cmp)
     }
 }
 
@@ -81,8 +90,10 @@ pub struct Prediction {
     pub force_n: f64,
     /// Stiffness of the workpiece, N/m.
     pub workpiece_n_per_m: f64,
-    /// Places that are reached.
+    /// Places that are reached, and at most ten times as compliant as home.
     pub places: Vec<PlacePrediction>,
+    /// Number of places that are reached, and more compliant.
+    pub too_compliant: usize,
 }
 
 /// Returns the directions of the loads: both ways along the axes of the world and along the diagonals between them.
@@ -109,11 +120,16 @@ pub fn predict<K: MachineKind<N>, const N: usize>(
     let model = FileModel::new(file)?;
     let PredictOptions { cells, force_n, workpiece_n_per_m } = *options;
     let grid = Grid::of(file, cells);
-    let places = survey(file, grid, |_| ()).places.into_iter().filter_map(|place| {
-        let q = place.reached.ok()?.q;
-        model.place(file, &place.tool_m, &q, options)
-    });
-    Ok(Prediction { grid, force_n, workpiece_n_per_m, places: places.collect() })
+    let reached: Vec<_> = (survey(file, grid, |_| ()).places.into_iter())
+        .filter_map(|place| Some((place.tool_m, place.reached.ok()?)))
+        .collect();
+    let home = Surveyor::new(file).survey(file.home_m()).reached.ok().and_then(|home| home.compliance_m_per_n);
+    let most = MOST_COMPLIANT * home.unwrap_or(f64::INFINITY);
+    let stiff = reached.iter().filter(|(_, reached)| reached.compliance_m_per_n.is_some_and(|own| own <= most));
+    let places =
+        stiff.filter_map(|(tool_m, reached)| model.place(file, tool_m, &reached.q, options)).collect::<Vec<_>>();
+    let too_compliant = reached.len() - places.len();
+    Ok(Prediction { grid, force_n, workpiece_n_per_m, places, too_compliant })
 }
 
 impl<const N: usize> FileModel<N> {
@@ -136,8 +152,7 @@ impl<const N: usize> FileModel<N> {
         let case = Standing { tool_m, nominal, q: standing, metres_per_q: &file.metres_per_q, began };
         let loads = directions().into_iter().filter_map(|way| self.load(&case, &(way * options.force_n)));
         let gains = directions().into_iter();
-        let gains =
-            gains.filter_map(|way| self.largest_gain(&case.q, &case.began, &way, options.workpiece_n_per_m));
+        let gains = gains.filter_map(|way| self.largest_gain(&case.q, &case.began, &way, options.workpiece_n_per_m));
         Some(PlacePrediction {
             tool_m: (*tool_m).into(),
             loads: loads.collect(),
@@ -149,9 +164,9 @@ impl<const N: usize> FileModel<N> {
         let load = Vector6::new(force_n.x, force_n.y, force_n.z, 0.0, 0.0, 0.0);
         let pose = CorePose::at(*case.tool_m);
         let wrench = Wrench::from_array(load.into());
-        let offsets = self.compensator.correct(&pose, &case.nominal, &wrench).ok()?.offsets;
+        let correction = self.compensator.correct(&pose, &case.nominal, &wrench).ok()?;
         let mut held = case.q;
-        for ((q, offset), metres) in held.iter_mut().zip(offsets).zip(case.metres_per_q) {
+        for ((q, offset), metres) in held.iter_mut().zip(correction.offsets).zip(case.metres_per_q) {
             *q += offset.to_metres().0 / metres;
         }
         let before = self.machine.equilibrium(&case.q, &load, &case.began).ok()?;
@@ -167,6 +182,7 @@ impl<const N: usize> FileModel<N> {
             sd_m: covariance.trace().sqrt(),
             high95_m: after_m + NORMAL_95 * covariance.symmetric_eigenvalues().max().max(0.0).sqrt(),
             changes_sides: self.changes_sides(&before) || self.changes_sides(&after),
+            saturated: correction.saturated.contains(&true),
         })
     }
 }

@@ -185,10 +185,16 @@ impl fmt::Display for Verification {
 /// Numbers of a prediction; lengths in m, over all places and loads that are judged.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PredictionSummary {
-    /// Places that are reached.
+    /// Places that are reached, and at most ten times as compliant as home.
     pub places: usize,
-    /// Loads under which cluster 3 stays on its side, and loads under which it may not.
-    pub loads: [usize; 2],
+    /// Places that are reached, and more compliant.
+    pub too_compliant: usize,
+    /// Loads that are judged.
+    pub judged: usize,
+    /// Loads under which cluster 3 may change sides.
+    pub across_the_jump: usize,
+    /// Loads whose correction is cut at a limit of the offsets.
+    pub saturated: usize,
     /// Displacement without compensation, root mean square.
     pub before_rms_m: f64,
     /// Expected displacement with compensation: root mean square.
@@ -212,11 +218,14 @@ impl Prediction {
     #[must_use]
     pub fn summary(&self) -> PredictionSummary {
         let loads = || self.places.iter().flat_map(|place| &place.loads);
-        let judged = || loads().filter(|load| !load.changes_sides);
+        let judged = || loads().filter(|load| load.is_judged());
         let [expected_95_m, expected_largest_m] = upper(judged().map(Remainder::expected_m).collect());
         PredictionSummary {
             places: self.places.len(),
-            loads: [judged().count(), loads().count() - judged().count()],
+            too_compliant: self.too_compliant,
+            judged: judged().count(),
+            across_the_jump: loads().filter(|load| load.changes_sides).count(),
+            saturated: loads().filter(|load| load.saturated).count(),
             before_rms_m: rms(judged().map(|load| load.before_m)),
             expected_rms_m: rms(judged().map(Remainder::expected_m)),
             expected_95_m,
@@ -266,16 +275,27 @@ impl PredictionSummary {
             return Vec::new();
         }
         let (expected, tolerated) = (self.expected_95_m * 1e6, tolerance_m * 1e6);
-        vec![format!("5 % of the loads are expected to leave {expected:.1} um or more; {tolerated:.1} um are tolerated")]
+        vec![format!(
+            "5 % of the loads are expected to leave {expected:.1} um or more; {tolerated:.1} um are tolerated"
+        )]
     }
 }
 
 impl fmt::Display for PredictionSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let um = |metres: f64| metres * 1e6;
-        let [judged, apart] = self.loads;
         let [turned, held] = self.turn_rms_rad;
-        writeln!(f, "{:<19} {} places; {judged} loads, and {apart} across the jump, left out below", "reached", self.places)?;
+        let Self { places, too_compliant, judged, across_the_jump, saturated, .. } = self;
+        writeln!(
+            f,
+            "{:<19} {places} places; {too_compliant} more, over ten times as compliant as home, are left out",
+            "reached"
+        )?;
+        writeln!(
+            f,
+            "{:<19} {judged}; apart: {across_the_jump} across the jump, {saturated} beyond the limits of the offsets",
+            "loads"
+        )?;
         writeln!(f, "{:<19} {:.2} um rms, turned by {:.1} urad", "uncompensated", um(self.before_rms_m), um(turned))?;
         writeln!(
             f,
@@ -286,7 +306,13 @@ impl fmt::Display for PredictionSummary {
             um(self.expected_largest_m),
             um(held)
         )?;
-        writeln!(f, "{:<19} {:.2} um rms by the method, {:.2} um by the springs", "  of which", um(self.method_rms_m), um(self.springs_rms_m))?;
+        writeln!(
+            f,
+            "{:<19} {:.2} um rms by the method, {:.2} um by the springs",
+            "  of which",
+            um(self.method_rms_m),
+            um(self.springs_rms_m)
+        )?;
         write!(f, "{:<19} {:.3} against the workpiece (97.5 %)", "largest gain", self.largest_gain)
     }
 }

@@ -260,7 +260,6 @@ fn a_calibrated_f1_can_be_calibrated_again() {
     .unwrap();
     let options = CalibrateOptions { poses: setup, robot: file.display().to_string(), tolerance_m: 1e-3 };
     let calibration = calibrate_f1(&robot, &options).unwrap();
-    assert_eq!(calibration.doubts, [""; 0], "{}", calibration.summary);
     // The machine is that of the file already, so the new file says nearly the same: within a millimetre, where poses hold 50 um.
     let AnyRobotFile::F1(again) = AnyRobotFile::parse("again", &calibration.robot_file).unwrap() else {
         panic!("not an F1")

@@ -1,0 +1,300 @@
+//! Machines drawn from what a file says of its springs, measured and predicted.
+
+use gantry_tau_core::model::kinematics::Pose as CorePose;
+use gantry_tau_core::model::robot::{Compliances, LINKS};
+use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
+use nalgebra::{SVector, Vector3, Vector6};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::*;
+use crate::elastic::backlash::Backlash;
+use crate::elastic::{ElasticMachine, Equilibrium, Pose};
+use crate::measurements::springs::{Campaign, NamedGauge, Noise, SetupNoise, Window};
+use crate::model::{L2, MachineKind};
+use crate::robot_file::{Identified, RobotFile};
+use crate::springs::gauge::Gauge;
+
+const N: usize = 3;
+const SPRINGS: usize = LINKS + N;
+/// Relative standard deviations of the springs: of the size that a campaign leaves.
+const KNOWN: [f64; SPRINGS] = [0.006, 0.004, 0.008, 0.004, 0.006, 0.004, 0.08, 0.06, 0.04];
+
+fn springs(compliances: &Compliances<N>) -> [f64; SPRINGS] {
+    let mut all = compliances.link_m_per_n().iter().chain(compliances.cart_m_per_n()).copied();
+    std::array::from_fn(|_| all.next().unwrap())
+}
+
+fn compliances(springs: &[f64; SPRINGS]) -> Compliances<N> {
+    Compliances::new(std::array::from_fn(|link| springs[link]), std::array::from_fn(|axis| springs[LINKS + axis]))
+        .unwrap()
+}
+
+/// The L2 as if identified: correlated springs, as two that one gauge sees together are.
+fn identified() -> RobotFile<L2, N> {
+    let mut file = RobotFile::builtin_l2().unwrap();
+    let values = springs(file.compliances.as_ref().unwrap());
+    let sd: [f64; SPRINGS] = std::array::from_fn(|index| KNOWN[index] * values[index]);
+    let correlation = |row: usize, column: usize| match (row, column) {
+        (row, column) if row == column => 1.0,
+        (0, 6) | (6, 0) => -0.7,
+        (1, 2) | (2, 1) => -0.4,
+        _ => 0.0,
+    };
+    let entry = |row: usize, column: usize| correlation(row, column) * sd[row] * sd[column];
+    file.identified = Some(Identified {
+        measurements: "springs.csv".to_owned(),
+        crc: 0,
+        windows: 99,
+        chi2: 0.0,
+        dof: 0,
+        sd: sd.to_vec(),
+        covariance: (0..SPRINGS).map(|row| (0..SPRINGS).map(|column| entry(row, column)).collect()).collect(),
+    });
+    file
+}
+
+struct Draw(ChaCha8Rng);
+
+impl Draw {
+    fn new(seed: u64) -> Self {
+        Self(ChaCha8Rng::seed_from_u64(seed))
+    }
+
+    fn normal(&mut self, sd: f64) -> f64 {
+        sd * Distribution::<f64>::sample(&StandardNormal, &mut self.0)
+    }
+
+    /// A machine out of those that the file takes for possible.
+    fn machine(&mut self, file: &RobotFile<L2, N>) -> Compliances<N> {
+        let model = model::FileModel::new(file).unwrap();
+        let unit = nalgebra::DVector::from_fn(SPRINGS, |_, _| self.normal(1.0));
+        let away = model.factor * unit;
+        let values = springs(file.compliances.as_ref().unwrap());
+        compliances(&std::array::from_fn(|index| values[index] + away[index]))
+    }
+}
+
+/// Twenty places over the middle of the reach.
+fn places(file: &RobotFile<L2, N>) -> Vec<Vector3<f64>> {
+    let mut places = Vec::new();
+    for x in [-0.4, -0.1, 0.2, 0.4] {
+        for y in [0.3, 0.45, 0.58] {
+            places.extend([0.5, 0.65, 0.8].map(|z| Vector3::new(x, y, z)));
+        }
+    }
+    places.retain(|place| file.model.axes_at(place).is_ok());
+    places.truncate(20);
+    assert_eq!(places.len(), 20);
+    places
+}
+
+fn gauges() -> Vec<NamedGauge> {
+    let platform = [
+        ([0.12, -0.06, 0.10], Vector3::z()),
+        ([-0.12, -0.06, 0.10], Vector3::z()),
+        ([0.0, 0.10, 0.10], Vector3::z()),
+        ([0.10, 0.12, 0.05], Vector3::y()),
+        ([-0.10, 0.12, 0.05], Vector3::y()),
+        ([0.14, 0.0, 0.05], Vector3::x()),
+    ];
+    let gauge = |(index, (point, axis)): (usize, ([f64; 3], Vector3<f64>))| NamedGauge {
+        name: format!("g{index}"),
+        gauge: Gauge::Platform { point_m: point.into(), axis },
+    };
+    platform.into_iter().enumerate().map(gauge).collect()
+}
+
+const NOISE: Noise = Noise { gauge_um: 0.5, force_n: 0.5, moment_nm: 0.025 };
+
+/// Measures `truth` at twenty places under six loads of 300 N, with the compensation of the file off and on.
+fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, draw: &mut Draw) -> Campaign<N> {
+    let machine = ElasticMachine::new(file.model.geometry(), *truth, Backlash::NONE);
+    let compensator = file.compensator([OffsetNm(2_000_000); N]).unwrap();
+    let (mut windows, mut series, mut poses) = (Vec::new(), Vec::new(), Vec::new());
+    for (pose, place) in places(file).into_iter().enumerate() {
+        let nominal = file.model.axes_at(&place).unwrap().map(|q| PositionNm::from_metres(Metres(q)).unwrap());
+        let off = nominal.map(|position| position.to_metres().0);
+        let start =
+            Equilibrium::unloaded(Pose { translation_m: place, rotation: nalgebra::UnitQuaternion::identity() });
+        let began = machine.equilibrium(&off, &Vector6::zeros(), &start).unwrap();
+        let zeros: Vec<f64> = gauges().iter().map(|_| draw.normal(1e-3)).collect();
+        let mut add = |name: String, q: [f64; N], load: Vector6<f64>, draw: &mut Draw| {
+            let now = machine.equilibrium(&q, &load, &began).unwrap();
+            let read = gauges().into_iter().zip(&zeros).map(|(gauge, zero)| {
+                Some(gauge.gauge.read(&machine, &began.pose, &now).length_m + zero + draw.normal(NOISE.gauge_um * 1e-6))
+            });
+            let readings_m = read.collect();
+            let sds = [NOISE.force_n, NOISE.force_n, NOISE.force_n, NOISE.moment_nm, NOISE.moment_nm, NOISE.moment_nm];
+            let shown = Vector6::from_fn(|component, _| load[component] + draw.normal(sds[component]));
+            windows.push(Window {
+                line: u64::try_from(windows.len()).unwrap() + 2,
+                series: pose,
+                mounting: pose,
+                pose,
+                window: name,
+                stroke: 0,
+                q,
+                load: shown,
+                pushes_n: SVector::zeros(),
+                readings_m,
+                sds_m: vec![None; gauges().len()],
+                time_s: None,
+            });
+        };
+        add("start".to_owned(), off, Vector6::zeros(), draw);
+        for (index, way) in directions().into_iter().take(6).enumerate() {
+            let force = way * 300.0;
+            let moment = Vector3::new(0.0, 0.0, -0.08).cross(&force);
+            let load = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
+            let offsets =
+                compensator.correct(&CorePose::at(place), &nominal, &Wrench::from_array(load.into())).unwrap().offsets;
+            let on = std::array::from_fn(|axis| off[axis] + offsets[axis].to_metres().0);
+            add(index.to_string(), off, load, draw);
+            add(index.to_string(), on, load, draw);
+        }
+        add("end".to_owned(), off, Vector6::zeros(), draw);
+        series.push(format!("s{pose}"));
+        poses.push((format!("p{pose}"), CorePose::at(place)));
+    }
+    Campaign {
+        table: "verify.csv".to_owned(),
+        crc: 0,
+        metres_per_q: [1.0; N],
+        noise: NOISE,
+        setup: SetupNoise::default(),
+        poses,
+        gauges: gauges(),
+        mountings: series.clone(),
+        series,
+        windows,
+        plan: Vec::new(),
+    }
+}
+
+const WORKPIECE: f64 = 1e9;
+
+/// Twelve machines of those that the file takes for possible: what remains is as large as predicted, by springs and by noise.
+#[test]
+fn machines_that_the_file_knows_remain_as_predicted() {
+    let mut file = identified();
+    // Every load counts: these machines have no play.
+    file.simulation.jump_gap_m = 0.0;
+    let mut draw = Draw::new(1);
+    let mut squares = 0.0;
+    let machines = 12;
+    for _ in 0..machines {
+        let truth = draw.machine(&file);
+        let found = verify(&file, &measured(&file, &truth, &mut draw), WORKPIECE).unwrap();
+        assert_eq!((found.judged.pairs, found.at_the_jump.pairs), (120, 0));
+        eprintln!("{found}");
+        squares += found.judged.z_rms.powi(2);
+        // One in a thousand of such machines would be doubted.
+        assert_eq!(found.doubts(20e-6), [""; 0], "{found}");
+        assert!(found.judged.share < 0.03, "{found}");
+    }
+    let z_rms = f64::sqrt(squares / f64::from(machines));
+    assert!((0.8..1.2).contains(&z_rms), "{z_rms}");
+}
+
+#[test]
+fn springs_that_are_off_by_a_third_are_rejected() {
+    let file = identified();
+    let mut draw = Draw::new(2);
+    let values = springs(file.compliances.as_ref().unwrap());
+    let truth = compliances(&std::array::from_fn(|index| values[index] * if index % 2 == 0 { 1.3 } else { 0.7 }));
+    let found = verify(&file, &measured(&file, &truth, &mut draw), WORKPIECE).unwrap();
+    eprintln!("{found}");
+    assert!(found.judged.z_rms > 5.0 && found.p < 1e-12, "{found}");
+    assert_eq!(found.doubts(20e-6).len(), 2, "{found}");
+    // Loads across the jump are counted apart.
+    assert!(found.at_the_jump.pairs > 10 && found.judged.pairs + found.at_the_jump.pairs == 120, "{found}");
+}
+
+/// The prediction over the workspace against machines drawn from the file: means of squares, place by place and load by load.
+#[test]
+fn the_map_is_the_mean_over_machines() {
+    let file = identified();
+    let options = PredictOptions { cells: 12, force_n: 300.0, workpiece_n_per_m: WORKPIECE };
+    let prediction = predict(&file, &options).unwrap();
+    let summary = prediction.summary();
+    eprintln!("{summary}");
+    let compensator = file.compensator([OffsetNm(2_000_000); N]).unwrap();
+    let mut draw = Draw::new(3);
+    let (mut simulated, mut predicted, mut count) = (0.0, 0.0, 0.0);
+    for _ in 0..40 {
+        let machine = ElasticMachine::new(file.model.geometry(), draw.machine(&file), Backlash::NONE);
+        for place in prediction.places.iter().step_by(5) {
+            let tool_m = Vector3::from(place.tool_m);
+            let nominal = file.model.axes_at(&tool_m).unwrap().map(|q| PositionNm::from_metres(Metres(q)).unwrap());
+            let off = nominal.map(|position| position.to_metres().0);
+            let start =
+                Equilibrium::unloaded(Pose { translation_m: tool_m, rotation: nalgebra::UnitQuaternion::identity() });
+            let began = machine.equilibrium(&off, &Vector6::zeros(), &start).unwrap();
+            for (way, load) in directions().into_iter().zip(&place.loads).filter(|(_, load)| load.is_judged()) {
+                let force = way * options.force_n;
+                let wrench = Vector6::new(force.x, force.y, force.z, 0.0, 0.0, 0.0);
+                let offsets = compensator
+                    .correct(&CorePose::at(tool_m), &nominal, &Wrench::from_array(wrench.into()))
+                    .unwrap()
+                    .offsets;
+                let on = std::array::from_fn(|axis| off[axis] + offsets[axis].to_metres().0);
+                let now = machine.equilibrium(&on, &wrench, &began).unwrap();
+                // Relative, so that places near a singularity do not decide alone.
+                simulated += ((now.pose.translation_m - began.pose.translation_m).norm() / load.before_m).powi(2);
+                predicted += (load.expected_m() / load.before_m).powi(2);
+                count += 1.0;
+            }
+        }
+    }
+    assert!(count > 1000.0);
+    // Forty machines of nine springs: the mean square is known to a tenth.
+    let ratio = f64::sqrt(simulated / predicted);
+    assert!((0.9..1.1).contains(&ratio), "{ratio} {summary}");
+    assert!(summary.across_the_jump > 0 && summary.method_rms_m < 1e-8, "{summary}");
+}
+
+#[test]
+fn a_file_without_a_covariance_predicts_nothing() {
+    let file = RobotFile::builtin_l2().unwrap();
+    let options = PredictOptions { cells: 12, force_n: 300.0, workpiece_n_per_m: WORKPIECE };
+    let error = predict(&file, &options).unwrap_err().to_string();
+    assert!(error.contains("has no [identified]") && !error.contains('\n'), "{error}");
+}
+
+/// Against a rigid workpiece the margin is what the springs are not known to: one sided 97.5 %. A soft workpiece allows more.
+#[test]
+fn the_margin_is_that_of_the_springs() {
+    let mut file = identified();
+    let gain = |file: &RobotFile<L2, N>, workpiece_n_per_m: f64| {
+        predict(file, &PredictOptions { cells: 12, force_n: 300.0, workpiece_n_per_m }).unwrap().summary().largest_gain
+    };
+    let (rigid, soft) = (gain(&file, 1e12), gain(&file, 1e5));
+    assert!((0.8..0.995).contains(&rigid) && soft > rigid + 0.2, "{rigid} {soft}");
+    let exact = file.identified.as_mut().unwrap();
+    exact.covariance.iter_mut().flatten().for_each(|entry| *entry = 0.0);
+    assert!((gain(&file, 1e12) - 1.0).abs() < 1e-4);
+}
+
+#[test]
+fn rows_without_a_partner_are_refused() {
+    let file = identified();
+    let good = measured(&file, file.compliances.as_ref().unwrap(), &mut Draw::new(4));
+    let refused = |change: &dyn Fn(&mut Campaign<N>)| {
+        let mut campaign = good.clone();
+        change(&mut campaign);
+        verify(&file, &campaign, WORKPIECE).unwrap_err().to_string()
+    };
+    let alone = refused(&|campaign| campaign.windows[2].window = "other".to_owned());
+    assert!(alone.starts_with("verify.csv:3: window \"0\" must stand twice"), "{alone}");
+    let same = refused(&|campaign| campaign.windows[2].q = campaign.windows[1].q);
+    assert!(same.starts_with("verify.csv:4: q is that of line 3"), "{same}");
+    let load = refused(&|campaign| campaign.windows[2].load *= 0.5);
+    assert!(load.starts_with("verify.csv:4: the load is not that of line 3"), "{load}");
+    let no_zero = refused(&|campaign| campaign.windows.retain(|window| window.load.norm() > 100.0));
+    assert!(no_zero.contains("no row without a load"), "{no_zero}");
+    let none = refused(&|campaign| campaign.windows.retain(|window| window.load.norm() < 100.0));
+    assert!(none.contains("no pair of windows"), "{none}");
+}
