@@ -26,6 +26,9 @@ pub const F1_MOTORS: usize = 9;
 
 /// Kind of machine with `N` axes.
 pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'static {
+    /// `model` of its robot files and set-ups.
+    const MODEL: &'static str;
+
     /// Returns the CRC-32 of the parameters that decide the kinematics; the client compares it with the server's.
     fn checksum(&self) -> u32;
 

@@ -20,6 +20,8 @@ const MOST_STEPS: f64 = 1e3;
 pub type F1 = Kinematics;
 
 impl MachineKind<AXES> for F1 {
+    const MODEL: &'static str = "f1";
+
     fn checksum(&self) -> u32 {
         self.robot().kinematics_checksum()
     }

@@ -16,6 +16,8 @@ use crate::robot_file::CorrectionKind;
 pub type L2 = Kinematics;
 
 impl MachineKind<AXES> for L2 {
+    const MODEL: &'static str = "l2";
+
     fn checksum(&self) -> u32 {
         self.robot().kinematics_checksum()
     }

@@ -4,6 +4,7 @@
 mod margin;
 mod measured;
 mod model;
+mod page;
 mod pairs;
 mod predict;
 mod summary;
@@ -13,6 +14,7 @@ use crate::measurements::FileError;
 use crate::robot_file::RobotFileError;
 
 pub use measured::{PairResult, verify};
+pub use page::{prediction_page, verification_page};
 pub use pairs::UNLOADED_SD;
 pub use predict::{PlacePrediction, PredictOptions, Prediction, Remainder, directions, predict};
 pub use summary::{PredictionSummary, Statistics, Verification};

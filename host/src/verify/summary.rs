@@ -2,13 +2,13 @@
 
 use std::fmt;
 
-use gantry_tau_core::model::robot::ARMS;
 use serde::Serialize;
 
 use super::measured::PairResult;
 use super::predict::{PlacePrediction, Prediction, Remainder};
 use crate::fit::statistics::{chi_squared_above, float};
 use crate::measurements::springs::Campaign;
+use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 
 /// Smallest probability of the readings at which a file is believed.
@@ -97,7 +97,7 @@ impl Statistics {
 }
 
 impl Verification {
-    pub(super) fn new<K, const N: usize>(
+    pub(super) fn new<K: MachineKind<N>, const N: usize>(
         file: &RobotFile<K, N>,
         campaign: &Campaign<N>,
         pairs: Vec<PairResult>,
@@ -110,7 +110,7 @@ impl Verification {
         let gains = pairs.iter().filter_map(|pair| pair.largest_gain);
         Self {
             format,
-            model: model_name(N),
+            model: K::MODEL,
             measurements: campaign.table.clone(),
             identified: file.identified.is_some(),
             largest_gain: gains.fold(f64::INFINITY, f64::min),
@@ -146,11 +146,6 @@ impl Verification {
         }
         doubts
     }
-}
-
-/// Name of the kind of machine with so many axes, as set-ups have it.
-pub(super) const fn model_name(axes: usize) -> &'static str {
-    if axes == ARMS { "l2" } else { "f1" }
 }
 
 impl fmt::Display for Verification {
@@ -237,15 +232,15 @@ impl Prediction {
         }
     }
 
-    /// Returns the answer for programs, JSON.
+    /// Returns the answer for programs, JSON; `model` is that of the robot file.
     ///
     /// # Errors
     /// None that finite numbers lead to.
-    pub fn json(&self, axes: usize) -> Result<String, serde_json::Error> {
+    pub fn json(&self, model: &'static str) -> Result<String, serde_json::Error> {
         let [_, format] = FORMATS;
         serde_json::to_string_pretty(&PredictionAnswer {
             format,
-            model: model_name(axes),
+            model,
             force_n: self.force_n,
             workpiece_n_per_m: self.workpiece_n_per_m,
             summary: self.summary(),
