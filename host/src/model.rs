@@ -11,7 +11,7 @@ use gantry_tau_core::model::f1::Geometry;
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
-use gantry_tau_core::units::PositionNm;
+use gantry_tau_core::units::{Metres, PositionNm};
 use nalgebra::Vector3;
 
 use crate::robot_file::{CorrectionKind, WristJoint};
@@ -84,6 +84,44 @@ pub trait Compensator<const N: usize>: Send {
     /// # Errors
     /// [`KinematicsError`].
     fn correct(&self, pose: &Pose, nominal: &[PositionNm; N], load: &Wrench) -> Result<Correction<N>, KinematicsError>;
+}
+
+/// Positions of the axes for a pose under a load, q-units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Held<const N: usize> {
+    /// Without correction, rounded as the reference path is.
+    pub nominal: [f64; N],
+    /// With the correction.
+    pub corrected: [f64; N],
+    /// True where a limit cuts the correction.
+    pub is_saturated: bool,
+}
+
+impl<const N: usize> Held<N> {
+    /// Corrects the positions `q` of a pose for a load, with axes of `metres_per_q`.
+    ///
+    /// # Errors
+    /// [`KinematicsError`] of the correction; `NotFinite` for positions beyond the reference path.
+    pub fn new(
+        compensator: &dyn Compensator<N>,
+        metres_per_q: &[f64; N],
+        pose: &Pose,
+        q: &[f64; N],
+        load: &Wrench,
+    ) -> Result<Self, KinematicsError> {
+        let mut path = [PositionNm(0); N];
+        for ((position, q), metres) in path.iter_mut().zip(q).zip(metres_per_q) {
+            *position = PositionNm::from_metres(Metres(q * metres)).map_err(|_| KinematicsError::NotFinite)?;
+        }
+        let correction = compensator.correct(pose, &path, load)?;
+        let (mut nominal, mut corrected) = (*q, *q);
+        let both = nominal.iter_mut().zip(&mut corrected).zip(path).zip(correction.offsets);
+        for ((((nominal, corrected), position), offset), metres) in both.zip(metres_per_q) {
+            *nominal = position.to_metres().0 / metres;
+            *corrected = *nominal + offset.to_metres().0 / metres;
+        }
+        Ok(Self { nominal, corrected, is_saturated: correction.saturated.contains(&true) })
+    }
 }
 
 #[cfg(test)]

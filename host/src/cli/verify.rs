@@ -100,7 +100,9 @@ impl Verify {
                 Err(VerifyError::NotIdentified { .. }) => None,
                 prediction => Some(prediction?),
             };
-            write(path, &verification_page(&robot.name, &verification, prediction.as_ref(), &doubts))?;
+            let home_m = robot.home_m();
+            let page = verification_page(&robot.name, &home_m, &verification, prediction.as_ref(), &doubts);
+            write(path, &page)?;
         }
         if let Some(path) = &self.json {
             write(path, &serde_json::to_string_pretty(&verification)?)?;

@@ -1,7 +1,7 @@
 //! True springs of one machine: those that an identification should find and a compensation does not know.
 
 use gantry_tau_core::model::f1;
-use gantry_tau_core::model::robot::{Compliances, LINKS};
+use gantry_tau_core::model::robot::{Compliances, LINKS, RobotError};
 use nalgebra::Vector6;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -20,14 +20,25 @@ pub fn true_springs<const N: usize>(
     nominal: &Compliances<N>,
     parameters: &SimulationParameters<N>,
 ) -> Result<ElasticMachine<N>, SimulationError> {
-    let deviation = parameters.simulation.spring_deviation;
-    let mut random = ChaCha8Rng::seed_from_u64(parameters.simulation.seed);
+    let compliances = deviated(nominal, &parameters.simulation).map_err(SimulationError::Compliances)?;
+    let rigid_joint = ElasticMachine::new(*geometry, compliances, Backlash::NONE);
+    Ok(ElasticMachine::new(*geometry, compliances, backlash(&rigid_joint, parameters)?))
+}
+
+/// Deviates every nominal spring by its own seeded share.
+///
+/// # Errors
+/// A spring leaves the range of compliances.
+pub(crate) fn deviated<const N: usize>(
+    nominal: &Compliances<N>,
+    simulation: &Simulation,
+) -> Result<Compliances<N>, RobotError> {
+    let deviation = simulation.spring_deviation;
+    let mut random = ChaCha8Rng::seed_from_u64(simulation.seed);
     let mut deviated = |value: f64| value * (1.0 + deviation * (2.0 * random.random::<f64>() - 1.0));
     let links: [f64; LINKS] = nominal.link_m_per_n().map(&mut deviated);
     let axes: [f64; N] = nominal.cart_m_per_n().map(&mut deviated);
-    let compliances = Compliances::new(links, axes).map_err(SimulationError::Compliances)?;
-    let rigid_joint = ElasticMachine::new(*geometry, compliances, Backlash::NONE);
-    Ok(ElasticMachine::new(*geometry, compliances, backlash(&rigid_joint, parameters)?))
+    Compliances::new(links, axes)
 }
 
 /// Returns the backlash whose preload at rest is cancelled at home by `jump_force_n` in x.

@@ -33,10 +33,11 @@ pub fn prediction_page(robot: &str, method: &str, prediction: &Prediction, doubt
     page("gantry-tau verify --predict", &body)
 }
 
-/// Returns the page of a verification, with the maps of a prediction of the same file where there is one.
+/// Returns the page of a verification, with home (world axes, m) as a cross on its maps, and with the maps of a prediction of the same file where there is one.
 #[must_use]
 pub fn verification_page(
     robot: &str,
+    home_m: &Vector3<f64>,
     verification: &Verification,
     prediction: Option<&Prediction>,
     doubts: &[String],
@@ -53,7 +54,7 @@ pub fn verification_page(
     let text = "Displacement that remains with compensation, pair by pair in the order of the table. The prediction is that of the robot file at \
                 the measured positions of the axes and loads; its interval (95 %) is that of springs, gauges and loads.";
     body.push_str(&format!("<h2>Measured and predicted remainder</h2><p>{text}</p>{}", pairs_plot(verification).svg()));
-    body.push_str(&measured_maps(verification));
+    body.push_str(&measured_maps(verification, home_m));
     body.push_str(&format!("<h2>Pairs</h2><pre>{}</pre>", escape(&table(&verification.pairs))));
     if let Some(prediction) = prediction {
         body.push_str(&format!("<h2>Prediction over the workspace</h2><p>{}</p>", loads(prediction)));
@@ -147,32 +148,29 @@ fn pairs_plot(verification: &Verification) -> Plot {
 }
 
 /// Maps of the measured places, seen along the axes of the world; one cell per pose with its largest remainder.
-fn measured_maps(verification: &Verification) -> String {
+fn measured_maps(verification: &Verification, home_m: &Vector3<f64>) -> String {
     let mut places: BTreeMap<[i64; 3], ([f64; 3], f64)> = BTreeMap::new();
     for pair in verification.pairs.iter().filter(|pair| !pair.changes_sides) {
         let key = pair.tool_m.map(|metres| (metres * 1e3).round() as i64);
         let (_, largest) = places.entry(key).or_insert((pair.tool_m, 0.0));
         *largest = largest.max(pair.after_m * 1e6);
     }
-    let (mut low, mut high) = (f64::MAX, f64::MIN);
-    for (_, value) in places.values() {
-        (low, high) = (low.min(*value), high.max(*value));
-    }
-    if places.is_empty() {
-        return String::new();
-    }
+    let mut places: Vec<([f64; 3], f64)> = places.into_values().collect();
+    // The largest is drawn last, and covers those behind it.
+    places.sort_by(|(_, one), (_, other)| one.total_cmp(other));
+    let (Some((_, low)), Some((_, high))) = (places.first(), places.last()) else { return String::new() };
     let low = low.max(1e-3);
-    let text = "Largest measured remainder of each pose, seen along the axes of the world; where poses lie behind each other, the last one.";
+    let text = "Largest measured remainder of each pose, seen along the axes of the world; of poses behind each other the largest shows. The \
+                cross is home.";
     let mut section = format!("<h2>Where it was measured</h2><p>{text}</p><div class=\"row\">");
     for (right, up) in PLANES {
-        let mark = places.values().next().map_or((0.0, 0.0), |(place, _)| (place[right], place[up]));
         let map = HeatMap {
             x_axis: AXES[right],
             y_axis: AXES[up],
             value: "µm",
             pitch: SIDE_M,
-            cells: places.values().map(|(place, value)| -> Cell { (place[right], place[up], *value) }).collect(),
-            mark,
+            cells: places.iter().map(|(place, value)| -> Cell { (place[right], place[up], *value) }).collect(),
+            mark: (home_m[right], home_m[up]),
             scale: (low, high.max(1.01 * low)),
         };
         section.push_str(&format!("<div>{}</div>", map.svg()));

@@ -2,7 +2,6 @@
 
 use gantry_tau_core::model::kinematics::Pose as CorePose;
 use gantry_tau_core::model::statics::Wrench;
-use gantry_tau_core::units::{Metres, PositionNm};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use serde::Serialize;
 
@@ -10,7 +9,7 @@ use super::VerifyError;
 use super::model::{FileModel, three};
 use crate::elastic::{Equilibrium, Pose};
 use crate::fit::statistics::NORMAL_95;
-use crate::model::MachineKind;
+use crate::model::{Held, MachineKind};
 use crate::robot_file::RobotFile;
 use crate::workspace::{Grid, Surveyor, survey};
 
@@ -141,18 +140,12 @@ impl<const N: usize> FileModel<N> {
         q: &[f64; N],
         options: &PredictOptions,
     ) -> Option<PlacePrediction> {
-        let mut nominal = [PositionNm(0); N];
-        let mut standing = *q;
-        for ((nm, standing), metres) in nominal.iter_mut().zip(&mut standing).zip(&file.metres_per_q) {
-            *nm = PositionNm::from_metres(Metres(*standing * metres)).ok()?;
-            *standing = nm.to_metres().0 / metres;
-        }
         let seed = Pose { translation_m: *tool_m, rotation: UnitQuaternion::identity() };
-        let began = self.machine.equilibrium(&standing, &Vector6::zeros(), &Equilibrium::unloaded(seed)).ok()?;
-        let case = Standing { tool_m, nominal, q: standing, metres_per_q: &file.metres_per_q, began };
+        let began = self.machine.equilibrium(q, &Vector6::zeros(), &Equilibrium::unloaded(seed)).ok()?;
+        let case = Standing { pose: CorePose::at(*tool_m), q, metres_per_q: &file.metres_per_q, began };
         let loads = directions().into_iter().filter_map(|way| self.load(&case, &(way * options.force_n)));
         let gains = directions().into_iter();
-        let gains = gains.filter_map(|way| self.largest_gain(&case.q, &case.began, &way, options.workpiece_n_per_m));
+        let gains = gains.filter_map(|way| self.largest_gain(q, &case.began, &way, options.workpiece_n_per_m));
         Some(PlacePrediction {
             tool_m: (*tool_m).into(),
             loads: loads.collect(),
@@ -162,17 +155,12 @@ impl<const N: usize> FileModel<N> {
 
     fn load(&self, case: &Standing<'_, N>, force_n: &Vector3<f64>) -> Option<Remainder> {
         let load = Vector6::new(force_n.x, force_n.y, force_n.z, 0.0, 0.0, 0.0);
-        let pose = CorePose::at(*case.tool_m);
         let wrench = Wrench::from_array(load.into());
-        let correction = self.compensator.correct(&pose, &case.nominal, &wrench).ok()?;
-        let mut held = case.q;
-        for ((q, offset), metres) in held.iter_mut().zip(correction.offsets).zip(case.metres_per_q) {
-            *q += offset.to_metres().0 / metres;
-        }
-        let before = self.machine.equilibrium(&case.q, &load, &case.began).ok()?;
-        let after = self.machine.equilibrium(&held, &load, &case.began).ok()?;
+        let held = Held::new(&*self.compensator, case.metres_per_q, &case.pose, case.q, &wrench).ok()?;
+        let before = self.machine.equilibrium(&held.nominal, &load, &case.began).ok()?;
+        let after = self.machine.equilibrium(&held.corrected, &load, &case.began).ok()?;
         let [given_way, left] = [&before, &after].map(|now| self.tool(&case.began, now, &load));
-        let covariance = three(&self.covariance(&self.tool_by_springs(&held, &case.began, &after, &load)?));
+        let covariance = three(&self.covariance(&self.tool_by_springs(&held.corrected, &case.began, &after, &load)?));
         let after_m = left.translation_m.norm();
         Some(Remainder {
             before_m: given_way.translation_m.norm(),
@@ -182,16 +170,15 @@ impl<const N: usize> FileModel<N> {
             sd_m: covariance.trace().sqrt(),
             high95_m: after_m + NORMAL_95 * covariance.symmetric_eigenvalues().max().max(0.0).sqrt(),
             changes_sides: self.changes_sides(&before) || self.changes_sides(&after),
-            saturated: correction.saturated.contains(&true),
+            saturated: held.is_saturated,
         })
     }
 }
 
 /// The machine in an unloaded pose.
 struct Standing<'a, const N: usize> {
-    tool_m: &'a Vector3<f64>,
-    nominal: [PositionNm; N],
-    q: [f64; N],
+    pose: CorePose,
+    q: &'a [f64; N],
     metres_per_q: &'a [f64; N],
     began: Equilibrium<N>,
 }

@@ -3,7 +3,7 @@
 use gantry_tau_core::model::kinematics::Pose as CorePose;
 use gantry_tau_core::model::robot::{Compliances, LINKS};
 use gantry_tau_core::model::statics::Wrench;
-use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
+use gantry_tau_core::units::OffsetNm;
 use nalgebra::{SVector, Vector3, Vector6};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -13,7 +13,7 @@ use super::*;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium, Pose};
 use crate::measurements::springs::{Campaign, NamedGauge, Noise, SetupNoise, Window};
-use crate::model::{L2, MachineKind};
+use crate::model::{Held, L2, MachineKind};
 use crate::robot_file::{Identified, RobotFile};
 use crate::springs::gauge::Gauge;
 
@@ -115,8 +115,7 @@ fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, draw: &mut Draw) ->
     let compensator = file.compensator([OffsetNm(2_000_000); N]).unwrap();
     let (mut windows, mut series, mut poses) = (Vec::new(), Vec::new(), Vec::new());
     for (pose, place) in places(file).into_iter().enumerate() {
-        let nominal = file.model.axes_at(&place).unwrap().map(|q| PositionNm::from_metres(Metres(q)).unwrap());
-        let off = nominal.map(|position| position.to_metres().0);
+        let off = file.model.axes_at(&place).unwrap();
         let start =
             Equilibrium::unloaded(Pose { translation_m: place, rotation: nalgebra::UnitQuaternion::identity() });
         let began = machine.equilibrium(&off, &Vector6::zeros(), &start).unwrap();
@@ -149,11 +148,10 @@ fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, draw: &mut Draw) ->
             let force = way * 300.0;
             let moment = Vector3::new(0.0, 0.0, -0.08).cross(&force);
             let load = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
-            let offsets =
-                compensator.correct(&CorePose::at(place), &nominal, &Wrench::from_array(load.into())).unwrap().offsets;
-            let on = std::array::from_fn(|axis| off[axis] + offsets[axis].to_metres().0);
-            add(index.to_string(), off, load, draw);
-            add(index.to_string(), on, load, draw);
+            let wrench = Wrench::from_array(load.into());
+            let held = Held::new(&*compensator, &[1.0; N], &CorePose::at(place), &off, &wrench).unwrap();
+            add(index.to_string(), held.nominal, load, draw);
+            add(index.to_string(), held.corrected, load, draw);
         }
         add("end".to_owned(), off, Vector6::zeros(), draw);
         series.push(format!("s{pose}"));
@@ -189,7 +187,6 @@ fn machines_that_the_file_knows_remain_as_predicted() {
         let truth = draw.machine(&file);
         let found = verify(&file, &measured(&file, &truth, &mut draw), WORKPIECE).unwrap();
         assert_eq!((found.judged.pairs, found.at_the_jump.pairs), (120, 0));
-        eprintln!("{found}");
         squares += found.judged.z_rms.powi(2);
         // One in a thousand of such machines would be doubted.
         assert_eq!(found.doubts(20e-6), [""; 0], "{found}");
@@ -206,7 +203,6 @@ fn springs_that_are_off_by_a_third_are_rejected() {
     let values = springs(file.compliances.as_ref().unwrap());
     let truth = compliances(&std::array::from_fn(|index| values[index] * if index % 2 == 0 { 1.3 } else { 0.7 }));
     let found = verify(&file, &measured(&file, &truth, &mut draw), WORKPIECE).unwrap();
-    eprintln!("{found}");
     assert!(found.judged.z_rms > 5.0 && found.p < 1e-12, "{found}");
     assert_eq!(found.doubts(20e-6).len(), 2, "{found}");
     // Loads across the jump are counted apart.
@@ -220,7 +216,6 @@ fn the_map_is_the_mean_over_machines() {
     let options = PredictOptions { cells: 12, force_n: 300.0, workpiece_n_per_m: WORKPIECE };
     let prediction = predict(&file, &options).unwrap();
     let summary = prediction.summary();
-    eprintln!("{summary}");
     let compensator = file.compensator([OffsetNm(2_000_000); N]).unwrap();
     let mut draw = Draw::new(3);
     let (mut simulated, mut predicted, mut count) = (0.0, 0.0, 0.0);
@@ -228,20 +223,17 @@ fn the_map_is_the_mean_over_machines() {
         let machine = ElasticMachine::new(file.model.geometry(), draw.machine(&file), Backlash::NONE);
         for place in prediction.places.iter().step_by(5) {
             let tool_m = Vector3::from(place.tool_m);
-            let nominal = file.model.axes_at(&tool_m).unwrap().map(|q| PositionNm::from_metres(Metres(q)).unwrap());
-            let off = nominal.map(|position| position.to_metres().0);
+            let off = file.model.axes_at(&tool_m).unwrap();
             let start =
                 Equilibrium::unloaded(Pose { translation_m: tool_m, rotation: nalgebra::UnitQuaternion::identity() });
             let began = machine.equilibrium(&off, &Vector6::zeros(), &start).unwrap();
             for (way, load) in directions().into_iter().zip(&place.loads).filter(|(_, load)| load.is_judged()) {
                 let force = way * options.force_n;
                 let wrench = Vector6::new(force.x, force.y, force.z, 0.0, 0.0, 0.0);
-                let offsets = compensator
-                    .correct(&CorePose::at(tool_m), &nominal, &Wrench::from_array(wrench.into()))
-                    .unwrap()
-                    .offsets;
-                let on = std::array::from_fn(|axis| off[axis] + offsets[axis].to_metres().0);
-                let now = machine.equilibrium(&on, &wrench, &began).unwrap();
+                let pose = CorePose::at(tool_m);
+                let held =
+                    Held::new(&*compensator, &[1.0; N], &pose, &off, &Wrench::from_array(wrench.into())).unwrap();
+                let now = machine.equilibrium(&held.corrected, &wrench, &began).unwrap();
                 // Relative, so that places near a singularity do not decide alone.
                 simulated += ((now.pose.translation_m - began.pose.translation_m).norm() / load.before_m).powi(2);
                 predicted += (load.expected_m() / load.before_m).powi(2);

@@ -4,13 +4,13 @@ use std::fmt::Write;
 
 use gantry_tau::elastic::backlash::Backlash;
 use gantry_tau::elastic::{ElasticMachine, Equilibrium, Pose};
-use gantry_tau::model::{L2, MachineKind};
+use gantry_tau::model::{Held, L2, MachineKind};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile, text_of};
 use gantry_tau::springs::gauge::Gauge;
 use gantry_tau_core::model::kinematics::Pose as CorePose;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::Wrench;
-use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
+use gantry_tau_core::units::OffsetNm;
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use serde_json::Value;
 
@@ -50,8 +50,7 @@ fn measure(folder: &Folder, file: &RobotFile<L2, 3>, times: f64) {
     }
     for (pose, place) in [Vector3::new(0.0, 0.5, 0.65), Vector3::new(-0.3, 0.45, 0.6)].into_iter().enumerate() {
         writeln!(setup, "[[pose]]\nname = \"p{pose}\"\nT = {:?}", [place.x, place.y, place.z]).unwrap();
-        let nominal = file.model.axes_at(&place).unwrap().map(|q| PositionNm::from_metres(Metres(q)).unwrap());
-        let off = nominal.map(|position| position.to_metres().0);
+        let off = file.model.axes_at(&place).unwrap();
         let start = Equilibrium::unloaded(Pose { translation_m: place, rotation: UnitQuaternion::identity() });
         let began = machine.equilibrium(&off, &Vector6::zeros(), &start).unwrap();
         let mut row = |window: &str, q: [f64; 3], load: Vector6<f64>| {
@@ -67,10 +66,10 @@ fn measure(folder: &Folder, file: &RobotFile<L2, 3>, times: f64) {
         for (name, force) in [("x", Vector3::x()), ("z", Vector3::z())] {
             let force: Vector3<f64> = force * 200.0;
             let load = Vector6::new(force.x, force.y, force.z, 0.0, 0.0, 0.0);
-            let correction =
-                compensator.correct(&CorePose::at(place), &nominal, &Wrench::from_array(load.into())).unwrap();
-            row(name, off, load);
-            row(name, std::array::from_fn(|axis| off[axis] + correction.offsets[axis].to_metres().0), load);
+            let wrench = Wrench::from_array(load.into());
+            let held = Held::new(&*compensator, &[1.0; 3], &CorePose::at(place), &off, &wrench).unwrap();
+            row(name, held.nominal, load);
+            row(name, held.corrected, load);
         }
     }
     folder.write("verify.csv", &table);
