@@ -2,7 +2,8 @@
 //!
 //! The file's machine predicts every reading at the measured `q` and load. What remains of a reading after the zero of its gauge moves the
 //! predicted displacement of the platform, by least squares over the gauges of the window; what they do not see stays as predicted, and so
-//! does what a wrist gives way. The covariance of a residual is that of gauge, zero and load, and `J F F^T J^T` by the springs.
+//! does what a wrist gives way. The covariance of a residual is that of gauge, zero and load, `J F F^T J^T` by the springs, and that of the
+//! constants of the set-up.
 
 use gantry_tau_core::model::robot::LINKS;
 use nalgebra::{DMatrix, DVector, Matrix6, SVector, UnitQuaternion, Vector3, Vector6};
@@ -11,6 +12,7 @@ use serde::Serialize;
 use super::VerifyError;
 use super::model::{FileModel, three};
 use super::pairs::{SeriesPairs, pairs};
+use super::setup::{self, GAUGE, SENSOR};
 use super::summary::Verification;
 use crate::elastic::{Equilibrium, Pose};
 use crate::fit::least_squares::Rows;
@@ -74,7 +76,7 @@ pub fn verify<K: MachineKind<N>, const N: usize>(
     if results.is_empty() {
         return Err(VerifyError::NoPairs { table: campaign.table.clone() });
     }
-    let (chi2, dof) = chi_squared(&rows);
+    let (chi2, dof) = chi_squared(&rows, shared(&model));
     Ok(Verification::new(file, campaign, results, chi2, dof))
 }
 
@@ -84,8 +86,10 @@ struct Linear<const N: usize> {
     gauges: Vec<usize>,
     /// Readings less predictions, m, without zeros.
     residuals: DVector<f64>,
-    /// Derivatives by the compliances.
-    springs: DMatrix<f64>,
+    /// Derivatives by unit variables that all windows share: springs, then the sensor.
+    shared: DMatrix<f64>,
+    /// Derivatives by unit variables of the mounting: gauge by gauge.
+    mounted: DMatrix<f64>,
     /// Covariance by gauges and load.
     covariance: DMatrix<f64>,
 }
@@ -154,7 +158,7 @@ impl<'a, const N: usize> Series<'a, N> {
                 ways.row_mut(row).copy_from_slice(&[axis.x, axis.y, axis.z, turn.x, turn.y, turn.z]);
             }
         }
-        covariance += self.model.covariance(&window.springs);
+        covariance += &window.shared * window.shared.transpose() + &window.mounted * window.mounted.transpose();
         let solve = (pseudo_inverse(&ways) * ways.transpose()).rows(0, 3).into_owned();
         let moved = &solve * left;
         Some((Vector3::new(moved[0], moved[1], moved[2]), &solve * covariance * solve.transpose()))
@@ -189,26 +193,34 @@ impl<'a, const N: usize> Series<'a, N> {
         })
     }
 
-    /// Whitened rows of all windows on this side of the jump, by the unit variables of the springs; the zeros projected out.
+    /// Whitened rows of all windows on this side of the jump, by the unit variables; the zeros projected out.
     fn rows(&self) -> Option<Rows> {
         let judged = |pair: &&[Linear<N>; 2]| !pair.iter().any(|linear| self.model.changes_sides(&linear.now));
         let windows: Vec<&Linear<N>> = self.unloaded.iter().chain(self.pairs.iter().filter(judged).flatten()).collect();
         let size = windows.iter().map(|window| window.gauges.len()).sum();
-        let (mut residuals, mut springs) = (DVector::zeros(size), DMatrix::zeros(size, self.model.factor.ncols()));
-        let mut zeros = DMatrix::zeros(size, self.campaign.gauges.len());
+        let gauges = self.campaign.gauges.len();
+        let shared = shared(self.model);
+        let (mut residuals, mut derivatives) = (DVector::zeros(size), DMatrix::zeros(size, shared + GAUGE * gauges));
+        let mut zeros = DMatrix::zeros(size, gauges);
         let mut first = 0;
         for window in windows {
             let whitening = window.covariance.clone().cholesky()?.l().try_inverse()?;
             let count = window.gauges.len();
             residuals.rows_mut(first, count).copy_from(&(&whitening * &window.residuals));
-            springs.rows_mut(first, count).copy_from(&(&whitening * &window.springs * &self.model.factor));
+            derivatives.view_mut((first, 0), (count, shared)).copy_from(&(&whitening * &window.shared));
+            derivatives.view_mut((first, shared), (count, GAUGE * gauges)).copy_from(&(&whitening * &window.mounted));
             for (column, &gauge) in window.gauges.iter().enumerate() {
                 zeros.view_mut((first, gauge), (count, 1)).copy_from(&whitening.column(column));
             }
             first += count;
         }
-        Some(Rows::new(residuals, springs).without(&zeros))
+        Some(Rows::new(residuals, derivatives).without(&zeros))
     }
+}
+
+/// Number of unit variables that all windows share.
+fn shared<const N: usize>(model: &FileModel<N>) -> usize {
+    model.factor.ncols() + SENSOR
 }
 
 fn failed<const N: usize>(campaign: &Campaign<N>, window: &Window<N>, reason: &dyn std::fmt::Display) -> VerifyError {
@@ -231,19 +243,26 @@ fn linearised<const N: usize>(
     let count = read.len();
     let (mut residuals, mut springs) = (DVector::zeros(count), DMatrix::zeros(count, model.springs()));
     let (mut by_load, mut covariance) = (DMatrix::zeros(count, 6), DMatrix::zeros(count, count));
-    for (row, (gauge, reading_m)) in read.iter().enumerate() {
-        let predicted = campaign.gauges[*gauge].gauge.read(machine, &began.pose, &now);
+    let mut mounted = DMatrix::zeros(count, GAUGE * campaign.gauges.len());
+    for (row, (index, reading_m)) in read.iter().enumerate() {
+        let gauge = &campaign.gauges[*index].gauge;
+        let predicted = gauge.read(machine, &began.pose, &now);
         let by = predicted.derivatives(machine, &through, &now);
         residuals[row] = reading_m - predicted.length_m;
         springs.view_mut((row, 0), (1, LINKS)).copy_from(&by.links.transpose());
         springs.view_mut((row, LINKS), (1, N)).copy_from(&by.axes.transpose());
         by_load.view_mut((row, 0), (1, 6)).copy_from(&by.load.transpose());
-        covariance[(row, row)] = window.sds_m[*gauge].unwrap_or(campaign.noise.gauge_um * 1e-6).powi(2);
+        covariance[(row, row)] = window.sds_m[*index].unwrap_or(campaign.noise.gauge_um * 1e-6).powi(2);
+        let constants = setup::of_gauge(&campaign.setup, gauge, machine, began, &now);
+        mounted.view_mut((row, GAUGE * index), (1, GAUGE)).copy_from_slice(&constants);
     }
-    let (force, moment) = (campaign.noise.force_n.powi(2), campaign.noise.moment_nm.powi(2));
-    let variances = Vector6::new(force, force, force, moment, moment, moment);
-    covariance += &by_load * Matrix6::from_diagonal(&variances) * by_load.transpose();
-    Ok(Linear { now, gauges: read.into_iter().map(|(gauge, _)| gauge).collect(), residuals, springs, covariance })
+    covariance += &by_load * setup::load_noise(campaign.noise.force_n, campaign.noise.moment_nm) * by_load.transpose();
+    let sensor = setup::of_sensor(&campaign.setup, &model.sensor_axes, &window.load);
+    let mut shared = DMatrix::zeros(count, shared(model));
+    shared.columns_mut(0, model.factor.ncols()).copy_from(&(springs * &model.factor));
+    shared.columns_mut(model.factor.ncols(), SENSOR).copy_from(&(by_load * sensor));
+    let gauges = read.into_iter().map(|(gauge, _)| gauge).collect();
+    Ok(Linear { now, gauges, residuals, shared, mounted, covariance })
 }
 
 /// Pseudo-inverse of `A^T A`.
@@ -269,18 +288,27 @@ fn deviation(difference: &Vector3<f64>, covariance: &nalgebra::Matrix3<f64>) -> 
     (squares / f64::max(count, 1.0)).sqrt()
 }
 
-/// Chi-squared of all readings with the springs as uncertain as the file says, and its degrees of freedom. The unit variables of the springs
-/// are estimated along with their prior, which is the same as their part of the covariance.
-fn chi_squared(series: &[Rows]) -> (f64, usize) {
-    let columns = series.first().map_or(0, |rows| rows.derivatives.ncols());
-    let mut normal = DMatrix::identity(columns, columns);
-    let mut right = DVector::zeros(columns);
+/// Chi-squared of all readings, and its degrees of freedom. The unit variables are estimated along with their prior, which is the same as
+/// their part of the covariance: those of a mounting series by series, the `shared` ones over all.
+fn chi_squared(series: &[Rows], shared: usize) -> (f64, usize) {
+    let mut normal = DMatrix::identity(shared, shared);
+    let mut right = DVector::zeros(shared);
     let (mut squares, mut degrees) = (0.0, 0);
     for rows in series {
-        normal += rows.derivatives.tr_mul(&rows.derivatives);
-        right += rows.derivatives.tr_mul(&rows.residuals);
-        squares += rows.chi_squared();
+        let (residuals, own) = (&rows.residuals, rows.derivatives.columns(0, shared));
+        let mounted = rows.derivatives.columns(shared, rows.derivatives.ncols() - shared);
+        let (by_own, by_residuals) = (mounted.tr_mul(&own), mounted.tr_mul(residuals));
+        let square = mounted.tr_mul(&mounted) + DMatrix::identity(mounted.ncols(), mounted.ncols());
         degrees += rows.degrees;
+        normal += own.tr_mul(&own);
+        right += own.tr_mul(residuals);
+        squares += residuals.norm_squared();
+        // Positive definite: the prior is.
+        let Some(factor) = square.cholesky() else { continue };
+        let eliminated = factor.solve(&by_residuals);
+        normal -= by_own.tr_mul(&factor.solve(&by_own));
+        right -= by_own.tr_mul(&eliminated);
+        squares -= by_residuals.dot(&eliminated);
     }
     let explained = normal.cholesky().map_or(0.0, |factor| right.dot(&factor.solve(&right)));
     (squares - explained, degrees)

@@ -7,6 +7,7 @@ mod model;
 mod page;
 mod pairs;
 mod predict;
+mod setup;
 mod summary;
 
 use crate::elastic::ElasticError;

@@ -22,6 +22,8 @@ pub(super) struct FileModel<const N: usize> {
     pub(super) wrist: Wrist,
     /// `F` of the covariance `F F^T` of the compliances (links, axes, wrist); without a column where the file has none.
     pub(super) factor: DMatrix<f64>,
+    /// World axes from those of the sensor, platform unturned.
+    pub(super) sensor_axes: Matrix3<f64>,
     sides: Sides,
 }
 
@@ -38,7 +40,8 @@ impl<const N: usize> FileModel<N> {
         let sides = Sides::of(file, &machine)?;
         let joints = file.wrist.clone();
         let wrist = Wrist::new(&joints);
-        Ok(Self { factor: factor(file, &machine), machine, compensator, joints, wrist, sides })
+        let sensor_axes = file.sensor.rotation_matrix();
+        Ok(Self { factor: factor(file, &machine), machine, compensator, joints, wrist, sensor_axes, sides })
     }
 
     /// Number of compliances: links, axes, joints of the wrist.

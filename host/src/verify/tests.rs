@@ -109,8 +109,53 @@ fn gauges() -> Vec<NamedGauge> {
 
 const NOISE: Noise = Noise { gauge_um: 0.5, force_n: 0.5, moment_nm: 0.025 };
 
+/// Set-up as well as a careful person gets it.
+const SETUP: SetupNoise = SetupNoise {
+    gauge_point_mm: Some(0.5),
+    gauge_axis_mrad: Some(2.0),
+    sensor_lever_mm: Some(0.5),
+    sensor_axes_mrad: Some(2.0),
+    sensor_gain: Some(0.005),
+};
+
+/// A sensor that is off by its constants.
+struct OffSensor {
+    lever_m: Vector3<f64>,
+    turn: Vector3<f64>,
+    gains: Vector6<f64>,
+}
+
+impl OffSensor {
+    fn drawn(setup: &SetupNoise, draw: &mut Draw) -> Self {
+        let mut vector = |sd: Option<f64>| Vector3::from_fn(|_, _| draw.normal(sd.unwrap_or(0.0)));
+        let (lever_m, turn) = (vector(setup.sensor_lever_mm) * 1e-3, vector(setup.sensor_axes_mrad) * 1e-3);
+        let gains = Vector6::from_fn(|_, _| draw.normal(setup.sensor_gain.unwrap_or(0.0)));
+        Self { lever_m, turn, gains }
+    }
+
+    fn shows(&self, load: &Vector6<f64>) -> Vector6<f64> {
+        let scaled = load + load.component_mul(&self.gains);
+        let (force, moment) = (scaled.fixed_rows::<3>(0).into_owned(), scaled.fixed_rows::<3>(3).into_owned());
+        let moment = moment + self.turn.cross(&moment) + self.lever_m.cross(&force);
+        let force = force + self.turn.cross(&force);
+        Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
+    }
+}
+
+/// Gauges that stand only about where they should.
+fn mounted(setup: &SetupNoise, draw: &mut Draw) -> Vec<Gauge> {
+    let off = |gauge: NamedGauge| {
+        let Gauge::Platform { point_m, axis } = gauge.gauge else { panic!("not on the platform") };
+        let mut vector = |sd: Option<f64>| Vector3::from_fn(|_, _| draw.normal(sd.unwrap_or(0.0))) * 1e-3;
+        let (moved, turn) = (vector(setup.gauge_point_mm), vector(setup.gauge_axis_mrad));
+        Gauge::Platform { point_m: point_m + moved, axis: (axis + turn.cross(&axis)).normalize() }
+    };
+    gauges().into_iter().map(off).collect()
+}
+
 /// Measures `truth` at twenty places under six loads of 300 N, with the compensation of the file off and on.
-fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, draw: &mut Draw) -> Campaign<N> {
+fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, setup: SetupNoise, draw: &mut Draw) -> Campaign<N> {
+    let sensor = OffSensor::drawn(&setup, draw);
     let machine = ElasticMachine::new(file.model.geometry(), *truth, Backlash::NONE);
     let compensator = file.compensator([OffsetNm(2_000_000); N]).unwrap();
     let (mut windows, mut series, mut poses) = (Vec::new(), Vec::new(), Vec::new());
@@ -119,15 +164,17 @@ fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, draw: &mut Draw) ->
         let start =
             Equilibrium::unloaded(Pose { translation_m: place, rotation: nalgebra::UnitQuaternion::identity() });
         let began = machine.equilibrium(&off, &Vector6::zeros(), &start).unwrap();
+        let standing = mounted(&setup, draw);
         let zeros: Vec<f64> = gauges().iter().map(|_| draw.normal(1e-3)).collect();
         let mut add = |name: String, q: [f64; N], load: Vector6<f64>, draw: &mut Draw| {
             let now = machine.equilibrium(&q, &load, &began).unwrap();
-            let read = gauges().into_iter().zip(&zeros).map(|(gauge, zero)| {
-                Some(gauge.gauge.read(&machine, &began.pose, &now).length_m + zero + draw.normal(NOISE.gauge_um * 1e-6))
+            let read = standing.iter().zip(&zeros).map(|(gauge, zero)| {
+                Some(gauge.read(&machine, &began.pose, &now).length_m + zero + draw.normal(NOISE.gauge_um * 1e-6))
             });
             let readings_m = read.collect();
             let sds = [NOISE.force_n, NOISE.force_n, NOISE.force_n, NOISE.moment_nm, NOISE.moment_nm, NOISE.moment_nm];
-            let shown = Vector6::from_fn(|component, _| load[component] + draw.normal(sds[component]));
+            let shown = sensor.shows(&load);
+            let shown = Vector6::from_fn(|component, _| shown[component] + draw.normal(sds[component]));
             windows.push(Window {
                 line: u64::try_from(windows.len()).unwrap() + 2,
                 series: pose,
@@ -148,7 +195,7 @@ fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, draw: &mut Draw) ->
             let force = way * 300.0;
             let moment = Vector3::new(0.0, 0.0, -0.08).cross(&force);
             let load = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
-            let wrench = Wrench::from_array(load.into());
+            let wrench = Wrench::from_array(sensor.shows(&load).into());
             let held = Held::new(&*compensator, &[1.0; N], &CorePose::at(place), &off, &wrench).unwrap();
             add(index.to_string(), held.nominal, load, draw);
             add(index.to_string(), held.corrected, load, draw);
@@ -162,7 +209,7 @@ fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, draw: &mut Draw) ->
         crc: 0,
         metres_per_q: [1.0; N],
         noise: NOISE,
-        setup: SetupNoise::default(),
+        setup,
         poses,
         gauges: gauges(),
         mountings: series.clone(),
@@ -174,26 +221,42 @@ fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, draw: &mut Draw) ->
 
 const WORKPIECE: f64 = 1e9;
 
-/// Twelve machines of those that the file takes for possible: what remains is as large as predicted, by springs and by noise.
-#[test]
-fn machines_that_the_file_knows_remain_as_predicted() {
+/// Root mean square of the z-scores of machines out of those that the file takes for possible; none may be doubted.
+fn z_rms(machines: u32, setup: SetupNoise, seed: u64) -> f64 {
     let mut file = identified();
     // Every load counts: these machines have no play.
     file.simulation.jump_gap_m = 0.0;
-    let mut draw = Draw::new(1);
+    let mut draw = Draw::new(seed);
     let mut squares = 0.0;
-    let machines = 12;
     for _ in 0..machines {
         let truth = draw.machine(&file);
-        let found = verify(&file, &measured(&file, &truth, &mut draw), WORKPIECE).unwrap();
+        let found = verify(&file, &measured(&file, &truth, setup, &mut draw), WORKPIECE).unwrap();
         assert_eq!((found.judged.pairs, found.at_the_jump.pairs), (120, 0));
         squares += found.judged.z_rms.powi(2);
-        // One in a thousand of such machines would be doubted.
-        assert_eq!(found.doubts(20e-6), [""; 0], "{found}");
+        assert_eq!(found.doubts(30e-6), [""; 0], "{found}");
         assert!(found.judged.share < 0.03, "{found}");
     }
-    let z_rms = f64::sqrt(squares / f64::from(machines));
-    assert!((0.8..1.2).contains(&z_rms), "{z_rms}");
+    (squares / f64::from(machines)).sqrt()
+}
+
+/// What remains is as large as predicted, by springs and by noise; pooled, as the z-scores of one machine share its springs.
+#[test]
+fn machines_that_the_file_knows_remain_as_predicted() {
+    let found = z_rms(12, SetupNoise::default(), 1);
+    assert!((0.8..1.2).contains(&found), "{found}");
+}
+
+#[test]
+fn a_set_up_that_is_off_as_stated_changes_nothing() {
+    let found = z_rms(12, SETUP, 5);
+    assert!((0.8..1.2).contains(&found), "{found}");
+    // The same errors, not stated, are taken for a wrong machine.
+    let file = identified();
+    let mut draw = Draw::new(6);
+    let mut campaign = measured(&file, file.compliances.as_ref().unwrap(), SETUP, &mut draw);
+    campaign.setup = SetupNoise::default();
+    let found = verify(&file, &campaign, WORKPIECE).unwrap();
+    assert!(found.p < 1e-3, "{found}");
 }
 
 #[test]
@@ -202,7 +265,7 @@ fn springs_that_are_off_by_a_third_are_rejected() {
     let mut draw = Draw::new(2);
     let values = springs(file.compliances.as_ref().unwrap());
     let truth = compliances(&std::array::from_fn(|index| values[index] * if index % 2 == 0 { 1.3 } else { 0.7 }));
-    let found = verify(&file, &measured(&file, &truth, &mut draw), WORKPIECE).unwrap();
+    let found = verify(&file, &measured(&file, &truth, SetupNoise::default(), &mut draw), WORKPIECE).unwrap();
     assert!(found.judged.z_rms > 5.0 && found.p < 1e-12, "{found}");
     assert_eq!(found.doubts(20e-6).len(), 2, "{found}");
     // Loads across the jump are counted apart.
@@ -273,7 +336,7 @@ fn the_margin_is_that_of_the_springs() {
 #[test]
 fn rows_without_a_partner_are_refused() {
     let file = identified();
-    let good = measured(&file, file.compliances.as_ref().unwrap(), &mut Draw::new(4));
+    let good = measured(&file, file.compliances.as_ref().unwrap(), SetupNoise::default(), &mut Draw::new(4));
     let refused = |change: &dyn Fn(&mut Campaign<N>)| {
         let mut campaign = good.clone();
         change(&mut campaign);
