@@ -137,7 +137,8 @@ fn a_prediction_needs_no_measurements() {
     let json: Value = serde_json::from_str(&folder.read("predict.json")).unwrap();
     assert_eq!(json["format"], "gantry-tau predicted 1");
     assert_eq!(json["directions"].as_array().unwrap().len(), 14);
-    assert_eq!(json["places"].as_array().unwrap().len(), json["summary"]["places"].as_u64().unwrap() as usize);
+    let places = u64::try_from(json["places"].as_array().unwrap().len()).unwrap();
+    assert_eq!(json["summary"]["places"], places);
     assert_eq!(folder.read("predict.html").matches("<svg").count(), 12);
     let said = folder.run(&["verify", "--predict", "--robot", "l2"]).failure(1);
     assert!(said.contains("has no [identified]") && said.trim().lines().count() == 1, "{said}");
