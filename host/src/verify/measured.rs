@@ -6,10 +6,11 @@
 //! constants of the set-up.
 
 use gantry_tau_core::model::robot::LINKS;
-use nalgebra::{DMatrix, DVector, Matrix6, SVector, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, SVector, UnitQuaternion, Vector3, Vector6};
 use serde::Serialize;
 
 use super::VerifyError;
+use super::algebra::{chi_squared, deviation, pseudo_inverse};
 use super::model::{FileModel, three};
 use super::pairs::{SeriesPairs, pairs};
 use super::setup::{self, GAUGE, SENSOR};
@@ -24,8 +25,6 @@ use crate::springs::gauge::Gauge;
 
 /// Lever that a turn counts with against a translation, m: that of the gauges.
 const LEVER_M: f64 = 0.1;
-/// Share of the largest eigenvalue below which a direction is not seen.
-const UNSEEN: f64 = 1e-9;
 
 /// One pair of windows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -263,53 +262,4 @@ fn linearised<const N: usize>(
     shared.columns_mut(model.factor.ncols(), SENSOR).copy_from(&(by_load * sensor));
     let gauges = read.into_iter().map(|(gauge, _)| gauge).collect();
     Ok(Linear { now, gauges, residuals, shared, mounted, covariance })
-}
-
-/// Pseudo-inverse of `A^T A`.
-fn pseudo_inverse(ways: &DMatrix<f64>) -> Matrix6<f64> {
-    let square = ways.tr_mul(ways);
-    let decomposed = Matrix6::from_fn(|row, column| square[(row, column)]).symmetric_eigen();
-    let floor = UNSEEN * decomposed.eigenvalues.max();
-    let inverse = decomposed.eigenvalues.map(|value| if value > floor { 1.0 / value } else { 0.0 });
-    decomposed.eigenvectors * Matrix6::from_diagonal(&inverse) * decomposed.eigenvectors.transpose()
-}
-
-/// Length of a difference in standard deviations, root mean square over the directions that have a variance.
-fn deviation(difference: &Vector3<f64>, covariance: &nalgebra::Matrix3<f64>) -> f64 {
-    let decomposed = covariance.symmetric_eigen();
-    let floor = UNSEEN * decomposed.eigenvalues.max();
-    let (mut squares, mut count) = (0.0, 0.0);
-    for (variance, direction) in decomposed.eigenvalues.iter().zip(decomposed.eigenvectors.column_iter()) {
-        if *variance > floor {
-            squares += direction.dot(difference).powi(2) / variance;
-            count += 1.0;
-        }
-    }
-    (squares / f64::max(count, 1.0)).sqrt()
-}
-
-/// Chi-squared of all readings, and its degrees of freedom. The unit variables are estimated along with their prior, which is the same as
-/// their part of the covariance: those of a mounting series by series, the `shared` ones over all.
-fn chi_squared(series: &[Rows], shared: usize) -> (f64, usize) {
-    let mut normal = DMatrix::identity(shared, shared);
-    let mut right = DVector::zeros(shared);
-    let (mut squares, mut degrees) = (0.0, 0);
-    for rows in series {
-        let (residuals, own) = (&rows.residuals, rows.derivatives.columns(0, shared));
-        let mounted = rows.derivatives.columns(shared, rows.derivatives.ncols() - shared);
-        let (by_own, by_residuals) = (mounted.tr_mul(&own), mounted.tr_mul(residuals));
-        let square = mounted.tr_mul(&mounted) + DMatrix::identity(mounted.ncols(), mounted.ncols());
-        degrees += rows.degrees;
-        normal += own.tr_mul(&own);
-        right += own.tr_mul(residuals);
-        squares += residuals.norm_squared();
-        // Positive definite: the prior is.
-        let Some(factor) = square.cholesky() else { continue };
-        let eliminated = factor.solve(&by_residuals);
-        normal -= by_own.tr_mul(&factor.solve(&by_own));
-        right -= by_own.tr_mul(&eliminated);
-        squares -= by_residuals.dot(&eliminated);
-    }
-    let explained = normal.cholesky().map_or(0.0, |factor| right.dot(&factor.solve(&right)));
-    (squares - explained, degrees)
 }

@@ -1,12 +1,14 @@
 //! `verify`: what remains of the displacement with compensation, measured in pairs of windows and predicted with its uncertainty.
 #![expect(clippy::indexing_slicing, reason = "windows and gauges are counted by the campaign itself")]
 
+mod algebra;
 mod margin;
 mod measured;
 mod model;
 mod page;
 mod pairs;
 mod predict;
+mod prediction_summary;
 mod setup;
 mod summary;
 
@@ -18,7 +20,8 @@ pub use measured::{PairResult, verify};
 pub use page::{prediction_page, verification_page};
 pub use pairs::UNLOADED_SD;
 pub use predict::{PlacePrediction, PredictOptions, Prediction, Remainder, directions, predict};
-pub use summary::{PredictionSummary, Statistics, Verification};
+pub use prediction_summary::PredictionSummary;
+pub use summary::{Statistics, Verification};
 
 /// Reason why there is no verification.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

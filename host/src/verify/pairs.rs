@@ -5,6 +5,8 @@
 //! - two rows with a load and the same `window` are a pair. Off is the one whose `q` is nearer to that of the rows without a load; the `q`
 //!   of the other contains the offsets of the compensation.
 
+use std::collections::HashMap;
+
 use nalgebra::{SVector, Vector6};
 
 use super::VerifyError;
@@ -26,47 +28,59 @@ pub(super) struct SeriesPairs {
 
 /// Sorts the windows of a campaign, series by series.
 pub(super) fn pairs<const N: usize>(campaign: &Campaign<N>) -> Result<Vec<SeriesPairs>, VerifyError> {
-    (0..campaign.series.len()).map(|series| of_series(campaign, series)).collect()
+    let mut of_series = vec![Vec::new(); campaign.series.len()];
+    for (index, window) in campaign.windows.iter().enumerate() {
+        of_series[window.series].push(index);
+    }
+    of_series.iter().map(|windows| sorted(campaign, windows)).collect()
 }
 
-fn of_series<const N: usize>(campaign: &Campaign<N>, series: usize) -> Result<SeriesPairs, VerifyError> {
-    let windows = || campaign.windows.iter().enumerate().filter(move |(_, window)| window.series == series);
-    let mut found = SeriesPairs::default();
-    found.unloaded.extend(windows().filter(|(_, window)| is_unloaded(campaign, window)).map(|(index, _)| index));
-    let refused = |window: &Window<N>, reason: String| VerifyError::Pair {
-        table: campaign.table.clone(),
-        line: window.line,
-        reason,
-    };
-    let zero_q = windows().find(|(_, window)| is_unloaded(campaign, window)).map(|(_, window)| window.q);
-    let loaded: Vec<(usize, &Window<N>)> = windows().filter(|(_, window)| !is_unloaded(campaign, window)).collect();
-    for (at, &(index, window)) in loaded.iter().enumerate() {
-        let zero_q = zero_q.ok_or_else(|| {
-            refused(window, "its series has no row without a load, so its gauges have no zero".to_owned())
-        })?;
-        let is_partner = |other: &&(usize, &Window<N>)| other.1.window == window.window && other.0 != index;
-        let mut partners = loaded.iter().filter(is_partner);
-        let (Some(&(partner, other)), None) = (partners.next(), partners.next()) else {
-            let reason =
-                format!("window {:?} must stand twice in its series, with compensation off and on", window.window);
-            return Err(refused(window, reason));
-        };
-        if loaded.iter().take(at).any(|(earlier, _)| *earlier == partner) {
-            continue;
-        }
-        if !is_same_load(campaign, &window.load, &other.load) {
-            let reason = format!("the load is not that of line {}, the other window of the pair", window.line);
-            return Err(refused(other, reason));
-        }
-        let away = |window: &Window<N>| (SVector::from(window.q) - SVector::from(zero_q)).norm();
-        let (here, there) = (away(window), away(other));
-        if (here - there).abs() <= f64::EPSILON {
-            let reason = format!("q is that of line {}; with compensation on it contains the offsets", window.line);
-            return Err(refused(other, reason));
-        }
-        found.pairs.push(if here < there { [index, partner] } else { [partner, index] });
+fn sorted<const N: usize>(campaign: &Campaign<N>, windows: &[usize]) -> Result<SeriesPairs, VerifyError> {
+    let (unloaded, loaded): (Vec<usize>, Vec<usize>) =
+        windows.iter().partition(|index| is_unloaded(campaign, &campaign.windows[**index]));
+    let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();
+    for &index in &loaded {
+        by_name.entry(&campaign.windows[index].window).or_default().push(index);
     }
-    Ok(found)
+    let mut pairs = Vec::new();
+    for &index in &loaded {
+        let window = &campaign.windows[index];
+        let Some(zero) = unloaded.first() else {
+            return Err(refused(campaign, window, "its series has no row without a load, so its gauges have no zero"));
+        };
+        match by_name.get(window.window.as_str()).map(Vec::as_slice) {
+            Some([one, other]) if *one == index => pairs.push(pair(campaign, [*one, *other], *zero)?),
+            // The second of a pair.
+            Some([_, _]) => {}
+            _ => {
+                let name = &window.window;
+                let reason = format!("window {name:?} must stand twice in its series, with compensation off and on");
+                return Err(refused(campaign, window, &reason));
+            }
+        }
+    }
+    Ok(SeriesPairs { unloaded, pairs })
+}
+
+/// Off and on of two windows; `zero` is one without a load.
+fn pair<const N: usize>(campaign: &Campaign<N>, both: [usize; 2], zero: usize) -> Result<[usize; 2], VerifyError> {
+    let [one, other] = both.map(|index| &campaign.windows[index]);
+    if !is_same_load(campaign, &one.load, &other.load) {
+        let reason = format!("the load is not that of line {}, the other window of the pair", one.line);
+        return Err(refused(campaign, other, &reason));
+    }
+    let away = |window: &Window<N>| (SVector::from(window.q) - SVector::from(campaign.windows[zero].q)).norm();
+    let (here, there) = (away(one), away(other));
+    if (here - there).abs() <= f64::EPSILON {
+        let reason = format!("q is that of line {}; with compensation on it contains the offsets", one.line);
+        return Err(refused(campaign, other, &reason));
+    }
+    let [one, other] = both;
+    Ok(if here < there { [one, other] } else { [other, one] })
+}
+
+fn refused<const N: usize>(campaign: &Campaign<N>, window: &Window<N>, reason: &str) -> VerifyError {
+    VerifyError::Pair { table: campaign.table.clone(), line: window.line, reason: reason.to_owned() }
 }
 
 fn noise<const N: usize>(campaign: &Campaign<N>) -> Vector6<f64> {
