@@ -33,4 +33,5 @@ pub mod solve;
 pub mod springs;
 pub mod stop_latch;
 pub mod terminal;
+pub mod verify;
 pub mod workspace;

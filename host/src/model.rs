@@ -1,14 +1,23 @@
 //! Kinds of machines: the part of a machine that server, client and simulation depend on.
 
+mod f1;
+mod l2;
+mod wrist;
+
 use std::fmt;
 
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::f1::Geometry;
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
-use gantry_tau_core::model::{f1, l2};
-use gantry_tau_core::units::PositionNm;
+use gantry_tau_core::units::{Metres, PositionNm};
 use nalgebra::Vector3;
+
+use crate::robot_file::{CorrectionKind, WristJoint};
+pub use f1::{F1, pose_at};
+pub use l2::L2;
+pub use wrist::Wrist;
 
 /// Motors of the L2: one on each cart.
 pub const L2_MOTORS: usize = 3;
@@ -17,11 +26,14 @@ pub const F1_MOTORS: usize = 9;
 
 /// Kind of machine with `N` axes.
 pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'static {
+    /// `model` of its robot files and set-ups.
+    const MODEL: &'static str;
+
     /// Returns the CRC-32 of the parameters that decide the kinematics; the client compares it with the server's.
     fn checksum(&self) -> u32;
 
     /// Returns the geometry, link by link.
-    fn geometry(&self) -> f1::Geometry;
+    fn geometry(&self) -> Geometry;
 
     /// Returns the positions (q-units) that put the tool centre point of the unloaded machine at `tool_m` (world axes, metres), with the
     /// platform in the orientation of the world.
@@ -36,15 +48,26 @@ pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'stati
     /// [`KinematicsError::Singular`] where the links cannot carry every load.
     fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; N]) -> Result<LineMatrix<N>, KinematicsError>;
 
-    /// Creates a compensator. Offsets may leave the nominal travel; the server checks the machine's.
+    /// Creates a compensator. Offsets may leave the nominal travel; the server checks that of the machine.
     ///
     /// # Errors
     /// A sentence that names the parameter.
-    fn compensator(
-        &self,
-        compliances: &Compliances<N>,
-        config: CompensatorConfig<N>,
-    ) -> Result<Box<dyn Compensator<N>>, String>;
+    fn compensator(&self, setup: &CompensatorSetup<'_, N>) -> Result<Box<dyn Compensator<N>>, String>;
+}
+
+/// Parameters of a compensator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CompensatorSetup<'a, const N: usize> {
+    /// Compliances of links and axes.
+    pub compliances: &'a Compliances<N>,
+    /// Gain, limits and units.
+    pub config: CompensatorConfig<N>,
+    /// Computation of the correction for links and axes.
+    pub correction: CorrectionKind,
+    /// Joints between platform and tool; empty where they are rigid.
+    pub wrist: &'a [WristJoint],
+    /// Home of the tool centre point, world axes, m: an F1 without a synchronised form is followed from there.
+    pub home_m: Vector3<f64>,
 }
 
 /// A compensator, used once per cycle: it locates the platform, with which a force sensor's reading becomes a load, and then corrects for
@@ -63,95 +86,44 @@ pub trait Compensator<const N: usize>: Send {
     fn correct(&self, pose: &Pose, nominal: &[PositionNm; N], load: &Wrench) -> Result<Correction<N>, KinematicsError>;
 }
 
-impl Compensator<{ l2::AXES }> for l2::Compensator {
-    fn locate(&mut self, nominal: &[PositionNm; l2::AXES]) -> Result<Pose, KinematicsError> {
-        let kinematics = self.machine().kinematics();
-        Ok(kinematics.pose(kinematics.forward(&self.config().q_of(nominal))?))
-    }
-
-    fn correct(
-        &self,
-        _: &Pose,
-        nominal: &[PositionNm; l2::AXES],
-        load: &Wrench,
-    ) -> Result<Correction<{ l2::AXES }>, KinematicsError> {
-        self.correct(nominal, load)
-    }
+/// Positions of the axes for a pose under a load, q-units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Held<const N: usize> {
+    /// Without correction, rounded as the reference path is.
+    pub nominal: [f64; N],
+    /// With the correction.
+    pub corrected: [f64; N],
+    /// True where a limit cuts the correction.
+    pub is_saturated: bool,
 }
 
-impl Compensator<{ f1::AXES }> for f1::Compensator {
-    fn locate(&mut self, nominal: &[PositionNm; f1::AXES]) -> Result<Pose, KinematicsError> {
-        let q = self.config().q_of(nominal);
-        Ok(self.track(&q)?.value)
-    }
-
-    fn correct(
-        &self,
+impl<const N: usize> Held<N> {
+    /// Corrects the positions `q` of a pose for a load, with axes of `metres_per_q`.
+    ///
+    /// # Errors
+    /// [`KinematicsError`] of the correction; `NotFinite` for positions beyond the reference path.
+    pub fn new(
+        compensator: &dyn Compensator<N>,
+        metres_per_q: &[f64; N],
         pose: &Pose,
-        nominal: &[PositionNm; f1::AXES],
+        q: &[f64; N],
         load: &Wrench,
-    ) -> Result<Correction<{ f1::AXES }>, KinematicsError> {
-        self.correct_at(pose, &self.config().q_of(nominal), load)
+    ) -> Result<Self, KinematicsError> {
+        let mut path = [PositionNm(0); N];
+        for ((position, q), metres) in path.iter_mut().zip(q).zip(metres_per_q) {
+            *position = PositionNm::from_metres(Metres(q * metres)).map_err(|_| KinematicsError::NotFinite)?;
+        }
+        let correction = compensator.correct(pose, &path, load)?;
+        let (mut nominal, mut corrected) = (*q, *q);
+        let both = nominal.iter_mut().zip(&mut corrected).zip(path).zip(correction.offsets);
+        for ((((nominal, corrected), position), offset), metres) in both.zip(metres_per_q) {
+            *nominal = position.to_metres().0 / metres;
+            *corrected = *nominal + offset.to_metres().0 / metres;
+        }
+        Ok(Self { nominal, corrected, is_saturated: correction.saturated.contains(&true) })
     }
 }
 
-/// An L2; of a robot file, in the orientation of the world.
-pub type L2 = l2::Kinematics;
-/// An F1.
-pub type F1 = f1::Kinematics;
-
-impl MachineKind<{ l2::AXES }> for L2 {
-    fn checksum(&self) -> u32 {
-        self.robot().kinematics_checksum()
-    }
-
-    fn geometry(&self) -> f1::Geometry {
-        self.robot().geometry().into()
-    }
-
-    fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; l2::AXES], KinematicsError> {
-        self.inverse_in_assembly(tool_m)
-    }
-
-    fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; l2::AXES]) -> Result<LineMatrix<{ l2::AXES }>, KinematicsError> {
-        self.line_matrix(&Pose::at(*tool_m), q)
-    }
-
-    fn compensator(
-        &self,
-        compliances: &Compliances<{ l2::AXES }>,
-        config: CompensatorConfig<{ l2::AXES }>,
-    ) -> Result<Box<dyn Compensator<{ l2::AXES }>>, String> {
-        let compensator = l2::Compensator::new(self, compliances, config).map_err(|error| error.to_string())?;
-        Ok(Box::new(compensator))
-    }
-}
-
-impl MachineKind<{ f1::AXES }> for F1 {
-    fn checksum(&self) -> u32 {
-        self.robot().kinematics_checksum()
-    }
-
-    fn geometry(&self) -> f1::Geometry {
-        *self.robot().geometry()
-    }
-
-    fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; f1::AXES], KinematicsError> {
-        let solution = self.inverse_in_assembly(&Pose::at(*tool_m), None)?;
-        Ok(solution.value)
-    }
-
-    fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; f1::AXES]) -> Result<LineMatrix<{ f1::AXES }>, KinematicsError> {
-        self.line_matrix(&Pose::at(*tool_m), q)
-    }
-
-    fn compensator(
-        &self,
-        compliances: &Compliances<{ f1::AXES }>,
-        config: CompensatorConfig<{ f1::AXES }>,
-    ) -> Result<Box<dyn Compensator<{ f1::AXES }>>, String> {
-        let kinematics = self.without_travel();
-        let compensator = f1::Compensator::new(&kinematics, compliances, config).map_err(|error| error.to_string())?;
-        Ok(Box::new(compensator))
-    }
-}
+#[cfg(test)]
+#[allow(clippy::indexing_slicing, reason = "the tests walk axes by their number")]
+mod tests;

@@ -8,6 +8,7 @@ mod faults;
 mod identify;
 mod replay;
 mod serve;
+mod verify;
 mod workspace;
 
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -43,6 +44,7 @@ enum Command {
     Draw(draw::Draw),
     Calibrate(calibrate::Calibrate),
     Identify(identify::Identify),
+    Verify(verify::Verify),
     /// Kinematics, statics and compensation for scripts: one JSON request per line in, one JSON answer per line out
     ///
     /// Example: echo '{"id":1,"robot":"robots/l2.toml","op":"ik","T":[0.0,0.5,0.65]}' | gantry-tau solve
@@ -93,6 +95,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Draw(draw) => run_on(AnyRobotFile::named(&draw.robot), draw),
         Command::Calibrate(calibrate) => calibrate.run(),
         Command::Identify(identify) => identify.run(),
+        Command::Verify(verify) => run_on(AnyRobotFile::named(&verify.robot), verify),
         Command::Solve => solve(),
     };
     outcome.unwrap_or_else(|error| fail(1, error))

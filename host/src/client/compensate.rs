@@ -1,10 +1,9 @@
 //! Compensation of one cycle, from a raw force sample and the nominal positions to offsets, with core's sensor and compensator.
 
 use std::error::Error;
-use std::fmt;
 
 use gantry_tau_core::control::message::Welcome;
-use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::compensation::Correction;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{OffsetNm, PositionNm};
@@ -26,17 +25,8 @@ impl<const N: usize> Compensation<N> {
     /// # Errors
     /// A sentence that names the parameter.
     pub fn new<K: MachineKind<N>>(robot: &RobotFile<K, N>, welcome: &Welcome<N>) -> Result<Self, String> {
-        let said = |error: &dyn fmt::Display| format!("{}: {error}", robot.name);
-        let compliances = robot
-            .compliances
-            .as_ref()
-            .ok_or_else(|| said(&"compliances are missing; a compensating client needs them"))?;
-        let config = CompensatorConfig {
-            gain: robot.client.gain,
-            limits: welcome.limits.map(|axis| OffsetNm(axis.position.max())),
-            metres_per_q: robot.metres_per_q,
-        };
-        let compensator = robot.model.compensator(compliances, config);
+        let limits = welcome.limits.map(|axis| OffsetNm(axis.position.max()));
+        let compensator = robot.compensator(limits).map_err(|error| error.to_string())?;
         let sensor = ForceSensor::new(SensorConfig {
             rotation: robot.sensor.rotation_matrix(),
             lever_m: robot.sensor.lever_m.into(),
@@ -45,8 +35,8 @@ impl<const N: usize> Compensation<N> {
             cycle_s: f64::from(welcome.cycle_us) * 1e-6,
             tare_samples: robot.sensor.tare_samples,
         })
-        .map_err(|error| said(&error))?;
-        Ok(Self { sensor, compensator: compensator.map_err(|error| said(&error))?, load: None })
+        .map_err(|error| format!("{}: {error}", robot.name))?;
+        Ok(Self { sensor, compensator, load: None })
     }
 
     /// Returns the position offsets of one cycle for a raw sample (sensor axes) and nominal positions. Zero while taring.

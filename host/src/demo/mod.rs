@@ -1,5 +1,6 @@
 //! `demo`: one session over loopback TCP, with force steps, compensation, and a pulled cable; ends with a table and a report.
 
+mod corrections;
 mod report;
 mod results;
 mod sampler;
@@ -15,6 +16,7 @@ use crate::server::tick_source::TickSource;
 use crate::terminal::{progress_bar, say};
 use scenario::Recording;
 
+pub use corrections::Corrections;
 pub use results::{ALLOWED_SHARE, LinkQuality, Ramp, Results, Step};
 
 /// Pace of the demo.

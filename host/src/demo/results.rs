@@ -5,8 +5,10 @@ use gantry_tau_core::model::robot::ARMS;
 use serde::Serialize;
 
 use super::DemoOptions;
+use super::corrections::Corrections;
 use super::sampler::Sample;
 use super::scenario::{COMPENSATED, Recording};
+use crate::model::MachineKind;
 use crate::server::tick_source::TickSource;
 
 /// Largest share of the displacement that may remain at any step below the jump.
@@ -25,6 +27,8 @@ pub struct Results {
     pub axes: usize,
     /// Force steps.
     pub steps: Vec<Step>,
+    /// Both ways to compute a correction, under the largest force below the jump.
+    pub corrections: Option<Corrections>,
     /// The ramp after the cable was pulled.
     pub ramp: Ramp,
     /// Quality of the connection until the cable was pulled.
@@ -97,7 +101,7 @@ pub struct LinkQuality {
 }
 
 impl Results {
-    pub(super) fn of<K, const N: usize>(
+    pub(super) fn of<K: MachineKind<N>, const N: usize>(
         options: &DemoOptions<K, N>,
         pace: TickSource,
         recording: &Recording<N>,
@@ -113,6 +117,7 @@ impl Results {
             },
             robot: options.robot.name.clone(),
             axes: N,
+            corrections: corrections(options),
             steps: steps(options, samples),
             ramp: ramp(options, recording),
             link: link(samples, recording.ended.tick),
@@ -154,6 +159,15 @@ impl Results {
     }
 }
 
+fn is_beyond_jump<K, const N: usize>(options: &DemoOptions<K, N>, force_n: f64) -> bool {
+    force_n >= 0.95 * options.robot.simulation.jump_force_n
+}
+
+fn corrections<K: MachineKind<N>, const N: usize>(options: &DemoOptions<K, N>) -> Option<Corrections> {
+    let below = options.forces_n().into_iter().filter(|force_n| !is_beyond_jump(options, *force_n));
+    Corrections::of(&options.robot, below.last()?)
+}
+
 fn steps<K, const N: usize>(options: &DemoOptions<K, N>, samples: &[Sample<N>]) -> Vec<Step> {
     (1..)
         .zip(options.forces_n())
@@ -173,7 +187,7 @@ fn steps<K, const N: usize>(options: &DemoOptions<K, N>, samples: &[Sample<N>]) 
                 remaining_share: norm(c) / norm(u),
                 turn_urad,
                 remaining_turn_share: held / turned,
-                beyond_jump: force_n >= 0.95 * options.robot.simulation.jump_force_n,
+                beyond_jump: is_beyond_jump(options, force_n),
                 gauges_um,
             }
         })

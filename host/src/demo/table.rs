@@ -24,6 +24,13 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
     if results.steps.iter().any(|step| step.beyond_jump) {
         writeln!(text, "  * in or beyond the jump, which is not compensated (see the thesis, 5.2.2 and 6.1)")?;
     }
+    if let Some(corrections) = &results.corrections {
+        let ([first, exact], [first_known, exact_known]) = (corrections.file_springs_um, corrections.true_springs_um);
+        let force_n = corrections.force_n;
+        writeln!(text, "\n  remaining at {force_n:.0} N, computed without noise     first order      exact")?;
+        writeln!(text, "    with the springs of the file            {first:9.2} um {exact:7.2} um")?;
+        writeln!(text, "    with the true springs                   {first_known:9.2} um {exact_known:7.2} um")?;
+    }
     let ramp = &results.ramp;
     let offsets: Vec<String> = (ramp.start_offset_nm.iter()).map(|nm| format!("{:.1}", f64::from(*nm) / 1e3)).collect();
     let offsets = offsets.join(", ");

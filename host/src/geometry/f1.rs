@@ -24,6 +24,7 @@ use super::frames::{Frames, apply, rotation_vector};
 use crate::elastic::joints::joint;
 use crate::fit::least_squares::Rows;
 use crate::fit::statistics::float;
+use crate::model::pose_at;
 
 /// First parameters of the groups `C` (9), `V` (9), `P` (18), `b` (18), `L` (6), `ax` (2), `ax6` (2), and their number.
 const C: usize = 0;
@@ -278,27 +279,41 @@ pub struct InRobotFrame {
 }
 
 impl Poses<'_> {
+    /// Poses of the robot file's machine, whose home is at `home_m`.
+    fn of_file(
+        &self,
+        file: &f1::Geometry,
+        home_m: &Vector3<f64>,
+        used: &[usize],
+    ) -> Result<Vec<Pose>, PredictionError> {
+        let kinematics = Self::kinematics(file)?;
+        let mut poses: Vec<Pose> = Vec::new();
+        for &index in used {
+            let q = &self.poses[index].q;
+            let found = pose_at(&kinematics, home_m, q)
+                .or_else(|error| poses.last().map_or(Err(error), |last| forward(&kinematics, q, last)));
+            poses.push(found.map_err(|error| PredictionError::Unreachable { index, error })?);
+        }
+        Ok(poses)
+    }
+
     /// Moves a machine that the device sees into the frames of the robot file: those in which the poses of both agree best.
     fn moved_to(
         &self,
         file: &f1::Geometry,
+        of_file: &[Pose],
         seen: &f1::Geometry,
         used: &[usize],
     ) -> Result<(Frames, f1::Geometry), PredictionError> {
-        let (of_file, of_seen) = (Self::kinematics(file)?, Self::kinematics(seen)?);
+        let of_seen = Self::kinematics(seen)?;
         let mut pairs = Vec::new();
-        let mut last = of_file.forward(&self.poses[used[0]].q).map(|solution| solution.value);
-        for &index in used {
+        for (&index, of_file) in used.iter().zip(of_file) {
             let unreachable = |error| PredictionError::Unreachable { index, error };
             let measured = &self.poses[index];
             let Some(rotation) = measured.rotation else { continue };
             let seed = Pose { position_m: measured.position_m, rotation: rotation.to_rotation_matrix().into_inner() };
             let seen = forward(&of_seen, &measured.q, &seed).map_err(unreachable)?;
-            last = of_file
-                .forward(&measured.q)
-                .map(|solution| solution.value)
-                .or_else(|_| forward(&of_file, &measured.q, &last?));
-            pairs.push((isometry(&last.map_err(unreachable)?), isometry(&seen)));
+            pairs.push((isometry(of_file), isometry(&seen)));
         }
         let frames = Frames::fitted(&pairs).ok_or(PredictionError::Frames)?;
         let mut geometry = seen_by(seen, &frames.device.inverse(), &frames.target.inverse());
@@ -315,20 +330,27 @@ impl Poses<'_> {
         Ok((frames, geometry))
     }
 
-    /// Moves a calibrated machine to where the robot's file says it is. The covariance follows by differences of that motion.
+    /// Moves a calibrated machine to where the robot's file says it is; the home of the file's machine is at `home_m`. The covariance
+    /// follows by differences of that motion.
     ///
     /// # Errors
     /// [`PredictionError`].
-    pub fn in_frame_of(&self, calibrated: &Calibrated, file: &f1::Geometry) -> Result<InRobotFrame, PredictionError> {
+    pub fn in_frame_of(
+        &self,
+        calibrated: &Calibrated,
+        file: &f1::Geometry,
+        home_m: &Vector3<f64>,
+    ) -> Result<InRobotFrame, PredictionError> {
         let used: Vec<usize> = (0..self.poses.len()).filter(|index| !calibrated.outliers.contains(index)).collect();
         let state = &calibrated.fit.state;
-        let (frames, geometry) = self.moved_to(file, state, &used)?;
+        let of_file = self.of_file(file, home_m, &used)?;
+        let (frames, geometry) = self.moved_to(file, &of_file, state, &used)?;
         let mut by_parameter = DMatrix::zeros(PARAMETERS, PARAMETERS);
         for parameter in 0..PARAMETERS {
             let mut step = DVector::zeros(PARAMETERS);
             step[parameter] = DIFFERENCE;
-            let ahead = self.moved_to(file, &stepped(state, &step), &used)?.1;
-            let behind = self.moved_to(file, &stepped(state, &-step), &used)?.1;
+            let ahead = self.moved_to(file, &of_file, &stepped(state, &step), &used)?.1;
+            let behind = self.moved_to(file, &of_file, &stepped(state, &-step), &used)?.1;
             let column = (parameters(&ahead, &geometry) - parameters(&behind, &geometry)) / (2.0 * DIFFERENCE);
             by_parameter.set_column(parameter, &column);
         }

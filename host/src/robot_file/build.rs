@@ -3,9 +3,11 @@
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::control::session::config::{Config, Parameters};
+use gantry_tau_core::model::compensation::CompensatorConfig;
+use gantry_tau_core::units::OffsetNm;
 
 use super::{RobotFile, RobotFileError};
-use crate::model::MachineKind;
+use crate::model::{Compensator, CompensatorSetup, MachineKind};
 use crate::sim::load_generator::AppliedLoad;
 use crate::sim::machine::SimulatedMachine;
 use crate::sim::parameters::{Motion, SimulationParameters};
@@ -46,6 +48,24 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         let motors = <[usize; M]>::try_from(motors.as_slice())
             .map_err(|_| self.refuse(key, format!("lists {} motors, this kind of machine has {M}", motors.len())))?;
         MotorMap::new(motors).map_err(|error| self.refuse(key, error))
+    }
+
+    /// A compensator for this machine, with offsets within `limits`.
+    ///
+    /// # Errors
+    /// [`RobotFileError`] without compliances, or for a parameter that the compensator refuses.
+    pub fn compensator(&self, limits: [OffsetNm; N]) -> Result<Box<dyn Compensator<N>>, RobotFileError> {
+        let compliances = (self.compliances.as_ref())
+            .ok_or_else(|| self.refuse("c_link", "is missing; a compensating client needs compliances"))?;
+        let gain = self.client.gain;
+        let setup = CompensatorSetup {
+            compliances,
+            config: CompensatorConfig { gain, limits, metres_per_q: self.metres_per_q },
+            correction: self.correction(),
+            wrist: &self.wrist,
+            home_m: self.home_m(),
+        };
+        self.model.compensator(&setup).map_err(|reason| self.refuse("client", reason))
     }
 
     /// The simulated machine of this file, under `tool`'s load.

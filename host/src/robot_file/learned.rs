@@ -67,11 +67,11 @@ pub struct Play {
     pub preload_falling_n: [f64; 2],
 }
 
-/// `[[wrist]]`: a joint between platform and tool, as a spring `[T 6.1, 7.1]`.
+/// `[[wrist]]`: a joint between platform and tool, as a spring `[T 6.1, 7.1]`, with the wrist at its zero and the platform unturned.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct WristJoint {
-    /// Its axis with the wrist at its zero, world axes; a unit vector.
+    /// Its axis, world axes; a unit vector.
     pub axis: [f64; 3],
     /// A point on the axis, from the tool centre point, world axes, m.
     pub point_m: [f64; 3],

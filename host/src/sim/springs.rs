@@ -1,14 +1,14 @@
 //! True springs of one machine: those that an identification should find and a compensation does not know.
 
 use gantry_tau_core::model::f1;
-use gantry_tau_core::model::robot::{Compliances, LINKS};
+use gantry_tau_core::model::robot::{Compliances, LINKS, RobotError};
 use nalgebra::Vector6;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::parameters::{SimulationError, SimulationParameters};
 use crate::elastic::backlash::Backlash;
-use crate::elastic::{ElasticMachine, Equilibrium};
+use crate::elastic::{ElasticError, ElasticMachine, Equilibrium};
 use crate::robot_file::Simulation;
 
 /// Deviates every nominal spring by its own seeded share, and gives the joint of arm 3 its backlash.
@@ -20,14 +20,25 @@ pub fn true_springs<const N: usize>(
     nominal: &Compliances<N>,
     parameters: &SimulationParameters<N>,
 ) -> Result<ElasticMachine<N>, SimulationError> {
-    let deviation = parameters.simulation.spring_deviation;
-    let mut random = ChaCha8Rng::seed_from_u64(parameters.simulation.seed);
+    let compliances = deviated(nominal, &parameters.simulation).map_err(SimulationError::Compliances)?;
+    let rigid_joint = ElasticMachine::new(*geometry, compliances, Backlash::NONE);
+    Ok(ElasticMachine::new(*geometry, compliances, backlash(&rigid_joint, parameters)?))
+}
+
+/// Deviates every nominal spring by its own seeded share.
+///
+/// # Errors
+/// A spring leaves the range of compliances.
+pub(crate) fn deviated<const N: usize>(
+    nominal: &Compliances<N>,
+    simulation: &Simulation,
+) -> Result<Compliances<N>, RobotError> {
+    let deviation = simulation.spring_deviation;
+    let mut random = ChaCha8Rng::seed_from_u64(simulation.seed);
     let mut deviated = |value: f64| value * (1.0 + deviation * (2.0 * random.random::<f64>() - 1.0));
     let links: [f64; LINKS] = nominal.link_m_per_n().map(&mut deviated);
     let axes: [f64; N] = nominal.cart_m_per_n().map(&mut deviated);
-    let compliances = Compliances::new(links, axes).map_err(SimulationError::Compliances)?;
-    let rigid_joint = ElasticMachine::new(*geometry, compliances, Backlash::NONE);
-    Ok(ElasticMachine::new(*geometry, compliances, backlash(&rigid_joint, parameters)?))
+    Compliances::new(links, axes)
 }
 
 /// Returns the backlash whose preload at rest is cancelled at home by `jump_force_n` in x.
@@ -35,14 +46,23 @@ fn backlash<const N: usize>(
     rigid_joint: &ElasticMachine<N>,
     parameters: &SimulationParameters<N>,
 ) -> Result<Backlash, SimulationError> {
-    let Simulation { jump_gap_m, jump_force_n, home_m, .. } = parameters.simulation;
-    if jump_gap_m <= 0.0 {
+    let gap_m = parameters.simulation.jump_gap_m;
+    if gap_m <= 0.0 {
         return Ok(Backlash::NONE);
     }
-    let start = Equilibrium::at_home(home_m);
-    let load = Vector6::new(jump_force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
-    let at_jump = rigid_joint.equilibrium(&parameters.home_q, &load, &start).map_err(SimulationError::Springs)?;
-    Backlash::new(jump_gap_m, -at_jump.cluster_3_n()).ok_or(SimulationError::NoJump)
+    let preload_n = preload_n(rigid_joint, &parameters.simulation, &parameters.home_q);
+    Backlash::new(gap_m, preload_n.map_err(SimulationError::Springs)?).ok_or(SimulationError::NoJump)
+}
+
+/// Returns the sum of the tensions of cluster 3 that a force of `jump_force_n` in x cancels at home, N.
+pub(crate) fn preload_n<const N: usize>(
+    rigid_joint: &ElasticMachine<N>,
+    simulation: &Simulation,
+    home_q: &[f64; N],
+) -> Result<f64, ElasticError> {
+    let load = Vector6::new(simulation.jump_force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let at_jump = rigid_joint.equilibrium(home_q, &load, &Equilibrium::at_home(simulation.home_m))?;
+    Ok(-at_jump.cluster_3_n())
 }
 
 #[cfg(test)]

@@ -101,14 +101,14 @@ impl Grid {
 }
 
 /// Evaluates the machine of a file at one place after another.
-pub(super) struct Surveyor<'a, K, const N: usize> {
+pub(crate) struct Surveyor<'a, K, const N: usize> {
     file: &'a RobotFile<K, N>,
     /// Length that a radian counts as, m: root mean square of the distances of the platform's joints from the tool centre point.
     radian_m: f64,
 }
 
 impl<'a, K: MachineKind<N>, const N: usize> Surveyor<'a, K, N> {
-    pub(super) fn new(file: &'a RobotFile<K, N>) -> Self {
+    pub(crate) fn new(file: &'a RobotFile<K, N>) -> Self {
         let joints = file.model.geometry().platform_joints_m;
         let mean = joints.iter().map(Vector3::norm_squared).sum::<f64>() / 6.0;
         Self { file, radian_m: mean.sqrt() }
@@ -118,7 +118,7 @@ impl<'a, K: MachineKind<N>, const N: usize> Surveyor<'a, K, N> {
         self.radian_m
     }
 
-    pub(super) fn survey(&self, tool_m: Vector3<f64>) -> Place<N> {
+    pub(crate) fn survey(&self, tool_m: Vector3<f64>) -> Place<N> {
         Place { tool_m, reached: self.reach(&tool_m) }
     }
 

@@ -14,9 +14,10 @@ use crate::model::MachineKind;
 use crate::record::{CsvFile, Record, RecordError};
 use crate::robot_file::RobotFile;
 use crate::terminal::progress_bar;
-use map::Surveyor;
 
+pub(crate) use map::Surveyor;
 pub use map::{Grid, Place, Reached, condition};
+pub(crate) use picture::slices;
 
 /// Range of `--cells`, the steps along the longest side of the grid.
 pub const CELLS: std::ops::RangeInclusive<u32> = 4..=200;

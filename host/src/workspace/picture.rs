@@ -1,8 +1,9 @@
 //! `workspace.html`: slices of the map through home.
 
 use gantry_tau_core::model::robot::ARMS;
+use nalgebra::Vector3;
 
-use super::map::{Grid, Place, Reached};
+use super::map::{Grid, Reached};
 use super::{Summary, Survey};
 use crate::plots::heat::{Cell, HeatMap};
 use crate::plots::page::{self, escape};
@@ -52,16 +53,28 @@ fn section<const N: usize>(
     value: &'static str,
     of: impl Fn(&Reached<N>) -> Option<f64>,
 ) -> String {
-    let scale = scale(survey, &of);
+    let reached = survey.places.iter().filter_map(|place| Some((place.tool_m, of(place.reached.as_ref().ok()?)?)));
+    slices(&survey.grid, title, text, value, &reached.collect::<Vec<_>>())
+}
+
+/// Returns a section of a page with three maps of values at places of a grid: the planes through home.
+pub(crate) fn slices(
+    grid: &Grid,
+    title: &str,
+    text: &str,
+    value: &'static str,
+    values: &[(Vector3<f64>, f64)],
+) -> String {
+    let scale = scale(values);
     let mut section = format!("<h2>{title}</h2><p>{text}</p><div class=\"row\">");
     for (normal, right, up) in PLANES {
         let map = HeatMap {
             x_axis: axis(right),
             y_axis: axis(up),
             value,
-            pitch: survey.grid.pitch_m,
-            cells: cells(survey, right, up, &of),
-            mark: (component(&survey.grid, right), component(&survey.grid, up)),
+            pitch: grid.pitch_m,
+            cells: cells(grid, right, up, values),
+            mark: (component(grid, right), component(grid, up)),
             scale,
         };
         section.push_str(&format!("<div><h3>{normal} = home</h3>{}</div>", map.svg()));
@@ -70,32 +83,23 @@ fn section<const N: usize>(
 }
 
 /// Returns the smallest value and one that 95 % stay below: near a singularity values are unbounded.
-fn scale<const N: usize>(survey: &Survey<N>, of: impl Fn(&Reached<N>) -> Option<f64>) -> (f64, f64) {
-    let reached = survey.places.iter().filter_map(|place| place.reached.as_ref().ok());
-    let mut values: Vec<f64> = reached.filter_map(of).collect();
+fn scale(values: &[(Vector3<f64>, f64)]) -> (f64, f64) {
+    let mut values: Vec<f64> = values.iter().map(|(_, value)| *value).collect();
     values.sort_by(f64::total_cmp);
     let low = values.first().copied().unwrap_or(1.0);
     let high = values.get(values.len() * 19 / 20).copied().unwrap_or(low);
     (low, high.max(1.01 * low))
 }
 
-/// Returns the places of the plane through home that are reached.
-fn cells<const N: usize>(
-    survey: &Survey<N>,
-    right: usize,
-    up: usize,
-    of: impl Fn(&Reached<N>) -> Option<f64>,
-) -> Vec<Cell> {
-    let in_plane = |place: &&Place<N>| {
-        let away = place.tool_m - survey.grid.home_m;
+/// Returns the places of the plane through home.
+fn cells(grid: &Grid, right: usize, up: usize, values: &[(Vector3<f64>, f64)]) -> Vec<Cell> {
+    let in_plane = |place_m: &Vector3<f64>| {
+        let away = place_m - grid.home_m;
         let across = (0..3).filter(|axis| *axis != right && *axis != up);
-        across.filter_map(|axis| away.get(axis)).all(|away| away.abs() < survey.grid.pitch_m / 2.0)
+        across.filter_map(|axis| away.get(axis)).all(|away| away.abs() < grid.pitch_m / 2.0)
     };
-    let cell = |place: &Place<N>| {
-        let value = of(place.reached.as_ref().ok()?)?;
-        Some((*place.tool_m.get(right)?, *place.tool_m.get(up)?, value))
-    };
-    survey.places.iter().filter(in_plane).filter_map(cell).collect()
+    let in_plane = values.iter().filter(|(place_m, _)| in_plane(place_m));
+    in_plane.filter_map(|(place_m, value)| Some((*place_m.get(right)?, *place_m.get(up)?, *value))).collect()
 }
 
 fn axis(index: usize) -> &'static str {

@@ -54,6 +54,10 @@ fn assert_numbers(results: &Value) {
         assert!((0.0..=0.05).contains(&share), "{share}");
         assert!(step["uncompensated_norm_um"].as_f64().unwrap() > 0.5 * force);
     }
+    // The same machine without noise: an exact correction by the true springs leaves rounding only.
+    let corrections = &results["corrections"];
+    let [first_order, exact] = [0, 1].map(|kind| corrections["true_springs_um"][kind].as_f64().unwrap());
+    assert!(exact < 0.01 && first_order > 0.1, "{corrections}");
     let ramp = &results["ramp"];
     let offsets = ramp["start_offset_nm"].as_array().unwrap();
     let largest = offsets.iter().map(|nm| nm.as_i64().unwrap().unsigned_abs());

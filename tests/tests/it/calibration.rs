@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 
 use gantry_tau::geometry::calibrate::{CalibrateError, CalibrateOptions, Calibration, calibrate_f1, calibrate_l2};
 use gantry_tau::geometry::frames::{apply, rigid};
-use gantry_tau::model::L2;
+use gantry_tau::model::{L2, MachineKind};
 use gantry_tau::robot_file::edit::RobotText;
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile, text_of};
+use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::l2::AXES;
 use gantry_tau_tests::client::Noise;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -201,4 +202,68 @@ fn poses_that_cannot_show_the_machine_are_doubted() {
         let calibration = calibrate(&measure(&folder(shape), &machine, &positions, &mut draw)).unwrap();
         assert_ne!(calibration.doubts, [""; 0], "{shape}: {}", calibration.summary);
     }
+}
+
+/// A calibrated F1, whose links are not parallel, is calibrated again: its file has no pose without a seed.
+#[test]
+fn a_calibrated_f1_can_be_calibrated_again() {
+    let mut draw = Draw(Noise::new(10));
+    let geometry = RobotFile::builtin_f1().unwrap().model.geometry();
+    let moved = |joints: [Vector3<f64>; 6], draw: &mut Draw| joints.map(|joint| (joint + draw.vector(1e-4)).into());
+    let mut text = RobotText::new(&text_of("f1").unwrap(), "CALIBRATED").unwrap();
+    text.set_rows("b", &moved(geometry.platform_joints_m, &mut draw));
+    text.set_rows("P", &moved(geometry.plate_joints_m, &mut draw));
+    let mut lengths = geometry.lengths_m;
+    lengths[2] += 1e-4;
+    text.set_numbers("L", &lengths);
+    let folder = folder("f1");
+    let file = folder.join("calibrated.toml");
+    fs::write(&file, text.text()).unwrap();
+    let AnyRobotFile::F1(robot) = AnyRobotFile::load(&file).unwrap() else { panic!("not an F1") };
+    let tracker = Isometry3::from_parts(
+        Translation3::new(2.0, -1.0, 0.5),
+        UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -1.0, 2.0)),
+    );
+    let mut table = "pose,q_1,q_2,q_3,q_4,q_5,q_6,x_m,y_m,z_m,rot_w,rot_x,rot_y,rot_z\n".to_owned();
+    let mut poses = 0;
+    while poses < 40 {
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, draw.next(), draw.next()) * 0.25);
+        let position_m = robot.home_m() + draw.vector(0.25);
+        let pose = Pose { position_m, rotation: turn.to_rotation_matrix().into_inner() };
+        let Ok(found) = robot.model.inverse_in_assembly(&pose, None) else { continue };
+        poses += 1;
+        let place = apply(&tracker, &position_m);
+        let noise = UnitQuaternion::from_scaled_axis(Vector3::new(draw.normal(), draw.normal(), draw.normal()) * 1e-4);
+        let seen = (noise * tracker.rotation * turn).into_inner();
+        let place: Vec<String> =
+            place.iter().map(|coordinate| format!("{:?}", coordinate + 50e-6 * draw.normal())).collect();
+        let q: Vec<String> = found.value.iter().map(|q| format!("{q:?}")).collect();
+        writeln!(
+            table,
+            "p{poses},{},{},{:?},{:?},{:?},{:?}",
+            q.join(","),
+            place.join(","),
+            seen.w,
+            seen.i,
+            seen.j,
+            seen.k
+        )
+        .unwrap();
+    }
+    fs::write(folder.join("poses.csv"), table).unwrap();
+    let setup = folder.join("poses.toml");
+    let noise = "[noise]\nposition_um = [50.0, 50.0, 50.0]\nrotation_urad = [100.0, 100.0, 100.0]\n";
+    fs::write(
+        &setup,
+        format!("format = \"gantry-tau poses 1\"\nmodel = \"f1\"\nmeasurements = \"poses.csv\"\n{noise}"),
+    )
+    .unwrap();
+    let options = CalibrateOptions { poses: setup, robot: file.display().to_string(), tolerance_m: 1e-3 };
+    let calibration = calibrate_f1(&robot, &options).unwrap();
+    // The machine is that of the file already, so the new file says nearly the same: within a millimetre, where poses hold 50 um.
+    let AnyRobotFile::F1(again) = AnyRobotFile::parse("again", &calibration.robot_file).unwrap() else {
+        panic!("not an F1")
+    };
+    let home = [&robot, &again].map(|file| file.home_q().unwrap());
+    assert!(home[0].iter().zip(home[1]).all(|(one, other)| (one - other).abs() < 1e-3), "{home:?}");
 }

@@ -11,7 +11,7 @@ use crate::geometry::answer::{F1Machine, InRobotFrame, Target};
 use crate::geometry::f1::{OBSERVABLE, Poses, parameters, predicted_rms_m, seen_by};
 use crate::geometry::frames::Frames;
 use crate::measurements::poses::{self, Noise};
-use crate::model::F1;
+use crate::model::{F1, pose_at};
 use crate::robot_file::RobotFile;
 use crate::workspace::{Grid, survey};
 
@@ -43,7 +43,7 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     let agreement = fit_agreeing(&model, seen_by(&file, &frames.device, &frames.target))
         .map_err(|error| no_start(error.to_string()))?;
     let moved = model
-        .in_frame_of(&agreement, &file)
+        .in_frame_of(&agreement, &file, &robot.home_m())
         .map_err(|reason| CalibrateError::Prediction { table: table.clone(), reason: reason.to_string() })?;
     let state = &agreement.fit.state;
     let reached = survey(robot, Grid::of(robot, GRID_CELLS), |_| ()).places.into_iter();
@@ -79,7 +79,7 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
 fn start(robot: &RobotFile<F1, AXES>, measured: &poses::Poses<AXES>) -> Option<Frames> {
     let pairs: Vec<_> = (measured.poses.iter())
         .filter_map(|pose| {
-            let of_file = robot.model.forward(&pose.q).ok()?.value;
+            let of_file = pose_at(&robot.model, &robot.home_m(), &pose.q).ok()?;
             let rotation = UnitQuaternion::from_matrix(&of_file.rotation);
             let of_file = Isometry3::from_parts(Translation3::from(of_file.position_m), rotation);
             Some((of_file, Isometry3::from_parts(Translation3::from(pose.position_m), pose.rotation?)))

@@ -1,5 +1,6 @@
 //! Calibration of simulated machines whose truth is known.
 
+use crate::robot_file::RobotFile;
 use gantry_tau_core::model::presets;
 use nalgebra::Translation3;
 use rand::{Rng, SeedableRng};
@@ -248,7 +249,7 @@ fn in_the_frame_of_the_file_the_file_comes_back() {
     let measured = campaign.measured(&positions, [0.0; 2]);
     let poses = poses(&measured);
     let calibrated = fit_agreeing(&poses, campaign.start).unwrap();
-    let found = poses.in_frame_of(&calibrated, &file()).unwrap();
+    let found = poses.in_frame_of(&calibrated, &file(), &RobotFile::builtin_f1().unwrap().home_m()).unwrap();
     let off = (parameters(&found.geometry, &file()) - parameters(&file(), &file())).amax();
     assert!(off < 1e-7, "{off:e}");
     let back = seen_by(&found.geometry, &found.frames.device, &found.frames.target);

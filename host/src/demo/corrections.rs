@@ -1,0 +1,56 @@
+//! Both ways to compute a correction, compared at home without noise, filter or drives.
+
+use gantry_tau_core::model::kinematics::Pose as CorePose;
+use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::units::OffsetNm;
+use nalgebra::Vector6;
+use serde::Serialize;
+
+use crate::elastic::backlash::Backlash;
+use crate::elastic::{ElasticMachine, Equilibrium};
+use crate::model::{Held, MachineKind};
+use crate::robot_file::{CorrectionKind, RobotFile};
+use crate::sim::springs::deviated;
+
+/// What each way leaves of the displacement of the tool at home under a force in x, µm: to first order, and exact.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Corrections {
+    /// Force in x, N.
+    pub force_n: f64,
+    /// With springs that the file knows only nearly: those of the simulation, without its play.
+    pub file_springs_um: [f64; 2],
+    /// With springs that the file knows exactly.
+    pub true_springs_um: [f64; 2],
+}
+
+impl Corrections {
+    /// Computes both ways; `None` where the machine does not stand under this force.
+    pub(super) fn of<K: MachineKind<N>, const N: usize>(file: &RobotFile<K, N>, force_n: f64) -> Option<Self> {
+        let known = file.compliances.as_ref()?;
+        let truth = deviated(known, &file.simulation).ok()?;
+        let both = |springs| {
+            let machine = ElasticMachine::new(file.model.geometry(), springs, Backlash::NONE);
+            let left = |kind| remainder_um(file, &machine, kind, force_n);
+            Some([left(CorrectionKind::FirstOrder)?, left(CorrectionKind::Exact)?])
+        };
+        Some(Self { force_n, file_springs_um: both(truth)?, true_springs_um: both(*known)? })
+    }
+}
+
+fn remainder_um<K: MachineKind<N>, const N: usize>(
+    file: &RobotFile<K, N>,
+    machine: &ElasticMachine<N>,
+    kind: CorrectionKind,
+    force_n: f64,
+) -> Option<f64> {
+    let mut client = file.clone();
+    client.client.correction = Some(kind);
+    let compensator = client.compensator(file.limits.map(|axis| OffsetNm(axis.limits.position.max()))).ok()?;
+    let load = Vector6::new(force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let (home, q) = (CorePose::at(file.home_m()), file.home_q().ok()?);
+    let held = Held::new(&*compensator, &file.metres_per_q, &home, &q, &Wrench::from_array(load.into())).ok()?;
+    let start = Equilibrium::at_home(file.simulation.home_m);
+    let began = machine.equilibrium(&held.nominal, &Vector6::zeros(), &start).ok()?;
+    let now = machine.equilibrium(&held.corrected, &load, &began).ok()?;
+    Some((now.pose.translation_m - began.pose.translation_m).norm() * 1e6)
+}

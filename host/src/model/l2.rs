@@ -1,0 +1,81 @@
+//! The L2: three axes, which hold the tool in place.
+
+use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
+use gantry_tau_core::model::l2::{AXES, Compensator as Springs, Kinematics};
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
+use gantry_tau_core::units::{OffsetNm, PositionNm};
+use nalgebra::Vector3;
+
+use super::wrist::{UNLIMITED, Wrist, sum};
+use super::{Compensator, CompensatorSetup, MachineKind};
+use crate::robot_file::CorrectionKind;
+
+/// An L2; of a robot file, in the orientation of the world.
+pub type L2 = Kinematics;
+
+impl MachineKind<AXES> for L2 {
+    const MODEL: &'static str = "l2";
+
+    fn checksum(&self) -> u32 {
+        self.robot().kinematics_checksum()
+    }
+
+    fn geometry(&self) -> f1::Geometry {
+        self.robot().geometry().into()
+    }
+
+    fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; AXES], KinematicsError> {
+        self.inverse_in_assembly(tool_m)
+    }
+
+    fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; AXES]) -> Result<LineMatrix<AXES>, KinematicsError> {
+        self.line_matrix(&Pose::at(*tool_m), q)
+    }
+
+    fn compensator(&self, setup: &CompensatorSetup<'_, AXES>) -> Result<Box<dyn Compensator<AXES>>, String> {
+        let CompensatorSetup { compliances, config, correction, wrist, .. } = *setup;
+        let unlimited = CompensatorConfig { limits: [UNLIMITED; AXES], ..config };
+        let springs = Springs::new(self, compliances, unlimited).map_err(|error| error.to_string())?;
+        let reach = self.without_travel();
+        Ok(Box::new(L2Compensator { springs, reach, correction, wrist: Wrist::new(wrist), limits: config.limits }))
+    }
+}
+
+/// Compensator of an L2 for the translation of its tool: links and axes, then the wrist.
+struct L2Compensator {
+    springs: Springs,
+    /// The machine without its nominal travel, which offsets may leave.
+    reach: Kinematics,
+    correction: CorrectionKind,
+    wrist: Wrist,
+    limits: [OffsetNm; AXES],
+}
+
+impl Compensator<AXES> for L2Compensator {
+    fn locate(&mut self, nominal: &[PositionNm; AXES]) -> Result<Pose, KinematicsError> {
+        let kinematics = self.springs.machine().kinematics();
+        Ok(kinematics.pose(kinematics.forward(&self.springs.config().q_of(nominal))?))
+    }
+
+    fn correct(
+        &self,
+        pose: &Pose,
+        nominal: &[PositionNm; AXES],
+        load: &Wrench,
+    ) -> Result<Correction<AXES>, KinematicsError> {
+        let CompensatorConfig { gain, metres_per_q, .. } = self.springs.config();
+        let q = self.springs.config().q_of(nominal);
+        let correction = match self.correction {
+            CorrectionKind::FirstOrder => self.springs.correct_q(&q, load),
+            CorrectionKind::Exact => self.springs.correct_exact_at(pose, &q, load),
+        }?;
+        let held = if self.wrist.is_rigid() {
+            q
+        } else {
+            self.reach.inverse(&self.wrist.held(pose, load, *gain)?.position_m)?
+        };
+        sum(&correction, [&q, &held], metres_per_q, &self.limits)
+    }
+}

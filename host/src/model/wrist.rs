@@ -1,0 +1,103 @@
+//! Joints between platform and tool, as springs in series with links and axes `[T 6.1, 7.1]`.
+
+use gantry_tau_core::model::compensation::Correction;
+use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
+use gantry_tau_core::model::linalg::rotation_from_vector;
+use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::stiffness::Displacement;
+use gantry_tau_core::units::{Metres, OffsetNm};
+use nalgebra::{Matrix3, Vector3};
+
+use crate::robot_file::WristJoint;
+
+/// Springs between platform and tool, with the wrist at its zero.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Wrist(Vec<WristJoint>);
+
+impl Wrist {
+    /// Creates a wrist of these joints; without a joint it is rigid.
+    #[must_use]
+    pub fn new(joints: &[WristJoint]) -> Self {
+        Self(joints.to_vec())
+    }
+
+    /// True without a joint.
+    #[must_use]
+    pub fn is_rigid(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Returns how far a load (about the tool centre point, world axes) moves the tool against the platform, which is turned by `rotation`:
+    /// `sum kappa_j mu_j (a_j, a_j x (T - p_j))` with the moment `mu_j = a_j . (M + (T - p_j) x F)` about each axis.
+    #[must_use]
+    pub fn displacement(&self, rotation: &Matrix3<f64>, load: &Wrench) -> Displacement {
+        let mut moved = Displacement { translation_m: Vector3::zeros(), rotation_rad: Vector3::zeros() };
+        for joint in &self.0 {
+            let axis = rotation * Vector3::from(joint.axis);
+            let to_tool = rotation * -Vector3::from(joint.point_m);
+            let moment_nm = axis.dot(&(load.moment_nm + to_tool.cross(&load.force_n)));
+            let angle_rad = joint.c_rad_per_nm * moment_nm;
+            moved.rotation_rad += axis * angle_rad;
+            moved.translation_m += axis.cross(&to_tool) * angle_rad;
+        }
+        moved
+    }
+
+    /// Returns the pose of the platform that puts the tool into `pose` under a load, for the share `gain` of what the wrist gives way.
+    ///
+    /// # Errors
+    /// [`KinematicsError::NotFinite`] where the wrist gives way without end.
+    pub(super) fn held(&self, pose: &Pose, load: &Wrench, gain: f64) -> Result<Pose, KinematicsError> {
+        let moved = self.displacement(&pose.rotation, load);
+        let turn = rotation_from_vector(&(moved.rotation_rad * -gain)).ok_or(KinematicsError::NotFinite)?;
+        Ok(Pose { position_m: pose.position_m - moved.translation_m * gain, rotation: turn * pose.rotation })
+    }
+}
+
+/// Limit of a correction that another one is added to; [`sum`] applies the limits of the machine.
+pub(super) const UNLIMITED: OffsetNm = OffsetNm(i32::MAX);
+
+/// Adds the way from `q` to `held` (q-units) to a correction, within `limits`.
+///
+/// # Errors
+/// [`KinematicsError::NotFinite`].
+pub(super) fn sum<const N: usize>(
+    correction: &Correction<N>,
+    [q, held]: [&[f64; N]; 2],
+    metres_per_q: &[f64; N],
+    limits: &[OffsetNm; N],
+) -> Result<Correction<N>, KinematicsError> {
+    let mut sum = *correction;
+    let ways = q.iter().zip(held).zip(metres_per_q).map(|((q, held), metres)| (held - q) * metres);
+    let axes = sum.offsets.iter_mut().zip(&mut sum.saturated);
+    for (((offset, saturated), way_m), limit) in axes.zip(ways).zip(limits) {
+        let whole = Metres(offset.to_metres().0 + way_m);
+        let (within, is_cut) = OffsetNm::from_metres_within(whole, *limit).map_err(|_| KinematicsError::NotFinite)?;
+        *offset = within;
+        *saturated |= is_cut;
+    }
+    Ok(sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A joint along y, 0.2 m above the tool centre point: 100 N in x turn it by 20 N m, and the tool goes 0.2 m times the angle in x.
+    #[test]
+    fn a_force_turns_the_joint_and_moves_the_tool() {
+        let joint = WristJoint { axis: [0.0, 1.0, 0.0], point_m: [0.0, 0.0, 0.2], c_rad_per_nm: 1e-5 };
+        let wrist = Wrist::new(&[joint]);
+        let load = Wrench::from_array([100.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let moved = wrist.displacement(&Matrix3::identity(), &load);
+        assert!((moved.rotation_rad - Vector3::new(0.0, -2e-4, 0.0)).amax() < 1e-18, "{moved:?}");
+        assert!((moved.translation_m - Vector3::new(4e-5, 0.0, 0.0)).amax() < 1e-18, "{moved:?}");
+        // With the platform turned by a quarter about z the axis lies along -x, and the force no longer turns the joint.
+        let turned = rotation_from_vector(&(Vector3::z() * std::f64::consts::FRAC_PI_2)).unwrap();
+        assert!(wrist.displacement(&turned, &load).translation_m.amax() < 1e-18);
+        // Whatever the load, the tool does not move against it.
+        let load = Wrench::from_array([3.0, -7.0, 2.0, 1.0, -1.0, 4.0]);
+        let moved = wrist.displacement(&turned, &load);
+        assert!(moved.translation_m.dot(&load.force_n) + moved.rotation_rad.dot(&load.moment_nm) > 0.0);
+    }
+}

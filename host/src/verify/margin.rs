@@ -1,0 +1,44 @@
+//! Largest gain that is stable against a workpiece, with what the file knows of its springs.
+
+use gantry_tau_core::model::stiffness::{Compliance, contact_loop_gain};
+use nalgebra::{DMatrix, Matrix6, Vector3, Vector6};
+
+use super::model::FileModel;
+use crate::elastic::Equilibrium;
+use crate::fit::statistics::NORMAL_95;
+
+impl<const N: usize> FileModel<N> {
+    /// Returns the largest gain that is stable in contact along `normal`, with 97.5 % confidence: `(C + 1 / k_e) / C_file` with the lower end
+    /// of the 95 % interval of `C`. `at` is the machine in its pose, with the axes at `q`. `None` where the links cannot take the contact.
+    pub(super) fn largest_gain(
+        &self,
+        q: &[f64; N],
+        at: &Equilibrium<N>,
+        normal: &Vector3<f64>,
+        workpiece_n_per_m: f64,
+    ) -> Option<f64> {
+        let compliances = self.machine.compliances();
+        let through = self.machine.transmission(q, at)?;
+        let unit = Vector6::new(normal.x, normal.y, normal.z, 0.0, 0.0, 0.0);
+        let tensions = through.tensions_n(&unit);
+        let loads = through.axis_loads(&tensions, &nalgebra::SVector::zeros());
+        // The unit load is its own virtual load: C = sum c f^2, whose derivatives are the squares.
+        let mut by_springs = DMatrix::zeros(1, self.springs());
+        let squares = tensions.iter().chain(loads.iter()).map(|force| force * force);
+        let rotation = at.pose.rotation.to_rotation_matrix().into_inner();
+        let moments = self.joints.iter().map(|joint| {
+            let arm = rotation * -Vector3::from(joint.point_m);
+            (rotation * Vector3::from(joint.axis)).dot(&arm.cross(normal)).powi(2)
+        });
+        by_springs.iter_mut().zip(squares.chain(moments)).for_each(|(entry, square)| *entry = square);
+        let (links, axes) = (compliances.link_m_per_n(), compliances.cart_m_per_n());
+        let joints = self.joints.iter().map(|joint| joint.c_rad_per_nm);
+        let springs = links.iter().chain(axes).copied().chain(joints);
+        let known: f64 = by_springs.iter().zip(springs).map(|(square, spring)| square * spring).sum();
+        let sd = self.covariance(&by_springs).sum().sqrt();
+        let along = |m_per_n: f64| Compliance(Matrix6::identity() * m_per_n);
+        let lower = (known - NORMAL_95 * sd).max(0.0);
+        let loop_gain = contact_loop_gain(1.0, &along(known), &along(lower), normal, workpiece_n_per_m).ok()?;
+        Some(1.0 / loop_gain)
+    }
+}

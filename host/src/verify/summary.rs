@@ -1,0 +1,176 @@
+//! Results of a verification in numbers: for people in lines, for programs in JSON, and the reasons not to trust the file.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::measured::PairResult;
+use crate::fit::statistics::{chi_squared_above, float};
+use crate::measurements::springs::Campaign;
+use crate::model::MachineKind;
+use crate::robot_file::RobotFile;
+
+/// Smallest probability of the readings at which a file is believed.
+const LEAST_P: f64 = 1e-3;
+/// Format of the JSON.
+const FORMAT: &str = "gantry-tau verified 1";
+
+/// Measured and predicted remainders.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verification {
+    format: &'static str,
+    model: &'static str,
+    /// Table of the measurements.
+    pub measurements: String,
+    /// True if the robot file carries the covariance of its springs; without it they count as exact.
+    pub identified: bool,
+    /// Pair by pair.
+    pub pairs: Vec<PairResult>,
+    /// Statistics of the pairs under which cluster 3 stays on its side.
+    pub judged: Statistics,
+    /// Statistics of the others.
+    pub at_the_jump: Statistics,
+    /// Sum of the squares of all residuals in standard deviations, their correlation by springs and zeros taken into account.
+    pub chi2: f64,
+    /// Its degrees of freedom: readings less zeros.
+    pub dof: usize,
+    /// Its probability.
+    pub p: f64,
+    /// Smallest of the largest stable gains against the workpiece.
+    pub largest_gain: f64,
+}
+
+/// Statistics of pairs; lengths in m.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Statistics {
+    /// Number of pairs.
+    pub pairs: usize,
+    /// Measured without compensation, root mean square.
+    pub before_rms_m: f64,
+    /// Measured with compensation: root mean square.
+    pub after_rms_m: f64,
+    /// What 95 % of them stay below.
+    pub after_95_m: f64,
+    /// The largest.
+    pub after_largest_m: f64,
+    /// Share that remains, of the root mean squares.
+    pub share: f64,
+    /// Predicted with compensation, root mean square.
+    pub predicted_rms_m: f64,
+    /// Root mean square of the z-scores.
+    pub z_rms: f64,
+}
+
+pub(super) fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut squares, mut count) = (0.0, 0.0);
+    for value in values {
+        squares += value * value;
+        count += 1.0;
+    }
+    if count > 0.0 { f64::sqrt(squares / count) } else { 0.0 }
+}
+
+/// Returns the value that 95 % stay below, and the largest; 0 of nothing.
+pub(super) fn upper(mut values: Vec<f64>) -> [f64; 2] {
+    values.sort_by(f64::total_cmp);
+    let at = |index: usize| values.get(index).copied().unwrap_or(0.0);
+    [at(values.len() * 19 / 20), at(values.len().saturating_sub(1))]
+}
+
+impl Statistics {
+    fn of<'a>(pairs: impl Iterator<Item = &'a PairResult> + Clone) -> Self {
+        let before_rms_m = rms(pairs.clone().map(|pair| pair.before_m));
+        let after_rms_m = rms(pairs.clone().map(|pair| pair.after_m));
+        let [after_95_m, after_largest_m] = upper(pairs.clone().map(|pair| pair.after_m).collect());
+        Self {
+            pairs: pairs.clone().count(),
+            before_rms_m,
+            after_rms_m,
+            after_95_m,
+            after_largest_m,
+            share: if before_rms_m > 0.0 { after_rms_m / before_rms_m } else { 0.0 },
+            predicted_rms_m: rms(pairs.clone().map(|pair| pair.predicted_m)),
+            z_rms: rms(pairs.map(|pair| pair.z)),
+        }
+    }
+}
+
+impl Verification {
+    pub(super) fn new<K: MachineKind<N>, const N: usize>(
+        file: &RobotFile<K, N>,
+        campaign: &Campaign<N>,
+        pairs: Vec<PairResult>,
+        chi2: f64,
+        dof: usize,
+    ) -> Self {
+        let judged = Statistics::of(pairs.iter().filter(|pair| !pair.changes_sides));
+        let at_the_jump = Statistics::of(pairs.iter().filter(|pair| pair.changes_sides));
+        let gains = pairs.iter().filter_map(|pair| pair.largest_gain);
+        Self {
+            format: FORMAT,
+            model: K::MODEL,
+            measurements: campaign.table.clone(),
+            identified: file.identified.is_some(),
+            largest_gain: gains.fold(f64::INFINITY, f64::min),
+            judged,
+            at_the_jump,
+            chi2,
+            dof,
+            p: chi_squared_above(chi2, dof),
+            pairs,
+        }
+    }
+
+    /// Returns the reasons not to trust the file; empty where there are none.
+    #[must_use]
+    pub fn doubts(&self, tolerance_m: f64) -> Vec<String> {
+        let mut doubts = Vec::new();
+        if self.p < LEAST_P {
+            let reduced = self.chi2 / float(self.dof);
+            doubts.push(format!(
+                "the readings are not those of this file's machine: chi2/dof is {reduced:.2} (p = {:.1e})",
+                self.p
+            ));
+        }
+        let worst = self.pairs.iter().filter(|pair| !pair.changes_sides);
+        let worst = worst.max_by(|one, other| one.after_m.total_cmp(&other.after_m));
+        if let Some(pair) = worst.filter(|pair| pair.after_m > tolerance_m) {
+            let PairResult { series, window, after_m, .. } = pair;
+            doubts.push(format!(
+                "series {series}, window {window}: {:.1} um remain; {:.1} um are tolerated",
+                after_m * 1e6,
+                tolerance_m * 1e6
+            ));
+        }
+        doubts
+    }
+}
+
+impl fmt::Display for Verification {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let um = |metres: f64| metres * 1e6;
+        for (name, of) in [("pairs", &self.judged), ("across the jump", &self.at_the_jump)] {
+            if of.pairs == 0 {
+                continue;
+            }
+            writeln!(f, "{name:<19} {}, z-scores {:.2} rms", of.pairs, of.z_rms)?;
+            writeln!(f, "{:<19} {:.2} um rms", "  uncompensated", um(of.before_rms_m))?;
+            writeln!(
+                f,
+                "{:<19} {:.2} um rms, 95 % below {:.2} um, largest {:.2} um; {:.2} % remain",
+                "  compensated",
+                um(of.after_rms_m),
+                um(of.after_95_m),
+                um(of.after_largest_m),
+                100.0 * of.share
+            )?;
+            writeln!(f, "{:<19} {:.2} um rms", "  predicted", um(of.predicted_rms_m))?;
+        }
+        if !self.identified {
+            writeln!(f, "{:<19} without [identified]: counted as exact", "springs")?;
+        }
+        let reduced = self.chi2 / float(self.dof);
+        writeln!(f, "{:<19} {reduced:.3} with {} degrees of freedom, p = {:.2e}", "chi2/dof", self.dof, self.p)?;
+        write!(f, "{:<19} {:.3} against the workpiece (97.5 %)", "largest gain", self.largest_gain)
+    }
+}
