@@ -29,10 +29,13 @@ pub mod verify;
 pub use exchange::Criterion;
 pub use expected::Expected;
 
-use crate::elastic::ElasticError;
-use crate::measurements::FileError;
-use crate::robot_file::RobotFileError;
+use std::path::Path;
+
 use gantry_tau_core::model::l2;
+
+use crate::elastic::ElasticError;
+use crate::measurements::{self, FileError};
+use crate::robot_file::{RobotFile, RobotFileError};
 
 /// Reason why there is no plan.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -88,6 +91,28 @@ pub struct Written {
     pub summary: String,
     /// Reasons not to measure it as it is.
     pub doubts: Vec<String>,
+}
+
+/// Judges a plan that somebody has written: what to expect, and reasons not to measure it as it is. With `is_links_only` the springs of the
+/// axes are taken as known: compensation holds the carts.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn check<K: geometry::PlannedMachine<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    path: &Path,
+    is_links_only: bool,
+) -> Result<(String, Vec<String>), PlanError> {
+    if measurements::format_of(path)? == measurements::poses::FORMAT {
+        let judgement = geometry::check(robot, path)?;
+        return Ok((judgement.to_string(), springs::lost(&judgement.expected).into_iter().collect()));
+    }
+    let setup = measurements::springs::read_setup(path, model_name::<N>(), &robot.metres_per_q)?;
+    setup.check_plan(path)?;
+    let judgement = springs::judge(robot, &setup, is_links_only, &path.display().to_string())?;
+    let mut doubts = judgement.doubts.clone();
+    doubts.extend(springs::lost(&judgement.expected));
+    Ok((judgement.to_string(), doubts))
 }
 
 /// Name of the kind of a machine with `N` axes, as of the key `model`.

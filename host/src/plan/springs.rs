@@ -181,10 +181,9 @@ fn planned<K: MachineKind<N>, const N: usize>(
     let stands = stands(robot);
     let grid = Grid::new(robot, &bench, &stands, &gauges, options.force_max_n)?;
     // What is asked for everywhere, but for home itself, which is no place of the grid.
-    let goal = goal(&bench, &stands[1..], options.force_max_n).map_err(|error| PlanError::Series {
-        plan: robot.name.clone(),
-        series: "test load".to_owned(),
-        error,
+    let goal = goal(&bench, &stands[1..], options.force_max_n).map_err(|error| PlanError::NoCandidate {
+        robot: robot.name.clone(),
+        reason: format!("{error} at {} N; lower --force-max", options.force_max_n),
     })?;
     let search = Search::new(&grid.candidates, &goal, options.criterion, options.series, options.poses);
     let chosen = search.best(STARTS).ok_or_else(|| {

@@ -80,8 +80,8 @@ fn spread_straps<K: MachineKind<N>, const N: usize>(
     for number in 0..options.series {
         let Some(stand) = poses.get(number % poses.len().max(1)) else { break };
         let hook_m = HOOKS_M[number % HOOKS_M.len()].into();
-        let ways =
-            (0..DIRECTIONS.len()).map(|step| Vector3::from(DIRECTIONS[(number + step) % DIRECTIONS.len()]).normalize());
+        let from_here = (0..DIRECTIONS.len()).map(|step| DIRECTIONS[(number + step) % DIRECTIONS.len()]);
+        let ways = from_here.flat_map(|way| [1.0, -1.0].map(|sign| Vector3::from(way).normalize() * sign));
         let strap = ways.map(|direction| Strap { hook_m, direction }).find(|strap| {
             let series = bench.series(stand, strap, &[0.0, options.force_max_n], &gauges);
             series.is_ok_and(|series| {
