@@ -76,7 +76,7 @@ impl<'a> Search<'a> {
 
     /// Returns the best plan of several starts, as indices of candidates; `None` where there are not enough of them.
     pub(super) fn best(&self, starts: u64) -> Option<Vec<usize>> {
-        let found = (0..starts).filter_map(|seed| self.from_start(seed));
+        let found = (0..starts).filter_map(|seed| self.start(seed));
         found.min_by(|one, other| one.0.total_cmp(&other.0)).map(|(_, chosen)| chosen)
     }
 
@@ -99,7 +99,7 @@ impl<'a> Search<'a> {
         information.cholesky()
     }
 
-    fn from_start(&self, seed: u64) -> Option<(f64, Vec<usize>)> {
+    fn start(&self, seed: u64) -> Option<(f64, Vec<usize>)> {
         let mut chosen = self.random(&mut ChaCha8Rng::seed_from_u64(seed))?;
         let mut cost = self.cost(&chosen);
         for _ in 0..MAX_SWEEPS {

@@ -11,6 +11,8 @@ use crate::fit::statistics::float;
 const NAMED: f64 = 0.02;
 /// Largest number of components that are named.
 const MOST_NAMED: usize = 6;
+/// Share of a parameter that measurements can tell, below which it is fixed.
+const FIXED: f64 = 1e-9;
 /// Share of a parameter that may lie in lost directions.
 const MOST_LOST: f64 = 0.5;
 
@@ -36,6 +38,8 @@ pub enum Status {
     Weak,
     /// Not: most of it lies in lost directions.
     Lost,
+    /// Not, from no measurement: it is the file's by convention.
+    Fixed,
 }
 
 /// A parameter, and its standard deviation.
@@ -98,6 +102,7 @@ impl Expected {
             let deviation = spread[(index, index)].max(0.0).sqrt();
             let (scale, unit) = parameters.shown[index];
             let status = match deviation {
+                _ if axis.norm_squared() < FIXED => Status::Fixed,
                 _ if share > MOST_LOST * axis.norm_squared() => Status::Lost,
                 deviation if deviation > WEAK => Status::Weak,
                 _ => Status::Seen,
@@ -163,6 +168,7 @@ impl fmt::Display for Expected {
                 Status::Seen => "",
                 Status::Weak => "  weak",
                 Status::Lost => "  not seen: the file's value stays",
+                Status::Fixed => "  fixed: the file's value, by convention",
             };
             writeln!(f, "{name:<14} {sd:>9.3} {unit}{status}")?;
         }

@@ -1,7 +1,7 @@
 //! Limits of a plan: poses away from singular ones, and loads that leave cluster 3 on the side it rests on.
 
 use gantry_tau_core::model::f1;
-use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS, LINKS};
+use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS};
 use nalgebra::{Matrix3, Vector3, Vector6};
 
 use crate::elastic::joints::joint;
@@ -19,10 +19,9 @@ pub(super) const GAUGE_RANGE_M: f64 = 0.01;
 /// True if the pose is away from singular ones: `|det s|` of the clusters' directions and `|s.v|` of every link are at least a tenth.
 pub(super) fn is_regular<const N: usize>(geometry: &f1::Geometry, pose: &Pose, q: &[f64; N]) -> bool {
     let mut sums = [Vector3::zeros(); ARMS];
-    for link in 0..LINKS {
+    for (link, arm) in ARM_OF_LINK.into_iter().enumerate() {
         let on_platform = pose.translation_m + pose.rotation * geometry.platform_joints_m[link];
         let direction = (joint(geometry, link, q).place_m - on_platform).normalize();
-        let arm = ARM_OF_LINK[link];
         if direction.dot(&geometry.guideways[arm].normalize()).abs() < LEAST {
             return false;
         }

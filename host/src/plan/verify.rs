@@ -18,6 +18,8 @@ const HOOKS_M: [[f64; 3]; 3] = [[0.08, 0.08, -0.08], [-0.1, 0.05, -0.08], [0.05,
 /// Directions that plans of springs do not have, before they are made unit vectors.
 const DIRECTIONS: [[f64; 3]; 6] =
     [[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, -1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0]];
+/// Largest displacement, in those at home: beyond it the machine is near a singular pose.
+const MOST_DISPLACEMENT: f64 = 5.0;
 /// Levels, in shares of the largest force: the first again at the end.
 const LEVELS: [f64; 5] = [0.0, 0.5, 1.0, 0.5, 0.0];
 /// Steps along the longest side of the workspace.
@@ -75,21 +77,25 @@ fn spread_straps<K: MachineKind<N>, const N: usize>(
 ) -> Result<Vec<(Stand<N>, Strap)>, PlanError> {
     let preload = Preload::of(robot, bench.machine());
     let gauges: Vec<Gauge> = gauges.iter().map(|gauge| gauge.gauge).collect();
-    let poses = far_apart(robot, options.poses.min(options.series));
-    let mut straps = Vec::new();
-    for number in 0..options.series {
-        let Some(stand) = poses.get(number % poses.len().max(1)) else { break };
+    let home = Stand { tool_m: robot.home_m(), q: robot.home_q()? };
+    // The first direction within the limits, from the one with this number on.
+    let strap_at = |stand: &Stand<N>, number: usize| {
         let hook_m = HOOKS_M[number % HOOKS_M.len()].into();
         let from_here = (0..DIRECTIONS.len()).map(|step| DIRECTIONS[(number + step) % DIRECTIONS.len()]);
         let ways = from_here.flat_map(|way| [1.0, -1.0].map(|sign| Vector3::from(way).normalize() * sign));
-        let strap = ways.map(|direction| Strap { hook_m, direction }).find(|strap| {
-            let series = bench.series(stand, strap, &[0.0, options.force_max_n], &gauges);
-            series.is_ok_and(|series| {
-                series.largest_m <= GAUGE_RANGE_M && preload.is_none_or(|preload| preload.holds(series.cluster_n))
-            })
-        });
-        straps.extend(strap.map(|strap| (*stand, strap)));
-    }
+        let predicted =
+            |stand: &Stand<N>, strap: &Strap| bench.series(stand, strap, &[0.0, options.force_max_n], &gauges).ok();
+        ways.map(|direction| Strap { hook_m, direction }).find(|strap| {
+            let (Some(here), Some(home)) = (predicted(stand, strap), predicted(&home, strap)) else { return false };
+            here.largest_m <= GAUGE_RANGE_M
+                && here.displacement_m <= MOST_DISPLACEMENT * home.displacement_m
+                && preload.is_none_or(|preload| preload.holds(here.cluster_n))
+        })
+    };
+    let poses = far_apart(robot, options.poses.min(options.series), |stand| strap_at(stand, 0).is_some());
+    let numbered = poses.iter().cycle().take(if poses.is_empty() { 0 } else { options.series }).enumerate();
+    let straps: Vec<(Stand<N>, Strap)> =
+        numbered.filter_map(|(number, stand)| Some((*stand, strap_at(stand, number)?))).collect();
     if straps.is_empty() {
         let reason = format!("no strap stays within the limits at {} N; lower --force-max", options.force_max_n);
         return Err(PlanError::NoCandidate { robot: robot.name.clone(), reason });
@@ -101,21 +107,27 @@ fn spread_straps<K: MachineKind<N>, const N: usize>(
     Ok(ordered)
 }
 
-/// Places of the workspace, each as far as possible from home and from those before it.
-fn far_apart<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>, count: usize) -> Vec<Stand<N>> {
+/// Places of the workspace where something can be measured, each as far as possible from home and from those before it.
+fn far_apart<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    count: usize,
+    can_measure: impl Fn(&Stand<N>) -> bool,
+) -> Vec<Stand<N>> {
     let places = survey(robot, Grid::of(robot, CELLS), |_| ()).places;
     let reached = places.into_iter().filter(|place| place.reached.is_ok());
-    let all: Vec<Stand<N>> = reached.filter_map(|place| stand_at(robot, &place.tool_m)).collect();
-    let mut taken = vec![robot.home_m()];
+    let mut left: Vec<Stand<N>> = reached.filter_map(|place| stand_at(robot, &place.tool_m)).collect();
     let mut found: Vec<Stand<N>> = Vec::new();
-    let nearest = |stand: &Stand<N>, taken: &[Vector3<f64>]| {
-        taken.iter().map(|place| (place - stand.tool_m).norm()).fold(f64::INFINITY, f64::min)
-    };
     while found.len() < count {
-        let farthest = all.iter().max_by(|one, other| nearest(one, &taken).total_cmp(&nearest(other, &taken)));
-        let Some(stand) = farthest.filter(|stand| nearest(stand, &taken) > 0.0) else { break };
-        taken.push(stand.tool_m);
-        found.push(*stand);
+        let nearest_m = |stand: &Stand<N>| {
+            let from_home_m = (robot.home_m() - stand.tool_m).norm();
+            found.iter().map(|other| (other.tool_m - stand.tool_m).norm()).fold(from_home_m, f64::min)
+        };
+        let distances: Vec<f64> = left.iter().map(nearest_m).collect();
+        let farthest = (0..left.len()).max_by(|one, other| distances[*one].total_cmp(&distances[*other]));
+        let Some(stand) = farthest.map(|index| left.swap_remove(index)) else { break };
+        if can_measure(&stand) {
+            found.push(stand);
+        }
     }
     found
 }
@@ -169,7 +181,7 @@ mod tests {
         let plan = plan_verify(&robot, &options, "v.csv").unwrap();
         assert_eq!((plan.doubts.len(), plan.plan.matches("[[pose]]").count()), (0, 6), "{:?}", plan.doubts);
         assert_eq!(plan.plan.matches("[[series]]").count(), 12);
-        let stands = far_apart(&robot, 6);
+        let stands = far_apart(&robot, 6, |_| true);
         for (index, one) in stands.iter().enumerate() {
             assert!((one.tool_m - robot.home_m()).norm() > 0.3);
             assert!(stands.iter().skip(index + 1).all(|other| (one.tool_m - other.tool_m).norm() > 0.3));

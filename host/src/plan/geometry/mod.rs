@@ -25,6 +25,9 @@ use crate::robot_file::RobotFile;
 /// Largest distance between the positions of a planned pose and those that the kinematics give, q-units.
 const SAME_Q: f64 = 1e-4;
 
+/// Starts of the search.
+const STARTS: u64 = 4;
+
 /// Options of a plan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GeometryOptions {
@@ -207,8 +210,7 @@ fn chosen<const N: usize>(
     let candidate = |(place, spot): (usize, &Spot<N>)| Candidate { rows: whitened(spot, &whitening), place, strap: 0 };
     let candidates: Vec<Candidate> = spots.iter().enumerate().map(candidate).collect();
     let goal = goal(model, spots);
-    let starts = if model.parameters.basis.ncols() > 30 { 1 } else { 4 };
-    Search::new(&candidates, &goal, options.criterion, options.poses, options.poses).best(starts)
+    Search::new(&candidates, &goal, options.criterion, options.poses, options.poses).best(STARTS)
 }
 
 /// The chosen spots in an order of short ways, from home on.

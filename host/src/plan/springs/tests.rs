@@ -37,6 +37,24 @@ fn without_axes(gauges: Vec<NamedGauge>, first: usize) -> Vec<NamedGauge> {
     gauges.into_iter().filter(is_kept).collect()
 }
 
+/// The gauges of the specification's campaign A. It prints one of the six; the others follow from its numbers, thirty of which they meet to
+/// 0.5 %. The usual ones stand elsewhere: a link is known up to a fifth worse or 8 % better with them.
+fn of_specification(mut gauges: Vec<NamedGauge>) -> Vec<NamedGauge> {
+    let places = [
+        ("pz3", [0.0, 0.12, 0.10]),
+        ("py1", [0.12, 0.12, 0.05]),
+        ("py2", [-0.12, 0.12, 0.05]),
+        ("px1", [0.14, 0.12, 0.05]),
+    ];
+    for NamedGauge { name, gauge } in &mut gauges {
+        let place = places.iter().find(|(other, _)| other == name);
+        if let (Gauge::Platform { point_m, .. }, Some((_, place))) = (gauge, place) {
+            *point_m = Vector3::from(*place);
+        }
+    }
+    gauges
+}
+
 /// Within 2 %: the specification prints three digits, of a prototype that took its derivatives otherwise.
 fn close(found: f64, expected: f64, name: &str) {
     assert!((found / expected - 1.0).abs() < 0.02, "{name}: {found}, not {expected}");
@@ -59,7 +77,7 @@ fn agrees(judgement: &Judgement, deviations: &[f64], indices: &[f64], readings: 
 #[test]
 fn campaign_a_and_its_first_hook() {
     let robot = l2();
-    let gauges = || default_gauges(&robot.metres_per_q);
+    let gauges = || of_specification(default_gauges(&robot.metres_per_q));
     let a = judge(&robot, &at_home(&robot, &HOOKS_M, gauges()), false, "A").unwrap();
     let deviations = [0.366, 0.187, 0.327, 0.217, 0.231, 0.147, 6.73, 4.85, 3.34];
     agrees(&a, &deviations, &[5.48, 0.0205, 14.9, 0.305, 6.13], 891);
@@ -75,11 +93,12 @@ fn campaign_a_and_its_first_hook() {
 #[test]
 fn the_f1_with_a_gauge_on_every_axis_and_on_its_carts_only() {
     let robot = RobotFile::builtin_f1().unwrap();
-    let all = judge(&robot, &at_home(&robot, &HOOKS_M, default_gauges(&robot.metres_per_q)), false, "F1").unwrap();
+    let gauges = || of_specification(default_gauges(&robot.metres_per_q));
+    let all = judge(&robot, &at_home(&robot, &HOOKS_M, gauges()), false, "F1").unwrap();
     let deviations = [0.347, 0.773, 0.608, 0.332, 0.419, 0.460, 0.152, 0.140, 0.125, 10.7, 12.0, 7.9];
     agrees(&all, &deviations, &[], 99 * 12);
-    let gauges = without_axes(default_gauges(&robot.metres_per_q), 3);
-    let carts = judge(&robot, &at_home(&robot, &HOOKS_M, gauges), false, "F1").unwrap();
+    let on_carts = without_axes(gauges(), 3);
+    let carts = judge(&robot, &at_home(&robot, &HOOKS_M, on_carts), false, "F1").unwrap();
     for (found, expected) in sds(&carts).iter().skip(9).zip([19.2, 38.0, 13.4]) {
         close(*found, expected, "plate");
     }
@@ -140,7 +159,7 @@ fn the_exchange_beats_the_limits_and_random_plans() {
     let bench = Bench::new(&robot, robot.compliances.unwrap(), NOISE, false);
     let stands = stands(&robot);
     assert_eq!(stands.len(), 28);
-    let gauges = default_gauges(&robot.metres_per_q);
+    let gauges = of_specification(default_gauges(&robot.metres_per_q));
     let grid = Grid::new(&robot, &bench, &stands[1..], &gauges, 300.0).unwrap();
     assert_eq!(grid.candidates.len(), 243);
     let goal = goal(&bench, &stands[1..], 300.0).unwrap();
@@ -154,7 +173,7 @@ fn the_exchange_beats_the_limits_and_random_plans() {
         let median =
             crate::fit::statistics::median((0..101).map(|_| rms_um(&search.random(&mut random).unwrap())).collect());
         // A median of a hundred plans, of a spread of some 20 %.
-        assert!((median / random_um - 1.0).abs() < 0.15, "{count}: {median}");
+        assert!((median / random_um - 1.0).abs() < 0.1, "{count}: {median}");
     }
 }
 
@@ -176,7 +195,7 @@ fn a_plan_stays_within_its_limits() {
     // Pulled down the platform leaves cart 3 with the least force: at home at 199 N.
     let jump = setup.plan.last().unwrap();
     let most = jump.levels_n.iter().copied().fold(0.0, f64::max);
-    assert!(jump.direction == [0.0, 0.0, -1.0] && most < 300.0, "{jump:?}");
+    assert!(jump.direction[2] < -0.999 && most < 300.0, "{jump:?}");
     // Poses in a row: gauges are moved once.
     assert!(setup.plan.windows(2).filter(|pair| pair[0].pose != pair[1].pose).count() <= 2);
 }
