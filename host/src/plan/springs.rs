@@ -181,10 +181,7 @@ fn planned<K: MachineKind<N>, const N: usize>(
     let stands = stands(robot);
     let grid = Grid::new(robot, &bench, &stands, &gauges, options.force_max_n)?;
     // What is asked for everywhere, but for home itself, which is no place of the grid.
-    let goal = goal(&bench, &stands[1..], options.force_max_n).map_err(|error| PlanError::NoCandidate {
-        robot: robot.name.clone(),
-        reason: format!("{error} at {} N; lower --force-max", options.force_max_n),
-    })?;
+    let goal = goal(&bench, &stands[1..], options.force_max_n, &robot.name)?;
     let search = Search::new(&grid.candidates, &goal, options.criterion, options.series, options.poses);
     let chosen = search.best(STARTS).ok_or_else(|| {
         let (series, straps) = (options.series, grid.most_straps());
@@ -271,19 +268,24 @@ pub(super) fn stand_at<K: MachineKind<N>, const N: usize>(
     is_regular(&robot.model.geometry(), &pose, &q).then_some(Stand { tool_m: *tool_m, q })
 }
 
-/// `M`: mean of `G^T G` over stands and loads at the first hook.
+/// `M`: mean of `G^T G` over stands and loads at the first hook; `plan` is what an error names.
 pub(super) fn goal<const N: usize>(
     bench: &Bench<N>,
     stands: &[Stand<N>],
     force_n: f64,
-) -> Result<DMatrix<f64>, ElasticError> {
+    plan: &str,
+) -> Result<DMatrix<f64>, PlanError> {
+    let failed = |error: ElasticError| PlanError::NoCandidate {
+        robot: plan.to_owned(),
+        reason: format!("{error} at {force_n} N; lower --force-max, or the levels of the plan"),
+    };
     let size = bench.parameters().basis.ncols();
     let mut goal = DMatrix::zeros(size, size);
     let count = float(stands.len() * 3);
     for stand in stands {
         for direction in [Vector3::x(), Vector3::y(), Vector3::z()] {
             let load = Strap { hook_m: HOOKS_M[0].into(), direction }.load(force_n);
-            let rows = bench.displacement(stand, &load)?;
+            let rows = bench.displacement(stand, &load).map_err(failed)?;
             goal += rows.tr_mul(&rows) / count;
         }
     }
@@ -441,11 +443,7 @@ pub fn judge<K: MachineKind<N>, const N: usize>(
         }
     }
     let stands = stands(robot);
-    let goal = goal(&bench, stands.get(1..).unwrap_or_default(), force_n).map_err(|error| PlanError::Series {
-        plan: plan.to_owned(),
-        series: "test load".to_owned(),
-        error,
-    })?;
+    let goal = goal(&bench, stands.get(1..).unwrap_or_default(), force_n, plan)?;
     let expected = Expected::new(&parameters, rows, readings, &goal);
     Ok(Judgement { expected, force_n, minutes: minutes(setup), series, doubts })
 }

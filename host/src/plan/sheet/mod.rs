@@ -218,9 +218,11 @@ pub(super) fn poses<K: MachineKind<N>, const N: usize>(
     judgement: &geometry::Judgement,
 ) -> Result<String, PlanError> {
     let mut body = head(robot, "geometry", &judgement.to_string())?;
-    let marks: Vec<Mark> = (plan.poses.iter())
-        .map(|pose| Mark {
-            name: pose.name.clone(),
+    // Thirty names would hide the places.
+    let is_named = |index: usize| index == 0 || index + 1 == plan.poses.len();
+    let marks: Vec<Mark> = (plan.poses.iter().enumerate())
+        .map(|(index, pose)| Mark {
+            name: if is_named(index) { pose.name.clone() } else { String::new() },
             at_m: pose.position_m.into(),
             way_m: Vector3::zeros(),
             is_hook: true,

@@ -4,11 +4,11 @@ use std::fmt::Write;
 
 use nalgebra::Vector3;
 
-/// A named place, with an arrow where it has a direction.
+/// A place, with a name where that is not empty, and with an arrow where it has a direction.
 pub(super) struct Mark {
     pub(super) name: String,
     pub(super) at_m: Vector3<f64>,
-    /// The arrow ends at the place.
+    /// The arrow, m; it ends at the place.
     pub(super) way_m: Vector3<f64>,
     pub(super) is_hook: bool,
 }
@@ -81,6 +81,9 @@ fn view(
             "<line x1=\"{from_x:.1}\" y1=\"{from_y:.1}\" x2=\"{x:.1}\" y2=\"{y:.1}\" stroke=\"{colour}\" stroke-width=\"2\"/>\
              <circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{colour}\"/>"
         );
+        if mark.name.is_empty() {
+            continue;
+        }
         let (label_x, label_y) = free_place(&taken, (x, y));
         taken.push((label_x, label_y));
         let name = crate::plots::page::escape(&mark.name);

@@ -162,7 +162,7 @@ fn the_exchange_beats_the_limits_and_random_plans() {
     let gauges = of_specification(default_gauges(&robot.metres_per_q));
     let grid = Grid::new(&robot, &bench, &stands[1..], &gauges, 300.0).unwrap();
     assert_eq!(grid.candidates.len(), 243);
-    let goal = goal(&bench, &stands[1..], 300.0).unwrap();
+    let goal = goal(&bench, &stands[1..], 300.0, "l2").unwrap();
     // Specification: limit, and median of random plans, um.
     for (count, limit_um, random_um) in [(4, 0.76, 1.17), (6, 0.62, 0.89), (12, 0.435, 0.58)] {
         let search = Search::new(&grid.candidates, &goal, Criterion::I, count, count);
