@@ -1,8 +1,8 @@
 //! Choice of measurements by exchange: from a random start, each entry is replaced by the best candidate, until none improves.
 //!
-//! A candidate's whitened rows `A` add `A^T A` to the information. Without one entry the covariance is `C`; with a candidate in its place
+//! A candidate's whitened rows `A` add `A^T A` to the information. Without one entry the covariance is `C`; with a candidate in its place `E`,
 //!
-//!     trace(C' M) = trace(C M) - trace(S^-1 A C M C A^T),    log det C'^-1 = log det C^-1 + log det S,    S = 1 + A C A^T
+//!     trace(E M) = trace(C M) - trace(S^-1 A C M C A^T),    log det E^-1 = log det C^-1 + log det S,    S = 1 + A C A^T
 //!
 //! so that one inverse serves all candidates. (V. V. Fedorov, Theory of Optimal Experiments, 1972.)
 

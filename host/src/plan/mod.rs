@@ -7,13 +7,13 @@
 //! |---|---|
 //! | [`exchange`] | choice among candidates, criteria I and D |
 //! | [`expected`] | standard deviations, lost directions, observability indices |
-//! | [`bench`] | what a strap tells of the springs, one series at a time |
-//! | [`limits`] | poses away from singular ones; loads that leave cluster 3 on its side |
+//! | `bench` | what a strap tells of the springs, one series at a time |
+//! | `limits` | poses away from singular ones; loads that leave cluster 3 on its side |
 //! | [`springs`] | plan of a campaign of straps and gauges; judgement of any |
 //! | [`geometry`] | plan of poses for a calibration; judgement of any |
 //! | [`verify`] | plan of straps at poses and in directions that identification did not use |
-//! | [`time`] | time that a plan takes |
-//! | [`sheet`] | page with pictures and steps to follow at the machine |
+//! | `time` | time that a plan takes |
+//! | `sheet` | page with pictures and steps to follow at the machine |
 #![expect(clippy::indexing_slicing, reason = "candidates, links and parameters are counted by the arrays themselves")]
 
 mod bench;

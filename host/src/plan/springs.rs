@@ -1,23 +1,28 @@
 //! Plan of straps and gauges for the springs `[T 4.2.9]`, and judgement of any such plan.
 
+mod candidates;
+
 use std::fmt;
 
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::robot::Compliances;
 use nalgebra::{DMatrix, Vector3};
 
-use super::bench::{Bench, Series, Stand, Strap};
-use super::exchange::{Candidate, Criterion, Search};
+use super::bench::{Bench, Stand, Strap};
+use super::exchange::{Criterion, Search};
 use super::expected::Expected;
-use super::limits::{GAUGE_RANGE_M, Preload, is_regular};
+use super::limits::{GAUGE_RANGE_M, Preload};
 use super::time::Minutes;
 use super::{PlanError, Written, check_range, model_name, sheet};
-use crate::elastic::{self, ElasticError};
+use crate::elastic::ElasticError;
 use crate::fit::statistics::float;
 use crate::measurements::springs::{NamedGauge, Noise, SeriesEntry, Setup};
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 use crate::springs::gauge::Gauge;
+
+pub(super) use candidates::stand_at;
+use candidates::{Grid, around_jump, nearest_first, stands, strap_order};
 
 /// Hooks, from the tool centre point, m.
 pub(super) const HOOKS_M: [[f64; 3]; 3] = [[0.0, 0.0, -0.08], [0.15, 0.0, -0.08], [0.0, 0.15, -0.08]];
@@ -30,12 +35,8 @@ const PLATFORM_GAUGES: [(&str, [f64; 3], [f64; 3]); 6] = [
     ("py2", [-0.10, 0.12, 0.05], [0.0, 1.0, 0.0]),
     ("px1", [0.14, 0.0, 0.05], [1.0, 0.0, 0.0]),
 ];
-/// Places of the grid, from home, m, in x, y, z.
-const FROM_HOME_M: [[f64; 3]; 3] = [[-0.4, 0.0, 0.4], [-0.2, -0.05, 0.08], [-0.15, 0.0, 0.15]];
 /// Levels of a series, in shares of the largest force; the first comes again at the end, for the drift.
 const LEVELS: [f64; 11] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 0.8, 0.6, 0.4, 0.2, 0.0];
-/// Series around the jump: forces in shares of the one at the jump, rising; the same falling.
-const AROUND_JUMP: [f64; 12] = [0.0, 0.3, 0.6, 0.8, 0.88, 0.92, 0.96, 1.0, 1.04, 1.08, 1.12, 1.2];
 /// Name of that series.
 pub(super) const JUMP: &str = "jump";
 /// Starts of the search.
@@ -219,11 +220,6 @@ fn round_n(force_n: f64) -> f64 {
     (force_n * 10.0).round() / 10.0
 }
 
-fn strap_order(strap: &Strap) -> (usize, usize) {
-    let hook = HOOKS_M.iter().position(|hook| Vector3::from(*hook) == strap.hook_m).unwrap_or(HOOKS_M.len());
-    (hook, strap.direction.iamax())
-}
-
 pub(super) fn pose_entry<const N: usize>(index: usize, stand: &Stand<N>) -> (String, Pose) {
     let rounded = stand.tool_m.map(|coordinate| (coordinate * 1e6).round() / 1e6);
     (format!("p{}", index + 1), Pose::at(rounded))
@@ -249,25 +245,6 @@ impl Setup {
     }
 }
 
-/// Home, then the places of the grid that the machine stands in well. Home is the first, whatever it is.
-fn stands<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Vec<Stand<N>> {
-    let [xs, ys, zs] = FROM_HOME_M;
-    let columns = xs.into_iter().flat_map(|x| ys.map(|y| (x, y)));
-    let places = columns.flat_map(|(x, y)| zs.map(|z| Vector3::new(x, y, z)));
-    let all = std::iter::once(Vector3::zeros()).chain(places);
-    all.filter_map(|from_home| stand_at(robot, &(robot.home_m() + from_home))).collect()
-}
-
-/// The machine at a place, if it stands there well.
-pub(super) fn stand_at<K: MachineKind<N>, const N: usize>(
-    robot: &RobotFile<K, N>,
-    tool_m: &Vector3<f64>,
-) -> Option<Stand<N>> {
-    let q = robot.model.axes_at(tool_m).ok()?;
-    let pose = elastic::Pose { translation_m: *tool_m, rotation: nalgebra::UnitQuaternion::identity() };
-    is_regular(&robot.model.geometry(), &pose, &q).then_some(Stand { tool_m: *tool_m, q })
-}
-
 /// `M`: mean of `G^T G` over stands and loads at the first hook; `plan` is what an error names.
 pub(super) fn goal<const N: usize>(
     bench: &Bench<N>,
@@ -290,113 +267,6 @@ pub(super) fn goal<const N: usize>(
         }
     }
     Ok(goal)
-}
-
-/// Candidates within the limits, and their straps.
-struct Grid {
-    candidates: Vec<Candidate>,
-    straps: Vec<Strap>,
-}
-
-impl Grid {
-    fn new<K: MachineKind<N>, const N: usize>(
-        robot: &RobotFile<K, N>,
-        bench: &Bench<N>,
-        stands: &[Stand<N>],
-        gauges: &[NamedGauge],
-        force_max_n: f64,
-    ) -> Result<Self, PlanError> {
-        let none = |reason: String| PlanError::NoCandidate { robot: robot.name.clone(), reason };
-        if stands.len() < 2 {
-            return Err(none("no pose around home is in travel and away from singular ones".to_owned()));
-        }
-        let preload = Preload::of(robot, bench.machine());
-        let gauges: Vec<Gauge> = gauges.iter().map(|gauge| gauge.gauge).collect();
-        let levels_n = LEVELS.map(|share| share * force_max_n);
-        let mut grid = Self { candidates: Vec::new(), straps: Vec::new() };
-        let (mut over_m, mut off) = (0.0_f64, 0_usize);
-        for (place, stand) in stands.iter().enumerate() {
-            for (strap, (hook, axis)) in
-                HOOKS_M.iter().flat_map(|hook| (0..3).map(move |axis| (hook, axis))).enumerate()
-            {
-                // A pull along an axis tells what one against it does.
-                let pulls =
-                    [1.0, -1.0].map(|sign| Strap { hook_m: (*hook).into(), direction: Vector3::ith(axis, sign) });
-                let found = pulls.into_iter().find_map(|pull| {
-                    let series = bench.series(stand, &pull, &levels_n, &gauges).ok()?;
-                    preload.is_none_or(|preload| preload.holds(series.cluster_n)).then_some((pull, series))
-                });
-                match found {
-                    None => off += 1,
-                    Some((_, Series { largest_m, .. })) if largest_m > GAUGE_RANGE_M => over_m = over_m.max(largest_m),
-                    Some((pull, Series { rows, .. })) => {
-                        grid.candidates.push(Candidate { rows, place, strap });
-                        grid.straps.push(pull);
-                    }
-                }
-            }
-        }
-        if grid.candidates.is_empty() {
-            let over = if over_m > 0.0 {
-                format!("gauges would move by {:.1} mm, their range is {:.0} mm", over_m * 1e3, GAUGE_RANGE_M * 1e3)
-            } else {
-                format!("{off} straps would take the platform off cart 3, or the machine apart")
-            };
-            return Err(none(format!(
-                "no strap stays within the limits at {force_max_n} N: {over}; lower --force-max"
-            )));
-        }
-        Ok(grid)
-    }
-
-    /// Largest number of straps at a pose.
-    fn most_straps(&self) -> usize {
-        let at = |place: usize| self.candidates.iter().filter(|candidate| candidate.place == place).count();
-        self.candidates.iter().map(|candidate| at(candidate.place)).max().unwrap_or(0)
-    }
-}
-
-/// The places of a plan in an order of short ways, from the first stand on.
-fn nearest_first<const N: usize>(stands: &[Stand<N>], used: impl Iterator<Item = usize>) -> Vec<usize> {
-    let mut left: Vec<usize> = used.collect();
-    left.sort_unstable();
-    left.dedup();
-    let mut here = 0;
-    let mut order = Vec::with_capacity(left.len());
-    let way = |from: usize, to: usize| (stands[from].tool_m - stands[to].tool_m).norm();
-    while let Some(next) = left.iter().copied().min_by(|one, other| way(here, *one).total_cmp(&way(here, *other))) {
-        left.retain(|place| *place != next);
-        order.push(next);
-        here = next;
-    }
-    order
-}
-
-/// The strap that takes the platform off cart 3 with the least force, and small steps around that force.
-fn around_jump<K: MachineKind<N>, const N: usize>(
-    robot: &RobotFile<K, N>,
-    bench: &Bench<N>,
-    stand: &Stand<N>,
-    force_max_n: f64,
-) -> Result<(Strap, Vec<f64>), PlanError> {
-    let none = |reason: &str| PlanError::Option(format!("--around-jump: {reason}"));
-    let preload = Preload::of(robot, bench.machine())
-        .ok_or_else(|| none("the robot file knows no jump; [play] or simulation.jump_gap_m says where it is"))?;
-    let pulls = (0..3).flat_map(|axis| [1.0, -1.0].map(|sign| Vector3::ith(axis, sign)));
-    let at_jump = pulls.filter_map(|direction| {
-        let strap = Strap { hook_m: HOOKS_M[0].into(), direction };
-        let series = bench.series(stand, &strap, &[0.0, force_max_n], &[]).ok()?;
-        Some((preload.share_at_jump(series.cluster_n)? * force_max_n, strap))
-    });
-    let (force_n, strap) = at_jump
-        .min_by(|one, other| one.0.total_cmp(&other.0))
-        .ok_or_else(|| none("no strap at the first pose reaches it"))?;
-    let last = AROUND_JUMP[AROUND_JUMP.len() - 1] * force_n;
-    if last > force_max_n {
-        return Err(none(&format!("forces to {last:.0} N are needed, and --force-max is {force_max_n}")));
-    }
-    let rising = AROUND_JUMP.map(|share| (share * force_n).round());
-    Ok((strap, rising.iter().chain(rising.iter().rev().skip(1)).copied().collect()))
 }
 
 /// Judges a plan of a machine; `plan` names it in errors. With `is_links_only` the axes' springs are taken as known: their carts are held.
