@@ -25,8 +25,9 @@ use crate::robot_file::RobotFile;
 /// Largest distance between the positions of a planned pose and those that the kinematics give, q-units.
 const SAME_Q: f64 = 1e-4;
 
-/// Starts of the search.
+/// Starts of the search with this many parameters or fewer, and with more: an F1's takes seconds each, and they end within a few percent.
 const STARTS: u64 = 4;
+const FEW_PARAMETERS: usize = 30;
 
 /// Options of a plan.
 #[derive(Clone, Debug, PartialEq)]
@@ -210,7 +211,8 @@ fn chosen<const N: usize>(
     let candidate = |(place, spot): (usize, &Spot<N>)| Candidate { rows: whitened(spot, &whitening), place, strap: 0 };
     let candidates: Vec<Candidate> = spots.iter().enumerate().map(candidate).collect();
     let goal = goal(model, spots);
-    Search::new(&candidates, &goal, options.criterion, options.poses, options.poses).best(STARTS)
+    let starts = if goal.ncols() > FEW_PARAMETERS { 1 } else { STARTS };
+    Search::new(&candidates, &goal, options.criterion, options.poses, options.poses).best(starts)
 }
 
 /// The chosen spots in an order of short ways, from home on.
