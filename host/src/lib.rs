@@ -20,6 +20,7 @@ pub mod fit;
 pub mod geometry;
 pub mod measurements;
 pub mod model;
+pub mod plan;
 pub mod plant;
 mod plots;
 pub mod realtime;

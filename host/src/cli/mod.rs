@@ -6,6 +6,7 @@ mod demo;
 mod draw;
 mod faults;
 mod identify;
+mod plan;
 mod replay;
 mod serve;
 mod verify;
@@ -45,6 +46,7 @@ enum Command {
     Calibrate(calibrate::Calibrate),
     Identify(identify::Identify),
     Verify(verify::Verify),
+    Plan(plan::Plan),
     /// Kinematics, statics and compensation for scripts: one JSON request per line in, one JSON answer per line out
     ///
     /// Example: echo '{"id":1,"robot":"robots/l2.toml","op":"ik","T":[0.0,0.5,0.65]}' | gantry-tau solve
@@ -96,6 +98,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Calibrate(calibrate) => calibrate.run(),
         Command::Identify(identify) => identify.run(),
         Command::Verify(verify) => run_on(AnyRobotFile::named(&verify.robot), verify),
+        Command::Plan(plan) => plan.run(),
         Command::Solve => solve(),
     };
     outcome.unwrap_or_else(|error| fail(1, error))

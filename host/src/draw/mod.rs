@@ -51,9 +51,20 @@ pub fn run<K: MachineKind<N>, const N: usize>(options: &DrawOptions<K, N>) -> Re
         let text = format!("--elevation is {elevation}; expected from -90 to 90 degrees");
         return Err(DrawError::Option(text));
     }
-    let scene = Scene::at_home(&options.robot)?;
-    let picture = svg::picture(&scene, azimuth.to_radians(), elevation.to_radians());
+    let picture = picture(&options.robot, azimuth.to_radians(), elevation.to_radians())?;
     Ok(write(&options.svg, &picture)?)
+}
+
+/// Returns the picture of a machine at home, as an `<svg>` element; angles in rad.
+///
+/// # Errors
+/// [`RobotFileError`] if home cannot be reached.
+pub(crate) fn picture<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    azimuth: f64,
+    elevation: f64,
+) -> Result<String, RobotFileError> {
+    Ok(svg::picture(&Scene::at_home(robot)?, azimuth, elevation))
 }
 
 #[cfg(test)]

@@ -99,7 +99,7 @@ fn across(axis: &Vector3<f64>) -> [Vector3<f64>; 2] {
 }
 
 /// Change of each parameter that would matter.
-fn scales(geometry: &f1::Geometry) -> DVector<f64> {
+pub(crate) fn scales(geometry: &f1::Geometry) -> DVector<f64> {
     let mut scales = DVector::repeat(PARAMETERS, TOLERANCE_M);
     for (arm, guideway) in geometry.guideways.iter().enumerate() {
         scales.fixed_rows_mut::<3>(V + 3 * arm).fill(TOLERANCE_RAD * guideway.norm());
@@ -159,7 +159,7 @@ fn lines(geometry: &f1::Geometry, q: &[f64; AXES], pose: &Pose) -> Matrix6<f64> 
 }
 
 /// Derivative of a pose by the parameters.
-fn derivative(geometry: &f1::Geometry, q: &[f64; AXES], pose: &Pose) -> SMatrix<f64, 6, PARAMETERS> {
+pub(crate) fn derivative(geometry: &f1::Geometry, q: &[f64; AXES], pose: &Pose) -> SMatrix<f64, 6, PARAMETERS> {
     let lines = lines(geometry, q, pose);
     let mut lengths = SMatrix::<f64, 6, PARAMETERS>::zeros();
     let (turn_axis, tilt_axis) = (Unit::new_normalize(geometry.turn_axis), Unit::new_normalize(geometry.tilt_axis));
@@ -192,7 +192,7 @@ fn derivative(geometry: &f1::Geometry, q: &[f64; AXES], pose: &Pose) -> SMatrix<
 }
 
 /// Rows that keep what cannot be seen: `P_11`, and the mean of `P_21`, `P_22` along the plates' axis.
-fn fixed(geometry: &f1::Geometry) -> SMatrix<f64, 4, PARAMETERS> {
+pub(crate) fn fixed(geometry: &f1::Geometry) -> SMatrix<f64, 4, PARAMETERS> {
     let mut rows = SMatrix::<f64, 4, PARAMETERS>::zeros();
     rows.fixed_view_mut::<3, 3>(0, P).copy_from(&Matrix3::from_diagonal_element(1.0 / FIXED_M));
     let along = geometry.turn_axis.normalize() / (2.0 * FIXED_M);

@@ -8,7 +8,25 @@ mod table;
 
 use std::fmt;
 
+use std::path::Path;
+
+use serde::Deserialize;
+
 pub use table::MAX_ROWS;
+
+/// First key of a set-up, whatever follows.
+#[derive(Deserialize)]
+struct Format {
+    format: String,
+}
+
+/// Returns the format that a set-up states.
+///
+/// # Errors
+/// [`FileError`].
+pub fn format_of(path: &Path) -> Result<String, FileError> {
+    setup::read::<Format>(path).map(|format| format.format)
+}
 
 /// Error of a file of measurements, in one line.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -3,11 +3,15 @@
 use std::path::Path;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::table::{Row, Table};
 use super::{FileError, setup};
 use crate::geometry::MeasuredPose;
+
+mod plan;
+
+pub use plan::{PlannedPose, PosesPlan};
 
 /// First line of a set-up.
 pub const FORMAT: &str = "gantry-tau poses 1";
@@ -19,17 +23,20 @@ const UNIT: f64 = 1e-6;
 const NOISE: (f64, f64) = (1e-6, 1e6);
 
 /// `format = "gantry-tau poses 1"`.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct SetupFile {
     format: String,
     model: String,
     measurements: String,
     noise: NoiseSection,
+    /// Of a plan.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pose: Vec<PlannedPose>,
 }
 
 /// `[noise]`: of one measured pose, in the axes of the device.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct NoiseSection {
     position_um: Option<[f64; 3]>,
@@ -61,11 +68,8 @@ pub struct Poses<const N: usize> {
     pub poses: Vec<MeasuredPose<N>>,
 }
 
-/// Reads a set-up and its table, for a machine of `model` with `N` axes.
-///
-/// # Errors
-/// [`FileError`].
-pub fn read<const N: usize>(path: &Path, model: &str) -> Result<Poses<N>, FileError> {
+/// Reads a set-up without its table.
+fn read_setup(path: &Path, model: &str) -> Result<(SetupFile, Noise), FileError> {
     let name = path.display().to_string();
     let file: SetupFile = setup::read(path)?;
     let refused =
@@ -77,6 +81,15 @@ pub fn read<const N: usize>(path: &Path, model: &str) -> Result<Poses<N>, FileEr
         return Err(refused("model", format!("is {:?}, and the robot file's is {model:?}", file.model)));
     }
     let noise = noise(&file.noise).map_err(|(key, reason)| refused(key, reason))?;
+    Ok((file, noise))
+}
+
+/// Reads a set-up and its table, for a machine of `model` with `N` axes.
+///
+/// # Errors
+/// [`FileError`].
+pub fn read<const N: usize>(path: &Path, model: &str) -> Result<Poses<N>, FileError> {
+    let (file, noise) = read_setup(path, model)?;
     let table = setup::beside(path, &file.measurements);
     let poses = rows(&table)?;
     let bytes = std::fs::read(&table).map_err(|error| FileError::whole(&table.display().to_string(), error))?;

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use nalgebra::{Matrix3, SVector, Vector3, Vector6};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_deviation;
@@ -13,6 +13,10 @@ use super::table::{Row, Table};
 use super::{FileError, setup};
 use crate::robot_file::matrix;
 use crate::springs::gauge::Gauge;
+
+mod plan;
+
+pub use plan::read_gauges;
 
 /// First line of a set-up.
 pub const FORMAT: &str = "gantry-tau springs 1";
@@ -24,7 +28,7 @@ const MOST: [f64; 5] = [1e3, 2e4, 1e5, 1e5, 1e9];
 const NOISE: (f64, f64) = (1e-6, 1e6);
 
 /// `format = "gantry-tau springs 1"`.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct SetupFile {
     format: String,
@@ -35,12 +39,12 @@ struct SetupFile {
     pose: Vec<PoseEntry>,
     gauge: Vec<GaugeEntry>,
     /// Of a plan.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     series: Vec<SeriesEntry>,
 }
 
 /// `[noise]`: standard deviations of the mean of a window.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Noise {
     /// Of a gauge, µm.
@@ -57,7 +61,7 @@ impl Noise {
 }
 
 /// `[setup]`: standard deviations of what is known of the set-up. A key that is absent is exact.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SetupNoise {
     /// Each coordinate of the point that a gauge touches, per mounting, mm.
@@ -73,7 +77,7 @@ pub struct SetupNoise {
 }
 
 /// `[[pose]]`.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct PoseEntry {
     name: String,
@@ -88,7 +92,7 @@ const fn identity() -> [[f64; 3]; 3] {
 }
 
 /// `[[gauge]]`.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct GaugeEntry {
     name: String,
@@ -99,7 +103,7 @@ struct GaugeEntry {
 }
 
 /// `[[series]]` of a plan.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct SeriesEntry {
     /// Its name.
@@ -193,11 +197,28 @@ impl<const N: usize> Campaign<N> {
     }
 }
 
-/// Reads a set-up and its table, for a machine of `model` whose axes are `metres_per_q` long.
+/// A set-up: what is to be measured, or was.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// Table of the measurements, as the set-up names it.
+    pub measurements: String,
+    /// Noise of a window; absent: [`Noise::USUAL`], and scaled by what a fit leaves.
+    pub noise: Option<Noise>,
+    /// What is known of the set-up.
+    pub setup: Option<SetupNoise>,
+    /// Poses, with their names.
+    pub poses: Vec<(String, Pose)>,
+    /// Gauges.
+    pub gauges: Vec<NamedGauge>,
+    /// The series to measure, if the set-up is a plan.
+    pub plan: Vec<SeriesEntry>,
+}
+
+/// Reads a set-up without its table, for a machine of `model` whose axes are `metres_per_q` long.
 ///
 /// # Errors
 /// [`FileError`].
-pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -> Result<Campaign<N>, FileError> {
+pub fn read_setup<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -> Result<Setup, FileError> {
     let name = path.display().to_string();
     let file: SetupFile = setup::read(path)?;
     let refused =
@@ -211,7 +232,17 @@ pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -
     check_noise(&file).map_err(|(key, reason)| refused(&key, reason))?;
     let poses = poses(&file.pose).map_err(|(key, reason)| refused(&key, reason))?;
     let gauges = gauges(&file.gauge, metres_per_q).map_err(|(key, reason)| refused(&key, reason))?;
-    let table = setup::beside(path, &file.measurements);
+    let SetupFile { measurements, noise, setup, series, .. } = file;
+    Ok(Setup { measurements, noise, setup, poses, gauges, plan: series })
+}
+
+/// Reads a set-up and its table, for a machine of `model` whose axes are `metres_per_q` long.
+///
+/// # Errors
+/// [`FileError`].
+pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -> Result<Campaign<N>, FileError> {
+    let Setup { measurements, noise, setup, poses, gauges, plan } = read_setup(path, model, metres_per_q)?;
+    let table = setup::beside(path, &measurements);
     let mut reader = Windows { poses: &poses, gauges: &gauges, series: Vec::new(), mountings: Vec::new() };
     let windows = reader.read::<N>(&table)?;
     let (series, mountings) = (reader.series, reader.mountings);
@@ -221,15 +252,15 @@ pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -
         table: named,
         crc: crc32fast::hash(&bytes),
         metres_per_q: *metres_per_q,
-        noise: file.noise.unwrap_or(Noise::USUAL),
-        is_noise_stated: file.noise.is_some(),
-        setup: file.setup.unwrap_or_default(),
+        noise: noise.unwrap_or(Noise::USUAL),
+        is_noise_stated: noise.is_some(),
+        setup: setup.unwrap_or_default(),
         poses,
         gauges,
         series,
         mountings,
         windows,
-        plan: file.series,
+        plan,
     })
 }
 
@@ -319,14 +350,20 @@ struct Windows<'a> {
     mountings: Vec<String>,
 }
 
+/// First columns, which say where a window belongs.
+const WINDOW: [&str; 5] = ["series", "mounting", "pose", "window", "stroke"];
 /// Columns of the load.
 const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
 
+fn axis_columns<const N: usize>() -> [String; N] {
+    std::array::from_fn(|axis| format!("q_{}", axis + 1))
+}
+
 impl Windows<'_> {
     fn read<const N: usize>(&mut self, path: &Path) -> Result<Vec<Window<N>>, FileError> {
-        let axes: [String; N] = std::array::from_fn(|axis| format!("q_{}", axis + 1));
+        let axes = axis_columns::<N>();
         let pushes: [String; N] = std::array::from_fn(|axis| format!("push_{}_n", axis + 1));
-        let mut required: Vec<String> = ["series", "mounting", "pose", "window", "stroke"].map(str::to_owned).to_vec();
+        let mut required: Vec<String> = WINDOW.map(str::to_owned).to_vec();
         required.extend(axes.iter().cloned().chain(LOAD.map(str::to_owned)));
         let columns: Vec<[String; 2]> =
             self.gauges.iter().map(|gauge| [format!("{}_um", gauge.name), format!("{}_sd_um", gauge.name)]).collect();

@@ -7,13 +7,13 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::gauge::Gauge;
 use super::lines::{Question, compliances_of, vector};
 use super::setup::SetupConstants;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium};
-use crate::measurements::springs::{Campaign, NamedGauge, Noise, SetupNoise, Window};
+use crate::measurements::springs::{Campaign, Noise, SetupNoise, Window};
 use crate::model::MachineKind;
+use crate::plan::springs::default_gauges;
 use crate::robot_file::RobotFile;
 
 pub(super) const HOME: [f64; 3] = [0.0, 0.5, 0.65];
@@ -22,22 +22,6 @@ pub(super) const HOOKS: [[f64; 3]; 3] = [[0.0, 0.0, -0.08], [0.15, 0.0, -0.08], 
 pub(super) const FINE: Noise = Noise { gauge_um: 1.0, force_n: 1.0, moment_nm: 0.05 };
 /// Levels of a strap up and down, N.
 pub(super) const LEVELS: [f64; 11] = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 240.0, 180.0, 120.0, 60.0, 0.0];
-
-/// Six gauges on the platform, 3-2-1, and one on each axis.
-pub(super) fn gauges<const N: usize>(metres_per_q: &[f64; N]) -> Vec<NamedGauge> {
-    let platform = [
-        ([0.12, -0.06, 0.10], Vector3::z()),
-        ([-0.12, -0.06, 0.10], Vector3::z()),
-        ([0.0, 0.10, 0.10], Vector3::z()),
-        ([0.10, 0.12, 0.05], Vector3::y()),
-        ([-0.10, 0.12, 0.05], Vector3::y()),
-        ([0.14, 0.0, 0.05], Vector3::x()),
-    ];
-    let platform = platform.into_iter().map(|(point, axis)| Gauge::Platform { point_m: Vector3::from(point), axis });
-    let axes = metres_per_q.iter().enumerate().map(|(axis, metres)| Gauge::Axis { axis, metres_per_q: *metres });
-    let named = |(index, gauge): (usize, Gauge)| NamedGauge { name: format!("g{index}"), gauge };
-    platform.chain(axes).enumerate().map(named).collect()
-}
 
 /// A machine and a campaign on it.
 pub(super) struct Bench<const N: usize> {
@@ -75,7 +59,7 @@ impl<const N: usize> Bench<N> {
         straps: &[Strap],
         noise: Noise,
     ) -> Self {
-        let gauges = gauges(&robot.metres_per_q);
+        let gauges = default_gauges(&robot.metres_per_q);
         let mut windows = Vec::new();
         for (series, strap) in straps.iter().enumerate() {
             let q = robot.model.axes_at(&Vector3::from(places[strap.pose])).unwrap();

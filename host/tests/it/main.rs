@@ -15,6 +15,7 @@ mod errors;
 mod exhaustion;
 #[cfg(unix)]
 mod faults;
+mod plan;
 mod process;
 #[cfg(unix)]
 mod replay;

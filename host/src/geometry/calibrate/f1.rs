@@ -18,7 +18,7 @@ use crate::workspace::{Grid, survey};
 /// Poses that a calibration needs: 72 numbers for 60.
 const LEAST_POSES: usize = 12;
 /// Noise of a rotation where none is stated, rad: that of the places, as if seen on a lever of half a metre.
-const LEVER_M: f64 = 0.5;
+pub(crate) const LEVER_M: f64 = 0.5;
 
 /// Calibrates an F1, the machine of `options.robot`.
 ///
@@ -89,7 +89,7 @@ fn start(robot: &RobotFile<F1, AXES>, measured: &poses::Poses<AXES>) -> Option<F
 }
 
 /// `covariance^-1 = L L^T`, so `W = L^T`.
-fn whitening(noise: &Noise) -> Matrix6<f64> {
+pub(crate) fn whitening(noise: &Noise) -> Matrix6<f64> {
     let rotation = noise.rotation_rad2.unwrap_or(noise.position_m2 / (LEVER_M * LEVER_M));
     let mut whitening = Matrix6::identity();
     for (first, covariance) in [(0, noise.position_m2), (3, rotation)] {
@@ -100,7 +100,8 @@ fn whitening(noise: &Noise) -> Matrix6<f64> {
     whitening
 }
 
-fn names() -> Vec<(String, &'static str)> {
+/// Names of the parameters, and their units.
+pub(crate) fn names() -> Vec<(String, &'static str)> {
     let vectors = |name: &'static str, count: usize| {
         (0..count).flat_map(move |index| ["x", "y", "z"].map(|axis| (format!("{name}[{index}].{axis}"), "m")))
     };

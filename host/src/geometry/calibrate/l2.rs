@@ -87,7 +87,8 @@ fn best_start(file: &Nominal, places: &Places<'_>) -> Result<Calibrated, FitErro
     }
 }
 
-fn names() -> Vec<(String, &'static str)> {
+/// Names of the parameters, and their units.
+pub(crate) fn names() -> Vec<(String, &'static str)> {
     let arm = |arm: usize| {
         let vector = |name: &str| ["x", "y", "z"].map(|axis| (format!("{name}[{arm}].{axis}"), "m"));
         vector("A_s").into_iter().chain(vector("V")).chain([(format!("L[{arm}]"), "m")])

@@ -1,7 +1,7 @@
 //! `calibrate`: from measured poses and a robot file to the file of this machine.
 
-mod f1;
-mod l2;
+pub(crate) mod f1;
+pub(crate) mod l2;
 
 use std::path::PathBuf;
 

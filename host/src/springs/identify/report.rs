@@ -45,12 +45,13 @@ impl<const N: usize> Found<'_, N> {
         let points = self.points();
         let campaign = self.question.campaign;
         let mut body = format!(
-            "<h1>Springs of {}</h1><p>{} windows of {} (CRC-32 {:08x}), {} gauges. {}</p>",
+            "<h1>Springs of {}</h1><p>{} windows of {} (CRC-32 {:08x}), {} gauges; the last fit took {} rounds. {}</p>",
             escape(&options.robot),
             campaign.windows.len(),
             escape(&campaign.table),
             campaign.crc,
             campaign.gauges.len(),
+            self.agreement.solved.rounds,
             escape(&self.summary(answer)),
         );
         for doubt in doubts {

@@ -1,0 +1,285 @@
+//! `gantry-tau plan`.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Args, Subcommand, ValueEnum};
+use gantry_tau::files::write;
+use gantry_tau::measurements::springs::{Noise, read_gauges};
+use gantry_tau::plan::geometry::{GeometryOptions, PlannedMachine, plan_geometry};
+use gantry_tau::plan::springs::{SpringsOptions, plan_springs};
+use gantry_tau::plan::verify::plan_verify;
+use gantry_tau::plan::{self, Criterion, PlanError, Written};
+use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::terminal::say;
+
+use super::{Outcome, fail};
+
+/// Plan measurements: straps, gauges and poses that make springs or geometry observable, and how well they will be known
+///
+/// From a robot file and the noise of the instruments alone: standard deviations to expect (Cramer-Rao), what cannot be seen and by name,
+/// observability indices, the time it takes. Writes a plan (TOML), its empty table (CSV) and a sheet to follow at the machine (HTML), all
+/// three beside each other.
+///
+/// Exit codes: 3 done, and not to be measured as it is; the reasons are printed, the files are written.
+#[derive(Debug, Args)]
+pub(crate) struct Plan {
+    #[command(subcommand)]
+    kind: Kind,
+}
+
+#[derive(Debug, Subcommand)]
+enum Kind {
+    Springs(Straps),
+    Geometry(Geometry),
+    Verify(Verify),
+    Check(Check),
+}
+
+/// Quantity that a plan makes small.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum By {
+    /// Mean predicted variance of the tool's displacement, or of its place, over poses
+    I,
+    /// Volume of the parameters' confidence ellipsoid
+    D,
+}
+
+impl From<By> for Criterion {
+    fn from(by: By) -> Self {
+        match by {
+            By::I => Self::I,
+            By::D => Self::D,
+        }
+    }
+}
+
+/// Tables beside a plan, by what they hold.
+const SPRINGS_TABLE: &str = "springs.csv";
+const POSES_TABLE: &str = "poses.csv";
+const VERIFY_TABLE: &str = "verify.csv";
+
+/// Machine and output file.
+#[derive(Debug, Args)]
+struct Files {
+    /// The machine as it is known: l2 or f1 (built in), or a robot file
+    #[arg(value_name = "l2|f1|FILE")]
+    robot: String,
+    /// Plan to be written, with the table and the sheet beside it; existing ones are replaced only with --force
+    #[arg(short, value_name = "PLAN.toml")]
+    output: PathBuf,
+    /// Replace existing files
+    #[arg(long)]
+    force: bool,
+}
+
+impl Files {
+    /// Paths of plan, table and sheet; the table beside the plan is named for what it holds.
+    fn paths(&self, table: &str) -> [PathBuf; 3] {
+        [self.output.clone(), self.output.with_file_name(table), self.output.with_extension("html")]
+    }
+
+    /// Refuses to replace files, and an output that is its own table or sheet.
+    fn check(&self, table: &str) -> Result<(), String> {
+        let [plan, table, sheet] = self.paths(table);
+        if plan == table || plan == sheet {
+            return Err(format!("{}: a plan ends in .toml; its table is a .csv, its sheet an .html", plan.display()));
+        }
+        let existing = [plan, table, sheet].into_iter().find(|path| path.exists());
+        match existing {
+            Some(path) if !self.force => Err(format!("{} exists; --force replaces it", path.display())),
+            _ => Ok(()),
+        }
+    }
+
+    fn write(&self, table: &str, written: &Written) -> Outcome {
+        let [plan, table, sheet] = self.paths(table);
+        write(&plan, &written.plan)?;
+        write(&table, &written.header)?;
+        write(&sheet, &written.sheet)?;
+        say(format_args!(
+            "{}\n\nplan: {}; table: {}; sheet: {}",
+            written.summary,
+            plan.display(),
+            table.display(),
+            sheet.display()
+        ));
+        Ok(doubted(&written.doubts))
+    }
+}
+
+fn doubted(doubts: &[String]) -> ExitCode {
+    if doubts.is_empty() { ExitCode::SUCCESS } else { fail(3, doubts.join("; ")) }
+}
+
+/// Options of straps and gauges.
+#[derive(Debug, Args)]
+struct Bench {
+    /// Largest force, N
+    #[arg(long, value_name = "N", default_value_t = 300.0)]
+    force_max: f64,
+    /// Gauges, a file of [[gauge]] tables as in a set-up; without it six on the platform and one per axis
+    #[arg(long, value_name = "FILE.toml")]
+    gauges: Option<PathBuf>,
+    /// Standard deviation of a gauge's mean over a window, um
+    #[arg(long, value_name = "X", default_value_t = Noise::USUAL.gauge_um)]
+    noise_um: f64,
+    /// Standard deviation of each component of the force, N; of the moment 0.05 m of it
+    #[arg(long, value_name = "Y", default_value_t = Noise::USUAL.force_n)]
+    noise_n: f64,
+}
+
+impl Bench {
+    fn options<K, const N: usize>(&self, robot: &RobotFile<K, N>) -> Result<SpringsOptions, PlanError> {
+        let gauges = self.gauges.as_deref().map(|path| read_gauges(path, &robot.metres_per_q)).transpose()?;
+        let moment_nm = self.noise_n * Noise::USUAL.moment_nm / Noise::USUAL.force_n;
+        let noise = Noise { gauge_um: self.noise_um, force_n: self.noise_n, moment_nm };
+        Ok(SpringsOptions { force_max_n: self.force_max, noise, gauges, ..SpringsOptions::default() })
+    }
+}
+
+/// Straps and gauges that tell the springs of links, carts and plates
+#[derive(Debug, Args)]
+struct Straps {
+    #[command(flatten)]
+    files: Files,
+    /// Number of series: one strap each, levels up and down
+    #[arg(long, value_name = "N", default_value_t = SpringsOptions::default().series)]
+    series: usize,
+    /// Largest number of poses; moving the gauges takes a quarter of an hour
+    #[arg(long, value_name = "N", default_value_t = SpringsOptions::default().poses)]
+    poses: usize,
+    /// Quantity that the plan makes small
+    #[arg(long, value_enum, default_value_t = By::I)]
+    criterion: By,
+    /// Add a series of small steps around the force at which the platform leaves cart 3
+    #[arg(long)]
+    around_jump: bool,
+    #[command(flatten)]
+    bench: Bench,
+}
+
+/// Poses of a target that tell the geometry
+#[derive(Debug, Args)]
+struct Geometry {
+    #[command(flatten)]
+    files: Files,
+    /// Number of poses
+    #[arg(long, value_name = "N", default_value_t = GeometryOptions::default().poses)]
+    poses: usize,
+    /// Quantity that the plan makes small
+    #[arg(long, value_enum, default_value_t = By::I)]
+    criterion: By,
+    /// Standard deviation of each coordinate of a measured place, um; of an orientation (F1), as of a place half a metre away
+    #[arg(long, value_name = "X", default_value_t = GeometryOptions::default().noise_um)]
+    noise_um: f64,
+}
+
+/// Straps at poses, hooks and directions that plan springs does not use, each with compensation off and on
+#[derive(Debug, Args)]
+struct Verify {
+    #[command(flatten)]
+    files: Files,
+    /// Number of straps
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    series: usize,
+    /// Largest number of poses
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    poses: usize,
+    #[command(flatten)]
+    bench: Bench,
+}
+
+/// Judge a plan that somebody has written: standard deviations, lost directions, limits
+#[derive(Debug, Args)]
+struct Check {
+    /// The plan, of springs or of poses
+    #[arg(value_name = "PLAN.toml")]
+    plan: PathBuf,
+    /// The machine: l2 or f1 (built in), or a robot file
+    #[arg(value_name = "l2|f1|FILE")]
+    robot: String,
+    /// Ask for the links alone: the springs of the axes are known, or compensation holds the carts
+    #[arg(long)]
+    links_only: bool,
+}
+
+impl Plan {
+    pub(super) fn run(self) -> Outcome {
+        match self.kind {
+            Kind::Springs(straps) => straps.run(),
+            Kind::Geometry(geometry) => geometry.run(),
+            Kind::Verify(verify) => verify.run(),
+            Kind::Check(check) => check.run(),
+        }
+    }
+}
+
+impl Straps {
+    fn run(self) -> Outcome {
+        self.files.check(SPRINGS_TABLE)?;
+        let written = match AnyRobotFile::named(&self.files.robot)? {
+            AnyRobotFile::L2(robot) => self.planned(&robot),
+            AnyRobotFile::F1(robot) => self.planned(&robot),
+        };
+        self.files.write(SPRINGS_TABLE, &written?)
+    }
+
+    fn planned<K: PlannedMachine<N>, const N: usize>(&self, robot: &RobotFile<K, N>) -> Result<Written, PlanError> {
+        let options = SpringsOptions {
+            series: self.series,
+            poses: self.poses,
+            criterion: self.criterion.into(),
+            around_jump: self.around_jump,
+            ..self.bench.options(robot)?
+        };
+        plan_springs(robot, &options, SPRINGS_TABLE)
+    }
+}
+
+impl Geometry {
+    fn run(self) -> Outcome {
+        self.files.check(POSES_TABLE)?;
+        let options = GeometryOptions { poses: self.poses, criterion: self.criterion.into(), noise_um: self.noise_um };
+        let written = match AnyRobotFile::named(&self.files.robot)? {
+            AnyRobotFile::L2(robot) => plan_geometry(&*robot, &options, POSES_TABLE),
+            AnyRobotFile::F1(robot) => plan_geometry(&*robot, &options, POSES_TABLE),
+        };
+        self.files.write(POSES_TABLE, &written?)
+    }
+}
+
+impl Verify {
+    fn run(self) -> Outcome {
+        self.files.check(VERIFY_TABLE)?;
+        let written = match AnyRobotFile::named(&self.files.robot)? {
+            AnyRobotFile::L2(robot) => self.planned(&robot),
+            AnyRobotFile::F1(robot) => self.planned(&robot),
+        };
+        self.files.write(VERIFY_TABLE, &written?)
+    }
+
+    fn planned<K: PlannedMachine<N>, const N: usize>(&self, robot: &RobotFile<K, N>) -> Result<Written, PlanError> {
+        let options = SpringsOptions { series: self.series, poses: self.poses, ..self.bench.options(robot)? };
+        plan_verify(robot, &options, VERIFY_TABLE)
+    }
+}
+
+impl Check {
+    fn run(self) -> Outcome {
+        let (summary, doubts) = match AnyRobotFile::named(&self.robot)? {
+            AnyRobotFile::L2(robot) => checked(&robot, &self.plan, self.links_only)?,
+            AnyRobotFile::F1(robot) => checked(&robot, &self.plan, self.links_only)?,
+        };
+        say(summary);
+        Ok(doubted(&doubts))
+    }
+}
+
+fn checked<K: PlannedMachine<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    path: &Path,
+    is_links_only: bool,
+) -> Result<(String, Vec<String>), PlanError> {
+    plan::check(robot, path, is_links_only)
+}

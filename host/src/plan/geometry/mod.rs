@@ -1,0 +1,282 @@
+//! Plan of poses for a calibration `[T 3.2]`, and judgement of any such plan.
+
+mod f1;
+mod l2;
+
+use std::fmt;
+use std::path::Path;
+
+use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
+use nalgebra::{DMatrix, Matrix6, UnitQuaternion};
+
+use super::exchange::{Candidate, Criterion, Search};
+use super::expected::{Expected, Parameters};
+use super::limits::is_regular;
+use super::springs::lost;
+use super::time::Minutes;
+use super::{PlanError, Written, check_range, model_name, sheet};
+use crate::elastic;
+use crate::fit::statistics::float;
+use crate::geometry::calibrate::f1::{LEVER_M, whitening};
+use crate::measurements::poses::{Noise, PlannedPose, PosesPlan};
+use crate::model::MachineKind;
+use crate::robot_file::RobotFile;
+
+/// Largest distance between the positions of a planned pose and those that the kinematics give, q-units.
+const SAME_Q: f64 = 1e-4;
+
+/// Starts of the search with this many parameters or fewer, and with more: an F1's takes seconds each, and they end within a few percent.
+const STARTS: u64 = 4;
+const FEW_PARAMETERS: usize = 30;
+
+/// Options of a plan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GeometryOptions {
+    /// Number of poses.
+    pub poses: usize,
+    /// Quantity that the plan makes small.
+    pub criterion: Criterion,
+    /// Standard deviation of each coordinate of a place, µm; of a rotation vector, where one is needed, that of a place half a metre away.
+    pub noise_um: f64,
+}
+
+impl Default for GeometryOptions {
+    fn default() -> Self {
+        Self { poses: 30, criterion: Criterion::I, noise_um: 50.0 }
+    }
+}
+
+/// A kind of machine whose geometry can be planned for.
+pub trait PlannedMachine<const N: usize>: MachineKind<N> {
+    /// True if orientations are measured besides places.
+    const IS_TURNED: bool;
+
+    /// Poses that a plan may contain, before any limit.
+    fn poses(robot: &RobotFile<Self, N>) -> Vec<Pose>;
+
+    /// Positions of the axes in a pose, within travel.
+    ///
+    /// # Errors
+    /// [`KinematicsError`].
+    fn axes_in(&self, pose: &Pose) -> Result<[f64; N], KinematicsError>;
+
+    /// Names of the parameters, and their units.
+    fn names() -> Vec<(String, &'static str)>;
+
+    /// Change of each parameter that would matter, and orthonormal columns of the combinations that can be told.
+    fn scales_and_basis(&self) -> (nalgebra::DVector<f64>, DMatrix<f64>);
+
+    /// Derivative of the pose by the parameters: 3 rows, m, or 6, m and rad.
+    fn derivative(&self, pose: &Pose, q: &[f64; N]) -> DMatrix<f64>;
+}
+
+/// Machine in a pose: what a measurement there tells.
+struct Spot<const N: usize> {
+    pose: Pose,
+    q: [f64; N],
+    /// Derivative in scaled parameters, in the coordinates of the basis.
+    rows: DMatrix<f64>,
+}
+
+/// Parameters and what turns derivatives into scaled coordinates.
+struct Model {
+    parameters: Parameters,
+    /// `diag(scales) basis`.
+    reduce: DMatrix<f64>,
+}
+
+impl Model {
+    fn of<K: PlannedMachine<N>, const N: usize>(machine: &K) -> Self {
+        let (scales, basis) = machine.scales_and_basis();
+        let shown = K::names();
+        let reduce = DMatrix::from_diagonal(&scales) * &basis;
+        let unit = |(name, unit): &(String, &str)| match (*unit, name.starts_with('V')) {
+            ("rad", _) => "urad",
+            (_, true) => "um/m",
+            _ => "um",
+        };
+        let parameters = Parameters {
+            shown: shown.iter().zip(&scales).map(|(name, scale)| (scale * 1e6, unit(name))).collect(),
+            names: shown.into_iter().map(|(name, _)| name).collect(),
+            basis,
+            index_unit: if K::IS_TURNED { "1 m, 1 rad" } else { "10 mm, 10 mrad" },
+        };
+        Self { parameters, reduce }
+    }
+
+    /// The machine in a pose, if it stands there well.
+    fn spot<K: PlannedMachine<N>, const N: usize>(&self, robot: &RobotFile<K, N>, pose: Pose) -> Option<Spot<N>> {
+        let q = robot.model.axes_in(&pose).ok()?;
+        let rotation = UnitQuaternion::from_matrix(&pose.rotation);
+        let at = elastic::Pose { translation_m: pose.position_m, rotation };
+        is_regular(&robot.model.geometry(), &at, &q).then(|| self.at(robot, pose, q))
+    }
+
+    fn at<K: PlannedMachine<N>, const N: usize>(&self, robot: &RobotFile<K, N>, pose: Pose, q: [f64; N]) -> Spot<N> {
+        Spot { pose, q, rows: robot.model.derivative(&pose, &q) * &self.reduce }
+    }
+}
+
+/// Spots that a plan may contain, which are also those where the place is asked for.
+fn spots<K: PlannedMachine<N>, const N: usize>(robot: &RobotFile<K, N>, model: &Model) -> Vec<Spot<N>> {
+    K::poses(robot).into_iter().filter_map(|pose| model.spot(robot, pose)).collect()
+}
+
+/// `M`: mean of `G^T G` of the places.
+fn goal<const N: usize>(model: &Model, spots: &[Spot<N>]) -> DMatrix<f64> {
+    let size = model.parameters.basis.ncols();
+    let mut goal = DMatrix::zeros(size, size);
+    for spot in spots {
+        let places = spot.rows.rows(0, 3);
+        goal += places.tr_mul(&places) / float(spots.len());
+    }
+    goal
+}
+
+fn whitened<const N: usize>(spot: &Spot<N>, whitening: &Matrix6<f64>) -> DMatrix<f64> {
+    let size = spot.rows.nrows();
+    whitening.view((0, 0), (size, size)) * &spot.rows
+}
+
+/// What a plan of poses will tell, and what it takes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Judgement {
+    /// Standard deviations, directions, indices.
+    pub expected: Expected,
+    minutes: Minutes,
+}
+
+impl fmt::Display for Judgement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.expected)?;
+        let but = if self.expected.is_complete() { "" } else { ", lost directions not counted" };
+        let rms_um = self.expected.rms_m * 1e6;
+        writeln!(f, "predicted error  {rms_um:.1} um rms of a place over the grid of poses{but}")?;
+        write!(f, "time             {}", self.minutes)
+    }
+}
+
+/// Plans poses and judges them. `measurements` is the name of their table.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn plan_geometry<K: PlannedMachine<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    options: &GeometryOptions,
+    measurements: &str,
+) -> Result<Written, PlanError> {
+    check_range("--poses", float(options.poses), 1.0, 300.0)?;
+    check_range("--noise-um", options.noise_um, 1e-2, 1e4)?;
+    let rotation_urad = K::IS_TURNED.then_some(options.noise_um / LEVER_M);
+    let noise = isotropic(options.noise_um * 1e-6, rotation_urad.map(|urad| urad * 1e-6));
+    let model = Model::of(&robot.model);
+    let spots = spots(robot, &model);
+    if spots.is_empty() {
+        let reason = "no pose of the grid is in travel and away from singular ones".to_owned();
+        return Err(PlanError::NoCandidate { robot: robot.name.clone(), reason });
+    }
+    let chosen = chosen(&model, &spots, &noise, options).ok_or_else(|| {
+        PlanError::Option(format!("--poses is {}; the grid has {} within the limits", options.poses, spots.len()))
+    })?;
+    let poses = in_order(robot, &spots, chosen);
+    let named = |(index, spot): (usize, &&Spot<N>)| PlannedPose::new(format!("p{}", index + 1), &spot.pose, &spot.q);
+    let plan = PosesPlan {
+        measurements: measurements.to_owned(),
+        position_um: options.noise_um,
+        rotation_urad,
+        poses: poses.iter().enumerate().map(named).collect(),
+    };
+    let judgement = judge(robot, &noise, &plan.poses, &robot.name)?;
+    Ok(Written {
+        plan: plan.text(model_name::<N>()).map_err(|error| PlanError::Text(error.to_string()))?,
+        header: plan.header::<N>(),
+        sheet: sheet::poses(robot, &plan, &judgement)?,
+        summary: judgement.to_string(),
+        doubts: lost(&judgement.expected).into_iter().collect(),
+    })
+}
+
+fn isotropic(position_m: f64, rotation_rad: Option<f64>) -> Noise {
+    let square = |sd: f64| nalgebra::Matrix3::from_diagonal_element(sd * sd);
+    Noise { position_m2: square(position_m), rotation_rad2: rotation_rad.map(square) }
+}
+
+fn chosen<const N: usize>(
+    model: &Model,
+    spots: &[Spot<N>],
+    noise: &Noise,
+    options: &GeometryOptions,
+) -> Option<Vec<usize>> {
+    let whitening = whitening(noise);
+    let candidate = |(place, spot): (usize, &Spot<N>)| Candidate { rows: whitened(spot, &whitening), place, strap: 0 };
+    let candidates: Vec<Candidate> = spots.iter().enumerate().map(candidate).collect();
+    let goal = goal(model, spots);
+    let starts = if goal.ncols() > FEW_PARAMETERS { 1 } else { STARTS };
+    Search::new(&candidates, &goal, options.criterion, options.poses, options.poses).best(starts)
+}
+
+/// The chosen spots in an order of short ways, from home on.
+fn in_order<'a, K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    spots: &'a [Spot<N>],
+    mut left: Vec<usize>,
+) -> Vec<&'a Spot<N>> {
+    let mut here = robot.home_m();
+    let mut order = Vec::with_capacity(left.len());
+    let way = |from: &nalgebra::Vector3<f64>, to: usize| (from - spots[to].pose.position_m).norm();
+    while let Some(next) = left.iter().copied().min_by(|one, other| way(&here, *one).total_cmp(&way(&here, *other))) {
+        left.retain(|index| *index != next);
+        here = spots[next].pose.position_m;
+        order.push(&spots[next]);
+    }
+    order
+}
+
+/// Judges the poses of a plan, which `plan` names in errors.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn judge<K: PlannedMachine<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    noise: &Noise,
+    poses: &[PlannedPose],
+    plan: &str,
+) -> Result<Judgement, PlanError> {
+    let model = Model::of(&robot.model);
+    let whitening = whitening(noise);
+    let size = if K::IS_TURNED { 6 } else { 3 };
+    let mut rows = DMatrix::zeros(size * poses.len(), model.parameters.basis.ncols());
+    for (index, planned) in poses.iter().enumerate() {
+        let refused = |reason: String| PlanError::NoCandidate {
+            robot: plan.to_owned(),
+            reason: format!("pose.{}: {reason}", planned.name),
+        };
+        let pose = planned.pose();
+        let q = robot.model.axes_in(&pose).map_err(|error| refused(error.to_string()))?;
+        let is_same = planned.q.len() == N && q.iter().zip(&planned.q).all(|(one, other)| (one - other).abs() < SAME_Q);
+        if !is_same {
+            return Err(refused(format!("q is not where the robot file's machine stands at T; expected {q:.6?}")));
+        }
+        let spot = model.at(robot, pose, q);
+        rows.rows_mut(size * index, size).copy_from(&whitened(&spot, &whitening));
+    }
+    let goal = goal(&model, &spots(robot, &model));
+    let readings = rows.nrows();
+    let expected = Expected::new(&model.parameters, rows, readings, &goal);
+    Ok(Judgement { expected, minutes: Minutes::of_places(poses.len()) })
+}
+
+/// Reads a plan of poses and judges it.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn check<K: PlannedMachine<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    path: &Path,
+) -> Result<Judgement, PlanError> {
+    let (noise, poses) = PosesPlan::read(path, model_name::<N>())?;
+    judge(robot, &noise, &poses, &path.display().to_string())
+}
+
+#[cfg(test)]
+mod tests;

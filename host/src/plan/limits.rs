@@ -1,0 +1,70 @@
+//! Limits of a plan: poses away from singular ones, and loads that leave cluster 3 on the side it rests on.
+
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS};
+use nalgebra::{Matrix3, Vector3, Vector6};
+
+use crate::elastic::joints::joint;
+use crate::elastic::{ElasticMachine, Equilibrium, Pose};
+use crate::model::MachineKind;
+use crate::robot_file::RobotFile;
+
+/// Smallest determinant of the directions of the clusters, and smallest cosine between a link and its guideway.
+const LEAST: f64 = 0.1;
+/// Share of the preload that a load may take off the side that cluster 3 rests on.
+const MOST_PRELOAD: f64 = 0.8;
+/// Range of a gauge, m.
+pub(super) const GAUGE_RANGE_M: f64 = 0.01;
+
+/// True if the pose is away from singular ones: `|det s|` of the clusters' directions and `|s.v|` of every link are at least a tenth.
+pub(super) fn is_regular<const N: usize>(geometry: &f1::Geometry, pose: &Pose, q: &[f64; N]) -> bool {
+    let mut sums = [Vector3::zeros(); ARMS];
+    for (link, arm) in ARM_OF_LINK.into_iter().enumerate() {
+        let on_platform = pose.translation_m + pose.rotation * geometry.platform_joints_m[link];
+        let direction = (joint(geometry, link, q).place_m - on_platform).normalize();
+        if direction.dot(&geometry.guideways[arm].normalize()).abs() < LEAST {
+            return false;
+        }
+        sums[arm] += direction;
+    }
+    Matrix3::from_columns(&sums.map(|sum| sum.normalize())).determinant().abs() >= LEAST
+}
+
+/// The preload of cluster 3: sum of the tensions of its links by weight alone, N.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Preload {
+    force_n: f64,
+}
+
+impl Preload {
+    /// Of a robot file that knows a jump: by what was found, or by the force in x at home that takes the platform off cart 3.
+    pub(super) fn of<K: MachineKind<N>, const N: usize>(
+        robot: &RobotFile<K, N>,
+        machine: &ElasticMachine<N>,
+    ) -> Option<Self> {
+        if let Some(play) = &robot.play {
+            let ends = [play.preload_rising_n, play.preload_falling_n].concat();
+            let nearest = ends.into_iter().min_by(|one, other| one.abs().total_cmp(&other.abs()))?;
+            return Some(Self { force_n: nearest });
+        }
+        let simulation = &robot.simulation;
+        if simulation.jump_gap_m <= 0.0 {
+            return None;
+        }
+        let load = Vector6::new(simulation.jump_force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let at_home = Equilibrium::at_home(simulation.home_m);
+        let at_jump = machine.equilibrium(&robot.home_q().ok()?, &load, &at_home).ok()?;
+        Some(Self { force_n: -at_jump.cluster_3_n() })
+    }
+
+    /// True if a load whose cluster force is `cluster_n` leaves the platform on cart 3, with a fifth to spare.
+    pub(super) fn holds(&self, cluster_n: f64) -> bool {
+        -cluster_n * self.force_n.signum() <= MOST_PRELOAD * self.force_n.abs()
+    }
+
+    /// Share of a load at which the platform leaves cart 3, for a load whose cluster force is `cluster_n`; `None` if it never does.
+    pub(super) fn share_at_jump(&self, cluster_n: f64) -> Option<f64> {
+        let share = -self.force_n / cluster_n;
+        (share > 0.0 && share.is_finite()).then_some(share)
+    }
+}

@@ -1,0 +1,191 @@
+//! Plan of straps that show how well compensation works where identification did not look.
+
+use gantry_tau_core::model::robot::LINKS;
+use nalgebra::{DMatrix, Vector3};
+
+use super::bench::{Bench, Stand, Strap};
+use super::limits::{GAUGE_RANGE_M, Preload};
+use super::springs::{SpringsOptions, compliances, default_gauges, pose_entry, stand_at, written};
+use super::{PlanError, Written};
+use crate::measurements::springs::Setup;
+use crate::model::MachineKind;
+use crate::robot_file::RobotFile;
+use crate::springs::gauge::Gauge;
+use crate::workspace::{Grid, survey};
+
+/// Hooks that plans of springs do not have, from the tool centre point, m.
+const HOOKS_M: [[f64; 3]; 3] = [[0.08, 0.08, -0.08], [-0.1, 0.05, -0.08], [0.05, -0.1, -0.08]];
+/// Directions that plans of springs do not have, before they are made unit vectors.
+const DIRECTIONS: [[f64; 3]; 6] =
+    [[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, -1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0]];
+/// Largest displacement, in those at home: beyond it the machine is near a singular pose.
+const MOST_DISPLACEMENT: f64 = 5.0;
+/// Levels, in shares of the largest force: the first again at the end.
+const LEVELS: [f64; 5] = [0.0, 0.5, 1.0, 0.5, 0.0];
+/// Steps along the longest side of the workspace.
+const CELLS: u32 = 16;
+
+/// Plans straps at poses spread over the reach, each with compensation off and on. `measurements` is the name of their table.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn plan_verify<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    options: &SpringsOptions,
+    measurements: &str,
+) -> Result<Written, PlanError> {
+    options.check()?;
+    if options.around_jump {
+        return Err(PlanError::Option("--around-jump is an option of plan springs".to_owned()));
+    }
+    let bench = Bench::new(robot, compliances(robot)?, options.noise, false);
+    let gauges = options.gauges.clone().unwrap_or_else(|| default_gauges(&robot.metres_per_q));
+    let mut setup = Setup {
+        measurements: measurements.to_owned(),
+        noise: Some(options.noise),
+        setup: None,
+        poses: Vec::new(),
+        gauges,
+        plan: Vec::new(),
+    };
+    let straps = spread_straps(robot, &bench, &setup.gauges, options)?;
+    for (stand, strap) in &straps {
+        let entry = pose_entry(setup.poses.len(), stand);
+        let pose = setup.poses.iter().position(|(_, pose)| *pose == entry.1).unwrap_or_else(|| {
+            setup.poses.push(entry);
+            setup.poses.len() - 1
+        });
+        let number = setup.plan.len() / 2 + 1;
+        let levels_n = LEVELS.map(|share| share * options.force_max_n).to_vec();
+        for state in ["off", "on"] {
+            setup.push_named(format!("v{number} {state}"), pose, strap, levels_n.clone());
+        }
+    }
+    let mut written = written(robot, &setup, "verify")?;
+    // What the springs would be known to from these windows is not what they are for.
+    written.doubts.retain(|doubt| doubt.starts_with("series"));
+    written.summary = summary(robot, &bench, &straps, options)?;
+    Ok(written)
+}
+
+/// One strap after the other at poses far from each other; each within the limits.
+fn spread_straps<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    bench: &Bench<N>,
+    gauges: &[crate::measurements::springs::NamedGauge],
+    options: &SpringsOptions,
+) -> Result<Vec<(Stand<N>, Strap)>, PlanError> {
+    let preload = Preload::of(robot, bench.machine());
+    let gauges: Vec<Gauge> = gauges.iter().map(|gauge| gauge.gauge).collect();
+    let home = Stand { tool_m: robot.home_m(), q: robot.home_q()? };
+    // The first direction within the limits, from the one with this number on.
+    let strap_at = |stand: &Stand<N>, number: usize| {
+        let hook_m = HOOKS_M[number % HOOKS_M.len()].into();
+        let from_here = (0..DIRECTIONS.len()).map(|step| DIRECTIONS[(number + step) % DIRECTIONS.len()]);
+        let ways = from_here.flat_map(|way| [1.0, -1.0].map(|sign| Vector3::from(way).normalize() * sign));
+        let predicted =
+            |stand: &Stand<N>, strap: &Strap| bench.series(stand, strap, &[0.0, options.force_max_n], &gauges).ok();
+        ways.map(|direction| Strap { hook_m, direction }).find(|strap| {
+            let (Some(here), Some(home)) = (predicted(stand, strap), predicted(&home, strap)) else { return false };
+            here.largest_m <= GAUGE_RANGE_M
+                && here.displacement_m <= MOST_DISPLACEMENT * home.displacement_m
+                && preload.is_none_or(|preload| preload.holds(here.cluster_n))
+        })
+    };
+    let poses = far_apart(robot, options.poses.min(options.series), |stand| strap_at(stand, 0).is_some());
+    let numbered = poses.iter().cycle().take(if poses.is_empty() { 0 } else { options.series }).enumerate();
+    let straps: Vec<(Stand<N>, Strap)> =
+        numbered.filter_map(|(number, stand)| Some((*stand, strap_at(stand, number)?))).collect();
+    if straps.is_empty() {
+        let reason = format!("no strap stays within the limits at {} N; lower --force-max", options.force_max_n);
+        return Err(PlanError::NoCandidate { robot: robot.name.clone(), reason });
+    }
+    // Straps of one pose in a row.
+    let first = |stand: &Stand<N>| straps.iter().position(|(other, _)| other == stand);
+    let mut ordered = straps.clone();
+    ordered.sort_by_key(|(stand, _)| first(stand));
+    Ok(ordered)
+}
+
+/// Places of the workspace where something can be measured, each as far as possible from home and from those before it.
+fn far_apart<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    count: usize,
+    can_measure: impl Fn(&Stand<N>) -> bool,
+) -> Vec<Stand<N>> {
+    let places = survey(robot, Grid::of(robot, CELLS), |_| ()).places;
+    let reached = places.into_iter().filter(|place| place.reached.is_ok());
+    let mut left: Vec<Stand<N>> = reached.filter_map(|place| stand_at(robot, &place.tool_m)).collect();
+    let mut found: Vec<Stand<N>> = Vec::new();
+    while found.len() < count {
+        let nearest_m = |stand: &Stand<N>| {
+            let from_home_m = (robot.home_m() - stand.tool_m).norm();
+            found.iter().map(|other| (other.tool_m - stand.tool_m).norm()).fold(from_home_m, f64::min)
+        };
+        let distances: Vec<f64> = left.iter().map(nearest_m).collect();
+        let farthest = (0..left.len()).max_by(|one, other| distances[*one].total_cmp(&distances[*other]));
+        let Some(stand) = farthest.map(|index| left.swap_remove(index)) else { break };
+        if can_measure(&stand) {
+            found.push(stand);
+        }
+    }
+    found
+}
+
+/// Displacement to expect per strap, and what compensation leaves of it by the covariance of identified springs.
+fn summary<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    bench: &Bench<N>,
+    straps: &[(Stand<N>, Strap)],
+    options: &SpringsOptions,
+) -> Result<String, PlanError> {
+    let covariance = relative_covariance(robot);
+    let mut lines =
+        vec![format!("{:<8} {:>30} {:>16} {:>16}", "strap", "tool centre point, m", "displacement", "expected rest")];
+    for (index, (stand, strap)) in straps.iter().enumerate() {
+        let load = strap.load(options.force_max_n);
+        let name = format!("v{}", index + 1);
+        let failed = |error| PlanError::Series { plan: robot.name.clone(), series: name.clone(), error };
+        let moved_um = 1e6 * bench.moved_m(stand, &load).map_err(failed)?;
+        let rest = match &covariance {
+            Some(covariance) => {
+                let by_springs = bench.displacement(stand, &load).map_err(failed)?;
+                let variance = (&by_springs * covariance * by_springs.transpose()).trace();
+                format!("{:.2} um", 1e6 * variance.sqrt())
+            }
+            None => "not identified".to_owned(),
+        };
+        let place = format!("({:.3}, {:.3}, {:.3})", stand.tool_m.x, stand.tool_m.y, stand.tool_m.z);
+        lines.push(format!("{name:<8} {place:>30} {:>16} {rest:>16}", format!("{moved_um:.0} um")));
+    }
+    Ok(lines.join("\n"))
+}
+
+/// Covariance of identified compliances, in shares of the file's.
+fn relative_covariance<K, const N: usize>(robot: &RobotFile<K, N>) -> Option<DMatrix<f64>> {
+    let (identified, compliances) = (robot.identified.as_ref()?, robot.compliances.as_ref()?);
+    let values: Vec<f64> = compliances.link_m_per_n().iter().chain(compliances.cart_m_per_n()).copied().collect();
+    let entry = |row: usize, column: usize| identified.covariance[row][column] / (values[row] * values[column]);
+    Some(DMatrix::from_fn(LINKS + N, LINKS + N, entry))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Six poses, two series each, apart from each other and from home; no load takes the platform off cart 3.
+    #[test]
+    fn straps_are_spread_over_the_reach() {
+        let robot = RobotFile::builtin_l2().unwrap();
+        let options = SpringsOptions { series: 6, poses: 6, ..SpringsOptions::default() };
+        let plan = plan_verify(&robot, &options, "v.csv").unwrap();
+        assert_eq!((plan.doubts.len(), plan.plan.matches("[[pose]]").count()), (0, 6), "{:?}", plan.doubts);
+        assert_eq!(plan.plan.matches("[[series]]").count(), 12);
+        let stands = far_apart(&robot, 6, |_| true);
+        for (index, one) in stands.iter().enumerate() {
+            assert!((one.tool_m - robot.home_m()).norm() > 0.3);
+            assert!(stands.iter().skip(index + 1).all(|other| (one.tool_m - other.tool_m).norm() > 0.3));
+        }
+        assert!(plan.summary.contains("not identified"));
+    }
+}
