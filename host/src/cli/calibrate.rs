@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use gantry_tau::files::write;
-use gantry_tau::geometry::calibrate::{CalibrateOptions, calibrate_f1, calibrate_l2};
+use gantry_tau::geometry::calibrate::{CalibrateOptions, FrameOption, GuidewaysOption, calibrate_f1, calibrate_l2};
 use gantry_tau::robot_file::AnyRobotFile;
 use gantry_tau::terminal::say;
 
@@ -34,9 +34,42 @@ pub(crate) struct Calibrate {
     /// The answer for programs: parameters, intervals, covariance, outliers
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Page with what is left, expected errors and parameters
+    #[arg(long, value_name = "PAGE.html")]
+    report: Option<PathBuf>,
+    /// Frame of the machine in the file: nominal (where the robot file has it), measured (the device's), or a file of three or more points of
+    /// the base that the device has measured, format = "gantry-tau frame 1"
+    #[arg(long, value_name = "nominal|measured|FILE", default_value = "nominal")]
+    frame: String,
+    /// Guideways of an L2: free (21 parameters) or parallel (15)
+    #[arg(long, value_enum, default_value_t = Guideways::Free)]
+    guideways: Guideways,
+    /// Centre of the target from the tool centre point of an L2, platform axes, m; that of an F1 is found
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
+    target: [f64; 3],
     /// Largest expected error of a place over the workspace, mm
     #[arg(long, value_name = "MM", default_value_t = 0.1)]
     tolerance: f64,
+}
+
+/// Guideways of an L2.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Guideways {
+    /// Each has its own direction
+    Free,
+    /// All have one direction
+    Parallel,
+}
+
+/// Three numbers, separated by commas.
+fn triple(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse::<f64>()).collect();
+    let numbers = numbers.map_err(|error| error.to_string())?;
+    let is_near = |numbers: &[f64; 3]| numbers.iter().all(|number| number.abs() <= 10.0);
+    <[f64; 3]>::try_from(numbers)
+        .ok()
+        .filter(is_near)
+        .ok_or_else(|| "three numbers of metres, X,Y,Z, are needed".to_owned())
 }
 
 impl Calibrate {
@@ -45,7 +78,21 @@ impl Calibrate {
             return Err(format!("{} exists; --force replaces it", self.output.display()).into());
         }
         let robot = AnyRobotFile::named(&self.robot)?;
-        let options = CalibrateOptions { poses: self.poses, robot: self.robot, tolerance_m: self.tolerance * 1e-3 };
+        let options = CalibrateOptions {
+            poses: self.poses,
+            robot: self.robot,
+            frame: match self.frame.as_str() {
+                "nominal" => FrameOption::Nominal,
+                "measured" => FrameOption::Measured,
+                path => FrameOption::Points(path.into()),
+            },
+            guideways: match self.guideways {
+                Guideways::Free => GuidewaysOption::Free,
+                Guideways::Parallel => GuidewaysOption::Parallel,
+            },
+            target_m: self.target,
+            tolerance_m: self.tolerance * 1e-3,
+        };
         let calibration = match robot {
             AnyRobotFile::L2(robot) => calibrate_l2(&robot, &options)?,
             AnyRobotFile::F1(robot) => calibrate_f1(&robot, &options)?,
@@ -56,7 +103,13 @@ impl Calibrate {
         if let Some(path) = &self.json {
             write(path, &calibration.json)?;
         }
+        if let Some(path) = &self.report {
+            write(path, &calibration.report)?;
+        }
         say(format_args!("{}: {}", self.output.display(), calibration.summary));
+        for remark in &calibration.remarks {
+            say(format_args!("{remark}"));
+        }
         if calibration.doubts.is_empty() {
             return Ok(ExitCode::SUCCESS);
         }

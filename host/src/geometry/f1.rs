@@ -225,6 +225,22 @@ impl Poses<'_> {
     }
 }
 
+impl Poses<'_> {
+    /// What a machine leaves of each place that was used: place and rest, m, in the frame of the device.
+    #[must_use]
+    pub fn residuals(&self, geometry: &f1::Geometry, outliers: &[usize]) -> Vec<[Vector3<f64>; 2]> {
+        let Ok(kinematics) = Self::kinematics(geometry) else { return Vec::new() };
+        let used = self.poses.iter().enumerate().filter(|(index, _)| !outliers.contains(index));
+        let rest = |(_, pose): (usize, &MeasuredPose<AXES>)| {
+            let rotation = pose.rotation?.to_rotation_matrix().into_inner();
+            let seed = Pose { position_m: pose.position_m, rotation };
+            let predicted = forward(&kinematics, &pose.q, &seed).ok()?;
+            Some([pose.position_m, pose.position_m - predicted.position_m])
+        };
+        used.filter_map(rest).collect()
+    }
+}
+
 impl Model for Poses<'_> {
     type State = f1::Geometry;
     type Error = PredictionError;

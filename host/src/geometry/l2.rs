@@ -80,6 +80,12 @@ impl Nominal {
         }
     }
 
+    /// The same machine, its point on the platform moved.
+    #[must_use]
+    pub fn shifted(&self, by_m: &Vector3<f64>) -> Self {
+        Self { origins_m: self.origins_m.map(|origin| origin + by_m), ..*self }
+    }
+
     /// Returns the kinematics of the point: joints on the carts, none on the platform.
     ///
     /// # Errors
@@ -211,11 +217,16 @@ impl Calibrated {
     /// Moves the machine to where the robot's file says it is: by the motion that takes the file's places at the measured positions best to
     /// those of the machine. What the file says of the robot's surroundings (home, travel, sensor) stays right, and its numbers change little.
     ///
-    /// The covariance is `P C P^T`, `P = 1 - N (G^T G)^-1 G^T J`: `N` and `G` are the changes of parameters and of places by a small motion.
+    /// `covariance` is that of the 21 parameters; in the robot's frame it is `P C P^T`, `P = 1 - N (G^T G)^-1 G^T J`: `N` and `G` are the changes of parameters and of places by a small motion.
     ///
     /// # Errors
     /// [`PredictionError`]: the file's machine cannot reach a measured position.
-    pub fn in_frame_of(&self, file: &Nominal, places: &Places<'_>) -> Result<InRobotFrame, PredictionError> {
+    pub fn in_frame_of(
+        &self,
+        file: &Nominal,
+        places: &Places<'_>,
+        covariance: &DMatrix<f64>,
+    ) -> Result<InRobotFrame, PredictionError> {
         let [from, to] = [file, &self.fit.state].map(|nominal| nominal.kinematics(places.configuration));
         let (from, to) = (from?, to?);
         let used = (0..places.poses.len()).filter(|index| !self.outliers.contains(index));
@@ -228,7 +239,7 @@ impl Calibrated {
         // Models both: nothing among them is wrong.
         let motion = rigid(&pairs).unwrap_or_else(Isometry3::identity);
         let nominal = self.fit.state.moved(&motion.inverse());
-        let covariance = nominal.turned_covariance(&self.fit.seen.covariance(), &motion.inverse().rotation);
+        let covariance = turned_covariance(covariance, &motion.inverse().rotation);
         let at_q = places.poses.iter().enumerate().filter(|(index, _)| !self.outliers.contains(index));
         let projection = nominal.without_motion(places.configuration, at_q.map(|(_, pose)| &pose.q))?;
         Ok(InRobotFrame { motion, nominal, covariance: &projection * covariance * projection.transpose() })
@@ -236,16 +247,6 @@ impl Calibrated {
 }
 
 impl Nominal {
-    /// Returns the covariance of the parameters after a rotation of their frame.
-    fn turned_covariance(&self, covariance: &DMatrix<f64>, rotation: &UnitQuaternion<f64>) -> DMatrix<f64> {
-        let block = rotation.to_rotation_matrix().into_inner();
-        let mut turn = DMatrix::identity(PARAMETERS, PARAMETERS);
-        for first in (0..ARMS).flat_map(|arm| [PER_ARM * arm, PER_ARM * arm + 3]) {
-            turn.view_mut((first, first), (3, 3)).copy_from(&block);
-        }
-        &turn * covariance * turn.transpose()
-    }
-
     /// Returns `P`, which takes off a change of the parameters what moves all places alike.
     fn without_motion<'a>(
         &self,
@@ -269,6 +270,16 @@ impl Nominal {
         let inverse = squares.try_inverse().unwrap_or_else(|| Matrix6::repeat(f64::NAN));
         Ok(DMatrix::identity(PARAMETERS, PARAMETERS) - by_motion * inverse * products)
     }
+}
+
+/// Returns the covariance of the parameters after a rotation of their frame.
+pub(super) fn turned_covariance(covariance: &DMatrix<f64>, rotation: &UnitQuaternion<f64>) -> DMatrix<f64> {
+    let block = rotation.to_rotation_matrix().into_inner();
+    let mut turn = DMatrix::identity(PARAMETERS, PARAMETERS);
+    for first in (0..ARMS).flat_map(|arm| [PER_ARM * arm, PER_ARM * arm + 3]) {
+        turn.view_mut((first, first), (3, 3)).copy_from(&block);
+    }
+    &turn * covariance * turn.transpose()
 }
 
 /// Change of a place by a small motion `(t, w)`: `t + w x place`.

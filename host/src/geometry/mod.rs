@@ -8,6 +8,7 @@ pub mod calibrate;
 pub mod f1;
 pub mod frames;
 pub mod l2;
+pub mod parallel;
 
 use nalgebra::{UnitQuaternion, Vector3};
 

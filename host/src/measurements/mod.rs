@@ -1,6 +1,7 @@
 //! Files of measurements: a set-up (TOML) and its table (CSV), read strictly. An unknown or missing key or column, or a number that cannot
 //! be, is an error that names file, line and column.
 
+pub mod frame;
 pub mod poses;
 mod setup;
 pub mod springs;

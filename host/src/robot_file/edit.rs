@@ -26,15 +26,7 @@ impl RobotText {
 
     /// Replaces a list of rows, one per line.
     pub fn set_rows(&mut self, key: &str, rows: &[[f64; 3]]) {
-        let mut array = Array::new();
-        for row in rows {
-            let mut row = Value::Array(row.iter().copied().map(number).collect());
-            row.decor_mut().set_prefix("\n    ");
-            array.push_formatted(row);
-        }
-        array.set_trailing_comma(true);
-        array.set_trailing("\n");
-        self.set(key, Value::Array(array));
+        self.set(key, Value::Array(lines(rows)));
     }
 
     fn set(&mut self, key: &str, mut value: Value) {
@@ -71,12 +63,30 @@ impl RobotText {
 
     /// Replaces a number in a section that exists.
     pub fn set_number_in(&mut self, section: &str, key: &str, value: f64) {
-        if let Some(old) = self.document.get_mut(section).and_then(|section| section.get_mut(key)) {
-            let mut new = number(value);
+        self.replace(&[section, key], number(value));
+    }
+
+    /// Replaces a list of numbers in a section that exists, by its path.
+    pub fn set_numbers_at(&mut self, path: &[&str], values: &[f64]) {
+        self.replace(path, Value::Array(values.iter().copied().map(number).collect()));
+    }
+
+    /// Replaces a list of rows in a section that exists, by its path.
+    pub fn set_rows_at(&mut self, path: &[&str], rows: &[[f64; 3]]) {
+        self.replace(path, Value::Array(lines(rows)));
+    }
+
+    /// Replaces a value that exists; the comment behind it stays.
+    fn replace(&mut self, path: &[&str], mut value: Value) {
+        let mut item = Some(self.document.as_item_mut());
+        for key in path {
+            item = item.and_then(|item| item.get_mut(key));
+        }
+        if let Some(old) = item {
             if let Some(old) = old.as_value() {
-                *new.decor_mut() = old.decor().clone();
+                *value.decor_mut() = old.decor().clone();
             }
-            *old = Item::Value(new);
+            *old = Item::Value(value);
         }
     }
 
@@ -85,6 +95,19 @@ impl RobotText {
     pub fn text(&self) -> String {
         self.document.to_string()
     }
+}
+
+/// Rows, one per line.
+fn lines(rows: &[[f64; 3]]) -> Array {
+    let mut array = Array::new();
+    for row in rows {
+        let mut row = Value::Array(row.iter().copied().map(number).collect());
+        row.decor_mut().set_prefix("\n    ");
+        array.push_formatted(row);
+    }
+    array.set_trailing_comma(true);
+    array.set_trailing("\n");
+    array
 }
 
 /// Writes the numbers of a value as [`number`] does.

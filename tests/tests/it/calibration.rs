@@ -4,7 +4,9 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use gantry_tau::geometry::calibrate::{CalibrateError, CalibrateOptions, Calibration, calibrate_f1, calibrate_l2};
+use gantry_tau::geometry::calibrate::{
+    CalibrateError, CalibrateOptions, Calibration, FrameOption, GuidewaysOption, calibrate_f1, calibrate_l2,
+};
 use gantry_tau::geometry::frames::{apply, rigid};
 use gantry_tau::model::{L2, MachineKind};
 use gantry_tau::robot_file::edit::RobotText;
@@ -75,10 +77,15 @@ fn positions(draw: &mut Draw, count: usize) -> Vec<[f64; AXES]> {
     found
 }
 
+/// Takes a place of the robot's frame to the tracker's.
+fn tracker() -> Isometry3<f64> {
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -1.0, 2.0));
+    Isometry3::from_parts(Translation3::new(2.0, -1.0, 0.5), turn)
+}
+
 /// Writes what a tracker with a noise of 50 um sees of the machine, and returns the set-up.
 fn measure(folder: &Path, machine: &RobotFile<L2, AXES>, positions: &[[f64; AXES]], draw: &mut Draw) -> PathBuf {
-    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -1.0, 2.0));
-    let tracker = Isometry3::from_parts(Translation3::new(2.0, -1.0, 0.5), turn);
+    let tracker = tracker();
     let mut table = "pose,q_1,q_2,q_3,x_m,y_m,z_m\n".to_owned();
     for (index, q) in positions.iter().enumerate() {
         let place = apply(&tracker, &machine.model.forward(q).unwrap());
@@ -93,8 +100,19 @@ fn measure(folder: &Path, machine: &RobotFile<L2, AXES>, positions: &[[f64; AXES
     setup
 }
 
+fn options(setup: &Path, robot: &str) -> CalibrateOptions {
+    CalibrateOptions {
+        poses: setup.to_owned(),
+        robot: robot.to_owned(),
+        frame: FrameOption::Nominal,
+        guideways: GuidewaysOption::Free,
+        target_m: [0.0; 3],
+        tolerance_m: 1e-3,
+    }
+}
+
 fn calibrate(setup: &Path) -> Result<Calibration, CalibrateError> {
-    let options = CalibrateOptions { poses: setup.to_owned(), robot: "l2".to_owned(), tolerance_m: 1e-3 };
+    let options = options(setup, "l2");
     calibrate_l2(&RobotFile::builtin_l2().unwrap(), &options)
 }
 
@@ -129,6 +147,127 @@ fn a_calibrated_machine_knows_where_it_is() {
     let json: serde_json::Value = serde_json::from_str(&calibration.json).unwrap();
     assert_eq!(json["format"], "gantry-tau calibrated 1");
     assert_eq!((json["observable"].as_u64(), json["parameters"].as_array().unwrap().len()), (Some(21), 21));
+}
+
+/// Largest distance of the places of two machines in one frame.
+fn apart_in_frame_m(
+    one: &RobotFile<L2, AXES>,
+    place: impl Fn(&[f64; AXES]) -> Vector3<f64>,
+    at: &[[f64; AXES]],
+) -> f64 {
+    at.iter().map(|q| (one.model.forward(q).unwrap() - place(q)).norm()).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_machine_can_be_written_in_the_frame_of_the_device_or_of_its_base() {
+    let mut draw = Draw(Noise::new(17));
+    let machine = true_machine(&mut draw);
+    let (seen, unseen) = (positions(&mut draw, 40), positions(&mut draw, 100));
+    let folder = folder("frames");
+    let setup = measure(&folder, &machine, &seen, &mut draw);
+    let file = RobotFile::builtin_l2().unwrap();
+    let truth = |q: &[f64; AXES]| machine.model.forward(q).unwrap();
+
+    let in_device = CalibrateOptions { frame: FrameOption::Measured, ..options(&setup, "l2") };
+    let calibration = calibrate_l2(&file, &in_device).unwrap();
+    let calibrated = l2("measured", &calibration.robot_file);
+    let off = apart_in_frame_m(&calibrated, |q| apply(&tracker(), &truth(q)), &unseen);
+    assert!(off < 0.2e-3, "{off:e}");
+    // Home, sensor and tool went along: weight and sensor's axes are those of the world that has turned.
+    let turn = tracker().rotation;
+    let home_off = (calibrated.home_m() - apply(&tracker(), &file.home_m())).norm();
+    assert!(home_off < 0.02, "{home_off}");
+    let axes_off =
+        calibrated.sensor.rotation_matrix() - turn.to_rotation_matrix().matrix() * file.sensor.rotation_matrix();
+    let weight_off = Vector3::from(calibrated.sensor.tool.weight_n) - turn * Vector3::from(file.sensor.tool.weight_n);
+    assert!(axes_off.amax() < 0.01 && weight_off.norm() < 0.2, "{axes_off} {weight_off}");
+    assert_eq!(calibrated.calibrated.unwrap().frame, "measured");
+
+    // Four points of the base, seen with a few micrometres of noise.
+    let mut points = "format = \"gantry-tau frame 1\"\n".to_owned();
+    for (index, point) in [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.5, 1.5]].into_iter().enumerate() {
+        let measured: [f64; 3] = (apply(&tracker(), &Vector3::from(point)) + draw.vector(5e-6)).into();
+        writeln!(points, "[[point]]\nname = \"b{index}\"\nrobot_m = {point:?}\nmeasured_m = {measured:?}").unwrap();
+    }
+    let path = folder.join("base.toml");
+    fs::write(&path, &points).unwrap();
+    let in_base = CalibrateOptions { frame: FrameOption::Points(path.clone()), ..options(&setup, "l2") };
+    let calibrated = l2("base", &calibrate_l2(&file, &in_base).unwrap().robot_file);
+    let off = apart_in_frame_m(&calibrated, truth, &unseen);
+    assert!(off < 0.2e-3, "{off:e}");
+
+    for (from, to, expected) in [
+        ("frame 1", "frame 2", "base.toml: format: is"),
+        ("robot_m = [2.0", "robot_m = [2.1", "base.toml: point.b"),
+        ("[[point]]\nname = \"b3\"", "[[pint]]\nname = \"b3\"", "base.toml:"),
+    ] {
+        fs::write(&path, points.replace(from, to)).unwrap();
+        let error = calibrate_l2(&file, &in_base).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+    let line = "format = \"gantry-tau frame 1\"\npoint = [\n\
+        {name = \"a\", robot_m = [0, 0, 0.0], measured_m = [0, 0, 0.0]},\n\
+        {name = \"b\", robot_m = [1, 0, 0.0], measured_m = [1, 0, 0.0]},\n\
+        {name = \"c\", robot_m = [2, 0, 0.0], measured_m = [2, 0, 0.0]}]\n";
+    fs::write(
+        &path,
+        line.replace("[0, 0, 0.0]", "[0.0, 0.0, 0.0]")
+            .replace("[1, 0, 0.0]", "[1.0, 0.0, 0.0]")
+            .replace("[2, 0, 0.0]", "[2.0, 0.0, 0.0]"),
+    )
+    .unwrap();
+    assert!(calibrate_l2(&file, &in_base).unwrap_err().to_string().contains("three that are not on a line"));
+}
+
+#[test]
+fn a_target_beside_the_tool_centre_point_is_taken_off() {
+    let mut draw = Draw(Noise::new(18));
+    let machine = true_machine(&mut draw);
+    let (seen, unseen) = (positions(&mut draw, 40), positions(&mut draw, 100));
+    let target = Vector3::new(0.05, -0.02, 0.11);
+    // The platform does not turn: a target beside the point is a machine elsewhere.
+    let mut shifted = RobotText::new(&text_of("l2").unwrap(), "TRUE").unwrap();
+    let geometry = machine.model.robot().geometry();
+    let carts: Vec<[f64; 3]> = geometry.cart_joints_m.iter().map(|joint| (joint + target).into()).collect();
+    shifted.set_rows("A0", &carts);
+    shifted.set_rows("V", &geometry.guideways.map(Into::into));
+    shifted.set_numbers("L", &geometry.lengths_m);
+    let folder = folder("target");
+    let setup = measure(&folder, &l2("target", &shifted.text()), &seen, &mut draw);
+    let file = RobotFile::builtin_l2().unwrap();
+    let beside = CalibrateOptions { target_m: target.into(), ..options(&setup, "l2") };
+    let calibrated = l2("calibrated", &calibrate_l2(&file, &beside).unwrap().robot_file);
+    assert!(apart_m(&calibrated, &machine, &unseen) < 0.2e-3);
+    let json: serde_json::Value = serde_json::from_str(&calibrate_l2(&file, &beside).unwrap().json).unwrap();
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    let found = Vector3::from_iterator(json["robot_frame"]["translation_m"].as_array().unwrap().iter().map(number));
+    // As well as nominal places tell the frame of a machine that is millimetres off.
+    assert!((found - tracker().translation.vector).norm() < 0.02, "{found}");
+}
+
+#[test]
+fn parallel_guideways_are_asked_for_and_tested() {
+    let mut draw = Draw(Noise::new(19));
+    let skewed = true_machine(&mut draw);
+    let seen = positions(&mut draw, 40);
+    let folder = folder("parallel");
+    let file = RobotFile::builtin_l2().unwrap();
+    let mut calibrated = |machine: &RobotFile<L2, AXES>, guideways| {
+        let setup = measure(&folder, machine, &seen, &mut draw);
+        calibrate_l2(&file, &CalibrateOptions { guideways, ..options(&setup, "l2") }).unwrap()
+    };
+    let refused = calibrated(&skewed, GuidewaysOption::Parallel);
+    assert!(
+        refused.doubts.iter().any(|doubt| doubt.contains("the guideways are not parallel")),
+        "{:?}",
+        refused.doubts
+    );
+    let parallel = calibrated(&file, GuidewaysOption::Parallel);
+    assert_eq!(parallel.doubts, [""; 0]);
+    let json: serde_json::Value = serde_json::from_str(&parallel.json).unwrap();
+    assert_eq!((json["observable"].as_u64(), json["parameters"].as_array().unwrap().len()), (Some(15), 15));
+    let free = calibrated(&file, GuidewaysOption::Free);
+    assert!(free.remarks.iter().any(|remark| remark.contains("--guideways parallel")), "{:?}", free.remarks);
 }
 
 #[test]
@@ -182,7 +321,7 @@ fn wrong_files_are_refused_by_line_and_column() {
         .collect();
     fs::write(&setup, f1_setup).unwrap();
     fs::write(folder.join("poses.csv"), six).unwrap();
-    let options = CalibrateOptions { poses: setup, robot: "f1".to_owned(), tolerance_m: 1e-3 };
+    let options = options(&setup, "f1");
     let error = calibrate_f1(&RobotFile::builtin_f1().unwrap(), &options).unwrap_err().to_string();
     assert!(error.contains("rot_w: an F1 needs orientations"), "{error}");
 }
@@ -258,7 +397,7 @@ fn a_calibrated_f1_can_be_calibrated_again() {
         format!("format = \"gantry-tau poses 1\"\nmodel = \"f1\"\nmeasurements = \"poses.csv\"\n{noise}"),
     )
     .unwrap();
-    let options = CalibrateOptions { poses: setup, robot: file.display().to_string(), tolerance_m: 1e-3 };
+    let options = options(&setup, &file.display().to_string());
     let calibration = calibrate_f1(&robot, &options).unwrap();
     // The machine is that of the file already, so the new file says nearly the same: within a millimetre, where poses hold 50 um.
     let AnyRobotFile::F1(again) = AnyRobotFile::parse("again", &calibration.robot_file).unwrap() else {

@@ -5,7 +5,7 @@ use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::robot::{ARMS, LINKS};
 use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, UnitQuaternion};
 
-use super::{CalibrateError, CalibrateOptions, Calibration, Found, GRID_CELLS, rows};
+use super::{CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, rows};
 use crate::geometry::agreement::fit_agreeing;
 use crate::geometry::answer::{F1Machine, InRobotFrame, Target};
 use crate::geometry::f1::{OBSERVABLE, Poses, parameters, predicted_rms_m, seen_by};
@@ -25,6 +25,17 @@ pub(crate) const LEVER_M: f64 = 0.5;
 /// # Errors
 /// [`CalibrateError`].
 pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> Result<Calibration, CalibrateError> {
+    if options.frame != FrameOption::Nominal {
+        return Err(CalibrateError::Option(
+            "--frame: an F1 stays in the frame of its file; the answer says where that lies",
+        ));
+    }
+    if options.guideways != GuidewaysOption::Free {
+        return Err(CalibrateError::Option("--guideways: those of an F1 are always free"));
+    }
+    if options.target_m.iter().any(|coordinate| coordinate.abs() > 0.0) {
+        return Err(CalibrateError::Option("--target: that of an F1 is found, and is in the answer"));
+    }
     let measured = poses::read::<AXES>(&options.poses, "f1")?;
     if measured.poses.len() < LEAST_POSES {
         let poses = measured.poses.len();
@@ -46,9 +57,16 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
         .in_frame_of(&agreement, &file, &robot.home_m())
         .map_err(|reason| CalibrateError::Prediction { table: table.clone(), reason: reason.to_string() })?;
     let state = &agreement.fit.state;
-    let reached = survey(robot, Grid::of(robot, GRID_CELLS), |_| ()).places.into_iter();
+    let grid = Grid::of(robot, GRID_CELLS);
+    let reached = survey(robot, grid, |_| ()).places.into_iter();
     let stands: Vec<_> = reached.filter_map(|place| Some((place.reached.ok()?.q, Pose::at(place.tool_m)))).collect();
-    let predicted_rms_m = predicted_rms_m(&moved, state, &agreement.fit.seen.covariance(), &stands);
+    let covariance = agreement.fit.seen.covariance();
+    let expected = |stand: &([f64; AXES], Pose)| {
+        let error_m = predicted_rms_m(&moved, state, &covariance, &[*stand]);
+        error_m.is_finite().then_some((stand.1.position_m, error_m * 1e6))
+    };
+    let expected_um = stands.iter().filter_map(expected).collect();
+    let predicted_rms_m = predicted_rms_m(&moved, state, &covariance, &stands);
     let ((rotation, translation_m), (rotation_target, translation_target_m)) =
         (rows(&moved.frames.device), rows(&moved.frames.target));
     let target = Some(Target { rotation_target, translation_target_m });
@@ -62,6 +80,11 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
         robot_frame: InRobotFrame { machine: machine(&moved.geometry), rotation, translation_m, target },
         covariance: moved.covariance.clone(),
         predicted_rms_m,
+        expected_um,
+        grid,
+        residuals: model.residuals(state, &agreement.outliers),
+        remarks: Vec::new(),
+        doubts: Vec::new(),
     };
     found.calibration(&measured, options, |text| {
         let geometry = machine(&moved.geometry);

@@ -2,16 +2,22 @@
 
 use gantry_tau_core::model::l2::AXES;
 use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
-use nalgebra::Matrix3;
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, UnitQuaternion, Vector3};
 
-use super::{CalibrateError, CalibrateOptions, Calibration, Found, GRID_CELLS, rows};
-use crate::fit::least_squares::FitError;
-use crate::geometry::agreement::fit_agreeing;
-use crate::geometry::answer::{InRobotFrame, L2Machine};
-use crate::geometry::frames::rigid_trimmed;
-use crate::geometry::l2::{
-    Calibrated, LEAST_PLACES, Nominal, PARAMETERS, Places, PredictionError, closed_form, predicted_rms_m,
+use super::{
+    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, LEAST_P, rows,
 };
+use crate::fit::least_squares::{FitError, fit};
+use crate::fit::statistics::{chi_squared_above, f_above, float};
+use crate::geometry::agreement::{Model, fit_agreeing};
+use crate::geometry::answer::{InRobotFrame, L2Machine};
+use crate::geometry::frames::{apply, rigid_trimmed};
+use crate::geometry::l2::{
+    self, Calibrated, LEAST_PLACES, Nominal, PARAMETERS, Places, PredictionError, closed_form, predicted_rms_m,
+    turned_covariance,
+};
+use crate::geometry::parallel::{PARALLEL_PARAMETERS, Parallel, expansion, with_parallel_guideways};
+use crate::measurements::frame;
 use crate::measurements::poses::{self, Poses};
 use crate::model::L2;
 use crate::robot_file::RobotFile;
@@ -28,7 +34,9 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
         return Err(CalibrateError::TooFew { table: measured.table, poses, least: LEAST_PLACES });
     }
     let geometry = robot.model.robot().geometry();
-    let file = Nominal::of(geometry);
+    let target_m = Vector3::from(options.target_m);
+    // The point on the platform is the target.
+    let file = Nominal::of(geometry).shifted(&target_m);
     let whitening = measured.noise.position_m2.try_inverse().and_then(Matrix3::cholesky);
     let places = Places {
         poses: &measured.poses,
@@ -36,37 +44,183 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
         whitening: whitening.map_or_else(Matrix3::identity, |factor| factor.l().transpose()),
         configuration: geometry.configuration,
     };
-    let agreement = best_start(&file, &places)
-        .map_err(|error| CalibrateError::NoStart { table: measured.table.clone(), reason: error.to_string() })?;
+    let no_start = |error: FitError<PredictionError>| CalibrateError::NoStart {
+        table: measured.table.clone(),
+        reason: error.to_string(),
+    };
+    let free = best_start(&file, &places).map_err(no_start)?;
+    let guideways = Guideways::of(&free, &places).map_err(no_start)?;
+    let (agreement, covariance) = match options.guideways {
+        GuidewaysOption::Free => (free.clone(), free.fit.seen.covariance()),
+        GuidewaysOption::Parallel => {
+            let expansion = expansion();
+            let covariance = &expansion * guideways.parallel.fit.seen.covariance() * expansion.transpose();
+            (guideways.parallel.clone(), covariance)
+        }
+    };
+    let frame = match &options.frame {
+        FrameOption::Points(path) => Some(frame::read(path)?),
+        FrameOption::Nominal | FrameOption::Measured => None,
+    };
     let moved = agreement
-        .in_frame_of(&file, &places)
+        .in_frame_of(&file, &places, &covariance)
         .map_err(|reason| CalibrateError::Prediction { table: measured.table.clone(), reason: reason.to_string() })?;
-    let reached = survey(robot, Grid::of(robot, GRID_CELLS), |_| ()).places.into_iter();
-    let at_q: Vec<_> = reached.filter_map(|place| Some(place.reached.ok()?.q)).collect();
     let state = &agreement.fit.state;
-    let predicted_rms_m = predicted_rms_m(state, geometry.configuration, &agreement.fit.seen.covariance(), &at_q);
-    let (rotation, translation_m) = rows(&moved.motion);
-    let robot_frame = InRobotFrame { machine: machine(&moved.nominal), rotation, translation_m, target: None };
+    let grid = Grid::of(robot, GRID_CELLS);
+    let reached = survey(robot, grid, |_| ()).places.into_iter();
+    let at_q: Vec<_> = reached.filter_map(|place| Some((place.tool_m, place.reached.ok()?.q))).collect();
+    let expected = |(tool_m, q): &(Vector3<f64>, [f64; AXES])| {
+        let error_m = predicted_rms_m(state, geometry.configuration, &covariance, &[*q]);
+        error_m.is_finite().then_some((*tool_m, error_m * 1e6))
+    };
+    let expected_um: Vec<_> = at_q.iter().filter_map(expected).collect();
+    let all: Vec<_> = at_q.iter().map(|(_, q)| *q).collect();
+    let predicted_rms_m = predicted_rms_m(state, geometry.configuration, &covariance, &all);
+    let placed = Placed::new(options, state, moved, frame, &covariance);
+    let (rotation, translation_m) = rows(&placed.motion);
+    // From here on the point is the tool centre point again.
+    let tool = placed.nominal.shifted(&-(placed.turn * target_m));
+    let robot_frame = InRobotFrame { machine: machine(&tool), rotation, translation_m, target: None };
+    let is_parallel = options.guideways == GuidewaysOption::Parallel;
     let found = Found {
         model: "l2",
         agreement: &agreement,
-        names: names(),
-        values: state.parameters(),
-        observable: PARAMETERS,
+        names: if is_parallel { parallel_names() } else { names() },
+        values: if is_parallel { parallel_values(state) } else { state.parameters() },
+        observable: if is_parallel { PARALLEL_PARAMETERS } else { PARAMETERS },
         measured_frame: machine(state),
         robot_frame,
-        covariance: moved.covariance,
+        covariance: placed.covariance,
         predicted_rms_m,
+        grid,
+        expected_um,
+        residuals: residuals(state, &places, &agreement.outliers),
+        remarks: guideways.remark(options.guideways).into_iter().collect(),
+        doubts: turned_platform(&measured).into_iter().chain(guideways.doubt(options.guideways)).collect(),
     };
     found.calibration(&measured, options, |text| {
+        let turned = |vector: &Vector3<f64>| -> [f64; 3] { (placed.turn * vector).into() };
         // The Tau property, exactly.
-        let joints = geometry.platform_joints_m;
+        let joints = geometry.platform_joints_m.map(|joint| placed.turn * joint);
         let carts: [[f64; 3]; LINKS] =
-            std::array::from_fn(|link| (moved.nominal.origins_m[ARM_OF_LINK[link]] + joints[link]).into());
+            std::array::from_fn(|link| (tool.origins_m[ARM_OF_LINK[link]] + joints[link]).into());
         text.set_rows("A0", &carts);
-        text.set_rows("V", &moved.nominal.guideways.map(Into::into));
-        text.set_numbers("L", &moved.nominal.lengths_m);
+        text.set_rows("V", &tool.guideways.map(Into::into));
+        text.set_numbers("L", &tool.lengths_m);
+        if options.frame == FrameOption::Measured {
+            // The axes of an L2's platform are those of the world, and the world is the device's now.
+            text.set_rows("b", &geometry.platform_joints_m.each_ref().map(turned));
+            text.set_numbers_at(&["simulation", "home_m"], apply(&placed.home, &robot.home_m()).as_slice());
+            let sensor = placed.turn.to_rotation_matrix().into_inner() * robot.sensor.rotation_matrix();
+            let rows: [[f64; 3]; 3] = sensor.transpose().into();
+            text.set_rows_at(&["sensor", "rotation"], &rows);
+            text.set_numbers_at(&["sensor", "lever_m"], &turned(&robot.sensor.lever_m.into()));
+            text.set_numbers_at(&["sensor", "tool", "weight_n"], &turned(&robot.sensor.tool.weight_n.into()));
+            text.set_numbers_at(&["sensor", "tool", "centre_m"], &turned(&robot.sensor.tool.centre_m.into()));
+        }
     })
+}
+
+/// The machine in the frame that was asked for.
+struct Placed {
+    nominal: Nominal,
+    covariance: DMatrix<f64>,
+    /// Takes a place of that frame to the device's.
+    motion: Isometry3<f64>,
+    /// Turn of the platform's axes, and motion of home, from the robot file's frame; none unless the frame is the device's.
+    turn: UnitQuaternion<f64>,
+    home: Isometry3<f64>,
+}
+
+impl Placed {
+    fn new(
+        options: &CalibrateOptions,
+        state: &Nominal,
+        moved: l2::InRobotFrame,
+        frame: Option<Isometry3<f64>>,
+        covariance: &DMatrix<f64>,
+    ) -> Self {
+        let (turn, home) = (UnitQuaternion::identity(), Isometry3::identity());
+        match (&options.frame, frame) {
+            (FrameOption::Measured, _) => Self {
+                nominal: *state,
+                covariance: covariance.clone(),
+                motion: Isometry3::identity(),
+                turn: moved.motion.rotation,
+                home: moved.motion,
+            },
+            (FrameOption::Points(_), Some(motion)) => Self {
+                nominal: state.moved(&motion.inverse()),
+                covariance: turned_covariance(covariance, &motion.inverse().rotation),
+                motion,
+                turn,
+                home,
+            },
+            _ => Self { nominal: moved.nominal, covariance: moved.covariance, motion: moved.motion, turn, home },
+        }
+    }
+}
+
+/// Parallel guideways against free ones, on the places that agree with the latter.
+struct Guideways {
+    parallel: Calibrated,
+    /// Probability of so much more left with parallel guideways, if they are parallel.
+    p: f64,
+}
+
+impl Guideways {
+    fn of(free: &Calibrated, places: &Places<'_>) -> Result<Self, FitError<PredictionError>> {
+        let start = with_parallel_guideways(&free.fit.state);
+        let used: Vec<usize> = (0..places.poses.len()).filter(|index| !free.outliers.contains(index)).collect();
+        let model = Parallel(*places);
+        let parallel = fit(start, &model.scales(&start), |state| model.rows(state, &used), Parallel::stepped)?;
+        let freed = PARAMETERS - PARALLEL_PARAMETERS;
+        let more = (parallel.chi_squared() - free.fit.chi_squared()).max(0.0) / float(freed);
+        let p = f_above(more / free.fit.reduced_chi_squared(), freed, free.fit.degrees());
+        Ok(Self { parallel: Calibrated { fit: parallel, outliers: free.outliers.clone() }, p })
+    }
+
+    /// Says what the measurements want, where it is not what was asked for and does no harm.
+    fn remark(&self, asked: GuidewaysOption) -> Option<String> {
+        (asked == GuidewaysOption::Free && self.p > LEAST_PARALLEL_P).then(|| {
+            format!("parallel guideways would do as well (p = {:.2}): --guideways parallel knows them better", self.p)
+        })
+    }
+
+    fn doubt(&self, asked: GuidewaysOption) -> Option<String> {
+        (asked == GuidewaysOption::Parallel && self.p < LEAST_PARALLEL_P)
+            .then(|| format!("the guideways are not parallel (p = {:.1e}): calibrate with --guideways free", self.p))
+    }
+}
+
+/// Smallest probability at which guideways are taken as parallel.
+const LEAST_PARALLEL_P: f64 = 0.01;
+
+/// Says if the platform turns from pose to pose, where the device sees it: then the links of a cluster differ.
+fn turned_platform(measured: &Poses<AXES>) -> Option<String> {
+    let variance = measured.noise.rotation_rad2?;
+    let rotations: Vec<UnitQuaternion<f64>> = measured.poses.iter().filter_map(|pose| pose.rotation).collect();
+    let first = rotations.first()?;
+    let vectors: Vec<Vector3<f64>> =
+        rotations.iter().map(|rotation| (rotation * first.inverse()).scaled_axis()).collect();
+    let mean = vectors.iter().sum::<Vector3<f64>>() / float(vectors.len());
+    let inverse = variance.try_inverse()?;
+    let chi: f64 = vectors.iter().map(|vector| (vector - mean).dot(&(inverse * (vector - mean)))).sum();
+    let rms = (vectors.iter().map(|vector| (vector - mean).norm_squared()).sum::<f64>() / float(vectors.len())).sqrt();
+    let p = chi_squared_above(chi, 3 * (vectors.len() - 1));
+    (p < LEAST_P).then(|| {
+        format!(
+            "the platform turns by {:.0} urad (rms) from pose to pose, which the links of a cluster do if they differ: the model of 21 parameters is wrong by as much times the lever",
+            rms * 1e6
+        )
+    })
+}
+
+/// What the machine leaves of each place that was used: place and rest, m, in the frame of the device.
+fn residuals(state: &Nominal, places: &Places<'_>, outliers: &[usize]) -> Vec<[Vector3<f64>; 2]> {
+    let Ok(kinematics) = state.kinematics(places.configuration) else { return Vec::new() };
+    let used = places.poses.iter().enumerate().filter(|(index, _)| !outliers.contains(index));
+    used.filter_map(|(_, pose)| Some([pose.position_m, pose.position_m - kinematics.forward(&pose.q).ok()?])).collect()
 }
 
 /// Fits from the robot file, moved to where the device sees it, and from the measurements alone; the better of both.
@@ -94,6 +248,20 @@ pub(crate) fn names() -> Vec<(String, &'static str)> {
         vector("A_s").into_iter().chain(vector("V")).chain([(format!("L[{arm}]"), "m")])
     };
     (0..3).flat_map(arm).collect()
+}
+
+fn parallel_names() -> Vec<(String, &'static str)> {
+    let arm = |arm: usize| {
+        let origin = ["x", "y", "z"].map(|axis| (format!("A_s[{arm}].{axis}"), "m"));
+        origin.into_iter().chain([(format!("L[{arm}]"), "m")])
+    };
+    (0..3).flat_map(arm).chain(["x", "y", "z"].map(|axis| (format!("V.{axis}"), "m"))).collect()
+}
+
+fn parallel_values(state: &Nominal) -> DVector<f64> {
+    let arms = state.origins_m.iter().zip(state.lengths_m);
+    let own = arms.flat_map(|(origin, length)| [origin.x, origin.y, origin.z, length]);
+    DVector::from_iterator(PARALLEL_PARAMETERS, own.chain(state.guideways[0].iter().copied()))
 }
 
 fn machine(nominal: &Nominal) -> L2Machine {

@@ -2,10 +2,11 @@
 
 pub(crate) mod f1;
 pub(crate) mod l2;
+mod report;
 
 use std::path::PathBuf;
 
-use nalgebra::{DMatrix, Isometry3};
+use nalgebra::{DMatrix, Isometry3, Vector3};
 use serde::Serialize;
 
 use super::agreement::Agreement;
@@ -16,6 +17,7 @@ use crate::measurements::FileError;
 use crate::measurements::poses::Poses;
 use crate::robot_file::edit::RobotText;
 use crate::robot_file::{Calibrated, RobotFileError};
+use crate::workspace::Grid;
 
 pub use f1::calibrate_f1;
 pub use l2::calibrate_l2;
@@ -34,8 +36,45 @@ pub struct CalibrateOptions {
     pub poses: PathBuf,
     /// Name of the robot file to begin with, as of [`crate::robot_file::AnyRobotFile::named`].
     pub robot: String,
+    /// Frame that the machine is written in.
+    pub frame: FrameOption,
+    /// Guideways of an L2.
+    pub guideways: GuidewaysOption,
+    /// Centre of the target from the tool centre point, platform axes, m; of an L2. That of an F1 is found.
+    pub target_m: [f64; 3],
     /// Largest expected error of a place over the workspace, m.
     pub tolerance_m: f64,
+}
+
+/// Frame that a calibrated machine is written in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FrameOption {
+    /// Where the robot file says the machine is, as well as that can be told from the places `[T 3.11]`.
+    Nominal,
+    /// That of the device.
+    Measured,
+    /// That of points of the robot's base which the device has measured: a file of [`crate::measurements::frame`].
+    Points(PathBuf),
+}
+
+impl FrameOption {
+    /// Its name in a robot file.
+    fn name(&self) -> String {
+        match self {
+            Self::Nominal => "nominal".to_owned(),
+            Self::Measured => "measured".to_owned(),
+            Self::Points(path) => path.display().to_string(),
+        }
+    }
+}
+
+/// Guideways of an L2.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GuidewaysOption {
+    /// Each has its own direction: 21 parameters.
+    Free,
+    /// All have one direction: 15 parameters.
+    Parallel,
 }
 
 /// Reason why there is no calibration.
@@ -81,6 +120,9 @@ pub enum CalibrateError {
         /// What is wrong.
         reason: String,
     },
+    /// An option that this machine does not have.
+    #[error("{0}")]
+    Option(&'static str),
     /// The robot file cannot be changed.
     #[error("the robot file cannot be changed: {0}")]
     Edit(String),
@@ -93,8 +135,12 @@ pub struct Calibration {
     pub json: String,
     /// Text of the robot file of this machine: that of the file that the calibration began with, its geometry replaced.
     pub robot_file: String,
+    /// Page with plots.
+    pub report: String,
     /// What was found, in one line.
     pub summary: String,
+    /// What else was found; empty where there is nothing.
+    pub remarks: Vec<String>,
     /// Reasons not to trust it as it is; empty where there are none.
     pub doubts: Vec<String>,
 }
@@ -111,6 +157,13 @@ struct Found<'a, S, M> {
     robot_frame: InRobotFrame<M>,
     covariance: DMatrix<f64>,
     predicted_rms_m: f64,
+    /// Expected error over the workspace: place and error, um.
+    expected_um: Vec<(Vector3<f64>, f64)>,
+    grid: Grid,
+    /// What is left of each place that was used: place and rest, m.
+    residuals: Vec<[Vector3<f64>; 2]>,
+    remarks: Vec<String>,
+    doubts: Vec<String>,
 }
 
 impl<S, M: Serialize> Found<'_, S, M> {
@@ -150,27 +203,45 @@ impl<S, M: Serialize> Found<'_, S, M> {
             chi2: answer.chi2,
             dof: answer.dof,
             predicted_rms_um: answer.predicted_rms_m * 1e6,
-            frame: "nominal".to_owned(),
+            frame: options.frame.name(),
             rotation: answer.robot_frame.rotation,
             translation_m: answer.robot_frame.translation_m,
             sd: covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect(),
             covariance: covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
         };
+        let lost = self.observable.saturating_sub(answer.observable);
         let summary = format!(
-            "{} of {} parameters seen; chi2/dof {:.2}, p {:.2}; {} of {} poses left out; a place over the workspace is expected to be {:.1} um off",
+            "{} of {} parameters seen; chi2/dof {:.2}, p {:.2}; {} of {} poses left out; a place over the workspace is expected to be {:.1} um off{}",
             answer.observable,
             self.values.len(),
             fit.reduced_chi_squared(),
             answer.p,
             answer.outliers.len(),
             measured.poses.len(),
-            answer.predicted_rms_m * 1e6
+            answer.predicted_rms_m * 1e6,
+            if lost > 0 { ", not counting what cannot be seen" } else { "" },
         );
+        let mut doubts = doubts(&answer, measured.poses.len(), self.observable, options.tolerance_m);
+        doubts.extend(self.doubts);
+        let page = report::Page {
+            robot: &options.robot,
+            measurements: &calibrated,
+            summary: &summary,
+            doubts: &doubts,
+            remarks: &self.remarks,
+            parameters: &answer.parameters,
+            directions: &Unobservable::list(&self.names, &seen.all()),
+            residuals: &self.residuals,
+            expected_um: &self.expected_um,
+            grid: &self.grid,
+        };
         Ok(Calibration {
             json: serde_json::to_string_pretty(&answer).map_err(|error| CalibrateError::Edit(error.to_string()))?,
             robot_file: robot_file(&options.robot, &calibrated, edit)?,
+            report: page.html(),
             summary,
-            doubts: doubts(&answer, measured.poses.len(), self.observable, options.tolerance_m),
+            remarks: self.remarks,
+            doubts,
         })
     }
 }

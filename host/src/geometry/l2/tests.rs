@@ -182,8 +182,8 @@ fn in_the_frame_of_the_file_the_file_comes_back() {
         let positions = campaign.positions(30);
         let exact = campaign.measured(&positions, Vector3::zeros());
         let places = places(&exact, Vector3::repeat(SIGMA_M));
-        let found =
-            fit_agreeing(&places, campaign.start(&exact)).unwrap().in_frame_of(&campaign.file, &places).unwrap();
+        let found = fit_agreeing(&places, campaign.start(&exact)).unwrap();
+        let found = found.in_frame_of(&campaign.file, &places, &found.fit.seen.covariance()).unwrap();
         assert!((found.nominal.parameters() - campaign.file.parameters()).amax() < 1e-9);
         assert!((found.motion.to_homogeneous() - device.to_homogeneous()).amax() < 1e-9);
         let values = Svd::new(found.covariance.clone()).values;
@@ -202,10 +202,11 @@ fn the_covariance_in_the_frame_of_the_file_is_right() {
         let poses = campaign.measured(&positions, noise);
         let places = places(&poses, noise);
         let calibrated = fit_agreeing(&places, campaign.start(&poses)).unwrap();
-        let found = calibrated.in_frame_of(&campaign.file, &places).unwrap();
+        let covariance = calibrated.fit.seen.covariance();
+        let found = calibrated.in_frame_of(&campaign.file, &places, &covariance).unwrap();
         // The same frame of the truth: without noise.
         let truth = Calibrated { fit: Fit { state: campaign.truth, ..calibrated.fit.clone() }, ..calibrated.clone() };
-        let truth = truth.in_frame_of(&campaign.file, &places).unwrap().nominal;
+        let truth = truth.in_frame_of(&campaign.file, &places, &covariance).unwrap().nominal;
         campaign.truth = truth;
         squares += campaign.error_m(&found.nominal, &unseen).powi(2);
         expected += predicted_rms_m(&truth, configuration(), &found.covariance, &unseen).powi(2);

@@ -1,0 +1,71 @@
+//! Known points of a robot's base, in the robot's frame and as the device sees them: where the one lies in the other.
+
+use std::path::Path;
+
+use nalgebra::{Isometry3, Vector3};
+use serde::Deserialize;
+
+use super::{FileError, setup};
+use crate::geometry::frames::{apply, rigid};
+
+/// First line of a file of points.
+pub const FORMAT: &str = "gantry-tau frame 1";
+/// Largest distance between a point and where the others let expect it, m.
+const MOST_OFF_M: f64 = 1e-3;
+/// Smallest extent of the points across the line through the farthest two, m.
+const LEAST_WIDTH_M: f64 = 0.05;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FrameFile {
+    format: String,
+    point: Vec<PointEntry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PointEntry {
+    name: String,
+    robot_m: [f64; 3],
+    measured_m: [f64; 3],
+}
+
+/// Reads three or more points. Returns the motion that takes a place of the robot's frame to the device's.
+///
+/// # Errors
+/// [`FileError`]: too few points, points on a line, or one that is more than a millimetre from where the others let expect it.
+pub fn read(path: &Path) -> Result<Isometry3<f64>, FileError> {
+    let name = path.display().to_string();
+    let file: FrameFile = setup::read(path)?;
+    let refused =
+        |key: &str, reason: String| FileError { column: Some(key.to_owned()), ..FileError::whole(&name, reason) };
+    if file.format != FORMAT {
+        return Err(refused("format", format!("is {:?}; this program reads {FORMAT:?}", file.format)));
+    }
+    let pairs: Vec<(Vector3<f64>, Vector3<f64>)> =
+        file.point.iter().map(|point| (point.robot_m.into(), point.measured_m.into())).collect();
+    let few = || refused("point", format!("has {} entries; three that are not on a line are needed", pairs.len()));
+    let motion = rigid(&pairs).filter(|_| width_m(&pairs) > LEAST_WIDTH_M).ok_or_else(few)?;
+    for (point, (from, to)) in file.point.iter().zip(&pairs) {
+        let off_m = (to - apply(&motion, from)).norm();
+        // NaN is not below.
+        let is_near = off_m <= MOST_OFF_M;
+        if !is_near {
+            let key = format!("point.{}", point.name);
+            return Err(refused(&key, format!("is {:.2} mm from where the others let expect it", off_m * 1e3)));
+        }
+    }
+    Ok(motion)
+}
+
+/// Extent of the points across the line through two of them that are far apart, m.
+fn width_m(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> f64 {
+    let Some((first, _)) = pairs.first() else { return 0.0 };
+    let farthest = |from: &Vector3<f64>| {
+        let all = pairs.iter().map(|(point, _)| point - from);
+        all.max_by(|one, other| one.norm().total_cmp(&other.norm())).unwrap_or_else(Vector3::zeros)
+    };
+    let Some(along) = farthest(first).try_normalize(1e-9) else { return 0.0 };
+    let across = |point: &Vector3<f64>| (point - first).cross(&along).norm();
+    pairs.iter().map(|(point, _)| across(point)).fold(0.0, f64::max)
+}
