@@ -14,6 +14,7 @@ pub mod demo;
 pub mod draw;
 pub mod elastic;
 pub mod epoch;
+pub mod experiment;
 pub mod faults;
 pub mod files;
 pub mod fit;

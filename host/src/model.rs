@@ -14,9 +14,14 @@ use nalgebra::Vector3;
 pub const L2_MOTORS: usize = 3;
 /// Motors of the F1: two on each cart `[T 1.2.2]`, one for each of `q_4`, `q_5`, `q_6`.
 pub const F1_MOTORS: usize = 9;
+/// Largest difference between an entry of a rotation and that of a platform which does not turn.
+const ORIENTATION_TOLERANCE: f64 = 1e-6;
 
 /// Kind of machine with `N` axes.
 pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'static {
+    /// Name of the kind, as files have it under `model`.
+    const NAME: &'static str;
+
     /// Returns the CRC-32 of the parameters that decide the kinematics; the client compares it with the server's.
     fn checksum(&self) -> u32;
 
@@ -29,6 +34,12 @@ pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'stati
     /// # Errors
     /// [`KinematicsError`]: the point is out of reach or outside the travel.
     fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; N], KinematicsError>;
+
+    /// As [`axes_at`](Self::axes_at), in an orientation of the platform.
+    ///
+    /// # Errors
+    /// [`KinematicsError`]; [`KinematicsError::Unreachable`] with `arm` 0 for a platform that does not turn, and should.
+    fn axes_for(&self, pose: &Pose) -> Result<[f64; N], KinematicsError>;
 
     /// Returns the line matrix with the tool centre point at `tool_m` and the axes at `q`.
     ///
@@ -101,6 +112,8 @@ pub type L2 = l2::Kinematics;
 pub type F1 = f1::Kinematics;
 
 impl MachineKind<{ l2::AXES }> for L2 {
+    const NAME: &'static str = "l2";
+
     fn checksum(&self) -> u32 {
         self.robot().kinematics_checksum()
     }
@@ -111,6 +124,14 @@ impl MachineKind<{ l2::AXES }> for L2 {
 
     fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; l2::AXES], KinematicsError> {
         self.inverse_in_assembly(tool_m)
+    }
+
+    fn axes_for(&self, pose: &Pose) -> Result<[f64; l2::AXES], KinematicsError> {
+        let off = (self.pose(pose.position_m).rotation - pose.rotation).amax();
+        if off > ORIENTATION_TOLERANCE {
+            return Err(KinematicsError::Unreachable { arm: 0 });
+        }
+        self.inverse_in_assembly(&pose.position_m)
     }
 
     fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; l2::AXES]) -> Result<LineMatrix<{ l2::AXES }>, KinematicsError> {
@@ -128,6 +149,8 @@ impl MachineKind<{ l2::AXES }> for L2 {
 }
 
 impl MachineKind<{ f1::AXES }> for F1 {
+    const NAME: &'static str = "f1";
+
     fn checksum(&self) -> u32 {
         self.robot().kinematics_checksum()
     }
@@ -137,7 +160,11 @@ impl MachineKind<{ f1::AXES }> for F1 {
     }
 
     fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; f1::AXES], KinematicsError> {
-        let solution = self.inverse_in_assembly(&Pose::at(*tool_m), None)?;
+        self.axes_for(&Pose::at(*tool_m))
+    }
+
+    fn axes_for(&self, pose: &Pose) -> Result<[f64; f1::AXES], KinematicsError> {
+        let solution = self.inverse_in_assembly(pose, None)?;
         Ok(solution.value)
     }
 

@@ -4,6 +4,7 @@ mod calibrate;
 mod client;
 mod demo;
 mod draw;
+mod experiment;
 mod faults;
 mod replay;
 mod serve;
@@ -41,6 +42,7 @@ enum Command {
     Workspace(workspace::Workspace),
     Draw(draw::Draw),
     Calibrate(calibrate::Calibrate),
+    Experiment(experiment::Experiment),
     /// Kinematics, statics and compensation for scripts: one JSON request per line in, one JSON answer per line out
     ///
     /// Example: echo '{"id":1,"robot":"robots/l2.toml","op":"ik","T":[0.0,0.5,0.65]}' | gantry-tau solve
@@ -90,6 +92,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Workspace(workspace) => run_on(AnyRobotFile::named(&workspace.robot), workspace),
         Command::Draw(draw) => run_on(AnyRobotFile::named(&draw.robot), draw),
         Command::Calibrate(calibrate) => calibrate.run(),
+        Command::Experiment(experiment) => run_on(AnyRobotFile::named(&experiment.robot), experiment),
         Command::Solve => solve(),
     };
     outcome.unwrap_or_else(|error| fail(1, error))

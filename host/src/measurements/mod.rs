@@ -1,12 +1,14 @@
 //! Files of measurements: a set-up (TOML) and its table (CSV), read strictly. An unknown or missing key or column, or a number that cannot
 //! be, is an error that names file, line and column.
 
+pub mod plan;
 pub mod poses;
 mod setup;
 pub mod springs;
 mod table;
 
 use std::fmt;
+use std::path::Path;
 
 pub use table::MAX_ROWS;
 
@@ -26,6 +28,10 @@ pub struct FileError {
 impl FileError {
     fn whole(file: &str, reason: impl fmt::Display) -> Self {
         Self { file: file.to_owned(), line: None, column: None, reason: one_line(&reason.to_string()) }
+    }
+
+    fn key(file: &Path, key: String, reason: impl fmt::Display) -> Self {
+        Self { column: Some(key), ..Self::whole(&file.display().to_string(), reason) }
     }
 
     fn at(file: &str, line: u64, column: &str, reason: impl fmt::Display) -> Self {

@@ -1,7 +1,7 @@
 //! Campaigns of forces and gauges: windows of a load, and what the gauges showed.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 use serde::Deserialize;
@@ -19,7 +19,7 @@ pub const FORMAT: &str = "gantry-tau springs 1";
 /// Largest number of gauges.
 pub const MAX_GAUGES: usize = 16;
 /// Largest position of an axis, q-units; reading, µm; force, N; moment, N m; time, s.
-const MOST: [f64; 5] = [1e3, 2e4, 1e5, 1e5, 1e9];
+pub(super) const MOST: [f64; 5] = [1e3, 2e4, 1e5, 1e5, 1e9];
 /// Range of a standard deviation, in the unit of its key.
 const NOISE: (f64, f64) = (1e-6, 1e6);
 
@@ -183,20 +183,7 @@ pub struct Campaign<const N: usize> {
 /// # Errors
 /// [`FileError`].
 pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -> Result<Campaign<N>, FileError> {
-    let name = path.display().to_string();
-    let file: SetupFile = setup::read(path)?;
-    let refused =
-        |key: &str, reason: String| FileError { column: Some(key.to_owned()), ..FileError::whole(&name, reason) };
-    if file.format != FORMAT {
-        return Err(refused("format", format!("is {:?}; this program reads {FORMAT:?}", file.format)));
-    }
-    if file.model != model {
-        return Err(refused("model", format!("is {:?}, and the robot file's is {model:?}", file.model)));
-    }
-    check_noise(&file).map_err(|(key, reason)| refused(&key, reason))?;
-    let poses = poses(&file.pose).map_err(|(key, reason)| refused(&key, reason))?;
-    let gauges = gauges(&file.gauge, metres_per_q).map_err(|(key, reason)| refused(&key, reason))?;
-    let table = setup::beside(path, &file.measurements);
+    let Setup { noise, setup, poses, gauges, table, series: plan } = Setup::read(path, model, metres_per_q)?;
     let mut reader = Windows { poses: &poses, gauges: &gauges, series: Vec::new(), mountings: Vec::new() };
     let windows = reader.read::<N>(&table)?;
     let (series, mountings) = (reader.series, reader.mountings);
@@ -206,18 +193,52 @@ pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -
         table: named,
         crc: crc32fast::hash(&bytes),
         metres_per_q: *metres_per_q,
-        noise: file.noise,
-        setup: file.setup.unwrap_or_default(),
+        noise,
+        setup,
         poses,
         gauges,
         series,
         mountings,
         windows,
-        plan: file.series,
+        plan,
     })
 }
 
-type Refused = (String, String);
+/// A set-up, checked, without its table.
+pub(super) struct Setup {
+    pub(super) noise: Noise,
+    pub(super) setup: SetupNoise,
+    pub(super) poses: Vec<(String, Pose)>,
+    pub(super) gauges: Vec<NamedGauge>,
+    pub(super) table: PathBuf,
+    pub(super) series: Vec<SeriesEntry>,
+}
+
+impl Setup {
+    pub(super) fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -> Result<Self, FileError> {
+        let file: SetupFile = setup::read(path)?;
+        let refused = |(key, reason): Refused| FileError::key(path, key, reason);
+        if file.format != FORMAT {
+            let reason = format!("is {:?}; this program reads {FORMAT:?}", file.format);
+            return Err(refused(("format".to_owned(), reason)));
+        }
+        if file.model != model {
+            let reason = format!("is {:?}, and the robot file's is {model:?}", file.model);
+            return Err(refused(("model".to_owned(), reason)));
+        }
+        check_noise(&file).map_err(refused)?;
+        Ok(Self {
+            noise: file.noise,
+            setup: file.setup.unwrap_or_default(),
+            poses: poses(&file.pose).map_err(refused)?,
+            gauges: gauges(&file.gauge, metres_per_q).map_err(refused)?,
+            table: setup::beside(path, &file.measurements),
+            series: file.series,
+        })
+    }
+}
+
+pub(super) type Refused = (String, String);
 
 fn check_noise(file: &SetupFile) -> Result<(), Refused> {
     let Noise { gauge_um, force_n, moment_nm } = file.noise;
@@ -295,6 +316,18 @@ fn gauges<const N: usize>(entries: &[GaugeEntry], metres_per_q: &[f64; N]) -> Re
     Ok(gauges)
 }
 
+/// Reads the table of a set-up that is known; each window with the name of its series.
+pub(crate) fn windows_of<const N: usize>(
+    table: &Path,
+    poses: &[(String, Pose)],
+    gauges: &[NamedGauge],
+) -> Result<Vec<(String, Window<N>)>, FileError> {
+    let mut reader = Windows { poses, gauges, series: Vec::new(), mountings: Vec::new() };
+    let windows = reader.read(table)?;
+    let name = |window: &Window<N>| reader.series.get(window.series).cloned().unwrap_or_default();
+    Ok(windows.into_iter().map(|window| (name(&window), window)).collect())
+}
+
 /// Reader of the table.
 struct Windows<'a> {
     poses: &'a [(String, Pose)],
@@ -304,7 +337,7 @@ struct Windows<'a> {
 }
 
 /// Columns of the load.
-const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
+pub(crate) const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
 
 impl Windows<'_> {
     fn read<const N: usize>(&mut self, path: &Path) -> Result<Vec<Window<N>>, FileError> {

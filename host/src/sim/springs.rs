@@ -8,39 +8,89 @@ use rand_chacha::ChaCha8Rng;
 
 use super::parameters::{SimulationError, SimulationParameters};
 use crate::elastic::backlash::Backlash;
-use crate::elastic::{ElasticMachine, Equilibrium};
+use crate::elastic::{ElasticError, ElasticMachine, Equilibrium};
 use crate::robot_file::Simulation;
 
-/// Deviates every nominal spring by its own seeded share, and gives the joint of arm 3 its backlash.
+/// The springs of one machine, and the side that the joint of arm 3 is on.
 ///
-/// # Errors
-/// [`SimulationError`] naming the parameter.
-pub fn true_springs<const N: usize>(
-    geometry: &f1::Geometry,
+/// With `jump_hysteresis_n` the joint follows a falling force late, as friction makes it: it opens at `jump_force_n`, and closes at a force
+/// lower by the hysteresis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrueSprings<const N: usize> {
+    opening: ElasticMachine<N>,
+    closing: ElasticMachine<N>,
+    is_open: bool,
+}
+
+impl<const N: usize> TrueSprings<N> {
+    /// Deviates every nominal spring by its own seeded share, and gives the joint of arm 3 its backlash.
+    ///
+    /// # Errors
+    /// [`SimulationError`] naming the parameter.
+    pub fn new(
+        geometry: &f1::Geometry,
+        nominal: &Compliances<N>,
+        parameters: &SimulationParameters<N>,
+    ) -> Result<Self, SimulationError> {
+        let compliances = deviated(nominal, &parameters.simulation)?;
+        let rigid_joint = ElasticMachine::new(*geometry, compliances, Backlash::NONE);
+        let Simulation { jump_force_n, jump_hysteresis_n, .. } = parameters.simulation;
+        let jumping_at = |force_n| {
+            let backlash = backlash(&rigid_joint, parameters, force_n)?;
+            Ok(ElasticMachine::new(*geometry, compliances, backlash))
+        };
+        let opening = jumping_at(jump_force_n)?;
+        let closing = if jump_hysteresis_n > 0.0 { jumping_at(jump_force_n - jump_hysteresis_n)? } else { opening };
+        Ok(Self { opening, closing, is_open: false })
+    }
+
+    /// Returns the machine as its joint stands now.
+    #[must_use]
+    pub const fn machine(&self) -> &ElasticMachine<N> {
+        if self.is_open { &self.closing } else { &self.opening }
+    }
+
+    /// Finds the pose under a load, as [`ElasticMachine::equilibrium`] does, and moves the joint to the side that it is then on.
+    ///
+    /// # Errors
+    /// As [`ElasticMachine::equilibrium`].
+    pub fn settle(
+        &mut self,
+        axes: &[f64; N],
+        load: &Vector6<f64>,
+        start: &Equilibrium<N>,
+    ) -> Result<Equilibrium<N>, ElasticError> {
+        let now = self.machine().equilibrium(axes, load, start)?;
+        let crossed = self.machine().backlash().crossed(now.cluster_3_n());
+        self.is_open = if self.is_open { crossed > 0.0 } else { crossed >= 1.0 };
+        Ok(now)
+    }
+}
+
+fn deviated<const N: usize>(
     nominal: &Compliances<N>,
-    parameters: &SimulationParameters<N>,
-) -> Result<ElasticMachine<N>, SimulationError> {
-    let deviation = parameters.simulation.spring_deviation;
-    let mut random = ChaCha8Rng::seed_from_u64(parameters.simulation.seed);
+    simulation: &Simulation,
+) -> Result<Compliances<N>, SimulationError> {
+    let deviation = simulation.spring_deviation;
+    let mut random = ChaCha8Rng::seed_from_u64(simulation.seed);
     let mut deviated = |value: f64| value * (1.0 + deviation * (2.0 * random.random::<f64>() - 1.0));
     let links: [f64; LINKS] = nominal.link_m_per_n().map(&mut deviated);
     let axes: [f64; N] = nominal.cart_m_per_n().map(&mut deviated);
-    let compliances = Compliances::new(links, axes).map_err(SimulationError::Compliances)?;
-    let rigid_joint = ElasticMachine::new(*geometry, compliances, Backlash::NONE);
-    Ok(ElasticMachine::new(*geometry, compliances, backlash(&rigid_joint, parameters)?))
+    Compliances::new(links, axes).map_err(SimulationError::Compliances)
 }
 
-/// Returns the backlash whose preload at rest is cancelled at home by `jump_force_n` in x.
+/// Returns the backlash whose preload at rest is cancelled at home by `force_n` in x.
 fn backlash<const N: usize>(
     rigid_joint: &ElasticMachine<N>,
     parameters: &SimulationParameters<N>,
+    force_n: f64,
 ) -> Result<Backlash, SimulationError> {
-    let Simulation { jump_gap_m, jump_force_n, home_m, .. } = parameters.simulation;
+    let Simulation { jump_gap_m, home_m, .. } = parameters.simulation;
     if jump_gap_m <= 0.0 {
         return Ok(Backlash::NONE);
     }
     let start = Equilibrium::at_home(home_m);
-    let load = Vector6::new(jump_force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let load = Vector6::new(force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
     let at_jump = rigid_joint.equilibrium(&parameters.home_q, &load, &start).map_err(SimulationError::Springs)?;
     Backlash::new(jump_gap_m, -at_jump.cluster_3_n()).ok_or(SimulationError::NoJump)
 }
@@ -54,7 +104,7 @@ mod tests {
         let mut parameters = fixture::parameters();
         (parameters.simulation.seed, parameters.simulation.spring_deviation) = (seed, spring_deviation);
         let l2 = Vectors::l2();
-        *true_springs(&l2.geometry, &l2.compliances, &parameters).unwrap().compliances()
+        *TrueSprings::new(&l2.geometry, &l2.compliances, &parameters).unwrap().machine().compliances()
     }
 
     #[test]
@@ -71,5 +121,36 @@ mod tests {
                 assert!((true_value / value - 1.0).abs() <= 0.15 + 1e-12);
             }
         }
+    }
+
+    /// Forces in x at which the joint has moved, while the force rises to 420 N and falls again.
+    fn jumps(hysteresis_n: f64) -> (f64, f64) {
+        let mut parameters = fixture::parameters();
+        parameters.simulation.jump_hysteresis_n = hysteresis_n;
+        let l2 = Vectors::l2();
+        let mut springs = TrueSprings::new(&l2.geometry, &l2.compliances, &parameters).unwrap();
+        let mut now = Equilibrium::at_home(parameters.simulation.home_m);
+        let (mut opened, mut closed) = (f64::NAN, f64::NAN);
+        for step in (0..=420).chain((0..420).rev()) {
+            let force = f64::from(step);
+            let was_open = springs.is_open;
+            let load = Vector6::new(force, 0.0, 0.0, 0.0, 0.0, 0.0);
+            now = springs.settle(&parameters.home_q, &load, &now).unwrap();
+            match (was_open, springs.is_open) {
+                (false, true) => opened = force,
+                (true, false) => closed = force,
+                _ => {}
+            }
+        }
+        (opened, closed)
+    }
+
+    /// The joint crosses within 4 N of cluster force, some 9 N in x: half before and half after the force of the file.
+    #[test]
+    fn the_joint_closes_later_than_it_opened() {
+        let (opened, closed) = jumps(0.0);
+        assert!((opened - 360.0).abs() < 10.0 && (closed - 360.0).abs() < 10.0, "{opened} {closed}");
+        let (opened, closed) = jumps(25.0);
+        assert!((opened - 360.0).abs() < 10.0 && (closed - 335.0).abs() < 10.0, "{opened} {closed}");
     }
 }
