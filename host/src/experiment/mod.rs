@@ -2,6 +2,7 @@
 //!
 //! | module | contents |
 //! |---|---|
+//! | [`windows`] | settle test and mean: windows from samples |
 //! | [`prediction`] | load on the platform from the force sensor, which turns with the platform |
 //! | [`table`] | the table, row by row; goes on where it ended |
 //! | [`simulated`] | the whole campaign on the simulated machine, without sockets |
@@ -12,6 +13,7 @@ pub(crate) mod fixture;
 pub mod prediction;
 pub mod simulated;
 pub mod table;
+pub mod windows;
 
 use crate::elastic::ElasticError;
 use crate::measurements::FileError;

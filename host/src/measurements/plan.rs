@@ -112,8 +112,8 @@ impl<const N: usize> Plan<N> {
             return Err(refused("pose", format!("{:?} is not in the set-up", entry.pose)));
         };
         let direction = Vector3::from(entry.direction);
-        // Not `> 1e-6`: NaN is refused too.
-        if !((direction.norm() - 1.0).abs() <= 1e-6) {
+        // `contains` refuses NaN.
+        if !(1.0 - 1e-6..=1.0 + 1e-6).contains(&direction.norm()) {
             return Err(refused("direction", format!("has length {}, not 1", direction.norm())));
         }
         if !entry.hook_m.iter().all(|coordinate| coordinate.abs() <= FARTHEST_M) {

@@ -291,7 +291,8 @@ fn gauges<const N: usize>(entries: &[GaugeEntry], metres_per_q: &[f64; N]) -> Re
         let gauge = match (entry.on.as_str(), entry.point_m, entry.axis, entry.axis_number) {
             ("platform", Some(point_m), Some(axis), None) => {
                 let axis = Vector3::from(axis);
-                if (axis.norm() - 1.0).abs() > 1e-6 {
+                // `contains` refuses NaN.
+                if !(1.0 - 1e-6..=1.0 + 1e-6).contains(&axis.norm()) {
                     return Err((key("axis"), format!("has length {}, not 1", axis.norm())));
                 }
                 if !point_m.iter().all(|coordinate| coordinate.abs() <= 10.0) {
