@@ -70,6 +70,18 @@ pub(crate) fn campaign_a(setup: &str, levels: &[u32]) -> String {
     text
 }
 
+/// The first series of a plan; the second of them at another pose.
+pub(crate) fn first_series(plan: &str, count: usize) -> String {
+    let mut parts = plan.split("[[series]]");
+    let mut text = parts.next().unwrap().to_owned();
+    text += "[[pose]]\nname = \"aside\"\nT = [0.02, 0.5, 0.65]\n";
+    for (index, series) in parts.take(count).enumerate() {
+        let series = if index == 1 { series.replace("\"home\"", "\"aside\"") } else { series.to_owned() };
+        text += &format!("[[series]]{series}");
+    }
+    text
+}
+
 /// Writes a plan of the L2 and reads it.
 pub(crate) fn plan_in(folder: &Folder, text: &str) -> Plan<3> {
     let path = folder.path("plan.toml");

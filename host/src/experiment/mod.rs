@@ -6,11 +6,14 @@
 //! | [`prediction`] | load on the platform from the force sensor, which turns with the platform |
 //! | [`table`] | the table, row by row; goes on where it ended |
 //! | [`simulated`] | the whole campaign on the simulated machine, without sockets |
+//! | [`live`] | on a machine behind a server, window by window |
 #![expect(clippy::indexing_slicing, reason = "plans are checked when they are read: their indices are in range")]
 
 #[cfg(test)]
 pub(crate) mod fixture;
+pub mod live;
 pub mod prediction;
+mod raw;
 pub mod simulated;
 pub mod table;
 pub mod windows;

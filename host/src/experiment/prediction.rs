@@ -59,12 +59,30 @@ impl<const N: usize> Prediction<N> {
         q: &[f64; N],
         start: &Equilibrium<N>,
     ) -> Result<Vector6<f64>, ElasticError> {
+        self.load_and_turn(seen, q, start).map(|(load, _)| load)
+    }
+
+    /// As [`load`](Self::load), with the rotation of the platform that was predicted.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn load_and_turn(
+        &self,
+        seen: &Vector6<f64>,
+        q: &[f64; N],
+        start: &Equilibrium<N>,
+    ) -> Result<(Vector6<f64>, UnitQuaternion<f64>), ElasticError> {
         let mut now = *start;
         for _ in 0..ROUNDS {
-            let load = self.mounting.load(seen, &now.pose.rotation);
-            now = self.machine.equilibrium(q, &load, &now)?;
+            now = self.machine.equilibrium(q, &self.turned(seen, &now.pose.rotation), &now)?;
         }
-        Ok(self.mounting.load(seen, &now.pose.rotation))
+        Ok((self.turned(seen, &now.pose.rotation), now.pose.rotation))
+    }
+
+    /// Returns the load with the platform in a rotation that is known.
+    #[must_use]
+    pub fn turned(&self, seen: &Vector6<f64>, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
+        self.mounting.load(seen, platform)
     }
 }
 

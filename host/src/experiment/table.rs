@@ -141,6 +141,22 @@ impl Table {
         self.taken.is_empty()
     }
 
+    /// Adds the series that were mounted anew in the middle to a plan, as [`Plan::remount`] names them. Returns the windows (series, level)
+    /// of those that they replace, which are not to be taken any more.
+    pub fn remounted<const N: usize>(&self, plan: &mut Plan<N>) -> HashSet<(usize, usize)> {
+        let mut replaced = HashSet::new();
+        let mut series = 0;
+        while series < plan.series.len() {
+            let again = plan.name_again(series);
+            if self.taken.iter().any(|(name, _)| *name == again) {
+                plan.remount(series);
+                replaced.extend((0..plan.series[series].levels_n.len()).map(|level| (series, level)));
+            }
+            series += 1;
+        }
+        replaced
+    }
+
     /// Time of the last row, s; 0 in a new table.
     #[must_use]
     pub const fn last_s(&self) -> f64 {

@@ -100,6 +100,25 @@ pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -
 }
 
 impl<const N: usize> Plan<N> {
+    /// Adds a series after another, the same with a mounting of its own: `x` is followed by `x.2`, that by `x.3`.
+    pub fn remount(&mut self, series: usize) {
+        let name = self.name_again(series);
+        if let Some(planned) = self.series.get(series) {
+            let again = PlannedSeries { name, ..planned.clone() };
+            self.series.insert(series + 1, again);
+        }
+    }
+
+    /// Name of the series that [`remount`](Self::remount) adds.
+    #[must_use]
+    pub fn name_again(&self, series: usize) -> String {
+        let name = self.series.get(series).map_or("", |planned| &planned.name);
+        match name.rsplit_once('.').and_then(|(base, count)| Some((base, count.parse::<u32>().ok()?))) {
+            Some((base, count)) => format!("{base}.{}", count.saturating_add(1)),
+            None => format!("{name}.2"),
+        }
+    }
+
     fn add(&mut self, entry: &SeriesEntry) -> Result<(), Refused> {
         let refused = |key: &str, reason: String| (key.to_owned(), reason);
         if entry.name.is_empty() || self.series.iter().any(|series| series.name == entry.name) {

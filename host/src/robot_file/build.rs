@@ -7,8 +7,11 @@ use gantry_tau_core::control::session::config::{Config, Parameters};
 use gantry_tau_core::model::robot::Compliances;
 
 use super::{RobotFile, RobotFileError};
+use crate::gauge_link::GaugePublisher;
+use crate::measurements::plan::Plan;
 use crate::model::MachineKind;
-use crate::sim::load_generator::AppliedLoad;
+use crate::sim::campaign::CampaignMachine;
+use crate::sim::load_generator::{AppliedLoad, load_generator};
 use crate::sim::machine::SimulatedMachine;
 use crate::sim::parameters::{Motion, SimulationParameters};
 use crate::sim::springs::TrueSprings;
@@ -92,5 +95,24 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             metres_per_q: self.metres_per_q,
             motion,
         })
+    }
+
+    /// The simulated machine of this file in a campaign; its gauges are shown on `link`.
+    ///
+    /// # Errors
+    /// As [`simulated_machine`](Self::simulated_machine), and for a pose of the plan that the machine cannot take.
+    pub fn campaign_machine<const M: usize>(
+        &self,
+        plan: Plan<N>,
+        link: GaugePublisher,
+    ) -> Result<CampaignMachine<N, M>, RobotFileError> {
+        let (hand, tool) = load_generator();
+        let machine = self.simulated_machine(tool, Motion::Hold)?;
+        let places = plan.poses.iter().map(|(name, pose)| {
+            self.model.axes_for(pose).map_err(|error| self.refuse(&format!("pose {name} of the plan"), error))
+        });
+        let places = places.collect::<Result<Vec<[f64; N]>, RobotFileError>>()?;
+        CampaignMachine::new(machine, hand, plan, places, &self.simulation, &self.home_q()?, link)
+            .map_err(|error| self.refuse("simulation", error))
     }
 }

@@ -22,7 +22,7 @@ use super::interpolator::Interpolator;
 use super::load_generator::{AppliedLoad, Load};
 use super::parameters::{SimulationError, SimulationParameters};
 use super::springs::TrueSprings;
-use crate::elastic::{ElasticError, Equilibrium};
+use crate::elastic::{ElasticError, ElasticMachine, Equilibrium};
 use crate::plant::{Plant, PlantError, Reading, ToolReading};
 
 /// Largest number of cycles that one `read` simulates; further time is skipped.
@@ -88,6 +88,18 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         machine.settle_platform().map_err(SimulationError::Springs)?;
         machine.sample = machine.sensor.sample(&Vector6::zeros(), &machine.loaded.pose.rotation);
         Ok(machine)
+    }
+
+    /// Returns the platform under load.
+    #[must_use]
+    pub const fn loaded(&self) -> &Equilibrium<N> {
+        &self.loaded
+    }
+
+    /// Returns the springs, as they stand.
+    #[must_use]
+    pub const fn springs(&self) -> &ElasticMachine<N> {
+        self.springs.machine()
     }
 
     /// Runs one cycle of 1 ms.

@@ -8,6 +8,7 @@
 //! | module | contents |
 //! |---|---|
 //! | [`springs`] | the true compliances of one machine |
+//! | [`campaign`] | the machine in a campaign: poses, levels, gauges |
 //! | [`drive`] | cascade of an axis `[T 4.1.7]` |
 //! | [`interpolator`] | nominal references, in place of the NC kernel `[T 4.1.1]` |
 //! | [`gauges`] | length gauges of a campaign, with zeros, errors and drift |
@@ -32,6 +33,7 @@
     )
 )]
 
+pub mod campaign;
 pub mod drive;
 pub mod force_sensor;
 pub mod gauges;
