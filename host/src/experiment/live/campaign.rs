@@ -1,10 +1,15 @@
 //! Progress of a campaign: pose, mounting, tare, levels.
 
+mod keys;
+mod prompts;
+mod pull;
+
 use std::collections::HashSet;
 use std::path::Path;
 
 use gantry_tau_core::units::{Metres, PositionNm};
-use nalgebra::{UnitQuaternion, Vector6};
+use nalgebra::Vector6;
+use pull::{Clock, Pull, tolerance_n};
 
 use super::LiveReport;
 use super::probe::Tick;
@@ -22,18 +27,9 @@ use crate::robot_file::RobotFile;
 const IN_PLACE_NM: u64 = 100_000;
 /// Ticks that the nominal positions must stand still.
 const STILL_TICKS: u32 = 500;
-/// Ticks over which the pull is averaged.
-const PULL_TICKS: u32 = 100;
 /// Ticks that gauges must be away to count as mounted anew; and, in the middle of a series, to end it where nobody is asked.
 const REMOUNT_TICKS: u32 = 200;
 const LOST_TICKS: u32 = 1_000;
-/// Ticks between two reminders.
-const REMIND_TICKS: u64 = 5_000;
-/// Largest difference of a pull from its level: as a share, at least in newtons, at most as a share of the way to the next level.
-const PULL_SHARE: f64 = 0.1;
-const PULL_LEAST_N: f64 = 5.0;
-const PULL_APART: f64 = 0.4;
-
 /// What the campaign waits for.
 #[derive(Clone, Debug, PartialEq)]
 enum Stage<const N: usize> {
@@ -85,37 +81,6 @@ pub(super) struct Campaign<const N: usize> {
     taken: usize,
 }
 
-/// Pull of the strap, averaged.
-#[derive(Clone, Copy, Debug, Default)]
-struct Pull {
-    sum: Vector6<f64>,
-    count: u32,
-    /// Force along the direction of the series, N.
-    force_n: f64,
-    is_at_level: bool,
-    rotation: UnitQuaternion<f64>,
-}
-
-/// Time since the campaign began: it goes on where the table ended, and stands while the session is lost.
-#[derive(Clone, Copy, Debug)]
-struct Clock {
-    base_s: f64,
-    origin: Option<u64>,
-    now_s: f64,
-}
-
-impl Clock {
-    fn at(&mut self, tick: u64) -> f64 {
-        let origin = *self.origin.get_or_insert(tick);
-        self.now_s = self.base_s + tick.saturating_sub(origin) as f64 * TICK_S;
-        self.now_s
-    }
-
-    const fn pause(&mut self) {
-        (self.base_s, self.origin) = (self.now_s, None);
-    }
-}
-
 impl<const N: usize> Campaign<N> {
     pub(super) fn new<K: MachineKind<N>>(
         robot: &RobotFile<K, N>,
@@ -138,7 +103,7 @@ impl<const N: usize> Campaign<N> {
         let skipped = table.remounted(&mut plan);
         let raw = raw.map(|path| RawTable::create(path, &plan)).transpose()?;
         let rules = Rules::new(plan.noise);
-        let clock = Clock { base_s: table.last_s(), origin: None, now_s: table.last_s() };
+        let clock = Clock::from(table.last_s());
         let mut campaign = Self {
             plan,
             table,
@@ -216,7 +181,7 @@ impl<const N: usize> Campaign<N> {
                     self.begin();
                 } else {
                     self.stage = Stage::Level;
-                    self.remind(format_args!("pull to {} N", self.level_n()));
+                    tracing::info!("pull to {} N", self.level_n());
                 }
                 return;
             }
@@ -227,37 +192,6 @@ impl<const N: usize> Campaign<N> {
 
     fn level_n(&self) -> f64 {
         self.plan.series[self.series].levels_n[self.level]
-    }
-
-    /// Takes a line that was typed.
-    pub(super) fn key(&mut self, line: &str) -> Result<(), ExperimentError> {
-        match (line, &self.stage) {
-            (_, Stage::Done) => {}
-            ("", Stage::Mounting) => self.is_confirmed = true,
-            ("", _) => {}
-            ("again", _) => match self.last_taken {
-                Some((series, level)) if series == self.series && self.tare.is_some() => {
-                    self.level = level;
-                    self.collector.restart();
-                    self.stage = Stage::Level;
-                }
-                _ => tracing::warn!("no window of this series was taken since the tare"),
-            },
-            ("skip", Stage::Level | Stage::Typing { .. }) => {
-                self.skipped.insert((self.series, self.level));
-                self.collector.restart();
-                self.seek();
-            }
-            ("skip", _) => self.give_up(),
-            ("remount", _) => {
-                self.plan.remount(self.series);
-                self.skipped = self.skipped.iter().map(|&(s, l)| (s + usize::from(s > self.series), l)).collect();
-                self.give_up();
-            }
-            (_, Stage::Typing { .. }) => return self.type_in(line),
-            _ => tracing::warn!("unknown command {line:?}: expected again, skip, remount, quit or Enter"),
-        }
-        Ok(())
     }
 
     /// Leaves the rest of a series out.
@@ -282,7 +216,7 @@ impl<const N: usize> Campaign<N> {
                 *still = if is_in_place && self.last_nominal == Some(tick.nominal) { *still + 1 } else { 0 };
                 if *still >= STILL_TICKS {
                     self.stage = Stage::Mounting;
-                    self.ask_for_mounting();
+                    tracing::info!("{}", self.mounting_text());
                 } else {
                     self.remind_at(tick.sample.tick, &|campaign| campaign.pose_text(&tick.nominal));
                 }
@@ -337,7 +271,7 @@ impl<const N: usize> Campaign<N> {
         if is_ready && self.away == 0 {
             self.collector.restart();
             self.stage = Stage::Tare;
-            self.remind(format_args!("the sensor is tared; keep the strap slack"));
+            tracing::info!("the sensor is tared; keep the strap slack");
         } else {
             self.remind_at(sample.tick, &|campaign| campaign.mounting_text());
         }
@@ -365,10 +299,8 @@ impl<const N: usize> Campaign<N> {
             let load = self.prediction.turned(&raw, &self.pull.rotation);
             table.write(&self.plan, (self.series, self.level), sample, &load)?;
         }
-        self.pull.sum += raw;
-        self.pull.count += 1;
-        if self.pull.count == PULL_TICKS {
-            self.note_pull(sample)?;
+        if let Some(seen) = self.pull.add(&raw) {
+            self.note_pull(&seen, sample)?;
         }
         if !self.pull.is_at_level {
             return Ok(());
@@ -376,7 +308,7 @@ impl<const N: usize> Campaign<N> {
         match self.collector.feed(sample) {
             Progress::Settling | Progress::Averaging => {}
             Progress::Refused { drift_n } => {
-                self.remind(format_args!("the force has drifted by {drift_n:.1} N; the window is taken again"));
+                tracing::info!("the force has drifted by {drift_n:.1} N; the window is taken again");
             }
             Progress::Taken(means) => return self.take(means, time_s),
         }
@@ -384,30 +316,20 @@ impl<const N: usize> Campaign<N> {
     }
 
     /// Judges the pull of the last tenth of a second.
-    fn note_pull(&mut self, sample: &Sample<N>) -> Result<(), ExperimentError> {
-        let seen = self.pull.sum / f64::from(self.pull.count);
-        let load = self.load(&seen, &sample.q)?;
+    fn note_pull(&mut self, seen: &Vector6<f64>, sample: &Sample<N>) -> Result<(), ExperimentError> {
+        let load = self.load(seen, &sample.q)?;
         let series = &self.plan.series[self.series];
         let force_n = load.fixed_rows::<3>(0).dot(&series.direction);
-        let is_at_level = (force_n - self.level_n()).abs() <= self.tolerance_n();
+        let is_at_level = (force_n - self.level_n()).abs() <= tolerance_n(&series.levels_n, self.level_n());
         if is_at_level && !self.pull.is_at_level {
             self.collector.restart();
             tracing::info!("{}: {force_n:.0} N; settling", self.window_text());
         }
-        self.pull = Pull { force_n, is_at_level, sum: Vector6::zeros(), count: 0, ..self.pull };
+        (self.pull.force_n, self.pull.is_at_level) = (force_n, is_at_level);
         if !is_at_level {
             self.remind_at(sample.tick, &|campaign| campaign.pull_text());
         }
         Ok(())
-    }
-
-    /// Largest difference of a pull from the level: less than half the way to any other level.
-    fn tolerance_n(&self) -> f64 {
-        let level_n = self.level_n();
-        let levels = self.plan.series[self.series].levels_n.iter();
-        let apart =
-            levels.map(|other| (other - level_n).abs()).filter(|apart| *apart > 0.0).fold(f64::INFINITY, f64::min);
-        (PULL_SHARE * level_n).max(PULL_LEAST_N).min(PULL_APART * apart)
     }
 
     fn unloaded(&self) -> &Equilibrium<N> {
@@ -438,32 +360,9 @@ impl<const N: usize> Campaign<N> {
             let sds: Vec<Option<f64>> = sds.map(|mean| Some(mean.sd_m.max(least_m))).collect();
             return self.write(&means, load, &lengths, &sds, time_s);
         }
-        self.remind(format_args!("type the readings of the gauges, um: {}", self.names_of_gauges().join(" ")));
+        tracing::info!("type the readings of the gauges, um: {}", self.names_of_gauges().join(" "));
         self.stage = Stage::Typing { means, load };
         Ok(())
-    }
-
-    fn names_of_gauges(&self) -> Vec<String> {
-        let series = &self.plan.series[self.series];
-        series.gauges.iter().map(|gauge| self.plan.gauges[*gauge].name.clone()).collect()
-    }
-
-    fn type_in(&mut self, line: &str) -> Result<(), ExperimentError> {
-        let Stage::Typing { means, load } = self.stage.clone() else { return Ok(()) };
-        let read = &self.plan.series[self.series].gauges;
-        let typed: Vec<f64> = line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-        let is_usable = typed.len() == read.len() && line.split_whitespace().count() == read.len();
-        if !is_usable || !typed.iter().all(|um| um.abs() <= 2e4) {
-            tracing::warn!("expected {} numbers in um: {}", read.len(), self.names_of_gauges().join(" "));
-            return Ok(());
-        }
-        let mut lengths = vec![0.0; self.plan.gauges.len()];
-        for (gauge, um) in read.iter().zip(typed) {
-            lengths[*gauge] = um * 1e-6;
-        }
-        let sds = vec![None; lengths.len()];
-        let time_s = self.clock.now_s;
-        self.write(&means, load, &lengths, &sds, time_s)
     }
 
     fn write(
@@ -499,51 +398,7 @@ impl<const N: usize> Campaign<N> {
         self.seek();
         Ok(())
     }
-
-    fn window_text(&self) -> String {
-        let series = &self.plan.series[self.series];
-        format!("series {}, window {} of {}", series.name, self.level + 1, series.levels_n.len())
-    }
-
-    fn pull_text(&self) -> String {
-        let series = &self.plan.series[self.series];
-        let ([x, y, z], [u, v, w]) = (series.hook_m.into(), series.direction.into());
-        let (window, level_n, now_n) = (self.window_text(), self.level_n(), self.pull.force_n);
-        format!("{window}: pull to {level_n} N along ({u}, {v}, {w}) at the hook ({x}, {y}, {z}) m: now {now_n:.0} N")
-    }
-
-    fn pose_text(&self, nominal: &[PositionNm; N]) -> String {
-        let series = &self.plan.series[self.series];
-        let (name, _) = &self.plan.poses[series.pose];
-        let place = &self.places[series.pose];
-        let off = nominal.iter().zip(&place.nominal).map(|(is, planned)| is.0.abs_diff(planned.0)).max().unwrap_or(0);
-        format!(
-            "series {}: waiting for pose {name}; the farthest axis is {:.2} mm away",
-            series.name,
-            off as f64 * 1e-6
-        )
-    }
-
-    fn mounting_text(&self) -> String {
-        let series = &self.plan.series[self.series];
-        let mounting = &self.plan.mountings[series.mounting];
-        let wait = if self.is_unattended { "waiting for the gauges" } else { "press Enter with the strap slack" };
-        format!("series {}: mount {mounting}; {wait}", series.name)
-    }
-
-    fn ask_for_mounting(&self) {
-        self.remind(format_args!("{}", self.mounting_text()));
-    }
-
-    fn remind(&self, text: std::fmt::Arguments<'_>) {
-        tracing::info!("{text}");
-    }
-
-    /// Says what is waited for, now and then.
-    fn remind_at(&mut self, tick: u64, text: &dyn Fn(&Self) -> String) {
-        if tick.abs_diff(self.reminded) >= REMIND_TICKS {
-            self.reminded = tick;
-            tracing::info!("{}", text(self));
-        }
-    }
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::net::TcpListener;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{Sender, channel};
 
 use gantry_tau_core::control::message::Capabilities;
@@ -41,6 +42,7 @@ struct Bench {
     server: Server<3>,
     sensor: SocketAddr,
     gauges: SocketAddr,
+    ticks: Arc<AtomicU64>,
 }
 
 impl Bench {
@@ -55,9 +57,16 @@ impl Bench {
         let motors = robot.motor_map().unwrap();
         let cycle = Cycle::new(config, motors, machine, EpochRange::VOLATILE, StopLatch::volatile(), loopback());
         let (server, mut rows) = Server::spawn(cycle.unwrap().with_sensor(sensor), TickSource::Lockstep).unwrap();
+        let ticks = Arc::new(AtomicU64::new(0));
+        let seen = Arc::clone(&ticks);
         // Ends with the server.
-        std::thread::spawn(move || drain(&mut rows, |row| switch.see(row.state.phase)));
-        Self { server, sensor: sensor_address, gauges }
+        std::thread::spawn(move || {
+            drain(&mut rows, |row| {
+                switch.see(row.state.phase);
+                seen.store(row.state.tick.0, Ordering::Relaxed);
+            });
+        });
+        Self { server, sensor: sensor_address, gauges, ticks }
     }
 
     fn options(&self, robot: &RobotFile<L2, 3>, plan: &Plan<3>, output: &Path) -> LiveOptions<L2, 3> {
@@ -190,8 +199,12 @@ fn an_interrupted_campaign_goes_on_where_it_ended() {
     bench.server.quit().unwrap();
 }
 
-/// Runs a campaign whose gauges say what `talk` writes; returns the error and the rows.
-fn with_gauges(name: &str, talk: impl Fn(u64) -> Vec<u8> + Send + 'static) -> (Option<String>, usize) {
+/// Runs a campaign whose gauges say what `talk` makes of the number of a record and of the rows that are taken, and hang up where that is
+/// nothing. Ends a pause once the machine has pulled all its levels, or has been called five times. Returns the error and the rows.
+fn with_gauges(
+    name: &str,
+    talk: impl Fn(u64, usize) -> Vec<u8> + Send + 'static,
+) -> (Result<LiveReport, String>, usize) {
     let folder = Folder::new(name);
     let text = first_series(&campaign_a("", &[0, 60, 0]), 1);
     let (robot, plan) = (robot(), plan_in(&folder, &text));
@@ -199,43 +212,35 @@ fn with_gauges(name: &str, talk: impl Fn(u64) -> Vec<u8> + Send + 'static) -> (O
     let listener = TcpListener::bind(loopback()).unwrap();
     let mut options = bench.options(&robot, &plan, &folder.path("springs.csv"));
     options.gauges = Some(listener.local_addr().unwrap());
+    let rows_of = |path: &Path| std::fs::read_to_string(path).unwrap_or_default().lines().count().saturating_sub(1);
     let quit = Arc::new(AtomicBool::new(false));
-    let stop = Arc::clone(&quit);
+    let (stop, ticks, output) = (Arc::clone(&quit), Arc::clone(&bench.ticks), options.output.clone());
     let liar = std::thread::spawn(move || {
-        for stream in listener.incoming() {
+        for (call, stream) in listener.incoming().enumerate() {
             let Ok(mut stream) = stream else { return };
-            for tick in 0.. {
-                let bytes = talk(tick);
-                if bytes.is_empty() || stop.load(Ordering::Relaxed) || stream.write_all(&bytes).is_err() {
+            for record in 0.. {
+                let bytes = talk(record, rows_of(&output));
+                let is_over = ticks.load(Ordering::Relaxed) > 45_000 || call >= 5;
+                stop.fetch_or(is_over, Ordering::Relaxed);
+                if stop.load(Ordering::Relaxed) {
+                    return;
+                }
+                if bytes.is_empty() || stream.write_all(&bytes).is_err() {
                     break;
                 }
-                // Slower than the ticks of the server, which are not the liar's.
+                // So that records do not pile up before the client, which reads them once in a tick.
                 std::thread::sleep(REST);
             }
-            if stop.load(Ordering::Relaxed) {
-                return;
-            }
         }
-    });
-    let watched = Arc::clone(&quit);
-    let since = Instant::now();
-    // A pause has no end of its own. The machine has pulled its levels, and gone back to rest, long before.
-    let watch = std::thread::spawn(move || {
-        while since.elapsed() < Duration::from_secs(8) && !watched.load(Ordering::Relaxed) {
-            std::thread::sleep(REST);
-        }
-        watched.store(true, Ordering::Relaxed);
     });
     let (_nobody, keys) = no_keys();
     let ended = run(options.clone(), &quit, &keys);
     quit.store(true, Ordering::Relaxed);
-    watch.join().unwrap();
-    // A last connection, so that the liar sees the end.
+    // A last call, so that the liar sees the end.
     drop(GaugeReader::connect(options.gauges.unwrap()));
     liar.join().unwrap();
-    let rows = std::fs::read_to_string(&options.output).unwrap().lines().count() - 1;
     bench.server.quit().unwrap();
-    (ended.err().map(|error| error.to_string()), rows)
+    (ended.map_err(|error| error.to_string()), rows_of(&options.output))
 }
 
 fn record(tick: u64, lengths: &[f64]) -> Vec<u8> {
@@ -243,17 +248,34 @@ fn record(tick: u64, lengths: &[f64]) -> Vec<u8> {
     head.into_iter().chain(lengths.iter().map(|length| length.to_le_bytes())).flatten().collect()
 }
 
+const PAUSED: (Result<LiveReport, String>, usize) = (Ok(LiveReport { taken: 0, missing: 3 }), 0);
+
 #[test]
-fn hostile_gauges_end_in_an_error_or_a_pause() {
-    let seventeen = with_gauges("seventeen", |tick| record(tick, &[0.0; 17]));
-    assert_eq!(seventeen, (Some("gauges: a record has 17 gauges; at most 16 are possible".to_owned()), 0));
-    let eight = with_gauges("eight", |tick| record(tick, &[0.0; 8]));
-    assert_eq!(eight, (Some("gauges: a record has 8 lengths; the plan has 9 gauges".to_owned()), 0));
-    let nan = with_gauges("nan", |tick| record(tick, &[0.0, 0.0, f64::NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
-    assert_eq!(nan, (None, 0));
-    let stalled = with_gauges("stalled", |tick| record(tick.min(20), &[0.0; 9]));
-    assert_eq!(stalled, (None, 0));
+fn gauges_that_break_the_format_are_an_error() {
+    let seventeen = with_gauges("seventeen", |tick, _| record(tick, &[0.0; 17]));
+    assert_eq!(seventeen, (Err("gauges: a record has 17 gauges; at most 16 are possible".to_owned()), 0));
+    let eight = with_gauges("eight", |tick, _| record(tick, &[0.0; 8]));
+    assert_eq!(eight, (Err("gauges: a record has 8 lengths; the plan has 9 gauges".to_owned()), 0));
+}
+
+#[test]
+fn gauges_that_show_nothing_are_a_pause() {
+    let nan = with_gauges("nan", |tick, _| record(tick, &[0.0, 0.0, f64::NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+    assert_eq!(nan, PAUSED);
+    let stalled = with_gauges("stalled", |tick, _| record(tick.min(20), &[0.0; 9]));
+    assert_eq!(stalled, PAUSED);
     // Half a record, and the end: the session is taken up again and again.
-    let truncated = with_gauges("truncated", |tick| if tick == 0 { vec![1; 12] } else { Vec::new() });
-    assert_eq!(truncated, (None, 0));
+    let truncated = with_gauges("truncated", |tick, _| if tick == 0 { vec![1; 12] } else { Vec::new() });
+    assert_eq!(truncated, PAUSED);
+}
+
+/// Gauges that fall silent in the middle of a series: what was taken stays, nothing is added, and with nobody to ask the series is over.
+#[test]
+fn gauges_that_fall_silent_end_the_series() {
+    let silent = with_gauges("silent", |tick, rows| match rows {
+        0 if tick < 300 => record(tick, &[f64::NAN; 9]),
+        0 => record(tick, &[0.0; 9]),
+        _ => record(u64::MAX, &[0.0; 9]),
+    });
+    assert_eq!(silent, (Ok(LiveReport { taken: 1, missing: 2 }), 1));
 }
