@@ -108,7 +108,7 @@ impl MachineCommand for Serve {
         say(format_args!("gauges of {} on {}", path.display(), link.address()?));
         let machine = robot.campaign_machine::<M>(plan, link)?;
         let switch = machine.switch();
-        self.serve(&robot, machine, allowed, |row| switch.see(row.state.phase))
+        self.serve(&robot, machine, allowed, |row| switch.see(row))
     }
 }
 

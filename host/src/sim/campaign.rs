@@ -2,7 +2,7 @@
 //! gauge link. A session that was lost is answered by a slack strap, for the tare, and the level is held again.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::message::Phase;
@@ -22,6 +22,7 @@ use crate::gauge_link::{GaugePublisher, Lengths};
 use crate::measurements::plan::Plan;
 use crate::plant::{Plant, PlantError, Reading};
 use crate::robot_file::Simulation;
+use crate::server::cycle::Row;
 
 /// Stream of the seeded generator, apart from those of machine and gauges.
 const STREAM: u64 = 6;
@@ -36,14 +37,21 @@ const SPEED: (f64, f64) = (0.05, 0.5);
 /// Time of a cycle, s.
 const CYCLE_S: f64 = 1e-3;
 
-/// Tells the machine whether a session runs, from another thread.
+/// Tells the machine of sessions, from another thread. They are counted: one that ends and the next may be seen at once.
 #[derive(Clone, Debug, Default)]
-pub struct SessionSwitch(Arc<AtomicBool>);
+pub struct SessionSwitch(Arc<Sessions>);
+
+#[derive(Debug, Default)]
+struct Sessions {
+    granted: AtomicU64,
+    is_running: AtomicBool,
+}
 
 impl SessionSwitch {
-    /// Takes note of the phase of a tick.
-    pub fn see(&self, phase: Phase) {
-        self.0.store(matches!(phase, Phase::Submit | Phase::Obtain), Ordering::Relaxed);
+    /// Takes note of a tick.
+    pub fn see<const N: usize>(&self, row: &Row<N>) {
+        self.0.granted.fetch_add(row.welcomed.into(), Ordering::Relaxed);
+        self.0.is_running.store(matches!(row.state.phase, Phase::Submit | Phase::Obtain), Ordering::Relaxed);
     }
 }
 
@@ -71,7 +79,8 @@ pub struct CampaignMachine<const N: usize, const M: usize> {
     link: GaugePublisher,
     hand: LoadGenerator,
     switch: SessionSwitch,
-    has_session: bool,
+    /// Sessions that it has begun for.
+    sessions: u64,
     path: Interpolator<N>,
     series: usize,
     level: usize,
@@ -110,7 +119,7 @@ impl<const N: usize, const M: usize> CampaignMachine<N, M> {
             link,
             hand,
             switch: SessionSwitch::default(),
-            has_session: false,
+            sessions: 0,
             path: Interpolator::new(home_m, &Motion::Hold)?,
             series: 0,
             level: 0,
@@ -136,11 +145,12 @@ impl<const N: usize, const M: usize> CampaignMachine<N, M> {
     /// Runs one cycle of the campaign.
     fn advance(&mut self) -> Result<(), SimulationError> {
         self.cycle += 1;
-        let has_session = self.switch.0.load(Ordering::Relaxed);
-        if has_session && !self.has_session {
+        let sessions = self.switch.0.granted.load(Ordering::Relaxed);
+        if sessions != self.sessions {
+            self.sessions = sessions;
             self.resume()?;
         }
-        self.has_session = has_session;
+        let has_session = self.switch.0.is_running.load(Ordering::Relaxed);
         match &mut self.step {
             Step::Rest => {}
             Step::Mount { left } | Step::Slack { left } | Step::Hold { left } if *left > 0 => *left -= 1,

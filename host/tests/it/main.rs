@@ -11,6 +11,8 @@
 mod demo;
 mod draw;
 mod errors;
+#[cfg(unix)]
+mod experiment;
 #[cfg(target_os = "linux")]
 mod exhaustion;
 #[cfg(unix)]
@@ -29,12 +31,12 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    for command in ["demo", "serve", "client", "faults", "replay", "workspace", "draw", "solve"] {
+    for command in ["demo", "serve", "client", "experiment", "faults", "replay", "workspace", "draw", "solve"] {
         assert!(all.contains(&format!("\n  {command} ")), "{all}");
         let help = folder.run(&[command, "--help"]).success();
         assert!(help.contains(&format!("gantry-tau {command}")), "{help}");
         // Found by reading: of three commands they were written down, and never shown.
-        let has_codes = ["demo", "client", "faults", "replay"].contains(&command);
+        let has_codes = ["demo", "client", "experiment", "faults", "replay"].contains(&command);
         assert_eq!(help.contains("Exit codes: 0 "), has_codes, "{help}");
         let help = folder.run(&["help", command]).success();
         assert!(help.contains("Usage:"), "{help}");

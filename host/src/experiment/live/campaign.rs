@@ -209,7 +209,9 @@ impl<const N: usize> Campaign<N> {
             return Ok(());
         }
         let sample = self.of_series(&tick.sample);
-        self.note_gauges(&sample);
+        if !self.note_gauges(&sample) {
+            return Ok(());
+        }
         let is_in_place = self.is_in_place(&tick.nominal);
         match &mut self.stage {
             Stage::Pose { still } => {
@@ -246,17 +248,20 @@ impl<const N: usize> Campaign<N> {
         sample
     }
 
-    fn note_gauges(&mut self, sample: &Sample<N>) {
+    /// Takes note of gauges that are away. False if that has ended the series: with nobody to ask, they may have been mounted anew.
+    fn note_gauges(&mut self, sample: &Sample<N>) -> bool {
         let is_away = sample.lengths_m.iter().take(sample.gauges).any(|length_m| length_m.is_nan());
         self.away = if is_away { self.away + 1 } else { 0 };
         self.was_remounted |= self.away >= REMOUNT_TICKS;
-        if self.away == LOST_TICKS && self.stage == Stage::Level {
-            tracing::warn!("series {}: the gauges are away", self.plan.series[self.series].name);
-            if self.is_unattended {
-                self.give_up();
-                self.was_remounted = true;
-            }
+        if self.away != LOST_TICKS || self.stage != Stage::Level {
+            return true;
         }
+        tracing::warn!("series {}: the gauges are away", self.plan.series[self.series].name);
+        if self.is_unattended {
+            self.give_up();
+            self.was_remounted = true;
+        }
+        !self.is_unattended
     }
 
     fn is_in_place(&self, nominal: &[PositionNm; N]) -> bool {

@@ -164,8 +164,9 @@ impl<const N: usize> Link<N> {
                 let ended = run_observed(client, shared, &mut probe);
                 (probe.was_granted(), ended)
             });
+            let leaving = Leaving(&controls);
             let measured = follow(&mut ticks, campaign, &controls, quit, keys);
-            controls.quit.store(true, Ordering::Relaxed);
+            drop(leaving);
             match running.join() {
                 Ok((granted, ended)) => {
                     (granted, measured.map_err(LiveError::from).and(ended.map(|_| ()).map_err(LiveError::from)))
@@ -173,6 +174,15 @@ impl<const N: usize> Link<N> {
                 Err(_) => (false, Err(ClientError::Setup("the client's thread panicked".to_owned()).into())),
             }
         })
+    }
+}
+
+/// Makes the client leave when the campaign has ended, however it did.
+struct Leaving<'a>(&'a ClientControls);
+
+impl Drop for Leaving<'_> {
+    fn drop(&mut self) {
+        self.0.quit.store(true, Ordering::Relaxed);
     }
 }
 

@@ -62,7 +62,7 @@ impl Bench {
         // Ends with the server.
         std::thread::spawn(move || {
             drain(&mut rows, |row| {
-                switch.see(row.state.phase);
+                switch.see(row);
                 seen.store(row.state.tick.0, Ordering::Relaxed);
             });
         });
