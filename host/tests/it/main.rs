@@ -11,10 +11,10 @@
 mod demo;
 mod draw;
 mod errors;
-#[cfg(unix)]
-mod experiment;
 #[cfg(target_os = "linux")]
 mod exhaustion;
+#[cfg(unix)]
+mod experiment;
 #[cfg(unix)]
 mod faults;
 mod process;
