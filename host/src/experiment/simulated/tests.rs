@@ -158,3 +158,27 @@ fn setup_errors_are_drawn() {
     // The deviation of a clean campaign is 0.05.
     assert!(reduced > 1.3, "{reduced}");
 }
+
+/// An F1 whose axes yield by millimetres: the sensor turns by far more, and what the table says is still the strap's pull at its hook.
+#[test]
+fn an_f1_is_pulled_as_its_table_says() {
+    let folder = Folder::new("f1");
+    let mut robot = RobotFile::builtin_f1().unwrap();
+    (robot.simulation.spring_deviation, robot.simulation.jump_gap_m) = (0.1, 0.0);
+    let home = format!("T = {:?}", robot.simulation.home_m);
+    let text = campaign_a("", &[0, 100, 200, 0]).replace("model = \"l2\"", "model = \"f1\"");
+    let path = folder.path("plan.toml");
+    std::fs::write(&path, text.replace("T = [0.0, 0.5, 0.65]", &home)).unwrap();
+    let plan = crate::measurements::plan::read(&path, "f1", &robot.metres_per_q).unwrap();
+    let rows = simulate(&robot, &plan).unwrap().rows;
+    assert_eq!(rows.len(), 36);
+    for row in &rows {
+        let series = &plan.series[row.series];
+        let force = series.direction * series.levels_n[row.level];
+        let moment = series.hook_m.cross(&force);
+        // Noise of 1 N and 0.05 N m, five deviations; the rotation is predicted with springs that are up to 10 % off, a few mrad of 200 N.
+        assert!((row.load.fixed_rows::<3>(0) - force).amax() < 7.0, "{row:?}");
+        // The hook turns with the platform.
+        assert!((row.load.fixed_rows::<3>(3) - moment).amax() < 1.0, "{row:?}");
+    }
+}
