@@ -5,11 +5,14 @@
 //! is the window; where the force has drifted by more than [`Rules::most_drift`] meanwhile, it is refused and the level settles again.
 //! Standard errors are those of the effective number of samples, `n / (1 + 2 sum rho_k)`: neighbours are alike. Time is that of the ticks.
 
+mod statistics;
+
 use std::collections::VecDeque;
 
 use nalgebra::Vector3;
 
 use crate::measurements::springs::{MAX_GAUGES, Noise};
+use statistics::{FEWEST, Slope, effective, mean, variance};
 
 /// Time of a tick, s.
 pub const TICK_S: f64 = 1e-3;
@@ -19,9 +22,6 @@ const TEST_TICKS: u64 = 100;
 const GAP_TICKS: u64 = 100;
 /// Share of the stated noise of a mean that a slope may move it by.
 const NEGLIGIBLE: f64 = 0.1;
-/// Least number of samples that statistics are made of.
-const FEWEST: usize = 10;
-
 /// Rules of a window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules {
@@ -309,53 +309,6 @@ impl LevelsByForce {
 
 fn ticks(seconds: f64) -> u64 {
     (seconds / TICK_S).round() as u64
-}
-
-/// Slope of a straight line through samples.
-#[derive(Clone, Copy, Debug)]
-struct Slope {
-    per_s: f64,
-    error_per_s: f64,
-}
-
-impl Slope {
-    /// Fits samples of (time in s, value); `None` for too few.
-    fn of(samples: &[(f64, f64)]) -> Option<Self> {
-        if samples.len() < FEWEST {
-            return None;
-        }
-        let count = samples.len() as f64;
-        let middle_s = samples.iter().map(|(time, _)| time).sum::<f64>() / count;
-        let middle = samples.iter().map(|(_, value)| value).sum::<f64>() / count;
-        let spread: f64 = samples.iter().map(|(time, _)| (time - middle_s).powi(2)).sum();
-        let per_s = samples.iter().map(|(time, value)| (time - middle_s) * (value - middle)).sum::<f64>() / spread;
-        let left: Vec<f64> = samples.iter().map(|(time, value)| value - middle - per_s * (time - middle_s)).collect();
-        let alike = count / effective(&left);
-        let squares: f64 = left.iter().map(|value| value * value).sum();
-        Some(Self { per_s, error_per_s: (squares / (count - 2.0) * alike / spread).sqrt() })
-    }
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-fn variance(values: &[f64], mean: f64) -> f64 {
-    values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() as f64 - 1.0)
-}
-
-/// Returns the effective number of samples, `n / (1 + 2 sum rho_k)`, up to the first correlation that is not positive; from 1 to `n`.
-fn effective(values: &[f64]) -> f64 {
-    let count = values.len() as f64;
-    let mean = mean(values);
-    let off: Vec<f64> = values.iter().map(|value| value - mean).collect();
-    let squares: f64 = off.iter().map(|value| value * value).sum();
-    if squares <= 0.0 {
-        return count;
-    }
-    let correlation = |lag: usize| off.iter().zip(off.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>() / squares;
-    let alike: f64 = (1..values.len() / 4).map(correlation).take_while(|rho| *rho > 0.0).sum();
-    (count / (1.0 + 2.0 * alike)).clamp(1.0, count)
 }
 
 #[cfg(test)]
