@@ -12,6 +12,7 @@ use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::Refusal;
 
 use super::ExperimentError;
 use super::prediction::Prediction;
@@ -111,7 +112,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         was_granted |= granted;
         match ended {
             Ok(()) => {}
-            Err(LiveError::Client(error)) if was_granted && !is_final(&error) => {
+            Err(LiveError::Client(error)) if (was_granted && !is_final(&error)) || is_passing(&error) => {
                 tracing::warn!("{error}; the campaign pauses until the session can be taken up again");
                 campaign.pause();
                 let since = Instant::now();
@@ -128,6 +129,11 @@ pub fn run<K: MachineKind<N>, const N: usize>(
 /// True if another session would end in the same way.
 const fn is_final(error: &ClientError) -> bool {
     matches!(error, ClientError::Setup(_) | ClientError::Incompatible(_))
+}
+
+/// True if the server only needs a moment: the session before has hardly ended.
+const fn is_passing(error: &ClientError) -> bool {
+    matches!(error, ClientError::Refused(Refusal::Ramping { .. }))
 }
 
 /// Gauges beside the server.
