@@ -42,6 +42,12 @@ pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'stati
     /// [`KinematicsError`]: the point is out of reach or outside the travel.
     fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; N], KinematicsError>;
 
+    /// As [`axes_at`](Self::axes_at), in an orientation of the platform.
+    ///
+    /// # Errors
+    /// [`KinematicsError`]; [`KinematicsError::Unreachable`] with `arm` 0 for a platform that does not turn, and should.
+    fn axes_for(&self, pose: &Pose) -> Result<[f64; N], KinematicsError>;
+
     /// Returns the line matrix with the tool centre point at `tool_m` and the axes at `q`.
     ///
     /// # Errors

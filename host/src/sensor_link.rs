@@ -4,18 +4,14 @@
 //! A record is 56 bytes, little-endian: tick `u64`, then force (N) and moment (N m) in sensor axes as six `f64`.
 //! Losing records is harmless: the reader takes the latest.
 
-use std::io::{self, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::time::Duration;
+use std::io::{self, Read};
+use std::net::{SocketAddr, TcpStream};
 
+use crate::publisher::{self, Publisher};
 use crate::server::connections::Allowed;
 
 /// Bytes of a record.
 const RECORD: usize = 56;
-/// Longest wait for a publisher to answer.
-const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
-/// Readers served at once.
-const READERS: usize = 4;
 
 /// One sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,11 +41,7 @@ impl Sample {
 
 /// Publishes samples from the cycle: no allocation, no blocking; a reader that cannot keep up is dropped.
 #[derive(Debug)]
-pub struct SensorPublisher {
-    listener: TcpListener,
-    allowed: Allowed,
-    readers: [Option<TcpStream>; READERS],
-}
+pub struct SensorPublisher(Publisher);
 
 impl SensorPublisher {
     /// Listens for readers.
@@ -57,15 +49,13 @@ impl SensorPublisher {
     /// # Errors
     /// The address cannot be bound.
     pub fn bind(address: SocketAddr) -> io::Result<Self> {
-        let listener = TcpListener::bind(address)?;
-        listener.set_nonblocking(true)?;
-        Ok(Self { listener, allowed: Allowed::all(), readers: [const { None }; READERS] })
+        Publisher::bind(address).map(Self)
     }
 
     /// Serves only these peers.
     #[must_use]
     pub fn for_peers(self, allowed: Allowed) -> Self {
-        Self { allowed, ..self }
+        Self(self.0.for_peers(allowed))
     }
 
     /// Returns the address on which it listens.
@@ -73,31 +63,12 @@ impl SensorPublisher {
     /// # Errors
     /// Error of the system.
     pub fn address(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
+        self.0.address()
     }
 
     /// Accepts at most one new reader and sends the sample to every one.
     pub fn publish(&mut self, sample: &Sample) {
-        self.accept();
-        let bytes = sample.to_bytes();
-        for reader in &mut self.readers {
-            let sent = reader.as_mut().is_some_and(|stream| matches!(stream.write(&bytes), Ok(RECORD)));
-            if !sent {
-                *reader = None;
-            }
-        }
-    }
-
-    fn accept(&mut self) {
-        let Some(free) = self.readers.iter_mut().find(|reader| reader.is_none()) else {
-            return;
-        };
-        if let Ok((stream, peer)) = self.listener.accept() {
-            let usable = self.allowed.admits(peer.ip())
-                && stream.set_nonblocking(true).is_ok()
-                && stream.set_nodelay(true).is_ok();
-            *free = usable.then_some(stream);
-        }
+        self.0.publish(&sample.to_bytes());
     }
 }
 
@@ -116,9 +87,7 @@ impl SensorReader {
     /// # Errors
     /// No publisher listens there.
     pub fn connect(address: SocketAddr) -> io::Result<Self> {
-        let stream = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT)?;
-        stream.set_nodelay(true)?;
-        stream.set_nonblocking(true)?;
+        let stream = publisher::connect(address)?;
         Ok(Self { stream, buffer: [0; RECORD], filled: 0, latest: None })
     }
 

@@ -66,8 +66,8 @@ impl Identify {
             has_drift: self.drift,
         };
         let identification = match robot {
-            AnyRobotFile::L2(robot) => identify(&robot, "l2", &options)?,
-            AnyRobotFile::F1(robot) => identify(&robot, "f1", &options)?,
+            AnyRobotFile::L2(robot) => identify(&robot, &options)?,
+            AnyRobotFile::F1(robot) => identify(&robot, &options)?,
         };
         // What is written can be read, or nothing is.
         AnyRobotFile::parse(&self.output.display().to_string(), &identification.robot_file)?;

@@ -4,6 +4,7 @@ mod calibrate;
 mod client;
 mod demo;
 mod draw;
+mod experiment;
 mod faults;
 mod identify;
 mod plan;
@@ -47,6 +48,7 @@ enum Command {
     Identify(identify::Identify),
     Verify(verify::Verify),
     Plan(plan::Plan),
+    Experiment(experiment::Experiment),
     /// Kinematics, statics and compensation for scripts: one JSON request per line in, one JSON answer per line out
     ///
     /// Example: echo '{"id":1,"robot":"robots/l2.toml","op":"ik","T":[0.0,0.5,0.65]}' | gantry-tau solve
@@ -99,6 +101,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Identify(identify) => identify.run(),
         Command::Verify(verify) => run_on(AnyRobotFile::named(&verify.robot), verify),
         Command::Plan(plan) => plan.run(),
+        Command::Experiment(experiment) => run_on(AnyRobotFile::named(&experiment.robot), experiment),
         Command::Solve => solve(),
     };
     outcome.unwrap_or_else(|error| fail(1, error))

@@ -11,7 +11,10 @@ use clap::Args;
 use gantry_tau::black_box::swap_channel;
 use gantry_tau::black_box::writer::Writer;
 use gantry_tau::epoch;
+use gantry_tau::gauge_link::GaugePublisher;
+use gantry_tau::measurements::plan;
 use gantry_tau::model::MachineKind;
+use gantry_tau::plant::Plant;
 use gantry_tau::record::{CsvFile, drain};
 use gantry_tau::robot_file::{RobotFile, RobotFileError};
 use gantry_tau::sensor_link::SensorPublisher;
@@ -19,9 +22,8 @@ use gantry_tau::server::connections::{Allowed, Listen};
 use gantry_tau::server::cycle::{Cycle, Row};
 use gantry_tau::server::event_log::EventLog;
 use gantry_tau::server::{Controls, Server, ServerError};
-use gantry_tau::sim::load_generator::{AppliedLoad, load_generator};
+use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::load_profile::LoadProfile;
-use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau::stop_latch::{LatchFlusher, StopLatch};
 use gantry_tau::terminal::say;
@@ -61,6 +63,12 @@ pub(crate) struct Serve {
     /// Length of each force step, s
     #[arg(long, value_name = "S", default_value_t = 2.0, allow_negative_numbers = true)]
     step_seconds: f64,
+    /// Walk through the poses of this plan and pull its levels while a session runs, in place of the force steps; for `experiment`
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["force_max", "step_seconds", "motion"])]
+    plan: Option<PathBuf>,
+    /// Address of the simulated gauges of a plan
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7002", value_parser = address)]
+    gauges: SocketAddr,
     /// Length of a back-and-forth motion of the nominal path on every axis, mm
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true)]
     motion: f64,
@@ -78,21 +86,47 @@ pub(crate) struct Serve {
 impl MachineCommand for Serve {
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         self.check()?;
-        let (hand, tool) = load_generator();
         let allowed = Allowed::only(&self.allow)?;
-        for address in [self.listen, self.sensor] {
+        let gauges = self.plan.is_some().then_some(self.gauges);
+        for address in [Some(self.listen), Some(self.sensor), gauges].into_iter().flatten() {
             if !address.ip().is_loopback() && !allowed.restricts() {
                 tracing::warn!(
                     "{address} answers every peer that reaches it, unencrypted; restrict peers with --allow"
                 );
             }
         }
+        let Some(path) = &self.plan else {
+            let (hand, tool) = load_generator();
+            let machine = robot.simulated_machine::<M>(tool, self.motion(&robot)?)?;
+            let mut load = LoadProfile::new(hand, self.force_max, self.step_seconds);
+            return self.serve(&robot, machine, allowed, |row| load.update(row.state.phase, row.state.tick));
+        };
+        let plan = plan::read(path, K::MODEL, &robot.metres_per_q)?;
+        let link = GaugePublisher::bind(self.gauges)
+            .map(|link| link.for_peers(allowed.clone()))
+            .map_err(|error| ServerError::listen(self.gauges, &error))?;
+        say(format_args!("gauges of {} on {}", path.display(), link.address()?));
+        let machine = robot.campaign_machine::<M>(plan, link)?;
+        let switch = machine.switch();
+        self.serve(&robot, machine, allowed, |row| switch.see(row))
+    }
+}
+
+impl Serve {
+    /// Serves a machine until the quit; `each` sees every row.
+    fn serve<K: MachineKind<N>, P: Plant<N, M> + 'static, const N: usize, const M: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+        machine: P,
+        allowed: Allowed,
+        mut each: impl FnMut(&Row<N>),
+    ) -> Outcome {
         let sensor = SensorPublisher::bind(self.sensor)
             .map(|sensor| sensor.for_peers(allowed.clone()))
             .map_err(|error| ServerError::listen(self.sensor, &error))?;
         let sensor_address = sensor.address()?;
         let listen = Listen { address: self.listen, transport: transport(self.udp), allowed };
-        let mut cycle = self.cycle::<K, N, M>(&robot, tool, listen)?.with_sensor(sensor);
+        let mut cycle = self.cycle(robot, machine, listen)?.with_sensor(sensor);
         // After binding, so that a second server started by mistake does not truncate the first one's recording.
         let mut file = match &self.record {
             Some(path) => Some(CsvFile::create::<Row<N>>(path)?),
@@ -118,9 +152,8 @@ impl MachineCommand for Serve {
         ctrlc::set_handler(move || controls.quit.store(true, Ordering::Relaxed))?;
         listen_to_the_keyboard(Arc::clone(&server.controls));
         let mut events = EventLog::default();
-        let mut load = LoadProfile::new(hand, self.force_max, self.step_seconds);
         drain(&mut rows, |row| {
-            load.update(row.state.phase, row.state.tick);
+            each(row);
             events.see(row);
             flusher.see(row.state.phase);
             if let Some(file) = &mut file {
@@ -151,21 +184,18 @@ impl MachineCommand for Serve {
         boxes_written?;
         Ok(code)
     }
-}
 
-impl Serve {
-    fn cycle<K: MachineKind<N>, const N: usize, const M: usize>(
+    fn cycle<K: MachineKind<N>, P: Plant<N, M>, const N: usize, const M: usize>(
         &self,
         robot: &RobotFile<K, N>,
-        tool: AppliedLoad,
+        machine: P,
         listen: Listen,
-    ) -> Result<Cycle<N, M, SimulatedMachine<N, M>>, Box<dyn std::error::Error>> {
+    ) -> Result<Cycle<N, M, P>, Box<dyn std::error::Error>> {
         let capabilities = match self.pace {
             Pace::Real => Capabilities::NONE,
             Pace::Lockstep => Capabilities::LOCKSTEP,
         };
         let config = robot.session_config(capabilities)?;
-        let machine = robot.simulated_machine(tool, self.motion(robot)?)?;
         let path = self
             .epoch_file
             .clone()

@@ -12,15 +12,16 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use gantry_tau_core::control::client as protocol;
 use gantry_tau_core::control::endpoint::Transport;
-use gantry_tau_core::control::message::{Cause, Refusal};
+use gantry_tau_core::control::message::{Cause, Refusal, State, Welcome};
 
 use crate::record::Recorded;
 use crate::robot_file::RobotFile;
+use crate::sensor_link::Sample;
 
 pub use compensate::Compensation;
 pub use connection::Connection;
 pub(crate) use connection::connected_datagrams;
-pub use run::run;
+pub use run::{run, run_observed};
 
 /// Options of a client.
 #[derive(Clone, Debug)]
@@ -50,6 +51,27 @@ pub struct ClientControls {
     pub tared: AtomicBool,
     /// Commands sent.
     pub commands: AtomicU64,
+}
+
+/// Sees what passes through a client. It runs in the client's thread, after each answer, and has the rest of the cycle.
+pub trait Observer<const N: usize> {
+    /// The session is granted.
+    fn welcomed(&mut self, welcome: &Welcome<N>);
+
+    /// A State was answered; `sample` is the force sensor's, if a new one came with it.
+    ///
+    /// # Errors
+    /// The client leaves with Goodbye and returns the error.
+    fn answered(&mut self, state: &State<N>, sample: Option<&Sample>) -> Result<(), ClientError>;
+}
+
+/// Sees nothing.
+impl<const N: usize> Observer<N> for () {
+    fn welcomed(&mut self, _: &Welcome<N>) {}
+
+    fn answered(&mut self, _: &State<N>, _: Option<&Sample>) -> Result<(), ClientError> {
+        Ok(())
+    }
 }
 
 /// Summary of a client's session.
@@ -87,6 +109,8 @@ pub enum ClientError {
     Vanished(String),
     /// The force sensor is silent, or its connection is gone.
     SensorSilent(String),
+    /// The gauges of a campaign are gone.
+    GaugesSilent(String),
     /// The machine's model or the recording cannot be used.
     Setup(String),
 }
@@ -114,6 +138,7 @@ impl ClientError {
             Self::Ended(_) => 6,
             Self::Vanished(_) => 7,
             Self::SensorSilent(_) => 8,
+            Self::GaugesSilent(_) => 9,
         }
     }
 }
@@ -129,6 +154,7 @@ impl fmt::Display for ClientError {
             Self::Ended(cause) => write!(f, "the server ended the session: {cause}"),
             Self::Vanished(reason) => write!(f, "the server vanished: {reason}"),
             Self::SensorSilent(reason) => write!(f, "no force samples: {reason}"),
+            Self::GaugesSilent(reason) => write!(f, "no gauges: {reason}"),
             Self::Setup(reason) => f.write_str(reason),
         }
     }

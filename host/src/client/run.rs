@@ -11,7 +11,7 @@ use gantry_tau_core::units::OffsetNm;
 
 use super::compensate::Compensation;
 use super::connection::Connection;
-use super::{ClientControls, ClientError, ClientOptions, ClientReport};
+use super::{ClientControls, ClientError, ClientOptions, ClientReport, Observer};
 use crate::model::MachineKind;
 use crate::record::{ClientRow, Recorder};
 use crate::robot_file::CYCLE_US;
@@ -33,6 +33,7 @@ struct Session<'a, const N: usize> {
     /// Axes whose last correction was cut at its limit.
     cut: [bool; N],
     controls: &'a ClientControls,
+    observer: &'a mut dyn Observer<N>,
     recorder: Option<Recorder<ClientRow<N>>>,
     report: ClientReport,
     states_without_sample: u64,
@@ -47,6 +48,18 @@ struct Session<'a, const N: usize> {
 pub fn run<K: MachineKind<N>, const N: usize>(
     options: &ClientOptions<K, N>,
     controls: &ClientControls,
+) -> Result<ClientReport, ClientError> {
+    run_observed(options, controls, &mut ())
+}
+
+/// As [`run`], with an observer.
+///
+/// # Errors
+/// As [`run`], and the observer's.
+pub fn run_observed<K: MachineKind<N>, const N: usize>(
+    options: &ClientOptions<K, N>,
+    controls: &ClientControls,
+    observer: &mut dyn Observer<N>,
 ) -> Result<ClientReport, ClientError> {
     let requirements = Requirements {
         capabilities: Capabilities::LOCKSTEP,
@@ -70,6 +83,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         "session granted (epoch {}); submitting while the force sensor is tared: keep the tool unloaded",
         welcome.epoch.0
     );
+    observer.welcomed(&welcome);
     controls.obtain.fetch_or(options.obtain, Ordering::Relaxed);
     let mut session = Session {
         link,
@@ -79,6 +93,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         targets: [OffsetNm(0); N],
         cut: [false; N],
         controls,
+        observer,
         recorder,
         report: ClientReport::default(),
         states_without_sample: 0,
@@ -114,6 +129,11 @@ impl<const N: usize> Session<'_, N> {
                 return Err(silent);
             }
             self.answer(&state)?;
+            let sample = self.sample.as_ref().filter(|_| self.states_without_sample == 0);
+            if let Err(stopped) = self.observer.answered(&state, sample) {
+                self.leave()?;
+                return Err(stopped);
+            }
         }
     }
 

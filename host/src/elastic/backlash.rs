@@ -34,10 +34,15 @@ impl Backlash {
     /// Elongation of each link of cluster 3, in metres, when the load on the tool adds `cluster_force_n` to the preload.
     #[must_use]
     pub fn elongation_m(&self, cluster_force_n: f64) -> f64 {
-        let rest_sign = self.preload_n.signum();
+        -self.preload_n.signum() * self.gap_m * self.crossed(cluster_force_n)
+    }
+
+    /// Returns the share of the gap that the joint has crossed, from 0 at rest to 1.
+    #[must_use]
+    pub fn crossed(&self, cluster_force_n: f64) -> f64 {
         // Positive once the sum has left the side it rests on.
-        let beyond_n = -(cluster_force_n + self.preload_n) * rest_sign;
-        -rest_sign * self.gap_m * smooth_step(beyond_n / TRANSITION_N + 0.5)
+        let beyond_n = -(cluster_force_n + self.preload_n) * self.preload_n.signum();
+        smooth_step(beyond_n / TRANSITION_N + 0.5)
     }
 }
 

@@ -121,6 +121,12 @@ impl<const N: usize> ElasticMachine<N> {
         &self.compliances
     }
 
+    /// Returns the backlash.
+    #[must_use]
+    pub const fn backlash(&self) -> &Backlash {
+        &self.backlash
+    }
+
     /// Returns the pose with the motors at `axes` (q-units) under `load` (force N, moment N m about the TCP, world axes).
     /// The search begins at `start`, which also chooses the assembly mode; the last cycle's result is the best start.
     ///

@@ -2,13 +2,13 @@
 //! be, is an error that names file, line and column.
 
 pub mod frame;
+pub mod plan;
 pub mod poses;
 mod setup;
 pub mod springs;
 mod table;
 
 use std::fmt;
-
 use std::path::Path;
 
 use serde::Deserialize;
@@ -45,6 +45,10 @@ pub struct FileError {
 impl FileError {
     fn whole(file: &str, reason: impl fmt::Display) -> Self {
         Self { file: file.to_owned(), line: None, column: None, reason: one_line(&reason.to_string()) }
+    }
+
+    fn key(file: &Path, key: String, reason: impl fmt::Display) -> Self {
+        Self { column: Some(key), ..Self::whole(&file.display().to_string(), reason) }
     }
 
     fn at(file: &str, line: u64, column: &str, reason: impl fmt::Display) -> Self {

@@ -23,7 +23,7 @@ pub const FORMAT: &str = "gantry-tau springs 1";
 /// Largest number of gauges.
 pub const MAX_GAUGES: usize = 16;
 /// Largest position of an axis, q-units; reading, µm; force, N; moment, N m; time, s.
-const MOST: [f64; 5] = [1e3, 2e4, 1e5, 1e5, 1e9];
+pub(super) const MOST: [f64; 5] = [1e3, 2e4, 1e5, 1e5, 1e9];
 /// Range of a standard deviation, in the unit of its key.
 const NOISE: (f64, f64) = (1e-6, 1e6);
 
@@ -264,7 +264,7 @@ pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -
     })
 }
 
-type Refused = (String, String);
+pub(super) type Refused = (String, String);
 
 fn check_noise(file: &SetupFile) -> Result<(), Refused> {
     let Noise { gauge_um, force_n, moment_nm } = file.noise.unwrap_or(Noise::USUAL);
@@ -317,7 +317,8 @@ fn gauges<const N: usize>(entries: &[GaugeEntry], metres_per_q: &[f64; N]) -> Re
         let gauge = match (entry.on.as_str(), entry.point_m, entry.axis, entry.axis_number) {
             ("platform", Some(point_m), Some(axis), None) => {
                 let axis = Vector3::from(axis);
-                if (axis.norm() - 1.0).abs() > 1e-6 {
+                // `contains` refuses NaN.
+                if !(1.0 - 1e-6..=1.0 + 1e-6).contains(&axis.norm()) {
                     return Err((key("axis"), format!("has length {}, not 1", axis.norm())));
                 }
                 if !point_m.iter().all(|coordinate| coordinate.abs() <= 10.0) {
@@ -342,6 +343,18 @@ fn gauges<const N: usize>(entries: &[GaugeEntry], metres_per_q: &[f64; N]) -> Re
     Ok(gauges)
 }
 
+/// Reads the table of a set-up that is known; each window with the name of its series.
+pub(crate) fn windows_of<const N: usize>(
+    table: &Path,
+    poses: &[(String, Pose)],
+    gauges: &[NamedGauge],
+) -> Result<Vec<(String, Window<N>)>, FileError> {
+    let mut reader = Windows { poses, gauges, series: Vec::new(), mountings: Vec::new() };
+    let windows = reader.read(table)?;
+    let name = |window: &Window<N>| reader.series.get(window.series).cloned().unwrap_or_default();
+    Ok(windows.into_iter().map(|window| (name(&window), window)).collect())
+}
+
 /// Reader of the table.
 struct Windows<'a> {
     poses: &'a [(String, Pose)],
@@ -353,7 +366,7 @@ struct Windows<'a> {
 /// First columns, which say where a window belongs.
 const WINDOW: [&str; 5] = ["series", "mounting", "pose", "window", "stroke"];
 /// Columns of the load.
-const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
+pub(crate) const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
 
 fn axis_columns<const N: usize>() -> [String; N] {
     std::array::from_fn(|axis| format!("q_{}", axis + 1))

@@ -31,7 +31,11 @@ impl MachineKind<AXES> for F1 {
     }
 
     fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; AXES], KinematicsError> {
-        let solution = self.inverse_in_assembly(&Pose::at(*tool_m), None)?;
+        self.axes_for(&Pose::at(*tool_m))
+    }
+
+    fn axes_for(&self, pose: &Pose) -> Result<[f64; AXES], KinematicsError> {
+        let solution = self.inverse_in_assembly(pose, None)?;
         Ok(solution.value)
     }
 

@@ -12,6 +12,9 @@ use super::wrist::{UNLIMITED, Wrist, sum};
 use super::{Compensator, CompensatorSetup, MachineKind};
 use crate::robot_file::CorrectionKind;
 
+/// Largest difference between an entry of a rotation and that of a platform which does not turn.
+const ORIENTATION_TOLERANCE: f64 = 1e-6;
+
 /// An L2; of a robot file, in the orientation of the world.
 pub type L2 = Kinematics;
 
@@ -28,6 +31,14 @@ impl MachineKind<AXES> for L2 {
 
     fn axes_at(&self, tool_m: &Vector3<f64>) -> Result<[f64; AXES], KinematicsError> {
         self.inverse_in_assembly(tool_m)
+    }
+
+    fn axes_for(&self, pose: &Pose) -> Result<[f64; AXES], KinematicsError> {
+        let off = (self.pose(pose.position_m).rotation - pose.rotation).amax();
+        if off > ORIENTATION_TOLERANCE {
+            return Err(KinematicsError::Unreachable { arm: 0 });
+        }
+        self.inverse_in_assembly(&pose.position_m)
     }
 
     fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; AXES]) -> Result<LineMatrix<AXES>, KinematicsError> {

@@ -2,12 +2,13 @@
 
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS};
-use nalgebra::{Matrix3, Vector3, Vector6};
+use nalgebra::{Matrix3, Vector3};
 
 use crate::elastic::joints::joint;
-use crate::elastic::{ElasticMachine, Equilibrium, Pose};
+use crate::elastic::{ElasticMachine, Pose};
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
+use crate::sim::springs::preload_n;
 
 /// Smallest determinant of the directions of the clusters, and smallest cosine between a link and its guideway.
 const LEAST: f64 = 0.1;
@@ -51,10 +52,9 @@ impl Preload {
         if simulation.jump_gap_m <= 0.0 {
             return None;
         }
-        let load = Vector6::new(simulation.jump_force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
-        let at_home = Equilibrium::at_home(simulation.home_m);
-        let at_jump = machine.equilibrium(&robot.home_q().ok()?, &load, &at_home).ok()?;
-        Some(Self { force_n: -at_jump.cluster_3_n() })
+        let home_q = robot.home_q().ok()?;
+        let force_n = preload_n(machine, simulation.home_m, &home_q, simulation.jump_force_n).ok()?;
+        Some(Self { force_n })
     }
 
     /// True if a load whose cluster force is `cluster_n` leaves the platform on cart 3, with a fifth to spare.

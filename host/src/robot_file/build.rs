@@ -6,11 +6,17 @@ use gantry_tau_core::control::session::config::{Config, Parameters};
 use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::units::OffsetNm;
 
+use gantry_tau_core::model::robot::Compliances;
+
 use super::{RobotFile, RobotFileError};
+use crate::gauge_link::GaugePublisher;
+use crate::measurements::plan::Plan;
 use crate::model::{Compensator, CompensatorSetup, MachineKind};
-use crate::sim::load_generator::AppliedLoad;
+use crate::sim::campaign::CampaignMachine;
+use crate::sim::load_generator::{AppliedLoad, load_generator};
 use crate::sim::machine::SimulatedMachine;
 use crate::sim::parameters::{Motion, SimulationParameters};
+use crate::sim::springs::TrueSprings;
 
 /// Length of a cycle, µs.
 pub const CYCLE_US: u32 = 1_000;
@@ -77,20 +83,56 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         tool: AppliedLoad,
         motion: Motion<N>,
     ) -> Result<SimulatedMachine<N, M>, RobotFileError> {
-        let compliances = self
-            .compliances
-            .as_ref()
-            .ok_or_else(|| self.refuse("c_link", "is missing; the simulation needs compliances"))?;
-        let parameters = SimulationParameters {
+        let compliances = self.compliances_for("the simulation needs compliances")?;
+        let parameters = self.simulation_parameters(motion)?;
+        let motors = self.motor_map()?;
+        let geometry = self.model.geometry();
+        SimulatedMachine::new(&geometry, compliances, motors, &parameters, tool)
+            .map_err(|error| self.refuse("simulation", error))
+    }
+
+    /// The springs of the simulated machine: those of the file, each deviated by its seeded share.
+    ///
+    /// # Errors
+    /// As [`simulated_machine`](Self::simulated_machine).
+    pub fn true_springs(&self) -> Result<TrueSprings<N>, RobotFileError> {
+        let compliances = self.compliances_for("the simulation needs compliances")?;
+        let parameters = self.simulation_parameters(Motion::Hold)?;
+        TrueSprings::new(&self.model.geometry(), compliances, &parameters)
+            .map_err(|error| self.refuse("simulation", error))
+    }
+
+    /// The compliances, where `purpose` needs them.
+    pub(crate) fn compliances_for(&self, purpose: &str) -> Result<&Compliances<N>, RobotFileError> {
+        self.compliances.as_ref().ok_or_else(|| self.refuse("c_link", format_args!("is missing; {purpose}")))
+    }
+
+    fn simulation_parameters(&self, motion: Motion<N>) -> Result<SimulationParameters<N>, RobotFileError> {
+        Ok(SimulationParameters {
             simulation: self.simulation.clone(),
             sensor: self.sensor.clone(),
             home_q: self.home_q()?,
             metres_per_q: self.metres_per_q,
             motion,
-        };
-        let motors = self.motor_map()?;
-        let geometry = self.model.geometry();
-        SimulatedMachine::new(&geometry, compliances, motors, &parameters, tool)
+        })
+    }
+
+    /// The simulated machine of this file in a campaign; its gauges are shown on `link`.
+    ///
+    /// # Errors
+    /// As [`simulated_machine`](Self::simulated_machine), and for a pose of the plan that the machine cannot take.
+    pub fn campaign_machine<const M: usize>(
+        &self,
+        plan: Plan<N>,
+        link: GaugePublisher,
+    ) -> Result<CampaignMachine<N, M>, RobotFileError> {
+        let (hand, tool) = load_generator();
+        let machine = self.simulated_machine(tool, Motion::Hold)?;
+        let places = plan.poses.iter().map(|(name, pose)| {
+            self.model.axes_for(pose).map_err(|error| self.refuse(&format!("pose {name} of the plan"), error))
+        });
+        let places = places.collect::<Result<Vec<[f64; N]>, RobotFileError>>()?;
+        CampaignMachine::new(machine, hand, plan, places, &self.simulation, &self.home_q()?, link)
             .map_err(|error| self.refuse("simulation", error))
     }
 }

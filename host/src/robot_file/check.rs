@@ -248,6 +248,6 @@ pub(super) fn simulation(simulation: &Simulation) -> Result<(), Problem> {
     range("simulation.jump_gap_m", s.jump_gap_m, 0.0, 1e-2)?;
     range("simulation.gauge_point_mm", s.gauge_point_mm, 0.0, 100.0)?;
     range("simulation.gauge_axis_mrad", s.gauge_axis_mrad, 0.0, 100.0)?;
-    range("simulation.jump_hysteresis_n", s.jump_hysteresis_n, 0.0, 1e4)?;
+    range("simulation.jump_hysteresis_n", s.jump_hysteresis_n, 0.0, s.jump_force_n)?;
     range("simulation.drift_um_per_min", s.drift_um_per_min, 0.0, 100.0)
 }

@@ -179,10 +179,10 @@ pub struct Simulation {
     /// Standard deviation of each turn of its plunger, mrad.
     #[serde(default)]
     pub gauge_axis_mrad: f64,
-    /// How much earlier the play closes on the way back than it opened, N in x.
+    /// Force by which the play closes below the one that it opened at, N in x.
     #[serde(default)]
     pub jump_hysteresis_n: f64,
-    /// Drift of the gauges of a campaign, um per minute.
+    /// Standard deviation of the drift of each gauge in each series of a campaign, um per minute.
     #[serde(default)]
     pub drift_um_per_min: f64,
 }

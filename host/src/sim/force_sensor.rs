@@ -12,14 +12,67 @@ const NOISE_STREAM: u64 = 2;
 /// Zero error, N and N m, sensor axes. ASSUMED; a client tares it.
 const BIAS: [f64; 6] = [1.5, -0.8, 2.0, 0.05, -0.1, 0.02];
 
-/// A sensor on the platform, at `p` from the tool centre point with axes `R_s` (sensor to platform). It shows the load on the tool, and the
-/// tool's weight, with their sign: `F_s = R_s^T R^T F`, `M_s = R_s^T (R^T M - p x R^T F)`, with `R` of the platform under load.
+/// Mounting of a sensor on the platform, at `p` from the tool centre point with axes `R_s` (sensor to platform). It shows the load on the
+/// tool, and the tool's weight, with their sign: `F_s = R_s^T R^T F`, `M_s = R_s^T (R^T M - p x R^T F)`, with `R` of the platform under load.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mounting {
+    /// `R_s`: platform axes from sensor axes.
+    pub rotation: Matrix3<f64>,
+    /// `p`: from the tool centre point to the sensor's origin, platform axes, m.
+    pub lever_m: Vector3<f64>,
+    /// Weight of what the sensor carries, world axes, N.
+    pub weight_n: Vector3<f64>,
+    /// From the tool centre point to its centre of gravity, platform axes, m.
+    pub centre_m: Vector3<f64>,
+}
+
+impl From<&Sensor> for Mounting {
+    fn from(sensor: &Sensor) -> Self {
+        Self {
+            rotation: sensor.rotation_matrix(),
+            lever_m: sensor.lever_m.into(),
+            weight_n: sensor.tool.weight_n.into(),
+            centre_m: sensor.tool.centre_m.into(),
+        }
+    }
+}
+
+impl Mounting {
+    /// Returns load (force N, moment N m about the tool centre point, world axes) and weight in the sensor's axes, about its origin, with the
+    /// platform turned by `platform` (platform to world).
+    #[must_use]
+    pub fn seen(&self, load: &Vector6<f64>, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
+        let [load_n, load_nm] = [0, 3].map(|row| platform.inverse() * load.fixed_rows::<3>(row).into_owned());
+        let weight_n = platform.inverse() * self.weight_n;
+        let force = load_n + weight_n;
+        let moment = load_nm + self.centre_m.cross(&weight_n);
+        let force_seen = self.rotation.transpose() * force;
+        let moment_seen = self.rotation.transpose() * (moment - self.lever_m.cross(&force));
+        joined(&force_seen, &moment_seen)
+    }
+
+    /// Returns the load whose sight, with the weight, is `seen`: the inverse of [`seen`](Self::seen).
+    #[must_use]
+    pub fn load(&self, seen: &Vector6<f64>, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
+        let [force, moment] = [0, 3].map(|row| self.rotation * seen.fixed_rows::<3>(row));
+        let weight_n = platform.inverse() * self.weight_n;
+        let load_nm = moment + self.lever_m.cross(&force) - self.centre_m.cross(&weight_n);
+        joined(&(platform * (force - weight_n)), &(platform * load_nm))
+    }
+}
+
+/// Force, then moment.
+fn joined(force: &Vector3<f64>, moment: &Vector3<f64>) -> Vector6<f64> {
+    let mut wrench = Vector6::zeros();
+    wrench.fixed_rows_mut::<3>(0).copy_from(force);
+    wrench.fixed_rows_mut::<3>(3).copy_from(moment);
+    wrench
+}
+
+/// A noisy sensor with a zero error.
 #[derive(Clone, Debug)]
 pub struct ForceSensor {
-    rotation: Matrix3<f64>,
-    lever_m: Vector3<f64>,
-    weight_n: Vector3<f64>,
-    centre_m: Vector3<f64>,
+    mounting: Mounting,
     noise: Vector6<f64>,
     random: ChaCha8Rng,
 }
@@ -31,14 +84,8 @@ impl ForceSensor {
         let mut random = ChaCha8Rng::seed_from_u64(simulation.seed);
         random.set_stream(NOISE_STREAM);
         let (force, moment) = (simulation.force_noise_n, simulation.moment_noise_nm);
-        Self {
-            rotation: mounting.rotation_matrix(),
-            lever_m: mounting.lever_m.into(),
-            weight_n: mounting.tool.weight_n.into(),
-            centre_m: mounting.tool.centre_m.into(),
-            noise: Vector6::new(force, force, force, moment, moment, moment),
-            random,
-        }
+        let noise = Vector6::new(force, force, force, moment, moment, moment);
+        Self { mounting: mounting.into(), noise, random }
     }
 
     /// Returns a raw sample under `load` (force N, moment N m about the tool centre point, world axes), in sensor axes, with the platform
@@ -46,21 +93,7 @@ impl ForceSensor {
     pub fn sample(&mut self, load: &Vector6<f64>, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
         let random = &mut self.random;
         let unit = Vector6::from_fn(|_, _| StandardNormal.sample(random));
-        self.seen(load, platform) + Vector6::from(BIAS) + self.noise.component_mul(&unit)
-    }
-
-    /// Returns load and weight in the sensor's axes, about its origin.
-    fn seen(&self, load: &Vector6<f64>, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
-        let [load_n, load_nm] = [0, 3].map(|row| platform.inverse() * load.fixed_rows::<3>(row).into_owned());
-        let weight_n = platform.inverse() * self.weight_n;
-        let force = load_n + weight_n;
-        let moment = load_nm + self.centre_m.cross(&weight_n);
-        let force_seen = self.rotation.transpose() * force;
-        let moment_seen = self.rotation.transpose() * (moment - self.lever_m.cross(&force));
-        let mut seen = Vector6::zeros();
-        seen.fixed_rows_mut::<3>(0).copy_from(&force_seen);
-        seen.fixed_rows_mut::<3>(3).copy_from(&moment_seen);
-        seen
+        self.mounting.seen(load, platform) + Vector6::from(BIAS) + self.noise.component_mul(&unit)
     }
 }
 
@@ -70,13 +103,12 @@ mod tests {
     use crate::sim::fixture;
     use nalgebra::Rotation3;
 
-    fn mounted() -> ForceSensor {
-        let parameters = fixture::parameters();
-        ForceSensor {
+    fn mounted() -> Mounting {
+        Mounting {
             rotation: Rotation3::from_euler_angles(0.3, -1.1, 2.0).into_inner(),
             lever_m: Vector3::new(0.02, -0.05, 0.11),
             weight_n: Vector3::zeros(),
-            ..ForceSensor::new(&parameters.sensor, &parameters.simulation)
+            centre_m: Vector3::zeros(),
         }
     }
 
@@ -86,17 +118,16 @@ mod tests {
         let load = Vector6::new(100.0, -50.0, 20.0, 3.0, 4.0, -5.0);
         let platform = UnitQuaternion::from_euler_angles(0.3, 0.2, -0.1);
         let seen = sensor.seen(&load, &platform);
-        let force = platform * (sensor.rotation * seen.fixed_rows::<3>(0));
-        let lever_m = platform * sensor.lever_m;
-        let moment = platform * (sensor.rotation * seen.fixed_rows::<3>(3)) + lever_m.cross(&force);
-        assert!((force - load.fixed_rows::<3>(0)).amax() < 1e-12);
-        assert!((moment - load.fixed_rows::<3>(3)).amax() < 1e-12);
+        assert!((sensor.load(&seen, &platform) - load).amax() < 1e-12);
+        let weighted =
+            Mounting { weight_n: Vector3::new(1.0, 2.0, -49.0), centre_m: Vector3::new(0.1, 0.02, -0.3), ..sensor };
+        assert!((weighted.load(&weighted.seen(&load, &platform), &platform) - load).amax() < 1e-12);
     }
 
     #[test]
     fn a_weight_is_a_load_at_its_centre() {
         let centre_m = Vector3::new(0.1, 0.02, -0.3);
-        let sensor = ForceSensor { weight_n: Vector3::new(0.0, 0.0, -49.0), centre_m, ..mounted() };
+        let sensor = Mounting { weight_n: Vector3::new(0.0, 0.0, -49.0), centre_m, ..mounted() };
         let platform = UnitQuaternion::from_euler_angles(0.3, 0.2, -0.1);
         let moment = (platform * centre_m).cross(&sensor.weight_n);
         let load = Vector6::new(0.0, 0.0, -49.0, moment.x, moment.y, moment.z);
@@ -115,11 +146,13 @@ mod tests {
 
     #[test]
     fn noise_has_the_stated_spread_about_the_bias() {
-        let mut sensor = mounted();
+        let parameters = fixture::parameters();
+        let mut sensor = ForceSensor::new(&parameters.sensor, &parameters.simulation);
+        let unloaded = sensor.mounting.seen(&Vector6::zeros(), &UnitQuaternion::identity());
         let count = 20_000;
         let (mut sum, mut squares) = (Vector6::zeros(), Vector6::zeros());
         for _ in 0..count {
-            let off = sensor.sample(&Vector6::zeros(), &UnitQuaternion::identity()) - Vector6::from(BIAS);
+            let off = sensor.sample(&Vector6::zeros(), &UnitQuaternion::identity()) - Vector6::from(BIAS) - unloaded;
             sum += off;
             squares += off.component_mul(&off);
         }

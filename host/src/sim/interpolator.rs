@@ -76,6 +76,12 @@ impl<const N: usize> Interpolator<N> {
         std::array::from_fn(|axis| near_m[axis] + (far_m[axis] - near_m[axis]) * share)
     }
 
+    /// True at the last waypoint, until the way back begins.
+    #[must_use]
+    pub fn has_arrived(&self) -> bool {
+        self.walked == self.legs.len() && self.cycle <= self.dwell
+    }
+
     /// Advances by one cycle.
     pub fn advance(&mut self) {
         let Some((leg, _)) = self.leg() else {

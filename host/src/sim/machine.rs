@@ -21,7 +21,7 @@ use super::force_sensor::ForceSensor;
 use super::interpolator::Interpolator;
 use super::load_generator::{AppliedLoad, Load};
 use super::parameters::{SimulationError, SimulationParameters};
-use super::springs::true_springs;
+use super::springs::TrueSprings;
 use crate::elastic::{ElasticError, ElasticMachine, Equilibrium};
 use crate::plant::{Plant, PlantError, Reading, ToolReading};
 
@@ -31,7 +31,7 @@ pub const MAX_CYCLES_PER_READ: u64 = 100;
 /// A simulated machine with `N` axes and `M` motors `[T 4.2]`.
 #[derive(Debug)]
 pub struct SimulatedMachine<const N: usize, const M: usize> {
-    springs: ElasticMachine<N>,
+    springs: TrueSprings<N>,
     motors: MotorMap<N, M>,
     drives: [Drive; M],
     interpolator: Interpolator<N>,
@@ -64,7 +64,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         tool: AppliedLoad,
     ) -> Result<Self, SimulationError> {
         let home_m = std::array::from_fn(|axis| parameters.home_q[axis] * parameters.metres_per_q[axis]);
-        let springs = true_springs(geometry, nominal, parameters)?;
+        let springs = TrueSprings::new(geometry, nominal, parameters)?;
         let at_home = positions_nm(&home_m)?;
         let references = motors.axis_of_motor().map(|axis| without_offsets(at_home[axis]));
         let start = Equilibrium::at_home(parameters.simulation.home_m);
@@ -88,6 +88,18 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         machine.settle_platform().map_err(SimulationError::Springs)?;
         machine.sample = machine.sensor.sample(&Vector6::zeros(), &machine.loaded.pose.rotation);
         Ok(machine)
+    }
+
+    /// Returns the platform under load.
+    #[must_use]
+    pub const fn loaded(&self) -> &Equilibrium<N> {
+        &self.loaded
+    }
+
+    /// Returns the springs, as they stand.
+    #[must_use]
+    pub const fn springs(&self) -> &ElasticMachine<N> {
+        self.springs.machine()
     }
 
     /// Runs one cycle of 1 ms.
@@ -119,9 +131,9 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         let motors = std::array::from_fn(|axis| {
             drive::mean(self.drives_of(axis).map(Drive::position_m)) / self.metres_per_q[axis]
         });
-        self.loaded = self.springs.equilibrium(&motors, &load, &self.loaded)?;
+        self.loaded = self.springs.settle(&motors, &load, &self.loaded)?;
         let nominal = std::array::from_fn(|axis| self.in_force[axis].nominal.to_metres().0 / self.metres_per_q[axis]);
-        self.rigid = self.springs.equilibrium(&nominal, &Vector6::zeros(), &self.rigid)?;
+        self.rigid = self.springs.machine().equilibrium(&nominal, &Vector6::zeros(), &self.rigid)?;
         Ok(())
     }
 

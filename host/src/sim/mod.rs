@@ -8,8 +8,10 @@
 //! | module | contents |
 //! |---|---|
 //! | [`springs`] | the true compliances of one machine |
+//! | [`campaign`] | the machine in a campaign: poses, levels, gauges |
 //! | [`drive`] | cascade of an axis `[T 4.1.7]` |
 //! | [`interpolator`] | nominal references, in place of the NC kernel `[T 4.1.1]` |
+//! | [`gauges`] | length gauges of a campaign, with zeros, errors and drift |
 //! | [`load_generator`] | the load on the tool, set from another thread `[T 4.2.9]` |
 //! | [`load_profile`] | force steps during Obtain |
 //! | [`force_sensor`] | six-axis force sensor `[T 4.2.5]` |
@@ -31,8 +33,10 @@
     )
 )]
 
+pub mod campaign;
 pub mod drive;
 pub mod force_sensor;
+pub mod gauges;
 pub mod interpolator;
 pub mod load_generator;
 pub mod load_profile;

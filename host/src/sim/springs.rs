@@ -11,18 +11,60 @@ use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticError, ElasticMachine, Equilibrium};
 use crate::robot_file::Simulation;
 
-/// Deviates every nominal spring by its own seeded share, and gives the joint of arm 3 its backlash.
+/// The springs of one machine, and the side that the joint of arm 3 is on.
 ///
-/// # Errors
-/// [`SimulationError`] naming the parameter.
-pub fn true_springs<const N: usize>(
-    geometry: &f1::Geometry,
-    nominal: &Compliances<N>,
-    parameters: &SimulationParameters<N>,
-) -> Result<ElasticMachine<N>, SimulationError> {
-    let compliances = deviated(nominal, &parameters.simulation).map_err(SimulationError::Compliances)?;
-    let rigid_joint = ElasticMachine::new(*geometry, compliances, Backlash::NONE);
-    Ok(ElasticMachine::new(*geometry, compliances, backlash(&rigid_joint, parameters)?))
+/// With `jump_hysteresis_n` the joint follows a falling force late, as friction makes it: it opens at `jump_force_n`, and closes at a force
+/// lower by the hysteresis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrueSprings<const N: usize> {
+    opening: ElasticMachine<N>,
+    closing: ElasticMachine<N>,
+    is_open: bool,
+}
+
+impl<const N: usize> TrueSprings<N> {
+    /// Deviates every nominal spring by its own seeded share, and gives the joint of arm 3 its backlash.
+    ///
+    /// # Errors
+    /// [`SimulationError`] naming the parameter.
+    pub fn new(
+        geometry: &f1::Geometry,
+        nominal: &Compliances<N>,
+        parameters: &SimulationParameters<N>,
+    ) -> Result<Self, SimulationError> {
+        let compliances = deviated(nominal, &parameters.simulation).map_err(SimulationError::Compliances)?;
+        let rigid_joint = ElasticMachine::new(*geometry, compliances, Backlash::NONE);
+        let Simulation { jump_force_n, jump_hysteresis_n, .. } = parameters.simulation;
+        let jumping_at = |force_n| {
+            let backlash = backlash(&rigid_joint, parameters, force_n)?;
+            Ok(ElasticMachine::new(*geometry, compliances, backlash))
+        };
+        let opening = jumping_at(jump_force_n)?;
+        let closing = if jump_hysteresis_n > 0.0 { jumping_at(jump_force_n - jump_hysteresis_n)? } else { opening };
+        Ok(Self { opening, closing, is_open: false })
+    }
+
+    /// Returns the machine as its joint stands now.
+    #[must_use]
+    pub const fn machine(&self) -> &ElasticMachine<N> {
+        if self.is_open { &self.closing } else { &self.opening }
+    }
+
+    /// Finds the pose under a load, as [`ElasticMachine::equilibrium`] does, and moves the joint to the side that it is then on.
+    ///
+    /// # Errors
+    /// As [`ElasticMachine::equilibrium`].
+    pub fn settle(
+        &mut self,
+        axes: &[f64; N],
+        load: &Vector6<f64>,
+        start: &Equilibrium<N>,
+    ) -> Result<Equilibrium<N>, ElasticError> {
+        let now = self.machine().equilibrium(axes, load, start)?;
+        let crossed = self.machine().backlash().crossed(now.cluster_3_n());
+        self.is_open = if self.is_open { crossed > 0.0 } else { crossed >= 1.0 };
+        Ok(now)
+    }
 }
 
 /// Deviates every nominal spring by its own seeded share.
@@ -41,27 +83,29 @@ pub(crate) fn deviated<const N: usize>(
     Compliances::new(links, axes)
 }
 
-/// Returns the backlash whose preload at rest is cancelled at home by `jump_force_n` in x.
+/// Returns the backlash whose preload at rest is cancelled at home by `force_n` in x.
 fn backlash<const N: usize>(
     rigid_joint: &ElasticMachine<N>,
     parameters: &SimulationParameters<N>,
+    force_n: f64,
 ) -> Result<Backlash, SimulationError> {
-    let gap_m = parameters.simulation.jump_gap_m;
-    if gap_m <= 0.0 {
+    let Simulation { jump_gap_m, home_m, .. } = parameters.simulation;
+    if jump_gap_m <= 0.0 {
         return Ok(Backlash::NONE);
     }
-    let preload_n = preload_n(rigid_joint, &parameters.simulation, &parameters.home_q);
-    Backlash::new(gap_m, preload_n.map_err(SimulationError::Springs)?).ok_or(SimulationError::NoJump)
+    let preload_n = preload_n(rigid_joint, home_m, &parameters.home_q, force_n).map_err(SimulationError::Springs)?;
+    Backlash::new(jump_gap_m, preload_n).ok_or(SimulationError::NoJump)
 }
 
-/// Returns the sum of the tensions of cluster 3 that a force of `jump_force_n` in x cancels at home, N.
+/// Returns the sum of the tensions of cluster 3 that a force of `force_n` in x cancels at home, N.
 pub(crate) fn preload_n<const N: usize>(
     rigid_joint: &ElasticMachine<N>,
-    simulation: &Simulation,
+    home_m: [f64; 3],
     home_q: &[f64; N],
+    force_n: f64,
 ) -> Result<f64, ElasticError> {
-    let load = Vector6::new(simulation.jump_force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
-    let at_jump = rigid_joint.equilibrium(home_q, &load, &Equilibrium::at_home(simulation.home_m))?;
+    let load = Vector6::new(force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let at_jump = rigid_joint.equilibrium(home_q, &load, &Equilibrium::at_home(home_m))?;
     Ok(-at_jump.cluster_3_n())
 }
 
@@ -74,7 +118,7 @@ mod tests {
         let mut parameters = fixture::parameters();
         (parameters.simulation.seed, parameters.simulation.spring_deviation) = (seed, spring_deviation);
         let l2 = Vectors::l2();
-        *true_springs(&l2.geometry, &l2.compliances, &parameters).unwrap().compliances()
+        *TrueSprings::new(&l2.geometry, &l2.compliances, &parameters).unwrap().machine().compliances()
     }
 
     #[test]
@@ -91,5 +135,36 @@ mod tests {
                 assert!((true_value / value - 1.0).abs() <= 0.15 + 1e-12);
             }
         }
+    }
+
+    /// Forces in x at which the joint has moved, while the force rises to 420 N and falls again.
+    fn jumps(hysteresis_n: f64) -> (f64, f64) {
+        let mut parameters = fixture::parameters();
+        parameters.simulation.jump_hysteresis_n = hysteresis_n;
+        let l2 = Vectors::l2();
+        let mut springs = TrueSprings::new(&l2.geometry, &l2.compliances, &parameters).unwrap();
+        let mut now = Equilibrium::at_home(parameters.simulation.home_m);
+        let (mut opened, mut closed) = (f64::NAN, f64::NAN);
+        for step in (0..=420).chain((0..420).rev()) {
+            let force = f64::from(step);
+            let was_open = springs.is_open;
+            let load = Vector6::new(force, 0.0, 0.0, 0.0, 0.0, 0.0);
+            now = springs.settle(&parameters.home_q, &load, &now).unwrap();
+            match (was_open, springs.is_open) {
+                (false, true) => opened = force,
+                (true, false) => closed = force,
+                _ => {}
+            }
+        }
+        (opened, closed)
+    }
+
+    /// The joint crosses within 4 N of cluster force, some 9 N in x: half before and half after the force of the file.
+    #[test]
+    fn the_joint_closes_later_than_it_opened() {
+        let (opened, closed) = jumps(0.0);
+        assert!((opened - 360.0).abs() < 10.0 && (closed - 360.0).abs() < 10.0, "{opened} {closed}");
+        let (opened, closed) = jumps(25.0);
+        assert!((opened - 360.0).abs() < 10.0 && (closed - 335.0).abs() < 10.0, "{opened} {closed}");
     }
 }

@@ -114,7 +114,8 @@ impl Sides {
         if file.simulation.jump_gap_m <= 0.0 {
             return Ok(Self(None));
         }
-        let preload = preload_n(machine, &file.simulation, &file.home_q()?).map_err(VerifyError::Home)?;
+        let (home_m, force_n) = (file.simulation.home_m, file.simulation.jump_force_n);
+        let preload = preload_n(machine, home_m, &file.home_q()?, force_n).map_err(VerifyError::Home)?;
         Ok(Self(Some([preload, preload])))
     }
 

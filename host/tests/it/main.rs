@@ -14,6 +14,8 @@ mod errors;
 #[cfg(target_os = "linux")]
 mod exhaustion;
 #[cfg(unix)]
+mod experiment;
+#[cfg(unix)]
 mod faults;
 mod plan;
 mod process;
@@ -31,12 +33,27 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    for command in ["demo", "serve", "client", "faults", "replay", "workspace", "draw", "verify", "solve"] {
+    const COMMANDS: [&str; 13] = [
+        "demo",
+        "serve",
+        "client",
+        "plan",
+        "experiment",
+        "identify",
+        "calibrate",
+        "verify",
+        "faults",
+        "replay",
+        "workspace",
+        "draw",
+        "solve",
+    ];
+    for command in COMMANDS {
         assert!(all.contains(&format!("\n  {command} ")), "{all}");
         let help = folder.run(&[command, "--help"]).success();
         assert!(help.contains(&format!("gantry-tau {command}")), "{help}");
         // Found by reading: of three commands they were written down, and never shown.
-        let has_codes = ["demo", "client", "faults", "replay", "verify"].contains(&command);
+        let has_codes = !["serve", "plan", "workspace", "draw", "solve"].contains(&command);
         assert_eq!(help.contains("Exit codes: 0 "), has_codes, "{help}");
         let help = folder.run(&["help", command]).success();
         assert!(help.contains("Usage:"), "{help}");

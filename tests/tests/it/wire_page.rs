@@ -1,5 +1,7 @@
 //! `wire.md` against the encoder and decoder.
 
+use gantry_tau::gauge_link;
+use gantry_tau::measurements::springs;
 use gantry_tau_core::control::wire::{Frame, decode_client, encode_client};
 
 use crate::fuzz_seeds::streams::command;
@@ -21,4 +23,16 @@ fn the_worked_example_of_the_specification_holds() {
     assert_eq!(gantry_tau_tests::client::crc32(b"123456789"), 0xcbf4_3926);
     let message = decode_client::<3>(&Frame::parse(&bytes).unwrap()).unwrap();
     assert_eq!(&*encode_client(&message), bytes);
+}
+
+/// The gauge link is written down as it is.
+#[test]
+fn the_specification_names_the_sizes_of_the_gauge_link() {
+    let page = include_str!("../../../wire.md");
+    let (_, section) = page.split_once("## The gauges of the simulated machine").unwrap();
+    let (section, _) = section.split_once("\n## ").unwrap();
+    let (head, longest, gauges) = (gauge_link::HEAD, gauge_link::LONGEST, springs::MAX_GAUGES);
+    for expected in [format!("{head} bytes"), format!("at most {longest}"), format!("at most {gauges}")] {
+        assert!(section.contains(&expected), "{expected}");
+    }
 }

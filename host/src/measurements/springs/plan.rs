@@ -9,11 +9,6 @@ use super::{
 };
 use crate::springs::gauge::Gauge;
 
-/// Smallest and largest length of a direction that counts as a unit vector.
-const UNIT: (f64, f64) = (1.0 - 1e-6, 1.0 + 1e-6);
-/// Largest force of a level, N, and distance of a hook, m.
-const MOST: (f64, f64) = (1e5, 10.0);
-
 /// A file of gauges alone.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -64,53 +59,6 @@ impl Setup {
         columns.extend(LOAD.map(str::to_owned));
         columns.extend(self.gauges.iter().map(|gauge| format!("{}_um", gauge.name)));
         columns.join(",") + "\n"
-    }
-
-    /// Checks the series of a plan; `path` is that of the set-up.
-    ///
-    /// # Errors
-    /// [`FileError`] that names series and key.
-    pub fn check_plan(&self, path: &Path) -> Result<(), FileError> {
-        let refused = |key: String, reason: String| FileError {
-            column: Some(key),
-            ..FileError::whole(&path.display().to_string(), reason)
-        };
-        if self.plan.is_empty() {
-            return Err(refused(
-                "series".to_owned(),
-                "is missing: a plan says in [[series]] what to measure".to_owned(),
-            ));
-        }
-        for (index, series) in self.plan.iter().enumerate() {
-            let refused = |key: &str, reason: String| Err(refused(format!("series.{}.{key}", series.name), reason));
-            if self.plan.iter().take(index).any(|other| other.name == series.name) {
-                return refused("name", "stands twice".to_owned());
-            }
-            if !self.poses.iter().any(|(name, _)| *name == series.pose) {
-                return refused("pose", format!("{:?} is not in the set-up", series.pose));
-            }
-            let unknown = series.gauges.iter().find(|name| !self.gauges.iter().any(|gauge| gauge.name == **name));
-            if let Some(unknown) = unknown {
-                return refused("gauges", format!("{unknown:?} is not in the set-up"));
-            }
-            if series.gauges.is_empty() {
-                return refused("gauges", "is empty; name the gauges that are read".to_owned());
-            }
-            let length = series.direction.iter().map(|component| component * component).sum::<f64>().sqrt();
-            if !(UNIT.0..=UNIT.1).contains(&length) {
-                return refused("direction", format!("has length {length}, not 1"));
-            }
-            if !series.hook_m.iter().all(|coordinate| coordinate.abs() <= MOST.1) {
-                return refused("hook_m", format!("is more than {} m away; it is in metres", MOST.1));
-            }
-            if let Some(level) = series.levels_n.iter().find(|level| !(0.0..=MOST.0).contains(*level)) {
-                return refused("levels_n", format!("{level} is not from 0 to {:e}", MOST.0));
-            }
-            if series.levels_n.len() < 2 {
-                return refused("levels_n", "has fewer than two levels; the zero of a gauge takes one".to_owned());
-            }
-        }
-        Ok(())
     }
 }
 

@@ -213,17 +213,22 @@ fn options_that_cannot_be_are_named() {
     assert!(none.contains("c_link is missing"), "{none}");
 }
 
+/// Reads the plan of a set-up as `experiment` does.
+fn checked(setup: &Setup) -> Result<(), crate::measurements::FileError> {
+    let path = std::path::Path::new("plan.toml");
+    crate::measurements::plan::of(path, setup.clone(), &[1.0; 3]).map(|_| ())
+}
+
 /// A diagonal strap has a length of 1, as the reader wants it.
 #[test]
 fn plans_of_others_are_read_strictly() {
     let robot = l2();
     let setup = at_home(&robot, &HOOKS_M[..1], default_gauges(&robot.metres_per_q));
-    let path = std::path::Path::new("plan.toml");
-    setup.check_plan(path).unwrap();
+    checked(&setup).unwrap();
     let refused = |change: fn(&mut SeriesEntry)| {
         let mut wrong = setup.clone();
         change(&mut wrong.plan[1]);
-        wrong.check_plan(path).unwrap_err().to_string()
+        checked(&wrong).unwrap_err().to_string()
     };
     let pose = refused(|series| "elsewhere".clone_into(&mut series.pose));
     assert_eq!(pose, "plan.toml: series.s2.pose: \"elsewhere\" is not in the set-up");
@@ -234,5 +239,5 @@ fn plans_of_others_are_read_strictly() {
     assert!(refused(|series| "s1".clone_into(&mut series.name)).contains("stands twice"));
     let mut diagonal = setup.clone();
     diagonal.plan[0].direction = [FRAC_1_SQRT_2, FRAC_1_SQRT_2, 0.0];
-    diagonal.check_plan(path).unwrap();
+    checked(&diagonal).unwrap();
 }

@@ -114,25 +114,24 @@ struct Found<'a, const N: usize> {
     play: Option<FoundPlay>,
 }
 
-/// Identifies the springs of the machine of a robot file; `model` is `l2` or `f1`.
+/// Identifies the springs of the machine of a robot file.
 ///
 /// # Errors
 /// [`IdentifyError`].
 pub fn identify<K: MachineKind<N>, const N: usize>(
     robot: &RobotFile<K, N>,
-    model: &'static str,
     options: &IdentifyOptions,
 ) -> Result<Identification, IdentifyError> {
     let Some(file) = &robot.compliances else {
         return Err(IdentifyError::NoCompliances { robot: robot.name.clone() });
     };
-    let campaign = springs::read(&options.setup, model, &robot.metres_per_q)?;
+    let campaign = springs::read(&options.setup, K::MODEL, &robot.metres_per_q)?;
     let setup = SetupConstants::of(&campaign);
     let geometry = robot.model.geometry();
     let question = Question { geometry: &geometry, file, campaign: &campaign, setup };
     plausible::check(&question)?;
     let found = find(question, options)?;
-    let answer = found.answer(model, options);
+    let answer = found.answer(K::MODEL, options);
     let doubts = found.doubts(&answer);
     let mut warnings = found.warnings(&answer);
     let robot_file = found.robot_file(robot, options, &answer, &mut warnings)?;

@@ -1,0 +1,158 @@
+//! `gantry-tau experiment`.
+
+use std::io::BufRead;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+
+use clap::Args;
+use gantry_tau::experiment::live::{self, LiveOptions};
+use gantry_tau::experiment::simulated::simulate;
+use gantry_tau::experiment::table::Table;
+use gantry_tau::measurements::plan::{self, Plan};
+use gantry_tau::model::MachineKind;
+use gantry_tau::robot_file::RobotFile;
+use gantry_tau::terminal::say;
+
+use super::{MachineCommand, Outcome, address, fail, transport};
+
+/// Measure a campaign of forces and gauges, window by window
+///
+/// Reads a plan, and writes the table of windows that `identify` takes: means of axes, forces and gauges at each level. It does not move the
+/// machine: it waits until the poses of the plan are taken, says what to mount and how far to pull, and takes each window once everything
+/// has settled. While a session runs it stays in Submit, so no offset reaches a drive. A table that exists is continued: rows stay as they
+/// are, and their windows are not taken again.
+///
+/// Type Enter to begin a series with the strap slack; `again` to take the last window once more; `skip`; `remount` if a gauge or the strap
+/// was touched, which begins the series anew; `quit`.
+///
+/// Exit codes: 0 done; 1 setup; 3 done, and windows are missing, or the server, the sensor or the gauges are unreachable; 4 refused; 5
+/// incompatible server; 6 to 9 the first session ended before it was granted.
+#[derive(Debug, Args)]
+pub(crate) struct Experiment {
+    /// The plan: a set-up with [[series]], format = "gantry-tau springs 1"
+    #[arg(value_name = "PLAN.toml")]
+    plan: PathBuf,
+    /// The machine: l2 or f1 (built in), or a robot file
+    #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
+    pub(super) robot: String,
+    /// Measure the simulated machine, without a server; SEED decides its springs and every error [default: the robot file's]
+    #[arg(long, value_name = "SEED", num_args = 0..=1, conflicts_with_all = ["udp", "obtain", "raw", "ask_gauges", "unattended"])]
+    simulated: Option<Option<u64>>,
+    /// Address of the server
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = address)]
+    server: SocketAddr,
+    /// Address of the force sensor
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
+    sensor: SocketAddr,
+    /// Address of the gauges
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7002", value_parser = address)]
+    gauges: SocketAddr,
+    /// Type the readings of the gauges in
+    #[arg(long, conflicts_with = "unattended")]
+    ask_gauges: bool,
+    /// UDP datagrams instead of a TCP stream; the server needs --udp as well
+    #[arg(long)]
+    udp: bool,
+    /// Obtain: the compensation runs while it is measured
+    #[arg(long)]
+    obtain: bool,
+    /// Begin each series by itself, once the gauges have been away and are back; for `serve --plan`
+    #[arg(long)]
+    unattended: bool,
+    /// Record every tick in which the strap pulls
+    #[arg(long, value_name = "FILE.csv")]
+    raw: Option<PathBuf>,
+    /// Table to be written, or continued
+    #[arg(short, value_name = "MEASURED.csv")]
+    output: PathBuf,
+}
+
+impl MachineCommand for Experiment {
+    fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
+        let plan = plan::read(&self.plan, K::MODEL, &robot.metres_per_q)?;
+        match self.simulated {
+            Some(seed) => self.simulated(robot, &plan, seed),
+            None => self.live(robot, plan),
+        }
+    }
+}
+
+impl Experiment {
+    fn simulated<K: MachineKind<N>, const N: usize>(
+        &self,
+        mut robot: RobotFile<K, N>,
+        plan: &Plan<N>,
+        seed: Option<u64>,
+    ) -> Outcome {
+        robot.simulation.seed = seed.unwrap_or(robot.simulation.seed);
+        let mut table = Table::open(&self.output, plan, false)?;
+        if !table.is_empty() {
+            return Err(format!("{} has rows; remove it, or name another file", self.output.display()).into());
+        }
+        let rows = simulate(&robot, plan)?.rows;
+        for row in &rows {
+            table.write(plan, row)?;
+        }
+        say(format_args!("{}: {} windows of the simulated machine", self.output.display(), rows.len()));
+        note_table(&plan.table, &self.output);
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn live<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>, plan: Plan<N>) -> Outcome {
+        let named = plan.table.clone();
+        let quit = Arc::new(AtomicBool::new(false));
+        let shared = Arc::clone(&quit);
+        ctrlc::set_handler(move || shared.store(true, Ordering::Relaxed))
+            .map_err(|error| format!("cannot listen for Ctrl-C: {error}"))?;
+        let options = LiveOptions {
+            robot,
+            plan,
+            server: self.server,
+            transport: transport(self.udp),
+            sensor: self.sensor,
+            gauges: (!self.ask_gauges).then_some(self.gauges),
+            obtain: self.obtain,
+            is_unattended: self.unattended,
+            raw: self.raw,
+            output: self.output.clone(),
+        };
+        let report = match live::run(options, &quit, &lines_typed()) {
+            Ok(report) => report,
+            Err(error) => return Ok(fail(error.exit_code(), &error)),
+        };
+        say(format_args!(
+            "{}: {} windows taken, {} of the plan missing",
+            self.output.display(),
+            report.taken,
+            report.missing
+        ));
+        note_table(&named, &self.output);
+        Ok(if report.missing == 0 { ExitCode::SUCCESS } else { ExitCode::from(3) })
+    }
+}
+
+/// Lines of the keyboard, from a thread that ends with the process.
+fn lines_typed() -> Receiver<String> {
+    let (lines, typed) = channel();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            if lines.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    typed
+}
+
+/// Says so if the set-up names another table than was written.
+fn note_table(named: &Path, written: &Path) {
+    let is_same =
+        matches!((named.canonicalize(), written.canonicalize()), (Ok(named), Ok(written)) if named == written);
+    if !is_same {
+        tracing::warn!("the set-up names {} as its table, and `identify` reads that", named.display());
+    }
+}

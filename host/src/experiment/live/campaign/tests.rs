@@ -1,0 +1,214 @@
+//! A campaign fed tick by tick: an operator, a strap and gauges without sockets.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::*;
+use crate::experiment::fixture::{Folder, campaign_a, first_series, plan_in};
+use crate::measurements::springs::{self, MAX_GAUGES};
+use crate::model::L2;
+use crate::sim::force_sensor::Mounting;
+
+/// A machine at home, whose strap and gauges do as they are told.
+struct Bench {
+    folder: Folder,
+    campaign: Campaign<3>,
+    robot: RobotFile<L2, 3>,
+    random: ChaCha8Rng,
+    tick: u64,
+    /// Zero error of the force sensor, N.
+    bias_n: f64,
+    /// Pull along x at the tool centre point, N, and its change per second.
+    pull_n: (f64, f64),
+    /// Distance of the first axis from the pose, nm.
+    off_nm: i64,
+    /// All gauges, m.
+    length_m: f64,
+}
+
+/// Noise of a sample: N, m.
+const FORCE_N: f64 = 0.2;
+const LENGTH_M: f64 = 0.3e-6;
+
+impl Bench {
+    fn new(name: &str, levels: &[u32], has_gauges: bool) -> Self {
+        let folder = Folder::new(name);
+        plan_in(&folder, &first_series(&campaign_a("", levels), 1));
+        let robot = RobotFile::builtin_l2().unwrap();
+        let campaign = Self::campaign(&folder, &robot, has_gauges);
+        let random = ChaCha8Rng::seed_from_u64(1);
+        Self { folder, campaign, robot, random, tick: 7, bias_n: 3.0, pull_n: (0.0, 0.0), off_nm: 0, length_m: 0.0 }
+    }
+
+    fn campaign(folder: &Folder, robot: &RobotFile<L2, 3>, has_gauges: bool) -> Campaign<3> {
+        let plan = crate::experiment::fixture::read(&folder.path("plan.toml"));
+        let table = Table::open(&folder.path("springs.csv"), &plan, true).unwrap();
+        let prediction = Prediction::new(robot).unwrap();
+        let mut campaign = Campaign::new(robot, plan, table, prediction, None).unwrap();
+        campaign.set_instruments(has_gauges, false);
+        campaign
+    }
+
+    /// Another program goes on with the table.
+    fn restart(&mut self) {
+        self.campaign = Self::campaign(&self.folder, &self.robot, self.campaign.has_gauges);
+    }
+
+    /// Lets seconds pass.
+    fn wait(&mut self, seconds: u32) {
+        let mounting = Mounting::from(&self.robot.sensor);
+        let place = &self.campaign.places[0];
+        let (nominal, rotation) = (place.nominal, place.unloaded.pose.rotation);
+        for _ in 0..seconds * 1_000 {
+            let normal = |random: &mut ChaCha8Rng, sd: f64| sd * Distribution::<f64>::sample(&StandardNormal, random);
+            let force = self.pull_n.0 + normal(&mut self.random, FORCE_N);
+            self.pull_n.0 += self.pull_n.1 * TICK_S;
+            // At the hook, 80 mm below the tool centre point.
+            let load = Vector6::new(force, 0.0, 0.0, 0.0, -0.08 * force, 0.0);
+            let mut wrench: [f64; 6] = mounting.seen(&load, &rotation).into();
+            wrench[0] += self.bias_n;
+            let mut lengths_m = [0.0; MAX_GAUGES];
+            for length_m in &mut lengths_m {
+                *length_m = self.length_m + normal(&mut self.random, LENGTH_M);
+            }
+            let gauges = if self.campaign.has_gauges { 9 } else { 0 };
+            let q = nominal.map(|axis| axis.to_metres().0);
+            let mut nominal = nominal;
+            nominal[0].0 += self.off_nm;
+            let sample = Sample { tick: self.tick, q, wrench, lengths_m, gauges };
+            self.campaign.feed(&Tick { sample, nominal }).unwrap();
+            self.tick += 1;
+        }
+    }
+
+    fn key(&mut self, line: &str) {
+        self.campaign.key(line).unwrap();
+    }
+
+    /// Series, window, force in x (N) and first reading (um) of each row.
+    fn rows(&self) -> Vec<(String, String, f64, f64)> {
+        let plan = crate::experiment::fixture::read(&self.folder.path("plan.toml"));
+        let path = self.folder.path("springs.csv");
+        if std::fs::read_to_string(&path).unwrap().lines().count() < 2 {
+            return Vec::new();
+        }
+        let windows = springs::windows_of::<3>(&path, &plan.poses, &plan.gauges).unwrap();
+        let first = |window: &springs::Window<3>| window.readings_m[0].unwrap() * 1e6;
+        windows.into_iter().map(|(name, w)| (name, w.window.clone(), w.load[0], first(&w))).collect()
+    }
+
+    fn names(&self) -> Vec<String> {
+        self.rows().iter().map(|(series, window, ..)| format!("{series} {window}")).collect()
+    }
+}
+
+#[test]
+fn a_window_needs_a_pose_an_operator_a_pull_and_calm() {
+    let mut bench = Bench::new("operator", &[0, 60, 0], true);
+    bench.off_nm = 200_000;
+    bench.key("");
+    bench.wait(20);
+    // Enter counts once it was asked for: in the pose.
+    bench.off_nm = 0;
+    bench.wait(20);
+    assert_eq!(bench.names(), [""; 0]);
+    bench.key("");
+    bench.wait(8);
+    assert_eq!(bench.names(), ["x1 1"]);
+    // Not the pull of the level; then a pull that runs away by 3 N/s; then a calm one.
+    bench.pull_n = (100.0, 0.0);
+    bench.wait(10);
+    bench.pull_n = (56.0, 1.5);
+    bench.wait(5);
+    assert_eq!(bench.names(), ["x1 1"]);
+    bench.pull_n = (62.0, 0.0);
+    bench.length_m = 5e-6;
+    bench.wait(8);
+    let rows = bench.rows();
+    assert_eq!(bench.names(), ["x1 1", "x1 2"]);
+    // The tare has the zero error; five deviations of a mean of 2 000 samples, twice. The platform turns by the pull: 60 N x 0.5 mrad.
+    assert!((rows[1].2 - 62.0).abs() < 0.1, "{rows:?}");
+    assert!((rows[1].3 - 5.0).abs() < 0.1 && rows[0].3.abs() < 0.1, "{rows:?}");
+    bench.pull_n = (0.0, 0.0);
+    bench.wait(8);
+    assert!(bench.campaign.is_done());
+    assert_eq!(bench.campaign.report(), LiveReport { taken: 3, missing: 0 });
+}
+
+#[test]
+fn a_machine_that_leaves_the_pose_is_waited_for() {
+    let mut bench = Bench::new("left", &[0, 60, 0], true);
+    bench.wait(1);
+    bench.key("");
+    bench.wait(8);
+    bench.pull_n = (60.0, 0.0);
+    bench.wait(3);
+    bench.off_nm = -150_000;
+    bench.wait(1);
+    bench.off_nm = 0;
+    bench.wait(20);
+    assert_eq!(bench.names(), ["x1 1"], "the sensor must be tared again");
+    // With another zero error than before, and the strap slack.
+    (bench.bias_n, bench.pull_n) = (-4.0, (0.0, 0.0));
+    bench.key("");
+    bench.wait(8);
+    bench.pull_n = (60.0, 0.0);
+    bench.wait(8);
+    let rows = bench.rows();
+    assert_eq!(bench.names(), ["x1 1", "x1 2"]);
+    assert!((rows[1].2 - 60.0).abs() < 0.1, "{rows:?}");
+}
+
+#[test]
+fn keys_repeat_skip_and_mount_anew() {
+    let mut bench = Bench::new("keys", &[0, 60, 120, 60, 0], true);
+    bench.wait(1);
+    bench.key("");
+    bench.wait(8);
+    bench.pull_n = (60.0, 0.0);
+    bench.wait(8);
+    bench.key("again");
+    bench.wait(8);
+    bench.key("nonsense");
+    bench.key("skip");
+    assert_eq!(bench.names(), ["x1 1", "x1 2", "x1 2"]);
+    // 120 N is skipped: 60 N on the way back is next.
+    bench.wait(8);
+    assert_eq!(bench.names().last().unwrap(), "x1 4");
+    // A gauge was touched: the series begins anew, under another name, and with a tare.
+    bench.key("remount");
+    (bench.pull_n, bench.length_m) = ((0.0, 0.0), 80e-6);
+    bench.wait(10);
+    assert_eq!(bench.rows().len(), 4);
+    bench.key("");
+    bench.wait(8);
+    assert_eq!(bench.names().last().unwrap(), "x1.2 1");
+    // Another program finds both in the table, and goes on with the second.
+    bench.restart();
+    bench.wait(1);
+    bench.key("");
+    bench.wait(8);
+    for pull in [60.0, 120.0, 60.0, 0.0] {
+        bench.pull_n = (pull, 0.0);
+        bench.wait(8);
+    }
+    assert!(bench.campaign.is_done());
+    let expected = ["x1 1", "x1 2", "x1 2", "x1 4", "x1.2 1", "x1.2 2", "x1.2 3", "x1.2 4", "x1.2 5"];
+    assert_eq!(bench.names(), expected);
+}
+
+#[test]
+fn readings_are_typed_where_there_is_no_link() {
+    let mut bench = Bench::new("typed", &[0, 60], false);
+    bench.wait(1);
+    bench.key("");
+    bench.wait(8);
+    for wrong in ["1 2 3", "1 2 3 4 5 6 7 8 nine", "1 2 3 4 5 6 7 8 9 10", "NaN 2 3 4 5 6 7 8 9"] {
+        bench.key(wrong);
+    }
+    assert!(bench.rows().is_empty());
+    bench.key("1.5 -2 3 4 5 6 7 8 9");
+    assert_eq!(bench.rows().len(), 1);
+    assert!((bench.rows()[0].3 - 1.5).abs() < 1e-9);
+}

@@ -1,0 +1,59 @@
+//! Campaigns of forces and gauges, measured `[T 4.2.9]`: a plan in, a table of windows out.
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`windows`] | settle test and mean: windows from samples |
+//! | [`prediction`] | load on the platform from the force sensor, which turns with the platform |
+//! | [`table`] | the table, row by row; goes on where it ended |
+//! | [`simulated`] | the whole campaign on the simulated machine, without sockets |
+//! | [`live`] | on a machine behind a server, window by window |
+#![expect(clippy::indexing_slicing, reason = "plans are checked when they are read: their indices are in range")]
+
+#[cfg(test)]
+pub(crate) mod fixture;
+pub mod live;
+pub mod prediction;
+mod raw;
+pub mod simulated;
+pub mod table;
+pub mod windows;
+
+use crate::elastic::ElasticError;
+use crate::measurements::FileError;
+
+/// Reason why a campaign cannot be measured.
+#[derive(Debug, thiserror::Error)]
+pub enum ExperimentError {
+    /// The plan or the table.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The robot file.
+    #[error(transparent)]
+    Robot(#[from] crate::robot_file::RobotFileError),
+    /// A pose of the plan cannot be taken.
+    #[error("pose {pose}: {reason}")]
+    Pose {
+        /// Its name.
+        pose: String,
+        /// The reason.
+        reason: String,
+    },
+    /// The machine has no equilibrium under a load.
+    #[error("series {series}, {level_n} N: {error}")]
+    Load {
+        /// Series.
+        series: String,
+        /// Level, N.
+        level_n: f64,
+        /// The elastic model's error.
+        error: ElasticError,
+    },
+    /// The table cannot be written.
+    #[error("cannot write {path}: {reason}")]
+    Write {
+        /// Path.
+        path: String,
+        /// The reason.
+        reason: String,
+    },
+}

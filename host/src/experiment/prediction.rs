@@ -1,0 +1,97 @@
+//! Load on the platform from the force sensor. The sensor turns with the platform, 2.5 mrad at 300 N on an L2, so what it sees is turned back
+//! by the rotation that the file's springs predict.
+
+use nalgebra::{UnitQuaternion, Vector6};
+
+use crate::elastic::backlash::Backlash;
+use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
+use crate::model::MachineKind;
+use crate::robot_file::{RobotFile, RobotFileError};
+use crate::sim::force_sensor::Mounting;
+
+/// Rounds of load and rotation: each one multiplies the error by a few thousandths.
+const ROUNDS: u32 = 4;
+
+/// The machine as its file describes it.
+#[derive(Clone, Debug)]
+pub struct Prediction<const N: usize> {
+    machine: ElasticMachine<N>,
+    mounting: Mounting,
+}
+
+impl<const N: usize> Prediction<N> {
+    /// Creates the prediction of a robot file, without play.
+    ///
+    /// # Errors
+    /// [`RobotFileError`]: the file has no compliances.
+    pub fn new<K: MachineKind<N>>(robot: &RobotFile<K, N>) -> Result<Self, RobotFileError> {
+        let compliances = robot.compliances_for("they predict how the platform turns under load")?;
+        let machine = ElasticMachine::new(robot.model.geometry(), *compliances, Backlash::NONE);
+        Ok(Self { machine, mounting: (&robot.sensor).into() })
+    }
+
+    /// Returns the unloaded machine with the axes at `q`, q-units, near `pose`.
+    ///
+    /// # Errors
+    /// [`ElasticError`].
+    pub fn unloaded(
+        &self,
+        q: &[f64; N],
+        pose: &gantry_tau_core::model::kinematics::Pose,
+    ) -> Result<Equilibrium<N>, ElasticError> {
+        unloaded(&self.machine, q, pose)
+    }
+
+    /// Returns what the sensor shows without a load, except for its zero error; force (N) and moment (N m) in sensor axes.
+    #[must_use]
+    pub fn weight_seen(&self, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
+        self.mounting.seen(&Vector6::zeros(), platform)
+    }
+
+    /// Returns the load on the platform, about the tool centre point where it is, world axes, from what the sensor sees (sensor axes, its zero
+    /// error taken off), with the axes at `q`; `start` is the unloaded machine.
+    ///
+    /// # Errors
+    /// [`ElasticError`].
+    pub fn load(
+        &self,
+        seen: &Vector6<f64>,
+        q: &[f64; N],
+        start: &Equilibrium<N>,
+    ) -> Result<Vector6<f64>, ElasticError> {
+        self.load_and_turn(seen, q, start).map(|(load, _)| load)
+    }
+
+    /// As [`load`](Self::load), with the rotation of the platform that was predicted.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn load_and_turn(
+        &self,
+        seen: &Vector6<f64>,
+        q: &[f64; N],
+        start: &Equilibrium<N>,
+    ) -> Result<(Vector6<f64>, UnitQuaternion<f64>), ElasticError> {
+        let mut now = *start;
+        for _ in 0..ROUNDS {
+            now = self.machine.equilibrium(q, &self.turned(seen, &now.pose.rotation), &now)?;
+        }
+        Ok((self.turned(seen, &now.pose.rotation), now.pose.rotation))
+    }
+
+    /// Returns the load with the platform in a rotation that is known.
+    #[must_use]
+    pub fn turned(&self, seen: &Vector6<f64>, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
+        self.mounting.load(seen, platform)
+    }
+}
+
+/// Returns a machine unloaded, with the axes at `q`, near `pose`.
+pub(crate) fn unloaded<const N: usize>(
+    machine: &ElasticMachine<N>,
+    q: &[f64; N],
+    pose: &gantry_tau_core::model::kinematics::Pose,
+) -> Result<Equilibrium<N>, ElasticError> {
+    let start = Pose { translation_m: pose.position_m, rotation: UnitQuaternion::from_matrix(&pose.rotation) };
+    machine.equilibrium(q, &Vector6::zeros(), &Equilibrium::unloaded(start))
+}

@@ -1,0 +1,178 @@
+//! The table of a campaign: one row per window, flushed row by row, continued where it ended.
+
+use std::collections::HashSet;
+use std::fs::{File, OpenOptions};
+use std::path::{Path, PathBuf};
+
+use nalgebra::Vector6;
+
+use super::ExperimentError;
+use crate::measurements::plan::Plan;
+use crate::measurements::springs::{LOAD, windows_of};
+
+/// A window as it was measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row<const N: usize> {
+    /// Series, by index in the plan.
+    pub series: usize,
+    /// Level, by index in the series.
+    pub level: usize,
+    /// Positions of the axes, q-units.
+    pub q: [f64; N],
+    /// Load on the platform, about the tool centre point where it is, world axes, tared; N, N m.
+    pub load: Vector6<f64>,
+    /// Mean of each gauge of the plan, m; `None` where the series does not read it.
+    pub readings_m: Vec<Option<f64>>,
+    /// Standard deviation of each mean, m.
+    pub sds_m: Vec<Option<f64>>,
+    /// Time since the campaign began, s.
+    pub time_s: f64,
+    /// Samples of the mean.
+    pub samples: u64,
+}
+
+/// Names of the columns. Standard deviations have columns where they are measured.
+#[must_use]
+pub fn header<const N: usize>(plan: &Plan<N>, has_sds: bool) -> Vec<String> {
+    let mut header: Vec<String> = ["series", "mounting", "pose", "window", "stroke"].map(str::to_owned).into();
+    header.extend((1..=N).map(|axis| format!("q_{axis}")));
+    header.extend(LOAD.map(str::to_owned));
+    header.extend(plan.gauges.iter().map(|gauge| format!("{}_um", gauge.name)));
+    if has_sds {
+        header.extend(plan.gauges.iter().map(|gauge| format!("{}_sd_um", gauge.name)));
+    }
+    header.extend(["time_s", "samples"].map(str::to_owned));
+    header
+}
+
+/// Name of a window: the number of its level, from 1.
+#[must_use]
+pub fn window_name(level: usize) -> String {
+    (level + 1).to_string()
+}
+
+impl<const N: usize> Row<N> {
+    /// Series, mounting, pose, window and stroke, as the table has them.
+    #[must_use]
+    pub fn names(plan: &Plan<N>, series: usize, level: usize) -> Vec<String> {
+        let planned = &plan.series[series];
+        let (pose, _) = &plan.poses[planned.pose];
+        let names = [&planned.name, &plan.mountings[planned.mounting], pose].map(Clone::clone);
+        let stroke = planned.strokes()[level].to_string();
+        names.into_iter().chain([window_name(level), stroke]).collect()
+    }
+
+    /// The values, in the order of the header.
+    fn fields(&self, plan: &Plan<N>, has_sds: bool) -> Vec<String> {
+        let mut fields = Self::names(plan, self.series, self.level);
+        fields.extend(self.q.iter().chain(self.load.iter()).map(f64::to_string));
+        let micrometres = |length: &Option<f64>| length.map_or_else(String::new, |metres| (metres * 1e6).to_string());
+        fields.extend(self.readings_m.iter().map(micrometres));
+        if has_sds {
+            fields.extend(self.sds_m.iter().map(micrometres));
+        }
+        fields.extend([self.time_s.to_string(), self.samples.to_string()]);
+        fields
+    }
+}
+
+/// A table that is being written.
+#[derive(Debug)]
+pub struct Table {
+    path: PathBuf,
+    writer: csv::Writer<File>,
+    has_sds: bool,
+    taken: HashSet<(String, String)>,
+    last_s: f64,
+}
+
+impl Table {
+    /// Opens a table, or creates it with its header. Rows that are there stay as they are.
+    ///
+    /// # Errors
+    /// [`ExperimentError`]: it cannot be written, or is not a table of this plan.
+    pub fn open<const N: usize>(path: &Path, plan: &Plan<N>, has_sds: bool) -> Result<Self, ExperimentError> {
+        let failed = |reason: String| ExperimentError::Write { path: path.display().to_string(), reason };
+        let failed_io = |error: std::io::Error| failed(error.to_string());
+        let expected = header(plan, has_sds);
+        let old = match std::fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+            Err(error) => return Err(failed_io(error)),
+        };
+        let rows = old.lines().filter(|line| !line.trim().is_empty()).count().saturating_sub(1);
+        // An empty table has a header; anything else was not meant.
+        if rows == 0 && !old.trim().is_empty() && !old.starts_with("series,") {
+            return Err(failed("it exists and is not a table of windows".to_owned()));
+        }
+        let (mut taken, mut last_s) = (HashSet::new(), 0.0);
+        if rows > 0 {
+            let found: Vec<&str> = old.lines().next().unwrap_or_default().split(',').map(str::trim).collect();
+            if found != expected {
+                return Err(failed(format!("its columns are not those of this plan: {}", expected.join(","))));
+            }
+            if !old.ends_with('\n') {
+                return Err(failed("its last row is not whole; remove that row".to_owned()));
+            }
+            let windows = windows_of::<N>(path, &plan.poses, &plan.gauges)?;
+            last_s = windows.iter().filter_map(|(_, window)| window.time_s).fold(0.0, f64::max);
+            taken = windows.into_iter().map(|(series, window)| (series, window.window)).collect();
+        }
+        // A table without rows may come from a plan, which knows less of the columns.
+        let mut options = OpenOptions::new();
+        let options = if rows > 0 { options.append(true) } else { options.write(true).create(true).truncate(true) };
+        let mut writer = csv::WriterBuilder::new().from_writer(options.open(path).map_err(failed_io)?);
+        if rows == 0 {
+            writer.write_record(&expected).map_err(|error| failed(error.to_string()))?;
+            writer.flush().map_err(failed_io)?;
+        }
+        Ok(Self { path: path.to_owned(), writer, has_sds, taken, last_s })
+    }
+
+    /// True if a window was taken before.
+    #[must_use]
+    pub fn has<const N: usize>(&self, plan: &Plan<N>, series: usize, level: usize) -> bool {
+        self.taken.contains(&(plan.series[series].name.clone(), window_name(level)))
+    }
+
+    /// True if no window was taken before.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.taken.is_empty()
+    }
+
+    /// Adds the series that were mounted anew in the middle to a plan, as [`Plan::remount`] names them. Returns the windows (series, level)
+    /// of those that they replace, which are not to be taken any more.
+    pub fn remounted<const N: usize>(&self, plan: &mut Plan<N>) -> HashSet<(usize, usize)> {
+        let mut replaced = HashSet::new();
+        let mut series = 0;
+        while series < plan.series.len() {
+            let again = plan.name_again(series);
+            if self.taken.iter().any(|(name, _)| *name == again) {
+                plan.remount(series);
+                replaced.extend((0..plan.series[series].levels_n.len()).map(|level| (series, level)));
+            }
+            series += 1;
+        }
+        replaced
+    }
+
+    /// Time of the last row, s; 0 in a new table.
+    #[must_use]
+    pub const fn last_s(&self) -> f64 {
+        self.last_s
+    }
+
+    /// Writes a row, to the disk.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Write`].
+    pub fn write<const N: usize>(&mut self, plan: &Plan<N>, row: &Row<N>) -> Result<(), ExperimentError> {
+        let written = self.writer.write_record(row.fields(plan, self.has_sds)).map_err(|error| error.to_string());
+        let written = written.and_then(|()| self.writer.flush().map_err(|error| error.to_string()));
+        let path = self.path.display().to_string();
+        written.map_err(|reason| ExperimentError::Write { path, reason })?;
+        self.taken.insert((plan.series[row.series].name.clone(), window_name(row.level)));
+        Ok(())
+    }
+}

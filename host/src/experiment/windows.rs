@@ -1,0 +1,315 @@
+//! Windows from samples: after a change of level the machine must settle, then the mean is taken `[T 4.2.9]`.
+//!
+//! A level has settled after [`Rules::settle_s`], as soon as the slope of force and of every gauge over the last [`Rules::slope_s`] is below
+//! [`Rules::slope_errors`] standard errors, or moves a mean by less than a tenth of its stated noise. The mean of the next [`Rules::mean_s`]
+//! is the window; where the force has drifted by more than [`Rules::most_drift`] meanwhile, it is refused and the level settles again.
+//! Standard errors are those of the effective number of samples, `n / (1 + 2 sum rho_k)`: neighbours are alike. Time is that of the ticks.
+
+mod statistics;
+
+use std::collections::VecDeque;
+
+use nalgebra::Vector3;
+
+use crate::measurements::springs::{MAX_GAUGES, Noise};
+use statistics::{FEWEST, Slope, effective, mean, variance};
+
+/// Time of a tick, s.
+pub const TICK_S: f64 = 1e-3;
+/// Ticks between two settle tests.
+const TEST_TICKS: u64 = 100;
+/// Most ticks between two samples of one window.
+const GAP_TICKS: u64 = 100;
+/// Share of the stated noise of a mean that a slope may move it by.
+const NEGLIGIBLE: f64 = 0.1;
+/// Rules of a window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rules {
+    /// Least time from a change of level to the window, s.
+    pub settle_s: f64,
+    /// Time over which slopes are tested, s.
+    pub slope_s: f64,
+    /// Length of a window, s.
+    pub mean_s: f64,
+    /// Largest slope, in its standard errors.
+    pub slope_errors: f64,
+    /// Largest drift of the force in a window, as a share of the force.
+    pub most_drift: f64,
+    /// Noise of a mean, as the set-up states it.
+    pub noise: Noise,
+}
+
+impl Rules {
+    /// The thesis' windows of 2 s, after 3 s at least.
+    #[must_use]
+    pub const fn new(noise: Noise) -> Self {
+        Self { settle_s: 3.0, slope_s: 1.0, mean_s: 2.0, slope_errors: 3.0, most_drift: 0.02, noise }
+    }
+}
+
+/// Instruments in one tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample<const N: usize> {
+    /// The tick.
+    pub tick: u64,
+    /// Positions of the axes, q-units.
+    pub q: [f64; N],
+    /// Force (N), then moment (N m), in any axes that stay.
+    pub wrench: [f64; 6],
+    /// Gauges, m; the first `gauges` entries.
+    pub lengths_m: [f64; MAX_GAUGES],
+    /// Number of gauges.
+    pub gauges: usize,
+}
+
+impl<const N: usize> Sample<N> {
+    fn is_finite(&self) -> bool {
+        self.q.iter().chain(&self.wrench).chain(self.lengths_m()).all(|value| value.is_finite())
+    }
+
+    fn lengths_m(&self) -> &[f64] {
+        self.lengths_m.get(..self.gauges).unwrap_or(&self.lengths_m)
+    }
+
+    fn force(&self) -> Vector3<f64> {
+        Vector3::new(self.wrench[0], self.wrench[1], self.wrench[2])
+    }
+}
+
+/// Mean of a gauge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mean {
+    /// The mean, m.
+    pub length_m: f64,
+    /// Standard deviation of the mean, m.
+    pub sd_m: f64,
+}
+
+/// Means of a window.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Means<const N: usize> {
+    /// Tick of its first sample.
+    pub first_tick: u64,
+    /// Number of samples.
+    pub samples: u64,
+    /// Positions of the axes, q-units.
+    pub q: [f64; N],
+    /// Force (N), then moment (N m), in the axes of the samples.
+    pub wrench: [f64; 6],
+    /// Gauges.
+    pub gauges: Vec<Mean>,
+}
+
+/// Progress of a level.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Progress<const N: usize> {
+    /// It settles.
+    Settling,
+    /// The mean is being taken.
+    Averaging,
+    /// The force has drifted by this share of itself; the level settles again.
+    Refused {
+        /// Drift, N.
+        drift_n: f64,
+    },
+    /// The window.
+    Taken(Means<N>),
+}
+
+/// Windows of one level after another.
+#[derive(Clone, Debug)]
+pub struct Collector<const N: usize> {
+    rules: Rules,
+    /// Samples of the slope, or of the mean.
+    samples: VecDeque<Sample<N>>,
+    /// First tick of the level.
+    since: Option<u64>,
+    /// The last sample.
+    last: Option<Sample<N>>,
+    last_test: u64,
+    is_averaging: bool,
+}
+
+impl<const N: usize> Collector<N> {
+    /// Begins with a new level.
+    #[must_use]
+    pub const fn new(rules: Rules) -> Self {
+        Self { rules, samples: VecDeque::new(), since: None, last: None, last_test: 0, is_averaging: false }
+    }
+
+    /// Begins a new level.
+    pub fn restart(&mut self) {
+        *self = Self::new(self.rules);
+    }
+
+    /// Takes the next sample. One that is not finite, or comes after a gap, begins the level anew.
+    pub fn feed(&mut self, sample: &Sample<N>) -> Progress<N> {
+        if self.last.is_some_and(|last| last.tick >= sample.tick) {
+            return self.state();
+        }
+        let follows = |last: Sample<N>| {
+            sample.tick - last.tick <= GAP_TICKS && last.gauges == sample.gauges && sample.is_finite()
+        };
+        if !self.last.is_none_or(follows) {
+            self.restart();
+        }
+        if !sample.is_finite() {
+            return self.state();
+        }
+        self.last = Some(*sample);
+        let since = *self.since.get_or_insert(sample.tick);
+        self.samples.push_back(*sample);
+        if self.is_averaging {
+            return self.average(sample.tick);
+        }
+        while self.span_ticks() >= ticks(self.rules.slope_s) {
+            self.samples.pop_front();
+        }
+        let is_due = sample.tick - since >= ticks(self.rules.settle_s) && sample.tick - self.last_test >= TEST_TICKS;
+        if is_due {
+            self.last_test = sample.tick;
+            if self.has_settled() {
+                self.is_averaging = true;
+                self.samples.clear();
+            }
+        }
+        self.state()
+    }
+
+    const fn state(&self) -> Progress<N> {
+        if self.is_averaging { Progress::Averaging } else { Progress::Settling }
+    }
+
+    /// Ticks from the first sample to the last.
+    fn span_ticks(&self) -> u64 {
+        let (first, last) = (self.samples.front(), self.samples.back());
+        first.zip(last).map_or(0, |(first, last)| last.tick - first.tick)
+    }
+
+    fn has_settled(&self) -> bool {
+        let Noise { gauge_um, force_n, .. } = self.rules.noise;
+        let is_flat = |value: &dyn Fn(&Sample<N>) -> f64, noise: f64| {
+            let Some(slope) = self.slope(value) else { return false };
+            let moved = slope.per_s.abs() * self.rules.mean_s;
+            slope.per_s.abs() <= self.rules.slope_errors * slope.error_per_s || moved <= NEGLIGIBLE * noise
+        };
+        let gauges = self.samples.back().map_or(0, |sample| sample.gauges);
+        (0..3).all(|axis| is_flat(&|sample| sample.wrench[axis], force_n))
+            && (0..gauges).all(|gauge| is_flat(&|sample| sample.lengths_m[gauge], gauge_um * 1e-6))
+    }
+
+    fn slope(&self, value: &dyn Fn(&Sample<N>) -> f64) -> Option<Slope> {
+        let first = self.samples.front()?.tick;
+        let seconds = |sample: &Sample<N>| (sample.tick - first) as f64 * TICK_S;
+        Slope::of(&self.samples.iter().map(|sample| (seconds(sample), value(sample))).collect::<Vec<_>>())
+    }
+
+    fn average(&mut self, tick: u64) -> Progress<N> {
+        let first = self.samples.front().map_or(tick, |first| first.tick);
+        if tick - first + 1 < ticks(self.rules.mean_s) {
+            return Progress::Averaging;
+        }
+        let Some(means) = self.means(first) else {
+            self.restart();
+            return Progress::Settling;
+        };
+        let drift = |axis: usize| self.slope(&|sample| sample.wrench[axis]).map_or(0.0, |slope| slope.per_s);
+        let drift_n = Vector3::from_fn(|axis, _| drift(axis)).norm() * self.rules.mean_s;
+        let force_n = Vector3::new(means.wrench[0], means.wrench[1], means.wrench[2]).norm();
+        self.is_averaging = false;
+        self.samples.clear();
+        if drift_n > (self.rules.most_drift * force_n).max(self.rules.noise.force_n) {
+            return Progress::Refused { drift_n };
+        }
+        self.restart();
+        Progress::Taken(means)
+    }
+
+    fn means(&self, first_tick: u64) -> Option<Means<N>> {
+        let count = self.samples.len();
+        if count < FEWEST {
+            return None;
+        }
+        let series = |value: &dyn Fn(&Sample<N>) -> f64| self.samples.iter().map(value).collect::<Vec<f64>>();
+        let gauges = self.samples.back()?.gauges;
+        let gauge = |gauge: usize| {
+            let values = series(&|sample| sample.lengths_m[gauge]);
+            let length_m = mean(&values);
+            Mean { length_m, sd_m: (variance(&values, length_m) / effective(&values)).sqrt() }
+        };
+        Some(Means {
+            first_tick,
+            samples: count as u64,
+            q: std::array::from_fn(|axis| mean(&series(&|sample| sample.q[axis]))),
+            wrench: std::array::from_fn(|component| mean(&series(&|sample| sample.wrench[component]))),
+            gauges: (0..gauges).map(gauge).collect(),
+        })
+    }
+}
+
+/// Returns the first window of each level; samples of one level stand together and have equal keys.
+pub fn windows<K: PartialEq + Clone, const N: usize>(
+    samples: impl IntoIterator<Item = (K, Sample<N>)>,
+    rules: Rules,
+) -> Vec<(K, Means<N>)> {
+    let mut collector = Collector::new(rules);
+    let mut level: Option<(K, bool)> = None;
+    let mut windows = Vec::new();
+    for (key, sample) in samples {
+        if level.as_ref().is_none_or(|(last, _)| *last != key) {
+            collector.restart();
+            level = Some((key.clone(), false));
+        }
+        let Some((_, is_taken)) = level.as_mut().filter(|(_, is_taken)| !is_taken) else { continue };
+        if let Progress::Taken(means) = collector.feed(&sample) {
+            *is_taken = true;
+            windows.push((key, means));
+        }
+    }
+    windows
+}
+
+/// Tells levels by the force alone, for tables that do not name them: a level ends when the mean of a tenth of a second is more than
+/// `step_n` away from that in which the level began.
+#[derive(Clone, Debug)]
+pub struct LevelsByForce {
+    step_n: f64,
+    began: Option<Vector3<f64>>,
+    sum: Vector3<f64>,
+    count: u32,
+    level: u32,
+}
+
+impl LevelsByForce {
+    /// Samples of a mean: a tenth of a second.
+    const BLOCK: u32 = 100;
+
+    /// Begins with level 0.
+    #[must_use]
+    pub fn new(step_n: f64) -> Self {
+        Self { step_n, began: None, sum: Vector3::zeros(), count: 0, level: 0 }
+    }
+
+    /// Returns the number of the level that the next sample belongs to.
+    pub fn level<const N: usize>(&mut self, sample: &Sample<N>) -> u32 {
+        self.sum += sample.force();
+        self.count += 1;
+        if self.count == Self::BLOCK {
+            let mean = self.sum / f64::from(Self::BLOCK);
+            (self.sum, self.count) = (Vector3::zeros(), 0);
+            let began = *self.began.get_or_insert(mean);
+            if (mean - began).norm() > self.step_n {
+                self.began = Some(mean);
+                self.level += 1;
+            }
+        }
+        self.level
+    }
+}
+
+fn ticks(seconds: f64) -> u64 {
+    (seconds / TICK_S).round() as u64
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,142 @@
+//! `experiment` on the simulated machine, and over loopback with `serve --plan`, ended by a signal and taken up again.
+
+use crate::process::{Ended, Folder};
+
+/// A plan of the L2: one strap, gauges on platform and carts.
+const PLAN: &str = r#"format = "gantry-tau springs 1"
+model = "l2"
+measurements = "springs.csv"
+[noise]
+gauge_um = 1.0
+force_n = 1.0
+moment_nm = 0.05
+[[pose]]
+name = "home"
+T = [0.0, 0.5, 0.65]
+[[gauge]]
+name = "px"
+on = "platform"
+point_m = [0.14, 0.0, 0.05]
+axis = [1.0, 0.0, 0.0]
+[[gauge]]
+name = "axis1"
+on = "axis"
+axis_number = 1
+[[series]]
+name = "x"
+pose = "home"
+mounting = "strap along x"
+hook_m = [0.0, 0.0, -0.08]
+direction = [1.0, 0.0, 0.0]
+levels_n = [0.0, 60.0, 0.0]
+gauges = ["px", "axis1"]
+"#;
+
+#[test]
+fn a_seed_gives_the_same_table_and_a_table_is_not_overwritten() {
+    let folder = Folder::new("experiment-simulated");
+    folder.write("plan.toml", PLAN);
+    let simulated =
+        |seed: &str, output: &str| folder.run(&["experiment", "plan.toml", "--simulated", seed, "-o", output]);
+    simulated("1", "springs.csv").success();
+    simulated("1", "again.csv").success();
+    simulated("2", "other.csv").success();
+    assert_eq!(folder.read("springs.csv"), folder.read("again.csv"));
+    assert_ne!(folder.read("springs.csv"), folder.read("other.csv"));
+    assert_eq!(folder.read("springs.csv").lines().count(), 4);
+    let refused = simulated("1", "springs.csv").failure(1);
+    assert_eq!(refused, "gantry-tau: springs.csv has rows; remove it, or name another file");
+    assert_eq!(folder.read("springs.csv"), folder.read("again.csv"));
+}
+
+#[test]
+fn a_plan_that_cannot_be_is_one_line() {
+    let folder = Folder::new("experiment-plans");
+    let refused = |from: &str, to: &str| {
+        assert!(PLAN.contains(from), "{from}");
+        folder.write("plan.toml", &PLAN.replace(from, to));
+        folder.run(&["experiment", "plan.toml", "--simulated", "-o", "x.csv"]).failure(1)
+    };
+    let cases = [
+        ("levels_n = [0.0, 60.0", "levels_n = [20.0, 60.0", "series.x.levels_n: must begin with 0"),
+        ("60.0, 0.0]", "nan, 0.0]", "series.x.levels_n: NaN is not from 0 to 1e5"),
+        ("direction = [1.0, 0.0", "direction = [1.0, 0.5", "series.x.direction: has length"),
+        ("direction = [1.0, 0.0", "direction = [nan, 0.0", "series.x.direction: has length NaN, not 1"),
+        ("pose = \"home\"", "pose = \"away\"", "series.x.pose: \"away\" is not in the set-up"),
+        ("[\"px\", \"axis1\"]", "[\"py\"]", "series.x.gauges: \"py\" is not in the set-up"),
+        ("T = [0.0, 0.5", "T = [9.0, 0.5", "pose home:"),
+        ("mounting =", "mountings =", "unknown field"),
+        ("model = \"l2\"", "model = \"f1\"", "the robot file's is \"l2\""),
+    ];
+    for (from, to, reason) in cases {
+        let said = refused(from, to);
+        assert!(said.contains(reason), "{said}");
+    }
+    folder.write("plan.toml", PLAN.split_once("[[series]]").unwrap().0);
+    let said = folder.run(&["experiment", "plan.toml", "--simulated", "-o", "x.csv"]).failure(1);
+    assert_eq!(said, "gantry-tau: plan.toml: series: is missing: a plan has [[series]]");
+    // What is no table is left alone.
+    folder.write("plan.toml", PLAN);
+    let said = folder.run(&["experiment", "plan.toml", "--simulated", "-o", "plan.toml"]).failure(1);
+    assert!(said.starts_with("gantry-tau: cannot write plan.toml: "), "{said}");
+    assert_eq!(folder.read("plan.toml"), PLAN);
+}
+
+#[test]
+fn a_signal_leaves_and_the_table_is_continued() {
+    let folder = Folder::new("experiment-live");
+    folder.write("plan.toml", PLAN);
+    let free = "127.0.0.1:0";
+    let mut server = folder.start(
+        "serve",
+        &["serve", "--plan", "plan.toml", "--pace", "lockstep", "--listen", free, "--sensor", free, "--gauges", free],
+    );
+    server.await_words("Ctrl-C");
+    let said = server.stdout();
+    let address = |words: &str| {
+        let (_, rest) = said.split_once(words).unwrap();
+        rest[..rest.find([',', ';', '\n']).unwrap()].to_owned()
+    };
+    let addresses = ["plan.toml on ", "listening on ", "force sensor on "].map(address);
+    let [gauges, listen, sensor] = &addresses;
+    let arguments = [
+        "experiment",
+        "plan.toml",
+        "--server",
+        listen,
+        "--sensor",
+        sensor,
+        "--gauges",
+        gauges,
+        "--unattended",
+        "-o",
+        "springs.csv",
+    ];
+    let taken = |words: &str| words.matches(": taken").count();
+    let mut first = folder.start("first", &arguments);
+    first.await_that("a window", |first| taken(&first.stderr()) > 0);
+    let Ended { code, stdout, .. } = first.stop();
+    let before = folder.read("springs.csv");
+    // It may have been faster than the signal.
+    let rows = before.lines().count() - 1;
+    assert_eq!(code, Some(if rows == 3 { 0 } else { 3 }), "{stdout}");
+    assert!((1..=3).contains(&rows), "{before}");
+    let second = folder.start("second", &arguments).end();
+    second.success();
+    let after = folder.read("springs.csv");
+    assert!(after.starts_with(&before), "{before}{after}");
+    assert_eq!(after.lines().count(), 4);
+    assert!(server.stderr().contains("the client said goodbye"), "{}", server.stderr());
+    server.stop().success();
+}
+
+#[test]
+fn an_absent_server_is_one_line() {
+    let folder = Folder::new("experiment-absent");
+    folder.write("plan.toml", PLAN);
+    let nobody = "127.0.0.1:9";
+    let arguments =
+        ["experiment", "plan.toml", "--server", nobody, "--sensor", nobody, "--gauges", nobody, "-o", "x.csv"];
+    let said = folder.run(&arguments).failure(3);
+    assert!(said.starts_with("gantry-tau: the gauges at 127.0.0.1:9 cannot be reached"), "{said}");
+}
