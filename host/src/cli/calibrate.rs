@@ -16,7 +16,8 @@ use super::{Outcome, fail};
 /// Reads a set-up (TOML) and its table (CSV), fits all kinematic parameters, moves them into the robot's frame, and writes the robot
 /// file of this machine: the old one with the geometry replaced, its comments kept.
 ///
-/// Exit codes: 3 done, and not to be trusted as it is; the reasons are printed, the files are written.
+/// Exit codes: 0 done; 1 nothing is written, the reason is printed; 2 usage; 3 done, and not to be trusted as it is; the reasons are printed,
+/// the files are written.
 #[derive(Debug, Args)]
 pub(crate) struct Calibrate {
     /// Set-up of the measurements, format = "gantry-tau poses 1"
