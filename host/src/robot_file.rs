@@ -7,6 +7,7 @@ mod keys;
 mod learned;
 mod sections;
 
+use std::any::Any;
 use std::fmt;
 use std::fs::File;
 use std::io::Read;
@@ -193,6 +194,19 @@ impl<K, const N: usize> RobotFile<K, N> {
 }
 
 impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
+    /// A machine of this kind, as of [`AnyRobotFile::named`].
+    ///
+    /// # Errors
+    /// [`RobotFileError`]: that of the file, or that it is of the other kind.
+    pub fn named(name: &str) -> Result<Self, RobotFileError> {
+        let robot: Box<dyn Any> = match AnyRobotFile::named(name)? {
+            AnyRobotFile::L2(robot) => robot,
+            AnyRobotFile::F1(robot) => robot,
+        };
+        let other = || Problem::new("model", format!("is not {:?}, that of the machine", K::MODEL)).in_file(name);
+        robot.downcast::<Self>().map(|robot| *robot).map_err(|_| other())
+    }
+
     /// Reads the text of a machine with the keys `T`.
     fn read<T: Keys<N, Model = K>>(name: &str, text: &str) -> Result<Self, RobotFileError> {
         Self::checked::<T>(name, text).map_err(|problem| problem.in_file(name))

@@ -21,6 +21,9 @@ pub(crate) struct Demo {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     pub(super) robot: String,
+    /// The machine as the client knows it, for instance with identified springs [default: that of --robot]
+    #[arg(long, value_name = "l2|f1|FILE")]
+    client: Option<String>,
     /// Largest force, N. Above 360 N the machine jumps, like the one of the thesis
     #[arg(long, value_name = "N", default_value_t = 300.0, allow_negative_numbers = true)]
     force_max: f64,
@@ -51,6 +54,7 @@ impl MachineCommand for Demo {
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let options = DemoOptions {
             robot,
+            client: self.client.as_deref().map(RobotFile::named).transpose()?,
             pace: self.pace.map_or(PaceChoice::Auto, |pace| PaceChoice::Only(pace.into())),
             force_max_n: self.force_max,
             force_step_n: self.force_step,

@@ -33,6 +33,8 @@ pub enum PaceChoice {
 pub struct DemoOptions<K, const N: usize> {
     /// The machine.
     pub robot: RobotFile<K, N>,
+    /// The machine as the client knows it: that of [`robot`](Self::robot), or of another file.
+    pub client: Option<RobotFile<K, N>>,
     /// Real time or lock-step.
     pub pace: PaceChoice,
     /// Largest force, N.

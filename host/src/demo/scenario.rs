@@ -129,7 +129,7 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
         server: relay.address,
         transport: Transport::Stream,
         sensor: sensor_address,
-        robot: robot.clone(),
+        robot: options.client.as_ref().unwrap_or(robot).clone(),
         record: options.record.clone(),
         obtain: false,
     };

@@ -1,7 +1,7 @@
 //! Fits to the poses that agree with each other.
 
 use crate::fit::least_squares::{Fit, FitError, Rows, fit};
-use crate::fit::statistics::{chi_squared_above, chi_squared_quantile, median};
+use crate::fit::statistics::{chi_squared_above, chi_squared_quantile, float, median};
 use nalgebra::DVector;
 
 /// Length of a residual of three components, in standard deviations, beyond which a pose is an outlier; of other numbers of components the
@@ -30,6 +30,9 @@ pub trait Model {
 
     /// Length of the residual of one pose, in standard deviations; infinite where it cannot be predicted.
     fn length_sd(&self, state: &Self::State, index: usize) -> f64;
+
+    /// Distance between a measured place and the one that a machine predicts, m; `None` where it predicts none.
+    fn away_m(&self, state: &Self::State, index: usize) -> Option<f64>;
 
     /// Change of each parameter that would matter.
     fn scales(&self, state: &Self::State) -> DVector<f64>;
@@ -69,6 +72,39 @@ pub fn fit_agreeing<M: Model>(model: &M, start: M::State) -> Result<Agreement<M:
         used = agreeing;
     }
 }
+
+/// Root mean square of the distances that a machine leaves at these poses, m; NaN where it predicts none of them.
+#[must_use]
+pub fn rms_m<M: Model>(model: &M, state: &M::State, poses: impl Iterator<Item = usize>) -> f64 {
+    root_mean_square(poses.filter_map(|index| model.away_m(state, index)))
+}
+
+/// Root mean square of the distances at poses that take no part in the fit, m: each fifth of the poses that agree is left out in turn. NaN
+/// where what is left does not lead to a machine.
+#[must_use]
+pub fn left_out_rms_m<M: Model>(model: &M, agreement: &Agreement<M::State>) -> f64 {
+    let used: Vec<usize> = (0..model.count()).filter(|index| !agreement.outliers.contains(index)).collect();
+    let state = &agreement.fit.state;
+    let scales = model.scales(state);
+    let mut away_m = Vec::with_capacity(used.len());
+    for fold in 0..FOLDS {
+        let is_left_out = |place: &usize| place % FOLDS == fold;
+        let (left_out, kept): (Vec<usize>, Vec<usize>) = (0..used.len()).partition(is_left_out);
+        let kept: Vec<usize> = kept.into_iter().map(|place| used[place]).collect();
+        let fitted = fit(state.clone(), &scales, |state| model.rows(state, &kept), M::stepped);
+        let Ok(fitted) = fitted else { return f64::NAN };
+        away_m.extend(left_out.into_iter().filter_map(|place| model.away_m(&fitted.state, used[place])));
+    }
+    root_mean_square(away_m.into_iter())
+}
+
+fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
+    let squares: Vec<f64> = values.map(|value| value * value).collect();
+    (squares.iter().sum::<f64>() / float(squares.len())).sqrt()
+}
+
+/// Parts that poses are left out in.
+const FOLDS: usize = 5;
 
 /// Indices of the poses that agree with a machine. Where the stated noise is too small for most of them, it is what most of them say.
 fn agreeing<M: Model>(model: &M, state: &M::State) -> Vec<usize> {

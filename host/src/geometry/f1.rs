@@ -266,6 +266,14 @@ impl Model for Poses<'_> {
         Ok(Rows::new(residuals, derivatives))
     }
 
+    fn away_m(&self, geometry: &f1::Geometry, index: usize) -> Option<f64> {
+        let kinematics = Self::kinematics(geometry).ok()?;
+        let measured = &self.poses[index];
+        let rotation = measured.rotation?.to_rotation_matrix().into_inner();
+        let seed = Pose { position_m: measured.position_m, rotation };
+        Some((measured.position_m - forward(&kinematics, &measured.q, &seed).ok()?.position_m).norm())
+    }
+
     fn length_sd(&self, geometry: &f1::Geometry, index: usize) -> f64 {
         let row = Self::kinematics(geometry).and_then(|kinematics| self.row(&kinematics, index));
         row.map_or(f64::INFINITY, |row| row.map_or(0.0, |(residual, _)| residual.norm()))

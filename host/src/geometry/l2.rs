@@ -190,6 +190,12 @@ impl Model for Places<'_> {
         self.rows(nominal, &[index]).map_or(f64::INFINITY, |rows| rows.residuals.norm())
     }
 
+    fn away_m(&self, nominal: &Nominal, index: usize) -> Option<f64> {
+        let pose = &self.poses[index];
+        let place_m = nominal.kinematics(self.configuration).ok()?.forward(&pose.q).ok()?;
+        Some((pose.position_m - place_m).norm())
+    }
+
     fn scales(&self, nominal: &Nominal) -> DVector<f64> {
         nominal.scales()
     }

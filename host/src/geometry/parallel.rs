@@ -55,6 +55,10 @@ impl Model for Parallel<'_> {
         self.0.length_sd(nominal, index)
     }
 
+    fn away_m(&self, nominal: &Nominal, index: usize) -> Option<f64> {
+        self.0.away_m(nominal, index)
+    }
+
     fn scales(&self, nominal: &Nominal) -> DVector<f64> {
         let free = nominal.scales();
         DVector::from_iterator(PARALLEL_PARAMETERS, expansion().column_iter().map(|column| free[column.imax()]))

@@ -6,7 +6,7 @@ use gantry_tau_core::model::robot::{ARMS, LINKS};
 use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, UnitQuaternion};
 
 use super::{CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, rows};
-use crate::geometry::agreement::fit_agreeing;
+use crate::geometry::agreement::{fit_agreeing, left_out_rms_m, rms_m};
 use crate::geometry::answer::{F1Machine, InRobotFrame, Target};
 use crate::geometry::f1::{OBSERVABLE, Poses, parameters, predicted_rms_m, seen_by};
 use crate::geometry::frames::Frames;
@@ -57,6 +57,7 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
         .in_frame_of(&agreement, &file, &robot.home_m())
         .map_err(|reason| CalibrateError::Prediction { table: table.clone(), reason: reason.to_string() })?;
     let state = &agreement.fit.state;
+    let used: Vec<usize> = (0..measured.poses.len()).filter(|index| !agreement.outliers.contains(index)).collect();
     let grid = Grid::of(robot, GRID_CELLS);
     let reached = survey(robot, grid, |_| ()).places.into_iter();
     let stands: Vec<_> = reached.filter_map(|place| Some((place.reached.ok()?.q, Pose::at(place.tool_m)))).collect();
@@ -80,6 +81,8 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
         robot_frame: InRobotFrame { machine: machine(&moved.geometry), rotation, translation_m, target },
         covariance: moved.covariance.clone(),
         predicted_rms_m,
+        before_rms_m: rms_m(&model, &seen_by(&file, &frames.device, &frames.target), used.iter().copied()),
+        left_out_rms_m: left_out_rms_m(&model, &agreement),
         expected_um,
         grid,
         residuals: model.residuals(state, &agreement.outliers),

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::fit::least_squares::{FitError, fit};
 use crate::fit::statistics::{chi_squared_above, f_above, float};
-use crate::geometry::agreement::{Model, fit_agreeing};
+use crate::geometry::agreement::{Model, fit_agreeing, left_out_rms_m, rms_m};
 use crate::geometry::answer::{InRobotFrame, L2Machine};
 use crate::geometry::frames::{apply, rigid_trimmed};
 use crate::geometry::l2::{
@@ -76,6 +76,8 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
     let expected_um: Vec<_> = at_q.iter().filter_map(expected).collect();
     let all: Vec<_> = at_q.iter().map(|(_, q)| *q).collect();
     let predicted_rms_m = predicted_rms_m(state, geometry.configuration, &covariance, &all);
+    let moved_by = moved.motion;
+    let used: Vec<usize> = (0..measured.poses.len()).filter(|index| !agreement.outliers.contains(index)).collect();
     let placed = Placed::new(options, state, moved, frame, &covariance);
     let (rotation, translation_m) = rows(&placed.motion);
     // From here on the point is the tool centre point again.
@@ -92,6 +94,12 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
         robot_frame,
         covariance: placed.covariance,
         predicted_rms_m,
+        before_rms_m: rms_m(&places, &file.moved(&moved_by), used.iter().copied()),
+        left_out_rms_m: if is_parallel {
+            left_out_rms_m(&Parallel(places), &agreement)
+        } else {
+            left_out_rms_m(&places, &agreement)
+        },
         grid,
         expected_um,
         residuals: residuals(state, &places, &agreement.outliers),

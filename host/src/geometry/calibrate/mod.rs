@@ -157,6 +157,10 @@ struct Found<'a, S, M> {
     robot_frame: InRobotFrame<M>,
     covariance: DMatrix<f64>,
     predicted_rms_m: f64,
+    /// What the robot file's machine leaves of the places, where it fits them best, m.
+    before_rms_m: f64,
+    /// What is left of places that took no part in the fit, m.
+    left_out_rms_m: f64,
     /// Expected error over the workspace: place and error, um.
     expected_um: Vec<(Vector3<f64>, f64)>,
     grid: Grid,
@@ -211,13 +215,15 @@ impl<S, M: Serialize> Found<'_, S, M> {
         };
         let lost = self.observable.saturating_sub(answer.observable);
         let summary = format!(
-            "{} of {} parameters seen; chi2/dof {:.2}, p {:.2}; {} of {} poses left out; a place over the workspace is expected to be {:.1} um off{}",
+            "{} of {} parameters seen; chi2/dof {:.2}, p {:.2}; {} of {} poses do not agree; places were {:.2} mm off (rms), and are {:.1} um off where they took no part in the fit; one over the workspace is expected to be {:.1} um off{}",
             answer.observable,
             self.values.len(),
             fit.reduced_chi_squared(),
             answer.p,
             answer.outliers.len(),
             measured.poses.len(),
+            self.before_rms_m * 1e3,
+            self.left_out_rms_m * 1e6,
             answer.predicted_rms_m * 1e6,
             if lost > 0 { ", not counting what cannot be seen" } else { "" },
         );
