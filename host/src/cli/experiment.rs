@@ -12,12 +12,16 @@ use clap::Args;
 use gantry_tau::experiment::live::{self, LiveOptions};
 use gantry_tau::experiment::simulated::simulate;
 use gantry_tau::experiment::table::Table;
+use gantry_tau::experiment::tracker::{TrackedMachine, track};
+use gantry_tau::files::write;
+use gantry_tau::measurements::format_of;
 use gantry_tau::measurements::plan::{self, Plan};
+use gantry_tau::measurements::poses::{self, PosesPlan};
 use gantry_tau::model::MachineKind;
-use gantry_tau::robot_file::RobotFile;
+use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::terminal::say;
 
-use super::{MachineCommand, Outcome, address, fail, transport};
+use super::{MachineCommand, Outcome, address, fail, run_on, transport};
 
 /// Measure a campaign of forces and gauges, window by window
 ///
@@ -33,7 +37,7 @@ use super::{MachineCommand, Outcome, address, fail, transport};
 /// incompatible server; 6 to 9 the first session ended before it was granted.
 #[derive(Debug, Args)]
 pub(crate) struct Experiment {
-    /// The plan: a set-up with [[series]], format = "gantry-tau springs 1"
+    /// The plan: a set-up with [[series]], format = "gantry-tau springs 1"; simulated also with [[pose]], format = "gantry-tau poses 1"
     #[arg(value_name = "PLAN.toml")]
     plan: PathBuf,
     /// The machine: l2 or f1 (built in), or a robot file
@@ -82,6 +86,38 @@ impl MachineCommand for Experiment {
 }
 
 impl Experiment {
+    pub(super) fn run(self) -> Outcome {
+        if format_of(&self.plan)? != poses::FORMAT {
+            return run_on(AnyRobotFile::named(&self.robot), self);
+        }
+        let Some(seed) = self.simulated else {
+            let reason = "poses are measured by a camera, an arm or a tracker; --simulated [SEED] simulates one";
+            return Err(format!("{}: {reason}", self.plan.display()).into());
+        };
+        let table = match AnyRobotFile::named(&self.robot)? {
+            AnyRobotFile::L2(robot) => self.tracked(*robot, seed)?,
+            AnyRobotFile::F1(robot) => self.tracked(*robot, seed)?,
+        };
+        let is_taken = std::fs::read_to_string(&self.output).is_ok_and(|old| old.lines().count() > 1);
+        if is_taken {
+            return Err(format!("{} has rows; remove it, or name another file", self.output.display()).into());
+        }
+        write(&self.output, &table)?;
+        let poses = table.lines().count().saturating_sub(1);
+        say(format_args!("{}: {poses} poses of the simulated machine", self.output.display()));
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn tracked<K: TrackedMachine<N>, const N: usize>(
+        &self,
+        mut robot: RobotFile<K, N>,
+        seed: Option<u64>,
+    ) -> Result<String, Box<dyn std::error::Error>> {
+        robot.simulation.seed = seed.unwrap_or(robot.simulation.seed);
+        let (plan, noise) = PosesPlan::read(&self.plan, K::MODEL)?;
+        Ok(track(&robot, &plan, &noise)?)
+    }
+
     fn simulated<K: MachineKind<N>, const N: usize>(
         &self,
         mut robot: RobotFile<K, N>,

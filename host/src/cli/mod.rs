@@ -101,7 +101,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Identify(identify) => identify.run(),
         Command::Verify(verify) => run_on(AnyRobotFile::named(&verify.robot), verify),
         Command::Plan(plan) => plan.run(),
-        Command::Experiment(experiment) => run_on(AnyRobotFile::named(&experiment.robot), experiment),
+        Command::Experiment(experiment) => experiment.run(),
         Command::Solve => solve(),
     };
     outcome.unwrap_or_else(|error| fail(1, error))

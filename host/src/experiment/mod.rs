@@ -6,6 +6,7 @@
 //! | [`prediction`] | load on the platform from the force sensor, which turns with the platform |
 //! | [`table`] | the table, row by row; goes on where it ended |
 //! | [`simulated`] | the whole campaign on the simulated machine, without sockets |
+//! | [`tracker`] | poses of a target, as a simulated device sees them, for `calibrate` |
 //! | [`live`] | on a machine behind a server, window by window |
 #![expect(clippy::indexing_slicing, reason = "plans are checked when they are read: their indices are in range")]
 
@@ -16,6 +17,7 @@ pub mod prediction;
 mod raw;
 pub mod simulated;
 pub mod table;
+pub mod tracker;
 pub mod windows;
 
 use crate::elastic::ElasticError;

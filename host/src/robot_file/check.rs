@@ -246,6 +246,7 @@ pub(super) fn simulation(simulation: &Simulation) -> Result<(), Problem> {
     range("simulation.gauge_resolution_m", s.gauge_resolution_m, 1e-9, 1e-3)?;
     range("simulation.jump_force_n", s.jump_force_n, 1.0, 1e5)?;
     range("simulation.jump_gap_m", s.jump_gap_m, 0.0, 1e-2)?;
+    range("simulation.geometry_mm", s.geometry_mm, 0.0, 100.0)?;
     range("simulation.gauge_point_mm", s.gauge_point_mm, 0.0, 100.0)?;
     range("simulation.gauge_axis_mrad", s.gauge_axis_mrad, 0.0, 100.0)?;
     range("simulation.jump_hysteresis_n", s.jump_hysteresis_n, 0.0, s.jump_force_n)?;

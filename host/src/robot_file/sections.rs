@@ -173,6 +173,10 @@ pub struct Simulation {
     pub jump_gap_m: f64,
     /// Home of the tool centre point, world axes, m.
     pub home_m: [f64; 3],
+    /// How far the machine that a simulated tracker sees is off this file, mm: standard deviation of each coordinate of a joint, and of a
+    /// length; guideways and axes turn by as many mrad. The machine of `serve` is that of the file.
+    #[serde(default)]
+    pub geometry_mm: f64,
     /// Standard deviation of each coordinate of the point that a gauge of a campaign touches, mm.
     #[serde(default)]
     pub gauge_point_mm: f64,

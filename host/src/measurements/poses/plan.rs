@@ -4,6 +4,7 @@ use std::path::Path;
 
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_deviation;
+use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::{FORMAT, FileError, MOST, Noise, NoiseSection, QUATERNION, SetupFile, UNIT, read_setup};
@@ -85,11 +86,11 @@ impl PosesPlan {
         columns.join(",") + "\n"
     }
 
-    /// Reads the noise and the poses of a plan for a machine of `model`, without its table.
+    /// Reads a plan for a machine of `model`, and its noise, without its table.
     ///
     /// # Errors
     /// [`FileError`] that names pose and key.
-    pub fn read(path: &Path, model: &str) -> Result<(Noise, Vec<PlannedPose>), FileError> {
+    pub fn read(path: &Path, model: &str) -> Result<(Self, Noise), FileError> {
         let (file, noise) = read_setup(path, model)?;
         let refused = |key: String, reason: &str| FileError {
             column: Some(key),
@@ -110,6 +111,8 @@ impl PosesPlan {
                 return Err(refused(key("T"), "is not within a kilometre, or q is not; both are in metres"));
             }
         }
-        Ok((noise, file.pose))
+        let micro = |covariance: &Matrix3<f64>| (covariance.trace() / 3.0).sqrt() * 1e6;
+        let (position_um, rotation_urad) = (micro(&noise.position_m2), noise.rotation_rad2.as_ref().map(micro));
+        Ok((Self { measurements: file.measurements, position_um, rotation_urad, poses: file.pose }, noise))
     }
 }

@@ -274,8 +274,8 @@ pub fn check<K: PlannedMachine<N>, const N: usize>(
     robot: &RobotFile<K, N>,
     path: &Path,
 ) -> Result<Judgement, PlanError> {
-    let (noise, poses) = PosesPlan::read(path, model_name::<N>())?;
-    judge(robot, &noise, &poses, &path.display().to_string())
+    let (plan, noise) = PosesPlan::read(path, model_name::<N>())?;
+    judge(robot, &noise, &plan.poses, &path.display().to_string())
 }
 
 #[cfg(test)]

@@ -1,0 +1,138 @@
+//! Poses of a plan as a simulated camera or tracker sees them: a machine that is a little off its file, in the frame of the device.
+
+use gantry_tau_core::model::kinematics::Pose;
+use gantry_tau_core::model::{f1, l2};
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::ExperimentError;
+use crate::geometry::f1::forward;
+use crate::geometry::l2::Nominal;
+use crate::measurements::poses::{Noise, PlannedPose, PosesPlan};
+use crate::model::{F1, L2, MachineKind};
+use crate::robot_file::RobotFile;
+
+/// Stream of the seeded generator, apart from those of springs, sensor and gauges.
+const TRACKER_STREAM: u64 = 8;
+/// Standard deviations of where the device stands, m, and how it is turned, rad, each component.
+const DEVICE_M: f64 = 2.0;
+const DEVICE_RAD: f64 = 1.0;
+/// Target on an F1, from the tool centre point, platform axes, m, and its turn, rad. On an L2 it is the tool centre point.
+const TARGET_M: [f64; 3] = [0.03, -0.02, 0.08];
+const TARGET_RAD: [f64; 3] = [0.1, -0.3, 1.2];
+
+/// Kind of machine that a tracker can be simulated for.
+pub trait TrackedMachine<const N: usize>: MachineKind<N> {
+    /// Returns a machine that is a little off this one: each number of its geometry by `draw` times `off_m`.
+    ///
+    /// # Errors
+    /// A sentence about a geometry that cannot be.
+    fn off(&self, off_m: f64, draw: &mut dyn FnMut() -> f64) -> Result<Self, String>;
+
+    /// Returns the pose with the axes at `q`, near another; `None` where the links do not meet.
+    fn stand(&self, q: &[f64; N], near: &Pose) -> Option<Pose>;
+
+    /// Target on the platform.
+    fn target() -> Isometry3<f64>;
+}
+
+impl TrackedMachine<{ l2::AXES }> for L2 {
+    fn off(&self, off_m: f64, draw: &mut dyn FnMut() -> f64) -> Result<Self, String> {
+        let geometry = self.robot().geometry();
+        let file = Nominal::of(geometry);
+        let mut vector = || Vector3::new(draw(), draw(), draw()) * off_m;
+        let truth = Nominal {
+            origins_m: file.origins_m.map(|origin| origin + vector()),
+            guideways: file.guideways.map(|guideway| guideway + vector()),
+            lengths_m: file.lengths_m.map(|length| length + vector().x),
+        };
+        truth.kinematics(geometry.configuration).map_err(|error| error.to_string())
+    }
+
+    fn stand(&self, q: &[f64; l2::AXES], _: &Pose) -> Option<Pose> {
+        self.forward(q).ok().map(Pose::at)
+    }
+
+    fn target() -> Isometry3<f64> {
+        Isometry3::identity()
+    }
+}
+
+impl TrackedMachine<{ f1::AXES }> for F1 {
+    fn off(&self, off_m: f64, draw: &mut dyn FnMut() -> f64) -> Result<Self, String> {
+        let file = *self.robot().geometry();
+        let mut vector = || Vector3::new(draw(), draw(), draw()) * off_m;
+        let truth = f1::Geometry {
+            carts_m: file.carts_m.map(|joint| joint + vector()),
+            guideways: file.guideways.map(|guideway| guideway + vector()),
+            plate_joints_m: file.plate_joints_m.map(|joint| joint + vector()),
+            platform_joints_m: file.platform_joints_m.map(|joint| joint + vector()),
+            lengths_m: file.lengths_m.map(|length| length + vector().x),
+            turn_axis: (file.turn_axis + vector()).normalize(),
+            tilt_axis: (file.tilt_axis + vector()).normalize(),
+            travel: None,
+            ..file
+        };
+        f1::Robot::new(truth).map(|robot| Self::new(&robot)).map_err(|error| error.to_string())
+    }
+
+    fn stand(&self, q: &[f64; f1::AXES], near: &Pose) -> Option<Pose> {
+        forward(self, q, near).ok()
+    }
+
+    fn target() -> Isometry3<f64> {
+        Isometry3::from_parts(
+            Translation3::from(Vector3::from(TARGET_M)),
+            UnitQuaternion::from_scaled_axis(Vector3::from(TARGET_RAD)),
+        )
+    }
+}
+
+/// Returns the table of a plan of poses, as a device with the plan's noise sees a machine that is off its file by
+/// `[simulation] geometry_mm`; its seed decides every error.
+///
+/// # Errors
+/// [`ExperimentError`].
+pub fn track<K: TrackedMachine<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    plan: &PosesPlan,
+    noise: &Noise,
+) -> Result<String, ExperimentError> {
+    let mut generator = ChaCha8Rng::seed_from_u64(robot.simulation.seed);
+    generator.set_stream(TRACKER_STREAM);
+    let mut draw = || -> f64 { StandardNormal.sample(&mut generator) };
+    let off_m = robot.simulation.geometry_mm * 1e-3;
+    let refused = |pose: &str, reason: String| ExperimentError::Pose { pose: pose.to_owned(), reason };
+    let mut device_part = |size: f64| Vector3::new(draw(), draw(), draw()) * size;
+    let device = Isometry3::from_parts(
+        Translation3::from(device_part(DEVICE_M)),
+        UnitQuaternion::from_scaled_axis(device_part(DEVICE_RAD)),
+    );
+    let machine = robot.model.off(off_m, &mut draw).map_err(|reason| refused("of the machine", reason))?;
+    let root = |covariance: &Matrix3<f64>| covariance.cholesky().map_or_else(Matrix3::zeros, |factor| factor.l());
+    let (place_root, turn_root) = (root(&noise.position_m2), noise.rotation_rad2.as_ref().map(root));
+    let mut table = plan.header::<N>();
+    for planned in &plan.poses {
+        let q = axes(planned).ok_or_else(|| refused(&planned.name, format!("q has not {N} entries")))?;
+        let pose = machine
+            .stand(&q, &planned.pose())
+            .ok_or_else(|| refused(&planned.name, "the machine cannot stand there".to_owned()))?;
+        let rotation = UnitQuaternion::from_matrix(&pose.rotation);
+        let seen = device * Isometry3::from_parts(Translation3::from(pose.position_m), rotation) * K::target();
+        let place = seen.translation.vector + place_root * Vector3::new(draw(), draw(), draw());
+        let mut row = vec![planned.name.clone()];
+        row.extend(q.iter().chain(place.iter()).map(|number| format!("{number:?}")));
+        if let Some(root) = &turn_root {
+            let turn = UnitQuaternion::from_scaled_axis(root * Vector3::new(draw(), draw(), draw())) * seen.rotation;
+            row.extend([turn.w, turn.i, turn.j, turn.k].map(|part| format!("{part:?}")));
+        }
+        table += &(row.join(",") + "\n");
+    }
+    Ok(table)
+}
+
+fn axes<const N: usize>(planned: &PlannedPose) -> Option<[f64; N]> {
+    planned.q.as_slice().try_into().ok()
+}
