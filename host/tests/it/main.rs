@@ -17,6 +17,7 @@ mod exhaustion;
 mod experiment;
 #[cfg(unix)]
 mod faults;
+mod identification;
 mod plan;
 mod process;
 #[cfg(unix)]
