@@ -8,7 +8,7 @@
 //!     r = y - h(c, z, w*) - H (w - S z - w*),    Cov = diag(sigma^2) + H Sigma_w H^T
 //!     w* <- w - S z + Sigma_w H^T Cov^-1 (r - J dc - B dz - zeros)
 //!
-//! with one block of `Cov` per window, whose gauges share the error of its load. Zeros and constants are eliminated ([`super::blocks`]).
+//! with one block of `Cov` per window, whose gauges share the error of its load. Zeros and constants are eliminated first.
 
 use gantry_tau_core::model::robot::{LINKS, RobotError};
 use nalgebra::{DMatrix, DVector};
