@@ -24,6 +24,7 @@ mod replay;
 #[cfg(unix)]
 mod signals;
 mod solve;
+mod tool;
 mod verify;
 mod workspace;
 
