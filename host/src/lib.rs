@@ -37,5 +37,6 @@ pub mod solve;
 pub mod springs;
 pub mod stop_latch;
 pub mod terminal;
+pub mod tool;
 pub mod verify;
 pub mod workspace;

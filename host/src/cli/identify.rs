@@ -1,26 +1,31 @@
 //! `gantry-tau identify`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::files::write;
+use gantry_tau::measurements;
 use gantry_tau::robot_file::AnyRobotFile;
 use gantry_tau::springs::identify::{IdentifyOptions, identify};
 use gantry_tau::terminal::say;
+use gantry_tau::tool::{self, ToolOptions};
 
 use super::{Outcome, fail};
 
-/// Find the springs of a machine from forces on its tool and readings of length gauges
+/// Find the springs of a machine from forces and length gauges, or the weight of its tool from turned poses
 ///
 /// Reads a set-up (TOML) and its table (CSV), fits the compliances of all links and axes, the play of cluster 3 and what is uncertain of
 /// the set-up, and writes the robot file of this machine: the old one with the compliances replaced, its comments kept.
+///
+/// A set-up with format = "gantry-tau tool 1" has readings of the force sensor in several orientations, with nothing touching the tool: from
+/// them weight and centre of gravity of the tool, `[sensor.tool]` of the robot file, and the bias of the sensor.
 ///
 /// Exit codes: 0 done; 1 nothing is written, the reason is printed; 2 usage; 3 done, and not to be trusted as it is; the reasons are printed,
 /// the files are written.
 #[derive(Debug, Args)]
 pub(crate) struct Identify {
-    /// Set-up of the measurements, format = "gantry-tau springs 1"
+    /// Set-up of the measurements, format = "gantry-tau springs 1" or "gantry-tau tool 1"
     #[arg(value_name = "SETUP.toml")]
     setup: PathBuf,
     /// The machine as it is known: l2 or f1 (built in), or a robot file
@@ -58,6 +63,9 @@ impl Identify {
             return Err(format!("{} exists; --force replaces it", self.output.display()).into());
         }
         let robot = AnyRobotFile::named(&self.robot)?;
+        if measurements::format_of(&self.setup)? == measurements::tool::FORMAT {
+            return self.run_tool(&robot);
+        }
         let options = IdentifyOptions {
             setup: self.setup,
             robot: self.robot,
@@ -70,12 +78,8 @@ impl Identify {
             AnyRobotFile::L2(robot) => identify(&robot, &options)?,
             AnyRobotFile::F1(robot) => identify(&robot, &options)?,
         };
-        // What is written can be read, or nothing is.
-        AnyRobotFile::parse(&self.output.display().to_string(), &identification.robot_file)?;
-        write(&self.output, &identification.robot_file)?;
-        if let Some(path) = &self.json {
-            write(path, &identification.json)?;
-        }
+        let outputs = Outputs { robot_file: &self.output, json: self.json.as_deref() };
+        outputs.write(&identification.robot_file, &identification.json)?;
         if let Some(path) = &self.report {
             write(path, &identification.report)?;
         }
@@ -83,9 +87,42 @@ impl Identify {
         for warning in &identification.warnings {
             say(format_args!("{warning}"));
         }
-        if identification.doubts.is_empty() {
-            return Ok(ExitCode::SUCCESS);
-        }
-        Ok(fail(3, identification.doubts.join("; ")))
+        Ok(trusted(&identification.doubts))
     }
+
+    fn run_tool(self, robot: &AnyRobotFile) -> Outcome {
+        if self.report.is_some() || self.scale || self.hysteresis || self.drift || self.no_robust {
+            return Err(
+                "--report, --scale, --hysteresis, --drift and --no-robust are for springs; leave them out".into()
+            );
+        }
+        let identified = tool::identify(robot, &ToolOptions { setup: self.setup, robot: self.robot })?;
+        let outputs = Outputs { robot_file: &self.output, json: self.json.as_deref() };
+        outputs.write(&identified.robot_file, &identified.json)?;
+        say(format_args!("{}: {}", self.output.display(), identified.summary));
+        Ok(trusted(&identified.doubts))
+    }
+}
+
+/// Files that every identification writes.
+struct Outputs<'a> {
+    robot_file: &'a Path,
+    json: Option<&'a Path>,
+}
+
+impl Outputs<'_> {
+    /// Writes what can be read, or nothing.
+    fn write(&self, robot_file: &str, json: &str) -> Result<(), Box<dyn std::error::Error>> {
+        AnyRobotFile::parse(&self.robot_file.display().to_string(), robot_file)?;
+        write(self.robot_file, robot_file)?;
+        match self.json {
+            Some(path) => Ok(write(path, json)?),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Prints the doubts; returns the exit code.
+fn trusted(doubts: &[String]) -> ExitCode {
+    if doubts.is_empty() { ExitCode::SUCCESS } else { fail(3, doubts.join("; ")) }
 }

@@ -7,6 +7,7 @@ pub mod poses;
 mod setup;
 pub mod springs;
 mod table;
+pub mod tool;
 
 use std::fmt;
 use std::path::Path;

@@ -25,7 +25,7 @@ pub const MAX_GAUGES: usize = 16;
 /// Largest position of an axis, q-units; reading, µm; force, N; moment, N m; time, s.
 pub(super) const MOST: [f64; 5] = [1e3, 2e4, 1e5, 1e5, 1e9];
 /// Range of a standard deviation, in the unit of its key.
-const NOISE: (f64, f64) = (1e-6, 1e6);
+pub(super) const NOISE: (f64, f64) = (1e-6, 1e6);
 
 /// `format = "gantry-tau springs 1"`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
@@ -368,7 +368,7 @@ const WINDOW: [&str; 5] = ["series", "mounting", "pose", "window", "stroke"];
 /// Columns of the load.
 pub(crate) const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
 
-fn axis_columns<const N: usize>() -> [String; N] {
+pub(super) fn axis_columns<const N: usize>() -> [String; N] {
     std::array::from_fn(|axis| format!("q_{}", axis + 1))
 }
 

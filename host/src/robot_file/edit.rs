@@ -1,7 +1,7 @@
 //! Changes of a robot file that keep its comments and its order.
 
 use serde::Serialize;
-use toml_edit::{Array, DocumentMut, Item, Value};
+use toml_edit::{Array, Decor, DocumentMut, Item, Table, Value};
 
 /// A robot file that is being changed.
 pub struct RobotText {
@@ -40,10 +40,7 @@ impl RobotText {
             None => _ = table.insert(key, Item::Value(value)),
         }
         if let Some(mut key) = table.key_mut(key) {
-            let decor = key.leaf_decor_mut();
-            let above = decor.prefix().and_then(toml_edit::RawString::as_str).unwrap_or_default();
-            let above = above.replace("ASSUMED", &self.provenance);
-            decor.set_prefix(above);
+            replace_assumed(key.leaf_decor_mut(), &self.provenance);
         }
     }
 
@@ -59,6 +56,30 @@ impl RobotText {
         table.decor_mut().set_prefix("\n");
         self.document.as_table_mut().insert(name, Item::Table(table));
         Ok(())
+    }
+
+    /// Replaces lists of numbers in a table of a section that exists. A table that is missing is added, with the provenance above it.
+    pub fn set_table_in(&mut self, section: &str, name: &str, entries: &[(&str, &[f64])]) {
+        let parent = self.document.get_mut(section).and_then(Item::as_table_like_mut);
+        let Some(parent) = parent else { return };
+        match parent.get_mut(name) {
+            Some(table) => {
+                if let Some(decor) = table.as_table_mut().map(Table::decor_mut) {
+                    replace_assumed(decor, &self.provenance);
+                }
+                for (key, values) in entries {
+                    self.set_numbers_at(&[section, name, key], values);
+                }
+            }
+            None => {
+                let mut table = Table::new();
+                table.decor_mut().set_prefix(format!("\n# {}\n", self.provenance));
+                for (key, values) in entries {
+                    table.insert(key, Item::Value(Value::Array(values.iter().copied().map(number).collect())));
+                }
+                parent.insert(name, Item::Table(table));
+            }
+        }
     }
 
     /// Replaces a number in a section that exists.
@@ -95,6 +116,12 @@ impl RobotText {
     pub fn text(&self) -> String {
         self.document.to_string()
     }
+}
+
+/// Replaces "ASSUMED" in the comment above a key or a table.
+fn replace_assumed(decor: &mut Decor, provenance: &str) {
+    let above = decor.prefix().and_then(toml_edit::RawString::as_str).unwrap_or_default();
+    decor.set_prefix(above.replace("ASSUMED", provenance));
 }
 
 /// Rows, one per line.

@@ -25,6 +25,7 @@ mod replay;
 #[cfg(unix)]
 mod signals;
 mod solve;
+mod tool;
 mod verify;
 mod workspace;
 

@@ -1,0 +1,117 @@
+//! Readings of the force sensor with nothing touching the tool, in several orientations of the platform.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use gantry_tau_core::model::statics::Wrench;
+use serde::Deserialize;
+
+use super::springs::{LOAD, MOST, NOISE, axis_columns};
+use super::table::Table;
+use super::{FileError, setup};
+
+/// First line of a set-up.
+pub const FORMAT: &str = "gantry-tau tool 1";
+
+/// `format = "gantry-tau tool 1"`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SetupFile {
+    format: String,
+    model: String,
+    measurements: String,
+    noise: Noise,
+}
+
+/// `[noise]`: standard deviations of a mean reading.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Noise {
+    /// Of each component of the force, N.
+    pub force_n: f64,
+    /// Of each component of the moment, N m.
+    pub moment_nm: f64,
+}
+
+/// One mean reading.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ToolReading<const N: usize> {
+    /// Line of the table.
+    pub line: u64,
+    /// Name of the pose.
+    pub name: String,
+    /// Positions of the axes, q-units.
+    pub q: [f64; N],
+    /// Reading, untared, sensor axes, about the sensor's origin.
+    pub raw: Wrench,
+}
+
+/// Readings and their noise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ToolReadings<const N: usize> {
+    /// Path of the table, as messages name it.
+    pub table: String,
+    /// CRC-32 of the table.
+    pub crc: u32,
+    /// Noise of a reading.
+    pub noise: Noise,
+    /// The readings.
+    pub readings: Vec<ToolReading<N>>,
+}
+
+impl<const N: usize> ToolReadings<N> {
+    /// Returns an error about the axes of a reading.
+    #[must_use]
+    pub fn error(&self, reading: &ToolReading<N>, reason: impl std::fmt::Display) -> FileError {
+        FileError::at(&self.table, reading.line, "q_1", reason)
+    }
+}
+
+/// Reads a set-up and its table, for a machine of `model` with `N` axes.
+///
+/// # Errors
+/// [`FileError`].
+pub fn read<const N: usize>(path: &Path, model: &str) -> Result<ToolReadings<N>, FileError> {
+    let file: SetupFile = setup::read(path)?;
+    let refused = |key: &str, reason: String| Err(FileError::key(path, key.to_owned(), reason));
+    if file.format != FORMAT {
+        return refused("format", format!("is {:?}; expected {FORMAT:?}", file.format));
+    }
+    if file.model != model {
+        return refused("model", format!("is {:?}, and the robot file's is {model:?}", file.model));
+    }
+    let (least, most) = NOISE;
+    for (key, value) in [("noise.force_n", file.noise.force_n), ("noise.moment_nm", file.noise.moment_nm)] {
+        if !(least..=most).contains(&value) {
+            return refused(key, format!("{value} is not from {least:e} to {most:e}"));
+        }
+    }
+    let path = setup::beside(path, &file.measurements);
+    let table = path.display().to_string();
+    let readings = rows(&path)?;
+    let bytes = std::fs::read(&path).map_err(|error| FileError::whole(&table, error))?;
+    Ok(ToolReadings { table, crc: crc32fast::hash(&bytes), noise: file.noise, readings })
+}
+
+fn rows<const N: usize>(path: &Path) -> Result<Vec<ToolReading<N>>, FileError> {
+    let axes = axis_columns::<N>();
+    let mut required = vec!["pose".to_owned()];
+    required.extend(axes.iter().cloned().chain(LOAD.map(str::to_owned)));
+    let mut names = HashSet::new();
+    Table::open(path, &required, |_| false)?.rows(|row| {
+        let [most_q, _, most_n, most_nm, _] = MOST;
+        let name = row.text("pose").to_owned();
+        if name.is_empty() || !names.insert(name.clone()) {
+            return Err(row.error("pose", format_args!("{name:?} is empty, or stands twice")));
+        }
+        let mut q = [0.0; N];
+        for (q, column) in q.iter_mut().zip(&axes) {
+            *q = row.number(column, most_q)?;
+        }
+        let mut raw = [0.0; 6];
+        for (component, (value, column)) in raw.iter_mut().zip(LOAD).enumerate() {
+            *value = row.number(column, if component < 3 { most_n } else { most_nm })?;
+        }
+        Ok(ToolReading { line: row.line(), name, q, raw: Wrench::from_array(raw) })
+    })
+}

@@ -1,0 +1,179 @@
+//! Fit of weight, centre of gravity and bias to readings in several orientations.
+//!
+//! With `R` of the platform, world axes from platform axes, `R_s` and `p` of the sensor's mounting, a tool of weight `G` at `c` reads
+//!
+//! - `F_s = R_s^T R^T G + b_F`,
+//! - `M_s = R_s^T ((c - p) x R^T G) + b_M`.
+//!
+//! The bias is eliminated: weight and centre are fitted to the Helmert contrasts of the readings, each less the mean of those before it, which
+//! are independent and without a bias. So a weight that the orientations do not tell from a bias keeps the file's value entirely, and the
+//! bias, the mean of what the tool leaves, takes the difference.
+
+use std::convert::Infallible;
+
+use gantry_tau_core::model::sensor::Tool;
+use gantry_tau_core::model::statics::Wrench;
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
+
+use crate::fit::answer::Status;
+use crate::fit::least_squares::{Direction, Fit, FitError, Rows, WEAK, fit};
+use crate::fit::statistics::float;
+use crate::measurements::tool::Noise;
+
+/// Parameters of the tool: weight and centre of gravity. As many follow for the bias.
+pub const TOOL: usize = 6;
+/// Changes that would matter: of weight and centre, N, m.
+const TOOL_SCALES: [f64; TOOL] = [1.0, 1.0, 1.0, 0.01, 0.01, 0.01];
+/// Changes that would matter: of the bias, N, N m.
+const BIAS_SCALES: [f64; 6] = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1];
+/// Largest change of a reading by one scale of a parameter, in standard deviations, that is rounding of a rotation.
+const ROUNDING_SD: f64 = 1e-6;
+/// Largest change of a bias along a lost direction, in its scales, with which it does not depend on the file's tool.
+const APART: f64 = 0.01;
+
+/// Mounting of the sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mounting {
+    /// `R_s`: platform axes from sensor axes.
+    pub rotation: Matrix3<f64>,
+    /// `p`: from the tool centre point to the sensor's origin, platform axes, m.
+    pub lever_m: Vector3<f64>,
+}
+
+/// A mean reading in an orientation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Turned {
+    /// `R`: world axes from platform axes.
+    pub rotation: Matrix3<f64>,
+    /// Reading, untared, sensor axes, about the sensor's origin.
+    pub raw: Wrench,
+}
+
+/// A tool with what the readings say of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FittedTool {
+    /// Weight and centre of gravity.
+    pub tool: Tool,
+    /// Bias, sensor axes.
+    pub bias: Wrench,
+    /// Covariance of weight, centre, force and moment of the bias; N, m, N, N m. It is that with the lost directions of the tool as they are.
+    pub covariance: DMatrix<f64>,
+    /// Fit of weight and centre, with chi-squared, degrees of freedom and lost directions.
+    pub fit: Fit<Tool>,
+    /// Changes of the bias by weight and centre, mean of all readings.
+    mean_derivatives: Matrix6<f64>,
+}
+
+/// Fits a tool; `start`, the file's, stays where the readings do not see it.
+///
+/// # Errors
+/// [`FitError::TooFew`] for one reading; [`FitError`].
+pub fn fit_tool(
+    mounting: &Mounting,
+    readings: &[Turned],
+    noise: Noise,
+    start: Tool,
+) -> Result<FittedTool, FitError<Infallible>> {
+    let scales = DVector::from_row_slice(&TOOL_SCALES);
+    let sds = Vector6::from_fn(|row, _| if row < 3 { noise.force_n } else { noise.moment_nm });
+    let moved = |tool: &Tool, step: &DVector<f64>| Tool {
+        weight_n: tool.weight_n + step.fixed_rows::<3>(0),
+        centre_m: tool.centre_m + step.fixed_rows::<3>(3),
+    };
+    // Moments with a wrong weight or centre would pull the fit to another minimum: forces alone, which are linear, give the weight to begin with.
+    let forces_only = sds.map_with_location(|row, _, sd| if row < 3 { sd } else { f64::INFINITY });
+    let weighed = fit(start, &scales, |tool| Ok(contrasts(mounting, readings, &forces_only, tool)), moved)?;
+    let fit = fit(weighed.state, &scales, |tool| Ok(contrasts(mounting, readings, &sds, tool)), moved)?;
+    let tool = fit.state;
+    let count = float(readings.len());
+    let (mut bias, mut mean_derivatives) = (Vector6::zeros(), Matrix6::zeros());
+    for reading in readings {
+        let (left, derivatives) = mounting.left(reading, &tool);
+        bias += left / count;
+        mean_derivatives += derivatives / count;
+    }
+    let of_tool = fit.seen.covariance();
+    let cross = -mean_derivatives * &of_tool;
+    let of_bias = Matrix6::from_diagonal(&sds.map(|sd| sd * sd / count)) - &cross * mean_derivatives.transpose();
+    let mut covariance = DMatrix::zeros(2 * TOOL, 2 * TOOL);
+    covariance.view_mut((0, 0), (TOOL, TOOL)).copy_from(&of_tool);
+    covariance.view_mut((TOOL, 0), (TOOL, TOOL)).copy_from(&cross);
+    covariance.view_mut((0, TOOL), (TOOL, TOOL)).copy_from(&cross.transpose());
+    covariance.view_mut((TOOL, TOOL), (TOOL, TOOL)).copy_from(&of_bias);
+    Ok(FittedTool { tool, bias: Wrench::from_array(bias.into()), covariance, fit, mean_derivatives })
+}
+
+/// Whitened Helmert contrasts of what a tool leaves of the readings.
+fn contrasts(mounting: &Mounting, readings: &[Turned], sds: &Vector6<f64>, tool: &Tool) -> Rows {
+    let count = 6 * readings.len().saturating_sub(1);
+    let (mut residuals, mut all) = (DVector::zeros(count), DMatrix::zeros(count, TOOL));
+    let (mut mean_left, mut mean_derivatives) = (Vector6::zeros(), Matrix6::zeros());
+    for (before, reading) in readings.iter().enumerate() {
+        let (left, derivatives) = mounting.left(reading, tool);
+        let (off, off_derivatives) = (left - mean_left, derivatives - mean_derivatives);
+        if before > 0 {
+            let first = 6 * (before - 1);
+            let weight = (float(before) / float(before + 1)).sqrt();
+            let mut whitened = off_derivatives * weight;
+            for (mut row, sd) in whitened.row_iter_mut().zip(sds) {
+                row /= *sd;
+            }
+            for (mut column, scale) in whitened.column_iter_mut().zip(TOOL_SCALES) {
+                column.apply(|entry| *entry = if entry.abs() * scale < ROUNDING_SD { 0.0 } else { *entry });
+            }
+            residuals.fixed_rows_mut::<6>(first).copy_from(&(off.component_div(sds) * weight));
+            all.fixed_rows_mut::<6>(first).copy_from(&whitened);
+        }
+        mean_left += off / float(before + 1);
+        mean_derivatives += off_derivatives / float(before + 1);
+    }
+    Rows::new(residuals, all)
+}
+
+impl Mounting {
+    /// Returns what a tool leaves of a reading, and the derivatives of its own reading by weight and centre.
+    fn left(&self, reading: &Turned, tool: &Tool) -> (Vector6<f64>, Matrix6<f64>) {
+        let in_sensor = self.rotation.transpose();
+        let to_platform = reading.rotation.transpose();
+        let weight_n = to_platform * tool.weight_n;
+        let arm_m = tool.centre_m - self.lever_m;
+        let mut left = Vector6::from(reading.raw.to_array());
+        let mut force = left.fixed_rows_mut::<3>(0);
+        force -= in_sensor * weight_n;
+        let mut moment = left.fixed_rows_mut::<3>(3);
+        moment -= in_sensor * arm_m.cross(&weight_n);
+        let mut derivatives = Matrix6::zeros();
+        derivatives.fixed_view_mut::<3, 3>(0, 0).copy_from(&(in_sensor * to_platform));
+        derivatives.fixed_view_mut::<3, 3>(3, 0).copy_from(&(in_sensor * arm_m.cross_matrix() * to_platform));
+        derivatives.fixed_view_mut::<3, 3>(3, 3).copy_from(&(-in_sensor * weight_n.cross_matrix()));
+        (left, derivatives)
+    }
+}
+
+impl FittedTool {
+    /// Values of all parameters, in the order of the covariance.
+    #[must_use]
+    pub fn values(&self) -> DVector<f64> {
+        let tool = self.tool.weight_n.iter().chain(self.tool.centre_m.iter()).copied();
+        DVector::from_iterator(2 * TOOL, tool.chain(self.bias.to_array()))
+    }
+
+    /// What the readings say of a parameter. A bias that a lost direction of the tool would change is not seen by itself.
+    #[must_use]
+    pub fn status(&self, parameter: usize) -> Status {
+        let Some(component) = parameter.checked_sub(TOOL) else {
+            return Status::of(&self.fit.seen, parameter);
+        };
+        let depends = |direction: &Direction| {
+            let step = direction.components.component_mul(&DVector::from_row_slice(&TOOL_SCALES));
+            (self.mean_derivatives * step)[component].abs() > APART * BIAS_SCALES[component]
+        };
+        if self.fit.seen.lost().iter().any(depends) {
+            Status::Kept
+        } else if self.covariance[(parameter, parameter)].sqrt() > WEAK * BIAS_SCALES[component] {
+            Status::Weak
+        } else {
+            Status::Identified
+        }
+    }
+}

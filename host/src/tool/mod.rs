@@ -1,0 +1,222 @@
+//! `identify` of the tool: weight, centre of gravity and the sensor's bias from readings in turned poses `[T 4.2.5]`.
+#![expect(clippy::indexing_slicing, reason = "three and six components are counted by the arrays themselves")]
+
+pub mod fit;
+#[cfg(test)]
+mod tests;
+
+use std::convert::Infallible;
+use std::path::PathBuf;
+
+use gantry_tau_core::model::kinematics::KinematicsError;
+use nalgebra::Matrix3;
+use serde::Serialize;
+
+use crate::fit::answer::{Parameter, Status, Unobservable};
+use crate::fit::least_squares::FitError;
+use crate::fit::statistics::chi_squared_above;
+use crate::measurements::FileError;
+use crate::measurements::tool::{self, ToolReadings};
+use crate::model::{MachineKind, pose_at};
+use crate::robot_file::edit::RobotText;
+use crate::robot_file::{AnyRobotFile, RobotFile, RobotFileError, text_of};
+use fit::{FittedTool, Mounting, TOOL, Turned, fit_tool};
+
+/// First field of an answer.
+pub const FORMAT: &str = "gantry-tau tool identified 1";
+/// Smallest probability of the residuals at which a model is believed.
+const LEAST_P: f64 = 1e-3;
+
+/// Options of an identification.
+#[derive(Clone, Debug)]
+pub struct ToolOptions {
+    /// Set-up of the measurements.
+    pub setup: PathBuf,
+    /// Name of the robot file to begin with, as of [`AnyRobotFile::named`].
+    pub robot: String,
+}
+
+/// Reason why there is no identification.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ToolError {
+    /// A file of measurements is wrong.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The robot file is wrong.
+    #[error(transparent)]
+    Robot(#[from] RobotFileError),
+    /// One reading cannot be compared with anything.
+    #[error("{table}: has one reading; two are needed, and an F1 needs three or more, turned about two axes")]
+    TooFew {
+        /// The table.
+        table: String,
+    },
+    /// There is no fit.
+    #[error("{table}: {reason}")]
+    Fit {
+        /// The table.
+        table: String,
+        /// What is wrong.
+        reason: FitError<Infallible>,
+    },
+    /// The robot file cannot be changed.
+    #[error("the robot file cannot be changed: {0}")]
+    Edit(String),
+}
+
+/// Result of an identification.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct IdentifiedTool {
+    /// The answer for programs, JSON: an [`Answer`].
+    pub json: String,
+    /// Text of the robot file with `[sensor.tool]` replaced; as it was where the readings see nothing of the tool.
+    pub robot_file: String,
+    /// What was found, in one line.
+    pub summary: String,
+    /// Reasons not to trust it as it is; empty where there are none.
+    pub doubts: Vec<String>,
+}
+
+/// Answer of an identification. SI units.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Answer {
+    /// [`FORMAT`].
+    pub format: &'static str,
+    /// `l2` or `f1`.
+    pub model: &'static str,
+    /// `weight_n`, world axes; `centre_m`, platform axes, from the tool centre point; `bias_force_n`, `bias_moment_nm`, sensor axes, about the
+    /// sensor's origin.
+    pub parameters: Vec<Parameter>,
+    /// Covariance of the parameters, by rows, with the lost directions of the tool as the file has them.
+    pub covariance: Vec<Vec<f64>>,
+    /// Sum of the squares of the residuals, in standard deviations.
+    pub chi2: f64,
+    /// Degrees of freedom.
+    pub dof: usize,
+    /// Probability of such a sum, or a larger one, if the model and the noise are right.
+    pub p: f64,
+    /// Combinations of weight and centre that are not told from a bias (`relative_sd` above 1, null where infinite), or hardly (above 0.1).
+    pub unobservable: Vec<Unobservable>,
+}
+
+/// Identifies the tool of a machine.
+///
+/// # Errors
+/// [`ToolError`].
+pub fn identify(robot: &AnyRobotFile, options: &ToolOptions) -> Result<IdentifiedTool, ToolError> {
+    match robot {
+        AnyRobotFile::L2(robot) => identify_with(robot, options, |q| {
+            let position_m = robot.model.forward(q)?;
+            Ok(robot.model.pose(position_m).rotation)
+        }),
+        AnyRobotFile::F1(robot) => identify_with(robot, options, |q| {
+            let pose = pose_at(&robot.model, &robot.home_m(), q)?;
+            Ok(pose.rotation)
+        }),
+    }
+}
+
+/// As [`identify`], with the rotation of the platform for positions of the axes.
+fn identify_with<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    options: &ToolOptions,
+    rotation: impl Fn(&[f64; N]) -> Result<Matrix3<f64>, KinematicsError>,
+) -> Result<IdentifiedTool, ToolError> {
+    let measured: ToolReadings<N> = tool::read(&options.setup, K::MODEL)?;
+    let turned = |reading: &tool::ToolReading<N>| {
+        let rotation = rotation(&reading.q).map_err(|error| measured.error(reading, error))?;
+        Ok::<_, FileError>(Turned { rotation, raw: reading.raw })
+    };
+    let readings = measured.readings.iter().map(turned).collect::<Result<Vec<_>, _>>()?;
+    let mounting = Mounting { rotation: robot.sensor.rotation_matrix(), lever_m: robot.sensor.lever_m.into() };
+    let fitted = fit_tool(&mounting, &readings, measured.noise, robot.sensor.tool.into());
+    let fitted = fitted.map_err(|reason| match reason {
+        FitError::TooFew { .. } => ToolError::TooFew { table: measured.table.clone() },
+        reason => ToolError::Fit { table: measured.table.clone(), reason },
+    })?;
+    let answer = answer(&fitted, K::MODEL);
+    Ok(IdentifiedTool {
+        json: serde_json::to_string_pretty(&answer).map_err(|error| ToolError::Edit(error.to_string()))?,
+        robot_file: robot_file(&fitted, &measured, &options.robot)?,
+        summary: summary(&fitted, &answer),
+        doubts: doubts(&fitted, &answer),
+    })
+}
+
+/// Names and units of the parameters.
+fn names() -> Vec<(String, &'static str)> {
+    let vectors = [("weight_n", "N"), ("centre_m", "m"), ("bias_force_n", "N"), ("bias_moment_nm", "N m")];
+    let components = vectors.into_iter().flat_map(|(name, unit)| (0..3).map(move |axis| (name, axis, unit)));
+    components.map(|(name, axis, unit)| (format!("{name}[{axis}]"), unit)).collect()
+}
+
+fn answer(fitted: &FittedTool, model: &'static str) -> Answer {
+    let (fit, names) = (&fitted.fit, names());
+    let mut unobservable = fit.seen.lost();
+    unobservable.extend(fit.seen.weak());
+    let (chi2, dof) = (fit.chi_squared(), fit.degrees());
+    Answer {
+        format: FORMAT,
+        model,
+        parameters: Parameter::list(&names, &fitted.values(), &fitted.covariance, |index| fitted.status(index)),
+        covariance: fitted.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
+        chi2,
+        dof,
+        p: chi_squared_above(chi2, dof),
+        unobservable: Unobservable::list(&names[..TOOL], &unobservable),
+    }
+}
+
+fn summary(fitted: &FittedTool, answer: &Answer) -> String {
+    let list = |parameters: &[Parameter], digits: usize| {
+        let with_reach = |one: &Parameter| match one.status {
+            Status::Kept => format!("{:.digits$} kept", one.value),
+            _ => format!("{:.digits$} +- {:.digits$}", one.value, one.high95 - one.value),
+        };
+        parameters.iter().map(with_reach).collect::<Vec<_>>().join(", ")
+    };
+    format!(
+        "{} of {TOOL} parameters of the tool seen; weight ({}) N, centre of gravity ({}) m; chi2 {:.1} with {} degrees of freedom, p {:.2}",
+        fitted.fit.seen.kept(),
+        list(&answer.parameters[..3], 2),
+        list(&answer.parameters[3..TOOL], 4),
+        answer.chi2,
+        answer.dof,
+        answer.p,
+    )
+}
+
+fn doubts(fitted: &FittedTool, answer: &Answer) -> Vec<String> {
+    let mut doubts = Vec::new();
+    if answer.p < LEAST_P {
+        doubts.push(format!(
+            "the model or the stated noise is wrong: chi2 is {:.1} with {} degrees of freedom (p = {:.1e})",
+            answer.chi2, answer.dof, answer.p
+        ));
+    }
+    let lost = Unobservable::list(&names()[..TOOL], &fitted.fit.seen.lost());
+    if !lost.is_empty() {
+        let lost = lost.iter().map(Unobservable::to_string).collect::<Vec<_>>().join("; ");
+        doubts.push(format!("not told from the bias in these poses, kept at the file's values: {lost}"));
+    }
+    doubts
+}
+
+/// Returns the text of the robot file with the tool that was found.
+fn robot_file<const N: usize>(
+    fitted: &FittedTool,
+    measured: &ToolReadings<N>,
+    robot: &str,
+) -> Result<String, ToolError> {
+    let text = text_of(robot)?;
+    let part = match fitted.fit.seen.kept() {
+        0 => return Ok(text),
+        TOOL => "",
+        _ => " in part",
+    };
+    let provenance = format!("IDENTIFIED{part} with {} (CRC-32 {:08x})", measured.table, measured.crc);
+    let mut text = RobotText::new(&text, &provenance).map_err(|error| ToolError::Edit(error.to_string()))?;
+    let [weight_n, centre_m]: [[f64; 3]; 2] = [fitted.tool.weight_n.into(), fitted.tool.centre_m.into()];
+    text.set_table_in("sensor", "tool", &[("weight_n", &weight_n), ("centre_m", &centre_m)]);
+    Ok(text.text())
+}

@@ -1,0 +1,143 @@
+//! Tools whose truth is known.
+
+use gantry_tau_core::model::linalg::rotation_from_vector;
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, Tool};
+use gantry_tau_core::model::statics::Wrench;
+use nalgebra::{DMatrix, Vector3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::*;
+use crate::fit::answer::Status;
+use crate::fit::statistics::float;
+use crate::measurements::tool::Noise;
+
+const NOISE: Noise = Noise { force_n: 0.2, moment_nm: 0.01 };
+/// Turns of the platform, rad, within the travel of an F1 at home.
+const TURNS: [[f64; 3]; 6] =
+    [[0.0, 0.0, 0.0], [0.25, 0.0, 0.0], [-0.25, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, -0.3, 0.0], [0.1, -0.1, 0.2]];
+/// Weight, centre and bias.
+const TRUTH: [f64; 12] = [0.5, -1.0, -49.0, 0.03, -0.02, -0.2, 3.0, -2.0, 40.0, 0.5, 0.1, -0.2];
+
+fn mounting() -> Mounting {
+    let sensor = RobotFile::builtin_f1().unwrap().sensor;
+    Mounting { rotation: sensor.rotation_matrix(), lever_m: sensor.lever_m.into() }
+}
+
+fn rotations(turns: &[[f64; 3]]) -> Vec<Matrix3<f64>> {
+    turns.iter().map(|turn| rotation_from_vector(&Vector3::from(*turn)).unwrap()).collect()
+}
+
+/// Reading of an unloaded sensor, by transfer of moments in world axes.
+fn reading(rotation: &Matrix3<f64>, truth: &[f64; 12]) -> Wrench {
+    let mounting = mounting();
+    let part = |first: usize| Vector3::from_column_slice(&truth[first..first + 3]);
+    let weight_n = part(0);
+    let lever_m = rotation * (part(3) - mounting.lever_m);
+    let axes = (rotation * mounting.rotation).transpose();
+    Wrench { force_n: axes * weight_n + part(6), moment_nm: axes * lever_m.cross(&weight_n) + part(9) }
+}
+
+/// Readings with noise, in these standard deviations.
+fn readings(rotations: &[Matrix3<f64>], deviations: f64, seed: u64) -> Vec<Turned> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut noise =
+        |sd: f64| Vector3::from_fn(|_, _| deviations * sd * Distribution::<f64>::sample(&StandardNormal, &mut random));
+    let mut noisy = |rotation: &Matrix3<f64>| {
+        let Wrench { force_n, moment_nm } = reading(rotation, &TRUTH);
+        let raw = Wrench { force_n: force_n + noise(NOISE.force_n), moment_nm: moment_nm + noise(NOISE.moment_nm) };
+        Turned { rotation: *rotation, raw }
+    };
+    rotations.iter().map(&mut noisy).collect()
+}
+
+fn fitted(readings: &[Turned]) -> FittedTool {
+    fit_tool(&mounting(), readings, NOISE, Tool::weightless()).unwrap()
+}
+
+#[test]
+fn a_sensor_with_the_tool_sees_no_load_however_it_is_turned() {
+    let found = fitted(&readings(&rotations(&TURNS), 0.0, 0));
+    let Mounting { rotation, lever_m } = mounting();
+    // Nearly no filter, so that one sample is enough.
+    let config = SensorConfig { rotation, lever_m, tool: found.tool, cutoff_hz: 1e5, cycle_s: 10.0, tare_samples: 1 };
+    let mut sensor = ForceSensor::new(config).unwrap();
+    let [tared] = rotations(&[[0.2, -0.1, 0.3]])[..] else { panic!() };
+    sensor.update(&reading(&tared, &TRUTH), &tared).unwrap();
+    for turned in rotations(&[[0.0; 3], [-0.3, 0.2, 0.1], [1.0, 2.0, -0.5]]) {
+        let Reading::Load(load) = sensor.update(&reading(&turned, &TRUTH), &turned).unwrap() else { panic!() };
+        // A fit ends within a millionth of a standard deviation, of which the farther turns make ten here.
+        let off = load.force_n.amax().max(load.moment_nm.amax());
+        assert!(off < 1e-5, "{off:e}");
+    }
+    let bias = found.bias.to_array().into_iter().zip(&TRUTH[6..]);
+    assert!(bias.into_iter().all(|(found, truth)| (found - truth).abs() < 1e-5), "{:?}", found.bias);
+}
+
+#[test]
+fn the_covariance_is_that_of_all_twelve_at_once() {
+    let rotations = rotations(&TURNS);
+    let found = fitted(&readings(&rotations, 0.0, 0));
+    let mut derivatives = DMatrix::zeros(6 * rotations.len(), 12);
+    for (pose, rotation) in rotations.iter().enumerate() {
+        for parameter in 0..12 {
+            let at = |step: f64| {
+                let mut truth = TRUTH;
+                truth[parameter] += step;
+                reading(rotation, &truth).to_array()
+            };
+            for (row, (ahead, behind)) in at(1e-4).into_iter().zip(at(-1e-4)).enumerate() {
+                let sd = if row < 3 { NOISE.force_n } else { NOISE.moment_nm };
+                derivatives[(6 * pose + row, parameter)] = (ahead - behind) / 2e-4 / sd;
+            }
+        }
+    }
+    let expected = (derivatives.transpose() * &derivatives).try_inverse().unwrap();
+    for (found, expected) in found.covariance.diagonal().iter().zip(expected.diagonal().iter()) {
+        // The model is bilinear: its differences are exact but for rounding.
+        assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
+    }
+    assert!((found.covariance - &expected).amax() < 1e-6 * expected.amax());
+}
+
+#[test]
+fn intervals_hold_the_truth() {
+    let rotations = rotations(&TURNS);
+    let (seeds, mut held, mut squares, mut chi2) = (200, 0, [0.0; 3], 0.0);
+    for seed in 0..seeds {
+        let found = fitted(&readings(&rotations, 1.0, seed));
+        let answer = answer(&found, "f1");
+        assert_eq!((answer.dof, found.fit.seen.lost().len()), (24, 0));
+        chi2 += answer.chi2;
+        for (parameter, truth) in answer.parameters.iter().zip(TRUTH) {
+            held += usize::from((parameter.low95..=parameter.high95).contains(&truth));
+        }
+        for (axis, square) in squares.iter_mut().enumerate() {
+            *square += ((answer.parameters[axis].value - TRUTH[axis]) / answer.parameters[axis].sd).powi(2);
+        }
+    }
+    let share = float(held) / 2400.0;
+    assert!((0.93..=0.97).contains(&share), "{share}");
+    // A mean of 200 squares of standard normals is 1 +- 0.1; of chi-squared of 24 degrees 24 +- 0.5. Four deviations.
+    assert!(squares.iter().all(|square| (square / 200.0 - 1.0).abs() < 0.4), "{squares:?}");
+    assert!((chi2 / 200.0 - 24.0).abs() < 2.0, "{chi2}");
+}
+
+#[test]
+fn a_weight_along_the_only_axis_of_turning_stays_and_the_bias_takes_the_rest() {
+    let rotations = rotations(&[[0.0; 3], [0.0, 0.0, 0.3], [0.0, 0.0, -0.3], [0.0, 0.0, 0.2]]);
+    // The weight across, 1 N, hardly shows the centre: the file has the right one.
+    let centre_m = Vector3::from_column_slice(&TRUTH[3..6]);
+    let start = Tool { weight_n: Vector3::new(0.0, 0.0, -18.0), centre_m };
+    let found = fit_tool(&mounting(), &readings(&rotations, 0.0, 0), NOISE, start).unwrap();
+    let lost = Unobservable::list(&names()[..TOOL], &found.fit.seen.lost());
+    assert!(lost.iter().any(|direction| direction.to_string() == "weight_n[2] +1.000"), "{lost:?}");
+    let off = found.tool.weight_n - Vector3::new(TRUTH[0], TRUTH[1], -18.0);
+    assert!(off.amax() < 1e-5, "{off}");
+    // 49 N pull down, of which the file has 18; the sensor's z is the world's.
+    assert!((found.bias.force_n.z - (TRUTH[8] - 31.0)).abs() < 1e-5, "{:?}", found.bias);
+    assert_eq!([2, 8].map(|parameter| found.status(parameter)), [Status::Kept; 2]);
+    // Turned by 0.3 rad, weights across are seen to 0.2 N / 0.3 or so.
+    assert_ne!(found.status(0), Status::Kept);
+}
