@@ -90,13 +90,38 @@ pub(crate) fn seeds() -> Vec<Seed> {
         ("plan_of_poses_of_six_axes", head("poses", "f1") + &planned_pose("f1")),
         ("frame", format!("format = \"gantry-tau frame 1\"\n{FRAME}")),
     ];
-    all.into_iter().map(|(name, text)| (name.to_owned(), text.into_bytes())).collect()
+    all.into_iter().chain(wrong()).map(|(name, text)| (name.to_owned(), text.into_bytes())).collect()
+}
+
+/// Files that were read, or refused in two lines.
+fn wrong() -> Vec<(&'static str, String)> {
+    let springs = head("springs", "l2") + NOISE + HOME + GAUGES;
+    let placed = |size: usize, from: &str, to: &str| {
+        head("poses", "f1") + &covariance(size).replacen(from, to, 1) + &BETWEEN[1..] + &places("f1", true)
+    };
+    vec![
+        ("wrong_covariance_of_infinity", placed(3, "4e-9", "inf")),
+        ("wrong_covariance_of_a_kilometre", placed(3, "4e-9", "1e6")),
+        ("wrong_covariance_of_nan_between_place_and_rotation", placed(6, "1e-9", "nan")),
+        (
+            "wrong_gauge_with_two_lines_in_its_name",
+            springs.replace("\"cart2\"\non = \"axis\"", "\"a\\nb\"\non = \"rail\""),
+        ),
+        ("wrong_gauge_twice_in_a_series", springs + &SERIES.replace("\"pz\", ", "\"pz\", \"pz\", ")),
+        ("wrong_frame_at_infinity", format!("format = \"gantry-tau frame 1\"\n{}", FRAME.replace("2.0", "1e300"))),
+        (
+            "wrong_table_with_two_lines_in_its_name",
+            placed(3, "x", "x").replace("table.csv", "a\\nb").replace("rot_w", "rot_v"),
+        ),
+    ]
 }
 
 #[test]
 fn a_seed_is_the_kind_of_file_that_its_name_says() {
     for (name, bytes) in seeds() {
         let kinds = kinds_of_file(&bytes);
-        assert!(kinds.iter().any(|kind| name.starts_with(kind)), "{name} is read as {kinds:?}");
+        let is_right =
+            if name.starts_with("wrong") { kinds.is_empty() } else { kinds.iter().any(|kind| name.starts_with(kind)) };
+        assert!(is_right, "{name} is read as {kinds:?}");
     }
 }
