@@ -8,4 +8,4 @@ mkdir -p "corpus/$target"
 dictionary=()
 [ -f "dictionaries/$target.dict" ] && dictionary=(-dict="dictionaries/$target.dict")
 cargo +nightly fuzz run "$target" "corpus/$target" "seeds/$target" -- \
-    ${dictionary[@]+"${dictionary[@]}"} -max_total_time="$seconds" -max_len=4096 -timeout=20
+    ${dictionary[@]+"${dictionary[@]}"} -max_total_time="$seconds" -max_len=16384 -timeout=20

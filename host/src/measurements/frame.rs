@@ -10,6 +10,8 @@ use crate::geometry::frames::{apply, rigid};
 
 /// First line of a file of points.
 pub const FORMAT: &str = "gantry-tau frame 1";
+/// Largest coordinate, m.
+const MOST_M: f64 = 1e3;
 /// Largest distance between a point and where the others let expect it, m.
 const MOST_OFF_M: f64 = 1e-3;
 /// Smallest extent of the points across the line through the farthest two, m.
@@ -35,12 +37,25 @@ struct PointEntry {
 /// # Errors
 /// [`FileError`]: too few points, points on a line, or one that is more than a millimetre from where the others let expect it.
 pub fn read(path: &Path) -> Result<Isometry3<f64>, FileError> {
-    let name = path.display().to_string();
-    let file: FrameFile = setup::read(path)?;
-    let refused =
-        |key: &str, reason: String| FileError { column: Some(key.to_owned()), ..FileError::whole(&name, reason) };
+    parse(path, &setup::text(path)?)
+}
+
+/// As [`read`], of a text; `path` names it.
+///
+/// # Errors
+/// As [`read`].
+pub fn parse(path: &Path, text: &str) -> Result<Isometry3<f64>, FileError> {
+    let file: FrameFile = setup::parse(path, text)?;
+    let refused = |key: &str, reason: String| FileError::key(path, key, reason);
     if file.format != FORMAT {
         return Err(refused("format", format!("is {:?}; this program reads {FORMAT:?}", file.format)));
+    }
+    for point in &file.point {
+        // NaN is not within.
+        if !point.robot_m.iter().chain(&point.measured_m).all(|coordinate| coordinate.abs() <= MOST_M) {
+            let key = format!("point.{}", point.name);
+            return Err(refused(&key, "is not within a kilometre; it is in metres".to_owned()));
+        }
     }
     let pairs: Vec<(Vector3<f64>, Vector3<f64>)> =
         file.point.iter().map(|point| (point.robot_m.into(), point.measured_m.into())).collect();

@@ -27,7 +27,7 @@ struct Format {
 /// # Errors
 /// [`FileError`].
 pub fn format_of(path: &Path) -> Result<String, FileError> {
-    setup::read::<Format>(path).map(|format| format.format)
+    setup::parse::<Format>(path, &setup::text(path)?).map(|format| format.format)
 }
 
 /// Error of a file of measurements, in one line.
@@ -45,15 +45,17 @@ pub struct FileError {
 
 impl FileError {
     fn whole(file: &str, reason: impl fmt::Display) -> Self {
-        Self { file: file.to_owned(), line: None, column: None, reason: one_line(&reason.to_string()) }
+        Self { file: one_line(file), line: None, column: None, reason: one_line(&reason.to_string()) }
     }
 
-    fn key(file: &Path, key: String, reason: impl fmt::Display) -> Self {
-        Self { column: Some(key), ..Self::whole(&file.display().to_string(), reason) }
+    fn key(file: &Path, key: impl AsRef<str>, reason: impl fmt::Display) -> Self {
+        // Names of series and gauges are anything that TOML can quote.
+        Self { column: Some(one_line(key.as_ref())), ..Self::whole(&file.display().to_string(), reason) }
     }
 
     fn at(file: &str, line: u64, column: &str, reason: impl fmt::Display) -> Self {
-        Self { line: Some(line), column: (!column.is_empty()).then(|| column.to_owned()), ..Self::whole(file, reason) }
+        let column = (!column.is_empty()).then(|| one_line(column));
+        Self { line: Some(line), column, ..Self::whole(file, reason) }
     }
 }
 

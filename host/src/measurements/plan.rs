@@ -101,9 +101,9 @@ pub fn of<const N: usize>(path: &Path, setup: Setup, metres_per_q: &[f64; N]) ->
     }
     let windows: usize = plan.series.iter().map(|series| series.levels_n.len()).sum();
     match windows {
-        0 => Err(FileError::key(path, "series".to_owned(), "is missing: a plan has [[series]]")),
+        0 => Err(FileError::key(path, "series", "is missing: a plan has [[series]]")),
         1..=MAX_ROWS => Ok(plan),
-        _ => Err(FileError::key(path, "series".to_owned(), format!("has more than {MAX_ROWS} windows"))),
+        _ => Err(FileError::key(path, "series", format!("has more than {MAX_ROWS} windows"))),
     }
 }
 
@@ -158,6 +158,11 @@ impl<const N: usize> Plan<N> {
         }
         if entry.gauges.is_empty() {
             return Err(refused("gauges", "is empty; name the gauges that are read".to_owned()));
+        }
+        if let Some(twice) =
+            entry.gauges.iter().enumerate().find(|(at, name)| entry.gauges.iter().take(*at).any(|other| other == *name))
+        {
+            return Err(refused("gauges", format!("{:?} stands twice", twice.1)));
         }
         let gauges = entry.gauges.iter().map(|name| {
             let index = self.gauges.iter().position(|gauge| gauge.name == *name);

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Matrix3, Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::table::{Row, Table};
+use super::table::{self, Row, Table};
 use super::{FileError, setup};
 use crate::geometry::MeasuredPose;
 
@@ -68,12 +68,10 @@ pub struct Poses<const N: usize> {
     pub poses: Vec<MeasuredPose<N>>,
 }
 
-/// Reads a set-up without its table.
-fn read_setup(path: &Path, model: &str) -> Result<(SetupFile, Noise), FileError> {
-    let name = path.display().to_string();
-    let file: SetupFile = setup::read(path)?;
-    let refused =
-        |key: &str, reason: String| FileError { column: Some(key.to_owned()), ..FileError::whole(&name, reason) };
+/// Parses a set-up without its table.
+fn parse_setup(path: &Path, text: &str, model: &str) -> Result<(SetupFile, Noise), FileError> {
+    let file: SetupFile = setup::parse(path, text)?;
+    let refused = |key: &str, reason: String| FileError::key(path, key, reason);
     if file.format != FORMAT {
         return Err(refused("format", format!("is {:?}; this program reads {FORMAT:?}", file.format)));
     }
@@ -89,11 +87,27 @@ fn read_setup(path: &Path, model: &str) -> Result<(SetupFile, Noise), FileError>
 /// # Errors
 /// [`FileError`].
 pub fn read<const N: usize>(path: &Path, model: &str) -> Result<Poses<N>, FileError> {
-    let (file, noise) = read_setup(path, model)?;
+    let setup = parse_setup(path, &setup::text(path)?, model)?;
+    let bytes = table::bytes(&setup::beside(path, &setup.0.measurements))?;
+    measured(path, setup, &bytes)
+}
+
+/// As [`read`], of the text of a set-up, which `path` names, and the bytes of its table.
+///
+/// # Errors
+/// [`FileError`].
+pub fn parse<const N: usize>(path: &Path, text: &str, model: &str, table: &[u8]) -> Result<Poses<N>, FileError> {
+    measured(path, parse_setup(path, text, model)?, table)
+}
+
+fn measured<const N: usize>(
+    path: &Path,
+    (file, noise): (SetupFile, Noise),
+    bytes: &[u8],
+) -> Result<Poses<N>, FileError> {
     let table = setup::beside(path, &file.measurements);
-    let poses = rows(&table)?;
-    let bytes = std::fs::read(&table).map_err(|error| FileError::whole(&table.display().to_string(), error))?;
-    Ok(Poses { model: file.model, table: table.display().to_string(), crc: crc32fast::hash(&bytes), noise, poses })
+    let poses = rows(&table, bytes)?;
+    Ok(Poses { model: file.model, table: table.display().to_string(), crc: crc32fast::hash(bytes), noise, poses })
 }
 
 fn noise(section: &NoiseSection) -> Result<Noise, (&'static str, String)> {
@@ -115,24 +129,36 @@ fn noise(section: &NoiseSection) -> Result<Noise, (&'static str, String)> {
         return Err((key, "must be 3 x 3 (places, m^2) or 6 x 6 (and rotations, rad^2)".to_owned()));
     }
     let entry = |row: usize, column: usize| given.get(row).and_then(|row| row.get(column)).copied().unwrap_or(f64::NAN);
-    let block = |first: usize| Matrix3::from_fn(|row, column| entry(first + row, first + column));
-    let checked = |block: Matrix3<f64>| {
-        let is_symmetric = (block - block.transpose()).amax() <= 1e-9 * block.amax();
-        if is_symmetric && block.cholesky().is_some() {
-            Ok(block)
-        } else {
-            Err((key, "is not symmetric and positive definite".to_owned()))
+    let whole = DMatrix::from_fn(size, size, entry);
+    let mut blocks = (0..size).step_by(3).map(|first| whole.view((first, first), (3, 3)).into_owned());
+    if !is_covariance(&whole) || !blocks.all(|block| is_covariance(&block)) {
+        return Err((key, "is not symmetric and positive definite".to_owned()));
+    }
+    let (least, most) = NOISE;
+    match whole.diagonal().iter().map(|variance| variance.sqrt() * 1e6).find(|sd| !(least..=most).contains(sd)) {
+        Some(wrong) => {
+            Err((key, format!("has a standard deviation of {wrong} um or urad; {least:e} to {most:e} are possible")))
         }
-    };
-    let rotation_rad2 = if size == 6 { Some(checked(block(3))?) } else { None };
-    Ok(Noise { position_m2: checked(block(0))?, rotation_rad2 })
+        None => {
+            let block = |first: usize| Matrix3::from_fn(|row, column| entry(first + row, first + column));
+            Ok(Noise { position_m2: block(0), rotation_rad2: (size == 6).then(|| block(3)) })
+        }
+    }
 }
 
-fn rows<const N: usize>(path: &Path) -> Result<Vec<MeasuredPose<N>>, FileError> {
+/// True for a symmetric, positive definite matrix of finite numbers.
+fn is_covariance(matrix: &DMatrix<f64>) -> bool {
+    // `amax` passes over NaN.
+    matrix.iter().all(|entry| entry.is_finite())
+        && (matrix - matrix.transpose()).amax() <= 1e-9 * matrix.amax()
+        && matrix.clone().cholesky().is_some()
+}
+
+fn rows<const N: usize>(path: &Path, bytes: &[u8]) -> Result<Vec<MeasuredPose<N>>, FileError> {
     let axes: [String; N] = std::array::from_fn(|axis| format!("q_{}", axis + 1));
     let mut required: Vec<String> = ["pose", "x_m", "y_m", "z_m"].map(str::to_owned).to_vec();
     required.extend(axes.iter().cloned());
-    let table = Table::open(path, &required, |column| QUATERNION.contains(&column))?;
+    let table = Table::begin(path, bytes, &required, |column| QUATERNION.contains(&column))?;
     let turned = QUATERNION.map(|column| table.has(column));
     if turned != [turned[0]; 4] {
         return Err(FileError::at(

@@ -11,11 +11,11 @@ use super::FileError;
 /// Longest set-up file that is read, bytes.
 const MAX_LEN: u64 = 1 << 20;
 
-/// Reads a set-up file.
+/// Reads the text of a set-up file.
 ///
 /// # Errors
-/// [`FileError`], with the line that TOML or its keys are wrong in.
-pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> {
+/// [`FileError`].
+pub(super) fn text(path: &Path) -> Result<String, FileError> {
     let name = path.display().to_string();
     let file = File::open(path).map_err(|error| FileError::whole(&name, error))?;
     let mut text = String::new();
@@ -23,15 +23,18 @@ pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> {
     if u64::try_from(text.len()).is_ok_and(|length| length > MAX_LEN) {
         return Err(FileError::whole(&name, format_args!("is longer than {MAX_LEN} bytes")));
     }
-    parse(&name, &text)
+    Ok(text)
 }
 
-/// As [`read`], from a text.
-pub(super) fn parse<T: DeserializeOwned>(name: &str, text: &str) -> Result<T, FileError> {
+/// Parses the text of a set-up; `path` names it.
+///
+/// # Errors
+/// [`FileError`], with the line that TOML or its keys are wrong in.
+pub(super) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, FileError> {
     toml::from_str(text).map_err(|error| {
         let line = error.span().and_then(|span| text.get(..span.start)).map(|before| before.matches('\n').count());
         let line = line.and_then(|line| u64::try_from(line).ok()).map_or(1, |line| line + 1);
-        FileError::at(name, line, "", error.message())
+        FileError::at(&path.display().to_string(), line, "", error.message())
     })
 }
 

@@ -9,14 +9,14 @@ use serde::{Deserialize, Serialize};
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_deviation;
 
-use super::table::{Row, Table};
+use super::table::{self, Row, Table};
 use super::{FileError, setup};
 use crate::robot_file::matrix;
 use crate::springs::gauge::Gauge;
 
 mod plan;
 
-pub use plan::read_gauges;
+pub use plan::{parse_gauges, read_gauges};
 
 /// First line of a set-up.
 pub const FORMAT: &str = "gantry-tau springs 1";
@@ -219,10 +219,21 @@ pub struct Setup {
 /// # Errors
 /// [`FileError`].
 pub fn read_setup<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -> Result<Setup, FileError> {
-    let name = path.display().to_string();
-    let file: SetupFile = setup::read(path)?;
-    let refused =
-        |key: &str, reason: String| FileError { column: Some(key.to_owned()), ..FileError::whole(&name, reason) };
+    parse_setup(path, &setup::text(path)?, model, metres_per_q)
+}
+
+/// As [`read_setup`], of a text; `path` names it.
+///
+/// # Errors
+/// [`FileError`].
+pub fn parse_setup<const N: usize>(
+    path: &Path,
+    text: &str,
+    model: &str,
+    metres_per_q: &[f64; N],
+) -> Result<Setup, FileError> {
+    let file: SetupFile = setup::parse(path, text)?;
+    let refused = |key: &str, reason: String| FileError::key(path, key, reason);
     if file.format != FORMAT {
         return Err(refused("format", format!("is {:?}; this program reads {FORMAT:?}", file.format)));
     }
@@ -241,16 +252,28 @@ pub fn read_setup<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64;
 /// # Errors
 /// [`FileError`].
 pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -> Result<Campaign<N>, FileError> {
-    let Setup { measurements, noise, setup, poses, gauges, plan } = read_setup(path, model, metres_per_q)?;
-    let table = setup::beside(path, &measurements);
-    let mut reader = Windows { poses: &poses, gauges: &gauges, series: Vec::new(), mountings: Vec::new() };
-    let windows = reader.read::<N>(&table)?;
-    let (series, mountings) = (reader.series, reader.mountings);
-    let named = table.display().to_string();
-    let bytes = std::fs::read(&table).map_err(|error| FileError::whole(&named, error))?;
+    let setup = read_setup(path, model, metres_per_q)?;
+    let table = setup::beside(path, &setup.measurements);
+    campaign(setup, &table, &table::bytes(&table)?, metres_per_q)
+}
+
+/// Reads the bytes of the table of a set-up, for a machine whose axes are `metres_per_q` long; `table` names it.
+///
+/// # Errors
+/// [`FileError`].
+pub fn campaign<const N: usize>(
+    setup: Setup,
+    table: &Path,
+    bytes: &[u8],
+    metres_per_q: &[f64; N],
+) -> Result<Campaign<N>, FileError> {
+    let Setup { noise, setup, poses, gauges, plan, .. } = setup;
+    let mut reader = Windows { poses: &poses, gauges: &gauges, series: Names::default(), mountings: Names::default() };
+    let windows = reader.read::<N>(table, bytes)?;
+    let (series, mountings) = (reader.series.names, reader.mountings.names);
     Ok(Campaign {
-        table: named,
-        crc: crc32fast::hash(&bytes),
+        table: table.display().to_string(),
+        crc: crc32fast::hash(bytes),
         metres_per_q: *metres_per_q,
         noise: noise.unwrap_or(Noise::USUAL),
         is_noise_stated: noise.is_some(),
@@ -349,9 +372,9 @@ pub(crate) fn windows_of<const N: usize>(
     poses: &[(String, Pose)],
     gauges: &[NamedGauge],
 ) -> Result<Vec<(String, Window<N>)>, FileError> {
-    let mut reader = Windows { poses, gauges, series: Vec::new(), mountings: Vec::new() };
-    let windows = reader.read(table)?;
-    let name = |window: &Window<N>| reader.series.get(window.series).cloned().unwrap_or_default();
+    let mut reader = Windows { poses, gauges, series: Names::default(), mountings: Names::default() };
+    let windows = reader.read(table, &table::bytes(table)?)?;
+    let name = |window: &Window<N>| reader.series.names.get(window.series).cloned().unwrap_or_default();
     Ok(windows.into_iter().map(|window| (name(&window), window)).collect())
 }
 
@@ -359,8 +382,15 @@ pub(crate) fn windows_of<const N: usize>(
 struct Windows<'a> {
     poses: &'a [(String, Pose)],
     gauges: &'a [NamedGauge],
-    series: Vec<String>,
-    mountings: Vec<String>,
+    series: Names,
+    mountings: Names,
+}
+
+/// Names in the order in which they appear.
+#[derive(Default)]
+struct Names {
+    names: Vec<String>,
+    places: HashMap<String, usize>,
 }
 
 /// First columns, which say where a window belongs.
@@ -373,7 +403,7 @@ pub(super) fn axis_columns<const N: usize>() -> [String; N] {
 }
 
 impl Windows<'_> {
-    fn read<const N: usize>(&mut self, path: &Path) -> Result<Vec<Window<N>>, FileError> {
+    fn read<const N: usize>(&mut self, path: &Path, bytes: &[u8]) -> Result<Vec<Window<N>>, FileError> {
         let axes = axis_columns::<N>();
         let pushes: [String; N] = std::array::from_fn(|axis| format!("push_{}_n", axis + 1));
         let mut required: Vec<String> = WINDOW.map(str::to_owned).to_vec();
@@ -386,17 +416,19 @@ impl Windows<'_> {
                 || pushes.iter().any(|push| push == column)
                 || columns.iter().any(|[_, sd]| sd == column)
         };
-        let table = Table::open(path, &required, known)?;
+        let table = Table::begin(path, bytes, &required, known)?;
         let has_time = table.has("time_s");
         let pushed: Vec<usize> = (0..N).filter(|axis| pushes.get(*axis).is_some_and(|push| table.has(push))).collect();
         let has_sd: Vec<bool> = columns.iter().map(|[_, sd]| table.has(sd)).collect();
+        let poses: HashMap<&str, usize> =
+            self.poses.iter().enumerate().map(|(index, (name, _))| (name.as_str(), index)).collect();
         let mut seen = HashMap::new();
         table.rows(|row| {
             let [most_q, most_um, most_n, most_nm, most_s] = MOST;
-            let series = index_of(row, "series", &mut self.series)?;
-            let mounting = index_of(row, "mounting", &mut self.mountings)?;
+            let series = self.series.index_of(row, "series")?;
+            let mounting = self.mountings.index_of(row, "mounting")?;
             let pose_name = row.text("pose");
-            let Some(pose) = self.poses.iter().position(|(name, _)| name == pose_name) else {
+            let Some(&pose) = poses.get(pose_name) else {
                 return Err(row.error("pose", format_args!("{pose_name:?} is not in the set-up")));
             };
             if *seen.entry(series).or_insert((mounting, pose)) != (mounting, pose) {
@@ -446,14 +478,19 @@ impl Windows<'_> {
     }
 }
 
-/// Returns the index of a name, which is added where it is new.
-fn index_of(row: &Row<'_>, column: &str, names: &mut Vec<String>) -> Result<usize, FileError> {
-    let name = row.text(column);
-    if name.is_empty() {
-        return Err(row.error(column, "is empty"));
+impl Names {
+    /// Returns the index of the name in a column, which is added where it is new.
+    fn index_of(&mut self, row: &Row<'_>, column: &str) -> Result<usize, FileError> {
+        let name = row.text(column);
+        if name.is_empty() {
+            return Err(row.error(column, "is empty"));
+        }
+        if let Some(index) = self.places.get(name) {
+            return Ok(*index);
+        }
+        let index = self.names.len();
+        self.names.push(name.to_owned());
+        self.places.insert(name.to_owned(), index);
+        Ok(index)
     }
-    Ok(names.iter().position(|other| other == name).unwrap_or_else(|| {
-        names.push(name.to_owned());
-        names.len() - 1
-    }))
 }

@@ -1,7 +1,7 @@
 //! Tables: CSV with a header, row by row.
 
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::Read;
 use std::path::Path;
 
 use super::FileError;
@@ -12,9 +12,9 @@ pub const MAX_ROWS: usize = 100_000;
 const MAX_LEN: u64 = 64 << 20;
 
 /// A table that is being read.
-pub(super) struct Table {
+pub(super) struct Table<'a> {
     name: String,
-    reader: csv::Reader<Box<dyn Read>>,
+    reader: csv::Reader<&'a [u8]>,
     header: Vec<String>,
 }
 
@@ -26,24 +26,30 @@ pub(super) struct Row<'a> {
     record: &'a csv::StringRecord,
 }
 
-impl Table {
-    /// Opens a table. It must have the columns `required`; others must be `known`.
-    pub(super) fn open(path: &Path, required: &[String], known: impl Fn(&str) -> bool) -> Result<Self, FileError> {
-        let name = path.display().to_string();
-        let file = File::open(path).map_err(|error| FileError::whole(&name, error))?;
-        if file.metadata().is_ok_and(|data| data.len() > MAX_LEN) {
-            return Err(FileError::whole(&name, "is longer than 64 MiB"));
-        }
-        Self::begin(name, Box::new(BufReader::new(file).take(MAX_LEN)), required, known)
+/// Reads the bytes of a table.
+///
+/// # Errors
+/// [`FileError`].
+pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, FileError> {
+    let refused = |error| FileError::whole(&path.display().to_string(), error);
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(refused)?;
+    file.take(MAX_LEN + 1).read_to_end(&mut bytes).map_err(refused)?;
+    if u64::try_from(bytes.len()).is_ok_and(|length| length > MAX_LEN) {
+        return Err(FileError::whole(&path.display().to_string(), "is longer than 64 MiB"));
     }
+    Ok(bytes)
+}
 
-    /// As [`open`](Self::open), from bytes.
+impl<'a> Table<'a> {
+    /// Reads the header of a table, which `path` names. It must have the columns `required`; others must be `known`.
     pub(super) fn begin(
-        name: String,
-        bytes: Box<dyn Read>,
+        path: &Path,
+        bytes: &'a [u8],
         required: &[String],
         known: impl Fn(&str) -> bool,
     ) -> Result<Self, FileError> {
+        let name = path.display().to_string();
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes);
         let header: Vec<String> =
             reader.headers().map_err(|error| FileError::whole(&name, error))?.iter().map(str::to_owned).collect();

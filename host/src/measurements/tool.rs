@@ -7,7 +7,7 @@ use gantry_tau_core::model::statics::Wrench;
 use serde::Deserialize;
 
 use super::springs::{LOAD, MOST, NOISE, axis_columns};
-use super::table::Table;
+use super::table::{self, Table};
 use super::{FileError, setup};
 
 /// First line of a set-up.
@@ -72,7 +72,21 @@ impl<const N: usize> ToolReadings<N> {
 /// # Errors
 /// [`FileError`].
 pub fn read<const N: usize>(path: &Path, model: &str) -> Result<ToolReadings<N>, FileError> {
-    let file: SetupFile = setup::read(path)?;
+    let file = parse_setup(path, &setup::text(path)?, model)?;
+    let bytes = table::bytes(&setup::beside(path, &file.measurements))?;
+    readings(path, file, &bytes)
+}
+
+/// As [`read`], of the text of a set-up, which `path` names, and the bytes of its table.
+///
+/// # Errors
+/// [`FileError`].
+pub fn parse<const N: usize>(path: &Path, text: &str, model: &str, table: &[u8]) -> Result<ToolReadings<N>, FileError> {
+    readings(path, parse_setup(path, text, model)?, table)
+}
+
+fn parse_setup(path: &Path, text: &str, model: &str) -> Result<SetupFile, FileError> {
+    let file: SetupFile = setup::parse(path, text)?;
     let refused = |key: &str, reason: String| Err(FileError::key(path, key.to_owned(), reason));
     if file.format != FORMAT {
         return refused("format", format!("is {:?}; expected {FORMAT:?}", file.format));
@@ -86,19 +100,21 @@ pub fn read<const N: usize>(path: &Path, model: &str) -> Result<ToolReadings<N>,
             return refused(key, format!("{value} is not from {least:e} to {most:e}"));
         }
     }
-    let path = setup::beside(path, &file.measurements);
-    let table = path.display().to_string();
-    let readings = rows(&path)?;
-    let bytes = std::fs::read(&path).map_err(|error| FileError::whole(&table, error))?;
-    Ok(ToolReadings { table, crc: crc32fast::hash(&bytes), noise: file.noise, readings })
+    Ok(file)
 }
 
-fn rows<const N: usize>(path: &Path) -> Result<Vec<ToolReading<N>>, FileError> {
+fn readings<const N: usize>(path: &Path, file: SetupFile, bytes: &[u8]) -> Result<ToolReadings<N>, FileError> {
+    let path = setup::beside(path, &file.measurements);
+    let readings = rows(&path, bytes)?;
+    Ok(ToolReadings { table: path.display().to_string(), crc: crc32fast::hash(bytes), noise: file.noise, readings })
+}
+
+fn rows<const N: usize>(path: &Path, bytes: &[u8]) -> Result<Vec<ToolReading<N>>, FileError> {
     let axes = axis_columns::<N>();
     let mut required = vec!["pose".to_owned()];
     required.extend(axes.iter().cloned().chain(LOAD.map(str::to_owned)));
     let mut names = HashSet::new();
-    Table::open(path, &required, |_| false)?.rows(|row| {
+    Table::begin(path, bytes, &required, |_| false)?.rows(|row| {
         let [most_q, _, most_n, most_nm, _] = MOST;
         let name = row.text("pose").to_owned();
         if name.is_empty() || !names.insert(name.clone()) {

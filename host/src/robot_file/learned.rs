@@ -1,9 +1,10 @@
 //! Sections that measurements have written: what is known of the machine, and how well. The cycle does not read them.
 
+use gantry_tau_core::model::linalg::rotation_deviation;
 use serde::{Deserialize, Serialize};
 
-use super::Problem;
 use super::check::range;
+use super::{Problem, matrix};
 
 /// `[calibrated]`: where the geometry comes from, and how well it is known. The cycle does not read it.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
@@ -81,13 +82,43 @@ pub struct WristJoint {
 
 /// Checks what a file says of its own uncertainty; `springs` are its compliances.
 pub(super) fn identified(identified: &Identified, springs: usize) -> Result<(), Problem> {
-    let Identified { sd, covariance, .. } = identified;
-    if sd.len() != springs || !sd.iter().all(|sd| sd.is_finite() && *sd >= 0.0) {
-        return Err(Problem::new("identified.sd", format!("must have {springs} entries, none negative")));
+    range("identified.chi2", identified.chi2, 0.0, f64::MAX)?;
+    spread("identified", &identified.sd, &identified.covariance, springs)
+}
+
+/// Checks where a geometry comes from.
+pub(super) fn calibrated(calibrated: &Calibrated) -> Result<(), Problem> {
+    let Calibrated { chi2, predicted_rms_um, rotation, translation_m, sd, covariance, .. } = calibrated;
+    range("calibrated.chi2", *chi2, 0.0, f64::MAX)?;
+    range("calibrated.predicted_rms_um", *predicted_rms_um, 0.0, f64::MAX)?;
+    range("calibrated.rotation (its deviation)", rotation_deviation(&matrix(*rotation)), 0.0, 1e-6)?;
+    for (index, value) in translation_m.iter().enumerate() {
+        range(&format!("calibrated.translation_m[{index}]"), *value, -1e6, 1e6)?;
     }
-    let is_row = |row: &Vec<f64>| row.len() == springs && row.iter().all(|entry| entry.is_finite());
-    if covariance.len() != springs || !covariance.iter().all(is_row) {
-        return Err(Problem::new("identified.covariance", format!("must have {springs} rows of {springs} numbers")));
+    spread("calibrated", sd, covariance, sd.len())
+}
+
+/// Checks standard deviations and covariance of so many parameters.
+fn spread(section: &str, sd: &[f64], covariance: &[Vec<f64>], parameters: usize) -> Result<(), Problem> {
+    if sd.len() != parameters || !sd.iter().all(|sd| sd.is_finite() && *sd >= 0.0) {
+        return Err(Problem::new(format!("{section}.sd"), format!("must have {parameters} entries, none negative")));
+    }
+    let is_row = |row: &Vec<f64>| row.len() == parameters && row.iter().all(|entry| entry.is_finite());
+    if covariance.len() != parameters || !covariance.iter().all(is_row) {
+        let reason = format!("must have {parameters} rows of {parameters} numbers");
+        return Err(Problem::new(format!("{section}.covariance"), reason));
+    }
+    Ok(())
+}
+
+/// Checks a play.
+pub(super) fn play(play: &Play) -> Result<(), Problem> {
+    range("play.gap_m", play.gap_m, 0.0, 1.0)?;
+    range("play.sd_m", play.sd_m, 0.0, f64::MAX)?;
+    for (key, ends) in [("preload_rising_n", play.preload_rising_n), ("preload_falling_n", play.preload_falling_n)] {
+        for (index, value) in ends.iter().enumerate() {
+            range(&format!("play.{key}[{index}]"), *value, -1e9, 1e9)?;
+        }
     }
     Ok(())
 }

@@ -7,6 +7,7 @@ mod config;
 mod deframer;
 mod frame;
 mod kinematics;
+mod measurements;
 mod session;
 mod solve;
 
@@ -15,6 +16,7 @@ pub use config::config;
 pub use deframer::deframer;
 pub use frame::{Sealed, frame};
 pub use kinematics::{Problem, kinematics};
+pub use measurements::{BETWEEN, kinds_of_file, measurements};
 pub use session::session;
 pub use solve::solve;
 
@@ -24,12 +26,13 @@ use arbitrary::{Arbitrary, Unstructured};
 pub type Target = fn(&[u8]);
 
 /// Every target by its name, which is that of its folder of seeds.
-pub const TARGETS: [(&str, Target); 7] = [
+pub const TARGETS: [(&str, Target); 8] = [
     ("compensation", compensation),
     ("config", config),
     ("deframer", deframer),
     ("frame", frame),
     ("kinematics", kinematics),
+    ("measurements", measurements),
     ("session", session),
     ("solve", solve),
 ];

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use gantry_tau::measurements::MAX_ROWS;
 use gantry_tau::measurements::springs::{Campaign, read};
 use gantry_tau::springs::gauge::Gauge;
 
@@ -64,6 +65,17 @@ fn a_campaign_arrives() {
     assert_eq!(micrometres(&start.readings_m), [Some(3.5), Some(-1.0)]);
     assert_eq!(micrometres(&rising.readings_m), [Some(12.25), None], "an empty field is no reading");
     assert_eq!((micrometres(&start.sds_m), micrometres(&rising.sds_m)), (vec![None, None], vec![Some(0.5), None]));
+}
+
+#[test]
+fn as_many_series_as_rows_are_read_and_one_more_is_refused() {
+    let (header, _) = TABLE.split_once('\n').unwrap();
+    let row = |series: usize| format!("s{series},m{series},home,0,0,0.5,-0.5,0.5,0,0,0,0,0,0,0,3.5,-1,\n");
+    let table = |rows: usize| (0..rows).map(row).fold(format!("{header}\n"), |table, row| table + &row);
+    let read = campaign(&folder("long"), SETUP, &table(MAX_ROWS)).unwrap();
+    assert_eq!([read.series.len(), read.mountings.len(), read.windows.len()], [MAX_ROWS; 3]);
+    let error = campaign(&folder("long"), SETUP, &table(MAX_ROWS + 1)).unwrap_err();
+    assert!(error.contains(&format!("springs.csv:{}: has more than {MAX_ROWS} rows", MAX_ROWS + 2)), "{error}");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use gantry_tau_core::model::linalg::rotation_deviation;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-use super::{FORMAT, FileError, MOST, Noise, NoiseSection, QUATERNION, SetupFile, UNIT, read_setup};
+use super::{FORMAT, FileError, MOST, Noise, NoiseSection, QUATERNION, SetupFile, UNIT, parse_setup, setup};
 use crate::robot_file::matrix;
 
 /// `[[pose]]` of a plan: where the machine is to stand.
@@ -91,11 +91,16 @@ impl PosesPlan {
     /// # Errors
     /// [`FileError`] that names pose and key.
     pub fn read(path: &Path, model: &str) -> Result<(Self, Noise), FileError> {
-        let (file, noise) = read_setup(path, model)?;
-        let refused = |key: String, reason: &str| FileError {
-            column: Some(key),
-            ..FileError::whole(&path.display().to_string(), reason)
-        };
+        Self::parse(path, &setup::text(path)?, model)
+    }
+
+    /// As [`read`](Self::read), of a text; `path` names it.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn parse(path: &Path, text: &str, model: &str) -> Result<(Self, Noise), FileError> {
+        let (file, noise) = parse_setup(path, text, model)?;
+        let refused = |key: String, reason: &str| FileError::key(path, key, reason);
         if file.pose.is_empty() {
             return Err(refused("pose".to_owned(), "is missing: a plan says in [[pose]] where to measure"));
         }

@@ -21,11 +21,20 @@ struct GaugesFile {
 /// # Errors
 /// [`FileError`].
 pub fn read_gauges<const N: usize>(path: &Path, metres_per_q: &[f64; N]) -> Result<Vec<NamedGauge>, FileError> {
-    let file: GaugesFile = setup::read(path)?;
-    super::gauges(&file.gauge, metres_per_q).map_err(|(key, reason)| FileError {
-        column: Some(key),
-        ..FileError::whole(&path.display().to_string(), reason)
-    })
+    parse_gauges(path, &setup::text(path)?, metres_per_q)
+}
+
+/// As [`read_gauges`], of a text; `path` names it.
+///
+/// # Errors
+/// [`FileError`].
+pub fn parse_gauges<const N: usize>(
+    path: &Path,
+    text: &str,
+    metres_per_q: &[f64; N],
+) -> Result<Vec<NamedGauge>, FileError> {
+    let file: GaugesFile = setup::parse(path, text)?;
+    super::gauges(&file.gauge, metres_per_q).map_err(|(key, reason)| FileError::key(path, key, reason))
 }
 
 impl Setup {

@@ -4,6 +4,8 @@
 
 mod bytes;
 mod loads;
+mod measured;
+mod mistakes;
 mod problems;
 mod scenarios;
 pub(crate) mod streams;
@@ -24,6 +26,7 @@ fn seeds_of(target: &str) -> Vec<Seed> {
         "deframer" => streams::streams(),
         "frame" => streams::sealed(),
         "kinematics" => problems::seeds(),
+        "measurements" => measured::seeds(),
         "session" => scenarios::seeds(),
         "solve" => texts::requests(),
         _ => Vec::new(),
@@ -76,6 +79,23 @@ fn every_seed_holds() {
         for (name, bytes) in seeds_of(target).into_iter().chain(found.into_iter().flatten()) {
             println!("{target}/{name}");
             run(&bytes);
+        }
+    }
+}
+
+/// Files that people write are wrong in one place, which random bytes seldom are.
+#[test]
+fn every_mistake_in_a_file_holds() {
+    let without_mistakes = |target: &str, name: &str| match target {
+        "config" => name.ends_with("_learned"),
+        "measurements" => true,
+        _ => false,
+    };
+    for (target, run) in TARGETS {
+        for (name, bytes) in seeds_of(target).into_iter().filter(|(name, _)| without_mistakes(target, name)) {
+            let Ok(text) = String::from_utf8(bytes) else { continue };
+            println!("{target}/{name}");
+            mistakes::each(&text, |wrong| run(wrong.as_bytes()));
         }
     }
 }

@@ -38,7 +38,7 @@ pub(crate) fn robots() -> Vec<Seed> {
         ("section_missing", replaced("[axes]\n", "[axis]\n")),
     ];
     let seed = |(name, text): (&str, String)| (name.to_owned(), text.into_bytes());
-    all.into_iter().chain(robots_of_six_axes()).map(seed).collect()
+    all.into_iter().chain(robots_of_six_axes()).chain(robots_that_measured()).map(seed).collect()
 }
 
 fn robots_of_six_axes() -> Vec<(&'static str, String)> {
@@ -55,6 +55,47 @@ fn robots_of_six_axes() -> Vec<(&'static str, String)> {
         ("f1_five_axes", replaced("max_um = [4000.0, ", "max_um = [")),
         ("f1_home_out_of_reach", replaced("home_m = [0.1,", "home_m = [9.1,")),
     ]
+}
+
+/// Robot files with what measurements write into them: few parameters of the geometry, and a joint of a wrist, which is a spring more.
+fn robots_that_measured() -> Vec<(&'static str, String)> {
+    let l2 = include_str!("../../../../robots/l2.toml");
+    let f1 = include_str!("../../../../robots/f1.toml");
+    let learned = |robot: &str, springs: usize| {
+        format!(
+            "{robot}\n{}\n{}\n{PLAY}\n{WRIST}",
+            section("calibrated", "poses", &format!("{PLACED}{}", spread(2, 1e-5))),
+            section("identified", "windows", &spread(springs, 1e-9)),
+        )
+    };
+    let (l2, f1) = (learned(l2, 10), learned(f1, 13));
+    let replaced = |from, to| replaced(&l2, from, to);
+    vec![
+        ("chi2_of_nan", replaced("chi2 = 90.5", "chi2 = nan")),
+        ("frame_that_mirrors", replaced("[0.0, 0.0, 1.0]]\ntranslation", "[0.0, 0.0, -1.0]]\ntranslation")),
+        ("gap_of_infinity", replaced("gap_m = 2.0e-4", "gap_m = inf")),
+        ("spread_below_zero", replaced("sd = [1e-5", "sd = [-1e-5")),
+        ("wrist_axis_of_two", replaced("axis = [0.0, 0.0, 1.0]", "axis = [0.0, 0.0, 2.0]")),
+        ("l2_learned", l2),
+        ("f1_learned", f1),
+    ]
+}
+
+const PLACED: &str = "predicted_rms_um = 42.0\nframe = \"measured\"\n\
+    rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]\ntranslation_m = [3.0, -1.0, 0.5]\n";
+const PLAY: &str = "[play]\ngap_m = 2.0e-4\nsd_m = 1.0e-5\npreload_rising_n = [330.0, 360.0]\n\
+    preload_falling_n = [300.0, 330.0]\n";
+const WRIST: &str = "[[wrist]]\naxis = [0.0, 0.0, 1.0]\npoint_m = [0.0, 0.0, 0.1]\nc_rad_per_nm = 1.0e-5\n";
+
+fn section(name: &str, rows: &str, rest: &str) -> String {
+    format!("[{name}]\nmeasurements = \"{name}.csv\"\ncrc = 7\n{rows} = 60\nchi2 = 90.5\ndof = 88\n{rest}")
+}
+
+fn spread(parameters: usize, sd: f64) -> String {
+    let entry = |row: usize, column: usize| if row == column { sd * sd } else { 0.0 };
+    let row = |row: usize| (0..parameters).map(|column| entry(row, column)).collect::<Vec<f64>>();
+    let covariance: Vec<Vec<f64>> = (0..parameters).map(row).collect();
+    format!("sd = {:?}\ncovariance = {covariance:?}\n", vec![sd; parameters])
 }
 
 /// Every operation on the first case of both machines of the oracle's vectors, and lines that are not requests.
@@ -84,4 +125,13 @@ pub(crate) fn requests() -> Vec<Seed> {
     seeds.push(("no_requests".to_owned(), bad.into()));
     seeds.push(("no_utf_8".to_owned(), b"\xff\xfe\n{}\n".to_vec()));
     seeds
+}
+
+#[test]
+fn a_robot_file_that_measured_is_read() {
+    use gantry_tau::robot_file::AnyRobotFile;
+    for (name, text) in robots_that_measured() {
+        let read = AnyRobotFile::parse(name, &text);
+        assert_eq!(read.is_ok(), name.ends_with("_learned"), "{name}: {read:?}");
+    }
 }
