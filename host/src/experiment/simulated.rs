@@ -118,11 +118,12 @@ impl<const N: usize> Bench<'_, N> {
             let noise = self.load_noise();
             // The strap is pulled slowly: what the offsets change on the way, a few ten-thousandths of the load, does not matter to the play.
             for _ in 0..if series.compensated { CLIENT_ROUNDS } else { 0 } {
-                let seen = self.sensor.shown(&load, &now.pose.rotation) - self.sensor.shown(&Vector6::zeros(), &began.pose.rotation);
-                held_q = self.client.held(pose, q, &seen, &noise).map_err(|reason| ExperimentError::Pose {
-                    pose: self.plan.poses[series.pose].0.clone(),
-                    reason,
-                })?;
+                let seen = self.sensor.shown(&load, &now.pose.rotation)
+                    - self.sensor.shown(&Vector6::zeros(), &began.pose.rotation);
+                held_q = self
+                    .client
+                    .held(pose, q, &seen, &noise)
+                    .map_err(|reason| ExperimentError::Pose { pose: self.plan.poses[series.pose].0.clone(), reason })?;
                 (now, load) = pulled(&mut springs, &held_q, series, &began, &now, level_n).map_err(failed(level_n))?;
             }
             let seen = self.sensor.shown(&load, &now.pose.rotation) - tare;
@@ -142,7 +143,9 @@ impl<const N: usize> Bench<'_, N> {
     fn load_noise(&mut self) -> Vector6<f64> {
         let noise = self.plan.noise;
         let sd = |component: usize| if component < 3 { noise.force_n } else { noise.moment_nm };
-        Vector6::from_fn(|component, _| sd(component) * Distribution::<f64>::sample(&StandardNormal, &mut self.generator))
+        Vector6::from_fn(|component, _| {
+            sd(component) * Distribution::<f64>::sample(&StandardNormal, &mut self.generator)
+        })
     }
 
     /// Adds the noise of a window's mean to the gauges. It is drawn for those that are not read, too, so that a plan may leave one out.
@@ -173,23 +176,14 @@ struct Client<const N: usize> {
 }
 
 impl<const N: usize> Client<N> {
-    fn new<K: MachineKind<N>>(
-        machine: &RobotFile<K, N>,
-        client: &RobotFile<K, N>,
-    ) -> Result<Self, RobotFileError> {
+    fn new<K: MachineKind<N>>(machine: &RobotFile<K, N>, client: &RobotFile<K, N>) -> Result<Self, RobotFileError> {
         let compensator = client.compensator(machine.limits.map(|axis| OffsetNm(axis.limits.position.max())))?;
         Ok(Self { compensator, mounting: (&client.sensor).into(), metres_per_q: client.metres_per_q })
     }
 
     /// Positions of the axes, q-units, with the offsets that hold the tool in a pose whose axes are at `q`. `change` is that of what the sensor
     /// shows since it was tared; as the client knows no other, it is turned by the rotation of the nominal pose.
-    fn held(
-        &self,
-        pose: &Pose,
-        q: &[f64; N],
-        change: &Vector6<f64>,
-        noise: &Vector6<f64>,
-    ) -> Result<[f64; N], String> {
+    fn held(&self, pose: &Pose, q: &[f64; N], change: &Vector6<f64>, noise: &Vector6<f64>) -> Result<[f64; N], String> {
         let platform = UnitQuaternion::from_matrix(&pose.rotation);
         let weight = self.mounting.seen(&Vector6::zeros(), &platform);
         let load = self.mounting.load(&(change + weight), &platform) + noise;

@@ -190,6 +190,8 @@ mod tests {
         let plan = plan_verify(&robot, &options, "v.csv").unwrap();
         assert_eq!((plan.doubts.len(), plan.plan.matches("[[pose]]").count()), (0, 6), "{:?}", plan.doubts);
         assert_eq!(plan.plan.matches("[[series]]").count(), 12);
+        assert_eq!(plan.plan.matches("compensated = true").count(), 6);
+        assert_eq!(plan.plan.matches("compensated").count(), 6, "false is not written");
         let stands = far_apart(&robot, 6, |_| true);
         for (index, one) in stands.iter().enumerate() {
             assert!((one.tool_m - robot.home_m()).norm() > 0.3);

@@ -220,7 +220,9 @@ impl<'a, const N: usize> Series<'a, N> {
             derivatives.view_mut((first, 0), (count, shared)).copy_from(&(&whitening * &window.shared));
             derivatives.view_mut((first, shared), (count, GAUGE * gauges)).copy_from(&(&whitening * &window.mounted));
             for (column, &gauge) in window.gauges.iter().enumerate() {
-                zeros.view_mut((first, window.series * gauges + gauge), (count, 1)).copy_from(&whitening.column(column));
+                zeros
+                    .view_mut((first, window.series * gauges + gauge), (count, 1))
+                    .copy_from(&whitening.column(column));
             }
             first += count;
         }

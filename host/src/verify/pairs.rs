@@ -38,7 +38,8 @@ pub(super) fn pairs<const N: usize>(campaign: &Campaign<N>) -> Result<Vec<Series
     for (index, window) in campaign.windows.iter().enumerate() {
         of_series[window.series].push(index);
     }
-    let all: Vec<Half<'_>> = of_series.iter().enumerate().map(|(series, own)| Half::new(campaign, series, own)).collect();
+    let all: Vec<Half<'_>> =
+        of_series.iter().enumerate().map(|(series, own)| Half::new(campaign, series, own)).collect();
     let mut sorted = Vec::new();
     for half in &all {
         let like = |other: &&Half<'_>| other.strap == half.strap;

@@ -99,7 +99,8 @@ pub fn run<K: MachineKind<N>, const N: usize>(
     quit: &AtomicBool,
     keys: &Receiver<String>,
 ) -> Result<LiveReport, LiveError> {
-    let LiveOptions { robot, mut plan, server, transport, sensor, gauges, obtain, is_unattended, raw, output } = options;
+    let LiveOptions { robot, mut plan, server, transport, sensor, gauges, obtain, is_unattended, raw, output } =
+        options;
     if obtain {
         plan.series.iter_mut().for_each(|series| series.compensated = true);
     }
