@@ -118,8 +118,7 @@ impl<const N: usize> Bench<'_, N> {
             let noise = self.load_noise();
             // The strap is pulled slowly: what the offsets change on the way, a few ten-thousandths of the load, does not matter to the play.
             for _ in 0..if series.compensated { CLIENT_ROUNDS } else { 0 } {
-                let seen = self.sensor.shown(&load, &now.pose.rotation)
-                    - self.sensor.shown(&Vector6::zeros(), &began.pose.rotation);
+                let seen = self.sensor.shown(&load, &now.pose.rotation) - shown;
                 held_q = self
                     .client
                     .held(pose, q, &seen, &noise)
