@@ -1,5 +1,6 @@
 //! `gantry-tau experiment`.
 
+use std::any::Any;
 use std::io::BufRead;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -27,8 +28,9 @@ use super::{MachineCommand, Outcome, address, fail, run_on, transport};
 ///
 /// Reads a plan, and writes the table of windows that `identify` takes: means of axes, forces and gauges at each level. It does not move the
 /// machine: it waits until the poses of the plan are taken, says what to mount and how far to pull, and takes each window once everything
-/// has settled. While a session runs it stays in Submit, so no offset reaches a drive. A table that exists is continued: rows stay as they
-/// are, and their windows are not taken again.
+/// has settled. It stays in Submit, so no offset reaches a drive, except in series with `compensated = true`: those are measured in a session
+/// that obtains, and the axes in the table contain its offsets. A table that exists is continued: rows stay as they are, and their windows
+/// are not taken again.
 ///
 /// Type Enter to begin a series with the strap slack; `again` to take the last window once more; `skip`; `remount` if a gauge or the strap
 /// was touched, which begins the series anew; `quit`.
@@ -46,6 +48,10 @@ pub(crate) struct Experiment {
     /// Measure the simulated machine, without a server; SEED decides its springs and every error [default: the robot file's]
     #[arg(long, value_name = "SEED", num_args = 0..=1, conflicts_with_all = ["udp", "obtain", "raw", "ask_gauges", "unattended"])]
     simulated: Option<Option<u64>>,
+    /// With --simulated: robot file of the client, whose springs compensate and predict how far the sensor turns, while those of --robot are
+    /// the machine's [default: as --robot]
+    #[arg(long, value_name = "l2|f1|FILE", requires = "simulated")]
+    client: Option<String>,
     /// Address of the server
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = address)]
     server: SocketAddr,
@@ -61,7 +67,7 @@ pub(crate) struct Experiment {
     /// UDP datagrams instead of a TCP stream; the server needs --udp as well
     #[arg(long)]
     udp: bool,
-    /// Obtain: the compensation runs while it is measured
+    /// Obtain: the compensation runs in all series
     #[arg(long)]
     obtain: bool,
     /// Begin each series by itself, once the gauges have been away and are back; for `serve --plan`
@@ -124,18 +130,37 @@ impl Experiment {
         plan: &Plan<N>,
         seed: Option<u64>,
     ) -> Outcome {
+        let client = self.client_file(&robot)?;
         robot.simulation.seed = seed.unwrap_or(robot.simulation.seed);
         let mut table = Table::open(&self.output, plan, false)?;
         if !table.is_empty() {
             return Err(format!("{} has rows; remove it, or name another file", self.output.display()).into());
         }
-        let rows = simulate(&robot, plan)?.rows;
+        let rows = simulate(&robot, &client, plan)?.rows;
         for row in &rows {
             table.write(plan, row)?;
         }
         say(format_args!("{}: {} windows of the simulated machine", self.output.display(), rows.len()));
         note_table(&plan.table, &self.output);
         Ok(ExitCode::SUCCESS)
+    }
+
+    /// The robot file of the client, for the same geometry as the machine's, as a server would demand.
+    fn client_file<K: MachineKind<N>, const N: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+    ) -> Result<RobotFile<K, N>, Box<dyn std::error::Error>> {
+        let Some(named) = &self.client else { return Ok(robot.clone()) };
+        let client: Box<dyn Any> = match AnyRobotFile::named(named)? {
+            AnyRobotFile::L2(client) => client,
+            AnyRobotFile::F1(client) => client,
+        };
+        let client = client.downcast::<RobotFile<K, N>>();
+        let client = client.map_err(|_| format!("{named}: is not of the machine's kind, {:?}", K::MODEL))?;
+        if client.model.checksum() != robot.model.checksum() {
+            return Err(format!("{named}: its geometry is not that of {}", robot.name).into());
+        }
+        Ok(*client)
     }
 
     fn live<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>, plan: Plan<N>) -> Outcome {

@@ -19,7 +19,8 @@ use super::{MachineCommand, Outcome, fail};
 /// Reads pairs of windows, compensation off and on, in the formats of `identify`: a set-up (TOML, format = "gantry-tau springs 1") and its
 /// table (CSV). In each series of the table, rows without a load (every component within 5 standard deviations of zero) give the zeros of the
 /// gauges; two rows with a load and the same `window` are a pair. The one whose q is that of the rows without a load is off; the q of
-/// the other contains the offsets of the compensation.
+/// the other contains the offsets of the compensation. The two may also stand in series of their own, `NAME off` and `NAME on`, as
+/// `plan verify` writes them: same pose, same mounting, and the second with `compensated = true` or a name in ` on`.
 ///
 /// With --predict nothing is measured: the remainder is predicted over the workspace from the covariance that the robot file carries.
 ///

@@ -1,6 +1,9 @@
 //! A campaign on the simulated machine, without sockets: its springs, its strap, its sensor and its gauges, all drawn by seed.
 
+use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::robot::Compliances;
+use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::units::OffsetNm;
 use nalgebra::{Rotation3, UnitQuaternion, Vector3, Vector6};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -12,8 +15,8 @@ use super::table::Row;
 use crate::elastic::{ElasticError, Equilibrium};
 use crate::measurements::plan::{Plan, PlannedSeries};
 use crate::measurements::springs::SetupNoise;
-use crate::model::MachineKind;
-use crate::robot_file::RobotFile;
+use crate::model::{Compensator, Held, MachineKind};
+use crate::robot_file::{RobotFile, RobotFileError};
 use crate::sim::force_sensor::Mounting;
 use crate::sim::gauges::SimulatedGauges;
 use crate::sim::springs::TrueSprings;
@@ -29,6 +32,8 @@ const POSE_S: f64 = 900.0;
 const SAMPLES: u64 = 2_000;
 /// Largest step of the strap's force on the way to a level, N: play is crossed on the way, not leapt over.
 const PULL_N: f64 = 5.0;
+/// Rounds in which the client answers the load that its offsets change: each one multiplies the error by a few ten-thousandths.
+const CLIENT_ROUNDS: u32 = 4;
 /// Rounds in which the hook turns with the platform; each one multiplies the error by a few thousandths.
 const HOOK_ROUNDS: u32 = 4;
 
@@ -41,12 +46,14 @@ pub struct SimulatedCampaign<const N: usize> {
     pub rows: Vec<Row<N>>,
 }
 
-/// Measures a plan on the simulated machine of a robot file, whose `[simulation] seed` decides every error.
+/// Measures a plan on the simulated machine of a robot file, whose `[simulation] seed` decides every error. `client` is what is known of the
+/// machine: its springs compensate, and predict how far the force sensor turns.
 ///
 /// # Errors
 /// [`ExperimentError`].
 pub fn simulate<K: MachineKind<N>, const N: usize>(
     robot: &RobotFile<K, N>,
+    client: &RobotFile<K, N>,
     plan: &Plan<N>,
 ) -> Result<SimulatedCampaign<N>, ExperimentError> {
     let springs = robot.true_springs()?;
@@ -57,7 +64,8 @@ pub fn simulate<K: MachineKind<N>, const N: usize>(
         truth: &springs,
         gauges: SimulatedGauges::new(plan, &robot.simulation),
         sensor: FlawedSensor::new(robot, &plan.setup),
-        prediction: Prediction::new(robot)?,
+        prediction: Prediction::new(client)?,
+        client: Client::new(robot, client)?,
         generator,
         time_s: 0.0,
         rows: Vec::new(),
@@ -82,13 +90,14 @@ struct Bench<'a, const N: usize> {
     gauges: SimulatedGauges,
     sensor: FlawedSensor,
     prediction: Prediction<N>,
+    client: Client<N>,
     generator: ChaCha8Rng,
     time_s: f64,
     rows: Vec<Row<N>>,
 }
 
 impl<const N: usize> Bench<'_, N> {
-    /// Measures one series with the axes at `q`.
+    /// Measures one series with the axes at `q`, without the offsets.
     fn measure(&mut self, index: usize, q: &[f64; N]) -> Result<(), ExperimentError> {
         let series = &self.plan.series[index];
         let (_, pose) = &self.plan.poses[series.pose];
@@ -98,28 +107,48 @@ impl<const N: usize> Bench<'_, N> {
         let assumed = self.prediction.unloaded(q, pose).map_err(failed(0.0))?;
         let shown = self.sensor.shown(&Vector6::zeros(), &began.pose.rotation);
         let tare = shown - self.prediction.weight_seen(&assumed.pose.rotation);
-        let (mut now, mut pulled_n) = (began, 0.0);
+        let (mut now, mut pulled_n, mut held_q) = (began, 0.0, *q);
         let begin_s = self.time_s;
         for (level, &level_n) in series.levels_n.iter().enumerate() {
             let mut load = Vector6::zeros();
             for force_n in steps(pulled_n, level_n) {
-                (now, load) = pulled(&mut springs, q, series, &began, &now, force_n).map_err(failed(level_n))?;
+                (now, load) = pulled(&mut springs, &held_q, series, &began, &now, force_n).map_err(failed(level_n))?;
             }
             pulled_n = level_n;
+            let noise = self.load_noise();
+            // The strap is pulled slowly: what the offsets change on the way, a few ten-thousandths of the load, does not matter to the play.
+            // At the first level the sensor is tared, and the client asks for nothing.
+            for _ in 0..if series.compensated && level > 0 { CLIENT_ROUNDS } else { 0 } {
+                let seen = self.sensor.shown(&load, &now.pose.rotation) - shown;
+                held_q = self
+                    .client
+                    .held(pose, q, &seen, &noise)
+                    .map_err(|reason| ExperimentError::Pose { pose: self.plan.poses[series.pose].0.clone(), reason })?;
+                (now, load) = pulled(&mut springs, &held_q, series, &began, &now, level_n).map_err(failed(level_n))?;
+            }
             let seen = self.sensor.shown(&load, &now.pose.rotation) - tare;
-            let indicated = self.prediction.load(&seen, q, &assumed).map_err(failed(level_n))?;
+            let indicated = self.prediction.load(&seen, &held_q, &assumed).map_err(failed(level_n))? + noise;
             let seconds = self.time_s - begin_s;
             let place = |gauge| (index, series.mounting, gauge);
             let read = |gauge| self.gauges.read(place(gauge), springs.machine(), &began.pose, &now, seconds);
             let exact: Vec<f64> = (0..self.plan.gauges.len()).map(read).collect();
-            let row = self.disturbed((index, level), q, &indicated, &exact);
+            let row = self.disturbed((index, level), &held_q, &indicated, &exact);
             self.rows.push(row);
             self.time_s += LEVEL_S;
         }
         Ok(())
     }
 
-    /// Adds the noise of a window's mean. It is drawn for gauges that are not read, too, so that a plan may leave one out.
+    /// Draws the noise of a window's mean load, world axes.
+    fn load_noise(&mut self) -> Vector6<f64> {
+        let noise = self.plan.noise;
+        let sd = |component: usize| if component < 3 { noise.force_n } else { noise.moment_nm };
+        Vector6::from_fn(|component, _| {
+            sd(component) * Distribution::<f64>::sample(&StandardNormal, &mut self.generator)
+        })
+    }
+
+    /// Adds the noise of a window's mean to the gauges. It is drawn for those that are not read, too, so that a plan may leave one out.
     fn disturbed(
         &mut self,
         (series, level): (usize, usize),
@@ -130,14 +159,36 @@ impl<const N: usize> Bench<'_, N> {
         let noise = self.plan.noise;
         let random = &mut self.generator;
         let mut normal = |sd: f64| sd * Distribution::<f64>::sample(&StandardNormal, random);
-        let sd = |component: usize| if component < 3 { noise.force_n } else { noise.moment_nm };
-        let load = Vector6::from_fn(|component, _| load[component] + normal(sd(component)));
         let read = &self.plan.series[series].gauges;
         let shown = exact.iter().map(|length_m| length_m + normal(noise.gauge_um * 1e-6)).collect::<Vec<f64>>();
         let readings_m = shown.iter().enumerate().map(|(gauge, length)| read.contains(&gauge).then_some(*length));
         let readings_m: Vec<Option<f64>> = readings_m.collect();
         let sds_m = vec![None; readings_m.len()];
-        Row { series, level, q: *q, load, readings_m, sds_m, time_s: self.time_s, samples: SAMPLES }
+        Row { series, level, q: *q, load: *load, readings_m, sds_m, time_s: self.time_s, samples: SAMPLES }
+    }
+}
+
+/// The compensating client: a robot file's springs, the limits of the machine's server.
+struct Client<const N: usize> {
+    compensator: Box<dyn Compensator<N>>,
+    mounting: Mounting,
+    metres_per_q: [f64; N],
+}
+
+impl<const N: usize> Client<N> {
+    fn new<K: MachineKind<N>>(machine: &RobotFile<K, N>, client: &RobotFile<K, N>) -> Result<Self, RobotFileError> {
+        let compensator = client.compensator(machine.limits.map(|axis| OffsetNm(axis.limits.position.max())))?;
+        Ok(Self { compensator, mounting: (&client.sensor).into(), metres_per_q: client.metres_per_q })
+    }
+
+    /// Positions of the axes, q-units, with the offsets that hold the tool in a pose whose axes are at `q`. `change` is that of what the sensor
+    /// shows since it was tared; as the client knows no other, it is turned by the rotation of the nominal pose.
+    fn held(&self, pose: &Pose, q: &[f64; N], change: &Vector6<f64>, noise: &Vector6<f64>) -> Result<[f64; N], String> {
+        let platform = UnitQuaternion::from_matrix(&pose.rotation);
+        let weight = self.mounting.seen(&Vector6::zeros(), &platform);
+        let load = self.mounting.load(&(change + weight), &platform) + noise;
+        let held = Held::new(&*self.compensator, &self.metres_per_q, pose, q, &Wrench::from_array(load.into()));
+        held.map(|held| held.corrected).map_err(|error| error.to_string())
     }
 }
 

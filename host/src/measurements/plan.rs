@@ -49,6 +49,8 @@ pub struct PlannedSeries {
     pub levels_n: Vec<f64>,
     /// Gauges that are read, by index.
     pub gauges: Vec<usize>,
+    /// True if compensation runs meanwhile: the axes then contain its offsets.
+    pub compensated: bool,
 }
 
 impl PlannedSeries {
@@ -181,6 +183,7 @@ impl<const N: usize> Plan<N> {
             direction: direction.normalize(),
             levels_n: entry.levels_n.clone(),
             gauges,
+            compensated: entry.compensated,
         });
         Ok(())
     }

@@ -120,6 +120,9 @@ pub struct SeriesEntry {
     pub levels_n: Vec<f64>,
     /// Gauges that are read, by their names.
     pub gauges: Vec<String>,
+    /// True if compensation runs meanwhile.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub compensated: bool,
 }
 
 /// A gauge with its name.

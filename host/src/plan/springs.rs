@@ -238,6 +238,7 @@ impl Setup {
             direction: strap.direction.into(),
             levels_n,
             gauges: self.gauges.iter().map(|gauge| gauge.name.clone()).collect(),
+            compensated: false,
         });
     }
 }

@@ -48,6 +48,8 @@ pub fn plan_verify<K: MachineKind<N>, const N: usize>(
         gauges,
         plan: Vec::new(),
     };
+    let on_platform = setup.gauges.iter().filter(|named| matches!(named.gauge, Gauge::Platform { .. }));
+    let on_platform: Vec<String> = on_platform.map(|named| named.name.clone()).collect();
     let straps = spread_straps(robot, &bench, &setup.gauges, options)?;
     for (stand, strap) in &straps {
         let entry = pose_entry(setup.poses.len(), stand);
@@ -57,8 +59,15 @@ pub fn plan_verify<K: MachineKind<N>, const N: usize>(
         });
         let number = setup.plan.len() / 2 + 1;
         let levels_n = LEVELS.map(|share| share * options.force_max_n).to_vec();
-        for state in ["off", "on"] {
+        for compensated in [false, true] {
+            let state = if compensated { "on" } else { "off" };
             setup.push_named(format!("v{number} {state}"), pose, strap, levels_n.clone());
+            let Some(entry) = setup.plan.last_mut() else { continue };
+            entry.compensated = compensated;
+            // A gauge on a cart would show the offset beside the displacement by its spring.
+            if compensated && !on_platform.is_empty() {
+                entry.gauges.clone_from(&on_platform);
+            }
         }
     }
     let mut written = written(robot, &setup, "verify")?;
@@ -181,6 +190,8 @@ mod tests {
         let plan = plan_verify(&robot, &options, "v.csv").unwrap();
         assert_eq!((plan.doubts.len(), plan.plan.matches("[[pose]]").count()), (0, 6), "{:?}", plan.doubts);
         assert_eq!(plan.plan.matches("[[series]]").count(), 12);
+        assert_eq!(plan.plan.matches("compensated = true").count(), 6);
+        assert_eq!(plan.plan.matches("compensated").count(), 6, "false is not written");
         let stands = far_apart(&robot, 6, |_| true);
         for (index, one) in stands.iter().enumerate() {
             assert!((one.tool_m - robot.home_m()).norm() > 0.3);

@@ -29,7 +29,7 @@ const LEVER_M: f64 = 0.1;
 /// One pair of windows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PairResult {
-    /// Series of both windows.
+    /// Series of both windows, or what the names of their two series have in common.
     pub series: String,
     /// Their name.
     pub window: String,
@@ -65,8 +65,8 @@ pub fn verify<K: MachineKind<N>, const N: usize>(
     let model = FileModel::new(file)?;
     let mut results = Vec::new();
     let mut rows = Vec::new();
-    for (name, sorted) in campaign.series.iter().zip(pairs(campaign)?) {
-        let Some(series) = Series::new(&model, campaign, name, &sorted)? else { continue };
+    for sorted in pairs(campaign)? {
+        let Some(series) = Series::new(&model, campaign, &sorted)? else { continue };
         for (pair, windows) in sorted.pairs.iter().zip(&series.pairs) {
             results.push(series.judge(windows, pair, workpiece_n_per_m).ok_or_else(|| series.failed(pair))?);
         }
@@ -81,6 +81,10 @@ pub fn verify<K: MachineKind<N>, const N: usize>(
 
 /// One window, linearised at the prediction of the file.
 struct Linear<const N: usize> {
+    /// Its series, as one of those that the pairs are from.
+    series: usize,
+    /// The machine without a load when the series began.
+    began: Equilibrium<N>,
     now: Equilibrium<N>,
     gauges: Vec<usize>,
     /// Readings less predictions, m, without zeros.
@@ -93,12 +97,13 @@ struct Linear<const N: usize> {
     covariance: DMatrix<f64>,
 }
 
-/// One series.
+/// The series of some pairs: one, or one without and one with compensation. Each has zeros of its own.
 struct Series<'a, const N: usize> {
     model: &'a FileModel<N>,
     campaign: &'a Campaign<N>,
     name: &'a str,
-    began: Equilibrium<N>,
+    /// Number of series.
+    count: usize,
     unloaded: Vec<Linear<N>>,
     /// Off and on.
     pairs: Vec<[Linear<N>; 2]>,
@@ -109,20 +114,25 @@ impl<'a, const N: usize> Series<'a, N> {
     fn new(
         model: &'a FileModel<N>,
         campaign: &'a Campaign<N>,
-        name: &'a str,
-        sorted: &SeriesPairs,
+        sorted: &'a SeriesPairs,
     ) -> Result<Option<Self>, VerifyError> {
-        let Some(first) = sorted.unloaded.first().filter(|_| !sorted.pairs.is_empty()) else { return Ok(None) };
-        let first = &campaign.windows[*first];
-        let (_, seed) = &campaign.poses[first.pose];
-        let seed = Pose { translation_m: seed.position_m, rotation: UnitQuaternion::from_matrix(&seed.rotation) };
-        let began = model.machine.equilibrium(&first.q, &Vector6::zeros(), &Equilibrium::unloaded(seed));
-        let began = began.map_err(|error| failed(campaign, first, &error))?;
-        let linear = |index: &usize| linearised(model, campaign, &campaign.windows[*index], &began);
-        let unloaded = sorted.unloaded.iter().map(linear).collect::<Result<_, _>>()?;
-        let both = |[off, on]: &[usize; 2]| Ok::<_, VerifyError>([linear(off)?, linear(on)?]);
+        if sorted.pairs.is_empty() {
+            return Ok(None);
+        }
+        let firsts = sorted.unloaded.iter().filter_map(|rows| rows.first());
+        let began = firsts.map(|first| begun(model, campaign, &campaign.windows[*first]));
+        let began = began.collect::<Result<Vec<_>, VerifyError>>()?;
+        // Off is of the first series, on of the last.
+        let last = began.len() - 1;
+        let linear = |index: &usize, series: usize| {
+            linearised(model, campaign, &campaign.windows[*index], (series, &began[series]))
+        };
+        let rows = sorted.unloaded.iter().enumerate();
+        let rows = rows.flat_map(|(series, rows)| rows.iter().map(move |row| (row, series)));
+        let unloaded = rows.map(|(row, series)| linear(row, series)).collect::<Result<_, _>>()?;
+        let both = |[off, on]: &[usize; 2]| Ok::<_, VerifyError>([linear(off, 0)?, linear(on, last)?]);
         let pairs = sorted.pairs.iter().map(both).collect::<Result<_, _>>()?;
-        Ok(Some(Self { model, campaign, name, began, unloaded, pairs }))
+        Ok(Some(Self { model, campaign, name: &sorted.name, count: began.len(), unloaded, pairs }))
     }
 
     fn failed(&self, [_, on]: &[usize; 2]) -> VerifyError {
@@ -133,13 +143,14 @@ impl<'a, const N: usize> Series<'a, N> {
         )
     }
 
-    /// Mean residual of a gauge without load, and the number of readings behind it.
-    fn zero(&self, gauge: usize) -> Option<(f64, f64)> {
+    /// Mean residual of a gauge without load in a series, and the number of readings behind it.
+    fn zero(&self, gauge: usize, series: usize) -> Option<(f64, f64)> {
         let read = |window: &Linear<N>| {
             let place = window.gauges.iter().position(|other| *other == gauge)?;
             Some(window.residuals[place])
         };
-        let all: Vec<f64> = self.unloaded.iter().filter_map(read).collect();
+        let own = self.unloaded.iter().filter(|window| window.series == series);
+        let all: Vec<f64> = own.filter_map(read).collect();
         let count = float(all.len());
         (!all.is_empty()).then(|| (all.iter().sum::<f64>() / count, count))
     }
@@ -149,7 +160,7 @@ impl<'a, const N: usize> Series<'a, N> {
         let (mut left, mut covariance) = (window.residuals.clone(), window.covariance.clone());
         let mut ways = DMatrix::zeros(left.len(), 6);
         for (row, &gauge) in window.gauges.iter().enumerate() {
-            let (zero_m, count) = self.zero(gauge)?;
+            let (zero_m, count) = self.zero(gauge, window.series)?;
             left[row] -= zero_m;
             covariance[(row, row)] += (self.campaign.noise.gauge_um * 1e-6).powi(2) / count;
             if let Gauge::Platform { point_m, axis } = self.campaign.gauges[gauge].gauge {
@@ -166,7 +177,7 @@ impl<'a, const N: usize> Series<'a, N> {
     fn judge(&self, [off, on]: &[Linear<N>; 2], pair: &[usize; 2], workpiece_n_per_m: f64) -> Option<PairResult> {
         let window = &self.campaign.windows[pair[1]];
         let tool = |linear: &Linear<N>, index: usize| {
-            self.model.tool(&self.began, &linear.now, &self.campaign.windows[index].load).translation_m
+            self.model.tool(&linear.began, &linear.now, &self.campaign.windows[index].load).translation_m
         };
         let (more_before, _) = self.displaced(off)?;
         let (more, covariance) = self.displaced(on)?;
@@ -178,7 +189,7 @@ impl<'a, const N: usize> Series<'a, N> {
         Some(PairResult {
             series: self.name.to_owned(),
             window: window.window.clone(),
-            tool_m: self.began.pose.translation_m.into(),
+            tool_m: on.began.pose.translation_m.into(),
             load: window.load.into(),
             before_m: (tool(off, pair[0]) + more_before).norm(),
             after_m: (predicted + more).norm(),
@@ -188,7 +199,7 @@ impl<'a, const N: usize> Series<'a, N> {
             changes_sides: [off, on].into_iter().any(|linear| self.model.changes_sides(&linear.now)),
             largest_gain: force
                 .try_normalize(1e-9)
-                .and_then(|normal| self.model.largest_gain(&window.q, &self.began, &normal, workpiece_n_per_m)),
+                .and_then(|normal| self.model.largest_gain(&window.q, &on.began, &normal, workpiece_n_per_m)),
         })
     }
 
@@ -200,7 +211,7 @@ impl<'a, const N: usize> Series<'a, N> {
         let gauges = self.campaign.gauges.len();
         let shared = shared(self.model);
         let (mut residuals, mut derivatives) = (DVector::zeros(size), DMatrix::zeros(size, shared + GAUGE * gauges));
-        let mut zeros = DMatrix::zeros(size, gauges);
+        let mut zeros = DMatrix::zeros(size, gauges * self.count);
         let mut first = 0;
         for window in windows {
             let whitening = window.covariance.clone().cholesky()?.l().try_inverse()?;
@@ -209,7 +220,9 @@ impl<'a, const N: usize> Series<'a, N> {
             derivatives.view_mut((first, 0), (count, shared)).copy_from(&(&whitening * &window.shared));
             derivatives.view_mut((first, shared), (count, GAUGE * gauges)).copy_from(&(&whitening * &window.mounted));
             for (column, &gauge) in window.gauges.iter().enumerate() {
-                zeros.view_mut((first, gauge), (count, 1)).copy_from(&whitening.column(column));
+                zeros
+                    .view_mut((first, window.series * gauges + gauge), (count, 1))
+                    .copy_from(&whitening.column(column));
             }
             first += count;
         }
@@ -226,11 +239,23 @@ fn failed<const N: usize>(campaign: &Campaign<N>, window: &Window<N>, reason: &d
     VerifyError::Pair { table: campaign.table.clone(), line: window.line, reason: reason.to_string() }
 }
 
+/// The machine without a load, as in the first such window of a series.
+fn begun<const N: usize>(
+    model: &FileModel<N>,
+    campaign: &Campaign<N>,
+    first: &Window<N>,
+) -> Result<Equilibrium<N>, VerifyError> {
+    let (_, seed) = &campaign.poses[first.pose];
+    let seed = Pose { translation_m: seed.position_m, rotation: UnitQuaternion::from_matrix(&seed.rotation) };
+    let began = model.machine.equilibrium(&first.q, &Vector6::zeros(), &Equilibrium::unloaded(seed));
+    began.map_err(|error| failed(campaign, first, &error))
+}
+
 fn linearised<const N: usize>(
     model: &FileModel<N>,
     campaign: &Campaign<N>,
     window: &Window<N>,
-    began: &Equilibrium<N>,
+    (series, began): (usize, &Equilibrium<N>),
 ) -> Result<Linear<N>, VerifyError> {
     let refused = |reason: &dyn std::fmt::Display| failed(campaign, window, reason);
     let machine = &model.machine;
@@ -261,5 +286,5 @@ fn linearised<const N: usize>(
     shared.columns_mut(0, model.factor.ncols()).copy_from(&(springs * &model.factor));
     shared.columns_mut(model.factor.ncols(), SENSOR).copy_from(&(by_load * sensor));
     let gauges = read.into_iter().map(|(gauge, _)| gauge).collect();
-    Ok(Linear { now, gauges, residuals, shared, mounted, covariance })
+    Ok(Linear { series, began: *began, now, gauges, residuals, shared, mounted, covariance })
 }

@@ -47,7 +47,7 @@ pub enum VerifyError {
     },
     /// There is no pair.
     #[error(
-        "{table}: there is no pair of windows; two rows of a series with the same window and a load are one, with compensation off and on"
+        "{table}: there is no pair of windows; two rows with the same window and a load are one, with compensation off and on, of one series or of \"NAME off\" and \"NAME on\""
     )]
     NoPairs {
         /// The table.

@@ -43,9 +43,9 @@ pub fn verification_page(
     doubts: &[String],
 ) -> String {
     let mut body = format!(
-        "<h1>Verification of {}</h1><p>{}: pairs of windows with compensation off and on, against what the robot file predicts. In a series \
-         of the table, rows without a load give the zeros of the gauges; two rows with the same window and a load are a pair, and the q of \
-         the one with compensation contains the offsets.</p>{}<pre>{}</pre>",
+        "<h1>Verification of {}</h1><p>{}: pairs of windows with compensation off and on, against what the robot file predicts. In each series \
+         of the table, rows without a load give the zeros of the gauges. Two rows with the same window and a load are a pair: of one series, \
+         or of two, one of which was measured with compensation. The q of the one with compensation contains the offsets.</p>{}<pre>{}</pre>",
         escape(robot),
         escape(&verification.measurements),
         doubted(doubts),

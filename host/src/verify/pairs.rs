@@ -1,9 +1,13 @@
 //! Pairs of windows, compensation off and on, in the tables that springs are identified from.
 //!
-//! In each series:
-//! - rows without a load give the zeros of the gauges; without a load means every component within [`UNLOADED_SD`] standard deviations of 0;
-//! - two rows with a load and the same `window` are a pair. Off is the one whose `q` is nearer to that of the rows without a load; the `q`
-//!   of the other contains the offsets of the compensation.
+//! Rows without a load give the zeros of the gauges, series by series; without a load means every component within [`UNLOADED_SD`] standard
+//! deviations of 0. Of the others two are a pair:
+//! - in one series, two with the same `window`. Off is the one whose `q` is nearer to that of the rows without a load; the `q` of the other
+//!   contains the offsets of the compensation;
+//! - in two series of one strap, pose and mounting, as `plan verify` writes them, those with the same `window`. One series is compensated: its
+//!   plan says so, or its name ends in ` on`. The names are the same, but for that and the ` off` of the other.
+//!
+//! A series that was mounted anew (`x on.2` after `x on`) takes the place of the one before.
 
 use std::collections::HashMap;
 
@@ -17,66 +21,166 @@ pub const UNLOADED_SD: f64 = 5.0;
 /// Largest difference of the loads of a pair, relative, besides their noise.
 const SAME_LOAD: f64 = 0.1;
 
-/// Windows of one series, by index.
+/// Pairs of one series, or of two; windows by index.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct SeriesPairs {
-    /// Rows without a load.
-    pub(super) unloaded: Vec<usize>,
+    /// Name of the series, or what two have in common.
+    pub(super) name: String,
+    /// Rows without a load, series by series.
+    pub(super) unloaded: Vec<Vec<usize>>,
     /// Off and on.
     pub(super) pairs: Vec<[usize; 2]>,
 }
 
-/// Sorts the windows of a campaign, series by series.
+/// Sorts the windows of a campaign.
 pub(super) fn pairs<const N: usize>(campaign: &Campaign<N>) -> Result<Vec<SeriesPairs>, VerifyError> {
     let mut of_series = vec![Vec::new(); campaign.series.len()];
     for (index, window) in campaign.windows.iter().enumerate() {
         of_series[window.series].push(index);
     }
-    of_series.iter().map(|windows| sorted(campaign, windows)).collect()
+    let all: Vec<Half<'_>> =
+        of_series.iter().enumerate().map(|(series, own)| Half::new(campaign, series, own)).collect();
+    let mut sorted = Vec::new();
+    for half in &all {
+        let like = |other: &&Half<'_>| other.strap == half.strap;
+        let last = |compensated| all.iter().rev().filter(like).find(|other| other.compensated == compensated);
+        sorted.push(match (last(false), last(true)) {
+            (Some(off), Some(on)) if std::ptr::eq(off, half) => across(campaign, off, on)?,
+            // The second of two, or one that was mounted anew.
+            (Some(_), Some(_)) => continue,
+            _ => within(campaign, half)?,
+        });
+    }
+    Ok(sorted)
 }
 
-fn sorted<const N: usize>(campaign: &Campaign<N>, windows: &[usize]) -> Result<SeriesPairs, VerifyError> {
-    let (unloaded, loaded): (Vec<usize>, Vec<usize>) =
-        windows.iter().partition(|index| is_unloaded(campaign, &campaign.windows[**index]));
-    let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();
-    for &index in &loaded {
-        by_name.entry(&campaign.windows[index].window).or_default().push(index);
-    }
-    let mut pairs = Vec::new();
-    for &index in &loaded {
-        let window = &campaign.windows[index];
-        let Some(zero) = unloaded.first() else {
-            return Err(refused(campaign, window, "its series has no row without a load, so its gauges have no zero"));
+/// A series, which may be half of two.
+struct Half<'a> {
+    /// Name without that of its state and the number of its mounting anew, pose, mounting.
+    strap: (&'a str, usize, usize),
+    /// Its own name.
+    name: &'a str,
+    compensated: bool,
+    unloaded: Vec<usize>,
+    loaded: Vec<usize>,
+}
+
+impl<'a> Half<'a> {
+    fn new<const N: usize>(campaign: &'a Campaign<N>, series: usize, windows: &[usize]) -> Self {
+        let name = campaign.series[series].as_str();
+        let planned = match name.rsplit_once('.') {
+            Some((planned, count)) if count.parse::<u32>().is_ok() => planned,
+            _ => name,
         };
+        let is_stated = campaign.plan.iter().any(|entry| entry.compensated && [name, planned].contains(&&*entry.name));
+        let (bare, is_on) = match (planned.strip_suffix(" on"), planned.strip_suffix(" off")) {
+            (Some(bare), _) => (bare, true),
+            (None, Some(bare)) => (bare, false),
+            (None, None) => (planned, false),
+        };
+        let place = windows.first().map(|index| &campaign.windows[*index]);
+        let (unloaded, loaded) = windows.iter().partition(|index| is_unloaded(campaign, &campaign.windows[**index]));
+        Self {
+            strap: (bare, place.map_or(0, |window| window.pose), place.map_or(0, |window| window.mounting)),
+            name,
+            compensated: is_stated || is_on,
+            unloaded,
+            loaded,
+        }
+    }
+
+    /// Returns the first row without a load; `window` is the one that wants it.
+    fn zero<const N: usize>(&self, campaign: &Campaign<N>, window: usize) -> Result<usize, VerifyError> {
+        self.unloaded.first().copied().ok_or_else(|| {
+            let reason = "its series has no row without a load, so its gauges have no zero";
+            refused(campaign, &campaign.windows[window], reason)
+        })
+    }
+
+    /// Windows with a load by their names.
+    fn by_name<'c, const N: usize>(&self, campaign: &'c Campaign<N>) -> HashMap<&'c str, Vec<usize>> {
+        let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();
+        for &index in &self.loaded {
+            by_name.entry(&campaign.windows[index].window).or_default().push(index);
+        }
+        by_name
+    }
+}
+
+/// Pairs within a series.
+fn within<const N: usize>(campaign: &Campaign<N>, series: &Half<'_>) -> Result<SeriesPairs, VerifyError> {
+    let by_name = series.by_name(campaign);
+    let mut pairs = Vec::new();
+    for &index in &series.loaded {
+        let window = &campaign.windows[index];
+        let zero = series.zero(campaign, index)?;
         match by_name.get(window.window.as_str()).map(Vec::as_slice) {
-            Some([one, other]) if *one == index => pairs.push(pair(campaign, [*one, *other], *zero)?),
+            Some([one, other]) if *one == index => {
+                let away = [*one, *other].map(|index| away(campaign, index, zero));
+                check(campaign, [*one, *other], away)?;
+                pairs.push(if away[0] < away[1] { [*one, *other] } else { [*other, *one] });
+            }
             // The second of a pair.
             Some([_, _]) => {}
             _ => {
                 let name = &window.window;
-                let reason = format!("window {name:?} must stand twice in its series, with compensation off and on");
+                let reason = format!(
+                    "window {name:?} must stand twice in its series, with compensation off and on, or once in each of two series"
+                );
                 return Err(refused(campaign, window, &reason));
             }
         }
     }
-    Ok(SeriesPairs { unloaded, pairs })
+    Ok(SeriesPairs { name: series.name.to_owned(), unloaded: vec![series.unloaded.clone()], pairs })
 }
 
-/// Off and on of two windows; `zero` is one without a load.
-fn pair<const N: usize>(campaign: &Campaign<N>, both: [usize; 2], zero: usize) -> Result<[usize; 2], VerifyError> {
-    let [one, other] = both.map(|index| &campaign.windows[index]);
+/// Pairs of a series without compensation and one with it.
+fn across<const N: usize>(campaign: &Campaign<N>, off: &Half<'_>, on: &Half<'_>) -> Result<SeriesPairs, VerifyError> {
+    let [of_off, of_on] = [off, on].map(|half| half.by_name(campaign));
+    for (half, other, of_other) in [(off, on, &of_on), (on, off, &of_off)] {
+        for &index in &half.loaded {
+            let window = &campaign.windows[index];
+            if of_other.get(window.window.as_str()).is_none_or(|found| found.len() != 1) {
+                let (name, other) = (&window.window, other.name);
+                let reason = format!("window {name:?} must stand once in series {other:?}, its other half");
+                return Err(refused(campaign, window, &reason));
+            }
+        }
+    }
+    let mut pairs = Vec::new();
+    for &index in &off.loaded {
+        let partner = of_on.get(campaign.windows[index].window.as_str()).and_then(|found| found.first());
+        let Some(&partner) = partner else { continue };
+        let zeros = [off.zero(campaign, index)?, on.zero(campaign, partner)?];
+        let away = [away(campaign, index, zeros[0]), away(campaign, partner, zeros[1])];
+        check(campaign, [index, partner], away)?;
+        if away[0] > away[1] {
+            let reason = "q has moved from that of its rows without a load: compensation was on";
+            return Err(refused(campaign, &campaign.windows[index], reason));
+        }
+        pairs.push([index, partner]);
+    }
+    let unloaded = vec![off.unloaded.clone(), on.unloaded.clone()];
+    Ok(SeriesPairs { name: off.strap.0.to_owned(), unloaded, pairs })
+}
+
+/// Distance of the axes of two windows, q-units.
+fn away<const N: usize>(campaign: &Campaign<N>, window: usize, zero: usize) -> f64 {
+    (SVector::from(campaign.windows[window].q) - SVector::from(campaign.windows[zero].q)).norm()
+}
+
+/// Checks that two windows have the same load, and that the axes, `away` from where they are without one, tell off from on.
+fn check<const N: usize>(campaign: &Campaign<N>, pair: [usize; 2], away: [f64; 2]) -> Result<(), VerifyError> {
+    let [one, other] = pair.map(|index| &campaign.windows[index]);
     if !is_same_load(campaign, &one.load, &other.load) {
         let reason = format!("the load is not that of line {}, the other window of the pair", one.line);
         return Err(refused(campaign, other, &reason));
     }
-    let away = |window: &Window<N>| (SVector::from(window.q) - SVector::from(campaign.windows[zero].q)).norm();
-    let (here, there) = (away(one), away(other));
-    if (here - there).abs() <= f64::EPSILON {
+    if (away[0] - away[1]).abs() <= f64::EPSILON {
         let reason = format!("q is that of line {}; with compensation on it contains the offsets", one.line);
         return Err(refused(campaign, other, &reason));
     }
-    let [one, other] = both;
-    Ok(if here < there { [one, other] } else { [other, one] })
+    Ok(())
 }
 
 fn refused<const N: usize>(campaign: &Campaign<N>, window: &Window<N>, reason: &str) -> VerifyError {

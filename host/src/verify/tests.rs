@@ -358,6 +358,76 @@ fn the_margin_is_that_of_the_springs() {
     assert!((gain(&file, 1e12) - 1.0).abs() < 1e-4);
 }
 
+/// The same windows in series of their own, each with its rows without a load; those of the second mounted anew, with other zeros.
+fn in_two_series(campaign: &Campaign<N>) -> Campaign<N> {
+    let mut split = campaign.clone();
+    split.series = campaign.series.iter().flat_map(|name| [format!("{name} off"), format!("{name} on")]).collect();
+    let is_unloaded = |window: &Window<N>| window.load.norm() < 50.0;
+    let mut names = std::collections::HashSet::new();
+    for window in &mut split.windows {
+        let is_second = !names.insert((window.series, window.window.clone()));
+        window.series = 2 * window.series + usize::from(is_second);
+    }
+    let again: Vec<Window<N>> = split.windows.iter().filter(|window| is_unloaded(window)).cloned().collect();
+    split.windows.extend(again.into_iter().map(|window| Window { series: window.series + 1, ..window }));
+    for window in split.windows.iter_mut().filter(|window| window.series % 2 == 1) {
+        window.readings_m.iter_mut().flatten().for_each(|reading| *reading += 3e-4);
+    }
+    for (line, window) in (2..).zip(&mut split.windows) {
+        window.line = line;
+    }
+    split
+}
+
+/// Two series of a strap are judged as one that holds both windows, whatever their zeros.
+#[test]
+fn pairs_may_stand_in_series_of_their_own() {
+    let mut file = identified();
+    file.simulation.jump_gap_m = 0.0;
+    let mut draw = Draw::new(7);
+    let truth = draw.machine(&file);
+    let together = measured(&file, &truth, SETUP, &mut draw);
+    let apart = in_two_series(&together);
+    let [one, two] = [&together, &apart].map(|campaign| verify(&file, campaign, WORKPIECE).unwrap());
+    assert_eq!((one.pairs.len(), two.pairs.len()), (120, 120));
+    for (one, two) in one.pairs.iter().zip(&two.pairs) {
+        assert_eq!((&one.series, &one.window), (&two.series, &two.window));
+        // The zeros are the same rows, moved by a third of a millimetre: rounding, and q of the rows that is rounded to a nanometre.
+        assert!((one.after_m - two.after_m).abs() < 2e-9 && (one.before_m - two.before_m).abs() < 2e-9);
+        assert!((one.z - two.z).abs() < 1e-3, "{} {}", one.z, two.z);
+    }
+    // Six gauges of twenty series have another zero, and two more readings for each.
+    assert_eq!(two.dof, one.dof + 20 * 6);
+    assert!(two.p > 1e-3, "{two}");
+    let refused = |change: &dyn Fn(&mut Campaign<N>)| {
+        let mut campaign = apart.clone();
+        change(&mut campaign);
+        verify(&file, &campaign, WORKPIECE).unwrap_err().to_string()
+    };
+    let at =
+        |series: usize| apart.windows.iter().position(|window| window.series == series && window.load.norm() > 50.0);
+    let (off, on) = (at(0).unwrap(), at(1).unwrap());
+    let alone = refused(&|campaign| campaign.windows[on].window = "other".to_owned());
+    assert!(alone.contains("window \"0\" must stand once in series \"s0 on\", its other half"), "{alone}");
+    let swapped = refused(&|campaign| campaign.series.swap(0, 1));
+    assert!(swapped.contains("compensation was on"), "{swapped}");
+    let moved = refused(&|campaign| {
+        campaign.windows.iter_mut().filter(|window| window.series == 1).for_each(|window| window.mounting += 100);
+    });
+    assert!(moved.contains("must stand twice in its series"), "{moved}");
+    let same = refused(&|campaign| campaign.windows[on].q = campaign.windows[off].q);
+    assert!(same.contains("with compensation on it contains the offsets"), "{same}");
+    // A series that was broken off, and mounted anew.
+    let mut again = apart.clone();
+    again.series.push("s0 on.2".to_owned());
+    let last = again.series.len() - 1;
+    again.windows.iter_mut().filter(|window| window.series == 1).for_each(|window| window.series = last);
+    let broken = Window { series: 1, window: "5".to_owned(), ..again.windows[on].clone() };
+    again.windows.push(broken);
+    let found = verify(&file, &again, WORKPIECE).unwrap();
+    assert_eq!((found.pairs.len(), found.dof), (120, two.dof));
+}
+
 #[test]
 fn rows_without_a_partner_are_refused() {
     let file = identified();

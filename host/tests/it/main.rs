@@ -8,6 +8,7 @@
     reason = "tests fail by panicking"
 )]
 
+mod chain;
 mod demo;
 mod draw;
 mod errors;

@@ -136,6 +136,11 @@ impl<const N: usize> Campaign<N> {
         (self.has_gauges, self.is_unattended) = (has_gauges, is_unattended);
     }
 
+    /// True if the series is to be measured with compensation.
+    pub(super) fn is_compensated(&self) -> bool {
+        self.plan.series.get(self.series).is_some_and(|series| series.compensated)
+    }
+
     pub(super) fn is_done(&self) -> bool {
         self.stage == Stage::Done
     }

@@ -1,5 +1,5 @@
-//! The campaign on a machine behind a server. A client stays in Submit (or obtains, where it is told to) in a thread of its own and answers
-//! every State; what it sees goes to the campaign, which waits for poses and straps and takes the windows. A session that is lost pauses the
+//! The campaign on a machine behind a server. A client stays in Submit (or obtains, in series with compensation or where it is told to) in a
+//! thread of its own and answers every State; what it sees goes to the campaign, which waits for poses and straps and takes the windows. A session that is lost pauses the
 //! campaign; the windows are on disk.
 
 mod campaign;
@@ -47,7 +47,7 @@ pub struct LiveOptions<K, const N: usize> {
     pub sensor: SocketAddr,
     /// Address of the gauges; `None`: they are typed in.
     pub gauges: Option<SocketAddr>,
-    /// Ask for Obtain: compensation runs while it is measured.
+    /// Ask for Obtain in all series, not only in those with compensation.
     pub obtain: bool,
     /// A series begins once the gauges have been away, and nobody is asked.
     pub is_unattended: bool,
@@ -99,19 +99,25 @@ pub fn run<K: MachineKind<N>, const N: usize>(
     quit: &AtomicBool,
     keys: &Receiver<String>,
 ) -> Result<LiveReport, LiveError> {
-    let LiveOptions { robot, plan, server, transport, sensor, gauges, obtain, is_unattended, raw, output } = options;
+    let LiveOptions { robot, mut plan, server, transport, sensor, gauges, obtain, is_unattended, raw, output } =
+        options;
+    if obtain {
+        plan.series.iter_mut().for_each(|series| series.compensated = true);
+    }
     let prediction = Prediction::new(&robot).map_err(ExperimentError::from)?;
     let table = Table::open(&output, &plan, true)?;
     let link = Link { gauges, count: gauges.map_or(0, |_| plan.gauges.len()), metres_per_q: robot.metres_per_q };
     let mut campaign = Campaign::new(&robot, plan, table, prediction, raw.as_deref())?;
     campaign.set_instruments(gauges.is_some(), is_unattended);
-    let client = ClientOptions { server, transport, sensor, robot, record: None, obtain };
+    let mut client = ClientOptions { server, transport, sensor, robot, record: None, obtain };
     let mut was_granted = false;
     while !campaign.is_done() && !quit.load(Ordering::Relaxed) {
+        client.obtain = campaign.is_compensated();
         let (granted, ended) = link.session(&client, &mut campaign, quit, keys);
         was_granted |= granted;
         match ended {
-            Ok(()) => {}
+            // Left for the other mode, too: pose and tare must be found again.
+            Ok(()) => campaign.pause(),
             Err(LiveError::Client(error)) if (was_granted && !is_final(&error)) || is_passing(&error) => {
                 tracing::warn!("{error}; the campaign pauses until the session can be taken up again");
                 campaign.pause();
@@ -171,7 +177,7 @@ impl<const N: usize> Link<N> {
                 (probe.was_granted(), ended)
             });
             let leaving = Leaving(&controls);
-            let measured = follow(&mut ticks, campaign, &controls, quit, keys);
+            let measured = follow(&mut ticks, campaign, client.obtain, &controls, quit, keys);
             drop(leaving);
             match running.join() {
                 Ok((granted, ended)) => {
@@ -192,10 +198,12 @@ impl Drop for Leaving<'_> {
     }
 }
 
-/// Feeds the campaign until the client has ended.
+/// Feeds the campaign until the client has ended. It leaves when the campaign is done, or the next series
+/// wants compensation on where it is off, or off where it is on: `obtain`.
 fn follow<const N: usize>(
     ticks: &mut rtrb::Consumer<Tick<N>>,
     campaign: &mut Campaign<N>,
+    obtain: bool,
     controls: &ClientControls,
     quit: &AtomicBool,
     keys: &Receiver<String>,
@@ -209,10 +217,12 @@ fn follow<const N: usize>(
                 campaign.key(line.trim())?;
             }
         }
-        if quit.load(Ordering::Relaxed) || campaign.is_done() {
+        let is_other_mode = campaign.is_compensated() != obtain;
+        if quit.load(Ordering::Relaxed) || campaign.is_done() || is_other_mode {
             controls.quit.store(true, Ordering::Relaxed);
         }
         match ticks.pop() {
+            Ok(_) if is_other_mode => {}
             Ok(tick) => campaign.feed(&tick)?,
             Err(_) if is_abandoned => return Ok(()),
             Err(_) => std::thread::sleep(REST),

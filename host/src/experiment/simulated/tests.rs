@@ -30,7 +30,7 @@ fn written(folder: &Folder, plan: &Plan<3>, rows: &[Row<3>]) -> Vec<u8> {
 fn what_is_written_is_read_back() {
     let folder = Folder::new("back");
     let plan = plan_in(&folder, &campaign_a(SETUP, &LEVELS));
-    let rows = simulate(&robot(1), &plan).unwrap().rows;
+    let rows = simulate(&robot(1), &robot(1), &plan).unwrap().rows;
     written(&folder, &plan, &rows);
     let campaign = springs::read(&folder.path("plan.toml"), "l2", &[1.0; 3]).unwrap();
     assert_eq!((campaign.windows.len(), campaign.series.len()), (99, 9));
@@ -50,7 +50,7 @@ fn what_is_written_is_read_back() {
 fn the_seed_decides_every_byte() {
     let folder = Folder::new("seed");
     let plan = plan_in(&folder, &campaign_a(SETUP, &LEVELS));
-    let bytes = |seed| written(&folder, &plan, &simulate(&robot(seed), &plan).unwrap().rows);
+    let bytes = |seed| written(&folder, &plan, &simulate(&robot(seed), &robot(seed), &plan).unwrap().rows);
     assert_eq!(bytes(5), bytes(5));
     assert_ne!(bytes(5), bytes(6));
 }
@@ -62,7 +62,7 @@ fn play_and_drift_act_only_where_they_are_stated() {
     let plan = plan_in(&folder, &campaign_a("", &[0, 300, 345, 420, 345, 300, 0]));
     let quiet = Plan { noise: springs::Noise { gauge_um: 1e-6, force_n: 1e-6, moment_nm: 1e-6 }, ..plan };
     let gauge = |robot: &RobotFile<L2, 3>, series: usize, level: usize| {
-        let rows = simulate(robot, &quiet).unwrap().rows;
+        let rows = simulate(robot, robot, &quiet).unwrap().rows;
         rows.iter().find(|row| (row.series, row.level) == (series, level)).unwrap().readings_m[5].unwrap()
     };
     // From level 3 (345 N, rising) to level 5 (345 N, falling), gauge along x, strap along x.
@@ -77,7 +77,7 @@ fn play_and_drift_act_only_where_they_are_stated() {
     let mut drifting = straight.clone();
     drifting.simulation.drift_um_per_min = 2.0;
     // Six levels of 15 s: the drift of each gauge of each series has a deviation of 3 um.
-    let rows = simulate(&drifting, &quiet).unwrap().rows;
+    let rows = simulate(&drifting, &drifting, &quiet).unwrap().rows;
     let back = rows.iter().filter(|row| row.level == 6).zip(rows.iter().filter(|row| row.level == 0));
     let drifts: Vec<f64> = back
         .flat_map(|(last, first)| (0..9).map(|g| last.readings_m[g].unwrap() - first.readings_m[g].unwrap()))
@@ -92,7 +92,7 @@ fn play_and_drift_act_only_where_they_are_stated() {
 fn noise_has_the_stated_spread() {
     let folder = Folder::new("noise");
     let plan = plan_in(&folder, &campaign_a("", &[0; 60]));
-    let rows = simulate(&robot(8), &plan).unwrap().rows;
+    let rows = simulate(&robot(8), &robot(8), &plan).unwrap().rows;
     let spread = |values: &[f64]| {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         (mean, (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64).sqrt())
@@ -123,7 +123,7 @@ fn the_springs_are_found_within_their_intervals() {
     let seeds = 20;
     for seed in 0..seeds {
         let robot = robot(seed);
-        let simulated = simulate(&robot, &plan).unwrap();
+        let simulated = simulate(&robot, &robot, &plan).unwrap();
         written(&folder, &plan, &simulated.rows);
         let answer = identified(&folder, &robot);
         let truth = simulated.truth.link_m_per_n().iter().chain(simulated.truth.cart_m_per_n());
@@ -164,7 +164,7 @@ fn setup_errors_are_drawn() {
     let plan = plan_in(&folder, &campaign_a(SETUP, &LEVELS));
     let mut robot = robot(4);
     (robot.simulation.gauge_point_mm, robot.simulation.gauge_axis_mrad) = (0.5, 2.0);
-    written(&folder, &plan, &simulate(&robot, &plan).unwrap().rows);
+    written(&folder, &plan, &simulate(&robot, &robot, &plan).unwrap().rows);
     // The deviation of a clean campaign is 0.05.
     let known_about = reduced_chi_squared(&identified(&folder, &robot));
     assert!((known_about - 1.0).abs() < 0.2, "{known_about}");

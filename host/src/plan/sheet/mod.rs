@@ -166,22 +166,28 @@ fn steps(setup: &Setup, series: &SeriesEntry, predicted: &Predicted, kind: &str)
         mm(&hook)
     );
     if kind == "verify" {
-        let state = if series.name.ends_with("on") { "on" } else { "off" };
+        let state = if series.compensated { "on" } else { "off" };
         let _ = write!(text, "<li>Compensation <b>{state}</b>.</li>");
     }
     if series.name == JUMP {
         text.push_str("<li>In this series the platform leaves cart 3, which can be felt. Approach every level from below while the force rises, \
             and from above while it falls.</li>");
     }
-    let most = series.levels_n.iter().copied().fold(0.0, f64::max);
-    let _ = write!(
-        text,
+    text.push_str(
         "<li>Take the levels one after the other, without going beyond any: after each change wait 3 s and until force and gauges stand \
-         still, then average over 2 s.</li><li>At {most} N the tool should have moved by {:.0} µm, and the largest reading have changed by \
-         {:.0} µm.</li></ol>",
-        predicted.displacement_m * 1e6,
-        predicted.largest_m * 1e6
+         still, then average over 2 s.</li>",
     );
+    // With compensation the readings tell what the plan is to find out.
+    if !series.compensated {
+        let most = series.levels_n.iter().copied().fold(0.0, f64::max);
+        let _ = write!(
+            text,
+            "<li>At {most} N the tool should have moved by {:.0} µm, and the largest reading have changed by {:.0} µm.</li>",
+            predicted.displacement_m * 1e6,
+            predicted.largest_m * 1e6
+        );
+    }
+    text.push_str("</ol>");
     text.push_str("<table><tr><th>window</th>");
     for (window, _) in series.levels_n.iter().enumerate() {
         let _ = write!(text, "<td>{}</td>", window + 1);

@@ -41,8 +41,9 @@ impl<const N: usize> Campaign<N> {
     pub(super) fn mounting_text(&self) -> String {
         let series = &self.plan.series[self.series];
         let mounting = &self.plan.mountings[series.mounting];
+        let state = if series.compensated { ", compensation on" } else { "" };
         let wait = if self.is_unattended { "waiting for the gauges" } else { "press Enter with the strap slack" };
-        format!("series {}: mount {mounting}; {wait}", series.name)
+        format!("series {}{state}: mount {mounting}; {wait}", series.name)
     }
 
     /// Says what is waited for, now and then.
