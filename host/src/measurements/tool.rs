@@ -87,7 +87,7 @@ pub fn parse<const N: usize>(path: &Path, text: &str, model: &str, table: &[u8])
 
 fn parse_setup(path: &Path, text: &str, model: &str) -> Result<SetupFile, FileError> {
     let file: SetupFile = setup::parse(path, text)?;
-    let refused = |key: &str, reason: String| Err(FileError::key(path, key.to_owned(), reason));
+    let refused = |key: &str, reason: String| Err(FileError::key(path, key, reason));
     if file.format != FORMAT {
         return refused("format", format!("is {:?}; expected {FORMAT:?}", file.format));
     }
