@@ -104,7 +104,8 @@ pub extern "C" fn client(
         let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity()).ok()?;
         let config = CompensatorConfig { gain, limits: [Default::default(); 3], metres_per_q: [1.0; 3] };
         let compensator = l2::Compensator::new(&kinematics, &compliances, config).ok()?;
-        let Reading::Load(load) = ForceSensor::new(*mounting).ok()?.update(&Wrench::from_array(*raw), platform).ok()? else {
+        let Reading::Load(load) = ForceSensor::new(*mounting).ok()?.update(&Wrench::from_array(*raw), platform).ok()?
+        else {
             return None;
         };
         let inverse = kinematics.inverse(tcp_m).map_or(0.0, |q| q.iter().sum());
