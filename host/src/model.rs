@@ -85,6 +85,18 @@ pub trait Compensator<const N: usize>: Send {
     /// [`KinematicsError`]. It leaves the compensator usable; an F1 finds its pose again by the third call.
     fn locate(&mut self, nominal: &[PositionNm; N]) -> Result<Pose, KinematicsError>;
 
+    /// Returns how a load turns the platform away from `pose`, world axes, rad, to first order: a force sensor on it turns along. Zero where
+    /// the turning is compensated.
+    ///
+    /// # Errors
+    /// [`KinematicsError`].
+    fn turned_rad(
+        &self,
+        pose: &Pose,
+        nominal: &[PositionNm; N],
+        load: &Wrench,
+    ) -> Result<Vector3<f64>, KinematicsError>;
+
     /// Returns the offsets that hold the tool where the nominal positions put it, in `pose`, under a load.
     ///
     /// # Errors

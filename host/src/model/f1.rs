@@ -114,6 +114,11 @@ impl Compensator<AXES> for F1Compensator {
         }
     }
 
+    /// Six axes hold the orientation as well; what a gain below one leaves of the turning is not followed.
+    fn turned_rad(&self, _: &Pose, _: &[PositionNm; AXES], _: &Wrench) -> Result<Vector3<f64>, KinematicsError> {
+        Ok(Vector3::zeros())
+    }
+
     fn correct(
         &self,
         pose: &Pose,

@@ -70,6 +70,17 @@ impl Compensator<AXES> for L2Compensator {
         Ok(kinematics.pose(kinematics.forward(&self.springs.config().q_of(nominal))?))
     }
 
+    fn turned_rad(
+        &self,
+        pose: &Pose,
+        nominal: &[PositionNm; AXES],
+        load: &Wrench,
+    ) -> Result<Vector3<f64>, KinematicsError> {
+        let machine = self.springs.machine();
+        let lines = machine.kinematics().line_matrix(pose, &self.springs.config().q_of(nominal))?;
+        Ok(lines.deflection(machine.compliances(), load)?.total.rotation_rad)
+    }
+
     fn correct(
         &self,
         pose: &Pose,
