@@ -90,6 +90,7 @@ fn all() -> Vec<Example> {
         }
         SensorError {
             SensorError::NotRotation => ALONE,
+            SensorError::PlatformNotRotation => ALONE,
             SensorError::OutOfRange { parameter: "cycle_s", lower: 1e-6, upper: 10.0 } => (-1, Cycle, 0, [0.0, 1e-6, 10.0]),
             SensorError::BadReading => ALONE,
             SensorError::InvalidState => ALONE,
