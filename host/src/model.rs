@@ -104,6 +104,21 @@ pub trait Compensator<const N: usize>: Send {
     fn correct(&self, pose: &Pose, nominal: &[PositionNm; N], load: &Wrench) -> Result<Correction<N>, KinematicsError>;
 }
 
+/// Returns positions in q-units, of axes of `metres_per_q`, as the reference path has them.
+///
+/// # Errors
+/// `NotFinite` for positions beyond it.
+pub(crate) fn on_path<const N: usize>(
+    q: &[f64; N],
+    metres_per_q: &[f64; N],
+) -> Result<[PositionNm; N], KinematicsError> {
+    let mut path = [PositionNm(0); N];
+    for ((position, q), metres) in path.iter_mut().zip(q).zip(metres_per_q) {
+        *position = PositionNm::from_metres(Metres(q * metres)).map_err(|_| KinematicsError::NotFinite)?;
+    }
+    Ok(path)
+}
+
 /// Positions of the axes for a pose under a load, q-units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Held<const N: usize> {
@@ -127,10 +142,7 @@ impl<const N: usize> Held<N> {
         q: &[f64; N],
         load: &Wrench,
     ) -> Result<Self, KinematicsError> {
-        let mut path = [PositionNm(0); N];
-        for ((position, q), metres) in path.iter_mut().zip(q).zip(metres_per_q) {
-            *position = PositionNm::from_metres(Metres(q * metres)).map_err(|_| KinematicsError::NotFinite)?;
-        }
+        let path = on_path(q, metres_per_q)?;
         let correction = compensator.correct(pose, &path, load)?;
         let (mut nominal, mut corrected) = (*q, *q);
         let both = nominal.iter_mut().zip(&mut corrected).zip(path).zip(correction.offsets);

@@ -1,6 +1,6 @@
 //! A campaign on the simulated machine, without sockets: its springs, its strap, its sensor and its gauges, all drawn by seed.
 
-use gantry_tau_core::model::kinematics::Pose;
+use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::OffsetNm;
@@ -15,7 +15,7 @@ use super::table::Row;
 use crate::elastic::{ElasticError, Equilibrium};
 use crate::measurements::plan::{Plan, PlannedSeries};
 use crate::measurements::springs::SetupNoise;
-use crate::model::{Compensator, Held, MachineKind};
+use crate::model::{Compensator, Held, MachineKind, on_path};
 use crate::robot_file::{RobotFile, RobotFileError};
 use crate::sim::force_sensor::Mounting;
 use crate::sim::gauges::SimulatedGauges;
@@ -182,13 +182,29 @@ impl<const N: usize> Client<N> {
     }
 
     /// Positions of the axes, q-units, with the offsets that hold the tool in a pose whose axes are at `q`. `change` is that of what the sensor
-    /// shows since it was tared; as the client knows no other, it is turned by the rotation of the nominal pose.
+    /// shows since it was tared in the nominal pose; as in the client, the sensor turns along with the platform under the load.
     fn held(&self, pose: &Pose, q: &[f64; N], change: &Vector6<f64>, noise: &Vector6<f64>) -> Result<[f64; N], String> {
-        let platform = UnitQuaternion::from_matrix(&pose.rotation);
-        let weight = self.mounting.seen(&Vector6::zeros(), &platform);
-        let load = self.mounting.load(&(change + weight), &platform) + noise;
-        let held = Held::new(&*self.compensator, &self.metres_per_q, pose, q, &Wrench::from_array(load.into()));
-        held.map(|held| held.corrected).map_err(|error| error.to_string())
+        self.corrected(pose, q, change, noise).map_err(|error| error.to_string())
+    }
+
+    fn corrected(
+        &self,
+        pose: &Pose,
+        q: &[f64; N],
+        change: &Vector6<f64>,
+        noise: &Vector6<f64>,
+    ) -> Result<[f64; N], KinematicsError> {
+        let nominal = on_path(q, &self.metres_per_q)?;
+        let unturned = UnitQuaternion::from_matrix(&pose.rotation);
+        let raw = change + self.mounting.seen(&Vector6::zeros(), &unturned);
+        let (mut platform, mut load) = (unturned, Wrench::zero());
+        for _ in 0..CLIENT_ROUNDS {
+            load = Wrench::from_array((self.mounting.load(&raw, &platform) + noise).into());
+            let turned_rad = self.compensator.turned_rad(pose, &nominal, &load)?;
+            platform = UnitQuaternion::from_scaled_axis(turned_rad) * unturned;
+        }
+        let held = Held::new(&*self.compensator, &self.metres_per_q, pose, q, &load)?;
+        Ok(held.corrected)
     }
 }
 
