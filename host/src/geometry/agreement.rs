@@ -50,12 +50,13 @@ pub struct Agreement<S> {
     pub outliers: Vec<usize>,
 }
 
-/// Fits a machine from `start`. Poses that do not agree are left out, until nothing changes.
+/// Fits a machine from `start`. Poses that do not agree are left out, until nothing changes; so are, to begin with, those that the start
+/// cannot stand in.
 ///
 /// # Errors
 /// [`FitError`].
 pub fn fit_agreeing<M: Model>(model: &M, start: M::State) -> Result<Agreement<M::State>, FitError<M::Error>> {
-    let mut used: Vec<usize> = (0..model.count()).collect();
+    let mut used: Vec<usize> = (0..model.count()).filter(|index| model.length_sd(&start, *index).is_finite()).collect();
     let mut state = start;
     let mut rounds = 0;
     loop {

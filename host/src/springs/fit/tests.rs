@@ -101,11 +101,10 @@ fn a_set_up_that_is_known_about_widens_the_intervals_as_much_as_it_must() {
 fn an_f1_with_gauges_on_every_axis_and_a_set_up_that_is_known_about() {
     let robot = RobotFile::builtin_f1().unwrap();
     let home = robot.home_m().into();
-    let coverage = coverage(60, ABOUT, || Bench::new(&robot, &[home], &straps(1, &HOOKS), FINE));
-    let pooled = coverage.held.mean() / 60.0;
-    // 12 x 60 intervals, correlated within a campaign.
-    assert!((0.91..=0.985).contains(&pooled), "{pooled}: {}", coverage.held);
-    assert!((0.98..1.02).contains(&coverage.reduced), "{}", coverage.reduced);
+    let coverage = coverage(200, ABOUT, || Bench::new(&robot, &[home], &straps(1, &HOOKS), FINE));
+    let pooled = coverage.held.mean() / 200.0;
+    assert!((0.93..=0.97).contains(&pooled), "{pooled}: {}", coverage.held);
+    assert!((0.99..1.01).contains(&coverage.reduced), "{}", coverage.reduced);
 }
 
 /// Without gauges on the carts, link 11 and cart 1 are one spring at one pose: `c_11 + c_1 (s_11 . v_1)^2`.
