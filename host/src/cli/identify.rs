@@ -46,7 +46,10 @@ pub(crate) struct Identify {
     /// Take the noise from the residuals, not from the set-up
     #[arg(long)]
     scale: bool,
-    /// Fit the hysteresis of each gauge
+    /// Compare compliances of the links of their own beyond the jump with those before it; reported, not written
+    #[arg(long)]
+    two_regimes: bool,
+    /// Fit the hysteresis of each gauge; below two standard deviations it is dropped
     #[arg(long)]
     hysteresis: bool,
     /// Fit a drift of each gauge in each series; the table needs time_s
@@ -71,6 +74,7 @@ impl Identify {
             robot: self.robot,
             is_scaled: self.scale,
             is_robust: !self.no_robust,
+            has_two_regimes: self.two_regimes,
             has_hysteresis: self.hysteresis,
             has_drift: self.drift,
         };
@@ -91,9 +95,10 @@ impl Identify {
     }
 
     fn run_tool(self, robot: &AnyRobotFile) -> Outcome {
-        if self.report.is_some() || self.scale || self.hysteresis || self.drift || self.no_robust {
+        let fits = self.scale || self.two_regimes || self.hysteresis || self.drift || self.no_robust;
+        if self.report.is_some() || fits {
             return Err(
-                "--report, --scale, --hysteresis, --drift and --no-robust are for springs; leave them out".into()
+                "--report, --scale, --two-regimes, --hysteresis, --drift and --no-robust are for springs; leave them out".into()
             );
         }
         let identified = tool::identify(robot, &ToolOptions { setup: self.setup, robot: self.robot })?;

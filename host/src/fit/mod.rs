@@ -8,5 +8,6 @@
 
 pub mod answer;
 pub mod least_squares;
+pub mod runs;
 pub mod statistics;
 pub mod svd;

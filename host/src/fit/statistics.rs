@@ -35,6 +35,12 @@ pub fn normal_quantile(p: f64) -> f64 {
     Normal::standard().inverse_cdf(p)
 }
 
+/// Returns the probability that a standard normal variable is below `value`.
+#[must_use]
+pub fn normal_below(value: f64) -> f64 {
+    Normal::standard().cdf(value)
+}
+
 /// Returns the median; NaN of nothing.
 #[must_use]
 pub fn median(mut values: Vec<f64>) -> f64 {
@@ -62,6 +68,7 @@ mod tests {
     fn quantiles_are_those_of_the_tables() {
         let close = |found: f64, table: f64| assert!((found / table - 1.0).abs() < 5e-5, "{found} {table}");
         close(normal_quantile(0.975), NORMAL_95);
+        close(normal_below(-1.0), 0.158_655);
         close(chi_squared_quantile(0.95, 1), 3.841_46);
         close(chi_squared_quantile(0.999, 10), 29.588_3);
         close(chi_squared_above(3.841_46, 1), 0.05);

@@ -39,6 +39,19 @@ pub(super) struct Agreement<const N: usize> {
 }
 
 impl<const N: usize> Agreement<N> {
+    /// Fits; leaves out what does not agree only if `is_robust`.
+    pub(super) fn find(
+        question: &Question<'_, N>,
+        choice: &Choice,
+        start: State<N>,
+        is_robust: bool,
+    ) -> Result<Self, SpringsError> {
+        if is_robust {
+            return fit_agreeing(question, choice, start);
+        }
+        Ok(Self { solved: fit(question, choice, start)?, choice: choice.clone(), refused: Vec::new() })
+    }
+
     /// Chi-squared, with every refused reading and every moved gauge at the limit: what fits with different choices are compared by.
     pub(super) fn cost(&self) -> f64 {
         let events = self.refused.len() + self.choice.shifts.len();

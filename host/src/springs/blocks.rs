@@ -89,7 +89,7 @@ impl Blocks {
     ) -> Option<Self> {
         let constants = &question.setup;
         let columns = Columns {
-            parameters: lines.first()?.springs.ncols() + choice.besides_springs(question.campaign),
+            parameters: lines.first()?.springs.ncols() + choice.besides_springs(),
             mounting: constants.per_mounting(),
             sensor: constants.of_sensor(),
             extras: extras.len(),
@@ -296,14 +296,16 @@ fn rest<const N: usize>(
     let mut next = springs;
     if choice.has_play() {
         if choice.is_crossed[lines.window] {
-            rest.column_mut(next).copy_from(&lines.play);
+            rest.column_mut(next).copy_from(&lines.play());
+            let of_links = choice.beyond.columns(&lines.lengths, &lines.springs);
+            rest.columns_mut(next + 1, of_links.ncols()).copy_from(&of_links);
         }
-        next += 1;
+        next += 1 + choice.of_links();
     }
-    if choice.has_hysteresis {
-        let stroke = f64::from(question.campaign.windows[lines.window].stroke);
-        for (row, gauge) in lines.gauges.iter().enumerate() {
-            rest[(row, next + gauge)] = stroke;
+    let stroke = f64::from(question.campaign.windows[lines.window].stroke);
+    for (place, gauge) in choice.hysteresis.iter().enumerate() {
+        if let Some(row) = lines.gauges.iter().position(|other| other == gauge) {
+            rest[(row, next + place)] = stroke;
         }
     }
     rest.columns_mut(columns.parameters, columns.mounting).copy_from(&lines.mounting);
@@ -311,7 +313,7 @@ fn rest<const N: usize>(
     let constants = columns.parameters + columns.mounting + columns.sensor;
     rest.column_mut(constants).copy_from(&lines.misclosures);
     if let Some(extra) = extras.iter().position(|window| *window == lines.window) {
-        rest.column_mut(constants + 1 + extra).copy_from(&lines.play);
+        rest.column_mut(constants + 1 + extra).copy_from(&lines.play());
     }
     rest
 }

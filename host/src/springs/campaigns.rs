@@ -127,6 +127,17 @@ impl<const N: usize> Bench<N> {
         gap_m: f64,
         beyond: impl Fn(f64, i8) -> f64,
     ) {
+        self.measure_with(truth, random, beyond, |_| Vector6::new(0.0, 0.0, 0.0, gap_m, gap_m, gap_m));
+    }
+
+    /// As [`measure`](Self::measure), with links that are longer by what their tensions say.
+    pub(super) fn measure_with(
+        &mut self,
+        truth: &Compliances<N>,
+        random: &mut ChaCha8Rng,
+        beyond: impl Fn(f64, i8) -> f64,
+        elongations_m: impl Fn(&Vector6<f64>) -> Vector6<f64>,
+    ) {
         let question = self.question();
         let campaign = &self.campaign;
         let machine = ElasticMachine::new(self.geometry, *truth, Backlash::NONE);
@@ -141,7 +152,10 @@ impl<const N: usize> Bench<N> {
             let rigid = machine.equilibrium(&window.q, &window.load, &began).unwrap();
             let mut longer = self.geometry;
             let share = beyond(rigid.cluster_3_n(), window.stroke);
-            longer.lengths_m.iter_mut().skip(3).for_each(|length| *length += gap_m * share);
+            if share > 0.0 {
+                let elongations_m = elongations_m(&rigid.tensions_n) * share;
+                longer.lengths_m.iter_mut().zip(&elongations_m).for_each(|(length, by)| *length += by);
+            }
             let machine = ElasticMachine::new(longer, *truth, Backlash::NONE);
             let now: Equilibrium<N> = machine.equilibrium(&window.q, &window.load, &rigid).unwrap();
             let read = |gauge: usize| {

@@ -1,5 +1,6 @@
 //! Readings that a fit uses, and unknowns that it has besides the springs.
 
+use super::beyond::Beyond;
 use crate::measurements::springs::Campaign;
 
 /// Readings that a fit uses, and unknowns that it has besides the springs.
@@ -11,10 +12,14 @@ pub(super) struct Choice {
     pub(super) shifts: Vec<Shift>,
     /// Windows beyond the jump. The play is fitted if there are any.
     pub(super) is_crossed: Vec<bool>,
-    /// The half-width of the hysteresis of each gauge is fitted.
-    pub(super) has_hysteresis: bool,
+    /// What the links do there.
+    pub(super) beyond: Beyond,
+    /// Gauges whose half-width of the hysteresis is fitted.
+    pub(super) hysteresis: Vec<usize>,
     /// A drift of each gauge in each series is fitted.
     pub(super) has_drift: bool,
+    /// Parameter that keeps the value of the start.
+    pub(super) fixed: Option<usize>,
 }
 
 /// A gauge that stays shifted from a window of its series on: it has another zero from there.
@@ -33,9 +38,23 @@ impl Choice {
             weights: campaign.windows.iter().map(|window| vec![1.0; window.readings_m.len()]).collect(),
             shifts: Vec::new(),
             is_crossed: vec![false; campaign.windows.len()],
-            has_hysteresis: false,
+            beyond: Beyond::Play,
+            hysteresis: Vec::new(),
             has_drift: false,
+            fixed: None,
         }
+    }
+
+    /// The same unknowns with every reading again, nothing shifted; the windows `inside` a crossing take no part.
+    pub(super) fn anew<const N: usize>(&self, campaign: &Campaign<N>, inside: &[usize]) -> Self {
+        let Self { weights, .. } = Self::all(campaign);
+        let mut choice = Self { weights, shifts: Vec::new(), ..self.clone() };
+        for window in inside {
+            choice.weights[*window].fill(0.0);
+            // A threshold may have had only this window beyond it.
+            choice.is_crossed[*window] = false;
+        }
+        choice
     }
 
     /// True if the play is fitted.
@@ -43,8 +62,13 @@ impl Choice {
         self.is_crossed.contains(&true)
     }
 
-    /// Unknowns of the fit besides the springs: the play, and the hysteresis of each gauge.
-    pub(super) fn besides_springs<const N: usize>(&self, campaign: &Campaign<N>) -> usize {
-        usize::from(self.has_play()) + if self.has_hysteresis { campaign.gauges.len() } else { 0 }
+    /// Unknowns of the links beyond the jump, besides the play.
+    pub(super) fn of_links(&self) -> usize {
+        if self.has_play() { self.beyond.unknowns() } else { 0 }
+    }
+
+    /// Unknowns of the fit besides the springs: the play, the links beyond the jump, the hysteresis of gauges.
+    pub(super) fn besides_springs(&self) -> usize {
+        usize::from(self.has_play()) + self.of_links() + self.hysteresis.len()
     }
 }

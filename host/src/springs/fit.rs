@@ -27,7 +27,7 @@ const CONVERGED_PRIOR_SD: f64 = 1e-3;
 /// Largest factor that a compliance changes by in a round: none becomes negative.
 const MOST_CHANGE: f64 = 20.0;
 /// Change of a compliance, in file's values, that a result is refused at: it runs away to zero or to infinity.
-const MOST_FACTOR: f64 = 100.0;
+pub(super) const MOST_FACTOR: f64 = 100.0;
 /// Elongation that is a scale of the play before one is known, and hysteresis of a gauge that would matter; m.
 const PLAY_SCALE_M: f64 = 20e-6;
 const HYSTERESIS_SCALE_M: f64 = 10e-6;
@@ -76,13 +76,13 @@ pub enum SpringsError {
 #[derive(Clone, Debug)]
 pub(super) struct Solved<const N: usize> {
     pub(super) state: State<N>,
-    /// Half-widths of the hysteresis of each gauge, m; empty if not fitted.
+    /// Half-widths of the hysteresis, m; of the gauges of the choice.
     pub(super) hysteresis_m: DVector<f64>,
     /// The campaign, linearised there.
     pub(super) lines: Vec<Lines>,
     /// Misclosures less the zeros, m; by window and row of its lines.
     pub(super) left: Vec<DVector<f64>>,
-    /// Rows for the parameters: compliances, play, hysteresis.
+    /// Rows for the parameters: compliances, play, links beyond the jump, hysteresis.
     pub(super) rows: Rows,
     /// What they see, in shares of the file's compliances.
     pub(super) seen: Seen,
@@ -93,12 +93,13 @@ pub(super) struct Solved<const N: usize> {
 }
 
 impl<const N: usize> Solved<N> {
-    /// Values of the parameters: compliances, elongation by the play, hysteresis.
+    /// Values of the parameters: compliances, elongation by the play, links beyond the jump, hysteresis.
     pub(super) fn values(&self, choice: &Choice) -> DVector<f64> {
         let play = choice.has_play().then_some(self.state.elongation_m);
         let springs = vector(&self.state.compliances);
-        let all: Vec<f64> = springs.iter().copied().chain(play).chain(self.hysteresis_m.iter().copied()).collect();
-        DVector::from_vec(all)
+        let links = self.state.beyond.iter().take(choice.of_links());
+        let all = springs.iter().copied().chain(play).chain(links.copied()).chain(self.hysteresis_m.iter().copied());
+        DVector::from_vec(all.collect())
     }
 
     /// Degrees of freedom: readings that are used, less zeros and parameters.
@@ -120,7 +121,10 @@ fn scales<const N: usize>(question: &Question<'_, N>, choice: &Choice, state: &S
     let springs = vector(question.file);
     let play = choice.has_play().then(|| state.elongation_m.abs().max(PLAY_SCALE_M));
     let mut all: Vec<f64> = springs.iter().copied().chain(play).collect();
-    all.resize(springs.len() + choice.besides_springs(question.campaign), HYSTERESIS_SCALE_M);
+    if choice.has_play() {
+        all.extend(choice.beyond.scales(PLAY_SCALE_M, springs.as_slice()));
+    }
+    all.resize(springs.len() + choice.besides_springs(), HYSTERESIS_SCALE_M);
     DVector::from_vec(all)
 }
 
@@ -149,17 +153,22 @@ pub(super) fn rounds<const N: usize>(
 ) -> Result<Solved<N>, SpringsError> {
     let springs = LINKS + N;
     let mut state = start;
-    let hysteresis = if choice.has_hysteresis { question.campaign.gauges.len() } else { 0 };
+    let (of_links, hysteresis) = (choice.of_links(), choice.hysteresis.len());
+    if state.beyond.len() != of_links {
+        state.beyond = DVector::zeros(of_links);
+    }
     let mut hysteresis_m = DVector::zeros(hysteresis);
     let mut rounds = 1;
     loop {
         let mut lines = question.lines(&state, &choice.is_crossed)?;
-        take_off_hysteresis(question, &mut lines, &hysteresis_m);
-        let blocks = Blocks::new(question, choice, &lines, &state.setup, &[]).ok_or(SpringsError::Noise)?;
+        take_off_hysteresis(question, choice, &mut lines, &hysteresis_m);
+        let mut blocks = Blocks::new(question, choice, &lines, &state.setup, &[]).ok_or(SpringsError::Noise)?;
         let scales = scales(question, choice, &state);
         if blocks.rows.degrees() < scales.len() {
             return Err(SpringsError::TooFew { readings: blocks.rows.degrees(), parameters: scales.len() });
         }
+        // A parameter that nothing depends on keeps its value.
+        choice.fixed.into_iter().for_each(|fixed| blocks.rows.derivatives.column_mut(fixed).fill(0.0));
         let seen = Seen::new(&blocks.rows, &scales);
         let step = bounded(question, &state, seen.step(0.0));
         let Eliminated { setup, loads, left } = blocks.eliminated(question, &lines, &state, &step);
@@ -169,6 +178,7 @@ pub(super) fn rounds<const N: usize>(
         }
         state.compliances = compliances_of(&(vector(&state.compliances) + step.rows(0, springs)))?;
         state.elongation_m += if choice.has_play() { step[springs] } else { 0.0 };
+        state.beyond += step.rows((springs + 1).min(step.len() - of_links), of_links);
         hysteresis_m += step.rows(step.len() - hysteresis, hysteresis);
         state.setup += setup;
         state.loads = loads;
@@ -177,11 +187,18 @@ pub(super) fn rounds<const N: usize>(
 }
 
 /// Readings rise with the force by half the width of the hysteresis late, and fall by as much early.
-fn take_off_hysteresis<const N: usize>(question: &Question<'_, N>, lines: &mut [Lines], half_widths_m: &DVector<f64>) {
-    for lines in lines.iter_mut().filter(|_| !half_widths_m.is_empty()) {
+fn take_off_hysteresis<const N: usize>(
+    question: &Question<'_, N>,
+    choice: &Choice,
+    lines: &mut [Lines],
+    half_widths_m: &DVector<f64>,
+) {
+    for lines in lines {
         let stroke = f64::from(question.campaign.windows[lines.window].stroke);
-        for (misclosure, gauge) in lines.misclosures.iter_mut().zip(&lines.gauges) {
-            *misclosure -= stroke * half_widths_m[*gauge];
+        for (gauge, half_width_m) in choice.hysteresis.iter().zip(half_widths_m) {
+            if let Some(row) = lines.gauges.iter().position(|other| other == gauge) {
+                lines.misclosures[row] -= stroke * half_width_m;
+            }
         }
     }
 }
@@ -196,13 +213,22 @@ fn bounded<const N: usize>(question: &Question<'_, N>, state: &State<N>, mut ste
     step
 }
 
-/// Sum of the squares of the prediction errors of each series by the others, in standard deviations, per reading; `None` for a series that
-/// shows a parameter alone. Exact, by block leverages `(I - H_bb)^-1 e_b`; the constants of the set-up are taken as found.
-pub(super) fn left_out_errors<const N: usize>(
+/// Mean squares of the errors of one series, in standard deviations, per reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct SeriesErrors {
+    /// Of the fit.
+    pub(super) fitted: f64,
+    /// Of the prediction by the other series; `None` if this one shows a parameter alone.
+    pub(super) left_out: Option<f64>,
+}
+
+/// Errors of each series by the fit, and by the other series: exact, by block leverages `(I - H_bb)^-1 e_b`. The constants of the set-up are
+/// taken as found.
+pub(super) fn series_errors<const N: usize>(
     question: &Question<'_, N>,
     choice: &Choice,
     solved: &Solved<N>,
-) -> Option<Vec<Option<f64>>> {
+) -> Option<Vec<SeriesErrors>> {
     let exact = Question { setup: question.setup.exact(), ..*question };
     let lines: Vec<Lines> = solved.lines.iter().map(Lines::without_setup).collect();
     let scales = scales(question, choice, &solved.state);
@@ -215,7 +241,11 @@ pub(super) fn left_out_errors<const N: usize>(
         let least = remaining.clone().symmetric_eigenvalues().min();
         // Alone in showing a parameter: nothing is predicted.
         let solved = (least > ALONE).then(|| remaining.cholesky().map(|factor| factor.solve(&rows.residuals)));
-        solved.flatten().map(|errors| errors.norm_squared() / float(size.max(1)))
+        let mean = |squares: f64| squares / float(size.max(1));
+        SeriesErrors {
+            fitted: mean(rows.chi_squared()),
+            left_out: solved.flatten().map(|errors| mean(errors.norm_squared())),
+        }
     });
     Some(errors.collect())
 }

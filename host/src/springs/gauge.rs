@@ -54,8 +54,8 @@ pub struct Derivatives<const N: usize> {
     pub load: Vector6<f64>,
     /// By the push at each axis, m per generalised newton.
     pub pushes: SVector<f64, N>,
-    /// By an elongation of all three links of cluster 3, which is what the play of its joint makes.
-    pub play: f64,
+    /// By the lengths of the links.
+    pub lengths: Vector6<f64>,
 }
 
 impl Gauge {
@@ -108,13 +108,10 @@ impl<const N: usize> Reading<N> {
             axes: loads.component_mul(&now.axis_loads),
             load,
             pushes: shift,
-            play: tensions.fixed_rows::<3>(CLUSTER_3).sum(),
+            lengths: tensions,
         }
     }
 }
-
-/// First link of cluster 3 in link order.
-const CLUSTER_3: usize = 3;
 
 const _: () = assert!(LINKS == 6, "one tension per link");
 

@@ -4,14 +4,12 @@ use gantry_tau_core::model::f1;
 use gantry_tau_core::model::robot::{Compliances, LINKS, RobotError};
 use nalgebra::{DMatrix, DVector, Matrix6, SVector, UnitQuaternion, Vector6};
 
+use super::beyond::{CLUSTER_3, longer};
 use super::gauge::Gauge;
 use super::setup::SetupConstants;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
 use crate::measurements::springs::{Campaign, Window};
-
-/// First link of cluster 3 in link order.
-const CLUSTER_3: usize = 3;
 
 /// A campaign, and the machine that it was made on.
 pub(super) struct Question<'a, const N: usize> {
@@ -28,6 +26,8 @@ pub(super) struct State<const N: usize> {
     pub(super) compliances: Compliances<N>,
     /// Elongation of the links of cluster 3 in windows beyond the jump, m.
     pub(super) elongation_m: f64,
+    /// What else the links do there, by [`Beyond`](super::beyond::Beyond).
+    pub(super) beyond: DVector<f64>,
     /// Constants of the set-up, in standard deviations of their priors.
     pub(super) setup: DVector<f64>,
     /// True load of each window.
@@ -45,8 +45,8 @@ pub(super) struct Lines {
     pub(super) misclosures: DVector<f64>,
     /// By the compliances of links and axes.
     pub(super) springs: DMatrix<f64>,
-    /// By the elongation of the links of cluster 3.
-    pub(super) play: DVector<f64>,
+    /// By the lengths of the links.
+    pub(super) lengths: DMatrix<f64>,
     /// By the constants of the mounting.
     pub(super) mounting: DMatrix<f64>,
     /// By the constants of the sensor.
@@ -81,6 +81,7 @@ impl<const N: usize> State<N> {
         Self {
             compliances: *question.file,
             elongation_m: 0.0,
+            beyond: DVector::zeros(0),
             setup: DVector::zeros(question.setup.count()),
             loads: question.campaign.windows.iter().map(|window| window.load).collect(),
         }
@@ -108,10 +109,6 @@ impl<const N: usize> Question<'_, N> {
     /// Linearises every window; `is_crossed` says which are beyond the jump.
     pub(super) fn lines(&self, state: &State<N>, is_crossed: &[bool]) -> Result<Vec<Lines>, LinesError> {
         let machine = ElasticMachine::new(*self.geometry, state.compliances, Backlash::NONE);
-        // Beyond the jump the links of cluster 3 act longer by the play: another length, and nothing else.
-        let mut longer = *self.geometry;
-        longer.lengths_m.iter_mut().skip(CLUSTER_3).for_each(|length| *length += state.elongation_m);
-        let beyond = ElasticMachine::new(longer, state.compliances, Backlash::NONE);
         let mut began: Vec<Option<Equilibrium<N>>> = vec![None; self.campaign.series.len()];
         let mut last = began.clone();
         let mut lines = Vec::with_capacity(self.campaign.windows.len());
@@ -122,12 +119,21 @@ impl<const N: usize> Question<'_, N> {
                 None => self.unloaded(&machine, window).map_err(failed)?,
             };
             began[window.series] = Some(first);
-            let machine = if is_crossed[index] { &beyond } else { &machine };
             let start = last[window.series].unwrap_or(first);
             let pushes = window.pushes_n.component_mul(&SVector::from(self.campaign.metres_per_q));
-            let now = machine.pushed_equilibrium(&window.q, &state.loads[index], &pushes, &start).map_err(failed)?;
+            let found = |machine: &ElasticMachine<N>| {
+                machine.pushed_equilibrium(&window.q, &state.loads[index], &pushes, &start).map_err(failed)
+            };
+            let machine = if is_crossed[index] {
+                let tensions_n = if state.beyond.is_empty() { Vector6::zeros() } else { found(&machine)?.tensions_n };
+                let longer = longer(self.geometry, state.elongation_m, &state.beyond, &tensions_n);
+                ElasticMachine::new(longer, state.compliances, Backlash::NONE)
+            } else {
+                machine
+            };
+            let now = found(&machine)?;
             last[window.series] = Some(now);
-            let line = self.window_lines(machine, state, index, &first.pose, &now);
+            let line = self.window_lines(&machine, state, index, &first.pose, &now);
             lines.push(line.ok_or_else(|| failed(ElasticError::Singular))?);
         }
         Ok(lines)
@@ -172,7 +178,7 @@ impl<const N: usize> Question<'_, N> {
             window: index,
             misclosures: DVector::zeros(count),
             springs: DMatrix::zeros(count, LINKS + N),
-            play: DVector::zeros(count),
+            lengths: DMatrix::zeros(count, LINKS),
             mounting: DMatrix::zeros(count, setup.per_mounting()),
             sensor: DMatrix::zeros(count, setup.of_sensor()),
             load: DMatrix::zeros(count, 6),
@@ -187,7 +193,7 @@ impl<const N: usize> Question<'_, N> {
             lines.springs.view_mut((row, 0), (1, LINKS)).copy_from(&derivatives.links.transpose());
             lines.springs.view_mut((row, LINKS), (1, N)).copy_from(&derivatives.axes.transpose());
             lines.load.view_mut((row, 0), (1, 6)).copy_from(&derivatives.load.transpose());
-            lines.play[row] = derivatives.play;
+            lines.lengths.set_row(row, &derivatives.lengths.transpose());
             let read = |gauge: &Gauge| gauge.read(machine, began, now).length_m;
             if let Some((place, by)) = setup.derivatives(campaign, &state.setup, window.mounting, gauge, read) {
                 lines.mounting.view_mut((row, place), (1, by.len())).copy_from_slice(&by);
@@ -201,6 +207,11 @@ impl<const N: usize> Question<'_, N> {
 }
 
 impl Lines {
+    /// Derivatives by an elongation of all three links of cluster 3, which is what the play of its joint makes.
+    pub(super) fn play(&self) -> DVector<f64> {
+        self.lengths.columns(CLUSTER_3, LINKS - CLUSTER_3).column_sum()
+    }
+
     /// The same lines with the constants of the set-up as they are found.
     pub(super) fn without_setup(&self) -> Self {
         let rows = self.gauges.len();

@@ -2,6 +2,7 @@
 #![expect(clippy::indexing_slicing, reason = "links, axes, gauges and windows are counted by the arrays themselves")]
 
 mod agreement;
+mod beyond;
 mod blocks;
 #[cfg(test)]
 mod campaigns;

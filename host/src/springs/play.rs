@@ -6,10 +6,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::agreement::{Agreement, fit_agreeing};
+use super::agreement::Agreement;
 use super::blocks::Blocks;
 use super::choice::Choice;
-use super::fit::{Solved, SpringsError, fit, left_out_errors};
+use super::fit::{SeriesErrors, Solved, SpringsError, fit, series_errors};
 use super::lines::{Lines, Question, State};
 
 /// Decrease of chi-squared that a play must bring: three unknowns.
@@ -71,17 +71,13 @@ pub(super) fn with_play<const N: usize>(
     without: &Agreement<N>,
     is_robust: bool,
 ) -> Result<Option<(Agreement<N>, FoundPlay)>, SpringsError> {
-    let mut choice = everything(without, question);
+    let mut choice = without.choice.anew(question.campaign, &[]);
     let Some(mut crossing) = thresholds(question, &choice, &without.solved) else { return Ok(None) };
     let mut found = None;
     for _ in 0..MAX_ROUNDS {
         choice.is_crossed = crossing.is_crossed(choice.is_crossed.len());
         let start = State { elongation_m: 0.0, ..without.solved.state.clone() };
-        let agreement = if is_robust {
-            fit_agreeing(question, &choice, start)?
-        } else {
-            Agreement { solved: fit(question, &choice, start)?, choice: choice.clone(), refused: Vec::new() }
-        };
+        let agreement = Agreement::find(question, &choice, start, is_robust)?;
         // Windows that disagree as a whole may only be on the wrong side.
         let again = with_whole_windows(&agreement.choice, question);
         let next = thresholds(question, &again, &agreement.solved);
@@ -107,15 +103,6 @@ pub(super) fn with_play<const N: usize>(
         [None, None] => return Ok(None),
     };
     Ok(Some((agreement, FoundPlay { gap_m, sign: crossing.sign, preload_n, inside })))
-}
-
-/// Every reading again, nothing shifted.
-fn everything<const N: usize>(without: &Agreement<N>, question: &Question<'_, N>) -> Choice {
-    Choice {
-        has_drift: without.choice.has_drift,
-        has_hysteresis: without.choice.has_hysteresis,
-        ..Choice::all(question.campaign)
-    }
 }
 
 /// The readings of a choice, and all of every window that has lost a third of them.
@@ -169,7 +156,7 @@ fn best<const N: usize>(
     // What the fitted play explains already is put back.
     let mut lines = solved.lines.clone();
     for lines in lines.iter_mut().filter(|lines| choice.is_crossed[lines.window]) {
-        lines.misclosures += &lines.play * solved.state.elongation_m;
+        lines.misclosures += lines.play() * solved.state.elongation_m;
     }
     let blocks = Blocks::new(question, &plain, &lines, &solved.state.setup, &extras)?;
     let mut together = blocks.extras.clone().insert_column(extras.len(), 0.0);
@@ -274,20 +261,12 @@ fn without_inside<const N: usize>(
     if inside.is_empty() {
         return Ok(Some((agreement, inside)));
     }
-    let mut choice = Choice { is_crossed: agreement.choice.is_crossed.clone(), ..everything(&agreement, question) };
-    inside.iter().for_each(|window| choice.weights[*window].fill(0.0));
-    // A threshold may have had only this window beyond it.
-    inside.iter().for_each(|window| choice.is_crossed[*window] = false);
+    let choice = agreement.choice.anew(question.campaign, &inside);
     if !choice.has_play() {
         return Ok(None);
     }
     let start = agreement.solved.state;
-    let agreement = if is_robust {
-        fit_agreeing(question, &choice, start)?
-    } else {
-        Agreement { solved: fit(question, &choice, start)?, choice, refused: Vec::new() }
-    };
-    Ok(Some((agreement, inside)))
+    Ok(Some((Agreement::find(question, &choice, start, is_robust)?, inside)))
 }
 
 /// True if the series that do not cross, or more than one that does, are predicted better by the others with the play than without it, from
@@ -296,10 +275,11 @@ fn predicts_better<const N: usize>(question: &Question<'_, N>, with: &Agreement<
     let choice = Choice { is_crossed: vec![false; with.choice.is_crossed.len()], ..with.choice.clone() };
     let start = State { elongation_m: 0.0, ..with.solved.state.clone() };
     let without = fit(question, &choice, start)?;
-    let without = left_out_errors(question, &choice, &without);
-    let with = left_out_errors(question, &with.choice, &with.solved);
+    let without = series_errors(question, &choice, &without);
+    let with = series_errors(question, &with.choice, &with.solved);
     let (Some(without), Some(with)) = (without, with) else { return Ok(false) };
-    let pairs = without.into_iter().zip(with).filter_map(|(without, with)| Some((without?, with?)));
+    let both = |(without, with): (SeriesErrors, SeriesErrors)| Some((without.left_out?, with.left_out?));
+    let pairs = without.into_iter().zip(with).filter_map(both);
     let (without, with) = pairs.fold((0.0, 0.0), |sums, pair| (sums.0 + pair.0, sums.1 + pair.1));
     Ok(with <= without)
 }

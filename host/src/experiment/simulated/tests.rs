@@ -146,6 +146,7 @@ fn identified(folder: &Folder, robot: &RobotFile<L2, 3>) -> serde_json::Value {
         robot: "l2".to_owned(),
         is_scaled: false,
         is_robust: true,
+        has_two_regimes: false,
         has_hysteresis: false,
         has_drift: false,
     };

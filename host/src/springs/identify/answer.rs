@@ -1,8 +1,14 @@
 //! Answers of an identification for programs: `"gantry-tau identified 1"`. SI units.
 
+use gantry_tau_core::model::robot::LINKS;
+use nalgebra::DMatrix;
 use serde::Serialize;
 
-use crate::fit::answer::{Parameter, Unobservable};
+use super::{Found, names};
+use crate::fit::answer::{Parameter, Status, Unobservable};
+use crate::fit::statistics::chi_squared_above;
+use crate::springs::agreement::Agreement;
+use crate::springs::lines::Question;
 
 /// First field of an answer.
 pub const FORMAT: &str = "gantry-tau identified 1";
@@ -14,7 +20,8 @@ pub struct Answer {
     pub format: &'static str,
     /// `l2` or `f1`.
     pub model: &'static str,
-    /// Compliances of links and axes; the play, where there is one; hysteresis of gauges, where it was asked for.
+    /// Compliances of links and axes; the play, where there is one; half-widths of the hysteresis of gauges, those that were asked for
+    /// and are two standard deviations or more.
     pub parameters: Vec<Parameter>,
     /// Covariance of the parameters, by rows.
     pub covariance: Vec<Vec<f64>>,
@@ -69,4 +76,72 @@ pub struct SetupAnswer {
     pub prior_sd: f64,
     /// Its deviation, in standard deviations of the prior.
     pub moved_sd: f64,
+}
+
+impl<const N: usize> Found<'_, N> {
+    /// Returns the answer; `model` is `l2` or `f1`.
+    pub(super) fn answer(&self, model: &'static str) -> Answer {
+        let Agreement { solved, choice, refused } = &self.agreement;
+        let (mut values, mut covariance) = (solved.values(choice), solved.seen.covariance());
+        if let Some(play) = &self.play {
+            let index = LINKS + N;
+            values[index] *= play.sign;
+            covariance.row_mut(index).scale_mut(play.sign);
+            covariance.column_mut(index).scale_mut(play.sign);
+        }
+        let (chi2, dof) = (solved.rows.chi_squared(), solved.degrees());
+        covariance *= self.intervals.variance(solved);
+        let names = names(self.question.campaign, choice, self.play.is_some());
+        let mut parameters = Parameter::list(&names, &values, &covariance, |index| Status::of(&solved.seen, index));
+        parameters.iter_mut().for_each(|parameter| parameter.set_reach(self.intervals.reach(solved)));
+        for profiled in &self.profiles {
+            [parameters[profiled.parameter].low95, parameters[profiled.parameter].high95] = profiled.ends;
+        }
+        let mut unobservable = solved.seen.lost();
+        unobservable.extend(solved.seen.weak());
+        let campaign = self.question.campaign;
+        let outlier = |series: usize, window: usize, gauge: usize| Outlier {
+            series: campaign.series[series].clone(),
+            window: campaign.windows[window].window.clone(),
+            gauge: campaign.gauges[gauge].name.clone(),
+        };
+        let readings = refused.iter().map(|(window, gauge)| outlier(campaign.windows[*window].series, *window, *gauge));
+        let shifts = choice.shifts.iter().map(|shift| outlier(shift.series, shift.window, shift.gauge));
+        Answer {
+            format: FORMAT,
+            model,
+            covariance: rows(&covariance),
+            chi2,
+            dof,
+            // Scaled noise says nothing about the model.
+            p: if self.intervals.is_scaled { 1.0 } else { chi_squared_above(chi2, dof) },
+            outliers: readings.chain(shifts).collect(),
+            unobservable: Unobservable::list(&names, &unobservable),
+            play: self.play.as_ref().map(|play| PlayAnswer {
+                gap_m: play.gap_m,
+                sd_m: parameters[LINKS + N].sd,
+                preload_rising_n: play.preload_n[0],
+                preload_falling_n: play.preload_n[1],
+            }),
+            parameters,
+            setup: self.setup(),
+        }
+    }
+
+    fn setup(&self) -> Vec<SetupAnswer> {
+        let Question { campaign, setup, .. } = &self.question;
+        let constants = setup.list(campaign).into_iter().zip(self.agreement.solved.state.setup.iter());
+        let answer = constants.map(|(constant, moved_sd)| SetupAnswer {
+            estimate: moved_sd * constant.prior_sd,
+            name: constant.name,
+            prior_sd: constant.prior_sd,
+            moved_sd: *moved_sd,
+        });
+        answer.collect()
+    }
+}
+
+/// A matrix by rows.
+fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
 }

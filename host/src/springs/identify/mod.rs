@@ -1,39 +1,39 @@
 //! `identify`: from measured forces and gauges, and a robot file, to the springs of this machine.
 
 pub mod answer;
+mod doubts;
+mod hysteresis;
+mod intervals;
+mod levels;
 mod plausible;
+mod profile;
+mod regimes;
+mod repeats;
 mod report;
+mod robot_text;
 mod thesis;
 
 use std::path::PathBuf;
 
 use gantry_tau_core::model::l2::AXES;
 use gantry_tau_core::model::robot::LINKS;
-use nalgebra::{DMatrix, Vector6};
 
-use super::agreement::{Agreement, fit_agreeing};
+use super::agreement::Agreement;
 use super::choice::Choice;
-use super::fit::{SpringsError, fit, rounds};
+use super::fit::{SpringsError, rounds};
 use super::lines::{Question, State};
 use super::play::{FoundPlay, with_play};
 use super::setup::SetupConstants;
-use crate::elastic::backlash::Backlash;
-use crate::elastic::{ElasticMachine, Equilibrium};
-use crate::fit::answer::{Parameter, Status, Unobservable};
-use crate::fit::statistics::{chi_squared_above, float, students_t_95};
+use crate::fit::answer::Unobservable;
 use crate::measurements::FileError;
 use crate::measurements::springs::{self, Campaign};
 use crate::model::MachineKind;
-use crate::robot_file::edit::RobotText;
-use crate::robot_file::{Identified, Play, RobotFile, RobotFileError};
-use answer::{Answer, FORMAT, Outlier, PlayAnswer, SetupAnswer};
-
-/// Smallest probability of the residuals at which a model is believed.
-const LEAST_P: f64 = 1e-3;
-/// Largest share of readings that may be left out.
-const MOST_OUTLIERS: f64 = 0.1;
-/// Standard deviations of its prior that a constant of the set-up may move by before it is named.
-const MOST_MOVED_SD: f64 = 3.0;
+use crate::robot_file::{RobotFile, RobotFileError};
+use hysteresis::{Kept, drop_small};
+use intervals::Intervals;
+use profile::{Profiled, profiles};
+use regimes::TwoRegimes;
+use repeats::Repeats;
 
 /// Options of an identification.
 #[derive(Clone, Debug)]
@@ -46,7 +46,9 @@ pub struct IdentifyOptions {
     pub is_scaled: bool,
     /// Readings that do not agree are left out.
     pub is_robust: bool,
-    /// The half-width of the hysteresis of each gauge is fitted.
+    /// Compliances of the links of their own beyond the jump are compared with those before it.
+    pub has_two_regimes: bool,
+    /// The half-width of the hysteresis of each gauge is fitted, and dropped where it is too small to be seen.
     pub has_hysteresis: bool,
     /// A drift of each gauge in each series is fitted.
     pub has_drift: bool,
@@ -112,6 +114,14 @@ struct Found<'a, const N: usize> {
     question: Question<'a, N>,
     agreement: Agreement<N>,
     play: Option<FoundPlay>,
+    intervals: Intervals,
+    /// Gauges whose hysteresis was dropped, by index.
+    dropped: Vec<usize>,
+    /// The links before and beyond the jump, or why they are not compared; `None` if nobody asked.
+    regimes: Option<Result<TwoRegimes, String>>,
+    /// Intervals of the springs that are known badly.
+    profiles: Vec<Profiled>,
+    repeats: Option<Repeats>,
 }
 
 /// Identifies the springs of the machine of a robot file.
@@ -131,7 +141,7 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     let question = Question { geometry: &geometry, file, campaign: &campaign, setup };
     plausible::check(&question)?;
     let found = find(question, options)?;
-    let answer = found.answer(K::MODEL, options);
+    let answer = found.answer(K::MODEL);
     let doubts = found.doubts(&answer);
     let mut warnings = found.warnings(&answer);
     let robot_file = found.robot_file(robot, options, &answer, &mut warnings)?;
@@ -152,7 +162,7 @@ fn find<'a, const N: usize>(
     let table = question.campaign.table.clone();
     let failed = |reason: SpringsError| IdentifyError::Fit { table: table.clone(), reason };
     let choice = Choice {
-        has_hysteresis: options.has_hysteresis,
+        hysteresis: if options.has_hysteresis { (0..question.campaign.gauges.len()).collect() } else { Vec::new() },
         has_drift: options.has_drift,
         ..Choice::all(question.campaign)
     };
@@ -167,20 +177,22 @@ fn find<'a, const N: usize>(
         (reason, _) => IdentifyError::Fit { table: table.clone(), reason },
     };
     let start = first.state.clone();
-    let without = if options.is_robust {
-        fit_agreeing(&question, &choice, start).map_err(failed)?
-    } else {
-        Agreement {
-            solved: fit(&question, &choice, start).map_err(failed)?,
-            choice: choice.clone(),
-            refused: Vec::new(),
-        }
-    };
+    let without = Agreement::find(&question, &choice, start, options.is_robust).map_err(failed)?;
     let (agreement, play) = match with_play(&question, &without, options.is_robust).map_err(failed)? {
         Some((agreement, play)) => (agreement, Some(play)),
         None => (without, None),
     };
-    Ok(Found { question, agreement, play })
+    let intervals = Intervals { is_scaled: options.is_scaled || !question.campaign.is_noise_stated };
+    let kept = drop_small(&question, agreement, play, intervals, options.is_robust).map_err(failed)?;
+    let Kept { agreement, play, dropped } = kept;
+    let regimes = options.has_two_regimes.then(|| {
+        let play = play.as_ref().ok_or_else(|| "no jump was found".to_owned())?;
+        let compared = regimes::compare(&question, &agreement, play, intervals, options.is_robust);
+        compared.map_err(|error| error.to_string())
+    });
+    let profiles = profiles(&question, &agreement, intervals);
+    let repeats = Repeats::of(&question, &agreement);
+    Ok(Found { question, agreement, play, intervals, dropped, regimes, profiles, repeats })
 }
 
 /// Names and units of the parameters.
@@ -188,215 +200,12 @@ fn names<const N: usize>(campaign: &Campaign<N>, choice: &Choice, has_play: bool
     let links = (0..LINKS).map(|link| (format!("c_link[{link}]"), "m/N"));
     let axes = (0..N).map(|axis| (format!("{}[{axis}]", axes_key::<N>()), "m/N"));
     let play = has_play.then(|| ("play.gap_m".to_owned(), "m"));
-    let gauges = campaign.gauges.iter().filter(|_| choice.has_hysteresis);
-    let hysteresis = gauges.map(|gauge| (format!("hysteresis[{}]", gauge.name), "m"));
+    let name = |gauge: &usize| format!("hysteresis[{}]", campaign.gauges[*gauge].name);
+    let hysteresis = choice.hysteresis.iter().map(|gauge| (name(gauge), "m"));
     links.chain(axes).chain(play).chain(hysteresis).collect()
 }
 
 /// Key of the compliances of the axes.
 const fn axes_key<const N: usize>() -> &'static str {
     if N == AXES { "c_cart" } else { "c_act" }
-}
-
-impl<const N: usize> Found<'_, N> {
-    fn answer(&self, model: &'static str, options: &IdentifyOptions) -> Answer {
-        let Agreement { solved, choice, refused } = &self.agreement;
-        let (mut values, mut covariance) = (solved.values(choice), solved.seen.covariance());
-        if let Some(play) = &self.play {
-            let index = LINKS + N;
-            values[index] *= play.sign;
-            covariance.row_mut(index).scale_mut(play.sign);
-            covariance.column_mut(index).scale_mut(play.sign);
-        }
-        let (chi2, dof) = (solved.rows.chi_squared(), solved.degrees());
-        let is_scaled = options.is_scaled || !self.question.campaign.is_noise_stated;
-        if is_scaled {
-            covariance *= chi2 / float(dof);
-        }
-        let names = names(self.question.campaign, choice, self.play.is_some());
-        let mut parameters = Parameter::list(&names, &values, &covariance, |index| Status::of(&solved.seen, index));
-        if is_scaled {
-            parameters.iter_mut().for_each(|parameter| parameter.set_reach(students_t_95(dof)));
-        }
-        let mut unobservable = solved.seen.lost();
-        unobservable.extend(solved.seen.weak());
-        let campaign = self.question.campaign;
-        let outlier = |series: usize, window: usize, gauge: usize| Outlier {
-            series: campaign.series[series].clone(),
-            window: campaign.windows[window].window.clone(),
-            gauge: campaign.gauges[gauge].name.clone(),
-        };
-        let readings = refused.iter().map(|(window, gauge)| outlier(campaign.windows[*window].series, *window, *gauge));
-        let shifts = choice.shifts.iter().map(|shift| outlier(shift.series, shift.window, shift.gauge));
-        Answer {
-            format: FORMAT,
-            model,
-            covariance: rows(&covariance),
-            chi2,
-            dof,
-            // Scaled noise says nothing about the model.
-            p: if is_scaled { 1.0 } else { chi_squared_above(chi2, dof) },
-            outliers: readings.chain(shifts).collect(),
-            unobservable: Unobservable::list(&names, &unobservable),
-            play: self.play.as_ref().map(|play| PlayAnswer {
-                gap_m: play.gap_m,
-                sd_m: parameters[LINKS + N].sd,
-                preload_rising_n: play.preload_n[0],
-                preload_falling_n: play.preload_n[1],
-            }),
-            parameters,
-            setup: self.setup(),
-        }
-    }
-
-    fn setup(&self) -> Vec<SetupAnswer> {
-        let Question { campaign, setup, .. } = &self.question;
-        let constants = setup.list(campaign).into_iter().zip(self.agreement.solved.state.setup.iter());
-        let answer = constants.map(|(constant, moved_sd)| SetupAnswer {
-            estimate: moved_sd * constant.prior_sd,
-            name: constant.name,
-            prior_sd: constant.prior_sd,
-            moved_sd: *moved_sd,
-        });
-        answer.collect()
-    }
-
-    fn summary(&self, answer: &Answer) -> String {
-        let seen = &self.agreement.solved.seen;
-        let lost = seen.lost().len();
-        let readings = readings(self.question.campaign);
-        let left_out = answer.outliers.len();
-        let play = match &answer.play {
-            None => String::new(),
-            Some(play) => format!("; play of {:.1} +- {:.1} um", play.gap_m * 1e6, 1.96 * play.sd_m * 1e6),
-        };
-        let reduced = answer.chi2 / float(answer.dof);
-        format!(
-            "{} of {} parameters seen; chi2/dof {reduced:.2}, p {:.2}; {left_out} of {readings} readings left out{play}",
-            answer.parameters.len() - lost,
-            answer.parameters.len(),
-            answer.p,
-        )
-    }
-
-    fn warnings(&self, answer: &Answer) -> Vec<String> {
-        let moved = answer.setup.iter().filter(|constant| constant.moved_sd.abs() > MOST_MOVED_SD).map(|constant| {
-            format!("{} has moved by {:.1} of its standard deviations; look at it", constant.name, constant.moved_sd)
-        });
-        let inside = self.play.iter().flat_map(|play| &play.inside).map(|window| {
-            let window = &self.question.campaign.windows[*window];
-            let series = &self.question.campaign.series[window.series];
-            format!("window {} of series {series} is inside the jump, and left out", window.window)
-        });
-        moved.chain(inside).collect()
-    }
-
-    fn doubts(&self, answer: &Answer) -> Vec<String> {
-        let mut doubts = Vec::new();
-        if answer.p < LEAST_P {
-            let reduced = answer.chi2 / float(answer.dof);
-            let largest = self.largest_contributors().join(", ");
-            doubts.push(format!(
-                "the model or the stated noise is wrong: chi2/dof is {reduced:.2} (p = {:.1e}), most of it from {largest}; another place on the cart may help [T 6.1]",
-                answer.p
-            ));
-        }
-        for direction in answer.unobservable.iter().filter(|direction| direction.relative_sd > 1.0) {
-            doubts.push(format!("not observable, kept at the file's value: {direction}"));
-        }
-        let readings = readings(self.question.campaign);
-        if float(answer.outliers.len()) > MOST_OUTLIERS * float(readings) {
-            doubts.push(format!("{} of {readings} readings do not agree with the others", answer.outliers.len()));
-        }
-        doubts
-    }
-
-    /// Names of the three series and gauges with the largest residuals.
-    fn largest_contributors(&self) -> Vec<String> {
-        let campaign = self.question.campaign;
-        let solved = &self.agreement.solved;
-        let mut sums = DMatrix::zeros(campaign.series.len(), campaign.gauges.len());
-        for (lines, left) in solved.lines.iter().zip(&solved.left) {
-            for (row, gauge) in lines.gauges.iter().enumerate() {
-                let weight = self.agreement.choice.weights[lines.window][*gauge];
-                sums[(campaign.windows[lines.window].series, *gauge)] +=
-                    weight * left[row].powi(2) / lines.variances[row];
-            }
-        }
-        let mut all: Vec<(f64, usize, usize)> = (0..campaign.series.len())
-            .flat_map(|series| (0..campaign.gauges.len()).map(move |gauge| (series, gauge)))
-            .map(|(series, gauge)| (sums[(series, gauge)], series, gauge))
-            .collect();
-        all.sort_by(|(one, ..), (other, ..)| other.total_cmp(one));
-        let named = |(_, series, gauge): &(f64, usize, usize)| {
-            format!("gauge {} in series {}", campaign.gauges[*gauge].name, campaign.series[*series])
-        };
-        all.iter().take(3).map(named).collect()
-    }
-
-    /// Text of the changed robot file.
-    fn robot_file<K: MachineKind<N>>(
-        &self,
-        robot: &RobotFile<K, N>,
-        options: &IdentifyOptions,
-        answer: &Answer,
-        warnings: &mut Vec<String>,
-    ) -> Result<String, IdentifyError> {
-        let campaign = self.question.campaign;
-        let said = |error: &dyn std::fmt::Display| IdentifyError::Edit(error.to_string());
-        let text = crate::robot_file::text_of(&options.robot)?;
-        let provenance = format!("IDENTIFIED with {} (CRC-32 {:08x})", campaign.table, campaign.crc);
-        let mut text = RobotText::new(&text, &provenance).map_err(|error| said(&error))?;
-        let values: Vec<f64> = answer.parameters.iter().map(|parameter| parameter.value).collect();
-        let (links, axes) = values.split_at(LINKS);
-        text.set_numbers("c_link", links);
-        text.set_numbers(axes_key::<N>(), &axes[..N]);
-        let springs = LINKS + N;
-        let identified = Identified {
-            measurements: campaign.table.clone(),
-            crc: campaign.crc,
-            windows: campaign.windows.len(),
-            chi2: answer.chi2,
-            dof: answer.dof,
-            sd: answer.parameters.iter().take(springs).map(|parameter| parameter.sd).collect(),
-            covariance: answer.covariance.iter().take(springs).map(|row| row[..springs].to_vec()).collect(),
-        };
-        text.set_serialized("identified", &identified).map_err(|error| said(&error))?;
-        if let Some(PlayAnswer { gap_m, sd_m, preload_rising_n, preload_falling_n }) = answer.play {
-            let play = Play { gap_m, sd_m, preload_rising_n, preload_falling_n };
-            text.set_serialized("play", &play).map_err(|error| said(&error))?;
-            match self.jump_force_n(robot, preload_rising_n) {
-                Some(jump_force_n) => {
-                    text.set_number_in("simulation", "jump_force_n", jump_force_n);
-                    text.set_number_in("simulation", "jump_gap_m", gap_m);
-                }
-                None => warnings.push(
-                    "the jump is not one that a force in +x opens at home; [simulation] keeps its own".to_owned(),
-                ),
-            }
-        }
-        Ok(text.text())
-    }
-
-    /// Force in x at home that takes the preload away, N; `None` if none in +x does.
-    fn jump_force_n<K: MachineKind<N>>(&self, robot: &RobotFile<K, N>, preload_n: [f64; 2]) -> Option<f64> {
-        let home = robot.home_m();
-        let q = robot.model.axes_at(&home).ok()?;
-        let compliances = self.agreement.solved.state.compliances;
-        let machine = ElasticMachine::new(*self.question.geometry, compliances, Backlash::NONE);
-        let probe_n = 100.0;
-        let load = Vector6::new(probe_n, 0.0, 0.0, 0.0, 0.0, 0.0);
-        let loaded = machine.equilibrium(&q, &load, &Equilibrium::at_home(home.into())).ok()?;
-        let force = -f64::midpoint(preload_n[0], preload_n[1]) * probe_n / loaded.cluster_3_n();
-        (1.0..1e5).contains(&force).then_some(force)
-    }
-}
-
-fn readings<const N: usize>(campaign: &Campaign<N>) -> usize {
-    campaign.windows.iter().flat_map(|window| &window.readings_m).flatten().count()
-}
-
-/// A matrix by rows.
-fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
 }

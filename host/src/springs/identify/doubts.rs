@@ -1,0 +1,154 @@
+//! Reasons to look at an identification again, and not to trust it as it is.
+
+use nalgebra::DMatrix;
+
+use super::Found;
+use super::answer::Answer;
+use super::regimes::TwoRegimes;
+use crate::fit::statistics::float;
+use crate::measurements::springs::Campaign;
+
+/// Smallest probability of the residuals at which a model is believed.
+const LEAST_P: f64 = 1e-3;
+/// Largest share of readings that may be left out.
+const MOST_OUTLIERS: f64 = 0.1;
+/// Standard deviations of its prior that a constant of the set-up may move by before it is named.
+const MOST_MOVED_SD: f64 = 3.0;
+
+impl<const N: usize> Found<'_, N> {
+    /// What was found, in one line.
+    pub(super) fn summary(&self, answer: &Answer) -> String {
+        let seen = &self.agreement.solved.seen;
+        let lost = seen.lost().len();
+        let readings = readings(self.question.campaign);
+        let left_out = answer.outliers.len();
+        let play = match &answer.play {
+            None => String::new(),
+            Some(play) => format!("; play of {:.1} +- {:.1} um", play.gap_m * 1e6, 1.96 * play.sd_m * 1e6),
+        };
+        let repeats = match &self.repeats {
+            None => String::new(),
+            Some(repeats) => {
+                format!("; noise by repeats {:.2}, lack of fit p {:.2}", repeats.pure.mean().sqrt(), repeats.p())
+            }
+        };
+        let regimes = match &self.regimes {
+            None | Some(Err(_)) => String::new(),
+            Some(Ok(regimes)) => format!("; {}", said(regimes)),
+        };
+        let reduced = answer.chi2 / float(answer.dof);
+        format!(
+            "{} of {} parameters seen; chi2/dof {reduced:.2}, p {:.2}{repeats}; {left_out} of {readings} readings left out{play}{regimes}",
+            answer.parameters.len() - lost,
+            answer.parameters.len(),
+            answer.p,
+        )
+    }
+
+    /// What a person should look at.
+    pub(super) fn warnings(&self, answer: &Answer) -> Vec<String> {
+        let moved = answer.setup.iter().filter(|constant| constant.moved_sd.abs() > MOST_MOVED_SD).map(|constant| {
+            format!("{} has moved by {:.1} of its standard deviations; look at it", constant.name, constant.moved_sd)
+        });
+        let inside = self.play.iter().flat_map(|play| &play.inside).map(|window| {
+            let window = &self.question.campaign.windows[*window];
+            let series = &self.question.campaign.series[window.series];
+            format!("window {} of series {series} is inside the jump, and left out", window.window)
+        });
+        let names = self.names(&self.dropped);
+        let dropped = (!names.is_empty())
+            .then(|| format!("hysteresis below two standard deviations is left out: {}", names.join(", ")));
+        let regimes = match &self.regimes {
+            Some(Err(reason)) => Some(format!("two regimes are not compared: {reason}")),
+            None | Some(Ok(_)) => None,
+        };
+        moved.chain(inside).chain(dropped).chain(regimes).chain(self.standing_out()).collect()
+    }
+
+    /// Gauges that the model does not describe, with the advice of `[T 6.1]`.
+    fn standing_out(&self) -> Option<String> {
+        let repeats = self.repeats.as_ref().filter(|repeats| repeats.p() < LEAST_P)?;
+        let names = self.names(&repeats.standing_out);
+        (!names.is_empty()).then(|| {
+            let p = repeats.p();
+            format!(
+                "gauge {} does not fit (lack of fit, p = {p:.1e}): try another place on the cart [T 6.1]",
+                names.join(", ")
+            )
+        })
+    }
+
+    fn names(&self, gauges: &[usize]) -> Vec<&str> {
+        gauges.iter().map(|gauge| self.question.campaign.gauges[*gauge].name.as_str()).collect()
+    }
+
+    /// Reasons not to trust it as it is.
+    pub(super) fn doubts(&self, answer: &Answer) -> Vec<String> {
+        let mut doubts = Vec::new();
+        if answer.p < LEAST_P {
+            let reduced = answer.chi2 / float(answer.dof);
+            let largest = self.largest_contributors().join(", ");
+            doubts.push(format!(
+                "the model or the stated noise is wrong: chi2/dof is {reduced:.2} (p = {:.1e}), most of it from {largest}; another place on the cart may help [T 6.1]",
+                answer.p
+            ));
+        }
+        // Of scaled noise chi-squared says nothing; repeats do.
+        if let Some(repeats) = self.repeats.as_ref().filter(|repeats| self.intervals.is_scaled && repeats.p() < LEAST_P)
+        {
+            let largest = self.largest_contributors().join(", ");
+            doubts.push(format!(
+                "the model is wrong: it leaves {:.1} times the variance of repeats (lack of fit, p = {:.1e}), most of it from {largest}",
+                repeats.f(),
+                repeats.p()
+            ));
+        }
+        for direction in answer.unobservable.iter().filter(|direction| direction.relative_sd > 1.0) {
+            doubts.push(format!("not observable, kept at the file's value: {direction}"));
+        }
+        let readings = readings(self.question.campaign);
+        if float(answer.outliers.len()) > MOST_OUTLIERS * float(readings) {
+            doubts.push(format!("{} of {readings} readings do not agree with the others", answer.outliers.len()));
+        }
+        doubts
+    }
+
+    /// Names of the three series and gauges with the largest residuals.
+    fn largest_contributors(&self) -> Vec<String> {
+        let campaign = self.question.campaign;
+        let solved = &self.agreement.solved;
+        let mut sums = DMatrix::zeros(campaign.series.len(), campaign.gauges.len());
+        for (lines, left) in solved.lines.iter().zip(&solved.left) {
+            for (row, gauge) in lines.gauges.iter().enumerate() {
+                let weight = self.agreement.choice.weights[lines.window][*gauge];
+                sums[(campaign.windows[lines.window].series, *gauge)] +=
+                    weight * left[row].powi(2) / lines.variances[row];
+            }
+        }
+        let mut all: Vec<(f64, usize, usize)> = (0..campaign.series.len())
+            .flat_map(|series| (0..campaign.gauges.len()).map(move |gauge| (series, gauge)))
+            .map(|(series, gauge)| (sums[(series, gauge)], series, gauge))
+            .collect();
+        all.sort_by(|(one, ..), (other, ..)| other.total_cmp(one));
+        let named = |(_, series, gauge): &(f64, usize, usize)| {
+            format!("gauge {} in series {}", campaign.gauges[*gauge].name, campaign.series[*series])
+        };
+        all.iter().take(3).map(named).collect()
+    }
+}
+
+fn readings<const N: usize>(campaign: &Campaign<N>) -> usize {
+    campaign.windows.iter().flat_map(|window| &window.readings_m).flatten().count()
+}
+
+/// Result of a comparison of two regimes.
+fn said(regimes: &TwoRegimes) -> String {
+    let TwoRegimes { f, degrees: [unknowns, rest], p, .. } = regimes;
+    let test = format!("F({unknowns}, {rest}) {f:.1}, p {p:.1e}");
+    if !regimes.differs() {
+        return format!("links have the same compliances beyond the jump ({test})");
+    }
+    let seen = regimes.links.iter().filter(|link| link.is_seen).map(|link| link.ratio);
+    let (least, most) = seen.fold((f64::INFINITY, 0.0_f64), |(least, most), ratio| (least.min(ratio), most.max(ratio)));
+    format!("beyond the jump links have {least:.2} to {most:.2} of their compliances ({test})")
+}

@@ -1,0 +1,112 @@
+//! Windows of a series at the same level: repeats of one measurement.
+
+use nalgebra::SVector;
+
+use crate::fit::statistics::{float, median};
+use crate::measurements::springs::{Campaign, SeriesEntry, Window};
+use crate::springs::fit::Solved;
+
+/// Largest difference between windows of a level, in steps from level to level.
+const CLOSE: f64 = 0.25;
+
+/// Returns the number of its level for each window; windows of one series at one level have the same. Levels are those of the plan; without a
+/// plan, windows are at one level if loads *and* readings differ by less than a quarter of the step of the series.
+pub(super) fn levels<const N: usize>(campaign: &Campaign<N>, solved: &Solved<N>) -> Vec<usize> {
+    let mut levels = vec![0; campaign.windows.len()];
+    let mut next = 0;
+    for (series, name) in campaign.series.iter().enumerate() {
+        let windows: Vec<usize> =
+            (0..campaign.windows.len()).filter(|window| campaign.windows[*window].series == series).collect();
+        let entry = campaign.plan.iter().find(|entry| entry.name == *name);
+        let of_series = entry
+            .and_then(|entry| planned(campaign, entry, &windows))
+            .unwrap_or_else(|| grouped(&windows, &[&loads(campaign), &readings(campaign, solved)]));
+        for (window, level) in windows.iter().zip(&of_series) {
+            levels[*window] = next + level;
+        }
+        next += of_series.iter().max().map_or(0, |most| most + 1);
+    }
+    levels
+}
+
+/// Levels by the plan; `None` where a window is not of the plan. A window has the number of its level, from 1.
+fn planned<const N: usize>(campaign: &Campaign<N>, entry: &SeriesEntry, windows: &[usize]) -> Option<Vec<usize>> {
+    let planned = |window: &usize| {
+        let number: usize = campaign.windows[*window].window.parse().ok()?;
+        let level = entry.levels_n.get(number.checked_sub(1)?)?;
+        entry.levels_n.iter().position(|other| other.to_bits() == level.to_bits())
+    };
+    windows.iter().map(planned).collect()
+}
+
+type Distance<'a> = dyn Fn(usize, usize) -> f64 + 'a;
+
+/// Levels by distances between windows, each in steps of its own.
+fn grouped(windows: &[usize], distances: &[&Distance<'_>]) -> Vec<usize> {
+    let steps: Vec<f64> = distances.iter().map(|distance| step(windows, distance)).collect();
+    let is_close = |one: usize, other: usize| {
+        distances.iter().zip(&steps).all(|(distance, step)| distance(one, other) < CLOSE * step)
+    };
+    let mut firsts: Vec<usize> = Vec::new();
+    let mut levels = Vec::with_capacity(windows.len());
+    for window in windows {
+        levels.push(firsts.iter().position(|first| is_close(*first, *window)).unwrap_or_else(|| {
+            firsts.push(*window);
+            firsts.len() - 1
+        }));
+    }
+    levels
+}
+
+/// Usual distance between windows that follow each other, those of one level not counted.
+fn step(windows: &[usize], distance: &Distance<'_>) -> f64 {
+    let changes: Vec<f64> = windows.windows(2).map(|pair| distance(pair[0], pair[1])).collect();
+    let largest = changes.iter().copied().fold(0.0, f64::max);
+    median(changes.into_iter().filter(|change| *change >= CLOSE * largest).collect())
+}
+
+/// Distance of loads: forces and pushes, N; moments count by the ratio of their noises.
+fn loads<const N: usize>(campaign: &Campaign<N>) -> impl Fn(usize, usize) -> f64 {
+    let arm_m = campaign.noise.moment_nm / campaign.noise.force_n;
+    move |one, other| {
+        let (one, other): (&Window<N>, &Window<N>) = (&campaign.windows[one], &campaign.windows[other]);
+        let load = one.load - other.load;
+        let pushes: SVector<f64, N> = one.pushes_n - other.pushes_n;
+        let moment = load.fixed_rows::<3>(3).norm() / arm_m;
+        load.fixed_rows::<3>(0).norm().hypot(moment).hypot(pushes.norm())
+    }
+}
+
+/// Root mean square distance of readings that both windows have, m; what the fit takes for zeros, drift and moved gauges is taken off.
+fn readings<const N: usize>(campaign: &Campaign<N>, solved: &Solved<N>) -> impl Fn(usize, usize) -> f64 {
+    let mut corrected = vec![vec![None; campaign.gauges.len()]; campaign.windows.len()];
+    for (lines, left) in solved.lines.iter().zip(&solved.left) {
+        for (row, gauge) in lines.gauges.iter().enumerate() {
+            let zero = lines.misclosures[row] - left[row];
+            corrected[lines.window][*gauge] = campaign.windows[lines.window].readings_m[*gauge].map(|y| y - zero);
+        }
+    }
+    move |one, other| {
+        let pairs = corrected[one].iter().zip(&corrected[other]);
+        let changes: Vec<f64> = pairs.filter_map(|(one, other)| Some((*one)? - (*other)?)).collect();
+        (changes.iter().map(|change| change * change).sum::<f64>() / float(changes.len().max(1))).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_within_a_quarter_of_a_step_are_one_level() {
+        let loads: [f64; 8] = [0.3, 60.9, 118.0, 179.0, 121.5, 62.0, -0.8, -1.0];
+        let distance = |one: usize, other: usize| (loads[one] - loads[other]).abs();
+        let windows: Vec<usize> = (0..8).collect();
+        assert!((step(&windows, &distance) - 59.75).abs() < 2.0, "dwelling at 0 N is no step");
+        assert_eq!(grouped(&windows, &[&distance]), [0, 1, 2, 3, 2, 1, 0, 0]);
+        // The same load and other readings: not the same level.
+        let readings: [f64; 8] = [0.0, 10.0, 20.0, 30.0, 25.0, 10.2, 0.1, 0.0];
+        let of_readings = |one: usize, other: usize| (readings[one] - readings[other]).abs();
+        assert_eq!(grouped(&windows, &[&distance, &of_readings]), [0, 1, 2, 3, 4, 1, 0, 0]);
+    }
+}

@@ -1,0 +1,89 @@
+//! Compliances of the links of their own beyond the jump `[T 5.2.3]`: an F-test of whether they differ, and by how much.
+//!
+//! Beyond the jump each link follows a line of its own: an offset and a compliance. The offsets are free with and without compliances of their
+//! own, so that a platform that jumps in another direction than the play's is not taken for a change of compliance.
+
+use gantry_tau_core::model::robot::LINKS;
+
+use super::intervals::Intervals;
+use crate::fit::answer::Status;
+use crate::fit::statistics::{f_above, float};
+use crate::springs::agreement::Agreement;
+use crate::springs::beyond::{Beyond, CHANGES};
+use crate::springs::choice::Choice;
+use crate::springs::fit::{SpringsError, fit};
+use crate::springs::lines::{Question, vector};
+use crate::springs::play::FoundPlay;
+
+/// Probability of the F-test below which the compliances differ.
+const LEAST_P: f64 = 0.01;
+
+/// Links before and beyond the jump.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct TwoRegimes {
+    /// By link.
+    pub(super) links: [LinkRatio; LINKS],
+    /// Decrease of chi-squared by compliances of their own, per unknown, in those of the residuals that remain.
+    pub(super) f: f64,
+    /// Degrees of freedom of both.
+    pub(super) degrees: [usize; 2],
+    /// Probability of such a ratio, or a larger one, if the compliances are the same.
+    pub(super) p: f64,
+}
+
+/// Compliance of a link beyond the jump, in those before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LinkRatio {
+    /// Compliance before the jump, m/N.
+    pub(super) before: f64,
+    /// That beyond it over that before.
+    pub(super) ratio: f64,
+    /// Ends of the 95 % interval of the ratio.
+    pub(super) ends: [f64; 2],
+    /// False if the windows beyond the jump do not show it.
+    pub(super) is_seen: bool,
+}
+
+impl TwoRegimes {
+    /// True if the compliances differ.
+    pub(super) fn differs(&self) -> bool {
+        self.p < LEAST_P
+    }
+}
+
+/// Fits the links beyond the jump on their own, and compares.
+pub(super) fn compare<const N: usize>(
+    question: &Question<'_, N>,
+    agreement: &Agreement<N>,
+    play: &FoundPlay,
+    intervals: Intervals,
+    is_robust: bool,
+) -> Result<TwoRegimes, SpringsError> {
+    // Readings that the play alone does not explain may only have another compliance.
+    let choice = Choice { beyond: Beyond::Lines, ..agreement.choice.anew(question.campaign, &play.inside) };
+    let with = Agreement::find(question, &choice, agreement.solved.state.clone(), is_robust)?;
+    let same = Choice { beyond: Beyond::Offsets, ..with.choice.clone() };
+    let without = fit(question, &same, agreement.solved.state.clone())?;
+    let solved = &with.solved;
+    let rest = solved.degrees();
+    let unknowns = without.degrees().saturating_sub(rest);
+    let gain = without.rows.chi_squared() - solved.rows.chi_squared();
+    let f = (gain / float(unknowns)) / (solved.rows.chi_squared() / float(rest));
+    let compliances = vector(&solved.state.compliances);
+    let first = compliances.len() + 1 + CHANGES;
+    let covariance = solved.seen.covariance() * intervals.variance(solved);
+    let links = std::array::from_fn(|link| {
+        let (before, change) = (compliances[link], solved.state.beyond[CHANGES + link]);
+        let (at, share) = (first + link, change / before);
+        let variance =
+            covariance[(at, at)] - 2.0 * share * covariance[(at, link)] + share * share * covariance[(link, link)];
+        let reach = intervals.reach(solved) * variance.max(0.0).sqrt() / before;
+        let ratio = 1.0 + share;
+        let is_seen = Status::of(&solved.seen, at) != Status::Kept;
+        LinkRatio { before, ratio, ends: [ratio - reach, ratio + reach], is_seen }
+    });
+    Ok(TwoRegimes { links, f, degrees: [unknowns, rest], p: f_above(f, unknowns, rest) })
+}
+
+#[cfg(test)]
+mod tests;

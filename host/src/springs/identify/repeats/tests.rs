@@ -1,0 +1,75 @@
+use super::*;
+use crate::measurements::springs::Noise;
+use crate::springs::campaigns::{Bench, FINE, campaign_a, never, seeded};
+use crate::springs::lines::State;
+
+fn measured(seed: u64) -> Bench<3> {
+    let mut random = seeded(seed);
+    let mut bench = campaign_a(FINE);
+    let truth = bench.true_springs(&mut random);
+    bench.measure(&truth, &mut random, 0.0, never);
+    bench
+}
+
+fn repeats(bench: &Bench<3>) -> Repeats {
+    let question = bench.question();
+    let agreement = Agreement::find(&question, &Choice::all(&bench.campaign), State::start(&question), true).unwrap();
+    Repeats::of(&question, &agreement).unwrap()
+}
+
+/// 11 windows at 6 levels, nine gauges, nine series: 5 repeats each. The noise that they show is that of the campaign, and the model is not
+/// accused more often than it should be, whatever noise the set-up states.
+#[test]
+fn repeats_show_the_noise() {
+    let (mut noise, mut accused, mut small) = (0.0, 0, 0);
+    let campaigns = 100;
+    for seed in 0..campaigns {
+        let mut bench = measured(seed);
+        let Repeats { pure, lack, .. } = repeats(&bench);
+        assert_eq!((pure.degrees, lack.degrees), (9 * 9 * 5, 801 - 9 - 405), "{seed}");
+        noise += pure.mean() / campaigns as f64;
+        // Three times the noise is stated: ratios stay.
+        bench.campaign.noise = Noise { gauge_um: 3.0, force_n: 3.0, moment_nm: 0.15 };
+        let Repeats { pure: ninth, .. } = repeats(&bench);
+        assert!((ninth.mean() * 9.0 / pure.mean() - 1.0).abs() < 0.1, "{seed}");
+        let found = repeats(&bench);
+        accused += usize::from(found.p() < 0.05);
+        small += found.standing_out.len();
+    }
+    println!("{noise} {accused} {small}");
+    // 100 times 405 degrees: the deviation of the mean is 0.7 %; of 100 with 5 % more than 13 are 0.1 %.
+    assert!((noise - 1.0).abs() < 0.025, "{noise}");
+    assert!(accused <= 13 && small <= 1, "{accused} {small}");
+}
+
+/// `[T 6.1]`: a gauge on the back of a cart gave a non-linear result. Its bow of 3 um over the strokes is seen, and the gauge is named.
+#[test]
+fn a_gauge_with_a_bow_is_named() {
+    for seed in 0..10 {
+        let mut bench = measured(seed);
+        let mut bowed = 0.0;
+        for window in &mut bench.campaign.windows {
+            let share = window.load.fixed_rows::<3>(0).norm() / 300.0;
+            let bow = 12e-6 * share * (1.0 - share);
+            window.readings_m[7] = window.readings_m[7].map(|reading| reading + bow);
+            bowed = f64::max(bowed, bow);
+        }
+        assert!((2.5e-6..3.1e-6).contains(&bowed));
+        let found = repeats(&bench);
+        assert!(found.p() < 1e-6, "{seed}: {found:?}");
+        assert_eq!(found.standing_out.first(), Some(&7), "{seed}: {found:?}");
+        assert!((found.pure.mean() - 1.0).abs() < 0.3, "{seed}: the repeats know nothing of it: {found:?}");
+    }
+}
+
+#[test]
+fn nothing_repeated_says_nothing() {
+    let mut bench = measured(1);
+    // Strokes up only: every level once.
+    let mut kept = Vec::new();
+    std::mem::swap(&mut kept, &mut bench.campaign.windows);
+    bench.campaign.windows = kept.into_iter().filter(|window| window.stroke > 0).collect();
+    let question = bench.question();
+    let agreement = Agreement::find(&question, &Choice::all(&bench.campaign), State::start(&question), true).unwrap();
+    assert_eq!(Repeats::of(&question, &agreement), None);
+}

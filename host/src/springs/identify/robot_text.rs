@@ -1,0 +1,71 @@
+//! Robot file of an identified machine: that of the file that the identification began with, edited.
+
+use gantry_tau_core::model::robot::LINKS;
+use nalgebra::Vector6;
+
+use super::answer::{Answer, PlayAnswer};
+use super::{Found, IdentifyError, IdentifyOptions, axes_key};
+use crate::elastic::backlash::Backlash;
+use crate::elastic::{ElasticMachine, Equilibrium};
+use crate::model::MachineKind;
+use crate::robot_file::edit::RobotText;
+use crate::robot_file::{Identified, Play, RobotFile};
+
+impl<const N: usize> Found<'_, N> {
+    /// Text of the changed robot file.
+    pub(super) fn robot_file<K: MachineKind<N>>(
+        &self,
+        robot: &RobotFile<K, N>,
+        options: &IdentifyOptions,
+        answer: &Answer,
+        warnings: &mut Vec<String>,
+    ) -> Result<String, IdentifyError> {
+        let campaign = self.question.campaign;
+        let said = |error: &dyn std::fmt::Display| IdentifyError::Edit(error.to_string());
+        let text = crate::robot_file::text_of(&options.robot)?;
+        let provenance = format!("IDENTIFIED with {} (CRC-32 {:08x})", campaign.table, campaign.crc);
+        let mut text = RobotText::new(&text, &provenance).map_err(|error| said(&error))?;
+        let values: Vec<f64> = answer.parameters.iter().map(|parameter| parameter.value).collect();
+        let (links, axes) = values.split_at(LINKS);
+        text.set_numbers("c_link", links);
+        text.set_numbers(axes_key::<N>(), &axes[..N]);
+        let springs = LINKS + N;
+        let identified = Identified {
+            measurements: campaign.table.clone(),
+            crc: campaign.crc,
+            windows: campaign.windows.len(),
+            chi2: answer.chi2,
+            dof: answer.dof,
+            sd: answer.parameters.iter().take(springs).map(|parameter| parameter.sd).collect(),
+            covariance: answer.covariance.iter().take(springs).map(|row| row[..springs].to_vec()).collect(),
+        };
+        text.set_serialized("identified", &identified).map_err(|error| said(&error))?;
+        if let Some(PlayAnswer { gap_m, sd_m, preload_rising_n, preload_falling_n }) = answer.play {
+            let play = Play { gap_m, sd_m, preload_rising_n, preload_falling_n };
+            text.set_serialized("play", &play).map_err(|error| said(&error))?;
+            match self.jump_force_n(robot, preload_rising_n) {
+                Some(jump_force_n) => {
+                    text.set_number_in("simulation", "jump_force_n", jump_force_n);
+                    text.set_number_in("simulation", "jump_gap_m", gap_m);
+                }
+                None => warnings.push(
+                    "the jump is not one that a force in +x opens at home; [simulation] keeps its own".to_owned(),
+                ),
+            }
+        }
+        Ok(text.text())
+    }
+
+    /// Force in x at home that takes the preload away, N; `None` if none in +x does.
+    fn jump_force_n<K: MachineKind<N>>(&self, robot: &RobotFile<K, N>, preload_n: [f64; 2]) -> Option<f64> {
+        let home = robot.home_m();
+        let q = robot.model.axes_at(&home).ok()?;
+        let compliances = self.agreement.solved.state.compliances;
+        let machine = ElasticMachine::new(*self.question.geometry, compliances, Backlash::NONE);
+        let probe_n = 100.0;
+        let load = Vector6::new(probe_n, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let loaded = machine.equilibrium(&q, &load, &Equilibrium::at_home(home.into())).ok()?;
+        let force = -f64::midpoint(preload_n[0], preload_n[1]) * probe_n / loaded.cluster_3_n();
+        (1.0..1e5).contains(&force).then_some(force)
+    }
+}
