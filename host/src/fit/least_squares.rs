@@ -352,7 +352,8 @@ pub fn solve_linear(rows: DMatrix<f64>, right: DVector<f64>) -> Option<DVector<f
 
 /// Number of independent columns behind a pivoted triangle.
 fn rank(triangle: &DMatrix<f64>) -> usize {
-    let pivots = triangle.diagonal();
+    // Of fewer rows than columns too.
+    let pivots = triangle.columns(0, triangle.nrows()).diagonal();
     let floor = INDEPENDENT * pivots.amax();
     pivots.iter().filter(|pivot| pivot.abs() > floor).count()
 }
@@ -451,5 +452,17 @@ mod tests {
             Ok::<_, Infallible>(Rows { derivatives: -rows.derivatives, ..rows })
         };
         assert!(matches!(fit([1.0, 0.0], &scales, reversed, moved), Err(FitError::NotConverged { .. })));
+    }
+
+    #[test]
+    fn fewer_rows_than_unknowns_leave_nothing() {
+        // Two readings, three zeros of which one is not read.
+        let unknowns = DMatrix::from_row_slice(2, 3, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+        assert_eq!(eliminated(unknowns.clone(), DMatrix::from_element(2, 1, 5.0)).nrows(), 0);
+        let (solution, rank) = solve(unknowns, DVector::from_vec(vec![3.0, 4.0]));
+        assert_eq!((solution.as_slice(), rank), (&[3.0, 4.0, 0.0][..], 2));
+        // The same reading twice: one degree of freedom is left.
+        let twice = DMatrix::from_row_slice(2, 3, &[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
+        assert_eq!(eliminated(twice, DMatrix::from_element(2, 1, 5.0)).nrows(), 1);
     }
 }

@@ -24,6 +24,8 @@ const MAX_ROUNDS: u32 = 30;
 /// Longest step of a fit that has converged, in standard deviations; of a constant of the set-up, in those of its prior.
 const CONVERGED_SD: f64 = 1e-4;
 const CONVERGED_PRIOR_SD: f64 = 1e-3;
+/// Longest step that rounding may leave, in standard deviations.
+const ROUNDING_SD: f64 = 1e-3;
 /// Largest factor that a compliance changes by in a round: none becomes negative.
 const MOST_CHANGE: f64 = 20.0;
 /// Change of a compliance, in file's values, that a result is refused at: it runs away to zero or to infinity.
@@ -141,7 +143,8 @@ pub(super) fn fit<const N: usize>(
         return Err(SpringsError::AtBound { index, factor: factors[index] });
     }
     let step_sd = solved.seen.step_sd();
-    if solved.is_settled { Ok(solved) } else { Err(SpringsError::NotConverged { step_sd }) }
+    // Rounding may be all that is left.
+    if solved.is_settled || step_sd < ROUNDING_SD { Ok(solved) } else { Err(SpringsError::NotConverged { step_sd }) }
 }
 
 /// Steps towards the fit, at most so many, until it has settled.

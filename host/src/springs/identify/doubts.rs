@@ -67,14 +67,11 @@ impl<const N: usize> Found<'_, N> {
 
     /// Gauges that the model does not describe, with the advice of `[T 6.1]`.
     fn standing_out(&self) -> Option<String> {
-        let repeats = self.repeats.as_ref().filter(|repeats| repeats.p() < LEAST_P)?;
+        let repeats = self.repeats.as_ref()?;
         let names = self.names(&repeats.standing_out);
         (!names.is_empty()).then(|| {
-            let p = repeats.p();
-            format!(
-                "gauge {} does not fit (lack of fit, p = {p:.1e}): try another place on the cart [T 6.1]",
-                names.join(", ")
-            )
+            let names = names.join(", ");
+            format!("gauge {names}: what it shows at a level deviates by more than repeats do; try another place on the cart [T 6.1]")
         })
     }
 

@@ -9,9 +9,9 @@ use crate::springs::campaigns::{Bench, FINE, HOME, HOOKS, Strap, seeded, straps}
 use crate::springs::lines::State;
 use crate::springs::play::with_play;
 
-/// Campaign A, and a strap in x up to 520 N and back in steps of 20 N.
+/// Three straps, and one in x up to 520 N and back in steps of 20 N.
 fn planned() -> Bench<3> {
-    let mut all = straps(1, &HOOKS);
+    let mut all = straps(1, &HOOKS[..1]);
     let up = (0..=26).map(|step| f64::from(step) * 20.0);
     let levels: Vec<f64> = up.clone().chain(up.rev().skip(1)).collect();
     all.push(Strap { pose: 0, hook: HOOKS[0], direction: Vector3::x(), levels });
@@ -72,7 +72,7 @@ fn the_same_compliances_are_not_taken_for_others() {
 #[test]
 fn the_ratios_of_the_thesis_are_found() {
     let (mut held, mut all) = (0, 0);
-    for seed in 0..40 {
+    for seed in 0..30 {
         let mut random = seeded(seed);
         let mut bench = planned();
         let truth = bench.true_springs(&mut random);
@@ -86,5 +86,5 @@ fn the_ratios_of_the_thesis_are_found() {
         }
     }
     println!("held {held} of {all}");
-    assert!(all >= 200 && f64::from(held) >= 0.9 * f64::from(all), "{held} of {all}");
+    assert!(all >= 150 && f64::from(held) >= 0.9 * f64::from(all), "{held} of {all}");
 }
