@@ -29,19 +29,8 @@ impl RobotText {
         self.set(key, Value::Array(lines(rows)));
     }
 
-    fn set(&mut self, key: &str, mut value: Value) {
-        let table = self.document.as_table_mut();
-        // The comment behind the old value stays.
-        if let Some(old) = table.get(key).and_then(Item::as_value) {
-            *value.decor_mut() = old.decor().clone();
-        }
-        match table.get_mut(key) {
-            Some(item) => *item = Item::Value(value),
-            None => _ = table.insert(key, Item::Value(value)),
-        }
-        if let Some(mut key) = table.key_mut(key) {
-            replace_assumed(key.leaf_decor_mut(), &self.provenance);
-        }
+    fn set(&mut self, key: &str, value: Value) {
+        set_in(self.document.as_table_mut(), key, value, &self.provenance);
     }
 
     /// Adds a section, in place of the one with its name.
@@ -87,6 +76,14 @@ impl RobotText {
         self.replace(&[section, key], number(value));
     }
 
+    /// Replaces a number in an entry of a list of tables that exists, `[[name]]`.
+    pub fn set_number_of(&mut self, name: &str, index: usize, key: &str, value: f64) {
+        let entries = self.document.get_mut(name).and_then(Item::as_array_of_tables_mut);
+        let Some(entry) = entries.and_then(|entries| entries.get_mut(index)) else { return };
+        replace_assumed(entry.decor_mut(), &self.provenance);
+        set_in(entry, key, number(value), &self.provenance);
+    }
+
     /// Replaces a list of numbers in a section that exists, by its path.
     pub fn set_numbers_at(&mut self, path: &[&str], values: &[f64]) {
         self.replace(path, Value::Array(values.iter().copied().map(number).collect()));
@@ -115,6 +112,20 @@ impl RobotText {
     #[must_use]
     pub fn text(&self) -> String {
         self.document.to_string()
+    }
+}
+
+/// Sets a value of a table. The comment behind the old value stays.
+fn set_in(table: &mut Table, key: &str, mut value: Value, provenance: &str) {
+    if let Some(old) = table.get(key).and_then(Item::as_value) {
+        *value.decor_mut() = old.decor().clone();
+    }
+    match table.get_mut(key) {
+        Some(item) => *item = Item::Value(value),
+        None => _ = table.insert(key, Item::Value(value)),
+    }
+    if let Some(mut key) = table.key_mut(key) {
+        replace_assumed(key.leaf_decor_mut(), provenance);
     }
 }
 

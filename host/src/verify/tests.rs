@@ -13,9 +13,11 @@ use super::*;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium, Pose};
 use crate::measurements::springs::{Campaign, NamedGauge, Noise, SetupNoise, Window};
+use crate::model::Wrist;
 use crate::model::{Held, L2, MachineKind};
 use crate::robot_file::{Identified, RobotFile, WristJoint};
-use crate::springs::gauge::Gauge;
+use crate::springs::gauge::{Body, Gauge};
+use crate::springs::loaded::Loaded;
 
 const N: usize = 3;
 const SPRINGS: usize = LINKS + N;
@@ -102,7 +104,7 @@ fn gauges() -> Vec<NamedGauge> {
     ];
     let gauge = |(index, (point, axis)): (usize, ([f64; 3], Vector3<f64>))| NamedGauge {
         name: format!("g{index}"),
-        gauge: Gauge::Platform { point_m: point.into(), axis },
+        gauge: Gauge::Face { body: Body::Platform, point_m: point.into(), axis },
     };
     platform.into_iter().enumerate().map(gauge).collect()
 }
@@ -145,10 +147,10 @@ impl OffSensor {
 /// Gauges that stand only about where they should.
 fn mounted(setup: &SetupNoise, draw: &mut Draw) -> Vec<Gauge> {
     let off = |gauge: NamedGauge| {
-        let Gauge::Platform { point_m, axis } = gauge.gauge else { panic!("not on the platform") };
+        let Gauge::Face { body, point_m, axis } = gauge.gauge else { panic!("not on the platform") };
         let mut vector = |sd: Option<f64>| Vector3::from_fn(|_, _| draw.normal(sd.unwrap_or(0.0))) * 1e-3;
         let (moved, turn) = (vector(setup.gauge_point_mm), vector(setup.gauge_axis_mrad));
-        Gauge::Platform { point_m: point_m + moved, axis: (axis + turn.cross(&axis)).normalize() }
+        Gauge::Face { body, point_m: point_m + moved, axis: (axis + turn.cross(&axis)).normalize() }
     };
     gauges().into_iter().map(off).collect()
 }
@@ -168,9 +170,11 @@ fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, setup: SetupNoise, 
         let zeros: Vec<f64> = gauges().iter().map(|_| draw.normal(1e-3)).collect();
         let mut add = |name: String, q: [f64; N], load: Vector6<f64>, draw: &mut Draw| {
             let now = machine.equilibrium(&q, &load, &began).unwrap();
-            let read = standing.iter().zip(&zeros).map(|(gauge, zero)| {
-                Some(gauge.read(&machine, &began.pose, &now).length_m + zero + draw.normal(NOISE.gauge_um * 1e-6))
-            });
+            let loaded = Loaded { machine, wrist: Wrist::default(), began: began.pose, now, load };
+            let read = standing
+                .iter()
+                .zip(&zeros)
+                .map(|(gauge, zero)| Some(gauge.read(&loaded).length_m + zero + draw.normal(NOISE.gauge_um * 1e-6)));
             let readings_m = read.collect();
             let sds = [NOISE.force_n, NOISE.force_n, NOISE.force_n, NOISE.moment_nm, NOISE.moment_nm, NOISE.moment_nm];
             let shown = sensor.shows(&load);
