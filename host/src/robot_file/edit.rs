@@ -3,6 +3,10 @@
 use serde::Serialize;
 use toml_edit::{Array, Decor, DocumentMut, Item, Table, Value};
 
+/// Beginnings of a provenance, and what its checksum follows: `IDENTIFIED with springs.csv (CRC-32 89abcdef)`.
+const LEARNED: [&str; 2] = ["IDENTIFIED", "CALIBRATED"];
+const CRC: &str = "(CRC-32 ";
+
 /// A robot file that is being changed.
 pub struct RobotText {
     document: DocumentMut,
@@ -129,10 +133,18 @@ fn set_in(table: &mut Table, key: &str, mut value: Value, provenance: &str) {
     }
 }
 
-/// Replaces "ASSUMED" in the comment above a key or a table.
+/// Replaces "ASSUMED", or the measurement before this one, in the comment above a key or a table.
 fn replace_assumed(decor: &mut Decor, provenance: &str) {
     let above = decor.prefix().and_then(toml_edit::RawString::as_str).unwrap_or_default();
-    decor.set_prefix(above.replace("ASSUMED", provenance));
+    let earlier = LEARNED.into_iter().find_map(|word| {
+        let (_, from_word) = above.split_once(word)?;
+        let (name, crc) = from_word.split_once(CRC)?;
+        let (crc, _) = crc.split_once(')')?;
+        // One measurement, of one line.
+        (!name.contains('\n')).then(|| format!("{word}{name}{CRC}{crc})"))
+    });
+    let replaced = above.replace(earlier.as_deref().unwrap_or("ASSUMED"), provenance);
+    decor.set_prefix(replaced);
 }
 
 /// Rows, one per line.
@@ -169,6 +181,19 @@ pub fn number(value: f64) -> Value {
 mod tests {
     use super::*;
     use crate::robot_file::{AnyRobotFile, L2_TEXT};
+
+    /// A key that is learned twice carries the second measurement.
+    #[test]
+    fn the_last_provenance_stands_above_a_key() {
+        let mut text = L2_TEXT.to_owned();
+        for name in ["first.csv", "second.csv"] {
+            let mut robot = RobotText::new(&text, &format!("IDENTIFIED with {name} (CRC-32 01234567)")).unwrap();
+            robot.set_numbers("c_link", &[1e-7; 6]);
+            text = robot.text();
+        }
+        assert!(text.contains("# Compliances of the links, m/N; IDENTIFIED with second.csv (CRC-32 01234567)."));
+        assert!(!text.contains("first.csv"));
+    }
 
     #[test]
     fn a_changed_file_differs_in_what_was_changed() {

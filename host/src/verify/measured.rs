@@ -5,6 +5,7 @@
 //! does what a wrist gives way. The covariance of a residual is that of gauge, zero and load, `J F F^T J^T` by the springs, and that of the
 //! constants of the set-up.
 
+use gantry_tau_core::units::OffsetNm;
 use nalgebra::{DMatrix, DVector, Vector3};
 use serde::Serialize;
 
@@ -28,6 +29,9 @@ use crate::springs::setup::SetupConstants;
 /// Lever that a turn counts with against a translation, m: that of the gauges.
 const LEVER_M: f64 = 0.1;
 
+/// Difference of two positions that are written to a nanometre, with a margin, m.
+const ROUNDED_M: f64 = 1e-8;
+
 /// One pair of windows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PairResult {
@@ -49,10 +53,20 @@ pub struct PairResult {
     pub interval95_m: [f64; 2],
     /// Difference of measured and predicted displacement in standard deviations, root mean square over its directions.
     pub z: f64,
-    /// True where cluster 3 may change sides: judged apart.
+    /// True where cluster 3 may change sides: its play is not compensated.
     pub changes_sides: bool,
+    /// True where an offset is at its limit, which cuts the correction.
+    pub saturated: bool,
     /// Largest stable gain against the workpiece along the force.
     pub largest_gain: Option<f64>,
+}
+
+impl PairResult {
+    /// True if neither play nor limits take part.
+    #[must_use]
+    pub const fn is_judged(&self) -> bool {
+        !self.changes_sides && !self.saturated
+    }
 }
 
 /// Compares a campaign of pairs with the prediction of a robot file; the workpiece is that of the feedback margin.
@@ -70,7 +84,8 @@ pub fn verify<K: MachineKind<N>, const N: usize>(
     let geometry = file.model.geometry();
     let setup = SetupConstants::of(campaign);
     let question = Question { geometry: &geometry, file: &model.springs, campaign, setup };
-    let predicted = Predicted::new(&model, &question)?;
+    let limits_m = file.limits.map(|axis| OffsetNm(axis.limits.position.max()).to_metres().0);
+    let predicted = Predicted::new(&model, &question, limits_m)?;
     let (mut results, mut choice) = (Vec::new(), Choice::none(campaign));
     for sorted in of_series {
         for pair in &sorted.pairs {
@@ -108,10 +123,12 @@ struct Predicted<'a, const N: usize> {
     question: &'a Question<'a, N>,
     loaded: Vec<Loaded<N>>,
     lines: Vec<Lines>,
+    /// Limits of the offsets.
+    limits_m: [f64; N],
 }
 
 impl<'a, const N: usize> Predicted<'a, N> {
-    fn new(model: &'a FileModel<N>, question: &'a Question<'a, N>) -> Result<Self, VerifyError> {
+    fn new(model: &'a FileModel<N>, question: &'a Question<'a, N>, limits_m: [f64; N]) -> Result<Self, VerifyError> {
         let campaign = question.campaign;
         let failed = |LinesError::Window { line, error }| VerifyError::Pair {
             table: campaign.table.clone(),
@@ -122,7 +139,7 @@ impl<'a, const N: usize> Predicted<'a, N> {
         let loaded = question.loaded(&state, &vec![false; campaign.windows.len()]).map_err(failed)?;
         let lines = loaded.iter().enumerate().map(|(index, loaded)| question.linearised(&state, index, loaded));
         let lines = lines.collect::<Result<_, _>>().map_err(failed)?;
-        Ok(Self { model, question, loaded, lines })
+        Ok(Self { model, question, loaded, lines, limits_m })
     }
 
     fn failed(&self, window: usize, reason: &dyn std::fmt::Display) -> VerifyError {
@@ -189,6 +206,14 @@ impl<'a, const N: usize> Predicted<'a, N> {
         ways
     }
 
+    /// True if an offset between these windows is at its limit.
+    fn is_saturated(&self, off: usize, on: usize) -> bool {
+        let Campaign { windows, metres_per_q, .. } = self.question.campaign;
+        let ways = windows[on].q.iter().zip(&windows[off].q).zip(metres_per_q);
+        let offsets_m = ways.map(|((on, off), metres)| ((on - off) * metres).abs());
+        offsets_m.zip(self.limits_m).any(|(offset_m, limit_m)| offset_m >= limit_m - ROUNDED_M)
+    }
+
     fn judge(&self, sorted: &SeriesPairs, &[off, on]: &[usize; 2], workpiece_n_per_m: f64) -> Option<PairResult> {
         let window = &self.question.campaign.windows[on];
         let tool = |index: usize| self.loaded[index].displacement().translation_m;
@@ -211,6 +236,7 @@ impl<'a, const N: usize> Predicted<'a, N> {
             interval95_m: [(predicted_m - half_m).max(0.0), predicted_m + half_m],
             z: deviation(&more, &covariance),
             changes_sides: [off, on].into_iter().any(|index| self.model.changes_sides(&self.loaded[index].now)),
+            saturated: self.is_saturated(off, on),
             largest_gain: force
                 .try_normalize(1e-9)
                 .and_then(|normal| self.model.largest_gain(&window.q, &began, &normal, workpiece_n_per_m)),

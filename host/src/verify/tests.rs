@@ -13,9 +13,8 @@ use super::*;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium, Pose};
 use crate::measurements::springs::{Campaign, NamedGauge, Noise, SetupNoise, Window};
-use crate::model::Wrist;
-use crate::model::{Held, L2, MachineKind};
-use crate::robot_file::{Identified, RobotFile, WristJoint};
+use crate::model::{Held, L2, MachineKind, Wrist};
+use crate::robot_file::{AnyRobotFile, Identified, RobotFile, WristJoint, text_of};
 use crate::springs::gauge::{Body, Gauge};
 use crate::springs::loaded::Loaded;
 
@@ -159,7 +158,7 @@ fn mounted(setup: &SetupNoise, draw: &mut Draw) -> Vec<Gauge> {
 fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, setup: SetupNoise, draw: &mut Draw) -> Campaign<N> {
     let sensor = OffSensor::drawn(&setup, draw);
     let machine = ElasticMachine::new(file.model.geometry(), *truth, Backlash::NONE);
-    let compensator = file.compensator([OffsetNm(2_000_000); N]).unwrap();
+    let compensator = file.compensator(file.limits.map(|axis| OffsetNm(axis.limits.position.max()))).unwrap();
     let (mut windows, mut series, mut poses) = (Vec::new(), Vec::new(), Vec::new());
     for (pose, place) in places(file).into_iter().enumerate() {
         let off = file.model.axes_at(&place).unwrap();
@@ -275,6 +274,25 @@ fn springs_that_are_off_by_a_third_are_rejected() {
     assert_eq!(found.doubts(20e-6).len(), 2, "{found}");
     // Loads across the jump are counted apart.
     assert!(found.at_the_jump.pairs > 10 && found.judged.pairs + found.at_the_jump.pairs == 120, "{found}");
+}
+
+/// A correction that a limit of the offsets cuts is no fault of the springs: judged apart.
+#[test]
+fn corrections_that_a_limit_cuts_are_judged_apart() {
+    let tight = text_of("l2").unwrap().replace("max_um = [2000.0, 2000.0, 2000.0]", "max_um = [300.0, 300.0, 300.0]");
+    let AnyRobotFile::L2(tight) = AnyRobotFile::parse("tight", &tight).unwrap() else { panic!("not an L2") };
+    let mut file = identified();
+    file.simulation.jump_gap_m = 0.0;
+    file.limits = tight.limits;
+    let mut draw = Draw::new(8);
+    let truth = draw.machine(&file);
+    let found = verify(&file, &measured(&file, &truth, SetupNoise::default(), &mut draw), WORKPIECE).unwrap();
+    assert!(found.saturated.pairs > 10 && found.judged.pairs > 10, "{found}");
+    assert_eq!(found.saturated.pairs + found.judged.pairs, 120, "{found}");
+    assert!(found.saturated.after_largest_m > 50e-6, "{found}");
+    // What the limits leave is predicted like everything else.
+    assert!(found.saturated.z_rms < 2.0 && found.judged.share < 0.03, "{found}");
+    assert_eq!(found.doubts(30e-6), [""; 0], "{found}");
 }
 
 /// The prediction over the workspace against machines drawn from the file: means of squares, place by place and load by load.
