@@ -14,7 +14,7 @@ const OFFSETS: usize = LINKS - 1;
 
 /// What a fit finds of the links beyond the jump.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Beyond {
+pub(crate) enum Beyond {
     /// The play.
     Play,
     /// An offset of each link.

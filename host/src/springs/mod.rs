@@ -3,13 +3,15 @@
 
 mod agreement;
 mod beyond;
-mod blocks;
+pub(crate) mod blocks;
 #[cfg(test)]
 mod campaigns;
-mod choice;
+pub(crate) mod choice;
+pub mod compliances;
 pub mod fit;
 pub mod gauge;
 pub mod identify;
-mod lines;
+pub(crate) mod lines;
+pub mod loaded;
 mod play;
-mod setup;
+pub(crate) mod setup;

@@ -1,6 +1,5 @@
 //! Answers of an identification for programs: `"gantry-tau identified 1"`. SI units.
 
-use gantry_tau_core::model::robot::LINKS;
 use nalgebra::DMatrix;
 use serde::Serialize;
 
@@ -20,8 +19,8 @@ pub struct Answer {
     pub format: &'static str,
     /// `l2` or `f1`.
     pub model: &'static str,
-    /// Compliances of links and axes; the play, where there is one; half-widths of the hysteresis of gauges, those that were asked for
-    /// and are two standard deviations or more.
+    /// Compliances of links, axes and joints of the wrist; the play, where there is one; half-widths of the hysteresis of gauges, those
+    /// that were asked for and are two standard deviations or more.
     pub parameters: Vec<Parameter>,
     /// Covariance of the parameters, by rows.
     pub covariance: Vec<Vec<f64>>,
@@ -84,14 +83,14 @@ impl<const N: usize> Found<'_, N> {
         let Agreement { solved, choice, refused } = &self.agreement;
         let (mut values, mut covariance) = (solved.values(choice), solved.seen.covariance());
         if let Some(play) = &self.play {
-            let index = LINKS + N;
+            let index = self.question.file.count();
             values[index] *= play.sign;
             covariance.row_mut(index).scale_mut(play.sign);
             covariance.column_mut(index).scale_mut(play.sign);
         }
         let (chi2, dof) = (solved.rows.chi_squared(), solved.degrees());
         covariance *= self.intervals.variance(solved);
-        let names = names(self.question.campaign, choice, self.play.is_some());
+        let names = names(&self.question, choice, self.play.is_some());
         let mut parameters = Parameter::list(&names, &values, &covariance, |index| Status::of(&solved.seen, index));
         parameters.iter_mut().for_each(|parameter| parameter.set_reach(self.intervals.reach(solved)));
         for profiled in &self.profiles {
@@ -119,7 +118,7 @@ impl<const N: usize> Found<'_, N> {
             unobservable: Unobservable::list(&names, &unobservable),
             play: self.play.as_ref().map(|play| PlayAnswer {
                 gap_m: play.gap_m,
-                sd_m: parameters[LINKS + N].sd,
+                sd_m: parameters[self.question.file.count()].sd,
                 preload_rising_n: play.preload_n[0],
                 preload_falling_n: play.preload_n[1],
             }),

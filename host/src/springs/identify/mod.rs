@@ -20,13 +20,14 @@ use gantry_tau_core::model::robot::LINKS;
 
 use super::agreement::Agreement;
 use super::choice::Choice;
+use super::compliances::Springs;
 use super::fit::{SpringsError, rounds};
 use super::lines::{Question, State};
 use super::play::{FoundPlay, with_play};
 use super::setup::SetupConstants;
 use crate::fit::answer::Unobservable;
 use crate::measurements::FileError;
-use crate::measurements::springs::{self, Campaign};
+use crate::measurements::springs;
 use crate::model::MachineKind;
 use crate::robot_file::{RobotFile, RobotFileError};
 use hysteresis::{Kept, drop_small};
@@ -68,6 +69,14 @@ pub enum IdentifyError {
     NoCompliances {
         /// The robot file.
         robot: String,
+    },
+    /// A joint of the wrist has no compliance to begin with.
+    #[error("{robot}: wrist[{index}].c_rad_per_nm is 0; an identification begins with an estimate, such as 1e-5")]
+    RigidJoint {
+        /// The robot file.
+        robot: String,
+        /// Index of the joint.
+        index: usize,
     },
     /// There is no fit.
     #[error("{table}: {reason}")]
@@ -132,13 +141,12 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     robot: &RobotFile<K, N>,
     options: &IdentifyOptions,
 ) -> Result<Identification, IdentifyError> {
-    let Some(file) = &robot.compliances else {
-        return Err(IdentifyError::NoCompliances { robot: robot.name.clone() });
-    };
+    let file = starting_springs(robot)?;
     let campaign = springs::read(&options.setup, K::MODEL, &robot.metres_per_q)?;
+    campaign.check_wrist(&options.setup, robot.wrist.len())?;
     let setup = SetupConstants::of(&campaign);
     let geometry = robot.model.geometry();
-    let question = Question { geometry: &geometry, file, campaign: &campaign, setup };
+    let question = Question { geometry: &geometry, file: &file, campaign: &campaign, setup };
     plausible::check(&question)?;
     let found = find(question, options)?;
     let answer = found.answer(K::MODEL);
@@ -153,6 +161,15 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
         warnings,
         doubts,
     })
+}
+
+/// Springs of a robot file, all of which can be scaled.
+fn starting_springs<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Result<Springs<N>, IdentifyError> {
+    let name = || robot.name.clone();
+    if let Some(index) = robot.wrist.iter().position(|joint| joint.c_rad_per_nm <= 0.0) {
+        return Err(IdentifyError::RigidJoint { robot: name(), index });
+    }
+    Springs::of(robot).ok_or_else(|| IdentifyError::NoCompliances { robot: name() })
 }
 
 fn find<'a, const N: usize>(
@@ -170,7 +187,7 @@ fn find<'a, const N: usize>(
     plausible::gauges(&question, &first.lines)?;
     let failed = |reason: SpringsError| match (reason, first.seen.lost().as_slice()) {
         (reason @ (SpringsError::AtBound { .. } | SpringsError::NotConverged { .. }), [_, ..]) => {
-            let unseen = Unobservable::list(&names(question.campaign, &choice, false), &first.seen.lost());
+            let unseen = Unobservable::list(&names(&question, &choice, false), &first.seen.lost());
             let unseen = unseen.iter().map(Unobservable::to_string).collect::<Vec<_>>().join("; ");
             IdentifyError::Unseen { table: table.clone(), reason, unseen }
         }
@@ -196,13 +213,14 @@ fn find<'a, const N: usize>(
 }
 
 /// Names and units of the parameters.
-fn names<const N: usize>(campaign: &Campaign<N>, choice: &Choice, has_play: bool) -> Vec<(String, &'static str)> {
+fn names<const N: usize>(question: &Question<'_, N>, choice: &Choice, has_play: bool) -> Vec<(String, &'static str)> {
     let links = (0..LINKS).map(|link| (format!("c_link[{link}]"), "m/N"));
     let axes = (0..N).map(|axis| (format!("{}[{axis}]", axes_key::<N>()), "m/N"));
+    let wrist = (0..question.file.wrist.joints()).map(|joint| (format!("c_wrist[{joint}]"), "rad/(N m)"));
     let play = has_play.then(|| ("play.gap_m".to_owned(), "m"));
-    let name = |gauge: &usize| format!("hysteresis[{}]", campaign.gauges[*gauge].name);
+    let name = |gauge: &usize| format!("hysteresis[{}]", question.campaign.gauges[*gauge].name);
     let hysteresis = choice.hysteresis.iter().map(|gauge| (name(gauge), "m"));
-    links.chain(axes).chain(play).chain(hysteresis).collect()
+    links.chain(axes).chain(wrist).chain(play).chain(hysteresis).collect()
 }
 
 /// Key of the compliances of the axes.

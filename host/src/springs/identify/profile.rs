@@ -10,7 +10,7 @@ use crate::fit::answer::Status;
 use crate::springs::agreement::Agreement;
 use crate::springs::choice::Choice;
 use crate::springs::fit::{MOST_FACTOR, rounds};
-use crate::springs::lines::{Question, State, compliances_of, vector};
+use crate::springs::lines::{Question, State};
 
 /// Standard deviation of a spring, in its value, above which its interval is profiled.
 const LEAST_SHARE: f64 = 0.2;
@@ -38,7 +38,7 @@ pub(super) fn profiles<const N: usize>(
 ) -> Vec<Profiled> {
     let solved = &agreement.solved;
     let covariance = solved.seen.covariance() * intervals.variance(solved);
-    let springs = vector(&solved.state.compliances);
+    let springs = solved.state.springs.vector();
     let is_weak = |index: &usize| {
         let share = covariance[(*index, *index)].sqrt() / springs[*index];
         share >= LEAST_SHARE && Status::of(&solved.seen, *index) != Status::Kept
@@ -63,8 +63,8 @@ pub(super) fn profile<const N: usize>(
         variance: intervals.variance(&agreement.solved),
         reach: intervals.reach(&agreement.solved),
     };
-    let value = vector(&profile.state.compliances)[parameter];
-    let file = vector(question.file)[parameter];
+    let value = profile.state.springs.vector()[parameter];
+    let file = question.file.vector()[parameter];
     let sd = (agreement.solved.seen.covariance()[(parameter, parameter)] * profile.variance).sqrt();
     let low = profile.end(value, -sd, file / MOST_FACTOR)?;
     profile.state = agreement.solved.state.clone();
@@ -88,9 +88,9 @@ struct Profile<'a, const N: usize> {
 impl<const N: usize> Profile<'_, N> {
     /// Distance of the best fit at a value from the best of all, in standard deviations, less that of the interval's end.
     fn beyond(&mut self, value: f64) -> Option<f64> {
-        let mut springs = vector(&self.state.compliances);
+        let mut springs = self.state.springs.vector();
         springs[self.parameter] = value;
-        self.state.compliances = compliances_of(&springs).ok()?;
+        self.state.springs = self.state.springs.with(&springs).ok()?;
         let solved = rounds(self.question, &self.choice, self.state.clone(), MAX_ROUNDS).ok()?;
         let risen = (solved.rows.chi_squared() - self.least) / self.variance;
         self.state = solved.state;

@@ -12,7 +12,7 @@ use crate::springs::agreement::Agreement;
 use crate::springs::beyond::{Beyond, CHANGES};
 use crate::springs::choice::Choice;
 use crate::springs::fit::{SpringsError, fit};
-use crate::springs::lines::{Question, vector};
+use crate::springs::lines::Question;
 use crate::springs::play::FoundPlay;
 
 /// Probability of the F-test below which the compliances differ.
@@ -69,7 +69,7 @@ pub(super) fn compare<const N: usize>(
     let unknowns = without.degrees().saturating_sub(rest);
     let gain = without.rows.chi_squared() - solved.rows.chi_squared();
     let f = (gain / float(unknowns)) / (solved.rows.chi_squared() / float(rest));
-    let compliances = vector(&solved.state.compliances);
+    let compliances = solved.state.springs.vector();
     let first = compliances.len() + 1 + CHANGES;
     let covariance = solved.seen.covariance() * intervals.variance(solved);
     let links = std::array::from_fn(|link| {

@@ -29,7 +29,10 @@ impl<const N: usize> Found<'_, N> {
         let (links, axes) = values.split_at(LINKS);
         text.set_numbers("c_link", links);
         text.set_numbers(axes_key::<N>(), &axes[..N]);
-        let springs = LINKS + N;
+        for (joint, value) in axes[N..].iter().take(robot.wrist.len()).enumerate() {
+            text.set_number_of("wrist", joint, "c_rad_per_nm", *value);
+        }
+        let springs = self.question.file.count();
         let identified = Identified {
             measurements: campaign.table.clone(),
             crc: campaign.crc,
@@ -60,7 +63,7 @@ impl<const N: usize> Found<'_, N> {
     fn jump_force_n<K: MachineKind<N>>(&self, robot: &RobotFile<K, N>, preload_n: [f64; 2]) -> Option<f64> {
         let home = robot.home_m();
         let q = robot.model.axes_at(&home).ok()?;
-        let compliances = self.agreement.solved.state.compliances;
+        let compliances = self.agreement.solved.state.springs.machine;
         let machine = ElasticMachine::new(*self.question.geometry, compliances, Backlash::NONE);
         let probe_n = 100.0;
         let load = Vector6::new(probe_n, 0.0, 0.0, 0.0, 0.0, 0.0);

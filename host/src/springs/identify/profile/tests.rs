@@ -25,7 +25,7 @@ fn what_is_known_well_has_a_symmetric_profile() {
     bench.measure(&truth, &mut random, 0.0, never);
     let agreement = agreed(&bench).unwrap();
     let covariance = agreement.solved.seen.covariance();
-    let values = vector(&agreement.solved.state.compliances);
+    let values = agreement.solved.state.springs.vector();
     for (spring, tolerance) in [(0, 0.01), (4, 0.01), (7, 0.03)] {
         let Profiled { ends: [low, high], .. } = profile(&bench.question(), &agreement, STATED, spring).unwrap();
         let sd = covariance[(spring, spring)].sqrt();
@@ -54,12 +54,12 @@ fn a_spring_that_is_known_badly_has_a_longer_arm_above() {
         Bench::new(&robot, &[HOME], &[strap], noise)
     };
     let share = |agreement: &Agreement<3>, spring: usize| {
-        agreement.solved.seen.covariance()[(spring, spring)].sqrt() / vector(&agreement.solved.state.compliances)[spring]
+        agreement.solved.seen.covariance()[(spring, spring)].sqrt() / agreement.solved.state.springs.vector()[spring]
     };
     // Exact readings of the file's machine show how well each link is known.
     let mut exact = planned();
     exact.campaign.noise = Noise { gauge_um: 1e-6, force_n: 1e-6, moment_nm: 1e-6 };
-    let file = exact.file;
+    let file = exact.file.clone();
     exact.measure(&file, &mut seeded(0), 0.0, never);
     exact.campaign.noise = noise;
     let expected = agreed(&exact).unwrap();
@@ -74,12 +74,12 @@ fn a_spring_that_is_known_badly_has_a_longer_arm_above() {
         let truth = bench.true_springs(&mut random);
         bench.measure(&truth, &mut random, 0.0, never);
         let Some(agreement) = agreed(&bench) else { continue };
-        let values = vector(&agreement.solved.state.compliances);
+        let values = agreement.solved.state.springs.vector();
         for &link in &links {
             let Some(Profiled { ends: [low, high], .. }) = profile(&bench.question(), &agreement, STATED, link) else {
                 continue;
             };
-            let (truth, value) = (vector(&truth)[link], values[link]);
+            let (truth, value) = (truth.vector()[link], values[link]);
             let reach = NORMAL_95 * share(&agreement, link) * value;
             all += 1.0;
             held += f64::from(u8::from((low..=high).contains(&truth)));

@@ -1,4 +1,3 @@
-use gantry_tau_core::model::robot::Compliances;
 use nalgebra::{Vector3, Vector6};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -6,6 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use super::*;
 use crate::robot_file::RobotFile;
 use crate::springs::campaigns::{Bench, FINE, HOME, HOOKS, Strap, seeded, straps};
+use crate::springs::compliances::Springs;
 use crate::springs::lines::State;
 use crate::springs::play::with_play;
 
@@ -20,7 +20,7 @@ fn planned() -> Bench<3> {
 
 /// Measures a machine that jumps by `gap_m` where the cluster force is that of 330 to 390 N in x, up to 25 N earlier on the way back. Beyond it
 /// each link has `ratios` of its compliance, with the line through the point of the jump.
-fn measure(bench: &mut Bench<3>, truth: &Compliances<3>, random: &mut ChaCha8Rng, ratios: &[f64; LINKS]) {
+fn measure(bench: &mut Bench<3>, truth: &Springs<3>, random: &mut ChaCha8Rng, ratios: &[f64; LINKS]) {
     let rising = random.random_range(330.0..390.0);
     let falling = rising - random.random_range(0.0..25.0);
     let gap_m = random.random_range(25e-6..55e-6);
@@ -29,7 +29,7 @@ fn measure(bench: &mut Bench<3>, truth: &Compliances<3>, random: &mut ChaCha8Rng
         let threshold = if stroke >= 0 { rising } else { falling };
         if -force > 0.47 * threshold { 1.0 } else { 0.0 }
     };
-    let changes: Vector6<f64> = Vector6::from_fn(|link, _| truth.link_m_per_n()[link] * (ratios[link] - 1.0));
+    let changes: Vector6<f64> = Vector6::from_fn(|link, _| truth.machine.link_m_per_n()[link] * (ratios[link] - 1.0));
     bench.measure_with(truth, random, beyond, |tensions_n| {
         let from_jump = 1.0 - 0.47 * rising / -tensions_n.fixed_rows::<3>(3).sum();
         let mut longer = changes.component_mul(tensions_n) * from_jump;
