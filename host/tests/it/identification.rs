@@ -144,3 +144,40 @@ fn what_cannot_be_seen_is_named_and_keeps_its_value() {
     assert!(kept.count() >= 1);
     assert!(folder.read("found.toml").contains("[identified]"));
 }
+
+/// Noise from the residuals: repeats tell the model from the noise, and every option says what it found.
+#[test]
+fn repeats_reject_a_bow_where_the_noise_is_not_taken_as_stated() {
+    let folder = Folder::new("identify-repeats");
+    let [setup, table] = campaign(&folder);
+    let options = ["--scale", "--hysteresis", "--two-regimes", "--report", "page.html", "--force"];
+    let identify = |setup: &str, table: &str, options: &[&str]| {
+        folder.write("campaign.toml", setup);
+        folder.write("springs.csv", table);
+        let command = ["identify", "campaign.toml", "--robot", "l2", "-o", "found.toml", "--json", "found.json"];
+        folder.run(&[&command[..], options].concat())
+    };
+    let said = identify(&setup, &table, &options).success();
+    let all = ["noise by repeats", "lack of fit p", "two regimes are not compared: no jump was found", "is left out: "];
+    assert!(all.iter().all(|words| said.contains(words)), "{said}");
+    let page = folder.read("page.html");
+    let headings = ["Is the model right?", "Repeats", "By gauge, series and stroke", "Series left out"];
+    assert!(headings.iter().all(|heading| page.contains(heading)) && !page.contains("NaN"));
+    let answer: serde_json::Value = serde_json::from_str(&folder.read("found.json")).unwrap();
+    assert!(answer["parameters"].as_array().unwrap().len() < 9 + 9, "hysteresis that is not there is dropped");
+    // A gauge on the back of a cart that bows by 10 um over a stroke [T 6.1], up and down alike.
+    let bowed = changed(&table, "axis2_um", |row, um| {
+        let place = row % 11;
+        let share = f64::from(u32::try_from(place.min(10 - place)).unwrap()) / 5.0;
+        um + 40.0 * share * (1.0 - share)
+    });
+    let noise = setup.find("[noise]").unwrap()..setup.find("[[pose]]").unwrap();
+    let mut unstated = setup.clone();
+    unstated.replace_range(noise, "");
+    let line = identify(&unstated, &bowed, &["--force"]).failure(3);
+    assert!(line.contains("the model is wrong") && line.contains("lack of fit") && line.contains("axis2"), "{line}");
+    assert!(
+        identify(&unstated, &table, &["--force"]).success().contains("p 1.00; noise by repeats"),
+        "nothing is wrong"
+    );
+}

@@ -58,7 +58,7 @@ fn a_gauge_with_a_bow_is_named() {
         }
         assert!((5e-6..6.1e-6).contains(&bowed));
         let found = repeats(&bench);
-        assert!(found.p() < 1e-6, "{seed}: {found:?}");
+        assert!(found.p() < 1e-4, "{seed}: {found:?}");
         assert_eq!(found.standing_out.first(), Some(&7), "{seed}: {found:?}");
         assert!((found.pure.mean() - 1.0).abs() < 0.3, "{seed}: the repeats know nothing of it: {found:?}");
     }
