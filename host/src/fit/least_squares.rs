@@ -172,6 +172,11 @@ impl Seen {
         &self.svd.values
     }
 
+    /// Changes of the parameters that would matter.
+    pub(crate) const fn scales(&self) -> &DVector<f64> {
+        &self.scales
+    }
+
     /// Number of directions that are not lost.
     #[must_use]
     pub fn kept(&self) -> usize {

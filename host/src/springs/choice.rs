@@ -1,5 +1,7 @@
 //! Readings that a fit uses, and unknowns that it has besides the springs.
 
+use nalgebra::DMatrix;
+
 use super::beyond::Beyond;
 use crate::measurements::springs::Campaign;
 
@@ -18,8 +20,8 @@ pub(crate) struct Choice {
     pub(crate) hysteresis: Vec<usize>,
     /// A drift of each gauge in each series is fitted.
     pub(crate) has_drift: bool,
-    /// Parameter that keeps the value of the start.
-    pub(crate) fixed: Option<usize>,
+    /// Directions that no step goes along: orthonormal columns, in changes of the parameters that would matter.
+    pub(crate) held: Option<DMatrix<f64>>,
 }
 
 /// A gauge that stays shifted from a window of its series on: it has another zero from there.
@@ -41,7 +43,7 @@ impl Choice {
             beyond: Beyond::Play,
             hysteresis: Vec::new(),
             has_drift: false,
-            fixed: None,
+            held: None,
         }
     }
 

@@ -170,8 +170,7 @@ pub(super) fn rounds<const N: usize>(
         if blocks.rows.degrees() < scales.len() {
             return Err(SpringsError::TooFew { readings: blocks.rows.degrees(), parameters: scales.len() });
         }
-        // A parameter that nothing depends on keeps its value.
-        choice.fixed.into_iter().for_each(|fixed| blocks.rows.derivatives.column_mut(fixed).fill(0.0));
+        choice.held.iter().for_each(|held| hold(&mut blocks.rows.derivatives, &scales, held));
         let seen = Seen::new(&blocks.rows, &scales);
         let step = bounded(question, &state, seen.step(0.0));
         let Eliminated { setup, loads, left } = blocks.eliminated(question, &lines, &state, &step);
@@ -187,6 +186,12 @@ pub(super) fn rounds<const N: usize>(
         state.loads = loads;
         rounds += 1;
     }
+}
+
+/// Makes rows blind along directions, so that no step goes along them.
+fn hold(derivatives: &mut DMatrix<f64>, scales: &DVector<f64>, directions: &DMatrix<f64>) {
+    let along = &*derivatives * DMatrix::from_diagonal(scales) * directions;
+    *derivatives -= along * directions.transpose() * DMatrix::from_diagonal(&scales.map(f64::recip));
 }
 
 /// Readings rise with the force by half the width of the hysteresis late, and fall by as much early.

@@ -5,6 +5,8 @@
 //! too short above, too long below. (D. J. Venzon, S. H. Moolgavkar, "A method for computing profile-likelihood-based confidence intervals",
 //! Applied Statistics 37, 1988.)
 
+use nalgebra::{DMatrix, DVector};
+
 use super::intervals::Intervals;
 use crate::fit::answer::Status;
 use crate::springs::agreement::Agreement;
@@ -54,10 +56,19 @@ pub(super) fn profile<const N: usize>(
     intervals: Intervals,
     parameter: usize,
 ) -> Option<Profiled> {
+    let seen = &agreement.solved.seen;
+    let lost: Vec<DVector<f64>> = seen.lost().into_iter().map(|direction| direction.components).collect();
+    // The parameter changes, and what is not seen stays: the others of its lost directions go along.
+    let mut direction = DVector::zeros(seen.scales().len());
+    direction[parameter] = 1.0;
+    lost.iter().for_each(|lost| direction -= lost * lost[parameter]);
+    let held: Vec<DVector<f64>> = lost.into_iter().chain([direction.normalize()]).collect();
+    let direction = direction.component_mul(seen.scales());
     let mut profile = Profile {
         question,
-        choice: Choice { fixed: Some(parameter), ..agreement.choice.clone() },
+        choice: Choice { held: Some(DMatrix::from_columns(&held)), ..agreement.choice.clone() },
         state: agreement.solved.state.clone(),
+        direction: &direction / direction[parameter],
         parameter,
         least: agreement.solved.rows.chi_squared(),
         variance: intervals.variance(&agreement.solved),
@@ -78,6 +89,8 @@ struct Profile<'a, const N: usize> {
     choice: Choice,
     /// Where the last fit ended: the next begins there.
     state: State<N>,
+    /// Change of all parameters with that one, and without what is not seen.
+    direction: DVector<f64>,
     parameter: usize,
     /// Chi-squared of the best fit.
     least: f64,
@@ -89,7 +102,7 @@ impl<const N: usize> Profile<'_, N> {
     /// Distance of the best fit at a value from the best of all, in standard deviations, less that of the interval's end.
     fn beyond(&mut self, value: f64) -> Option<f64> {
         let mut springs = self.state.springs.vector();
-        springs[self.parameter] = value;
+        springs += self.direction.rows(0, springs.len()) * (value - springs[self.parameter]);
         self.state.springs = self.state.springs.with(&springs).ok()?;
         let solved = rounds(self.question, &self.choice, self.state.clone(), MAX_ROUNDS).ok()?;
         let risen = (solved.rows.chi_squared() - self.least) / self.variance;

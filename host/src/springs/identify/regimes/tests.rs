@@ -62,7 +62,6 @@ fn the_same_compliances_are_not_taken_for_others() {
             all += 1;
         }
     }
-    println!("accused {accused} of 200, held {held} of {all}");
     // Binomial: of 200 with 1 % more than 7 are 0.1 %.
     assert!(accused <= 7, "{accused}");
     assert!((0.93..=0.97).contains(&(f64::from(held) / f64::from(all))), "{held} of {all}");
@@ -85,6 +84,5 @@ fn the_ratios_of_the_thesis_are_found() {
             all += 1;
         }
     }
-    println!("held {held} of {all}");
     assert!(all >= 150 && f64::from(held) >= 0.9 * f64::from(all), "{held} of {all}");
 }

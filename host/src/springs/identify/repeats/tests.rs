@@ -38,7 +38,6 @@ fn repeats_show_the_noise() {
         accused += usize::from(found.p() < 0.05);
         small += found.standing_out.len();
     }
-    println!("{noise} {accused} {small}");
     // 100 times 405 degrees: the deviation of the mean is 0.7 %; of 100 with 5 % more than 13 are 0.1 %.
     assert!((noise - 1.0).abs() < 0.025, "{noise}");
     assert!(accused <= 13 && small <= 1, "{accused} {small}");
