@@ -174,8 +174,11 @@ fn repeats_reject_a_bow_where_the_noise_is_not_taken_as_stated() {
     let noise = setup.find("[noise]").unwrap()..setup.find("[[pose]]").unwrap();
     let mut unstated = setup.clone();
     unstated.replace_range(noise, "");
-    let line = identify(&unstated, &bowed, &["--force"]).failure(3);
-    assert!(line.contains("the model is wrong") && line.contains("lack of fit") && line.contains("axis2"), "{line}");
+    let ended = identify(&unstated, &bowed, &["--force"]);
+    let said = ended.stdout.clone();
+    let line = ended.failure(3);
+    assert!(line.contains("the model is wrong") && line.contains("lack of fit"), "{line}");
+    assert!(said.contains("gauge axis2: ") && said.contains("another place on the cart"), "{said}");
     assert!(
         identify(&unstated, &table, &["--force"]).success().contains("p 1.00; noise by repeats"),
         "nothing is wrong"

@@ -7,6 +7,7 @@ use super::answer::Answer;
 use super::regimes::TwoRegimes;
 use crate::fit::statistics::float;
 use crate::measurements::springs::Campaign;
+use crate::springs::agreement::deviations;
 
 /// Smallest probability of the residuals at which a model is believed.
 const LEAST_P: f64 = 1e-3;
@@ -113,13 +114,12 @@ impl<const N: usize> Found<'_, N> {
     /// Names of the three series and gauges with the largest residuals.
     fn largest_contributors(&self) -> Vec<String> {
         let campaign = self.question.campaign;
-        let solved = &self.agreement.solved;
+        let deviations = deviations(&self.question, &self.agreement.choice, &self.agreement.solved);
         let mut sums = DMatrix::zeros(campaign.series.len(), campaign.gauges.len());
-        for (lines, left) in solved.lines.iter().zip(&solved.left) {
-            for (row, gauge) in lines.gauges.iter().enumerate() {
-                let weight = self.agreement.choice.weights[lines.window][*gauge];
-                sums[(campaign.windows[lines.window].series, *gauge)] +=
-                    weight * left[row].powi(2) / lines.variances[row];
+        for (index, window) in campaign.windows.iter().enumerate() {
+            for (gauge, deviation) in deviations[index].iter().enumerate().filter(|(_, deviation)| !deviation.is_nan())
+            {
+                sums[(window.series, gauge)] += self.agreement.choice.weights[index][gauge] * deviation.powi(2);
             }
         }
         let mut all: Vec<(f64, usize, usize)> = (0..campaign.series.len())
