@@ -7,7 +7,6 @@ use std::fmt::Write as _;
 use gantry_tau_core::model::robot::LINKS;
 
 use super::answer::Answer;
-use super::regimes::TwoRegimes;
 use super::thesis::ThesisSprings;
 use super::{Found, IdentifyOptions};
 use crate::fit::statistics::float;
@@ -181,28 +180,6 @@ impl<const N: usize> Found<'_, N> {
             );
         }
         body
-    }
-
-    /// Compliances of the links beyond the jump, beside those before it.
-    fn regimes(&self) -> String {
-        let Some(Ok(TwoRegimes { links, f, degrees: [unknowns, rest], p })) = &self.regimes else {
-            return String::new();
-        };
-        let mut table = format!(
-            "<h2>Beyond the jump</h2><p>Each link with a line of its own there, against the same compliances with offsets of their own: \
-             F({unknowns}, {rest}) = {f:.2}, p = {p:.1e}; below 0.01 the compliances differ. Not written to the robot file. The thesis saw \
-             0.43 to 0.62 [T Table 5.2].</p><table><tr><th>link<th>before<th>beyond over before<th>95 % interval</tr>"
-        );
-        for (index, link) in links.iter().enumerate() {
-            let [low, high] = link.ends;
-            let ratio = if link.is_seen {
-                format!("{:.3}<td>{low:.3} to {high:.3}", link.ratio)
-            } else {
-                "not seen<td>".to_owned()
-            };
-            _ = write!(table, "<tr><td>c_link[{index}]<td>{:.4e} m/N<td>{ratio}</tr>", link.before);
-        }
-        table + "</table>"
     }
 
     fn observability(&self) -> String {

@@ -9,8 +9,31 @@ use crate::plots::Curve;
 use crate::plots::page::escape;
 use crate::springs::fit::series_errors;
 use crate::springs::identify::Found;
+use crate::springs::identify::regimes::TwoRegimes;
 
 impl<const N: usize> Found<'_, N> {
+    /// Compliances of the links beyond the jump, beside those before it.
+    pub(super) fn regimes(&self) -> String {
+        let Some(Ok(TwoRegimes { links, f, degrees: [unknowns, rest], p })) = &self.regimes else {
+            return String::new();
+        };
+        let mut table = format!(
+            "<h2>Beyond the jump</h2><p>Each link with a line of its own there, against the same compliances with offsets of their own: \
+             F({unknowns}, {rest}) = {f:.2}, p = {p:.1e}; below 0.01 the compliances differ. Not written to the robot file. The thesis saw \
+             0.43 to 0.62 [T Table 5.2].</p><table><tr><th>link<th>before<th>beyond over before<th>95 % interval</tr>"
+        );
+        for (index, link) in links.iter().enumerate() {
+            let [low, high] = link.ends;
+            let ratio = if link.is_seen {
+                format!("{:.3}<td>{low:.3} to {high:.3}", link.ratio)
+            } else {
+                "not seen<td>".to_owned()
+            };
+            _ = write!(table, "<tr><td>c_link[{index}]<td>{:.4e} m/N<td>{ratio}</tr>", link.before);
+        }
+        table + "</table>"
+    }
+
     pub(super) fn model(&self, points: &[Point]) -> String {
         let mut body = String::from(
             "<h2>Is the model right?</h2><p>Deviations of each reading from what the other gauges of its window let expect, in standard deviations. \
