@@ -14,6 +14,7 @@ use super::*;
 use crate::elastic::Equilibrium;
 use crate::experiment::fixture::{Folder, campaign_a, first_series, plan_in};
 use crate::experiment::prediction::unloaded;
+use crate::experiment::raw;
 use crate::gauge_link::GaugePublisher;
 use crate::measurements::springs::{self, Campaign, Window};
 use crate::model::{L2, L2_MOTORS};
@@ -23,6 +24,7 @@ use crate::server::Server;
 use crate::server::cycle::Cycle;
 use crate::server::tick_source::TickSource;
 use crate::sim::gauges::SimulatedGauges;
+use crate::springs::identify::{IdentifyOptions, identify};
 use crate::stop_latch::StopLatch;
 
 fn loopback() -> SocketAddr {
@@ -166,10 +168,52 @@ fn a_campaign_over_loopback_measures_the_machine() {
     assert_agrees(&robot, &plan, &campaign);
     let times: Vec<f64> = campaign.windows.iter().map(|window| window.time_s.unwrap()).collect();
     assert!(times.is_sorted() && times[9] > 60.0, "{times:?}");
-    // The raw table has all of every window, so more than two seconds of each level beyond the first.
-    let raw = std::fs::read_to_string(folder.path("raw.csv")).unwrap();
-    assert!(raw.lines().filter(|line| line.starts_with("x1,")).count() > 4 * 2_000);
+    assert_same_windows(&folder, &robot, &campaign);
+    // And the same answer: by the digits of a micrometre that the table of ticks has, far below a standard deviation.
+    let [by_windows, by_ticks] = [None, Some(folder.path("raw.csv"))].map(|raw| identified(&folder, &robot, raw));
+    assert_eq!(by_windows.len(), 9);
+    for (one, other) in by_windows.iter().zip(&by_ticks) {
+        assert!((one / other - 1.0).abs() < 1e-6, "{by_windows:?} {by_ticks:?}");
+    }
     bench.server.quit().unwrap();
+}
+
+/// Springs of a machine by `identify`: from its table of windows, or from one of ticks.
+fn identified(folder: &Folder, robot: &RobotFile<L2, 3>, raw: Option<PathBuf>) -> Vec<f64> {
+    let options = IdentifyOptions {
+        setup: folder.path("plan.toml"),
+        raw,
+        robot: "l2".to_owned(),
+        is_scaled: false,
+        is_robust: true,
+        has_hysteresis: false,
+        has_drift: false,
+    };
+    let answer: serde_json::Value = serde_json::from_str(&identify(robot, &options).unwrap().json).unwrap();
+    answer["parameters"].as_array().unwrap().iter().map(|parameter| parameter["value"].as_f64().unwrap()).collect()
+}
+
+/// Checks that the windows of a campaign are those that its table of ticks gives: to rounding, of a sum of 2 000 readings of 1 mm.
+fn assert_same_windows(folder: &Folder, robot: &RobotFile<L2, 3>, campaign: &Campaign<3>) {
+    let prediction = Prediction::new(robot).unwrap();
+    let made = raw::read(&folder.path("raw.csv"), &folder.path("plan.toml"), robot, &prediction).unwrap();
+    assert_eq!(made.missed, [""; 0]);
+    let made = made.campaign;
+    assert_eq!((&made.series, &made.mountings), (&campaign.series, &campaign.mountings));
+    assert_eq!(made.windows.len(), campaign.windows.len());
+    let close = |one: f64, other: f64, to: f64| assert!((one - other).abs() <= to, "{one:e} {other:e}");
+    for (one, other) in made.windows.iter().zip(&campaign.windows) {
+        let names =
+            |window: &Window<3>| (window.series, window.mounting, window.pose, window.window.clone(), window.stroke);
+        assert_eq!(names(one), names(other));
+        (one.q.iter().zip(&other.q)).for_each(|(one, other)| close(*one, *other, 1e-12));
+        (one.load.iter().zip(&other.load)).for_each(|(one, other)| close(*one, *other, 1e-9));
+        let lengths = |window: &Window<3>| [window.readings_m.clone(), window.sds_m.clone()].concat();
+        for (one, other) in lengths(one).into_iter().zip(lengths(other)) {
+            close(one.unwrap(), other.unwrap(), 1e-14);
+        }
+        close(one.time_s.unwrap(), other.time_s.unwrap(), 1e-9);
+    }
 }
 
 #[test]
@@ -179,7 +223,8 @@ fn an_interrupted_campaign_goes_on_where_it_ended() {
     let (robot, plan) = (robot(), plan_in(&folder, &text));
     let bench = Bench::start(&robot, &plan);
     let output = folder.path("springs.csv");
-    let options = bench.options(&robot, &plan, &output);
+    let mut options = bench.options(&robot, &plan, &output);
+    options.raw = Some(folder.path("raw.csv"));
     // In the middle of the first series, and at its end.
     let mut before = Vec::new();
     for rows in [3, 5, usize::MAX] {
@@ -193,6 +238,7 @@ fn an_interrupted_campaign_goes_on_where_it_ended() {
     let expected: Vec<_> = (0..2).flat_map(|series| ["1", "2", "3", "4", "5"].map(|window| (series, window))).collect();
     assert_eq!(found, expected);
     assert_agrees(&robot, &plan, &campaign);
+    assert_same_windows(&folder, &robot, &campaign);
     // Nothing is left to do, and nothing is done.
     assert_eq!(run_until(&options, usize::MAX), LiveReport { taken: 0, missing: 0 });
     assert_eq!(std::fs::read(&output).unwrap(), before);

@@ -19,6 +19,8 @@ use super::play::{FoundPlay, with_play};
 use super::setup::SetupConstants;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium};
+use crate::experiment::prediction::Prediction;
+use crate::experiment::raw;
 use crate::fit::answer::{Parameter, Status, Unobservable};
 use crate::fit::statistics::{chi_squared_above, float, students_t_95};
 use crate::measurements::FileError;
@@ -40,6 +42,8 @@ const MOST_MOVED_SD: f64 = 3.0;
 pub struct IdentifyOptions {
     /// Set-up of the measurements.
     pub setup: PathBuf,
+    /// Table of every tick that windows are made of; `None`: the set-up names the table of windows.
+    pub raw: Option<PathBuf>,
     /// Name of the robot file to begin with, as of [`crate::robot_file::AnyRobotFile::named`].
     pub robot: String,
     /// Intervals by the residuals instead of the stated noise.
@@ -125,7 +129,13 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     let Some(file) = &robot.compliances else {
         return Err(IdentifyError::NoCompliances { robot: robot.name.clone() });
     };
-    let campaign = springs::read(&options.setup, K::MODEL, &robot.metres_per_q)?;
+    let (campaign, missed) = match &options.raw {
+        None => (springs::read(&options.setup, K::MODEL, &robot.metres_per_q)?, Vec::new()),
+        Some(table) => {
+            let made = raw::read(table, &options.setup, robot, &Prediction::new(robot)?)?;
+            (made.campaign, made.missed)
+        }
+    };
     let setup = SetupConstants::of(&campaign);
     let geometry = robot.model.geometry();
     let question = Question { geometry: &geometry, file, campaign: &campaign, setup };
@@ -134,6 +144,7 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     let answer = found.answer(K::MODEL, options);
     let doubts = found.doubts(&answer);
     let mut warnings = found.warnings(&answer);
+    warnings.extend(missed);
     let robot_file = found.robot_file(robot, options, &answer, &mut warnings)?;
     Ok(Identification {
         json: serde_json::to_string_pretty(&answer).map_err(|error| IdentifyError::Edit(error.to_string()))?,
