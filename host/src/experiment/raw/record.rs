@@ -64,6 +64,8 @@ struct Follower<'a, const N: usize> {
     series: usize,
     /// Windows of the series.
     found: Vec<Found<N>>,
+    /// Most windows that the series has had.
+    most_found: usize,
     /// Window of the slack level, until the pull begins.
     slack: Option<Found<N>>,
     pull: Pull,
@@ -103,6 +105,7 @@ pub(super) fn read<const N: usize>(
         collector: Collector::new(made.rules),
         series: 0,
         found: Vec::new(),
+        most_found: 0,
         slack: None,
         pull: Pull::default(),
         line: 0,
@@ -146,6 +149,7 @@ impl<const N: usize> Follower<'_, N> {
         };
         if self.slack.is_some() && is_at(1) {
             self.found.extend(self.slack.take());
+            self.most_found = self.most_found.max(1);
             self.pull.is_at_level = false;
         }
         let level_n = |level: usize| series.levels_n.get(level).copied().unwrap_or_default();
@@ -178,6 +182,7 @@ impl<const N: usize> Follower<'_, N> {
             return;
         }
         self.found.push(found);
+        self.most_found = self.most_found.max(self.level());
         if self.level() == series.levels_n.len() {
             self.finish(series);
         }
@@ -190,12 +195,12 @@ impl<const N: usize> Follower<'_, N> {
         for Found { level, means, end_s } in self.found.drain(..) {
             self.made.add(&level, &means, Vector6::from(means.wrench), end_s, &read);
         }
-        self.series += 1;
+        (self.series, self.most_found) = (self.series + 1, 0);
     }
 
     fn end(self) -> Result<Made<N>, FileError> {
         let Some(series) = self.plan.series.get(self.series) else { return self.made.end(self.source, &[]) };
-        let (level, name) = (self.level(), &series.name);
+        let (level, name) = (self.most_found, &series.name);
         let reason = format!(
             "series {name}, window {} ({} N) of the plan is not in it: a recording shows the whole plan in its order, each level calm for 6 s",
             window_name(level),

@@ -76,7 +76,7 @@ fn a_recording_is_told_apart_by_the_plan() {
         "record.csv: series x1, window 3 (280 N) of the plan is not in it: a recording shows the whole plan in its order, each level calm for 6 s",
     );
     refused(
-        &text.replace("gauge_", "probe_"),
+        &text.replace("\"gauge_", "\"probe_"),
         "gauge: a recording has the gauges gauge_x, gauge_y and gauge_z, and the set-up names none of them",
     );
     let (without, _) = text.split_once("[[series]]").unwrap();
