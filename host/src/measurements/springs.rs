@@ -324,6 +324,19 @@ pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -
     campaign(setup, &table, &table::bytes(&table)?, metres_per_q)
 }
 
+/// Reads a set-up, and another table than it names.
+///
+/// # Errors
+/// [`FileError`].
+pub fn read_table<const N: usize>(
+    path: &Path,
+    table: &Path,
+    model: &str,
+    metres_per_q: &[f64; N],
+) -> Result<Campaign<N>, FileError> {
+    campaign(read_setup(path, model, metres_per_q)?, table, &table::bytes(table)?, metres_per_q)
+}
+
 /// Reads the bytes of the table of a set-up, for a machine whose axes are `metres_per_q` long; `table` names it.
 ///
 /// # Errors

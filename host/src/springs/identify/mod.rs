@@ -3,7 +3,6 @@
 pub mod answer;
 mod plausible;
 mod report;
-mod thesis;
 
 use std::path::PathBuf;
 
@@ -164,8 +163,23 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     })
 }
 
+/// Returns the answer of a campaign alone, from a robot file of `model`.
+///
+/// # Errors
+/// [`IdentifyError`].
+pub(super) fn answer_of<const N: usize>(
+    question: Question<'_, N>,
+    model: &'static str,
+    options: &IdentifyOptions,
+) -> Result<Answer, IdentifyError> {
+    plausible::check(&question)?;
+    Ok(find(question, options)?.answer(model, options))
+}
+
 /// Springs of a robot file, all of which can be scaled.
-fn starting_springs<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Result<Springs<N>, IdentifyError> {
+pub(super) fn starting_springs<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+) -> Result<Springs<N>, IdentifyError> {
     let name = || robot.name.clone();
     if let Some(index) = robot.wrist.iter().position(|joint| joint.c_rad_per_nm <= 0.0) {
         return Err(IdentifyError::RigidJoint { robot: name(), index });
@@ -223,7 +237,7 @@ fn names<const N: usize>(question: &Question<'_, N>, choice: &Choice, has_play: 
 }
 
 /// Key of the compliances of the axes.
-const fn axes_key<const N: usize>() -> &'static str {
+pub(super) const fn axes_key<const N: usize>() -> &'static str {
     if N == AXES { "c_cart" } else { "c_act" }
 }
 

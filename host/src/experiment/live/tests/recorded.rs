@@ -82,7 +82,7 @@ fn a_recording_is_told_apart_by_the_plan() {
     let (without, _) = text.split_once("[[series]]").unwrap();
     refused(without, "series: is missing: a plan has [[series]]");
     std::fs::write(folder.path("plan.toml"), &text).unwrap();
-    let bad = std::fs::read_to_string(&path).unwrap().replacen(",submit,", ",submit,,", 1);
+    let bad = std::fs::read_to_string(&path).unwrap().replacen('\n', "\n,", 2);
     std::fs::write(&path, bad).unwrap();
     let error = read().unwrap_err().to_string();
     assert!(error.contains("record.csv:") && error.contains("fields"), "{error}");
