@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector, SVector, Vector3, Vector6};
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium};
 use crate::fit::least_squares::solve_linear;
-use crate::fit::statistics::float;
+use crate::fit::statistics::{float, students_t_95};
 use crate::measurements::springs::Window;
 use crate::springs::gauge::{Body, Gauge};
 use crate::springs::lines::Question;
@@ -45,15 +45,31 @@ impl SpringLine {
         Self { compliance: slope(&points), points }
     }
 
+    /// Mean of load and displacement, which the line goes through.
+    fn middle(&self) -> (f64, f64) {
+        let count = float(self.points.len());
+        let sums = self.points.iter().fold((0.0, 0.0), |(load, moved), point| (load + point.0, moved + point.1));
+        (sums.0 / count, sums.1 / count)
+    }
+
     /// Ends of the line, at the smallest and the largest load.
     fn ends(&self) -> Option<[(f64, f64); 2]> {
         let compliance = self.compliance?;
+        let (load, moved) = self.middle();
         let loads = || self.points.iter().map(|(load, _)| *load);
-        let count = float(self.points.len());
-        let middle = loads().sum::<f64>() / count;
-        let moved = self.points.iter().map(|(_, moved)| moved).sum::<f64>() / count;
-        let at = |load: f64| (load, moved + compliance * (load - middle));
-        Some([at(loads().fold(f64::INFINITY, f64::min)), at(loads().fold(f64::NEG_INFINITY, f64::max))])
+        let ends = [loads().fold(f64::INFINITY, f64::min), loads().fold(f64::NEG_INFINITY, f64::max)];
+        Some(ends.map(|end| (end, moved + compliance * (end - load))))
+    }
+
+    /// Half-width of the 95 % interval of the slope, by the scatter about the line.
+    fn half_width(&self) -> Option<f64> {
+        let compliance = self.compliance?;
+        let degrees = self.points.len().checked_sub(2).filter(|degrees| *degrees > 0)?;
+        let (middle, moved) = self.middle();
+        let spread: f64 = self.points.iter().map(|(load, _)| (load - middle).powi(2)).sum();
+        let left = |point: &(f64, f64)| (point.1 - moved - compliance * (point.0 - middle)).powi(2);
+        let left: f64 = self.points.iter().map(left).sum();
+        Some(students_t_95(degrees) * (left / float(degrees) / spread).sqrt())
     }
 }
 

@@ -54,7 +54,7 @@ pub fn page<K: MachineKind<N>, const N: usize>(
     let mut body = format!(
         "<h1>Springs by the thesis' evaluation</h1><p>{} windows of {}, {} series, evaluated for {}. The thesis draws a straight line per \
          spring through the windows of one series: carts from their gauges [T 4.2.9, Table 5.1], links from the translation of the platform, \
-         which is taken as if it did not turn [T 3.3, Table 5.2]. <i>identify</i> takes all series at once, and lets the platform turn.</p>",
+         which is taken as if it did not turn [T 3.3, Table 5.2]. <i>identify</i> takes all series at once, and lets the platform turn. Behind ± is half of a 95 % interval by the scatter about the line; the thesis states none.</p>",
         campaign.windows.len(),
         escape(&campaign.table),
         all.len(),
@@ -122,7 +122,7 @@ impl Springs<'_> {
             _ = write!(table, "<tr><th>{}<td>{}</tr>", escape(name), cells.join("<td>"));
         };
         for (series, lines) in &self.lines {
-            row(&format!("line, series {series}"), lines.iter().map(|line| cell(line.compliance)).collect());
+            row(&format!("series {series}"), lines.iter().map(slope).collect());
         }
         if !self.found.is_empty() {
             let value = |parameter: &Parameter| match parameter.status {
@@ -141,7 +141,7 @@ impl Springs<'_> {
         row("robot file", self.file.iter().map(|value| number(*value)).collect());
         for Printed { table, values } in self.printed {
             let printed = |place: usize| cell(values.get(place).map(|value| value / MICRO));
-            row(&format!("thesis, {table}"), (0..self.names.len()).map(printed).collect());
+            row(&format!("[T {table}]"), (0..self.names.len()).map(printed).collect());
         }
         table + "</table>"
     }
@@ -188,6 +188,11 @@ impl Springs<'_> {
         let [x_axis, y_axis] = self.axes;
         Plot { x_axis, y_axis, curves, bands: Vec::new(), y_names: Vec::new(), key: Corner::UpperLeft }.svg()
     }
+}
+
+fn slope(line: &SpringLine) -> String {
+    let cell = cell(line.compliance);
+    line.half_width().map_or_else(|| cell.clone(), |half_width| format!("{cell} ± {}", number(half_width)))
 }
 
 fn number(value: f64) -> String {

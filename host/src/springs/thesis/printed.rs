@@ -14,7 +14,7 @@ const L2_CARTS: [Printed; 1] = [Printed { table: "Table 5.1", values: &[0.0406, 
 /// Links of the L2: left column, before the jump near 360 N, and right column, after it.
 const L2_LINKS: [Printed; 2] = [
     Printed { table: "Table 5.2, used", values: &[-0.6351, 1.8024, -0.5799, -12.0260, 8.7635, 4.4191] },
-    Printed { table: "Table 5.2, after the jump", values: &[-0.3271, 0.7700, -0.2478, -7.4292, 5.3801, 2.7638] },
+    Printed { table: "Table 5.2, after", values: &[-0.3271, 0.7700, -0.2478, -7.4292, 5.3801, 2.7638] },
 ];
 /// Carts of the F1.
 const F1_CARTS: [Printed; 1] = [Printed { table: "Table 5.3", values: &[4.2081, 7.5215, 5.5578] }];

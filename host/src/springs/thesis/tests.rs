@@ -116,10 +116,10 @@ fn the_page_shows_all_three() {
     let (campaign, _) = campaign(&folder, &robot);
     let shown = page(&robot, &folder.path("plan.toml"), &folder.path("springs.csv")).unwrap();
     for series in &campaign.series {
-        assert!(shown.contains(&format!("line, series {series}")), "{series}");
+        assert!(shown.contains(&format!("series {series}")), "{series}");
     }
     for printed in printed::links::<AXES>().iter().chain(printed::axes::<AXES>()) {
-        assert!(shown.contains(&format!("thesis, {}", printed.table)));
+        assert!(shown.contains(&format!("[T {}]", printed.table)));
         assert!(printed.values.iter().all(|value| shown.contains(&format!("{value:.4}"))));
     }
     assert!(shown.contains("<th>identify<td><b>") && shown.contains("no spring has") && !shown.contains("NaN"));
