@@ -19,7 +19,7 @@ const HOOKS_M: [[f64; 3]; 3] = [[0.08, 0.08, -0.08], [-0.1, 0.05, -0.08], [0.05,
 const DIRECTIONS: [[f64; 3]; 6] =
     [[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, -1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0]];
 /// Largest displacement, in those at home: beyond it the machine is near a singular pose.
-const MOST_DISPLACEMENT: f64 = 5.0;
+const MOST_DISPLACEMENT: f64 = 3.0;
 /// Levels, in shares of the largest force: the first again at the end.
 const LEVELS: [f64; 5] = [0.0, 0.5, 1.0, 0.5, 0.0];
 /// Steps along the longest side of the workspace.
@@ -102,7 +102,8 @@ fn spread_straps<K: MachineKind<N>, const N: usize>(
                 && preload.is_none_or(|preload| preload.holds(here.cluster_n))
         })
     };
-    let poses = far_apart(robot, options.poses.min(options.series), |stand| strap_at(stand, 0).is_some());
+    let takes_all = |stand: &Stand<N>| (0..DIRECTIONS.len()).all(|number| strap_at(stand, number).is_some());
+    let poses = far_apart(robot, options.poses.min(options.series), takes_all);
     let numbered = poses.iter().cycle().take(if poses.is_empty() { 0 } else { options.series }).enumerate();
     let straps: Vec<(Stand<N>, Strap)> =
         numbered.filter_map(|(number, stand)| Some((*stand, strap_at(stand, number)?))).collect();

@@ -155,30 +155,42 @@ impl<'a, const N: usize> Predicted<'a, N> {
         Some(chi_squared(&blocks.rows, &self.model.factor))
     }
 
-    /// Mean residual of a gauge in some unloaded windows, and the number of readings behind it.
-    fn zero(&self, gauge: usize, unloaded: &[usize]) -> Option<(f64, f64)> {
-        let read = |window: &usize| {
-            let lines = &self.lines[*window];
-            let place = lines.gauges.iter().position(|other| *other == gauge)?;
-            Some(lines.misclosures[place])
-        };
-        let all: Vec<f64> = unloaded.iter().filter_map(read).collect();
-        let count = float(all.len());
-        (!all.is_empty()).then(|| (all.iter().sum::<f64>() / count, count))
+    /// Covariance of the residuals of a window by the noise of gauges and load.
+    fn noise(&self, lines: &Lines) -> DMatrix<f64> {
+        let variances = lines.variances.iter().copied();
+        covariance(&lines.load, variances, &self.question.load_variances())
+    }
+
+    /// Mean residuals of some gauges in unloaded windows, and their covariance; `None` if one was not read there.
+    fn zeros(&self, gauges: &[usize], unloaded: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let place = |window: usize, gauge: usize| self.lines[window].gauges.iter().position(|other| *other == gauge);
+        let mut zeros_m = DVector::zeros(gauges.len());
+        let mut covariance = DMatrix::zeros(gauges.len(), gauges.len());
+        let read = |gauge: &usize| unloaded.iter().filter(|window| place(**window, *gauge).is_some()).count();
+        let counts: Vec<usize> = gauges.iter().map(read).collect();
+        if counts.contains(&0) {
+            return None;
+        }
+        for &window in unloaded {
+            let lines = &self.lines[window];
+            let mut shares = DMatrix::zeros(gauges.len(), lines.gauges.len());
+            for (row, (gauge, count)) in gauges.iter().zip(&counts).enumerate() {
+                if let Some(place) = place(window, *gauge) {
+                    shares[(row, place)] = 1.0 / float(*count);
+                }
+            }
+            zeros_m += &shares * &lines.misclosures;
+            covariance += &shares * self.noise(lines) * shares.transpose();
+        }
+        Some((zeros_m, covariance))
     }
 
     /// Measured less predicted displacement of the tool, m, and the covariance of both together.
     fn displaced(&self, window: usize, unloaded: &[usize]) -> Option<(Vector3<f64>, DMatrix<f64>)> {
         let lines = &self.lines[window];
-        let noise = self.question.campaign.noise;
-        let (mut left, mut zero_variances) = (lines.misclosures.clone(), Vec::new());
-        for (row, gauge) in lines.gauges.iter().enumerate() {
-            let (zero_m, count) = self.zero(*gauge, unloaded)?;
-            left[row] -= zero_m;
-            zero_variances.push((noise.gauge_um * 1e-6).powi(2) / count);
-        }
-        let variances = lines.variances.iter().zip(&zero_variances).map(|(own, zero)| own + zero);
-        let mut covariance = covariance(&lines.load, variances, &noise.load_variances());
+        let (zeros_m, of_zeros) = self.zeros(&lines.gauges, unloaded)?;
+        let left = &lines.misclosures - zeros_m;
+        let mut covariance = self.noise(lines) + of_zeros;
         covariance += self.model.covariance(&lines.springs);
         covariance += &lines.mounting * lines.mounting.transpose() + &lines.sensor * lines.sensor.transpose();
         let ways = self.ways(lines);
