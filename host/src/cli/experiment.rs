@@ -74,7 +74,7 @@ pub(crate) struct Experiment {
     /// Begin each series by itself, once the gauges have been away and are back; for `serve --plan`
     #[arg(long)]
     unattended: bool,
-    /// Record every tick in which the strap pulls
+    /// Record every tick of a series, from its slack level on, for `identify --raw`; continued where the table is
     #[arg(long, value_name = "FILE.csv")]
     raw: Option<PathBuf>,
     /// Page with the thesis' own evaluation of every series, beside that of `identify` and the thesis' tables 5.1 to 5.3
