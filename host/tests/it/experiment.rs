@@ -61,9 +61,9 @@ fn the_thesis_evaluation_is_a_page_beside_the_table() {
     assert!(page.contains("[T Table 5.1]") && page.contains("[T Table 5.2, used]") && page.contains("series x"));
     assert!(page.contains("No series has three gauges on the platform") && !page.contains("NaN"));
     folder.run(&["plan", "geometry", "l2", "-o", "places.toml"]).success();
-    let places = ["experiment", "places.toml", "--simulated", "-o", "poses.csv", "--thesis", "thesis.html"];
+    let places = ["experiment", "places.toml", "--simulated", "-o", "other.csv", "--thesis", "thesis.html"];
     assert_eq!(folder.run(&places).failure(1), "gantry-tau: --thesis is for springs; leave it out");
-    assert!(!folder.path("poses.csv").exists());
+    assert!(!folder.path("other.csv").exists());
 }
 
 #[test]
