@@ -187,7 +187,7 @@ impl<const N: usize> Levels<'_, N> {
 
     fn begin(&mut self, row: &Row<'_>, window: &str, stroke: i8, tick: u64) -> Result<(), FileError> {
         if self.series.tare.is_none() && stroke != 0 {
-            let reason = "the series does not begin with its slack level, stroke 0, where the sensor is tared, or that does not settle";
+            let reason = "the series does not begin with its slack level, stroke 0, where the sensor is tared, or that does not settle; remove its rows";
             return Err(row.error("stroke", reason));
         }
         self.count += 1;

@@ -144,7 +144,7 @@ fn a_level_that_does_not_settle_is_named() {
     });
     std::fs::write(bench.path(), away.collect::<String>()).unwrap();
     let refused = bench.read().unwrap_err();
-    assert!(refused.ends_with("raw.csv:6012: stroke: the series does not begin with its slack level, stroke 0, where the sensor is tared, or that does not settle"), "{refused}");
+    assert!(refused.ends_with("raw.csv:6012: stroke: the series does not begin with its slack level, stroke 0, where the sensor is tared, or that does not settle; remove its rows"), "{refused}");
 }
 
 #[test]

@@ -186,8 +186,29 @@ impl Springs<'_> {
             curves.push(Curve { colour: Some(BLACK), ..Curve::line("identify", scaled(&ends)) });
         }
         let [x_axis, y_axis] = self.axes;
-        Plot { x_axis, y_axis, curves, bands: Vec::new(), y_names: Vec::new(), key: Corner::UpperLeft }.svg()
+        let key = emptiest(&curves);
+        Plot { x_axis, y_axis, curves, bands: Vec::new(), y_names: Vec::new(), key }.svg()
     }
+}
+
+/// Corner of a plot in which fewest points lie.
+fn emptiest(curves: &[Curve]) -> Corner {
+    let points = || curves.iter().flat_map(|curve| &curve.points);
+    let middle = |coordinate: &dyn Fn(&(f64, f64)) -> f64| {
+        let values = || points().map(coordinate);
+        f64::midpoint(values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max))
+    };
+    let (x, y) = (middle(&|point| point.0), middle(&|point| point.1));
+    let within = |is_right: bool, is_upper: bool| {
+        points().filter(|point| (point.0 > x) == is_right && (point.1 > y) == is_upper).count()
+    };
+    let corners = [
+        (within(false, true), Corner::UpperLeft),
+        (within(true, true), Corner::UpperRight),
+        (within(false, false), Corner::LowerLeft),
+        (within(true, false), Corner::LowerRight),
+    ];
+    corners.into_iter().min_by_key(|(count, _)| *count).map_or(Corner::UpperLeft, |(_, corner)| corner)
 }
 
 fn slope(line: &SpringLine) -> String {
