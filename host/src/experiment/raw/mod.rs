@@ -2,10 +2,10 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`table`] | the table, as a live campaign writes it |
-//! | [`levels`] | windows from such a table, whose levels are named |
-//! | [`record`] | windows from a recording of `serve --record`, whose levels are those of the plan |
-//! | [`made`] | the windows that were made |
+//! | `table` | the table, as a live campaign writes it |
+//! | `levels` | windows from such a table, whose levels are named |
+//! | `record` | windows from a recording of `serve --record`, whose levels are those of the plan |
+//! | `made` | the windows that were made |
 //!
 //! A tick is one row: series, mounting and pose; window and stroke, empty on the way between two levels; time and tick; positions of the axes,
 //! q-units; the force sensor as it indicates, in its own axes, its zero error and the weight of its tool included; and the gauges that the
