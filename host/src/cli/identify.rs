@@ -37,6 +37,9 @@ pub(crate) struct Identify {
     /// Replace an existing robot file
     #[arg(long)]
     force: bool,
+    /// Make the windows of this table of every tick, of `experiment --raw` or `serve --record`, instead of the set-up's table
+    #[arg(long, value_name = "TABLE.csv")]
+    raw: Option<PathBuf>,
     /// Page with springs, intervals and plots
     #[arg(long, value_name = "PAGE.html")]
     report: Option<PathBuf>,
@@ -71,6 +74,7 @@ impl Identify {
         }
         let options = IdentifyOptions {
             setup: self.setup,
+            raw: self.raw,
             robot: self.robot,
             is_scaled: self.scale,
             is_robust: !self.no_robust,
@@ -96,9 +100,10 @@ impl Identify {
 
     fn run_tool(self, robot: &AnyRobotFile) -> Outcome {
         let fits = self.scale || self.two_regimes || self.hysteresis || self.drift || self.no_robust;
-        if self.report.is_some() || fits {
+        if self.raw.is_some() || self.report.is_some() || fits {
             return Err(
-                "--report, --scale, --two-regimes, --hysteresis, --drift and --no-robust are for springs; leave them out".into()
+                "--raw, --report, --scale, --two-regimes, --hysteresis, --drift and --no-robust are for springs; leave them out"
+                    .into(),
             );
         }
         let identified = tool::identify(robot, &ToolOptions { setup: self.setup, robot: self.robot })?;
