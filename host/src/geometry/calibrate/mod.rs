@@ -1,5 +1,6 @@
 //! `calibrate`: from measured poses and a robot file to the file of this machine.
 
+mod along;
 pub(crate) mod f1;
 pub(crate) mod l2;
 mod report;
@@ -40,8 +41,9 @@ pub struct CalibrateOptions {
     pub frame: FrameOption,
     /// Guideways of an L2.
     pub guideways: GuidewaysOption,
-    /// Centre of the target from the tool centre point, platform axes, m; of an L2. That of an F1 is found.
-    pub target_m: [f64; 3],
+    /// Centre of the target from the tool centre point, platform axes, m. Absent: at the tool centre point of an L2, whose places cannot show
+    /// it; found along with the frame of an F1.
+    pub target_m: Option<[f64; 3]>,
     /// Largest expected error of a place over the workspace, m.
     pub tolerance_m: f64,
 }
