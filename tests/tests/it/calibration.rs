@@ -329,19 +329,31 @@ fn wrong_files_are_refused_by_line_and_column() {
 
 /// Places on a line, in a plane or in a small cube do not show a machine.
 #[test]
-fn poses_that_cannot_show_the_machine_are_doubted() {
+fn poses_that_cannot_show_the_machine_are_refused() {
     let mut draw = Draw(Noise::new(9));
     let machine = true_machine(&mut draw);
     let file = RobotFile::builtin_l2().unwrap();
     let middle = Vector3::new(0.1, 0.3, 0.65);
-    for (shape, sides) in [("line", [0.5, 0.0, 0.0]), ("plane", [0.5, 0.25, 0.0]), ("cube", [0.025; 3])] {
+    let mut refused = |region: &str, sides: [f64; 3]| {
         let positions: Vec<[f64; AXES]> = (0..30)
             .map(|_| -> Vector3<f64> { middle + draw.vector(1.0).component_mul(&Vector3::from(sides)) })
             .map(|place_m| file.model.inverse_in_assembly(&place_m).unwrap())
             .collect();
-        let calibration = calibrate(&measure(&folder(shape), &machine, &positions, &mut draw)).unwrap();
-        assert_ne!(calibration.doubts, [""; 0], "{shape}: {}", calibration.summary);
+        calibrate(&measure(&folder(region), &machine, &positions, &mut draw))
+    };
+    for (region, sides, expected) in [
+        ("line", [0.5, 0.0, 0.0], "the places lie on a line, within"),
+        ("plane", [0.5, 0.25, 0.0], "mm: a mirror image of the machine fits them as well"),
+        ("sheet", [0.5, 0.25, 0.5e-3], "the places lie in a plane, within"),
+        ("slab", [0.5, 0.25, 2e-3], "of 21 combinations of parameters cannot be seen"),
+        ("cube", [0.025; 3], "mm of each other: "),
+    ] {
+        let error = refused(region, sides).unwrap_err().to_string();
+        assert!(error.contains("poses.csv: ") && error.contains(expected), "{region}: {error}");
     }
+    // All is seen 20 mm away from the plane, and the image does not fit; elsewhere it tells little.
+    let thick = refused("thick", [0.5, 0.25, 20e-3]).unwrap();
+    assert!(thick.doubts.len() == 1 && thick.doubts[0].contains("over the workspace"), "{:?}", thick.doubts);
 }
 
 /// Writes what a tracker sees of a target on an F1 in `count` turned poses around home, with `noise` times 50 um and 100 urad. Returns the
@@ -494,4 +506,35 @@ fn an_f1_can_be_written_in_the_frame_of_the_device_or_of_its_base() {
         }
         assert_eq!(calibrated.calibrated.unwrap().sd.len(), 64);
     }
+}
+
+/// Wrong poses, the first among them, whose target is turned by half a turn: frames of all poses begin far off.
+#[test]
+fn an_f1_is_found_from_another_start() {
+    let mut draw = Draw(Noise::new(21));
+    let file = RobotFile::builtin_f1().unwrap();
+    let folder = folder("f1-starts");
+    let setup = measure_f1(&folder, &file, 40, &f1_target(), 1.0, &mut draw);
+    let path = folder.join("poses.csv");
+    let table = fs::read_to_string(&path).unwrap();
+    let mut changed = String::new();
+    for (index, line) in table.lines().enumerate() {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if [1, 2, 15].contains(&index) {
+            // Half a turn about x: (w, x, y, z) -> (-x, w, -z, y).
+            let part = |cell: usize| cells[cell].parse::<f64>().unwrap();
+            let turned = [-part(11), part(10), -part(13), part(12)];
+            cells.splice(10..14, turned.map(|part| format!("{part:?}")));
+        }
+        changed += &(cells.join(",") + "\n");
+    }
+    fs::write(&path, changed).unwrap();
+    let calibration = calibrate_f1(&file, &options(&setup, "f1")).unwrap();
+    let answer: serde_json::Value = serde_json::from_str(&calibration.json).unwrap();
+    let outliers: Vec<&str> =
+        answer["outliers"].as_array().unwrap().iter().map(|outlier| outlier["pose"].as_str().unwrap()).collect();
+    assert_eq!(outliers, ["p1", "p2", "p15"], "{}", calibration.summary);
+    assert!(answer["p"].as_f64().unwrap() > 1e-3, "{}", calibration.summary);
+    assert!(calibration.remarks.iter().any(|remark| remark.contains("axes and screws")), "{:?}", calibration.remarks);
+    assert!(calibration.report.contains("gain of screw 6"));
 }

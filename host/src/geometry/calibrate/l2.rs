@@ -5,8 +5,10 @@ use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, UnitQuaternion, Vector3};
 
 use super::along::turn_along;
+use super::shape::Shape;
 use super::{
-    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, LEAST_P, rows,
+    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, LEAST_P,
+    check_shape, mirror, rows,
 };
 use crate::fit::least_squares::{FitError, fit};
 use crate::fit::statistics::{chi_squared_above, f_above, float};
@@ -50,6 +52,12 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
         reason: error.to_string(),
     };
     let free = best_start(&file, &places).map_err(no_start)?;
+    let used: Vec<usize> = (0..measured.poses.len()).filter(|index| !free.outliers.contains(index)).collect();
+    let shape = Shape::of(&used.iter().map(|index| measured.poses[*index].position_m).collect::<Vec<_>>());
+    if mirror::fits_as_well(&free, &places, &shape) {
+        return Err(CalibrateError::Mirror { table: measured.table, shape: shape.to_string() });
+    }
+    check_shape(&measured.table, &shape, free.fit.seen.kept(), PARAMETERS)?;
     let guideways = Guideways::of(&free, &places).map_err(no_start)?;
     let (agreement, covariance) = match options.guideways {
         GuidewaysOption::Free => (free.clone(), free.fit.seen.covariance()),
@@ -78,7 +86,6 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
     let all: Vec<_> = at_q.iter().map(|(_, q)| *q).collect();
     let predicted_rms_m = predicted_rms_m(state, geometry.configuration, &covariance, &all);
     let moved_by = moved.motion;
-    let used: Vec<usize> = (0..measured.poses.len()).filter(|index| !agreement.outliers.contains(index)).collect();
     let placed = Placed::new(options, state, moved, frame, &covariance);
     let (rotation, translation_m) = rows(&placed.motion);
     // From here on the point is the tool centre point again.
@@ -104,6 +111,7 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
         grid,
         expected_um,
         residuals: residuals(state, &places, &agreement.outliers),
+        diagnostics: Vec::new(),
         remarks: guideways.remark(options.guideways).into_iter().collect(),
         doubts: turned_platform(&measured).into_iter().chain(guideways.doubt(options.guideways)).collect(),
     };
