@@ -11,6 +11,7 @@
 //! along either.
 
 mod derivative;
+mod diagnostics;
 mod parameters;
 mod placed;
 
@@ -25,6 +26,7 @@ use super::frames::{apply, rotation_vector};
 use crate::fit::least_squares::Rows;
 pub(crate) use derivative::derivative;
 pub use derivative::forward;
+pub use diagnostics::{Departure, Diagnostic};
 use parameters::stepped;
 pub use parameters::{OBSERVABLE, PARAMETERS, parameters};
 pub(crate) use parameters::{fixed, scales};

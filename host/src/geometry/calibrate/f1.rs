@@ -1,15 +1,21 @@
 //! Calibration of an F1.
 
-use gantry_tau_core::model::f1::{self, AXES};
+use gantry_tau_core::model::f1::{AXES, Geometry};
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::robot::{ARMS, LINKS};
-use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector3};
 
 use super::along::turn_along;
-use super::{CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, rows};
+use super::shape::Shape;
+use super::{
+    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, LEAST_P,
+    MOST_OUTLIERS, check_shape, rows,
+};
+use crate::fit::statistics::{chi_squared_above, float};
+use crate::geometry::MeasuredPose;
 use crate::geometry::agreement::{fit_agreeing, left_out_rms_m, rms_m};
 use crate::geometry::answer::{F1Machine, InRobotFrame, Target};
-use crate::geometry::f1::{OBSERVABLE, Poses, parameters, seen_by};
+use crate::geometry::f1::{Calibrated, Diagnostic, OBSERVABLE, PARAMETERS, Poses, parameters, seen_by};
 use crate::geometry::frames::Frames;
 use crate::measurements::frame;
 use crate::measurements::poses::{self, Noise};
@@ -44,14 +50,10 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     };
     let target_m = options.target_m.map(Vector3::from);
     let table = measured.table.clone();
-    let no_start = |reason: String| CalibrateError::NoStart { table: table.clone(), reason };
-    let file = f1::Geometry { travel: None, ..*robot.model.robot().geometry() };
+    let file = Geometry { travel: None, ..*robot.model.robot().geometry() };
     let model = Poses { poses: &measured.poses, whitening: whitening(&measured.noise) };
-    let frames = start(robot, &measured, target_m).ok_or_else(|| {
-        no_start("the robot file's machine cannot stand as measured, or the poses turn too little to tell device and target apart".to_owned())
-    })?;
-    let agreement = fit_agreeing(&model, seen_by(&file, &frames.device, &frames.target))
-        .map_err(|error| no_start(error.to_string()))?;
+    let (frames, agreement) = best_start(&pairs(robot, &measured), target_m, &model, &file)
+        .map_err(|reason| CalibrateError::NoStart { table: table.clone(), reason })?;
     let moved = model
         .in_frame_of(&agreement, &file, &robot.home_m(), target_m)
         .map_err(|reason| CalibrateError::Prediction { table: table.clone(), reason: reason.to_string() })?;
@@ -62,6 +64,8 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     };
     let state = &agreement.fit.state;
     let used: Vec<usize> = (0..measured.poses.len()).filter(|index| !agreement.outliers.contains(index)).collect();
+    let shape = Shape::of(&used.iter().map(|index| measured.poses[*index].position_m).collect::<Vec<_>>());
+    check_shape(&table, &shape, agreement.fit.seen.kept() - (PARAMETERS - OBSERVABLE), OBSERVABLE)?;
     let grid = Grid::of(robot, GRID_CELLS);
     let reached = survey(robot, grid, |_| ()).places.into_iter();
     let stands: Vec<_> = reached.filter_map(|place| Some((place.reached.ok()?.q, Pose::at(place.tool_m)))).collect();
@@ -74,6 +78,7 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     let ((rotation, translation_m), (rotation_target, translation_target_m)) =
         (rows(&placed.frames.device), rows(&placed.frames.target));
     let target = Some(Target { rotation_target, translation_target_m });
+    let diagnostics = model.diagnostics(&agreement);
     let found = Found {
         model: "f1",
         agreement: &agreement,
@@ -89,7 +94,8 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
         expected_um,
         grid,
         residuals: model.residuals(state, &agreement.outliers),
-        remarks: Vec::new(),
+        remarks: remarks(&diagnostics),
+        diagnostics,
         doubts: Vec::new(),
     };
     found.calibration(&measured, options, |text| {
@@ -107,29 +113,91 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     })
 }
 
-/// Where device and target are, by the robot file.
-fn start(robot: &RobotFile<F1, AXES>, measured: &poses::Poses<AXES>, target_m: Option<Vector3<f64>>) -> Option<Frames> {
-    let pairs: Vec<_> = (measured.poses.iter())
-        .filter_map(|pose| {
-            let of_file = pose_at(&robot.model, &robot.home_m(), &pose.q).ok()?;
-            let rotation = UnitQuaternion::from_matrix(&of_file.rotation);
-            let of_file = Isometry3::from_parts(Translation3::from(of_file.position_m), rotation);
-            Some((of_file, Isometry3::from_parts(Translation3::from(pose.position_m), pose.rotation?)))
-        })
-        .collect();
-    Frames::fitted(&pairs, target_m)
+/// Says which departures from the model the poses show.
+fn remarks(diagnostics: &[Diagnostic]) -> Vec<String> {
+    let found = diagnostics.iter().filter(|diagnostic| diagnostic.is_found(diagnostics.len()));
+    let named = |found: &Diagnostic| {
+        let (departure, magnitude, p) = (found.departure, found.magnitude(), found.p);
+        format!("{departure}: {magnitude} (p = {p:.1e}); the model has no such number, and nothing of it is written")
+    };
+    let named: Vec<String> = found.map(named).collect();
+    if !named.is_empty() || diagnostics.is_empty() {
+        return named;
+    }
+    let least = diagnostics.iter().map(|diagnostic| diagnostic.p).fold(1.0, f64::min);
+    vec![format!(
+        "axes and screws of the plates are as the model has them (the smallest p of {} is {least:.2})",
+        diagnostics.len()
+    )]
 }
 
-/// `covariance^-1 = L L^T`, so `W = L^T`.
-pub(crate) fn whitening(noise: &Noise) -> Matrix6<f64> {
-    let rotation = noise.rotation_rad2.unwrap_or(noise.position_m2 / (LEVER_M * LEVER_M));
-    let mut whitening = Matrix6::identity();
-    for (first, covariance) in [(0, noise.position_m2), (3, rotation)] {
-        let factor = covariance.try_inverse().and_then(Matrix3::cholesky);
-        let block = factor.map_or_else(Matrix3::identity, |factor| factor.l().transpose());
-        whitening.fixed_view_mut::<3, 3>(first, first).copy_from(&block);
+/// Fits from the robot file where the device sees it. Where poses are wrong that may be far off, so unless a fit is to be believed it is made
+/// again from frames of other poses. Returns the best, and its frames.
+fn best_start(
+    pairs: &[(Isometry3<f64>, Isometry3<f64>)],
+    target_m: Option<Vector3<f64>>,
+    model: &Poses<'_>,
+    file: &Geometry,
+) -> Result<(Frames, Calibrated), String> {
+    let mut best = Err(
+        "the robot file's machine cannot stand as measured, or the poses turn too little to tell device and target apart"
+            .to_owned(),
+    );
+    let doubt = |found: &Calibrated| (found.outliers.len(), found.fit.reduced_chi_squared());
+    for frames in starts(pairs, target_m) {
+        match (fit_agreeing(model, seen_by(file, &frames.device, &frames.target)), &best) {
+            (Ok(found), Ok((_, before))) if doubt(&found) >= doubt(before) => {}
+            (Ok(found), _) => {
+                let many = float(found.outliers.len()) > MOST_OUTLIERS * float(pairs.len());
+                let is_good = !many && chi_squared_above(found.fit.chi_squared(), found.fit.degrees()) >= LEAST_P;
+                best = Ok((frames, found));
+                if is_good {
+                    break;
+                }
+            }
+            (Err(error), Err(_)) => best = Err(error.to_string()),
+            (Err(_), Ok(_)) => {}
+        }
     }
-    whitening
+    best
+}
+
+/// Frames by all poses, and by the half of them that agrees best, with the turn of the target begun from one pose, then from others.
+fn starts(pairs: &[(Isometry3<f64>, Isometry3<f64>)], target_m: Option<Vector3<f64>>) -> impl Iterator<Item = Frames> {
+    let count = pairs.len();
+    let fitted = move |first: usize| {
+        let mut pairs = pairs.to_vec();
+        pairs.rotate_left(first);
+        let all = Frames::fitted(&pairs, target_m);
+        let agreeing = all.and_then(|frames| {
+            let left = |(pose, seen): &(Isometry3<f64>, Isometry3<f64>)| {
+                let off = (frames.device * pose * frames.target).inverse() * seen;
+                off.translation.vector.norm() + LEVER_M * off.rotation.angle()
+            };
+            pairs.sort_by(|one, other| left(one).total_cmp(&left(other)));
+            Frames::fitted(&pairs[..count.div_ceil(2)], target_m)
+        });
+        [all, agreeing].into_iter().flatten()
+    };
+    [0, count / 3, 2 * count / 3].into_iter().filter(move |_| count > 0).flat_map(fitted)
+}
+
+/// Poses of the robot file's machine, and the measured ones.
+fn pairs(robot: &RobotFile<F1, AXES>, measured: &poses::Poses<AXES>) -> Vec<(Isometry3<f64>, Isometry3<f64>)> {
+    let pair = |pose: &MeasuredPose<AXES>| {
+        let of_file = pose_at(&robot.model, &robot.home_m(), &pose.q).ok()?;
+        let rotation = UnitQuaternion::from_matrix(&of_file.rotation);
+        let of_file = Isometry3::from_parts(Translation3::from(of_file.position_m), rotation);
+        Some((of_file, Isometry3::from_parts(Translation3::from(pose.position_m), pose.rotation?)))
+    };
+    measured.poses.iter().filter_map(pair).collect()
+}
+
+/// Whitening matrix of place and rotation vector, `W^T W = covariance^-1`. It is lower triangular: its first three rows whiten a place alone.
+pub(crate) fn whitening(noise: &Noise) -> Matrix6<f64> {
+    let covariance = noise.covariance(&(noise.position_m2 / (LEVER_M * LEVER_M)));
+    let factor = covariance.cholesky().and_then(|factor| factor.l().try_inverse());
+    factor.unwrap_or_else(Matrix6::identity)
 }
 
 /// Names of the parameters, and their units.
@@ -149,7 +217,7 @@ pub(crate) fn names() -> Vec<(String, &'static str)> {
         .collect()
 }
 
-fn machine(geometry: &f1::Geometry) -> F1Machine {
+fn machine(geometry: &Geometry) -> F1Machine {
     F1Machine {
         carts_m: geometry.carts_m.map(Into::into),
         guideways: geometry.guideways.map(Into::into),
@@ -158,5 +226,48 @@ fn machine(geometry: &f1::Geometry) -> F1Machine {
         lengths_m: geometry.lengths_m,
         turn_axis: geometry.turn_axis.into(),
         tilt_axis: geometry.tilt_axis.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// Place and turn that depend on each other, as a tracker's whose lever is long.
+    #[test]
+    fn a_full_covariance_is_whitened_as_such() {
+        let place = 2.5e-9;
+        let (turn, cross) = (1e-8, 4.5e-9);
+        let row = |at: usize| -> String {
+            let entry = |column: usize| match (at.min(column), at.max(column)) {
+                (one, other) if one == other => {
+                    if one < 3 {
+                        place
+                    } else {
+                        turn
+                    }
+                }
+                (one, other) if other == one + 3 => cross,
+                _ => 0.0,
+            };
+            let entries: Vec<String> = (0..6).map(|column| format!("{:?}", entry(column))).collect();
+            format!("[{}]", entries.join(", "))
+        };
+        let covariance = (0..6).map(row).collect::<Vec<_>>().join(", ");
+        let setup = format!(
+            "format = \"gantry-tau poses 1\"\nmodel = \"f1\"\nmeasurements = \"p.csv\"\n[noise]\ncovariance = [{covariance}]\n"
+        );
+        let table = "pose,q_1,q_2,q_3,q_4,q_5,q_6,x_m,y_m,z_m,rot_w,rot_x,rot_y,rot_z\na,0,0,0,0,0,0,0,0,0,1,0,0,0\n";
+        let measured = poses::parse::<AXES>(Path::new("p.toml"), &setup, "f1", table.as_bytes()).unwrap();
+        let whitening = whitening(&measured.noise);
+        let whole = measured.noise.covariance(&nalgebra::Matrix3::zeros());
+        assert!((whole[(1, 4)] - cross).abs() < 1e-24 && whole[(1, 3)].abs() < 1e-24, "{whole}");
+        assert!((whitening * whole * whitening.transpose() - Matrix6::identity()).amax() < 1e-12);
+        // Of a place alone: its own standard deviation.
+        assert!((whitening[(0, 0)] - 1.0 / place.sqrt()).abs() < 1e-6 && whitening.view((0, 3), (3, 3)).amax() < 1e-9);
+        // Residuals on the line of the correlation are likely, those across it are not.
+        let length = |turned: f64| (whitening * nalgebra::Vector6::new(50e-6, 0.0, 0.0, turned, 0.0, 0.0)).norm();
+        assert!(length(90e-6) < 1.1 && length(-90e-6) > 4.0);
     }
 }

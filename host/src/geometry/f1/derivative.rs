@@ -28,7 +28,7 @@ pub fn forward(kinematics: &f1::Kinematics, q: &[f64; AXES], seed: &Pose) -> Res
 }
 
 /// `W^T`: row `s, l x s` per link.
-fn lines(geometry: &f1::Geometry, q: &[f64; AXES], pose: &Pose) -> Matrix6<f64> {
+pub(super) fn lines(geometry: &f1::Geometry, q: &[f64; AXES], pose: &Pose) -> Matrix6<f64> {
     let mut lines = Matrix6::zeros();
     for link in 0..LINKS {
         let lever = pose.rotation * geometry.platform_joints_m[link];

@@ -136,7 +136,7 @@ impl Poses<'_> {
 }
 
 /// Returns a machine that the device sees in these frames; what no pose shows is taken from `like`, a machine in them.
-fn framed(seen: &f1::Geometry, frames: &Frames, like: &f1::Geometry) -> f1::Geometry {
+pub(super) fn framed(seen: &f1::Geometry, frames: &Frames, like: &f1::Geometry) -> f1::Geometry {
     let mut geometry = seen_by(seen, &frames.device.inverse(), &frames.target.inverse());
     let lever = geometry.plate_joints_m[0] - like.plate_joints_m[0];
     geometry.plate_joints_m[0] -= lever;
