@@ -25,6 +25,8 @@ use crate::workspace::{Grid, survey};
 
 /// Poses that a calibration needs: 72 numbers for 60.
 const LEAST_POSES: usize = 12;
+/// Relative difference of chi-squared of two fits that have found the same machine.
+const SAME: f64 = 1e-6;
 /// Noise of a rotation where none is stated, rad: that of the places, as if seen on a lever of half a metre.
 pub(crate) const LEVER_M: f64 = 0.5;
 
@@ -143,10 +145,16 @@ fn best_start(
         "the robot file's machine cannot stand as measured, or the poses turn too little to tell device and target apart"
             .to_owned(),
     );
-    let doubt = |found: &Calibrated| (found.outliers.len(), found.fit.reduced_chi_squared());
+    let doubt = |found: &Calibrated| (found.outliers.len(), found.fit.chi_squared());
     for frames in starts(pairs, target_m) {
-        match (fit_agreeing(model, seen_by(file, &frames.device, &frames.target)), &best) {
-            (Ok(found), Ok((_, before))) if doubt(&found) >= doubt(before) => {}
+        let fitted = fit_agreeing(model, seen_by(file, &frames.device, &frames.target));
+        match (fitted, &best) {
+            (Ok(found), Ok((_, before))) if doubt(&found) >= doubt(before) => {
+                // The same again: no start leads elsewhere.
+                if (found.fit.chi_squared() / before.fit.chi_squared() - 1.0).abs() < SAME {
+                    break;
+                }
+            }
             (Ok(found), _) => {
                 let many = float(found.outliers.len()) > MOST_OUTLIERS * float(pairs.len());
                 let is_good = !many && chi_squared_above(found.fit.chi_squared(), found.fit.degrees()) >= LEAST_P;
