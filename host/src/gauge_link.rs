@@ -2,19 +2,15 @@
 //!
 //! It stands for the thesis' path from the gauges to the controller `[T 4.2.6]` and is not part of the controller's protocol. A record is,
 //! little-endian: tick `u64` (of the publisher's own clock, another one in each record), count `u64` of at most 16, then as many lengths in
-//! metres as `f64`; at most 144 bytes. NaN: the gauge is not mounted. Losing records is harmless: the reader takes the latest.
+//! metres as `f64`; at most 144 bytes. NaN: the gauge is not mounted.
 
-use std::io::{self, Read};
-use std::net::{SocketAddr, TcpStream};
+use std::io;
 
 use crate::measurements::springs::MAX_GAUGES;
-use crate::publisher::{self, Publisher};
-use crate::server::connections::Allowed;
+use crate::record_link::{LONGEST, Publisher, Reader, Record, fields, put_fields};
 
 /// Bytes of tick and count.
 pub const HEAD: usize = 16;
-/// Bytes of the longest record.
-pub const LONGEST: usize = HEAD + 8 * MAX_GAUGES;
 
 /// Lengths of all gauges in one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,101 +38,16 @@ impl Lengths {
     pub fn lengths_m(&self) -> &[f64] {
         self.lengths_m.get(..self.count).unwrap_or_default()
     }
+}
 
-    /// The record; its length.
-    fn to_bytes(self) -> ([u8; LONGEST], usize) {
-        let mut bytes = [0; LONGEST];
+impl Record for Lengths {
+    fn put(&self, bytes: &mut [u8; LONGEST]) -> usize {
         let head = [self.tick.to_le_bytes(), (self.count as u64).to_le_bytes()];
-        let fields = head.into_iter().chain(self.lengths_m.map(f64::to_le_bytes));
-        for (place, field) in bytes.chunks_exact_mut(8).zip(fields) {
-            place.copy_from_slice(&field);
-        }
-        (bytes, HEAD + 8 * self.count)
-    }
-}
-
-/// Publishes lengths from the cycle: no allocation, no blocking; a reader that cannot keep up is dropped.
-#[derive(Debug)]
-pub struct GaugePublisher(Publisher);
-
-impl GaugePublisher {
-    /// Listens for readers.
-    ///
-    /// # Errors
-    /// The address cannot be bound.
-    pub fn bind(address: SocketAddr) -> io::Result<Self> {
-        Publisher::bind(address).map(Self)
+        put_fields(bytes, head.into_iter().chain(self.lengths_m().iter().map(|length_m| length_m.to_le_bytes())))
     }
 
-    /// Serves only these peers.
-    #[must_use]
-    pub fn for_peers(self, allowed: Allowed) -> Self {
-        Self(self.0.for_peers(allowed))
-    }
-
-    /// Returns the address on which it listens.
-    ///
-    /// # Errors
-    /// Error of the system.
-    pub fn address(&self) -> io::Result<SocketAddr> {
-        self.0.address()
-    }
-
-    /// Accepts at most one new reader and sends the lengths to every one.
-    pub fn publish(&mut self, lengths: &Lengths) {
-        let (bytes, length) = lengths.to_bytes();
-        self.0.publish(bytes.get(..length).unwrap_or_default());
-    }
-}
-
-/// Reads lengths; keeps the latest.
-#[derive(Debug)]
-pub struct GaugeReader {
-    stream: TcpStream,
-    buffer: [u8; LONGEST],
-    filled: usize,
-    latest: Option<Lengths>,
-}
-
-impl GaugeReader {
-    /// Connects to a publisher.
-    ///
-    /// # Errors
-    /// No publisher listens there.
-    pub fn connect(address: SocketAddr) -> io::Result<Self> {
-        Ok(Self { stream: publisher::connect(address)?, buffer: [0; LONGEST], filled: 0, latest: None })
-    }
-
-    /// Takes everything that has arrived and returns the latest whole record.
-    ///
-    /// # Errors
-    /// [`io::ErrorKind::InvalidData`]: a record of more than [`MAX_GAUGES`] gauges, after which the stream is not understood any more. Others:
-    /// the publisher is gone.
-    pub fn latest(&mut self) -> io::Result<Option<Lengths>> {
-        loop {
-            let expected = self.expected()?;
-            let room = self.buffer.get_mut(self.filled..expected).unwrap_or_default();
-            match self.stream.read(room) {
-                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
-                Ok(count) => self.filled += count,
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(self.latest),
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
-            }
-            if self.filled >= HEAD && self.filled == self.expected()? {
-                let lengths = self.fields().skip(2).map(f64::from_le_bytes);
-                self.latest = Some(Lengths::new(self.word(0), lengths));
-                self.filled = 0;
-            }
-        }
-    }
-
-    /// Bytes of the record that is being read, as far as it is known.
-    fn expected(&self) -> io::Result<usize> {
-        if self.filled < HEAD {
-            return Ok(HEAD);
-        }
-        let count = self.word(1);
+    fn expected(bytes: &[u8]) -> io::Result<usize> {
+        let Some(count) = fields(bytes).nth(1).map(u64::from_le_bytes) else { return Ok(HEAD) };
         match usize::try_from(count) {
             Ok(count) if count <= MAX_GAUGES => Ok(HEAD + 8 * count),
             _ => {
@@ -146,15 +57,18 @@ impl GaugeReader {
         }
     }
 
-    fn fields(&self) -> impl Iterator<Item = [u8; 8]> {
-        let filled = self.buffer.get(..self.filled).unwrap_or_default();
-        filled.chunks_exact(8).map(|field| <[u8; 8]>::try_from(field).unwrap_or_default())
-    }
-
-    fn word(&self, index: usize) -> u64 {
-        self.fields().nth(index).map_or(0, u64::from_le_bytes)
+    fn take(bytes: &[u8]) -> Self {
+        let tick = fields(bytes).next().map_or(0, u64::from_le_bytes);
+        Self::new(tick, fields(bytes).skip(2).map(f64::from_le_bytes))
     }
 }
+
+/// Publishes lengths from the cycle.
+pub type GaugePublisher = Publisher<Lengths>;
+/// Reads lengths; keeps the latest.
+pub type GaugeReader = Reader<Lengths>;
+
+const _: () = assert!(HEAD + 8 * MAX_GAUGES == LONGEST, "the longest record has all gauges");
 
 #[cfg(test)]
 mod tests {
@@ -200,7 +114,8 @@ mod tests {
 
     #[test]
     fn hostile_bytes_end_in_an_error_never_in_a_record() {
-        let (bytes, length) = Lengths::new(7, [1.0; 3]).to_bytes();
+        let mut bytes = [0; LONGEST];
+        let length = Lengths::new(7, [1.0; 3]).put(&mut bytes);
         let record = &bytes[..length];
         let (latest, error) = read_all(record);
         assert_eq!((latest.unwrap().tick, error.kind()), (7, io::ErrorKind::UnexpectedEof));

@@ -2,13 +2,10 @@
 //!
 //! It stands for the thesis' path from the sensor to the controller `[T 4.2.3, 4.2.5]` and is not part of the controller's protocol.
 //! A record is 56 bytes, little-endian: tick `u64`, then force (N) and moment (N m) in sensor axes as six `f64`.
-//! Losing records is harmless: the reader takes the latest.
 
-use std::io::{self, Read};
-use std::net::{SocketAddr, TcpStream};
+use std::io;
 
-use crate::publisher::{self, Publisher};
-use crate::server::connections::Allowed;
+use crate::record_link::{LONGEST, Publisher, Reader, Record, fields, put_fields};
 
 /// Bytes of a record.
 const RECORD: usize = 56;
@@ -22,96 +19,26 @@ pub struct Sample {
     pub wrench: [f64; 6],
 }
 
-impl Sample {
-    fn to_bytes(self) -> [u8; RECORD] {
-        let mut bytes = [0; RECORD];
-        let fields = [self.tick.to_le_bytes()].into_iter().chain(self.wrench.map(f64::to_le_bytes));
-        for (place, field) in bytes.chunks_exact_mut(8).zip(fields) {
-            place.copy_from_slice(&field);
-        }
-        bytes
+impl Record for Sample {
+    fn put(&self, bytes: &mut [u8; LONGEST]) -> usize {
+        put_fields(bytes, [self.tick.to_le_bytes()].into_iter().chain(self.wrench.map(f64::to_le_bytes)))
     }
 
-    fn from_bytes(bytes: &[u8; RECORD]) -> Self {
-        let mut fields = bytes.chunks_exact(8).map(|field| <[u8; 8]>::try_from(field).unwrap_or_default());
+    fn expected(_: &[u8]) -> io::Result<usize> {
+        Ok(RECORD)
+    }
+
+    fn take(bytes: &[u8]) -> Self {
+        let mut fields = fields(bytes);
         let mut next = || fields.next().unwrap_or_default();
         Self { tick: u64::from_le_bytes(next()), wrench: std::array::from_fn(|_| f64::from_le_bytes(next())) }
     }
 }
 
-/// Publishes samples from the cycle: no allocation, no blocking; a reader that cannot keep up is dropped.
-#[derive(Debug)]
-pub struct SensorPublisher(Publisher);
-
-impl SensorPublisher {
-    /// Listens for readers.
-    ///
-    /// # Errors
-    /// The address cannot be bound.
-    pub fn bind(address: SocketAddr) -> io::Result<Self> {
-        Publisher::bind(address).map(Self)
-    }
-
-    /// Serves only these peers.
-    #[must_use]
-    pub fn for_peers(self, allowed: Allowed) -> Self {
-        Self(self.0.for_peers(allowed))
-    }
-
-    /// Returns the address on which it listens.
-    ///
-    /// # Errors
-    /// Error of the system.
-    pub fn address(&self) -> io::Result<SocketAddr> {
-        self.0.address()
-    }
-
-    /// Accepts at most one new reader and sends the sample to every one.
-    pub fn publish(&mut self, sample: &Sample) {
-        self.0.publish(&sample.to_bytes());
-    }
-}
-
+/// Publishes samples from the cycle.
+pub type SensorPublisher = Publisher<Sample>;
 /// Reads samples; keeps the latest.
-#[derive(Debug)]
-pub struct SensorReader {
-    stream: TcpStream,
-    buffer: [u8; RECORD],
-    filled: usize,
-    latest: Option<Sample>,
-}
-
-impl SensorReader {
-    /// Connects to a publisher.
-    ///
-    /// # Errors
-    /// No publisher listens there.
-    pub fn connect(address: SocketAddr) -> io::Result<Self> {
-        let stream = publisher::connect(address)?;
-        Ok(Self { stream, buffer: [0; RECORD], filled: 0, latest: None })
-    }
-
-    /// Takes everything that has arrived and returns the latest whole sample.
-    ///
-    /// # Errors
-    /// The publisher is gone.
-    pub fn latest(&mut self) -> io::Result<Option<Sample>> {
-        loop {
-            let room = self.buffer.get_mut(self.filled..).unwrap_or_default();
-            match self.stream.read(room) {
-                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
-                Ok(count) => self.filled += count,
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(self.latest),
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
-            }
-            if self.filled == RECORD {
-                self.latest = Some(Sample::from_bytes(&self.buffer));
-                self.filled = 0;
-            }
-        }
-    }
-}
+pub type SensorReader = Reader<Sample>;
 
 #[cfg(test)]
 mod tests {

@@ -84,6 +84,7 @@ pub(crate) struct Experiment {
 impl MachineCommand for Experiment {
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let plan = plan::read(&self.plan, K::MODEL, &robot.metres_per_q)?;
+        plan.check_wrist(&self.plan, robot.wrist.len())?;
         match self.simulated {
             Some(seed) => self.simulated(robot, &plan, seed),
             None => self.live(robot, plan),

@@ -102,6 +102,7 @@ impl MachineCommand for Serve {
             return self.serve(&robot, machine, allowed, |row| load.update(row.state.phase, row.state.tick));
         };
         let plan = plan::read(path, K::MODEL, &robot.metres_per_q)?;
+        plan.check_wrist(path, robot.wrist.len())?;
         let link = GaugePublisher::bind(self.gauges)
             .map(|link| link.for_peers(allowed.clone()))
             .map_err(|error| ServerError::listen(self.gauges, &error))?;

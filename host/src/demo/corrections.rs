@@ -11,6 +11,8 @@ use crate::elastic::{ElasticMachine, Equilibrium};
 use crate::model::{Held, MachineKind};
 use crate::robot_file::{CorrectionKind, RobotFile};
 use crate::sim::springs::deviated;
+use crate::springs::compliances::Springs;
+use crate::springs::loaded::Loaded;
 
 /// What each way leaves of the displacement of the tool at home under a force in x, µm: to first order, and exact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -26,20 +28,19 @@ pub struct Corrections {
 impl Corrections {
     /// Computes both ways; `None` where the machine does not stand under this force.
     pub(super) fn of<K: MachineKind<N>, const N: usize>(file: &RobotFile<K, N>, force_n: f64) -> Option<Self> {
-        let known = file.compliances.as_ref()?;
-        let truth = deviated(known, &file.simulation).ok()?;
-        let both = |springs| {
-            let machine = ElasticMachine::new(file.model.geometry(), springs, Backlash::NONE);
-            let left = |kind| remainder_um(file, &machine, kind, force_n);
+        let known = Springs::of(file)?;
+        let truth = deviated(&known, &file.simulation).ok()?;
+        let both = |springs: &Springs<N>| {
+            let left = |kind| remainder_um(file, springs, kind, force_n);
             Some([left(CorrectionKind::FirstOrder)?, left(CorrectionKind::Exact)?])
         };
-        Some(Self { force_n, file_springs_um: both(truth)?, true_springs_um: both(*known)? })
+        Some(Self { force_n, file_springs_um: both(&truth)?, true_springs_um: both(&known)? })
     }
 }
 
 fn remainder_um<K: MachineKind<N>, const N: usize>(
     file: &RobotFile<K, N>,
-    machine: &ElasticMachine<N>,
+    springs: &Springs<N>,
     kind: CorrectionKind,
     force_n: f64,
 ) -> Option<f64> {
@@ -50,7 +51,9 @@ fn remainder_um<K: MachineKind<N>, const N: usize>(
     let (home, q) = (CorePose::at(file.home_m()), file.home_q().ok()?);
     let held = Held::new(&*compensator, &file.metres_per_q, &home, &q, &Wrench::from_array(load.into())).ok()?;
     let start = Equilibrium::at_home(file.simulation.home_m);
+    let machine = ElasticMachine::new(file.model.geometry(), springs.machine, Backlash::NONE);
     let began = machine.equilibrium(&held.nominal, &Vector6::zeros(), &start).ok()?;
     let now = machine.equilibrium(&held.corrected, &load, &began).ok()?;
-    Some((now.pose.translation_m - began.pose.translation_m).norm() * 1e6)
+    let loaded = Loaded { machine, wrist: springs.wrist.clone(), began: began.pose, now, load };
+    Some(loaded.displacement().translation_m.norm() * 1e6)
 }

@@ -1,7 +1,6 @@
 //! A campaign on the simulated machine, without sockets: its springs, its strap, its sensor and its gauges, all drawn by seed.
 
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
-use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::OffsetNm;
 use nalgebra::{Rotation3, UnitQuaternion, Vector3, Vector6};
@@ -20,6 +19,7 @@ use crate::robot_file::{RobotFile, RobotFileError};
 use crate::sim::force_sensor::Mounting;
 use crate::sim::gauges::SimulatedGauges;
 use crate::sim::springs::TrueSprings;
+use crate::springs::compliances::Springs;
 
 /// Streams of the seeded generator, apart from those of springs, sensor and gauges.
 const SETUP_STREAM: u64 = 4;
@@ -40,8 +40,8 @@ const HOOK_ROUNDS: u32 = 4;
 /// A campaign on the simulated machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimulatedCampaign<const N: usize> {
-    /// Compliances of the machine: what an identification should find.
-    pub truth: Compliances<N>,
+    /// Springs of the machine: what an identification should find.
+    pub truth: Springs<N>,
     /// The windows.
     pub rows: Vec<Row<N>>,
 }
@@ -80,7 +80,7 @@ pub fn simulate<K: MachineKind<N>, const N: usize>(
         bench.measure(index, &q)?;
         before = Some(series);
     }
-    Ok(SimulatedCampaign { truth: *springs.machine().compliances(), rows: bench.rows })
+    Ok(SimulatedCampaign { truth: springs.springs(), rows: bench.rows })
 }
 
 /// Machine, instruments and clock.
@@ -102,7 +102,7 @@ impl<const N: usize> Bench<'_, N> {
         let series = &self.plan.series[index];
         let (_, pose) = &self.plan.poses[series.pose];
         let failed = |level_n| move |error| ExperimentError::Load { series: series.name.clone(), level_n, error };
-        let mut springs = *self.truth;
+        let mut springs = self.truth.clone();
         let began = unloaded(springs.machine(), q, pose).map_err(failed(0.0))?;
         let assumed = self.prediction.unloaded(q, pose).map_err(failed(0.0))?;
         let shown = self.sensor.shown(&Vector6::zeros(), &began.pose.rotation);
@@ -130,7 +130,8 @@ impl<const N: usize> Bench<'_, N> {
             let indicated = self.prediction.load(&seen, &held_q, &assumed).map_err(failed(level_n))? + noise;
             let seconds = self.time_s - begin_s;
             let place = |gauge| (index, series.mounting, gauge);
-            let read = |gauge| self.gauges.read(place(gauge), springs.machine(), &began.pose, &now, seconds);
+            let loaded = springs.loaded(began.pose, now, load, &series.wrist_rad);
+            let read = |gauge| self.gauges.read(place(gauge), &loaded, seconds);
             let exact: Vec<f64> = (0..self.plan.gauges.len()).map(read).collect();
             let row = self.disturbed((index, level), &held_q, &indicated, &exact);
             self.rows.push(row);

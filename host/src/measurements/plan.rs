@@ -5,11 +5,14 @@ use std::path::{Path, PathBuf};
 use gantry_tau_core::model::kinematics::Pose;
 use nalgebra::Vector3;
 
-use super::springs::{MOST, NamedGauge, Noise, Refused, SeriesEntry, Setup, SetupNoise, read_setup};
+use super::springs::{MOST, NamedGauge, Noise, Refused, SeriesEntry, Setup, SetupNoise, check_wrist, read_setup};
 use super::{FileError, MAX_ROWS};
 
 /// Farthest hook from the tool centre point, m.
 const FARTHEST_M: f64 = 10.0;
+
+/// Largest angle of a wrist's joint, rad.
+const MOST_TURNED_RAD: f64 = std::f64::consts::TAU;
 
 /// A plan.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +54,8 @@ pub struct PlannedSeries {
     pub gauges: Vec<usize>,
     /// True if compensation runs meanwhile: the axes then contain its offsets.
     pub compensated: bool,
+    /// Angles of the wrist's joints, rad; empty: at zero.
+    pub wrist_rad: Vec<f64>,
 }
 
 impl PlannedSeries {
@@ -123,10 +128,16 @@ impl<const N: usize> Plan<N> {
     #[must_use]
     pub fn name_again(&self, series: usize) -> String {
         let name = self.series.get(series).map_or("", |planned| &planned.name);
-        match name.rsplit_once('.').and_then(|(base, count)| Some((base, count.parse::<u32>().ok()?))) {
-            Some((base, count)) => format!("{base}.{}", count.saturating_add(1)),
-            None => format!("{name}.2"),
-        }
+        let (base, count) = remounted(name).unwrap_or((name, 1));
+        format!("{base}.{}", count.saturating_add(1))
+    }
+
+    /// Checks that the angles of the wrist are those of a wrist with `joints` joints; `path` names the set-up.
+    ///
+    /// # Errors
+    /// [`FileError`], naming the series.
+    pub fn check_wrist(&self, path: &Path, joints: usize) -> Result<(), FileError> {
+        check_wrist(path, self.series.iter().map(|series| (&*series.name, &*series.wrist_rad)), joints)
     }
 
     fn add(&mut self, entry: &SeriesEntry) -> Result<(), Refused> {
@@ -161,6 +172,9 @@ impl<const N: usize> Plan<N> {
         if entry.gauges.is_empty() {
             return Err(refused("gauges", "is empty; name the gauges that are read".to_owned()));
         }
+        if entry.wrist_rad.iter().any(|angle| !(-MOST_TURNED_RAD..=MOST_TURNED_RAD).contains(angle)) {
+            return Err(refused("wrist_rad", "is not within a turn; it is in radians".to_owned()));
+        }
         if let Some(twice) =
             entry.gauges.iter().enumerate().find(|(at, name)| entry.gauges.iter().take(*at).any(|other| other == *name))
         {
@@ -184,7 +198,19 @@ impl<const N: usize> Plan<N> {
             levels_n: entry.levels_n.clone(),
             gauges,
             compensated: entry.compensated,
+            wrist_rad: entry.wrist_rad.clone(),
         });
         Ok(())
     }
+}
+
+/// Name and number of a series that was mounted anew.
+fn remounted(name: &str) -> Option<(&str, u32)> {
+    let (base, count) = name.rsplit_once('.')?;
+    Some((base, count.parse().ok()?))
+}
+
+/// Name of a series before it was mounted anew.
+pub(crate) fn before_remount(name: &str) -> &str {
+    remounted(name).map_or(name, |(base, _)| base)
 }

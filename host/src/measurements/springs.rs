@@ -9,10 +9,11 @@ use serde::{Deserialize, Serialize};
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_deviation;
 
+use super::plan::before_remount;
 use super::table::{self, Row, Table};
 use super::{FileError, setup};
 use crate::robot_file::matrix;
-use crate::springs::gauge::Gauge;
+use crate::springs::gauge::{Body, Gauge};
 
 mod plan;
 
@@ -58,6 +59,13 @@ pub struct Noise {
 impl Noise {
     /// Noise of good instruments: a gauge that repeats to a micrometre, forces to a newton.
     pub const USUAL: Self = Self { gauge_um: 1.0, force_n: 1.0, moment_nm: 0.05 };
+
+    /// Variances of a load's components: N^2, (N m)^2.
+    #[must_use]
+    pub fn load_variances(&self) -> Vector6<f64> {
+        let (force, moment) = (self.force_n.powi(2), self.moment_nm.powi(2));
+        Vector6::new(force, force, force, moment, moment, moment)
+    }
 }
 
 /// `[setup]`: standard deviations of what is known of the set-up. A key that is absent is exact.
@@ -123,6 +131,9 @@ pub struct SeriesEntry {
     /// True if compensation runs meanwhile.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub compensated: bool,
+    /// Angles of the wrist's joints, rad, from the platform to the tool; absent: all at zero.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub wrist_rad: Vec<f64>,
 }
 
 /// A gauge with its name.
@@ -193,11 +204,38 @@ pub struct Campaign<const N: usize> {
 }
 
 impl<const N: usize> Campaign<N> {
+    /// Angles of the wrist in a series, by its name or by that of the series of the plan that it is mounted anew of; rad. Empty: at zero.
+    #[must_use]
+    pub fn wrist_rad(&self, series: &str) -> &[f64] {
+        let planned = |name: &str| self.plan.iter().find(|entry| entry.name == name);
+        planned(series).or_else(|| planned(before_remount(series))).map_or(&[], |entry| &entry.wrist_rad)
+    }
+
+    /// Checks that the angles of the wrist are those of a wrist with `joints` joints; `path` names the set-up.
+    ///
+    /// # Errors
+    /// [`FileError`], naming the series.
+    pub fn check_wrist(&self, path: &Path, joints: usize) -> Result<(), FileError> {
+        check_wrist(path, self.plan.iter().map(|entry| (&*entry.name, &*entry.wrist_rad)), joints)
+    }
+
     /// Returns an error about a column of a window.
     #[must_use]
     pub fn error(&self, window: &Window<N>, column: &str, reason: impl std::fmt::Display) -> FileError {
         FileError::at(&self.table, window.line, column, reason)
     }
+}
+
+/// Checks angles of a wrist with `joints` joints, series by series: none, or one per joint.
+pub(super) fn check_wrist<'a>(
+    path: &Path,
+    mut series: impl Iterator<Item = (&'a str, &'a [f64])>,
+    joints: usize,
+) -> Result<(), FileError> {
+    let wrong = series.find(|(_, angles)| ![0, joints].contains(&angles.len()));
+    let Some((name, angles)) = wrong else { return Ok(()) };
+    let reason = format!("has {} angles, and the robot file has {joints} [[wrist]] joints", angles.len());
+    Err(FileError::key(path, format!("series.{name}.wrist_rad"), reason))
 }
 
 /// A set-up: what is to be measured, or was.
@@ -341,7 +379,8 @@ fn gauges<const N: usize>(entries: &[GaugeEntry], metres_per_q: &[f64; N]) -> Re
             return Err((key("name"), "stands twice".to_owned()));
         }
         let gauge = match (entry.on.as_str(), entry.point_m, entry.axis, entry.axis_number) {
-            ("platform", Some(point_m), Some(axis), None) => {
+            (body @ ("platform" | "tool"), Some(point_m), Some(axis), None) => {
+                let body = if body == "tool" { Body::Tool } else { Body::Platform };
                 let axis = Vector3::from(axis);
                 // `contains` refuses NaN.
                 if !(1.0 - 1e-6..=1.0 + 1e-6).contains(&axis.norm()) {
@@ -350,7 +389,7 @@ fn gauges<const N: usize>(entries: &[GaugeEntry], metres_per_q: &[f64; N]) -> Re
                 if !point_m.iter().all(|coordinate| coordinate.abs() <= 10.0) {
                     return Err((key("point_m"), "is more than 10 m away; it is in metres".to_owned()));
                 }
-                Gauge::Platform { point_m: point_m.into(), axis: axis.normalize() }
+                Gauge::Face { body, point_m: point_m.into(), axis: axis.normalize() }
             }
             ("axis", None, None, Some(number)) => {
                 let metres =
@@ -360,9 +399,13 @@ fn gauges<const N: usize>(entries: &[GaugeEntry], metres_per_q: &[f64; N]) -> Re
                 };
                 Gauge::Axis { axis, metres_per_q: *metres_per_q }
             }
-            ("platform", ..) => return Err((key("on"), "a gauge on the platform has point_m and axis".to_owned())),
+            ("platform" | "tool", ..) => {
+                return Err((key("on"), "a gauge on the platform or the tool has point_m and axis".to_owned()));
+            }
             ("axis", ..) => return Err((key("on"), "a gauge on an axis has axis_number".to_owned())),
-            (other, ..) => return Err((key("on"), format!("is {other:?}; \"platform\" or \"axis\" are possible"))),
+            (other, ..) => {
+                return Err((key("on"), format!("is {other:?}; \"platform\", \"tool\" or \"axis\" are possible")));
+            }
         };
         gauges.push(NamedGauge { name: entry.name.clone(), gauge });
     }

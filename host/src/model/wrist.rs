@@ -6,7 +6,7 @@ use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::stiffness::Displacement;
 use gantry_tau_core::units::{Metres, OffsetNm};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3, Vector6};
 
 use crate::robot_file::WristJoint;
 
@@ -27,20 +27,59 @@ impl Wrist {
         self.0.is_empty()
     }
 
+    /// Number of joints.
+    #[must_use]
+    pub fn joints(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Compliances of the joints, rad/(N m), from the platform to the tool.
+    pub fn compliances(&self) -> impl Iterator<Item = f64> {
+        self.0.iter().map(|joint| joint.c_rad_per_nm)
+    }
+
+    /// Returns the same joints with other compliances, rad/(N m).
+    #[must_use]
+    pub fn with_compliances(&self, c_rad_per_nm: impl IntoIterator<Item = f64>) -> Self {
+        let joints = self.0.iter().zip(c_rad_per_nm);
+        Self(joints.map(|(joint, c_rad_per_nm)| WristJoint { c_rad_per_nm, ..*joint }).collect())
+    }
+
+    /// Returns the joints with the wrist at these angles, rad, from the platform to the tool: each turns the joints behind it.
+    #[must_use]
+    pub fn turned(&self, angles_rad: &[f64]) -> Self {
+        let mut joints = self.0.clone();
+        for (index, angle) in angles_rad.iter().enumerate() {
+            let (before, behind) = joints.split_at_mut((index + 1).min(self.joints()));
+            let Some(turning) = before.last() else { break };
+            let turn = UnitQuaternion::from_axis_angle(&Unit::new_normalize(turning.axis.into()), *angle);
+            let centre_m = Vector3::from(turning.point_m);
+            for joint in behind {
+                joint.axis = (turn * Vector3::from(joint.axis)).into();
+                joint.point_m = (centre_m + turn * (Vector3::from(joint.point_m) - centre_m)).into();
+            }
+        }
+        Self(joints)
+    }
+
+    /// Axes of the joints as lines `(a x t, a)` with `t` from the joint to the tool centre point, the platform turned by `rotation`: the moment
+    /// of a load about an axis is its product with the line, and so is what a small turn about the axis does to the tool.
+    pub fn lines(&self, rotation: &Matrix3<f64>) -> impl Iterator<Item = Vector6<f64>> {
+        self.0.iter().map(move |joint| {
+            let axis = rotation * Vector3::from(joint.axis);
+            let sweep_m = axis.cross(&(rotation * -Vector3::from(joint.point_m)));
+            Vector6::new(sweep_m.x, sweep_m.y, sweep_m.z, axis.x, axis.y, axis.z)
+        })
+    }
+
     /// Returns how far a load (about the tool centre point, world axes) moves the tool against the platform, which is turned by `rotation`:
-    /// `sum kappa_j mu_j (a_j, a_j x (T - p_j))` with the moment `mu_j = a_j . (M + (T - p_j) x F)` about each axis.
+    /// `sum kappa_j mu_j (a_j x t_j, a_j)` with the moment `mu_j = a_j . (M + t_j x F)` about each axis, `t_j = T - p_j`.
     #[must_use]
     pub fn displacement(&self, rotation: &Matrix3<f64>, load: &Wrench) -> Displacement {
-        let mut moved = Displacement { translation_m: Vector3::zeros(), rotation_rad: Vector3::zeros() };
-        for joint in &self.0 {
-            let axis = rotation * Vector3::from(joint.axis);
-            let to_tool = rotation * -Vector3::from(joint.point_m);
-            let moment_nm = axis.dot(&(load.moment_nm + to_tool.cross(&load.force_n)));
-            let angle_rad = joint.c_rad_per_nm * moment_nm;
-            moved.rotation_rad += axis * angle_rad;
-            moved.translation_m += axis.cross(&to_tool) * angle_rad;
-        }
-        moved
+        let load = Vector6::from(load.to_array());
+        let twist: Vector6<f64> =
+            self.lines(rotation).zip(self.compliances()).map(|(line, kappa)| line * (kappa * line.dot(&load))).sum();
+        Displacement { translation_m: twist.fixed_rows::<3>(0).into(), rotation_rad: twist.fixed_rows::<3>(3).into() }
     }
 
     /// Returns the pose of the platform that puts the tool into `pose` under a load, for the share `gain` of what the wrist gives way.
@@ -95,6 +134,10 @@ mod tests {
         // With the platform turned by a quarter about z the axis lies along -x, and the force no longer turns the joint.
         let turned = rotation_from_vector(&(Vector3::z() * std::f64::consts::FRAC_PI_2)).unwrap();
         assert!(wrist.displacement(&turned, &load).translation_m.amax() < 1e-18);
+        // A joint before it turns its axis as the platform does.
+        let first = WristJoint { axis: [0.0, 0.0, 1.0], point_m: [0.0; 3], c_rad_per_nm: 0.0 };
+        let behind = Wrist::new(&[first, joint]).turned(&[std::f64::consts::FRAC_PI_2, 0.3]);
+        assert!(behind.displacement(&Matrix3::identity(), &load).translation_m.amax() < 1e-18);
         // Whatever the load, the tool does not move against it.
         let load = Wrench::from_array([3.0, -7.0, 2.0, 1.0, -1.0, 4.0]);
         let moved = wrist.displacement(&turned, &load);

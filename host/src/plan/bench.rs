@@ -1,16 +1,19 @@
 //! What a strap tells of the springs: the information of one series, at the file's values.
 
-use gantry_tau_core::model::robot::{Compliances, LINKS};
-use nalgebra::{DMatrix, DVector, SVector, UnitQuaternion, Vector3, Vector6};
+use gantry_tau_core::model::robot::LINKS;
+use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3, Vector6};
 
 use super::expected::Parameters;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
 use crate::fit::least_squares::Rows;
 use crate::measurements::springs::Noise;
-use crate::model::MachineKind;
+use crate::model::{MachineKind, Wrist};
 use crate::robot_file::RobotFile;
+use crate::springs::blocks::{covariance, whitening};
+use crate::springs::compliances::Springs;
 use crate::springs::gauge::Gauge;
+use crate::springs::loaded::Loaded;
 
 /// Names of the links, in link order.
 const LINK_NAMES: [&str; LINKS] = ["link 11", "link 21", "link 22", "link 31", "link 32", "link 33"];
@@ -19,9 +22,10 @@ const LINK_NAMES: [&str; LINKS] = ["link 11", "link 21", "link 22", "link 31", "
 #[derive(Clone, Debug)]
 pub(super) struct Bench<const N: usize> {
     machine: ElasticMachine<N>,
+    wrist: Wrist,
     noise: Noise,
-    /// Springs that are asked for: of the links alone, or of the axes too.
-    springs: usize,
+    /// Compliances that are asked for: of the links alone, or of axes and wrist too.
+    scales: DVector<f64>,
 }
 
 /// A place where the machine stands, platform unturned.
@@ -65,12 +69,14 @@ pub(super) struct Series {
 impl<const N: usize> Bench<N> {
     pub(super) fn new<K: MachineKind<N>>(
         robot: &RobotFile<K, N>,
-        compliances: Compliances<N>,
+        springs: Springs<N>,
         noise: Noise,
         is_links_only: bool,
     ) -> Self {
-        let machine = ElasticMachine::new(robot.model.geometry(), compliances, Backlash::NONE);
-        Self { machine, noise, springs: if is_links_only { LINKS } else { LINKS + N } }
+        let machine = ElasticMachine::new(robot.model.geometry(), springs.machine, Backlash::NONE);
+        let all = springs.vector();
+        let scales = if is_links_only { all.rows(0, LINKS).into_owned() } else { all };
+        Self { machine, wrist: springs.wrist, noise, scales }
     }
 
     pub(super) const fn machine(&self) -> &ElasticMachine<N> {
@@ -81,34 +87,31 @@ impl<const N: usize> Bench<N> {
     pub(super) fn parameters(&self) -> Parameters {
         let kind = |axis: usize| if axis < 3 { "cart" } else { "plate" };
         let axes = (0..N).map(|axis| format!("{} {}", kind(axis), axis + 1));
-        let names: Vec<String> = LINK_NAMES.map(str::to_owned).into_iter().chain(axes).take(self.springs).collect();
+        let wrist = (0..self.wrist.joints()).map(|joint| format!("wrist {}", joint + 1));
+        let all = LINK_NAMES.map(str::to_owned).into_iter().chain(axes).chain(wrist);
+        let names: Vec<String> = all.take(self.scales.len()).collect();
         Parameters {
             shown: vec![(100.0, "%"); names.len()],
             names,
-            basis: DMatrix::identity(self.springs, self.springs),
+            basis: DMatrix::identity(self.scales.len(), self.scales.len()),
             index_unit: "of the file's value",
         }
     }
 
-    fn scales(&self) -> DVector<f64> {
-        let compliances = self.machine.compliances();
-        let all = compliances.link_m_per_n().iter().chain(compliances.cart_m_per_n());
-        DVector::from_iterator(self.springs, all.take(self.springs).copied())
-    }
-
-    /// Predicts one series: a strap, its levels in N, and the gauges that are read.
+    /// Predicts one series: a strap, its levels in N, the gauges that are read, and the angles of the wrist (rad; empty: at zero).
     pub(super) fn series(
         &self,
         stand: &Stand<N>,
         strap: &Strap,
         levels_n: &[f64],
         gauges: &[Gauge],
+        wrist_rad: &[f64],
     ) -> Result<Series, ElasticError> {
         let began = self.unloaded(stand)?;
         let (count, size) = (gauges.len(), gauges.len() * levels_n.len());
-        let (mut rows, mut zeros) = (DMatrix::zeros(size, self.springs), DMatrix::zeros(size, count));
+        let (mut rows, mut zeros) = (DMatrix::zeros(size, self.scales.len()), DMatrix::zeros(size, count));
         let mut series = Series {
-            rows: DMatrix::zeros(0, self.springs),
+            rows: DMatrix::zeros(0, self.scales.len()),
             readings: size,
             largest_m: 0.0,
             displacement_m: 0.0,
@@ -116,14 +119,16 @@ impl<const N: usize> Bench<N> {
         };
         let (mut last, mut largest_n) = (began, 0.0);
         for (window, level) in levels_n.iter().enumerate() {
-            last = self.machine.equilibrium(&stand.q, &strap.load(*level), &last)?;
-            let view = self.window(&stand.q, &began.pose, &last, gauges)?;
+            let load = strap.load(*level);
+            last = self.machine.equilibrium(&stand.q, &load, &last)?;
+            let loaded = self.loaded(&began, &last, load, wrist_rad);
+            let view = self.window(&stand.q, &loaded, gauges)?;
             rows.rows_mut(window * count, count).copy_from(&view.springs);
             zeros.rows_mut(window * count, count).copy_from(&view.whitening);
             series.largest_m = series.largest_m.max(view.largest_m);
             if *level >= largest_n {
                 largest_n = *level;
-                series.displacement_m = (last.pose.translation_m - began.pose.translation_m).norm();
+                series.displacement_m = loaded.displacement().translation_m.norm();
                 series.cluster_n = last.cluster_3_n();
             }
         }
@@ -138,63 +143,48 @@ impl<const N: usize> Bench<N> {
         self.machine.equilibrium(&stand.q, &Vector6::zeros(), &Equilibrium::unloaded(pose))
     }
 
-    /// Linearises and whitens one window. Its load is measured too, and its gauges share that error:
-    /// `Cov = diag(sigma^2) + H Sigma_w H^T = L L^T`.
-    fn window(
-        &self,
-        q: &[f64; N],
-        began: &Pose,
-        now: &Equilibrium<N>,
-        gauges: &[Gauge],
-    ) -> Result<Window, ElasticError> {
-        let through = self.machine.transmission(q, now).ok_or(ElasticError::Singular)?;
-        let scales = self.scales();
-        let mut springs = DMatrix::zeros(gauges.len(), self.springs);
+    fn loaded(&self, began: &Equilibrium<N>, now: &Equilibrium<N>, load: Vector6<f64>, wrist_rad: &[f64]) -> Loaded<N> {
+        Loaded { machine: self.machine, wrist: self.wrist.turned(wrist_rad), began: began.pose, now: *now, load }
+    }
+
+    /// Linearises and whitens one window.
+    fn window(&self, q: &[f64; N], loaded: &Loaded<N>, gauges: &[Gauge]) -> Result<Window, ElasticError> {
+        let through = self.machine.transmission(q, &loaded.now).ok_or(ElasticError::Singular)?;
+        let mut springs = DMatrix::zeros(gauges.len(), self.scales.len());
         let mut by_load = DMatrix::zeros(gauges.len(), 6);
         let mut largest_m: f64 = 0.0;
         for (row, gauge) in gauges.iter().enumerate() {
-            let reading = gauge.read(&self.machine, began, now);
-            let derivatives = reading.derivatives(&self.machine, &through, now);
-            let all = derivatives.links.iter().chain(derivatives.axes.iter());
-            for (column, (derivative, scale)) in all.zip(&scales).enumerate() {
-                springs[(row, column)] = derivative * scale;
-            }
+            let reading = gauge.read(loaded);
+            let derivatives = reading.derivatives(loaded, &through);
+            let asked = derivatives.springs.rows(0, self.scales.len()).component_mul(&self.scales);
+            springs.row_mut(row).copy_from(&asked.transpose());
             by_load.row_mut(row).copy_from(&derivatives.load.transpose());
             largest_m = largest_m.max(reading.length_m.abs());
         }
-        let (force, moment) = (self.noise.force_n.powi(2), self.noise.moment_nm.powi(2));
-        let load = DVector::from_vec(vec![force, force, force, moment, moment, moment]);
-        let mut covariance = &by_load * DMatrix::from_diagonal(&load) * by_load.transpose();
-        covariance += DMatrix::from_diagonal_element(gauges.len(), gauges.len(), (self.noise.gauge_um * 1e-6).powi(2));
-        let factor = covariance.cholesky().ok_or(ElasticError::NotFinite)?;
-        let whitening = factor.l().try_inverse().ok_or(ElasticError::NotFinite)?;
+        let variances = gauges.iter().map(|_| (self.noise.gauge_um * 1e-6).powi(2));
+        let covariance = covariance(&by_load, variances, &self.noise.load_variances());
+        let whitening = whitening(covariance).ok_or(ElasticError::NotFinite)?;
         Ok(Window { springs: &whitening * springs, whitening, largest_m })
     }
 
-    /// Displacement of the tool centre point under a load, by the springs, in shares of the file's: 3 rows, m.
+    /// Displacement of the tool under a load, by the springs, in shares of the file's: 3 rows, m.
     pub(super) fn displacement(&self, stand: &Stand<N>, load: &Vector6<f64>) -> Result<DMatrix<f64>, ElasticError> {
-        let began = self.unloaded(stand)?;
-        let now = self.machine.equilibrium(&stand.q, load, &began)?;
-        let through = self.machine.transmission(&stand.q, &now).ok_or(ElasticError::Singular)?;
-        let scales = self.scales();
-        let mut rows = DMatrix::zeros(3, self.springs);
-        for component in 0..3 {
-            let axis = Vector3::ith(component, 1.0);
-            let gauge = Gauge::Platform { point_m: Vector3::zeros(), axis };
-            let derivatives = gauge.read(&self.machine, &began.pose, &now).derivatives(&self.machine, &through, &now);
-            let all = derivatives.links.iter().chain(derivatives.axes.iter());
-            for (column, (derivative, scale)) in all.zip(&scales).enumerate() {
-                rows[(component, column)] = derivative * scale;
-            }
-        }
-        Ok(rows)
+        let loaded = self.under(stand, load)?;
+        let through = self.machine.transmission(&stand.q, &loaded.now).ok_or(ElasticError::Singular)?;
+        let all = loaded.displacement_by_springs(&through);
+        let scaled = all.columns(0, self.scales.len()) * DMatrix::from_diagonal(&self.scales);
+        Ok(scaled)
     }
 
-    /// Largest displacement that a load causes, m: of the tool centre point.
-    pub(super) fn moved_m(&self, stand: &Stand<N>, load: &Vector6<f64>) -> Result<f64, ElasticError> {
+    fn under(&self, stand: &Stand<N>, load: &Vector6<f64>) -> Result<Loaded<N>, ElasticError> {
         let began = self.unloaded(stand)?;
-        let now = self.machine.pushed_equilibrium(&stand.q, load, &SVector::zeros(), &began)?;
-        Ok((now.pose.translation_m - began.pose.translation_m).norm())
+        let now = self.machine.equilibrium(&stand.q, load, &began)?;
+        Ok(self.loaded(&began, &now, *load, &[]))
+    }
+
+    /// Displacement of the tool that a load causes, m.
+    pub(super) fn moved_m(&self, stand: &Stand<N>, load: &Vector6<f64>) -> Result<f64, ElasticError> {
+        Ok(self.under(stand, load)?.displacement().translation_m.norm())
     }
 }
 

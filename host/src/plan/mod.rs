@@ -108,7 +108,7 @@ pub fn check<K: geometry::PlannedMachine<N>, const N: usize>(
         return Ok((judgement.to_string(), springs::lost(&judgement.expected).into_iter().collect()));
     }
     let setup = measurements::springs::read_setup(path, model_name::<N>(), &robot.metres_per_q)?;
-    measurements::plan::of(path, setup.clone(), &robot.metres_per_q)?;
+    measurements::plan::of(path, setup.clone(), &robot.metres_per_q)?.check_wrist(path, robot.wrist.len())?;
     let judgement = springs::judge(robot, &setup, is_links_only, &path.display().to_string())?;
     let mut doubts = judgement.doubts.clone();
     doubts.extend(springs::lost(&judgement.expected));

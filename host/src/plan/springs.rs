@@ -5,7 +5,6 @@ mod candidates;
 use std::fmt;
 
 use gantry_tau_core::model::kinematics::Pose;
-use gantry_tau_core::model::robot::Compliances;
 use nalgebra::{DMatrix, Vector3};
 
 use super::bench::{Bench, Stand, Strap};
@@ -19,15 +18,16 @@ use crate::fit::statistics::float;
 use crate::measurements::springs::{NamedGauge, Noise, SeriesEntry, Setup};
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
-use crate::springs::gauge::Gauge;
+use crate::springs::compliances::Springs;
+use crate::springs::gauge::{Body, Gauge};
 
 pub(super) use candidates::stand_at;
 use candidates::{Grid, around_jump, nearest_first, stands, strap_order};
 
 /// Hooks, from the tool centre point, m.
 pub(super) const HOOKS_M: [[f64; 3]; 3] = [[0.0, 0.0, -0.08], [0.15, 0.0, -0.08], [0.0, 0.15, -0.08]];
-/// Platform gauges, 3-2-1: names, where they touch from the tool centre point, m, and their directions.
-const PLATFORM_GAUGES: [(&str, [f64; 3], [f64; 3]); 6] = [
+/// Gauges on a body, 3-2-1: names, where they touch from the tool centre point, m, and their directions.
+const FACE_GAUGES: [(&str, [f64; 3], [f64; 3]); 6] = [
     ("pz1", [0.12, -0.06, 0.10], [0.0, 0.0, 1.0]),
     ("pz2", [-0.12, -0.06, 0.10], [0.0, 0.0, 1.0]),
     ("pz3", [0.0, 0.12, 0.10], [0.0, 0.0, 1.0]),
@@ -57,7 +57,7 @@ pub struct SpringsOptions {
     pub around_jump: bool,
     /// Noise of a window.
     pub noise: Noise,
-    /// Gauges; absent: six on the platform, one per axis.
+    /// Gauges; absent: those of [`default_gauges`].
     pub gauges: Option<Vec<NamedGauge>>,
 }
 
@@ -85,18 +85,19 @@ impl SpringsOptions {
     }
 }
 
-/// Six gauges on the platform and one per axis.
+/// Six gauges on the tool if the file has a wrist, else on the platform, and one per axis.
 #[must_use]
-pub fn default_gauges<const N: usize>(metres_per_q: &[f64; N]) -> Vec<NamedGauge> {
-    let platform = PLATFORM_GAUGES.map(|(name, point_m, axis)| NamedGauge {
+pub fn default_gauges<K, const N: usize>(robot: &RobotFile<K, N>) -> Vec<NamedGauge> {
+    let body = if robot.wrist.is_empty() { Body::Platform } else { Body::Tool };
+    let faces = FACE_GAUGES.map(|(name, point_m, axis)| NamedGauge {
         name: name.to_owned(),
-        gauge: Gauge::Platform { point_m: point_m.into(), axis: axis.into() },
+        gauge: Gauge::Face { body, point_m: point_m.into(), axis: axis.into() },
     });
-    let axes = metres_per_q.iter().enumerate().map(|(axis, metres_per_q)| NamedGauge {
+    let axes = robot.metres_per_q.iter().enumerate().map(|(axis, metres_per_q)| NamedGauge {
         name: format!("axis{}", axis + 1),
         gauge: Gauge::Axis { axis, metres_per_q: *metres_per_q },
     });
-    platform.into_iter().chain(axes).collect()
+    faces.into_iter().chain(axes).collect()
 }
 
 /// What a plan of straps and gauges will tell, and what it takes.
@@ -161,10 +162,8 @@ pub(super) fn lost(expected: &Expected) -> Option<String> {
     })
 }
 
-pub(super) fn compliances<K: MachineKind<N>, const N: usize>(
-    robot: &RobotFile<K, N>,
-) -> Result<Compliances<N>, PlanError> {
-    robot.compliances.ok_or_else(|| PlanError::NoCompliances { robot: robot.name.clone() })
+pub(super) fn springs<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Result<Springs<N>, PlanError> {
+    Springs::of(robot).ok_or_else(|| PlanError::NoCompliances { robot: robot.name.clone() })
 }
 
 /// Chooses the series.
@@ -174,8 +173,8 @@ fn planned<K: MachineKind<N>, const N: usize>(
     measurements: &str,
 ) -> Result<Setup, PlanError> {
     options.check()?;
-    let bench = Bench::new(robot, compliances(robot)?, options.noise, false);
-    let gauges = options.gauges.clone().unwrap_or_else(|| default_gauges(&robot.metres_per_q));
+    let bench = Bench::new(robot, springs(robot)?, options.noise, false);
+    let gauges = options.gauges.clone().unwrap_or_else(|| default_gauges(robot));
     let stands = stands(robot);
     let grid = Grid::new(robot, &bench, &stands, &gauges, options.force_max_n)?;
     // What is asked for everywhere, but for home itself, which is no place of the grid.
@@ -239,6 +238,7 @@ impl Setup {
             levels_n,
             gauges: self.gauges.iter().map(|gauge| gauge.name.clone()).collect(),
             compensated: false,
+            wrist_rad: Vec::new(),
         });
     }
 }
@@ -277,7 +277,7 @@ pub fn judge<K: MachineKind<N>, const N: usize>(
     is_links_only: bool,
     plan: &str,
 ) -> Result<Judgement, PlanError> {
-    let bench = Bench::new(robot, compliances(robot)?, setup.noise.unwrap_or(Noise::USUAL), is_links_only);
+    let bench = Bench::new(robot, springs(robot)?, setup.noise.unwrap_or(Noise::USUAL), is_links_only);
     let preload = Preload::of(robot, bench.machine());
     let parameters = bench.parameters();
     let (mut rows, mut readings) = (DMatrix::zeros(0, parameters.basis.ncols()), 0);
@@ -288,7 +288,7 @@ pub fn judge<K: MachineKind<N>, const N: usize>(
         let strap = Strap { hook_m: entry.hook_m.into(), direction: entry.direction.into() };
         let read = setup.gauges.iter().filter(|gauge| entry.gauges.contains(&gauge.name));
         let gauges: Vec<Gauge> = read.map(|gauge| gauge.gauge).collect();
-        let found = bench.series(&stand, &strap, &entry.levels_n, &gauges).map_err(failed)?;
+        let found = bench.series(&stand, &strap, &entry.levels_n, &gauges, &entry.wrist_rad).map_err(failed)?;
         series.push(Predicted { displacement_m: found.displacement_m, largest_m: found.largest_m });
         // What it tells of the springs, the play takes.
         if entry.name == JUMP {

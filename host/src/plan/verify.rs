@@ -1,15 +1,15 @@
 //! Plan of straps that show how well compensation works where identification did not look.
 
-use gantry_tau_core::model::robot::LINKS;
 use nalgebra::{DMatrix, Vector3};
 
 use super::bench::{Bench, Stand, Strap};
 use super::limits::{GAUGE_RANGE_M, Preload};
-use super::springs::{SpringsOptions, compliances, default_gauges, pose_entry, stand_at, written};
+use super::springs::{SpringsOptions, default_gauges, pose_entry, springs, stand_at, written};
 use super::{PlanError, Written};
 use crate::measurements::springs::Setup;
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
+use crate::springs::compliances::Springs;
 use crate::springs::gauge::Gauge;
 use crate::workspace::{Grid, survey};
 
@@ -19,7 +19,7 @@ const HOOKS_M: [[f64; 3]; 3] = [[0.08, 0.08, -0.08], [-0.1, 0.05, -0.08], [0.05,
 const DIRECTIONS: [[f64; 3]; 6] =
     [[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, -1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0]];
 /// Largest displacement, in those at home: beyond it the machine is near a singular pose.
-const MOST_DISPLACEMENT: f64 = 5.0;
+const MOST_DISPLACEMENT: f64 = 3.0;
 /// Levels, in shares of the largest force: the first again at the end.
 const LEVELS: [f64; 5] = [0.0, 0.5, 1.0, 0.5, 0.0];
 /// Steps along the longest side of the workspace.
@@ -38,8 +38,8 @@ pub fn plan_verify<K: MachineKind<N>, const N: usize>(
     if options.around_jump {
         return Err(PlanError::Option("--around-jump is an option of plan springs".to_owned()));
     }
-    let bench = Bench::new(robot, compliances(robot)?, options.noise, false);
-    let gauges = options.gauges.clone().unwrap_or_else(|| default_gauges(&robot.metres_per_q));
+    let bench = Bench::new(robot, springs(robot)?, options.noise, false);
+    let gauges = options.gauges.clone().unwrap_or_else(|| default_gauges(robot));
     let mut setup = Setup {
         measurements: measurements.to_owned(),
         noise: Some(options.noise),
@@ -48,8 +48,8 @@ pub fn plan_verify<K: MachineKind<N>, const N: usize>(
         gauges,
         plan: Vec::new(),
     };
-    let on_platform = setup.gauges.iter().filter(|named| matches!(named.gauge, Gauge::Platform { .. }));
-    let on_platform: Vec<String> = on_platform.map(|named| named.name.clone()).collect();
+    let faces = setup.gauges.iter().filter(|named| matches!(named.gauge, Gauge::Face { .. }));
+    let faces: Vec<String> = faces.map(|named| named.name.clone()).collect();
     let straps = spread_straps(robot, &bench, &setup.gauges, options)?;
     for (stand, strap) in &straps {
         let entry = pose_entry(setup.poses.len(), stand);
@@ -65,8 +65,8 @@ pub fn plan_verify<K: MachineKind<N>, const N: usize>(
             let Some(entry) = setup.plan.last_mut() else { continue };
             entry.compensated = compensated;
             // A gauge on a cart would show the offset beside the displacement by its spring.
-            if compensated && !on_platform.is_empty() {
-                entry.gauges.clone_from(&on_platform);
+            if compensated && !faces.is_empty() {
+                entry.gauges.clone_from(&faces);
             }
         }
     }
@@ -92,8 +92,9 @@ fn spread_straps<K: MachineKind<N>, const N: usize>(
         let hook_m = HOOKS_M[number % HOOKS_M.len()].into();
         let from_here = (0..DIRECTIONS.len()).map(|step| DIRECTIONS[(number + step) % DIRECTIONS.len()]);
         let ways = from_here.flat_map(|way| [1.0, -1.0].map(|sign| Vector3::from(way).normalize() * sign));
-        let predicted =
-            |stand: &Stand<N>, strap: &Strap| bench.series(stand, strap, &[0.0, options.force_max_n], &gauges).ok();
+        let predicted = |stand: &Stand<N>, strap: &Strap| {
+            bench.series(stand, strap, &[0.0, options.force_max_n], &gauges, &[]).ok()
+        };
         ways.map(|direction| Strap { hook_m, direction }).find(|strap| {
             let (Some(here), Some(home)) = (predicted(stand, strap), predicted(&home, strap)) else { return false };
             here.largest_m <= GAUGE_RANGE_M
@@ -101,7 +102,8 @@ fn spread_straps<K: MachineKind<N>, const N: usize>(
                 && preload.is_none_or(|preload| preload.holds(here.cluster_n))
         })
     };
-    let poses = far_apart(robot, options.poses.min(options.series), |stand| strap_at(stand, 0).is_some());
+    let takes_all = |stand: &Stand<N>| (0..DIRECTIONS.len()).all(|number| strap_at(stand, number).is_some());
+    let poses = far_apart(robot, options.poses.min(options.series), takes_all);
     let numbered = poses.iter().cycle().take(if poses.is_empty() { 0 } else { options.series }).enumerate();
     let straps: Vec<(Stand<N>, Strap)> =
         numbered.filter_map(|(number, stand)| Some((*stand, strap_at(stand, number)?))).collect();
@@ -171,11 +173,11 @@ fn summary<K: MachineKind<N>, const N: usize>(
 }
 
 /// Covariance of identified compliances, in shares of the file's.
-fn relative_covariance<K, const N: usize>(robot: &RobotFile<K, N>) -> Option<DMatrix<f64>> {
-    let (identified, compliances) = (robot.identified.as_ref()?, robot.compliances.as_ref()?);
-    let values: Vec<f64> = compliances.link_m_per_n().iter().chain(compliances.cart_m_per_n()).copied().collect();
+fn relative_covariance<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Option<DMatrix<f64>> {
+    let identified = robot.identified.as_ref()?;
+    let values = Springs::of(robot)?.vector();
     let entry = |row: usize, column: usize| identified.covariance[row][column] / (values[row] * values[column]);
-    Some(DMatrix::from_fn(LINKS + N, LINKS + N, entry))
+    Some(DMatrix::from_fn(values.len(), values.len(), entry))
 }
 
 #[cfg(test)]

@@ -11,12 +11,13 @@ use gantry_tau_core::model::robot::Compliances;
 use super::{RobotFile, RobotFileError};
 use crate::gauge_link::GaugePublisher;
 use crate::measurements::plan::Plan;
-use crate::model::{Compensator, CompensatorSetup, MachineKind};
+use crate::model::{Compensator, CompensatorSetup, MachineKind, Wrist};
 use crate::sim::campaign::CampaignMachine;
 use crate::sim::load_generator::{AppliedLoad, load_generator};
 use crate::sim::machine::SimulatedMachine;
 use crate::sim::parameters::{Motion, SimulationParameters};
 use crate::sim::springs::TrueSprings;
+use crate::springs::compliances::Springs;
 
 /// Length of a cycle, µs.
 pub const CYCLE_US: u32 = 1_000;
@@ -83,11 +84,11 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         tool: AppliedLoad,
         motion: Motion<N>,
     ) -> Result<SimulatedMachine<N, M>, RobotFileError> {
-        let compliances = self.compliances_for("the simulation needs compliances")?;
+        let springs = self.springs_for("the simulation needs compliances")?;
         let parameters = self.simulation_parameters(motion)?;
         let motors = self.motor_map()?;
         let geometry = self.model.geometry();
-        SimulatedMachine::new(&geometry, compliances, motors, &parameters, tool)
+        SimulatedMachine::new(&geometry, &springs, motors, &parameters, tool)
             .map_err(|error| self.refuse("simulation", error))
     }
 
@@ -96,10 +97,15 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
     /// # Errors
     /// As [`simulated_machine`](Self::simulated_machine).
     pub fn true_springs(&self) -> Result<TrueSprings<N>, RobotFileError> {
-        let compliances = self.compliances_for("the simulation needs compliances")?;
+        let springs = self.springs_for("the simulation needs compliances")?;
         let parameters = self.simulation_parameters(Motion::Hold)?;
-        TrueSprings::new(&self.model.geometry(), compliances, &parameters)
+        TrueSprings::new(&self.model.geometry(), &springs, &parameters)
             .map_err(|error| self.refuse("simulation", error))
+    }
+
+    fn springs_for(&self, purpose: &str) -> Result<Springs<N>, RobotFileError> {
+        let machine = *self.compliances_for(purpose)?;
+        Ok(Springs { machine, wrist: Wrist::new(&self.wrist) })
     }
 
     /// The compliances, where `purpose` needs them.

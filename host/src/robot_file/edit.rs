@@ -3,6 +3,10 @@
 use serde::Serialize;
 use toml_edit::{Array, Decor, DocumentMut, Item, Table, Value};
 
+/// Beginnings of a provenance, and what its checksum follows: `IDENTIFIED with springs.csv (CRC-32 89abcdef)`.
+const LEARNED: [&str; 2] = ["IDENTIFIED", "CALIBRATED"];
+const CRC: &str = "(CRC-32 ";
+
 /// A robot file that is being changed.
 pub struct RobotText {
     document: DocumentMut,
@@ -29,19 +33,8 @@ impl RobotText {
         self.set(key, Value::Array(lines(rows)));
     }
 
-    fn set(&mut self, key: &str, mut value: Value) {
-        let table = self.document.as_table_mut();
-        // The comment behind the old value stays.
-        if let Some(old) = table.get(key).and_then(Item::as_value) {
-            *value.decor_mut() = old.decor().clone();
-        }
-        match table.get_mut(key) {
-            Some(item) => *item = Item::Value(value),
-            None => _ = table.insert(key, Item::Value(value)),
-        }
-        if let Some(mut key) = table.key_mut(key) {
-            replace_assumed(key.leaf_decor_mut(), &self.provenance);
-        }
+    fn set(&mut self, key: &str, value: Value) {
+        set_in(self.document.as_table_mut(), key, value, &self.provenance);
     }
 
     /// Adds a section, in place of the one with its name.
@@ -87,6 +80,14 @@ impl RobotText {
         self.replace(&[section, key], number(value));
     }
 
+    /// Replaces a number in an entry of a list of tables that exists, `[[name]]`.
+    pub fn set_number_of(&mut self, name: &str, index: usize, key: &str, value: f64) {
+        let entries = self.document.get_mut(name).and_then(Item::as_array_of_tables_mut);
+        let Some(entry) = entries.and_then(|entries| entries.get_mut(index)) else { return };
+        replace_assumed(entry.decor_mut(), &self.provenance);
+        set_in(entry, key, number(value), &self.provenance);
+    }
+
     /// Replaces a list of numbers in a section that exists, by its path.
     pub fn set_numbers_at(&mut self, path: &[&str], values: &[f64]) {
         self.replace(path, Value::Array(values.iter().copied().map(number).collect()));
@@ -94,7 +95,8 @@ impl RobotText {
 
     /// Replaces a list of numbers in an entry of a list of sections, `[[name]]`, that exists.
     pub fn set_numbers_of(&mut self, name: &str, index: usize, key: &str, values: &[f64]) {
-        let entry = self.document.get_mut(name).and_then(|list| list.get_mut(index));
+        let entries = self.document.get_mut(name).and_then(Item::as_array_of_tables_mut);
+        let entry = entries.and_then(|entries| entries.get_mut(index));
         replace(entry.and_then(|entry| entry.get_mut(key)), Value::Array(values.iter().copied().map(number).collect()));
     }
 
@@ -128,10 +130,32 @@ fn replace(item: Option<&mut Item>, mut value: Value) {
     *item = Item::Value(value);
 }
 
-/// Replaces "ASSUMED" in the comment above a key or a table.
+/// Sets a value of a table. The comment behind the old value stays.
+fn set_in(table: &mut Table, key: &str, mut value: Value, provenance: &str) {
+    if let Some(old) = table.get(key).and_then(Item::as_value) {
+        *value.decor_mut() = old.decor().clone();
+    }
+    match table.get_mut(key) {
+        Some(item) => *item = Item::Value(value),
+        None => _ = table.insert(key, Item::Value(value)),
+    }
+    if let Some(mut key) = table.key_mut(key) {
+        replace_assumed(key.leaf_decor_mut(), provenance);
+    }
+}
+
+/// Replaces "ASSUMED", or the measurement before this one, in the comment above a key or a table.
 fn replace_assumed(decor: &mut Decor, provenance: &str) {
     let above = decor.prefix().and_then(toml_edit::RawString::as_str).unwrap_or_default();
-    decor.set_prefix(above.replace("ASSUMED", provenance));
+    let earlier = LEARNED.into_iter().find_map(|word| {
+        let (_, from_word) = above.split_once(word)?;
+        let (name, crc) = from_word.split_once(CRC)?;
+        let (crc, _) = crc.split_once(')')?;
+        // One measurement, of one line.
+        (!name.contains('\n')).then(|| format!("{word}{name}{CRC}{crc})"))
+    });
+    let replaced = above.replace(earlier.as_deref().unwrap_or("ASSUMED"), provenance);
+    decor.set_prefix(replaced);
 }
 
 /// Rows, one per line.
@@ -168,6 +192,19 @@ pub fn number(value: f64) -> Value {
 mod tests {
     use super::*;
     use crate::robot_file::{AnyRobotFile, L2_TEXT};
+
+    /// A key that is learned twice carries the second measurement.
+    #[test]
+    fn the_last_provenance_stands_above_a_key() {
+        let mut text = L2_TEXT.to_owned();
+        for name in ["first.csv", "second.csv"] {
+            let mut robot = RobotText::new(&text, &format!("IDENTIFIED with {name} (CRC-32 01234567)")).unwrap();
+            robot.set_numbers("c_link", &[1e-7; 6]);
+            text = robot.text();
+        }
+        assert!(text.contains("# Compliances of the links, m/N; IDENTIFIED with second.csv (CRC-32 01234567)."));
+        assert!(!text.contains("first.csv"));
+    }
 
     #[test]
     fn a_changed_file_differs_in_what_was_changed() {

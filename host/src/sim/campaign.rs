@@ -238,19 +238,19 @@ impl<const N: usize, const M: usize> CampaignMachine<N, M> {
             return Lengths::new(self.cycle, (0..count).map(|_| f64::NAN));
         }
         let series = &self.plan.series[self.series];
-        let springs = self.machine.springs();
         let (_, seed) = &self.plan.poses[series.pose];
         let place = &self.places[series.pose];
-        let began = self.began.or_else(|| Some((unloaded(springs, place, seed).ok()?.pose, self.cycle)));
+        let began = self.began.or_else(|| Some((unloaded(self.machine.springs(), place, seed).ok()?.pose, self.cycle)));
         self.began = began;
         let Some((began, since)) = began else {
             return Lengths::new(self.cycle, (0..count).map(|_| f64::NAN));
         };
         let seconds = self.cycle.saturating_sub(since) as f64 * CYCLE_S;
+        let loaded = self.machine.seen_from(began, &series.wrist_rad);
         let random = &mut self.generator;
         let shown = (0..count).map(|gauge| {
             let place = (self.series, series.mounting, gauge);
-            let length_m = self.gauges.read(place, springs, &began, self.machine.loaded(), seconds);
+            let length_m = self.gauges.read(place, &loaded, seconds);
             let shaken_m = self.resolution_m * Distribution::<f64>::sample(&StandardNormal, random);
             let length_m = length_m + self.repeats_m[gauge] + shaken_m;
             (length_m / self.resolution_m).round() * self.resolution_m

@@ -10,6 +10,7 @@ use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Pose};
 use crate::model::MachineKind;
 use crate::robot_file::{RobotFile, Simulation};
+use crate::springs::compliances::Springs;
 
 /// One machine, whose file the tests of [`crate::robot_file`] compare with the vectors, and its cases.
 pub(crate) struct Vectors<const N: usize> {
@@ -45,6 +46,11 @@ impl Vectors<6> {
 }
 
 impl<const N: usize> Vectors<N> {
+    /// Nominal compliances; no wrist.
+    pub(crate) fn springs(&self) -> Springs<N> {
+        Springs::rigid_wrist(self.compliances)
+    }
+
     /// The machine with rigid joints and nominal compliances.
     pub(crate) fn machine(&self) -> ElasticMachine<N> {
         ElasticMachine::new(self.geometry, self.compliances, Backlash::NONE)

@@ -1,4 +1,4 @@
-//! Length gauges of a campaign `[T 4.2.6, 4.2.9]`: flat faces on the platform and carts against their rails, with zeros, drift, and errors of
+//! Length gauges of a campaign `[T 4.2.6, 4.2.9]`: flat faces on platform and tool, and carts against their rails, with zeros, drift, and errors of
 //! where they stand, all drawn by seed.
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -6,10 +6,10 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::elastic::{ElasticMachine, Equilibrium, Pose};
 use crate::measurements::plan::Plan;
 use crate::robot_file::Simulation;
 use crate::springs::gauge::Gauge;
+use crate::springs::loaded::Loaded;
 
 /// Stream of the seeded generator, apart from those of springs and force sensor.
 const STREAM: u64 = 3;
@@ -35,10 +35,10 @@ impl SimulatedGauges {
         let (point_m, turn_rad) = (simulation.gauge_point_mm * 1e-3, simulation.gauge_axis_mrad * 1e-3);
         let mut off = |sd: f64| Vector3::from_fn(|_, _| normal(sd));
         let mut misplaced = |gauge: &Gauge| match *gauge {
-            Gauge::Platform { point_m: point, axis } => {
+            Gauge::Face { body, point_m: point, axis } => {
                 // A turn about the axis itself changes nothing.
                 let turn = UnitQuaternion::from_scaled_axis(off(turn_rad));
-                Gauge::Platform { point_m: point + off(point_m), axis: turn * axis }
+                Gauge::Face { body, point_m: point + off(point_m), axis: turn * axis }
             }
             gauge @ Gauge::Axis { .. } => gauge,
         };
@@ -49,18 +49,16 @@ impl SimulatedGauges {
         Self { mountings, series: plan.series.iter().map(zeros).collect() }
     }
 
-    /// Returns what a gauge shows, m, `seconds` after its series began with the machine unloaded in `began`.
+    /// Returns what a gauge shows, m, `seconds` after its series began.
     #[must_use]
     pub fn read<const N: usize>(
         &self,
         (series, mounting, gauge): (usize, usize, usize),
-        machine: &ElasticMachine<N>,
-        began: &Pose,
-        now: &Equilibrium<N>,
+        loaded: &Loaded<N>,
         seconds: f64,
     ) -> f64 {
         let (zero_m, drift_m_per_s) = self.series[series][gauge];
-        let length_m = self.mountings[mounting][gauge].read(machine, began, now).length_m;
+        let length_m = self.mountings[mounting][gauge].read(loaded).length_m;
         length_m + zero_m + drift_m_per_s * seconds
     }
 }

@@ -12,7 +12,6 @@
 use gantry_tau_core::control::axis::{Actual, InForce, Reference};
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::model::f1;
-use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::units::{Metres, PositionNm, TorquePermille, VelocityUmS};
 use nalgebra::Vector6;
 
@@ -22,8 +21,10 @@ use super::interpolator::Interpolator;
 use super::load_generator::{AppliedLoad, Load};
 use super::parameters::{SimulationError, SimulationParameters};
 use super::springs::TrueSprings;
-use crate::elastic::{ElasticError, ElasticMachine, Equilibrium};
+use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
 use crate::plant::{Plant, PlantError, Reading, ToolReading};
+use crate::springs::compliances::Springs;
+use crate::springs::loaded::Loaded;
 
 /// Largest number of cycles that one `read` simulates; further time is skipped.
 pub const MAX_CYCLES_PER_READ: u64 = 100;
@@ -52,13 +53,13 @@ pub struct SimulatedMachine<const N: usize, const M: usize> {
 }
 
 impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
-    /// Creates a machine whose springs are near `nominal` compliances, at rest at home, under the load of `tool`.
+    /// Creates a machine whose springs are near the `nominal` ones, at rest at home, under the load of `tool`.
     ///
     /// # Errors
     /// [`SimulationError`] naming the parameter.
     pub fn new(
         geometry: &f1::Geometry,
-        nominal: &Compliances<N>,
+        nominal: &Springs<N>,
         motors: MotorMap<N, M>,
         parameters: &SimulationParameters<N>,
         tool: AppliedLoad,
@@ -90,16 +91,16 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         Ok(machine)
     }
 
-    /// Returns the platform under load.
-    #[must_use]
-    pub const fn loaded(&self) -> &Equilibrium<N> {
-        &self.loaded
-    }
-
-    /// Returns the springs, as they stand.
+    /// Returns links and axes, as they stand.
     #[must_use]
     pub const fn springs(&self) -> &ElasticMachine<N> {
         self.springs.machine()
+    }
+
+    /// Returns the machine under its load, since it began in a pose, with its wrist at these angles (rad; empty: at zero).
+    #[must_use]
+    pub fn seen_from(&self, began: Pose, wrist_rad: &[f64]) -> Loaded<N> {
+        self.springs.loaded(began, self.loaded, Vector6::from(self.load.wrench()), wrist_rad)
     }
 
     /// Runs one cycle of 1 ms.
@@ -138,14 +139,14 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
     }
 
     fn tool_reading(&self) -> ToolReading {
-        let (loaded, rigid) = (&self.loaded.pose, &self.rigid.pose);
-        let displacement: [f64; 3] = (loaded.translation_m - rigid.translation_m).into();
+        let displaced = self.seen_from(self.rigid.pose, &[]).displacement();
+        let displacement: [f64; 3] = displaced.translation_m.into();
         ToolReading {
             step: self.load.step,
             load: self.load.wrench(),
             sensor: self.sample.into(),
             displacement_m: displacement,
-            turn_rad: (loaded.rotation * rigid.rotation.inverse()).scaled_axis().into(),
+            turn_rad: displaced.rotation_rad.into(),
             gauges_m: displacement.map(|length| whole_steps(length, self.gauge_resolution_m)),
         }
     }
@@ -217,7 +218,7 @@ mod tests {
     fn machine(parameters: &SimulationParameters<ARMS>) -> (Machine, LoadGenerator) {
         let (hand, tool) = load_generator();
         let (l2, motors) = (Vectors::l2(), MotorMap::new([0, 1, 2]).unwrap());
-        (SimulatedMachine::new(&l2.geometry, &l2.compliances, motors, parameters, tool).unwrap(), hand)
+        (SimulatedMachine::new(&l2.geometry, &l2.springs(), motors, parameters, tool).unwrap(), hand)
     }
 
     /// Runs one cycle of a server without offsets.

@@ -1,24 +1,28 @@
 //! True springs of one machine: those that an identification should find and a compensation does not know.
 
 use gantry_tau_core::model::f1;
-use gantry_tau_core::model::robot::{Compliances, LINKS, RobotError};
+use gantry_tau_core::model::robot::RobotError;
 use nalgebra::Vector6;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::parameters::{SimulationError, SimulationParameters};
 use crate::elastic::backlash::Backlash;
-use crate::elastic::{ElasticError, ElasticMachine, Equilibrium};
+use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
+use crate::model::Wrist;
 use crate::robot_file::Simulation;
+use crate::springs::compliances::Springs;
+use crate::springs::loaded::Loaded;
 
 /// The springs of one machine, and the side that the joint of arm 3 is on.
 ///
 /// With `jump_hysteresis_n` the joint follows a falling force late, as friction makes it: it opens at `jump_force_n`, and closes at a force
 /// lower by the hysteresis.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct TrueSprings<const N: usize> {
     opening: ElasticMachine<N>,
     closing: ElasticMachine<N>,
+    wrist: Wrist,
     is_open: bool,
 }
 
@@ -29,10 +33,11 @@ impl<const N: usize> TrueSprings<N> {
     /// [`SimulationError`] naming the parameter.
     pub fn new(
         geometry: &f1::Geometry,
-        nominal: &Compliances<N>,
+        nominal: &Springs<N>,
         parameters: &SimulationParameters<N>,
     ) -> Result<Self, SimulationError> {
-        let compliances = deviated(nominal, &parameters.simulation).map_err(SimulationError::Compliances)?;
+        let Springs { machine: compliances, wrist } =
+            deviated(nominal, &parameters.simulation).map_err(SimulationError::Compliances)?;
         let rigid_joint = ElasticMachine::new(*geometry, compliances, Backlash::NONE);
         let Simulation { jump_force_n, jump_hysteresis_n, .. } = parameters.simulation;
         let jumping_at = |force_n| {
@@ -41,13 +46,26 @@ impl<const N: usize> TrueSprings<N> {
         };
         let opening = jumping_at(jump_force_n)?;
         let closing = if jump_hysteresis_n > 0.0 { jumping_at(jump_force_n - jump_hysteresis_n)? } else { opening };
-        Ok(Self { opening, closing, is_open: false })
+        Ok(Self { opening, closing, wrist, is_open: false })
     }
 
     /// Returns the machine as its joint stands now.
     #[must_use]
     pub const fn machine(&self) -> &ElasticMachine<N> {
         if self.is_open { &self.closing } else { &self.opening }
+    }
+
+    /// Returns the compliances of links, axes and wrist.
+    #[must_use]
+    pub fn springs(&self) -> Springs<N> {
+        Springs { machine: *self.opening.compliances(), wrist: self.wrist.clone() }
+    }
+
+    /// Returns the machine as its joint stands now in an equilibrium under a load, since it began in a pose, with its wrist at these angles (rad; empty: at
+    /// zero).
+    #[must_use]
+    pub fn loaded(&self, began: Pose, now: Equilibrium<N>, load: Vector6<f64>, wrist_rad: &[f64]) -> Loaded<N> {
+        Loaded { machine: *self.machine(), wrist: self.wrist.turned(wrist_rad), began, now, load }
     }
 
     /// Finds the pose under a load, as [`ElasticMachine::equilibrium`] does, and moves the joint to the side that it is then on.
@@ -72,15 +90,12 @@ impl<const N: usize> TrueSprings<N> {
 /// # Errors
 /// A spring leaves the range of compliances.
 pub(crate) fn deviated<const N: usize>(
-    nominal: &Compliances<N>,
+    nominal: &Springs<N>,
     simulation: &Simulation,
-) -> Result<Compliances<N>, RobotError> {
+) -> Result<Springs<N>, RobotError> {
     let deviation = simulation.spring_deviation;
     let mut random = ChaCha8Rng::seed_from_u64(simulation.seed);
-    let mut deviated = |value: f64| value * (1.0 + deviation * (2.0 * random.random::<f64>() - 1.0));
-    let links: [f64; LINKS] = nominal.link_m_per_n().map(&mut deviated);
-    let axes: [f64; N] = nominal.cart_m_per_n().map(&mut deviated);
-    Compliances::new(links, axes)
+    nominal.with(&nominal.vector().map(|value| value * (1.0 + deviation * (2.0 * random.random::<f64>() - 1.0))))
 }
 
 /// Returns the backlash whose preload at rest is cancelled at home by `force_n` in x.
@@ -113,12 +128,13 @@ pub(crate) fn preload_n<const N: usize>(
 mod tests {
     use super::*;
     use crate::sim::fixture::{self, Vectors};
+    use gantry_tau_core::model::robot::Compliances;
 
     fn springs(seed: u64, spring_deviation: f64) -> Compliances<3> {
         let mut parameters = fixture::parameters();
         (parameters.simulation.seed, parameters.simulation.spring_deviation) = (seed, spring_deviation);
         let l2 = Vectors::l2();
-        *TrueSprings::new(&l2.geometry, &l2.compliances, &parameters).unwrap().machine().compliances()
+        *TrueSprings::new(&l2.geometry, &l2.springs(), &parameters).unwrap().machine().compliances()
     }
 
     #[test]
@@ -142,7 +158,7 @@ mod tests {
         let mut parameters = fixture::parameters();
         parameters.simulation.jump_hysteresis_n = hysteresis_n;
         let l2 = Vectors::l2();
-        let mut springs = TrueSprings::new(&l2.geometry, &l2.compliances, &parameters).unwrap();
+        let mut springs = TrueSprings::new(&l2.geometry, &l2.springs(), &parameters).unwrap();
         let mut now = Equilibrium::at_home(parameters.simulation.home_m);
         let (mut opened, mut closed) = (f64::NAN, f64::NAN);
         for step in (0..=420).chain((0..420).rev()) {

@@ -224,7 +224,6 @@ mod tests {
 
     use super::*;
     use crate::springs::campaigns::{Bench, FINE, campaign_a, never, seeded};
-    use crate::springs::lines::vector;
 
     #[test]
     fn a_step_is_found_where_it_is() {
@@ -288,7 +287,7 @@ mod tests {
                 }
             }
             let found = agreed(&bench);
-            let off = vector(&found.solved.state.compliances) - vector(&truth);
+            let off = found.solved.state.springs.vector() - truth.vector();
             let scores = off.iter().enumerate().map(|(spring, off)| off * off / covariance[(spring, spring)]);
             tally.squares += scores.sum::<f64>() / 9.0 / seeds as f64;
             tally.disturbed += disturbed.len();
@@ -333,7 +332,7 @@ mod tests {
         let found = agreed(&bench);
         assert_eq!(found.choice.shifts, [Shift { series: 2, gauge: 1, window: 2 * 11 + 4 }]);
         assert_eq!(found.refused, []);
-        let off = vector(&found.solved.state.compliances) - vector(&truth);
+        let off = found.solved.state.springs.vector() - truth.vector();
         let covariance = found.solved.seen.covariance();
         assert!(off.iter().enumerate().all(|(spring, off)| off.abs() < 4.0 * covariance[(spring, spring)].sqrt()));
     }

@@ -1,7 +1,7 @@
 //! Whitened rows of a campaign, and the unknowns that nobody asks for, eliminated in three levels: zeros of the gauges in each series,
 //! constants of each mounting, constants of the sensor.
 
-use nalgebra::{DMatrix, DVector, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 
 use super::choice::Choice;
 use super::lines::{Lines, Question, State};
@@ -47,24 +47,24 @@ struct Series {
 }
 
 /// A campaign as rows for the springs.
-pub(super) struct Blocks {
+pub(crate) struct Blocks {
     series: Vec<Series>,
     mountings: Vec<Level>,
     sensor: Level,
     /// Rows for the springs, everything else eliminated.
-    pub(super) rows: Rows,
+    pub(crate) rows: Rows,
     /// The columns that were asked for besides, one per window, eliminated likewise.
-    pub(super) extras: DMatrix<f64>,
+    pub(crate) extras: DMatrix<f64>,
 }
 
 /// Values of the eliminated unknowns.
-pub(super) struct Eliminated {
+pub(crate) struct Eliminated {
     /// Change of the constants of the set-up, in standard deviations of their priors.
-    pub(super) setup: DVector<f64>,
+    pub(crate) setup: DVector<f64>,
     /// True load of each window.
-    pub(super) loads: Vec<Vector6<f64>>,
+    pub(crate) loads: Vec<Vector6<f64>>,
     /// Misclosures less the zeros, m: by window, row of its lines; those of unused readings too.
-    pub(super) left: Vec<DVector<f64>>,
+    pub(crate) left: Vec<DVector<f64>>,
 }
 
 /// Columns of the rows of a series: parameters, constants of the mounting, of the sensor, the misclosure, extras.
@@ -80,7 +80,7 @@ impl Blocks {
     /// Whitens and eliminates. `extras`: windows whose derivative by the play is carried along, each as a column of its own.
     ///
     /// `None` where a covariance is not positive, which a checked campaign has not.
-    pub(super) fn new<const N: usize>(
+    pub(crate) fn new<const N: usize>(
         question: &Question<'_, N>,
         choice: &Choice,
         lines: &[Lines],
@@ -117,7 +117,7 @@ impl Blocks {
     }
 
     /// Rows of each series, its zeros eliminated; the constants of the set-up must be exact.
-    pub(super) fn series_rows(&self) -> Vec<Rows> {
+    pub(crate) fn series_rows(&self) -> Vec<Rows> {
         let rows = |series: &Series| {
             let left = series.level.eliminated();
             let parameters = self.rows.derivatives.ncols();
@@ -127,7 +127,7 @@ impl Blocks {
     }
 
     /// Returns the values of what was eliminated, after a step of the parameters.
-    pub(super) fn eliminated<const N: usize>(
+    pub(crate) fn eliminated<const N: usize>(
         &self,
         question: &Question<'_, N>,
         lines: &[Lines],
@@ -210,7 +210,7 @@ impl Series {
         extras: &[usize],
     ) -> Option<Self> {
         let campaign = question.campaign;
-        let load_variances = DMatrix::from_diagonal(&DVector::from_column_slice(question.load_variances().as_slice()));
+        let load_variances = question.load_variances();
         let (mut windows, mut zeros, mut mounting, mut height) = (Vec::new(), Vec::new(), 0, 0);
         for (line, lines) in lines.iter().enumerate() {
             let window = &campaign.windows[lines.window];
@@ -221,11 +221,8 @@ impl Series {
             let weights = &choice.weights[lines.window];
             let used: Vec<usize> = (0..lines.gauges.len()).filter(|row| weights[lines.gauges[*row]] > 0.0).collect();
             let load = lines.load.select_rows(&used);
-            let mut covariance = &load * &load_variances * load.transpose();
-            for (place, row) in used.iter().enumerate() {
-                covariance[(place, place)] += lines.variances[*row] / weights[lines.gauges[*row]];
-            }
-            let whitening = covariance.cholesky()?.l().try_inverse()?;
+            let variances = used.iter().map(|row| lines.variances[*row] / weights[lines.gauges[*row]]);
+            let whitening = whitening(covariance(&load, variances, &load_variances))?;
             height += used.len();
             windows.push(Whitened { line, load: &whitening * load, used, whitening });
             let zero_columns = |gauge: &usize| zero_columns(campaign, choice, index, lines.window, *gauge);
@@ -252,6 +249,24 @@ impl Series {
         }
         Some(Self { mounting, windows, level, zeros })
     }
+}
+
+/// Covariance of the readings of a window, whose gauges share the error of its load: `diag(sigma^2) + H Sigma_w H^T`.
+pub(crate) fn covariance(
+    load: &DMatrix<f64>,
+    variances: impl IntoIterator<Item = f64>,
+    load_variances: &Vector6<f64>,
+) -> DMatrix<f64> {
+    let mut covariance = load * Matrix6::from_diagonal(load_variances) * load.transpose();
+    for (place, variance) in variances.into_iter().enumerate() {
+        covariance[(place, place)] += variance;
+    }
+    covariance
+}
+
+/// `L^-1` of a covariance `L L^T`; `None` if it is not positive.
+pub(crate) fn whitening(covariance: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    covariance.cholesky()?.l().try_inverse()
 }
 
 /// Number of unknowns of a series: a zero per gauge, a drift per gauge, and a second zero per shift.

@@ -1,20 +1,21 @@
 //! Campaigns of simulated machines of known springs, for tests.
 
 use gantry_tau_core::model::f1;
-use gantry_tau_core::model::robot::Compliances;
 use nalgebra::{DVector, SVector, Vector3, Vector6};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::lines::{Question, compliances_of, vector};
+use super::compliances::Springs;
+use super::lines::Question;
+use super::loaded::Loaded;
 use super::setup::SetupConstants;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium};
-use crate::measurements::springs::{Campaign, Noise, SetupNoise, Window};
-use crate::model::MachineKind;
+use crate::measurements::springs::{Campaign, Noise, SeriesEntry, SetupNoise, Window};
+use crate::model::{L2, MachineKind};
 use crate::plan::springs::default_gauges;
-use crate::robot_file::RobotFile;
+use crate::robot_file::{RobotFile, WristJoint};
 
 pub(super) const HOME: [f64; 3] = [0.0, 0.5, 0.65];
 /// Hooks, from the tool centre point, m.
@@ -26,7 +27,7 @@ pub(super) const LEVELS: [f64; 11] = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 240
 /// A machine and a campaign on it.
 pub(super) struct Bench<const N: usize> {
     pub(super) geometry: f1::Geometry,
-    pub(super) file: Compliances<N>,
+    pub(super) file: Springs<N>,
     pub(super) campaign: Campaign<N>,
 }
 
@@ -59,7 +60,7 @@ impl<const N: usize> Bench<N> {
         straps: &[Strap],
         noise: Noise,
     ) -> Self {
-        let gauges = default_gauges(&robot.metres_per_q);
+        let gauges = default_gauges(robot);
         let mut windows = Vec::new();
         for (series, strap) in straps.iter().enumerate() {
             let q = robot.model.axes_at(&Vector3::from(places[strap.pose])).unwrap();
@@ -100,7 +101,7 @@ impl<const N: usize> Bench<N> {
             windows,
             plan: Vec::new(),
         };
-        Self { geometry: robot.model.geometry(), file: robot.compliances.unwrap(), campaign }
+        Self { geometry: robot.model.geometry(), file: Springs::of(robot).unwrap(), campaign }
     }
 
     pub(super) fn question(&self) -> Question<'_, N> {
@@ -113,23 +114,41 @@ impl<const N: usize> Bench<N> {
     }
 
     /// The file's compliances, each up to 30 % off.
-    pub(super) fn true_springs(&self, random: &mut ChaCha8Rng) -> Compliances<N> {
-        let off = vector(&self.file).map(|value| value * (1.0 + random.random_range(-0.3..0.3)));
-        compliances_of(&off).unwrap()
+    pub(super) fn true_springs(&self, random: &mut ChaCha8Rng) -> Springs<N> {
+        let off = self.file.vector().map(|value| value * (1.0 + random.random_range(-0.3..0.3)));
+        self.file.with(&off).unwrap()
+    }
+
+    /// Turns the joints of the wrist by these angles (rad) in every second series.
+    pub(super) fn turn_wrist(&mut self, angles_rad: &[f64]) {
+        let turned = self.campaign.series.iter().skip(1).step_by(2);
+        self.campaign.plan = turned
+            .map(|series| SeriesEntry {
+                name: series.clone(),
+                pose: String::new(),
+                mounting: series.clone(),
+                hook_m: [0.0; 3],
+                direction: [1.0, 0.0, 0.0],
+                levels_n: Vec::new(),
+                gauges: Vec::new(),
+                compensated: false,
+                wrist_rad: angles_rad.to_vec(),
+            })
+            .collect();
     }
 
     /// Measures: gauges with zeros, noise and errors of where they stand, loads with noise and errors of the sensor. `is_crossed`: beyond the jump,
     /// by the sum of the tensions of cluster 3 and the stroke; there the links of the cluster are `gap_m` longer.
     pub(super) fn measure(
         &mut self,
-        truth: &Compliances<N>,
+        truth: &Springs<N>,
         random: &mut ChaCha8Rng,
         gap_m: f64,
         beyond: impl Fn(f64, i8) -> f64,
     ) {
         let question = self.question();
         let campaign = &self.campaign;
-        let machine = ElasticMachine::new(self.geometry, *truth, Backlash::NONE);
+        let machine = ElasticMachine::new(self.geometry, truth.machine, Backlash::NONE);
         let constants = DVector::from_fn(question.setup.count(), |_, _| normal(random));
         let of_sensor = constants.rows(question.setup.first_of_sensor(), question.setup.of_sensor()).into_owned();
         let zeros: Vec<Vec<f64>> =
@@ -142,11 +161,13 @@ impl<const N: usize> Bench<N> {
             let mut longer = self.geometry;
             let share = beyond(rigid.cluster_3_n(), window.stroke);
             longer.lengths_m.iter_mut().skip(3).for_each(|length| *length += gap_m * share);
-            let machine = ElasticMachine::new(longer, *truth, Backlash::NONE);
+            let machine = ElasticMachine::new(longer, truth.machine, Backlash::NONE);
             let now: Equilibrium<N> = machine.equilibrium(&window.q, &window.load, &rigid).unwrap();
+            let wrist = truth.wrist.turned(campaign.wrist_rad(&campaign.series[window.series]));
+            let loaded = Loaded { machine, wrist, began: began.pose, now, load: window.load };
             let read = |gauge: usize| {
                 let placed = question.setup.placed(campaign, &constants, window.mounting, gauge);
-                placed.read(&machine, &began.pose, &now).length_m
+                placed.read(&loaded).length_m
             };
             let exact: Vec<f64> = (0..campaign.gauges.len()).map(read).collect();
             let zeros = &zeros[window.series];
@@ -176,6 +197,17 @@ pub(super) const fn never(_: f64, _: i8) -> f64 {
 
 pub(super) fn normal(random: &mut ChaCha8Rng) -> f64 {
     StandardNormal.sample(random)
+}
+
+/// Point of both axes of the wrist, from the tool centre point, m.
+pub(super) const WRIST_M: [f64; 3] = [0.0, 0.0, 0.15];
+
+/// The L2 with two joints between platform and tool, as its extension to five degrees of freedom has them.
+pub(super) fn l2_with_wrist() -> RobotFile<L2, 3> {
+    let mut robot = RobotFile::builtin_l2().unwrap();
+    let joint = |axis| WristJoint { axis, point_m: WRIST_M, c_rad_per_nm: 1e-5 };
+    robot.wrist = vec![joint([1.0, 0.0, 0.0]), joint([0.0, 1.0, 0.0])];
+    robot
 }
 
 /// The L2 and its campaign A: nine straps at home.

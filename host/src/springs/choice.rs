@@ -4,31 +4,31 @@ use crate::measurements::springs::Campaign;
 
 /// Readings that a fit uses, and unknowns that it has besides the springs.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Choice {
+pub(crate) struct Choice {
     /// Weight of each reading by window and gauge, which divides its variance; 0: it is not used.
-    pub(super) weights: Vec<Vec<f64>>,
+    pub(crate) weights: Vec<Vec<f64>>,
     /// Gauges that somebody moved.
-    pub(super) shifts: Vec<Shift>,
+    pub(crate) shifts: Vec<Shift>,
     /// Windows beyond the jump. The play is fitted if there are any.
-    pub(super) is_crossed: Vec<bool>,
+    pub(crate) is_crossed: Vec<bool>,
     /// The half-width of the hysteresis of each gauge is fitted.
-    pub(super) has_hysteresis: bool,
+    pub(crate) has_hysteresis: bool,
     /// A drift of each gauge in each series is fitted.
-    pub(super) has_drift: bool,
+    pub(crate) has_drift: bool,
 }
 
 /// A gauge that stays shifted from a window of its series on: it has another zero from there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Shift {
-    pub(super) series: usize,
-    pub(super) gauge: usize,
+pub(crate) struct Shift {
+    pub(crate) series: usize,
+    pub(crate) gauge: usize,
     /// Index of the first window that is shifted.
-    pub(super) window: usize,
+    pub(crate) window: usize,
 }
 
 impl Choice {
     /// Every reading, nothing besides the springs.
-    pub(super) fn all<const N: usize>(campaign: &Campaign<N>) -> Self {
+    pub(crate) fn all<const N: usize>(campaign: &Campaign<N>) -> Self {
         Self {
             weights: campaign.windows.iter().map(|window| vec![1.0; window.readings_m.len()]).collect(),
             shifts: Vec::new(),
@@ -38,13 +38,27 @@ impl Choice {
         }
     }
 
+    /// No reading.
+    pub(crate) fn none<const N: usize>(campaign: &Campaign<N>) -> Self {
+        let mut choice = Self::all(campaign);
+        choice.weights.iter_mut().flatten().for_each(|weight| *weight = 0.0);
+        choice
+    }
+
+    /// Adds all readings of some windows, by index.
+    pub(crate) fn use_windows(&mut self, windows: &[usize]) {
+        for window in windows {
+            self.weights[*window].fill(1.0);
+        }
+    }
+
     /// True if the play is fitted.
-    pub(super) fn has_play(&self) -> bool {
+    pub(crate) fn has_play(&self) -> bool {
         self.is_crossed.contains(&true)
     }
 
     /// Unknowns of the fit besides the springs: the play, and the hysteresis of each gauge.
-    pub(super) fn besides_springs<const N: usize>(&self, campaign: &Campaign<N>) -> usize {
+    pub(crate) fn besides_springs<const N: usize>(&self, campaign: &Campaign<N>) -> usize {
         usize::from(self.has_play()) + if self.has_hysteresis { campaign.gauges.len() } else { 0 }
     }
 }

@@ -10,12 +10,12 @@
 //!
 //! with one block of `Cov` per window, whose gauges share the error of its load. Zeros and constants are eliminated first.
 
-use gantry_tau_core::model::robot::{LINKS, RobotError};
+use gantry_tau_core::model::robot::RobotError;
 use nalgebra::{DMatrix, DVector};
 
 use super::blocks::{Blocks, Eliminated};
 use super::choice::Choice;
-use super::lines::{Lines, LinesError, Question, State, compliances_of, vector};
+use super::lines::{Lines, LinesError, Question, State};
 use crate::fit::least_squares::{Rows, Seen};
 use crate::fit::statistics::float;
 
@@ -96,7 +96,7 @@ impl<const N: usize> Solved<N> {
     /// Values of the parameters: compliances, elongation by the play, hysteresis.
     pub(super) fn values(&self, choice: &Choice) -> DVector<f64> {
         let play = choice.has_play().then_some(self.state.elongation_m);
-        let springs = vector(&self.state.compliances);
+        let springs = self.state.springs.vector();
         let all: Vec<f64> = springs.iter().copied().chain(play).chain(self.hysteresis_m.iter().copied()).collect();
         DVector::from_vec(all)
     }
@@ -117,7 +117,7 @@ impl<const N: usize> Solved<N> {
 
 /// Changes of the parameters that would matter.
 fn scales<const N: usize>(question: &Question<'_, N>, choice: &Choice, state: &State<N>) -> DVector<f64> {
-    let springs = vector(question.file);
+    let springs = question.file.vector();
     let play = choice.has_play().then(|| state.elongation_m.abs().max(PLAY_SCALE_M));
     let mut all: Vec<f64> = springs.iter().copied().chain(play).collect();
     all.resize(springs.len() + choice.besides_springs(question.campaign), HYSTERESIS_SCALE_M);
@@ -131,7 +131,7 @@ pub(super) fn fit<const N: usize>(
     start: State<N>,
 ) -> Result<Solved<N>, SpringsError> {
     let solved = rounds(question, choice, start, MAX_ROUNDS)?;
-    let factors = vector(&solved.state.compliances).component_div(&vector(question.file));
+    let factors = solved.state.springs.vector().component_div(&question.file.vector());
     // A compliance that has left the file's by orders of magnitude is a model error, not a result.
     if let Some(index) = factors.iter().position(|factor| !(1.0 / MOST_FACTOR..=MOST_FACTOR).contains(factor)) {
         return Err(SpringsError::AtBound { index, factor: factors[index] });
@@ -147,7 +147,7 @@ pub(super) fn rounds<const N: usize>(
     start: State<N>,
     most: u32,
 ) -> Result<Solved<N>, SpringsError> {
-    let springs = LINKS + N;
+    let springs = question.file.count();
     let mut state = start;
     let hysteresis = if choice.has_hysteresis { question.campaign.gauges.len() } else { 0 };
     let mut hysteresis_m = DVector::zeros(hysteresis);
@@ -167,7 +167,7 @@ pub(super) fn rounds<const N: usize>(
         if is_settled || rounds == most {
             return Ok(Solved { state, hysteresis_m, lines, left, rows: blocks.rows, seen, rounds, is_settled });
         }
-        state.compliances = compliances_of(&(vector(&state.compliances) + step.rows(0, springs)))?;
+        state.springs = state.springs.with(&(state.springs.vector() + step.rows(0, springs)))?;
         state.elongation_m += if choice.has_play() { step[springs] } else { 0.0 };
         hysteresis_m += step.rows(step.len() - hysteresis, hysteresis);
         state.setup += setup;
@@ -189,7 +189,7 @@ fn take_off_hysteresis<const N: usize>(question: &Question<'_, N>, lines: &mut [
 /// Cuts a step, so that no compliance changes by more than [`MOST_CHANGE`] nor leaves the file's by more than [`MOST_FACTOR`], and a bit.
 fn bounded<const N: usize>(question: &Question<'_, N>, state: &State<N>, mut step: DVector<f64>) -> DVector<f64> {
     let most = 1.1 * MOST_FACTOR;
-    for ((step, from), file) in step.iter_mut().zip(&vector(&state.compliances)).zip(&vector(question.file)) {
+    for ((step, from), file) in step.iter_mut().zip(&state.springs.vector()).zip(&question.file.vector()) {
         let to = (from + *step).clamp(from / MOST_CHANGE, from * MOST_CHANGE);
         *step = to.clamp(file / most, file * most) - from;
     }

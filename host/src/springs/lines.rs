@@ -1,70 +1,69 @@
 //! A campaign, linearised window by window at a state of the machine and its set-up.
 
 use gantry_tau_core::model::f1;
-use gantry_tau_core::model::robot::{Compliances, LINKS, RobotError};
 use nalgebra::{DMatrix, DVector, Matrix6, SVector, UnitQuaternion, Vector6};
 
+use super::compliances::Springs;
 use super::gauge::Gauge;
+use super::loaded::Loaded;
 use super::setup::SetupConstants;
 use crate::elastic::backlash::Backlash;
-use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
+use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose, Transmission};
 use crate::measurements::springs::{Campaign, Window};
+use crate::model::Wrist;
 
 /// First link of cluster 3 in link order.
 const CLUSTER_3: usize = 3;
 
 /// A campaign, and the machine that it was made on.
-pub(super) struct Question<'a, const N: usize> {
-    pub(super) geometry: &'a f1::Geometry,
-    /// Compliances that the search starts from, and that stay where nothing is seen.
-    pub(super) file: &'a Compliances<N>,
-    pub(super) campaign: &'a Campaign<N>,
-    pub(super) setup: SetupConstants,
+pub(crate) struct Question<'a, const N: usize> {
+    pub(crate) geometry: &'a f1::Geometry,
+    /// Springs that the search starts from, and that stay where nothing is seen.
+    pub(crate) file: &'a Springs<N>,
+    pub(crate) campaign: &'a Campaign<N>,
+    pub(crate) setup: SetupConstants,
 }
 
 /// What a fit varies.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct State<const N: usize> {
-    pub(super) compliances: Compliances<N>,
+pub(crate) struct State<const N: usize> {
+    pub(crate) springs: Springs<N>,
     /// Elongation of the links of cluster 3 in windows beyond the jump, m.
-    pub(super) elongation_m: f64,
+    pub(crate) elongation_m: f64,
     /// Constants of the set-up, in standard deviations of their priors.
-    pub(super) setup: DVector<f64>,
+    pub(crate) setup: DVector<f64>,
     /// True load of each window.
-    pub(super) loads: Vec<Vector6<f64>>,
+    pub(crate) loads: Vec<Vector6<f64>>,
 }
 
 /// A window, linearised: one row per gauge that was read.
 #[derive(Clone, Debug)]
-pub(super) struct Lines {
+pub(crate) struct Lines {
     /// Index of the window.
-    pub(super) window: usize,
+    pub(crate) window: usize,
     /// Gauges that were read.
-    pub(super) gauges: Vec<usize>,
+    pub(crate) gauges: Vec<usize>,
     /// `y - h - H (w - S z - w*)`, the zeros not taken off; m.
-    pub(super) misclosures: DVector<f64>,
-    /// By the compliances of links and axes.
-    pub(super) springs: DMatrix<f64>,
+    pub(crate) misclosures: DVector<f64>,
+    /// By the compliances of links, axes and joints of the wrist.
+    pub(crate) springs: DMatrix<f64>,
     /// By the elongation of the links of cluster 3.
-    pub(super) play: DVector<f64>,
+    pub(crate) play: DVector<f64>,
     /// By the constants of the mounting.
-    pub(super) mounting: DMatrix<f64>,
+    pub(crate) mounting: DMatrix<f64>,
     /// By the constants of the sensor.
-    pub(super) sensor: DMatrix<f64>,
+    pub(crate) sensor: DMatrix<f64>,
     /// `H`, by the load.
-    pub(super) load: DMatrix<f64>,
+    pub(crate) load: DMatrix<f64>,
     /// Variances of the readings, m^2.
-    pub(super) variances: Vec<f64>,
+    pub(crate) variances: Vec<f64>,
     /// Sum of the tensions of cluster 3 by the load, N, and its standard deviation by the noise of the load.
-    pub(super) cluster_3_n: [f64; 2],
+    pub(crate) cluster_3_n: [f64; 2],
 }
 
 /// Reason why a campaign cannot be linearised.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LinesError {
-    /// The compliances have left their range.
-    #[error("the compliances leave their range: {0}")]
-    Compliances(#[from] RobotError),
     /// A window has no equilibrium.
     #[error("line {line}: {error}")]
     Window {
@@ -77,9 +76,9 @@ pub enum LinesError {
 
 impl<const N: usize> State<N> {
     /// The robot file's springs, a set-up as assumed, and loads as measured.
-    pub(super) fn start(question: &Question<'_, N>) -> Self {
+    pub(crate) fn start(question: &Question<'_, N>) -> Self {
         Self {
-            compliances: *question.file,
+            springs: question.file.clone(),
             elongation_m: 0.0,
             setup: DVector::zeros(question.setup.count()),
             loads: question.campaign.windows.iter().map(|window| window.load).collect(),
@@ -87,34 +86,29 @@ impl<const N: usize> State<N> {
     }
 }
 
-/// Compliances of links, then axes.
-pub(super) fn vector<const N: usize>(compliances: &Compliances<N>) -> DVector<f64> {
-    let all = compliances.link_m_per_n().iter().chain(compliances.cart_m_per_n());
-    DVector::from_iterator(LINKS + N, all.copied())
-}
-
-/// Compliances from the first entries of a vector.
-pub(super) fn compliances_of<const N: usize>(vector: &DVector<f64>) -> Result<Compliances<N>, RobotError> {
-    Compliances::new(std::array::from_fn(|link| vector[link]), std::array::from_fn(|axis| vector[LINKS + axis]))
-}
-
 impl<const N: usize> Question<'_, N> {
     /// Variances of a load's components: N^2, (N m)^2.
-    pub(super) fn load_variances(&self) -> Vector6<f64> {
-        let (force, moment) = (self.campaign.noise.force_n.powi(2), self.campaign.noise.moment_nm.powi(2));
-        Vector6::new(force, force, force, moment, moment, moment)
+    pub(crate) fn load_variances(&self) -> Vector6<f64> {
+        self.campaign.noise.load_variances()
     }
 
     /// Linearises every window; `is_crossed` says which are beyond the jump.
-    pub(super) fn lines(&self, state: &State<N>, is_crossed: &[bool]) -> Result<Vec<Lines>, LinesError> {
-        let machine = ElasticMachine::new(*self.geometry, state.compliances, Backlash::NONE);
+    pub(crate) fn lines(&self, state: &State<N>, is_crossed: &[bool]) -> Result<Vec<Lines>, LinesError> {
+        let loaded = self.loaded(state, is_crossed)?;
+        loaded.iter().enumerate().map(|(index, loaded)| self.linearised(state, index, loaded)).collect()
+    }
+
+    /// Finds the equilibrium of every window; `is_crossed` says which are beyond the jump.
+    pub(crate) fn loaded(&self, state: &State<N>, is_crossed: &[bool]) -> Result<Vec<Loaded<N>>, LinesError> {
+        let machine = ElasticMachine::new(*self.geometry, state.springs.machine, Backlash::NONE);
         // Beyond the jump the links of cluster 3 act longer by the play: another length, and nothing else.
         let mut longer = *self.geometry;
         longer.lengths_m.iter_mut().skip(CLUSTER_3).for_each(|length| *length += state.elongation_m);
-        let beyond = ElasticMachine::new(longer, state.compliances, Backlash::NONE);
+        let beyond = ElasticMachine::new(longer, state.springs.machine, Backlash::NONE);
+        let wrists = self.wrists(&state.springs.wrist);
         let mut began: Vec<Option<Equilibrium<N>>> = vec![None; self.campaign.series.len()];
         let mut last = began.clone();
-        let mut lines = Vec::with_capacity(self.campaign.windows.len());
+        let mut all = Vec::with_capacity(self.campaign.windows.len());
         for (index, window) in self.campaign.windows.iter().enumerate() {
             let failed = |error| LinesError::Window { line: window.line, error };
             let first = match began[window.series] {
@@ -122,19 +116,25 @@ impl<const N: usize> Question<'_, N> {
                 None => self.unloaded(&machine, window).map_err(failed)?,
             };
             began[window.series] = Some(first);
-            let machine = if is_crossed[index] { &beyond } else { &machine };
+            let machine = if is_crossed[index] { beyond } else { machine };
             let start = last[window.series].unwrap_or(first);
             let pushes = window.pushes_n.component_mul(&SVector::from(self.campaign.metres_per_q));
-            let now = machine.pushed_equilibrium(&window.q, &state.loads[index], &pushes, &start).map_err(failed)?;
+            let load = state.loads[index];
+            let now = machine.pushed_equilibrium(&window.q, &load, &pushes, &start).map_err(failed)?;
             last[window.series] = Some(now);
-            let line = self.window_lines(machine, state, index, &first.pose, &now);
-            lines.push(line.ok_or_else(|| failed(ElasticError::Singular))?);
+            all.push(Loaded { machine, wrist: wrists[window.series].clone(), began: first.pose, now, load });
         }
-        Ok(lines)
+        Ok(all)
+    }
+
+    /// The wrist at the angles of each series.
+    fn wrists(&self, wrist: &Wrist) -> Vec<Wrist> {
+        let campaign = self.campaign;
+        campaign.series.iter().map(|series| wrist.turned(campaign.wrist_rad(series))).collect()
     }
 
     /// The machine in the pose of a window, unloaded.
-    pub(super) fn unloaded(
+    pub(crate) fn unloaded(
         &self,
         machine: &ElasticMachine<N>,
         window: &Window<N>,
@@ -145,17 +145,17 @@ impl<const N: usize> Question<'_, N> {
         machine.equilibrium(&window.q, &Vector6::zeros(), &start)
     }
 
-    fn window_lines(
-        &self,
-        machine: &ElasticMachine<N>,
-        state: &State<N>,
-        index: usize,
-        began: &Pose,
-        now: &Equilibrium<N>,
-    ) -> Option<Lines> {
+    /// Linearises one window.
+    pub(crate) fn linearised(&self, state: &State<N>, index: usize, at: &Loaded<N>) -> Result<Lines, LinesError> {
+        let line = self.campaign.windows[index].line;
+        let through = at.machine.transmission(&self.campaign.windows[index].q, &at.now);
+        let through = through.ok_or(LinesError::Window { line, error: ElasticError::Singular })?;
+        Ok(self.through(state, index, at, &through))
+    }
+
+    fn through(&self, state: &State<N>, index: usize, at: &Loaded<N>, through: &Transmission<N>) -> Lines {
         let (campaign, setup) = (self.campaign, &self.setup);
         let window = &campaign.windows[index];
-        let through = machine.transmission(&window.q, now)?;
         let gauges: Vec<usize> =
             (0..campaign.gauges.len()).filter(|gauge| window.readings_m[*gauge].is_some()).collect();
         let count = gauges.len();
@@ -171,38 +171,38 @@ impl<const N: usize> Question<'_, N> {
         let mut lines = Lines {
             window: index,
             misclosures: DVector::zeros(count),
-            springs: DMatrix::zeros(count, LINKS + N),
+            springs: DMatrix::zeros(count, self.file.count()),
             play: DVector::zeros(count),
             mounting: DMatrix::zeros(count, setup.per_mounting()),
             sensor: DMatrix::zeros(count, setup.of_sensor()),
             load: DMatrix::zeros(count, 6),
             variances: Vec::with_capacity(count),
-            cluster_3_n: [now.cluster_3_n(), cluster_sd.sqrt()],
+            cluster_3_n: [at.now.cluster_3_n(), cluster_sd.sqrt()],
             gauges,
         };
         for (row, &gauge) in lines.gauges.iter().enumerate() {
             let placed = setup.placed(campaign, &state.setup, window.mounting, gauge);
-            let reading = placed.read(machine, began, now);
-            let derivatives = reading.derivatives(machine, &through, now);
-            lines.springs.view_mut((row, 0), (1, LINKS)).copy_from(&derivatives.links.transpose());
-            lines.springs.view_mut((row, LINKS), (1, N)).copy_from(&derivatives.axes.transpose());
+            let reading = placed.read(at);
+            let derivatives = reading.derivatives(at, through);
+            lines.springs.row_mut(row).copy_from(&derivatives.springs.transpose());
             lines.load.view_mut((row, 0), (1, 6)).copy_from(&derivatives.load.transpose());
             lines.play[row] = derivatives.play;
-            let read = |gauge: &Gauge| gauge.read(machine, began, now).length_m;
+            let read = |gauge: &Gauge| gauge.read(at).length_m;
             if let Some((place, by)) = setup.derivatives(campaign, &state.setup, window.mounting, gauge, read) {
                 lines.mounting.view_mut((row, place), (1, by.len())).copy_from_slice(&by);
             }
-            lines.misclosures[row] = window.readings_m[gauge]? - reading.length_m - derivatives.load.dot(&surplus);
+            let shown_m = window.readings_m[gauge].unwrap_or_default();
+            lines.misclosures[row] = shown_m - reading.length_m - derivatives.load.dot(&surplus);
             lines.variances.push(window.sds_m[gauge].unwrap_or(campaign.noise.gauge_um * 1e-6).powi(2));
         }
         lines.sensor.copy_from(&(-&lines.load * effect));
-        Some(lines)
+        lines
     }
 }
 
 impl Lines {
     /// The same lines with the constants of the set-up as they are found.
-    pub(super) fn without_setup(&self) -> Self {
+    pub(crate) fn without_setup(&self) -> Self {
         let rows = self.gauges.len();
         Self { mounting: DMatrix::zeros(rows, 0), sensor: DMatrix::zeros(rows, 0), ..self.clone() }
     }

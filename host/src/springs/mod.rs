@@ -2,13 +2,15 @@
 #![expect(clippy::indexing_slicing, reason = "links, axes, gauges and windows are counted by the arrays themselves")]
 
 mod agreement;
-mod blocks;
+pub(crate) mod blocks;
 #[cfg(test)]
 mod campaigns;
-mod choice;
+pub(crate) mod choice;
+pub mod compliances;
 pub mod fit;
 pub mod gauge;
 pub mod identify;
-mod lines;
+pub(crate) mod lines;
+pub mod loaded;
 mod play;
-mod setup;
+pub(crate) mod setup;

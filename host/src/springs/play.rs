@@ -333,7 +333,6 @@ mod tests {
     use crate::robot_file::RobotFile;
     use crate::springs::agreement::fit_agreeing;
     use crate::springs::campaigns::{Bench, FINE, HOME, HOOKS, Strap, campaign_a, never, seeded, straps};
-    use crate::springs::lines::vector;
 
     /// Campaign A, and a strap in x up to 460 N and back in steps of 20 N.
     fn with_long_series() -> Bench<3> {
@@ -383,7 +382,7 @@ mod tests {
             assert!((low_down..=high_down).contains(&falling), "{seed}: falling {falling} {play:?}");
             let chi = agreement.solved.rows.chi_squared() / crate::fit::statistics::float(agreement.solved.degrees());
             reduced = reduced.max(chi);
-            let off = vector(&agreement.solved.state.compliances) - vector(&truth);
+            let off = agreement.solved.state.springs.vector() - truth.vector();
             let covariance = agreement.solved.seen.covariance();
             assert!(
                 off.iter().enumerate().all(|(spring, off)| off.abs() < 5.0 * covariance[(spring, spring)].sqrt()),

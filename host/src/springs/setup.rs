@@ -1,7 +1,7 @@
 //! Constants of a set-up that are known only about: where gauges touch and point, where the force sensor stands, how it is turned, its gains.
 //!
 //! Each is an unknown of the fit with a prior of mean zero. They are counted in standard deviations of the prior: first those of the gauges
-//! on the platform, mounting by mounting, then those of the sensor.
+//! on platform and tool, mounting by mounting, then those of the sensor.
 
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
@@ -13,31 +13,31 @@ const DIFFERENCE: f64 = 1e-5;
 
 /// Constants of one campaign, and where each stands.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct SetupConstants {
+pub(crate) struct SetupConstants {
     noise: SetupNoise,
-    /// Gauges on the platform, by their index among all gauges.
-    platform: Vec<usize>,
+    /// Gauges on platform and tool, by their index among all gauges.
+    faces: Vec<usize>,
     mountings: usize,
 }
 
 /// A constant of a set-up.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Constant {
+pub(crate) struct Constant {
     /// Its name: `pz1.point.x (mounting a)`.
-    pub(super) name: String,
+    pub(crate) name: String,
     /// Standard deviation of its prior; m, rad, or relative.
-    pub(super) prior_sd: f64,
+    pub(crate) prior_sd: f64,
 }
 
 impl SetupConstants {
-    pub(super) fn of<const N: usize>(campaign: &Campaign<N>) -> Self {
-        let is_platform = |gauge: &usize| matches!(campaign.gauges[*gauge].gauge, Gauge::Platform { .. });
-        let platform = (0..campaign.gauges.len()).filter(is_platform).collect();
-        Self { noise: campaign.setup, platform, mountings: campaign.mountings.len() }
+    pub(crate) fn of<const N: usize>(campaign: &Campaign<N>) -> Self {
+        let is_face = |gauge: &usize| matches!(campaign.gauges[*gauge].gauge, Gauge::Face { .. });
+        let faces = (0..campaign.gauges.len()).filter(is_face).collect();
+        Self { noise: campaign.setup, faces, mountings: campaign.mountings.len() }
     }
 
     /// The same constants, all exact.
-    pub(super) fn exact(&self) -> Self {
+    pub(crate) fn exact(&self) -> Self {
         Self { noise: SetupNoise::default(), ..self.clone() }
     }
 
@@ -54,33 +54,33 @@ impl SetupConstants {
     }
 
     /// Number of constants of one mounting.
-    pub(super) fn per_mounting(&self) -> usize {
-        self.platform.len() * self.per_gauge()
+    pub(crate) fn per_mounting(&self) -> usize {
+        self.faces.len() * self.per_gauge()
     }
 
     /// Number of constants of the sensor.
-    pub(super) fn of_sensor(&self) -> usize {
+    pub(crate) fn of_sensor(&self) -> usize {
         self.effect(&Vector6::zeros()).ncols()
     }
 
     /// Number of all constants.
-    pub(super) fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.mountings * self.per_mounting() + self.of_sensor()
     }
 
     /// Index of the first constant of a mounting; of the sensor, with their number.
-    pub(super) fn first(&self, mounting: usize) -> usize {
+    pub(crate) fn first(&self, mounting: usize) -> usize {
         mounting * self.per_mounting()
     }
 
     /// Index of the sensor's first constant.
-    pub(super) fn first_of_sensor(&self) -> usize {
+    pub(crate) fn first_of_sensor(&self) -> usize {
         self.first(self.mountings)
     }
 
     /// Index of the first constant of a gauge, within its mounting; `None` if it has none.
     fn place(&self, gauge: usize) -> Option<usize> {
-        let place = self.platform.iter().position(|other| *other == gauge)?;
+        let place = self.faces.iter().position(|other| *other == gauge)?;
         (self.per_gauge() > 0).then(|| place * self.per_gauge())
     }
 
@@ -92,7 +92,7 @@ impl SetupConstants {
     }
 
     /// Returns a gauge where the constants put it.
-    pub(super) fn placed<const N: usize>(
+    pub(crate) fn placed<const N: usize>(
         &self,
         campaign: &Campaign<N>,
         constants: &DVector<f64>,
@@ -104,18 +104,18 @@ impl SetupConstants {
 
     /// A gauge moved by offsets, in the order of [`gauge_sds`](Self::gauge_sds).
     fn moved(&self, gauge: &Gauge, offsets: &[f64]) -> Gauge {
-        let Gauge::Platform { point_m, axis } = *gauge else { return *gauge };
+        let Gauge::Face { body, point_m, axis } = *gauge else { return *gauge };
         let (point, turn) =
             offsets.split_at(if self.noise.gauge_point_mm.is_some() { offsets.len().min(3) } else { 0 });
         let point_m = point_m + Vector3::from_iterator(point.iter().copied().chain([0.0; 3]));
         let across = across(&axis);
         let axis = across.iter().zip(turn).fold(axis, |axis, (direction, angle)| axis + direction * *angle);
-        Gauge::Platform { point_m, axis: axis.normalize() }
+        Gauge::Face { body, point_m, axis: axis.normalize() }
     }
 
     /// Returns the derivatives of a reading by the constants of its gauge, and the place of the first in its mounting. `read` says what a gauge
     /// reads: the machine does not move when it stands elsewhere.
-    pub(super) fn derivatives<const N: usize>(
+    pub(crate) fn derivatives<const N: usize>(
         &self,
         campaign: &Campaign<N>,
         constants: &DVector<f64>,
@@ -137,7 +137,7 @@ impl SetupConstants {
     /// Effect of the sensor's constants on what it indicates under a load: 6 rows (N, N m), one column per constant. World axes, about the tool
     /// centre point: a lever of the sensor that is longer by `d` adds `d x F` to the moment, turned axes turn force and moment, gains are
     /// relative.
-    pub(super) fn effect(&self, load: &Vector6<f64>) -> DMatrix<f64> {
+    pub(crate) fn effect(&self, load: &Vector6<f64>) -> DMatrix<f64> {
         let (force, moment): (Vector3<f64>, Vector3<f64>) =
             (load.fixed_rows::<3>(0).into(), load.fixed_rows::<3>(3).into());
         let wrench = |force: Vector3<f64>, moment: Vector3<f64>| {
@@ -158,14 +158,14 @@ impl SetupConstants {
     }
 
     /// All constants, in order.
-    pub(super) fn list<const N: usize>(&self, campaign: &Campaign<N>) -> Vec<Constant> {
+    pub(crate) fn list<const N: usize>(&self, campaign: &Campaign<N>) -> Vec<Constant> {
         let point = self.noise.gauge_point_mm.map(|_| ["point.x", "point.y", "point.z"].as_slice());
         let turn = self.noise.gauge_axis_mrad.map(|_| ["axis.1", "axis.2"].as_slice());
         let kinds: Vec<&str> = point.into_iter().chain(turn).flatten().copied().collect();
         let sds = self.gauge_sds();
         let mut list = Vec::with_capacity(self.count());
         for mounting in &campaign.mountings {
-            for gauge in &self.platform {
+            for gauge in &self.faces {
                 let gauge = &campaign.gauges[*gauge].name;
                 let named = |(kind, sd): (&&str, &f64)| Constant {
                     name: format!("{gauge}.{kind} (mounting {mounting})"),

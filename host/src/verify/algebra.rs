@@ -1,6 +1,6 @@
 //! Lengths in standard deviations, and chi-squared with unit variables that windows share.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix6, Vector3};
 
 use crate::fit::least_squares::Rows;
 
@@ -30,28 +30,13 @@ pub(super) fn deviation(difference: &Vector3<f64>, covariance: &Matrix3<f64>) ->
     (squares / f64::max(count, 1.0)).sqrt()
 }
 
-/// Chi-squared of all readings, and its degrees of freedom. The unit variables are estimated along with their prior, which is the same as
-/// their part of the covariance: those of a mounting series by series, the `shared` ones over all.
-pub(super) fn chi_squared(series: &[Rows], shared: usize) -> (f64, usize) {
-    let mut normal = DMatrix::identity(shared, shared);
-    let mut right = DVector::zeros(shared);
-    let (mut squares, mut degrees) = (0.0, 0);
-    for rows in series {
-        let (residuals, own) = (&rows.residuals, rows.derivatives.columns(0, shared));
-        let mounted = rows.derivatives.columns(shared, rows.derivatives.ncols() - shared);
-        let (by_own, by_residuals) = (mounted.tr_mul(&own), mounted.tr_mul(residuals));
-        let square = mounted.tr_mul(&mounted) + DMatrix::identity(mounted.ncols(), mounted.ncols());
-        degrees += rows.degrees();
-        normal += own.tr_mul(&own);
-        right += own.tr_mul(residuals);
-        squares += residuals.norm_squared();
-        // Positive definite: the prior is.
-        let Some(factor) = square.cholesky() else { continue };
-        let eliminated = factor.solve(&by_residuals);
-        normal -= by_own.tr_mul(&factor.solve(&by_own));
-        right -= by_own.tr_mul(&eliminated);
-        squares -= by_residuals.dot(&eliminated);
-    }
-    let explained = normal.cholesky().map_or(0.0, |factor| right.dot(&factor.solve(&right)));
-    (squares - explained, degrees)
+/// Chi-squared of rows of unit variance, if the covariance of their parameters is `F F^T`, and its degrees of freedom: the least of
+/// `|r - J F u|^2 + |u|^2`, which is the same as their part of the covariance of the readings.
+pub(super) fn chi_squared(rows: &Rows, factor: &DMatrix<f64>) -> (f64, usize) {
+    let derivatives = &rows.derivatives * factor;
+    let square = derivatives.tr_mul(&derivatives) + DMatrix::identity(factor.ncols(), factor.ncols());
+    let right = derivatives.tr_mul(&rows.residuals);
+    // Positive definite: the prior is.
+    let explained = square.cholesky().map_or(0.0, |square| right.dot(&square.solve(&right)));
+    (rows.residuals.norm_squared() - explained, rows.degrees())
 }

@@ -1,7 +1,7 @@
 //! Largest gain that is stable against a workpiece, with what the file knows of its springs.
 
 use gantry_tau_core::model::stiffness::{Compliance, contact_loop_gain};
-use nalgebra::{DMatrix, Matrix6, Vector3, Vector6};
+use nalgebra::{DMatrix, Matrix6, SVector, Vector3, Vector6};
 
 use super::model::FileModel;
 use crate::elastic::Equilibrium;
@@ -17,24 +17,15 @@ impl<const N: usize> FileModel<N> {
         normal: &Vector3<f64>,
         workpiece_n_per_m: f64,
     ) -> Option<f64> {
-        let compliances = self.machine.compliances();
         let through = self.machine.transmission(q, at)?;
         let unit = Vector6::new(normal.x, normal.y, normal.z, 0.0, 0.0, 0.0);
-        let tensions = through.tensions_n(&unit);
-        let loads = through.axis_loads(&tensions, &nalgebra::SVector::zeros());
+        let tensions_n = through.tensions_n(&unit);
+        let axis_loads = through.axis_loads(&tensions_n, &SVector::zeros());
+        let under_unit = Equilibrium { tensions_n, axis_loads, ..*at };
         // The unit load is its own virtual load: C = sum c f^2, whose derivatives are the squares.
-        let mut by_springs = DMatrix::zeros(1, self.springs());
-        let squares = tensions.iter().chain(loads.iter()).map(|force| force * force);
-        let rotation = at.pose.rotation.to_rotation_matrix().into_inner();
-        let moments = self.joints.iter().map(|joint| {
-            let arm = rotation * -Vector3::from(joint.point_m);
-            (rotation * Vector3::from(joint.axis)).dot(&arm.cross(normal)).powi(2)
-        });
-        by_springs.iter_mut().zip(squares.chain(moments)).for_each(|(entry, square)| *entry = square);
-        let (links, axes) = (compliances.link_m_per_n(), compliances.cart_m_per_n());
-        let joints = self.joints.iter().map(|joint| joint.c_rad_per_nm);
-        let springs = links.iter().chain(axes).copied().chain(joints);
-        let known: f64 = by_springs.iter().zip(springs).map(|(square, spring)| square * spring).sum();
+        let by_springs = normal.transpose() * self.loaded(at, &under_unit, &unit).displacement_by_springs(&through);
+        let by_springs = DMatrix::from_row_slice(1, by_springs.ncols(), by_springs.as_slice());
+        let known = (&by_springs * self.springs.vector()).sum();
         let sd = self.covariance(&by_springs).sum().sqrt();
         let along = |m_per_n: f64| Compliance(Matrix6::identity() * m_per_n);
         let lower = (known - NORMAL_95 * sd).max(0.0);

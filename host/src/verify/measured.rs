@@ -5,26 +5,32 @@
 //! does what a wrist gives way. The covariance of a residual is that of gauge, zero and load, `J F F^T J^T` by the springs, and that of the
 //! constants of the set-up.
 
-use gantry_tau_core::model::robot::LINKS;
-use nalgebra::{DMatrix, DVector, SVector, UnitQuaternion, Vector3, Vector6};
+use gantry_tau_core::units::OffsetNm;
+use nalgebra::{DMatrix, DVector, Vector3};
 use serde::Serialize;
 
 use super::VerifyError;
 use super::algebra::{chi_squared, deviation, pseudo_inverse};
 use super::model::{FileModel, three};
-use super::pairs::{SeriesPairs, pairs};
-use super::setup::{self, GAUGE, SENSOR};
+use super::pairs::{SeriesPairs, is_unloaded, pairs};
 use super::summary::Verification;
-use crate::elastic::{Equilibrium, Pose};
-use crate::fit::least_squares::Rows;
+use crate::elastic::Equilibrium;
 use crate::fit::statistics::{NORMAL_95, float};
-use crate::measurements::springs::{Campaign, Window};
+use crate::measurements::springs::Campaign;
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
-use crate::springs::gauge::Gauge;
+use crate::springs::blocks::{Blocks, covariance};
+use crate::springs::choice::Choice;
+use crate::springs::gauge::{Body, Gauge};
+use crate::springs::lines::{Lines, LinesError, Question, State};
+use crate::springs::loaded::Loaded;
+use crate::springs::setup::SetupConstants;
 
 /// Lever that a turn counts with against a translation, m: that of the gauges.
 const LEVER_M: f64 = 0.1;
+
+/// Difference of two positions that are written to a nanometre, with a margin, m.
+const ROUNDED_M: f64 = 1e-8;
 
 /// One pair of windows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -47,10 +53,20 @@ pub struct PairResult {
     pub interval95_m: [f64; 2],
     /// Difference of measured and predicted displacement in standard deviations, root mean square over its directions.
     pub z: f64,
-    /// True where cluster 3 may change sides: judged apart.
+    /// True where cluster 3 may change sides: its play is not compensated.
     pub changes_sides: bool,
+    /// True where an offset is at its limit, which cuts the correction.
+    pub saturated: bool,
     /// Largest stable gain against the workpiece along the force.
     pub largest_gain: Option<f64>,
+}
+
+impl PairResult {
+    /// True if neither play nor limits take part.
+    #[must_use]
+    pub const fn is_judged(&self) -> bool {
+        !self.changes_sides && !self.saturated
+    }
 }
 
 /// Compares a campaign of pairs with the prediction of a robot file; the workpiece is that of the feedback margin.
@@ -63,228 +79,179 @@ pub fn verify<K: MachineKind<N>, const N: usize>(
     workpiece_n_per_m: f64,
 ) -> Result<Verification, VerifyError> {
     let model = FileModel::new(file)?;
-    let mut results = Vec::new();
-    let mut rows = Vec::new();
-    for sorted in pairs(campaign)? {
-        let Some(series) = Series::new(&model, campaign, &sorted)? else { continue };
-        for (pair, windows) in sorted.pairs.iter().zip(&series.pairs) {
-            results.push(series.judge(windows, pair, workpiece_n_per_m).ok_or_else(|| series.failed(pair))?);
+    let campaign = &zeros_first(campaign);
+    let of_series = pairs(campaign)?;
+    let geometry = file.model.geometry();
+    let setup = SetupConstants::of(campaign);
+    let question = Question { geometry: &geometry, file: &model.springs, campaign, setup };
+    let limits_m = file.limits.map(|axis| OffsetNm(axis.limits.position.max()).to_metres().0);
+    let predicted = Predicted::new(&model, &question, limits_m)?;
+    let (mut results, mut choice) = (Vec::new(), Choice::none(campaign));
+    for sorted in of_series {
+        for pair in &sorted.pairs {
+            let result = predicted.judge(&sorted, pair, workpiece_n_per_m);
+            let result = result.ok_or_else(|| {
+                predicted.failed(pair[1], &"the gauges of the window have no zero, or its links no equilibrium")
+            })?;
+            if !result.changes_sides {
+                choice.use_windows(pair);
+            }
+            results.push(result);
         }
-        rows.push(series.rows().ok_or_else(|| VerifyError::NoPairs { table: campaign.table.clone() })?);
+        if !sorted.pairs.is_empty() {
+            sorted.unloaded.iter().for_each(|windows| choice.use_windows(windows));
+        }
     }
+    let no_pairs = || VerifyError::NoPairs { table: campaign.table.clone() };
     if results.is_empty() {
-        return Err(VerifyError::NoPairs { table: campaign.table.clone() });
+        return Err(no_pairs());
     }
-    let (chi2, dof) = chi_squared(&rows, shared(&model));
+    let (chi2, dof) = predicted.chi_squared(&choice).ok_or_else(no_pairs)?;
     Ok(Verification::new(file, campaign, results, chi2, dof))
 }
 
-/// One window, linearised at the prediction of the file.
-struct Linear<const N: usize> {
-    /// Its series, as one of those that the pairs are from.
-    series: usize,
-    /// The machine without a load when the series began.
-    began: Equilibrium<N>,
-    now: Equilibrium<N>,
-    gauges: Vec<usize>,
-    /// Readings less predictions, m, without zeros.
-    residuals: DVector<f64>,
-    /// Derivatives by unit variables that all windows share: springs, then the sensor.
-    shared: DMatrix<f64>,
-    /// Derivatives by unit variables of the mounting: gauge by gauge.
-    mounted: DMatrix<f64>,
-    /// Covariance by gauges and load.
-    covariance: DMatrix<f64>,
+/// The campaign with the rows without a load first: a series begins in the pose of its first row, which must have no offsets.
+fn zeros_first<const N: usize>(campaign: &Campaign<N>) -> Campaign<N> {
+    let mut sorted = campaign.clone();
+    sorted.windows.sort_by_key(|window| !is_unloaded(campaign, window));
+    sorted
 }
 
-/// The series of some pairs: one, or one without and one with compensation. Each has zeros of its own.
-struct Series<'a, const N: usize> {
+/// All windows of a campaign, as the file predicts them.
+struct Predicted<'a, const N: usize> {
     model: &'a FileModel<N>,
-    campaign: &'a Campaign<N>,
-    name: &'a str,
-    /// Number of series.
-    count: usize,
-    unloaded: Vec<Linear<N>>,
-    /// Off and on.
-    pairs: Vec<[Linear<N>; 2]>,
+    question: &'a Question<'a, N>,
+    loaded: Vec<Loaded<N>>,
+    lines: Vec<Lines>,
+    /// Limits of the offsets.
+    limits_m: [f64; N],
 }
 
-impl<'a, const N: usize> Series<'a, N> {
-    /// Predicts the windows of a series; `None` without pairs.
-    fn new(
-        model: &'a FileModel<N>,
-        campaign: &'a Campaign<N>,
-        sorted: &'a SeriesPairs,
-    ) -> Result<Option<Self>, VerifyError> {
-        if sorted.pairs.is_empty() {
-            return Ok(None);
+impl<'a, const N: usize> Predicted<'a, N> {
+    fn new(model: &'a FileModel<N>, question: &'a Question<'a, N>, limits_m: [f64; N]) -> Result<Self, VerifyError> {
+        let campaign = question.campaign;
+        let failed = |LinesError::Window { line, error }| VerifyError::Pair {
+            table: campaign.table.clone(),
+            line,
+            reason: error.to_string(),
+        };
+        let state = State::start(question);
+        let loaded = question.loaded(&state, &vec![false; campaign.windows.len()]).map_err(failed)?;
+        let lines = loaded.iter().enumerate().map(|(index, loaded)| question.linearised(&state, index, loaded));
+        let lines = lines.collect::<Result<_, _>>().map_err(failed)?;
+        Ok(Self { model, question, loaded, lines, limits_m })
+    }
+
+    fn failed(&self, window: usize, reason: &dyn std::fmt::Display) -> VerifyError {
+        let campaign = self.question.campaign;
+        let line = campaign.windows[window].line;
+        VerifyError::Pair { table: campaign.table.clone(), line, reason: reason.to_string() }
+    }
+
+    /// Chi-squared of the readings that are used, and its degrees of freedom.
+    fn chi_squared(&self, choice: &Choice) -> Option<(f64, usize)> {
+        let assumed = DVector::zeros(self.question.setup.count());
+        let blocks = Blocks::new(self.question, choice, &self.lines, &assumed, &[])?;
+        Some(chi_squared(&blocks.rows, &self.model.factor))
+    }
+
+    /// Covariance of the residuals of a window by the noise of gauges and load.
+    fn noise(&self, lines: &Lines) -> DMatrix<f64> {
+        let variances = lines.variances.iter().copied();
+        covariance(&lines.load, variances, &self.question.load_variances())
+    }
+
+    /// Mean residuals of some gauges in unloaded windows, and their covariance; `None` if one was not read there.
+    fn zeros(&self, gauges: &[usize], unloaded: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let place = |window: usize, gauge: usize| self.lines[window].gauges.iter().position(|other| *other == gauge);
+        let mut zeros_m = DVector::zeros(gauges.len());
+        let mut covariance = DMatrix::zeros(gauges.len(), gauges.len());
+        let read = |gauge: &usize| unloaded.iter().filter(|window| place(**window, *gauge).is_some()).count();
+        let counts: Vec<usize> = gauges.iter().map(read).collect();
+        if counts.contains(&0) {
+            return None;
         }
-        let firsts = sorted.unloaded.iter().filter_map(|rows| rows.first());
-        let began = firsts.map(|first| begun(model, campaign, &campaign.windows[*first]));
-        let began = began.collect::<Result<Vec<_>, VerifyError>>()?;
-        // Off is of the first series, on of the last.
-        let last = began.len() - 1;
-        let linear = |index: &usize, series: usize| {
-            linearised(model, campaign, &campaign.windows[*index], (series, &began[series]))
-        };
-        let rows = sorted.unloaded.iter().enumerate();
-        let rows = rows.flat_map(|(series, rows)| rows.iter().map(move |row| (row, series)));
-        let unloaded = rows.map(|(row, series)| linear(row, series)).collect::<Result<_, _>>()?;
-        let both = |[off, on]: &[usize; 2]| Ok::<_, VerifyError>([linear(off, 0)?, linear(on, last)?]);
-        let pairs = sorted.pairs.iter().map(both).collect::<Result<_, _>>()?;
-        Ok(Some(Self { model, campaign, name: &sorted.name, count: began.len(), unloaded, pairs }))
-    }
-
-    fn failed(&self, [_, on]: &[usize; 2]) -> VerifyError {
-        failed(
-            self.campaign,
-            &self.campaign.windows[*on],
-            &"the gauges of the window have no zero, or its links no equilibrium",
-        )
-    }
-
-    /// Mean residual of a gauge without load in a series, and the number of readings behind it.
-    fn zero(&self, gauge: usize, series: usize) -> Option<(f64, f64)> {
-        let read = |window: &Linear<N>| {
-            let place = window.gauges.iter().position(|other| *other == gauge)?;
-            Some(window.residuals[place])
-        };
-        let own = self.unloaded.iter().filter(|window| window.series == series);
-        let all: Vec<f64> = own.filter_map(read).collect();
-        let count = float(all.len());
-        (!all.is_empty()).then(|| (all.iter().sum::<f64>() / count, count))
-    }
-
-    /// Measured less predicted displacement of the platform's tool centre point, m, and the covariance of both together.
-    fn displaced(&self, window: &Linear<N>) -> Option<(Vector3<f64>, DMatrix<f64>)> {
-        let (mut left, mut covariance) = (window.residuals.clone(), window.covariance.clone());
-        let mut ways = DMatrix::zeros(left.len(), 6);
-        for (row, &gauge) in window.gauges.iter().enumerate() {
-            let (zero_m, count) = self.zero(gauge, window.series)?;
-            left[row] -= zero_m;
-            covariance[(row, row)] += (self.campaign.noise.gauge_um * 1e-6).powi(2) / count;
-            if let Gauge::Platform { point_m, axis } = self.campaign.gauges[gauge].gauge {
-                let turn = point_m.cross(&axis) / LEVER_M;
-                ways.row_mut(row).copy_from_slice(&[axis.x, axis.y, axis.z, turn.x, turn.y, turn.z]);
+        for &window in unloaded {
+            let lines = &self.lines[window];
+            let mut shares = DMatrix::zeros(gauges.len(), lines.gauges.len());
+            for (row, (gauge, count)) in gauges.iter().zip(&counts).enumerate() {
+                if let Some(place) = place(window, *gauge) {
+                    shares[(row, place)] = 1.0 / float(*count);
+                }
             }
+            zeros_m += &shares * &lines.misclosures;
+            covariance += &shares * self.noise(lines) * shares.transpose();
         }
-        covariance += &window.shared * window.shared.transpose() + &window.mounted * window.mounted.transpose();
+        Some((zeros_m, covariance))
+    }
+
+    /// Measured less predicted displacement of the tool, m, and the covariance of both together.
+    fn displaced(&self, window: usize, unloaded: &[usize]) -> Option<(Vector3<f64>, DMatrix<f64>)> {
+        let lines = &self.lines[window];
+        let (zeros_m, of_zeros) = self.zeros(&lines.gauges, unloaded)?;
+        let left = &lines.misclosures - zeros_m;
+        let mut covariance = self.noise(lines) + of_zeros;
+        covariance += self.model.covariance(&lines.springs);
+        covariance += &lines.mounting * lines.mounting.transpose() + &lines.sensor * lines.sensor.transpose();
+        let ways = self.ways(lines);
         let solve = (pseudo_inverse(&ways) * ways.transpose()).rows(0, 3).into_owned();
         let moved = &solve * left;
         Some((Vector3::new(moved[0], moved[1], moved[2]), &solve * covariance * solve.transpose()))
     }
 
-    fn judge(&self, [off, on]: &[Linear<N>; 2], pair: &[usize; 2], workpiece_n_per_m: f64) -> Option<PairResult> {
-        let window = &self.campaign.windows[pair[1]];
-        let tool = |linear: &Linear<N>, index: usize| {
-            self.model.tool(&linear.began, &linear.now, &self.campaign.windows[index].load).translation_m
-        };
-        let (more_before, _) = self.displaced(off)?;
-        let (more, covariance) = self.displaced(on)?;
-        let predicted = tool(on, pair[1]);
-        let covariance = three(&covariance);
+    /// Readings by the displacement of the tool: translation, turn times lever. Of the gauges on the tool; without three of them of all
+    /// on a body, as if the wrist gave way as predicted.
+    fn ways(&self, lines: &Lines) -> DMatrix<f64> {
+        let faces = lines.gauges.iter().map(|gauge| match self.question.campaign.gauges[*gauge].gauge {
+            Gauge::Face { body, point_m, axis } => Some((body, point_m, axis)),
+            Gauge::Axis { .. } => None,
+        });
+        let faces: Vec<_> = faces.collect();
+        let on_tool = |body: Body| body == Body::Tool;
+        let has_tool = faces.iter().flatten().filter(|(body, ..)| on_tool(*body)).count() >= 3;
+        let mut ways = DMatrix::zeros(faces.len(), 6);
+        for (row, face) in faces.iter().enumerate() {
+            let Some((_, point_m, axis)) = face.filter(|(body, ..)| !has_tool || on_tool(*body)) else { continue };
+            let turn = point_m.cross(&axis) / LEVER_M;
+            ways.row_mut(row).copy_from_slice(&[axis.x, axis.y, axis.z, turn.x, turn.y, turn.z]);
+        }
+        ways
+    }
+
+    /// True if an offset between these windows is at its limit.
+    fn is_saturated(&self, off: usize, on: usize) -> bool {
+        let Campaign { windows, metres_per_q, .. } = self.question.campaign;
+        let ways = windows[on].q.iter().zip(&windows[off].q).zip(metres_per_q);
+        let offsets_m = ways.map(|((on, off), metres)| ((on - off) * metres).abs());
+        offsets_m.zip(self.limits_m).any(|(offset_m, limit_m)| offset_m >= limit_m - ROUNDED_M)
+    }
+
+    fn judge(&self, sorted: &SeriesPairs, &[off, on]: &[usize; 2], workpiece_n_per_m: f64) -> Option<PairResult> {
+        let window = &self.question.campaign.windows[on];
+        let tool = |index: usize| self.loaded[index].displacement().translation_m;
+        // Off is of the first series, on of the last.
+        let (more_before, _) = self.displaced(off, sorted.unloaded.first()?)?;
+        let (more, covariance) = self.displaced(on, sorted.unloaded.last()?)?;
+        let (predicted, covariance) = (tool(on), three(&covariance));
         let half_m = NORMAL_95 * covariance.symmetric_eigenvalues().max().max(0.0).sqrt();
         let predicted_m = predicted.norm();
         let force = window.load.fixed_rows::<3>(0).into_owned();
+        let began = Equilibrium::unloaded(self.loaded[on].began);
         Some(PairResult {
-            series: self.name.to_owned(),
+            series: sorted.name.clone(),
             window: window.window.clone(),
-            tool_m: on.began.pose.translation_m.into(),
+            tool_m: began.pose.translation_m.into(),
             load: window.load.into(),
-            before_m: (tool(off, pair[0]) + more_before).norm(),
+            before_m: (tool(off) + more_before).norm(),
             after_m: (predicted + more).norm(),
             predicted_m,
             interval95_m: [(predicted_m - half_m).max(0.0), predicted_m + half_m],
             z: deviation(&more, &covariance),
-            changes_sides: [off, on].into_iter().any(|linear| self.model.changes_sides(&linear.now)),
+            changes_sides: [off, on].into_iter().any(|index| self.model.changes_sides(&self.loaded[index].now)),
+            saturated: self.is_saturated(off, on),
             largest_gain: force
                 .try_normalize(1e-9)
-                .and_then(|normal| self.model.largest_gain(&window.q, &on.began, &normal, workpiece_n_per_m)),
+                .and_then(|normal| self.model.largest_gain(&window.q, &began, &normal, workpiece_n_per_m)),
         })
     }
-
-    /// Whitened rows of all windows on this side of the jump, by the unit variables; the zeros projected out.
-    fn rows(&self) -> Option<Rows> {
-        let judged = |pair: &&[Linear<N>; 2]| !pair.iter().any(|linear| self.model.changes_sides(&linear.now));
-        let windows: Vec<&Linear<N>> = self.unloaded.iter().chain(self.pairs.iter().filter(judged).flatten()).collect();
-        let size = windows.iter().map(|window| window.gauges.len()).sum();
-        let gauges = self.campaign.gauges.len();
-        let shared = shared(self.model);
-        let (mut residuals, mut derivatives) = (DVector::zeros(size), DMatrix::zeros(size, shared + GAUGE * gauges));
-        let mut zeros = DMatrix::zeros(size, gauges * self.count);
-        let mut first = 0;
-        for window in windows {
-            let whitening = window.covariance.clone().cholesky()?.l().try_inverse()?;
-            let count = window.gauges.len();
-            residuals.rows_mut(first, count).copy_from(&(&whitening * &window.residuals));
-            derivatives.view_mut((first, 0), (count, shared)).copy_from(&(&whitening * &window.shared));
-            derivatives.view_mut((first, shared), (count, GAUGE * gauges)).copy_from(&(&whitening * &window.mounted));
-            for (column, &gauge) in window.gauges.iter().enumerate() {
-                zeros
-                    .view_mut((first, window.series * gauges + gauge), (count, 1))
-                    .copy_from(&whitening.column(column));
-            }
-            first += count;
-        }
-        Some(Rows::new(residuals, derivatives).without(zeros))
-    }
-}
-
-/// Number of unit variables that all windows share.
-fn shared<const N: usize>(model: &FileModel<N>) -> usize {
-    model.factor.ncols() + SENSOR
-}
-
-fn failed<const N: usize>(campaign: &Campaign<N>, window: &Window<N>, reason: &dyn std::fmt::Display) -> VerifyError {
-    VerifyError::Pair { table: campaign.table.clone(), line: window.line, reason: reason.to_string() }
-}
-
-/// The machine without a load, as in the first such window of a series.
-fn begun<const N: usize>(
-    model: &FileModel<N>,
-    campaign: &Campaign<N>,
-    first: &Window<N>,
-) -> Result<Equilibrium<N>, VerifyError> {
-    let (_, seed) = &campaign.poses[first.pose];
-    let seed = Pose { translation_m: seed.position_m, rotation: UnitQuaternion::from_matrix(&seed.rotation) };
-    let began = model.machine.equilibrium(&first.q, &Vector6::zeros(), &Equilibrium::unloaded(seed));
-    began.map_err(|error| failed(campaign, first, &error))
-}
-
-fn linearised<const N: usize>(
-    model: &FileModel<N>,
-    campaign: &Campaign<N>,
-    window: &Window<N>,
-    (series, began): (usize, &Equilibrium<N>),
-) -> Result<Linear<N>, VerifyError> {
-    let refused = |reason: &dyn std::fmt::Display| failed(campaign, window, reason);
-    let machine = &model.machine;
-    let pushes = window.pushes_n.component_mul(&SVector::from(campaign.metres_per_q));
-    let now = machine.pushed_equilibrium(&window.q, &window.load, &pushes, began).map_err(|error| refused(&error))?;
-    let through = machine.transmission(&window.q, &now).ok_or_else(|| refused(&"the links cannot carry the load"))?;
-    let read = window.readings_m.iter().enumerate().filter_map(|(gauge, reading)| Some((gauge, (*reading)?)));
-    let read: Vec<(usize, f64)> = read.collect();
-    let count = read.len();
-    let (mut residuals, mut springs) = (DVector::zeros(count), DMatrix::zeros(count, model.springs()));
-    let (mut by_load, mut covariance) = (DMatrix::zeros(count, 6), DMatrix::zeros(count, count));
-    let mut mounted = DMatrix::zeros(count, GAUGE * campaign.gauges.len());
-    for (row, (index, reading_m)) in read.iter().enumerate() {
-        let gauge = &campaign.gauges[*index].gauge;
-        let predicted = gauge.read(machine, &began.pose, &now);
-        let by = predicted.derivatives(machine, &through, &now);
-        residuals[row] = reading_m - predicted.length_m;
-        springs.view_mut((row, 0), (1, LINKS)).copy_from(&by.links.transpose());
-        springs.view_mut((row, LINKS), (1, N)).copy_from(&by.axes.transpose());
-        by_load.view_mut((row, 0), (1, 6)).copy_from(&by.load.transpose());
-        covariance[(row, row)] = window.sds_m[*index].unwrap_or(campaign.noise.gauge_um * 1e-6).powi(2);
-        let constants = setup::of_gauge(&campaign.setup, gauge, machine, began, &now);
-        mounted.view_mut((row, GAUGE * index), (1, GAUGE)).copy_from_slice(&constants);
-    }
-    covariance += &by_load * setup::load_noise(campaign.noise.force_n, campaign.noise.moment_nm) * by_load.transpose();
-    let sensor = setup::of_sensor(&campaign.setup, &model.sensor_axes, &window.load);
-    let mut shared = DMatrix::zeros(count, shared(model));
-    shared.columns_mut(0, model.factor.ncols()).copy_from(&(springs * &model.factor));
-    shared.columns_mut(model.factor.ncols(), SENSOR).copy_from(&(by_load * sensor));
-    let gauges = read.into_iter().map(|(gauge, _)| gauge).collect();
-    Ok(Linear { series, began: *began, now, gauges, residuals, shared, mounted, covariance })
 }

@@ -9,7 +9,6 @@ mod page;
 mod pairs;
 mod predict;
 mod prediction_summary;
-mod setup;
 mod summary;
 
 use crate::elastic::ElasticError;

@@ -117,7 +117,7 @@ fn maps(prediction: &Prediction) -> String {
 fn pairs_plot(verification: &Verification) -> Plot {
     let judged = |apart: bool| {
         let numbered = (1..).zip(&verification.pairs);
-        numbered.filter(move |(_, pair)| pair.changes_sides == apart).map(|(number, pair)| (f64::from(number), pair))
+        numbered.filter(move |(_, pair)| pair.is_judged() != apart).map(|(number, pair)| (f64::from(number), pair))
     };
     let dots = |name: &str, apart: bool, value: fn(&PairResult) -> f64| {
         Curve::dots(name, judged(apart).map(|(number, pair)| (number, value(pair) * 1e6)).collect())
@@ -135,7 +135,7 @@ fn pairs_plot(verification: &Verification) -> Plot {
         ),
     ];
     if judged(true).next().is_some() {
-        curves.push(dots("measured, across the jump", true, |pair| pair.after_m));
+        curves.push(dots("measured, not judged", true, |pair| pair.after_m));
     }
     Plot {
         x_axis: "pair",
@@ -150,7 +150,7 @@ fn pairs_plot(verification: &Verification) -> Plot {
 /// Maps of the measured places, seen along the axes of the world; one cell per pose with its largest remainder.
 fn measured_maps(verification: &Verification, home_m: &Vector3<f64>) -> String {
     let mut places: BTreeMap<[i64; 3], ([f64; 3], f64)> = BTreeMap::new();
-    for pair in verification.pairs.iter().filter(|pair| !pair.changes_sides) {
+    for pair in verification.pairs.iter().filter(|pair| pair.is_judged()) {
         let key = pair.tool_m.map(|metres| (metres * 1e3).round() as i64);
         let (_, largest) = places.entry(key).or_insert((pair.tool_m, 0.0));
         *largest = largest.max(pair.after_m * 1e6);
@@ -194,7 +194,11 @@ fn table(pairs: &[PairResult]) -> String {
             pair.after_m * 1e6,
             pair.predicted_m * 1e6,
             pair.z,
-            if pair.changes_sides { "  across the jump" } else { "" }
+            match pair {
+                PairResult { changes_sides: true, .. } => "  across the jump",
+                PairResult { saturated: true, .. } => "  at an offset limit",
+                _ => "",
+            }
         );
     }
     text

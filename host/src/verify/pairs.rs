@@ -14,6 +14,7 @@ use std::collections::HashMap;
 use nalgebra::{SVector, Vector6};
 
 use super::VerifyError;
+use crate::measurements::plan::before_remount;
 use crate::measurements::springs::{Campaign, Window};
 
 /// Load, in standard deviations of each component, up to which a row counts as unloaded.
@@ -68,10 +69,7 @@ struct Half<'a> {
 impl<'a> Half<'a> {
     fn new<const N: usize>(campaign: &'a Campaign<N>, series: usize, windows: &[usize]) -> Self {
         let name = campaign.series[series].as_str();
-        let planned = match name.rsplit_once('.') {
-            Some((planned, count)) if count.parse::<u32>().is_ok() => planned,
-            _ => name,
-        };
+        let planned = before_remount(name);
         let is_stated = campaign.plan.iter().any(|entry| entry.compensated && [name, planned].contains(&&*entry.name));
         let (bare, is_on) = match (planned.strip_suffix(" on"), planned.strip_suffix(" off")) {
             (Some(bare), _) => (bare, true),
@@ -192,7 +190,7 @@ fn noise<const N: usize>(campaign: &Campaign<N>) -> Vector6<f64> {
     Vector6::new(force, force, force, moment, moment, moment)
 }
 
-fn is_unloaded<const N: usize>(campaign: &Campaign<N>, window: &Window<N>) -> bool {
+pub(super) fn is_unloaded<const N: usize>(campaign: &Campaign<N>, window: &Window<N>) -> bool {
     let is_pushed = window.pushes_n.amax() > UNLOADED_SD * campaign.noise.force_n;
     !is_pushed && window.load.iter().zip(&noise(campaign)).all(|(value, sd)| value.abs() <= UNLOADED_SD * sd)
 }

@@ -11,6 +11,7 @@ use crate::elastic::{Equilibrium, Pose};
 use crate::fit::statistics::NORMAL_95;
 use crate::model::{Held, MachineKind};
 use crate::robot_file::RobotFile;
+use crate::springs::loaded::Loaded;
 use crate::workspace::{Grid, Surveyor, survey};
 
 /// Largest compliance of a place that is judged, over that at home. Near a singularity displacements have no bound.
@@ -159,8 +160,10 @@ impl<const N: usize> FileModel<N> {
         let held = Held::new(&*self.compensator, case.metres_per_q, &case.pose, case.q, &wrench).ok()?;
         let before = self.machine.equilibrium(&held.nominal, &load, &case.began).ok()?;
         let after = self.machine.equilibrium(&held.corrected, &load, &case.began).ok()?;
-        let [given_way, left] = [&before, &after].map(|now| self.tool(&case.began, now, &load));
-        let covariance = three(&self.covariance(&self.tool_by_springs(&held.corrected, &case.began, &after, &load)?));
+        let [uncompensated, compensated] = [&before, &after].map(|now| self.loaded(&case.began, now, &load));
+        let [given_way, left] = [&uncompensated, &compensated].map(Loaded::displacement);
+        let through = self.machine.transmission(&held.corrected, &after)?;
+        let covariance = three(&self.covariance(&compensated.displacement_by_springs(&through)));
         let after_m = left.translation_m.norm();
         Some(Remainder {
             before_m: given_way.translation_m.norm(),

@@ -26,10 +26,12 @@ pub struct Verification {
     pub identified: bool,
     /// Pair by pair.
     pub pairs: Vec<PairResult>,
-    /// Statistics of the pairs under which cluster 3 stays on its side.
+    /// Statistics of the pairs that are judged.
     pub judged: Statistics,
-    /// Statistics of the others.
+    /// Statistics of those under which cluster 3 may change sides.
     pub at_the_jump: Statistics,
+    /// Statistics of the others, whose corrections a limit of the offsets cuts.
+    pub saturated: Statistics,
     /// Sum of the squares of all residuals in standard deviations, their correlation by springs and zeros taken into account.
     pub chi2: f64,
     /// Its degrees of freedom: readings less zeros.
@@ -103,8 +105,9 @@ impl Verification {
         chi2: f64,
         dof: usize,
     ) -> Self {
-        let judged = Statistics::of(pairs.iter().filter(|pair| !pair.changes_sides));
+        let judged = Statistics::of(pairs.iter().filter(|pair| pair.is_judged()));
         let at_the_jump = Statistics::of(pairs.iter().filter(|pair| pair.changes_sides));
+        let saturated = Statistics::of(pairs.iter().filter(|pair| pair.saturated && !pair.changes_sides));
         let gains = pairs.iter().filter_map(|pair| pair.largest_gain);
         Self {
             format: FORMAT,
@@ -114,6 +117,7 @@ impl Verification {
             largest_gain: gains.fold(f64::INFINITY, f64::min),
             judged,
             at_the_jump,
+            saturated,
             chi2,
             dof,
             p: chi_squared_above(chi2, dof),
@@ -132,7 +136,7 @@ impl Verification {
                 self.p
             ));
         }
-        let worst = self.pairs.iter().filter(|pair| !pair.changes_sides);
+        let worst = self.pairs.iter().filter(|pair| pair.is_judged());
         let worst = worst.max_by(|one, other| one.after_m.total_cmp(&other.after_m));
         if let Some(pair) = worst.filter(|pair| pair.after_m > tolerance_m) {
             let PairResult { series, window, after_m, .. } = pair;
@@ -149,7 +153,9 @@ impl Verification {
 impl fmt::Display for Verification {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let um = |metres: f64| metres * 1e6;
-        for (name, of) in [("pairs", &self.judged), ("across the jump", &self.at_the_jump)] {
+        for (name, of) in
+            [("pairs", &self.judged), ("across the jump", &self.at_the_jump), ("at an offset limit", &self.saturated)]
+        {
             if of.pairs == 0 {
                 continue;
             }

@@ -13,9 +13,10 @@ use super::*;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium, Pose};
 use crate::measurements::springs::{Campaign, NamedGauge, Noise, SetupNoise, Window};
-use crate::model::{Held, L2, MachineKind};
-use crate::robot_file::{Identified, RobotFile, WristJoint};
-use crate::springs::gauge::Gauge;
+use crate::model::{Held, L2, MachineKind, Wrist};
+use crate::robot_file::{AnyRobotFile, Identified, RobotFile, WristJoint, text_of};
+use crate::springs::gauge::{Body, Gauge};
+use crate::springs::loaded::Loaded;
 
 const N: usize = 3;
 const SPRINGS: usize = LINKS + N;
@@ -102,7 +103,7 @@ fn gauges() -> Vec<NamedGauge> {
     ];
     let gauge = |(index, (point, axis)): (usize, ([f64; 3], Vector3<f64>))| NamedGauge {
         name: format!("g{index}"),
-        gauge: Gauge::Platform { point_m: point.into(), axis },
+        gauge: Gauge::Face { body: Body::Platform, point_m: point.into(), axis },
     };
     platform.into_iter().enumerate().map(gauge).collect()
 }
@@ -145,10 +146,10 @@ impl OffSensor {
 /// Gauges that stand only about where they should.
 fn mounted(setup: &SetupNoise, draw: &mut Draw) -> Vec<Gauge> {
     let off = |gauge: NamedGauge| {
-        let Gauge::Platform { point_m, axis } = gauge.gauge else { panic!("not on the platform") };
+        let Gauge::Face { body, point_m, axis } = gauge.gauge else { panic!("not on the platform") };
         let mut vector = |sd: Option<f64>| Vector3::from_fn(|_, _| draw.normal(sd.unwrap_or(0.0))) * 1e-3;
         let (moved, turn) = (vector(setup.gauge_point_mm), vector(setup.gauge_axis_mrad));
-        Gauge::Platform { point_m: point_m + moved, axis: (axis + turn.cross(&axis)).normalize() }
+        Gauge::Face { body, point_m: point_m + moved, axis: (axis + turn.cross(&axis)).normalize() }
     };
     gauges().into_iter().map(off).collect()
 }
@@ -157,7 +158,7 @@ fn mounted(setup: &SetupNoise, draw: &mut Draw) -> Vec<Gauge> {
 fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, setup: SetupNoise, draw: &mut Draw) -> Campaign<N> {
     let sensor = OffSensor::drawn(&setup, draw);
     let machine = ElasticMachine::new(file.model.geometry(), *truth, Backlash::NONE);
-    let compensator = file.compensator([OffsetNm(2_000_000); N]).unwrap();
+    let compensator = file.compensator(file.limits.map(|axis| OffsetNm(axis.limits.position.max()))).unwrap();
     let (mut windows, mut series, mut poses) = (Vec::new(), Vec::new(), Vec::new());
     for (pose, place) in places(file).into_iter().enumerate() {
         let off = file.model.axes_at(&place).unwrap();
@@ -168,9 +169,11 @@ fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, setup: SetupNoise, 
         let zeros: Vec<f64> = gauges().iter().map(|_| draw.normal(1e-3)).collect();
         let mut add = |name: String, q: [f64; N], load: Vector6<f64>, draw: &mut Draw| {
             let now = machine.equilibrium(&q, &load, &began).unwrap();
-            let read = standing.iter().zip(&zeros).map(|(gauge, zero)| {
-                Some(gauge.read(&machine, &began.pose, &now).length_m + zero + draw.normal(NOISE.gauge_um * 1e-6))
-            });
+            let loaded = Loaded { machine, wrist: Wrist::default(), began: began.pose, now, load };
+            let read = standing
+                .iter()
+                .zip(&zeros)
+                .map(|(gauge, zero)| Some(gauge.read(&loaded).length_m + zero + draw.normal(NOISE.gauge_um * 1e-6)));
             let readings_m = read.collect();
             let sds = [NOISE.force_n, NOISE.force_n, NOISE.force_n, NOISE.moment_nm, NOISE.moment_nm, NOISE.moment_nm];
             let shown = sensor.shows(&load);
@@ -271,6 +274,25 @@ fn springs_that_are_off_by_a_third_are_rejected() {
     assert_eq!(found.doubts(20e-6).len(), 2, "{found}");
     // Loads across the jump are counted apart.
     assert!(found.at_the_jump.pairs > 10 && found.judged.pairs + found.at_the_jump.pairs == 120, "{found}");
+}
+
+/// A correction that a limit of the offsets cuts is no fault of the springs: judged apart.
+#[test]
+fn corrections_that_a_limit_cuts_are_judged_apart() {
+    let tight = text_of("l2").unwrap().replace("max_um = [2000.0, 2000.0, 2000.0]", "max_um = [300.0, 300.0, 300.0]");
+    let AnyRobotFile::L2(tight) = AnyRobotFile::parse("tight", &tight).unwrap() else { panic!("not an L2") };
+    let mut file = identified();
+    file.simulation.jump_gap_m = 0.0;
+    file.limits = tight.limits;
+    let mut draw = Draw::new(8);
+    let truth = draw.machine(&file);
+    let found = verify(&file, &measured(&file, &truth, SetupNoise::default(), &mut draw), WORKPIECE).unwrap();
+    assert!(found.saturated.pairs > 10 && found.judged.pairs > 10, "{found}");
+    assert_eq!(found.saturated.pairs + found.judged.pairs, 120, "{found}");
+    assert!(found.saturated.after_largest_m > 50e-6, "{found}");
+    // What the limits leave is predicted like everything else.
+    assert!(found.saturated.z_rms < 2.0 && found.judged.share < 0.03, "{found}");
+    assert_eq!(found.doubts(30e-6), [""; 0], "{found}");
 }
 
 /// The prediction over the workspace against machines drawn from the file: means of squares, place by place and load by load.

@@ -29,6 +29,7 @@ mod solve;
 mod tool;
 mod verify;
 mod workspace;
+mod wrist;
 
 use process::Folder;
 

@@ -4,9 +4,10 @@ use std::fmt::Write;
 
 use gantry_tau::elastic::backlash::Backlash;
 use gantry_tau::elastic::{ElasticMachine, Equilibrium, Pose};
-use gantry_tau::model::{Held, L2, MachineKind};
+use gantry_tau::model::{Held, L2, MachineKind, Wrist};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile, text_of};
-use gantry_tau::springs::gauge::Gauge;
+use gantry_tau::springs::gauge::{Body, Gauge};
+use gantry_tau::springs::loaded::Loaded;
 use gantry_tau_core::model::kinematics::Pose as CorePose;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::Wrench;
@@ -55,8 +56,9 @@ fn measure(folder: &Folder, file: &RobotFile<L2, 3>, times: f64) {
         let began = machine.equilibrium(&off, &Vector6::zeros(), &start).unwrap();
         let mut row = |window: &str, q: [f64; 3], load: Vector6<f64>| {
             let now = machine.equilibrium(&q, &load, &began).unwrap();
+            let loaded = Loaded { machine, wrist: Wrist::default(), began: began.pose, now, load };
             let read = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| {
-                Gauge::Platform { point_m: Vector3::zeros(), axis }.read(&machine, &began.pose, &now).length_m * 1e6
+                Gauge::Face { body: Body::Platform, point_m: Vector3::zeros(), axis }.read(&loaded).length_m * 1e6
             });
             let numbers: Vec<String> =
                 q.iter().chain(load.iter()).chain(&read).map(|number| format!("{number:?}")).collect();

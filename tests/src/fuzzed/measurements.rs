@@ -145,7 +145,7 @@ fn are_gauges(gauges: &[NamedGauge], axes: usize) {
     for NamedGauge { name, gauge } in gauges {
         assert_eq!(gauges.iter().filter(|other| other.name == *name).count(), 1, "{name:?} stands twice");
         match gauge {
-            Gauge::Platform { point_m, axis } => {
+            Gauge::Face { point_m, axis, .. } => {
                 assert!(within(point_m.as_slice(), REACH_M), "{point_m:?}");
                 is_unit(axis);
             }

@@ -1,7 +1,7 @@
 //! `wire.md` against the encoder and decoder.
 
-use gantry_tau::gauge_link;
 use gantry_tau::measurements::springs;
+use gantry_tau::{gauge_link, record_link};
 use gantry_tau_core::control::wire::{Frame, decode_client, encode_client};
 
 use crate::fuzz_seeds::streams::command;
@@ -31,7 +31,7 @@ fn the_specification_names_the_sizes_of_the_gauge_link() {
     let page = include_str!("../../../wire.md");
     let (_, section) = page.split_once("## The gauges of the simulated machine").unwrap();
     let (section, _) = section.split_once("\n## ").unwrap();
-    let (head, longest, gauges) = (gauge_link::HEAD, gauge_link::LONGEST, springs::MAX_GAUGES);
+    let (head, longest, gauges) = (gauge_link::HEAD, record_link::LONGEST, springs::MAX_GAUGES);
     for expected in [format!("{head} bytes"), format!("at most {longest}"), format!("at most {gauges}")] {
         assert!(section.contains(&expected), "{expected}");
     }

@@ -122,7 +122,11 @@ fn assert_agrees(robot: &RobotFile<L2, 3>, plan: &Plan<3>, campaign: &Campaign<3
         let first = windows[0];
         let began = unloaded(machine, &first.q, &plan.poses[planned.pose].1).unwrap();
         let shown = |window: &Window<3>, now: &Equilibrium<3>, gauge: usize| {
-            let exact = gauges.read((series, planned.mounting, gauge), machine, &began.pose, now, 0.0);
+            let exact = gauges.read(
+                (series, planned.mounting, gauge),
+                &springs.loaded(began.pose, *now, window.load, &[]),
+                0.0,
+            );
             window.readings_m[gauge].unwrap() - exact
         };
         for window in &windows {

@@ -126,8 +126,8 @@ fn the_springs_are_found_within_their_intervals() {
         let simulated = simulate(&robot, &robot, &plan).unwrap();
         written(&folder, &plan, &simulated.rows);
         let answer = identified(&folder, &robot);
-        let truth = simulated.truth.link_m_per_n().iter().chain(simulated.truth.cart_m_per_n());
-        for (parameter, truth) in answer["parameters"].as_array().unwrap().iter().zip(truth) {
+        let truth = simulated.truth.vector();
+        for (parameter, truth) in answer["parameters"].as_array().unwrap().iter().zip(&truth) {
             let end = |key: &str| parameter[key].as_f64().unwrap();
             held += usize::from((end("low95")..=end("high95")).contains(truth));
         }

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use super::{
     FORMAT, FileError, GaugeEntry, LOAD, NamedGauge, PoseEntry, Setup, SetupFile, WINDOW, axis_columns, setup,
 };
-use crate::springs::gauge::Gauge;
+use crate::springs::gauge::{Body, Gauge};
 
 /// A file of gauges alone.
 #[derive(Deserialize)]
@@ -74,9 +74,12 @@ impl Setup {
 fn entry(gauge: &NamedGauge) -> GaugeEntry {
     let name = gauge.name.clone();
     match gauge.gauge {
-        Gauge::Platform { point_m, axis } => GaugeEntry {
+        Gauge::Face { body, point_m, axis } => GaugeEntry {
             name,
-            on: "platform".to_owned(),
+            on: match body {
+                Body::Platform => "platform".to_owned(),
+                Body::Tool => "tool".to_owned(),
+            },
             point_m: Some(point_m.into()),
             axis: Some(axis.into()),
             axis_number: None,

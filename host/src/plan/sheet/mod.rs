@@ -14,7 +14,7 @@ use crate::measurements::springs::{NamedGauge, SeriesEntry, Setup};
 use crate::model::MachineKind;
 use crate::plots::page::{escape, page};
 use crate::robot_file::RobotFile;
-use crate::springs::gauge::Gauge;
+use crate::springs::gauge::{Body, Gauge};
 use views::{Mark, views};
 
 /// Style of the tables.
@@ -77,7 +77,7 @@ fn picture<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>, setup: &S
     let joints = robot.model.geometry().platform_joints_m;
     let mut marks: Vec<Mark> = Vec::new();
     for gauge in &setup.gauges {
-        if let Gauge::Platform { point_m, axis } = gauge.gauge {
+        if let Gauge::Face { point_m, axis, .. } = gauge.gauge {
             marks.push(Mark { name: gauge.name.clone(), at_m: point_m, way_m: axis * ARROW_M, is_hook: false });
         }
     }
@@ -103,8 +103,10 @@ fn gauges(gauges: &[NamedGauge]) -> String {
     for NamedGauge { name, gauge } in gauges {
         let name = escape(name);
         let _ = match gauge {
-            Gauge::Platform { point_m, axis } => {
-                write!(table, "<tr><td>{name}</td><td>{} mm</td><td>{}</td></tr>", mm(point_m), direction(axis))
+            Gauge::Face { body, point_m, axis } => {
+                let body = if *body == Body::Tool { "tool" } else { "platform" };
+                let (at, way) = (mm(point_m), direction(axis));
+                write!(table, "<tr><td>{name}</td><td>{body}, {at} mm</td><td>{way}</td></tr>")
             }
             Gauge::Axis { axis, .. } => {
                 let what = if *axis < 3 { "cart against its rail" } else { "plate, where its screw takes hold" };

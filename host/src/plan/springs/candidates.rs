@@ -68,7 +68,7 @@ impl Grid {
                 let pulls =
                     [1.0, -1.0].map(|sign| Strap { hook_m: (*hook).into(), direction: Vector3::ith(axis, sign) });
                 let found = pulls.into_iter().find_map(|pull| {
-                    let series = bench.series(stand, &pull, &levels_n, &gauges).ok()?;
+                    let series = bench.series(stand, &pull, &levels_n, &gauges, &[]).ok()?;
                     preload.is_none_or(|preload| preload.holds(series.cluster_n)).then_some((pull, series))
                 });
                 match found {
@@ -130,7 +130,7 @@ pub(super) fn around_jump<K: MachineKind<N>, const N: usize>(
     let pulls = (0..3).flat_map(|axis| [1.0, -1.0].map(|sign| Vector3::ith(axis, sign)));
     let at_jump = pulls.filter_map(|direction| {
         let strap = Strap { hook_m: HOOKS_M[0].into(), direction };
-        let series = bench.series(stand, &strap, &[0.0, force_max_n], &[]).ok()?;
+        let series = bench.series(stand, &strap, &[0.0, force_max_n], &[], &[]).ok()?;
         Some((preload.share_at_jump(series.cluster_n)? * force_max_n, strap))
     });
     let (force_n, strap) = at_jump

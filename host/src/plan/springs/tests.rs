@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use super::*;
 use crate::model::L2;
 use crate::plan::expected::Status;
+use crate::robot_file::WristJoint;
 
 fn l2() -> RobotFile<L2, 3> {
     RobotFile::builtin_l2().unwrap()
@@ -65,7 +66,7 @@ fn agrees(judgement: &Judgement, deviations: &[f64], indices: &[f64], readings: 
 #[test]
 fn campaign_a_and_its_first_hook() {
     let robot = l2();
-    let gauges = || default_gauges(&robot.metres_per_q);
+    let gauges = || default_gauges(&robot);
     let a = judge(&robot, &at_home(&robot, &HOOKS_M, gauges()), false, "A").unwrap();
     let deviations = [0.366, 0.187, 0.327, 0.217, 0.231, 0.147, 6.73, 4.85, 3.34];
     agrees(&a, &deviations, &[5.48, 0.0205, 14.9, 0.305, 6.13], 891);
@@ -81,7 +82,7 @@ fn campaign_a_and_its_first_hook() {
 #[test]
 fn the_f1_with_a_gauge_on_every_axis_and_on_its_carts_only() {
     let robot = RobotFile::builtin_f1().unwrap();
-    let gauges = || default_gauges(&robot.metres_per_q);
+    let gauges = || default_gauges(&robot);
     let all = judge(&robot, &at_home(&robot, &HOOKS_M, gauges()), false, "F1").unwrap();
     let deviations = [0.347, 0.773, 0.608, 0.332, 0.419, 0.460, 0.152, 0.140, 0.125, 10.7, 12.0, 7.9];
     agrees(&all, &deviations, &[], 99 * 12);
@@ -99,7 +100,7 @@ fn the_thesis_sees_three_of_six_links() {
     let at_block = [("gx", Vector3::x()), ("gy", Vector3::y()), ("gz", Vector3::z())];
     let gauges = at_block.map(|(name, axis)| NamedGauge {
         name: name.to_owned(),
-        gauge: Gauge::Platform { point_m: Vector3::new(0.0, 0.0, 0.1), axis },
+        gauge: Gauge::Face { body: Body::Platform, point_m: Vector3::new(0.0, 0.0, 0.1), axis },
     });
     let mut setup = at_home(&robot, &HOOKS_M[..1], gauges.to_vec());
     setup.plan.truncate(1);
@@ -111,7 +112,7 @@ fn the_thesis_sees_three_of_six_links() {
     let free = judge(&robot, &setup, false, "thesis").unwrap();
     assert_eq!((free.expected.seen, free.expected.lost.len()), ((3, 9), 6), "{free}");
     // Gauges on the carts tell their springs, and no more of the links.
-    setup.gauges.extend(without_platform(default_gauges(&robot.metres_per_q)));
+    setup.gauges.extend(without_platform(default_gauges(&robot)));
     setup.plan[0].gauges = setup.gauges.iter().map(|gauge| gauge.name.clone()).collect();
     let gauged = judge(&robot, &setup, false, "thesis").unwrap();
     assert_eq!(gauged.expected.seen, (6, 9), "{gauged}");
@@ -125,7 +126,7 @@ fn without_platform(gauges: Vec<NamedGauge>) -> Vec<NamedGauge> {
 #[test]
 fn without_cart_gauges_link_11_and_cart_1_are_one_spring() {
     let robot = l2();
-    let gauges = without_axes(default_gauges(&robot.metres_per_q), 0);
+    let gauges = without_axes(default_gauges(&robot), 0);
     let found = judge(&robot, &at_home(&robot, &HOOKS_M, gauges), false, "A").unwrap().expected;
     assert_eq!(found.lost.len(), 1, "{found}");
     let of = |name: &str| {
@@ -144,10 +145,10 @@ fn without_cart_gauges_link_11_and_cart_1_are_one_spring() {
 #[test]
 fn the_exchange_beats_the_limits_and_random_plans() {
     let robot = l2();
-    let bench = Bench::new(&robot, robot.compliances.unwrap(), Noise::USUAL, false);
+    let bench = Bench::new(&robot, springs(&robot).unwrap(), Noise::USUAL, false);
     let stands = stands(&robot);
     assert_eq!(stands.len(), 28);
-    let gauges = default_gauges(&robot.metres_per_q);
+    let gauges = default_gauges(&robot);
     let grid = Grid::new(&robot, &bench, &stands[1..], &gauges, 300.0).unwrap();
     assert_eq!(grid.candidates.len(), 243);
     let goal = goal(&bench, &stands[1..], 300.0, "l2").unwrap();
@@ -183,12 +184,12 @@ fn a_plan_stays_within_its_limits() {
     // The series around the jump passes it with the least force, and stays within the largest.
     let jump = setup.plan.last().unwrap();
     let most = jump.levels_n.iter().copied().fold(0.0, f64::max);
-    let bench = Bench::new(&robot, robot.compliances.unwrap(), Noise::USUAL, false);
+    let bench = Bench::new(&robot, springs(&robot).unwrap(), Noise::USUAL, false);
     let preload = Preload::of(&robot, bench.machine()).unwrap();
     let tool_m = setup.poses.iter().find(|(name, _)| *name == jump.pose).unwrap().1.position_m;
     let stand = Stand { tool_m, q: robot.model.axes_at(&tool_m).unwrap() };
     let strap = Strap { hook_m: jump.hook_m.into(), direction: jump.direction.into() };
-    let cluster_n = |force| bench.series(&stand, &strap, &[0.0, force], &[]).unwrap().cluster_n;
+    let cluster_n = |force| bench.series(&stand, &strap, &[0.0, force], &[], &[]).unwrap().cluster_n;
     let share = preload.share_at_jump(cluster_n(most)).unwrap();
     assert!(most < 300.0 && (0.8..0.95).contains(&share), "{share} {jump:?}");
     // Poses in a row: gauges are moved once.
@@ -223,7 +224,7 @@ fn checked(setup: &Setup) -> Result<(), crate::measurements::FileError> {
 #[test]
 fn plans_of_others_are_read_strictly() {
     let robot = l2();
-    let setup = at_home(&robot, &HOOKS_M[..1], default_gauges(&robot.metres_per_q));
+    let setup = at_home(&robot, &HOOKS_M[..1], default_gauges(&robot));
     checked(&setup).unwrap();
     let refused = |change: fn(&mut SeriesEntry)| {
         let mut wrong = setup.clone();
@@ -240,4 +241,21 @@ fn plans_of_others_are_read_strictly() {
     let mut diagonal = setup.clone();
     diagonal.plan[0].direction = [FRAC_1_SQRT_2, FRAC_1_SQRT_2, 0.0];
     checked(&diagonal).unwrap();
+}
+
+/// Six gauges on the tool, three on carts, nine straps: all eleven springs, the joints of the wrist to 2 % or better.
+#[test]
+fn gauges_on_the_tool_see_the_wrist() {
+    let mut robot = l2();
+    let joint = |axis| WristJoint { axis, point_m: [0.0, 0.0, 0.15], c_rad_per_nm: 1e-5 };
+    robot.wrist = vec![joint([1.0, 0.0, 0.0]), joint([0.0, 1.0, 0.0])];
+    let on_tool = judge(&robot, &at_home(&robot, &HOOKS_M, default_gauges(&robot)), false, "wrist").unwrap().expected;
+    assert_eq!(on_tool.seen, (11, 11), "{on_tool}");
+    let wrist = &on_tool.parameters[9..];
+    assert!(wrist.iter().all(|joint| joint.name.starts_with("wrist ") && joint.sd < 2.0), "{on_tool}");
+    // Gauges on the platform do not see what is behind it.
+    let on_platform = default_gauges(&l2());
+    let unseen = judge(&robot, &at_home(&robot, &HOOKS_M, on_platform), false, "wrist").unwrap().expected;
+    assert_eq!(unseen.seen, (9, 11), "{unseen}");
+    assert!(unseen.lost.iter().all(|lost| lost.components[0].0.starts_with("wrist")), "{unseen}");
 }

@@ -1,10 +1,13 @@
 //! Campaigns of the simulated L2 and F1, of known springs: campaign A of nine straps at home, and B at three poses.
 
+use gantry_tau_core::model::robot::LINKS;
+
 use super::*;
 use crate::fit::statistics::NORMAL_95;
 use crate::measurements::springs::{Noise, SetupNoise};
 use crate::robot_file::RobotFile;
-use crate::springs::campaigns::{Bench, FINE, HOME, HOOKS, campaign_a, never, seeded, straps};
+use crate::springs::campaigns::{Bench, FINE, HOME, HOOKS, WRIST_M, campaign_a, l2_with_wrist, never, seeded, straps};
+use crate::springs::gauge::{Body, Gauge};
 
 /// Noise that nothing is lost in, and that leaves a campaign solvable.
 const NONE: Noise = Noise { gauge_um: 1e-6, force_n: 1e-6, moment_nm: 1e-6 };
@@ -23,7 +26,7 @@ fn a_campaign_without_noise_gives_the_springs() {
         bench.measure(&truth, &mut random, 0.0, never);
         bench.campaign.noise = FINE;
         let found = fitted(&bench);
-        let off = (vector(&found.state.compliances) - vector(&truth)).component_div(&vector(&truth)).amax();
+        let off = (found.state.springs.vector() - truth.vector()).component_div(&truth.vector()).amax();
         assert!(off < 1e-5 && found.rounds <= 7, "{seed}: {off:e} after {}", found.rounds);
         assert!(found.rows.chi_squared() < 1e-6);
     }
@@ -38,7 +41,7 @@ struct Coverage {
 }
 
 fn coverage<const N: usize>(count: u32, setup: SetupNoise, planned: impl Fn() -> Bench<N>) -> Coverage {
-    let zeros = DVector::zeros(LINKS + N);
+    let zeros = DVector::zeros(planned().file.count());
     let mut coverage = Coverage { squares: zeros.clone(), sums: zeros.clone(), held: zeros, reduced: 0.0 };
     for seed in 0..count {
         let mut random = seeded(u64::from(seed));
@@ -48,8 +51,8 @@ fn coverage<const N: usize>(count: u32, setup: SetupNoise, planned: impl Fn() ->
         bench.measure(&truth, &mut random, 0.0, never);
         let found = fitted(&bench);
         let covariance = found.seen.covariance();
-        let off = vector(&found.state.compliances) - vector(&truth);
-        for spring in 0..LINKS + N {
+        let off = found.state.springs.vector() - truth.vector();
+        for spring in 0..off.len() {
             let score = off[spring] / covariance[(spring, spring)].sqrt();
             coverage.squares[spring] += score * score / f64::from(count);
             coverage.sums[spring] += score / f64::from(count);
@@ -58,6 +61,60 @@ fn coverage<const N: usize>(count: u32, setup: SetupNoise, planned: impl Fn() ->
         coverage.reduced += found.rows.chi_squared() / float(found.degrees()) / f64::from(count);
     }
     coverage
+}
+
+/// Nine straps, six gauges on the tool, one on each cart: all springs and both joints of the wrist.
+fn campaign_with_wrist(noise: Noise) -> Bench<3> {
+    Bench::new(&l2_with_wrist(), &[HOME], &straps(1, &HOOKS), noise)
+}
+
+#[test]
+fn a_wrist_is_identified_along_with_the_machine() {
+    let coverage = coverage(200, SetupNoise::default(), || campaign_with_wrist(FINE));
+    assert_eq!(coverage.held.len(), LINKS + 3 + 2);
+    assert!(coverage.squares.iter().all(|square| square.sqrt() <= 1.2), "{}", coverage.squares);
+    assert!(coverage.held.iter().all(|held| (178.0..=199.0).contains(held)), "{}", coverage.held);
+    assert!((0.99..1.01).contains(&coverage.reduced), "{}", coverage.reduced);
+}
+
+/// The first joint turned by half a radian in every second series: with the angles the campaign gives the springs, without them it does not.
+#[test]
+fn the_angles_of_the_wrist_are_those_of_the_series() {
+    let mut random = seeded(1);
+    let mut bench = campaign_with_wrist(NONE);
+    let truth = bench.true_springs(&mut random);
+    bench.turn_wrist(&[0.5, -0.2]);
+    bench.measure(&truth, &mut random, 0.0, never);
+    bench.campaign.noise = FINE;
+    let off = |bench: &Bench<3>| {
+        let found = fitted(bench).state.springs.vector();
+        (found - truth.vector()).component_div(&truth.vector()).amax()
+    };
+    let known = off(&bench);
+    bench.campaign.plan.clear();
+    let unknown = off(&bench);
+    assert!(known < 1e-5 && unknown > 0.05, "{known:e} {unknown:e}");
+}
+
+/// A joint is not seen by gauges at one point on its axis, and keeps the file's value.
+#[test]
+fn gauges_at_a_point_of_its_axis_do_not_see_a_joint() {
+    // Pulls of 100 N: at 300 N the point moves by a third of a millimetre, and is off the axis.
+    let mut straps = straps(1, &HOOKS);
+    straps.iter_mut().flat_map(|strap| &mut strap.levels).for_each(|level| *level /= 3.0);
+    let mut bench = Bench::new(&l2_with_wrist(), &[HOME], &straps, FINE);
+    for named in &mut bench.campaign.gauges {
+        if let Gauge::Face { point_m, .. } = &mut named.gauge {
+            *point_m = WRIST_M.into();
+        }
+    }
+    let truth = bench.file.clone();
+    bench.measure(&truth, &mut seeded(2), 0.0, never);
+    let found = fitted(&bench);
+    let named: f64 = found.seen.lost().iter().map(|lost| lost.components.rows(LINKS + 3, 2).norm_squared()).sum();
+    assert!(named > 1.9, "{named}");
+    let kept = found.state.springs.wrist.compliances().zip(truth.wrist.compliances());
+    assert!(kept.into_iter().all(|(found, file)| (found / file - 1.0).abs() < 0.02));
 }
 
 #[test]
@@ -125,7 +182,7 @@ fn cart_1_cannot_be_told_from_link_11_without_its_gauge() {
     let cosine = direction.components.dot(&expected) / expected.norm();
     assert!(cosine.abs() >= 0.99, "{cosine}");
     assert_eq!(crate::fit::answer::Status::of(&found.seen, 6), crate::fit::answer::Status::Kept);
-    let kept = found.state.compliances.cart_m_per_n()[0] / bench.file.cart_m_per_n()[0];
+    let kept = found.state.springs.machine.cart_m_per_n()[0] / bench.file.machine.cart_m_per_n()[0];
     assert!((kept - 1.0).abs() < 0.01, "the file's value stays: {kept}");
 }
 
@@ -138,7 +195,7 @@ fn the_measurement_of_the_thesis_gives_three_of_six_links() {
         [nalgebra::Vector3::x(), nalgebra::Vector3::y(), nalgebra::Vector3::z()].into_iter().enumerate()
     {
         bench.campaign.gauges[gauge].gauge =
-            crate::springs::gauge::Gauge::Platform { point_m: nalgebra::Vector3::new(0.0, 0.0, 0.1), axis };
+            Gauge::Face { body: Body::Platform, point_m: nalgebra::Vector3::new(0.0, 0.0, 0.1), axis };
     }
     for window in &mut bench.campaign.windows {
         window.readings_m[3..6].fill(None);

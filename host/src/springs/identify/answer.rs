@@ -14,7 +14,7 @@ pub struct Answer {
     pub format: &'static str,
     /// `l2` or `f1`.
     pub model: &'static str,
-    /// Compliances of links and axes; the play, where there is one; hysteresis of gauges, where it was asked for.
+    /// Compliances of links, axes and joints of the wrist; the play, where there is one; hysteresis of gauges, where it was asked for.
     pub parameters: Vec<Parameter>,
     /// Covariance of the parameters, by rows.
     pub covariance: Vec<Vec<f64>>,

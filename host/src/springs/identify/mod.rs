@@ -13,6 +13,7 @@ use nalgebra::{DMatrix, Vector6};
 
 use super::agreement::{Agreement, fit_agreeing};
 use super::choice::Choice;
+use super::compliances::Springs;
 use super::fit::{SpringsError, fit, rounds};
 use super::lines::{Question, State};
 use super::play::{FoundPlay, with_play};
@@ -66,6 +67,14 @@ pub enum IdentifyError {
     NoCompliances {
         /// The robot file.
         robot: String,
+    },
+    /// A joint of the wrist has no compliance to begin with.
+    #[error("{robot}: wrist[{index}].c_rad_per_nm is 0; an identification begins with an estimate, such as 1e-5")]
+    RigidJoint {
+        /// The robot file.
+        robot: String,
+        /// Index of the joint.
+        index: usize,
     },
     /// There is no fit.
     #[error("{table}: {reason}")]
@@ -122,13 +131,12 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     robot: &RobotFile<K, N>,
     options: &IdentifyOptions,
 ) -> Result<Identification, IdentifyError> {
-    let Some(file) = &robot.compliances else {
-        return Err(IdentifyError::NoCompliances { robot: robot.name.clone() });
-    };
+    let file = starting_springs(robot)?;
     let campaign = springs::read(&options.setup, K::MODEL, &robot.metres_per_q)?;
+    campaign.check_wrist(&options.setup, robot.wrist.len())?;
     let setup = SetupConstants::of(&campaign);
     let geometry = robot.model.geometry();
-    let question = Question { geometry: &geometry, file, campaign: &campaign, setup };
+    let question = Question { geometry: &geometry, file: &file, campaign: &campaign, setup };
     plausible::check(&question)?;
     let found = find(question, options)?;
     let answer = found.answer(K::MODEL, options);
@@ -143,6 +151,15 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
         warnings,
         doubts,
     })
+}
+
+/// Springs of a robot file, all of which can be scaled.
+fn starting_springs<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Result<Springs<N>, IdentifyError> {
+    let name = || robot.name.clone();
+    if let Some(index) = robot.wrist.iter().position(|joint| joint.c_rad_per_nm <= 0.0) {
+        return Err(IdentifyError::RigidJoint { robot: name(), index });
+    }
+    Springs::of(robot).ok_or_else(|| IdentifyError::NoCompliances { robot: name() })
 }
 
 fn find<'a, const N: usize>(
@@ -160,7 +177,7 @@ fn find<'a, const N: usize>(
     plausible::gauges(&question, &first.lines)?;
     let failed = |reason: SpringsError| match (reason, first.seen.lost().as_slice()) {
         (reason @ (SpringsError::AtBound { .. } | SpringsError::NotConverged { .. }), [_, ..]) => {
-            let unseen = Unobservable::list(&names(question.campaign, &choice, false), &first.seen.lost());
+            let unseen = Unobservable::list(&names(&question, &choice, false), &first.seen.lost());
             let unseen = unseen.iter().map(Unobservable::to_string).collect::<Vec<_>>().join("; ");
             IdentifyError::Unseen { table: table.clone(), reason, unseen }
         }
@@ -184,13 +201,14 @@ fn find<'a, const N: usize>(
 }
 
 /// Names and units of the parameters.
-fn names<const N: usize>(campaign: &Campaign<N>, choice: &Choice, has_play: bool) -> Vec<(String, &'static str)> {
+fn names<const N: usize>(question: &Question<'_, N>, choice: &Choice, has_play: bool) -> Vec<(String, &'static str)> {
     let links = (0..LINKS).map(|link| (format!("c_link[{link}]"), "m/N"));
     let axes = (0..N).map(|axis| (format!("{}[{axis}]", axes_key::<N>()), "m/N"));
+    let wrist = (0..question.file.wrist.joints()).map(|joint| (format!("c_wrist[{joint}]"), "rad/(N m)"));
     let play = has_play.then(|| ("play.gap_m".to_owned(), "m"));
-    let gauges = campaign.gauges.iter().filter(|_| choice.has_hysteresis);
+    let gauges = question.campaign.gauges.iter().filter(|_| choice.has_hysteresis);
     let hysteresis = gauges.map(|gauge| (format!("hysteresis[{}]", gauge.name), "m"));
-    links.chain(axes).chain(play).chain(hysteresis).collect()
+    links.chain(axes).chain(wrist).chain(play).chain(hysteresis).collect()
 }
 
 /// Key of the compliances of the axes.
@@ -203,7 +221,7 @@ impl<const N: usize> Found<'_, N> {
         let Agreement { solved, choice, refused } = &self.agreement;
         let (mut values, mut covariance) = (solved.values(choice), solved.seen.covariance());
         if let Some(play) = &self.play {
-            let index = LINKS + N;
+            let index = self.question.file.count();
             values[index] *= play.sign;
             covariance.row_mut(index).scale_mut(play.sign);
             covariance.column_mut(index).scale_mut(play.sign);
@@ -213,7 +231,7 @@ impl<const N: usize> Found<'_, N> {
         if is_scaled {
             covariance *= chi2 / float(dof);
         }
-        let names = names(self.question.campaign, choice, self.play.is_some());
+        let names = names(&self.question, choice, self.play.is_some());
         let mut parameters = Parameter::list(&names, &values, &covariance, |index| Status::of(&solved.seen, index));
         if is_scaled {
             parameters.iter_mut().for_each(|parameter| parameter.set_reach(students_t_95(dof)));
@@ -240,7 +258,7 @@ impl<const N: usize> Found<'_, N> {
             unobservable: Unobservable::list(&names, &unobservable),
             play: self.play.as_ref().map(|play| PlayAnswer {
                 gap_m: play.gap_m,
-                sd_m: parameters[LINKS + N].sd,
+                sd_m: parameters[self.question.file.count()].sd,
                 preload_rising_n: play.preload_n[0],
                 preload_falling_n: play.preload_n[1],
             }),
@@ -351,7 +369,10 @@ impl<const N: usize> Found<'_, N> {
         let (links, axes) = values.split_at(LINKS);
         text.set_numbers("c_link", links);
         text.set_numbers(axes_key::<N>(), &axes[..N]);
-        let springs = LINKS + N;
+        for (joint, value) in axes[N..].iter().take(robot.wrist.len()).enumerate() {
+            text.set_number_of("wrist", joint, "c_rad_per_nm", *value);
+        }
+        let springs = self.question.file.count();
         let identified = Identified {
             measurements: campaign.table.clone(),
             crc: campaign.crc,
@@ -382,7 +403,7 @@ impl<const N: usize> Found<'_, N> {
     fn jump_force_n<K: MachineKind<N>>(&self, robot: &RobotFile<K, N>, preload_n: [f64; 2]) -> Option<f64> {
         let home = robot.home_m();
         let q = robot.model.axes_at(&home).ok()?;
-        let compliances = self.agreement.solved.state.compliances;
+        let compliances = self.agreement.solved.state.springs.machine;
         let machine = ElasticMachine::new(*self.question.geometry, compliances, Backlash::NONE);
         let probe_n = 100.0;
         let load = Vector6::new(probe_n, 0.0, 0.0, 0.0, 0.0, 0.0);

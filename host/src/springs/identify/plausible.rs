@@ -1,6 +1,5 @@
 //! Campaigns that cannot be what they say: refused before a fit, by line and column.
 
-use gantry_tau_core::model::robot::Compliances;
 use nalgebra::Vector3;
 
 use crate::elastic::ElasticMachine;
@@ -32,8 +31,7 @@ pub(super) fn check<const N: usize>(question: &Question<'_, N>) -> Result<(), Fi
 /// Axes of a row must put the machine where the set-up says it stood.
 fn poses<const N: usize>(question: &Question<'_, N>) -> Result<(), FileError> {
     let campaign = question.campaign;
-    let compliances: &Compliances<N> = question.file;
-    let machine = ElasticMachine::new(*question.geometry, *compliances, Backlash::NONE);
+    let machine = ElasticMachine::new(*question.geometry, question.file.machine, Backlash::NONE);
     for window in &campaign.windows {
         let (name, pose) = &campaign.poses[window.pose];
         let refused = |reason: String| campaign.error(window, "pose", reason);

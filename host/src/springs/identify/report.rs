@@ -11,7 +11,7 @@ use crate::fit::statistics::{float, normal_quantile};
 use crate::plots::page::{escape, page};
 use crate::plots::{Corner, Curve, Plot};
 use crate::springs::agreement::deviations;
-use crate::springs::lines::{Lines, vector};
+use crate::springs::lines::Lines;
 
 /// Largest number of constants of the set-up that the page lists, the farthest moved first.
 const LISTED: usize = 20;
@@ -99,7 +99,7 @@ impl<const N: usize> Found<'_, N> {
     }
 
     fn springs(&self, answer: &Answer) -> String {
-        let file = vector(self.question.file);
+        let file = self.question.file.vector();
         let thesis = super::thesis::evaluate(&self.question);
         let of_noise = self.agreement.solved.covariance_of_noise(&self.question, &self.agreement.choice);
         let mut table = String::from(
@@ -183,7 +183,7 @@ impl<const N: usize> Found<'_, N> {
             "<h2>What can be seen</h2><p>Combinations of springs by falling standard deviation, in shares of the file's values; above 1 nothing is seen, \
              above 0.1 one digit at most.</p><table><tr><th>sd<th>combination</tr>",
         );
-        let names = super::names(self.question.campaign, &self.agreement.choice, self.play.is_some());
+        let names = super::names(&self.question, &self.agreement.choice, self.play.is_some());
         let all = seen.all();
         let named = crate::fit::answer::Unobservable::list(&names, &all);
         for (direction, named) in all.iter().zip(named) {

@@ -40,7 +40,7 @@ pub(super) fn evaluate<const N: usize>(question: &Question<'_, N>) -> Option<The
     let largest = campaign.windows.iter().max_by(|one, other| force(one).total_cmp(&force(other)))?;
     let windows: Vec<&Window<N>> = campaign.windows.iter().filter(|window| window.series == largest.series).collect();
     let first = windows.first()?;
-    let machine = ElasticMachine::new(*question.geometry, *question.file, Backlash::NONE);
+    let machine = ElasticMachine::new(*question.geometry, question.file.machine, Backlash::NONE);
     let began = question.unloaded(&machine, first).ok()?;
     let seen: Vec<Seen<N>> =
         windows.iter().filter_map(|window| see(question, &machine, &began, first, window)).collect();
@@ -71,7 +71,7 @@ fn see<const N: usize>(
             continue;
         };
         match named.gauge {
-            Gauge::Platform { axis, .. } => {
+            Gauge::Face { axis, .. } => {
                 normals.push(axis);
                 changes.push(change);
             }

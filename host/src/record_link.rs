@@ -1,0 +1,156 @@
+//! Records over TCP from the cycle to the programs that need them, which take the latest: losing records is harmless.
+
+use std::io::{self, Read, Write};
+use std::marker::PhantomData;
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::time::Duration;
+
+use crate::server::connections::Allowed;
+
+/// Longest wait for a publisher to answer.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
+/// Readers served at once.
+const READERS: usize = 4;
+
+/// Bytes of the longest record of any kind.
+pub const LONGEST: usize = 144;
+
+/// What is sent: 64-bit fields, little-endian, at most [`LONGEST`] bytes.
+pub trait Record: Copy {
+    /// Writes the record; returns its length.
+    fn put(&self, bytes: &mut [u8; LONGEST]) -> usize;
+
+    /// Returns the length of the record that begins with these bytes, as far as they tell.
+    ///
+    /// # Errors
+    /// [`io::ErrorKind::InvalidData`]: they begin no record.
+    fn expected(bytes: &[u8]) -> io::Result<usize>;
+
+    /// Reads a whole record.
+    fn take(bytes: &[u8]) -> Self;
+}
+
+/// Writes fields one after the other; returns their length.
+pub(crate) fn put_fields(bytes: &mut [u8; LONGEST], fields: impl Iterator<Item = [u8; 8]>) -> usize {
+    bytes.chunks_exact_mut(8).zip(fields).map(|(place, field)| place.copy_from_slice(&field)).count() * 8
+}
+
+/// Fields of a record.
+pub(crate) fn fields(bytes: &[u8]) -> impl Iterator<Item = [u8; 8]> {
+    bytes.chunks_exact(8).map(|field| <[u8; 8]>::try_from(field).unwrap_or_default())
+}
+
+/// Publishes records from the cycle: no allocation, no blocking; a reader that cannot keep up is dropped.
+#[derive(Debug)]
+pub struct Publisher<R> {
+    listener: TcpListener,
+    allowed: Allowed,
+    readers: [Option<TcpStream>; READERS],
+    record: PhantomData<R>,
+}
+
+impl<R: Record> Publisher<R> {
+    /// Listens for readers.
+    ///
+    /// # Errors
+    /// The address cannot be bound.
+    pub fn bind(address: SocketAddr) -> io::Result<Self> {
+        let listener = TcpListener::bind(address)?;
+        listener.set_nonblocking(true)?;
+        Ok(Self { listener, allowed: Allowed::all(), readers: [const { None }; READERS], record: PhantomData })
+    }
+
+    /// Serves only these peers.
+    #[must_use]
+    pub fn for_peers(self, allowed: Allowed) -> Self {
+        Self { allowed, ..self }
+    }
+
+    /// Returns the address on which it listens.
+    ///
+    /// # Errors
+    /// Error of the system.
+    pub fn address(&self) -> io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+
+    /// Accepts at most one new reader and sends the record to every one.
+    pub fn publish(&mut self, record: &R) {
+        self.accept();
+        let mut bytes = [0; LONGEST];
+        let length = record.put(&mut bytes);
+        let record = bytes.get(..length).unwrap_or_default();
+        for reader in &mut self.readers {
+            let sent = (reader.as_mut())
+                .is_some_and(|stream| matches!(stream.write(record), Ok(count) if count == record.len()));
+            if !sent {
+                *reader = None;
+            }
+        }
+    }
+
+    fn accept(&mut self) {
+        let Some(free) = self.readers.iter_mut().find(|reader| reader.is_none()) else {
+            return;
+        };
+        if let Ok((stream, peer)) = self.listener.accept() {
+            let usable = self.allowed.admits(peer.ip())
+                && stream.set_nonblocking(true).is_ok()
+                && stream.set_nodelay(true).is_ok();
+            *free = usable.then_some(stream);
+        }
+    }
+}
+
+/// Reads records; keeps the latest.
+#[derive(Debug)]
+pub struct Reader<R> {
+    stream: TcpStream,
+    buffer: [u8; LONGEST],
+    filled: usize,
+    pub(crate) latest: Option<R>,
+}
+
+impl<R: Record> Reader<R> {
+    /// Connects to a publisher.
+    ///
+    /// # Errors
+    /// No publisher listens there.
+    pub fn connect(address: SocketAddr) -> io::Result<Self> {
+        let stream = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT)?;
+        stream.set_nodelay(true)?;
+        stream.set_nonblocking(true)?;
+        Ok(Self { stream, buffer: [0; LONGEST], filled: 0, latest: None })
+    }
+
+    /// Takes everything that has arrived and returns the latest whole record.
+    ///
+    /// # Errors
+    /// [`io::ErrorKind::InvalidData`]: bytes that begin no record, after which the stream is not understood any more. Others: the publisher is gone.
+    pub fn latest(&mut self) -> io::Result<Option<R>> {
+        loop {
+            let expected = self.expected()?;
+            let room = self.buffer.get_mut(self.filled..expected).unwrap_or_default();
+            match self.stream.read(room) {
+                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+                Ok(count) => self.filled += count,
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(self.latest),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+            // What has just arrived may say that more belongs to the record.
+            if self.filled == self.expected()? {
+                self.latest = Some(R::take(self.arrived()));
+                self.filled = 0;
+            }
+        }
+    }
+
+    fn arrived(&self) -> &[u8] {
+        self.buffer.get(..self.filled).unwrap_or_default()
+    }
+
+    fn expected(&self) -> io::Result<usize> {
+        R::expected(self.arrived())
+    }
+}
