@@ -56,7 +56,24 @@ pub struct Agreement<S> {
 /// # Errors
 /// [`FitError`].
 pub fn fit_agreeing<M: Model>(model: &M, start: M::State) -> Result<Agreement<M::State>, FitError<M::Error>> {
-    let mut used: Vec<usize> = (0..model.count()).filter(|index| model.length_sd(&start, *index).is_finite()).collect();
+    let used = (0..model.count()).filter(|index| model.length_sd(&start, *index).is_finite()).collect();
+    fit_from(model, start, used)
+}
+
+/// As [`fit_agreeing`], begun without the poses that `start` leaves farther off than most: for a start that is better than a few wrong poses.
+///
+/// # Errors
+/// [`FitError`].
+pub fn fit_agreeing_first<M: Model>(model: &M, start: M::State) -> Result<Agreement<M::State>, FitError<M::Error>> {
+    let used = agreeing(model, &start);
+    fit_from(model, start, used)
+}
+
+fn fit_from<M: Model>(
+    model: &M,
+    start: M::State,
+    mut used: Vec<usize>,
+) -> Result<Agreement<M::State>, FitError<M::Error>> {
     let mut state = start;
     let mut rounds = 0;
     loop {

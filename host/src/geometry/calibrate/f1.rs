@@ -1,32 +1,29 @@
 //! Calibration of an F1.
 
+mod start;
+
 use gantry_tau_core::model::f1::{AXES, Geometry};
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::robot::{ARMS, LINKS};
-use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix6, Vector3};
 
 use super::along::turn_along;
 use super::shape::Shape;
 use super::{
-    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, LEAST_P,
-    MOST_OUTLIERS, check_shape, rows,
+    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, check_shape, rows,
 };
-use crate::fit::statistics::{chi_squared_above, float};
-use crate::geometry::MeasuredPose;
-use crate::geometry::agreement::{fit_agreeing, left_out_rms_m, rms_m};
+use crate::geometry::agreement::{left_out_rms_m, rms_m};
 use crate::geometry::answer::{F1Machine, InRobotFrame, Target};
-use crate::geometry::f1::{Calibrated, Diagnostic, OBSERVABLE, PARAMETERS, Poses, parameters, seen_by};
-use crate::geometry::frames::Frames;
+use crate::geometry::f1::{Diagnostic, OBSERVABLE, PARAMETERS, Poses, parameters, seen_by};
 use crate::measurements::frame;
 use crate::measurements::poses::{self, Noise};
-use crate::model::{F1, pose_at};
+use crate::model::F1;
 use crate::robot_file::RobotFile;
 use crate::workspace::{Grid, survey};
+use start::{best_start, pairs};
 
 /// Poses that a calibration needs: 72 numbers for 60.
 const LEAST_POSES: usize = 12;
-/// Relative difference of chi-squared of two fits that have found the same machine.
-const SAME: f64 = 1e-6;
 /// Noise of a rotation where none is stated, rad: that of the places, as if seen on a lever of half a metre.
 pub(crate) const LEVER_M: f64 = 0.5;
 
@@ -54,7 +51,7 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     let table = measured.table.clone();
     let file = Geometry { travel: None, ..*robot.model.robot().geometry() };
     let model = Poses { poses: &measured.poses, whitening: whitening(&measured.noise) };
-    let (frames, agreement) = best_start(&pairs(robot, &measured), target_m, &model, &file)
+    let (frames, agreement) = best_start(&pairs(robot, &measured.poses), target_m, &model, &file)
         .map_err(|reason| CalibrateError::NoStart { table: table.clone(), reason })?;
     let moved = model
         .in_frame_of(&agreement, &file, &robot.home_m(), target_m)
@@ -133,74 +130,6 @@ fn remarks(diagnostics: &[Diagnostic]) -> Vec<String> {
     )]
 }
 
-/// Fits from the robot file where the device sees it. Where poses are wrong that may be far off, so unless a fit is to be believed it is made
-/// again from frames of other poses. Returns the best, and its frames.
-fn best_start(
-    pairs: &[(Isometry3<f64>, Isometry3<f64>)],
-    target_m: Option<Vector3<f64>>,
-    model: &Poses<'_>,
-    file: &Geometry,
-) -> Result<(Frames, Calibrated), String> {
-    let mut best = Err(
-        "the robot file's machine cannot stand as measured, or the poses turn too little to tell device and target apart"
-            .to_owned(),
-    );
-    let doubt = |found: &Calibrated| (found.outliers.len(), found.fit.chi_squared());
-    for frames in starts(pairs, target_m) {
-        let fitted = fit_agreeing(model, seen_by(file, &frames.device, &frames.target));
-        match (fitted, &best) {
-            (Ok(found), Ok((_, before))) if doubt(&found) >= doubt(before) => {
-                // The same again: no start leads elsewhere.
-                if (found.fit.chi_squared() / before.fit.chi_squared() - 1.0).abs() < SAME {
-                    break;
-                }
-            }
-            (Ok(found), _) => {
-                let many = float(found.outliers.len()) > MOST_OUTLIERS * float(pairs.len());
-                let is_good = !many && chi_squared_above(found.fit.chi_squared(), found.fit.degrees()) >= LEAST_P;
-                best = Ok((frames, found));
-                if is_good {
-                    break;
-                }
-            }
-            (Err(error), Err(_)) => best = Err(error.to_string()),
-            (Err(_), Ok(_)) => {}
-        }
-    }
-    best
-}
-
-/// Frames by all poses, and by the half of them that agrees best, with the turn of the target begun from one pose, then from others.
-fn starts(pairs: &[(Isometry3<f64>, Isometry3<f64>)], target_m: Option<Vector3<f64>>) -> impl Iterator<Item = Frames> {
-    let count = pairs.len();
-    let fitted = move |first: usize| {
-        let mut pairs = pairs.to_vec();
-        pairs.rotate_left(first);
-        let all = Frames::fitted(&pairs, target_m);
-        let agreeing = all.and_then(|frames| {
-            let left = |(pose, seen): &(Isometry3<f64>, Isometry3<f64>)| {
-                let off = (frames.device * pose * frames.target).inverse() * seen;
-                off.translation.vector.norm() + LEVER_M * off.rotation.angle()
-            };
-            pairs.sort_by(|one, other| left(one).total_cmp(&left(other)));
-            Frames::fitted(&pairs[..count.div_ceil(2)], target_m)
-        });
-        [all, agreeing].into_iter().flatten()
-    };
-    [0, count / 3, 2 * count / 3].into_iter().filter(move |_| count > 0).flat_map(fitted)
-}
-
-/// Poses of the robot file's machine, and the measured ones.
-fn pairs(robot: &RobotFile<F1, AXES>, measured: &poses::Poses<AXES>) -> Vec<(Isometry3<f64>, Isometry3<f64>)> {
-    let pair = |pose: &MeasuredPose<AXES>| {
-        let of_file = pose_at(&robot.model, &robot.home_m(), &pose.q).ok()?;
-        let rotation = UnitQuaternion::from_matrix(&of_file.rotation);
-        let of_file = Isometry3::from_parts(Translation3::from(of_file.position_m), rotation);
-        Some((of_file, Isometry3::from_parts(Translation3::from(pose.position_m), pose.rotation?)))
-    };
-    measured.poses.iter().filter_map(pair).collect()
-}
-
 /// Whitening matrix of place and rotation vector, `W^T W = covariance^-1`. It is lower triangular: its first three rows whiten a place alone.
 pub(crate) fn whitening(noise: &Noise) -> Matrix6<f64> {
     let covariance = noise.covariance(&(noise.position_m2 / (LEVER_M * LEVER_M)));
@@ -242,6 +171,8 @@ mod tests {
     use super::*;
     use std::path::Path;
 
+    use nalgebra::Vector6;
+
     /// Place and turn that depend on each other, as a tracker's whose lever is long.
     #[test]
     fn a_full_covariance_is_whitened_as_such() {
@@ -275,7 +206,7 @@ mod tests {
         // Of a place alone: its own standard deviation.
         assert!((whitening[(0, 0)] - 1.0 / place.sqrt()).abs() < 1e-6 && whitening.view((0, 3), (3, 3)).amax() < 1e-9);
         // Residuals on the line of the correlation are likely, those across it are not.
-        let length = |turned: f64| (whitening * nalgebra::Vector6::new(50e-6, 0.0, 0.0, turned, 0.0, 0.0)).norm();
+        let length = |turned: f64| (whitening * Vector6::new(50e-6, 0.0, 0.0, turned, 0.0, 0.0)).norm();
         assert!(length(90e-6) < 1.1 && length(-90e-6) > 4.0);
     }
 }
