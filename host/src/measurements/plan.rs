@@ -11,9 +11,6 @@ use super::{FileError, MAX_ROWS};
 /// Farthest hook from the tool centre point, m.
 const FARTHEST_M: f64 = 10.0;
 
-/// Largest angle of a wrist's joint, rad.
-const MOST_TURNED_RAD: f64 = std::f64::consts::TAU;
-
 /// A plan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan<const N: usize> {
@@ -171,9 +168,6 @@ impl<const N: usize> Plan<N> {
         }
         if entry.gauges.is_empty() {
             return Err(refused("gauges", "is empty; name the gauges that are read".to_owned()));
-        }
-        if entry.wrist_rad.iter().any(|angle| !(-MOST_TURNED_RAD..=MOST_TURNED_RAD).contains(angle)) {
-            return Err(refused("wrist_rad", "is not within a turn; it is in radians".to_owned()));
         }
         if let Some(twice) =
             entry.gauges.iter().enumerate().find(|(at, name)| entry.gauges.iter().take(*at).any(|other| other == *name))

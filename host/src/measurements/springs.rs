@@ -25,6 +25,8 @@ pub const FORMAT: &str = "gantry-tau springs 1";
 pub const MAX_GAUGES: usize = 16;
 /// Largest position of an axis, q-units; reading, µm; force, N; moment, N m; time, s.
 pub(super) const MOST: [f64; 5] = [1e3, 2e4, 1e5, 1e5, 1e9];
+/// Largest angle of a wrist's joint, rad: a turn.
+pub const MOST_TURNED_RAD: f64 = std::f64::consts::TAU;
 /// Range of a standard deviation, in the unit of its key.
 pub(super) const NOISE: (f64, f64) = (1e-6, 1e6);
 
@@ -282,6 +284,14 @@ pub fn parse_setup<const N: usize>(
         return Err(refused("model", format!("is {:?}, and the robot file's is {model:?}", file.model)));
     }
     check_noise(&file).map_err(|(key, reason)| refused(&key, reason))?;
+    // `contains` refuses NaN.
+    let is_turn = |angle: &f64| (-MOST_TURNED_RAD..=MOST_TURNED_RAD).contains(angle);
+    if let Some(entry) = file.series.iter().find(|entry| !entry.wrist_rad.iter().all(is_turn)) {
+        return Err(refused(
+            &format!("series.{}.wrist_rad", entry.name),
+            "is beyond a turn; it is in radians".to_owned(),
+        ));
+    }
     let poses = poses(&file.pose).map_err(|(key, reason)| refused(&key, reason))?;
     let gauges = gauges(&file.gauge, metres_per_q).map_err(|(key, reason)| refused(&key, reason))?;
     let SetupFile { measurements, noise, setup, series, .. } = file;

@@ -157,6 +157,9 @@ fn are_gauges(gauges: &[NamedGauge], axes: usize) {
 fn is_setup(setup: &Setup, axes: usize) {
     are_gauges(&setup.gauges, axes);
     setup.poses.iter().for_each(|(_, pose)| is_pose(pose));
+    for series in &setup.plan {
+        assert!(within(&series.wrist_rad, springs::MOST_TURNED_RAD), "{series:?}");
+    }
     let noise = setup.noise.map(|noise| [noise.gauge_um, noise.force_n, noise.moment_nm]);
     let known = setup.setup.unwrap_or_default();
     let known =

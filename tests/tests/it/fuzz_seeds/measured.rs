@@ -85,6 +85,7 @@ pub(crate) fn seeds() -> Vec<Seed> {
         ("plan", springs("l2") + SERIES),
         ("plan_of_six_axes", springs("f1") + SERIES),
         ("plan_that_was_measured", with_table(springs("l2") + SERIES, windows("l2", "", ""))),
+        ("plan_of_a_wrist", springs("l2").replace("\"platform\"", "\"tool\"") + SERIES + "wrist_rad = [0.5, -0.2]\n"),
         ("gauges", GAUGES.to_owned()),
         ("poses", with_table(head("poses", "l2") + "[noise]\nposition_um = [50.0, 50.0, 80.0]\n", places("l2", false))),
         ("poses_of_six_axes", with_table(head("poses", "f1") + PLACED, places("f1", true))),
@@ -113,6 +114,7 @@ fn wrong() -> Vec<(&'static str, String)> {
             springs.replace("\"cart2\"\non = \"axis\"", "\"a\\nb\"\non = \"rail\""),
         ),
         ("wrong_gauge_twice_in_a_series", springs + &SERIES.replace("\"pz\", ", "\"pz\", \"pz\", ")),
+        ("wrong_wrist_of_nan", head("springs", "l2") + HOME + GAUGES + SERIES + "wrist_rad = [nan]\n"),
         ("wrong_frame_at_infinity", format!("format = \"gantry-tau frame 1\"\n{}", FRAME.replace("2.0", "1e300"))),
         (
             "wrong_table_with_two_lines_in_its_name",
