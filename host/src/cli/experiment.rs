@@ -20,6 +20,7 @@ use gantry_tau::measurements::plan::{self, Plan};
 use gantry_tau::measurements::poses::{self, PosesPlan};
 use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::springs::thesis;
 use gantry_tau::terminal::say;
 
 use super::{MachineCommand, Outcome, address, fail, run_on, transport};
@@ -73,9 +74,12 @@ pub(crate) struct Experiment {
     /// Begin each series by itself, once the gauges have been away and are back; for `serve --plan`
     #[arg(long)]
     unattended: bool,
-    /// Record every tick in which the strap pulls
+    /// Record every tick of a series, from its slack level on, for `identify --raw`; continued where the table is
     #[arg(long, value_name = "FILE.csv")]
     raw: Option<PathBuf>,
+    /// Page with the thesis' own evaluation of every series, beside that of `identify` and the thesis' tables 5.1 to 5.3
+    #[arg(long, value_name = "PAGE.html")]
+    thesis: Option<PathBuf>,
     /// Table to be written, or continued
     #[arg(short, value_name = "MEASURED.csv")]
     output: PathBuf,
@@ -101,6 +105,9 @@ impl Experiment {
             let reason = "poses are measured by a camera, an arm or a tracker; --simulated [SEED] simulates one";
             return Err(format!("{}: {reason}", self.plan.display()).into());
         };
+        if self.thesis.is_some() {
+            return Err("--thesis is for springs; leave it out".into());
+        }
         let table = match AnyRobotFile::named(&self.robot)? {
             AnyRobotFile::L2(robot) => self.tracked(*robot, seed)?,
             AnyRobotFile::F1(robot) => self.tracked(*robot, seed)?,
@@ -143,7 +150,19 @@ impl Experiment {
         }
         say(format_args!("{}: {} windows of the simulated machine", self.output.display(), rows.len()));
         note_table(&plan.table, &self.output);
+        self.evaluate(&client)?;
         Ok(ExitCode::SUCCESS)
+    }
+
+    /// Writes the page of the thesis' evaluation, if it is wanted.
+    fn evaluate<K: MachineKind<N>, const N: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+    ) -> Result<(), Box<dyn std::error::Error>> {
+        let Some(path) = &self.thesis else { return Ok(()) };
+        write(path, &thesis::page(robot, &self.plan, &self.output)?)?;
+        say(format_args!("{}: the thesis' evaluation, beside that of identify", path.display()));
+        Ok(())
     }
 
     /// The robot file of the client, for the same geometry as the machine's, as a server would demand.
@@ -165,7 +184,7 @@ impl Experiment {
     }
 
     fn live<K: MachineKind<N>, const N: usize>(self, robot: RobotFile<K, N>, plan: Plan<N>) -> Outcome {
-        let named = plan.table.clone();
+        let (named, known) = (plan.table.clone(), robot.clone());
         let quit = Arc::new(AtomicBool::new(false));
         let shared = Arc::clone(&quit);
         ctrlc::set_handler(move || shared.store(true, Ordering::Relaxed))
@@ -179,7 +198,7 @@ impl Experiment {
             gauges: (!self.ask_gauges).then_some(self.gauges),
             obtain: self.obtain,
             is_unattended: self.unattended,
-            raw: self.raw,
+            raw: self.raw.clone(),
             output: self.output.clone(),
         };
         let report = match live::run(options, &quit, &lines_typed()) {
@@ -193,6 +212,7 @@ impl Experiment {
             report.missing
         ));
         note_table(&named, &self.output);
+        self.evaluate(&known)?;
         Ok(if report.missing == 0 { ExitCode::SUCCESS } else { ExitCode::from(3) })
     }
 }

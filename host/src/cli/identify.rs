@@ -37,6 +37,9 @@ pub(crate) struct Identify {
     /// Replace an existing robot file
     #[arg(long)]
     force: bool,
+    /// Make the windows of this table of every tick, of `experiment --raw` or `serve --record`, instead of the set-up's table
+    #[arg(long, value_name = "TABLE.csv")]
+    raw: Option<PathBuf>,
     /// Page with springs, intervals and plots
     #[arg(long, value_name = "PAGE.html")]
     report: Option<PathBuf>,
@@ -68,6 +71,7 @@ impl Identify {
         }
         let options = IdentifyOptions {
             setup: self.setup,
+            raw: self.raw,
             robot: self.robot,
             is_scaled: self.scale,
             is_robust: !self.no_robust,
@@ -91,9 +95,11 @@ impl Identify {
     }
 
     fn run_tool(self, robot: &AnyRobotFile) -> Outcome {
-        if self.report.is_some() || self.scale || self.hysteresis || self.drift || self.no_robust {
+        let is_for_springs = self.raw.is_some() || self.report.is_some() || self.scale;
+        if is_for_springs || self.hysteresis || self.drift || self.no_robust {
             return Err(
-                "--report, --scale, --hysteresis, --drift and --no-robust are for springs; leave them out".into()
+                "--raw, --report, --scale, --hysteresis, --drift and --no-robust are for springs; leave them out"
+                    .into(),
             );
         }
         let identified = tool::identify(robot, &ToolOptions { setup: self.setup, robot: self.robot })?;

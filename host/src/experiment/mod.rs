@@ -5,6 +5,7 @@
 //! | [`windows`] | settle test and mean: windows from samples |
 //! | [`prediction`] | load on the platform from the force sensor, which turns with the platform |
 //! | [`table`] | the table, row by row; goes on where it ended |
+//! | [`raw`] | the table of every tick, and windows made of it |
 //! | [`simulated`] | the whole campaign on the simulated machine, without sockets |
 //! | [`tracker`] | poses of a target, as a simulated device sees them, for `calibrate` |
 //! | [`live`] | on a machine behind a server, window by window |
@@ -13,8 +14,10 @@
 #[cfg(test)]
 pub(crate) mod fixture;
 pub mod live;
+mod place;
 pub mod prediction;
-mod raw;
+mod pull;
+pub mod raw;
 pub mod simulated;
 pub mod table;
 pub mod tracker;

@@ -70,10 +70,6 @@ impl<const N: usize> Sample<N> {
     fn lengths_m(&self) -> &[f64] {
         self.lengths_m.get(..self.gauges).unwrap_or(&self.lengths_m)
     }
-
-    fn force(&self) -> Vector3<f64> {
-        Vector3::new(self.wrench[0], self.wrench[1], self.wrench[2])
-    }
 }
 
 /// Mean of a gauge.
@@ -244,66 +240,6 @@ impl<const N: usize> Collector<N> {
             wrench: std::array::from_fn(|component| mean(&series(&|sample| sample.wrench[component]))),
             gauges: (0..gauges).map(gauge).collect(),
         })
-    }
-}
-
-/// Returns the first window of each level; samples of one level stand together and have equal keys.
-pub fn windows<K: PartialEq + Clone, const N: usize>(
-    samples: impl IntoIterator<Item = (K, Sample<N>)>,
-    rules: Rules,
-) -> Vec<(K, Means<N>)> {
-    let mut collector = Collector::new(rules);
-    let mut level: Option<(K, bool)> = None;
-    let mut windows = Vec::new();
-    for (key, sample) in samples {
-        if level.as_ref().is_none_or(|(last, _)| *last != key) {
-            collector.restart();
-            level = Some((key.clone(), false));
-        }
-        let Some((_, is_taken)) = level.as_mut().filter(|(_, is_taken)| !is_taken) else { continue };
-        if let Progress::Taken(means) = collector.feed(&sample) {
-            *is_taken = true;
-            windows.push((key, means));
-        }
-    }
-    windows
-}
-
-/// Tells levels by the force alone, for tables that do not name them: a level ends when the mean of a tenth of a second is more than
-/// `step_n` away from that in which the level began.
-#[derive(Clone, Debug)]
-pub struct LevelsByForce {
-    step_n: f64,
-    began: Option<Vector3<f64>>,
-    sum: Vector3<f64>,
-    count: u32,
-    level: u32,
-}
-
-impl LevelsByForce {
-    /// Samples of a mean: a tenth of a second.
-    const BLOCK: u32 = 100;
-
-    /// Begins with level 0.
-    #[must_use]
-    pub fn new(step_n: f64) -> Self {
-        Self { step_n, began: None, sum: Vector3::zeros(), count: 0, level: 0 }
-    }
-
-    /// Returns the number of the level that the next sample belongs to.
-    pub fn level<const N: usize>(&mut self, sample: &Sample<N>) -> u32 {
-        self.sum += sample.force();
-        self.count += 1;
-        if self.count == Self::BLOCK {
-            let mean = self.sum / f64::from(Self::BLOCK);
-            (self.sum, self.count) = (Vector3::zeros(), 0);
-            let began = *self.began.get_or_insert(mean);
-            if (mean - began).norm() > self.step_n {
-                self.began = Some(mean);
-                self.level += 1;
-            }
-        }
-        self.level
     }
 }
 

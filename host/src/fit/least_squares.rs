@@ -346,6 +346,9 @@ pub fn solve(rows: DMatrix<f64>, mut right: DVector<f64>) -> (DVector<f64>, usiz
 #[must_use]
 pub fn solve_linear(rows: DMatrix<f64>, right: DVector<f64>) -> Option<DVector<f64>> {
     let unknowns = rows.ncols();
+    if rows.nrows() < unknowns {
+        return None;
+    }
     let (solution, rank) = solve(rows, right);
     (rank == unknowns && solution.iter().all(|number| number.is_finite())).then_some(solution)
 }
@@ -451,5 +454,17 @@ mod tests {
             Ok::<_, Infallible>(Rows { derivatives: -rows.derivatives, ..rows })
         };
         assert!(matches!(fit([1.0, 0.0], &scales, reversed, moved), Err(FitError::NotConverged { .. })));
+    }
+
+    #[test]
+    fn linear_equations_have_one_solution_or_none() {
+        let line = DMatrix::from_row_slice(3, 2, &[0.0, 1.0, 1.0, 1.0, 2.0, 1.0]);
+        let solved = solve_linear(line.clone(), DVector::from_vec(vec![1.0, 3.0, 5.0])).unwrap();
+        // 1 + 2 x, to rounding.
+        assert!((solved[0] - 2.0).abs() < 1e-12 && (solved[1] - 1.0).abs() < 1e-12, "{solved}");
+        for rows in 0..2 {
+            assert_eq!(solve_linear(line.rows(0, rows).into_owned(), DVector::zeros(rows)), None);
+        }
+        assert_eq!(solve_linear(DMatrix::from_element(3, 2, 1.0), DVector::zeros(3)), None);
     }
 }

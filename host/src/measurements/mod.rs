@@ -6,7 +6,7 @@ pub mod plan;
 pub mod poses;
 mod setup;
 pub mod springs;
-mod table;
+pub(crate) mod table;
 pub mod tool;
 
 use std::fmt;
@@ -44,16 +44,16 @@ pub struct FileError {
 }
 
 impl FileError {
-    fn whole(file: &str, reason: impl fmt::Display) -> Self {
+    pub(crate) fn whole(file: &str, reason: impl fmt::Display) -> Self {
         Self { file: one_line(file), line: None, column: None, reason: one_line(&reason.to_string()) }
     }
 
-    fn key(file: &Path, key: impl AsRef<str>, reason: impl fmt::Display) -> Self {
+    pub(crate) fn key(file: &Path, key: impl AsRef<str>, reason: impl fmt::Display) -> Self {
         // Names of series and gauges are anything that TOML can quote.
         Self { column: Some(one_line(key.as_ref())), ..Self::whole(&file.display().to_string(), reason) }
     }
 
-    fn at(file: &str, line: u64, column: &str, reason: impl fmt::Display) -> Self {
+    pub(crate) fn at(file: &str, line: u64, column: &str, reason: impl fmt::Display) -> Self {
         let column = (!column.is_empty()).then(|| one_line(column));
         Self { line: Some(line), column, ..Self::whole(file, reason) }
     }

@@ -24,7 +24,7 @@ pub const FORMAT: &str = "gantry-tau springs 1";
 /// Largest number of gauges.
 pub const MAX_GAUGES: usize = 16;
 /// Largest position of an axis, q-units; reading, µm; force, N; moment, N m; time, s.
-pub(super) const MOST: [f64; 5] = [1e3, 2e4, 1e5, 1e5, 1e9];
+pub(crate) const MOST: [f64; 5] = [1e3, 2e4, 1e5, 1e5, 1e9];
 /// Largest angle of a wrist's joint, rad: a turn.
 pub const MOST_TURNED_RAD: f64 = std::f64::consts::TAU;
 /// Range of a standard deviation, in the unit of its key.
@@ -206,6 +206,32 @@ pub struct Campaign<const N: usize> {
 }
 
 impl<const N: usize> Campaign<N> {
+    /// Puts a campaign together from a set-up, the path and CRC-32 of its table, and names of series and mountings.
+    pub(crate) fn of(
+        setup: Setup,
+        table: &Path,
+        crc: u32,
+        metres_per_q: &[f64; N],
+        [series, mountings]: [Vec<String>; 2],
+        windows: Vec<Window<N>>,
+    ) -> Self {
+        let Setup { noise, setup, poses, gauges, plan, .. } = setup;
+        Self {
+            table: table.display().to_string(),
+            crc,
+            metres_per_q: *metres_per_q,
+            noise: noise.unwrap_or(Noise::USUAL),
+            is_noise_stated: noise.is_some(),
+            setup: setup.unwrap_or_default(),
+            poses,
+            gauges,
+            series,
+            mountings,
+            windows,
+            plan,
+        }
+    }
+
     /// Angles of the wrist in a series, by its name or by that of the series of the plan that it is mounted anew of; rad. Empty: at zero.
     #[must_use]
     pub fn wrist_rad(&self, series: &str) -> &[f64] {
@@ -308,6 +334,19 @@ pub fn read<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -
     campaign(setup, &table, &table::bytes(&table)?, metres_per_q)
 }
 
+/// Reads a set-up, and another table than it names.
+///
+/// # Errors
+/// [`FileError`].
+pub fn read_table<const N: usize>(
+    path: &Path,
+    table: &Path,
+    model: &str,
+    metres_per_q: &[f64; N],
+) -> Result<Campaign<N>, FileError> {
+    campaign(read_setup(path, model, metres_per_q)?, table, &table::bytes(table)?, metres_per_q)
+}
+
 /// Reads the bytes of the table of a set-up, for a machine whose axes are `metres_per_q` long; `table` names it.
 ///
 /// # Errors
@@ -318,24 +357,11 @@ pub fn campaign<const N: usize>(
     bytes: &[u8],
     metres_per_q: &[f64; N],
 ) -> Result<Campaign<N>, FileError> {
-    let Setup { noise, setup, poses, gauges, plan, .. } = setup;
-    let mut reader = Windows { poses: &poses, gauges: &gauges, series: Names::default(), mountings: Names::default() };
+    let mut reader =
+        Windows { poses: &setup.poses, gauges: &setup.gauges, series: Names::default(), mountings: Names::default() };
     let windows = reader.read::<N>(table, bytes)?;
-    let (series, mountings) = (reader.series.names, reader.mountings.names);
-    Ok(Campaign {
-        table: table.display().to_string(),
-        crc: crc32fast::hash(bytes),
-        metres_per_q: *metres_per_q,
-        noise: noise.unwrap_or(Noise::USUAL),
-        is_noise_stated: noise.is_some(),
-        setup: setup.unwrap_or_default(),
-        poses,
-        gauges,
-        series,
-        mountings,
-        windows,
-        plan,
-    })
+    let names = [reader.series.names, reader.mountings.names];
+    Ok(Campaign::of(setup, table, crc32fast::hash(bytes), metres_per_q, names, windows))
 }
 
 pub(super) type Refused = (String, String);
@@ -450,11 +476,11 @@ struct Names {
 }
 
 /// First columns, which say where a window belongs.
-const WINDOW: [&str; 5] = ["series", "mounting", "pose", "window", "stroke"];
+pub(crate) const WINDOW: [&str; 5] = ["series", "mounting", "pose", "window", "stroke"];
 /// Columns of the load.
 pub(crate) const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
 
-pub(super) fn axis_columns<const N: usize>() -> [String; N] {
+pub(crate) fn axis_columns<const N: usize>() -> [String; N] {
     std::array::from_fn(|axis| format!("q_{}", axis + 1))
 }
 
@@ -517,20 +543,23 @@ impl Windows<'_> {
                     return Err(row.error(sd, "a standard deviation is above 0"));
                 }
             }
-            let stroke = match row.text("stroke") {
-                "1" | "+1" => 1,
-                "-1" => -1,
-                "0" => 0,
-                other => {
-                    return Err(row.error("stroke", format_args!("{other:?} is not 1 (rising), -1 (falling) or 0")));
-                }
-            };
+            let stroke = stroke(row)?;
             let time_s =
                 if has_time && !row.text("time_s").is_empty() { Some(row.number("time_s", most_s)?) } else { None };
             let window = row.text("window").to_owned();
             let line = row.line();
             Ok(Window { line, series, mounting, pose, window, stroke, q, load, pushes_n, readings_m, sds_m, time_s })
         })
+    }
+}
+
+/// Returns the stroke of a row.
+pub(crate) fn stroke(row: &Row<'_>) -> Result<i8, FileError> {
+    match row.text("stroke") {
+        "1" | "+1" => Ok(1),
+        "-1" => Ok(-1),
+        "0" => Ok(0),
+        other => Err(row.error("stroke", format_args!("{other:?} is not 1 (rising), -1 (falling) or 0"))),
     }
 }
 

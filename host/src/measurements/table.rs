@@ -12,14 +12,14 @@ pub const MAX_ROWS: usize = 100_000;
 const MAX_LEN: u64 = 64 << 20;
 
 /// A table that is being read.
-pub(super) struct Table<'a> {
+pub(crate) struct Table<R> {
     name: String,
-    reader: csv::Reader<&'a [u8]>,
+    reader: csv::Reader<R>,
     header: Vec<String>,
 }
 
 /// One row, by the columns of its table.
-pub(super) struct Row<'a> {
+pub(crate) struct Row<'a> {
     table: &'a str,
     header: &'a [String],
     line: u64,
@@ -41,11 +41,11 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, FileError> {
     Ok(bytes)
 }
 
-impl<'a> Table<'a> {
+impl<R: Read> Table<R> {
     /// Reads the header of a table, which `path` names. It must have the columns `required`; others must be `known`.
-    pub(super) fn begin(
+    pub(crate) fn begin(
         path: &Path,
-        bytes: &'a [u8],
+        bytes: R,
         required: &[String],
         known: impl Fn(&str) -> bool,
     ) -> Result<Self, FileError> {
@@ -69,16 +69,31 @@ impl<'a> Table<'a> {
 
     /// True if there is such a column.
     pub(super) fn has(&self, column: &str) -> bool {
-        self.header.iter().any(|other| other == column)
+        self.place(column).is_some()
     }
 
-    /// Reads every row.
-    pub(super) fn rows<T>(
-        mut self,
-        mut read: impl FnMut(&Row<'_>) -> Result<T, FileError>,
-    ) -> Result<Vec<T>, FileError> {
+    /// Index of a column.
+    pub(crate) fn place(&self, column: &str) -> Option<usize> {
+        self.header.iter().position(|other| other == column)
+    }
+
+    /// Reads every row, at most [`MAX_ROWS`].
+    pub(super) fn rows<T>(self, mut read: impl FnMut(&Row<'_>) -> Result<T, FileError>) -> Result<Vec<T>, FileError> {
         let mut rows = Vec::new();
+        self.each(|row| {
+            if rows.len() == MAX_ROWS {
+                return Err(row.error("", format_args!("has more than {MAX_ROWS} rows")));
+            }
+            rows.push(read(row)?);
+            Ok(())
+        })?;
+        Ok(rows)
+    }
+
+    /// Reads every row, one after another; the table may have any number of them, and must have one.
+    pub(crate) fn each(mut self, mut read: impl FnMut(&Row<'_>) -> Result<(), FileError>) -> Result<(), FileError> {
         let mut record = csv::StringRecord::new();
+        let mut is_empty = true;
         loop {
             let line = self.reader.position().line();
             match self.reader.read_record(&mut record) {
@@ -86,44 +101,62 @@ impl<'a> Table<'a> {
                 Ok(true) => {}
                 Err(error) => return Err(FileError::at(&self.name, line, "", error)),
             }
-            if rows.len() == MAX_ROWS {
-                return Err(FileError::at(&self.name, line, "", format_args!("has more than {MAX_ROWS} rows")));
-            }
             let line = record.position().map_or(line, csv::Position::line);
-            rows.push(read(&Row { table: &self.name, header: &self.header, line, record: &record })?);
+            read(&Row { table: &self.name, header: &self.header, line, record: &record })?;
+            is_empty = false;
         }
-        if rows.is_empty() { Err(FileError::whole(&self.name, "has no rows")) } else { Ok(rows) }
+        if is_empty { Err(FileError::whole(&self.name, "has no rows")) } else { Ok(()) }
     }
 }
 
 impl Row<'_> {
     /// Returns an error about a column of this row.
-    pub(super) fn error(&self, column: &str, reason: impl std::fmt::Display) -> FileError {
+    pub(crate) fn error(&self, column: &str, reason: impl std::fmt::Display) -> FileError {
         FileError::at(self.table, self.line, column, reason)
     }
 
     /// Line of this row.
-    pub(super) const fn line(&self) -> u64 {
+    pub(crate) const fn line(&self) -> u64 {
         self.line
     }
 
     /// Returns a text; empty where the column does not exist.
     pub(super) fn text(&self, column: &str) -> &str {
-        let place = self.header.iter().position(|other| other == column);
-        place.and_then(|index| self.record.get(index)).unwrap_or_default()
+        self.place(column).map_or("", |place| self.text_at(place))
+    }
+
+    /// Returns the text of a column, by its index; empty where there is none.
+    pub(crate) fn text_at(&self, place: usize) -> &str {
+        self.record.get(place).unwrap_or_default()
     }
 
     /// Returns a number from `-most` to `most`.
     pub(super) fn number(&self, column: &str, most: f64) -> Result<f64, FileError> {
-        let text = self.text(column);
-        let value: f64 = text.parse().map_err(|_| self.error(column, format_args!("{text:?} is not a number")))?;
-        if value.abs() <= most {
-            Ok(value)
-        } else {
-            Err(self.error(
-                column,
-                format_args!("{value} is not from {:e} to {most:e}; the unit is in the column's name", -most),
-            ))
+        match self.place(column) {
+            Some(place) => self.number_at(place, most),
+            None => Err(self.error(column, "this column is missing")),
         }
+    }
+
+    /// Returns a number from `-most` to `most`, by the index of its column.
+    pub(crate) fn number_at(&self, place: usize, most: f64) -> Result<f64, FileError> {
+        let text = self.text_at(place);
+        let value: f64 = text.parse().map_err(|_| self.error_at(place, format_args!("{text:?} is not a number")))?;
+        if value.abs() <= most {
+            return Ok(value);
+        }
+        Err(self.error_at(
+            place,
+            format_args!("{value} is not from {:e} to {most:e}; the unit is in the column's name", -most),
+        ))
+    }
+
+    /// Returns an error about a column of this row, by its index.
+    pub(crate) fn error_at(&self, place: usize, reason: impl std::fmt::Display) -> FileError {
+        self.error(self.header.get(place).map_or("", String::as_str), reason)
+    }
+
+    fn place(&self, column: &str) -> Option<usize> {
+        self.header.iter().position(|other| other == column)
     }
 }

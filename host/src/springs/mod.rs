@@ -14,3 +14,4 @@ pub(crate) mod lines;
 pub mod loaded;
 mod play;
 pub(crate) mod setup;
+pub mod thesis;

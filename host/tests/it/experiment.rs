@@ -50,6 +50,41 @@ fn a_seed_gives_the_same_table_and_a_table_is_not_overwritten() {
 }
 
 #[test]
+fn the_thesis_evaluation_is_a_page_beside_the_table() {
+    let folder = Folder::new("experiment-thesis");
+    folder.write("plan.toml", PLAN);
+    let measured = ["experiment", "plan.toml", "--simulated", "1", "-o", "springs.csv", "--thesis", "thesis.html"];
+    let said = folder.run(&measured).success();
+    assert!(said.contains("thesis.html: the thesis' evaluation"), "{said}");
+    let page = folder.read("thesis.html");
+    // The one cart that has a gauge; three directions of gauges are wanting for links.
+    assert!(page.contains("[T Table 5.1]") && page.contains("[T Table 5.2, used]") && page.contains("series x"));
+    assert!(page.contains("No series has three gauges on the platform") && !page.contains("NaN"));
+    folder.run(&["plan", "geometry", "l2", "-o", "places.toml"]).success();
+    let places = ["experiment", "places.toml", "--simulated", "-o", "other.csv", "--thesis", "thesis.html"];
+    assert_eq!(folder.run(&places).failure(1), "gantry-tau: --thesis is for springs; leave it out");
+    assert!(!folder.path("other.csv").exists());
+}
+
+#[test]
+fn a_table_of_ticks_that_cannot_be_is_one_line() {
+    let folder = Folder::new("identify-raw");
+    folder.write("plan.toml", PLAN);
+    let identify = || {
+        let line =
+            folder.run(&["identify", "--raw", "raw.csv", "plan.toml", "--robot", "l2", "-o", "x.toml"]).failure(1);
+        assert!(!folder.path("x.toml").exists());
+        line
+    };
+    assert!(identify().starts_with("gantry-tau: raw.csv: No such file"));
+    // The table of windows is not one of ticks.
+    folder.run(&["experiment", "plan.toml", "--simulated", "1", "-o", "raw.csv"]).success();
+    assert_eq!(identify(), "gantry-tau: raw.csv:1: force_x_n: this column is unknown");
+    folder.write("raw.csv", "tick,state,cause\n");
+    assert_eq!(identify(), "gantry-tau: raw.csv:1: missed: this column is missing");
+}
+
+#[test]
 fn a_plan_that_cannot_be_is_one_line() {
     let folder = Folder::new("experiment-plans");
     let refused = |from: &str, to: &str| {

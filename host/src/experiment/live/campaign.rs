@@ -1,30 +1,30 @@
 //! Progress of a campaign: pose, mounting, tare, levels.
 
+mod clock;
 mod keys;
 mod prompts;
-mod pull;
 
 use std::collections::HashSet;
 use std::path::Path;
 
-use gantry_tau_core::units::{Metres, PositionNm};
+use clock::Clock;
+use gantry_tau_core::units::PositionNm;
 use nalgebra::Vector6;
-use pull::{Clock, Pull, tolerance_n};
 
 use super::LiveReport;
 use super::probe::Tick;
 use crate::elastic::{ElasticError, Equilibrium};
 use crate::experiment::ExperimentError;
+use crate::experiment::place::Place;
 use crate::experiment::prediction::Prediction;
-use crate::experiment::raw::RawTable;
+use crate::experiment::pull::{Pull, tolerance_n};
+use crate::experiment::raw::table::{Part, RawTable};
 use crate::experiment::table::{Row, Table};
 use crate::experiment::windows::{Collector, Means, Progress, Rules, Sample, TICK_S};
 use crate::measurements::plan::Plan;
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 
-/// Largest distance of a nominal position from the plan's, nm.
-const IN_PLACE_NM: u64 = 100_000;
 /// Ticks that the nominal positions must stand still.
 const STILL_TICKS: u32 = 500;
 /// Ticks that gauges must be away to count as mounted anew; and, in the middle of a series, to end it where nobody is asked.
@@ -45,12 +45,6 @@ enum Stage<const N: usize> {
     Typing { means: Means<N>, load: Vector6<f64> },
     /// All windows are taken.
     Done,
-}
-
-/// A pose of the plan.
-struct Place<const N: usize> {
-    nominal: [PositionNm; N],
-    unloaded: Equilibrium<N>,
 }
 
 /// A campaign that is being measured.
@@ -90,18 +84,11 @@ impl<const N: usize> Campaign<N> {
         raw: Option<&Path>,
     ) -> Result<Self, ExperimentError> {
         let places = plan.poses.iter().map(|(name, pose)| {
-            let failed = |reason: String| ExperimentError::Pose { pose: name.clone(), reason };
-            let q = robot.model.axes_for(pose).map_err(|error| failed(error.to_string()))?;
-            let mut nominal = [PositionNm(0); N];
-            for ((nominal, q), metres) in nominal.iter_mut().zip(q).zip(robot.metres_per_q) {
-                *nominal = PositionNm::from_metres(Metres(q * metres)).map_err(|error| failed(error.to_string()))?;
-            }
-            let unloaded = prediction.unloaded(&q, pose).map_err(|error| failed(error.to_string()))?;
-            Ok(Place { nominal, unloaded })
+            Place::of(robot, &prediction, pose).map_err(|reason| ExperimentError::Pose { pose: name.clone(), reason })
         });
         let places = places.collect::<Result<Vec<Place<N>>, ExperimentError>>()?;
         let skipped = table.remounted(&mut plan);
-        let raw = raw.map(|path| RawTable::create(path, &plan)).transpose()?;
+        let raw = raw.map(|path| RawTable::open(path, &plan, !table.is_empty())).transpose()?;
         let rules = Rules::new(plan.noise);
         let clock = Clock::from(table.last_s());
         let mut campaign = Self {
@@ -270,8 +257,7 @@ impl<const N: usize> Campaign<N> {
     }
 
     fn is_in_place(&self, nominal: &[PositionNm; N]) -> bool {
-        let place = &self.places[self.plan.series[self.series].pose];
-        nominal.iter().zip(&place.nominal).all(|(is, planned)| is.0.abs_diff(planned.0) <= IN_PLACE_NM)
+        self.places[self.plan.series[self.series].pose].has(nominal)
     }
 
     fn mount(&mut self, sample: &Sample<N>) {
@@ -289,6 +275,7 @@ impl<const N: usize> Campaign<N> {
 
     /// Takes the window of the first level: what the sensor shows there is its zero.
     fn tare(&mut self, sample: &Sample<N>, time_s: f64) -> Result<(), ExperimentError> {
+        self.write_tick(if self.level == 0 { Part::Level(0) } else { Part::Tare }, sample, time_s)?;
         if let Progress::Taken(means) = self.collector.feed(sample) {
             let rotation = self.unloaded().pose.rotation;
             self.tare = Some(Vector6::from(means.wrench) - self.prediction.weight_seen(&rotation));
@@ -305,13 +292,10 @@ impl<const N: usize> Campaign<N> {
     fn pull(&mut self, sample: &Sample<N>, time_s: f64) -> Result<(), ExperimentError> {
         let Some(tare) = self.tare else { return Ok(()) };
         let raw = Vector6::from(sample.wrench) - tare;
-        if let Some(table) = &mut self.raw {
-            let load = self.prediction.turned(&raw, &self.pull.rotation);
-            table.write(&self.plan, (self.series, self.level), sample, &load)?;
-        }
         if let Some(seen) = self.pull.add(&raw) {
             self.note_pull(&seen, sample)?;
         }
+        self.write_tick(if self.pull.is_at_level { Part::Level(self.level) } else { Part::Way }, sample, time_s)?;
         if !self.pull.is_at_level {
             return Ok(());
         }
@@ -323,6 +307,13 @@ impl<const N: usize> Campaign<N> {
             Progress::Taken(means) => return self.take(means, time_s),
         }
         Ok(())
+    }
+
+    fn write_tick(&mut self, part: Part, sample: &Sample<N>, time_s: f64) -> Result<(), ExperimentError> {
+        match &mut self.raw {
+            Some(raw) => raw.write(&self.plan, (self.series, part), time_s, sample),
+            None => Ok(()),
+        }
     }
 
     /// Judges the pull of the last tenth of a second.

@@ -51,7 +51,7 @@ pub struct LiveOptions<K, const N: usize> {
     pub obtain: bool,
     /// A series begins once the gauges have been away, and nobody is asked.
     pub is_unattended: bool,
-    /// Table of every tick, if wanted.
+    /// Table of every tick of a series, if wanted.
     pub raw: Option<PathBuf>,
     /// Table of the windows.
     pub output: PathBuf,

@@ -1,7 +1,8 @@
 //! A campaign over loopback, in lock-step: time is that of the ticks.
 
-use std::io::Write;
-use std::net::TcpListener;
+mod gauges;
+mod recorded;
+
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -14,15 +15,17 @@ use super::*;
 use crate::elastic::Equilibrium;
 use crate::experiment::fixture::{Folder, campaign_a, first_series, plan_in};
 use crate::experiment::prediction::unloaded;
+use crate::experiment::raw;
 use crate::gauge_link::GaugePublisher;
 use crate::measurements::springs::{self, Campaign, Window};
 use crate::model::{L2, L2_MOTORS};
 use crate::record::drain;
 use crate::sensor_link::SensorPublisher;
 use crate::server::Server;
-use crate::server::cycle::Cycle;
+use crate::server::cycle::{Cycle, Row};
 use crate::server::tick_source::TickSource;
 use crate::sim::gauges::SimulatedGauges;
+use crate::springs::identify::{IdentifyOptions, identify};
 use crate::stop_latch::StopLatch;
 
 fn loopback() -> SocketAddr {
@@ -47,6 +50,11 @@ struct Bench {
 
 impl Bench {
     fn start(robot: &RobotFile<L2, 3>, plan: &Plan<3>) -> Self {
+        Self::watched(robot, plan, |_| {})
+    }
+
+    /// As [`start`](Self::start); `watch` sees each tick.
+    fn watched(robot: &RobotFile<L2, 3>, plan: &Plan<3>, mut watch: impl FnMut(&Row<3>) + Send + 'static) -> Self {
         let link = GaugePublisher::bind(loopback()).unwrap();
         let gauges = link.address().unwrap();
         let machine = robot.campaign_machine::<L2_MOTORS>(plan.clone(), link).unwrap();
@@ -63,6 +71,7 @@ impl Bench {
         std::thread::spawn(move || {
             drain(&mut rows, |row| {
                 switch.see(row);
+                watch(row);
                 seen.store(row.state.tick.0, Ordering::Relaxed);
             });
         });
@@ -170,10 +179,52 @@ fn a_campaign_over_loopback_measures_the_machine() {
     assert_agrees(&robot, &plan, &campaign);
     let times: Vec<f64> = campaign.windows.iter().map(|window| window.time_s.unwrap()).collect();
     assert!(times.is_sorted() && times[9] > 60.0, "{times:?}");
-    // The raw table has all of every window, so more than two seconds of each level beyond the first.
-    let raw = std::fs::read_to_string(folder.path("raw.csv")).unwrap();
-    assert!(raw.lines().filter(|line| line.starts_with("x1,")).count() > 4 * 2_000);
+    assert_same_windows(&folder, &robot, &campaign);
+    // And the same answer: by the digits of a micrometre that the table of ticks has, far below a standard deviation.
+    let [by_windows, by_ticks] = [None, Some(folder.path("raw.csv"))].map(|raw| identified(&folder, &robot, raw));
+    assert_eq!(by_windows.len(), 9);
+    for (one, other) in by_windows.iter().zip(&by_ticks) {
+        assert!((one / other - 1.0).abs() < 1e-6, "{by_windows:?} {by_ticks:?}");
+    }
     bench.server.quit().unwrap();
+}
+
+/// Springs of a machine by `identify`: from its table of windows, or from one of ticks.
+fn identified(folder: &Folder, robot: &RobotFile<L2, 3>, raw: Option<PathBuf>) -> Vec<f64> {
+    let options = IdentifyOptions {
+        setup: folder.path("plan.toml"),
+        raw,
+        robot: "l2".to_owned(),
+        is_scaled: false,
+        is_robust: true,
+        has_hysteresis: false,
+        has_drift: false,
+    };
+    let answer: serde_json::Value = serde_json::from_str(&identify(robot, &options).unwrap().json).unwrap();
+    answer["parameters"].as_array().unwrap().iter().map(|parameter| parameter["value"].as_f64().unwrap()).collect()
+}
+
+/// Checks that the windows of a campaign are those that its table of ticks gives: to rounding, of a sum of 2 000 readings of 1 mm.
+fn assert_same_windows(folder: &Folder, robot: &RobotFile<L2, 3>, campaign: &Campaign<3>) {
+    let prediction = Prediction::new(robot).unwrap();
+    let made = raw::read(&folder.path("raw.csv"), &folder.path("plan.toml"), robot, &prediction).unwrap();
+    assert_eq!(made.missed, [""; 0]);
+    let made = made.campaign;
+    assert_eq!((&made.series, &made.mountings), (&campaign.series, &campaign.mountings));
+    assert_eq!(made.windows.len(), campaign.windows.len());
+    let close = |one: f64, other: f64, to: f64| assert!((one - other).abs() <= to, "{one:e} {other:e}");
+    for (one, other) in made.windows.iter().zip(&campaign.windows) {
+        let names =
+            |window: &Window<3>| (window.series, window.mounting, window.pose, window.window.clone(), window.stroke);
+        assert_eq!(names(one), names(other));
+        (one.q.iter().zip(&other.q)).for_each(|(one, other)| close(*one, *other, 1e-12));
+        (one.load.iter().zip(&other.load)).for_each(|(one, other)| close(*one, *other, 1e-9));
+        let lengths = |window: &Window<3>| [window.readings_m.clone(), window.sds_m.clone()].concat();
+        for (one, other) in lengths(one).into_iter().zip(lengths(other)) {
+            close(one.unwrap(), other.unwrap(), 1e-14);
+        }
+        close(one.time_s.unwrap(), other.time_s.unwrap(), 1e-9);
+    }
 }
 
 #[test]
@@ -183,7 +234,8 @@ fn an_interrupted_campaign_goes_on_where_it_ended() {
     let (robot, plan) = (robot(), plan_in(&folder, &text));
     let bench = Bench::start(&robot, &plan);
     let output = folder.path("springs.csv");
-    let options = bench.options(&robot, &plan, &output);
+    let mut options = bench.options(&robot, &plan, &output);
+    options.raw = Some(folder.path("raw.csv"));
     // In the middle of the first series, and at its end.
     let mut before = Vec::new();
     for rows in [3, 5, usize::MAX] {
@@ -197,89 +249,9 @@ fn an_interrupted_campaign_goes_on_where_it_ended() {
     let expected: Vec<_> = (0..2).flat_map(|series| ["1", "2", "3", "4", "5"].map(|window| (series, window))).collect();
     assert_eq!(found, expected);
     assert_agrees(&robot, &plan, &campaign);
+    assert_same_windows(&folder, &robot, &campaign);
     // Nothing is left to do, and nothing is done.
     assert_eq!(run_until(&options, usize::MAX), LiveReport { taken: 0, missing: 0 });
     assert_eq!(std::fs::read(&output).unwrap(), before);
     bench.server.quit().unwrap();
-}
-
-/// Runs a campaign whose gauges say what `talk` makes of the number of a record and of the rows that are taken, and hang up where that is
-/// nothing. Ends a pause once the machine has pulled all its levels, or has been called five times. Returns the error and the rows.
-fn with_gauges(
-    name: &str,
-    talk: impl Fn(u64, usize) -> Vec<u8> + Send + 'static,
-) -> (Result<LiveReport, String>, usize) {
-    let folder = Folder::new(name);
-    let text = first_series(&campaign_a("", &[0, 60, 0]), 1);
-    let (robot, plan) = (robot(), plan_in(&folder, &text));
-    let bench = Bench::start(&robot, &plan);
-    let listener = TcpListener::bind(loopback()).unwrap();
-    let mut options = bench.options(&robot, &plan, &folder.path("springs.csv"));
-    options.gauges = Some(listener.local_addr().unwrap());
-    let rows_of = |path: &Path| std::fs::read_to_string(path).unwrap_or_default().lines().count().saturating_sub(1);
-    let quit = Arc::new(AtomicBool::new(false));
-    let (stop, ticks, output) = (Arc::clone(&quit), Arc::clone(&bench.ticks), options.output.clone());
-    let liar = std::thread::spawn(move || {
-        for (call, stream) in listener.incoming().enumerate() {
-            let Ok(mut stream) = stream else { return };
-            for record in 0.. {
-                let bytes = talk(record, rows_of(&output));
-                let is_over = ticks.load(Ordering::Relaxed) > 45_000 || call >= 5;
-                stop.fetch_or(is_over, Ordering::Relaxed);
-                if stop.load(Ordering::Relaxed) {
-                    return;
-                }
-                if bytes.is_empty() || stream.write_all(&bytes).is_err() {
-                    break;
-                }
-                // So that records do not pile up before the client, which reads them once in a tick.
-                std::thread::sleep(REST);
-            }
-        }
-    });
-    let (_nobody, keys) = no_keys();
-    let ended = run(options.clone(), &quit, &keys);
-    quit.store(true, Ordering::Relaxed);
-    // A last call, so that the liar sees the end.
-    drop(GaugeReader::connect(options.gauges.unwrap()));
-    liar.join().unwrap();
-    bench.server.quit().unwrap();
-    (ended.map_err(|error| error.to_string()), rows_of(&options.output))
-}
-
-fn record(tick: u64, lengths: &[f64]) -> Vec<u8> {
-    let head = [tick.to_le_bytes(), (lengths.len() as u64).to_le_bytes()];
-    head.into_iter().chain(lengths.iter().map(|length| length.to_le_bytes())).flatten().collect()
-}
-
-const PAUSED: (Result<LiveReport, String>, usize) = (Ok(LiveReport { taken: 0, missing: 3 }), 0);
-
-#[test]
-fn gauges_that_break_the_format_are_an_error() {
-    let seventeen = with_gauges("seventeen", |tick, _| record(tick, &[0.0; 17]));
-    assert_eq!(seventeen, (Err("gauges: a record has 17 gauges; at most 16 are possible".to_owned()), 0));
-    let eight = with_gauges("eight", |tick, _| record(tick, &[0.0; 8]));
-    assert_eq!(eight, (Err("gauges: a record has 8 lengths; the plan has 9 gauges".to_owned()), 0));
-}
-
-#[test]
-fn gauges_that_show_nothing_are_a_pause() {
-    let nan = with_gauges("nan", |tick, _| record(tick, &[0.0, 0.0, f64::NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
-    assert_eq!(nan, PAUSED);
-    let stalled = with_gauges("stalled", |tick, _| record(tick.min(20), &[0.0; 9]));
-    assert_eq!(stalled, PAUSED);
-    // Half a record, and the end: the session is taken up again and again.
-    let truncated = with_gauges("truncated", |tick, _| if tick == 0 { vec![1; 12] } else { Vec::new() });
-    assert_eq!(truncated, PAUSED);
-}
-
-/// Gauges that fall silent in the middle of a series: what was taken stays, nothing is added, and with nobody to ask the series is over.
-#[test]
-fn gauges_that_fall_silent_end_the_series() {
-    let silent = with_gauges("silent", |tick, rows| match rows {
-        0 if tick < 300 => record(tick, &[f64::NAN; 9]),
-        0 => record(tick, &[0.0; 9]),
-        _ => record(u64::MAX, &[0.0; 9]),
-    });
-    assert_eq!(silent, (Ok(LiveReport { taken: 1, missing: 2 }), 1));
 }

@@ -142,6 +142,7 @@ fn the_springs_are_found_within_their_intervals() {
 /// Answer of an identification of `plan.toml` and its table.
 fn identified(folder: &Folder, robot: &RobotFile<L2, 3>) -> serde_json::Value {
     let options = IdentifyOptions {
+        raw: None,
         setup: folder.path("plan.toml"),
         robot: "l2".to_owned(),
         is_scaled: false,

@@ -3,7 +3,6 @@
 pub mod answer;
 mod plausible;
 mod report;
-mod thesis;
 
 use std::path::PathBuf;
 
@@ -20,6 +19,8 @@ use super::play::{FoundPlay, with_play};
 use super::setup::SetupConstants;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium};
+use crate::experiment::prediction::Prediction;
+use crate::experiment::raw;
 use crate::fit::answer::{Parameter, Status, Unobservable};
 use crate::fit::statistics::{chi_squared_above, float, students_t_95};
 use crate::measurements::FileError;
@@ -41,6 +42,8 @@ const MOST_MOVED_SD: f64 = 3.0;
 pub struct IdentifyOptions {
     /// Set-up of the measurements.
     pub setup: PathBuf,
+    /// Table of every tick that windows are made of; `None`: the set-up names the table of windows.
+    pub raw: Option<PathBuf>,
     /// Name of the robot file to begin with, as of [`crate::robot_file::AnyRobotFile::named`].
     pub robot: String,
     /// Intervals by the residuals instead of the stated noise.
@@ -132,7 +135,13 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     options: &IdentifyOptions,
 ) -> Result<Identification, IdentifyError> {
     let file = starting_springs(robot)?;
-    let campaign = springs::read(&options.setup, K::MODEL, &robot.metres_per_q)?;
+    let (campaign, missed) = match &options.raw {
+        None => (springs::read(&options.setup, K::MODEL, &robot.metres_per_q)?, Vec::new()),
+        Some(table) => {
+            let made = raw::read(table, &options.setup, robot, &Prediction::new(robot)?)?;
+            (made.campaign, made.missed)
+        }
+    };
     campaign.check_wrist(&options.setup, robot.wrist.len())?;
     let setup = SetupConstants::of(&campaign);
     let geometry = robot.model.geometry();
@@ -142,6 +151,7 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     let answer = found.answer(K::MODEL, options);
     let doubts = found.doubts(&answer);
     let mut warnings = found.warnings(&answer);
+    warnings.extend(missed);
     let robot_file = found.robot_file(robot, options, &answer, &mut warnings)?;
     Ok(Identification {
         json: serde_json::to_string_pretty(&answer).map_err(|error| IdentifyError::Edit(error.to_string()))?,
@@ -153,8 +163,23 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     })
 }
 
+/// Returns the answer of a campaign alone, from a robot file of `model`.
+///
+/// # Errors
+/// [`IdentifyError`].
+pub(super) fn answer_of<const N: usize>(
+    question: Question<'_, N>,
+    model: &'static str,
+    options: &IdentifyOptions,
+) -> Result<Answer, IdentifyError> {
+    plausible::check(&question)?;
+    Ok(find(question, options)?.answer(model, options))
+}
+
 /// Springs of a robot file, all of which can be scaled.
-fn starting_springs<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Result<Springs<N>, IdentifyError> {
+pub(super) fn starting_springs<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+) -> Result<Springs<N>, IdentifyError> {
     let name = || robot.name.clone();
     if let Some(index) = robot.wrist.iter().position(|joint| joint.c_rad_per_nm <= 0.0) {
         return Err(IdentifyError::RigidJoint { robot: name(), index });
@@ -212,7 +237,7 @@ fn names<const N: usize>(question: &Question<'_, N>, choice: &Choice, has_play: 
 }
 
 /// Key of the compliances of the axes.
-const fn axes_key<const N: usize>() -> &'static str {
+pub(super) const fn axes_key<const N: usize>() -> &'static str {
     if N == AXES { "c_cart" } else { "c_act" }
 }
 

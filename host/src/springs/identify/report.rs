@@ -5,13 +5,13 @@ use std::fmt::Write as _;
 use gantry_tau_core::model::robot::LINKS;
 
 use super::answer::Answer;
-use super::thesis::ThesisSprings;
 use super::{Found, IdentifyOptions};
 use crate::fit::statistics::{float, normal_quantile};
 use crate::plots::page::{escape, page};
 use crate::plots::{Corner, Curve, Plot};
 use crate::springs::agreement::deviations;
 use crate::springs::lines::Lines;
+use crate::springs::thesis::{ThesisSprings, evaluate_largest};
 
 /// Largest number of constants of the set-up that the page lists, the farthest moved first.
 const LISTED: usize = 20;
@@ -100,14 +100,14 @@ impl<const N: usize> Found<'_, N> {
 
     fn springs(&self, answer: &Answer) -> String {
         let file = self.question.file.vector();
-        let thesis = super::thesis::evaluate(&self.question);
+        let thesis = evaluate_largest(&self.question);
         let of_noise = self.agreement.solved.covariance_of_noise(&self.question, &self.agreement.choice);
         let mut table = String::from(
             "<h2>Springs</h2><table><tr><th>parameter<th>status<th>value<th>95 % interval<th>sd, %<th>by the set-up<th>file<th>largest correlation",
         );
         let by_thesis = |index: usize| -> Option<f64> {
             let ThesisSprings { links, axes, .. } = thesis.as_ref()?;
-            links.get(index).copied().or_else(|| axes.get(index.checked_sub(LINKS)?).copied())?
+            links.get(index).or_else(|| axes.get(index.checked_sub(LINKS)?))?.compliance
         };
         table += "<th>as in the thesis</tr>";
         for (index, parameter) in answer.parameters.iter().enumerate() {

@@ -4,25 +4,73 @@
 //! With `dT` the translation that the gauges on the platform show, and `dA = v c tau` the displacement of a cart, a link is longer by
 //! `s . (dA - dT)` `[T 3.25, 3.29]`. What the platform turns is taken as elongation of links, so values may be far off, or negative `[T Table 5.2]`.
 
+mod page;
+mod printed;
+
 use gantry_tau_core::model::robot::LINKS;
 use nalgebra::{DMatrix, DVector, SVector, Vector3, Vector6};
 
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium};
 use crate::fit::least_squares::solve_linear;
+use crate::fit::statistics::{float, students_t_95};
 use crate::measurements::springs::Window;
-use crate::springs::gauge::Gauge;
+use crate::springs::gauge::{Body, Gauge};
 use crate::springs::lines::Question;
 
-/// Compliances by the thesis' evaluation of one series; `None` where its gauges or its load do not give one.
+pub use page::page;
+
+/// Lines of one series.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ThesisSprings {
     /// The series, by its name.
     pub(super) series: String,
-    /// Of the links, m/N.
-    pub(super) links: [Option<f64>; LINKS],
-    /// Of the axes, in the units of their keys.
-    pub(super) axes: Vec<Option<f64>>,
+    /// Of the links: elongation, m, by tension, N.
+    pub(super) links: [SpringLine; LINKS],
+    /// Of the axes: displacement by load, in the units of their keys.
+    pub(super) axes: Vec<SpringLine>,
+}
+
+/// Load and displacement of one spring, and the straight line through them.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct SpringLine {
+    /// Load and displacement, window by window; empty where the gauges do not show it.
+    pub(super) points: Vec<(f64, f64)>,
+    /// Slope of the line; `None` where the load does not give one.
+    pub(super) compliance: Option<f64>,
+}
+
+impl SpringLine {
+    fn through(points: Vec<(f64, f64)>) -> Self {
+        Self { compliance: slope(&points), points }
+    }
+
+    /// Mean of load and displacement, which the line goes through.
+    fn middle(&self) -> (f64, f64) {
+        let count = float(self.points.len());
+        let sums = self.points.iter().fold((0.0, 0.0), |(load, moved), point| (load + point.0, moved + point.1));
+        (sums.0 / count, sums.1 / count)
+    }
+
+    /// Ends of the line, at the smallest and the largest load.
+    fn ends(&self) -> Option<[(f64, f64); 2]> {
+        let compliance = self.compliance?;
+        let (load, moved) = self.middle();
+        let loads = || self.points.iter().map(|(load, _)| *load);
+        let ends = [loads().fold(f64::INFINITY, f64::min), loads().fold(f64::NEG_INFINITY, f64::max)];
+        Some(ends.map(|end| (end, moved + compliance * (end - load))))
+    }
+
+    /// Half-width of the 95 % interval of the slope, by the scatter about the line.
+    fn half_width(&self) -> Option<f64> {
+        let compliance = self.compliance?;
+        let degrees = self.points.len().checked_sub(2).filter(|degrees| *degrees > 0)?;
+        let (middle, moved) = self.middle();
+        let spread: f64 = self.points.iter().map(|(load, _)| (load - middle).powi(2)).sum();
+        let left = |point: &(f64, f64)| (point.1 - moved - compliance * (point.0 - middle)).powi(2);
+        let left: f64 = self.points.iter().map(left).sum();
+        Some(students_t_95(degrees) * (left / float(degrees) / spread).sqrt())
+    }
 }
 
 /// One window as the thesis saw it.
@@ -34,22 +82,27 @@ struct Seen<const N: usize> {
 }
 
 /// Evaluates the series with the largest force.
-pub(super) fn evaluate<const N: usize>(question: &Question<'_, N>) -> Option<ThesisSprings> {
-    let campaign = question.campaign;
+pub(super) fn evaluate_largest<const N: usize>(question: &Question<'_, N>) -> Option<ThesisSprings> {
     let force = |window: &Window<N>| window.load.fixed_rows::<3>(0).norm();
-    let largest = campaign.windows.iter().max_by(|one, other| force(one).total_cmp(&force(other)))?;
-    let windows: Vec<&Window<N>> = campaign.windows.iter().filter(|window| window.series == largest.series).collect();
+    let largest = question.campaign.windows.iter().max_by(|one, other| force(one).total_cmp(&force(other)))?;
+    evaluate(question, largest.series)
+}
+
+/// Evaluates a series; `None` where the machine does not stand in its pose.
+pub(super) fn evaluate<const N: usize>(question: &Question<'_, N>, series: usize) -> Option<ThesisSprings> {
+    let campaign = question.campaign;
+    let windows: Vec<&Window<N>> = campaign.windows.iter().filter(|window| window.series == series).collect();
     let first = windows.first()?;
     let machine = ElasticMachine::new(*question.geometry, question.file.machine, Backlash::NONE);
     let began = question.unloaded(&machine, first).ok()?;
     let seen: Vec<Seen<N>> =
         windows.iter().filter_map(|window| see(question, &machine, &began, first, window)).collect();
-    let slope_of =
-        |values: &dyn Fn(&Seen<N>) -> Option<(f64, f64)>| slope(&seen.iter().filter_map(values).collect::<Vec<_>>());
+    let line =
+        |values: &dyn Fn(&Seen<N>) -> Option<(f64, f64)>| SpringLine::through(seen.iter().filter_map(values).collect());
     Some(ThesisSprings {
-        series: campaign.series[largest.series].clone(),
-        links: std::array::from_fn(|link| slope_of(&|seen| Some((seen.tensions_n[link], seen.elongations_m?[link])))),
-        axes: (0..N).map(|axis| slope_of(&|seen| Some((seen.axis_loads[axis], seen.axes[axis]?)))).collect(),
+        series: campaign.series[series].clone(),
+        links: std::array::from_fn(|link| line(&|seen| Some((seen.tensions_n[link], seen.elongations_m?[link])))),
+        axes: (0..N).map(|axis| line(&|seen| Some((seen.axis_loads[axis], seen.axes[axis]?)))).collect(),
     })
 }
 
@@ -71,10 +124,12 @@ fn see<const N: usize>(
             continue;
         };
         match named.gauge {
-            Gauge::Face { axis, .. } => {
+            Gauge::Face { body: Body::Platform, axis, .. } => {
                 normals.push(axis);
                 changes.push(change);
             }
+            // The thesis knows no wrist.
+            Gauge::Face { body: Body::Tool, .. } => {}
             Gauge::Axis { axis, metres_per_q } => axes[axis] = Some(change / metres_per_q),
         }
     }
@@ -102,3 +157,6 @@ fn slope(points: &[(f64, f64)]) -> Option<f64> {
 
 /// Smallest load of a spring that a line is drawn for, N.
 const LEAST_LOAD: f64 = 1.0;
+
+#[cfg(test)]
+mod tests;

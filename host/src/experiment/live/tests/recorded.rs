@@ -1,0 +1,89 @@
+//! A recording of the server in a campaign, made into windows.
+
+use std::sync::Mutex;
+
+use super::*;
+use crate::record::CsvFile;
+
+/// Gauges of a recording: at the tool centre point, along the axes of the world.
+const GAUGES: [(&str, [f64; 3]); 3] =
+    [("gauge_x", [1.0, 0.0, 0.0]), ("gauge_y", [0.0, 1.0, 0.0]), ("gauge_z", [0.0, 0.0, 1.0])];
+
+/// A plan with the gauges of a recording.
+fn plan_text() -> String {
+    let text = first_series(&campaign_a("", &[0, 120, 240, 120, 0]), 2);
+    let (head, rest) = text.split_once("[[gauge]]").unwrap();
+    let series = &rest[rest.find("[[pose]]").unwrap()..];
+    let gauges = GAUGES.map(|(name, axis)| {
+        format!("[[gauge]]\nname = {name:?}\non = \"platform\"\npoint_m = [0.0, 0.0, 0.0]\naxis = {axis:?}\n")
+    });
+    let names = GAUGES.map(|(name, _)| name);
+    let lines = series.lines().map(|line| match line.starts_with("gauges = ") {
+        true => format!("gauges = {names:?}\n"),
+        false => line.to_owned() + "\n",
+    });
+    head.to_owned() + &gauges.concat() + &lines.collect::<String>()
+}
+
+#[test]
+fn a_recording_is_told_apart_by_the_plan() {
+    let folder = Folder::new("recorded");
+    let (robot, plan) = (robot(), plan_in(&folder, &plan_text()));
+    let path = folder.path("record.csv");
+    let file = Arc::new(Mutex::new(Some(CsvFile::create::<Row<3>>(&path).unwrap())));
+    let shared = Arc::clone(&file);
+    let bench = Bench::watched(&robot, &plan, move |row| {
+        if let Some(file) = shared.lock().unwrap().as_mut() {
+            file.write(row);
+        }
+    });
+    let options = bench.options(&robot, &plan, &folder.path("springs.csv"));
+    assert_eq!(run_until(&options, usize::MAX), LiveReport { taken: 10, missing: 0 });
+    bench.server.quit().unwrap();
+    let recorded = file.lock().unwrap().take().unwrap().finish(0);
+    assert_eq!((recorded.lost, recorded.failure), (0, None));
+
+    let prediction = Prediction::new(&robot).unwrap();
+    let read = || raw::read(&path, &folder.path("plan.toml"), &robot, &prediction);
+    let made = read().unwrap();
+    assert_eq!(made.missed, [""; 0]);
+    let names: Vec<_> = made.campaign.windows.iter().map(|window| (window.series, window.window.as_str())).collect();
+    let expected: Vec<_> = (0..2).flat_map(|series| ["1", "2", "3", "4", "5"].map(|window| (series, window))).collect();
+    assert_eq!((names, &made.campaign.series), (expected, &vec!["x1".to_owned(), "y1".to_owned()]));
+    // By the machine's own springs: a recording has the exact load, and gauges that show whole steps of 0.5 um.
+    let springs = robot.true_springs().unwrap();
+    for window in &made.campaign.windows {
+        let planned = &plan.series[window.series];
+        let level_n = planned.levels_n[window.window.parse::<usize>().unwrap() - 1];
+        assert!((window.load.fixed_rows::<3>(0) - planned.direction * level_n).amax() < 1e-9, "{}", window.load);
+        let began = unloaded(springs.machine(), &window.q, &plan.poses[planned.pose].1).unwrap();
+        let now = springs.machine().equilibrium(&window.q, &window.load, &began).unwrap();
+        let moved = now.pose.translation_m - began.pose.translation_m;
+        for (reading, moved) in window.readings_m.iter().zip(&moved) {
+            assert!((reading.unwrap() - moved).abs() < 0.26e-6, "{reading:?} {moved:e}");
+        }
+    }
+
+    // Plans and recordings that are not each other's.
+    let refused = |text: &str, expected: &str| {
+        std::fs::write(folder.path("plan.toml"), text).unwrap();
+        let error = read().unwrap_err().to_string();
+        assert!(error.ends_with(expected), "{error}");
+    };
+    let text = plan_text();
+    refused(
+        &text.replace("120.0, 240.0", "120.0, 250.0").replace("120, 240", "120, 280"),
+        "record.csv: series x1, window 3 (280 N) of the plan is not in it: a recording shows the whole plan in its order, each level calm for 6 s",
+    );
+    refused(
+        &text.replace("\"gauge_", "\"probe_"),
+        "gauge: a recording has the gauges gauge_x, gauge_y and gauge_z, and the set-up names none of them",
+    );
+    let (without, _) = text.split_once("[[series]]").unwrap();
+    refused(without, "series: is missing: a plan has [[series]]");
+    std::fs::write(folder.path("plan.toml"), &text).unwrap();
+    let bad = std::fs::read_to_string(&path).unwrap().replacen('\n', "\n,", 2);
+    std::fs::write(&path, bad).unwrap();
+    let error = read().unwrap_err().to_string();
+    assert!(error.contains("record.csv:") && error.contains("fields"), "{error}");
+}

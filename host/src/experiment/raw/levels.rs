@@ -1,0 +1,231 @@
+//! Windows from a table of ticks whose levels are named.
+
+use gantry_tau_core::model::kinematics::Pose;
+use nalgebra::Vector6;
+
+use super::made::{Level, Made};
+use super::{Source, TARE, Watched, header};
+use crate::experiment::windows::{Collector, Means, Progress, Sample};
+use crate::measurements::FileError;
+use crate::measurements::springs::{MAX_GAUGES, MOST, stroke};
+use crate::measurements::table::{MAX_ROWS, Row, Table};
+
+/// Places of the columns, in the order of the header.
+struct Columns {
+    places: Vec<usize>,
+    axes: usize,
+}
+
+/// Columns before those of the axes, by their place in the header.
+const SERIES: usize = 0;
+const MOUNTING: usize = 1;
+const POSE: usize = 2;
+const WINDOW: usize = 3;
+const TIME: usize = 5;
+const TICK: usize = 6;
+const AXES: usize = 7;
+
+impl Columns {
+    fn load(&self) -> &[usize] {
+        &self.places[AXES + self.axes..][..6]
+    }
+
+    fn gauges(&self) -> &[usize] {
+        &self.places[AXES + self.axes + 6..]
+    }
+}
+
+/// Rows of one series that stand together.
+#[derive(Default)]
+struct Series {
+    name: String,
+    mounting: String,
+    pose: usize,
+    /// Gauges that have had a reading.
+    is_read: Vec<bool>,
+    /// Zero of the force sensor.
+    tare: Option<Vector6<f64>>,
+}
+
+/// A level that is being read.
+struct Open {
+    level: Level,
+    is_taken: bool,
+    last_tick: u64,
+}
+
+struct Levels<'a, const N: usize> {
+    source: &'a Source<'a, N>,
+    made: Made<N>,
+    collector: Collector<N>,
+    series: Series,
+    open: Option<Open>,
+    /// Number of levels.
+    count: usize,
+    /// Levels that gave no window.
+    without: Vec<Level>,
+}
+
+pub(super) fn read<const N: usize>(source: &Source<'_, N>, ticks: Watched<'_>) -> Result<Made<N>, FileError> {
+    let watch = ticks.watch;
+    let header = header::<N>(&source.setup.gauges);
+    let table = Table::begin(source.path, ticks, &header, |_| false)?;
+    let columns = Columns { places: header.iter().filter_map(|column| table.place(column)).collect(), axes: N };
+    let made = Made::new(source);
+    let mut levels = Levels {
+        source,
+        collector: Collector::new(made.rules),
+        made,
+        series: Series::default(),
+        open: None,
+        count: 0,
+        without: Vec::new(),
+    };
+    table.each(|row| {
+        watch.since_row.set(0);
+        levels.feed(&columns, row)
+    })?;
+    levels.close();
+    levels.made.end(source, &levels.without)
+}
+
+impl<const N: usize> Levels<'_, N> {
+    /// Takes the next row.
+    fn feed(&mut self, columns: &Columns, row: &Row<'_>) -> Result<(), FileError> {
+        self.follow_series(columns, row)?;
+        let (sample, time_s) = self.sample(columns, row)?;
+        let window = row.text_at(columns.places[WINDOW]);
+        if window.is_empty() {
+            self.close();
+            return Ok(());
+        }
+        let stroke = stroke(row)?;
+        let is_same = |open: &Open| open.level.window == window && open.level.stroke == stroke;
+        if !self.open.as_ref().is_some_and(is_same) {
+            self.close();
+            self.begin(row, window, stroke, sample.tick)?;
+        }
+        let Some(open) = &mut self.open else { return Ok(()) };
+        // Another session counts from elsewhere.
+        if sample.tick < open.last_tick {
+            self.collector.restart();
+        }
+        open.last_tick = sample.tick;
+        if open.is_taken {
+            return Ok(());
+        }
+        match self.collector.feed(&sample) {
+            Progress::Taken(means) => self.take(&means, time_s),
+            Progress::Settling | Progress::Averaging | Progress::Refused { .. } => Ok(()),
+        }
+    }
+
+    /// Begins another series where the row is of another one.
+    fn follow_series(&mut self, columns: &Columns, row: &Row<'_>) -> Result<(), FileError> {
+        let text = |column: usize| row.text_at(columns.places[column]);
+        let poses: &[(String, Pose)] = &self.source.setup.poses;
+        if self.series.name == text(SERIES) && !self.series.name.is_empty() {
+            let Series { mounting, pose, .. } = &self.series;
+            if mounting != text(MOUNTING) || poses[*pose].0 != text(POSE) {
+                return Err(row.error("series", "a series has one mounting and one pose"));
+            }
+            return Ok(());
+        }
+        for (column, name) in [(SERIES, "series"), (MOUNTING, "mounting")] {
+            if text(column).is_empty() {
+                return Err(row.error(name, "is empty"));
+            }
+        }
+        let Some(pose) = poses.iter().position(|(name, _)| name == text(POSE)) else {
+            return Err(row.error("pose", format_args!("{:?} is not in the set-up", text(POSE))));
+        };
+        if let Err(reason) = &self.source.places[pose] {
+            return Err(row.error("pose", format_args!("the robot file's machine does not take it: {reason}")));
+        }
+        self.close();
+        let is_read = vec![false; self.source.setup.gauges.len()];
+        let (name, mounting) = (text(SERIES).to_owned(), text(MOUNTING).to_owned());
+        self.series = Series { name, mounting, pose, is_read, tare: None };
+        Ok(())
+    }
+
+    /// Reads the instruments of a row, and its time.
+    fn sample(&mut self, columns: &Columns, row: &Row<'_>) -> Result<(Sample<N>, f64), FileError> {
+        let [most_q, most_um, most_n, most_nm, most_s] = MOST;
+        let tick = row.text_at(columns.places[TICK]);
+        let Ok(tick) = tick.parse() else {
+            return Err(row.error("tick", format_args!("{tick:?} is not a whole number from 0")));
+        };
+        let mut sample = Sample {
+            tick,
+            q: [0.0; N],
+            wrench: [0.0; 6],
+            lengths_m: [0.0; MAX_GAUGES],
+            gauges: self.source.setup.gauges.len(),
+        };
+        for (q, place) in sample.q.iter_mut().zip(&columns.places[AXES..]) {
+            *q = row.number_at(*place, most_q)?;
+        }
+        for (component, place) in columns.load().iter().enumerate() {
+            sample.wrench[component] = row.number_at(*place, if component < 3 { most_n } else { most_nm })?;
+        }
+        for (gauge, place) in columns.gauges().iter().enumerate() {
+            let is_read = &mut self.series.is_read[gauge];
+            if row.text_at(*place).is_empty() {
+                // Away, if the series reads it: then the level begins anew.
+                sample.lengths_m[gauge] = if *is_read { f64::NAN } else { 0.0 };
+                continue;
+            }
+            sample.lengths_m[gauge] = row.number_at(*place, most_um)? * 1e-6;
+            if !*is_read {
+                *is_read = true;
+                self.collector.restart();
+            }
+        }
+        Ok((sample, row.number_at(columns.places[TIME], most_s)?))
+    }
+
+    fn begin(&mut self, row: &Row<'_>, window: &str, stroke: i8, tick: u64) -> Result<(), FileError> {
+        if self.series.tare.is_none() && stroke != 0 {
+            let reason = "the series does not begin with its slack level, stroke 0, where the sensor is tared, or that does not settle; remove its rows";
+            return Err(row.error("stroke", reason));
+        }
+        self.count += 1;
+        if self.count > MAX_ROWS {
+            return Err(row.error("window", format_args!("has more than {MAX_ROWS} levels")));
+        }
+        let Series { name, mounting, pose, .. } = &self.series;
+        let (series, mounting, pose) = (name.clone(), mounting.clone(), *pose);
+        let level = Level { line: row.line(), series, mounting, pose, window: window.to_owned(), stroke };
+        self.open = Some(Open { level, is_taken: false, last_tick: tick });
+        self.collector.restart();
+        Ok(())
+    }
+
+    /// Ends the level.
+    fn close(&mut self) {
+        if let Some(open) = self.open.take().filter(|open| !open.is_taken && open.level.window != TARE) {
+            self.without.push(open.level);
+        }
+    }
+
+    /// Takes the window of the level, or the tare.
+    fn take(&mut self, means: &Means<N>, time_s: f64) -> Result<(), FileError> {
+        let Some(Open { level, is_taken, .. }) = &mut self.open else { return Ok(()) };
+        let Ok(place) = &self.source.places[level.pose] else { return Ok(()) };
+        *is_taken = true;
+        let (prediction, shown) = (self.source.prediction, Vector6::from(means.wrench));
+        let is_tare = level.window == TARE;
+        if is_tare || self.series.tare.is_none() {
+            self.series.tare = Some(shown - prediction.weight_seen(&place.unloaded.pose.rotation));
+        }
+        if !is_tare {
+            let seen = shown - self.series.tare.unwrap_or_default();
+            let load = prediction
+                .load(&seen, &means.q, &place.unloaded)
+                .map_err(|error| FileError::at(&self.source.path.display().to_string(), level.line, "window", error))?;
+            self.made.add(level, means, load, time_s, &self.series.is_read);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,100 @@
+//! Windows that were made of ticks.
+
+use nalgebra::{SVector, Vector6};
+
+use super::Source;
+use crate::experiment::windows::{Means, Rules, TICK_S};
+use crate::measurements::FileError;
+use crate::measurements::springs::{Noise, Window};
+
+/// Most sentences about levels without a window.
+const LISTED: usize = 5;
+
+/// Windows, and the names in them.
+pub(super) struct Made<const N: usize> {
+    pub(super) rules: Rules,
+    pub(super) series: Vec<String>,
+    pub(super) mountings: Vec<String>,
+    pub(super) windows: Vec<Window<N>>,
+    pub(super) missed: Vec<String>,
+}
+
+/// A level of a series.
+#[derive(Clone, Debug)]
+pub(super) struct Level {
+    /// First line of its ticks.
+    pub(super) line: u64,
+    pub(super) series: String,
+    pub(super) mounting: String,
+    /// Pose, by index.
+    pub(super) pose: usize,
+    pub(super) window: String,
+    pub(super) stroke: i8,
+}
+
+impl<const N: usize> Made<N> {
+    pub(super) fn new(source: &Source<'_, N>) -> Self {
+        let rules = Rules::new(source.setup.noise.unwrap_or(Noise::USUAL));
+        Self { rules, series: Vec::new(), mountings: Vec::new(), windows: Vec::new(), missed: Vec::new() }
+    }
+
+    /// Adds the window of a level under a load; `end_s` is the time of its last tick, and gauges that are not `read` have no reading.
+    pub(super) fn add(&mut self, level: &Level, means: &Means<N>, load: Vector6<f64>, end_s: f64, read: &[bool]) {
+        // One window does not show how well a gauge repeats: its noise is the stated one at least, as of a live campaign.
+        let least_m = self.rules.noise.gauge_um * 1e-6;
+        let of_read = |value: &dyn Fn(usize) -> f64| {
+            let gauges = read.iter().enumerate();
+            gauges.map(|(gauge, is_read)| is_read.then(|| value(gauge))).collect::<Vec<Option<f64>>>()
+        };
+        self.windows.push(Window {
+            line: level.line,
+            series: index_of(&mut self.series, &level.series),
+            mounting: index_of(&mut self.mountings, &level.mounting),
+            pose: level.pose,
+            window: level.window.clone(),
+            stroke: level.stroke,
+            q: means.q,
+            load,
+            pushes_n: SVector::zeros(),
+            readings_m: of_read(&|gauge| means.gauges[gauge].length_m),
+            sds_m: of_read(&|gauge| means.gauges[gauge].sd_m.max(least_m)),
+            // The middle of the window.
+            time_s: Some(end_s - 0.5 * means.samples as f64 * TICK_S),
+        });
+    }
+
+    /// Ends with the levels that gave no window at their first try; those of the table that another try gave are not missed.
+    pub(super) fn end(mut self, source: &Source<'_, N>, without: &[Level]) -> Result<Self, FileError> {
+        let refused = |reason: &str| Err(FileError::whole(&source.path.display().to_string(), reason));
+        if self.windows.is_empty() {
+            return refused("no level settles, and stays calm for a window of 2 s");
+        }
+        if self.windows.iter().all(|window| window.readings_m.iter().all(Option::is_none)) {
+            return refused("no gauge has a reading: with --ask-gauges they are in the table of windows only");
+        }
+        let is_missed = |level: &&Level| {
+            let taken = |window: &Window<N>| {
+                window.window == level.window
+                    && self.series.get(window.series).is_some_and(|name| *name == level.series)
+            };
+            !self.windows.iter().any(taken)
+        };
+        let missed: Vec<&Level> = without.iter().filter(is_missed).collect();
+        let said = |level: &&Level| {
+            format!("series {}, window {} (line {}) does not settle: left out", level.series, level.window, level.line)
+        };
+        self.missed = missed.iter().take(LISTED).map(said).collect();
+        if missed.len() > LISTED {
+            self.missed.push(format!("{} more levels do not settle: left out", missed.len() - LISTED));
+        }
+        Ok(self)
+    }
+}
+
+/// Index of a name, which is added where it is new. The last one is the likeliest.
+fn index_of(names: &mut Vec<String>, name: &str) -> usize {
+    names.iter().rposition(|other| other == name).unwrap_or_else(|| {
+        names.push(name.to_owned());
+        names.len() - 1
+    })
+}

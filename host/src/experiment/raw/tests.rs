@@ -1,0 +1,205 @@
+//! Tables of ticks of a synthetic series.
+
+use std::path::PathBuf;
+
+use nalgebra::{UnitQuaternion, Vector6};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::table::{Part, RawTable};
+use super::*;
+use crate::experiment::fixture::{Folder, campaign_a, first_series, plan_in};
+use crate::experiment::windows::Sample;
+use crate::measurements::plan::Plan;
+use crate::measurements::springs::MAX_GAUGES;
+use crate::model::L2;
+use crate::sim::force_sensor::Mounting;
+
+/// Force of the one level, N; zero error of the sensor, N; noise of a sample, N and m.
+const LEVEL_N: f64 = 120.0;
+const BIAS_N: f64 = 3.0;
+const FORCE_N: f64 = 0.2;
+const LENGTH_M: f64 = 0.3e-6;
+
+/// A series at home, slack and pulled along x, whose gauges show 7 um at 120 N.
+struct Bench {
+    folder: Folder,
+    plan: Plan<3>,
+    robot: RobotFile<L2, 3>,
+    prediction: Prediction<3>,
+    random: ChaCha8Rng,
+    tick: u64,
+}
+
+impl Bench {
+    fn new(name: &str) -> Self {
+        let folder = Folder::new(&format!("ticks-{name}"));
+        let plan = plan_in(&folder, &first_series(&campaign_a("", &[0, 120, 0]), 1));
+        let robot = RobotFile::builtin_l2().unwrap();
+        let prediction = Prediction::new(&robot).unwrap();
+        Self { folder, plan, robot, prediction, random: ChaCha8Rng::seed_from_u64(1), tick: 1_000 }
+    }
+
+    fn path(&self) -> PathBuf {
+        self.folder.path("raw.csv")
+    }
+
+    /// Writes ticks of parts: milliseconds of each, and the share of the pull.
+    fn write(&mut self, parts: &[(Part, u32, f64)], is_continued: bool) {
+        let mut table = RawTable::open(&self.path(), &self.plan, is_continued).unwrap();
+        let q = self.robot.model.axes_for(&self.plan.poses[0].1).unwrap();
+        let mounting = Mounting::from(&self.robot.sensor);
+        for (part, milliseconds, share) in parts {
+            for _ in 0..*milliseconds {
+                let mut normal = |sd: f64| sd * Distribution::<f64>::sample(&StandardNormal, &mut self.random);
+                let load = Vector6::new(share * LEVEL_N + normal(FORCE_N), normal(FORCE_N), 0.0, 0.0, 0.0, 0.0);
+                let mut wrench: [f64; 6] = mounting.seen(&load, &UnitQuaternion::identity()).into();
+                wrench[0] += BIAS_N;
+                let mut lengths_m = [0.0; MAX_GAUGES];
+                lengths_m[..9].fill_with(|| share * 7e-6 + normal(LENGTH_M));
+                let sample = Sample { tick: self.tick, q, wrench, lengths_m, gauges: 9 };
+                table.write(&self.plan, (0, *part), self.tick as f64 * 1e-3, &sample).unwrap();
+                self.tick += 1;
+            }
+        }
+        table.flush().unwrap();
+    }
+
+    fn read(&self) -> Result<RawCampaign<3>, String> {
+        let setup = self.folder.path("plan.toml");
+        read(&self.path(), &setup, &self.robot, &self.prediction).map_err(|error| error.to_string())
+    }
+
+    /// Reads what a change of the text gives; the folder is left out of the error.
+    fn refused(&self, change: impl Fn(&str) -> String) -> String {
+        let text = std::fs::read_to_string(self.path()).unwrap();
+        std::fs::write(self.path(), change(&text)).unwrap();
+        let refused = self.read().unwrap_err();
+        std::fs::write(self.path(), text).unwrap();
+        refused.replace(&format!("{}/", self.folder.0.display()), "")
+    }
+}
+
+const CALM: [(Part, u32, f64); 4] =
+    [(Part::Level(0), 6_000, 0.0), (Part::Way, 1_200, 0.5), (Part::Level(1), 6_500, 1.0), (Part::Level(2), 7_000, 0.0)];
+
+#[test]
+fn levels_become_windows() {
+    let mut bench = Bench::new("levels");
+    bench.write(&CALM, false);
+    let made = bench.read().unwrap();
+    assert_eq!(made.missed, [""; 0]);
+    let text = std::fs::read(bench.path()).unwrap();
+    assert_eq!(made.campaign.crc, crc32fast::hash(&text));
+    let found: Vec<_> = made.campaign.windows.iter().map(|window| (window.window.as_str(), window.stroke)).collect();
+    assert_eq!(found, [("1", 0), ("2", 1), ("3", -1)]);
+    let lines: Vec<u64> = made.campaign.windows.iter().map(|window| window.line).collect();
+    assert_eq!(lines, [2, 7_202, 13_702]);
+    for (window, share) in made.campaign.windows.iter().zip([0.0, 1.0, 0.0]) {
+        // Five deviations of the difference of two means of 2 000 samples; the prediction turns 120 N by 1 mrad, which is across.
+        let close = |value: f64, expected: f64, sd: f64| (value - expected).abs() < 5.0 * sd / 1_000_f64.sqrt();
+        assert!(close(window.load[0], share * LEVEL_N, FORCE_N), "{}", window.load);
+        assert!(close(window.readings_m[0].unwrap(), share * 7e-6, LENGTH_M));
+        assert_eq!(window.sds_m[0], Some(1e-6), "the stated noise at least");
+    }
+}
+
+/// A session that was lost: another zero error, which the sensor is tared of, and another program that goes on with the table.
+#[test]
+fn a_table_is_continued_with_a_tare() {
+    let mut bench = Bench::new("continued");
+    bench.write(&CALM[..2], false);
+    bench.tick = 5;
+    bench.write(&[(Part::Tare, 6_000, 0.25), (Part::Way, 300, 1.0), (Part::Level(1), 6_500, 1.25)], true);
+    let campaign = bench.read().unwrap().campaign;
+    let found: Vec<_> = campaign.windows.iter().map(|window| window.window.as_str()).collect();
+    assert_eq!(found, ["1", "2"]);
+    assert!((campaign.windows[1].load[0] - LEVEL_N).abs() < 0.05, "{}", campaign.windows[1].load);
+    // One whose last row is not whole, and one of another plan, are not.
+    let text = std::fs::read_to_string(bench.path()).unwrap();
+    for (bad, expected) in [
+        (text.trim_end().to_owned(), "its last row is not whole; remove that row"),
+        (text.replacen("axis3_um", "axis4_um", 1), "its columns are not those of this plan: series,mounting,"),
+    ] {
+        std::fs::write(bench.path(), bad).unwrap();
+        let refused = RawTable::open(&bench.path(), &bench.plan, true).unwrap_err().to_string();
+        assert!(refused.contains(expected), "{refused}");
+    }
+}
+
+#[test]
+fn a_level_that_does_not_settle_is_named() {
+    let mut bench = Bench::new("restless");
+    let first = [CALM[0], (Part::Way, 10, 0.5), (Part::Level(1), 4_000, 1.0), (Part::Way, 10, 0.5), CALM[3]];
+    bench.write(&first, false);
+    let made = bench.read().unwrap();
+    assert_eq!(made.missed, ["series x1, window 2 (line 6012) does not settle: left out"]);
+    assert_eq!(made.campaign.windows.len(), 2);
+    // Gauges that go away begin the level anew.
+    let text = std::fs::read_to_string(bench.path()).unwrap();
+    let away = text.lines().enumerate().map(|(index, line)| match index {
+        4_000 => line.rsplit_once(',').unwrap().0.to_owned() + ",\n",
+        _ => line.to_owned() + "\n",
+    });
+    std::fs::write(bench.path(), away.collect::<String>()).unwrap();
+    let refused = bench.read().unwrap_err();
+    assert!(refused.ends_with("raw.csv:6012: stroke: the series does not begin with its slack level, stroke 0, where the sensor is tared, or that does not settle; remove its rows"), "{refused}");
+}
+
+#[test]
+fn what_is_not_a_table_of_ticks_is_refused() {
+    let mut bench = Bench::new("hostile");
+    bench.write(&[(Part::Level(0), 20, 0.0)], false);
+    let row = |text: &str, line: usize, change: &dyn Fn(&str) -> String| -> String {
+        text.lines()
+            .enumerate()
+            .map(|(index, row)| if index + 1 == line { change(row) } else { row.to_owned() } + "\n")
+            .collect()
+    };
+    let field = |line: usize, place: usize, value: &'static str| {
+        move |text: &str| {
+            row(text, line, &|row| {
+                let mut fields: Vec<&str> = row.split(',').collect();
+                // The mounting has a comma, and is quoted.
+                fields[place + 1] = value;
+                fields.join(",")
+            })
+        }
+    };
+    let refused = |change: &dyn Fn(&str) -> String, expected: &str| assert_eq!(bench.refused(change), expected);
+    refused(&field(4, 7, "NaN"), "raw.csv:4: q_1: NaN is not from -1e3 to 1e3; the unit is in the column's name");
+    refused(&field(5, 10, "north"), "raw.csv:5: sensor_force_x_n: \"north\" is not a number");
+    refused(&field(6, 16, "inf"), "raw.csv:6: pz1_um: inf is not from -2e4 to 2e4; the unit is in the column's name");
+    refused(&field(6, 6, "-3"), "raw.csv:6: tick: \"-3\" is not a whole number from 0");
+    refused(&field(6, 5, ""), "raw.csv:6: time_s: \"\" is not a number");
+    refused(&field(6, 2, "moon"), "raw.csv:6: series: a series has one mounting and one pose");
+    refused(&field(2, 2, "moon"), "raw.csv:2: pose: \"moon\" is not in the set-up");
+    refused(&field(7, 4, "2"), "raw.csv:7: stroke: \"2\" is not 1 (rising), -1 (falling) or 0");
+    let header = |from: &'static str, to: &'static str| move |text: &str| text.replacen(from, to, 1);
+    refused(&header("q_2", "q_9"), "raw.csv:1: q_9: this column is unknown");
+    refused(&header(",q_2", ""), "raw.csv:1: q_2: this column is missing");
+    refused(&header("pz2_um", "pz1_um"), "raw.csv:1: pz1_um: this column stands twice");
+    refused(&|text| text.lines().take(1).collect(), "raw.csv: has no rows");
+    refused(&|_| String::new(), "raw.csv:1: series: this column is missing");
+    refused(&|text| text.to_owned(), "raw.csv: no level settles, and stays calm for a window of 2 s");
+    let short = bench.refused(|text| row(text, 9, &|row| row.rsplit_once(',').unwrap().0.to_owned()));
+    assert!(short.starts_with("raw.csv:9: ") && short.contains("24 fields, but the previous record has 25"), "{short}");
+    let quoted = bench.refused(|text| text.to_owned() + "\"" + &"endless\n".repeat(200_000));
+    assert!(quoted.contains("a row is longer than 1 MiB") && quoted.lines().count() == 1, "{quoted}");
+}
+
+#[test]
+fn typed_readings_are_not_in_the_table() {
+    let mut bench = Bench::new("typed");
+    bench.write(&CALM, false);
+    let without = |text: &str| {
+        let rows = text.lines().enumerate().map(|(index, row)| match index {
+            0 => row.to_owned() + "\n",
+            _ => row.rsplitn(10, ',').last().unwrap().to_owned() + ",,,,,,,,,\n",
+        });
+        rows.collect::<String>()
+    };
+    let expected = "raw.csv: no gauge has a reading: with --ask-gauges they are in the table of windows only";
+    assert_eq!(bench.refused(without), expected);
+}

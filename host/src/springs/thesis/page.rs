@@ -1,0 +1,229 @@
+//! Page with the thesis' evaluation of every series, beside what `identify` finds in the same windows, and what the thesis prints.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use gantry_tau_core::model::robot::LINKS;
+
+use super::printed::{self, Printed};
+use super::{SpringLine, ThesisSprings, evaluate};
+use crate::fit::answer::{Parameter, Status};
+use crate::measurements::springs;
+use crate::model::MachineKind;
+use crate::plots::page::{escape, page as html};
+use crate::plots::{Corner, Curve, Plot};
+use crate::robot_file::RobotFile;
+use crate::springs::identify::{IdentifyError, IdentifyOptions, answer_of, axes_key, starting_springs};
+use crate::springs::lines::Question;
+use crate::springs::setup::SetupConstants;
+
+/// Micro: m/N to µm/N.
+const MICRO: f64 = 1e6;
+/// Most series that a plot names.
+const NAMED: usize = 9;
+/// Number of the black colour.
+const BLACK: usize = 7;
+
+/// Evaluates a table of windows, measured for the set-up at `setup`, in the thesis' way and by `identify`; returns the page.
+///
+/// # Errors
+/// [`IdentifyError`]: a file is wrong. A table in which `identify` finds nothing is shown with the reason.
+pub fn page<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    setup: &Path,
+    table: &Path,
+) -> Result<String, IdentifyError> {
+    let file = starting_springs(robot)?;
+    let campaign = springs::read_table(setup, table, K::MODEL, &robot.metres_per_q)?;
+    campaign.check_wrist(setup, robot.wrist.len())?;
+    let geometry = robot.model.geometry();
+    let question =
+        || Question { geometry: &geometry, file: &file, campaign: &campaign, setup: SetupConstants::of(&campaign) };
+    let asked = question();
+    let all: Vec<ThesisSprings> = (0..campaign.series.len()).filter_map(|series| evaluate(&asked, series)).collect();
+    let options = IdentifyOptions {
+        setup: setup.to_owned(),
+        raw: None::<PathBuf>,
+        robot: robot.name.clone(),
+        is_scaled: false,
+        is_robust: true,
+        has_hysteresis: false,
+        has_drift: false,
+    };
+    let found = answer_of(question(), K::MODEL, &options);
+    let mut body = format!(
+        "<h1>Springs by the thesis' evaluation</h1><p>{} windows of {}, {} series, evaluated for {}. The thesis draws a straight line per \
+         spring through the windows of one series: carts from their gauges [T 4.2.9, Table 5.1], links from the translation of the platform, \
+         which is taken as if it did not turn [T 3.3, Table 5.2]. <i>identify</i> takes all series at once, and lets the platform turn. Behind ± is half of a 95 % interval by the scatter about the line; the thesis states none.</p>",
+        campaign.windows.len(),
+        escape(&campaign.table),
+        all.len(),
+        escape(&robot.name)
+    );
+    if let Err(error) = &found {
+        _ = write!(body, "<p class=\"bad\">identify finds nothing in this table: {}</p>", escape(&error.to_string()));
+    }
+    let parameters = found.as_ref().map_or(&[][..], |answer| &answer.parameters[..LINKS + N]);
+    let key = axes_key::<N>();
+    let (of_links, of_axes) = parameters.split_at(LINKS.min(parameters.len()));
+    let file = file.vector();
+    let (links_of_file, axes_of_file) = file.as_slice().split_at(LINKS);
+    let links = Springs {
+        names: (0..LINKS).map(|link| format!("c_link[{link}]")).collect(),
+        lines: all.iter().map(|thesis| (&*thesis.series, &thesis.links[..])).collect(),
+        found: of_links,
+        file: links_of_file,
+        printed: printed::links::<N>(),
+        axes: ["tension, N", "elongation, µm"],
+    };
+    let axes = Springs {
+        names: (0..N).map(|axis| format!("{key}[{axis}]")).collect(),
+        lines: all.iter().map(|thesis| (&*thesis.series, &thesis.axes[..])).collect(),
+        found: of_axes,
+        file: &axes_of_file[..N],
+        printed: printed::axes::<N>(),
+        axes: if N == LINKS {
+            ["load, N or N m", "displacement, µm or µrad"]
+        } else {
+            ["load, N", "displacement, µm"]
+        },
+    };
+    let unit = if N == LINKS { "µm/N; of plates, µrad/(N m)" } else { "µm/N" };
+    _ = write!(body, "<h2>Carts{}</h2><p>{unit}.</p>", if N == LINKS { " and plates" } else { "" });
+    body += &axes.table();
+    body += "<h2>Links</h2><p>µm/N.</p>";
+    body += &links.table();
+    body += &links.negative();
+    body += "<p>The thesis' machines are not this one: of its tables only size and sign can be compared.</p>";
+    body += "<h2>Carts: displacement against load</h2>";
+    body += &axes.plots();
+    body += "<h2>Links: elongation against tension, the platform taken as if it did not turn</h2>";
+    body += &links.plots();
+    Ok(html("gantry-tau experiment: the thesis' evaluation", &body))
+}
+
+/// Springs of one kind.
+struct Springs<'a> {
+    names: Vec<String>,
+    /// Name and lines of each series.
+    lines: Vec<(&'a str, &'a [SpringLine])>,
+    /// What identify found; empty if it did not.
+    found: &'a [Parameter],
+    file: &'a [f64],
+    printed: &'static [Printed],
+    /// Names of the axes of a plot.
+    axes: [&'static str; 2],
+}
+
+impl Springs<'_> {
+    fn table(&self) -> String {
+        let mut table = format!("<table><tr><th><th>{}</tr>", self.names.join("<th>"));
+        let mut row = |name: &str, cells: Vec<String>| {
+            _ = write!(table, "<tr><th>{}<td>{}</tr>", escape(name), cells.join("<td>"));
+        };
+        for (series, lines) in &self.lines {
+            row(&format!("series {series}"), lines.iter().map(slope).collect());
+        }
+        if !self.found.is_empty() {
+            let value = |parameter: &Parameter| match parameter.status {
+                Status::Kept => "not seen".to_owned(),
+                Status::Identified | Status::Weak => format!("<b>{}</b>", number(parameter.value)),
+            };
+            row("identify", self.found.iter().map(value).collect());
+            let interval = |parameter: &Parameter| match parameter.status {
+                Status::Kept => "-".to_owned(),
+                Status::Identified | Status::Weak => {
+                    format!("{} to {}", number(parameter.low95), number(parameter.high95))
+                }
+            };
+            row("95 % interval", self.found.iter().map(interval).collect());
+        }
+        row("robot file", self.file.iter().map(|value| number(*value)).collect());
+        for Printed { table, values } in self.printed {
+            let printed = |place: usize| cell(values.get(place).map(|value| value / MICRO));
+            row(&format!("[T {table}]"), (0..self.names.len()).map(printed).collect());
+        }
+        table + "</table>"
+    }
+
+    /// Says how many lines have a slope that no spring has.
+    fn negative(&self) -> String {
+        let slopes: Vec<f64> =
+            self.lines.iter().flat_map(|(_, lines)| lines.iter().filter_map(|line| line.compliance)).collect();
+        let negative = slopes.iter().filter(|slope| **slope < 0.0).count();
+        match slopes.len() {
+            0 => "<p>No series has three gauges on the platform in three directions, as the evaluation needs.</p>"
+                .to_owned(),
+            count => format!("<p>{negative} of {count} lines have a negative slope, which no spring has.</p>"),
+        }
+    }
+
+    fn plots(&self) -> String {
+        let plots = (0..self.names.len()).map(|spring| {
+            let plot = self.plot(spring);
+            format!("<h3>{}</h3>{plot}", self.names[spring])
+        });
+        plots.collect()
+    }
+
+    fn plot(&self, spring: usize) -> String {
+        let scaled = |points: &[(f64, f64)]| points.iter().map(|(load, moved)| (*load, moved * MICRO)).collect();
+        let mut curves = Vec::new();
+        let mut most = (0.0_f64, 0.0_f64);
+        for (place, (series, lines)) in self.lines.iter().enumerate() {
+            let line = &lines[spring];
+            let Some(ends) = line.ends() else { continue };
+            let (name, colour) = (if self.lines.len() <= NAMED { series } else { "" }, Some(place % BLACK));
+            most = (most.0.min(ends[0].0), most.1.max(ends[1].0));
+            curves.push(Curve { colour, ..Curve::dots(name, scaled(&line.points)) });
+            curves.push(Curve { colour, ..Curve::line("", scaled(&ends)) });
+        }
+        if curves.is_empty() {
+            return "<p>No series loads it, or shows it.</p>".to_owned();
+        }
+        if let Some(found) = self.found.get(spring) {
+            let ends = [most.0, most.1].map(|load| (load, load * found.value));
+            curves.push(Curve { colour: Some(BLACK), ..Curve::line("identify", scaled(&ends)) });
+        }
+        let [x_axis, y_axis] = self.axes;
+        let key = emptiest(&curves);
+        Plot { x_axis, y_axis, curves, bands: Vec::new(), y_names: Vec::new(), key }.svg()
+    }
+}
+
+/// Corner of a plot in which fewest points lie.
+fn emptiest(curves: &[Curve]) -> Corner {
+    let points = || curves.iter().flat_map(|curve| &curve.points);
+    let middle = |coordinate: &dyn Fn(&(f64, f64)) -> f64| {
+        let values = || points().map(coordinate);
+        f64::midpoint(values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max))
+    };
+    let (x, y) = (middle(&|point| point.0), middle(&|point| point.1));
+    let within = |is_right: bool, is_upper: bool| {
+        points().filter(|point| (point.0 > x) == is_right && (point.1 > y) == is_upper).count()
+    };
+    let corners = [
+        (within(false, true), Corner::UpperLeft),
+        (within(true, true), Corner::UpperRight),
+        (within(false, false), Corner::LowerLeft),
+        (within(true, false), Corner::LowerRight),
+    ];
+    corners.into_iter().min_by_key(|(count, _)| *count).map_or(Corner::UpperLeft, |(_, corner)| corner)
+}
+
+fn slope(line: &SpringLine) -> String {
+    let cell = cell(line.compliance);
+    line.half_width().map_or_else(|| cell.clone(), |half_width| format!("{cell} ± {}", number(half_width)))
+}
+
+fn number(value: f64) -> String {
+    format!("{:.4}", value * MICRO)
+}
+
+fn cell(value: Option<f64>) -> String {
+    match value {
+        None => "-".to_owned(),
+        Some(value) if value < 0.0 => format!("<span class=\"bad\">{}</span>", number(value)),
+        Some(value) => number(value),
+    }
+}
