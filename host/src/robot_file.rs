@@ -224,7 +224,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         check::range("client.gain", sections.client.gain, 0.0, 1.0)?;
         check::simulation(&sections.simulation)?;
         learned::wrist(&sections.wrist)?;
-        sections.calibrated.as_ref().map_or(Ok(()), learned::calibrated)?;
+        sections.calibrated.as_ref().map_or(Ok(()), |section| learned::calibrated(section, T::PARAMETERS))?;
         sections.play.as_ref().map_or(Ok(()), learned::play)?;
         if let Some(identified) = &sections.identified {
             learned::identified(identified, LINKS + N + sections.wrist.len())?;

@@ -45,9 +45,10 @@ pub(crate) struct Calibrate {
     /// Guideways of an L2: free (21 parameters) or parallel (15)
     #[arg(long, value_enum, default_value_t = Guideways::Free)]
     guideways: Guideways,
-    /// Centre of the target from the tool centre point of an L2, platform axes, m; that of an F1 is found
-    #[arg(long, value_name = "X,Y,Z", value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
-    target: [f64; 3],
+    /// Centre of the target from the tool centre point, platform axes, m; without it, that of an L2 is at the tool centre point, and that of an
+    /// F1 is found
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
+    target: Option<[f64; 3]>,
     /// Largest expected error of a place over the workspace, mm
     #[arg(long, value_name = "MM", default_value_t = 0.1)]
     tolerance: f64,

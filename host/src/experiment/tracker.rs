@@ -2,7 +2,7 @@
 
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::{f1, l2};
-use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -111,8 +111,8 @@ pub fn track<K: TrackedMachine<N>, const N: usize>(
         UnitQuaternion::from_scaled_axis(device_part(DEVICE_RAD)),
     );
     let machine = robot.model.off(off_m, &mut draw).map_err(|reason| refused("of the machine", reason))?;
-    let root = |covariance: &Matrix3<f64>| covariance.cholesky().map_or_else(Matrix3::zeros, |factor| factor.l());
-    let (place_root, turn_root) = (root(&noise.position_m2), noise.rotation_rad2.as_ref().map(root));
+    // Lower triangular: without a stated noise of rotations, places have their own.
+    let root = noise.covariance(&Matrix3::identity()).cholesky().map_or_else(Matrix6::zeros, |factor| factor.l());
     let mut table = plan.header::<N>();
     for planned in &plan.poses {
         let q = axes(planned).ok_or_else(|| refused(&planned.name, format!("q has not {N} entries")))?;
@@ -121,11 +121,14 @@ pub fn track<K: TrackedMachine<N>, const N: usize>(
             .ok_or_else(|| refused(&planned.name, "the machine cannot stand there".to_owned()))?;
         let rotation = UnitQuaternion::from_matrix(&pose.rotation);
         let seen = device * Isometry3::from_parts(Translation3::from(pose.position_m), rotation) * K::target();
-        let place = seen.translation.vector + place_root * Vector3::new(draw(), draw(), draw());
+        let mut drawn = Vector6::zeros();
+        drawn.iter_mut().take(if noise.rotation_rad2.is_some() { 6 } else { 3 }).for_each(|value| *value = draw());
+        let off = root * drawn;
+        let place = seen.translation.vector + off.fixed_rows::<3>(0);
         let mut row = vec![planned.name.clone()];
         row.extend(q.iter().chain(place.iter()).map(|number| format!("{number:?}")));
-        if let Some(root) = &turn_root {
-            let turn = UnitQuaternion::from_scaled_axis(root * Vector3::new(draw(), draw(), draw())) * seen.rotation;
+        if noise.rotation_rad2.is_some() {
+            let turn = UnitQuaternion::from_scaled_axis(off.fixed_rows::<3>(3).into_owned()) * seen.rotation;
             row.extend([turn.w, turn.i, turn.j, turn.k].map(|part| format!("{part:?}")));
         }
         table += &(row.join(",") + "\n");

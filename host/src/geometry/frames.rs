@@ -55,6 +55,9 @@ pub fn rigid_trimmed(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Isometry3
     Some(motion)
 }
 
+/// Numbers of the target's place among the twelve of the frames: device (place, turn), target (place, turn).
+const TARGET_PLACE: std::ops::Range<usize> = 6..9;
+
 /// Where the robot's frame lies in the device's, and the target on the platform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frames {
@@ -72,19 +75,29 @@ impl Frames {
     }
 
     /// Returns the frames with the smallest sum of squares of what is left between `device pose target` and the measured pose: `pairs` are
-    /// poses of the robot's model and measured ones. A radian counts as a metre. `None` where they do not follow from the poses.
+    /// poses of the robot's model and measured ones. A radian counts as a metre. The target's centre on the platform is `target_m`, or fitted
+    /// along where absent. `None` where the frames do not follow from the poses.
     #[must_use]
-    pub fn fitted(pairs: &[(Isometry3<f64>, Isometry3<f64>)]) -> Option<Self> {
-        let places: Vec<_> =
-            pairs.iter().map(|(pose, seen)| (pose.translation.vector, seen.translation.vector)).collect();
+    pub fn fitted(pairs: &[(Isometry3<f64>, Isometry3<f64>)], target_m: Option<Vector3<f64>>) -> Option<Self> {
+        let centre = target_m.unwrap_or_else(Vector3::zeros);
+        let places: Vec<_> = pairs.iter().map(|(pose, seen)| (apply(pose, &centre), seen.translation.vector)).collect();
         let device = rigid_trimmed(&places)?;
         // Of the target the first pose has an opinion; the fit hears the others.
         let (pose, seen) = pairs.first()?;
         let target = (device * pose).rotation.inverse() * seen.rotation;
-        let start = Self { device, target: Isometry3::from_parts(Translation3::identity(), target) };
-        let rows = |frames: &Self| Ok::<_, std::convert::Infallible>(frames.rows(pairs));
-        let scales = DVector::repeat(12, 1.0);
-        fit(start, &scales, rows, Self::stepped).ok().filter(|fit| fit.seen.kept() == 12).map(|fit| fit.state)
+        let start = Self { device, target: Isometry3::from_parts(Translation3::from(centre), target) };
+        let free: Vec<usize> = (0..12).filter(|number| target_m.is_none() || !TARGET_PLACE.contains(number)).collect();
+        let rows = |frames: &Self| {
+            let Rows { residuals, derivatives } = frames.rows(pairs);
+            Ok::<_, std::convert::Infallible>(Rows::new(residuals, derivatives.select_columns(&free)))
+        };
+        let stepped = |frames: &Self, step: &DVector<f64>| {
+            let mut whole = DVector::zeros(12);
+            free.iter().zip(step).for_each(|(number, value)| whole[*number] = *value);
+            frames.stepped(&whole)
+        };
+        let found = fit(start, &DVector::repeat(free.len(), 1.0), rows, stepped).ok()?;
+        (found.seen.kept() == free.len()).then_some(found.state)
     }
 
     fn rows(&self, pairs: &[(Isometry3<f64>, Isometry3<f64>)]) -> Rows {
@@ -173,12 +186,18 @@ mod tests {
             .map(|(place, turn)| motion(turn, place.into()))
             .map(|pose| (pose, frames.device * pose * frames.target))
             .collect();
-        let found = Frames::fitted(&pairs).unwrap();
+        let found = Frames::fitted(&pairs, None).unwrap();
         let off = |one: &Isometry3<f64>, other: &Isometry3<f64>| (one.to_homogeneous() - other.to_homogeneous()).amax();
         assert!(off(&found.device, &frames.device) < 1e-8 && off(&found.target, &frames.target) < 1e-8, "{found:?}");
+        // A target that is known stays where it is said to be.
+        let place = frames.target.translation.vector;
+        let known = Frames::fitted(&pairs, Some(place)).unwrap();
+        assert!(off(&known.device, &frames.device) < 1e-8 && off(&known.target, &frames.target) < 1e-8, "{known:?}");
+        let beside = Frames::fitted(&pairs, Some(place + Vector3::x() * 0.01)).unwrap();
+        assert!((beside.target.translation.vector - place - Vector3::x() * 0.01).norm() < 1e-12, "{beside:?}");
         // Without turns the target's place cannot be told from the device's.
         let upright: Vec<_> =
             cloud().into_iter().map(|place| (motion([0.0; 3], place.into()), motion([0.0; 3], place.into()))).collect();
-        assert_eq!(Frames::fitted(&upright), None);
+        assert_eq!(Frames::fitted(&upright, None), None);
     }
 }

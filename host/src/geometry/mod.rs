@@ -10,6 +10,7 @@ pub mod frames;
 pub mod l2;
 pub mod parallel;
 
+use gantry_tau_core::model::kinematics::Pose;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// A pose that a device outside of the robot has measured, in the axes of the device.
@@ -23,4 +24,13 @@ pub struct MeasuredPose<const N: usize> {
     pub position_m: Vector3<f64>,
     /// Orientation of the target, where the device sees it.
     pub rotation: Option<UnitQuaternion<f64>>,
+}
+
+impl<const N: usize> MeasuredPose<N> {
+    /// The pose, where the orientation was measured.
+    #[must_use]
+    pub fn pose(&self) -> Option<Pose> {
+        let rotation = self.rotation?.to_rotation_matrix().into_inner();
+        Some(Pose { position_m: self.position_m, rotation })
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nalgebra::{DMatrix, Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix6, Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::table::{self, Row, Table};
@@ -51,6 +51,27 @@ pub struct Noise {
     pub position_m2: Matrix3<f64>,
     /// Of the rotation vector, rad^2, where orientations are measured.
     pub rotation_rad2: Option<Matrix3<f64>>,
+    /// Between place (rows) and rotation vector (columns), m rad; zero where neither is said to depend on the other.
+    pub cross_m_rad: Matrix3<f64>,
+}
+
+impl Noise {
+    /// Noise of places and rotations that do not depend on each other.
+    #[must_use]
+    pub fn independent(position_m2: Matrix3<f64>, rotation_rad2: Option<Matrix3<f64>>) -> Self {
+        Self { position_m2, rotation_rad2, cross_m_rad: Matrix3::zeros() }
+    }
+
+    /// Covariance of place and rotation vector; `rotation_rad2` stands for that of a rotation vector which is not stated.
+    #[must_use]
+    pub fn covariance(&self, rotation_rad2: &Matrix3<f64>) -> Matrix6<f64> {
+        let mut covariance = Matrix6::zeros();
+        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.position_m2);
+        covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(self.rotation_rad2.as_ref().unwrap_or(rotation_rad2));
+        covariance.fixed_view_mut::<3, 3>(0, 3).copy_from(&self.cross_m_rad);
+        covariance.fixed_view_mut::<3, 3>(3, 0).copy_from(&self.cross_m_rad.transpose());
+        covariance
+    }
 }
 
 /// Poses and their noise.
@@ -121,7 +142,7 @@ fn noise(section: &NoiseSection) -> Result<Noise, (&'static str, String)> {
     let Some(given) = &section.covariance else {
         let position_um = section.position_um.ok_or(("noise.position_um", "is missing".to_owned()))?;
         let rotation = section.rotation_urad.map(|urad| squares("noise.rotation_urad", &urad)).transpose()?;
-        return Ok(Noise { position_m2: squares("noise.position_um", &position_um)?, rotation_rad2: rotation });
+        return Ok(Noise::independent(squares("noise.position_um", &position_um)?, rotation));
     };
     let key = "noise.covariance";
     let size = given.len();
@@ -140,8 +161,9 @@ fn noise(section: &NoiseSection) -> Result<Noise, (&'static str, String)> {
             Err((key, format!("has a standard deviation of {wrong} um or urad; {least:e} to {most:e} are possible")))
         }
         None => {
-            let block = |first: usize| Matrix3::from_fn(|row, column| entry(first + row, first + column));
-            Ok(Noise { position_m2: block(0), rotation_rad2: (size == 6).then(|| block(3)) })
+            let block = |top: usize, left: usize| Matrix3::from_fn(|row, column| entry(top + row, left + column));
+            let independent = Noise::independent(block(0, 0), (size == 6).then(|| block(3, 3)));
+            Ok(if size == 6 { Noise { cross_m_rad: block(0, 3), ..independent } } else { independent })
         }
     }
 }

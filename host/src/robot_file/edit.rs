@@ -93,23 +93,25 @@ impl RobotText {
         self.replace(path, Value::Array(values.iter().copied().map(number).collect()));
     }
 
+    /// Replaces a list of numbers in an entry of a list of sections, `[[name]]`, that exists.
+    pub fn set_numbers_of(&mut self, name: &str, index: usize, key: &str, values: &[f64]) {
+        let entries = self.document.get_mut(name).and_then(Item::as_array_of_tables_mut);
+        let entry = entries.and_then(|entries| entries.get_mut(index));
+        replace(entry.and_then(|entry| entry.get_mut(key)), Value::Array(values.iter().copied().map(number).collect()));
+    }
+
     /// Replaces a list of rows in a section that exists, by its path.
     pub fn set_rows_at(&mut self, path: &[&str], rows: &[[f64; 3]]) {
         self.replace(path, Value::Array(lines(rows)));
     }
 
     /// Replaces a value that exists; the comment behind it stays.
-    fn replace(&mut self, path: &[&str], mut value: Value) {
+    fn replace(&mut self, path: &[&str], value: Value) {
         let mut item = Some(self.document.as_item_mut());
         for key in path {
             item = item.and_then(|item| item.get_mut(key));
         }
-        if let Some(old) = item {
-            if let Some(old) = old.as_value() {
-                *value.decor_mut() = old.decor().clone();
-            }
-            *old = Item::Value(value);
-        }
+        replace(item, value);
     }
 
     /// Returns the text.
@@ -117,6 +119,15 @@ impl RobotText {
     pub fn text(&self) -> String {
         self.document.to_string()
     }
+}
+
+/// Replaces a value; the comment behind the old one stays.
+fn replace(item: Option<&mut Item>, mut value: Value) {
+    let Some(item) = item else { return };
+    if let Some(old) = item.as_value() {
+        *value.decor_mut() = old.decor().clone();
+    }
+    *item = Item::Value(value);
 }
 
 /// Sets a value of a table. The comment behind the old value stays.

@@ -8,6 +8,7 @@ use serde::de::{DeserializeOwned, Error};
 use serde::{Deserialize, Deserializer};
 
 use super::Problem;
+use crate::geometry;
 use crate::model::{F1, L2, MachineKind};
 
 /// Keys of a kind of machine with `N` axes, read and not yet checked.
@@ -16,6 +17,8 @@ pub(crate) trait Keys<const N: usize>: DeserializeOwned {
     const NAMES: &'static [&'static str];
     /// Key of the compliances of the axes.
     const AXIS_COMPLIANCES: &'static str;
+    /// Number of parameters of the geometry, as a calibration counts them.
+    const PARAMETERS: usize;
     /// The checked geometry.
     type Robot;
     /// The kinematics in the orientation of the world.
@@ -61,6 +64,7 @@ pub(crate) struct L2Keys {
 impl Keys<{ l2::AXES }> for L2Keys {
     const NAMES: &'static [&'static str] = &["A0", "V", "b", "L", "c", "cf", "c_link", "c_cart"];
     const AXIS_COMPLIANCES: &'static str = "c_cart";
+    const PARAMETERS: usize = geometry::l2::PARAMETERS;
     type Robot = l2::Robot;
     type Model = L2;
 
@@ -114,6 +118,7 @@ impl Keys<{ f1::AXES }> for F1Keys {
     const NAMES: &'static [&'static str] =
         &["C", "V", "P", "b", "L", "c", "ax", "ax6", "sigma4", "sigma5", "c_link", "c_act"];
     const AXIS_COMPLIANCES: &'static str = "c_act";
+    const PARAMETERS: usize = geometry::f1::PARAMETERS;
     type Robot = f1::Robot;
     type Model = F1;
 

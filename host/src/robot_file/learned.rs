@@ -86,8 +86,8 @@ pub(super) fn identified(identified: &Identified, springs: usize) -> Result<(), 
     spread("identified", &identified.sd, &identified.covariance, springs)
 }
 
-/// Checks where a geometry comes from.
-pub(super) fn calibrated(calibrated: &Calibrated) -> Result<(), Problem> {
+/// Checks where a geometry of so many parameters comes from.
+pub(super) fn calibrated(calibrated: &Calibrated, parameters: usize) -> Result<(), Problem> {
     let Calibrated { chi2, predicted_rms_um, rotation, translation_m, sd, covariance, .. } = calibrated;
     range("calibrated.chi2", *chi2, 0.0, f64::MAX)?;
     range("calibrated.predicted_rms_um", *predicted_rms_um, 0.0, f64::MAX)?;
@@ -95,7 +95,7 @@ pub(super) fn calibrated(calibrated: &Calibrated) -> Result<(), Problem> {
     for (index, value) in translation_m.iter().enumerate() {
         range(&format!("calibrated.translation_m[{index}]"), *value, -1e6, 1e6)?;
     }
-    spread("calibrated", sd, covariance, sd.len())
+    spread("calibrated", sd, covariance, parameters)
 }
 
 /// Checks standard deviations and covariance of so many parameters.

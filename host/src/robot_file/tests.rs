@@ -173,3 +173,29 @@ fn an_endless_file_is_refused() {
     let error = AnyRobotFile::load("/").unwrap_err();
     assert_eq!(error.file, "/");
 }
+
+/// A section with as many numbers as its own length says is not yet one of this machine's.
+#[test]
+fn a_calibration_has_the_parameters_of_its_machine() {
+    for (text, parameters) in [(L2_TEXT, 21), (F1_TEXT, 64)] {
+        let with = |count: usize, columns: usize| {
+            let rows = vec![vec![0.0; columns]; count];
+            format!(
+                "{text}\n[calibrated]\nmeasurements = \"p.csv\"\ncrc = 0\nposes = 20\nchi2 = 1.0\ndof = 3\npredicted_rms_um = 50.0\n\
+                 frame = \"nominal\"\nrotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]\n\
+                 translation_m = [0.0, 0.0, 0.0]\nsd = {:?}\ncovariance = {rows:?}\n",
+                vec![1e-5; count]
+            )
+        };
+        assert!(AnyRobotFile::parse("x.toml", &with(parameters, parameters)).is_ok());
+        for (count, columns, key) in [
+            (parameters - 1, parameters - 1, "calibrated.sd"),
+            (85 - parameters, 85 - parameters, "calibrated.sd"),
+            (parameters, parameters + 1, "calibrated.covariance"),
+        ] {
+            let error = AnyRobotFile::parse("x.toml", &with(count, columns)).unwrap_err();
+            assert_eq!(error.key, key, "{error}");
+            assert!(error.reason.contains(&parameters.to_string()), "{error}");
+        }
+    }
+}

@@ -8,13 +8,14 @@ use gantry_tau::geometry::calibrate::{
     CalibrateError, CalibrateOptions, Calibration, FrameOption, GuidewaysOption, calibrate_f1, calibrate_l2,
 };
 use gantry_tau::geometry::frames::{apply, rigid};
-use gantry_tau::model::{L2, MachineKind};
+use gantry_tau::model::{F1, L2, MachineKind, pose_at};
 use gantry_tau::robot_file::edit::RobotText;
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile, text_of};
+use gantry_tau_core::model::f1::AXES as F1_AXES;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::l2::AXES;
 use gantry_tau_tests::client::Noise;
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 /// A folder of its own for a test.
 fn folder(test: &str) -> PathBuf {
@@ -106,7 +107,7 @@ fn options(setup: &Path, robot: &str) -> CalibrateOptions {
         robot: robot.to_owned(),
         frame: FrameOption::Nominal,
         guideways: GuidewaysOption::Free,
-        target_m: [0.0; 3],
+        target_m: None,
         tolerance_m: 1e-3,
     }
 }
@@ -235,7 +236,7 @@ fn a_target_beside_the_tool_centre_point_is_taken_off() {
     let folder = folder("target");
     let setup = measure(&folder, &l2("target", &shifted.text()), &seen, &mut draw);
     let file = RobotFile::builtin_l2().unwrap();
-    let beside = CalibrateOptions { target_m: target.into(), ..options(&setup, "l2") };
+    let beside = CalibrateOptions { target_m: Some(target.into()), ..options(&setup, "l2") };
     let calibrated = l2("calibrated", &calibrate_l2(&file, &beside).unwrap().robot_file);
     assert!(apart_m(&calibrated, &machine, &unseen) < 0.2e-3);
     let json: serde_json::Value = serde_json::from_str(&calibrate_l2(&file, &beside).unwrap().json).unwrap();
@@ -328,19 +329,79 @@ fn wrong_files_are_refused_by_line_and_column() {
 
 /// Places on a line, in a plane or in a small cube do not show a machine.
 #[test]
-fn poses_that_cannot_show_the_machine_are_doubted() {
+fn poses_that_cannot_show_the_machine_are_refused() {
     let mut draw = Draw(Noise::new(9));
     let machine = true_machine(&mut draw);
     let file = RobotFile::builtin_l2().unwrap();
     let middle = Vector3::new(0.1, 0.3, 0.65);
-    for (shape, sides) in [("line", [0.5, 0.0, 0.0]), ("plane", [0.5, 0.25, 0.0]), ("cube", [0.025; 3])] {
+    let mut refused = |region: &str, sides: [f64; 3]| {
         let positions: Vec<[f64; AXES]> = (0..30)
             .map(|_| -> Vector3<f64> { middle + draw.vector(1.0).component_mul(&Vector3::from(sides)) })
             .map(|place_m| file.model.inverse_in_assembly(&place_m).unwrap())
             .collect();
-        let calibration = calibrate(&measure(&folder(shape), &machine, &positions, &mut draw)).unwrap();
-        assert_ne!(calibration.doubts, [""; 0], "{shape}: {}", calibration.summary);
+        calibrate(&measure(&folder(region), &machine, &positions, &mut draw))
+    };
+    for (region, sides, expected) in [
+        ("line", [0.5, 0.0, 0.0], "the places lie on a line, within"),
+        ("plane", [0.5, 0.25, 0.0], "mm: a mirror image of the machine fits them as well"),
+        ("sheet", [0.5, 0.25, 0.5e-3], "the places lie in a plane, within"),
+        ("slab", [0.5, 0.25, 2e-3], "of 21 combinations of parameters cannot be seen"),
+        ("cube", [0.025; 3], "mm of each other: "),
+    ] {
+        let error = refused(region, sides).unwrap_err().to_string();
+        assert!(error.contains("poses.csv: ") && error.contains(expected), "{region}: {error}");
     }
+    // All is seen 20 mm away from the plane, and the image does not fit; elsewhere it tells little.
+    let thick = refused("thick", [0.5, 0.25, 20e-3]).unwrap();
+    assert!(thick.doubts.len() == 1 && thick.doubts[0].contains("over the workspace"), "{:?}", thick.doubts);
+}
+
+/// Writes what a tracker sees of a target on an F1 in `count` turned poses around home, with `noise` times 50 um and 100 urad. Returns the
+/// set-up.
+fn measure_f1(
+    folder: &Path,
+    robot: &RobotFile<F1, F1_AXES>,
+    count: usize,
+    target: &Isometry3<f64>,
+    noise: f64,
+    draw: &mut Draw,
+) -> PathBuf {
+    let tracker = tracker();
+    let mut table = "pose,q_1,q_2,q_3,q_4,q_5,q_6,x_m,y_m,z_m,rot_w,rot_x,rot_y,rot_z\n".to_owned();
+    let mut poses = 0;
+    while poses < count {
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, draw.next(), draw.next()) * 0.25);
+        let position_m = robot.home_m() + draw.vector(0.25);
+        let pose = Pose { position_m, rotation: turn.to_rotation_matrix().into_inner() };
+        let Ok(found) = robot.model.inverse_in_assembly(&pose, None) else { continue };
+        poses += 1;
+        let seen = tracker * Isometry3::from_parts(Translation3::from(position_m), turn) * target;
+        let turned = Vector3::new(draw.normal(), draw.normal(), draw.normal()) * 1e-4 * noise;
+        let rotation = (UnitQuaternion::from_scaled_axis(turned) * seen.rotation).into_inner();
+        let place = seen.translation.vector.map(|coordinate| coordinate + 50e-6 * noise * draw.normal());
+        let numbers: Vec<String> = (found.value.iter().chain(place.iter()))
+            .chain(&[rotation.w, rotation.i, rotation.j, rotation.k])
+            .map(|number| format!("{number:?}"))
+            .collect();
+        writeln!(table, "p{poses},{}", numbers.join(",")).unwrap();
+    }
+    fs::write(folder.join("poses.csv"), table).unwrap();
+    let setup = folder.join("poses.toml");
+    let noise = "[noise]\nposition_um = [50.0, 50.0, 50.0]\nrotation_urad = [100.0, 100.0, 100.0]\n";
+    let text = format!("format = \"gantry-tau poses 1\"\nmodel = \"f1\"\nmeasurements = \"poses.csv\"\n{noise}");
+    fs::write(&setup, text).unwrap();
+    setup
+}
+
+fn f1(name: &str, text: &str) -> RobotFile<F1, F1_AXES> {
+    let AnyRobotFile::F1(robot) = AnyRobotFile::parse(name, text).unwrap() else { panic!("not an F1") };
+    *robot
+}
+
+/// Target on the platform of an F1.
+fn f1_target() -> Isometry3<f64> {
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.1, -0.3, 1.2));
+    Isometry3::from_parts(Translation3::new(0.03, -0.02, 0.08), turn)
 }
 
 /// A calibrated F1, whose links are not parallel, is calibrated again: its file has no pose without a seed.
@@ -358,51 +419,122 @@ fn a_calibrated_f1_can_be_calibrated_again() {
     let folder = folder("f1");
     let file = folder.join("calibrated.toml");
     fs::write(&file, text.text()).unwrap();
-    let AnyRobotFile::F1(robot) = AnyRobotFile::load(&file).unwrap() else { panic!("not an F1") };
-    let tracker = Isometry3::from_parts(
-        Translation3::new(2.0, -1.0, 0.5),
-        UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -1.0, 2.0)),
-    );
-    let mut table = "pose,q_1,q_2,q_3,q_4,q_5,q_6,x_m,y_m,z_m,rot_w,rot_x,rot_y,rot_z\n".to_owned();
-    let mut poses = 0;
-    while poses < 40 {
-        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, draw.next(), draw.next()) * 0.25);
-        let position_m = robot.home_m() + draw.vector(0.25);
-        let pose = Pose { position_m, rotation: turn.to_rotation_matrix().into_inner() };
-        let Ok(found) = robot.model.inverse_in_assembly(&pose, None) else { continue };
-        poses += 1;
-        let place = apply(&tracker, &position_m);
-        let noise = UnitQuaternion::from_scaled_axis(Vector3::new(draw.normal(), draw.normal(), draw.normal()) * 1e-4);
-        let seen = (noise * tracker.rotation * turn).into_inner();
-        let place: Vec<String> =
-            place.iter().map(|coordinate| format!("{:?}", coordinate + 50e-6 * draw.normal())).collect();
-        let q: Vec<String> = found.value.iter().map(|q| format!("{q:?}")).collect();
-        writeln!(
-            table,
-            "p{poses},{},{},{:?},{:?},{:?},{:?}",
-            q.join(","),
-            place.join(","),
-            seen.w,
-            seen.i,
-            seen.j,
-            seen.k
-        )
-        .unwrap();
-    }
-    fs::write(folder.join("poses.csv"), table).unwrap();
-    let setup = folder.join("poses.toml");
-    let noise = "[noise]\nposition_um = [50.0, 50.0, 50.0]\nrotation_urad = [100.0, 100.0, 100.0]\n";
-    fs::write(
-        &setup,
-        format!("format = \"gantry-tau poses 1\"\nmodel = \"f1\"\nmeasurements = \"poses.csv\"\n{noise}"),
-    )
-    .unwrap();
-    let options = options(&setup, &file.display().to_string());
-    let calibration = calibrate_f1(&robot, &options).unwrap();
+    let robot = f1("calibrated", &text.text());
+    let setup = measure_f1(&folder, &robot, 40, &Isometry3::identity(), 1.0, &mut draw);
+    let calibration = calibrate_f1(&robot, &options(&setup, &file.display().to_string())).unwrap();
     // The machine is that of the file already, so the new file says nearly the same: within a millimetre, where poses hold 50 um.
-    let AnyRobotFile::F1(again) = AnyRobotFile::parse("again", &calibration.robot_file).unwrap() else {
-        panic!("not an F1")
-    };
-    let home = [&robot, &again].map(|file| file.home_q().unwrap());
+    let home = [&robot, &f1("again", &calibration.robot_file)].map(|file| file.home_q().unwrap());
     assert!(home[0].iter().zip(home[1]).all(|(one, other)| (one - other).abs() < 1e-3), "{home:?}");
+}
+
+/// Rows of a table of poses of an F1: positions of the axes and the measured pose.
+fn f1_rows(table: &str) -> Vec<([f64; F1_AXES], Isometry3<f64>)> {
+    let row = |line: &str| {
+        let n: Vec<f64> = line.split(',').skip(1).map(|number| number.parse().unwrap()).collect();
+        let rotation = UnitQuaternion::new_normalize(Quaternion::new(n[9], n[10], n[11], n[12]));
+        let pose = Isometry3::from_parts(Translation3::new(n[6], n[7], n[8]), rotation);
+        (<[f64; F1_AXES]>::try_from(&n[..6]).unwrap(), pose)
+    };
+    table.lines().skip(1).map(row).collect()
+}
+
+/// A motion from the rows of its rotation and its translation in an answer.
+fn motion(answer: &serde_json::Value, rotation: &str, translation: &str) -> Isometry3<f64> {
+    let numbers = |value: &serde_json::Value| -> Vec<f64> {
+        value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+    };
+    let rows: Vec<f64> = answer[rotation].as_array().unwrap().iter().flat_map(&numbers).collect();
+    let turn = UnitQuaternion::from_matrix(&Matrix3::from_row_slice(&rows));
+    let shift = numbers(&answer[translation]);
+    Isometry3::from_parts(Translation3::new(shift[0], shift[1], shift[2]), turn)
+}
+
+/// Measured without noise, the written machine predicts the poses: `device FK target`.
+#[test]
+fn an_f1_can_be_written_in_the_frame_of_the_device_or_of_its_base() {
+    let mut draw = Draw(Noise::new(20));
+    let wrist = "[[wrist]]\naxis = [0.0, 1.0, 0.0]\npoint_m = [0.0, 0.0, 0.15]\nc_rad_per_nm = 1.0e-5\n";
+    let text = text_of("f1").unwrap() + wrist;
+    let folder = folder("f1-frames");
+    let path = folder.join("wrist.toml");
+    fs::write(&path, &text).unwrap();
+    let file = f1("wrist", &text);
+    let setup = measure_f1(&folder, &file, 30, &f1_target(), 0.0, &mut draw);
+    let mut points = "format = \"gantry-tau frame 1\"\n".to_owned();
+    for (index, point) in [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.5, 1.5]].into_iter().enumerate() {
+        let measured: [f64; 3] = apply(&tracker(), &Vector3::from(point)).into();
+        writeln!(points, "[[point]]\nname = \"b{index}\"\nrobot_m = {point:?}\nmeasured_m = {measured:?}").unwrap();
+    }
+    let base = folder.join("base.toml");
+    fs::write(&base, &points).unwrap();
+
+    let target_m: [f64; 3] = f1_target().translation.vector.into();
+    let frames = [FrameOption::Nominal, FrameOption::Measured, FrameOption::Points(base)];
+    for (frame, target_m) in frames.into_iter().flat_map(|frame| [(frame.clone(), None), (frame, Some(target_m))]) {
+        let options = CalibrateOptions { frame, target_m, ..options(&setup, &path.display().to_string()) };
+        let calibration = calibrate_f1(&file, &options).unwrap();
+        let calibrated = f1("written", &calibration.robot_file);
+        let answer: serde_json::Value = serde_json::from_str(&calibration.json).unwrap();
+        let device = motion(&answer["robot_frame"], "rotation", "translation_m");
+        let target = motion(&answer["robot_frame"], "rotation_target", "translation_target_m");
+        let in_device_frame = options.frame == FrameOption::Measured;
+        let expected = if in_device_frame { Isometry3::identity() } else { tracker() };
+        assert!((device.to_homogeneous() - expected.to_homogeneous()).amax() < 1e-9, "{:?}: {device}", options.frame);
+        // In the device's frame the platform's axes have turned along with the world's, and the target in them.
+        let turn = if in_device_frame { tracker().rotation } else { UnitQuaternion::identity() };
+        assert!((target.translation.vector - turn * Vector3::from(f1_target().translation.vector)).norm() < 1e-9);
+        for (q, measured) in f1_rows(&fs::read_to_string(folder.join("poses.csv")).unwrap()) {
+            let pose = pose_at(&calibrated.model.without_travel(), &calibrated.home_m(), &q).unwrap();
+            let rotation = UnitQuaternion::from_matrix(&pose.rotation);
+            let predicted = device * Isometry3::from_parts(Translation3::from(pose.position_m), rotation) * target;
+            // A billionth of a link's length is what the kinematics end at.
+            let off = (predicted.to_homogeneous() - measured.to_homogeneous()).amax();
+            assert!(off < 1e-8, "{:?}: {off:e}", options.frame);
+        }
+        // The same positions of the axes are home, and all that is constant in the frame went along.
+        let home = [&file, &calibrated].map(|file| file.home_q().unwrap());
+        assert!(home[0].iter().zip(home[1]).all(|(one, other)| (one - other).abs() < 1e-8), "{home:?}");
+        let off =
+            calibrated.sensor.rotation_matrix() - turn.to_rotation_matrix().matrix() * file.sensor.rotation_matrix();
+        assert!(off.amax() < 1e-9, "{off}");
+        let vectors = |file: &RobotFile<F1, F1_AXES>| {
+            let (sensor, wrist) = (&file.sensor, &file.wrist[0]);
+            [sensor.lever_m, sensor.tool.weight_n, sensor.tool.centre_m, wrist.axis, wrist.point_m].map(Vector3::from)
+        };
+        for (from, to) in vectors(&file).into_iter().zip(vectors(&calibrated)) {
+            assert!((turn * from - to).norm() < 1e-8, "{from} {to}");
+        }
+        assert_eq!(calibrated.calibrated.unwrap().sd.len(), 64);
+    }
+}
+
+/// Wrong poses, the first among them, whose target is turned by half a turn: frames of all poses begin far off.
+#[test]
+fn an_f1_is_found_from_another_start() {
+    let mut draw = Draw(Noise::new(21));
+    let file = RobotFile::builtin_f1().unwrap();
+    let folder = folder("f1-starts");
+    let setup = measure_f1(&folder, &file, 40, &f1_target(), 1.0, &mut draw);
+    let path = folder.join("poses.csv");
+    let table = fs::read_to_string(&path).unwrap();
+    let mut changed = String::new();
+    for (index, line) in table.lines().enumerate() {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if [1, 2, 15].contains(&index) {
+            // Half a turn about x: (w, x, y, z) -> (-x, w, -z, y).
+            let part = |cell: usize| cells[cell].parse::<f64>().unwrap();
+            let turned = [-part(11), part(10), -part(13), part(12)];
+            cells.splice(10..14, turned.map(|part| format!("{part:?}")));
+        }
+        changed += &(cells.join(",") + "\n");
+    }
+    fs::write(&path, changed).unwrap();
+    let calibration = calibrate_f1(&file, &options(&setup, "f1")).unwrap();
+    let answer: serde_json::Value = serde_json::from_str(&calibration.json).unwrap();
+    let outliers: Vec<&str> =
+        answer["outliers"].as_array().unwrap().iter().map(|outlier| outlier["pose"].as_str().unwrap()).collect();
+    assert_eq!(outliers, ["p1", "p2", "p15"], "{}", calibration.summary);
+    assert!(answer["p"].as_f64().unwrap() > 1e-3, "{}", calibration.summary);
+    assert!(calibration.remarks.iter().any(|remark| remark.contains("axes and screws")), "{:?}", calibration.remarks);
+    assert!(calibration.report.contains("gain of screw 6"));
 }

@@ -1,19 +1,26 @@
 //! Calibration of an F1.
 
-use gantry_tau_core::model::f1::{self, AXES};
+mod start;
+
+use gantry_tau_core::model::f1::{AXES, Geometry};
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::robot::{ARMS, LINKS};
-use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, UnitQuaternion};
+use nalgebra::{Matrix6, Vector3};
 
-use super::{CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, rows};
-use crate::geometry::agreement::{fit_agreeing, left_out_rms_m, rms_m};
+use super::along::turn_along;
+use super::shape::Shape;
+use super::{
+    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, check_shape, rows,
+};
+use crate::geometry::agreement::{left_out_rms_m, rms_m};
 use crate::geometry::answer::{F1Machine, InRobotFrame, Target};
-use crate::geometry::f1::{OBSERVABLE, Poses, parameters, predicted_rms_m, seen_by};
-use crate::geometry::frames::Frames;
+use crate::geometry::f1::{Diagnostic, OBSERVABLE, PARAMETERS, Poses, parameters, seen_by};
+use crate::measurements::frame;
 use crate::measurements::poses::{self, Noise};
-use crate::model::{F1, pose_at};
+use crate::model::F1;
 use crate::robot_file::RobotFile;
 use crate::workspace::{Grid, survey};
+use start::{best_start, pairs};
 
 /// Poses that a calibration needs: 72 numbers for 60.
 const LEAST_POSES: usize = 12;
@@ -25,16 +32,8 @@ pub(crate) const LEVER_M: f64 = 0.5;
 /// # Errors
 /// [`CalibrateError`].
 pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> Result<Calibration, CalibrateError> {
-    if options.frame != FrameOption::Nominal {
-        return Err(CalibrateError::Option(
-            "--frame: an F1 stays in the frame of its file; the answer says where that lies",
-        ));
-    }
     if options.guideways != GuidewaysOption::Free {
         return Err(CalibrateError::Option("--guideways: those of an F1 are always free"));
-    }
-    if options.target_m.iter().any(|coordinate| coordinate.abs() > 0.0) {
-        return Err(CalibrateError::Option("--target: that of an F1 is found, and is in the answer"));
     }
     let measured = poses::read::<AXES>(&options.poses, "f1")?;
     if measured.poses.len() < LEAST_POSES {
@@ -44,33 +43,41 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     if measured.poses.iter().any(|pose| pose.rotation.is_none()) {
         return Err(CalibrateError::NoOrientations { table: measured.table });
     }
+    let base = match &options.frame {
+        FrameOption::Points(path) => Some(frame::read(path)?),
+        FrameOption::Nominal | FrameOption::Measured => None,
+    };
+    let target_m = options.target_m.map(Vector3::from);
     let table = measured.table.clone();
-    let no_start = |reason: String| CalibrateError::NoStart { table: table.clone(), reason };
-    let file = f1::Geometry { travel: None, ..*robot.model.robot().geometry() };
+    let file = Geometry { travel: None, ..*robot.model.robot().geometry() };
     let model = Poses { poses: &measured.poses, whitening: whitening(&measured.noise) };
-    let frames = start(robot, &measured).ok_or_else(|| {
-        no_start("the robot file's machine cannot stand as measured, or the poses turn too little to tell device and target apart".to_owned())
-    })?;
-    let agreement = fit_agreeing(&model, seen_by(&file, &frames.device, &frames.target))
-        .map_err(|error| no_start(error.to_string()))?;
+    let (frames, agreement) = best_start(&pairs(robot, &measured.poses), target_m, &model, &file)
+        .map_err(|reason| CalibrateError::NoStart { table: table.clone(), reason })?;
     let moved = model
-        .in_frame_of(&agreement, &file, &robot.home_m())
+        .in_frame_of(&agreement, &file, &robot.home_m(), target_m)
         .map_err(|reason| CalibrateError::Prediction { table: table.clone(), reason: reason.to_string() })?;
+    let placed = match (&options.frame, base) {
+        (FrameOption::Measured, _) => moved.in_device_frame(&agreement, &file),
+        (_, Some(device)) => moved.in_known_frame(&agreement, &file, device),
+        (_, None) => moved.clone(),
+    };
     let state = &agreement.fit.state;
     let used: Vec<usize> = (0..measured.poses.len()).filter(|index| !agreement.outliers.contains(index)).collect();
+    let shape = Shape::of(&used.iter().map(|index| measured.poses[*index].position_m).collect::<Vec<_>>());
+    check_shape(&table, &shape, agreement.fit.seen.kept() - (PARAMETERS - OBSERVABLE), OBSERVABLE)?;
     let grid = Grid::of(robot, GRID_CELLS);
     let reached = survey(robot, grid, |_| ()).places.into_iter();
     let stands: Vec<_> = reached.filter_map(|place| Some((place.reached.ok()?.q, Pose::at(place.tool_m)))).collect();
-    let covariance = agreement.fit.seen.covariance();
     let expected = |stand: &([f64; AXES], Pose)| {
-        let error_m = predicted_rms_m(&moved, state, &covariance, &[*stand]);
+        let error_m = moved.predicted_rms_m(&agreement, &[*stand]);
         error_m.is_finite().then_some((stand.1.position_m, error_m * 1e6))
     };
     let expected_um = stands.iter().filter_map(expected).collect();
-    let predicted_rms_m = predicted_rms_m(&moved, state, &covariance, &stands);
+    let predicted_rms_m = moved.predicted_rms_m(&agreement, &stands);
     let ((rotation, translation_m), (rotation_target, translation_target_m)) =
-        (rows(&moved.frames.device), rows(&moved.frames.target));
+        (rows(&placed.frames.device), rows(&placed.frames.target));
     let target = Some(Target { rotation_target, translation_target_m });
+    let diagnostics = model.diagnostics(&agreement);
     let found = Found {
         model: "f1",
         agreement: &agreement,
@@ -78,19 +85,20 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
         values: parameters(state, state),
         observable: OBSERVABLE,
         measured_frame: machine(state),
-        robot_frame: InRobotFrame { machine: machine(&moved.geometry), rotation, translation_m, target },
-        covariance: moved.covariance.clone(),
+        robot_frame: InRobotFrame { machine: machine(&placed.geometry), rotation, translation_m, target },
+        covariance: placed.covariance,
         predicted_rms_m,
         before_rms_m: rms_m(&model, &seen_by(&file, &frames.device, &frames.target), used.iter().copied()),
         left_out_rms_m: left_out_rms_m(&model, &agreement),
         expected_um,
         grid,
         residuals: model.residuals(state, &agreement.outliers),
-        remarks: Vec::new(),
+        remarks: remarks(&diagnostics),
+        diagnostics,
         doubts: Vec::new(),
     };
     found.calibration(&measured, options, |text| {
-        let geometry = machine(&moved.geometry);
+        let geometry = machine(&placed.geometry);
         text.set_rows("C", &geometry.carts_m);
         text.set_rows("V", &geometry.guideways);
         text.set_rows("P", &geometry.plate_joints_m);
@@ -98,32 +106,35 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
         text.set_numbers("L", &geometry.lengths_m);
         text.set_numbers("ax", &geometry.turn_axis);
         text.set_numbers("ax6", &geometry.tilt_axis);
+        if options.frame == FrameOption::Measured {
+            turn_along(text, robot, &moved.frames.device);
+        }
     })
 }
 
-/// Where device and target are, by the robot file.
-fn start(robot: &RobotFile<F1, AXES>, measured: &poses::Poses<AXES>) -> Option<Frames> {
-    let pairs: Vec<_> = (measured.poses.iter())
-        .filter_map(|pose| {
-            let of_file = pose_at(&robot.model, &robot.home_m(), &pose.q).ok()?;
-            let rotation = UnitQuaternion::from_matrix(&of_file.rotation);
-            let of_file = Isometry3::from_parts(Translation3::from(of_file.position_m), rotation);
-            Some((of_file, Isometry3::from_parts(Translation3::from(pose.position_m), pose.rotation?)))
-        })
-        .collect();
-    Frames::fitted(&pairs)
+/// Says which departures from the model the poses show.
+fn remarks(diagnostics: &[Diagnostic]) -> Vec<String> {
+    let found = diagnostics.iter().filter(|diagnostic| diagnostic.is_found(diagnostics.len()));
+    let named = |found: &Diagnostic| {
+        let (departure, magnitude, p) = (found.departure, found.magnitude(), found.p);
+        format!("{departure}: {magnitude} (p = {p:.1e}); the model has no such number, and nothing of it is written")
+    };
+    let named: Vec<String> = found.map(named).collect();
+    if !named.is_empty() || diagnostics.is_empty() {
+        return named;
+    }
+    let least = diagnostics.iter().map(|diagnostic| diagnostic.p).fold(1.0, f64::min);
+    vec![format!(
+        "axes and screws of the plates are as the model has them (the smallest p of {} is {least:.2})",
+        diagnostics.len()
+    )]
 }
 
-/// `covariance^-1 = L L^T`, so `W = L^T`.
+/// Whitening matrix of place and rotation vector, `W^T W = covariance^-1`. It is lower triangular: its first three rows whiten a place alone.
 pub(crate) fn whitening(noise: &Noise) -> Matrix6<f64> {
-    let rotation = noise.rotation_rad2.unwrap_or(noise.position_m2 / (LEVER_M * LEVER_M));
-    let mut whitening = Matrix6::identity();
-    for (first, covariance) in [(0, noise.position_m2), (3, rotation)] {
-        let factor = covariance.try_inverse().and_then(Matrix3::cholesky);
-        let block = factor.map_or_else(Matrix3::identity, |factor| factor.l().transpose());
-        whitening.fixed_view_mut::<3, 3>(first, first).copy_from(&block);
-    }
-    whitening
+    let covariance = noise.covariance(&(noise.position_m2 / (LEVER_M * LEVER_M)));
+    let factor = covariance.cholesky().and_then(|factor| factor.l().try_inverse());
+    factor.unwrap_or_else(Matrix6::identity)
 }
 
 /// Names of the parameters, and their units.
@@ -143,7 +154,7 @@ pub(crate) fn names() -> Vec<(String, &'static str)> {
         .collect()
 }
 
-fn machine(geometry: &f1::Geometry) -> F1Machine {
+fn machine(geometry: &Geometry) -> F1Machine {
     F1Machine {
         carts_m: geometry.carts_m.map(Into::into),
         guideways: geometry.guideways.map(Into::into),
@@ -152,5 +163,50 @@ fn machine(geometry: &f1::Geometry) -> F1Machine {
         lengths_m: geometry.lengths_m,
         turn_axis: geometry.turn_axis.into(),
         tilt_axis: geometry.tilt_axis.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    use nalgebra::Vector6;
+
+    /// Place and turn that depend on each other, as a tracker's whose lever is long.
+    #[test]
+    fn a_full_covariance_is_whitened_as_such() {
+        let place = 2.5e-9;
+        let (turn, cross) = (1e-8, 4.5e-9);
+        let row = |at: usize| -> String {
+            let entry = |column: usize| match (at.min(column), at.max(column)) {
+                (one, other) if one == other => {
+                    if one < 3 {
+                        place
+                    } else {
+                        turn
+                    }
+                }
+                (one, other) if other == one + 3 => cross,
+                _ => 0.0,
+            };
+            let entries: Vec<String> = (0..6).map(|column| format!("{:?}", entry(column))).collect();
+            format!("[{}]", entries.join(", "))
+        };
+        let covariance = (0..6).map(row).collect::<Vec<_>>().join(", ");
+        let setup = format!(
+            "format = \"gantry-tau poses 1\"\nmodel = \"f1\"\nmeasurements = \"p.csv\"\n[noise]\ncovariance = [{covariance}]\n"
+        );
+        let table = "pose,q_1,q_2,q_3,q_4,q_5,q_6,x_m,y_m,z_m,rot_w,rot_x,rot_y,rot_z\na,0,0,0,0,0,0,0,0,0,1,0,0,0\n";
+        let measured = poses::parse::<AXES>(Path::new("p.toml"), &setup, "f1", table.as_bytes()).unwrap();
+        let whitening = whitening(&measured.noise);
+        let whole = measured.noise.covariance(&nalgebra::Matrix3::zeros());
+        assert!((whole[(1, 4)] - cross).abs() < 1e-24 && whole[(1, 3)].abs() < 1e-24, "{whole}");
+        assert!((whitening * whole * whitening.transpose() - Matrix6::identity()).amax() < 1e-12);
+        // Of a place alone: its own standard deviation.
+        assert!((whitening[(0, 0)] - 1.0 / place.sqrt()).abs() < 1e-6 && whitening.view((0, 3), (3, 3)).amax() < 1e-9);
+        // Residuals on the line of the correlation are likely, those across it are not.
+        let length = |turned: f64| (whitening * Vector6::new(50e-6, 0.0, 0.0, turned, 0.0, 0.0)).norm();
+        assert!(length(90e-6) < 1.1 && length(-90e-6) > 4.0);
     }
 }

@@ -4,14 +4,17 @@ use gantry_tau_core::model::l2::AXES;
 use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, UnitQuaternion, Vector3};
 
+use super::along::turn_along;
+use super::shape::Shape;
 use super::{
-    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, LEAST_P, rows,
+    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, LEAST_P,
+    check_shape, mirror, rows,
 };
 use crate::fit::least_squares::{FitError, fit};
 use crate::fit::statistics::{chi_squared_above, f_above, float};
 use crate::geometry::agreement::{Model, fit_agreeing, left_out_rms_m, rms_m};
 use crate::geometry::answer::{InRobotFrame, L2Machine};
-use crate::geometry::frames::{apply, rigid_trimmed};
+use crate::geometry::frames::rigid_trimmed;
 use crate::geometry::l2::{
     self, Calibrated, LEAST_PLACES, Nominal, PARAMETERS, Places, PredictionError, closed_form, predicted_rms_m,
     turned_covariance,
@@ -34,7 +37,7 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
         return Err(CalibrateError::TooFew { table: measured.table, poses, least: LEAST_PLACES });
     }
     let geometry = robot.model.robot().geometry();
-    let target_m = Vector3::from(options.target_m);
+    let target_m = Vector3::from(options.target_m.unwrap_or_default());
     // The point on the platform is the target.
     let file = Nominal::of(geometry).shifted(&target_m);
     let whitening = measured.noise.position_m2.try_inverse().and_then(Matrix3::cholesky);
@@ -49,6 +52,12 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
         reason: error.to_string(),
     };
     let free = best_start(&file, &places).map_err(no_start)?;
+    let used: Vec<usize> = (0..measured.poses.len()).filter(|index| !free.outliers.contains(index)).collect();
+    let shape = Shape::of(&used.iter().map(|index| measured.poses[*index].position_m).collect::<Vec<_>>());
+    if mirror::fits_as_well(&free, &places, &shape) {
+        return Err(CalibrateError::Mirror { table: measured.table, shape: shape.to_string() });
+    }
+    check_shape(&measured.table, &shape, free.fit.seen.kept(), PARAMETERS)?;
     let guideways = Guideways::of(&free, &places).map_err(no_start)?;
     let (agreement, covariance) = match options.guideways {
         GuidewaysOption::Free => (free.clone(), free.fit.seen.covariance()),
@@ -77,11 +86,10 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
     let all: Vec<_> = at_q.iter().map(|(_, q)| *q).collect();
     let predicted_rms_m = predicted_rms_m(state, geometry.configuration, &covariance, &all);
     let moved_by = moved.motion;
-    let used: Vec<usize> = (0..measured.poses.len()).filter(|index| !agreement.outliers.contains(index)).collect();
     let placed = Placed::new(options, state, moved, frame, &covariance);
     let (rotation, translation_m) = rows(&placed.motion);
     // From here on the point is the tool centre point again.
-    let tool = placed.nominal.shifted(&-(placed.turn * target_m));
+    let tool = placed.nominal.shifted(&-(placed.along.rotation * target_m));
     let robot_frame = InRobotFrame { machine: machine(&tool), rotation, translation_m, target: None };
     let is_parallel = options.guideways == GuidewaysOption::Parallel;
     let found = Found {
@@ -103,13 +111,14 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
         grid,
         expected_um,
         residuals: residuals(state, &places, &agreement.outliers),
+        diagnostics: Vec::new(),
         remarks: guideways.remark(options.guideways).into_iter().collect(),
         doubts: turned_platform(&measured).into_iter().chain(guideways.doubt(options.guideways)).collect(),
     };
     found.calibration(&measured, options, |text| {
-        let turned = |vector: &Vector3<f64>| -> [f64; 3] { (placed.turn * vector).into() };
+        let turned = |vector: &Vector3<f64>| -> [f64; 3] { (placed.along.rotation * vector).into() };
         // The Tau property, exactly.
-        let joints = geometry.platform_joints_m.map(|joint| placed.turn * joint);
+        let joints = geometry.platform_joints_m.map(|joint| placed.along.rotation * joint);
         let carts: [[f64; 3]; LINKS] =
             std::array::from_fn(|link| (tool.origins_m[ARM_OF_LINK[link]] + joints[link]).into());
         text.set_rows("A0", &carts);
@@ -118,13 +127,7 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
         if options.frame == FrameOption::Measured {
             // The axes of an L2's platform are those of the world, and the world is the device's now.
             text.set_rows("b", &geometry.platform_joints_m.each_ref().map(turned));
-            text.set_numbers_at(&["simulation", "home_m"], apply(&placed.home, &robot.home_m()).as_slice());
-            let sensor = placed.turn.to_rotation_matrix().into_inner() * robot.sensor.rotation_matrix();
-            let rows: [[f64; 3]; 3] = sensor.transpose().into();
-            text.set_rows_at(&["sensor", "rotation"], &rows);
-            text.set_numbers_at(&["sensor", "lever_m"], &turned(&robot.sensor.lever_m.into()));
-            text.set_numbers_at(&["sensor", "tool", "weight_n"], &turned(&robot.sensor.tool.weight_n.into()));
-            text.set_numbers_at(&["sensor", "tool", "centre_m"], &turned(&robot.sensor.tool.centre_m.into()));
+            turn_along(text, robot, &placed.along);
         }
     })
 }
@@ -135,9 +138,8 @@ struct Placed {
     covariance: DMatrix<f64>,
     /// Takes a place of that frame to the device's.
     motion: Isometry3<f64>,
-    /// Turn of the platform's axes, and motion of home, from the robot file's frame; none unless the frame is the device's.
-    turn: UnitQuaternion<f64>,
-    home: Isometry3<f64>,
+    /// Motion from the robot file's frame, with which platform's axes and home move along; none unless the frame is the device's.
+    along: Isometry3<f64>,
 }
 
 impl Placed {
@@ -148,23 +150,21 @@ impl Placed {
         frame: Option<Isometry3<f64>>,
         covariance: &DMatrix<f64>,
     ) -> Self {
-        let (turn, home) = (UnitQuaternion::identity(), Isometry3::identity());
+        let along = Isometry3::identity();
         match (&options.frame, frame) {
             (FrameOption::Measured, _) => Self {
                 nominal: *state,
                 covariance: covariance.clone(),
                 motion: Isometry3::identity(),
-                turn: moved.motion.rotation,
-                home: moved.motion,
+                along: moved.motion,
             },
             (FrameOption::Points(_), Some(motion)) => Self {
                 nominal: state.moved(&motion.inverse()),
                 covariance: turned_covariance(covariance, &motion.inverse().rotation),
                 motion,
-                turn,
-                home,
+                along,
             },
-            _ => Self { nominal: moved.nominal, covariance: moved.covariance, motion: moved.motion, turn, home },
+            _ => Self { nominal: moved.nominal, covariance: moved.covariance, motion: moved.motion, along },
         }
     }
 }

@@ -1,8 +1,12 @@
 //! `calibrate`: from measured poses and a robot file to the file of this machine.
 
+mod along;
+mod error;
 pub(crate) mod f1;
 pub(crate) mod l2;
+mod mirror;
 mod report;
+mod shape;
 
 use std::path::PathBuf;
 
@@ -11,14 +15,16 @@ use serde::Serialize;
 
 use super::agreement::Agreement;
 use super::answer::{Answer, FORMAT, InRobotFrame, Outlier};
+use super::f1::Diagnostic;
 use crate::fit::answer::{Parameter, Status, Unobservable};
 use crate::fit::statistics::{chi_squared_above, float};
-use crate::measurements::FileError;
 use crate::measurements::poses::Poses;
+use crate::robot_file::Calibrated;
 use crate::robot_file::edit::RobotText;
-use crate::robot_file::{Calibrated, RobotFileError};
 use crate::workspace::Grid;
+use shape::Shape;
 
+pub use error::CalibrateError;
 pub use f1::calibrate_f1;
 pub use l2::calibrate_l2;
 
@@ -40,8 +46,9 @@ pub struct CalibrateOptions {
     pub frame: FrameOption,
     /// Guideways of an L2.
     pub guideways: GuidewaysOption,
-    /// Centre of the target from the tool centre point, platform axes, m; of an L2. That of an F1 is found.
-    pub target_m: [f64; 3],
+    /// Centre of the target from the tool centre point, platform axes, m. Absent: at the tool centre point of an L2, whose places cannot show
+    /// it; found along with the frame of an F1.
+    pub target_m: Option<[f64; 3]>,
     /// Largest expected error of a place over the workspace, m.
     pub tolerance_m: f64,
 }
@@ -75,57 +82,6 @@ pub enum GuidewaysOption {
     Free,
     /// All have one direction: 15 parameters.
     Parallel,
-}
-
-/// Reason why there is no calibration.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum CalibrateError {
-    /// A file of measurements is wrong.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// The robot file is wrong.
-    #[error(transparent)]
-    Robot(#[from] RobotFileError),
-    /// Too few poses.
-    #[error("{table}: {poses} poses are too few; {least} are needed, and twice as many are a start")]
-    TooFew {
-        /// The table.
-        table: String,
-        /// Number of poses.
-        poses: usize,
-        /// Smallest number.
-        least: usize,
-    },
-    /// The poses have no orientations.
-    #[error(
-        "{table}: rot_w: an F1 needs orientations (rot_w, rot_x, rot_y, rot_z); places alone do not show its plates"
-    )]
-    NoOrientations {
-        /// The table.
-        table: String,
-    },
-    /// No start fits.
-    #[error("{table}: neither the robot file nor the measurements alone lead to a machine: {reason}")]
-    NoStart {
-        /// The table.
-        table: String,
-        /// What the better of them ended in.
-        reason: String,
-    },
-    /// The robot file's machine cannot stand where it was measured.
-    #[error("{table}: {reason}")]
-    Prediction {
-        /// The table.
-        table: String,
-        /// What is wrong.
-        reason: String,
-    },
-    /// An option that this machine does not have.
-    #[error("{0}")]
-    Option(&'static str),
-    /// The robot file cannot be changed.
-    #[error("the robot file cannot be changed: {0}")]
-    Edit(String),
 }
 
 /// Result of a calibration.
@@ -166,6 +122,8 @@ struct Found<'a, S, M> {
     grid: Grid,
     /// What is left of each place that was used: place and rest, m.
     residuals: Vec<[Vector3<f64>; 2]>,
+    /// Departures from the model that were looked for.
+    diagnostics: Vec<Diagnostic>,
     remarks: Vec<String>,
     doubts: Vec<String>,
 }
@@ -237,6 +195,7 @@ impl<S, M: Serialize> Found<'_, S, M> {
             remarks: &self.remarks,
             parameters: &answer.parameters,
             directions: &Unobservable::list(&self.names, &seen.all()),
+            diagnostics: &self.diagnostics,
             residuals: &self.residuals,
             expected_um: &self.expected_um,
             grid: &self.grid,
@@ -266,6 +225,15 @@ fn robot_file(
     edit(&mut robot);
     robot.set_serialized("calibrated", calibrated).map_err(|error| said(&error))?;
     Ok(robot.text())
+}
+
+/// Refuses measurements in a region whose shape is why fewer than `all` combinations of parameters can be seen.
+fn check_shape(table: &str, shape: &Shape, seen: usize, all: usize) -> Result<(), CalibrateError> {
+    let lost = all.saturating_sub(seen);
+    if lost == 0 || !shape.is_poor() {
+        return Ok(());
+    }
+    Err(CalibrateError::Shape { table: table.to_owned(), shape: shape.to_string(), lost, all })
 }
 
 /// Rows of a rotation, and the translation.

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 
 use crate::fit::answer::{Parameter, Unobservable};
 use crate::fit::statistics::{float, median};
+use crate::geometry::f1::Diagnostic;
 use crate::plots::page::{escape, page};
 use crate::plots::{Corner, Curve, Plot};
 use crate::robot_file::Calibrated;
@@ -27,6 +28,7 @@ pub(super) struct Page<'a> {
     pub(super) parameters: &'a [Parameter],
     /// All combinations of parameters, the worst seen first.
     pub(super) directions: &'a [Unobservable],
+    pub(super) diagnostics: &'a [Diagnostic],
     /// Place and rest, m.
     pub(super) residuals: &'a [[Vector3<f64>; 2]],
     pub(super) expected_um: &'a [(Vector3<f64>, f64)],
@@ -70,7 +72,23 @@ impl Page<'_> {
         for direction in self.directions {
             _ = write!(body, "<tr><td>{:.2e}<td>{direction}</tr>", direction.relative_sd);
         }
-        page("gantry-tau calibrate", &(body + "</table>"))
+        body += "</table>";
+        body += &self.departures();
+        page("gantry-tau calibrate", &body)
+    }
+
+    /// What the model leaves out, and how much of it the poses show.
+    fn departures(&self) -> String {
+        if self.diagnostics.is_empty() {
+            return String::new();
+        }
+        let mut table = "<h2>What the model leaves out</h2><p>Fitted along with the parameters, one at a time, and judged by an F-test. The robot file has no \
+                         place for it: nothing of it is written.</p><table><tr><th>departure<th>size<th>p</tr>"
+            .to_owned();
+        for found in self.diagnostics {
+            _ = write!(table, "<tr><td>{}<td>{}<td>{:.2e}</tr>", found.departure, found.magnitude(), found.p);
+        }
+        table + "</table>"
     }
 
     /// Places, and what the machine leaves there, magnified.

@@ -1,7 +1,10 @@
 //! Calibration of simulated machines whose truth is known: seeded campaigns, against the Cramer-Rao bound.
 
+use gantry_tau_core::model::linalg::cross_matrix;
 use gantry_tau_core::model::presets;
-use nalgebra::{Translation3, UnitQuaternion};
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use nalgebra::storage::Owned;
+use nalgebra::{Dyn, Translation3, UnitQuaternion};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -20,7 +23,7 @@ fn configuration() -> Configuration {
     presets::l2().configuration
 }
 
-/// A device somewhere, and a machine that is not quite the one of the file.
+/// A device somewhere, and a machine that is up to 5 mm and 5 mrad off the file's.
 struct Campaign {
     random: ChaCha8Rng,
     /// In the frame of the device.
@@ -34,7 +37,7 @@ impl Campaign {
         let file = Nominal::of(&presets::l2());
         let mut step = DVector::zeros(PARAMETERS);
         for (value, scale) in step.iter_mut().zip(&file.scales()) {
-            *value = 0.3 * scale * random.random_range(-1.0..1.0_f64);
+            *value = 0.5 * scale * random.random_range(-1.0..1.0_f64);
         }
         let turn = Vector3::from_fn(|_, _| random.random_range(-2.0..2.0_f64));
         let shift = Translation3::from(Vector3::from_fn(|_, _| random.random_range(-3.0..3.0_f64)));
@@ -131,7 +134,7 @@ fn places_without_noise_give_the_machine() {
             let found = fit_agreeing(&places(&poses, Vector3::repeat(SIGMA_M)), start).unwrap();
             let off = (found.fit.state.parameters() - campaign.truth.parameters()).amax();
             assert!(
-                off < 1e-9 && found.outliers.is_empty() && found.fit.rounds <= 8,
+                off < 1e-9 && found.outliers.is_empty() && found.fit.rounds <= 15,
                 "{seed}: {off:e} {}",
                 found.fit.rounds
             );
@@ -229,4 +232,87 @@ fn wrong_places_are_found_and_left_out() {
         accused += calibrated.outliers.iter().filter(|index| ![7, 23].contains(index)).count();
     }
     assert!(found >= 95 && accused <= 5, "{found} of 100 found, {accused} of 1900 accused wrongly");
+}
+
+/// The same sum of squares for MINPACK's algorithm, in scaled parameters from `origin`.
+struct Minpack<'a> {
+    places: Places<'a>,
+    origin: Nominal,
+    steps: DVector<f64>,
+}
+
+impl Minpack<'_> {
+    fn machine(&self) -> Nominal {
+        self.origin.stepped(&self.steps.component_mul(&self.origin.scales()))
+    }
+
+    fn rows(&self) -> Option<Rows> {
+        let all: Vec<usize> = (0..self.places.count()).collect();
+        self.places.rows(&self.machine(), &all).ok()
+    }
+}
+
+impl LeastSquaresProblem<f64, Dyn, Dyn> for Minpack<'_> {
+    type ParameterStorage = Owned<f64, Dyn>;
+    type ResidualStorage = Owned<f64, Dyn>;
+    type JacobianStorage = Owned<f64, Dyn, Dyn>;
+
+    fn set_params(&mut self, steps: &DVector<f64>) {
+        self.steps.copy_from(steps);
+    }
+
+    fn params(&self) -> DVector<f64> {
+        self.steps.clone()
+    }
+
+    fn residuals(&self) -> Option<DVector<f64>> {
+        Some(-self.rows()?.residuals)
+    }
+
+    fn jacobian(&self) -> Option<DMatrix<f64>> {
+        Some(self.rows()?.derivatives * DMatrix::from_diagonal(&self.origin.scales()))
+    }
+}
+
+/// `levenberg-marquardt`, a port of MINPACK, from the same start.
+#[test]
+fn another_program_finds_the_same_minimum() {
+    for seed in 0..5 {
+        let mut campaign = Campaign::new(6_000 + seed);
+        let positions = campaign.positions(40);
+        let poses = campaign.measured(&positions, Vector3::repeat(SIGMA_M));
+        let (places, start) = (places(&poses, Vector3::repeat(SIGMA_M)), campaign.start(&poses));
+        let found = fit_agreeing(&places, start).unwrap();
+        assert!(found.outliers.is_empty(), "{seed}");
+        let problem = Minpack { places, origin: start, steps: DVector::zeros(PARAMETERS) };
+        let (problem, report) = LevenbergMarquardt::new().with_tol(1e-15).minimize(problem);
+        let off = (problem.machine().parameters() - found.fit.state.parameters()).amax();
+        let chi_squared = 2.0 * report.objective_function;
+        // A last step below 1e-6 standard deviations of a millimetre or less.
+        assert!(off < 1e-9, "{seed}: {off:e} m, {:?}", report.termination);
+        assert!((chi_squared / found.fit.chi_squared() - 1.0).abs() < 1e-9, "{seed}: {chi_squared}");
+    }
+}
+
+/// Nine combinations of machine, frame and target are seen by no place, whatever stands in front of the device.
+#[test]
+fn frame_and_target_leave_a_rank_of_21() {
+    let mut campaign = Campaign::new(4);
+    let positions = campaign.positions(60);
+    let kinematics = campaign.truth.kinematics(configuration()).unwrap();
+    // Place in the device's frame: a small motion of the frame moves it as a whole, and an offset of the target as the platform's axes lie.
+    let device = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.8, 1.1)).to_rotation_matrix().into_inner();
+    let mut whole = DMatrix::zeros(3 * positions.len(), PARAMETERS + 9);
+    for (row, q) in positions.iter().enumerate() {
+        let place_m = kinematics.forward(q).unwrap();
+        whole.view_mut((3 * row, 0), (3, PARAMETERS)).copy_from(&campaign.truth.derivative(q, &place_m));
+        whole.view_mut((3 * row, PARAMETERS), (3, 3)).fill_with_identity();
+        whole.view_mut((3 * row, PARAMETERS + 3), (3, 3)).copy_from(&-cross_matrix(&place_m));
+        whole.view_mut((3 * row, PARAMETERS + 6), (3, 3)).copy_from(&device);
+    }
+    for unknowns in [PARAMETERS, PARAMETERS + 6, PARAMETERS + 9] {
+        let values = Svd::new(whole.columns(0, unknowns).into_owned()).values;
+        assert!(values[PARAMETERS - 1] > 1e-5 * values[0], "{unknowns}: {values}");
+        assert!(values.iter().skip(PARAMETERS).all(|value| *value < 1e-12 * values[0]), "{unknowns}: {values}");
+    }
 }

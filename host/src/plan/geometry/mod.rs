@@ -198,7 +198,7 @@ pub fn plan_geometry<K: PlannedMachine<N>, const N: usize>(
 
 fn isotropic(position_m: f64, rotation_rad: Option<f64>) -> Noise {
     let square = |sd: f64| nalgebra::Matrix3::from_diagonal_element(sd * sd);
-    Noise { position_m2: square(position_m), rotation_rad2: rotation_rad.map(square) }
+    Noise::independent(square(position_m), rotation_rad.map(square))
 }
 
 fn chosen<const N: usize>(

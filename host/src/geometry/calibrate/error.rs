@@ -1,0 +1,79 @@
+//! Reasons why there is no calibration; each is one sentence.
+
+use crate::measurements::FileError;
+use crate::robot_file::RobotFileError;
+
+/// Reason why there is no calibration.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CalibrateError {
+    /// A file of measurements is wrong.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The robot file is wrong.
+    #[error(transparent)]
+    Robot(#[from] RobotFileError),
+    /// Too few poses.
+    #[error("{table}: {poses} poses are too few; {least} are needed, and twice as many are a start")]
+    TooFew {
+        /// The table.
+        table: String,
+        /// Number of poses.
+        poses: usize,
+        /// Smallest number.
+        least: usize,
+    },
+    /// The poses have no orientations.
+    #[error(
+        "{table}: rot_w: an F1 needs orientations (rot_w, rot_x, rot_y, rot_z); places alone do not show its plates"
+    )]
+    NoOrientations {
+        /// The table.
+        table: String,
+    },
+    /// No start fits.
+    #[error("{table}: neither the robot file nor the measurements alone lead to a machine: {reason}")]
+    NoStart {
+        /// The table.
+        table: String,
+        /// What the better of them ended in.
+        reason: String,
+    },
+    /// The places lie where they do not show a machine.
+    #[error(
+        "{table}: the places lie {shape}: {lost} of {all} combinations of parameters cannot be seen; spread them over the workspace"
+    )]
+    Shape {
+        /// The table.
+        table: String,
+        /// Shape of the region.
+        shape: String,
+        /// Number of combinations that cannot be seen.
+        lost: usize,
+        /// Number of combinations that can be seen in good places.
+        all: usize,
+    },
+    /// The places lie near a plane.
+    #[error(
+        "{table}: the places lie {shape}: a mirror image of the machine fits them as well; add places away from the plane"
+    )]
+    Mirror {
+        /// The table.
+        table: String,
+        /// Shape of the region.
+        shape: String,
+    },
+    /// The robot file's machine cannot stand where it was measured.
+    #[error("{table}: {reason}")]
+    Prediction {
+        /// The table.
+        table: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// An option that this machine does not have.
+    #[error("{0}")]
+    Option(&'static str),
+    /// The robot file cannot be changed.
+    #[error("the robot file cannot be changed: {0}")]
+    Edit(String),
+}

@@ -1,0 +1,137 @@
+//! Starts of a calibration of an F1: where device and target are, by the robot file.
+
+use gantry_tau_core::model::f1::{AXES, Geometry};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+
+use super::super::{LEAST_P, MOST_OUTLIERS};
+use super::LEVER_M;
+use crate::fit::statistics::{chi_squared_above, float};
+use crate::geometry::MeasuredPose;
+use crate::geometry::agreement::{fit_agreeing, fit_agreeing_first};
+use crate::geometry::f1::{Calibrated, Poses, seen_by};
+use crate::geometry::frames::Frames;
+use crate::model::{F1, pose_at};
+use crate::robot_file::RobotFile;
+
+/// Relative difference of chi-squared of two fits that have found the same machine.
+const SAME: f64 = 1e-6;
+
+/// Fits from the robot file where the device sees it. Where poses are wrong that may be far off, so unless a fit is to be believed it is made
+/// again from frames of other poses. Returns the best, and its frames.
+pub(super) fn best_start(
+    pairs: &[(Isometry3<f64>, Isometry3<f64>)],
+    target_m: Option<Vector3<f64>>,
+    model: &Poses<'_>,
+    file: &Geometry,
+) -> Result<(Frames, Calibrated), String> {
+    let mut best = Err(
+        "the robot file's machine cannot stand as measured, or the poses turn too little to tell device and target apart"
+            .to_owned(),
+    );
+    let doubt = |found: &Calibrated| (found.outliers.len(), found.fit.chi_squared());
+    for (attempt, frames) in starts(pairs, target_m).enumerate() {
+        let start = seen_by(file, &frames.device, &frames.target);
+        let fitted = if attempt == 0 { fit_agreeing(model, start) } else { fit_agreeing_first(model, start) };
+        match (fitted, &best) {
+            (Ok(found), Ok((_, before))) if doubt(&found) >= doubt(before) => {
+                // The same again: no start leads elsewhere.
+                if (found.fit.chi_squared() / before.fit.chi_squared() - 1.0).abs() < SAME {
+                    break;
+                }
+            }
+            (Ok(found), _) => {
+                let many = float(found.outliers.len()) > MOST_OUTLIERS * float(pairs.len());
+                let is_good = !many && chi_squared_above(found.fit.chi_squared(), found.fit.degrees()) >= LEAST_P;
+                best = Ok((frames, found));
+                if is_good {
+                    break;
+                }
+            }
+            (Err(error), Err(_)) => best = Err(error.to_string()),
+            (Err(_), Ok(_)) => {}
+        }
+    }
+    best
+}
+
+/// Frames by all poses, and by the half of them that agrees best, with the turn of the target begun from one pose, then from others.
+fn starts(pairs: &[(Isometry3<f64>, Isometry3<f64>)], target_m: Option<Vector3<f64>>) -> impl Iterator<Item = Frames> {
+    let count = pairs.len();
+    let fitted = move |first: usize| {
+        let mut pairs = pairs.to_vec();
+        pairs.rotate_left(first);
+        let all = Frames::fitted(&pairs, target_m);
+        let agreeing = all.and_then(|frames| {
+            let left = |(pose, seen): &(Isometry3<f64>, Isometry3<f64>)| {
+                let off = (frames.device * pose * frames.target).inverse() * seen;
+                off.translation.vector.norm() + LEVER_M * off.rotation.angle()
+            };
+            pairs.sort_by(|one, other| left(one).total_cmp(&left(other)));
+            Frames::fitted(&pairs[..count.div_ceil(2)], target_m)
+        });
+        [all, agreeing].into_iter().flatten()
+    };
+    [0, count / 3, 2 * count / 3].into_iter().filter(move |_| count > 0).flat_map(fitted)
+}
+
+/// Poses of the robot file's machine, and the measured ones.
+pub(super) fn pairs(
+    robot: &RobotFile<F1, AXES>,
+    poses: &[MeasuredPose<AXES>],
+) -> Vec<(Isometry3<f64>, Isometry3<f64>)> {
+    let pair = |pose: &MeasuredPose<AXES>| {
+        let of_file = pose_at(&robot.model, &robot.home_m(), &pose.q).ok()?;
+        let rotation = UnitQuaternion::from_matrix(&of_file.rotation);
+        let of_file = Isometry3::from_parts(Translation3::from(of_file.position_m), rotation);
+        Some((of_file, Isometry3::from_parts(Translation3::from(pose.position_m), pose.rotation?)))
+    };
+    poses.iter().filter_map(pair).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use gantry_tau_core::model::kinematics::Pose;
+    use nalgebra::Matrix3;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::super::whitening;
+    use super::*;
+    use crate::measurements::poses::Noise;
+
+    /// A tracker that took another target for this one, three times, metres away: the first fit goes astray.
+    #[test]
+    fn poses_that_are_far_off_are_left_out_from_another_start() {
+        let robot = RobotFile::builtin_f1().unwrap();
+        let file = Geometry { travel: None, ..*robot.model.robot().geometry() };
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let mut vector = |most: f64| Vector3::from_fn(|_, _| most * random.random_range(-1.0..1.0_f64));
+        let motion = |shift: Vector3<f64>, turn: Vector3<f64>| {
+            Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn))
+        };
+        let (device, target) = (motion(vector(3.0), vector(2.0)), motion(vector(0.1), vector(1.0)));
+        let mut poses = Vec::new();
+        while poses.len() < 40 {
+            let pose = motion(robot.home_m() + vector(0.25), vector(0.2));
+            let of_robot =
+                Pose { position_m: pose.translation.vector, rotation: pose.rotation.to_rotation_matrix().into_inner() };
+            let Ok(found) = robot.model.inverse_in_assembly(&of_robot, None) else { continue };
+            let is_wrong = [0, 1, 14].contains(&poses.len());
+            let seen = device * pose * target;
+            let seen = if is_wrong { motion(vector(2.0), vector(2.0)) * seen } else { seen };
+            // Even noise of these deviations.
+            let position_m = seen.translation.vector + vector(50e-6 * 3.0_f64.sqrt());
+            let rotation = Some(UnitQuaternion::from_scaled_axis(vector(100e-6 * 3.0_f64.sqrt())) * seen.rotation);
+            poses.push(MeasuredPose { name: String::new(), q: found.value, position_m, rotation });
+        }
+        let noise = Noise::independent(Matrix3::identity() * 2.5e-9, Some(Matrix3::identity() * 1e-8));
+        let pairs = pairs(&robot, &poses);
+        let model = Poses { poses: &poses, whitening: whitening(&noise) };
+        let first = starts(&pairs, None).next().unwrap();
+        let alone = fit_agreeing(&model, seen_by(&file, &first.device, &first.target));
+        let is_right = |found: &Calibrated| found.outliers == [0, 1, 14] && found.fit.reduced_chi_squared() < 1.5;
+        assert!(!alone.is_ok_and(|found| is_right(&found)), "the first start is good enough");
+        let (_, found) = best_start(&pairs, None, &model, &file).unwrap();
+        assert!(is_right(&found), "{:?} {}", found.outliers, found.fit.reduced_chi_squared());
+    }
+}

@@ -1,0 +1,53 @@
+//! Mirror images of an L2 at places in a plane: the distances from a place to a joint and to its image are the same, arm by arm.
+
+use gantry_tau_core::model::l2::Configuration;
+use gantry_tau_core::model::robot::{ARMS, Branch};
+
+use super::shape::Shape;
+use crate::fit::least_squares::fit;
+use crate::geometry::agreement::Model;
+use crate::geometry::l2::{Calibrated, Nominal, Places};
+
+/// Difference of chi-squared at which one of two machines is a thousand times as likely as the other.
+const TELLING: f64 = 13.8;
+
+/// True where places near a plane fit the image of an arm, or of several, as well as the calibrated machine.
+pub(super) fn fits_as_well(calibrated: &Calibrated, places: &Places<'_>, shape: &Shape) -> bool {
+    if !shape.is_thin() {
+        return false;
+    }
+    let machine = &calibrated.fit.state;
+    let used: Vec<usize> = (0..places.count()).filter(|index| !calibrated.outliers.contains(index)).collect();
+    // Where the stated noise is too small, it is what the residuals say.
+    let limit = calibrated.fit.chi_squared() + TELLING * calibrated.fit.reduced_chi_squared().max(1.0);
+    let fits = |arms: usize, forward: Branch| {
+        let configuration = Configuration { forward, ..places.configuration };
+        let places = Places { configuration, ..*places };
+        let image = image(machine, arms, shape);
+        let found = fit(image, &image.scales(), |state| places.rows(state, &used), Places::stepped);
+        // A fit may also lead back to the machine.
+        let is_image = |found: &Nominal| sides(found, &places, shape) != sides(machine, &places, shape);
+        found.is_ok_and(|found| found.chi_squared() <= limit && is_image(&found.state))
+    };
+    (1..1_usize << ARMS).any(|arms| [Branch::Positive, Branch::Negative].into_iter().any(|forward| fits(arms, forward)))
+}
+
+/// True for each arm whose joint, in the first pose, is on the side of the plane that its normal points to.
+fn sides(nominal: &Nominal, places: &Places<'_>, shape: &Shape) -> [bool; ARMS] {
+    let q = places.poses.first().map_or([0.0; ARMS], |pose| pose.q);
+    std::array::from_fn(|arm| {
+        let joint = nominal.origins_m[arm] + nominal.guideways[arm] * q[arm];
+        (joint - shape.centre_m).dot(&shape.normal) > 0.0
+    })
+}
+
+/// The machine with the arms of the bits of `arms` reflected by the plane of the places.
+fn image(nominal: &Nominal, arms: usize, shape: &Shape) -> Nominal {
+    let mut image = *nominal;
+    for arm in (0..ARMS).filter(|arm| arms & (1 << arm) != 0) {
+        let across = 2.0 * shape.normal;
+        image.origins_m[arm] -= across * shape.normal.dot(&(nominal.origins_m[arm] - shape.centre_m));
+        image.guideways[arm] -= across * shape.normal.dot(&nominal.guideways[arm]);
+    }
+    image
+}
