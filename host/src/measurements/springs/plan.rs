@@ -4,9 +4,8 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::{
-    FORMAT, FileError, GaugeEntry, LOAD, NamedGauge, PoseEntry, Setup, SetupFile, WINDOW, axis_columns, setup,
-};
+use super::setup_file::{GaugeEntry, PoseEntry, SetupFile, gauges};
+use super::{FORMAT, FileError, LOAD, NamedGauge, Setup, WINDOW, axis_columns, setup};
 use crate::springs::gauge::{Body, Gauge};
 
 /// A file of gauges alone.
@@ -34,7 +33,7 @@ pub fn parse_gauges<const N: usize>(
     metres_per_q: &[f64; N],
 ) -> Result<Vec<NamedGauge>, FileError> {
     let file: GaugesFile = setup::parse(path, text)?;
-    super::gauges(&file.gauge, metres_per_q).map_err(|(key, reason)| FileError::key(path, key, reason))
+    gauges(&file.gauge, metres_per_q).map_err(|(key, reason)| FileError::key(path, key, reason))
 }
 
 impl Setup {

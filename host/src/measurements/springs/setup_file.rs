@@ -1,0 +1,286 @@
+//! Set-ups: noise, poses, gauges, and the series of a plan.
+
+use std::path::Path;
+
+use gantry_tau_core::model::kinematics::Pose;
+use gantry_tau_core::model::linalg::rotation_deviation;
+use nalgebra::{Matrix3, Vector3, Vector6};
+use serde::{Deserialize, Serialize};
+
+use super::{FORMAT, FileError, MAX_GAUGES, MOST_TURNED_RAD, NOISE, setup};
+use crate::robot_file::matrix;
+use crate::springs::gauge::{Body, Gauge};
+
+/// `format = "gantry-tau springs 1"`.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SetupFile {
+    pub(super) format: String,
+    pub(super) model: String,
+    pub(super) measurements: String,
+    pub(super) noise: Option<Noise>,
+    pub(super) setup: Option<SetupNoise>,
+    pub(super) pose: Vec<PoseEntry>,
+    pub(super) gauge: Vec<GaugeEntry>,
+    /// Of a plan.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) series: Vec<SeriesEntry>,
+}
+
+/// `[noise]`: standard deviations of the mean of a window.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Noise {
+    /// Of a gauge, µm.
+    pub gauge_um: f64,
+    /// Of each component of the force, N.
+    pub force_n: f64,
+    /// Of each component of the moment, N m.
+    pub moment_nm: f64,
+}
+
+impl Noise {
+    /// Noise of good instruments: a gauge that repeats to a micrometre, forces to a newton.
+    pub const USUAL: Self = Self { gauge_um: 1.0, force_n: 1.0, moment_nm: 0.05 };
+
+    /// Variances of a load's components: N^2, (N m)^2.
+    #[must_use]
+    pub fn load_variances(&self) -> Vector6<f64> {
+        let (force, moment) = (self.force_n.powi(2), self.moment_nm.powi(2));
+        Vector6::new(force, force, force, moment, moment, moment)
+    }
+}
+
+/// `[setup]`: standard deviations of what is known of the set-up. A key that is absent is exact.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SetupNoise {
+    /// Each coordinate of the point that a gauge touches, per mounting, mm.
+    pub gauge_point_mm: Option<f64>,
+    /// Each turn of a gauge's direction, per mounting, mrad.
+    pub gauge_axis_mrad: Option<f64>,
+    /// Each coordinate of the sensor's origin, mm.
+    pub sensor_lever_mm: Option<f64>,
+    /// Each turn of the sensor's axes, mrad.
+    pub sensor_axes_mrad: Option<f64>,
+    /// Each of the sensor's six gains, relative.
+    pub sensor_gain: Option<f64>,
+}
+
+/// `[[pose]]`.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PoseEntry {
+    pub(super) name: String,
+    #[serde(rename = "T")]
+    pub(super) position_m: [f64; 3],
+    #[serde(rename = "R", default = "identity")]
+    pub(super) rotation: [[f64; 3]; 3],
+}
+
+const fn identity() -> [[f64; 3]; 3] {
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+}
+
+/// `[[gauge]]`.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GaugeEntry {
+    pub(super) name: String,
+    pub(super) on: String,
+    pub(super) point_m: Option<[f64; 3]>,
+    pub(super) axis: Option<[f64; 3]>,
+    pub(super) axis_number: Option<usize>,
+}
+
+/// `[[series]]` of a plan.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct SeriesEntry {
+    /// Its name.
+    pub name: String,
+    /// Pose of the machine, by its name.
+    pub pose: String,
+    /// Mounting of strap and gauges, by its name.
+    pub mounting: String,
+    /// Where the strap pulls, from the tool centre point, world axes, m.
+    pub hook_m: [f64; 3],
+    /// Direction of its pull, world axes.
+    pub direction: [f64; 3],
+    /// Forces, in order, N.
+    pub levels_n: Vec<f64>,
+    /// Gauges that are read, by their names.
+    pub gauges: Vec<String>,
+    /// True if compensation runs meanwhile.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub compensated: bool,
+    /// Angles of the wrist's joints, rad, from the platform to the tool; absent: all at zero.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub wrist_rad: Vec<f64>,
+}
+
+/// A gauge with its name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedGauge {
+    /// Its name: the column `NAME_um`.
+    pub name: String,
+    /// The gauge.
+    pub gauge: Gauge,
+}
+
+/// Checks angles of a wrist with `joints` joints, series by series: none, or one per joint.
+pub(in crate::measurements) fn check_wrist<'a>(
+    path: &Path,
+    mut series: impl Iterator<Item = (&'a str, &'a [f64])>,
+    joints: usize,
+) -> Result<(), FileError> {
+    let wrong = series.find(|(_, angles)| ![0, joints].contains(&angles.len()));
+    let Some((name, angles)) = wrong else { return Ok(()) };
+    let reason = format!("has {} angles, and the robot file has {joints} [[wrist]] joints", angles.len());
+    Err(FileError::key(path, format!("series.{name}.wrist_rad"), reason))
+}
+
+/// A set-up: what is to be measured, or was.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// Table of the measurements, as the set-up names it.
+    pub measurements: String,
+    /// Noise of a window; absent: [`Noise::USUAL`], and scaled by what a fit leaves.
+    pub noise: Option<Noise>,
+    /// What is known of the set-up.
+    pub setup: Option<SetupNoise>,
+    /// Poses, with their names.
+    pub poses: Vec<(String, Pose)>,
+    /// Gauges.
+    pub gauges: Vec<NamedGauge>,
+    /// The series to measure, if the set-up is a plan.
+    pub plan: Vec<SeriesEntry>,
+}
+
+/// Reads a set-up without its table, for a machine of `model` whose axes are `metres_per_q` long.
+///
+/// # Errors
+/// [`FileError`].
+pub fn read_setup<const N: usize>(path: &Path, model: &str, metres_per_q: &[f64; N]) -> Result<Setup, FileError> {
+    parse_setup(path, &setup::text(path)?, model, metres_per_q)
+}
+
+/// As [`read_setup`], of a text; `path` names it.
+///
+/// # Errors
+/// [`FileError`].
+pub fn parse_setup<const N: usize>(
+    path: &Path,
+    text: &str,
+    model: &str,
+    metres_per_q: &[f64; N],
+) -> Result<Setup, FileError> {
+    let file: SetupFile = setup::parse(path, text)?;
+    let refused = |key: &str, reason: String| FileError::key(path, key, reason);
+    if file.format != FORMAT {
+        return Err(refused("format", format!("is {:?}; this program reads {FORMAT:?}", file.format)));
+    }
+    if file.model != model {
+        return Err(refused("model", format!("is {:?}, and the robot file's is {model:?}", file.model)));
+    }
+    check_noise(&file).map_err(|(key, reason)| refused(&key, reason))?;
+    // `contains` refuses NaN.
+    let is_turn = |angle: &f64| (-MOST_TURNED_RAD..=MOST_TURNED_RAD).contains(angle);
+    if let Some(entry) = file.series.iter().find(|entry| !entry.wrist_rad.iter().all(is_turn)) {
+        return Err(refused(
+            &format!("series.{}.wrist_rad", entry.name),
+            "is beyond a turn; it is in radians".to_owned(),
+        ));
+    }
+    let poses = poses(&file.pose).map_err(|(key, reason)| refused(&key, reason))?;
+    let gauges = gauges(&file.gauge, metres_per_q).map_err(|(key, reason)| refused(&key, reason))?;
+    let SetupFile { measurements, noise, setup, series, .. } = file;
+    Ok(Setup { measurements, noise, setup, poses, gauges, plan: series })
+}
+
+pub(in crate::measurements) type Refused = (String, String);
+
+fn check_noise(file: &SetupFile) -> Result<(), Refused> {
+    let Noise { gauge_um, force_n, moment_nm } = file.noise.unwrap_or(Noise::USUAL);
+    let noise = [("noise.gauge_um", gauge_um), ("noise.force_n", force_n), ("noise.moment_nm", moment_nm)];
+    let setup = file.setup.unwrap_or_default();
+    let setup = [
+        ("setup.gauge_point_mm", setup.gauge_point_mm),
+        ("setup.gauge_axis_mrad", setup.gauge_axis_mrad),
+        ("setup.sensor_lever_mm", setup.sensor_lever_mm),
+        ("setup.sensor_axes_mrad", setup.sensor_axes_mrad),
+        ("setup.sensor_gain", setup.sensor_gain),
+    ];
+    let setup = setup.into_iter().filter_map(|(key, value)| Some((key, value?)));
+    let (least, most) = NOISE;
+    match noise.into_iter().chain(setup).find(|(_, value)| !(least..=most).contains(value)) {
+        Some((key, value)) => Err((key.to_owned(), format!("{value} is not from {least:e} to {most:e}"))),
+        None => Ok(()),
+    }
+}
+
+fn poses(entries: &[PoseEntry]) -> Result<Vec<(String, Pose)>, Refused> {
+    let mut poses: Vec<(String, Pose)> = Vec::new();
+    for entry in entries {
+        let key = |name: &str| format!("pose.{}.{name}", entry.name);
+        if poses.iter().any(|(name, _)| *name == entry.name) {
+            return Err((key("name"), "stands twice".to_owned()));
+        }
+        let rotation: Matrix3<f64> = matrix(entry.rotation);
+        if rotation_deviation(&rotation) > 1e-6 {
+            return Err((key("R"), "is not a rotation matrix".to_owned()));
+        }
+        if !entry.position_m.iter().all(|coordinate| coordinate.abs() <= 1e3) {
+            return Err((key("T"), "is not within a kilometre; it is in metres".to_owned()));
+        }
+        poses.push((entry.name.clone(), Pose { position_m: entry.position_m.into(), rotation }));
+    }
+    Ok(poses)
+}
+
+pub(super) fn gauges<const N: usize>(
+    entries: &[GaugeEntry],
+    metres_per_q: &[f64; N],
+) -> Result<Vec<NamedGauge>, Refused> {
+    if entries.len() > MAX_GAUGES {
+        return Err(("gauge".to_owned(), format!("has {} entries; {MAX_GAUGES} are possible", entries.len())));
+    }
+    let mut gauges: Vec<NamedGauge> = Vec::new();
+    for entry in entries {
+        let key = |name: &str| format!("gauge.{}.{name}", entry.name);
+        if gauges.iter().any(|gauge| gauge.name == entry.name) {
+            return Err((key("name"), "stands twice".to_owned()));
+        }
+        let gauge = match (entry.on.as_str(), entry.point_m, entry.axis, entry.axis_number) {
+            (body @ ("platform" | "tool"), Some(point_m), Some(axis), None) => {
+                let body = if body == "tool" { Body::Tool } else { Body::Platform };
+                let axis = Vector3::from(axis);
+                // `contains` refuses NaN.
+                if !(1.0 - 1e-6..=1.0 + 1e-6).contains(&axis.norm()) {
+                    return Err((key("axis"), format!("has length {}, not 1", axis.norm())));
+                }
+                if !point_m.iter().all(|coordinate| coordinate.abs() <= 10.0) {
+                    return Err((key("point_m"), "is more than 10 m away; it is in metres".to_owned()));
+                }
+                Gauge::Face { body, point_m: point_m.into(), axis: axis.normalize() }
+            }
+            ("axis", None, None, Some(number)) => {
+                let metres =
+                    number.checked_sub(1).and_then(|index| metres_per_q.get(index).map(|metres| (index, metres)));
+                let Some((axis, metres_per_q)) = metres else {
+                    return Err((key("axis_number"), format!("is {number}; the machine has axes 1 to {N}")));
+                };
+                Gauge::Axis { axis, metres_per_q: *metres_per_q }
+            }
+            ("platform" | "tool", ..) => {
+                return Err((key("on"), "a gauge on the platform or the tool has point_m and axis".to_owned()));
+            }
+            ("axis", ..) => return Err((key("on"), "a gauge on an axis has axis_number".to_owned())),
+            (other, ..) => {
+                return Err((key("on"), format!("is {other:?}; \"platform\", \"tool\" or \"axis\" are possible")));
+            }
+        };
+        gauges.push(NamedGauge { name: entry.name.clone(), gauge });
+    }
+    Ok(gauges)
+}

@@ -1,0 +1,160 @@
+//! Reader of the table of windows.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use gantry_tau_core::model::kinematics::Pose;
+use nalgebra::{SVector, Vector6};
+
+use super::{FileError, MOST, NamedGauge, Window};
+use crate::measurements::table::{self, Row, Table};
+
+/// Rows of a table, with the names of series and of mountings that they count.
+pub(super) struct Read<const N: usize> {
+    pub(super) windows: Vec<Window<N>>,
+    pub(super) series: Vec<String>,
+    pub(super) mountings: Vec<String>,
+}
+
+/// Reads the bytes of a table; `path` names it.
+pub(super) fn read<const N: usize>(
+    path: &Path,
+    bytes: &[u8],
+    poses: &[(String, Pose)],
+    gauges: &[NamedGauge],
+) -> Result<Read<N>, FileError> {
+    let mut reader = Windows { poses, gauges, series: Names::default(), mountings: Names::default() };
+    let windows = reader.read(path, bytes)?;
+    Ok(Read { windows, series: reader.series.names, mountings: reader.mountings.names })
+}
+
+/// Reads the table of a set-up that is known; each window with the name of its series.
+pub(crate) fn windows_of<const N: usize>(
+    table: &Path,
+    poses: &[(String, Pose)],
+    gauges: &[NamedGauge],
+) -> Result<Vec<(String, Window<N>)>, FileError> {
+    let Read { windows, series, .. } = read(table, &table::bytes(table)?, poses, gauges)?;
+    let name = |window: &Window<N>| series.get(window.series).cloned().unwrap_or_default();
+    Ok(windows.into_iter().map(|window| (name(&window), window)).collect())
+}
+
+/// Reader of the table.
+struct Windows<'a> {
+    poses: &'a [(String, Pose)],
+    gauges: &'a [NamedGauge],
+    series: Names,
+    mountings: Names,
+}
+
+/// Names in the order in which they appear.
+#[derive(Default)]
+struct Names {
+    names: Vec<String>,
+    places: HashMap<String, usize>,
+}
+
+/// First columns, which say where a window belongs.
+pub(crate) const WINDOW: [&str; 5] = ["series", "mounting", "pose", "window", "stroke"];
+/// Columns of the load.
+pub(crate) const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
+
+pub(crate) fn axis_columns<const N: usize>() -> [String; N] {
+    std::array::from_fn(|axis| format!("q_{}", axis + 1))
+}
+
+impl Windows<'_> {
+    fn read<const N: usize>(&mut self, path: &Path, bytes: &[u8]) -> Result<Vec<Window<N>>, FileError> {
+        let axes = axis_columns::<N>();
+        let pushes: [String; N] = std::array::from_fn(|axis| format!("push_{}_n", axis + 1));
+        let mut required: Vec<String> = WINDOW.map(str::to_owned).to_vec();
+        required.extend(axes.iter().cloned().chain(LOAD.map(str::to_owned)));
+        let columns: Vec<[String; 2]> =
+            self.gauges.iter().map(|gauge| [format!("{}_um", gauge.name), format!("{}_sd_um", gauge.name)]).collect();
+        required.extend(columns.iter().map(|[reading, _]| reading.clone()));
+        let known = |column: &str| {
+            ["time_s", "samples"].contains(&column)
+                || pushes.iter().any(|push| push == column)
+                || columns.iter().any(|[_, sd]| sd == column)
+        };
+        let table = Table::begin(path, bytes, &required, known)?;
+        let has_time = table.has("time_s");
+        let pushed: Vec<usize> = (0..N).filter(|axis| pushes.get(*axis).is_some_and(|push| table.has(push))).collect();
+        let has_sd: Vec<bool> = columns.iter().map(|[_, sd]| table.has(sd)).collect();
+        let poses: HashMap<&str, usize> =
+            self.poses.iter().enumerate().map(|(index, (name, _))| (name.as_str(), index)).collect();
+        let mut seen = HashMap::new();
+        table.rows(|row| {
+            let [most_q, most_um, most_n, most_nm, most_s] = MOST;
+            let series = self.series.index_of(row, "series")?;
+            let mounting = self.mountings.index_of(row, "mounting")?;
+            let pose_name = row.text("pose");
+            let Some(&pose) = poses.get(pose_name) else {
+                return Err(row.error("pose", format_args!("{pose_name:?} is not in the set-up")));
+            };
+            if *seen.entry(series).or_insert((mounting, pose)) != (mounting, pose) {
+                return Err(row.error("series", "a series has one mounting and one pose"));
+            }
+            let mut q = [0.0; N];
+            for (q, column) in q.iter_mut().zip(&axes) {
+                *q = row.number(column, most_q)?;
+            }
+            let mut load = Vector6::zeros();
+            for (component, (value, column)) in load.iter_mut().zip(LOAD).enumerate() {
+                *value = row.number(column, if component < 3 { most_n } else { most_nm })?;
+            }
+            let mut pushes_n = SVector::<f64, N>::zeros();
+            for axis in &pushed {
+                if let (Some(push), Some(column)) = (pushes_n.get_mut(*axis), pushes.get(*axis)) {
+                    *push = row.number(column, most_n)?;
+                }
+            }
+            let optional = |column: &str, most: f64| match row.text(column) {
+                "" => Ok(None),
+                _ => row.number(column, most).map(|value| Some(value * 1e-6)),
+            };
+            let mut readings_m = Vec::with_capacity(columns.len());
+            let mut sds_m = Vec::with_capacity(columns.len());
+            for ([reading, sd], has_sd) in columns.iter().zip(&has_sd) {
+                readings_m.push(optional(reading, most_um)?);
+                sds_m.push(if *has_sd { optional(sd, most_um)? } else { None });
+                if sds_m.last().is_some_and(|sd| sd.is_some_and(|sd| sd <= 0.0)) {
+                    return Err(row.error(sd, "a standard deviation is above 0"));
+                }
+            }
+            let stroke = stroke(row)?;
+            let time_s =
+                if has_time && !row.text("time_s").is_empty() { Some(row.number("time_s", most_s)?) } else { None };
+            let window = row.text("window").to_owned();
+            let line = row.line();
+            Ok(Window { line, series, mounting, pose, window, stroke, q, load, pushes_n, readings_m, sds_m, time_s })
+        })
+    }
+}
+
+/// Returns the stroke of a row.
+pub(crate) fn stroke(row: &Row<'_>) -> Result<i8, FileError> {
+    match row.text("stroke") {
+        "1" | "+1" => Ok(1),
+        "-1" => Ok(-1),
+        "0" => Ok(0),
+        other => Err(row.error("stroke", format_args!("{other:?} is not 1 (rising), -1 (falling) or 0"))),
+    }
+}
+
+impl Names {
+    /// Returns the index of the name in a column, which is added where it is new.
+    fn index_of(&mut self, row: &Row<'_>, column: &str) -> Result<usize, FileError> {
+        let name = row.text(column);
+        if name.is_empty() {
+            return Err(row.error(column, "is empty"));
+        }
+        if let Some(index) = self.places.get(name) {
+            return Ok(*index);
+        }
+        let index = self.names.len();
+        self.names.push(name.to_owned());
+        self.places.insert(name.to_owned(), index);
+        Ok(index)
+    }
+}
