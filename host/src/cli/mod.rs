@@ -7,6 +7,7 @@ mod draw;
 mod experiment;
 mod faults;
 mod identify;
+mod outputs;
 mod plan;
 mod replay;
 mod serve;

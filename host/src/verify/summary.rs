@@ -136,6 +136,10 @@ impl Verification {
                 self.p
             ));
         }
+        if self.judged.pairs == 0 {
+            let (jump, limit) = (self.at_the_jump.pairs, self.saturated.pairs);
+            doubts.push(format!("no pair is judged: {jump} across the jump, {limit} at an offset limit"));
+        }
         let worst = self.pairs.iter().filter(|pair| pair.is_judged());
         let worst = worst.max_by(|one, other| one.after_m.total_cmp(&other.after_m));
         if let Some(pair) = worst.filter(|pair| pair.after_m > tolerance_m) {

@@ -13,7 +13,8 @@ use crate::model::MachineKind;
 use crate::plots::page::{escape, page as html};
 use crate::plots::{Corner, Curve, Plot};
 use crate::robot_file::RobotFile;
-use crate::springs::identify::{IdentifyError, IdentifyOptions, answer_of, axes_key, starting_springs};
+use crate::springs::compliances::axes_key;
+use crate::springs::identify::{IdentifyError, IdentifyOptions, answer_of, starting_springs};
 use crate::springs::lines::Question;
 use crate::springs::setup::SetupConstants;
 
