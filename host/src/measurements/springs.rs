@@ -70,7 +70,7 @@ pub struct Campaign<const N: usize> {
     pub noise: Noise,
     /// False if the set-up states none: then [`Noise::USUAL`], which is good for ratios only.
     pub is_noise_stated: bool,
-    /// What is known of the set-up.
+    /// Uncertainty of the set-up.
     pub setup: SetupNoise,
     /// Poses, with their names.
     pub poses: Vec<(String, Pose)>,

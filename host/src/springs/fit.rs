@@ -86,7 +86,7 @@ pub(super) struct Solved<const N: usize> {
     pub(super) left: Vec<DVector<f64>>,
     /// Rows for the parameters: compliances, play, links beyond the jump, hysteresis.
     pub(super) rows: Rows,
-    /// What they see, in shares of the file's compliances.
+    /// Directions that they see, in shares of the file's compliances.
     pub(super) seen: Seen,
     /// Rounds that it took.
     pub(super) rounds: u32,

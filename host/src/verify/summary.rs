@@ -51,7 +51,7 @@ pub struct Statistics {
     pub before_rms_m: f64,
     /// Measured with compensation: root mean square.
     pub after_rms_m: f64,
-    /// What 95 % of them stay below.
+    /// Value that 95 % of them stay below.
     pub after_95_m: f64,
     /// The largest.
     pub after_largest_m: f64,

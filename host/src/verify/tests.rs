@@ -243,7 +243,7 @@ fn z_rms(machines: u32, setup: SetupNoise, seed: u64) -> f64 {
     (squares / f64::from(machines)).sqrt()
 }
 
-/// What remains is as large as predicted, by springs and by noise; pooled, as the z-scores of one machine share its springs.
+/// Remainders are as large as predicted, by springs and by noise; pooled, as the z-scores of one machine share its springs.
 #[test]
 fn machines_that_the_file_knows_remain_as_predicted() {
     let found = z_rms(12, SetupNoise::default(), 1);
@@ -287,7 +287,7 @@ fn with_limits(max_um: f64) -> RobotFile<L2, N> {
     file
 }
 
-/// Where every correction is cut, nothing was verified.
+/// With every correction cut nothing was verified.
 #[test]
 fn pairs_of_which_none_is_judged_are_a_doubt() {
     let file = with_limits(5.0);

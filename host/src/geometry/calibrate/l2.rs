@@ -224,7 +224,7 @@ fn turned_platform(measured: &Poses<AXES>) -> Option<String> {
     })
 }
 
-/// What the machine leaves of each place that was used: place and rest, m, in the frame of the device.
+/// Residuals of the places that were used: place and rest, m, in the frame of the device.
 fn residuals(state: &Nominal, places: &Places<'_>, outliers: &[usize]) -> Vec<[Vector3<f64>; 2]> {
     let Ok(kinematics) = state.kinematics(places.configuration) else { return Vec::new() };
     let used = places.poses.iter().enumerate().filter(|(index, _)| !outliers.contains(index));

@@ -84,7 +84,7 @@ pub enum IdentifyError {
     Fit {
         /// The table.
         table: String,
-        /// What is wrong.
+        /// Reason.
         reason: SpringsError,
     },
     /// A spring runs away, and there are combinations of springs that the campaign does not show.
@@ -92,7 +92,7 @@ pub enum IdentifyError {
     Unseen {
         /// The table.
         table: String,
-        /// What is wrong.
+        /// Reason.
         reason: SpringsError,
         /// Combinations that are not seen.
         unseen: String,
@@ -111,9 +111,9 @@ pub struct Identification {
     pub robot_file: String,
     /// Page with plots.
     pub report: String,
-    /// What was found, in one line.
+    /// Result in one line.
     pub summary: String,
-    /// What a person should look at; empty where there is nothing.
+    /// Warnings; empty if there are none.
     pub warnings: Vec<String>,
     /// Reasons not to trust it as it is; empty where there are none.
     pub doubts: Vec<String>,

@@ -109,7 +109,7 @@ struct Springs<'a> {
     names: Vec<String>,
     /// Name and lines of each series.
     lines: Vec<(&'a str, &'a [SpringLine])>,
-    /// What identify found; empty if it did not.
+    /// Result of identify; empty if there is none.
     found: &'a [Parameter],
     file: &'a [f64],
     printed: &'static [Printed],

@@ -29,7 +29,7 @@ struct Point {
     force_n: f64,
     /// Reading less its zero, µm.
     reading_um: f64,
-    /// What the fit says at the measured load, µm.
+    /// Fitted reading at the measured load, µm.
     fitted_um: f64,
     /// Deviation from what the other gauges of its window let expect, in standard deviations.
     deviation: f64,
