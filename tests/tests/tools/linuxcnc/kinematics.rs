@@ -105,9 +105,9 @@ fn in_motion(motion: &[Row], solved: &[Vec<f64>]) {
         }
     }
     assert!(farthest > 5.0, "the program moves");
-    eprintln!("LARGEST {largest:?}");
-    // README.md states them: carts, mm, and plates, degrees.
-    assert!((1e-5..4e-4).contains(&largest[0]) && largest[1] < 4e-4, "{largest:?}");
+    // README.md states them, 3.0e-4 mm of a cart and 2.6e-5 degrees of a plate; how corners are blended may differ a little from run to run.
+    let [carts_mm, plates_degrees] = largest;
+    assert!((1e-4..4e-4).contains(&carts_mm) && plates_degrees < 4e-5, "{largest:?}");
 }
 
 /// The end of a line is out of reach, within the limits of axes: LinuxCNC names the line, and no joint moves.
