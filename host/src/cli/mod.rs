@@ -6,6 +6,7 @@ mod demo;
 mod draw;
 mod experiment;
 mod faults;
+mod header;
 mod identify;
 mod outputs;
 mod plan;
@@ -45,6 +46,7 @@ enum Command {
     Replay(replay::Replay),
     Workspace(workspace::Workspace),
     Draw(draw::Draw),
+    Header(header::Header),
     Calibrate(calibrate::Calibrate),
     Identify(identify::Identify),
     Verify(verify::Verify),
@@ -98,6 +100,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Replay(replay) => replay.run(),
         Command::Workspace(workspace) => run_on(AnyRobotFile::named(&workspace.robot), workspace),
         Command::Draw(draw) => run_on(AnyRobotFile::named(&draw.robot), draw),
+        Command::Header(header) => header.run(),
         Command::Calibrate(calibrate) => calibrate.run(),
         Command::Identify(identify) => identify.run(),
         Command::Verify(verify) => run_on(AnyRobotFile::named(&verify.robot), verify),
