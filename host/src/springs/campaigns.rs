@@ -204,6 +204,18 @@ impl<const N: usize> Bench<N> {
     }
 }
 
+impl<const N: usize> Bench<N> {
+    /// Disturbs this share of all readings by 10 to 30 um.
+    pub(super) fn disturb(&mut self, random: &mut ChaCha8Rng, share: f64) {
+        for reading in self.campaign.windows.iter_mut().flat_map(|window| &mut window.readings_m) {
+            if random.random::<f64>() < share {
+                let off = random.random_range(10e-6..30e-6) * if random.random() { 1.0 } else { -1.0 };
+                *reading = reading.map(|reading| reading + off);
+            }
+        }
+    }
+}
+
 /// No window is beyond a jump.
 pub(super) const fn never(_: f64, _: i8) -> f64 {
     0.0
