@@ -63,6 +63,21 @@ impl Rows {
         Self::new(left.column(columns).into_owned(), left.columns(0, columns).into_owned())
     }
 
+    /// Rows of several parts, for the same parameters, one below the other.
+    #[must_use]
+    pub fn stacked(parts: &[&Self]) -> Self {
+        let columns = parts.first().map_or(0, |part| part.derivatives.ncols());
+        let height = parts.iter().map(|part| part.degrees()).sum();
+        let (mut residuals, mut derivatives) = (DVector::zeros(height), DMatrix::zeros(height, columns));
+        let mut first = 0;
+        for part in parts {
+            residuals.rows_mut(first, part.degrees()).copy_from(&part.residuals);
+            derivatives.rows_mut(first, part.degrees()).copy_from(&part.derivatives);
+            first += part.degrees();
+        }
+        Self::new(residuals, derivatives)
+    }
+
     fn is_finite(&self) -> bool {
         self.residuals.iter().chain(self.derivatives.iter()).all(|number| number.is_finite())
     }

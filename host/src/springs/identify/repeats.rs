@@ -5,6 +5,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::levels::levels;
+use crate::fit::least_squares::{Rows, eliminated};
 use crate::fit::statistics::{f_above, float};
 use crate::springs::agreement::{Agreement, deviations};
 use crate::springs::blocks::Blocks;
@@ -71,24 +72,49 @@ fn crossed_apart(levels: &[usize], is_crossed: &[bool]) -> Vec<usize> {
     levels.iter().zip(is_crossed).map(|(level, is_crossed)| 2 * level + usize::from(*is_crossed)).collect()
 }
 
-/// Deviations that remain if every gauge has a zero at every level.
+/// Deviations that remain if every gauge has a zero at every level, and its drift in every series if that is fitted.
 fn pure_error<const N: usize>(question: &Question<'_, N>, agreement: &Agreement<N>, levels: &[usize]) -> Option<Share> {
+    let Agreement { solved, choice, .. } = agreement;
     let mut campaign = question.campaign.clone();
     let mut names: Vec<usize> = levels.to_vec();
     names.sort_unstable();
     names.dedup();
+    // Series of each level.
+    let mut owners = vec![0; names.len()];
     for (window, level) in campaign.windows.iter_mut().zip(levels) {
-        window.series = names.binary_search(level).unwrap_or_default();
+        let index = names.binary_search(level).unwrap_or_default();
+        owners[index] = window.series;
+        window.series = index;
     }
     campaign.series = names.iter().map(usize::to_string).collect();
     let by_level = Question { campaign: &campaign, setup: question.setup.exact(), ..*question };
-    let Agreement { solved, choice, .. } = agreement;
-    let choice = Choice { shifts: Vec::new(), has_drift: false, ..choice.clone() };
+    let choice = Choice { weights: choice.weights.clone(), ..Choice::all(&campaign) };
     let lines = solved.lines.iter().zip(&solved.left);
-    let lines: Vec<Lines> =
-        lines.map(|(lines, left)| Lines { misclosures: left.clone(), ..lines.without_setup() }).collect();
-    let rows = Blocks::new(&by_level, &choice, &lines, &DVector::zeros(0), &[])?.rows;
-    Some(Share { chi2: rows.chi_squared(), degrees: rows.degrees() })
+    // The columns of the drifts take the place of those of the springs.
+    let lines: Vec<Lines> = lines
+        .map(|(lines, left)| Lines {
+            misclosures: left.clone(),
+            springs: drifts(question, agreement, lines),
+            ..lines.without_setup()
+        })
+        .collect();
+    let of_levels = Blocks::new(&by_level, &choice, &lines, &DVector::zeros(0), &[])?.series_rows();
+    let mut pure = Share::default();
+    for series in 0..question.campaign.series.len() {
+        let own = of_levels.iter().zip(&owners).filter(|(_, owner)| **owner == series).map(|(rows, _)| rows);
+        let Rows { residuals, derivatives } = Rows::stacked(&own.collect::<Vec<_>>());
+        let left = eliminated(derivatives, DMatrix::from_columns(&[residuals]));
+        pure.chi2 += left.norm_squared();
+        pure.degrees += left.nrows();
+    }
+    Some(pure)
+}
+
+/// Readings of a window by the drifts of the gauges, s; no column if none is fitted.
+fn drifts<const N: usize>(question: &Question<'_, N>, agreement: &Agreement<N>, lines: &Lines) -> DMatrix<f64> {
+    let gauges = if agreement.choice.has_drift { question.campaign.gauges.len() } else { 0 };
+    let seconds = question.campaign.windows[lines.window].time_s.unwrap_or_default();
+    DMatrix::from_fn(lines.gauges.len(), gauges, |row, gauge| if lines.gauges[row] == gauge { seconds } else { 0.0 })
 }
 
 /// Gauges whose means at the levels deviate by more than the pure error of all lets expect, the worst first.

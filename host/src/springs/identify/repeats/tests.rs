@@ -74,3 +74,31 @@ fn nothing_repeated_says_nothing() {
     let agreement = Agreement::find(&question, &Choice::all(&bench.campaign), State::start(&question), true).unwrap();
     assert_eq!(Repeats::of(&question, &agreement), None);
 }
+
+/// Drifts of 0.5 um/min take degrees of freedom from the repeats: they are nearly orthogonal to levels that go up and down again.
+#[test]
+fn drifts_are_no_lack_of_fit() {
+    let (mut noise, mut accused) = (0.0, 0);
+    let campaigns = 30;
+    for seed in 0..campaigns {
+        let mut bench = measured(seed);
+        for (index, window) in bench.campaign.windows.iter_mut().enumerate() {
+            let seconds = 15.0 * float(index);
+            window.time_s = Some(seconds);
+            for (gauge, reading) in window.readings_m.iter_mut().enumerate() {
+                *reading = reading.map(|reading| reading + 0.5e-6 / 60.0 * seconds * (float(gauge) - 4.0) / 4.0);
+            }
+        }
+        let question = bench.question();
+        let choice = Choice { has_drift: true, ..Choice::all(&bench.campaign) };
+        let agreement = Agreement::find(&question, &choice, State::start(&question), true).unwrap();
+        let found = Repeats::of(&question, &agreement).unwrap();
+        // Nine series of nine gauges: five repeats and a drift each; a clean reading is refused now and then.
+        assert!((81 * 4 - 2..=81 * 4).contains(&found.pure.degrees), "{seed}: {found:?}");
+        noise += found.pure.mean() / campaigns as f64;
+        accused += usize::from(found.p() < 0.05);
+    }
+    // 30 times 324 degrees: the deviation of the mean is 1.4 %; of 30 with 5 % more than 6 are 0.1 %.
+    assert!((noise - 1.0).abs() < 0.05, "{noise}");
+    assert!(accused <= 6, "{accused}");
+}
