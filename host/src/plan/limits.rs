@@ -44,8 +44,7 @@ impl Preload {
         machine: &ElasticMachine<N>,
     ) -> Option<Self> {
         if let Some(play) = &robot.play {
-            let ends = [play.preload_rising_n, play.preload_falling_n].concat();
-            let nearest = ends.into_iter().min_by(|one, other| one.abs().total_cmp(&other.abs()))?;
+            let nearest = play.preload_ends_n().into_iter().min_by(|one, other| one.abs().total_cmp(&other.abs()))?;
             return Some(Self { force_n: nearest });
         }
         let simulation = &robot.simulation;

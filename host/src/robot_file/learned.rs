@@ -63,9 +63,19 @@ pub struct Play {
     /// Its standard deviation, m.
     pub sd_m: f64,
     /// Sum of the tensions of cluster 3 that its weight causes, as rising forces show it: between these, N.
-    pub preload_rising_n: [f64; 2],
-    /// As falling forces show it, N.
-    pub preload_falling_n: [f64; 2],
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preload_rising_n: Option<[f64; 2]>,
+    /// As falling forces show it, N. A stroke that has not crossed the jump has no interval.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preload_falling_n: Option<[f64; 2]>,
+}
+
+impl Play {
+    /// Ends of the intervals of the preload that were measured, N.
+    #[must_use]
+    pub fn preload_ends_n(&self) -> Vec<f64> {
+        self.preload_rising_n.into_iter().chain(self.preload_falling_n).flatten().collect()
+    }
 }
 
 /// `[[wrist]]`: a joint between platform and tool, as a spring `[T 6.1, 7.1]`, with the wrist at its zero and the platform unturned.
@@ -116,9 +126,12 @@ pub(super) fn play(play: &Play) -> Result<(), Problem> {
     range("play.gap_m", play.gap_m, 0.0, 1.0)?;
     range("play.sd_m", play.sd_m, 0.0, f64::MAX)?;
     for (key, ends) in [("preload_rising_n", play.preload_rising_n), ("preload_falling_n", play.preload_falling_n)] {
-        for (index, value) in ends.iter().enumerate() {
+        for (index, value) in ends.iter().flatten().enumerate() {
             range(&format!("play.{key}[{index}]"), *value, -1e9, 1e9)?;
         }
+    }
+    if play.preload_ends_n().is_empty() {
+        return Err(Problem::new("play.preload_rising_n", "is missing, and preload_falling_n too; give one of them"));
     }
     Ok(())
 }

@@ -14,7 +14,7 @@ use crate::fit::statistics::median;
 
 /// Deviations beyond which Huber's weights fall; beyond which Tukey's are zero, and a reading is refused. Usual constants: 95 % efficiency.
 const HUBER: f64 = 1.345;
-const TUKEY: f64 = 4.685;
+pub(super) const TUKEY: f64 = 4.685;
 /// Median of the magnitudes to standard deviation, of normal deviations.
 const MAD: f64 = 1.4826;
 /// Rounds of weights, steps of the fit before the first, and between two.

@@ -64,8 +64,10 @@ impl Sides {
         machine: &ElasticMachine<N>,
     ) -> Result<Self, VerifyError> {
         if let Some(play) = &file.play {
-            let all = play.preload_rising_n.into_iter().chain(play.preload_falling_n);
-            let ends = all.fold([f64::MAX, f64::MIN], |[low, high], value| [low.min(value), high.max(value)]);
+            let ends = play
+                .preload_ends_n()
+                .into_iter()
+                .fold([f64::MAX, f64::MIN], |[low, high], value| [low.min(value), high.max(value)]);
             return Ok(Self(Some(ends)));
         }
         if file.simulation.jump_gap_m <= 0.0 {

@@ -58,10 +58,10 @@ pub struct PlayAnswer {
     pub gap_m: f64,
     /// Its standard deviation, m.
     pub sd_m: f64,
-    /// Interval of the preload while forces rise, N.
-    pub preload_rising_n: [f64; 2],
-    /// Interval of the preload while they fall, N.
-    pub preload_falling_n: [f64; 2],
+    /// Interval of the preload while forces rise, N; `None` (null) if no rising window is beyond the jump.
+    pub preload_rising_n: Option<[f64; 2]>,
+    /// Interval of the preload while they fall, N; `None` (null) if no falling window is beyond the jump.
+    pub preload_falling_n: Option<[f64; 2]>,
 }
 
 /// A constant of the set-up, as the fit found it.

@@ -47,7 +47,7 @@ impl<const N: usize> Found<'_, N> {
         if let Some(PlayAnswer { gap_m, sd_m, preload_rising_n, preload_falling_n }) = answer.play {
             let play = Play { gap_m, sd_m, preload_rising_n, preload_falling_n };
             text.set_serialized("play", &play).map_err(|error| said(&error))?;
-            match self.jump_force_n(robot, preload_rising_n) {
+            match preload_rising_n.or(preload_falling_n).and_then(|preload_n| self.jump_force_n(robot, preload_n)) {
                 Some(jump_force_n) => {
                     text.set_number_in("simulation", "jump_force_n", jump_force_n);
                     text.set_number_in("simulation", "jump_gap_m", gap_m);

@@ -171,13 +171,15 @@ impl<const N: usize> Found<'_, N> {
         }
         if let Some(play) = &self.play {
             _ = write!(
+            let strokes = ["rising", "falling"].into_iter().zip(play.preload_n);
+            let passed = strokes.filter_map(|(stroke, ends)| {
+                let [low, high] = ends?;
+                Some(format!("{:.0} to {:.0} N {stroke}", -high, -low))
+            });
                 body,
                 "<p>The joint of cluster 3 moves by {:.1} µm where the sum of its tensions passes {:.0} to {:.0} N rising, {:.0} to {:.0} N falling [T 5.2.2, 6.1].</p>",
                 play.gap_m * 1e6,
-                -play.preload_n[0][1],
-                -play.preload_n[0][0],
-                -play.preload_n[1][1],
-                -play.preload_n[1][0]
+                passed.collect::<Vec<_>>().join(", ")
             );
         }
         body
