@@ -23,7 +23,7 @@ pub struct Parameter {
     pub unit: &'static str,
     /// Standard deviation.
     pub sd: f64,
-    /// Lower end of the central 95 % interval.
+    /// Lower end of the central 95 % interval; NaN (null) if nothing was learned.
     pub low95: f64,
     /// Upper end.
     pub high95: f64,
@@ -46,7 +46,7 @@ pub enum Status {
 /// A combination of parameters that the measurements do not see, or hardly.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Unobservable {
-    /// Its standard deviation, in changes that would matter.
+    /// Its standard deviation, in changes that would matter; infinite (null) if no reading depends on it.
     pub relative_sd: f64,
     /// Components of the unit vector, by the names of the parameters; those above 0.01.
     pub direction: BTreeMap<String, f64>,
