@@ -1,5 +1,6 @@
 //! Campaigns of forces and gauges: windows of a load, and what the gauges showed.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use gantry_tau_core::model::kinematics::Pose;
@@ -138,6 +139,22 @@ impl<const N: usize> Campaign<N> {
         check_wrist(path, self.plan.iter().map(|entry| (&*entry.name, &*entry.wrist_rad)), joints)
     }
 
+    /// Checks that no row is a copy of another one, which would count twice. A window that `experiment` has taken again has its own readings.
+    fn check_copies(&self) -> Result<(), FileError> {
+        let mut lines: HashMap<(usize, &str), Vec<&Window<N>>> = HashMap::new();
+        for window in &self.windows {
+            let earlier = lines.entry((window.series, &window.window)).or_default();
+            let is_copy = |other: &&&Window<N>| other.load == window.load && other.readings_m == window.readings_m;
+            if let Some(first) = earlier.iter().find(is_copy) {
+                let reason =
+                    format!("{:?} is a copy of line {}, loads and readings too; remove one", window.window, first.line);
+                return Err(self.error(window, "window", reason));
+            }
+            earlier.push(window);
+        }
+        Ok(())
+    }
+
     /// Returns an error about a column of a window.
     #[must_use]
     pub fn error(&self, window: &Window<N>, column: &str, reason: impl std::fmt::Display) -> FileError {
@@ -180,5 +197,7 @@ pub fn campaign<const N: usize>(
 ) -> Result<Campaign<N>, FileError> {
     let windows::Read { windows, series, mountings } = windows::read(table, bytes, &setup.poses, &setup.gauges)?;
     let names = [series, mountings];
-    Ok(Campaign::of(setup, table, crc32fast::hash(bytes), metres_per_q, names, windows))
+    let campaign = Campaign::of(setup, table, crc32fast::hash(bytes), metres_per_q, names, windows);
+    campaign.check_copies()?;
+    Ok(campaign)
 }

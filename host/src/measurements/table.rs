@@ -77,6 +77,20 @@ impl<R: Read> Table<R> {
         self.header.iter().position(|other| other == column)
     }
 
+    /// Error of a row that is not one of this table.
+    fn cannot_read(&self, line: u64, error: &csv::Error) -> FileError {
+        let csv::ErrorKind::UnequalLengths { len, .. } = error.kind() else {
+            return FileError::at(&self.name, line, "", error);
+        };
+        let (len, columns) = (usize::try_from(*len).unwrap_or(usize::MAX), self.header.len());
+        // The first column without a value, or the last one of a row that is too long.
+        let column = self.header.get(len).or(self.header.last()).map_or("", String::as_str);
+        let reason = format!(
+            "the row has {len} values for {columns} columns; complete it, or remove it if the file was cut off"
+        );
+        FileError::at(&self.name, line, column, reason)
+    }
+
     /// Reads every row, at most [`MAX_ROWS`].
     pub(super) fn rows<T>(self, mut read: impl FnMut(&Row<'_>) -> Result<T, FileError>) -> Result<Vec<T>, FileError> {
         let mut rows = Vec::new();
@@ -99,7 +113,7 @@ impl<R: Read> Table<R> {
             match self.reader.read_record(&mut record) {
                 Ok(false) => break,
                 Ok(true) => {}
-                Err(error) => return Err(FileError::at(&self.name, line, "", error)),
+                Err(error) => return Err(self.cannot_read(line, &error)),
             }
             let line = record.position().map_or(line, csv::Position::line);
             read(&Row { table: &self.name, header: &self.header, line, record: &record })?;

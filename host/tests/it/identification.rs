@@ -140,6 +140,10 @@ fn campaigns_that_cannot_be_are_one_line_and_nothing_is_written() {
     refused(&setup, &slack, &["springs.csv:2: series:", "its strap pulls nothing"]);
     let few: String = table.lines().take(2).map(|line| format!("{line}\n")).collect();
     refused(&setup, &few, &["springs.csv:2: series:"]);
+    let second = table.lines().nth(2).unwrap();
+    refused(&setup, &format!("{table}{second}\n"), &["springs.csv:", ": window: \"2\"", "is a copy of line 3"]);
+    let cut = table.trim_end().rsplit_once(',').unwrap().0;
+    refused(&setup, cut, &["springs.csv:", "values for", "columns; complete it, or remove it"]);
     let robot = folder.run(&["identify", "campaign.toml", "--robot", "f1", "-o", "found.toml"]).failure(1);
     assert!(robot.contains("model: is \"l2\", and the robot file's is \"f1\""), "{robot}");
     folder.write("found.toml", "kept");
