@@ -118,20 +118,24 @@ impl Machine {
     /// Runs LinuxCNC until its screen ends.
     pub(super) fn run(&self) -> Result<Ended, Failed> {
         std::fs::write(self.file("sim.var"), "")?;
+        let said = self.unprivileged(&format!("linuxcnc {}", self.file(&format!("{}.ini", self.name)).display()))?;
+        let record = std::fs::read_to_string(self.file("record.txt")).unwrap_or_default();
+        Ok(Ended { record: Record::parse(&record), said })
+    }
+
+    /// Runs a command as the user who may load modules, in the configuration's folder; returns all output.
+    pub(super) fn unprivileged(&self, command: &str) -> Result<String, Failed> {
         give(&self.place)?;
         let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         let script = format!(
             "mount --bind {modules} {MODULES} && cd {home} && exec setpriv --reuid={USER} --regid={USER} --clear-groups \
-             env -i HOME={home} PATH=/usr/bin:/bin RUNTESTS=1 linuxcnc {home}/{name}.ini 2>&1",
+             env -i HOME={home} PATH=/usr/bin:/bin RUNTESTS=1 {command} 2>&1",
             modules = self.place.join("modules").display(),
             home = self.file("").display(),
-            name = self.name,
         );
-        let mut command = Command::new("timeout");
-        let output = command.args(["150", "unshare"]).args(NAMESPACES).args(["sh", "-c", &script]).output()?;
-        let said = String::from_utf8_lossy(&output.stdout).into_owned();
-        let record = std::fs::read_to_string(self.file("record.txt")).unwrap_or_default();
-        Ok(Ended { record: Record::parse(&record), said })
+        let mut limited = Command::new("timeout");
+        let output = limited.args(["150", "unshare"]).args(NAMESPACES).args(["sh", "-c", &script]).output()?;
+        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
     }
 }
 
@@ -165,7 +169,7 @@ impl Ended {
 }
 
 /// Copies a folder with its folders.
-fn copy(from: &Path, to: &Path) -> Result<(), Failed> {
+pub(super) fn copy(from: &Path, to: &Path) -> Result<(), Failed> {
     std::fs::create_dir_all(to)?;
     for entry in std::fs::read_dir(from)? {
         let (source, to) = (entry.as_ref().unwrap().path(), to.join(entry?.file_name()));
