@@ -20,6 +20,7 @@ pub mod files;
 pub mod fit;
 pub mod gauge_link;
 pub mod geometry;
+pub mod header;
 pub mod measurements;
 pub mod model;
 pub mod plan;

@@ -6,6 +6,7 @@ mod demo;
 mod draw;
 mod experiment;
 mod faults;
+mod header;
 mod identify;
 mod plan;
 mod replay;
@@ -44,6 +45,7 @@ enum Command {
     Replay(replay::Replay),
     Workspace(workspace::Workspace),
     Draw(draw::Draw),
+    Header(header::Header),
     Calibrate(calibrate::Calibrate),
     Identify(identify::Identify),
     Verify(verify::Verify),
@@ -97,6 +99,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Replay(replay) => replay.run(),
         Command::Workspace(workspace) => run_on(AnyRobotFile::named(&workspace.robot), workspace),
         Command::Draw(draw) => run_on(AnyRobotFile::named(&draw.robot), draw),
+        Command::Header(header) => header.run(),
         Command::Calibrate(calibrate) => calibrate.run(),
         Command::Identify(identify) => identify.run(),
         Command::Verify(verify) => run_on(AnyRobotFile::named(&verify.robot), verify),

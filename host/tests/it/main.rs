@@ -18,6 +18,7 @@ mod exhaustion;
 mod experiment;
 #[cfg(unix)]
 mod faults;
+mod header;
 mod identification;
 mod plan;
 mod process;
@@ -37,7 +38,7 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    const COMMANDS: [&str; 13] = [
+    const COMMANDS: [&str; 14] = [
         "demo",
         "serve",
         "client",
@@ -50,6 +51,7 @@ fn help_mentions_every_command_and_every_commands_help_works() {
         "replay",
         "workspace",
         "draw",
+        "header",
         "solve",
     ];
     for command in COMMANDS {
@@ -57,7 +59,7 @@ fn help_mentions_every_command_and_every_commands_help_works() {
         let help = folder.run(&[command, "--help"]).success();
         assert!(help.contains(&format!("gantry-tau {command}")), "{help}");
         // Found by reading: of three commands they were written down, and never shown.
-        let has_codes = !["serve", "plan", "workspace", "draw", "solve"].contains(&command);
+        let has_codes = !["serve", "plan", "workspace", "draw", "header", "solve"].contains(&command);
         assert_eq!(help.contains("Exit codes: 0 "), has_codes, "{help}");
         let help = folder.run(&["help", command]).success();
         assert!(help.contains("Usage:"), "{help}");

@@ -1,0 +1,34 @@
+//! `gantry-tau header`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use gantry_tau::header::HeaderOptions;
+use gantry_tau::robot_file::AnyRobotFile;
+use gantry_tau::terminal::say;
+
+use super::Outcome;
+
+/// Write a machine as a C header, for programs over the C interface and for LinuxCNC
+///
+/// Geometry, home, limits of offsets, travel and the motors of each axis, with the types of `gantry_tau.h` (`host/capi`), and the
+/// checksum of the kinematics.
+#[derive(Debug, Args)]
+pub(crate) struct Header {
+    /// The machine: l2 or f1 (built in), or a robot file
+    #[arg(value_name = "l2|f1|FILE")]
+    robot: String,
+    /// Output file; an existing one is replaced
+    #[arg(short, long, value_name = "FILE.h", default_value = "machine.h")]
+    output: PathBuf,
+}
+
+impl Header {
+    pub(super) fn run(self) -> Outcome {
+        let options = HeaderOptions { robot: AnyRobotFile::named(&self.robot)?, output: self.output };
+        gantry_tau::header::run(&options)?;
+        say(format_args!("{}: written to {}", self.robot, options.output.display()));
+        Ok(ExitCode::SUCCESS)
+    }
+}
