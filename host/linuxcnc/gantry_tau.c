@@ -12,20 +12,16 @@
 #include "hal.h"
 
 #include <errno.h>
-#include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <time.h>
 
 #include "gantry_tau.h"
-#include "machine.h"
-
+#include "configuration.h"
+#include "drives.h"
 #include "epochs.h"
 #include "lateness.h"
 #include "pins.h"
 #include "sockets.h"
-#include "units.h"
 
 MODULE_AUTHOR("gantry-tau");
 MODULE_DESCRIPTION("External offsets for the joints of a Gantry-Tau robot, from a client on the network");
@@ -60,22 +56,14 @@ static gt_tick_input input;
 static gt_tick_output output;
 static gt_frame frame;
 static struct lateness lateness;
-/* Nominal position of each joint in force, as LinuxCNC gave it. */
-static double nominal[GANTRY_TAU_AXES];
-static int64_t offset_nm[GANTRY_TAU_AXES];
 static uint32_t skipped;
 static int64_t last_tick_ns;
 static int has_failed;
 
-/* Adds an offset to a pin's value; without an offset the value stays the same, bit for bit. */
-static double plus(double value, int64_t nm, int joint)
+/* Function `gantry-tau.read`: LinuxCNC sees the drives without the offsets. */
+static void read_function(void *unused, long period)
 {
-    return nm == 0 ? value : value + gt_joint_of_nm(joint, nm);
-}
-
-static int to_nm(double value, int joint, int64_t *nm)
-{
-    return gt_nm_of_joint(joint, value, nm, NULL) == GT_CODE_OK;
+    drives_feedback(pins);
 }
 
 static void fail(const char *what, gt_code code)
@@ -87,100 +75,25 @@ static void fail(const char *what, gt_code code)
     *pins->phase = GT_PHASE_FAULT;
 }
 
-/* Reads nominal positions and measurements. Returns 0 if one of them is not a number in range. */
-static int read_machine(void)
-{
-    int is_read = 1;
-    for (int joint = 0; joint < GANTRY_TAU_AXES; joint++) {
-        const struct joint_pins *from = &pins->joint[joint];
-        gt_actual *actual = &input.actual[joint];
-        const double torque = *from->torque;
-        int64_t speed_nm_s = 0;
-        is_read &= to_nm(*from->nominal, joint, &input.nominal_nm[joint]);
-        is_read &= to_nm(*from->position, joint, &actual->position_nm);
-        is_read &= to_nm(*from->velocity, joint, &speed_nm_s) && llabs(speed_nm_s / 1000) <= INT32_MAX;
-        is_read &= fabs(torque) <= INT16_MAX; /* not of NaN */
-        if (is_read) {
-            actual->velocity_um_s = (int32_t)(speed_nm_s / 1000);
-            actual->torque_permille = (int16_t)torque;
-        }
-    }
-    return is_read;
-}
-
 /* Starts the server where the machine is. Stopped: a stop before a restart must outlive it, and a re-arm is a decision at the machine. */
 static int start(long period)
 {
     gt_code code;
-    if (has_failed || !read_machine()) {
+    if (has_failed || !drives_read(pins, &input)) {
         return 0;
     }
     config.cycle_us = (uint32_t)(period / 1000);
     begin.stop_latched = 1;
     for (int joint = 0; joint < GANTRY_TAU_AXES; joint++) {
         begin.in_force[joint].nominal_nm = input.nominal_nm[joint];
-        nominal[joint] = *pins->joint[joint].nominal;
     }
+    drives_start(pins);
     code = gt_server_init(&memory, sizeof memory, &config, &begin, &server, NULL);
     if (code != GT_CODE_OK) {
         server = NULL;
         fail("cannot start", code);
     }
     return code == GT_CODE_OK;
-}
-
-/* Writes the reference of a joint: its nominal position, which is `nm` rounded, and its offset, within the machine's travel. */
-static void write_reference(int joint, double value, int64_t nm)
-{
-    const gt_axis_config *limits = &gantry_tau_limits[joint];
-    const int64_t wanted = nm + offset_nm[joint];
-    hal_float_t *reference = pins->joint[joint].reference;
-    if (wanted > limits->machine_upper_nm) {
-        *reference = gt_joint_of_nm(joint, limits->machine_upper_nm);
-    } else if (wanted < limits->machine_lower_nm) {
-        *reference = gt_joint_of_nm(joint, limits->machine_lower_nm);
-    } else {
-        *reference = plus(value, offset_nm[joint], joint);
-    }
-}
-
-/* Holds the offsets over a cycle without a tick: the references follow the path. */
-static void hold(void)
-{
-    for (int joint = 0; joint < GANTRY_TAU_AXES; joint++) {
-        const struct joint_pins *to = &pins->joint[joint];
-        int64_t nm;
-        if (to_nm(*to->nominal, joint, &nm)) {
-            write_reference(joint, *to->nominal, nm);
-        }
-    }
-    for (int motor = 0; motor < GANTRY_TAU_MOTORS; motor++) {
-        *pins->motor[motor].reference = *pins->joint[gantry_tau_axis_of_motor[motor]].reference;
-    }
-}
-
-/* Writes the references of a tick. */
-static void write_machine(void)
-{
-    for (int motor = 0; motor < GANTRY_TAU_MOTORS; motor++) {
-        const int joint = gantry_tau_axis_of_motor[motor];
-        const struct joint_pins *to = &pins->joint[joint];
-        const gt_axis_state *state = &output.state.axes[joint];
-        const gt_reference *reference = &output.motors[motor];
-        /* Otherwise core holds the nominal position that is in force. */
-        if (input.reading == GT_READING_DONE && state->nominal_nm == input.nominal_nm[joint]) {
-            nominal[joint] = *to->nominal;
-        }
-        offset_nm[joint] = state->offsets.position_nm;
-        write_reference(joint, nominal[joint], state->nominal_nm);
-        *to->offset = gt_joint_of_nm(joint, offset_nm[joint]);
-        *to->shadow = gt_joint_of_nm(joint, state->shadow.position_nm);
-        *to->velocity_offset = gt_joint_of_nm(joint, (int64_t)reference->velocity_offset_um_s * 1000);
-        *to->torque_offset = reference->torque_offset_permille;
-        *pins->motor[motor].reference = *to->reference;
-        *pins->motor[motor].velocity_offset = *to->velocity_offset;
-        *pins->motor[motor].torque_offset = *to->torque_offset;
-    }
 }
 
 static int is_stopped(void)
@@ -196,18 +109,18 @@ static void tick(uint32_t elapsed)
 
     sockets_receive(server);
     input.elapsed_cycles = elapsed;
-    input.reading = read_machine() ? GT_READING_DONE : GT_READING_FAILED;
+    input.reading = drives_read(pins, &input) ? GT_READING_DONE : GT_READING_FAILED;
     input.stop = is_stopped() ? GT_PRESSED : GT_RELEASED;
     input.rearm = *pins->rearm ? GT_PRESSED : GT_RELEASED;
     input.last_write = GT_WRITE_ACCEPTED;
     code = gt_server_tick(server, &input, &output, NULL);
     if (code != GT_CODE_OK) {
         fail("cannot tick", code);
-        hold();
+        drives_hold(pins);
         return;
     }
     if (output.write) {
-        write_machine();
+        drives_write(pins, &input, &output);
     }
     for (int i = 0; i < 6; i++) {
         wrench[i] = *pins->wrench[i];
@@ -249,16 +162,6 @@ static void wait_for_answer(long period)
     }
 }
 
-/* Function `gantry-tau.read`: LinuxCNC sees the drives without the offsets. */
-static void read_function(void *unused, long period)
-{
-    (void)unused;
-    (void)period;
-    for (int joint = 0; joint < GANTRY_TAU_AXES; joint++) {
-        *pins->joint[joint].feedback = plus(*pins->joint[joint].position, -offset_nm[joint], joint);
-    }
-}
-
 static void note_lateness(int64_t late_ns)
 {
     *pins->lateness = late_ns < INT32_MAX ? (hal_s32_t)late_ns : INT32_MAX;
@@ -271,9 +174,8 @@ static void note_lateness(int64_t late_ns)
 static void write_function(void *unused, long period)
 {
     int64_t late_ns;
-    (void)unused;
     if (has_failed || (server == NULL && !start(period))) {
-        hold();
+        drives_hold(pins);
         return;
     }
     if (lockstep) {
@@ -288,54 +190,11 @@ static void write_function(void *unused, long period)
         /* A burst: several ticks at once would be several steps at the drive's next cycle. */
         skipped += skipped < UINT32_MAX - 1;
         *pins->held += 1;
-        hold();
+        drives_hold(pins);
         return;
     }
     tick(1 + skipped);
     skipped = 0;
-}
-
-/* Checks that the header of the machine belongs to this module: the client compares the checksum with that of its own robot file. */
-static gt_code machine_checksum(uint32_t *checksum, gt_error *error)
-{
-#ifdef GANTRY_TAU_MODEL_L2
-    static GT_MEMORY(GT_L2_SIZE) place;
-    gt_l2 *machine;
-    const gt_code code = gt_l2_init(&place, sizeof place, &gantry_tau_geometry, &machine, error);
-    return code == GT_CODE_OK ? gt_l2_checksum(machine, checksum) : code;
-#else
-    static GT_MEMORY(GT_F1_SIZE) place;
-    gt_f1 *machine;
-    const gt_code code = gt_f1_init(&place, sizeof place, &gantry_tau_geometry, &machine, error);
-    return code == GT_CODE_OK ? gt_f1_checksum(machine, checksum) : code;
-#endif
-}
-
-static int configure(char *text, size_t size)
-{
-    gt_error error;
-    uint32_t checksum = 0;
-    gt_code code = machine_checksum(&checksum, &error);
-    if (code == GT_CODE_OK && checksum != GANTRY_TAU_KINEMATICS_CHECKSUM) {
-        snprintf(text, size, "machine.h is damaged: its kinematics have the checksum %08x, not %08x", (unsigned)checksum,
-                 (unsigned)GANTRY_TAU_KINEMATICS_CHECKSUM);
-        return -1;
-    }
-    if (code == GT_CODE_OK) {
-        code = gt_server_config_thesis(&config, GANTRY_TAU_AXES);
-    }
-    config.motors = GANTRY_TAU_MOTORS;
-    memcpy(config.axis_of_motor, gantry_tau_axis_of_motor, sizeof gantry_tau_axis_of_motor);
-    memcpy(config.axis, gantry_tau_limits, sizeof gantry_tau_limits);
-    config.kinematics_checksum = checksum;
-    config.capabilities = lockstep ? 1 : 0;
-    if (code == GT_CODE_OK) {
-        code = gt_server_config_check(&config, NULL, &error);
-    }
-    if (code != GT_CODE_OK) {
-        snprintf(text, size, "machine.h is refused: %s, index %d, %g", gt_code_name(code), (int)error.index, error.value);
-    }
-    return code == GT_CODE_OK ? 0 : -1;
 }
 
 /* Everything that may fail, apart from HAL. Returns 0, or -1 with one sentence. */
@@ -349,7 +208,7 @@ static int prepare(char *error, size_t size)
         snprintf(error, size, "epoch_file is missing: give a file in storage that survives a restart");
         return -1;
     }
-    if (configure(error, size) != 0 || sockets_open(address, port, sensor_port, udp, error, size) != 0) {
+    if (configure(&config, lockstep, error, size) != 0 || sockets_open(address, port, sensor_port, udp, error, size) != 0) {
         return -1;
     }
     /* Last: epochs are not used up by a component that does not load. */
