@@ -1,13 +1,18 @@
-//! Tests that need compilers for C, Valgrind or an emulator: the C interface and the firmware. A test whose tool is missing is reported
-//! as ignored, with the name of the tool.
+//! Tests that need compilers for C, Valgrind, an emulator or LinuxCNC: the C interface, the firmware, the modules for LinuxCNC. A test whose
+//! tool is missing is reported as ignored, with the name of the tool.
 
 mod capi;
 mod firmware;
+#[cfg(target_os = "linux")]
+mod linuxcnc;
 
 use libtest_mimic::Arguments;
 
 fn main() {
     let arguments = Arguments::from_args();
-    let trials = firmware::trials().into_iter().chain(capi::trials());
-    libtest_mimic::run(&arguments, trials.collect()).exit();
+    let mut trials = firmware::trials();
+    trials.extend(capi::trials());
+    #[cfg(target_os = "linux")]
+    trials.extend(linuxcnc::trials());
+    libtest_mimic::run(&arguments, trials).exit();
 }

@@ -15,7 +15,7 @@ mod compensation;
 mod scenario;
 mod session;
 mod target;
-mod tools;
+pub(crate) mod tools;
 
 use std::collections::BTreeSet;
 
@@ -23,7 +23,7 @@ use libtest_mimic::{Failed, Trial};
 use tools::{Program, has};
 
 /// Flags that both compilers must accept without a warning.
-const STRICT: [&str; 5] = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"];
+pub(crate) const STRICT: [&str; 5] = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"];
 const SANITIZED: [&str; 3] = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
 
 /// All trials, by name.

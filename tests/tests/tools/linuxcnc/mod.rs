@@ -1,0 +1,52 @@
+//! LinuxCNC (`host/linuxcnc`): its modules are built, loaded and run headless, as an unprivileged user, in namespaces of their own.
+//!
+//! A trial whose tool is missing is reported as ignored, by name; with `GANTRY_TAU_REQUIRE_LINUXCNC=1` it fails instead.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
+
+mod header;
+mod kinematics;
+mod record;
+mod run;
+mod server;
+
+use libtest_mimic::{Failed, Trial};
+
+use crate::capi::tools::has;
+
+/// All trials, by name.
+pub(crate) fn trials() -> Vec<Trial> {
+    let mut trials = vec![trial("header_compiles", &["gcc"], header::compiles)];
+    let missing = run::missing();
+    let all: &[(&str, fn() -> Result<(), Failed>)] = &[
+        ("modules_need_nothing_else", kinematics::needs_nothing_else),
+        ("l2_runs_a_part_program", || kinematics::runs_a_part_program("l2")),
+        ("f1_runs_a_part_program", || kinematics::runs_a_part_program("f1")),
+        ("l2_refuses_a_pose_and_nothing_moves", || kinematics::refuses_a_pose("l2")),
+        ("f1_refuses_a_pose_and_nothing_moves", || kinematics::refuses_a_pose("f1")),
+        ("l2_stops_where_a_path_leaves_its_reach", kinematics::stops_where_a_path_leaves_its_reach),
+        ("a_changed_header_is_not_loaded", kinematics::changed_header_is_not_loaded),
+    ];
+    trials.extend(all.iter().chain(server::TRIALS).map(|&(name, run)| trial(name, missing.as_slice(), run)));
+    trials
+}
+
+/// A trial with the tools that it needs: programs, or what [`run::missing`] names.
+fn trial(name: &str, needed: &[&'static str], run: impl FnOnce() -> Result<(), Failed> + Send + 'static) -> Trial {
+    let name = format!("linuxcnc::{name}");
+    let Some(missing) = needed.iter().find(|tool| !has(tool)) else {
+        return Trial::test(name, run);
+    };
+    let kind = format!("{missing} missing");
+    if std::env::var_os("GANTRY_TAU_REQUIRE_LINUXCNC").is_some_and(|value| value == "1") {
+        let reason = kind.clone();
+        return Trial::test(name, move || Err(Failed::from(reason))).with_kind(kind);
+    }
+    Trial::test(name, run).with_kind(kind).with_ignored_flag(true)
+}

@@ -1,0 +1,175 @@
+//! LinuxCNC as a process: headless, unprivileged, in namespaces of its own, so that runs share neither memory, ports nor modules.
+
+use std::os::unix::fs::chown;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::{Mutex, PoisonError};
+
+use gantry_tau::header::{HeaderOptions, run as write_header};
+use gantry_tau::robot_file::AnyRobotFile;
+use libtest_mimic::Failed;
+
+use super::record::{Record, Row};
+use crate::capi::tools::{has, library, run, target};
+
+/// Where LinuxCNC loads modules from; the path is compiled in.
+const MODULES: &str = "/usr/lib/linuxcnc/modules";
+const MAKEFILE: &str = "/usr/share/linuxcnc/Makefile.modinc";
+/// `nobody`: as root LinuxCNC loads no module.
+const USER: u32 = 65534;
+/// Namespaces of a run: mounts, memory between processes, network, processes.
+const NAMESPACES: [&str; 7] = ["-m", "-i", "-n", "-p", "--fork", "--kill-child", "--mount-proc"];
+
+/// One run at a time: two would be late on a small computer.
+pub(super) static ONE: Mutex<()> = Mutex::new(());
+
+/// What is missing for a run, by name.
+pub(super) fn missing() -> Vec<&'static str> {
+    let mut missing = Vec::new();
+    if !Path::new("/usr/bin/linuxcnc").exists() {
+        missing.push("linuxcnc-uspace");
+    }
+    if !Path::new(MAKEFILE).exists() {
+        missing.push("linuxcnc-uspace-dev");
+    }
+    missing.extend(["gcc", "make", "nm", "setpriv", "timeout"].into_iter().filter(|tool| !has(tool)));
+    let unshared = Command::new("unshare").args(NAMESPACES).arg("true").output();
+    if !unshared.is_ok_and(|output| output.status.success()) {
+        missing.push("unshare-as-root");
+    }
+    missing
+}
+
+/// `host/linuxcnc`.
+pub(super) fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/linuxcnc")
+}
+
+/// Builds the modules for a machine in `build`. `header` changes the text of `machine.h`.
+pub(super) fn make(robot: &str, build: &Path, header: impl Fn(String) -> String) -> Result<(), Failed> {
+    std::fs::create_dir_all(build)?;
+    let machine = build.join("machine.h");
+    write_header(&HeaderOptions { robot: AnyRobotFile::named(robot).unwrap(), output: machine.clone() })?;
+    std::fs::write(&machine, header(std::fs::read_to_string(&machine)?))?;
+    let mut make = Command::new("make");
+    make.current_dir(folder()).env_remove("MAKEFLAGS").arg(format!("ROBOT={robot}"));
+    make.arg(format!("BUILD={}", build.display())).arg(format!("ARCHIVE={}", library().display()));
+    // The header is there; `gantry-tau header` has tests of its own.
+    run(make.arg("GANTRY_TAU=true")).map(drop)
+}
+
+/// A configuration of `host/linuxcnc/config` in a folder of its own.
+pub(super) struct Machine {
+    name: &'static str,
+    place: PathBuf,
+}
+
+/// Outcome of a run.
+pub(super) struct Ended {
+    /// Output of LinuxCNC and of the screen.
+    pub(super) said: String,
+    /// What the sampler recorded; empty if the machine was not loaded.
+    pub(super) record: Record,
+}
+
+impl Machine {
+    /// Builds the modules of a machine, and copies its configuration.
+    pub(super) fn new(name: &'static str, test: &str, header: impl Fn(String) -> String) -> Result<Self, Failed> {
+        let place = std::env::temp_dir().join(format!("gantry-tau-linuxcnc-{name}-{test}-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&place);
+        let modules = place.join("modules");
+        copy(Path::new(MODULES), &modules)?;
+        copy(&folder().join("config"), &place.join("config"))?;
+        let build = target().join(format!("linuxcnc-{name}-{test}"));
+        make(name, &build, header)?;
+        std::fs::copy(build.join("gantrytaukins.so"), modules.join("gantrytaukins.so"))?;
+        let machine = Self { name, place };
+        let ini = machine.file(&format!("{name}.ini"));
+        let sampler = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/tools/linuxcnc/sampler.tcl");
+        std::fs::copy(sampler, machine.file("sampler.tcl"))?;
+        let text = std::fs::read_to_string(&ini)?;
+        let drives = "HALFILE = ../drives.tcl\n";
+        assert!(text.contains(drives), "{text}");
+        std::fs::write(ini, text.replace(drives, &format!("{drives}HALFILE = sampler.tcl\n")))?;
+        Ok(machine)
+    }
+
+    /// Path of a file of the configuration.
+    pub(super) fn file(&self, name: &str) -> PathBuf {
+        self.place.join("config").join(self.name).join(name)
+    }
+
+    /// Replaces the part program.
+    pub(super) fn program(&self, text: &str) -> Result<(), Failed> {
+        Ok(std::fs::write(self.file("part.ngc"), text)?)
+    }
+
+    /// Runs LinuxCNC until its screen ends.
+    pub(super) fn run(&self) -> Result<Ended, Failed> {
+        std::fs::write(self.file("sim.var"), "")?;
+        give(&self.place)?;
+        let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+        let script = format!(
+            "mount --bind {modules} {MODULES} && cd {home} && exec setpriv --reuid={USER} --regid={USER} --clear-groups \
+             env -i HOME={home} PATH=/usr/bin:/bin RUNTESTS=1 linuxcnc {home}/{name}.ini 2>&1",
+            modules = self.place.join("modules").display(),
+            home = self.file("").display(),
+            name = self.name,
+        );
+        let mut command = Command::new("timeout");
+        let output = command.args(["150", "unshare"]).args(NAMESPACES).args(["sh", "-c", &script]).output()?;
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        let record = std::fs::read_to_string(self.file("record.txt")).unwrap_or_default();
+        Ok(Ended { record: Record::parse(&record), said })
+    }
+}
+
+impl Drop for Machine {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.place);
+    }
+}
+
+impl Ended {
+    /// Lines of the screen that begin with a word.
+    pub(super) fn lines(&self, word: &str) -> Vec<&str> {
+        let start = format!("gantry-tau {word} ");
+        self.said.lines().filter_map(|line| line.strip_prefix(start.as_str())).collect()
+    }
+
+    /// The numbers of a line of the screen, without the letters of axes.
+    pub(super) fn numbers(&self, word: &str) -> Vec<f64> {
+        let lines = self.lines(word);
+        let [line] = lines.as_slice() else { panic!("{word}: {}", self.said) };
+        line.split(' ').map(|number| number.trim_start_matches(char::is_alphabetic).parse().unwrap()).collect()
+    }
+
+    /// Rows of the part program: from the first one in world mode to the last one with the machine on.
+    pub(super) fn motion(&self) -> &[Row] {
+        let rows = &self.record.0;
+        let from = rows.iter().position(|row| row.is_on && row.is_world).unwrap_or_else(|| panic!("{}", self.said));
+        let after = rows.iter().rposition(|row| row.is_on && row.is_world).unwrap();
+        &rows[from..=after]
+    }
+}
+
+/// Copies a folder with its folders.
+fn copy(from: &Path, to: &Path) -> Result<(), Failed> {
+    std::fs::create_dir_all(to)?;
+    for entry in std::fs::read_dir(from)? {
+        let (source, to) = (entry.as_ref().unwrap().path(), to.join(entry?.file_name()));
+        if source.is_dir() { copy(&source, &to)? } else { std::fs::copy(&source, to).map(drop)? }
+    }
+    Ok(())
+}
+
+/// Gives a folder to the user who runs LinuxCNC.
+fn give(path: &Path) -> Result<(), Failed> {
+    chown(path, Some(USER), Some(USER))?;
+    if path.is_dir() {
+        for entry in std::fs::read_dir(path)? {
+            give(&entry?.path())?;
+        }
+    }
+    Ok(())
+}
