@@ -15,7 +15,7 @@ const READERS: usize = 4;
 /// Bytes of the longest record of any kind.
 pub const LONGEST: usize = 144;
 
-/// What is sent: 64-bit fields, little-endian, at most [`LONGEST`] bytes.
+/// Record of 64-bit fields, little-endian, at most [`LONGEST`] bytes.
 pub trait Record: Copy {
     /// Writes the record; returns its length.
     fn put(&self, bytes: &mut [u8; LONGEST]) -> usize;

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
-use gantry_tau::files::write;
 use gantry_tau::geometry::calibrate::{CalibrateOptions, FrameOption, GuidewaysOption, calibrate_f1, calibrate_l2};
 use gantry_tau::robot_file::AnyRobotFile;
 use gantry_tau::terminal::say;
 
+use super::outputs::write_learned;
 use super::{Outcome, fail};
 
 /// Find the geometry of a machine from poses that a camera, an arm or a tracker has measured
@@ -99,15 +99,9 @@ impl Calibrate {
             AnyRobotFile::L2(robot) => calibrate_l2(&robot, &options)?,
             AnyRobotFile::F1(robot) => calibrate_f1(&robot, &options)?,
         };
-        // What is written can be read, or nothing is.
-        AnyRobotFile::parse(&self.output.display().to_string(), &calibration.robot_file)?;
-        write(&self.output, &calibration.robot_file)?;
-        if let Some(path) = &self.json {
-            write(path, &calibration.json)?;
-        }
-        if let Some(path) = &self.report {
-            write(path, &calibration.report)?;
-        }
+        let json = (self.json.as_deref(), calibration.json.as_str());
+        let page = (self.report.as_deref(), calibration.report.as_str());
+        write_learned(&self.output, &calibration.robot_file, &[json, page])?;
         say(format_args!("{}: {}", self.output.display(), calibration.summary));
         for remark in &calibration.remarks {
             say(format_args!("{remark}"));

@@ -212,7 +212,9 @@ impl Experiment {
             report.missing
         ));
         note_table(&named, &self.output);
-        self.evaluate(&known)?;
+        if let Err(error) = self.evaluate(&known) {
+            say(format_args!("--thesis: {error}"));
+        }
         Ok(if report.missing == 0 { ExitCode::SUCCESS } else { ExitCode::from(3) })
     }
 }

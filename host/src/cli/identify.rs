@@ -1,16 +1,16 @@
 //! `gantry-tau identify`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use gantry_tau::files::write;
 use gantry_tau::measurements;
 use gantry_tau::robot_file::AnyRobotFile;
 use gantry_tau::springs::identify::{IdentifyOptions, identify};
 use gantry_tau::terminal::say;
 use gantry_tau::tool::{self, ToolOptions};
 
+use super::outputs::write_learned;
 use super::{Outcome, fail};
 
 /// Find the springs of a machine from forces and length gauges, or the weight of its tool from turned poses
@@ -86,11 +86,9 @@ impl Identify {
             AnyRobotFile::L2(robot) => identify(&robot, &options)?,
             AnyRobotFile::F1(robot) => identify(&robot, &options)?,
         };
-        let outputs = Outputs { robot_file: &self.output, json: self.json.as_deref() };
-        outputs.write(&identification.robot_file, &identification.json)?;
-        if let Some(path) = &self.report {
-            write(path, &identification.report)?;
-        }
+        let json = (self.json.as_deref(), identification.json.as_str());
+        let page = (self.report.as_deref(), identification.report.as_str());
+        write_learned(&self.output, &identification.robot_file, &[json, page])?;
         say(format_args!("{}: {}", self.output.display(), identification.summary));
         for warning in &identification.warnings {
             say(format_args!("{warning}"));
@@ -107,28 +105,9 @@ impl Identify {
             );
         }
         let identified = tool::identify(robot, &ToolOptions { setup: self.setup, robot: self.robot })?;
-        let outputs = Outputs { robot_file: &self.output, json: self.json.as_deref() };
-        outputs.write(&identified.robot_file, &identified.json)?;
+        write_learned(&self.output, &identified.robot_file, &[(self.json.as_deref(), &identified.json)])?;
         say(format_args!("{}: {}", self.output.display(), identified.summary));
         Ok(trusted(&identified.doubts))
-    }
-}
-
-/// Files that every identification writes.
-struct Outputs<'a> {
-    robot_file: &'a Path,
-    json: Option<&'a Path>,
-}
-
-impl Outputs<'_> {
-    /// Writes what can be read, or nothing.
-    fn write(&self, robot_file: &str, json: &str) -> Result<(), Box<dyn std::error::Error>> {
-        AnyRobotFile::parse(&self.robot_file.display().to_string(), robot_file)?;
-        write(self.robot_file, robot_file)?;
-        match self.json {
-            Some(path) => Ok(write(path, json)?),
-            None => Ok(()),
-        }
     }
 }
 

@@ -8,6 +8,7 @@ mod experiment;
 mod faults;
 mod header;
 mod identify;
+mod outputs;
 mod plan;
 mod replay;
 mod serve;

@@ -140,8 +140,19 @@ const FOLDS: usize = 5;
 fn agreeing<M: Model>(model: &M, state: &M::State) -> Vec<usize> {
     let lengths: Vec<f64> = (0..model.count()).map(|index| model.length_sd(state, index)).collect();
     let usual = chi_squared_quantile(0.5, M::COMPONENTS).sqrt();
-    let rare = chi_squared_above(OUTLIER_SD * OUTLIER_SD, 3);
-    let limit = chi_squared_quantile(1.0 - rare, M::COMPONENTS).sqrt();
     let scale = (median(lengths.clone()) / usual).max(1.0);
+    let limit = squared_limit::<M>().sqrt();
     (0..lengths.len()).filter(|index| lengths[*index] <= limit * scale).collect()
+}
+
+/// Square of the length, in standard deviations, beyond which a pose does not agree: as rare as [`OUTLIER_SD`] in three components.
+fn squared_limit<M: Model>() -> f64 {
+    let rare = chi_squared_above(OUTLIER_SD * OUTLIER_SD, 3);
+    chi_squared_quantile(1.0 - rare, M::COMPONENTS)
+}
+
+/// Returns what a fit costs: chi-squared, and for each pose that is left out what it would add if it just agreed. A fit that went astray, and
+/// leaves nothing out because its scale grew, costs more than one that leaves out what is wrong.
+pub(super) fn cost<M: Model>(found: &Agreement<M::State>) -> f64 {
+    found.fit.chi_squared() + float(found.outliers.len()) * squared_limit::<M>()
 }

@@ -46,7 +46,7 @@ pub enum PredictionError {
     Unreachable {
         /// Index of the pose.
         index: usize,
-        /// What the kinematics say.
+        /// Error of the kinematics.
         error: KinematicsError,
     },
 }
@@ -100,7 +100,7 @@ impl Poses<'_> {
 }
 
 impl Poses<'_> {
-    /// What a machine leaves of each place that was used: place and rest, m, in the frame of the device.
+    /// Residuals of the places that were used: place and rest, m, in the frame of the device.
     #[must_use]
     pub fn residuals(&self, geometry: &f1::Geometry, outliers: &[usize]) -> Vec<[Vector3<f64>; 2]> {
         let Ok(kinematics) = Self::kinematics(geometry) else { return Vec::new() };

@@ -58,7 +58,7 @@ pub fn rigid_trimmed(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Isometry3
 /// Numbers of the target's place among the twelve of the frames: device (place, turn), target (place, turn).
 const TARGET_PLACE: std::ops::Range<usize> = 6..9;
 
-/// Where the robot's frame lies in the device's, and the target on the platform.
+/// The robot's frame in the device's, and the target on the platform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frames {
     /// Takes a place of the robot's frame to the device's.

@@ -56,7 +56,7 @@ pub enum PredictionError {
     Unreachable {
         /// Index of the pose.
         index: usize,
-        /// What the kinematics say.
+        /// Error of the kinematics.
         error: KinematicsError,
     },
 }

@@ -20,7 +20,7 @@ pub struct Plan<const N: usize> {
     pub metres_per_q: [f64; N],
     /// Noise of a window.
     pub noise: Noise,
-    /// What is known of the set-up.
+    /// Uncertainty of the set-up.
     pub setup: SetupNoise,
     /// Poses, with their names.
     pub poses: Vec<(String, Pose)>,
@@ -41,7 +41,7 @@ pub struct PlannedSeries {
     pub pose: usize,
     /// Mounting, by index.
     pub mounting: usize,
-    /// Where the strap pulls, from the tool centre point of the unloaded machine, world axes, m.
+    /// Hook of the strap, from the tool centre point of the unloaded machine, world axes, m.
     pub hook_m: Vector3<f64>,
     /// Direction of its pull, world axes; unit vector.
     pub direction: Vector3<f64>,

@@ -70,7 +70,7 @@ pub struct Campaign<const N: usize> {
     pub noise: Noise,
     /// False if the set-up states none: then [`Noise::USUAL`], which is good for ratios only.
     pub is_noise_stated: bool,
-    /// What is known of the set-up.
+    /// Uncertainty of the set-up.
     pub setup: SetupNoise,
     /// Poses, with their names.
     pub poses: Vec<(String, Pose)>,
@@ -125,6 +125,16 @@ impl<const N: usize> Campaign<N> {
     /// # Errors
     /// [`FileError`], naming the series.
     pub fn check_wrist(&self, path: &Path, joints: usize) -> Result<(), FileError> {
+        let is_planned = |name: &str| self.plan.iter().any(|entry| entry.name == name);
+        let is_unknown = |window: &&Window<N>| {
+            let name = self.series.get(window.series).map_or("", String::as_str);
+            !is_planned(name) && !is_planned(before_remount(name))
+        };
+        let is_turned = self.plan.iter().any(|entry| !entry.wrist_rad.is_empty());
+        if let Some(window) = self.windows.iter().find(is_unknown).filter(|_| is_turned) {
+            let reason = "is not in the set-up, whose series have angles of the wrist (wrist_rad)";
+            return Err(self.error(window, "series", reason));
+        }
         check_wrist(path, self.plan.iter().map(|entry| (&*entry.name, &*entry.wrist_rad)), joints)
     }
 

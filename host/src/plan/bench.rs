@@ -1,4 +1,4 @@
-//! What a strap tells of the springs: the information of one series, at the file's values.
+//! Information of one series about the springs, at the file's values.
 
 use gantry_tau_core::model::robot::LINKS;
 use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3, Vector6};

@@ -1,4 +1,4 @@
-//! What to expect of a plan before anything is measured: the Cramer-Rao bound.
+//! Expected standard deviations of a plan before anything is measured: the Cramer-Rao bound.
 
 use std::fmt::{self, Write};
 
@@ -29,7 +29,7 @@ pub(super) struct Parameters {
     pub(super) index_unit: &'static str,
 }
 
-/// How well a parameter will be known.
+/// Expected knowledge of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
     /// To a tenth of its scale, or better.
@@ -51,7 +51,7 @@ pub struct Known {
     pub sd: f64,
     /// `%` of the file's value, `um`, or `urad`.
     pub unit: &'static str,
-    /// How well that is.
+    /// Its class.
     pub status: Status,
 }
 
@@ -64,7 +64,7 @@ pub struct NamedDirection {
     pub components: Vec<(String, f64)>,
 }
 
-/// What a plan will tell.
+/// Expected result of a plan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expected {
     /// The parameters.

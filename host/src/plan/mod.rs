@@ -64,7 +64,7 @@ pub enum PlanError {
         plan: String,
         /// Name of the series.
         series: String,
-        /// What the elastic model says.
+        /// Error of the elastic model.
         error: ElasticError,
     },
     /// A file of the plan.
@@ -87,7 +87,7 @@ pub struct Written {
     pub header: String,
     /// The sheet, HTML.
     pub sheet: String,
-    /// What to expect, for the terminal.
+    /// Expected result, for the terminal.
     pub summary: String,
     /// Reasons not to measure it as it is.
     pub doubts: Vec<String>,

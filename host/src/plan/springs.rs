@@ -100,7 +100,7 @@ pub fn default_gauges<K, const N: usize>(robot: &RobotFile<K, N>) -> Vec<NamedGa
     faces.into_iter().chain(axes).collect()
 }
 
-/// What a plan of straps and gauges will tell, and what it takes.
+/// Expected result of a plan of straps and gauges, and its cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judgement {
     /// Standard deviations, directions, indices.

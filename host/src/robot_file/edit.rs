@@ -1,7 +1,7 @@
 //! Changes of a robot file that keep its comments and its order.
 
 use serde::Serialize;
-use toml_edit::{Array, Decor, DocumentMut, Item, Table, Value};
+use toml_edit::{Array, Decor, DocumentMut, Item, Table, TableLike, Value};
 
 /// Beginnings of a provenance, and what its checksum follows: `IDENTIFIED with springs.csv (CRC-32 89abcdef)`.
 const LEARNED: [&str; 2] = ["IDENTIFIED", "CALIBRATED"];
@@ -82,10 +82,14 @@ impl RobotText {
 
     /// Replaces a number in an entry of a list of tables that exists, `[[name]]`.
     pub fn set_number_of(&mut self, name: &str, index: usize, key: &str, value: f64) {
-        let entries = self.document.get_mut(name).and_then(Item::as_array_of_tables_mut);
-        let Some(entry) = entries.and_then(|entries| entries.get_mut(index)) else { return };
-        replace_assumed(entry.decor_mut(), &self.provenance);
-        set_in(entry, key, number(value), &self.provenance);
+        let Some(list) = self.document.get_mut(name) else { return };
+        match list.as_array_of_tables_mut().and_then(|entries| entries.get_mut(index)) {
+            Some(entry) => {
+                replace_assumed(entry.decor_mut(), &self.provenance);
+                set_in(entry, key, number(value), &self.provenance);
+            }
+            None => replace(entry_of(list, index).and_then(|entry| entry.get_mut(key)), number(value)),
+        }
     }
 
     /// Replaces a list of numbers in a section that exists, by its path.
@@ -95,8 +99,7 @@ impl RobotText {
 
     /// Replaces a list of numbers in an entry of a list of sections, `[[name]]`, that exists.
     pub fn set_numbers_of(&mut self, name: &str, index: usize, key: &str, values: &[f64]) {
-        let entries = self.document.get_mut(name).and_then(Item::as_array_of_tables_mut);
-        let entry = entries.and_then(|entries| entries.get_mut(index));
+        let entry = self.document.get_mut(name).and_then(|list| entry_of(list, index));
         replace(entry.and_then(|entry| entry.get_mut(key)), Value::Array(values.iter().copied().map(number).collect()));
     }
 
@@ -119,6 +122,15 @@ impl RobotText {
     pub fn text(&self) -> String {
         self.document.to_string()
     }
+}
+
+/// An entry of a list of sections: `[[name]]`, or `name = [{ .. }]`.
+fn entry_of(list: &mut Item, index: usize) -> Option<&mut dyn TableLike> {
+    if list.is_array_of_tables() {
+        return list.as_array_of_tables_mut()?.get_mut(index).map(|table| table as &mut dyn TableLike);
+    }
+    let entry = list.as_array_mut()?.get_mut(index)?.as_inline_table_mut()?;
+    Some(entry as &mut dyn TableLike)
 }
 
 /// Replaces a value; the comment behind the old one stays.
@@ -204,6 +216,21 @@ mod tests {
         }
         assert!(text.contains("# Compliances of the links, m/N; IDENTIFIED with second.csv (CRC-32 01234567)."));
         assert!(!text.contains("first.csv"));
+    }
+
+    /// A list of sections may stand in a line.
+    #[test]
+    fn joints_in_a_line_are_changed_too() {
+        let joint = "{ axis = [0.0, 1.0, 0.0], point_m = [0.0, 0.0, 0.15], c_rad_per_nm = 1.0e-5 }";
+        let (top, rest) = L2_TEXT.split_once("[axes]").unwrap();
+        let text = format!("{top}wrist = [{joint}, {joint}]\n[axes]{rest}");
+        let mut robot = RobotText::new(&text, "IDENTIFIED").unwrap();
+        robot.set_number_of("wrist", 1, "c_rad_per_nm", 2e-5);
+        robot.set_numbers_of("wrist", 0, "axis", &[1.0, 0.0, 0.0]);
+        let AnyRobotFile::L2(robot) = AnyRobotFile::parse("changed", &robot.text()).unwrap() else { panic!() };
+        let [first, second] = robot.wrist[..] else { panic!("{:?}", robot.wrist) };
+        assert_eq!((first.axis, first.c_rad_per_nm), ([1.0, 0.0, 0.0], 1e-5));
+        assert_eq!((second.axis, second.c_rad_per_nm), ([0.0, 1.0, 0.0], 2e-5));
     }
 
     #[test]

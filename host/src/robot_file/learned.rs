@@ -58,7 +58,7 @@ pub struct Identified {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Play {
-    /// How far the joint moves, m.
+    /// Play of the joint, m.
     pub gap_m: f64,
     /// Its standard deviation, m.
     pub sd_m: f64,

@@ -1,4 +1,4 @@
-//! What the links do beyond the jump: they are longer by the play of their joint, or each follows a line of its own.
+//! Links beyond the jump: longer by the play of their joint, or each on a line of its own.
 //!
 //! The line of a link is `c f` before the jump and `o + (c + d) f` beyond it: the *offset* `o` is what it jumps by, `c + d` its compliance there.
 //! The play is the offset that links 31, 32 and 33 have in common; five more make six. This is how the thesis read its figures 5.7 and 5.8.
@@ -12,7 +12,7 @@ pub(super) const CLUSTER_3: usize = 3;
 /// Offsets besides the play: of the links 11, 21, 22, 31 and 32; with the play that of link 33 too.
 const OFFSETS: usize = LINKS - 1;
 
-/// What a fit finds of the links beyond the jump.
+/// Parameters of the links beyond the jump.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Beyond {
     /// The play.

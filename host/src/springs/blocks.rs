@@ -6,7 +6,6 @@ use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 use super::choice::Choice;
 use super::lines::{Lines, Question, State};
 use crate::fit::least_squares::{Rows, eliminated, solve};
-use crate::measurements::springs::Campaign;
 
 /// Rows of one level, and the unknowns that are eliminated there.
 struct Level {
@@ -211,7 +210,9 @@ impl Series {
     ) -> Option<Self> {
         let campaign = question.campaign;
         let load_variances = question.load_variances();
+        let gauges = campaign.gauges.len();
         let (mut windows, mut zeros, mut mounting, mut height) = (Vec::new(), Vec::new(), 0, 0);
+        let mut begin_s = None;
         for (line, lines) in lines.iter().enumerate() {
             let window = &campaign.windows[lines.window];
             if window.series != index {
@@ -225,14 +226,13 @@ impl Series {
             let whitening = whitening(covariance(&load, variances, &load_variances))?;
             height += used.len();
             windows.push(Whitened { line, load: &whitening * load, used, whitening });
-            let zero_columns = |gauge: &usize| zero_columns(campaign, choice, index, lines.window, *gauge);
+            let seconds = window.time_s.unwrap_or_default() - *begin_s.get_or_insert(window.time_s.unwrap_or_default());
+            let zero_columns = |gauge: &usize| zero_columns(gauges, choice, (index, lines.window), seconds, *gauge);
             zeros.push(lines.gauges.iter().map(zero_columns).collect::<Vec<_>>());
         }
         let width = columns.parameters + columns.mounting + columns.sensor + 1 + columns.extras;
-        let mut level = Level {
-            unknowns: DMatrix::zeros(height, zero_count(campaign.gauges.len(), choice)),
-            rest: DMatrix::zeros(height, width),
-        };
+        let mut level =
+            Level { unknowns: DMatrix::zeros(height, zero_count(gauges, choice)), rest: DMatrix::zeros(height, width) };
         let mut first = 0;
         for (window, zeros) in windows.iter().zip(&zeros) {
             let lines = &lines[window.line];
@@ -274,18 +274,17 @@ fn zero_count(gauges: usize, choice: &Choice) -> usize {
     gauges * (1 + usize::from(choice.has_drift)) + choice.shifts.len()
 }
 
-/// Unknowns of its series that a reading contains, and their shares.
-fn zero_columns<const N: usize>(
-    campaign: &Campaign<N>,
+/// Unknowns of its series that a reading contains, and their shares, `seconds` after the first window of the series.
+fn zero_columns(
+    gauges: usize,
     choice: &Choice,
-    series: usize,
-    window: usize,
+    (series, window): (usize, usize),
+    seconds: f64,
     gauge: usize,
 ) -> Vec<(usize, f64)> {
-    let gauges = campaign.gauges.len();
     let mut columns = vec![(gauge, 1.0)];
     if choice.has_drift {
-        columns.push((gauges + gauge, campaign.windows[window].time_s.unwrap_or(0.0)));
+        columns.push((gauges + gauge, seconds));
     }
     let first = zero_count(gauges, choice) - choice.shifts.len();
     for (index, shift) in choice.shifts.iter().enumerate() {

@@ -14,7 +14,7 @@ pub(crate) struct Choice {
     pub(crate) shifts: Vec<Shift>,
     /// Windows beyond the jump. The play is fitted if there are any.
     pub(crate) is_crossed: Vec<bool>,
-    /// What the links do there.
+    /// Model of the links there.
     pub(crate) beyond: Beyond,
     /// Gauges whose half-width of the hysteresis is fitted.
     pub(crate) hysteresis: Vec<usize>,

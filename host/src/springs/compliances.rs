@@ -1,5 +1,6 @@
 //! Compliances of a machine and its wrist, as one vector of parameters.
 
+use gantry_tau_core::model::l2::AXES;
 use gantry_tau_core::model::robot::{Compliances, LINKS, RobotError};
 use nalgebra::DVector;
 
@@ -34,6 +35,14 @@ impl<const N: usize> Springs<N> {
         LINKS + N + self.wrist.joints()
     }
 
+    /// Names of the compliances, as keys with an index, and their units.
+    pub(super) fn names(&self) -> Vec<(String, &'static str)> {
+        let links = (0..LINKS).map(|link| (format!("c_link[{link}]"), "m/N"));
+        let axes = (0..N).map(|axis| (format!("{}[{axis}]", axes_key::<N>()), "m/N"));
+        let wrist = (0..self.wrist.joints()).map(|joint| (format!("c_wrist[{joint}]"), "rad/(N m)"));
+        links.chain(axes).chain(wrist).collect()
+    }
+
     /// Compliances of links, axes, joints of the wrist, in the units of their keys.
     #[must_use]
     pub fn vector(&self) -> DVector<f64> {
@@ -50,4 +59,9 @@ impl<const N: usize> Springs<N> {
         let machine = Compliances::new(links, std::array::from_fn(|axis| vector[LINKS + axis]))?;
         Ok(Self { machine, wrist: self.wrist.with_compliances(vector.iter().skip(LINKS + N).copied()) })
     }
+}
+
+/// Key of the compliances of the axes.
+pub(super) const fn axes_key<const N: usize>() -> &'static str {
+    if N == AXES { "c_cart" } else { "c_act" }
 }

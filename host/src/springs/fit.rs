@@ -58,11 +58,11 @@ pub enum SpringsError {
     },
     /// A compliance at the end of its range: the model is wrong.
     #[error(
-        "spring {index} is {factor:.1e} times that of the robot file: the model does not fit the readings; check signs and units of gauges and forces"
+        "{name} is {factor:.1e} times that of the robot file: the model does not fit the readings; check signs and units of gauges and forces"
     )]
     AtBound {
-        /// Index of the spring: links, then axes.
-        index: usize,
+        /// Key and index of the spring.
+        name: String,
         /// Value, in file's values.
         factor: f64,
     },
@@ -86,10 +86,12 @@ pub(super) struct Solved<const N: usize> {
     pub(super) left: Vec<DVector<f64>>,
     /// Rows for the parameters: compliances, play, links beyond the jump, hysteresis.
     pub(super) rows: Rows,
-    /// What they see, in shares of the file's compliances.
+    /// Directions that they see, in shares of the file's compliances.
     pub(super) seen: Seen,
     /// Rounds that it took.
     pub(super) rounds: u32,
+    /// Longest step of a constant of the set-up that is next, in standard deviations of its prior.
+    setup_step_sd: f64,
     /// The next step would be none.
     pub(super) is_settled: bool,
 }
@@ -136,15 +138,17 @@ pub(super) fn fit<const N: usize>(
     choice: &Choice,
     start: State<N>,
 ) -> Result<Solved<N>, SpringsError> {
-    let solved = rounds(question, choice, start, MAX_ROUNDS)?;
+    let mut solved = rounds(question, choice, start, MAX_ROUNDS)?;
     let factors = solved.state.springs.vector().component_div(&question.file.vector());
     // A compliance that has left the file's by orders of magnitude is a model error, not a result.
     if let Some(index) = factors.iter().position(|factor| !(1.0 / MOST_FACTOR..=MOST_FACTOR).contains(factor)) {
-        return Err(SpringsError::AtBound { index, factor: factors[index] });
+        let (name, _) = question.file.names().swap_remove(index);
+        return Err(SpringsError::AtBound { name, factor: factors[index] });
     }
     let step_sd = solved.seen.step_sd();
     // Rounding may be all that is left.
-    if solved.is_settled || step_sd < ROUNDING_SD { Ok(solved) } else { Err(SpringsError::NotConverged { step_sd }) }
+    solved.is_settled |= step_sd < ROUNDING_SD && solved.setup_step_sd < CONVERGED_PRIOR_SD;
+    if solved.is_settled { Ok(solved) } else { Err(SpringsError::NotConverged { step_sd }) }
 }
 
 /// Steps towards the fit, at most so many, until it has settled.
@@ -174,9 +178,11 @@ pub(super) fn rounds<const N: usize>(
         let seen = Seen::new(&blocks.rows, &scales);
         let step = bounded(question, &state, seen.step(0.0));
         let Eliminated { setup, loads, left } = blocks.eliminated(question, &lines, &state, &step);
-        let is_settled = seen.step_sd() < CONVERGED_SD && (setup.is_empty() || setup.amax() < CONVERGED_PRIOR_SD);
+        let setup_step_sd = if setup.is_empty() { 0.0 } else { setup.amax() };
+        let is_settled = seen.step_sd() < CONVERGED_SD && setup_step_sd < CONVERGED_PRIOR_SD;
         if is_settled || rounds == most {
-            return Ok(Solved { state, hysteresis_m, lines, left, rows: blocks.rows, seen, rounds, is_settled });
+            let rows = blocks.rows;
+            return Ok(Solved { state, hysteresis_m, lines, left, rows, seen, rounds, setup_step_sd, is_settled });
         }
         state.springs = state.springs.with(&(state.springs.vector() + step.rows(0, springs)))?;
         state.elongation_m += if choice.has_play() { step[springs] } else { 0.0 };

@@ -1,4 +1,4 @@
-//! What a gauge reads, and how the reading depends on every spring.
+//! Reading of a gauge, and its derivatives by every spring.
 //!
 //! By the unit-load theorem (Maxwell, Mohr) a reading `y` changes with a compliance by the product of two forces in its spring: that of the
 //! load, and that of a *virtual* load, which does the work of the reading,
@@ -32,7 +32,7 @@ pub enum Gauge {
     Face {
         /// Body that the face belongs to.
         body: Body,
-        /// Where it touches, from the tool centre point when a series begins, world axes, m.
+        /// Contact point, from the tool centre point when a series begins, world axes, m.
         point_m: Vector3<f64>,
         /// Direction of the plunger, and normal of the face, world axes; the reading grows when the face comes along it. Unit vector.
         axis: Vector3<f64>,

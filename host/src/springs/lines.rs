@@ -23,13 +23,13 @@ pub(crate) struct Question<'a, const N: usize> {
     pub(crate) setup: SetupConstants,
 }
 
-/// What a fit varies.
+/// Unknowns of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct State<const N: usize> {
     pub(crate) springs: Springs<N>,
     /// Elongation of the links of cluster 3 in windows beyond the jump, m.
     pub(crate) elongation_m: f64,
-    /// What else the links do there, by [`Beyond`](super::beyond::Beyond).
+    /// Further parameters of the links there, by [`Beyond`](super::beyond::Beyond).
     pub(crate) beyond: DVector<f64>,
     /// Constants of the set-up, in standard deviations of their priors.
     pub(crate) setup: DVector<f64>,
@@ -70,7 +70,7 @@ pub enum LinesError {
     Window {
         /// Line of the table.
         line: u64,
-        /// What the elastic model says.
+        /// Error of the elastic model.
         error: ElasticError,
     },
 }

@@ -38,7 +38,7 @@ impl<const N: usize> Loaded<N> {
         }
     }
 
-    /// What the wrist gives way.
+    /// Displacement of the tool against the platform.
     fn given(&self) -> Displacement {
         let rotation = self.now.pose.rotation.to_rotation_matrix().into_inner();
         self.wrist.displacement(&rotation, &Wrench::from_array(self.load.into()))

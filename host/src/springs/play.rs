@@ -37,7 +37,7 @@ pub(super) struct Crossing {
 /// The play as it was found.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct FoundPlay {
-    /// How far the joint moves, m.
+    /// Play of the joint, m.
     pub(super) gap_m: f64,
     /// Sign of the elongation of the links beyond the jump.
     pub(super) sign: f64,

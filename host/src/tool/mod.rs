@@ -56,7 +56,7 @@ pub enum ToolError {
     Fit {
         /// The table.
         table: String,
-        /// What is wrong.
+        /// Reason.
         reason: FitError<Infallible>,
     },
     /// The robot file cannot be changed.
@@ -71,7 +71,7 @@ pub struct IdentifiedTool {
     pub json: String,
     /// Text of the robot file with `[sensor.tool]` replaced; as it was where the readings see nothing of the tool.
     pub robot_file: String,
-    /// What was found, in one line.
+    /// Result in one line.
     pub summary: String,
     /// Reasons not to trust it as it is; empty where there are none.
     pub doubts: Vec<String>,

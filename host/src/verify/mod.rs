@@ -41,7 +41,7 @@ pub enum VerifyError {
         table: String,
         /// Its line, counted from 1.
         line: u64,
-        /// What is wrong.
+        /// Reason.
         reason: String,
     },
     /// There is no pair.

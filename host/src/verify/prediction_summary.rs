@@ -27,7 +27,7 @@ pub struct PredictionSummary {
     pub before_rms_m: f64,
     /// Expected displacement with compensation: root mean square.
     pub expected_rms_m: f64,
-    /// What 95 % of them stay below.
+    /// Value that 95 % of them stay below.
     pub expected_95_m: f64,
     /// The largest.
     pub expected_largest_m: f64,

@@ -51,7 +51,7 @@ pub struct Statistics {
     pub before_rms_m: f64,
     /// Measured with compensation: root mean square.
     pub after_rms_m: f64,
-    /// What 95 % of them stay below.
+    /// Value that 95 % of them stay below.
     pub after_95_m: f64,
     /// The largest.
     pub after_largest_m: f64,
@@ -135,6 +135,10 @@ impl Verification {
                 "the readings are not those of this file's machine: chi2/dof is {reduced:.2} (p = {:.1e})",
                 self.p
             ));
+        }
+        if self.judged.pairs == 0 {
+            let (jump, limit) = (self.at_the_jump.pairs, self.saturated.pairs);
+            doubts.push(format!("no pair is judged: {jump} across the jump, {limit} at an offset limit"));
         }
         let worst = self.pairs.iter().filter(|pair| pair.is_judged());
         let worst = worst.max_by(|one, other| one.after_m.total_cmp(&other.after_m));

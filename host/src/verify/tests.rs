@@ -243,7 +243,7 @@ fn z_rms(machines: u32, setup: SetupNoise, seed: u64) -> f64 {
     (squares / f64::from(machines)).sqrt()
 }
 
-/// What remains is as large as predicted, by springs and by noise; pooled, as the z-scores of one machine share its springs.
+/// Remainders are as large as predicted, by springs and by noise; pooled, as the z-scores of one machine share its springs.
 #[test]
 fn machines_that_the_file_knows_remain_as_predicted() {
     let found = z_rms(12, SetupNoise::default(), 1);
@@ -276,14 +276,32 @@ fn springs_that_are_off_by_a_third_are_rejected() {
     assert!(found.at_the_jump.pairs > 10 && found.judged.pairs + found.at_the_jump.pairs == 120, "{found}");
 }
 
-/// A correction that a limit of the offsets cuts is no fault of the springs: judged apart.
-#[test]
-fn corrections_that_a_limit_cuts_are_judged_apart() {
-    let tight = text_of("l2").unwrap().replace("max_um = [2000.0, 2000.0, 2000.0]", "max_um = [300.0, 300.0, 300.0]");
+/// The L2 as if identified, without play, with offsets of at most so many µm.
+fn with_limits(max_um: f64) -> RobotFile<L2, N> {
+    let limits = format!("max_um = {:?}", [max_um; N]);
+    let tight = text_of("l2").unwrap().replace("max_um = [2000.0, 2000.0, 2000.0]", &limits);
     let AnyRobotFile::L2(tight) = AnyRobotFile::parse("tight", &tight).unwrap() else { panic!("not an L2") };
     let mut file = identified();
     file.simulation.jump_gap_m = 0.0;
     file.limits = tight.limits;
+    file
+}
+
+/// With every correction cut nothing was verified.
+#[test]
+fn pairs_of_which_none_is_judged_are_a_doubt() {
+    let file = with_limits(5.0);
+    let mut draw = Draw::new(8);
+    let truth = draw.machine(&file);
+    let found = verify(&file, &measured(&file, &truth, SetupNoise::default(), &mut draw), WORKPIECE).unwrap();
+    assert_eq!((found.judged.pairs, found.saturated.pairs), (0, 120), "{found}");
+    assert_eq!(found.doubts(1.0), ["no pair is judged: 0 across the jump, 120 at an offset limit"]);
+}
+
+/// A correction that a limit of the offsets cuts is no fault of the springs: judged apart.
+#[test]
+fn corrections_that_a_limit_cuts_are_judged_apart() {
+    let file = with_limits(300.0);
     let mut draw = Draw::new(8);
     let truth = draw.machine(&file);
     let found = verify(&file, &measured(&file, &truth, SetupNoise::default(), &mut draw), WORKPIECE).unwrap();

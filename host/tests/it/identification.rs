@@ -57,6 +57,41 @@ fn the_walk_to_a_geometry_ends_with_less_error() {
     folder.run(&["workspace", "my-l2.toml", "--cells", "6"]).success();
 }
 
+/// A drift that is stated in no noise: with `--drift` it is found, and the table must have the time of every window.
+#[test]
+fn a_drift_needs_the_time_of_every_window() {
+    let folder = Folder::new("drift");
+    let text = gantry_tau::robot_file::text_of("l2").unwrap();
+    let drifting = text
+        .replace("jump_gap_m = 40.0e-6", "jump_gap_m = 0.0\ndrift_um_per_min = 3.0")
+        .replace("spring_deviation = 0.03", "spring_deviation = 0.3");
+    folder.write("drifting.toml", &drifting);
+    folder.run(&["plan", "springs", "l2", "-o", "springs.toml"]).success();
+    let experiment =
+        ["experiment", "springs.toml", "--robot", "drifting.toml", "--simulated", "3", "-o", "springs.csv"];
+    folder.run(&experiment).success();
+    let identify = |name: &str, options: &[&str]| {
+        let command = ["identify", "springs.toml", "--robot", "l2", "-o", name];
+        folder.run(&[command.as_slice(), options].concat())
+    };
+    let said = identify("without.toml", &[]).failure(3);
+    assert!(said.contains("the model or the stated noise is wrong"), "{said}");
+    identify("with.toml", &["--drift"]).success();
+    let table = folder.read("springs.csv");
+    let mut lines: Vec<String> = table.lines().map(str::to_owned).collect();
+    let column = lines[0].split(',').position(|name| name == "time_s").unwrap();
+    let mut fields: Vec<&str> = lines[7].split(',').collect();
+    fields[column] = "";
+    lines[7] = fields.join(",");
+    folder.write("springs.csv", &(lines.join("\n") + "\n"));
+    let said = identify("missing.toml", &["--drift"]).failure(1);
+    assert!(said.contains("springs.csv:8: time_s: is missing; --drift needs the time of every window"), "{said}");
+    assert!(!folder.path("missing.toml").exists());
+    // Without an answer for programs there is no robot file either.
+    let said = identify("unwritten.toml", &["--json", "no/such/folder.json"]).failure(1);
+    assert!(said.contains("no/such/folder.json") && !folder.path("unwritten.toml").exists(), "{said}");
+}
+
 /// A campaign of the simulated L2 in a folder.
 fn campaign(folder: &Folder) -> [String; 2] {
     folder.run(&["plan", "springs", "l2", "-o", "campaign.toml"]).success();

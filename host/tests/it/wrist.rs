@@ -77,6 +77,13 @@ fn what_cannot_be_is_refused_in_a_sentence() {
         "{said}"
     );
     let plan = folder.read("springs.toml");
+    let measured = folder.read("springs.csv");
+    folder.write("springs.toml", &plan.replace("levels_n", "wrist_rad = [0.1, 0.2]\nlevels_n"));
+    folder.write("springs.csv", &measured.replace("\ns3,", "\nt3,"));
+    let said = identify("l2w.toml");
+    let unknown = "series: is not in the set-up, whose series have angles of the wrist (wrist_rad)";
+    assert!(said.contains("springs.csv:") && said.contains(unknown), "{said}");
+    folder.write("springs.csv", &measured);
     folder.write("springs.toml", &plan.replacen("levels_n", "wrist_rad = [0.1]\nlevels_n", 1));
     let said = identify("l2w.toml");
     assert!(said.contains("wrist_rad: has 1 angles, and the robot file has 2 [[wrist]] joints"), "{said}");

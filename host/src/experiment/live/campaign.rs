@@ -30,7 +30,7 @@ const STILL_TICKS: u32 = 500;
 /// Ticks that gauges must be away to count as mounted anew; and, in the middle of a series, to end it where nobody is asked.
 const REMOUNT_TICKS: u32 = 200;
 const LOST_TICKS: u32 = 1_000;
-/// What the campaign waits for.
+/// State of a campaign: the event that it waits for.
 #[derive(Clone, Debug, PartialEq)]
 enum Stage<const N: usize> {
     /// The machine is to stand in the pose.

@@ -37,7 +37,7 @@ const REST: Duration = Duration::from_millis(1);
 pub struct LiveOptions<K, const N: usize> {
     /// The machine.
     pub robot: RobotFile<K, N>,
-    /// What to measure.
+    /// Plan to measure.
     pub plan: Plan<N>,
     /// Address of the server.
     pub server: SocketAddr,

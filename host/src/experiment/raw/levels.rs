@@ -1,5 +1,7 @@
 //! Windows from a table of ticks whose levels are named.
 
+use std::collections::HashMap;
+
 use gantry_tau_core::model::kinematics::Pose;
 use nalgebra::Vector6;
 
@@ -35,6 +37,9 @@ impl Columns {
     }
 }
 
+/// Error of a series that is in two places.
+const ONE_PLACE: &str = "a series has one mounting and one pose";
+
 /// Rows of one series that stand together.
 #[derive(Default)]
 struct Series {
@@ -59,6 +64,8 @@ struct Levels<'a, const N: usize> {
     made: Made<N>,
     collector: Collector<N>,
     series: Series,
+    /// Mounting and pose of each series.
+    places: HashMap<String, (String, usize)>,
     open: Option<Open>,
     /// Number of levels.
     count: usize,
@@ -77,6 +84,7 @@ pub(super) fn read<const N: usize>(source: &Source<'_, N>, ticks: Watched<'_>) -
         collector: Collector::new(made.rules),
         made,
         series: Series::default(),
+        places: HashMap::new(),
         open: None,
         count: 0,
         without: Vec::new(),
@@ -127,7 +135,7 @@ impl<const N: usize> Levels<'_, N> {
         if self.series.name == text(SERIES) && !self.series.name.is_empty() {
             let Series { mounting, pose, .. } = &self.series;
             if mounting != text(MOUNTING) || poses[*pose].0 != text(POSE) {
-                return Err(row.error("series", "a series has one mounting and one pose"));
+                return Err(row.error("series", ONE_PLACE));
             }
             return Ok(());
         }
@@ -141,6 +149,10 @@ impl<const N: usize> Levels<'_, N> {
         };
         if let Err(reason) = &self.source.places[pose] {
             return Err(row.error("pose", format_args!("the robot file's machine does not take it: {reason}")));
+        }
+        let place = (text(MOUNTING).to_owned(), pose);
+        if *self.places.entry(text(SERIES).to_owned()).or_insert_with(|| place.clone()) != place {
+            return Err(row.error("series", ONE_PLACE));
         }
         self.close();
         let is_read = vec![false; self.source.setup.gauges.len()];

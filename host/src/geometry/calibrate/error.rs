@@ -35,7 +35,7 @@ pub enum CalibrateError {
     NoStart {
         /// The table.
         table: String,
-        /// What the better of them ended in.
+        /// Error of the better of them.
         reason: String,
     },
     /// The places lie where they do not show a machine.
@@ -67,7 +67,7 @@ pub enum CalibrateError {
     Prediction {
         /// The table.
         table: String,
-        /// What is wrong.
+        /// Reason.
         reason: String,
     },
     /// An option that this machine does not have.

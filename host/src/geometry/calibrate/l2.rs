@@ -12,7 +12,7 @@ use super::{
 };
 use crate::fit::least_squares::{FitError, fit};
 use crate::fit::statistics::{chi_squared_above, f_above, float};
-use crate::geometry::agreement::{Model, fit_agreeing, left_out_rms_m, rms_m};
+use crate::geometry::agreement::{Model, cost, fit_agreeing, left_out_rms_m, rms_m};
 use crate::geometry::answer::{InRobotFrame, L2Machine};
 use crate::geometry::frames::rigid_trimmed;
 use crate::geometry::l2::{
@@ -224,7 +224,7 @@ fn turned_platform(measured: &Poses<AXES>) -> Option<String> {
     })
 }
 
-/// What the machine leaves of each place that was used: place and rest, m, in the frame of the device.
+/// Residuals of the places that were used: place and rest, m, in the frame of the device.
 fn residuals(state: &Nominal, places: &Places<'_>, outliers: &[usize]) -> Vec<[Vector3<f64>; 2]> {
     let Ok(kinematics) = state.kinematics(places.configuration) else { return Vec::new() };
     let used = places.poses.iter().enumerate().filter(|(index, _)| !outliers.contains(index));
@@ -242,9 +242,8 @@ fn best_start(file: &Nominal, places: &Places<'_>) -> Result<Calibrated, FitErro
     let Some(alone) = closed_form(places.poses).and_then(|start| fit_agreeing(places, start).ok()) else {
         return from_file;
     };
-    let cost = |found: &Calibrated| (found.outliers.len(), found.fit.reduced_chi_squared());
     match from_file {
-        Ok(found) if cost(&found) <= cost(&alone) => Ok(found),
+        Ok(found) if cost::<Places<'_>>(&found) <= cost::<Places<'_>>(&alone) => Ok(found),
         _ => Ok(alone),
     }
 }

@@ -56,7 +56,7 @@ pub struct CalibrateOptions {
 /// Frame that a calibrated machine is written in.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FrameOption {
-    /// Where the robot file says the machine is, as well as that can be told from the places `[T 3.11]`.
+    /// The robot file's frame, as well as it can be told from the places `[T 3.11]`.
     Nominal,
     /// That of the device.
     Measured,
@@ -93,15 +93,15 @@ pub struct Calibration {
     pub robot_file: String,
     /// Page with plots.
     pub report: String,
-    /// What was found, in one line.
+    /// Result in one line.
     pub summary: String,
-    /// What else was found; empty where there is nothing.
+    /// Further findings; empty if there are none.
     pub remarks: Vec<String>,
     /// Reasons not to trust it as it is; empty where there are none.
     pub doubts: Vec<String>,
 }
 
-/// What a kind of machine says of itself: names and values of its parameters, in the frame of the device.
+/// Names and values of the parameters of a kind of machine, in the frame of the device.
 struct Found<'a, S, M> {
     model: &'static str,
     agreement: &'a Agreement<S>,
@@ -113,14 +113,14 @@ struct Found<'a, S, M> {
     robot_frame: InRobotFrame<M>,
     covariance: DMatrix<f64>,
     predicted_rms_m: f64,
-    /// What the robot file's machine leaves of the places, where it fits them best, m.
+    /// Residual of the robot file's machine in the frame that fits best, root mean square, m.
     before_rms_m: f64,
-    /// What is left of places that took no part in the fit, m.
+    /// Residual of places that took no part in the fit, root mean square, m.
     left_out_rms_m: f64,
     /// Expected error over the workspace: place and error, um.
     expected_um: Vec<(Vector3<f64>, f64)>,
     grid: Grid,
-    /// What is left of each place that was used: place and rest, m.
+    /// Residuals of the places that were used: place and rest, m.
     residuals: Vec<[Vector3<f64>; 2]>,
     /// Departures from the model that were looked for.
     diagnostics: Vec<Diagnostic>,

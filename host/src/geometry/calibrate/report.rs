@@ -18,7 +18,7 @@ const DRAWN_M: f64 = 0.04;
 const VIEWS: [(&str, usize, usize); 3] = [("from above", 0, 1), ("from the side", 0, 2), ("along the guideways", 1, 2)];
 const AXES: [&str; 3] = ["x, m", "y, m", "z, m"];
 
-/// What the page shows.
+/// Content of the page.
 pub(super) struct Page<'a> {
     pub(super) robot: &'a str,
     pub(super) measurements: &'a Calibrated,
@@ -77,7 +77,7 @@ impl Page<'_> {
         page("gantry-tau calibrate", &body)
     }
 
-    /// What the model leaves out, and how much of it the poses show.
+    /// Effects that the model leaves out, and how much of them the poses show.
     fn departures(&self) -> String {
         if self.diagnostics.is_empty() {
             return String::new();

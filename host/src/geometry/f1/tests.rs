@@ -216,7 +216,7 @@ enum Fault {
 /// Length of the simulated period, rad: that of a screw of 10 mm lead.
 const PERIOD_RAD: f64 = 0.1;
 
-/// What a tracker sees of a machine with a fault, which each pose can put into the parameters of a machine without.
+/// Poses of a machine with a fault, as a tracker sees them; each fault is a change of parameters from pose to pose.
 fn faulty(campaign: &mut Campaign, positions: &[[f64; AXES]], fault: Fault) -> Vec<MeasuredPose<AXES>> {
     let truth = campaign.truth;
     let mut poses = Vec::new();

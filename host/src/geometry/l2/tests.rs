@@ -60,7 +60,7 @@ impl Campaign {
         found
     }
 
-    /// What the device sees with the axes there.
+    /// Place that the device sees with the axes there.
     fn measured(&mut self, positions: &[[f64; ARMS]], sigma_m: Vector3<f64>) -> Vec<MeasuredPose<ARMS>> {
         let kinematics = self.truth.kinematics(configuration()).unwrap();
         let pose = |(index, q): (usize, &[f64; ARMS])| {

@@ -103,7 +103,7 @@ pub struct SeriesEntry {
     pub pose: String,
     /// Mounting of strap and gauges, by its name.
     pub mounting: String,
-    /// Where the strap pulls, from the tool centre point, world axes, m.
+    /// Hook of the strap, from the tool centre point, world axes, m.
     pub hook_m: [f64; 3],
     /// Direction of its pull, world axes.
     pub direction: [f64; 3],
@@ -147,7 +147,7 @@ pub struct Setup {
     pub measurements: String,
     /// Noise of a window; absent: [`Noise::USUAL`], and scaled by what a fit leaves.
     pub noise: Option<Noise>,
-    /// What is known of the set-up.
+    /// Uncertainty of the set-up.
     pub setup: Option<SetupNoise>,
     /// Poses, with their names.
     pub poses: Vec<(String, Pose)>,

@@ -138,7 +138,7 @@ fn whitened<const N: usize>(spot: &Spot<N>, whitening: &Matrix6<f64>) -> DMatrix
     whitening.view((0, 0), (size, size)) * &spot.rows
 }
 
-/// What a plan of poses will tell, and what it takes.
+/// Expected result of a plan of poses, and its cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judgement {
     /// Standard deviations, directions, indices.

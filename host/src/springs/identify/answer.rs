@@ -54,7 +54,7 @@ pub struct Outlier {
 /// The play of the joint of cluster 3.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PlayAnswer {
-    /// How far the joint moves, m.
+    /// Play of the joint, m.
     pub gap_m: f64,
     /// Its standard deviation, m.
     pub sd_m: f64,

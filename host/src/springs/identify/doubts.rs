@@ -17,7 +17,7 @@ const MOST_OUTLIERS: f64 = 0.1;
 const MOST_MOVED_SD: f64 = 3.0;
 
 impl<const N: usize> Found<'_, N> {
-    /// What was found, in one line.
+    /// Result in one line.
     pub(super) fn summary(&self, answer: &Answer) -> String {
         let seen = &self.agreement.solved.seen;
         let lost = seen.lost().len();
@@ -46,7 +46,7 @@ impl<const N: usize> Found<'_, N> {
         )
     }
 
-    /// What a person should look at.
+    /// Warnings: findings that need a look.
     pub(super) fn warnings(&self, answer: &Answer) -> Vec<String> {
         let moved = answer.setup.iter().filter(|constant| constant.moved_sd.abs() > MOST_MOVED_SD).map(|constant| {
             format!("{} has moved by {:.1} of its standard deviations; look at it", constant.name, constant.moved_sd)

@@ -56,10 +56,13 @@ fn significant(values: &DVector<f64>, covariance: &DMatrix<f64>) -> Vec<usize> {
     let (mut values, mut covariance) = (values.clone(), covariance.clone());
     let mut places: Vec<usize> = (0..values.len()).collect();
     loop {
-        let size = |place: &usize| values[*place].abs() / covariance[(*place, *place)].sqrt();
-        let smallest = places.iter().copied().min_by(|one, other| size(one).total_cmp(&size(other)));
         // A value without a covariance is not seen at all.
-        let Some(smallest) = smallest.filter(|place| size(place) < LEAST_SD || size(place).is_nan()) else {
+        let size = |place: &usize| match covariance[(*place, *place)] {
+            variance if variance > 0.0 => values[*place].abs() / variance.sqrt(),
+            _ => 0.0,
+        };
+        let smallest = places.iter().copied().min_by(|one, other| size(one).total_cmp(&size(other)));
+        let Some(smallest) = smallest.filter(|place| size(place) < LEAST_SD) else {
             return places;
         };
         places.retain(|place| *place != smallest);

@@ -3,6 +3,7 @@
 use nalgebra::SVector;
 
 use crate::fit::statistics::{float, median};
+use crate::measurements::plan::before_remount;
 use crate::measurements::springs::{Campaign, SeriesEntry, Window};
 use crate::springs::fit::Solved;
 
@@ -17,7 +18,8 @@ pub(super) fn levels<const N: usize>(campaign: &Campaign<N>, solved: &Solved<N>)
     for (series, name) in campaign.series.iter().enumerate() {
         let windows: Vec<usize> =
             (0..campaign.windows.len()).filter(|window| campaign.windows[*window].series == series).collect();
-        let entry = campaign.plan.iter().find(|entry| entry.name == *name);
+        let planned_as = |name: &str| campaign.plan.iter().find(|entry| entry.name == name);
+        let entry = planned_as(name).or_else(|| planned_as(before_remount(name)));
         let of_series = entry
             .and_then(|entry| planned(campaign, entry, &windows))
             .unwrap_or_else(|| grouped(&windows, &[&loads(campaign), &readings(campaign, solved)]));

@@ -14,9 +14,6 @@ mod robot_text;
 
 use std::path::PathBuf;
 
-use gantry_tau_core::model::l2::AXES;
-use gantry_tau_core::model::robot::LINKS;
-
 use super::agreement::Agreement;
 use super::choice::Choice;
 use super::compliances::Springs;
@@ -87,7 +84,7 @@ pub enum IdentifyError {
     Fit {
         /// The table.
         table: String,
-        /// What is wrong.
+        /// Reason.
         reason: SpringsError,
     },
     /// A spring runs away, and there are combinations of springs that the campaign does not show.
@@ -95,7 +92,7 @@ pub enum IdentifyError {
     Unseen {
         /// The table.
         table: String,
-        /// What is wrong.
+        /// Reason.
         reason: SpringsError,
         /// Combinations that are not seen.
         unseen: String,
@@ -114,9 +111,9 @@ pub struct Identification {
     pub robot_file: String,
     /// Page with plots.
     pub report: String,
-    /// What was found, in one line.
+    /// Result in one line.
     pub summary: String,
-    /// What a person should look at; empty where there is nothing.
+    /// Warnings; empty if there are none.
     pub warnings: Vec<String>,
     /// Reasons not to trust it as it is; empty where there are none.
     pub doubts: Vec<String>,
@@ -154,6 +151,9 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
         }
     };
     campaign.check_wrist(&options.setup, robot.wrist.len())?;
+    if let Some(window) = campaign.windows.iter().find(|window| options.has_drift && window.time_s.is_none()) {
+        return Err(campaign.error(window, "time_s", "is missing; --drift needs the time of every window").into());
+    }
     let setup = SetupConstants::of(&campaign);
     let geometry = robot.model.geometry();
     let question = Question { geometry: &geometry, file: &file, campaign: &campaign, setup };
@@ -240,16 +240,8 @@ fn find<'a, const N: usize>(
 
 /// Names and units of the parameters.
 fn names<const N: usize>(question: &Question<'_, N>, choice: &Choice, has_play: bool) -> Vec<(String, &'static str)> {
-    let links = (0..LINKS).map(|link| (format!("c_link[{link}]"), "m/N"));
-    let axes = (0..N).map(|axis| (format!("{}[{axis}]", axes_key::<N>()), "m/N"));
-    let wrist = (0..question.file.wrist.joints()).map(|joint| (format!("c_wrist[{joint}]"), "rad/(N m)"));
     let play = has_play.then(|| ("play.gap_m".to_owned(), "m"));
     let name = |gauge: &usize| format!("hysteresis[{}]", question.campaign.gauges[*gauge].name);
     let hysteresis = choice.hysteresis.iter().map(|gauge| (name(gauge), "m"));
-    links.chain(axes).chain(wrist).chain(play).chain(hysteresis).collect()
-}
-
-/// Key of the compliances of the axes.
-pub(super) const fn axes_key<const N: usize>() -> &'static str {
-    if N == AXES { "c_cart" } else { "c_act" }
+    question.file.names().into_iter().chain(play).chain(hysteresis).collect()
 }

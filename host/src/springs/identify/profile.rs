@@ -21,6 +21,8 @@ const MAX_ROUNDS: u32 = 12;
 const MAX_FITS: u32 = 20;
 /// Distance to the end of an interval at which it is found, in standard deviations.
 const CLOSE_SD: f64 = 1e-3;
+/// The same, at which an end is accepted after [`MAX_FITS`].
+const NEAR_SD: f64 = 0.02;
 
 /// Interval of a spring.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,7 +89,7 @@ pub(super) fn profile<const N: usize>(
 struct Profile<'a, const N: usize> {
     question: &'a Question<'a, N>,
     choice: Choice,
-    /// Where the last fit ended: the next begins there.
+    /// Best fit at the last value within the interval: the next fit begins there.
     state: State<N>,
     /// Change of all parameters with that one, and without what is not seen.
     direction: DVector<f64>,
@@ -103,11 +105,15 @@ impl<const N: usize> Profile<'_, N> {
     fn beyond(&mut self, value: f64) -> Option<f64> {
         let mut springs = self.state.springs.vector();
         springs += self.direction.rows(0, springs.len()) * (value - springs[self.parameter]);
-        self.state.springs = self.state.springs.with(&springs).ok()?;
-        let solved = rounds(self.question, &self.choice, self.state.clone(), MAX_ROUNDS).ok()?;
+        let start = State { springs: self.state.springs.with(&springs).ok()?, ..self.state.clone() };
+        let solved = rounds(self.question, &self.choice, start, MAX_ROUNDS).ok()?;
         let risen = (solved.rows.chi_squared() - self.least) / self.variance;
-        self.state = solved.state;
-        solved.is_settled.then(|| risen.max(0.0).sqrt() - self.reach)
+        let beyond = risen.max(0.0).sqrt() - self.reach;
+        // Far beyond the end there may be other minima, which lead astray.
+        if beyond < 0.0 {
+            self.state = solved.state;
+        }
+        solved.is_settled.then_some(beyond)
     }
 
     /// Finds an end of the interval, `sd` with the sign of its side; `None` within where there is none before `bound`.
@@ -132,22 +138,24 @@ impl<const N: usize> Profile<'_, N> {
             fits += 1;
         }
         let mut outer = (outer, last);
-        while outer.1.abs() > CLOSE_SD && fits < MAX_FITS {
-            let between = inner.0 - inner.1 * (outer.0 - inner.0) / (outer.1 - inner.1);
+        let mut best = outer;
+        // (Illinois) The end that stays counts half, so that it moves.
+        let mut weights = [inner.1, outer.1];
+        while best.1.abs() > CLOSE_SD && fits < MAX_FITS {
+            let [near, far] = weights;
+            let between = inner.0 - near * (outer.0 - inner.0) / (far - near);
             let found = (between, self.beyond(between)?);
             fits += 1;
-            // (Illinois) An end that stays counts half, so that it moves.
             if found.1 < 0.0 {
-                inner = found;
-                if found.1.abs() <= CLOSE_SD {
-                    outer = found;
-                }
+                (inner, weights) = (found, [found.1, 0.5 * far]);
             } else {
-                outer = found;
-                inner.1 *= 0.5;
+                (outer, weights) = (found, [0.5 * near, found.1]);
+            }
+            if found.1.abs() < best.1.abs() {
+                best = found;
             }
         }
-        Some(Some(outer.0))
+        (best.1.abs() <= NEAR_SD).then_some(Some(best.0))
     }
 }
 

@@ -71,7 +71,7 @@ fn crossed_apart(levels: &[usize], is_crossed: &[bool]) -> Vec<usize> {
     levels.iter().zip(is_crossed).map(|(level, is_crossed)| 2 * level + usize::from(*is_crossed)).collect()
 }
 
-/// What is left of the deviations if every gauge has a zero at every level.
+/// Deviations that remain if every gauge has a zero at every level.
 fn pure_error<const N: usize>(question: &Question<'_, N>, agreement: &Agreement<N>, levels: &[usize]) -> Option<Share> {
     let mut campaign = question.campaign.clone();
     let mut names: Vec<usize> = levels.to_vec();

@@ -4,12 +4,13 @@ use gantry_tau_core::model::robot::LINKS;
 use nalgebra::Vector6;
 
 use super::answer::{Answer, PlayAnswer};
-use super::{Found, IdentifyError, IdentifyOptions, axes_key};
+use super::{Found, IdentifyError, IdentifyOptions};
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium};
 use crate::model::MachineKind;
 use crate::robot_file::edit::RobotText;
 use crate::robot_file::{Identified, Play, RobotFile};
+use crate::springs::compliances::axes_key;
 
 impl<const N: usize> Found<'_, N> {
     /// Text of the changed robot file.

@@ -13,7 +13,8 @@ use crate::model::MachineKind;
 use crate::plots::page::{escape, page as html};
 use crate::plots::{Corner, Curve, Plot};
 use crate::robot_file::RobotFile;
-use crate::springs::identify::{IdentifyError, IdentifyOptions, answer_of, axes_key, starting_springs};
+use crate::springs::compliances::axes_key;
+use crate::springs::identify::{IdentifyError, IdentifyOptions, answer_of, starting_springs};
 use crate::springs::lines::Question;
 use crate::springs::setup::SetupConstants;
 
@@ -108,7 +109,7 @@ struct Springs<'a> {
     names: Vec<String>,
     /// Name and lines of each series.
     lines: Vec<(&'a str, &'a [SpringLine])>,
-    /// What identify found; empty if it did not.
+    /// Result of identify; empty if there is none.
     found: &'a [Parameter],
     file: &'a [f64],
     printed: &'static [Printed],

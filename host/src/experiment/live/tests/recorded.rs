@@ -1,9 +1,13 @@
 //! A recording of the server in a campaign, made into windows.
 
 use std::sync::Mutex;
+use std::sync::atomic::AtomicU64;
 
 use super::*;
 use crate::record::CsvFile;
+
+/// Ticks that are recorded after the campaign, at most the calm that a level needs.
+const MORE_TICKS: u64 = 7_000;
 
 /// Gauges of a recording: at the tool centre point, along the axes of the world.
 const GAUGES: [(&str, [f64; 3]); 3] =
@@ -32,13 +36,21 @@ fn a_recording_is_told_apart_by_the_plan() {
     let path = folder.path("record.csv");
     let file = Arc::new(Mutex::new(Some(CsvFile::create::<Row<3>>(&path).unwrap())));
     let shared = Arc::clone(&file);
+    let ticks = Arc::new(AtomicU64::new(0));
+    let counted = Arc::clone(&ticks);
     let bench = Bench::watched(&robot, &plan, move |row| {
+        counted.fetch_add(1, Ordering::Relaxed);
         if let Some(file) = shared.lock().unwrap().as_mut() {
             file.write(row);
         }
     });
     let options = bench.options(&robot, &plan, &folder.path("springs.csv"));
     assert_eq!(run_until(&options, usize::MAX), LiveReport { taken: 10, missing: 0 });
+    // The last level is calm in the recording a little later than in the campaign, which is over.
+    let end = ticks.load(Ordering::Relaxed) + MORE_TICKS;
+    while ticks.load(Ordering::Relaxed) < end {
+        std::thread::yield_now();
+    }
     bench.server.quit().unwrap();
     let recorded = file.lock().unwrap().take().unwrap().finish(0);
     assert_eq!((recorded.lost, recorded.failure), (0, None));

@@ -7,7 +7,7 @@ use super::super::{LEAST_P, MOST_OUTLIERS};
 use super::LEVER_M;
 use crate::fit::statistics::{chi_squared_above, float};
 use crate::geometry::MeasuredPose;
-use crate::geometry::agreement::{fit_agreeing, fit_agreeing_first};
+use crate::geometry::agreement::{cost, fit_agreeing, fit_agreeing_first};
 use crate::geometry::f1::{Calibrated, Poses, seen_by};
 use crate::geometry::frames::Frames;
 use crate::model::{F1, pose_at};
@@ -28,12 +28,11 @@ pub(super) fn best_start(
         "the robot file's machine cannot stand as measured, or the poses turn too little to tell device and target apart"
             .to_owned(),
     );
-    let doubt = |found: &Calibrated| (found.outliers.len(), found.fit.chi_squared());
     for (attempt, frames) in starts(pairs, target_m).enumerate() {
         let start = seen_by(file, &frames.device, &frames.target);
         let fitted = if attempt == 0 { fit_agreeing(model, start) } else { fit_agreeing_first(model, start) };
         match (fitted, &best) {
-            (Ok(found), Ok((_, before))) if doubt(&found) >= doubt(before) => {
+            (Ok(found), Ok((_, before))) if cost::<Poses<'_>>(&found) >= cost::<Poses<'_>>(before) => {
                 // The same again: no start leads elsewhere.
                 if (found.fit.chi_squared() / before.fit.chi_squared() - 1.0).abs() < SAME {
                     break;

@@ -29,7 +29,7 @@ struct Point {
     force_n: f64,
     /// Reading less its zero, µm.
     reading_um: f64,
-    /// What the fit says at the measured load, µm.
+    /// Fitted reading at the measured load, µm.
     fitted_um: f64,
     /// Deviation from what the other gauges of its window let expect, in standard deviations.
     deviation: f64,
@@ -103,6 +103,7 @@ impl<const N: usize> Found<'_, N> {
         let file = self.question.file.vector();
         let thesis = evaluate_largest(&self.question);
         let of_noise = self.agreement.solved.covariance_of_noise(&self.question, &self.agreement.choice);
+        let scale = self.intervals.variance(&self.agreement.solved);
         let mut table = String::from(
             "<h2>Springs</h2><table><tr><th>parameter<th>status<th>value<th>95 % interval<th>sd, %<th>by the set-up<th>file<th>largest correlation",
         );
@@ -114,12 +115,12 @@ impl<const N: usize> Found<'_, N> {
         for (index, parameter) in answer.parameters.iter().enumerate() {
             let number = |value: f64| format!("{value:.4e}");
             let variance = answer.covariance[index][index];
-            let share = of_noise.as_ref().map_or(0.0, |of_noise| 1.0 - of_noise[(index, index)] / variance);
+            let share = of_noise.as_ref().map_or(0.0, |of_noise| 1.0 - scale * of_noise[(index, index)] / variance);
             let correlated = correlated(answer, index).map_or_else(String::new, |(name, r)| format!("{r:+.2} {name}"));
             _ = write!(
                 table,
                 "<tr><td>{}<td>{}<td>{} {}<td>{} to {}{}<td>{:.2}<td>{:.0} %<td>{}<td>{}<td>{}</tr>",
-                parameter.name,
+                escape(&parameter.name),
                 parameter.status.name(),
                 number(parameter.value),
                 parameter.unit,
@@ -192,7 +193,7 @@ impl<const N: usize> Found<'_, N> {
         let all = seen.all();
         let named = crate::fit::answer::Unobservable::list(&names, &all);
         for (direction, named) in all.iter().zip(named) {
-            _ = write!(body, "<tr><td>{:.2e}<td>{named}</tr>", direction.relative_sd);
+            _ = write!(body, "<tr><td>{:.2e}<td>{}</tr>", direction.relative_sd, escape(&named.to_string()));
         }
         body + "</table>"
     }
@@ -251,10 +252,10 @@ fn correlations(answer: &Answer) -> String {
     let count = answer.parameters.len();
     let mut table = String::from("<h2>Correlations</h2><table><tr><th>");
     for parameter in &answer.parameters {
-        table += &format!("<th>{}", parameter.name);
+        table += &format!("<th>{}", escape(&parameter.name));
     }
     for row in 0..count {
-        _ = write!(table, "<tr><th>{}", answer.parameters[row].name);
+        _ = write!(table, "<tr><th>{}", escape(&answer.parameters[row].name));
         for column in 0..count {
             let r = correlation(answer, row, column);
             let (hue, strength) = (if r < 0.0 { 220 } else { 20 }, 100.0 - 45.0 * r.abs());
