@@ -43,6 +43,9 @@ static int component;
 /* Codes of the last call of each direction: a message is printed when one changes. */
 static gt_code last_forward, last_inverse;
 
+/* 1 after the first pose that forward kinematics found. LinuxCNC calls it before the drives' positions are known, too: not counted. */
+static int located;
+
 #ifdef GANTRY_TAU_MODEL_L2
 
 static GT_MEMORY(GT_L2_SIZE) memory;
@@ -164,6 +167,10 @@ int kinematicsForward(const double *joints, EmcPose *world, const KINEMATICS_FOR
     }
     if (code == GT_CODE_OK) {
         gt_world_of_pose(&pose, world);
+        located = 1;
+    }
+    if (!located) {
+        return -1;
     }
     return outcome("forward", &last_forward, code, &error, residual_m);
 }

@@ -26,7 +26,9 @@ pub struct HeaderOptions {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum HeaderError {
     /// The directions `ax` and `ax6` do not survive the way through the header.
-    #[error("{0}: ax, ax6: unit vectors of these change when they are normalised again; write them with another length")]
+    #[error(
+        "{0}: ax, ax6: unit vectors of these change when they are normalised again; write them with another length"
+    )]
     Axes(String),
     /// The header cannot be written.
     #[error(transparent)]
@@ -78,7 +80,11 @@ impl Header {
         self.line(format!("    .{name} = {},", value.as_ref()));
     }
 
-    fn machine<K: MachineKind<N>, const N: usize>(&mut self, robot: &RobotFile<K, N>, geometry: impl FnOnce(&mut Self)) {
+    fn machine<K: MachineKind<N>, const N: usize>(
+        &mut self,
+        robot: &RobotFile<K, N>,
+        geometry: impl FnOnce(&mut Self),
+    ) {
         self.line("/* A machine for the C interface of gantry-tau. Written by `gantry-tau header`. Do not edit. */");
         self.line("#ifndef GANTRY_TAU_MACHINE_H\n#define GANTRY_TAU_MACHINE_H\n\n#include \"gantry_tau.h\"\n");
         self.line(format!("#define GANTRY_TAU_MODEL_{}", K::MODEL.to_uppercase()));
@@ -101,7 +107,9 @@ impl Header {
         }
         self.line("};\n\n/* Axis of each motor. */");
         let axis_of_motor = list(&robot.motors.axis_of_motor);
-        self.line(format!("static const uint8_t gantry_tau_axis_of_motor[GANTRY_TAU_MOTORS] = {axis_of_motor};\n\n#endif"));
+        self.line(format!(
+            "static const uint8_t gantry_tau_axis_of_motor[GANTRY_TAU_MOTORS] = {axis_of_motor};\n\n#endif"
+        ));
     }
 
     fn l2(&mut self, robot: &RobotFile<crate::model::L2, { l2::AXES }>) {

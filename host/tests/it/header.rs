@@ -19,7 +19,8 @@ fn a_machine_is_written_from_its_file() {
         }
         let file = format!("{root}/robots/{robot}.toml");
         folder.run(&["header", &file, "-o", "file.h"]).success();
-        let without_name = |text: String| text.replace(&file, "").replace(&format!("robots/{robot}.toml (built in)"), "");
+        let without_name =
+            |text: String| text.replace(&file, "").replace(&format!("robots/{robot}.toml (built in)"), "");
         assert_eq!(without_name(folder.read("file.h")), without_name(built_in));
     }
 }

@@ -35,8 +35,13 @@ const ALLOWED: [&str; 15] = [
 const DELAY: usize = 2;
 /// Half a digit of the record, and half a nanometre of the joints, with a margin: mm or degrees.
 const DIGITS: f64 = 1.5e-6;
-/// A joint of a plate is a whole number of nanometres too: with a screw of 0.1 m/rad 0.57e-6 degrees.
-const STEP: f64 = 1.1e-6;
+/// A nanometre of a cart, mm, and of a plate's screw of 0.1 m/rad, degrees, are 1e-6 and 0.57e-6; joints are rounded to whole ones.
+const STEP: f64 = 0.57e-6;
+/// The record's poses have six digits as well: through an inverse that turns 1e-6 mm and degrees into as much again.
+const POSE_DIGITS: f64 = 0.6e-6;
+
+/// Rounding between a joint and the inverse of a recorded pose, mm or degrees.
+const BOUND: f64 = DIGITS + STEP + POSE_DIGITS;
 
 /// No panic path, no allocation and no function beyond the list is linked: LinuxCNC would find that out when it loads the module.
 pub(super) fn needs_nothing_else() -> Result<(), Failed> {
@@ -73,7 +78,7 @@ pub(super) fn runs_a_part_program(robot: &'static str) -> Result<(), Failed> {
     let axes: Vec<_> = motion.iter().map(|row| row.axes.clone()).collect();
     let solved = solve(robot, &axes);
     let last = motion.last().unwrap();
-    assert_near(&last.joints, &at_rest, DIGITS + STEP, "the last row");
+    assert_near(&last.joints, &at_rest, BOUND, "the last row");
     assert!(motion.iter().all(|row| row.refused == 0));
     assert!(motion.iter().all(|row| row.residual_m < 1e-10), "links have their lengths");
     assert!(motion.len() > 3000, "{} rows", motion.len());
@@ -84,29 +89,34 @@ pub(super) fn runs_a_part_program(robot: &'static str) -> Result<(), Failed> {
 /// The interpolator is a cubic B-spline: a joint is (before + 4 now + after) / 6 of what the inverse says. The error that this makes is a
 /// sixth of the second difference.
 fn in_motion(motion: &[Row], solved: &[Vec<f64>]) {
-    let (mut largest, mut farthest) = (0.0_f64, 0.0_f64);
+    let (mut largest, mut farthest) = ([0.0_f64; 2], 0.0_f64);
     for (now, row) in motion.iter().enumerate().skip(DELAY + 1) {
         let at = now - DELAY;
         for (joint, position) in row.joints.iter().enumerate() {
             let [before, middle, after] = [at - 1, at, at + 1].map(|row| solved[row][joint]);
             let smoothed = (before + 4.0 * middle + after) / 6.0;
-            let bound = (before - 2.0 * middle + after).abs() / 6.0 + DIGITS + STEP;
+            let bound = (before - 2.0 * middle + after).abs() / 6.0 + BOUND;
             let error = (position - middle).abs();
-            assert!((position - smoothed).abs() < DIGITS + STEP, "row {now}, joint {joint}: {position}, not {smoothed}");
+            assert!((position - smoothed).abs() < BOUND, "row {now}, joint {joint}: {position}, not {smoothed}");
             assert!(error < bound, "row {now}, joint {joint}: off by {error}, expected {bound}");
-            largest = largest.max(error);
-            farthest = farthest.max((position - row.joints[joint]).abs().max((position - motion[0].joints[joint]).abs()));
+            let kind = usize::from(joint >= 3);
+            largest[kind] = largest[kind].max(error);
+            farthest = farthest.max((position - motion[0].joints[joint]).abs());
         }
     }
     assert!(farthest > 5.0, "the program moves");
-    // README.md states it: 40 nm at 1 m/s² of the tool. (Plates: 1e-6 degrees are 1.7 nm of the screw.)
-    assert!(largest < 4e-5, "{largest} mm or degrees");
+    // README.md states them: carts, mm, and plates, degrees.
+    assert!((1e-5..4e-4).contains(&largest[0]) && largest[1] < 4e-4, "{largest:?}");
 }
 
 /// The end of a line is out of reach, within the limits of axes: LinuxCNC names the line, and no joint moves.
 pub(super) fn refuses_a_pose(robot: &'static str) -> Result<(), Failed> {
     let machine = Machine::new(robot, "pose", |header| header)?;
-    machine.program(if robot == "l2" { "G21 G90\nG1 X0 Y800 Z950 F3000\nM2\n" } else { "G21 G90\nG1 A15 C-15 F600\nM2\n" })?;
+    machine.program(if robot == "l2" {
+        "G21 G90\nG1 X0 Y800 Z950 F3000\nM2\n"
+    } else {
+        "G21 G90\nG1 A15 C-15 F600\nM2\n"
+    })?;
     let ended = machine.run()?;
     let errors = ended.lines("error").join("\n");
     assert!(errors.contains("fails kinematicsInverse"), "{}", ended.said);
@@ -206,7 +216,10 @@ fn assert_limits_are_the_travel(robot: &str) {
             line.trim_start_matches(" = ").parse().unwrap()
         };
         let (low, high) = (value("MIN_LIMIT"), value("MAX_LIMIT"));
-        assert!((0.0..0.02).contains(&(low - lower)) && (0.0..0.02).contains(&(upper - high)), "joint {joint}: {low}, {high}");
+        assert!(
+            (0.0..0.02).contains(&(low - lower)) && (0.0..0.02).contains(&(upper - high)),
+            "joint {joint}: {low}, {high}"
+        );
     }
 }
 

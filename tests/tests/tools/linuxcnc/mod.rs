@@ -20,11 +20,14 @@ use libtest_mimic::{Failed, Trial};
 
 use crate::capi::tools::has;
 
+/// A check, without what it needs.
+type Check = fn() -> Result<(), Failed>;
+
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
     let mut trials = vec![trial("header_compiles", &["gcc"], header::compiles)];
     let missing = run::missing();
-    let all: &[(&str, fn() -> Result<(), Failed>)] = &[
+    let all: &[(&str, Check)] = &[
         ("modules_need_nothing_else", kinematics::needs_nothing_else),
         ("l2_runs_a_part_program", || kinematics::runs_a_part_program("l2")),
         ("f1_runs_a_part_program", || kinematics::runs_a_part_program("f1")),

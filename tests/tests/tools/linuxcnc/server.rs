@@ -18,7 +18,7 @@ use hal::{Hal, free_ports, modules, program};
 use record::{AXES, FAULT, LISTENING, OBTAIN, Row, SAFE_DISCONNECT, judge, parse};
 
 /// Trials of this file.
-pub(super) const TRIALS: &[(&str, fn() -> Result<(), Failed>)] = &[
+pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ("server_needs_known_functions_only", || done(known_functions_only)),
     ("server_ends_sessions_of_a_killed_client_by_a_stop_and_by_a_disable", || done(|| three_ends(&[]))),
     ("server_ends_sessions_over_datagrams", || done(|| three_ends(&["udp=1"]))),
