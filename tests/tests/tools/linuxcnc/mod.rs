@@ -15,6 +15,7 @@ mod header;
 mod kinematics;
 mod record;
 mod run;
+mod server;
 
 use libtest_mimic::{Failed, Trial};
 
@@ -37,7 +38,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         ("eoffset_does_what_the_readme_says", eoffset::does_what_the_readme_says),
         ("a_changed_header_is_not_loaded", kinematics::changed_header_is_not_loaded),
     ];
-    trials.extend(all.iter().map(|&(name, run)| trial(name, missing.as_slice(), run)));
+    trials.extend(all.iter().chain(server::TRIALS).map(|&(name, run)| trial(name, missing.as_slice(), run)));
     trials
 }
 

@@ -21,7 +21,7 @@ const USER: u32 = 65534;
 const NAMESPACES: [&str; 7] = ["-m", "-i", "-n", "-p", "--fork", "--kill-child", "--mount-proc"];
 
 /// One run at a time: two would be late on a small computer.
-static ONE: Mutex<()> = Mutex::new(());
+pub(super) static ONE: Mutex<()> = Mutex::new(());
 
 /// What is missing for a run, by name.
 pub(super) fn missing() -> Vec<&'static str> {
