@@ -39,7 +39,12 @@ pub(crate) fn trials() -> Vec<Trial> {
         ("eoffset_does_what_the_readme_says", eoffset::does_what_the_readme_says),
         ("a_changed_header_is_not_loaded", kinematics::changed_header_is_not_loaded),
     ];
-    trials.extend(all.iter().chain(server::TRIALS).chain(integrated::TRIALS).map(|&(name, run)| trial(name, missing.as_slice(), run)));
+    trials.extend(
+        all.iter()
+            .chain(server::TRIALS)
+            .chain(integrated::TRIALS)
+            .map(|&(name, run)| trial(name, missing.as_slice(), run)),
+    );
     trials
 }
 

@@ -72,7 +72,7 @@ pub(super) fn make(robot: &str, build: &Path, header: impl Fn(String) -> String)
 
 /// A configuration of `host/linuxcnc/config` in a folder of its own.
 pub(super) struct Machine {
-    name: &'static str,
+    pub(super) name: &'static str,
     place: PathBuf,
 }
 
@@ -126,10 +126,22 @@ impl Machine {
 
     /// Replaces a text of the INI file, which has it once.
     pub(super) fn edit(&self, from: &str, to: &str) -> Result<(), Failed> {
-        let ini = self.file(&format!("{}.ini", self.name));
-        let text = std::fs::read_to_string(&ini)?;
-        assert_eq!(text.matches(from).count(), 1, "{from}: {text}");
-        Ok(std::fs::write(ini, text.replace(from, to))?)
+        replace(&self.file(&format!("{}.ini", self.name)), from, to)
+    }
+
+    /// Replaces a text of `drives.tcl`, which has it once.
+    pub(super) fn edit_drives(&self, from: &str, to: &str) -> Result<(), Failed> {
+        replace(&self.file("../drives.tcl"), from, to)
+    }
+
+    /// Takes a module from somewhere else.
+    pub(super) fn module(&self, path: &Path) -> Result<(), Failed> {
+        Ok(std::fs::copy(path, self.place.join("modules").join(path.file_name().unwrap())).map(drop)?)
+    }
+
+    /// Epochs that are used up.
+    pub(super) fn epochs(&self) -> u64 {
+        std::fs::read_to_string(self.file("epochs")).unwrap().trim().parse().unwrap()
     }
 
     /// Path of a file of the configuration.
@@ -181,7 +193,9 @@ impl Machine {
 
 impl Drop for Machine {
     fn drop(&mut self) {
-        if std::env::var_os("GT_KEEP").is_some() { return }
+        if std::env::var_os("GT_KEEP").is_some() {
+            return;
+        }
         let _ = std::fs::remove_dir_all(&self.place);
     }
 }
@@ -207,6 +221,13 @@ impl Ended {
         let after = rows.iter().rposition(|row| row.is_on && row.is_world).unwrap();
         &rows[from..=after]
     }
+}
+
+/// Replaces a text of a file, which has it once.
+fn replace(file: &Path, from: &str, to: &str) -> Result<(), Failed> {
+    let text = std::fs::read_to_string(file)?;
+    assert_eq!(text.matches(from).count(), 1, "{from}: {text}");
+    Ok(std::fs::write(file, text.replace(from, to))?)
 }
 
 /// A file of these tests.

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use gantry_tau_core::Monitor;
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::session::config::AxisConfig;
 use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
-use gantry_tau_core::Monitor;
 
 /// Phases, as on the wire.
 pub(super) const LISTENING: u8 = 0;
@@ -39,7 +39,6 @@ pub(super) struct Row<const N: usize> {
     pub(super) tick: u32,
     pub(super) is_on: bool,
     pub(super) permit: bool,
-    pub(super) held: u32,
 }
 
 /// A machine, as the judgement needs it.
@@ -59,24 +58,33 @@ fn lines(path: &Path) -> Vec<Vec<f64>> {
     let text = std::fs::read_to_string(path).unwrap_or_default();
     let whole = text.rfind('\n').map_or("", |end| &text[..end]);
     let parse = |(number, line): (usize, &str)| {
-        let fields: Vec<f64> = line.split_whitespace().map(|field| field.parse().unwrap_or_else(|_| panic!("{line}"))).collect();
+        let fields: Vec<f64> =
+            line.split_whitespace().map(|field| field.parse().unwrap_or_else(|_| panic!("{line}"))).collect();
         assert_eq!(fields[0].to_string(), number.to_string(), "{}: a period is missing", path.display());
         fields
     };
     whole.lines().enumerate().map(parse).collect()
 }
 
-#[expect(clippy::as_conversions, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers, printed")]
+#[expect(
+    clippy::as_conversions,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "whole numbers, printed"
+)]
 fn row<const N: usize>(first: &[f64], second: &[f64], limits: &Limits<N>) -> Row<N> {
     let joint = |of: &dyn Fn(usize) -> f64| std::array::from_fn(|joint| of(joint) * limits.nm[joint]);
-    let [feedback, phase, cause, missed, tick, on, permit, held] = second[1 + 2 * N..] else { panic!("{second:?}") };
+    let [feedback, phase, cause, missed, tick, on, permit, _] = second[1 + 2 * N..] else { panic!("{second:?}") };
     let is_on = on != 0.0;
     let difference: [f64; N] = std::array::from_fn(|joint| first[3 * joint + 3]);
     // The difference has more digits, but says nothing where LinuxCNC's command is not in force.
     let offset = std::array::from_fn(|joint| {
         let pin = second[2 * joint + 2] * limits.nm[joint];
         let exact = if is_on { difference[joint] * 1e-12 * limits.nm[joint] } else { pin };
-        assert!(!is_on || (exact - exact.round()).abs() < 0.01 && (exact - pin).abs() < DIGITS_NM, "{exact} {pin} {first:?} {second:?}");
+        assert!(
+            !is_on || (exact - exact.round()).abs() < 0.01 && (exact - pin).abs() < DIGITS_NM,
+            "{exact} {pin} {first:?} {second:?}"
+        );
         exact.round() as i64
     });
     Row {
@@ -92,13 +100,13 @@ fn row<const N: usize>(first: &[f64], second: &[f64], limits: &Limits<N>) -> Row
         tick: tick as u32,
         is_on,
         permit: permit != 0.0,
-        held: held as u32,
     }
 }
 
 /// Requires of every period what the interface guarantees.
 pub(super) fn judge<const N: usize>(rows: &[Row<N>], limits: &Limits<N>) {
-    let mut monitor = Monitor::new(limits.axes.map(|axis| axis.limits), Some(limits.axes.map(|axis| axis.machine_travel)));
+    let mut monitor =
+        Monitor::new(limits.axes.map(|axis| axis.limits), Some(limits.axes.map(|axis| axis.machine_travel)));
     monitor.rebase(&in_force(&rows[0]).map(InForce::at)).unwrap();
     for (last, row) in rows.iter().zip(&rows[1..]) {
         let nominal = in_force(row);
@@ -142,7 +150,10 @@ fn judge_joint<const N: usize>(last: &Row<N>, row: &Row<N>, joint: usize, limits
     if row.is_on && !last.is_on {
         assert!(change.abs() <= SWITCHED_ON_NM, "a jump at machine-on: {last:?} {row:?}");
         let distance = row.position[joint] - row.reference[joint];
-        assert!(last.permit && distance.abs() <= NEAR_NM + SWITCHED_ON_NM, "switched on beside the drive: {last:?} {row:?}");
+        assert!(
+            last.permit && distance.abs() <= NEAR_NM + SWITCHED_ON_NM,
+            "switched on beside the drive: {last:?} {row:?}"
+        );
     }
     if [SAFE_DISCONNECT, FAULT].contains(&row.phase) && row.tick != last.tick {
         let ramp = i64::from(position.ramp());

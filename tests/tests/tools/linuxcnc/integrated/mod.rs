@@ -1,70 +1,75 @@
 //! The component `gantry_tau` in LinuxCNC, between the motion controller and drives that lag, with the unchanged `gantry-tau client`: the
 //! configurations of `host/linuxcnc/config`, in lock-step, judged period by period.
 
+mod compensation;
+mod ends;
 mod judged;
+mod late;
+mod refused;
 mod session;
 
-use std::f64::consts::PI;
-
-use gantry_tau::model::L2;
-use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
-use libtest_mimic::Failed;
+use gantry_tau::robot_file::{AnyRobotFile, text_of};
 
 use super::run::Machine;
-use judged::{FAULT, Limits, OBTAIN, Row, SAFE_DISCONNECT, ends, judge, read};
-use session::{Session, rest};
+use judged::{Limits, Row, judge, read};
+use session::Session;
 
-/// Trials of this file.
+/// Trials of this folder.
 pub(super) const TRIALS: &[(&str, super::Check)] = &[
-    ("l2_compensates_while_a_program_runs", l2_compensates),
+    ("l2_compensates_while_a_program_runs", || done(compensation::of_l2)),
+    ("f1_compensates_while_a_program_runs", || done(compensation::of_f1)),
+    ("sessions_end_by_machine_off_estop_stop_and_an_unreachable_pose", || done(ends::by_the_machine)),
+    ("sessions_end_by_a_pulled_cable_a_stopped_client_and_a_silent_sensor", || done(ends::by_the_client)),
+    ("killed_linuxcnc_starts_again_where_its_drives_stand", || done(ends::by_a_kill)),
+    ("late_thread_holds_offsets_and_a_flood_does_not_block_it", || done(late::bursts_and_flood)),
+    ("misfits_are_refused_in_one_line_and_nothing_moves", || done(refused::misfits)),
 ];
 
+/// A test that fails by panicking.
+fn done(test: fn()) -> Result<(), libtest_mimic::Failed> {
+    test();
+    Ok(())
+}
+
 /// Causes, as on the wire.
+const CLIENT_LATE: u8 = 1;
 const CLOSED: u8 = 5;
 const GOODBYE: u8 = 6;
 const STOP: u8 = 8;
 
-/// Lines and arcs with blending, for longer than a test takes, and an end.
-fn program(turns: u32) -> String {
+/// Lines and arcs with blending in the XY plane about a point, mm, again and again; 6 s each time.
+fn turns(number: u32, [x, y, z]: [f64; 3], end: &str) -> String {
+    let (left, right, near, far, up) = (x - 30.0, x + 30.0, y - 20.0, y + 20.0, z + 10.0);
     format!(
-        "G21 G90 G17 G64 P0.05\no100 repeat [{turns}]\nG1 X-30 Y480 Z640 F6000\nG1 X30\nG1 Y520\nG1 X-30\nG1 Y480\n\
-         G2 X0 Y510 I0 J30 F4500\nG3 X30 Y480 I30 J0 Z660\no100 endrepeat\nG1 X20 Y507.5 Z652.25\nM2\n"
+        "G21 G90 G17 G64 P0.05\no100 repeat [{number}]\nG1 X{left} Y{near} Z{z} F6000\nG1 X{right}\nG1 Y{far}\nG1 X{left}\nG1 Y{near}\n\
+         G2 X{x} Y{up_y} I0 J30 F4500\nG3 X{right} Y{near} I30 J0 Z{up}\no100 endrepeat\nG1 {end}\nM2\n",
+        up_y = near + 30.0,
     )
 }
 
-fn l2() -> (Limits<3>, Box<RobotFile<L2, 3>>) {
-    let AnyRobotFile::L2(robot) = AnyRobotFile::named("l2").unwrap() else { panic!("the L2 has three axes") };
-    (Limits { axes: robot.limits, nm: [1e6; 3] }, robot)
+/// The part of most tests.
+fn l2_part(number: u32) -> String {
+    turns(number, [0.0, 500.0, 650.0], "X20 Y507.5 Z652.25")
 }
 
-/// A program runs while 300 N and -200 N are compensated; the client is killed in mid-path; the next one gets in after the ramp.
-fn l2_compensates() -> Result<(), Failed> {
-    let (limits, _) = l2();
-    let machine = Machine::obeying("l2", "compensates", "lockstep=1")?;
-    machine.program(&program(4))?;
-    let mut session = Session::begin(&machine);
-    session.switch_on();
-    session.rearm();
-    session.ask("run");
-    session.pass(500);
-    let first = session.obtain("l2");
-    session.load(300.0);
-    session.pass(1000);
-    session.load(-200.0);
-    session.pass(1000);
-    first.signal("KILL");
-    let last = session.obtain("l2");
-    session.load(300.0);
-    session.pass(300);
-    assert_eq!(session.ask("wait 0 s.interp_state != linuxcnc.INTERP_IDLE"), "done", "the program still runs");
-    session.wait("s.interp_state == linuxcnc.INTERP_IDLE and s.inpos and s.queue == 0");
-    session.pass(1000);
-    last.signal("INT");
-    assert_eq!(last.end(), Some(0));
-    session.wait_phase(0);
-    let said = session.end();
-    let rows = read(&machine.file(""), &limits);
-    judge(&rows, &limits);
-    assert_eq!(ends(&rows), [[SAFE_DISCONNECT, CLOSED], [SAFE_DISCONNECT, GOODBYE]], "{said}");
-    Ok(())
+fn l2() -> Limits<3> {
+    let AnyRobotFile::L2(robot) = AnyRobotFile::named("l2").unwrap() else { panic!("the L2 has three axes") };
+    Limits { axes: robot.limits, nm: [1e6; 3] }
+}
+
+/// A robot file with another text; next to the configuration.
+fn variant(machine: &Machine, name: &str, from: &str, to: &str) -> String {
+    let text = text_of(machine.name).unwrap();
+    assert_eq!(text.matches(from).count(), 1, "{from}");
+    let path = machine.file(name);
+    std::fs::write(&path, text.replace(from, to)).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// Ends a session. Returns its periods, judged.
+fn end<const N: usize>(session: Session, machine: &Machine, limits: &Limits<N>) -> Vec<Row<N>> {
+    session.end();
+    let rows = read(&machine.file(""), limits);
+    judge(&rows, limits);
+    rows
 }

@@ -5,7 +5,6 @@ use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{MutexGuard, OnceLock, PoisonError};
-use std::time::Duration;
 
 use super::super::run::{Machine, ONE};
 use crate::firmware::program;
@@ -35,7 +34,13 @@ impl Session {
     /// Starts LinuxCNC with a configuration whose screen is `screen.py`.
     pub(super) fn start(machine: &Machine) -> Self {
         let one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut shell = machine.command(&machine.linuxcnc().unwrap()).unwrap().stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let mut shell = machine
+            .command(&machine.linuxcnc().unwrap())
+            .unwrap()
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
         let commands = shell.stdin.take();
         let answers = BufReader::new(shell.stdout.take().unwrap());
         let mut session = Self { shell, commands, answers, said: String::new(), is_ready: false, _one: one };
@@ -62,7 +67,8 @@ impl Session {
     pub(super) fn wait(&mut self, expression: &str) {
         let answer = self.ask(&format!("wait {PATIENCE} {expression}"));
         if answer != "done" {
-            let pins = self.ask("pins gantry-tau.phase gantry-tau.cause gantry-tau.permit gantry-tau.missed gantry-tau.tick");
+            let pins =
+                self.ask("pins gantry-tau.phase gantry-tau.cause gantry-tau.permit gantry-tau.missed gantry-tau.tick");
             let errors = self.ask("errors");
             panic!("waited for {expression}: phase, cause, permit, missed, tick: {pins}; {errors}; {}", self.said);
         }
@@ -96,23 +102,38 @@ impl Session {
         self.ask("sets rearm 0");
     }
 
-    /// A command for the machine that LinuxCNC runs on, as root: in its network and its processes.
-    pub(super) fn inside(&self, words: &[&str]) -> Command {
-        let outer = self.shell.id();
-        let mut inner = outer;
-        // timeout, unshare, the shell that became LinuxCNC.
+    /// Process of LinuxCNC, the first of its namespace.
+    fn process(&self) -> String {
+        let mut process = self.shell.id().to_string();
+        // timeout, unshare, and the shell that became LinuxCNC.
         for _ in 0..2 {
-            let children = fs::read_to_string(format!("/proc/{inner}/task/{inner}/children")).unwrap();
-            inner = children.split_whitespace().next().unwrap_or_else(|| panic!("{inner}")).parse().unwrap();
+            let children = fs::read_to_string(format!("/proc/{process}/task/{process}/children")).unwrap();
+            process = children.split_whitespace().next().unwrap_or_else(|| panic!("{process}")).to_owned();
         }
+        process
+    }
+
+    /// A command for the computer that LinuxCNC runs on, as root: in its network and among its processes.
+    fn inside(&self, words: &[&str]) -> Command {
         let mut command = Command::new("nsenter");
-        command.arg(format!("--target={inner}")).args(["--net", "--pid", "--"]).args(words);
+        command.arg(format!("--target={}", self.process())).args(["--net", "--pid", "--"]).args(words);
         command
     }
 
     /// Runs a command inside, to its end.
     pub(super) fn run(&self, words: &[&str]) -> ExitStatus {
         self.inside(words).status().unwrap()
+    }
+
+    /// As [`Self::run`], with the folders that LinuxCNC sees, `/proc` among them.
+    pub(super) fn run_mounted(&self, words: &[&str]) -> ExitStatus {
+        self.run(&[&["nsenter", &format!("--mount=/proc/{}/ns/mnt", self.process())], words].concat())
+    }
+
+    /// Kills LinuxCNC with all its processes.
+    pub(super) fn kill(mut self) {
+        assert!(Command::new("kill").args(["-9", &self.process()]).status().unwrap().success());
+        while self.answer().is_some() {}
     }
 
     /// Starts the unchanged client.
@@ -210,9 +231,4 @@ impl Drop for Client {
             let _ = self.0.wait();
         }
     }
-}
-
-/// Waits beside LinuxCNC: for what no pin shows.
-pub(super) fn rest(milliseconds: u64) {
-    std::thread::sleep(Duration::from_millis(milliseconds));
 }
