@@ -193,7 +193,7 @@ impl Machine {
 
 impl Drop for Machine {
     fn drop(&mut self) {
-        if std::env::var_os("GT_KEEP").is_some() {
+        if std::env::var_os("GT_KEEP").is_some_and(|v| v == "1") {
             return;
         }
         let _ = std::fs::remove_dir_all(&self.place);

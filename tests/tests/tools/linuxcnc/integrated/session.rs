@@ -138,7 +138,10 @@ impl Session {
 
     /// Starts the unchanged client.
     pub(super) fn client(&self, robot: &str) -> Client {
-        let mut command = self.inside(&[program().to_str().unwrap(), "client", "--robot", robot]);
+        // Not among LinuxCNC's processes: it outlives them.
+        let mut command = Command::new("nsenter");
+        command.arg(format!("--target={}", self.process())).args(["--net", "--"]).arg(program());
+        command.args(["client", "--robot", robot]);
         Client(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
     }
 
@@ -210,12 +213,10 @@ impl Drop for Session {
 pub(super) struct Client(pub(super) Child);
 
 impl Client {
-    /// Sends a signal to the program itself: `nsenter` waits for it beside.
+    /// Sends a signal.
     pub(super) fn signal(&self, signal: &str) {
-        let id = self.0.id();
-        let children = fs::read_to_string(format!("/proc/{id}/task/{id}/children")).unwrap();
-        let program = children.split_whitespace().next().map_or(id.to_string(), str::to_owned);
-        assert!(Command::new("kill").args([&format!("-{signal}"), &program]).status().unwrap().success());
+        let process = self.0.id().to_string();
+        assert!(Command::new("kill").args([&format!("-{signal}"), &process]).status().unwrap().success());
     }
 
     /// Waits for its end. Returns the exit code.
