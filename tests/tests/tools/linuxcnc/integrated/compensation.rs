@@ -81,7 +81,8 @@ fn compensates<const N: usize>(
 fn offsets<const N: usize>(robot: &str, at: [f64; 3], metres_per_q: [f64; N]) -> [f64; N] {
     let solve = |op: &str, load: &[f64; 6], key: &str| -> Vec<f64> {
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots");
-        let asked = format!("{{\"id\":0,\"robot\":\"{file}/{robot}.toml\",\"op\":\"{op}\",\"T\":{at:?},\"w\":{load:?}}}\n");
+        let asked =
+            format!("{{\"id\":0,\"robot\":\"{file}/{robot}.toml\",\"op\":\"{op}\",\"T\":{at:?},\"w\":{load:?}}}\n");
         let mut answer = Vec::new();
         gantry_tau::solve::run(asked.as_bytes(), &mut answer).unwrap();
         let answer: serde_json::Value = serde_json::from_slice(&answer).unwrap();
@@ -92,7 +93,8 @@ fn offsets<const N: usize>(robot: &str, at: [f64; 3], metres_per_q: [f64; N]) ->
     let force = Vector3::new(FORCE_N, 0.0, 0.0);
     let moment = Vector3::new(0.0, 0.0, -0.08).cross(&force);
     let mut load = [force.x, force.y, force.z, moment.x, moment.y, moment.z];
-    for _ in 0..4 {
+    // Six axes hold the orientation as well.
+    for _ in 0..if N == 3 { 4 } else { 0 } {
         let moved = solve("deflection", &load, "dx_total");
         let turned = Rotation3::from_scaled_axis(Vector3::new(moved[3], moved[4], moved[5]));
         let (force, moment) = (turned * force, turned * moment);
