@@ -18,8 +18,8 @@ fn compensated(session: &mut Session, runs: bool) -> Client {
         session.ask("run");
     }
     let client = session.obtain("l2");
-    session.load(300.0);
-    session.pass(400);
+    session.load(60.0);
+    session.pass(300);
     client
 }
 
