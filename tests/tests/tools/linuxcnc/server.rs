@@ -148,7 +148,11 @@ impl Bench {
         // Printed in hexadecimal.
         let text = self.hal.ask("getp gantry-tau.tick");
         let digits = text.trim_start_matches("0x");
-        f64::from(if digits.len() < text.len() { u32::from_str_radix(digits, 16).unwrap() } else { text.parse().unwrap() })
+        f64::from(if digits.len() < text.len() {
+            u32::from_str_radix(digits, 16).unwrap()
+        } else {
+            text.parse().unwrap()
+        })
     }
 
     /// Ends the session. Returns its periods, judged.
@@ -167,7 +171,14 @@ impl Client {
     fn start(name: &str, [port, sensor_port]: [u16; 2], udp: bool) -> Self {
         let errors = File::create(std::env::temp_dir().join(format!("gantry-tau-{name}-client.err"))).unwrap();
         let mut command = Command::new(program());
-        command.args(["client", &format!("127.0.0.1:{port}"), "--sensor", &format!("127.0.0.1:{sensor_port}"), "--robot", "l2"]);
+        command.args([
+            "client",
+            &format!("127.0.0.1:{port}"),
+            "--sensor",
+            &format!("127.0.0.1:{sensor_port}"),
+            "--robot",
+            "l2",
+        ]);
         command.args(udp.then_some("--udp")).stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors);
         Self(command.spawn().unwrap())
     }
@@ -202,8 +213,11 @@ fn three_ends(parameters: &[&str]) {
         assert_eq!(client.end(), Some(6), "its session was ended by the server");
     }
     let rows = bench.end();
-    let ends: Vec<[u8; 2]> =
-        rows.windows(2).filter(|pair| pair[0].phase == OBTAIN && pair[1].phase != OBTAIN).map(|pair| [pair[1].phase, pair[1].cause]).collect();
+    let ends: Vec<[u8; 2]> = rows
+        .windows(2)
+        .filter(|pair| pair[0].phase == OBTAIN && pair[1].phase != OBTAIN)
+        .map(|pair| [pair[1].phase, pair[1].cause])
+        .collect();
     let lost = if parameters.is_empty() { CLOSED } else { CLIENT_LATE };
     assert_eq!(ends, [[SAFE_DISCONNECT, lost], [FAULT, STOP], [FAULT, STOP]]);
     let in_session = rows.iter().filter(|row| row.phase == OBTAIN);
@@ -211,7 +225,10 @@ fn three_ends(parameters: &[&str]) {
     assert!(in_session.clone().all(|row| row.missed == 0), "in lock-step no deadline is missed");
     let largest = rows.iter().map(|row| row.offset[1].abs()).max().unwrap();
     assert!(largest > 50_000, "{largest}");
-    assert!(rows.windows(2).any(|pair| (pair[1].offset[1] - pair[0].offset[1]).abs() == 5_000), "the limit of a step was met");
+    assert!(
+        rows.windows(2).any(|pair| (pair[1].offset[1] - pair[0].offset[1]).abs() == 5_000),
+        "the limit of a step was met"
+    );
 }
 
 /// The thread stands for a while; the periods that follow in a burst are one tick, and the offsets are held in them.
@@ -236,7 +253,8 @@ fn refused(name: &str, parameters: &str, why: &str) {
     let hal = Hal::start(name, &format!("loadrt gantry_tau {parameters}\n"), None);
     assert!(!hal.is_ready);
     let said = hal.said();
-    let lines: Vec<&str> = said.lines().filter(|line| line.starts_with("gantry_tau: ") && !line.contains("rtapi_app_main")).collect();
+    let lines: Vec<&str> =
+        said.lines().filter(|line| line.starts_with("gantry_tau: ") && !line.contains("rtapi_app_main")).collect();
     assert_eq!(lines.len(), 1, "{said}");
     assert!(lines[0].contains(why), "{said}");
 }
@@ -246,7 +264,11 @@ fn bad_parameters() {
     let ports = format!("port={port} sensor_port={sensor_port}");
     refused("no-epochs", &ports, "epoch_file is missing");
     refused("bad-epochs", &format!("{ports} epoch_file=setup.hal"), "epoch_file=setup.hal does not contain a counter");
-    refused("no-folder", &format!("{ports} epoch_file=nowhere/epochs"), "epoch_file=nowhere/epochs: No such file or directory");
+    refused(
+        "no-folder",
+        &format!("{ports} epoch_file=nowhere/epochs"),
+        "epoch_file=nowhere/epochs: No such file or directory",
+    );
     refused("no-port", "port=70000 epoch_file=epochs", "port=70000 is not a port");
     refused("no-address", &format!("{ports} address=here epoch_file=epochs"), "address=here is not an IPv4 address");
 }
