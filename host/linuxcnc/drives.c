@@ -6,9 +6,17 @@
 
 #include "units.h"
 
-/* Nominal position of each joint in force, as LinuxCNC gave it. */
+/*
+ * While the drives are off the references approach the drives by this share of the distance per period; and references this close, nm, may be
+ * switched on. LinuxCNC would step onto the position that it was told last, which is behind the reference by what the drive lags.
+ */
+enum { SHARE = 64, NEAR_NM = 10000 };
+
+/* Nominal position of each joint in force; the one that this cycle asks for. */
 static double nominal[GANTRY_TAU_AXES];
+static double wanted[GANTRY_TAU_AXES];
 static int64_t offset_nm[GANTRY_TAU_AXES];
+static int is_started;
 
 /* Adds an offset to a pin's value; without an offset the value stays the same, bit for bit. */
 static double plus(double value, int64_t nm, int joint)
@@ -21,6 +29,29 @@ static int to_nm(double value, int joint, int64_t *nm)
     return gt_nm_of_joint(joint, value, nm, NULL) == GT_CODE_OK;
 }
 
+/* Nominal position of a joint whose drive is off: its reference approaches the drive. */
+static double approach(const struct joint_pins *from, int joint)
+{
+    const double limit = gt_joint_of_nm(joint, gantry_tau_limits[joint].nominal_step_nm);
+    const double step = (*from->position - *from->reference) / SHARE;
+    int64_t position_nm, reference_nm;
+    if (!is_started) {
+        return *from->position;
+    }
+    if (!to_nm(*from->position, joint, &position_nm) || !to_nm(*from->reference, joint, &reference_nm) || position_nm == reference_nm) {
+        return nominal[joint];
+    }
+    return nominal[joint] + fmax(-limit, fmin(step, limit));
+}
+
+/* Nominal position that this cycle asks for: LinuxCNC's. */
+static double ask(const struct pins *pins, int joint)
+{
+    const struct joint_pins *from = &pins->joint[joint];
+    wanted[joint] = *pins->enable ? *from->nominal : approach(from, joint);
+    return wanted[joint];
+}
+
 int drives_read(const struct pins *pins, gt_tick_input *input)
 {
     int is_read = 1;
@@ -29,7 +60,7 @@ int drives_read(const struct pins *pins, gt_tick_input *input)
         gt_actual *actual = &input->actual[joint];
         const double torque = *from->torque;
         int64_t speed_nm_s = 0;
-        is_read &= to_nm(*from->nominal, joint, &input->nominal_nm[joint]);
+        is_read &= to_nm(ask(pins, joint), joint, &input->nominal_nm[joint]);
         is_read &= to_nm(*from->position, joint, &actual->position_nm);
         is_read &= to_nm(*from->velocity, joint, &speed_nm_s) && llabs(speed_nm_s / 1000) <= INT32_MAX;
         is_read &= fabs(torque) <= INT16_MAX; /* not of NaN */
@@ -44,15 +75,30 @@ int drives_read(const struct pins *pins, gt_tick_input *input)
 void drives_feedback(const struct pins *pins)
 {
     for (int joint = 0; joint < GANTRY_TAU_AXES; joint++) {
-        *pins->joint[joint].feedback = plus(*pins->joint[joint].position, -offset_nm[joint], joint);
+        const struct joint_pins *to = &pins->joint[joint];
+        /* LinuxCNC takes the position of a joint that is off for its command. */
+        *to->feedback = is_started && !*pins->enable ? nominal[joint] : plus(*to->position, -offset_nm[joint], joint);
     }
 }
 
 void drives_start(const struct pins *pins)
 {
     for (int joint = 0; joint < GANTRY_TAU_AXES; joint++) {
-        nominal[joint] = *pins->joint[joint].nominal;
+        nominal[joint] = wanted[joint];
+        *pins->joint[joint].reference = wanted[joint];
     }
+    is_started = 1;
+}
+
+int drives_are_near(const struct pins *pins)
+{
+    int is_near = 1;
+    for (int joint = 0; joint < GANTRY_TAU_AXES; joint++) {
+        int64_t position_nm, reference_nm;
+        is_near &= to_nm(*pins->joint[joint].position, joint, &position_nm) && to_nm(*pins->joint[joint].reference, joint, &reference_nm) &&
+                   llabs(position_nm - reference_nm) <= NEAR_NM;
+    }
+    return is_near;
 }
 
 /* Writes the reference of a joint: its nominal position, which is `nm` rounded, and its offset, within the machine's travel. */
@@ -73,10 +119,10 @@ static void write_reference(const struct pins *pins, int joint, double value, in
 void drives_hold(const struct pins *pins)
 {
     for (int joint = 0; joint < GANTRY_TAU_AXES; joint++) {
-        const struct joint_pins *to = &pins->joint[joint];
         int64_t nm;
-        if (to_nm(*to->nominal, joint, &nm)) {
-            write_reference(pins, joint, *to->nominal, nm);
+        if (to_nm(ask(pins, joint), joint, &nm)) {
+            nominal[joint] = wanted[joint];
+            write_reference(pins, joint, nominal[joint], nm);
         }
     }
     for (int motor = 0; motor < GANTRY_TAU_MOTORS; motor++) {
@@ -93,7 +139,7 @@ void drives_write(const struct pins *pins, const gt_tick_input *input, const gt_
         const gt_reference *reference = &output->motors[motor];
         /* Otherwise core holds the nominal position that is in force. */
         if (input->reading == GT_READING_DONE && state->nominal_nm == input->nominal_nm[joint]) {
-            nominal[joint] = *to->nominal;
+            nominal[joint] = wanted[joint];
         }
         offset_nm[joint] = state->offsets.position_nm;
         write_reference(pins, joint, nominal[joint], state->nominal_nm);

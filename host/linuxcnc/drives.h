@@ -7,10 +7,13 @@
 /* Takes the nominal positions as those in force: at the start. */
 void drives_start(const struct pins *pins);
 
-/* Gives LinuxCNC the positions of the drives without the offsets in force. */
+/* True if each drive stands where its reference is, so that it can be switched on. */
+int drives_are_near(const struct pins *pins);
+
+/* Gives LinuxCNC the positions of the drives without the offsets in force; while they are off, the nominal positions in force. */
 void drives_feedback(const struct pins *pins);
 
-/* Reads nominal positions and measurements. Returns 0 if one of them is not a number in range. */
+/* Reads nominal positions and measurements; while the drives are off, nominal positions that approach the drives. Returns 0 if one of them is not a number in range. */
 int drives_read(const struct pins *pins, gt_tick_input *input);
 
 /* Writes the references of a tick. */

@@ -12,6 +12,7 @@
 #include "hal.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <time.h>
 
@@ -59,6 +60,9 @@ static struct lateness lateness;
 static uint32_t skipped;
 static int64_t last_tick_ns;
 static int has_failed;
+/* What must be connected is; the force sensor is. */
+static int is_wired;
+static int has_wrench;
 
 /* Function `gantry-tau.read`: LinuxCNC sees the drives without the offsets. */
 static void read_function(void *unused, long period)
@@ -73,6 +77,21 @@ static void fail(const char *what, gt_code code)
     }
     has_failed = 1;
     *pins->phase = GT_PHASE_FAULT;
+    *pins->permit = 0;
+}
+
+/* Says what is not connected. LinuxCNC has loaded all files of HAL when its threads start. */
+static void check_wiring(void)
+{
+    const char *name = pins_unconnected(pins);
+    is_wired = name == NULL;
+    has_wrench = pins_have_wrench(pins);
+    if (!is_wired) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: %s is not connected: the machine is not permitted to be switched on\n", name);
+    }
+    if (!has_wrench) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: gantry-tau.wrench-0 to -5 are not all connected: no force is published\n");
+    }
 }
 
 /* Starts the server where the machine is. Stopped: a stop before a restart must outlive it, and a re-arm is a decision at the machine. */
@@ -88,6 +107,7 @@ static int start(long period)
         begin.in_force[joint].nominal_nm = input.nominal_nm[joint];
     }
     drives_start(pins);
+    check_wiring();
     code = gt_server_init(&memory, sizeof memory, &config, &begin, &server, NULL);
     if (code != GT_CODE_OK) {
         server = NULL;
@@ -101,15 +121,41 @@ static int is_stopped(void)
     return !*pins->enable || *pins->stop;
 }
 
+/* Says what is wrong with an input, once for each time that it goes wrong. Returns whether it is right. */
+static int right(int is_right, int *was_right, const char *wrong)
+{
+    if (!is_right && *was_right) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: %s\n", wrong);
+    }
+    *was_right = is_right;
+    return is_right;
+}
+
+/* Publishes the sample of the force sensor. One that is not valid is not published: a client ends if none comes. */
+static void publish(void)
+{
+    static int was_number = 1;
+    double wrench[6];
+    int is_number = 1;
+    for (int i = 0; i < 6; i++) {
+        wrench[i] = *pins->wrench[i];
+        is_number &= isfinite(wrench[i]) != 0;
+    }
+    is_number = right(is_number || !*pins->wrench_valid, &was_number, "gantry-tau.wrench-N is not a number: no force is published");
+    sockets_publish(output.state.tick, has_wrench && *pins->wrench_valid && is_number ? wrench : NULL);
+}
+
 static void tick(uint32_t elapsed)
 {
+    static int was_read = 1;
     gt_code code;
     uint64_t connection;
-    double wrench[6];
+    int is_read;
 
     sockets_receive(server);
     input.elapsed_cycles = elapsed;
-    input.reading = drives_read(pins, &input) ? GT_READING_DONE : GT_READING_FAILED;
+    is_read = right(drives_read(pins, &input), &was_read, "a measurement of a drive, or a command, is not a number in range: stopped");
+    input.reading = is_read ? GT_READING_DONE : GT_READING_FAILED;
     input.stop = is_stopped() ? GT_PRESSED : GT_RELEASED;
     input.rearm = *pins->rearm ? GT_PRESSED : GT_RELEASED;
     input.last_write = GT_WRITE_ACCEPTED;
@@ -122,11 +168,9 @@ static void tick(uint32_t elapsed)
     if (output.write) {
         drives_write(pins, &input, &output);
     }
-    for (int i = 0; i < 6; i++) {
-        wrench[i] = *pins->wrench[i];
-    }
+    *pins->permit = is_wired && is_read && (*pins->enable || drives_are_near(pins));
     /* Before the State of the same tick, so that a client has the sample when it answers. */
-    sockets_publish(output.state.tick, wrench);
+    publish();
     while (gt_server_poll_transmit(server, &frame) == GT_CODE_OK) {
         sockets_send(&frame);
     }

@@ -346,12 +346,15 @@ void sockets_publish(uint64_t tick, const double wrench[6])
 {
     uint8_t record[SENSOR_RECORD];
     uint8_t *end = put(record, tick);
+    accept_reader();
+    if (wrench == NULL) {
+        return;
+    }
     for (int i = 0; i < 6; i++) {
         uint64_t bits;
         memcpy(&bits, &wrench[i], sizeof bits);
         end = put(end, bits);
     }
-    accept_reader();
     for (int i = 0; i < SENSOR_READERS; i++) {
         int *reader = &sensor_readers[i];
         if (*reader != CLOSED && send(*reader, record, sizeof record, MSG_NOSIGNAL) != (ssize_t)sizeof record) {

@@ -35,7 +35,8 @@ void sockets_close(uint64_t connection);
 /* Waits until a connection has bytes to read, at most `timeout_ns`. For lock-step only. */
 void sockets_wait(uint64_t connection, long timeout_ns);
 
-/* Accepts at most one new reader of the force sensor and sends the record to each. A reader that does not keep up is dropped. */
+/* Accepts at most one new reader of the force sensor and sends the record to each, or nothing if `wrench` is NULL. A reader that does not
+ * keep up is dropped. */
 void sockets_publish(uint64_t tick, const double wrench[6]);
 
 #endif

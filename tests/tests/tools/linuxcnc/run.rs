@@ -93,7 +93,9 @@ impl Machine {
         copy(&folder().join("config"), &place.join("config"))?;
         let build = target().join(format!("linuxcnc-{name}-{test}"));
         make(name, &build, header)?;
-        std::fs::copy(build.join("gantrytaukins.so"), modules.join("gantrytaukins.so"))?;
+        for module in ["gantrytaukins.so", "gantry_tau.so"] {
+            std::fs::copy(build.join(module), modules.join(module))?;
+        }
         let machine = Self { name, place };
         let ini = machine.file(&format!("{name}.ini"));
         let sampler = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/tools/linuxcnc/sampler.tcl");
@@ -128,7 +130,7 @@ impl Machine {
         give(&self.place)?;
         let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         let script = format!(
-            "mount --bind {modules} {MODULES} && cd {home} && exec setpriv --reuid={USER} --regid={USER} --clear-groups \
+            "mount --bind {modules} {MODULES} && ip link set lo up && cd {home} && exec setpriv --reuid={USER} --regid={USER} --clear-groups \
              env -i HOME={home} PATH=/usr/bin:/bin RUNTESTS=1 {command} 2>&1",
             modules = self.place.join("modules").display(),
             home = self.file("").display(),

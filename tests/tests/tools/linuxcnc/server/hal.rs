@@ -59,14 +59,16 @@ pub(super) struct Hal {
 }
 
 impl Hal {
-    /// Starts a session in a folder of this name, and carries the setup out. With `nominal`, lines for its streamer, it is recorded.
-    pub(super) fn start(name: &str, setup: &str, nominal: Option<&str>) -> Self {
+    /// Starts a session in a folder of this name, and carries the setup out. With `streamed`, lines for its streamer and
+    /// what is added to the thread after the first one, it is recorded.
+    pub(super) fn start(name: &str, setup: &str, streamed: Option<[&str; 2]>) -> Self {
         let (modules, place) = (modules(), folder().join(name));
         let one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         fs::create_dir_all(&place).unwrap();
         fs::write(place.join("setup.hal"), setup).unwrap();
-        if let Some(nominal) = nominal {
+        if let Some([nominal, functions]) = streamed {
             fs::write(place.join("nominal.txt"), nominal).unwrap();
+            fs::write(place.join("functions.hal"), functions).unwrap();
         }
         // The unprivileged user writes there.
         assert!(Command::new("chown").args(["-R", "65534:65534"]).arg(&place).status().unwrap().success());

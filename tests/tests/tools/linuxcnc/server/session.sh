@@ -1,6 +1,6 @@
 # A session of HAL in folders and namespaces of its own, as an unprivileged user: as root LinuxCNC loads nothing.
 #     unshare --mount --ipc --pid --fork --mount-proc sh session.sh MODULES PLACE
-# PLACE has setup.hal and, for its streamer, nominal.txt. Each line of the standard input is a command for halcmd, or for the shell after a
+# PLACE has setup.hal and, for its streamer, nominal.txt and functions.hal, carried out when the streamer has begun. Each line of the standard input is a command for halcmd, or for the shell after a
 # `!`; a line with a dot ends each answer. The first answer is that of the setup.
 set -u
 if [ "$(id -u)" = 0 ]; then
@@ -15,7 +15,12 @@ if halcmd -f setup.hal; then
     if [ -e nominal.txt ]; then
         halstreamer nominal.txt &
         halsampler -t record.txt &
-        while [ "$(halcmd getp streamer.0.curr-depth)" = 0 ]; do sleep 0.01; done
+        tries=0
+        while [ "$(halcmd getp streamer.0.pin.0)" = 0 ] && [ $tries -lt 2000 ]; do
+            sleep 0.01
+            tries=$((tries + 1))
+        done
+        halcmd -f functions.hal
     fi
     echo ready
 fi
