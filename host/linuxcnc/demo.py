@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """The demonstration: a part on our kinematics, 300 N held by a client on the network, which is killed in mid-path; the ramp; the next client.
 
-    demo.py [--robot l2|f1] [--real] [--gantry-tau PROGRAM] FOLDER
+    demo.py [--robot l2|f1|FILE] [--real] [--gantry-tau PROGRAM] FOLDER
 
 Needs the modules of the machine among those of LinuxCNC, and an ordinary user. Records every servo period, and lets `gantry-tau
 linuxcnc-report` write FOLDER/report.html. Servo thread and client run in lock-step, unless `--real`: then a computer that does not hold 1 kHz
@@ -36,7 +36,7 @@ set joints $::KINS(JOINTS)
 loadrt sampler depth=4000,4000 cfg=[string repeat f [expr {2 * $joints}]],ffffffssu
 loadrt scale count=[expr {2 * $joints}]
 for {set joint 0} {$joint < $joints} {incr joint} {
-    set gain [lindex $::DEMO(NM_PER_UNIT) $joint]
+    set gain [lindex [join $::DEMO(NM_PER_UNIT)] $joint]
     foreach {place signal} [list $joint command-$joint [expr {$joints + $joint}] reference-$joint] {
         addf scale.$place servo-thread
         setp scale.$place.gain $gain
@@ -120,10 +120,10 @@ class Screen:
         self.run, self.status = run, run.status
         self.ini = run.linuxcnc.ini(ini)
         self.robot = self.ini.find("DEMO", "ROBOT")
-        self.client, self.began = None, time.monotonic()
+        self.client, self.sensor = None, None
 
     def say(self, text):
-        self.run.say("demo", f"{time.monotonic() - self.began:6.1f} s  {text}")
+        self.run.say("demo", f"{self.pin('sampler.0.sample-num') / 1e3:6.1f} s  {text}")
 
     def pin(self, name):
         return self.sensor.hal.get_value(name)
@@ -174,7 +174,7 @@ class Screen:
         self.killed_at = round(KILLED_AT * len(lines))
         self.run.switch_on()
         self.run.home()
-        self.sensor = Sensor(tomllib.loads(Path(self.robot).read_text()), self.status.joints)
+        self.sensor = Sensor(tomllib.loads(Path(self.ini.find("DEMO", "FILE")).read_text()), self.status.joints)
         self.rearm()
         self.say("machine on, homed, server re-armed")
         self.obtain()
@@ -207,18 +207,25 @@ def free_ports(count):
 
 
 def play(options):
-    robot = trial.HERE.parents[1] / "robots" / f"{options.robot}.toml"
-    metres_per_q = tomllib.loads(robot.read_text())["axes"]["metres_per_q"]
+    robot, file = options.robot, Path(options.robot).resolve()
+    if robot in ("l2", "f1"):
+        file = trial.HERE.parents[1] / "robots" / f"{robot}.toml"
+    elif not file.is_file():
+        sys.exit(f"demo.py: {robot} is neither l2 nor f1 nor a robot file")
+    else:
+        robot = file
+    keys = tomllib.loads(file.read_text())
+    metres_per_q = keys["axes"]["metres_per_q"]
     # Carts are in mm; plates in degrees, and q in radians.
     nm = [repr(1e6 if joint < 3 else metres * 1e9 * pi / 180) for joint, metres in enumerate(metres_per_q)]
     port, sensor_port = free_ports(2)
-    demo = f"[DEMO]\nROBOT = {robot}\nGANTRY_TAU = {options.gantry_tau}\nPORT = {port}\nSENSOR_PORT = {sensor_port}\nNM_PER_UNIT = {' '.join(nm)}\n\n"
+    demo = f"[DEMO]\nROBOT = {robot}\nFILE = {file}\nGANTRY_TAU = {options.gantry_tau}\nPORT = {port}\nSENSOR_PORT = {sensor_port}\nNM_PER_UNIT = {' '.join(nm)}\n\n"
     server = f"PARAMETERS = port={port} sensor_port={sensor_port} lockstep={int(not options.real)} "
     changes = [("[KINS]\n", demo + "[KINS]\n"), ("PARAMETERS = ", server)]
     folder = options.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(folder / "config", ignore_errors=True)
-    ini = trial.prepare(folder, options.robot, Path(__file__).resolve(), HAL, changes)
+    ini = trial.prepare(folder, keys["model"], Path(__file__).resolve(), HAL, changes)
     output = trial.linuxcnc(ini)
     start = "gantry-tau demo "
     said = [line.removeprefix(start) for line in output.splitlines() if line.startswith(start)]
@@ -234,7 +241,7 @@ if __name__ == "__main__":
     if "-ini" in sys.argv:
         sys.exit(Screen(sys.argv[sys.argv.index("-ini") + 1]).main())
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--robot", choices=["l2", "f1"], default="l2")
+    parser.add_argument("--robot", default="l2", metavar="l2|f1|FILE")
     parser.add_argument("--real", action="store_true", help="in real time; the default is lock-step")
     parser.add_argument("--gantry-tau", default="gantry-tau", metavar="PROGRAM")
     parser.add_argument("folder", type=Path, metavar="FOLDER")

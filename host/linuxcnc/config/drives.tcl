@@ -6,7 +6,7 @@ set joints $::KINS(JOINTS)
 
 loadrt $::KINS(KINEMATICS)
 loadrt $::EMCMOT(EMCMOT) servo_period_nsec=$::EMCMOT(SERVO_PERIOD) num_joints=$joints
-loadrt gantry_tau {*}$::GANTRY_TAU(PARAMETERS)
+loadrt gantry_tau {*}[join $::GANTRY_TAU(PARAMETERS)]
 loadrt flipflop
 loadrt mux2 count=[expr {2 * $joints}]
 loadrt lowpass count=$joints

@@ -4,6 +4,8 @@ mod record;
 mod report;
 mod results;
 mod table;
+#[cfg(test)]
+mod tests;
 mod tool;
 
 use std::path::PathBuf;

@@ -3,14 +3,16 @@
 use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::model::robot::ARMS;
 
-use super::results::{Results, stretches};
+use super::results::{LOADED_N, Results, stretches};
 use super::table;
-use super::tool::Moment;
+use super::tool::{Moment, norm};
 use crate::plots::page::{self, escape};
 use crate::plots::{Corner, Curve, Plot, over_time};
 
-/// Factor by which displacements are drawn larger than the path.
-const ENLARGED: f64 = 100.0;
+/// Largest length of a drawn displacement, mm of the path.
+const DRAWN_MM: f64 = 50.0;
+/// Shortest path that is drawn, periods.
+const PATH_PERIODS: usize = 1_000;
 /// Points of a drawn path, and periods shown before and after a ramp.
 const PATH_POINTS: usize = 3_000;
 const AROUND: u64 = 500;
@@ -22,15 +24,8 @@ pub(super) fn render<const N: usize>(results: &Results, moments: &[Moment<N>], s
     } else {
         format!("<p class=\"bad\">Not as it should be: {}</p>", escape(&results.complaints.join("; ")))
     };
-    let mut sections = vec![
-        (
-            "Path of the tool, from above",
-            format!(
-                "As LinuxCNC commands it, and where the springs put the tool under the load: displacements are drawn {ENLARGED:.0} times as large. \
-                 Lines, arcs, a helix, and corners that LinuxCNC blends."
-            ),
-            path(moments),
-        ),
+    let mut sections = paths(moments);
+    sections.extend([
         (
             "Displacement of the tool by the load",
             "Length of the displacement, with the offsets in the references and without. Where a client has ended, the offsets ramp to zero, \
@@ -39,7 +34,7 @@ pub(super) fn render<const N: usize>(results: &Results, moments: &[Moment<N>], s
             displacement(moments),
         ),
         ("Offsets of the axes", "In the references of the drives: reference minus LinuxCNC's command.".to_owned(), offsets(moments)),
-    ];
+    ]);
     if let Some(plot) = ramp(moments) {
         let text = "The client is killed in mid-path: every offset goes to zero by 0.1 µm per period, and LinuxCNC's path goes on.";
         sections.push(("The ramp", text.to_owned(), plot));
@@ -78,13 +73,40 @@ pub(super) fn render<const N: usize>(results: &Results, moments: &[Moment<N>], s
     page::page("gantry-tau in LinuxCNC", &body)
 }
 
-/// From above: x and y, with the first and the last stretch of Obtain.
-fn path<const N: usize>(moments: &[Moment<N>]) -> Plot {
+/// The path under each load that is long enough.
+fn paths<const N: usize>(moments: &[Moment<N>]) -> Vec<(&'static str, String, Plot)> {
+    let is_loaded = |moment: &Moment<N>| norm(moment.force_n) > LOADED_N;
+    let parts = moments.chunk_by(|last, now| is_loaded(last) == is_loaded(now));
+    let parts = parts.filter(|part| part.len() > PATH_PERIODS && part.first().is_some_and(is_loaded));
+    let titles = ["Path of the tool, from above", "Path of the tool with the next client"];
+    let texts = [
+        "Lines, arcs, a helix, and corners that LinuxCNC blends. The client is killed in mid-path: the path goes on, the tool gives way.",
+        "The same program once more, held to its end.",
+    ];
+    let drawn = titles.into_iter().zip(texts).zip(parts).map(|((title, text), part)| {
+        let enlarged = enlargement(part);
+        let text = format!(
+            "As LinuxCNC commands it, and where the springs put the tool under the load: displacements are drawn {enlarged:.0} times as large. {text}"
+        );
+        (title, text, path(part, enlarged))
+    });
+    drawn.collect()
+}
+
+/// Returns the power of ten by which the largest displacement is drawn at most [`DRAWN_MM`] long.
+fn enlargement<const N: usize>(moments: &[Moment<N>]) -> f64 {
+    let norms = moments.iter().flat_map(|moment| moment.displacement_um.norms());
+    let largest_mm = norms.fold(f64::MIN_POSITIVE, f64::max) / 1e3;
+    10_f64.powf((DRAWN_MM / largest_mm).log10().floor())
+}
+
+/// From above: x and y.
+fn path<const N: usize>(moments: &[Moment<N>], enlarged: f64) -> Plot {
     let every = moments.len().div_ceil(PATH_POINTS).max(1);
     let curve = |name: &str, of: &dyn Fn(&Moment<N>) -> [f64; 3]| {
         let point = |moment: &Moment<N>| {
             let ([x, y, _], [dx, dy, _]) = (moment.path_mm, of(moment));
-            (x + dx * ENLARGED / 1e3, y + dy * ENLARGED / 1e3)
+            (x + dx * enlarged / 1e3, y + dy * enlarged / 1e3)
         };
         Curve::line(name, moments.iter().step_by(every).map(point).collect())
     };
@@ -92,9 +114,9 @@ fn path<const N: usize>(moments: &[Moment<N>]) -> Plot {
         x_axis: "x, mm",
         y_axis: "y, mm",
         curves: vec![
-            curve("without offsets", &|moment| moment.displacement_um.without),
-            curve("with the offsets", &|moment| moment.displacement_um.with),
             Curve { colour: Some(7), ..curve("programmed", &|_| [0.0; 3]) },
+            Curve { colour: Some(1), ..curve("without offsets", &|moment| moment.displacement_um.without) },
+            Curve { colour: Some(0), ..curve("with the offsets", &|moment| moment.displacement_um.with) },
         ],
         bands: Vec::new(),
         y_names: Vec::new(),

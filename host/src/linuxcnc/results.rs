@@ -15,7 +15,7 @@ use crate::robot_file::RobotFile;
 /// offsets need some 100 ms.
 const SETTLED: usize = 300;
 /// Smallest force that counts as a load, N.
-const LOADED_N: f64 = 1.0;
+pub(super) const LOADED_N: f64 = 1.0;
 /// Largest change of the force between two periods that counts as standing still, N. Where the platform turns, the sensor's sample does.
 const STANDS_N: f64 = 0.5;
 

@@ -16,16 +16,15 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
     writeln!(text, "{} in LinuxCNC, {} servo periods\n", results.robot, results.periods)?;
     writeln!(
         text,
-        "  client   force   seconds            moving     displacement of the tool, um (mean)   remaining   missed"
+        "  client   force      under load   path moves   displacement of the tool, um   remaining   missed"
     )?;
-    writeln!(text, "               N                      of all     uncompensated        compensated      share")?;
+    writeln!(text, "               N               s    of all     uncompensated     compensated")?;
     for (number, session) in (1..).zip(&results.sessions) {
         let Session { seconds: [from, to], periods, moving, force_n, .. } = session;
-        let share = *moving as f64 / *periods as f64;
+        let moves = 100.0 * *moving as f64 / *periods as f64;
         writeln!(
             text,
-            "  {number:6}   {force_n:5.0}   {from:7.1} to {to:5.1}   {:6.0} %     {:13.2}      {:13.2}      {:5.2} %   {:6}",
-            100.0 * share,
+            "  {number:6}   {force_n:5.0}   {from:5.1} to {to:4.1}   {moves:8.0} %     {:13.2}   {:13.2}    {:6.2} %   {:6}",
             session.uncompensated_um,
             session.compensated_um,
             100.0 * session.remaining_share,
