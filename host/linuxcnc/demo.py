@@ -9,6 +9,7 @@ ends the sessions. LinuxCNC starts this file again as its screen, with `-ini FIL
 """
 
 import argparse
+import shlex
 import shutil
 import signal
 import socket
@@ -140,8 +141,8 @@ class Screen:
     def connect(self):
         """Starts a client."""
         ports = [f"127.0.0.1:{self.ini.find('DEMO', key)}" for key in ("PORT", "SENSOR_PORT")]
-        program = self.ini.find("DEMO", "GANTRY_TAU")
-        command = [program, "client", ports[0], "--sensor", ports[1], "--robot", self.robot]
+        program = shlex.split(self.ini.find("DEMO", "GANTRY_TAU"))
+        command = [*program, "client", ports[0], "--sensor", ports[1], "--robot", self.robot]
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
         return subprocess.Popen(command, **pipes)
 
@@ -233,7 +234,8 @@ def play(options):
     (folder / "said.txt").write_text("\n".join(said) + "\n")
     for name in ("joints.txt", "server.txt"):
         shutil.move(ini.parent / name, folder / name)
-    command = [options.gantry_tau, "linuxcnc-report", folder, "--robot", robot, "--report", folder / "report.html", "--json", folder / "report.json"]
+    command = [*shlex.split(options.gantry_tau), "linuxcnc-report", folder, "--robot", robot]
+    command += ["--report", folder / "report.html", "--json", folder / "report.json"]
     return subprocess.run(command).returncode
 
 

@@ -41,7 +41,7 @@ static double approach(const struct joint_pins *from, int joint)
     if (!to_nm(*from->position, joint, &position_nm) || !to_nm(*from->reference, joint, &reference_nm) || position_nm == reference_nm) {
         return nominal[joint];
     }
-    return nominal[joint] + fmax(-limit, fmin(step, limit));
+    return nominal[joint] + (step > limit ? limit : step < -limit ? -limit : step);
 }
 
 /* Nominal position that this cycle asks for: LinuxCNC's. */

@@ -6,6 +6,7 @@ set joints $::KINS(JOINTS)
 
 loadrt $::KINS(KINEMATICS)
 loadrt $::EMCMOT(EMCMOT) servo_period_nsec=$::EMCMOT(SERVO_PERIOD) num_joints=$joints
+# The INI file's values are lists with one element per line of that name.
 loadrt gantry_tau {*}[join $::GANTRY_TAU(PARAMETERS)]
 loadrt flipflop
 loadrt mux2 count=[expr {2 * $joints}]

@@ -1,6 +1,7 @@
 //! LinuxCNC as a process: headless, unprivileged, in namespaces of its own, so that runs share neither memory, ports nor modules.
 
-use std::os::unix::fs::chown;
+use std::fs::Permissions;
+use std::os::unix::fs::{PermissionsExt, chown};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Mutex, PoisonError};
@@ -71,7 +72,7 @@ pub(super) fn make(robot: &str, build: &Path, header: impl Fn(String) -> String)
 
 /// A configuration of `host/linuxcnc/config` in a folder of its own.
 pub(super) struct Machine {
-    name: &'static str,
+    pub(super) name: &'static str,
     place: PathBuf,
 }
 
@@ -86,6 +87,12 @@ pub(super) struct Ended {
 impl Machine {
     /// Builds the modules of a machine, and copies its configuration.
     pub(super) fn new(name: &'static str, test: &str, header: impl Fn(String) -> String) -> Result<Self, Failed> {
+        let machine = Self::built(name, test, header)?;
+        machine.after_drives("sampler.tcl")?;
+        Ok(machine)
+    }
+
+    fn built(name: &'static str, test: &str, header: impl Fn(String) -> String) -> Result<Self, Failed> {
         let place = std::env::temp_dir().join(format!("gantry-tau-linuxcnc-{name}-{test}-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&place);
         let modules = place.join("modules");
@@ -96,15 +103,45 @@ impl Machine {
         for module in ["gantrytaukins.so", "gantry_tau.so"] {
             std::fs::copy(build.join(module), modules.join(module))?;
         }
-        let machine = Self { name, place };
-        let ini = machine.file(&format!("{name}.ini"));
-        let sampler = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/tools/linuxcnc/sampler.tcl");
-        std::fs::copy(sampler, machine.file("sampler.tcl"))?;
-        let text = std::fs::read_to_string(&ini)?;
-        let drives = "HALFILE = ../drives.tcl\n";
-        assert!(text.contains(drives), "{text}");
-        std::fs::write(ini, text.replace(drives, &format!("{drives}HALFILE = sampler.tcl\n")))?;
+        Ok(Self { name, place })
+    }
+
+    /// As [`Self::new`], with the screen that obeys, and `parameters` of the server.
+    pub(super) fn obeying(name: &'static str, test: &str, parameters: &str) -> Result<Self, Failed> {
+        let machine = Self::built(name, test, |header| header)?;
+        machine.after_drives("judged.tcl")?;
+        std::fs::copy(own("screen.py"), machine.file("screen.py"))?;
+        std::fs::set_permissions(machine.file("screen.py"), Permissions::from_mode(0o755))?;
+        machine.edit("DISPLAY = ../run.py", "DISPLAY = ./screen.py")?;
+        machine.edit("PARAMETERS = epoch_file=epochs", &format!("PARAMETERS = epoch_file=epochs {parameters}"))?;
         Ok(machine)
+    }
+
+    /// Loads a file of the tests after the drives.
+    fn after_drives(&self, name: &str) -> Result<(), Failed> {
+        std::fs::copy(own(name), self.file(name))?;
+        let drives = "HALFILE = ../drives.tcl";
+        self.edit(drives, &format!("{drives}\nHALFILE = {name}"))
+    }
+
+    /// Replaces a text of the INI file, which has it once.
+    pub(super) fn edit(&self, from: &str, to: &str) -> Result<(), Failed> {
+        replace(&self.file(&format!("{}.ini", self.name)), from, to)
+    }
+
+    /// Replaces a text of `drives.tcl`, which has it once.
+    pub(super) fn edit_drives(&self, from: &str, to: &str) -> Result<(), Failed> {
+        replace(&self.file("../drives.tcl"), from, to)
+    }
+
+    /// Takes a module from somewhere else.
+    pub(super) fn module(&self, path: &Path) -> Result<(), Failed> {
+        Ok(std::fs::copy(path, self.place.join("modules").join(path.file_name().unwrap())).map(drop)?)
+    }
+
+    /// Epochs that are used up.
+    pub(super) fn epochs(&self) -> u64 {
+        std::fs::read_to_string(self.file("epochs")).unwrap().trim().parse().unwrap()
     }
 
     /// Path of a file of the configuration.
@@ -119,30 +156,46 @@ impl Machine {
 
     /// Runs LinuxCNC until its screen ends.
     pub(super) fn run(&self) -> Result<Ended, Failed> {
-        std::fs::write(self.file("sim.var"), "")?;
-        let said = self.unprivileged(&format!("linuxcnc {}", self.file(&format!("{}.ini", self.name)).display()))?;
+        let said = self.unprivileged(&self.linuxcnc()?)?;
         let record = std::fs::read_to_string(self.file("record.txt")).unwrap_or_default();
         Ok(Ended { record: Record::parse(&record), said })
     }
 
+    /// The command that runs LinuxCNC until its screen ends.
+    pub(super) fn linuxcnc(&self) -> Result<String, Failed> {
+        std::fs::write(self.file("sim.var"), "")?;
+        Ok(format!("linuxcnc {}", self.file(&format!("{}.ini", self.name)).display()))
+    }
+
     /// Runs a command as the user who may load modules, in the configuration's folder; returns all output.
     pub(super) fn unprivileged(&self, command: &str) -> Result<String, Failed> {
-        give(&self.place)?;
         let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+        let output = self.command(command)?.output()?;
+        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+    }
+
+    /// The process for [`Self::unprivileged`].
+    pub(super) fn command(&self, command: &str) -> Result<Command, Failed> {
+        give(&self.place)?;
+        // A /tmp of its own: LinuxCNC's lock is there.
         let script = format!(
-            "mount --bind {modules} {MODULES} && ip link set lo up && cd {home} && exec setpriv --reuid={USER} --regid={USER} --clear-groups \
+            "mount --bind {place} /mnt && mount -t tmpfs tmp /tmp && chmod 1777 /tmp && mkdir {place} && mount --bind /mnt {place} && \
+             mount --bind {place}/modules {MODULES} && ip link set lo up && cd {home} && exec setpriv --reuid={USER} --regid={USER} --clear-groups \
              env -i HOME={home} PATH=/usr/bin:/bin RUNTESTS=1 {command} 2>&1",
-            modules = self.place.join("modules").display(),
+            place = self.place.display(),
             home = self.file("").display(),
         );
         let mut limited = Command::new("timeout");
-        let output = limited.args(["150", "unshare"]).args(NAMESPACES).args(["sh", "-c", &script]).output()?;
-        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+        limited.args(["150", "unshare"]).args(NAMESPACES).args(["sh", "-c", &script]);
+        Ok(limited)
     }
 }
 
 impl Drop for Machine {
     fn drop(&mut self) {
+        if std::env::var_os("GT_KEEP").is_some_and(|v| v == "1") {
+            return;
+        }
         let _ = std::fs::remove_dir_all(&self.place);
     }
 }
@@ -168,6 +221,18 @@ impl Ended {
         let after = rows.iter().rposition(|row| row.is_on && row.is_world).unwrap();
         &rows[from..=after]
     }
+}
+
+/// Replaces a text of a file, which has it once.
+fn replace(file: &Path, from: &str, to: &str) -> Result<(), Failed> {
+    let text = std::fs::read_to_string(file)?;
+    assert_eq!(text.matches(from).count(), 1, "{from}: {text}");
+    Ok(std::fs::write(file, text.replace(from, to))?)
+}
+
+/// A file of these tests.
+fn own(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/linuxcnc").join(name)
 }
 
 /// Copies a folder with its folders.
