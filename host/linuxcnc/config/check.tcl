@@ -1,6 +1,9 @@
 # Refuses a configuration that is not of the machine that the modules were built for. After `loadrt` of both.
 
-proc refuse {why} { error "gantry_tau: $why" }
+proc refuse {why} {
+    puts stderr "gantry_tau: $why"
+    exit 1
+}
 
 # Values of pins; whole numbers may be printed in hexadecimal.
 proc value {pin} { return [expr {[string trim [hal getp $pin]] + 0}] }

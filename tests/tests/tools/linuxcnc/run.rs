@@ -4,7 +4,7 @@ use std::fs::Permissions;
 use std::os::unix::fs::{PermissionsExt, chown};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{PoisonError, RwLock};
 
 use gantry_tau::header::{HeaderOptions, run as write_header};
 use gantry_tau::robot_file::AnyRobotFile;
@@ -21,8 +21,8 @@ const USER: u32 = 65534;
 /// Namespaces of a run: mounts, memory between processes, network, processes.
 const NAMESPACES: [&str; 7] = ["-m", "-i", "-n", "-p", "--fork", "--kill-child", "--mount-proc"];
 
-/// One run at a time: two would be late on a small computer.
-pub(super) static ONE: Mutex<()> = Mutex::new(());
+/// One run at a time, which two would make late on a small computer; runs in lock-step do not mind, and share it.
+pub(super) static ONE: RwLock<()> = RwLock::new(());
 
 /// What is missing for a run, by name.
 pub(super) fn missing() -> Vec<&'static str> {
@@ -139,6 +139,11 @@ impl Machine {
         Ok(std::fs::copy(path, self.place.join("modules").join(path.file_name().unwrap())).map(drop)?)
     }
 
+    /// True if the thread waits for the client.
+    pub(super) fn is_lockstep(&self) -> bool {
+        std::fs::read_to_string(self.file(&format!("{}.ini", self.name))).unwrap().contains("lockstep=1")
+    }
+
     /// Epochs that are used up.
     pub(super) fn epochs(&self) -> u64 {
         std::fs::read_to_string(self.file("epochs")).unwrap().trim().parse().unwrap()
@@ -169,7 +174,7 @@ impl Machine {
 
     /// Runs a command as the user who may load modules, in the configuration's folder; returns all output.
     pub(super) fn unprivileged(&self, command: &str) -> Result<String, Failed> {
-        let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+        let _one = ONE.write().unwrap_or_else(PoisonError::into_inner);
         let output = self.command(command)?.output()?;
         Ok(String::from_utf8_lossy(&output.stdout).into_owned())
     }
@@ -193,9 +198,6 @@ impl Machine {
 
 impl Drop for Machine {
     fn drop(&mut self) {
-        if std::env::var_os("GT_KEEP").is_some_and(|v| v == "1") {
-            return;
-        }
         let _ = std::fs::remove_dir_all(&self.place);
     }
 }

@@ -133,7 +133,7 @@ impl Bench {
 
     fn wait_for(&mut self, pin: &str, value: u8) {
         let since = Instant::now();
-        while self.hal.pin(pin) != f64::from(value) {
+        while self.hal.ask(&format!("getp {pin}")) != value.to_string() {
             assert!(since.elapsed() < PATIENCE, "waited in vain for {pin} = {value}: {}", self.hal.said());
         }
     }
@@ -209,7 +209,7 @@ fn two_ends(parameters: &[&str]) {
     bench.hal.ask("setp gantry-tau.stop 0");
     // Only a re-arm leads out, and not before the offsets are zero.
     bench.pass(2_500);
-    assert_eq!(bench.hal.pin("gantry-tau.phase"), f64::from(FAULT));
+    assert_eq!(bench.hal.ask("getp gantry-tau.phase"), FAULT.to_string());
     bench.rearm();
     assert_eq!(client.end(), Some(6), "its session was ended by the server");
     let rows = bench.end();

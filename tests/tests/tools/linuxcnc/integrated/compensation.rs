@@ -8,27 +8,26 @@ use super::judged::{Limits, OBTAIN, SAFE_DISCONNECT, ends};
 use super::session::Session;
 use super::{CLOSED, GOODBYE, end, l2, l2_part, turns, variant};
 
-/// Force along the platform's x, N.
-const FORCE_N: f64 = 300.0;
 /// Offsets are whole nanometres, of a reference that is one too; the filter has settled.
 const ROUNDING_NM: f64 = 2.0;
 
 pub(super) fn of_l2() {
-    compensates("l2", &l2(), [1.0; 3], &l2_part(2), [0.02, 0.5075, 0.65225]);
+    compensates([300.0, -200.0], "l2", &l2(), [1.0; 3], &l2_part(2), [0.02, 0.5075, 0.65225]);
 }
 
 pub(super) fn of_f1() {
     let AnyRobotFile::F1(robot) = AnyRobotFile::named("f1").unwrap() else { panic!("the F1 has six axes") };
     let metres = robot.metres_per_q;
     let nm = std::array::from_fn(|axis| if axis < 3 { 1e6 } else { metres[axis] * 1e9 * 1_f64.to_radians() });
-    let part = turns(3, [100.0, 0.0, 300.0], "X120 Y7.5 Z302.25 A0 B0 C0");
+    let part = turns(2, [100.0, 0.0, 300.0], "X120 Y7.5 Z302.25 A0 B0 C0");
     let part = part.replace("\no100 endrepeat", " A2 B-1 C3\no100 endrepeat");
-    compensates("f1", &Limits { axes: robot.limits, nm }, metres, &part, [0.12, 0.0075, 0.30225]);
+    compensates([60.0, -40.0], "f1", &Limits { axes: robot.limits, nm }, metres, &part, [0.12, 0.0075, 0.30225]);
 }
 
-/// A program runs while 300 N and -200 N are compensated; the client is killed in mid-path; the next one gets in after the ramp. At rest the
+/// A program runs while a force along the platform's x is compensated, and one against it; the client is killed in mid-path; the next one gets in after the ramp. At rest the
 /// offsets are those of `gantry-tau solve`.
 fn compensates<const N: usize>(
+    [force_n, opposite_n]: [f64; 2],
     robot: &'static str,
     limits: &Limits<N>,
     metres_per_q: [f64; N],
@@ -45,13 +44,13 @@ fn compensates<const N: usize>(
     session.ask("run");
     session.pass(500);
     let first = session.obtain(&file);
-    session.load(FORCE_N);
+    session.load(force_n);
     session.pass(800);
-    session.load(-200.0);
+    session.load(opposite_n);
     session.pass(800);
     first.signal("KILL");
     let last = session.obtain(&file);
-    session.load(FORCE_N);
+    session.load(force_n);
     session.pass(300);
     assert_eq!(session.ask("wait 0 s.interp_state != linuxcnc.INTERP_IDLE"), "done", "the program still runs");
     session.wait("s.interp_state == linuxcnc.INTERP_IDLE and s.inpos and s.queue == 0");
@@ -68,8 +67,8 @@ fn compensates<const N: usize>(
     let step = i64::from(limits.axes[1].limits.position.step());
     let fastest = rows.windows(2).map(|pair| (pair[1].offset[1] - pair[0].offset[1]).abs()).max().unwrap();
     assert_eq!(fastest, step, "the limit of a step was met");
-    let settled = obtained().last().unwrap().offset;
-    let expected = offsets(robot, at, metres_per_q);
+    let settled = obtained().next_back().unwrap().offset;
+    let expected = offsets(force_n, robot, at, metres_per_q);
     for (axis, (found, expected)) in settled.iter().zip(expected).enumerate() {
         let error = f64::from(i32::try_from(*found).unwrap()) - expected;
         assert!(error.abs() < ROUNDING_NM, "axis {axis}: {found}, expected {expected}");
@@ -78,10 +77,11 @@ fn compensates<const N: usize>(
 
 /// Offsets by `gantry-tau solve`, nm, for a raw sample that is a force along the platform's x: the load turns the platform, and the sensor
 /// on it, so that the load on the world's axes is found in a few rounds.
-fn offsets<const N: usize>(robot: &str, at: [f64; 3], metres_per_q: [f64; N]) -> [f64; N] {
+fn offsets<const N: usize>(force_n: f64, robot: &str, at: [f64; 3], metres_per_q: [f64; N]) -> [f64; N] {
     let solve = |op: &str, load: &[f64; 6], key: &str| -> Vec<f64> {
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots");
-        let asked = format!("{{\"id\":0,\"robot\":\"{file}/{robot}.toml\",\"op\":\"{op}\",\"T\":{at:?},\"w\":{load:?}}}\n");
+        let asked =
+            format!("{{\"id\":0,\"robot\":\"{file}/{robot}.toml\",\"op\":\"{op}\",\"T\":{at:?},\"w\":{load:?}}}\n");
         let mut answer = Vec::new();
         gantry_tau::solve::run(asked.as_bytes(), &mut answer).unwrap();
         let answer: serde_json::Value = serde_json::from_slice(&answer).unwrap();
@@ -89,10 +89,11 @@ fn offsets<const N: usize>(robot: &str, at: [f64; 3], metres_per_q: [f64; N]) ->
         numbers.iter().map(|number| number.as_f64().unwrap()).collect()
     };
     // Of both robot files: the sensor is 0.08 m below the tool centre point.
-    let force = Vector3::new(FORCE_N, 0.0, 0.0);
+    let force = Vector3::new(force_n, 0.0, 0.0);
     let moment = Vector3::new(0.0, 0.0, -0.08).cross(&force);
     let mut load = [force.x, force.y, force.z, moment.x, moment.y, moment.z];
-    for _ in 0..4 {
+    // Six axes hold the orientation as well.
+    for _ in 0..if N == 3 { 4 } else { 0 } {
         let moved = solve("deflection", &load, "dx_total");
         let turned = Rotation3::from_scaled_axis(Vector3::new(moved[3], moved[4], moved[5]));
         let (force, moment) = (turned * force, turned * moment);

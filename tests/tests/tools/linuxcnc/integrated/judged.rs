@@ -19,8 +19,8 @@ const DIGITS_NM: f64 = 2.0;
 /// Share of the distance by which references approach drives that are off, and the largest distance at machine-on, nm: `drives.c`.
 const SHARE: f64 = 64.0;
 const NEAR_NM: f64 = 10_000.0;
-/// Largest change of a reference when the machine is switched on, nm.
-const SWITCHED_ON_NM: f64 = 200.0;
+/// Largest change of a reference when the machine is switched on, nm: a ramp's, and an approach's from `NEAR_NM`.
+const SWITCHED_ON_NM: f64 = 100.0 + NEAR_NM / SHARE + DIGITS_NM;
 
 /// One period. Positions in nm, unrounded.
 #[derive(Clone, Debug)]

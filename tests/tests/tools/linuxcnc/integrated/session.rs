@@ -4,7 +4,7 @@ use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
-use std::sync::{MutexGuard, OnceLock, PoisonError};
+use std::sync::{OnceLock, PoisonError, RwLockReadGuard, RwLockWriteGuard};
 
 use super::super::run::{Machine, ONE};
 use crate::firmware::program;
@@ -18,6 +18,12 @@ pub(super) fn program() -> &'static Path {
 /// Seconds that anything may take.
 const PATIENCE: u32 = 60;
 
+/// Leave to run, beside others in lock-step or alone.
+enum Turn {
+    Shared(#[expect(dead_code, reason = "held")] RwLockReadGuard<'static, ()>),
+    Alone(#[expect(dead_code, reason = "held")] RwLockWriteGuard<'static, ()>),
+}
+
 /// LinuxCNC, running.
 pub(super) struct Session {
     shell: Child,
@@ -27,13 +33,17 @@ pub(super) struct Session {
     pub(super) said: String,
     /// It was loaded, and obeys.
     pub(super) is_ready: bool,
-    _one: MutexGuard<'static, ()>,
+    _one: Turn,
 }
 
 impl Session {
     /// Starts LinuxCNC with a configuration whose screen is `screen.py`.
     pub(super) fn start(machine: &Machine) -> Self {
-        let one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+        let one = if machine.is_lockstep() {
+            Turn::Shared(ONE.read().unwrap_or_else(PoisonError::into_inner))
+        } else {
+            Turn::Alone(ONE.write().unwrap_or_else(PoisonError::into_inner))
+        };
         let mut shell = machine
             .command(&machine.linuxcnc().unwrap())
             .unwrap()

@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use std::sync::{MutexGuard, OnceLock, PoisonError};
+use std::sync::{OnceLock, PoisonError, RwLockWriteGuard};
 
 use super::super::run::{ONE, make};
 use crate::firmware::program;
@@ -55,7 +55,7 @@ pub(super) struct Hal {
     place: PathBuf,
     /// The setup was carried out without an error.
     pub(super) is_ready: bool,
-    _one: MutexGuard<'static, ()>,
+    _one: RwLockWriteGuard<'static, ()>,
 }
 
 impl Hal {
@@ -63,7 +63,7 @@ impl Hal {
     /// what is added to the thread after the first one, it is recorded.
     pub(super) fn start(name: &str, setup: &str, streamed: Option<[&str; 2]>) -> Self {
         let (modules, place) = (modules(), folder().join(name));
-        let one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+        let one = ONE.write().unwrap_or_else(PoisonError::into_inner);
         fs::create_dir_all(&place).unwrap();
         fs::write(place.join("setup.hal"), setup).unwrap();
         if let Some([nominal, functions]) = streamed {
