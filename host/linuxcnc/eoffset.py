@@ -3,20 +3,19 @@
 
     eoffset.py [FOLDER]       runs LinuxCNC with config/l2 in FOLDER (default: a temporary one), and prints a table (Markdown)
 
-Needs `gantrytaukins` of the L2 among LinuxCNC's modules, and an ordinary user. LinuxCNC starts this file again as its screen, with `-ini FILE`.
+Needs the modules of the L2 among those of LinuxCNC, and an ordinary user. LinuxCNC starts this file again as its screen, with `-ini FILE`.
 Exit code 0: the table; 1: LinuxCNC did not run, or did not do what a row says.
 """
 
 import math
-import os
-import shutil
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
+import trial
+
 PERIOD_S = 1e-3
 # Share of the limits of [AXIS_X], 500 mm/s and 1000 mm/s^2, that LinuxCNC may use for an offset.
 SHARE = 0.4
@@ -71,7 +70,7 @@ class Screen:
     """Does all parts; what happened is in the record."""
 
     def __init__(self):
-        sys.path.insert(0, str(HERE / "config"))
+        sys.path.insert(0, str(trial.HERE / "config"))
         import run
 
         self.run, self.linuxcnc = run, run.linuxcnc
@@ -177,26 +176,6 @@ class Screen:
         self.run.say("ended done")
 
 
-def prepare(folder):
-    """Copies the configuration, with the comparison in it; returns the folder of its INI file."""
-    shutil.copytree(HERE / "config", folder / "config")
-    shutil.copy(__file__, folder / "eoffset.py")
-    l2 = folder / "config" / "l2"
-    text = (l2 / "l2.ini").read_text()
-    for old, new in (
-        ("DISPLAY = ../run.py", "DISPLAY = ../../eoffset.py"),
-        ("HALFILE = ../drives.tcl\n", "HALFILE = ../drives.tcl\nHALFILE = eoffset.tcl\n"),
-        ("[AXIS_X]\n", f"[AXIS_X]\nOFFSET_AV_RATIO = {SHARE}\n"),
-        ("MAX_LIMIT = 400\n", f"MAX_LIMIT = {LIMIT}\n"),
-    ):
-        assert old in text, old
-        text = text.replace(old, new, 1)
-    (l2 / "eoffset.ini").write_text(text)
-    (l2 / "eoffset.tcl").write_text(HAL)
-    (l2 / "sim.var").touch()
-    return l2
-
-
 class Part:
     """Rows of one part, by column."""
 
@@ -276,15 +255,11 @@ def judge(l2):
 
 
 def compare(folder):
-    l2 = prepare(folder)
-    environment = {**os.environ, "RUNTESTS": "1"}
-    done = subprocess.run(
-        ["linuxcnc", str(l2 / "eoffset.ini")], cwd=l2, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True
-    )
-    if "gantry-tau ended done" not in done.stdout:
-        sys.exit(f"eoffset.py: LinuxCNC did not run to the end\n{done.stdout[-3000:]}{done.stderr[-1000:]}")
+    changes = [("[AXIS_X]\n", f"[AXIS_X]\nOFFSET_AV_RATIO = {SHARE}\n"), ("MAX_LIMIT = 400\n", f"MAX_LIMIT = {LIMIT}\n")]
+    ini = trial.prepare(folder, "l2", Path(__file__).resolve(), HAL, changes)
+    trial.linuxcnc(ini)
     print("| event | `axis.L.eoffset` | `gantry_tau` |\n|---|---|---|")
-    for row in judge(l2):
+    for row in judge(ini.parent):
         print(f"| {' | '.join(row)} |")
 
 

@@ -10,12 +10,12 @@
     reason = "tests fail by panicking"
 )]
 
-mod eoffset;
 mod header;
 mod integrated;
 mod kinematics;
 mod record;
 mod run;
+mod scripts;
 mod server;
 
 use libtest_mimic::{Failed, Trial};
@@ -36,7 +36,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         ("l2_refuses_a_pose_and_nothing_moves", || kinematics::refuses_a_pose("l2")),
         ("f1_refuses_a_pose_and_nothing_moves", || kinematics::refuses_a_pose("f1")),
         ("l2_stops_where_a_path_leaves_its_reach", kinematics::stops_where_a_path_leaves_its_reach),
-        ("eoffset_does_what_the_readme_says", eoffset::does_what_the_readme_says),
+        ("demonstration", scripts::demonstration),
+        ("eoffset_does_what_the_readme_says", scripts::does_what_the_readme_says),
         ("a_changed_header_is_not_loaded", kinematics::changed_header_is_not_loaded),
     ];
     trials.extend(

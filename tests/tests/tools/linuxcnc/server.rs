@@ -1,7 +1,7 @@
 //! The component `gantry_tau` in a thread of HAL without the motion controller: a streamer has the path, the drives are ideal, and the
 //! unchanged `gantry-tau client` compensates.
 
-mod hal;
+pub(super) mod hal;
 mod record;
 
 use std::collections::BTreeSet;

@@ -21,7 +21,7 @@ fn folder() -> PathBuf {
 }
 
 /// `gantry-tau`, built once.
-pub(super) fn program() -> &'static Path {
+pub(in super::super) fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(program::build)
 }
