@@ -99,6 +99,8 @@ struct Bench {
 
 impl Bench {
     fn start(name: &str, parameters: &[&str]) -> Self {
+        // Nothing waits for the compiler later.
+        program();
         let ports = free_ports();
         let [port, sensor_port] = ports;
         let parameters = format!("port={port} sensor_port={sensor_port} epoch_file=epochs {}", parameters.join(" "));

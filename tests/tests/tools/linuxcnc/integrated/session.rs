@@ -39,6 +39,8 @@ pub(super) struct Session {
 impl Session {
     /// Starts LinuxCNC with a configuration whose screen is `screen.py`.
     pub(super) fn start(machine: &Machine) -> Self {
+        // Nothing waits for the compiler later.
+        program();
         let one = if machine.is_lockstep() {
             Turn::Shared(ONE.read().unwrap_or_else(PoisonError::into_inner))
         } else {
