@@ -43,7 +43,7 @@ static int lockstep = 0;
 RTAPI_MP_INT(lockstep, "1: the thread waits for the client; for tests only");
 
 enum { ABSENT = -1 };
-/* Lock-step: silence that counts as a miss; as a tick of the handshake; longest wait between two looks at the pins. */
+/* Lock-step: silence that counts as a miss, and as a tick of the handshake; longest wait between two looks at the pins. */
 static const int64_t SILENCE_NS = 1000000000, HANDSHAKE_SILENCE_NS = 10000000, POLL_NS = 500000;
 
 static int component = ABSENT;
@@ -183,26 +183,36 @@ static void tick(uint32_t elapsed)
     *pins->tick = (hal_u32_t)output.state.tick;
 }
 
-/* Lock-step: waits until the owner has answered the last State or has been silent for long, or somebody stops; without a session, for a cycle. */
-static void wait_for_answer(long period)
+/* True if a session has a client that answers States. */
+static int is_live(void)
 {
     const gt_phase phase = output.state.phase;
-    const int is_live = phase == GT_PHASE_SUBMIT || phase == GT_PHASE_OBTAIN;
-    const int64_t until = last_tick_ns + (is_live ? SILENCE_NS : phase == GT_PHASE_HANDSHAKE ? HANDSHAKE_SILENCE_NS : period);
+    return phase == GT_PHASE_HANDSHAKE || phase == GT_PHASE_SUBMIT || phase == GT_PHASE_OBTAIN;
+}
+
+/* Lock-step: waits until the owner has answered the last State or has been silent for long, or somebody stops. */
+static void wait_for_answer(void)
+{
+    const int64_t until = last_tick_ns + (output.state.phase == GT_PHASE_HANDSHAKE ? HANDSHAKE_SILENCE_NS : SILENCE_NS);
     uint8_t has_answered = 0;
     int64_t left;
 
     while ((left = until - rtapi_get_time()) > 0) {
-        const struct timespec rest = {.tv_nsec = (long)(left < POLL_NS ? left : POLL_NS)};
-        if (!is_live && phase != GT_PHASE_HANDSHAKE) {
-            nanosleep(&rest, NULL);
-            continue;
-        }
         sockets_receive(server);
         if (gt_server_owner_has_answered(server, &has_answered) != GT_CODE_OK || has_answered || !output.has_owner || is_stopped()) {
             return;
         }
-        sockets_wait(output.owner, rest.tv_nsec);
+        sockets_wait(output.owner, (long)(left < POLL_NS ? left : POLL_NS));
+    }
+}
+
+/* Lock-step without a session: the thread is behind its clock by what it has waited, and goes on at its own pace. */
+static void wait_for_period(long period)
+{
+    int64_t left;
+    while (lateness.is_started && (left = lateness.due_ns + period - rtapi_get_time()) > 0) {
+        const struct timespec rest = {.tv_nsec = (long)(left < POLL_NS ? left : POLL_NS)};
+        nanosleep(&rest, NULL);
     }
 }
 
@@ -222,11 +232,15 @@ static void write_function(void *unused, long period)
         drives_hold(pins);
         return;
     }
-    if (lockstep) {
-        wait_for_answer(period);
+    if (lockstep && is_live()) {
+        wait_for_answer();
         last_tick_ns = rtapi_get_time();
+        lateness.is_started = 0;
         tick(1);
         return;
+    }
+    if (lockstep) {
+        wait_for_period(period);
     }
     late_ns = lateness_of_call(&lateness, rtapi_get_time(), period);
     note_lateness(late_ns);
@@ -237,6 +251,7 @@ static void write_function(void *unused, long period)
         drives_hold(pins);
         return;
     }
+    last_tick_ns = rtapi_get_time();
     tick(1 + skipped);
     skipped = 0;
 }

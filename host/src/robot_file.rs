@@ -179,7 +179,7 @@ impl RobotFile<F1, { f1::AXES }> {
 }
 
 impl<K, const N: usize> RobotFile<K, N> {
-    /// How a client computes corrections for this machine.
+    /// Computation of corrections by a client of this machine.
     #[must_use]
     pub fn correction(&self) -> CorrectionKind {
         let usual = if self.identified.is_some() { CorrectionKind::Exact } else { CorrectionKind::FirstOrder };

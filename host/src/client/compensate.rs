@@ -19,7 +19,7 @@ pub struct Compensation<const N: usize> {
     compensator: Box<dyn Compensator<N>>,
     /// Load of the last cycle; `None` while taring.
     load: Option<Wrench>,
-    /// How that load turns the platform, and the sensor on it: 2.5 mrad at 300 N on an L2, which is 0.75 N across.
+    /// Turn of the platform by that load, and of the sensor on it: 2.5 mrad at 300 N on an L2, which is 0.75 N across.
     turn: Matrix3<f64>,
 }
 

@@ -14,7 +14,7 @@ use crate::sim::springs::deviated;
 use crate::springs::compliances::Springs;
 use crate::springs::loaded::Loaded;
 
-/// What each way leaves of the displacement of the tool at home under a force in x, µm: to first order, and exact.
+/// Remaining displacement of the tool at home under a force in x, µm: with first order, and with exact correction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Corrections {
     /// Force in x, N.

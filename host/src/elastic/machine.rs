@@ -239,7 +239,7 @@ impl<const N: usize> ElasticMachine<N> {
     }
 }
 
-/// How loads go through the machine in one pose.
+/// Path of loads through the machine in one pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transmission<const N: usize> {
     inverse: Matrix6<f64>,

@@ -27,11 +27,11 @@ pub struct Parameter {
     pub low95: f64,
     /// Upper end.
     pub high95: f64,
-    /// What the measurements say of it.
+    /// Status of it by the measurements.
     pub status: Status,
 }
 
-/// What measurements say of a parameter.
+/// Status of a parameter by the measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {

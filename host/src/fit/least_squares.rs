@@ -28,7 +28,7 @@ const LEAST_DECREASE: f64 = 0.1;
 /// Whitened rows at a state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rows {
-    /// What was measured less what the state predicts, in standard deviations.
+    /// Measurements less predictions, in standard deviations.
     pub residuals: DVector<f64>,
     /// `J`: derivatives of the predictions by the parameters, column per parameter, in standard deviations per unit of the parameter.
     pub derivatives: DMatrix<f64>,
@@ -100,7 +100,7 @@ pub struct Fit<S> {
     pub state: S,
     /// Rows there.
     pub rows: Rows,
-    /// What they see, in scaled parameters.
+    /// Decomposition of the derivatives, in scaled parameters.
     pub seen: Seen,
     /// Rounds that it took.
     pub rounds: u32,
@@ -126,7 +126,7 @@ impl<S> Fit<S> {
     }
 }
 
-/// What rows see of their parameters: a decomposition of `J diag(scales)`.
+/// Decomposition of `J diag(scales)`: the combinations of parameters that rows see, and those they do not.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seen {
     svd: Svd,

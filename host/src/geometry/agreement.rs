@@ -50,6 +50,14 @@ pub struct Agreement<S> {
     pub outliers: Vec<usize>,
 }
 
+impl<S> Agreement<S> {
+    /// Indices of the poses that agree, of `count`.
+    #[must_use]
+    pub fn used(&self, count: usize) -> Vec<usize> {
+        (0..count).filter(|index| !self.outliers.contains(index)).collect()
+    }
+}
+
 /// Fits a machine from `start`. Poses that do not agree are left out, until nothing changes; so are, to begin with, those that the start
 /// cannot stand in.
 ///
@@ -113,7 +121,7 @@ pub fn rms_m<M: Model>(model: &M, state: &M::State, poses: impl Iterator<Item = 
 /// where what is left does not lead to a machine.
 #[must_use]
 pub fn left_out_rms_m<M: Model>(model: &M, agreement: &Agreement<M::State>) -> f64 {
-    let used: Vec<usize> = (0..model.count()).filter(|index| !agreement.outliers.contains(index)).collect();
+    let used = agreement.used(model.count());
     let state = &agreement.fit.state;
     let scales = model.scales(state);
     let mut away_m = Vec::with_capacity(used.len());

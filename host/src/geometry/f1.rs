@@ -7,7 +7,7 @@
 //! there, with `d(pose)` a translation and a rotation vector in the axes of the device. The axes of the plates move by rotation vectors:
 //! `a <- exp(d) a` changes `Rot(a, q) p` by `d x (Rot(a, q) p) - Rot(a, q) (d x p)`.
 //!
-//! What cannot be seen: `C_1` against `P_11` (arm 1 has no plate), and `C_2` against `P_21`, `P_22` along the plates' axis. No step is taken
+//! Not seen: `C_1` against `P_11` (arm 1 has no plate), and `C_2` against `P_21`, `P_22` along the plates' axis. No step is taken
 //! along either.
 
 mod derivative;

@@ -146,6 +146,14 @@ pub fn apply(motion: &Isometry3<f64>, place: &Vector3<f64>) -> Vector3<f64> {
     motion.rotation * place + motion.translation.vector
 }
 
+/// Returns two unit vectors across a direction, and each other.
+pub(crate) fn across(axis: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let axis = axis.normalize();
+    let least = Vector3::ith(axis.iamin(), 1.0);
+    let first = axis.cross(&least).normalize();
+    [first, axis.cross(&first)]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -100,7 +100,7 @@ pub struct Sensor {
     pub rotation: [[f64; 3]; 3],
     /// From the tool centre point to the sensor's origin, platform axes, m.
     pub lever_m: [f64; 3],
-    /// What the sensor carries; without it the weight is part of the tare.
+    /// Tool that the sensor carries; without it the weight is part of the tare.
     #[serde(default)]
     pub tool: Tool,
     /// Cut-off of the low-pass, Hz.
@@ -139,7 +139,7 @@ impl Sensor {
 pub struct Client {
     /// Share of the computed correction that is asked for, 0 to 1.
     pub gain: f64,
-    /// How it is computed; absent: exactly with identified springs, else to first order.
+    /// Method of computation; absent: exactly with identified springs, else to first order.
     pub correction: Option<CorrectionKind>,
 }
 
@@ -173,7 +173,7 @@ pub struct Simulation {
     pub jump_gap_m: f64,
     /// Home of the tool centre point, world axes, m.
     pub home_m: [f64; 3],
-    /// How far the machine that a simulated tracker sees is off this file, mm: standard deviation of each coordinate of a joint, and of a
+    /// Difference of the machine that a simulated tracker sees from this file, mm: standard deviation of each coordinate of a joint, and of a
     /// length; guideways and axes turn by as many mrad. The machine of `serve` is that of the file.
     #[serde(default)]
     pub geometry_mm: f64,

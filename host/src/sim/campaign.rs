@@ -55,7 +55,7 @@ impl SessionSwitch {
     }
 }
 
-/// What the machine does.
+/// Behaviour of the machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     /// Nothing: no session has begun, or the plan is done.
@@ -92,7 +92,7 @@ pub struct CampaignMachine<const N: usize, const M: usize> {
     generator: ChaCha8Rng,
     gauge_sd_m: f64,
     resolution_m: f64,
-    /// How badly each gauge repeats at this level, m.
+    /// Error with which each gauge repeats at this level, m.
     repeats_m: Vec<f64>,
 }
 

@@ -6,6 +6,7 @@
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
 use super::gauge::Gauge;
+use crate::geometry::frames::across;
 use crate::measurements::springs::{Campaign, SetupNoise};
 
 /// Change of a constant that derivatives of a reading are taken with: m, rad. Readings are linear in the point, and nearly so in the turn.
@@ -188,11 +189,4 @@ impl SetupConstants {
         }
         list
     }
-}
-
-/// Two unit vectors across a direction, and each other.
-fn across(axis: &Vector3<f64>) -> [Vector3<f64>; 2] {
-    let helper = Vector3::ith(axis.iamin(), 1.0);
-    let first = axis.cross(&helper).normalize();
-    [first, axis.cross(&first)]
 }

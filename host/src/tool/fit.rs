@@ -158,7 +158,7 @@ impl FittedTool {
         DVector::from_iterator(2 * TOOL, tool.chain(self.bias.to_array()))
     }
 
-    /// What the readings say of a parameter. A bias that a lost direction of the tool would change is not seen by itself.
+    /// Status of a parameter by the readings. A bias that a lost direction of the tool would change is not seen by itself.
     #[must_use]
     pub fn status(&self, parameter: usize) -> Status {
         let Some(component) = parameter.checked_sub(TOOL) else {

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use crate::process::Folder;
 
-/// What is uncertain of the set-up, as plans state it.
+/// Uncertainty of the set-up, as plans state it.
 const SETUP: &str = "[setup]\ngauge_point_mm = 0.5\ngauge_axis_mrad = 2.0\nsensor_lever_mm = 0.5\nsensor_axes_mrad = 2.0\n\
                      sensor_gain = 0.005\n\n[[pose]]";
 

@@ -8,18 +8,16 @@ use gantry_tau_core::model::robot::{ARMS, LINKS};
 use nalgebra::{Matrix6, Vector3};
 
 use super::along::turn_along;
+use super::expected::Expected;
 use super::shape::Shape;
-use super::{
-    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GRID_CELLS, GuidewaysOption, check_shape, rows,
-};
+use super::{CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GuidewaysOption, check_shape, rows};
 use crate::geometry::agreement::{left_out_rms_m, rms_m};
 use crate::geometry::answer::{F1Machine, InRobotFrame, Target};
 use crate::geometry::f1::{Diagnostic, OBSERVABLE, PARAMETERS, Poses, parameters, seen_by};
-use crate::measurements::frame;
 use crate::measurements::poses::{self, Noise};
 use crate::model::F1;
 use crate::robot_file::RobotFile;
-use crate::workspace::{Grid, survey};
+use crate::robot_file::edit::RobotText;
 use start::{best_start, pairs};
 
 /// Poses that a calibration needs: 72 numbers for 60.
@@ -35,20 +33,10 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     if options.guideways != GuidewaysOption::Free {
         return Err(CalibrateError::Option("--guideways: those of an F1 are always free"));
     }
-    let measured = poses::read::<AXES>(&options.poses, "f1")?;
-    if measured.poses.len() < LEAST_POSES {
-        let poses = measured.poses.len();
-        return Err(CalibrateError::TooFew { table: measured.table, poses, least: LEAST_POSES });
-    }
-    if measured.poses.iter().any(|pose| pose.rotation.is_none()) {
-        return Err(CalibrateError::NoOrientations { table: measured.table });
-    }
-    let base = match &options.frame {
-        FrameOption::Points(path) => Some(frame::read(path)?),
-        FrameOption::Nominal | FrameOption::Measured => None,
-    };
+    let measured = read(options)?;
+    let base = options.frame.points()?;
     let target_m = options.target_m.map(Vector3::from);
-    let table = measured.table.clone();
+    let table = &measured.table;
     let file = Geometry { travel: None, ..*robot.model.robot().geometry() };
     let model = Poses { poses: &measured.poses, whitening: whitening(&measured.noise) };
     let (frames, agreement) = best_start(&pairs(robot, &measured.poses), target_m, &model, &file)
@@ -62,20 +50,11 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
         (_, None) => moved.clone(),
     };
     let state = &agreement.fit.state;
-    let used: Vec<usize> = (0..measured.poses.len()).filter(|index| !agreement.outliers.contains(index)).collect();
-    let shape = Shape::of(&used.iter().map(|index| measured.poses[*index].position_m).collect::<Vec<_>>());
-    check_shape(&table, &shape, agreement.fit.seen.kept() - (PARAMETERS - OBSERVABLE), OBSERVABLE)?;
-    let grid = Grid::of(robot, GRID_CELLS);
-    let reached = survey(robot, grid, |_| ()).places.into_iter();
-    let stands: Vec<_> = reached.filter_map(|place| Some((place.reached.ok()?.q, Pose::at(place.tool_m)))).collect();
-    let expected = |stand: &([f64; AXES], Pose)| {
-        let error_m = moved.predicted_rms_m(&agreement, &[*stand]);
-        error_m.is_finite().then_some((stand.1.position_m, error_m * 1e6))
-    };
-    let expected_um = stands.iter().filter_map(expected).collect();
-    let predicted_rms_m = moved.predicted_rms_m(&agreement, &stands);
-    let ((rotation, translation_m), (rotation_target, translation_target_m)) =
-        (rows(&placed.frames.device), rows(&placed.frames.target));
+    let used = agreement.used(measured.poses.len());
+    let shape = Shape::of_poses(&measured.poses, &used);
+    check_shape(table, &shape, agreement.fit.seen.kept() - (PARAMETERS - OBSERVABLE), OBSERVABLE)?;
+    let (rotation, translation_m) = rows(&placed.frames.device);
+    let (rotation_target, translation_target_m) = rows(&placed.frames.target);
     let target = Some(Target { rotation_target, translation_target_m });
     let diagnostics = model.diagnostics(&agreement);
     let found = Found {
@@ -87,29 +66,47 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
         measured_frame: machine(state),
         robot_frame: InRobotFrame { machine: machine(&placed.geometry), rotation, translation_m, target },
         covariance: placed.covariance,
-        predicted_rms_m,
         before_rms_m: rms_m(&model, &seen_by(&file, &frames.device, &frames.target), used.iter().copied()),
         left_out_rms_m: left_out_rms_m(&model, &agreement),
-        expected_um,
-        grid,
+        expected: Expected::over(robot, |stands| {
+            let stands: Vec<_> = stands.iter().map(|(q, tool_m)| (*q, Pose::at(*tool_m))).collect();
+            moved.predicted_rms_m(&agreement, &stands)
+        }),
         residuals: model.residuals(state, &agreement.outliers),
         remarks: remarks(&diagnostics),
         diagnostics,
         doubts: Vec::new(),
     };
     found.calibration(&measured, options, |text| {
-        let geometry = machine(&placed.geometry);
-        text.set_rows("C", &geometry.carts_m);
-        text.set_rows("V", &geometry.guideways);
-        text.set_rows("P", &geometry.plate_joints_m);
-        text.set_rows("b", &geometry.platform_joints_m);
-        text.set_numbers("L", &geometry.lengths_m);
-        text.set_numbers("ax", &geometry.turn_axis);
-        text.set_numbers("ax6", &geometry.tilt_axis);
+        write_geometry(text, &machine(&placed.geometry));
         if options.frame == FrameOption::Measured {
             turn_along(text, robot, &moved.frames.device);
         }
     })
+}
+
+/// Reads the measured poses, all of them with orientations.
+fn read(options: &CalibrateOptions) -> Result<poses::Poses<AXES>, CalibrateError> {
+    let measured = poses::read::<AXES>(&options.poses, "f1")?;
+    if measured.poses.len() < LEAST_POSES {
+        let poses = measured.poses.len();
+        return Err(CalibrateError::TooFew { table: measured.table, poses, least: LEAST_POSES });
+    }
+    if measured.poses.iter().any(|pose| pose.rotation.is_none()) {
+        return Err(CalibrateError::NoOrientations { table: measured.table });
+    }
+    Ok(measured)
+}
+
+/// Puts a machine into its robot file.
+fn write_geometry(text: &mut RobotText, machine: &F1Machine) {
+    text.set_rows("C", &machine.carts_m);
+    text.set_rows("V", &machine.guideways);
+    text.set_rows("P", &machine.plate_joints_m);
+    text.set_rows("b", &machine.platform_joints_m);
+    text.set_numbers("L", &machine.lengths_m);
+    text.set_numbers("ax", &machine.turn_axis);
+    text.set_numbers("ax6", &machine.tilt_axis);
 }
 
 /// Says which departures from the model the poses show.

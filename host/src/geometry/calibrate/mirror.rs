@@ -17,7 +17,7 @@ pub(super) fn fits_as_well(calibrated: &Calibrated, places: &Places<'_>, shape: 
         return false;
     }
     let machine = &calibrated.fit.state;
-    let used: Vec<usize> = (0..places.count()).filter(|index| !calibrated.outliers.contains(index)).collect();
+    let used = calibrated.used(places.count());
     // Where the stated noise is too small, it is what the residuals say.
     let limit = calibrated.fit.chi_squared() + TELLING * calibrated.fit.reduced_chi_squared().max(1.0);
     let fits = |arms: usize, forward: Branch| {

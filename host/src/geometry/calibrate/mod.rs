@@ -2,6 +2,7 @@
 
 mod along;
 mod error;
+mod expected;
 pub(crate) mod f1;
 pub(crate) mod l2;
 mod mirror;
@@ -19,17 +20,16 @@ use super::f1::Diagnostic;
 use crate::fit::answer::{Parameter, Status, Unobservable};
 use crate::fit::statistics::{chi_squared_above, float};
 use crate::measurements::poses::Poses;
+use crate::measurements::{FileError, frame};
 use crate::robot_file::Calibrated;
 use crate::robot_file::edit::RobotText;
-use crate::workspace::Grid;
+use expected::Expected;
 use shape::Shape;
 
 pub use error::CalibrateError;
 pub use f1::calibrate_f1;
 pub use l2::calibrate_l2;
 
-/// Steps along the longest side of the grid that the expected error is a mean over.
-const GRID_CELLS: u32 = 16;
 /// Smallest probability of the residuals at which a model is believed.
 const LEAST_P: f64 = 1e-3;
 /// Largest share of poses that may be left out.
@@ -65,6 +65,14 @@ pub enum FrameOption {
 }
 
 impl FrameOption {
+    /// Motion from the frame of the base's points to the device's, if that frame was asked for.
+    fn points(&self) -> Result<Option<Isometry3<f64>>, FileError> {
+        match self {
+            Self::Points(path) => frame::read(path).map(Some),
+            Self::Nominal | Self::Measured => Ok(None),
+        }
+    }
+
     /// Its name in a robot file.
     fn name(&self) -> String {
         match self {
@@ -112,14 +120,11 @@ struct Found<'a, S, M> {
     measured_frame: M,
     robot_frame: InRobotFrame<M>,
     covariance: DMatrix<f64>,
-    predicted_rms_m: f64,
     /// Residual of the robot file's machine in the frame that fits best, root mean square, m.
     before_rms_m: f64,
     /// Residual of places that took no part in the fit, root mean square, m.
     left_out_rms_m: f64,
-    /// Expected error over the workspace: place and error, um.
-    expected_um: Vec<(Vector3<f64>, f64)>,
-    grid: Grid,
+    expected: Expected,
     /// Residuals of the places that were used: place and rest, m.
     residuals: Vec<[Vector3<f64>; 2]>,
     /// Departures from the model that were looked for.
@@ -128,7 +133,7 @@ struct Found<'a, S, M> {
     doubts: Vec<String>,
 }
 
-impl<S, M: Serialize> Found<'_, S, M> {
+impl<S, M: Serialize + Clone> Found<'_, S, M> {
     /// Writes the results; `edit` replaces the geometry in the robot file.
     fn calibration<const N: usize>(
         self,
@@ -136,29 +141,64 @@ impl<S, M: Serialize> Found<'_, S, M> {
         options: &CalibrateOptions,
         edit: impl FnOnce(&mut RobotText),
     ) -> Result<Calibration, CalibrateError> {
-        let (fit, covariance) = (&self.agreement.fit, &self.covariance);
+        let poses = measured.poses.len();
+        let answer = self.answer(measured);
+        let calibrated = self.entry(measured, options, &answer);
+        let summary = self.summary(&answer, poses);
+        let mut doubts = doubts(&answer, poses, self.observable, options.tolerance_m);
+        doubts.extend(self.doubts);
+        let page = report::Page {
+            robot: &options.robot,
+            measurements: &calibrated,
+            summary: &summary,
+            doubts: &doubts,
+            remarks: &self.remarks,
+            parameters: &answer.parameters,
+            directions: &Unobservable::list(&self.names, &self.agreement.fit.seen.all()),
+            diagnostics: &self.diagnostics,
+            residuals: &self.residuals,
+            expected: &self.expected,
+        };
+        Ok(Calibration {
+            json: serde_json::to_string_pretty(&answer).map_err(|error| CalibrateError::Edit(error.to_string()))?,
+            robot_file: robot_file(&options.robot, &calibrated, edit)?,
+            report: page.html(),
+            summary,
+            remarks: self.remarks,
+            doubts,
+        })
+    }
+
+    fn answer<const N: usize>(&self, measured: &Poses<N>) -> Answer<M> {
+        let fit = &self.agreement.fit;
         let seen = &fit.seen;
         let status = |parameter: usize| Status::of(seen, parameter);
         let mut unobservable = seen.lost();
         unobservable.extend(seen.weak());
         let fixed = self.values.len() - self.observable;
-        let answer = Answer {
+        let outliers = self.agreement.outliers.iter();
+        Answer {
             format: FORMAT,
             model: self.model,
-            measured_frame: self.measured_frame,
-            robot_frame: self.robot_frame,
+            measured_frame: self.measured_frame.clone(),
+            robot_frame: self.robot_frame.clone(),
             parameters: Parameter::list(&self.names, &self.values, &seen.covariance(), status),
             observable: seen.kept().saturating_sub(fixed),
             unobservable: Unobservable::list(&self.names, &unobservable),
-            predicted_rms_m: self.predicted_rms_m,
+            predicted_rms_m: self.expected.rms_m,
             chi2: fit.chi_squared(),
             dof: fit.degrees(),
             p: chi_squared_above(fit.chi_squared(), fit.degrees()),
-            outliers: (self.agreement.outliers.iter())
+            outliers: outliers
                 .filter_map(|index| Some(Outlier { pose: measured.poses.get(*index)?.name.clone() }))
                 .collect(),
-        };
-        let calibrated = Calibrated {
+        }
+    }
+
+    /// Entry of the robot file that says how it was calibrated.
+    fn entry<const N: usize>(&self, measured: &Poses<N>, options: &CalibrateOptions, answer: &Answer<M>) -> Calibrated {
+        let covariance = &self.covariance;
+        Calibrated {
             measurements: measured.table.clone(),
             crc: measured.crc,
             poses: measured.poses.len(),
@@ -170,44 +210,23 @@ impl<S, M: Serialize> Found<'_, S, M> {
             translation_m: answer.robot_frame.translation_m,
             sd: covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect(),
             covariance: covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
-        };
+        }
+    }
+
+    fn summary(&self, answer: &Answer<M>, poses: usize) -> String {
         let lost = self.observable.saturating_sub(answer.observable);
-        let summary = format!(
-            "{} of {} parameters seen; chi2/dof {:.2}, p {:.2}; {} of {} poses do not agree; places were {:.2} mm off (rms), and are {:.1} um off where they took no part in the fit; one over the workspace is expected to be {:.1} um off{}",
+        format!(
+            "{} of {} parameters seen; chi2/dof {:.2}, p {:.2}; {} of {poses} poses do not agree; places were {:.2} mm off (rms), and are {:.1} um off where they took no part in the fit; one over the workspace is expected to be {:.1} um off{}",
             answer.observable,
             self.values.len(),
-            fit.reduced_chi_squared(),
+            self.agreement.fit.reduced_chi_squared(),
             answer.p,
             answer.outliers.len(),
-            measured.poses.len(),
             self.before_rms_m * 1e3,
             self.left_out_rms_m * 1e6,
             answer.predicted_rms_m * 1e6,
             if lost > 0 { ", not counting what cannot be seen" } else { "" },
-        );
-        let mut doubts = doubts(&answer, measured.poses.len(), self.observable, options.tolerance_m);
-        doubts.extend(self.doubts);
-        let page = report::Page {
-            robot: &options.robot,
-            measurements: &calibrated,
-            summary: &summary,
-            doubts: &doubts,
-            remarks: &self.remarks,
-            parameters: &answer.parameters,
-            directions: &Unobservable::list(&self.names, &seen.all()),
-            diagnostics: &self.diagnostics,
-            residuals: &self.residuals,
-            expected_um: &self.expected_um,
-            grid: &self.grid,
-        };
-        Ok(Calibration {
-            json: serde_json::to_string_pretty(&answer).map_err(|error| CalibrateError::Edit(error.to_string()))?,
-            robot_file: robot_file(&options.robot, &calibrated, edit)?,
-            report: page.html(),
-            summary,
-            remarks: self.remarks,
-            doubts,
-        })
+        )
     }
 }
 

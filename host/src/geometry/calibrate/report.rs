@@ -4,13 +4,14 @@ use std::fmt::Write as _;
 
 use nalgebra::Vector3;
 
+use super::expected::Expected;
 use crate::fit::answer::{Parameter, Unobservable};
 use crate::fit::statistics::{float, median};
 use crate::geometry::f1::Diagnostic;
 use crate::plots::page::{escape, page};
 use crate::plots::{Corner, Curve, Plot};
 use crate::robot_file::Calibrated;
-use crate::workspace::{Grid, slices};
+use crate::workspace::slices;
 
 /// Length that the median rest is drawn with, m.
 const DRAWN_M: f64 = 0.04;
@@ -31,8 +32,7 @@ pub(super) struct Page<'a> {
     pub(super) diagnostics: &'a [Diagnostic],
     /// Place and rest, m.
     pub(super) residuals: &'a [[Vector3<f64>; 2]],
-    pub(super) expected_um: &'a [(Vector3<f64>, f64)],
-    pub(super) grid: &'a Grid,
+    pub(super) expected: &'a Expected,
 }
 
 impl Page<'_> {
@@ -52,11 +52,11 @@ impl Page<'_> {
         }
         body += &self.rests();
         body += &slices(
-            self.grid,
+            &self.expected.grid,
             "Expected error",
             "Of a place, root mean square, by the covariance of the parameters. Slices through home (the cross); measure where you work.",
             "µm",
-            self.expected_um,
+            &self.expected.places_um,
         );
         body += "<h2>Parameters</h2><p>In the frame of the device.</p><table><tr><th>parameter<th>status<th>value<th>95 % interval<th>sd</tr>";
         for parameter in self.parameters {

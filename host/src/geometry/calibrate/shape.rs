@@ -5,6 +5,7 @@ use std::fmt;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 use crate::fit::statistics::float;
+use crate::geometry::MeasuredPose;
 
 /// Largest extent across a line or a plane, in longest extents.
 const FLAT: f64 = 0.02;
@@ -38,6 +39,11 @@ impl Shape {
             most - least
         };
         Self { centre_m, normal: axes[2], extents_m: axes.map(extent) }
+    }
+
+    /// Shape of the places of these poses.
+    pub(super) fn of_poses<const N: usize>(poses: &[MeasuredPose<N>], used: &[usize]) -> Self {
+        Self::of(&used.iter().map(|index| poses[*index].position_m).collect::<Vec<_>>())
     }
 
     /// True where the places hardly leave a plane, and are not on a line.

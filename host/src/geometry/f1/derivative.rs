@@ -5,8 +5,9 @@ use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose}
 use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
 use nalgebra::{Matrix6, Rotation3, SMatrix, Unit, Vector3, Vector6};
 
-use super::parameters::{AX, AX6, B, C, L, P, PARAMETERS, V, across};
+use super::parameters::{AX, AX6, B, C, L, P, PARAMETERS, V};
 use crate::elastic::joints::joint;
+use crate::geometry::frames::across;
 
 /// Returns the pose with the axes at `q`, the one near `seed`. To rounding: core's tolerance of a billionth of a link is followed by one
 /// more step, so that derivatives can be seen in differences.

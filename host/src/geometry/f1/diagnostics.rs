@@ -10,11 +10,11 @@ use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix6, Vector2, Vector3, Vector6};
 
 use super::derivative::{Turns, forward, lines};
-use super::parameters::across;
 use super::{Calibrated, Poses};
 use crate::fit::least_squares::eliminated;
 use crate::fit::statistics::{f_above, float};
 use crate::geometry::agreement::Model;
+use crate::geometry::frames::across;
 
 /// Arms that have a plate, by the axes that turn it: `q_4`, `q_5`, `q_6`.
 const ARM_OF_SCREW: [usize; 3] = [1, 2, 2];
@@ -104,7 +104,7 @@ impl Poses<'_> {
     /// parameters can stand for is left out.
     #[must_use]
     pub fn diagnostics(&self, calibrated: &Calibrated) -> Vec<Diagnostic> {
-        let used: Vec<usize> = (0..self.count()).filter(|index| !calibrated.outliers.contains(index)).collect();
+        let used = calibrated.used(self.count());
         let screws = [0, 1, 2].map(|screw| Screw::of(screw, used.iter().map(|index| self.poses[*index].q[3 + screw])));
         let Some(left) = self.left(&calibrated.fit.state, &used, &screws) else { return Vec::new() };
         let mut found = vec![left.judge(Departure::OwnAxis, 0..2), left.judge(Departure::AxisOffset, 2..3)];

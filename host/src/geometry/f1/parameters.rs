@@ -4,6 +4,8 @@ use gantry_tau_core::model::f1;
 use gantry_tau_core::model::robot::{ARMS, LINKS};
 use nalgebra::{DVector, Matrix3, SMatrix, UnitQuaternion, Vector3};
 
+use crate::geometry::frames::across;
+
 /// First parameters of the groups `C` (9), `V` (9), `P` (18), `b` (18), `L` (6), `ax` (2), `ax6` (2), and their number.
 pub(super) const C: usize = 0;
 pub(super) const V: usize = 9;
@@ -22,14 +24,6 @@ const TOLERANCE_M: f64 = 1.0;
 const TOLERANCE_RAD: f64 = 1.0;
 /// Standard deviation of a combination that no step may be taken along, m.
 const FIXED_M: f64 = 1e-9;
-
-/// Returns two unit vectors across a direction.
-pub(super) fn across(axis: &Vector3<f64>) -> [Vector3<f64>; 2] {
-    let axis = axis.normalize();
-    let least = Vector3::ith(axis.iamin(), 1.0);
-    let first = axis.cross(&least).normalize();
-    [first, axis.cross(&first)]
-}
 
 /// Change of each parameter that would matter.
 pub(crate) fn scales(geometry: &f1::Geometry) -> DVector<f64> {

@@ -82,7 +82,7 @@ impl Poses<'_> {
         home_m: &Vector3<f64>,
         target_m: Option<Vector3<f64>>,
     ) -> Result<Placed, PredictionError> {
-        let used: Vec<usize> = (0..self.poses.len()).filter(|index| !calibrated.outliers.contains(index)).collect();
+        let used = calibrated.used(self.poses.len());
         let state = &calibrated.fit.state;
         let of_file = self.of_file(file, home_m, &used)?;
         let frames = |seen: &f1::Geometry| self.frames(&of_file, seen, &used, target_m);

@@ -28,7 +28,7 @@ use crate::measurements::FileError;
 use crate::measurements::springs;
 use crate::model::MachineKind;
 use crate::robot_file::{RobotFile, RobotFileError};
-use answer::Answer;
+pub(super) use answer::Answer;
 use hysteresis::{Kept, drop_small};
 use intervals::Intervals;
 use profile::{Profiled, profiles};

@@ -14,7 +14,7 @@ use crate::plots::page::{escape, page as html};
 use crate::plots::{Corner, Curve, Plot};
 use crate::robot_file::RobotFile;
 use crate::springs::compliances::axes_key;
-use crate::springs::identify::{IdentifyError, IdentifyOptions, answer_of, starting_springs};
+use crate::springs::identify::{Answer, IdentifyError, IdentifyOptions, answer_of, starting_springs};
 use crate::springs::lines::Question;
 use crate::springs::setup::SetupConstants;
 
@@ -53,55 +53,94 @@ pub fn page<K: MachineKind<N>, const N: usize>(
         has_drift: false,
     };
     let found = answer_of(question(), K::MODEL, &options);
-    let mut body = format!(
-        "<h1>Springs by the thesis' evaluation</h1><p>{} windows of {}, {} series, evaluated for {}. The thesis draws a straight line per \
-         spring through the windows of one series: carts from their gauges [T 4.2.9, Table 5.1], links from the translation of the platform, \
-         which is taken as if it did not turn [T 3.3, Table 5.2]. <i>identify</i> takes all series at once, and lets the platform turn. Behind ± is half of a 95 % interval by the scatter about the line; the thesis states none.</p>",
-        campaign.windows.len(),
-        escape(&campaign.table),
-        all.len(),
-        escape(&robot.name)
-    );
-    if let Err(error) = &found {
-        _ = write!(body, "<p class=\"bad\">identify finds nothing in this table: {}</p>", escape(&error.to_string()));
-    }
-    let parameters = found.as_ref().map_or(&[][..], |answer| &answer.parameters[..LINKS + N]);
-    let key = axes_key::<N>();
-    let (of_links, of_axes) = parameters.split_at(LINKS.min(parameters.len()));
     let file = file.vector();
-    let (links_of_file, axes_of_file) = file.as_slice().split_at(LINKS);
-    let links = Springs {
-        names: (0..LINKS).map(|link| format!("c_link[{link}]")).collect(),
-        lines: all.iter().map(|thesis| (&*thesis.series, &thesis.links[..])).collect(),
-        found: of_links,
-        file: links_of_file,
-        printed: printed::links::<N>(),
-        axes: ["tension, N", "elongation, µm"],
-    };
-    let axes = Springs {
-        names: (0..N).map(|axis| format!("{key}[{axis}]")).collect(),
-        lines: all.iter().map(|thesis| (&*thesis.series, &thesis.axes[..])).collect(),
-        found: of_axes,
-        file: &axes_of_file[..N],
-        printed: printed::axes::<N>(),
-        axes: if N == LINKS {
-            ["load, N or N m", "displacement, µm or µrad"]
-        } else {
-            ["load, N", "displacement, µm"]
-        },
-    };
-    let unit = if N == LINKS { "µm/N; of plates, µrad/(N m)" } else { "µm/N" };
-    _ = write!(body, "<h2>Carts{}</h2><p>{unit}.</p>", if N == LINKS { " and plates" } else { "" });
-    body += &axes.table();
-    body += "<h2>Links</h2><p>µm/N.</p>";
-    body += &links.table();
-    body += &links.negative();
-    body += "<p>The thesis' machines are not this one: of its tables only size and sign can be compared.</p>";
-    body += "<h2>Carts: displacement against load</h2>";
-    body += &axes.plots();
-    body += "<h2>Links: elongation against tension, the platform taken as if it did not turn</h2>";
-    body += &links.plots();
-    Ok(html("gantry-tau experiment: the thesis' evaluation", &body))
+    let file = file.as_slice();
+    let evaluation = Evaluation { robot, campaign: &campaign, all: &all, found: &found, file };
+    Ok(html("gantry-tau experiment: the thesis' evaluation", &evaluation.body()))
+}
+
+/// Both evaluations of a table.
+struct Evaluation<'a, K, const N: usize> {
+    robot: &'a RobotFile<K, N>,
+    campaign: &'a springs::Campaign<N>,
+    all: &'a [ThesisSprings],
+    found: &'a Result<Answer, IdentifyError>,
+    /// Springs of the robot file: links, then axes.
+    file: &'a [f64],
+}
+
+impl<K: MachineKind<N>, const N: usize> Evaluation<'_, K, N> {
+    /// True if plates are among the axes.
+    const HAS_PLATES: bool = N == LINKS;
+
+    fn body(&self) -> String {
+        let (links, axes) = (self.links(), self.axes());
+        let unit = if Self::HAS_PLATES { "µm/N; of plates, µrad/(N m)" } else { "µm/N" };
+        [
+            self.introduction(),
+            format!("<h2>Carts{}</h2><p>{unit}.</p>", if Self::HAS_PLATES { " and plates" } else { "" }),
+            axes.table(),
+            "<h2>Links</h2><p>µm/N.</p>".to_owned(),
+            links.table(),
+            links.negative(),
+            "<p>The thesis' machines are not this one: of its tables only size and sign can be compared.</p>"
+                .to_owned(),
+            "<h2>Carts: displacement against load</h2>".to_owned(),
+            axes.plots(),
+            "<h2>Links: elongation against tension, the platform taken as if it did not turn</h2>".to_owned(),
+            links.plots(),
+        ]
+        .concat()
+    }
+
+    fn introduction(&self) -> String {
+        let mut body = format!(
+            "<h1>Springs by the thesis' evaluation</h1><p>{} windows of {}, {} series, evaluated for {}. The thesis draws a straight line per \
+             spring through the windows of one series: carts from their gauges [T 4.2.9, Table 5.1], links from the translation of the platform, \
+             which is taken as if it did not turn [T 3.3, Table 5.2]. <i>identify</i> takes all series at once, and lets the platform turn. Behind ± is half of a 95 % interval by the scatter about the line; the thesis states none.</p>",
+            self.campaign.windows.len(),
+            escape(&self.campaign.table),
+            self.all.len(),
+            escape(&self.robot.name)
+        );
+        if let Err(error) = self.found {
+            let error = escape(&error.to_string());
+            _ = write!(body, "<p class=\"bad\">identify finds nothing in this table: {error}</p>");
+        }
+        body
+    }
+
+    /// Parameters that identify found of the springs in `places`; empty if it found nothing.
+    fn found(&self, places: std::ops::Range<usize>) -> &[Parameter] {
+        self.found.as_ref().map_or(&[], |answer| &answer.parameters[places])
+    }
+
+    fn links(&self) -> Springs<'_> {
+        Springs {
+            names: (0..LINKS).map(|link| format!("c_link[{link}]")).collect(),
+            lines: self.all.iter().map(|thesis| (&*thesis.series, &thesis.links[..])).collect(),
+            found: self.found(0..LINKS),
+            file: &self.file[..LINKS],
+            printed: printed::links::<N>(),
+            axes: ["tension, N", "elongation, µm"],
+        }
+    }
+
+    fn axes(&self) -> Springs<'_> {
+        let key = axes_key::<N>();
+        Springs {
+            names: (0..N).map(|axis| format!("{key}[{axis}]")).collect(),
+            lines: self.all.iter().map(|thesis| (&*thesis.series, &thesis.axes[..])).collect(),
+            found: self.found(LINKS..LINKS + N),
+            file: &self.file[LINKS..LINKS + N],
+            printed: printed::axes::<N>(),
+            axes: if Self::HAS_PLATES {
+                ["load, N or N m", "displacement, µm or µrad"]
+            } else {
+                ["load, N", "displacement, µm"]
+            },
+        }
+    }
 }
 
 /// Springs of one kind.

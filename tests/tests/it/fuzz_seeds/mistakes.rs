@@ -24,7 +24,7 @@ pub(crate) fn each(text: &str, mut with: impl FnMut(&str)) {
     }
 }
 
-/// Where numbers stand; a digit of a name counts too.
+/// Positions of numbers; a digit of a name counts too.
 fn numbers(text: &str) -> Vec<std::ops::Range<usize>> {
     let is_of_number = |c: char| c.is_ascii_digit() || c == '.' || c == '-';
     let mut numbers: Vec<std::ops::Range<usize>> = Vec::new();

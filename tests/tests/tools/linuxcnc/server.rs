@@ -222,7 +222,9 @@ fn two_ends(parameters: &[&str]) {
     assert_eq!(ends, [[SAFE_DISCONNECT, lost], [FAULT, STOP]]);
     let in_session = rows.iter().filter(|row| row.phase == OBTAIN);
     assert!(in_session.clone().count() > 600, "{}", in_session.count());
-    assert!(in_session.clone().all(|row| row.missed == 0), "in lock-step no deadline is missed");
+    // Silence is what tells that a sender of datagrams is gone: one miss is tolerated, and the second ends the session.
+    let missed = in_session.clone().filter(|row| row.missed != 0).count();
+    assert_eq!(missed, usize::from(!parameters.is_empty()), "in lock-step no deadline is missed");
     let largest = rows.iter().map(|row| row.offset[1].abs()).max().unwrap();
     assert!(largest > 50_000, "{largest}");
     assert!(

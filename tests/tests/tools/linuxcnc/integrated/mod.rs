@@ -21,7 +21,8 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ("sessions_end_by_machine_off_estop_stop_and_an_unreachable_pose", || done(ends::by_the_machine)),
     ("sessions_end_by_a_pulled_cable_a_stopped_client_and_a_silent_sensor", || done(ends::by_the_client)),
     ("killed_linuxcnc_starts_again_where_its_drives_stand", || done(ends::by_a_kill)),
-    ("late_thread_holds_offsets_and_a_flood_does_not_block_it", || done(late::bursts_and_flood)),
+    ("bursts_hold_offsets", || done(late::bursts)),
+    ("floods_do_not_block_the_thread", || done(late::flood)),
     ("misfits_are_refused_in_one_line_and_nothing_moves", || done(refused::misfits)),
 ];
 

@@ -1,0 +1,39 @@
+//! Expected error of the places of the workspace.
+
+use nalgebra::Vector3;
+
+use crate::model::MachineKind;
+use crate::robot_file::RobotFile;
+use crate::workspace::{Grid, survey};
+
+/// Steps along the longest side of the grid that the expected error is a mean over.
+const GRID_CELLS: u32 = 16;
+
+/// Axes at a place, and the place, m.
+pub(super) type Stand<const N: usize> = ([f64; N], Vector3<f64>);
+
+/// Expected error over a grid of the workspace.
+pub(super) struct Expected {
+    pub(super) grid: Grid,
+    /// Place and error, um; places whose error is not finite are left out.
+    pub(super) places_um: Vec<(Vector3<f64>, f64)>,
+    /// Root mean square over all places, m; not finite if one is not.
+    pub(super) rms_m: f64,
+}
+
+impl Expected {
+    /// Expected error of the places that `robot` reaches; `rms_of_m` returns the root mean square over some of them, m.
+    pub(super) fn over<K: MachineKind<N>, const N: usize>(
+        robot: &RobotFile<K, N>,
+        rms_of_m: impl Fn(&[Stand<N>]) -> f64,
+    ) -> Self {
+        let grid = Grid::of(robot, GRID_CELLS);
+        let places = survey(robot, grid, |_| ()).places.into_iter();
+        let stands: Vec<Stand<N>> = places.filter_map(|place| Some((place.reached.ok()?.q, place.tool_m))).collect();
+        let at = |stand: &Stand<N>| {
+            let error_m = rms_of_m(&[*stand]);
+            error_m.is_finite().then_some((stand.1, error_m * 1e6))
+        };
+        Self { grid, places_um: stands.iter().filter_map(at).collect(), rms_m: rms_of_m(&stands) }
+    }
+}

@@ -1,0 +1,61 @@
+//! Parallel guideways of an L2.
+
+use nalgebra::DVector;
+
+use super::super::GuidewaysOption;
+use crate::fit::least_squares::{FitError, fit};
+use crate::fit::statistics::{f_above, float};
+use crate::geometry::agreement::Model;
+use crate::geometry::l2::{Calibrated, Nominal, PARAMETERS, Places, PredictionError};
+use crate::geometry::parallel::{PARALLEL_PARAMETERS, Parallel, with_parallel_guideways};
+
+/// Smallest probability at which guideways are taken as parallel.
+const LEAST_PARALLEL_P: f64 = 0.01;
+
+/// Parallel guideways against free ones, on the places that agree with the latter.
+pub(super) struct Guideways {
+    pub(super) parallel: Calibrated,
+    /// Probability of so much more left with parallel guideways, if they are parallel.
+    p: f64,
+}
+
+impl Guideways {
+    pub(super) fn of(free: &Calibrated, places: &Places<'_>) -> Result<Self, FitError<PredictionError>> {
+        let start = with_parallel_guideways(&free.fit.state);
+        let used = free.used(places.poses.len());
+        let model = Parallel(*places);
+        let parallel = fit(start, &model.scales(&start), |state| model.rows(state, &used), Parallel::stepped)?;
+        let freed = PARAMETERS - PARALLEL_PARAMETERS;
+        let more = (parallel.chi_squared() - free.fit.chi_squared()).max(0.0) / float(freed);
+        let p = f_above(more / free.fit.reduced_chi_squared(), freed, free.fit.degrees());
+        Ok(Self { parallel: Calibrated { fit: parallel, outliers: free.outliers.clone() }, p })
+    }
+
+    /// Says what the measurements want, where it is not what was asked for and does no harm.
+    pub(super) fn remark(&self, asked: GuidewaysOption) -> Option<String> {
+        (asked == GuidewaysOption::Free && self.p > LEAST_PARALLEL_P).then(|| {
+            format!("parallel guideways would do as well (p = {:.2}): --guideways parallel knows them better", self.p)
+        })
+    }
+
+    pub(super) fn doubt(&self, asked: GuidewaysOption) -> Option<String> {
+        (asked == GuidewaysOption::Parallel && self.p < LEAST_PARALLEL_P)
+            .then(|| format!("the guideways are not parallel (p = {:.1e}): calibrate with --guideways free", self.p))
+    }
+}
+
+/// Names of the parameters of a machine with parallel guideways, and their units.
+pub(super) fn names() -> Vec<(String, &'static str)> {
+    let arm = |arm: usize| {
+        let origin = ["x", "y", "z"].map(|axis| (format!("A_s[{arm}].{axis}"), "m"));
+        origin.into_iter().chain([(format!("L[{arm}]"), "m")])
+    };
+    (0..3).flat_map(arm).chain(["x", "y", "z"].map(|axis| (format!("V.{axis}"), "m"))).collect()
+}
+
+/// Values of the parameters of a machine with parallel guideways.
+pub(super) fn values(state: &Nominal) -> DVector<f64> {
+    let arms = state.origins_m.iter().zip(state.lengths_m);
+    let own = arms.flat_map(|(origin, length)| [origin.x, origin.y, origin.z, length]);
+    DVector::from_iterator(PARALLEL_PARAMETERS, own.chain(state.guideways[0].iter().copied()))
+}
