@@ -2,6 +2,7 @@
 
 use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::model::robot::ARMS;
+use nalgebra::Vector3;
 
 use super::results::{LOADED_N, Results, stretches};
 use super::table;
@@ -146,8 +147,8 @@ fn force<const N: usize>(moments: &[Moment<N>]) -> Plot {
 
 fn position<const N: usize>(moments: &[Moment<N>]) -> Plot {
     let names = ["x", "y", "z"].map(str::to_owned);
-    let start = moments.first().map_or([0.0; 3], |moment| moment.path_mm);
-    let since = |moment: &Moment<N>| std::array::from_fn(|axis| moment.path_mm[axis] - start[axis]);
+    let start = Vector3::from(moments.first().map_or([0.0; 3], |moment| moment.path_mm));
+    let since = |moment: &Moment<N>| (Vector3::from(moment.path_mm) - start).into();
     over_time::plot("position, mm", over_time::curves(names, moments, since), moments)
 }
 
