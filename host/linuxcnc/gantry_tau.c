@@ -94,11 +94,27 @@ static void check_wiring(void)
     }
 }
 
+/* Says what is wrong with an input, once for each time that it goes wrong. Returns whether it is right. */
+static int right(int is_right, int *was_right, const char *wrong)
+{
+    if (!is_right && *was_right) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: %s\n", wrong);
+    }
+    *was_right = is_right;
+    return is_right;
+}
+
+static int read_drives(void)
+{
+    static int was_read = 1;
+    return right(drives_read(pins, &input), &was_read, "a measurement of a drive, or a command, is not a number in range: stopped");
+}
+
 /* Starts the server where the machine is. Stopped: a stop before a restart must outlive it, and a re-arm is a decision at the machine. */
 static int start(long period)
 {
     gt_code code;
-    if (has_failed || !drives_read(pins, &input)) {
+    if (has_failed || !read_drives()) {
         return 0;
     }
     config.cycle_us = (uint32_t)(period / 1000);
@@ -121,16 +137,6 @@ static int is_stopped(void)
     return !*pins->enable || *pins->stop;
 }
 
-/* Says what is wrong with an input, once for each time that it goes wrong. Returns whether it is right. */
-static int right(int is_right, int *was_right, const char *wrong)
-{
-    if (!is_right && *was_right) {
-        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: %s\n", wrong);
-    }
-    *was_right = is_right;
-    return is_right;
-}
-
 /* Publishes the sample of the force sensor. One that is not valid is not published: a client ends if none comes. */
 static void publish(void)
 {
@@ -147,14 +153,13 @@ static void publish(void)
 
 static void tick(uint32_t elapsed)
 {
-    static int was_read = 1;
     gt_code code;
     uint64_t connection;
     int is_read;
 
     sockets_receive(server);
     input.elapsed_cycles = elapsed;
-    is_read = right(drives_read(pins, &input), &was_read, "a measurement of a drive, or a command, is not a number in range: stopped");
+    is_read = read_drives();
     input.reading = is_read ? GT_READING_DONE : GT_READING_FAILED;
     input.stop = is_stopped() ? GT_PRESSED : GT_RELEASED;
     input.rearm = *pins->rearm ? GT_PRESSED : GT_RELEASED;

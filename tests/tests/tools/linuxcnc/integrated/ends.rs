@@ -33,7 +33,7 @@ fn again(session: &mut Session, client: Client) {
 }
 
 /// Machine off at speed, emergency stop, program abort (which ends nothing), machine off at rest, Stop (the program goes on), and a path that
-/// leaves the reach: all in Obtain.
+/// leaves the reach, and a drive that cannot be read: all in Obtain.
 pub(super) fn by_the_machine() {
     let machine = Machine::obeying("l2", "machine", "lockstep=1").unwrap();
     machine.program(&l2_part(9)).unwrap();
@@ -74,10 +74,32 @@ pub(super) fn by_the_machine() {
     again(&mut session, client);
     assert!(session.ask("errors").contains("kinematicsInverse failed"));
 
-    let rows = end(session, &machine, &l2());
-    assert_eq!(ends(&rows), [[FAULT, STOP]; 5]);
+    // A drive whose position is not a number any more.
+    let client = compensated(&mut session, false);
+    session.ask("errors");
+    session.ask("try hal.set_p('lowpass.0.gain', 'nan')");
+    session.wait("not p('motion.motion-enabled') and not p('gantry-tau.permit')");
+    assert_eq!(client.end(), Some(ENDED));
+    let told = session.ask("errors");
+    let line = "gantry_tau: a measurement of a drive, or a command, is not a number in range: stopped";
+    assert_eq!(told.matches(line).count(), 1, "the operator is told once: {told}");
+    session.pass(100);
+
+    session.end();
+    let rows = read(&machine.file(""), &l2());
+    let lost = rows.iter().position(|row| row.position[0].is_nan()).unwrap();
+    judge(&rows[..lost], &l2());
+    let (last, after) = (&rows[lost - 1], &rows[lost..]);
+    let moved =
+        after.iter().map(|row| row.reference[0] - to_f64(row.offset[0]) - last.reference[0] + to_f64(last.offset[0]));
+    assert!(moved.map(f64::abs).fold(0.0, f64::max) < 2.0, "the nominal position stands");
+    assert_eq!(ends(&rows), [[FAULT, STOP]; 6]);
     assert!(rows.iter().filter(|row| row.phase == OBTAIN).all(|row| row.missed == 0));
-    first_disabled_periods(&rows);
+    first_disabled_periods(&rows[..lost]);
+}
+
+fn to_f64(nm: i64) -> f64 {
+    f64::from(i32::try_from(nm).unwrap())
 }
 
 /// In the first period without the drives LinuxCNC steps onto what it was told last, by lag times speed; the reference does not.
@@ -93,7 +115,6 @@ fn first_disabled_periods(rows: &[Row<3>]) {
         }
     }
     println!("first disabled period: LinuxCNC's step {:.0} nm, the reference's {:.0} nm", largest.0, largest.1);
-    // The last one is that of the end.
     assert_eq!(number, 5, "times that the machine was switched off");
     assert!(largest.0 > 100_000.0, "LinuxCNC steps: {}", largest.0);
     assert!(largest.1 < largest.0 / 20.0, "the reference does not: {} of {}", largest.1, largest.0);
