@@ -20,7 +20,7 @@
 /* 1 if a joint is a plate, in degrees. */
 static inline int gt_is_plate(int joint)
 {
-    return joint >= GT_ARMS;
+    return GANTRY_TAU_AXES > GT_ARMS && joint >= GT_ARMS;
 }
 
 /* Position of a joint, nm, rounded; an error if it is NaN, infinite or too large. */

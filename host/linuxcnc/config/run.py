@@ -82,8 +82,8 @@ def pose():
     return " ".join(f"{letter}{status.position[number]:.9f}" for letter, number in axes)
 
 
-def run(program):
-    """Returns the number of error messages."""
+def run(program, each=lambda: None):
+    """Runs a part program, and calls `each` about every 10 ms. Returns the number of error messages."""
     command.mode(linuxcnc.MODE_AUTO)
     wait("automatic mode", lambda: status.task_mode == linuxcnc.MODE_AUTO)
     wait("world mode", lambda: status.motion_mode != linuxcnc.TRAJ_MODE_FREE)
@@ -97,6 +97,7 @@ def run(program):
     while True:
         count += errors()
         status.poll()
+        each()
         idle = status.interp_state == linuxcnc.INTERP_IDLE and status.inpos and status.queue == 0
         if idle and time.monotonic() - started > 0.5:
             return count + errors()
@@ -110,8 +111,9 @@ def main():
     switch_on()
     home()
     count = run(ini.find("DISPLAY", "OPEN_FILE"))
-    # The planner is ahead of the joints by some periods.
+    # The planner is ahead of the joints by some periods, and messages come later than what they are about.
     time.sleep(0.2)
+    count += errors()
     status.poll()
     say("pose", pose())
     say("joints", " ".join(f"{position:.9f}" for position in status.joint_position[: status.joints]))
@@ -119,4 +121,5 @@ def main():
     return 1 if count else 0
 
 
-sys.exit(main())
+if __name__ == "__main__":
+    sys.exit(main())

@@ -8,6 +8,7 @@ mod experiment;
 mod faults;
 mod header;
 mod identify;
+mod linuxcnc;
 mod outputs;
 mod plan;
 mod replay;
@@ -47,6 +48,7 @@ enum Command {
     Workspace(workspace::Workspace),
     Draw(draw::Draw),
     Header(header::Header),
+    LinuxcncReport(linuxcnc::LinuxcncReport),
     Calibrate(calibrate::Calibrate),
     Identify(identify::Identify),
     Verify(verify::Verify),
@@ -101,6 +103,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Workspace(workspace) => run_on(AnyRobotFile::named(&workspace.robot), workspace),
         Command::Draw(draw) => run_on(AnyRobotFile::named(&draw.robot), draw),
         Command::Header(header) => header.run(),
+        Command::LinuxcncReport(report) => run_on(AnyRobotFile::named(&report.robot), report),
         Command::Calibrate(calibrate) => calibrate.run(),
         Command::Identify(identify) => identify.run(),
         Command::Verify(verify) => run_on(AnyRobotFile::named(&verify.robot), verify),

@@ -8,10 +8,8 @@ use super::sampler::Sample;
 use super::scenario::Recording;
 use super::{DemoOptions, table};
 use crate::plots::page::{self, escape};
-use crate::plots::{Corner, Curve, Plot, phases};
+use crate::plots::{Corner, Curve, Plot, over_time};
 
-/// Largest number of points of a curve over time; limits the size of the page.
-const CURVE_POINTS: usize = 1_500;
 /// Ticks shown before the disconnect and after its end.
 const AROUND_TICKS: u64 = 500;
 
@@ -56,7 +54,7 @@ pub(super) fn render<K, const N: usize>(
         (
             "State of the server over time",
             "The short session of the newcomer is at the end.".to_owned(),
-            states(&recording.samples).svg(),
+            over_time::states(&recording.samples).svg(),
         ),
     ];
     if N > ARMS {
@@ -107,12 +105,12 @@ fn against_force<K, const N: usize>(options: &DemoOptions<K, N>, results: &Resul
 
 fn displacement<const N: usize>(samples: &[Sample<N>]) -> Plot {
     let names = ["x", "y", "z"].map(str::to_owned);
-    over_time("displacement, µm", curves_over_time(names, samples, |s| s.displacement_um), samples)
+    over_time::plot("displacement, µm", over_time::curves(names, samples, |s| s.displacement_um), samples)
 }
 
 fn turning<const N: usize>(samples: &[Sample<N>]) -> Plot {
     let names = ["about x", "about y", "about z"].map(str::to_owned);
-    over_time("turning, µrad", curves_over_time(names, samples, |s| s.turn_urad), samples)
+    over_time::plot("turning, µrad", over_time::curves(names, samples, |s| s.turn_urad), samples)
 }
 
 fn offsets<const N: usize>(recording: &Recording<N>) -> Plot {
@@ -123,63 +121,6 @@ fn offsets<const N: usize>(recording: &Recording<N>) -> Plot {
     let samples = recording.samples.iter().copied();
     let samples: Vec<Sample<N>> = samples.filter(|s| window.contains(&s.tick)).collect();
     let micrometres = |s: &Sample<N>| s.offset_nm.map(|nm| f64::from(nm) / 1e3);
-    let curves = curves_over_time(axis_names(), &samples, micrometres);
-    Plot { key: Corner::LowerRight, ..over_time("position offset, µm", curves, &samples) }
-}
-
-fn states<const N: usize>(samples: &[Sample<N>]) -> Plot {
-    // Two points per stretch draw a step, however short.
-    let stretches = phases::stretches(phases_over_time(samples));
-    let points = stretches.iter().flat_map(|stretch| {
-        let level = f64::from(stretch.phase.code());
-        [(stretch.from, level), (stretch.to, level)]
-    });
-    let curves = vec![
-        Curve::line("state", points.collect()),
-        // Extends the axis to all six names.
-        Curve { no_line: true, ..Curve::line("", vec![(0.0, 0.0), (0.0, 5.0)]) },
-    ];
-    Plot { y_names: Phase::ALL.iter().map(|phase| phase.name()).collect(), ..over_time("", curves, samples) }
-}
-
-/// Returns a plot over time, with the phases as bands.
-fn over_time<const N: usize>(y_axis: &'static str, curves: Vec<Curve>, samples: &[Sample<N>]) -> Plot {
-    Plot {
-        x_axis: "time, s",
-        y_axis,
-        curves,
-        bands: phases::bands(phases_over_time(samples)),
-        y_names: Vec::new(),
-        key: Corner::UpperLeft,
-    }
-}
-
-/// Returns the names of the axes, counted from 1.
-fn axis_names<const N: usize>() -> [String; N] {
-    std::array::from_fn(|axis| format!("axis {}", axis + 1))
-}
-
-/// Returns a curve over time for each of `C` values, of at most [`CURVE_POINTS`] evenly chosen samples.
-fn curves_over_time<const N: usize, const C: usize>(
-    names: [String; C],
-    samples: &[Sample<N>],
-    values: impl Fn(&Sample<N>) -> [f64; C],
-) -> Vec<Curve> {
-    let every = samples.len().div_ceil(CURVE_POINTS).max(1);
-    let mut curves = names.map(|name| Curve::line(&name, Vec::new()));
-    for sample in samples.iter().step_by(every) {
-        for (curve, value) in curves.iter_mut().zip(values(sample)) {
-            curve.points.push((seconds(sample.tick), value));
-        }
-    }
-    curves.into()
-}
-
-fn phases_over_time<const N: usize>(samples: &[Sample<N>]) -> impl Iterator<Item = (f64, Phase)> {
-    samples.iter().map(|sample| (seconds(sample.tick), sample.phase))
-}
-
-/// Converts ticks of 1 ms to seconds.
-fn seconds(tick: u64) -> f64 {
-    tick as f64 / 1e3
+    let curves = over_time::curves(over_time::axis_names(), &samples, micrometres);
+    Plot { key: Corner::LowerRight, ..over_time::plot("position offset, µm", curves, &samples) }
 }

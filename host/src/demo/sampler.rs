@@ -8,6 +8,7 @@ use gantry_tau_core::units::Tick;
 
 use super::scenario::Failure;
 use crate::plant::ToolReading;
+use crate::plots::over_time::Timed;
 use crate::server::cycle::Row;
 
 /// Pause when no row is waiting.
@@ -30,6 +31,17 @@ pub(super) struct Sample<const N: usize> {
     pub(super) longest_miss_run: u16,
     pub(super) round_trip_us: Option<u32>,
     pub(super) ended: Option<Cause>,
+}
+
+impl<const N: usize> Timed for Sample<N> {
+    /// Ticks of 1 ms.
+    fn seconds(&self) -> f64 {
+        self.tick as f64 / 1e3
+    }
+
+    fn phase(&self) -> Phase {
+        self.phase
+    }
 }
 
 impl<const N: usize> Sample<N> {

@@ -1,6 +1,7 @@
 //! Plots as SVG, and pages around them. The browser draws the text; fonts are not needed.
 
 pub(crate) mod heat;
+pub(crate) mod over_time;
 pub(crate) mod page;
 pub(crate) mod phases;
 

@@ -6,7 +6,7 @@
 //! recordings and exit codes.
 
 mod journal;
-mod program;
+pub(crate) mod program;
 mod proxy;
 mod target;
 mod verdict;

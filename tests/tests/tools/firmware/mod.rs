@@ -33,6 +33,8 @@ use libtest_mimic::Trial;
 use emulator::Build;
 use replay::is_bit_equal;
 
+pub(crate) use link::program;
+
 /// Tests that need the emulator and a toolchain for the target. Those that build come first, so that two variants are built at a time; the
 /// others of a variant come late, for they would wait.
 const ON_TARGET: &[(&str, fn())] = &[

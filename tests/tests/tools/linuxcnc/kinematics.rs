@@ -123,7 +123,7 @@ pub(super) fn refuses_a_pose(robot: &'static str) -> Result<(), Failed> {
     assert!(errors.contains("fails kinematicsInverse"), "{}", ended.said);
     assert_eq!(ended.lines("ended"), ["error"]);
     assert!(ended.record.0.iter().any(|row| row.refused > 0));
-    stands_still(&ended, 0);
+    stands_still(&ended, 0, f64::EPSILON);
     Ok(())
 }
 
@@ -132,23 +132,24 @@ pub(super) fn stops_where_a_path_leaves_its_reach() -> Result<(), Failed> {
     let machine = Machine::new("l2", "path", |header| header)?;
     machine.program("G21 G90 G19\nG0 Y560 Z850\nG4 P0.1\nG3 Y560 Z850 J60 K-20 F600\nM2\n")?;
     let ended = machine.run()?;
-    let errors = ended.lines("error").join("\n");
-    assert!(errors.contains("kinematicsInverse failed"), "{}", ended.said);
+    // LinuxCNC may print it after the screen has ended on a busy computer.
+    assert!(ended.said.contains("kinematicsInverse failed"), "{}", ended.said);
     let rows = &ended.record.0;
     let refused = rows.iter().position(|row| row.refused > 0).unwrap();
     let off = refused + rows[refused..].iter().position(|row| !row.is_on).unwrap();
     assert!(off - refused <= 2, "switched off {} periods after the refusal", off - refused);
-    stands_still(&ended, off + DELAY);
+    // The commands follow the references, which go towards the drives: lag times speed, 3 ms at some 30 mm/s.
+    stands_still(&ended, off + DELAY, 0.2);
     Ok(())
 }
 
-/// All joints have the same command, from a row on.
-fn stands_still(ended: &Ended, from: usize) {
+/// All joints have the same command, from a row on, within a tolerance, mm.
+fn stands_still(ended: &Ended, from: usize, tolerance: f64) {
     // Before the machine is on for the first time the commands are not yet those of the drives.
     let on = ended.record.0.iter().position(|row| row.is_on).unwrap();
     let rows = &ended.record.0[from.max(on)..];
     for (number, row) in rows.iter().enumerate() {
-        assert_near(&row.joints, &rows[0].joints, f64::EPSILON, &format!("row {number}"));
+        assert_near(&row.joints, &rows[0].joints, tolerance, &format!("row {number}"));
     }
 }
 

@@ -11,9 +11,12 @@
 )]
 
 mod header;
+mod integrated;
 mod kinematics;
 mod record;
 mod run;
+mod scripts;
+mod server;
 
 use libtest_mimic::{Failed, Trial};
 
@@ -33,9 +36,16 @@ pub(crate) fn trials() -> Vec<Trial> {
         ("l2_refuses_a_pose_and_nothing_moves", || kinematics::refuses_a_pose("l2")),
         ("f1_refuses_a_pose_and_nothing_moves", || kinematics::refuses_a_pose("f1")),
         ("l2_stops_where_a_path_leaves_its_reach", kinematics::stops_where_a_path_leaves_its_reach),
+        ("demonstration", scripts::demonstration),
+        ("eoffset_does_what_the_readme_says", scripts::does_what_the_readme_says),
         ("a_changed_header_is_not_loaded", kinematics::changed_header_is_not_loaded),
     ];
-    trials.extend(all.iter().map(|&(name, run)| trial(name, missing.as_slice(), run)));
+    trials.extend(
+        all.iter()
+            .chain(server::TRIALS)
+            .chain(integrated::TRIALS)
+            .map(|&(name, run)| trial(name, missing.as_slice(), run)),
+    );
     trials
 }
 

@@ -1,9 +1,10 @@
 //! LinuxCNC as a process: headless, unprivileged, in namespaces of its own, so that runs share neither memory, ports nor modules.
 
-use std::os::unix::fs::chown;
+use std::fs::Permissions;
+use std::os::unix::fs::{PermissionsExt, chown};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{PoisonError, RwLock};
 
 use gantry_tau::header::{HeaderOptions, run as write_header};
 use gantry_tau::robot_file::AnyRobotFile;
@@ -12,7 +13,7 @@ use libtest_mimic::Failed;
 use super::record::{Record, Row};
 use crate::capi::tools::{has, library, run, target};
 
-/// Where LinuxCNC loads modules from; the path is compiled in.
+/// Folder that LinuxCNC loads modules from; the path is compiled in.
 const MODULES: &str = "/usr/lib/linuxcnc/modules";
 const MAKEFILE: &str = "/usr/share/linuxcnc/Makefile.modinc";
 /// `nobody`: as root LinuxCNC loads no module.
@@ -20,10 +21,10 @@ const USER: u32 = 65534;
 /// Namespaces of a run: mounts, memory between processes, network, processes.
 const NAMESPACES: [&str; 7] = ["-m", "-i", "-n", "-p", "--fork", "--kill-child", "--mount-proc"];
 
-/// One run at a time: two would be late on a small computer.
-static ONE: Mutex<()> = Mutex::new(());
+/// One run at a time, which two would make late on a small computer; runs in lock-step do not mind, and share it.
+pub(super) static ONE: RwLock<()> = RwLock::new(());
 
-/// What is missing for a run, by name.
+/// Names of all that is missing for a run.
 pub(super) fn missing() -> Vec<&'static str> {
     let mut missing = Vec::new();
     if !Path::new("/usr/bin/linuxcnc").exists() {
@@ -39,7 +40,7 @@ pub(super) fn missing() -> Vec<&'static str> {
     missing
 }
 
-/// What the sandbox of this test does not permit, by name: namespaces, mounts in them, another user.
+/// Name of the first thing that the sandbox of this test does not permit: namespaces, mounts in them, another user.
 fn forbidden() -> Option<&'static str> {
     let mount = format!("mount --bind {MODULES} {MODULES}");
     let user = format!("{mount} && setpriv --reuid={USER} --regid={USER} --clear-groups true");
@@ -71,7 +72,7 @@ pub(super) fn make(robot: &str, build: &Path, header: impl Fn(String) -> String)
 
 /// A configuration of `host/linuxcnc/config` in a folder of its own.
 pub(super) struct Machine {
-    name: &'static str,
+    pub(super) name: &'static str,
     place: PathBuf,
 }
 
@@ -79,13 +80,19 @@ pub(super) struct Machine {
 pub(super) struct Ended {
     /// Output of LinuxCNC and of the screen.
     pub(super) said: String,
-    /// What the sampler recorded; empty if the machine was not loaded.
+    /// Record of the sampler; empty if the machine was not loaded.
     pub(super) record: Record,
 }
 
 impl Machine {
     /// Builds the modules of a machine, and copies its configuration.
     pub(super) fn new(name: &'static str, test: &str, header: impl Fn(String) -> String) -> Result<Self, Failed> {
+        let machine = Self::built(name, test, header)?;
+        machine.after_drives("sampler.tcl")?;
+        Ok(machine)
+    }
+
+    fn built(name: &'static str, test: &str, header: impl Fn(String) -> String) -> Result<Self, Failed> {
         let place = std::env::temp_dir().join(format!("gantry-tau-linuxcnc-{name}-{test}-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&place);
         let modules = place.join("modules");
@@ -93,16 +100,53 @@ impl Machine {
         copy(&folder().join("config"), &place.join("config"))?;
         let build = target().join(format!("linuxcnc-{name}-{test}"));
         make(name, &build, header)?;
-        std::fs::copy(build.join("gantrytaukins.so"), modules.join("gantrytaukins.so"))?;
-        let machine = Self { name, place };
-        let ini = machine.file(&format!("{name}.ini"));
-        let sampler = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/tools/linuxcnc/sampler.tcl");
-        std::fs::copy(sampler, machine.file("sampler.tcl"))?;
-        let text = std::fs::read_to_string(&ini)?;
-        let drives = "HALFILE = ../drives.tcl\n";
-        assert!(text.contains(drives), "{text}");
-        std::fs::write(ini, text.replace(drives, &format!("{drives}HALFILE = sampler.tcl\n")))?;
+        for module in ["gantrytaukins.so", "gantry_tau.so"] {
+            std::fs::copy(build.join(module), modules.join(module))?;
+        }
+        Ok(Self { name, place })
+    }
+
+    /// As [`Self::new`], with the screen that obeys, and `parameters` of the server.
+    pub(super) fn obeying(name: &'static str, test: &str, parameters: &str) -> Result<Self, Failed> {
+        let machine = Self::built(name, test, |header| header)?;
+        machine.after_drives("judged.tcl")?;
+        std::fs::copy(own("screen.py"), machine.file("screen.py"))?;
+        std::fs::set_permissions(machine.file("screen.py"), Permissions::from_mode(0o755))?;
+        machine.edit("DISPLAY = ../run.py", "DISPLAY = ./screen.py")?;
+        machine.edit("PARAMETERS = epoch_file=epochs", &format!("PARAMETERS = epoch_file=epochs {parameters}"))?;
         Ok(machine)
+    }
+
+    /// Loads a file of the tests after the drives.
+    fn after_drives(&self, name: &str) -> Result<(), Failed> {
+        std::fs::copy(own(name), self.file(name))?;
+        let drives = "HALFILE = ../drives.tcl";
+        self.edit(drives, &format!("{drives}\nHALFILE = {name}"))
+    }
+
+    /// Replaces a text of the INI file, which has it once.
+    pub(super) fn edit(&self, from: &str, to: &str) -> Result<(), Failed> {
+        replace(&self.file(&format!("{}.ini", self.name)), from, to)
+    }
+
+    /// Replaces a text of `drives.tcl`, which has it once.
+    pub(super) fn edit_drives(&self, from: &str, to: &str) -> Result<(), Failed> {
+        replace(&self.file("../drives.tcl"), from, to)
+    }
+
+    /// Takes a module from somewhere else.
+    pub(super) fn module(&self, path: &Path) -> Result<(), Failed> {
+        Ok(std::fs::copy(path, self.place.join("modules").join(path.file_name().unwrap())).map(drop)?)
+    }
+
+    /// True if the thread waits for the client.
+    pub(super) fn is_lockstep(&self) -> bool {
+        std::fs::read_to_string(self.file(&format!("{}.ini", self.name))).unwrap().contains("lockstep=1")
+    }
+
+    /// Epochs that are used up.
+    pub(super) fn epochs(&self) -> u64 {
+        std::fs::read_to_string(self.file("epochs")).unwrap().trim().parse().unwrap()
     }
 
     /// Path of a file of the configuration.
@@ -117,21 +161,38 @@ impl Machine {
 
     /// Runs LinuxCNC until its screen ends.
     pub(super) fn run(&self) -> Result<Ended, Failed> {
-        std::fs::write(self.file("sim.var"), "")?;
-        give(&self.place)?;
-        let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
-        let script = format!(
-            "mount --bind {modules} {MODULES} && cd {home} && exec setpriv --reuid={USER} --regid={USER} --clear-groups \
-             env -i HOME={home} PATH=/usr/bin:/bin RUNTESTS=1 linuxcnc {home}/{name}.ini 2>&1",
-            modules = self.place.join("modules").display(),
-            home = self.file("").display(),
-            name = self.name,
-        );
-        let mut command = Command::new("timeout");
-        let output = command.args(["150", "unshare"]).args(NAMESPACES).args(["sh", "-c", &script]).output()?;
-        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        let said = self.unprivileged(&self.linuxcnc()?)?;
         let record = std::fs::read_to_string(self.file("record.txt")).unwrap_or_default();
         Ok(Ended { record: Record::parse(&record), said })
+    }
+
+    /// The command that runs LinuxCNC until its screen ends.
+    pub(super) fn linuxcnc(&self) -> Result<String, Failed> {
+        std::fs::write(self.file("sim.var"), "")?;
+        Ok(format!("linuxcnc {}", self.file(&format!("{}.ini", self.name)).display()))
+    }
+
+    /// Runs a command as the user who may load modules, in the configuration's folder; returns all output.
+    pub(super) fn unprivileged(&self, command: &str) -> Result<String, Failed> {
+        let _one = ONE.write().unwrap_or_else(PoisonError::into_inner);
+        let output = self.command(command)?.output()?;
+        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+    }
+
+    /// The process for [`Self::unprivileged`].
+    pub(super) fn command(&self, command: &str) -> Result<Command, Failed> {
+        give(&self.place)?;
+        // A /tmp of its own: LinuxCNC's lock is there.
+        let script = format!(
+            "mount --bind {place} /mnt && mount -t tmpfs tmp /tmp && chmod 1777 /tmp && mkdir {place} && mount --bind /mnt {place} && \
+             mount --bind {place}/modules {MODULES} && ip link set lo up && cd {home} && exec setpriv --reuid={USER} --regid={USER} --clear-groups \
+             env -i HOME={home} PATH=/usr/bin:/bin RUNTESTS=1 {command} 2>&1",
+            place = self.place.display(),
+            home = self.file("").display(),
+        );
+        let mut limited = Command::new("timeout");
+        limited.args(["150", "unshare"]).args(NAMESPACES).args(["sh", "-c", &script]);
+        Ok(limited)
     }
 }
 
@@ -164,8 +225,20 @@ impl Ended {
     }
 }
 
+/// Replaces a text of a file, which has it once.
+fn replace(file: &Path, from: &str, to: &str) -> Result<(), Failed> {
+    let text = std::fs::read_to_string(file)?;
+    assert_eq!(text.matches(from).count(), 1, "{from}: {text}");
+    Ok(std::fs::write(file, text.replace(from, to))?)
+}
+
+/// A file of these tests.
+fn own(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/linuxcnc").join(name)
+}
+
 /// Copies a folder with its folders.
-fn copy(from: &Path, to: &Path) -> Result<(), Failed> {
+pub(super) fn copy(from: &Path, to: &Path) -> Result<(), Failed> {
     std::fs::create_dir_all(to)?;
     for entry in std::fs::read_dir(from)? {
         let (source, to) = (entry.as_ref().unwrap().path(), to.join(entry?.file_name()));

@@ -8,7 +8,7 @@ use super::PATIENCE;
 use crate::firmware::process::Process;
 
 /// Builds the program as `cargo test` does, with whose features nothing is built twice. Returns its path.
-pub(super) fn build() -> PathBuf {
+pub(crate) fn build() -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let profile = test.ancestors().nth(2).unwrap();
     let is_debug = profile.ends_with("debug");

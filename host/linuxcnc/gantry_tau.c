@@ -1,0 +1,321 @@
+/*
+ * HAL component `gantry_tau`: the server of gantry-tau in LinuxCNC's servo thread, between the motion controller and the drives.
+ *
+ *     addf gantry-tau.read servo      after the drives are read, before motion-controller
+ *     addf gantry-tau.write servo     after motion-controller, before the drives are written
+ *
+ * README.md has wiring, pins and parameters. The thread allocates nothing, opens nothing and waits for nothing; with `lockstep=1`, for tests
+ * only, it waits for the client's answers.
+ */
+#include "rtapi.h"
+#include "rtapi_app.h"
+#include "hal.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <time.h>
+
+#include "gantry_tau.h"
+#include "configuration.h"
+#include "drives.h"
+#include "epochs.h"
+#include "lateness.h"
+#include "pins.h"
+#include "sockets.h"
+
+MODULE_AUTHOR("gantry-tau");
+MODULE_DESCRIPTION("External offsets for the joints of a Gantry-Tau robot, from a client on the network");
+/* Sources under MIT OR Apache-2.0; what is linked with LinuxCNC is GPL as a whole. */
+MODULE_LICENSE("GPL");
+
+static char *epoch_file;
+RTAPI_MP_STRING(epoch_file, "file of the epoch counter, in storage that survives a restart; required");
+static char *address = "127.0.0.1";
+RTAPI_MP_STRING(address, "IPv4 address to listen on");
+static int port = 7000;
+RTAPI_MP_INT(port, "port for the client");
+static int sensor_port = 7001;
+RTAPI_MP_INT(sensor_port, "port for readers of the force sensor");
+static int udp = 0;
+RTAPI_MP_INT(udp, "1: the client uses UDP datagrams, not a TCP stream");
+static int lockstep = 0;
+RTAPI_MP_INT(lockstep, "1: the thread waits for the client; for tests only");
+
+enum { ABSENT = -1 };
+/* Lock-step: silence that counts as a miss, and as a tick of the handshake; longest wait between two looks at the pins. */
+static const int64_t SILENCE_NS = 1000000000, HANDSHAKE_SILENCE_NS = 10000000, POLL_NS = 500000;
+
+static int component = ABSENT;
+static struct pins *pins;
+static gt_server_config config;
+static gt_start begin;
+static GT_MEMORY(GT_SERVER_SIZE_6) memory;
+/* NULL until the first cycle: the nominal positions are known only then. */
+static gt_server *server;
+static gt_tick_input input;
+static gt_tick_output output;
+static gt_frame frame;
+static struct lateness lateness;
+static uint32_t skipped;
+static int64_t last_tick_ns;
+static int has_failed;
+/* What must be connected is; the force sensor is. */
+static int is_wired;
+static int has_wrench;
+
+/* Function `gantry-tau.read`: LinuxCNC sees the drives without the offsets. */
+static void read_function(void *unused, long period)
+{
+    drives_feedback(pins);
+}
+
+static void fail(const char *what, gt_code code)
+{
+    if (!has_failed) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: %s: %s; offsets stay as they are\n", what, gt_code_name(code));
+    }
+    has_failed = 1;
+    *pins->phase = GT_PHASE_FAULT;
+    *pins->permit = 0;
+}
+
+/* Says what is not connected. LinuxCNC has loaded all files of HAL when its threads start. */
+static void check_wiring(void)
+{
+    const char *name = pins_unconnected(pins);
+    is_wired = name == NULL;
+    has_wrench = pins_have_wrench(pins);
+    if (!is_wired) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: %s is not connected: the machine is not permitted to be switched on\n", name);
+    }
+    if (!has_wrench) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: gantry-tau.wrench-0 to -5 are not all connected: no force is published\n");
+    }
+}
+
+/* Says what is wrong with an input, once for each time that it goes wrong. Returns whether it is right. */
+static int right(int is_right, int *was_right, const char *wrong)
+{
+    if (!is_right && *was_right) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: %s\n", wrong);
+    }
+    *was_right = is_right;
+    return is_right;
+}
+
+static int read_drives(void)
+{
+    static int was_read = 1;
+    return right(drives_read(pins, &input), &was_read, "a measurement of a drive, or a command, is not a number in range: stopped");
+}
+
+/* Starts the server where the machine is. Stopped: a stop before a restart must outlive it, and a re-arm is a decision at the machine. */
+static int start(long period)
+{
+    gt_code code;
+    if (has_failed || !read_drives()) {
+        return 0;
+    }
+    config.cycle_us = (uint32_t)(period / 1000);
+    begin.stop_latched = 1;
+    for (int joint = 0; joint < GANTRY_TAU_AXES; joint++) {
+        begin.in_force[joint].nominal_nm = input.nominal_nm[joint];
+    }
+    drives_start(pins);
+    check_wiring();
+    code = gt_server_init(&memory, sizeof memory, &config, &begin, &server, NULL);
+    if (code != GT_CODE_OK) {
+        server = NULL;
+        fail("cannot start", code);
+    }
+    return code == GT_CODE_OK;
+}
+
+static int is_stopped(void)
+{
+    return !*pins->enable || *pins->stop;
+}
+
+/* Publishes the sample of the force sensor. One that is not valid is not published: a client ends if none comes. */
+static void publish(void)
+{
+    static int was_number = 1;
+    double wrench[6];
+    int is_number = 1;
+    for (int i = 0; i < 6; i++) {
+        wrench[i] = *pins->wrench[i];
+        is_number &= isfinite(wrench[i]) != 0;
+    }
+    is_number = right(is_number || !*pins->wrench_valid, &was_number, "gantry-tau.wrench-N is not a number: no force is published");
+    sockets_publish(output.state.tick, has_wrench && *pins->wrench_valid && is_number ? wrench : NULL);
+}
+
+static void tick(uint32_t elapsed)
+{
+    gt_code code;
+    uint64_t connection;
+    int is_read;
+
+    sockets_receive(server);
+    input.elapsed_cycles = elapsed;
+    is_read = read_drives();
+    input.reading = is_read ? GT_READING_DONE : GT_READING_FAILED;
+    input.stop = is_stopped() ? GT_PRESSED : GT_RELEASED;
+    input.rearm = *pins->rearm ? GT_PRESSED : GT_RELEASED;
+    input.last_write = GT_WRITE_ACCEPTED;
+    code = gt_server_tick(server, &input, &output, NULL);
+    if (code != GT_CODE_OK) {
+        fail("cannot tick", code);
+        drives_hold(pins);
+        return;
+    }
+    if (output.write) {
+        drives_write(pins, &input, &output);
+    }
+    *pins->permit = is_wired && is_read && (*pins->enable || drives_are_near(pins));
+    /* Before the State of the same tick, so that a client has the sample when it answers. */
+    publish();
+    while (gt_server_poll_transmit(server, &frame) == GT_CODE_OK) {
+        sockets_send(&frame);
+    }
+    while (gt_server_poll_close(server, &connection) == GT_CODE_OK) {
+        sockets_close(connection);
+    }
+    *pins->phase = output.state.phase;
+    *pins->cause = output.state.cause;
+    *pins->missed = output.state.counters.missed;
+    *pins->tick = (hal_u32_t)output.state.tick;
+}
+
+/* True if a session has a client that answers States. */
+static int is_live(void)
+{
+    const gt_phase phase = output.state.phase;
+    return phase == GT_PHASE_HANDSHAKE || phase == GT_PHASE_SUBMIT || phase == GT_PHASE_OBTAIN;
+}
+
+/* Lock-step: waits until the owner has answered the last State or has been silent for long, or somebody stops. */
+static void wait_for_answer(void)
+{
+    const int64_t until = last_tick_ns + (output.state.phase == GT_PHASE_HANDSHAKE ? HANDSHAKE_SILENCE_NS : SILENCE_NS);
+    uint8_t has_answered = 0;
+    int64_t left;
+
+    while ((left = until - rtapi_get_time()) > 0) {
+        sockets_receive(server);
+        if (gt_server_owner_has_answered(server, &has_answered) != GT_CODE_OK || has_answered || !output.has_owner || is_stopped()) {
+            return;
+        }
+        sockets_wait(output.owner, (long)(left < POLL_NS ? left : POLL_NS));
+    }
+}
+
+/* Lock-step without a session: the thread is behind its clock by what it has waited, and goes on at its own pace. */
+static void wait_for_period(long period)
+{
+    int64_t left;
+    while (lateness.is_started && (left = lateness.due_ns + period - rtapi_get_time()) > 0) {
+        const struct timespec rest = {.tv_nsec = (long)(left < POLL_NS ? left : POLL_NS)};
+        nanosleep(&rest, NULL);
+    }
+}
+
+static void note_lateness(int64_t late_ns)
+{
+    *pins->lateness = late_ns < INT32_MAX ? (hal_s32_t)late_ns : INT32_MAX;
+    if (*pins->lateness > *pins->lateness_max) {
+        *pins->lateness_max = *pins->lateness;
+    }
+}
+
+/* Function `gantry-tau.write`: one cycle of the server. */
+static void write_function(void *unused, long period)
+{
+    int64_t late_ns;
+    if (has_failed || (server == NULL && !start(period))) {
+        drives_hold(pins);
+        return;
+    }
+    if (lockstep && is_live()) {
+        wait_for_answer();
+        last_tick_ns = rtapi_get_time();
+        lateness.is_started = 0;
+        tick(1);
+        return;
+    }
+    if (lockstep) {
+        wait_for_period(period);
+    }
+    late_ns = lateness_of_call(&lateness, rtapi_get_time(), period);
+    note_lateness(late_ns);
+    if (late_ns > period) {
+        /* A burst: several ticks at once would be several steps at the drive's next cycle. */
+        skipped += skipped < UINT32_MAX - 1;
+        *pins->held += 1;
+        drives_hold(pins);
+        return;
+    }
+    last_tick_ns = rtapi_get_time();
+    tick(1 + skipped);
+    skipped = 0;
+}
+
+/* Everything that may fail, apart from HAL. Returns 0, or -1 with one sentence. */
+static int prepare(char *error, size_t size)
+{
+    if (gt_abi_version() != GT_ABI_VERSION) {
+        snprintf(error, size, "gantry_tau.h and libgantry_tau.a have different versions");
+        return -1;
+    }
+    if (epoch_file == NULL || *epoch_file == 0) {
+        snprintf(error, size, "epoch_file is missing: give a file in storage that survives a restart");
+        return -1;
+    }
+    if (configure(&config, lockstep, error, size) != 0 || sockets_open(address, port, sensor_port, udp, error, size) != 0) {
+        return -1;
+    }
+    /* Last: epochs are not used up by a component that does not load. */
+    if (epochs_reserve(epoch_file, &begin.first_epoch, &begin.last_epoch, error, size) != 0) {
+        sockets_shut();
+        return -1;
+    }
+    return 0;
+}
+
+void rtapi_app_exit(void)
+{
+    if (component >= 0) {
+        hal_exit(component);
+        component = ABSENT;
+    }
+    sockets_shut();
+}
+
+int rtapi_app_main(void)
+{
+    static char error[512];
+    int code;
+
+    if (prepare(error, sizeof error) != 0) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: %s\n", error);
+        return -EINVAL;
+    }
+    component = hal_init("gantry_tau");
+    code = component < 0 ? component : 0;
+    if (code == 0) {
+        pins = pins_new(component);
+        code = pins == NULL ? -ENOMEM : hal_export_funct("gantry-tau.read", read_function, NULL, 1, 0, component);
+    }
+    if (code == 0) {
+        *pins->phase = GT_PHASE_FAULT;
+        code = hal_export_funct("gantry-tau.write", write_function, NULL, 1, 0, component);
+    }
+    if (code != 0) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: HAL refuses the component (%d)\n", code);
+        rtapi_app_exit();
+        return code;
+    }
+    hal_ready(component);
+    return 0;
+}

@@ -1,0 +1,364 @@
+/* Sockets of the server inside a realtime thread (sockets.h). As host/src/server/connections and host/src/record_link.rs have them. */
+#include "sockets.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+enum {
+    CLOSED = -1,
+    BACKLOG = 16,
+    /* Bytes taken from one connection at a time. */
+    CHUNK = 1024,
+    /* Reads from one stream per visit: more than the owner's frames of a tick, and a bound on the work a flood can cause. */
+    STREAM_READS = 4,
+    /* Datagrams taken per visit: more than the budgets of all peers. */
+    DATAGRAM_READS = 64,
+    /* New connections accepted per visit. */
+    ACCEPTS = 2,
+    SENSOR_READERS = 4,
+    HELLO = 14
+};
+
+/* A peer that the server knows. A stream has a socket of its own, a sender of datagrams an address. */
+struct peer {
+    int is_open;
+    /* A write failed or the peer closed; the server is told in the next visit. */
+    int is_gone;
+    int socket;
+    uint64_t connection;
+    struct sockaddr_in address;
+};
+
+static int uses_datagrams;
+static int listener = CLOSED;
+static int sensor_listener = CLOSED;
+static struct peer peers[GT_MAX_CONNECTIONS];
+static int sensor_readers[SENSOR_READERS] = {CLOSED, CLOSED, CLOSED, CLOSED};
+
+static void shut(int *socket)
+{
+    if (*socket != CLOSED) {
+        close(*socket);
+    }
+    *socket = CLOSED;
+}
+
+/* Binds a socket, and lets a stream listen. Returns it, or CLOSED with errno. */
+static int bind_to(const struct sockaddr_in *at, int type)
+{
+    const int yes = 1;
+    int bound = socket(AF_INET, type | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    /* Of a stream alone: two sockets could share a port of datagrams. */
+    const int is_stream = type == SOCK_STREAM;
+
+    if (bound == CLOSED) {
+        return CLOSED;
+    }
+    if ((is_stream && setsockopt(bound, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0) ||
+        bind(bound, (const struct sockaddr *)at, sizeof *at) != 0 || (is_stream && listen(bound, BACKLOG) != 0)) {
+        const int reason = errno;
+        shut(&bound);
+        errno = reason;
+    }
+    return bound;
+}
+
+/* As bind_to, with a sentence for the operator. Returns 0 or -1. */
+static int listen_at(int *at, const char *what, const char *address, int port, int type, char *error, size_t size)
+{
+    struct sockaddr_in place;
+    memset(&place, 0, sizeof place);
+    place.sin_family = AF_INET;
+    place.sin_port = htons((uint16_t)port);
+    if (port < 1 || port > 65535) {
+        snprintf(error, size, "%s=%d is not a port, 1 to 65535", what, port);
+        return -1;
+    }
+    if (inet_pton(AF_INET, address, &place.sin_addr) != 1) {
+        snprintf(error, size, "address=%s is not an IPv4 address, such as 127.0.0.1", address);
+        return -1;
+    }
+    *at = bind_to(&place, type);
+    if (*at == CLOSED) {
+        snprintf(error, size, "cannot listen on %s:%d (%s): %s", address, port, what, strerror(errno));
+        return -1;
+    }
+    return 0;
+}
+
+int sockets_open(const char *address, int port, int sensor_port, int udp, char *error, size_t size)
+{
+    uses_datagrams = udp;
+    if (listen_at(&listener, "port", address, port, udp ? SOCK_DGRAM : SOCK_STREAM, error, size) == 0 &&
+        listen_at(&sensor_listener, "sensor_port", address, sensor_port, SOCK_STREAM, error, size) == 0) {
+        return 0;
+    }
+    sockets_shut();
+    return -1;
+}
+
+static void forget(struct peer *peer)
+{
+    if (!uses_datagrams) {
+        shut(&peer->socket);
+    }
+    peer->is_open = 0;
+}
+
+void sockets_shut(void)
+{
+    for (int i = 0; i < GT_MAX_CONNECTIONS; i++) {
+        if (peers[i].is_open) {
+            forget(&peers[i]);
+        }
+    }
+    for (int i = 0; i < SENSOR_READERS; i++) {
+        shut(&sensor_readers[i]);
+    }
+    shut(&listener);
+    shut(&sensor_listener);
+}
+
+static struct peer *find(uint64_t connection)
+{
+    for (int i = 0; i < GT_MAX_CONNECTIONS; i++) {
+        if (peers[i].is_open && peers[i].connection == connection) {
+            return &peers[i];
+        }
+    }
+    return NULL;
+}
+
+/* Registers a new peer with the server. Returns it; NULL if there is no room. */
+static struct peer *enter(gt_server *server, uint32_t transport)
+{
+    for (int i = 0; i < GT_MAX_CONNECTIONS; i++) {
+        struct peer *peer = &peers[i];
+        if (!peer->is_open && gt_server_open(server, transport, &peer->connection) == GT_CODE_OK) {
+            peer->is_open = 1;
+            peer->is_gone = 0;
+            return peer;
+        }
+    }
+    return NULL;
+}
+
+static int is_usable(int stream)
+{
+    const int yes = 1;
+    return setsockopt(stream, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes) == 0;
+}
+
+static void accept_streams(gt_server *server)
+{
+    for (int i = 0; i < ACCEPTS; i++) {
+        gt_frame refusal;
+        struct peer *peer;
+        int stream = accept4(listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+        if (stream == CLOSED) {
+            return;
+        }
+        if (!is_usable(stream)) {
+            shut(&stream);
+            continue;
+        }
+        peer = enter(server, GT_TRANSPORT_STREAM);
+        if (peer != NULL) {
+            peer->socket = stream;
+            continue;
+        }
+        /* Best effort: the peer is about to be closed anyway. */
+        if (gt_server_refusal(&refusal) == GT_CODE_OK) {
+            (void)send(stream, refusal.bytes, refusal.length, MSG_NOSIGNAL);
+        }
+        shut(&stream);
+    }
+}
+
+static void read_stream(gt_server *server, struct peer *peer)
+{
+    uint8_t bytes[CHUNK];
+    for (int i = 0; i < STREAM_READS && !peer->is_gone; i++) {
+        const ssize_t count = recv(peer->socket, bytes, sizeof bytes, 0);
+        if (count > 0) {
+            gt_server_feed(server, peer->connection, bytes, (size_t)count, NULL);
+        } else if (count == 0 || (errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR)) {
+            peer->is_gone = 1;
+        } else if (errno != EINTR) {
+            return;
+        }
+    }
+}
+
+static void receive_streams(gt_server *server)
+{
+    accept_streams(server);
+    for (int i = 0; i < GT_MAX_CONNECTIONS; i++) {
+        struct peer *peer = &peers[i];
+        if (peer->is_open) {
+            read_stream(server, peer);
+        }
+        if (peer->is_open && peer->is_gone) {
+            gt_server_close(server, peer->connection);
+            forget(peer);
+        }
+    }
+}
+
+/* CRC-32/ISO-HDLC, bit by bit: for a Hello only. */
+static uint32_t checksum(const uint8_t *bytes, size_t length)
+{
+    uint32_t crc = 0xffffffffu;
+    for (size_t i = 0; i < length; i++) {
+        crc ^= bytes[i];
+        for (int bit = 0; bit < 8; bit++) {
+            crc = (crc >> 1) ^ (0xedb88320u & (0u - (crc & 1u)));
+        }
+    }
+    return ~crc;
+}
+
+/* True if a datagram asks for a session. Nothing else makes a sender known. */
+static int is_hello(const uint8_t *bytes, size_t length)
+{
+    static const uint8_t head[6] = {'G', 'T', 1, 1, 4, 0};
+    uint32_t sent;
+    if (length != HELLO || memcmp(bytes, head, sizeof head) != 0) {
+        return 0;
+    }
+    sent = bytes[10] | (uint32_t)bytes[11] << 8 | (uint32_t)bytes[12] << 16 | (uint32_t)bytes[13] << 24;
+    return sent == checksum(bytes, HELLO - 4);
+}
+
+static struct peer *sender(const struct sockaddr_in *from)
+{
+    for (int i = 0; i < GT_MAX_CONNECTIONS; i++) {
+        const struct sockaddr_in *known = &peers[i].address;
+        if (peers[i].is_open && known->sin_port == from->sin_port && known->sin_addr.s_addr == from->sin_addr.s_addr) {
+            return &peers[i];
+        }
+    }
+    return NULL;
+}
+
+static void receive_datagrams(gt_server *server)
+{
+    /* A datagram longer than any frame is cut, and then has the wrong length. */
+    uint8_t bytes[GT_MAX_FRAME + 1];
+    for (int i = 0; i < DATAGRAM_READS; i++) {
+        struct sockaddr_in from;
+        struct peer *peer;
+        socklen_t size = sizeof from;
+        const ssize_t count = recvfrom(listener, bytes, sizeof bytes, 0, (struct sockaddr *)&from, &size);
+        if (count < 0) {
+            if (errno == EAGAIN || errno == EWOULDBLOCK) {
+                return;
+            }
+            continue; /* an error of an earlier datagram: a peer's port is closed */
+        }
+        peer = sender(&from);
+        if (peer == NULL && is_hello(bytes, (size_t)count)) {
+            gt_frame refusal;
+            peer = enter(server, GT_TRANSPORT_DATAGRAM);
+            if (peer != NULL) {
+                peer->address = from;
+                peer->socket = listener;
+            } else if (gt_server_refusal(&refusal) == GT_CODE_OK) {
+                (void)sendto(listener, refusal.bytes, refusal.length, 0, (const struct sockaddr *)&from, sizeof from);
+            }
+        }
+        if (peer != NULL) {
+            gt_server_feed(server, peer->connection, bytes, (size_t)count, NULL);
+        }
+    }
+}
+
+void sockets_receive(gt_server *server)
+{
+    if (uses_datagrams) {
+        receive_datagrams(server);
+    } else {
+        receive_streams(server);
+    }
+}
+
+void sockets_send(const gt_frame *frame)
+{
+    struct peer *peer = find(frame->connection);
+    if (peer == NULL || peer->is_gone) {
+        return;
+    }
+    if (uses_datagrams) {
+        /* One that the system does not take is lost, like any other on its way. */
+        (void)sendto(listener, frame->bytes, frame->length, 0, (const struct sockaddr *)&peer->address, sizeof peer->address);
+    } else if (send(peer->socket, frame->bytes, frame->length, MSG_NOSIGNAL) != (ssize_t)frame->length) {
+        peer->is_gone = 1;
+    }
+}
+
+void sockets_close(uint64_t connection)
+{
+    struct peer *peer = find(connection);
+    if (peer != NULL) {
+        forget(peer);
+    }
+}
+
+void sockets_wait(uint64_t connection, long timeout_ns)
+{
+    const struct timespec timeout = {.tv_nsec = timeout_ns};
+    struct peer *peer = find(connection);
+    struct pollfd readable = {.fd = peer == NULL ? CLOSED : peer->socket, .events = POLLIN};
+    (void)ppoll(&readable, 1, &timeout, NULL);
+}
+
+static void accept_reader(void)
+{
+    for (int i = 0; i < SENSOR_READERS; i++) {
+        if (sensor_readers[i] == CLOSED) {
+            sensor_readers[i] = accept4(sensor_listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+            if (sensor_readers[i] != CLOSED && !is_usable(sensor_readers[i])) {
+                shut(&sensor_readers[i]);
+            }
+            return;
+        }
+    }
+}
+
+/* Appends 8 bytes, little-endian. */
+static uint8_t *put(uint8_t *at, uint64_t value)
+{
+    for (int i = 0; i < 8; i++) {
+        *at++ = (uint8_t)(value >> (8 * i));
+    }
+    return at;
+}
+
+void sockets_publish(uint64_t tick, const double wrench[6])
+{
+    uint8_t record[SENSOR_RECORD];
+    uint8_t *end = put(record, tick);
+    accept_reader();
+    if (wrench == NULL) {
+        return;
+    }
+    for (int i = 0; i < 6; i++) {
+        uint64_t bits;
+        memcpy(&bits, &wrench[i], sizeof bits);
+        end = put(end, bits);
+    }
+    for (int i = 0; i < SENSOR_READERS; i++) {
+        int *reader = &sensor_readers[i];
+        if (*reader != CLOSED && send(*reader, record, sizeof record, MSG_NOSIGNAL) != (ssize_t)sizeof record) {
+            shut(reader);
+        }
+    }
+}

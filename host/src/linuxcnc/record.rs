@@ -1,0 +1,173 @@
+//! The record of LinuxCNC's samplers: one line per servo period in each of two files, numbered by the sampler.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use gantry_tau_core::control::message::{Cause, Phase};
+
+/// One servo period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Period<const N: usize> {
+    /// Number of the period, from 0.
+    pub(super) number: u64,
+    /// Commands of LinuxCNC, nm.
+    pub(super) nominal_nm: [i64; N],
+    /// Offset in each reference of the drives, nm: reference minus command.
+    pub(super) offset_nm: [i32; N],
+    /// Raw sample of the force sensor, N and N m.
+    pub(super) wrench: [f64; 6],
+    /// State of the server.
+    pub(super) phase: Phase,
+    /// Cause of the end of the last session.
+    pub(super) cause: Cause,
+    /// Missed deadlines of the session.
+    pub(super) missed: u32,
+    /// Number of the server's last tick, modulo 2^32: a period of a burst, after a delay, has none, and its offsets are held.
+    pub(super) tick: u32,
+}
+
+/// Reason why a record cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RecordError {
+    /// A file cannot be read.
+    #[error("{path}: {reason}")]
+    Read {
+        /// Its path.
+        path: PathBuf,
+        /// Error of the system.
+        reason: String,
+    },
+    /// A line is not one of this machine's record.
+    #[error("{path}, line {line}: {reason}")]
+    Line {
+        /// Path of the file.
+        path: PathBuf,
+        /// Number of the line, from 1.
+        line: usize,
+        /// Description of the error.
+        reason: String,
+    },
+    /// The record ends before a client had a session.
+    #[error("{0}: no session of a client is in the record")]
+    NoSession(PathBuf),
+}
+
+/// Reads `joints.txt` and `server.txt` of a folder: from the first period of a session on.
+///
+/// # Errors
+/// [`RecordError`]: among others where a sampler has lost a period.
+pub(super) fn read<const N: usize>(folder: &Path) -> Result<Vec<Period<N>>, RecordError> {
+    let joints = Table::read(&folder.join("joints.txt"), 2 * N)?;
+    let server = Table::read(&folder.join("server.txt"), 10)?;
+    let mut periods = Vec::new();
+    for (number, (joints_row, server_row)) in joints.rows.iter().zip(&server.rows).enumerate() {
+        let period = period(number, joints_row, server_row).map_err(|reason| server.refuse(number, reason))?;
+        if !periods.is_empty() || period.phase == Phase::Submit {
+            periods.push(period);
+        }
+    }
+    if periods.is_empty() { Err(RecordError::NoSession(folder.to_owned())) } else { Ok(periods) }
+}
+
+/// The numbers of a file, without those of its lines.
+struct Table {
+    path: PathBuf,
+    rows: Vec<Vec<f64>>,
+}
+
+impl Table {
+    fn read(path: &Path, columns: usize) -> Result<Self, RecordError> {
+        let failed = |error: std::io::Error| RecordError::Read { path: path.to_owned(), reason: error.to_string() };
+        let text = std::fs::read_to_string(path).map_err(failed)?;
+        let mut table = Self { path: path.to_owned(), rows: Vec::new() };
+        // The last line may have been cut off.
+        let whole = text.rfind('\n').and_then(|end| text.get(..end)).unwrap_or_default();
+        for (number, line) in whole.lines().enumerate() {
+            let row = numbers(line, number, columns).map_err(|reason| table.refuse(number, reason))?;
+            table.rows.push(row);
+        }
+        Ok(table)
+    }
+
+    fn refuse(&self, number: usize, reason: String) -> RecordError {
+        RecordError::Line { path: self.path.clone(), line: number + 1, reason }
+    }
+}
+
+/// Numbers of a line after its own, which must be `number`.
+fn numbers(line: &str, number: usize, columns: usize) -> Result<Vec<f64>, String> {
+    let mut fields = line.split_whitespace();
+    if fields.next().and_then(|own| own.parse().ok()) != Some(number) {
+        return Err(format!("not sample {number}: the sampler has lost a period"));
+    }
+    let values: Vec<f64> = fields.map(f64::from_str).collect::<Result<_, _>>().map_err(|error| error.to_string())?;
+    let found = values.len();
+    if found == columns { Ok(values) } else { Err(format!("{found} columns instead of {columns}: another machine?")) }
+}
+
+fn period<const N: usize>(number: usize, joints: &[f64], server: &[f64]) -> Result<Period<N>, String> {
+    let (Some((nominal, references)), &[w0, w1, w2, w3, w4, w5, phase, cause, missed, tick]) =
+        (joints.split_at_checked(N), server)
+    else {
+        return Err("columns are missing".to_owned());
+    };
+    let code = |value: f64| value as u8;
+    let mut period = Period {
+        number: number as u64,
+        nominal_nm: [0; N],
+        offset_nm: [0; N],
+        wrench: [w0, w1, w2, w3, w4, w5],
+        phase: Phase::from_code(code(phase)).ok_or_else(|| format!("{phase} is not a phase"))?,
+        cause: Cause::from_code(code(cause)).ok_or_else(|| format!("{cause} is not a cause"))?,
+        missed: missed as u32,
+        tick: tick as u32,
+    };
+    let axes = period.nominal_nm.iter_mut().zip(&mut period.offset_nm);
+    for ((nominal_nm, offset_nm), (nominal, reference)) in axes.zip(nominal.iter().zip(references)) {
+        // LinuxCNC's commands are no whole nanometres; an offset is.
+        (*nominal_nm, *offset_nm) = (nominal.round() as i64, (reference - nominal).round() as i32);
+    }
+    Ok(period)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder with these two files.
+    fn folder(name: &str, joints: &str, server: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("gantry-tau-record-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join("joints.txt"), joints).unwrap();
+        std::fs::write(folder.join("server.txt"), server).unwrap();
+        folder
+    }
+
+    const JOINTS: &str = "0 1.4 2 3 1.4 2 3\n1 1.4 2 3 101.4 2 -97\n2 1.6 2 3 1.6 2 3\n3 1.6 2";
+    const SERVER: &str = "0 0 0 0 0 0 0 0 0 0 5\n1 1.5 0 0 0 0 -2 2 0 7 6\n2 0 0 0 0 0 0 4 5 0 7\n";
+
+    #[test]
+    fn a_record_begins_with_its_first_session_and_a_cut_line_is_dropped() {
+        let periods = read::<3>(&folder("whole", JOINTS, SERVER)).unwrap();
+        let [first, second] = periods.as_slice() else { panic!("{periods:?}") };
+        assert_eq!((first.number, first.nominal_nm, first.offset_nm), (1, [1, 2, 3], [100, 0, -100]));
+        assert_eq!((first.wrench, first.phase), ([1.5, 0.0, 0.0, 0.0, 0.0, -2.0], Phase::Submit));
+        assert_eq!((first.missed, first.tick), (7, 6));
+        assert_eq!((second.nominal_nm, second.phase, second.cause), ([2, 2, 3], Phase::SafeDisconnect, Cause::Closed));
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_file_and_line() {
+        let said = |name, joints: &str, server: &str| {
+            read::<3>(&folder(name, joints, server)).unwrap_err().to_string().rsplit('/').next().unwrap().to_owned()
+        };
+        let lost = JOINTS.replace("\n1 ", "\n2 ");
+        let expected = "joints.txt, line 2: not sample 1: the sampler has lost a period";
+        assert_eq!(said("lost", &lost, SERVER), expected);
+        let other = "server.txt, line 1: 1 columns instead of 10: another machine?";
+        assert_eq!(said("other", JOINTS, "0 1\n"), other);
+        assert_eq!(said("phase", JOINTS, "0 0 0 0 0 0 0 9 0 0 0\n"), "server.txt, line 1: 9 is not a phase");
+        assert!(said("none", "0 1 2 3 1 2 3\n", SERVER).ends_with("no session of a client is in the record"));
+        assert!(said("overrun", "overrun\n", SERVER).contains("line 1"));
+    }
+}

@@ -1,0 +1,141 @@
+//! The tool in each period: its path, and how far the load displaces it, with the offsets and without them.
+
+use gantry_tau_core::control::message::Phase;
+use gantry_tau_core::units::PositionNm;
+use nalgebra::{Vector3, Vector6};
+
+use super::record::Period;
+use crate::elastic::{ElasticError, Equilibrium};
+use crate::model::MachineKind;
+use crate::plots::over_time::Timed;
+use crate::robot_file::{RobotFile, RobotFileError};
+use crate::sim::force_sensor::Mounting;
+use crate::sim::springs::TrueSprings;
+
+/// A period with its tool.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Moment<const N: usize> {
+    pub(super) period: Period<N>,
+    /// Tool centre point that LinuxCNC commands, world axes, mm.
+    pub(super) path_mm: [f64; 3],
+    /// Force on the tool, world axes, N.
+    pub(super) force_n: [f64; 3],
+    /// Displacement of the tool by the load, µm: of the machine as it is, and of the same machine without offsets.
+    pub(super) displacement_um: Pair,
+    /// Turning of the platform, µrad.
+    pub(super) turn_urad: Pair,
+}
+
+/// A vector with the offsets and without them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pair {
+    pub(super) with: [f64; 3],
+    pub(super) without: [f64; 3],
+}
+
+impl Pair {
+    /// Lengths.
+    pub(super) fn norms(&self) -> [f64; 2] {
+        [self.with, self.without].map(norm)
+    }
+}
+
+/// Length of a vector.
+pub(super) fn norm(vector: [f64; 3]) -> f64 {
+    Vector3::from(vector).norm()
+}
+
+impl<const N: usize> Timed for Moment<N> {
+    fn seconds(&self) -> f64 {
+        self.period.number as f64 / 1e3
+    }
+
+    fn phase(&self) -> Phase {
+        self.period.phase
+    }
+}
+
+/// Reasons why the tool cannot be computed.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum ToolError {
+    /// The robot file has no springs, or they cannot be simulated.
+    #[error(transparent)]
+    Robot(#[from] RobotFileError),
+    /// The springs find no equilibrium in a period.
+    #[error("period {number}: {error}")]
+    Springs {
+        /// Number of the period.
+        number: u64,
+        /// The error.
+        error: ElasticError,
+    },
+}
+
+/// Computes the tool of every period, one after the other: each search begins where the last one ended.
+///
+/// The springs are those of the file's simulation: each differs from what the client knows by its seeded share.
+pub(super) fn moments<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    periods: &[Period<N>],
+) -> Result<Vec<Moment<N>>, ToolError> {
+    let springs = robot.true_springs()?;
+    let home = Equilibrium::at_home(robot.home_m().into());
+    let mut tool = Tool {
+        with: springs.clone(),
+        without: springs,
+        mounting: Mounting::from(&robot.sensor),
+        metres_per_q: robot.metres_per_q,
+        rigid: home,
+        now: [home; 2],
+    };
+    let moment =
+        |period: &Period<N>| tool.moment(period).map_err(|error| ToolError::Springs { number: period.number, error });
+    periods.iter().map(moment).collect()
+}
+
+/// The machine, twice: with the offsets and without them. Its joint may stand on different sides of its play.
+struct Tool<const N: usize> {
+    with: TrueSprings<N>,
+    without: TrueSprings<N>,
+    mounting: Mounting,
+    metres_per_q: [f64; N],
+    rigid: Equilibrium<N>,
+    now: [Equilibrium<N>; 2],
+}
+
+impl<const N: usize> Tool<N> {
+    fn moment(&mut self, period: &Period<N>) -> Result<Moment<N>, ElasticError> {
+        let nominal = self.axes(&period.nominal_nm);
+        let mut references = period.nominal_nm;
+        for (reference, offset) in references.iter_mut().zip(period.offset_nm) {
+            *reference += i64::from(offset);
+        }
+        let references = self.axes(&references);
+        self.rigid = self.with.machine().equilibrium(&nominal, &Vector6::zeros(), &self.rigid)?;
+        let began = self.rigid.pose;
+        // The demonstration's sensor shows the load in the axes of the unloaded platform.
+        let load = self.mounting.load(&Vector6::from(period.wrench), &began.rotation);
+        let [with, without] = self.now;
+        self.now = [self.with.settle(&references, &load, &with)?, self.without.settle(&nominal, &load, &without)?];
+        let [with, without] = self.now;
+        let with = self.with.loaded(began, with, load, &[]).displacement();
+        let without = self.without.loaded(began, without, load, &[]).displacement();
+        let millionths = |vector: Vector3<f64>| (vector * 1e6).into();
+        Ok(Moment {
+            period: *period,
+            path_mm: (began.translation_m * 1e3).into(),
+            force_n: load.fixed_rows::<3>(0).into_owned().into(),
+            displacement_um: Pair { with: millionths(with.translation_m), without: millionths(without.translation_m) },
+            turn_urad: Pair { with: millionths(with.rotation_rad), without: millionths(without.rotation_rad) },
+        })
+    }
+
+    /// Positions in q-units.
+    fn axes(&self, nm: &[i64; N]) -> [f64; N] {
+        let mut axes = [0.0; N];
+        for ((q, nm), metres) in axes.iter_mut().zip(nm).zip(self.metres_per_q) {
+            *q = PositionNm(*nm).to_metres().0 / metres;
+        }
+        axes
+    }
+}

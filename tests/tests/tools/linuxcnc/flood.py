@@ -1,0 +1,86 @@
+#!/usr/bin/python3
+"""Floods both ports of the component for three seconds: connections, garbage, half a frame, readers that do not read. As root, inside.
+
+Exit code 1: the component has no sockets, one that may block, or did not refuse anybody.
+"""
+
+import os
+import random
+import select
+import socket
+import subprocess
+import sys
+import time
+
+PORTS = (7000, 7001)
+SECONDS = 3.0
+NONBLOCK = 0o4000
+
+app = subprocess.run(["pidof", "rtapi_app"], capture_output=True, text=True).stdout.split()[0]
+
+
+def inodes():
+    """Sockets of TCP and UDP in this network."""
+    found = set()
+    for name in ("tcp", "udp"):
+        with open(f"/proc/{app}/net/{name}") as table:
+            found |= {line.split()[9] for line in table.readlines()[1:]}
+    return found
+
+
+def blocking():
+    """Numbers of sockets that may block, and of all."""
+    ours, known = [], inodes()
+    for fd in os.listdir(f"/proc/{app}/fd"):
+        try:
+            target = os.readlink(f"/proc/{app}/fd/{fd}")
+            if target.startswith("socket:[") and target[8:-1] in known:
+                with open(f"/proc/{app}/fdinfo/{fd}") as info:
+                    flags = next(line for line in info if line.startswith("flags:"))
+                ours.append(int(flags.split()[1], 8))
+        except FileNotFoundError:
+            pass
+    return sum(1 for flags in ours if not flags & NONBLOCK), len(ours)
+
+
+def connect(port):
+    stream = socket.socket()
+    stream.setblocking(False)
+    stream.connect_ex(("127.0.0.1", port))
+    return stream
+
+
+def main():
+    dice = random.Random(18)
+    open_streams, sent, most = [], 0, 0
+    datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    datagrams.setblocking(False)
+    end = time.monotonic() + SECONDS
+    while time.monotonic() < end:
+        open_streams.append(connect(dice.choice(PORTS)))
+        for stream in list(open_streams[-24:]):
+            try:
+                sent += stream.send(dice.choice((b"", b"GT\x01\x01\x04\x00")) + dice.randbytes(dice.randint(1, 4000)))
+            except BlockingIOError:
+                pass
+            except OSError:
+                stream.close()
+                open_streams.remove(stream)
+        for _ in range(50):
+            try:
+                sent += datagrams.sendto(dice.randbytes(dice.randint(0, 1400)), ("127.0.0.1", PORTS[0]))
+            except OSError:
+                pass
+        while len(open_streams) > 200:
+            open_streams.pop(0).close()
+        bad, number = blocking()
+        most = max(most, number)
+        if bad:
+            print(f"flood.py: {bad} of {number} sockets of the component may block", file=sys.stderr)
+            return 1
+        select.select([], [], [], 0.001)
+    print(f"flood.py: {sent} bytes; at most {most} sockets of the component", file=sys.stderr)
+    return 0 if most >= 2 and sent > 10_000 else 1
+
+
+sys.exit(main())
