@@ -34,7 +34,7 @@ LISTENING, OBTAIN, SAFE_DISCONNECT, FAULT = 0, 3, 4, 5
 # Joints in nm, as the server counts them: commands, then references. What the server and its sensor say besides.
 HAL = """
 set joints $::KINS(JOINTS)
-loadrt sampler depth=4000,4000 cfg=[string repeat f [expr {2 * $joints}]],ffffffssu
+loadrt sampler depth=4000,4000 cfg=[string repeat f [expr {2 * $joints}]],ffffffssuu
 loadrt scale count=[expr {2 * $joints}]
 for {set joint 0} {$joint < $joints} {incr joint} {
     set gain [lindex [join $::DEMO(NM_PER_UNIT)] $joint]
@@ -49,6 +49,7 @@ for {set i 0} {$i < 6} {incr i} { net wrench-$i => sampler.1.pin.$i }
 net phase gantry-tau.phase => sampler.1.pin.6
 net cause gantry-tau.cause => sampler.1.pin.7
 net missed gantry-tau.missed => sampler.1.pin.8
+net tick gantry-tau.tick => sampler.1.pin.9
 addf sampler.0 servo-thread
 addf sampler.1 servo-thread
 loadusr halsampler -c 0 -t joints.txt
@@ -124,7 +125,7 @@ class Screen:
         self.client, self.sensor = None, None
 
     def say(self, text):
-        self.run.say("demo", f"{self.pin('sampler.0.sample-num') / 1e3:6.1f} s  {text}")
+        self.run.say("demo", f"{self.pin('gantry-tau.tick') / 1e3:6.1f} s  {text}")
 
     def pin(self, name):
         return self.sensor.hal.get_value(name)

@@ -105,11 +105,11 @@ int drives_are_near(const struct pins *pins)
 static void write_reference(const struct pins *pins, int joint, double value, int64_t nm)
 {
     const gt_axis_config *limits = &gantry_tau_limits[joint];
-    const int64_t wanted = nm + offset_nm[joint];
+    const int64_t reference_nm = nm + offset_nm[joint];
     hal_float_t *reference = pins->joint[joint].reference;
-    if (wanted > limits->machine_upper_nm) {
+    if (reference_nm > limits->machine_upper_nm) {
         *reference = gt_joint_of_nm(joint, limits->machine_upper_nm);
-    } else if (wanted < limits->machine_lower_nm) {
+    } else if (reference_nm < limits->machine_lower_nm) {
         *reference = gt_joint_of_nm(joint, limits->machine_lower_nm);
     } else {
         *reference = plus(value, offset_nm[joint], joint);

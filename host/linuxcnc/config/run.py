@@ -111,8 +111,9 @@ def main():
     switch_on()
     home()
     count = run(ini.find("DISPLAY", "OPEN_FILE"))
-    # The planner is ahead of the joints by some periods.
+    # The planner is ahead of the joints by some periods, and messages come later than what they are about.
     time.sleep(0.2)
+    count += errors()
     status.poll()
     say("pose", pose())
     say("joints", " ".join(f"{position:.9f}" for position in status.joint_position[: status.joints]))

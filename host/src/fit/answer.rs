@@ -9,7 +9,9 @@ use serde::Serialize;
 use super::least_squares::{Direction, Seen};
 use super::statistics::NORMAL_95;
 
-/// Smallest component of a direction that is named.
+/// Smallest component of a direction in an answer: less is rounding.
+const LEAST: f64 = 1e-9;
+/// Smallest component of a direction that is told people.
 const NAMED: f64 = 0.01;
 
 /// One parameter with its interval.
@@ -48,7 +50,7 @@ pub enum Status {
 pub struct Unobservable {
     /// Its standard deviation, in changes that would matter.
     pub relative_sd: f64,
-    /// Components of the unit vector, by the names of the parameters; those above 0.01.
+    /// Components of the unit vector, by the names of the parameters; those above 1e-9.
     pub direction: BTreeMap<String, f64>,
 }
 
@@ -85,7 +87,7 @@ impl Unobservable {
             // Either sign is the same direction: the largest component is positive.
             let sign = direction.components[direction.components.iamax()].signum();
             let all = names.iter().zip(&direction.components).map(|((name, _), share)| (name.clone(), sign * share));
-            let direction_named = all.filter(|(_, share)| share.abs() > NAMED).collect();
+            let direction_named = all.filter(|(_, share)| share.abs() > LEAST).collect();
             Self { relative_sd: direction.relative_sd, direction: direction_named }
         };
         directions.iter().map(named).collect()
@@ -95,7 +97,7 @@ impl Unobservable {
 impl fmt::Display for Unobservable {
     /// The components, the largest first: `c_cart[0] +1.000, c_link[0] -0.020`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut shares: Vec<_> = self.direction.iter().collect();
+        let mut shares: Vec<_> = self.direction.iter().filter(|(_, share)| share.abs() > NAMED).collect();
         shares.sort_by(|(_, one), (_, other)| other.abs().total_cmp(&one.abs()));
         let shares: Vec<String> = shares.into_iter().map(|(name, share)| format!("{name} {share:+.3}")).collect();
         f.write_str(&shares.join(", "))

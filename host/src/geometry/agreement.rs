@@ -2,7 +2,7 @@
 
 use crate::fit::least_squares::{Fit, FitError, Rows, Seen, fit};
 use crate::fit::statistics::{chi_squared_above, chi_squared_quantile, float, median};
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// Length of a residual of three components, in standard deviations, beyond which a pose is an outlier; of other numbers of components the
 /// length that is as rare.
@@ -87,7 +87,7 @@ fn fit_from<M: Model>(
     loop {
         let scales = model.scales(&state);
         let fit = fit(state, &scales, |state| model.rows(state, &used), M::stepped)?;
-        let agreeing = agreeing(model, &fit.state);
+        let agreeing = agreeing_with(model, &fit, &used);
         rounds += 1;
         // It may also turn in a circle.
         if agreeing == used || rounds == MAX_TRIMS {
@@ -144,11 +144,33 @@ fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
 /// Parts that poses are left out in.
 const FOLDS: usize = 5;
 
-/// Indices of the poses that agree with a machine. Where the stated noise is too small for most of them, it is what most of them say.
+/// Indices of the poses that agree with a fit to those that are `used`. The others have had no part in it: their residuals have the
+/// uncertainty of the prediction besides, which is several standard deviations where few poses are near by.
+fn agreeing_with<M: Model>(model: &M, fit: &Fit<M::State>, used: &[usize]) -> Vec<usize> {
+    let half = fit.seen.half_covariance();
+    let length_sd = |index: usize| {
+        if used.contains(&index) {
+            return model.length_sd(&fit.state, index);
+        }
+        let Ok(rows) = model.rows(&fit.state, &[index]) else { return f64::INFINITY };
+        let residual = rows.residuals.rows(0, M::COMPONENTS).into_owned();
+        let moved = rows.derivatives.rows(0, M::COMPONENTS) * &half;
+        let spread = DMatrix::identity(M::COMPONENTS, M::COMPONENTS) + &moved * moved.transpose();
+        spread.cholesky().map_or(f64::INFINITY, |factor| residual.dot(&factor.solve(&residual)).sqrt())
+    };
+    within::<M>(&(0..model.count()).map(length_sd).collect::<Vec<_>>())
+}
+
+/// Indices of the poses that agree with a machine.
 fn agreeing<M: Model>(model: &M, state: &M::State) -> Vec<usize> {
-    let lengths: Vec<f64> = (0..model.count()).map(|index| model.length_sd(state, index)).collect();
+    within::<M>(&(0..model.count()).map(|index| model.length_sd(state, index)).collect::<Vec<_>>())
+}
+
+/// Indices of the lengths, in standard deviations, that are not rare. Where the stated noise is too small for most of them, it is what most
+/// of them say.
+fn within<M: Model>(lengths: &[f64]) -> Vec<usize> {
     let usual = chi_squared_quantile(0.5, M::COMPONENTS).sqrt();
-    let scale = (median(lengths.clone()) / usual).max(1.0);
+    let scale = (median(lengths.to_vec()) / usual).max(1.0);
     let limit = squared_limit::<M>().sqrt();
     (0..lengths.len()).filter(|index| lengths[*index] <= limit * scale).collect()
 }

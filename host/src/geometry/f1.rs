@@ -28,8 +28,8 @@ pub(crate) use derivative::derivative;
 pub use derivative::forward;
 pub use diagnostics::{Departure, Diagnostic};
 use parameters::stepped;
+pub(crate) use parameters::{KEPT, fixed, scales, unseen};
 pub use parameters::{OBSERVABLE, PARAMETERS, parameters};
-pub(crate) use parameters::{fixed, scales};
 pub use placed::Placed;
 
 /// Reason why a machine predicts no pose.
@@ -42,7 +42,7 @@ pub enum PredictionError {
     #[error("the poses turn too little: where device and target are cannot be told apart")]
     Frames,
     /// A pose cannot be reached.
-    #[error("pose {index}: {error}")]
+    #[error("pose number {}: {error}", index + 1)]
     Unreachable {
         /// Index of the pose.
         index: usize,

@@ -52,13 +52,16 @@ pub enum PredictionError {
     #[error(transparent)]
     Orientation(#[from] OrientationError),
     /// A place cannot be reached.
-    #[error("pose {index}: {error}")]
+    #[error("pose number {}: {error}", index + 1)]
     Unreachable {
         /// Index of the pose.
         index: usize,
         /// Error of the kinematics.
         error: KinematicsError,
     },
+    /// The robot file is of another machine.
+    #[error("the robot file's machine reaches fewer than three of the measured positions")]
+    FarOff,
 }
 
 impl Nominal {

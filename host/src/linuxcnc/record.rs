@@ -22,6 +22,8 @@ pub(super) struct Period<const N: usize> {
     pub(super) cause: Cause,
     /// Missed deadlines of the session.
     pub(super) missed: u32,
+    /// Number of the server's last tick, modulo 2^32: a period of a burst, after a delay, has none, and its offsets are held.
+    pub(super) tick: u32,
 }
 
 /// Reason why a record cannot be used.
@@ -56,7 +58,7 @@ pub enum RecordError {
 /// [`RecordError`]: among others where a sampler has lost a period.
 pub(super) fn read<const N: usize>(folder: &Path) -> Result<Vec<Period<N>>, RecordError> {
     let joints = Table::read(&folder.join("joints.txt"), 2 * N)?;
-    let server = Table::read(&folder.join("server.txt"), 9)?;
+    let server = Table::read(&folder.join("server.txt"), 10)?;
     let mut periods = Vec::new();
     for (number, (joints_row, server_row)) in joints.rows.iter().zip(&server.rows).enumerate() {
         let period = period(number, joints_row, server_row).map_err(|reason| server.refuse(number, reason))?;
@@ -104,7 +106,7 @@ fn numbers(line: &str, number: usize, columns: usize) -> Result<Vec<f64>, String
 }
 
 fn period<const N: usize>(number: usize, joints: &[f64], server: &[f64]) -> Result<Period<N>, String> {
-    let (Some((nominal, references)), &[w0, w1, w2, w3, w4, w5, phase, cause, missed]) =
+    let (Some((nominal, references)), &[w0, w1, w2, w3, w4, w5, phase, cause, missed, tick]) =
         (joints.split_at_checked(N), server)
     else {
         return Err("columns are missing".to_owned());
@@ -118,6 +120,7 @@ fn period<const N: usize>(number: usize, joints: &[f64], server: &[f64]) -> Resu
         phase: Phase::from_code(code(phase)).ok_or_else(|| format!("{phase} is not a phase"))?,
         cause: Cause::from_code(code(cause)).ok_or_else(|| format!("{cause} is not a cause"))?,
         missed: missed as u32,
+        tick: tick as u32,
     };
     let axes = period.nominal_nm.iter_mut().zip(&mut period.offset_nm);
     for ((nominal_nm, offset_nm), (nominal, reference)) in axes.zip(nominal.iter().zip(references)) {
@@ -141,14 +144,15 @@ mod tests {
     }
 
     const JOINTS: &str = "0 1.4 2 3 1.4 2 3\n1 1.4 2 3 101.4 2 -97\n2 1.6 2 3 1.6 2 3\n3 1.6 2";
-    const SERVER: &str = "0 0 0 0 0 0 0 0 0 0\n1 1.5 0 0 0 0 -2 2 0 7\n2 0 0 0 0 0 0 4 5 0\n";
+    const SERVER: &str = "0 0 0 0 0 0 0 0 0 0 5\n1 1.5 0 0 0 0 -2 2 0 7 6\n2 0 0 0 0 0 0 4 5 0 7\n";
 
     #[test]
     fn a_record_begins_with_its_first_session_and_a_cut_line_is_dropped() {
         let periods = read::<3>(&folder("whole", JOINTS, SERVER)).unwrap();
         let [first, second] = periods.as_slice() else { panic!("{periods:?}") };
         assert_eq!((first.number, first.nominal_nm, first.offset_nm), (1, [1, 2, 3], [100, 0, -100]));
-        assert_eq!((first.wrench, first.phase, first.missed), ([1.5, 0.0, 0.0, 0.0, 0.0, -2.0], Phase::Submit, 7));
+        assert_eq!((first.wrench, first.phase), ([1.5, 0.0, 0.0, 0.0, 0.0, -2.0], Phase::Submit));
+        assert_eq!((first.missed, first.tick), (7, 6));
         assert_eq!((second.nominal_nm, second.phase, second.cause), ([2, 2, 3], Phase::SafeDisconnect, Cause::Closed));
     }
 
@@ -160,9 +164,9 @@ mod tests {
         let lost = JOINTS.replace("\n1 ", "\n2 ");
         let expected = "joints.txt, line 2: not sample 1: the sampler has lost a period";
         assert_eq!(said("lost", &lost, SERVER), expected);
-        let other = "server.txt, line 1: 1 columns instead of 9: another machine?";
+        let other = "server.txt, line 1: 1 columns instead of 10: another machine?";
         assert_eq!(said("other", JOINTS, "0 1\n"), other);
-        assert_eq!(said("phase", JOINTS, "0 0 0 0 0 0 0 9 0 0\n"), "server.txt, line 1: 9 is not a phase");
+        assert_eq!(said("phase", JOINTS, "0 0 0 0 0 0 0 9 0 0 0\n"), "server.txt, line 1: 9 is not a phase");
         assert!(said("none", "0 1 2 3 1 2 3\n", SERVER).ends_with("no session of a client is in the record"));
         assert!(said("overrun", "overrun\n", SERVER).contains("line 1"));
     }

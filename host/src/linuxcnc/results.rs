@@ -74,11 +74,11 @@ pub struct Ramp {
     pub cause: String,
     /// Offsets in the period before it, nm.
     pub start_offset_nm: Vec<i32>,
-    /// Periods until all offsets are zero.
-    pub periods: u64,
-    /// Expected periods: the largest start offset over the rate, rounded up.
-    pub expected_periods: u64,
-    /// Periods in which an offset did not change by its rate, or by what was left of it.
+    /// Ticks until all offsets are zero.
+    pub ticks: u64,
+    /// Expected ticks: the largest start offset over the rate, rounded up.
+    pub expected_ticks: u64,
+    /// Periods in which an offset did not change by its rate, or by what was left of it; or, in a period without a tick, at all.
     pub inexact: usize,
     /// Periods in which the path moved.
     pub moving: usize,
@@ -124,10 +124,10 @@ impl Results {
             complaints.push("no ramp with a moving path".to_owned());
         }
         for ramp in &self.ramps {
-            let Ramp { seconds, periods, expected_periods, inexact, .. } = ramp;
-            if periods != expected_periods || *inexact > 0 {
+            let Ramp { seconds, ticks, expected_ticks, inexact, .. } = ramp;
+            if ticks != expected_ticks || *inexact > 0 {
                 complaints.push(format!(
-                    "the ramp at {seconds:.1} s took {periods} periods, not {expected_periods}, and {inexact} of its steps are not exact"
+                    "the ramp at {seconds:.1} s took {ticks} ticks, not {expected_ticks}, and {inexact} of its steps are not exact"
                 ));
             }
         }
@@ -217,20 +217,21 @@ fn ramp<K, const N: usize>(robot: &RobotFile<K, N>, all: &[Moment<N>], ramping: 
     let rates = robot.limits.each_ref().map(|axis| axis.limits.position.ramp());
     let steps = || std::iter::once(&before).chain(ramping.iter().map(|moment| &moment.period));
     let is_exact = |(last, now): &(&Period<N>, &Period<N>)| {
-        let offsets = last.offset_nm.iter().zip(now.offset_nm).zip(rates);
-        offsets.into_iter().all(|((last, now), rate)| {
-            let left = last.unsigned_abs();
-            left - left.min(rate) == now.unsigned_abs() && last.signum() * now.signum() >= 0
+        let is_held = last.tick == now.tick;
+        last.offset_nm.iter().zip(now.offset_nm).zip(rates).all(|((last, now), rate)| {
+            let left = last.unsigned_abs() - last.unsigned_abs().min(if is_held { 0 } else { rate });
+            left == now.unsigned_abs() && last.signum() * now.signum() >= 0
         })
     };
-    let is_at_zero = |moment: &&Moment<N>| moment.period.offset_nm == [0; N];
+    let has_tick = |(last, now): &(&Period<N>, &Period<N>)| last.tick != now.tick;
     let expected = before.offset_nm.iter().zip(rates).map(|(offset, rate)| offset.unsigned_abs().div_ceil(rate).into());
     Some(Ramp {
         seconds: first.number as f64 / 1e3,
         cause: first.cause.to_string(),
         start_offset_nm: before.offset_nm.into(),
-        periods: ramping.iter().take_while(|moment| !is_at_zero(moment)).count() as u64 + 1,
-        expected_periods: expected.max().unwrap_or(0),
+        ticks: 1 + steps().zip(steps().skip(1)).take_while(|(_, now)| now.offset_nm != [0; N]).filter(has_tick).count()
+            as u64,
+        expected_ticks: expected.max().unwrap_or(0),
         inexact: steps().zip(steps().skip(1)).filter(|step| !is_exact(step)).count(),
         moving: moving(ramping),
     })

@@ -31,12 +31,12 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
             session.missed,
         )?;
     }
-    for Ramp { seconds, cause, start_offset_nm, periods, expected_periods, moving, .. } in &results.ramps {
+    for Ramp { seconds, cause, start_offset_nm, ticks, expected_ticks, moving, .. } in &results.ramps {
         let offsets: Vec<String> = start_offset_nm.iter().map(|nm| format!("{:.1}", f64::from(*nm) / 1e3)).collect();
         writeln!(text, "\n  ramp at {seconds:.1} s ({cause})")?;
         writeln!(text, "    start offsets               {} um", offsets.join(", "))?;
-        writeln!(text, "    periods to zero             {periods} (expected {expected_periods})")?;
-        writeln!(text, "    of them with a moving path  {moving}")?;
+        writeln!(text, "    ticks to zero               {ticks} (expected {expected_ticks})")?;
+        writeln!(text, "    periods with a moving path  {moving}")?;
     }
     let (largest, allowed) = (results.largest_change_nm, results.allowed_change_nm);
     writeln!(text, "\n  largest change of any offset in a period: {largest} nm (limit {allowed} nm)")?;

@@ -22,6 +22,7 @@ struct Row {
     phase: Phase,
     is_loaded: bool,
     offset_nm: [i32; 3],
+    tick: usize,
 }
 
 /// A demonstration: one client held, killed, ramp; the next one held, and its load released.
@@ -44,7 +45,7 @@ impl Played {
         let held = compensator.correct(&pose, &nominal, &load).unwrap().offsets.map(|offset| offset.0);
         let mut played = Self { robot, nominal_nm: nominal.map(|position| position.0), rows: Vec::new() };
         for is_killed in [true, false] {
-            played.part(5, Phase::Submit, false, |_| 0);
+            played.part(20, Phase::Submit, false, |_| 0);
             played.part(1_100, Phase::Obtain, true, |axis| held[axis]);
             if is_killed {
                 played.part(4_000, Phase::SafeDisconnect, true, |_| 0);
@@ -61,11 +62,15 @@ impl Played {
     fn part(&mut self, periods: usize, phase: Phase, is_loaded: bool, target_nm: impl Fn(usize) -> i32) {
         let largest = if phase == Phase::SafeDisconnect { RAMP } else { STEP };
         for _ in 0..periods {
-            let mut offset_nm = self.rows.last().map_or([0; 3], |row| row.offset_nm);
-            for (axis, offset) in offset_nm.iter_mut().enumerate() {
-                *offset += (target_nm(axis) - *offset).clamp(-largest, largest);
+            let (mut offset_nm, tick) = self.rows.last().map_or(([0; 3], 0), |row| (row.offset_nm, row.tick));
+            // After a delay a burst of periods has no ticks.
+            let has_tick = self.rows.len() % 1_000 > 7;
+            if has_tick {
+                for (axis, offset) in offset_nm.iter_mut().enumerate() {
+                    *offset += (target_nm(axis) - *offset).clamp(-largest, largest);
+                }
             }
-            self.rows.push(Row { phase, is_loaded, offset_nm });
+            self.rows.push(Row { phase, is_loaded, offset_nm, tick: tick + usize::from(has_tick) });
         }
     }
 
@@ -85,7 +90,7 @@ impl Played {
             let force = if row.is_loaded { FORCE_N } else { 0.0 };
             let raw = mounting.seen(&Vector6::new(force, 0.0, 0.0, 0.0, 0.0, 0.0), &UnitQuaternion::identity());
             let raw = raw.iter().map(|value| format!("{value:.6} ")).collect::<String>();
-            writeln!(server, "{number} {raw}{} {} 0", row.phase.code(), Cause::Closed.code()).unwrap();
+            writeln!(server, "{number} {raw}{} {} 0 {}", row.phase.code(), Cause::Closed.code(), row.tick).unwrap();
         }
         std::fs::write(folder.join("joints.txt"), joints).unwrap();
         std::fs::write(folder.join("server.txt"), server).unwrap();
@@ -121,7 +126,7 @@ fn sessions_ramp_and_displacements_are_found() {
         assert_eq!((session.moving + 1, session.missed), (session.periods, 0));
     }
     let [ramp] = results.ramps.as_slice() else { panic!("{results:?}") };
-    assert_eq!((ramp.periods, ramp.inexact), (ramp.expected_periods, 0));
+    assert_eq!((ramp.ticks, ramp.inexact), (ramp.expected_ticks, 0));
     assert_eq!(results.largest_change_nm, 5_000);
     assert!(page.contains("a &lt; b") && page.contains("All as it should be."));
     // Two paths, displacement, offsets, ramp, force, position, state.

@@ -327,6 +327,63 @@ fn wrong_files_are_refused_by_line_and_column() {
     assert!(error.contains("rot_w: an F1 needs orientations"), "{error}");
 }
 
+/// A column with the wrong sign, two of them swapped, a left-handed frame: named, and how to mend it.
+#[test]
+fn columns_that_are_not_what_their_names_say_are_named() {
+    let mut draw = Draw(Noise::new(11));
+    let machine = true_machine(&mut draw);
+    let seen = positions(&mut draw, 20);
+    let folder = folder("columns");
+    let setup = measure(&folder, &machine, &seen, &mut draw);
+    let good = fs::read_to_string(folder.join("poses.csv")).unwrap();
+    let with = |edit: &dyn Fn(&mut [String])| {
+        let rows = good.lines().enumerate().map(|(row, line)| {
+            let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+            if row > 0 {
+                edit(&mut cells);
+            }
+            cells.join(",") + "\n"
+        });
+        fs::write(folder.join("poses.csv"), rows.collect::<String>()).unwrap();
+        calibrate(&setup).map(|_| ()).map_err(|error| error.to_string())
+    };
+    let negated = |cell: &mut String| *cell = (-cell.parse::<f64>().unwrap()).to_string();
+    assert_eq!(with(&|_| ()), Ok(()));
+    let expected = "poses.csv: column q_2: has the wrong sign; negate q_2";
+    assert!(with(&|row| negated(&mut row[2])).unwrap_err().ends_with(expected));
+    let expected = "poses.csv: columns q_1, q_3: are in the place of each other; swap them";
+    assert!(with(&|row| row.swap(1, 3)).unwrap_err().ends_with(expected));
+    for mirrored in [with(&|row| negated(&mut row[5])), with(&|row| row.swap(4, 5))] {
+        assert!(mirrored.unwrap_err().contains("poses.csv: columns x_m, y_m, z_m: are in a left-handed frame"));
+    }
+}
+
+/// Near the end of the reach the machine of the file cannot stand where the real one does.
+#[test]
+fn a_file_that_does_not_reach_each_position_is_calibrated_all_the_same() {
+    let file = RobotFile::builtin_l2().unwrap();
+    for seed in 0..4 {
+        let mut draw = Draw(Noise::new(100 + seed));
+        let machine = true_machine(&mut draw);
+        let mut seen = positions(&mut draw, 57);
+        while seen.len() < 60 {
+            let place_m = Vector3::new(0.1, 0.3, 0.65) + draw.vector(1.0).component_mul(&Vector3::new(1.6, 0.9, 0.8));
+            let Ok(q) = machine.model.inverse_in_assembly(&place_m) else { continue };
+            // A pose is measured where a cart moves the tool by a few times its own way, not by more.
+            let is_firm = (0..AXES).all(|axis| {
+                let mut beside = q;
+                beside[axis] += 1e-4;
+                machine.model.forward(&beside).is_ok_and(|moved_m| (moved_m - place_m).norm() < 2e-3)
+            });
+            seen.extend((is_firm && file.model.forward(&q).is_err()).then_some(q));
+        }
+        let folder = folder(&format!("reach-{seed}"));
+        let calibration = calibrate(&measure(&folder, &machine, &seen, &mut draw)).unwrap();
+        let off_m = apart_m(&l2("calibrated", &calibration.robot_file), &machine, &positions(&mut draw, 100));
+        assert!(off_m < 0.4e-3, "{seed}: {off_m}, {}", calibration.summary);
+    }
+}
+
 /// Places on a line, in a plane or in a small cube do not show a machine.
 #[test]
 fn poses_that_cannot_show_the_machine_are_refused() {

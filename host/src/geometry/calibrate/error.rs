@@ -1,5 +1,6 @@
 //! Reasons why there is no calibration; each is one sentence.
 
+use super::Mistake;
 use crate::measurements::FileError;
 use crate::robot_file::RobotFileError;
 
@@ -30,8 +31,18 @@ pub enum CalibrateError {
         /// The table.
         table: String,
     },
+    /// Columns are not what their names say.
+    #[error("{table}: {mistake}")]
+    Columns {
+        /// The table.
+        table: String,
+        /// The mistake.
+        mistake: Mistake,
+    },
     /// No start fits.
-    #[error("{table}: neither the robot file nor the measurements alone lead to a machine: {reason}")]
+    #[error(
+        "{table}: no machine fits these poses, begun neither from the robot file nor from the measurements alone: {reason}; check order, signs and units of the columns q_1 and on, x_m, y_m, z_m and rot_w to rot_z, and that the robot file is about this machine"
+    )]
     NoStart {
         /// The table.
         table: String,

@@ -8,14 +8,15 @@ use gantry_tau_core::model::robot::{ARMS, LINKS};
 use nalgebra::{Matrix6, Vector3};
 
 use super::along::turn_along;
+use super::columns::Mistake;
 use super::expected::Expected;
 use super::shape::Shape;
 use super::{CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GuidewaysOption, check_shape, rows};
 use crate::geometry::agreement::{left_out_rms_m, rms_m};
 use crate::geometry::answer::{F1Machine, InRobotFrame, Target};
-use crate::geometry::f1::{Diagnostic, OBSERVABLE, PARAMETERS, Poses, parameters, seen_by};
+use crate::geometry::f1::{Diagnostic, KEPT, OBSERVABLE, PARAMETERS, Poses, parameters, seen_by, unseen};
 use crate::measurements::poses::{self, Noise};
-use crate::model::F1;
+use crate::model::{F1, pose_at};
 use crate::robot_file::RobotFile;
 use crate::robot_file::edit::RobotText;
 use start::{best_start, pairs};
@@ -39,6 +40,10 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     let table = &measured.table;
     let file = Geometry { travel: None, ..*robot.model.robot().geometry() };
     let model = Poses { poses: &measured.poses, whitening: whitening(&measured.noise) };
+    let of_file = |q: &[f64; AXES]| Some(pose_at(&robot.model, &robot.home_m(), q).ok()?.position_m);
+    if let Some(mistake) = Mistake::find(&measured.poses, of_file) {
+        return Err(CalibrateError::Columns { table: measured.table, mistake });
+    }
     let (frames, agreement) = best_start(&pairs(robot, &measured.poses), target_m, &model, &file)
         .map_err(|reason| CalibrateError::NoStart { table: table.clone(), reason })?;
     let moved = model
@@ -62,7 +67,8 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
         agreement: &agreement,
         names: names(),
         values: parameters(state, state),
-        observable: OBSERVABLE,
+        unseen: unseen(state),
+        kept: KEPT,
         measured_frame: machine(state),
         robot_frame: InRobotFrame { machine: machine(&placed.geometry), rotation, translation_m, target },
         covariance: placed.covariance,

@@ -8,6 +8,7 @@ use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
 use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector3};
 
 use super::along::turn_along;
+use super::columns::Mistake;
 use super::expected::Expected;
 use super::shape::Shape;
 use super::{
@@ -22,7 +23,7 @@ use crate::geometry::frames::rigid_trimmed;
 use crate::geometry::l2::{
     Calibrated, LEAST_PLACES, Nominal, PARAMETERS, Places, PredictionError, closed_form, predicted_rms_m,
 };
-use crate::geometry::parallel::{PARALLEL_PARAMETERS, Parallel, expansion};
+use crate::geometry::parallel::{Parallel, expansion};
 use crate::measurements::poses::{self, Poses};
 use crate::model::L2;
 use crate::robot_file::RobotFile;
@@ -42,14 +43,15 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
     // The point on the platform is the target.
     let file = Nominal::of(geometry).shifted(&target_m);
     let places = places(&measured, geometry)?;
+    check_columns(&measured, &file, geometry)?;
     let free = fit_free(&file, &places, &measured.table)?;
     let used = free.used(measured.poses.len());
-    let guideways = Guideways::of(&free, &places).map_err(no_start(&measured.table))?;
+    let guideways = Guideways::of(&free, &places);
     let doubts = turned_platform(&measured).into_iter().chain(guideways.doubt(options.guideways)).collect();
     let remarks = guideways.remark(options.guideways).into_iter().collect();
-    let Fitted { agreement, covariance, names, values, observable, left_out_rms_m } = match options.guideways {
+    let Fitted { agreement, covariance, names, values, left_out_rms_m } = match options.guideways {
         GuidewaysOption::Free => Fitted::free(free, &places),
-        GuidewaysOption::Parallel => Fitted::parallel(guideways.parallel, &places),
+        GuidewaysOption::Parallel => Fitted::parallel(guideways.parallel.map_err(no_start(&measured.table))?, &places),
     };
     let moved = agreement
         .in_frame_of(&file, &places, &covariance)
@@ -69,7 +71,8 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
         agreement: &agreement,
         names,
         values,
-        observable,
+        unseen: Vec::new(),
+        kept: 0..0,
         measured_frame: machine(state),
         robot_frame: InRobotFrame { machine: machine(&tool), rotation, translation_m, target: None },
         covariance: placed.covariance,
@@ -116,6 +119,12 @@ fn places<'a>(measured: &'a Poses<AXES>, geometry: &Geometry) -> Result<Places<'
     })
 }
 
+fn check_columns(measured: &Poses<AXES>, file: &Nominal, geometry: &Geometry) -> Result<(), CalibrateError> {
+    let Ok(kinematics) = file.kinematics(geometry.configuration) else { return Ok(()) };
+    let mistake = Mistake::find(&measured.poses, |q| kinematics.forward(q).ok());
+    mistake.map_or(Ok(()), |mistake| Err(CalibrateError::Columns { table: measured.table.clone(), mistake }))
+}
+
 fn no_start(table: &str) -> impl Fn(FitError<PredictionError>) -> CalibrateError {
     |error| CalibrateError::NoStart { table: table.to_owned(), reason: error.to_string() }
 }
@@ -138,7 +147,6 @@ struct Fitted {
     covariance: DMatrix<f64>,
     names: Vec<(String, &'static str)>,
     values: DVector<f64>,
-    observable: usize,
     left_out_rms_m: f64,
 }
 
@@ -148,7 +156,6 @@ impl Fitted {
             covariance: agreement.fit.seen.covariance(),
             names: names(),
             values: agreement.fit.state.parameters(),
-            observable: PARAMETERS,
             left_out_rms_m: left_out_rms_m(places, &agreement),
             agreement,
         }
@@ -160,7 +167,6 @@ impl Fitted {
             covariance: &expansion * agreement.fit.seen.covariance() * expansion.transpose(),
             names: guideways::names(),
             values: guideways::values(&agreement.fit.state),
-            observable: PARALLEL_PARAMETERS,
             left_out_rms_m: left_out_rms_m(&Parallel(*places), &agreement),
             agreement,
         }

@@ -1,6 +1,7 @@
 //! `calibrate`: from measured poses and a robot file to the file of this machine.
 
 mod along;
+mod columns;
 mod error;
 mod expected;
 pub(crate) mod f1;
@@ -9,6 +10,7 @@ mod mirror;
 mod report;
 mod shape;
 
+use std::ops::Range;
 use std::path::PathBuf;
 
 use nalgebra::{DMatrix, Isometry3, Vector3};
@@ -18,6 +20,7 @@ use super::agreement::Agreement;
 use super::answer::{Answer, FORMAT, InRobotFrame, Outlier};
 use super::f1::Diagnostic;
 use crate::fit::answer::{Parameter, Status, Unobservable};
+use crate::fit::least_squares::Direction;
 use crate::fit::statistics::{chi_squared_above, float};
 use crate::measurements::poses::Poses;
 use crate::measurements::{FileError, frame};
@@ -26,6 +29,7 @@ use crate::robot_file::edit::RobotText;
 use expected::Expected;
 use shape::Shape;
 
+pub use columns::Mistake;
 pub use error::CalibrateError;
 pub use f1::calibrate_f1;
 pub use l2::calibrate_l2;
@@ -115,8 +119,9 @@ struct Found<'a, S, M> {
     agreement: &'a Agreement<S>,
     names: Vec<(String, &'static str)>,
     values: nalgebra::DVector<f64>,
-    /// Parameters that can be seen in any poses.
-    observable: usize,
+    /// Directions that no poses show, and the parameters that are therefore kept.
+    unseen: Vec<Direction>,
+    kept: Range<usize>,
     measured_frame: M,
     robot_frame: InRobotFrame<M>,
     covariance: DMatrix<f64>,
@@ -145,7 +150,7 @@ impl<S, M: Serialize + Clone> Found<'_, S, M> {
         let answer = self.answer(measured);
         let calibrated = self.entry(measured, options, &answer);
         let summary = self.summary(&answer, poses);
-        let mut doubts = doubts(&answer, poses, self.observable, options.tolerance_m);
+        let mut doubts = doubts(&answer, poses, self.observable(), options.tolerance_m);
         doubts.extend(self.doubts);
         let page = report::Page {
             robot: &options.robot,
@@ -172,10 +177,11 @@ impl<S, M: Serialize + Clone> Found<'_, S, M> {
     fn answer<const N: usize>(&self, measured: &Poses<N>) -> Answer<M> {
         let fit = &self.agreement.fit;
         let seen = &fit.seen;
-        let status = |parameter: usize| Status::of(seen, parameter);
-        let mut unobservable = seen.lost();
-        unobservable.extend(seen.weak());
-        let fixed = self.values.len() - self.observable;
+        let status = |parameter: usize| match self.kept.contains(&parameter) {
+            true => Status::Kept,
+            false => Status::of(seen, parameter),
+        };
+        let unobservable = [self.unseen.clone(), seen.lost(), seen.weak()].concat();
         let outliers = self.agreement.outliers.iter();
         Answer {
             format: FORMAT,
@@ -183,7 +189,7 @@ impl<S, M: Serialize + Clone> Found<'_, S, M> {
             measured_frame: self.measured_frame.clone(),
             robot_frame: self.robot_frame.clone(),
             parameters: Parameter::list(&self.names, &self.values, &seen.covariance(), status),
-            observable: seen.kept().saturating_sub(fixed),
+            observable: seen.kept().saturating_sub(self.unseen.len()),
             unobservable: Unobservable::list(&self.names, &unobservable),
             predicted_rms_m: self.expected.rms_m,
             chi2: fit.chi_squared(),
@@ -193,6 +199,11 @@ impl<S, M: Serialize + Clone> Found<'_, S, M> {
                 .filter_map(|index| Some(Outlier { pose: measured.poses.get(*index)?.name.clone() }))
                 .collect(),
         }
+    }
+
+    /// Number of parameters that can be seen in any poses.
+    fn observable(&self) -> usize {
+        self.values.len().saturating_sub(self.unseen.len())
     }
 
     /// Entry of the robot file that says how it was calibrated.
@@ -214,16 +225,22 @@ impl<S, M: Serialize + Clone> Found<'_, S, M> {
     }
 
     fn summary(&self, answer: &Answer<M>, poses: usize) -> String {
-        let lost = self.observable.saturating_sub(answer.observable);
+        let lost = self.observable().saturating_sub(answer.observable);
+        // With few poses a part of them does not lead to a machine.
+        let left_out = match self.left_out_rms_m {
+            rms_m if rms_m.is_finite() => {
+                format!(", and are {:.1} um off where they took no part in the fit", rms_m * 1e6)
+            }
+            _ => String::new(),
+        };
         format!(
-            "{} of {} parameters seen; chi2/dof {:.2}, p {:.2}; {} of {poses} poses do not agree; places were {:.2} mm off (rms), and are {:.1} um off where they took no part in the fit; one over the workspace is expected to be {:.1} um off{}",
+            "{} of {} parameters seen; chi2/dof {:.2}, p {:.2}; {} of {poses} poses do not agree; places were {:.2} mm off (rms){left_out}; one over the workspace is expected to be {:.1} um off{}",
             answer.observable,
             self.values.len(),
             self.agreement.fit.reduced_chi_squared(),
             answer.p,
             answer.outliers.len(),
             self.before_rms_m * 1e3,
-            self.left_out_rms_m * 1e6,
             answer.predicted_rms_m * 1e6,
             if lost > 0 { ", not counting what cannot be seen" } else { "" },
         )

@@ -1,9 +1,12 @@
 //! The 64 parameters of an F1 as numbers: their order, their scales, steps of them, and those that no pose shows.
 
+use std::ops::Range;
+
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::robot::{ARMS, LINKS};
 use nalgebra::{DVector, Matrix3, SMatrix, UnitQuaternion, Vector3};
 
+use crate::fit::least_squares::Direction;
 use crate::geometry::frames::across;
 
 /// First parameters of the groups `C` (9), `V` (9), `P` (18), `b` (18), `L` (6), `ax` (2), `ax6` (2), and their number.
@@ -81,6 +84,28 @@ pub fn parameters(geometry: &f1::Geometry, origin: &f1::Geometry) -> DVector<f64
 
 const _: () =
     assert!(V == 3 * ARMS && P == V + 3 * ARMS && B == P + 3 * LINKS && L == B + 3 * LINKS && AX == L + LINKS);
+
+/// Parameters that the constraint of [`fixed`] keeps at the file's values: `P_11`.
+pub(crate) const KEPT: Range<usize> = P..P + 3;
+
+/// Directions that no pose shows, in changes that would matter: `C_1` against `P_11`, and `C_2` against `P_21` and `P_22` along the plates'
+/// axis.
+pub(crate) fn unseen(geometry: &f1::Geometry) -> Vec<Direction> {
+    let along = geometry.turn_axis.normalize();
+    let mut unseen = vec![DVector::zeros(PARAMETERS); 4];
+    for (component, direction) in unseen.iter_mut().take(3).enumerate() {
+        direction[C + component] = 1.0;
+        direction[P + component] = -1.0;
+    }
+    if let Some(direction) = unseen.last_mut() {
+        direction.fixed_rows_mut::<3>(C + 3).copy_from(&along);
+        direction.fixed_rows_mut::<3>(P + 3).copy_from(&-along);
+        direction.fixed_rows_mut::<3>(P + 6).copy_from(&-along);
+    }
+    let direction =
+        |components: DVector<f64>| Direction { relative_sd: f64::INFINITY, components: components.normalize() };
+    unseen.into_iter().map(direction).collect()
+}
 
 /// Rows that keep what cannot be seen: `P_11`, and the mean of `P_21`, `P_22` along the plates' axis.
 pub(crate) fn fixed(geometry: &f1::Geometry) -> SMatrix<f64, 4, PARAMETERS> {

@@ -85,7 +85,7 @@ impl Poses<'_> {
         let used = calibrated.used(self.poses.len());
         let state = &calibrated.fit.state;
         let of_file = self.of_file(file, home_m, &used)?;
-        let frames = |seen: &f1::Geometry| self.frames(&of_file, seen, &used, target_m);
+        let frames = |seen: &f1::Geometry| self.frames(&of_file, seen, target_m);
         let found = frames(state)?;
         let geometry = framed(state, &found, file);
         let moved = |step: &DVector<f64>| {
@@ -96,20 +96,21 @@ impl Poses<'_> {
         Ok(Placed { frames: found, geometry, covariance: follow(&by_parameter, calibrated) })
     }
 
-    /// Poses of the robot file's machine, whose home is at `home_m`.
+    /// Poses of the robot file's machine, whose home is at `home_m`, by their indices. Where the file is off, its machine may not reach each
+    /// of them.
     fn of_file(
         &self,
         file: &f1::Geometry,
         home_m: &Vector3<f64>,
         used: &[usize],
-    ) -> Result<Vec<Pose>, PredictionError> {
+    ) -> Result<Vec<(usize, Pose)>, PredictionError> {
         let kinematics = Self::kinematics(file)?;
-        let mut poses: Vec<Pose> = Vec::new();
+        let mut poses: Vec<(usize, Pose)> = Vec::new();
         for &index in used {
             let q = &self.poses[index].q;
             let found = pose_at(&kinematics, home_m, q)
-                .or_else(|error| poses.last().map_or(Err(error), |last| forward(&kinematics, q, last)));
-            poses.push(found.map_err(|error| PredictionError::Unreachable { index, error })?);
+                .or_else(|error| poses.last().map_or(Err(error), |(_, last)| forward(&kinematics, q, last)));
+            poses.extend(found.ok().map(|pose| (index, pose)));
         }
         Ok(poses)
     }
@@ -117,16 +118,15 @@ impl Poses<'_> {
     /// Frames in which the poses of a machine that the device sees agree best with those of the file.
     fn frames(
         &self,
-        of_file: &[Pose],
+        of_file: &[(usize, Pose)],
         seen: &f1::Geometry,
-        used: &[usize],
         target_m: Option<Vector3<f64>>,
     ) -> Result<Frames, PredictionError> {
         let of_seen = Self::kinematics(seen)?;
         let mut pairs = Vec::new();
-        for (&index, of_file) in used.iter().zip(of_file) {
-            let unreachable = |error| PredictionError::Unreachable { index, error };
-            let measured = &self.poses[index];
+        for (index, of_file) in of_file {
+            let unreachable = |error| PredictionError::Unreachable { index: *index, error };
+            let measured = &self.poses[*index];
             let Some(seed) = measured.pose() else { continue };
             let seen = forward(&of_seen, &measured.q, &seed).map_err(unreachable)?;
             pairs.push((isometry(of_file), isometry(&seen)));

@@ -186,16 +186,8 @@ fn four_combinations_cannot_be_seen() {
     let values = seen.singular_values();
     assert!(values[OBSERVABLE] < 1e-10 * values[0] && values[OBSERVABLE - 1] > 1e-6 * values[0], "{values}");
     // They lie in the span that the page of this module says: C_1 against P_11, and C_2 against P_21, P_22 along the plates' axis.
-    let along = campaign.truth.turn_axis.normalize();
-    let mut span = DMatrix::zeros(PARAMETERS, 4);
-    for axis in 0..3 {
-        (span[(C + axis, axis)], span[(P + axis, axis)]) = (1.0, -1.0);
-        (span[(C + 3 + axis, 3)], span[(P + 3 + axis, 3)], span[(P + 6 + axis, 3)]) =
-            (along[axis], -along[axis], -along[axis]);
-    }
-    for mut column in span.column_iter_mut() {
-        column.normalize_mut();
-    }
+    let unseen: Vec<_> = unseen(&campaign.truth).into_iter().map(|direction| direction.components).collect();
+    let span = DMatrix::from_columns(&unseen);
     let lost = seen.lost();
     assert_eq!(lost.len(), 4);
     for direction in lost {

@@ -26,7 +26,7 @@ impl Calibrated {
     /// `covariance` is that of the 21 parameters; in the robot's frame it is `P C P^T`, `P = 1 - N (G^T G)^-1 G^T J`: `N` and `G` are the changes of parameters and of places by a small motion.
     ///
     /// # Errors
-    /// [`PredictionError`]: the file's machine cannot reach a measured position.
+    /// [`PredictionError`]: the file's machine reaches fewer than three of the measured positions.
     pub fn in_frame_of(
         &self,
         file: &Nominal,
@@ -35,19 +35,15 @@ impl Calibrated {
     ) -> Result<InRobotFrame, PredictionError> {
         let [from, to] = [file, &self.fit.state].map(|nominal| nominal.kinematics(places.configuration));
         let (from, to) = (from?, to?);
-        let used = (0..places.poses.len()).filter(|index| !self.outliers.contains(index));
-        let mut pairs = Vec::new();
-        for index in used {
-            let unreachable = |error| PredictionError::Unreachable { index, error };
-            let q = &places.poses[index].q;
-            pairs.push((from.forward(q).map_err(unreachable)?, to.forward(q).map_err(unreachable)?));
-        }
+        let used = self.used(places.poses.len());
+        let at_q = || used.iter().map(|index| &places.poses[*index].q);
+        // Where the file is off, its machine may not reach each position of the real one.
+        let pairs: Vec<_> = at_q().filter_map(|q| Some((from.forward(q).ok()?, to.forward(q).ok()?))).collect();
         // Models both: nothing among them is wrong.
-        let motion = rigid(&pairs).unwrap_or_else(Isometry3::identity);
+        let motion = rigid(&pairs).ok_or(PredictionError::FarOff)?;
         let nominal = self.fit.state.moved(&motion.inverse());
         let covariance = turned_covariance(covariance, &motion.inverse().rotation);
-        let at_q = places.poses.iter().enumerate().filter(|(index, _)| !self.outliers.contains(index));
-        let projection = nominal.without_motion(places.configuration, at_q.map(|(_, pose)| &pose.q))?;
+        let projection = nominal.without_motion(places.configuration, at_q())?;
         Ok(InRobotFrame { motion, nominal, covariance: &projection * covariance * projection.transpose() })
     }
 }

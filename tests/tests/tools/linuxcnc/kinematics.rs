@@ -132,8 +132,8 @@ pub(super) fn stops_where_a_path_leaves_its_reach() -> Result<(), Failed> {
     let machine = Machine::new("l2", "path", |header| header)?;
     machine.program("G21 G90 G19\nG0 Y560 Z850\nG4 P0.1\nG3 Y560 Z850 J60 K-20 F600\nM2\n")?;
     let ended = machine.run()?;
-    let errors = ended.lines("error").join("\n");
-    assert!(errors.contains("kinematicsInverse failed"), "{}", ended.said);
+    // LinuxCNC may print it after the screen has ended on a busy computer.
+    assert!(ended.said.contains("kinematicsInverse failed"), "{}", ended.said);
     let rows = &ended.record.0;
     let refused = rows.iter().position(|row| row.refused > 0).unwrap();
     let off = refused + rows[refused..].iter().position(|row| !row.is_on).unwrap();

@@ -13,7 +13,7 @@ use libtest_mimic::Failed;
 use super::record::{Record, Row};
 use crate::capi::tools::{has, library, run, target};
 
-/// Where LinuxCNC loads modules from; the path is compiled in.
+/// Folder that LinuxCNC loads modules from; the path is compiled in.
 const MODULES: &str = "/usr/lib/linuxcnc/modules";
 const MAKEFILE: &str = "/usr/share/linuxcnc/Makefile.modinc";
 /// `nobody`: as root LinuxCNC loads no module.
@@ -24,7 +24,7 @@ const NAMESPACES: [&str; 7] = ["-m", "-i", "-n", "-p", "--fork", "--kill-child",
 /// One run at a time, which two would make late on a small computer; runs in lock-step do not mind, and share it.
 pub(super) static ONE: RwLock<()> = RwLock::new(());
 
-/// What is missing for a run, by name.
+/// Names of all that is missing for a run.
 pub(super) fn missing() -> Vec<&'static str> {
     let mut missing = Vec::new();
     if !Path::new("/usr/bin/linuxcnc").exists() {
@@ -40,7 +40,7 @@ pub(super) fn missing() -> Vec<&'static str> {
     missing
 }
 
-/// What the sandbox of this test does not permit, by name: namespaces, mounts in them, another user.
+/// Name of the first thing that the sandbox of this test does not permit: namespaces, mounts in them, another user.
 fn forbidden() -> Option<&'static str> {
     let mount = format!("mount --bind {MODULES} {MODULES}");
     let user = format!("{mount} && setpriv --reuid={USER} --regid={USER} --clear-groups true");
@@ -80,7 +80,7 @@ pub(super) struct Machine {
 pub(super) struct Ended {
     /// Output of LinuxCNC and of the screen.
     pub(super) said: String,
-    /// What the sampler recorded; empty if the machine was not loaded.
+    /// Record of the sampler; empty if the machine was not loaded.
     pub(super) record: Record,
 }
 

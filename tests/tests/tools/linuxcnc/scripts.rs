@@ -55,7 +55,7 @@ pub(super) fn demonstration() -> Result<(), Failed> {
         assert!(session["remaining_share"].as_f64().unwrap() < 0.05, "{session}");
     }
     let [ramp] = results["ramps"].as_array().unwrap().as_slice() else { panic!("{results}") };
-    assert_eq!(ramp["periods"], ramp["expected_periods"]);
+    assert_eq!(ramp["ticks"], ramp["expected_ticks"]);
     assert!(ramp["moving"].as_u64().unwrap() > 1_000, "the program goes on: {ramp}");
     Ok(())
 }

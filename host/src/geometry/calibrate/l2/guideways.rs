@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use super::super::GuidewaysOption;
-use crate::fit::least_squares::{FitError, fit};
+use crate::fit::least_squares::{Fit, FitError, fit};
 use crate::fit::statistics::{f_above, float};
 use crate::geometry::agreement::Model;
 use crate::geometry::l2::{Calibrated, Nominal, PARAMETERS, Places, PredictionError};
@@ -14,21 +14,22 @@ const LEAST_PARALLEL_P: f64 = 0.01;
 
 /// Parallel guideways against free ones, on the places that agree with the latter.
 pub(super) struct Guideways {
-    pub(super) parallel: Calibrated,
-    /// Probability of so much more left with parallel guideways, if they are parallel.
+    /// Error: a machine with parallel guideways cannot reach each of the places.
+    pub(super) parallel: Result<Calibrated, FitError<PredictionError>>,
+    /// Probability of so much more left with parallel guideways, if they are parallel; 0 where they do not fit at all.
     p: f64,
 }
 
 impl Guideways {
-    pub(super) fn of(free: &Calibrated, places: &Places<'_>) -> Result<Self, FitError<PredictionError>> {
-        let start = with_parallel_guideways(&free.fit.state);
+    pub(super) fn of(free: &Calibrated, places: &Places<'_>) -> Self {
         let used = free.used(places.poses.len());
-        let model = Parallel(*places);
-        let parallel = fit(start, &model.scales(&start), |state| model.rows(state, &used), Parallel::stepped)?;
-        let freed = PARAMETERS - PARALLEL_PARAMETERS;
-        let more = (parallel.chi_squared() - free.fit.chi_squared()).max(0.0) / float(freed);
-        let p = f_above(more / free.fit.reduced_chi_squared(), freed, free.fit.degrees());
-        Ok(Self { parallel: Calibrated { fit: parallel, outliers: free.outliers.clone() }, p })
+        let parallel = fit_parallel(&free.fit.state, &Parallel(*places), &used);
+        let p = parallel.as_ref().map_or(0.0, |parallel| {
+            let freed = PARAMETERS - PARALLEL_PARAMETERS;
+            let more = (parallel.chi_squared() - free.fit.chi_squared()).max(0.0) / float(freed);
+            f_above(more / free.fit.reduced_chi_squared(), freed, free.fit.degrees())
+        });
+        Self { parallel: parallel.map(|fit| Calibrated { fit, outliers: free.outliers.clone() }), p }
     }
 
     /// Says what the measurements want, where it is not what was asked for and does no harm.
@@ -42,6 +43,20 @@ impl Guideways {
         (asked == GuidewaysOption::Parallel && self.p < LEAST_PARALLEL_P)
             .then(|| format!("the guideways are not parallel (p = {:.1e}): calibrate with --guideways free", self.p))
     }
+}
+
+/// Fits to the places that the start reaches, and from there to all that are used.
+fn fit_parallel(
+    free: &Nominal,
+    model: &Parallel<'_>,
+    used: &[usize],
+) -> Result<Fit<Nominal>, FitError<PredictionError>> {
+    let start = with_parallel_guideways(free);
+    let reached: Vec<usize> =
+        used.iter().copied().filter(|index| model.length_sd(&start, *index).is_finite()).collect();
+    let scales = model.scales(&start);
+    let near = fit(start, &scales, |state| model.rows(state, &reached), Parallel::stepped)?;
+    fit(near.state, &scales, |state| model.rows(state, used), Parallel::stepped)
 }
 
 /// Names of the parameters of a machine with parallel guideways, and their units.
