@@ -140,7 +140,6 @@ pub(super) fn stops_where_a_path_leaves_its_reach() -> Result<(), Failed> {
     assert!(off - refused <= 2, "switched off {} periods after the refusal", off - refused);
     // The commands follow the references, which go towards the drives: lag times speed, and carts are fast at the edge of the reach.
     stands_still(&ended, off + DELAY, 1.5);
-    stands_still(&ended, rows.len() - 100, 3e-6);
     Ok(())
 }
 
