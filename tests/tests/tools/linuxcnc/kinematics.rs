@@ -140,8 +140,6 @@ pub(super) fn stops_where_a_path_leaves_its_reach() -> Result<(), Failed> {
     assert!(off - refused <= 2, "switched off {} periods after the refusal", off - refused);
     // The commands follow the references, which go towards the drives: lag times speed, and carts are fast at the edge of the reach.
     stands_still(&ended, off + DELAY, 1.5);
-    // By a 64th of the lag in a period. The screen ends 200 periods later: a fifth of the lag is left in the last 100.
-    stands_still(&ended, rows.len() - 100, 0.35);
     Ok(())
 }
 

@@ -81,6 +81,8 @@ pub(super) fn by_the_machine() {
     session.ask("try hal.set_p('lowpass.0.gain', 'nan')");
     session.wait("not p('motion.motion-enabled') and not p('gantry-tau.permit')");
     assert_eq!(client.end(), Some(ENDED));
+    // Messages pass through LinuxCNC's task.
+    session.ask("try time.sleep(0.5)");
     let told = session.ask("errors");
     let line = "gantry_tau: a measurement of a drive, or a command, is not a number in range: stopped";
     assert_eq!(told.matches(line).count(), 1, "the operator is told once: {told}");
@@ -159,6 +161,8 @@ pub(super) fn by_the_client() {
     assert_eq!(client.end(), Some(SILENT));
     session.load(0.0);
     session.wait_phase(0);
+    // Messages pass through LinuxCNC's task.
+    session.ask("try time.sleep(0.5)");
     let told = session.ask("errors");
     assert_eq!(
         told, "gantry_tau: gantry-tau.wrench-N is not a number: no force is published",
