@@ -138,8 +138,8 @@ pub(super) fn stops_where_a_path_leaves_its_reach() -> Result<(), Failed> {
     let refused = rows.iter().position(|row| row.refused > 0).unwrap();
     let off = refused + rows[refused..].iter().position(|row| !row.is_on).unwrap();
     assert!(off - refused <= 2, "switched off {} periods after the refusal", off - refused);
-    // The commands follow the references, which go towards the drives: lag times speed, 3 ms at some 30 mm/s.
-    stands_still(&ended, off + DELAY, 0.2);
+    // The commands follow the references, which go towards the drives: lag times speed, and carts are fast at the edge of the reach.
+    stands_still(&ended, off + DELAY, 1.5);
     Ok(())
 }
 

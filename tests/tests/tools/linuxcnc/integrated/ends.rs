@@ -74,12 +74,15 @@ pub(super) fn by_the_machine() {
     again(&mut session, client);
     assert!(session.ask("errors").contains("kinematicsInverse failed"));
 
-    // A drive whose position is not a number any more.
-    let client = compensated(&mut session, false);
+    // A drive whose position is not a number any more; away from the end of the reach, where nothing can be compensated.
+    machine.program(&l2_part(9)).unwrap();
+    let client = compensated(&mut session, true);
     session.ask("errors");
     session.ask("try hal.set_p('lowpass.0.gain', 'nan')");
     session.wait("not p('motion.motion-enabled') and not p('gantry-tau.permit')");
     assert_eq!(client.end(), Some(ENDED));
+    // Messages pass through LinuxCNC's task.
+    session.ask("try time.sleep(0.5)");
     let told = session.ask("errors");
     let line = "gantry_tau: a measurement of a drive, or a command, is not a number in range: stopped";
     assert_eq!(told.matches(line).count(), 1, "the operator is told once: {told}");
@@ -158,6 +161,8 @@ pub(super) fn by_the_client() {
     assert_eq!(client.end(), Some(SILENT));
     session.load(0.0);
     session.wait_phase(0);
+    // Messages pass through LinuxCNC's task.
+    session.ask("try time.sleep(0.5)");
     let told = session.ask("errors");
     assert_eq!(
         told, "gantry_tau: gantry-tau.wrench-N is not a number: no force is published",
