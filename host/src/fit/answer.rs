@@ -25,7 +25,7 @@ pub struct Parameter {
     pub unit: &'static str,
     /// Standard deviation.
     pub sd: f64,
-    /// Lower end of the central 95 % interval; NaN (null) if nothing was learned.
+    /// Lower end of the central 95 % interval.
     pub low95: f64,
     /// Upper end.
     pub high95: f64,
@@ -48,7 +48,7 @@ pub enum Status {
 /// A combination of parameters that the measurements do not see, or hardly.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Unobservable {
-    /// Its standard deviation, in changes that would matter; infinite (null) if no reading depends on it.
+    /// Its standard deviation, in changes that would matter.
     pub relative_sd: f64,
     /// Components of the unit vector, by the names of the parameters; those above 1e-9.
     pub direction: BTreeMap<String, f64>,

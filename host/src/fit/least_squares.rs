@@ -17,9 +17,6 @@ pub const WEAK: f64 = 0.1;
 /// Relative standard deviation above which a direction is lost.
 pub const LOST: f64 = 1.0;
 
-/// Share of a parameter's axis in lost directions above which its value is kept.
-pub const MOST_LOST: f64 = 0.5;
-
 /// Damping of the first step, in squares of the largest singular value, and damping at which no step is left.
 const FIRST_DAMPING: f64 = 1e-6;
 const MOST_DAMPING: f64 = 1e12;
@@ -235,35 +232,6 @@ impl Seen {
     pub fn covariance(&self) -> DMatrix<f64> {
         let half = self.half_covariance();
         &half * half.transpose()
-    }
-
-    /// Covariance of the parameters along the directions that are lost: their standard deviation is that of a value that nothing was learned
-    /// about, one scale.
-    #[must_use]
-    pub fn covariance_of_lost(&self) -> DMatrix<f64> {
-        let mut lost = self.svd.directions.columns_range(self.kept()..).into_owned() * LOST;
-        for (mut row, scale) in lost.row_iter_mut().zip(&self.scales) {
-            row *= *scale;
-        }
-        &lost * lost.transpose()
-    }
-
-    /// Parameters more than half of whose axes lie in lost directions, the largest share first; no more than there are such directions.
-    #[must_use]
-    pub fn kept_parameters(&self) -> Vec<usize> {
-        let shares = (0..self.scales.len()).map(|parameter| (self.lost_share(parameter), parameter));
-        let mut kept: Vec<(f64, usize)> = shares.filter(|(share, _)| *share > MOST_LOST).collect();
-        kept.sort_by(|(one, _), (other, _)| other.total_cmp(one));
-        kept.into_iter().take(self.lost().len()).map(|(_, parameter)| parameter).collect()
-    }
-
-    /// Change of the parameters along lost directions alone, which no reading sees, that changes the kept parameters by `wanted`, in their order.
-    pub(crate) fn along_lost(&self, kept: &[usize], wanted: &DVector<f64>) -> Option<DVector<f64>> {
-        let lost = self.svd.directions.columns_range(self.kept()..);
-        let of_kept = lost.select_rows(kept);
-        let scaled = DVector::from_fn(kept.len(), |place, _| wanted[place] / self.scales[kept[place]]);
-        let shares = (&of_kept * of_kept.transpose()).cholesky()?.solve(&scaled);
-        Some((lost * of_kept.tr_mul(&shares)).component_mul(&self.scales))
     }
 
     /// `X` of the covariance `X X^T`.

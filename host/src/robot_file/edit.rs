@@ -28,28 +28,6 @@ impl RobotText {
         self.set(key, Value::Array(values.iter().copied().map(number).collect()));
     }
 
-    /// Replaces the entries of a list of numbers that are known; the others stay, and are named in the comment above the list. Nothing changes
-    /// if none is known.
-    pub fn set_some_numbers(&mut self, key: &str, values: &[Option<f64>]) {
-        let kept = |(index, value): (usize, &Option<f64>)| value.is_none().then(|| format!("{key}[{index}]"));
-        let kept: Vec<String> = values.iter().enumerate().filter_map(kept).collect();
-        if kept.len() == values.len() {
-            return;
-        }
-        let old = self.document.get(key).and_then(Item::as_array).cloned().unwrap_or_default();
-        let entry = |(index, value): (usize, &Option<f64>)| {
-            let mut kept = old.get(index).cloned();
-            kept.iter_mut().for_each(|kept| kept.decor_mut().clear());
-            value.map(number).or(kept)
-        };
-        let entries: Array = values.iter().enumerate().filter_map(entry).collect();
-        let mut provenance = self.provenance.clone();
-        if !kept.is_empty() {
-            provenance += &format!(", {} kept", kept.join(", "));
-        }
-        set_in(self.document.as_table_mut(), key, Value::Array(entries), &provenance);
-    }
-
     /// Replaces a list of rows, one per line.
     pub fn set_rows(&mut self, key: &str, rows: &[[f64; 3]]) {
         self.set(key, Value::Array(lines(rows)));
@@ -238,20 +216,6 @@ mod tests {
         }
         assert!(text.contains("# Compliances of the links, m/N; IDENTIFIED with second.csv (CRC-32 01234567)."));
         assert!(!text.contains("first.csv"));
-    }
-
-    /// What is kept is written as it was, and named.
-    #[test]
-    fn entries_that_are_kept_stay() {
-        let mut robot = RobotText::new(L2_TEXT, "IDENTIFIED with a.csv (CRC-32 01234567)").unwrap();
-        robot.set_some_numbers("c_cart", &[None, Some(5e-8), None]);
-        robot.set_some_numbers("c_link", &[None; 6]);
-        let text = robot.text();
-        let old = L2_TEXT.lines().find(|line| line.starts_with("c_cart = [")).unwrap();
-        let ((first, _), (_, last)) = (old.split_once(',').unwrap(), old.rsplit_once(',').unwrap());
-        assert!(text.contains(&format!("{first}, 5e-8,{last}")), "{text}");
-        assert!(text.contains("IDENTIFIED with a.csv (CRC-32 01234567), c_cart[0], c_cart[2] kept"), "{text}");
-        assert_eq!(text.matches("IDENTIFIED").count(), 1, "{text}");
     }
 
     /// A list of sections may stand in a line.

@@ -26,8 +26,6 @@ const CONVERGED_SD: f64 = 1e-4;
 const CONVERGED_PRIOR_SD: f64 = 1e-3;
 /// Longest step that rounding may leave, in standard deviations.
 const ROUNDING_SD: f64 = 1e-3;
-/// Largest distance of a kept spring from the file's value, in file's values; rounding.
-const AT_FILE: f64 = 1e-9;
 /// Largest factor that a compliance changes by in a round: none becomes negative.
 const MOST_CHANGE: f64 = 20.0;
 /// Change of a compliance, in file's values, that a result is refused at: it runs away to zero or to infinity.
@@ -178,13 +176,10 @@ pub(super) fn rounds<const N: usize>(
         }
         choice.held.iter().for_each(|held| hold(&mut blocks.rows.derivatives, &scales, held));
         let seen = Seen::new(&blocks.rows, &scales);
-        let step = seen.step(0.0);
-        let back = back_to_file(question, choice, &state, &seen, &step);
-        let is_at_file = back.as_ref().is_none_or(|back| back.component_div(&scales).amax() < AT_FILE);
-        let step = bounded(question, &state, back.map_or(step.clone(), |back| step + back));
+        let step = bounded(question, &state, seen.step(0.0));
         let Eliminated { setup, loads, left } = blocks.eliminated(question, &lines, &state, &step);
         let setup_step_sd = if setup.is_empty() { 0.0 } else { setup.amax() };
-        let is_settled = seen.step_sd() < CONVERGED_SD && setup_step_sd < CONVERGED_PRIOR_SD && is_at_file;
+        let is_settled = seen.step_sd() < CONVERGED_SD && setup_step_sd < CONVERGED_PRIOR_SD;
         if is_settled || rounds == most {
             let rows = blocks.rows;
             return Ok(Solved { state, hysteresis_m, lines, left, rows, seen, rounds, setup_step_sd, is_settled });
@@ -197,24 +192,6 @@ pub(super) fn rounds<const N: usize>(
         state.loads = loads;
         rounds += 1;
     }
-}
-
-/// Change along lost directions after a step that puts the kept springs back to the file's values: a step across these directions alone moves
-/// them a little. `None` if there are none, or where the choice holds directions itself.
-fn back_to_file<const N: usize>(
-    question: &Question<'_, N>,
-    choice: &Choice,
-    state: &State<N>,
-    seen: &Seen,
-    step: &DVector<f64>,
-) -> Option<DVector<f64>> {
-    let file = question.file.vector();
-    let kept: Vec<usize> = seen.kept_parameters().into_iter().filter(|parameter| *parameter < file.len()).collect();
-    if kept.is_empty() || choice.held.is_some() {
-        return None;
-    }
-    let reached = state.springs.vector() + step.rows(0, file.len());
-    seen.along_lost(&kept, &(file - reached).select_rows(&kept))
 }
 
 /// Makes rows blind along directions, so that no step goes along them.

@@ -97,7 +97,7 @@ pub(super) fn with_play<const N: usize>(
     let Some(agreement) = without_inside(question, &crossing, agreement, is_robust)? else { return Ok(None) };
     let (agreement, inside) = agreement;
     let gap_m = agreement.solved.state.elongation_m * crossing.sign;
-    if gap_m <= 0.0 || !is_better(question, without, &agreement, &inside, is_robust)? {
+    if gap_m <= 0.0 || !is_better(question, without, &agreement)? {
         return Ok(None);
     }
     let preload_n = [0, 1].map(|stroke| preload(question, &crossing, &agreement.solved, &inside, stroke));
@@ -299,24 +299,19 @@ fn cost_of_windows<const N: usize>(
     Ok(least)
 }
 
-/// True if a play is better than none: with outliers handled with and without it alike, by the readings that agree, and by series that are
-/// left out.
+/// True if a play is better than none: by all readings, by those that agree with it, and by series that are left out.
 fn is_better<const N: usize>(
     question: &Question<'_, N>,
     without: &Agreement<N>,
     with: &Agreement<N>,
-    inside: &[usize],
-    is_robust: bool,
 ) -> Result<bool, SpringsError> {
-    // The windows inside the crossing are missing in both fits: their disturbed readings are no merit of the play.
-    let choice = without.choice.anew(question.campaign, inside);
-    let none = Agreement::find(question, &choice, without.solved.state.clone(), is_robust)?;
-    if none.cost() - with.cost() <= LEAST_GAIN {
+    if without.cost() - with.cost() <= LEAST_GAIN {
         return Ok(false);
     }
+    // Refused readings and windows inside the crossing are no merit of the play: from the same readings it is the square of the play in its
+    // variances, more than seven of its standard deviations.
     let choice = Choice { is_crossed: vec![false; with.choice.is_crossed.len()], ..with.choice.clone() };
     let none = fit(question, &choice, State { elongation_m: 0.0, ..with.solved.state.clone() })?;
-    // The play's square in its variances: more than seven of its standard deviations.
     let gained = none.rows.chi_squared() - with.solved.rows.chi_squared();
     Ok(gained > LEAST_GAIN && predicts_better(question, (&choice, &none), with))
 }

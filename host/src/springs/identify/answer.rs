@@ -5,7 +5,6 @@ use serde::Serialize;
 
 use super::{Found, names};
 use crate::fit::answer::{Parameter, Status, Unobservable};
-use crate::fit::least_squares::{Seen, WEAK};
 use crate::fit::statistics::chi_squared_above;
 use crate::springs::agreement::Agreement;
 use crate::springs::lines::Question;
@@ -20,8 +19,7 @@ pub struct Answer {
     pub format: &'static str,
     /// `l2` or `f1`.
     pub model: &'static str,
-    /// Compliances of links, axes and joints of the wrist, those that are kept with the file's value, its standard deviation of 100 % and no
-    /// interval (null); the play, where there is one; half-widths of the hysteresis of gauges, those
+    /// Compliances of links, axes and joints of the wrist; the play, where there is one; half-widths of the hysteresis of gauges, those
     /// that were asked for and are two standard deviations or more.
     pub parameters: Vec<Parameter>,
     /// Covariance of the parameters, by rows.
@@ -84,9 +82,6 @@ impl<const N: usize> Found<'_, N> {
     pub(super) fn answer(&self, model: &'static str) -> Answer {
         let Agreement { solved, choice, refused } = &self.agreement;
         let (mut values, mut covariance) = (solved.values(choice), solved.seen.covariance());
-        covariance *= self.intervals.variance(solved);
-        // The file's values, which stay where nothing is seen, are not better known by these readings, whatever their noise.
-        covariance += solved.seen.covariance_of_lost();
         if let Some(play) = &self.play {
             let index = self.question.file.count();
             values[index] *= play.sign;
@@ -94,16 +89,10 @@ impl<const N: usize> Found<'_, N> {
             covariance.column_mut(index).scale_mut(play.sign);
         }
         let (chi2, dof) = (solved.rows.chi_squared(), solved.degrees());
+        covariance *= self.intervals.variance(solved);
         let names = names(&self.question, choice, self.play.is_some());
-        let kept = solved.seen.kept_parameters();
-        let mut parameters = Parameter::list(&names, &values, &covariance, |index| status(&solved.seen, &kept, index));
+        let mut parameters = Parameter::list(&names, &values, &covariance, |index| Status::of(&solved.seen, index));
         parameters.iter_mut().for_each(|parameter| parameter.set_reach(self.intervals.reach(solved)));
-        let file = self.question.file.vector();
-        for index in kept.into_iter().filter(|index| *index < file.len()) {
-            // Nothing was learned: the file's value, to the bit, and no interval.
-            parameters[index].value = file[index];
-            [parameters[index].low95, parameters[index].high95] = [f64::NAN; 2];
-        }
         for profiled in &self.profiles {
             [parameters[profiled.parameter].low95, parameters[profiled.parameter].high95] = profiled.ends;
         }
@@ -149,15 +138,6 @@ impl<const N: usize> Found<'_, N> {
         });
         answer.collect()
     }
-}
-
-/// Status of a parameter: kept only if its value is the file's, and weak too if a tenth of it lies in lost directions.
-fn status(seen: &Seen, kept: &[usize], index: usize) -> Status {
-    if kept.contains(&index) {
-        return Status::Kept;
-    }
-    let is_partly_lost = seen.lost_share(index) > WEAK * WEAK;
-    if is_partly_lost || Status::of(seen, index) != Status::Identified { Status::Weak } else { Status::Identified }
 }
 
 /// A matrix by rows.

@@ -7,7 +7,6 @@ use super::answer::{Answer, PlayAnswer};
 use super::{Found, IdentifyError, IdentifyOptions};
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium};
-use crate::fit::answer::{Parameter, Status};
 use crate::model::MachineKind;
 use crate::robot_file::edit::RobotText;
 use crate::robot_file::{Identified, Play, RobotFile};
@@ -27,16 +26,12 @@ impl<const N: usize> Found<'_, N> {
         let text = crate::robot_file::text_of(&options.robot)?;
         let provenance = format!("IDENTIFIED with {} (CRC-32 {:08x})", campaign.table, campaign.crc);
         let mut text = RobotText::new(&text, &provenance).map_err(|error| said(&error))?;
-        // What is kept is not written.
-        let learned = |parameter: &Parameter| (parameter.status != Status::Kept).then_some(parameter.value);
-        let values: Vec<Option<f64>> = answer.parameters.iter().map(learned).collect();
+        let values: Vec<f64> = answer.parameters.iter().map(|parameter| parameter.value).collect();
         let (links, axes) = values.split_at(LINKS);
-        text.set_some_numbers("c_link", links);
-        text.set_some_numbers(axes_key::<N>(), &axes[..N]);
+        text.set_numbers("c_link", links);
+        text.set_numbers(axes_key::<N>(), &axes[..N]);
         for (joint, value) in axes[N..].iter().take(robot.wrist.len()).enumerate() {
-            if let Some(value) = value {
-                text.set_number_of("wrist", joint, "c_rad_per_nm", *value);
-            }
+            text.set_number_of("wrist", joint, "c_rad_per_nm", *value);
         }
         let springs = self.question.file.count();
         let identified = Identified {

@@ -116,17 +116,16 @@ impl<const N: usize> Found<'_, N> {
             let number = |value: f64| format!("{value:.4e}");
             let variance = answer.covariance[index][index];
             let share = of_noise.as_ref().map_or(0.0, |of_noise| 1.0 - scale * of_noise[(index, index)] / variance);
-            let [low, high] = [parameter.low95, parameter.high95];
-            let interval = if low.is_nan() { "-".to_owned() } else { format!("{} to {}", number(low), number(high)) };
             let correlated = correlated(answer, index).map_or_else(String::new, |(name, r)| format!("{r:+.2} {name}"));
             _ = write!(
                 table,
-                "<tr><td>{}<td>{}<td>{} {}<td>{}{}<td>{:.2}<td>{:.0} %<td>{}<td>{}<td>{}</tr>",
+                "<tr><td>{}<td>{}<td>{} {}<td>{} to {}{}<td>{:.2}<td>{:.0} %<td>{}<td>{}<td>{}</tr>",
                 escape(&parameter.name),
                 parameter.status.name(),
                 number(parameter.value),
                 parameter.unit,
-                interval,
+                number(parameter.low95),
+                number(parameter.high95),
                 if self.profiles.iter().any(|profiled| profiled.parameter == index) { " *" } else { "" },
                 100.0 * parameter.sd / parameter.value.abs(),
                 100.0 * share.max(0.0),
