@@ -15,6 +15,7 @@ use crate::measurements::springs::{Campaign, Window};
 use crate::model::Wrist;
 
 /// A campaign, and the machine that it was made on.
+#[derive(Clone)]
 pub(crate) struct Question<'a, const N: usize> {
     pub(crate) geometry: &'a f1::Geometry,
     /// Springs that the search starts from, and that stay where nothing is seen.

@@ -12,7 +12,7 @@ use crate::springs::agreement::deviations;
 /// Smallest probability of the residuals at which a model is believed.
 const LEAST_P: f64 = 1e-3;
 /// Largest share of readings that may be left out.
-const MOST_OUTLIERS: f64 = 0.1;
+pub(super) const MOST_OUTLIERS: f64 = 0.1;
 /// Standard deviations of its prior that a constant of the set-up may move by before it is named.
 const MOST_MOVED_SD: f64 = 3.0;
 

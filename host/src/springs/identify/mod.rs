@@ -11,6 +11,7 @@ mod regimes;
 mod repeats;
 mod report;
 mod robot_text;
+mod wrench;
 
 use std::path::PathBuf;
 
@@ -158,7 +159,7 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     let geometry = robot.model.geometry();
     let question = Question { geometry: &geometry, file: &file, campaign: &campaign, setup };
     plausible::check(&question)?;
-    let found = find(question, options)?;
+    let found = wrench::checked(find(question.clone(), options), &question, options)?;
     let answer = found.answer(K::MODEL);
     let doubts = found.doubts(&answer);
     let mut warnings = found.warnings(&answer);
