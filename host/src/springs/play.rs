@@ -14,6 +14,9 @@ use super::lines::{Lines, Question, State};
 
 /// Decrease of chi-squared that a play must bring: three unknowns.
 const LEAST_GAIN: f64 = 50.0;
+/// The same without the windows inside the crossing. Less is asked: readings that disagree as a whole without the play cost no more than if
+/// they were refused, so that a real one may explain little.
+const LEAST_GAIN_OUTSIDE: f64 = 25.0;
 /// Decrease of chi-squared that leaving out a window beside a crossing must bring.
 const LEAST_GAIN_OF_WINDOW: f64 = 30.0;
 /// Most readings of the windows beside the crossings that are refused while those inside are looked for.
@@ -97,7 +100,7 @@ pub(super) fn with_play<const N: usize>(
     let Some(agreement) = without_inside(question, &crossing, agreement, is_robust)? else { return Ok(None) };
     let (agreement, inside) = agreement;
     let gap_m = agreement.solved.state.elongation_m * crossing.sign;
-    if gap_m <= 0.0 || !is_better(question, without, &agreement)? {
+    if gap_m <= 0.0 || !is_better(question, without, &agreement, &inside, is_robust)? {
         return Ok(None);
     }
     let preload_n = [0, 1].map(|stroke| preload(question, &crossing, &agreement.solved, &inside, stroke));
@@ -299,17 +302,25 @@ fn cost_of_windows<const N: usize>(
     Ok(least)
 }
 
-/// True if a play is better than none: by all readings, by those that agree with it, and by series that are left out.
+/// True if a play is better than none: by all readings, by those outside the crossing, by those that agree with it, and by series that are
+/// left out.
 fn is_better<const N: usize>(
     question: &Question<'_, N>,
     without: &Agreement<N>,
     with: &Agreement<N>,
+    inside: &[usize],
+    is_robust: bool,
 ) -> Result<bool, SpringsError> {
     if without.cost() - with.cost() <= LEAST_GAIN {
         return Ok(false);
     }
-    // Refused readings and windows inside the crossing are no merit of the play: from the same readings it is the square of the play in its
-    // variances, more than seven of its standard deviations.
+    // The windows inside the crossing are missing in both fits: their disturbed readings are no merit of the play.
+    let choice = without.choice.anew(question.campaign, inside);
+    let none = Agreement::find(question, &choice, without.solved.state.clone(), is_robust)?;
+    if none.cost() - with.cost() <= LEAST_GAIN_OUTSIDE {
+        return Ok(false);
+    }
+    // From the same readings it is the square of the play in its variances.
     let choice = Choice { is_crossed: vec![false; with.choice.is_crossed.len()], ..with.choice.clone() };
     let none = fit(question, &choice, State { elongation_m: 0.0, ..with.solved.state.clone() })?;
     let gained = none.rows.chi_squared() - with.solved.rows.chi_squared();

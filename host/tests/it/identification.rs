@@ -133,8 +133,8 @@ fn campaigns_that_cannot_be_are_one_line_and_nothing_is_written() {
     refused(&setup, &changed(&table, "pz1_um", |_, um| um * 1e-6), &["springs.csv:2: pz1_um:", "um"]);
     refused(&setup, &changed(&table, "pz1_um", |_, um| -um), &["springs.csv:2: pz1_um:", "reversed"]);
     refused(&setup, &changed(&table, "q_1", |_, q| q + 0.2), &["springs.csv:", ": pose:", "check q"]);
-    let reversed = changed(&table, "force_x_n", |_, newtons| -newtons);
-    refused(&setup, &reversed, &["springs.csv:2: force_x_n: this column has the wrong sign; negate it"]);
+    let reversed = changed(&table, "force_y_n", |_, newtons| -newtons);
+    refused(&setup, &reversed, &["springs.csv:2: force_y_n: this column has the wrong sign; negate it"]);
     let forces = ["force_x_n", "force_y_n", "force_z_n"];
     let of = |columns: &[&str], table: &str, factor: f64| {
         columns.iter().fold(table.to_owned(), |table, column| changed(&table, column, |_, value| value * factor))
