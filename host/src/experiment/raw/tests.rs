@@ -184,7 +184,7 @@ fn what_is_not_a_table_of_ticks_is_refused() {
     refused(&|_| String::new(), "raw.csv:1: series: this column is missing");
     refused(&|text| text.to_owned(), "raw.csv: no level settles, and stays calm for a window of 2 s");
     let short = bench.refused(|text| row(text, 9, &|row| row.rsplit_once(',').unwrap().0.to_owned()));
-    assert!(short.starts_with("raw.csv:9: ") && short.contains("24 fields, but the previous record has 25"), "{short}");
+    assert!(short.starts_with("raw.csv:9: ") && short.contains("the row has 24 values for 25 columns"), "{short}");
     let quoted = bench.refused(|text| text.to_owned() + "\"" + &"endless\n".repeat(200_000));
     assert!(quoted.contains("a row is longer than 1 MiB") && quoted.lines().count() == 1, "{quoted}");
 }

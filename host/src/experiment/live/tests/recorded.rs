@@ -97,5 +97,5 @@ fn a_recording_is_told_apart_by_the_plan() {
     let bad = std::fs::read_to_string(&path).unwrap().replacen('\n', "\n,", 2);
     std::fs::write(&path, bad).unwrap();
     let error = read().unwrap_err().to_string();
-    assert!(error.contains("record.csv:") && error.contains("fields"), "{error}");
+    assert!(error.contains("record.csv:") && error.contains("values for"), "{error}");
 }
