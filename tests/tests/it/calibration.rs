@@ -378,9 +378,14 @@ fn a_file_that_does_not_reach_each_position_is_calibrated_all_the_same() {
             seen.extend((is_firm && file.model.forward(&q).is_err()).then_some(q));
         }
         let folder = folder(&format!("reach-{seed}"));
-        let calibration = calibrate(&measure(&folder, &machine, &seen, &mut draw)).unwrap();
+        let setup = measure(&folder, &machine, &seen, &mut draw);
+        let calibration = calibrate(&setup).unwrap();
         let off_m = apart_m(&l2("calibrated", &calibration.robot_file), &machine, &positions(&mut draw, 100));
         assert!(off_m < 0.4e-3, "{seed}: {off_m}, {}", calibration.summary);
+        // Nor can a machine with parallel guideways; it is fitted, and the doubt is said.
+        let parallel = CalibrateOptions { guideways: GuidewaysOption::Parallel, ..options(&setup, "l2") };
+        let parallel = calibrate_l2(&file, &parallel).unwrap();
+        assert!(parallel.doubts.iter().any(|doubt| doubt.contains("are not parallel")), "{:?}", parallel.doubts);
     }
 }
 
@@ -594,4 +599,11 @@ fn an_f1_is_found_from_another_start() {
     assert!(answer["p"].as_f64().unwrap() > 1e-3, "{}", calibration.summary);
     assert!(calibration.remarks.iter().any(|remark| remark.contains("axes and screws")), "{:?}", calibration.remarks);
     assert!(calibration.report.contains("gain of screw 6"));
+    // What no pose shows is named, without a deviation, and the file's values of it are kept.
+    let unobservable = answer["unobservable"].as_array().unwrap();
+    assert_eq!((unobservable.len(), &answer["observable"]), (4, &60.into()));
+    assert!(unobservable.iter().all(|direction| direction["relative_sd"].is_null()));
+    let parameters = answer["parameters"].as_array().unwrap().iter();
+    let kept: Vec<_> = parameters.filter(|parameter| parameter["status"] == "kept").map(|kept| &kept["name"]).collect();
+    assert_eq!(kept, ["P[0].x", "P[0].y", "P[0].z"]);
 }
