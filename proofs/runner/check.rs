@@ -12,7 +12,7 @@ use crate::sources::{self, Sources};
 use crate::{composition, files, flags, mutate, read, report, verdict};
 
 /// Folders of what is proved.
-const SOURCES: [&str; 2] = ["core/src/", "host/capi/src/"];
+const SOURCES: [&str; 3] = ["core/src/", "host/capi/src/", "host/labcomm/src/"];
 
 /// Every harness of the source.
 fn declared() -> impl Iterator<Item = &'static Harness> {

@@ -1,4 +1,4 @@
-//! Copy of core, C interface and proofs in which mutants are applied: the sources themselves are never changed.
+//! Copy of core, C interface, LabComm and proofs in which mutants are applied: the sources themselves are never changed.
 
 use std::fs;
 use std::path::Path;
@@ -7,10 +7,10 @@ use std::process::Command;
 use crate::manifest::Mutant;
 use crate::{at, files, read};
 
-/// Brings a workspace of core, C interface and proofs alone up to date, without mutants.
+/// Brings a workspace of core, C interface, LabComm and proofs alone up to date, without mutants.
 /// Files that are equal are left alone, so that Cargo builds only what a mutant changes.
 pub(crate) fn copy(root: &Path, folder: &Path) -> Result<(), String> {
-    for part in ["core", "proofs", "host/capi/src"] {
+    for part in ["core", "proofs", "host/capi/src", "host/labcomm"] {
         mirror(&root.join(part), &folder.join(part))?;
     }
     write(&folder.join("Cargo.toml"), workspace(root)?.as_bytes())?;
@@ -46,7 +46,17 @@ pub(crate) fn compile(root: &Path, mutants: &[Mutant]) -> Result<(), String> {
         left.retain(|mutant| apply(&folder, mutant).is_err());
         let mut cargo = Command::new(crate::kani::cargo());
         cargo
-            .args(["check", "--quiet", "-p", "gantry-tau-core", "-p", "gantry-tau-proofs-capi", "--target-dir"])
+            .args([
+                "check",
+                "--quiet",
+                "-p",
+                "gantry-tau-core",
+                "-p",
+                "gantry-tau-proofs-capi",
+                "-p",
+                "gantry-tau-labcomm",
+                "--target-dir",
+            ])
             .arg(root.join("target/mutants"))
             .current_dir(&folder)
             // The fault may leave something unused.

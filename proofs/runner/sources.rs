@@ -3,7 +3,7 @@
 //! A row depends on
 //! - the wing of core that its family names: all of it but `model`, or all of it;
 //! - the file of its family, the properties that file names, and those that they name;
-//! - the C interface, where these name it;
+//! - the C interface, and LabComm, where these name it;
 //! - of the manifests and of Cargo.lock, the parts that concern core and what it is made of;
 //! - the row itself: its theorems and named checks; of a mutant, its fault;
 //! - the flags of Kani, and the rules of this program.
@@ -87,6 +87,9 @@ fn family(root: &Path, name: &str, mut hash: Hash) -> Result<Hash, String> {
     }
     if texts.values().any(|text| text.contains("gantry_tau_capi::")) {
         interface(root, &mut texts)?;
+    }
+    if texts.values().any(|text| text.contains("gantry_tau_labcomm::")) {
+        wing(&root.join("host/labcomm/src/lib.rs"), true, &mut texts)?;
     }
     // A path; the word alone may stand in a text.
     let with_model = texts.values().any(|text| text.contains("model::") || text.contains("::model"));

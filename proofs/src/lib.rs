@@ -8,9 +8,9 @@
 //! cargo kani --lib --no-default-features -Z stubbing --harness channel_ramp_is_exact
 //! ```
 //!
-//! (and `--features capi` for one of the C interface).
+//! (and `--features capi` for one of the C interface, `--features labcomm` for one of LabComm).
 //!
-//! The theorems, T1 to T15 and T21 to T26, are listed and explained in this folder's README.
+//! The theorems, T1 to T16 and T21 to T26, are listed and explained in this folder's README.
 #![forbid(unsafe_code)]
 #![allow(
     clippy::arithmetic_side_effects,
@@ -42,6 +42,8 @@ pub mod ingress;
 pub mod kinematics;
 #[cfg(not(kani))]
 pub mod known_solution;
+#[cfg(feature = "labcomm")]
+pub mod labcomm;
 pub mod monitor;
 pub mod motors;
 #[cfg(not(kani))]

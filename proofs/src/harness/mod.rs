@@ -120,6 +120,8 @@ mod fsm;
 mod ingress;
 #[cfg(any(not(feature = "only"), feature = "kinematics"))]
 mod kinematics;
+#[cfg(feature = "labcomm")]
+mod labcomm;
 #[cfg(any(not(feature = "only"), feature = "monitor"))]
 mod monitor;
 #[cfg(any(not(feature = "only"), feature = "motors"))]
@@ -146,6 +148,7 @@ pub const HARNESSES: &[&[Harness]] = &[
     fsm::HARNESSES,
     ingress::HARNESSES,
     kinematics::HARNESSES,
+    labcomm::HARNESSES,
     monitor::HARNESSES,
     motors::HARNESSES,
     no_panic::HARNESSES,

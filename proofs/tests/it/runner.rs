@@ -45,7 +45,7 @@ mod on_a_copy {
             let _ = std::fs::remove_dir_all(&root);
             std::fs::create_dir_all(&root).unwrap();
             let source = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-            for part in ["Cargo.toml", "Cargo.lock", "core", "proofs", "host/capi/src"] {
+            for part in ["Cargo.toml", "Cargo.lock", "core", "proofs", "host/capi/src", "host/labcomm"] {
                 let folder = root.join(part);
                 let folder = folder.parent().unwrap();
                 std::fs::create_dir_all(folder).unwrap();

@@ -1,0 +1,151 @@
+//! LabComm: T16. Numbers, types, one step of a walk, one event of a stream, the samples of the thesis, and the collector.
+
+use gantry_tau_labcomm::number::{decode, encode};
+use gantry_tau_labcomm::{
+    Collector, Decoded, Decoder, ErrorKind, Event, Field, Kind, MAX_DEPTH, MAX_NUMBER, MAX_TYPE, MAX_VALUE, Place,
+    Reader, Step, Type, Version, Walk, Writer,
+};
+
+/// From a number to bytes and back: the same number, in as many bytes as were written.
+pub fn number_survives(version: Version, number: u32) {
+    let bytes = encode(version, number);
+    let length = bytes.as_slice().len();
+    assert!(length >= 1 && length <= MAX_NUMBER, "T16: a number has 1 to 5 bytes");
+    assert!(decode(version, bytes.as_slice()) == Ok((number, length)), "T16: decode(encode(n)) = n");
+}
+
+/// From bytes to a number and back: the same bytes. True if they begin with one.
+#[must_use]
+pub fn number_is_canonical(version: Version, bytes: &[u8]) -> bool {
+    let Ok((number, taken)) = decode(version, bytes) else { return false };
+    assert!(taken >= 1 && taken <= bytes.len(), "T16: consumed <= given");
+    let again = encode(version, number);
+    let again = again.as_slice();
+    assert!(again.len() == taken, "T16: one length");
+    for at in 0..MAX_NUMBER {
+        assert!(at >= taken || again[at] == bytes[at], "T16: decode(b) = n => encode(n) = b");
+    }
+    true
+}
+
+/// Bytes are a type at their front or not; a type lies within the bytes and within the limits, and has a kind. Its bytes alone are the same
+/// type. True if there is one.
+#[must_use]
+pub fn type_is_judged(version: Version, bytes: &[u8]) -> bool {
+    let Ok((ty, length)) = Type::parse(version, bytes) else { return false };
+    assert!(length >= 1 && length <= bytes.len() && length <= MAX_TYPE, "T16: consumed <= given");
+    assert!(ty.bytes().len() == length, "T16: a type is the front of the bytes");
+    assert!(u32::try_from(ty.smallest_size()).is_ok_and(|size| size <= MAX_VALUE), "T16: no value exceeds the limit");
+    if let Kind::Primitive(primitive) = ty.kind() {
+        assert!(u32::from(bytes[0]) == primitive.code() || !version.is_packed(), "T16: a primitive is its code");
+    }
+    true
+}
+
+/// One step of a walk from any valid place: it ends, takes what is there, and leaves a valid place. True if there is a step.
+#[must_use]
+pub fn walk_advances(ty: &Type<'_>, value: &[u8], place: Place) -> bool {
+    let Some(mut walk) = Walk::from_parts(ty, value, place) else { return false };
+    let step = walk.step();
+    assert!(walk.is_valid(), "T16: the place stays valid");
+    assert!(walk.place().depth() <= MAX_DEPTH, "T16: the stack has room");
+    let left = walk.rest().len();
+    assert!(left <= value.len(), "T16: never past the end");
+    match step {
+        Ok(Some(Step::Leaf(_))) => assert!(left < value.len(), "T16: a value takes a byte"),
+        Ok(Some(Step::Array(mut sizes))) => {
+            let first = sizes.next();
+            let second = sizes.next();
+            let is_whole = sizes.next().is_none();
+            let bounded = match (first, second) {
+                (Some(size), None) => usize::try_from(size).is_ok_and(|size| size <= left),
+                _ => true,
+            };
+            assert!(bounded || !is_whole, "T16: as many elements as there are bytes, at most");
+        }
+        Ok(Some(Step::Leave)) => {
+            assert!(walk.place().depth() < MAX_DEPTH, "T16: a level is left");
+        }
+        Ok(Some(_)) => {}
+        Ok(None) => return false,
+        Err(error) => {
+            assert!(error != ErrorKind::UnknownIndex(0), "T16: a walk knows no index");
+            return false;
+        }
+    }
+    true
+}
+
+/// Anything given to a decoder in any valid state: an event lies within the bytes, a need goes beyond them, the decoder stays valid, and an
+/// error stays. True if there is an event.
+#[must_use]
+pub fn decode_is_judged<const S: usize, const B: usize>(decoder: &mut Decoder<S, B>, bytes: &[u8]) -> bool {
+    let before = decoder.offset();
+    let (used, error) = match decoder.decode(bytes) {
+        Ok(Decoded::Event { event, used }) => {
+            if let Event::Data { value, .. } = event {
+                assert!(value.bytes().len() < used, "T16: a value lies behind its index");
+            }
+            (used, None)
+        }
+        Ok(Decoded::Need(least)) => {
+            assert!(least > bytes.len(), "T16: a need goes beyond what is there");
+            (0, None)
+        }
+        Err(error) => (0, Some(error)),
+    };
+    assert!(used <= bytes.len(), "T16: consumed <= given");
+    assert!(decoder.is_valid(), "T16: the registry stays valid");
+    let moved = before.saturating_add(u64::try_from(used).unwrap_or(u64::MAX));
+    assert!(decoder.offset() == moved, "T16: the place is where the bytes end");
+    if let Some(error) = error {
+        let again = decoder.decode(bytes).err();
+        assert!(again == Some(error), "T16: broken stays broken");
+    }
+    used > 0
+}
+
+/// A sample as bytes and back: the same bytes, `LENGTH` of them.
+pub fn sample_survives<T: Field, const LENGTH: usize>(version: Version, value: &T) {
+    let bytes = written::<T, LENGTH>(version, value);
+    let mut reader = Reader::new(version, &bytes);
+    let Ok(read) = T::read(&mut reader) else { panic!("T16: what is encoded decodes") };
+    assert!(reader.rest().is_empty(), "T16: consumed is all of a value");
+    assert!(written::<T, LENGTH>(version, &read) == bytes, "T16: decode(encode(v)) = v, by its bits");
+}
+
+/// Bytes of a sample, and back: the same bytes.
+pub fn sample_is_canonical<T: Field, const LENGTH: usize>(version: Version, bytes: &[u8; LENGTH]) {
+    let mut reader = Reader::new(version, bytes);
+    let Ok(read) = T::read(&mut reader) else { panic!("T16: any bytes of its length are a value") };
+    assert!(reader.rest().is_empty(), "T16: consumed is all of a value");
+    assert!(written::<T, LENGTH>(version, &read) == *bytes, "T16: decode(b) = v => encode(v) = b");
+}
+
+fn written<T: Field, const LENGTH: usize>(version: Version, value: &T) -> [u8; LENGTH] {
+    let mut bytes = [0; LENGTH];
+    let mut writer = Writer::new(version, &mut bytes);
+    value.write(&mut writer);
+    assert!(writer.finish() == Ok(LENGTH), "T16: a value has its length");
+    bytes
+}
+
+/// One chunk behind what is held, and bytes off its front: a row of bytes, so that no cut changes what is decoded from it. The byte `at` speaks
+/// for every byte.
+pub fn chunk_is_collected<const C: usize>(before: &Collector<C>, chunk: &[u8], at: usize, dropped: usize) {
+    let mut after = before.clone();
+    let taken = after.append(chunk);
+    let old = before.held();
+    assert!(taken <= chunk.len(), "T16: consumed <= given");
+    assert!(after.is_valid(), "T16: the collector stays valid");
+    assert!(taken == chunk.len() || after.held().len() == C, "T16: all of a chunk, or as much as there is room for");
+    assert!(after.held().len() == old.len() + taken, "T16: as many as taken");
+    let row = |i: usize| old.get(i).or(i.checked_sub(old.len()).and_then(|i| chunk.get(i))).copied();
+    let held = after.held();
+    assert!(at >= held.len() || row(at) == Some(held[at]), "T16: held is what was held, and what was taken");
+    after.drop_front(dropped);
+    let left = after.held();
+    let gone = (old.len() + taken).min(dropped);
+    assert!(left.len() == old.len() + taken - gone, "T16: as many are left");
+    assert!(at >= left.len() || row(at + gone) == Some(left[at]), "T16: what is left is the end of the row");
+}
