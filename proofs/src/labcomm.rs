@@ -1,6 +1,7 @@
 //! LabComm: T16. Numbers, types, one step of a walk, one event of a stream, the samples of the thesis, and the collector.
 
 use gantry_tau_labcomm::number::{decode, encode};
+use gantry_tau_labcomm::verification::{Scan, ScanPlace};
 use gantry_tau_labcomm::{
     Collector, Decoded, Decoder, ErrorKind, Event, Field, Kind, MAX_DEPTH, MAX_NUMBER, MAX_TYPE, MAX_VALUE, Place,
     Reader, Step, Type, Version, Walk, Writer,
@@ -38,6 +39,25 @@ pub fn type_is_judged(version: Version, bytes: &[u8]) -> bool {
     assert!(u32::try_from(ty.smallest_size()).is_ok_and(|size| size <= MAX_VALUE), "T16: no value exceeds the limit");
     if let Kind::Primitive(primitive) = ty.kind() {
         assert!(u32::from(bytes[0]) == primitive.code() || !version.is_packed(), "T16: a primitive is its code");
+    }
+    true
+}
+
+/// One step of the check of a type, from any valid place: it takes a byte or leaves a level, and leaves a valid place; a type that is complete is
+/// within the limits. True if there is a step.
+#[must_use]
+pub fn scan_advances(version: Version, bytes: &[u8], place: ScanPlace) -> bool {
+    let Some(mut scan) = Scan::from_parts(version, bytes, place) else { return false };
+    let step = scan.step();
+    let (left, depth) = (scan.rest().len(), scan.place().depth());
+    assert!(left <= bytes.len(), "T16: consumed <= given");
+    assert!(depth <= MAX_DEPTH, "T16: the stack has room");
+    let Ok(step) = step else { return false };
+    assert!(scan.place().is_valid(), "T16: the place stays valid");
+    assert!(left < bytes.len() || depth < place.depth(), "T16: a step takes a byte, or leaves what took one");
+    if let Some(extent) = step {
+        assert!(depth == 0, "T16: a type ends outside of all");
+        assert!(extent.smallest <= MAX_VALUE, "T16: no value exceeds the limit");
     }
     true
 }
@@ -84,7 +104,12 @@ pub fn decode_is_judged<const S: usize, const B: usize>(decoder: &mut Decoder<S,
     let (used, error) = match decoder.decode(bytes) {
         Ok(Decoded::Event { event, used }) => {
             if let Event::Data { value, .. } = event {
-                assert!(value.bytes().len() < used, "T16: a value lies behind its index");
+                let length = value.bytes().len();
+                assert!(length < used, "T16: a value lies behind its index");
+                assert!(
+                    value.ty().fixed_size().is_none_or(|size| size == length),
+                    "T16: a value has the length of its type"
+                );
             }
             (used, None)
         }
@@ -130,22 +155,26 @@ fn written<T: Field, const LENGTH: usize>(version: Version, value: &T) -> [u8; L
     bytes
 }
 
-/// One chunk behind what is held, and bytes off its front: a row of bytes, so that no cut changes what is decoded from it. The byte `at` speaks
-/// for every byte.
-pub fn chunk_is_collected<const C: usize>(before: &Collector<C>, chunk: &[u8], at: usize, dropped: usize) {
+/// One chunk behind what is held: a row of bytes, so that no cut changes what is decoded from it. The byte `at` speaks for every byte.
+pub fn chunk_is_collected<const C: usize>(before: &Collector<C>, chunk: &[u8], at: usize) {
     let mut after = before.clone();
     let taken = after.append(chunk);
-    let old = before.held();
+    let (old, held) = (before.held(), after.held());
     assert!(taken <= chunk.len(), "T16: consumed <= given");
     assert!(after.is_valid(), "T16: the collector stays valid");
-    assert!(taken == chunk.len() || after.held().len() == C, "T16: all of a chunk, or as much as there is room for");
-    assert!(after.held().len() == old.len() + taken, "T16: as many as taken");
-    let row = |i: usize| old.get(i).or(i.checked_sub(old.len()).and_then(|i| chunk.get(i))).copied();
-    let held = after.held();
-    assert!(at >= held.len() || row(at) == Some(held[at]), "T16: held is what was held, and what was taken");
-    after.drop_front(dropped);
-    let left = after.held();
-    let gone = (old.len() + taken).min(dropped);
-    assert!(left.len() == old.len() + taken - gone, "T16: as many are left");
-    assert!(at >= left.len() || row(at + gone) == Some(left[at]), "T16: what is left is the end of the row");
+    assert!(taken == chunk.len() || held.len() == C, "T16: all of a chunk, or as much as there is room for");
+    assert!(held.len() == old.len() + taken, "T16: as many as taken");
+    let row = if at < old.len() { old[at] } else { chunk.get(at - old.len()).copied().unwrap_or_default() };
+    assert!(at >= held.len() || row == held[at], "T16: held is what was held, and what was taken");
+}
+
+/// Bytes off the front: the others stay, in their order. The byte `at` speaks for every byte.
+pub fn front_is_dropped<const C: usize>(before: &Collector<C>, count: usize, at: usize) {
+    let mut after = before.clone();
+    after.drop_front(count);
+    let (old, left) = (before.held(), after.held());
+    let gone = old.len().min(count);
+    assert!(after.is_valid(), "T16: the collector stays valid");
+    assert!(left.len() == old.len() - gone, "T16: as many are left");
+    assert!(at >= left.len() || old[at + gone] == left[at], "T16: what is left is the end of the row");
 }

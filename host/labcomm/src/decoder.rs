@@ -89,7 +89,8 @@ enum Found<'b> {
     Version(Version),
     Define(Definition<'b>),
     Reference(Definition<'b>),
-    Data(u32, &'b [u8]),
+    /// Data of the definition at a place.
+    Data(usize, &'b [u8]),
     Skipped(u32),
 }
 
@@ -165,7 +166,7 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
             Found::Version(version) => Event::Version(version),
             Found::Define(definition) => Event::Define(definition),
             Found::Reference(definition) => Event::Reference(definition),
-            Found::Data(index, bytes) => self.registry.get(index).map_or(Event::Skipped(index), |definition| {
+            Found::Data(position, bytes) => self.registry.at(position).map_or(Event::Skipped(0), |definition| {
                 Event::Data { definition, value: Value::new(definition.ty, bytes) }
             }),
             Found::Skipped(tag) => Event::Skipped(tag),
@@ -209,7 +210,8 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
 
     /// Value of 2006.
     fn data<'b>(&self, index: u32, reader: &mut Reader<'b>) -> Result<Found<'b>, ErrorKind> {
-        let known = self.registry.get(index).ok_or(ErrorKind::UnknownIndex(index))?;
+        let position = self.registry.position(index).ok_or(ErrorKind::UnknownIndex(index))?;
+        let known = self.registry.at(position).ok_or(ErrorKind::UnknownIndex(index))?;
         let most = to_usize(self.most);
         if known.ty.smallest_size() > most {
             return Err(Limit::Value.into());
@@ -217,7 +219,7 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
         // A window one byte longer than the largest value: whatever reaches into that byte is too long.
         let window = reader.rest().get(..most.saturating_add(1)).unwrap_or(reader.rest());
         match value_len(&known.ty, window) {
-            Ok(length) if length <= most => Ok(Found::Data(index, reader.take(length)?)),
+            Ok(length) if length <= most => Ok(Found::Data(position, reader.take(length)?)),
             Err(ErrorKind::Incomplete) if window.len() <= most => Err(ErrorKind::Incomplete),
             Ok(_) | Err(ErrorKind::Incomplete) => Err(Limit::Value.into()),
             Err(error) => Err(error),
@@ -268,13 +270,14 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
             }
             DEFINITION => Found::Define(packed_definition(&mut reader)?),
             REFERENCE => Found::Reference(packed_definition(&mut reader)?),
-            _ => match self.registry.get(tag) {
-                Some(known) if tag >= FIRST_INDEX => {
+            FIRST_INDEX.. => match self.registry.position(tag).map(|position| (position, self.registry.at(position))) {
+                Some((position, Some(known))) => {
                     reader.take(value_len(&known.ty, contents)?)?;
-                    Found::Data(tag, contents)
+                    Found::Data(position, contents)
                 }
                 _ => return Ok(Found::Skipped(tag)),
             },
+            _ => return Ok(Found::Skipped(tag)),
         };
         if !reader.rest().is_empty() {
             return Err(Malformed::PacketLength.into());

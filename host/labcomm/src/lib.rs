@@ -1,6 +1,10 @@
 #![doc = include_str!("../README.md")]
 #![no_std]
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(feature = "verification"),
+    allow(unreachable_pub, dead_code, reason = "internals that only the module `verification` makes public")
+)]
 
 #[cfg(kani)]
 extern crate kani;
@@ -17,6 +21,8 @@ pub mod samples;
 mod scan;
 mod ty;
 mod value;
+#[cfg(feature = "verification")]
+pub mod verification;
 mod walk;
 
 pub use collector::Collector;

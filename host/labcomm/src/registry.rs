@@ -84,17 +84,23 @@ impl<const S: usize, const B: usize> Registry<S, B> {
     /// Definition of an index.
     #[must_use]
     pub fn get(&self, index: u32) -> Option<Definition<'_>> {
-        self.find(index).map(|entry| self.definition(entry))
+        self.at(self.position(index)?)
     }
 
-    fn find(&self, index: u32) -> Option<&Entry> {
+    /// Place of the definition of an index, from 0.
+    pub(crate) fn position(&self, index: u32) -> Option<usize> {
         let entries = self.entries.get(..self.count).unwrap_or_default();
         // Encoders number one by one, so most definitions stand where the first index says.
-        let guess = index.wrapping_sub(entries.first()?.index);
-        match entries.get(to_usize(guess)) {
-            Some(entry) if entry.index == index => Some(entry),
-            _ => entries.iter().find(|entry| entry.index == index),
+        let guess = to_usize(index.wrapping_sub(entries.first()?.index));
+        match entries.get(guess) {
+            Some(entry) if entry.index == index => Some(guess),
+            _ => entries.iter().position(|entry| entry.index == index),
         }
+    }
+
+    /// Definition at a place.
+    pub(crate) fn at(&self, position: usize) -> Option<Definition<'_>> {
+        self.entries.get(position).map(|entry| self.definition(entry))
     }
 
     /// Adds a definition. A second one of the same index, name and type changes nothing.

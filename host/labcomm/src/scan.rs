@@ -115,17 +115,17 @@ const fn smallest_number(version: Version) -> u32 {
 /// Bytes that the values of a type take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
-pub(crate) struct Extent {
+pub struct Extent {
     /// Bytes of the smallest value, at most [`MAX_VALUE`].
-    pub(crate) smallest: u32,
+    pub smallest: u32,
     /// True if every value takes as many.
-    pub(crate) fixed: bool,
+    pub fixed: bool,
 }
 
 /// Checks the type at the front of `bytes`; returns the bytes that its values take, and its own length in bytes.
-pub(crate) fn scan(version: Version, bytes: &[u8]) -> Result<(Extent, usize), ErrorKind> {
+pub fn scan(version: Version, bytes: &[u8]) -> Result<(Extent, usize), ErrorKind> {
     let window = bytes.get(..MAX_TYPE).unwrap_or(bytes);
-    let mut scan = Scan::new(Reader::new(version, window));
+    let mut scan = Scan { reader: Reader::new(version, window), place: ScanPlace::START };
     // Each step takes a byte or leaves a level that took one.
     for _ in 0..=window.len().saturating_mul(2) {
         match scan.step() {
@@ -140,6 +140,7 @@ pub(crate) fn scan(version: Version, bytes: &[u8]) -> Result<(Extent, usize), Er
 
 /// Array or structure around the place of a scan.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 struct Level {
     is_array: bool,
     /// Types that are still to come in it.
@@ -162,7 +163,7 @@ impl Level {
         } else if self.sum.smallest == 0 {
             return Err(Malformed::EmptyElement.into());
         } else if self.sizes > 0 {
-            return Ok(Extent { smallest: self.sizes, fixed: false });
+            return Ok(Extent { smallest: at_most_a_value(self.sizes.into())?, fixed: false });
         }
         let smallest = u64::from(self.sum.smallest).saturating_mul(u64::from(self.times));
         Ok(Extent { smallest: at_most_a_value(smallest)?, fixed: self.sum.fixed })
@@ -175,7 +176,8 @@ fn at_most_a_value(bytes: u64) -> Result<u32, ErrorKind> {
 }
 
 /// Next thing that a scan finds.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
 enum Next {
     Type,
     /// Sizes of this many indices.
@@ -185,22 +187,69 @@ enum Next {
     Up,
 }
 
-struct Scan<'a> {
-    reader: Reader<'a>,
+/// Place of a scan.
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct ScanPlace {
     levels: [Level; MAX_DEPTH],
     depth: usize,
     fields: u32,
     next: Next,
 }
 
+impl ScanPlace {
+    /// Before a type.
+    const START: Self = Self { levels: [Level::NONE; MAX_DEPTH], depth: 0, fields: 0, next: Next::Type };
+
+    /// The invariant: the stack is not overfull; an end is that of a level; counted fields and bytes are within the limits.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        let within = |level: &Level| level.sum.smallest <= MAX_VALUE && level.times <= MAX_VALUE;
+        let stack = self.levels.get(..self.depth);
+        self.fields <= MAX_FIELDS
+            && (self.depth > 0 || self.next == Next::Type)
+            && stack.is_some_and(|levels| levels.iter().all(within))
+    }
+
+    /// Number of arrays and structures around the place.
+    #[must_use]
+    pub const fn depth(&self) -> usize {
+        self.depth
+    }
+}
+
+/// Scan of one type.
+#[derive(Clone, Debug)]
+pub struct Scan<'a> {
+    reader: Reader<'a>,
+    place: ScanPlace,
+}
+
 impl<'a> Scan<'a> {
-    const fn new(reader: Reader<'a>) -> Self {
-        Self { reader, levels: [Level::NONE; MAX_DEPTH], depth: 0, fields: 0, next: Next::Type }
+    /// Scan at a place, if it is a valid one, with the bytes that follow.
+    #[must_use]
+    pub fn from_parts(version: Version, bytes: &'a [u8], place: ScanPlace) -> Option<Self> {
+        place.is_valid().then_some(Self { reader: Reader::new(version, bytes), place })
+    }
+
+    /// Place in the type.
+    #[must_use]
+    pub const fn place(&self) -> &ScanPlace {
+        &self.place
+    }
+
+    /// Bytes that are left.
+    #[must_use]
+    pub const fn rest(&self) -> &'a [u8] {
+        self.reader.rest()
     }
 
     /// One number or name further, or one level up; returns the bytes of the values when the type is complete.
-    fn step(&mut self) -> Result<Option<Extent>, ErrorKind> {
-        match self.next {
+    ///
+    /// # Errors
+    /// `Incomplete`, malformed, or beyond a limit.
+    pub fn step(&mut self) -> Result<Option<Extent>, ErrorKind> {
+        match self.place.next {
             Next::Type => match self.reader.number()? {
                 ARRAY => self.enter_array(),
                 STRUCTURE => self.enter_structure(),
@@ -212,12 +261,12 @@ impl<'a> Scan<'a> {
             Next::Sizes(left) => self.size(left),
             Next::Name => {
                 self.reader.text(MAX_TYPE, Limit::TypeBytes)?;
-                self.next = Next::Type;
+                self.place.next = Next::Type;
                 Ok(None)
             }
             Next::Up => {
-                self.depth = self.depth.saturating_sub(1);
-                let extent = self.levels.get(self.depth).unwrap_or(&Level::NONE).extent()?;
+                self.place.depth = self.place.depth.saturating_sub(1);
+                let extent = self.place.levels.get(self.place.depth).unwrap_or(&Level::NONE).extent()?;
                 self.complete(extent)
             }
         }
@@ -226,24 +275,25 @@ impl<'a> Scan<'a> {
     fn enter_array(&mut self) -> Result<Option<Extent>, ErrorKind> {
         let indices = self.reader.number()?;
         self.enter(Level { is_array: true, left: 1, ..Level::NONE })?;
-        self.next = if indices == 0 { Next::Type } else { Next::Sizes(indices) };
+        self.place.next = if indices == 0 { Next::Type } else { Next::Sizes(indices) };
         Ok(None)
     }
 
     fn enter_structure(&mut self) -> Result<Option<Extent>, ErrorKind> {
         let fields = self.reader.number()?;
-        self.fields = self.fields.saturating_add(fields);
-        if self.fields > MAX_FIELDS {
+        let counted = self.place.fields.saturating_add(fields);
+        if counted > MAX_FIELDS {
             return Err(Limit::Fields.into());
         }
+        self.place.fields = counted;
         self.enter(Level { left: fields, ..Level::NONE })?;
-        self.next = if fields == 0 { Next::Up } else { Next::Name };
+        self.place.next = if fields == 0 { Next::Up } else { Next::Name };
         Ok(None)
     }
 
     fn enter(&mut self, level: Level) -> Result<(), ErrorKind> {
-        *self.levels.get_mut(self.depth).ok_or(Limit::Depth)? = level;
-        self.depth = self.depth.saturating_add(1);
+        *self.place.levels.get_mut(self.place.depth).ok_or(Limit::Depth)? = level;
+        self.place.depth = self.place.depth.saturating_add(1);
         Ok(())
     }
 
@@ -257,21 +307,24 @@ impl<'a> Scan<'a> {
                 level.times = at_most_a_value(u64::from(level.times).saturating_mul(u64::from(size)))?;
             }
         }
-        self.next = if left > 1 { Next::Sizes(left.saturating_sub(1)) } else { Next::Type };
+        self.place.next = if left > 1 { Next::Sizes(left.saturating_sub(1)) } else { Next::Type };
         Ok(None)
     }
 
     /// A type within the level is complete, or the whole type.
     fn complete(&mut self, extent: Extent) -> Result<Option<Extent>, ErrorKind> {
-        let Some(level) = self.top() else { return Ok(Some(extent)) };
+        let Some(level) = self.top() else {
+            self.place.next = Next::Type;
+            return Ok(Some(extent));
+        };
         let smallest = u64::from(level.sum.smallest).saturating_add(u64::from(extent.smallest));
         level.sum = Extent { smallest: at_most_a_value(smallest)?, fixed: level.sum.fixed && extent.fixed };
         level.left = level.left.saturating_sub(1);
-        self.next = if level.left > 0 { Next::Name } else { Next::Up };
+        self.place.next = if level.left > 0 { Next::Name } else { Next::Up };
         Ok(None)
     }
 
     fn top(&mut self) -> Option<&mut Level> {
-        self.levels.get_mut(self.depth.checked_sub(1)?)
+        self.place.levels.get_mut(self.place.depth.checked_sub(1)?)
     }
 }

@@ -12,6 +12,7 @@ mod client_monitor;
 mod endpoint;
 mod floats;
 mod known_solution;
+mod labcomm;
 #[cfg(feature = "runner")]
 mod runner;
 mod scenario;

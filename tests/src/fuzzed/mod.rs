@@ -7,6 +7,7 @@ mod config;
 mod deframer;
 mod frame;
 mod kinematics;
+mod labcomm;
 mod measurements;
 mod session;
 mod solve;
@@ -16,6 +17,7 @@ pub use config::config;
 pub use deframer::deframer;
 pub use frame::{Sealed, frame};
 pub use kinematics::{Problem, kinematics};
+pub use labcomm::{labcomm, labcomm_json};
 pub use measurements::{BETWEEN, kinds_of_file, measurements};
 pub use session::session;
 pub use solve::solve;
@@ -26,12 +28,14 @@ use arbitrary::{Arbitrary, Unstructured};
 pub type Target = fn(&[u8]);
 
 /// Every target by its name, which is that of its folder of seeds.
-pub const TARGETS: [(&str, Target); 8] = [
+pub const TARGETS: [(&str, Target); 10] = [
     ("compensation", compensation),
     ("config", config),
     ("deframer", deframer),
     ("frame", frame),
     ("kinematics", kinematics),
+    ("labcomm", labcomm),
+    ("labcomm_json", labcomm_json),
     ("measurements", measurements),
     ("session", session),
     ("solve", solve),

@@ -3,6 +3,7 @@
 //! `GANTRY_TAU_WRITE_SEEDS=1 cargo test -p gantry-tau-tests --test it fuzz_seeds` writes the files anew.
 
 mod bytes;
+mod labcomm;
 mod loads;
 mod measured;
 mod mistakes;
@@ -26,6 +27,8 @@ fn seeds_of(target: &str) -> Vec<Seed> {
         "deframer" => streams::streams(),
         "frame" => streams::sealed(),
         "kinematics" => problems::seeds(),
+        "labcomm" => labcomm::streams(),
+        "labcomm_json" => labcomm::lines(),
         "measurements" => measured::seeds(),
         "session" => scenarios::seeds(),
         "solve" => texts::requests(),

@@ -1,0 +1,3 @@
+//! Items for proofs and fuzzing, without a promise of stability.
+
+pub use crate::scan::{Extent, Scan, ScanPlace, scan};
