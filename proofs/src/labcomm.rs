@@ -73,15 +73,9 @@ pub fn walk_advances(ty: &Type<'_>, value: &[u8], place: Place) -> bool {
     assert!(left <= value.len(), "T16: never past the end");
     match step {
         Ok(Some(Step::Leaf(_))) => assert!(left < value.len(), "T16: a value takes a byte"),
-        Ok(Some(Step::Array(mut sizes))) => {
-            let first = sizes.next();
-            let second = sizes.next();
-            let is_whole = sizes.next().is_none();
-            let bounded = match (first, second) {
-                (Some(size), None) => usize::try_from(size).is_ok_and(|size| size <= left),
-                _ => true,
-            };
-            assert!(bounded || !is_whole, "T16: as many elements as there are bytes, at most");
+        Ok(Some(Step::Array(_))) => {
+            let is_bounded = usize::try_from(walk.place().left()).is_ok_and(|elements| elements <= left);
+            assert!(is_bounded, "T16: as many elements as there are bytes, at most");
         }
         Ok(Some(Step::Leave)) => {
             assert!(walk.place().depth() < MAX_DEPTH, "T16: a level is left");

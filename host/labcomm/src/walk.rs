@@ -143,6 +143,13 @@ impl Place {
     pub const fn depth(&self) -> usize {
         self.depth
     }
+
+    /// Number of elements or fields that are still to come in the innermost of them.
+    #[must_use]
+    pub fn left(&self) -> u64 {
+        let innermost = self.depth.checked_sub(1).and_then(|top| self.levels.get(top));
+        innermost.map_or(0, |level| level.left)
+    }
 }
 
 /// Walk over one value.
