@@ -11,7 +11,7 @@ use gantry_tau_labcomm::{
 pub fn number_survives(version: Version, number: u32) {
     let bytes = encode(version, number);
     let length = bytes.as_slice().len();
-    assert!(length >= 1 && length <= MAX_NUMBER, "T16: a number has 1 to 5 bytes");
+    assert!((1..=MAX_NUMBER).contains(&length), "T16: a number has 1 to 5 bytes");
     assert!(decode(version, bytes.as_slice()) == Ok((number, length)), "T16: decode(encode(n)) = n");
 }
 

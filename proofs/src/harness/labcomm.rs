@@ -35,7 +35,7 @@ fn any_value_len(ty: &Type<'_>, bytes: &[u8]) -> Result<usize, ErrorKind> {
 #[allow(dead_code, reason = "named by functions that only Kani runs")]
 fn any_number(_: Version, bytes: &[u8]) -> Result<(u32, usize), ErrorKind> {
     let taken: usize = kani::any();
-    if taken >= 1 && taken <= MAX_NUMBER && taken <= bytes.len() { Ok((kani::any(), taken)) } else { Err(kani::any()) }
+    if (1..=MAX_NUMBER.min(bytes.len())).contains(&taken) { Ok((kani::any(), taken)) } else { Err(kani::any()) }
 }
 
 /// Check of a type: any type of any length that is there, or any error. Stands in for the steps of the check, each of which is proved.
