@@ -8,11 +8,12 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 use gantry_tau::client::{ClientControls, ClientOptions};
+use gantry_tau::force_sensor::SensorSource;
 use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::terminal::say;
 
-use super::{MachineCommand, Outcome, address, fail, transport};
+use super::{MachineCommand, Outcome, address, fail, sensor, transport};
 
 /// Connect to a server, compensate the measured force, leave with Ctrl-C
 ///
@@ -25,9 +26,10 @@ pub(crate) struct Client {
     /// Address of the server
     #[arg(default_value = "127.0.0.1:7000", value_name = "HOST:PORT", value_parser = address)]
     server: SocketAddr,
-    /// Address of the force sensor
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
-    sensor: SocketAddr,
+    /// The force sensor: the address of the server's link, or labcomm: for a LabComm stream with a sample NAME of type float[6] or
+    /// double[6] [default NAME: forcesensor]
+    #[arg(long, value_name = "HOST:PORT|labcomm:HOST:PORT[/NAME]", default_value = "127.0.0.1:7001", value_parser = sensor)]
+    sensor: SensorSource,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     pub(super) robot: String,

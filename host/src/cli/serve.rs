@@ -15,6 +15,7 @@ use gantry_tau::gauge_link::GaugePublisher;
 use gantry_tau::measurements::plan;
 use gantry_tau::model::MachineKind;
 use gantry_tau::plant::Plant;
+use gantry_tau::publication::Publication;
 use gantry_tau::record::{CsvFile, drain};
 use gantry_tau::robot_file::{RobotFile, RobotFileError};
 use gantry_tau::sensor_link::SensorPublisher;
@@ -30,6 +31,7 @@ use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::units::Epoch;
 
+use super::publication::PublicationOptions;
 use super::{MachineCommand, Outcome, Pace, address, fail, transport};
 
 /// Run the server with the simulated machine, for this program's client or any other
@@ -81,6 +83,8 @@ pub(crate) struct Serve {
     /// Write a black box (the ticks before and after, bit for bit) at each end of a session and each stop, for `gantry-tau replay`
     #[arg(long, value_name = "FOLDER")]
     black_box: Option<PathBuf>,
+    #[command(flatten)]
+    publications: PublicationOptions,
 }
 
 impl MachineCommand for Serve {
@@ -88,7 +92,8 @@ impl MachineCommand for Serve {
         self.check()?;
         let allowed = Allowed::only(&self.allow)?;
         let gauges = self.plan.is_some().then_some(self.gauges);
-        for address in [Some(self.listen), Some(self.sensor), gauges].into_iter().flatten() {
+        let own = [Some(self.listen), Some(self.sensor), gauges];
+        for address in own.into_iter().flatten().chain(self.publications.addresses()) {
             if !address.ip().is_loopback() && !allowed.restricts() {
                 tracing::warn!(
                     "{address} answers every peer that reaches it, unencrypted; restrict peers with --allow"
@@ -127,7 +132,12 @@ impl Serve {
             .map_err(|error| ServerError::listen(self.sensor, &error))?;
         let sensor_address = sensor.address()?;
         let listen = Listen { address: self.listen, transport: transport(self.udp), allowed };
-        let mut cycle = self.cycle(robot, machine, listen)?.with_sensor(sensor);
+        let publications = self.publications.bind::<N>(&listen.allowed, robot.simulation.gauge_resolution_m)?;
+        let ports = publications.iter().map(|port| Ok(format!(", LabComm on {}", port.address()?)));
+        let ports = ports.collect::<std::io::Result<String>>()?;
+        let (sensors, mut publications): (Vec<_>, Vec<_>) =
+            publications.into_iter().partition(Publication::is_of_sensors);
+        let mut cycle = self.cycle(robot, machine, listen)?.with_sensor(sensor).with_sensors(sensors);
         // After binding, so that a second server started by mistake does not truncate the first one's recording.
         let mut file = match &self.record {
             Some(path) => Some(CsvFile::create::<Row<N>>(path)?),
@@ -145,7 +155,7 @@ impl Serve {
         let mut flusher = LatchFlusher::of(cycle.latch());
         let (server, mut rows) = Server::spawn(cycle, self.pace.into())?;
         say(format_args!(
-            "listening on {}{}, force sensor on {sensor_address}; Ctrl-C ramps to zero and ends",
+            "listening on {}{}, force sensor on {sensor_address}{ports}; Ctrl-C ramps to zero and ends",
             server.address,
             if self.udp { " (UDP)" } else { "" },
         ));
@@ -155,7 +165,10 @@ impl Serve {
         let mut events = EventLog::default();
         drain(&mut rows, |row| {
             each(row);
-            let _ = events.see(row);
+            let happened = events.see(row);
+            for port in &mut publications {
+                port.publish(row, &happened);
+            }
             flusher.see(row.state.phase);
             if let Some(file) = &mut file {
                 file.write(row);

@@ -14,6 +14,7 @@ use gantry_tau_core::control::client as protocol;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Cause, Refusal, State, Welcome};
 
+use crate::force_sensor::SensorSource;
 use crate::record::Recorded;
 use crate::robot_file::RobotFile;
 use crate::sensor_link::Sample;
@@ -30,8 +31,8 @@ pub struct ClientOptions<K, const N: usize> {
     pub server: SocketAddr,
     /// TCP or UDP.
     pub transport: Transport,
-    /// Address of the force sensor.
-    pub sensor: SocketAddr,
+    /// The force sensor.
+    pub sensor: SensorSource,
     /// The machine.
     pub robot: RobotFile<K, N>,
     /// File of the recording, if any.

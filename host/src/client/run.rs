@@ -12,10 +12,11 @@ use gantry_tau_core::units::OffsetNm;
 use super::compensate::Compensation;
 use super::connection::Connection;
 use super::{ClientControls, ClientError, ClientOptions, ClientReport, Observer};
+use crate::force_sensor::ForceSensor;
 use crate::model::MachineKind;
 use crate::record::{ClientRow, Recorder};
 use crate::robot_file::CYCLE_US;
-use crate::sensor_link::{Sample, SensorReader};
+use crate::sensor_link::Sample;
 
 /// Time without a message after which the server has vanished.
 const SILENCE: Duration = Duration::from_secs(3);
@@ -26,7 +27,7 @@ const FIRST_SAMPLE_STATES: u64 = 1_000;
 
 struct Session<'a, const N: usize> {
     link: Connection<N>,
-    sensor: SensorReader,
+    sensor: ForceSensor,
     sample: Option<Sample>,
     compensation: Compensation<N>,
     targets: [OffsetNm; N],
@@ -67,9 +68,9 @@ pub fn run_observed<K: MachineKind<N>, const N: usize>(
         kinematics_checksum: Some(options.robot.model.checksum()),
     };
     let mut link = Connection::open(options.transport, options.server, SILENCE, requirements)?;
-    let sensor = SensorReader::connect(options.sensor).map_err(|error| ClientError::Unreachable {
+    let sensor = ForceSensor::connect(&options.sensor).map_err(|error| ClientError::Unreachable {
         what: "force sensor",
-        address: options.sensor,
+        address: options.sensor.address(),
         error,
     })?;
     // After connecting: an absent server must not cost an earlier recording. Before Hello: nothing moves yet.
@@ -186,7 +187,7 @@ impl<const N: usize> Session<'_, N> {
     /// Computes new targets from a new sample; without one the last targets are sent again, for a while.
     fn compensate(&mut self, state: &State<N>) -> Result<(), ClientError> {
         let silent = |reason: &str| ClientError::SensorSilent(reason.to_owned());
-        let latest = self.sensor.latest();
+        let latest = self.sensor.latest(state.tick.0);
         let latest = latest.map_err(|error| silent(&error.to_string()))?;
         let Some(sample) = latest.filter(|latest| self.sample != Some(*latest)) else {
             self.states_without_sample += 1;
