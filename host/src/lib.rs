@@ -24,6 +24,7 @@ pub mod header;
 pub mod linuxcnc;
 pub mod measurements;
 pub mod model;
+pub mod monitor;
 pub mod plan;
 pub mod plant;
 mod plots;

@@ -9,6 +9,7 @@ mod faults;
 mod header;
 mod identify;
 mod linuxcnc;
+mod monitor;
 mod outputs;
 mod plan;
 mod replay;
@@ -43,6 +44,7 @@ enum Command {
     Demo(demo::Demo),
     Serve(serve::Serve),
     Client(client::Client),
+    Monitor(monitor::Monitor),
     Faults(faults::Faults),
     Replay(replay::Replay),
     Workspace(workspace::Workspace),
@@ -98,6 +100,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Demo(demo) => run_on(AnyRobotFile::named(&demo.robot), demo),
         Command::Serve(serve) => run_on(AnyRobotFile::named(&serve.robot), serve),
         Command::Client(client) => run_on(AnyRobotFile::named(&client.robot), client),
+        Command::Monitor(monitor) => monitor.run(),
         Command::Faults(faults) => faults.run(),
         Command::Replay(replay) => replay.run(),
         Command::Workspace(workspace) => run_on(AnyRobotFile::named(&workspace.robot), workspace),

@@ -20,6 +20,7 @@ mod experiment;
 mod faults;
 mod header;
 mod identification;
+mod monitor;
 mod plan;
 mod process;
 #[cfg(unix)]
@@ -38,10 +39,11 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    const COMMANDS: [&str; 14] = [
+    const COMMANDS: [&str; 15] = [
         "demo",
         "serve",
         "client",
+        "monitor",
         "plan",
         "experiment",
         "identify",
