@@ -78,8 +78,8 @@ function drawMachine(canvas, machine, figure, factor) {
   const scale = Math.min(fit, ball) * camera.zoom;
   const centre = [(xs[0] + xs[1]) / 2, (ys[0] + ys[1]) / 2];
   const at = (p) => [width / 2 + (dot(p, right) - centre[0]) * scale, height / 2 + (dot(p, down) - centre[1]) * scale];
-  const line = (ends, colour, thick, dash = []) => {
-    context.strokeStyle = colour; context.lineWidth = thick; context.setLineDash(dash); context.lineCap = "round";
+  const line = (ends, colour, thick, dash = [], cap = "round") => {
+    context.strokeStyle = colour; context.lineWidth = thick; context.setLineDash(dash); context.lineCap = cap;
     context.beginPath(); context.moveTo(...at(ends[0])); context.lineTo(...at(ends[1])); context.stroke();
     context.setLineDash([]);
   };
@@ -110,8 +110,8 @@ function drawMachine(canvas, machine, figure, factor) {
     const [a, b] = rails[index];
     // In pieces, so that a cart hides what is behind it and not the whole guideway.
     for (let piece = 0; piece < 12; piece++) {
-      const ends = [piece, piece + 1].map((step) => add(a, add(b, a, -1), step / 12));
-      part(ends, () => { line(ends, "#8d8d86", 7); line(ends, "#d7d7d0", 2.5); });
+      const ends = [piece, piece + 1].map((step) => add(a, add(b, a, -1), step / 12 + (step > piece ? 0.002 : 0)));
+      part(ends, () => { line(ends, "#8d8d86", 7, [], "butt"); line(ends, "#d7d7d0", 2.5, [], "butt"); });
     }
     FACES.forEach((face) => {
       const points = face.map((corner) => boxes[index][corner]);

@@ -42,7 +42,7 @@ function drawPlot(canvas, points) {
   const by = step(high - low, 6);
   for (let v = Math.ceil(low / by) * by; v <= high; v += by) {
     context.beginPath(); context.moveTo(area.left, y(v)); context.lineTo(area.right, y(v)); context.stroke();
-    context.fillText(String(Number(v.toFixed(6))), area.left - 6, y(v) + 4);
+    context.fillText(String(Number(v.toFixed(6))).replace("-", "−"), area.left - 6, y(v) + 4);
   }
   context.textAlign = "center";
   for (let s = 0; s <= SPAN_S; s += 10) context.fillText(s ? `−${s} s` : "now", Math.min(x(end - s), area.right - 10), height - 7);

@@ -1,6 +1,7 @@
 //! `monitor`, against a double of the server's LabComm port.
 
 mod double;
+mod web;
 
 use double::{Double, FIRST_TICK, HOME_NM, Scene};
 use gantry_tau_core::control::message::{Cause, Phase};
