@@ -43,9 +43,9 @@ pub(super) struct Assembly {
 }
 
 impl Assembly {
-    /// The server sends the sample of the tool.
-    pub(super) const fn expect_tool(&mut self) {
-        self.sends_tool = true;
+    /// The server sends the sample of the tool, or does not.
+    pub(super) const fn expect_tool(&mut self, sends_tool: bool) {
+        self.sends_tool = sends_tool;
     }
 
     pub(super) fn state(&mut self, state: State) {

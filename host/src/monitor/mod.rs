@@ -3,6 +3,7 @@
 //! It reads a LabComm port of the server (`serve --labcomm`), sends nothing and owns nothing.
 
 mod assembly;
+mod known;
 mod run;
 mod screen;
 mod snapshot;

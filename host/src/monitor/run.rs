@@ -11,8 +11,10 @@ use super::web::Web;
 use super::{Monitor, screen};
 use crate::terminal::say;
 
-/// Pause between two visits to the server's connection: short against a picture, long against a tick.
-const REST: Duration = Duration::from_millis(10);
+/// Pause between two visits to the server's connection: long against a tick, so that one read takes many.
+const REST: Duration = Duration::from_millis(20);
+/// Pause between two pictures of the page, which are 30 a second.
+const PICTURE: Duration = Duration::from_millis(33);
 /// Pause between two screens of a terminal.
 const SCREEN: Duration = Duration::from_millis(100);
 /// Pause between two screens of a file or pipe.
@@ -53,9 +55,10 @@ pub fn run(options: &MonitorOptions, quit: &AtomicBool) -> ExitCode {
     }
 }
 
-/// Updates the monitor and calls `show` until it is time to end, or `show` returns false.
+/// Updates the monitor and calls `show`, with pauses of `rest`, until it is time to end, or `show` returns false.
 fn each_visit(
     monitor: &mut Monitor,
+    rest: Duration,
     quit_after: Option<Duration>,
     quit: &AtomicBool,
     mut show: impl FnMut(&Monitor) -> bool,
@@ -67,13 +70,13 @@ fn each_visit(
         if !show(monitor) {
             return;
         }
-        std::thread::sleep(REST);
+        std::thread::sleep(rest);
     }
 }
 
 /// Serves the page until `quit`.
 pub fn run_page(server: SocketAddr, page: &mut Web, quit_after: Option<Duration>, quit: &AtomicBool) {
-    each_visit(&mut Monitor::of(server), quit_after, quit, |monitor| {
+    each_visit(&mut Monitor::of(server), PICTURE, quit_after, quit, |monitor| {
         page.visit(monitor);
         true
     });
@@ -86,7 +89,7 @@ fn show_screen(monitor: &mut Monitor, quit_after: Option<Duration>, quit: &Atomi
     if is_terminal {
         put("\x1b[2J");
     }
-    each_visit(monitor, quit_after, quit, |monitor| {
+    each_visit(monitor, REST, quit_after, quit, |monitor| {
         if Instant::now() < next {
             return true;
         }
@@ -108,7 +111,7 @@ fn show_status(monitor: &mut Monitor, every: Option<Duration>, quit_after: Optio
     let mut status = NO_SERVER;
     let mut next = Instant::now();
     let mut told = 0;
-    each_visit(monitor, quit_after, quit, |monitor| {
+    each_visit(monitor, REST, quit_after, quit, |monitor| {
         for entry in monitor.events().filter(|entry| entry.number > told) {
             if every.is_some() {
                 tracing::info!("{}", entry.text);

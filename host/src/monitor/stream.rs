@@ -4,11 +4,11 @@ use std::io::{ErrorKind, Read};
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
-use gantry_tau_core::control::message::MAX_AXES;
-use gantry_tau_labcomm::samples::{Axes, SessionEvent, State, Tool};
-use gantry_tau_labcomm::{Decoded, Decoder, Definition, Error, Event, Sample, Value};
+use gantry_tau_labcomm::samples::SessionEvent;
+use gantry_tau_labcomm::{Decoded, Decoder, Error, Event, Value};
 
 use super::assembly::Assembly;
+use super::known::{Kind, Known};
 use super::snapshot::Snapshot;
 use crate::server::event_log::EventKind;
 
@@ -85,8 +85,7 @@ pub(super) struct Stream {
     bytes: Vec<u8>,
     chunk: Vec<u8>,
     assembly: Assembly,
-    /// The definitions were complete when the first sample came.
-    is_checked: bool,
+    known: Known,
 }
 
 impl Stream {
@@ -104,7 +103,7 @@ impl Stream {
             bytes: Vec::new(),
             chunk: vec![0; CHUNK],
             assembly: Assembly::default(),
-            is_checked: false,
+            known: Known::default(),
         })
     }
 
@@ -138,32 +137,20 @@ impl Stream {
             match self.decoder.decode(rest).map_err(StreamError::Format)? {
                 Decoded::Need(_) => break,
                 Decoded::Event { event, used } => {
-                    if let Event::Data { definition, value } = event {
-                        take(&definition, &value, &mut self.assembly, each)?;
+                    match event {
+                        Event::Define(definition) => self.known.define(&definition)?,
+                        Event::Data { definition, value } => {
+                            let kind = self.known.kind(definition.index)?;
+                            self.assembly.expect_tool(self.known.has(Kind::Tool));
+                            take(kind, &value, &mut self.assembly, each)?;
+                        }
+                        Event::Version(_) | Event::Reference(_) | Event::Skipped(_) => {}
                     }
                     at += used;
-                    if !self.is_checked && matches!(event, Event::Data { .. }) {
-                        self.check()?;
-                    }
                 }
             }
         }
         self.bytes.drain(..at);
-        Ok(())
-    }
-
-    /// Checks that the needed samples are defined.
-    fn check(&mut self) -> Result<(), StreamError> {
-        let registry = self.decoder.registry();
-        for name in [State::NAME, Axes::<MAX_AXES>::NAME] {
-            if !registry.iter().any(|definition| definition.name == name.as_bytes()) {
-                return Err(StreamError::Missing { name });
-            }
-        }
-        if registry.iter().any(|definition| definition.is::<Tool>()) {
-            self.assembly.expect_tool();
-        }
-        self.is_checked = true;
         Ok(())
     }
 
@@ -178,31 +165,25 @@ impl Stream {
 
 /// Takes one sample; others than those of a monitor are passed over.
 fn take(
-    definition: &Definition<'_>,
+    kind: Option<Kind>,
     value: &Value<'_, '_>,
     assembly: &mut Assembly,
     each: &mut impl FnMut(Happened),
 ) -> Result<(), StreamError> {
-    let of_type = |name: &'static str| move |_| StreamError::OtherType { name };
-    if definition.is::<State>() {
-        assembly.state(value.read().map_err(of_type(State::NAME))?);
-    } else if definition.is::<Axes<3>>() {
-        assembly.axes::<3>(&value.read().map_err(of_type(Axes::<3>::NAME))?);
-    } else if definition.is::<Axes<6>>() {
-        assembly.axes::<6>(&value.read().map_err(of_type(Axes::<6>::NAME))?);
-    } else if definition.is::<Tool>() {
-        assembly.tool(value.read().map_err(of_type(Tool::NAME))?);
-    } else if definition.is::<SessionEvent>() {
-        let event: SessionEvent = value.read().map_err(of_type(SessionEvent::NAME))?;
-        if event.kind == EventKind::MachineFailed as u8 {
-            assembly.machine_failed(event.tick);
-        }
-        let text = String::from_utf8_lossy(event.text.as_bytes());
-        each(Happened { tick: event.tick, text: text.chars().filter(|letter| !letter.is_control()).collect() });
-    } else {
-        let known = [State::NAME, Axes::<3>::NAME, Tool::NAME, SessionEvent::NAME];
-        if let Some(name) = known.into_iter().find(|name| name.as_bytes() == definition.name) {
-            return Err(StreamError::OtherType { name });
+    let Some(kind) = kind else { return Ok(()) };
+    let other = |_| StreamError::OtherType { name: kind.name() };
+    match kind {
+        Kind::State => assembly.state(value.read().map_err(other)?),
+        Kind::Axes3 => assembly.axes::<3>(&value.read().map_err(other)?),
+        Kind::Axes6 => assembly.axes::<6>(&value.read().map_err(other)?),
+        Kind::Tool => assembly.tool(value.read().map_err(other)?),
+        Kind::SessionEvent => {
+            let event: SessionEvent = value.read().map_err(other)?;
+            if event.kind == EventKind::MachineFailed as u8 {
+                assembly.machine_failed(event.tick);
+            }
+            let text = String::from_utf8_lossy(event.text.as_bytes());
+            each(Happened { tick: event.tick, text: text.chars().filter(|letter| !letter.is_control()).collect() });
         }
     }
     Ok(())

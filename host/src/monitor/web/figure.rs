@@ -100,21 +100,27 @@ impl<K: MachineKind<N>, const N: usize> Drawn<K, N> {
         let offset = self.q(snapshot, |axis| axis.nominal_nm.saturating_add(axis.offset.position_nm.into()));
         let pose = self.robot.model.pose_of(&nominal, &self.robot.home_m(), self.last.as_ref())?;
         self.last = Some(pose);
-        let arm = |from: &[f64; N], to: &[f64; N]| {
-            let way = |arm: usize| geometry.guideways[arm] * (to[arm] - from[arm]);
-            [0, 1, 2].map(way)
+        let arms = |from: &[f64; N], to: &[f64; N]| {
+            let mut ways = geometry.guideways;
+            for ((way, from), to) in ways.iter_mut().zip(from).zip(to) {
+                *way *= to - from;
+            }
+            ways
         };
         let levers = geometry.platform_joints_m.map(|on_platform| pose.rotation * on_platform);
-        let joints = std::array::from_fn(|link| joint(&geometry, link, &nominal).place_m);
-        let moved: [Vector3<f64>; LINKS] =
-            std::array::from_fn(|link| joint(&geometry, link, &offset).place_m - joints[link]);
+        let joints_at = |q: &[f64; N]| std::array::from_fn(|link| joint(&geometry, link, q).place_m);
+        let joints: [Vector3<f64>; LINKS] = joints_at(&nominal);
+        let mut moved: [Vector3<f64>; LINKS] = joints_at(&offset);
+        for (way, joint) in moved.iter_mut().zip(joints) {
+            *way -= joint;
+        }
         let displaced = snapshot.displacement_m.map(Vector3::from).zip(snapshot.turn_rad.map(Vector3::from));
         Ok(Figure {
-            carts: arm(&self.home_q, &nominal).map(coarse),
+            carts: arms(&self.home_q, &nominal).map(coarse),
             joints: joints.map(coarse),
             platform: levers.map(|lever| coarse(pose.position_m + lever)),
             tool: coarse(pose.position_m),
-            cart_offsets: arm(&nominal, &offset).map(fine),
+            cart_offsets: arms(&nominal, &offset).map(fine),
             joint_offsets: moved.map(fine),
             platform_displacements: displaced.map(|(way, turn)| levers.map(|lever| fine(way + turn.cross(&lever)))),
             tool_displacement: displaced.map(|(way, _)| fine(way)),

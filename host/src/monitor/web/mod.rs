@@ -27,8 +27,6 @@ use hub::Hub;
 const CONNECTIONS: usize = 32;
 /// New connections per visit.
 const ACCEPTS: usize = 4;
-/// Least pause between two pictures: with visits every 10 ms there are about 30 a second.
-const PICTURE: Duration = Duration::from_millis(25);
 /// Pause between two pictures without a server.
 const WITHOUT_SERVER: Duration = Duration::from_millis(500);
 
@@ -47,7 +45,8 @@ pub struct Web {
     figures: Box<dyn Figures>,
     hub: Arc<Hub>,
     connections: Arc<AtomicUsize>,
-    next: Instant,
+    /// Time of the last picture.
+    published: Instant,
     /// Tick of the last picture.
     shown: Option<i64>,
 }
@@ -61,8 +60,8 @@ impl Web {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
         let hub = Arc::new(Hub::new(figures.machine()));
-        let (connections, next) = (Arc::default(), Instant::now());
-        Ok(Self { listener, allowed, figures, hub, connections, next, shown: None })
+        let connections = Arc::default();
+        Ok(Self { listener, allowed, figures, hub, connections, published: Instant::now(), shown: None })
     }
 
     /// Returns the address on which it listens.
@@ -73,17 +72,14 @@ impl Web {
         self.listener.local_addr()
     }
 
-    /// Accepts new connections, and publishes a picture if it is time for one. It never waits for a reader.
+    /// Accepts new connections, and publishes a picture if there is a new tick. It never waits for a reader.
     pub fn visit(&mut self, monitor: &Monitor) {
         self.accept();
-        let now = Instant::now();
-        if now < self.next {
-            return;
-        }
         let tick = monitor.live().map(|snapshot| snapshot.tick);
-        self.next = now + if tick.is_some() { PICTURE } else { WITHOUT_SERVER };
-        if tick.is_none() || tick != self.shown {
+        let is_due = tick.map_or_else(|| self.published.elapsed() >= WITHOUT_SERVER, |tick| Some(tick) != self.shown);
+        if is_due || tick.is_none() != self.shown.is_none() {
             self.shown = tick;
+            self.published = Instant::now();
             self.hub.publish(monitor, self.figures.as_mut());
         }
     }
