@@ -8,6 +8,7 @@ mod experiment;
 mod faults;
 mod header;
 mod identify;
+mod labcomm;
 mod linuxcnc;
 mod monitor;
 mod outputs;
@@ -50,6 +51,7 @@ enum Command {
     Workspace(workspace::Workspace),
     Draw(draw::Draw),
     Header(header::Header),
+    Labcomm(labcomm::Labcomm),
     LinuxcncReport(linuxcnc::LinuxcncReport),
     Calibrate(calibrate::Calibrate),
     Identify(identify::Identify),
@@ -106,6 +108,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Workspace(workspace) => run_on(AnyRobotFile::named(&workspace.robot), workspace),
         Command::Draw(draw) => run_on(AnyRobotFile::named(&draw.robot), draw),
         Command::Header(header) => header.run(),
+        Command::Labcomm(labcomm) => labcomm.run(),
         Command::LinuxcncReport(report) => run_on(AnyRobotFile::named(&report.robot), report),
         Command::Calibrate(calibrate) => calibrate.run(),
         Command::Identify(identify) => identify.run(),
