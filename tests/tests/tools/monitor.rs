@@ -134,7 +134,9 @@ fn shows() -> Result<(), Failed> {
         let minus = |text: String| text.replace('-', "−");
         for axis in axes.axis {
             let offset = minus(format!("<td>{:.3}</td>", f64::from(axis.position_offset_nm) * 1e-3));
-            let nominal = minus(format!("<td>{:.4}</td>", axis.nominal_nm as f64 * 1e-6));
+            // Home is a multiple of 100 nm.
+            let (sign, nm) = (if axis.nominal_nm < 0 { "-" } else { "" }, axis.nominal_nm.abs());
+            let nominal = minus(format!("<td>{sign}{}.{:04}</td>", nm / 1_000_000, nm / 100 % 10_000));
             assert!(document.contains(&format!("{nominal}{offset}")), "{nominal}{offset}");
         }
         assert_eq!(document.matches("position limited").count(), 1);
