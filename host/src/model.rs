@@ -48,6 +48,12 @@ pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'stati
     /// [`KinematicsError`]; [`KinematicsError::Unreachable`] with `arm` 0 for a platform that does not turn, and should.
     fn axes_for(&self, pose: &Pose) -> Result<[f64; N], KinematicsError>;
 
+    /// Returns the pose for positions `q` (q-units). An F1 is followed from its `last` pose, or else from home (world axes, m).
+    ///
+    /// # Errors
+    /// [`KinematicsError`].
+    fn pose_of(&self, q: &[f64; N], home_m: &Vector3<f64>, last: Option<&Pose>) -> Result<Pose, KinematicsError>;
+
     /// Returns the line matrix with the tool centre point at `tool_m` and the axes at `q`.
     ///
     /// # Errors

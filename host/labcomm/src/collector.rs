@@ -1,5 +1,7 @@
 //! Bytes of a stream that are not decoded yet, in a buffer of fixed size.
 
+use core::cell::Cell;
+
 /// Up to `C` bytes: chunks behind, events in front.
 #[derive(Clone, Debug)]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
@@ -20,6 +22,13 @@ impl<const C: usize> Collector<C> {
     #[must_use]
     pub const fn new() -> Self {
         Self { bytes: [0; C], held: 0 }
+    }
+
+    /// Builds a collector with the first `held` of these bytes, if they satisfy the invariant.
+    #[must_use]
+    pub fn from_parts(bytes: [u8; C], held: usize) -> Option<Self> {
+        let collector = Self { bytes, held };
+        collector.is_valid().then_some(collector)
     }
 
     /// The invariant: no more bytes than there is room for.
@@ -49,8 +58,9 @@ impl<const C: usize> Collector<C> {
     pub fn drop_front(&mut self, count: usize) {
         let count = count.min(self.held);
         let held = self.held;
-        if let Some(bytes) = self.bytes.get_mut(..held) {
-            bytes.rotate_left(count);
+        let cells = Cell::from_mut(self.bytes.as_mut_slice()).as_slice_of_cells();
+        for (place, byte) in cells.iter().take(held).zip(cells.iter().skip(count)) {
+            place.set(byte.get());
         }
         self.held = held.saturating_sub(count);
     }

@@ -24,7 +24,7 @@ pub use cursor::{Comparer, Counter, Reader, Sink, Writer};
 pub use decoder::{Decoded, Decoder, Event, MAX_NAME};
 pub use encoder::Encoder;
 pub use error::{Error, ErrorKind, Limit, Malformed, Unsupported};
-pub use number::Version;
+pub use number::{MAX_NUMBER, Version};
 pub use registry::{Definition, Registry};
 pub use sample::{Field, Sample, Text, encoded_value_len, type_len};
 pub use scan::{ARRAY, MAX_DEPTH, MAX_FIELDS, MAX_TYPE, MAX_VALUE, Primitive, STRUCTURE};

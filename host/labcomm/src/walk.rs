@@ -1,7 +1,7 @@
 //! Walk over a value and its type in lockstep, with an explicit stack.
 
 use crate::cursor::{Reader, to_usize};
-use crate::error::{ErrorKind, Limit};
+use crate::error::{ErrorKind, Limit, Malformed};
 use crate::scan::{ARRAY, MAX_DEPTH, MAX_TYPE, MAX_VALUE, Primitive, STRUCTURE, scan};
 use crate::ty::Type;
 
@@ -257,6 +257,9 @@ impl<'t, 'v> Walk<'t, 'v> {
         let start = self.offset(&behind.of_type);
         let (extent, length) = scan(ty.version(), behind.of_type.rest())?;
         let end = start.saturating_add(length);
+        if extent.smallest == 0 {
+            return Err(Malformed::EmptyElement.into());
+        }
         // Before any loop over the elements: the smallest of them must fit.
         let bytes = count.and_then(|count| count.checked_mul(extent.smallest.into()));
         let bytes = bytes.and_then(|bytes| u32::try_from(bytes).ok()).filter(|bytes| *bytes <= MAX_VALUE);

@@ -8,7 +8,9 @@ mod experiment;
 mod faults;
 mod header;
 mod identify;
+mod labcomm;
 mod linuxcnc;
+mod monitor;
 mod outputs;
 mod plan;
 mod publication;
@@ -45,11 +47,13 @@ enum Command {
     Demo(demo::Demo),
     Serve(serve::Serve),
     Client(client::Client),
+    Monitor(monitor::Monitor),
     Faults(faults::Faults),
     Replay(replay::Replay),
     Workspace(workspace::Workspace),
     Draw(draw::Draw),
     Header(header::Header),
+    Labcomm(labcomm::Labcomm),
     LinuxcncReport(linuxcnc::LinuxcncReport),
     Calibrate(calibrate::Calibrate),
     Identify(identify::Identify),
@@ -100,11 +104,13 @@ pub(crate) fn main() -> ExitCode {
         Command::Demo(demo) => run_on(AnyRobotFile::named(&demo.robot), demo),
         Command::Serve(serve) => run_on(AnyRobotFile::named(&serve.robot), serve),
         Command::Client(client) => run_on(AnyRobotFile::named(&client.robot), client),
+        Command::Monitor(monitor) => monitor.run(),
         Command::Faults(faults) => faults.run(),
         Command::Replay(replay) => replay.run(),
         Command::Workspace(workspace) => run_on(AnyRobotFile::named(&workspace.robot), workspace),
         Command::Draw(draw) => run_on(AnyRobotFile::named(&draw.robot), draw),
         Command::Header(header) => header.run(),
+        Command::Labcomm(labcomm) => labcomm.run(),
         Command::LinuxcncReport(report) => run_on(AnyRobotFile::named(&report.robot), report),
         Command::Calibrate(calibrate) => calibrate.run(),
         Command::Identify(identify) => identify.run(),

@@ -39,6 +39,13 @@ impl MachineKind<AXES> for F1 {
         Ok(solution.value)
     }
 
+    fn pose_of(&self, q: &[f64; AXES], home_m: &Vector3<f64>, last: Option<&Pose>) -> Result<Pose, KinematicsError> {
+        match last {
+            Some(last) => Ok(self.forward_from(q, last, COLD_ITERATIONS)?.value),
+            None => pose_at(self, home_m, q),
+        }
+    }
+
     fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; AXES]) -> Result<LineMatrix<AXES>, KinematicsError> {
         self.line_matrix(&Pose::at(*tool_m), q)
     }

@@ -41,6 +41,10 @@ impl MachineKind<AXES> for L2 {
         self.inverse_in_assembly(&pose.position_m)
     }
 
+    fn pose_of(&self, q: &[f64; AXES], _: &Vector3<f64>, _: Option<&Pose>) -> Result<Pose, KinematicsError> {
+        Ok(self.pose(self.forward(q)?))
+    }
+
     fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; AXES]) -> Result<LineMatrix<AXES>, KinematicsError> {
         self.line_matrix(&Pose::at(*tool_m), q)
     }

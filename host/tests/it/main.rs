@@ -20,6 +20,8 @@ mod experiment;
 mod faults;
 mod header;
 mod identification;
+mod labcomm;
+mod monitor;
 mod plan;
 mod process;
 #[cfg(unix)]
@@ -38,10 +40,11 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    const COMMANDS: [&str; 14] = [
+    const COMMANDS: [&str; 16] = [
         "demo",
         "serve",
         "client",
+        "monitor",
         "plan",
         "experiment",
         "identify",
@@ -52,6 +55,7 @@ fn help_mentions_every_command_and_every_commands_help_works() {
         "workspace",
         "draw",
         "header",
+        "labcomm",
         "solve",
     ];
     for command in COMMANDS {
@@ -59,7 +63,7 @@ fn help_mentions_every_command_and_every_commands_help_works() {
         let help = folder.run(&[command, "--help"]).success();
         assert!(help.contains(&format!("gantry-tau {command}")), "{help}");
         // Found by reading: of three commands they were written down, and never shown.
-        let has_codes = !["serve", "plan", "workspace", "draw", "header", "solve"].contains(&command);
+        let has_codes = !["serve", "plan", "workspace", "draw", "header", "labcomm", "solve"].contains(&command);
         assert_eq!(help.contains("Exit codes: 0 "), has_codes, "{help}");
         let help = folder.run(&["help", command]).success();
         assert!(help.contains("Usage:"), "{help}");

@@ -10,6 +10,7 @@
 
 mod hostile;
 mod numbers;
+mod page;
 mod samples;
 mod streams;
 mod types;

@@ -1,0 +1,175 @@
+//! Types and values as JSON text, written along a walk without a tree of values between.
+
+use std::fmt::Write as _;
+
+use gantry_tau_labcomm::{ErrorKind, Kind, Leaf, Step, Type, Value};
+
+/// Writes bytes as a JSON string, or as `{"bytes":"hex"}` if they are not UTF-8.
+pub(super) fn text(out: &mut String, bytes: &[u8]) {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => string(out, text),
+        Err(_) => {
+            out.push_str("{\"bytes\":\"");
+            for byte in bytes {
+                let _ = write!(out, "{byte:02x}");
+            }
+            out.push_str("\"}");
+        }
+    }
+}
+
+/// Writes a JSON string.
+pub(super) fn string(out: &mut String, text: &str) {
+    out.push_str(&serde_json::Value::from(text).to_string());
+}
+
+/// Writes a type: `"int"`, `["array",[sizes],type]`, `["struct",[[name,type],...]]`.
+pub(super) fn ty(out: &mut String, of: &Type<'_>) {
+    match of.kind() {
+        Kind::Primitive(primitive) => string(out, primitive.name()),
+        Kind::Array(array) => {
+            let sizes: Vec<String> = array.indices().map(|size| size.to_string()).collect();
+            let _ = write!(out, "[\"array\",[{}],", sizes.join(","));
+            // No deeper than a checked type, which is 16.
+            ty(out, &array.element());
+            out.push(']');
+        }
+        Kind::Structure(structure) => {
+            out.push_str("[\"struct\",[");
+            for (number, (name, of)) in structure.fields().enumerate() {
+                out.push_str(if number == 0 { "[" } else { ",[" });
+                text(out, name);
+                out.push(',');
+                ty(out, &of);
+                out.push(']');
+            }
+            out.push_str("]]");
+        }
+    }
+}
+
+/// Array or structure around the place of a walk.
+enum Level {
+    Array {
+        /// Elements of a list at each index but the last.
+        strides: Vec<u64>,
+        /// Elements that are written.
+        written: u64,
+        /// True with an index at least: an array without one is its only element.
+        is_list: bool,
+    },
+    Structure {
+        is_first: bool,
+    },
+}
+
+/// Writes a value. Floats are numbers, or with `bits` the hex of their bits.
+///
+/// # Errors
+/// None for a value that the decoder has checked.
+pub(super) fn value(out: &mut String, of: &Value<'_, '_>, bits: bool) -> Result<(), ErrorKind> {
+    let mut walk = of.walk();
+    let mut levels: Vec<Level> = Vec::new();
+    while let Some(step) = walk.step()? {
+        match step {
+            Step::Field(name) => {
+                if let Some(Level::Structure { is_first }) = levels.last_mut() {
+                    if !std::mem::take(is_first) {
+                        out.push(',');
+                    }
+                }
+                string(out, &String::from_utf8_lossy(name));
+                out.push(':');
+                continue;
+            }
+            Step::Array(sizes) => {
+                before_element(out, levels.last_mut());
+                let sizes: Vec<u64> = sizes.map(u64::from).collect();
+                if !sizes.is_empty() {
+                    out.push('[');
+                }
+                // Products of all later sizes, for each index but the last; small, as there are so many elements.
+                let inner = if sizes.contains(&0) { 1..1 } else { 1..sizes.len() };
+                let strides = inner.map(|from| sizes.iter().skip(from).product()).collect();
+                levels.push(Level::Array { strides, written: 0, is_list: !sizes.is_empty() });
+                continue;
+            }
+            Step::Structure(_) => {
+                before_element(out, levels.last_mut());
+                out.push('{');
+                levels.push(Level::Structure { is_first: true });
+                continue;
+            }
+            Step::Leaf(of) => {
+                before_element(out, levels.last_mut());
+                leaf(out, of, bits);
+            }
+            Step::Leave => match levels.pop() {
+                Some(Level::Array { is_list: false, .. }) | None => {}
+                Some(Level::Array { .. }) => out.push(']'),
+                Some(Level::Structure { .. }) => out.push('}'),
+            },
+            Step::Skipped => {}
+        }
+        after_element(out, levels.last_mut());
+    }
+    Ok(())
+}
+
+/// Separates an element from the one before, and opens the lists that begin with it.
+fn before_element(out: &mut String, level: Option<&mut Level>) {
+    if let Some(Level::Array { strides, written, .. }) = level {
+        if *written > 0 {
+            out.push(',');
+        }
+        strides.iter().filter(|stride| is_multiple(*written, **stride)).for_each(|_| out.push('['));
+    }
+}
+
+/// Counts an element, and closes the lists that end with it.
+fn after_element(out: &mut String, level: Option<&mut Level>) {
+    if let Some(Level::Array { strides, written, .. }) = level {
+        *written = written.saturating_add(1);
+        strides.iter().filter(|stride| is_multiple(*written, **stride)).for_each(|_| out.push(']'));
+    }
+}
+
+fn is_multiple(number: u64, of: u64) -> bool {
+    number.checked_rem(of) == Some(0)
+}
+
+fn leaf(out: &mut String, of: Leaf<'_>, bits: bool) {
+    let _ = match of {
+        Leaf::Boolean(byte) => write!(out, "{}", byte != 0),
+        Leaf::Byte(number) => write!(out, "{number}"),
+        Leaf::Short(number) => write!(out, "{number}"),
+        Leaf::Int(number) => write!(out, "{number}"),
+        Leaf::Long(number) => write!(out, "{number}"),
+        Leaf::Reference(index) => write!(out, "{index}"),
+        Leaf::Float(float) if bits => write!(out, "\"{float:08x}\""),
+        Leaf::Double(double) if bits => write!(out, "\"{double:016x}\""),
+        Leaf::Float(float) => {
+            // The shortest text of the 32 bits.
+            let float = f32::from_bits(float);
+            if float.is_finite() { write!(out, "{float:?}") } else { write!(out, "\"{}\"", not_finite(float.into())) }
+        }
+        Leaf::Double(double) => {
+            let double = f64::from_bits(double);
+            if double.is_finite() { write!(out, "{double:?}") } else { write!(out, "\"{}\"", not_finite(double)) }
+        }
+        Leaf::String(bytes) => {
+            text(out, bytes);
+            Ok(())
+        }
+    };
+}
+
+fn not_finite(number: f64) -> &'static str {
+    if number.is_nan() {
+        "nan"
+    } else if number > 0.0 {
+        "inf"
+    } else {
+        "-inf"
+    }
+}
