@@ -27,6 +27,7 @@ The protocol is specified in wire.md; this file follows the same rules as the cl
 import argparse
 import math
 import numbers
+import os
 import queue
 import select
 import socket
@@ -61,6 +62,7 @@ LOCKSTEP = 1                 # The only capability that is assigned.
 SILENCE_S = 3.0              # Time without a frame after which the server has vanished.
 GOODBYE_STATES = 100         # Live States after a Goodbye in which the server may still not have received it.
 FIRST_SAMPLE_STATES = 1_000  # States to wait for the first usable force sample.
+PRIORITY = 40                # With --realtime: below the server, which may run on the same computer.
 SAMPLE_STATES = 100          # States that the last usable force sample may serve.
 
 
@@ -153,17 +155,20 @@ class ControllerFailed(Failure):
     exit_code = 10
 
 
-def run(controller, server="127.0.0.1:7000", sensor=None, *, submit_only=False, states=None, patience_s=1.0, checksum=None):
+def run(controller, server="127.0.0.1:7000", sensor=None, *, submit_only=False, states=None, patience_s=1.0, checksum=None,
+        realtime=False):
     """Runs a controller until Ctrl-C, `Leave`, or the number of `states` is reached, and returns a `Report`.
 
     `server` and `sensor` are "HOST:PORT". `submit_only`: never asks for Obtain. `checksum`: refuses a machine with another checksum of its
-    kinematic parameters. Raises a `Failure` for every other end; in each of them the server ramps the offsets to zero by itself.
+    kinematic parameters. `realtime`: takes a real-time priority, on Linux with the right to it. Raises a `Failure` for every other end; in each of them the server ramps the offsets to zero by itself.
     """
     # The sensor first: no session is taken from others without it.
     with _Sensor(sensor) as force, _granted(server) as connection:
         found = connection.welcome.kinematics_checksum
         if checksum not in (None, found):
             raise Incompatible(f"incompatible server: its machine has checksum {found:08x}, the client's has {checksum:08x}")
+        if realtime:
+            _take_priority()
         try:
             with _Worker(controller, connection.welcome, patience_s) as worker:
                 _answer_until_done(connection, worker, force, not submit_only, states)
@@ -186,6 +191,7 @@ def arguments(description=None, sensor=None):
     parser.add_argument("server", nargs="?", default="127.0.0.1:7000", metavar="HOST:PORT", help="address of the server")
     parser.add_argument("--sensor", metavar="HOST:PORT", default=sensor, help="address of the force sensor")
     parser.add_argument("--submit-only", action="store_true", help="stay in Submit: no drive sees an offset")
+    parser.add_argument("--realtime", action="store_true", help="take a real-time priority (Linux)")
     parser.add_argument("--states", type=int, help="leave after this number of States; without it Ctrl-C leaves")
     return parser
 
@@ -194,7 +200,8 @@ def main(controller, options=None, **others):
     """Runs a controller as the program: options of the command line, one sentence at the end, and an exit code as of `gantry-tau client`."""
     options = options or arguments().parse_args()
     try:
-        report = run(controller, options.server, options.sensor, submit_only=options.submit_only, states=options.states, **others)
+        report = run(controller, options.server, options.sensor, submit_only=options.submit_only, states=options.states,
+                     realtime=options.realtime, **others)
     except Failure as failure:
         print(f"gantry_tau: {failure}", file=sys.stderr)
         sys.exit(failure.exit_code)
@@ -542,6 +549,14 @@ def _granted(address, axes=3):
     except BaseException:
         connection.socket.close()
         raise
+
+
+def _take_priority():
+    """Takes a real-time priority for this thread and those that it starts, or says why not."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except (AttributeError, OSError) as error:
+        print(f"gantry_tau: no real-time priority: {error}", file=sys.stderr)
 
 
 def _connect(address, what):

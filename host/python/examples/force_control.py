@@ -19,11 +19,11 @@ DIRECTION = (0.0, 0.0, -1.0)
 # Farthest that the tool presses, m: the anti-windup holds the integral where the command is cut.
 REACH_M = 500e-6
 # Gains for the stiffness of workpiece and machine in series up to some 1e6 N/m, m/N and m/(N s).
-PROPORTIONAL, INTEGRAL = 2e-7, 2e-5
+PROPORTIONAL, INTEGRAL = 2e-7, 6e-5
 
 
 class PI:
-    """PI law with the output cut to 0..reach, and the integral tracking the cut output (back-calculation)."""
+    """PI law with the output cut to 0..reach; anti-windup by conditional integration."""
 
     def __init__(self, proportional, integral, reach, cycle_s):
         self.proportional, self.step, self.reach = proportional, integral * cycle_s, reach
@@ -32,8 +32,9 @@ class PI:
     def output(self, error):
         wanted = self.proportional * error + self.integral
         cut = max(0.0, min(self.reach, wanted))
-        # Beyond its end the output is not the law's: the integral follows it instead of growing.
-        self.integral += self.step * error + (cut - wanted)
+        # Where the output is cut, the integral only goes back: otherwise it would grow for as long as the end is held.
+        if wanted == cut or (wanted > cut) == (error < 0.0):
+            self.integral += self.step * error
         return cut
 
 

@@ -1,10 +1,11 @@
-//! Tests that need compilers for C, Valgrind, an emulator or LinuxCNC: the C interface, the firmware, the modules for LinuxCNC. A test whose
-//! tool is missing is reported as ignored, with the name of the tool.
+//! Tests that need compilers for C, Valgrind, an emulator, Python or LinuxCNC: the C interface, the firmware, the client in Python, the modules
+//! for LinuxCNC. A test whose tool is missing is reported as ignored, with the name of the tool.
 
 mod capi;
 mod firmware;
 #[cfg(target_os = "linux")]
 mod linuxcnc;
+mod python;
 
 use libtest_mimic::Arguments;
 
@@ -12,6 +13,7 @@ fn main() {
     let arguments = Arguments::from_args();
     let mut trials = firmware::trials();
     trials.extend(capi::trials());
+    trials.extend(python::trials());
     #[cfg(target_os = "linux")]
     trials.extend(linuxcnc::trials());
     libtest_mimic::run(&arguments, trials).exit();
