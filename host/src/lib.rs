@@ -21,6 +21,7 @@ pub mod fit;
 pub mod gauge_link;
 pub mod geometry;
 pub mod header;
+mod lines;
 pub mod linuxcnc;
 pub mod measurements;
 pub mod model;

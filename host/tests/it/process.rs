@@ -1,6 +1,7 @@
 //! Runs the binary in a folder of its own, with files as its standard streams, and bounds every wait.
 
 use std::fs::File;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -80,6 +81,16 @@ impl Running {
 
     pub(crate) fn stderr(&self) -> String {
         text(&self.err)
+    }
+
+    /// Writes to the input, which must be a pipe.
+    pub(crate) fn write(&mut self, text: &str) {
+        self.child.stdin.as_mut().unwrap().write_all(text.as_bytes()).unwrap();
+    }
+
+    /// Ends the input.
+    pub(crate) fn close_input(&mut self) {
+        self.child.stdin = None;
     }
 
     /// Waits until the process has printed `words` on either stream.

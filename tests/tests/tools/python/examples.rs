@@ -1,5 +1,6 @@
 //! The examples of host/python: each does what it says, within the limits in every tick.
 
+use std::path::Path;
 use std::process::{Child, Command};
 
 use gantry_tau::server::cycle::Row;
@@ -24,11 +25,11 @@ fn example(name: &str, [server, sensor]: &[String; 2], arguments: &[&str]) -> Co
     python
 }
 
-/// An example that asks `gantry-tau solve`.
-fn solving(name: &str, session: &Session, arguments: &[&str]) -> Child {
+/// An example that asks `gantry-tau solve`, built before the session: a server that nobody watches loses rows.
+fn solving(name: &str, solver: &Path, session: &Session, arguments: &[&str]) -> Child {
     let mut example = example(name, &session.addresses(), arguments);
     example.arg("--robot").arg(folder().join("../../robots/l2.toml"));
-    example.arg("--gantry-tau").arg(program::build()).spawn().unwrap()
+    example.arg("--gantry-tau").arg(solver).spawn().unwrap()
 }
 
 /// It leaves in good order, and nothing remains.
@@ -72,8 +73,9 @@ fn loaded(row: &Row<ARMS>) -> (f64, f64) {
 
 /// 300 N displace this machine by 195 um. What remains: three per cent of deviation of the springs, and 20 Hz of filtered noise.
 fn compensation() {
+    let solver = program::build();
     let mut session = Session::new(Tool::Steps(300.0, 0.5));
-    let program = solving("compensation.py", &session, &["--states", "4000"]);
+    let program = solving("compensation.py", &solver, &session, &["--states", "4000"]);
     left(&mut session, program);
     let rows = session.obtained();
     let (force_n, displaced_um) = loaded(rows.last().unwrap());
@@ -94,9 +96,10 @@ fn compensation() {
 /// minutes to come back.
 fn force_control() {
     const EACH: usize = 1_500;
+    let solver = program::build();
     let mut session = Session::new(Tool::Above(2e5));
     let arguments = ["--forces", "30,60,2000,30", "--each", "1500", "--states", "6900"];
-    let program = solving("force_control.py", &session, &arguments);
+    let program = solving("force_control.py", &solver, &session, &arguments);
     left(&mut session, program);
     let forces: Vec<f64> = session.obtained().iter().map(|row| row.tool.unwrap().load[2]).collect();
     for (phase, expected_n) in [(1, 30.0), (2, 60.0)] {
