@@ -20,6 +20,8 @@ mod experiment;
 mod faults;
 mod header;
 mod identification;
+#[cfg(unix)]
+mod operator;
 mod plan;
 mod process;
 #[cfg(unix)]

@@ -1,7 +1,6 @@
 //! Runs the binary in a folder of its own, with files as its standard streams, and bounds every wait.
 
 use std::fs::File;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -84,11 +83,13 @@ impl Running {
     }
 
     /// Writes to the input, which must be a pipe.
+    #[cfg(unix)]
     pub(crate) fn write(&mut self, text: &str) {
-        self.child.stdin.as_mut().unwrap().write_all(text.as_bytes()).unwrap();
+        std::io::Write::write_all(self.child.stdin.as_mut().unwrap(), text.as_bytes()).unwrap();
     }
 
     /// Ends the input.
+    #[cfg(unix)]
     pub(crate) fn close_input(&mut self) {
         self.child.stdin = None;
     }

@@ -8,11 +8,7 @@ pub(crate) fn serve(folder: &Folder, further: &[&str]) -> (Running, [String; 2])
 }
 
 /// The same with the largest force, N, and the length of its steps, s.
-pub(crate) fn serve_pulling(
-    folder: &Folder,
-    [force, seconds]: [&str; 2],
-    further: &[&str],
-) -> (Running, [String; 2]) {
+pub(crate) fn serve_pulling(folder: &Folder, [force, seconds]: [&str; 2], further: &[&str]) -> (Running, [String; 2]) {
     let mut arguments = vec!["serve", "--pace", "lockstep", "--listen", "127.0.0.1:0"];
     arguments.extend(["--sensor", "127.0.0.1:0", "--force-max", force, "--step-seconds", seconds]);
     arguments.extend(further);
