@@ -28,6 +28,7 @@ pub mod model;
 pub mod plan;
 pub mod plant;
 mod plots;
+pub mod readers;
 pub mod realtime;
 pub mod record;
 pub mod record_link;

@@ -1,16 +1,15 @@
 //! Records over TCP from the cycle to the programs that need them, which take the latest: losing records is harmless.
 
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 use std::marker::PhantomData;
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
+use crate::readers::Readers;
 use crate::server::connections::Allowed;
 
 /// Longest wait for a publisher to answer.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
-/// Readers served at once.
-const READERS: usize = 4;
 
 /// Bytes of the longest record of any kind.
 pub const LONGEST: usize = 144;
@@ -43,9 +42,7 @@ pub(crate) fn fields(bytes: &[u8]) -> impl Iterator<Item = [u8; 8]> {
 /// Publishes records from the cycle: no allocation, no blocking; a reader that cannot keep up is dropped.
 #[derive(Debug)]
 pub struct Publisher<R> {
-    listener: TcpListener,
-    allowed: Allowed,
-    readers: [Option<TcpStream>; READERS],
+    readers: Readers,
     record: PhantomData<R>,
 }
 
@@ -55,15 +52,13 @@ impl<R: Record> Publisher<R> {
     /// # Errors
     /// The address cannot be bound.
     pub fn bind(address: SocketAddr) -> io::Result<Self> {
-        let listener = TcpListener::bind(address)?;
-        listener.set_nonblocking(true)?;
-        Ok(Self { listener, allowed: Allowed::all(), readers: [const { None }; READERS], record: PhantomData })
+        Ok(Self { readers: Readers::bind(address)?, record: PhantomData })
     }
 
     /// Serves only these peers.
     #[must_use]
     pub fn for_peers(self, allowed: Allowed) -> Self {
-        Self { allowed, ..self }
+        Self { readers: self.readers.for_peers(allowed), ..self }
     }
 
     /// Returns the address on which it listens.
@@ -71,34 +66,15 @@ impl<R: Record> Publisher<R> {
     /// # Errors
     /// Error of the system.
     pub fn address(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
+        self.readers.address()
     }
 
     /// Accepts at most one new reader and sends the record to every one.
     pub fn publish(&mut self, record: &R) {
-        self.accept();
         let mut bytes = [0; LONGEST];
         let length = record.put(&mut bytes);
-        let record = bytes.get(..length).unwrap_or_default();
-        for reader in &mut self.readers {
-            let sent = (reader.as_mut())
-                .is_some_and(|stream| matches!(stream.write(record), Ok(count) if count == record.len()));
-            if !sent {
-                *reader = None;
-            }
-        }
-    }
-
-    fn accept(&mut self) {
-        let Some(free) = self.readers.iter_mut().find(|reader| reader.is_none()) else {
-            return;
-        };
-        if let Ok((stream, peer)) = self.listener.accept() {
-            let usable = self.allowed.admits(peer.ip())
-                && stream.set_nonblocking(true).is_ok()
-                && stream.set_nodelay(true).is_ok();
-            *free = usable.then_some(stream);
-        }
+        self.readers.accept(&[]);
+        self.readers.send(bytes.get(..length).unwrap_or_default());
     }
 }
 

@@ -168,7 +168,7 @@ impl Serve {
         let mut events = EventLog::default();
         drain(&mut rows, |row| {
             each(row);
-            events.see(row);
+            let _ = events.see(row);
             flusher.see(row.state.phase);
             if let Some(file) = &mut file {
                 file.write(row);

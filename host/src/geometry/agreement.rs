@@ -146,7 +146,7 @@ const FOLDS: usize = 5;
 
 /// Indices of the poses that agree with a fit to those that are `used`. The others have had no part in it: their residuals have the
 /// uncertainty of the prediction besides, which is several standard deviations where few poses are near by.
-fn agreeing_with<M: Model>(model: &M, fit: &Fit<M::State>, used: &[usize]) -> Vec<usize> {
+pub(super) fn agreeing_with<M: Model>(model: &M, fit: &Fit<M::State>, used: &[usize]) -> Vec<usize> {
     let half = fit.seen.half_covariance();
     let length_sd = |index: usize| {
         if used.contains(&index) {

@@ -4,6 +4,34 @@ use gantry_tau_core::control::message::{Cause, Counters, Phase};
 
 use super::cycle::Row;
 
+/// Kind of an event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EventKind {
+    /// A session was granted.
+    Granted,
+    /// Hellos were refused; the code is that of the phase.
+    Refused,
+    /// A session ended, or a stop came without one; the code is that of the cause.
+    Ended,
+    /// The phase changed; the code is that of the new one.
+    Phase,
+    /// The machine did not answer.
+    MachineFailed,
+}
+
+/// Something that happened to a session or to the machine.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// Tick in which it happened.
+    pub tick: u64,
+    /// Kind.
+    pub kind: EventKind,
+    /// Code of the wire for the phase or cause; 0 for kinds without one.
+    pub code: u8,
+    /// The same in words.
+    pub text: String,
+}
+
 /// Logs phase changes, ends of sessions and the first of each kind of trouble.
 #[derive(Debug)]
 pub struct EventLog {
@@ -20,53 +48,70 @@ impl Default for EventLog {
 }
 
 impl EventLog {
-    /// Logs what has changed since the previous row.
-    pub fn see<const N: usize>(&mut self, row: &Row<N>) {
+    /// Logs what has changed since the previous row. Returns what happened to sessions and to the machine.
+    pub fn see<const N: usize>(&mut self, row: &Row<N>) -> Vec<Event> {
         let state = &row.state;
         let tick = state.tick.0;
+        let mut events = Vec::new();
+        let mut happened = |kind, code, text: String| events.push(Event { tick, kind, code, text });
         if row.welcomed {
-            tracing::info!("tick {tick}: session granted (epoch {})", state.epoch.0);
+            happened(EventKind::Granted, 0, format!("session granted (epoch {})", state.epoch.0));
             self.counters = Counters::default();
         }
         let (refused, before, now) = (row.refused, self.phase.name(), state.phase.name());
         if refused > 0 {
-            tracing::info!("tick {tick}: {refused} client(s) refused in {now}");
+            happened(EventKind::Refused, state.phase.code(), format!("{refused} client(s) refused in {now}"));
         }
         if let Some(cause) = row.ended {
-            self.log_end(row, cause);
+            happened(EventKind::Ended, cause.code(), self.end(row, cause));
         }
         if state.phase != self.phase {
-            tracing::info!("tick {tick}: {before} -> {now}");
-            self.phase = state.phase;
+            happened(EventKind::Phase, state.phase.code(), format!("{before} -> {now}"));
         }
         if row.plant_failed && !self.plant_failed {
-            tracing::error!("tick {tick}: the machine did not answer; stopped");
+            happened(EventKind::MachineFailed, 0, "the machine did not answer; stopped".to_owned());
         }
+        for event in &events {
+            self.log(event, row.ended);
+        }
+        self.phase = state.phase;
         self.plant_failed = row.plant_failed;
         if row.latch_lost && !self.latch_lost {
             tracing::error!("tick {tick}: the stop latch cannot be written: do not restart the server before a re-arm");
         }
         self.latch_lost = row.latch_lost;
         self.log_counters(tick, &state.counters);
+        events
     }
 
-    /// Logs a requested end as information, any other as a warning.
-    fn log_end<const N: usize>(&self, row: &Row<N>, cause: Cause) {
-        let state = &row.state;
-        let (tick, text, left) = (state.tick.0, cause, state.ramp_ticks_left);
-        if matches!(self.phase, Phase::Listening | Phase::SafeDisconnect) {
-            return tracing::info!("tick {tick}: {text}; {left} ticks of ramp left");
+    /// Logs a machine that failed as an error, and an end that nobody asked for as a warning.
+    fn log(&self, event: &Event, ended: Option<Cause>) {
+        let Event { tick, kind, text, .. } = event;
+        let is_asked_for =
+            !self.has_session() || matches!(ended, Some(Cause::Goodbye | Cause::Stop)) || *kind != EventKind::Ended;
+        match kind {
+            EventKind::MachineFailed => tracing::error!("tick {tick}: {text}"),
+            _ if is_asked_for => tracing::info!("tick {tick}: {text}"),
+            _ => tracing::warn!("tick {tick}: {text}"),
         }
-        let (epoch, counts) = (state.epoch.0, state.counters);
-        let summary = format!(
-            "tick {tick}: session ended (epoch {epoch}): {text}; {left} ticks of ramp left; \
+    }
+
+    /// True if the last row was one of a session.
+    const fn has_session(&self) -> bool {
+        !matches!(self.phase, Phase::Listening | Phase::SafeDisconnect)
+    }
+
+    /// Describes the end of a session, or of what goes on without one.
+    fn end<const N: usize>(&self, row: &Row<N>, cause: Cause) -> String {
+        let (epoch, counts, left) = (row.state.epoch.0, row.state.counters, row.state.ramp_ticks_left);
+        if !self.has_session() {
+            return format!("{cause}; {left} ticks of ramp left");
+        }
+        format!(
+            "session ended (epoch {epoch}): {cause}; {left} ticks of ramp left; \
              {} received, {} missed, {} late, {} duplicate, {} stale, {} malformed",
             counts.received, counts.missed, counts.late, counts.duplicate, counts.stale, counts.malformed
-        );
-        match cause {
-            Cause::Goodbye | Cause::Stop => tracing::info!("{summary}"),
-            _ => tracing::warn!("{summary}"),
-        }
+        )
     }
 
     /// Explains a counter when it leaves zero: once per session.

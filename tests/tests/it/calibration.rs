@@ -362,6 +362,7 @@ fn columns_that_are_not_what_their_names_say_are_named() {
 #[test]
 fn a_file_that_does_not_reach_each_position_is_calibrated_all_the_same() {
     let file = RobotFile::builtin_l2().unwrap();
+    let mut refused = 0;
     for seed in 0..4 {
         let mut draw = Draw(Noise::new(100 + seed));
         let machine = true_machine(&mut draw);
@@ -378,10 +379,21 @@ fn a_file_that_does_not_reach_each_position_is_calibrated_all_the_same() {
             seen.extend((is_firm && file.model.forward(&q).is_err()).then_some(q));
         }
         let folder = folder(&format!("reach-{seed}"));
-        let calibration = calibrate(&measure(&folder, &machine, &seen, &mut draw)).unwrap();
+        let setup = measure(&folder, &machine, &seen, &mut draw);
+        let calibration = calibrate(&setup).unwrap();
         let off_m = apart_m(&l2("calibrated", &calibration.robot_file), &machine, &positions(&mut draw, 100));
         assert!(off_m < 0.4e-3, "{seed}: {off_m}, {}", calibration.summary);
+        // A machine with parallel guideways either stands there, and the doubt is said, or is refused by name.
+        let parallel = CalibrateOptions { guideways: GuidewaysOption::Parallel, ..options(&setup, "l2") };
+        match calibrate_l2(&file, &parallel) {
+            Ok(parallel) => assert!(parallel.doubts.iter().any(|doubt| doubt.contains("are not parallel"))),
+            Err(error) => {
+                refused += 1;
+                assert!(error.to_string().contains("poses.csv: no machine with parallel guideways fits these poses: "));
+            }
+        }
     }
+    assert!((1..4).contains(&refused), "{refused} of 4 refused");
 }
 
 /// Places on a line, in a plane or in a small cube do not show a machine.
@@ -594,4 +606,11 @@ fn an_f1_is_found_from_another_start() {
     assert!(answer["p"].as_f64().unwrap() > 1e-3, "{}", calibration.summary);
     assert!(calibration.remarks.iter().any(|remark| remark.contains("axes and screws")), "{:?}", calibration.remarks);
     assert!(calibration.report.contains("gain of screw 6"));
+    // What no pose shows is named, without a deviation, and the file's values of it are kept.
+    let unobservable = answer["unobservable"].as_array().unwrap();
+    let lost = unobservable.iter().filter(|direction| direction["relative_sd"].is_null()).count();
+    assert_eq!(lost, 4, "{unobservable:?}");
+    let parameters = answer["parameters"].as_array().unwrap().iter();
+    let kept: Vec<_> = parameters.filter(|parameter| parameter["status"] == "kept").map(|kept| &kept["name"]).collect();
+    assert_eq!(kept, ["P[0].x", "P[0].y", "P[0].z"]);
 }

@@ -49,6 +49,14 @@ pub enum CalibrateError {
         /// Error of the better of them.
         reason: String,
     },
+    /// A machine with parallel guideways was asked for, and does not reach each pose.
+    #[error("{table}: no machine with parallel guideways fits these poses: {reason}; calibrate with --guideways free")]
+    NotParallel {
+        /// The table.
+        table: String,
+        /// Error of the fit.
+        reason: String,
+    },
     /// The places lie where they do not show a machine.
     #[error(
         "{table}: the places lie {shape}: {lost} of {all} combinations of parameters cannot be seen; spread them over the workspace"

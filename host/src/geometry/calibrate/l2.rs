@@ -51,7 +51,13 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
     let remarks = guideways.remark(options.guideways).into_iter().collect();
     let Fitted { agreement, covariance, names, values, left_out_rms_m } = match options.guideways {
         GuidewaysOption::Free => Fitted::free(free, &places),
-        GuidewaysOption::Parallel => Fitted::parallel(guideways.parallel.map_err(no_start(&measured.table))?, &places),
+        GuidewaysOption::Parallel => {
+            let not_parallel = |error: FitError<PredictionError>| CalibrateError::NotParallel {
+                table: measured.table.clone(),
+                reason: error.to_string(),
+            };
+            Fitted::parallel(guideways.parallel.map_err(not_parallel)?, &places)
+        }
     };
     let moved = agreement
         .in_frame_of(&file, &places, &covariance)

@@ -13,7 +13,7 @@ use super::*;
 use crate::fit::least_squares::{Fit, Seen};
 use crate::fit::statistics::NORMAL_95;
 use crate::fit::svd::Svd;
-use crate::geometry::agreement::fit_agreeing;
+use crate::geometry::agreement::{agreeing_with, fit_agreeing};
 use crate::geometry::frames::rigid_trimmed;
 
 /// Noise of a device, m.
@@ -232,6 +232,29 @@ fn wrong_places_are_found_and_left_out() {
         accused += calibrated.outliers.iter().filter(|index| ![7, 23].contains(index)).count();
     }
     assert!(found >= 95 && accused <= 5, "{found} of 100 found, {accused} of 1900 accused wrongly");
+}
+
+/// A right place that is left out comes back: with few places about it is predicted several standard deviations off.
+#[test]
+fn a_place_that_was_left_out_is_judged_by_what_is_known_of_it() {
+    let (mut far, mut lost) = (0, 0);
+    for seed in 0..20 {
+        let mut campaign = Campaign::new(6_000 + seed);
+        let positions = campaign.positions(12);
+        let poses = campaign.measured(&positions, Vector3::repeat(SIGMA_M));
+        let places = places(&poses, Vector3::repeat(SIGMA_M));
+        let start = campaign.start(&poses);
+        for left_out in 0..poses.len() {
+            let used: Vec<usize> = (0..poses.len()).filter(|index| *index != left_out).collect();
+            let rows = |state: &Nominal| places.rows(state, &used);
+            let Ok(fit) = crate::fit::least_squares::fit(start, &start.scales(), rows, Places::stepped) else {
+                continue;
+            };
+            far += u32::from(places.length_sd(&fit.state, left_out) > 4.5);
+            lost += u32::from(!agreeing_with(&places, &fit, &used).contains(&left_out));
+        }
+    }
+    assert!(far >= 20 && lost <= 3, "{far} of 140 are far off, {lost} of them for good");
 }
 
 /// The same sum of squares for MINPACK's algorithm, in scaled parameters from `origin`.

@@ -79,7 +79,7 @@ pub(super) fn runs_a_part_program(robot: &'static str) -> Result<(), Failed> {
     let solved = solve(robot, &axes);
     let last = motion.last().unwrap();
     assert_near(&last.joints, &at_rest, BOUND, "the last row");
-    assert!(motion.iter().all(|row| row.refused == 0));
+    assert!(motion.iter().all(|row| row.refused == 0.0));
     assert!(motion.iter().all(|row| row.residual_m < 1e-10), "links have their lengths");
     assert!(motion.len() > 3000, "{} rows", motion.len());
     in_motion(motion, &solved);
@@ -122,7 +122,7 @@ pub(super) fn refuses_a_pose(robot: &'static str) -> Result<(), Failed> {
     let errors = ended.lines("error").join("\n");
     assert!(errors.contains("fails kinematicsInverse"), "{}", ended.said);
     assert_eq!(ended.lines("ended"), ["error"]);
-    assert!(ended.record.0.iter().any(|row| row.refused > 0));
+    assert!(ended.record.0.iter().any(|row| row.refused > 0.0));
     stands_still(&ended, 0, f64::EPSILON);
     Ok(())
 }
@@ -135,7 +135,7 @@ pub(super) fn stops_where_a_path_leaves_its_reach() -> Result<(), Failed> {
     // LinuxCNC may print it after the screen has ended on a busy computer.
     assert!(ended.said.contains("kinematicsInverse failed"), "{}", ended.said);
     let rows = &ended.record.0;
-    let refused = rows.iter().position(|row| row.refused > 0).unwrap();
+    let refused = rows.iter().position(|row| row.refused > 0.0).unwrap();
     let off = refused + rows[refused..].iter().position(|row| !row.is_on).unwrap();
     assert!(off - refused <= 2, "switched off {} periods after the refusal", off - refused);
     // The commands follow the references, which go towards the drives: lag times speed, and carts are fast at the edge of the reach.

@@ -14,8 +14,9 @@ use std::time::{Duration, Instant};
 
 use libtest_mimic::Failed;
 
+use super::record::{FAULT, LISTENING, OBTAIN, SAFE_DISCONNECT};
 use hal::{Hal, free_ports, modules, program};
-use record::{AXES, FAULT, LISTENING, OBTAIN, Row, SAFE_DISCONNECT, judge, parse};
+use record::{AXES, Row, judge, parse};
 
 /// Trials of this file.
 pub(super) const TRIALS: &[(&str, super::Check)] = &[
@@ -85,7 +86,7 @@ fn setup(parameters: &str) -> String {
     hal + "addf streamer.0 servo\nstart\n"
 }
 
-/// What runs in the thread once the streamer has begun: the component takes the first nominal positions as those in force.
+/// Functions of the thread once the streamer has begun: the component takes the first nominal positions as those in force.
 const FUNCTIONS: &str = "addf gantry-tau.read servo\naddf gantry-tau.write servo\naddf sum2.0 servo\naddf sum2.1 servo\naddf sum2.2 servo\n\
                          addf scale.0 servo\naddf scale.1 servo\naddf scale.2 servo\naddf sampler.0 servo\n";
 

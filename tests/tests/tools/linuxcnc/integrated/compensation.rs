@@ -3,8 +3,9 @@
 use gantry_tau::robot_file::AnyRobotFile;
 use nalgebra::{Rotation3, Vector3};
 
+use super::super::record::{LISTENING, OBTAIN, SAFE_DISCONNECT};
 use super::super::run::Machine;
-use super::judged::{Limits, OBTAIN, SAFE_DISCONNECT, ends};
+use super::judged::{Limits, ends};
 use super::session::Session;
 use super::{CLOSED, GOODBYE, end, l2, l2_part, turns, variant};
 
@@ -57,7 +58,7 @@ fn compensates<const N: usize>(
     session.pass(1500);
     last.signal("INT");
     assert_eq!(last.end(), Some(0));
-    session.wait_phase(0);
+    session.wait_phase(LISTENING);
     let rows = end(session, &machine, limits);
 
     assert_eq!(ends(&rows), [[SAFE_DISCONNECT, CLOSED], [SAFE_DISCONNECT, GOODBYE]]);

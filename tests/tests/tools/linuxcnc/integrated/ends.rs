@@ -1,7 +1,8 @@
 //! Ends of sessions.
 
+use super::super::record::{FAULT, LISTENING, OBTAIN, SAFE_DISCONNECT};
 use super::super::run::Machine;
-use super::judged::{FAULT, OBTAIN, Row, SAFE_DISCONNECT, ends, judge, read};
+use super::judged::{Row, ends, judge, read};
 use super::session::{Client, Session};
 use super::{CLIENT_LATE, GOODBYE, STOP, end, l2, l2_part, variant};
 
@@ -139,7 +140,7 @@ pub(super) fn by_the_client() {
     session.ask("sets wrench-valid 0");
     assert_eq!(session.client("l2").end(), Some(SILENT), "no sample is published");
     session.ask("sets wrench-valid 1");
-    session.wait_phase(0);
+    session.wait_phase(LISTENING);
 
     let client = compensated(&mut session, false);
     assert!(session.run(&["ip", "link", "set", "lo", "down"]).success());
@@ -160,7 +161,7 @@ pub(super) fn by_the_client() {
     session.ask("sets wrench-1 nan");
     assert_eq!(client.end(), Some(SILENT));
     session.load(0.0);
-    session.wait_phase(0);
+    session.wait_phase(LISTENING);
     // Messages pass through LinuxCNC's task.
     session.ask("try time.sleep(0.5)");
     let told = session.ask("errors");

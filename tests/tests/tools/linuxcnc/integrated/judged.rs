@@ -1,4 +1,4 @@
-//! What both samplers have recorded, and its judgement period by period.
+//! Record of both samplers, and its judgement period by period.
 
 use std::path::Path;
 
@@ -7,13 +7,8 @@ use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::session::config::AxisConfig;
 use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
 
-/// Phases, as on the wire.
-pub(super) const LISTENING: u8 = 0;
-pub(super) const HANDSHAKE: u8 = 1;
-pub(super) const SUBMIT: u8 = 2;
-pub(super) const OBTAIN: u8 = 3;
-pub(super) const SAFE_DISCONNECT: u8 = 4;
-pub(super) const FAULT: u8 = 5;
+use super::super::record::{FAULT, HANDSHAKE, LISTENING, OBTAIN, SAFE_DISCONNECT, SUBMIT, samples};
+
 /// References printed in millionths, and rounded: nm of a cart, of a plate's screw.
 const DIGITS_NM: f64 = 2.0;
 /// Share of the distance by which references approach drives that are off, and the largest distance at machine-on, nm: `drives.c`.
@@ -55,15 +50,7 @@ pub(super) fn read<const N: usize>(folder: &Path, limits: &Limits<N>) -> Vec<Row
 }
 
 fn lines(path: &Path) -> Vec<Vec<f64>> {
-    let text = std::fs::read_to_string(path).unwrap_or_default();
-    let whole = text.rfind('\n').map_or("", |end| &text[..end]);
-    let parse = |(number, line): (usize, &str)| {
-        let fields: Vec<f64> =
-            line.split_whitespace().map(|field| field.parse().unwrap_or_else(|_| panic!("{line}"))).collect();
-        assert_eq!(fields[0].to_string(), number.to_string(), "{}: a period is missing", path.display());
-        fields
-    };
-    whole.lines().enumerate().map(parse).collect()
+    samples(&std::fs::read_to_string(path).unwrap_or_default())
 }
 
 #[expect(
@@ -74,13 +61,13 @@ fn lines(path: &Path) -> Vec<Vec<f64>> {
 )]
 fn row<const N: usize>(first: &[f64], second: &[f64], limits: &Limits<N>) -> Row<N> {
     let joint = |of: &dyn Fn(usize) -> f64| std::array::from_fn(|joint| of(joint) * limits.nm[joint]);
-    let [feedback, phase, cause, missed, tick, on, permit, _] = second[1 + 2 * N..] else { panic!("{second:?}") };
+    let [feedback, phase, cause, missed, tick, on, permit, _] = second[2 * N..] else { panic!("{second:?}") };
     let is_on = on != 0.0;
-    let difference: [f64; N] = std::array::from_fn(|joint| first[3 * joint + 3]);
+    let difference: [f64; N] = std::array::from_fn(|joint| first[3 * joint + 2]);
     // The difference has more digits, but says nothing where LinuxCNC's command is not in force: off, or a drive that was not read.
-    let follows = is_on && (0..N).all(|joint| second[2 * joint + 1].is_finite());
+    let follows = is_on && (0..N).all(|joint| second[2 * joint].is_finite());
     let offset = std::array::from_fn(|joint| {
-        let pin = second[2 * joint + 2] * limits.nm[joint];
+        let pin = second[2 * joint + 1] * limits.nm[joint];
         let exact = if follows { difference[joint] * 1e-12 * limits.nm[joint] } else { pin };
         assert!(
             !follows || (exact - exact.round()).abs() < 0.01 && (exact - pin).abs() < DIGITS_NM,
@@ -89,10 +76,10 @@ fn row<const N: usize>(first: &[f64], second: &[f64], limits: &Limits<N>) -> Row
         exact.round() as i64
     });
     Row {
-        nominal: joint(&|joint| first[3 * joint + 1]),
-        reference: joint(&|joint| first[3 * joint + 2]),
+        nominal: joint(&|joint| first[3 * joint]),
+        reference: joint(&|joint| first[3 * joint + 1]),
         difference,
-        position: joint(&|joint| second[2 * joint + 1]),
+        position: joint(&|joint| second[2 * joint]),
         offset,
         feedback: feedback * limits.nm[0],
         phase: phase as u8,

@@ -1,7 +1,8 @@
 //! Not in lock-step: a thread that is late, and a flood.
 
+use super::super::record::{LISTENING, SAFE_DISCONNECT};
 use super::super::run::Machine;
-use super::judged::{LISTENING, Row, SAFE_DISCONNECT};
+use super::judged::Row;
 use super::session::Session;
 use super::{end, l2, l2_part};
 

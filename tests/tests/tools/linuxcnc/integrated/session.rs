@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{OnceLock, PoisonError, RwLockReadGuard, RwLockWriteGuard};
 
+use super::super::record::{FAULT, LISTENING};
 use super::super::run::{Machine, ONE};
 use crate::firmware::program;
 
@@ -106,11 +107,11 @@ impl Session {
 
     /// Leads out of a stop.
     pub(super) fn rearm(&mut self) {
-        self.wait_phase(5);
+        self.wait_phase(FAULT);
         self.wait("abs(p('gantry-tau.0.offset')) + abs(p('gantry-tau.1.offset')) + abs(p('gantry-tau.2.offset')) == 0");
         self.pass(5);
         self.ask("sets rearm 1");
-        self.wait_phase(0);
+        self.wait_phase(LISTENING);
         self.ask("sets rearm 0");
     }
 

@@ -1,4 +1,4 @@
-//! What a sampler has recorded, and its judgement period by period.
+//! Record of the server's sampler, and its judgement period by period.
 
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::message::AxisLimits;
@@ -7,16 +7,13 @@ use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
 use gantry_tau_core::{Monitor, OffsetNm};
 use gantry_tau_tests::server_fixture::limits;
 
+use super::super::record::{FAULT, SAFE_DISCONNECT, samples};
+
 /// Axes of the L2.
 pub(super) const AXES: usize = 3;
 /// Limits of its position offsets in `robots/l2.toml`: the largest change, and that on the way back to zero, nm per period.
 const STEP: i32 = 5_000;
 const RAMP: i32 = 100;
-/// Phases, as on the wire.
-pub(super) const LISTENING: u8 = 0;
-pub(super) const OBTAIN: u8 = 3;
-pub(super) const SAFE_DISCONNECT: u8 = 4;
-pub(super) const FAULT: u8 = 5;
 
 /// One period. Positions in nm.
 #[derive(Clone, Copy, Debug)]
@@ -36,8 +33,7 @@ pub(super) struct Row {
 
 /// Reads a record. Fails if a period is missing.
 pub(super) fn parse(record: &str) -> Vec<Row> {
-    let row = |(number, line): (usize, &str)| {
-        let fields: Vec<f64> = line.split_whitespace().map(|field| field.parse().expect(line)).collect();
+    let row = |fields: &Vec<f64>| {
         let nm = |at: usize| (fields[at] * 1e6).round();
         #[expect(clippy::as_conversions, clippy::cast_possible_truncation, reason = "whole numbers, printed")]
         let long = |at: usize| nm(at) as i64;
@@ -45,20 +41,19 @@ pub(super) fn parse(record: &str) -> Vec<Row> {
         let short = |at: usize| nm(at) as i32;
         #[expect(clippy::as_conversions, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "printed")]
         let count = |at: usize| fields[at] as u32;
-        assert_eq!(count(0), u32::try_from(number).unwrap(), "the sampler has lost a period");
         Row {
-            nominal: [1, 2, 3].map(long),
-            reference: [4, 5, 6].map(long),
-            difference: [7, 8, 9].map(|at| fields[at]),
-            offset: [10, 11, 12].map(short),
-            feedback: long(13),
-            phase: u8::try_from(count(14)).unwrap(),
-            cause: u8::try_from(count(15)).unwrap(),
-            missed: count(16),
-            tick: count(17),
+            nominal: [0, 1, 2].map(long),
+            reference: [3, 4, 5].map(long),
+            difference: [6, 7, 8].map(|at| fields[at]),
+            offset: [9, 10, 11].map(short),
+            feedback: long(12),
+            phase: u8::try_from(count(13)).unwrap(),
+            cause: u8::try_from(count(14)).unwrap(),
+            missed: count(15),
+            tick: count(16),
         }
     };
-    record.lines().enumerate().map(row).collect()
+    samples(record).iter().map(row).collect()
 }
 
 /// Requires of every period what the interface guarantees. Returns the number of periods in which an offset was in force.

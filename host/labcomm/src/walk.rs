@@ -1,0 +1,327 @@
+//! Walk over a value and its type in lockstep, with an explicit stack.
+
+use crate::cursor::{Reader, to_usize};
+use crate::error::{ErrorKind, Limit};
+use crate::scan::{ARRAY, MAX_DEPTH, MAX_TYPE, MAX_VALUE, Primitive, STRUCTURE, scan};
+use crate::ty::Type;
+
+/// Step of a walk.
+#[derive(Clone, Copy, Debug)]
+pub enum Step<'t, 'v> {
+    /// An array begins; its elements follow, last index fastest.
+    Array(Sizes<'t, 'v>),
+    /// A structure of this many fields begins.
+    Structure(u32),
+    /// A field of a structure begins: its name. Its value follows.
+    Field(&'t [u8]),
+    /// A value without parts.
+    Leaf(Leaf<'v>),
+    /// Elements of fixed size that were passed in one step; within [`value_len`] only.
+    Skipped,
+    /// The innermost array or structure ends.
+    Leave,
+}
+
+/// Value without parts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Leaf<'v> {
+    /// Byte of a boolean; 0 is false.
+    Boolean(u8),
+    /// Byte.
+    Byte(u8),
+    /// 16 bits.
+    Short(i16),
+    /// 32 bits.
+    Int(i32),
+    /// 64 bits.
+    Long(i64),
+    /// Bits of a 32-bit float.
+    Float(u32),
+    /// Bits of a 64-bit float.
+    Double(u64),
+    /// Bytes of a text.
+    String(&'v [u8]),
+    /// Index of a sample type, or 0.
+    Reference(u32),
+}
+
+/// Sizes of an array's indices: the type's, and the value's where the type leaves them open.
+#[derive(Clone, Copy, Debug)]
+pub struct Sizes<'t, 'v> {
+    indices: u32,
+    of_type: Reader<'t>,
+    of_value: Reader<'v>,
+}
+
+impl Iterator for Sizes<'_, '_> {
+    type Item = u32;
+
+    fn next(&mut self) -> Option<u32> {
+        self.advance().ok()?
+    }
+}
+
+impl Sizes<'_, '_> {
+    /// Size of the next index; `None` after the last.
+    fn advance(&mut self) -> Result<Option<u32>, ErrorKind> {
+        let Some(left) = self.indices.checked_sub(1) else { return Ok(None) };
+        let size = match self.of_type.number()? {
+            0 => self.of_value.number()?,
+            fixed => fixed,
+        };
+        self.indices = left;
+        Ok(Some(size))
+    }
+
+    /// Product of the sizes; `None` beyond 64 bits, where none of them is 0.
+    ///
+    /// # Errors
+    /// `Incomplete`.
+    fn elements(mut self) -> Result<(Option<u64>, Self), ErrorKind> {
+        let (mut product, mut has_zero) = (Some(1_u64), false);
+        while let Some(size) = self.advance()? {
+            has_zero |= size == 0;
+            product = product.and_then(|product| product.checked_mul(size.into()));
+        }
+        Ok((if has_zero { Some(0) } else { product }, self))
+    }
+}
+
+/// Array or structure around the place of a walk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+struct Level {
+    /// Elements or fields still to come.
+    left: u64,
+    /// Array: offsets of the element's type and of its end.
+    element: Option<(usize, usize)>,
+}
+
+/// Next thing that a walk finds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+enum Next {
+    /// A value.
+    Value,
+    /// An element or field, or the end of the innermost array or structure.
+    Part,
+    /// Nothing: the value has ended.
+    Nothing,
+}
+
+/// Place of a walk in its type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct Place {
+    /// Offset in the type.
+    at: usize,
+    levels: [Level; MAX_DEPTH],
+    depth: usize,
+    next: Next,
+}
+
+impl Place {
+    /// Before a value.
+    pub const START: Self =
+        Self { at: 0, levels: [Level { left: 0, element: None }; MAX_DEPTH], depth: 0, next: Next::Value };
+
+    /// The invariant: the stack is not overfull, and is empty at the end; no offset is beyond a type of `length` bytes.
+    #[must_use]
+    pub fn is_valid(&self, length: usize) -> bool {
+        let within = |level: &Level| level.element.is_none_or(|(start, end)| start <= end && end <= length);
+        let stack_matches = match self.next {
+            Next::Value => true,
+            Next::Part => self.depth > 0,
+            Next::Nothing => self.depth == 0,
+        };
+        let stack = self.levels.get(..self.depth);
+        self.at <= length && stack_matches && stack.is_some_and(|levels| levels.iter().all(within))
+    }
+
+    /// Number of arrays and structures around the place.
+    #[must_use]
+    pub const fn depth(&self) -> usize {
+        self.depth
+    }
+}
+
+/// Walk over one value.
+#[derive(Clone, Debug)]
+pub struct Walk<'t, 'v> {
+    ty: &'t [u8],
+    value: Reader<'v>,
+    place: Place,
+    /// Passes arrays of fixed elements in one step.
+    skips: bool,
+}
+
+impl<'t, 'v> Walk<'t, 'v> {
+    /// Walk over the value of a type at the front of bytes.
+    #[must_use]
+    pub const fn new(ty: &Type<'t>, value: &'v [u8]) -> Self {
+        Self { ty: ty.bytes(), value: Reader::new(ty.version(), value), place: Place::START, skips: false }
+    }
+
+    /// Walk at a place, if it is a valid one.
+    #[must_use]
+    pub fn from_parts(ty: &Type<'t>, value: &'v [u8], place: Place) -> Option<Self> {
+        let walk = Self { place, ..Self::new(ty, value) };
+        walk.is_valid().then_some(walk)
+    }
+
+    /// The invariant: [`Place::is_valid`].
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        self.place.is_valid(self.ty.len())
+    }
+
+    /// Place in the type.
+    #[must_use]
+    pub const fn place(&self) -> &Place {
+        &self.place
+    }
+
+    /// Bytes that are left of those given; behind the value when it has ended.
+    #[must_use]
+    pub const fn rest(&self) -> &'v [u8] {
+        self.value.rest()
+    }
+
+    /// Next step; `None` when the value has ended.
+    ///
+    /// # Errors
+    /// `Incomplete` if the bytes end within the value; `Limit` if an array or a text exceeds [`MAX_VALUE`](crate::MAX_VALUE) bytes.
+    pub fn step(&mut self) -> Result<Option<Step<'t, 'v>>, ErrorKind> {
+        match self.place.next {
+            Next::Value => self.value().map(Some),
+            Next::Part => self.part().map(Some),
+            Next::Nothing => Ok(None),
+        }
+    }
+
+    /// Element, field, or end of the innermost array or structure.
+    fn part(&mut self) -> Result<Step<'t, 'v>, ErrorKind> {
+        let top = self.place.depth.saturating_sub(1);
+        let Some(level) = self.place.levels.get_mut(top) else { return Ok(self.leave(None)) };
+        let Level { left, element } = *level;
+        if left == 0 {
+            return Ok(self.leave(element));
+        }
+        level.left = left.saturating_sub(1);
+        self.place.next = Next::Value;
+        if let Some((start, _)) = element {
+            self.place.at = start;
+            return self.value();
+        }
+        let mut ty = self.ty();
+        let name = ty.text(MAX_TYPE, Limit::TypeBytes)?;
+        self.place.at = self.offset(&ty);
+        Ok(Step::Field(name))
+    }
+
+    /// Pops a level; `element` is of the array that ends.
+    fn leave(&mut self, element: Option<(usize, usize)>) -> Step<'t, 'v> {
+        if let Some((_, end)) = element {
+            self.place.at = end;
+        }
+        self.place.depth = self.place.depth.saturating_sub(1);
+        self.end_of_value();
+        Step::Leave
+    }
+
+    fn value(&mut self) -> Result<Step<'t, 'v>, ErrorKind> {
+        let mut ty = self.ty();
+        match ty.number()? {
+            ARRAY => self.array(ty),
+            STRUCTURE => {
+                let fields = ty.number()?;
+                self.enter(Level { left: fields.into(), element: None })?;
+                self.place.at = self.offset(&ty);
+                Ok(Step::Structure(fields))
+            }
+            code => {
+                let primitive = Primitive::from_code(ty.version(), code)?;
+                let leaf = leaf(primitive, &mut self.value)?;
+                self.place.at = self.offset(&ty);
+                self.end_of_value();
+                Ok(Step::Leaf(leaf))
+            }
+        }
+    }
+
+    /// Beginning of an array, behind its code.
+    fn array(&mut self, mut ty: Reader<'t>) -> Result<Step<'t, 'v>, ErrorKind> {
+        let indices = ty.number()?;
+        let sizes = Sizes { indices, of_type: ty, of_value: self.value };
+        let (count, behind) = sizes.elements()?;
+        let start = self.offset(&behind.of_type);
+        let (extent, length) = scan(ty.version(), behind.of_type.rest())?;
+        let end = start.saturating_add(length);
+        // Before any loop over the elements: the smallest of them must fit.
+        let bytes = count.and_then(|count| count.checked_mul(extent.smallest.into()));
+        let bytes = bytes.and_then(|bytes| u32::try_from(bytes).ok()).filter(|bytes| *bytes <= MAX_VALUE);
+        let bytes = to_usize(bytes.ok_or(Limit::Value)?);
+        if bytes > behind.of_value.rest().len() {
+            return Err(ErrorKind::Incomplete);
+        }
+        if self.skips && extent.fixed {
+            self.value = behind.of_value;
+            self.value.take(bytes)?;
+            self.place.at = end;
+            self.end_of_value();
+            return Ok(Step::Skipped);
+        }
+        self.enter(Level { left: count.unwrap_or_default(), element: Some((start, end)) })?;
+        self.value = behind.of_value;
+        Ok(Step::Array(sizes))
+    }
+
+    fn enter(&mut self, level: Level) -> Result<(), ErrorKind> {
+        *self.place.levels.get_mut(self.place.depth).ok_or(Limit::Depth)? = level;
+        self.place.depth = self.place.depth.saturating_add(1);
+        self.place.next = Next::Part;
+        Ok(())
+    }
+
+    const fn end_of_value(&mut self) {
+        self.place.next = if self.place.depth == 0 { Next::Nothing } else { Next::Part };
+    }
+
+    /// Type from the place on.
+    fn ty(&self) -> Reader<'t> {
+        Reader::new(self.value.version(), self.ty.get(self.place.at..).unwrap_or_default())
+    }
+
+    /// Offset of a cursor in the type.
+    fn offset(&self, ty: &Reader<'t>) -> usize {
+        self.ty.len().saturating_sub(ty.rest().len())
+    }
+}
+
+/// Takes a value without parts.
+fn leaf<'v>(primitive: Primitive, value: &mut Reader<'v>) -> Result<Leaf<'v>, ErrorKind> {
+    Ok(match primitive {
+        Primitive::Boolean => Leaf::Boolean(u8::from_be_bytes(value.array()?)),
+        Primitive::Byte => Leaf::Byte(u8::from_be_bytes(value.array()?)),
+        Primitive::Short => Leaf::Short(i16::from_be_bytes(value.array()?)),
+        Primitive::Int => Leaf::Int(i32::from_be_bytes(value.array()?)),
+        Primitive::Long => Leaf::Long(i64::from_be_bytes(value.array()?)),
+        Primitive::Float => Leaf::Float(u32::from_be_bytes(value.array()?)),
+        Primitive::Double => Leaf::Double(u64::from_be_bytes(value.array()?)),
+        Primitive::String => Leaf::String(value.text(to_usize(MAX_VALUE), Limit::Value)?),
+        Primitive::Reference => Leaf::Reference(u32::from_be_bytes(value.array()?)),
+    })
+}
+
+/// Number of bytes of the value of a type at the front of bytes, without a look at what needs none.
+///
+/// # Errors
+/// Those of [`Walk::step`].
+pub fn value_len(ty: &Type<'_>, bytes: &[u8]) -> Result<usize, ErrorKind> {
+    if let Some(size) = ty.fixed_size() {
+        return if size <= bytes.len() { Ok(size) } else { Err(ErrorKind::Incomplete) };
+    }
+    let mut walk = Walk { skips: true, ..Walk::new(ty, bytes) };
+    while walk.step()?.is_some() {}
+    Ok(bytes.len().saturating_sub(walk.rest().len()))
+}
