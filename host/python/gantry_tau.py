@@ -160,7 +160,8 @@ def run(controller, server="127.0.0.1:7000", sensor=None, *, submit_only=False, 
     """Runs a controller until Ctrl-C, `Leave`, or the number of `states` is reached, and returns a `Report`.
 
     `server` and `sensor` are "HOST:PORT". `submit_only`: never asks for Obtain. `checksum`: refuses a machine with another checksum of its
-    kinematic parameters. `realtime`: takes a real-time priority, on Linux with the right to it. Raises a `Failure` for every other end; in each of them the server ramps the offsets to zero by itself.
+    kinematic parameters. `realtime`: takes a real-time priority, on Linux with the right to it. Raises a `Failure` for every other end; in
+    each of them the server ramps the offsets to zero by itself.
     """
     # The sensor first: no session is taken from others without it.
     with _Sensor(sensor) as force, _granted(server) as connection:

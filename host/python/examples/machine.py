@@ -20,7 +20,9 @@ class Solver:
     def __init__(self, robot, program=None):
         self.robot = robot
         program = program or shutil.which("gantry-tau") or "gantry-tau"
-        self.process = subprocess.Popen([program, "solve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1)
+        # In a session of its own: Ctrl-C is for the client, whose end ends the solver as well.
+        self.process = subprocess.Popen([program, "solve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1,
+                                        start_new_session=True)
 
     def ask(self, op, **arguments):
         """Returns the answer; raises ValueError with the reason if there is none."""

@@ -1,11 +1,14 @@
 //! Servers and sensors that are gone, taken, stopped, or talk nonsense.
 
 use std::io::{Read, Write};
-use std::net::TcpListener;
+use std::net::{Shutdown, TcpListener};
 use std::process::Child;
 
-use gantry_tau_core::control::message::{Cause, Phase, Refusal, ServerMessage};
+use gantry_tau_core::control::message::{
+    AxisLimits, AxisState, Capabilities, Cause, Counters, Phase, Refusal, ServerMessage, State, Welcome,
+};
 use gantry_tau_core::control::wire::encode_server;
+use gantry_tau_core::units::{Epoch, Sequence, Tick};
 use gantry_tau_tests::server_fixture::LOOPBACK;
 
 use super::failures;
@@ -79,15 +82,54 @@ fn strange(answer: Vec<u8>) -> String {
         let mut hello = [0; 14];
         stream.read_exact(&mut hello).unwrap();
         stream.write_all(&answer).unwrap();
+        // A close with bytes unread would be a reset.
+        stream.shutdown(Shutdown::Write).unwrap();
+        let _ = stream.read_to_end(&mut Vec::new());
     });
     address
+}
+
+/// A Welcome of tick 5.
+fn granted() -> Vec<u8> {
+    let welcome = Welcome {
+        epoch: Epoch(1),
+        tick: Tick(5),
+        cycle_us: 1_000,
+        echo_window: 0,
+        capabilities: Capabilities::NONE,
+        kinematics_checksum: 0,
+        limits: [AxisLimits::DISABLED; 3],
+    };
+    encode_server(&ServerMessage::<3>::Welcome(welcome)).to_vec()
+}
+
+/// A State of that session.
+fn state(tick: u64) -> Vec<u8> {
+    let state = State {
+        tick: Tick(tick),
+        epoch: Epoch(1),
+        accepted: Sequence(0),
+        phase: Phase::Handshake,
+        cause: Cause::None,
+        on_time_of_100: 100,
+        arrival_us: 0,
+        ramp_ticks_left: 0,
+        counters: Counters::default(),
+        axes: [AxisState::default(); 3],
+    };
+    encode_server(&ServerMessage::State(state)).to_vec()
 }
 
 fn strange_servers() {
     let refusal = encode_server(&ServerMessage::<3>::Refusal(Refusal::Ramping { ticks_left: 17 }));
     let mut broken = refusal.to_vec();
     broken[7] ^= 1;
-    let cases: [(Vec<u8>, i32, &str); 5] = [
+    let granted = granted();
+    let again = [&granted[..], &state(6), &state(6)].concat();
+    let cases: [(Vec<u8>, i32, &str); 8] = [
+        (granted.clone(), 7, "the server vanished: it closed the connection"),
+        ([&granted[..], &state(6)].concat(), 7, "the server vanished: it closed the connection"),
+        (again, 5, "expected a State of epoch 1 and tick 7 or later, got epoch 1, tick 6"),
         (Vec::new(), 7, "the server vanished: it closed the connection"),
         (refusal.to_vec(), 4, "refused: offsets are still ramping to zero; try again in 17 ticks"),
         (broken, 5, "incompatible server: the stream is broken (the checksum does not match)"),
