@@ -1,11 +1,13 @@
-//! Tests that need compilers for C, Valgrind, an emulator, Python or LinuxCNC: the C interface, the firmware, the client in Python, the modules
-//! for LinuxCNC. A test whose tool is missing is reported as ignored, with the name of the tool.
+//! Tests that need compilers for C, Valgrind, an emulator, Python, Wine or LinuxCNC: the C interface, the firmware, the client in Python and on
+//! Windows, the modules for LinuxCNC. A test whose tool is missing is reported as ignored, with the name of the tool.
 
 mod capi;
 mod firmware;
 #[cfg(target_os = "linux")]
 mod linuxcnc;
 mod python;
+mod session;
+mod windows;
 
 use libtest_mimic::Arguments;
 
@@ -14,6 +16,7 @@ fn main() {
     let mut trials = firmware::trials();
     trials.extend(capi::trials());
     trials.extend(python::trials());
+    trials.extend(windows::trials());
     #[cfg(target_os = "linux")]
     trials.extend(linuxcnc::trials());
     libtest_mimic::run(&arguments, trials).exit();

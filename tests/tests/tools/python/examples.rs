@@ -7,8 +7,9 @@ use gantry_tau::server::cycle::Row;
 use gantry_tau_core::control::message::Cause;
 use gantry_tau_core::model::robot::ARMS;
 
-use super::session::{Session, Tool, folder, python};
+use super::{folder, python};
 use crate::firmware::program;
+use crate::session::{Session, Tool};
 
 /// Trials of this file.
 pub(super) const TRIALS: &[(&str, super::Check)] = &[

@@ -4,7 +4,8 @@ use std::process::Child;
 
 use gantry_tau_core::control::message::Cause;
 
-use super::session::{Session, Tool, folder, python};
+use super::{folder, python};
+use crate::session::{Session, Tool};
 
 /// Trials of this file.
 pub(super) const TRIALS: &[(&str, super::Check)] = &[

@@ -13,11 +13,26 @@
 mod examples;
 mod failures;
 mod peers;
-mod session;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
 use libtest_mimic::Trial;
 
 use crate::capi::tools::has;
+
+/// `host/python`.
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/python")
+}
+
+/// Python, with output that is read as a whole.
+fn python() -> Command {
+    let mut python = Command::new("python3");
+    // No bytecode beside the sources.
+    python.arg("-B").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    python
+}
 
 /// A check that fails by panicking.
 type Check = fn();

@@ -12,7 +12,8 @@ use gantry_tau_core::units::{Epoch, Sequence, Tick};
 use gantry_tau_tests::server_fixture::LOOPBACK;
 
 use super::failures;
-use super::session::{Session, Tool, folder, python};
+use super::{folder, python};
+use crate::session::{Session, Tool};
 
 /// Trials of this file.
 pub(super) const TRIALS: &[(&str, super::Check)] = &[

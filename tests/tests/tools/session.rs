@@ -1,8 +1,8 @@
-//! A server of the simulated L2 in lock-step, programs in Python that connect to it, and its record, judged tick by tick.
+//! A server of the simulated L2 in lock-step, programs that connect to it, and its record, judged tick by tick.
+#![allow(clippy::arithmetic_side_effects, clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Output};
 use std::time::{Duration, Instant};
 
 use gantry_tau::model::{L2_MOTORS, MachineKind};
@@ -25,22 +25,9 @@ use gantry_tau_tests::server_fixture::LOOPBACK;
 /// Longest life of a program and wait for a row.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// `host/python`.
-pub(super) fn folder() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/python")
-}
-
-/// Python, with output that is read as a whole.
-pub(super) fn python() -> Command {
-    let mut python = Command::new("python3");
-    // No bytecode beside the sources.
-    python.arg("-B").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    python
-}
-
 /// Load on the tool.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Tool {
+pub(crate) enum Tool {
     /// Steps of 60 N during Obtain: largest force, N, and length of a step, s.
     Steps(f64, f64),
     /// A workpiece of this stiffness, N/m, 50 um below the tool.
@@ -48,18 +35,18 @@ pub(super) enum Tool {
 }
 
 /// A running server, and every row so far.
-pub(super) struct Session {
+pub(crate) struct Session {
     server: Server<ARMS>,
     sensor: SocketAddr,
     observer: rtrb::Consumer<Row<ARMS>>,
     monitor: Monitor<ARMS>,
     load: LoadProfile,
-    pub(super) rows: Vec<Row<ARMS>>,
+    pub(crate) rows: Vec<Row<ARMS>>,
 }
 
 impl Session {
     /// Starts the server.
-    pub(super) fn new(tool: Tool) -> Self {
+    pub(crate) fn new(tool: Tool) -> Self {
         let robot = RobotFile::builtin_l2().unwrap();
         let (hand, applied) = load_generator();
         let mut machine = robot.simulated_machine::<L2_MOTORS>(applied, Motion::Hold).unwrap();
@@ -81,12 +68,12 @@ impl Session {
     }
 
     /// Addresses of server and force sensor.
-    pub(super) fn addresses(&self) -> [String; 2] {
+    pub(crate) fn addresses(&self) -> [String; 2] {
         [self.server.address, self.sensor].map(|address| address.to_string())
     }
 
     /// Presses the stop at the machine.
-    pub(super) fn press_stop(&self) {
+    pub(crate) fn press_stop(&self) {
         self.server.controls.press_stop();
     }
 
@@ -101,7 +88,7 @@ impl Session {
     }
 
     /// Takes rows until one is as wanted.
-    pub(super) fn until(&mut self, what: &str, wanted: impl Fn(&Row<ARMS>) -> bool) {
+    pub(crate) fn until(&mut self, what: &str, wanted: impl Fn(&Row<ARMS>) -> bool) {
         let since = Instant::now();
         loop {
             if self.take() {
@@ -116,7 +103,7 @@ impl Session {
     }
 
     /// Takes rows until the program has ended; returns its exit code and what it said.
-    pub(super) fn end_of(&mut self, mut program: Child) -> (Option<i32>, String) {
+    pub(crate) fn end_of(&mut self, mut program: Child) -> (Option<i32>, String) {
         let since = Instant::now();
         while program.try_wait().unwrap().is_none() {
             if !self.take() {
@@ -133,7 +120,7 @@ impl Session {
     }
 
     /// Waits until the server has ended the session, with all offsets at zero, and returns the cause.
-    pub(super) fn ramped(&mut self) -> Cause {
+    pub(crate) fn ramped(&mut self) -> Cause {
         let ended = |row: &Row<ARMS>| row.ended.is_some();
         if !self.rows.iter().any(ended) {
             self.until("the end of the session", ended);
@@ -149,17 +136,17 @@ impl Session {
     }
 
     /// Offsets in force in the last row, nm.
-    pub(super) fn offsets_nm(&self) -> [i32; ARMS] {
+    pub(crate) fn offsets_nm(&self) -> [i32; ARMS] {
         self.rows.last().unwrap().state.axes.map(|axis| axis.offsets.position.0)
     }
 
     /// Rows in Obtain.
-    pub(super) fn obtained(&self) -> Vec<&Row<ARMS>> {
+    pub(crate) fn obtained(&self) -> Vec<&Row<ARMS>> {
         self.rows.iter().filter(|row| row.state.phase == Phase::Obtain).collect()
     }
 
     /// Ends the server; no row was lost.
-    pub(super) fn quit(self) -> Vec<Row<ARMS>> {
+    pub(crate) fn quit(self) -> Vec<Row<ARMS>> {
         drop(self.observer);
         assert_eq!(self.server.controls.dropped_rows.load(std::sync::atomic::Ordering::Relaxed), 0);
         self.server.quit().unwrap();
