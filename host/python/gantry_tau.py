@@ -431,8 +431,13 @@ class _Connection:
 
     def receive(self, is_ready=True):
         """Reads what has arrived, if anything; returns its States. The newest is `state`, to be answered."""
-        if is_ready:
+        states = self._take_states()  # Those that came with the Welcome.
+        if is_ready and not states:
             self._read(SILENCE_S)
+            states = self._take_states()
+        return states
+
+    def _take_states(self):
         states = []
         for kind, body in self._frames():
             expected = self.STATE.size + self.AXIS.size * self.welcome.axes
