@@ -23,6 +23,7 @@ pub mod gauge_link;
 pub mod geometry;
 pub mod header;
 pub mod labcomm;
+mod lines;
 pub mod linuxcnc;
 pub mod measurements;
 pub mod model;

@@ -6,7 +6,7 @@ mod wrist;
 
 use std::fmt;
 
-use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::compensation::{CompensatorConfig, CompensatorError, Correction};
 use gantry_tau_core::model::f1::Geometry;
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
 use gantry_tau_core::model::robot::Compliances;
@@ -108,6 +108,12 @@ pub trait Compensator<const N: usize>: Send {
     /// # Errors
     /// [`KinematicsError`].
     fn correct(&self, pose: &Pose, nominal: &[PositionNm; N], load: &Wrench) -> Result<Correction<N>, KinematicsError>;
+
+    /// Sets the share of the correction, 0 to 1.
+    ///
+    /// # Errors
+    /// [`CompensatorError::Gain`]; the share before stays.
+    fn set_gain(&mut self, gain: f64) -> Result<(), CompensatorError>;
 }
 
 /// Returns positions in q-units, of axes of `metres_per_q`, as the reference path has them.

@@ -15,10 +15,10 @@ use gantry_tau::experiment::simulated::simulate;
 use gantry_tau::experiment::table::Table;
 use gantry_tau::experiment::tracker::{TrackedMachine, track};
 use gantry_tau::files::write;
+use gantry_tau::force_sensor::SensorSource;
 use gantry_tau::measurements::format_of;
 use gantry_tau::measurements::plan::{self, Plan};
 use gantry_tau::measurements::poses::{self, PosesPlan};
-use gantry_tau::force_sensor::SensorSource;
 use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::springs::thesis;
@@ -195,7 +195,7 @@ impl Experiment {
             plan,
             server: self.server,
             transport: transport(self.udp),
-            sensor: self.sensor,
+            sensor: self.sensor.clone(),
             gauges: (!self.ask_gauges).then_some(self.gauges),
             obtain: self.obtain,
             is_unattended: self.unattended,

@@ -2,13 +2,13 @@
 
 use std::net::SocketAddr;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use gantry_tau::publication::{Publication, SampleName};
 use gantry_tau::server::ServerError;
 use gantry_tau::server::connections::Allowed;
-use gantry_tau_labcomm::Version;
 
 use super::address;
+use super::labcomm::LabcommVersion;
 
 /// Ports, and what they speak.
 #[derive(Debug, Args)]
@@ -21,9 +21,9 @@ pub(crate) struct PublicationOptions {
     /// milliseconds later. `gantry-tau labcomm schema` prints the types.
     #[arg(long, value_name = "HOST:PORT[=NAME,..]", value_parser = port)]
     labcomm: Vec<Port>,
-    /// Generation of LabComm on these ports
+    /// Version of LabComm on these ports
     #[arg(long, value_name = "VERSION", default_value = "2006")]
-    labcomm_version: Generation,
+    labcomm_version: LabcommVersion,
 }
 
 impl PublicationOptions {
@@ -44,30 +44,6 @@ impl PublicationOptions {
                 .map_err(|error| ServerError::listen(port.address, &error))
         };
         self.labcomm.iter().map(bind).collect()
-    }
-}
-
-/// Generation of LabComm.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum Generation {
-    /// Spoken by the programs of the thesis: no header, numbers of 32 bits
-    #[value(name = "2006")]
-    V2006,
-    /// "LabComm2014.v1"
-    #[value(name = "2014")]
-    V2014,
-    /// "LabComm2014", of the releases v2014.0 to v2014.4
-    #[value(name = "2014.0")]
-    V2014_0,
-}
-
-impl From<Generation> for Version {
-    fn from(generation: Generation) -> Self {
-        match generation {
-            Generation::V2006 => Self::V2006,
-            Generation::V2014 => Self::V2014,
-            Generation::V2014_0 => Self::V2014_0,
-        }
     }
 }
 

@@ -26,6 +26,7 @@ use gantry_tau::server::{Controls, Server, ServerError};
 use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::load_profile::LoadProfile;
 use gantry_tau::sim::parameters::Motion;
+use gantry_tau::sim::workpiece::Workpiece;
 use gantry_tau::stop_latch::{LatchFlusher, StopLatch};
 use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::Capabilities;
@@ -71,6 +72,12 @@ pub(crate) struct Serve {
     /// Address of the simulated gauges of a plan
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7002", value_parser = address)]
     gauges: SocketAddr,
+    /// Put an elastic workpiece of this stiffness, N/m, below the tool, in place of the force steps; for controllers of a force
+    #[arg(long, value_name = "N_PER_M", allow_negative_numbers = true, conflicts_with_all = ["force_max", "step_seconds", "plan"])]
+    workpiece: Option<f64>,
+    /// Distance from the tool at home to the workpiece, um
+    #[arg(long, value_name = "UM", default_value_t = 50.0, allow_negative_numbers = true, requires = "workpiece")]
+    workpiece_gap: f64,
     /// Length of a back-and-forth motion of the nominal path on every axis, mm
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true)]
     motion: f64,
@@ -102,8 +109,14 @@ impl MachineCommand for Serve {
         }
         let Some(path) = &self.plan else {
             let (hand, tool) = load_generator();
-            let machine = robot.simulated_machine::<M>(tool, self.motion(&robot)?)?;
-            let mut load = LoadProfile::new(hand, self.force_max, self.step_seconds);
+            let mut machine = robot.simulated_machine::<M>(tool, self.motion(&robot)?)?;
+            let mut force_max_n = self.force_max;
+            if let Some(n_per_m) = self.workpiece {
+                let gap_m = self.workpiece_gap * 1e-6;
+                machine = machine.above(Workpiece::below(&robot.simulation.home_m, n_per_m, gap_m)?);
+                force_max_n = 0.0;
+            }
+            let mut load = LoadProfile::new(hand, force_max_n, self.step_seconds);
             return self.serve(&robot, machine, allowed, |row| load.update(row.state.phase, row.state.tick));
         };
         let plan = plan::read(path, K::MODEL, &robot.metres_per_q)?;

@@ -2,12 +2,14 @@
 
 mod compensate;
 mod connection;
+pub mod operator;
 mod run;
 
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use gantry_tau_core::control::client as protocol;
@@ -48,6 +50,9 @@ pub struct ClientControls {
     pub quit: AtomicBool,
     /// Ask for Obtain (once the sensor is tared); otherwise for Submit.
     pub obtain: AtomicBool,
+    /// Share of the correction to ask for from the next cycle on, 0 to 1, in place of `[client] gain`. Only targets change: the server
+    /// approaches them within its limits.
+    pub gain: Mutex<Option<f64>>,
     /// The sensor is tared.
     pub tared: AtomicBool,
     /// Commands sent.

@@ -120,6 +120,7 @@ impl<const N: usize> Session<'_, N> {
             if self.controls.quit.load(Ordering::Relaxed) {
                 return self.leave();
             }
+            self.set_gain();
             if self.link.has_unread_bytes() {
                 // A newer State is waiting: an answer to this one would be late.
                 continue;
@@ -135,6 +136,17 @@ impl<const N: usize> Session<'_, N> {
                 self.leave()?;
                 return Err(stopped);
             }
+        }
+    }
+
+    /// Takes over a gain that was set, unless it is being set.
+    fn set_gain(&mut self) {
+        let Some(gain) = self.controls.gain.try_lock().ok().and_then(|mut gain| gain.take()) else {
+            return;
+        };
+        match self.compensation.set_gain(gain) {
+            Ok(()) => tracing::info!("gain {gain}: the server moves the offsets within its limits"),
+            Err(error) => tracing::warn!("gain {gain}: {error}"),
         }
     }
 
@@ -167,6 +179,10 @@ impl<const N: usize> Session<'_, N> {
         let obtaining = answer.command.mode == Mode::Obtain;
         if obtaining && !self.obtaining {
             tracing::info!("tared; obtaining: from here on the offsets act. Ctrl-C leaves");
+        } else if self.obtaining && !obtaining {
+            tracing::info!(
+                "submitting: the server moves the offsets to zero; then they are computed and reported only"
+            );
         }
         self.obtaining = obtaining;
         for (cut, axis) in self.cut.iter_mut().zip(answer.saturated) {

@@ -1,6 +1,6 @@
 //! The F1: six axes, which hold the tool in place and in orientation.
 
-use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::compensation::{CompensatorConfig, CompensatorError, Correction};
 use gantry_tau_core::model::f1::{AXES, Compensator as Springs, Geometry, Kinematics, PoseTracker};
 use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose};
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
@@ -146,5 +146,12 @@ impl Compensator<AXES> for F1Compensator {
             self.springs.machine().kinematics().inverse(&target, Some([q4, q5, q6]))?.value
         };
         sum(&correction, [&q, &held], metres_per_q, &self.limits)
+    }
+
+    fn set_gain(&mut self, gain: f64) -> Result<(), CompensatorError> {
+        let config = CompensatorConfig { gain, ..*self.springs.config() };
+        let machine = self.springs.machine();
+        self.springs = Springs::new(machine.kinematics(), machine.compliances(), config)?;
+        Ok(())
     }
 }

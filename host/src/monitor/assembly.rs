@@ -125,6 +125,7 @@ impl Assembly {
             on_time: state.on_time,
             ramp_ticks_left: state.ramp_ticks_left,
             counters: state.counters.into(),
+            longest_miss_run: state.longest_miss_run,
             machine_failed: self.failed.is_some(),
             axes: axes.axis.iter().take(axes.count).enumerate().map(axis).collect(),
             force: tool.map(|tool| tool.load),

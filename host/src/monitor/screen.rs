@@ -57,9 +57,10 @@ fn tick(snapshot: &Snapshot) -> String {
     let counts = &snapshot.counters;
     let _ = writeln!(
         text,
-        "received {}  missed {}  late {}  duplicate {}  stale {}  malformed {}  out of range {}  limited {}  clamped {}  strangers {}",
+        "received {}  missed {} (longest {})  late {}  duplicate {}  stale {}  malformed {}  out of range {}  limited {}  clamped {}  strangers {}",
         grouped(counts.received.into()),
         counts.missed,
+        snapshot.longest_miss_run,
         counts.late,
         counts.duplicate,
         counts.stale,

@@ -7,8 +7,7 @@ use serde::{Serialize, Serializer};
 /// Machine and session after one tick. Numbers are those of the wire: nm, µm/s, per mille of rated torque.
 ///
 /// A value that the server does not send is `null`: force, gauges and displacement of a machine without instruments at the tool, and the
-/// lag in a tick whose predecessor was not received. Shadow offsets, states of the drives and the longest run of misses are not among
-/// the samples, and so are not here.
+/// lag in a tick whose predecessor was not received. States of the drives are not among the samples, and so are not here.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Snapshot {
     /// Number of the tick.
@@ -29,6 +28,8 @@ pub struct Snapshot {
     pub ramp_ticks_left: i32,
     /// Counts since the session was granted.
     pub counters: Counters,
+    /// Longest run of missed ticks since the session was granted.
+    pub longest_miss_run: i16,
     /// The machine did not answer, and the server has not listened since.
     pub machine_failed: bool,
     /// The axes, axis order.
@@ -76,6 +77,8 @@ pub struct Axis {
     pub reference_nm: i64,
     /// Offsets in force.
     pub offset: Channels<i32>,
+    /// Position offset that would be in force in Obtain, nm; 0 outside Submit.
+    pub shadow_nm: i32,
     /// Measurements of the drive.
     pub actual: Channels<i64>,
     /// Position lag, nm: reference of the tick before less actual position. The drive has followed that reference when it is measured.
@@ -106,6 +109,7 @@ impl Axis {
                 velocity_um_s: axis.velocity_offset_um_s,
                 torque_permille: axis.torque_offset_permille,
             },
+            shadow_nm: axis.shadow_nm,
             actual: Channels {
                 position_nm: axis.actual_nm,
                 velocity_um_s: axis.actual_velocity_um_s,

@@ -22,6 +22,8 @@ mod header;
 mod identification;
 mod labcomm;
 mod monitor;
+#[cfg(unix)]
+mod operator;
 mod plan;
 mod process;
 #[cfg(unix)]

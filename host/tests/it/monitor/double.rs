@@ -42,6 +42,7 @@ impl Scene {
             on_time: 99,
             ramp_ticks_left: 1_890,
             counters: [41_234, 3, 2, 1, 4, 5, 6, 12, 7, 8],
+            longest_miss_run: 1,
         }
     }
 
@@ -59,6 +60,7 @@ impl Scene {
                 position_offset_nm,
                 velocity_offset_um_s: number,
                 torque_offset_permille: -2,
+                shadow_nm: 0,
                 actual_nm: reference_nm - self.step_nm - 4,
                 actual_velocity_um_s: -3,
                 actual_torque_permille: -12,
