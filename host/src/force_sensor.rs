@@ -57,7 +57,7 @@ pub enum ForceSensor {
     /// Of records.
     Records(SensorReader),
     /// Of LabComm samples.
-    Labcomm(Box<LabcommSensor>),
+    Labcomm(LabcommSensor),
 }
 
 impl ForceSensor {
@@ -68,9 +68,7 @@ impl ForceSensor {
     pub fn connect(source: &SensorSource) -> io::Result<Self> {
         match source {
             SensorSource::Records(address) => SensorReader::connect(*address).map(Self::Records),
-            SensorSource::Labcomm { address, name } => {
-                LabcommSensor::connect(*address, name).map(|sensor| Self::Labcomm(Box::new(sensor)))
-            }
+            SensorSource::Labcomm { address, name } => LabcommSensor::connect(*address, name).map(Self::Labcomm),
         }
     }
 

@@ -47,6 +47,7 @@ fn the_status_has_every_number_and_the_exit_status_of_the_phase() {
             json!({
                 "nominal_nm": nominal, "reference_nm": reference,
                 "offset": {"position_nm": -10_000 * number, "velocity_um_s": number, "torque_permille": -2},
+                "shadow_nm": 0,
                 "actual": {"position_nm": reference - 2_004, "velocity_um_s": -3, "torque_permille": -12},
                 "lag_nm": lag,
                 "flags": if number == 2 { json!(["position_limited"]) } else { json!([]) },
@@ -59,6 +60,7 @@ fn the_status_has_every_number_and_the_exit_status_of_the_phase() {
                 "received": 41_234, "missed": 3, "late": 2, "duplicate": 1, "stale": 4, "malformed": 5, "out_of_range": 6,
                 "limited": 12, "clamped": 7, "strangers": 8,
             },
+            "longest_miss_run": 1,
             "machine_failed": false,
             "axes": [axis(1), axis(2), axis(3)],
             "force": [300.25, -0.5, -18.0, 0.05, -0.1, 0.02],
