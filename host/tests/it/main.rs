@@ -27,6 +27,8 @@ mod operator;
 mod plan;
 mod process;
 #[cfg(unix)]
+mod publication;
+#[cfg(unix)]
 mod replay;
 #[cfg(unix)]
 mod signals;
