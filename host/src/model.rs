@@ -6,7 +6,7 @@ mod wrist;
 
 use std::fmt;
 
-use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::compensation::{CompensatorConfig, CompensatorError, Correction};
 use gantry_tau_core::model::f1::Geometry;
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
 use gantry_tau_core::model::robot::Compliances;
@@ -47,6 +47,12 @@ pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'stati
     /// # Errors
     /// [`KinematicsError`]; [`KinematicsError::Unreachable`] with `arm` 0 for a platform that does not turn, and should.
     fn axes_for(&self, pose: &Pose) -> Result<[f64; N], KinematicsError>;
+
+    /// Returns the pose for positions `q` (q-units). An F1 is followed from its `last` pose, or else from home (world axes, m).
+    ///
+    /// # Errors
+    /// [`KinematicsError`].
+    fn pose_of(&self, q: &[f64; N], home_m: &Vector3<f64>, last: Option<&Pose>) -> Result<Pose, KinematicsError>;
 
     /// Returns the line matrix with the tool centre point at `tool_m` and the axes at `q`.
     ///
@@ -102,6 +108,12 @@ pub trait Compensator<const N: usize>: Send {
     /// # Errors
     /// [`KinematicsError`].
     fn correct(&self, pose: &Pose, nominal: &[PositionNm; N], load: &Wrench) -> Result<Correction<N>, KinematicsError>;
+
+    /// Sets the share of the correction, 0 to 1.
+    ///
+    /// # Errors
+    /// [`CompensatorError::Gain`]; the share before stays.
+    fn set_gain(&mut self, gain: f64) -> Result<(), CompensatorError>;
 }
 
 /// Returns positions in q-units, of axes of `metres_per_q`, as the reference path has them.

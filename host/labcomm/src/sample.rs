@@ -5,6 +5,7 @@ use crate::error::{ErrorKind, Limit};
 use crate::number::Version;
 use crate::registry::Definition;
 use crate::scan::{ARRAY, Primitive};
+use crate::ty::Type;
 
 /// Type of a field, with its values.
 pub trait Field: Copy {
@@ -34,9 +35,17 @@ impl Definition<'_> {
     /// True if this is the definition of a sample type: name and type are equal, byte by byte.
     #[must_use]
     pub fn is<T: Sample>(&self) -> bool {
-        let mut comparer = Comparer::new(self.ty.version(), self.ty.bytes());
+        self.name == T::NAME.as_bytes() && self.ty.is::<T>()
+    }
+}
+
+impl Type<'_> {
+    /// True if this is a type known at compile time, byte by byte.
+    #[must_use]
+    pub fn is<T: Field>(&self) -> bool {
+        let mut comparer = Comparer::new(self.version(), self.bytes());
         T::write_type(&mut comparer);
-        self.name == T::NAME.as_bytes() && comparer.is_equal()
+        comparer.is_equal()
     }
 }
 

@@ -30,6 +30,8 @@ structure! {
         pub ramp_ticks_left: i32,
         /// Counters, in the order of the wire format; at most 2^31 - 1.
         pub counters: [i32; 10],
+        /// Longest run of missed ticks.
+        pub longest_miss_run: i16,
     }
 
     /// One axis in [`Axes`].
@@ -44,6 +46,8 @@ structure! {
         pub velocity_offset_um_s: i32,
         /// Offset of the torque, per mille of rated torque.
         pub torque_offset_permille: i16,
+        /// Offset of the position that would be in force in Obtain, nm; 0 outside Submit.
+        pub shadow_nm: i32,
         /// Actual position, nm.
         pub actual_nm: i64,
         /// Actual velocity, µm/s.
@@ -87,7 +91,7 @@ structure! {
         /// Code of the cause, or of the phase.
         pub cause: u8,
         /// The same in words, UTF-8.
-        pub text: Text<128>,
+        pub text: Text<256>,
     }
 }
 

@@ -3,20 +3,26 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use clap::Args;
-use gantry_tau::client::{ClientControls, ClientOptions};
+use gantry_tau::client::{ClientControls, ClientError, ClientOptions, Observer, operator};
+use gantry_tau::force_sensor::SensorSource;
 use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::RobotFile;
+use gantry_tau::sensor_link::Sample;
 use gantry_tau::terminal::say;
+use gantry_tau_core::control::message::{AxisState, State, Welcome};
 
-use super::{MachineCommand, Outcome, address, fail, transport};
+use super::{MachineCommand, Outcome, address, fail, sensor, transport};
 
 /// Connect to a server, compensate the measured force, leave with Ctrl-C
 ///
 /// Connects, stays in Submit while the force sensor is tared (keep the tool unloaded), then compensates in Obtain until Ctrl-C.
+///
+/// Type `submit` (the offsets move to zero, and are then computed and reported only), `obtain` (they act), `gain X` (share of the correction,
+/// 0 to 1, in place of that of the robot file), `status` or `quit`, and Enter. The end of the input is no quit.
 ///
 /// Exit codes: 0 left with Goodbye; 1 setup; 3 unreachable; 4 refused; 5 incompatible server; 6 session ended by the server;
 /// 7 server vanished; 8 force sensor silent.
@@ -25,9 +31,10 @@ pub(crate) struct Client {
     /// Address of the server
     #[arg(default_value = "127.0.0.1:7000", value_name = "HOST:PORT", value_parser = address)]
     server: SocketAddr,
-    /// Address of the force sensor
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
-    sensor: SocketAddr,
+    /// The force sensor: the address of the server's link, or labcomm: for a LabComm stream with a sample NAME of type float[6] or
+    /// double[6] [default NAME: forcesensor]
+    #[arg(long, value_name = "HOST:PORT|labcomm:HOST:PORT[/NAME]", default_value = "127.0.0.1:7001", value_parser = sensor)]
+    sensor: SensorSource,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     pub(super) robot: String,
@@ -54,9 +61,13 @@ impl MachineCommand for Client {
             sensor: self.sensor,
             robot,
             record: self.record,
-            obtain: !self.submit_only,
+            obtain: false,
         };
-        let report = match gantry_tau::client::run(&options, &controls) {
+        // Before the operator is heard, whose word comes later.
+        controls.obtain.store(!self.submit_only, Ordering::Relaxed);
+        let mut watch = Watch::default();
+        listen_to_the_operator(Arc::clone(&controls), watch.clone());
+        let report = match gantry_tau::client::run_observed(&options, &controls, &mut watch) {
             Ok(report) => report,
             Err(error) => return Ok(fail(error.exit_code(), &error)),
         };
@@ -69,4 +80,55 @@ impl MachineCommand for Client {
         }
         Ok(ExitCode::SUCCESS)
     }
+}
+
+/// The State that was answered last, for the operator's `status`.
+#[derive(Clone, Debug)]
+struct Watch<const N: usize>(Arc<Mutex<Option<State<N>>>>);
+
+impl<const N: usize> Default for Watch<N> {
+    fn default() -> Self {
+        Self(Arc::default())
+    }
+}
+
+impl<const N: usize> Observer<N> for Watch<N> {
+    fn welcomed(&mut self, _: &Welcome<N>) {}
+
+    fn answered(&mut self, state: &State<N>, _: Option<&Sample>) -> Result<(), ClientError> {
+        // While it is being read the cycle does not wait.
+        if let Ok(mut last) = self.0.try_lock() {
+            *last = Some(*state);
+        }
+        Ok(())
+    }
+}
+
+impl<const N: usize> Watch<N> {
+    /// Prints one line.
+    fn say(&self) {
+        let last = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(state) = last else {
+            say("no State yet");
+            return;
+        };
+        let list = |nm: fn(&AxisState) -> i32| {
+            let um = state.axes.iter().map(|axis| format!("{:.1}", f64::from(nm(axis)) * 1e-3));
+            um.collect::<Vec<_>>().join(", ")
+        };
+        say(format_args!(
+            "tick {}, {}: offsets {} um, computed {} um; {} of the last 100 deadlines kept, {} missed",
+            state.tick.0,
+            state.phase,
+            list(|axis| axis.offsets.position.0),
+            list(|axis| axis.shadow.position.0),
+            state.on_time_of_100,
+            state.counters.missed
+        ));
+    }
+}
+
+/// Reads commands from the standard input, in a thread that ends with the process.
+fn listen_to_the_operator<const N: usize>(controls: Arc<ClientControls>, watch: Watch<N>) {
+    std::thread::spawn(move || operator::listen(std::io::stdin().lock(), &controls, || watch.say()));
 }

@@ -15,6 +15,7 @@ use gantry_tau::experiment::simulated::simulate;
 use gantry_tau::experiment::table::Table;
 use gantry_tau::experiment::tracker::{TrackedMachine, track};
 use gantry_tau::files::write;
+use gantry_tau::force_sensor::SensorSource;
 use gantry_tau::measurements::format_of;
 use gantry_tau::measurements::plan::{self, Plan};
 use gantry_tau::measurements::poses::{self, PosesPlan};
@@ -23,7 +24,7 @@ use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::springs::thesis;
 use gantry_tau::terminal::say;
 
-use super::{MachineCommand, Outcome, address, fail, run_on, transport};
+use super::{MachineCommand, Outcome, address, fail, run_on, sensor, transport};
 
 /// Measure a campaign of forces and gauges, window by window
 ///
@@ -56,9 +57,9 @@ pub(crate) struct Experiment {
     /// Address of the server
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = address)]
     server: SocketAddr,
-    /// Address of the force sensor
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
-    sensor: SocketAddr,
+    /// The force sensor, as `client` has it
+    #[arg(long, value_name = "HOST:PORT|labcomm:HOST:PORT[/NAME]", default_value = "127.0.0.1:7001", value_parser = sensor)]
+    sensor: SensorSource,
     /// Address of the gauges
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7002", value_parser = address)]
     gauges: SocketAddr,
@@ -194,7 +195,7 @@ impl Experiment {
             plan,
             server: self.server,
             transport: transport(self.udp),
-            sensor: self.sensor,
+            sensor: self.sensor.clone(),
             gauges: (!self.ask_gauges).then_some(self.gauges),
             obtain: self.obtain,
             is_unattended: self.unattended,

@@ -73,7 +73,7 @@ struct Schema {
 
 /// Version of the format.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum LabcommVersion {
+pub(super) enum LabcommVersion {
     /// Numbers of 32 bits, no version text: what the thesis' programs speak
     #[value(name = "2006")]
     V2006,

@@ -10,8 +10,10 @@ mod header;
 mod identify;
 mod labcomm;
 mod linuxcnc;
+mod monitor;
 mod outputs;
 mod plan;
+mod publication;
 mod replay;
 mod serve;
 mod verify;
@@ -21,6 +23,7 @@ use std::net::{SocketAddr, ToSocketAddrs};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
+use gantry_tau::force_sensor::{DEFAULT_NAME, SensorSource};
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile, RobotFileError};
 use gantry_tau_core::control::endpoint::Transport;
@@ -44,6 +47,7 @@ enum Command {
     Demo(demo::Demo),
     Serve(serve::Serve),
     Client(client::Client),
+    Monitor(monitor::Monitor),
     Faults(faults::Faults),
     Replay(replay::Replay),
     Workspace(workspace::Workspace),
@@ -100,6 +104,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Demo(demo) => run_on(AnyRobotFile::named(&demo.robot), demo),
         Command::Serve(serve) => run_on(AnyRobotFile::named(&serve.robot), serve),
         Command::Client(client) => run_on(AnyRobotFile::named(&client.robot), client),
+        Command::Monitor(monitor) => monitor.run(),
         Command::Faults(faults) => faults.run(),
         Command::Replay(replay) => replay.run(),
         Command::Workspace(workspace) => run_on(AnyRobotFile::named(&workspace.robot), workspace),
@@ -153,6 +158,16 @@ fn address(text: &str) -> Result<SocketAddr, String> {
     let all: Vec<SocketAddr> = text.to_socket_addrs().map_err(|error| error.to_string())?.collect();
     let first = all.iter().find(|address| address.is_ipv4()).or(all.first());
     first.copied().ok_or_else(|| "unknown host".to_owned())
+}
+
+/// A force sensor: an address, or `labcomm:` with address and name of a sample.
+fn sensor(text: &str) -> Result<SensorSource, String> {
+    let Some(stream) = text.strip_prefix("labcomm:") else { return address(text).map(SensorSource::Records) };
+    let (at, name) = stream.split_once('/').unwrap_or((stream, DEFAULT_NAME));
+    if name.is_empty() {
+        return Err("expected the name of a sample after the slash".to_owned());
+    }
+    Ok(SensorSource::Labcomm { address: address(at)?, name: name.to_owned() })
 }
 
 /// Transport selected by `--udp`.

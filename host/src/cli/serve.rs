@@ -15,6 +15,7 @@ use gantry_tau::gauge_link::GaugePublisher;
 use gantry_tau::measurements::plan;
 use gantry_tau::model::MachineKind;
 use gantry_tau::plant::Plant;
+use gantry_tau::publication::Publication;
 use gantry_tau::record::{CsvFile, drain};
 use gantry_tau::robot_file::{RobotFile, RobotFileError};
 use gantry_tau::sensor_link::SensorPublisher;
@@ -25,11 +26,13 @@ use gantry_tau::server::{Controls, Server, ServerError};
 use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::load_profile::LoadProfile;
 use gantry_tau::sim::parameters::Motion;
+use gantry_tau::sim::workpiece::Workpiece;
 use gantry_tau::stop_latch::{LatchFlusher, StopLatch};
 use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::units::Epoch;
 
+use super::publication::PublicationOptions;
 use super::{MachineCommand, Outcome, Pace, address, fail, transport};
 
 /// Run the server with the simulated machine, for this program's client or any other
@@ -69,6 +72,12 @@ pub(crate) struct Serve {
     /// Address of the simulated gauges of a plan
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7002", value_parser = address)]
     gauges: SocketAddr,
+    /// Put an elastic workpiece of this stiffness, N/m, below the tool, in place of the force steps; for controllers of a force
+    #[arg(long, value_name = "N_PER_M", allow_negative_numbers = true, conflicts_with_all = ["force_max", "step_seconds", "plan"])]
+    workpiece: Option<f64>,
+    /// Distance from the tool at home to the workpiece, um
+    #[arg(long, value_name = "UM", default_value_t = 50.0, allow_negative_numbers = true, requires = "workpiece")]
+    workpiece_gap: f64,
     /// Length of a back-and-forth motion of the nominal path on every axis, mm
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true)]
     motion: f64,
@@ -81,6 +90,8 @@ pub(crate) struct Serve {
     /// Write a black box (the ticks before and after, bit for bit) at each end of a session and each stop, for `gantry-tau replay`
     #[arg(long, value_name = "FOLDER")]
     black_box: Option<PathBuf>,
+    #[command(flatten)]
+    publications: PublicationOptions,
 }
 
 impl MachineCommand for Serve {
@@ -88,7 +99,8 @@ impl MachineCommand for Serve {
         self.check()?;
         let allowed = Allowed::only(&self.allow)?;
         let gauges = self.plan.is_some().then_some(self.gauges);
-        for address in [Some(self.listen), Some(self.sensor), gauges].into_iter().flatten() {
+        let own = [Some(self.listen), Some(self.sensor), gauges];
+        for address in own.into_iter().flatten().chain(self.publications.addresses()) {
             if !address.ip().is_loopback() && !allowed.restricts() {
                 tracing::warn!(
                     "{address} answers every peer that reaches it, unencrypted; restrict peers with --allow"
@@ -97,8 +109,14 @@ impl MachineCommand for Serve {
         }
         let Some(path) = &self.plan else {
             let (hand, tool) = load_generator();
-            let machine = robot.simulated_machine::<M>(tool, self.motion(&robot)?)?;
-            let mut load = LoadProfile::new(hand, self.force_max, self.step_seconds);
+            let mut machine = robot.simulated_machine::<M>(tool, self.motion(&robot)?)?;
+            let mut force_max_n = self.force_max;
+            if let Some(n_per_m) = self.workpiece {
+                let gap_m = self.workpiece_gap * 1e-6;
+                machine = machine.above(Workpiece::below(&robot.simulation.home_m, n_per_m, gap_m)?);
+                force_max_n = 0.0;
+            }
+            let mut load = LoadProfile::new(hand, force_max_n, self.step_seconds);
             return self.serve(&robot, machine, allowed, |row| load.update(row.state.phase, row.state.tick));
         };
         let plan = plan::read(path, K::MODEL, &robot.metres_per_q)?;
@@ -127,7 +145,12 @@ impl Serve {
             .map_err(|error| ServerError::listen(self.sensor, &error))?;
         let sensor_address = sensor.address()?;
         let listen = Listen { address: self.listen, transport: transport(self.udp), allowed };
-        let mut cycle = self.cycle(robot, machine, listen)?.with_sensor(sensor);
+        let publications = self.publications.bind::<N>(&listen.allowed, robot.simulation.gauge_resolution_m)?;
+        let ports = publications.iter().map(|port| Ok(format!(", LabComm on {}", port.address()?)));
+        let ports = ports.collect::<std::io::Result<String>>()?;
+        let (sensors, mut publications): (Vec<_>, Vec<_>) =
+            publications.into_iter().partition(Publication::is_of_sensors);
+        let mut cycle = self.cycle(robot, machine, listen)?.with_sensor(sensor).with_sensors(sensors);
         // After binding, so that a second server started by mistake does not truncate the first one's recording.
         let mut file = match &self.record {
             Some(path) => Some(CsvFile::create::<Row<N>>(path)?),
@@ -145,7 +168,7 @@ impl Serve {
         let mut flusher = LatchFlusher::of(cycle.latch());
         let (server, mut rows) = Server::spawn(cycle, self.pace.into())?;
         say(format_args!(
-            "listening on {}{}, force sensor on {sensor_address}; Ctrl-C ramps to zero and ends",
+            "listening on {}{}, force sensor on {sensor_address}{ports}; Ctrl-C ramps to zero and ends",
             server.address,
             if self.udp { " (UDP)" } else { "" },
         ));
@@ -155,7 +178,10 @@ impl Serve {
         let mut events = EventLog::default();
         drain(&mut rows, |row| {
             each(row);
-            let _ = events.see(row);
+            let happened = events.see(row);
+            for port in &mut publications {
+                port.publish(row, &happened);
+            }
             flusher.see(row.state.phase);
             if let Some(file) = &mut file {
                 file.write(row);

@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use gantry_tau_core::control::message::Welcome;
-use gantry_tau_core::model::compensation::Correction;
+use gantry_tau_core::model::compensation::{CompensatorError, Correction};
 use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::Wrench;
@@ -58,6 +58,14 @@ impl<const N: usize> Compensation<N> {
                 Ok(self.compensator.correct(&pose, nominal, &load)?)
             }
         }
+    }
+
+    /// Asks for another share of the correction, 0 to 1.
+    ///
+    /// # Errors
+    /// The share is out of range; the one before stays.
+    pub fn set_gain(&mut self, gain: f64) -> Result<(), CompensatorError> {
+        self.compensator.set_gain(gain)
     }
 
     /// True if the tare is done.

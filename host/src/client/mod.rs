@@ -2,18 +2,21 @@
 
 mod compensate;
 mod connection;
+pub mod operator;
 mod run;
 
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use gantry_tau_core::control::client as protocol;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Cause, Refusal, State, Welcome};
 
+use crate::force_sensor::SensorSource;
 use crate::record::Recorded;
 use crate::robot_file::RobotFile;
 use crate::sensor_link::Sample;
@@ -30,8 +33,8 @@ pub struct ClientOptions<K, const N: usize> {
     pub server: SocketAddr,
     /// TCP or UDP.
     pub transport: Transport,
-    /// Address of the force sensor.
-    pub sensor: SocketAddr,
+    /// The force sensor.
+    pub sensor: SensorSource,
     /// The machine.
     pub robot: RobotFile<K, N>,
     /// File of the recording, if any.
@@ -47,6 +50,9 @@ pub struct ClientControls {
     pub quit: AtomicBool,
     /// Ask for Obtain (once the sensor is tared); otherwise for Submit.
     pub obtain: AtomicBool,
+    /// Share of the correction to ask for from the next cycle on, 0 to 1, in place of `[client] gain`. Only targets change: the server
+    /// approaches them within its limits.
+    pub gain: Mutex<Option<f64>>,
     /// The sensor is tared.
     pub tared: AtomicBool,
     /// Commands sent.

@@ -12,10 +12,11 @@ use gantry_tau_core::units::OffsetNm;
 use super::compensate::Compensation;
 use super::connection::Connection;
 use super::{ClientControls, ClientError, ClientOptions, ClientReport, Observer};
+use crate::force_sensor::ForceSensor;
 use crate::model::MachineKind;
 use crate::record::{ClientRow, Recorder};
 use crate::robot_file::CYCLE_US;
-use crate::sensor_link::{Sample, SensorReader};
+use crate::sensor_link::Sample;
 
 /// Time without a message after which the server has vanished.
 const SILENCE: Duration = Duration::from_secs(3);
@@ -26,7 +27,7 @@ const FIRST_SAMPLE_STATES: u64 = 1_000;
 
 struct Session<'a, const N: usize> {
     link: Connection<N>,
-    sensor: SensorReader,
+    sensor: ForceSensor,
     sample: Option<Sample>,
     compensation: Compensation<N>,
     targets: [OffsetNm; N],
@@ -67,9 +68,9 @@ pub fn run_observed<K: MachineKind<N>, const N: usize>(
         kinematics_checksum: Some(options.robot.model.checksum()),
     };
     let mut link = Connection::open(options.transport, options.server, SILENCE, requirements)?;
-    let sensor = SensorReader::connect(options.sensor).map_err(|error| ClientError::Unreachable {
+    let sensor = ForceSensor::connect(&options.sensor).map_err(|error| ClientError::Unreachable {
         what: "force sensor",
-        address: options.sensor,
+        address: options.sensor.address(),
         error,
     })?;
     // After connecting: an absent server must not cost an earlier recording. Before Hello: nothing moves yet.
@@ -119,6 +120,7 @@ impl<const N: usize> Session<'_, N> {
             if self.controls.quit.load(Ordering::Relaxed) {
                 return self.leave();
             }
+            self.set_gain();
             if self.link.has_unread_bytes() {
                 // A newer State is waiting: an answer to this one would be late.
                 continue;
@@ -134,6 +136,17 @@ impl<const N: usize> Session<'_, N> {
                 self.leave()?;
                 return Err(stopped);
             }
+        }
+    }
+
+    /// Takes over a gain that was set, unless it is being set.
+    fn set_gain(&mut self) {
+        let Some(gain) = self.controls.gain.try_lock().ok().and_then(|mut gain| gain.take()) else {
+            return;
+        };
+        match self.compensation.set_gain(gain) {
+            Ok(()) => tracing::info!("gain {gain}: the server moves the offsets within its limits"),
+            Err(error) => tracing::warn!("gain {gain}: {error}"),
         }
     }
 
@@ -166,6 +179,10 @@ impl<const N: usize> Session<'_, N> {
         let obtaining = answer.command.mode == Mode::Obtain;
         if obtaining && !self.obtaining {
             tracing::info!("tared; obtaining: from here on the offsets act. Ctrl-C leaves");
+        } else if self.obtaining && !obtaining {
+            tracing::info!(
+                "submitting: the server moves the offsets to zero; then they are computed and reported only"
+            );
         }
         self.obtaining = obtaining;
         for (cut, axis) in self.cut.iter_mut().zip(answer.saturated) {
@@ -186,7 +203,7 @@ impl<const N: usize> Session<'_, N> {
     /// Computes new targets from a new sample; without one the last targets are sent again, for a while.
     fn compensate(&mut self, state: &State<N>) -> Result<(), ClientError> {
         let silent = |reason: &str| ClientError::SensorSilent(reason.to_owned());
-        let latest = self.sensor.latest();
+        let latest = self.sensor.latest(state.tick.0);
         let latest = latest.map_err(|error| silent(&error.to_string()))?;
         let Some(sample) = latest.filter(|latest| self.sample != Some(*latest)) else {
             self.states_without_sample += 1;

@@ -128,7 +128,7 @@ pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
     let client_options = ClientOptions {
         server: relay.address,
         transport: Transport::Stream,
-        sensor: sensor_address,
+        sensor: sensor_address.into(),
         robot: options.client.as_ref().unwrap_or(robot).clone(),
         record: options.record.clone(),
         obtain: false,

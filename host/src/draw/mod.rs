@@ -1,6 +1,6 @@
 //! `draw`: a picture of a machine at home: guideways, carts, links, platform and tool, as a wireframe in SVG.
 
-mod scene;
+pub(crate) mod scene;
 mod svg;
 
 use std::path::PathBuf;

@@ -15,39 +15,39 @@ const RAIL_SHARE: f64 = 0.6;
 const CART_SHARE: f64 = 0.03;
 
 /// A machine with its tool at home.
-pub(super) struct Scene {
+pub(crate) struct Scene {
     /// One per arm.
-    pub(super) arms: Vec<Arm>,
+    pub(crate) arms: Vec<Arm>,
     /// In link order.
-    pub(super) links: Vec<Link>,
+    pub(crate) links: Vec<Link>,
     /// Tool centre point, world axes, m.
-    pub(super) tool_m: Vector3<f64>,
+    pub(crate) tool_m: Vector3<f64>,
     /// Number of axes.
-    pub(super) axes: usize,
+    pub(crate) axes: usize,
 }
 
 /// A guideway and its cart.
-pub(super) struct Arm {
+pub(crate) struct Arm {
     /// Number of the arm, from 1.
-    pub(super) number: usize,
+    pub(crate) number: usize,
     /// Ends of the part of the guideway that is drawn, m.
-    pub(super) rail_m: [Vector3<f64>; 2],
+    pub(crate) rail_m: [Vector3<f64>; 2],
     /// True for an end beyond which the nominal travel goes on.
-    pub(super) goes_on: [bool; 2],
+    pub(crate) goes_on: [bool; 2],
     /// Centre of the cart's box, m.
-    pub(super) centre_m: Vector3<f64>,
+    pub(crate) centre_m: Vector3<f64>,
     /// Half edges of the box, m.
-    pub(super) half_edges_m: [Vector3<f64>; 3],
+    pub(crate) half_edges_m: [Vector3<f64>; 3],
 }
 
 /// A link.
-pub(super) struct Link {
+pub(crate) struct Link {
     /// Index of its arm, from 0.
-    pub(super) arm: usize,
+    pub(crate) arm: usize,
     /// Its number, as in the robot file.
-    pub(super) name: &'static str,
+    pub(crate) name: &'static str,
     /// Joint on the cart, then joint on the platform, m.
-    pub(super) ends_m: [Vector3<f64>; 2],
+    pub(crate) ends_m: [Vector3<f64>; 2],
 }
 
 impl Scene {
@@ -55,7 +55,7 @@ impl Scene {
     ///
     /// # Errors
     /// [`RobotFileError`] if home cannot be reached.
-    pub(super) fn at_home<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Result<Self, RobotFileError> {
+    pub(crate) fn at_home<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Result<Self, RobotFileError> {
         let geometry = robot.model.geometry();
         let tool_m = robot.home_m();
         let q = robot.home_q()?;

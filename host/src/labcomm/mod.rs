@@ -15,7 +15,7 @@ mod from_json;
 mod schema;
 mod to_json;
 
-use gantry_tau_labcomm::{Decoder, Registry};
+use gantry_tau_labcomm::{Decoder, Registry, Type};
 
 pub use decode::decode;
 pub use encode::{EncodeError, encode};
@@ -27,6 +27,13 @@ const DEFINITIONS: usize = 256;
 const DEFINITION_BYTES: usize = 1 << 16;
 
 /// Decoder with the limits of the program. Boxed: about 80 KiB.
-type StreamDecoder = Box<Decoder<DEFINITIONS, DEFINITION_BYTES>>;
+pub(crate) type StreamDecoder = Box<Decoder<DEFINITIONS, DEFINITION_BYTES>>;
 /// Definitions of a stream that is encoded.
 type StreamRegistry = Box<Registry<DEFINITIONS, DEFINITION_BYTES>>;
+
+/// Type, as the lines have it.
+pub(crate) fn type_text(ty: &Type<'_>) -> String {
+    let mut text = String::new();
+    to_json::ty(&mut text, ty);
+    text
+}

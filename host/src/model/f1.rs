@@ -1,6 +1,6 @@
 //! The F1: six axes, which hold the tool in place and in orientation.
 
-use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::compensation::{CompensatorConfig, CompensatorError, Correction};
 use gantry_tau_core::model::f1::{AXES, Compensator as Springs, Geometry, Kinematics, PoseTracker};
 use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose};
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
@@ -37,6 +37,13 @@ impl MachineKind<AXES> for F1 {
     fn axes_for(&self, pose: &Pose) -> Result<[f64; AXES], KinematicsError> {
         let solution = self.inverse_in_assembly(pose, None)?;
         Ok(solution.value)
+    }
+
+    fn pose_of(&self, q: &[f64; AXES], home_m: &Vector3<f64>, last: Option<&Pose>) -> Result<Pose, KinematicsError> {
+        match last {
+            Some(last) => Ok(self.forward_from(q, last, COLD_ITERATIONS)?.value),
+            None => pose_at(self, home_m, q),
+        }
     }
 
     fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; AXES]) -> Result<LineMatrix<AXES>, KinematicsError> {
@@ -139,5 +146,12 @@ impl Compensator<AXES> for F1Compensator {
             self.springs.machine().kinematics().inverse(&target, Some([q4, q5, q6]))?.value
         };
         sum(&correction, [&q, &held], metres_per_q, &self.limits)
+    }
+
+    fn set_gain(&mut self, gain: f64) -> Result<(), CompensatorError> {
+        let config = CompensatorConfig { gain, ..*self.springs.config() };
+        let machine = self.springs.machine();
+        self.springs = Springs::new(machine.kinematics(), machine.compliances(), config)?;
+        Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! The L2: three axes, which hold the tool in place.
 
-use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
+use gantry_tau_core::model::compensation::{CompensatorConfig, CompensatorError, Correction};
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
 use gantry_tau_core::model::l2::{AXES, Compensator as Springs, Kinematics};
@@ -39,6 +39,10 @@ impl MachineKind<AXES> for L2 {
             return Err(KinematicsError::Unreachable { arm: 0 });
         }
         self.inverse_in_assembly(&pose.position_m)
+    }
+
+    fn pose_of(&self, q: &[f64; AXES], _: &Vector3<f64>, _: Option<&Pose>) -> Result<Pose, KinematicsError> {
+        Ok(self.pose(self.forward(q)?))
     }
 
     fn lines(&self, tool_m: &Vector3<f64>, q: &[f64; AXES]) -> Result<LineMatrix<AXES>, KinematicsError> {
@@ -99,5 +103,12 @@ impl Compensator<AXES> for L2Compensator {
             self.reach.inverse(&self.wrist.held(pose, load, *gain)?.position_m)?
         };
         sum(&correction, [&q, &held], metres_per_q, &self.limits)
+    }
+
+    fn set_gain(&mut self, gain: f64) -> Result<(), CompensatorError> {
+        let config = CompensatorConfig { gain, ..*self.springs.config() };
+        let machine = self.springs.machine();
+        self.springs = Springs::new(machine.kinematics(), machine.compliances(), config)?;
+        Ok(())
     }
 }

@@ -14,6 +14,7 @@ use super::ServerError;
 use super::connections::{Connections, Listen};
 use crate::black_box::swap_channel::Sender;
 use crate::plant::{Plant, Reading, ToolReading};
+use crate::publication::Publication;
 use crate::realtime::Socket;
 use crate::sensor_link::{Sample, SensorPublisher};
 use crate::stop_latch::StopLatch;
@@ -57,6 +58,7 @@ pub struct Cycle<const N: usize, const M: usize, P> {
     endpoint: Box<Endpoint<N, M>>,
     connections: Connections,
     sensor: Option<SensorPublisher>,
+    sensors: Vec<Publication>,
     plant: P,
     /// The machine has not taken the last references: it must be read back.
     write_failed: bool,
@@ -90,6 +92,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             endpoint: Box::new(Endpoint::new(session, motors, epochs)),
             connections,
             sensor: None,
+            sensors: Vec::new(),
             plant,
             write_failed: false,
             round_trip_us: None,
@@ -102,6 +105,13 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     #[must_use]
     pub fn with_sensor(mut self, sensor: SensorPublisher) -> Self {
         self.sensor = Some(sensor);
+        self
+    }
+
+    /// Publishes gauges and force sensor on these ports too; see [`Publication::is_of_sensors`].
+    #[must_use]
+    pub fn with_sensors(mut self, sensors: Vec<Publication>) -> Self {
+        self.sensors = sensors;
         self
     }
 
@@ -214,8 +224,13 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         }
         let row = self.row(reading.as_ref(), elapsed, round_trip_us);
         // The sample leaves before the State of the same tick, so that a client has it when it answers.
-        if let (Some(sensor), Some(tool)) = (&mut self.sensor, &row.tool) {
-            sensor.publish(&Sample { tick: row.state.tick.0, wrench: tool.sensor });
+        if let Some(tool) = &row.tool {
+            if let Some(sensor) = &mut self.sensor {
+                sensor.publish(&Sample { tick: row.state.tick.0, wrench: tool.sensor });
+            }
+            for port in &mut self.sensors {
+                port.publish_sensors(tool);
+            }
         }
         while let Some((to, frame)) = self.endpoint.poll_transmit() {
             self.connections.send(to, frame);

@@ -3,6 +3,8 @@
 //! Order of a cycle: the references of the last `write` act; drives advance under the load that the last pose puts on them;
 //! the platform takes its new pose with the motors at their positions; the instruments measure; the interpolator moves on.
 //!
+//! A workpiece pushes with the force that belongs to the pose of the cycle before.
+//!
 //! *Displacement* is the tool's position minus its position on the unloaded rigid machine with the carts at the nominal of the last
 //! `write`, without the offsets. It contains springs, play, following errors and the offsets of a compensation, but neither the
 //! interpolator's motion nor the delay of a cycle.
@@ -21,6 +23,7 @@ use super::interpolator::Interpolator;
 use super::load_generator::{AppliedLoad, Load};
 use super::parameters::{SimulationError, SimulationParameters};
 use super::springs::TrueSprings;
+use super::workpiece::Workpiece;
 use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
 use crate::plant::{Plant, PlantError, Reading, ToolReading};
 use crate::springs::compliances::Springs;
@@ -39,6 +42,7 @@ pub struct SimulatedMachine<const N: usize, const M: usize> {
     sensor: ForceSensor,
     gauge_resolution_m: f64,
     tool: AppliedLoad,
+    workpiece: Option<Workpiece>,
     metres_per_q: [f64; N],
     /// Nominal of the last reading.
     nominal: [PositionNm; N],
@@ -77,6 +81,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             sensor: ForceSensor::new(&parameters.sensor, &parameters.simulation),
             gauge_resolution_m: parameters.simulation.gauge_resolution_m,
             tool,
+            workpiece: None,
             metres_per_q: parameters.metres_per_q,
             nominal: at_home,
             in_force: at_home.map(InForce::at),
@@ -89,6 +94,12 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         machine.settle_platform().map_err(SimulationError::Springs)?;
         machine.sample = machine.sensor.sample(&Vector6::zeros(), &machine.loaded.pose.rotation);
         Ok(machine)
+    }
+
+    /// Puts a workpiece below the tool, in addition to the load.
+    #[must_use]
+    pub fn above(self, workpiece: Workpiece) -> Self {
+        Self { workpiece: Some(workpiece), ..self }
     }
 
     /// Returns links and axes, as they stand.
@@ -106,6 +117,10 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
     /// Runs one cycle of 1 ms.
     fn advance(&mut self) -> Result<(), &'static str> {
         self.load = self.tool.load();
+        if let Some(workpiece) = &mut self.workpiece {
+            let pushed = workpiece.force_n(&self.loaded.pose.translation_m);
+            self.load.force_n = std::array::from_fn(|axis| self.load.force_n[axis] + pushed[axis]);
+        }
         let axis_of_motor = self.motors.axis_of_motor();
         for (drive, &axis) in self.drives.iter_mut().zip(axis_of_motor) {
             let motors = axis_of_motor.iter().filter(|other| **other == axis).count() as f64;

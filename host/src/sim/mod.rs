@@ -14,6 +14,7 @@
 //! | [`gauges`] | length gauges of a campaign, with zeros, errors and drift |
 //! | [`load_generator`] | the load on the tool, set from another thread `[T 4.2.9]` |
 //! | [`load_profile`] | force steps during Obtain |
+//! | [`workpiece`] | an elastic workpiece that the tool presses on |
 //! | [`force_sensor`] | six-axis force sensor `[T 4.2.5]` |
 //! | [`parameters`] | parameters of a simulation, and their errors |
 //! | [`machine`] | all of it behind [`crate::plant::Plant`], with length gauges at the tool `[T 4.2.6]` |
@@ -43,6 +44,7 @@ pub mod load_profile;
 pub mod machine;
 pub mod parameters;
 pub mod springs;
+pub mod workpiece;
 
 #[cfg(test)]
 pub(crate) mod fixture;

@@ -24,10 +24,11 @@ mod ops;
 mod request;
 
 use std::collections::HashMap;
-use std::io::{self, BufRead, Read, Write};
+use std::io::{self, BufRead, Write};
 
 use serde_json::{Value, json};
 
+use crate::lines::{Line, read_line};
 use crate::robot_file::AnyRobotFile;
 use request::Machine;
 
@@ -66,7 +67,7 @@ pub fn run(mut input: impl BufRead, mut output: impl Write) -> io::Result<()> {
     let mut solver = Solver::default();
     let mut line = Vec::new();
     loop {
-        let answer = match read_line(&mut input, &mut line)? {
+        let answer = match read_line(&mut input, &mut line, MAX_LINE)? {
             Line::End => return Ok(()),
             Line::TooLong => Failure::request(format!("line is longer than {MAX_LINE} bytes")).answer(Value::Null),
             Line::Complete => match std::str::from_utf8(&line) {
@@ -145,27 +146,4 @@ impl Solver {
         self.files.insert(path.to_owned(), machine);
         Ok(machine)
     }
-}
-
-/// Result of reading a line.
-enum Line {
-    Complete,
-    /// It was skipped to its end.
-    TooLong,
-    End,
-}
-
-/// Reads up to the next newline, without it; keeps at most [`MAX_LINE`] bytes.
-fn read_line(input: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<Line> {
-    line.clear();
-    input.by_ref().take(MAX_LINE as u64 + 1).read_until(b'\n', line)?;
-    if line.last() == Some(&b'\n') {
-        line.pop();
-    } else if line.len() > MAX_LINE {
-        input.skip_until(b'\n')?;
-        return Ok(Line::TooLong);
-    } else if line.is_empty() {
-        return Ok(Line::End);
-    }
-    Ok(Line::Complete)
 }

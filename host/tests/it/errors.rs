@@ -70,6 +70,22 @@ fn a_host_may_have_a_name() {
 }
 
 #[test]
+fn a_workpiece_that_cannot_be_simulated_is_refused() {
+    let folder = Folder::new("workpiece");
+    for (arguments, words) in [
+        (["--workpiece", "1e7"], "stiffness of the workpiece (N/m) must be from 1e0 to 1e6"),
+        (["--workpiece", "NaN"], "stiffness of the workpiece"),
+        (["--workpiece=1e5", "--workpiece-gap=-1"], "gap above the workpiece (m) must be from 0e0 to 1e-2"),
+    ] {
+        let line = folder.run(&[&SERVE[..], &arguments].concat()).failure(1);
+        assert_says(&line, &[words]);
+    }
+    for arguments in [["--workpiece=1e5", "--force-max=60"], ["--workpiece-gap", "3"]] {
+        folder.run(&[&SERVE[..], &arguments].concat()).failure(2);
+    }
+}
+
+#[test]
 fn a_robot_file_is_refused_with_file_key_and_reason() {
     let folder = Folder::new("robot");
     for (from, to, words) in [

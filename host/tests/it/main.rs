@@ -21,8 +21,13 @@ mod faults;
 mod header;
 mod identification;
 mod labcomm;
+mod monitor;
+#[cfg(unix)]
+mod operator;
 mod plan;
 mod process;
+#[cfg(unix)]
+mod publication;
 #[cfg(unix)]
 mod replay;
 #[cfg(unix)]
@@ -39,10 +44,11 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    const COMMANDS: [&str; 15] = [
+    const COMMANDS: [&str; 16] = [
         "demo",
         "serve",
         "client",
+        "monitor",
         "plan",
         "experiment",
         "identify",

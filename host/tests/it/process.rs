@@ -82,6 +82,18 @@ impl Running {
         text(&self.err)
     }
 
+    /// Writes to the input, which must be a pipe.
+    #[cfg(unix)]
+    pub(crate) fn write(&mut self, text: &str) {
+        std::io::Write::write_all(self.child.stdin.as_mut().unwrap(), text.as_bytes()).unwrap();
+    }
+
+    /// Ends the input.
+    #[cfg(unix)]
+    pub(crate) fn close_input(&mut self) {
+        self.child.stdin = None;
+    }
+
     /// Waits until the process has printed `words` on either stream.
     pub(crate) fn await_words(&mut self, words: &str) {
         self.await_that(words, |process| process.stdout().contains(words) || process.stderr().contains(words));

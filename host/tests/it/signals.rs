@@ -4,8 +4,13 @@ use crate::process::{Folder, Running};
 
 /// Starts a server in lock-step on free ports; returns it with the addresses of server and sensor.
 pub(crate) fn serve(folder: &Folder, further: &[&str]) -> (Running, [String; 2]) {
+    serve_pulling(folder, ["60", "5"], further)
+}
+
+/// The same with the largest force, N, and the length of its steps, s.
+pub(crate) fn serve_pulling(folder: &Folder, [force, seconds]: [&str; 2], further: &[&str]) -> (Running, [String; 2]) {
     let mut arguments = vec!["serve", "--pace", "lockstep", "--listen", "127.0.0.1:0"];
-    arguments.extend(["--sensor", "127.0.0.1:0", "--force-max", "60", "--step-seconds", "5"]);
+    arguments.extend(["--sensor", "127.0.0.1:0", "--force-max", force, "--step-seconds", seconds]);
     arguments.extend(further);
     let mut server = folder.start("serve", &arguments);
     server.await_words("Ctrl-C");
@@ -39,7 +44,7 @@ pub(crate) fn leave(owner: Running, server: &mut Running) {
 }
 
 /// Returns the state and the position offsets of every row so far.
-fn rows(folder: &Folder) -> Vec<(String, [i64; 3])> {
+pub(crate) fn rows(folder: &Folder) -> Vec<(String, [i64; 3])> {
     let csv = folder.read("serve.csv");
     let mut lines = csv.lines();
     let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
@@ -60,7 +65,7 @@ fn rows(folder: &Folder) -> Vec<(String, [i64; 3])> {
 }
 
 /// Checks that every change is within S, and every change in a ramp exactly rho or the rest.
-fn assert_no_jump(rows: &[(String, [i64; 3])]) {
+pub(crate) fn assert_no_jump(rows: &[(String, [i64; 3])]) {
     for pair in rows.windows(2) {
         let ((_, from), (state, to)) = (&pair[0], &pair[1]);
         for (from, to) in from.iter().zip(to) {

@@ -74,7 +74,7 @@ fn session(lie: Lie) -> (ClientError, bool) {
     let options = ClientOptions {
         server: server.address,
         transport: Transport::Stream,
-        sensor,
+        sensor: sensor.into(),
         robot,
         record: None,
         obtain: true,

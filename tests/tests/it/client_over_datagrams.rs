@@ -79,7 +79,7 @@ fn every_state_is_answered_once() {
     let options = ClientOptions {
         server: server.socket.local_addr().unwrap(),
         transport: Transport::Datagram,
-        sensor: sensor.address().unwrap(),
+        sensor: sensor.address().unwrap().into(),
         robot,
         record: None,
         obtain: false,

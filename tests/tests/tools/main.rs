@@ -1,10 +1,14 @@
-//! Tests that need compilers for C, Valgrind, an emulator or LinuxCNC: the C interface, the firmware, the modules for LinuxCNC. A test whose
-//! tool is missing is reported as ignored, with the name of the tool.
+//! Tests that need compilers for C, Valgrind, an emulator, Python, Wine, LinuxCNC or a browser: the C interface, the firmware, the client in Python
+//! and on Windows, the modules for LinuxCNC, the page of the monitor. A test whose tool is missing is reported as ignored, with the name of the tool.
 
 mod capi;
 mod firmware;
 #[cfg(target_os = "linux")]
 mod linuxcnc;
+mod monitor;
+mod python;
+mod session;
+mod windows;
 
 use libtest_mimic::Arguments;
 
@@ -12,6 +16,9 @@ fn main() {
     let arguments = Arguments::from_args();
     let mut trials = firmware::trials();
     trials.extend(capi::trials());
+    trials.extend(monitor::trials());
+    trials.extend(python::trials());
+    trials.extend(windows::trials());
     #[cfg(target_os = "linux")]
     trials.extend(linuxcnc::trials());
     libtest_mimic::run(&arguments, trials).exit();

@@ -24,8 +24,8 @@ fn both<T: Sample>(value: &T) -> [(usize, usize); 2] {
 fn definitions_and_samples_have_the_sizes_of_the_peer() {
     assert_eq!(both(&Data::ZERO), [(32, 16), (13, 14)]);
     assert_eq!(both(&ForceSensor::ZERO), [(39, 28), (20, 26)]);
-    assert_eq!(both(&State::ZERO), [(158, 75), (88, 73)]);
-    assert_eq!(both(&Axes::<3>::ZERO), [(274, 135), (185, 134)]);
+    assert_eq!(both(&State::ZERO), [(182, 77), (106, 75)]);
+    assert_eq!(both(&Axes::<3>::ZERO), [(291, 147), (196, 146)]);
     assert_eq!(both(&Tool::ZERO), [(162, 136), (77, 135)]);
     assert_eq!(both(&SessionEvent { text: Text::cut("session granted"), ..Field::ZERO }), [(82, 33), (45, 28)]);
 }

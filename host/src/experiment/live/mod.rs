@@ -18,6 +18,7 @@ use super::ExperimentError;
 use super::prediction::Prediction;
 use super::table::Table;
 use crate::client::{ClientControls, ClientError, ClientOptions, run_observed};
+use crate::force_sensor::SensorSource;
 use crate::gauge_link::GaugeReader;
 use crate::measurements::plan::Plan;
 use crate::model::MachineKind;
@@ -43,8 +44,8 @@ pub struct LiveOptions<K, const N: usize> {
     pub server: SocketAddr,
     /// TCP or UDP.
     pub transport: Transport,
-    /// Address of the force sensor.
-    pub sensor: SocketAddr,
+    /// The force sensor.
+    pub sensor: SensorSource,
     /// Address of the gauges; `None`: they are typed in.
     pub gauges: Option<SocketAddr>,
     /// Ask for Obtain in all series, not only in those with compensation.

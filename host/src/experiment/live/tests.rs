@@ -84,7 +84,7 @@ impl Bench {
             plan: plan.clone(),
             server: self.server.address,
             transport: Transport::Stream,
-            sensor: self.sensor,
+            sensor: self.sensor.into(),
             gauges: Some(self.gauges),
             obtain: false,
             is_unattended: true,

@@ -1,0 +1,575 @@
+"""Client of a gantry-tau server for a controller of your own, in Python 3.9 or later with its standard library only.
+
+    import gantry_tau
+
+    def controller(state, wrench):
+        return [1_000, 0, 0]             # targets of the position offsets, nm, one per axis
+
+    gantry_tau.main(controller)          # or gantry_tau.run(controller, server="127.0.0.1:7000")
+
+A controller is a callable `(state, wrench) -> targets`, or an object with a method `step(state, wrench)`. It may also have
+
+- `start(welcome)`, called once before the first step;
+- `obtain`, read after each step: False asks for Submit (targets are computed and reported, no drive sees them), True, the default,
+  for Obtain (the offsets act).
+
+`state` is a `State`. `wrench` is the newest record of the force sensor: force (N) and moment (N m) in the sensor's axes; None before the
+first one and without a sensor. Targets are a list, tuple or numpy array of one finite number per axis, rounded to whole nanometres and cut to
+the limits of the server, which approaches them as fast as it allows. `raise Leave` in a step ends the session in good order.
+
+A controller that fails (it raises an error, returns anything else, or does not return within `patience_s`) is never answered for: no old target
+is repeated. The client says Goodbye, the server ramps every offset to zero, and `run` raises `ControllerFailed`. In real time a step that
+hangs ends the session before that, by silence: the server begins the ramp at the second deadline missed, after two cycles.
+
+The protocol is specified in wire.md; this file follows the same rules as the client in Rust, `control::client` of the core.
+"""
+
+import argparse
+import math
+import numbers
+import os
+import queue
+import select
+import socket
+import struct
+import sys
+import threading
+import time
+import traceback
+import zlib
+from typing import NamedTuple, Optional
+
+# Kinds of frames, modes of a Command, and the phases in which a session lives (wire.md).
+HELLO, WELCOME, COMMAND, STATE, GOODBYE, REFUSAL = 1, 2, 3, 4, 5, 7
+SUBMIT, OBTAIN = 1, 2
+PHASES = ("Listening", "Handshake", "Submit", "Obtain", "SafeDisconnect", "Fault")
+LIVE = ("Handshake", "Submit", "Obtain")
+CAUSES = (
+    "no session has ended", "no command arrived before two consecutive deadlines",
+    "two consecutive deadlines passed; commands arrived, but late", "the server overran its cycle",
+    "broken frame boundary or checksum on the stream", "the connection was closed, or could not take a State",
+    "the client said goodbye", "too many missed deadlines within the window", "stopped",
+    "the nominal reference stepped further than its limit", "too many frames in one tick", "no command followed the Welcome in time",
+    "offsets were in force that the server did not expect: after a restart or a refused write",
+)
+REFUSALS = {
+    1: "another client owns the session", 2: "offsets are still ramping to zero; try again in {ticks} ticks",
+    3: "the server is stopped ({ticks} ticks of ramp left); it must be re-armed at the machine",
+    4: "the server speaks protocol version {detail}", 5: "the server has {detail} axes", 6: "the server needs capabilities {bits:#06x}",
+    7: "the server has no room for another connection, or its epochs are used up",
+}
+LOCKSTEP = 1                 # The only capability that is assigned.
+SILENCE_S = 3.0              # Time without a frame after which the server has vanished.
+GOODBYE_STATES = 100         # Live States after a Goodbye in which the server may still not have received it.
+FIRST_SAMPLE_STATES = 1_000  # States to wait for the first usable force sample.
+PRIORITY = 40                # With --realtime: below the server, which may run on the same computer.
+SAMPLE_STATES = 100          # States that the last usable force sample may serve.
+
+
+class Limits(NamedTuple):
+    """Limits of a position offset, nm: largest magnitude, change per tick, change of that change, change per tick of the ramp to zero."""
+
+    max: int
+    step: int
+    accel: int
+    ramp: int
+
+
+class Welcome(NamedTuple):
+    """Terms of the session. `limits` are those of the position offsets, one per axis."""
+
+    epoch: int
+    tick: int
+    cycle_us: int
+    echo_window: int
+    axes: int
+    capabilities: int
+    kinematics_checksum: int
+    limits: tuple
+
+
+class State(NamedTuple):
+    """The machine in one tick of the server. Tuples have one entry per axis."""
+
+    tick: int
+    epoch: int
+    accepted: int               # sequence of the last accepted command
+    phase: str                  # one of PHASES
+    cause: str                  # why the last session ended
+    on_time_of_100: int         # deadlines kept of the last 100
+    ramp_ticks_left: int        # length of a ramp that would begin now
+    arrival_us: int             # arrival of the last command after the previous State left, us; 0: not timed
+    counters: tuple             # received, missed, late, duplicate, stale, malformed, out of range, limited, clamped, non-owner
+    nominal_nm: tuple           # reference of the path, without offset
+    offset_nm: tuple            # offset in force
+    shadow_nm: tuple            # offset as it would be in force, in Submit
+    actual_nm: tuple            # measured position
+    actual_velocity_um_s: tuple
+    actual_torque_permille: tuple
+    flags: tuple                # bit 0 clamped to the travel, bit 1 limited by step or accel, bit 4 the nominal stepped too far
+
+
+class Report(NamedTuple):
+    """Summary of a session that ended with the client's own Goodbye."""
+
+    states: int     # received
+    commands: int   # sent
+    saturated: int  # commands with a target that was cut to its limit
+
+
+class Leave(Exception):
+    """Raised by a controller to end the session in good order."""
+
+
+class Failure(Exception):
+    """Every end of a session but the client's own Goodbye. The text is one sentence."""
+
+    exit_code = 1
+
+
+class Unreachable(Failure):
+    exit_code = 3
+
+
+class Refused(Failure):
+    exit_code = 4
+
+
+class Incompatible(Failure):
+    exit_code = 5
+
+
+class Ended(Failure):
+    exit_code = 6
+
+
+class Vanished(Failure):
+    exit_code = 7
+
+
+class SensorSilent(Failure):
+    exit_code = 8
+
+
+class ControllerFailed(Failure):
+    exit_code = 10
+
+
+def run(controller, server="127.0.0.1:7000", sensor=None, *, submit_only=False, states=None, patience_s=1.0, checksum=None,
+        realtime=False):
+    """Runs a controller until Ctrl-C, `Leave`, or the number of `states` is reached, and returns a `Report`.
+
+    `server` and `sensor` are "HOST:PORT". `submit_only`: never asks for Obtain. `checksum`: refuses a machine with another checksum of its
+    kinematic parameters. `realtime`: takes a real-time priority, on Linux with the right to it. Raises a `Failure` for every other end; in
+    each of them the server ramps the offsets to zero by itself.
+    """
+    # The sensor first: no session is taken from others without it.
+    with _Sensor(sensor) as force, _granted(server) as connection:
+        found = connection.welcome.kinematics_checksum
+        if checksum not in (None, found):
+            raise Incompatible(f"incompatible server: its machine has checksum {found:08x}, the client's has {checksum:08x}")
+        if realtime:
+            _take_priority()
+        try:
+            with _Worker(controller, connection.welcome, patience_s) as worker:
+                _answer_until_done(connection, worker, force, not submit_only, states)
+        except (Ended, Vanished, Incompatible):
+            raise  # Nobody is left to say Goodbye to; without the connection the server ramps.
+        except (KeyboardInterrupt, Leave):
+            connection.leave()
+        except BaseException:
+            try:
+                connection.leave()
+            except Failure:
+                pass  # The first failure is the reason.
+            raise
+    return Report(connection.states, connection.sequence, connection.saturated)
+
+
+def arguments(description=None, sensor=None):
+    """Returns a parser with the options that `main` needs, to which a controller adds its own."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("server", nargs="?", default="127.0.0.1:7000", metavar="HOST:PORT", help="address of the server")
+    parser.add_argument("--sensor", metavar="HOST:PORT", default=sensor, help="address of the force sensor")
+    parser.add_argument("--submit-only", action="store_true", help="stay in Submit: no drive sees an offset")
+    parser.add_argument("--realtime", action="store_true", help="take a real-time priority (Linux)")
+    parser.add_argument("--states", type=int, help="leave after this number of States; without it Ctrl-C leaves")
+    return parser
+
+
+def main(controller, options=None, **others):
+    """Runs a controller as the program: options of the command line, one sentence at the end, and an exit code as of `gantry-tau client`."""
+    options = options or arguments().parse_args()
+    try:
+        report = run(controller, options.server, options.sensor, submit_only=options.submit_only, states=options.states,
+                     realtime=options.realtime, **others)
+    except Failure as failure:
+        print(f"gantry_tau: {failure}", file=sys.stderr)
+        sys.exit(failure.exit_code)
+    print(f"left with Goodbye after {report.states} States ({report.saturated} with a saturated target); the server ramps the offsets to zero")
+
+
+def _answer_until_done(connection, worker, sensor, may_obtain, last_state):
+    """Answers the States of a granted session with what the controller returns; raises the reason for the end."""
+    readable = [connection.socket, worker.bell] + ([sensor.socket] if sensor.socket else [])
+    while True:
+        ready, _, _ = select.select(readable, [], [], min(SILENCE_S, worker.seconds_left()))
+        for state in connection.receive(connection.socket in ready):
+            if state.phase not in LIVE:
+                raise _ended(state, worker)
+        # A record is sent before the State of its tick: in this order a State finds it read.
+        sensor.read(connection.state)
+        if worker.is_done():
+            targets, obtain = worker.take()
+            if targets is not None:
+                # The newest State is answered, also if the step began with an older one.
+                connection.answer(targets, obtain and may_obtain)
+            if last_state is not None and connection.states >= last_state:
+                raise Leave
+        if connection.unanswered and not worker.job:
+            worker.begin(connection.state, sensor.wrench)
+        worker.check_patience()
+        connection.check_silence()
+
+
+def _ended(state, worker):
+    """Returns the failure that the end of the session is."""
+    said = f"the server ended the session: {state.cause}"
+    if state.cause not in (CAUSES[1], CAUSES[2], CAUSES[11]):
+        return Ended(said)
+    if worker.job:
+        return ControllerFailed(f"{worker.job} has not returned after {worker.seconds() * 1e3:.1f} ms; {said}")
+    return Ended(f"{said} (the controller's longest step took {worker.longest_s * 1e3:.1f} ms)")
+
+
+class _Worker:
+    """Runs the controller in a thread of its own: a step that hangs stops nothing but itself. Rings a bell when it has returned."""
+
+    def __init__(self, controller, welcome, patience_s):
+        self.axes, self.patience_s = welcome.axes, patience_s
+        self.controller, self.step = controller, getattr(controller, "step", controller)
+        self.bell, self._ring = socket.socketpair()
+        self.tasks, self.results = queue.SimpleQueue(), queue.SimpleQueue()
+        self.job, self.since, self.longest_s = None, 0.0, 0.0
+        threading.Thread(target=self._work, name="controller", daemon=True).start()
+        self._post("the controller's start", lambda: getattr(controller, "start", lambda _: None)(welcome) and None)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.tasks.put(None)  # A step that hangs is left to the end of the program.
+        self.bell.close()
+
+    def begin(self, state, wrench):
+        """Starts the step of a State."""
+        self._post(f"the controller's step of tick {state.tick}", lambda: self._targets(self.step(state, wrench)))
+
+    def is_done(self):
+        return not self.results.empty()
+
+    def take(self):
+        """Returns targets, None after the start, and whether Obtain is asked for; raises what the controller has raised."""
+        self.bell.recv(1)
+        self.longest_s = max(self.longest_s, self.seconds())
+        result, (job, self.job) = self.results.get(), (self.job, None)
+        if not isinstance(result, BaseException):
+            return result
+        if isinstance(result, (Leave, KeyboardInterrupt)):
+            raise result
+        if isinstance(result, _BadTargets):
+            raise ControllerFailed(f"{job} returned {result}; left with Goodbye, the server ramps every offset to zero")
+        place = traceback.extract_tb(result.__traceback__)[-1]
+        raise ControllerFailed(f"{job} raised {type(result).__name__}: {' '.join(str(result).split())} ({place.filename}, line "
+                               f"{place.lineno}); left with Goodbye, the server ramps every offset to zero") from result
+
+    def seconds(self):
+        return time.monotonic() - self.since
+
+    def seconds_left(self):
+        return max(0.0, self.patience_s - self.seconds()) if self.job else SILENCE_S
+
+    def check_patience(self):
+        if self.job and self.seconds() >= self.patience_s and not self.is_done():
+            raise ControllerFailed(f"{self.job} has not returned within {self.patience_s:g} s; left with Goodbye, the server ramps every "
+                                   "offset to zero")
+
+    def _post(self, job, task):
+        self.job, self.since = job, time.monotonic()
+        self.tasks.put(task)
+
+    def _work(self):
+        for task in iter(self.tasks.get, None):
+            try:
+                targets = task()
+                result = targets, bool(getattr(self.controller, "obtain", True))
+            except BaseException as error:  # SystemExit as well: it would end this thread only.
+                result = error
+            self.results.put(result)
+            try:
+                self._ring.send(b"!")
+            except OSError:
+                return  # The session is over.
+
+    def _targets(self, returned):
+        """Returns whole nanometres, one per axis."""
+        targets = returned.tolist() if hasattr(returned, "tolist") else returned
+        if not isinstance(targets, (list, tuple)):
+            raise _BadTargets(f"{_short(returned)}: expected {self.axes} numbers in nm, one per axis")
+        if len(targets) != self.axes:
+            raise _BadTargets(f"{len(targets)} targets: expected {self.axes}, one per axis")
+        return [_whole_nm(target, axis) for axis, target in enumerate(targets, 1)]
+
+
+class _BadTargets(Exception):
+    """Targets that cannot be sent."""
+
+
+def _whole_nm(number, axis):
+    if isinstance(number, bool) or not isinstance(number, numbers.Real):
+        raise _BadTargets(f"{_short(number)} for axis {axis}: expected a number in nm")
+    value = number if isinstance(number, numbers.Rational) else float(number)
+    if isinstance(value, float) and not math.isfinite(value):
+        raise _BadTargets(f"{number} for axis {axis}: expected a finite number in nm")
+    return int(round(value))
+
+
+def _short(value):
+    return f"{type(value).__name__} {repr(value)[:40]}"
+
+
+class _Sensor:
+    """Reads the link of the force sensor: records of 56 bytes, of which the newest counts."""
+
+    RECORD = struct.Struct("<Q6d")
+
+    def __init__(self, address):
+        self.socket = _connect(address, "force sensor") if address else None
+        self.rest, self.tick, self.wrench, self.fresh_at = b"", None, None, None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.socket:
+            self.socket.close()
+
+    def read(self, state):
+        """Takes what has arrived. Without a usable record for long the session must end."""
+        if not self.socket:
+            return
+        self._receive()
+        end = len(self.rest) // self.RECORD.size * self.RECORD.size
+        # The same record again is none, and so is one that is not finite.
+        usable = [record for record in self.RECORD.iter_unpack(self.rest[:end]) if record[0] != self.tick and all(map(math.isfinite, record[1:]))]
+        self.rest = self.rest[end:]
+        if usable:
+            self.tick, self.wrench = usable[-1][0], usable[-1][1:]
+        if not state:
+            return
+        if usable or self.fresh_at is None:
+            self.fresh_at = state.tick
+        if usable and abs(self.tick - state.tick) > SAMPLE_STATES:
+            raise SensorSilent("no force samples: their ticks are not the server's; left with Goodbye")
+        if state.tick - self.fresh_at > (SAMPLE_STATES if self.wrench else FIRST_SAMPLE_STATES):
+            raise SensorSilent("no force samples: no usable one has come for too long; left with Goodbye")
+
+    def _receive(self):
+        self.socket.setblocking(False)
+        try:
+            while True:
+                data = self.socket.recv(65_536)
+                if not data:
+                    raise SensorSilent("no force samples: the connection was closed; left with Goodbye")
+                self.rest += data
+        except (BlockingIOError, InterruptedError):
+            pass
+        except OSError as error:
+            raise SensorSilent(f"no force samples: {error}; left with Goodbye") from error
+
+
+class _Connection:
+    """The client's half of the protocol over a TCP stream."""
+
+    HEADER = struct.Struct("<2sBBH")
+    WELCOME = struct.Struct("<QQIBBHI")
+    STATE = struct.Struct("<QQQBBBBIH10IH")
+    AXIS = struct.Struct("<qiihiihqihBB")
+
+    def __init__(self, address):
+        self.socket = _connect(address, "server")
+        self.rest, self.heard = b"", time.monotonic()
+        self.welcome: Optional[Welcome] = None
+        self.state: Optional[State] = None
+        self.unanswered, self.ended = False, False
+        self.sequence, self.states, self.saturated = 0, 0, 0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.socket.close()
+
+    def greet(self, axes):
+        """Sends Hello and waits for the Welcome."""
+        self._send(HELLO, struct.pack("<BBH", axes, 0, LOCKSTEP))
+        while self.welcome is None:
+            self._read(SILENCE_S)
+            for kind, body in self._frames(most=1):
+                if kind == REFUSAL and len(body) == 8:
+                    reason, detail, bits, ticks = struct.unpack("<BBHI", body)
+                    if reason == 5 and detail not in (0, axes):
+                        raise _OtherAxes(detail)
+                    text = REFUSALS.get(reason, "reason {reason}, which this client does not know")
+                    raise Refused("refused: " + text.format(reason=reason, detail=detail, bits=bits, ticks=ticks))
+                if kind != WELCOME or len(body) != 28 + 48 * axes:
+                    raise Incompatible(f"incompatible server: expected a Welcome for {axes} axes, got kind {kind} of {len(body)} bytes")
+                limits = tuple(Limits(*struct.unpack_from("<4i", body, 28 + 48 * axis)) for axis in range(axes))
+                self.welcome = Welcome(*self.WELCOME.unpack_from(body), limits)
+                if self.welcome.capabilities & ~LOCKSTEP:
+                    raise Incompatible(f"the server needs capabilities {self.welcome.capabilities:#06x}")
+
+    def receive(self, is_ready=True):
+        """Reads what has arrived, if anything; returns its States. The newest is `state`, to be answered."""
+        states = self._take_states()  # Those that came with the Welcome.
+        if is_ready and not states:
+            self._read(SILENCE_S)
+            states = self._take_states()
+        return states
+
+    def _take_states(self):
+        states = []
+        for kind, body in self._frames():
+            expected = self.STATE.size + self.AXIS.size * self.welcome.axes
+            if kind != STATE or len(body) != expected:
+                raise Incompatible(f"incompatible server: expected a State of {expected} bytes, got kind {kind} of {len(body)}")
+            state = self._parsed(body)
+            oldest = self.state.tick + 1 if self.state else self.welcome.tick
+            if state.epoch != self.welcome.epoch or state.tick < oldest:
+                raise Incompatible(f"incompatible server: expected a State of epoch {self.welcome.epoch} and tick {oldest} or later, got "
+                                   f"epoch {state.epoch}, tick {state.tick}")
+            self.state, self.unanswered = state, state.phase in LIVE
+            self.ended |= not self.unanswered
+            self.states += 1
+            states.append(state)
+        return states
+
+    def answer(self, targets_nm, obtain):
+        """Answers the newest State, if it waits for an answer: targets cut to their limits, and the mode."""
+        if not self.unanswered:
+            return
+        cut = [max(-limits.max, min(limits.max, target)) for target, limits in zip(targets_nm, self.welcome.limits)]
+        self.saturated += cut != targets_nm
+        # Obtain only where the server has accepted a command that asked for Submit.
+        submitted = self.sequence > 0 and self.state.phase in ("Submit", "Obtain")
+        mode = OBTAIN if obtain and submitted else SUBMIT
+        self.sequence += 1
+        self.unanswered = False
+        head = struct.pack("<QQQBBH", self.welcome.epoch, self.sequence, self.state.tick, mode, self.welcome.axes, 0)
+        self._send(COMMAND, head + b"".join(struct.pack("<iih", target, 0, 0) for target in cut))
+
+    def leave(self):
+        """Sends Goodbye and waits until the server has received it: a connection closed at once would be the cause instead."""
+        if self.ended:
+            return
+        self._send(GOODBYE, struct.pack("<Q", self.welcome.epoch))
+        last = self.states + GOODBYE_STATES
+        while not self.ended:
+            if self.states >= last:
+                raise Vanished(f"the server vanished: it has not acknowledged the Goodbye within {GOODBYE_STATES} States")
+            self.receive()
+
+    def check_silence(self):
+        if time.monotonic() - self.heard > SILENCE_S:
+            raise Vanished("the server vanished: it has been silent for too long")
+
+    def _parsed(self, body):
+        tick, epoch, accepted, phase, cause, axes, on_time, ramp, arrival, *counters = self.STATE.unpack_from(body)
+        if axes != self.welcome.axes or phase >= len(PHASES) or cause >= len(CAUSES):
+            raise Incompatible(f"incompatible server: a State has {axes} axes, phase {phase}, cause {cause}")
+        rows = list(self.AXIS.iter_unpack(body[self.STATE.size:]))
+        nominal, offset, _, _, shadow, _, _, actual, velocity, torque, flags, _ = zip(*rows)
+        return State(tick, epoch, accepted, PHASES[phase], CAUSES[cause], on_time, ramp, arrival, tuple(counters),
+                     nominal, offset, shadow, actual, velocity, torque, flags)
+
+    def _send(self, kind, body):
+        frame = self.HEADER.pack(b"GT", 1, kind, len(body)) + body
+        try:
+            self.socket.sendall(frame + struct.pack("<I", zlib.crc32(frame)))
+        except OSError as error:
+            # A server without room refuses before it has received the Hello, and closes: its answer, if any, is read next.
+            if kind != HELLO:
+                raise Vanished(f"the server vanished: {error}") from error
+
+    def _read(self, patience_s):
+        self.socket.settimeout(patience_s)
+        try:
+            data = self.socket.recv(65_536)
+        except socket.timeout as error:
+            raise Vanished("the server vanished: it has been silent for too long") from error
+        except OSError as error:
+            raise Vanished(f"the server vanished: {error}") from error
+        if not data:
+            raise Vanished("the server vanished: it closed the connection")
+        self.rest += data
+        self.heard = time.monotonic()
+
+    def _frames(self, most=None):
+        """Yields kind and body of whole frames, at most so many."""
+        while len(self.rest) >= self.HEADER.size and most != 0:
+            magic, version, kind, length = self.HEADER.unpack_from(self.rest)
+            if magic != b"GT" or version != 1 or length > 384:
+                raise Incompatible(f"incompatible server: the stream is broken (magic {magic!r}, version {version}, length {length})")
+            end = self.HEADER.size + length
+            if len(self.rest) < end + 4:
+                return
+            frame, checksum = self.rest[:end], self.rest[end:end + 4]
+            if struct.pack("<I", zlib.crc32(frame)) != checksum:
+                raise Incompatible("incompatible server: the stream is broken (the checksum does not match)")
+            self.rest = self.rest[end + 4:]
+            most = None if most is None else most - 1
+            yield kind, frame[self.HEADER.size:]
+
+
+class _OtherAxes(Failure):
+    """The server has another number of axes than the Hello."""
+
+    exit_code = Refused.exit_code
+
+    def __init__(self, axes):
+        super().__init__(f"refused: the server has {axes} axes")
+        self.axes = axes
+
+
+def _granted(address, axes=3):
+    """Connects and greets; a server with another number of axes says which, and is asked again."""
+    connection = _Connection(address)
+    try:
+        connection.greet(axes)
+        return connection
+    except _OtherAxes as other:
+        connection.socket.close()
+        if axes != 3:
+            raise
+        return _granted(address, other.axes)
+    except BaseException:
+        connection.socket.close()
+        raise
+
+
+def _take_priority():
+    """Takes a real-time priority for this thread and those that it starts, or says why not."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except (AttributeError, OSError) as error:
+        print(f"gantry_tau: no real-time priority: {error}", file=sys.stderr)
+
+
+def _connect(address, what):
+    host, _, port = address.rpartition(":")
+    try:
+        connected = socket.create_connection((host.strip("[]"), int(port)), SILENCE_S)
+    except (OSError, ValueError) as error:
+        raise Unreachable(f"the {what} at {address} cannot be reached: {error}") from error
+    connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return connected

@@ -1,0 +1,95 @@
+//! `gantry-tau monitor`.
+
+use std::net::SocketAddr;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use clap::Args;
+use gantry_tau::model::MachineKind;
+use gantry_tau::monitor::web::{Web, figures};
+use gantry_tau::monitor::{MonitorOptions, View, run, run_page};
+use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::server::connections::Allowed;
+use gantry_tau::terminal::say;
+
+use super::{MachineCommand, Outcome, address, run_on};
+
+/// Watch a server: phase, counters, axes, force and events, on the terminal, as JSON or as a page that draws the machine
+///
+/// Reads a LabComm port of the server, opened by `serve --labcomm HOST:PORT=state,axes,tool,session_event`. It sends nothing and owns
+/// nothing. A lost server is told and tried again until Ctrl-C.
+///
+/// Exit codes: 0 ended. With --status, of the last line: 0 listening, handshake, submit or obtain; 3 offsets ramp to zero; 4 fault; 5 the
+/// machine failed; 6 no server.
+#[derive(Debug, Args)]
+pub(crate) struct Monitor {
+    /// Address of the server's LabComm port
+    #[arg(default_value = "127.0.0.1:7002", value_name = "HOST:PORT", value_parser = address)]
+    server: SocketAddr,
+    /// Print one line of JSON and end, instead of the screen
+    #[arg(long)]
+    status: bool,
+    /// With --status: a line every S seconds, until Ctrl-C
+    #[arg(long, value_name = "S", requires = "status", value_parser = seconds)]
+    every: Option<Duration>,
+    /// Serve a page for browsers instead of the screen
+    #[arg(long, value_name = "HOST:PORT", conflicts_with = "status", value_parser = address)]
+    web: Option<SocketAddr>,
+    /// With --web: answer only this peer or network (repeatable); needed for an address that is not of this machine alone
+    #[arg(long, value_name = "IP|IP/BITS", requires = "web")]
+    allow: Vec<String>,
+    /// With --web: the machine that is drawn: l2 or f1 (built in), or a robot file
+    #[arg(long, value_name = "l2|f1|FILE", requires = "web", default_value = "l2")]
+    robot: String,
+    /// End after S seconds
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    quit_after: Option<Duration>,
+}
+
+impl Monitor {
+    pub(super) fn run(self) -> Outcome {
+        if self.web.is_some() {
+            return run_on(AnyRobotFile::named(&self.robot), self);
+        }
+        let quit = interrupted()?;
+        let view = if self.status { View::Status { every: self.every } } else { View::Screen };
+        let options = MonitorOptions { server: self.server, view, quit_after: self.quit_after };
+        Ok(run(&options, &quit))
+    }
+}
+
+/// The page.
+impl MachineCommand for Monitor {
+    fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
+        let address = self.web.ok_or("a page needs --web")?;
+        let allowed = Allowed::only(&self.allow)?;
+        if !address.ip().is_loopback() && !allowed.restricts() {
+            return Err(format!("other machines reach {address}: name those that may read with --allow").into());
+        }
+        let mut page = Web::bind(address, allowed, figures(robot)?)
+            .map_err(|error| format!("cannot serve the page on {address}: {error}"))?;
+        let quit = interrupted()?;
+        say(format_args!("page on http://{}/; Ctrl-C ends", page.address()?));
+        run_page(self.server, &mut page, self.quit_after, &quit);
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// Becomes true with Ctrl-C.
+fn interrupted() -> Result<Arc<AtomicBool>, String> {
+    let quit = Arc::new(AtomicBool::new(false));
+    let asked = Arc::clone(&quit);
+    ctrlc::set_handler(move || asked.store(true, Ordering::Relaxed))
+        .map_err(|error| format!("cannot listen for Ctrl-C: {error}"))?;
+    Ok(quit)
+}
+
+/// A time in seconds.
+fn seconds(text: &str) -> Result<Duration, String> {
+    match text.parse() {
+        Ok(seconds) if (0.01..=1e6).contains(&seconds) => Ok(Duration::from_secs_f64(seconds)),
+        _ => Err("expected from 0.01 to 1000000 seconds".to_owned()),
+    }
+}

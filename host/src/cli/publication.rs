@@ -1,0 +1,69 @@
+//! Options of `serve` for its LabComm ports.
+
+use std::net::SocketAddr;
+
+use clap::Args;
+use gantry_tau::publication::{Publication, SampleName};
+use gantry_tau::server::ServerError;
+use gantry_tau::server::connections::Allowed;
+
+use super::address;
+use super::labcomm::LabcommVersion;
+
+/// Ports, and what they speak.
+#[derive(Debug, Args)]
+pub(crate) struct PublicationOptions {
+    /// Publish samples over LabComm, one of each per tick: any of data, forcesensor, state, axes, tool, session_event
+    /// (repeatable) [default names: data,forcesensor]
+    ///
+    /// A reader gets the definitions, then the samples; at most four readers at a time, and one that does not keep up is dropped.
+    /// A port with data and forcesensor alone is written in the cycle, before the State of the tick; any other some
+    /// milliseconds later. `gantry-tau labcomm schema` prints the types.
+    #[arg(long, value_name = "HOST:PORT[=NAME,..]", value_parser = port)]
+    labcomm: Vec<Port>,
+    /// Version of LabComm on these ports
+    #[arg(long, value_name = "VERSION", default_value = "2006")]
+    labcomm_version: LabcommVersion,
+}
+
+impl PublicationOptions {
+    /// Addresses of the ports.
+    pub(super) fn addresses(&self) -> impl Iterator<Item = SocketAddr> {
+        self.labcomm.iter().map(|port| port.address)
+    }
+
+    /// Listens on all ports, for a machine with `N` axes.
+    pub(super) fn bind<const N: usize>(
+        &self,
+        allowed: &Allowed,
+        gauge_resolution_m: f64,
+    ) -> Result<Vec<Publication>, ServerError> {
+        let bind = |port: &Port| {
+            Publication::bind::<N>(port.address, self.labcomm_version.into(), &port.names, gauge_resolution_m)
+                .map(|publication| publication.for_peers(allowed.clone()))
+                .map_err(|error| ServerError::listen(port.address, &error))
+        };
+        self.labcomm.iter().map(bind).collect()
+    }
+}
+
+/// A port and its samples, each once.
+#[derive(Clone, Debug)]
+struct Port {
+    address: SocketAddr,
+    names: Vec<SampleName>,
+}
+
+fn port(text: &str) -> Result<Port, String> {
+    let (at, listed) = text.split_once('=').unwrap_or((text, "data,forcesensor"));
+    let mut names = Vec::new();
+    for name in listed.split(',') {
+        let name =
+            name.trim().parse().map_err(|error: gantry_tau::publication::ParseSampleNameError| error.to_string())?;
+        if names.contains(&name) {
+            return Err(format!("sample {name} is named twice"));
+        }
+        names.push(name);
+    }
+    Ok(Port { address: address(at)?, names })
+}

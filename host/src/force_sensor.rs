@@ -1,0 +1,86 @@
+//! Sources of a client's force samples: the link of `serve`, or a LabComm stream.
+
+mod labcomm;
+
+use std::fmt;
+use std::io;
+use std::net::SocketAddr;
+
+use crate::sensor_link::{Sample, SensorReader};
+use labcomm::LabcommSensor;
+
+/// Name of the sample in the thesis' file.
+pub const DEFAULT_NAME: &str = "forcesensor";
+
+/// Address of a force sensor, and what it speaks.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SensorSource {
+    /// Records of [`crate::sensor_link`], with the server's ticks.
+    Records(SocketAddr),
+    /// A LabComm stream of either generation, with a sample of six floats or doubles.
+    Labcomm {
+        /// Address.
+        address: SocketAddr,
+        /// Name of the sample.
+        name: String,
+    },
+}
+
+impl SensorSource {
+    /// Address.
+    #[must_use]
+    pub const fn address(&self) -> SocketAddr {
+        match self {
+            Self::Records(address) | Self::Labcomm { address, .. } => *address,
+        }
+    }
+}
+
+impl From<SocketAddr> for SensorSource {
+    fn from(address: SocketAddr) -> Self {
+        Self::Records(address)
+    }
+}
+
+impl fmt::Display for SensorSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Records(address) => address.fmt(f),
+            Self::Labcomm { address, name } => write!(f, "labcomm:{address}/{name}"),
+        }
+    }
+}
+
+/// A connected source.
+#[derive(Debug)]
+pub enum ForceSensor {
+    /// Of records.
+    Records(SensorReader),
+    /// Of LabComm samples.
+    Labcomm(LabcommSensor),
+}
+
+impl ForceSensor {
+    /// Connects.
+    ///
+    /// # Errors
+    /// Nothing listens there.
+    pub fn connect(source: &SensorSource) -> io::Result<Self> {
+        match source {
+            SensorSource::Records(address) => SensorReader::connect(*address).map(Self::Records),
+            SensorSource::Labcomm { address, name } => LabcommSensor::connect(*address, name).map(Self::Labcomm),
+        }
+    }
+
+    /// Takes everything that has arrived, and returns the latest sample. A LabComm sample has no tick: it gets `tick`, that of the last
+    /// State, when it comes.
+    ///
+    /// # Errors
+    /// [`io::ErrorKind::InvalidData`]: the stream is not understood. Others: the sensor is gone.
+    pub fn latest(&mut self, tick: u64) -> io::Result<Option<Sample>> {
+        match self {
+            Self::Records(reader) => reader.latest(),
+            Self::Labcomm(sensor) => sensor.latest(tick),
+        }
+    }
+}

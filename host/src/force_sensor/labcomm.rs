@@ -1,0 +1,129 @@
+//! Force samples out of a LabComm stream `[T 4.2.3, 4.2.5]`: found by name and type; everything else is walked over.
+
+use std::io::{self, Read};
+use std::net::{SocketAddr, TcpStream};
+use std::time::Duration;
+
+use gantry_tau_labcomm::{Decoded, Decoder, Definition, Event, Type};
+
+use crate::labcomm::{StreamDecoder, type_text};
+use crate::sensor_link::Sample;
+
+/// Longest wait for the sensor to answer.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
+/// Bytes read at once.
+const CHUNK: usize = 4_096;
+/// Reads from one stream per visit, a bound on the work a flood can cause.
+const READS: usize = 64;
+/// Largest value of any sample in the stream, bytes.
+const MAX_VALUE: u32 = 1 << 20;
+
+/// Reader of one sample; keeps the latest.
+#[derive(Debug)]
+pub struct LabcommSensor {
+    stream: TcpStream,
+    name: String,
+    decoder: StreamDecoder,
+    /// Bytes of an event that is not complete.
+    pending: Vec<u8>,
+    latest: Option<Sample>,
+}
+
+impl LabcommSensor {
+    /// Connects to a stream that defines a sample `name`.
+    pub(super) fn connect(address: SocketAddr, name: &str) -> io::Result<Self> {
+        let stream = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT)?;
+        stream.set_nodelay(true)?;
+        stream.set_nonblocking(true)?;
+        Ok(Self {
+            stream,
+            name: name.to_owned(),
+            decoder: Box::new(Decoder::new(MAX_VALUE)),
+            pending: Vec::new(),
+            latest: None,
+        })
+    }
+
+    /// As [`super::ForceSensor::latest`].
+    pub(super) fn latest(&mut self, tick: u64) -> io::Result<Option<Sample>> {
+        for _ in 0..READS {
+            let mut chunk = [0; CHUNK];
+            match self.stream.read(&mut chunk) {
+                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+                Ok(count) => {
+                    self.pending.extend_from_slice(chunk.get(..count).unwrap_or_default());
+                    self.decode(tick)?;
+                }
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(self.latest)
+    }
+
+    /// Takes the events that are complete.
+    fn decode(&mut self, tick: u64) -> io::Result<()> {
+        let mut rest = self.pending.as_slice();
+        loop {
+            match self.decoder.decode(rest).map_err(|error| invalid(error.to_string()))? {
+                Decoded::Need(_) => break,
+                Decoded::Event { event, used } => {
+                    rest = rest.get(used..).unwrap_or_default();
+                    if let Some(wrench) = wrench(&self.name, &event)? {
+                        self.latest = Some(Sample { tick, wrench });
+                    }
+                }
+            }
+        }
+        let used = self.pending.len() - rest.len();
+        self.pending.drain(..used);
+        Ok(())
+    }
+}
+
+/// Force and moment, if an event has them.
+fn wrench(name: &str, event: &Event<'_, '_>) -> io::Result<Option<[f64; 6]>> {
+    match event {
+        Event::Define(definition) if is_named(definition, name) => match components(&definition.ty) {
+            Some(_) => Ok(None),
+            None => Err(invalid(format!(
+                "sample {name:?} has the type {}; expected [\"array\",[6],\"float\"] or [\"array\",[6],\"double\"]",
+                type_text(&definition.ty)
+            ))),
+        },
+        Event::Data { definition, value } if is_named(definition, name) => {
+            let read = match components(&definition.ty) {
+                Some(Components::Float) => value.read::<[f32; 6]>().map(|wrench| wrench.map(f64::from)),
+                _ => value.read::<[f64; 6]>(),
+            };
+            read.map(Some).map_err(|error| invalid(error.to_string()))
+        }
+        _ => Ok(None),
+    }
+}
+
+fn is_named(definition: &Definition<'_>, name: &str) -> bool {
+    definition.name == name.as_bytes()
+}
+
+/// Kind of number of a wrench.
+enum Components {
+    Float,
+    Double,
+}
+
+/// Returns the kind of number, if a type is six of them.
+fn components(ty: &Type<'_>) -> Option<Components> {
+    if ty.is::<[f32; 6]>() {
+        Some(Components::Float)
+    } else if ty.is::<[f64; 6]>() {
+        Some(Components::Double)
+    } else {
+        None
+    }
+}
+
+fn invalid(reason: String) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, reason)
+}

@@ -1,0 +1,137 @@
+//! Samples of a stream, put together tick by tick.
+
+use gantry_tau_core::control::message::{MAX_AXES, Phase};
+use gantry_tau_labcomm::Field;
+use gantry_tau_labcomm::samples::{Axes, Axis, State, Tool};
+
+use super::snapshot::{self, Snapshot};
+use super::stream::StreamError;
+
+/// Ticks after the failure of the machine in which the server may still be in its old phase.
+const UNTIL_FAULT: i64 = 2;
+
+/// Axes of a tick.
+#[derive(Clone, Copy, Debug)]
+struct AxesOf {
+    tick: i64,
+    axis: [Axis; MAX_AXES],
+    count: usize,
+}
+
+/// One tick.
+#[derive(Clone, Copy, Debug)]
+struct Tick {
+    state: State,
+    axes: AxesOf,
+    tool: Option<Tool>,
+}
+
+/// The latest whole tick, and what has come of the next.
+///
+/// A tick is whole when its state and axes have come, and its tool if the server sends one; or when a sample of a later tick comes.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Assembly {
+    sends_tool: bool,
+    state: Option<State>,
+    axes: Option<AxesOf>,
+    tool: Option<Tool>,
+    latest: Option<Tick>,
+    /// Tick before the latest.
+    before: Option<AxesOf>,
+    /// Tick in which the machine failed.
+    failed: Option<i64>,
+}
+
+impl Assembly {
+    /// The server sends the sample of the tool, or does not.
+    pub(super) const fn expect_tool(&mut self, sends_tool: bool) {
+        self.sends_tool = sends_tool;
+    }
+
+    pub(super) fn state(&mut self, state: State) {
+        self.begin(state.tick);
+        self.state = Some(state);
+        self.end(false);
+    }
+
+    pub(super) fn axes<const N: usize>(&mut self, axes: &Axes<N>) {
+        self.begin(axes.tick);
+        let mut all = AxesOf { tick: axes.tick, axis: [Axis::ZERO; MAX_AXES], count: N };
+        for (place, axis) in all.axis.iter_mut().zip(&axes.axis) {
+            *place = *axis;
+        }
+        self.axes = Some(all);
+        self.end(false);
+    }
+
+    pub(super) fn tool(&mut self, tool: Tool) {
+        self.begin(tool.tick);
+        self.tool = Some(tool);
+        self.end(false);
+    }
+
+    /// The machine failed in a tick.
+    pub(super) const fn machine_failed(&mut self, tick: i64) {
+        self.failed = Some(tick);
+    }
+
+    /// Ends the last tick when a sample of another one comes.
+    fn begin(&mut self, tick: i64) {
+        let ticks = [
+            self.state.as_ref().map(|state| state.tick),
+            self.axes.as_ref().map(|axes| axes.tick),
+            self.tool.as_ref().map(|tool| tool.tick),
+        ];
+        if ticks.into_iter().flatten().any(|other| other != tick) {
+            self.end(true);
+            (self.state, self.axes, self.tool) = (None, None, None);
+        }
+    }
+
+    fn end(&mut self, nothing_more_comes: bool) {
+        let (Some(state), Some(axes)) = (self.state, self.axes) else { return };
+        if self.sends_tool && self.tool.is_none() && !nothing_more_comes {
+            return;
+        }
+        if self.latest.is_none_or(|latest| latest.axes.tick != axes.tick) {
+            self.before = self.latest.map(|latest| latest.axes);
+        }
+        self.latest = Some(Tick { state, axes, tool: self.tool });
+        let served_again =
+            |failed: i64| state.phase == Phase::Listening.code() && state.tick > failed.saturating_add(UNTIL_FAULT);
+        if self.failed.is_some_and(served_again) {
+            self.failed = None;
+        }
+    }
+
+    /// The latest whole tick; `None` before the first.
+    ///
+    /// # Errors
+    /// [`StreamError::UnknownCode`].
+    pub(super) fn snapshot(&self) -> Result<Option<Snapshot>, StreamError> {
+        let Some(Tick { state, axes, tool }) = &self.latest else { return Ok(None) };
+        let before = self.before.filter(|before| before.tick.checked_add(1) == Some(axes.tick));
+        let axis = |(number, axis): (usize, &Axis)| {
+            let reference = before.and_then(|before| Some(before.axis.get(number)?.reference_nm));
+            snapshot::Axis::new(axis, reference)
+        };
+        Ok(Some(Snapshot {
+            tick: state.tick,
+            phase: Phase::from_code(state.phase)
+                .ok_or(StreamError::UnknownCode { field: "phase", code: state.phase })?,
+            epoch: state.epoch,
+            cause: super::cause(state.cause)?,
+            sequence: state.sequence,
+            on_time: state.on_time,
+            ramp_ticks_left: state.ramp_ticks_left,
+            counters: state.counters.into(),
+            longest_miss_run: state.longest_miss_run,
+            machine_failed: self.failed.is_some(),
+            axes: axes.axis.iter().take(axes.count).enumerate().map(axis).collect(),
+            force: tool.map(|tool| tool.load),
+            gauges_m: tool.map(|tool| tool.gauges_m),
+            displacement_m: tool.map(|tool| tool.displacement_m),
+            turn_rad: tool.map(|tool| tool.turn_rad),
+        }))
+    }
+}

@@ -1,0 +1,86 @@
+//! Sample types of a stream that a monitor reads, found once by their definitions.
+
+use gantry_tau_labcomm::samples::{Axes, SessionEvent, State, Tool};
+use gantry_tau_labcomm::{Definition, Sample};
+
+use super::stream::StreamError;
+
+/// Sample type that a monitor reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    State,
+    Axes3,
+    Axes6,
+    Tool,
+    SessionEvent,
+}
+
+impl Kind {
+    const ALL: [Self; 5] = [Self::State, Self::Axes3, Self::Axes6, Self::Tool, Self::SessionEvent];
+
+    /// Name of the sample.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::State => State::NAME,
+            Self::Axes3 => Axes::<3>::NAME,
+            Self::Axes6 => Axes::<6>::NAME,
+            Self::Tool => Tool::NAME,
+            Self::SessionEvent => SessionEvent::NAME,
+        }
+    }
+
+    fn is(self, definition: &Definition<'_>) -> bool {
+        match self {
+            Self::State => definition.is::<State>(),
+            Self::Axes3 => definition.is::<Axes<3>>(),
+            Self::Axes6 => definition.is::<Axes<6>>(),
+            Self::Tool => definition.is::<Tool>(),
+            Self::SessionEvent => definition.is::<SessionEvent>(),
+        }
+    }
+}
+
+/// Indices of these types in a stream.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Known(Vec<(u32, Kind)>);
+
+impl Known {
+    /// Takes a definition; others than those of a monitor are passed over.
+    ///
+    /// # Errors
+    /// [`StreamError::OtherType`]: the name of one, with another type.
+    pub(super) fn define(&mut self, definition: &Definition<'_>) -> Result<(), StreamError> {
+        if let Some(kind) = Kind::ALL.into_iter().find(|kind| kind.is(definition)) {
+            if self.find(definition.index).is_none() {
+                self.0.push((definition.index, kind));
+            }
+            return Ok(());
+        }
+        match Kind::ALL.into_iter().map(Kind::name).find(|name| name.as_bytes() == definition.name) {
+            Some(name) => Err(StreamError::OtherType { name }),
+            None => Ok(()),
+        }
+    }
+
+    /// Type of an index; `None` if a monitor does not read it.
+    ///
+    /// # Errors
+    /// [`StreamError::Missing`]: samples come, and one that is needed is not defined.
+    pub(super) fn kind(&self, index: u32) -> Result<Option<Kind>, StreamError> {
+        let needed = [self.has(Kind::State), self.has(Kind::Axes3) || self.has(Kind::Axes6)];
+        match needed {
+            [true, true] => Ok(self.find(index)),
+            [false, _] => Err(StreamError::Missing { name: Kind::State.name() }),
+            [true, false] => Err(StreamError::Missing { name: Kind::Axes3.name() }),
+        }
+    }
+
+    /// True if a type is defined.
+    pub(super) fn has(&self, kind: Kind) -> bool {
+        self.0.iter().any(|(_, known)| *known == kind)
+    }
+
+    fn find(&self, index: u32) -> Option<Kind> {
+        self.0.iter().find(|(known, _)| *known == index).map(|(_, kind)| *kind)
+    }
+}

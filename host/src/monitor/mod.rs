@@ -1,0 +1,164 @@
+//! `monitor`: a live view of a server, as a terminal screen, as JSON, or as a page in a browser.
+//!
+//! It reads a LabComm port of the server (`serve --labcomm`), sends nothing and owns nothing.
+
+mod assembly;
+mod known;
+mod run;
+mod screen;
+mod snapshot;
+mod stream;
+pub mod web;
+
+use std::collections::VecDeque;
+use std::net::SocketAddr;
+use std::time::{Duration, Instant, SystemTime};
+
+use gantry_tau_core::control::message::Cause;
+
+pub use run::{MonitorOptions, View, run, run_page};
+pub use snapshot::{Axis, Channels, Counters, NO_SERVER, Snapshot};
+use stream::Stream;
+pub use stream::{Happened, SAMPLES, StreamError};
+
+/// Pause between two attempts to reach a server.
+const RETRY: Duration = Duration::from_millis(500);
+/// Silence of a connected server after which it counts as lost; one in lock-step has a tick per second at least.
+const SILENCE: Duration = Duration::from_secs(3);
+/// Events that are kept.
+const EVENTS: usize = 50;
+
+/// Event with the time at which it was received.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// Number of the event, from 1.
+    pub number: u64,
+    /// Time of day of this computer, UTC.
+    pub at: SystemTime,
+    /// Tick, and description.
+    pub text: String,
+}
+
+/// Reader of one server, which reconnects.
+pub struct Monitor {
+    server: SocketAddr,
+    stream: Option<Stream>,
+    /// Time of the next attempt.
+    retry: Instant,
+    heard: Instant,
+    snapshot: Option<Snapshot>,
+    trouble: Option<StreamError>,
+    events: VecDeque<Entry>,
+    count: u64,
+}
+
+impl Monitor {
+    /// Monitor of a server, which is not yet connected.
+    #[must_use]
+    pub fn of(server: SocketAddr) -> Self {
+        let now = Instant::now();
+        Self {
+            server,
+            stream: None,
+            retry: now,
+            heard: now,
+            snapshot: None,
+            trouble: None,
+            events: VecDeque::new(),
+            count: 0,
+        }
+    }
+
+    /// Address of the server.
+    #[must_use]
+    pub const fn server(&self) -> SocketAddr {
+        self.server
+    }
+
+    /// Reads what has come; connects if there is no connection, at most every half second.
+    pub fn update(&mut self) {
+        if let Err(error) = self.receive() {
+            self.stream = None;
+            self.retry = Instant::now() + RETRY;
+            // The same for as long as it lasts is told once.
+            if self.trouble != Some(error) {
+                self.note(error.to_string());
+                self.trouble = Some(error);
+            }
+        }
+    }
+
+    fn receive(&mut self) -> Result<(), StreamError> {
+        let mut stream = match self.stream.take() {
+            Some(stream) => stream,
+            None if Instant::now() < self.retry => return Ok(()),
+            None => {
+                self.heard = Instant::now();
+                Stream::connect(self.server)?
+            }
+        };
+        let mut happened = Vec::new();
+        let received = stream.receive(&mut |event| happened.push(event));
+        for Happened { tick, text } in happened {
+            self.note(format!("tick {tick}: {text}"));
+        }
+        if received? > 0 {
+            self.heard = Instant::now();
+        }
+        if let Some(snapshot) = stream.snapshot()? {
+            if self.trouble.take().is_some() || self.snapshot.is_none() {
+                self.note(format!("connected to {}", self.server));
+            }
+            self.snapshot = Some(snapshot);
+        }
+        self.stream = Some(stream);
+        Ok(())
+    }
+
+    fn note(&mut self, text: String) {
+        self.count += 1;
+        self.events.truncate(EVENTS - 1);
+        self.events.push_front(Entry { number: self.count, at: SystemTime::now(), text });
+    }
+
+    /// The latest tick of the connected server; `None` if [`trouble`](Self::trouble) says why.
+    #[must_use]
+    pub fn live(&self) -> Option<&Snapshot> {
+        self.snapshot.as_ref().filter(|_| self.trouble().is_none())
+    }
+
+    /// The latest tick of the last server.
+    #[must_use]
+    pub const fn last(&self) -> Option<&Snapshot> {
+        self.snapshot.as_ref()
+    }
+
+    /// Reason for which there is no tick, in a sentence.
+    #[must_use]
+    pub fn trouble(&self) -> Option<String> {
+        let silent = self.heard.elapsed();
+        match (self.trouble, &self.snapshot) {
+            (Some(trouble), _) => Some(trouble.to_string()),
+            (None, None) if silent < SILENCE => Some(format!("waiting for the first tick of {}", self.server)),
+            (None, None) => Some(format!("{} sent no tick in {:.0} s", self.server, silent.as_secs_f64())),
+            (None, Some(_)) if silent < SILENCE => None,
+            (None, Some(_)) => Some(format!("{} has sent nothing for {:.0} s", self.server, silent.as_secs_f64())),
+        }
+    }
+
+    /// True if the attempt to get a tick has failed, or takes too long.
+    #[must_use]
+    pub fn has_failed(&self) -> bool {
+        self.trouble.is_some() || self.heard.elapsed() >= SILENCE
+    }
+
+    /// Events, the last first; at most 50.
+    pub fn events(&self) -> impl Iterator<Item = &Entry> {
+        self.events.iter()
+    }
+}
+
+/// Cause of a code.
+fn cause(code: u8) -> Result<Cause, StreamError> {
+    Cause::from_code(code).ok_or(StreamError::UnknownCode { field: "cause", code })
+}

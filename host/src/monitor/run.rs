@@ -1,0 +1,142 @@
+//! The loop of `monitor`: read, show, wait.
+
+use std::io::{IsTerminal, Write};
+use std::net::SocketAddr;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use super::snapshot::NO_SERVER;
+use super::web::Web;
+use super::{Monitor, screen};
+use crate::terminal::say;
+
+/// Pause between two visits to the server's connection: long against a tick, so that one read takes many.
+const REST: Duration = Duration::from_millis(20);
+/// Pause between two pictures of the page, which are 30 a second.
+const PICTURE: Duration = Duration::from_millis(33);
+/// Pause between two screens of a terminal.
+const SCREEN: Duration = Duration::from_millis(100);
+/// Pause between two screens of a file or pipe.
+const PRINTED: Duration = Duration::from_secs(1);
+
+/// Options of `monitor`.
+#[derive(Clone, Debug)]
+pub struct MonitorOptions {
+    /// Address of the server's LabComm port.
+    pub server: SocketAddr,
+    /// Form of what is shown.
+    pub view: View,
+    /// Time after which it ends by itself.
+    pub quit_after: Option<Duration>,
+}
+
+/// Form of what is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum View {
+    /// A screen on the terminal.
+    Screen,
+    /// One line of JSON; again after each pause.
+    Status {
+        /// The pause; `None` for one line.
+        every: Option<Duration>,
+    },
+}
+
+/// Shows a server until `quit`. Returns the exit code: with a screen 0, else that of the last line.
+pub fn run(options: &MonitorOptions, quit: &AtomicBool) -> ExitCode {
+    let mut monitor = Monitor::of(options.server);
+    match options.view {
+        View::Screen => {
+            show_screen(&mut monitor, options.quit_after, quit);
+            ExitCode::SUCCESS
+        }
+        View::Status { every } => ExitCode::from(show_status(&mut monitor, every, options.quit_after, quit)),
+    }
+}
+
+/// Updates the monitor and calls `show`, with pauses of `rest`, until it is time to end, or `show` returns false.
+fn each_visit(
+    monitor: &mut Monitor,
+    rest: Duration,
+    quit_after: Option<Duration>,
+    quit: &AtomicBool,
+    mut show: impl FnMut(&Monitor) -> bool,
+) {
+    let began = Instant::now();
+    let is_over = || quit.load(Ordering::Relaxed) || quit_after.is_some_and(|after| began.elapsed() >= after);
+    while !is_over() {
+        monitor.update();
+        if !show(monitor) {
+            return;
+        }
+        std::thread::sleep(rest);
+    }
+}
+
+/// Serves the page until `quit`.
+pub fn run_page(server: SocketAddr, page: &mut Web, quit_after: Option<Duration>, quit: &AtomicBool) {
+    each_visit(&mut Monitor::of(server), PICTURE, quit_after, quit, |monitor| {
+        page.visit(monitor);
+        true
+    });
+}
+
+fn show_screen(monitor: &mut Monitor, quit_after: Option<Duration>, quit: &AtomicBool) {
+    let is_terminal = std::io::stdout().is_terminal();
+    let pause = if is_terminal { SCREEN } else { PRINTED };
+    let mut next = Instant::now();
+    if is_terminal {
+        put("\x1b[2J");
+    }
+    each_visit(monitor, REST, quit_after, quit, |monitor| {
+        if Instant::now() < next {
+            return true;
+        }
+        next = Instant::now() + pause;
+        let text = screen::screen(monitor);
+        // From the upper left corner; each line and the rest of the screen are erased behind the text.
+        put(&if is_terminal { format!("\x1b[H{}\x1b[J", text.replace('\n', "\x1b[K\r\n")) } else { text + "\n" })
+    });
+}
+
+/// Writes to the standard output; false once its reader has ended.
+fn put(text: &str) -> bool {
+    let mut out = std::io::stdout();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).is_ok()
+}
+
+/// Returns the exit status of the last line.
+fn show_status(monitor: &mut Monitor, every: Option<Duration>, quit_after: Option<Duration>, quit: &AtomicBool) -> u8 {
+    let mut status = NO_SERVER;
+    let mut next = Instant::now();
+    let mut told = 0;
+    each_visit(monitor, REST, quit_after, quit, |monitor| {
+        for entry in monitor.events().filter(|entry| entry.number > told) {
+            if every.is_some() {
+                tracing::info!("{}", entry.text);
+            }
+        }
+        told = monitor.events().next().map_or(told, |entry| entry.number);
+        if Instant::now() < next {
+            return true;
+        }
+        match (monitor.live(), every) {
+            (Some(snapshot), _) => {
+                say(snapshot.json());
+                status = snapshot.exit_status();
+                next = Instant::now() + every.unwrap_or_default();
+                every.is_some()
+            }
+            (None, Some(_)) => {
+                status = NO_SERVER;
+                true
+            }
+            (None, None) => !monitor.has_failed(),
+        }
+    });
+    if let (NO_SERVER, Some(trouble)) = (status, monitor.trouble()) {
+        eprintln!("gantry-tau: {trouble}");
+    }
+    status
+}

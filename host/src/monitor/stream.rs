@@ -1,0 +1,190 @@
+//! Reader of a LabComm port with the samples `state`, `axes`, `tool` and `session_event`.
+
+use std::io::{ErrorKind, Read};
+use std::net::{SocketAddr, TcpStream};
+use std::time::Duration;
+
+use gantry_tau_labcomm::samples::SessionEvent;
+use gantry_tau_labcomm::{Decoded, Decoder, Error, Event, Value};
+
+use super::assembly::Assembly;
+use super::known::{Kind, Known};
+use super::snapshot::Snapshot;
+use crate::server::event_log::EventKind;
+
+/// Longest wait for a server to take the connection.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);
+/// Bytes read at a time.
+const CHUNK: usize = 65_536;
+/// Reads in one visit: a bound on the work that a fast server can cause.
+const READS: usize = 64;
+/// Largest sample, bytes.
+const MOST: u32 = 65_536;
+/// Definitions in a stream, and bytes of their names and types.
+type StreamDecoder = Decoder<64, 16_384>;
+
+/// Samples that a server must publish for a monitor, as `serve --labcomm` takes them.
+pub const SAMPLES: &str = "state,axes,tool,session_event";
+
+/// Error of a stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StreamError {
+    /// No server takes the connection.
+    #[error("no server answers on {address} ({kind}); start one with `gantry-tau serve --labcomm {address}={SAMPLES}`")]
+    Unreachable {
+        /// Its address.
+        address: SocketAddr,
+        /// Reason of the system.
+        kind: ErrorKind,
+    },
+    /// The connection has ended.
+    #[error("the server has ended, or dropped this reader because it did not keep up")]
+    Closed,
+    /// The connection is broken.
+    #[error("the connection to the server is broken ({0})")]
+    Broken(ErrorKind),
+    /// The bytes are not LabComm.
+    #[error("the port does not send LabComm: {0}")]
+    Format(Error),
+    /// A sample is not published.
+    #[error("the port does not publish the sample `{name}`; it needs `serve --labcomm HOST:PORT={SAMPLES}`")]
+    Missing {
+        /// The sample.
+        name: &'static str,
+    },
+    /// A sample of this name has another type.
+    #[error("the port publishes a sample `{name}` of another type; server and monitor must be of the same version")]
+    OtherType {
+        /// The sample.
+        name: &'static str,
+    },
+    /// A code that this version does not know.
+    #[error("the server sends {field} {code}, which is unknown; server and monitor must be of the same version")]
+    UnknownCode {
+        /// Field of the sample `state`.
+        field: &'static str,
+        /// The code.
+        code: u8,
+    },
+}
+
+/// Something that happened to a session or to the machine.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Happened {
+    /// Tick in which it happened.
+    pub tick: i64,
+    /// Description of the server; bytes that are not UTF-8 are replaced, control characters removed.
+    pub text: String,
+}
+
+/// A connection to a server.
+pub(super) struct Stream {
+    socket: TcpStream,
+    decoder: Box<StreamDecoder>,
+    /// Bytes that are not decoded yet.
+    bytes: Vec<u8>,
+    chunk: Vec<u8>,
+    assembly: Assembly,
+    known: Known,
+}
+
+impl Stream {
+    /// Connects to a server.
+    ///
+    /// # Errors
+    /// [`StreamError::Unreachable`].
+    pub(super) fn connect(address: SocketAddr) -> Result<Self, StreamError> {
+        let unreachable = |error: std::io::Error| StreamError::Unreachable { address, kind: error.kind() };
+        let socket = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT).map_err(unreachable)?;
+        socket.set_nonblocking(true).map_err(unreachable)?;
+        Ok(Self {
+            socket,
+            decoder: Box::new(StreamDecoder::new(MOST)),
+            bytes: Vec::new(),
+            chunk: vec![0; CHUNK],
+            assembly: Assembly::default(),
+            known: Known::default(),
+        })
+    }
+
+    /// Reads what has come, and calls `each` with every event. Returns the number of bytes.
+    ///
+    /// # Errors
+    /// [`StreamError`]; the stream is then to be dropped.
+    pub(super) fn receive(&mut self, each: &mut impl FnMut(Happened)) -> Result<usize, StreamError> {
+        let mut received = 0;
+        for _ in 0..READS {
+            match self.socket.read(&mut self.chunk) {
+                Ok(0) => return Err(StreamError::Closed),
+                Ok(count) => {
+                    received += count;
+                    self.bytes.extend_from_slice(self.chunk.get(..count).unwrap_or_default());
+                    self.decode(each)?;
+                }
+                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(StreamError::Broken(error.kind())),
+            }
+        }
+        Ok(received)
+    }
+
+    /// Decodes whole events from the front of the bytes.
+    fn decode(&mut self, each: &mut impl FnMut(Happened)) -> Result<(), StreamError> {
+        let mut at = 0;
+        loop {
+            let rest = self.bytes.get(at..).unwrap_or_default();
+            match self.decoder.decode(rest).map_err(StreamError::Format)? {
+                Decoded::Need(_) => break,
+                Decoded::Event { event, used } => {
+                    match event {
+                        Event::Define(definition) => self.known.define(&definition)?,
+                        Event::Data { definition, value } => {
+                            let kind = self.known.kind(definition.index)?;
+                            self.assembly.expect_tool(self.known.has(Kind::Tool));
+                            take(kind, &value, &mut self.assembly, each)?;
+                        }
+                        Event::Version(_) | Event::Reference(_) | Event::Skipped(_) => {}
+                    }
+                    at += used;
+                }
+            }
+        }
+        self.bytes.drain(..at);
+        Ok(())
+    }
+
+    /// The latest whole tick.
+    ///
+    /// # Errors
+    /// [`StreamError::UnknownCode`].
+    pub(super) fn snapshot(&self) -> Result<Option<Snapshot>, StreamError> {
+        self.assembly.snapshot()
+    }
+}
+
+/// Takes one sample; others than those of a monitor are passed over.
+fn take(
+    kind: Option<Kind>,
+    value: &Value<'_, '_>,
+    assembly: &mut Assembly,
+    each: &mut impl FnMut(Happened),
+) -> Result<(), StreamError> {
+    let Some(kind) = kind else { return Ok(()) };
+    let other = |_| StreamError::OtherType { name: kind.name() };
+    match kind {
+        Kind::State => assembly.state(value.read().map_err(other)?),
+        Kind::Axes3 => assembly.axes::<3>(&value.read().map_err(other)?),
+        Kind::Axes6 => assembly.axes::<6>(&value.read().map_err(other)?),
+        Kind::Tool => assembly.tool(value.read().map_err(other)?),
+        Kind::SessionEvent => {
+            let event: SessionEvent = value.read().map_err(other)?;
+            if event.kind == EventKind::MachineFailed as u8 {
+                assembly.machine_failed(event.tick);
+            }
+            let text = String::from_utf8_lossy(event.text.as_bytes());
+            each(Happened { tick: event.tick, text: text.chars().filter(|letter| !letter.is_control()).collect() });
+        }
+    }
+    Ok(())
+}

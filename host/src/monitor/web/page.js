@@ -1,0 +1,119 @@
+// The page: takes the pictures of the server and shows them.
+
+const element = (id) => document.getElementById(id);
+const words = (key) => key.replaceAll("_", " ");
+const grouped = (value) => Math.round(value).toString().replace(/\B(?=(\d{3})+(?!\d))/g, " ");
+const fixed = (value, digits) => (value === null ? "–" : value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1").replace("-", "−"));
+const show = (id, text) => { const place = element(id); if (place.textContent !== text) place.textContent = text; };
+
+const HINT = "drag: turn · wheel: zoom · double click: reset";
+let machine = null, picture = null, points = [], pending = false;
+
+function redraw() {
+  if (pending) return;
+  pending = true;
+  requestAnimationFrame(() => {
+    pending = false;
+    drawMachine(element("machine"), machine, picture && picture.figure, Number(element("factor").value));
+    drawPlot(element("plot"), points);
+    drawForce(element("force"), picture && picture.status && picture.status.force);
+  });
+}
+
+function showStatus(status) {
+  show("phase", words(status.machine_failed ? "machine failed" : status.phase));
+  element("phase").style.background = status.machine_failed ? PHASES.fault : PHASES[status.phase];
+  show("epoch", String(status.epoch));
+  show("tick", grouped(status.tick));
+  show("cause", words(status.cause));
+  show("ramp", `${fixed(status.ramp_ticks_left * 1e-3, 1)} s`);
+  show("on_time", `${status.on_time} %`);
+  element("share").value = status.on_time;
+  const rows = element("axes").tBodies[0];
+  while (rows.rows.length < status.axes.length) addRow(rows, rows.rows.length);
+  status.axes.forEach((axis, index) => {
+    const cells = [
+      fixed(axis.nominal_nm * 1e-6, 4), fixed(axis.offset.position_nm * 1e-3, 3), fixed(axis.actual.position_nm * 1e-6, 4),
+      fixed(axis.lag_nm === null ? null : axis.lag_nm * 1e-3, 1), fixed(axis.actual.velocity_um_s * 1e-3, 2), fixed(axis.actual.torque_permille * 0.1, 1),
+    ];
+    cells.forEach((text, column) => { const cell = rows.rows[index].cells[column + 1]; if (cell.textContent !== text) cell.textContent = text; });
+    rows.rows[index].cells[0].querySelector(".flags").textContent = axis.flags.map(words).join(", ");
+  });
+  if (status.force) {
+    const [fx, fy, fz, mx, my, mz] = status.force;
+    show("force_text", `${[fx, fy, fz].map((v) => fixed(v, 1)).join("  ")} N · ${[mx, my, mz].map((v) => fixed(v, 2)).join("  ")} N m`);
+  }
+  const micro = (vector) => (vector ? vector.map((v) => fixed(v * 1e6, 1)).join("  ") : "not measured");
+  show("displacement", `${micro(status.displacement_m)}${status.displacement_m ? " µm" : ""}`);
+  show("turn", `turn ${micro(status.turn_rad)}${status.turn_rad ? " µrad" : ""}`);
+  show("gauges", `${micro(status.gauges_m)}${status.gauges_m ? " µm" : ""}`);
+  const counters = element("counters");
+  Object.entries(status.counters).forEach(([key, count], index) => {
+    if (!counters.children[index]) {
+      const cell = counters.appendChild(document.createElement("div"));
+      cell.append(document.createElement("b"), document.createElement("span"));
+      cell.lastChild.textContent = words(key);
+    }
+    counters.children[index].firstChild.textContent = grouped(count);
+    counters.children[index].className = count > 0 && key !== "received" ? "warn" : "";
+  });
+}
+
+function addRow(rows, index) {
+  const row = rows.insertRow();
+  for (let column = 0; column < 7; column++) row.insertCell();
+  const swatch = document.createElement("span"), flags = document.createElement("span");
+  swatch.className = "swatch"; swatch.style.background = AXIS_COLOURS[index]; flags.className = "flags";
+  row.cells[0].append(swatch, String(index + 1), flags);
+}
+
+function showLink(live, text) {
+  document.body.className = live ? "live" : "lost";
+  show("link", text);
+}
+
+function keep(point) {
+  if (points.length && (point[0] < points[points.length - 1][0] || point[2].length !== points[0][2].length)) points = [];
+  points.push(point);
+  while (points[0][0] < point[0] - SPAN_S) points.shift();
+}
+
+function take(next) {
+  picture = next.status ? next : { ...picture, ...next };
+  showLink(next.live, next.live ? `live · ${next.server}` : next.trouble);
+  if (next.status) {
+    show("hint", next.figure ? HINT : "The server's machine is another one: name its robot file with --robot.");
+    showStatus(next.status);
+    keep(next.point);
+  }
+  // The raw object, for tests and for the curious: equal to what `gantry-tau monitor --status` prints.
+  document.body.dataset.tick = next.status ? String(next.status.tick) : "";
+  window.gantryTau = picture;
+  redraw();
+}
+
+function listen() {
+  const source = new EventSource("live");
+  source.addEventListener("machine", (event) => { machine = JSON.parse(event.data); show("name", `${machine.name}, ${machine.axes} axes`); redraw(); });
+  source.addEventListener("history", (event) => { points = JSON.parse(event.data); redraw(); });
+  source.addEventListener("events", (event) => {
+    element("list").replaceChildren(...JSON.parse(event.data).map(([time, text]) => {
+      const line = document.createElement("li"), at = document.createElement("time");
+      at.textContent = time;
+      line.append(at, text);
+      return line;
+    }));
+  });
+  source.onmessage = (event) => take(JSON.parse(event.data));
+  source.onerror = () => showLink(false, "the monitor does not answer; trying again");
+}
+
+Object.entries(PHASES).forEach(([phase, colour]) => {
+  const one = element("key").appendChild(document.createElement("span"));
+  one.textContent = words(phase);
+  one.style.background = colour;
+});
+element("factor").addEventListener("change", redraw);
+window.addEventListener("resize", redraw);
+orbit(element("machine"), redraw);
+listen();

@@ -1,0 +1,274 @@
+//! `monitor --web`: the page, its pictures, and requests that are refused.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::time::{Duration, Instant};
+
+use gantry_tau_core::control::message::{Cause, Phase};
+use serde_json::Value;
+
+use super::double::{Double, Scene};
+use crate::process::{Folder, Running};
+
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Starts a monitor with a page; returns it and the page's address.
+fn start(folder: &Folder, double: &Double, more: &[&str]) -> (Running, SocketAddr) {
+    let server = double.address.to_string();
+    let mut monitor = folder.start("page", &[&["monitor", &server, "--web", "127.0.0.1:0"], more].concat());
+    monitor.await_words("page on http://");
+    let said = monitor.stdout();
+    let address = said.split_once("http://").unwrap().1.split_once('/').unwrap().0;
+    (monitor, address.parse().unwrap())
+}
+
+/// Sends bytes; returns the answer to its end.
+fn answer(page: SocketAddr, request: &[u8]) -> String {
+    let mut stream = TcpStream::connect(page).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    // A server that has refused already may not take the rest.
+    let _ = stream.write_all(request);
+    let mut bytes = Vec::new();
+    let _ = stream.read_to_end(&mut bytes);
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+fn get(page: SocketAddr, path: &str) -> String {
+    answer(page, format!("GET {path} HTTP/1.1\r\nHost: {page}\r\n\r\n").as_bytes())
+}
+
+/// A reader of the pictures.
+struct Reader {
+    stream: TcpStream,
+    text: String,
+}
+
+impl Reader {
+    fn of(page: SocketAddr) -> Self {
+        let mut stream = TcpStream::connect(page).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        write!(stream, "GET /live HTTP/1.1\r\nHost: {page}\r\nOrigin: http://{page}\r\n\r\n").unwrap();
+        Self { stream, text: String::new() }
+    }
+
+    /// The next event of a kind, `message` for a picture.
+    fn next(&mut self, kind: &str) -> Value {
+        loop {
+            while let Some((event, rest)) = self.text.split_once("\n\n") {
+                let named = event.lines().find_map(|line| line.strip_prefix("event: ")).unwrap_or("message");
+                let data = event.lines().find_map(|line| line.strip_prefix("data: "));
+                let found = (named == kind).then(|| data.map(|data| serde_json::from_str(data).unwrap())).flatten();
+                self.text = rest.to_owned();
+                if let Some(found) = found {
+                    return found;
+                }
+            }
+            let mut chunk = [0; 4_096];
+            let count = self.stream.read(&mut chunk).unwrap();
+            assert!(count > 0, "the pictures end");
+            self.text.push_str(std::str::from_utf8(&chunk[..count]).unwrap());
+        }
+    }
+}
+
+#[test]
+fn pictures_have_the_status_the_machine_and_the_events() {
+    let folder = Folder::new("monitor_page");
+    let double = Double::of(Scene::of(Phase::Obtain, Cause::Goodbye));
+    let (monitor, page) = start(&folder, &double, &[]);
+    let mut readers = [(); 3].map(|()| Reader::of(page));
+    for reader in &mut readers {
+        let machine = reader.next("machine");
+        assert_eq!((&machine["axes"], machine["arms"].as_array().unwrap().len()), (&3.into(), 3));
+        let picture = loop {
+            let picture = reader.next("message");
+            if picture["live"] == true {
+                break picture;
+            }
+        };
+        assert_eq!(picture["status"]["phase"], "obtain");
+        assert_eq!(picture["figure"]["tool_displacement"], serde_json::json!([1e-4, -5e-5, 2e-5]));
+        // Cart 1 slides along x; its offset is -10 µm.
+        assert_eq!(picture["figure"]["cart_offsets"][0], serde_json::json!([-1e-5, 0.0, 0.0]));
+        let later = reader.next("message");
+        assert!(later["status"]["tick"].as_i64() > picture["status"]["tick"].as_i64());
+    }
+    let status = get(page, "/status");
+    let (head, body) = status.split_once("\r\n\r\n").unwrap();
+    assert!(head.starts_with("HTTP/1.1 200 OK\r\nContent-Type: application/json"), "{head}");
+    let mut of_page: Value = serde_json::from_str(body).unwrap();
+    let said = super::status(&folder, &double).success();
+    let mut of_command: Value = serde_json::from_str(&said).unwrap();
+    for status in [&mut of_page, &mut of_command] {
+        // What differs from tick to tick, and the lag of the first.
+        for key in ["tick", "sequence"] {
+            status[key] = Value::Null;
+        }
+        for axis in status["axes"].as_array_mut().unwrap() {
+            axis["lag_nm"] = Value::Null;
+        }
+    }
+    assert_eq!(of_page, of_command);
+    drop(monitor);
+}
+
+#[test]
+fn a_lost_server_is_told_to_the_readers_and_nothing_old_is_told_as_new() {
+    let folder = Folder::new("monitor_page_lost");
+    let double = Double::of(Scene::of(Phase::Submit, Cause::None));
+    let (_monitor, page) = start(&folder, &double, &[]);
+    let mut reader = Reader::of(page);
+    while reader.next("message")["live"] != true {}
+    drop(double);
+    let lost = loop {
+        let picture = reader.next("message");
+        if picture["live"] == false {
+            break picture;
+        }
+    };
+    assert!(lost["trouble"].as_str().unwrap().contains("server"), "{lost}");
+    assert_eq!(lost["status"], Value::Null);
+    assert!(get(page, "/status").starts_with("HTTP/1.1 503 "));
+}
+
+#[test]
+fn another_machine_than_the_robot_files_is_not_drawn() {
+    let folder = Folder::new("monitor_page_robot");
+    let double = Double::of(Scene::of(Phase::Submit, Cause::None));
+    let (_monitor, page) = start(&folder, &double, &["--robot", "f1"]);
+    let mut reader = Reader::of(page);
+    let picture = loop {
+        let picture = reader.next("message");
+        if picture["live"] == true {
+            break picture;
+        }
+    };
+    assert_eq!(picture["figure"], Value::Null);
+    assert_eq!(picture["status"]["axes"].as_array().unwrap().len(), 3);
+}
+
+#[test]
+fn the_page_needs_nothing_else_and_runs_only_its_own_script() {
+    let folder = Folder::new("monitor_page_policy");
+    let double = Double::of(Scene::of(Phase::Submit, Cause::None));
+    let (_monitor, page) = start(&folder, &double, &[]);
+    let (first, second) = (get(page, "/"), get(page, "/"));
+    let (head, body) = first.split_once("\r\n\r\n").unwrap();
+    let policy = head.lines().find(|line| line.starts_with("Content-Security-Policy: ")).unwrap();
+    assert!(policy.starts_with("Content-Security-Policy: default-src 'none'; "), "{policy}");
+    assert!(!policy.contains("unsafe") && !policy.contains('*'), "{policy}");
+    let nonce = policy.split_once("'nonce-").unwrap().1.split_once('\'').unwrap().0;
+    assert_eq!(nonce.len(), 32);
+    assert!(!second.contains(nonce), "another nonce each time");
+    assert_eq!(body.matches("<script").count(), body.matches(&format!("<script nonce=\"{nonce}\"")).count());
+    assert_eq!(body.matches("<style").count(), body.matches(&format!("<style nonce=\"{nonce}\"")).count());
+    for word in ["http://", "https://", " src=", "@import", "url(", "innerHTML", "eval(", "NONCE", "STYLE", "SCRIPT"] {
+        assert!(!body.contains(word), "{word}");
+    }
+    for field in ["X-Content-Type-Options: nosniff", "X-Frame-Options: DENY", "Cache-Control: no-store"] {
+        assert!(head.contains(field), "{field}");
+    }
+}
+
+#[test]
+fn hostile_requests_are_refused_and_the_page_goes_on() {
+    let folder = Folder::new("monitor_page_hostile");
+    let double = Double::of(Scene::of(Phase::Submit, Cause::None));
+    let (_monitor, page) = start(&folder, &double, &[]);
+    let with = |line: &str, fields: &str| format!("{line} HTTP/1.1\r\nHost: {page}\r\n{fields}\r\n").into_bytes();
+    let long = format!("X: {}\r\n", "a".repeat(100_000));
+    let many = "X: y\r\n".repeat(1_000);
+    let cases: [(&str, Vec<u8>); 19] = [
+        ("421", b"GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n".to_vec()),
+        ("421", format!("GET / HTTP/1.1\r\nHost: evil.example:{}\r\n\r\n", page.port()).into_bytes()),
+        ("421", b"GET / HTTP/1.1\r\n\r\n".to_vec()),
+        ("421", with("GET /", &format!("Host: {page}\r\n"))),
+        ("403", with("GET /live", "Origin: http://evil.example\r\n")),
+        ("403", with("GET /live", "Origin: null\r\n")),
+        ("403", with("GET /status", &format!("Origin: https://{page}\r\n"))),
+        ("405", with("POST /", "Content-Length: 3\r\n")),
+        ("405", with("DELETE /live", "")),
+        ("405", with("OPTIONS *", "")),
+        ("405", with("CONNECT evil.example:80", "")),
+        ("400", with("GET /", "Content-Length: 3\r\n")),
+        ("400", with("GET /", "Transfer-Encoding: chunked\r\n")),
+        ("404", with("GET /../../etc/passwd", "")),
+        ("404", with("GET http://evil.example/", "")),
+        ("431", with("GET /", &long)),
+        ("431", with("GET /", &many)),
+        ("400", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03".to_vec()),
+        ("400", vec![0; 100_000]),
+    ];
+    for (code, request) in cases {
+        let said = answer(page, &request);
+        let front = String::from_utf8_lossy(&request[..request.len().min(60)]).into_owned();
+        assert!(said.starts_with(&format!("HTTP/1.1 {code} ")), "{front:?}: {said}");
+    }
+    assert!(get(page, "/").starts_with("HTTP/1.1 200 OK"));
+}
+
+#[test]
+fn slow_requests_are_ended_and_slow_readers_dropped_while_others_see_every_tick() {
+    let folder = Folder::new("monitor_page_slow");
+    let double = Double::of(Scene::of(Phase::Submit, Cause::None));
+    let (mut monitor, page) = start(&folder, &double, &[]);
+    // One byte of the head after the other.
+    let mut slow = TcpStream::connect(page).unwrap();
+    let began = Instant::now();
+    let mut said = Vec::new();
+    slow.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
+    while said.is_empty() {
+        assert!(began.elapsed() < PATIENCE);
+        let _ = slow.write_all(b"G");
+        let mut chunk = [0; 512];
+        match slow.read(&mut chunk) {
+            Ok(0) => break,
+            Ok(count) => said.extend_from_slice(&chunk[..count]),
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+            Err(_) => break,
+        }
+    }
+    // `GGG` is a method that has no end, or that took too long.
+    assert!(
+        said.starts_with(b"HTTP/1.1 408 ") || said.starts_with(b"HTTP/1.1 4"),
+        "{}",
+        String::from_utf8_lossy(&said)
+    );
+    // A reader that takes nothing.
+    let mut still = TcpStream::connect(page).unwrap();
+    write!(still, "GET /live HTTP/1.1\r\nHost: {page}\r\n\r\n").unwrap();
+    let mut reader = Reader::of(page);
+    monitor.await_that("a slow reader is dropped", |monitor| {
+        let picture = reader.next("message");
+        assert!(picture["live"] == false || picture["status"]["phase"] == "submit");
+        monitor.stdout().contains("was dropped") || monitor.stderr().contains("was dropped")
+    });
+    drop(still);
+}
+
+#[test]
+fn connections_are_bounded() {
+    let folder = Folder::new("monitor_page_many");
+    let double = Double::of(Scene::of(Phase::Submit, Cause::None));
+    let (_monitor, page) = start(&folder, &double, &[]);
+    let idle: Vec<TcpStream> = (0..100).map(|_| TcpStream::connect(page).unwrap()).collect();
+    // Those that say nothing are ended after two seconds, and then there is room again.
+    let began = Instant::now();
+    while !get(page, "/").starts_with("HTTP/1.1 200 OK") {
+        assert!(began.elapsed() < PATIENCE);
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    drop(idle);
+}
+
+#[test]
+fn a_page_for_other_machines_needs_their_names() {
+    let folder = Folder::new("monitor_page_allow");
+    let said = folder.run(&["monitor", "--web", "0.0.0.0:0"]).failure(1);
+    assert!(said.contains("--allow"), "{said}");
+    let said = folder.run(&["monitor", "--web", "127.0.0.1:0", "--allow", "here"]).failure(1);
+    assert!(said.contains("\"here\""), "{said}");
+    let double = Double::of(Scene::of(Phase::Submit, Cause::None));
+    let (_monitor, page) = start(&folder, &double, &["--allow", "10.0.0.0/8"]);
+    assert_eq!(get(page, "/"), "", "loopback is not in that network");
+}

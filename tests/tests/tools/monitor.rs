@@ -1,0 +1,182 @@
+//! The page of `monitor --web` in a real browser: Debian's chromium, headless.
+//!
+//! A trial without it is reported as ignored, by name; with `GANTRY_TAU_REQUIRE_CHROMIUM=1` it fails instead.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
+
+#[path = "../../../host/tests/it/monitor/double.rs"]
+#[allow(dead_code, reason = "the tests of the host need all of it")]
+mod double;
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use double::{Double, HOME_NM, Scene};
+use gantry_tau::monitor::run_page;
+use gantry_tau::monitor::web::{Web, figures};
+use gantry_tau::robot_file::RobotFile;
+use gantry_tau::server::connections::Allowed;
+use gantry_tau_core::control::message::{Cause, Phase};
+use libtest_mimic::{Failed, Trial};
+
+use crate::capi::tools::has;
+
+/// Longest wait for a page with a picture; the browser is asked again and again.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// All trials, by name.
+pub(crate) fn trials() -> Vec<Trial> {
+    let trial = |name: &str, run: fn() -> Result<(), Failed>| {
+        let name = format!("monitor::{name}");
+        if has("chromium") {
+            return Trial::test(name, run);
+        }
+        let kind = "chromium missing";
+        if std::env::var_os("GANTRY_TAU_REQUIRE_CHROMIUM").is_some_and(|value| value == "1") {
+            return Trial::test(name, move || Err(Failed::from(kind))).with_kind(kind);
+        }
+        Trial::test(name, run).with_kind(kind).with_ignored_flag(true)
+    };
+    vec![trial("the_page_shows_what_the_server_sends", shows), trial("the_page_is_painted", is_painted)]
+}
+
+const SCENE: Scene = Scene { offset_nm: -189_000, ..Scene::of(Phase::Obtain, Cause::HandshakeTimeout) };
+
+/// Serves the page of an L2 for as long as `look` lasts.
+fn with_page(look: impl FnOnce(SocketAddr)) {
+    let double = Double::of(SCENE);
+    let robot = RobotFile::builtin_l2().unwrap();
+    let any = "127.0.0.1:0".parse().unwrap();
+    let mut page = Web::bind(any, Allowed::all(), figures(robot).unwrap()).unwrap();
+    let address = page.address().unwrap();
+    let quit = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| run_page(double.address, &mut page, None, &quit));
+        let looked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| look(address)));
+        quit.store(true, Ordering::Relaxed);
+        looked.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    });
+}
+
+/// Runs the browser on the page; returns what it prints.
+fn browser(profile: &Path, page: SocketAddr, option: &str) -> String {
+    let output = Command::new("chromium")
+        .args([
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--hide-scrollbars",
+            "--window-size=1440,900",
+            "--timeout=5000",
+        ])
+        .arg(format!("--user-data-dir={}", profile.display()))
+        .args([option, &format!("http://{page}/")])
+        .output()
+        .unwrap();
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn folder(name: &str) -> PathBuf {
+    let path = std::env::temp_dir().join(format!("gantry-tau-{name}-{}", std::process::id()));
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// The document once the first picture has come: it may be printed before.
+fn document(page: SocketAddr) -> String {
+    let folder = folder("monitor-dom");
+    let began = Instant::now();
+    loop {
+        let document = browser(&folder, page, "--dump-dom");
+        if document.contains("class=\"live\"") {
+            let _ = std::fs::remove_dir_all(&folder);
+            return document;
+        }
+        assert!(began.elapsed() < PATIENCE, "{document}");
+    }
+}
+
+/// Text of the element with an identifier, without elements inside it.
+fn text_of<'a>(document: &'a str, id: &str) -> &'a str {
+    let (_, rest) = document.split_once(&format!("id=\"{id}\"")).unwrap();
+    rest.split_once('>').unwrap().1.split_once('<').unwrap().0
+}
+
+fn shows() -> Result<(), Failed> {
+    with_page(|page| {
+        let document = document(page);
+        // What `--status` prints for this scene is compared with the same numbers in `host/tests/it/monitor`.
+        let texts = [
+            ("phase", "obtain"),
+            ("epoch", "7"),
+            ("cause", "handshake timeout"),
+            ("ramp", "1.9 s"),
+            ("on_time", "99 %"),
+            ("force_text", "300.3  −0.5  −18.0 N · 0.05  −0.10  0.02 N m"),
+            ("displacement", "100.0  −50.0  20.0 µm"),
+            ("turn", "turn 10.0  20.0  0.0 µrad"),
+            ("gauges", "190.0  36.0  24.0 µm"),
+        ];
+        for (id, text) in texts {
+            assert_eq!(text_of(&document, id), text, "{id}");
+        }
+        let axes = SCENE.axes(0, HOME_NM);
+        let minus = |text: String| text.replace('-', "−");
+        for axis in axes.axis {
+            let offset = minus(format!("<td>{:.3}</td>", f64::from(axis.position_offset_nm) * 1e-3));
+            // Home is a multiple of 100 nm.
+            let (sign, nm) = (if axis.nominal_nm < 0 { "-" } else { "" }, axis.nominal_nm.abs());
+            let nominal = minus(format!("<td>{sign}{}.{:04}</td>", nm / 1_000_000, nm / 100 % 10_000));
+            assert!(document.contains(&format!("{nominal}{offset}")), "{nominal}{offset}");
+        }
+        assert_eq!(document.matches("position limited").count(), 1);
+        let state = SCENE.state(0);
+        let counters = document.split_once("id=\"counters\"").unwrap().1;
+        let names = [
+            "received",
+            "missed",
+            "late",
+            "duplicate",
+            "stale",
+            "malformed",
+            "out of range",
+            "limited",
+            "clamped",
+            "strangers",
+        ];
+        for (name, count) in names.into_iter().zip(state.counters) {
+            let count = if name == "received" { "41 234".to_owned() } else { count.to_string() };
+            assert!(counters.contains(&format!("<b>{count}</b><span>{name}</span>")), "{name} {count}");
+        }
+        for event in ["session granted (epoch 7)", "connected to"] {
+            assert!(document.contains(event), "{event}");
+        }
+    });
+    Ok(())
+}
+
+/// The picture is larger than an empty page compresses to: the machine is on it. How it looks is judged by people.
+fn is_painted() -> Result<(), Failed> {
+    with_page(|page| {
+        let folder = folder("monitor-picture");
+        let file = folder.join("page.png");
+        let began = Instant::now();
+        let painted = || std::fs::metadata(&file).map_or(0, |file| file.len());
+        while painted() < 60_000 {
+            assert!(began.elapsed() < PATIENCE, "{} bytes", painted());
+            browser(&folder, page, &format!("--screenshot={}", file.display()));
+        }
+        let _ = std::fs::remove_dir_all(&folder);
+    });
+    Ok(())
+}

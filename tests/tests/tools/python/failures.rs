@@ -1,0 +1,149 @@
+//! Controllers that fail: the server ramps to zero, and the client says why in one sentence.
+
+use std::process::Child;
+
+use gantry_tau_core::control::message::Cause;
+
+use super::{folder, python};
+use crate::session::{Session, Tool};
+
+/// Trials of this file.
+pub(super) const TRIALS: &[(&str, super::Check)] = &[
+    ("controllers_that_raise_or_return_nonsense_are_left", nonsense),
+    ("controllers_that_hang_are_left", hanging),
+    ("a_controller_that_hangs_in_its_start_is_left", hanging_start),
+    ("without_patience_of_the_client_the_server_ends_a_hanging_step", silence),
+    ("a_controller_that_ends_the_process_is_ramped_away", ending),
+    ("targets_beyond_the_limits_are_cut", beyond),
+];
+
+/// Ticks before a controller fails.
+const GOOD: u32 = 60;
+
+/// Starts a controller that holds 20 um on the first axis for [`GOOD`] steps, and then does `bad`, with options of `run`.
+pub(super) fn start(session: &Session, bad: &str, options: &str) -> Child {
+    start_with(session, "pass", bad, options)
+}
+
+/// The same with a body of its method `start`.
+fn start_with(session: &Session, body: &str, bad: &str, options: &str) -> Child {
+    let script = format!(
+        r#"
+import os, sys, time
+sys.path.insert(0, {folder:?})
+import gantry_tau
+
+class Controller:
+    steps = 0
+
+    def start(self, welcome):
+        {body}
+
+    def step(self, state, wrench):
+        self.steps += 1
+        if self.steps <= {GOOD}:
+            return (20_000, 0, 0)
+        {bad}
+
+options = gantry_tau.arguments().parse_args()
+gantry_tau.main(Controller(), options, {options})
+"#,
+        folder = folder().to_str().unwrap(),
+    );
+    python().args(["-c", &script]).arg(&session.addresses()[0]).spawn().unwrap()
+}
+
+/// Runs a controller that fails, to the end of the ramp; returns the cause for the server and the sentence of the client.
+fn failed(bad: &str, options: &str) -> (Cause, String) {
+    let mut session = Session::new(Tool::Steps(0.0, 1.0));
+    let program = start(&session, bad, options);
+    let ended = told(&mut session, program);
+    let held = session.obtained().iter().filter(|row| row.state.axes[0].offsets.position.0 == 20_000).count();
+    assert!(held > 10, "{bad}: no offset was in force");
+    session.quit();
+    ended
+}
+
+/// Returns the cause for the server and the one sentence of the client.
+fn told(session: &mut Session, program: Child) -> (Cause, String) {
+    let (code, said) = session.end_of(program);
+    assert_eq!(code, Some(10), "{said}");
+    assert!(said.lines().count() == 1 && said.starts_with("gantry_tau: the controller's "), "{said}");
+    (session.ramped(), said)
+}
+
+fn nonsense() {
+    for (bad, words) in [
+        ("raise ValueError('no\\nidea')", "raised ValueError: no idea (<string>, line 16); left with Goodbye"),
+        ("1 / 0", "raised ZeroDivisionError: division by zero"),
+        ("sys.exit(0)", "raised SystemExit: 0"),
+        ("return [float('nan'), 0, 0]", "returned nan for axis 1: expected a finite number in nm"),
+        ("return [0, float('inf'), 0]", "returned inf for axis 2"),
+        ("return [0, 0, -float('inf')]", "returned -inf for axis 3"),
+        ("return [1, 2]", "returned 2 targets: expected 3, one per axis"),
+        ("return [1, 2, 3, 4]", "returned 4 targets"),
+        ("return [1, '2', 3]", "returned str '2' for axis 2: expected a number in nm"),
+        ("return [True, 2, 3]", "returned bool True for axis 1"),
+        ("return [1, None, 3]", "returned NoneType None for axis 2"),
+        ("return [1j, 0, 0]", "returned complex 1j for axis 1"),
+        ("return None", "returned NoneType None: expected 3 numbers in nm"),
+        ("return b'abc'", "returned bytes b'abc': expected"),
+        ("return {1, 2, 3}", "returned set {1, 2, 3}: expected"),
+        ("return (n for n in iter(int, 1))", "returned generator"),
+    ] {
+        let (cause, said) = failed(bad, "");
+        assert!(said.contains(words), "{bad}: {said}");
+        assert!(said.contains("step of tick "), "{said}");
+        assert_eq!(cause, Cause::Goodbye, "{bad}");
+    }
+}
+
+/// The second holds the interpreter's lock whenever it may.
+fn hanging() {
+    for bad in ["time.sleep(3600)", "\n        while True: pass"] {
+        let (cause, said) = failed(bad, "patience_s=0.3");
+        assert!(said.contains("has not returned within 0.3 s; left with Goodbye"), "{bad}: {said}");
+        assert_eq!(cause, Cause::Goodbye, "{bad}");
+    }
+}
+
+fn hanging_start() {
+    let mut session = Session::new(Tool::Steps(0.0, 1.0));
+    // Shorter than the handshake of 1000 ticks, 10 ms each.
+    let program = start_with(&session, "time.sleep(3600)", "pass", "patience_s=0.3");
+    let (cause, said) = told(&mut session, program);
+    assert!(said.contains("the controller's start has not returned within 0.3 s"), "{said}");
+    assert_eq!(cause, Cause::Goodbye);
+    assert!(session.obtained().is_empty());
+    session.quit();
+}
+
+fn silence() {
+    let (cause, said) = failed("time.sleep(3600)", "patience_s=60.0");
+    assert!(
+        said.contains("the server ended the session: no command arrived before two consecutive deadlines"),
+        "{said}"
+    );
+    assert_eq!(cause, Cause::ClientLate);
+}
+
+fn ending() {
+    let mut session = Session::new(Tool::Steps(0.0, 1.0));
+    let program = start(&session, "os._exit(77)", "");
+    let (code, said) = session.end_of(program);
+    assert_eq!((code, said.as_str()), (Some(77), ""));
+    assert_eq!(session.ramped(), Cause::Closed);
+    session.quit();
+}
+
+fn beyond() {
+    let mut session = Session::new(Tool::Steps(0.0, 1.0));
+    let mut program = start(&session, "return [1e300, -10**400, 0.6]", "");
+    session.until("the limits", |row| row.state.axes.map(|axis| axis.offsets.position.0) == [2_000_000, -2_000_000, 1]);
+    let asked = session.rows.last().unwrap().state.counters;
+    assert_eq!((asked.out_of_range, asked.malformed), (0, 0), "the client cuts, not the server");
+    program.kill().unwrap();
+    program.wait().unwrap();
+    assert_eq!(session.ramped(), Cause::Closed);
+    session.quit();
+}

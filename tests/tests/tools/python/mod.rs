@@ -1,0 +1,60 @@
+//! The client in Python (`host/python`), its examples, and controllers that fail, against the server in lock-step.
+//!
+//! A trial without python3 is reported as ignored; with `GANTRY_TAU_REQUIRE_PYTHON=1` it fails instead.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
+
+mod examples;
+mod failures;
+mod peers;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use libtest_mimic::Trial;
+
+use crate::capi::tools::has;
+
+/// `host/python`.
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/python")
+}
+
+/// Python, with output that is read as a whole.
+fn python() -> Command {
+    let mut python = Command::new("python3");
+    // No bytecode beside the sources.
+    python.arg("-B").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    python
+}
+
+/// A check that fails by panicking.
+type Check = fn();
+
+/// All trials, by name.
+pub(crate) fn trials() -> Vec<Trial> {
+    let all = examples::TRIALS.iter().chain(failures::TRIALS).chain(peers::TRIALS);
+    all.map(|&(name, check)| trial(name, check)).collect()
+}
+
+fn trial(name: &str, check: Check) -> Trial {
+    let name = format!("python::{name}");
+    let run = move || {
+        check();
+        Ok(())
+    };
+    if has("python3") {
+        return Trial::test(name, run);
+    }
+    let kind = "python3 missing";
+    if std::env::var_os("GANTRY_TAU_REQUIRE_PYTHON").is_some_and(|value| value == "1") {
+        return Trial::test(name, || Err(kind.into())).with_kind(kind);
+    }
+    Trial::test(name, run).with_kind(kind).with_ignored_flag(true)
+}

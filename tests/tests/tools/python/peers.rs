@@ -1,0 +1,183 @@
+//! Servers and sensors that are gone, taken, stopped, or talk nonsense.
+
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpListener};
+use std::process::Child;
+
+use gantry_tau_core::control::message::{
+    AxisLimits, AxisState, Capabilities, Cause, Counters, Phase, Refusal, ServerMessage, State, Welcome,
+};
+use gantry_tau_core::control::wire::encode_server;
+use gantry_tau_core::units::{Epoch, Sequence, Tick};
+use gantry_tau_tests::server_fixture::LOOPBACK;
+
+use super::failures;
+use super::{folder, python};
+use crate::session::{Session, Tool};
+
+/// Trials of this file.
+pub(super) const TRIALS: &[(&str, super::Check)] = &[
+    ("a_second_client_is_refused", second),
+    ("the_end_by_the_server_is_told", stopped),
+    ("ctrl_c_leaves_with_goodbye", interrupted),
+    ("servers_that_are_gone_or_talk_nonsense_are_told", strange_servers),
+    ("sensors_that_are_gone_or_silent_are_told", strange_sensors),
+];
+
+/// Holds 20 um for ever.
+const HOLD: &str = "return (20_000, 0, 0)";
+
+fn second() {
+    let mut session = Session::new(Tool::Steps(0.0, 1.0));
+    let owner = failures::start(&session, HOLD, "");
+    session.until("Obtain", |row| row.state.phase == Phase::Obtain);
+    let newcomer = failures::start(&session, HOLD, "");
+    let (code, said) = session.end_of(newcomer);
+    assert_eq!((code, said.as_str()), (Some(4), "gantry_tau: refused: another client owns the session\n"));
+    assert_eq!(session.rows.last().unwrap().state.phase, Phase::Obtain);
+    interrupt(&owner);
+    assert_eq!(session.end_of(owner).0, Some(0));
+    session.quit();
+}
+
+fn stopped() {
+    let mut session = Session::new(Tool::Steps(0.0, 1.0));
+    let owner = failures::start(&session, HOLD, "");
+    session.until("an offset", |row| row.state.axes[0].offsets.position.0 == 20_000);
+    session.press_stop();
+    let (code, said) = session.end_of(owner);
+    assert_eq!((code, said.as_str()), (Some(6), "gantry_tau: the server ended the session: stopped\n"));
+    assert_eq!(session.ramped(), Cause::Stop);
+    session.quit();
+}
+
+fn interrupt(program: &Child) {
+    let kill = std::process::Command::new("kill").args(["-INT", &program.id().to_string()]).status();
+    assert!(kill.unwrap().success());
+}
+
+fn interrupted() {
+    let mut session = Session::new(Tool::Steps(0.0, 1.0));
+    let owner = failures::start(&session, HOLD, "");
+    session.until("an offset", |row| row.state.axes[0].offsets.position.0 == 20_000);
+    interrupt(&owner);
+    let (code, said) = session.end_of(owner);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.starts_with("left with Goodbye after "), "{said}");
+    assert_eq!(session.ramped(), Cause::Goodbye);
+    session.quit();
+}
+
+/// Runs the constant offset to its end; returns exit code and sentence.
+fn end(arguments: &[&str]) -> (Option<i32>, String) {
+    let output = python().arg(folder().join("examples/constant_offset.py")).args(arguments).output().unwrap();
+    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+}
+
+/// A server that answers each Hello with these bytes, and closes.
+fn strange(answer: Vec<u8>) -> String {
+    let listener = TcpListener::bind(LOOPBACK).unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let mut hello = [0; 14];
+        stream.read_exact(&mut hello).unwrap();
+        stream.write_all(&answer).unwrap();
+        // A close with bytes unread would be a reset.
+        stream.shutdown(Shutdown::Write).unwrap();
+        let _ = stream.read_to_end(&mut Vec::new());
+    });
+    address
+}
+
+/// A Welcome of tick 5.
+fn granted() -> Vec<u8> {
+    let welcome = Welcome {
+        epoch: Epoch(1),
+        tick: Tick(5),
+        cycle_us: 1_000,
+        echo_window: 0,
+        capabilities: Capabilities::NONE,
+        kinematics_checksum: 0,
+        limits: [AxisLimits::DISABLED; 3],
+    };
+    encode_server(&ServerMessage::<3>::Welcome(welcome)).to_vec()
+}
+
+/// A State of that session.
+fn state(tick: u64) -> Vec<u8> {
+    let state = State {
+        tick: Tick(tick),
+        epoch: Epoch(1),
+        accepted: Sequence(0),
+        phase: Phase::Handshake,
+        cause: Cause::None,
+        on_time_of_100: 100,
+        arrival_us: 0,
+        ramp_ticks_left: 0,
+        counters: Counters::default(),
+        axes: [AxisState::default(); 3],
+    };
+    encode_server(&ServerMessage::State(state)).to_vec()
+}
+
+fn strange_servers() {
+    let refusal = encode_server(&ServerMessage::<3>::Refusal(Refusal::Ramping { ticks_left: 17 }));
+    let mut broken = refusal.to_vec();
+    broken[7] ^= 1;
+    let granted = granted();
+    let again = [&granted[..], &state(6), &state(6)].concat();
+    let cases: [(Vec<u8>, i32, &str); 8] = [
+        (granted.clone(), 7, "the server vanished: it closed the connection"),
+        ([&granted[..], &state(6)].concat(), 7, "the server vanished: it closed the connection"),
+        (again, 5, "expected a State of epoch 1 and tick 7 or later, got epoch 1, tick 6"),
+        (Vec::new(), 7, "the server vanished: it closed the connection"),
+        (refusal.to_vec(), 4, "refused: offsets are still ramping to zero; try again in 17 ticks"),
+        (broken, 5, "incompatible server: the stream is broken (the checksum does not match)"),
+        (b"HTTP/1.1 400 Bad Request".to_vec(), 5, "incompatible server: the stream is broken (magic b'HT'"),
+        (refusal[..7].to_vec(), 7, "the server vanished: it closed the connection"),
+    ];
+    for (answer, code, words) in cases {
+        let (found, said) = end(&[&strange(answer)]);
+        assert_eq!(found, Some(code), "{said}");
+        assert!(said.contains(words) && said.lines().count() == 1, "{said}");
+    }
+    let gone = TcpListener::bind(LOOPBACK).unwrap().local_addr().unwrap().to_string();
+    for address in [gone.as_str(), "127.0.0.1", "127.0.0.1:none"] {
+        let (code, said) = end(&[address]);
+        assert_eq!(code, Some(3), "{said}");
+        assert!(said.contains(&format!("the server at {address} cannot be reached: ")), "{said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+    }
+}
+
+fn strange_sensors() {
+    let nan = [&7_u64.to_le_bytes()[..], &[f64::NAN.to_le_bytes(); 6].concat()].concat();
+    let whole: Vec<u8> = [&u64::MAX.to_le_bytes()[..], &[0; 48]].concat();
+    for (bytes, words) in [
+        (None, "no force samples: the connection was closed"),
+        (Some(Vec::new()), "no force samples: no usable one has come for too long"),
+        (Some(nan), "no force samples: no usable one has come for too long"),
+        (Some(whole), "no force samples: their ticks are not the server's"),
+    ] {
+        let mut session = Session::new(Tool::Steps(0.0, 1.0));
+        let listener = TcpListener::bind(LOOPBACK).unwrap();
+        let sensor = listener.local_addr().unwrap().to_string();
+        let program = python()
+            .arg(folder().join("examples/constant_offset.py"))
+            .args([&session.addresses()[0], "--sensor", &sensor])
+            .spawn()
+            .unwrap();
+        let (mut stream, _) = listener.accept().unwrap();
+        // Held open to the end, unless it is closed at once.
+        let _held = bytes.map(|bytes| {
+            stream.write_all(&bytes).unwrap();
+            stream
+        });
+        let (code, said) = session.end_of(program);
+        assert_eq!(code, Some(8), "{said}");
+        assert!(said.contains(words) && said.lines().count() == 1, "{said}");
+        assert_eq!(session.ramped(), Cause::Goodbye);
+        session.quit();
+    }
+}

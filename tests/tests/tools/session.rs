@@ -1,0 +1,164 @@
+//! A server of the simulated L2 in lock-step, programs that connect to it, and its record, judged tick by tick.
+#![allow(clippy::arithmetic_side_effects, clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+use std::net::SocketAddr;
+use std::process::{Child, Output};
+use std::time::{Duration, Instant};
+
+use gantry_tau::model::{L2_MOTORS, MachineKind};
+use gantry_tau::robot_file::RobotFile;
+use gantry_tau::sensor_link::SensorPublisher;
+use gantry_tau::server::Server;
+use gantry_tau::server::cycle::{Cycle, Row};
+use gantry_tau::server::tick_source::TickSource;
+use gantry_tau::sim::load_generator::load_generator;
+use gantry_tau::sim::load_profile::LoadProfile;
+use gantry_tau::sim::parameters::Motion;
+use gantry_tau::sim::workpiece::Workpiece;
+use gantry_tau::stop_latch::StopLatch;
+use gantry_tau_core::Monitor;
+use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
+use gantry_tau_core::model::robot::ARMS;
+use gantry_tau_core::units::EpochRange;
+use gantry_tau_tests::server_fixture::LOOPBACK;
+
+/// Longest life of a program and wait for a row.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Load on the tool.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Tool {
+    /// Steps of 60 N during Obtain: largest force, N, and length of a step, s.
+    Steps(f64, f64),
+    /// A workpiece of this stiffness, N/m, 50 um below the tool.
+    Above(f64),
+}
+
+/// A running server, and every row so far.
+pub(crate) struct Session {
+    server: Server<ARMS>,
+    sensor: SocketAddr,
+    observer: rtrb::Consumer<Row<ARMS>>,
+    monitor: Monitor<ARMS>,
+    load: LoadProfile,
+    pub(crate) rows: Vec<Row<ARMS>>,
+}
+
+impl Session {
+    /// Starts the server.
+    pub(crate) fn new(tool: Tool) -> Self {
+        let robot = RobotFile::builtin_l2().unwrap();
+        let (hand, applied) = load_generator();
+        let mut machine = robot.simulated_machine::<L2_MOTORS>(applied, Motion::Hold).unwrap();
+        let (force_max_n, seconds) = match tool {
+            Tool::Steps(force_max_n, seconds) => (force_max_n, seconds),
+            Tool::Above(n_per_m) => {
+                machine = machine.above(Workpiece::below(&robot.simulation.home_m, n_per_m, 50e-6).unwrap());
+                (0.0, 1.0)
+            }
+        };
+        let sensor = SensorPublisher::bind(LOOPBACK).unwrap();
+        let address = sensor.address().unwrap();
+        let cycle = cycle(&robot, machine).with_sensor(sensor);
+        let (server, observer) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
+        let travel = robot.limits.map(|axis| axis.machine_travel);
+        let monitor = Monitor::new(robot.limits.map(|axis| axis.limits), Some(travel));
+        let load = LoadProfile::new(hand, force_max_n, seconds);
+        Self { server, sensor: address, observer, monitor, load, rows: Vec::new() }
+    }
+
+    /// Addresses of server and force sensor.
+    pub(crate) fn addresses(&self) -> [String; 2] {
+        [self.server.address, self.sensor].map(|address| address.to_string())
+    }
+
+    /// Presses the stop at the machine.
+    pub(crate) fn press_stop(&self) {
+        self.server.controls.press_stop();
+    }
+
+    /// Takes the next row; what the drives were written is within the limits.
+    fn take(&mut self) -> bool {
+        let Ok(row) = self.observer.pop() else { return false };
+        let judged = self.monitor.check_tick(&row.state, &row.references);
+        assert_eq!(judged, Ok(()), "{:?}", row.state);
+        self.load.update(row.state.phase, row.state.tick);
+        self.rows.push(row);
+        true
+    }
+
+    /// Takes rows until one is as wanted.
+    pub(crate) fn until(&mut self, what: &str, wanted: impl Fn(&Row<ARMS>) -> bool) {
+        let since = Instant::now();
+        loop {
+            if self.take() {
+                if self.rows.last().is_some_and(&wanted) {
+                    return;
+                }
+            } else {
+                assert!(since.elapsed() < PATIENCE, "waited in vain for {what}");
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        }
+    }
+
+    /// Takes rows until the program has ended; returns its exit code and what it said.
+    pub(crate) fn end_of(&mut self, mut program: Child) -> (Option<i32>, String) {
+        let since = Instant::now();
+        while program.try_wait().unwrap().is_none() {
+            if !self.take() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            if since.elapsed() > PATIENCE {
+                program.kill().unwrap();
+                panic!("it runs too long: {:?}", program.wait_with_output());
+            }
+        }
+        let Output { status, stdout, stderr } = program.wait_with_output().unwrap();
+        let text = [stdout, stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+        (status.code(), text.concat())
+    }
+
+    /// Waits until the server has ended the session, with all offsets at zero, and returns the cause.
+    pub(crate) fn ramped(&mut self) -> Cause {
+        let ended = |row: &Row<ARMS>| row.ended.is_some();
+        if !self.rows.iter().any(ended) {
+            self.until("the end of the session", ended);
+        }
+        let cause = self.rows.iter().rev().find_map(|row| row.ended).unwrap();
+        self.until("the end of the ramp", |row| row.state.ramp_ticks_left == 0);
+        assert!(matches!(
+            self.rows.last().unwrap().state.phase,
+            Phase::Listening | Phase::SafeDisconnect | Phase::Fault
+        ));
+        assert_eq!(self.offsets_nm(), [0; ARMS]);
+        cause
+    }
+
+    /// Offsets in force in the last row, nm.
+    pub(crate) fn offsets_nm(&self) -> [i32; ARMS] {
+        self.rows.last().unwrap().state.axes.map(|axis| axis.offsets.position.0)
+    }
+
+    /// Rows in Obtain.
+    pub(crate) fn obtained(&self) -> Vec<&Row<ARMS>> {
+        self.rows.iter().filter(|row| row.state.phase == Phase::Obtain).collect()
+    }
+
+    /// Ends the server; no row was lost.
+    pub(crate) fn quit(self) -> Vec<Row<ARMS>> {
+        drop(self.observer);
+        assert_eq!(self.server.controls.dropped_rows.load(std::sync::atomic::Ordering::Relaxed), 0);
+        self.server.quit().unwrap();
+        self.rows
+    }
+}
+
+fn cycle<K: MachineKind<ARMS>, P: gantry_tau::plant::Plant<ARMS, L2_MOTORS>>(
+    robot: &RobotFile<K, ARMS>,
+    machine: P,
+) -> Cycle<ARMS, L2_MOTORS, P> {
+    let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
+    let motors = robot.motor_map().unwrap();
+    Cycle::new(config, motors, machine, EpochRange::VOLATILE, StopLatch::volatile(), LOOPBACK).unwrap()
+}
