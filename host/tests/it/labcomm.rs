@@ -182,7 +182,7 @@ fn the_schema_is_made_of_the_types_that_are_sent() {
     for line in [
         "sample int data[3];",
         "sample float forcesensor[6];",
-        "  int counters[10];\n} state;",
+        "  int counters[10];\n  short longest_miss_run;\n} state;",
         "  struct {\n    long nominal_nm;\n    long reference_nm;\n",
         "    byte flags;\n  } axis[3];\n} axes;",
         "  double displacement_m[3];",

@@ -75,7 +75,7 @@ fn compare(bytes: &[u8], version: Version, record: &HashMap<i64, HashMap<String,
             assert_eq!(record[&state.tick]["ramp_ticks_left"], state.ramp_ticks_left.to_string());
         } else if definition.is::<Tool>() {
             let tool: Tool = value.read().unwrap();
-            assert_eq!(record[&tool.tick]["force_x_n"].parse::<f64>().unwrap(), tool.load[0]);
+            assert_eq!(record[&tool.tick]["force_x_n"], tool.load[0].to_string());
         } else if definition.is::<ForceSensor>() {
             wrench = Some(value.read::<ForceSensor>().unwrap());
         } else if definition.is::<SessionEvent>() {

@@ -2,9 +2,13 @@
 //!
 //! The crate `allocation_counter` is the allocator of this binary; it counts per thread, so tests beside this one do not matter.
 
+use std::io::Write;
+use std::net::TcpStream;
+
 use allocation_counter::measure;
 use gantry_tau::black_box::swap_channel::{self, Receiver};
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
+use gantry_tau::publication::{Publication, SampleName};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::sensor_link::{SensorPublisher, SensorReader};
 use gantry_tau::server::connections::Listen;
@@ -16,6 +20,7 @@ use gantry_tau::stop_latch::StopLatch;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Cause, Mode, Phase, Refusal, ServerMessage};
 use gantry_tau_core::units::EpochRange;
+use gantry_tau_labcomm::Version;
 use gantry_tau_tests::client::{Client, Noise};
 use gantry_tau_tests::server_fixture::LOOPBACK;
 use gantry_tau_tests::wait_for;
@@ -26,6 +31,8 @@ struct Server<const N: usize, const M: usize> {
     hand: LoadGenerator,
     sensor: SensorReader,
     black_boxes: Receiver<N>,
+    /// Readers of the LabComm port: one that reads nothing, and one that talks.
+    _readers: [TcpStream; 2],
 }
 
 impl<const N: usize, const M: usize> Server<N, M> {
@@ -36,10 +43,16 @@ impl<const N: usize, const M: usize> Server<N, M> {
         let motors = robot.motor_map().unwrap();
         let publisher = SensorPublisher::bind(LOOPBACK).unwrap();
         let sensor = SensorReader::connect(publisher.address().unwrap()).unwrap();
+        let port =
+            Publication::bind::<N>(LOOPBACK, Version::V2006, &[SampleName::Data, SampleName::ForceSensor], 0.5e-6);
+        let port = port.unwrap();
+        let readers = [(); 2].map(|()| TcpStream::connect(port.address().unwrap()).unwrap());
+        (&readers[1]).write_all(&[0xff; 1_000]).unwrap();
         let listen = Listen { transport, ..LOOPBACK.into() };
         let cycle = Cycle::new(config, motors, machine, EpochRange::VOLATILE, StopLatch::volatile(), listen).unwrap();
         let (sender, black_boxes) = swap_channel::channel();
-        Self { cycle: cycle.with_sensor(publisher).with_black_box(sender), hand, sensor, black_boxes }
+        let cycle = cycle.with_sensor(publisher).with_sensors(vec![port]).with_black_box(sender);
+        Self { cycle, hand, sensor, black_boxes, _readers: readers }
     }
 
     /// One look at the sockets and one tick; neither may allocate.
