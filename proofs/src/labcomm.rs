@@ -1,10 +1,10 @@
 //! LabComm: T16. Numbers, types, one step of a walk, one event of a stream, the samples of the thesis, and the collector.
 
 use gantry_tau_labcomm::number::{decode, encode};
-use gantry_tau_labcomm::verification::{Scan, ScanPlace};
+use gantry_tau_labcomm::verification::{Scan, ScanPlace, elements, packed_definition, product, unframed_definition};
 use gantry_tau_labcomm::{
-    Collector, Decoded, Decoder, ErrorKind, Event, Field, Kind, MAX_DEPTH, MAX_NUMBER, MAX_TYPE, MAX_VALUE, Place,
-    Reader, Step, Type, Version, Walk, Writer,
+    Collector, Decoded, Decoder, Event, Field, Kind, MAX_DEPTH, MAX_NUMBER, MAX_TYPE, MAX_VALUE, Place, Reader,
+    Registry, Step, Type, Version, Walk, Writer,
 };
 
 /// From a number to bytes and back: the same number, in as many bytes as were written.
@@ -43,6 +43,18 @@ pub fn type_is_judged(version: Version, bytes: &[u8]) -> bool {
     true
 }
 
+/// A product is at most the limit, zero exactly if a factor is, and else no less than either; it is refused only beyond the limit.
+pub fn product_is_bounded(one: u32, other: u32) {
+    match product(one, other) {
+        Some(product) => {
+            assert!(product <= MAX_VALUE, "T16: no product exceeds the limit");
+            assert!((product == 0) == (one == 0 || other == 0), "T16: a product is zero where a factor is");
+            assert!(product == 0 || (product >= one && product >= other), "T16: a product is no less than its factors");
+        }
+        None => assert!(one > 0 && other > 0, "T16: zero is not refused"),
+    }
+}
+
 /// One step of the check of a type, from any valid place: it takes a byte or leaves a level, and leaves a valid place; a type that is complete is
 /// within the limits. True if there is a step.
 #[must_use]
@@ -60,6 +72,24 @@ pub fn scan_advances(version: Version, bytes: &[u8], place: ScanPlace) -> bool {
         assert!(extent.smallest <= MAX_VALUE, "T16: no value exceeds the limit");
     }
     true
+}
+
+/// Sizes of an array: each takes a byte of the type, none goes past an end, and their product is within the limit. True if there is one.
+#[must_use]
+pub fn sizes_are_taken(version: Version, indices: u32, ty: &[u8], value: &[u8]) -> bool {
+    let (mut of_type, mut of_value) = (Reader::new(version, ty), Reader::new(version, value));
+    let count = elements(indices, &mut of_type, &mut of_value);
+    assert!(
+        of_type.rest().len() <= ty.len() && of_value.rest().len() <= value.len(),
+        "T16: sizes end within the bytes"
+    );
+    let Ok(count) = count else { return false };
+    assert!(
+        usize::try_from(indices).is_ok_and(|sizes| sizes <= ty.len() - of_type.rest().len()),
+        "T16: a size takes a byte"
+    );
+    assert!(count.is_none_or(|count| count <= MAX_VALUE), "T16: no array exceeds the limit");
+    count.is_some()
 }
 
 /// One step of a walk from any valid place: it ends, takes what is there, and leaves a valid place. True if there is a step.
@@ -81,17 +111,13 @@ pub fn walk_advances(ty: &Type<'_>, value: &[u8], place: Place) -> bool {
             assert!(walk.place().depth() < MAX_DEPTH, "T16: a level is left");
         }
         Ok(Some(_)) => {}
-        Ok(None) => return false,
-        Err(error) => {
-            assert!(error != ErrorKind::UnknownIndex(0), "T16: a walk knows no index");
-            return false;
-        }
+        Ok(None) | Err(_) => return false,
     }
     true
 }
 
-/// Anything given to a decoder in any valid state: an event lies within the bytes, a need goes beyond them, the decoder stays valid, and an
-/// error stays. True if there is an event.
+/// Anything given to a decoder in any valid state: an event lies within the bytes, a need goes beyond them, the decoder stays valid, and keeps
+/// an error. True if there is an event.
 #[must_use]
 pub fn decode_is_judged<const S: usize, const B: usize>(decoder: &mut Decoder<S, B>, bytes: &[u8]) -> bool {
     let before = decoder.offset();
@@ -117,11 +143,53 @@ pub fn decode_is_judged<const S: usize, const B: usize>(decoder: &mut Decoder<S,
     assert!(decoder.is_valid(), "T16: the registry stays valid");
     let moved = before.saturating_add(u64::try_from(used).unwrap_or(u64::MAX));
     assert!(decoder.offset() == moved, "T16: the place is where the bytes end");
-    if let Some(error) = error {
-        let again = decoder.decode(bytes).err();
-        assert!(again == Some(error), "T16: broken stays broken");
-    }
+    assert!(error.is_none() || decoder.error() == error, "T16: an error is kept");
     used > 0
+}
+
+/// Anything given to a decoder that has ended with an error: the same error.
+pub fn broken_stays_broken<const S: usize, const B: usize>(decoder: &mut Decoder<S, B>, bytes: &[u8]) {
+    let before = decoder.error();
+    let again = decoder.decode(bytes).err();
+    assert!(before.is_none() || (again == before && decoder.error() == before), "T16: broken stays broken");
+}
+
+/// Definition at the front of bytes, of either generation: what it takes is there, and its name and type lie within. True if there is one.
+#[must_use]
+pub fn definition_is_judged(version: Version, bytes: &[u8]) -> bool {
+    let mut reader = Reader::new(version, bytes);
+    let defined = if version.is_packed() { packed_definition(&mut reader) } else { unframed_definition(&mut reader) };
+    let left = reader.rest().len();
+    assert!(left <= bytes.len(), "T16: consumed <= given");
+    let Ok(definition) = defined else { return false };
+    let within = definition.name.len() + definition.ty.bytes().len();
+    assert!(within < bytes.len() - left, "T16: name and type lie behind an index");
+    assert!(definition.index >= 0x40, "T16: an index is no tag");
+    assert!(left == 0 || !version.is_packed(), "T16: a definition fills its packet");
+    true
+}
+
+/// One more definition in any valid registry: it stays valid; what was defined is found, or as many definitions as before. The byte `at` speaks for every
+/// byte of name and type. True if it is taken.
+#[must_use]
+pub fn definition_is_kept<const S: usize, const B: usize>(
+    registry: &mut Registry<S, B>,
+    index: u32,
+    name: &[u8],
+    ty: &Type<'_>,
+    at: usize,
+) -> bool {
+    let (before, defined) = (registry.len(), registry.define(index, name, ty));
+    assert!(registry.is_valid(), "T16: the registry stays valid");
+    if defined.is_err() {
+        assert!(registry.len() == before, "T16: what is refused is not counted");
+        return false;
+    }
+    let Some(kept) = registry.get(index) else { panic!("T16: what is defined is found") };
+    assert!(kept.name.len() == name.len() && kept.ty.bytes().len() == ty.bytes().len(), "T16: all of a definition");
+    assert!(at >= name.len() || kept.name[at] == name[at], "T16: a name is kept");
+    assert!(at >= ty.bytes().len() || kept.ty.bytes()[at] == ty.bytes()[at], "T16: a type is kept");
+    true
 }
 
 /// A sample as bytes and back: the same bytes, `LENGTH` of them.

@@ -3,11 +3,10 @@
 use crate::cursor::{Reader, to_usize};
 use crate::error::{Error, ErrorKind, Limit, Malformed, Unsupported};
 use crate::number::Version;
-use crate::registry::{Definition, Registry};
+use crate::registry::{Definition, Entry, Registry};
 use crate::scan::{MAX_TYPE, MAX_VALUE};
 use crate::ty::Type;
 use crate::value::Value;
-use crate::walk::value_len;
 
 /// Largest number of bytes of a name.
 pub const MAX_NAME: usize = 1024;
@@ -84,14 +83,11 @@ pub struct Decoder<const S: usize, const B: usize> {
     most: u32,
 }
 
-/// Event without what it borrows from the registry.
+/// Event, before it borrows from the registry.
 enum Found<'b> {
-    Version(Version),
-    Define(Definition<'b>),
-    Reference(Definition<'b>),
-    /// Data of the definition at a place.
-    Data(usize, &'b [u8]),
-    Skipped(u32),
+    /// Value of a definition.
+    Data(Entry, &'b [u8]),
+    Other(Event<'static, 'b>),
 }
 
 /// Front of the bytes: what it is, and its length; or the number of bytes that are needed.
@@ -138,21 +134,34 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
         self.at
     }
 
+    /// Error that has ended the stream.
+    #[must_use]
+    pub const fn error(&self) -> Option<Error> {
+        match self.stage {
+            Stage::Broken(kind) => Some(Error { at: self.at, kind }),
+            Stage::Start | Stage::Running => None,
+        }
+    }
+
     /// Decodes the event at the front of the bytes. Events and errors are the same however a stream is cut: bytes that are not used are
     /// given again, with more behind them.
     ///
     /// # Errors
     /// The stream is not LabComm, or exceeds a limit; every later call returns the same error.
     pub fn decode<'b>(&mut self, bytes: &'b [u8]) -> Result<Decoded<'_, 'b>, Error> {
-        if let Stage::Broken(kind) = self.stage {
-            return Err(Error { at: self.at, kind });
+        if let Some(error) = self.error() {
+            return Err(error);
         }
         match self.front(bytes) {
             Ok(Front::Need(least)) => Ok(Decoded::Need(least)),
             Ok(Front::Whole(found, used)) => {
                 self.stage = Stage::Running;
                 self.at = self.at.saturating_add(u64::try_from(used).unwrap_or(u64::MAX));
-                Ok(Decoded::Event { event: self.event(found), used })
+                let event = match found {
+                    Found::Data(entry, bytes) => self.data_event(&entry, bytes),
+                    Found::Other(event) => event,
+                };
+                Ok(Decoded::Event { event, used })
             }
             Err(kind) => {
                 self.stage = Stage::Broken(kind);
@@ -161,24 +170,18 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
         }
     }
 
-    fn event<'b>(&self, found: Found<'b>) -> Event<'_, 'b> {
-        match found {
-            Found::Version(version) => Event::Version(version),
-            Found::Define(definition) => Event::Define(definition),
-            Found::Reference(definition) => Event::Reference(definition),
-            Found::Data(position, bytes) => self.registry.at(position).map_or(Event::Skipped(0), |definition| {
-                Event::Data { definition, value: Value::new(definition.ty, bytes) }
-            }),
-            Found::Skipped(tag) => Event::Skipped(tag),
-        }
+    fn data_event<'b>(&self, entry: &Entry, bytes: &'b [u8]) -> Event<'_, 'b> {
+        // Entries are valid, so each has a definition.
+        let Some(definition) = self.registry.definition(entry) else { return Event::Skipped(entry.index) };
+        Event::Data { definition, value: Value::new(definition.ty, bytes) }
     }
 
     fn front<'b>(&mut self, bytes: &'b [u8]) -> Result<Front<'b>, ErrorKind> {
         let Some(first) = bytes.first() else { return Ok(Front::Need(1)) };
         if self.stage == Stage::Start {
             match first {
-                0x00 => self.registry = Registry::new(Version::V2006),
-                0x01 => self.registry = Registry::new(Version::V2014),
+                0x00 => self.registry.restart(Version::V2006),
+                0x01 => self.registry.restart(Version::V2014),
                 0x02 | 0x0b => return Err(ErrorKind::Version(Unsupported::LabComm2013)),
                 _ => return Err(Malformed::Start.into()),
             }
@@ -191,14 +194,16 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
         let mut reader = Reader::new(Version::V2006, bytes);
         let used = |reader: &Reader<'_>| bytes.len().saturating_sub(reader.rest().len());
         let found = match reader.number() {
-            Ok(DEFINITION) => definition(&mut reader).map(Found::Define),
+            Ok(DEFINITION) => {
+                unframed_definition(&mut reader).map(|definition| Found::Other(Event::Define(definition)))
+            }
             Ok(index) if index >= FIRST_INDEX => self.data(index, &mut reader),
             Ok(tag) => Err(Malformed::Tag(tag).into()),
             Err(error) => Err(error),
         };
         match found {
             Ok(found) => {
-                if let Found::Define(Definition { index, name, ty }) = found {
+                if let Found::Other(Event::Define(Definition { index, name, ty })) = found {
                     self.registry.define(index, name, &ty)?;
                 }
                 Ok(Front::Whole(found, used(&reader)))
@@ -210,16 +215,18 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
 
     /// Value of 2006.
     fn data<'b>(&self, index: u32, reader: &mut Reader<'b>) -> Result<Found<'b>, ErrorKind> {
-        let position = self.registry.position(index).ok_or(ErrorKind::UnknownIndex(index))?;
-        let known = self.registry.at(position).ok_or(ErrorKind::UnknownIndex(index))?;
-        let most = to_usize(self.most);
-        if known.ty.smallest_size() > most {
+        let entry = self.registry.entry(index).ok_or(ErrorKind::UnknownIndex(index))?;
+        if entry.extent.smallest > self.most {
             return Err(Limit::Value.into());
         }
+        if entry.extent.fixed {
+            return Ok(Found::Data(*entry, reader.take(to_usize(entry.extent.smallest))?));
+        }
+        let most = to_usize(self.most);
         // A window one byte longer than the largest value: whatever reaches into that byte is too long.
         let window = reader.rest().get(..most.saturating_add(1)).unwrap_or(reader.rest());
-        match value_len(&known.ty, window) {
-            Ok(length) if length <= most => Ok(Found::Data(position, reader.take(length)?)),
+        match self.registry.value_len(entry, window) {
+            Ok(length) if length <= most => Ok(Found::Data(*entry, reader.take(length)?)),
             Err(ErrorKind::Incomplete) if window.len() <= most => Err(ErrorKind::Incomplete),
             Ok(_) | Err(ErrorKind::Incomplete) => Err(Limit::Value.into()),
             Err(error) => Err(error),
@@ -264,27 +271,22 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
     fn contents<'b>(&mut self, tag: u32, contents: &'b [u8]) -> Result<Found<'b>, ErrorKind> {
         let mut reader = Reader::new(self.registry.version(), contents);
         let found = match tag {
-            VERSION => {
-                let text = reader.text(contents.len(), Limit::Value)?;
-                Found::Version(version_of(text)?)
+            VERSION => Found::Other(Event::Version(version_of(reader.text(contents.len(), Limit::Value)?)?)),
+            DEFINITION => Found::Other(Event::Define(packed_definition(&mut reader)?)),
+            REFERENCE => Found::Other(Event::Reference(packed_definition(&mut reader)?)),
+            FIRST_INDEX.. => {
+                let Some(entry) = self.registry.entry(tag) else { return Ok(Found::Other(Event::Skipped(tag))) };
+                reader.take(self.registry.value_len(entry, contents)?)?;
+                Found::Data(*entry, contents)
             }
-            DEFINITION => Found::Define(packed_definition(&mut reader)?),
-            REFERENCE => Found::Reference(packed_definition(&mut reader)?),
-            FIRST_INDEX.. => match self.registry.position(tag).map(|position| (position, self.registry.at(position))) {
-                Some((position, Some(known))) => {
-                    reader.take(value_len(&known.ty, contents)?)?;
-                    Found::Data(position, contents)
-                }
-                _ => return Ok(Found::Skipped(tag)),
-            },
-            _ => return Ok(Found::Skipped(tag)),
+            _ => return Ok(Found::Other(Event::Skipped(tag))),
         };
         if !reader.rest().is_empty() {
             return Err(Malformed::PacketLength.into());
         }
         match found {
-            Found::Version(version) => self.registry = Registry::new(version),
-            Found::Define(Definition { index, name, ty }) => self.registry.define(index, name, &ty)?,
+            Found::Other(Event::Version(version)) => self.registry.restart(version),
+            Found::Other(Event::Define(Definition { index, name, ty })) => self.registry.define(index, name, &ty)?,
             _ => {}
         }
         Ok(found)
@@ -307,16 +309,16 @@ fn index_and_name<'b>(reader: &mut Reader<'b>) -> Result<(u32, &'b [u8]), ErrorK
     Ok((index, reader.text(MAX_NAME, Limit::Name)?))
 }
 
-/// Definition of 2006, behind its tag.
-fn definition<'b>(reader: &mut Reader<'b>) -> Result<Definition<'b>, ErrorKind> {
+/// Takes a definition of 2006, behind its tag.
+pub fn unframed_definition<'b>(reader: &mut Reader<'b>) -> Result<Definition<'b>, ErrorKind> {
     let (index, name) = index_and_name(reader)?;
     let (ty, length) = Type::parse(reader.version(), reader.rest())?;
     reader.take(length)?;
     Ok(Definition { index, name, ty })
 }
 
-/// Contents of a definition of 2014: the type has its length before it.
-fn packed_definition<'b>(reader: &mut Reader<'b>) -> Result<Definition<'b>, ErrorKind> {
+/// Takes the contents of a definition of 2014: the type has its length before it.
+pub fn packed_definition<'b>(reader: &mut Reader<'b>) -> Result<Definition<'b>, ErrorKind> {
     let (index, name) = index_and_name(reader)?;
     let ty = reader.text(MAX_TYPE, Limit::TypeBytes)?;
     if !reader.rest().is_empty() {

@@ -5,6 +5,7 @@ use crate::error::{ErrorKind, Limit};
 use crate::number::Version;
 use crate::scan::Extent;
 use crate::ty::Type;
+use crate::walk::value_len;
 
 /// Sample type of a stream.
 #[derive(Clone, Copy, Debug)]
@@ -20,13 +21,13 @@ pub struct Definition<'a> {
 /// One definition's place in the bytes of a registry.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
-struct Entry {
-    index: u32,
+pub(crate) struct Entry {
+    pub(crate) index: u32,
     /// Begin of the name, of the type behind it, and end of that.
     name: usize,
     ty: usize,
     end: usize,
-    extent: Extent,
+    pub(crate) extent: Extent,
 }
 
 /// Up to `S` definitions, in `B` bytes of names and types.
@@ -50,12 +51,20 @@ impl<const S: usize, const B: usize> Registry<S, B> {
         Self { version, entries: [entry; S], count: 0, bytes: [0; B], used: 0 }
     }
 
+    /// Forgets every definition; those that follow are of a version.
+    pub(crate) const fn restart(&mut self, version: Version) {
+        self.version = version;
+        self.count = 0;
+        self.used = 0;
+    }
+
     /// The invariant: entries and bytes in use exist; name and type of each entry lie within the bytes in use.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let within = |entry: &Entry| entry.name <= entry.ty && entry.ty <= entry.end && entry.end <= self.used;
-        let entries = self.entries.get(..self.count);
-        self.used <= B && entries.is_some_and(|entries| entries.iter().all(within))
+        // Counted over all places, as a model checker knows how many those are.
+        let mut entries = self.entries.iter().enumerate();
+        self.used <= B && self.count <= S && entries.all(|(place, entry)| place >= self.count || within(entry))
     }
 
     /// Version of the types.
@@ -78,29 +87,34 @@ impl<const S: usize, const B: usize> Registry<S, B> {
 
     /// Definitions, in the order in which they came.
     pub fn iter(&self) -> impl Iterator<Item = Definition<'_>> {
-        self.entries.iter().take(self.count).map(|entry| self.definition(entry))
+        self.entries.iter().take(self.count).filter_map(|entry| self.definition(entry))
     }
 
     /// Definition of an index.
     #[must_use]
     pub fn get(&self, index: u32) -> Option<Definition<'_>> {
-        self.at(self.position(index)?)
+        self.definition(self.entry(index)?)
     }
 
-    /// Place of the definition of an index, from 0.
-    pub(crate) fn position(&self, index: u32) -> Option<usize> {
-        let entries = self.entries.get(..self.count).unwrap_or_default();
+    /// Entry of an index.
+    pub(crate) fn entry(&self, index: u32) -> Option<&Entry> {
         // Encoders number one by one, so most definitions stand where the first index says.
-        let guess = to_usize(index.wrapping_sub(entries.first()?.index));
-        match entries.get(guess) {
-            Some(entry) if entry.index == index => Some(guess),
-            _ => entries.iter().position(|entry| entry.index == index),
+        let guess = to_usize(index.wrapping_sub(self.entries.first()?.index));
+        match self.entries.get(guess) {
+            Some(entry) if entry.index == index && guess < self.count => Some(entry),
+            _ => self.entries.iter().take(self.count).find(|entry| entry.index == index),
         }
     }
 
-    /// Definition at a place.
-    pub(crate) fn at(&self, position: usize) -> Option<Definition<'_>> {
-        self.entries.get(position).map(|entry| self.definition(entry))
+    /// Number of bytes of the value of an entry at the front of bytes. The type is looked at only where values differ in length.
+    ///
+    /// # Errors
+    /// Those of [`value_len`].
+    pub(crate) fn value_len(&self, entry: &Entry, bytes: &[u8]) -> Result<usize, ErrorKind> {
+        if entry.extent.fixed {
+            return Ok(to_usize(entry.extent.smallest));
+        }
+        value_len(&self.definition(entry).ok_or(ErrorKind::Incomplete)?.ty, bytes)
     }
 
     /// Adds a definition. A second one of the same index, name and type changes nothing.
@@ -125,9 +139,10 @@ impl<const S: usize, const B: usize> Registry<S, B> {
         Ok(())
     }
 
-    fn definition(&self, entry: &Entry) -> Definition<'_> {
-        let name = self.bytes.get(entry.name..entry.ty).unwrap_or_default();
-        let ty = self.bytes.get(entry.ty..entry.end).unwrap_or_default();
-        Definition { index: entry.index, name, ty: Type::checked(self.version, ty, entry.extent) }
+    /// Definition of an entry.
+    pub(crate) fn definition(&self, entry: &Entry) -> Option<Definition<'_>> {
+        let name = self.bytes.get(entry.name..entry.ty)?;
+        let ty = self.bytes.get(entry.ty..entry.end)?;
+        Some(Definition { index: entry.index, name, ty: Type::checked(self.version, ty, entry.extent) })
     }
 }

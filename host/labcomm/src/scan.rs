@@ -163,16 +163,20 @@ impl Level {
         } else if self.sum.smallest == 0 {
             return Err(Malformed::EmptyElement.into());
         } else if self.sizes > 0 {
-            return Ok(Extent { smallest: at_most_a_value(self.sizes.into())?, fixed: false });
+            return Ok(Extent { smallest: at_most_a_value(self.sizes.into()).ok_or(Limit::Value)?, fixed: false });
         }
-        let smallest = u64::from(self.sum.smallest).saturating_mul(u64::from(self.times));
-        Ok(Extent { smallest: at_most_a_value(smallest)?, fixed: self.sum.fixed })
+        Ok(Extent { smallest: product(self.sum.smallest, self.times).ok_or(Limit::Value)?, fixed: self.sum.fixed })
     }
 }
 
 /// Bytes of a value, if they are not too many.
-fn at_most_a_value(bytes: u64) -> Result<u32, ErrorKind> {
-    u32::try_from(bytes).ok().filter(|bytes| *bytes <= MAX_VALUE).ok_or(Limit::Value.into())
+fn at_most_a_value(bytes: u64) -> Option<u32> {
+    u32::try_from(bytes).ok().filter(|bytes| *bytes <= MAX_VALUE)
+}
+
+/// Product of two numbers, if it is at most [`MAX_VALUE`]: every number of bytes or elements is one.
+pub fn product(one: u32, other: u32) -> Option<u32> {
+    at_most_a_value(u64::from(one).saturating_mul(u64::from(other)))
 }
 
 /// Next thing that a scan finds.
@@ -205,10 +209,11 @@ impl ScanPlace {
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let within = |level: &Level| level.sum.smallest <= MAX_VALUE && level.times <= MAX_VALUE;
-        let stack = self.levels.get(..self.depth);
+        let mut levels = self.levels.iter().enumerate();
         self.fields <= MAX_FIELDS
             && (self.depth > 0 || self.next == Next::Type)
-            && stack.is_some_and(|levels| levels.iter().all(within))
+            && self.depth <= MAX_DEPTH
+            && levels.all(|(depth, level)| depth >= self.depth || within(level))
     }
 
     /// Number of arrays and structures around the place.
@@ -304,7 +309,7 @@ impl<'a> Scan<'a> {
             if size == 0 {
                 level.sizes = level.sizes.saturating_add(smallest_number(version));
             } else {
-                level.times = at_most_a_value(u64::from(level.times).saturating_mul(u64::from(size)))?;
+                level.times = product(level.times, size).ok_or(Limit::Value)?;
             }
         }
         self.place.next = if left > 1 { Next::Sizes(left.saturating_sub(1)) } else { Next::Type };
@@ -318,7 +323,8 @@ impl<'a> Scan<'a> {
             return Ok(Some(extent));
         };
         let smallest = u64::from(level.sum.smallest).saturating_add(u64::from(extent.smallest));
-        level.sum = Extent { smallest: at_most_a_value(smallest)?, fixed: level.sum.fixed && extent.fixed };
+        let smallest = at_most_a_value(smallest).ok_or(Limit::Value)?;
+        level.sum = Extent { smallest, fixed: level.sum.fixed && extent.fixed };
         level.left = level.left.saturating_sub(1);
         self.place.next = if level.left > 0 { Next::Name } else { Next::Up };
         Ok(None)

@@ -2,7 +2,7 @@
 
 use crate::cursor::{Reader, to_usize};
 use crate::error::{ErrorKind, Limit, Malformed};
-use crate::scan::{ARRAY, MAX_DEPTH, MAX_TYPE, MAX_VALUE, Primitive, STRUCTURE, scan};
+use crate::scan::{ARRAY, MAX_DEPTH, MAX_TYPE, MAX_VALUE, Primitive, STRUCTURE, product, scan};
 use crate::ty::Type;
 
 /// Step of a walk.
@@ -57,34 +57,31 @@ impl Iterator for Sizes<'_, '_> {
     type Item = u32;
 
     fn next(&mut self) -> Option<u32> {
-        self.advance().ok()?
+        self.indices = self.indices.checked_sub(1)?;
+        size(&mut self.of_type, &mut self.of_value).ok()
     }
 }
 
-impl Sizes<'_, '_> {
-    /// Size of the next index; `None` after the last.
-    fn advance(&mut self) -> Result<Option<u32>, ErrorKind> {
-        let Some(left) = self.indices.checked_sub(1) else { return Ok(None) };
-        let size = match self.of_type.number()? {
-            0 => self.of_value.number()?,
-            fixed => fixed,
-        };
-        self.indices = left;
-        Ok(Some(size))
+/// Takes the size of an index: the type's, or the value's where the type leaves it open.
+fn size(ty: &mut Reader<'_>, value: &mut Reader<'_>) -> Result<u32, ErrorKind> {
+    match ty.number()? {
+        0 => value.number(),
+        fixed => Ok(fixed),
     }
+}
 
-    /// Product of the sizes; `None` beyond 64 bits, where none of them is 0.
-    ///
-    /// # Errors
-    /// `Incomplete`.
-    fn elements(mut self) -> Result<(Option<u64>, Self), ErrorKind> {
-        let (mut product, mut has_zero) = (Some(1_u64), false);
-        while let Some(size) = self.advance()? {
-            has_zero |= size == 0;
-            product = product.and_then(|product| product.checked_mul(size.into()));
-        }
-        Ok((if has_zero { Some(0) } else { product }, self))
+/// Takes the sizes of so many indices; returns their product, or `None` beyond [`MAX_VALUE`], where none of them is 0.
+///
+/// # Errors
+/// `Incomplete`, or a malformed number.
+pub fn elements(indices: u32, ty: &mut Reader<'_>, value: &mut Reader<'_>) -> Result<Option<u32>, ErrorKind> {
+    let (mut elements, mut has_zero) = (Some(1), false);
+    for _ in 0..indices {
+        let size = size(ty, value)?;
+        has_zero |= size == 0;
+        elements = elements.and_then(|elements| product(elements, size));
     }
+    Ok(if has_zero { Some(0) } else { elements })
 }
 
 /// Array or structure around the place of a walk.
@@ -92,7 +89,7 @@ impl Sizes<'_, '_> {
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 struct Level {
     /// Elements or fields still to come.
-    left: u64,
+    left: u32,
     /// Array: offsets of the element's type and of its end.
     element: Option<(usize, usize)>,
 }
@@ -134,8 +131,11 @@ impl Place {
             Next::Part => self.depth > 0,
             Next::Nothing => self.depth == 0,
         };
-        let stack = self.levels.get(..self.depth);
-        self.at <= length && stack_matches && stack.is_some_and(|levels| levels.iter().all(within))
+        let mut levels = self.levels.iter().enumerate();
+        self.at <= length
+            && stack_matches
+            && self.depth <= MAX_DEPTH
+            && levels.all(|(depth, level)| depth >= self.depth || within(level))
     }
 
     /// Number of arrays and structures around the place.
@@ -146,7 +146,7 @@ impl Place {
 
     /// Number of elements or fields that are still to come in the innermost of them.
     #[must_use]
-    pub fn left(&self) -> u64 {
+    pub fn left(&self) -> u32 {
         let innermost = self.depth.checked_sub(1).and_then(|top| self.levels.get(top));
         innermost.map_or(0, |level| level.left)
     }
@@ -199,31 +199,32 @@ impl<'t, 'v> Walk<'t, 'v> {
     /// # Errors
     /// `Incomplete` if the bytes end within the value; `Limit` if an array or a text exceeds [`MAX_VALUE`](crate::MAX_VALUE) bytes.
     pub fn step(&mut self) -> Result<Option<Step<'t, 'v>>, ErrorKind> {
-        match self.place.next {
-            Next::Value => self.value().map(Some),
-            Next::Part => self.part().map(Some),
-            Next::Nothing => Ok(None),
+        if self.place.next == Next::Part {
+            if let Some(step) = self.part()? {
+                return Ok(Some(step));
+            }
         }
+        if self.place.next == Next::Value { self.value().map(Some) } else { Ok(None) }
     }
 
-    /// Element, field, or end of the innermost array or structure.
-    fn part(&mut self) -> Result<Step<'t, 'v>, ErrorKind> {
+    /// Field, or end of the innermost array or structure; `None` if an element begins, which is a value.
+    fn part(&mut self) -> Result<Option<Step<'t, 'v>>, ErrorKind> {
         let top = self.place.depth.saturating_sub(1);
-        let Some(level) = self.place.levels.get_mut(top) else { return Ok(self.leave(None)) };
+        let Some(level) = self.place.levels.get_mut(top) else { return Ok(Some(self.leave(None))) };
         let Level { left, element } = *level;
         if left == 0 {
-            return Ok(self.leave(element));
+            return Ok(Some(self.leave(element)));
         }
         level.left = left.saturating_sub(1);
         self.place.next = Next::Value;
         if let Some((start, _)) = element {
             self.place.at = start;
-            return self.value();
+            return Ok(None);
         }
         let mut ty = self.ty();
         let name = ty.text(MAX_TYPE, Limit::TypeBytes)?;
         self.place.at = self.offset(&ty);
-        Ok(Step::Field(name))
+        Ok(Some(Step::Field(name)))
     }
 
     /// Pops a level; `element` is of the array that ends.
@@ -242,7 +243,7 @@ impl<'t, 'v> Walk<'t, 'v> {
             ARRAY => self.array(ty),
             STRUCTURE => {
                 let fields = ty.number()?;
-                self.enter(Level { left: fields.into(), element: None })?;
+                self.enter(Level { left: fields, element: None })?;
                 self.place.at = self.offset(&ty);
                 Ok(Step::Structure(fields))
             }
@@ -258,31 +259,29 @@ impl<'t, 'v> Walk<'t, 'v> {
 
     /// Beginning of an array, behind its code.
     fn array(&mut self, mut ty: Reader<'t>) -> Result<Step<'t, 'v>, ErrorKind> {
-        let indices = ty.number()?;
-        let sizes = Sizes { indices, of_type: ty, of_value: self.value };
-        let (count, behind) = sizes.elements()?;
-        let start = self.offset(&behind.of_type);
-        let (extent, length) = scan(ty.version(), behind.of_type.rest())?;
+        let (indices, mut value) = (ty.number()?, self.value);
+        let sizes = Sizes { indices, of_type: ty, of_value: value };
+        let count = elements(indices, &mut ty, &mut value)?.ok_or(Limit::Value)?;
+        let start = self.offset(&ty);
+        let (extent, length) = scan(ty.version(), ty.rest())?;
         let end = start.saturating_add(length);
         if extent.smallest == 0 {
             return Err(Malformed::EmptyElement.into());
         }
         // Before any loop over the elements: the smallest of them must fit.
-        let bytes = count.and_then(|count| count.checked_mul(extent.smallest.into()));
-        let bytes = bytes.and_then(|bytes| u32::try_from(bytes).ok()).filter(|bytes| *bytes <= MAX_VALUE);
-        let bytes = to_usize(bytes.ok_or(Limit::Value)?);
-        if bytes > behind.of_value.rest().len() {
+        let bytes = to_usize(product(count, extent.smallest).ok_or(Limit::Value)?);
+        if bytes > value.rest().len() {
             return Err(ErrorKind::Incomplete);
         }
         if self.skips && extent.fixed {
-            self.value = behind.of_value;
-            self.value.take(bytes)?;
+            value.take(bytes)?;
+            self.value = value;
             self.place.at = end;
             self.end_of_value();
             return Ok(Step::Skipped);
         }
-        self.enter(Level { left: count.unwrap_or_default(), element: Some((start, end)) })?;
-        self.value = behind.of_value;
+        self.enter(Level { left: count, element: Some((start, end)) })?;
+        self.value = value;
         Ok(Step::Array(sizes))
     }
 
@@ -327,10 +326,17 @@ fn leaf<'v>(primitive: Primitive, value: &mut Reader<'v>) -> Result<Leaf<'v>, Er
 ///
 /// # Errors
 /// Those of [`Walk::step`].
+#[inline]
 pub fn value_len(ty: &Type<'_>, bytes: &[u8]) -> Result<usize, ErrorKind> {
-    if let Some(size) = ty.fixed_size() {
-        return if size <= bytes.len() { Ok(size) } else { Err(ErrorKind::Incomplete) };
+    match ty.fixed_size() {
+        Some(size) if size <= bytes.len() => Ok(size),
+        Some(_) => Err(ErrorKind::Incomplete),
+        None => walked_len(ty, bytes),
     }
+}
+
+/// Number of bytes of a value, by a walk over it.
+fn walked_len(ty: &Type<'_>, bytes: &[u8]) -> Result<usize, ErrorKind> {
     let mut walk = Walk { skips: true, ..Walk::new(ty, bytes) };
     while walk.step()?.is_some() {}
     Ok(bytes.len().saturating_sub(walk.rest().len()))

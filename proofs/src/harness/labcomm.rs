@@ -2,12 +2,15 @@
 
 use gantry_tau_labcomm::samples::{Data, ForceSensor};
 use gantry_tau_labcomm::verification::Extent;
-use gantry_tau_labcomm::{Collector, Decoder, ErrorKind, MAX_NUMBER, MAX_VALUE, Type, Version};
+use gantry_tau_labcomm::{
+    Collector, Decoder, Definition, ErrorKind, MAX_NUMBER, MAX_VALUE, Reader, Registry, Type, Version,
+};
 
 use super::kani;
 use crate::labcomm::{
-    chunk_is_collected, decode_is_judged, front_is_dropped, number_is_canonical, number_survives, sample_is_canonical,
-    sample_survives, scan_advances, walk_advances,
+    broken_stays_broken, chunk_is_collected, decode_is_judged, definition_is_judged, definition_is_kept,
+    front_is_dropped, number_is_canonical, number_survives, product_is_bounded, sample_is_canonical, sample_survives,
+    scan_advances, sizes_are_taken, walk_advances,
 };
 
 /// Any length that is at most this.
@@ -52,6 +55,50 @@ fn any_scan(_: Version, bytes: &[u8]) -> Result<(Extent, usize), ErrorKind> {
     }
 }
 
+/// Product: any within what [`product_is_bounded`] says. Stands in for the multiplication.
+#[allow(dead_code, reason = "named by functions that only Kani runs")]
+fn any_product(one: u32, other: u32) -> Option<u32> {
+    if one == 0 || other == 0 {
+        return Some(0);
+    }
+    let product: u32 = kani::any();
+    (product >= one && product >= other && product <= MAX_VALUE).then_some(product)
+}
+
+/// Definition in a stream: any whose name and type are there, or any error. Stands in for its parts, which are proved.
+#[allow(dead_code, reason = "named by functions that only Kani runs")]
+fn any_definition<'b>(reader: &mut Reader<'b>) -> Result<Definition<'b>, ErrorKind> {
+    if kani::any() {
+        return Err(kani::any());
+    }
+    let (name, bytes) = (reader.take(kani::any())?, reader.take(kani::any())?);
+    Ok(Definition { index: kani::any(), name, ty: Type::whole(reader.version(), bytes)? })
+}
+
+/// Definition: taken or not, and any valid registry behind it. Stands in for the registry, of which this is proved.
+#[allow(dead_code, reason = "named by functions that only Kani runs")]
+fn any_define<const S: usize, const B: usize>(
+    registry: &mut Registry<S, B>,
+    _: u32,
+    _: &[u8],
+    _: &Type<'_>,
+) -> Result<(), ErrorKind> {
+    *registry = kani::any();
+    assume!(registry.is_valid(), registry.len() == 2, "a full registry");
+    if kani::any() { Ok(()) } else { Err(kani::any()) }
+}
+
+/// Sizes of an array: any that are there, of any number of elements, or any error. Stands in for the loop over them, which is proved.
+#[allow(dead_code, reason = "named by functions that only Kani runs")]
+fn any_elements(_: u32, ty: &mut Reader<'_>, value: &mut Reader<'_>) -> Result<Option<u32>, ErrorKind> {
+    if kani::any() {
+        return Err(kani::any());
+    }
+    ty.take(kani::any())?;
+    value.take(kani::any())?;
+    Ok(Some(kani::any()).filter(|count| *count <= MAX_VALUE))
+}
+
 /// Any valid collector of 8 bytes.
 fn any_collector() -> Collector<8> {
     let collector: Collector<8> = kani::any();
@@ -66,13 +113,20 @@ harnesses! {
         let is_number = number_is_canonical(kani::any(), &bytes[..any_length(6)]);
         kani::cover!(is_number, "some bytes are one");
     }
-    labcomm_type_is_total [cadical, unwind 18, stub(gantry_tau_labcomm::number::decode, crate::harness::labcomm::any_number)] {
-        let bytes: [u8; 8] = kani::any();
-        let stepped = scan_advances(kani::any(), &bytes[..any_length(8)], kani::any());
+    labcomm_product_is_bounded [minisat] { product_is_bounded(kani::any(), kani::any()); }
+    labcomm_type_is_total [cadical, unwind 18, stub(gantry_tau_labcomm::number::decode, crate::harness::labcomm::any_number), stub(gantry_tau_labcomm::verification::product, crate::harness::labcomm::any_product)] {
+        let bytes: [u8; 24] = kani::any();
+        let stepped = scan_advances(kani::any(), &bytes[..any_length(24)], kani::any());
         kani::cover!(stepped, "some places have a step");
     }
-    labcomm_walk_advances [cadical, unwind 18, stub(gantry_tau_labcomm::number::decode, crate::harness::labcomm::any_number), stub(gantry_tau_labcomm::verification::scan, crate::harness::labcomm::any_scan)] {
-        let (bytes, value): ([u8; 8], [u8; 16]) = (kani::any(), kani::any());
+    labcomm_sizes_are_taken [cadical, unwind 14, stub(gantry_tau_labcomm::number::decode, crate::harness::labcomm::any_number), stub(gantry_tau_labcomm::verification::product, crate::harness::labcomm::any_product)] {
+        let (bytes, value): ([u8; 12], [u8; 16]) = (kani::any(), kani::any());
+        let (ty, value) = (&bytes[..any_length(12)], &value[..any_length(16)]);
+        let is_array = sizes_are_taken(kani::any(), kani::any(), ty, value);
+        kani::cover!(is_array, "some sizes are an array's");
+    }
+    labcomm_walk_advances [cadical, unwind 18, stub(gantry_tau_labcomm::number::decode, crate::harness::labcomm::any_number), stub(gantry_tau_labcomm::verification::product, crate::harness::labcomm::any_product), stub(gantry_tau_labcomm::verification::elements, crate::harness::labcomm::any_elements), stub(gantry_tau_labcomm::verification::scan, crate::harness::labcomm::any_scan)] {
+        let (bytes, value): ([u8; 12], [u8; 16]) = (kani::any(), kani::any());
         let ty = Type::whole(kani::any(), &bytes);
         assume!(ty.is_ok(), true, "some bytes are a type");
         if let Ok(ty) = ty {
@@ -80,11 +134,30 @@ harnesses! {
             kani::cover!(stepped, "some places have a step");
         }
     }
-    labcomm_decode_is_total [cadical, unwind 18, stub(gantry_tau_labcomm::number::decode, crate::harness::labcomm::any_number), stub(gantry_tau_labcomm::verification::scan, crate::harness::labcomm::any_scan), stub(gantry_tau_labcomm::value_len, crate::harness::labcomm::any_value_len)] {
-        let mut decoder: Decoder<2, 16> = kani::any();
+    labcomm_definition_is_kept [cadical, unwind 9, stub(gantry_tau_labcomm::verification::scan, crate::harness::labcomm::any_scan)] {
+        let (mut registry, name, bytes): (Registry<2, 8>, [u8; 4], [u8; 4]) = (kani::any(), kani::any(), kani::any());
+        assume!(registry.is_valid(), registry.len() == 2, "a full registry");
+        let (ty, length) = (Type::whole(registry.version(), &bytes[..any_length(4)]), any_length(4));
+        assume!(ty.is_ok(), true, "some bytes are a type");
+        if let Ok(ty) = ty {
+            let is_taken = definition_is_kept(&mut registry, kani::any(), &name[..length], &ty, kani::any());
+            kani::cover!(is_taken, "some definitions are taken");
+        }
+    }
+    labcomm_definition_is_judged [cadical, unwind 3, stub(gantry_tau_labcomm::number::decode, crate::harness::labcomm::any_number), stub(gantry_tau_labcomm::verification::scan, crate::harness::labcomm::any_scan)] {
+        let bytes: [u8; 32] = kani::any();
+        let is_definition = definition_is_judged(kani::any(), &bytes[..any_length(32)]);
+        kani::cover!(is_definition, "some bytes are a definition");
+    }
+    labcomm_broken_stays_broken [cadical, unwind 18, stub(gantry_tau_labcomm::number::decode, crate::harness::labcomm::any_number), stub(gantry_tau_labcomm::verification::scan, crate::harness::labcomm::any_scan), stub(gantry_tau_labcomm::value_len, crate::harness::labcomm::any_value_len), stub(gantry_tau_labcomm::Registry::define, crate::harness::labcomm::any_define), stub(gantry_tau_labcomm::verification::unframed_definition, crate::harness::labcomm::any_definition), stub(gantry_tau_labcomm::verification::packed_definition, crate::harness::labcomm::any_definition)] {
+        let (mut decoder, bytes): (Decoder<2, 16>, [u8; 32]) = (kani::any(), kani::any());
+        assume!(decoder.is_valid() && decoder.error().is_some(), decoder.registry().len() == 2, "a full registry");
+        broken_stays_broken(&mut decoder, &bytes[..any_length(32)]);
+    }
+    labcomm_decode_is_total [cadical, unwind 18, stub(gantry_tau_labcomm::number::decode, crate::harness::labcomm::any_number), stub(gantry_tau_labcomm::verification::scan, crate::harness::labcomm::any_scan), stub(gantry_tau_labcomm::value_len, crate::harness::labcomm::any_value_len), stub(gantry_tau_labcomm::Registry::define, crate::harness::labcomm::any_define), stub(gantry_tau_labcomm::verification::unframed_definition, crate::harness::labcomm::any_definition), stub(gantry_tau_labcomm::verification::packed_definition, crate::harness::labcomm::any_definition)] {
+        let (mut decoder, bytes): (Decoder<2, 16>, [u8; 32]) = (kani::any(), kani::any());
         assume!(decoder.is_valid(), decoder.registry().len() == 2, "a full registry");
-        let bytes: [u8; 16] = kani::any();
-        let is_event = decode_is_judged(&mut decoder, &bytes[..any_length(16)]);
+        let is_event = decode_is_judged(&mut decoder, &bytes[..any_length(32)]);
         kani::cover!(is_event, "some bytes are an event");
     }
     labcomm_thesis_samples_survive [minisat, unwind 26] {

@@ -8,6 +8,8 @@ use gantry_tau_core::control::session::{Event, Input};
 use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client, encode_client, encode_state};
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose, WARM_ITERATIONS};
 use gantry_tau_core::units::EpochRange;
+use gantry_tau_labcomm::samples::{Axes, Data, ForceSensor};
+use gantry_tau_labcomm::{Decoded, Decoder, Encoder, Event, Field, Version};
 use gantry_tau_proofs::robots;
 
 /// A counted call, and its limit.
@@ -37,6 +39,10 @@ pub(crate) const CALLS: &[Call] = &[
     call("encode_state", None, encode_a_state),
     call("decode_command", None, decode_command),
     call("deframe_command", None, deframe_command),
+    call("labcomm_encode_thesis", Some(150), labcomm_encode_thesis),
+    call("labcomm_encode_axes", Some(900), labcomm_encode_axes),
+    call("labcomm_read_force", Some(150), labcomm_read_force),
+    call("labcomm_decode_force", None, labcomm_decode_force),
 ];
 
 /// Makes the call of this name.
@@ -155,4 +161,61 @@ fn deframe_command() {
     let bytes = black_box(encode_client(&ClientMessage::Command(a_command().1)));
     let mut deframer = Deframer::new();
     assert!(measured(|| matches!(deframer.feed(&bytes), Feed::Frame { .. })));
+}
+
+/// Gauges and force sensor, version 2006, behind each other.
+fn labcomm_encode_thesis() {
+    let (data, force) = black_box((Data([42, -7, 2_000_000]), a_force()));
+    let mut room = [0; 64];
+    let mut encoder = black_box(Encoder::new(Version::V2006, &mut room));
+    let encoded = measured(|| encoder.data(0x80, &data).is_ok() && encoder.data(0x81, &force).is_ok());
+    assert!(encoded);
+    assert_eq!(black_box(encoder.bytes()).len(), 16 + 28);
+}
+
+/// Six axes, version 2006.
+fn labcomm_encode_axes() {
+    let axes = black_box(Axes::<6>::ZERO);
+    let mut room = [0; 512];
+    let mut encoder = black_box(Encoder::new(Version::V2006, &mut room));
+    assert!(measured(|| encoder.data(0x80, &axes).is_ok()));
+    black_box(encoder.bytes());
+}
+
+/// A stream of one definition and one sample, version 2006, and a decoder behind the definition.
+fn a_stream() -> (Box<Decoder<256, 65_536>>, Vec<u8>) {
+    let mut room = vec![0; 256];
+    let mut encoder = Encoder::new(Version::V2006, &mut room);
+    encoder.define::<ForceSensor>(0x80).unwrap();
+    let start = encoder.len();
+    encoder.data(0x80, &a_force()).unwrap();
+    let mut decoder = Box::new(Decoder::new(1 << 20));
+    let defined = decoder.decode(encoder.bytes()).unwrap();
+    assert!(matches!(defined, Decoded::Event { event: Event::Define(of), used } if of.is::<ForceSensor>() && used == start));
+    let sample = encoder.bytes()[start..].to_vec();
+    (decoder, sample)
+}
+
+fn a_force() -> ForceSensor {
+    ForceSensor([360.0, -12.5, 0.0, 0.25, -1.0, 3.0])
+}
+
+/// The value of an event, by the type that its definition was found to be.
+fn labcomm_read_force() {
+    let (mut decoder, sample) = a_stream();
+    let Ok(Decoded::Event { event: Event::Data { value, .. }, .. }) = decoder.decode(&sample) else { panic!("a sample") };
+    let value = black_box(value);
+    assert_eq!(black_box(measured(|| value.read::<ForceSensor>())), Ok(a_force()));
+}
+
+/// The event and its value.
+fn labcomm_decode_force() {
+    let (mut decoder, sample) = black_box(a_stream());
+    let read = measured(|| match decoder.decode(&sample) {
+        Ok(Decoded::Event { event: Event::Data { definition, value }, .. }) if definition.index == 0x80 => {
+            value.read::<ForceSensor>().ok()
+        }
+        _ => None,
+    });
+    assert_eq!(black_box(read), Some(a_force()));
 }

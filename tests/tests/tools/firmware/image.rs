@@ -10,7 +10,7 @@ use super::budget;
 use super::emulator::{Build, images};
 
 /// Images that are measured and free of panics; the others have a network, or a panic on purpose.
-const IMAGES: [&str; 3] = ["firmware", "whole", "session_only"];
+const IMAGES: [&str; 4] = ["firmware", "whole", "session_only", "labcomm"];
 
 /// Parts of the mangled names of functions that panic.
 const PANICS: [&str; 3] = ["panicking", "panic_", "_fail"];
