@@ -191,7 +191,9 @@ fn a_stream() -> (Box<Decoder<256, 65_536>>, Vec<u8>) {
     encoder.data(0x80, &a_force()).unwrap();
     let mut decoder = Box::new(Decoder::new(1 << 20));
     let defined = decoder.decode(encoder.bytes()).unwrap();
-    assert!(matches!(defined, Decoded::Event { event: Event::Define(of), used } if of.is::<ForceSensor>() && used == start));
+    assert!(
+        matches!(defined, Decoded::Event { event: Event::Define(of), used } if of.is::<ForceSensor>() && used == start)
+    );
     let sample = encoder.bytes()[start..].to_vec();
     (decoder, sample)
 }
@@ -203,7 +205,9 @@ fn a_force() -> ForceSensor {
 /// The value of an event, by the type that its definition was found to be.
 fn labcomm_read_force() {
     let (mut decoder, sample) = a_stream();
-    let Ok(Decoded::Event { event: Event::Data { value, .. }, .. }) = decoder.decode(&sample) else { panic!("a sample") };
+    let Ok(Decoded::Event { event: Event::Data { value, .. }, .. }) = decoder.decode(&sample) else {
+        panic!("a sample")
+    };
     let value = black_box(value);
     assert_eq!(black_box(measured(|| value.read::<ForceSensor>())), Ok(a_force()));
 }
