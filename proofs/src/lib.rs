@@ -42,7 +42,7 @@ pub mod ingress;
 pub mod kinematics;
 #[cfg(not(kani))]
 pub mod known_solution;
-#[cfg(feature = "labcomm")]
+#[cfg(any(feature = "labcomm", feature = "labcomm_decoder"))]
 pub mod labcomm;
 pub mod monitor;
 pub mod motors;

@@ -1,16 +1,14 @@
-//! T16: any number, any bytes as a type, a step of a walk from any place, any bytes into any decoder, any sample of the thesis, any chunk.
+//! T16: any number, any bytes as a type or definition, a step of a walk from any place, any sample of the thesis, any chunk.
 
 use gantry_tau_labcomm::samples::{Data, ForceSensor};
 use gantry_tau_labcomm::verification::Extent;
-use gantry_tau_labcomm::{
-    Collector, Decoder, Definition, ErrorKind, MAX_NUMBER, MAX_VALUE, Reader, Registry, Type, Version,
-};
+use gantry_tau_labcomm::{Collector, ErrorKind, MAX_NUMBER, MAX_VALUE, Reader, Registry, Type, Version};
 
 use super::kani;
 use crate::labcomm::{
-    broken_stays_broken, chunk_is_collected, decode_is_judged, definition_is_judged, definition_is_kept,
-    front_is_dropped, number_is_canonical, number_survives, product_is_bounded, sample_is_canonical, sample_survives,
-    scan_advances, sizes_are_taken, walk_advances,
+    chunk_is_collected, definition_is_judged, definition_is_kept, front_is_dropped, number_is_canonical,
+    number_survives, product_is_bounded, sample_is_canonical, sample_survives, scan_advances, sizes_are_taken,
+    walk_advances,
 };
 
 /// Any length that is at most this.
@@ -18,20 +16,6 @@ fn any_length(most: usize) -> usize {
     let length = kani::any();
     assume!(length <= most, length == most, "the longest");
     length
-}
-
-/// Number of bytes of a value: that of its type, or any that is there, or any error. Stands in for the walk over a whole value, whose every
-/// step is proved.
-#[allow(dead_code, reason = "named by functions that only Kani runs")]
-fn any_value_len(ty: &Type<'_>, bytes: &[u8]) -> Result<usize, ErrorKind> {
-    if let Some(size) = ty.fixed_size() {
-        return if size <= bytes.len() { Ok(size) } else { Err(ErrorKind::Incomplete) };
-    }
-    if kani::any() {
-        return Err(kani::any());
-    }
-    let length: usize = kani::any();
-    if length <= bytes.len() { Ok(length) } else { Err(ErrorKind::Incomplete) }
 }
 
 /// Number: any, of one to five bytes that are there, or any error. Stands in for its decoding, which is proved.
@@ -63,29 +47,6 @@ fn any_product(one: u32, other: u32) -> Option<u32> {
     }
     let product: u32 = kani::any();
     (product >= one && product >= other && product <= MAX_VALUE).then_some(product)
-}
-
-/// Definition in a stream: any whose name and type are there, or any error. Stands in for its parts, which are proved.
-#[allow(dead_code, reason = "named by functions that only Kani runs")]
-fn any_definition<'b>(reader: &mut Reader<'b>) -> Result<Definition<'b>, ErrorKind> {
-    if kani::any() {
-        return Err(kani::any());
-    }
-    let (name, bytes) = (reader.take(kani::any())?, reader.take(kani::any())?);
-    Ok(Definition { index: kani::any(), name, ty: Type::whole(reader.version(), bytes)? })
-}
-
-/// Definition: taken or not, and any valid registry behind it. Stands in for the registry, of which this is proved.
-#[allow(dead_code, reason = "named by functions that only Kani runs")]
-fn any_define<const S: usize, const B: usize>(
-    registry: &mut Registry<S, B>,
-    _: u32,
-    _: &[u8],
-    _: &Type<'_>,
-) -> Result<(), ErrorKind> {
-    *registry = kani::any();
-    assume!(registry.is_valid(), registry.len() == 2, "a full registry");
-    if kani::any() { Ok(()) } else { Err(kani::any()) }
 }
 
 /// Sizes of an array: any that are there, of any number of elements, or any error. Stands in for the loop over them, which is proved.
@@ -148,17 +109,6 @@ harnesses! {
         let bytes: [u8; 32] = kani::any();
         let is_definition = definition_is_judged(kani::any(), &bytes[..any_length(32)]);
         kani::cover!(is_definition, "some bytes are a definition");
-    }
-    labcomm_broken_stays_broken [cadical, unwind 18, stub(gantry_tau_labcomm::number::decode, crate::harness::labcomm::any_number), stub(gantry_tau_labcomm::verification::scan, crate::harness::labcomm::any_scan), stub(gantry_tau_labcomm::value_len, crate::harness::labcomm::any_value_len), stub(gantry_tau_labcomm::Registry::define, crate::harness::labcomm::any_define), stub(gantry_tau_labcomm::verification::unframed_definition, crate::harness::labcomm::any_definition), stub(gantry_tau_labcomm::verification::packed_definition, crate::harness::labcomm::any_definition)] {
-        let (mut decoder, bytes): (Decoder<2, 16>, [u8; 32]) = (kani::any(), kani::any());
-        assume!(decoder.is_valid() && decoder.error().is_some(), decoder.registry().len() == 2, "a full registry");
-        broken_stays_broken(&mut decoder, &bytes[..any_length(32)]);
-    }
-    labcomm_decode_is_total [cadical, unwind 18, stub(gantry_tau_labcomm::number::decode, crate::harness::labcomm::any_number), stub(gantry_tau_labcomm::verification::scan, crate::harness::labcomm::any_scan), stub(gantry_tau_labcomm::value_len, crate::harness::labcomm::any_value_len), stub(gantry_tau_labcomm::Registry::define, crate::harness::labcomm::any_define), stub(gantry_tau_labcomm::verification::unframed_definition, crate::harness::labcomm::any_definition), stub(gantry_tau_labcomm::verification::packed_definition, crate::harness::labcomm::any_definition)] {
-        let (mut decoder, bytes): (Decoder<2, 16>, [u8; 32]) = (kani::any(), kani::any());
-        assume!(decoder.is_valid(), decoder.registry().len() == 2, "a full registry");
-        let is_event = decode_is_judged(&mut decoder, &bytes[..any_length(32)]);
-        kani::cover!(is_event, "some bytes are an event");
     }
     labcomm_thesis_samples_survive [minisat, unwind 26] {
         sample_survives::<Data, 12>(kani::any(), &Data(kani::any()));

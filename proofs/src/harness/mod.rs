@@ -122,6 +122,8 @@ mod ingress;
 mod kinematics;
 #[cfg(feature = "labcomm")]
 mod labcomm;
+#[cfg(feature = "labcomm_decoder")]
+mod labcomm_decoder;
 #[cfg(any(not(feature = "only"), feature = "monitor"))]
 mod monitor;
 #[cfg(any(not(feature = "only"), feature = "motors"))]
@@ -149,6 +151,7 @@ pub const HARNESSES: &[&[Harness]] = &[
     ingress::HARNESSES,
     kinematics::HARNESSES,
     labcomm::HARNESSES,
+    labcomm_decoder::HARNESSES,
     monitor::HARNESSES,
     motors::HARNESSES,
     no_panic::HARNESSES,
