@@ -2,11 +2,12 @@
 
 use gantry_tau_labcomm::samples::{Data, ForceSensor, SessionEvent, Tool};
 use gantry_tau_labcomm::{
-    Collector, Decoded, Decoder, Encoder, ErrorKind, Place, Sink, Type, Version, Walk, Writer, value_len,
+    Collector, Decoded, Decoder, Encoder, ErrorKind, Place, Registry, Sink, Type, Version, Walk, Writer, value_len,
 };
 use gantry_tau_proofs::labcomm::{
-    chunk_is_collected, decode_is_judged, front_is_dropped, number_is_canonical, number_survives, sample_is_canonical,
-    sample_survives, type_is_judged, walk_advances,
+    broken_stays_broken, chunk_is_collected, decode_is_judged, definition_is_judged, definition_is_kept,
+    front_is_dropped, number_is_canonical, number_survives, product_is_bounded, sample_is_canonical, sample_survives,
+    sizes_are_taken, type_is_judged, walk_advances,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -136,6 +137,47 @@ proptest! {
     }
 
     #[test]
+    fn products(one: u32, other: u32, shifts in (0_u32..32, 0_u32..32)) {
+        product_is_bounded(one >> shifts.0, other >> shifts.1);
+    }
+
+    #[test]
+    fn sizes(version in version(), sizes in vec(0_u32..400, 0..6), of_value in vec(0_u32..400, 0..6), extra in 0_u32..2, tail in noise()) {
+        let number = |sink: &mut Writer<'_>, sizes: &[u32]| sizes.iter().for_each(|size| sink.number(*size));
+        let (ty, value) = (bytes(version, |sink| number(sink, &sizes)), bytes(version, |sink| number(sink, &of_value)));
+        let indices = u32::try_from(sizes.len()).unwrap();
+        let _ = sizes_are_taken(version, indices + extra, &ty, &value);
+        let _ = sizes_are_taken(version, indices, &[&ty[..], &tail].concat(), &tail);
+        // Those of the value stand where the type has none.
+        let mut open = of_value.iter().copied();
+        let all: Option<Vec<u32>> = sizes.iter().map(|size| if *size == 0 { open.next() } else { Some(*size) }).collect();
+        let counted = all.is_some_and(|all| {
+            all.contains(&0) || all.iter().try_fold(1_u64, |product, size| Some(product * u64::from(*size)).filter(|p| *p <= 1 << 24)).is_some()
+        });
+        prop_assert_eq!(sizes_are_taken(version, indices, &ty, &value), counted);
+    }
+
+    #[test]
+    fn definitions(version in version(), tree in tree(), indices in vec(0x40_u32..0x44, 1..5), name in vec(any::<u8>(), 0..9), tail in noise(), at in 0_usize..40) {
+        let ty_bytes = bytes(version, |sink| tree.write(sink));
+        let Ok(ty) = Type::whole(version, &ty_bytes) else { return Ok(()) };
+        let mut registry = Registry::<3, 64>::new(version);
+        for index in indices {
+            let (known, used) = (registry.get(index).is_some(), registry.len() * (name.len() + ty_bytes.len()));
+            let has_room = registry.len() < 3 && used + name.len() + ty_bytes.len() <= 64;
+            prop_assert_eq!(definition_is_kept(&mut registry, index, &name, &ty, at), known || has_room);
+        }
+        let definition = bytes(version, |sink| {
+            sink.number(0x40);
+            sink.text(&name);
+            if version.is_packed() { sink.text(&ty_bytes) } else { sink.slice(&ty_bytes) }
+        });
+        prop_assert!(definition_is_judged(version, &definition));
+        let _ = definition_is_judged(version, &[&definition[..], &tail].concat());
+        let _ = definition_is_judged(version, &tail);
+    }
+
+    #[test]
     fn types_and_values(version in version(), tree in tree(), seed in vec(any::<u8>(), 1..20), place in noise()) {
         let ty_bytes = bytes(version, |sink| tree.write(sink));
         let judged = type_is_judged(version, &ty_bytes);
@@ -191,6 +233,7 @@ proptest! {
                         Ok(Decoded::Event { used, .. }) => ends.push(Ok(start + used)),
                         Ok(Decoded::Need(_)) => break,
                         Err(error) => {
+                            broken_stays_broken(&mut decoder, &stream[start..given]);
                             ends.push(Err(error));
                             return ends;
                         }

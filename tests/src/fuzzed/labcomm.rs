@@ -2,7 +2,7 @@
 
 use gantry_tau::labcomm::{decode, encode};
 use gantry_tau_labcomm::{Decoded, Decoder, Encoder, Error, ErrorKind, Event, Version};
-use gantry_tau_proofs::labcomm::decode_is_judged;
+use gantry_tau_proofs::labcomm::{broken_stays_broken, decode_is_judged};
 
 /// Small, so that a stream of a fuzzer can fill it.
 type StreamDecoder = Decoder<4, 256>;
@@ -40,7 +40,10 @@ fn ends(stream: &[u8], length: usize) -> (Vec<usize>, Option<Error>) {
                     ends.push(start);
                 }
                 Ok(Decoded::Need(_)) => break,
-                Err(error) => return (ends, Some(error)),
+                Err(error) => {
+                    broken_stays_broken(&mut decoder, &stream[start..given]);
+                    return (ends, Some(error));
+                }
             }
         }
     }
