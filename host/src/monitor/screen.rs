@@ -72,7 +72,10 @@ fn tick(snapshot: &Snapshot) -> String {
         counts.clamped,
         counts.strangers,
     );
-    let _ = writeln!(text, "axis      nominal mm    offset µm    shadow µm      actual mm     lag µm     v mm/s  torque %  flags");
+    let _ = writeln!(
+        text,
+        "axis      nominal mm    offset µm    shadow µm      actual mm     lag µm     v mm/s  torque %  flags"
+    );
     for (number, axis) in (1..).zip(&snapshot.axes) {
         let _ = writeln!(text, "{number:<4}{}", row(axis, snapshot.phase).trim_end());
     }

@@ -18,6 +18,7 @@ mod embedding;
 mod fuzz_seeds;
 mod hostile_traffic;
 mod kill;
+mod labcomm;
 mod no_allocation;
 mod oracle_vectors;
 mod panic_free;
