@@ -1,6 +1,7 @@
 //! Samples of the server for programs that speak LabComm `[T 4.2.3]`: a port carries the samples that were agreed on, one of each per tick.
 //!
-//! A reader that connects gets version and definitions first. What it sends is not read, and it is dropped if it does not keep up.
+//! A reader that connects gets version and definitions first, and `session_event` of a failure of the machine that still lasts. What it sends
+//! is not read, and it is dropped if it does not keep up.
 
 mod rows;
 mod sample_name;
@@ -8,13 +9,14 @@ mod sample_name;
 use std::io;
 use std::net::SocketAddr;
 
+use gantry_tau_core::control::message::Phase;
 use gantry_tau_labcomm::{Encoder, Version};
 
 use crate::plant::ToolReading;
 use crate::readers::Readers;
 use crate::server::connections::Allowed;
 use crate::server::cycle::Row;
-use crate::server::event_log::Event;
+use crate::server::event_log::{Event, EventKind};
 
 pub use sample_name::{ParseSampleNameError, SampleName};
 
@@ -31,8 +33,10 @@ pub struct Publication {
     names: Vec<SampleName>,
     /// Resolution of the gauges, m: what one count of `data` means.
     gauge_resolution_m: f64,
-    /// Version and definitions.
+    /// Bytes that a new reader gets first: version and definitions, then the failure of the machine while it lasts.
     preamble: Vec<u8>,
+    /// Length of version and definitions, bytes.
+    definitions: usize,
     buffer: Box<[u8; TICK]>,
 }
 
@@ -56,7 +60,8 @@ impl Publication {
             version,
             names: names.to_vec(),
             gauge_resolution_m,
-            preamble: encoder.bytes().to_vec(),
+            preamble: preamble(encoder.bytes()),
+            definitions: encoder.bytes().len(),
             buffer: Box::new([0; TICK]),
         })
     }
@@ -99,5 +104,26 @@ impl Publication {
         let written = rows::write_row(&mut encoder, names, row, events, resolution_m);
         debug_assert_eq!(written, Ok(()), "a tick has room");
         self.readers.send(encoder.bytes());
+        self.keep_failure(row, events);
     }
+
+    /// Keeps the failure of the machine for readers that come later, until the server listens again.
+    fn keep_failure<const N: usize>(&mut self, row: &Row<N>, events: &[Event]) {
+        let failure = events.iter().rfind(|event| event.kind == EventKind::MachineFailed);
+        if failure.is_none() && (row.plant_failed || row.state.phase != Phase::Listening) {
+            return;
+        }
+        self.preamble.truncate(self.definitions);
+        let mut encoder = Encoder::new(self.version, self.buffer.as_mut_slice());
+        let written = rows::write_events(&mut encoder, rows::indexed(self.version, &self.names), failure);
+        debug_assert_eq!(written, Ok(()), "an event has room");
+        self.preamble.extend_from_slice(encoder.bytes());
+    }
+}
+
+/// Copies version and definitions, with room for an event behind them.
+fn preamble(definitions: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(DEFINITIONS + TICK);
+    bytes.extend_from_slice(definitions);
+    bytes
 }

@@ -63,11 +63,7 @@ pub(super) fn write_row<const N: usize>(
         match (name, &row.tool) {
             (SampleName::State, _) => encoder.data(index, &state(&row.state))?,
             (SampleName::Axes, _) => encoder.data(index, &axes(row))?,
-            (SampleName::SessionEvent, _) => {
-                for event in events {
-                    encoder.data(index, &session_event(event))?;
-                }
-            }
+            (SampleName::SessionEvent, _) => write_events(encoder, std::iter::once((index, name)), events)?,
             (SampleName::Data, Some(tool)) => encoder.data(index, &data(tool, gauge_resolution_m))?,
             (SampleName::ForceSensor, Some(tool)) => encoder.data(index, &force_sensor(tool))?,
             (SampleName::Tool, Some(reading)) => encoder.data(index, &tool(row.state.tick.0, reading))?,
@@ -75,6 +71,16 @@ pub(super) fn write_row<const N: usize>(
         }
     }
     Ok(())
+}
+
+/// Writes these events, if a port carries them.
+pub(super) fn write_events<'a>(
+    encoder: &mut Encoder<'_>,
+    mut names: impl Iterator<Item = (u32, SampleName)>,
+    events: impl IntoIterator<Item = &'a Event>,
+) -> Result<(), ErrorKind> {
+    let Some((index, _)) = names.find(|(_, name)| *name == SampleName::SessionEvent) else { return Ok(()) };
+    events.into_iter().try_for_each(|event| encoder.data(index, &session_event(event)))
 }
 
 /// `as` would turn NaN into 0 and keep the limits as well, silently.

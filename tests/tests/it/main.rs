@@ -18,6 +18,8 @@ mod embedding;
 mod fuzz_seeds;
 mod hostile_traffic;
 mod kill;
+mod labcomm;
+mod labcomm_page;
 mod no_allocation;
 mod oracle_vectors;
 mod panic_free;
