@@ -4,14 +4,18 @@ use gantry_tau::labcomm::{decode, encode};
 use gantry_tau_labcomm::{Decoded, Decoder, Encoder, Error, ErrorKind, Event, Version};
 use gantry_tau_proofs::labcomm::{broken_stays_broken, decode_is_judged};
 
+use crate::labcomm::agree;
+
 /// Small, so that a stream of a fuzzer can fill it.
 type StreamDecoder = Decoder<4, 256>;
 
 /// Largest number of bytes of a value.
 const MOST: u32 = 4096;
 
-/// The bytes are the stream: whole and cut it has the same events, and each event has no other bytes than those it came in.
+/// The bytes are the stream: whole and cut it has the same events, each event has no other bytes than those it came in, and a second decoder
+/// finds the same.
 pub fn labcomm(data: &[u8]) {
+    let _ = agree(data);
     let whole = ends(data, data.len());
     for length in [1, 7, 64] {
         assert_eq!(ends(data, length), whole, "T16: any split");
