@@ -9,7 +9,7 @@ use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client, encod
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose, WARM_ITERATIONS};
 use gantry_tau_core::units::EpochRange;
 use gantry_tau_labcomm::samples::{Axes, Data, ForceSensor};
-use gantry_tau_labcomm::{Decoded, Decoder, Encoder, Event, Field, Version};
+use gantry_tau_labcomm::{Decoded, Decoder, Encoder, Event as LabCommEvent, Field, Version};
 use gantry_tau_proofs::robots;
 
 /// A counted call, and its limit.
@@ -192,7 +192,7 @@ fn a_stream() -> (Box<Decoder<256, 65_536>>, Vec<u8>) {
     let mut decoder = Box::new(Decoder::new(1 << 20));
     let defined = decoder.decode(encoder.bytes()).unwrap();
     assert!(
-        matches!(defined, Decoded::Event { event: Event::Define(of), used } if of.is::<ForceSensor>() && used == start)
+        matches!(defined, Decoded::Event { event: LabCommEvent::Define(of), used } if of.is::<ForceSensor>() && used == start)
     );
     let sample = encoder.bytes()[start..].to_vec();
     (decoder, sample)
@@ -205,7 +205,7 @@ fn a_force() -> ForceSensor {
 /// The value of an event, by the type that its definition was found to be.
 fn labcomm_read_force() {
     let (mut decoder, sample) = a_stream();
-    let Ok(Decoded::Event { event: Event::Data { value, .. }, .. }) = decoder.decode(&sample) else {
+    let Ok(Decoded::Event { event: LabCommEvent::Data { value, .. }, .. }) = decoder.decode(&sample) else {
         panic!("a sample")
     };
     let value = black_box(value);
@@ -216,7 +216,7 @@ fn labcomm_read_force() {
 fn labcomm_decode_force() {
     let (mut decoder, sample) = black_box(a_stream());
     let read = measured(|| match decoder.decode(&sample) {
-        Ok(Decoded::Event { event: Event::Data { definition, value }, .. }) if definition.index == 0x80 => {
+        Ok(Decoded::Event { event: LabCommEvent::Data { definition, value }, .. }) if definition.index == 0x80 => {
             value.read::<ForceSensor>().ok()
         }
         _ => None,
