@@ -192,8 +192,9 @@ fn the_status_is_the_state_of_its_tick_in_each_phase() {
     });
     server.write("stop\n");
     look(&mut server, ["fault", "stop"], 4);
-    states.extend(second.thread.join().unwrap());
+    // In Fault a client is told every tick until the server ends.
     server.stop().success();
+    states.extend(second.thread.join().unwrap());
     folder.run(&["monitor", &port.to_string(), "--status"]).failure(6);
     let record = record(&folder);
     for (line, names) in lines {
