@@ -12,7 +12,7 @@ pub(crate) struct ClientRecording {
     ///
     /// CSV: one row per tick with references, actual values, targets and force. LabComm: the samples axes, state, tool and session_event.
     /// In `tool` a client knows the load, tared and filtered, and the rest is not a number; of the events it knows the grant and the phases.
-    #[arg(long, value_name = "FILE.csv|FILE.labcomm")]
+    #[arg(long, value_name = "FILE.csv|FILE.labcomm|FILE.mcap")]
     record: Option<RecordTo>,
     /// Version of LabComm in FILE.labcomm
     #[arg(long, value_name = "VERSION", default_value = "2014", requires = "record")]

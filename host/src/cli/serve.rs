@@ -87,7 +87,7 @@ pub(crate) struct Serve {
     /// Record every tick, as CSV or as a stream of LabComm
     ///
     /// CSV: one row per tick with references, actual values and force. LabComm: the samples axes, state, tool and session_event.
-    #[arg(long, value_name = "FILE.csv|FILE.labcomm")]
+    #[arg(long, value_name = "FILE.csv|FILE.labcomm|FILE.mcap")]
     record: Option<RecordTo>,
     /// Write a black box (the ticks before and after, bit for bit) at each end of a session and each stop, for `gantry-tau replay`
     #[arg(long, value_name = "FOLDER")]
@@ -155,7 +155,7 @@ impl Serve {
         let mut cycle = self.cycle(robot, machine, listen)?.with_sensor(sensor).with_sensors(sensors);
         // After binding, so that a second server started by mistake does not truncate the first one's recording.
         let mut file = match &self.record {
-            Some(to) => Some(Recording::create::<Row<N>>(&self.publications.recorded(to))?),
+            Some(to) => Some(Recording::create::<Row<N>, K>(&self.publications.recorded(to), robot)?),
             None => None,
         };
         let mut black_boxes = None;

@@ -76,7 +76,9 @@ pub fn run_observed<K: MachineKind<N>, const N: usize>(
     // After connecting: an absent server must not cost an earlier recording. Before Hello: nothing moves yet.
     let recorder = options.record.as_ref().map(|to| {
         let mut seen = Seen::default();
-        Recorder::start(Recording::create::<ClientRow<N>>(to)?, move |row: &ClientRow<N>| seen.see(&row.state))
+        Recorder::start(Recording::create::<ClientRow<N>, K>(to, &options.robot)?, move |row: &ClientRow<N>| {
+            seen.see(&row.state)
+        })
     });
     let recorder = recorder.transpose();
     let recorder = recorder.map_err(|error| ClientError::Setup(error.to_string()))?;

@@ -1,8 +1,9 @@
-//! Recordings: one row per tick, written by a separate thread `[T 5.1.2]`, as CSV or as a stream of LabComm.
+//! Recordings: one row per tick, written by a separate thread `[T 5.1.2]`, as CSV, as a stream of LabComm or as MCAP.
 
 mod columns;
 mod csv_file;
 mod labcomm_file;
+mod mcap;
 mod recording;
 mod seen;
 mod tally;

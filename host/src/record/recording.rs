@@ -9,8 +9,12 @@ use gantry_tau_labcomm::Version;
 
 use super::csv_file;
 use super::labcomm_file::LabcommFile;
+use super::mcap::McapFile;
 use super::{Record, RecordError, Recorded, Tally};
+use crate::draw::figure::Machine;
+use crate::model::MachineKind;
 use crate::publication::Samples;
+use crate::robot_file::RobotFile;
 use crate::server::event_log::Event;
 
 /// One tick of a recording, for every format.
@@ -24,6 +28,7 @@ pub trait TickRow<const N: usize>: Record {
 enum Format {
     Csv,
     Labcomm,
+    Mcap,
 }
 
 /// File of a recording, whose extension names the format, and the version of LabComm for that format.
@@ -36,7 +41,7 @@ pub struct RecordTo {
 
 /// A file name without a known extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("a recording is a file FILE.csv or FILE.labcomm: its extension chooses the format")]
+#[error("a recording is a file FILE.csv, FILE.labcomm or FILE.mcap: its extension chooses the format")]
 pub struct ParseFormatError;
 
 impl FromStr for RecordTo {
@@ -47,6 +52,7 @@ impl FromStr for RecordTo {
         let format = match path.extension().and_then(std::ffi::OsStr::to_str) {
             Some("csv") => Format::Csv,
             Some("labcomm") => Format::Labcomm,
+            Some("mcap") => Format::Mcap,
             _ => return Err(ParseFormatError),
         };
         Ok(Self { path, format, version: Version::V2014 })
@@ -71,18 +77,22 @@ pub struct Recording<const N: usize> {
 
 #[derive(Debug)]
 enum Writer {
-    Csv(csv::Writer<File>),
+    Csv(Box<csv::Writer<File>>),
     Labcomm(LabcommFile),
+    Mcap(Box<McapFile>),
 }
 
 impl<const N: usize> Recording<N> {
-    /// Creates the file of a recording of rows `T`.
+    /// Creates the file of a recording of rows `T` of a machine, which MCAP draws.
     ///
     /// # Errors
     /// [`RecordError`] naming the path and the reason.
-    pub fn create<T: TickRow<N>>(to: &RecordTo) -> Result<Self, RecordError> {
+    pub fn create<T: TickRow<N>, K: MachineKind<N>>(
+        to: &RecordTo,
+        robot: &RobotFile<K, N>,
+    ) -> Result<Self, RecordError> {
         let path = to.path.clone();
-        match Writer::create::<T, N>(to) {
+        match Writer::create::<T, K, N>(to, robot) {
             Ok(writer) => Ok(Self { tally: Tally::of(&path), path, writer }),
             Err(error) => Err(RecordError { path, reason: error.to_string() }),
         }
@@ -100,6 +110,7 @@ impl<const N: usize> Recording<N> {
         self.tally.count(|| match writer {
             Writer::Csv(writer) => csv_file::put(writer, row),
             Writer::Labcomm(file) => file.write(&row.samples(), events),
+            Writer::Mcap(file) => file.write(&row.samples(), events),
         });
     }
 
@@ -109,16 +120,24 @@ impl<const N: usize> Recording<N> {
         let finished = match &mut self.writer {
             Writer::Csv(writer) => writer.flush(),
             Writer::Labcomm(file) => file.flush(),
+            Writer::Mcap(file) => file.finish(),
         };
         self.tally.finish(finished, dropped)
     }
 }
 
 impl Writer {
-    fn create<T: TickRow<N>, const N: usize>(to: &RecordTo) -> io::Result<Self> {
+    fn create<T: TickRow<N>, K: MachineKind<N>, const N: usize>(
+        to: &RecordTo,
+        robot: &RobotFile<K, N>,
+    ) -> io::Result<Self> {
         match to.format {
-            Format::Csv => Ok(Self::Csv(csv_file::create::<T>(&to.path)?)),
+            Format::Csv => Ok(Self::Csv(Box::new(csv_file::create::<T>(&to.path)?))),
             Format::Labcomm => Ok(Self::Labcomm(LabcommFile::create::<N>(&to.path, to.version)?)),
+            Format::Mcap => {
+                let machine = Machine::new(robot.clone()).map_err(io::Error::other)?;
+                Ok(Self::Mcap(Box::new(McapFile::create::<N>(&to.path, &robot.name, Box::new(machine))?)))
+            }
         }
     }
 }

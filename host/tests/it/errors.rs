@@ -120,8 +120,8 @@ fn a_file_that_cannot_be_written_is_named() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = server.local_addr().unwrap().to_string();
     // A folder that does not exist, a folder that is a file, a file that is a folder.
-    std::fs::create_dir(folder.path("folder.csv")).unwrap();
-    let recordings = ["no/such.csv", "file/such.labcomm", "folder.csv"];
+    std::fs::create_dir(folder.path("folder.mcap")).unwrap();
+    let recordings = ["no/such.csv", "file/such.labcomm", "folder.mcap"];
     for (index, bad) in ["no/such.x", "file/such.x", "."].into_iter().enumerate() {
         for (command, option) in [
             (&SERVE[..], "--record"),
@@ -152,7 +152,7 @@ fn a_recording_of_no_known_format_is_refused_with_the_formats() {
     for command in ["serve", "client", "demo"] {
         for name in ["run", "run.txt", ".csv", "run.CSV"] {
             let line = folder.run(&[command, "--record", name]).failure(2);
-            assert_says(&line, &[name, "FILE.csv", "FILE.labcomm"]);
+            assert_says(&line, &[name, "FILE.csv", "FILE.labcomm", "FILE.mcap"]);
         }
     }
 }

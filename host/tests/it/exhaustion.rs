@@ -6,7 +6,7 @@ use crate::process::Folder;
 use crate::signals::{await_obtain, client, leave, serve};
 
 /// Files without any room, one of each format.
-const FULL: [&str; 2] = ["full.csv", "full.labcomm"];
+const FULL: [&str; 3] = ["full.csv", "full.labcomm", "full.mcap"];
 
 #[test]
 fn a_full_disk_costs_the_recording_and_nothing_else() {

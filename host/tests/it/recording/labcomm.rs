@@ -12,7 +12,8 @@ use gantry_tau_core::units::Tick;
 use gantry_tau_labcomm::Version;
 use serde_json::Value;
 
-use super::{Samples, compare, csv_rows, session, to};
+use super::compare::{Samples, compare, csv_rows};
+use super::{session, to};
 use crate::process::Folder;
 
 /// Lines that `labcomm decode` prints of a recording.
@@ -89,7 +90,7 @@ fn a_recorded_minute_decodes_to_its_samples() {
     let robot = RobotFile::builtin_l2().unwrap();
     let (rows, ..) = session::run::<_, 3, L2_MOTORS>(&robot, &[], to(&folder, "client.csv"));
     let path = folder.path("minute.labcomm");
-    let mut recording = Recording::<3>::create::<Row<3>>(&to(&folder, "minute.labcomm")).unwrap();
+    let mut recording = Recording::<3>::create::<Row<3>, _>(&to(&folder, "minute.labcomm"), &robot).unwrap();
     for (tick, row) in (1..=60_000).zip(rows.iter().cycle()) {
         let mut row = *row;
         row.state.tick = Tick(tick);

@@ -25,7 +25,7 @@ use gantry_tau_core::units::EpochRange;
 const OBTAINING: usize = 400;
 
 /// Grants a session, pulls, compensates, ramps to zero. Server and client are recorded to every file; returns rows and events of the server.
-pub(super) fn run<K: MachineKind<N>, const N: usize, const M: usize>(
+pub(crate) fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     robot: &RobotFile<K, N>,
     server_files: &[RecordTo],
     client_file: RecordTo,
@@ -51,7 +51,8 @@ pub(super) fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     };
     let shared = Arc::clone(&controls);
     let client = std::thread::spawn(move || client::run(&options, &shared).unwrap());
-    let mut files: Vec<Recording<N>> = server_files.iter().map(|to| Recording::create::<Row<N>>(to).unwrap()).collect();
+    let mut files: Vec<Recording<N>> =
+        server_files.iter().map(|to| Recording::create::<Row<N>, K>(to, robot).unwrap()).collect();
     let mut load = LoadProfile::new(hand, 60.0, 0.1);
     let (mut log, mut rows, mut events) = (EventLog::default(), Vec::new(), Vec::new());
     let mut obtaining = 0;
