@@ -7,7 +7,7 @@ use gantry_tau_labcomm::{Encoder, ErrorKind, Field, Text, Version};
 use super::SampleName;
 use crate::plant::ToolReading;
 use crate::server::cycle::Row;
-use crate::server::event_log::{Event, EventKind};
+use crate::server::event_log::Event;
 
 /// Names of a port, with their indices: in order, from the first index of the version.
 pub(super) fn indexed(version: Version, names: &[SampleName]) -> impl Iterator<Item = (u32, SampleName)> {
@@ -187,13 +187,7 @@ fn tool(tick: u64, tool: &ToolReading) -> Tool {
 }
 
 fn session_event(event: &Event) -> SessionEvent {
-    let kind = match event.kind {
-        EventKind::Granted => 0,
-        EventKind::Refused => 1,
-        EventKind::Ended => 2,
-        EventKind::Phase => 3,
-        EventKind::MachineFailed => 4,
-    };
+    let kind = event.kind.code();
     SessionEvent { tick: long(event.tick), kind, cause: event.code, text: Text::cut(&event.text) }
 }
 

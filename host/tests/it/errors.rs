@@ -149,7 +149,7 @@ fn a_file_that_cannot_be_written_is_named() {
 #[test]
 fn a_recording_of_no_known_format_is_refused_with_the_formats() {
     let folder = Folder::new("format");
-    for command in ["serve", "client", "demo"] {
+    for command in ["serve", "client", "demo", "monitor"] {
         for name in ["run", "run.txt", ".csv", "run.CSV"] {
             let line = folder.run(&[command, "--record", name]).failure(2);
             assert_says(&line, &[name, "FILE.csv", "FILE.labcomm", "FILE.mcap"]);

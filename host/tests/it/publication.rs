@@ -14,7 +14,7 @@ use crate::signals::{assert_no_jump, await_obtain, rows, serve_pulling};
 const ALL: &str = "127.0.0.1:0=data,forcesensor,state,axes,tool,session_event";
 
 /// Addresses of the LabComm ports, in the order of the options.
-fn ports(server: &mut Running) -> Vec<SocketAddr> {
+pub(crate) fn ports(server: &mut Running) -> Vec<SocketAddr> {
     server.await_words("; Ctrl-C");
     let said = server.stdout();
     let listed = said.split(", LabComm on ").skip(1);

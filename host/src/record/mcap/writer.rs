@@ -156,15 +156,13 @@ impl<W: Write> Writer<W> {
         });
         summary.0.extend(std::mem::take(&mut self.chunks).0);
         // The checksum covers the summary, and the footer up to itself.
-        let footer_start = summary.0.len();
         summary.record(Opcode::Footer, |record| {
             record.u64(summary_start);
             // No offsets of the summary's parts.
             record.u64(0);
             record.u32(0);
         });
-        let covered = summary.0.len().saturating_sub(size_of::<u32>()).max(footer_start);
-        summary.0.truncate(covered);
+        summary.0.truncate(summary.0.len().saturating_sub(size_of::<u32>()));
         let checksum = hash(&summary.0);
         summary.u32(checksum);
         summary.0.extend(MAGIC);
@@ -195,7 +193,7 @@ impl<W: Write> Writer<W> {
         let (length, index_start) = (self.at - start, self.at);
         let mut offsets = Bytes::default();
         let mut indexes = Bytes::default();
-        for (id, channel) in (1..).zip(&mut self.channels) {
+        for (id, channel) in (1..).zip(&mut self.channels).filter(|(_, channel)| !channel.index.is_empty()) {
             offsets.u16(id);
             offsets.u64(index_start + indexes.len());
             indexes.record(Opcode::MessageIndex, |record| {

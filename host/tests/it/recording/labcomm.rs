@@ -24,7 +24,7 @@ fn decoded(path: &Path) -> Vec<Value> {
     lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
-fn samples(path: &Path) -> Samples {
+pub(super) fn samples(path: &Path) -> Samples {
     let mut samples = Samples::default();
     for mut line in decoded(path) {
         if let Some(name) = line["sample"].as_str().map(str::to_owned) {

@@ -9,7 +9,7 @@ use super::{session, to};
 use crate::process::Folder;
 
 /// Samples by their topics; every message has the type that the schema of its channel says.
-fn samples(bytes: &[u8]) -> Samples {
+pub(super) fn samples(bytes: &[u8]) -> Samples {
     let mut samples = Samples::default();
     let mut last_time = 0;
     for message in mcap::MessageStream::new(bytes).unwrap() {

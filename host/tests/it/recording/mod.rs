@@ -3,6 +3,7 @@
 mod compare;
 mod labcomm;
 mod mcap;
+mod monitor;
 mod session;
 
 use gantry_tau::record::RecordTo;
