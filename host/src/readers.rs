@@ -3,10 +3,15 @@
 use std::io::{self, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 
+use socket2::SockRef;
+
 use crate::server::connections::Allowed;
 
 /// Readers served at once; further ones wait until one of them has gone.
 pub const READERS: usize = 4;
+/// Bytes that the system keeps for a reader: less than a second of all samples, so that one that has stopped reading is dropped soon
+/// instead of being sent old ticks later.
+const SEND_BUFFER: usize = 128 * 1024;
 
 /// A port and its readers. Serving them allocates nothing and never blocks; a reader that cannot keep up is dropped.
 #[derive(Debug)]
@@ -50,6 +55,7 @@ impl Readers {
             let usable = self.allowed.admits(peer.ip())
                 && stream.set_nonblocking(true).is_ok()
                 && stream.set_nodelay(true).is_ok()
+                && SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER).is_ok()
                 && takes(&mut stream, first);
             *free = usable.then_some(stream);
         }

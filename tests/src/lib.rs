@@ -7,6 +7,7 @@
 //! | [`client`] | a client that speaks frames, and anything else |
 //! | [`session_fixture`] | both together: one session, tick by tick |
 //! | [`fuzzed`] | what each target of `../fuzz` does with its bytes; the same bytes are replayed by `cargo test` |
+//! | [`labcomm`] | streams decoded twice: by the crate, and by a decoder written from the format's page alone |
 //! | [`soak`] | clients that come and go over links that do harm, for a long time |
 #![forbid(unsafe_code)]
 #![allow(
@@ -22,6 +23,7 @@
 pub mod client;
 pub mod fake_plant;
 pub mod fuzzed;
+pub mod labcomm;
 pub mod server_fixture;
 pub mod session_fixture;
 pub mod soak;

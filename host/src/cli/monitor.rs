@@ -29,7 +29,7 @@ use super::{MachineCommand, Outcome, address, run_on};
 #[derive(Debug, Args)]
 pub(crate) struct Monitor {
     /// Address of the server's LabComm port
-    #[arg(default_value = "127.0.0.1:7002", value_name = "HOST:PORT", value_parser = address)]
+    #[arg(default_value = "127.0.0.1:7003", value_name = "HOST:PORT", value_parser = address)]
     server: SocketAddr,
     /// Print one line of JSON and end, instead of the screen
     #[arg(long)]

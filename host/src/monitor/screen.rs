@@ -3,6 +3,8 @@
 use std::fmt::Write;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use gantry_tau_core::control::message::Phase;
+
 use super::snapshot::{Axis, key_of};
 use super::{Entry, Monitor, Snapshot};
 use crate::robot_file::CYCLE_US;
@@ -70,9 +72,12 @@ fn tick(snapshot: &Snapshot) -> String {
         counts.clamped,
         counts.strangers,
     );
-    let _ = writeln!(text, "axis      nominal mm    offset µm      actual mm     lag µm     v mm/s  torque %  flags");
+    let _ = writeln!(
+        text,
+        "axis      nominal mm    offset µm    shadow µm      actual mm     lag µm     v mm/s  torque %  flags"
+    );
     for (number, axis) in (1..).zip(&snapshot.axes) {
-        let _ = writeln!(text, "{number:<4}{}", row(axis).trim_end());
+        let _ = writeln!(text, "{number:<4}{}", row(axis, snapshot.phase).trim_end());
     }
     if let (Some([x, y, z, mx, my, mz]), Some(gauges)) = (snapshot.force, snapshot.gauges_m) {
         let [first, second, third] = gauges.map(|gauge| gauge * 1e6);
@@ -84,11 +89,15 @@ fn tick(snapshot: &Snapshot) -> String {
     text
 }
 
-fn row(axis: &Axis) -> String {
+fn row(axis: &Axis, phase: Phase) -> String {
     let micrometres = |nm: i64| nm as f64 * 1e-3;
     let lag = axis.lag_nm.map_or_else(|| "-".to_owned(), |lag| format!("{:.1}", micrometres(lag)));
+    let shadow = match phase {
+        Phase::Submit => format!("{:.3}", micrometres(axis.shadow_nm.into())),
+        _ => "-".to_owned(),
+    };
     format!(
-        "{:>16} {:>12.3} {:>16} {lag:>8} {:>10.3} {:>9.1}  {}",
+        "{:>16} {:>12.3} {shadow:>12} {:>16} {lag:>8} {:>10.3} {:>9.1}  {}",
         millimetres(axis.nominal_nm),
         micrometres(axis.offset.position_nm.into()),
         millimetres(axis.actual.position_nm),

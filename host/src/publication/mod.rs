@@ -1,6 +1,7 @@
 //! Samples of the server for programs that speak LabComm `[T 4.2.3]`: a port carries the samples that were agreed on, one of each per tick.
 //!
-//! A reader that connects gets version and definitions first. What it sends is not read, and it is dropped if it does not keep up.
+//! A reader that connects gets version and definitions first, and `session_event` of a failure of the machine that still lasts. What it sends
+//! is not read, and it is dropped if it does not keep up.
 
 mod rows;
 mod sample_name;
@@ -9,16 +10,18 @@ mod ticks;
 use std::io;
 use std::net::SocketAddr;
 
+use gantry_tau_core::control::message::Phase;
 use gantry_tau_labcomm::Version;
 
 use crate::plant::ToolReading;
 use crate::readers::Readers;
 use crate::server::connections::Allowed;
 use crate::server::cycle::Row;
-use crate::server::event_log::Event;
+use crate::server::event_log::{Event, EventKind};
 
 pub use rows::{Samples, Sensors};
 pub use sample_name::{ParseSampleNameError, SampleName};
+use ticks::TICK;
 pub use ticks::Ticks;
 
 /// A port with its readers. Publishing allocates nothing and never blocks.
@@ -28,6 +31,8 @@ pub struct Publication {
     /// Resolution of the gauges, m: what one count of `data` means.
     gauge_resolution_m: f64,
     ticks: Ticks,
+    /// Bytes that a new reader gets first: version and definitions, then the failure of the machine while it lasts.
+    preamble: Vec<u8>,
 }
 
 impl Publication {
@@ -42,7 +47,9 @@ impl Publication {
         gauge_resolution_m: f64,
     ) -> io::Result<Self> {
         let ticks = Ticks::of::<N>(version, names)?;
-        Ok(Self { readers: Readers::bind(address)?, gauge_resolution_m, ticks })
+        let mut preamble = Vec::with_capacity(ticks.preamble().len() + TICK);
+        preamble.extend_from_slice(ticks.preamble());
+        Ok(Self { readers: Readers::bind(address)?, gauge_resolution_m, ticks, preamble })
     }
 
     /// Serves only these peers.
@@ -68,7 +75,7 @@ impl Publication {
     /// Publishes gauges and force sensor, for a port of sensors.
     pub fn publish_sensors(&mut self, tool: &ToolReading) {
         let sensors = Sensors { tool, gauge_resolution_m: self.gauge_resolution_m };
-        self.readers.accept(self.ticks.preamble());
+        self.readers.accept(&self.preamble);
         self.readers.send(self.ticks.encode_sensors(sensors));
     }
 
@@ -76,7 +83,18 @@ impl Publication {
     pub fn publish<const N: usize>(&mut self, row: &Row<N>, events: &[Event]) {
         let gauge_resolution_m = self.gauge_resolution_m;
         let sensors = row.tool.as_ref().map(|tool| Sensors { tool, gauge_resolution_m });
-        self.readers.accept(self.ticks.preamble());
+        self.readers.accept(&self.preamble);
         self.readers.send(self.ticks.encode(&row.into(), events, sensors));
+        self.keep_failure(row, events);
+    }
+
+    /// Keeps the failure of the machine for readers that come later, until the server listens again.
+    fn keep_failure<const N: usize>(&mut self, row: &Row<N>, events: &[Event]) {
+        let failure = events.iter().rfind(|event| event.kind == EventKind::MachineFailed);
+        if failure.is_none() && (row.plant_failed || row.state.phase != Phase::Listening) {
+            return;
+        }
+        self.preamble.truncate(self.ticks.preamble().len());
+        self.preamble.extend_from_slice(self.ticks.encode_events(failure));
     }
 }

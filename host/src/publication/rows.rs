@@ -104,17 +104,23 @@ pub(super) fn write_tick<const N: usize>(
                     encoder.data(index, tool)?;
                 }
             }
-            (SampleName::SessionEvent, _) => {
-                for event in events {
-                    encoder.data(index, &session_event(event))?;
-                }
-            }
+            (SampleName::SessionEvent, _) => write_events(encoder, std::iter::once((index, name)), events)?,
             (SampleName::Data, Some(sensors)) => encoder.data(index, &data(sensors))?,
             (SampleName::ForceSensor, Some(sensors)) => encoder.data(index, &force_sensor(sensors.tool))?,
             (SampleName::Data | SampleName::ForceSensor, None) => {}
         }
     }
     Ok(())
+}
+
+/// Writes these events, if a port carries them.
+pub(super) fn write_events<'a>(
+    encoder: &mut Encoder<'_>,
+    mut names: impl Iterator<Item = (u32, SampleName)>,
+    events: impl IntoIterator<Item = &'a Event>,
+) -> Result<(), ErrorKind> {
+    let Some((index, _)) = names.find(|(_, name)| *name == SampleName::SessionEvent) else { return Ok(()) };
+    events.into_iter().try_for_each(|event| encoder.data(index, &session_event(event)))
 }
 
 /// `as` would turn NaN into 0 and keep the limits as well, silently.

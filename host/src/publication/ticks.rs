@@ -11,7 +11,7 @@ use crate::server::event_log::Event;
 /// Room for the definitions of all samples, bytes.
 const DEFINITIONS: usize = 1_024;
 /// Room for all samples of a tick and as many events as one tick can have, bytes.
-const TICK: usize = 2_048;
+pub(super) const TICK: usize = 2_048;
 
 /// Stream of samples, tick by tick. Encoding a tick allocates nothing.
 #[derive(Debug)]
@@ -55,6 +55,16 @@ impl Ticks {
         let mut encoder = Encoder::new(version, self.buffer.as_mut_slice());
         let written = rows::write_sensors(&mut encoder, names, sensors);
         debug_assert_eq!(written, Ok(()), "a tick has room");
+        let length = encoder.len();
+        self.buffer.get(..length).unwrap_or_default()
+    }
+
+    /// Returns the bytes of events alone.
+    pub(super) fn encode_events<'e>(&mut self, events: impl IntoIterator<Item = &'e Event>) -> &[u8] {
+        let (version, names) = (self.version, rows::indexed(self.version, &self.names));
+        let mut encoder = Encoder::new(version, self.buffer.as_mut_slice());
+        let written = rows::write_events(&mut encoder, names, events);
+        debug_assert_eq!(written, Ok(()), "an event has room");
         let length = encoder.len();
         self.buffer.get(..length).unwrap_or_default()
     }

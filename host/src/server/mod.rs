@@ -56,7 +56,9 @@ impl ServerError {
     #[must_use]
     pub fn listen(address: SocketAddr, error: &io::Error) -> Self {
         let reason = match error.kind() {
-            io::ErrorKind::AddrInUse => "the port is in use; is another server running? (--listen, --sensor)",
+            io::ErrorKind::AddrInUse => {
+                "the port is in use; is another server running? (--listen, --sensor, --labcomm)"
+            }
             io::ErrorKind::PermissionDenied => "permission denied; choose a port above 1023",
             io::ErrorKind::AddrNotAvailable => "this computer does not have that address",
             _ => &error.to_string(),

@@ -79,11 +79,11 @@ fn the_packed_numbers_of_the_page_hold() {
 fn the_limits_of_the_page_hold() {
     let grouped = |number: usize| format!("{} {:03}", number / 1000, number % 1000);
     for expected in [
-        format!("at most {} bytes", grouped(gantry_tau_labcomm::MAX_TYPE)),
-        format!("{} arrays and structures within each other", gantry_tau_labcomm::MAX_DEPTH),
-        format!("{} fields", gantry_tau_labcomm::MAX_FIELDS),
-        format!("at most {}", grouped(gantry_tau_labcomm::MAX_NAME)),
-        format!("{} MiB", gantry_tau_labcomm::MAX_VALUE >> 20),
+        format!("| bytes of a type, as encoded in this stream | {} |", grouped(gantry_tau_labcomm::MAX_TYPE)),
+        format!("void is a structure | {} |", gantry_tau_labcomm::MAX_DEPTH),
+        format!("| fields in all structures of a type together | {} |", gantry_tau_labcomm::MAX_FIELDS),
+        format!("| bytes of the name of a definition | {} |", grouped(gantry_tau_labcomm::MAX_NAME)),
+        format!("| {} MiB; the version packet 255 |", gantry_tau_labcomm::MAX_VALUE >> 20),
     ] {
         assert!(PAGE.contains(&expected), "{expected}");
     }

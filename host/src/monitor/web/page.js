@@ -33,7 +33,9 @@ function showStatus(status) {
   while (rows.rows.length < status.axes.length) addRow(rows, rows.rows.length);
   status.axes.forEach((axis, index) => {
     const cells = [
-      fixed(axis.nominal_nm * 1e-6, 4), fixed(axis.offset.position_nm * 1e-3, 3), fixed(axis.actual.position_nm * 1e-6, 4),
+      fixed(axis.nominal_nm * 1e-6, 4), fixed(axis.offset.position_nm * 1e-3, 3),
+      // Offsets that nothing acts on: computed in Submit alone.
+      fixed(status.phase === "submit" ? axis.shadow_nm * 1e-3 : null, 3), fixed(axis.actual.position_nm * 1e-6, 4),
       fixed(axis.lag_nm === null ? null : axis.lag_nm * 1e-3, 1), fixed(axis.actual.velocity_um_s * 1e-3, 2), fixed(axis.actual.torque_permille * 0.1, 1),
     ];
     cells.forEach((text, column) => { const cell = rows.rows[index].cells[column + 1]; if (cell.textContent !== text) cell.textContent = text; });
@@ -48,7 +50,9 @@ function showStatus(status) {
   show("turn", `turn ${micro(status.turn_rad)}${status.turn_rad ? " µrad" : ""}`);
   show("gauges", `${micro(status.gauges_m)}${status.gauges_m ? " µm" : ""}`);
   const counters = element("counters");
-  Object.entries(status.counters).forEach(([key, count], index) => {
+  const { received, missed, ...others } = status.counters;
+  const counts = { received, missed, longest_run: status.longest_miss_run, ...others };
+  Object.entries(counts).forEach(([key, count], index) => {
     if (!counters.children[index]) {
       const cell = counters.appendChild(document.createElement("div"));
       cell.append(document.createElement("b"), document.createElement("span"));
@@ -61,7 +65,7 @@ function showStatus(status) {
 
 function addRow(rows, index) {
   const row = rows.insertRow();
-  for (let column = 0; column < 7; column++) row.insertCell();
+  for (let column = 0; column < 8; column++) row.insertCell();
   const swatch = document.createElement("span"), flags = document.createElement("span");
   swatch.className = "swatch"; swatch.style.background = AXIS_COLOURS[index]; flags.className = "flags";
   row.cells[0].append(swatch, String(index + 1), flags);

@@ -175,8 +175,8 @@ fn the_screen_shows_axes_force_and_events() {
         "obtain          epoch 7",
         "on time 99/100   cause of last end: goodbye   ramp from here 1.9 s",
         "received 41 234  missed 3 (longest 1)  late 2",
-        "\n1        624.500 000     -189.000      624.310 996      0.0     -0.003      -1.2\n",
-        "\n2       -696.400 000     -378.000     -696.778 004      0.0     -0.003      -1.2  position limited\n",
+        "\n1        624.500 000     -189.000            -      624.310 996      0.0     -0.003      -1.2\n",
+        "\n2       -696.400 000     -378.000            -     -696.778 004      0.0     -0.003      -1.2  position limited\n",
         "force   300.2    -0.5   -18.0 N     0.05  -0.10   0.02 N m   gauges   190.0    36.0    24.0 µm",
     ] {
         assert!(said.contains(words), "{words}\n{said}");

@@ -1,0 +1,155 @@
+//! Four monitors beside a minute of lock-step: each shows what the client was told, and the session is the same as without them.
+
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use gantry_tau::monitor::{Axis, Channels, Counters, Monitor, Snapshot};
+use gantry_tau::publication::{Publication, SampleName};
+use gantry_tau::server::cycle::Row;
+use gantry_tau_core::model::robot::ARMS;
+use gantry_tau_labcomm::Version;
+use gantry_tau_tests::server_fixture::LOOPBACK;
+use gantry_tau_tests::wait_for;
+
+use super::lockstep::Lockstep;
+use super::reader::RESOLUTION_M;
+
+/// Ticks of a minute.
+const MINUTE: usize = 60_000;
+/// Ticks after which each monitor must have come so far.
+const TOGETHER: usize = 500;
+
+/// What the monitors need.
+pub(super) const NAMES: [SampleName; 4] =
+    [SampleName::State, SampleName::Axes, SampleName::Tool, SampleName::SessionEvent];
+
+/// A monitor in a thread of its own.
+struct Watch {
+    latest: Arc<Mutex<Option<Snapshot>>>,
+    quit: Arc<AtomicBool>,
+    thread: JoinHandle<Vec<String>>,
+}
+
+impl Watch {
+    fn of(server: SocketAddr) -> Self {
+        let (latest, quit): (Arc<Mutex<Option<Snapshot>>>, Arc<AtomicBool>) = Default::default();
+        let (place, asked) = (Arc::clone(&latest), Arc::clone(&quit));
+        let thread = std::thread::spawn(move || {
+            let mut monitor = Monitor::of(server);
+            while !asked.load(Ordering::Relaxed) {
+                monitor.update();
+                *place.lock().unwrap() = monitor.live().cloned();
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            monitor.events().map(|entry| entry.text.clone()).collect()
+        });
+        Self { latest, quit, thread }
+    }
+
+    /// Waits until it shows the last of two rows, and compares all that it shows.
+    fn assert_shows(&self, before: &Row<ARMS>, row: &Row<ARMS>) {
+        let expected = snapshot(before, row);
+        let mut shown = None;
+        wait_for("a monitor", || {
+            shown.clone_from(&self.latest.lock().unwrap());
+            shown.as_ref().is_some_and(|shown| shown.tick == expected.tick)
+        });
+        assert_eq!(shown, Some(expected));
+    }
+
+    /// Ends it; returns its events.
+    fn events(self) -> Vec<String> {
+        self.quit.store(true, Ordering::Relaxed);
+        self.thread.join().unwrap()
+    }
+}
+
+/// The row as a monitor shows it.
+fn snapshot(before: &Row<ARMS>, row: &Row<ARMS>) -> Snapshot {
+    let (state, tool) = (&row.state, row.tool.unwrap());
+    let count = |count: u32| i32::try_from(count).unwrap();
+    let counters = Counters {
+        received: count(state.counters.received),
+        missed: count(state.counters.missed),
+        late: count(state.counters.late),
+        duplicate: count(state.counters.duplicate),
+        stale: count(state.counters.stale),
+        malformed: count(state.counters.malformed),
+        out_of_range: count(state.counters.out_of_range),
+        limited: count(state.counters.limited),
+        clamped: count(state.counters.clamped),
+        strangers: count(state.counters.non_owner),
+    };
+    let axes = (0..ARMS).map(|number| {
+        let axis = &state.axes[number];
+        Axis {
+            nominal_nm: axis.nominal.0,
+            reference_nm: row.references[number].position.0,
+            offset: Channels {
+                position_nm: axis.offsets.position.0,
+                velocity_um_s: axis.offsets.velocity.0,
+                torque_permille: axis.offsets.torque.0,
+            },
+            shadow_nm: axis.shadow.position.0,
+            actual: Channels {
+                position_nm: axis.actual.position.0,
+                velocity_um_s: axis.actual.velocity.0,
+                torque_permille: axis.actual.torque.0,
+            },
+            lag_nm: Some(before.references[number].position.0 - axis.actual.position.0),
+            flags: ["clamped", "position_limited", "velocity_limited", "torque_limited", "nominal_step"]
+                .into_iter()
+                .enumerate()
+                .filter(|(bit, _)| axis.flags.bits() >> bit & 1 == 1)
+                .map(|(_, name)| name)
+                .collect(),
+        }
+    });
+    Snapshot {
+        tick: i64::try_from(state.tick.0).unwrap(),
+        phase: state.phase,
+        epoch: i64::try_from(state.epoch.0).unwrap(),
+        cause: state.cause,
+        sequence: i64::try_from(state.accepted.0).unwrap(),
+        on_time: state.on_time_of_100,
+        ramp_ticks_left: count(state.ramp_ticks_left),
+        counters,
+        longest_miss_run: i16::try_from(state.counters.longest_miss_run).unwrap(),
+        machine_failed: false,
+        axes: axes.collect(),
+        force: Some(tool.load),
+        gauges_m: Some(tool.gauges_m),
+        displacement_m: Some(tool.displacement_m),
+        turn_rad: Some(tool.turn_rad),
+    }
+}
+
+#[test]
+fn four_monitors_show_every_number_and_change_none() {
+    let port = Publication::bind::<ARMS>(LOOPBACK, Version::V2014, &NAMES, RESOLUTION_M).unwrap();
+    let address = port.address().unwrap();
+    let mut server = Lockstep::start(vec![port]);
+    let own = server.own_link();
+    let monitors = [(); 4].map(|()| Watch::of(address));
+    let mut last = None;
+    let session = server.session(own, MINUTE, |tick, row| {
+        if let Some(before) = last.replace(*row).filter(|_| tick % TOGETHER == TOGETHER - 1) {
+            monitors.iter().for_each(|monitor| monitor.assert_shows(&before, row));
+        }
+    });
+    assert!(session.client.is_ok(), "{:?}", session.client);
+    session.assert_on_time();
+    for monitor in monitors {
+        let events = monitor.events();
+        assert!(events.iter().any(|event| event.ends_with("Submit -> Obtain")), "{events:?}");
+        // Nobody was dropped: the first connection is the only one.
+        assert_eq!(events.iter().filter(|event| event.starts_with("connected to")).count(), 1, "{events:?}");
+    }
+    let mut alone = Lockstep::start(Vec::new());
+    let own = alone.own_link();
+    let alone = alone.session(own, MINUTE, |_, _| {});
+    session.assert_is(&alone);
+}
