@@ -12,7 +12,7 @@ const UNTIL_FAULT: i64 = 2;
 
 /// Axes of a tick.
 #[derive(Clone, Copy, Debug)]
-pub struct AxesOf {
+pub(super) struct AxesOf {
     tick: i64,
     pub(super) axis: [Axis; MAX_AXES],
     pub(super) count: usize,

@@ -116,7 +116,7 @@ struct Lines {
 pub(super) fn update(name: &str, scene: &Scene, figure: &Figure, time_ns: u64) -> Update {
     let machine = Entity {
         metadata: vec![KeyValue { key: "robot", value: name.to_owned() }],
-        cubes: carts(scene, &figure.carts, |arm| of_arm(arm)),
+        cubes: carts(scene, &figure.carts, of_arm),
         spheres: joints(scene, figure),
         lines: machine_lines(scene, figure),
         ..Entity::empty("machine", time_ns)

@@ -44,7 +44,7 @@ fn assert_is(value: &Value, schema: &Value) {
         "array" => {
             let all = value.as_array().unwrap();
             for key in ["minItems", "maxItems"] {
-                assert!(schema[key].as_u64().is_none_or(|count| count == all.len() as u64));
+                assert!(schema.get(key).is_none_or(|count| *count == Value::from(all.len())));
             }
             all.iter().for_each(|item| assert_is(item, &schema["items"]));
         }
@@ -115,8 +115,8 @@ fn check<K: MachineKind<N>, const N: usize, const M: usize>(name: &str, robot: &
 
     let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
     let stats = summary.stats.unwrap();
-    assert_eq!(stats.message_count as usize, 3 * rows.len() + events.len() + scenes.len());
-    assert_eq!((stats.chunk_count as usize, stats.channel_count), (summary.chunk_indexes.len(), 5));
+    assert_eq!(usize::try_from(stats.message_count).unwrap(), 3 * rows.len() + events.len() + scenes.len());
+    assert_eq!((usize::try_from(stats.chunk_count).unwrap(), stats.channel_count), (summary.chunk_indexes.len(), 5));
     assert!(bytes.len() < 1_000_000 || stats.chunk_count > 1, "one chunk of {} bytes", bytes.len());
 
     // A client knows of its tool the load alone.

@@ -19,8 +19,8 @@ fn a_monitor_records_what_the_server_records() {
     let port = ports(&mut server)[0].to_string();
     let monitors = FILES.map(|file| folder.start(file, &["monitor", &port, "--record", file]));
     // Buffers and chunks: with the first bytes of each file some ticks were received.
-    let has_begun = |file: &&str| std::fs::metadata(folder.path(file)).is_ok_and(|file| file.len() > 0);
-    server.await_that("ticks of the monitors", |_| FILES.iter().all(|file| has_begun(&file)));
+    let has_begun = |file: &str| std::fs::metadata(folder.path(file)).is_ok_and(|file| file.len() > 0);
+    server.await_that("ticks of the monitors", |_| FILES.iter().all(|file| has_begun(file)));
     let arguments = ["client", &address, "--sensor", &sensor];
     let client = folder.start_with("client", &arguments, Stdio::null());
     await_obtain(&mut server, 1);
