@@ -1,7 +1,6 @@
 //! `gantry-tau client`.
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,6 +14,7 @@ use gantry_tau::sensor_link::Sample;
 use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::{AxisState, State, Welcome};
 
+use super::recording::ClientRecording;
 use super::{MachineCommand, Outcome, address, fail, sensor, transport};
 
 /// Connect to a server, compensate the measured force, leave with Ctrl-C
@@ -44,9 +44,8 @@ pub(crate) struct Client {
     /// Stay in Submit: offsets are computed and reported, but do not reach the drives
     #[arg(long)]
     submit_only: bool,
-    /// Record references, actual values and force, one row per tick
-    #[arg(long, value_name = "FILE.csv")]
-    record: Option<PathBuf>,
+    #[command(flatten)]
+    recording: ClientRecording,
 }
 
 impl MachineCommand for Client {
@@ -60,7 +59,7 @@ impl MachineCommand for Client {
             transport: transport(self.udp),
             sensor: self.sensor,
             robot,
-            record: self.record,
+            record: self.recording.to(),
             obtain: false,
         };
         // Before the operator is heard, whose word comes later.

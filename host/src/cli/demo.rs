@@ -8,6 +8,7 @@ use gantry_tau::demo::{DemoOptions, PaceChoice};
 use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::RobotFile;
 
+use super::recording::ClientRecording;
 use super::{MachineCommand, Outcome, Pace};
 
 /// Server, simulated machine and client in one: force steps, compensation, a pulled cable; ends with a table and report.html
@@ -42,9 +43,8 @@ pub(crate) struct Demo {
     /// Write the numbers as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write the client's recording as CSV as well; it ends when the cable is pulled
-    #[arg(long, value_name = "FILE.csv")]
-    record: Option<PathBuf>,
+    #[command(flatten)]
+    recording: ClientRecording,
     /// Write the server's black box of the pulled cable as well, for `gantry-tau replay`
     #[arg(long, value_name = "FILE.jsonl")]
     black_box: Option<PathBuf>,
@@ -61,7 +61,7 @@ impl MachineCommand for Demo {
             step_seconds: self.step_seconds,
             report: self.report,
             json: self.json,
-            record: self.record,
+            record: self.recording.to(),
             black_box: self.black_box,
         };
         let results = gantry_tau::demo::run::<K, N, M>(&options)?;

@@ -14,6 +14,7 @@ mod monitor;
 mod outputs;
 mod plan;
 mod publication;
+mod recording;
 mod replay;
 mod serve;
 mod verify;

@@ -9,11 +9,14 @@ use std::time::Duration;
 use clap::Args;
 use gantry_tau::model::MachineKind;
 use gantry_tau::monitor::web::{Web, figures};
-use gantry_tau::monitor::{MonitorOptions, View, run, run_page};
+use gantry_tau::monitor::{MonitorOptions, Tap, View, run, run_page, tap};
+use gantry_tau::record::{RecordError, RecordTo, Recorded, Recording};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::server::connections::Allowed;
+use gantry_tau::server::cycle::Row;
 use gantry_tau::terminal::say;
 
+use super::labcomm::LabcommVersion;
 use super::{MachineCommand, Outcome, address, run_on};
 
 /// Watch a server: phase, counters, axes, force and events, on the terminal, as JSON or as a page that draws the machine
@@ -40,9 +43,15 @@ pub(crate) struct Monitor {
     /// With --web: answer only this peer or network (repeatable); needed for an address that is not of this machine alone
     #[arg(long, value_name = "IP|IP/BITS", requires = "web")]
     allow: Vec<String>,
-    /// With --web: the machine that is drawn: l2 or f1 (built in), or a robot file
-    #[arg(long, value_name = "l2|f1|FILE", requires = "web", default_value = "l2")]
+    /// The machine of a page or a recording: l2 or f1 (built in), or a robot file
+    #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     robot: String,
+    /// Record every tick that is received, in the format of the extension, with the columns and samples of a recording by `serve`
+    #[arg(long, value_name = "FILE.csv|FILE.labcomm|FILE.mcap")]
+    record: Option<RecordTo>,
+    /// Version of LabComm in FILE.labcomm
+    #[arg(long, value_name = "VERSION", default_value = "2014", requires = "record")]
+    labcomm_version: LabcommVersion,
     /// End after S seconds
     #[arg(long, value_name = "S", value_parser = seconds)]
     quit_after: Option<Duration>,
@@ -50,20 +59,29 @@ pub(crate) struct Monitor {
 
 impl Monitor {
     pub(super) fn run(self) -> Outcome {
-        if self.web.is_some() {
+        if self.web.is_some() || self.record.is_some() {
             return run_on(AnyRobotFile::named(&self.robot), self);
         }
+        self.show(None)
+    }
+
+    /// Screen or lines.
+    fn show(&self, tap: Option<Box<dyn Tap>>) -> Outcome {
         let quit = interrupted()?;
         let view = if self.status { View::Status { every: self.every } } else { View::Screen };
         let options = MonitorOptions { server: self.server, view, quit_after: self.quit_after };
-        Ok(run(&options, &quit))
+        let (code, recorded) = run(&options, tap, &quit);
+        tell(recorded)?;
+        Ok(code)
     }
-}
 
-/// The page.
-impl MachineCommand for Monitor {
-    fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
-        let address = self.web.ok_or("a page needs --web")?;
+    /// The page.
+    fn serve<K: MachineKind<N>, const N: usize>(
+        &self,
+        address: SocketAddr,
+        robot: RobotFile<K, N>,
+        tap: Option<Box<dyn Tap>>,
+    ) -> Outcome {
         let allowed = Allowed::only(&self.allow)?;
         if !address.ip().is_loopback() && !allowed.restricts() {
             return Err(format!("other machines reach {address}: name those that may read with --allow").into());
@@ -72,9 +90,29 @@ impl MachineCommand for Monitor {
             .map_err(|error| format!("cannot serve the page on {address}: {error}"))?;
         let quit = interrupted()?;
         say(format_args!("page on http://{}/; Ctrl-C ends", page.address()?));
-        run_page(self.server, &mut page, self.quit_after, &quit);
+        tell(run_page(self.server, &mut page, tap, self.quit_after, &quit))?;
         Ok(ExitCode::SUCCESS)
     }
+}
+
+/// Page or recording, which need the machine.
+impl MachineCommand for Monitor {
+    fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
+        let to = self.record.clone().map(|to| to.with_version(self.labcomm_version.into()));
+        let recording = to.map(|to| Recording::create::<Row<N>, K>(&to, &robot)).transpose()?;
+        let tap = recording.map(tap);
+        match self.web {
+            Some(address) => self.serve(address, robot, tap),
+            None => self.show(tap),
+        }
+    }
+}
+
+/// Tells the outcome of a recording, beside lines of JSON.
+fn tell(recorded: Option<Recorded>) -> Result<(), RecordError> {
+    let Some(recorded) = recorded else { return Ok(()) };
+    tracing::info!("{recorded}");
+    recorded.failure.map_or(Ok(()), Err)
 }
 
 /// Becomes true with Ctrl-C.

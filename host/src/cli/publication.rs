@@ -4,8 +4,10 @@ use std::net::SocketAddr;
 
 use clap::Args;
 use gantry_tau::publication::{Publication, SampleName};
+use gantry_tau::record::RecordTo;
 use gantry_tau::server::ServerError;
 use gantry_tau::server::connections::Allowed;
+use gantry_tau_labcomm::Version;
 
 use super::address;
 use super::labcomm::LabcommVersion;
@@ -21,9 +23,9 @@ pub(crate) struct PublicationOptions {
     /// milliseconds later. `gantry-tau labcomm schema` prints the types.
     #[arg(long, value_name = "HOST:PORT[=NAME,..]", value_parser = port)]
     labcomm: Vec<Port>,
-    /// Version of LabComm on these ports
-    #[arg(long, value_name = "VERSION", default_value = "2006")]
-    labcomm_version: LabcommVersion,
+    /// Version of LabComm on these ports, and in a recording [default: 2006 on ports, 2014 in a recording]
+    #[arg(long, value_name = "VERSION")]
+    labcomm_version: Option<LabcommVersion>,
 }
 
 impl PublicationOptions {
@@ -32,14 +34,23 @@ impl PublicationOptions {
         self.labcomm.iter().map(|port| port.address)
     }
 
+    /// The file of a recording, in this version.
+    pub(super) fn recorded(&self, to: &RecordTo) -> RecordTo {
+        match self.labcomm_version {
+            Some(version) => to.clone().with_version(version.into()),
+            None => to.clone(),
+        }
+    }
+
     /// Listens on all ports, for a machine with `N` axes.
     pub(super) fn bind<const N: usize>(
         &self,
         allowed: &Allowed,
         gauge_resolution_m: f64,
     ) -> Result<Vec<Publication>, ServerError> {
+        let version = self.labcomm_version.map_or(Version::V2006, Version::from);
         let bind = |port: &Port| {
-            Publication::bind::<N>(port.address, self.labcomm_version.into(), &port.names, gauge_resolution_m)
+            Publication::bind::<N>(port.address, version, &port.names, gauge_resolution_m)
                 .map(|publication| publication.for_peers(allowed.clone()))
                 .map_err(|error| ServerError::listen(port.address, &error))
         };

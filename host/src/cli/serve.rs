@@ -16,7 +16,7 @@ use gantry_tau::measurements::plan;
 use gantry_tau::model::MachineKind;
 use gantry_tau::plant::Plant;
 use gantry_tau::publication::Publication;
-use gantry_tau::record::{CsvFile, drain};
+use gantry_tau::record::{RecordTo, Recording, drain};
 use gantry_tau::robot_file::{RobotFile, RobotFileError};
 use gantry_tau::sensor_link::SensorPublisher;
 use gantry_tau::server::connections::{Allowed, Listen};
@@ -84,9 +84,11 @@ pub(crate) struct Serve {
     /// File of the epoch counter, which keeps frames of earlier sessions invalid [default: in the user's state folder]
     #[arg(long, value_name = "FILE")]
     epoch_file: Option<PathBuf>,
-    /// Record references, actual values and force, one row per tick
-    #[arg(long, value_name = "FILE.csv")]
-    record: Option<PathBuf>,
+    /// Record every tick, as CSV or as a stream of LabComm
+    ///
+    /// CSV: one row per tick with references, actual values and force. LabComm: the samples axes, state, tool and session_event.
+    #[arg(long, value_name = "FILE.csv|FILE.labcomm|FILE.mcap")]
+    record: Option<RecordTo>,
     /// Write a black box (the ticks before and after, bit for bit) at each end of a session and each stop, for `gantry-tau replay`
     #[arg(long, value_name = "FOLDER")]
     black_box: Option<PathBuf>,
@@ -153,7 +155,7 @@ impl Serve {
         let mut cycle = self.cycle(robot, machine, listen)?.with_sensor(sensor).with_sensors(sensors);
         // After binding, so that a second server started by mistake does not truncate the first one's recording.
         let mut file = match &self.record {
-            Some(path) => Some(CsvFile::create::<Row<N>>(path)?),
+            Some(to) => Some(Recording::create::<Row<N>, K>(&self.publications.recorded(to), robot)?),
             None => None,
         };
         let mut black_boxes = None;
@@ -184,7 +186,7 @@ impl Serve {
             }
             flusher.see(row.state.phase);
             if let Some(file) = &mut file {
-                file.write(row);
+                file.write(row, &happened);
             }
             if let Some(black_boxes) = &mut black_boxes {
                 black_boxes.write_waiting();

@@ -8,7 +8,6 @@ mod run;
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
@@ -17,7 +16,7 @@ use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Cause, Refusal, State, Welcome};
 
 use crate::force_sensor::SensorSource;
-use crate::record::Recorded;
+use crate::record::{RecordTo, Recorded};
 use crate::robot_file::RobotFile;
 use crate::sensor_link::Sample;
 
@@ -38,7 +37,7 @@ pub struct ClientOptions<K, const N: usize> {
     /// The machine.
     pub robot: RobotFile<K, N>,
     /// File of the recording, if any.
-    pub record: Option<PathBuf>,
+    pub record: Option<RecordTo>,
     /// Ask for Obtain once the sensor is tared.
     pub obtain: bool,
 }

@@ -14,7 +14,7 @@ use super::connection::Connection;
 use super::{ClientControls, ClientError, ClientOptions, ClientReport, Observer};
 use crate::force_sensor::ForceSensor;
 use crate::model::MachineKind;
-use crate::record::{ClientRow, Recorder};
+use crate::record::{ClientRow, Recorder, Recording, Seen};
 use crate::robot_file::CYCLE_US;
 use crate::sensor_link::Sample;
 
@@ -35,7 +35,7 @@ struct Session<'a, const N: usize> {
     cut: [bool; N],
     controls: &'a ClientControls,
     observer: &'a mut dyn Observer<N>,
-    recorder: Option<Recorder<ClientRow<N>>>,
+    recorder: Option<Recorder<ClientRow<N>, N>>,
     report: ClientReport,
     states_without_sample: u64,
     held_in_a_row: u64,
@@ -74,7 +74,13 @@ pub fn run_observed<K: MachineKind<N>, const N: usize>(
         error,
     })?;
     // After connecting: an absent server must not cost an earlier recording. Before Hello: nothing moves yet.
-    let recorder = options.record.as_deref().map(Recorder::start).transpose();
+    let recorder = options.record.as_ref().map(|to| {
+        let mut seen = Seen::default();
+        Recorder::start(Recording::create::<ClientRow<N>, K>(to, &options.robot)?, move |row: &ClientRow<N>| {
+            seen.see(&row.state)
+        })
+    });
+    let recorder = recorder.transpose();
     let recorder = recorder.map_err(|error| ClientError::Setup(error.to_string()))?;
     let welcome = link.greet()?;
     if let Err(denied) = crate::realtime::raise_priority() {

@@ -11,6 +11,7 @@ use std::path::PathBuf;
 
 use crate::files::{WriteError, write};
 use crate::model::MachineKind;
+use crate::record::RecordTo;
 use crate::robot_file::RobotFile;
 use crate::server::tick_source::TickSource;
 use crate::terminal::{progress_bar, say};
@@ -48,7 +49,7 @@ pub struct DemoOptions<K, const N: usize> {
     /// Path of the numbers as JSON, if wanted.
     pub json: Option<PathBuf>,
     /// Path of the client's recording, if wanted.
-    pub record: Option<PathBuf>,
+    pub record: Option<RecordTo>,
     /// Path of the black box of the pulled cable, if wanted.
     pub black_box: Option<PathBuf>,
 }

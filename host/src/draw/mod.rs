@@ -1,5 +1,6 @@
 //! `draw`: a picture of a machine at home: guideways, carts, links, platform and tool, as a wireframe in SVG.
 
+pub(crate) mod figure;
 pub(crate) mod scene;
 mod svg;
 

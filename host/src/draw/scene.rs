@@ -11,6 +11,8 @@ use crate::robot_file::{RobotFile, RobotFileError};
 const LINK_NAMES: [&str; 6] = ["11", "21", "22", "31", "32", "33"];
 /// Length of guideway that is drawn to either side of a cart, as a share of the longest link.
 const RAIL_SHARE: f64 = 0.6;
+/// Length of guideway beyond a cart that is away from home, as a share of what is drawn at home.
+const RAIL_MARGIN: f64 = 0.15;
 /// Margin of a cart's box around its joints, as a share of the longest link.
 const CART_SHARE: f64 = 0.03;
 
@@ -88,6 +90,17 @@ impl Scene {
         });
         let arms = arms.collect();
         Ok(Self { arms, links, tool_m, axes: N })
+    }
+}
+
+impl Arm {
+    /// The part of the guideway that is drawn, with its cart moved by `way` from home: it reaches at least as far as the cart.
+    pub(crate) fn rail_to(&self, way: &Vector3<f64>) -> [Vector3<f64>; 2] {
+        let [from, to] = self.rail_m;
+        let along = to - from;
+        let at = (self.centre_m + way - from).dot(&along) / along.norm_squared();
+        let [low, high] = [(at - RAIL_MARGIN).min(0.0), (at + RAIL_MARGIN).max(1.0)];
+        [from + along * low, from + along * high]
     }
 }
 

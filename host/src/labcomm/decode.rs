@@ -5,7 +5,7 @@ use std::io::{self, Read, Write};
 
 use gantry_tau_labcomm::{Decoded, Decoder, Definition, Error, ErrorKind, Event, MAX_VALUE};
 
-use super::{StreamDecoder, to_json};
+use super::{Floats, StreamDecoder, to_json};
 
 /// Smallest number of bytes to read at once.
 const CHUNK: usize = 1 << 16;
@@ -99,7 +99,7 @@ fn line(lines: &mut String, at: u64, event: &Event<'_, '_>, bits: bool) -> Resul
             lines.push_str("\"sample\":");
             to_json::text(lines, definition.name);
             let _ = write!(lines, ",\"index\":{},\"value\":", definition.index);
-            to_json::value(lines, value, bits)?;
+            to_json::value(lines, value, if bits { Floats::Bits } else { Floats::Numbers })?;
         }
         Event::Skipped(tag) => {
             let _ = write!(lines, "\"skip\":{tag}");

@@ -12,6 +12,7 @@
 mod decode;
 mod encode;
 mod from_json;
+mod json_schema;
 mod schema;
 mod to_json;
 
@@ -19,7 +20,9 @@ use gantry_tau_labcomm::{Decoder, Registry, Type};
 
 pub use decode::decode;
 pub use encode::{EncodeError, encode};
+pub(crate) use json_schema::json_schema;
 pub use schema::schema;
+pub(crate) use to_json::{Floats, value as write_value};
 
 /// Definitions that the program takes from one stream.
 const DEFINITIONS: usize = 256;

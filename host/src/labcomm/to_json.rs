@@ -63,11 +63,22 @@ enum Level {
     },
 }
 
-/// Writes a value. Floats are numbers, or with `bits` the hex of their bits.
+/// Form of floats and doubles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Floats {
+    /// Numbers; texts for those that are not finite.
+    Numbers,
+    /// Hex of their bits.
+    Bits,
+    /// Numbers; `null` for those that are not finite.
+    FiniteOrNull,
+}
+
+/// Writes a value.
 ///
 /// # Errors
 /// None for a value that the decoder has checked.
-pub(super) fn value(out: &mut String, of: &Value<'_, '_>, bits: bool) -> Result<(), ErrorKind> {
+pub(crate) fn value(out: &mut String, of: &Value<'_, '_>, floats: Floats) -> Result<(), ErrorKind> {
     let mut walk = of.walk();
     let mut levels: Vec<Level> = Vec::new();
     while let Some(step) = walk.step()? {
@@ -102,7 +113,7 @@ pub(super) fn value(out: &mut String, of: &Value<'_, '_>, bits: bool) -> Result<
             }
             Step::Leaf(of) => {
                 before_element(out, levels.last_mut());
-                leaf(out, of, bits);
+                leaf(out, of, floats);
             }
             Step::Leave => match levels.pop() {
                 Some(Level::Array { is_list: false, .. }) | None => {}
@@ -138,7 +149,7 @@ fn is_multiple(number: u64, of: u64) -> bool {
     number.checked_rem(of) == Some(0)
 }
 
-fn leaf(out: &mut String, of: Leaf<'_>, bits: bool) {
+fn leaf(out: &mut String, of: Leaf<'_>, floats: Floats) {
     let _ = match of {
         Leaf::Boolean(byte) => write!(out, "{}", byte != 0),
         Leaf::Byte(number) => write!(out, "{number}"),
@@ -146,16 +157,16 @@ fn leaf(out: &mut String, of: Leaf<'_>, bits: bool) {
         Leaf::Int(number) => write!(out, "{number}"),
         Leaf::Long(number) => write!(out, "{number}"),
         Leaf::Reference(index) => write!(out, "{index}"),
-        Leaf::Float(float) if bits => write!(out, "\"{float:08x}\""),
-        Leaf::Double(double) if bits => write!(out, "\"{double:016x}\""),
+        Leaf::Float(float) if floats == Floats::Bits => write!(out, "\"{float:08x}\""),
+        Leaf::Double(double) if floats == Floats::Bits => write!(out, "\"{double:016x}\""),
         Leaf::Float(float) => {
             // The shortest text of the 32 bits.
             let float = f32::from_bits(float);
-            if float.is_finite() { write!(out, "{float:?}") } else { write!(out, "\"{}\"", not_finite(float.into())) }
+            if float.is_finite() { write!(out, "{float:?}") } else { not_finite(out, float.into(), floats) }
         }
         Leaf::Double(double) => {
             let double = f64::from_bits(double);
-            if double.is_finite() { write!(out, "{double:?}") } else { write!(out, "\"{}\"", not_finite(double)) }
+            if double.is_finite() { write!(out, "{double:?}") } else { not_finite(out, double, floats) }
         }
         Leaf::String(bytes) => {
             text(out, bytes);
@@ -164,12 +175,11 @@ fn leaf(out: &mut String, of: Leaf<'_>, bits: bool) {
     };
 }
 
-fn not_finite(number: f64) -> &'static str {
-    if number.is_nan() {
-        "nan"
-    } else if number > 0.0 {
-        "inf"
-    } else {
-        "-inf"
-    }
+fn not_finite(out: &mut String, number: f64, floats: Floats) -> std::fmt::Result {
+    out.write_str(match number {
+        _ if floats == Floats::FiniteOrNull => "null",
+        _ if number.is_nan() => "\"nan\"",
+        _ if number > 0.0 => "\"inf\"",
+        _ => "\"-inf\"",
+    })
 }

@@ -12,18 +12,18 @@ const UNTIL_FAULT: i64 = 2;
 
 /// Axes of a tick.
 #[derive(Clone, Copy, Debug)]
-struct AxesOf {
+pub(super) struct AxesOf {
     tick: i64,
-    axis: [Axis; MAX_AXES],
-    count: usize,
+    pub(super) axis: [Axis; MAX_AXES],
+    pub(super) count: usize,
 }
 
-/// One tick.
+/// One tick, as it was received.
 #[derive(Clone, Copy, Debug)]
-struct Tick {
-    state: State,
-    axes: AxesOf,
-    tool: Option<Tool>,
+pub struct Tick {
+    pub(super) state: State,
+    pub(super) axes: AxesOf,
+    pub(super) tool: Option<Tool>,
 }
 
 /// The latest whole tick, and what has come of the next.
@@ -36,6 +36,8 @@ pub(super) struct Assembly {
     axes: Option<AxesOf>,
     tool: Option<Tool>,
     latest: Option<Tick>,
+    /// The latest has not been taken.
+    is_new: bool,
     /// Tick before the latest.
     before: Option<AxesOf>,
     /// Tick in which the machine failed.
@@ -70,6 +72,11 @@ impl Assembly {
         self.end(false);
     }
 
+    /// Takes the tick that has become whole, once.
+    pub(super) fn take(&mut self) -> Option<Tick> {
+        self.latest.filter(|_| std::mem::take(&mut self.is_new))
+    }
+
     /// The machine failed in a tick.
     pub(super) const fn machine_failed(&mut self, tick: i64) {
         self.failed = Some(tick);
@@ -95,6 +102,7 @@ impl Assembly {
         }
         if self.latest.is_none_or(|latest| latest.axes.tick != axes.tick) {
             self.before = self.latest.map(|latest| latest.axes);
+            self.is_new = true;
         }
         self.latest = Some(Tick { state, axes, tool: self.tool });
         let served_again =

@@ -4,6 +4,7 @@
 
 mod assembly;
 mod known;
+mod recorded;
 mod run;
 mod screen;
 mod snapshot;
@@ -16,6 +17,10 @@ use std::time::{Duration, Instant, SystemTime};
 
 use gantry_tau_core::control::message::Cause;
 
+use crate::record::Recorded;
+
+pub use assembly::Tick;
+pub use recorded::{Tap, tap};
 pub use run::{MonitorOptions, View, run, run_page};
 pub use snapshot::{Axis, Channels, Counters, NO_SERVER, Snapshot};
 use stream::Stream;
@@ -50,6 +55,7 @@ pub struct Monitor {
     trouble: Option<StreamError>,
     events: VecDeque<Entry>,
     count: u64,
+    tap: Option<Box<dyn Tap>>,
 }
 
 impl Monitor {
@@ -66,7 +72,19 @@ impl Monitor {
             trouble: None,
             events: VecDeque::new(),
             count: 0,
+            tap: None,
         }
+    }
+
+    /// Hands what is received to a tap.
+    #[must_use]
+    pub fn with_tap(self, tap: Option<Box<dyn Tap>>) -> Self {
+        Self { tap, ..self }
+    }
+
+    /// Completes the recording of the tap, if there is one.
+    pub fn finish(self) -> Option<Recorded> {
+        self.tap.map(Tap::finish)
     }
 
     /// Address of the server.
@@ -98,8 +116,8 @@ impl Monitor {
             }
         };
         let mut happened = Vec::new();
-        let received = stream.receive(&mut |event| happened.push(event));
-        for Happened { tick, text } in happened {
+        let received = stream.receive(&mut happened, &mut self.tap);
+        for Happened { tick, text, .. } in happened {
             self.note(format!("tick {tick}: {text}"));
         }
         if received? > 0 {

@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 
 use super::snapshot::NO_SERVER;
 use super::web::Web;
-use super::{Monitor, screen};
+use super::{Monitor, Tap, screen};
+use crate::record::Recorded;
 use crate::terminal::say;
 
 /// Pause between two visits to the server's connection: long against a tick, so that one read takes many.
@@ -43,16 +44,17 @@ pub enum View {
     },
 }
 
-/// Shows a server until `quit`. Returns the exit code: with a screen 0, else that of the last line.
-pub fn run(options: &MonitorOptions, quit: &AtomicBool) -> ExitCode {
-    let mut monitor = Monitor::of(options.server);
-    match options.view {
+/// Shows a server until `quit`. Returns the exit code, with a screen 0, else that of the last line; and the recording of the tap.
+pub fn run(options: &MonitorOptions, tap: Option<Box<dyn Tap>>, quit: &AtomicBool) -> (ExitCode, Option<Recorded>) {
+    let mut monitor = Monitor::of(options.server).with_tap(tap);
+    let code = match options.view {
         View::Screen => {
             show_screen(&mut monitor, options.quit_after, quit);
             ExitCode::SUCCESS
         }
         View::Status { every } => ExitCode::from(show_status(&mut monitor, every, options.quit_after, quit)),
-    }
+    };
+    (code, monitor.finish())
 }
 
 /// Updates the monitor and calls `show`, with pauses of `rest`, until it is time to end, or `show` returns false.
@@ -74,12 +76,20 @@ fn each_visit(
     }
 }
 
-/// Serves the page until `quit`.
-pub fn run_page(server: SocketAddr, page: &mut Web, quit_after: Option<Duration>, quit: &AtomicBool) {
-    each_visit(&mut Monitor::of(server), PICTURE, quit_after, quit, |monitor| {
+/// Serves the page until `quit`. Returns the recording of the tap.
+pub fn run_page(
+    server: SocketAddr,
+    page: &mut Web,
+    tap: Option<Box<dyn Tap>>,
+    quit_after: Option<Duration>,
+    quit: &AtomicBool,
+) -> Option<Recorded> {
+    let mut monitor = Monitor::of(server).with_tap(tap);
+    each_visit(&mut monitor, PICTURE, quit_after, quit, |monitor| {
         page.visit(monitor);
         true
     });
+    monitor.finish()
 }
 
 fn show_screen(monitor: &mut Monitor, quit_after: Option<Duration>, quit: &AtomicBool) {

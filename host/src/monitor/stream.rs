@@ -9,6 +9,7 @@ use gantry_tau_labcomm::{Decoded, Decoder, Error, Event, Value};
 
 use super::assembly::Assembly;
 use super::known::{Kind, Known};
+use super::recorded::Tap;
 use super::snapshot::Snapshot;
 use crate::server::event_log::EventKind;
 
@@ -58,6 +59,14 @@ pub enum StreamError {
         /// The sample.
         name: &'static str,
     },
+    /// A machine with another number of axes is recorded.
+    #[error("the server sends {sent} axes, and the machine of --robot has {expected}; name its own with --robot")]
+    OtherMachine {
+        /// Axes of the server.
+        sent: usize,
+        /// Axes of the recording.
+        expected: usize,
+    },
     /// A code that this version does not know.
     #[error("the server sends {field} {code}, which is unknown; server and monitor must be of the same version")]
     UnknownCode {
@@ -73,6 +82,10 @@ pub enum StreamError {
 pub struct Happened {
     /// Tick in which it happened.
     pub tick: i64,
+    /// Code of the kind, as in the sample `session_event`.
+    pub kind: u8,
+    /// Code of the phase or cause.
+    pub code: u8,
     /// Description of the server; bytes that are not UTF-8 are replaced, control characters removed.
     pub text: String,
 }
@@ -107,11 +120,15 @@ impl Stream {
         })
     }
 
-    /// Reads what has come, and calls `each` with every event. Returns the number of bytes.
+    /// Reads what has come; adds every event, and hands events and whole ticks to `tap`. Returns the number of bytes.
     ///
     /// # Errors
     /// [`StreamError`]; the stream is then to be dropped.
-    pub(super) fn receive(&mut self, each: &mut impl FnMut(Happened)) -> Result<usize, StreamError> {
+    pub(super) fn receive(
+        &mut self,
+        happened: &mut Vec<Happened>,
+        tap: &mut Option<Box<dyn Tap>>,
+    ) -> Result<usize, StreamError> {
         let mut received = 0;
         for _ in 0..READS {
             match self.socket.read(&mut self.chunk) {
@@ -119,7 +136,7 @@ impl Stream {
                 Ok(count) => {
                     received += count;
                     self.bytes.extend_from_slice(self.chunk.get(..count).unwrap_or_default());
-                    self.decode(each)?;
+                    self.decode(happened, tap)?;
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => break,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
@@ -130,7 +147,7 @@ impl Stream {
     }
 
     /// Decodes whole events from the front of the bytes.
-    fn decode(&mut self, each: &mut impl FnMut(Happened)) -> Result<(), StreamError> {
+    fn decode(&mut self, happened: &mut Vec<Happened>, tap: &mut Option<Box<dyn Tap>>) -> Result<(), StreamError> {
         let mut at = 0;
         loop {
             let rest = self.bytes.get(at..).unwrap_or_default();
@@ -142,7 +159,12 @@ impl Stream {
                         Event::Data { definition, value } => {
                             let kind = self.known.kind(definition.index)?;
                             self.assembly.expect_tool(self.known.has(Kind::Tool));
-                            take(kind, &value, &mut self.assembly, each)?;
+                            let told = happened.len();
+                            take(kind, &value, &mut self.assembly, happened)?;
+                            if let Some(tap) = tap {
+                                happened.iter().skip(told).for_each(|event| tap.happened(event));
+                                self.assembly.take().map_or(Ok(()), |tick| tap.tick(&tick))?;
+                            }
                         }
                         Event::Version(_) | Event::Reference(_) | Event::Skipped(_) => {}
                     }
@@ -168,7 +190,7 @@ fn take(
     kind: Option<Kind>,
     value: &Value<'_, '_>,
     assembly: &mut Assembly,
-    each: &mut impl FnMut(Happened),
+    happened: &mut Vec<Happened>,
 ) -> Result<(), StreamError> {
     let Some(kind) = kind else { return Ok(()) };
     let other = |_| StreamError::OtherType { name: kind.name() };
@@ -179,11 +201,12 @@ fn take(
         Kind::Tool => assembly.tool(value.read().map_err(other)?),
         Kind::SessionEvent => {
             let event: SessionEvent = value.read().map_err(other)?;
-            if event.kind == EventKind::MachineFailed as u8 {
+            if event.kind == EventKind::MachineFailed.code() {
                 assembly.machine_failed(event.tick);
             }
             let text = String::from_utf8_lossy(event.text.as_bytes());
-            each(Happened { tick: event.tick, text: text.chars().filter(|letter| !letter.is_control()).collect() });
+            let text = text.chars().filter(|letter| !letter.is_control()).collect();
+            happened.push(Happened { tick: event.tick, kind: event.kind, code: event.cause, text });
         }
     }
     Ok(())

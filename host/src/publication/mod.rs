@@ -5,12 +5,13 @@
 
 mod rows;
 mod sample_name;
+mod ticks;
 
 use std::io;
 use std::net::SocketAddr;
 
 use gantry_tau_core::control::message::Phase;
-use gantry_tau_labcomm::{Encoder, Version};
+use gantry_tau_labcomm::Version;
 
 use crate::plant::ToolReading;
 use crate::readers::Readers;
@@ -18,26 +19,20 @@ use crate::server::connections::Allowed;
 use crate::server::cycle::Row;
 use crate::server::event_log::{Event, EventKind};
 
+pub use rows::{Samples, Sensors};
 pub use sample_name::{ParseSampleNameError, SampleName};
-
-/// Room for the definitions of all samples, bytes.
-const DEFINITIONS: usize = 1_024;
-/// Room for all samples of a tick and as many events as one tick can have, bytes.
-const TICK: usize = 2_048;
+use ticks::TICK;
+pub use ticks::Ticks;
 
 /// A port with its readers. Publishing allocates nothing and never blocks.
 #[derive(Debug)]
 pub struct Publication {
     readers: Readers,
-    version: Version,
-    names: Vec<SampleName>,
     /// Resolution of the gauges, m: what one count of `data` means.
     gauge_resolution_m: f64,
+    ticks: Ticks,
     /// Bytes that a new reader gets first: version and definitions, then the failure of the machine while it lasts.
     preamble: Vec<u8>,
-    /// Length of version and definitions, bytes.
-    definitions: usize,
-    buffer: Box<[u8; TICK]>,
 }
 
 impl Publication {
@@ -51,19 +46,10 @@ impl Publication {
         names: &[SampleName],
         gauge_resolution_m: f64,
     ) -> io::Result<Self> {
-        let mut definitions = [0; DEFINITIONS];
-        let mut encoder = Encoder::new(version, &mut definitions);
-        rows::define::<N>(&mut encoder, rows::indexed(version, names))
-            .map_err(|error| io::Error::other(error.to_string()))?;
-        Ok(Self {
-            readers: Readers::bind(address)?,
-            version,
-            names: names.to_vec(),
-            gauge_resolution_m,
-            preamble: preamble(encoder.bytes()),
-            definitions: encoder.bytes().len(),
-            buffer: Box::new([0; TICK]),
-        })
+        let ticks = Ticks::of::<N>(version, names)?;
+        let mut preamble = Vec::with_capacity(ticks.preamble().len() + TICK);
+        preamble.extend_from_slice(ticks.preamble());
+        Ok(Self { readers: Readers::bind(address)?, gauge_resolution_m, ticks, preamble })
     }
 
     /// Serves only these peers.
@@ -83,27 +69,22 @@ impl Publication {
     /// True if the samples are those of the measuring programs of the thesis alone: they leave in the cycle, before the State of their tick.
     #[must_use]
     pub fn is_of_sensors(&self) -> bool {
-        self.names.iter().all(|name| name.is_of_sensors())
+        self.ticks.names().iter().all(|name| name.is_of_sensors())
     }
 
     /// Publishes gauges and force sensor, for a port of sensors.
     pub fn publish_sensors(&mut self, tool: &ToolReading) {
-        let (names, resolution_m) = (rows::indexed(self.version, &self.names), self.gauge_resolution_m);
+        let sensors = Sensors { tool, gauge_resolution_m: self.gauge_resolution_m };
         self.readers.accept(&self.preamble);
-        let mut encoder = Encoder::new(self.version, self.buffer.as_mut_slice());
-        let written = rows::write_sensors(&mut encoder, names, tool, resolution_m);
-        debug_assert_eq!(written, Ok(()), "a tick has room");
-        self.readers.send(encoder.bytes());
+        self.readers.send(self.ticks.encode_sensors(sensors));
     }
 
     /// Publishes a tick.
     pub fn publish<const N: usize>(&mut self, row: &Row<N>, events: &[Event]) {
-        let (names, resolution_m) = (rows::indexed(self.version, &self.names), self.gauge_resolution_m);
+        let gauge_resolution_m = self.gauge_resolution_m;
+        let sensors = row.tool.as_ref().map(|tool| Sensors { tool, gauge_resolution_m });
         self.readers.accept(&self.preamble);
-        let mut encoder = Encoder::new(self.version, self.buffer.as_mut_slice());
-        let written = rows::write_row(&mut encoder, names, row, events, resolution_m);
-        debug_assert_eq!(written, Ok(()), "a tick has room");
-        self.readers.send(encoder.bytes());
+        self.readers.send(self.ticks.encode(&row.into(), events, sensors));
         self.keep_failure(row, events);
     }
 
@@ -113,17 +94,7 @@ impl Publication {
         if failure.is_none() && (row.plant_failed || row.state.phase != Phase::Listening) {
             return;
         }
-        self.preamble.truncate(self.definitions);
-        let mut encoder = Encoder::new(self.version, self.buffer.as_mut_slice());
-        let written = rows::write_events(&mut encoder, rows::indexed(self.version, &self.names), failure);
-        debug_assert_eq!(written, Ok(()), "an event has room");
-        self.preamble.extend_from_slice(encoder.bytes());
+        self.preamble.truncate(self.ticks.preamble().len());
+        self.preamble.extend_from_slice(self.ticks.encode_events(failure));
     }
-}
-
-/// Copies version and definitions, with room for an event behind them.
-fn preamble(definitions: &[u8]) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(DEFINITIONS + TICK);
-    bytes.extend_from_slice(definitions);
-    bytes
 }

@@ -1,6 +1,5 @@
 //! Rows of the server as samples.
 
-use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::control::message::{self, AxisState, Counters};
 use gantry_tau_labcomm::samples::{Axes, Axis, Data, ForceSensor, SessionEvent, State, Tool};
 use gantry_tau_labcomm::{Encoder, ErrorKind, Field, Text, Version};
@@ -8,7 +7,7 @@ use gantry_tau_labcomm::{Encoder, ErrorKind, Field, Text, Version};
 use super::SampleName;
 use crate::plant::ToolReading;
 use crate::server::cycle::Row;
-use crate::server::event_log::{Event, EventKind};
+use crate::server::event_log::Event;
 
 /// Names of a port, with their indices: in order, from the first index of the version.
 pub(super) fn indexed(version: Version, names: &[SampleName]) -> impl Iterator<Item = (u32, SampleName)> {
@@ -34,40 +33,81 @@ pub(super) fn define<const N: usize>(
     Ok(())
 }
 
+/// Instruments at the tool.
+#[derive(Clone, Copy, Debug)]
+pub struct Sensors<'a> {
+    /// Their readings.
+    pub tool: &'a ToolReading,
+    /// Resolution of the gauges, m: what one count of `data` means.
+    pub gauge_resolution_m: f64,
+}
+
 /// Writes gauges and force sensor, as far as a port carries them.
 pub(super) fn write_sensors(
     encoder: &mut Encoder<'_>,
     names: impl Iterator<Item = (u32, SampleName)>,
-    tool: &ToolReading,
-    gauge_resolution_m: f64,
+    sensors: Sensors<'_>,
 ) -> Result<(), ErrorKind> {
     for (index, name) in names {
         match name {
-            SampleName::Data => encoder.data(index, &data(tool, gauge_resolution_m))?,
-            SampleName::ForceSensor => encoder.data(index, &force_sensor(tool))?,
+            SampleName::Data => encoder.data(index, &data(sensors))?,
+            SampleName::ForceSensor => encoder.data(index, &force_sensor(sensors.tool))?,
             _ => {}
         }
     }
     Ok(())
 }
 
-/// Writes one of each sample of a port; sensors and tool if the machine has instruments there, and an event for each that happened.
-pub(super) fn write_row<const N: usize>(
+/// Samples of one tick of a machine with `N` axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Samples<const N: usize> {
+    /// Phase, cause, counters.
+    pub state: State,
+    /// The axes.
+    pub axes: Axes<N>,
+    /// The tool, if there are instruments at it.
+    pub tool: Option<Tool>,
+}
+
+impl<const N: usize> Samples<N> {
+    /// Samples of a State with these references, nm, and of the tool.
+    #[must_use]
+    pub fn new(of: &message::State<N>, references_nm: &[i64; N], tool: Option<Tool>) -> Self {
+        let mut axes = of.axes.iter().zip(references_nm);
+        let mut next = || axes.next().map_or(Axis::ZERO, |(state, reference)| axis(state, *reference));
+        let axes = Axes { tick: long(of.tick.0), axis: std::array::from_fn(|_| next()) };
+        Self { state: state(of), axes, tool }
+    }
+}
+
+impl<const N: usize> From<&Row<N>> for Samples<N> {
+    fn from(row: &Row<N>) -> Self {
+        let references = row.references.map(|reference| reference.position.0);
+        Self::new(&row.state, &references, row.tool.as_ref().map(|reading| tool(row.state.tick.0, reading)))
+    }
+}
+
+/// Writes one of each sample; sensors and tool if the machine has instruments there, and an event for each that happened.
+pub(super) fn write_tick<const N: usize>(
     encoder: &mut Encoder<'_>,
     names: impl Iterator<Item = (u32, SampleName)>,
-    row: &Row<N>,
+    samples: &Samples<N>,
     events: &[Event],
-    gauge_resolution_m: f64,
+    sensors: Option<Sensors<'_>>,
 ) -> Result<(), ErrorKind> {
     for (index, name) in names {
-        match (name, &row.tool) {
-            (SampleName::State, _) => encoder.data(index, &state(&row.state))?,
-            (SampleName::Axes, _) => encoder.data(index, &axes(row))?,
+        match (name, sensors) {
+            (SampleName::State, _) => encoder.data(index, &samples.state)?,
+            (SampleName::Axes, _) => encoder.data(index, &samples.axes)?,
+            (SampleName::Tool, _) => {
+                if let Some(tool) = &samples.tool {
+                    encoder.data(index, tool)?;
+                }
+            }
             (SampleName::SessionEvent, _) => write_events(encoder, std::iter::once((index, name)), events)?,
-            (SampleName::Data, Some(tool)) => encoder.data(index, &data(tool, gauge_resolution_m))?,
-            (SampleName::ForceSensor, Some(tool)) => encoder.data(index, &force_sensor(tool))?,
-            (SampleName::Tool, Some(reading)) => encoder.data(index, &tool(row.state.tick.0, reading))?,
-            (SampleName::Data | SampleName::ForceSensor | SampleName::Tool, None) => {}
+            (SampleName::Data, Some(sensors)) => encoder.data(index, &data(sensors))?,
+            (SampleName::ForceSensor, Some(sensors)) => encoder.data(index, &force_sensor(sensors.tool))?,
+            (SampleName::Data | SampleName::ForceSensor, None) => {}
         }
     }
     Ok(())
@@ -89,8 +129,8 @@ pub(super) fn write_events<'a>(
     clippy::cast_possible_truncation,
     reason = "a length in counts, rounded; it saturates"
 )]
-fn data(tool: &ToolReading, resolution_m: f64) -> Data {
-    Data(tool.gauges_m.map(|length_m| (length_m / resolution_m).round() as i32))
+fn data(Sensors { tool, gauge_resolution_m }: Sensors<'_>) -> Data {
+    Data(tool.gauges_m.map(|length_m| (length_m / gauge_resolution_m).round() as i32))
 }
 
 #[expect(clippy::as_conversions, clippy::cast_possible_truncation, reason = "the nearest float")]
@@ -126,16 +166,10 @@ fn state<const N: usize>(state: &message::State<N>) -> State {
     }
 }
 
-fn axes<const N: usize>(row: &Row<N>) -> Axes<N> {
-    let mut axes = row.state.axes.iter().zip(&row.references);
-    let mut next = || axes.next().map_or(Axis::ZERO, |(state, reference)| axis(state, reference));
-    Axes { tick: long(row.state.tick.0), axis: std::array::from_fn(|_| next()) }
-}
-
-fn axis(state: &AxisState, reference: &Reference) -> Axis {
+fn axis(state: &AxisState, reference_nm: i64) -> Axis {
     Axis {
         nominal_nm: state.nominal.0,
-        reference_nm: reference.position.0,
+        reference_nm,
         position_offset_nm: state.offsets.position.0,
         velocity_offset_um_s: state.offsets.velocity.0,
         torque_offset_permille: state.offsets.torque.0,
@@ -159,13 +193,7 @@ fn tool(tick: u64, tool: &ToolReading) -> Tool {
 }
 
 fn session_event(event: &Event) -> SessionEvent {
-    let kind = match event.kind {
-        EventKind::Granted => 0,
-        EventKind::Refused => 1,
-        EventKind::Ended => 2,
-        EventKind::Phase => 3,
-        EventKind::MachineFailed => 4,
-    };
+    let kind = event.kind.code();
     SessionEvent { tick: long(event.tick), kind, cause: event.code, text: Text::cut(&event.text) }
 }
 

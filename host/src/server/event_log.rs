@@ -19,6 +19,28 @@ pub enum EventKind {
     MachineFailed,
 }
 
+impl EventKind {
+    const ALL: [Self; 5] = [Self::Granted, Self::Refused, Self::Ended, Self::Phase, Self::MachineFailed];
+
+    /// Code in the sample `session_event`.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        match self {
+            Self::Granted => 0,
+            Self::Refused => 1,
+            Self::Ended => 2,
+            Self::Phase => 3,
+            Self::MachineFailed => 4,
+        }
+    }
+
+    /// Kind of a code.
+    #[must_use]
+    pub fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.code() == code)
+    }
+}
+
 /// Something that happened to a session or to the machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {

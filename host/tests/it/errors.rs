@@ -120,7 +120,9 @@ fn a_file_that_cannot_be_written_is_named() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = server.local_addr().unwrap().to_string();
     // A folder that does not exist, a folder that is a file, a file that is a folder.
-    for bad in ["no/such.x", "file/such.x", "."] {
+    std::fs::create_dir(folder.path("folder.mcap")).unwrap();
+    let recordings = ["no/such.csv", "file/such.labcomm", "folder.mcap"];
+    for (index, bad) in ["no/such.x", "file/such.x", "."].into_iter().enumerate() {
         for (command, option) in [
             (&SERVE[..], "--record"),
             (&SERVE[..], "--epoch-file"),
@@ -135,9 +137,22 @@ fn a_file_that_cannot_be_written_is_named() {
                 continue;
             }
             let mut arguments = command.to_vec();
+            // A recording has the extension of its format.
+            let bad = if option == "--record" { recordings[index] } else { bad };
             arguments.extend([option, bad]);
             let line = folder.run(&arguments).failure(1);
             assert_says(&line, &[bad, "os error"]);
+        }
+    }
+}
+
+#[test]
+fn a_recording_of_no_known_format_is_refused_with_the_formats() {
+    let folder = Folder::new("format");
+    for command in ["serve", "client", "demo", "monitor"] {
+        for name in ["run", "run.txt", ".csv", "run.CSV"] {
+            let line = folder.run(&[command, "--record", name]).failure(2);
+            assert_says(&line, &[name, "FILE.csv", "FILE.labcomm", "FILE.mcap"]);
         }
     }
 }

@@ -29,6 +29,8 @@ mod process;
 #[cfg(unix)]
 mod publication;
 #[cfg(unix)]
+mod recording;
+#[cfg(unix)]
 mod replay;
 #[cfg(unix)]
 mod signals;

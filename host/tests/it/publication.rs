@@ -1,12 +1,14 @@
 //! Samples of `serve` over LabComm, and a client that takes its force from them, over real sockets.
 
 use std::collections::HashMap;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::process::Stdio;
+use std::time::Duration;
 
 use gantry_tau_labcomm::samples::{Axes, Data, ForceSensor, SessionEvent, State, Tool};
 use gantry_tau_labcomm::{Decoded, Decoder, Event, Version};
+use socket2::{Domain, Socket, Type};
 
 use crate::process::{Folder, Running};
 use crate::signals::{assert_no_jump, await_obtain, rows, serve_pulling};
@@ -14,7 +16,7 @@ use crate::signals::{assert_no_jump, await_obtain, rows, serve_pulling};
 const ALL: &str = "127.0.0.1:0=data,forcesensor,state,axes,tool,session_event";
 
 /// Addresses of the LabComm ports, in the order of the options.
-fn ports(server: &mut Running) -> Vec<SocketAddr> {
+pub(crate) fn ports(server: &mut Running) -> Vec<SocketAddr> {
     server.await_words("; Ctrl-C");
     let said = server.stdout();
     let listed = said.split(", LabComm on ").skip(1);
@@ -32,7 +34,7 @@ fn read_all(address: SocketAddr) -> std::thread::JoinHandle<Vec<u8>> {
 }
 
 /// Rows of the server's record by their ticks; each a map from column to text.
-fn record(folder: &Folder) -> HashMap<i64, HashMap<String, String>> {
+pub(crate) fn record(folder: &Folder) -> HashMap<i64, HashMap<String, String>> {
     let csv = folder.read("serve.csv");
     let mut lines = csv.lines();
     let header: Vec<&str> = lines.next().unwrap().split(',').collect();
@@ -123,6 +125,61 @@ fn a_client_compensates_by_labcomm_and_readers_get_what_is_recorded() {
         let least = least.map(|row| row["offset_2_nm"].parse::<f64>().unwrap()).fold(0.0, f64::min);
         assert!((-50e3..-45e3).contains(&least), "{least}");
     }
+}
+
+/// A connection that takes as little as the system allows, from an address of this computer.
+fn narrow(from: [u8; 4], to: SocketAddr) -> TcpStream {
+    let socket = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
+    socket.set_recv_buffer_size(1).unwrap();
+    socket.bind(&SocketAddr::from((from, 0)).into()).unwrap();
+    socket.connect(&to.into()).unwrap();
+    socket.into()
+}
+
+#[test]
+fn readers_of_any_conduct_cost_no_tick_and_strangers_get_nothing() {
+    let folder = Folder::new("publication-crowd");
+    let further = ["--record", "serve.csv", "--allow", "127.0.0.1", "--labcomm", "127.0.0.1:0", "--labcomm", ALL];
+    let (mut server, [address, _]) = serve_pulling(&folder, ["60", "0.5"], &further);
+    let ports = ports(&mut server);
+    let good = read_all(ports[1]);
+    let sensor = format!("labcomm:{}", ports[0]);
+    let client = folder.start_with("client", &["client", &address, "--sensor", &sensor], Stdio::null());
+    await_obtain(&mut server, 1);
+    let own = [127, 0, 0, 1];
+    for port in ports {
+        for _ in 0..20 {
+            Socket::from(narrow(own, port)).set_linger(Some(Duration::ZERO)).unwrap();
+        }
+        #[cfg(target_os = "linux")]
+        {
+            let mut stranger = narrow([127, 0, 0, 2], port);
+            stranger.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+            match stranger.read(&mut [0]) {
+                Ok(count) => assert_eq!(count, 0, "a stranger was served"),
+                Err(error) => assert_eq!(error.kind(), std::io::ErrorKind::ConnectionReset),
+            }
+        }
+        let still = narrow(own, port);
+        let mut talking = TcpStream::connect(port).unwrap();
+        std::thread::spawn(move || while talking.write_all(&[0x5a; 1_000]).is_ok() {});
+        // One place is taken by the good reader or the client; one of two more has to wait until one of those that read nothing is dropped.
+        let mut further = [(); 2].map(|()| TcpStream::connect(port).unwrap());
+        for reader in &mut further {
+            reader.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+            reader.read_exact(&mut [0; 1_000]).unwrap();
+        }
+        drop(still);
+    }
+    let ended = client.stop().success();
+    assert!(ended.contains("left with Goodbye after "), "{ended}");
+    server.await_words("SafeDisconnect -> Listening");
+    server.stop().success();
+    let record = record(&folder);
+    let (ticks, _) = compare(&good.join().unwrap(), Version::V2006, &record);
+    assert!(ticks > 500, "{ticks}");
+    assert!(record.values().all(|row| row["missed"] == "0"));
+    assert_no_jump(&rows(&folder));
 }
 
 #[test]

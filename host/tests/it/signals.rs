@@ -1,5 +1,7 @@
 //! `serve` and `client` as two processes, ended by signals.
 
+use std::process::Stdio;
+
 use crate::process::{Folder, Running};
 
 /// Starts a server in lock-step on free ports; returns it with the addresses of server and sensor.
@@ -8,11 +10,21 @@ pub(crate) fn serve(folder: &Folder, further: &[&str]) -> (Running, [String; 2])
 }
 
 /// The same with the largest force, N, and the length of its steps, s.
-pub(crate) fn serve_pulling(folder: &Folder, [force, seconds]: [&str; 2], further: &[&str]) -> (Running, [String; 2]) {
+pub(crate) fn serve_pulling(folder: &Folder, steps: [&str; 2], further: &[&str]) -> (Running, [String; 2]) {
+    serve_typed(folder, steps, further, Stdio::null())
+}
+
+/// The same with an input for commands.
+pub(crate) fn serve_typed(
+    folder: &Folder,
+    [force, seconds]: [&str; 2],
+    further: &[&str],
+    input: Stdio,
+) -> (Running, [String; 2]) {
     let mut arguments = vec!["serve", "--pace", "lockstep", "--listen", "127.0.0.1:0"];
     arguments.extend(["--sensor", "127.0.0.1:0", "--force-max", force, "--step-seconds", seconds]);
     arguments.extend(further);
-    let mut server = folder.start("serve", &arguments);
+    let mut server = folder.start_with("serve", &arguments, input);
     server.await_words("Ctrl-C");
     let said = server.stdout();
     let after = |words: &str| {

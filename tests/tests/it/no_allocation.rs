@@ -3,7 +3,7 @@
 //! The crate `allocation_counter` is the allocator of this binary; it counts per thread, so tests beside this one do not matter.
 
 use std::io::Write;
-use std::net::TcpStream;
+use std::net::{SocketAddr, TcpStream};
 
 use allocation_counter::measure;
 use gantry_tau::black_box::swap_channel::{self, Receiver};
@@ -31,7 +31,9 @@ struct Server<const N: usize, const M: usize> {
     hand: LoadGenerator,
     sensor: SensorReader,
     black_boxes: Receiver<N>,
-    /// Readers of the LabComm port: one that reads nothing, and one that talks.
+    /// The LabComm port.
+    port: SocketAddr,
+    /// Its readers: one that reads nothing, and one that talks.
     _readers: [TcpStream; 2],
 }
 
@@ -46,13 +48,14 @@ impl<const N: usize, const M: usize> Server<N, M> {
         let port =
             Publication::bind::<N>(LOOPBACK, Version::V2006, &[SampleName::Data, SampleName::ForceSensor], 0.5e-6);
         let port = port.unwrap();
-        let readers = [(); 2].map(|()| TcpStream::connect(port.address().unwrap()).unwrap());
+        let address = port.address().unwrap();
+        let readers = [(); 2].map(|()| TcpStream::connect(address).unwrap());
         (&readers[1]).write_all(&[0xff; 1_000]).unwrap();
         let listen = Listen { transport, ..LOOPBACK.into() };
         let cycle = Cycle::new(config, motors, machine, EpochRange::VOLATILE, StopLatch::volatile(), listen).unwrap();
         let (sender, black_boxes) = swap_channel::channel();
         let cycle = cycle.with_sensor(publisher).with_sensors(vec![port]).with_black_box(sender);
-        Self { cycle, hand, sensor, black_boxes, _readers: readers }
+        Self { cycle, hand, sensor, black_boxes, port: address, _readers: readers }
     }
 
     /// One look at the sockets and one tick; neither may allocate.
@@ -146,7 +149,14 @@ fn allocates_nothing<const N: usize, const M: usize>(mut server: Server<N, M>) {
     server.hand.set(&pull).unwrap();
     let mut noise = Noise::new(5);
     let mut crowd = Vec::new();
+    let mut readers = Vec::new();
     for tick in 0..300 {
+        // Readers come, up to one more than there are places, and are gone.
+        if tick % 50 < 30 {
+            readers.extend((tick % 10 == 0).then(|| TcpStream::connect(server.port).unwrap()));
+        } else {
+            readers.clear();
+        }
         if tick % 10 == 0 {
             let mut other = Client::<N>::connect(server.cycle.address().unwrap());
             if tick % 20 == 0 {

@@ -1,10 +1,11 @@
-//! Tests that need compilers for C, Valgrind, an emulator, Python, Wine, LinuxCNC or a browser: the C interface, the firmware, the client in Python
-//! and on Windows, the modules for LinuxCNC, the page of the monitor. A test whose tool is missing is reported as ignored, with the name of the tool.
+//! Tests that need compilers for C, Valgrind, an emulator, Python, Wine, LinuxCNC, a browser or the reader of MCAP: the C interface, the firmware, the
+//! client in Python and on Windows, the modules for LinuxCNC, the page of the monitor, recordings. A test whose tool is missing is reported as ignored, with the name of the tool.
 
 mod capi;
 mod firmware;
 #[cfg(target_os = "linux")]
 mod linuxcnc;
+mod mcap;
 mod monitor;
 mod python;
 mod session;
@@ -16,6 +17,7 @@ fn main() {
     let arguments = Arguments::from_args();
     let mut trials = firmware::trials();
     trials.extend(capi::trials());
+    trials.extend(mcap::trials());
     trials.extend(monitor::trials());
     trials.extend(python::trials());
     trials.extend(windows::trials());

@@ -60,7 +60,7 @@ fn with_page(look: impl FnOnce(SocketAddr)) {
     let address = page.address().unwrap();
     let quit = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        scope.spawn(|| run_page(double.address, &mut page, None, &quit));
+        scope.spawn(|| run_page(double.address, &mut page, None, None, &quit));
         let looked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| look(address)));
         quit.store(true, Ordering::Relaxed);
         looked.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
@@ -133,7 +133,8 @@ fn shows() -> Result<(), Failed> {
         let axes = SCENE.axes(0, HOME_NM);
         let minus = |text: String| text.replace('-', "−");
         for axis in axes.axis {
-            let offset = minus(format!("<td>{:.3}</td>", f64::from(axis.position_offset_nm) * 1e-3));
+            // Outside Submit no shadow is shown.
+            let offset = minus(format!("<td>{:.3}</td><td>–</td>", f64::from(axis.position_offset_nm) * 1e-3));
             // Home is a multiple of 100 nm.
             let (sign, nm) = (if axis.nominal_nm < 0 { "-" } else { "" }, axis.nominal_nm.abs());
             let nominal = minus(format!("<td>{sign}{}.{:04}</td>", nm / 1_000_000, nm / 100 % 10_000));
@@ -158,6 +159,7 @@ fn shows() -> Result<(), Failed> {
             let count = if name == "received" { "41 234".to_owned() } else { count.to_string() };
             assert!(counters.contains(&format!("<b>{count}</b><span>{name}</span>")), "{name} {count}");
         }
+        assert!(counters.contains("<b>1</b><span>longest run</span>"), "{counters}");
         for event in ["session granted (epoch 7)", "connected to"] {
             assert!(document.contains(event), "{event}");
         }

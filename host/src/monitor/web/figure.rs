@@ -1,12 +1,11 @@
-//! Points of the machine for the page: computed here, projected in the browser.
+//! Points of the machine for the page, which the browser projects.
 
-use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
+use gantry_tau_core::model::kinematics::KinematicsError;
 use gantry_tau_core::model::robot::{ARMS, LINKS};
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use crate::draw::scene::Scene;
-use crate::elastic::joints::joint;
+use crate::draw::figure::{self, Displaced, Moving, Position};
 use crate::model::MachineKind;
 use crate::monitor::Snapshot;
 use crate::robot_file::{RobotFile, RobotFileError};
@@ -70,61 +69,13 @@ pub trait Figures: Send {
 }
 
 /// A machine of a robot file.
-pub(super) struct Drawn<K, const N: usize> {
-    robot: RobotFile<K, N>,
-    scene: Scene,
-    home_q: [f64; N],
-    last: Option<Pose>,
-}
+pub(super) struct Drawn<K, const N: usize>(figure::Machine<K, N>);
 
 impl<K: MachineKind<N>, const N: usize> Drawn<K, N> {
     /// # Errors
     /// [`RobotFileError`] if home cannot be reached.
     pub(super) fn new(robot: RobotFile<K, N>) -> Result<Self, RobotFileError> {
-        let (scene, home_q) = (Scene::at_home(&robot)?, robot.home_q()?);
-        Ok(Self { robot, scene, home_q, last: None })
-    }
-
-    /// Positions of an axis in m, as q-units.
-    fn q(&self, snapshot: &Snapshot, nm: impl Fn(&crate::monitor::Axis) -> i64) -> [f64; N] {
-        let mut q = self.home_q;
-        for ((place, axis), metres) in q.iter_mut().zip(&snapshot.axes).zip(self.robot.metres_per_q) {
-            *place = nm(axis) as f64 * 1e-9 / metres;
-        }
-        q
-    }
-
-    fn points(&mut self, snapshot: &Snapshot) -> Result<Figure, KinematicsError> {
-        let geometry = self.robot.model.geometry();
-        let nominal = self.q(snapshot, |axis| axis.nominal_nm);
-        let offset = self.q(snapshot, |axis| axis.nominal_nm.saturating_add(axis.offset.position_nm.into()));
-        let pose = self.robot.model.pose_of(&nominal, &self.robot.home_m(), self.last.as_ref())?;
-        self.last = Some(pose);
-        let arms = |from: &[f64; N], to: &[f64; N]| {
-            let mut ways = geometry.guideways;
-            for ((way, from), to) in ways.iter_mut().zip(from).zip(to) {
-                *way *= to - from;
-            }
-            ways
-        };
-        let levers = geometry.platform_joints_m.map(|on_platform| pose.rotation * on_platform);
-        let joints_at = |q: &[f64; N]| std::array::from_fn(|link| joint(&geometry, link, q).place_m);
-        let joints: [Vector3<f64>; LINKS] = joints_at(&nominal);
-        let mut moved: [Vector3<f64>; LINKS] = joints_at(&offset);
-        for (way, joint) in moved.iter_mut().zip(joints) {
-            *way -= joint;
-        }
-        let displaced = snapshot.displacement_m.map(Vector3::from).zip(snapshot.turn_rad.map(Vector3::from));
-        Ok(Figure {
-            carts: arms(&self.home_q, &nominal).map(coarse),
-            joints: joints.map(coarse),
-            platform: levers.map(|lever| coarse(pose.position_m + lever)),
-            tool: coarse(pose.position_m),
-            cart_offsets: arms(&nominal, &offset).map(fine),
-            joint_offsets: moved.map(fine),
-            platform_displacements: displaced.map(|(way, turn)| levers.map(|lever| fine(way + turn.cross(&lever)))),
-            tool_displacement: displaced.map(|(way, _)| fine(way)),
-        })
+        figure::Machine::new(robot).map(Self)
     }
 }
 
@@ -134,23 +85,42 @@ impl<K: MachineKind<N>, const N: usize> Figures for Drawn<K, N> {
     }
 
     fn machine(&self) -> String {
-        let arms = self.scene.arms.iter().map(|arm| Arm {
+        let scene = self.0.scene();
+        let arms = scene.arms.iter().map(|arm| Arm {
             rail: arm.rail_m.map(coarse),
             centre: coarse(arm.centre_m),
             half_edges: arm.half_edges_m.map(coarse),
         });
-        let links = self.scene.links.iter().map(|link| Link { name: link.name, arm: link.arm });
-        let machine = Machine { name: self.robot.name.clone(), axes: N, arms: arms.collect(), links: links.collect() };
+        let links = scene.links.iter().map(|link| Link { name: link.name, arm: link.arm });
+        let name = self.0.name().to_owned();
+        let machine = Machine { name, axes: N, arms: arms.collect(), links: links.collect() };
         // Text and numbers: it cannot fail.
         serde_json::to_string(&machine).unwrap_or_default()
     }
 
     fn figure(&mut self, snapshot: &Snapshot) -> Result<String, KinematicsError> {
-        let figure = self.points(snapshot);
-        if figure.is_err() {
-            self.last = None;
+        let axes = snapshot.axes.iter();
+        let positions: Vec<Position> =
+            axes.map(|axis| Position { nominal_nm: axis.nominal_nm, offset_nm: axis.offset.position_nm }).collect();
+        let displaced = snapshot.displacement_m.zip(snapshot.turn_rad);
+        let displaced = displaced.map(|(way_m, turn_rad)| Displaced { way_m: way_m.into(), turn_rad: turn_rad.into() });
+        let figure = Figure::from(self.0.figure(&positions, displaced)?);
+        Ok(serde_json::to_string(&figure).unwrap_or_default())
+    }
+}
+
+impl From<figure::Figure> for Figure {
+    fn from(of: figure::Figure) -> Self {
+        Self {
+            carts: of.carts.map(coarse),
+            joints: of.joints.map(coarse),
+            platform: of.platform.map(coarse),
+            tool: coarse(of.tool),
+            cart_offsets: of.cart_offsets.map(fine),
+            joint_offsets: of.joint_offsets.map(fine),
+            platform_displacements: of.platform_displacements.map(|ways| ways.map(fine)),
+            tool_displacement: of.tool_displacement.map(fine),
         }
-        Ok(serde_json::to_string(&figure?).unwrap_or_default())
     }
 }
 

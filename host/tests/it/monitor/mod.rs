@@ -1,6 +1,8 @@
 //! `monitor`, against a double of the server's LabComm port.
 
 mod double;
+#[cfg(unix)]
+mod served;
 mod web;
 
 use double::{Double, FIRST_TICK, HOME_NM, Scene};

@@ -14,7 +14,12 @@ const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Starts a monitor with a page; returns it and the page's address.
 fn start(folder: &Folder, double: &Double, more: &[&str]) -> (Running, SocketAddr) {
-    let server = double.address.to_string();
+    page_of(folder, double.address, more)
+}
+
+/// The same for any server.
+pub(super) fn page_of(folder: &Folder, server: SocketAddr, more: &[&str]) -> (Running, SocketAddr) {
+    let server = server.to_string();
     let mut monitor = folder.start("page", &[&["monitor", &server, "--web", "127.0.0.1:0"], more].concat());
     monitor.await_words("page on http://");
     let said = monitor.stdout();
@@ -33,7 +38,7 @@ fn answer(page: SocketAddr, request: &[u8]) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-fn get(page: SocketAddr, path: &str) -> String {
+pub(super) fn get(page: SocketAddr, path: &str) -> String {
     answer(page, format!("GET {path} HTTP/1.1\r\nHost: {page}\r\n\r\n").as_bytes())
 }
 

@@ -75,9 +75,10 @@ impl Crowd {
         match tick {
             ..CROWDED => match tick % 20 {
                 5 => self.resetting = Some(narrow(own, self.port)),
-                10 => self.stranger = Some(narrow([127, 0, 0, 2], self.port)),
+                // Elsewhere this computer has one loopback address.
+                10 if cfg!(target_os = "linux") => self.stranger = Some(narrow([127, 0, 0, 2], self.port)),
                 15 => reset(self.resetting.take().unwrap()),
-                19 => assert_is_closed(self.stranger.take().unwrap()),
+                19 => self.stranger.take().into_iter().for_each(assert_is_closed),
                 _ => {}
             },
             CROWDED => {

@@ -1,170 +1,13 @@
-//! Recordings: one CSV row per tick, units in the header, written by a separate thread `[T 5.1.2]`.
-
-use std::fmt;
-use std::fs::File;
-use std::path::{Path, PathBuf};
-use std::thread::JoinHandle;
-use std::time::Duration;
+//! Columns of the recordings of server and client, units in their names `[T 5.1.2]`.
 
 use gantry_tau_core::control::message::{AxisState, State};
 use gantry_tau_core::units::OffsetNm;
+use gantry_tau_labcomm::samples::Tool;
 
+use super::{Record, TickRow};
 use crate::plant::ToolReading;
+use crate::publication::Samples;
 use crate::server::cycle::Row;
-
-/// Pause of the writing thread when the queue is empty.
-const REST: Duration = Duration::from_millis(5);
-/// Rows that may wait for a slow disk, about eight seconds.
-const QUEUE: usize = 8_192;
-
-/// One row of a recording.
-pub trait Record: Copy + Send + 'static {
-    /// Names of the columns, with units.
-    fn header() -> Vec<String>;
-    /// The values, in the order of the header.
-    fn fields(&self) -> Vec<String>;
-}
-
-/// Reason why a recording failed.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("recording {path}: {reason}")]
-pub struct RecordError {
-    path: PathBuf,
-    reason: String,
-}
-
-/// CSV file. After its first failure (for instance a full disk) it only counts lost rows.
-#[derive(Debug)]
-pub struct CsvFile {
-    path: PathBuf,
-    writer: csv::Writer<File>,
-    failure: Option<RecordError>,
-    written: u64,
-    lost: u64,
-}
-
-/// Outcome of a recording.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Recorded {
-    /// Path of the file.
-    pub path: PathBuf,
-    /// Rows written; if the file failed, some of the last ones may be lost.
-    pub written: u64,
-    /// Rows known to be lost, because the queue was full or the file failed.
-    pub lost: u64,
-    /// The first failure of the file.
-    pub failure: Option<RecordError>,
-}
-
-impl fmt::Display for Recorded {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let path = self.path.display();
-        let (written, lost) = (self.written, self.lost);
-        match &self.failure {
-            None => write!(f, "recorded {written} rows to {path}, {lost} dropped"),
-            // Some of the last rows were still buffered.
-            Some(failure) => {
-                write!(f, "recorded at most {written} rows to {path}, at least {lost} dropped ({})", failure.reason)
-            }
-        }
-    }
-}
-
-impl CsvFile {
-    /// Creates the file and writes the header of `T`.
-    ///
-    /// # Errors
-    /// [`RecordError`] naming the path and the reason.
-    pub fn create<T: Record>(path: &Path) -> Result<Self, RecordError> {
-        let fail = |reason: String| RecordError { path: path.to_owned(), reason };
-        let file = File::create(path).map_err(|error| fail(error.to_string()))?;
-        let mut writer = csv::Writer::from_writer(file);
-        writer.write_record(T::header()).map_err(|error| fail(error.to_string()))?;
-        Ok(Self { path: path.to_owned(), writer, failure: None, written: 0, lost: 0 })
-    }
-
-    /// Writes a row.
-    pub fn write<T: Record>(&mut self, row: &T) {
-        if self.failure.is_none() {
-            match self.writer.write_record(row.fields()) {
-                Ok(()) => {
-                    self.written += 1;
-                    return;
-                }
-                Err(error) => self.fail(error.to_string()),
-            }
-        }
-        self.lost += 1;
-    }
-
-    /// Flushes, and adds the rows that the queue dropped.
-    #[must_use]
-    pub fn finish(mut self, dropped: u64) -> Recorded {
-        if let Err(error) = self.writer.flush() {
-            self.fail(error.to_string());
-        }
-        Recorded { path: self.path, written: self.written, lost: self.lost + dropped, failure: self.failure }
-    }
-
-    fn fail(&mut self, reason: String) {
-        let path = self.path.clone();
-        self.failure.get_or_insert(RecordError { path, reason });
-    }
-}
-
-/// Producer side of a recording: pushing never blocks and never allocates.
-#[derive(Debug)]
-pub struct Recorder<T> {
-    queue: rtrb::Producer<T>,
-    thread: JoinHandle<CsvFile>,
-    dropped: u64,
-}
-
-impl<T: Record> Recorder<T> {
-    /// Creates the file and starts the thread that writes it.
-    ///
-    /// # Errors
-    /// [`RecordError`].
-    pub fn start(path: &Path) -> Result<Self, RecordError> {
-        let mut file = CsvFile::create::<T>(path)?;
-        let (queue, mut rows) = rtrb::RingBuffer::new(QUEUE);
-        let thread = std::thread::Builder::new()
-            .name("recorder".to_owned())
-            .spawn(move || {
-                drain(&mut rows, |row| file.write::<T>(row));
-                file
-            })
-            .map_err(|error| RecordError { path: path.to_owned(), reason: error.to_string() })?;
-        Ok(Self { queue, thread, dropped: 0 })
-    }
-
-    /// Adds a row, or counts it as dropped.
-    pub fn push(&mut self, row: T) {
-        self.dropped += u64::from(self.queue.push(row).is_err());
-    }
-
-    /// Ends the recording. `None` if the writing thread panicked, which was reported on stderr.
-    #[must_use]
-    pub fn finish(self) -> Option<Recorded> {
-        let Self { queue, thread, dropped } = self;
-        drop(queue);
-        thread.join().ok().map(|file| file.finish(dropped))
-    }
-}
-
-/// Calls `each` with every row until the producer is gone and the queue is empty.
-pub fn drain<T: Copy>(rows: &mut rtrb::Consumer<T>, mut each: impl FnMut(&T)) {
-    loop {
-        let gone = rows.is_abandoned();
-        while let Ok(row) = rows.pop() {
-            each(&row);
-        }
-        if gone {
-            return;
-        }
-        std::thread::sleep(REST);
-    }
-}
 
 const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
 
@@ -243,6 +86,12 @@ impl<const N: usize> Record for Row<N> {
     }
 }
 
+impl<const N: usize> TickRow<N> for Row<N> {
+    fn samples(&self) -> Samples<N> {
+        self.into()
+    }
+}
+
 /// One tick of the client.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClientRow<const N: usize> {
@@ -254,6 +103,24 @@ pub struct ClientRow<const N: usize> {
     pub saturated: [bool; N],
     /// Load on the tool as it computed with, tared and filtered: force (N) and moment (N m), world axes.
     pub load: [f64; 6],
+}
+
+impl<const N: usize> ClientRow<N> {
+    /// References of the server, nm, as its State tells them.
+    fn references_nm(&self) -> [i64; N] {
+        self.state.axes.map(|axis| axis.nominal.0.saturating_add(axis.offsets.position.0.into()))
+    }
+}
+
+/// The tool has the load alone: a client does not know its displacement, which is not a number.
+impl<const N: usize> TickRow<N> for ClientRow<N> {
+    fn samples(&self) -> Samples<N> {
+        let unknown = [f64::NAN; 3];
+        let tick = i64::try_from(self.state.tick.0).unwrap_or(i64::MAX);
+        let tool =
+            Tool { tick, step: 0, load: self.load, displacement_m: unknown, turn_rad: unknown, gauges_m: unknown };
+        Samples::new(&self.state, &self.references_nm(), Some(tool))
+    }
 }
 
 /// The client's recording: references and actual values as reported by the server `[T 5.1.2]`, and the requested offsets.
@@ -269,11 +136,7 @@ impl<const N: usize> Record for ClientRow<N> {
 
     fn fields(&self) -> Vec<String> {
         let mut fields = state_fields(&self.state);
-        let reference = |axis: &AxisState| {
-            let offset = i64::from(axis.offsets.position.0);
-            axis.nominal.0.saturating_add(offset).to_string()
-        };
-        fields.extend(self.state.axes.iter().map(reference));
+        fields.extend(self.references_nm().map(|reference| reference.to_string()));
         fields.extend(self.targets.iter().map(|target| target.0.to_string()));
         fields.extend(self.load.map(|value| value.to_string()));
         // One bit per axis, the first axis lowest.

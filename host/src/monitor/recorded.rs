@@ -1,0 +1,173 @@
+//! Recording of what a monitor receives: rows as the server's own recording has them.
+
+use gantry_tau_core::control::axis::{Actual, Offsets, Reference};
+use gantry_tau_core::control::message::{AxisFlags, AxisState, Counters, Phase, State};
+use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+use gantry_tau_labcomm::samples;
+
+use super::assembly::Tick as Received;
+use super::stream::{Happened, StreamError};
+use crate::plant::ToolReading;
+use crate::record::{Recorded, Recording};
+use crate::server::cycle::Row;
+use crate::server::event_log::{Event, EventKind};
+
+/// Takes what a monitor receives.
+pub trait Tap {
+    /// Takes an event. Those of a tick come before or after it.
+    fn happened(&mut self, event: &Happened);
+
+    /// Takes a whole tick.
+    ///
+    /// # Errors
+    /// [`StreamError`]: the tick is of another machine, or of another version of the program.
+    fn tick(&mut self, tick: &Received) -> Result<(), StreamError>;
+
+    /// Completes the file.
+    fn finish(self: Box<Self>) -> Recorded;
+}
+
+/// A recording, and the tick that waits for its events.
+struct Recorder<const N: usize> {
+    recording: Recording<N>,
+    waiting: Option<Row<N>>,
+    events: Vec<Event>,
+}
+
+/// Takes a recording of a machine of `N` axes.
+#[must_use]
+pub fn tap<const N: usize>(recording: Recording<N>) -> Box<dyn Tap> {
+    Box::new(Recorder { recording, waiting: None, events: Vec::new() })
+}
+
+impl<const N: usize> Recorder<N> {
+    /// Writes the tick that waits, with the events up to it.
+    fn write(&mut self) {
+        let Some(row) = self.waiting.take() else { return };
+        let (now, later) = self.events.drain(..).partition(|event: &Event| event.tick <= row.state.tick.0);
+        self.events = later;
+        self.recording.write::<Row<N>>(&row, &now);
+    }
+}
+
+impl<const N: usize> Tap for Recorder<N> {
+    fn happened(&mut self, happened: &Happened) {
+        let tick = unsigned(happened.tick);
+        self.events.extend(EventKind::from_code(happened.kind).map(|kind| Event {
+            tick,
+            kind,
+            code: happened.code,
+            text: happened.text.clone(),
+        }));
+    }
+
+    fn tick(&mut self, tick: &Received) -> Result<(), StreamError> {
+        if tick.axes.count != N {
+            return Err(StreamError::OtherMachine { sent: tick.axes.count, expected: N });
+        }
+        let before = self.waiting.map(|row| row.state.tick.0);
+        self.write();
+        self.waiting = Some(row(tick, before)?);
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> Recorded {
+        self.write();
+        self.recording.finish(0)
+    }
+}
+
+/// Row of the server for a tick, of which no other is told than is sent: no round trip.
+fn row<const N: usize>(tick: &Received, before: Option<u64>) -> Result<Row<N>, StreamError> {
+    let Received { state, axes, tool } = tick;
+    let mut of_axes = axes.axis.iter();
+    let axes: [samples::Axis; N] =
+        std::array::from_fn(|_| of_axes.next().copied().unwrap_or(gantry_tau_labcomm::Field::ZERO));
+    let mut states = [AxisState::default(); N];
+    for (place, axis) in states.iter_mut().zip(&axes) {
+        *place = axis_state(axis)?;
+    }
+    let number = unsigned(state.tick);
+    let elapsed = before.and_then(|before| number.checked_sub(before)).unwrap_or(1);
+    Ok(Row {
+        state: State {
+            tick: Tick(number),
+            epoch: Epoch(unsigned(state.epoch)),
+            accepted: Sequence(unsigned(state.sequence)),
+            phase: Phase::from_code(state.phase)
+                .ok_or(StreamError::UnknownCode { field: "phase", code: state.phase })?,
+            cause: super::cause(state.cause)?,
+            on_time_of_100: state.on_time,
+            arrival_us: 0,
+            ramp_ticks_left: count(state.ramp_ticks_left),
+            counters: counters(state),
+            axes: states,
+        },
+        references: axes.map(|axis| Reference {
+            position: PositionNm(axis.reference_nm),
+            velocity_offset: VelocityUmS(axis.velocity_offset_um_s),
+            torque_offset: TorquePermille(axis.torque_offset_permille),
+        }),
+        tool: tool.map(|tool| ToolReading {
+            step: count(tool.step),
+            load: tool.load,
+            sensor: [0.0; 6],
+            displacement_m: tool.displacement_m,
+            turn_rad: tool.turn_rad,
+            gauges_m: tool.gauges_m,
+        }),
+        ended: None,
+        welcomed: false,
+        refused: 0,
+        elapsed: u32::try_from(elapsed).unwrap_or(u32::MAX),
+        round_trip_us: None,
+        plant_failed: false,
+        latch_lost: false,
+    })
+}
+
+fn axis_state(axis: &samples::Axis) -> Result<AxisState, StreamError> {
+    Ok(AxisState {
+        nominal: PositionNm(axis.nominal_nm),
+        offsets: Offsets {
+            position: OffsetNm(axis.position_offset_nm),
+            velocity: VelocityUmS(axis.velocity_offset_um_s),
+            torque: TorquePermille(axis.torque_offset_permille),
+        },
+        shadow: Offsets::position(OffsetNm(axis.shadow_nm)),
+        actual: Actual {
+            position: PositionNm(axis.actual_nm),
+            velocity: VelocityUmS(axis.actual_velocity_um_s),
+            torque: TorquePermille(axis.actual_torque_permille),
+        },
+        flags: AxisFlags::from_bits(axis.flags).ok_or(StreamError::UnknownCode { field: "flags", code: axis.flags })?,
+    })
+}
+
+fn counters(state: &samples::State) -> Counters {
+    let [received, missed, late, duplicate, stale, malformed, out_of_range, limited, clamped, non_owner] =
+        state.counters.map(count);
+    Counters {
+        received,
+        missed,
+        late,
+        duplicate,
+        stale,
+        malformed,
+        out_of_range,
+        limited,
+        clamped,
+        non_owner,
+        longest_miss_run: u16::try_from(state.longest_miss_run).unwrap_or_default(),
+    }
+}
+
+/// A number that is never negative, which LabComm's `long` cannot say.
+fn unsigned(number: i64) -> u64 {
+    u64::try_from(number).unwrap_or_default()
+}
+
+/// As [`unsigned`], for `int`.
+fn count(number: i32) -> u32 {
+    u32::try_from(number).unwrap_or_default()
+}

@@ -1,0 +1,108 @@
+//! A recording as MCAP: each sample as JSON on a channel of its name, and a scene that draws the machine.
+//!
+//! The messages are the samples of LabComm: types become JSON schemas, values JSON. Their time is the tick, 1 ms each.
+
+mod entities;
+mod scene;
+mod writer;
+
+use std::fmt;
+use std::fs::File;
+use std::io::{self, BufWriter};
+use std::path::Path;
+
+use gantry_tau_labcomm::{Decoded, Decoder, Event as Part, Version};
+
+use super::labcomm_file::NAMES;
+use crate::draw::figure::Moving;
+use crate::labcomm::{Floats, json_schema, write_value};
+use crate::publication::{Samples, Ticks};
+use crate::server::event_log::Event;
+use scene::SceneChannel;
+use writer::{ChannelId, Writer};
+
+/// Length of a tick, ns.
+const TICK_NS: u64 = 1_000_000;
+/// Largest sample, bytes.
+const MOST: u32 = 4_096;
+
+/// Decoder of the samples of a tick.
+type TickDecoder = Decoder<8, 4_096>;
+
+/// File of one recording.
+pub(super) struct McapFile {
+    writer: Writer<BufWriter<File>>,
+    ticks: Ticks,
+    decoder: Box<TickDecoder>,
+    /// Channels, by the indices of the samples.
+    channels: Vec<(u32, ChannelId)>,
+    scene: SceneChannel,
+    /// JSON of a message.
+    text: String,
+}
+
+impl fmt::Debug for McapFile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("McapFile").field("channels", &self.channels).finish_non_exhaustive()
+    }
+}
+
+impl McapFile {
+    /// Creates the file, with the channels of `N` axes, and of the scene of a machine.
+    pub(super) fn create<const N: usize>(path: &Path, name: &str, machine: Box<dyn Moving>) -> io::Result<Self> {
+        let ticks = Ticks::of::<N>(Version::V2014, &NAMES)?;
+        let file = BufWriter::new(File::create(path)?);
+        let mut writer = Writer::new(file, concat!("gantry-tau ", env!("CARGO_PKG_VERSION")))?;
+        let mut decoder = Box::new(TickDecoder::new(MOST));
+        let mut channels = Vec::new();
+        each_part(&mut decoder, ticks.preamble(), |part| {
+            let Part::Define(definition) = part else { return Ok(()) };
+            let sample = String::from_utf8_lossy(definition.name);
+            let schema = json_schema(&definition.ty).to_string();
+            let channel = writer.channel(&format!("/{sample}"), &format!("gantry_tau.{sample}"), &schema)?;
+            channels.push((definition.index, channel));
+            Ok(())
+        })?;
+        let scene = SceneChannel::open(&mut writer, name, machine)?;
+        Ok(Self { writer, ticks, decoder, channels, scene, text: String::new() })
+    }
+
+    pub(super) fn write<const N: usize>(&mut self, samples: &Samples<N>, events: &[Event]) -> io::Result<()> {
+        let Self { writer, ticks, decoder, channels, scene, text } = self;
+        let tick = u64::try_from(samples.axes.tick).unwrap_or_default();
+        let time_ns = tick.saturating_mul(TICK_NS);
+        each_part(decoder, ticks.encode(samples, events, None), |part| {
+            let Part::Data { definition, value } = part else { return Ok(()) };
+            let channel = channels.iter().find(|(index, _)| *index == definition.index);
+            let Some((_, channel)) = channel else { return Ok(()) };
+            text.clear();
+            // JSON has no other numbers than finite ones.
+            write_value(text, &value, Floats::FiniteOrNull).map_err(|error| io::Error::other(error.to_string()))?;
+            writer.message(*channel, time_ns, text.as_bytes())
+        })?;
+        scene.show(writer, tick, time_ns, samples)
+    }
+
+    pub(super) fn finish(&mut self) -> io::Result<()> {
+        self.writer.finish()
+    }
+}
+
+/// Calls `each` with the parts of a piece of the stream.
+fn each_part(
+    decoder: &mut TickDecoder,
+    bytes: &[u8],
+    mut each: impl FnMut(Part<'_, '_>) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut rest = bytes;
+    while !rest.is_empty() {
+        match decoder.decode(rest).map_err(|error| io::Error::other(error.to_string()))? {
+            Decoded::Event { event, used } => {
+                each(event)?;
+                rest = rest.get(used..).unwrap_or_default();
+            }
+            Decoded::Need(_) => return Err(io::Error::other("a tick is not whole")),
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,83 @@
+//! Recordings: one row per tick, written by a separate thread `[T 5.1.2]`, as CSV, as a stream of LabComm or as MCAP.
+
+mod columns;
+mod csv_file;
+mod labcomm_file;
+mod mcap;
+mod recording;
+mod seen;
+mod tally;
+
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+pub use columns::ClientRow;
+pub use csv_file::{CsvFile, Record};
+pub use recording::{ParseFormatError, RecordTo, Recording, TickRow};
+pub use seen::Seen;
+use tally::Tally;
+pub use tally::{RecordError, Recorded};
+
+use crate::server::event_log::Event;
+
+/// Pause of the writing thread when the queue is empty.
+const REST: Duration = Duration::from_millis(5);
+/// Rows that may wait for a slow disk, about eight seconds.
+const QUEUE: usize = 8_192;
+
+/// Producer side of a recording: pushing never blocks and never allocates.
+#[derive(Debug)]
+pub struct Recorder<T, const N: usize> {
+    queue: rtrb::Producer<T>,
+    thread: JoinHandle<Recording<N>>,
+    dropped: u64,
+}
+
+impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
+    /// Starts the thread that writes a recording; `events` tells what happened in a row.
+    ///
+    /// # Errors
+    /// [`RecordError`]: there is no further thread.
+    pub fn start(
+        mut recording: Recording<N>,
+        mut events: impl FnMut(&T) -> Vec<Event> + Send + 'static,
+    ) -> Result<Self, RecordError> {
+        let path = recording.path().to_owned();
+        let (queue, mut rows) = rtrb::RingBuffer::new(QUEUE);
+        let thread = std::thread::Builder::new()
+            .name("recorder".to_owned())
+            .spawn(move || {
+                drain(&mut rows, |row| recording.write(row, &events(row)));
+                recording
+            })
+            .map_err(|error| RecordError { path, reason: error.to_string() })?;
+        Ok(Self { queue, thread, dropped: 0 })
+    }
+
+    /// Adds a row, or counts it as dropped.
+    pub fn push(&mut self, row: T) {
+        self.dropped += u64::from(self.queue.push(row).is_err());
+    }
+
+    /// Ends the recording. `None` if the writing thread panicked, which was reported on stderr.
+    #[must_use]
+    pub fn finish(self) -> Option<Recorded> {
+        let Self { queue, thread, dropped } = self;
+        drop(queue);
+        thread.join().ok().map(|recording| recording.finish(dropped))
+    }
+}
+
+/// Calls `each` with every row until the producer is gone and the queue is empty.
+pub fn drain<T: Copy>(rows: &mut rtrb::Consumer<T>, mut each: impl FnMut(&T)) {
+    loop {
+        let gone = rows.is_abandoned();
+        while let Ok(row) = rows.pop() {
+            each(&row);
+        }
+        if gone {
+            return;
+        }
+        std::thread::sleep(REST);
+    }
+}

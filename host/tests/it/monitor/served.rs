@@ -1,0 +1,239 @@
+//! `monitor` beside a real server: what it prints is what a client is told in the same tick, in each phase.
+
+use std::collections::HashMap;
+use std::io::Read;
+use std::net::{SocketAddr, TcpStream};
+use std::process::Stdio;
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use gantry_tau::client::Connection;
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::client::{Event, Requirements};
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::{AxisState, Capabilities, Mode, State};
+use gantry_tau_core::units::OffsetNm;
+use serde_json::{Value, json};
+
+use super::web::{get, page_of};
+use crate::process::{Folder, Running};
+use crate::publication::{ports, record};
+use crate::signals::serve_typed;
+
+const PORT: &str = "127.0.0.1:0=state,axes,tool,session_event";
+/// Longest wait for anything.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// Offset that a ramp of some seconds takes to zero, nm; on each axis another part of it.
+const FAR_NM: i32 = 480_000;
+
+/// What the owner of a session does with each State.
+#[derive(Clone, Copy, PartialEq)]
+enum Will {
+    Nothing,
+    Answer(Mode),
+    Leave,
+}
+
+/// A client that does what it is told and keeps every State, until the server closes.
+struct Owner {
+    will: Arc<Mutex<Will>>,
+    thread: JoinHandle<HashMap<i64, State<3>>>,
+}
+
+impl Owner {
+    fn of(server: &str) -> Self {
+        let server = server.parse().unwrap();
+        let requirements = Requirements { capabilities: Capabilities::LOCKSTEP, ..Requirements::default() };
+        let mut link = Connection::<3>::open(Transport::Stream, server, PATIENCE, requirements).unwrap();
+        let will = Arc::new(Mutex::new(Will::Nothing));
+        let told = Arc::clone(&will);
+        let thread = std::thread::spawn(move || {
+            link.greet().unwrap();
+            let targets = [1, -2, 3].map(|part| Offsets::position(OffsetNm(FAR_NM / 3 * part)));
+            let mut states = HashMap::new();
+            while let Ok(event) = link.next_event() {
+                let (Event::State(state) | Event::Ended(state)) = event else { panic!("{event:?}") };
+                states.insert(i64::try_from(state.tick.0).unwrap(), state);
+                // Some thousand ticks in all, not some hundred thousand.
+                std::thread::sleep(Duration::from_millis(1));
+                let _ = match *told.lock().unwrap() {
+                    Will::Nothing => Ok(()),
+                    Will::Answer(mode) => link.answer(mode, &targets).map(|_| ()),
+                    Will::Leave => link.goodbye(),
+                };
+            }
+            states
+        });
+        Self { will, thread }
+    }
+
+    fn shall(&self, will: Will) {
+        *self.will.lock().unwrap() = will;
+    }
+}
+
+/// One line of `--status`, with the exit status.
+fn status(folder: &Folder, port: SocketAddr) -> (Value, Option<i32>) {
+    let ended = folder.run(&["monitor", &port.to_string(), "--status"]);
+    assert_eq!((ended.stdout.lines().count(), ended.stderr.as_str()), (1, ""));
+    (serde_json::from_str(&ended.stdout).unwrap(), ended.code)
+}
+
+/// As [`status`], once the server is in a phase.
+fn status_in(folder: &Folder, server: &mut Running, port: SocketAddr, phase: &str) -> (Value, Option<i32>) {
+    let mut line = (Value::Null, None);
+    server.await_that(phase, |_| {
+        line = status(folder, port);
+        line.0["phase"] == phase
+    });
+    line
+}
+
+/// The State as `--status` prints it, without what no State has.
+fn printed(state: &State<3>, [phase, cause]: [&str; 2]) -> Value {
+    let counters = &state.counters;
+    let axis = |axis: &AxisState| {
+        const FLAGS: [&str; 5] = ["clamped", "position_limited", "velocity_limited", "torque_limited", "nominal_step"];
+        let is_set = |(bit, _): &(usize, &str)| axis.flags.bits() >> bit & 1 == 1;
+        let flags: Vec<&str> = FLAGS.into_iter().enumerate().filter(is_set).map(|(_, name)| name).collect();
+        let (offset, actual) = (&axis.offsets, &axis.actual);
+        json!({
+            "nominal_nm": axis.nominal.0,
+            "offset": {
+                "position_nm": offset.position.0, "velocity_um_s": offset.velocity.0, "torque_permille": offset.torque.0,
+            },
+            "shadow_nm": axis.shadow.position.0,
+            "actual": {
+                "position_nm": actual.position.0, "velocity_um_s": actual.velocity.0, "torque_permille": actual.torque.0,
+            },
+            "flags": flags,
+        })
+    };
+    json!({
+        "tick": state.tick.0, "phase": phase, "epoch": state.epoch.0, "cause": cause, "sequence": state.accepted.0,
+        "on_time": state.on_time_of_100, "ramp_ticks_left": state.ramp_ticks_left,
+        "counters": {
+            "received": counters.received, "missed": counters.missed, "late": counters.late,
+            "duplicate": counters.duplicate, "stale": counters.stale, "malformed": counters.malformed,
+            "out_of_range": counters.out_of_range, "limited": counters.limited, "clamped": counters.clamped,
+            "strangers": counters.non_owner,
+        },
+        "longest_miss_run": counters.longest_miss_run, "machine_failed": false,
+        "axes": state.axes.iter().map(axis).collect::<Vec<_>>(),
+    })
+}
+
+/// Compares a line with the server's record; returns it without what no State has.
+fn without_record(mut line: Value, record: &HashMap<i64, HashMap<String, String>>) -> Value {
+    let tick = line["tick"].as_i64().unwrap();
+    let row = &record[&tick];
+    let state = line["phase"].as_str().unwrap().replace('_', "");
+    assert_eq!(row["state"].to_lowercase(), state);
+    for (axis, number) in line["axes"].as_array_mut().unwrap().iter_mut().zip(1_u8..) {
+        let axis = axis.as_object_mut().unwrap();
+        let reference = |row: &HashMap<String, String>| row[&format!("reference_{number}_nm")].parse::<i64>().unwrap();
+        assert_eq!(axis.remove("reference_nm").unwrap(), reference(row));
+        // Unknown in the first tick that is received.
+        let lag = axis.remove("lag_nm").unwrap();
+        let actual = axis["actual"]["position_nm"].as_i64().unwrap();
+        assert!(lag.is_null() || lag == reference(&record[&(tick - 1)]) - actual, "{lag}");
+    }
+    let line = line.as_object_mut().unwrap();
+    let force = line.remove("force").unwrap();
+    assert_eq!(row["force_x_n"].parse::<f64>().unwrap(), force[0].as_f64().unwrap());
+    for key in ["gauges_m", "displacement_m", "turn_rad"] {
+        assert_eq!(line.remove(key).unwrap().as_array().unwrap().len(), 3);
+    }
+    Value::Object(line.clone())
+}
+
+#[test]
+fn the_status_is_the_state_of_its_tick_in_each_phase() {
+    let folder = Folder::new("monitor-served");
+    let further = ["--record", "serve.csv", "--labcomm", PORT, "--labcomm-version", "2014"];
+    let (mut server, [address, _]) = serve_typed(&folder, ["60", "0.5"], &further, Stdio::piped());
+    let port = ports(&mut server)[0];
+    let (_monitor, page) = page_of(&folder, port, &[]);
+    let mut lines = Vec::new();
+    let mut look = |server: &mut Running, [phase, cause]: [&'static str; 2], code| {
+        let (line, status) = status_in(&folder, server, port, phase);
+        assert_eq!((&line["cause"], status), (&json!(cause), Some(code)), "{phase}");
+        lines.push((line, [phase, cause]));
+        // The object of the page is judged in the same way.
+        server.await_that("the page", |_| {
+            let answer = get(page, "/status");
+            let body = answer.split_once("\r\n\r\n").and_then(|(_, body)| serde_json::from_str(body).ok());
+            let line = body.filter(|line: &Value| line["phase"] == phase);
+            let is_there = line.is_some();
+            lines.extend(line.map(|line| (line, [phase, cause])));
+            is_there
+        });
+    };
+    look(&mut server, ["listening", "none"], 0);
+    let first = Owner::of(&address);
+    look(&mut server, ["handshake", "none"], 0);
+    first.shall(Will::Answer(Mode::Submit));
+    look(&mut server, ["submit", "none"], 0);
+    first.shall(Will::Answer(Mode::Obtain));
+    // The offsets are far from zero when it leaves.
+    server.await_that("the offsets", |_| {
+        status(&folder, port).0["axes"][2]["offset"]["position_nm"].as_i64().unwrap() > i64::from(FAR_NM) / 2
+    });
+    look(&mut server, ["obtain", "none"], 0);
+    first.shall(Will::Leave);
+    look(&mut server, ["safe_disconnect", "goodbye"], 3);
+    let mut states = first.thread.join().unwrap();
+    look(&mut server, ["listening", "goodbye"], 0);
+    let second = Owner::of(&address);
+    second.shall(Will::Answer(Mode::Obtain));
+    server.await_that("the offsets", |_| {
+        status(&folder, port).0["axes"][2]["offset"]["position_nm"].as_i64().unwrap() > i64::from(FAR_NM) / 2
+    });
+    server.write("stop\n");
+    look(&mut server, ["fault", "stop"], 4);
+    // In Fault a client is told every tick until the server ends.
+    server.stop().success();
+    states.extend(second.thread.join().unwrap());
+    folder.run(&["monitor", &port.to_string(), "--status"]).failure(6);
+    let record = record(&folder);
+    for (line, names) in lines {
+        let tick = line["tick"].as_i64().unwrap();
+        let line = without_record(line, &record);
+        match states.get(&tick) {
+            Some(state) => assert_eq!(line, printed(state, names)),
+            None => assert_eq!(names[0], "listening", "no client was told tick {tick}"),
+        }
+    }
+}
+
+/// A reader that takes everything until the connection ends.
+fn take_all(port: SocketAddr) -> TcpStream {
+    let stream = TcpStream::connect(port).unwrap();
+    let mut reading = stream.try_clone().unwrap();
+    std::thread::spawn(move || std::io::copy(&mut reading, &mut std::io::sink()));
+    stream
+}
+
+#[test]
+fn a_suspended_monitor_is_dropped_and_says_so_when_it_goes_on() {
+    let folder = Folder::new("monitor-suspended");
+    let (mut server, _) = serve_typed(&folder, ["0", "1"], &["--labcomm", PORT], Stdio::null());
+    let port = ports(&mut server)[0];
+    let mut monitor = folder.start("monitor", &["monitor", &port.to_string(), "--status", "--every", "0.05"]);
+    monitor.await_words("\"phase\":\"listening\"");
+    let others = [(); 3].map(|()| take_all(port));
+    // The fifth is served when one of the four has been dropped.
+    let mut fifth = TcpStream::connect(port).unwrap();
+    fifth.set_read_timeout(Some(PATIENCE)).unwrap();
+    monitor.signal("-STOP");
+    assert_eq!(fifth.read(&mut [0]).unwrap(), 1);
+    monitor.signal("-CONT");
+    monitor.await_words("the server has ended, or dropped this reader because it did not keep up");
+    drop((fifth, others));
+    let printed = |monitor: &Running| monitor.stdout().lines().count();
+    let before = printed(&monitor);
+    monitor.await_that("another tick", |monitor| printed(monitor) > before + 2);
+    monitor.stop().success();
+    server.stop().success();
+}

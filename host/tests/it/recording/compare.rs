@@ -1,0 +1,94 @@
+//! Samples of a recording, compared with the CSV recording of the same run.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use gantry_tau_core::control::message::{Cause, Phase};
+use serde_json::Value;
+
+/// Rows of a CSV recording by their ticks; each a map from column to text.
+pub(crate) fn csv_rows(path: &Path) -> HashMap<i64, HashMap<String, String>> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let row =
+        |line: &str| header.iter().map(|name| (*name).to_owned()).zip(line.split(',').map(str::to_owned)).collect();
+    lines.map(row).map(|row: HashMap<String, String>| (row["tick"].parse().unwrap(), row)).collect()
+}
+
+/// Samples of one recording.
+#[derive(Default)]
+pub(crate) struct Samples {
+    /// By name, in their order.
+    values: HashMap<String, Vec<Value>>,
+}
+
+impl Samples {
+    pub(crate) fn add(&mut self, name: &str, value: Value) {
+        self.values.entry(name.to_owned()).or_default().push(value);
+    }
+
+    pub(crate) fn of(&self, name: &str) -> &[Value] {
+        self.values.get(name).map_or(&[], Vec::as_slice)
+    }
+}
+
+/// Compares every field of `axes`, and what CSV has of `state` and `tool`, with the CSV recording. Each row has one of each.
+pub(crate) fn compare(samples: &Samples, rows: &HashMap<i64, HashMap<String, String>>, axes: usize) {
+    let tick = |value: &Value| value["tick"].as_i64().unwrap();
+    assert_eq!(samples.of("axes").len(), rows.len());
+    assert_eq!(samples.of("state").len(), rows.len());
+    for value in samples.of("axes") {
+        let row = &rows[&tick(value)];
+        assert_eq!(value["axis"].as_array().unwrap().len(), axes);
+        for (axis, number) in value["axis"].as_array().unwrap().iter().zip(1..) {
+            let fields = [
+                ("nominal_nm", "nominal_{}_nm"),
+                ("reference_nm", "reference_{}_nm"),
+                ("position_offset_nm", "offset_{}_nm"),
+                ("velocity_offset_um_s", "velocity_offset_{}_um_s"),
+                ("torque_offset_permille", "torque_offset_{}_permille"),
+                ("shadow_nm", "shadow_{}_nm"),
+                ("actual_nm", "actual_{}_nm"),
+                ("actual_velocity_um_s", "actual_velocity_{}_um_s"),
+                ("actual_torque_permille", "actual_torque_{}_permille"),
+                ("flags", "flags_{}"),
+            ];
+            assert_eq!(axis.as_object().unwrap().len(), fields.len());
+            for (field, column) in fields {
+                assert_eq!(axis[field].to_string(), row[&column.replace("{}", &format!("{number}"))], "{column}");
+            }
+        }
+    }
+    for value in samples.of("state") {
+        let row = &rows[&tick(value)];
+        let code = |field: &str| u8::try_from(value[field].as_u64().unwrap()).unwrap();
+        assert_eq!(Phase::from_code(code("phase")).unwrap().name(), row["state"]);
+        assert_eq!(Cause::from_code(code("cause")).unwrap().name(), row["cause"]);
+        assert_eq!(value["counters"][1].to_string(), row["missed"]);
+        assert_eq!(value["ramp_ticks_left"].to_string(), row["ramp_ticks_left"]);
+    }
+    assert_eq!(samples.of("tool").len(), rows.len());
+    for value in samples.of("tool") {
+        let row = &rows[&tick(value)];
+        let loads = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
+        for (number, column) in loads.into_iter().enumerate() {
+            same(&value["load"][number], 1.0, &row[column]);
+        }
+        for (number, axis) in ["x", "y", "z"].into_iter().enumerate() {
+            // A client does not know them.
+            if let Some(way) = row.get(&format!("displacement_{axis}_um")) {
+                same(&value["displacement_m"][number], 1e6, way);
+                same(&value["gauges_m"][number], 1e6, &row[&format!("gauge_{axis}_um")]);
+                same(&value["turn_rad"][number], 1e6, &row[&format!("turn_{axis}_urad")]);
+            } else {
+                assert!(value["displacement_m"][number].as_f64().is_none());
+            }
+        }
+    }
+}
+
+fn same(value: &Value, scale: f64, text: &str) {
+    let expected: f64 = text.parse().unwrap();
+    assert_eq!((value.as_f64().unwrap() * scale).to_bits(), expected.to_bits());
+}

@@ -1,0 +1,133 @@
+//! A recording as MCAP, read back by the format's own crate.
+
+use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
+use gantry_tau::robot_file::RobotFile;
+use serde_json::Value;
+
+use super::compare::{Samples, compare, csv_rows};
+use super::{session, to};
+use crate::process::Folder;
+
+/// Samples by their topics; every message has the type that the schema of its channel says.
+pub(super) fn samples(bytes: &[u8]) -> Samples {
+    let mut samples = Samples::default();
+    let mut last_time = 0;
+    for message in mcap::MessageStream::new(bytes).unwrap() {
+        let message = message.unwrap();
+        let channel = &message.channel;
+        let schema = channel.schema.as_ref().unwrap();
+        assert_eq!((channel.message_encoding.as_str(), schema.encoding.as_str()), ("json", "jsonschema"));
+        let value: Value = serde_json::from_slice(&message.data).unwrap();
+        assert_is(&value, &serde_json::from_slice(&schema.data).unwrap());
+        assert!(message.log_time >= last_time);
+        last_time = message.log_time;
+        if let Some(tick) = value["tick"].as_u64() {
+            assert_eq!(message.log_time, tick * 1_000_000);
+        }
+        samples.add(channel.topic.trim_start_matches('/'), value);
+    }
+    samples
+}
+
+/// Checks a value against its schema; what is not known is `null`.
+fn assert_is(value: &Value, schema: &Value) {
+    match schema["type"].as_str().unwrap() {
+        "object" => {
+            let properties = schema["properties"].as_object().unwrap();
+            for (name, field) in value.as_object().unwrap() {
+                assert_is(field, &properties[name]);
+            }
+            for name in schema["required"].as_array().into_iter().flatten() {
+                assert!(value.get(name.as_str().unwrap()).is_some(), "{name}");
+            }
+        }
+        "array" => {
+            let all = value.as_array().unwrap();
+            for key in ["minItems", "maxItems"] {
+                assert!(schema.get(key).is_none_or(|count| *count == Value::from(all.len())));
+            }
+            all.iter().for_each(|item| assert_is(item, &schema["items"]));
+        }
+        "number" => assert!(value.is_number() || value.is_null(), "{value}"),
+        "integer" => assert!(value.is_i64() || value.is_u64(), "{value}"),
+        "string" => assert!(value.is_string(), "{value}"),
+        "boolean" => assert!(value.is_boolean(), "{value}"),
+        other => panic!("{other}"),
+    }
+}
+
+fn point(value: &Value) -> [f64; 3] {
+    ["x", "y", "z"].map(|axis| value[axis].as_f64().unwrap())
+}
+
+fn distance(a: &Value, b: &Value) -> f64 {
+    let (a, b) = (point(a), point(b));
+    (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
+}
+
+/// The lines of a picture from cart to platform are as long as the links of the robot file, and the boxes of the displaced carts are away
+/// by the offsets in force, magnified.
+fn check_scene<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>, update: &Value, axes: &Value) {
+    let (machine, displaced) = (&update["entities"][0], &update["entities"][1]);
+    assert_eq!((&machine["id"], &displaced["id"]), (&Value::from("machine"), &Value::from("displaced")));
+    assert_eq!(displaced["metadata"][0]["value"], "1000");
+    let lines = machine["lines"].as_array().unwrap();
+    let per_arm = if N > 3 { 2 } else { 1 };
+    // Guideways first, then each arm, then the platform.
+    assert_eq!(lines.len(), 2 + 3 * per_arm);
+    let drawn: Vec<f64> = lines[1..=3 * per_arm]
+        .iter()
+        .step_by(per_arm)
+        .flat_map(|arm| arm["points"].as_array().unwrap().chunks(2).map(|ends| distance(&ends[0], &ends[1])))
+        .collect();
+    let lengths = robot.model.geometry().lengths_m;
+    assert_eq!(drawn.len(), lengths.len());
+    for (drawn, length) in drawn.iter().zip(lengths) {
+        assert!((drawn - length).abs() < 5e-6, "{drawn} {length}");
+    }
+    let centre = |entity: &Value, arm: usize| entity["cubes"][arm]["pose"]["position"].clone();
+    for arm in 0..3 {
+        let way = distance(&centre(machine, arm), &centre(displaced, arm));
+        let offset = axes["axis"][arm]["position_offset_nm"].as_f64().unwrap();
+        assert!((way - offset.abs() * 1e-6).abs() < 5e-6, "{way} {offset}");
+    }
+}
+
+fn check<K: MachineKind<N>, const N: usize, const M: usize>(name: &str, robot: &RobotFile<K, N>) {
+    let folder = Folder::new(&format!("mcap-{name}"));
+    let files = ["server.csv", "server.mcap"].map(|name| to(&folder, name));
+    let (rows, events, recorded) = session::run::<K, N, M>(robot, &files, to(&folder, "client.mcap"));
+    assert!(recorded.iter().all(|file| file.lost == 0 && file.failure.is_none()), "{recorded:?}");
+    let bytes = std::fs::read(folder.path("server.mcap")).unwrap();
+    let server = samples(&bytes);
+    compare(&server, &csv_rows(&folder.path("server.csv")), N);
+    let told: Vec<&str> = server.of("session_event").iter().map(|event| event["text"].as_str().unwrap()).collect();
+    assert_eq!(told, events.iter().map(|event| event.text.as_str()).collect::<Vec<_>>());
+
+    let scenes = server.of("scene");
+    assert_eq!(scenes.len(), rows.len().div_ceil(33));
+    for (update, axes) in scenes.iter().zip(server.of("axes").iter().step_by(33)) {
+        let time = &update["entities"][0]["timestamp"];
+        let tick = time["sec"].as_u64().unwrap() * 1_000 + time["nsec"].as_u64().unwrap() / 1_000_000;
+        assert_eq!(axes["tick"], tick);
+        check_scene(robot, update, axes);
+    }
+
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    let stats = summary.stats.unwrap();
+    assert_eq!(usize::try_from(stats.message_count).unwrap(), 3 * rows.len() + events.len() + scenes.len());
+    assert_eq!((usize::try_from(stats.chunk_count).unwrap(), stats.channel_count), (summary.chunk_indexes.len(), 5));
+    assert!(bytes.len() < 1_000_000 || stats.chunk_count > 1, "one chunk of {} bytes", bytes.len());
+
+    // A client knows of its tool the load alone.
+    let client = samples(&std::fs::read(folder.path("client.mcap")).unwrap());
+    assert!(client.of("axes").len() > 400);
+    assert!(client.of("tool").iter().all(|tool| tool["load"][0].is_f64() && tool["turn_rad"][0].is_null()));
+    assert!(client.of("scene").iter().all(|update| update["entities"][1]["lines"].as_array().unwrap().is_empty()));
+}
+
+#[test]
+fn messages_equal_the_table_of_the_same_run() {
+    check::<_, 3, L2_MOTORS>("l2", &RobotFile::builtin_l2().unwrap());
+    check::<_, 6, F1_MOTORS>("f1", &RobotFile::builtin_f1().unwrap());
+}

@@ -1,0 +1,79 @@
+//! Recordings by monitors of a server that records the same run.
+
+use std::process::Stdio;
+
+use super::compare::{compare, csv_rows};
+use super::{labcomm, mcap};
+use crate::process::Folder;
+use crate::publication::ports;
+use crate::signals::{await_obtain, serve_pulling};
+
+const PORT: &str = "127.0.0.1:0=state,axes,tool,session_event";
+const FILES: [&str; 3] = ["monitor.csv", "monitor.labcomm", "monitor.mcap"];
+
+#[test]
+fn a_monitor_records_what_the_server_records() {
+    let folder = Folder::new("recording-monitor");
+    let further = ["--record", "serve.csv", "--labcomm", PORT];
+    let (mut server, [address, sensor]) = serve_pulling(&folder, ["60", "0.5"], &further);
+    let port = ports(&mut server)[0].to_string();
+    let monitors = FILES.map(|file| folder.start(file, &["monitor", &port, "--record", file]));
+    // Buffers and chunks: with the first bytes of each file some ticks were received.
+    let has_begun = |file: &str| std::fs::metadata(folder.path(file)).is_ok_and(|file| file.len() > 0);
+    server.await_that("ticks of the monitors", |_| FILES.iter().all(|file| has_begun(file)));
+    let arguments = ["client", &address, "--sensor", &sensor];
+    let client = folder.start_with("client", &arguments, Stdio::null());
+    await_obtain(&mut server, 1);
+    client.stop().success();
+    server.await_words("SafeDisconnect -> Listening");
+    for monitor in monitors {
+        let ended = monitor.stop();
+        assert!(ended.stderr.contains("recorded "), "{}", ended.stderr);
+        assert!(ended.stderr.contains(", 0 dropped"), "{}", ended.stderr);
+        ended.success();
+    }
+    server.stop().success();
+
+    let all = csv_rows(&folder.path("serve.csv"));
+    let table = csv_rows(&folder.path("monitor.csv"));
+    assert!(table.len() > 1_000);
+    for (tick, row) in &table {
+        let expected = &all[tick];
+        assert_eq!(row.len(), expected.len());
+        for (column, value) in row {
+            match column.as_str() {
+                "round_trip_us" => assert_eq!(value, ""),
+                // The tick before was not received.
+                "elapsed_ticks" if !table.contains_key(&(tick - 1)) => {}
+                _ => assert_eq!(value, &expected[column], "{column}"),
+            }
+        }
+    }
+    let labcomm = labcomm::samples(&folder.path("monitor.labcomm"));
+    let mcap = mcap::samples(&std::fs::read(folder.path("monitor.mcap")).unwrap());
+    for samples in [labcomm, mcap] {
+        let ticks: Vec<i64> = samples.of("axes").iter().map(|axes| axes["tick"].as_i64().unwrap()).collect();
+        assert!(ticks.len() > 1_000 && ticks.windows(2).all(|pair| pair[0] < pair[1]));
+        let rows = ticks.iter().map(|tick| (*tick, all[tick].clone())).collect();
+        compare(&samples, &rows, 3);
+        // A monitor that a busy computer held up for long was dropped, and has connected again.
+        let has_gaps = ticks.windows(2).any(|pair| pair[0] + 1 != pair[1]);
+        for text in ["session granted", "Submit -> Obtain", "session ended"].into_iter().filter(|_| !has_gaps) {
+            let mut events = samples.of("session_event").iter();
+            assert!(events.any(|event| event["text"].as_str().unwrap().starts_with(text)), "{text}");
+        }
+    }
+}
+
+#[test]
+fn a_machine_with_other_axes_is_not_recorded() {
+    let folder = Folder::new("recording-other");
+    let (mut server, _) = serve_pulling(&folder, ["0", "0.5"], &["--labcomm", PORT]);
+    let port = ports(&mut server)[0].to_string();
+    let arguments = ["monitor", &port, "--status", "--robot", "f1", "--record", "f1.labcomm"];
+    let ended = folder.run(&arguments);
+    assert_eq!(ended.code, Some(6), "{}", ended.stderr);
+    assert!(ended.stderr.contains("the server sends 3 axes, and the machine of --robot has 6"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("recorded 0 rows to f1.labcomm"), "{}", ended.stderr);
+    server.stop().success();
+}

@@ -1,0 +1,80 @@
+//! A whole session in lock-step, whose rows go to recordings.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use gantry_tau::client::{self, ClientControls, ClientOptions};
+use gantry_tau::model::MachineKind;
+use gantry_tau::record::{RecordTo, Recorded, Recording, drain};
+use gantry_tau::robot_file::RobotFile;
+use gantry_tau::sensor_link::SensorPublisher;
+use gantry_tau::server::Server;
+use gantry_tau::server::cycle::{Cycle, Row};
+use gantry_tau::server::event_log::{Event, EventLog};
+use gantry_tau::server::tick_source::TickSource;
+use gantry_tau::sim::load_generator::load_generator;
+use gantry_tau::sim::load_profile::LoadProfile;
+use gantry_tau::sim::parameters::Motion;
+use gantry_tau::stop_latch::StopLatch;
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::{Capabilities, Phase};
+use gantry_tau_core::units::EpochRange;
+
+/// Ticks in Obtain after which the client leaves.
+const OBTAINING: usize = 400;
+
+/// Grants a session, pulls, compensates, ramps to zero. Server and client are recorded to every file; returns rows and events of the server.
+pub(crate) fn run<K: MachineKind<N>, const N: usize, const M: usize>(
+    robot: &RobotFile<K, N>,
+    server_files: &[RecordTo],
+    client_file: RecordTo,
+) -> (Vec<Row<N>>, Vec<Event>, Vec<Recorded>) {
+    let any: SocketAddr = "127.0.0.1:0".parse().unwrap();
+    let (hand, tool) = load_generator();
+    let machine = robot.simulated_machine::<M>(tool, Motion::Hold).unwrap();
+    let sensor = SensorPublisher::bind(any).unwrap();
+    let sensor_address = sensor.address().unwrap();
+    let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
+    let motors = robot.motor_map().unwrap();
+    let cycle: Cycle<N, M, _> =
+        Cycle::new(config, motors, machine, EpochRange::VOLATILE, StopLatch::volatile(), any).unwrap();
+    let (server, mut queue) = Server::spawn(cycle.with_sensor(sensor), TickSource::Lockstep).unwrap();
+    let controls = Arc::new(ClientControls::default());
+    let options = ClientOptions {
+        server: server.address,
+        transport: Transport::Stream,
+        sensor: sensor_address.into(),
+        robot: robot.clone(),
+        record: Some(client_file),
+        obtain: true,
+    };
+    let shared = Arc::clone(&controls);
+    let client = std::thread::spawn(move || client::run(&options, &shared).unwrap());
+    let mut files: Vec<Recording<N>> =
+        server_files.iter().map(|to| Recording::create::<Row<N>, K>(to, robot).unwrap()).collect();
+    let mut load = LoadProfile::new(hand, 60.0, 0.1);
+    let (mut log, mut rows, mut events) = (EventLog::default(), Vec::new(), Vec::new());
+    let mut obtaining = 0;
+    drain(&mut queue, |row| {
+        load.update(row.state.phase, row.state.tick);
+        let happened = log.see(row);
+        files.iter_mut().for_each(|file| file.write(row, &happened));
+        let ended = happened.iter().any(|event| event.text == "SafeDisconnect -> Listening");
+        rows.push(*row);
+        events.extend(happened);
+        obtaining += usize::from(row.state.phase == Phase::Obtain);
+        if obtaining > OBTAINING {
+            controls.quit.store(true, Ordering::Relaxed);
+        }
+        if ended {
+            server.controls.quit.store(true, Ordering::Relaxed);
+        }
+    });
+    let lost = server.quit().unwrap();
+    assert_eq!(lost, 0);
+    let recorded = client.join().unwrap().recorded;
+    let mut all: Vec<Recorded> = files.into_iter().map(|file| file.finish(lost)).collect();
+    all.extend(recorded);
+    (rows, events, all)
+}

@@ -1,0 +1,93 @@
+//! A recording as MCAP, read back by the official reader in Python: the package `mcap` of PyPI.
+//!
+//! Its Python is that of `target/mcap-reader`, where `.ci/run` installs it, or else `python3`. A trial without the package is reported as
+//! ignored; with `GANTRY_TAU_REQUIRE_MCAP=1` it fails instead.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
+
+#[path = "../../../../host/tests/it/recording/compare.rs"]
+mod compare;
+#[path = "../../../../host/tests/it/recording/session.rs"]
+mod session;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use gantry_tau::model::L2_MOTORS;
+use gantry_tau::record::RecordTo;
+use gantry_tau::robot_file::RobotFile;
+use libtest_mimic::Trial;
+use serde_json::Value;
+
+use compare::{Samples, compare, csv_rows};
+
+/// All trials, by name.
+pub(crate) fn trials() -> Vec<Trial> {
+    let name = "mcap::the_official_reader_reads_what_the_table_has";
+    let kind = "mcap of PyPI missing";
+    let Some(python) = python() else {
+        if std::env::var_os("GANTRY_TAU_REQUIRE_MCAP").is_some_and(|value| value == "1") {
+            return vec![Trial::test(name, move || Err(kind.into())).with_kind(kind)];
+        }
+        return vec![Trial::test(name, || Ok(())).with_kind(kind).with_ignored_flag(true)];
+    };
+    let run = move || {
+        check(&python);
+        Ok(())
+    };
+    vec![Trial::test(name, run)]
+}
+
+/// A Python that has the reader.
+fn python() -> Option<PathBuf> {
+    let installed = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/mcap-reader/bin/python3");
+    [installed, PathBuf::from("python3")].into_iter().find(|python| {
+        let mut import = Command::new(python);
+        import.args(["-c", "import mcap.reader"]).stdout(Stdio::null()).stderr(Stdio::null());
+        import.status().is_ok_and(|status| status.success())
+    })
+}
+
+fn check(python: &Path) {
+    let folder = std::env::temp_dir().join(format!("gantry-tau-mcap-reader-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = |name: &str| folder.join(name);
+    let to = |name: &str| path(name).to_str().unwrap().parse::<RecordTo>().unwrap();
+    let robot = RobotFile::builtin_l2().unwrap();
+    let (rows, events, recorded) =
+        session::run::<_, 3, L2_MOTORS>(&robot, &[to("server.csv"), to("server.mcap")], to("client.mcap"));
+    assert!(recorded.iter().all(|file| file.lost == 0 && file.failure.is_none()), "{recorded:?}");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/mcap/read.py");
+    let read = |name: &str| {
+        let read = Command::new(python).arg("-B").arg(&script).arg(path(name)).output().unwrap();
+        assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+        let lines = String::from_utf8(read.stdout).unwrap();
+        let mut samples = Samples::default();
+        for line in lines.lines() {
+            let mut line: Value = serde_json::from_str(line).unwrap();
+            assert_eq!(line["encoding"], serde_json::json!(["json", "jsonschema"]));
+            let topic = line["topic"].as_str().unwrap().trim_start_matches('/').to_owned();
+            let schema =
+                if topic == "scene" { "foxglove.SceneUpdate".to_owned() } else { format!("gantry_tau.{topic}") };
+            assert_eq!(line["schema"], schema);
+            let value = line["value"].take();
+            if let Some(tick) = value["tick"].as_u64() {
+                assert_eq!(line["time"], tick * 1_000_000);
+            }
+            samples.add(&topic, value);
+        }
+        samples
+    };
+    let server = read("server.mcap");
+    compare(&server, &csv_rows(&path("server.csv")), 3);
+    assert_eq!(server.of("session_event").len(), events.len());
+    assert_eq!(server.of("scene").len(), rows.len().div_ceil(33));
+    assert!(read("client.mcap").of("axes").len() > 400);
+    std::fs::remove_dir_all(&folder).unwrap();
+}
