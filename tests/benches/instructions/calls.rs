@@ -194,7 +194,7 @@ fn a_stream() -> (Box<Decoder<256, 65_536>>, Vec<u8>) {
     assert!(
         matches!(defined, Decoded::Event { event: LabCommEvent::Define(of), used } if of.is::<ForceSensor>() && used == start)
     );
-    let sample = encoder.bytes()[start..].to_vec();
+    let sample = encoder.bytes().get(start..).unwrap().to_vec();
     (decoder, sample)
 }
 
