@@ -92,7 +92,7 @@ proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "ramp" ~ ramp: in
 proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "channel_ramp_is_bounded" ~ channel_ramp_is_bounded: stands twice
 proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = [] ~ motors_paired_are_equal: proves no theorem
 proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = ["T1"] ~ T10: no harness proves a part of it
-proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = ["T16"] ~ T16 is not a theorem
+proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = ["T17"] ~ T17 is not a theorem
 proofs/mutants.toml ~ harness = "endpoint_events_are_counted" ~ harness = "endpoint" ~ its harness endpoint is not in the manifest
 proofs/mutants.toml ~ fails = "T5: never past zero" ~ fails = "" ~ names no check that must fail
 proofs/mutants.toml ~ new = "let rest = u32::MAX;" ~ new = "let rest = self.value.unsigned_abs();" ~ changes nothing
