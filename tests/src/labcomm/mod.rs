@@ -3,7 +3,7 @@
 
 pub mod second_decoder;
 
-use gantry_tau_labcomm::{Decoded, Decoder, Definition, ErrorKind, Kind, Leaf, MAX_VALUE, Step, Walk};
+use gantry_tau_labcomm::{Decoded, Decoder, Definition, ErrorKind, Kind, Leaf, MAX_VALUE, Malformed, Step, Walk};
 
 use second_decoder::{Ending, Event, Type, Value};
 
@@ -50,7 +50,9 @@ pub fn by_crate(stream: &[u8]) -> (Vec<Event>, Ending) {
                     ErrorKind::Incomplete,
                     "bytes that are missing are no error of a stream that goes on"
                 );
-                let limit = if matches!(error.kind, ErrorKind::Limit(_)) { "limit: " } else { "" };
+                // A packed number of five bytes that goes on is beyond 32 bits already.
+                let is_limit = matches!(error.kind, ErrorKind::Limit(_) | ErrorKind::Malformed(Malformed::LargeNumber));
+                let limit = if is_limit { "limit: " } else { "" };
                 return (events, Ending::Refused(format!("{limit}{error}")));
             }
         }

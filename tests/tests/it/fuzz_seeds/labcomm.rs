@@ -9,7 +9,9 @@ use super::Seed;
 pub(crate) fn streams() -> Vec<Seed> {
     let cut = |(name, stream): &Seed| (format!("{name}_cut"), stream[..stream.len() * 2 / 3].to_vec());
     let whole = recorded();
-    whole.iter().filter(|(name, _)| name.starts_with('x')).map(cut).chain(whole.clone()).collect()
+    // Refused by its fifth byte, or when a sixth comes.
+    let large = ("number_that_goes_on".to_owned(), b"\x01\x0f\x0eLabComm2014.v1\x8d\x8d\x8d\xc3\xb6".to_vec());
+    whole.iter().filter(|(name, _)| name.starts_with('x')).map(cut).chain(whole.clone()).chain([large]).collect()
 }
 
 /// The lines of the recorded streams, and lines with mistakes.
