@@ -44,7 +44,7 @@ fn assert_is(value: &Value, schema: &Value) {
         "array" => {
             let all = value.as_array().unwrap();
             for key in ["minItems", "maxItems"] {
-                assert!(schema.get(key).is_none_or(|count| *count == Value::from(all.len())));
+                assert!(schema.get(key).is_none_or(|count| *count == all.len()));
             }
             all.iter().for_each(|item| assert_is(item, &schema["items"]));
         }
