@@ -23,8 +23,7 @@ enum {
     DATAGRAM_READS = 64,
     /* New connections accepted per visit. */
     ACCEPTS = 2,
-    SENSOR_READERS = 4,
-    HELLO = 14
+    SENSOR_READERS = 4
 };
 
 /* A peer that the server knows. A stream has a socket of its own, a sender of datagrams an address. */
@@ -213,29 +212,11 @@ static void receive_streams(gt_server *server)
     }
 }
 
-/* CRC-32/ISO-HDLC, bit by bit: for a Hello only. */
-static uint32_t checksum(const uint8_t *bytes, size_t length)
-{
-    uint32_t crc = 0xffffffffu;
-    for (size_t i = 0; i < length; i++) {
-        crc ^= bytes[i];
-        for (int bit = 0; bit < 8; bit++) {
-            crc = (crc >> 1) ^ (0xedb88320u & (0u - (crc & 1u)));
-        }
-    }
-    return ~crc;
-}
-
 /* True if a datagram asks for a session. Nothing else makes a sender known. */
 static int is_hello(const uint8_t *bytes, size_t length)
 {
-    static const uint8_t head[6] = {'G', 'T', 1, 1, 4, 0};
-    uint32_t sent;
-    if (length != HELLO || memcmp(bytes, head, sizeof head) != 0) {
-        return 0;
-    }
-    sent = bytes[10] | (uint32_t)bytes[11] << 8 | (uint32_t)bytes[12] << 16 | (uint32_t)bytes[13] << 24;
-    return sent == checksum(bytes, HELLO - 4);
+    uint8_t hello;
+    return gt_datagram_is_hello(bytes, length, &hello) == GT_CODE_OK && hello == 1;
 }
 
 static struct peer *sender(const struct sockaddr_in *from)

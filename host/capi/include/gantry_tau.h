@@ -1167,6 +1167,12 @@ gt_code gt_server_black_box_part(struct gt_server *server,
 // Clears the black box and records again: after its parts are written, and when a new session was granted.
 gt_code gt_server_black_box_release(struct gt_server *server);
 
+// `hello` receives 1 if a datagram asks for a session, else 0. Only such a datagram makes its sender a connection (gt_server_open):
+// anything else from an address without one is dropped, and not answered.
+gt_code gt_datagram_is_hello(const uint8_t *datagram,
+                             size_t length,
+                             uint8_t *hello);
+
 #ifdef __cplusplus
 }  // extern "C"
 #endif  // __cplusplus

@@ -96,6 +96,29 @@ static void configurations(void)
     EXPECT(OK, gt_server_config_check(&config, NULL, &error));
 }
 
+/* One datagram is a Hello of six axes; none that differs from it in one bit is, and no part of it, and nothing longer. */
+static void recognise_hello(void)
+{
+    uint8_t hello[15] = {'G', 'T', 1, 1, 4, 0, 6, 0, 0, 0, 0x35, 0x72, 0x75, 0x64, 0};
+    uint8_t flag = 2;
+    EXPECT(OK, gt_datagram_is_hello(hello, 14, &flag));
+    REFUSE(flag != 1)
+    for (size_t length = 0; length <= sizeof hello; length++) {
+        EXPECT(OK, gt_datagram_is_hello(hello, length, &flag));
+        REFUSE(flag != (length == 14))
+    }
+    for (size_t bit = 0; bit < 8 * 14; bit++) {
+        hello[bit / 8] ^= (uint8_t)(1u << bit % 8);
+        EXPECT(OK, gt_datagram_is_hello(hello, 14, &flag));
+        REFUSE(flag != 0)
+        hello[bit / 8] ^= (uint8_t)(1u << bit % 8);
+    }
+    EXPECT(OK, gt_datagram_is_hello(NULL, 0, &flag));
+    EXPECT(NULL_POINTER, gt_datagram_is_hello(NULL, 14, &flag));
+    EXPECT(NULL_POINTER, gt_datagram_is_hello(hello, 14, NULL));
+    EXPECT(LENGTH, gt_datagram_is_hello(hello, SIZE_MAX, &flag));
+}
+
 static void servers(void)
 {
     gt_error error;
@@ -151,6 +174,7 @@ static void servers(void)
     EXPECT(OK, gt_server_refusal(&frame));
     REFUSE(frame.length != 18 || memcmp(frame.bytes, "GT\1\7\10\0\7", 7) != 0)
     EXPECT(NULL_POINTER, gt_server_refusal(NULL));
+    recognise_hello();
     EXPECT(OK, gt_server_close(server, first));
     EXPECT(OK, gt_server_close(server, 12345));
     EXPECT(NULL_POINTER, gt_server_close(NULL, first));

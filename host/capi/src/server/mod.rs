@@ -13,7 +13,7 @@ use gantry_tau_core::control::session::Connection;
 use gantry_tau_core::units::{Epoch, EpochRange};
 
 pub use config::{gt_axis_config, gt_in_force, gt_limits, gt_offsets, gt_server_config, gt_start};
-pub use frame::{GT_MAX_FRAME, gt_frame};
+pub use frame::{GT_MAX_FRAME, gt_datagram_is_hello, gt_frame};
 pub use tick::{
     GT_FLAG_NOMINAL_STEP, GT_FLAG_POSITION_LIMITED, GT_FLAG_TORQUE_LIMITED, GT_FLAG_TRAVEL, GT_FLAG_VELOCITY_LIMITED,
     GT_PRESSED, GT_READING_DONE, GT_READING_FAILED, GT_RELEASED, GT_WRITE_ACCEPTED, GT_WRITE_REFUSED, GT_WRITE_UNKNOWN,
