@@ -1,0 +1,535 @@
+//! From power-on to SAFE-OP: who is on the bus, what the drives have in force, what they map, and their watchdogs.
+
+use ethercrab::error::{CoeAbortCode, Error, MailboxError};
+use ethercrab::subdevice_group::{PreOp, SafeOp};
+use ethercrab::{
+    AlStatusCode, Command, DefaultLock, EtherCrabWireReadSized, MainDevice, RegisterAddress, SubDevice, SubDeviceGroup,
+    SubDeviceRef,
+};
+
+use crate::cia402::{CSP, Input, Mapping, Offset, Target};
+
+/// Largest number of SubDevices, a power of two.
+pub(crate) const MAX_SUBDEVICES: usize = 16;
+/// Longest process image, bytes: 31 of each drive.
+pub(crate) const MAX_IMAGE: usize = 512;
+/// Station address that ethercrab gives to the first SubDevice.
+const FIRST_STATION: u16 = 0x1000;
+/// Divider of the watchdogs: ticks of 100 µs.
+const DIVIDER: u16 = 2_498;
+/// Tick of the watchdogs, µs.
+const WATCHDOG_TICK_US: u32 = 100;
+/// Control byte of sync manager 2, and its bit that triggers the watchdog.
+const OUTPUTS_CONTROL: u16 = 0x0814;
+const TRIGGERS_WATCHDOG: u8 = 0x40;
+
+/// Drives of the file; nothing else on the bus is touched.
+type Group<S> = SubDeviceGroup<MAX_SUBDEVICES, MAX_IMAGE, DefaultLock, S>;
+
+/// Place of a drive on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Alias in its EEPROM.
+    Alias(u16),
+    /// Number of SubDevices before it.
+    Position(u16),
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Alias(alias) => write!(f, "alias {alias}"),
+            Self::Position(position) => write!(f, "position {position}"),
+        }
+    }
+}
+
+/// Expectations of one drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DriveConfig {
+    /// Place.
+    pub place: Place,
+    /// Vendor.
+    pub vendor: u32,
+    /// Product code.
+    pub product: u32,
+    /// Counts per turn of the encoder, compared with object 608Fh; `None` compares nothing.
+    pub counts_per_turn: Option<u32>,
+    /// Travel of the machine, counts, lower end first: the drive's software limits must not be narrower.
+    pub travel: (i32, i32),
+    /// The drive must take velocity offsets.
+    pub needs_velocity_offset: bool,
+    /// The drive must take torque offsets.
+    pub needs_torque_offset: bool,
+}
+
+/// Settings of the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Length of a cycle, µs.
+    pub cycle_us: u32,
+    /// Time of the drives' watchdogs, in cycles; at most [`Settings::MAX_WATCHDOG_CYCLES`].
+    pub watchdog_cycles: u32,
+    /// Longest wait for the answer of a cycle, µs; below a cycle.
+    pub answer_us: u32,
+}
+
+impl Settings {
+    /// Largest number of cycles without outputs before a drive stops by itself. EtherCAT's default would be 100 of 1 ms.
+    pub const MAX_WATCHDOG_CYCLES: u32 = 10;
+
+    pub(crate) const fn watchdog_us(&self) -> u32 {
+        self.cycle_us.saturating_mul(self.watchdog_cycles)
+    }
+}
+
+/// Values that a drive had before it was brought up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Initial {
+    /// Position, 6064h, counts.
+    pub position: i32,
+    /// Offsets in force: 60B0h, 60B1h, 60B2h; zero of objects that the drive lacks.
+    pub offset: Offset,
+    /// The drive has 60B0h: it knows its position offset.
+    pub has_position_offset: bool,
+}
+
+/// Error of a bring-up. Motors are counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum BringUpError {
+    /// Settings that cannot be.
+    #[error(
+        "a watchdog of {cycles} cycles; expected 1 to 10 (EtherCAT's default of 100 ms is too long), a whole number of 100 us"
+    )]
+    Watchdog {
+        /// Cycles asked for.
+        cycles: u32,
+    },
+    /// Nobody answers.
+    #[error("no SubDevice answers; is it the right interface, and is the bus powered?")]
+    Silent,
+    /// There are more SubDevices than this program handles.
+    #[error("there are more than {MAX_SUBDEVICES} SubDevices on the bus")]
+    TooMany,
+    /// A drive is not there.
+    #[error("motor {motor}: no drive at {place} among the {found} SubDevices of the bus")]
+    Missing {
+        /// The motor.
+        motor: u8,
+        /// Its place.
+        place: Place,
+        /// SubDevices that answer.
+        found: u8,
+    },
+    /// Two SubDevices have one alias, or two motors one drive.
+    #[error("motor {motor}: {place} is not one drive for one motor")]
+    Ambiguous {
+        /// The motor.
+        motor: u8,
+        /// Its place.
+        place: Place,
+    },
+    /// Another device stands at a drive's place.
+    #[error(
+        "motor {motor}: at {place} is product {found_product:#x} of vendor {found_vendor:#x}; \
+         expected {product:#x} of {vendor:#x} (are two drives swapped?)"
+    )]
+    Identity {
+        /// The motor.
+        motor: u8,
+        /// Its place.
+        place: Place,
+        /// Vendor expected.
+        vendor: u32,
+        /// Product expected.
+        product: u32,
+        /// Vendor found.
+        found_vendor: u32,
+        /// Product found.
+        found_product: u32,
+    },
+    /// A drive lacks an object.
+    #[error("motor {motor}: the drive lacks object {object:04X}h, {purpose}")]
+    MissingObject {
+        /// The motor.
+        motor: u8,
+        /// The object.
+        object: u16,
+        /// The reason why it is needed, with what to do.
+        purpose: &'static str,
+    },
+    /// The encoder is another one.
+    #[error("motor {motor}: the drive's encoder has {found} counts per turn, expected {expected}")]
+    Encoder {
+        /// The motor.
+        motor: u8,
+        /// Counts per turn expected.
+        expected: u32,
+        /// Counts per turn of object 608Fh.
+        found: u32,
+    },
+    /// The travel is wider than the drive's software limits.
+    #[error("motor {motor}: the travel of {} to {} counts is beyond the drive's software limits (607Dh) of {} to {}", travel.0, travel.1, limits.0, limits.1)]
+    SoftwareLimits {
+        /// The motor.
+        motor: u8,
+        /// Travel, counts.
+        travel: (i32, i32),
+        /// Object 607Dh.
+        limits: (i32, i32),
+    },
+    /// The watchdog has another time than was written.
+    #[error("motor {motor}: the watchdog reads {found_us} us after {wanted_us} us were written")]
+    WatchdogTime {
+        /// The motor.
+        motor: u8,
+        /// Time written, µs.
+        wanted_us: u32,
+        /// Time read back, µs.
+        found_us: u32,
+    },
+    /// The outputs do not trigger the watchdog.
+    #[error("motor {motor}: its outputs do not trigger the watchdog (sync manager 2): it would not stop by itself")]
+    WatchdogOff {
+        /// The motor.
+        motor: u8,
+    },
+    /// A drive refused a state.
+    #[error("motor {motor}: the drive refused to leave state {state}: AL status code {code}")]
+    Refused {
+        /// The motor.
+        motor: u8,
+        /// State that it stayed in: 1 INIT, 2 PRE-OP, 4 SAFE-OP.
+        state: u8,
+        /// Its reason.
+        code: AlStatusCode,
+    },
+    /// An exchange with one drive failed.
+    #[error("motor {motor}: {step}: {error}")]
+    Exchange {
+        /// The motor.
+        motor: u8,
+        /// The step.
+        step: &'static str,
+        /// Error of the exchange.
+        error: Error,
+    },
+    /// An exchange with the whole bus failed.
+    #[error("{step}: {error}")]
+    Bus {
+        /// The step.
+        step: &'static str,
+        /// Error of the exchange.
+        error: Error,
+    },
+    /// The bring-up did not end.
+    #[error("the bus answers, but the bring-up did not end within {seconds} s")]
+    Overdue {
+        /// Time given, s.
+        seconds: u32,
+    },
+    /// A message came that ethercrab does not take, as an emergency between a request and its answer.
+    #[error(
+        "a drive sent what cannot be handled during the bring-up, an emergency message perhaps; reset the drives and start again"
+    )]
+    Unhandled,
+}
+
+/// A drive of the bus, brought up.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Member {
+    /// Index in the group.
+    pub(crate) index: usize,
+    /// Configured station address.
+    pub(crate) station: u16,
+    pub(crate) mapping: Mapping,
+    pub(crate) initial: Initial,
+}
+
+/// The bus in SAFE-OP.
+pub(crate) struct Ready<const M: usize> {
+    pub(crate) group: Group<SafeOp>,
+    pub(crate) members: [Member; M],
+}
+
+/// Drives and other SubDevices, which stay in PRE-OP.
+#[derive(Default)]
+struct Groups {
+    drives: Group<PreOp>,
+    others: Group<PreOp>,
+}
+
+/// A SubDevice that answered.
+#[derive(Clone, Copy)]
+struct Found {
+    station: u16,
+    alias: u16,
+    vendor: u32,
+    product: u32,
+}
+
+impl Found {
+    fn of(subdevice: &SubDevice) -> Self {
+        let identity = subdevice.identity();
+        let (station, alias) = (subdevice.configured_address(), subdevice.alias_address());
+        Self { station, alias, vendor: identity.vendor_id, product: identity.product_id }
+    }
+
+    const fn is_at(&self, place: Place) -> bool {
+        match place {
+            Place::Alias(alias) => self.alias == alias && alias != 0,
+            Place::Position(position) => self.station.wrapping_sub(FIRST_STATION) == position,
+        }
+    }
+}
+
+/// Number of a motor, for errors.
+pub(crate) fn number(motor: usize) -> u8 {
+    u8::try_from(motor).unwrap_or(u8::MAX)
+}
+
+/// Brings the bus to SAFE-OP.
+pub(crate) async fn bring_up<const M: usize>(
+    main: &'static MainDevice<'static>,
+    drives: &[DriveConfig; M],
+    settings: &Settings,
+) -> Result<Ready<M>, BringUpError> {
+    let mut found = Vec::new();
+    let groups = main.init::<MAX_SUBDEVICES, _>(
+        || 0,
+        Groups::default(),
+        |groups, subdevice| {
+            let here = Found::of(subdevice);
+            found.push(here);
+            let is_drive = drives.iter().any(|drive| here.is_at(drive.place));
+            Ok(if is_drive { &groups.drives } else { &groups.others })
+        },
+    );
+    let groups = groups.await;
+    let groups = groups.map_err(|error| match error {
+        Error::Timeout(_) if found.is_empty() => BringUpError::Silent,
+        Error::Capacity(_) => BringUpError::TooMany,
+        error => BringUpError::Bus { step: "looking for SubDevices", error },
+    })?;
+    if found.is_empty() {
+        return Err(BringUpError::Silent);
+    }
+    let mut members = places(&found, drives)?;
+    for ((motor, drive), member) in drives.iter().enumerate().zip(&mut members) {
+        let subdevice = groups.drives.subdevice(main, member.index).map_err(|error| BringUpError::Exchange {
+            motor: number(motor),
+            step: "looking for the drive",
+            error,
+        })?;
+        let setup = Setup { motor: number(motor), subdevice: &subdevice };
+        (member.mapping, member.initial) = setup.ask(drive).await?;
+        setup.map(member.mapping).await?;
+        setup.set_watchdog(settings).await?;
+    }
+    let group = groups.drives.into_pre_op_pdi(main).await;
+    let group = group.map_err(|error| BringUpError::Bus { step: "mapping process data", error })?;
+    for member in &members {
+        let target = standing(&member.initial);
+        if let Ok(subdevice) = group.subdevice(main, member.index) {
+            member.mapping.pack(0, &target, &mut subdevice.outputs_raw_mut());
+        }
+    }
+    let group = match group.into_safe_op(main).await {
+        Ok(group) => group,
+        Err(error) => {
+            return Err(refusal(main, &members).await.unwrap_or(BringUpError::Bus { step: "SAFE-OP", error }));
+        }
+    };
+    for (motor, member) in members.iter().enumerate() {
+        let control = Command::fprd(member.station, OUTPUTS_CONTROL).receive::<u8>(main).await;
+        let control = control.map_err(|error| BringUpError::Exchange {
+            motor: number(motor),
+            step: "reading sync manager 2",
+            error,
+        })?;
+        if control & TRIGGERS_WATCHDOG == 0 {
+            return Err(BringUpError::WatchdogOff { motor: number(motor) });
+        }
+    }
+    Ok(Ready { group, members })
+}
+
+/// References that keep a drive where it stands, with the offsets that it has in force.
+pub(crate) const fn standing(initial: &Initial) -> Target {
+    let position = initial.position.saturating_sub(initial.offset.position);
+    Target { position, offset: initial.offset }
+}
+
+/// Finds every drive at its place, and compares its identity.
+fn places<const M: usize>(found: &[Found], drives: &[DriveConfig; M]) -> Result<[Member; M], BringUpError> {
+    let mut members = [Member::default(); M];
+    for ((motor, drive), member) in drives.iter().enumerate().zip(&mut members) {
+        let (motor, place) = (number(motor), drive.place);
+        let mut here = found.iter().filter(|found| found.is_at(place));
+        let Some(device) = here.next() else {
+            return Err(BringUpError::Missing { motor, place, found: number(found.len()) });
+        };
+        let motors = drives.iter().filter(|other| device.is_at(other.place)).count();
+        if here.next().is_some() || motors != 1 {
+            return Err(BringUpError::Ambiguous { motor, place });
+        }
+        if (device.vendor, device.product) != (drive.vendor, drive.product) {
+            return Err(BringUpError::Identity {
+                motor,
+                place,
+                vendor: drive.vendor,
+                product: drive.product,
+                found_vendor: device.vendor,
+                found_product: device.product,
+            });
+        }
+        // The group has the drives in the order of the bus.
+        let before = found.iter().take_while(|other| other.station != device.station);
+        member.index = before.filter(|other| drives.iter().any(|drive| other.is_at(drive.place))).count();
+        member.station = device.station;
+    }
+    Ok(members)
+}
+
+/// Returns the first drive that reports an error of its state machine.
+async fn refusal<const M: usize>(main: &MainDevice<'static>, members: &[Member; M]) -> Option<BringUpError> {
+    for (motor, member) in members.iter().enumerate() {
+        let (status, code) = al_status(main, member.station).await?;
+        if status & 0x10 != 0 {
+            let state = (status & 0x0F) as u8;
+            return Some(BringUpError::Refused { motor: number(motor), state, code: AlStatusCode::from(code) });
+        }
+    }
+    None
+}
+
+/// Reads AL status and its code.
+pub(crate) async fn al_status(main: &MainDevice<'static>, station: u16) -> Option<(u16, u16)> {
+    let status = Command::fprd(station, RegisterAddress::AlStatus.into()).receive::<u16>(main).await.ok()?;
+    let code = Command::fprd(station, RegisterAddress::AlStatusCode.into()).receive::<u16>(main).await.ok()?;
+    Some((status, code))
+}
+
+/// Set-up of one drive in PRE-OP.
+struct Setup<'a> {
+    motor: u8,
+    subdevice: &'a SubDeviceRef<'a, &'a SubDevice>,
+}
+
+impl Setup<'_> {
+    fn failed(&self, step: &'static str) -> impl FnOnce(Error) -> BringUpError + use<> {
+        let motor = self.motor;
+        move |error| BringUpError::Exchange { motor, step, error }
+    }
+
+    /// Reads an object; `None` where the drive lacks it.
+    async fn object<T: EtherCrabWireReadSized>(&self, index: u16, sub: u8) -> Result<Option<T>, BringUpError> {
+        match self.subdevice.sdo_read::<T>(index, sub).await {
+            Ok(value) => Ok(Some(value)),
+            Err(Error::Mailbox(MailboxError::Aborted {
+                code: CoeAbortCode::NotFound | CoeAbortCode::SubIndexNotFound,
+                ..
+            })) => Ok(None),
+            Err(error) => Err(self.failed("reading an object")(error)),
+        }
+    }
+
+    /// Reads an object that every drive of CiA 402 has in this mode.
+    async fn needed<T: EtherCrabWireReadSized>(&self, object: u16) -> Result<T, BringUpError> {
+        let purpose = "which cyclic synchronous position mode needs";
+        (self.object(object, 0).await?).ok_or(BringUpError::MissingObject { motor: self.motor, object, purpose })
+    }
+
+    /// Asks a drive for its objects and for the values in force, and compares its set-up with what is expected.
+    async fn ask(&self, drive: &DriveConfig) -> Result<(Mapping, Initial), BringUpError> {
+        let motor = self.motor;
+        let position = self.needed::<i32>(0x6064).await?;
+        let _target = self.needed::<i32>(0x607A).await?;
+        let position_offset = self.object::<i32>(0x60B0, 0).await?;
+        let velocity_offset = self.object::<i32>(0x60B1, 0).await?;
+        let torque_offset = self.object::<i16>(0x60B2, 0).await?;
+        let lacks = |object, purpose| Err(BringUpError::MissingObject { motor, object, purpose });
+        if drive.needs_velocity_offset && velocity_offset.is_none() {
+            return lacks(0x60B1, "but its axis has velocity offsets; set axes.velocity.max_um_s of the axis to 0");
+        }
+        if drive.needs_torque_offset && torque_offset.is_none() {
+            return lacks(0x60B2, "but its axis has torque offsets; set axes.torque.max_permille of the axis to 0");
+        }
+        if let Some(expected) = drive.counts_per_turn {
+            let counts = self.object::<u32>(0x608F, 1).await?;
+            let turns = self.object::<u32>(0x608F, 2).await?;
+            let (Some(counts), Some(turns)) = (counts, turns) else {
+                return lacks(0x608F, "with which counts_per_turn is compared; leave counts_per_turn out");
+            };
+            let found = counts.checked_div(turns).unwrap_or(0);
+            if found != expected {
+                return Err(BringUpError::Encoder { motor, expected, found });
+            }
+        }
+        let limits = (self.object::<i32>(0x607D, 1).await?, self.object::<i32>(0x607D, 2).await?);
+        if let (Some(lower), Some(upper)) = limits {
+            let (travel, limits) = (drive.travel, (lower, upper));
+            // Equal ends: the drive has none.
+            if lower != upper && (travel.0 < lower || travel.1 > upper) {
+                return Err(BringUpError::SoftwareLimits { motor, travel, limits });
+            }
+        }
+        let mapping = Mapping {
+            position_offset: position_offset.is_some(),
+            velocity_offset: velocity_offset.is_some(),
+            torque_offset: torque_offset.is_some(),
+            error_code: self.object::<u16>(0x603F, 0).await?.is_some(),
+        };
+        let offset = Offset {
+            position: position_offset.unwrap_or(0),
+            velocity: velocity_offset.unwrap_or(0),
+            torque: torque_offset.unwrap_or(0),
+        };
+        Ok((mapping, Initial { position, offset, has_position_offset: mapping.position_offset }))
+    }
+
+    /// Writes the mapping: assignment and contents to zero, contents, their number, assignment.
+    async fn map(&self, mapping: Mapping) -> Result<(), BringUpError> {
+        self.subdevice.sdo_write(0x6060, 0, CSP).await.map_err(self.failed("setting the mode of operation (6060h)"))?;
+        self.map_pdo(0x1C12, 0x1600, &mapping.outputs()).await.map_err(self.failed("mapping outputs (1600h)"))?;
+        self.map_pdo(0x1C13, 0x1A00, &mapping.inputs()).await.map_err(self.failed("mapping inputs (1A00h)"))
+    }
+
+    async fn map_pdo(&self, assignment: u16, pdo: u16, entries: &[u32]) -> Result<(), Error> {
+        self.subdevice.sdo_write(assignment, 0, 0_u8).await?;
+        self.subdevice.sdo_write(pdo, 0, 0_u8).await?;
+        let mut count = 0_u8;
+        for entry in entries.iter().filter(|entry| **entry != 0) {
+            count = count.saturating_add(1);
+            self.subdevice.sdo_write(pdo, count, *entry).await?;
+        }
+        self.subdevice.sdo_write(pdo, 0, count).await?;
+        self.subdevice.sdo_write(assignment, 1, pdo).await?;
+        self.subdevice.sdo_write(assignment, 0, 1_u8).await
+    }
+
+    /// Writes the watchdog of the outputs, and reads it back.
+    async fn set_watchdog(&self, settings: &Settings) -> Result<(), BringUpError> {
+        let failed = || self.failed("setting the watchdog");
+        let wanted_us = settings.watchdog_us();
+        let ticks = u16::try_from(wanted_us / WATCHDOG_TICK_US).unwrap_or(u16::MAX);
+        let (divider, time) = (RegisterAddress::WatchdogDivider, RegisterAddress::SyncManagerWatchdog);
+        self.subdevice.register_write(divider, DIVIDER).await.map_err(failed())?;
+        self.subdevice.register_write(time, ticks).await.map_err(failed())?;
+        let divider: u16 = self.subdevice.register_read(divider).await.map_err(failed())?;
+        let time: u16 = self.subdevice.register_read(time).await.map_err(failed())?;
+        let found_us = (u32::from(divider) + 2) * u32::from(time) / 25;
+        if found_us == wanted_us && time > 0 {
+            Ok(())
+        } else {
+            Err(BringUpError::WatchdogTime { motor: self.motor, wanted_us, found_us })
+        }
+    }
+}
+
+impl Initial {
+    /// Returns the measurements that a drive begins with: its position, at rest.
+    pub(crate) fn input(&self) -> Input {
+        Input { position: self.position, ..Input::default() }
+    }
+}

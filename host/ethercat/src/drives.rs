@@ -1,0 +1,437 @@
+//! The drives in operation: one exchange per cycle, compared and judged; their states; and the way back after a fault.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::Duration;
+
+use ethercrab::error::Error;
+use ethercrab::subdevice_group::{Op, SafeOp};
+use ethercrab::{
+    Command, DefaultLock, MainDevice, MainDeviceConfig, PduStorage, RegisterAddress, RetryBehaviour, SubDeviceGroup,
+    SubDeviceState, Timeouts, TxRxResponse,
+};
+
+use crate::bring_up::{
+    BringUpError, DriveConfig, Initial, MAX_IMAGE, MAX_SUBDEVICES, Member, Ready, Settings, al_status, bring_up, number,
+};
+use crate::cia402::{FOLLOWING_ERROR, Input, PowerState, Target, control};
+use crate::fault::Fault;
+use crate::pump::Pump;
+use crate::wire::Wire;
+
+/// Frames that can be under way; one is.
+const FRAMES: usize = 16;
+/// Longest frame's data: more than the longest process image with the states of all SubDevices.
+const FRAME_DATA: usize = PduStorage::element_size(1_100);
+/// Resends of a lost frame during a bring-up. In a cycle nothing is sent twice: its time is over before.
+const RESENDS: usize = 10;
+/// Time for a bring-up, s.
+const BRING_UP_S: u32 = 60;
+/// Cycles for the way from SAFE-OP to operation enabled.
+const ENABLE_CYCLES: u32 = 3_000;
+/// Cycles for the way back at an orderly end.
+const DISABLE_CYCLES: u32 = 50;
+/// What every drive adds to the working counter of an exchange: 1 for its inputs, 2 for its outputs.
+const COUNTS_PER_DRIVE: u16 = 3;
+/// AL control: requests, and the acknowledgement of an error.
+const INIT: u16 = 0x01;
+const OPERATIONAL: u16 = 0x08;
+const ACKNOWLEDGE_IN_SAFE_OP: u16 = 0x14;
+
+/// Condition of the drives together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Condition {
+    /// In SAFE-OP: inputs are read, outputs ignored.
+    Prepared,
+    /// All follow their references.
+    Running,
+    /// Stopped by a fault, until a re-arm.
+    Stopped(Fault),
+    /// On the way back after a re-arm, for so many cycles.
+    Rearming {
+        /// Cycles since the re-arm.
+        cycles: u32,
+    },
+}
+
+enum Group {
+    SafeOp(SubDeviceGroup<MAX_SUBDEVICES, MAX_IMAGE, DefaultLock, SafeOp>),
+    Op(SubDeviceGroup<MAX_SUBDEVICES, MAX_IMAGE, DefaultLock, Op>),
+    /// A request of OP failed and took the group with it.
+    Lost,
+}
+
+/// The drives of `M` motors on a bus.
+///
+/// One [`cycle`](Self::cycle) sends one frame and waits for its answer at most [`Settings::answer_us`]; it neither allocates nor locks.
+pub struct Drives<W: Wire, const M: usize> {
+    pump: Pump<W>,
+    main: &'static MainDevice<'static>,
+    group: Group,
+    members: [Member; M],
+    settings: Settings,
+    inputs: [Input; M],
+    sent: [Target; M],
+    /// States of the last answer, by motor; 0 of a drive that gave none.
+    states: [u8; M],
+    requested: [bool; M],
+    condition: Condition,
+    /// Cycles in a row without a right answer.
+    missed: u32,
+}
+
+impl<W: Wire, const M: usize> Drives<W, M> {
+    /// Brings drives to SAFE-OP: looks for them, compares them with `drives`, reads the offsets in force, maps process data, sets the
+    /// watchdogs. Blocks for some seconds. Memory of about 20 KiB per call is kept to the end of the process.
+    ///
+    /// # Errors
+    /// [`BringUpError`], with the motor that it concerns.
+    pub fn bring_up(wire: W, drives: &[DriveConfig; M], settings: Settings) -> Result<Self, BringUpError> {
+        let cycles = settings.watchdog_cycles;
+        let is_whole = settings.watchdog_us() % 100 == 0;
+        if !(1..=Settings::MAX_WATCHDOG_CYCLES).contains(&cycles) || !is_whole {
+            return Err(BringUpError::Watchdog { cycles });
+        }
+        let storage: &'static PduStorage<FRAMES, FRAME_DATA> = Box::leak(Box::new(PduStorage::new()));
+        let Ok((tx, rx, pdu_loop)) = storage.try_split() else { return Err(BringUpError::Unhandled) };
+        let timeouts = Timeouts {
+            state_transition: Duration::from_secs(3),
+            // Longer than a cycle waits, so that none sends twice.
+            pdu: Duration::from_micros(u64::from(settings.answer_us) + 200),
+            wait_loop_delay: Duration::from_micros(100),
+            ..Timeouts::default()
+        };
+        // Distributed clocks are not used.
+        let config = MainDeviceConfig { dc_static_sync_iterations: 0, retry_behaviour: RetryBehaviour::Count(RESENDS) };
+        let main: &'static MainDevice<'static> = Box::leak(Box::new(MainDevice::new(pdu_loop, timeouts, config)));
+        let mut pump = Pump::new(wire, tx, rx);
+        let future = bring_up(main, drives, &settings);
+        let limit_us = u64::from(BRING_UP_S) * 1_000_000;
+        // ethercrab asserts that no emergency message stands between a request and its answer.
+        let outcome = catch_unwind(AssertUnwindSafe(|| pump.run(future, limit_us)));
+        let outcome = outcome.map_err(|_| BringUpError::Unhandled)?;
+        let Ready { group, members } = outcome.ok_or(BringUpError::Overdue { seconds: BRING_UP_S })??;
+        let sent = members.map(|member| crate::bring_up::standing(&member.initial));
+        Ok(Self {
+            pump,
+            main,
+            group: Group::SafeOp(group),
+            inputs: members.map(|member| member.initial.input()),
+            sent,
+            states: [0; M],
+            requested: [false; M],
+            members,
+            settings,
+            condition: Condition::Prepared,
+            missed: 0,
+        })
+    }
+
+    /// Returns what every drive had before it was brought up.
+    #[must_use]
+    pub fn initial(&self) -> [Initial; M] {
+        self.members.map(|member| member.initial)
+    }
+
+    /// Returns the measurements of the last answer whose working counter was right.
+    #[must_use]
+    pub const fn inputs(&self) -> &[Input; M] {
+        &self.inputs
+    }
+
+    /// Returns the condition.
+    #[must_use]
+    pub const fn condition(&self) -> Condition {
+        self.condition
+    }
+
+    /// Returns the wire.
+    pub const fn wire_mut(&mut self) -> &mut W {
+        &mut self.pump.wire
+    }
+
+    /// Brings the drives to OP and enables them, at the references of `standing`, which gets their measurements. Blocks for some tenths of
+    /// a second; the first [`cycle`](Self::cycle) must follow within the time of the watchdog. A drive in fault is left there:
+    /// the condition is then [`Condition::Stopped`].
+    pub fn start(&mut self, mut standing: impl FnMut(&[Input; M]) -> [Target; M]) {
+        let first = standing(&self.inputs);
+        // Outputs that are valid before OP is asked for.
+        if let Err(fault) = self.exchange(&[0; M], &first) {
+            self.condition = Condition::Stopped(fault);
+            return;
+        }
+        if let Err(fault) = self.request_operational() {
+            self.condition = Condition::Stopped(fault);
+            return;
+        }
+        self.condition = Condition::Rearming { cycles: 0 };
+        self.requested = [true; M];
+        let cycle_us = u64::from(self.settings.cycle_us);
+        while matches!(self.condition, Condition::Rearming { .. }) {
+            let next_us = self.pump.wire.now_us().saturating_add(cycle_us);
+            self.pump.wire.begin_cycles(1, cycle_us);
+            while self.pump.wire.now_us() < next_us {
+                self.pump.wire.wait_until(next_us);
+                self.pump.drain();
+            }
+            let targets = standing(&self.inputs);
+            let _enabled = self.step_towards_operation(&targets, false);
+        }
+    }
+
+    fn request_operational(&mut self) -> Result<(), Fault> {
+        let Group::SafeOp(group) = std::mem::replace(&mut self.group, Group::Lost) else {
+            return Err(Fault::NotStarted);
+        };
+        // Each request is a frame of its own.
+        let limit_us = u64::from(self.settings.answer_us) * (M as u64 + 1) * 4;
+        match self.pump.run(group.request_into_op(self.main), limit_us) {
+            Some(Ok(group)) => {
+                self.group = Group::Op(group);
+                Ok(())
+            }
+            _ => Err(Fault::NoAnswer),
+        }
+    }
+
+    /// Asks for the way back after a fault; [`cycle`](Self::cycle) goes it, one step at a time.
+    pub fn rearm(&mut self) {
+        if matches!(self.condition, Condition::Stopped(_)) {
+            self.condition = Condition::Rearming { cycles: 0 };
+            self.requested = [false; M];
+        }
+    }
+
+    /// Exchanges process data once. While the drives run, they get `targets`; after a fault they are stopped, at the references that they
+    /// had; after a re-arm `targets` must be where the motors stand, and they are enabled there.
+    ///
+    /// # Errors
+    /// [`Fault`]: the drives did not get `targets`, as far as it is known, or do not follow them. After a frame that was lost on its way
+    /// back they have them nevertheless. After faults of more than one cycle they are stopped until a re-arm.
+    pub fn cycle(&mut self, targets: &[Target; M]) -> Result<(), Fault> {
+        match self.condition {
+            Condition::Prepared => Err(Fault::NotStarted),
+            Condition::Running => {
+                let outcome = self.exchange(&[control::ENABLED; M], targets).and_then(|()| self.judge());
+                self.missed = if outcome.is_ok() { 0 } else { self.missed.saturating_add(1) };
+                if let Err(fault) = outcome {
+                    if !fault.is_of_one_cycle() || self.missed >= self.settings.watchdog_cycles {
+                        self.condition = Condition::Stopped(fault);
+                    }
+                }
+                outcome
+            }
+            Condition::Stopped(fault) => {
+                let held = self.sent;
+                let stop = self.inputs.map(|input| match input.state() {
+                    PowerState::OperationEnabled | PowerState::QuickStopActive => control::QUICK_STOP,
+                    _ => 0,
+                });
+                let _seen = self.exchange(&stop, &held);
+                Err(fault)
+            }
+            Condition::Rearming { .. } => self.step_towards_operation(targets, true),
+        }
+    }
+
+    /// Goes one step from SAFE-OP, or a fault, towards operation enabled.
+    fn step_towards_operation(&mut self, targets: &[Target; M], may_reset: bool) -> Result<(), Fault> {
+        let Condition::Rearming { cycles } = self.condition else { return Err(Fault::NotStarted) };
+        let all_operational = self.states.iter().all(|state| *state == 8);
+        // The reset is an edge, a cycle in eight.
+        let resets = may_reset && cycles % 8 == 4;
+        let commands =
+            self.inputs.map(|input| if all_operational { input.state().towards_operation(resets) } else { 0 });
+        let outcome = self.exchange(&commands, targets);
+        self.condition = Condition::Rearming { cycles: cycles.saturating_add(1) };
+        let fault = match outcome {
+            Ok(()) => match self.judge() {
+                Ok(()) => {
+                    self.condition = Condition::Running;
+                    self.missed = 0;
+                    return Ok(());
+                }
+                Err(fault @ Fault::Drive { .. } | fault @ Fault::FollowingError { .. }) if !may_reset => {
+                    self.condition = Condition::Stopped(fault);
+                    return Err(fault);
+                }
+                Err(fault) => fault,
+            },
+            Err(fault @ Fault::State { motor, state: 4 | 8, .. }) => {
+                self.lead(motor);
+                fault
+            }
+            Err(fault) => {
+                self.condition = Condition::Stopped(fault);
+                return Err(fault);
+            }
+        };
+        if cycles >= ENABLE_CYCLES {
+            self.condition = Condition::Stopped(fault);
+            return Err(fault);
+        }
+        Err(Fault::Rearming)
+    }
+
+    /// Acknowledges the error of a drive, or asks it for OP, once.
+    fn lead(&mut self, motor: u8) {
+        let index = usize::from(motor);
+        let (Some(member), Some(requested)) = (self.members.get(index), self.requested.get_mut(index)) else { return };
+        let (station, main) = (member.station, self.main);
+        let limit_us = u64::from(self.settings.answer_us);
+        let Some(Some((status, _))) = self.pump.run(al_status(main, station), limit_us) else { return };
+        let request = match (status & 0x10 != 0, *requested) {
+            (true, _) => ACKNOWLEDGE_IN_SAFE_OP,
+            (false, false) => OPERATIONAL,
+            (false, true) => return,
+        };
+        *requested = request == OPERATIONAL;
+        let write = Command::fpwr(station, RegisterAddress::AlControl.into()).send(main, request);
+        let _sent = self.pump.run(write, limit_us);
+    }
+
+    /// Sends one frame and compares its answer. Measurements are taken over only if the working counter is right.
+    fn exchange(&mut self, commands: &[u16; M], targets: &[Target; M]) -> Result<(), Fault> {
+        // What is still there came too late: it must not be taken for this cycle's.
+        self.pump.drain();
+        self.sent = *targets;
+        if !self.pack(commands, targets) {
+            return Err(Fault::Image);
+        }
+        let limit_us = u64::from(self.settings.answer_us);
+        let answer = match &self.group {
+            Group::SafeOp(group) => self.pump.run(group.tx_rx(self.main), limit_us),
+            Group::Op(group) => self.pump.run(group.tx_rx(self.main), limit_us),
+            Group::Lost => None,
+        };
+        let Some(Ok(answer)) = answer else { return Err(Fault::NoAnswer) };
+        self.take(&answer)
+    }
+
+    fn pack(&self, commands: &[u16; M], targets: &[Target; M]) -> bool {
+        self.members.iter().zip(commands.iter().zip(targets)).all(|(member, (command, target))| match &self.group {
+            Group::SafeOp(group) => group
+                .subdevice(self.main, member.index)
+                .is_ok_and(|drive| member.mapping.pack(*command, target, &mut drive.outputs_raw_mut())),
+            Group::Op(group) => group
+                .subdevice(self.main, member.index)
+                .is_ok_and(|drive| member.mapping.pack(*command, target, &mut drive.outputs_raw_mut())),
+            Group::Lost => false,
+        })
+    }
+
+    /// Judges an answer: states, then the counter; then takes the measurements over.
+    fn take(&mut self, answer: &TxRxResponse<MAX_SUBDEVICES>) -> Result<(), Fault> {
+        let states = self.members.map(|member| answer.subdevice_states.get(member.index).copied().map_or(0, code_of));
+        self.states = states;
+        let expected = COUNTS_PER_DRIVE.saturating_mul(M as u16);
+        let received = answer.working_counter;
+        let absent = states.iter().position(|state| *state == 0);
+        let mut fresh = self.inputs;
+        if received == expected {
+            for (input, member) in fresh.iter_mut().zip(&self.members) {
+                let read = |bytes: &[u8]| member.mapping.unpack(bytes);
+                let taken = match &self.group {
+                    Group::SafeOp(group) => {
+                        group.subdevice(self.main, member.index).ok().and_then(|drive| read(&drive.inputs_raw()))
+                    }
+                    Group::Op(group) => {
+                        group.subdevice(self.main, member.index).ok().and_then(|drive| read(&drive.inputs_raw()))
+                    }
+                    Group::Lost => None,
+                };
+                *input = taken.ok_or(Fault::Image)?;
+            }
+            self.inputs = fresh;
+        }
+        if matches!(self.group, Group::SafeOp(_)) && received == expected {
+            return Ok(());
+        }
+        if let Some(motor) = states.iter().position(|state| !matches!(*state, 0 | 8)) {
+            return Err(self.state_fault(motor));
+        }
+        match absent {
+            Some(motor) => Err(Fault::Absent { motor: number(motor) }),
+            None if received != expected => Err(Fault::WorkingCounter { expected, received }),
+            None => Ok(()),
+        }
+    }
+
+    /// Asks a drive that left OP for its reason.
+    fn state_fault(&mut self, motor: usize) -> Fault {
+        let (main, limit_us) = (self.main, u64::from(self.settings.answer_us));
+        let station = self.members.get(motor).map_or(0, |member| member.station);
+        let (status, code) = self.pump.run(al_status(main, station), limit_us).flatten().unwrap_or((0, 0));
+        Fault::State { motor: number(motor), state: (status & 0x0F) as u8, code }
+    }
+
+    /// Judges the status words: all must be in operation enabled.
+    fn judge(&self) -> Result<(), Fault> {
+        for (motor, input) in self.inputs.iter().enumerate() {
+            let motor = number(motor);
+            match input.state() {
+                PowerState::OperationEnabled => {}
+                PowerState::Fault | PowerState::FaultReactionActive => {
+                    let error_code = input.error_code;
+                    let follows_not = error_code == 0x8611 || error_code == 0 && input.status & FOLLOWING_ERROR != 0;
+                    return Err(if follows_not {
+                        Fault::FollowingError { motor }
+                    } else {
+                        Fault::Drive { motor, error_code }
+                    });
+                }
+                state => return Err(Fault::NotEnabled { motor, state }),
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes the power away in order, and the bus to INIT: an orderly end leaves no drive in fault.
+    fn stop(&mut self) {
+        if matches!(self.group, Group::Op(_)) {
+            let cycle_us = u64::from(self.settings.cycle_us);
+            for _ in 0..DISABLE_CYCLES {
+                let held = self.sent;
+                let shutdown = self.inputs.map(|input| match input.state() {
+                    PowerState::OperationEnabled | PowerState::SwitchedOn => control::SHUTDOWN,
+                    _ => 0,
+                });
+                if self.exchange(&shutdown, &held).is_err() || shutdown.iter().all(|word| *word == 0) {
+                    break;
+                }
+                self.pump.wire.begin_cycles(1, cycle_us);
+                let next_us = self.pump.wire.now_us().saturating_add(cycle_us);
+                self.pump.wire.wait_until(next_us);
+            }
+        }
+        let init = Command::bwr(RegisterAddress::AlControl.into()).ignore_wkc().send(self.main, INIT);
+        let _sent: Option<Result<(), Error>> = self.pump.run(init, u64::from(self.settings.answer_us));
+    }
+}
+
+impl<W: Wire, const M: usize> Drop for Drives<W, M> {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+impl<W: Wire, const M: usize> std::fmt::Debug for Drives<W, M> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Drives")
+            .field("condition", &self.condition)
+            .field("members", &self.members)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Code of a state in AL status; 0 for none.
+const fn code_of(state: SubDeviceState) -> u8 {
+    match state {
+        SubDeviceState::None => 0,
+        SubDeviceState::Init => 1,
+        SubDeviceState::PreOp => 2,
+        SubDeviceState::Bootstrap => 3,
+        SubDeviceState::SafeOp => 4,
+        SubDeviceState::Op => 8,
+        SubDeviceState::Other(other) => other,
+    }
+}

@@ -1,0 +1,233 @@
+//! A chain of SubDevices that frames pass through, and the process that their motors move.
+
+use super::drive::{Drive, DriveSetup, STEP_US};
+use super::subdevice::SubDevice;
+
+/// Time that a frame takes through the chain, µs.
+const FRAME_US: u64 = 10;
+/// Headers of a frame and of a datagram, bytes.
+const FRAME_HEADER: usize = 16;
+const DATAGRAM_HEADER: usize = 10;
+/// EtherType.
+const ETHERCAT: [u8; 2] = [0x88, 0xA4];
+/// Longest datagram, bytes.
+const LONGEST: usize = 1_500;
+
+/// Machine behind the drives.
+pub trait Process: Send {
+    /// Runs one millisecond: motors that are enabled follow their references, the others are held by their brakes.
+    fn step(&mut self, drives: &mut [SubDevice]);
+}
+
+/// Motors that close in on their references, half of the way in each step: enough where no machine is behind them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Kinematic;
+
+impl Process for Kinematic {
+    fn step(&mut self, drives: &mut [SubDevice]) {
+        for subdevice in drives {
+            let motor = subdevice.drive_mut().motor_mut();
+            let way = motor.reference - motor.position;
+            let step = if motor.is_enabled { (way + way.signum()) / 2 } else { 0 };
+            motor.position += step;
+            motor.velocity = (step * 1_000).clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        }
+    }
+}
+
+/// A chain of drives. Time is what it is told: nothing happens between two calls.
+#[derive(Clone, Debug)]
+pub struct Chain<P> {
+    subdevices: Vec<SubDevice>,
+    process: P,
+    now_us: u64,
+    step_us: u64,
+    /// SubDevices that frames reach; a cut cable is closed to a ring before it.
+    reached: usize,
+    /// A SubDevice that frames pass by.
+    bypassed: Option<usize>,
+}
+
+impl<P: Process> Chain<P> {
+    /// Creates drives that have just been powered.
+    pub fn new(drives: &[DriveSetup], process: P) -> Self {
+        let subdevices = drives.iter().map(SubDevice::new).collect();
+        let mut chain =
+            Self { subdevices, process, now_us: 0, step_us: STEP_US, reached: drives.len(), bypassed: None };
+        chain.set_ports();
+        chain
+    }
+
+    /// Returns the time, µs.
+    #[must_use]
+    pub const fn now_us(&self) -> u64 {
+        self.now_us
+    }
+
+    /// Returns a SubDevice, from 0 at the MainDevice.
+    #[must_use]
+    pub fn subdevice(&self, index: usize) -> Option<&SubDevice> {
+        self.subdevices.get(index)
+    }
+
+    /// Returns a SubDevice, to be handled.
+    pub fn subdevice_mut(&mut self, index: usize) -> Option<&mut SubDevice> {
+        self.subdevices.get_mut(index)
+    }
+
+    /// Returns the drives.
+    pub fn drives(&self) -> impl Iterator<Item = &Drive> {
+        self.subdevices.iter().map(SubDevice::drive)
+    }
+
+    /// Returns the drives, to be handled.
+    pub fn drives_mut(&mut self) -> impl Iterator<Item = &mut Drive> {
+        self.subdevices.iter_mut().map(SubDevice::drive_mut)
+    }
+
+    /// Returns the process behind the drives.
+    pub const fn process_mut(&mut self) -> &mut P {
+        &mut self.process
+    }
+
+    /// Swaps the places of two SubDevices.
+    pub fn swap(&mut self, first: usize, second: usize) {
+        if first.max(second) < self.subdevices.len() {
+            self.subdevices.swap(first, second);
+        }
+        self.set_ports();
+    }
+
+    /// Cuts the cable behind the first `reached` SubDevices; their number mends it.
+    pub fn cut_behind(&mut self, reached: usize) {
+        self.reached = reached.min(self.subdevices.len());
+        self.set_ports();
+    }
+
+    /// Lets frames pass by a SubDevice, as if it had no power and a closed relay; `None` mends it.
+    pub const fn bypass(&mut self, subdevice: Option<usize>) {
+        self.bypassed = subdevice;
+    }
+
+    fn set_ports(&mut self) {
+        let last = self.reached.saturating_sub(1);
+        for (index, subdevice) in self.subdevices.iter_mut().enumerate() {
+            subdevice.set_ports(index < last);
+        }
+    }
+
+    /// Runs to a time: state machines, watchdogs, and the process once per millisecond.
+    pub fn advance_to(&mut self, now_us: u64) {
+        while self.step_us <= now_us {
+            let at = self.step_us;
+            self.now_us = self.now_us.max(at);
+            for subdevice in &mut self.subdevices {
+                subdevice.advance_to(at);
+                subdevice.drive_mut().command();
+            }
+            self.process.step(&mut self.subdevices);
+            self.drives_mut().for_each(Drive::measure);
+            self.step_us += STEP_US;
+        }
+        self.now_us = self.now_us.max(now_us);
+        let now_us = self.now_us;
+        self.subdevices.iter_mut().for_each(|subdevice| subdevice.advance_to(now_us));
+    }
+
+    /// Passes a frame through the chain and back, in place; the time goes on by its way. False if it is none of EtherCAT, or broken.
+    pub fn pass(&mut self, frame: &mut [u8]) -> bool {
+        self.advance_to(self.now_us + FRAME_US);
+        if frame.get(12..14) != Some(&ETHERCAT) || self.reached == 0 {
+            return false;
+        }
+        let header = frame.get(14..16).and_then(|bytes| bytes.try_into().ok()).map_or(0, u16::from_le_bytes);
+        let end = FRAME_HEADER + usize::from(header & 0x07FF);
+        // The first SubDevice marks the source address as locally administered.
+        if let Some(source) = frame.get_mut(6) {
+            *source |= 0x02;
+        }
+        let mut at = FRAME_HEADER;
+        while let Some(datagram) = frame.get_mut(at..end) {
+            let Some((length, is_last)) = self.datagram(datagram) else { return false };
+            at += length;
+            if is_last {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Executes a datagram. Returns its length and true for the last one; `None` if it is broken.
+    fn datagram(&mut self, bytes: &mut [u8]) -> Option<(usize, bool)> {
+        let word = |bytes: &[u8], at: usize| Some(u16::from_le_bytes(bytes.get(at..at + 2)?.try_into().ok()?));
+        let command = *bytes.first()?;
+        let (mut address, offset) = (word(bytes, 2)?, word(bytes, 4)?);
+        let flags = word(bytes, 6)?;
+        let length = usize::from(flags & 0x07FF);
+        let end = DATAGRAM_HEADER + length;
+        let mut counter = word(bytes, end)?;
+        let data = bytes.get_mut(DATAGRAM_HEADER..end)?;
+        for (index, subdevice) in self.subdevices.iter_mut().take(self.reached).enumerate() {
+            if self.bypassed == Some(index) {
+                continue;
+            }
+            let is_selected = match command {
+                1..=3 | 13 => address == 0,
+                4..=6 | 14 => subdevice.answers_to(address),
+                _ => true,
+            };
+            let grown = execute(subdevice, command, is_selected, (address, offset), data);
+            counter = counter.wrapping_add(grown);
+            if matches!(command, 1..=3 | 7..=9 | 13) {
+                address = address.wrapping_add(1);
+            }
+        }
+        bytes.get_mut(2..4)?.copy_from_slice(&address.to_le_bytes());
+        bytes.get_mut(end..end + 2)?.copy_from_slice(&counter.to_le_bytes());
+        Some((end + 2, flags & 0x8000 == 0))
+    }
+}
+
+/// Executes a command at one SubDevice. Returns what the working counter grows by.
+fn execute(
+    subdevice: &mut SubDevice,
+    command: u8,
+    is_selected: bool,
+    (address, offset): (u16, u16),
+    data: &mut [u8],
+) -> u16 {
+    let logical = u32::from(offset) << 16 | u32::from(address);
+    match command {
+        1 | 4 if is_selected => subdevice.read(offset, data).into(),
+        2 | 5 | 8 if is_selected => subdevice.write(offset, data).into(),
+        3 | 6 | 9 if is_selected => read_and_write(subdevice, offset, data, command == 9),
+        7 => read_broadcast(subdevice, offset, data),
+        10 => subdevice.logical(logical, data, true, 0),
+        11 => subdevice.logical(logical, data, false, 1),
+        12 => subdevice.logical(logical, data, true, 2),
+        // Read at one, write at all others.
+        13 | 14 if is_selected => subdevice.read(offset, data).into(),
+        13 | 14 => subdevice.write(offset, data).into(),
+        _ => 0,
+    }
+}
+
+/// Reads into the datagram by a logical or, as broadcasts do.
+fn read_broadcast(subdevice: &mut SubDevice, offset: u16, data: &mut [u8]) -> u16 {
+    let mut room = [0_u8; LONGEST];
+    let Some(own) = room.get_mut(..data.len()) else { return 0 };
+    let was_read = subdevice.read(offset, own);
+    for (byte, own) in data.iter_mut().zip(own) {
+        *byte |= *own;
+    }
+    was_read.into()
+}
+
+fn read_and_write(subdevice: &mut SubDevice, offset: u16, data: &mut [u8], broadcast: bool) -> u16 {
+    let mut room = [0_u8; LONGEST];
+    let Some(sent) = room.get_mut(..data.len()) else { return 0 };
+    sent.copy_from_slice(data);
+    let was_read =
+        if broadcast { read_broadcast(subdevice, offset, data) } else { subdevice.read(offset, data).into() };
+    was_read + if subdevice.write(offset, sent) { 2 } else { 0 }
+}

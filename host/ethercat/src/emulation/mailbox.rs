@@ -1,0 +1,81 @@
+//! Mailbox of an emulated drive: CoE with expedited transfers, and normal uploads of what is longer.
+
+use super::drive::Drive;
+use super::objects::abort;
+
+/// Length of the mailbox's, CoE's and SDO's headers, bytes.
+const HEADERS: usize = 12;
+/// Mailbox type of CoE, and of an error.
+const COE: u8 = 3;
+const ERROR: u8 = 0;
+
+/// Answers a request. `None` for one that a SubDevice ignores: a repeated one.
+pub(super) fn answer(drive: &mut Drive, request: &[u8], last_counter: &mut u8, is_pre_op: bool) -> Option<Vec<u8>> {
+    let at = |index: usize| request.get(index).copied().unwrap_or(0);
+    let counter = at(5) >> 4 & 7;
+    if counter != 0 && counter == *last_counter {
+        return None;
+    }
+    *last_counter = counter;
+    let length = usize::from(u16::from_le_bytes([at(0), at(1)]));
+    let is_sdo_request = at(7) >> 4 == 2;
+    if at(5) & 0x0F != COE || length < 10 || length + 6 > request.len() || !is_sdo_request {
+        // Unsupported protocol: an error reply of the mailbox.
+        return Some(mailbox(ERROR, counter, &[1, 0, 2, 0]));
+    }
+    let (command, index, sub) = (at(8), u16::from_le_bytes([at(9), at(10)]), at(11));
+    let payload = request.get(HEADERS..HEADERS + 4).unwrap_or(&[]);
+    let body = match respond(drive, command, index, sub, payload, is_pre_op) {
+        Ok(body) => body,
+        Err(code) => body(0x80, index, sub, &code.to_le_bytes()),
+    };
+    Some(mailbox(COE, counter, &body))
+}
+
+fn respond(
+    drive: &mut Drive,
+    command: u8,
+    index: u16,
+    sub: u8,
+    payload: &[u8],
+    is_pre_op: bool,
+) -> Result<Vec<u8>, u32> {
+    let is_complete = command & 0x10 != 0;
+    match command >> 5 {
+        _ if is_complete => Err(abort::NO_COMPLETE_ACCESS),
+        // Upload.
+        2 if (index, sub) == (0x1008, 0) => {
+            let name = drive.name().as_bytes();
+            let mut data = (name.len() as u32).to_le_bytes().to_vec();
+            data.extend(name);
+            Ok(body(0x41, index, sub, &data))
+        }
+        2 => {
+            let (bytes, length) = drive.upload(index, sub)?;
+            Ok(body(0x43 | ((4 - length) as u8) << 2, index, sub, &bytes))
+        }
+        // Download: expedited, with its size.
+        1 if command & 0x03 == 0x03 => {
+            let length = 4 - usize::from(command >> 2 & 3);
+            drive.download(index, sub, payload.get(..length).ok_or(abort::LENGTH)?, is_pre_op)?;
+            Ok(body(0x60, index, sub, &[0; 4]))
+        }
+        _ => Err(abort::COMMAND),
+    }
+}
+
+/// CoE header of an SDO response, or of a request that is aborted, and the SDO.
+fn body(command: u8, index: u16, sub: u8, data: &[u8]) -> Vec<u8> {
+    let service = if command == 0x80 { 2 } else { 3 };
+    let [low, high] = index.to_le_bytes();
+    let mut bytes = vec![0, service << 4, command, low, high, sub];
+    bytes.extend(data);
+    bytes
+}
+
+fn mailbox(kind: u8, counter: u8, body: &[u8]) -> Vec<u8> {
+    let [low, high] = (body.len() as u16).to_le_bytes();
+    let mut bytes = vec![low, high, 0, 0, 0, counter << 4 | kind];
+    bytes.extend(body);
+    bytes
+}

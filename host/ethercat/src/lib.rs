@@ -1,0 +1,26 @@
+#![doc = include_str!("../README.md")]
+#![cfg(target_os = "linux")]
+#![forbid(unsafe_code)]
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::as_conversions,
+    reason = "off the reference path; release builds keep their overflow checks"
+)]
+
+mod bring_up;
+mod cia402;
+mod clock;
+mod drives;
+#[cfg(feature = "emulation")]
+pub mod emulation;
+mod fault;
+mod pump;
+mod raw_socket;
+mod wire;
+
+pub use bring_up::{BringUpError, DriveConfig, Initial, Place, Settings};
+pub use cia402::{Input, Offset, PowerState, Target};
+pub use drives::{Condition, Drives};
+pub use fault::Fault;
+pub use raw_socket::{RawSocket, RawSocketError};
+pub use wire::{Wire, WireError};

@@ -1,0 +1,90 @@
+//! Runs futures of ethercrab on the calling thread, and carries their frames.
+
+use std::future::Future;
+use std::pin::pin;
+use std::task::{Context, Poll, Waker};
+
+use ethercrab::error::Error;
+use ethercrab::{PduRx, PduTx, ReceiveAction};
+
+use crate::clock;
+use crate::wire::Wire;
+
+/// Longest frame, bytes.
+const LONGEST: usize = 1_536;
+/// Longest wait for a frame between two looks at the timers, µs.
+const WAIT_US: u64 = 50;
+
+/// Carries frames between ethercrab and a wire.
+pub(crate) struct Pump<W> {
+    pub(crate) wire: W,
+    tx: PduTx<'static>,
+    rx: PduRx<'static>,
+    buffer: [u8; LONGEST],
+}
+
+impl<W: Wire> Pump<W> {
+    pub(crate) const fn new(wire: W, tx: PduTx<'static>, rx: PduRx<'static>) -> Self {
+        Self { wire, tx, rx, buffer: [0; LONGEST] }
+    }
+
+    /// Runs a future until it ends, at most for `limit_us`. `None` then: what it waits for is given up.
+    pub(crate) fn run<F: Future>(&mut self, future: F, limit_us: u64) -> Option<F::Output> {
+        let mut future = pin!(future);
+        let mut context = Context::from_waker(Waker::noop());
+        let limit_us = self.wire.now_us().saturating_add(limit_us);
+        loop {
+            let now_us = self.wire.now_us();
+            clock::set_us(now_us);
+            if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
+                return Some(output);
+            }
+            if now_us > limit_us {
+                return None;
+            }
+            let sent = self.send();
+            if !self.receive() && !sent {
+                self.wire.wait_until(now_us.saturating_add(WAIT_US));
+            }
+        }
+    }
+
+    /// Drops what arrived since the last cycle: the answers that came too late.
+    pub(crate) fn drain(&mut self) {
+        while self.wire.receive(&mut self.buffer).is_some() {}
+    }
+
+    /// Sends what is to be sent; true if there was a frame, and the interface took it.
+    fn send(&mut self) -> bool {
+        let mut sent = false;
+        while let Some(frame) = self.tx.next_sendable_frame() {
+            let wire = &mut self.wire;
+            let outcome = frame.send_blocking(|bytes| match wire.send(bytes) {
+                Ok(()) => Ok(bytes.len()),
+                Err(_) => Err(Error::SendFrame),
+            });
+            if outcome.is_err() {
+                // It stays sendable until its time is over.
+                return false;
+            }
+            sent = true;
+        }
+        sent
+    }
+
+    /// Takes what has arrived; true if there was an answer that somebody waits for.
+    fn receive(&mut self) -> bool {
+        let mut received = false;
+        while let Some(length) = self.wire.receive(&mut self.buffer) {
+            let frame = self.buffer.get(..length).unwrap_or(&[]);
+            received |= self.rx.receive_frame(frame) == Ok(ReceiveAction::Processed);
+        }
+        received
+    }
+}
+
+impl<W> std::fmt::Debug for Pump<W> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Pump").finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,101 @@
+//! A network interface through a raw socket of Linux.
+
+use std::os::fd::{AsRawFd, OwnedFd};
+use std::time::Instant;
+
+use nix::ifaddrs::getifaddrs;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+use rustix::net::{AddressFamily, Protocol, RecvFlags, SendFlags, SocketFlags, SocketType, recv, send, socket_with};
+
+use crate::wire::{Wire, WireError};
+
+/// EtherType of EtherCAT.
+const ETHERCAT: u16 = 0x88A4;
+
+/// A network interface that carries nothing but EtherCAT.
+#[derive(Debug)]
+pub struct RawSocket {
+    socket: OwnedFd,
+    start: Instant,
+}
+
+/// Error of an interface.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RawSocketError {
+    /// The user may not open raw sockets.
+    #[error("raw sockets are not permitted; run as root, or give the program CAP_NET_RAW")]
+    Permission,
+    /// The system has no interface of this name.
+    #[error("there is no network interface {0}; `ip link` lists them")]
+    NoInterface(String),
+    /// Another error of the system.
+    #[error("{interface}: {reason}")]
+    System {
+        /// The interface.
+        interface: String,
+        /// The system's reason.
+        reason: String,
+    },
+}
+
+impl RawSocket {
+    /// Opens an interface by its name. Its frames of EtherCAT are read, no others.
+    ///
+    /// # Errors
+    /// [`RawSocketError`].
+    pub fn open(interface: &str) -> Result<Self, RawSocketError> {
+        let failed = |reason: String| RawSocketError::System { interface: interface.to_owned(), reason };
+        let protocol = Protocol::from_raw(std::num::NonZeroU32::from(ETHERTYPE_ON_THE_WIRE));
+        let flags = SocketFlags::NONBLOCK | SocketFlags::CLOEXEC;
+        let socket = socket_with(AddressFamily::PACKET, SocketType::RAW, flags, Some(protocol)).map_err(|error| {
+            if matches!(error, Errno::PERM | Errno::ACCESS) {
+                RawSocketError::Permission
+            } else {
+                failed(error.to_string())
+            }
+        })?;
+        let mut addresses = getifaddrs().map_err(|error| failed(error.to_string()))?;
+        let address = addresses.find_map(|entry| {
+            let address = entry.address.filter(|_| entry.interface_name == interface)?;
+            address.as_link_addr().copied()
+        });
+        let address = address.ok_or_else(|| RawSocketError::NoInterface(interface.to_owned()))?;
+        // The address names no protocol: the socket's own stands.
+        nix::sys::socket::bind(socket.as_raw_fd(), &address).map_err(|error| failed(error.to_string()))?;
+        Ok(Self { socket, start: Instant::now() })
+    }
+}
+
+/// The EtherType in network byte order, as the system wants it.
+const ETHERTYPE_ON_THE_WIRE: std::num::NonZeroU16 = match std::num::NonZeroU16::new(ETHERCAT.to_be()) {
+    Some(protocol) => protocol,
+    None => std::num::NonZeroU16::MIN,
+};
+
+impl Wire for RawSocket {
+    fn now_us(&self) -> u64 {
+        u64::try_from(self.start.elapsed().as_micros()).unwrap_or(u64::MAX)
+    }
+
+    fn send(&mut self, frame: &[u8]) -> Result<(), WireError> {
+        match send(&self.socket, frame, SendFlags::empty()) {
+            Ok(length) if length == frame.len() => Ok(()),
+            _ => Err(WireError),
+        }
+    }
+
+    fn receive(&mut self, buffer: &mut [u8]) -> Option<usize> {
+        recv(&self.socket, buffer, RecvFlags::empty()).ok().map(|(length, _)| length).filter(|length| *length > 0)
+    }
+
+    fn wait_until(&mut self, us: u64) {
+        let wait_us = us.saturating_sub(self.now_us());
+        let timeout = Timespec {
+            tv_sec: i64::try_from(wait_us / 1_000_000).unwrap_or(i64::MAX),
+            tv_nsec: i64::try_from(wait_us % 1_000_000 * 1_000).unwrap_or(0),
+        };
+        // An interrupted wait is a short one: the caller looks at the clock.
+        let _ready = poll(&mut [PollFd::new(&self.socket, PollFlags::IN)], Some(&timeout));
+    }
+}

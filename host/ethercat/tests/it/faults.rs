@@ -1,0 +1,221 @@
+//! Faults in operation: named, judged in their cycle, and left by a re-arm only. The drives' own references never jump.
+
+use gantry_tau_ethercat::emulation::{PowerState, STEP_US};
+use gantry_tau_ethercat::{Condition, Fault, Offset};
+
+use crate::bench::{Server, standing};
+
+/// Largest step of a drive's own reference when a motor moves by 10 counts per cycle, and its offset by 2.
+const STEP: i64 = 12;
+
+/// A server whose motors move.
+fn moving() -> Server<3> {
+    let mut server = Server::running();
+    for _ in 0..50 {
+        walk(&mut server);
+        server.cycle().unwrap();
+    }
+    assert!(server.largest_step() <= STEP);
+    server
+}
+
+fn walk(server: &mut Server<3>) {
+    for target in &mut server.targets {
+        target.position += 10;
+        target.offset.position += 2;
+    }
+}
+
+fn states(server: &Server<3>) -> Vec<PowerState> {
+    server.wire.bench().chain.drives().map(|drive| drive.state()).collect()
+}
+
+#[test]
+fn one_lost_frame_costs_one_cycle() {
+    for back in [false, true] {
+        let mut server = moving();
+        let before = *server.drives.inputs();
+        if back {
+            server.wire.bench().faults.lost_back = 1;
+        } else {
+            server.wire.bench().faults.lost_out = 1;
+        }
+        walk(&mut server);
+        assert_eq!(server.cycle(), Err(Fault::NoAnswer));
+        assert_eq!(*server.drives.inputs(), before, "nothing stale is taken");
+        assert_eq!(server.drives.condition(), Condition::Running);
+        server.cycle().unwrap();
+        assert!(server.largest_step() <= STEP, "the references of two cycles at once");
+    }
+}
+
+/// An answer that comes after its cycle is dropped: it is not the next cycle's.
+#[test]
+fn a_late_answer_is_not_taken_for_the_next() {
+    let mut server = moving();
+    {
+        let mut bench = server.wire.bench();
+        (bench.faults.delayed, bench.faults.delay_us) = (1, 700);
+    }
+    let before = *server.drives.inputs();
+    assert_eq!(server.cycle(), Err(Fault::NoAnswer));
+    assert_eq!(*server.drives.inputs(), before);
+    for _ in 0..300 {
+        walk(&mut server);
+        server.cycle().unwrap();
+        let (input, target) = (server.drives.inputs()[0], server.targets[0]);
+        let behind = target.position + target.offset.position - input.position;
+        assert!((0..4 * STEP as i32).contains(&behind), "{behind}: an answer of another cycle");
+    }
+}
+
+#[test]
+fn a_wrong_counter_is_no_reading() {
+    let mut server = moving();
+    server.wire.bench().faults.counter_less = 1;
+    let before = *server.drives.inputs();
+    walk(&mut server);
+    assert_eq!(server.cycle(), Err(Fault::WorkingCounter { expected: 9, received: 8 }));
+    assert_eq!(*server.drives.inputs(), before);
+    server.wire.bench().faults.counter_less = 0;
+    server.cycle().unwrap();
+}
+
+#[test]
+fn a_lost_drive_stops_the_others() {
+    let mut server = moving();
+    server.wire.bench().chain.bypass(Some(1));
+    assert_eq!(server.until_fault(1), (0, Fault::Absent { motor: 1 }));
+    for _ in 0..4 {
+        assert_eq!(server.cycle(), Err(Fault::Absent { motor: 1 }));
+    }
+    assert_eq!(server.drives.condition(), Condition::Stopped(Fault::Absent { motor: 1 }), "after the watchdog's five");
+    for _ in 0..20 {
+        assert!(server.cycle().is_err());
+    }
+    assert_eq!(states(&server), [PowerState::SwitchOnDisabled, PowerState::Fault, PowerState::SwitchOnDisabled]);
+    assert!(server.largest_step() <= STEP);
+    // Found again, and enabled after a re-arm only, where the motors stand.
+    server.wire.bench().chain.bypass(None);
+    for _ in 0..20 {
+        assert!(server.cycle().is_err());
+    }
+    server.drives.rearm();
+    server.until_running(200);
+    assert_eq!(states(&server), [PowerState::OperationEnabled; 3]);
+    assert!(server.largest_step() <= STEP);
+}
+
+#[test]
+fn a_cut_cable_loses_everything_behind() {
+    let mut server = moving();
+    server.wire.bench().chain.cut_behind(1);
+    assert_eq!(server.cycle(), Err(Fault::Absent { motor: 1 }));
+    server.wire.bench().chain.cut_behind(0);
+    assert_eq!(server.cycle(), Err(Fault::NoAnswer));
+}
+
+#[test]
+fn an_error_of_the_application_layer_is_named_with_its_code() {
+    let mut server = moving();
+    server.wire.bench().chain.subdevice_mut(2).unwrap().fail(0x0027);
+    let fault = Fault::State { motor: 2, state: 4, code: 0x0027 };
+    assert_eq!(server.cycle(), Err(fault));
+    assert_eq!(server.drives.condition(), Condition::Stopped(fault));
+    assert!(fault.to_string().contains("0x0027: FreeRun not supported"), "{fault}");
+    for _ in 0..10 {
+        assert_eq!(server.cycle(), Err(fault), "the first cause stands");
+    }
+    assert_eq!(states(&server)[2], PowerState::Fault, "a drive that leaves OP is not enabled");
+    server.drives.rearm();
+    server.until_running(200);
+    assert!(server.largest_step() <= STEP);
+}
+
+#[test]
+fn a_drive_in_fault_is_reset_by_a_rearm_only() {
+    let mut server = moving();
+    server.wire.bench().chain.subdevice_mut(0).unwrap().drive_mut().trip();
+    let (cycles, fault) = server.until_fault(3);
+    assert_eq!(fault, Fault::Drive { motor: 0, error_code: 0x2310 });
+    assert!(cycles <= 1);
+    for _ in 0..500 {
+        assert_eq!(server.cycle(), Err(fault));
+    }
+    assert_eq!(states(&server), [PowerState::Fault, PowerState::SwitchOnDisabled, PowerState::SwitchOnDisabled]);
+    server.drives.rearm();
+    assert!(server.until_running(100) > 5, "states of CiA 402, one at a time");
+    assert!(server.largest_step() <= STEP);
+}
+
+#[test]
+fn a_following_error_is_told_apart() {
+    let mut server = moving();
+    server.wire.bench().chain.subdevice_mut(1).unwrap().drive_mut().set_object(0x6065, 0, 3);
+    // Half the way in each step: it is outside while it moves, for longer than its 10 ms.
+    let fault = (0..50).find_map(|_| {
+        walk(&mut server);
+        server.cycle().err()
+    });
+    assert_eq!(fault, Some(Fault::FollowingError { motor: 1 }));
+}
+
+/// The bus is gone for 10 s in motion, and comes back: the drives have stopped by themselves, and stay so until a re-arm.
+#[test]
+fn a_bus_that_is_gone_for_ten_seconds_in_motion() {
+    let mut server = moving();
+    let offsets = server.targets.map(|target| target.offset);
+    server.wire.bench().chain.cut_behind(0);
+    for cycle in 0..10_000 {
+        walk(&mut server);
+        assert_eq!(server.cycle(), Err(Fault::NoAnswer), "{cycle}");
+    }
+    let place: Vec<i64> = server.wire.bench().chain.drives().map(|drive| drive.motor().position).collect();
+    assert_eq!(states(&server), [PowerState::Fault; 3]);
+    assert!(server.largest_step() <= STEP);
+    server.wire.bench().chain.cut_behind(3);
+    for _ in 0..100 {
+        assert!(server.cycle().is_err());
+    }
+    assert_eq!(states(&server), [PowerState::Fault; 3], "not enabled by itself");
+    server.targets = standing(server.drives.inputs(), &offsets);
+    server.drives.rearm();
+    server.until_running(200);
+    let after: Vec<i64> = server.wire.bench().chain.drives().map(|drive| drive.motor().position).collect();
+    assert_eq!(place, after);
+    assert!(server.largest_step() <= 1, "enabled where they stand");
+}
+
+/// A killed server: the watchdog stops the drives, within its five cycles and the ramp of the drive.
+#[test]
+fn a_killed_server_is_stopped_for() {
+    let server = moving();
+    let positions = || -> Vec<i64> { server.wire.bench().chain.drives().map(|drive| drive.motor().position).collect() };
+    let before = positions();
+    server.wire.idle(7 * STEP_US);
+    assert_eq!(states(&server), [PowerState::Fault; 3]);
+    let way = positions().iter().zip(before).map(|(now, then)| now - then).max().unwrap();
+    // The last references are one cycle ahead of the motors, which close in on them.
+    assert!((0..=2 * STEP).contains(&way), "{way}");
+    server.wire.idle(1_000_000);
+    assert!(server.wire.bench().chain.drives().all(|drive| drive.object(0x603F, 0) == 0x7500));
+}
+
+/// A restart reads the offsets in force back, and enables without a step; a drive in fault waits for the re-arm.
+#[test]
+fn a_restart_with_offsets_in_force_makes_no_step() {
+    let server = moving();
+    let wire = server.wire.clone();
+    let in_force = server.targets.map(|target| target.offset);
+    std::mem::forget(server);
+    wire.idle(50_000);
+    let mut again = Server::<3>::on(&wire);
+    assert_eq!(again.drives.initial().map(|initial| initial.offset), in_force);
+    assert!(in_force[0] != Offset::default());
+    assert_eq!(again.drives.condition(), Condition::Stopped(Fault::Drive { motor: 0, error_code: 0x7500 }));
+    again.forget_steps();
+    again.drives.rearm();
+    again.until_running(200);
+    assert!(again.largest_step() <= 1);
+    assert_eq!(again.targets.map(|target| target.offset), in_force);
+}

@@ -1,0 +1,16 @@
+//! Drives on an emulated bus, cycle by cycle: no clock, no socket.
+#![cfg(target_os = "linux")]
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::as_conversions,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "tests"
+)]
+
+mod bench;
+mod faults;
+mod operation;
+mod refused;
+mod strict;

@@ -1,0 +1,106 @@
+//! Configurations that are refused, each with motor and reason.
+
+use gantry_tau_ethercat::{BringUpError, Drives, Place, Settings};
+
+use crate::bench::{SETTINGS, VENDOR, configs, setups, wire};
+
+/// The error of a bring-up in words.
+fn refusal(
+    change: impl FnOnce(&mut [gantry_tau_ethercat::emulation::DriveSetup], &mut [gantry_tau_ethercat::DriveConfig; 3]),
+    settings: Settings,
+) -> (BringUpError, String) {
+    let (mut setups, mut configs) = (setups(3), configs());
+    change(&mut setups, &mut configs);
+    let error = Drives::bring_up(wire(&setups), &configs, settings).unwrap_err();
+    (error, error.to_string())
+}
+
+#[test]
+fn watchdogs_that_are_too_long_off_or_not_taken() {
+    for watchdog_cycles in [0, 11, 100] {
+        let (error, text) = refusal(|_, _| {}, Settings { watchdog_cycles, ..SETTINGS });
+        assert_eq!(error, BringUpError::Watchdog { cycles: watchdog_cycles });
+        assert!(text.contains("1 to 10"), "{text}");
+    }
+    let (error, _) = refusal(|drives, _| drives[1].watchdog_is_writable = false, SETTINGS);
+    assert_eq!(error, BringUpError::WatchdogTime { motor: 1, wanted_us: 5_000, found_us: 100_000 });
+    let (error, text) = refusal(|drives, _| drives[2].has_watchdog = false, SETTINGS);
+    assert_eq!(error, BringUpError::WatchdogOff { motor: 2 });
+    assert!(text.contains("would not stop by itself"), "{text}");
+}
+
+#[test]
+fn missing_objects() {
+    for (object, words) in [
+        (0x60B1, "axes.velocity.max_um_s"),
+        (0x60B2, "axes.torque.max_permille"),
+        (0x608F, "counts_per_turn"),
+        (0x607A, "needs"),
+    ] {
+        let (error, text) = refusal(|drives, _| drives[1].missing.push(object), SETTINGS);
+        assert!(
+            matches!(error, BringUpError::MissingObject { motor: 1, object: found, .. } if found == object),
+            "{text}"
+        );
+        assert!(text.contains(words) && text.contains("motor 1"), "{text}");
+    }
+    // Not needed, so not missed.
+    let (mut drives, mut wanted) = (setups(3), configs::<3>());
+    drives[1].missing = vec![0x60B1, 0x60B2, 0x603F, 0x608F, 0x607D];
+    (wanted[1].needs_velocity_offset, wanted[1].needs_torque_offset, wanted[1].counts_per_turn) = (false, false, None);
+    Drives::bring_up(wire(&drives), &wanted, SETTINGS).unwrap();
+}
+
+#[test]
+fn another_encoder_and_narrow_software_limits() {
+    let (error, _) = refusal(|drives, _| drives[0].encoder = (1 << 20, 2), SETTINGS);
+    assert_eq!(error, BringUpError::Encoder { motor: 0, expected: 1 << 20, found: 1 << 19 });
+    for limits in [(-9_999_999, 20_000_000), (-20_000_000, 9_999_999)] {
+        let (error, text) = refusal(|drives, _| drives[2].software_limits = limits, SETTINGS);
+        let travel = (-10_000_000, 10_000_000);
+        assert_eq!(error, BringUpError::SoftwareLimits { motor: 2, travel, limits });
+        assert!(text.contains("607Dh"), "{text}");
+    }
+}
+
+#[test]
+fn drives_that_are_swapped_missing_or_ambiguous() {
+    let by_position = |configs: &mut [gantry_tau_ethercat::DriveConfig; 3]| {
+        for (position, config) in (0..).zip(configs) {
+            config.place = Place::Position(position);
+        }
+    };
+    let (error, text) = refusal(
+        |drives, configs| {
+            drives.swap(0, 1);
+            by_position(configs);
+        },
+        SETTINGS,
+    );
+    assert!(matches!(error, BringUpError::Identity { motor: 0, vendor: VENDOR, product: 1, found_product: 2, .. }));
+    assert!(text.contains("swapped"), "{text}");
+    // By alias: the aliases were given to the wrong drives.
+    let (error, _) = refusal(
+        |drives, _| {
+            let (first, second) = (drives[0].alias, drives[1].alias);
+            (drives[0].alias, drives[1].alias) = (second, first);
+        },
+        SETTINGS,
+    );
+    assert!(matches!(error, BringUpError::Identity { motor: 0, found_product: 2, .. }), "{error}");
+    let (error, _) = refusal(|_, configs| configs[2].place = Place::Alias(77), SETTINGS);
+    assert_eq!(error, BringUpError::Missing { motor: 2, place: Place::Alias(77), found: 3 });
+    let (error, _) = refusal(|drives, _| drives[1].alias = drives[0].alias, SETTINGS);
+    assert!(matches!(error, BringUpError::Ambiguous { motor: 0, .. }), "{error}");
+    let (error, _) = refusal(|_, configs| configs[1] = configs[0], SETTINGS);
+    assert!(matches!(error, BringUpError::Ambiguous { motor: 0, .. }), "{error}");
+}
+
+#[test]
+fn an_empty_bus_and_too_many_devices() {
+    let empty = wire(&setups(3));
+    empty.bench().chain.cut_behind(0);
+    assert_eq!(Drives::bring_up(empty, &configs::<3>(), SETTINGS).unwrap_err(), BringUpError::Silent);
+    let many = wire(&setups(17));
+    assert_eq!(Drives::bring_up(many, &configs::<3>(), SETTINGS).unwrap_err(), BringUpError::TooMany);
+}
