@@ -1,0 +1,277 @@
+//! A server's machine on a bus.
+
+use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
+use gantry_tau_core::units::{Metres, PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_ethercat::{Condition, Drives, Fault, Input, Offset, PowerState, RawSocket, Target, Wire};
+
+use super::standing::{axis_position, targets};
+use crate::counts::CountScale;
+use crate::plant::{DriveState, Plant, PlantError, Reading, ToolReading};
+use crate::robot_file::CYCLE_US;
+use crate::sim::interpolator::Interpolator;
+
+/// Faults that wait to be logged.
+const FAULTS: usize = 64;
+/// What fails here.
+const OPERATION: &str = "exchange process data with the drives";
+
+/// Wire of a machine with instruments at its tool.
+pub trait Machine<const N: usize>: Wire {
+    /// Takes note of what the references of the coming exchange are made of. Interfaces need not know it.
+    fn note(&mut self, parts: &[InForce; N]) {
+        let _ = parts;
+    }
+
+    /// Returns the measurements at the tool.
+    fn tool(&mut self) -> Option<ToolReading> {
+        None
+    }
+}
+
+impl<const N: usize> Machine<N> for RawSocket {}
+
+/// Units of one motor's drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Motor {
+    pub(super) axis: usize,
+    pub(super) scale: CountScale,
+    /// Counts per second of the drive's unit of velocity.
+    pub(super) velocity_unit: f64,
+}
+
+impl Motor {
+    /// Velocity of the axis, µm/s, of one of the drive.
+    pub(super) fn velocity_um_s(&self, velocity: i32) -> Option<i64> {
+        let counts = (f64::from(velocity) * self.velocity_unit).round() as i64;
+        self.scale.nanometres(counts).map(|nm_s| nm_s / 1_000)
+    }
+
+    /// Torque with the sign of the axis, or of the drive.
+    pub(super) const fn turned(&self, torque: i16) -> i16 {
+        if self.scale.sign() < 0 { torque.saturating_neg() } else { torque }
+    }
+
+    /// References of the drive: the sum is rounded once, so that offset and position cannot disagree.
+    pub(super) fn target(&self, sum: PositionNm, offsets: &Offsets) -> Option<Target> {
+        let position = self.scale.difference(offsets.position.0.into())?;
+        let counts_s = self.scale.difference(i64::from(offsets.velocity.0) * 1_000)?;
+        let velocity = (f64::from(counts_s) / self.velocity_unit).round() as i32;
+        let offset = Offset { position, velocity, torque: self.turned(offsets.torque.0) };
+        Some(Target { position: self.scale.counts(sum)?.checked_sub(position)?, offset })
+    }
+}
+
+/// Drives over EtherCAT as the machine of a server with `N` axes and `M` motors.
+///
+/// Each `write` is one exchange: the references leave, and what the drives measured comes back; the next `read` hands it out. A reading
+/// whose exchange failed is an error, never an old one.
+#[derive(Debug)]
+pub struct EthercatPlant<W: Wire, const N: usize, const M: usize> {
+    pub(super) drives: Drives<W, M>,
+    pub(super) motors: [Motor; M],
+    /// The nominal path, in place of the NC kernel.
+    pub(super) path: Interpolator<N>,
+    /// The path was left: the nominal references stand here.
+    pub(super) held: bool,
+    pub(super) nominal: [PositionNm; N],
+    pub(super) in_force: [InForce; N],
+    /// Outcome of the last exchange.
+    pub(super) last: Result<(), Fault>,
+    pub(super) faults: Option<rtrb::Producer<Fault>>,
+}
+
+/// The faults of a bus, for the log of another thread.
+#[derive(Debug)]
+pub struct FaultLog {
+    faults: rtrb::Consumer<Fault>,
+    last: Option<Fault>,
+}
+
+impl FaultLog {
+    /// Logs faults with their motors and codes, each until another one comes.
+    pub fn write(&mut self) {
+        while let Some(fault) = self.next() {
+            if fault != Fault::Rearming && self.last != Some(fault) {
+                tracing::error!("EtherCAT: {fault}");
+            }
+            self.last = Some(fault);
+        }
+    }
+
+    /// Returns the next fault that was not taken yet.
+    pub fn next(&mut self) -> Option<Fault> {
+        self.faults.pop().ok()
+    }
+}
+
+impl<W: Machine<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
+    /// Returns the log of faults, to be written by another thread. The first call has it.
+    pub fn fault_log(&mut self) -> FaultLog {
+        let (producer, faults) = rtrb::RingBuffer::new(FAULTS);
+        self.faults = Some(producer);
+        FaultLog { faults, last: None }
+    }
+
+    /// Returns the drives.
+    #[must_use]
+    pub const fn drives_on_the_bus(&self) -> &Drives<W, M> {
+        &self.drives
+    }
+
+    fn note(&mut self, outcome: Result<(), Fault>) {
+        self.last = outcome;
+        if let (Err(fault), Some(faults)) = (outcome, &mut self.faults) {
+            // A full queue has enough to log.
+            let _full = faults.push(fault);
+        }
+    }
+
+    /// Moves what is in force to where the motors stand, with the offsets that they have.
+    fn stand(&mut self) {
+        for (axis, in_force) in self.in_force.iter_mut().enumerate() {
+            stand_axis(axis, in_force, &self.motors, self.drives.inputs());
+        }
+    }
+
+    fn actual(&self) -> Option<[Actual; N]> {
+        let inputs = self.drives.inputs();
+        let mut actual = [Actual::default(); N];
+        for (axis, report) in actual.iter_mut().enumerate() {
+            let counts = |motor: usize| inputs.get(motor).map_or(0, |input| input.position);
+            report.position = axis_position(axis, &self.motors, counts)?.0;
+            let own = || self.motors.iter().zip(inputs).filter(|(motor, _)| motor.axis == axis);
+            let count = i64::try_from(own().count()).ok().filter(|count| *count > 0)?;
+            let velocity: i64 = own().filter_map(|(motor, input)| motor.velocity_um_s(input.velocity)).sum();
+            let torque: i64 = own().map(|(motor, input)| i64::from(motor.turned(input.torque))).sum();
+            let clamped = velocity.checked_div(count)?.clamp(i32::MIN.into(), i32::MAX.into());
+            report.velocity = VelocityUmS(i32::try_from(clamped).ok()?);
+            report.torque = TorquePermille(i16::try_from(torque.checked_div(count)?).ok()?);
+        }
+        Some(actual)
+    }
+}
+
+/// Moves what is in force on one axis to where its motors stand. Beyond the range it stays: the targets are refused then.
+fn stand_axis<const M: usize>(axis: usize, in_force: &mut InForce, motors: &[Motor; M], inputs: &[Input; M]) {
+    let counts = |motor: usize| inputs.get(motor).map_or(0, |input| input.position);
+    if let Some((position, _)) = axis_position(axis, motors, counts) {
+        in_force.nominal = PositionNm(position.0.saturating_sub(in_force.offsets.position.0.into()));
+    }
+}
+
+/// Error of a fault.
+const fn failed(fault: &Fault) -> PlantError {
+    PlantError { operation: OPERATION, reason: fault.name() }
+}
+
+impl<W: Machine<N>, const N: usize, const M: usize> Plant<N, M> for EthercatPlant<W, N, M> {
+    fn start(&mut self) -> Result<(), PlantError> {
+        let (motors, in_force) = (&self.motors, &mut self.in_force);
+        self.drives.start(|inputs| {
+            for (axis, in_force) in in_force.iter_mut().enumerate() {
+                stand_axis(axis, in_force, motors, inputs);
+            }
+            // Checked when the bus was opened: the motors stand within their range.
+            let standing = || inputs.map(|input| Target { position: input.position, ..Target::default() });
+            targets(motors, in_force).unwrap_or_else(standing)
+        });
+        self.nominal = self.in_force.map(|in_force| in_force.nominal);
+        if let Condition::Stopped(fault) = self.drives.condition() {
+            // A drive that is still in fault waits for the re-arm: the server starts, and stops.
+            self.held = true;
+            self.note(Err(fault));
+        }
+        Ok(())
+    }
+
+    fn in_force(&mut self) -> Result<[InForce; N], PlantError> {
+        Ok(self.in_force)
+    }
+
+    fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantError> {
+        self.drives.wire_mut().begin_cycles(elapsed, CYCLE_US.into());
+        self.last.map_err(|fault| failed(&fault))?;
+        if !self.held && self.drives.condition() == Condition::Running {
+            // One cycle of the path for each one that the drives took: a delay makes no leap.
+            self.path.advance();
+            for (nominal, metres) in self.nominal.iter_mut().zip(self.path.position_m()) {
+                let beyond = PlantError { operation: "follow the nominal path", reason: "a position is out of range" };
+                *nominal = PositionNm::from_metres(Metres(metres)).map_err(|_| beyond)?;
+            }
+        }
+        let beyond = PlantError { operation: OPERATION, reason: "a measurement is out of range" };
+        let actual = self.actual().ok_or(beyond)?;
+        Ok(Reading { nominal: self.nominal, actual, tool: self.drives.wire_mut().tool() })
+    }
+
+    fn write(&mut self, references: &[Reference; M], parts: &[InForce; N]) -> Result<(), PlantError> {
+        let is_running = self.drives.condition() == Condition::Running;
+        if matches!(self.drives.condition(), Condition::Rearming { .. }) {
+            self.stand();
+        }
+        let wanted = if is_running {
+            self.drives.wire_mut().note(parts);
+            demanded(&self.motors, references, parts)
+        } else {
+            let in_force = self.in_force;
+            self.drives.wire_mut().note(&in_force);
+            targets(&self.motors, &in_force)
+        };
+        let beyond = PlantError { operation: OPERATION, reason: "a reference is beyond the range of its drive" };
+        let wanted = wanted.ok_or(beyond)?;
+        let outcome = self.drives.cycle(&wanted);
+        self.note(outcome);
+        outcome.map_err(|fault| failed(&fault))?;
+        if is_running {
+            self.in_force = *parts;
+            return Ok(());
+        }
+        // Enabled again, where the motors stand: the server goes on from there.
+        self.held = true;
+        self.nominal = self.in_force.map(|in_force| in_force.nominal);
+        Err(failed(&Fault::Rearming))
+    }
+
+    fn drives(&self) -> Option<[DriveState; N]> {
+        let mut states = [DriveState::Operating; N];
+        for (motor, input) in self.motors.iter().zip(self.drives.inputs()) {
+            if let Some(state) = states.get_mut(motor.axis) {
+                *state = (*state).max(drive_state(input.state()));
+            }
+        }
+        Some(states)
+    }
+
+    fn reset(&mut self) {
+        self.drives.rearm();
+    }
+}
+
+/// References of every motor for a server's demand.
+fn demanded<const N: usize, const M: usize>(
+    motors: &[Motor; M],
+    references: &[Reference; M],
+    parts: &[InForce; N],
+) -> Option<[Target; M]> {
+    let mut targets = [Target::default(); M];
+    for (target, (motor, reference)) in targets.iter_mut().zip(motors.iter().zip(references)) {
+        let offsets = Offsets {
+            position: parts.get(motor.axis)?.offsets.position,
+            velocity: reference.velocity_offset,
+            torque: reference.torque_offset,
+        };
+        *target = motor.target(reference.position, &offsets)?;
+    }
+    Some(targets)
+}
+
+/// State of a drive as the server shows it.
+const fn drive_state(state: PowerState) -> DriveState {
+    match state {
+        PowerState::OperationEnabled => DriveState::Operating,
+        PowerState::SwitchedOn => DriveState::Ready,
+        PowerState::NotReady | PowerState::SwitchOnDisabled | PowerState::ReadyToSwitchOn => DriveState::NotReady,
+        PowerState::QuickStopActive => DriveState::QuickStop,
+        PowerState::FaultReactionActive | PowerState::Fault => DriveState::Fault,
+    }
+}
