@@ -1,4 +1,4 @@
-//! One axis: an AX5000-like cascade, its motor and its cart `[T 4.1.7, Fig. 4.6]`.
+//! One drive: an AX5000-like cascade, its motor and its cart `[T 4.1.7, Fig. 4.6]`.
 //!
 //! ```text
 //! position reference --(-)-- P --(+)--(-)-- PI --(+)-- current loop -- motor + cart -- position
@@ -11,8 +11,16 @@
 //! the winding is a closed first-order loop here: far above everything the cycle can see. Lengths are metres along the guideway;
 //! forces are newtons there; "torque" is force over rated force.
 
+mod cascade;
+mod motor;
+mod profile;
+
 use gantry_tau_core::control::axis::{Actual, Reference};
 use gantry_tau_core::units::{CrossingError, Metres, PositionNm, TorquePermille, VelocityUmS};
+
+use cascade::Cascade;
+use motor::Motor;
+pub use profile::{RATED_FORCE_N, TORQUE_LIMIT};
 
 /// Length of a cycle, s.
 pub const CYCLE_S: f64 = 1e-3;
@@ -21,37 +29,13 @@ pub const SUBSTEPS: u32 = 16;
 /// Length of an integration step, s.
 const SUBSTEP_S: f64 = CYCLE_S / 16.0;
 
-/// Mass of cart and motor, the motor's inertia reflected to the guideway, kg.
-const MASS_KG: f64 = 40.0;
-/// Force at rated torque, N.
-pub const RATED_FORCE_N: f64 = 1000.0;
-/// Torque limit, in rated torques.
-pub const TORQUE_LIMIT: f64 = 3.0;
-/// Position loop: velocity per position error, 1/s.
-const POSITION_GAIN: f64 = 150.0;
-/// Velocity loop: acceleration per velocity error, 1/s.
-const VELOCITY_GAIN: f64 = 900.0;
-/// Velocity loop: time of its integral, s.
-const VELOCITY_INTEGRAL_S: f64 = 4.5e-3;
-/// Share of the way the current loop goes in one step: `1 - exp(-62.5 µs / 160 µs)`.
-const CURRENT_SHARE: f64 = 0.323_4;
-/// Viscous friction, N s/m.
-const FRICTION: f64 = 200.0;
-
-/// State of one axis.
+/// State of one drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive {
-    /// End of the reference in force, m.
-    reference_m: f64,
-    velocity_offset: VelocityUmS,
-    torque_offset: TorquePermille,
-    /// Position of the fine interpolation, m.
-    interpolated_m: f64,
-    position_m: f64,
-    velocity_m_per_s: f64,
-    force_n: f64,
-    /// Integral part of the velocity loop, N.
-    integral_n: f64,
+    /// Reference in force.
+    reference: Reference,
+    cascade: Cascade,
+    motor: Motor,
 }
 
 impl Drive {
@@ -59,62 +43,29 @@ impl Drive {
     #[must_use]
     pub fn at_rest(reference: &Reference) -> Self {
         let position_m = reference.position.to_metres().0;
-        Self {
-            reference_m: position_m,
-            velocity_offset: reference.velocity_offset,
-            torque_offset: reference.torque_offset,
-            interpolated_m: position_m,
-            position_m,
-            velocity_m_per_s: 0.0,
-            force_n: 0.0,
-            integral_n: 0.0,
-        }
+        Self { reference: *reference, cascade: Cascade::at_rest(position_m), motor: Motor::at_rest(position_m) }
     }
 
-    /// Takes what is to be followed in the next cycle.
-    pub fn command(&mut self, reference: &Reference) {
-        self.reference_m = reference.position.to_metres().0;
-        self.velocity_offset = reference.velocity_offset;
-        self.torque_offset = reference.torque_offset;
+    /// Takes the reference of the next cycle.
+    pub const fn command(&mut self, reference: &Reference) {
+        self.reference = *reference;
     }
 
     /// Runs one cycle, under `load_n` newtons that push the cart along its guideway.
     pub fn advance(&mut self, load_n: f64) {
-        let start_m = self.interpolated_m;
-        let way_m = self.reference_m - start_m;
-        let feed_forward = way_m / CYCLE_S + f64::from(self.velocity_offset.0) * 1e-6;
+        let demand = self.cascade.demand(&self.reference);
         for substep in 0..SUBSTEPS {
-            // Reference and position at the start of the step: at constant speed the error is then zero.
-            let share = f64::from(substep) / f64::from(SUBSTEPS);
-            self.interpolated_m = start_m + way_m * share;
-            self.substep(feed_forward, load_n);
+            let Motor { position_m, velocity_m_per_s, .. } = self.motor;
+            let wanted_n = self.cascade.force_n(&demand, substep, position_m, velocity_m_per_s);
+            self.motor.advance(wanted_n, load_n);
         }
-        self.interpolated_m = self.reference_m;
-    }
-
-    /// Integrates controllers, then motor and cart.
-    fn substep(&mut self, feed_forward_m_per_s: f64, load_n: f64) {
-        let position_error_m = self.interpolated_m - self.position_m;
-        let velocity_reference = POSITION_GAIN * position_error_m + feed_forward_m_per_s;
-        let velocity_error = velocity_reference - self.velocity_m_per_s;
-        let proportional_n = MASS_KG * VELOCITY_GAIN * velocity_error;
-        let offset_n = f64::from(self.torque_offset.0) * 1e-3 * RATED_FORCE_N;
-        let limit_n = TORQUE_LIMIT * RATED_FORCE_N;
-        // The integral stops at the limit, so that it does not wind up.
-        let grown_n = self.integral_n + proportional_n * (SUBSTEP_S / VELOCITY_INTEGRAL_S);
-        self.integral_n = grown_n.clamp(-limit_n, limit_n);
-        let wanted_n = (proportional_n + self.integral_n + offset_n).clamp(-limit_n, limit_n);
-
-        self.force_n += (wanted_n - self.force_n) * CURRENT_SHARE;
-        let sum_n = self.force_n + load_n - FRICTION * self.velocity_m_per_s;
-        self.velocity_m_per_s += sum_n / MASS_KG * SUBSTEP_S;
-        self.position_m += self.velocity_m_per_s * SUBSTEP_S;
+        self.cascade.end(&self.reference);
     }
 
     /// Motor side of the axis, m.
     #[must_use]
     pub const fn position_m(&self) -> f64 {
-        self.position_m
+        self.motor.position_m
     }
 }
 
@@ -125,9 +76,9 @@ impl Drive {
 pub fn report<'a>(drives: impl Iterator<Item = &'a Drive> + Clone) -> Result<Actual, CrossingError> {
     let mean = |of: fn(&Drive) -> f64| mean(drives.clone().map(of));
     Ok(Actual {
-        position: PositionNm::from_metres(Metres(mean(|drive| drive.position_m)))?,
-        velocity: velocity(mean(|drive| drive.velocity_m_per_s))?,
-        torque: torque(mean(|drive| drive.force_n / RATED_FORCE_N))?,
+        position: PositionNm::from_metres(Metres(mean(|drive| drive.motor.position_m)))?,
+        velocity: velocity(mean(|drive| drive.motor.velocity_m_per_s))?,
+        torque: torque(mean(|drive| drive.motor.force_n / RATED_FORCE_N))?,
     })
 }
 
@@ -228,5 +179,26 @@ mod tests {
             drive.advance(0.0);
         }
         assert!(error_nm(&drive, 0) < 100, "{drive:?}");
+    }
+
+    /// Bits of a run with motion, offsets, load and saturation, from the revision before drives had supervision, latency and encoders.
+    #[test]
+    fn an_ideal_drive_without_latency_has_the_bits_of_the_first_one() {
+        let mut drive = Drive::at_rest(&reference(1_000_000));
+        let mut digest = 0xcbf2_9ce4_8422_2325_u64;
+        for cycle in 0..600_i64 {
+            let offset = i32::try_from(cycle % 7 * 100).unwrap();
+            drive.command(&Reference {
+                velocity_offset: VelocityUmS(offset),
+                torque_offset: TorquePermille(i16::try_from(cycle % 5).unwrap()),
+                ..reference(1_000_000 + cycle * cycle * 900)
+            });
+            drive.advance(if cycle > 400 { 3500.0 } else { 0.3 * cycle as f64 });
+            let torque = u64::from(actual(&drive).torque.0.unsigned_abs());
+            for word in [drive.position_m().to_bits(), torque] {
+                digest = (digest ^ word).wrapping_mul(0x0100_0000_01b3);
+            }
+        }
+        assert_eq!(digest, 0x6ee3_4c5b_c983_ebfb, "{digest:#x}");
     }
 }
