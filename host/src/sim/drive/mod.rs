@@ -12,15 +12,23 @@
 //! forces are newtons there; "torque" is force over rated force.
 
 mod cascade;
+pub mod coupled;
+pub mod encoder;
 mod motor;
-mod profile;
+pub mod profile;
+pub mod supervision;
 
 use gantry_tau_core::control::axis::{Actual, Reference};
 use gantry_tau_core::units::{CrossingError, Metres, PositionNm, TorquePermille, VelocityUmS};
 
-use cascade::Cascade;
+use crate::plant::DriveState;
+use cascade::{Cascade, Demand};
+use encoder::{Motion, Readings};
+pub use motor::Cart;
 use motor::Motor;
-pub use profile::{RATED_FORCE_N, TORQUE_LIMIT};
+use profile::Interface;
+pub use profile::{RATED_FORCE_N, Settings, TORQUE_LIMIT};
+use supervision::{Observed, Supervision, Trip};
 
 /// Length of a cycle, s.
 pub const CYCLE_S: f64 = 1e-3;
@@ -28,44 +36,177 @@ pub const CYCLE_S: f64 = 1e-3;
 pub const SUBSTEPS: u32 = 16;
 /// Length of an integration step, s.
 const SUBSTEP_S: f64 = CYCLE_S / 16.0;
+/// Longest latency in either direction, cycles.
+pub const MAX_DELAY: u8 = 5;
+/// Cycles that are kept for the latency.
+const KEPT: usize = MAX_DELAY as usize + 1;
+/// Way per cycle onto the reference after a reset, m: 10 mm/s.
+const APPROACH_M: f64 = 10e-6;
+/// Velocity below which a motor stands, m/s.
+const STANDSTILL_M_PER_S: f64 = 1e-3;
 
 /// State of one drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive {
-    /// Reference in force.
-    reference: Reference,
+    settings: Settings,
+    /// Commands of this cycle and of those before.
+    commands: [Reference; KEPT],
+    /// A command came since the last cycle.
+    is_fresh: bool,
+    supervision: Supervision,
+    demand: Demand,
     cascade: Cascade,
     motor: Motor,
+    readings: Readings,
+    /// Measurement of the loops in this step.
+    measured: Motion,
+    /// Force against the other motors of the axis, N.
+    bias_n: f64,
+    /// Reports of this cycle and of those before.
+    reports: [Report; KEPT],
+}
+
+/// Measurements at the end of a cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Report {
+    motion: Motion,
+    force_n: f64,
 }
 
 impl Drive {
-    /// Creates a drive at rest at `reference`.
+    /// Creates a drive at rest at `reference`, ready for its first command.
     #[must_use]
-    pub fn at_rest(reference: &Reference) -> Self {
+    pub fn at_rest(reference: &Reference, settings: &Settings) -> Self {
         let position_m = reference.position.to_metres().0;
-        Self { reference: *reference, cascade: Cascade::at_rest(position_m), motor: Motor::at_rest(position_m) }
+        let readings = Readings::at_rest(settings.encoder, position_m);
+        Self {
+            settings: *settings,
+            commands: [*reference; KEPT],
+            is_fresh: false,
+            supervision: Supervision::new(settings.limits),
+            demand: Demand::Stop { velocity_m_per_s: 0.0, deceleration_m_per_s2: settings.quick_stop_m_per_s2 },
+            cascade: Cascade::at_rest(position_m),
+            motor: Motor::at_rest(position_m),
+            readings,
+            measured: (position_m, 0.0),
+            bias_n: 0.0,
+            reports: [Report { motion: (position_m, 0.0), force_n: 0.0 }; KEPT],
+        }
+    }
+
+    /// Lets it push with its bias, forwards (1.0) or backwards (-1.0), against the other motors of its axis.
+    #[must_use]
+    pub fn biased(self, direction: f64) -> Self {
+        Self { bias_n: direction * self.settings.bias * RATED_FORCE_N, ..self }
+    }
+
+    /// Creates the cart of an axis where the drive's motor is.
+    #[must_use]
+    pub const fn cart(&self) -> Cart {
+        Cart::at_rest(self.motor.body.position_m)
     }
 
     /// Takes the reference of the next cycle.
     pub const fn command(&mut self, reference: &Reference) {
-        self.reference = *reference;
+        self.commands[0] = *reference;
+        self.is_fresh = true;
     }
 
     /// Runs one cycle, under `load_n` newtons that push the cart along its guideway.
     pub fn advance(&mut self, load_n: f64) {
-        let demand = self.cascade.demand(&self.reference);
+        self.begin();
         for substep in 0..SUBSTEPS {
-            let Motor { position_m, velocity_m_per_s, .. } = self.motor;
-            let wanted_n = self.cascade.force_n(&demand, substep, position_m, velocity_m_per_s);
-            self.motor.advance(wanted_n, load_n);
+            let measured = self.measure();
+            let wanted_n = self.wanted_n(substep, measured);
+            self.motor.advance(wanted_n, load_n, &self.settings);
         }
-        self.cascade.end(&self.reference);
+        self.end();
+    }
+
+    /// Returns the reference in force: the command of as many cycles ago as it takes to come.
+    fn reference(&self) -> Reference {
+        self.commands[usize::from(self.settings.command_delay_cycles.min(MAX_DELAY))]
+    }
+
+    fn begin(&mut self) {
+        let reach_m = if self.state() == DriveState::NotReady { APPROACH_M } else { f64::INFINITY };
+        self.demand = match self.state() {
+            DriveState::QuickStop | DriveState::Fault => Demand::Stop {
+                velocity_m_per_s: self.demand.velocity_m_per_s(),
+                deceleration_m_per_s2: self.settings.quick_stop_m_per_s2,
+            },
+            _ => self.cascade.follow(&self.reference(), reach_m, &self.settings),
+        };
+    }
+
+    fn measure(&mut self) -> Motion {
+        self.readings.measure(self.motor.motion())
+    }
+
+    /// Returns the force that a step asks of the current loop, N.
+    fn wanted_n(&mut self, substep: u32, measured: Motion) -> f64 {
+        self.cascade.force_n(&self.demand, substep, measured, self.motor.limit_n(), &self.settings)
+    }
+
+    /// Integrates a step in front of a cart, with the bias. Returns the force on the cart, N.
+    fn push(&mut self, substep: u32, measured: Motion, cart: &Cart) -> f64 {
+        let limit_n = self.motor.limit_n();
+        let wanted_n = (self.wanted_n(substep, measured) + self.bias_n).clamp(-limit_n, limit_n);
+        self.motor.advance_in_front_of(cart, wanted_n, &self.settings)
+    }
+
+    fn end(&mut self) {
+        let reference = self.reference();
+        let is_on_reference = self.cascade.end(&self.demand, &reference);
+        let motion = self.readings.report(self.motor.motion());
+        let error_m = match self.settings.interface {
+            Interface::Position => reference.position.to_metres().0 - motion.0,
+            Interface::Velocity => 0.0,
+        };
+        self.supervision.observe(&Observed {
+            is_fresh: std::mem::take(&mut self.is_fresh),
+            error_nm: nearest(error_m * 1e9).unwrap_or(i64::MAX),
+            is_on_reference,
+            is_at_rest: self.demand.velocity_m_per_s() == 0.0 && motion.1.abs() < STANDSTILL_M_PER_S,
+        });
+        self.commands.copy_within(..KEPT - 1, 1);
+        self.reports.copy_within(..KEPT - 1, 1);
+        self.reports[0] = Report { motion, force_n: self.motor.force_n };
+    }
+
+    /// Returns the state of the drive.
+    #[must_use]
+    pub const fn state(&self) -> DriveState {
+        self.supervision.state()
+    }
+
+    /// Returns the cause of its last quick stop, until the reset.
+    #[must_use]
+    pub const fn trip(&self) -> Option<Trip> {
+        self.supervision.trip()
+    }
+
+    /// Stops it because another drive of its axis has stopped.
+    pub fn stop_with_partner(&mut self) {
+        self.supervision.stop(Trip::Partner);
+    }
+
+    /// Acknowledges a fault: the drive then moves onto the reference in force, at no more than 10 mm/s, before it is ready.
+    pub fn reset(&mut self) {
+        if self.supervision.reset() {
+            self.cascade.restart(self.reports[0].motion.0);
+        }
     }
 
     /// Motor side of the axis, m.
     #[must_use]
     pub const fn position_m(&self) -> f64 {
-        self.motor.position_m
+        self.motor.body.position_m
+    }
+
+    /// Measurements that have come to the bus by now.
+    fn report(&self) -> &Report {
+        &self.reports[usize::from(self.settings.actual_delay_cycles.min(MAX_DELAY))]
     }
 }
 
@@ -76,9 +217,9 @@ impl Drive {
 pub fn report<'a>(drives: impl Iterator<Item = &'a Drive> + Clone) -> Result<Actual, CrossingError> {
     let mean = |of: fn(&Drive) -> f64| mean(drives.clone().map(of));
     Ok(Actual {
-        position: PositionNm::from_metres(Metres(mean(|drive| drive.motor.position_m)))?,
-        velocity: velocity(mean(|drive| drive.motor.velocity_m_per_s))?,
-        torque: torque(mean(|drive| drive.motor.force_n / RATED_FORCE_N))?,
+        position: PositionNm::from_metres(Metres(mean(|drive| drive.report().motion.0)))?,
+        velocity: velocity(mean(|drive| drive.report().motion.1))?,
+        torque: torque(mean(|drive| drive.report().force_n / RATED_FORCE_N))?,
     })
 }
 
@@ -142,7 +283,7 @@ mod tests {
             ("the torque offset, absorbed by the position loop", pushed, 0.0, 100, (0, 100), Some(0)),
             ("the velocity offset", shifted, 0.0, 200, (1_000, 10), None),
         ] {
-            let mut drive = Drive::at_rest(&reference(0));
+            let mut drive = Drive::at_rest(&reference(0), &Settings::IDEAL);
             drive.command(&reference_after);
             for _ in 0..cycles {
                 drive.advance(load_n);
@@ -155,7 +296,7 @@ mod tests {
 
     #[test]
     fn follows_motion_closely() {
-        let mut drive = Drive::at_rest(&reference(0));
+        let mut drive = Drive::at_rest(&reference(0), &Settings::IDEAL);
         let mut worst = 0;
         for cycle in 1..1000_i64 {
             // Up to 0.5 m/s, at 2 m/s^2.
@@ -170,7 +311,7 @@ mod tests {
 
     #[test]
     fn overload_is_limited_and_recovered_from() {
-        let mut drive = Drive::at_rest(&reference(0));
+        let mut drive = Drive::at_rest(&reference(0), &Settings::IDEAL);
         for _ in 0..20 {
             drive.advance(1.2 * TORQUE_LIMIT * RATED_FORCE_N);
             assert!(actual(&drive).torque.0 >= -3000);
@@ -184,7 +325,7 @@ mod tests {
     /// Bits of a run with motion, offsets, load and saturation, from the revision before drives had supervision, latency and encoders.
     #[test]
     fn an_ideal_drive_without_latency_has_the_bits_of_the_first_one() {
-        let mut drive = Drive::at_rest(&reference(1_000_000));
+        let mut drive = Drive::at_rest(&reference(1_000_000), &Settings::IDEAL);
         let mut digest = 0xcbf2_9ce4_8422_2325_u64;
         for cycle in 0..600_i64 {
             let offset = i32::try_from(cycle % 7 * 100).unwrap();
