@@ -10,10 +10,13 @@
 
 pub mod black_box;
 pub mod client;
+pub mod counts;
 pub mod demo;
 pub mod draw;
 pub mod elastic;
 pub mod epoch;
+#[cfg(all(feature = "ethercat", target_os = "linux"))]
+pub mod ethercat;
 pub mod experiment;
 pub mod faults;
 pub mod files;

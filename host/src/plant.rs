@@ -8,6 +8,15 @@ use gantry_tau_core::units::PositionNm;
 ///
 /// No call may block, allocate or lock. The first implementation is the simulated machine of [`crate::sim`].
 pub trait Plant<const AXES: usize, const MOTORS: usize>: Send {
+    /// Enables the drives, where they stand, at the values in force. Called in the thread of the cycles, before the first of them; it may
+    /// block. Drives that need a reset first are left: `read` must fail then, until [`reset`](Self::reset).
+    ///
+    /// # Errors
+    /// [`PlantError`] when the server must not run. The default does nothing.
+    fn start(&mut self) -> Result<(), PlantError> {
+        Ok(())
+    }
+
     /// Reads the values in force at the drives: those of the last references they took. Nominal reference plus position offset must be the
     /// position reference in force; drives that know only their sum leave the rest of it to the nominal reference.
     /// Called before the first cycle, and after every failed `write`: the server goes on from these values, without a step.

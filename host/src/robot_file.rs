@@ -4,6 +4,7 @@ mod build;
 mod check;
 mod drives;
 pub mod edit;
+mod ethercat;
 mod keys;
 mod learned;
 mod sections;
@@ -23,6 +24,7 @@ use crate::model::{F1, L2, MachineKind};
 pub use build::CYCLE_US;
 use check::Kind;
 pub use drives::Drives;
+pub use ethercat::{Ethercat, EthercatDrive};
 pub(crate) use keys::{F1Keys, Keys, L2Keys};
 pub use learned::{Calibrated, Identified, Play, WristJoint};
 pub use sections::{Client, CorrectionKind, Motors, Sensor, Simulation, Tool};
@@ -56,6 +58,8 @@ pub struct RobotFile<K, const N: usize> {
     pub client: Client,
     /// `[drives]`; absent: drives that know no failure, no latency and no encoder.
     pub drives: Option<Drives>,
+    /// `[ethercat]`; absent in a file without a bus.
+    pub ethercat: Option<Ethercat>,
     /// `[simulation]`.
     pub simulation: Simulation,
     /// `[calibrated]`; absent in a file that was not calibrated.
@@ -227,6 +231,9 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         if let Some(drives) = &sections.drives {
             drives::check(drives, &sections.axes, &sections.motors)?;
         }
+        if let Some(section) = &sections.ethercat {
+            ethercat::check(section, &sections.motors, &sections.axes.metres_per_q.0, &limits)?;
+        }
         check::sensor(&sections.sensor)?;
         check::range("client.gain", sections.client.gain, 0.0, 1.0)?;
         check::simulation(&sections.simulation)?;
@@ -248,6 +255,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             sensor: sections.sensor,
             client: sections.client,
             drives: sections.drives,
+            ethercat: sections.ethercat,
             simulation: sections.simulation,
             calibrated: sections.calibrated,
             identified: sections.identified,

@@ -13,6 +13,7 @@ mod linuxcnc;
 mod monitor;
 mod outputs;
 mod plan;
+mod plant;
 mod publication;
 mod recording;
 mod replay;

@@ -32,6 +32,7 @@ use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::units::Epoch;
 
+use super::plant::PlantChoice;
 use super::publication::PublicationOptions;
 use super::{MachineCommand, Outcome, Pace, address, fail, transport};
 
@@ -57,6 +58,17 @@ pub(crate) struct Serve {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     pub(super) robot: String,
+    /// The machine's drives: simulated, or over EtherCAT behind a network interface; `emulated`: a bus without hardware
+    ///
+    /// EtherCAT needs the drives in the robot file, [[ethercat.drives]], and a program that was built with it. Drives in fault are
+    /// enabled by `rearm`. See docs/ethercat.md.
+    #[arg(
+        long,
+        value_name = "simulated|ethercat:IFACE|ethercat:emulated",
+        default_value = "simulated",
+        hide_default_value = true
+    )]
+    pub(super) plant: PlantChoice,
     /// Source of the ticks
     #[arg(long, default_value = "real")]
     pace: Pace,
@@ -109,6 +121,9 @@ impl MachineCommand for Serve {
                 );
             }
         }
+        if self.plant != PlantChoice::Simulated {
+            return self.serve_bus::<K, N, M>(&robot, allowed);
+        }
         let Some(path) = &self.plan else {
             let (hand, tool) = load_generator();
             let mut machine = robot.simulated_machine::<M>(tool, self.motion(&robot)?)?;
@@ -135,7 +150,7 @@ impl MachineCommand for Serve {
 
 impl Serve {
     /// Serves a machine until the quit; `each` sees every row.
-    fn serve<K: MachineKind<N>, P: Plant<N, M> + 'static, const N: usize, const M: usize>(
+    pub(super) fn serve<K: MachineKind<N>, P: Plant<N, M> + 'static, const N: usize, const M: usize>(
         &self,
         robot: &RobotFile<K, N>,
         machine: P,
@@ -246,6 +261,9 @@ impl Serve {
         if !(0.1..=3_600.0).contains(&self.step_seconds) {
             return Err("--step-seconds must be from 0.1 to 3600");
         }
+        if self.plant != PlantChoice::Simulated && (self.plan.is_some() || self.workpiece.is_some()) {
+            return Err("--plan and --workpiece need the simulated machine: --plant simulated");
+        }
         if !(-1_000.0..=1_000.0).contains(&self.motion) {
             return Err("--motion must be from -1000 to 1000 mm");
         }
@@ -253,19 +271,31 @@ impl Serve {
     }
 
     fn motion<K: MachineKind<N>, const N: usize>(&self, robot: &RobotFile<K, N>) -> Result<Motion<N>, RobotFileError> {
+        let (home_q, scale) = (robot.home_q()?, robot.metres_per_q);
+        let mut home_m = home_q;
+        for (place, scale) in home_m.iter_mut().zip(scale) {
+            *place *= scale;
+        }
+        Ok(self.motion_from(home_m))
+    }
+
+    /// The motion of the nominal path from where the axes stand, m.
+    pub(super) fn motion_from<const N: usize>(&self, start_m: [f64; N]) -> Motion<N> {
         if self.motion == 0.0 {
-            return Ok(Motion::Hold);
+            return Motion::Hold;
         }
-        let mut waypoint = robot.home_q()?;
-        for (place, scale) in waypoint.iter_mut().zip(robot.metres_per_q) {
-            *place = *place * scale + self.motion * 1e-3;
-        }
-        Ok(Motion::BackAndForth {
-            waypoints_m: vec![waypoint],
+        Motion::BackAndForth {
+            waypoints_m: vec![start_m.map(|place| place + self.motion * 1e-3)],
             speed_m_per_s: 0.02,
             acceleration_m_per_s2: 0.5,
             dwell_cycles: 500,
-        })
+        }
+    }
+
+    /// The force steps on a simulated tool.
+    #[cfg(all(feature = "ethercat", target_os = "linux"))]
+    pub(super) fn load(&self, hand: gantry_tau::sim::load_generator::LoadGenerator) -> LoadProfile {
+        LoadProfile::new(hand, self.force_max, self.step_seconds)
     }
 }
 

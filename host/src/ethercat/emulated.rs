@@ -33,7 +33,11 @@ pub struct EmulatedMachine<const N: usize, const M: usize> {
 
 impl<const N: usize, const M: usize> Process for EmulatedMachine<N, M> {
     fn step(&mut self, drives: &mut [SubDevice]) {
-        let mut references = [Reference { position: Default::default(), velocity_offset: VelocityUmS(0), torque_offset: TorquePermille(0) }; M];
+        let mut references = [Reference {
+            position: Default::default(),
+            velocity_offset: VelocityUmS(0),
+            torque_offset: TorquePermille(0),
+        }; M];
         let places = references.iter_mut().zip(self.motors.iter().zip(&mut self.braked));
         for ((reference, (units, braked)), drive) in places.zip(drives.iter()) {
             let motor = drive.drive().motor();
@@ -96,7 +100,12 @@ pub fn emulated_bus<K: MachineKind<N>, const N: usize, const M: usize>(
         }
         let counts_per_m = drive.counts_per_q / metres;
         setups.push(DriveSetup {
-            identity: Identity { vendor: drive.vendor, product: drive.product, revision: 1, serial: u32::from(index) + 1 },
+            identity: Identity {
+                vendor: drive.vendor,
+                product: drive.product,
+                revision: 1,
+                serial: u32::from(index) + 1,
+            },
             alias: drive.alias.unwrap_or(0),
             position: scale.counts(at.nominal).unwrap_or(0),
             missing: Vec::new(),

@@ -47,7 +47,11 @@ pub enum EthercatError {
 }
 
 /// Returns the expectations of a drive.
-fn config(drive: &EthercatDrive, motor: &Motor, axis: &gantry_tau_core::control::session::config::AxisConfig) -> DriveConfig {
+fn config(
+    drive: &EthercatDrive,
+    motor: &Motor,
+    axis: &gantry_tau_core::control::session::config::AxisConfig,
+) -> DriveConfig {
     let travel = axis.machine_travel;
     let ends = [travel.lower, travel.upper].map(|end| motor.scale.counts(end).unwrap_or(0));
     DriveConfig {
@@ -90,12 +94,14 @@ impl<W: Machine<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
         let (Ok(motors), Ok(configs)) = (<[Motor; M]>::try_from(motors), <[DriveConfig; M]>::try_from(configs)) else {
             return Err(EthercatError::NoSection { file: robot.name.clone() });
         };
-        let settings = Settings { cycle_us: section.cycle_us, watchdog_cycles: section.watchdog_cycles, answer_us: ANSWER_US };
+        let settings =
+            Settings { cycle_us: section.cycle_us, watchdog_cycles: section.watchdog_cycles, answer_us: ANSWER_US };
         let drives = Drives::bring_up(wire, &configs, settings)
             .map_err(|error| EthercatError::BringUp { file: robot.name.clone(), error })?;
         let in_force = in_force(robot, &motors, &drives.initial())?;
         let nominal = in_force.map(|in_force| in_force.nominal);
-        let path = Interpolator::new(nominal.map(metres), &motion(nominal.map(metres))).map_err(|error| other(&error))?;
+        let path =
+            Interpolator::new(nominal.map(metres), &motion(nominal.map(metres))).map_err(|error| other(&error))?;
         Ok(Self { drives, motors, path, held: false, nominal, in_force, last: Ok(()), faults: None })
     }
 }
@@ -138,8 +144,9 @@ fn in_force<K, const N: usize, const M: usize>(
         }
         let mut offsets = None::<Offsets>;
         for (motor, (units, initial)) in own() {
-            let found = offsets_of(units, initial)
-                .ok_or_else(|| refuse(format!("ethercat.drives[{motor}]"), "its offsets are out of range".to_owned()))?;
+            let found = offsets_of(units, initial).ok_or_else(|| {
+                refuse(format!("ethercat.drives[{motor}]"), "its offsets are out of range".to_owned())
+            })?;
             // Counts of two drives round the same offset differently.
             let differs = offsets.is_some_and(|first| {
                 (i64::from(first.position.0) - i64::from(found.position.0)).abs() > 1_000
@@ -147,7 +154,8 @@ fn in_force<K, const N: usize, const M: usize>(
                     || first.torque != found.torque
             });
             if differs {
-                let reason = format!("the drives of axis {axis} have different offsets in force; set 60B0h to 60B2h to 0");
+                let reason =
+                    format!("the drives of axis {axis} have different offsets in force; set 60B0h to 60B2h to 0");
                 return Err(refuse(format!("ethercat.drives[{motor}]"), reason));
             }
             offsets = offsets.or(Some(found));

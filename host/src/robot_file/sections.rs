@@ -5,6 +5,7 @@ use nalgebra::Matrix3;
 use serde::Deserialize;
 
 use super::drives::Drives;
+use super::ethercat::Ethercat;
 use super::learned::{Calibrated, Identified, Play, WristJoint};
 use super::matrix;
 
@@ -16,6 +17,7 @@ pub(super) struct Sections<const N: usize> {
     pub(super) sensor: Sensor,
     pub(super) client: Client,
     pub(super) drives: Option<Drives>,
+    pub(super) ethercat: Option<Ethercat>,
     pub(super) simulation: Simulation,
     pub(super) calibrated: Option<Calibrated>,
     pub(super) identified: Option<Identified>,
@@ -25,8 +27,19 @@ pub(super) struct Sections<const N: usize> {
 }
 
 impl<const N: usize> Sections<N> {
-    pub(super) const NAMES: [&'static str; 10] =
-        ["axes", "motors", "sensor", "client", "drives", "simulation", "calibrated", "identified", "play", "wrist"];
+    pub(super) const NAMES: [&'static str; 11] = [
+        "axes",
+        "motors",
+        "sensor",
+        "client",
+        "drives",
+        "ethercat",
+        "simulation",
+        "calibrated",
+        "identified",
+        "play",
+        "wrist",
+    ];
 }
 
 /// One entry per axis. serde reads arrays of a fixed length, not of a generic one.

@@ -105,6 +105,14 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         })
     }
 
+    /// Enables the drives. In the thread of the cycles, before the first of them.
+    ///
+    /// # Errors
+    /// [`ServerError::Plant`].
+    pub fn start(&mut self) -> Result<(), ServerError> {
+        self.plant.start().map_err(ServerError::Plant)
+    }
+
     /// Publishes the sensor's samples.
     #[must_use]
     pub fn with_sensor(mut self, sensor: SensorPublisher) -> Self {

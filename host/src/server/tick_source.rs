@@ -34,7 +34,8 @@ pub enum TickSource {
 /// Runs cycles until quit is requested and the drives have taken references without offsets.
 ///
 /// # Errors
-/// [`ServerError::StillInForce`]: quit is requested, and the machine has taken nothing for two seconds.
+/// [`ServerError::Plant`]: the drives cannot be enabled. [`ServerError::StillInForce`]: quit is requested, and the machine has taken
+/// nothing for two seconds.
 pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
     mut cycle: Cycle<N, M, P>,
     ticks: TickSource,
@@ -46,6 +47,7 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
             tracing::warn!("cycle thread: no {}: {}", denied.privilege, denied.reason);
         }
     }
+    cycle.start()?;
     let mut timer = CycleTimer::starting_now(PERIOD_NS);
     let mut state_left_ns = now_ns();
     let mut refused = 0;

@@ -1,0 +1,85 @@
+//! The machine that a server moves: simulated, or drives over EtherCAT.
+
+use gantry_tau::model::MachineKind;
+use gantry_tau::robot_file::RobotFile;
+use gantry_tau::server::connections::Allowed;
+
+use super::Outcome;
+use super::serve::Serve;
+
+/// Prefix of a bus.
+const ETHERCAT: &str = "ethercat:";
+
+/// Choice of `--plant`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum PlantChoice {
+    /// The simulated machine.
+    Simulated,
+    /// The simulated machine behind emulated drives.
+    Emulated,
+    /// Drives behind a network interface.
+    Interface(String),
+}
+
+impl std::str::FromStr for PlantChoice {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text.strip_prefix(ETHERCAT) {
+            None if text == "simulated" => Ok(Self::Simulated),
+            Some("emulated") => Ok(Self::Emulated),
+            Some(interface) if !interface.is_empty() => Ok(Self::Interface(interface.to_owned())),
+            _ => Err("expected simulated, ethercat:emulated, or ethercat: with the name of a network interface"),
+        }
+    }
+}
+
+#[cfg(not(all(feature = "ethercat", target_os = "linux")))]
+impl Serve {
+    /// Refuses: this program has no EtherCAT.
+    pub(super) fn serve_bus<K: MachineKind<N>, const N: usize, const M: usize>(
+        &self,
+        _robot: &RobotFile<K, N>,
+        _allowed: Allowed,
+    ) -> Outcome {
+        Err("this program was built without EtherCAT; build it on Linux: cargo install gantry-tau --features ethercat"
+            .into())
+    }
+}
+
+#[cfg(all(feature = "ethercat", target_os = "linux"))]
+impl Serve {
+    /// Serves the drives of a bus.
+    pub(super) fn serve_bus<K: MachineKind<N>, const N: usize, const M: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+        allowed: Allowed,
+    ) -> Outcome {
+        use gantry_tau::ethercat::{EthercatError, EthercatPlant, emulated_bus};
+        use gantry_tau::robot_file::Ethercat;
+        use gantry_tau::sim::load_generator::load_generator;
+        use gantry_tau::sim::parameters::Motion;
+
+        let motion = |start_m| self.motion_from(start_m);
+        if let PlantChoice::Interface(interface) = &self.plant {
+            let missing = || EthercatError::NoSection { file: robot.name.clone() };
+            let section = robot.ethercat.as_ref().ok_or_else(missing)?;
+            let socket = gantry_tau_ethercat::RawSocket::open(interface)?;
+            let mut plant = EthercatPlant::<_, N, M>::open(robot, section, socket, motion)?;
+            let mut faults = plant.fault_log();
+            return self.serve(robot, plant, allowed, |_| faults.write());
+        }
+        let (hand, tool) = load_generator();
+        let machine = robot.simulated_machine::<M>(tool, Motion::Hold)?;
+        let emulated = || Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
+        let section = robot.ethercat.clone().unwrap_or_else(emulated);
+        let bus = emulated_bus(robot, &section, machine)?;
+        let mut plant = EthercatPlant::<_, N, M>::open(robot, &section, bus, motion)?;
+        let mut faults = plant.fault_log();
+        let mut load = self.load(hand);
+        self.serve(robot, plant, allowed, |row| {
+            load.update(row.state.phase, row.state.tick);
+            faults.write();
+        })
+    }
+}
