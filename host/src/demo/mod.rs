@@ -11,9 +11,12 @@ use std::path::PathBuf;
 
 use crate::files::{WriteError, write};
 use crate::model::MachineKind;
+use crate::plant::Plant;
 use crate::record::RecordTo;
 use crate::robot_file::RobotFile;
 use crate::server::tick_source::TickSource;
+use crate::sim::load_generator::AppliedLoad;
+use crate::sim::parameters::Motion;
 use crate::terminal::{progress_bar, say};
 use scenario::Recording;
 
@@ -106,13 +109,29 @@ impl<K, const N: usize> DemoOptions<K, N> {
     }
 }
 
-/// Runs the demo, prints progress and table, writes the report.
+/// Runs the demo on the simulated machine, prints progress and table, writes the report.
 ///
 /// # Errors
 /// [`DemoError`].
 pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     options: &DemoOptions<K, N>,
 ) -> Result<Results, DemoError> {
+    run_on(options, |robot, tool| robot.simulated_machine::<M>(tool, Motion::Hold))
+}
+
+/// Runs the demo on a machine that `build` makes, with this load on its tool.
+///
+/// # Errors
+/// [`DemoError`].
+pub fn run_on<K, P, E, const N: usize, const M: usize>(
+    options: &DemoOptions<K, N>,
+    build: impl Fn(&RobotFile<K, N>, AppliedLoad) -> Result<P, E>,
+) -> Result<Results, DemoError>
+where
+    K: MachineKind<N>,
+    P: Plant<N, M> + 'static,
+    E: std::error::Error,
+{
     options.check()?;
     // A path that cannot be written is found before the demo, not after it.
     let files = [&options.json, &options.black_box];
@@ -123,10 +142,10 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
         tracing::warn!("no {}: {}", denied.privilege, denied.reason);
     }
     let (pace, recording) = match options.pace {
-        PaceChoice::Only(pace) => (pace, play::<K, N, M>(options, pace, false)?),
+        PaceChoice::Only(pace) => (pace, play(options, &build, pace, false)?),
         PaceChoice::Auto => {
             say("real time at 1 kHz; if this machine does not hold it, the demo starts again in lock-step");
-            match play::<K, N, M>(options, TickSource::RealTime, true) {
+            match play(options, &build, TickSource::RealTime, true) {
                 Ok(recording) => (TickSource::RealTime, recording),
                 Err(DemoError::Lost(reason)) => {
                     say(format_args!(
@@ -134,7 +153,7 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
                          Starting again from the beginning in lock-step (the server waits for its client, link times mean nothing)."
                     ));
                     let ticks = TickSource::Lockstep;
-                    (ticks, play::<K, N, M>(options, ticks, false)?)
+                    (ticks, play(options, &build, ticks, false)?)
                 }
                 Err(error) => return Err(error),
             }
@@ -158,16 +177,22 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     Ok(results)
 }
 
-fn play<K: MachineKind<N>, const N: usize, const M: usize>(
+fn play<K, P, E, const N: usize, const M: usize>(
     options: &DemoOptions<K, N>,
+    build: impl Fn(&RobotFile<K, N>, AppliedLoad) -> Result<P, E>,
     ticks: TickSource,
     probe: bool,
-) -> Result<Recording<N>, DemoError> {
+) -> Result<Recording<N>, DemoError>
+where
+    K: MachineKind<N>,
+    P: Plant<N, M> + 'static,
+    E: std::error::Error,
+{
     let steps = 2 * options.forces_n().len() as u64;
     let tare = u64::from(options.robot.sensor.tare_samples);
     // Half a second of rests, three of ramp.
     let bar = progress_bar(tare + steps * options.step_ticks() + 3_500, "ticks");
-    let played = scenario::play::<K, N, M>(options, ticks, probe, &bar);
+    let played = scenario::play(options, build, ticks, probe, &bar);
     bar.finish_and_clear();
     Ok(played?)
 }

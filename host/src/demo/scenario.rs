@@ -20,12 +20,13 @@ use crate::client::{self, ClientControls, ClientError, ClientOptions, ClientRepo
 use crate::faults::plan::FaultPlan;
 use crate::faults::relay::Relay;
 use crate::model::MachineKind;
+use crate::plant::Plant;
+use crate::robot_file::RobotFile;
 use crate::sensor_link::SensorPublisher;
 use crate::server::Server;
 use crate::server::cycle::Cycle;
 use crate::server::tick_source::TickSource;
-use crate::sim::load_generator::{Load, LoadGenerator, load_generator};
-use crate::sim::parameters::Motion;
+use crate::sim::load_generator::{AppliedLoad, Load, LoadGenerator, load_generator};
 use crate::stop_latch::StopLatch;
 use crate::terminal::say;
 
@@ -96,20 +97,27 @@ struct Scenario<'a, K, const N: usize> {
     client: JoinHandle<Result<ClientReport, ClientError>>,
 }
 
-/// Runs the whole session at one pace. With `probe`, a machine that misses many deadlines in the first second fails early.
-pub(super) fn play<K: MachineKind<N>, const N: usize, const M: usize>(
+/// Runs the whole session at one pace, on the machine that `build` makes. With `probe`, a computer that misses many deadlines in the first
+/// second fails early.
+pub(super) fn play<K, P, E, const N: usize, const M: usize>(
     options: &DemoOptions<K, N>,
+    build: impl Fn(&RobotFile<K, N>, AppliedLoad) -> Result<P, E>,
     ticks: TickSource,
     probe: bool,
     bar: &ProgressBar,
-) -> Result<Recording<N>, Failure> {
+) -> Result<Recording<N>, Failure>
+where
+    K: MachineKind<N>,
+    P: Plant<N, M> + 'static,
+    E: std::error::Error,
+{
     let robot = &options.robot;
     let capabilities = match ticks {
         TickSource::RealTime => Capabilities::NONE,
         TickSource::Lockstep => Capabilities::LOCKSTEP,
     };
     let (hand, tool) = load_generator();
-    let machine = robot.simulated_machine::<M>(tool, Motion::Hold)?;
+    let machine = build(robot, tool)?;
     let config = robot.session_config(capabilities)?;
     let axes = config.parameters().axes;
     let travel = axes.map(|axis| axis.machine_travel);

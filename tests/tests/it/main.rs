@@ -15,6 +15,8 @@ mod campaigns;
 mod client_over_datagrams;
 mod datagrams;
 mod embedding;
+#[cfg(target_os = "linux")]
+mod ethercat;
 mod fuzz_seeds;
 mod hostile_traffic;
 mod kill;

@@ -206,6 +206,11 @@ impl Drive {
         self.objects.set(index, sub, value);
     }
 
+    /// Takes an object out of the dictionary: the drive is one that never had it.
+    pub fn remove_object(&mut self, index: u16) {
+        self.objects.remove(index);
+    }
+
     /// Returns the largest change of the reference of the position loop from one step to the next, counts, since the last call;
     /// enabling counts as a change from the position at which the motor stood.
     pub const fn take_largest_step(&mut self) -> i64 {

@@ -79,6 +79,10 @@ impl Objects {
         }
     }
 
+    pub(super) fn remove(&mut self, index: u16) {
+        self.0.retain(|entry| entry.index != index);
+    }
+
     /// Returns the bytes of an entry.
     pub(super) fn upload(&self, index: u16, sub: u8) -> Result<([u8; 4], usize), u32> {
         let missing = if self.has(index) { abort::NO_SUBINDEX } else { abort::NO_OBJECT };

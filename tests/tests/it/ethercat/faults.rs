@@ -1,0 +1,208 @@
+//! What a bus and its drives do wrong: stop and cause as stated, nothing stale, no jump, back by a re-arm only.
+
+use gantry_tau::plant::DriveState;
+use gantry_tau::robot_file::RobotFile;
+use gantry_tau::server::cycle::Row;
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::message::{Cause, Mode, Phase};
+use gantry_tau_ethercat::Fault;
+use gantry_tau_tests::client::Client;
+
+use super::{Server, bus};
+
+/// Largest step of a drive's own reference: 0.1 m/s, an offset's step of 5 µm, and rounding.
+const STEP_NM: i64 = 105_020;
+/// Offset that the client asks for, nm.
+const OFFSET_NM: i32 = 200_000;
+
+/// A session in Obtain, moving, with its offsets in force.
+fn moving() -> (Server<3, 3>, Client<3>) {
+    let robot = RobotFile::builtin_l2().unwrap();
+    let bus = bus::<_, 3, 3>(&robot);
+    let mut server = Server::on(&robot, &bus, 0.2);
+    let mut client = server.client();
+    for _ in 0..300 {
+        server.answered(&mut client, Mode::Obtain, OFFSET_NM);
+    }
+    assert!(server.positions_move());
+    server.largest_step_nm();
+    (server, client)
+}
+
+impl Server<3, 3> {
+    fn positions_move(&mut self) -> bool {
+        let before = self.positions();
+        self.tick();
+        before.iter().zip(self.positions()).all(|(then, now)| (now - then).abs() > 5_000)
+    }
+
+    /// Ticks until the server is in Fault, at most three; returns the row and the first fault.
+    fn until_fault(&mut self) -> (Row<3>, Fault) {
+        for _ in 0..3 {
+            let row = self.tick();
+            if row.state.phase == Phase::Fault {
+                assert_eq!(row.ended, Some(Cause::Stop));
+                return (row, self.log.next().unwrap());
+            }
+        }
+        panic!("no Fault within three ticks");
+    }
+
+    /// Ticks through the ramp to a new session; nothing jumps on the way.
+    fn recovers(&mut self) {
+        self.rearm();
+        assert!(self.largest_step_nm() <= STEP_NM, "a jump");
+        let mut client = self.client();
+        let row = self.answered(&mut client, Mode::Obtain, 1_000);
+        assert_eq!((row.state.phase, row.failure), (Phase::Obtain, None));
+        assert_eq!(row.drives, Some([DriveState::Operating; 3]));
+    }
+}
+
+#[test]
+fn a_lost_frame_out_and_back() {
+    for back in [false, true] {
+        let (mut server, _client) = moving();
+        let faults = &mut server.bus.bench().faults;
+        (faults.lost_out, faults.lost_back) = if back { (0, 1) } else { (1, 0) };
+        let stale = server.tick();
+        assert!(stale.plant_failed);
+        let (row, fault) = server.until_fault();
+        assert_eq!(fault, Fault::NoAnswer);
+        assert!(row.failure.unwrap().to_string().contains("no answer on the bus in time"));
+        // The reading of that cycle is none, and the drives go on afterwards.
+        let next = server.tick();
+        assert_eq!((next.failure, next.drives), (None, Some([DriveState::Operating; 3])));
+        assert!(server.largest_step_nm() <= 2 * STEP_NM, "one cycle's way twice, at most");
+        server.recovers();
+    }
+}
+
+#[test]
+fn a_late_frame_is_a_lost_one() {
+    let (mut server, _client) = moving();
+    let faults = &mut server.bus.bench().faults;
+    (faults.delayed, faults.delay_us) = (1, 800);
+    let before = server.tick();
+    assert!(before.plant_failed);
+    assert_eq!(server.until_fault().1, Fault::NoAnswer);
+    for _ in 0..20 {
+        let row = server.tick();
+        assert_eq!(row.failure, None);
+        for axis in row.state.axes {
+            let behind = (axis.nominal.0 + i64::from(axis.offsets.position.0) - axis.actual.position.0).abs();
+            assert!(behind < 400_000, "an old measurement: {behind} nm");
+        }
+    }
+    server.recovers();
+}
+
+#[test]
+fn a_wrong_counter() {
+    let (mut server, _client) = moving();
+    server.bus.bench().faults.counter_less = 1;
+    let (row, fault) = server.until_fault();
+    assert_eq!(fault, Fault::WorkingCounter { expected: 9, received: 8 });
+    assert!(row.failure.unwrap().to_string().contains("working counter"));
+    server.bus.bench().faults.counter_less = 0;
+    server.recovers();
+}
+
+#[test]
+fn a_lost_drive() {
+    let (mut server, _client) = moving();
+    server.bus.bench().chain.bypass(Some(1));
+    assert_eq!(server.until_fault().1, Fault::Absent { motor: 1 });
+    let actual = server.tick().state.axes.map(|axis| axis.actual);
+    for _ in 0..50 {
+        // The last measurements stand, flagged by a failed machine: none is handed out as new.
+        let row = server.tick();
+        assert!(row.plant_failed);
+        assert_eq!(row.state.axes.map(|axis| axis.actual), actual);
+    }
+    server.bus.bench().chain.bypass(None);
+    assert!(server.tick().plant_failed, "not enabled by itself");
+    server.recovers();
+}
+
+#[test]
+fn an_error_of_the_application_layer() {
+    let (mut server, _client) = moving();
+    server.bus.bench().chain.subdevice_mut(2).unwrap().fail(0x001A);
+    let (row, fault) = server.until_fault();
+    assert_eq!(fault, Fault::State { motor: 2, state: 4, code: 0x001A });
+    assert!(row.failure.unwrap().to_string().contains("left OP"));
+    server.recovers();
+}
+
+#[test]
+fn a_drive_in_fault_and_a_following_error() {
+    let (mut server, _client) = moving();
+    server.bus.bench().chain.subdevice_mut(0).unwrap().drive_mut().trip();
+    assert_eq!(server.until_fault().1, Fault::Drive { motor: 0, error_code: 0x2310 });
+    server.recovers();
+    // A window of half a count: it is left at once, for longer than 0 ms.
+    let (mut server, _client) = moving();
+    {
+        let mut bench = server.bus.bench();
+        let drive = bench.chain.subdevice_mut(1).unwrap().drive_mut();
+        drive.set_object(0x6065, 0, 0);
+        drive.set_object(0x6066, 0, 0);
+    }
+    assert_eq!(server.until_fault().1, Fault::FollowingError { motor: 1 });
+    server.bus.bench().chain.subdevice_mut(1).unwrap().drive_mut().set_object(0x6065, 0, 200_000);
+    server.recovers();
+}
+
+#[test]
+fn a_bus_that_is_gone_for_ten_seconds_in_motion() {
+    let (mut server, _client) = moving();
+    server.bus.bench().chain.cut_behind(0);
+    assert_eq!(server.until_fault().1, Fault::NoAnswer);
+    for _ in 0..100 {
+        assert!(server.tick().plant_failed);
+    }
+    let stood = server.positions();
+    for _ in 100..10_000 {
+        assert!(server.tick().plant_failed);
+    }
+    server.bus.bench().chain.cut_behind(3);
+    for _ in 0..200 {
+        assert!(server.tick().plant_failed, "not enabled by itself");
+    }
+    let apart = server.positions().iter().zip(&stood).map(|(now, then)| (now - then).abs()).max().unwrap();
+    assert!(apart < 100, "{apart} counts: the brakes hold");
+    server.recovers();
+}
+
+/// A killed server in motion: the watchdogs stop the drives, on a way that is stated. The next server finds the offsets in force, waits
+/// for the re-arm, and ramps them to zero without a step.
+#[test]
+fn a_killed_server_and_its_successor() {
+    let (server, _client) = moving();
+    let bus = server.bus.clone();
+    let before = server.positions();
+    server.kill();
+    bus.idle(1_000_000);
+    let way = {
+        let bench = bus.bench();
+        bench.chain.drives().zip(before).map(|(drive, then)| (drive.motor().position - then).abs()).max().unwrap()
+    };
+    // The references stand after the last cycle: the drives close in on them and hold, before the watchdog of 5 ms ends. 0.1 m/s.
+    let way_um = way * 1_000_000 / 104_857_600;
+    println!("way after the kill at 0.1 m/s: {way_um} um");
+    assert!(way_um < 300, "{way_um}");
+    let robot = RobotFile::builtin_l2().unwrap();
+    let mut again = Server::on(&robot, &bus, 0.0);
+    let row = again.tick();
+    assert_eq!(row.state.phase, Phase::Fault, "drives in fault");
+    assert!(matches!(again.log.next(), Some(Fault::Drive { error_code: 0x7500, .. })));
+    let offsets = row.state.axes.map(|axis| axis.offsets.position.0);
+    assert!(offsets.iter().all(|nm| (nm - OFFSET_NM).abs() < 10), "{offsets:?}");
+    again.rearm();
+    // The brakes held the motors; enabling them where they stand, then the ramp of 100 nm per tick.
+    assert!(again.largest_step_nm() <= 120, "a step");
+    let row = again.tick();
+    assert_eq!(row.state.axes.map(|axis| axis.offsets), [Offsets::ZERO; 3]);
+    assert!(bus.bench().chain.drives().all(|drive| drive.object(0x60B0, 0) == 0));
+}
