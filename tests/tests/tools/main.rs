@@ -1,7 +1,9 @@
-//! Tests that need compilers for C, Valgrind, an emulator, Python, Wine, LinuxCNC, a browser or the reader of MCAP: the C interface, the firmware, the
-//! client in Python and on Windows, the modules for LinuxCNC, the page of the monitor, recordings. A test whose tool is missing is reported as ignored, with the name of the tool.
+//! Tests that need compilers for C, Valgrind, an emulator, Python, Wine, LinuxCNC, a browser, the reader of MCAP or another MainDevice of EtherCAT: the C interface, the firmware, the
+//! client in Python and on Windows, the modules for LinuxCNC, the page of the monitor, recordings, the EtherCAT bus. A test whose tool is missing is reported as ignored, with the name of the tool.
 
 mod capi;
+#[cfg(target_os = "linux")]
+mod ethercat;
 mod firmware;
 #[cfg(target_os = "linux")]
 mod linuxcnc;
@@ -23,5 +25,7 @@ fn main() {
     trials.extend(windows::trials());
     #[cfg(target_os = "linux")]
     trials.extend(linuxcnc::trials());
+    #[cfg(target_os = "linux")]
+    trials.extend(ethercat::trials());
     libtest_mimic::run(&arguments, trials).exit();
 }

@@ -1,0 +1,109 @@
+"""Brings emulated drives to OP and enables them with SOEM, another MainDevice; prints what it saw as JSON."""
+
+import json
+import struct
+import sys
+import time
+
+import pysoem
+
+OUTPUTS = [0x60400010, 0x607A0020, 0x60B00020, 0x60B10020, 0x60B20010, 0x60600008]
+INPUTS = [0x60410010, 0x60640020, 0x606C0020, 0x60770010, 0x603F0010]
+
+
+def map_process_data(slave):
+    for assignment, pdo, entries in ((0x1C12, 0x1600, OUTPUTS), (0x1C13, 0x1A00, INPUTS)):
+        slave.sdo_write(assignment, 0, bytes(1))
+        slave.sdo_write(pdo, 0, bytes(1))
+        for number, entry in enumerate(entries, 1):
+            slave.sdo_write(pdo, number, struct.pack("<I", entry))
+        slave.sdo_write(pdo, 0, bytes([len(entries)]))
+        slave.sdo_write(assignment, 1, struct.pack("<H", pdo))
+        slave.sdo_write(assignment, 0, bytes([1]))
+
+
+def command(status):
+    """The control word towards operation enabled."""
+    for mask, value, word in ((0x4F, 0x40, 0x06), (0x6F, 0x21, 0x07), (0x6F, 0x23, 0x0F), (0x6F, 0x27, 0x0F)):
+        if status & mask == value:
+            return word
+    return 0
+
+
+master = pysoem.Master()
+master.open(sys.argv[1])
+found = master.config_init()
+slaves = master.slaves
+names = [[slave.name, slave.man, slave.id, slave.rev] for slave in slaves]
+aborted = []
+for slave in slaves:
+    slave.config_func = lambda *_, slave=slave: map_process_data(slave)
+    # Not a writable object; and one that is not there.
+    for object in (0x6064, 0x2000):
+        try:
+            slave.sdo_write(object, 0, bytes(4))
+        except pysoem.SdoError as error:
+            aborted.append(error.abort_code)
+size = master.config_map()
+safe_op = master.state_check(pysoem.SAFEOP_STATE, 2_000_000)
+
+
+def exchange():
+    master.send_processdata()
+    return master.receive_processdata(100_000)
+
+
+starts = [struct.unpack("<i", slave.sdo_read(0x6064, 0))[0] for slave in slaves]
+for slave, start in zip(slaves, starts):
+    slave.output = struct.pack("<HiiihB", 0, start, 0, 0, 0, 8)
+counter = exchange()
+master.state = pysoem.OP_STATE
+master.write_state()
+operational = 0
+for _ in range(2_000):
+    exchange()
+    operational = master.state_check(pysoem.OP_STATE, 1_000)
+    if operational == pysoem.OP_STATE:
+        break
+
+states = []
+offset = 0
+until = time.monotonic() + 20
+while time.monotonic() < until:
+    counter = exchange()
+    states = [struct.unpack("<HiihH", slave.input) for slave in slaves]
+    enabled = all(state[0] & 0x6F == 0x27 for state in states)
+    offset += 5 if enabled else 0
+    for slave, state, start in zip(slaves, states, starts):
+        slave.output = struct.pack("<HiiihB", command(state[0]), start, offset, 0, 0, 8)
+    if offset > 1_000:
+        break
+
+offsets = [struct.unpack("<i", slave.sdo_read(0x60B0, 0))[0] for slave in slaves]
+# Leaving OP takes the power from drives that follow.
+master.state = pysoem.SAFEOP_STATE
+master.write_state()
+master.state_check(pysoem.SAFEOP_STATE, 2_000_000)
+time.sleep(0.2)
+after = [struct.unpack("<H", slave.sdo_read(0x6041, 0))[0] & 0x4F for slave in slaves]
+print(
+    json.dumps(
+        {
+            "found": found,
+            "names": names,
+            "aborted": aborted,
+            "size": size,
+            "safe_op": safe_op,
+            "operational": operational,
+            "counter": [counter, master.expected_wkc],
+            "status": [state[0] for state in states],
+            "moved": [state[1] - start for state, start in zip(states, starts)],
+            "offset": offset,
+            "offsets": offsets,
+            "after": after,
+        }
+    )
+)
+master.state = pysoem.INIT_STATE
+master.write_state()
+master.close()

@@ -1,0 +1,240 @@
+//! EtherCAT over raw sockets: the server and SOEM, another MainDevice, on a veth pair with the emulated chain at its other end.
+//!
+//! Each trial runs in a network namespace of its own, in a process of its own. Without that privilege, or without `ip`, trials are reported
+//! as ignored, with what is missing; SOEM's needs `pysoem` of PyPI, which `.ci/run` installs in `target/pysoem`. With
+//! `GANTRY_TAU_REQUIRE_ETHERCAT=1` they fail instead.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use gantry_tau::demo::{DemoOptions, PaceChoice, run_on};
+use gantry_tau::ethercat::{EmulatedBus, EthercatError, EthercatPlant, Machine, emulated_bus};
+use gantry_tau::plant::ToolReading;
+use gantry_tau::robot_file::{Ethercat, RobotFile};
+use gantry_tau::server::tick_source::TickSource;
+use gantry_tau::sim::load_generator::load_generator;
+use gantry_tau::sim::parameters::Motion;
+use gantry_tau_core::control::axis::InForce;
+use gantry_tau_ethercat::emulation::{EmulatedWire, Process};
+use gantry_tau_ethercat::{RawSocket, Wire, WireError};
+use libtest_mimic::{Failed, Trial};
+use serde_json::{Value, json};
+
+/// The process has a namespace of its own.
+const IN_NAMESPACE: &str = "GANTRY_TAU_TEST_NAMESPACE";
+/// Ends of the cable.
+const ENDS: [&str; 2] = ["ec0", "ec1"];
+
+/// All trials, by name.
+pub(crate) fn trials() -> Vec<Trial> {
+    let network = (!succeeds(Command::new("ip").arg("-V"))).then_some("ip missing").or_else(|| {
+        (!succeeds(Command::new("unshare").args(["-n", "true"]))).then_some("network namespaces not permitted")
+    });
+    let python = python();
+    let soem = network.or_else(|| python.is_none().then_some("pysoem of PyPI missing"));
+    vec![
+        trial("ethercat::the_demo_compensates_over_a_veth_pair", network, demo_over_veth),
+        trial("ethercat::soem_takes_the_emulated_chain_to_op", soem, move || soem_agrees(python.as_deref().unwrap())),
+    ]
+}
+
+/// A trial that runs in a namespace of its own, unless something is missing.
+fn trial(name: &'static str, missing: Option<&'static str>, body: impl FnOnce() + Send + 'static) -> Trial {
+    if let Some(missing) = missing {
+        if std::env::var_os("GANTRY_TAU_REQUIRE_ETHERCAT").is_some_and(|value| value == "1") {
+            return Trial::test(name, move || Err(missing.into())).with_kind(missing);
+        }
+        return Trial::test(name, || Ok(())).with_kind(missing).with_ignored_flag(true);
+    }
+    Trial::test(name, move || {
+        if std::env::var_os(IN_NAMESPACE).is_some() {
+            body();
+            return Ok(());
+        }
+        let mut child = Command::new("unshare");
+        child.arg("-n").arg(std::env::current_exe()?).args(["--exact", name]).env(IN_NAMESPACE, "1");
+        let output = child.output()?;
+        if output.status.success() {
+            return Ok(());
+        }
+        let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+        Err(Failed::from(said.concat()))
+    })
+}
+
+fn succeeds(command: &mut Command) -> bool {
+    command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|status| status.success())
+}
+
+/// A Python that has SOEM.
+fn python() -> Option<PathBuf> {
+    let installed = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/pysoem/bin/python3");
+    [installed, PathBuf::from("python3")]
+        .into_iter()
+        .find(|python| succeeds(Command::new(python).args(["-c", "import pysoem"])))
+}
+
+/// Creates the cable.
+fn connect() {
+    let ip = |arguments: &[&str]| assert!(Command::new("ip").args(arguments).status().unwrap().success());
+    ip(&["link", "add", ENDS[0], "type", "veth", "peer", "name", ENDS[1]]);
+    for end in ENDS {
+        ip(&["link", "set", end, "up"]);
+    }
+}
+
+/// A thread that answers frames on the far end of the cable.
+struct FarEnd {
+    ends: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl FarEnd {
+    /// Answers until dropped. With a `slowness`, the chain's time is that of the system divided by it; without one nothing but frames and
+    /// ticks moves it.
+    fn start<P: Process + 'static>(wire: EmulatedWire<P>, slowness: Option<u32>) -> Self {
+        let ends = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&ends);
+        let mut socket = RawSocket::open(ENDS[1]).unwrap();
+        let thread = std::thread::spawn(move || {
+            let start = Instant::now();
+            let mut frame = [0; 1_536];
+            while !told.load(Ordering::Relaxed) {
+                if let Some(slowness) = slowness {
+                    let passed = start.elapsed() / slowness;
+                    wire.bench().chain.advance_to(u64::try_from(passed.as_micros()).unwrap());
+                }
+                if let Some(length) = socket.receive(&mut frame) {
+                    let passed = wire.bench().chain.pass(&mut frame[..length]);
+                    assert!(!passed || socket.send(&frame[..length]).is_ok());
+                } else {
+                    let soon = socket.now_us() + 500;
+                    socket.wait_until(soon);
+                }
+            }
+        });
+        Self { ends, thread: Some(thread) }
+    }
+}
+
+impl Drop for FarEnd {
+    fn drop(&mut self) {
+        self.ends.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            thread.join().unwrap();
+        }
+    }
+}
+
+/// The near end: frames through the socket, cycles by the server's ticks. Its clock is slow, so that an answer within half a cycle is one
+/// within 50 ms: nothing here depends on how busy the computer is.
+struct NearEnd<const N: usize, const M: usize> {
+    socket: RawSocket,
+    bus: EmulatedBus<N, M>,
+    _far: FarEnd,
+}
+
+/// Factor of the slow clock.
+const SLOW: u64 = 100;
+
+impl<const N: usize, const M: usize> Wire for NearEnd<N, M> {
+    fn now_us(&self) -> u64 {
+        self.socket.now_us() / SLOW
+    }
+
+    fn send(&mut self, frame: &[u8]) -> Result<(), WireError> {
+        self.socket.send(frame)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8]) -> Option<usize> {
+        self.socket.receive(buffer)
+    }
+
+    fn wait_until(&mut self, us: u64) {
+        self.socket.wait_until(us * SLOW);
+    }
+
+    fn begin_cycles(&mut self, cycles: u64, cycle_us: u64) {
+        self.bus.begin_cycles(cycles, cycle_us);
+    }
+}
+
+impl<const N: usize, const M: usize> Machine<N> for NearEnd<N, M> {
+    fn note(&mut self, parts: &[InForce; N]) {
+        self.bus.note(parts);
+    }
+
+    fn tool(&mut self) -> Option<ToolReading> {
+        self.bus.tool()
+    }
+}
+
+fn demo_over_veth() {
+    connect();
+    let report = std::env::temp_dir().join(format!("gantry-tau-veth-{}.html", std::process::id()));
+    let options = DemoOptions {
+        robot: RobotFile::builtin_l2().unwrap(),
+        client: None,
+        pace: PaceChoice::Only(TickSource::Lockstep),
+        force_max_n: 60.0,
+        force_step_n: 60.0,
+        step_seconds: 0.2,
+        report: report.clone(),
+        json: None,
+        record: None,
+        black_box: None,
+    };
+    let results = run_on(&options, |robot, tool| {
+        let section = Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
+        let machine = robot.simulated_machine::<3>(tool, Motion::Hold);
+        let machine = machine.map_err(|error| EthercatError::Other(error.to_string()))?;
+        let bus = emulated_bus(robot, &section, machine)?;
+        let far = FarEnd::start(bus.clone(), None);
+        let near = NearEnd { socket: RawSocket::open(ENDS[0]).unwrap(), bus, _far: far };
+        EthercatPlant::<_, 3, 3>::open(robot, &section, near, |_| Motion::Hold)
+    });
+    std::fs::remove_file(&report).unwrap();
+    assert_eq!(results.unwrap().complaints, Vec::<String>::new());
+}
+
+fn soem_agrees(python: &Path) {
+    connect();
+    let robot = RobotFile::builtin_l2().unwrap();
+    let (_hand, tool) = load_generator();
+    let section = Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
+    let machine = robot.simulated_machine::<3>(tool, Motion::Hold).unwrap();
+    let bus = emulated_bus(&robot, &section, machine).unwrap();
+    let far = FarEnd::start(bus.clone(), Some(10));
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/ethercat/judge.py");
+    let judge = Command::new("timeout").arg("60").arg(python).arg("-B").arg(script).arg(ENDS[0]).output().unwrap();
+    drop(far);
+    assert!(judge.status.success(), "{}", String::from_utf8_lossy(&judge.stderr));
+    let saw: Value = serde_json::from_slice(&judge.stdout).unwrap();
+    assert_eq!(saw["found"], 3);
+    assert_eq!(saw["names"][1], json!(["emulated drive", 0x0A11, 1, 1]));
+    assert_eq!(saw["aborted"], json!([0x0601_0002, 0x0602_0000, 0x0601_0002, 0x0602_0000, 0x0601_0002, 0x0602_0000]));
+    assert_eq!(saw["size"], 3 * (17 + 14));
+    assert_eq!((&saw["safe_op"], &saw["operational"]), (&json!(4), &json!(8)));
+    assert_eq!(saw["counter"], json!([9, 9]));
+    for drive in 0..3 {
+        assert_eq!(saw["status"][drive].as_u64().unwrap() & 0x6F, 0x27, "operation enabled: {saw}");
+        // The position follows the offset, by a drive's lag and the frames that were on their way.
+        let (moved, offset) = (saw["moved"][drive].as_i64().unwrap(), saw["offset"].as_i64().unwrap());
+        assert!((0..=200).contains(&(offset - moved)), "{saw}");
+        assert!((0..=10).contains(&(offset - saw["offsets"][drive].as_i64().unwrap())), "{saw}");
+        let after = saw["after"][drive].as_u64().unwrap();
+        assert!(after == 0x08 || after == 0x0F, "fault, after leaving OP: {saw}");
+    }
+}
