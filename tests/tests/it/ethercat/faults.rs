@@ -6,6 +6,7 @@ use gantry_tau::server::cycle::Row;
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{Cause, Mode, Phase};
 use gantry_tau_ethercat::Fault;
+use gantry_tau_ethercat::emulation::Faults;
 use gantry_tau_tests::client::Client;
 
 use super::{Server, bus};
@@ -30,6 +31,11 @@ fn moving() -> (Server<3, 3>, Client<3>) {
 }
 
 impl Server<3, 3> {
+    /// Lets these happen to the next frames.
+    fn next_frames(&self, faults: Faults) {
+        self.bus.bench().faults = faults;
+    }
+
     fn positions_move(&mut self) -> bool {
         let before = self.positions();
         self.tick();
@@ -63,8 +69,7 @@ impl Server<3, 3> {
 fn a_lost_frame_out_and_back() {
     for back in [false, true] {
         let (mut server, _client) = moving();
-        let faults = &mut server.bus.bench().faults;
-        (faults.lost_out, faults.lost_back) = if back { (0, 1) } else { (1, 0) };
+        server.next_frames(Faults { lost_out: u32::from(!back), lost_back: u32::from(back), ..Faults::default() });
         let stale = server.tick();
         assert!(stale.plant_failed);
         let (row, fault) = server.until_fault();
@@ -81,8 +86,7 @@ fn a_lost_frame_out_and_back() {
 #[test]
 fn a_late_frame_is_a_lost_one() {
     let (mut server, _client) = moving();
-    let faults = &mut server.bus.bench().faults;
-    (faults.delayed, faults.delay_us) = (1, 800);
+    server.next_frames(Faults { delayed: 1, delay_us: 800, ..Faults::default() });
     let before = server.tick();
     assert!(before.plant_failed);
     assert_eq!(server.until_fault().1, Fault::NoAnswer);
@@ -100,11 +104,11 @@ fn a_late_frame_is_a_lost_one() {
 #[test]
 fn a_wrong_counter() {
     let (mut server, _client) = moving();
-    server.bus.bench().faults.counter_less = 1;
+    server.next_frames(Faults { counter_less: 1, ..Faults::default() });
     let (row, fault) = server.until_fault();
     assert_eq!(fault, Fault::WorkingCounter { expected: 9, received: 8 });
     assert!(row.failure.unwrap().to_string().contains("working counter"));
-    server.bus.bench().faults.counter_less = 0;
+    server.next_frames(Faults::default());
     server.recovers();
 }
 
