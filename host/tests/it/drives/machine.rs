@@ -112,7 +112,7 @@ fn an_overload_trips_the_drive_and_only_a_reset_brings_it_back() {
     again.extend((0..50).map(|_| server.step(1, Demands { stop: true, rearm: true })));
     assert!(again.iter().all(|row| row.drives.unwrap()[axis] == DriveState::Fault));
     again.push(server.step(1, Demands::default()));
-    let listening = (0..2_000).find(|_| {
+    let listening = (0..10_000).find(|_| {
         let row = server.step(1, Demands { stop: false, rearm: true });
         again.push(row);
         row.state.phase == Phase::Listening
