@@ -31,7 +31,6 @@ pub(crate) struct Line {
 }
 
 /// Returns the line of an encoder; `None` if the drive cannot be reported.
-
 pub(crate) fn line(counts: u32) -> Option<Line> {
     let encoder = Encoder::new(counts, METRES_PER_TURN);
     let settings = Settings { encoder: Some(encoder), ..Settings::IDEAL };

@@ -2,7 +2,7 @@
 
 use gantry_tau::sim::drive::{Drive, Settings};
 
-use super::{accelerating, actual, at, close, ideal};
+use super::{accelerating, actual, at, close, ideal, um};
 
 /// Returns the largest lag on the way to 0.5 m/s, um.
 fn lag_um(settings: &Settings) -> f64 {
@@ -12,7 +12,7 @@ fn lag_um(settings: &Settings) -> f64 {
         drive.advance(0.0);
         (accelerating(cycle) - actual(&drive).position.0).abs()
     });
-    lags.max().unwrap() as f64 * 1e-3
+    um(lags.max().unwrap())
 }
 
 /// The first is v / Kv, the third the same with the integral's `s / (s + Kv) (s + 1 / T)`: computed apart, by a model in Python.
@@ -96,13 +96,14 @@ fn friction_sticks_and_slides() {
     let held = f64::from(actual(&drive).torque.0);
     assert!((-190.0..=-10.0).contains(&held), "{held} N");
     // In slow motion the torque is that of sliding, both ways.
-    for sign in [1_i64, -1] {
+    for sign in [1.0, -1.0] {
+        let step = if sign > 0.0 { 2_000 } else { -2_000 };
         let start = actual(&drive).position.0;
         for cycle in 1..2_000 {
-            drive.command(&at(start + sign * cycle * 2_000));
+            drive.command(&at(start + cycle * step));
             drive.advance(0.0);
         }
-        let torque = f64::from(actual(&drive).torque.0) * sign as f64;
+        let torque = f64::from(actual(&drive).torque.0) * sign;
         assert!(close(torque, 60.0 + 200.0 * 2e-3, 0.05), "{torque} N");
     }
 }

@@ -28,6 +28,11 @@ fn accelerating(cycle: i64) -> i64 {
     if cycle < 250 { cycle * cycle * 1_000 } else { 250 * 250 * 1_000 + (cycle - 250) * 500_000 }
 }
 
+/// Nanometres as micrometres.
+fn um(nm: i64) -> f64 {
+    f64::from(i32::try_from(nm).unwrap()) * 1e-3
+}
+
 fn close(value: f64, expected: f64, share: f64) -> bool {
     (value / expected - 1.0).abs() <= share
 }

@@ -7,7 +7,7 @@ use gantry_tau::sim::drive::{Drive, Settings};
 use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::units::VelocityUmS;
 
-use super::{accelerating, at, close, ideal};
+use super::{accelerating, at, close, ideal, um};
 
 const WIDE: Limits = Limits { watchdog_cycles: 3, window_nm: 1 << 40, window_cycles: 10 };
 
@@ -30,7 +30,7 @@ fn killed(settings: &Settings) -> (Drive, f64, f64) {
         drive.advance(0.0);
     }
     let last_m = match settings.interface {
-        Interface::Position => accelerating(999) as f64 * 1e-9,
+        Interface::Position => um(accelerating(999)) * 1e-6,
         Interface::Velocity => drive.position_m(),
     };
     let ways = (0..1_000).map(|_| {
