@@ -204,6 +204,12 @@ impl Drive {
         self.motor.body.position_m
     }
 
+    /// Force of the motor, N.
+    #[must_use]
+    pub const fn force_n(&self) -> f64 {
+        self.motor.force_n
+    }
+
     /// Measurements that have come to the bus by now.
     fn report(&self) -> &Report {
         &self.reports[usize::from(self.settings.actual_delay_cycles.min(MAX_DELAY))]

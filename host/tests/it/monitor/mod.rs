@@ -65,6 +65,7 @@ fn the_status_has_every_number_and_the_exit_status_of_the_phase() {
             "longest_miss_run": 1,
             "machine_failed": false,
             "axes": [axis(1), axis(2), axis(3)],
+            "drives": null,
             "force": [300.25, -0.5, -18.0, 0.05, -0.1, 0.02],
             "gauges_m": [0.000_19, 0.000_036, 0.000_024],
             "displacement_m": [1e-4, -5e-5, 2e-5],
