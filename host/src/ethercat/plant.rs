@@ -71,6 +71,8 @@ pub struct EthercatPlant<W: Wire, const N: usize, const M: usize> {
     pub(super) motors: [Motor; M],
     /// The nominal path, in place of the NC kernel.
     pub(super) path: Interpolator<N>,
+    /// The drives have the present place of the path: the next one may come.
+    pub(super) taken: bool,
     /// The path was left: the nominal references stand here.
     pub(super) held: bool,
     pub(super) nominal: [PositionNm; N],
@@ -191,9 +193,10 @@ impl<W: Machine<N>, const N: usize, const M: usize> Plant<N, M> for EthercatPlan
     fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantError> {
         self.drives.wire_mut().begin_cycles(elapsed, CYCLE_US.into());
         self.last.map_err(|fault| failed(&fault))?;
-        if !self.held && self.drives.condition() == Condition::Running {
-            // One cycle of the path for each one that the drives took: a delay makes no leap.
+        if self.taken && !self.held && self.drives.condition() == Condition::Running {
+            // One cycle of the path for each one that the drives took: neither a delay nor a lost frame makes a leap.
             self.path.advance();
+            self.taken = false;
             for (nominal, metres) in self.nominal.iter_mut().zip(self.path.position_m()) {
                 let beyond = PlantError { operation: "follow the nominal path", reason: "a position is out of range" };
                 *nominal = PositionNm::from_metres(Metres(metres)).map_err(|_| beyond)?;
@@ -224,6 +227,7 @@ impl<W: Machine<N>, const N: usize, const M: usize> Plant<N, M> for EthercatPlan
         outcome.map_err(|fault| failed(&fault))?;
         if is_running {
             self.in_force = *parts;
+            self.taken = parts.map(|axis| axis.nominal) == self.nominal;
             return Ok(());
         }
         // Enabled again, where the motors stand: the server goes on from there.

@@ -22,24 +22,23 @@ fn moving() -> (Server<3, 3>, Client<3>) {
     let bus = bus::<_, 3, 3>(&robot);
     let mut server = Server::on(&robot, &bus, 0.2);
     let mut client = server.client();
-    for _ in 0..300 {
+    for _ in 0..2_000 {
+        let before = server.positions();
         server.answered(&mut client, Mode::Obtain, OFFSET_NM);
+        let ways = before.iter().zip(server.positions()).map(|(then, now)| (now - then).abs());
+        // Near its 0.1 m/s, 105 counts a cycle for each mm/s.
+        if ways.min() > Some(9_000) {
+            server.largest_step_nm();
+            return (server, client);
+        }
     }
-    assert!(server.positions_move());
-    server.largest_step_nm();
-    (server, client)
+    panic!("it does not move");
 }
 
 impl Server<3, 3> {
     /// Lets these happen to the next frames.
     fn next_frames(&self, faults: Faults) {
         self.bus.bench().faults = faults;
-    }
-
-    fn positions_move(&mut self) -> bool {
-        let before = self.positions();
-        self.tick();
-        before.iter().zip(self.positions()).all(|(then, now)| (now - then).abs() > 5_000)
     }
 
     /// Ticks until the server is in Fault, at most three; returns the row and the first fault.
@@ -78,7 +77,7 @@ fn a_lost_frame_out_and_back() {
         // The reading of that cycle is none, and the drives go on afterwards.
         let next = server.tick();
         assert_eq!((next.failure, next.drives), (None, Some([DriveState::Operating; 3])));
-        assert!(server.largest_step_nm() <= 2 * STEP_NM, "one cycle's way twice, at most");
+        assert!(server.largest_step_nm() <= STEP_NM, "the way of two cycles at once");
         server.recovers();
     }
 }

@@ -104,9 +104,8 @@ impl<const N: usize, const M: usize> Server<N, M> {
         client.say_hello();
         wait_for("the Welcome", || self.tick().welcomed);
         client.welcome();
-        self.tick();
         client.state();
-        self.answered(&mut client, Mode::Obtain, 0);
+        self.answered(&mut client, Mode::Submit, 0);
         client
     }
 
