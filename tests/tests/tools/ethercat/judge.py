@@ -33,6 +33,8 @@ def command(status):
 master = pysoem.Master()
 master.open(sys.argv[1])
 found = master.config_init()
+# The mailboxes are answered from PRE-OP on.
+pre_op = master.state_check(pysoem.PREOP_STATE, 2_000_000)
 slaves = master.slaves
 names = [[slave.name, slave.man, slave.id, slave.rev] for slave in slaves]
 aborted = []
@@ -93,6 +95,7 @@ print(
             "names": names,
             "aborted": aborted,
             "size": size,
+            "pre_op": pre_op,
             "safe_op": safe_op,
             "operational": operational,
             "counter": [counter, master.expected_wkc],
