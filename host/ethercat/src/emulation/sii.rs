@@ -23,7 +23,7 @@ pub struct Identity {
 
 /// Returns the EEPROM of a drive.
 pub(super) fn eeprom(identity: &Identity, alias: u16, name: &str, has_watchdog: bool) -> Vec<u8> {
-    let mut words = vec![0_u16; 0x40];
+    let mut words = [0_u16; 0x40];
     let mut put = |at: usize, values: &[u16]| {
         for (place, value) in words.iter_mut().skip(at).zip(values) {
             *place = *value;
