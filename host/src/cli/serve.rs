@@ -178,11 +178,14 @@ impl Serve {
         ctrlc::set_handler(move || controls.quit.store(true, Ordering::Relaxed))?;
         listen_to_the_keyboard(Arc::clone(&server.controls));
         let mut events = EventLog::default();
-        drain(&mut rows, |row| {
+        drain(&mut rows, |row, is_last| {
             each(row);
             let happened = events.see(row);
             for port in &mut publications {
                 port.publish(row, &happened);
+                if is_last {
+                    port.flush();
+                }
             }
             flusher.see(row.state.phase);
             if let Some(file) = &mut file {

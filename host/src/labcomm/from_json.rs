@@ -1,5 +1,7 @@
 //! Types and values out of JSON.
 
+use std::collections::BTreeSet;
+
 use gantry_tau_labcomm::{ARRAY, Array, Kind, Primitive, STRUCTURE, Sink, Type, Version};
 use serde_json::Value;
 
@@ -66,9 +68,16 @@ pub(super) fn ty(out: &mut Bytes, json: &Value) -> Result<(), String> {
         Some([kind, Value::Array(fields)]) if kind == "struct" => {
             out.number(STRUCTURE);
             out.number(count(fields)?);
+            let mut keys = BTreeSet::new();
             for field in fields {
                 let Some([name, of]) = field.as_array().map(Vec::as_slice) else { return Err(bad()) };
-                out.text(&text(name)?);
+                let name = text(name)?;
+                // The fields of a value are found by their names.
+                let key = String::from_utf8_lossy(&name).into_owned();
+                if !keys.insert(key.clone()) {
+                    return Err(format!("a structure has two fields named {key}; values could not tell them apart"));
+                }
+                out.text(&name);
                 ty(out, of)?;
             }
             Ok(())

@@ -26,6 +26,9 @@ pub use sample_name::{ParseSampleNameError, SampleName};
 use ticks::TICK;
 pub use ticks::Ticks;
 
+/// Room for the ticks that are sent at once, bytes. One write of several ticks costs a reader's connection hardly more than one of a tick.
+const BATCH: usize = 8 * TICK;
+
 /// A port with its readers. Publishing allocates nothing and never blocks.
 #[derive(Debug)]
 pub struct Publication {
@@ -35,6 +38,8 @@ pub struct Publication {
     ticks: Ticks,
     /// Bytes that a new reader gets first: version and definitions, then the failure of the machine while it lasts.
     preamble: Vec<u8>,
+    /// Ticks that were published and not sent.
+    batch: Vec<u8>,
 }
 
 impl Publication {
@@ -51,7 +56,8 @@ impl Publication {
         let ticks = Ticks::of::<N>(version, names)?;
         let mut preamble = Vec::with_capacity(ticks.preamble().len() + TICK);
         preamble.extend_from_slice(ticks.preamble());
-        Ok(Self { readers: Readers::bind(address)?, gauge_resolution_m, ticks, preamble })
+        let batch = Vec::with_capacity(BATCH);
+        Ok(Self { readers: Readers::bind(address)?, gauge_resolution_m, ticks, preamble, batch })
     }
 
     /// Serves only these peers.
@@ -81,13 +87,25 @@ impl Publication {
         self.readers.send(self.ticks.encode_sensors(sensors));
     }
 
-    /// Publishes a tick.
+    /// Publishes a tick: with those behind it once [`flush`](Self::flush) is called, or when there is no room for a further one.
     pub fn publish<const N: usize>(&mut self, row: &Row<N>, events: &[Event]) {
+        // A new reader begins at the front of a batch: the preamble tells what was before.
+        if self.batch.is_empty() {
+            self.readers.accept(&self.preamble);
+        }
         let gauge_resolution_m = self.gauge_resolution_m;
         let sensors = row.tool.as_ref().map(|tool| Sensors { tool, gauge_resolution_m });
-        self.readers.accept(&self.preamble);
-        self.readers.send(self.ticks.encode(&row.into(), events, sensors));
+        self.batch.extend_from_slice(self.ticks.encode(&row.into(), events, sensors));
+        if self.batch.len() > BATCH - TICK {
+            self.flush();
+        }
         self.keep_failure(row, events);
+    }
+
+    /// Sends the ticks that were published.
+    pub fn flush(&mut self) {
+        self.readers.send(&self.batch);
+        self.batch.clear();
     }
 
     /// Keeps the failure of the machine for readers that come later, until the server listens again.

@@ -47,7 +47,7 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || {
-                drain(&mut rows, |row| recording.write(row, &events(row)));
+                drain(&mut rows, |row, _| recording.write(row, &events(row)));
                 recording
             })
             .map_err(|error| RecordError { path, reason: error.to_string() })?;
@@ -68,12 +68,12 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
     }
 }
 
-/// Calls `each` with every row until the producer is gone and the queue is empty.
-pub fn drain<T: Copy>(rows: &mut rtrb::Consumer<T>, mut each: impl FnMut(&T)) {
+/// Calls `each` with every row, and with true if it is the last one that waits, until the producer is gone and the queue is empty.
+pub fn drain<T: Copy>(rows: &mut rtrb::Consumer<T>, mut each: impl FnMut(&T, bool)) {
     loop {
         let gone = rows.is_abandoned();
         while let Ok(row) = rows.pop() {
-            each(&row);
+            each(&row, rows.is_empty());
         }
         if gone {
             return;

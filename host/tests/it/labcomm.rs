@@ -168,6 +168,10 @@ fn a_line_that_cannot_be_encoded_is_named() {
         (r#"{"define":"w","index":3,"type":"int"}"#, "line 2: a definition has index 0x3; indices begin at 0x40"),
         (r#"{"define":"w","type":"integer"}"#, "line 2: \"integer\" is not a type"),
         (r#"{"define":"w","type":["array",[0],["struct",[]]]}"#, "line 2: an array has elements that take no bytes"),
+        (
+            r#"{"define":"w","type":["struct",[["a","int"],["a","int"]]]}"#,
+            "line 2: a structure has two fields named a; values could not tell them apart",
+        ),
         (r#"{"at":3,"error":{"kind":"limit"}}"#, "line 2: the recording ends with an error: {\"kind\":\"limit\"}"),
         (r#"{"value":3}"#, "line 2: expected \"define\" or \"sample\""),
     ] {

@@ -69,7 +69,7 @@ impl Bench {
         let seen = Arc::clone(&ticks);
         // Ends with the server.
         std::thread::spawn(move || {
-            drain(&mut rows, |row| {
+            drain(&mut rows, |row, _| {
                 switch.see(row);
                 watch(row);
                 seen.store(row.state.tick.0, Ordering::Relaxed);

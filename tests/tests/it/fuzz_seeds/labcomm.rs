@@ -27,6 +27,11 @@ pub(crate) fn lines() -> Vec<Seed> {
         ("out_of_range", r#"{"sample":"v","value":[[1,256]]}"#),
         ("no_rows", r#"{"sample":"v","value":[]}"#),
         ("elements_without_bytes", r#"{"define":"w","type":["array",[0],["struct",[]]]}"#),
+        (
+            "field_named_twice",
+            r#"{"define":"w","type":["struct",[["a","int"],["a","int"]]]}
+{"sample":"w","value":{"a":1,"b":2}}"#,
+        ),
         ("index_of_a_tag", r#"{"define":"w","index":2,"type":"int"}"#),
         ("not_finite", "{\"define\":\"f\",\"type\":\"float\"}\n{\"sample\":\"f\",\"value\":\"-inf\"}"),
         ("name_of_bytes", r#"{"define":{"bytes":"ff00"},"type":"boolean"}"#),

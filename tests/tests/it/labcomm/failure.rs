@@ -27,6 +27,7 @@ impl Served {
         let row = if rearmed { self.server.step_rearmed() } else { self.server.step() };
         let events = self.log.see(&row);
         self.port.publish(&row, &events);
+        self.port.flush();
         row.state.phase
     }
 
@@ -35,6 +36,7 @@ impl Served {
         let row = self.server.step_stopped();
         let events = self.log.see(&row);
         self.port.publish(&row, &events);
+        self.port.flush();
         let shown = newcomer(self, address);
         assert_eq!((shown.phase, shown.machine_failed, shown.exit_status()), (Phase::Fault, false, 4));
         while self.tick(true) != Phase::Listening {}

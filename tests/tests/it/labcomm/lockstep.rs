@@ -87,6 +87,7 @@ impl Lockstep {
         let events = self.log.see(&row);
         for port in &mut self.ports {
             port.publish(&row, &events);
+            port.flush();
         }
         self.rows.push(row);
         row
