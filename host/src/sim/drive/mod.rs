@@ -153,11 +153,12 @@ impl Drive {
 
     fn end(&mut self) {
         let reference = self.reference();
-        let is_on_reference = self.cascade.end(&self.demand, &reference);
+        let has_reached = self.cascade.end(&self.demand, &reference);
         let motion = self.readings.report(self.motor.motion());
-        let error_m = match self.settings.interface {
-            Interface::Position => reference.position.to_metres().0 - motion.0,
-            Interface::Velocity => 0.0,
+        // With velocities there is no position to be away from.
+        let (error_m, is_on_reference) = match self.settings.interface {
+            Interface::Position => (reference.position.to_metres().0 - motion.0, has_reached),
+            Interface::Velocity => (0.0, true),
         };
         self.supervision.observe(&Observed {
             is_fresh: std::mem::take(&mut self.is_fresh),
