@@ -16,10 +16,10 @@ pub mod coupled;
 pub mod encoder;
 mod motor;
 pub mod profile;
+mod report;
 pub mod supervision;
 
-use gantry_tau_core::control::axis::{Actual, Reference};
-use gantry_tau_core::units::{CrossingError, Metres, PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_core::control::axis::Reference;
 
 use crate::plant::DriveState;
 use cascade::{Cascade, Demand};
@@ -28,6 +28,9 @@ pub use motor::Cart;
 use motor::Motor;
 use profile::Interface;
 pub use profile::{RATED_FORCE_N, Settings, TORQUE_LIMIT};
+use report::Report;
+pub(super) use report::mean;
+pub use report::report;
 use supervision::{Observed, Supervision, Trip};
 
 /// Length of a cycle, s.
@@ -64,13 +67,6 @@ pub struct Drive {
     bias_n: f64,
     /// Reports of this cycle and of those before.
     reports: [Report; KEPT],
-}
-
-/// Measurements at the end of a cycle.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Report {
-    motion: Motion,
-    force_n: f64,
 }
 
 impl Drive {
@@ -157,15 +153,16 @@ impl Drive {
 
     fn end(&mut self) {
         let reference = self.reference();
-        let is_on_reference = self.cascade.end(&self.demand, &reference);
+        let has_reached = self.cascade.end(&self.demand, &reference);
         let motion = self.readings.report(self.motor.motion());
-        let error_m = match self.settings.interface {
-            Interface::Position => reference.position.to_metres().0 - motion.0,
-            Interface::Velocity => 0.0,
+        // With velocities there is no position to be away from.
+        let (error_m, is_on_reference) = match self.settings.interface {
+            Interface::Position => (reference.position.to_metres().0 - motion.0, has_reached),
+            Interface::Velocity => (0.0, true),
         };
         self.supervision.observe(&Observed {
             is_fresh: std::mem::take(&mut self.is_fresh),
-            error_nm: nearest(error_m * 1e9).unwrap_or(i64::MAX),
+            error_nm: report::nearest(error_m * 1e9).unwrap_or(i64::MAX),
             is_on_reference,
             is_at_rest: self.demand.velocity_m_per_s() == 0.0 && motion.1.abs() < STANDSTILL_M_PER_S,
         });
@@ -216,55 +213,11 @@ impl Drive {
     }
 }
 
-/// Returns the report of all drives of one axis: the mean over its motors, which share cart and load.
-///
-/// # Errors
-/// [`CrossingError`] if the axis has run out of the range of positions, or has no motor.
-pub fn report<'a>(drives: impl Iterator<Item = &'a Drive> + Clone) -> Result<Actual, CrossingError> {
-    let mean = |of: fn(&Drive) -> f64| mean(drives.clone().map(of));
-    Ok(Actual {
-        position: PositionNm::from_metres(Metres(mean(|drive| drive.report().motion.0)))?,
-        velocity: velocity(mean(|drive| drive.report().motion.1))?,
-        torque: torque(mean(|drive| drive.report().force_n / RATED_FORCE_N))?,
-    })
-}
-
-/// Returns the mean; NaN of nothing.
-pub(super) fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
-    sum / count
-}
-
-/// Nearest integer, halves away from zero; an error when not finite or beyond 2^53. Through the one crossing of [`gantry_tau_core::units`].
-fn nearest(value: f64) -> Result<i64, CrossingError> {
-    PositionNm::from_metres(Metres(value * 1e-9)).map(|nm| nm.0)
-}
-
-/// m/s to µm/s; beyond ± 2.1 km/s it reports the end of the range, as a drive does.
-fn velocity(metres_per_second: f64) -> Result<VelocityUmS, CrossingError> {
-    let um_per_s = nearest(metres_per_second * 1e6)?.clamp(i32::MIN.into(), i32::MAX.into());
-    Ok(VelocityUmS(um_per_s as i32))
-}
-
-/// Fraction of rated torque to per mille; beyond ± 32 times rated it reports the end of the range.
-fn torque(fraction: f64) -> Result<TorquePermille, CrossingError> {
-    let permille = nearest(fraction * 1e3)?.clamp(i16::MIN.into(), i16::MAX.into());
-    Ok(TorquePermille(permille as i16))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn reports_are_rounded_and_saturate() {
-        assert_eq!(nearest(2.5), Ok(3));
-        assert_eq!(velocity(-0.001_234_4), Ok(VelocityUmS(-1234)));
-        assert_eq!(velocity(1e6), Ok(VelocityUmS(i32::MAX)));
-        assert_eq!(torque(-0.25), Ok(TorquePermille(-250)));
-        assert_eq!(torque(1e3), Ok(TorquePermille(i16::MAX)));
-        assert_eq!(torque(f64::NAN), Err(CrossingError::NotFinite));
-    }
+    use gantry_tau_core::control::axis::Actual;
+    use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
 
     fn reference(nm: i64) -> Reference {
         Reference { position: PositionNm(nm), velocity_offset: Default::default(), torque_offset: Default::default() }

@@ -61,6 +61,13 @@ fn with_velocities_it_runs_on_until_the_watchdog() {
         assert_eq!((drive.state(), drive.trip()), (DriveState::Fault, Some(Trip::Watchdog)));
         assert!(close(way_mm, expected_mm, 0.05), "{watchdog_cycles}, {quick_stop_m_per_s2}: {way_mm} mm");
     }
+    // After the reset it waits for its next velocity; the old one is not data.
+    let settings = Settings { interface: Interface::Velocity, limits: Some(WIDE), ..ideal() };
+    let (mut drive, _, _) = killed(&settings);
+    drive.reset();
+    drive.command(&reference(Interface::Velocity, 0));
+    drive.advance(0.0);
+    assert_eq!(drive.state(), DriveState::Ready);
     // Without a watchdog nothing stops it.
     let (_, way_mm, _) = killed(&Settings { interface: Interface::Velocity, ..ideal() });
     assert!(close(way_mm, 500.0, 0.01), "{way_mm} mm");
