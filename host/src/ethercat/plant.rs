@@ -99,9 +99,13 @@ impl FaultLog {
             self.last = Some(fault);
         }
     }
+}
 
-    /// Returns the next fault that was not taken yet.
-    pub fn next(&mut self) -> Option<Fault> {
+/// The faults that were not taken yet.
+impl Iterator for FaultLog {
+    type Item = Fault;
+
+    fn next(&mut self) -> Option<Fault> {
         self.faults.pop().ok()
     }
 }

@@ -64,11 +64,12 @@ fn refusal(change: impl FnOnce(&mut Ethercat)) -> EthercatError {
 
 #[test]
 fn wrong_counts_signs_and_zeros_are_found_by_the_position() {
-    for change in [
-        (|section: &mut Ethercat| section.drives[0].counts_per_q *= 0.2) as fn(&mut Ethercat),
+    let changes: [fn(&mut Ethercat); 3] = [
+        |section| section.drives[0].counts_per_q *= 0.2,
         |section| section.drives[0].sign = -1,
         |section| section.drives[0].zero_counts = 400_000_000,
-    ] {
+    ];
+    for change in changes {
         let text = refusal(change).to_string();
         assert!(text.contains("ethercat.drives[0]") && text.contains("outside the travel"), "{text}");
     }
