@@ -5,7 +5,7 @@ use gantry_tau_core::units::PositionNm;
 /// Bits behind the point of a factor.
 const FRACTION: u32 = 40;
 /// Largest magnitude that is converted, nm or counts: products stay far within 128 bits.
-const LARGEST: i64 = 1 << 53;
+const LARGEST: u64 = 1 << 53;
 
 /// Scale of one drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,7 +65,7 @@ impl CountScale {
 
 /// Product, rounded to the nearest integer; `None` beyond the range.
 fn scaled(value: i64, factor: i64) -> Option<i64> {
-    if value.abs() > LARGEST {
+    if value.unsigned_abs() > LARGEST {
         return None;
     }
     let half = 1_i128 << (FRACTION - 1);
