@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use gantry_tau::black_box::swap_channel;
 use gantry_tau::black_box::writer::Writer;
 use gantry_tau::epoch;
@@ -41,6 +41,7 @@ use super::{MachineCommand, Outcome, Pace, address, fail, transport};
 ///
 /// While a client is in Obtain, a simulated force acts on the tool in steps. Type `stop`, `rearm` or `quit` and Enter.
 #[derive(Debug, Args)]
+#[command(group(ArgGroup::new("labcomm_streams").args(["labcomm", "record"]).multiple(true)))]
 pub(crate) struct Serve {
     /// Address for clients. Traffic is not encrypted; the default is reachable from this machine only
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = address)]

@@ -171,7 +171,7 @@ impl Monitor {
     }
 
     /// Events, the last first; at most 50.
-    pub fn events(&self) -> impl Iterator<Item = &Entry> {
+    pub fn events(&self) -> impl DoubleEndedIterator<Item = &Entry> {
         self.events.iter()
     }
 }
