@@ -7,6 +7,7 @@ use std::time::Duration;
 use gantry_tau_labcomm::{Definition, Event, Type};
 
 use crate::labcomm::{Stream, type_text};
+use crate::record_link::closed;
 use crate::sensor_link::Sample;
 
 /// Longest wait for the sensor to answer.
@@ -15,6 +16,8 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
 const CHUNK: usize = 4_096;
 /// Reads from one stream per visit, a bound on the work a flood can cause.
 const READS: usize = 64;
+/// Names of samples in a message at most.
+const NAMES: usize = 8;
 /// Largest value of any sample in the stream, bytes.
 const MAX_VALUE: u32 = 1 << 20;
 
@@ -47,6 +50,19 @@ impl LabcommSensor {
         received.map(|()| self.latest)
     }
 
+    /// As [`super::ForceSensor::silence`].
+    pub(super) fn silence(&self) -> String {
+        let defined = || self.stream.decoder().registry().iter();
+        if defined().any(|definition| is_named(&definition, &self.name)) {
+            return super::SILENCE.to_owned();
+        }
+        let names = defined().take(NAMES).map(|of| format!("{:?}", String::from_utf8_lossy(of.name)));
+        let names: Vec<String> = names.collect();
+        let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        let more = if defined().nth(NAMES).is_some() { ", ..." } else { "" };
+        format!("the stream does not define a sample {:?}; it defines {names}{more}", self.name)
+    }
+
     /// Takes the bytes that have come.
     fn receive(&mut self) -> io::Result<()> {
         let mut chunk = [0; CHUNK];
@@ -54,7 +70,7 @@ impl LabcommSensor {
             match self.socket.read(&mut chunk) {
                 Ok(0) => {
                     self.stream.end();
-                    return Err(io::ErrorKind::UnexpectedEof.into());
+                    return Err(closed());
                 }
                 Ok(count) => self.stream.push(chunk.get(..count).unwrap_or_default()),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,

@@ -40,12 +40,14 @@ struct Recorder<const N: usize> {
     events: Vec<Event>,
     /// Events for which there was no place.
     lost: u64,
+    /// Machine whose ticks were not taken.
+    other: Option<StreamError>,
 }
 
 /// Takes a recording of a machine of `N` axes.
 #[must_use]
 pub fn tap<const N: usize>(recording: Recording<N>) -> Box<dyn Tap> {
-    Box::new(Recorder { recording, waiting: None, events: Vec::new(), lost: 0 })
+    Box::new(Recorder { recording, waiting: None, events: Vec::new(), lost: 0, other: None })
 }
 
 impl<const N: usize> Recorder<N> {
@@ -80,7 +82,9 @@ impl<const N: usize> Tap for Recorder<N> {
 
     fn tick(&mut self, tick: &Received) -> Result<(), StreamError> {
         if tick.axes.count != N {
-            return Err(StreamError::OtherMachine { sent: tick.axes.count, expected: N });
+            let other = StreamError::OtherMachine { sent: tick.axes.count, expected: N };
+            self.other = Some(other);
+            return Err(other);
         }
         let before = self.waiting.map(|row| row.state.tick.0);
         self.write();
@@ -90,6 +94,9 @@ impl<const N: usize> Tap for Recorder<N> {
 
     fn finish(mut self: Box<Self>) -> Recorded {
         self.write();
+        if let Some(other) = self.other {
+            tracing::warn!("ticks are not in the recording: {other}");
+        }
         if self.lost > 0 {
             tracing::warn!("{} events are not in the recording: more than {WAITING} waited for their ticks", self.lost);
         }

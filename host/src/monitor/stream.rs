@@ -58,6 +58,14 @@ pub enum StreamError {
         /// The sample.
         name: &'static str,
     },
+    /// A value has a text that is too long.
+    #[error(
+        "the port sends a sample `{name}` with a text above 256 bytes; server and monitor must be of the same version"
+    )]
+    LongText {
+        /// The sample.
+        name: &'static str,
+    },
     /// A machine with another number of axes is recorded.
     #[error("the server sends {sent} axes, and the machine of --robot has {expected}; name its own with --robot")]
     OtherMachine {
@@ -184,14 +192,15 @@ fn take(
     happened: &mut Vec<Happened>,
 ) -> Result<(), StreamError> {
     let Some(kind) = kind else { return Ok(()) };
-    let other = |_| StreamError::OtherType { name: kind.name() };
+    // The type is checked with the definition; only the length of a text is not.
+    let long = |_| StreamError::LongText { name: kind.name() };
     match kind {
-        Kind::State => assembly.state(value.read().map_err(other)?),
-        Kind::Axes3 => assembly.axes::<3>(&value.read().map_err(other)?),
-        Kind::Axes6 => assembly.axes::<6>(&value.read().map_err(other)?),
-        Kind::Tool => assembly.tool(value.read().map_err(other)?),
+        Kind::State => assembly.state(value.read().map_err(long)?),
+        Kind::Axes3 => assembly.axes::<3>(&value.read().map_err(long)?),
+        Kind::Axes6 => assembly.axes::<6>(&value.read().map_err(long)?),
+        Kind::Tool => assembly.tool(value.read().map_err(long)?),
         Kind::SessionEvent => {
-            let event: SessionEvent = value.read().map_err(other)?;
+            let event: SessionEvent = value.read().map_err(long)?;
             if event.kind == EventKind::MachineFailed.code() {
                 assembly.machine_failed(event.tick);
             }

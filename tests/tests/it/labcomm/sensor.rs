@@ -111,6 +111,7 @@ enum Wrong {
     DefinesAnotherType,
     IsGarbage,
     HasTheWrongType,
+    HasAnotherName,
 }
 
 /// Runs a client whose stream goes wrong.
@@ -125,7 +126,11 @@ fn session(version: Version, wrong: Wrong) -> Session {
                 encoder.version()?;
                 encoder.define::<Counts>(index)
             }),
-            (_, Wrong::HasTheWrongType) => {}
+            (0, Wrong::HasAnotherName) => program.send(|encoder| {
+                encoder.version()?;
+                encoder.define::<Unknown>(index)
+            }),
+            (_, Wrong::HasTheWrongType | Wrong::HasAnotherName) => {}
             (0, _) => program.send(|encoder| {
                 encoder.version()?;
                 encoder.define::<ForceSensor>(index)?;
@@ -151,7 +156,7 @@ fn a_stream_that_goes_wrong_ends_the_compensation_and_nothing_else() {
     let types =
         "has the type [\"array\",[6],\"int\"]; expected [\"array\",[6],\"float\"] or [\"array\",[6],\"double\"]";
     let cases = [
-        (Wrong::Ends, 0, "end of file"),
+        (Wrong::Ends, 0, "has closed the connection"),
         (Wrong::Stalls, SAMPLE_STATES, "none has come for too long"),
         (Wrong::StallsWithinASample, SAMPLE_STATES, "none has come for too long"),
         (Wrong::ChangesTheDefinition, 0, "is defined again, with another name or type"),
@@ -183,6 +188,13 @@ fn a_stream_of_the_wrong_type_never_obtains() {
         assert_left(&session, Wrong::HasTheWrongType, types);
         assert!(session.obtained().is_empty());
     }
+}
+
+#[test]
+fn a_stream_without_the_sample_never_obtains_and_its_names_are_told() {
+    let session = session(Version::V2014, Wrong::HasAnotherName);
+    assert_left(&session, Wrong::HasAnotherName, "does not define a sample \"forcesensor\"; it defines \"places\"");
+    assert!(session.obtained().is_empty());
 }
 
 /// The client left in good order and told `reason`; then the offsets ramped to zero, and the server listens.
