@@ -87,7 +87,7 @@ pub(crate) struct Serve {
     epoch_file: Option<PathBuf>,
     /// Record every tick, as CSV or as a stream of LabComm
     ///
-    /// CSV: one row per tick with references, actual values and force. LabComm: the samples axes, state, tool and session_event.
+    /// CSV: one row per tick with references, actual values and force. LabComm: the samples axes, state, tool, session_event and drives.
     #[arg(long, value_name = "FILE.csv|FILE.labcomm|FILE.mcap")]
     record: Option<RecordTo>,
     /// Write a black box (the ticks before and after, bit for bit) at each end of a session and each stop, for `gantry-tau replay`

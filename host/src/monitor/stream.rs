@@ -1,4 +1,4 @@
-//! Reader of a LabComm port with the samples `state`, `axes`, `tool` and `session_event`.
+//! Reader of a LabComm port with the samples `state` and `axes`, and if they are there `tool`, `session_event` and `drives`.
 
 use std::io::{ErrorKind, Read};
 use std::net::{SocketAddr, TcpStream};
@@ -24,7 +24,7 @@ const READS: usize = 64;
 const MOST: u32 = 65_536;
 
 /// Samples that a server must publish for a monitor, as `serve --labcomm` takes them.
-pub const SAMPLES: &str = "state,axes,tool,session_event";
+pub const SAMPLES: &str = "state,axes,tool,session_event,drives";
 
 /// Error of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -141,6 +141,8 @@ impl Stream {
                 Event::Data { definition, value } => {
                     let kind = self.known.kind(definition.index)?;
                     self.assembly.expect_tool(self.known.has(Kind::Tool));
+                    let sends_drives = self.known.has(Kind::Drives3) || self.known.has(Kind::Drives6);
+                    self.assembly.expect_drives(sends_drives);
                     let told = happened.len();
                     take(kind, &value, &mut self.assembly, happened)?;
                     if let Some(tap) = tap {
@@ -198,6 +200,8 @@ fn take(
         Kind::State => assembly.state(value.read().map_err(long)?),
         Kind::Axes3 => assembly.axes::<3>(&value.read().map_err(long)?),
         Kind::Axes6 => assembly.axes::<6>(&value.read().map_err(long)?),
+        Kind::Drives3 => assembly.drives::<3>(&value.read().map_err(long)?),
+        Kind::Drives6 => assembly.drives::<6>(&value.read().map_err(long)?),
         Kind::Tool => assembly.tool(value.read().map_err(long)?),
         Kind::SessionEvent => {
             let event: SessionEvent = value.read().map_err(long)?;
