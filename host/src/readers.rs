@@ -1,6 +1,6 @@
-//! Readers of a TCP port: each gets the same bytes, and what it sends is not read.
+//! Readers of a TCP port: each gets the same bytes, and what it sends is dropped.
 
-use std::io::{self, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 
 use socket2::SockRef;
@@ -46,11 +46,13 @@ impl Readers {
         self.listener.local_addr()
     }
 
-    /// Accepts at most one new reader, and sends it `first`.
+    /// Accepts at most one new reader, and sends it `first`. A reader that has gone leaves its place to it.
     pub fn accept(&mut self, first: &[u8]) {
-        let Some(free) = self.streams.iter_mut().find(|stream| stream.is_none()) else {
-            return;
-        };
+        let free = self.streams.iter().position(Option::is_none);
+        // A write finds those that have gone; a port that is seldom written asks when it needs their places.
+        let free = free.or_else(|| self.streams.iter_mut().position(|stream| stream.as_mut().is_some_and(has_gone)));
+        let Some(free) = free.and_then(|index| self.streams.get_mut(index)) else { return };
+        *free = None;
         if let Ok((mut stream, peer)) = self.listener.accept() {
             let usable = self.allowed.admits(peer.ip())
                 && stream.set_nonblocking(true).is_ok()
@@ -68,6 +70,14 @@ impl Readers {
                 *reader = None;
             }
         }
+    }
+}
+
+/// True if the peer of a stream has closed it. What it has sent is dropped, a part at a time.
+fn has_gone(stream: &mut TcpStream) -> bool {
+    match stream.read(&mut [0; 1024]) {
+        Ok(count) => count == 0,
+        Err(error) => !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
     }
 }
 

@@ -56,7 +56,7 @@ pub(crate) fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     let mut load = LoadProfile::new(hand, 60.0, 0.1);
     let (mut log, mut rows, mut events) = (EventLog::default(), Vec::new(), Vec::new());
     let mut obtaining = 0;
-    drain(&mut queue, |row| {
+    drain(&mut queue, |row, _| {
         load.update(row.state.phase, row.state.tick);
         let happened = log.see(row);
         files.iter_mut().for_each(|file| file.write(row, &happened));

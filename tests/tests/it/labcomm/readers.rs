@@ -1,15 +1,16 @@
 //! Readers that never read, send garbage, reset, are one too many, or come from elsewhere: the session beside them is the same.
 
 use std::io::{ErrorKind, Read, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::net::{Shutdown, SocketAddr, TcpStream};
 
 use gantry_tau::publication::{Publication, SampleName};
+use gantry_tau::readers::READERS;
 use gantry_tau::server::connections::Allowed;
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_labcomm::Version;
-use gantry_tau_tests::DEADLINE;
 use gantry_tau_tests::client::Noise;
 use gantry_tau_tests::server_fixture::LOOPBACK;
+use gantry_tau_tests::{DEADLINE, wait_for};
 
 use super::lockstep::{Lockstep, Session, stream};
 use super::reader::{RESOLUTION_M, Reader, narrow, reset};
@@ -146,4 +147,26 @@ fn readers_of_any_conduct_change_no_reference_and_no_tick() {
             talking.assert_last_samples(&server.rows, session.rows.len() - CROWDED - 10);
         }
     }
+}
+
+/// A port that nothing is written to does not learn from a write that its readers have gone.
+#[test]
+fn readers_that_have_gone_leave_their_places_on_a_silent_port() {
+    let (events, address) = port(&[SampleName::SessionEvent]);
+    let mut server = Lockstep::start(vec![events]);
+    for _ in 0..READERS {
+        let mut reader = Reader::of(address);
+        wait_for("a reader", || {
+            server.tick();
+            !reader.has_nothing()
+        });
+        // Garbage first: the end of the stream is behind it.
+        reader.stream.write_all(&Noise::new(7).bytes(10_000)).unwrap();
+        reader.stream.shutdown(Shutdown::Both).unwrap();
+    }
+    let late = Reader::of(address);
+    wait_for("the reader after them", || {
+        server.tick();
+        !late.has_nothing()
+    });
 }
