@@ -87,10 +87,10 @@ fn interrupted_early() {
 
 /// The server ends the session for another reason while the Goodbye is on its way.
 fn ended_beside_goodbye() {
-    let live = [granted(), state(6, Phase::Handshake, Cause::None)].concat();
-    let over = state(7, Phase::SafeDisconnect, Cause::ClientLate);
-    let server = answering(vec![(HELLO, live), (COMMAND + GOODBYE, over)]);
-    let (code, said) = end(&[&server, "--states", "1"]);
+    let live = |tick| state(tick, Phase::Handshake, Cause::None);
+    let over = state(8, Phase::SafeDisconnect, Cause::ClientLate);
+    let script = vec![(HELLO, [granted(), live(6)].concat()), (COMMAND, live(7)), (COMMAND + GOODBYE, over)];
+    let (code, said) = end(&[&answering(script), "--states", "2"]);
     let words = "gantry_tau: the server ended the session: no command arrived before two consecutive deadlines\n";
     assert_eq!((code, said.as_str()), (Some(6), words));
 }
