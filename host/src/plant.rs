@@ -28,6 +28,70 @@ pub trait Plant<const AXES: usize, const MOTORS: usize>: Send {
     /// # Errors
     /// [`PlantError`] when the bus does not take them: the server asserts its stop from the next cycle on.
     fn write(&mut self, references: &[Reference; MOTORS], parts: &[InForce; AXES]) -> Result<(), PlantError>;
+
+    /// Returns the states of the drives at the last `read`, one per axis: of several motors the one furthest from operation. They are
+    /// recorded and shown, and nothing acts on them: a drive that does not follow its references is reported by `read`, which fails.
+    /// (Hence not a part of [`Reading`], which there is none of when it matters.)
+    ///
+    /// `None`, the default, for a machine that does not tell.
+    fn drives(&self) -> Option<[DriveState; AXES]> {
+        None
+    }
+
+    /// Acknowledges the faults of the drives. Called before `read` in every cycle in which the re-arm is pressed in Fault and no stop
+    /// is held, until the server listens again; `read` must fail until the drives follow their references.
+    ///
+    /// A drive without a fault must ignore it. The default does nothing.
+    fn reset(&mut self) {}
+}
+
+/// State of a drive, after the states of CiA 402; the later, the further from operation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DriveState {
+    /// It follows its references.
+    Operating,
+    /// It holds its position and waits for references.
+    Ready,
+    /// It has no power, or moves onto its reference after a reset.
+    NotReady,
+    /// It brakes by itself.
+    QuickStop,
+    /// It has stopped by itself and waits for a reset.
+    Fault,
+}
+
+impl DriveState {
+    const ALL: [Self; 5] = [Self::Operating, Self::Ready, Self::NotReady, Self::QuickStop, Self::Fault];
+
+    /// Code in the sample `drives`.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        match self {
+            Self::NotReady => 0,
+            Self::Ready => 1,
+            Self::Operating => 2,
+            Self::QuickStop => 3,
+            Self::Fault => 4,
+        }
+    }
+
+    /// Returns the state of a code.
+    #[must_use]
+    pub fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|state| state.code() == code)
+    }
+
+    /// Name in recordings: lower case, words joined by `_`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NotReady => "not_ready",
+            Self::Ready => "ready",
+            Self::Operating => "operating",
+            Self::QuickStop => "quick_stop",
+            Self::Fault => "fault",
+        }
+    }
 }
 
 /// Measurements of one cycle.

@@ -2,6 +2,7 @@
 
 mod build;
 mod check;
+mod drives;
 pub mod edit;
 mod keys;
 mod learned;
@@ -21,6 +22,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::model::{F1, L2, MachineKind};
 pub use build::CYCLE_US;
 use check::Kind;
+pub use drives::Drives;
 pub(crate) use keys::{F1Keys, Keys, L2Keys};
 pub use learned::{Calibrated, Identified, Play, WristJoint};
 pub use sections::{Client, CorrectionKind, Motors, Sensor, Simulation, Tool};
@@ -52,6 +54,8 @@ pub struct RobotFile<K, const N: usize> {
     pub sensor: Sensor,
     /// `[client]`.
     pub client: Client,
+    /// `[drives]`; absent: drives that know no failure, no latency and no encoder.
+    pub drives: Option<Drives>,
     /// `[simulation]`.
     pub simulation: Simulation,
     /// `[calibrated]`; absent in a file that was not calibrated.
@@ -220,6 +224,9 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         let compliances = keys.compliances()?;
         let limits = check::limits(&sections.axes)?;
         check::motors(&sections.motors, N)?;
+        if let Some(drives) = &sections.drives {
+            drives::check(drives, &sections.axes, &sections.motors)?;
+        }
         check::sensor(&sections.sensor)?;
         check::range("client.gain", sections.client.gain, 0.0, 1.0)?;
         check::simulation(&sections.simulation)?;
@@ -240,6 +247,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             motors: sections.motors,
             sensor: sections.sensor,
             client: sections.client,
+            drives: sections.drives,
             simulation: sections.simulation,
             calibrated: sections.calibrated,
             identified: sections.identified,

@@ -21,7 +21,7 @@ use super::{MachineCommand, Outcome, address, run_on};
 
 /// Watch a server: phase, counters, axes, force and events, on the terminal, as JSON or as a page that draws the machine
 ///
-/// Reads a LabComm port of the server, opened by `serve --labcomm HOST:PORT=state,axes,tool,session_event`. It sends nothing and owns
+/// Reads a LabComm port of the server, opened by `serve --labcomm HOST:PORT=state,axes,tool,session_event,drives`. It sends nothing and owns
 /// nothing. A lost server is told and tried again until Ctrl-C.
 ///
 /// Exit codes: 0 ended. With --status, of the last line: 0 listening, handshake, submit or obtain; 3 offsets ramp to zero; 4 fault; 5 the

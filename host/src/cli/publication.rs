@@ -15,7 +15,7 @@ use super::labcomm::LabcommVersion;
 /// Ports, and what they speak.
 #[derive(Debug, Args)]
 pub(crate) struct PublicationOptions {
-    /// Publish samples over LabComm, one of each per tick: any of data, forcesensor, state, axes, tool, session_event
+    /// Publish samples over LabComm, one of each per tick: any of data, forcesensor, state, axes, tool, session_event, drives
     /// (repeatable) [default names: data,forcesensor]
     ///
     /// A reader gets the definitions, then the samples; at most four readers at a time, and one that does not keep up is dropped.

@@ -86,7 +86,7 @@ pub(crate) struct Serve {
     epoch_file: Option<PathBuf>,
     /// Record every tick, as CSV, as a stream of LabComm or as MCAP
     ///
-    /// CSV: one row per tick with references, actual values and force. LabComm: the samples axes, state, tool and session_event.
+    /// CSV: one row per tick with references, actual values and force. LabComm: the samples axes, state, tool, session_event and drives.
     /// MCAP: the same samples as JSON, and the machine as a scene for Foxglove.
     #[arg(long, value_name = "FILE.csv|FILE.labcomm|FILE.mcap")]
     record: Option<RecordTo>,

@@ -6,6 +6,7 @@ use gantry_tau_labcomm::samples::{Axes, Data, ForceSensor, SessionEvent, State, 
 use gantry_tau_labcomm::{Kind, Sample, Type, Version};
 
 use super::from_json::Bytes;
+use crate::publication::Drives;
 
 /// Returns the samples of a machine of `N` axes, made from the types that are sent.
 #[must_use]
@@ -17,6 +18,9 @@ pub fn schema<const N: usize>() -> String {
         sample::<Axes<N>>("every axis after a tick; flags as in wire.md"),
         sample::<Tool>("the simulation's truth"),
         sample::<SessionEvent>("kind: 0 granted, 1 refused, 2 ended, 3 phase, 4 machine failed"),
+        sample::<Drives<N>>(
+            "state of the drives of every axis: 0 not ready, 1 ready, 2 operating, 3 quick stop, 4 fault",
+        ),
     ]
     .concat()
 }

@@ -6,6 +6,8 @@ use gantry_tau_labcomm::samples::{Axes, Axis, State, Tool};
 
 use super::snapshot::{self, Snapshot};
 use super::stream::StreamError;
+use crate::plant::DriveState;
+use crate::publication::Drives;
 
 /// Ticks after the failure of the machine in which the server may still be in its old phase.
 const UNTIL_FAULT: i64 = 2;
@@ -18,23 +20,46 @@ pub(super) struct AxesOf {
     pub(super) count: usize,
 }
 
+/// Drives of a tick: the codes of their states.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DrivesOf {
+    tick: i64,
+    state: [u8; MAX_AXES],
+    count: usize,
+}
+
+impl DrivesOf {
+    /// Returns the states, axis order.
+    ///
+    /// # Errors
+    /// [`StreamError::UnknownCode`].
+    pub(super) fn states(&self) -> Result<Vec<DriveState>, StreamError> {
+        let unknown = |code| StreamError::UnknownCode { field: "drive", code };
+        let codes = self.state.iter().take(self.count);
+        codes.map(|code| DriveState::from_code(*code).ok_or(unknown(*code))).collect()
+    }
+}
+
 /// One tick, as it was received.
 #[derive(Clone, Copy, Debug)]
 pub struct Tick {
     pub(super) state: State,
     pub(super) axes: AxesOf,
     pub(super) tool: Option<Tool>,
+    pub(super) drives: Option<DrivesOf>,
 }
 
 /// The latest whole tick, and what has come of the next.
 ///
-/// A tick is whole when its state and axes have come, and its tool if the server sends one; or when a sample of a later tick comes.
+/// A tick is whole when its state and axes have come, and tool and drives if the server sends them; or when a sample of a later tick comes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Assembly {
     sends_tool: bool,
+    sends_drives: bool,
     state: Option<State>,
     axes: Option<AxesOf>,
     tool: Option<Tool>,
+    drives: Option<DrivesOf>,
     latest: Option<Tick>,
     /// The latest has not been taken.
     is_new: bool,
@@ -48,6 +73,11 @@ impl Assembly {
     /// The server sends the sample of the tool, or does not.
     pub(super) const fn expect_tool(&mut self, sends_tool: bool) {
         self.sends_tool = sends_tool;
+    }
+
+    /// The server sends the sample of the drives, or does not.
+    pub(super) const fn expect_drives(&mut self, sends_drives: bool) {
+        self.sends_drives = sends_drives;
     }
 
     pub(super) fn state(&mut self, state: State) {
@@ -72,6 +102,16 @@ impl Assembly {
         self.end(false);
     }
 
+    pub(super) fn drives<const N: usize>(&mut self, drives: &Drives<N>) {
+        self.begin(drives.tick);
+        let mut state = [0; MAX_AXES];
+        for (place, code) in state.iter_mut().zip(&drives.state) {
+            *place = *code;
+        }
+        self.drives = Some(DrivesOf { tick: drives.tick, state, count: N });
+        self.end(false);
+    }
+
     /// Takes the tick that has become whole, once.
     pub(super) fn take(&mut self) -> Option<Tick> {
         self.latest.filter(|_| std::mem::take(&mut self.is_new))
@@ -88,23 +128,25 @@ impl Assembly {
             self.state.as_ref().map(|state| state.tick),
             self.axes.as_ref().map(|axes| axes.tick),
             self.tool.as_ref().map(|tool| tool.tick),
+            self.drives.as_ref().map(|drives| drives.tick),
         ];
         if ticks.into_iter().flatten().any(|other| other != tick) {
             self.end(true);
-            (self.state, self.axes, self.tool) = (None, None, None);
+            (self.state, self.axes, self.tool, self.drives) = (None, None, None, None);
         }
     }
 
     fn end(&mut self, nothing_more_comes: bool) {
         let (Some(state), Some(axes)) = (self.state, self.axes) else { return };
-        if self.sends_tool && self.tool.is_none() && !nothing_more_comes {
+        let is_waiting = self.sends_tool && self.tool.is_none() || self.sends_drives && self.drives.is_none();
+        if is_waiting && !nothing_more_comes {
             return;
         }
         if self.latest.is_none_or(|latest| latest.axes.tick != axes.tick) {
             self.before = self.latest.map(|latest| latest.axes);
             self.is_new = true;
         }
-        self.latest = Some(Tick { state, axes, tool: self.tool });
+        self.latest = Some(Tick { state, axes, tool: self.tool, drives: self.drives });
         let served_again =
             |failed: i64| state.phase == Phase::Listening.code() && state.tick > failed.saturating_add(UNTIL_FAULT);
         if self.failed.is_some_and(served_again) {
@@ -117,7 +159,7 @@ impl Assembly {
     /// # Errors
     /// [`StreamError::UnknownCode`].
     pub(super) fn snapshot(&self) -> Result<Option<Snapshot>, StreamError> {
-        let Some(Tick { state, axes, tool }) = &self.latest else { return Ok(None) };
+        let Some(Tick { state, axes, tool, drives }) = &self.latest else { return Ok(None) };
         let before = self.before.filter(|before| before.tick.checked_add(1) == Some(axes.tick));
         let axis = |(number, axis): (usize, &Axis)| {
             let reference = before.and_then(|before| Some(before.axis.get(number)?.reference_nm));
@@ -136,6 +178,10 @@ impl Assembly {
             longest_miss_run: state.longest_miss_run,
             machine_failed: self.failed.is_some(),
             axes: axes.axis.iter().take(axes.count).enumerate().map(axis).collect(),
+            drives: match drives {
+                Some(drives) => Some(drives.states()?.into_iter().map(DriveState::name).collect()),
+                None => None,
+            },
             force: tool.map(|tool| tool.load),
             gauges_m: tool.map(|tool| tool.gauges_m),
             displacement_m: tool.map(|tool| tool.displacement_m),

@@ -4,6 +4,7 @@ use gantry_tau_labcomm::samples::{Axes, SessionEvent, State, Tool};
 use gantry_tau_labcomm::{Definition, Sample};
 
 use super::stream::StreamError;
+use crate::publication::Drives;
 
 /// Sample type that a monitor reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,10 +14,13 @@ pub(super) enum Kind {
     Axes6,
     Tool,
     SessionEvent,
+    Drives3,
+    Drives6,
 }
 
 impl Kind {
-    const ALL: [Self; 5] = [Self::State, Self::Axes3, Self::Axes6, Self::Tool, Self::SessionEvent];
+    const ALL: [Self; 7] =
+        [Self::State, Self::Axes3, Self::Axes6, Self::Tool, Self::SessionEvent, Self::Drives3, Self::Drives6];
 
     /// Name of the sample.
     pub(super) const fn name(self) -> &'static str {
@@ -26,6 +30,8 @@ impl Kind {
             Self::Axes6 => Axes::<6>::NAME,
             Self::Tool => Tool::NAME,
             Self::SessionEvent => SessionEvent::NAME,
+            Self::Drives3 => Drives::<3>::NAME,
+            Self::Drives6 => Drives::<6>::NAME,
         }
     }
 
@@ -36,6 +42,8 @@ impl Kind {
             Self::Axes6 => definition.is::<Axes<6>>(),
             Self::Tool => definition.is::<Tool>(),
             Self::SessionEvent => definition.is::<SessionEvent>(),
+            Self::Drives3 => definition.is::<Drives<3>>(),
+            Self::Drives6 => definition.is::<Drives<6>>(),
         }
     }
 }

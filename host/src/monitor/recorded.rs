@@ -7,7 +7,7 @@ use gantry_tau_labcomm::samples;
 
 use super::assembly::Tick as Received;
 use super::stream::{Happened, StreamError};
-use crate::plant::ToolReading;
+use crate::plant::{DriveState, ToolReading};
 use crate::record::{Recorded, Recording};
 use crate::server::cycle::Row;
 use crate::server::event_log::{Event, EventKind};
@@ -79,7 +79,7 @@ impl<const N: usize> Tap for Recorder<N> {
 
 /// Row of the server for a tick, of which no other is told than is sent: no round trip.
 fn row<const N: usize>(tick: &Received, before: Option<u64>) -> Result<Row<N>, StreamError> {
-    let Received { state, axes, tool } = tick;
+    let Received { state, axes, tool, drives } = tick;
     let mut of_axes = axes.axis.iter();
     let axes: [samples::Axis; N] =
         std::array::from_fn(|_| of_axes.next().copied().unwrap_or(gantry_tau_labcomm::Field::ZERO));
@@ -87,6 +87,10 @@ fn row<const N: usize>(tick: &Received, before: Option<u64>) -> Result<Row<N>, S
     for (place, axis) in states.iter_mut().zip(&axes) {
         *place = axis_state(axis)?;
     }
+    let drives = match drives {
+        Some(drives) => <[DriveState; N]>::try_from(drives.states()?).ok(),
+        None => None,
+    };
     let number = unsigned(state.tick);
     let elapsed = before.and_then(|before| number.checked_sub(before)).unwrap_or(1);
     Ok(Row {
@@ -122,6 +126,8 @@ fn row<const N: usize>(tick: &Received, before: Option<u64>) -> Result<Row<N>, S
         elapsed: u32::try_from(elapsed).unwrap_or(u32::MAX),
         round_trip_us: None,
         plant_failed: false,
+        failure: None,
+        drives,
         latch_lost: false,
     })
 }

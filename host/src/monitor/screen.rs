@@ -79,6 +79,10 @@ fn tick(snapshot: &Snapshot) -> String {
     for (number, axis) in (1..).zip(&snapshot.axes) {
         let _ = writeln!(text, "{number:<4}{}", row(axis, snapshot.phase).trim_end());
     }
+    if let Some(drives) = &snapshot.drives {
+        let states: Vec<String> = drives.iter().map(|state| state.replace('_', " ")).collect();
+        let _ = writeln!(text, "drives {}", states.join(", "));
+    }
     if let (Some([x, y, z, mx, my, mz]), Some(gauges)) = (snapshot.force, snapshot.gauges_m) {
         let [first, second, third] = gauges.map(|gauge| gauge * 1e6);
         let _ = writeln!(

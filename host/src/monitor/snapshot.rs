@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 /// Machine and session after one tick. Numbers are those of the wire: nm, µm/s, per mille of rated torque.
 ///
 /// A value that the server does not send is `null`: force, gauges and displacement of a machine without instruments at the tool, and the
-/// lag in a tick whose predecessor was not received. States of the drives are not among the samples, and so are not here.
+/// lag in a tick whose predecessor was not received; the drives of a machine that does not tell their states.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Snapshot {
     /// Number of the tick.
@@ -34,6 +34,8 @@ pub struct Snapshot {
     pub machine_failed: bool,
     /// The axes, axis order.
     pub axes: Vec<Axis>,
+    /// States of the drives, axis order: `not_ready`, `ready`, `operating`, `quick_stop`, `fault`.
+    pub drives: Option<Vec<&'static str>>,
     /// Force (N) and moment (N m) on the platform, world axes.
     pub force: Option<[f64; 6]>,
     /// Lengths of the gauges, m.

@@ -1,4 +1,4 @@
-//! Reader of a LabComm port with the samples `state`, `axes`, `tool` and `session_event`.
+//! Reader of a LabComm port with the samples `state` and `axes`, and if they are there `tool`, `session_event` and `drives`.
 
 use std::io::{ErrorKind, Read};
 use std::net::{SocketAddr, TcpStream};
@@ -25,7 +25,7 @@ const MOST: u32 = 65_536;
 type StreamDecoder = Decoder<64, 16_384>;
 
 /// Samples that a server must publish for a monitor, as `serve --labcomm` takes them.
-pub const SAMPLES: &str = "state,axes,tool,session_event";
+pub const SAMPLES: &str = "state,axes,tool,session_event,drives";
 
 /// Error of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -159,6 +159,8 @@ impl Stream {
                         Event::Data { definition, value } => {
                             let kind = self.known.kind(definition.index)?;
                             self.assembly.expect_tool(self.known.has(Kind::Tool));
+                            let sends_drives = self.known.has(Kind::Drives3) || self.known.has(Kind::Drives6);
+                            self.assembly.expect_drives(sends_drives);
                             let told = happened.len();
                             take(kind, &value, &mut self.assembly, happened)?;
                             if let Some(tap) = tap {
@@ -198,6 +200,8 @@ fn take(
         Kind::State => assembly.state(value.read().map_err(other)?),
         Kind::Axes3 => assembly.axes::<3>(&value.read().map_err(other)?),
         Kind::Axes6 => assembly.axes::<6>(&value.read().map_err(other)?),
+        Kind::Drives3 => assembly.drives::<3>(&value.read().map_err(other)?),
+        Kind::Drives6 => assembly.drives::<6>(&value.read().map_err(other)?),
         Kind::Tool => assembly.tool(value.read().map_err(other)?),
         Kind::SessionEvent => {
             let event: SessionEvent = value.read().map_err(other)?;

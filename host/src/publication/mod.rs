@@ -3,6 +3,7 @@
 //! A reader that connects gets version and definitions first, and `session_event` of a failure of the machine that still lasts. What it sends
 //! is not read, and it is dropped if it does not keep up.
 
+mod drives;
 mod rows;
 mod sample_name;
 mod ticks;
@@ -19,6 +20,7 @@ use crate::server::connections::Allowed;
 use crate::server::cycle::Row;
 use crate::server::event_log::{Event, EventKind};
 
+pub use drives::Drives;
 pub use rows::{Samples, Sensors};
 pub use sample_name::{ParseSampleNameError, SampleName};
 use ticks::TICK;

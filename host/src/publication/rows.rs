@@ -4,8 +4,8 @@ use gantry_tau_core::control::message::{self, AxisState, Counters};
 use gantry_tau_labcomm::samples::{Axes, Axis, Data, ForceSensor, SessionEvent, State, Tool};
 use gantry_tau_labcomm::{Encoder, ErrorKind, Field, Text, Version};
 
-use super::SampleName;
-use crate::plant::ToolReading;
+use super::{Drives, SampleName};
+use crate::plant::{DriveState, ToolReading};
 use crate::server::cycle::Row;
 use crate::server::event_log::Event;
 
@@ -28,6 +28,7 @@ pub(super) fn define<const N: usize>(
             SampleName::Axes => encoder.define::<Axes<N>>(index),
             SampleName::Tool => encoder.define::<Tool>(index),
             SampleName::SessionEvent => encoder.define::<SessionEvent>(index),
+            SampleName::Drives => encoder.define::<Drives<N>>(index),
         }?;
     }
     Ok(())
@@ -67,27 +68,32 @@ pub struct Samples<const N: usize> {
     pub axes: Axes<N>,
     /// The tool, if there are instruments at it.
     pub tool: Option<Tool>,
+    /// The drives, if their states are known.
+    pub drives: Option<Drives<N>>,
 }
 
 impl<const N: usize> Samples<N> {
-    /// Samples of a State with these references, nm, and of the tool.
+    /// Samples of a State with these references, nm, and of the tool; the states of the drives are unknown.
     #[must_use]
     pub fn new(of: &message::State<N>, references_nm: &[i64; N], tool: Option<Tool>) -> Self {
         let mut axes = of.axes.iter().zip(references_nm);
         let mut next = || axes.next().map_or(Axis::ZERO, |(state, reference)| axis(state, *reference));
         let axes = Axes { tick: long(of.tick.0), axis: std::array::from_fn(|_| next()) };
-        Self { state: state(of), axes, tool }
+        Self { state: state(of), axes, tool, drives: None }
     }
 }
 
 impl<const N: usize> From<&Row<N>> for Samples<N> {
     fn from(row: &Row<N>) -> Self {
         let references = row.references.map(|reference| reference.position.0);
-        Self::new(&row.state, &references, row.tool.as_ref().map(|reading| tool(row.state.tick.0, reading)))
+        let tick = row.state.tick.0;
+        let samples = Self::new(&row.state, &references, row.tool.as_ref().map(|reading| tool(tick, reading)));
+        let drives = row.drives.map(|drives| Drives { tick: long(tick), state: drives.map(DriveState::code) });
+        Self { drives, ..samples }
     }
 }
 
-/// Writes one of each sample; sensors and tool if the machine has instruments there, and an event for each that happened.
+/// Writes one of each sample; sensors and tool if the machine has instruments there, drives if it tells their states, and an event for each that happened.
 pub(super) fn write_tick<const N: usize>(
     encoder: &mut Encoder<'_>,
     names: impl Iterator<Item = (u32, SampleName)>,
@@ -102,6 +108,11 @@ pub(super) fn write_tick<const N: usize>(
             (SampleName::Tool, _) => {
                 if let Some(tool) = &samples.tool {
                     encoder.data(index, tool)?;
+                }
+            }
+            (SampleName::Drives, _) => {
+                if let Some(drives) = &samples.drives {
+                    encoder.data(index, drives)?;
                 }
             }
             (SampleName::SessionEvent, _) => write_events(encoder, std::iter::once((index, name)), events)?,

@@ -18,11 +18,14 @@ pub enum SampleName {
     Tool,
     /// What happens to sessions.
     SessionEvent,
+    /// States of the drives.
+    Drives,
 }
 
 impl SampleName {
     /// All samples, in the order in which they are listed to users.
-    pub const ALL: [Self; 6] = [Self::Data, Self::ForceSensor, Self::State, Self::Axes, Self::Tool, Self::SessionEvent];
+    pub const ALL: [Self; 7] =
+        [Self::Data, Self::ForceSensor, Self::State, Self::Axes, Self::Tool, Self::SessionEvent, Self::Drives];
 
     /// Name on the wire.
     #[must_use]
@@ -34,6 +37,7 @@ impl SampleName {
             Self::Axes => "axes",
             Self::Tool => "tool",
             Self::SessionEvent => "session_event",
+            Self::Drives => "drives",
         }
     }
 
@@ -52,7 +56,7 @@ impl fmt::Display for SampleName {
 
 /// A name that no sample has.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no sample {name:?}; expected data, forcesensor, state, axes, tool or session_event")]
+#[error("there is no sample {name:?}; expected data, forcesensor, state, axes, tool, session_event or drives")]
 pub struct ParseSampleNameError {
     name: String,
 }

@@ -5,7 +5,7 @@ use gantry_tau_core::units::OffsetNm;
 use gantry_tau_labcomm::samples::Tool;
 
 use super::{Record, TickRow};
-use crate::plant::ToolReading;
+use crate::plant::{DriveState, ToolReading};
 use crate::publication::Samples;
 use crate::server::cycle::Row;
 
@@ -65,6 +65,7 @@ impl<const N: usize> Record for Row<N> {
         header.extend(vector("gauge_{}_um"));
         header.extend(["elapsed_ticks", "round_trip_us"].map(str::to_owned));
         header.extend(vector("turn_{}_urad"));
+        header.extend((1..=N).map(|axis| format!("drive_{axis}")));
         header
     }
 
@@ -82,6 +83,9 @@ impl<const N: usize> Record for Row<N> {
         fields.push(self.elapsed.to_string());
         fields.push(self.round_trip_us.map_or_else(String::new, |time| time.to_string()));
         fields.extend(millionths(|tool| tool.turn_rad));
+        // Empty for a machine that does not tell.
+        let drives = self.drives.map(|drives| drives.map(DriveState::name)).unwrap_or([""; N]);
+        fields.extend(drives.map(str::to_owned));
         fields
     }
 }

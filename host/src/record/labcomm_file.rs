@@ -10,8 +10,8 @@ use crate::publication::{SampleName, Samples, Ticks};
 use crate::server::event_log::Event;
 
 /// Samples of a recording.
-pub(super) const NAMES: [SampleName; 4] =
-    [SampleName::Axes, SampleName::State, SampleName::Tool, SampleName::SessionEvent];
+pub(super) const NAMES: [SampleName; 5] =
+    [SampleName::Axes, SampleName::State, SampleName::Tool, SampleName::SessionEvent, SampleName::Drives];
 
 /// File of one stream.
 #[derive(Debug)]

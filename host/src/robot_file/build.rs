@@ -8,7 +8,7 @@ use gantry_tau_core::units::OffsetNm;
 
 use gantry_tau_core::model::robot::Compliances;
 
-use super::{RobotFile, RobotFileError};
+use super::{Drives, RobotFile, RobotFileError};
 use crate::gauge_link::GaugePublisher;
 use crate::measurements::plan::Plan;
 use crate::model::{Compensator, CompensatorSetup, MachineKind, Wrist};
@@ -117,6 +117,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         Ok(SimulationParameters {
             simulation: self.simulation.clone(),
             sensor: self.sensor.clone(),
+            drives: self.drives.as_ref().map(Drives::settings).unwrap_or_default(),
             home_q: self.home_q()?,
             metres_per_q: self.metres_per_q,
             motion,

@@ -4,6 +4,7 @@ use gantry_tau_core::model::sensor;
 use nalgebra::Matrix3;
 use serde::Deserialize;
 
+use super::drives::Drives;
 use super::learned::{Calibrated, Identified, Play, WristJoint};
 use super::matrix;
 
@@ -14,6 +15,7 @@ pub(super) struct Sections<const N: usize> {
     pub(super) motors: Motors,
     pub(super) sensor: Sensor,
     pub(super) client: Client,
+    pub(super) drives: Option<Drives>,
     pub(super) simulation: Simulation,
     pub(super) calibrated: Option<Calibrated>,
     pub(super) identified: Option<Identified>,
@@ -23,8 +25,8 @@ pub(super) struct Sections<const N: usize> {
 }
 
 impl<const N: usize> Sections<N> {
-    pub(super) const NAMES: [&'static str; 9] =
-        ["axes", "motors", "sensor", "client", "simulation", "calibrated", "identified", "play", "wrist"];
+    pub(super) const NAMES: [&'static str; 10] =
+        ["axes", "motors", "sensor", "client", "drives", "simulation", "calibrated", "identified", "play", "wrist"];
 }
 
 /// One entry per axis. serde reads arrays of a fixed length, not of a generic one.

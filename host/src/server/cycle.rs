@@ -13,7 +13,7 @@ use gantry_tau_core::units::EpochRange;
 use super::ServerError;
 use super::connections::{Connections, Listen};
 use crate::black_box::swap_channel::Sender;
-use crate::plant::{Plant, Reading, ToolReading};
+use crate::plant::{DriveState, Plant, PlantError, Reading, ToolReading};
 use crate::publication::Publication;
 use crate::realtime::Socket;
 use crate::sensor_link::{Sample, SensorPublisher};
@@ -40,6 +40,10 @@ pub struct Row<const N: usize> {
     pub round_trip_us: Option<u32>,
     /// The machine could not be read, or has not taken the references.
     pub plant_failed: bool,
+    /// The reason, if the machine told it.
+    pub failure: Option<PlantError>,
+    /// States of the drives, if the machine tells them.
+    pub drives: Option<[DriveState; N]>,
     /// The stop latch could not be written: this stop would not outlive the server.
     pub latch_lost: bool,
 }
@@ -200,7 +204,11 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     /// Runs one tick, `elapsed` cycles after the last, on what was received since.
     pub fn step(&mut self, elapsed: u32, demands: Demands) -> Row<N> {
         let last_write = self.last_write();
-        let reading = self.plant.read(u64::from(elapsed)).ok();
+        if demands.rearm && !demands.stop && self.phase() == Phase::Fault {
+            self.plant.reset();
+        }
+        let read = self.plant.read(u64::from(elapsed));
+        let reading = read.as_ref().ok();
         let round_trip_us = self.round_trip_us.take();
         let input = TickInput {
             elapsed_cycles: elapsed,
@@ -219,10 +227,11 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         let parts = self.endpoint.session().demanded();
         let written = references.map(|references| self.plant.write(&references, &parts));
         self.write_failed = !matches!(written, Some(Ok(())));
+        let failure = read.as_ref().err().copied().or_else(|| written?.err());
         if self.write_failed {
             self.endpoint.write_refused();
         }
-        let row = self.row(reading.as_ref(), elapsed, round_trip_us);
+        let row = Row { failure, ..self.row(reading, elapsed, round_trip_us) };
         // The sample leaves before the State of the same tick, so that a client has it when it answers.
         if let Some(tool) = &row.tool {
             if let Some(sensor) = &mut self.sensor {
@@ -288,6 +297,8 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             elapsed,
             round_trip_us,
             plant_failed: reading.is_none() || self.write_failed,
+            failure: None,
+            drives: self.plant.drives(),
             latch_lost: self.latch.is_lost(),
         }
     }

@@ -3,6 +3,7 @@
 use gantry_tau_core::control::message::{Cause, Counters, Phase};
 
 use super::cycle::Row;
+use crate::plant::DriveState;
 
 /// Kind of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,6 +55,17 @@ pub struct Event {
     pub text: String,
 }
 
+/// Describes a failure of the machine: its reason, and the axes whose drives do not follow.
+fn failure<const N: usize>(row: &Row<N>) -> String {
+    let mut text = row.failure.map_or_else(|| "the machine did not answer".to_owned(), |error| error.to_string());
+    for (axis, state) in (1..).zip(row.drives.iter().flatten()) {
+        if *state > DriveState::Ready {
+            text.push_str(&format!("; axis {axis}: {}", state.name().replace('_', " ")));
+        }
+    }
+    text + "; stopped"
+}
+
 /// Logs phase changes, ends of sessions and the first of each kind of trouble.
 #[derive(Debug)]
 pub struct EventLog {
@@ -91,7 +103,7 @@ impl EventLog {
             happened(EventKind::Phase, state.phase.code(), format!("{before} -> {now}"));
         }
         if row.plant_failed && !self.plant_failed {
-            happened(EventKind::MachineFailed, 0, "the machine did not answer; stopped".to_owned());
+            happened(EventKind::MachineFailed, 0, failure(row));
         }
         for event in &events {
             self.log(event, row.ended);

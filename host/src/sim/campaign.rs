@@ -20,7 +20,7 @@ use crate::elastic::Pose;
 use crate::experiment::prediction::unloaded;
 use crate::gauge_link::{GaugePublisher, Lengths};
 use crate::measurements::plan::Plan;
-use crate::plant::{Plant, PlantError, Reading};
+use crate::plant::{DriveState, Plant, PlantError, Reading};
 use crate::robot_file::Simulation;
 use crate::server::cycle::Row;
 
@@ -281,5 +281,13 @@ impl<const N: usize, const M: usize> Plant<N, M> for CampaignMachine<N, M> {
 
     fn write(&mut self, references: &[Reference; M], parts: &[InForce; N]) -> Result<(), PlantError> {
         self.machine.write(references, parts)
+    }
+
+    fn drives(&self) -> Option<[DriveState; N]> {
+        self.machine.drives()
+    }
+
+    fn reset(&mut self) {
+        self.machine.reset();
     }
 }

@@ -5,6 +5,7 @@ use gantry_tau_core::model::robot::{ARMS, Compliances};
 use nalgebra::{Matrix3, Matrix6, Rotation3, SVector, UnitQuaternion, Vector3, Vector6};
 use serde_json::Value;
 
+use super::drive::Settings;
 use super::parameters::{Motion, SimulationParameters};
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Pose};
@@ -121,6 +122,7 @@ pub(crate) fn parameters() -> SimulationParameters<ARMS> {
             home_m: home.into(),
             ..robot.simulation
         },
+        drives: Settings::IDEAL,
         sensor: robot.sensor,
         home_q: robot.model.axes_at(&home).unwrap(),
         metres_per_q: [1.0; ARMS],

@@ -9,7 +9,11 @@
 //! `write`, without the offsets. It contains springs, play, following errors and the offsets of a compensation, but neither the
 //! interpolator's motion nor the delay of a cycle.
 //!
-//! Motors of one axis share its cart: its position is their mean, and each carries an equal part of the load.
+//! Motors of one axis share its cart: its position is their mean, and each carries an equal part of the load. With play or a bias
+//! (`[drives]`) they are bodies of their own in front of it.
+//!
+//! A drive that has stopped by itself ([`drive::supervision`]) fails every `read`, and stops the others of its axis. The path waits until all
+//! drives follow again, as an NC does.
 
 use gantry_tau_core::control::axis::{Actual, InForce, Reference};
 use gantry_tau_core::control::endpoint::MotorMap;
@@ -17,7 +21,8 @@ use gantry_tau_core::model::f1;
 use gantry_tau_core::units::{Metres, PositionNm, TorquePermille, VelocityUmS};
 use nalgebra::Vector6;
 
-use super::drive::{self, Drive};
+use super::drive::supervision::Trip;
+use super::drive::{self, Cart, Drive, coupled};
 use super::force_sensor::ForceSensor;
 use super::interpolator::Interpolator;
 use super::load_generator::{AppliedLoad, Load};
@@ -25,7 +30,7 @@ use super::parameters::{SimulationError, SimulationParameters};
 use super::springs::TrueSprings;
 use super::workpiece::Workpiece;
 use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
-use crate::plant::{Plant, PlantError, Reading, ToolReading};
+use crate::plant::{DriveState, Plant, PlantError, Reading, ToolReading};
 use crate::springs::compliances::Springs;
 use crate::springs::loaded::Loaded;
 
@@ -38,6 +43,8 @@ pub struct SimulatedMachine<const N: usize, const M: usize> {
     springs: TrueSprings<N>,
     motors: MotorMap<N, M>,
     drives: [Drive; M],
+    /// Carts of the axes whose motors are bodies of their own.
+    carts: [Option<Cart>; N],
     interpolator: Interpolator<N>,
     sensor: ForceSensor,
     gauge_resolution_m: f64,
@@ -73,10 +80,24 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         let at_home = positions_nm(&home_m)?;
         let references = motors.axis_of_motor().map(|axis| without_offsets(at_home[axis]));
         let start = Equilibrium::at_home(parameters.simulation.home_m);
+        let settings = &parameters.drives;
+        let mut number = 0_usize;
+        let drives = references.each_ref().map(|reference| {
+            let drive = Drive::at_rest(reference, settings).biased(direction(motors.axis_of_motor(), number));
+            number += 1;
+            drive
+        });
+        let carts = std::array::from_fn(|axis| {
+            let is_of_axis = |(_, of): &(&Drive, &usize)| **of == axis;
+            let mut of_axis = drives.iter().zip(motors.axis_of_motor()).filter(is_of_axis);
+            let (drive, _) = of_axis.next()?;
+            settings.has_cart(1 + of_axis.count()).then(|| drive.cart())
+        });
         let mut machine = Self {
             springs,
             motors,
-            drives: references.each_ref().map(Drive::at_rest),
+            drives,
+            carts,
             interpolator: Interpolator::new(home_m, &parameters.motion)?,
             sensor: ForceSensor::new(&parameters.sensor, &parameters.simulation),
             gauge_resolution_m: parameters.simulation.gauge_resolution_m,
@@ -123,16 +144,45 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         }
         let axis_of_motor = self.motors.axis_of_motor();
         for (drive, &axis) in self.drives.iter_mut().zip(axis_of_motor) {
-            let motors = axis_of_motor.iter().filter(|other| **other == axis).count() as f64;
-            // Power is the same in both units: tau dq = F dx.
-            drive.advance(self.loaded.axis_loads[axis] / self.metres_per_q[axis] / motors);
+            if self.carts[axis].is_none() {
+                let motors = axis_of_motor.iter().filter(|other| **other == axis).count() as f64;
+                // Power is the same in both units: tau dq = F dx.
+                drive.advance(self.loaded.axis_loads[axis] / self.metres_per_q[axis] / motors);
+            }
         }
+        for (axis, cart) in self.carts.iter_mut().enumerate() {
+            if let Some(cart) = cart {
+                let load_n = self.loaded.axis_loads[axis] / self.metres_per_q[axis];
+                coupled::advance(&mut self.drives, |motor| axis_of_motor[motor] == axis, cart, load_n);
+            }
+        }
+        self.stop_partners();
         self.settle_platform().map_err(|_| "the springs find no equilibrium under this load")?;
         self.sample = self.sensor.sample(&Vector6::from(self.load.wrench()), &self.loaded.pose.rotation);
-        self.interpolator.advance();
+        if self.stopped().is_none() {
+            self.interpolator.advance();
+        }
         self.nominal =
             positions_nm(&self.interpolator.position_m()).map_err(|_| "a nominal position is out of range")?;
         Ok(())
+    }
+
+    /// Stops every drive of an axis of which one has stopped by itself.
+    fn stop_partners(&mut self) {
+        for axis in 0..N {
+            if self.drives_of(axis).any(|drive| drive.trip().is_some()) {
+                let drives = self.drives.iter_mut().zip(self.motors.axis_of_motor());
+                drives.filter(|(_, of)| **of == axis).for_each(|(drive, _)| drive.stop_with_partner());
+            }
+        }
+    }
+
+    /// Returns the reason for which a drive does not follow its references.
+    fn stopped(&self) -> Option<&'static str> {
+        let drive = self.drives.iter().find(|drive| drive.state() > DriveState::Ready)?;
+        let first = self.drives.iter().filter_map(Drive::trip).find(|trip| *trip != Trip::Partner);
+        let on_its_way = "a drive moves onto its reference after a reset";
+        Some(first.or(drive.trip()).map_or(on_its_way, Trip::reason))
     }
 
     /// Returns the drives of one axis.
@@ -145,7 +195,8 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
     fn settle_platform(&mut self) -> Result<(), ElasticError> {
         let load = Vector6::from(self.load.wrench());
         let motors = std::array::from_fn(|axis| {
-            drive::mean(self.drives_of(axis).map(Drive::position_m)) / self.metres_per_q[axis]
+            let motors_m = || drive::mean(self.drives_of(axis).map(Drive::position_m));
+            self.carts[axis].as_ref().map_or_else(motors_m, Cart::position_m) / self.metres_per_q[axis]
         });
         self.loaded = self.springs.settle(&motors, &load, &self.loaded)?;
         let nominal = std::array::from_fn(|axis| self.in_force[axis].nominal.to_metres().0 / self.metres_per_q[axis]);
@@ -177,6 +228,9 @@ impl<const N: usize, const M: usize> Plant<N, M> for SimulatedMachine<N, M> {
         for _ in 0..elapsed.min(MAX_CYCLES_PER_READ) {
             self.advance().map_err(failed)?;
         }
+        if let Some(reason) = self.stopped() {
+            return Err(PlantError { operation: "follow its references", reason });
+        }
         let mut actual = [Actual::default(); N];
         for (axis, report) in actual.iter_mut().enumerate() {
             *report =
@@ -192,6 +246,24 @@ impl<const N: usize, const M: usize> Plant<N, M> for SimulatedMachine<N, M> {
         self.references = *references;
         self.in_force = *parts;
         Ok(())
+    }
+
+    fn drives(&self) -> Option<[DriveState; N]> {
+        Some(std::array::from_fn(|axis| self.drives_of(axis).map(Drive::state).max().unwrap_or(DriveState::NotReady)))
+    }
+
+    fn reset(&mut self) {
+        self.drives.iter_mut().for_each(Drive::reset);
+    }
+}
+
+/// Returns the direction in which a motor pushes with its bias: the first of a pair forwards, the second backwards, any other not.
+fn direction(axis_of_motor: &[usize], motor: usize) -> f64 {
+    let of_axis = || axis_of_motor.iter().enumerate().filter(|(_, axis)| **axis == axis_of_motor[motor]);
+    match (of_axis().count(), of_axis().next()) {
+        (2, Some((first, _))) if first == motor => 1.0,
+        (2, _) => -1.0,
+        _ => 0.0,
     }
 }
 

@@ -4,6 +4,7 @@ use std::fmt;
 
 use gantry_tau_core::model::robot::RobotError;
 
+use super::drive::Settings;
 use crate::elastic::ElasticError;
 use crate::robot_file::{Sensor, Simulation};
 
@@ -12,6 +13,8 @@ use crate::robot_file::{Sensor, Simulation};
 pub struct SimulationParameters<const N: usize> {
     /// Springs, noise, gauges, jump and home.
     pub simulation: Simulation,
+    /// Settings of every drive.
+    pub drives: Settings,
     /// Mounting of the force sensor.
     pub sensor: Sensor,
     /// Positions of the axes that put the tool at home, q-units. Where they do not, the search for the first pose begins beside it.

@@ -191,10 +191,11 @@ fn the_schema_is_made_of_the_types_that_are_sent() {
         "    byte flags;\n  } axis[3];\n} axes;",
         "  double displacement_m[3];",
         "  string text;\n} session_event;",
+        "  byte state[3];\n} drives;",
     ] {
         assert!(three.contains(line), "{three}");
     }
-    assert_eq!(schema::<6>(), three.replace("axis[3]", "axis[6]"));
+    assert_eq!(schema::<6>(), three.replace("axis[3]", "axis[6]").replace("state[3]", "state[6]"));
 }
 
 #[test]

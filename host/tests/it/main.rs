@@ -11,6 +11,7 @@
 mod chain;
 mod demo;
 mod draw;
+mod drives;
 mod errors;
 #[cfg(target_os = "linux")]
 mod exhaustion;

@@ -9,7 +9,7 @@ use allocation_counter::measure;
 use gantry_tau::black_box::swap_channel::{self, Receiver};
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau::publication::{Publication, SampleName};
-use gantry_tau::robot_file::RobotFile;
+use gantry_tau::robot_file::{Drives, RobotFile};
 use gantry_tau::sensor_link::{SensorPublisher, SensorReader};
 use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
@@ -98,6 +98,14 @@ fn the_cycle_allocates_nothing() {
 #[test]
 fn nor_does_it_with_six_axes() {
     allocates_nothing(Server::<6, F1_MOTORS>::start(&RobotFile::builtin_f1().unwrap(), Transport::Stream));
+}
+
+/// Pairs with play and bias, encoders, latency and supervision.
+#[test]
+fn nor_does_it_with_drives_that_are_not_ideal() {
+    let mut robot = RobotFile::builtin_f1().unwrap();
+    robot.drives = Some(Drives { bias_permille: 200, backlash_um: 20.0, friction_n: 30.0, ..Drives::default() });
+    allocates_nothing(Server::<6, F1_MOTORS>::start(&robot, Transport::Stream));
 }
 
 /// Datagrams of the owner, of others, broken and empty ones.

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use gantry_tau::publication::Drives;
 use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_labcomm::samples::{Axes, Axis, SessionEvent, State, Tool};
 use gantry_tau_labcomm::{Encoder, ErrorKind, Text, Version};
@@ -173,6 +174,7 @@ fn begin(scene: &Scene) -> Option<Vec<u8>> {
     encoder.define::<Axes<3>>(index + 1).ok()?;
     encoder.define::<Tool>(index + 2).ok()?;
     encoder.define::<SessionEvent>(index + 3).ok()?;
+    encoder.define::<Drives<3>>(index + 4).ok()?;
     Some(encoder.bytes().to_vec())
 }
 
@@ -185,5 +187,7 @@ fn add_tick(encoder: &mut Encoder<'_>, scene: &Scene, tick: i64) -> Result<(), E
     }
     encoder.data(index, &scene.state(tick))?;
     encoder.data(index + 1, &scene.axes(tick, HOME_NM))?;
-    encoder.data(index + 2, &scene.tool(tick))
+    encoder.data(index + 2, &scene.tool(tick))?;
+    // Operating, ready, quick stop.
+    encoder.data(index + 4, &Drives { tick, state: [2, 1, 3] })
 }

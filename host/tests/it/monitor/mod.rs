@@ -65,6 +65,7 @@ fn the_status_has_every_number_and_the_exit_status_of_the_phase() {
             "longest_miss_run": 1,
             "machine_failed": false,
             "axes": [axis(1), axis(2), axis(3)],
+            "drives": ["operating", "ready", "quick_stop"],
             "force": [300.25, -0.5, -18.0, 0.05, -0.1, 0.02],
             "gauges_m": [0.000_19, 0.000_036, 0.000_024],
             "displacement_m": [1e-4, -5e-5, 2e-5],
@@ -179,6 +180,7 @@ fn the_screen_shows_axes_force_and_events() {
         "received 41 234  missed 3 (longest 1)  late 2",
         "\n1        624.500 000     -189.000            -      624.310 996      0.0     -0.003      -1.2\n",
         "\n2       -696.400 000     -378.000            -     -696.778 004      0.0     -0.003      -1.2  position limited\n",
+        "\ndrives operating, ready, quick stop\n",
         "force   300.2    -0.5   -18.0 N     0.05  -0.10   0.02 N m   gauges   190.0    36.0    24.0 µm",
     ] {
         assert!(said.contains(words), "{words}\n{said}");

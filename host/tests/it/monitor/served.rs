@@ -21,7 +21,7 @@ use crate::process::{Folder, Running};
 use crate::publication::{ports, record};
 use crate::signals::serve_typed;
 
-const PORT: &str = "127.0.0.1:0=state,axes,tool,session_event";
+const PORT: &str = "127.0.0.1:0=state,axes,tool,session_event,drives";
 /// Longest wait for anything.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Offset that a ramp of some seconds takes to zero, nm; on each axis another part of it.
@@ -140,6 +140,8 @@ fn without_record(mut line: Value, record: &HashMap<i64, HashMap<String, String>
         assert!(lag.is_null() || lag == reference(&record[&(tick - 1)]) - actual, "{lag}");
     }
     let line = line.as_object_mut().unwrap();
+    let drives = [1, 2, 3].map(|number| row[&format!("drive_{number}")].clone());
+    assert_eq!(line.remove("drives").unwrap(), json!(drives));
     let force = line.remove("force").unwrap();
     assert_eq!(json!(row["force_x_n"].parse::<f64>().unwrap()), force[0]);
     for key in ["gauges_m", "displacement_m", "turn_rad"] {

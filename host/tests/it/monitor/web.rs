@@ -221,8 +221,10 @@ fn slow_requests_are_ended_and_slow_readers_dropped_while_others_see_every_tick(
     let mut slow = TcpStream::connect(page).unwrap();
     let began = Instant::now();
     let mut said = Vec::new();
+    // Bytes that come after the answer reset the connection, and may take the answer with them.
+    let mut was_reset = false;
     slow.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
-    while said.is_empty() {
+    while said.is_empty() && !was_reset {
         assert!(began.elapsed() < PATIENCE);
         let _ = slow.write_all(b"G");
         let mut chunk = [0; 512];
@@ -230,15 +232,11 @@ fn slow_requests_are_ended_and_slow_readers_dropped_while_others_see_every_tick(
             Ok(0) => break,
             Ok(count) => said.extend_from_slice(&chunk[..count]),
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
-            Err(_) => break,
+            Err(_) => was_reset = true,
         }
     }
     // `GGG` is a method that has no end, or that took too long.
-    assert!(
-        said.starts_with(b"HTTP/1.1 408 ") || said.starts_with(b"HTTP/1.1 4"),
-        "{}",
-        String::from_utf8_lossy(&said)
-    );
+    assert!(was_reset || said.starts_with(b"HTTP/1.1 4"), "{}", String::from_utf8_lossy(&said));
     // A reader that takes nothing.
     let mut still = TcpStream::connect(page).unwrap();
     write!(still, "GET /live HTTP/1.1\r\nHost: {page}\r\n\r\n").unwrap();

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use gantry_tau::plant::DriveState;
 use gantry_tau_core::control::message::{Cause, Phase};
 use serde_json::Value;
 
@@ -33,7 +34,7 @@ impl Samples {
     }
 }
 
-/// Compares every field of `axes`, and what CSV has of `state` and `tool`, with the CSV recording. Each row has one of each.
+/// Compares every field of `axes`, and what CSV has of `state`, `drives` and `tool`, with the CSV recording. Each row has one of each.
 pub(crate) fn compare(samples: &Samples, rows: &HashMap<i64, HashMap<String, String>>, axes: usize) {
     let tick = |value: &Value| value["tick"].as_i64().unwrap();
     assert_eq!(samples.of("axes").len(), rows.len());
@@ -67,6 +68,18 @@ pub(crate) fn compare(samples: &Samples, rows: &HashMap<i64, HashMap<String, Str
         assert_eq!(Cause::from_code(code("cause")).unwrap().name(), row["cause"]);
         assert_eq!(value["counters"][1].to_string(), row["missed"]);
         assert_eq!(value["ramp_ticks_left"].to_string(), row["ramp_ticks_left"]);
+    }
+    // A server tells them in every tick, a client never.
+    let tells_drives = rows.values().any(|row| row.contains_key("drive_1"));
+    assert_eq!(samples.of("drives").len(), if tells_drives { rows.len() } else { 0 });
+    for value in samples.of("drives") {
+        let row = &rows[&tick(value)];
+        let codes = value["state"].as_array().unwrap();
+        assert_eq!(codes.len(), axes);
+        for (code, number) in codes.iter().zip(1..) {
+            let state = DriveState::from_code(u8::try_from(code.as_u64().unwrap()).unwrap()).unwrap();
+            assert_eq!(state.name(), row[&format!("drive_{number}")]);
+        }
     }
     assert_eq!(samples.of("tool").len(), rows.len());
     for value in samples.of("tool") {

@@ -48,7 +48,7 @@ fn check<K: MachineKind<N>, const N: usize, const M: usize>(name: &str, robot: &
         let lines = decoded(&path);
         assert_eq!(lines[0]["version"].as_str(), version);
         let names: Vec<&str> = lines.iter().filter_map(|line| line["define"].as_str()).collect();
-        assert_eq!(names, ["axes", "state", "tool", "session_event"]);
+        assert_eq!(names, ["axes", "state", "tool", "session_event", "drives"]);
         let samples = samples(&path);
         compare(&samples, &table, N);
         let told: Vec<(u64, &str)> = samples.of("session_event").iter().map(event).collect();

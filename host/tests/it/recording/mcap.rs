@@ -115,8 +115,8 @@ fn check<K: MachineKind<N>, const N: usize, const M: usize>(name: &str, robot: &
 
     let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
     let stats = summary.stats.unwrap();
-    assert_eq!(usize::try_from(stats.message_count).unwrap(), 3 * rows.len() + events.len() + scenes.len());
-    assert_eq!((usize::try_from(stats.chunk_count).unwrap(), stats.channel_count), (summary.chunk_indexes.len(), 5));
+    assert_eq!(usize::try_from(stats.message_count).unwrap(), 4 * rows.len() + events.len() + scenes.len());
+    assert_eq!((usize::try_from(stats.chunk_count).unwrap(), stats.channel_count), (summary.chunk_indexes.len(), 6));
     assert!(bytes.len() < 1_000_000 || stats.chunk_count > 1, "one chunk of {} bytes", bytes.len());
 
     // A client knows of its tool the load alone.

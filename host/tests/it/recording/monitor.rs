@@ -8,7 +8,7 @@ use crate::process::Folder;
 use crate::publication::ports;
 use crate::signals::{await_obtain, serve_pulling};
 
-const PORT: &str = "127.0.0.1:0=state,axes,tool,session_event";
+const PORT: &str = "127.0.0.1:0=state,axes,tool,session_event,drives";
 const FILES: [&str; 3] = ["monitor.csv", "monitor.labcomm", "monitor.mcap"];
 
 #[test]
@@ -26,13 +26,15 @@ fn a_monitor_records_what_the_server_records() {
     await_obtain(&mut server, 1);
     client.stop().success();
     server.await_words("SafeDisconnect -> Listening");
-    for monitor in monitors {
+    server.stop().success();
+    for mut monitor in monitors {
+        // The end of the stream is behind all that was sent.
+        monitor.await_words("the server has ended");
         let ended = monitor.stop();
         assert!(ended.stderr.contains("recorded "), "{}", ended.stderr);
         assert!(ended.stderr.contains(", 0 dropped"), "{}", ended.stderr);
         ended.success();
     }
-    server.stop().success();
 
     let all = csv_rows(&folder.path("serve.csv"));
     let table = csv_rows(&folder.path("monitor.csv"));

@@ -64,7 +64,7 @@ fn newcomer(served: &mut Served, address: SocketAddr) -> Snapshot {
 #[test]
 fn a_failure_is_known_to_monitors_that_come_later_until_the_server_listens() {
     for version in [Version::V2006, Version::V2014] {
-        let port = Publication::bind::<3>(LOOPBACK, version, &NAMES, RESOLUTION_M).unwrap();
+        let port = Publication::bind::<3>(LOOPBACK, version, &NAMES[..4], RESOLUTION_M).unwrap();
         let address = port.address().unwrap();
         let session = SessionFixture::submitted_on(ServerFixture::default()).obtain([2_000; 3]);
         let mut served = Served { server: session.server, log: EventLog::default(), port };

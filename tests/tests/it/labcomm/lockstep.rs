@@ -166,11 +166,12 @@ impl Session {
         assert_eq!(rows.len(), others.len());
     }
 
-    /// Rows with ticks counted from the Welcome, without the readings of the gauges.
+    /// Rows with ticks counted from the Welcome, without the readings of the gauges. The drives operate from the second tick of the server on,
+    /// whenever the client comes.
     fn comparable(&self) -> Vec<Row<ARMS>> {
         let begin = self.rows[0].state.tick.0;
         let relative = |row: &Row<ARMS>| {
-            let mut row = Row { tool: None, ..*row };
+            let mut row = Row { tool: None, drives: None, ..*row };
             row.state.tick = Tick(row.state.tick.0 - begin);
             row
         };

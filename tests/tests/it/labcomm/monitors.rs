@@ -7,6 +7,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use gantry_tau::monitor::{Axis, Channels, Counters, Monitor, Snapshot};
+use gantry_tau::plant::DriveState;
 use gantry_tau::publication::{Publication, SampleName};
 use gantry_tau::server::cycle::Row;
 use gantry_tau_core::model::robot::ARMS;
@@ -23,8 +24,8 @@ const MINUTE: usize = 60_000;
 const TOGETHER: usize = 500;
 
 /// What the monitors need.
-pub(super) const NAMES: [SampleName; 4] =
-    [SampleName::State, SampleName::Axes, SampleName::Tool, SampleName::SessionEvent];
+pub(super) const NAMES: [SampleName; 5] =
+    [SampleName::State, SampleName::Axes, SampleName::Tool, SampleName::SessionEvent, SampleName::Drives];
 
 /// A monitor in a thread of its own.
 struct Watch {
@@ -120,6 +121,7 @@ fn snapshot(before: &Row<ARMS>, row: &Row<ARMS>) -> Snapshot {
         longest_miss_run: i16::try_from(state.counters.longest_miss_run).unwrap(),
         machine_failed: false,
         axes: axes.collect(),
+        drives: row.drives.map(|drives| drives.map(DriveState::name).to_vec()),
         force: Some(tool.load),
         gauges_m: Some(tool.gauges_m),
         displacement_m: Some(tool.displacement_m),

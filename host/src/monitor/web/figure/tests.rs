@@ -26,6 +26,7 @@ fn snapshot(nominal_nm: &[i64], offset_nm: i32) -> Snapshot {
         longest_miss_run: 0,
         machine_failed: false,
         axes: nominal_nm.iter().map(axis).collect(),
+        drives: None,
         force: None,
         gauges_m: None,
         displacement_m: Some([1e-4, -2e-4, 3e-4]),

@@ -1,0 +1,203 @@
+//! Drives that stop by themselves behind a server.
+
+use gantry_tau::model::{F1_MOTORS, L2_MOTORS};
+use gantry_tau::plant::{DriveState, Plant, PlantError, Reading};
+use gantry_tau::robot_file::AnyRobotFile;
+use gantry_tau::server::cycle::{Cycle, Demands, Row};
+use gantry_tau::server::event_log::{EventKind, EventLog};
+use gantry_tau::sim::load_generator::{Load, LoadGenerator, load_generator};
+use gantry_tau::sim::machine::SimulatedMachine;
+use gantry_tau::sim::parameters::Motion;
+use gantry_tau::stop_latch::StopLatch;
+use gantry_tau_core::control::axis::{InForce, Reference};
+use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
+use gantry_tau_core::units::EpochRange;
+
+use super::{F1, L2};
+use crate::process::Folder;
+
+/// Exact measurements at once, so that what the drive sees can be counted.
+const DRIVES: &str = "[drives]\ncommand_delay_cycles = 0\nactual_delay_cycles = 0\n\n[simulation]";
+
+type L2Cycle = Cycle<3, L2_MOTORS, SimulatedMachine<3, L2_MOTORS>>;
+
+fn walking<const N: usize>(home_m: [f64; N], by_m: f64) -> Motion<N> {
+    Motion::BackAndForth {
+        waypoints_m: vec![home_m.map(|metres| metres + by_m)],
+        speed_m_per_s: 0.1,
+        acceleration_m_per_s2: 2.0,
+        dwell_cycles: 200,
+    }
+}
+
+/// A server of the L2 in motion, and the hand on its tool.
+fn server() -> (L2Cycle, LoadGenerator) {
+    let text = L2.replacen("[simulation]", DRIVES, 1);
+    let AnyRobotFile::L2(robot) = AnyRobotFile::parse("x.toml", &text).unwrap() else { panic!("an L2") };
+    let (hand, tool) = load_generator();
+    let home_m = robot.home_q().unwrap();
+    let machine = robot.simulated_machine(tool, walking(home_m, 0.02)).unwrap();
+    let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
+    let (motors, listen) = (robot.motor_map().unwrap(), ([127, 0, 0, 1], 0));
+    let listen = std::net::SocketAddr::from(listen);
+    (Cycle::new(config, motors, machine, EpochRange::VOLATILE, StopLatch::volatile(), listen).unwrap(), hand)
+}
+
+fn pull(newtons: f64) -> Load {
+    Load { step: 1, force_n: [newtons, 0.0, 0.0], moment_nm: [0.0; 3] }
+}
+
+/// A force in x that loads the strongest axis with 4 kN, and that axis.
+fn overload() -> (f64, usize) {
+    let (mut server, mut hand) = server();
+    hand.set(&pull(100.0)).unwrap();
+    let mut row = None;
+    for _ in 0..150 {
+        row = Some(server.step(1, Demands::default()));
+    }
+    let torques = row.unwrap().state.axes.map(|axis| axis.actual.torque.0);
+    let (axis, torque) = torques.iter().enumerate().max_by_key(|(_, torque)| torque.abs()).unwrap();
+    assert!(torque.abs() > 20, "{torques:?}");
+    (100.0 * 4_000.0 / f64::from(torque.abs()), axis)
+}
+
+/// No reference moves by more than the path does, 0.1 mm per tick, from one row to the next.
+fn assert_no_step(rows: &[Row<3>]) {
+    for pair in rows.windows(2) {
+        for axis in 0..3 {
+            let step = pair[1].references[axis].position.0 - pair[0].references[axis].position.0;
+            assert!(step.abs() <= 100_002, "tick {}: {step} nm", pair[1].state.tick.0);
+        }
+    }
+}
+
+#[test]
+fn an_overload_trips_the_drive_and_only_a_reset_brings_it_back() {
+    let (force_n, axis) = overload();
+    let (mut server, mut hand) = server();
+    let mut rows = Vec::new();
+    let mut run = |server: &mut L2Cycle, cycles: u32, demands: Demands| {
+        rows.extend((0..cycles).map(|_| server.step(1, demands)));
+        rows.clone()
+    };
+    let before = run(&mut server, 230, Demands::default());
+    assert!(before.iter().all(|row| !row.plant_failed && row.state.phase == Phase::Listening));
+    assert_eq!(before.last().unwrap().drives, Some([DriveState::Operating; 3]));
+    hand.set(&pull(force_n)).unwrap();
+    run(&mut server, 50, Demands::default());
+    hand.release();
+    let rows = run(&mut server, 300, Demands::default());
+
+    let failed = rows.iter().position(|row| row.plant_failed).unwrap();
+    assert_eq!((rows[failed].state.phase, rows[failed].ended), (Phase::Fault, Some(Cause::Stop)));
+    let reason = rows[failed].failure.unwrap();
+    assert!(reason.to_string().contains("following error"), "{reason}");
+    // The tenth measurement outside is that of the tick that fails, which nobody has read.
+    let off = |row: &Row<3>| (row.references[axis].position.0 - row.state.axes[axis].actual.position.0).abs();
+    let outside = rows[..failed].iter().rev().take_while(|row| off(row) > 1_900_000).count();
+    assert!((9..=11).contains(&outside), "{outside} cycles outside");
+    assert_eq!(rows[failed].drives.unwrap()[axis], DriveState::QuickStop);
+    assert!(rows[failed..].iter().all(|row| row.plant_failed && row.state.phase == Phase::Fault));
+    assert_eq!(rows.last().unwrap().drives.unwrap()[axis], DriveState::Fault);
+
+    let mut log = EventLog::default();
+    let told: Vec<_> =
+        rows.iter().flat_map(|row| log.see(row)).filter(|e| e.kind == EventKind::MachineFailed).collect();
+    assert_eq!(told.len(), 1);
+    let expected = format!("axis {}: quick stop", axis + 1);
+    assert!(told[0].text.contains("following error") && told[0].text.contains(&expected), "{}", told[0].text);
+
+    // A stop that is held keeps the drives from their reset.
+    let mut again = Vec::new();
+    again.extend((0..50).map(|_| server.step(1, Demands { stop: true, rearm: true })));
+    assert!(again.iter().all(|row| row.drives.unwrap()[axis] == DriveState::Fault));
+    again.push(server.step(1, Demands::default()));
+    let listening = (0..10_000).find(|_| {
+        let row = server.step(1, Demands { stop: false, rearm: true });
+        again.push(row);
+        row.state.phase == Phase::Listening
+    });
+    assert!(listening.is_some(), "{:?}", again.last());
+    assert!(again.iter().any(|row| row.drives.unwrap()[axis] == DriveState::NotReady));
+    again.extend((0..300).map(|_| server.step(1, Demands::default())));
+    let last = again.last().unwrap();
+    assert_eq!((last.state.phase, last.plant_failed), (Phase::Listening, false));
+    assert_eq!(last.drives, Some([DriveState::Operating; 3]));
+    assert!(off(last) < 150_000, "{} nm", off(last));
+    let all: Vec<Row<3>> = rows.into_iter().chain(again).collect();
+    assert_no_step(&all);
+}
+
+/// A server that skips four cycles has written nothing for three: the drives have stopped.
+#[test]
+fn a_server_that_is_late_finds_its_drives_stopped() {
+    let (mut punctual, _hand) = server();
+    let (mut late, _other) = server();
+    for _ in 0..300 {
+        punctual.step(1, Demands::default());
+        late.step(1, Demands::default());
+    }
+    let row = punctual.step(3, Demands::default());
+    assert!(!row.plant_failed, "{row:?}");
+    let row = late.step(4, Demands::default());
+    assert!(row.plant_failed && row.drives == Some([DriveState::QuickStop; 3]), "{row:?}");
+    assert!(row.failure.unwrap().to_string().contains("drives.watchdog_cycles"));
+}
+
+/// The machine, and a check of what it is written.
+struct Watched(SimulatedMachine<6, F1_MOTORS>, [usize; F1_MOTORS]);
+
+impl Plant<6, F1_MOTORS> for Watched {
+    fn in_force(&mut self) -> Result<[InForce; 6], PlantError> {
+        self.0.in_force()
+    }
+
+    fn read(&mut self, elapsed: u64) -> Result<Reading<6>, PlantError> {
+        self.0.read(elapsed)
+    }
+
+    fn write(&mut self, references: &[Reference; F1_MOTORS], parts: &[InForce; 6]) -> Result<(), PlantError> {
+        for (motor, axis) in self.1.iter().enumerate() {
+            let first = self.1.iter().position(|of| of == axis).unwrap();
+            assert_eq!(references[motor], references[first], "motors {first} and {motor}");
+        }
+        self.0.write(references, parts)
+    }
+}
+
+/// Pairs with play and bias on the whole F1: equal references, and the tool comes back to where it was from both sides.
+#[test]
+fn the_pairs_of_the_f1_follow_with_play_and_bias() {
+    let drives = "[drives]\nbacklash_um = 20.0\nbias_permille = 200\nfriction_n = 30.0\n\n[simulation]";
+    let text = F1.replacen("[simulation]", drives, 1);
+    let AnyRobotFile::F1(robot) = AnyRobotFile::parse("x.toml", &text).unwrap() else { panic!("an F1") };
+    let (_hand, tool) = load_generator();
+    let q = robot.home_q().unwrap();
+    let home_m = std::array::from_fn(|axis| q[axis] * robot.metres_per_q[axis]);
+    // 1 mm: the plates stay within their travel.
+    let machine = robot.simulated_machine(tool, walking(home_m, 0.001)).unwrap();
+    let motors = robot.motor_map().unwrap();
+    let watched = Watched(machine, *motors.axis_of_motor());
+    let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
+    let listen = std::net::SocketAddr::from(([127, 0, 0, 1], 0));
+    let mut cycle = Cycle::new(config, motors, watched, EpochRange::VOLATILE, StopLatch::volatile(), listen).unwrap();
+    for _ in 0..1_500 {
+        let row = cycle.step(1, Demands::default());
+        assert!(!row.plant_failed, "{row:?}");
+        for axis in &row.state.axes {
+            let off = axis.nominal.0 - axis.actual.position.0;
+            assert!(off.abs() < 400_000, "{off} nm");
+        }
+    }
+}
+
+/// The default profile without latency, with its encoder and its supervision: every number of the demo holds.
+#[test]
+fn the_demo_is_as_good_with_the_default_profile() {
+    let folder = Folder::new("demo_drives");
+    folder.write("drives.toml", &L2.replacen("[simulation]", DRIVES, 1));
+    let arguments =
+        ["demo", "--robot", "drives.toml", "--pace", "lockstep", "--step-seconds", "0.2", "--force-max", "120"];
+    let said = folder.run(&arguments).success();
+    assert!(said.contains("All as it should be."), "{said}");
+}
