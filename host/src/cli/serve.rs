@@ -85,9 +85,10 @@ pub(crate) struct Serve {
     /// File of the epoch counter, which keeps frames of earlier sessions invalid [default: in the user's state folder]
     #[arg(long, value_name = "FILE")]
     epoch_file: Option<PathBuf>,
-    /// Record every tick, as CSV or as a stream of LabComm
+    /// Record every tick, as CSV, as a stream of LabComm or as MCAP
     ///
     /// CSV: one row per tick with references, actual values and force. LabComm: the samples axes, state, tool, session_event and drives.
+    /// MCAP: the same samples as JSON, and the machine as a scene for Foxglove.
     #[arg(long, value_name = "FILE.csv|FILE.labcomm|FILE.mcap")]
     record: Option<RecordTo>,
     /// Write a black box (the ticks before and after, bit for bit) at each end of a session and each stop, for `gantry-tau replay`
