@@ -33,7 +33,7 @@ impl<const S: usize, const B: usize> Incoming<S, B> {
     }
 
     /// Returns the number of bytes that no event has used.
-    pub(crate) const fn held(&self) -> usize {
+    pub(crate) fn held(&self) -> usize {
         self.bytes.len().saturating_sub(self.used)
     }
 
