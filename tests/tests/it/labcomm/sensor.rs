@@ -10,7 +10,7 @@ use gantry_tau_tests::server_fixture::LOOPBACK;
 
 use super::lockstep::{Lockstep, PULLED, SETTLED, Session, displacement_m, stream};
 use super::reader::{RESOLUTION_M, floats};
-use super::stream::{Counts, Decoy, Doubles, Program, unknown};
+use super::stream::{Counts, Decoy, Doubles, Program, Unknown, unknown};
 
 const VERSIONS: [Version; 3] = [Version::V2006, Version::V2014, Version::V2014_0];
 /// Ticks of a session.
