@@ -65,7 +65,7 @@ fn a_stream_with_samples_that_a_client_does_not_know_compensates_as_well() {
                 program.send(|encoder| {
                     encoder.version()?;
                     encoder.define::<Decoy>(first)?;
-                    encoder.define::<super::stream::Unknown>(first + 2)
+                    encoder.define::<Unknown>(first + 2)
                 });
             }
             // The force is defined later than the first sample of another kind, and then again, as peers do.
