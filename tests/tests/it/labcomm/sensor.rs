@@ -15,6 +15,8 @@ use super::stream::{Counts, Decoy, Doubles, Program, Unknown, unknown};
 const VERSIONS: [Version; 3] = [Version::V2006, Version::V2014, Version::V2014_0];
 /// Ticks of a session.
 const TICKS: usize = PULLED + SETTLED;
+/// States that a client answers without its first sample.
+const FIRST_SAMPLE_STATES: usize = 1_000;
 /// Tick in which the stream of a session goes wrong: the offsets have not settled, so that every change of the force would show.
 const WRONG: usize = PULLED + 20;
 /// States that the last sample serves, as the client's documentation says.
@@ -119,7 +121,8 @@ fn session(version: Version, wrong: Wrong) -> Session {
     let mut server = Lockstep::start(Vec::new());
     let mut program = Program::of(version);
     let (source, index) = (program.source(), program.first());
-    server.session(source, TICKS, |tick, row| {
+    let ticks = if wrong == Wrong::HasAnotherName { FIRST_SAMPLE_STATES + SETTLED } else { TICKS };
+    server.session(source, ticks, |tick, row| {
         let force = ForceSensor(floats(row));
         match (tick, wrong) {
             (0, Wrong::HasTheWrongType) => program.send(|encoder| {
