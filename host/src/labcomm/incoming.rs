@@ -96,7 +96,7 @@ mod tests {
         let mut encoder = Encoder::new(Version::V2006, &mut bytes);
         let of = |bytes: &'static [u8]| Type::whole(Version::V2006, bytes).unwrap();
         // An array of one index, not said, of strings; and a byte.
-        let texts = of(&[0, 0, 0, 0x10, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0x28]);
+        let texts = of(&[0, 0, 0, 0x10, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0x27]);
         let byte = of(&[0, 0, 0, 0x21]);
         encoder.define_type(0x80, b"texts", &texts).unwrap();
         encoder.define_type(0x81, b"byte", &byte).unwrap();
