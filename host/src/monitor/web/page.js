@@ -38,7 +38,7 @@ function showStatus(status) {
       // Offsets that nothing acts on: computed in Submit alone.
       fixed(status.phase === "submit" ? axis.shadow_nm * 1e-3 : null, 3), fixed(axis.actual.position_nm * 1e-6, 4),
       fixed(axis.lag_nm === null ? null : axis.lag_nm * 1e-3, 1), fixed(axis.actual.velocity_um_s * 1e-3, 2), fixed(axis.actual.torque_permille * 0.1, 1),
-      status.drives ? words(status.drives[index]) : "–",
+      words(status.drives?.[index] ?? "–"),
     ];
     cells.forEach((text, column) => { const cell = rows.rows[index].cells[column + 1]; if (cell.textContent !== text) cell.textContent = text; });
     rows.rows[index].cells[0].querySelector(".flags").textContent = axis.flags.map(words).join(", ");
